@@ -1,0 +1,5 @@
+//! The `meniscus` binary: hands over to the command line and returns its exit code.
+
+fn main() -> std::process::ExitCode {
+    meniscus::cli::main()
+}

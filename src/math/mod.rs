@@ -1,0 +1,6 @@
+//! Small mathematics that several modules share.
+
+pub mod kernel;
+
+/// A point or vector in space, single precision, world axes (Z up).
+pub type Vec3 = nalgebra::Vector3<f32>;

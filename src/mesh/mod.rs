@@ -1,0 +1,20 @@
+//! Surfaces as triangle meshes.
+
+mod params;
+
+pub use params::SurfaceParams;
+
+use crate::{frame::Channel, math::Vec3};
+
+/// An indexed triangle mesh. Faces wind counter-clockwise seen from outside.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions [m].
+    pub positions: Vec<Vec3>,
+    /// Three vertices a triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Unit outward normals, one a vertex; empty if there are none.
+    pub normals: Vec<Vec3>,
+    /// Further values, one a vertex: `velocity` [m/s] and others.
+    pub attributes: Vec<Channel>,
+}

@@ -1,0 +1,24 @@
+//! What a preset can say about a surface.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How particles become a surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SurfaceParams {
+    /// Edge of a grid cell, in particle spacings. Half as much gives four times the triangles; above 1
+    /// droplets flicker.
+    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10.0))]
+    pub voxel: f32,
+    /// Support of the density kernel, in particle spacings. Smaller shows single particles, larger rounds
+    /// the surface.
+    #[schemars(range(min = 1.0, max = 8.0))]
+    pub kernel_radius: f32,
+}
+
+impl Default for SurfaceParams {
+    fn default() -> Self {
+        Self { voxel: 0.5, kernel_radius: 2.0 }
+    }
+}

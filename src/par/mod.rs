@@ -1,0 +1,120 @@
+//! The only module that knows threads.
+//!
+//! Everything here gives the same bytes for any number of threads: work is cut into chunks of a constant
+//! length, every output slot is written by exactly one chunk, and sums fold the chunks' partial results in
+//! chunk order.
+
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Elements a chunk holds where the caller has no reason to choose otherwise.
+///
+/// Smaller chunks cost scheduling (at 64, a one-flop loop over 1e6 elements takes 3× longer); larger ones
+/// leave threads idle at the end of short loops.
+pub const CHUNK: usize = 1024;
+
+/// Runs `job` on a pool of `threads` threads (0: one per core) and returns its result.
+///
+/// # Panics
+/// If the operating system refuses to start the threads.
+pub fn with_threads<R: Send>(threads: usize, job: impl FnOnce() -> R + Send) -> R {
+    rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .expect("the operating system starts the worker threads")
+        .install(job)
+}
+
+/// The number of threads that the current pool runs.
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+/// Writes `f(i)` into every `out[i]`.
+pub fn fill<T: Send>(out: &mut [T], f: impl Fn(usize) -> T + Sync) {
+    for_chunks(out, CHUNK, |start, chunk| {
+        for (offset, slot) in chunk.iter_mut().enumerate() {
+            *slot = f(start + offset);
+        }
+    });
+}
+
+/// Calls `f(i, &mut out[i])` for every element.
+pub fn update<T: Send>(out: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
+    for_chunks(out, CHUNK, |start, chunk| {
+        for (offset, slot) in chunk.iter_mut().enumerate() {
+            f(start + offset, slot);
+        }
+    });
+}
+
+/// Cuts `out` into chunks of `len` elements and calls `f(index of the chunk's first element, chunk)`.
+pub fn for_chunks<T: Send>(out: &mut [T], len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
+    out.par_chunks_mut(len).enumerate().for_each(|(index, chunk)| f(index * len, chunk));
+}
+
+/// Calls `f` on every range of `len` indices of `0..count` and returns the results in order of the ranges.
+pub fn map_chunks<T: Send>(count: usize, len: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+    (0..count.div_ceil(len))
+        .into_par_iter()
+        .map(|chunk| f(chunk * len..((chunk + 1) * len).min(count)))
+        .collect()
+}
+
+/// Collects `f(i)` for `i` in `0..count`, one task an index: for few, large pieces of work.
+pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    (0..count).into_par_iter().with_max_len(1).map(&f).collect()
+}
+
+/// Σ f(i) over `0..count` in double precision, folded in a fixed order.
+pub fn sum(count: usize, f: impl Fn(usize) -> f64 + Sync) -> f64 {
+    map_chunks(count, CHUNK, |range| range.map(&f).sum::<f64>()).into_iter().sum()
+}
+
+/// The largest f(i) over `0..count` and the lowest index that reaches it; `None` if `count` is 0.
+///
+/// A NaN counts as larger than any number, so that a maximum never hides one.
+pub fn max(count: usize, f: impl Fn(usize) -> f32 + Sync) -> Option<(usize, f32)> {
+    let larger = |best: (usize, f32), next: (usize, f32)| {
+        if next.1 > best.1 || (next.1.is_nan() && !best.1.is_nan()) { next } else { best }
+    };
+    map_chunks(count, CHUNK, |range| range.map(|i| (i, f(i))).reduce(larger).expect("chunks are not empty"))
+        .into_iter()
+        .reduce(larger)
+}
+
+/// Runs two jobs, on two threads where there are two.
+pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    rayon::join(a, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_have_the_same_bits_on_any_number_of_threads() {
+        let value = |i: usize| 1.0 / (i as f64 + 0.1);
+        let one = with_threads(1, || sum(100_003, value));
+        for threads in [2, 3, 8] {
+            assert_eq!(one.to_bits(), with_threads(threads, || sum(100_003, value)).to_bits());
+        }
+    }
+
+    #[test]
+    fn max_reports_the_first_of_equals_and_never_hides_a_nan() {
+        let values = [1.0, 7.0, 7.0, 3.0];
+        assert_eq!(max(4, |i| values[i]), Some((1, 7.0)));
+        assert_eq!(max(0, |_| 0.0), None);
+        let (index, value) = max(5000, |i| if i == 4321 { f32::NAN } else { i as f32 }).unwrap();
+        assert!(index == 4321 && value.is_nan());
+    }
+
+    #[test]
+    fn fill_and_update_touch_every_element_once() {
+        let mut out = vec![0_usize; 5000];
+        fill(&mut out, |i| i);
+        update(&mut out, |i, slot| *slot += i);
+        assert!(out.iter().enumerate().all(|(i, &value)| value == 2 * i));
+    }
+}

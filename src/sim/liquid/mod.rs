@@ -1,0 +1,7 @@
+//! Position based fluid ([pbf]).
+
+mod params;
+
+pub use params::{
+    ArtificialPressure, Constraint, LiquidParams, LiquidSource, SourceShape, VorticityConfinement, Xsph,
+};

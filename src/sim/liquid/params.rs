@@ -1,0 +1,190 @@
+//! What a preset can say about a liquid.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// A liquid made of particles, kept at rest density by position corrections ([pbf] Algorithm 1).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LiquidParams {
+    /// Distance between particles at rest [m]: half as much gives eight times the particles and finer splashes.
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub spacing: f32,
+    /// Rest density ρ₀ [kg/m³]. It scales energies and coupling forces, not the motion.
+    #[serde(default = "defaults::density")]
+    #[schemars(extend("unit" = "kg/m³", "exclusiveMinimum" = 0.0))]
+    pub density: f32,
+    /// Support h of the smoothing kernels, in spacings. Below 1.6 neighbours are too few to hold a lattice;
+    /// above 3 detail blurs and cost grows with its cube.
+    #[serde(default = "defaults::kernel_radius")]
+    #[schemars(range(min = 1.2, max = 4.0))]
+    pub kernel_radius: f32,
+    /// Stop iterating when the average density deviation falls below this fraction ("0.5 %"). Excludes
+    /// `iterations`. Larger is faster and bouncier; the shot visibly loses volume above a few per cent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "1", "exclusiveMinimum" = 0.0, "maximum" = 1.0))]
+    pub density_dev: Option<f32>,
+    /// Iterations a substep may spend on reaching `density_dev`.
+    #[serde(default = "defaults::max_iterations")]
+    #[schemars(range(min = 1, max = 100000))]
+    pub max_iterations: u32,
+    /// A fixed number of iterations a substep, as the paper does (2–10), instead of `density_dev`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 100000))]
+    pub iterations: Option<u32>,
+    /// Substeps are chosen so that no particle moves farther than this many spacings in one. Larger is faster;
+    /// above 1 thin colliders leak and splashes scatter.
+    #[serde(default = "defaults::cfl")]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10.0))]
+    pub cfl: f32,
+    /// Fewest substeps a frame.
+    #[serde(default = "defaults::min_substeps")]
+    #[schemars(range(min = 1, max = 10000))]
+    pub min_substeps: u32,
+    /// Most substeps a frame; when the CFL rule asks for more, the frame's record says so.
+    #[serde(default = "defaults::max_substeps")]
+    #[schemars(range(min = 1, max = 10000))]
+    pub max_substeps: u32,
+    /// Which density errors are corrected.
+    #[serde(default)]
+    pub constraint: Constraint,
+    /// Constraint softening ε of [pbf] Eq. 11, as a fraction of Σ|∇C|² on the filled lattice. Larger is calmer
+    /// and less converged; 0 jitters where particles part.
+    #[serde(default = "defaults::softening")]
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub softening: f32,
+    /// Artificial pressure, against clumping at the surface; absent: not applied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub artificial_pressure: Option<ArtificialPressure>,
+    /// Vorticity confinement, gives swirls back the energy the solver loses; absent: not applied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vorticity: Option<VorticityConfinement>,
+    /// XSPH viscosity, makes neighbours move together; absent: not applied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viscosity: Option<Xsph>,
+    /// Where the liquid starts. At least one.
+    #[serde(default)]
+    pub source: Vec<LiquidSource>,
+}
+
+/// Which density errors the solver corrects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Constraint {
+    /// Compression only (C ≥ 0): splashes part freely and volume is kept.
+    #[default]
+    Compression,
+    /// Compression and dilation (C = 0), as in the paper: the surface pulls itself together.
+    Equality,
+}
+
+/// Artificial pressure s_corr, [pbf] Eq. 13.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ArtificialPressure {
+    /// The paper's k. Larger spreads surface particles and tightens the surface; above 0.5 the liquid boils.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub strength: f32,
+    /// The paper's |Δq|/h, where the term reaches `strength`.
+    #[schemars(range(min = 0.0, max = 0.9))]
+    pub reference: f32,
+    /// The paper's n.
+    #[schemars(range(min = 1, max = 12))]
+    pub exponent: u32,
+}
+
+impl Default for ArtificialPressure {
+    fn default() -> Self {
+        Self { strength: 0.1, reference: 0.2, exponent: 4 }
+    }
+}
+
+/// Vorticity confinement, [pbf] Eqs. 15–16.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct VorticityConfinement {
+    /// The paper's ε, per spacing (dimensionless). Larger whips splashes up; above 0.5 the surface boils.
+    #[schemars(range(min = 0.0, max = 10.0))]
+    pub strength: f32,
+}
+
+impl Default for VorticityConfinement {
+    fn default() -> Self {
+        Self { strength: 0.05 }
+    }
+}
+
+/// XSPH viscosity, [pbf] Eq. 17.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Xsph {
+    /// The paper's c: the share of its neighbours' mean velocity that a particle takes on each substep.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub strength: f32,
+}
+
+impl Default for Xsph {
+    fn default() -> Self {
+        Self { strength: 0.01 }
+    }
+}
+
+/// A volume filled with liquid when the shot starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LiquidSource {
+    /// The volume.
+    pub shape: SourceShape,
+    /// Its velocity at the start [m/s].
+    #[serde(default)]
+    #[schemars(extend("unit" = "m/s"))]
+    pub velocity: [f32; 3],
+}
+
+/// The shape of a source.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum SourceShape {
+    /// A box.
+    Box {
+        /// Lower corner [m].
+        #[schemars(extend("unit" = "m"))]
+        min: [f32; 3],
+        /// Upper corner [m], above `min` on every axis.
+        #[schemars(extend("unit" = "m"))]
+        max: [f32; 3],
+    },
+    /// A ball.
+    Sphere {
+        /// Centre [m].
+        #[schemars(extend("unit" = "m"))]
+        center: [f32; 3],
+        /// Radius [m].
+        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        radius: f32,
+    },
+}
+
+mod defaults {
+    pub(super) fn density() -> f32 {
+        1000.0
+    }
+    pub(super) fn kernel_radius() -> f32 {
+        2.0
+    }
+    pub(super) fn max_iterations() -> u32 {
+        60
+    }
+    pub(super) fn cfl() -> f32 {
+        0.4
+    }
+    pub(super) fn min_substeps() -> u32 {
+        2
+    }
+    pub(super) fn max_substeps() -> u32 {
+        100
+    }
+    pub(super) fn softening() -> f32 {
+        0.01
+    }
+}

@@ -1,0 +1,65 @@
+//! The analytic shapes a preset can name.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// One collider of the world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Collider {
+    /// The shape that keeps everything out (or, for a tank, in).
+    pub shape: Shape,
+}
+
+/// A shape in world space. Lengths are in metres; no dimension may be zero or negative.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Shape {
+    /// Everything behind a plane is solid.
+    Plane {
+        /// A point on the plane [m].
+        #[schemars(extend("unit" = "m"))]
+        point: [f32; 3],
+        /// Points out of the solid; any length but zero.
+        normal: [f32; 3],
+    },
+    /// A solid box.
+    Box {
+        /// Lower corner [m].
+        #[schemars(extend("unit" = "m"))]
+        min: [f32; 3],
+        /// Upper corner [m], above `min` on every axis.
+        #[schemars(extend("unit" = "m"))]
+        max: [f32; 3],
+    },
+    /// A solid ball.
+    Sphere {
+        /// Centre [m].
+        #[schemars(extend("unit" = "m"))]
+        center: [f32; 3],
+        /// Radius [m].
+        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        radius: f32,
+    },
+    /// A solid cylinder with round ends.
+    Capsule {
+        /// One end of the axis [m].
+        #[schemars(extend("unit" = "m"))]
+        from: [f32; 3],
+        /// The other end [m].
+        #[schemars(extend("unit" = "m"))]
+        to: [f32; 3],
+        /// Radius [m].
+        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        radius: f32,
+    },
+    /// A closed container: everything outside the box is solid.
+    Tank {
+        /// Lower inner corner [m].
+        #[schemars(extend("unit" = "m"))]
+        min: [f32; 3],
+        /// Upper inner corner [m], above `min` on every axis.
+        #[schemars(extend("unit" = "m"))]
+        max: [f32; 3],
+    },
+}

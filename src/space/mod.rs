@@ -1,0 +1,10 @@
+//! Neighbour search: particles sorted into cells, and neighbour lists.
+//!
+//! *Method*: particles are ordered by the cell they lie in (z, then y, then x); only occupied cells are stored,
+//! so memory follows the particles and a stray one costs one cell. Queries visit the 27 cells around a point.
+
+mod cells;
+mod lists;
+
+pub use cells::CellGrid;
+pub use lists::Neighbours;
