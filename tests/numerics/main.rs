@@ -1,0 +1,3 @@
+//! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
+
+mod mesh;
