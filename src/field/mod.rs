@@ -1,1 +1,11 @@
-//! field
+//! Fields on grids from particles.
+//!
+//! [`density`] turns particles into a smooth dimensionless density on sparse bricks; its level set at
+//! [`Density::threshold`] is the surface of the liquid.
+
+mod bins;
+mod density;
+mod threshold;
+
+pub use density::{Density, DensityParams, density};
+pub use threshold::surface_threshold;

@@ -3,8 +3,9 @@
 //! Node (i, j, k) stands at (i, j, k) · voxel in world space, in every frame, so that surfaces do not crawl.
 //! Brick (a, b, c) holds the nodes 8a..8a+8, 8b..8b+8, 8c..8c+8; inside a brick x runs fastest, then y, then z.
 
-use crate::math::Vec3;
+use crate::{math::Vec3, par};
 use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
 
 /// Nodes along a brick's edge.
 pub const BRICK: usize = 8;
@@ -12,17 +13,23 @@ pub const BRICK: usize = 8;
 /// Nodes in a brick.
 pub const BRICK_NODES: usize = BRICK * BRICK * BRICK;
 
+/// The largest brick coordinate in use, either sign: sums of node coordinates stay far from overflow.
+pub const MAX_BRICK: i32 = 1 << 27;
+
+/// The offsets to a brick's six face neighbours: −x, +x, −y, +y, −z, +z.
+pub const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
+
 /// Which bricks exist, in ascending (z, y, x) order: the layout does not depend on how it was built.
 #[derive(Clone, Debug, Default)]
 pub struct Bricks {
     coords: Vec<[i32; 3]>,
-    index: HashMap<[i32; 3], u32>,
+    index: HashMap<[i32; 3], u32, BuildHasherDefault<CoordHasher>>,
 }
 
 impl Bricks {
     /// A set of bricks from their coordinates (x, y, z), in any order, repeats allowed.
     pub fn new(mut coords: Vec<[i32; 3]>) -> Self {
-        coords.sort_unstable_by_key(|c| [c[2], c[1], c[0]]);
+        par::sort_by_key(&mut coords, |c| [c[2], c[1], c[0]]);
         coords.dedup();
         let index = coords.iter().enumerate().map(|(i, &c)| (c, i as u32)).collect();
         Self { coords, index }
@@ -47,6 +54,51 @@ impl Bricks {
     pub fn find(&self, coord: [i32; 3]) -> Option<usize> {
         self.index.get(&coord).map(|&i| i as usize)
     }
+
+    /// The places of the six face neighbours of the brick at `coord`, which need not exist itself, in the order
+    /// of [`FACES`].
+    pub fn around(&self, coord: [i32; 3]) -> [Option<usize>; 6] {
+        FACES.map(|d| self.find(std::array::from_fn(|axis| coord[axis] + d[axis])))
+    }
+
+    /// [`Bricks::around`] for every brick.
+    pub fn neighbours(&self) -> Vec<[Option<u32>; 6]> {
+        let mut table = vec![[None; 6]; self.len()];
+        par::fill(&mut table, |brick| self.around(self.coords[brick]).map(|face| face.map(|i| i as u32)));
+        table
+    }
+}
+
+/// A hash for brick coordinates: a multiplication and a rotation a word.
+///
+/// The standard library's hash guards against chosen keys, which brick coordinates are not, and took 3 times as
+/// long for a lookup.
+#[derive(Clone, Debug, Default)]
+struct CoordHasher(u64);
+
+impl Hasher for CoordHasher {
+    fn finish(&self) -> u64 {
+        // The table takes its place from the low bits and its tag from the high ones: both must be mixed.
+        self.0 ^ (self.0 >> 32)
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for part in bytes.chunks(4) {
+            let mut word = [0; 4];
+            word[..part.len()].copy_from_slice(part);
+            self.add(u64::from(u32::from_le_bytes(word)));
+        }
+    }
+
+    fn write_usize(&mut self, word: usize) {
+        self.add(word as u64);
+    }
+}
+
+impl CoordHasher {
+    fn add(&mut self, word: u64) {
+        self.0 = (self.0.rotate_left(26) ^ word).wrapping_mul(0x9e37_79b9_7f4a_7c15); // 2⁶⁴ / golden ratio
+    }
 }
 
 /// One number a node, on bricks.
@@ -67,11 +119,37 @@ impl SparseGrid {
         Self { voxel, bricks, values }
     }
 
+    /// A grid with `f(position)` at every node of the bricks that cover the box from `min` to `max` [m].
+    pub fn sample(voxel: f32, min: Vec3, max: Vec3, f: impl Fn(Vec3) -> f32 + Sync) -> Self {
+        let brick = |v: f32| (f64::from(v) / f64::from(voxel)).floor().div_euclid(BRICK as f64) as i32;
+        let mut coords = Vec::new();
+        for z in brick(min.z)..=brick(max.z) {
+            for y in brick(min.y)..=brick(max.y) {
+                coords.extend((brick(min.x)..=brick(max.x)).map(|x| [x, y, z]));
+            }
+        }
+        let mut grid = Self::new(voxel, Bricks::new(coords), 0.0);
+        let mut values = std::mem::take(&mut grid.values);
+        par::for_chunks(&mut values, BRICK_NODES, |start, chunk| {
+            let coord = grid.bricks.coords[start / BRICK_NODES];
+            for (place, value) in chunk.iter_mut().enumerate() {
+                *value = f(grid.position(node_of(coord, place)));
+            }
+        });
+        grid.values = values;
+        grid
+    }
+
     /// The number at node (i, j, k), if its brick exists.
     pub fn get(&self, node: [i32; 3]) -> Option<f32> {
         let coord = node.map(|v| v.div_euclid(BRICK as i32));
         let brick = self.bricks.find(coord)?;
         Some(self.values[brick * BRICK_NODES + offset(node.map(|v| v.rem_euclid(BRICK as i32) as usize))])
+    }
+
+    /// The 512 numbers of a brick.
+    pub fn brick(&self, brick: usize) -> &[f32] {
+        &self.values[brick * BRICK_NODES..(brick + 1) * BRICK_NODES]
     }
 
     /// Where node (i, j, k) stands [m].
@@ -84,4 +162,62 @@ impl SparseGrid {
 /// The place of a node inside its brick; every coordinate is in 0..8.
 pub fn offset(local: [usize; 3]) -> usize {
     local[0] + BRICK * (local[1] + BRICK * local[2])
+}
+
+/// The node at `place` (0..512) of the brick at `coord`.
+pub fn node_of(coord: [i32; 3], place: usize) -> [i32; 3] {
+    let local = [place % BRICK, place / BRICK % BRICK, place / (BRICK * BRICK)];
+    std::array::from_fn(|axis| coord[axis] * BRICK as i32 + local[axis] as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_layout_does_not_depend_on_the_order_given() {
+        let coords = vec![[5, -3, 2], [0, 0, 0], [-7, 9, 2], [0, 0, 0], [5, -3, -2]];
+        let mut turned = coords.clone();
+        turned.reverse();
+        let bricks = Bricks::new(coords);
+        assert_eq!(bricks.coords(), [[5, -3, -2], [0, 0, 0], [5, -3, 2], [-7, 9, 2]]);
+        assert_eq!(bricks.coords(), Bricks::new(turned).coords());
+        for (place, &coord) in bricks.coords().iter().enumerate() {
+            assert_eq!(bricks.find(coord), Some(place));
+        }
+        assert_eq!(bricks.find([1, 1, 1]), None);
+    }
+
+    #[test]
+    fn neighbours_are_mutual_and_right() {
+        let mut coords = Vec::new();
+        for i in 0..400_i32 {
+            coords.push([i * 7 % 11 - 5, i * 5 % 13 - 6, i % 7 - 3]);
+        }
+        let bricks = Bricks::new(coords);
+        let table = bricks.neighbours();
+        for (brick, faces) in table.iter().enumerate() {
+            for (face, neighbour) in faces.iter().enumerate() {
+                let there: [i32; 3] =
+                    std::array::from_fn(|axis| bricks.coords()[brick][axis] + FACES[face][axis]);
+                assert_eq!(neighbour.is_some(), bricks.coords().contains(&there));
+                if let Some(neighbour) = neighbour {
+                    assert_eq!(bricks.coords()[*neighbour as usize], there);
+                    assert_eq!(table[*neighbour as usize][face ^ 1], Some(brick as u32));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn nodes_are_found_where_they_were_written() {
+        let grid = SparseGrid::sample(0.25, Vec3::new(-3.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 1.0), |x| {
+            x.x + 100.0 * x.y + 10_000.0 * x.z
+        });
+        for node in [[-12, -4, 0], [4, 4, 4], [-1, 3, 2], [0, 0, 0]] {
+            let x = grid.position(node);
+            assert_eq!(grid.get(node), Some(x.x + 100.0 * x.y + 10_000.0 * x.z));
+        }
+        assert_eq!(grid.get([100, 0, 0]), None);
+    }
 }

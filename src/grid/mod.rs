@@ -2,4 +2,4 @@
 
 mod bricks;
 
-pub use bricks::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset};
+pub use bricks::{BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, SparseGrid, node_of, offset};

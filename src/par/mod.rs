@@ -4,6 +4,10 @@
 //! length, every output slot is written by exactly one chunk, and sums fold the chunks' partial results in
 //! chunk order.
 
+mod wavefront;
+
+pub use wavefront::wavefront;
+
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -81,6 +85,11 @@ pub fn max(count: usize, f: impl Fn(usize) -> f32 + Sync) -> Option<(usize, f32)
     map_chunks(count, CHUNK, |range| range.map(|i| (i, f(i))).reduce(larger).expect("chunks are not empty"))
         .into_iter()
         .reduce(larger)
+}
+
+/// Sorts by a key. Elements of equal key may change places, so give those that differ different keys.
+pub fn sort_by_key<T: Send, K: Ord>(values: &mut [T], key: impl Fn(&T) -> K + Sync) {
+    values.par_sort_unstable_by_key(key);
 }
 
 /// Runs two jobs, on two threads where there are two.

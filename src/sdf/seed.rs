@@ -1,0 +1,255 @@
+//! Distances of the nodes beside the surface, straight from the field.
+//!
+//! *Method* [gourlay17], "Finding Surfaces Using the Indicator Function" and "Signed Distance Function".
+//! *Departs from the paper*: the plane through the crossings of all axes instead of the nearest crossing alone
+//! (which stays as [`SeedRule::NearestEdge`]); the indicator is kept as one bit a node, so that crossings are
+//! found 64 nodes at a time.
+//!
+//! An axis without a crossing within a voxel takes the place where the field's slope would cross: without that the
+//! plane is tilted, and on a sphere of radius 10 voxels the worst error was 0.41 voxel instead of 0.04, the mean
+//! 0.043 instead of 0.014 (nearest crossing alone: 0.41 and 0.079).
+//!
+//! Limits: exact for a plane in a field that is linear across it; on a surface of curvature κ off by κ/2 voxels at
+//! most. Where another surface is within a voxel, the plane mixes the two.
+
+use super::SdfParams;
+use crate::grid::{BRICK, BRICK_NODES, Bricks, SparseGrid};
+use crate::par;
+
+/// How a node beside the surface gets its distance from the crossings on its edges.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SeedRule {
+    /// The distance to the plane through the nearest crossing of each axis, on or beyond the node's edges.
+    #[default]
+    Plane,
+    /// The distance to the nearest crossing, as [gourlay17] has it: never too small, up to √3 too large.
+    NearestEdge,
+}
+
+/// The smallest distance of a pinned node [voxels].
+///
+/// It keeps every value on its own side of zero. Below 1e-7 it would be lost when a mesh vertex is put between
+/// two nodes; at 1e-3 a surface that passes exactly through nodes would show steps.
+const NEAREST: f32 = 1e-6;
+
+/// One bit a node of a brick, word z, bit x + 8y.
+type Mask = [u64; BRICK];
+
+/// The nodes beside a surface and their distances, on the bricks within a band of it.
+#[derive(Clone, Debug)]
+pub struct Seeds {
+    /// Every brick within the band.
+    pub bricks: Bricks,
+    /// 512 numbers a brick [voxels]: pinned distances as negative numbers, ∞ at all other nodes.
+    pub distance: Vec<f32>,
+    /// The indicator, set inside: one bit a node, eight words a brick, word z, bit x + 8y.
+    pub inside: Vec<[u64; BRICK]>,
+    /// How many nodes are pinned.
+    pub pinned: usize,
+    /// How many of them were nearer to the surface than the smallest distance stored.
+    pub on_surface: usize,
+}
+
+/// Pins the nodes beside the surface where `field` crosses `threshold`; `params` as for
+/// [`from_density`](super::from_density).
+///
+/// # Panics
+/// If the band is below one voxel.
+pub fn seeds(field: &SparseGrid, threshold: f32, params: &SdfParams) -> Seeds {
+    assert!(params.band >= 1.0, "the band holds the nodes beside the surface");
+    let indicator = Indicator { field, masks: indicator(field, threshold) };
+    let bricks = bricks_in_band(&indicator, params.band);
+
+    // Every brick of the band gets its indicator and its pinned distances.
+    let mut distance = vec![f32::INFINITY; bricks.len() * BRICK_NODES];
+    par::for_chunks(&mut distance, BRICK_NODES, |start, values| {
+        let near = indicator.near(bricks.coords()[start / BRICK_NODES]);
+        for_each_bit(&near.beside(), |place| {
+            values[place] = -near.distance(place, threshold, params.seed).max(NEAREST);
+        });
+    });
+    let mut inside = vec![[0; BRICK]; bricks.len()];
+    par::fill(&mut inside, |brick| indicator.mask(field.bricks.find(bricks.coords()[brick])));
+    let count = |what: fn(f32) -> bool| {
+        par::map_chunks(distance.len(), par::CHUNK, |range| {
+            distance[range].iter().filter(|&&d| what(d)).count()
+        })
+        .into_iter()
+        .sum()
+    };
+    let (pinned, on_surface) = (count(|d| d < 0.0), count(|d| d == -NEAREST));
+    Seeds { bricks, distance, inside, pinned, on_surface }
+}
+
+/// The indicator of every brick of `field`: inside is at or above the threshold.
+fn indicator(field: &SparseGrid, threshold: f32) -> Vec<Mask> {
+    let mut masks = vec![[0; BRICK]; field.bricks.len()];
+    par::fill(&mut masks, |brick| {
+        let mut mask = [0; BRICK];
+        for (place, &value) in field.brick(brick).iter().enumerate() {
+            mask[place / 64] |= u64::from(value >= threshold) << (place % 64);
+        }
+        mask
+    });
+    masks
+}
+
+/// The bricks that the band around the surface reaches; for an infinite band the field's own and those that the
+/// cells on the surface reach.
+fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
+    let bricks = &indicator.field.bricks;
+    let reach = if band.is_finite() { band.ceil() as i32 } else { 1 };
+    let mut coords: Vec<[i32; 3]> = par::map_chunks(bricks.len(), 64, |range| {
+        let mut reached = Vec::new();
+        for coord in bricks.coords()[range].iter().copied() {
+            let Some((low, high)) = indicator.near(coord).extent() else { continue };
+            let first = low.map(|v| (v - reach).div_euclid(BRICK as i32));
+            let last = high.map(|v| (v + reach).div_euclid(BRICK as i32));
+            for z in first[2]..=last[2] {
+                for y in first[1]..=last[1] {
+                    reached.extend((first[0]..=last[0]).map(|x| [coord[0] + x, coord[1] + y, coord[2] + z]));
+                }
+            }
+        }
+        reached
+    })
+    .concat();
+    if band.is_infinite() {
+        coords.extend_from_slice(bricks.coords());
+    }
+    Bricks::new(coords)
+}
+
+/// A field with its indicator.
+struct Indicator<'a> {
+    field: &'a SparseGrid,
+    masks: Vec<Mask>,
+}
+
+impl Indicator<'_> {
+    fn mask(&self, brick: Option<usize>) -> Mask {
+        brick.map_or([0; BRICK], |brick| self.masks[brick])
+    }
+
+    /// The field in and around the brick at `coord`.
+    fn near(&self, coord: [i32; 3]) -> Near<'_> {
+        let bricks = &self.field.bricks;
+        let (own, around) = (bricks.find(coord), bricks.around(coord));
+        let values = |brick: Option<usize>| brick.map(|brick| self.field.brick(brick));
+        Near {
+            own: values(own),
+            around: around.map(values),
+            inside: self.mask(own),
+            inside_around: around.map(|brick| self.mask(brick)),
+        }
+    }
+}
+
+/// One brick of a field and its six neighbours; a missing one is zero and outside everywhere.
+struct Near<'a> {
+    own: Option<&'a [f32]>,
+    around: [Option<&'a [f32]>; 6],
+    inside: Mask,
+    inside_around: [Mask; 6],
+}
+
+/// The bits of a mask word with x = 0.
+const X_LOW: u64 = 0x0101_0101_0101_0101;
+
+impl Near<'_> {
+    /// The nodes whose neighbour across `face` lies on the other side of the threshold.
+    fn crossed(&self, face: usize) -> Mask {
+        let (own, other) = (&self.inside, &self.inside_around[face]);
+        std::array::from_fn(|z| {
+            let neighbour = match face {
+                0 => (own[z] & !(X_LOW << 7)) << 1 | (other[z] >> 7 & X_LOW),
+                1 => (own[z] & !X_LOW) >> 1 | (other[z] & X_LOW) << 7,
+                2 => own[z] << 8 | other[z] >> 56,
+                3 => own[z] >> 8 | other[z] << 56,
+                4 if z > 0 => own[z - 1],
+                4 => other[BRICK - 1],
+                _ if z + 1 < BRICK => own[z + 1],
+                _ => other[0],
+            };
+            own[z] ^ neighbour
+        })
+    }
+
+    /// The nodes with a neighbour on the other side.
+    fn beside(&self) -> Mask {
+        (0..6).map(|face| self.crossed(face)).fold([0; BRICK], |a, b| std::array::from_fn(|z| a[z] | b[z]))
+    }
+
+    /// The lowest and highest node beside the surface, in nodes from the brick's first; counts those in missing
+    /// neighbours too, which have no brick to be found from.
+    fn extent(&self) -> Option<([i32; 3], [i32; 3])> {
+        let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
+        for_each_bit(&self.beside(), |place| {
+            for (axis, v) in [place % 8, place / 8 % 8, place / 64].into_iter().enumerate() {
+                low[axis] = low[axis].min(v as i32);
+                high[axis] = high[axis].max(v as i32);
+            }
+        });
+        for face in 0..6 {
+            let edge = if face % 2 == 0 { 0 } else { BRICK - 1 };
+            let mut leaves = false;
+            for_each_bit(&self.crossed(face), |place| {
+                leaves |= [place % 8, place / 8 % 8, place / 64][face / 2] == edge;
+            });
+            if leaves && face % 2 == 0 {
+                low[face / 2] = -1;
+            } else if leaves {
+                high[face / 2] = BRICK as i32;
+            }
+        }
+        (low[0] <= high[0]).then_some((low, high))
+    }
+
+    /// The field at a node and at its neighbour across `face`.
+    fn pair(&self, place: usize, face: usize) -> (f32, f32) {
+        let stride = [1, BRICK, BRICK * BRICK][face / 2];
+        let at = place / stride % BRICK;
+        let value = |brick: Option<&[f32]>, place: usize| brick.map_or(0.0, |values| values[place]);
+        let own = value(self.own, place);
+        let other = match (face % 2, at) {
+            (0, 0) => value(self.around[face], place + (BRICK - 1) * stride),
+            (0, _) => value(self.own, place - stride),
+            (_, 7) => value(self.around[face], place - (BRICK - 1) * stride),
+            _ => value(self.own, place + stride),
+        };
+        (own, other)
+    }
+
+    /// The distance of a node beside the surface [voxels].
+    fn distance(&self, place: usize, threshold: f32, rule: SeedRule) -> f32 {
+        // Along each axis the nearest crossing, and where the field would cross beyond the neighbour.
+        let (mut crossing, mut beyond) = ([f32::INFINITY; 3], [f32::INFINITY; 3]);
+        for face in 0..6 {
+            let (own, other) = self.pair(place, face);
+            let along = ((threshold - own) / (other - own)).max(NEAREST); // x, [gourlay17] Figure 3
+            if (own >= threshold) != (other >= threshold) {
+                crossing[face / 2] = along.min(crossing[face / 2]);
+            } else if along >= 1.0 {
+                beyond[face / 2] = along.min(beyond[face / 2]);
+            }
+        }
+        match rule {
+            SeedRule::NearestEdge => crossing[0].min(crossing[1]).min(crossing[2]),
+            SeedRule::Plane => {
+                let d: [f32; 3] = std::array::from_fn(|axis| crossing[axis].min(beyond[axis]));
+                1.0 / d.map(|d| 1.0 / (d * d)).iter().sum::<f32>().sqrt() // the plane Σ xₖ/dₖ = 1
+            }
+        }
+    }
+}
+
+/// Calls `f` with the place of every bit that is set, ascending.
+fn for_each_bit(mask: &Mask, mut f: impl FnMut(usize)) {
+    for (z, &word) in mask.iter().enumerate() {
+        let mut left = word;
+        while left != 0 {
+            f(z * 64 + left.trailing_zeros() as usize);
+            left &= left - 1;
+        }
+    }
+}
