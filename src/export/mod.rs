@@ -1,1 +1,10 @@
-//! export
+//! Meshes as files that other tools open.
+//!
+//! A file appears under its name whole or not at all (see [`crate::cache::write_atomically`]); an older file of
+//! that name stays until then.
+
+mod error;
+pub mod obj;
+pub mod ply;
+
+pub use error::ExportError;

@@ -1,7 +1,15 @@
-//! Surfaces as triangle meshes.
+//! Surfaces as triangle meshes: extraction from a signed distance, attributes, checks, and the whole way from
+//! particles to a mesh.
 
+mod attributes;
+mod cases;
+mod check;
+mod marching_cubes;
 mod params;
 
+pub use attributes::{Outward, interpolate_vec3, normals_from_field};
+pub use check::{Fault, MeshCheck, check};
+pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use params::SurfaceParams;
 
 use crate::{frame::Channel, math::Vec3};

@@ -1,4 +1,4 @@
-//! Numerics against closed forms: convergence, conservation, limits.
+//! Numerical tests: observed orders of accuracy, conservation, closed forms.
 
+mod mesh;
 mod sdf;
-mod surface_field;

@@ -1,0 +1,350 @@
+//! Binary little-endian PLY: `docs/formats/mesh.md` has the layout.
+
+use super::{
+    ExportError,
+    error::{check_columns, check_names, property_names},
+};
+use crate::{cache::write_atomically, frame::ChannelData, math::Vec3, mesh::Mesh};
+use ply_rs_bw::{
+    ply::{ElementDef, Encoding, Header, Key, PropertyAccess, PropertyDef, PropertyType, ScalarType},
+    writer::Writer,
+};
+use std::{
+    io::{self, Write},
+    path::Path,
+};
+
+/// Encoded bytes gathered before they are handed on: below a few KiB the hand-over costs, above the cache size
+/// nothing is gained.
+const BLOCK: usize = 64 * 1024;
+
+/// Writes `mesh` to `path` and returns the file's size [bytes].
+///
+/// A mesh without vertices gives a file with zero vertices and faces, and with the same properties.
+///
+/// # Errors
+/// If the system refuses, if columns have the wrong length, or if two properties would share a name.
+pub fn write(mesh: &Mesh, path: &Path) -> Result<u64, ExportError> {
+    check_columns(mesh, path)?;
+    let columns = columns(mesh);
+    let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+    check_names(&names, path)?;
+    write_atomically(path, |out| encode(mesh, &columns, out)).map_err(|error| ExportError::write(path, error))
+}
+
+/// Writes header, vertices and faces.
+fn encode(mesh: &Mesh, columns: &[(String, Column)], out: &mut dyn Write) -> io::Result<()> {
+    let vertex = vertex_definition(mesh, columns);
+    let face = face_definition(mesh);
+    let mut header = Header::new();
+    header.encoding = Encoding::BinaryLittleEndian;
+    header
+        .comments
+        .push("Meniscus: metres, metres a second, Z up, counter-clockwise seen from outside".into());
+    header.elements.insert(vertex.get_key(), vertex.clone());
+    header.elements.insert(face.get_key(), face.clone());
+
+    let mut block = Vec::with_capacity(BLOCK + 4096);
+    let writer = Writer::<Vertex>::new();
+    writer.write_header(&mut block, &header)?;
+    for index in 0..mesh.positions.len() {
+        writer.write_little_endian_element(&mut block, &Vertex { columns, index }, &vertex)?;
+        hand_over(&mut block, out, BLOCK)?;
+    }
+    let writer = Writer::<Face>::new();
+    for corners in &mesh.triangles {
+        writer.write_little_endian_element(&mut block, &Face { corners }, &face)?;
+        hand_over(&mut block, out, BLOCK)?;
+    }
+    hand_over(&mut block, out, 0)
+}
+
+/// Hands gathered bytes on once there are `least` of them.
+fn hand_over(block: &mut Vec<u8>, out: &mut dyn Write, least: usize) -> io::Result<()> {
+    if block.len() >= least {
+        out.write_all(block)?;
+        block.clear();
+    }
+    Ok(())
+}
+
+/// The values of one vertex property.
+#[derive(Clone, Copy)]
+enum Column<'a> {
+    Axis(&'a [Vec3], usize),
+    Number(&'a [f32]),
+    Integer(&'a [u32]),
+}
+
+/// Every vertex property, in the order written.
+fn columns(mesh: &Mesh) -> Vec<(String, Column<'_>)> {
+    let mut columns = Vec::new();
+    let mut add = |names: Vec<String>, values| {
+        columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
+    };
+    add(["x", "y", "z"].map(String::from).into(), mesh.positions.as_slice());
+    if !mesh.normals.is_empty() {
+        add(["nx", "ny", "nz"].map(String::from).into(), mesh.normals.as_slice());
+    }
+    for channel in &mesh.attributes {
+        let names = property_names(&channel.name, &channel.data);
+        match &channel.data {
+            ChannelData::Vec3(values) => {
+                columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
+            }
+            ChannelData::F32(values) => {
+                columns.extend(names.into_iter().map(|name| (name, Column::Number(values))))
+            }
+            ChannelData::U32(values) => {
+                columns.extend(names.into_iter().map(|name| (name, Column::Integer(values))))
+            }
+        }
+    }
+    columns
+}
+
+/// The key under which the writer asks for column `index`: a character of that number, which is cheaper to read
+/// back than a name. The name itself only stands in the header.
+fn key(index: usize) -> String {
+    char::from_u32(index as u32).expect("a mesh has fewer than 55 296 properties").to_string()
+}
+
+/// The number in a [`key`].
+fn index_of(key: &str) -> Option<usize> {
+    key.chars().next().map(|c| c as usize)
+}
+
+fn vertex_definition(mesh: &Mesh, columns: &[(String, Column)]) -> ElementDef {
+    let mut element = ElementDef::new("vertex".into());
+    element.count = mesh.positions.len();
+    for (index, (name, column)) in columns.iter().enumerate() {
+        let scalar = match column {
+            Column::Axis(..) | Column::Number(_) => ScalarType::Float,
+            Column::Integer(_) => ScalarType::UInt,
+        };
+        element.properties.insert(key(index), PropertyDef::new(name.clone(), PropertyType::Scalar(scalar)));
+    }
+    element
+}
+
+fn face_definition(mesh: &Mesh) -> ElementDef {
+    let mut element = ElementDef::new("face".into());
+    element.count = mesh.triangles.len();
+    let list = PropertyType::List(ScalarType::UChar, ScalarType::UInt);
+    element.properties.insert(key(0), PropertyDef::new("vertex_indices".into(), list));
+    element
+}
+
+/// One vertex, as the writer sees it.
+struct Vertex<'a> {
+    columns: &'a [(String, Column<'a>)],
+    index: usize,
+}
+
+impl PropertyAccess for Vertex<'_> {
+    fn new() -> Self {
+        Self { columns: &[], index: 0 }
+    }
+
+    #[inline]
+    fn get_float(&self, key: &str) -> Option<f32> {
+        match self.columns.get(index_of(key)?)?.1 {
+            Column::Axis(values, axis) => values.get(self.index).map(|value| value[axis]),
+            Column::Number(values) => values.get(self.index).copied(),
+            Column::Integer(_) => None,
+        }
+    }
+
+    #[inline]
+    fn get_uint(&self, key: &str) -> Option<u32> {
+        match self.columns.get(index_of(key)?)?.1 {
+            Column::Integer(values) => values.get(self.index).copied(),
+            Column::Axis(..) | Column::Number(_) => None,
+        }
+    }
+}
+
+/// One face, as the writer sees it.
+struct Face<'a> {
+    corners: &'a [u32],
+}
+
+impl PropertyAccess for Face<'_> {
+    fn new() -> Self {
+        Self { corners: &[] }
+    }
+
+    #[inline]
+    fn get_list_uint(&self, _key: &str) -> Option<&[u32]> {
+        Some(self.corners)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::Channel;
+    use ply_rs_bw::{
+        parser::Parser,
+        ply::{DefaultElement, Property},
+    };
+
+    fn mesh() -> Mesh {
+        let at = |i: usize| Vec3::new(i as f32 * 0.1, -1.5, 1e-7 * i as f32);
+        Mesh {
+            positions: (0..5).map(at).collect(),
+            triangles: vec![[0, 1, 2], [3, 4, 0]],
+            normals: vec![Vec3::new(0.0, 0.6, 0.8); 5],
+            attributes: vec![
+                Channel {
+                    name: "velocity".into(),
+                    data: (0..5).map(|i| at(i) * 7.0).collect::<Vec<_>>().into(),
+                },
+                Channel { name: "age".into(), data: vec![0.25_f32; 5].into() },
+                Channel { name: "spin".into(), data: vec![Vec3::new(1.0, 2.0, 3.0); 5].into() },
+                Channel { name: "id".into(), data: vec![7, 8, 9, 10, u32::MAX].into() },
+            ],
+        }
+    }
+
+    fn written(mesh: &Mesh) -> Vec<u8> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let size = write(mesh, &path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(size, bytes.len() as u64);
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary stays");
+        bytes
+    }
+
+    /// The header's lines and where the data begins.
+    fn header(bytes: &[u8]) -> (Vec<String>, usize) {
+        let mark = b"\nend_header\n";
+        let end = bytes.windows(mark.len()).position(|window| window == mark).unwrap();
+        let text = std::str::from_utf8(&bytes[..end]).unwrap();
+        (
+            text.lines().filter(|line| !line.starts_with("comment")).map(String::from).collect(),
+            end + mark.len(),
+        )
+    }
+
+    const VERTEX: [&str; 9] = ["x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz"];
+
+    #[test]
+    fn the_layout_is_the_documented_one() {
+        let mesh = mesh();
+        let bytes = written(&mesh);
+        let (lines, data) = header(&bytes);
+        let mut expected =
+            vec!["ply".to_owned(), "format binary_little_endian 1.0".into(), "element vertex 5".into()];
+        let floats = VERTEX.into_iter().chain(["age", "spin_x", "spin_y", "spin_z"]);
+        expected.extend(floats.map(|name| format!("property float {name}")));
+        expected.push("property uint id".into());
+        expected.push("element face 2".into());
+        expected.push("property list uchar uint vertex_indices".into());
+        assert_eq!(lines, expected);
+
+        let word = |at: usize| <[u8; 4]>::try_from(&bytes[at..at + 4]).unwrap();
+        let float = |row: usize, column: usize| f32::from_le_bytes(word(data + row * 56 + column * 4));
+        let velocity = (0..3).map(|axis| float(3, 6 + axis)).collect::<Vec<_>>();
+        assert_eq!(velocity, (mesh.positions[3] * 7.0).iter().copied().collect::<Vec<_>>());
+        assert_eq!((float(4, 5), float(4, 9), float(4, 11)), (0.8, 0.25, 2.0));
+        assert_eq!(u32::from_le_bytes(word(data + 4 * 56 + 52)), u32::MAX);
+        let faces = data + 5 * 56;
+        assert_eq!(bytes.len(), faces + 2 * 13);
+        assert_eq!(bytes[faces + 13], 3);
+        assert_eq!([14, 18, 22].map(|at| u32::from_le_bytes(word(faces + at))), [3, 4, 0]);
+    }
+
+    #[test]
+    fn another_reader_reads_the_same_values() {
+        let mesh = mesh();
+        let ply = Parser::<DefaultElement>::new().read_ply(&mut written(&mesh).as_slice()).unwrap();
+        for (i, vertex) in ply.payload["vertex"].iter().enumerate() {
+            for (axis, names) in VERTEX.chunks(3).enumerate() {
+                let vector = match axis {
+                    0 => mesh.positions[i],
+                    1 => mesh.normals[i],
+                    _ => mesh.positions[i] * 7.0,
+                };
+                for (d, name) in names.iter().enumerate() {
+                    assert_eq!(vertex[*name], Property::Float(vector[d]), "{name} of vertex {i}");
+                }
+            }
+        }
+        for (face, triangle) in ply.payload["face"].iter().zip(&mesh.triangles) {
+            assert_eq!(face["vertex_indices"], Property::ListUInt(triangle.to_vec()));
+        }
+    }
+
+    #[test]
+    fn a_large_mesh_survives_the_hand_over_of_blocks() {
+        let n = 20_000;
+        let mesh = Mesh {
+            positions: (0..n).map(|i| Vec3::new(i as f32, 0.5, -(i as f32))).collect(),
+            triangles: (0..n - 2).map(|i| [i, i + 1, i + 2]).collect(),
+            ..Mesh::default()
+        };
+        let bytes = written(&mesh);
+        let (lines, data) = header(&bytes);
+        assert_eq!(lines.len(), 8, "without normals and velocity there is no column for them: {lines:?}");
+        assert_eq!(bytes.len(), data + n as usize * 12 + (n as usize - 2) * 13);
+        let ply = Parser::<DefaultElement>::new().read_ply(&mut bytes.as_slice()).unwrap();
+        assert_eq!(ply.payload["vertex"][19_999]["z"], Property::Float(-19_999.0));
+        assert_eq!(
+            ply.payload["face"][19_997]["vertex_indices"],
+            Property::ListUInt(vec![19_997, 19_998, 19_999])
+        );
+    }
+
+    #[test]
+    fn an_empty_mesh_is_a_valid_file() {
+        let empty = Mesh {
+            attributes: vec![Channel { name: "velocity".into(), data: Vec::<Vec3>::new().into() }],
+            ..Mesh::default()
+        };
+        let bytes = written(&empty);
+        let (lines, data) = header(&bytes);
+        assert!(lines.contains(&"element vertex 0".into()) && lines.contains(&"element face 0".into()));
+        assert!(lines.contains(&"property float vz".into()));
+        assert_eq!(data, bytes.len());
+        let ply = Parser::<DefaultElement>::new().read_ply(&mut bytes.as_slice()).unwrap();
+        assert!(ply.payload["vertex"].is_empty() && ply.payload["face"].is_empty());
+    }
+
+    #[test]
+    fn errors_tell_path_cause_and_next_step_and_leave_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = folder.path().join("not_there/a.ply");
+        let message = write(&mesh(), &missing).unwrap_err().to_string();
+        assert!(message.contains("not_there/a.ply") && message.contains("create the folder"), "{message}");
+
+        let taken = folder.path().join("taken.ply");
+        std::fs::create_dir_all(taken.join("full")).unwrap();
+        assert!(matches!(write(&mesh(), &taken), Err(ExportError::Write { .. })));
+
+        let mut broken = mesh();
+        broken.triangles.push([0, 1, 5]);
+        let message = write(&broken, &folder.path().join("a.ply")).unwrap_err().to_string();
+        assert!(message.contains("triangle 2 is [0, 1, 5]"), "{message}");
+
+        for name in ["vx", "two words", "", "x\nelement face 9"] {
+            let mut clash = mesh();
+            clash.attributes[1].name = name.into();
+            let error = write(&clash, &folder.path().join("a.ply")).unwrap_err();
+            assert!(matches!(error, ExportError::Mesh { .. }), "{name}: {error}");
+        }
+        let mut short = mesh();
+        short.normals.pop();
+        assert!(write(&short, &folder.path().join("a.ply")).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only what was there before");
+    }
+
+    #[test]
+    fn a_full_disk_is_recognised() {
+        let error = |kind: io::ErrorKind| ExportError::write(Path::new("a.ply"), kind.into());
+        assert!(error(io::ErrorKind::StorageFull).is_disk_full());
+        assert!(error(io::ErrorKind::StorageFull).to_string().contains("free space"));
+        assert!(!error(io::ErrorKind::PermissionDenied).is_disk_full());
+    }
+}

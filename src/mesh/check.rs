@@ -1,0 +1,431 @@
+//! Whether a mesh is what a renderer or a solver may rely on: closed, manifold, oriented, without slivers.
+//!
+//! *Method*: every vertex lists its corners, that is the triangles around it, by a counting sort. Sorted by the
+//! vertex they lead to, the sides at a vertex show how many triangles each edge has and in which direction; the
+//! corners that share an edge form fans, and a manifold vertex has one fan. Each vertex is judged alone.
+//! Volume by the divergence theorem, V = ⅙ Σ a·(b × c); Euler characteristic V − E + F over the vertices in use.
+//!
+//! Limits: self-intersection is not looked for.
+
+use super::Mesh;
+use crate::{math::Vec3, par};
+
+/// A triangle is degenerate if twice its area is at most this part of its longest side squared: its height is
+/// then below one millionth of its length, where a normal computed in single precision means nothing.
+const FLAT: f64 = 1e-6;
+
+/// The first thing found wrong with a mesh.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Fault {
+    /// What it is.
+    pub what: &'static str,
+    /// The vertex, or the first vertex of the edge or triangle.
+    pub vertex: u32,
+    /// Where that is [m].
+    pub at: [f32; 3],
+}
+
+/// What [`check`] found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct MeshCheck {
+    /// Whether every edge has two triangles or more.
+    pub closed: bool,
+    /// Whether every edge has at most two triangles and the triangles around every vertex form one fan.
+    pub manifold: bool,
+    /// Whether the two triangles at every edge run along it in opposite directions.
+    pub oriented: bool,
+    /// Edges with one triangle.
+    pub boundary_edges: usize,
+    /// Edges with more than two triangles.
+    pub non_manifold_edges: usize,
+    /// Vertices whose triangles form more than one fan.
+    pub non_manifold_vertices: usize,
+    /// Edges with two triangles that run along it in the same direction.
+    pub misoriented_edges: usize,
+    /// Triangles with a repeated vertex or with a height below one millionth of their longest side.
+    pub degenerate_triangles: usize,
+    /// Triangles that name a vertex the mesh does not have; nothing else is said about them.
+    pub out_of_range_triangles: usize,
+    /// Vertices with an infinite coordinate or one that is not a number.
+    pub non_finite_vertices: usize,
+    /// Vertices that no triangle uses.
+    pub unused_vertices: usize,
+    /// Pieces that share no vertex.
+    pub components: usize,
+    /// Vertices in use − edges + triangles: 2 for each closed piece, less 2 for each hole through it.
+    pub euler: i64,
+    /// Enclosed volume [m³], positive if faces look outward; means nothing for an open mesh.
+    pub volume: f64,
+    /// Area [m²].
+    pub area: f64,
+    /// The first offending place: of a triangle, else of a vertex or edge in order of the vertices.
+    pub first_fault: Option<Fault>,
+}
+
+impl MeshCheck {
+    /// Whether the mesh is closed, manifold, oriented, finite and without degenerate triangles.
+    pub fn is_sound(&self) -> bool {
+        self.closed
+            && self.manifold
+            && self.oriented
+            && self.degenerate_triangles == 0
+            && self.out_of_range_triangles == 0
+            && self.non_finite_vertices == 0
+    }
+}
+
+/// Judges a mesh. An empty mesh is sound, with volume and area zero.
+pub fn check(mesh: &Mesh) -> MeshCheck {
+    let mut result = MeshCheck::default();
+
+    // Judge every triangle alone; those with a repeated or missing vertex take no part in the edges.
+    let shape: Vec<Shape> = {
+        let mut shape = vec![Shape::Sound; mesh.triangles.len()];
+        par::fill(&mut shape, |t| Shape::of(mesh, t));
+        shape
+    };
+    for (t, &shape) in shape.iter().enumerate() {
+        let fault = match shape {
+            Shape::Sound => continue,
+            Shape::OutOfRange => {
+                result.out_of_range_triangles += 1;
+                "triangle names a vertex that does not exist"
+            }
+            Shape::Repeated | Shape::Flat => {
+                result.degenerate_triangles += 1;
+                "degenerate triangle"
+            }
+        };
+        result.note(mesh, fault, mesh.triangles[t][0]);
+    }
+    let linked = |t: usize| matches!(shape[t], Shape::Sound | Shape::Flat);
+
+    // Judge every vertex with the triangles around it.
+    let corners = Corners::new(mesh, linked);
+    for around in par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
+        let mut scratch = Scratch::default();
+        let mut sum = Around::default();
+        for v in range {
+            sum.add(mesh, &corners, v as u32, &mut scratch);
+        }
+        sum
+    }) {
+        result.boundary_edges += around.boundary;
+        result.non_manifold_edges += around.crowded;
+        result.misoriented_edges += around.misoriented;
+        result.non_manifold_vertices += around.pinched;
+        result.unused_vertices += around.unused;
+        result.non_finite_vertices += around.non_finite;
+        result.euler += around.euler;
+        if let Some((what, vertex)) = around.fault {
+            result.note(mesh, what, vertex);
+        }
+    }
+    result.closed = result.boundary_edges == 0;
+    result.manifold = result.non_manifold_edges == 0 && result.non_manifold_vertices == 0;
+    result.oriented = result.misoriented_edges == 0;
+
+    // Measure it as a whole.
+    result.euler += (0..mesh.triangles.len()).filter(|&t| linked(t)).count() as i64;
+    result.components = components(mesh, linked) - result.unused_vertices;
+    (result.volume, result.area) = volume_and_area(mesh, &shape);
+    result
+}
+
+impl MeshCheck {
+    /// Keeps the first fault.
+    fn note(&mut self, mesh: &Mesh, what: &'static str, vertex: u32) {
+        let at = mesh.positions.get(vertex as usize).map_or([f32::NAN; 3], |&x| x.into());
+        self.first_fault.get_or_insert(Fault { what, vertex, at });
+    }
+}
+
+/// What a triangle is on its own.
+#[derive(Clone, Copy, PartialEq)]
+enum Shape {
+    Sound,
+    Flat,
+    Repeated,
+    OutOfRange,
+}
+
+impl Shape {
+    fn of(mesh: &Mesh, t: usize) -> Self {
+        let [a, b, c] = mesh.triangles[t];
+        if [a, b, c].iter().any(|&v| v as usize >= mesh.positions.len()) {
+            return Self::OutOfRange;
+        }
+        if a == b || b == c || c == a {
+            return Self::Repeated;
+        }
+        let [a, b, c] = [a, b, c].map(|v| mesh.positions[v as usize].cast::<f64>());
+        let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+        let double_area = (b - a).cross(&(c - a)).norm();
+        // Not a number is not larger, so that it counts as flat.
+        if double_area > FLAT * longest { Self::Sound } else { Self::Flat }
+    }
+}
+
+/// The corners of every vertex: `list[start[v]..start[v + 1]]` are (next, previous vertex) in its triangles.
+struct Corners {
+    start: Vec<usize>,
+    list: Vec<[u32; 2]>,
+}
+
+impl Corners {
+    fn new(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> Self {
+        let triangles = || (0..mesh.triangles.len()).filter(|&t| linked(t)).map(|t| mesh.triangles[t]);
+        let mut start = vec![0; mesh.positions.len() + 1];
+        for v in triangles().flatten() {
+            start[v as usize + 1] += 1;
+        }
+        for v in 0..mesh.positions.len() {
+            start[v + 1] += start[v];
+        }
+        let mut place = start.clone();
+        let mut list = vec![[0; 2]; start[mesh.positions.len()]];
+        for [a, b, c] in triangles() {
+            for [v, next, previous] in [[a, b, c], [b, c, a], [c, a, b]] {
+                list[place[v as usize]] = [next, previous];
+                place[v as usize] += 1;
+            }
+        }
+        Self { start, list }
+    }
+
+    fn of(&self, v: u32) -> &[[u32; 2]] {
+        &self.list[self.start[v as usize]..self.start[v as usize + 1]]
+    }
+}
+
+/// Memory that the vertices of a chunk share.
+#[derive(Default)]
+struct Scratch {
+    /// The sides at a vertex: (vertex they lead to, corner they belong to, whether they leave the vertex).
+    sides: Vec<(u32, u32, bool)>,
+    /// The fan of every corner, as a union-find forest.
+    fans: Vec<u32>,
+}
+
+/// What a run of vertices shows; edges are counted at their lower vertex.
+#[derive(Default)]
+struct Around {
+    boundary: usize,
+    crowded: usize,
+    misoriented: usize,
+    pinched: usize,
+    unused: usize,
+    non_finite: usize,
+    /// Vertices in use − edges.
+    euler: i64,
+    fault: Option<(&'static str, u32)>,
+}
+
+impl Around {
+    fn add(&mut self, mesh: &Mesh, corners: &Corners, v: u32, scratch: &mut Scratch) {
+        if !mesh.positions[v as usize].iter().all(|x| x.is_finite()) {
+            self.non_finite += 1;
+            self.fault.get_or_insert(("vertex that is not finite", v));
+        }
+        let corners = corners.of(v);
+        if corners.is_empty() {
+            self.unused += 1;
+            return;
+        }
+        self.euler += 1;
+
+        // Sort the sides by where they lead, so that those of one edge stand together.
+        let Scratch { sides, fans } = scratch;
+        sides.clear();
+        fans.clear();
+        for (corner, &[next, previous]) in (0..).zip(corners) {
+            sides.push((next, corner, true));
+            sides.push((previous, corner, false));
+            fans.push(corner);
+        }
+        sides.sort_unstable();
+
+        let mut pieces = corners.len();
+        for edge in sides.chunk_by(|a, b| a.0 == b.0) {
+            // Join the corners that share this edge to one fan.
+            for pair in edge.windows(2) {
+                pieces -= usize::from(join(fans, pair[0].1, pair[1].1));
+            }
+            if edge[0].0 < v {
+                continue;
+            }
+            // Count the edge's triangles and their directions.
+            self.euler -= 1;
+            let leaving = edge.iter().filter(|side| side.2).count();
+            let (count, what) = match (edge.len(), leaving) {
+                (1, _) => (&mut self.boundary, "edge with one triangle"),
+                (2, 1) => continue,
+                (2, _) => (&mut self.misoriented, "edge whose triangles run the same way"),
+                _ => (&mut self.crowded, "edge with more than two triangles"),
+            };
+            *count += 1;
+            self.fault.get_or_insert((what, v));
+        }
+        if pieces > 1 {
+            self.pinched += 1;
+            self.fault.get_or_insert(("vertex whose triangles form more than one fan", v));
+        }
+    }
+}
+
+/// The pieces of the mesh, counting every unused vertex as one.
+fn components(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> usize {
+    let mut forest: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    let mut pieces = forest.len();
+    for (t, &[a, b, c]) in mesh.triangles.iter().enumerate() {
+        if linked(t) {
+            pieces -= usize::from(join(&mut forest, a, b));
+            pieces -= usize::from(join(&mut forest, a, c));
+        }
+    }
+    pieces
+}
+
+/// Joins the trees of `a` and `b`; whether they were apart.
+fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
+    let (a, b) = (root(forest, a), root(forest, b));
+    // The lower root stays, which keeps the paths short where vertices are numbered along the surface.
+    forest[a.max(b) as usize] = a.min(b);
+    a != b
+}
+
+/// The root of `a`'s tree, halving the path on the way.
+fn root(forest: &mut [u32], mut a: u32) -> u32 {
+    while forest[a as usize] != a {
+        let above = forest[forest[a as usize] as usize];
+        forest[a as usize] = above;
+        a = above;
+    }
+    a
+}
+
+/// The enclosed volume [m³] and the area [m²].
+fn volume_and_area(mesh: &Mesh, shape: &[Shape]) -> (f64, f64) {
+    // Measure from a vertex, so that a small mesh far from the origin loses no digits.
+    let origin = mesh.positions.first().map_or(nalgebra::Vector3::zeros(), |x| x.cast::<f64>());
+    let at = |v: u32| -> nalgebra::Vector3<f64> { mesh.positions[v as usize].cast::<f64>() - origin };
+    let sums = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
+        let (mut volume, mut area) = (0.0, 0.0);
+        for t in range.filter(|&t| shape[t] != Shape::OutOfRange) {
+            let [a, b, c] = mesh.triangles[t].map(at);
+            volume += a.dot(&b.cross(&c)) / 6.0;
+            area += (b - a).cross(&(c - a)).norm() / 2.0;
+        }
+        (volume, area)
+    });
+    sums.into_iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
+}
+
+/// The area-weighted normals of the faces around every vertex, not normalised [m²].
+pub(super) fn face_normals(mesh: &Mesh) -> Vec<Vec3> {
+    let mut sums = vec![Vec3::zeros(); mesh.positions.len()];
+    for &triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|v| mesh.positions[v as usize]);
+        let normal = (b - a).cross(&(c - a));
+        for v in triangle {
+            sums[v as usize] += normal;
+        }
+    }
+    sums
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A unit cube of 12 triangles.
+    fn cube() -> Mesh {
+        let positions =
+            (0..8).map(|c| Vec3::from_fn(|d, _| if c >> d & 1 == 1 { 1.0 } else { 0.0 })).collect();
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+        Mesh { positions, triangles, ..Mesh::default() }
+    }
+
+    #[test]
+    fn a_cube_is_sound() {
+        let found = check(&cube());
+        assert!(found.is_sound() && found.first_fault.is_none(), "{found:?}");
+        assert_eq!((found.components, found.euler, found.unused_vertices), (1, 2, 0));
+        assert!((found.volume - 1.0).abs() < 1e-12 && (found.area - 6.0).abs() < 1e-12);
+        let empty = check(&Mesh::default());
+        assert!(empty.is_sound() && empty.components == 0 && empty.euler == 0 && empty.volume == 0.0);
+    }
+
+    #[test]
+    fn a_removed_triangle_opens_the_mesh() {
+        let mut mesh = cube();
+        mesh.triangles.remove(5);
+        let found = check(&mesh);
+        assert!(!found.closed && found.manifold && found.oriented);
+        assert_eq!((found.boundary_edges, found.euler), (3, 1));
+        assert_eq!(found.first_fault.unwrap().what, "edge with one triangle");
+    }
+
+    #[test]
+    fn a_flipped_triangle_is_misoriented() {
+        let mut mesh = cube();
+        mesh.triangles[7].swap(0, 2);
+        let found = check(&mesh);
+        assert!(found.closed && found.manifold && !found.oriented);
+        assert_eq!(found.misoriented_edges, 3);
+    }
+
+    #[test]
+    fn a_duplicated_vertex_opens_a_seam() {
+        let mut mesh = cube();
+        mesh.positions.push(mesh.positions[3]);
+        let triangle = mesh.triangles.iter_mut().find(|t| t.contains(&3)).unwrap();
+        triangle.iter_mut().filter(|v| **v == 3).for_each(|v| *v = 8);
+        let found = check(&mesh);
+        assert!(!found.closed && found.boundary_edges == 4, "{found:?}");
+    }
+
+    #[test]
+    fn degenerate_unused_and_broken_parts_are_counted() {
+        let mut mesh = cube();
+        mesh.positions.push(Vec3::new(0.5, 0.0, 0.0));
+        mesh.triangles.push([0, 1, 8]);
+        mesh.triangles.push([2, 2, 3]);
+        mesh.triangles.push([0, 1, 99]);
+        mesh.positions.push(Vec3::new(f32::NAN, 0.0, 0.0));
+        let found = check(&mesh);
+        assert_eq!((found.degenerate_triangles, found.out_of_range_triangles), (2, 1));
+        assert_eq!((found.non_finite_vertices, found.unused_vertices), (1, 1));
+        assert_eq!((found.non_manifold_edges, found.boundary_edges), (1, 2), "{found:?}");
+        assert!(!found.is_sound());
+        assert_eq!(found.first_fault.unwrap().what, "degenerate triangle");
+    }
+
+    #[test]
+    fn cubes_that_touch_in_a_vertex_are_pinched() {
+        let mut mesh = cube();
+        let second = cube();
+        let shift = |v: u32| if v == 0 { 7 } else { v + 7 };
+        mesh.positions.extend(second.positions[1..].iter().map(|x| x + Vec3::new(1.0, 1.0, 1.0)));
+        mesh.triangles.extend(second.triangles.iter().map(|t| t.map(shift)));
+        let found = check(&mesh);
+        assert!(found.closed && found.oriented && !found.manifold);
+        assert_eq!((found.non_manifold_vertices, found.non_manifold_edges, found.components), (1, 0, 1));
+        assert_eq!(found.first_fault.unwrap().vertex, 7);
+    }
+
+    #[test]
+    fn the_order_of_triangles_does_not_change_the_verdict() {
+        let mut mesh = cube();
+        let before = check(&mesh);
+        mesh.triangles.reverse();
+        mesh.triangles.iter_mut().for_each(|t| t.rotate_left(1));
+        let after = check(&mesh);
+        assert_eq!(
+            (before.euler, before.components, before.closed),
+            (after.euler, after.components, after.closed)
+        );
+        assert!((before.volume - after.volume).abs() < 1e-12);
+    }
+}
