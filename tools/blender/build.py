@@ -23,7 +23,7 @@ def build(folder: Path) -> Path:
     path = folder / f"{manifest['id']}-{manifest['version']}.zip"
     with zipfile.ZipFile(path, "w") as archive:
         for source in sorted(file for file in SOURCE.iterdir() if file.suffix in SUFFIXES):
-            # Time, permissions and system are fixed and the data stored plain: nothing depends on the machine.
+            # Time, permissions and system are fixed, the data is stored: nothing depends on the machine.
             entry = zipfile.ZipInfo(source.name, EPOCH)
             entry.create_system, entry.external_attr = 3, 0o644 << 16
             archive.writestr(entry, source.read_bytes().replace(b"\r\n", b"\n"))

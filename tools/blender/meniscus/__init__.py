@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Meniscus for Blender: File > Import > Meniscus Shot opens the shot.json of a shot folder.
 
-Each PLY mesh sequence of the shot becomes an object whose geometry nodes read the file of the current frame. What
-is made consists of plain Blender data: a saved file renders without this add-on and with scripts disabled.
+Each PLY mesh sequence of the shot becomes an object whose geometry nodes read the file of the current frame.
+What is made consists of plain Blender data: a saved file renders without this add-on and with scripts
+disabled.
 """
 
 from pathlib import Path
@@ -36,7 +37,7 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
     )
     set_scene: BoolProperty(
         name="Scene Frames and Rate",
-        description="Give the scene the shot's frame range and frame rate; motion blur is only right at that rate",
+        description="Give the scene the shot's frame range and rate; motion blur is only right at that rate",
         default=True,
     )
     motion_blur: BoolProperty(
@@ -93,7 +94,9 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             scene.frame_set(shot.frames.first)
         if scene.unit_settings.scale_length != 1.0:
             scale = scene.unit_settings.scale_length
-            self.report({"WARNING"}, f"The scene's unit scale is {scale:g}; one unit of the shot is one metre")
+            self.report(
+                {"WARNING"}, f"The scene's unit scale is {scale:g}; one unit of the shot is one metre"
+            )
 
 
 def shot_folder(folder: Path, mode: str) -> str:

@@ -6,10 +6,10 @@ import bpy
 NAME = "Water"
 STAMP = "meniscus_water"
 IOR = 1.33
-# What one metre of water leaves of red, green and blue is the colour below at this density [1/m]; pure water
-# absorbs far less, but a tank of a metre or two would then look like glass.
-DEPTH_COLOUR = (0.30, 0.72, 0.85, 1.0)
-DEPTH_DENSITY = 0.6
+# A path of d metres keeps exp(-density (1 - colour) d) of red, green and blue. Pure water absorbs far less,
+# but a tank of a metre or two would then look like glass; at twice the density that tank is nearly opaque in red.
+DEPTH_COLOUR = (0.22, 0.68, 0.82, 1.0)
+DEPTH_DENSITY = 1.0
 # Without caustics glass throws a black shadow; shadow rays pass with this colour instead.
 SHADOW_COLOUR = (0.80, 0.90, 0.94, 1.0)
 

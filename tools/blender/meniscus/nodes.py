@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The geometry node group that reads a mesh sequence: nodes only, so a saved file needs neither add-on nor scripts.
+"""The geometry node group that reads a mesh sequence; a saved file needs neither add-on nor scripts.
 
-Scene Time → whole frame → clamped to the sequence → back to the last frame on its step → Format String → Import PLY
-→ `velocity` from vx, vy, vz → smooth shading → material. Cycles takes `velocity` in metres a second, divided by
-the scene's frame rate, so the attribute holds the file's values unchanged.
+Scene Time → whole frame → clamped to the sequence → back to the last frame on its step → Format String
+→ Import PLY → `velocity` from vx, vy, vz → smooth shading → material. Cycles takes `velocity` in metres a
+second and divides by the scene's frame rate, so the attribute holds the file's values unchanged.
 """
 
 import bpy
@@ -12,7 +12,11 @@ NAME = "Meniscus Sequence"
 STAMP = "meniscus_sequence"
 REVISION = 1
 INPUTS = [
-    ("Files", "NodeSocketString", "Path of the files; {:04} stands for the frame number, // for the .blend's folder"),
+    (
+        "Files",
+        "NodeSocketString",
+        "Path of the files; {:04} stands for the frame number, // for the .blend's folder",
+    ),
     ("First", "NodeSocketInt", "First frame of the sequence; earlier frames show it"),
     ("Last", "NodeSocketInt", "Last frame of the sequence; later frames show it"),
     ("Step", "NodeSocketInt", "Distance between frames of the sequence; frames between show the one before"),
@@ -51,7 +55,7 @@ class Builder:
         self.column = 0
 
     def node(self, kind: str, *sources: object, label: str = "", row: int = 0, **settings: object):
-        """A new node; sources go into its inputs in order, None leaves an input alone, a plain value is set."""
+        """A new node; its inputs in order are linked to sockets, set to plain values, or left where None."""
         node = self.group.nodes.new(kind)
         node.label = label
         node.location = (220 * self.column, -220 * row)
@@ -69,7 +73,6 @@ class Builder:
         return self.node("FunctionNodeIntegerMath", a, b, operation=operation, label=label, row=1).outputs[0]
 
     def attribute(self, name: str, row: int):
-        self.column -= row > 2
         return self.node("GeometryNodeInputNamedAttribute", name, data_type="FLOAT", row=row).outputs[0]
 
     def build(self) -> None:
@@ -102,9 +105,13 @@ class Builder:
         moving.inputs["Name"].default_value = "velocity"
         self.group.links.new(mesh, moving.inputs["Geometry"])
         self.group.links.new(vector, moving.inputs["Value"])
-        choice = self.node("GeometryNodeSwitch", given["Velocity"], mesh, moving.outputs[0], input_type="GEOMETRY")
+        choice = self.node(
+            "GeometryNodeSwitch", given["Velocity"], mesh, moving.outputs[0], input_type="GEOMETRY"
+        )
 
         # The surface is smooth and has its material.
-        smooth = self.node("GeometryNodeSetShadeSmooth", choice.outputs[0], True, True, domain="FACE").outputs[0]
+        smooth = self.node(
+            "GeometryNodeSetShadeSmooth", choice.outputs[0], True, True, domain="FACE"
+        ).outputs[0]
         done = self.node("GeometryNodeSetMaterial", smooth, True, given["Material"]).outputs[0]
         self.node("NodeGroupOutput", done)

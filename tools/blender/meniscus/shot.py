@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Reads shot.json, the file at the top of a Meniscus shot folder. No Blender in here, so it can be tested alone.
+"""Reads shot.json, the file at the top of a Meniscus shot folder. No Blender in here.
 
 Whatever does not fit is refused with a ShotError that says what was found, where, and what to do next.
 """
@@ -71,16 +71,19 @@ def read_shot(path: Path) -> Shot:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ShotError(
-            f"{path}: no such file. Choose the shot.json at the top of a shot folder; `meniscus shot` writes it"
+            f"{path}: no such file. Choose the shot.json of a shot folder; `meniscus shot` writes it"
         ) from None
     except OSError as error:
         raise ShotError(f"{path}: cannot be read ({error.strerror}). Check the file's permissions") from None
     except ValueError as error:
-        raise ShotError(f"{path}: not valid JSON ({error}). Run `meniscus shot` again to rewrite it") from None
+        raise ShotError(
+            f"{path}: not valid JSON ({error}). Run `meniscus shot` again to rewrite it"
+        ) from None
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         found = data.get("format") if isinstance(data, dict) else type(data).__name__
         raise ShotError(
-            f'{path}: "format" is {found!r}, expected "{FORMAT}". Choose the shot.json that `meniscus shot` wrote'
+            f'{path}: "format" is {found!r}, expected "{FORMAT}". '
+            "Choose the shot.json that `meniscus shot` wrote"
         )
     if data.get("version") != VERSION:
         raise ShotError(
@@ -98,7 +101,8 @@ class Reader:
 
     def fail(self, key: str, found: object, expected: str) -> ShotError:
         return ShotError(
-            f"{self.path}: {key} is {found!r}, expected {expected}. Run `meniscus shot` again to rewrite the file"
+            f"{self.path}: {key} is {found!r}, expected {expected}. "
+            "Run `meniscus shot` again to rewrite the file"
         )
 
     def shot(self, data: dict) -> Shot:
@@ -138,7 +142,9 @@ class Reader:
             raise self.fail(f'{key} "pattern"', pattern, "a path with one {:04} for the frame number")
         parts = PurePosixPath(pattern)
         if parts.is_absolute() or ".." in parts.parts or "\\" in pattern or ":" in NUMBER.sub("", pattern):
-            raise self.fail(f'{key} "pattern"', pattern, "a path inside the shot folder, with / between its parts")
+            raise self.fail(
+                f'{key} "pattern"', pattern, "a path inside the shot folder, with / between its parts"
+            )
         attributes = output.get("attributes") or {}
         if not isinstance(attributes, dict):
             raise self.fail(f'{key} "attributes"', attributes, "an object")
@@ -165,7 +171,7 @@ def scene_rate(fps: float) -> tuple[int, float]:
 
 
 def format_pattern(path: str, pattern: str) -> str:
-    """A folder and a pattern as one Format String input: braces of the folder are doubled, the frame's are kept."""
+    """A folder and a pattern as one Format String input: only the braces of the frame number stay single."""
     head, width, tail = NUMBER.split(pattern)
     escape = {ord("{"): "{{", ord("}"): "}}"}
     head = f"{path.removesuffix('/')}/{head}" if path != "//" else f"//{head}"

@@ -3,9 +3,10 @@
 
     python tools/blender/tests/run.py SHOT_DIR [--keep DIR]
 
-The interpreter needs bpy 4.5 and numpy. The zip is built, and every stage of stages.py runs in a Blender process of
-its own with user folders of its own; the shot is copied first, the given folder is not touched. The last line is
-`N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a synthetic shot stands in for it.
+The interpreter needs bpy 4.5 and numpy. The zip is built, and every stage of stages.py runs in a Blender
+process of its own with user folders made for the test; the shot is copied first, the given folder is not
+touched. The last line is `N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a
+synthetic shot stands in for it.
 """
 
 import argparse
@@ -67,8 +68,9 @@ def check_build(tally: Tally, work: Path) -> Path:
     """Builds the zip twice and looks at its version."""
     first, second = build.build(work / "zip"), build.build(work / "again")
     tally.check(first.read_bytes() == second.read_bytes(), "the zip has the same bytes when built twice")
-    crate = tomllib.loads((TOOL.parent.parent / "Cargo.toml").read_text(encoding="utf-8"))["package"]["version"]
-    tally.check(first.name == f"meniscus-{crate}.zip", "extension and crate have one version", f"{first.name}, {crate}")
+    cargo = tomllib.loads((TOOL.parent.parent / "Cargo.toml").read_text(encoding="utf-8"))
+    wanted = f"meniscus-{cargo['package']['version']}.zip"
+    tally.check(first.name == wanted, "extension and crate have one version", f"{first.name}, not {wanted}")
     return first
 
 

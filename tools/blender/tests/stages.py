@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The parts of the tests that run inside Blender; run.py starts each one in a process of its own.
 
-A check is a line `ok<TAB>name` or `FAIL<TAB>name<TAB>detail`; `expect<TAB>text` asks run.py to look for a text among
-what Blender printed. Meshes are compared with the files through the numpy reader in ply.py.
+A check is a line `ok<TAB>name` or `FAIL<TAB>name<TAB>detail`; `expect<TAB>text` asks run.py to look for a
+text among what Blender printed. Meshes are compared with the files through the numpy reader in ply.py.
 """
 
 import json
@@ -81,7 +81,7 @@ def same_as_file(shown: bpy.types.Object, frame: int, path: Path) -> str:
     mesh.loops.foreach_get("vertex_index", corners)
     if not np.array_equal(corners.reshape(-1, 3), triangles):
         return "triangles differ"
-    # Blender holds custom normals in 16 bit angles, so they return to about 1e-4; a flat shaded face is far off.
+    # Blender holds custom normals in 16 bit angles, good to about 1e-4; a flat shaded face is far off.
     normals = np.empty(3 * len(mesh.loops), np.float32)
     mesh.corner_normals.foreach_get("vector", normals)
     off = np.abs(normals.reshape(-1, 3) - columns(table, "nx ny nz")[corners]).max()
@@ -93,7 +93,7 @@ def same_as_file(shown: bpy.types.Object, frame: int, path: Path) -> str:
 
 
 def frame_camera(low: np.ndarray, high: np.ndarray) -> None:
-    """An orthographic camera that looks along +Y at a box and leaves room around it, a sun, a world, no film."""
+    """An orthographic camera that looks along +Y at a box with room around it, a sun and a clear film."""
     scene = bpy.context.scene
     middle, extent = (low + high) / 2.0, high - low
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -137,15 +137,19 @@ def sequence(shot: Path) -> tuple[dict, dict[int, Path]]:
 def stage_install(archive: Path) -> None:
     """The zip installs from disk into fresh user folders."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.extensions.package_install_files(repo="user_default", filepath=str(archive), enable_on_install=True)
+    bpy.ops.extensions.package_install_files(
+        repo="user_default", filepath=str(archive), enable_on_install=True
+    )
     check(ADDON in bpy.context.preferences.addons, "the zip installs and is switched on")
     check(hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator is registered")
     bpy.ops.preferences.addon_disable(module=ADDON)
-    check(not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator goes when it is switched off")
+    check(
+        not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator goes when it is switched off"
+    )
 
 
 def stage_shot(shot: Path) -> None:
-    """Imports the shot, compares every frame with its file, renders one and saves the .blend beside shot.json."""
+    """Imports the shot, compares every frame with its file, renders one, saves beside shot.json."""
     use_addon()
     data, files = sequence(shot)
     bpy.ops.wm.save_as_mainfile(filepath=str(shot / "scene.blend"))
@@ -154,7 +158,10 @@ def stage_shot(shot: Path) -> None:
     rate = scene.render.fps / scene.render.fps_base
     check(abs(rate - data["fps"]) < 1e-5 * rate, "the scene has the shot's frame rate", rate)
     span = data["frames"]
-    check((scene.frame_start, scene.frame_end) == (span["first"], span["last"]), "the scene has the shot's frames")
+    check(
+        (scene.frame_start, scene.frame_end) == (span["first"], span["last"]),
+        "the scene has the shot's frames",
+    )
     check(scene.render.use_motion_blur, "motion blur is on")
     for frame, path in files.items():
         difference = same_as_file(shown, frame, path)
@@ -171,7 +178,7 @@ def stage_shot(shot: Path) -> None:
 
 
 def stage_farm(shot: Path) -> None:
-    """Opens the saved file in its moved folder, without the add-on and with scripts disabled, and renders again."""
+    """Opens the saved file in its moved folder, without add-on and with scripts disabled; renders again."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(shot / "scene.blend"), use_scripts=False)
     check(not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the add-on is not there")
@@ -217,7 +224,9 @@ def stage_edges(work: Path) -> None:
     still = synthetic.write_shot(work / "still", fps=30000 / 1001)
     change(still, lambda data: data["outputs"][0].pop("attributes"))
     mesh = at_frame(imported(still.parent), 1)
-    check(len(mesh.vertices) == 642 and "velocity" not in mesh.attributes, "no velocity where the shot has none")
+    check(
+        len(mesh.vertices) == 642 and "velocity" not in mesh.attributes, "no velocity where the shot has none"
+    )
     render = bpy.context.scene.render
     check((render.fps, round(render.fps_base, 6)) == (30, 1.001), "29.97 frames a second are 30 over 1.001")
     check(len(bpy.data.node_groups) == 1, "imports share one node group")
@@ -256,7 +265,12 @@ def stage_messages(work: Path) -> None:
     """What is wrong with a shot is said with its place and the next step."""
     use_addon()
     refused("no file", work / "nowhere" / "shot.json", "nowhere", "no such file", "meniscus shot")
-    refused("no paths without a saved file", synthetic.write_shot(work / "a"), "Save it first", path_mode="RELATIVE")
+    refused(
+        "no paths without a saved file",
+        synthetic.write_shot(work / "a"),
+        "Save it first",
+        path_mode="RELATIVE",
+    )
 
     def broken(name: str, edit, *parts: str) -> None:
         path = synthetic.write_shot(work / name)
@@ -267,7 +281,13 @@ def stage_messages(work: Path) -> None:
     broken("fps", lambda d: d.update(fps="24"), '"fps"', "'24'")
     broken("up", lambda d: d.update(up="+Y"), '"up"', "'+Y'", '"+Z"')
     broken("unit", lambda d: d.update(length_unit="cm"), '"length_unit"', "'cm'")
-    broken("no mesh", lambda d: d["outputs"][0].update(kind="volume"), "no mesh", "liquid (volume, ply)", "[output]")
+    broken(
+        "no mesh",
+        lambda d: d["outputs"][0].update(kind="volume"),
+        "no mesh",
+        "liquid (volume, ply)",
+        "[output]",
+    )
     broken("outside", lambda d: d["outputs"][0].update(pattern="../x_{:04}.ply"), "inside the shot folder")
     broken("no number", lambda d: d["outputs"][0].update(pattern="x.ply"), "'x.ply'", "{:04}")
     broken("range", lambda d: d["frames"].update(first=9), '"frames"', "first <= last")
@@ -317,7 +337,7 @@ def stage_blur(work: Path) -> None:
         if item.name == "Velocity":
             shown.modifiers[0][item.identifier] = False
     shown.update_tag()
-    # A shorter shutter, as half a frame away the next file is read, and that may be blurred from shape to shape.
+    # A shorter shutter: half a frame away the next file is read, and shape blurs into shape.
     scene.render.motion_blur_shutter = 0.5
     check(abs(width(True) - width(False)) < 1.5 * pixel, "without the velocity attribute nothing is blurred")
 

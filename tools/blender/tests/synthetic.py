@@ -3,8 +3,9 @@
 
     python tools/blender/tests/synthetic.py DIR [--first 1] [--last 5] [--step 1] [--empty 3]
 
-The surface is p(d, t) = c + v t + r (1 + a sin(w t + k d_z)) d for unit directions d, so its velocity is known in
-closed form. Frames listed by --empty have no vertices and no faces, as a shot has before its first drop.
+The surface is p(d, t) = c + v t + r (1 + a sin(w t + k d_z)) d for unit directions d, so its velocity is
+known in closed form. Frames listed by --empty have no vertices and no faces, as a shot has before its first
+drop.
 """
 
 import argparse
@@ -63,7 +64,12 @@ def surface(directions: np.ndarray, triangles: np.ndarray, seconds: float) -> di
 
 
 def write_shot(
-    folder: Path, first: int = 1, last: int = 5, step: int = 1, empty: tuple[int, ...] = (3,), fps: float = 24.0
+    folder: Path,
+    first: int = 1,
+    last: int = 5,
+    step: int = 1,
+    empty: tuple[int, ...] = (3,),
+    fps: float = 24.0,
 ) -> Path:
     """Writes shot.json and the PLYs; returns the path of shot.json."""
     folder = Path(folder)
