@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Meniscus for Blender: File > Import > Meniscus Shot opens the shot.json of a shot folder.
+
+Each PLY mesh sequence of the shot becomes an object whose geometry nodes read the file of the current frame.
+What is made consists of plain Blender data: a saved file renders without this add-on and with scripts
+disabled.
+"""
+
+from pathlib import Path
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy_extras.io_utils import ImportHelper
+
+from . import material, nodes
+from .shot import MeshOutput, Shot, ShotError, format_pattern, read_shot, scene_rate
+
+
+class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
+    """Open the mesh sequences of a Meniscus shot folder"""
+
+    bl_idname = "import_scene.meniscus_shot"
+    bl_label = "Import Meniscus Shot"
+    bl_options = {"REGISTER", "UNDO", "PRESET"}
+
+    filename_ext = ".json"
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    path_mode: EnumProperty(
+        name="Paths",
+        description="How the object remembers where its files are",
+        items=[
+            ("AUTO", "Auto", "Relative to the .blend where it is saved and on the same drive, else absolute"),
+            ("RELATIVE", "Relative", "Relative to the .blend; an error where that cannot be"),
+            ("ABSOLUTE", "Absolute", "Full path"),
+        ],
+        default="AUTO",
+    )
+    set_scene: BoolProperty(
+        name="Scene Frames and Rate",
+        description="Give the scene the shot's frame range and rate; motion blur is only right at that rate",
+        default=True,
+    )
+    motion_blur: BoolProperty(
+        name="Motion Blur", description="Switch the scene's motion blur on", default=True
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            shot = read_shot(Path(bpy.path.abspath(self.filepath)))
+            meshes = self.usable(shot)
+            folder = shot_folder(shot.folder, self.path_mode)
+        except ShotError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if self.set_scene:
+            self.apply_frames(context.scene, shot)
+        if self.motion_blur:
+            context.scene.render.use_motion_blur = True
+        for selected in context.selected_objects:
+            selected.select_set(False)
+        for mesh in meshes:
+            made = add_object(context, mesh, format_pattern(folder, mesh.pattern))
+            made.select_set(True)
+            context.view_layer.objects.active = made
+        if shot.skipped:
+            self.report({"WARNING"}, f"{shot.title}: not opened, no PLY mesh: {', '.join(shot.skipped)}")
+        where = "relative to the .blend" if folder.startswith("//") else "absolute"
+        count = sum(len(mesh.frames.numbers()) for mesh in meshes)
+        self.report({"INFO"}, f"{shot.title}: {len(meshes)} mesh sequence(s), {count} frames, paths {where}")
+        return {"FINISHED"}
+
+    def usable(self, shot: Shot) -> list[MeshOutput]:
+        """The sequences that have files; gaps are reported, a sequence without any file is an error."""
+        for mesh in shot.meshes:
+            missing = mesh.missing(shot.folder)
+            if not missing:
+                continue
+            total = len(mesh.frames.numbers())
+            place = mesh.file(shot.folder, missing[0])
+            text = (
+                f"{mesh.name}: {len(missing)} of {total} files missing, first {place}. "
+                "Run `meniscus shot` again; it makes what is missing"
+            )
+            if len(missing) == total:
+                raise ShotError(text)
+            self.report({"WARNING"}, f"{text}. Until then these frames are empty")
+        return shot.meshes
+
+    def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:
+        """Frame range, rate and current frame of the shot."""
+        scene.render.fps, scene.render.fps_base = scene_rate(shot.fps)
+        scene.frame_start, scene.frame_end = shot.frames.first, shot.frames.last
+        if not shot.frames.first <= scene.frame_current <= shot.frames.last:
+            scene.frame_set(shot.frames.first)
+        if scene.unit_settings.scale_length != 1.0:
+            scale = scene.unit_settings.scale_length
+            self.report(
+                {"WARNING"}, f"The scene's unit scale is {scale:g}; one unit of the shot is one metre"
+            )
+
+
+def shot_folder(folder: Path, mode: str) -> str:
+    """The shot folder as a path string with / between its parts: //… or absolute. Raises ShotError."""
+    absolute = folder.resolve().as_posix()
+    if mode == "ABSOLUTE":
+        return absolute
+    if not bpy.data.filepath:
+        if mode == "RELATIVE":
+            raise ShotError("The .blend is not saved, so no path can be relative to it. Save it first")
+        return absolute
+    try:
+        relative = bpy.path.relpath(absolute).replace("\\", "/")
+    except ValueError:
+        relative = absolute
+    if mode == "RELATIVE" and not relative.startswith("//"):
+        raise ShotError(f"{absolute} is on another drive than the .blend. Choose absolute paths")
+    return "//" if relative == "//." else relative
+
+
+def add_object(context: bpy.types.Context, mesh: MeshOutput, files: str) -> bpy.types.Object:
+    """A new object in the active collection that shows one sequence."""
+    made = bpy.data.objects.new(mesh.name, bpy.data.meshes.new(mesh.name))
+    context.collection.objects.link(made)
+    modifier = made.modifiers.new(nodes.NAME, "NODES")
+    modifier.node_group = nodes.sequence_group()
+    water = material.water()
+    made.data.materials.append(water)
+    values = {"Files": files, "First": mesh.frames.first, "Last": mesh.frames.last, "Step": mesh.frames.step}
+    nodes.set_inputs(modifier, values | {"Velocity": mesh.has_velocity, "Material": water})
+    return made
+
+
+def menu_item(self: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    self.layout.operator(IMPORT_SCENE_OT_meniscus_shot.bl_idname, text="Meniscus Shot (shot.json)")
+
+
+def register() -> None:
+    bpy.utils.register_class(IMPORT_SCENE_OT_meniscus_shot)
+    bpy.types.TOPBAR_MT_file_import.append(menu_item)
+
+
+def unregister() -> None:
+    bpy.types.TOPBAR_MT_file_import.remove(menu_item)
+    bpy.utils.unregister_class(IMPORT_SCENE_OT_meniscus_shot)

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Reads shot.json, the file at the top of a Meniscus shot folder. No Blender in here.
+
+Whatever does not fit is refused with a ShotError that says what was found, where, and what to do next.
+"""
+
+import json
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+FORMAT = "meniscus-shot"
+VERSION = 1
+NUMBER = re.compile(r"\{:0(\d)\}")
+VELOCITY = ["vx", "vy", "vz"]
+
+
+class ShotError(Exception):
+    """A shot that cannot be opened: what, where, and the next step, in one message."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Frame numbers first, first + step, … up to last; last need not be one of them."""
+
+    first: int
+    last: int
+    step: int
+
+    def numbers(self) -> range:
+        return range(self.first, self.last + 1, self.step)
+
+
+@dataclass(frozen=True)
+class MeshOutput:
+    """A sequence of PLY files, one a frame."""
+
+    name: str
+    pattern: str
+    frames: Frames
+    has_velocity: bool
+
+    def file(self, folder: Path, frame: int) -> Path:
+        """Path of one frame's file."""
+        return folder / NUMBER.sub(lambda match: f"{frame:0{match.group(1)}}", self.pattern)
+
+    def missing(self, folder: Path) -> list[int]:
+        """Frames whose file is not there."""
+        return [frame for frame in self.frames.numbers() if not self.file(folder, frame).is_file()]
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a shot folder holds, as far as Blender can use it."""
+
+    folder: Path
+    title: str
+    fps: float
+    frames: Frames
+    meshes: list[MeshOutput]
+    skipped: list[str]
+
+
+def read_shot(path: Path) -> Shot:
+    """Reads shot.json, or the shot.json of a folder. Raises ShotError."""
+    path = Path(path)
+    if path.is_dir():
+        path = path / "shot.json"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ShotError(
+            f"{path}: no such file. Choose the shot.json of a shot folder; `meniscus shot` writes it"
+        ) from None
+    except OSError as error:
+        raise ShotError(f"{path}: cannot be read ({error.strerror}). Check the file's permissions") from None
+    except ValueError as error:
+        raise ShotError(
+            f"{path}: not valid JSON ({error}). Run `meniscus shot` again to rewrite it"
+        ) from None
+    if not isinstance(data, dict) or data.get("format") != FORMAT:
+        found = data.get("format") if isinstance(data, dict) else type(data).__name__
+        raise ShotError(
+            f'{path}: "format" is {found!r}, expected "{FORMAT}". '
+            "Choose the shot.json that `meniscus shot` wrote"
+        )
+    if data.get("version") != VERSION:
+        raise ShotError(
+            f'{path}: "version" is {data.get("version")!r}, this add-on reads {VERSION}. '
+            "Install the add-on that came with the Meniscus that wrote the shot"
+        )
+    return Reader(path).shot(data)
+
+
+class Reader:
+    """Takes the values of one shot.json apart; every complaint names the file and the key."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def fail(self, key: str, found: object, expected: str) -> ShotError:
+        return ShotError(
+            f"{self.path}: {key} is {found!r}, expected {expected}. "
+            "Run `meniscus shot` again to rewrite the file"
+        )
+
+    def shot(self, data: dict) -> Shot:
+        fps = data.get("fps")
+        if isinstance(fps, bool) or not isinstance(fps, (int, float)) or not 0.01 <= fps <= 10000.0:
+            raise self.fail('"fps"', fps, "a number from 0.01 to 10000")
+        if data.get("up") != "+Z":
+            raise self.fail('"up"', data.get("up"), '"+Z"')
+        if data.get("length_unit") != "m":
+            raise self.fail('"length_unit"', data.get("length_unit"), '"m"')
+        outputs = data.get("outputs")
+        if not isinstance(outputs, list) or not all(isinstance(output, dict) for output in outputs):
+            raise self.fail('"outputs"', outputs, "a list of objects")
+        meshes, skipped = [], []
+        for index, output in enumerate(outputs):
+            kind, form = output.get("kind"), output.get("format")
+            if (kind, form) == ("mesh", "ply"):
+                meshes.append(self.mesh(f'"outputs"[{index}]', output))
+            else:
+                skipped.append(f"{output.get('name', index)} ({kind}, {form})")
+        if not meshes:
+            listed = ", ".join(skipped) or "nothing"
+            raise ShotError(
+                f"{self.path}: no mesh in PLY format among the outputs (found: {listed}). "
+                'Add mesh = ["ply"] to the preset\'s [output] and run `meniscus shot` again'
+            )
+        title = str(data.get("title") or self.path.parent.name)
+        return Shot(
+            self.path.parent, title, float(fps), self.frames('"frames"', data.get("frames")), meshes, skipped
+        )
+
+    def mesh(self, key: str, output: dict) -> MeshOutput:
+        name, pattern = output.get("name"), output.get("pattern")
+        if not isinstance(name, str) or not name:
+            raise self.fail(f'{key} "name"', name, "a name")
+        if not isinstance(pattern, str) or len(NUMBER.findall(pattern)) != 1:
+            raise self.fail(f'{key} "pattern"', pattern, "a path with one {:04} for the frame number")
+        parts = PurePosixPath(pattern)
+        if parts.is_absolute() or ".." in parts.parts or "\\" in pattern or ":" in NUMBER.sub("", pattern):
+            raise self.fail(
+                f'{key} "pattern"', pattern, "a path inside the shot folder, with / between its parts"
+            )
+        attributes = output.get("attributes") or {}
+        if not isinstance(attributes, dict):
+            raise self.fail(f'{key} "attributes"', attributes, "an object")
+        velocity = attributes.get("velocity")
+        if velocity not in (None, VELOCITY):
+            raise self.fail(f'{key} "velocity"', velocity, str(VELOCITY))
+        frames = self.frames(f'{key} "frames"', output.get("frames"))
+        return MeshOutput(name, pattern, frames, velocity is not None)
+
+    def frames(self, key: str, value: object) -> Frames:
+        numbers = [value.get(name) for name in ("first", "last", "step")] if isinstance(value, dict) else []
+        if len(numbers) != 3 or any(type(number) is not int for number in numbers):
+            raise self.fail(key, value, '"first", "last" and "step" as whole numbers')
+        frames = Frames(*numbers)
+        if frames.first < 0 or frames.last < frames.first or frames.step < 1:
+            raise self.fail(key, value, "0 <= first <= last and step >= 1")
+        return frames
+
+
+def scene_rate(fps: float) -> tuple[int, float]:
+    """Frames per second as Blender holds them: a whole number over a base (23.976 → 24 over 1.001)."""
+    whole = max(1, math.floor(fps + 0.5))
+    return whole, whole / fps
+
+
+def format_pattern(path: str, pattern: str) -> str:
+    """A folder and a pattern as one Format String input: only the braces of the frame number stay single."""
+    head, width, tail = NUMBER.split(pattern)
+    escape = {ord("{"): "{{", ord("}"): "}}"}
+    head = f"{path.removesuffix('/')}/{head}" if path != "//" else f"//{head}"
+    return head.translate(escape) + f"{{:0{width}}}" + tail.translate(escape)

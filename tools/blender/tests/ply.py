@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""An independent reader and writer of the binary PLY that Meniscus writes: numpy only, no Blender.
+
+Little endian, float vertex properties in any number, faces as one list of uchar count and uint corners, all
+triangles. Anything else is refused, so that a test never compares against something half understood.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz")
+FACE = np.dtype([("count", "u1"), ("corner", "<u4", (3,))])
+
+
+def read(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Returns the vertex columns by name (float32) and the triangles (N x 3, uint32)."""
+    data = Path(path).read_bytes()
+    end = data.index(b"end_header\n") + len(b"end_header\n")
+    lines = [line.split() for line in data[:end].decode("ascii").splitlines()]
+    if lines[0] != ["ply"] or lines[1] != ["format", "binary_little_endian", "1.0"]:
+        raise ValueError(f"{path}: not a binary little endian PLY")
+    elements: dict[str, int] = {}
+    properties: dict[str, list[list[str]]] = {}
+    current = ""
+    for words in lines[2:-1]:
+        if words[0] == "element":
+            current = words[1]
+            elements[current] = int(words[2])
+            properties[current] = []
+        elif words[0] == "property":
+            properties[current].append(words[1:])
+        elif words[0] not in ("comment", "obj_info"):
+            raise ValueError(f"{path}: unexpected header line {words}")
+    if list(elements) != ["vertex", "face"]:
+        raise ValueError(f"{path}: elements {list(elements)}, expected vertex and face")
+    if any(p[0] not in ("float", "float32") for p in properties["vertex"]):
+        raise ValueError(f"{path}: a vertex property that is not float")
+    face = properties["face"]
+    if len(face) != 1 or face[0][:3] not in (["list", "uchar", "uint"], ["list", "uint8", "uint32"]):
+        raise ValueError(f"{path}: face property {face}, expected one list of uchar and uint")
+    names = [p[1] for p in properties["vertex"]]
+    vertex = np.dtype([(name, "<f4") for name in names])
+    size = elements["vertex"] * vertex.itemsize + elements["face"] * FACE.itemsize
+    if len(data) - end != size:
+        raise ValueError(f"{path}: {len(data) - end} bytes of data, the header promises {size}")
+    vertices = np.frombuffer(data, vertex, elements["vertex"], end)
+    faces = np.frombuffer(data, FACE, elements["face"], end + vertices.nbytes)
+    if np.any(faces["count"] != 3):
+        raise ValueError(f"{path}: a face that is not a triangle")
+    return {name: vertices[name].copy() for name in names}, faces["corner"].copy()
+
+
+def write(path: Path, columns: dict[str, np.ndarray], triangles: np.ndarray) -> None:
+    """Writes vertex columns and triangles the way the Meniscus exporter lays them out."""
+    vertices = np.zeros(len(columns["x"]), [(name, "<f4") for name in columns])
+    for name, values in columns.items():
+        vertices[name] = values
+    faces = np.zeros(len(triangles), FACE)
+    faces["count"] = 3
+    faces["corner"] = triangles
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    header += [f"property float {name}" for name in columns]
+    header += [f"element face {len(faces)}", "property list uchar uint vertex_indices", "end_header", ""]
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    Path(path).write_bytes("\n".join(header).encode("ascii") + vertices.tobytes() + faces.tobytes())

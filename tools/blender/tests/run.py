@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Tests of the Blender extension, on a shot folder that the meniscus binary made and on synthetic ones.
+
+    python tools/blender/tests/run.py SHOT_DIR [--keep DIR]
+
+The interpreter needs bpy 4.5 and numpy. The zip is built, and every stage of stages.py runs in a Blender
+process of its own with user folders made for the test; the shot is copied first, the given folder is not
+touched. The last line is `N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a
+synthetic shot stands in for it.
+"""
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+TOOL = HERE.parent
+sys.path[:0] = [str(HERE), str(TOOL)]
+
+import build  # noqa: E402
+import synthetic  # noqa: E402
+
+
+class Tally:
+    """Prints one line a check and counts them."""
+
+    def __init__(self) -> None:
+        self.passed = 0
+        self.failed = 0
+
+    def check(self, good: bool, name: str, detail: str = "") -> None:
+        self.passed += good
+        self.failed += not good
+        print(f"ok   {name}" if good else f"FAIL {name}: {detail}", flush=True)
+
+    def stage(self, name: str, arguments: list[Path], resources: Path) -> None:
+        """Runs one stage in a new process; its ok, FAIL and expect lines become checks."""
+        print(f"-- {name}", flush=True)
+        command = [sys.executable, str(HERE / "stages.py"), name, *map(str, arguments)]
+        environment = os.environ | {"BLENDER_USER_RESOURCES": str(resources), "PYTHONDONTWRITEBYTECODE": "1"}
+        run = subprocess.run(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8"
+        )
+        lines = run.stdout.splitlines()
+        failed = self.failed
+        talk = "\n".join(line for line in lines if not line.startswith("expect\t"))
+        for line in lines:
+            kind, _, rest = line.partition("\t")
+            if kind == "ok":
+                self.check(True, rest)
+            elif kind == "FAIL":
+                self.check(False, *rest.split("\t", 1))
+            elif kind == "expect":
+                self.check(rest in talk, f"Blender reports: {rest}", "not among what was printed")
+        done = run.returncode == 0 and lines[-1:] == ["done"]
+        self.check(done, f"stage {name} ran to its end", f"exit code {run.returncode}")
+        if self.failed > failed:
+            told = [line for line in talk.splitlines() if not line.startswith(("Fra:", "ok\t"))]
+            print("   | " + "\n   | ".join(told[-60:]), flush=True)
+
+
+def check_build(tally: Tally, work: Path) -> Path:
+    """Builds the zip twice and looks at its version."""
+    first, second = build.build(work / "zip"), build.build(work / "again")
+    tally.check(first.read_bytes() == second.read_bytes(), "the zip has the same bytes when built twice")
+    cargo = tomllib.loads((TOOL.parent.parent / "Cargo.toml").read_text(encoding="utf-8"))
+    wanted = f"meniscus-{cargo['package']['version']}.zip"
+    tally.check(first.name == wanted, "extension and crate have one version", f"{first.name}, not {wanted}")
+    return first
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("shot", type=Path, nargs="?", help="shot folder with PLY meshes, a few frames")
+    parser.add_argument("--keep", type=Path, help="work in this new folder and keep it")
+    given = parser.parse_args()
+    work = given.keep or Path(tempfile.mkdtemp(prefix="meniscus-blender-"))
+    work.mkdir(parents=True, exist_ok=True)
+    tally = Tally()
+    try:
+        archive = check_build(tally, work)
+        if given.shot:
+            ignored = shutil.ignore_patterns("cache", "volume", "sheet")
+            shutil.copytree(given.shot, work / "shot", ignore=ignored)
+        else:
+            synthetic.write_shot(work / "shot")
+        user, bare = work / "user", work / "bare"
+        user.mkdir()
+        bare.mkdir()
+        tally.stage("install", [archive], user)
+        tally.stage("shot", [work / "shot"], user)
+        # The folder moves between the two processes: relative paths have to survive that.
+        os.rename(work / "shot", work / "moved shot")
+        tally.stage("farm", [work / "moved shot"], bare)
+        tally.stage("edges", [work / "edges"], user)
+        tally.stage("messages", [work / "messages"], user)
+        tally.stage("blur", [work / "blur"], user)
+    finally:
+        if not given.keep:
+            shutil.rmtree(work, ignore_errors=True)
+    print(f"{tally.passed} passed, {tally.failed} failed", flush=True)
+    return 1 if tally.failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

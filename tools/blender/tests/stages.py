@@ -1,0 +1,355 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""The parts of the tests that run inside Blender; run.py starts each one in a process of its own.
+
+A check is a line `ok<TAB>name` or `FAIL<TAB>name<TAB>detail`; `expect<TAB>text` asks run.py to look for a
+text among what Blender printed. Meshes are compared with the files through the numpy reader in ply.py.
+"""
+
+import json
+import os
+import sys
+import traceback
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+import ply
+import synthetic
+
+ADDON = "bl_ext.user_default.meniscus"
+SIZE = (128, 64)
+
+
+def check(good: bool, name: str, detail: object = "") -> None:
+    print(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}", flush=True)
+
+
+def expect(text: str) -> None:
+    print(f"expect\t{text}", flush=True)
+
+
+def use_addon() -> None:
+    """An empty file with the installed add-on switched on."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=ADDON)
+
+
+def evaluated(shown: bpy.types.Object) -> bpy.types.Mesh:
+    return shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+
+
+def at_frame(shown: bpy.types.Object, frame: int, subframe: float = 0.0) -> bpy.types.Mesh:
+    bpy.context.scene.frame_set(frame, subframe=subframe)
+    return evaluated(shown)
+
+
+def vectors(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
+    """A point vector attribute as N x 3 floats, None where it does not exist."""
+    attribute = mesh.attributes.get(name)
+    if attribute is None or (attribute.domain, attribute.data_type) != ("POINT", "FLOAT_VECTOR"):
+        return None
+    values = np.empty(3 * len(attribute.data), np.float32)
+    attribute.data.foreach_get("vector", values)
+    return values.reshape(-1, 3)
+
+
+def columns(table: dict[str, np.ndarray], names: str) -> np.ndarray:
+    return np.stack([table[name] for name in names.split()], axis=1)
+
+
+def same_as_file(shown: bpy.types.Object, frame: int, path: Path) -> str:
+    """What differs between the mesh at a frame and a file; empty if nothing does."""
+    mesh = at_frame(shown, frame)
+    table, triangles = ply.read(path)
+    wanted = columns(table, "x y z")
+    if len(mesh.vertices) != len(wanted):
+        return f"{len(mesh.vertices)} vertices, the file has {len(wanted)}"
+    if len(wanted) == 0:
+        return "" if len(mesh.polygons) == 0 else "faces without vertices"
+    found = vectors(mesh, "position")
+    if not np.array_equal(found, wanted):
+        return "positions differ"
+    box = np.array(shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).bound_box, np.float32)
+    if not (np.array_equal(box.min(0), wanted.min(0)) and np.array_equal(box.max(0), wanted.max(0))):
+        return f"bounding box {box.min(0)} {box.max(0)}, the file has {wanted.min(0)} {wanted.max(0)}"
+    velocity = vectors(mesh, "velocity")
+    if velocity is None or not np.array_equal(velocity, columns(table, "vx vy vz")):
+        return "velocity is missing" if velocity is None else "velocity differs"
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    if not np.array_equal(corners.reshape(-1, 3), triangles):
+        return "triangles differ"
+    # Blender holds custom normals in 16 bit angles, good to about 1e-4; a flat shaded face is far off.
+    normals = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    off = np.abs(normals.reshape(-1, 3) - columns(table, "nx ny nz")[corners]).max()
+    if off > 2e-3:
+        return f"normals are off by {off}"
+    if mesh.materials[:1] != [mesh.materials.get("Water")] or mesh.materials.get("Water") is None:
+        return "the material is not Water"
+    return ""
+
+
+def frame_camera(low: np.ndarray, high: np.ndarray) -> None:
+    """An orthographic camera that looks along +Y at a box with room around it, a sun and a clear film."""
+    scene = bpy.context.scene
+    middle, extent = (low + high) / 2.0, high - low
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.type = "ORTHO"
+    camera.data.ortho_scale = float(1.4 * max(extent[0], extent[2] * SIZE[0] / SIZE[1], 1e-3))
+    camera.location = Vector((middle[0], low[1] - 5.0, middle[2]))
+    camera.rotation_euler = (np.pi / 2.0, 0.0, 0.0)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    world = bpy.data.worlds.new("World")
+    scene.collection.objects.link(camera)
+    scene.collection.objects.link(sun)
+    scene.camera, scene.world = camera, world
+    render = scene.render
+    render.engine, render.film_transparent = "CYCLES", True
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
+    render.image_settings.file_format, render.image_settings.color_mode = "OPEN_EXR", "RGBA"
+    scene.cycles.device, scene.cycles.samples, scene.cycles.seed = "CPU", 16, 1
+    scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False
+
+
+def render_alpha(path: Path) -> np.ndarray:
+    """Renders the current frame and returns its alpha."""
+    bpy.context.scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(str(path))
+    pixels = np.empty(4 * SIZE[0] * SIZE[1], np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    return pixels.reshape(SIZE[1], SIZE[0], 4)[:, :, 3]
+
+
+def sequence(shot: Path) -> tuple[dict, dict[int, Path]]:
+    """shot.json and the first PLY output's files by frame, read without the add-on's code."""
+    data = json.loads((shot / "shot.json").read_text(encoding="utf-8"))
+    output = next(o for o in data["outputs"] if (o["kind"], o["format"]) == ("mesh", "ply"))
+    span = output["frames"]
+    numbers = range(span["first"], span["last"] + 1, span["step"])
+    return data, {frame: shot / output["pattern"].format(frame) for frame in numbers}
+
+
+def stage_install(archive: Path) -> None:
+    """The zip installs from disk into fresh user folders."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.extensions.package_install_files(
+        repo="user_default", filepath=str(archive), enable_on_install=True
+    )
+    check(ADDON in bpy.context.preferences.addons, "the zip installs and is switched on")
+    check(hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator is registered")
+    bpy.ops.preferences.addon_disable(module=ADDON)
+    check(
+        not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator goes when it is switched off"
+    )
+
+
+def stage_shot(shot: Path) -> None:
+    """Imports the shot, compares every frame with its file, renders one, saves beside shot.json."""
+    use_addon()
+    data, files = sequence(shot)
+    bpy.ops.wm.save_as_mainfile(filepath=str(shot / "scene.blend"))
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"))
+    scene, shown = bpy.context.scene, bpy.context.object
+    rate = scene.render.fps / scene.render.fps_base
+    check(abs(rate - data["fps"]) < 1e-5 * rate, "the scene has the shot's frame rate", rate)
+    span = data["frames"]
+    check(
+        (scene.frame_start, scene.frame_end) == (span["first"], span["last"]),
+        "the scene has the shot's frames",
+    )
+    check(scene.render.use_motion_blur, "motion blur is on")
+    for frame, path in files.items():
+        difference = same_as_file(shown, frame, path)
+        check(not difference, f"frame {frame} is its file", difference)
+    sizes = {frame: len(ply.read(path)[0]["x"]) for frame, path in files.items()}
+    frame = max(frame for frame, size in sizes.items() if size > 0)
+    points = columns(ply.read(files[frame])[0], "x y z")
+    frame_camera(points.min(0), points.max(0))
+    scene.frame_set(frame)
+    alpha = render_alpha(shot / "first.exr")
+    check(0.02 < (alpha > 0.5).mean() < 0.9, "the rendered frame shows water and background", alpha.mean())
+    np.save(shot / "alpha.npy", alpha)
+    bpy.ops.wm.save_as_mainfile(filepath=str(shot / "scene.blend"))
+
+
+def stage_farm(shot: Path) -> None:
+    """Opens the saved file in its moved folder, without add-on and with scripts disabled; renders again."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.open_mainfile(filepath=str(shot / "scene.blend"), use_scripts=False)
+    check(not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the add-on is not there")
+    check(not bpy.app.autoexec_fail and not bpy.data.texts, "the file asks for no scripts")
+    alpha, before = render_alpha(shot / "second.exr"), np.load(shot / "alpha.npy")
+    check(np.array_equal(alpha, before), "the frame renders the same", np.abs(alpha - before).max())
+
+
+def stage_edges(work: Path) -> None:
+    """Empty frames, frames outside the range and between steps, sub-frames, long numbers, awkward folders."""
+    use_addon()
+    plain = synthetic.write_shot(work / "plain").parent
+    shown = imported(plain)
+    files = sequence(plain)[1]
+    for frame, path in files.items():
+        difference = same_as_file(shown, frame, path)
+        check(not difference, f"synthetic frame {frame} is its file", difference)
+    check(len(at_frame(shown, 3).vertices) == 0, "an empty frame is empty")
+    for scene_frame, frame in ((-7, 1), (0, 1), (6, 5), (400, 5)):
+        difference = same_as_file(shown, scene_frame, files[frame])
+        check(not difference, f"frame {scene_frame} holds frame {frame}", difference)
+    wanted = columns(ply.read(files[2])[0], "x y z")
+    for whole, part in ((1, 0.75), (2, 0.25)):
+        found = vectors(at_frame(shown, whole, part), "position")
+        check(np.array_equal(found, wanted), f"sub-frame {whole + part} shows frame 2")
+
+    stepped = synthetic.write_shot(work / "step", 3, 8, 2, ()).parent
+    shown, files = imported(stepped), sequence(stepped)[1]
+    for scene_frame, frame in ((3, 3), (4, 3), (5, 5), (6, 5), (7, 7), (8, 7), (9, 7), (1, 3)):
+        difference = same_as_file(shown, scene_frame, files[frame])
+        check(not difference, f"step 2: frame {scene_frame} shows frame {frame}", difference)
+
+    for name, first in (("long numbers", 9999), ("braces {a} {:04} }{", 1), ("spät 水", 1)):
+        folder = synthetic.write_shot(work / name, first, first + 1, empty=()).parent
+        for mode in ("ABSOLUTE", "RELATIVE"):
+            bpy.ops.wm.save_as_mainfile(filepath=str(work / "edges.blend"))
+            shown = imported(folder, path_mode=mode)
+            text = shown.modifiers[0]["Socket_1"]
+            check(text.startswith("//") == (mode == "RELATIVE"), f"{name}: path is {mode.lower()}", text)
+            difference = same_as_file(shown, first + 1, sequence(folder)[1][first + 1])
+            check(not difference, f"{name}: {mode.lower()} frame {first + 1} is its file", difference)
+
+    still = synthetic.write_shot(work / "still", fps=30000 / 1001)
+    change(still, lambda data: data["outputs"][0].pop("attributes"))
+    mesh = at_frame(imported(still.parent), 1)
+    check(
+        len(mesh.vertices) == 642 and "velocity" not in mesh.attributes, "no velocity where the shot has none"
+    )
+    render = bpy.context.scene.render
+    check((render.fps, round(render.fps_base, 6)) == (30, 1.001), "29.97 frames a second are 30 over 1.001")
+    check(len(bpy.data.node_groups) == 1, "imports share one node group")
+    check(len(bpy.data.materials) == 1, "imports share one material")
+    water = bpy.data.materials["Water"].node_tree.nodes["Principled BSDF"]
+    check(abs(water.inputs["IOR"].default_value - 1.33) < 1e-6, "Water refracts with 1.33")
+
+
+def imported(folder: Path, **options: str) -> bpy.types.Object:
+    bpy.ops.import_scene.meniscus_shot(filepath=str(folder / "shot.json"), **options)
+    return bpy.context.object
+
+
+def change(path: Path, edit) -> None:
+    """Rewrites a shot.json after an edit of its data."""
+    data = json.loads(path.read_text(encoding="utf-8"))
+    edit(data)
+    path.write_text(json.dumps(data), encoding="utf-8")
+
+
+def refused(name: str, path: Path, *parts: str, **options: str) -> None:
+    """The import fails, its message has every part, and the file is as it was."""
+    objects = len(bpy.data.objects)
+    try:
+        bpy.ops.import_scene.meniscus_shot(filepath=str(path), **options)
+    except RuntimeError as error:
+        text = str(error)
+        lacking = [part for part in parts if part not in text]
+        check(not lacking, f"refused: {name}", f"message lacks {lacking}: {text!r}")
+    else:
+        check(False, f"refused: {name}", "it was imported")
+    check(len(bpy.data.objects) == objects, f"refused without a trace: {name}")
+
+
+def stage_messages(work: Path) -> None:
+    """What is wrong with a shot is said with its place and the next step."""
+    use_addon()
+    refused("no file", work / "nowhere" / "shot.json", "nowhere", "no such file", "meniscus shot")
+    refused(
+        "no paths without a saved file",
+        synthetic.write_shot(work / "a"),
+        "Save it first",
+        path_mode="RELATIVE",
+    )
+
+    def broken(name: str, edit, *parts: str) -> None:
+        path = synthetic.write_shot(work / name)
+        change(path, edit)
+        refused(name, path, str(path), *parts, "`meniscus shot`")
+
+    broken("format", lambda d: d.update(format="other"), "'other'", '"meniscus-shot"')
+    broken("fps", lambda d: d.update(fps="24"), '"fps"', "'24'")
+    broken("up", lambda d: d.update(up="+Y"), '"up"', "'+Y'", '"+Z"')
+    broken("unit", lambda d: d.update(length_unit="cm"), '"length_unit"', "'cm'")
+    broken(
+        "no mesh",
+        lambda d: d["outputs"][0].update(kind="volume"),
+        "no mesh",
+        "liquid (volume, ply)",
+        "[output]",
+    )
+    broken("outside", lambda d: d["outputs"][0].update(pattern="../x_{:04}.ply"), "inside the shot folder")
+    broken("no number", lambda d: d["outputs"][0].update(pattern="x.ply"), "'x.ply'", "{:04}")
+    broken("range", lambda d: d["frames"].update(first=9), '"frames"', "first <= last")
+    broken("velocity", lambda d: d["outputs"][0]["attributes"].update(velocity=["a"]), "['a']", "vx")
+
+    newer = synthetic.write_shot(work / "newer")
+    change(newer, lambda data: data.update(version=2))
+    refused("version", newer, str(newer), '"version" is 2', "reads 1", "Install the add-on")
+    text = synthetic.write_shot(work / "text")
+    text.write_text("{", encoding="utf-8")
+    refused("not JSON", text, str(text), "not valid JSON")
+
+    gone = synthetic.write_shot(work / "gone")
+    for path in (gone.parent / "mesh").iterdir():
+        path.unlink()
+    refused("all files missing", gone, "liquid: 5 of 5 files missing", "liquid_0001.ply", "`meniscus shot`")
+    gap = synthetic.write_shot(work / "gap")
+    (gap.parent / "mesh" / "liquid_0004.ply").unlink()
+    change(gap, lambda data: data["outputs"].append({"kind": "sheet", "name": "sail", "format": "pc2"}))
+    shown = imported(gap.parent)
+    expect("Warning: liquid: 1 of 5 files missing, first ")
+    expect("Warning: Synthetic: not opened, no PLY mesh: sail (sheet, pc2)")
+    check(len(at_frame(shown, 4).vertices) == 0, "a missing frame is empty, not the one before")
+    expect("Info: Synthetic: 1 mesh sequence(s), 5 frames, paths absolute")
+
+
+def stage_blur(work: Path) -> None:
+    """Motion blur follows `velocity`: a shutter of s frames smears the shape by s v / fps metres."""
+    use_addon()
+    shown = imported(synthetic.write_shot(work, empty=()).parent)
+    scene, points = bpy.context.scene, columns(ply.read(work / "mesh" / "liquid_0002.ply")[0], "x y z")
+    scene.frame_set(2)
+    frame_camera(points.min(0), points.max(0))
+    scene.cycles.samples = 256
+    pixel = scene.camera.data.ortho_scale / SIZE[0]
+    scene.render.motion_blur_shutter = 1.0
+
+    def width(blur: bool) -> float:
+        scene.render.use_motion_blur = blur
+        covered = np.nonzero((render_alpha(work / "blur.exr") > 0.002).any(axis=0))[0]
+        return (covered[-1] - covered[0]) * pixel
+
+    grown = width(True) - width(False)
+    wanted = synthetic.DRIFT[0] / 24.0
+    check(abs(grown - wanted) < 3.0 * pixel, "blur is as long as the velocity says", f"{grown}, not {wanted}")
+    for item in shown.modifiers[0].node_group.interface.items_tree:
+        if item.name == "Velocity":
+            shown.modifiers[0][item.identifier] = False
+    shown.update_tag()
+    # A shorter shutter: half a frame away the next file is read, and shape blurs into shape.
+    scene.render.motion_blur_shutter = 0.5
+    check(abs(width(True) - width(False)) < 1.5 * pixel, "without the velocity attribute nothing is blurred")
+
+
+if __name__ == "__main__":
+    code = 1
+    try:
+        globals()[f"stage_{sys.argv[1]}"](*map(Path, sys.argv[2:]))
+        print("done")
+        code = 0
+    except Exception:
+        traceback.print_exc(file=sys.stdout)
+    sys.stdout.flush()
+    # bpy as a module can crash while the interpreter shuts down, which would hide the result.
+    os._exit(code)

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Writes a small shot folder without a simulation: a wobbling ball that flies, with its exact velocities.
+
+    python tools/blender/tests/synthetic.py DIR [--first 1] [--last 5] [--step 1] [--empty 3]
+
+The surface is p(d, t) = c + v t + r (1 + a sin(w t + k d_z)) d for unit directions d, so its velocity is
+known in closed form. Frames listed by --empty have no vertices and no faces, as a shot has before its first
+drop.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+import ply
+
+CENTRE = np.array([0.3, 0.4, 0.6])
+DRIFT = np.array([6.0, 0.5, -0.8])
+RADIUS, AMPLITUDE, RATE, WAVES = 0.3, 0.15, 9.0, 5.0
+
+
+def icosphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit directions and outward triangles of a subdivided icosahedron."""
+    g = (1.0 + 5.0**0.5) / 2.0
+    points = [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g)]
+    points += [(0, -1, -g), (0, 1, -g), (g, 0, -1), (g, 0, 1), (-g, 0, -1), (-g, 0, 1)]
+    faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4)]
+    faces += [(11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8)]
+    faces += [(3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]
+    points = [np.array(p, float) / np.linalg.norm(p) for p in points]
+    for _ in range(subdivisions):
+        middle: dict[tuple[int, int], int] = {}
+
+        def between(a: int, b: int) -> int:
+            key = (min(a, b), max(a, b))
+            if key not in middle:
+                half = points[a] + points[b]
+                middle[key] = len(points)
+                points.append(half / np.linalg.norm(half))
+            return middle[key]
+
+        split = []
+        for a, b, c in faces:
+            ab, bc, ca = between(a, b), between(b, c), between(c, a)
+            split += [(a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca)]
+        faces = split
+    return np.array(points), np.array(faces)
+
+
+def surface(directions: np.ndarray, triangles: np.ndarray, seconds: float) -> dict[str, np.ndarray]:
+    """Vertex columns at a time: position, area-weighted normal and velocity."""
+    phase = RATE * seconds + WAVES * directions[:, 2:3]
+    position = CENTRE + DRIFT * seconds + RADIUS * (1.0 + AMPLITUDE * np.sin(phase)) * directions
+    velocity = DRIFT + RADIUS * AMPLITUDE * RATE * np.cos(phase) * directions
+    corners = position[triangles]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = np.zeros_like(position)
+    for corner in range(3):
+        np.add.at(normal, triangles[:, corner], area)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return dict(zip(ply.PROPERTIES, np.concatenate([position, normal, velocity], axis=1).T))
+
+
+def write_shot(
+    folder: Path,
+    first: int = 1,
+    last: int = 5,
+    step: int = 1,
+    empty: tuple[int, ...] = (3,),
+    fps: float = 24.0,
+) -> Path:
+    """Writes shot.json and the PLYs; returns the path of shot.json."""
+    folder = Path(folder)
+    directions, triangles = icosphere(3)
+    for frame in range(first, last + 1, step):
+        columns, faces = surface(directions, triangles, (frame - first) / fps), triangles
+        if frame in empty:
+            columns, faces = {name: values[:0] for name, values in columns.items()}, triangles[:0]
+        ply.write(folder / "mesh" / f"liquid_{frame:04}.ply", columns, faces)
+    frames = {"first": first, "last": last, "step": step}
+    output = {"kind": "mesh", "name": "liquid", "format": "ply", "pattern": "mesh/liquid_{:04}.ply"}
+    output |= {"frames": frames, "attributes": {"velocity": ["vx", "vy", "vz"]}}
+    shot = {"format": "meniscus-shot", "version": 1, "title": "Synthetic", "fps": fps, "frames": frames}
+    shot |= {"up": "+Z", "length_unit": "m", "outputs": [output]}
+    path = folder / "shot.json"
+    path.write_text(json.dumps(shot, indent=2) + "\n", encoding="utf-8")
+    return path
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--last", type=int, default=5)
+    parser.add_argument("--step", type=int, default=1)
+    parser.add_argument("--empty", type=int, nargs="*", default=[3])
+    given = parser.parse_args()
+    print(write_shot(given.folder, given.first, given.last, given.step, tuple(given.empty)))
