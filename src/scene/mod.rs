@@ -1,8 +1,31 @@
-//! What a preset says (`file.rs`), what it means (`check.rs`), and the composition ([`Scene`]).
+//! What a preset says (`file.rs`), what it means (`check.rs`, `meaning.rs`), and the composition ([`Scene`]).
+//!
+//! Preset text becomes a tree in which every value knows its place (`tree.rs`). The command line edits that
+//! tree. It is then checked against the schema that the parameter structs generate (`model.rs`, `check.rs`),
+//! so that every mistake is found at once and shown where it stands; what is left are plain SI numbers.
+
+pub mod builtin;
+mod check;
+mod file;
+mod frames;
+mod meaning;
+mod model;
+mod problem;
+pub mod reference;
+mod tree;
+mod units;
+
+#[cfg(test)]
+mod tests;
+
+pub use file::{Overrides, Preset, load};
+pub use frames::{Frames, FramesError};
+pub use problem::{Problem, SceneError};
 
 use crate::{mesh::SurfaceParams, sim::liquid::LiquidParams, solid::Collider};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::{fmt, str::FromStr};
 
 /// A whole shot, as its preset says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -11,7 +34,7 @@ pub struct Scene {
     /// The shot's name.
     pub title: String,
     /// The frames to compute: "1-96", "1-240x2", "1,5,9-12". The first is the initial state.
-    pub frames: String,
+    pub frames: Frames,
     /// Frames a second.
     #[serde(default = "default_fps")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10000.0))]
@@ -67,4 +90,73 @@ pub enum MeshFormat {
 
 fn default_fps() -> f32 {
     24.0
+}
+
+/// How much of the preset's detail to compute: a tier is a `[quality.NAME]` table of the preset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// Minutes: does the shot work at all?
+    Draft,
+    /// A coffee: how does it look?
+    Preview,
+    /// The preset as written, or its `[quality.final]`.
+    Final,
+}
+
+impl Quality {
+    /// Every tier, coarse to fine.
+    pub const ALL: [Self; 3] = [Self::Draft, Self::Preview, Self::Final];
+
+    /// The tier's name in presets and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Preview => "preview",
+            Self::Final => "final",
+        }
+    }
+}
+
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A word that names no quality tier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected `draft`, `preview` or `final`")]
+pub struct UnknownQuality;
+
+impl FromStr for Quality {
+    type Err = UnknownQuality;
+
+    fn from_str(text: &str) -> Result<Self, UnknownQuality> {
+        Self::ALL.into_iter().find(|quality| quality.name() == text).ok_or(UnknownQuality)
+    }
+}
+
+impl Scene {
+    /// The scene as a preset, with every default written out. It reads as an equal scene.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a scene has only values that TOML can hold")
+    }
+
+    /// A hash of what decides the simulated state: frame rate, first frame, world and systems.
+    ///
+    /// The title, the frames after the first, the surface and the output do not change it. Caches keep it, so
+    /// that frames of another scene are recognised as stale.
+    pub fn simulation_key(&self) -> u64 {
+        #[derive(Serialize)]
+        struct Decisive<'a> {
+            fps: f32,
+            first: u32,
+            world: &'a World,
+            liquid: &'a Option<LiquidParams>,
+        }
+        let Self { title: _, frames, fps, world, liquid, surface: _, output: _ } = self;
+        let decisive = Decisive { fps: *fps, first: frames.first().0, world, liquid };
+        let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
+        xxhash_rust::xxh3::xxh3_64(text.as_bytes())
+    }
 }

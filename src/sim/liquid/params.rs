@@ -20,7 +20,8 @@ pub struct LiquidParams {
     #[schemars(range(min = 1.2, max = 4.0))]
     pub kernel_radius: f32,
     /// Stop iterating when the average density deviation falls below this fraction ("0.5 %"). Excludes
-    /// `iterations`. Larger is faster and bouncier; the shot visibly loses volume above a few per cent.
+    /// `iterations`; with neither in the preset it is 1 %. Larger is faster and bouncier; the shot visibly
+    /// loses volume above a few per cent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "1", "exclusiveMinimum" = 0.0, "maximum" = 1.0))]
     pub density_dev: Option<f32>,

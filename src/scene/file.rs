@@ -1,0 +1,214 @@
+//! Where presets come from, and how text becomes a [`Scene`].
+
+use super::{
+    Quality, Scene, builtin, check, meaning, model,
+    problem::{Finding, SceneError, Source, Span, locate},
+    tree::{self, Entry, Node, Value},
+};
+use std::path::Path;
+
+/// The text of a preset, not yet read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Preset {
+    /// The file or the built-in name, as messages call it.
+    pub name: String,
+    /// All of its text.
+    pub text: String,
+}
+
+/// What the command line changes in a preset.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Overrides {
+    /// The quality tier to apply; `None` leaves the preset as written.
+    pub quality: Option<Quality>,
+    /// `key=value` arguments, applied in order after the tier.
+    pub set: Vec<String>,
+}
+
+/// Finds a preset: a file if `preset` is one, ends in `.toml` or has a path separator; else a built-in name.
+///
+/// # Errors
+/// [`SceneError::UnknownPreset`], [`SceneError::Unreadable`], or [`SceneError::Invalid`] if the file is not
+/// UTF-8 text.
+pub fn load(preset: &str) -> Result<Preset, SceneError> {
+    let path = Path::new(preset);
+    let names = || builtin::all().iter().map(|&(name, _)| name);
+    if path.is_file() || preset.ends_with(".toml") || preset.contains(['/', std::path::MAIN_SEPARATOR]) {
+        let bytes = std::fs::read(path).map_err(|cause| SceneError::Unreadable {
+            path: path.to_owned(),
+            cause,
+            nearest: path.file_stem().and_then(|stem| check::nearest(&stem.to_string_lossy(), names())),
+        })?;
+        return decode(preset, bytes);
+    }
+    match builtin::get(preset) {
+        Some(text) => Ok(Preset { name: preset.to_owned(), text: text.to_owned() }),
+        None => Err(SceneError::UnknownPreset {
+            name: preset.to_owned(),
+            nearest: check::nearest(preset, names()),
+        }),
+    }
+}
+
+/// The file's bytes as text; some editors put a byte order mark first, which says nothing in UTF-8.
+fn decode(name: &str, bytes: Vec<u8>) -> Result<Preset, SceneError> {
+    let name = name.to_owned();
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok(Preset { name, text: text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned() }),
+        Err(error) => {
+            let at = error.utf8_error().valid_up_to();
+            let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
+            let found = format!("found the byte 0x{:02X}", error.as_bytes()[at]);
+            let finding = Finding::new(
+                Span { source: 0, start: at, end: at + '\u{fffd}'.len_utf8() },
+                "",
+                "the preset is not UTF-8 text",
+                found,
+            )
+            .with_help("save the file as UTF-8 in a text editor");
+            Err(SceneError::Invalid(locate(vec![finding], &[Source { name, text: text.into() }])))
+        }
+    }
+}
+
+impl Scene {
+    /// Reads a preset, applies the overrides, and checks everything it says.
+    ///
+    /// Every quality tier that the preset has is checked too, so that a mistake in one is found before the
+    /// night it is used.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] with every problem found.
+    pub fn from_preset(preset: &Preset, overrides: &Overrides) -> Result<Self, SceneError> {
+        let mut sources = vec![Source { name: preset.name.clone(), text: preset.text.as_str().into() }];
+        let mut findings = Vec::new();
+        let scene = read(preset, overrides, &mut sources, &mut findings);
+        match scene {
+            Some(scene) if findings.is_empty() => Ok(scene),
+            _ => Err(SceneError::Invalid(locate(findings, &sources))),
+        }
+    }
+}
+
+fn read(
+    preset: &Preset,
+    overrides: &Overrides,
+    sources: &mut Vec<Source>,
+    findings: &mut Vec<Finding>,
+) -> Option<Scene> {
+    let mut root = match tree::parse(0, &preset.text) {
+        Ok(root) => root,
+        Err(errors) => {
+            findings.extend(errors);
+            return None;
+        }
+    };
+    let model = model::of::<Scene>();
+    let tiers = take_tiers(&mut root, findings);
+
+    // Each tier that is not asked for is checked on top of the preset; only what it adds is its fault.
+    let mut known = Vec::new();
+    interpret(&root, &model, &mut known);
+    for (name, tier) in tiers.iter().filter(|(name, _)| Some(*name) != overrides.quality) {
+        let mut shot = root.clone();
+        shot.overlay(tier.clone());
+        let mut found = Vec::new();
+        interpret(&shot, &model, &mut found);
+        findings.extend(found.into_iter().filter(|finding| !known.contains(finding)).map(|finding| {
+            Finding { message: format!("with quality `{name}`: {}", finding.message), ..finding }
+        }));
+    }
+
+    // The shot that was asked for: preset, then tier, then the arguments in order.
+    if let Some(quality) = overrides.quality {
+        match tiers.into_iter().find(|(name, _)| *name == quality) {
+            Some((_, tier)) => root.overlay(tier),
+            None if quality == Quality::Final => {}
+            None => {
+                sources.push(Source { name: "--quality".to_owned(), text: quality.to_string().into() });
+                findings.push(missing_tier(quality, sources.len() - 1, preset));
+            }
+        }
+    }
+    for argument in &overrides.set {
+        sources.push(Source { name: "--set".to_owned(), text: argument.as_str().into() });
+        if let Err(finding) = tree::set(&mut root, sources.len() - 1, sources) {
+            findings.push(*finding);
+        }
+    }
+    interpret(&root, &model, findings)
+}
+
+/// The scene that a tree describes, or findings that say why it describes none.
+fn interpret(root: &Node, model: &model::Field, findings: &mut Vec<Finding>) -> Option<Scene> {
+    let checked = check::check(root, model);
+    if !checked.findings.is_empty() {
+        findings.extend(checked.findings);
+        return None;
+    }
+    let mut scene: Scene =
+        serde_json::from_value(checked.values).expect("values that fit the schema of Scene make a Scene");
+    if let Some(liquid) = &mut scene.liquid
+        && liquid.iterations.is_none()
+        && liquid.density_dev.is_none()
+    {
+        liquid.density_dev = Some(meaning::DEFAULT_DENSITY_DEV);
+    }
+    let wrong = meaning::check(&scene, &checked.places);
+    let fine = wrong.is_empty();
+    findings.extend(wrong);
+    fine.then_some(scene)
+}
+
+/// Cuts the `quality` table out of the preset.
+fn take_tiers(root: &mut Node, findings: &mut Vec<Finding>) -> Vec<(Quality, Node)> {
+    let Value::Table(entries) = &mut root.value else { return Vec::new() };
+    let Some(at) = entries.iter().position(|entry| entry.key == "quality") else { return Vec::new() };
+    let Entry { node, .. } = entries.remove(at);
+    let Value::Table(tiers) = node.value else {
+        let label = format!("found {}, expected tables such as `[quality.draft]`", node.describe());
+        findings.push(Finding::new(node.span, "quality", "`quality` holds the preset's tiers", label));
+        return Vec::new();
+    };
+    let mut out = Vec::new();
+    for Entry { key, key_span, node } in tiers {
+        match (key.parse::<Quality>(), &node.value) {
+            (Ok(quality), Value::Table(_)) => out.push((quality, node)),
+            (Ok(_), _) => {
+                let label = format!("found {}, expected a table", node.describe());
+                let message = format!("`quality.{key}` is not a table");
+                let help = format!("write the keys to change below `[quality.{key}]`");
+                findings
+                    .push(Finding::new(node.span, format!("quality.{key}"), message, label).with_help(help));
+            }
+            (Err(_), _) => {
+                let names = Quality::ALL.map(Quality::name);
+                let message = format!("there is no quality tier `{key}`");
+                let mut finding =
+                    Finding::new(key_span, format!("quality.{key}"), message, "expected a tier's name")
+                        .with_help("the tiers are `draft`, `preview` and `final`");
+                finding.nearest = check::nearest(&key, names);
+                findings.push(finding);
+            }
+        }
+    }
+    out
+}
+
+fn missing_tier(quality: Quality, source: usize, preset: &Preset) -> Finding {
+    let mut there: Vec<String> = Vec::new();
+    if let Ok(mut root) = tree::parse(0, &preset.text) {
+        there.extend(take_tiers(&mut root, &mut Vec::new()).iter().map(|(tier, _)| format!("`{tier}`")));
+    }
+    if !there.iter().any(|tier| tier == "`final`") {
+        there.push("`final` (the preset as written)".to_owned());
+    }
+    let end = quality.name().len();
+    Finding::new(
+        Span { source, start: 0, end },
+        "quality",
+        format!("the preset {} has no tier `{quality}`", preset.name),
+        format!("expected {}", there.join(", ")),
+    )
+    .with_help(format!("add a `[quality.{quality}]` table with the keys to change, or ask for another tier"))
+}

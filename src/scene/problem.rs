@@ -1,0 +1,214 @@
+//! What is wrong with a preset, and where.
+
+use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use std::{fmt::Display, path::PathBuf, sync::Arc};
+
+/// Why there is no scene.
+#[derive(Debug, thiserror::Error)]
+pub enum SceneError {
+    /// No built-in preset has this name.
+    #[error("no preset file or built-in preset is called `{name}`")]
+    UnknownPreset {
+        /// The name as given.
+        name: String,
+        /// The built-in preset with the most similar name.
+        nearest: Option<String>,
+    },
+    /// The preset file cannot be read.
+    #[error("cannot read the preset `{}`: {cause}", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system says.
+        cause: std::io::Error,
+        /// A built-in preset that may have been meant.
+        nearest: Option<String>,
+    },
+    /// The preset says something that cannot be simulated; every problem found, in order of the text.
+    #[error("{}", headline(.0))]
+    Invalid(Vec<Problem>),
+}
+
+impl SceneError {
+    /// The problems with a place in the text; empty if the text could not be had at all.
+    pub fn problems(&self) -> &[Problem] {
+        match self {
+            Self::Invalid(problems) => problems,
+            Self::UnknownPreset { .. } | Self::Unreadable { .. } => &[],
+        }
+    }
+}
+
+fn headline(problems: &[Problem]) -> String {
+    match problems {
+        [problem] => problem.message.clone(),
+        _ => format!("{} problems in the preset", problems.len()),
+    }
+}
+
+/// One mistake in a preset or in a `--set` argument.
+#[derive(Clone, Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct Problem {
+    /// What is wrong, in one sentence.
+    pub message: String,
+    /// The dotted key that is concerned ("liquid.source.0.velocity"); empty for the preset as a whole.
+    pub key: String,
+    /// Where the text came from: the preset's name, `--set` or `--quality`.
+    pub file: String,
+    /// Line of the text, from 1.
+    pub line: usize,
+    /// Column of the line in characters, from 1.
+    pub column: usize,
+    /// What was found, and what was expected there.
+    pub label: String,
+    /// The next step to take.
+    pub help: Option<String>,
+    /// The valid word that the one found resembles most.
+    pub nearest: Option<String>,
+    text: NamedSource<Arc<str>>,
+    start: usize,
+    length: usize,
+}
+
+impl Diagnostic for Problem {
+    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
+        self.help.as_ref().map(|help| Box::new(help) as Box<dyn Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        Some(&self.text)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let label = LabeledSpan::new(Some(self.label.clone()), self.start, self.length);
+        Some(Box::new(std::iter::once(label)))
+    }
+}
+
+impl Diagnostic for SceneError {
+    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
+        let names = || {
+            super::builtin::all().iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+        };
+        match self {
+            Self::UnknownPreset { nearest, .. } => {
+                let meant =
+                    nearest.as_ref().map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
+                Some(Box::new(format!("{meant}built-in presets: {}; a file's name ends in .toml", names())))
+            }
+            Self::Unreadable { nearest: Some(name), .. } => Some(Box::new(format!(
+                "`{name}` is a built-in preset: give its name alone, without a path or .toml"
+            ))),
+            Self::Unreadable { .. } => Some(Box::new(format!("built-in presets: {}", names()))),
+            Self::Invalid(problems) => match &problems[..] {
+                [problem] => problem.help(),
+                _ => None,
+            },
+        }
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        match self.problems() {
+            [problem] => problem.source_code(),
+            _ => None,
+        }
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        match self.problems() {
+            [problem] => problem.labels(),
+            _ => None,
+        }
+    }
+
+    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
+        match self.problems() {
+            [] | [_] => None,
+            problems => Some(Box::new(problems.iter().map(|problem| problem as &dyn Diagnostic))),
+        }
+    }
+}
+
+/// A text that a preset is put together from: the preset itself, or an argument of the command line.
+#[derive(Clone, Debug)]
+pub(super) struct Source {
+    /// What messages call it.
+    pub(super) name: String,
+    /// All of it.
+    pub(super) text: Arc<str>,
+}
+
+/// Some bytes of one of the sources.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Span {
+    /// Index of the source.
+    pub(super) source: usize,
+    /// First byte.
+    pub(super) start: usize,
+    /// One past the last byte.
+    pub(super) end: usize,
+}
+
+/// A problem before its place is looked up in the text.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Finding {
+    pub(super) span: Span,
+    pub(super) key: String,
+    pub(super) message: String,
+    pub(super) label: String,
+    pub(super) help: Option<String>,
+    pub(super) nearest: Option<String>,
+}
+
+impl Finding {
+    /// A finding without advice.
+    pub(super) fn new(
+        span: Span,
+        key: impl Into<String>,
+        message: impl Into<String>,
+        label: impl Into<String>,
+    ) -> Self {
+        Self {
+            span,
+            key: key.into(),
+            message: message.into(),
+            label: label.into(),
+            help: None,
+            nearest: None,
+        }
+    }
+
+    /// Adds the next step to take.
+    pub(super) fn with_help(mut self, help: impl Into<String>) -> Self {
+        self.help = Some(help.into());
+        self
+    }
+}
+
+/// The findings as problems with line and column, in order of the text, each once.
+pub(super) fn locate(mut findings: Vec<Finding>, sources: &[Source]) -> Vec<Problem> {
+    findings.sort_by_key(|finding| finding.span);
+    findings.dedup();
+    findings.into_iter().map(|finding| place(finding, sources)).collect()
+}
+
+fn place(finding: Finding, sources: &[Source]) -> Problem {
+    let Finding { span, key, message, label, help, nearest } = finding;
+    let source = &sources[span.source];
+    let before = &source.text[..span.start];
+    let line_start = before.rfind('\n').map_or(0, |newline| newline + 1);
+    Problem {
+        message,
+        key,
+        file: source.name.clone(),
+        line: before.matches('\n').count() + 1,
+        column: before[line_start..].chars().count() + 1,
+        label,
+        help,
+        nearest,
+        text: NamedSource::new(&source.name, source.text.clone()),
+        start: span.start,
+        length: span.end - span.start,
+    }
+}
