@@ -7,7 +7,8 @@
 //!
 //! Two passes over the bricks, each brick alone: first its vertices and, for every node, which of its three edges
 //! are crossed; then, with the vertices numbered brick by brick, its triangles. Brick order and node order decide
-//! the numbering, so the mesh does not depend on threads or on bricks without surface.
+//! the numbering, so the mesh does not depend on threads or on bricks without surface. Every vertex is used: the
+//! ends of its edge lie in one brick or in two that share a face, and so do all nodes of one of its four cells.
 //!
 //! Symbols: a, b → values at an edge's ends [m]; t → place of the vertex on the edge [0..1].
 //! Limits: second order in the voxel where the field is smooth; features thinner than a voxel may vanish. Fewer
@@ -89,9 +90,7 @@ pub fn marching_cubes(sdf: &SparseGrid) -> (Mesh, ContourStats) {
         triangles.extend_from_slice(&part);
         stats.cut_cells += cut_cells;
     }
-    let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
-    drop_unused(&mut mesh);
-    (mesh, stats)
+    (Mesh { positions, triangles, ..Mesh::default() }, stats)
 }
 
 /// One brick that the surface crosses, with the nodes of its upper neighbours that its cells touch.
@@ -247,33 +246,6 @@ fn join(
         }
     }
     cut_cells
-}
-
-/// Drops vertices that no triangle uses: those whose cells were all left out.
-fn drop_unused(mesh: &mut Mesh) {
-    let mut used = vec![false; mesh.positions.len()];
-    for &v in mesh.triangles.as_flattened() {
-        used[v as usize] = true;
-    }
-    if used.iter().all(|&used| used) {
-        return;
-    }
-    let mut kept = 0_u32;
-    let renumbered: Vec<u32> = used
-        .iter()
-        .map(|&used| {
-            kept += u32::from(used);
-            kept.wrapping_sub(1)
-        })
-        .collect();
-    let mut place = 0;
-    mesh.positions.retain(|_| {
-        place += 1;
-        used[place - 1]
-    });
-    for v in mesh.triangles.as_flattened_mut() {
-        *v = renumbered[*v as usize];
-    }
 }
 
 /// The places of the set bits, from the lowest.

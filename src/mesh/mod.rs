@@ -6,11 +6,13 @@ mod cases;
 mod check;
 mod marching_cubes;
 mod params;
+mod reconstruct;
 
 pub use attributes::{Outward, interpolate_vec3, normals_from_field};
 pub use check::{Fault, MeshCheck, check};
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use params::SurfaceParams;
+pub use reconstruct::{Surface, SurfaceError, SurfaceStats, reconstruct};
 
 use crate::{frame::Channel, math::Vec3};
 

@@ -1,9 +1,13 @@
 //! Marching cubes, checks and vertex attributes against closed forms and random fields.
 
 use meniscus::{
+    frame::Stream,
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     math::Vec3,
-    mesh::{MARGIN, Mesh, MeshCheck, Outward, check, interpolate_vec3, marching_cubes, normals_from_field},
+    mesh::{
+        MARGIN, Mesh, MeshCheck, Outward, SurfaceError, SurfaceParams, check, interpolate_vec3,
+        marching_cubes, normals_from_field, reconstruct,
+    },
     par,
 };
 use std::f64::consts::PI;
@@ -355,4 +359,114 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
     assert_eq!(values[..2], [particles[9], Vec3::zeros()]);
     assert!(particles.contains(&values[2]));
     assert_eq!(interpolate_vec3(&far, &[], &[], 0.25), (vec![Vec3::zeros(); 3], 3));
+}
+
+/// Particles on a lattice of spacing 1/10 m, jittered, where `keep` says so, turning around the z axis.
+fn lattice(keep: impl Fn(Vec3) -> bool) -> Stream {
+    let jitter = |i: u64| ((hash(11, i) >> 40) as f32 / (1 << 24) as f32 - 0.5) * 0.03;
+    let n = 12_u64;
+    let mut positions = Vec::new();
+    for node in 0..(2 * n).pow(3) {
+        let place = [node % (2 * n), node / (2 * n) % (2 * n), node / (4 * n * n)];
+        let x = Vec3::from_fn(|d, _| (place[d] as f32 - n as f32 + 0.5) * 0.1);
+        if keep(x) {
+            positions.push(x + Vec3::from_fn(|d, _| jitter(node * 3 + d as u64)));
+        }
+    }
+    let velocities: Vec<Vec3> = positions.iter().map(|x| turning(*x)).collect();
+    Stream::new("liquid", positions.len()).with("position", positions).with("velocity", velocities)
+}
+
+/// The velocity of a rigid turn about the z axis with 3 rad/s.
+fn turning(x: Vec3) -> Vec3 {
+    Vec3::new(0.0, 0.0, 3.0).cross(&x)
+}
+
+#[test]
+fn particles_become_a_sound_surface_of_their_volume() {
+    let params = SurfaceParams::default();
+    let ball = lattice(|x| x.norm() < 0.8);
+    let surface = reconstruct(&ball, 0.1, &params, &|| true).unwrap();
+    let (mesh, check, stats) = (&surface.mesh, &surface.check, &surface.stats);
+    assert!(check.is_sound() && check.first_fault.is_none(), "{check:?}");
+    assert_eq!((check.components, check.euler), (1, 2));
+    assert_eq!((stats.particles, stats.contour.cut_cells, stats.velocities_from_nearest), (ball.len(), 0, 0));
+    assert_eq!((stats.vertices, stats.triangles), (mesh.positions.len(), mesh.triangles.len()));
+    let ratio = check.volume / (ball.len() as f64 * 1e-3);
+    println!("ball of {} particles: {} triangles, volume × {ratio:.3}", ball.len(), stats.triangles);
+    assert!((ratio - 1.0).abs() < 0.1, "{ratio}");
+
+    // Normals look outward and the velocity is that of the particles around.
+    let velocities = match &mesh.attributes[0].data {
+        meniscus::frame::ChannelData::Vec3(values) => values,
+        other => panic!("velocity is {other:?}"),
+    };
+    for ((x, n), v) in mesh.positions.iter().zip(&mesh.normals).zip(velocities) {
+        assert!((n.norm() - 1.0).abs() < 1e-5 && n.dot(&x.normalize()) > 0.7, "{n} at {x}");
+        assert!((v - turning(*x)).norm() < 0.3, "{v} at {x}");
+    }
+    assert!(stats.normals_from_faces * 100 < stats.vertices, "{stats:?}");
+
+    // The same bytes for any number of threads.
+    for threads in [1, 2, 3, 8] {
+        let again = par::with_threads(threads, || reconstruct(&ball, 0.1, &params, &|| true).unwrap());
+        assert!(again.mesh == surface.mesh && again.check == surface.check, "{threads} threads");
+    }
+}
+
+#[test]
+fn sprays_of_particles_give_sound_surfaces() {
+    let params = SurfaceParams::default();
+    for seed in 0..20 {
+        let unit = |i: u64| (hash(100 + seed, i) >> 40) as f32 / (1 << 24) as f32;
+        let positions: Vec<Vec3> = (0..500)
+            .map(|i| Vec3::from_fn(|d, _| unit(3 * i + d as u64) * [2.0, 1.0, 1.5][d] - 0.3))
+            .collect();
+        let spray = Stream::new("liquid", positions.len()).with("position", positions);
+        let surface = reconstruct(&spray, 0.1, &params, &|| true).unwrap();
+        assert!(
+            surface.check.is_sound() && surface.stats.contour.cut_cells == 0,
+            "{seed}: {:?}",
+            surface.check
+        );
+        assert!(surface.check.components > 10 && surface.mesh.attributes.is_empty());
+    }
+}
+
+#[test]
+fn no_particle_one_particle_and_broken_particles() {
+    let params = SurfaceParams::default();
+    let at = |positions: Vec<Vec3>| {
+        let velocity = vec![Vec3::new(1.0, 2.0, 3.0); positions.len()];
+        let stream =
+            Stream::new("liquid", positions.len()).with("position", positions).with("velocity", velocity);
+        reconstruct(&stream, 0.1, &params, &|| true)
+    };
+    let nothing = at(vec![]).unwrap();
+    assert!(
+        nothing.check.is_sound() && nothing.mesh.positions.is_empty() && nothing.mesh.attributes.len() == 1
+    );
+
+    let drop = at(vec![Vec3::new(0.513, -3.02, 7.77)]).unwrap();
+    assert!(drop.check.is_sound(), "{:?}", drop.check);
+    assert_eq!((drop.check.components, drop.check.euler), (1, 2));
+    println!("one particle: volume × {:.2}", drop.check.volume / 1e-3);
+
+    let broken = at(vec![Vec3::zeros(), Vec3::new(0.0, f32::NAN, 0.0)]);
+    assert_eq!(broken.unwrap_err(), SurfaceError::NotFinite { particle: 1 });
+    let nameless = reconstruct(&Stream::new("liquid", 0), 0.1, &params, &|| true);
+    assert_eq!(nameless.unwrap_err(), SurfaceError::NoPositions);
+}
+
+#[test]
+fn an_interrupted_reconstruction_ends_after_the_pass() {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    let ball = lattice(|x| x.norm() < 0.3);
+    for passes in 0..6 {
+        let asked = AtomicUsize::new(0);
+        let keep_going = || asked.fetch_add(1, Ordering::Relaxed) < passes;
+        let ended = reconstruct(&ball, 0.1, &SurfaceParams::default(), &keep_going);
+        assert_eq!(ended.unwrap_err(), SurfaceError::Interrupted);
+        assert_eq!(asked.into_inner(), passes + 1);
+    }
 }

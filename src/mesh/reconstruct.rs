@@ -1,0 +1,155 @@
+//! From particles to a surface.
+//!
+//! *Method*: the density of the particles on sparse bricks ([`crate::field`]), the signed distance to its level
+//! set ([`crate::sdf`]), marching cubes at zero, normals by the density's gradient, velocities by a normalised
+//! kernel sum over the particles.
+//! *Departs from the paper*: see the modules named.
+//! Limits: those of the passes; what is thinner than a voxel may vanish.
+
+use super::{
+    ContourStats, Mesh, MeshCheck, Outward, SurfaceParams, check, interpolate_vec3, marching_cubes,
+    normals_from_field,
+};
+use crate::{
+    field::{DensityParams, density},
+    frame::{Channel, Stream},
+    math::Vec3,
+    sdf::{SdfParams, from_density},
+};
+use std::time::Instant;
+
+/// The surface of one stream of particles.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    /// Triangles, normals and, if the particles have it, `velocity` [m/s].
+    pub mesh: Mesh,
+    /// Whether the mesh is sound, and its volume and area.
+    pub check: MeshCheck,
+    /// What it took.
+    pub stats: SurfaceStats,
+}
+
+/// What a reconstruction took, and every place where it departed from the rule.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct SurfaceStats {
+    /// Particles given.
+    pub particles: usize,
+    /// Particles too far from the origin for the grid: left out.
+    pub too_far_particles: usize,
+    /// Bricks of the density and of the signed distance.
+    pub bricks: [usize; 2],
+    /// Nodes of the signed distance that the band did not reach.
+    pub unreached_nodes: usize,
+    /// Nodes on the surface, moved off it by a millionth of a voxel.
+    pub nodes_on_surface: usize,
+    /// Vertices of the mesh.
+    pub vertices: usize,
+    /// Triangles of the mesh.
+    pub triangles: usize,
+    /// What marching cubes had to do beside extracting.
+    pub contour: ContourStats,
+    /// Vertices whose normal is that of the faces, because the density has no usable gradient there.
+    pub normals_from_faces: usize,
+    /// Vertices whose velocity is that of the nearest particle, because none is within the kernel.
+    pub velocities_from_nearest: usize,
+    /// Seconds a pass, in the order run.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Why there is no surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SurfaceError {
+    /// The caller asked to stop.
+    #[error("interrupted while the surface was made")]
+    Interrupted,
+    /// The stream holds no vectors named `position`.
+    #[error("the particles have no channel of vectors named `position`; expected one to make a surface of")]
+    NoPositions,
+    /// A position is infinite or not a number.
+    #[error(
+        "the position of particle {particle} is not finite; simulate the frame again or check its source"
+    )]
+    NotFinite {
+        /// Its place in the stream.
+        particle: usize,
+    },
+}
+
+/// The surface of `particles` (channel `position` [m], maybe `velocity` [m/s]) that stand `spacing` [m] apart at
+/// rest. `keep_going` is asked after every pass and ends the work by returning false.
+///
+/// The result depends on the particles and parameters alone, not on threads.
+///
+/// # Errors
+/// If asked to stop, or if positions are missing or not finite.
+///
+/// # Panics
+/// If `spacing` or a parameter is out of its range.
+pub fn reconstruct(
+    particles: &Stream,
+    spacing: f32,
+    params: &SurfaceParams,
+    keep_going: &(dyn Fn() -> bool + Sync),
+) -> Result<Surface, SurfaceError> {
+    let positions = positions(particles)?;
+    let mut clock = Clock { keep_going, seconds: Vec::new() };
+
+    let field = clock.time("density", || {
+        let SurfaceParams { voxel, kernel_radius } = *params;
+        density(positions, &DensityParams { spacing, kernel_radius, voxel })
+    })?;
+    let distance =
+        clock.time("distance", || from_density(&field.grid, field.threshold, &SdfParams::default()))?;
+    let (mut mesh, contour) = clock.time("marching cubes", || marching_cubes(&distance.grid))?;
+    let (normals, normals_from_faces) =
+        clock.time("normals", || normals_from_field(&mesh, &field.grid, Outward::Down))?;
+    mesh.normals = normals;
+    let mut velocities_from_nearest = 0;
+    if let Some(velocities) = particles.vec3("velocity") {
+        let radius = params.kernel_radius * spacing;
+        let (values, nearest) =
+            clock.time("velocity", || interpolate_vec3(&mesh.positions, positions, velocities, radius))?;
+        mesh.attributes.push(Channel { name: "velocity".into(), data: values.into() });
+        velocities_from_nearest = nearest;
+    }
+    let check = clock.time("check", || check(&mesh))?;
+
+    let stats = SurfaceStats {
+        particles: positions.len(),
+        too_far_particles: field.too_far,
+        bricks: [field.grid.bricks.len(), distance.grid.bricks.len()],
+        unreached_nodes: distance.unreached,
+        nodes_on_surface: distance.on_surface,
+        vertices: mesh.positions.len(),
+        triangles: mesh.triangles.len(),
+        contour,
+        normals_from_faces,
+        velocities_from_nearest,
+        seconds: clock.seconds,
+    };
+    Ok(Surface { mesh, check, stats })
+}
+
+/// The positions of the particles, all finite.
+fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
+    let positions = particles.vec3("position").ok_or(SurfaceError::NoPositions)?;
+    match positions.iter().position(|x| !x.iter().all(|x| x.is_finite())) {
+        Some(particle) => Err(SurfaceError::NotFinite { particle }),
+        None => Ok(positions),
+    }
+}
+
+/// Runs passes one after the other, with their times, until told to stop.
+struct Clock<'a> {
+    keep_going: &'a (dyn Fn() -> bool + Sync),
+    seconds: Vec<(&'static str, f64)>,
+}
+
+impl Clock<'_> {
+    fn time<T>(&mut self, pass: &'static str, run: impl FnOnce() -> T) -> Result<T, SurfaceError> {
+        let start = Instant::now();
+        let result = run();
+        self.seconds.push((pass, start.elapsed().as_secs_f64()));
+        if (self.keep_going)() { Ok(result) } else { Err(SurfaceError::Interrupted) }
+    }
+}
