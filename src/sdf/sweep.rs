@@ -184,14 +184,18 @@ fn relax(own: &mut [f32; BRICK_NODES], mut u: Padded, order: [i32; 3], band: f32
             if lowers == [false; BRICK] {
                 continue;
             }
+            let mut changed = 0_u8;
             for x in run(order[0]) {
                 if let Some(distance) = update(values[x], nearest(&u, x), band) {
                     values[x] = distance;
                     u[start + x] = distance;
-                    any = true;
-                    let at = [x == 0, x == 7, y == 0, y == 7, z == 0, z == 7];
-                    faces = std::array::from_fn(|face| faces[face] || at[face]);
+                    changed |= 1 << x;
                 }
+            }
+            if changed != 0 {
+                any = true;
+                let at = [changed & 1 != 0, changed >> 7 != 0, y == 0, y == 7, z == 0, z == 7];
+                faces = std::array::from_fn(|face| faces[face] || at[face]);
             }
         }
     }
@@ -229,10 +233,10 @@ fn update(own: f32, nearest: [f32; 3], band: f32) -> Option<f32> {
 fn godunov(nearest: [f32; 3]) -> f32 {
     // The neighbours in ascending order, the larger two relative to the smallest.
     let [x, y, z] = nearest;
-    let (low, high) = (x.min(y), x.max(y));
-    let a = low.min(z);
-    let b = low.max(z.min(high)) - a;
-    let c = high.max(z) - a;
+    let (low, high) = if x < y { (x, y) } else { (y, x) };
+    let (low, middle) = if low < z { (low, z) } else { (z, low) };
+    let (middle, high) = if middle < high { (middle, high) } else { (high, middle) };
+    let (a, b, c) = (low, middle - low, high - low);
     let mut u = 1.0;
     if u > b {
         u = 0.5 * (b + (2.0 - b * b).sqrt()); // ū of two, [zhao05] Eq. 2.4
