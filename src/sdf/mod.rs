@@ -184,7 +184,7 @@ mod tests {
         for seed in [SeedRule::Plane, SeedRule::NearestEdge] {
             let mut field = steps();
             for (i, value) in field.values.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0) {
-                *value = wild[(i * 7919 >> 4) % wild.len()];
+                *value = wild[i * 7919 / 16 % wild.len()];
             }
             let sdf = from_density(&field, 2.0, &SdfParams { seed, band: 3.0 });
             for (i, &value) in sdf.grid.values.iter().enumerate() {
