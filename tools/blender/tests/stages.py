@@ -22,12 +22,22 @@ ADDON = "bl_ext.user_default.meniscus"
 SIZE = (128, 64)
 
 
+said = 0
+
+
+def say(line: str) -> None:
+    """Prints a line for run.py, on a line of its own even where Blender left one unfinished."""
+    global said
+    said += 1
+    print("\n" + line.replace("\n", " "), flush=True)
+
+
 def check(good: bool, name: str, detail: object = "") -> None:
-    print(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}", flush=True)
+    say(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}")
 
 
 def expect(text: str) -> None:
-    print(f"expect\t{text}", flush=True)
+    say(f"expect\t{text}")
 
 
 def use_addon() -> None:
@@ -346,7 +356,7 @@ if __name__ == "__main__":
     code = 1
     try:
         globals()[f"stage_{sys.argv[1]}"](*map(Path, sys.argv[2:]))
-        print("done")
+        print(f"\ndone {said}")
         code = 0
     except Exception:
         traceback.print_exc(file=sys.stdout)
