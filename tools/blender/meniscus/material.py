@@ -7,7 +7,7 @@ NAME = "Water"
 STAMP = "meniscus_water"
 IOR = 1.33
 # A path of d metres keeps exp(-density (1 - colour) d) of red, green and blue. Pure water absorbs far less,
-# but a tank of a metre or two would then look like glass; at twice the density that tank is nearly opaque in red.
+# but a tank of a metre or two would then look like glass; at twice the density it would hide what is behind.
 DEPTH_COLOUR = (0.22, 0.68, 0.82, 1.0)
 DEPTH_DENSITY = 1.0
 # Without caustics glass throws a black shadow; shadow rays pass with this colour instead.

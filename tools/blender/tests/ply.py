@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """An independent reader and writer of the binary PLY that Meniscus writes: numpy only, no Blender.
 
-Little endian, float vertex properties in any number, faces as one list of uchar count and uint corners, all
-triangles. Anything else is refused, so that a test never compares against something half understood.
+Little endian, float and uint vertex properties in any number, faces as one list of uchar count and uint
+corners, all triangles. Anything else is refused: a test never compares against something half understood.
 """
 
 from pathlib import Path
@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 
 PROPERTIES = ("x", "y", "z", "nx", "ny", "nz", "vx", "vy", "vz")
+SCALARS = {"float": "<f4", "float32": "<f4", "uint": "<u4", "uint32": "<u4"}
 FACE = np.dtype([("count", "u1"), ("corner", "<u4", (3,))])
 
 
 def read(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Returns the vertex columns by name (float32) and the triangles (N x 3, uint32)."""
+    """Returns the vertex columns by name and the triangles (N x 3, uint32)."""
     data = Path(path).read_bytes()
     end = data.index(b"end_header\n") + len(b"end_header\n")
     lines = [line.split() for line in data[:end].decode("ascii").splitlines()]
@@ -34,13 +35,13 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
             raise ValueError(f"{path}: unexpected header line {words}")
     if list(elements) != ["vertex", "face"]:
         raise ValueError(f"{path}: elements {list(elements)}, expected vertex and face")
-    if any(p[0] not in ("float", "float32") for p in properties["vertex"]):
-        raise ValueError(f"{path}: a vertex property that is not float")
+    if any(p[0] not in SCALARS for p in properties["vertex"]):
+        raise ValueError(f"{path}: a vertex property that is neither float nor uint")
     face = properties["face"]
     if len(face) != 1 or face[0][:3] not in (["list", "uchar", "uint"], ["list", "uint8", "uint32"]):
         raise ValueError(f"{path}: face property {face}, expected one list of uchar and uint")
     names = [p[1] for p in properties["vertex"]]
-    vertex = np.dtype([(name, "<f4") for name in names])
+    vertex = np.dtype([(name, SCALARS[kind]) for kind, name in properties["vertex"]])
     size = elements["vertex"] * vertex.itemsize + elements["face"] * FACE.itemsize
     if len(data) - end != size:
         raise ValueError(f"{path}: {len(data) - end} bytes of data, the header promises {size}")

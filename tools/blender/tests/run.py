@@ -47,18 +47,19 @@ class Tally:
             command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8"
         )
         lines = run.stdout.splitlines()
-        failed = self.failed
+        failed, read = self.failed, 0
         talk = "\n".join(line for line in lines if not line.startswith("expect\t"))
         for line in lines:
             kind, _, rest = line.partition("\t")
+            read += kind in ("ok", "FAIL", "expect")
             if kind == "ok":
                 self.check(True, rest)
             elif kind == "FAIL":
                 self.check(False, *rest.split("\t", 1))
             elif kind == "expect":
                 self.check(rest in talk, f"Blender reports: {rest}", "not among what was printed")
-        done = run.returncode == 0 and lines[-1:] == ["done"]
-        self.check(done, f"stage {name} ran to its end", f"exit code {run.returncode}")
+        done = run.returncode == 0 and lines[-1:] == [f"done {read}"]
+        self.check(done, f"stage {name} ran to its end", f"exit code {run.returncode}, {read} lines read")
         if self.failed > failed:
             told = [line for line in talk.splitlines() if not line.startswith(("Fra:", "ok\t"))]
             print("   | " + "\n   | ".join(told[-60:]), flush=True)

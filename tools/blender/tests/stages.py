@@ -22,12 +22,22 @@ ADDON = "bl_ext.user_default.meniscus"
 SIZE = (128, 64)
 
 
+said = 0
+
+
+def say(line: str) -> None:
+    """Prints a line for run.py, on a line of its own even where Blender left one unfinished."""
+    global said
+    said += 1
+    print("\n" + line.replace("\n", " "), flush=True)
+
+
 def check(good: bool, name: str, detail: object = "") -> None:
-    print(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}", flush=True)
+    say(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}")
 
 
 def expect(text: str) -> None:
-    print(f"expect\t{text}", flush=True)
+    say(f"expect\t{text}")
 
 
 def use_addon() -> None:
@@ -75,21 +85,32 @@ def same_as_file(shown: bpy.types.Object, frame: int, path: Path) -> str:
     if not (np.array_equal(box.min(0), wanted.min(0)) and np.array_equal(box.max(0), wanted.max(0))):
         return f"bounding box {box.min(0)} {box.max(0)}, the file has {wanted.min(0)} {wanted.max(0)}"
     velocity = vectors(mesh, "velocity")
-    if velocity is None or not np.array_equal(velocity, columns(table, "vx vy vz")):
-        return "velocity is missing" if velocity is None else "velocity differs"
+    if ("vx" in table) != (velocity is not None):
+        return "velocity is missing" if velocity is None else "velocity from nowhere"
+    if velocity is not None and not np.array_equal(velocity, columns(table, "vx vy vz")):
+        return "velocity differs"
     corners = np.empty(len(mesh.loops), np.int32)
     mesh.loops.foreach_get("vertex_index", corners)
     if not np.array_equal(corners.reshape(-1, 3), triangles):
         return "triangles differ"
-    # Blender holds custom normals in 16 bit angles, good to about 1e-4; a flat shaded face is far off.
-    normals = np.empty(3 * len(mesh.loops), np.float32)
-    mesh.corner_normals.foreach_get("vector", normals)
-    off = np.abs(normals.reshape(-1, 3) - columns(table, "nx ny nz")[corners]).max()
-    if off > 2e-3:
-        return f"normals are off by {off}"
+    strange = strange_normals(mesh, table, corners) if "nx" in table else 0.0
+    if strange > 1e-3:
+        return f"{100.0 * strange:.2f} % of the normals differ"
     if mesh.materials[:1] != [mesh.materials.get("Water")] or mesh.materials.get("Water") is None:
         return "the material is not Water"
     return ""
+
+
+def strange_normals(mesh: bpy.types.Mesh, table: dict[str, np.ndarray], corners: np.ndarray) -> float:
+    """The part of the corners whose normal is not the file's.
+
+    Blender keeps normals as 16 bit angles within the fan of faces around a corner, good to about 1e-4; flat
+    shaded faces are far off. Faces without area have no such angles, so a few corners may differ.
+    """
+    normals = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    off = np.abs(normals.reshape(-1, 3) - columns(table, "nx ny nz")[corners]).max(axis=1)
+    return float(np.mean(off > 2e-3))
 
 
 def frame_camera(low: np.ndarray, high: np.ndarray) -> None:
@@ -346,7 +367,7 @@ if __name__ == "__main__":
     code = 1
     try:
         globals()[f"stage_{sys.argv[1]}"](*map(Path, sys.argv[2:]))
-        print("done")
+        print(f"\ndone {said}")
         code = 0
     except Exception:
         traceback.print_exc(file=sys.stdout)
