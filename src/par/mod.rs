@@ -65,6 +65,27 @@ pub fn map_chunks<T: Send>(count: usize, len: usize, f: impl Fn(Range<usize>) ->
         .collect()
 }
 
+/// Cuts `a` and `b`, of equal length, into chunks of `len` elements, calls `f(index of the chunk's first
+/// element, chunk of a, chunk of b)` and returns the results in order of the chunks.
+pub fn map_chunks_of_two<A: Send, B: Send, T: Send>(
+    a: &mut [A],
+    b: &mut [B],
+    len: usize,
+    f: impl Fn(usize, &mut [A], &mut [B]) -> T + Sync,
+) -> Vec<T> {
+    assert_eq!(a.len(), b.len(), "both are cut in the same places");
+    a.par_chunks_mut(len)
+        .zip(b.par_chunks_mut(len))
+        .enumerate()
+        .map(|(index, (a, b))| f(index * len, a, b))
+        .collect()
+}
+
+/// Sorts `keys`. Equal keys are interchangeable, so the result does not depend on the threads.
+pub fn sort(keys: &mut [u128]) {
+    keys.par_sort_unstable();
+}
+
 /// Collects `f(i)` for `i` in `0..count`, one task an index: for few, large pieces of work.
 pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
     (0..count).into_par_iter().with_max_len(1).map(&f).collect()
@@ -117,6 +138,26 @@ mod tests {
         assert_eq!(max(0, |_| 0.0), None);
         let (index, value) = max(5000, |i| if i == 4321 { f32::NAN } else { i as f32 }).unwrap();
         assert!(index == 4321 && value.is_nan());
+    }
+
+    #[test]
+    fn two_slices_are_cut_in_the_same_places_and_results_keep_their_order() {
+        let (mut a, mut b) = (vec![0_usize; 2500], vec![0_usize; 2500]);
+        let firsts = map_chunks_of_two(&mut a, &mut b, 1000, |start, a, b| {
+            for (offset, (a, b)) in a.iter_mut().zip(b).enumerate() {
+                (*a, *b) = (start + offset, 2 * (start + offset));
+            }
+            start
+        });
+        assert_eq!(firsts, [0, 1000, 2000]);
+        assert!((0..2500).all(|i| a[i] == i && b[i] == 2 * i));
+    }
+
+    #[test]
+    fn sort_sorts() {
+        let mut keys: Vec<u128> = (0..5000).map(|i| (i * 7919) % 5000).collect();
+        sort(&mut keys);
+        assert!(keys.iter().enumerate().all(|(i, &key)| key == i as u128));
     }
 
     #[test]

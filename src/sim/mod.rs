@@ -1,3 +1,14 @@
 //! Simulation: the systems, their sources and forces, composed from what the preset names.
+//!
+//! A [`Simulation`] is advanced frame by frame and read out as a [`Frame`](crate::frame::Frame). It is
+//! interrupted and observed through [`Watch`], ends in [`Stop`] where it cannot go on, and tells of every frame
+//! in a [`FrameRecord`].
 
 pub mod liquid;
+mod record;
+mod simulation;
+mod stop;
+
+pub use record::{Clamps, FrameRecord, SeedReport};
+pub use simulation::{SetupError, Simulation, World};
+pub use stop::{Diverged, Stop, Unwatched, Watch};

@@ -1,34 +1,48 @@
 //! Particles ordered by the cell they lie in.
 
-use crate::math::Vec3;
+use crate::{math::Vec3, par};
 
 /// Particles sorted into cubic cells; only occupied cells are stored.
 #[derive(Debug)]
 pub struct CellGrid {
     cell: f32,
-    /// Occupied cells as (z, y, x), ascending.
-    cells: Vec<[i32; 3]>,
+    /// Occupied cells, ascending.
+    cells: Vec<CellKey>,
     /// `order[start[c]..start[c + 1]]` are the particles of cell `c`.
     start: Vec<u32>,
     order: Vec<u32>,
 }
 
+/// A cell's coordinates (z, y, x), 32 bits each, shifted to be positive so that they sort as one number.
+type CellKey = u128;
+
+/// The cell at the world's origin.
+const ZERO: i64 = 1 << 31;
+
 impl CellGrid {
-    /// Sorts `positions` (finite, fewer than 2³²) into cells of edge `cell` [m].
+    /// Sorts `positions` (finite, fewer than 2³²) into cells of edge `cell` [m], `cell` > 0.
+    ///
+    /// # Panics
+    /// If there are 2³² positions or more.
     pub fn new(positions: &[Vec3], cell: f32) -> Self {
-        let mut keyed: Vec<([i32; 3], u32)> =
-            positions.iter().enumerate().map(|(i, &x)| (cell_of(x, cell), i as u32)).collect();
-        keyed.sort_unstable();
-        let mut cells = Vec::new();
-        let mut start = Vec::new();
-        for (place, &(key, _)) in keyed.iter().enumerate() {
-            if cells.last() != Some(&key) {
-                cells.push(key);
+        let count = u32::try_from(positions.len()).expect("fewer than 2³² particles");
+        let mut keys = vec![0_u128; positions.len()];
+        par::fill(&mut keys, |i| key(coordinates(positions[i], cell)) << 32 | i as u128);
+        // Particles rarely leave their order between two searches, and checking costs a hundredth of sorting.
+        if !keys.is_sorted() {
+            par::sort(&mut keys);
+        }
+        let (mut cells, mut start) = (Vec::new(), Vec::new());
+        for (place, &key) in keys.iter().enumerate() {
+            if cells.last() != Some(&(key >> 32)) {
+                cells.push(key >> 32);
                 start.push(place as u32);
             }
         }
-        start.push(keyed.len() as u32);
-        Self { cell, cells, start, order: keyed.into_iter().map(|(_, i)| i).collect() }
+        start.push(count);
+        let mut order = vec![0; keys.len()];
+        par::fill(&mut order, |place| keys[place] as u32);
+        Self { cell, cells, start, order }
     }
 
     /// The particles' indices in cell order: the order that keeps neighbours close in memory.
@@ -36,33 +50,83 @@ impl CellGrid {
         &self.order
     }
 
+    /// The edge of a cell [m].
+    pub fn cell(&self) -> f32 {
+        self.cell
+    }
+
     /// Calls `f(index, squared distance)` for every particle closer to `x` than `radius` (≤ the cell's edge),
-    /// in cell order.
+    /// in cell order. `positions` are those that were sorted.
     pub fn for_each_within(&self, positions: &[Vec3], x: Vec3, radius: f32, mut f: impl FnMut(usize, f32)) {
         debug_assert!(radius <= self.cell);
-        let [z, y, xc] = cell_of(x, self.cell);
-        for dz in -1..=1 {
-            for dy in -1..=1 {
-                let row = [z.saturating_add(dz), y.saturating_add(dy)];
-                let first = [row[0], row[1], xc.saturating_sub(1)];
-                let last = [row[0], row[1], xc.saturating_add(1)];
-                let mut c = self.cells.partition_point(|cell| *cell < first);
-                while c < self.cells.len() && self.cells[c] <= last {
-                    for &j in &self.order[self.start[c] as usize..self.start[c + 1] as usize] {
-                        let r2 = (positions[j as usize] - x).norm_squared();
-                        if r2 < radius * radius {
-                            f(j as usize, r2);
-                        }
-                    }
-                    c += 1;
+        let center = coordinates(x, self.cell);
+        let mut from = 0;
+        for [first, last] in rows(center) {
+            // Rows ascend, so each search starts where the last one ended.
+            from += self.cells[from..].partition_point(|&cell| cell < first);
+            let length = self.cells[from..].iter().take(3).take_while(|&&cell| cell <= last).count();
+            for &j in &self.order[self.start[from] as usize..self.start[from + length] as usize] {
+                let r2 = (positions[j as usize] - x).norm_squared();
+                if r2 < radius * radius {
+                    f(j as usize, r2);
                 }
             }
         }
     }
+
+    /// How many cells are occupied.
+    pub(super) fn len(&self) -> usize {
+        self.cells.len()
+    }
+
+    /// The places in `order` that the particles of cell `c` take.
+    pub(super) fn places(&self, c: usize) -> std::ops::Range<usize> {
+        self.start[c] as usize..self.start[c + 1] as usize
+    }
+
+    /// For cell `c`, the nine stretches of `order` that hold its own and its neighbours' particles. `from` keeps
+    /// what the previous, smaller cell found (zeros at first), so that a sweep over cells costs a step a row.
+    pub(super) fn stretches(&self, c: usize, from: &mut [usize; 9]) -> [[u32; 2]; 9] {
+        let mut found = [[0; 2]; 9];
+        for (row, [first, last]) in rows(split(self.cells[c])).into_iter().enumerate() {
+            let at = &mut from[row];
+            // Steps that double and a bisection: one step while the sweep goes along x, a few at a row's end.
+            let mut step = 1;
+            while self.cells.get(*at + step - 1).is_some_and(|&cell| cell < first) {
+                *at += step;
+                step *= 2;
+            }
+            let end = (*at + step).min(self.cells.len());
+            *at += self.cells[*at..end].partition_point(|&cell| cell < first);
+            let length = self.cells[*at..].iter().take(3).take_while(|&&cell| cell <= last).count();
+            found[row] = [self.start[*at], self.start[*at + length]];
+        }
+        found
+    }
 }
 
-/// The cell that holds `x`, as (z, y, x); positions beyond 2³¹ cells share the outermost one.
-fn cell_of(x: Vec3, cell: f32) -> [i32; 3] {
-    let index = |v: f32| (f64::from(v) / f64::from(cell)).floor() as i32;
+/// The first and the last cell of the nine rows of three around a cell, ascending.
+fn rows([z, y, x]: [i64; 3]) -> [[CellKey; 2]; 9] {
+    std::array::from_fn(|row| {
+        let (z, y) = (z + row as i64 / 3 - 1, y + row as i64 % 3 - 1);
+        [key([z, y, x - 1]), key([z, y, x + 1])]
+    })
+}
+
+/// The cell that holds `x`, as (z, y, x). Positions beyond 2³¹ − 2 cells share the outermost ones, which keeps
+/// a cell's neighbours in range.
+fn coordinates(x: Vec3, cell: f32) -> [i64; 3] {
+    let index = |v: f32| ((f64::from(v) / f64::from(cell)).floor() as i64).clamp(2 - ZERO, ZERO - 3);
     [index(x.z), index(x.y), index(x.x)]
+}
+
+/// A cell as one number.
+fn key(coordinates: [i64; 3]) -> CellKey {
+    let [z, y, x] = coordinates.map(|v| (v + ZERO) as u128);
+    z << 64 | y << 32 | x
+}
+
+/// The coordinates behind a key.
+fn split(key: CellKey) -> [i64; 3] {
+    [64, 32, 0].map(|shift| i64::from((key >> shift) as u32) - ZERO)
 }

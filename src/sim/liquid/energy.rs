@@ -1,0 +1,54 @@
+//! The liquid's mechanical energy, and the bound that keeps it from rising.
+//!
+//! *Method*: none of the paper's. A position correction that undoes an error left over from earlier substeps
+//! counts as velocity, so that a solve which is far from converged feeds energy in: 32 layers at three
+//! iterations and 21 ms reached 2.7 times their energy and a fountain of three times their height. Solids stand
+//! still, so the true motion never gains energy: whatever exceeds the shot's first energy, plus what lifts
+//! everything by one spacing, is taken from the velocities relative to the mean. Momentum stays.
+
+use crate::{math::Vec3, par};
+
+/// g₀ [m/s²], for the slack.
+const STANDARD_GRAVITY: f64 = 9.81;
+
+/// Σ m (½ v² − g·x) [J]; without velocities, the potential part alone.
+pub(super) fn energy(v: &[Vec3], x: &[Vec3], gravity: Vec3, mass: f64) -> f64 {
+    let kinetic = par::sum(v.len(), |i| 0.5 * f64::from(v[i].norm_squared()));
+    let dot = |x: Vec3| (0..3).map(|axis| f64::from(gravity[axis]) * f64::from(x[axis])).sum::<f64>();
+    mass * (kinetic - par::sum(x.len(), |i| dot(x[i])))
+}
+
+/// What `count` particles of `mass` [kg] may exceed their first energy by [J]: surfaces that contract and
+/// lattices that settle release a little, and without slack a drop at rest in zero gravity could never move.
+pub(super) fn slack(count: usize, mass: f64, spacing: f32) -> f64 {
+    count as f64 * mass * STANDARD_GRAVITY * f64::from(spacing)
+}
+
+/// Takes `excess` [J] from the velocities relative to the mean, or all there is.
+pub(super) fn take(excess: f64, v: &mut [Vec3], mass: f64) {
+    let count = v.len() as f64;
+    let velocities = &*v;
+    let mean: Vec<f64> =
+        (0..3).map(|axis| par::sum(v.len(), |i| f64::from(velocities[i][axis])) / count).collect();
+    let mean = Vec3::new(mean[0] as f32, mean[1] as f32, mean[2] as f32);
+    let relative = 0.5 * mass * par::sum(v.len(), |i| f64::from((velocities[i] - mean).norm_squared()));
+    let left = if relative > 0.0 { ((relative - excess) / relative).max(0.0).sqrt() as f32 } else { 1.0 };
+    par::update(v, |_, v| *v = mean + (*v - mean) * left);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taking_energy_keeps_momentum() {
+        let mut v: Vec<Vec3> = (0..50).map(|i| Vec3::new(i as f32, 3.0, (i % 7) as f32)).collect();
+        let sum = |v: &[Vec3]| v.iter().sum::<Vec3>();
+        let (momentum, before) = (sum(&v), energy(&v, &[], Vec3::zeros(), 2.0));
+        take(1000.0, &mut v, 2.0);
+        assert!((energy(&v, &[], Vec3::zeros(), 2.0) - (before - 1000.0)).abs() < 0.01);
+        assert!((sum(&v) - momentum).norm() < 1e-3);
+        take(1e9, &mut v, 2.0);
+        assert!(v.iter().all(|v| (v - momentum / 50.0).norm() < 1e-5));
+    }
+}

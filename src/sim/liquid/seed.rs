@@ -1,0 +1,86 @@
+//! Filling sources with particles on the cubic lattice.
+
+use super::{LiquidParams, SourceShape, rest::Rest, walls::Walls};
+use crate::{
+    math::Vec3,
+    sim::{SeedReport, SetupError},
+    space::CellGrid,
+};
+
+/// A particle is left out where an earlier source has one closer than this many spacings: lattices that meet
+/// out of step would start compressed (0.8 gives 20 % over rest density along the seam) and fly apart.
+const NEAREST: f32 = 0.9;
+
+/// A particle is left out where it is closer to a solid than this many spacings: contact keeps half a spacing,
+/// and the hundredth below absorbs rounding.
+const NEAREST_SOLID: f32 = 0.49;
+
+/// The particles of a shot's start.
+#[derive(Debug, Default)]
+pub(super) struct Seeds {
+    pub(super) positions: Vec<Vec3>,
+    pub(super) velocities: Vec<Vec3>,
+    pub(super) report: SeedReport,
+}
+
+/// Fills every source in order; the ids are the places in the result.
+pub(super) fn seed(params: &LiquidParams, rest: &Rest, walls: &Walls) -> Result<Seeds, SetupError> {
+    let asked: f64 =
+        params.source.iter().map(|s| lattice(&s.shape, rest.spacing).1.iter().product::<f64>()).sum();
+    if asked > f64::from(u32::MAX / 2) {
+        return Err(SetupError::TooMany { asked });
+    }
+    let mut seeds = Seeds::default();
+    for source in &params.source {
+        let earlier = CellGrid::new(&seeds.positions, rest.spacing);
+        let (first, counts) = lattice(&source.shape, rest.spacing);
+        let [nx, ny, nz] = counts.map(|n| n as u64);
+        let mut found = Vec::new();
+        for k in 0..nx * ny * nz {
+            let step = [k % nx, k / nx % ny, k / (nx * ny)];
+            let x =
+                Vec3::from_fn(|axis, _| (first[axis] + step[axis] as f64 * f64::from(rest.spacing)) as f32);
+            if !contains(&source.shape, x) {
+                continue;
+            }
+            if walls.distance(x) < NEAREST_SOLID * rest.spacing {
+                seeds.report.skipped_in_solids += 1;
+                continue;
+            }
+            let mut near = false;
+            earlier.for_each_within(&seeds.positions, x, NEAREST * rest.spacing, |_, _| near = true);
+            if near {
+                seeds.report.skipped_overlapping += 1;
+            } else {
+                found.push(x);
+            }
+        }
+        seeds.positions.append(&mut found);
+        seeds.velocities.resize(seeds.positions.len(), source.velocity.into());
+    }
+    seeds.report.particles = seeds.positions.len() as u32;
+    if seeds.positions.is_empty() { Err(SetupError::NoParticles) } else { Ok(seeds) }
+}
+
+/// The first lattice point of a shape [m] and the number of points along each axis.
+fn lattice(shape: &SourceShape, spacing: f32) -> ([f64; 3], [f64; 3]) {
+    let s = f64::from(spacing);
+    match *shape {
+        SourceShape::Box { min, max } => {
+            let count = |axis: usize| ((f64::from(max[axis]) - f64::from(min[axis])) / s).round().max(0.0);
+            (min.map(|m| f64::from(m) + 0.5 * s), [count(0), count(1), count(2)])
+        }
+        SourceShape::Sphere { center, radius } => {
+            let half = (f64::from(radius) / s).ceil();
+            (center.map(|c| f64::from(c) - (half - 0.5) * s), [2.0 * half; 3])
+        }
+    }
+}
+
+/// Whether a lattice point belongs to the shape.
+fn contains(shape: &SourceShape, x: Vec3) -> bool {
+    match *shape {
+        SourceShape::Box { .. } => true,
+        SourceShape::Sphere { center, radius } => (x - Vec3::from(center)).norm() <= radius,
+    }
+}

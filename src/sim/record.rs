@@ -1,0 +1,93 @@
+//! What a simulation tells about its start and about every frame.
+
+use serde::Serialize;
+use std::time::Instant;
+
+/// What seeding did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct SeedReport {
+    /// Particles in the shot.
+    pub particles: u32,
+    /// Particles left out because they lay in a solid, or closer to one than half a spacing.
+    pub skipped_in_solids: u32,
+    /// Particles left out because an earlier source had already put one closer than 0.9 spacings.
+    pub skipped_overlapping: u32,
+}
+
+/// How often a limit changed a result, summed over the frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Clamps {
+    /// Particle corrections shortened to half a spacing, over all iterations.
+    pub corrections: u64,
+    /// Substeps after which velocities were scaled down because the mechanical energy exceeded the shot's first.
+    pub energy: u64,
+    /// Substeps in which vorticity confinement was scaled down to stay bounded.
+    pub confinement: u64,
+    /// Particles that still touched a solid after the last collision round, over all iterations.
+    pub contacts: u64,
+}
+
+/// What happened in a frame. Everything but `seconds` is the same on every run and for any thread count.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FrameRecord {
+    /// Substeps taken.
+    pub substeps: u32,
+    /// Solver iterations, over all substeps.
+    pub iterations: u32,
+    /// Substeps that ended at `max_iterations` above the target `density_dev`; 0 with fixed `iterations`.
+    pub unconverged: u32,
+    /// Mean over all particles of the constraint's error at the frame's end [1]: max(C, 0) for
+    /// `constraint = "compression"`, |C| for `"equality"`, with C = ρ/ρ₀ − 1. This is what `density_dev` bounds.
+    pub density_dev_avg: f64,
+    /// Largest constraint error at the frame's end [1].
+    pub density_dev_max: f64,
+    /// Mean of |C|, dilation and compression alike, over the particles whose neighbourhood is filled [1].
+    pub bulk_dev_avg: f64,
+    /// ½ Σ m v² at the frame's end [J].
+    pub kinetic_energy: f64,
+    /// −Σ m g·x at the frame's end [J]; the zero is at the world's origin.
+    pub potential_energy: f64,
+    /// Energy that vorticity confinement added during the frame [J].
+    pub confinement_energy: f64,
+    /// Limits that changed a result.
+    pub clamps: Clamps,
+    /// Neighbour lists built again within a substep because particles had moved farther than the skin.
+    pub list_rebuilds: u32,
+    /// Substeps longer than the CFL rule allows, because of `max_substeps`.
+    pub cfl_capped: u32,
+    /// Particles whose centre lies inside a solid at the frame's end.
+    pub particles_inside_solids: u32,
+    /// Wall-clock time of every pass that ran [s], in order of the passes.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+/// Adds up wall-clock time by pass.
+#[derive(Debug)]
+pub(super) struct Clock {
+    totals: Vec<(&'static str, f64)>,
+}
+
+impl Clock {
+    /// A clock for these passes.
+    pub(super) fn new(passes: &[&'static str]) -> Self {
+        Self { totals: passes.iter().map(|&name| (name, 0.0)).collect() }
+    }
+
+    /// Runs `job` and books its time on `pass`.
+    ///
+    /// # Panics
+    /// If the pass was not announced: passes that are not named must not run.
+    pub(super) fn time<T>(&mut self, pass: &'static str, job: impl FnOnce() -> T) -> T {
+        let entry =
+            self.totals.iter_mut().find(|(name, _)| *name == pass).expect("only announced passes run");
+        let start = Instant::now();
+        let result = job();
+        entry.1 += start.elapsed().as_secs_f64();
+        result
+    }
+
+    /// The seconds by pass.
+    pub(super) fn into_totals(self) -> Vec<(&'static str, f64)> {
+        self.totals
+    }
+}
