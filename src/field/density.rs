@@ -1,6 +1,6 @@
 //! Particles → density on sparse bricks.
 //!
-//! *Method* the weighted sum of [muller03] with each particle's own volume: V_j = m/ρ_j, ρ_j = m Σ_k W(x_j − x_k, h)
+//! *Method* the weighted sum of [mcg03] with each particle's own volume: V_j = m/ρ_j, ρ_j = m Σ_k W(x_j − x_k, h)
 //! with k = j included, φ(x) = Σ_j V_j W(x − x_j, h). The particle mass cancels. Filled space has φ ≈ 1; a
 //! droplet that has no neighbour has V = 1/W(0), thus φ = 1 at its centre, and does not vanish.
 //! Kernel: the cubic spline of [monaghan92], written as 2(1−q)₊³ − 8(½−q)₊³, which is the same polynomial without

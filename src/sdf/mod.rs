@@ -179,6 +179,23 @@ mod tests {
     }
 
     #[test]
+    fn no_field_gives_a_distance_that_is_not_a_number() {
+        let wild = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, 2.0, 0.0, 1e-40];
+        for seed in [SeedRule::Plane, SeedRule::NearestEdge] {
+            let mut field = steps();
+            for (i, value) in field.values.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0) {
+                *value = wild[i * 7919 / 16 % wild.len()];
+            }
+            let sdf = from_density(&field, 2.0, &SdfParams { seed, band: 3.0 });
+            for (i, &value) in sdf.grid.values.iter().enumerate() {
+                let node = node_of(sdf.grid.bricks.coords()[i / BRICK_NODES], i % BRICK_NODES);
+                assert!(value != 0.0 && value.abs() <= sdf.band, "{value}"); // a NaN is in no range
+                assert_eq!(field_at(&field, node) >= 2.0, value < 0.0);
+            }
+        }
+    }
+
+    #[test]
     fn the_plane_rule_is_closer_than_the_nearest_edge() {
         let center = Vec3::new(0.31, -0.17, 0.05);
         let exact = |x: Vec3| (x - center).norm() - 10.3;

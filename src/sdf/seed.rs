@@ -96,6 +96,9 @@ fn indicator(field: &SparseGrid, threshold: f32) -> Vec<Mask> {
 
 /// The bricks that the band around the surface reaches; for an infinite band the field's own and those that the
 /// cells on the surface reach.
+///
+/// Every cell on the surface has an inside node, whose brick the field has, so the bricks of the field are enough to
+/// start from: a node closer than the band to the surface is at most ⌈band⌉ nodes from such a node along each axis.
 fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
     let bricks = &indicator.field.bricks;
     let reach = if band.is_finite() { band.ceil() as i32 } else { 1 };
@@ -180,8 +183,7 @@ impl Near<'_> {
         (0..6).map(|face| self.crossed(face)).fold([0; BRICK], |a, b| std::array::from_fn(|z| a[z] | b[z]))
     }
 
-    /// The lowest and highest node beside the surface, in nodes from the brick's first; counts those in missing
-    /// neighbours too, which have no brick to be found from.
+    /// The lowest and highest node beside the surface, in nodes from the brick's first.
     fn extent(&self) -> Option<([i32; 3], [i32; 3])> {
         let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
         for_each_bit(&self.beside(), |place| {
@@ -190,18 +192,6 @@ impl Near<'_> {
                 high[axis] = high[axis].max(v as i32);
             }
         });
-        for face in 0..6 {
-            let edge = if face % 2 == 0 { 0 } else { BRICK - 1 };
-            let mut leaves = false;
-            for_each_bit(&self.crossed(face), |place| {
-                leaves |= [place % 8, place / 8 % 8, place / 64][face / 2] == edge;
-            });
-            if leaves && face % 2 == 0 {
-                low[face / 2] = -1;
-            } else if leaves {
-                high[face / 2] = BRICK as i32;
-            }
-        }
         (low[0] <= high[0]).then_some((low, high))
     }
 

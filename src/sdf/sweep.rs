@@ -42,33 +42,13 @@ pub struct Swept {
 /// # Panics
 /// If `seeds` has another length.
 pub fn sweep(bricks: &Bricks, seeds: &[f32], band: f32) -> Swept {
-    assert_eq!(seeds.len(), bricks.len() * BRICK_NODES, "one number a node");
-    let blocks = Blocks {
-        neighbours: bricks.neighbours(),
-        values: par::map(bricks.len(), |brick| {
-            let mut values = [0.0; BRICK_NODES];
-            values.copy_from_slice(&seeds[brick * BRICK_NODES..(brick + 1) * BRICK_NODES]);
-            RwLock::new(values)
-        }),
-        awake: (0..bricks.len()).map(|_| AtomicBool::new(true)).collect(),
-        band,
-    };
+    let blocks = Blocks::new(bricks, seeds, band);
     let mut sweeps = 0;
-    while blocks.awake.iter().any(|awake| awake.load(Ordering::Relaxed)) {
-        let order = ORDERS[sweeps % 8];
-        let next = |brick: usize| {
-            let faces = blocks.neighbours[brick];
-            (0..3).filter_map(move |axis| faces[2 * axis + usize::from(order[axis] > 0)]).map(|i| i as usize)
-        };
-        par::wavefront(bricks.len(), next, |brick| blocks.pass(brick, order));
+    while !blocks.at_rest() {
+        blocks.sweep(ORDERS[sweeps % ORDERS.len()]);
         sweeps += 1;
     }
-
-    // The blocks' numbers go back into one list.
-    let mut distance = vec![0.0; seeds.len()];
-    par::for_chunks(&mut distance, BRICK_NODES, |start, out| {
-        out.copy_from_slice(&*blocks.values[start / BRICK_NODES].read().expect(NO_PANIC));
-    });
+    let distance = blocks.distances();
     let unreached = par::map_chunks(distance.len(), par::CHUNK, |range| {
         distance[range].iter().filter(|d| d.is_infinite()).count()
     });
@@ -101,6 +81,40 @@ fn padded(row: usize) -> usize {
 }
 
 impl Blocks {
+    fn new(bricks: &Bricks, seeds: &[f32], band: f32) -> Self {
+        assert_eq!(seeds.len(), bricks.len() * BRICK_NODES, "one number a node");
+        let values = par::map(bricks.len(), |brick| {
+            let mut values = [0.0; BRICK_NODES];
+            values.copy_from_slice(&seeds[brick * BRICK_NODES..(brick + 1) * BRICK_NODES]);
+            RwLock::new(values)
+        });
+        let awake = (0..bricks.len()).map(|_| AtomicBool::new(true)).collect();
+        Self { neighbours: bricks.neighbours(), values, awake, band }
+    }
+
+    /// Whether no pass would change anything.
+    fn at_rest(&self) -> bool {
+        !self.awake.iter().any(|awake| awake.load(Ordering::Relaxed))
+    }
+
+    /// One sweep over all bricks in the given order, as a wavefront.
+    fn sweep(&self, order: [i32; 3]) {
+        let next = |brick: usize| {
+            let faces = self.neighbours[brick];
+            (0..3).filter_map(move |axis| faces[2 * axis + usize::from(order[axis] > 0)]).map(|i| i as usize)
+        };
+        par::wavefront(self.values.len(), next, |brick| self.pass(brick, order));
+    }
+
+    /// The bricks' numbers in one list.
+    fn distances(&self) -> Vec<f32> {
+        let mut distance = vec![0.0; self.values.len() * BRICK_NODES];
+        par::for_chunks(&mut distance, BRICK_NODES, |start, out| {
+            out.copy_from_slice(&*self.values[start / BRICK_NODES].read().expect(NO_PANIC));
+        });
+        distance
+    }
+
     /// One Gauss–Seidel pass over a brick in the given order.
     fn pass(&self, brick: usize, order: [i32; 3]) {
         if !self.awake[brick].load(Ordering::Relaxed) {
@@ -184,14 +198,18 @@ fn relax(own: &mut [f32; BRICK_NODES], mut u: Padded, order: [i32; 3], band: f32
             if lowers == [false; BRICK] {
                 continue;
             }
+            let mut changed = 0_u8;
             for x in run(order[0]) {
                 if let Some(distance) = update(values[x], nearest(&u, x), band) {
                     values[x] = distance;
                     u[start + x] = distance;
-                    any = true;
-                    let at = [x == 0, x == 7, y == 0, y == 7, z == 0, z == 7];
-                    faces = std::array::from_fn(|face| faces[face] || at[face]);
+                    changed |= 1 << x;
                 }
+            }
+            if changed != 0 {
+                any = true;
+                let at = [changed & 1 != 0, changed >> 7 != 0, y == 0, y == 7, z == 0, z == 7];
+                faces = std::array::from_fn(|face| faces[face] || at[face]);
             }
         }
     }
@@ -212,7 +230,7 @@ fn lowered(own: f32, nearest: [f32; 3], band: f32) -> bool {
     let most = smaller(smaller(own, band), 1e18);
     let slope = |x: f32| if most > x { most - x } else { 0.0 };
     let [x, y, z] = nearest.map(slope);
-    x * x + y * y + z * z > 1.0 // Σ ((u − u_min)⁺)² = h², [zhao05] Eq. 2.1
+    x * x + y * y + z * z > 1.0 // Σ ((u − u_min)⁺)² = h², [zhao05] §2
 }
 
 /// The new distance of a node that holds `own`, if its neighbours lower it.
@@ -229,55 +247,57 @@ fn update(own: f32, nearest: [f32; 3], band: f32) -> Option<f32> {
 fn godunov(nearest: [f32; 3]) -> f32 {
     // The neighbours in ascending order, the larger two relative to the smallest.
     let [x, y, z] = nearest;
-    let (low, high) = (x.min(y), x.max(y));
-    let a = low.min(z);
-    let b = low.max(z.min(high)) - a;
-    let c = high.max(z) - a;
+    let (low, high) = if x < y { (x, y) } else { (y, x) };
+    let (low, middle) = if low < z { (low, z) } else { (z, low) };
+    let (middle, high) = if middle < high { (middle, high) } else { (high, middle) };
+    let (a, b, c) = (low, middle - low, high - low);
     let mut u = 1.0;
     if u > b {
-        u = 0.5 * (b + (2.0 - b * b).sqrt()); // ū of two, [zhao05] Eq. 2.4
+        u = 0.5 * (b + (2.0 - b * b).sqrt()); // ū of two, [zhao05] §2
         if u > c {
             let (s, q) = (b + c, b * b + c * c);
-            u = (s + (s * s - 3.0 * (q - 1.0)).max(0.0).sqrt()) / 3.0; // ū of three, [zhao05] §2.3
+            u = (s + (s * s - 3.0 * (q - 1.0)).max(0.0).sqrt()) / 3.0; // ū of three, [zhao05] §2
         }
     }
     a + u
 }
 
-/// [`sweep`] without bricks, blocks and threads: every node of the grid in the order of the sweep, one after the
-/// other. The reference that `sweep` is tested against, bit for bit; `sweeps` counts whole rounds of eight.
+/// [`sweep`] without blocks and threads: every node of the grid in the order of the sweep, one after the other. The
+/// reference that `sweep` is tested against, bit for bit; `sweeps` counts whole rounds of eight.
 pub fn sweep_in_order(bricks: &Bricks, seeds: &[f32], band: f32) -> Swept {
     let mut grid = SparseGrid { voxel: 1.0, bricks: bricks.clone(), values: seeds.to_vec() };
-    let nodes: Vec<([i32; 3], usize)> = (0..seeds.len())
-        .map(|slot| (node_of(bricks.coords()[slot / BRICK_NODES], slot % BRICK_NODES), slot))
-        .collect();
-    let orders = ORDERS.map(|order| {
-        let mut sorted = nodes.clone();
-        sorted.sort_by_key(|(node, _)| [order[2] * node[2], order[1] * node[1], order[0] * node[0]]);
-        sorted
-    });
     let mut sweeps = 0;
     let mut changed = true;
     while changed {
         changed = false;
-        for order in &orders {
-            for &(node, slot) in order {
-                let at = |axis: usize, step: i32| {
-                    let mut other = node;
-                    other[axis] += step;
-                    grid.get(other).map_or(f32::INFINITY, f32::abs)
-                };
-                let nearest = [0, 1, 2].map(|axis| at(axis, -1).min(at(axis, 1)));
-                if let Some(distance) = update(grid.values[slot], nearest, band) {
-                    grid.values[slot] = distance;
-                    changed = true;
-                }
-            }
+        for order in ORDERS {
+            changed |= one_sweep_in_order(&mut grid, order, band);
             sweeps += 1;
         }
     }
     let unreached = grid.values.iter().filter(|d| d.is_infinite()).count();
     Swept { distance: grid.values, unreached, sweeps }
+}
+
+/// One sweep over all nodes in the given order; says whether anything changed.
+fn one_sweep_in_order(grid: &mut SparseGrid, order: [i32; 3], band: f32) -> bool {
+    let node = |slot: usize| node_of(grid.bricks.coords()[slot / BRICK_NODES], slot % BRICK_NODES);
+    let mut nodes: Vec<([i32; 3], usize)> = (0..grid.values.len()).map(|slot| (node(slot), slot)).collect();
+    nodes.sort_by_key(|(node, _)| [order[2] * node[2], order[1] * node[1], order[0] * node[0]]);
+    let mut changed = false;
+    for (node, slot) in nodes {
+        let at = |axis: usize, step: i32| {
+            let mut other = node;
+            other[axis] += step;
+            grid.get(other).map_or(f32::INFINITY, f32::abs)
+        };
+        let nearest = [0, 1, 2].map(|axis| at(axis, -1).min(at(axis, 1)));
+        if let Some(distance) = update(grid.values[slot], nearest, band) {
+            grid.values[slot] = distance;
+            changed = true;
+        }
+    }
+    changed
 }
 
 #[cfg(test)]
@@ -334,6 +354,26 @@ mod tests {
                     assert!(same, "{name}, band {band}, {threads} threads");
                     assert_eq!(swept.unreached, reference.unreached);
                     assert!(swept.sweeps <= reference.sweeps + 8);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_single_sweep_has_the_bits_of_the_sequential_one() {
+        // Once all is at rest the order no longer shows, so the numbers on the way there are compared too.
+        for (name, field) in fields() {
+            let Seeds { bricks, distance, .. } =
+                seeds(&field, 1.0, &SdfParams { seed: SeedRule::Plane, band: f32::INFINITY });
+            let mut reference = SparseGrid { voxel: 1.0, bricks, values: distance.clone() };
+            let runs = [1, 2, 3, 8]
+                .map(|threads| (threads, Blocks::new(&reference.bricks, &distance, f32::INFINITY)));
+            for (sweep, order) in ORDERS.into_iter().cycle().take(12).enumerate() {
+                one_sweep_in_order(&mut reference, order, f32::INFINITY);
+                for (threads, blocks) in &runs {
+                    par::with_threads(*threads, || blocks.sweep(order));
+                    let same = bits(&blocks.distances()) == bits(&reference.values);
+                    assert!(same, "{name}, sweep {sweep}, {threads} threads");
                 }
             }
         }

@@ -1,3 +1,5 @@
-//! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
+//! Numerics against closed forms: convergence, conservation, limits, the same bytes every time.
 
 mod mesh;
+mod sdf;
+mod surface_field;
