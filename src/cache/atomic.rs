@@ -12,10 +12,10 @@ use std::path::{Path, PathBuf};
 const SUFFIX: &str = ".meniscus-tmp";
 
 /// Bytes gathered before each write to the system. At 8 KiB (the default of the standard library) small writes
-/// of a text mesh cost a system call each 200 vertices; more than 1 MiB gains nothing.
+/// of a text mesh cost a system call each 200 vertices. Not tuned beyond that.
 const BUFFER: usize = 1 << 20;
 
-/// Writes the file `path` through `write`, whole or not at all, and returns its size [bytes].
+/// Writes the file `path` through `write`, whole or not at all, and returns its size \[bytes\].
 ///
 /// The folder must exist. The temporary is named `.NAME.PID-N.meniscus-tmp`; it is removed if anything fails,
 /// and an older file at `path` then stays as it was.
@@ -41,7 +41,7 @@ pub fn write_atomically(
 /// Removes the temporaries that crashed runs left in `dir` and returns their paths, sorted.
 ///
 /// It cannot tell a crashed run from a live one (process numbers repeat between machines and containers), so
-/// the caller holds the folder's lock, or knows otherwise that nobody writes there.
+/// the caller holds the folder's [`Lock`](super::Lock), or knows otherwise that nobody writes there.
 ///
 /// # Errors
 /// If the folder cannot be listed or a temporary cannot be removed.

@@ -1,5 +1,29 @@
-//! Frames on disk.
+//! Frames on disk: a folder of `frame_0001.mcf` files that can be trusted.
+//!
+//! A frame is written to a temporary name, synced and renamed ([`write_atomically`]), so a file with its final
+//! name is whole. Every byte is covered by a checksum, every length is checked before memory is taken, and a
+//! reader refuses what it cannot vouch for with a [`CacheError`] that names place, finding, expectation and the
+//! next step. The container is documented byte by byte in `docs/formats/cache.md`.
+//!
+//! The *key* of a frame is a hash of everything that decided its content (the preset, earlier edits); a frame
+//! with another key is [`CacheError::Stale`].
 
 mod atomic;
+mod chunks;
+mod error;
+mod folder;
+mod format;
+mod lock;
+mod read;
+mod write;
+
+#[cfg(test)]
+mod tests;
 
 pub use atomic::{remove_temporaries, write_atomically};
+pub use error::CacheError;
+pub use folder::{LastValid, frame_path, last_valid, list};
+pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
+pub use lock::Lock;
+pub use read::{read_frame, read_header, verify_frame};
+pub use write::write_frame;

@@ -1,1 +1,112 @@
-//! import
+//! Particle files that other solvers wrote, as a [`Stream`].
+//!
+//! [`read_particles`] reads PLY, XYZ, legacy VTK and classic BGEO by the file's extension and refuses a file
+//! whose content is something else; [`expand`] turns the patterns of a command line into a sorted sequence of
+//! files. What is read of each format is described in `docs/formats/import.md`. Positions keep their axes and
+//! units. Counts are compared with the size of the file before memory is taken, and what is not taken is listed.
+
+mod bgeo;
+mod error;
+mod expand;
+mod gather;
+mod ply;
+mod vtk;
+mod xyz;
+
+#[cfg(test)]
+mod tests;
+
+pub use error::ImportError;
+pub use expand::expand;
+
+use crate::frame::Stream;
+use std::path::Path;
+
+/// Particles read from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// The stream "particles": `position`, `velocity` and `id` where the file has them, and every other
+    /// attribute of one or three floats, or of one integer that fits 32 bits without a sign.
+    pub stream: Stream,
+    /// Attributes that were not taken, and why.
+    pub ignored: Vec<String>,
+}
+
+/// A format, as the extension names it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Format {
+    Ply,
+    Xyz,
+    Vtk,
+    Bgeo,
+}
+
+impl Format {
+    fn of(path: &Path) -> Option<Self> {
+        let name = path.file_name()?.to_str()?.to_ascii_lowercase();
+        let name = name.strip_suffix(".gz").filter(|name| name.ends_with(".bgeo")).unwrap_or(&name);
+        match name.rsplit_once('.')?.1 {
+            "ply" => Some(Self::Ply),
+            "xyz" => Some(Self::Xyz),
+            "vtk" => Some(Self::Vtk),
+            "bgeo" => Some(Self::Bgeo),
+            _ => None,
+        }
+    }
+
+    /// What a file's first bytes say it is; XYZ has no mark of its own.
+    fn of_content(bytes: &[u8]) -> Option<Self> {
+        if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
+            Some(Self::Ply)
+        } else if bytes.starts_with(b"# vtk DataFile") {
+            Some(Self::Vtk)
+        } else if bytes.starts_with(bgeo::MAGIC) || bytes.starts_with(bgeo::GZIP) {
+            Some(Self::Bgeo)
+        } else {
+            None
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Ply => "PLY",
+            Self::Xyz => "XYZ",
+            Self::Vtk => "legacy VTK",
+            Self::Bgeo => "BGEO",
+        }
+    }
+}
+
+/// Reads the particles of one file.
+///
+/// # Errors
+/// [`ImportError`], naming the file and the place in it. Zero particles are [`ImportError::EmptyParticles`].
+pub fn read_particles(path: &Path) -> Result<Imported, ImportError> {
+    let Some(format) = Format::of(path) else {
+        let expected = "a name that ends in .ply, .xyz, .vtk or .bgeo";
+        return Err(ImportError::unsupported(path, "another kind of file", expected));
+    };
+    let bytes = std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
+    parse(path, format, &bytes)
+}
+
+/// Reads the particles of a file's bytes.
+fn parse(path: &Path, format: Format, bytes: &[u8]) -> Result<Imported, ImportError> {
+    if bytes.is_empty() {
+        return Err(ImportError::EmptyParticles { path: path.to_path_buf(), found: "an empty file" });
+    }
+    let content = Format::of_content(bytes);
+    if content.unwrap_or(Format::Xyz) != format {
+        let found = match content {
+            Some(other) => format!("the start of a {} file", other.name()),
+            None => format!("a start of {:?}", String::from_utf8_lossy(&bytes[..bytes.len().min(12)])),
+        };
+        return Err(ImportError::unsupported(path, found, format!("{}, as the name says", format.name())));
+    }
+    match format {
+        Format::Ply => ply::read(path, bytes),
+        Format::Xyz => xyz::read(path, bytes),
+        Format::Vtk => vtk::read(path, bytes),
+        Format::Bgeo => bgeo::read(path, bytes),
+    }
+}

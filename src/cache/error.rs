@@ -1,0 +1,139 @@
+//! What can be wrong with a cache.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Why a cache could not be read or written. Each variant has an exit code of its own.
+#[derive(Debug, thiserror::Error)]
+pub enum CacheError {
+    /// The folder or file is not there, or holds no frame.
+    #[error("{path}: {found}, expected {expected}; check the path, or run `meniscus simulate` first", path = path.display())]
+    NotFound {
+        /// The folder or file.
+        path: PathBuf,
+        /// What is there instead.
+        found: &'static str,
+        /// What was looked for.
+        expected: &'static str,
+    },
+    /// Another process writes this cache.
+    #[error(
+        "{path}: locked by process {pid}, expected nobody else to write this cache; \
+         wait for that process or stop it, then run the same command again",
+        path = path.display()
+    )]
+    Locked {
+        /// The lock file.
+        path: PathBuf,
+        /// The process number that the lock file holds, or "unknown".
+        pid: String,
+    },
+    /// Bytes are not those that were written.
+    #[error(
+        "{path}: {place}: found {found}, expected {expected}; delete this frame and simulate again, \
+         or restore it from a backup",
+        path = path.display()
+    )]
+    Corrupt {
+        /// The file.
+        path: PathBuf,
+        /// Where in the file: header, trailer, or stream, channel, chunk and byte offset.
+        place: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+    /// The file is of another version of the format.
+    #[error(
+        "{path}: format version {found}, expected {expected}; read it with the version of meniscus that \
+         wrote it, or simulate again",
+        path = path.display()
+    )]
+    Version {
+        /// The file.
+        path: PathBuf,
+        /// The version that the file names.
+        found: u32,
+        /// The version that this build reads and writes.
+        expected: u32,
+    },
+    /// The frame belongs to other settings than those given.
+    #[error(
+        "{path}: made with other settings (key {found:016x}), expected key {expected:016x}; \
+         simulate again with --force, or write to another folder",
+        path = path.display()
+    )]
+    Stale {
+        /// The file.
+        path: PathBuf,
+        /// The key that the file names.
+        found: u64,
+        /// The key of the settings given.
+        expected: u64,
+    },
+    /// The disk or the quota has no room.
+    #[error(
+        "{path}: no room on the disk ({source}), expected room for the whole frame; no partial frame was left: \
+         free some space and run the same command again to resume",
+        path = path.display()
+    )]
+    Full {
+        /// The file that was being written.
+        path: PathBuf,
+        /// What the system reported.
+        source: io::Error,
+    },
+    /// The system refused an operation.
+    #[error(
+        "{path}: could not {doing}: {source}; expected a folder and files that this user may read and write: \
+         check permissions and the disk",
+        path = path.display()
+    )]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was being done.
+        doing: &'static str,
+        /// What the system reported.
+        source: io::Error,
+    },
+}
+
+impl CacheError {
+    /// The variant for an error of the system while `doing` something with `path`.
+    pub(super) fn from_io(path: &Path, doing: &'static str, source: io::Error) -> Self {
+        let path = path.to_path_buf();
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::Full { path, source },
+            io::ErrorKind::NotFound => {
+                Self::NotFound { path, found: "nothing there", expected: "a cache or one of its frames" }
+            }
+            _ => Self::Io { path, doing, source },
+        }
+    }
+}
+
+/// What is wrong with some bytes, before the file they came from is named.
+#[derive(Debug)]
+pub(super) struct Damage {
+    pub(super) place: String,
+    pub(super) found: String,
+    pub(super) expected: String,
+}
+
+impl Damage {
+    pub(super) fn new(
+        place: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        Self { place: place.into(), found: found.into(), expected: expected.into() }
+    }
+
+    /// The error for the file `path`.
+    pub(super) fn of(self, path: &Path) -> CacheError {
+        let Self { place, found, expected } = self;
+        CacheError::Corrupt { path: path.to_path_buf(), place, found, expected }
+    }
+}

@@ -1,0 +1,120 @@
+//! What can be wrong with a file from elsewhere.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Characters of a finding that a message shows.
+const MOST_FOUND: usize = 200;
+
+/// Why particles could not be imported.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// No file is there, or none matches the pattern.
+    #[error("{path}: {found}, expected {expected}; check the path and the frames that the solver wrote", path = path.display())]
+    NotFound {
+        /// The file or pattern, as given.
+        path: PathBuf,
+        /// What is there instead.
+        found: String,
+        /// What was looked for.
+        expected: String,
+    },
+    /// The kind of file, or something in it, is not read.
+    #[error(
+        "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, legacy VTK or classic BGEO",
+        path = path.display()
+    )]
+    Unsupported {
+        /// The file.
+        path: PathBuf,
+        /// What it is.
+        found: String,
+        /// What is read instead.
+        expected: String,
+    },
+    /// The file breaks the rules of its format, or is cut short.
+    #[error(
+        "{path}: {place}: found {found}, expected {expected}; write the file again, or look at this place in it",
+        path = path.display()
+    )]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// Line or byte, and particle where there is one.
+        place: String,
+        /// What is there.
+        found: String,
+        /// What should be there.
+        expected: String,
+    },
+    /// A position or velocity is no number.
+    #[error(
+        "{path}: particle {particle}: found {found} as {channel}, expected finite numbers; \
+         remove this particle, or look at the step of the solver that made it",
+        path = path.display()
+    )]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// `position` or `velocity`.
+        channel: &'static str,
+        /// The particle, counted from 0.
+        particle: usize,
+        /// The value.
+        found: String,
+    },
+    /// The file is sound but holds no particle. A sequence may treat it as an empty frame.
+    #[error("{path}: found {found}, expected at least one particle; leave the frame out if that is meant", path = path.display())]
+    EmptyParticles {
+        /// The file.
+        path: PathBuf,
+        /// An empty file, or no particles.
+        found: &'static str,
+    },
+    /// The system refused an operation.
+    #[error(
+        "{path}: could not {doing}: {source}; expected a file that this user may read: check its permissions",
+        path = path.display()
+    )]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was being done.
+        doing: &'static str,
+        /// What the system reported.
+        source: io::Error,
+    },
+}
+
+impl ImportError {
+    pub(super) fn from_io(path: &Path, doing: &'static str, source: io::Error) -> Self {
+        let path = path.to_path_buf();
+        if source.kind() == io::ErrorKind::NotFound {
+            return Self::NotFound {
+                path,
+                found: "nothing there".into(),
+                expected: "a particle file".into(),
+            };
+        }
+        Self::Io { path, doing, source }
+    }
+
+    pub(super) fn unsupported(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Self {
+        Self::Unsupported { path: path.to_path_buf(), found: found.into(), expected: expected.into() }
+    }
+
+    pub(super) fn malformed(
+        path: &Path,
+        place: impl Into<String>,
+        found: impl Into<String>,
+        expected: impl Into<String>,
+    ) -> Self {
+        let (place, mut found, expected) = (place.into(), found.into(), expected.into());
+        // A binary file read as text can have a "word" of any length.
+        if let Some((end, _)) = found.char_indices().nth(MOST_FOUND) {
+            found.truncate(end);
+            found.push('…');
+        }
+        Self::Malformed { path: path.to_path_buf(), place, found, expected }
+    }
+}

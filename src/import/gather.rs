@@ -1,0 +1,134 @@
+//! From a file's attributes to a stream: names, types, what is taken and what is not.
+
+use super::{ImportError, Imported};
+use crate::frame::{ChannelData, Stream};
+use crate::math::Vec3;
+use std::path::Path;
+
+/// An attribute's numbers, component by component within a particle.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Values {
+    /// Floats; doubles are rounded to single precision.
+    Float(Vec<f32>),
+    /// Integers; those beyond 64 bits with a sign are the largest of these.
+    Int(Vec<i64>),
+}
+
+/// Collects the attributes of a file whose positions are known.
+pub(super) struct Gather<'a> {
+    path: &'a Path,
+    stream: Stream,
+    ignored: Vec<String>,
+}
+
+impl<'a> Gather<'a> {
+    /// Starts with the positions, x y z of each particle in turn.
+    pub(super) fn new(path: &'a Path, positions: &[f32]) -> Result<Self, ImportError> {
+        let positions = vectors(positions);
+        if positions.is_empty() {
+            return Err(ImportError::EmptyParticles { path: path.to_path_buf(), found: "no particles" });
+        }
+        let mut gather =
+            Self { path, stream: Stream::new("particles", positions.len()), ignored: Vec::new() };
+        gather.require_finite("position", &positions)?;
+        gather.push("position", positions.into());
+        Ok(gather)
+    }
+
+    /// Takes an attribute of `components` numbers a particle, or lists why it is not taken.
+    pub(super) fn add(&mut self, name: &str, components: usize, values: Values) -> Result<(), ImportError> {
+        let channel = channel_name(name);
+        if self.stream.channel(channel).is_some() {
+            self.ignore(name, format!("{channel} is there already"));
+            return Ok(());
+        }
+        match (values, components) {
+            (Values::Float(values), 1) => match values.iter().position(|value| !value.is_finite()) {
+                None => self.push(channel, values.into()),
+                Some(particle) => {
+                    self.ignore(name, format!("particle {particle} holds {}", values[particle]))
+                }
+            },
+            (Values::Float(values), 3) => {
+                let values = vectors(&values);
+                if channel == "velocity" {
+                    self.require_finite("velocity", &values)?;
+                }
+                match not_finite(&values) {
+                    None => self.push(channel, values.into()),
+                    Some(particle) => {
+                        self.ignore(name, format!("particle {particle} holds {}", text(values[particle])));
+                    }
+                }
+            }
+            (Values::Int(values), 1) => {
+                match values.iter().position(|&value| u32::try_from(value).is_err()) {
+                    None => {
+                        let values: Vec<u32> =
+                            values.into_iter().filter_map(|value| value.try_into().ok()).collect();
+                        self.push(channel, values.into());
+                    }
+                    Some(particle) => {
+                        let value = values[particle];
+                        self.ignore(
+                            name,
+                            format!("{value} of particle {particle} is not from 0 to 4294967295"),
+                        );
+                    }
+                }
+            }
+            (Values::Float(_), _) => {
+                self.ignore(name, format!("{components} components, only 1 or 3 floats are taken"));
+            }
+            (Values::Int(_), _) => self.ignore(name, format!("{components} integers, only 1 is taken")),
+        }
+        Ok(())
+    }
+
+    /// Lists an attribute that is not taken.
+    pub(super) fn ignore(&mut self, name: &str, why: impl std::fmt::Display) {
+        self.ignored.push(format!("{name}: {why}"));
+    }
+
+    /// What was gathered.
+    pub(super) fn finish(self) -> Imported {
+        Imported { stream: self.stream, ignored: self.ignored }
+    }
+
+    fn push(&mut self, name: &str, data: ChannelData) {
+        let stream = std::mem::replace(&mut self.stream, Stream::new("", 0));
+        self.stream = stream.with(name, data);
+    }
+
+    fn require_finite(&self, channel: &'static str, values: &[Vec3]) -> Result<(), ImportError> {
+        match not_finite(values) {
+            None => Ok(()),
+            Some(particle) => {
+                let (path, found) = (self.path.to_path_buf(), text(values[particle]));
+                Err(ImportError::NotFinite { path, channel, particle, found })
+            }
+        }
+    }
+}
+
+/// The name under which an attribute is kept.
+fn channel_name(name: &str) -> &str {
+    match name.to_ascii_lowercase().as_str() {
+        "velocity" | "velocities" | "vel" | "v" => "velocity",
+        "id" | "ids" | "particle_id" => "id",
+        "density" => "density",
+        _ => name,
+    }
+}
+
+fn vectors(values: &[f32]) -> Vec<Vec3> {
+    values.chunks_exact(3).map(|value| Vec3::new(value[0], value[1], value[2])).collect()
+}
+
+fn not_finite(values: &[Vec3]) -> Option<usize> {
+    values.iter().position(|value| !value.iter().all(|component| component.is_finite()))
+}
+
+fn text(value: Vec3) -> String {
+    format!("({}, {}, {})", value.x, value.y, value.z)
+}

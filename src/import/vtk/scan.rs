@@ -1,0 +1,185 @@
+//! The bytes of a legacy VTK file: lines of keywords, and blocks of numbers.
+
+use super::super::ImportError;
+use super::super::gather::Values;
+use std::path::Path;
+
+/// The type of a block's numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Kind {
+    /// Bytes of a number; 0 for bits, of which eight share a byte.
+    size: usize,
+    number: Number,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Number {
+    Float,
+    Signed,
+    Unsigned,
+}
+
+impl Kind {
+    pub(super) const INT: Self = Self { size: 4, number: Number::Signed };
+    pub(super) const BYTE: Self = Self { size: 1, number: Number::Unsigned };
+    pub(super) const FLOAT: Self = Self { size: 4, number: Number::Float };
+
+    /// The type of that name; `long` is the 8 bytes of 64-bit Unix, which is where such files come from.
+    fn named(name: &str) -> Option<Self> {
+        let (size, number) = match name.to_ascii_lowercase().as_str() {
+            "bit" => (0, Number::Unsigned),
+            "unsigned_char" => (1, Number::Unsigned),
+            "char" | "signed_char" => (1, Number::Signed),
+            "unsigned_short" => (2, Number::Unsigned),
+            "short" => (2, Number::Signed),
+            "unsigned_int" => (4, Number::Unsigned),
+            // vtkIdType is written as 32-bit integers whatever its size in memory.
+            "int" | "vtkidtype" => (4, Number::Signed),
+            "unsigned_long" | "vtktypeuint64" => (8, Number::Unsigned),
+            "long" | "vtktypeint64" => (8, Number::Signed),
+            "float" => (4, Number::Float),
+            "double" => (8, Number::Float),
+            _ => return None,
+        };
+        Some(Self { size, number })
+    }
+}
+
+/// The bytes and the place in them.
+pub(super) struct Scan<'a> {
+    pub(super) path: &'a Path,
+    bytes: &'a [u8],
+    at: usize,
+    /// Where the line, block or word read last starts.
+    mark: usize,
+    /// Whether blocks are binary.
+    pub(super) binary: bool,
+}
+
+impl<'a> Scan<'a> {
+    pub(super) fn new(path: &'a Path, bytes: &'a [u8]) -> Self {
+        Self { path, bytes, at: 0, mark: 0, binary: false }
+    }
+
+    /// The rest of the current line; the next one starts behind it.
+    pub(super) fn line(&mut self) -> String {
+        let rest = &self.bytes[self.at..];
+        let end = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+        self.mark = self.at;
+        self.at = (self.at + end + 1).min(self.bytes.len());
+        String::from_utf8_lossy(&rest[..end]).into_owned()
+    }
+
+    /// The words of the next line that is not blank; `None` at the end. There is at least one word.
+    pub(super) fn keyword(&mut self) -> Option<Vec<String>> {
+        while self.at < self.bytes.len() {
+            let words: Vec<String> = self.line().split_whitespace().map(str::to_owned).collect();
+            if !words.is_empty() {
+                return Some(words);
+            }
+        }
+        None
+    }
+
+    /// Whether the next bytes are this text.
+    pub(super) fn starts_with(&self, text: &str) -> bool {
+        self.bytes[self.at..].starts_with(text.as_bytes())
+    }
+
+    /// The count in a line of words.
+    pub(super) fn number(&self, words: &[String], index: usize, what: &str) -> Result<usize, ImportError> {
+        words
+            .get(index)
+            .and_then(|word| word.parse().ok())
+            .ok_or_else(|| self.malformed(words.join(" "), what))
+    }
+
+    /// The type in a line of words.
+    pub(super) fn kind(&self, words: &[String], index: usize) -> Result<Kind, ImportError> {
+        let kind = words.get(index).and_then(|word| Kind::named(word));
+        kind.ok_or_else(|| self.malformed(words.join(" "), "a numeric type such as float or int"))
+    }
+
+    /// Reads a block of numbers.
+    pub(super) fn values(&mut self, kind: Kind, count: usize) -> Result<Values, ImportError> {
+        self.mark = self.at;
+        let left = self.bytes.len() - self.at;
+        let least = match (self.binary, kind.size) {
+            (true, 0) => count.div_ceil(8),
+            (true, size) => count.saturating_mul(size),
+            // A digit each, and white space between them.
+            (false, _) => count.saturating_mul(2).saturating_sub(1),
+        };
+        if least > left {
+            return Err(
+                self.malformed(format!("{left} bytes left"), format!("{count} numbers in at least {least}"))
+            );
+        }
+        if !self.binary {
+            return self.words(kind, count);
+        }
+        let block = &self.bytes[self.at..self.at + least];
+        self.at += least;
+        Ok(match (kind.number, kind.size) {
+            (Number::Float, 4) => {
+                Values::Float(block.as_chunks().0.iter().map(|&b| f32::from_be_bytes(b)).collect())
+            }
+            (Number::Float, _) => {
+                Values::Float(block.as_chunks().0.iter().map(|&b| f64::from_be_bytes(b) as f32).collect())
+            }
+            (_, 0) => Values::Int((0..count).map(|i| i64::from(block[i / 8] >> (7 - i % 8) & 1)).collect()),
+            (number, size) => {
+                Values::Int(block.chunks_exact(size).map(|bytes| integer(bytes, number)).collect())
+            }
+        })
+    }
+
+    /// Reads numbers that are written out.
+    fn words(&mut self, kind: Kind, count: usize) -> Result<Values, ImportError> {
+        let mut floats = Vec::new();
+        let mut integers = Vec::new();
+        for index in 0..count {
+            let word = self.word();
+            let read = match kind.number {
+                Number::Float => word.parse::<f64>().map(|value| floats.push(value as f32)).is_ok(),
+                _ => word
+                    .parse::<i128>()
+                    .map(|value| integers.push(i64::try_from(value).unwrap_or(i64::MAX)))
+                    .is_ok(),
+            };
+            if !read {
+                let found = if word.is_empty() { "the end of the file".into() } else { format!("{word:?}") };
+                return Err(self.malformed(found, format!("number {index} of {count}")));
+            }
+        }
+        Ok(if kind.number == Number::Float { Values::Float(floats) } else { Values::Int(integers) })
+    }
+
+    /// The next word, across lines.
+    fn word(&mut self) -> String {
+        let rest = &self.bytes[self.at..];
+        let start = rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(rest.len());
+        let length = rest[start..].iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len() - start);
+        self.mark = self.at + start;
+        self.at = self.mark + length;
+        String::from_utf8_lossy(&rest[start..start + length]).into_owned()
+    }
+
+    /// An error at what was read last.
+    pub(super) fn malformed(&self, found: impl Into<String>, expected: impl Into<String>) -> ImportError {
+        let place = if self.binary {
+            format!("byte {}", self.mark)
+        } else {
+            format!("line {}", 1 + self.bytes[..self.mark].iter().filter(|&&byte| byte == b'\n').count())
+        };
+        ImportError::malformed(self.path, place, found, expected)
+    }
+}
+
+/// A big-endian integer; beyond the range the largest that fits.
+fn integer(bytes: &[u8], number: Number) -> i64 {
+    let negative = number == Number::Signed && bytes[0] >= 128;
+    let mut wide = [if negative { 0xff } else { 0 }; 16];
+    wide[16 - bytes.len()..].copy_from_slice(bytes);
+    i64::try_from(i128::from_be_bytes(wide)).unwrap_or(i64::MAX)
+}

@@ -1,0 +1,138 @@
+"""Reads Meniscus cache frames (frame_0001.mcf) into numpy arrays. Read-only.
+
+Needs numpy and zstandard; checks every checksum where xxhash is installed.
+The format is described in docs/formats/cache.md.
+
+    import meniscus_cache
+    frame = meniscus_cache.read("cache/frame_0001.mcf")
+    frame["streams"]["liquid"]["channels"]["position"]    # float32, shape (n, 3) [m]
+"""
+
+import struct
+import sys
+
+import numpy
+
+try:
+    import xxhash
+except ImportError:
+    xxhash = None
+
+MAGIC = b"\x89MCF\r\n\x1a\n"
+END = b"MCF-END\n"
+VERSION = 1
+TYPES = {1: ("<f4", 1), 2: ("<f4", 3), 3: ("<u4", 1)}
+
+
+class CacheError(Exception):
+    """The file is not a whole frame of this version."""
+
+
+def read_header(path):
+    """What the frame's header says, without the columns."""
+    with open(path, "rb") as file:
+        return _header(path, file.read())[0]
+
+
+def read(path):
+    """The frame: header fields, and every channel as an array.
+
+    {"key", "frame", "time", "tool", "streams": {name: {"len", "scalars": {..}, "channels": {name: array}}}}
+    """
+    try:
+        import zstandard
+    except ImportError:
+        raise CacheError("columns are packed with zstd: pip install zstandard") from None
+    with open(path, "rb") as file:
+        data = file.read()
+    frame, columns, at, checksum = _header(path, data)
+    entries_in_chunk = frame["entries_in_chunk"]
+    seal = [struct.pack("<Q", checksum)]
+    for stream_name, channel_name, kind in columns:
+        stream = frame["streams"][stream_name]
+        dtype, words = TYPES[kind]
+        chunks = [numpy.empty((0, 4 * words), "u1")]
+        for first in range(0, stream["len"], entries_in_chunk):
+            entries = min(entries_in_chunk, stream["len"] - first)
+            place = f"{path}: {stream_name}.{channel_name}, entry {first}"
+            if at + 12 > len(data) - 24:
+                raise CacheError(f"{place}: found the end, expected a chunk")
+            stored, expected = struct.unpack_from("<IQ", data, at)
+            seal.append(data[at : at + 12])
+            packed = data[at + 12 : at + 12 + stored]
+            _compare(place, packed, expected)
+            try:
+                raw = zstandard.ZstdDecompressor().decompress(packed, max_output_size=4 * words * entries)
+            except zstandard.ZstdError as error:
+                raise CacheError(f"{place}: {error}") from None
+            if len(raw) != 4 * words * entries:
+                raise CacheError(f"{place}: found {len(raw)} bytes, expected {4 * words * entries}")
+            chunks.append(numpy.frombuffer(raw, "u1").reshape(4 * words, entries).T)
+            at += 12 + stored
+        column = numpy.ascontiguousarray(numpy.concatenate(chunks)).view(dtype)
+        stream["channels"][channel_name] = column.reshape(-1, 3) if words == 3 else column.reshape(-1)
+    if at != len(data) - 24:
+        raise CacheError(f"{path}: found {len(data) - 24 - at} bytes after the last chunk, expected the trailer")
+    _compare(f"{path}: seal", b"".join(seal), struct.unpack_from("<Q", data, len(data) - 16)[0])
+    return frame
+
+
+def _compare(place, data, expected):
+    if xxhash is not None and xxhash.xxh3_64_intdigest(data) != expected:
+        raise CacheError(f"{place}: the checksum differs, expected {expected:016x}: the file is damaged")
+
+
+def _header(path, data):
+    """Header fields, (stream, channel, type) of every column, start of the columns, checksum of the header."""
+    if data[:8] != MAGIC or len(data) < 48:
+        raise CacheError(f"{path}: found {data[:8]!r}, expected a cache frame")
+    version, length, checksum = struct.unpack_from("<IIQ", data, 8)
+    if version != VERSION:
+        raise CacheError(f"{path}: found format version {version}, expected {VERSION}")
+    if data[-8:] != END or struct.unpack_from("<Q", data, len(data) - 24)[0] != len(data):
+        raise CacheError(f"{path}: found no trailer for {len(data)} bytes: the file was cut or extended")
+    header = data[24 : 24 + length]
+    _compare(f"{path}: header", data[:16] + header, checksum)
+    at = 0
+
+    def take(form):
+        nonlocal at
+        values = struct.unpack_from(form, header, at)
+        at += struct.calcsize(form)
+        return values[0] if len(values) == 1 else values
+
+    def text():
+        return take(f"{take('<I')}s").decode("utf-8")
+
+    try:
+        key, index, time = take("<QId")
+        frame = {"key": key, "frame": index, "time": time, "tool": text(), "entries_in_chunk": take("<I")}
+        frame["streams"], columns = {}, []
+        for _ in range(take("<I")):
+            name = text()
+            stream = frame["streams"][name] = {"len": take("<Q"), "scalars": {}, "channels": {}}
+            columns += [(name, text(), take("<B")) for _ in range(take("<I"))]
+            for _ in range(take("<I")):
+                scalar = text()
+                stream["scalars"][scalar] = take("<d")
+    except (struct.error, UnicodeDecodeError) as error:
+        raise CacheError(f"{path}: header: {error}") from None
+    if at != length or any(kind not in TYPES for *_, kind in columns) or frame["entries_in_chunk"] < 1:
+        raise CacheError(f"{path}: header: found fields that version {VERSION} does not have")
+    return frame, columns, 24 + length, checksum
+
+
+def main():
+    for path in sys.argv[1:]:
+        frame = read(path)
+        checked = "checksums match" if xxhash else "checksums not compared (pip install xxhash)"
+        print(f"{path}: frame {frame['frame']}, time {frame['time']:.6g} s, key {frame['key']:016x}, {checked}")
+        for name, stream in frame["streams"].items():
+            print(f"  {name}: {stream['len']} entries, scalars {stream['scalars']}")
+            for channel, values in stream["channels"].items():
+                bounds = f" from {values.min(axis=0)} to {values.max(axis=0)}" if len(values) else ""
+                print(f"    {channel}: {values.dtype}{list(values.shape)}{bounds}")
+
+
+if __name__ == "__main__":
+    main()
