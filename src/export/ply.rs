@@ -20,7 +20,8 @@ const BLOCK: usize = 64 * 1024;
 
 /// Writes `mesh` to `path` and returns the file's size [bytes].
 ///
-/// A mesh without vertices gives a file with zero vertices and faces, and with the same properties.
+/// A mesh without vertices gives a file with zero vertices and faces, with normals among its properties
+/// and the attributes it names.
 ///
 /// # Errors
 /// If the system refuses, if columns have the wrong length, or if two properties would share a name.
@@ -83,7 +84,8 @@ fn columns(mesh: &Mesh) -> Vec<(String, Column<'_>)> {
         columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
     };
     add(["x", "y", "z"].map(String::from).into(), mesh.positions.as_slice());
-    if !mesh.normals.is_empty() {
+    // An empty mesh does not show whether it would have normals; a sequence keeps its columns.
+    if !mesh.normals.is_empty() || mesh.positions.is_empty() {
         add(["nx", "ny", "nz"].map(String::from).into(), mesh.normals.as_slice());
     }
     for channel in &mesh.attributes {
@@ -306,7 +308,9 @@ mod tests {
         let bytes = written(&empty);
         let (lines, data) = header(&bytes);
         assert!(lines.contains(&"element vertex 0".into()) && lines.contains(&"element face 0".into()));
-        assert!(lines.contains(&"property float vz".into()));
+        let floats: Vec<&str> =
+            lines.iter().filter_map(|line| line.strip_prefix("property float ")).collect();
+        assert_eq!(floats, VERTEX);
         assert_eq!(data, bytes.len());
         let ply = Parser::<DefaultElement>::new().read_ply(&mut bytes.as_slice()).unwrap();
         assert!(ply.payload["vertex"].is_empty() && ply.payload["face"].is_empty());

@@ -1,4 +1,6 @@
-//! Numerical tests: observed orders of accuracy, conservation, closed forms.
+//! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
 
+mod liquid;
 mod mesh;
 mod sdf;
+mod surface_field;
