@@ -73,9 +73,9 @@ fn surface(c: &mut Criterion) {
     let folder = std::env::temp_dir().join(format!("meniscus-bench-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("the folder for temporaries is writable");
     let path = folder.join("mesh.ply");
-    let bytes = export::ply::write(&mesh, &path).expect("the folder for temporaries has room");
+    let bytes = export::ply::write(&mesh, &path, &[]).expect("the folder for temporaries has room");
     group.throughput(Throughput::Bytes(bytes));
-    group.bench_function("write PLY, synced", |b| b.iter(|| export::ply::write(black_box(&mesh), &path)));
+    group.bench_function("write PLY, synced", |b| b.iter(|| export::ply::write(black_box(&mesh), &path, &[])));
     group.finish();
     std::fs::remove_dir_all(&folder).expect("the bench's own folder can be removed");
 }

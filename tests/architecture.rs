@@ -41,7 +41,7 @@ fn only_par_knows_threads() {
 }
 
 /// Files outside `par` that may start a thread, because what they do is waiting and not computing.
-const WATCHERS: [&str; 1] = ["src/cli/interrupt.rs"];
+const WATCHERS: [&str; 2] = ["src/cli/interrupt.rs", "src/cli/progress.rs"];
 
 #[test]
 fn the_architecture_page_names_what_exists() {

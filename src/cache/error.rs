@@ -61,7 +61,7 @@ pub enum CacheError {
     /// The frame belongs to other settings than those given.
     #[error(
         "{path}: made with other settings (key {found:016x}), expected key {expected:016x}; \
-         simulate again with --force, or write to another folder",
+         simulate again with --force, or write to another folder with -o",
         path = path.display()
     )]
     Stale {

@@ -1,6 +1,79 @@
-//! cli
+//! The command line: clap types in `args.rs`, one file a verb. Results go to stdout, talk to stderr.
+
+mod args;
+mod exit;
+mod info;
+mod interrupt;
+mod mesh;
+mod presets;
+mod progress;
+mod shot;
+
+use crate::{
+    par,
+    run::{Control, RunError},
+};
+use args::{Cli, Verb};
+use clap::Parser;
+use std::process::ExitCode;
 
 /// Runs the command line and returns the exit code.
-pub fn main() -> std::process::ExitCode {
-    std::process::ExitCode::SUCCESS
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    interrupt::listen();
+    let reporter = progress::reporter(cli.progress);
+    let control = Control { reporter: &*reporter, interrupted: &interrupt::interrupted };
+    let verb = cli.verb;
+    let outcome = par::with_threads(cli.threads, || match &verb {
+        Verb::Shot(args) => shot::shot(args, control),
+        Verb::Simulate(args) => shot::simulate(args, control),
+        Verb::Mesh(args) => mesh::mesh(args, control),
+        Verb::Info(args) => info::info(args, false),
+        Verb::Verify(args) => info::info(args, true),
+        Verb::Presets(args) => presets::presets(args),
+    });
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            reporter.stop();
+            tell(&why);
+            exit::code(&why)
+        }
+    }
+}
+
+/// Says on stderr why a job stopped; problems of a preset are shown in its text.
+fn tell(why: &RunError) {
+    match why {
+        RunError::Scene(scene) => eprintln!("{}", diagnostic(scene)),
+        RunError::Interrupted => eprintln!("{why}"),
+        other => eprintln!("error: {other}"),
+    }
+}
+
+/// A preset's problems with the lines they are on, plain where colours or line art are not wanted.
+fn diagnostic(problem: &dyn miette::Diagnostic) -> String {
+    use std::io::IsTerminal;
+    let fancy = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let theme = if fancy {
+        miette::GraphicalTheme::unicode()
+    } else {
+        miette::GraphicalTheme {
+            characters: miette::ThemeCharacters::ascii(),
+            styles: miette::ThemeStyles::none(),
+        }
+    };
+    let mut text = String::new();
+    let shown =
+        miette::GraphicalReportHandler::new_themed(theme).with_links(false).render_report(&mut text, problem);
+    match shown {
+        Ok(()) => text,
+        Err(_) => problem.to_string(),
+    }
+}
+
+/// Prints a result; a reader that went away (`meniscus info … | head`) is no failure.
+fn print(text: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stdout(), "{}", text.trim_end());
 }

@@ -4,7 +4,9 @@
 //! that name stays until then.
 
 mod error;
+mod format;
 pub mod obj;
 pub mod ply;
 
 pub use error::ExportError;
+pub use format::MeshFormat;

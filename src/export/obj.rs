@@ -7,20 +7,23 @@ use std::{
     path::Path,
 };
 
-/// Writes `mesh` to `path` and returns the file's size [bytes].
+/// Writes `mesh` to `path`, with `comments` (one line each) at its top, and returns the file's size [bytes].
 ///
 /// OBJ has no place for vertex attributes; a comment in the file names those that the mesh carries. Numbers have
 /// as many digits as it takes to read back the same value.
 ///
 /// # Errors
 /// If the system refuses or columns have the wrong length.
-pub fn write(mesh: &Mesh, path: &Path) -> Result<u64, ExportError> {
+pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, ExportError> {
     check_columns(mesh, path)?;
-    write_atomically(path, |out| encode(mesh, out)).map_err(|error| ExportError::write(path, error))
+    write_atomically(path, |out| encode(mesh, comments, out)).map_err(|error| ExportError::write(path, error))
 }
 
-fn encode(mesh: &Mesh, out: &mut dyn Write) -> io::Result<()> {
+fn encode(mesh: &Mesh, comments: &[String], out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "# Meniscus: metres, Z up, counter-clockwise seen from outside")?;
+    for comment in comments {
+        writeln!(out, "# {comment}")?;
+    }
     writeln!(out, "# {} vertices, {} triangles", mesh.positions.len(), mesh.triangles.len())?;
     for channel in &mesh.attributes {
         let name = channel.name.escape_debug();
@@ -59,7 +62,7 @@ mod tests {
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
-        let size = write(&mesh, &path).unwrap();
+        let size = write(&mesh, &path, &[]).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(size, text.len() as u64);
         let read = |tag: &str| -> Vec<Vec3> {
@@ -75,9 +78,9 @@ mod tests {
         );
 
         let bare = Mesh { normals: Vec::new(), ..mesh };
-        write(&bare, &path).unwrap();
+        write(&bare, &path, &[]).unwrap();
         assert!(std::fs::read_to_string(&path).unwrap().ends_with("\nf 3 1 2\n"));
-        write(&Mesh::default(), &path).unwrap();
+        write(&Mesh::default(), &path, &[]).unwrap();
         assert!(std::fs::read_to_string(&path).unwrap().lines().all(|line| line.starts_with('#')));
     }
 }

@@ -18,23 +18,29 @@ use std::{
 /// nothing is gained.
 const BLOCK: usize = 64 * 1024;
 
-/// Writes `mesh` to `path` and returns the file's size [bytes].
+/// Writes `mesh` to `path`, with `comments` (one line each) in its header, and returns the file's size [bytes].
 ///
 /// A mesh without vertices gives a file with zero vertices and faces, with normals among its properties
 /// and the attributes it names.
 ///
 /// # Errors
 /// If the system refuses, if columns have the wrong length, or if two properties would share a name.
-pub fn write(mesh: &Mesh, path: &Path) -> Result<u64, ExportError> {
+pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, ExportError> {
     check_columns(mesh, path)?;
     let columns = columns(mesh);
     let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     check_names(&names, path)?;
-    write_atomically(path, |out| encode(mesh, &columns, out)).map_err(|error| ExportError::write(path, error))
+    write_atomically(path, |out| encode(mesh, &columns, comments, out))
+        .map_err(|error| ExportError::write(path, error))
 }
 
 /// Writes header, vertices and faces.
-fn encode(mesh: &Mesh, columns: &[(String, Column)], out: &mut dyn Write) -> io::Result<()> {
+fn encode(
+    mesh: &Mesh,
+    columns: &[(String, Column)],
+    comments: &[String],
+    out: &mut dyn Write,
+) -> io::Result<()> {
     let vertex = vertex_definition(mesh, columns);
     let face = face_definition(mesh);
     let mut header = Header::new();
@@ -42,6 +48,7 @@ fn encode(mesh: &Mesh, columns: &[(String, Column)], out: &mut dyn Write) -> io:
     header
         .comments
         .push("Meniscus: metres, metres a second, Z up, counter-clockwise seen from outside".into());
+    header.comments.extend_from_slice(comments);
     header.elements.insert(vertex.get_key(), vertex.clone());
     header.elements.insert(face.get_key(), face.clone());
 
@@ -212,7 +219,7 @@ mod tests {
     fn written(mesh: &Mesh) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.ply");
-        let size = write(mesh, &path).unwrap();
+        let size = write(mesh, &path, &[]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(size, bytes.len() as u64);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary stays");
@@ -320,27 +327,27 @@ mod tests {
     fn errors_tell_path_cause_and_next_step_and_leave_nothing() {
         let folder = tempfile::tempdir().unwrap();
         let missing = folder.path().join("not_there/a.ply");
-        let message = write(&mesh(), &missing).unwrap_err().to_string();
+        let message = write(&mesh(), &missing, &[]).unwrap_err().to_string();
         assert!(message.contains("not_there/a.ply") && message.contains("create the folder"), "{message}");
 
         let taken = folder.path().join("taken.ply");
         std::fs::create_dir_all(taken.join("full")).unwrap();
-        assert!(matches!(write(&mesh(), &taken), Err(ExportError::Write { .. })));
+        assert!(matches!(write(&mesh(), &taken, &[]), Err(ExportError::Write { .. })));
 
         let mut broken = mesh();
         broken.triangles.push([0, 1, 5]);
-        let message = write(&broken, &folder.path().join("a.ply")).unwrap_err().to_string();
+        let message = write(&broken, &folder.path().join("a.ply"), &[]).unwrap_err().to_string();
         assert!(message.contains("triangle 2 is [0, 1, 5]"), "{message}");
 
         for name in ["vx", "two words", "", "x\nelement face 9"] {
             let mut clash = mesh();
             clash.attributes[1].name = name.into();
-            let error = write(&clash, &folder.path().join("a.ply")).unwrap_err();
+            let error = write(&clash, &folder.path().join("a.ply"), &[]).unwrap_err();
             assert!(matches!(error, ExportError::Mesh { .. }), "{name}: {error}");
         }
         let mut short = mesh();
         short.normals.pop();
-        assert!(write(&short, &folder.path().join("a.ply")).is_err());
+        assert!(write(&short, &folder.path().join("a.ply"), &[]).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "only what was there before");
     }
 

@@ -1,1 +1,54 @@
-//! run
+//! The jobs: what the verbs of the command line do, without the command line.
+//!
+//! This is the only layer that sees a whole [`Scene`](crate::scene::Scene): it takes it apart and hands each module its own
+//! part. Jobs say what happens through a [`Reporter`] and ask between steps whether to go on.
+
+mod error;
+mod estimate;
+mod folder;
+mod info;
+mod log;
+mod manifest;
+mod remarks;
+mod simulate;
+mod surface;
+mod surface_files;
+
+pub use error::{FailedFrame, Failure, RunError};
+pub use estimate::{Estimate, estimate};
+pub use folder::ShotFolder;
+pub use info::{FrameState, Info, OutputInfo, info};
+pub use manifest::{FrameSpan, Manifest, MeshOutput};
+pub use simulate::{Simulated, simulate};
+pub use surface::{Surfaced, surface_cache};
+pub use surface_files::{FileSettings, surface_files};
+
+/// What a job tells while it works. Implemented by the command line.
+pub trait Reporter: Sync {
+    /// A job of `frames` frames begins.
+    fn begin(&self, job: &str, frames: usize);
+
+    /// So many frames of the job are done; fractions count.
+    fn progress(&self, frames_done: f64);
+
+    /// A frame is finished; `figures` is one line about it.
+    fn frame(&self, figures: &str);
+
+    /// Something the user should know, once.
+    fn note(&self, text: &str);
+
+    /// The job is done.
+    fn end(&self);
+
+    /// The job, if one was under way, ended early; the reason is told elsewhere.
+    fn stop(&self);
+}
+
+/// How a job talks to whoever started it.
+#[derive(Clone, Copy)]
+pub struct Control<'a> {
+    /// Told what happens.
+    pub reporter: &'a dyn Reporter,
+    /// Asked between steps; `true` stops the job, with everything finished so far kept.
+    pub interrupted: &'a (dyn Fn() -> bool + Sync),
+}

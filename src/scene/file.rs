@@ -5,6 +5,9 @@ use super::{
     problem::{Finding, SceneError, Source, Span, locate},
     tree::{self, Entry, Node, Value},
 };
+use crate::mesh::SurfaceParams;
+use schemars::JsonSchema;
+use serde::Deserialize;
 use std::path::Path;
 
 /// The text of a preset, not yet read.
@@ -137,6 +140,36 @@ fn read(
         }
     }
     interpret(&root, &model, findings)
+}
+
+/// The surface that `key=value` arguments alone describe (`surface.voxel=0.25`), for particles without a preset.
+///
+/// # Errors
+/// [`SceneError::Invalid`] with every problem found.
+pub fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
+    #[derive(Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct Alone {
+        #[serde(default)]
+        surface: SurfaceParams,
+    }
+    let mut sources = vec![Source { name: "preset".to_owned(), text: "".into() }];
+    let mut findings = Vec::new();
+    let mut root = tree::parse(0, "").unwrap_or_else(|_| unreachable!("an empty preset is well formed"));
+    for argument in set {
+        sources.push(Source { name: "--set".to_owned(), text: argument.as_str().into() });
+        if let Err(finding) = tree::set(&mut root, sources.len() - 1, &sources) {
+            findings.push(*finding);
+        }
+    }
+    let checked = check::check(&root, &model::of::<Alone>());
+    findings.extend(checked.findings);
+    if !findings.is_empty() {
+        return Err(SceneError::Invalid(locate(findings, &sources)));
+    }
+    let Alone { surface } =
+        serde_json::from_value(checked.values).expect("values that fit the schema of Alone make one");
+    Ok(surface)
 }
 
 /// The scene that a tree describes, or findings that say why it describes none.

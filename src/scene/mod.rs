@@ -18,11 +18,11 @@ mod units;
 #[cfg(test)]
 mod tests;
 
-pub use file::{Overrides, Preset, load};
+pub use file::{Overrides, Preset, load, surface_alone};
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};
 
-use crate::{mesh::SurfaceParams, sim::liquid::LiquidParams, solid::Collider};
+use crate::{export::MeshFormat, mesh::SurfaceParams, sim::liquid::LiquidParams, solid::Collider};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
@@ -76,16 +76,6 @@ impl Default for World {
 pub struct Output {
     /// Formats of the surface meshes.
     pub mesh: Vec<MeshFormat>,
-}
-
-/// A mesh file format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum MeshFormat {
-    /// Binary PLY, with velocities.
-    Ply,
-    /// Wavefront OBJ.
-    Obj,
 }
 
 fn default_fps() -> f32 {

@@ -122,6 +122,7 @@ impl Liquid {
             .with("velocity", self.v.clone())
             .with("id", self.id.clone());
         stream.scalars = vec![
+            ("spacing".into(), f64::from(self.params.spacing)),
             ("first_energy".into(), self.first_energy),
             ("skipped_in_solids".into(), f64::from(self.seeded.skipped_in_solids)),
             ("skipped_overlapping".into(), f64::from(self.seeded.skipped_overlapping)),

@@ -1,0 +1,53 @@
+//! Exit codes: what a farm wrapper can tell without reading the log.
+
+use crate::{
+    cache::CacheError,
+    run::{Failure, RunError},
+};
+use std::{io, io::ErrorKind, process::ExitCode};
+
+/// The preset, or the command line, is not right.
+pub(super) const USAGE: u8 = 2;
+
+/// The code of an error.
+pub(super) fn code(error: &RunError) -> ExitCode {
+    ExitCode::from(match error {
+        RunError::Scene(_) | RunError::Request(_) | RunError::Setup(_) => USAGE,
+        RunError::Cache(cache) => match cache {
+            CacheError::NotFound { .. } => 10,
+            CacheError::Locked { .. } => 11,
+            CacheError::Corrupt { .. } => 12,
+            CacheError::Version { .. } => 13,
+            CacheError::Stale { .. } => 14,
+            CacheError::Full { .. } => DISK_FULL,
+            CacheError::Io { .. } => 1,
+        },
+        RunError::SomeFailed { failed, .. } => {
+            let any = |kind: Failure| failed.iter().any(|frame| frame.kind == kind);
+            match (any(Failure::Corrupt), any(Failure::Version)) {
+                (true, _) => 12,
+                (_, true) => 13,
+                _ => 3,
+            }
+        }
+        RunError::Diverged { .. } => 20,
+        RunError::OverMemory { .. } => 33,
+        RunError::Interrupted => INTERRUPTED,
+        RunError::File { source, .. } => of_io(source),
+        RunError::Export(export) if export.is_disk_full() => DISK_FULL,
+        RunError::Export(_) | RunError::Import(_) => 1,
+    })
+}
+
+/// The disk is full.
+const DISK_FULL: u8 = 28;
+
+/// The user stopped the job.
+pub(super) const INTERRUPTED: u8 = 130;
+
+fn of_io(error: &io::Error) -> u8 {
+    match error.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => DISK_FULL,
+        _ => 1,
+    }
+}

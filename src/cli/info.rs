@@ -1,0 +1,62 @@
+//! `meniscus info` and `meniscus verify`.
+
+use super::{args::InfoArgs, print};
+use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder};
+
+/// Tells what is in a shot folder; `whole` reads every frame to its last byte.
+pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
+    let info = run::info(&ShotFolder::around(&args.folder), whole)?;
+    if args.json {
+        print(&serde_json::to_string_pretty(&info).expect("facts are plain data"));
+    } else {
+        describe(&info, whole);
+    }
+    let failed: Vec<FailedFrame> = info
+        .frames
+        .iter()
+        .filter_map(|frame| {
+            let why = frame.fault.clone()?;
+            Some(FailedFrame { name: format!("frame {:04}", frame.frame), why, kind: frame.failure? })
+        })
+        .collect();
+    match failed.is_empty() {
+        true => Ok(()),
+        false => Err(RunError::SomeFailed { failed, asked: info.frames.len() }),
+    }
+}
+
+fn describe(info: &Info, whole: bool) {
+    let sound: Vec<&FrameState> = info.frames.iter().filter(|frame| frame.fault.is_none()).collect();
+    let bytes: u64 = sound.iter().map(|frame| frame.bytes).sum();
+    print(&info.title);
+    print(&format!(
+        "frames     {} {}, {} missing{}",
+        sound.len(),
+        if whole { "verified" } else { "present" },
+        info.missing.len(),
+        info.span.map_or_else(String::new, |span| format!(
+            ", of {}-{} at {} fps",
+            span.first, span.last, info.fps
+        ))
+    ));
+    if let Some(last) = sound.last() {
+        print(&format!("particles  {} in frame {}", last.particles, last.frame));
+    }
+    print(&format!("cache      {:.1} MiB", bytes as f64 / f64::from(1 << 20)));
+    let deviations = || sound.iter().filter_map(|frame| frame.density_dev_avg);
+    if deviations().next().is_some() {
+        let mean = deviations().sum::<f64>() / deviations().count() as f64;
+        let most = sound.iter().filter_map(|frame| frame.density_dev_max).fold(0.0, f64::max);
+        print(&format!(
+            "density    deviates by {:.3}% on average, {:.2}% at most",
+            100.0 * mean,
+            100.0 * most
+        ));
+    }
+    for output in &info.outputs {
+        print(&format!(
+            "{:<10} {} {} files, {} missing: {}",
+            output.kind, output.present, output.format, output.missing, output.pattern
+        ));
+    }
+}

@@ -1,0 +1,36 @@
+//! Ctrl-C and the farm's stop signals: the job stops between two steps, finished frames stay.
+
+use super::exit;
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    time::Duration,
+};
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// How long a job may take to come to the next step.
+///
+/// Every file is written beside its place and renamed, so leaving at any moment loses only the frame under way.
+const PATIENCE: Duration = Duration::from_secs(4);
+
+/// Listens for the signals from now on.
+pub(super) fn listen() {
+    let handler = || {
+        if INTERRUPTED.swap(true, Ordering::SeqCst) {
+            std::process::exit(exit::INTERRUPTED.into());
+        }
+        eprintln!("\nstopping; finished frames are kept");
+        std::thread::spawn(|| {
+            std::thread::sleep(PATIENCE);
+            std::process::exit(exit::INTERRUPTED.into());
+        });
+    };
+    if let Err(why) = ctrlc::set_handler(handler) {
+        eprintln!("note: Ctrl-C will stop at once, without waiting for the frame ({why})");
+    }
+}
+
+/// Whether the user asked to stop.
+pub(super) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::SeqCst)
+}

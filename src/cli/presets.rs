@@ -1,0 +1,52 @@
+//! `meniscus presets`.
+
+use super::{
+    args::{PresetsArgs, PresetsVerb},
+    print,
+};
+use crate::{
+    run::RunError,
+    scene::{self, Overrides, Preset, Scene},
+};
+use std::{fs::OpenOptions, io::Write, path::PathBuf};
+
+/// Lists, shows or copies the built-in presets.
+pub(super) fn presets(args: &PresetsArgs) -> Result<(), RunError> {
+    match &args.verb {
+        None | Some(PresetsVerb::List) => list(),
+        Some(PresetsVerb::Show { name }) => {
+            print(&builtin(name)?.text);
+            Ok(())
+        }
+        Some(PresetsVerb::Copy { name, file }) => copy(name, file.clone()),
+    }
+}
+
+fn list() -> Result<(), RunError> {
+    for (name, _) in scene::builtin::all() {
+        let scene = Scene::from_preset(&builtin(name)?, &Overrides::default())?;
+        print(&format!("{name:<18} {} ({} frames)", scene.title, scene.frames.count()));
+    }
+    Ok(())
+}
+
+/// A built-in preset, even where a file has its name.
+fn builtin(name: &str) -> Result<Preset, RunError> {
+    match scene::builtin::get(name) {
+        Some(text) => Ok(Preset { name: name.into(), text: text.into() }),
+        None => Ok(scene::load(name)?),
+    }
+}
+
+fn copy(name: &str, file: Option<PathBuf>) -> Result<(), RunError> {
+    let preset = builtin(name)?;
+    let path = file.unwrap_or_else(|| PathBuf::from(format!("{name}.toml")));
+    let written = OpenOptions::new().write(true).create_new(true).open(&path);
+    written.and_then(|mut file| file.write_all(preset.text.as_bytes())).map_err(|source| RunError::File {
+        path: path.clone(),
+        source,
+        next: "name a file that does not exist yet, in a folder that can be written",
+    })?;
+    print(&format!("{}", path.display()));
+    Ok(())
+}

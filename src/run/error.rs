@@ -1,0 +1,108 @@
+//! What can stop a job.
+
+use crate::{
+    cache::CacheError, export::ExportError, frame::FrameIndex, import::ImportError, scene::SceneError,
+    sim::Diverged, sim::SetupError,
+};
+use std::path::PathBuf;
+
+/// Why a job stopped. Everything finished before is kept.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The preset, or one of the settings, is not right.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The systems cannot start as the preset says.
+    #[error(transparent)]
+    Setup(#[from] SetupError),
+    /// The cache cannot be read or written.
+    #[error(transparent)]
+    Cache(#[from] CacheError),
+    /// A particle file cannot be read.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// A mesh cannot be written.
+    #[error(transparent)]
+    Export(#[from] ExportError),
+    /// The simulation left the numbers it can be trusted with.
+    #[error("frame {frame}: {diverged}")]
+    Diverged {
+        /// The frame that was being computed.
+        frame: FrameIndex,
+        /// What happened and what to try.
+        diverged: Diverged,
+    },
+    /// The user stopped the job.
+    #[error("interrupted; finished frames are kept, the same command continues")]
+    Interrupted,
+    /// Some frames could not be made; the others are there.
+    #[error("{} of {asked} frames failed:\n{}", failed.len(), list(failed))]
+    SomeFailed {
+        /// Which, and why.
+        failed: Vec<FailedFrame>,
+        /// How many were asked for.
+        asked: usize,
+    },
+    /// More memory would be needed than allowed.
+    #[error(
+        "this needs about {} MiB of memory, and --max-memory allows {} MiB: raise it, use a larger \
+         liquid.spacing, or a coarser --quality",
+        needed >> 20, allowed >> 20
+    )]
+    OverMemory {
+        /// Estimate [bytes].
+        needed: u64,
+        /// The user's limit [bytes].
+        allowed: u64,
+    },
+    /// A file beside the cache cannot be read or written.
+    #[error("{}: {source}; {next}", path.display())]
+    File {
+        /// Which.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+        /// What to do about it.
+        next: &'static str,
+    },
+    /// The request makes no sense with what is there.
+    #[error("{0}")]
+    Request(String),
+}
+
+/// A frame that could not be made.
+#[derive(Debug)]
+pub struct FailedFrame {
+    /// The frame, or the file it would have come from.
+    pub name: String,
+    /// Why, and what to do.
+    pub why: String,
+    /// What kind of failure it is.
+    pub kind: Failure,
+}
+
+/// Why a frame could not be made, as far as exit codes tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Failure {
+    /// Its bytes in the cache are damaged.
+    Corrupt,
+    /// It was cached by another version.
+    Version,
+    /// Anything else.
+    Other,
+}
+
+impl Failure {
+    /// The kind of a cache's error.
+    pub fn of(error: &CacheError) -> Self {
+        match error {
+            CacheError::Corrupt { .. } => Self::Corrupt,
+            CacheError::Version { .. } => Self::Version,
+            _ => Self::Other,
+        }
+    }
+}
+
+fn list(failed: &[FailedFrame]) -> String {
+    failed.iter().map(|frame| format!("  {}: {}", frame.name, frame.why)).collect::<Vec<_>>().join("\n")
+}

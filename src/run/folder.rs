@@ -1,0 +1,68 @@
+//! Where things are in a shot folder.
+
+use super::RunError;
+use std::path::{Path, PathBuf};
+
+/// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, `mesh/`.
+#[derive(Clone, Debug)]
+pub struct ShotFolder {
+    root: PathBuf,
+}
+
+impl ShotFolder {
+    /// The folder at `root`, which need not exist yet.
+    pub fn new(root: impl Into<PathBuf>) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// The shot folder that `path` means: itself, or its parent if it is a shot's `cache`.
+    pub fn around(path: &Path) -> Self {
+        let is_cache = path.file_name().is_some_and(|name| name == "cache");
+        match path.parent() {
+            Some(parent) if is_cache => Self::new(parent),
+            _ => Self::new(path),
+        }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The folder of the cached frames.
+    pub fn cache(&self) -> PathBuf {
+        self.root.join("cache")
+    }
+
+    /// The folder of the meshes.
+    pub fn meshes(&self) -> PathBuf {
+        self.root.join("mesh")
+    }
+
+    /// The manifest that other tools read.
+    pub fn manifest(&self) -> PathBuf {
+        self.root.join("shot.json")
+    }
+
+    /// The preset as it was run, with every default.
+    pub fn preset(&self) -> PathBuf {
+        self.root.join("preset.toml")
+    }
+
+    /// One line a simulated frame.
+    pub fn log(&self) -> PathBuf {
+        self.root.join("log.jsonl")
+    }
+
+    /// Makes sure that the folder `path` exists.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn create(path: &Path) -> Result<(), RunError> {
+        std::fs::create_dir_all(path).map_err(|source| RunError::File {
+            path: path.into(),
+            source,
+            next: "check that the folder can be written, or name another with -o",
+        })
+    }
+}

@@ -1,0 +1,140 @@
+//! What is in a shot folder.
+
+use super::{Failure, FrameSpan, Manifest, RunError, ShotFolder};
+use crate::cache::{self, CacheError};
+use serde::Serialize;
+
+/// What a shot folder holds.
+#[derive(Clone, Debug, Serialize)]
+pub struct Info {
+    /// The shot's name.
+    pub title: String,
+    /// Frames a second; 0 if the folder has no manifest.
+    pub fps: f64,
+    /// The frames that were asked for, if the folder has a manifest.
+    pub span: Option<FrameSpan>,
+    /// The frames that are there.
+    pub frames: Vec<FrameState>,
+    /// The frames that were asked for and are not there.
+    pub missing: Vec<u32>,
+    /// The files that were made of them.
+    pub outputs: Vec<OutputInfo>,
+}
+
+/// One cached frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct FrameState {
+    /// Its number.
+    pub frame: u32,
+    /// Time since the start of the shot [s].
+    pub time: f64,
+    /// Particles of all systems.
+    pub particles: u64,
+    /// Size on disk.
+    pub bytes: u64,
+    /// Average density deviation of the liquid, as a fraction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density_dev_avg: Option<f64>,
+    /// Largest density deviation of the liquid, as a fraction.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density_dev_max: Option<f64>,
+    /// What is wrong with it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
+    /// Which kind of fault that is.
+    #[serde(skip)]
+    pub failure: Option<Failure>,
+}
+
+/// One sequence of files.
+#[derive(Clone, Debug, Serialize)]
+pub struct OutputInfo {
+    /// "mesh".
+    pub kind: String,
+    /// The system it shows.
+    pub name: String,
+    /// "ply" or "obj".
+    pub format: String,
+    /// File name with the frame number as `{:04}`.
+    pub pattern: String,
+    /// Files that are there.
+    pub present: usize,
+    /// Files that should be there and are not.
+    pub missing: usize,
+}
+
+/// Lists what is in the folder; `whole` also reads every frame to its last byte.
+///
+/// # Errors
+/// If there is neither a cache nor a manifest. Damaged frames, and those of another version, are part of the
+/// result.
+pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
+    let manifest = Manifest::read(folder)?;
+    let present = match cache::list(&folder.cache()) {
+        Err(CacheError::NotFound { .. }) if manifest.is_some() => Vec::new(),
+        listed => listed?,
+    };
+    let mut frames = Vec::new();
+    for (index, path) in present {
+        let read = if whole { cache::verify_frame(&path) } else { cache::read_header(&path) };
+        let mut state = FrameState {
+            frame: index.0,
+            time: 0.0,
+            particles: 0,
+            bytes: 0,
+            density_dev_avg: None,
+            density_dev_max: None,
+            fault: None,
+            failure: None,
+        };
+        match read {
+            Ok(info) => {
+                state.time = info.time;
+                state.bytes = info.bytes;
+                state.particles = info.streams.iter().map(|stream| stream.len).sum();
+                let scalars = info.streams.iter().flat_map(|stream| stream.scalars.iter());
+                let scalar =
+                    |wanted: &str| scalars.clone().find(|(name, _)| name == wanted).map(|&(_, value)| value);
+                state.density_dev_avg = scalar("density_dev_avg");
+                state.density_dev_max = scalar("density_dev_max");
+            }
+            Err(damage @ (CacheError::Corrupt { .. } | CacheError::Version { .. })) => {
+                state.fault = Some(damage.to_string());
+                state.failure = Some(Failure::of(&damage));
+            }
+            Err(other) => return Err(other.into()),
+        }
+        frames.push(state);
+    }
+    let span = manifest.as_ref().map(|manifest| manifest.frames);
+    let has = |number: u32| frames.iter().any(|frame| frame.frame == number);
+    let missing = span
+        .filter(|_| !frames.is_empty())
+        .map_or_else(Vec::new, |span| numbers(span).filter(|&number| !has(number)).collect());
+    let outputs = manifest.iter().flat_map(|manifest| &manifest.outputs).map(|output| {
+        let file = |number: u32| folder.root().join(output.pattern.replace("{:04}", &format!("{number:04}")));
+        let present = numbers(output.frames).filter(|&number| file(number).exists()).count();
+        OutputInfo {
+            kind: output.kind.clone(),
+            name: output.name.clone(),
+            format: output.format.extension().into(),
+            pattern: output.pattern.clone(),
+            present,
+            missing: numbers(output.frames).count() - present,
+        }
+    });
+    Ok(Info {
+        title: manifest
+            .as_ref()
+            .map_or_else(|| "Cache without shot.json".into(), |known| known.title.clone()),
+        fps: manifest.as_ref().map_or(0.0, |known| known.fps),
+        span,
+        outputs: outputs.collect(),
+        frames,
+        missing,
+    })
+}
+
+fn numbers(span: FrameSpan) -> impl Iterator<Item = u32> {
+    (span.first..=span.last).step_by(span.step as usize)
+}

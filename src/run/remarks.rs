@@ -1,0 +1,44 @@
+//! What happened and should not go unseen, in words.
+
+use crate::{mesh::SurfaceStats, sim::FrameRecord, sim::SeedReport};
+
+/// What seeding had to leave out.
+pub(super) fn of_seeding(report: &SeedReport) -> Vec<String> {
+    let left_out = |count: u32, why: &str| {
+        (count > 0).then(|| format!("{count} particles of the sources were left out: {why}"))
+    };
+    [
+        left_out(report.skipped_in_solids, "they lay inside solids or touched them"),
+        left_out(report.skipped_overlapping, "another source had filled their place"),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// The limits that changed a frame.
+pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
+    let clamps = &record.clamps;
+    counted(&[
+        (record.unconverged.into(), "substeps stopped at max_iterations"),
+        (record.cfl_capped.into(), "substeps longer than cfl (max_substeps)"),
+        (clamps.corrections, "corrections shortened"),
+        (clamps.energy, "velocities held to the energy bound"),
+        (clamps.confinement, "confinements scaled down"),
+        (clamps.contacts, "contacts unresolved"),
+        (record.particles_inside_solids.into(), "particles inside solids"),
+    ])
+}
+
+/// The places where a surface departs from the rule.
+pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
+    counted(&[
+        (stats.too_far_particles as u64, "particles too far from the origin, left out"),
+        (stats.normals_from_faces as u64, "normals from faces"),
+        (stats.velocities_from_nearest as u64, "velocities from the nearest particle"),
+    ])
+}
+
+fn counted(counts: &[(u64, &str)]) -> Vec<String> {
+    counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect()
+}

@@ -1,0 +1,249 @@
+//! The job that fills the cache.
+
+use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, log, remarks};
+use crate::{
+    cache::{self, CacheError, Lock, write_atomically},
+    frame::FrameIndex,
+    math::Vec3,
+    scene::{Frames, Scene},
+    sim::{FrameRecord, Simulation, Stop, Watch, World},
+};
+use std::{collections::BTreeSet, path::PathBuf, time::Instant};
+
+/// What a simulation job did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Simulated {
+    /// Frames that were there already and are valid.
+    pub kept: usize,
+    /// Frames computed and stored.
+    pub computed: usize,
+    /// Bytes written.
+    pub bytes: u64,
+}
+
+/// Simulates `scene` so that every frame of `selection` stands in the folder's cache.
+///
+/// Frames that are there, valid and of the same simulation are kept; the job goes on from the nearest one, with
+/// the same bytes as if it had never stopped. `force` starts over, whatever is there.
+///
+/// # Errors
+/// See [`RunError`]; a cache of other settings is [`CacheError::Stale`]. Whatever happens, frames that were
+/// finished stay.
+pub fn simulate(
+    scene: &Scene,
+    folder: &ShotFolder,
+    selection: &Frames,
+    force: bool,
+    control: Control,
+) -> Result<Simulated, RunError> {
+    let start = scene.frames.first();
+    if selection.first() < start {
+        return Err(RunError::Request(format!(
+            "--frames: frame {} is before the shot's first, {start}; choose frames from {start} on",
+            selection.first()
+        )));
+    }
+    ShotFolder::create(&folder.cache())?;
+    let _lock = Lock::acquire(&folder.cache())?;
+    let key = scene.simulation_key();
+    if force {
+        start_over(folder)?;
+    }
+    cache::remove_temporaries(&folder.cache()).map_err(|source| cannot_clean(folder.cache(), source))?;
+    let valid = survey(folder, key, control)?;
+    write_preset(scene, folder)?;
+    write_manifest(scene, folder, selection)?;
+    log::retain(folder, |frame| valid.contains(&frame))?;
+
+    let mut job = Job { scene, folder, key, state: None, done: Simulated::default(), control };
+    control.reporter.begin("simulate", selection.count() as usize);
+    for (place, target) in selection.iter().enumerate() {
+        if valid.contains(&target) {
+            job.done.kept += 1;
+        } else {
+            let before = valid.range(..target).next_back().copied();
+            job.reach(target, before, selection, place)?;
+        }
+        control.reporter.progress((place + 1) as f64);
+    }
+    control.reporter.end();
+    Ok(job.done)
+}
+
+/// The frames in the cache that are valid and of this simulation. Damaged ones are named and computed again.
+fn survey(folder: &ShotFolder, key: u64, control: Control) -> Result<BTreeSet<FrameIndex>, RunError> {
+    let present = match cache::list(&folder.cache()) {
+        Err(CacheError::NotFound { .. }) => return Ok(BTreeSet::new()),
+        listed => listed?,
+    };
+    let mut valid = BTreeSet::new();
+    for (index, path) in present {
+        match cache::verify_frame(&path) {
+            Ok(info) => {
+                info.expect_key(&path, key)?;
+                valid.insert(index);
+            }
+            Err(damage @ CacheError::Corrupt { .. }) => {
+                control.reporter.note(&format!("frame {index} is computed again: {damage}"));
+            }
+            Err(other) => return Err(other.into()),
+        }
+    }
+    Ok(valid)
+}
+
+/// Removes every cached frame.
+fn start_over(folder: &ShotFolder) -> Result<(), RunError> {
+    let present = match cache::list(&folder.cache()) {
+        Err(CacheError::NotFound { .. }) => return Ok(()),
+        listed => listed?,
+    };
+    for (_, path) in present {
+        std::fs::remove_file(&path).map_err(|source| cannot_clean(path, source))?;
+    }
+    Ok(())
+}
+
+fn cannot_clean(path: PathBuf, source: std::io::Error) -> RunError {
+    RunError::File { path, source, next: "check that the folder can be read and written" }
+}
+
+/// A simulation under way.
+struct Job<'a> {
+    scene: &'a Scene,
+    folder: &'a ShotFolder,
+    key: u64,
+    /// The newest state in memory and the frame it stands at.
+    state: Option<(FrameIndex, Simulation)>,
+    done: Simulated,
+    control: Control<'a>,
+}
+
+impl Job<'_> {
+    /// Computes on to `target` from the state in memory or from the cached frame `before`, whichever is newer.
+    fn reach(
+        &mut self,
+        target: FrameIndex,
+        before: Option<FrameIndex>,
+        selection: &Frames,
+        place: usize,
+    ) -> Result<(), RunError> {
+        let (mut at, mut simulation) = match (self.state.take(), before) {
+            (Some(state), before) if before.is_none_or(|cached| cached <= state.0) => state,
+            (_, Some(cached)) => (cached, self.restore(cached)?),
+            (_, None) => self.begin()?,
+        };
+        let origin = at;
+        if at == target {
+            self.store(at, &simulation, None)?;
+        }
+        while at < target {
+            let ahead = f64::from(target.0 - origin.0);
+            let mut watch = Progress {
+                control: self.control,
+                base: place as f64 + f64::from(at.0 - origin.0) / ahead,
+                scale: 1.0 / ahead,
+            };
+            at = FrameIndex(at.0 + 1);
+            let clock = Instant::now();
+            let seconds = 1.0 / f64::from(self.scene.fps);
+            let record = simulation.advance(seconds, &mut watch).map_err(|stop| match stop {
+                Stop::Interrupted => RunError::Interrupted,
+                Stop::Diverged(diverged) => RunError::Diverged { frame: at, diverged },
+            })?;
+            self.control.reporter.frame(&figures(at, &record, clock.elapsed().as_secs_f64()));
+            if selection.contains(at) {
+                self.store(at, &simulation, Some(&record))?;
+            }
+        }
+        self.state = Some((at, simulation));
+        Ok(())
+    }
+
+    fn begin(&self) -> Result<(FrameIndex, Simulation), RunError> {
+        let simulation = Simulation::new(world(self.scene), self.scene.liquid.clone())?;
+        for line in remarks::of_seeding(&simulation.seeded()) {
+            self.control.reporter.note(&line);
+        }
+        Ok((self.scene.frames.first(), simulation))
+    }
+
+    fn restore(&self, index: FrameIndex) -> Result<Simulation, RunError> {
+        let (frame, _) = cache::read_frame(&cache::frame_path(&self.folder.cache(), index))?;
+        self.control.reporter.note(&format!("continuing after frame {index}"));
+        Ok(Simulation::restore(world(self.scene), self.scene.liquid.clone(), &frame)?)
+    }
+
+    fn store(
+        &mut self,
+        index: FrameIndex,
+        simulation: &Simulation,
+        record: Option<&FrameRecord>,
+    ) -> Result<(), RunError> {
+        let frame = simulation.frame(index);
+        let bytes = cache::write_frame(&self.folder.cache(), &frame, self.key)?;
+        if let Some(record) = record {
+            let particles = frame.streams.iter().map(|stream| stream.len()).sum();
+            log::append(self.folder, index, bytes, particles, record)?;
+        }
+        self.done.computed += 1;
+        self.done.bytes += bytes;
+        Ok(())
+    }
+}
+
+/// Passes the simulation's progress on, and the user's wish to stop back.
+struct Progress<'a> {
+    control: Control<'a>,
+    base: f64,
+    scale: f64,
+}
+
+impl Watch for Progress<'_> {
+    fn keep_going(&mut self) -> bool {
+        !(self.control.interrupted)()
+    }
+
+    fn substep(&mut self, done: f64) {
+        self.control.reporter.progress(self.base + self.scale * done);
+    }
+}
+
+/// The simulation's own view of what surrounds it.
+pub(super) fn world(scene: &Scene) -> World {
+    World { gravity: Vec3::from(scene.world.gravity), colliders: scene.world.collider.clone() }
+}
+
+fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {
+    let mut line = format!(
+        "frame {index}  substeps {}  iterations {}  density_dev {:.3}% (max {:.2}%)  {seconds:.2} s",
+        record.substeps,
+        record.iterations,
+        100.0 * record.density_dev_avg,
+        100.0 * record.density_dev_max,
+    );
+    for remark in remarks::of_frame(record) {
+        line += &format!("  {remark}");
+    }
+    line
+}
+
+fn write_preset(scene: &Scene, folder: &ShotFolder) -> Result<(), RunError> {
+    let text = scene.to_toml();
+    let path = folder.preset();
+    write_atomically(&path, |out| out.write_all(text.as_bytes())).map_err(|source| RunError::File {
+        path,
+        source,
+        next: "check that the folder can be written and the disk has room",
+    })?;
+    Ok(())
+}
+
+/// Keeps what is known of meshes made earlier; a manifest that cannot be read is replaced.
+fn write_manifest(scene: &Scene, folder: &ShotFolder, selection: &Frames) -> Result<(), RunError> {
+    let numbers: Vec<u32> = selection.iter().map(|frame| frame.0).collect();
+    let Some(span) = FrameSpan::of(&numbers) else { return Ok(()) };
+    let outputs = Manifest::read(folder).ok().flatten().map(|old| old.outputs).unwrap_or_default();
+    let manifest = Manifest { outputs, ..Manifest::new(&scene.title, f64::from(scene.fps), span) };
+    manifest.write(folder)
+}

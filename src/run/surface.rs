@@ -1,0 +1,247 @@
+//! The job that turns cached frames into meshes.
+
+use super::{Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, remarks};
+use crate::{
+    cache,
+    export::MeshFormat,
+    frame::{FrameIndex, Stream},
+    mesh::{self, Surface, SurfaceError, SurfaceParams},
+    scene::Frames,
+};
+use std::{collections::BTreeMap, path::PathBuf};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// What a surfacing job did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surfaced {
+    /// Frames whose files were there already, made from the same state with the same settings.
+    pub kept: usize,
+    /// Frames meshed.
+    pub meshed: usize,
+    /// Triangles written.
+    pub triangles: u64,
+    /// Bytes written.
+    pub bytes: u64,
+    /// Where the files are.
+    pub folder: PathBuf,
+}
+
+/// Meshes the frames of `source`'s cache (those of `selection`, or all) into `out`, in every format.
+///
+/// A frame whose files were made from the same state with the same settings is kept, unless `force`.
+///
+/// # Errors
+/// Frames that cannot be read or meshed are left out and named together at the end
+/// ([`RunError::SomeFailed`]); a folder or disk that refuses to be written ends the job at once.
+pub fn surface_cache(
+    source: &ShotFolder,
+    out: &ShotFolder,
+    params: &SurfaceParams,
+    formats: &[MeshFormat],
+    selection: Option<&Frames>,
+    force: bool,
+    control: Control,
+) -> Result<Surfaced, RunError> {
+    let present = cache::list(&source.cache())?;
+    let wanted = choose(&present, selection);
+    let mut writer = Writer::new(out, params, formats, force)?;
+    control.reporter.begin("mesh", wanted.len());
+    let mut streams: BTreeMap<String, Vec<u32>> = BTreeMap::new();
+    for (place, (index, path)) in wanted.iter().enumerate() {
+        if (control.interrupted)() {
+            return Err(RunError::Interrupted);
+        }
+        let Some(path) = path else {
+            writer.fail(
+                format!("frame {index}"),
+                "not in the cache; simulate it first".into(),
+                Failure::Other,
+            );
+            continue;
+        };
+        match cache::read_frame(path) {
+            Ok((frame, info)) => {
+                for stream in &frame.streams {
+                    let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0)
+                    else {
+                        let why =
+                            format!("the stream {} does not say its spacing; simulate it again", stream.name);
+                        writer.fail(format!("frame {index}"), why, Failure::Other);
+                        continue;
+                    };
+                    let state = state_key(info.key, *index, &stream.name);
+                    writer.mesh(stream, spacing, *index, state, control)?;
+                    streams.entry(stream.name.clone()).or_default().push(index.0);
+                }
+            }
+            Err(damage) => {
+                writer.fail(format!("frame {index}"), damage.to_string(), Failure::of(&damage));
+            }
+        }
+        control.reporter.progress((place + 1) as f64);
+    }
+    control.reporter.end();
+    let all: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
+    let known = Manifest::read(source)?;
+    let (title, fps) = known.map_or(("Untitled".into(), 24.0), |known| (known.title, known.fps));
+    writer.finish(&title, fps, &all, streams)
+}
+
+/// The asked-for frames and where they are; all that are present if nothing was asked.
+fn choose(
+    present: &[(FrameIndex, PathBuf)],
+    selection: Option<&Frames>,
+) -> Vec<(FrameIndex, Option<PathBuf>)> {
+    match selection {
+        None => present.iter().map(|(index, path)| (*index, Some(path.clone()))).collect(),
+        Some(selection) => selection
+            .iter()
+            .map(|wanted| {
+                let found = present.iter().find(|(index, _)| *index == wanted);
+                (wanted, found.map(|(_, path)| path.clone()))
+            })
+            .collect(),
+    }
+}
+
+/// Identifies the simulated state that a mesh was made from.
+fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
+    xxh3_64(format!("{simulation:016x} {index} {stream}").as_bytes())
+}
+
+/// Writes meshes into a shot folder and remembers what failed.
+pub(super) struct Writer<'a> {
+    out: &'a ShotFolder,
+    params: &'a SurfaceParams,
+    formats: &'a [MeshFormat],
+    force: bool,
+    settings: String,
+    done: Surfaced,
+    failed: Vec<FailedFrame>,
+}
+
+impl<'a> Writer<'a> {
+    pub(super) fn new(
+        out: &'a ShotFolder,
+        params: &'a SurfaceParams,
+        formats: &'a [MeshFormat],
+        force: bool,
+    ) -> Result<Self, RunError> {
+        ShotFolder::create(&out.meshes())?;
+        cache::remove_temporaries(&out.meshes()).map_err(|source| RunError::File {
+            path: out.meshes(),
+            source,
+            next: "check that the folder can be read and written",
+        })?;
+        let settings = serde_json::to_string(params).expect("settings are plain data");
+        let done = Surfaced { folder: out.meshes(), ..Surfaced::default() };
+        Ok(Self { out, params, formats, force, settings, done, failed: Vec::new() })
+    }
+
+    /// Remembers a frame that could not be made; the job goes on.
+    pub(super) fn fail(&mut self, name: String, why: String, kind: Failure) {
+        self.failed.push(FailedFrame { name, why, kind });
+    }
+
+    /// Meshes one stream of one frame and writes it in every format.
+    pub(super) fn mesh(
+        &mut self,
+        stream: &Stream,
+        spacing: f32,
+        index: FrameIndex,
+        state: u64,
+        control: Control,
+    ) -> Result<(), RunError> {
+        let version = env!("CARGO_PKG_VERSION");
+        let key = xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes());
+        let target = |format: MeshFormat| {
+            self.out.meshes().join(format!("{}_{index}.{}", stream.name, format.extension()))
+        };
+        let missing: Vec<(MeshFormat, PathBuf)> = self
+            .formats
+            .iter()
+            .map(|&format| (format, target(format)))
+            .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
+            .collect();
+        if missing.is_empty() {
+            self.done.kept += 1;
+            return Ok(());
+        }
+        let keep_going = || !(control.interrupted)();
+        let surface = match mesh::reconstruct(stream, spacing, self.params, &keep_going) {
+            Ok(surface) => surface,
+            Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
+            Err(why) => {
+                self.fail(format!("frame {index}"), why.to_string(), Failure::Other);
+                return Ok(());
+            }
+        };
+        for (format, path) in missing {
+            self.done.bytes += format.write(&surface.mesh, &path, key)?;
+        }
+        self.done.meshed += 1;
+        self.done.triangles += surface.mesh.triangles.len() as u64;
+        control.reporter.frame(&figures(index, &surface));
+        if let Some(fault) = surface.check.first_fault {
+            let why = format!(
+                "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
+                 please report this with the frame",
+                fault.what, fault.at, fault.vertex
+            );
+            self.fail(format!("frame {index}"), why, Failure::Other);
+        }
+        Ok(())
+    }
+
+    /// Writes the manifest and says how it went.
+    pub(super) fn finish(
+        self,
+        title: &str,
+        fps: f64,
+        frames: &[u32],
+        streams: BTreeMap<String, Vec<u32>>,
+    ) -> Result<Surfaced, RunError> {
+        let Some(all) = FrameSpan::of(frames) else { return Ok(self.done) };
+        let mut manifest = Manifest::read(self.out)?.unwrap_or_else(|| Manifest::new(title, fps, all));
+        for (name, numbers) in streams {
+            let Some(span) = FrameSpan::of(&numbers) else { continue };
+            for &format in self.formats {
+                manifest.put(output(&name, format, span));
+            }
+        }
+        manifest.write(self.out)?;
+        match self.failed {
+            failed if failed.is_empty() => Ok(self.done),
+            failed => Err(RunError::SomeFailed { failed, asked: frames.len() }),
+        }
+    }
+}
+
+fn output(name: &str, format: MeshFormat, frames: FrameSpan) -> MeshOutput {
+    let velocity = ["vx", "vy", "vz"].map(String::from).to_vec();
+    MeshOutput {
+        kind: "mesh".into(),
+        name: name.into(),
+        format,
+        pattern: format!("mesh/{name}_{{:04}}.{}", format.extension()),
+        frames,
+        attributes: match format {
+            MeshFormat::Ply => BTreeMap::from([("velocity".into(), velocity)]),
+            MeshFormat::Obj => BTreeMap::new(),
+        },
+    }
+}
+
+fn figures(index: FrameIndex, surface: &Surface) -> String {
+    let seconds: f64 = surface.stats.seconds.iter().map(|(_, seconds)| seconds).sum();
+    let mut line = format!(
+        "frame {index}  {} triangles  volume {:.4} m³  {} pieces  {seconds:.2} s",
+        surface.mesh.triangles.len(),
+        surface.check.volume,
+        surface.check.components,
+    );
+    for remark in remarks::of_surface(&surface.stats) {
+        line += &format!("  {remark}");
+    }
+    line
+}

@@ -1,0 +1,113 @@
+//! Bad input: place, finding, expectation and next step; nothing that was computed is lost.
+
+use super::*;
+use meniscus::cache::Lock;
+
+/// Runs the tool, expects `code`, and every word on stderr.
+fn expect(desk: &Desk, line: &str, code: i32, words: &[&str]) {
+    let (_, talk) = desk.run(line, code);
+    let flat = talk.split_whitespace().collect::<Vec<_>>().join(" ");
+    for word in words {
+        assert!(flat.contains(word), "meniscus {line}: {word:?} is missing in\n{talk}");
+    }
+}
+
+#[test]
+fn presets_that_are_not_there_or_not_right() {
+    let desk = Desk::new();
+    expect(&desk, "shot dam-brake", 2, &["dam-brake", "dam-break"]);
+    expect(&desk, "shot nowhere/shot.toml", 2, &["nowhere/shot.toml"]);
+    desk.write("bad.toml", SMALL.replace("iterations = 6", "iteratons = 6"));
+    expect(&desk, "shot bad.toml", 2, &["bad.toml:10:1", "iteratons", "iterations"]);
+    expect(&desk, "shot small.toml --set liquid.spacing=-1", 2, &["--set", "spacing", "above 0"]);
+    expect(&desk, "shot small.toml --frames :", 2, &["1-96"]);
+    expect(&desk, "shot small.toml --frames 9-2", 2, &["9-2"]);
+    assert!(!desk.path("small").exists() && !desk.path("bad").exists());
+}
+
+#[test]
+fn a_cache_of_other_settings_is_refused_until_forced() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-3", 0);
+    let before = desk.bytes("small/cache");
+    expect(&desk, "simulate small.toml --set liquid.iterations=7", 14, &["--force", "-o"]);
+    assert_eq!(before, desk.bytes("small/cache"));
+    desk.run("simulate small.toml --set liquid.iterations=7 --force --frames 1-3", 0);
+    assert_ne!(before, desk.bytes("small/cache"));
+}
+
+#[test]
+fn a_damaged_frame_is_named_and_refused() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    let path = desk.path("small/cache/frame_0003.mcf");
+    let whole = fs::read(&path).unwrap();
+    let mut flipped = whole.clone();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    for damaged in [&whole[..whole.len() - 1], &whole[..100], &flipped] {
+        fs::write(&path, damaged).unwrap();
+        expect(&desk, "mesh small", 12, &["frame 0003", "frame_0003.mcf"]);
+        expect(&desk, "verify small", 12, &["frame 0003"]);
+        assert_eq!(desk.names("small/mesh").len(), 4, "the other frames are meshed");
+        fs::remove_dir_all(desk.path("small/mesh")).unwrap();
+    }
+}
+
+#[test]
+fn no_cache_a_locked_one_and_one_of_another_version() {
+    let desk = Desk::new();
+    expect(&desk, "mesh nowhere.dir/cache -o out", 1, &["nowhere.dir/cache"]);
+    fs::create_dir(desk.path("hollow")).unwrap();
+    expect(&desk, "mesh hollow", 10, &["hollow"]);
+    expect(&desk, "info hollow", 10, &["hollow"]);
+    desk.run("simulate small.toml --frames 1-2", 0);
+    let lock = Lock::acquire(&desk.path("small/cache")).unwrap();
+    expect(&desk, "simulate small.toml", 11, &["small/cache"]);
+    drop(lock);
+    let path = desk.path("small/cache/frame_0002.mcf");
+    let mut newer = fs::read(&path).unwrap();
+    newer[VERSION_AT] += 1;
+    fs::write(&path, newer).unwrap();
+    expect(&desk, "simulate small.toml", 13, &["frame_0002.mcf", "version"]);
+    expect(&desk, "mesh small", 13, &["frame_0002.mcf", "version"]);
+}
+
+/// Where the format version stands in a frame, see docs/formats/cache.md.
+const VERSION_AT: usize = 8;
+
+#[test]
+fn a_folder_that_cannot_be_written() {
+    let desk = Desk::new();
+    desk.write("file", "");
+    expect(&desk, "simulate small.toml -o file/shot", 1, &["file/shot", "-o"]);
+    desk.run("simulate small.toml --frames 1-2", 0);
+    expect(&desk, "mesh small -o file/out", 1, &["file/out", "-o"]);
+}
+
+#[test]
+fn a_simulation_that_leaves_all_bounds_says_so_and_keeps_what_was_there() {
+    let desk = Desk::new();
+    let line = "simulate small.toml --set liquid.source.0.velocity=[1e38,1e38,1e38]";
+    expect(&desk, line, 20, &["frame 0002", "liquid", "particle 0", "try"]);
+    desk.run("verify small", 0);
+    assert_eq!(desk.names("small/cache"), ["frame_0001.mcf"]);
+}
+
+#[test]
+fn particle_files_that_are_not_right() {
+    let desk = Desk::new();
+    desk.write("good_1.xyz", "0 0 0\n0.1 0 0\n0 0.1 0\n");
+    desk.write("nan_2.xyz", "0 0 0\n0.1 nan 0\n");
+    desk.write("empty_3.xyz", "");
+    let line = |file: &str| format!("mesh {file} --spacing 0.1 -o out");
+    expect(&desk, &line("nan_2.xyz"), 1, &["nan_2.xyz", "particle 1"]);
+    expect(&desk, &line("empty_3.xyz"), 1, &["empty_3.xyz"]);
+    expect(&desk, &line("absent.xyz"), 1, &["absent.xyz"]);
+    expect(&desk, &line("good_1.xyz nan_2.xyz"), 3, &["nan_2.xyz", "particle 1"]);
+    assert_eq!(desk.names("out/mesh").len(), 1, "the good file is meshed");
+    expect(&desk, "mesh good_1.xyz -o out", 2, &["--spacing"]);
+    expect(&desk, "mesh good_1.xyz --spacing 0.1", 2, &["-o DIR"]);
+    expect(&desk, "mesh good_1.xyz --spacing nan -o out", 2, &["--spacing"]);
+    expect(&desk, "mesh good_1.xyz --spacing 0.1 --voxel -2 -o out", 2, &["voxel"]);
+}

@@ -1,0 +1,39 @@
+//! Ctrl-C: stops soon, keeps what is finished, and the same command goes on.
+
+use super::*;
+use std::{
+    process::{Command, Stdio},
+    time::{Duration, Instant},
+};
+
+#[test]
+fn an_interrupt_keeps_finished_frames_and_the_run_continues() {
+    let desk = Desk::new();
+    let line = ["simulate", "small.toml", "-o", "shot", "--frames", "1-400", "--progress", "none"];
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
+        .args(line)
+        .current_dir(desk.path("."))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let started = Instant::now();
+    while !desk.path("shot/cache/frame_0003.mcf").exists() {
+        assert!(started.elapsed() < Duration::from_secs(60), "no third frame after a minute");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let signal = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(signal.success());
+    let stopped = Instant::now();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert!(stopped.elapsed() < Duration::from_secs(5));
+
+    let frames = desk.names("shot/cache").len();
+    assert!((3..400).contains(&frames), "{frames} frames");
+    desk.run("verify shot", 0);
+    let more = frames + 1;
+    let (_, talk) = desk.run(&format!("simulate small.toml -o shot --frames 1-{more}"), 0);
+    assert!(talk.contains("continuing after frame"), "{talk}");
+    desk.run(&format!("simulate small.toml -o whole --frames 1-{more}"), 0);
+    assert_eq!(desk.bytes("shot/cache"), desk.bytes("whole/cache"));
+}

@@ -1,0 +1,107 @@
+//! Meshes of caches and of other solvers' particle files.
+
+use super::*;
+use meniscus::{math::Vec3, mesh, mesh::Mesh};
+use ply_rs_bw::{
+    parser::Parser,
+    ply::{DefaultElement, Property},
+};
+
+/// A ball of particles on a lattice, as text.
+fn ball(spacing: f32, radius: f32, center: [f32; 3]) -> Vec<[f32; 3]> {
+    let n = (radius / spacing).ceil() as i32;
+    let axis = || -n..=n;
+    let points = axis().flat_map(|i| axis().flat_map(move |j| axis().map(move |k| [i, j, k])));
+    points
+        .map(|point| point.map(|v| v as f32 * spacing))
+        .filter(|p| p.iter().map(|v| v * v).sum::<f32>() < radius * radius)
+        .map(|p| [p[0] + center[0], p[1] + center[1], p[2] + center[2]])
+        .collect()
+}
+
+fn xyz(points: &[[f32; 3]]) -> String {
+    points.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect()
+}
+
+/// Legacy VTK as SPlisHSPlasH writes it: binary, big-endian.
+fn vtk(points: &[[f32; 3]]) -> Vec<u8> {
+    let mut file = b"# vtk DataFile Version 4.1\nparticles\nBINARY\nDATASET UNSTRUCTURED_GRID\n".to_vec();
+    file.extend(format!("POINTS {} float\n", points.len()).bytes());
+    file.extend(points.iter().flatten().flat_map(|v| v.to_be_bytes()));
+    file.extend(format!("\nCELLS {} {}\n", points.len(), 2 * points.len()).bytes());
+    file.extend((0..points.len() as i32).flat_map(|i| [1, i]).flat_map(i32::to_be_bytes));
+    file.extend(format!("\nCELL_TYPES {}\n", points.len()).bytes());
+    file.extend(points.iter().flat_map(|_| 1_i32.to_be_bytes()));
+    file
+}
+
+/// Positions and triangles of a PLY file, read by the library's own generic reader.
+fn read_ply(path: &Path) -> Mesh {
+    let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(path).unwrap()).unwrap();
+    let coordinate = |vertex: &DefaultElement, name: &str| match vertex[name] {
+        Property::Float(value) => value,
+        ref other => panic!("{name} is {other:?}"),
+    };
+    let corners = |face: &DefaultElement| match &face["vertex_indices"] {
+        Property::ListUInt(list) => <[u32; 3]>::try_from(list.as_slice()).unwrap(),
+        Property::ListInt(list) => <[i32; 3]>::try_from(list.as_slice()).unwrap().map(|v| v as u32),
+        other => panic!("vertex_indices is {other:?}"),
+    };
+    Mesh {
+        positions: ply.payload["vertex"]
+            .iter()
+            .map(|v| Vec3::new(coordinate(v, "x"), coordinate(v, "y"), coordinate(v, "z")))
+            .collect(),
+        triangles: ply.payload["face"].iter().map(corners).collect(),
+        ..Mesh::default()
+    }
+}
+
+#[test]
+fn particle_files_become_closed_meshes() {
+    let desk = Desk::new();
+    let points = ball(0.1, 0.5, [3.0, -2.0, 1.0]);
+    desk.write("ball.xyz", xyz(&points));
+    desk.write("ball.vtk", vtk(&points));
+    for file in ["ball.xyz", "ball.vtk"] {
+        let (out, _) = desk.run(&format!("mesh {file} --spacing 0.1 -o {file}.out --format ply,obj"), 0);
+        assert!(out.contains("1 frames meshed"), "{out}");
+        assert_eq!(desk.names(&format!("{file}.out/mesh")).len(), 2);
+    }
+    let ply = |file: &str| fs::read(desk.path(&format!("{file}.out/mesh/particles_0001.ply"))).unwrap();
+    assert_eq!(ply("ball.xyz"), ply("ball.vtk"), "the same particles give the same bytes");
+    let check = mesh::check(&read_ply(&desk.path("ball.xyz.out/mesh/particles_0001.ply")));
+    assert!(check.is_sound() && check.components == 1, "{check:?}");
+    let exact = points.len() as f64 * 1e-3;
+    assert!((check.volume / exact - 1.0).abs() < 0.1, "volume {} of {exact}", check.volume);
+}
+
+#[test]
+fn sequences_keep_their_numbers() {
+    let desk = Desk::new();
+    for frame in [3, 4, 10] {
+        desk.write(&format!("splash_{frame}.xyz"), xyz(&ball(0.1, 0.3, [0.1 * frame as f32, 0.0, 0.0])));
+    }
+    let (_, talk) = desk.run("mesh splash_*.xyz --spacing 0.1 -o out", 0);
+    assert_eq!(
+        desk.names("out/mesh"),
+        ["particles_0003.ply", "particles_0004.ply", "particles_0010.ply"],
+        "{talk}"
+    );
+}
+
+#[test]
+fn a_cache_is_meshed_again_only_where_asked() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    desk.run("mesh small --frames 2-3", 0);
+    assert_eq!(desk.names("small/mesh"), ["liquid_0002.ply", "liquid_0003.ply"]);
+    let (out, _) = desk.run("mesh small", 0);
+    assert!(out.contains("3 frames meshed") && out.contains("2 were there"), "{out}");
+    let (out, _) = desk.run("mesh small/cache -o elsewhere --voxel 0.8 --format obj", 0);
+    assert!(out.contains("5 frames meshed"), "{out}");
+    assert!(desk.path("elsewhere/shot.json").exists());
+    let (_, talk) = desk.run("mesh small --frames 5-7", 3);
+    assert!(talk.contains("frame 0006") && talk.contains("frame 0007"), "{talk}");
+    desk.run("mesh small --spacing 0.1", 2);
+}

@@ -1,0 +1,131 @@
+//! From preset to meshes in one command, and what is told on the way.
+
+use super::*;
+
+#[test]
+fn one_command_goes_from_preset_to_meshes() {
+    let desk = Desk::new();
+    let (out, talk) = desk.run("shot small.toml", 0);
+    let frames = |pattern: &str| (1..=5).map(|i| pattern.replace('#', &i.to_string())).collect::<Vec<_>>();
+    assert_eq!(desk.names("small/cache"), frames("frame_000#.mcf"));
+    assert_eq!(desk.names("small/mesh"), frames("liquid_000#.ply"));
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fs::read(desk.path("small/shot.json")).unwrap()).unwrap();
+    assert_eq!(manifest["outputs"][0]["pattern"], "mesh/liquid_{:04}.ply");
+    assert_eq!(manifest["outputs"][0]["frames"]["last"], 5);
+    assert!(out.contains("5 frames simulated") && out.contains("5 frames meshed"), "{out}");
+    assert!(talk.contains("Progress: 100%") && talk.contains("density_dev"), "{talk}");
+    assert!(!talk.to_lowercase().contains("error"), "a healthy log never says error:\n{talk}");
+
+    // The log has one line a computed frame (the first is the start).
+    let log = fs::read_to_string(desk.path("small/log.jsonl")).unwrap();
+    let frames: Vec<u64> = log
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["frame"].as_u64().unwrap())
+        .collect();
+    assert_eq!(frames, [2, 3, 4, 5]);
+
+    // The preset as run makes the same shot again.
+    let (out, _) = desk.run("shot small/preset.toml -o small", 0);
+    assert!(out.contains("5 were there"), "{out}");
+}
+
+#[test]
+fn a_second_run_keeps_everything() {
+    let desk = Desk::new();
+    desk.run("shot small.toml", 0);
+    let before = (desk.bytes("small/cache"), desk.bytes("small/mesh"));
+    let (out, _) = desk.run("shot small.toml", 0);
+    assert!(out.contains("0 frames simulated") && out.contains("0 frames meshed"), "{out}");
+    assert_eq!(before, (desk.bytes("small/cache"), desk.bytes("small/mesh")));
+
+    // Another voxel meshes again and leaves the cache alone.
+    let (out, _) = desk.run("shot small.toml --set surface.voxel=0.8", 0);
+    assert!(out.contains("0 frames simulated") && out.contains("5 frames meshed"), "{out}");
+    assert_eq!(before.0, desk.bytes("small/cache"));
+    assert_ne!(before.1, desk.bytes("small/mesh"));
+}
+
+#[test]
+fn only_asked_for_frames_are_stored() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml -o all", 0);
+    desk.run("simulate small.toml -o some --frames 2-5x2", 0);
+    assert_eq!(desk.names("some/cache"), ["frame_0002.mcf", "frame_0004.mcf"]);
+    let all = desk.bytes("all/cache");
+    assert_eq!(desk.bytes("some/cache"), [all[1].clone(), all[3].clone()]);
+}
+
+#[test]
+fn a_dry_run_tells_and_writes_nothing() {
+    let desk = Desk::new();
+    let (out, _) = desk.run("shot small.toml --dry-run", 0);
+    assert!(out.contains("512") && out.contains("passes"), "{out}");
+    assert!(!desk.path("small").exists());
+    desk.run("shot small.toml --max-memory 1MiB", 33);
+    assert!(!desk.path("small").exists());
+    desk.run("shot small.toml --max-memory 4GiB --frames 1", 0);
+}
+
+#[test]
+fn passes_that_the_preset_does_not_name_do_not_run() {
+    let desk = Desk::new();
+    let (with, _) = desk.run("shot small.toml --dry-run", 0);
+    desk.write("bare.toml", SMALL.replace("[liquid.vorticity]", "").replace("[liquid.viscosity]", ""));
+    let (without, _) = desk.run("shot bare.toml --dry-run", 0);
+    let passes =
+        |text: &str| text.lines().find(|line| line.starts_with("passes")).unwrap().split(',').count();
+    assert!(passes(&without) < passes(&with), "{with}\n{without}");
+}
+
+#[test]
+fn built_in_presets_are_listed_shown_copied_and_run() {
+    let desk = Desk::new();
+    let (list, _) = desk.run("presets", 0);
+    for name in ["dam-break", "double-dam-break", "drop-in-pool"] {
+        assert!(list.contains(name), "{list}");
+        let (text, _) = desk.run(&format!("presets show {name}"), 0);
+        assert!(text.contains("[liquid]"));
+        desk.run(&format!("presets copy {name}"), 0);
+        assert_eq!(
+            fs::read_to_string(desk.path(&format!("{name}.toml"))).unwrap().trim_end(),
+            text.trim_end()
+        );
+        // Each runs, small.
+        let (out, _) = desk.run(&format!("shot {name} --quality draft --frames 1-2 -o run-{name}"), 0);
+        assert!(out.contains("2 frames meshed"), "{out}");
+    }
+    let (_, talk) = desk.run("presets copy dam-break", 1);
+    assert!(talk.contains("does not exist yet"), "{talk}");
+    desk.run("presets show dam-brake", 2);
+}
+
+#[test]
+fn progress_comes_in_the_form_asked_for() {
+    let desk = Desk::new();
+    let (_, talk) = desk.run("simulate small.toml -o json --progress json", 0);
+    let events: Vec<serde_json::Value> =
+        talk.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert!(events.iter().any(|event| event["data"]["percent"] == 100.0), "{talk}");
+    let (out, _) = desk.run("simulate small.toml -o openjd --progress openjd", 0);
+    assert!(out.contains("openjd_progress: 100.0"), "{out}");
+    let (_, talk) = desk.run("simulate small.toml -o none --progress none", 0);
+    assert_eq!(talk, "");
+}
+
+#[test]
+fn info_tells_what_is_there() {
+    let desk = Desk::new();
+    desk.run("shot small.toml", 0);
+    fs::remove_file(desk.path("small/cache/frame_0003.mcf")).unwrap();
+    fs::remove_file(desk.path("small/mesh/liquid_0002.ply")).unwrap();
+    let (out, _) = desk.run("info small --json", 0);
+    let info: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(info["frames"].as_array().unwrap().len(), 4);
+    assert_eq!(info["frames"][0]["particles"], 512);
+    assert_eq!(info["missing"], serde_json::json!([3]));
+    assert_eq!(info["outputs"][0]["missing"], 1);
+    let (out, _) = desk.run("info small/cache", 0);
+    assert!(out.contains("1 missing"), "{out}");
+    desk.run("verify small", 0);
+}
