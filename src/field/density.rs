@@ -239,21 +239,29 @@ mod tests {
 
     #[test]
     fn memory_follows_the_particles() {
-        // Spray over 10 km, and one drop at 1000 km.
+        // Spray over 10 km, drops at 1000 km, and one that no brick can hold.
         let mut positions: Vec<Vec3> = (0..500)
             .map(|i| {
                 Vec3::new((i * 7919 % 10_007) as f32, (i * 104_729 % 10_007) as f32, (i * 31 % 997) as f32)
             })
             .collect();
-        positions.push(Vec3::new(1e6, -1e6, 1e6));
+        positions.extend((0..20).map(|i| Vec3::new(1e6 + i as f32 * 1.0625, -1e6, 1e6)));
         positions.push(Vec3::new(1e30, 0.0, 0.0));
         let found = density(&positions, &PARAMS);
         assert!(found.grid.bricks.len() <= 27 * positions.len());
         assert_eq!(found.too_far, 1);
-        for x in &positions[..501] {
-            let node =
-                [0, 1, 2].map(|axis| (f64::from(x[axis]) / f64::from(found.grid.voxel)).round() as i32);
-            assert!(found.grid.get(node).unwrap() > found.threshold, "{x:?}");
+
+        // Every drop is alone and stands where it was put, to the digits of its own position.
+        let voxel = f64::from(found.grid.voxel);
+        for x in &positions[..520] {
+            let nodes = [0, 1, 2].map(|axis| f64::from(x[axis]) / voxel);
+            let node = nodes.map(|v| v.round());
+            let off = nodes.iter().zip(node).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            let value = found.grid.get(node.map(|v| v as i32)).unwrap();
+            assert!(
+                (value - kernel((off * voxel / 0.2) as f32)).abs() < 1e-4 && value > found.threshold,
+                "{x:?}"
+            );
         }
         assert!(found.grid.values.iter().all(|v| v.is_finite()));
     }

