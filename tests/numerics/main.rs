@@ -1,0 +1,3 @@
+//! The numerics, judged by closed forms, conservation, experiments and extremes.
+
+mod liquid;
