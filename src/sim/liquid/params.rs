@@ -86,8 +86,8 @@ pub enum Constraint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArtificialPressure {
-    /// The paper's k, as an acceleration: at 0.1, two particles half a spacing apart repel with about one g.
-    /// Larger spreads surface particles; far above 1 the liquid boils.
+    /// The paper's k, as an acceleration: at 0.1, two particles half a spacing apart repel with about ten g.
+    /// Smaller lets surfaces clump under `constraint = "equality"`; near 1 the liquid boils.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub strength: f32,
     /// The paper's |Δq|/h, where the term reaches `strength`.
