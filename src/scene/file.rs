@@ -5,7 +5,7 @@ use super::{
     problem::{Finding, SceneError, Source, Span, locate},
     tree::{self, Entry, Node, Value},
 };
-use crate::mesh::SurfaceParams;
+use crate::{mesh::SurfaceParams, sim::liquid::LiquidParams};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use std::path::Path;
@@ -185,7 +185,7 @@ fn interpret(root: &Node, model: &model::Field, findings: &mut Vec<Finding>) -> 
         && liquid.iterations.is_none()
         && liquid.density_dev.is_none()
     {
-        liquid.density_dev = Some(meaning::DEFAULT_DENSITY_DEV);
+        liquid.density_dev = Some(LiquidParams::DEFAULT_DENSITY_DEV);
     }
     let wrong = meaning::check(&scene, &checked.places);
     let fine = wrong.is_empty();

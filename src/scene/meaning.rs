@@ -6,11 +6,6 @@ use crate::{
     solid::{Shape, ShapeError},
 };
 
-/// The density deviation that is aimed at when a preset gives neither a target nor a number of iterations.
-///
-/// At 5 % a metre of water visibly loses height; below 0.1 % the iterations multiply without a visible gain.
-pub(super) const DEFAULT_DENSITY_DEV: f32 = 0.01;
-
 /// Particles that the 32-bit neighbour lists can tell apart.
 const MAX_PARTICLES: f64 = 2_147_483_648.0;
 

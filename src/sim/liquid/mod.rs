@@ -39,9 +39,6 @@ pub const NAME: &str = "liquid";
 /// Beyond this coordinate [m] or speed [m/s] a state is called diverged: positions there resolve 8 m.
 const ABSURD: f32 = 1e8;
 
-/// The average deviation to reach where a preset gives neither `density_dev` nor `iterations`.
-const DEFAULT_DENSITY_DEV: f32 = 0.005;
-
 /// Iterations that a substep takes even where the target is met. With 0, errors below the target pile up until
 /// one substep undoes them at once and throws the liquid apart; with 1, a dam break still gains 5 % of energy.
 const FEWEST_ITERATIONS: u32 = 2;
@@ -57,6 +54,8 @@ pub(super) struct Liquid {
     mass: f64,
     /// Mechanical energy at the start of the shot [J]: what confinement may restore.
     first_energy: f64,
+    /// Average and largest constraint error when the last frame ended; `None` before the first has.
+    deviation: Option<[f64; 2]>,
     seeded: SeedReport,
     id: Vec<u32>,
     x: Vec<Vec3>,
@@ -92,6 +91,10 @@ impl Liquid {
             skipped_in_solids: count("skipped_in_solids")?,
             skipped_overlapping: count("skipped_overlapping")?,
         };
+        let deviation = |name| stream.scalar(name);
+        liquid.deviation = deviation("density_dev_avg")
+            .zip(deviation("density_dev_max"))
+            .map(|(average, most)| [average, most]);
         if liquid.x.is_empty() { Err(SetupError::NoParticles) } else { Ok(liquid) }
     }
 
@@ -103,6 +106,7 @@ impl Liquid {
             gravity: world.gravity,
             mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
             first_energy: 0.0,
+            deviation: None,
             seeded: SeedReport::default(),
             id: Vec::new(),
             x: Vec::new(),
@@ -127,6 +131,10 @@ impl Liquid {
             ("skipped_in_solids".into(), f64::from(self.seeded.skipped_in_solids)),
             ("skipped_overlapping".into(), f64::from(self.seeded.skipped_overlapping)),
         ];
+        if let Some([average, largest]) = self.deviation {
+            stream.scalars.push(("density_dev_avg".into(), average));
+            stream.scalars.push(("density_dev_max".into(), largest));
+        }
         stream
     }
 
@@ -313,6 +321,7 @@ impl Liquid {
         record.density_dev_avg = residual.average;
         record.density_dev_max = residual.largest;
         record.bulk_dev_avg = residual.bulk;
+        self.deviation = Some([residual.average, residual.largest]);
         record.kinetic_energy = self.kinetic_energy();
         record.potential_energy = self.potential_energy();
         record.list_rebuilds = self.solver.rebuilds;
@@ -370,7 +379,7 @@ impl LiquidParams {
     fn target(&self) -> Option<f64> {
         match (self.iterations, self.density_dev) {
             (Some(_), _) => None,
-            (None, dev) => Some(f64::from(dev.unwrap_or(DEFAULT_DENSITY_DEV))),
+            (None, dev) => Some(f64::from(dev.unwrap_or(Self::DEFAULT_DENSITY_DEV))),
         }
     }
 }
