@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceParams {
     /// Edge of a grid cell, in particle spacings. Half as much gives four times the triangles and takes eight
-    /// times the memory; above 1 droplets flicker, above 2 they are missing.
+    /// times the memory. Lone droplets fall between the nodes and flicker from 1 (a ninth of them) to 2 (nine
+    /// tenths).
     #[schemars(range(min = 0.05, max = 10.0))]
     pub voxel: f32,
     /// Support of the density kernel, in particle spacings. Smaller shows single particles, larger rounds

@@ -40,6 +40,8 @@ pub struct SurfaceStats {
     pub particles: usize,
     /// Particles too far from the origin for the grid: left out.
     pub too_far_particles: usize,
+    /// Particles that fall between the nodes of a coarse grid and do not show.
+    pub unseen_particles: usize,
     /// Bricks of the density and of the signed distance.
     pub bricks: [usize; 2],
     /// Nodes of the signed distance that the band did not reach.
@@ -121,6 +123,7 @@ pub fn reconstruct(
     let stats = SurfaceStats {
         particles: positions.len(),
         too_far_particles: field.too_far,
+        unseen_particles: field.unseen,
         bricks: [field.grid.bricks.len(), distance.grid.bricks.len()],
         unreached_nodes: distance.unreached,
         nodes_on_surface: distance.on_surface,
