@@ -8,7 +8,7 @@ use meniscus::{
     export,
     frame::Channel,
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
-    mesh::{Outward, check, interpolate_vec3, marching_cubes, normals_from_field},
+    mesh::{check, interpolate_vec3, marching_cubes, normals_from_distance},
     par,
 };
 use std::{hint::black_box, time::Instant};
@@ -60,7 +60,7 @@ fn surface(c: &mut Criterion) {
     };
     for threads in [1, 2] {
         measure("marching cubes", threads, &|| drop(black_box(marching_cubes(&grid))));
-        measure("normals", threads, &|| drop(black_box(normals_from_field(&mesh, &grid, Outward::Up))));
+        measure("normals", threads, &|| drop(black_box(normals_from_distance(&mesh, &grid))));
         // The vertices stand in for particles: as dense as a surface gets.
         measure("velocity", threads, &|| {
             let x = &mesh.positions;
@@ -68,7 +68,7 @@ fn surface(c: &mut Criterion) {
         });
         measure("check", threads, &|| _ = black_box(check(&mesh)));
     }
-    mesh.normals = normals_from_field(&mesh, &grid, Outward::Up).0;
+    mesh.normals = normals_from_distance(&mesh, &grid).0;
     mesh.attributes.push(Channel { name: "velocity".into(), data: mesh.positions.clone().into() });
     let folder = std::env::temp_dir().join(format!("meniscus-bench-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("the folder for temporaries is writable");

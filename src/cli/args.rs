@@ -144,7 +144,7 @@ pub(super) struct MeshArgs {
     pub(super) set: Vec<String>,
 
     /// Grid cell in particle spacings, short for `--set surface.voxel=…`
-    #[arg(long, value_name = "SPACINGS")]
+    #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
     pub(super) voxel: Option<String>,
 
     /// Mesh again what is there already

@@ -81,6 +81,9 @@ impl Bins {
                     }
                 }
             }
+            // Neighbouring bins cover mostly the same bricks: on a fine grid the list would outgrow the grid.
+            covered.sort_unstable();
+            covered.dedup();
             covered
         });
         Bricks::new(coords.concat())

@@ -1,6 +1,6 @@
 //! What the vertices of a surface carry: normals and values taken from the particles.
 //!
-//! *Method*: normals by the gradient of the field that the surface was cut from, central differences at the grid
+//! *Method*: normals by the gradient of the signed distance that the surface was cut from, central differences at the grid
 //! nodes and trilinear between them; values by a normalised kernel sum [shepard68],
 //! A(x) = Σ w_j A_j / Σ w_j with w_j = (1 − (r_j/R)²)³.
 //! *Departs from the paper*: the weight has compact support instead of growing towards the samples, so that a
@@ -18,32 +18,22 @@ use crate::{
 };
 use std::cell::Cell;
 
-/// Which way along a field leads out of the liquid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outward {
-    /// Up: a signed distance, positive outside. A missing node says nothing.
-    Up,
-    /// Down: a density. A missing node is empty space, zero.
-    Down,
-}
-
 /// Nearer than this to a node, in voxels, a vertex is taken to lie on it: vertices lie on grid edges, and
 /// the two coordinates across the edge are exact up to rounding only. Smaller reads nodes that have no weight.
 const SNAP: f64 = 1e-4;
 
-/// Unit outward normals at the vertices of `mesh` by the gradient of `grid`, and how many vertices had no usable
-/// gradient there (zero, not finite, or against all the faces around) and carry the area-weighted normal of
+/// Unit outward normals at the vertices of `mesh` by the gradient of the signed distance `sdf`, positive outside,
+/// and how many vertices had no usable gradient there (zero, not finite, or against all the faces around) and carry the area-weighted normal of
 /// their faces instead. A vertex without any face of its own size gets +Z.
-pub fn normals_from_field(mesh: &Mesh, grid: &SparseGrid, outward: Outward) -> (Vec<Vec3>, usize) {
+pub fn normals_from_distance(mesh: &Mesh, sdf: &SparseGrid) -> (Vec<Vec3>, usize) {
     let faces = face_normals(mesh);
     let chunks = par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
-        let reader = Reader::new(grid, outward);
+        let reader = Reader::new(sdf);
         let mut replaced = 0;
         let normals: Vec<Vec3> = range
             .map(|v| {
                 let gradient = reader.gradient(mesh.positions[v]);
-                let direction = if outward == Outward::Up { gradient } else { -gradient };
-                direction.try_normalize(0.0).filter(|n| usable(n) && n.dot(&faces[v]) > 0.0).unwrap_or_else(
+                gradient.try_normalize(0.0).filter(|n| usable(n) && n.dot(&faces[v]) > 0.0).unwrap_or_else(
                     || {
                         replaced += 1;
                         faces[v].try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
@@ -70,33 +60,27 @@ fn usable(normal: &Vec3) -> bool {
 /// Reads nodes of a grid; remembers the last brick, because neighbouring nodes mostly share it.
 struct Reader<'a> {
     grid: &'a SparseGrid,
-    outward: Outward,
     last: Cell<([i32; 3], Option<usize>)>,
 }
 
 impl<'a> Reader<'a> {
-    fn new(grid: &'a SparseGrid, outward: Outward) -> Self {
+    fn new(grid: &'a SparseGrid) -> Self {
         let none = [i32::MIN; 3];
-        Self { grid, outward, last: Cell::new((none, grid.bricks.find(none))) }
+        Self { grid, last: Cell::new((none, grid.bricks.find(none))) }
     }
 
-    /// The number at a node, if it says something.
+    /// The number at a node, if it is there and finite.
     fn value(&self, node: [i32; 3]) -> Option<f32> {
         let coord = node.map(|i| i.div_euclid(BRICK as i32));
         if self.last.get().0 != coord {
             self.last.set((coord, self.grid.bricks.find(coord)));
         }
-        match (self.last.get().1, self.outward) {
-            (Some(brick), _) => {
-                let local = node.map(|i| i.rem_euclid(BRICK as i32) as usize);
-                Some(self.grid.values[brick * BRICK_NODES + offset(local)]).filter(|value| value.is_finite())
-            }
-            (None, Outward::Up) => None,
-            (None, Outward::Down) => Some(0.0),
-        }
+        let local = node.map(|i| i.rem_euclid(BRICK as i32) as usize);
+        let value = self.grid.values[self.last.get().1? * BRICK_NODES + offset(local)];
+        Some(value).filter(|value| value.is_finite())
     }
 
-    /// The gradient at a node, in the field's unit a voxel: central differences, one-sided at the rim.
+    /// The gradient at a node, in the grid's unit a voxel: central differences, one-sided at the rim.
     fn at_node(&self, node: [i32; 3]) -> Vec3 {
         Vec3::from_fn(|axis, _| {
             let beside = |step: i32| {

@@ -8,7 +8,7 @@ mod marching_cubes;
 mod params;
 mod reconstruct;
 
-pub use attributes::{Outward, interpolate_vec3, normals_from_field};
+pub use attributes::{interpolate_vec3, normals_from_distance};
 pub use check::{Fault, MeshCheck, check};
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use params::SurfaceParams;

@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceParams {
-    /// Edge of a grid cell, in particle spacings. Half as much gives four times the triangles; above 1
-    /// droplets flicker.
-    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10.0))]
+    /// Edge of a grid cell, in particle spacings. Half as much gives four times the triangles and takes eight
+    /// times the memory. Lone droplets fall between the nodes and flicker from 1 (a ninth of them) to 2 (nine
+    /// tenths).
+    #[schemars(range(min = 0.05, max = 10.0))]
     pub voxel: f32,
     /// Support of the density kernel, in particle spacings. Smaller shows single particles, larger rounds
     /// the surface.

@@ -1,14 +1,18 @@
 //! From particles to a surface.
 //!
 //! *Method*: the density of the particles on sparse bricks ([`crate::field`]), the signed distance to its level
-//! set ([`crate::sdf`]), marching cubes at zero, normals by the density's gradient, velocities by a normalised
+//! set ([`crate::sdf`]), marching cubes at zero, normals by the distance's gradient, velocities by a normalised
 //! kernel sum over the particles.
+//!
+//! Normals by the density's gradient were tried: on a ball of 20 spacings they lean 12.0° on average (particles
+//! moved by up to a quarter spacing: 16.1°), the distance's 9.9° (13.9°), and on 30 frames of a splash 101 of
+//! 630 000 vertices found no usable gradient instead of 68.
 //! *Departs from the paper*: see the modules named.
 //! Limits: those of the passes; what is thinner than a voxel may vanish.
 
 use super::{
-    ContourStats, Mesh, MeshCheck, Outward, SurfaceParams, check, interpolate_vec3, marching_cubes,
-    normals_from_field,
+    ContourStats, Mesh, MeshCheck, SurfaceParams, check, interpolate_vec3, marching_cubes,
+    normals_from_distance,
 };
 use crate::{
     field::{DensityParams, density},
@@ -36,6 +40,8 @@ pub struct SurfaceStats {
     pub particles: usize,
     /// Particles too far from the origin for the grid: left out.
     pub too_far_particles: usize,
+    /// Particles that fall between the nodes of a coarse grid and do not show.
+    pub unseen_particles: usize,
     /// Bricks of the density and of the signed distance.
     pub bricks: [usize; 2],
     /// Nodes of the signed distance that the band did not reach.
@@ -48,7 +54,7 @@ pub struct SurfaceStats {
     pub triangles: usize,
     /// What marching cubes had to do beside extracting.
     pub contour: ContourStats,
-    /// Vertices whose normal is that of the faces, because the density has no usable gradient there.
+    /// Vertices whose normal is that of the faces, because the distance has no usable gradient there.
     pub normals_from_faces: usize,
     /// Vertices whose velocity is that of the nearest particle, because none is within the kernel.
     pub velocities_from_nearest: usize,
@@ -102,7 +108,7 @@ pub fn reconstruct(
         clock.time("distance", || from_density(&field.grid, field.threshold, &SdfParams::default()))?;
     let (mut mesh, contour) = clock.time("marching cubes", || marching_cubes(&distance.grid))?;
     let (normals, normals_from_faces) =
-        clock.time("normals", || normals_from_field(&mesh, &field.grid, Outward::Down))?;
+        clock.time("normals", || normals_from_distance(&mesh, &distance.grid))?;
     mesh.normals = normals;
     let mut velocities_from_nearest = 0;
     if let Some(velocities) = particles.vec3("velocity") {
@@ -117,6 +123,7 @@ pub fn reconstruct(
     let stats = SurfaceStats {
         particles: positions.len(),
         too_far_particles: field.too_far,
+        unseen_particles: field.unseen,
         bricks: [field.grid.bricks.len(), distance.grid.bricks.len()],
         unreached_nodes: distance.unreached,
         nodes_on_surface: distance.on_surface,

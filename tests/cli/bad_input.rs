@@ -110,4 +110,5 @@ fn particle_files_that_are_not_right() {
     expect(&desk, "mesh good_1.xyz --spacing 0.1", 2, &["-o DIR"]);
     expect(&desk, "mesh good_1.xyz --spacing nan -o out", 2, &["--spacing"]);
     expect(&desk, "mesh good_1.xyz --spacing 0.1 --voxel -2 -o out", 2, &["voxel"]);
+    expect(&desk, "mesh good_1.xyz --spacing 0.1 --voxel 0.001 -o out", 2, &["voxel", "0.05"]);
 }

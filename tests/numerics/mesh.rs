@@ -5,8 +5,8 @@ use meniscus::{
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     math::Vec3,
     mesh::{
-        MARGIN, Mesh, MeshCheck, Outward, SurfaceError, SurfaceParams, check, interpolate_vec3,
-        marching_cubes, normals_from_field, reconstruct,
+        MARGIN, Mesh, MeshCheck, SurfaceError, SurfaceParams, check, interpolate_vec3, marching_cubes,
+        normals_from_distance, reconstruct,
     },
     par,
 };
@@ -93,7 +93,7 @@ fn a_ball_converges_with_second_order() {
         let grid = distance(voxel, 0.9, ball(radius, CENTRE));
         let (mesh, found) = extract(&grid);
         assert_eq!((found.components, found.euler), (1, 2));
-        let (normals, replaced) = normals_from_field(&mesh, &grid, Outward::Up);
+        let (normals, replaced) = normals_from_distance(&mesh, &grid);
         assert_eq!(replaced, 0);
         let offset = |x: &Vec3| x.cast::<f64>() - nalgebra::Vector3::from(CENTRE);
         let hausdorff = mesh.positions.iter().map(|x| (offset(x).norm() - radius).abs()).fold(0.0, f64::max);
@@ -262,7 +262,7 @@ fn threads_and_bricks_without_surface_do_not_change_a_byte() {
     assert!(narrow.bricks.len() < full.bricks.len() / 2);
     let run = |grid: &SparseGrid| {
         let (mut mesh, _) = extract(grid);
-        mesh.normals = normals_from_field(&mesh, grid, Outward::Up).0;
+        mesh.normals = normals_from_distance(&mesh, grid).0;
         mesh
     };
     let expected = par::with_threads(1, || run(&narrow));
@@ -309,23 +309,21 @@ fn unreached_nodes_are_counted() {
 }
 
 #[test]
-fn normals_follow_density_and_distance_outward() {
+fn faces_decide_where_the_distance_says_nothing_usable() {
     let grid = distance(0.05, 0.8, ball(0.5, CENTRE));
     let (mesh, _) = extract(&grid);
-    let mut density = grid.clone();
-    density.values.iter_mut().for_each(|v| *v = (0.1 - *v).max(0.0));
-    let (up, _) = normals_from_field(&mesh, &grid, Outward::Up);
-    let (down, replaced) = normals_from_field(&mesh, &density, Outward::Down);
+    let (expected, replaced) = normals_from_distance(&mesh, &grid);
     assert_eq!(replaced, 0);
-    assert!(std::iter::zip(&up, &down).all(|(a, b)| (a - b).norm() < 1e-4));
 
-    // A field without slope, and one that points inward, say nothing: the faces decide.
-    for (grid, outward) in
-        [(&SparseGrid::new(0.05, grid.bricks.clone(), 1.0), Outward::Up), (&grid, Outward::Down)]
-    {
-        let (normals, replaced) = normals_from_field(&mesh, grid, outward);
+    // No slope, one that points inward, and none that is a number.
+    let [mut flat, mut inward, mut endless] = [grid.clone(), grid.clone(), grid];
+    flat.values.fill(1.0);
+    inward.values.iter_mut().for_each(|v| *v = -*v);
+    endless.values.iter_mut().for_each(|v| *v = v.signum() * f32::INFINITY);
+    for grid in [&flat, &inward, &endless] {
+        let (normals, replaced) = normals_from_distance(&mesh, grid);
         assert_eq!(replaced, mesh.positions.len());
-        assert!(std::iter::zip(&normals, &up).all(|(a, b)| a.dot(b) > 0.8));
+        assert!(std::iter::zip(&normals, &expected).all(|(a, b)| a.dot(b) > 0.8));
     }
 }
 
