@@ -35,6 +35,8 @@ pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
     counted(&[
         (stats.too_far_particles as u64, "particles too far from the origin, left out"),
         (stats.unseen_particles as u64, "particles between grid nodes, not seen (voxel)"),
+        (stats.contour.unbounded_vertices as u64, "vertices beside values that are not finite"),
+        (stats.contour.cut_cells as u64, "cells cut off by missing bricks"),
         (stats.normals_from_faces as u64, "normals from faces"),
         (stats.velocities_from_nearest as u64, "velocities from the nearest particle"),
     ])
