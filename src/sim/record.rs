@@ -57,7 +57,8 @@ pub struct FrameRecord {
     pub cfl_capped: u32,
     /// Particles whose centre lies inside a solid at the frame's end.
     pub particles_inside_solids: u32,
-    /// Wall-clock time of every pass that ran [s], in order of the passes.
+    /// Wall-clock time of every pass that ran [s], in order of the passes. Lists rebuilt between iterations count
+    /// as "solve".
     pub seconds: Vec<(&'static str, f64)>,
 }
 

@@ -2,7 +2,10 @@
 
 use crate::{math::Vec3, par};
 
-/// Particles sorted into cubic cells; only occupied cells are stored.
+/// Particles sorted into cells; only occupied cells are stored.
+///
+/// Cells are as long as asked for along y and z, and a quarter of it along x: a query then reads nine stretches
+/// of 2¼ edges instead of 3, and a quarter fewer particles.
 #[derive(Debug)]
 pub struct CellGrid {
     cell: f32,
@@ -15,6 +18,10 @@ pub struct CellGrid {
 
 /// A cell's coordinates (z, y, x), 32 bits each, shifted to be positive so that they sort as one number.
 type CellKey = u128;
+
+/// Cells along x in one edge. At 1 a third more candidates are tested; at 8 the cells themselves cost more than
+/// they save.
+const ALONG_X: i64 = 4;
 
 /// The cell at the world's origin.
 const ZERO: i64 = 1 << 31;
@@ -59,13 +66,12 @@ impl CellGrid {
     /// in cell order. `positions` are those that were sorted.
     pub fn for_each_within(&self, positions: &[Vec3], x: Vec3, radius: f32, mut f: impl FnMut(usize, f32)) {
         debug_assert!(radius <= self.cell);
-        let center = coordinates(x, self.cell);
         let mut from = 0;
-        for [first, last] in rows(center) {
+        for [first, last] in rows(coordinates(x, self.cell)) {
             // Rows ascend, so each search starts where the last one ended.
             from += self.cells[from..].partition_point(|&cell| cell < first);
-            let length = self.cells[from..].iter().take(3).take_while(|&&cell| cell <= last).count();
-            for &j in &self.order[self.start[from] as usize..self.start[from + length] as usize] {
+            let to = advanced(&self.cells, from, last + 1);
+            for &j in &self.order[self.start[from] as usize..self.start[to] as usize] {
                 let r2 = (positions[j as usize] - x).norm_squared();
                 if r2 < radius * radius {
                     f(j as usize, r2);
@@ -84,40 +90,46 @@ impl CellGrid {
         self.start[c] as usize..self.start[c + 1] as usize
     }
 
-    /// For cell `c`, the nine stretches of `order` that hold its own and its neighbours' particles. `from` keeps
+    /// For cell `c`, the nine stretches of `order` that hold its own and its neighbours' particles. `ends` keeps
     /// what the previous, smaller cell found (zeros at first), so that a sweep over cells costs a step a row.
-    pub(super) fn stretches(&self, c: usize, from: &mut [usize; 9]) -> [[u32; 2]; 9] {
-        let mut found = [[0; 2]; 9];
-        for (row, [first, last]) in rows(split(self.cells[c])).into_iter().enumerate() {
-            let at = &mut from[row];
-            // Steps that double and a bisection: one step while the sweep goes along x, a few at a row's end.
-            let mut step = 1;
-            while self.cells.get(*at + step - 1).is_some_and(|&cell| cell < first) {
-                *at += step;
-                step *= 2;
-            }
-            let end = (*at + step).min(self.cells.len());
-            *at += self.cells[*at..end].partition_point(|&cell| cell < first);
-            let length = self.cells[*at..].iter().take(3).take_while(|&&cell| cell <= last).count();
-            found[row] = [self.start[*at], self.start[*at + length]];
-        }
-        found
+    pub(super) fn stretches(&self, c: usize, ends: &mut [[usize; 2]; 9]) -> [[u32; 2]; 9] {
+        let rows = rows(split(self.cells[c]));
+        std::array::from_fn(|row| {
+            let [from, to] = &mut ends[row];
+            *from = advanced(&self.cells, *from, rows[row][0]);
+            *to = advanced(&self.cells, *to, rows[row][1] + 1);
+            [self.start[*from], self.start[*to]]
+        })
     }
 }
 
-/// The first and the last cell of the nine rows of three around a cell, ascending.
+/// The first place from `at` on whose cell is not below `bound`: by steps that double and a bisection, so that a
+/// near place costs little.
+fn advanced(cells: &[CellKey], mut at: usize, bound: CellKey) -> usize {
+    let mut step = 1;
+    while cells.get(at + step - 1).is_some_and(|&cell| cell < bound) {
+        at += step;
+        step *= 2;
+    }
+    let end = (at + step).min(cells.len());
+    at + cells[at..end].partition_point(|&cell| cell < bound)
+}
+
+/// The first and the last cell of the nine rows around a cell, ascending.
 fn rows([z, y, x]: [i64; 3]) -> [[CellKey; 2]; 9] {
     std::array::from_fn(|row| {
         let (z, y) = (z + row as i64 / 3 - 1, y + row as i64 % 3 - 1);
-        [key([z, y, x - 1]), key([z, y, x + 1])]
+        [key([z, y, x - ALONG_X]), key([z, y, x + ALONG_X])]
     })
 }
 
-/// The cell that holds `x`, as (z, y, x). Positions beyond 2³¹ − 2 cells share the outermost ones, which keeps
+/// The cell that holds `x`, as (z, y, x). Positions beyond 2³¹ − 8 cells share the outermost ones, which keeps
 /// a cell's neighbours in range.
 fn coordinates(x: Vec3, cell: f32) -> [i64; 3] {
-    let index = |v: f32| ((f64::from(v) / f64::from(cell)).floor() as i64).clamp(2 - ZERO, ZERO - 3);
-    [index(x.z), index(x.y), index(x.x)]
+    let outermost = ZERO - 2 * ALONG_X;
+    let edge = f64::from(cell);
+    let index = |v: f32, edge: f64| ((f64::from(v) / edge).floor() as i64).clamp(-outermost, outermost);
+    [index(x.z, edge), index(x.y, edge), index(x.x, edge / ALONG_X as f64)]
 }
 
 /// A cell as one number.

@@ -67,9 +67,9 @@ impl Neighbours {
 fn layout(grid: &CellGrid) -> (Vec<[[u32; 2]; 9]>, Vec<u32>) {
     let mut stretches = vec![[[0; 2]; 9]; grid.len()];
     par::for_chunks(&mut stretches, CHUNK, |start, chunk| {
-        let mut from = [0; 9];
+        let mut ends = [[0; 2]; 9];
         for (offset, slot) in chunk.iter_mut().enumerate() {
-            *slot = grid.stretches(start + offset, &mut from);
+            *slot = grid.stretches(start + offset, &mut ends);
         }
     });
     let mut cell_of = vec![0; grid.order().len()];
@@ -94,25 +94,29 @@ fn gather(
 ) {
     let radius2 = radius * radius;
     let mut r2 = [0.0_f32; BATCH];
-    let mut hits = [0_u32; BATCH];
+    let mut hits = [0_u32; 4 * BATCH];
+    let mut found = 0;
     for &[first, last] in stretches {
         let (mut first, last) = (first as usize, last as usize);
         while first < last {
             let end = last.min(first + BATCH);
             let (xs, ys, zs) = (&sorted.x[first..end], &sorted.y[first..end], &sorted.z[first..end]);
             for (((r2, &px), &py), &pz) in r2.iter_mut().zip(xs).zip(ys).zip(zs) {
-                let d = Vec3::new(px - x.x, py - x.y, pz - x.z);
-                *r2 = d.x * d.x + d.y * d.y + d.z * d.z;
+                let d = [px - x.x, py - x.y, pz - x.z];
+                *r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
             }
-            let mut found = 0;
+            if found > 3 * BATCH {
+                list.extend_from_slice(&hits[..found]);
+                found = 0;
+            }
             for (&r2, &j) in r2.iter().zip(&order[first..end]) {
-                hits[found] = j;
+                hits[found % (4 * BATCH)] = j;
                 found += usize::from((r2 < radius2) & (j != own));
             }
-            list.extend_from_slice(&hits[..found]);
             first = end;
         }
     }
+    list.extend_from_slice(&hits[..found]);
 }
 
 /// The chunks' lists as one.
@@ -214,7 +218,7 @@ mod tests {
             positions.push(Vec3::new(0.0, far, far));
         }
         positions.push(Vec3::new(1e6, 0.0, 0.0));
-        assert!(CellGrid::new(&positions, 0.2).len() <= 6 * 6 * 6 + 10);
+        assert!(CellGrid::new(&positions, 0.2).len() <= 6 * 6 * 21 + 10);
         let finite = positions.len();
         check(&positions[..finite], 0.2, 0.2);
     }

@@ -1,5 +1,6 @@
 //! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
 
+mod liquid;
 mod mesh;
 mod sdf;
 mod surface_field;

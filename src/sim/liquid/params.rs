@@ -86,8 +86,8 @@ pub enum Constraint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArtificialPressure {
-    /// The paper's k, as an acceleration: at 0.1, two particles half a spacing apart repel with about one g.
-    /// Larger spreads surface particles; far above 1 the liquid boils.
+    /// The paper's k, as an acceleration: at 0.1, two particles half a spacing apart repel with about ten g.
+    /// Smaller lets surfaces clump under `constraint = "equality"`; near 1 the liquid boils.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub strength: f32,
     /// The paper's |Δq|/h, where the term reaches `strength`.
@@ -108,15 +108,16 @@ impl Default for ArtificialPressure {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct VorticityConfinement {
-    /// The paper's ε over √(g₀ · spacing), with g₀ = 9.81 m/s². Larger whips splashes up. The term never gives back
-    /// more energy than the liquid has lost since the start.
+    /// The paper's ε over √(g₀ · spacing), with g₀ = 9.81 m/s². Larger whips splashes up: on a dam break, 0.05 adds
+    /// 0.03 % of the energy a frame, which nobody sees, 0.5 adds 0.2 %, 2 adds 2 % and frays the surface. The term
+    /// never gives back more energy than the liquid has lost since the start.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub strength: f32,
 }
 
 impl Default for VorticityConfinement {
     fn default() -> Self {
-        Self { strength: 0.05 }
+        Self { strength: 0.5 }
     }
 }
 

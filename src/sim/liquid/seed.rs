@@ -84,3 +84,58 @@ fn contains(shape: &SourceShape, x: Vec3) -> bool {
         SourceShape::Sphere { center, radius } => (x - Vec3::from(center)).norm() <= radius,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solid::{Collider, Shape};
+
+    fn seeds(text: &str, shapes: Vec<Shape>) -> Result<Seeds, SetupError> {
+        let params: LiquidParams = toml::from_str(text).expect("the preset is valid");
+        let rest = Rest::new(params.spacing, params.kernel_radius);
+        let colliders: Vec<Collider> = shapes.into_iter().map(|shape| Collider { shape }).collect();
+        seed(&params, &rest, &Walls::new(&colliders, &rest))
+    }
+
+    fn sources(shapes: &[&str]) -> String {
+        let list: Vec<String> = shapes.iter().map(|shape| format!("{{ shape = {{ {shape} }} }}")).collect();
+        format!("spacing = 0.02\nsource = [{}]", list.join(", "))
+    }
+
+    const CUBE: &str = "box = { min = [0, 0, 0], max = [0.2, 0.1, 0.06] }";
+
+    #[test]
+    fn a_box_holds_one_particle_a_cell_half_a_spacing_inside() {
+        let seeds =
+            seeds(&sources(&[CUBE]), vec![Shape::Tank { min: [0.0; 3], max: [1.0, 0.1, 1.0] }]).unwrap();
+        assert_eq!(seeds.report, SeedReport { particles: 150, ..SeedReport::default() });
+        assert!((seeds.positions[0] - Vec3::repeat(0.01)).norm() < 1e-7);
+        assert!((seeds.positions[149] - Vec3::new(0.19, 0.09, 0.05)).norm() < 1e-6);
+    }
+
+    #[test]
+    fn a_ball_has_its_volume() {
+        let seeds = seeds(&sources(&["sphere = { center = [5, 0, 0.3], radius = 0.2 }"]), vec![]).unwrap();
+        let volume = seeds.report.particles as f32 * 0.02_f32.powi(3);
+        assert!((volume / (4.18879 * 0.2_f32.powi(3)) - 1.0).abs() < 0.02, "{volume}");
+    }
+
+    #[test]
+    fn overlaps_and_solids_are_left_out_and_counted() {
+        let twice = seeds(&sources(&[CUBE, CUBE]), vec![]).unwrap();
+        assert_eq!((twice.report.particles, twice.report.skipped_overlapping), (150, 150));
+        let beside = "box = { min = [0.2, 0, 0], max = [0.4, 0.1, 0.06] }";
+        assert_eq!(seeds(&sources(&[CUBE, beside]), vec![]).unwrap().report.particles, 300);
+        let floor = Shape::Plane { point: [0.0, 0.0, 0.02], normal: [0.0, 0.0, 1.0] };
+        let above = seeds(&sources(&[CUBE]), vec![floor]).unwrap();
+        assert_eq!((above.report.particles, above.report.skipped_in_solids), (100, 50));
+    }
+
+    #[test]
+    fn too_little_and_too_much_are_refused() {
+        let tiny = "box = { min = [0, 0, 0], max = [0.004, 1, 1] }";
+        assert_eq!(seeds(&sources(&[tiny]), vec![]).unwrap_err(), SetupError::NoParticles);
+        let huge = "box = { min = [0, 0, 0], max = [1e6, 1e6, 1e6] }";
+        assert!(matches!(seeds(&sources(&[huge]), vec![]).unwrap_err(), SetupError::TooMany { .. }));
+    }
+}

@@ -119,7 +119,8 @@ fn affordable(linear: f64, square: f64, budget: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::affordable;
+    use super::*;
+    use crate::space::CellGrid;
 
     #[test]
     fn the_share_spends_the_budget_and_no_more() {
@@ -131,5 +132,35 @@ mod tests {
         }
         assert_eq!(affordable(1.0, 1.0, 2.5), 1.0);
         assert_eq!(affordable(0.0, 0.0, 0.0), 1.0);
+    }
+
+    #[test]
+    fn a_vortex_gains_what_is_reported_and_what_the_budget_allows() {
+        let rest = Rest::new(0.1, 2.0);
+        let at =
+            |k: usize| Vec3::new((k % 11) as f32 - 5.0, (k / 11 % 11) as f32 - 5.0, (k / 121) as f32) * 0.1;
+        let p: Vec<Vec3> = (0..11 * 11 * 5).map(at).collect();
+        let lists = Neighbours::build(&CellGrid::new(&p, 0.2), &p, 0.2);
+        let at = Neighbourhood { rest: &rest, p: &p, ratio: &vec![1.0; p.len()], lists: &lists };
+        // A column that turns like a rigid body inside and slower outside.
+        let turning = |x: &Vec3| Vec3::new(-x.y, x.x, 0.0) * 3.0 * (-4.0 * (x.x * x.x + x.y * x.y)).exp();
+        let still: Vec<Vec3> = p.iter().map(turning).collect();
+        let kinetic = |v: &[Vec3]| v.iter().map(|v| f64::from(v.norm_squared())).sum::<f64>();
+        let gain = |budget: f64, strength: f32| {
+            let mut term = Confinement::new(&VorticityConfinement { strength });
+            let mut v = still.clone();
+            let (added, bounded) = term.apply(at, &mut v, 0.01, 2.0, budget);
+            assert!((kinetic(&v) - kinetic(&still) - added).abs() < 1e-4 * kinetic(&still), "{added}");
+            (added, bounded, term.omega[5 + 5 * 11 + 2 * 121].0)
+        };
+        let (free, bounded, omega) = gain(f64::INFINITY, 0.5);
+        assert!(free > 0.0 && !bounded, "{free}");
+        // Twice the angular velocity, less what a sum over a kernel smooths.
+        assert!((omega.z / 6.0 - 1.0).abs() < 0.12 && omega.xy().norm() < 1e-3, "{omega:?}");
+        let (half, bounded, _) = gain(0.5 * free, 0.5);
+        assert!(bounded && (half - 0.5 * free).abs() < 1e-6 * free);
+        assert!(gain(0.0, 0.5).0.abs() < 1e-9);
+        let (most, bounded, _) = gain(f64::INFINITY, 1e6);
+        assert!(bounded && most < 0.3 * kinetic(&still), "{most} of {}", kinetic(&still));
     }
 }
