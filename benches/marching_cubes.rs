@@ -75,7 +75,8 @@ fn surface(c: &mut Criterion) {
     let path = folder.join("mesh.ply");
     let bytes = export::ply::write(&mesh, &path, &[]).expect("the folder for temporaries has room");
     group.throughput(Throughput::Bytes(bytes));
-    group.bench_function("write PLY, synced", |b| b.iter(|| export::ply::write(black_box(&mesh), &path, &[])));
+    group
+        .bench_function("write PLY, synced", |b| b.iter(|| export::ply::write(black_box(&mesh), &path, &[])));
     group.finish();
     std::fs::remove_dir_all(&folder).expect("the bench's own folder can be removed");
 }

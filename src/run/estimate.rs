@@ -43,9 +43,9 @@ pub fn estimate(scene: &Scene, selection: &Frames, with_outputs: bool) -> Result
 }
 
 // The figures below are peaks of resident memory and sizes of files, measured on one machine with two cores for
-// dam-break (8 000, 29 800 and 101 600 particles) and drop-in-pool (9 600, 35 300 and 98 900), at the start and, with
-// 30 000 to 35 000 particles, at frames 13, 25 and 37. They are set above the largest of them: an estimate that is too small lets a farm kill the
-// job, one that is much too large refuses a shot that would have run.
+// dam-break (8 000, 29 800 and 101 600 particles) and drop-in-pool (9 600, 35 300 and 98 900): at the start, and with
+// 30 000 to 35 000 particles at frames 13, 25 and 37 too. They are set above the largest: an estimate that is too
+// small lets a farm kill the job, one that is much too large refuses a shot that would have run.
 
 /// The program and its threads: 6 to 7 MiB were measured.
 const BASE_BYTES: u64 = 8 << 20;
