@@ -18,7 +18,7 @@ pub enum CacheError {
     },
     /// Another process writes this cache.
     #[error(
-        "{path}: locked by process {pid}, expected nobody else to write this cache; \
+        "{path}: locked by process {pid}, expected nobody else to write this folder; \
          wait for that process or stop it, then run the same command again",
         path = path.display()
     )]

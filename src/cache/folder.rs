@@ -1,7 +1,7 @@
-//! The folder of a cache: names, listing, where to resume.
+//! The folder of a cache: names, listing, which frames belong to it.
 
-use super::{CacheError, FrameInfo, read_frame, read_header};
-use crate::frame::{Frame, FrameIndex};
+use super::{CacheError, FrameInfo};
+use crate::frame::FrameIndex;
 use std::path::{Path, PathBuf};
 
 /// The path of a frame: `frame_0001.mcf` in `dir`.
@@ -37,46 +37,6 @@ pub fn list(dir: &Path) -> Result<Vec<(FrameIndex, PathBuf)>, CacheError> {
     }
     frames.sort();
     Ok(frames)
-}
-
-/// Where a simulation can resume.
-#[derive(Debug)]
-pub struct LastValid {
-    /// The newest frame that can be trusted; `None` if there is none.
-    pub frame: Option<(Frame, FrameInfo)>,
-    /// Newer frames, from the newest down, that are corrupt, stale or of another version, and why.
-    pub refused: Vec<(FrameIndex, CacheError)>,
-}
-
-/// The newest frame with a number up to `up_to` that verifies and has this key, already read.
-///
-/// A folder that is not there or holds no frame has none. Frames older than the one returned are not looked at.
-///
-/// # Errors
-/// [`CacheError::Io`] if the system refuses: such a frame may be sound, so nothing is concluded about it.
-pub fn last_valid(dir: &Path, key: u64, up_to: FrameIndex) -> Result<LastValid, CacheError> {
-    let mut found = LastValid { frame: None, refused: Vec::new() };
-    let frames = match list(dir) {
-        Err(CacheError::NotFound { .. }) => return Ok(found),
-        listed => listed?,
-    };
-    for (index, path) in frames.into_iter().rev().filter(|&(index, _)| index <= up_to) {
-        match read_if_current(&path, key) {
-            Ok(frame) => {
-                found.frame = Some(frame);
-                break;
-            }
-            Err(error @ (CacheError::Io { .. } | CacheError::Full { .. })) => return Err(error),
-            Err(error) => found.refused.push((index, error)),
-        }
-    }
-    Ok(found)
-}
-
-/// Reads a frame unless its key is another.
-fn read_if_current(path: &Path, key: u64) -> Result<(Frame, FrameInfo), CacheError> {
-    read_header(path)?.expect_key(path, key)?;
-    read_frame(path)
 }
 
 impl FrameInfo {

@@ -22,7 +22,7 @@ mod tests;
 
 pub use atomic::{remove_temporaries, write_atomically};
 pub use error::CacheError;
-pub use folder::{LastValid, frame_path, last_valid, list};
+pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
 pub use lock::Lock;
 pub use read::{read_frame, read_header, verify_frame};

@@ -132,12 +132,12 @@ pub(super) struct MeshArgs {
     pub(super) frames: Option<Frames>,
 
     /// Distance between particles at rest in particle files, in metres; twice the particle radius
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub(super) spacing: Option<f32>,
 
-    /// Frames a second of a sequence of particle files
-    #[arg(long, value_name = "N", default_value_t = 24.0)]
-    pub(super) fps: f64,
+    /// Frames a second of a sequence of particle files, 24 if not given
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) fps: Option<f64>,
 
     /// Change a key of the surface: `--set surface.voxel=0.25`. May be repeated
     #[arg(long, value_name = "KEY=VALUE")]

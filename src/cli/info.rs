@@ -7,9 +7,9 @@ use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder};
 pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
     let info = run::info(&ShotFolder::around(&args.folder), whole)?;
     if args.json {
-        print(&serde_json::to_string_pretty(&info).expect("facts are plain data"));
+        print(&serde_json::to_string_pretty(&info).expect("facts are plain data"))?;
     } else {
-        describe(&info, whole);
+        print(&describe(&info, whole))?;
     }
     let failed: Vec<FailedFrame> = info
         .frames
@@ -25,38 +25,61 @@ pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
     }
 }
 
-fn describe(info: &Info, whole: bool) {
+/// What people read.
+fn describe(info: &Info, whole: bool) -> String {
     let sound: Vec<&FrameState> = info.frames.iter().filter(|frame| frame.fault.is_none()).collect();
     let bytes: u64 = sound.iter().map(|frame| frame.bytes).sum();
-    print(&info.title);
-    print(&format!(
-        "frames     {} {}, {} missing{}",
+    let mut lines = vec![info.title.clone()];
+    lines.push(format!(
+        "frames     {} {}, {} missing{}{}",
         sound.len(),
         if whole { "verified" } else { "present" },
         info.missing.len(),
+        if info.missing.is_empty() { String::new() } else { format!(" ({})", ranges(&info.missing)) },
         info.span.map_or_else(String::new, |span| format!(
             ", of {}-{} at {} fps",
             span.first, span.last, info.fps
         ))
     ));
     if let Some(last) = sound.last() {
-        print(&format!("particles  {} in frame {}", last.particles, last.frame));
+        lines.push(format!("particles  {} in frame {}", last.particles, last.frame));
     }
-    print(&format!("cache      {:.1} MiB", bytes as f64 / f64::from(1 << 20)));
+    lines.push(format!("cache      {:.1} MiB", bytes as f64 / f64::from(1 << 20)));
     let deviations = || sound.iter().filter_map(|frame| frame.density_dev_avg);
     if deviations().next().is_some() {
         let mean = deviations().sum::<f64>() / deviations().count() as f64;
         let most = sound.iter().filter_map(|frame| frame.density_dev_max).fold(0.0, f64::max);
-        print(&format!(
+        lines.push(format!(
             "density    deviates by {:.3}% on average, {:.2}% at most",
             100.0 * mean,
             100.0 * most
         ));
     }
     for output in &info.outputs {
-        print(&format!(
+        lines.push(format!(
             "{:<10} {} {} files, {} missing: {}",
             output.kind, output.present, output.format, output.missing, output.pattern
         ));
+    }
+    lines.join("\n")
+}
+
+/// Ascending frame numbers as `--frames` takes them: `3,5-9`.
+fn ranges(frames: &[u32]) -> String {
+    let runs = frames.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        _ => run[0].to_string(),
+    });
+    runs.collect::<Vec<_>>().join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn missing_frames_are_told_as_ranges() {
+        assert_eq!(ranges(&[1, 3, 4, 5, 9, 10]), "1,3-5,9-10");
+        assert_eq!(ranges(&[]), "");
     }
 }

@@ -1,6 +1,6 @@
 //! Ctrl-C and the farm's stop signals: the job stops between two steps, finished frames stay.
 
-use super::exit;
+use super::{exit, say};
 use std::{
     sync::atomic::{AtomicBool, Ordering},
     time::Duration,
@@ -19,14 +19,14 @@ pub(super) fn listen() {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(exit::INTERRUPTED.into());
         }
-        eprintln!("\nstopping; finished frames are kept");
+        say("\nstopping; finished frames are kept");
         std::thread::spawn(|| {
             std::thread::sleep(PATIENCE);
             std::process::exit(exit::INTERRUPTED.into());
         });
     };
     if let Err(why) = ctrlc::set_handler(handler) {
-        eprintln!("note: Ctrl-C will stop at once, without waiting for the frame ({why})");
+        say(&format!("note: Ctrl-C will stop at once, without waiting for the frame ({why})"));
     }
 }
 

@@ -12,15 +12,20 @@ use std::path::Path;
 /// Meshes a cache, or particle files of any solver.
 pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
     let surfaced = match &args.inputs[..] {
-        [folder] if Path::new(folder).is_dir() => cache(args, Path::new(folder), control)?,
+        [folder] if is_folder(folder) => cache(args, Path::new(folder), control)?,
         _ => files(args, control)?,
     };
-    summary(&surfaced);
-    Ok(())
+    summary(&surfaced)
+}
+
+/// Whether an input is a folder, or means one that is not there: particle files have an extension.
+fn is_folder(input: &str) -> bool {
+    let path = Path::new(input);
+    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#'])
 }
 
 /// One line about what was written.
-pub(super) fn summary(surfaced: &Surfaced) {
+pub(super) fn summary(surfaced: &Surfaced) -> Result<(), RunError> {
     print(&format!(
         "{}: {} frames meshed ({} triangles, {:.1} MiB), {} were there",
         surfaced.folder.display(),
@@ -28,14 +33,21 @@ pub(super) fn summary(surfaced: &Surfaced) {
         surfaced.triangles,
         surfaced.bytes as f64 / f64::from(1 << 20),
         surfaced.kept
-    ));
+    ))
 }
 
 fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, RunError> {
-    if args.spacing.is_some() {
-        return Err(RunError::Request(
-            "--spacing is for particle files; a cache knows its own. Leave it out".into(),
-        ));
+    let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
+    if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
+        return Err(RunError::Request(format!(
+            "{flag} is for particle files; a cache knows its own. Leave it out"
+        )));
+    }
+    if let Some(argument) = args.set.iter().find(|argument| !argument.trim_start().starts_with("surface")) {
+        return Err(RunError::Request(format!(
+            "--set {argument}: found a key that does not change a mesh, expected surface.…; the frames are \
+             simulated already: `meniscus simulate` changes the other keys"
+        )));
     }
     let source = ShotFolder::around(folder);
     let out = args.output.as_ref().map_or_else(|| source.clone(), ShotFolder::new);
@@ -64,9 +76,21 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    let settings = FileSettings { spacing, params: surface_alone(args)?, fps: args.fps };
+    if args.frames.is_some() {
+        return Err(RunError::Request(
+            "--frames is for caches: of particle files, name those to mesh (`frame_000[1-9].vtk`)".into(),
+        ));
+    }
+    let fps = args.fps.unwrap_or(DEFAULT_FPS);
+    if !(fps.is_finite() && fps > 0.0) {
+        return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
+    }
+    let settings = FileSettings { spacing, params: surface_alone(args)?, fps };
     run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
 }
+
+/// Frames a second of particle files, if nothing is said.
+const DEFAULT_FPS: f64 = 24.0;
 
 /// The settings given on the command line, for a source without a preset.
 fn surface_alone(args: &MeshArgs) -> Result<SurfaceParams, RunError> {

@@ -42,12 +42,18 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Says something on stderr; if nobody reads it any more, the job goes on untold.
+fn say(text: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
 /// Says on stderr why a job stopped; problems of a preset are shown in its text.
 fn tell(why: &RunError) {
     match why {
-        RunError::Scene(scene) => eprintln!("{}", diagnostic(scene)),
-        RunError::Interrupted => eprintln!("{why}"),
-        other => eprintln!("error: {other}"),
+        RunError::Scene(scene) => say(&diagnostic(scene)),
+        RunError::Interrupted => say(&why.to_string()),
+        other => say(&format!("error: {other}")),
     }
 }
 
@@ -73,7 +79,14 @@ fn diagnostic(problem: &dyn miette::Diagnostic) -> String {
 }
 
 /// Prints a result; a reader that went away (`meniscus info … | head`) is no failure.
-fn print(text: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout(), "{}", text.trim_end());
+fn print(text: &str) -> Result<(), RunError> {
+    use std::io::{ErrorKind, Write};
+    match writeln!(std::io::stdout(), "{}", text.trim_end()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(RunError::File {
+            path: "standard output".into(),
+            source,
+            next: "send it to a place that can be written; what the job made is kept",
+        }),
+        _ => Ok(()),
+    }
 }

@@ -15,8 +15,8 @@ pub(super) fn presets(args: &PresetsArgs) -> Result<(), RunError> {
     match &args.verb {
         None | Some(PresetsVerb::List) => list(),
         Some(PresetsVerb::Show { name }) => {
-            print(&builtin(name)?.text);
-            Ok(())
+            let preset = builtin(name)?;
+            print(&preset.text)
         }
         Some(PresetsVerb::Copy { name, file }) => copy(name, file.clone()),
     }
@@ -25,7 +25,7 @@ pub(super) fn presets(args: &PresetsArgs) -> Result<(), RunError> {
 fn list() -> Result<(), RunError> {
     for (name, _) in scene::builtin::all() {
         let scene = Scene::from_preset(&builtin(name)?, &Overrides::default())?;
-        print(&format!("{name:<18} {} ({} frames)", scene.title, scene.frames.count()));
+        print(&format!("{name:<18} {} ({} frames)", scene.title, scene.frames.count()))?;
     }
     Ok(())
 }
@@ -41,12 +41,16 @@ fn builtin(name: &str) -> Result<Preset, RunError> {
 fn copy(name: &str, file: Option<PathBuf>) -> Result<(), RunError> {
     let preset = builtin(name)?;
     let path = file.unwrap_or_else(|| PathBuf::from(format!("{name}.toml")));
-    let written = OpenOptions::new().write(true).create_new(true).open(&path);
-    written.and_then(|mut file| file.write_all(preset.text.as_bytes())).map_err(|source| RunError::File {
+    let fail = |source| RunError::File {
         path: path.clone(),
         source,
         next: "name a file that does not exist yet, in a folder that can be written",
+    };
+    let mut file = OpenOptions::new().write(true).create_new(true).open(&path).map_err(fail)?;
+    file.write_all(preset.text.as_bytes()).map_err(|source| {
+        // Half a preset would be refused as an existing file the next time; why it is half is told.
+        let _ = std::fs::remove_file(&path);
+        fail(source)
     })?;
-    print(&format!("{}", path.display()));
-    Ok(())
+    print(&path.display().to_string())
 }

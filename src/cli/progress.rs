@@ -1,6 +1,6 @@
 //! How a job's progress is shown.
 
-use super::args::ProgressStyle;
+use super::{args::ProgressStyle, say};
 use crate::run::Reporter;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::{
@@ -62,9 +62,9 @@ impl Reporter for Bar {
     }
 
     fn note(&self, text: &str) {
-        let drawn = lock(&self.bar).as_ref().map(|bar| bar.suspend(|| eprintln!("note: {text}")));
+        let drawn = lock(&self.bar).as_ref().map(|bar| bar.suspend(|| say(&format!("note: {text}"))));
         if drawn.is_none() {
-            eprintln!("note: {text}");
+            say(&format!("note: {text}"));
         }
     }
 
@@ -139,20 +139,20 @@ impl Talk {
         job.said = Instant::now();
         let percent = job.percent;
         match self.form {
-            Form::Plain => eprintln!("Progress: {percent:.0}%"),
+            Form::Plain => say(&format!("Progress: {percent:.0}%")),
             Form::Json => self.json("progress", &serde_json::json!({ "job": job.name, "percent": percent })),
             Form::OpenJd => open_jd(&format!("openjd_progress: {percent:.1}")),
         }
     }
 
     fn json(&self, event: &str, body: &serde_json::Value) {
-        eprintln!("{}", serde_json::json!({ "event": event, "data": body }));
+        say(&serde_json::json!({ "event": event, "data": body }).to_string());
     }
 
     fn text(&self, event: &str, text: &str) {
         match self.form {
-            Form::Plain if event == "note" => eprintln!("note: {text}"),
-            Form::Plain => eprintln!("{text}"),
+            Form::Plain if event == "note" => say(&format!("note: {text}")),
+            Form::Plain => say(text),
             Form::Json => self.json(event, &serde_json::json!({ "text": text })),
             Form::OpenJd => open_jd(&format!("openjd_status: {text}")),
         }

@@ -16,7 +16,7 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     if scene.output.mesh.is_empty() {
         print(
             "no output is named: add `mesh = [\"ply\"]` under [output], or run `meniscus mesh` on the folder",
-        );
+        )?;
         return Ok(());
     }
     let surfaced = run::surface_cache(
@@ -28,9 +28,8 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         args.force,
         control,
     )?;
-    super::mesh::summary(&surfaced);
-    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()));
-    Ok(())
+    super::mesh::summary(&surfaced)?;
+    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()))
 }
 
 /// Fills the cache.
@@ -51,7 +50,7 @@ fn simulated(
     if args.dry_run || args.max_memory.is_some() {
         let estimate = run::estimate(&scene, &selection, with_outputs)?;
         if args.dry_run {
-            describe(&scene, &selection, &estimate);
+            describe(&scene, &selection, &estimate)?;
         }
         let needed = estimate.memory;
         if let Some(allowed) = args.max_memory.filter(|&allowed| needed > allowed) {
@@ -69,7 +68,7 @@ fn simulated(
         done.computed,
         done.bytes as f64 / f64::from(1 << 20),
         done.kept
-    ));
+    ))?;
     Ok(Some((scene, folder, selection)))
 }
 
@@ -86,7 +85,7 @@ fn quality(tier: Tier) -> Quality {
     }
 }
 
-fn describe(scene: &Scene, selection: &Frames, estimate: &Estimate) {
+fn describe(scene: &Scene, selection: &Frames, estimate: &Estimate) -> Result<(), RunError> {
     let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
     print(&format!(
         "{}\nframes     {selection} at {} fps\nparticles  {}\npasses     {}\nmemory     about {:.0} MiB\ndisk       about \
@@ -97,8 +96,6 @@ fn describe(scene: &Scene, selection: &Frames, estimate: &Estimate) {
         estimate.passes.join(", "),
         mib(estimate.memory),
         mib(estimate.disk)
-    ));
-    for remark in &estimate.remarks {
-        print(&format!("note       {remark}"));
-    }
+    ))?;
+    estimate.remarks.iter().try_for_each(|remark| print(&format!("note       {remark}")))
 }

@@ -63,13 +63,23 @@ pub enum ImportError {
         /// The value.
         found: String,
     },
-    /// The file is sound but holds no particle. A sequence may treat it as an empty frame.
-    #[error("{path}: found {found}, expected at least one particle; leave the frame out if that is meant", path = path.display())]
-    EmptyParticles {
+    /// The file has no bytes: whoever wrote it was stopped, or had no room.
+    #[error(
+        "{path}: found an empty file, expected particles or at least a header; write the file again, or leave it out",
+        path = path.display()
+    )]
+    EmptyFile {
         /// The file.
         path: PathBuf,
-        /// An empty file, or no particles.
-        found: &'static str,
+    },
+    /// The only file is sound but holds no particle. In a sequence that is an empty frame.
+    #[error(
+        "{path}: found no particles, expected at least one; name the file that has them, or the whole sequence",
+        path = path.display()
+    )]
+    NoParticles {
+        /// The file.
+        path: PathBuf,
     },
     /// The system refused an operation.
     #[error(

@@ -25,9 +25,6 @@ impl<'a> Gather<'a> {
     /// Starts with the positions, x y z of each particle in turn.
     pub(super) fn new(path: &'a Path, positions: &[f32]) -> Result<Self, ImportError> {
         let positions = vectors(positions);
-        if positions.is_empty() {
-            return Err(ImportError::EmptyParticles { path: path.to_path_buf(), found: "no particles" });
-        }
         let mut gather =
             Self { path, stream: Stream::new("particles", positions.len()), ignored: Vec::new() };
         gather.require_finite("position", &positions)?;

@@ -80,7 +80,8 @@ impl Format {
 /// Reads the particles of one file.
 ///
 /// # Errors
-/// [`ImportError`], naming the file and the place in it. Zero particles are [`ImportError::EmptyParticles`].
+/// [`ImportError`], naming the file and the place in it. A file without a byte is
+/// [`ImportError::EmptyFile`]; a sound one without particles is an empty stream.
 pub fn read_particles(path: &Path) -> Result<Imported, ImportError> {
     let Some(format) = Format::of(path) else {
         let expected = "a name that ends in .ply, .xyz, .vtk or .bgeo";
@@ -93,7 +94,7 @@ pub fn read_particles(path: &Path) -> Result<Imported, ImportError> {
 /// Reads the particles of a file's bytes.
 fn parse(path: &Path, format: Format, bytes: &[u8]) -> Result<Imported, ImportError> {
     if bytes.is_empty() {
-        return Err(ImportError::EmptyParticles { path: path.to_path_buf(), found: "an empty file" });
+        return Err(ImportError::EmptyFile { path: path.to_path_buf() });
     }
     let content = Format::of_content(bytes);
     if content.unwrap_or(Format::Xyz) != format {

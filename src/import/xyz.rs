@@ -43,9 +43,8 @@ fn text(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
         }
     }
     let rows = without_count(path, &mut lines)?;
-    let Some(columns) = rows.first().map(|(_, fields)| fields.len()) else {
-        return Err(ImportError::EmptyParticles { path: path.to_path_buf(), found: "no particles" });
-    };
+    // Without a particle, the line of names alone says which columns there are.
+    let columns = rows.first().map_or(names.len().max(3), |(_, fields)| fields.len());
     let mut values = vec![Vec::with_capacity(rows.len()); columns];
     for (particle, (line, fields)) in rows.iter().enumerate() {
         if fields.len() != columns || columns < 3 {

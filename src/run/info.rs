@@ -110,17 +110,16 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
     let has = |number: u32| frames.iter().any(|frame| frame.frame == number);
     let missing = span
         .filter(|_| !frames.is_empty())
-        .map_or_else(Vec::new, |span| numbers(span).filter(|&number| !has(number)).collect());
+        .map_or_else(Vec::new, |span| span.numbers().filter(|&number| !has(number)).collect());
     let outputs = manifest.iter().flat_map(|manifest| &manifest.outputs).map(|output| {
-        let file = |number: u32| folder.root().join(output.pattern.replace("{:04}", &format!("{number:04}")));
-        let present = numbers(output.frames).filter(|&number| file(number).exists()).count();
+        let present = output.frames.numbers().filter(|&number| output.file(folder, number).exists()).count();
         OutputInfo {
             kind: output.kind.clone(),
             name: output.name.clone(),
             format: output.format.extension().into(),
             pattern: output.pattern.clone(),
             present,
-            missing: numbers(output.frames).count() - present,
+            missing: output.frames.numbers().count() - present,
         }
     });
     Ok(Info {
@@ -133,8 +132,4 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         frames,
         missing,
     })
-}
-
-fn numbers(span: FrameSpan) -> impl Iterator<Item = u32> {
-    (span.first..=span.last).step_by(span.step as usize)
 }

@@ -3,7 +3,7 @@
 use super::{RunError, ShotFolder};
 use crate::{cache::write_atomically, export::MeshFormat};
 use serde::{Deserialize, Serialize};
-use std::io::ErrorKind;
+use std::{io::ErrorKind, path::PathBuf};
 
 /// The manifest of a shot folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,6 +44,20 @@ impl FrameSpan {
         let step = frames.iter().map(|frame| frame - first).fold(0, gcd);
         Some(Self { first, last, step: step.max(1) })
     }
+
+    /// The span that covers the frames of both.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        // A single frame has a step, but no distance that the others would have to keep.
+        let distance = |span: Self| if span.first == span.last { 0 } else { span.step };
+        let step = gcd(gcd(distance(self), distance(other)), self.first.abs_diff(other.first));
+        Self { first: self.first.min(other.first), last: self.last.max(other.last), step: step.max(1) }
+    }
+
+    /// Every frame of the span, in ascending order.
+    pub fn numbers(self) -> impl Iterator<Item = u32> {
+        (self.first..=self.last).step_by(self.step.max(1) as usize)
+    }
 }
 
 fn gcd(a: u32, b: u32) -> u32 {
@@ -65,6 +79,13 @@ pub struct MeshOutput {
     pub frames: FrameSpan,
     /// Which file properties hold which attribute.
     pub attributes: std::collections::BTreeMap<String, Vec<String>>,
+}
+
+impl MeshOutput {
+    /// Where the file of a frame is.
+    pub fn file(&self, folder: &ShotFolder, frame: u32) -> PathBuf {
+        folder.root().join(self.pattern.replace("{:04}", &format!("{frame:04}")))
+    }
 }
 
 impl Manifest {
@@ -125,9 +146,18 @@ impl Manifest {
         Ok(())
     }
 
-    /// Adds an output, in place of an earlier one of the same name and format.
-    pub fn put(&mut self, output: MeshOutput) {
-        self.outputs.retain(|old| old.name != output.name || old.format != output.format);
+    /// Adds an output, in place of an earlier one of the same name and format. What that one named stays named as
+    /// far as its files are in `folder`, so that meshing a few frames again does not hide the others.
+    pub fn put(&mut self, mut output: MeshOutput, folder: &ShotFolder) {
+        let is_same = |old: &MeshOutput| old.name == output.name && old.format == output.format;
+        if let Some(place) = self.outputs.iter().position(is_same) {
+            let old = self.outputs.remove(place);
+            let there: Vec<u32> =
+                old.frames.numbers().filter(|&frame| old.file(folder, frame).exists()).collect();
+            if let Some(there) = FrameSpan::of(&there) {
+                output.frames = output.frames.union(there);
+            }
+        }
         self.outputs.push(output);
     }
 }
@@ -151,6 +181,20 @@ mod tests {
     }
 
     #[test]
+    fn a_union_meets_every_frame_of_both() {
+        let lists: [&[u32]; 6] = [&[1, 2, 3], &[4], &[9], &[1, 3, 5], &[2, 8, 14], &[0, 100]];
+        for a in lists {
+            for b in lists {
+                let mut both = [a, b].concat();
+                both.sort_unstable();
+                both.dedup();
+                let union = FrameSpan::of(a).unwrap().union(FrameSpan::of(b).unwrap());
+                assert_eq!(union, FrameSpan::of(&both).unwrap(), "{a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
     fn a_manifest_survives_writing_and_replaces_outputs_of_the_same_name() {
         let dir = tempfile::tempdir().unwrap();
         let folder = ShotFolder::new(dir.path());
@@ -164,11 +208,18 @@ mod tests {
             frames: FrameSpan { first: 1, last: 5, step: 1 },
             attributes: Default::default(),
         };
-        manifest.put(output.clone());
-        manifest.put(MeshOutput { frames: FrameSpan { first: 1, last: 3, step: 1 }, ..output.clone() });
-        manifest.put(MeshOutput { format: MeshFormat::Obj, ..output });
+        manifest.put(output.clone(), &folder);
+        let few = MeshOutput { frames: FrameSpan { first: 1, last: 3, step: 1 }, ..output.clone() };
+        manifest.put(few.clone(), &folder);
+        manifest.put(MeshOutput { format: MeshFormat::Obj, ..output }, &folder);
         assert_eq!(manifest.outputs.len(), 2);
-        assert_eq!(manifest.outputs[0].frames.last, 3);
+        assert_eq!(manifest.outputs[0].frames.last, 3, "files that are not there are not named");
+        std::fs::create_dir(folder.meshes()).unwrap();
+        for frame in [1, 3] {
+            std::fs::write(few.file(&folder, frame), "").unwrap();
+        }
+        manifest.put(MeshOutput { frames: FrameSpan { first: 5, last: 5, step: 1 }, ..few }, &folder);
+        assert_eq!(manifest.outputs[1].frames, FrameSpan { first: 1, last: 5, step: 2 });
         manifest.write(&folder).unwrap();
         assert_eq!(Manifest::read(&folder).unwrap(), Some(manifest));
         std::fs::write(folder.manifest(), "{\"format\": \"other\"}").unwrap();

@@ -46,16 +46,19 @@ pub fn simulate(
     ShotFolder::create(&folder.cache())?;
     let _lock = Lock::acquire(&folder.cache())?;
     let key = scene.simulation_key();
+    let mut state = None;
     if force {
+        // What is there is given up only when the new simulation is known to start.
+        state = Some(begin(scene, control)?);
         start_over(folder)?;
     }
     cache::remove_temporaries(&folder.cache()).map_err(|source| cannot_clean(folder.cache(), source))?;
-    let valid = survey(folder, key, control)?;
+    let valid = survey(folder, key, selection, control)?;
     write_preset(scene, folder)?;
-    write_manifest(scene, folder, selection)?;
+    write_manifest(scene, folder, selection, &valid)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
 
-    let mut job = Job { scene, folder, key, state: None, done: Simulated::default(), control };
+    let mut job = Job { scene, folder, key, state, done: Simulated::default(), control };
     control.reporter.begin("simulate", selection.count() as usize);
     for (place, target) in selection.iter().enumerate() {
         if valid.contains(&target) {
@@ -70,8 +73,14 @@ pub fn simulate(
     Ok(job.done)
 }
 
-/// The frames in the cache that are valid and of this simulation. Damaged ones are named and computed again.
-fn survey(folder: &ShotFolder, key: u64, control: Control) -> Result<BTreeSet<FrameIndex>, RunError> {
+/// The frames in the cache that are valid and of this simulation. Damaged ones are named, and computed again if
+/// they are in `selection`.
+fn survey(
+    folder: &ShotFolder,
+    key: u64,
+    selection: &Frames,
+    control: Control,
+) -> Result<BTreeSet<FrameIndex>, RunError> {
     let present = match cache::list(&folder.cache()) {
         Err(CacheError::NotFound { .. }) => return Ok(BTreeSet::new()),
         listed => listed?,
@@ -84,7 +93,8 @@ fn survey(folder: &ShotFolder, key: u64, control: Control) -> Result<BTreeSet<Fr
                 valid.insert(index);
             }
             Err(damage @ CacheError::Corrupt { .. }) => {
-                control.reporter.note(&format!("frame {index} is computed again: {damage}"));
+                let fate = if selection.contains(index) { "computed again" } else { "left as it is" };
+                control.reporter.note(&format!("frame {index} is {fate}: {damage}"));
             }
             Err(other) => return Err(other.into()),
         }
@@ -131,7 +141,7 @@ impl Job<'_> {
         let (mut at, mut simulation) = match (self.state.take(), before) {
             (Some(state), before) if before.is_none_or(|cached| cached <= state.0) => state,
             (_, Some(cached)) => (cached, self.restore(cached)?),
-            (_, None) => self.begin()?,
+            (_, None) => begin(self.scene, self.control)?,
         };
         let origin = at;
         if at == target {
@@ -160,14 +170,6 @@ impl Job<'_> {
         Ok(())
     }
 
-    fn begin(&self) -> Result<(FrameIndex, Simulation), RunError> {
-        let simulation = Simulation::new(world(self.scene), self.scene.liquid.clone())?;
-        for line in remarks::of_seeding(&simulation.seeded()) {
-            self.control.reporter.note(&line);
-        }
-        Ok((self.scene.frames.first(), simulation))
-    }
-
     fn restore(&self, index: FrameIndex) -> Result<Simulation, RunError> {
         let (frame, _) = cache::read_frame(&cache::frame_path(&self.folder.cache(), index))?;
         self.control.reporter.note(&format!("continuing after frame {index}"));
@@ -190,6 +192,15 @@ impl Job<'_> {
         self.done.bytes += bytes;
         Ok(())
     }
+}
+
+/// The initial state.
+fn begin(scene: &Scene, control: Control) -> Result<(FrameIndex, Simulation), RunError> {
+    let simulation = Simulation::new(world(scene), scene.liquid.clone())?;
+    for line in remarks::of_seeding(&simulation.seeded()) {
+        control.reporter.note(&line);
+    }
+    Ok((scene.frames.first(), simulation))
 }
 
 /// Passes the simulation's progress on, and the user's wish to stop back.
@@ -239,11 +250,20 @@ fn write_preset(scene: &Scene, folder: &ShotFolder) -> Result<(), RunError> {
     Ok(())
 }
 
-/// Keeps what is known of meshes made earlier; a manifest that cannot be read is replaced.
-fn write_manifest(scene: &Scene, folder: &ShotFolder, selection: &Frames) -> Result<(), RunError> {
-    let numbers: Vec<u32> = selection.iter().map(|frame| frame.0).collect();
-    let Some(span) = FrameSpan::of(&numbers) else { return Ok(()) };
-    let outputs = Manifest::read(folder).ok().flatten().map(|old| old.outputs).unwrap_or_default();
+/// Names the frames asked for and those that are there. Meshes made earlier stay named if frames of this simulation
+/// are there, since otherwise they may show another one; a manifest that cannot be read is replaced.
+fn write_manifest(
+    scene: &Scene,
+    folder: &ShotFolder,
+    selection: &Frames,
+    valid: &BTreeSet<FrameIndex>,
+) -> Result<(), RunError> {
+    // Range by range: a selection may name more frames than memory holds numbers.
+    let asked = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
+    let there = valid.iter().map(|&FrameIndex(frame)| FrameSpan { first: frame, last: frame, step: 1 });
+    let Some(span) = asked.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
+    let old = if valid.is_empty() { None } else { Manifest::read(folder).ok().flatten() };
+    let outputs = old.map(|old| old.outputs).unwrap_or_default();
     let manifest = Manifest { outputs, ..Manifest::new(&scene.title, f64::from(scene.fps), span) };
     manifest.write(folder)
 }

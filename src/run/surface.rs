@@ -2,7 +2,7 @@
 
 use super::{Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, remarks};
 use crate::{
-    cache,
+    cache::{self, Lock},
     export::MeshFormat,
     frame::{FrameIndex, Stream},
     mesh::{self, Surface, SurfaceError, SurfaceParams},
@@ -44,9 +44,27 @@ pub fn surface_cache(
 ) -> Result<Surfaced, RunError> {
     let present = cache::list(&source.cache())?;
     let wanted = choose(&present, selection);
+    let known = match Manifest::read(source)? {
+        Some(known) => Some(known),
+        None => Manifest::read(out)?,
+    };
     let mut writer = Writer::new(out, params, formats, force)?;
+    let outcome = surface_frames(&wanted, &mut writer, control);
+    let all: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
+    let (title, fps) = known.map_or(("Untitled".into(), DEFAULT_FPS), |known| (known.title, known.fps));
+    writer.finish(&title, fps, &all, outcome)
+}
+
+/// Frames a second of a cache that does not say.
+const DEFAULT_FPS: f64 = 24.0;
+
+/// Meshes every stream of the frames.
+fn surface_frames(
+    wanted: &[(FrameIndex, Option<PathBuf>)],
+    writer: &mut Writer,
+    control: Control,
+) -> Result<(), RunError> {
     control.reporter.begin("mesh", wanted.len());
-    let mut streams: BTreeMap<String, Vec<u32>> = BTreeMap::new();
     for (place, (index, path)) in wanted.iter().enumerate() {
         if (control.interrupted)() {
             return Err(RunError::Interrupted);
@@ -71,7 +89,6 @@ pub fn surface_cache(
                     };
                     let state = state_key(info.key, *index, &stream.name);
                     writer.mesh(stream, spacing, *index, state, control)?;
-                    streams.entry(stream.name.clone()).or_default().push(index.0);
                 }
             }
             Err(damage) => {
@@ -81,10 +98,7 @@ pub fn surface_cache(
         control.reporter.progress((place + 1) as f64);
     }
     control.reporter.end();
-    let all: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
-    let known = Manifest::read(source)?;
-    let (title, fps) = known.map_or(("Untitled".into(), 24.0), |known| (known.title, known.fps));
-    writer.finish(&title, fps, &all, streams)
+    Ok(())
 }
 
 /// The asked-for frames and where they are; all that are present if nothing was asked.
@@ -117,7 +131,11 @@ pub(super) struct Writer<'a> {
     force: bool,
     settings: String,
     done: Surfaced,
+    /// Frames whose files are there, by stream.
+    written: BTreeMap<String, Vec<u32>>,
     failed: Vec<FailedFrame>,
+    /// Nobody else may write the meshes, or remove what looks like the temporary of a crashed run.
+    _lock: Lock,
 }
 
 impl<'a> Writer<'a> {
@@ -128,6 +146,7 @@ impl<'a> Writer<'a> {
         force: bool,
     ) -> Result<Self, RunError> {
         ShotFolder::create(&out.meshes())?;
+        let lock = Lock::acquire(&out.meshes())?;
         cache::remove_temporaries(&out.meshes()).map_err(|source| RunError::File {
             path: out.meshes(),
             source,
@@ -135,7 +154,8 @@ impl<'a> Writer<'a> {
         })?;
         let settings = serde_json::to_string(params).expect("settings are plain data");
         let done = Surfaced { folder: out.meshes(), ..Surfaced::default() };
-        Ok(Self { out, params, formats, force, settings, done, failed: Vec::new() })
+        let (written, failed) = (BTreeMap::new(), Vec::new());
+        Ok(Self { out, params, formats, force, settings, done, written, failed, _lock: lock })
     }
 
     /// Remembers a frame that could not be made; the job goes on.
@@ -165,6 +185,7 @@ impl<'a> Writer<'a> {
             .collect();
         if missing.is_empty() {
             self.done.kept += 1;
+            self.remember(stream, index);
             return Ok(());
         }
         let keep_going = || !(control.interrupted)();
@@ -179,6 +200,7 @@ impl<'a> Writer<'a> {
         for (format, path) in missing {
             self.done.bytes += format.write(&surface.mesh, &path, key)?;
         }
+        self.remember(stream, index);
         self.done.meshed += 1;
         self.done.triangles += surface.mesh.triangles.len() as u64;
         control.reporter.frame(&figures(index, &surface));
@@ -193,27 +215,43 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Writes the manifest and says how it went.
+    /// Remembers that the frame has its files.
+    fn remember(&mut self, stream: &Stream, index: FrameIndex) {
+        self.written.entry(stream.name.clone()).or_default().push(index.0);
+    }
+
+    /// Names in the manifest what was written, however the job ended, and says how it went. `frames` ascend.
     pub(super) fn finish(
         self,
         title: &str,
         fps: f64,
         frames: &[u32],
-        streams: BTreeMap<String, Vec<u32>>,
+        outcome: Result<(), RunError>,
     ) -> Result<Surfaced, RunError> {
-        let Some(all) = FrameSpan::of(frames) else { return Ok(self.done) };
-        let mut manifest = Manifest::read(self.out)?.unwrap_or_else(|| Manifest::new(title, fps, all));
-        for (name, numbers) in streams {
-            let Some(span) = FrameSpan::of(&numbers) else { continue };
-            for &format in self.formats {
-                manifest.put(output(&name, format, span));
-            }
-        }
-        manifest.write(self.out)?;
+        let named = self.name_outputs(title, fps, frames);
+        // What ended the job comes before what went wrong because of it.
+        outcome?;
+        named?;
         match self.failed {
             failed if failed.is_empty() => Ok(self.done),
             failed => Err(RunError::SomeFailed { failed, asked: frames.len() }),
         }
+    }
+
+    /// Adds what was written to the folder's manifest.
+    fn name_outputs(&self, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
+        let Some(all) = FrameSpan::of(frames).filter(|_| !self.written.is_empty()) else { return Ok(()) };
+        let mut manifest = match Manifest::read(self.out)? {
+            Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
+            None => Manifest::new(title, fps, all),
+        };
+        for (name, numbers) in &self.written {
+            let Some(span) = FrameSpan::of(numbers) else { continue };
+            for &format in self.formats {
+                manifest.put(output(name, format, span), self.out);
+            }
+        }
+        manifest.write(self.out)
     }
 }
 

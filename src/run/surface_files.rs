@@ -7,10 +7,7 @@ use crate::{
     import::{self, ImportError},
     mesh::SurfaceParams,
 };
-use std::{
-    collections::BTreeMap,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 /// How particle files are meshed.
 #[derive(Clone, Debug)]
@@ -28,6 +25,9 @@ pub struct FileSettings {
 /// Files of a sequence keep their numbers: the one number in their names that differs. Files are always meshed anew.
 ///
 /// # Errors
+/// A file without particles gives an empty mesh: a sequence may start before its liquid does. If it is the only
+/// file, that is [`ImportError::NoParticles`].
+///
 /// A file that cannot be read is left out and named at the end ([`RunError::SomeFailed`]), or is the job's error
 /// if it is the only one; a folder or disk that refuses to be written ends the job at once.
 pub fn surface_files(
@@ -39,31 +39,46 @@ pub fn surface_files(
 ) -> Result<Surfaced, RunError> {
     let numbers = numbers(files);
     let mut writer = Writer::new(out, &settings.params, formats, true)?;
+    let outcome = surface_each(files, &numbers, settings.spacing, &mut writer, control);
+    let title = files.first().map_or_else(String::new, |file| stem(file).to_owned());
+    writer.finish(&title, settings.fps, &numbers, outcome)
+}
+
+/// Meshes one file after the other.
+fn surface_each(
+    files: &[PathBuf],
+    numbers: &[u32],
+    spacing: f32,
+    writer: &mut Writer,
+    control: Control,
+) -> Result<(), RunError> {
     control.reporter.begin("mesh", files.len());
-    let mut streams: BTreeMap<String, Vec<u32>> = BTreeMap::new();
-    for (place, (file, &number)) in files.iter().zip(&numbers).enumerate() {
+    for (place, (file, &number)) in files.iter().zip(numbers).enumerate() {
         if (control.interrupted)() {
             return Err(RunError::Interrupted);
         }
         match import::read_particles(file) {
+            Ok(imported) if imported.stream.is_empty() && files.len() == 1 => {
+                return Err(ImportError::NoParticles { path: file.clone() }.into());
+            }
             Ok(imported) => {
+                if imported.stream.is_empty() {
+                    control.reporter.note(&format!("{}: no particles, so its mesh is empty", file.display()));
+                }
                 for line in &imported.ignored {
                     control.reporter.note(&format!("{}: {line}", file.display()));
                 }
-                writer.mesh(&imported.stream, settings.spacing, FrameIndex(number), 0, control)?;
-                streams.entry(imported.stream.name.clone()).or_default().push(number);
+                writer.mesh(&imported.stream, spacing, FrameIndex(number), 0, control)?;
             }
             Err(why) if files.len() == 1 => return Err(why.into()),
             Err(why) => {
-                let why: ImportError = why;
                 writer.fail(file.display().to_string(), why.to_string(), Failure::Other);
             }
         }
         control.reporter.progress((place + 1) as f64);
     }
     control.reporter.end();
-    let title = files.first().map_or_else(String::new, |file| stem(file).to_owned());
-    writer.finish(&title, settings.fps, &numbers, streams)
+    Ok(())
 }
 
 /// The frame number of every file: the one number in the names that differs from file to file, if there is one

@@ -86,6 +86,11 @@ impl Frames {
         self.ranges.iter().map(|range| u64::from((range.last - range.first) / range.step) + 1).sum()
     }
 
+    /// First frame, last frame and step of each range, in ascending order.
+    pub fn ranges(&self) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
+        self.ranges.iter().map(|&Range { first, last, step }| (first, last, step))
+    }
+
     /// Whether `frame` is one of them.
     pub fn contains(&self, frame: FrameIndex) -> bool {
         self.ranges.iter().any(|range| {
@@ -223,6 +228,7 @@ mod tests {
         let frames: Frames = "1,5,9-12x2".parse().unwrap();
         assert_eq!((frames.first(), frames.last(), frames.count()), (FrameIndex(1), FrameIndex(11), 4));
         assert!(frames.contains(FrameIndex(11)) && !frames.contains(FrameIndex(12)));
+        assert_eq!(frames.ranges().collect::<Vec<_>>(), [(1, 1, 1), (5, 5, 1), (9, 11, 2)]);
     }
 
     #[test]

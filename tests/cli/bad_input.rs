@@ -57,7 +57,7 @@ fn a_damaged_frame_is_named_and_refused() {
 #[test]
 fn no_cache_a_locked_one_and_one_of_another_version() {
     let desk = Desk::new();
-    expect(&desk, "mesh nowhere.dir/cache -o out", 1, &["nowhere.dir/cache"]);
+    expect(&desk, "mesh nowhere.dir/cache -o out", 10, &["nowhere.dir/cache"]);
     fs::create_dir(desk.path("hollow")).unwrap();
     expect(&desk, "mesh hollow", 10, &["hollow"]);
     expect(&desk, "info hollow", 10, &["hollow"]);
@@ -103,6 +103,10 @@ fn particle_files_that_are_not_right() {
     let line = |file: &str| format!("mesh {file} --spacing 0.1 -o out");
     expect(&desk, &line("nan_2.xyz"), 1, &["nan_2.xyz", "particle 1"]);
     expect(&desk, &line("empty_3.xyz"), 1, &["empty_3.xyz"]);
+    expect(&desk, &format!("{} --fps 0", line("good_1.xyz")), 2, &["--fps"]);
+    expect(&desk, &format!("{} --frames 1", line("good_1.xyz")), 2, &["--frames"]);
+    desk.write("none_4.xyz", "0\n");
+    expect(&desk, &line("none_4.xyz"), 1, &["none_4.xyz", "no particles"]);
     expect(&desk, &line("absent.xyz"), 1, &["absent.xyz"]);
     expect(&desk, &line("good_1.xyz nan_2.xyz"), 3, &["nan_2.xyz", "particle 1"]);
     assert_eq!(desk.names("out/mesh").len(), 1, "the good file is meshed");
@@ -111,4 +115,22 @@ fn particle_files_that_are_not_right() {
     expect(&desk, "mesh good_1.xyz --spacing nan -o out", 2, &["--spacing"]);
     expect(&desk, "mesh good_1.xyz --spacing 0.1 --voxel -2 -o out", 2, &["voxel"]);
     expect(&desk, "mesh good_1.xyz --spacing 0.1 --voxel 0.001 -o out", 2, &["voxel", "0.05"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn results_that_nobody_can_write_down_are_not_passed_over() {
+    let desk = Desk::new();
+    for line in ["shot small.toml --frames 1-2", "info small --json", "verify small", "presets"] {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let child = std::process::Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
+            .args(line.split(' '))
+            .current_dir(desk.path("."))
+            .stdout(full)
+            .output()
+            .unwrap();
+        assert_eq!(child.status.code(), Some(28), "{line}");
+        assert!(String::from_utf8_lossy(&child.stderr).contains("standard output"), "{line}");
+    }
+    desk.run("verify small", 0);
 }

@@ -105,3 +105,95 @@ fn a_cache_is_meshed_again_only_where_asked() {
     assert!(talk.contains("frame 0006") && talk.contains("frame 0007"), "{talk}");
     desk.run("mesh small --spacing 0.1", 2);
 }
+
+/// What the manifest in `folder` says of its first output's frames: first, last, step.
+fn named(desk: &Desk, folder: &str) -> [u64; 3] {
+    let text = fs::read(desk.path(&format!("{folder}/shot.json"))).unwrap();
+    let manifest: serde_json::Value = serde_json::from_slice(&text).unwrap();
+    ["first", "last", "step"].map(|key| manifest["outputs"][0]["frames"][key].as_u64().unwrap_or_default())
+}
+
+#[test]
+fn the_manifest_names_every_mesh_that_is_there_and_no_other() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    desk.run("mesh small --frames 1-5x2", 0);
+    assert_eq!(named(&desk, "small"), [1, 5, 2]);
+    desk.run("mesh small --frames 3", 0);
+    assert_eq!(named(&desk, "small"), [1, 5, 2], "meshing one frame again does not hide the others");
+    desk.run("mesh small --frames 4-9", 3);
+    assert_eq!(named(&desk, "small"), [1, 5, 1], "frames that failed are not named");
+    desk.run("simulate small.toml --frames 2", 0);
+    assert_eq!(named(&desk, "small"), [1, 5, 1]);
+    let manifest = fs::read_to_string(desk.path("small/shot.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    assert_eq!(manifest["frames"]["last"], 5, "frames that are there stay in the range");
+
+    // Meshes of another simulation are not those of this one.
+    desk.run("simulate small.toml --set liquid.iterations=7 --force --frames 1-2", 0);
+    assert_eq!(named(&desk, "small"), [0, 0, 0]);
+    desk.run("mesh small", 0);
+    assert_eq!(named(&desk, "small"), [1, 2, 1]);
+}
+
+#[test]
+fn what_was_meshed_before_the_job_ended_early_is_named() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    // A folder in the place of the fourth file ends the job.
+    fs::create_dir_all(desk.path("small/mesh/liquid_0004.ply")).unwrap();
+    let (_, talk) = desk.run("mesh small", 1);
+    assert!(talk.contains("liquid_0004.ply"), "{talk}");
+    assert_eq!(named(&desk, "small"), [1, 3, 1]);
+}
+
+#[test]
+fn a_sequence_may_start_before_its_liquid() {
+    let desk = Desk::new();
+    desk.write("splash_1.vtk", vtk(&[]));
+    desk.write("splash_2.vtk", vtk(&ball(0.1, 0.3, [0.0; 3])));
+    let (_, talk) = desk.run("mesh splash_*.vtk --spacing 0.1 -o out", 0);
+    assert!(talk.contains("splash_1.vtk: no particles"), "{talk}");
+    assert_eq!(desk.names("out/mesh"), ["particles_0001.ply", "particles_0002.ply"]);
+    assert!(read_ply(&desk.path("out/mesh/particles_0001.ply")).triangles.is_empty());
+    assert_eq!(named(&desk, "out"), [1, 2, 1]);
+
+    // A file that was cut off, or not written at all, is no empty frame.
+    desk.write("splash_1.vtk", "");
+    let (_, talk) = desk.run("mesh splash_*.vtk --spacing 0.1 -o other", 3);
+    assert!(talk.contains("splash_1.vtk: found an empty file"), "{talk}");
+    assert_eq!(named(&desk, "other"), [2, 2, 1]);
+
+    // More of the sequence, later: the range grows.
+    desk.write("splash_7.vtk", vtk(&ball(0.1, 0.3, [0.0; 3])));
+    desk.run("mesh splash_2.vtk splash_7.vtk --spacing 0.1 -o other --fps 30", 0);
+    let manifest = fs::read_to_string(desk.path("other/shot.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&manifest).unwrap();
+    assert_eq!((&manifest["frames"]["last"], &manifest["fps"]), (&7.into(), &30.0.into()));
+}
+
+#[test]
+fn two_processes_do_not_write_the_same_meshes() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2", 0);
+    let lock = meniscus::cache::Lock::acquire(&desk.path("small/mesh")).unwrap();
+    let under_way = desk.path("small/mesh/.liquid_0001.ply.1-0.meniscus-tmp");
+    fs::write(&under_way, "").unwrap();
+    let (_, talk) = desk.run("mesh small", 11);
+    assert!(talk.contains("small/mesh"), "{talk}");
+    assert!(under_way.exists(), "the other process is still writing it");
+    drop(lock);
+    desk.run("mesh small", 0);
+    assert!(!under_way.exists());
+}
+
+#[test]
+fn settings_that_change_no_mesh_are_refused() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2", 0);
+    for line in ["--set liquid.spacing=0.2", "--fps 30"] {
+        let (_, talk) = desk.run(&format!("mesh small {line}"), 2);
+        assert!(talk.contains(line.split(['=', ' ']).next().unwrap()), "{talk}");
+    }
+    desk.run("mesh small --set surface.voxel=0.8", 0);
+}

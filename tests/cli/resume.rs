@@ -27,6 +27,8 @@ fn lost_and_damaged_frames_are_made_again_with_the_same_bytes() {
     let middle = damaged.len() / 2;
     damaged[middle] ^= 16;
     fs::write(&path, damaged).unwrap();
+    let (_, talk) = desk.run("simulate small.toml -o shot --frames 1", 0);
+    assert!(talk.contains("frame 0004 is left as it is"), "{talk}");
     let (out, talk) = desk.run("simulate small.toml -o shot", 0);
     assert!(out.contains("2 frames simulated, ") || out.contains("2 frames simulated ("), "{out}");
     assert!(talk.contains("frame 0004 is computed again"), "{talk}");

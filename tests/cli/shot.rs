@@ -126,6 +126,25 @@ fn info_tells_what_is_there() {
     assert_eq!(info["missing"], serde_json::json!([3]));
     assert_eq!(info["outputs"][0]["missing"], 1);
     let (out, _) = desk.run("info small/cache", 0);
-    assert!(out.contains("1 missing"), "{out}");
+    assert!(out.contains("1 missing (3)"), "{out}");
     desk.run("verify small", 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_reader_of_the_log_that_goes_away_does_not_stop_the_job() {
+    let desk = Desk::new();
+    for style in ["plain", "json", "bar"] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let line = ["simulate", "small.toml", "-o", style, "--progress", style];
+        let status = std::process::Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
+            .args(line)
+            .current_dir(desk.path("."))
+            .stdout(std::process::Stdio::null())
+            .stderr(writer)
+            .status();
+        assert_eq!(status.unwrap().code(), Some(0), "{style}");
+        assert_eq!(desk.names(&format!("{style}/cache")).len(), 5);
+    }
 }

@@ -1,13 +1,15 @@
-"""Tests the reader on a frame that the tool wrote.
+"""Tests the reader on frames that the tool wrote, and against what the tool says of them.
 
-    MENISCUS_CACHE=cache/frame_0001.mcf python -m unittest discover tools/python
+    MENISCUS=target/release/meniscus MENISCUS_SHOT=dam-break python -m unittest discover tools/python
 
-With MENISCUS_INFO set to a file that holds `meniscus info --json` of that frame, its header is compared too.
+MENISCUS is the path of the binary, MENISCUS_SHOT a shot folder with cached frames. MENISCUS_CACHE=frame_0001.mcf
+alone reads one frame and leaves the comparison with the binary out. With none of them every test is skipped.
 """
 
 import json
 import os
 import pathlib
+import subprocess
 import tempfile
 import unittest
 
@@ -15,13 +17,33 @@ import numpy
 
 import meniscus_cache
 
-PATH = os.environ.get("MENISCUS_CACHE")
+MENISCUS = os.environ.get("MENISCUS")
+SHOT = os.environ.get("MENISCUS_SHOT")
 
 
-@unittest.skipUnless(PATH, "MENISCUS_CACHE names no frame")
+def frames():
+    """The frames to read."""
+    if SHOT:
+        return sorted((pathlib.Path(SHOT) / "cache").glob("frame_*.mcf"))
+    path = os.environ.get("MENISCUS_CACHE")
+    return [pathlib.Path(path)] if path else []
+
+
+FRAMES = frames()
+
+
+class Given(unittest.TestCase):
+    @unittest.skipUnless(SHOT, "MENISCUS_SHOT names no shot folder")
+    def test_the_shot_has_frames(self):
+        self.assertTrue(FRAMES, f"no frame in {SHOT}/cache")
+
+
+@unittest.skipUnless(FRAMES, "neither MENISCUS_SHOT nor MENISCUS_CACHE names a frame")
 class Reader(unittest.TestCase):
     def setUp(self):
-        self.data = pathlib.Path(PATH).read_bytes()
+        # The last frame: its chunks are the least regular.
+        self.path = FRAMES[-1]
+        self.data = self.path.read_bytes()
         self.folder = tempfile.TemporaryDirectory()
         self.addCleanup(self.folder.cleanup)
 
@@ -31,27 +53,29 @@ class Reader(unittest.TestCase):
         return meniscus_cache.read(path)
 
     def test_columns_have_the_length_of_their_stream(self):
-        frame = meniscus_cache.read(PATH)
-        self.assertTrue(frame["streams"])
-        for stream in frame["streams"].values():
-            for values in stream["channels"].values():
-                self.assertEqual(len(values), stream["len"])
-            position = stream["channels"].get("position")
-            if position is not None:
-                self.assertEqual((position.dtype, position.shape[1:]), (numpy.float32, (3,)))
-                self.assertTrue(numpy.isfinite(position).all())
-            ids = stream["channels"].get("id")
-            if ids is not None:
-                self.assertEqual(len(numpy.unique(ids)), len(ids))
+        for path in FRAMES:
+            frame = meniscus_cache.read(path)
+            self.assertTrue(frame["streams"])
+            for stream in frame["streams"].values():
+                for values in stream["channels"].values():
+                    self.assertEqual(len(values), stream["len"])
+                position = stream["channels"].get("position")
+                if position is not None:
+                    self.assertEqual((position.dtype, position.shape[1:]), (numpy.float32, (3,)))
+                    self.assertTrue(numpy.isfinite(position).all())
+                ids = stream["channels"].get("id")
+                if ids is not None:
+                    self.assertEqual(len(numpy.unique(ids)), len(ids))
 
     def test_the_header_alone_says_the_same(self):
-        frame, header = meniscus_cache.read(PATH), meniscus_cache.read_header(PATH)
-        for field in ["key", "frame", "time", "tool"]:
-            self.assertEqual(frame[field], header[field])
-        self.assertEqual(
-            {name: stream["len"] for name, stream in frame["streams"].items()},
-            {name: stream["len"] for name, stream in header["streams"].items()},
-        )
+        for path in FRAMES:
+            frame, header = meniscus_cache.read(path), meniscus_cache.read_header(path)
+            for field in ["key", "frame", "time", "tool"]:
+                self.assertEqual(frame[field], header[field])
+            self.assertEqual(
+                {name: stream["len"] for name, stream in frame["streams"].items()},
+                {name: stream["len"] for name, stream in header["streams"].items()},
+            )
 
     def test_a_cut_or_lengthened_file_is_refused(self):
         for data in [b"", self.data[:7], self.data[:40], self.data[:-1], self.data + b"\0", self.data[:-24]]:
@@ -72,17 +96,23 @@ class Reader(unittest.TestCase):
             with self.assertRaises(meniscus_cache.CacheError, msg=f"byte {at}"):
                 self.read_bytes(bytes(bad))
 
-    @unittest.skipUnless("MENISCUS_INFO" in os.environ, "MENISCUS_INFO names no file")
-    def test_the_header_is_what_info_says(self):
-        info = json.loads(pathlib.Path(os.environ["MENISCUS_INFO"]).read_text())
-        frame = meniscus_cache.read_header(PATH)
-        self.assertEqual(info["key"], f"{frame['key']:016x}")
-        self.assertEqual((info["index"], info["time"], info["tool"]), (frame["frame"], frame["time"], frame["tool"]))
-        self.assertEqual(info["bytes"], len(self.data))
-        self.assertEqual(
-            [(stream["name"], stream["len"]) for stream in info["streams"]],
-            [(name, stream["len"]) for name, stream in frame["streams"].items()],
-        )
+
+@unittest.skipUnless(MENISCUS and SHOT, "MENISCUS and MENISCUS_SHOT do not name a binary and a shot folder")
+class Binary(unittest.TestCase):
+    def test_frames_are_what_info_says(self):
+        told = subprocess.run([MENISCUS, "info", SHOT, "--json"], check=True, capture_output=True, text=True)
+        info = json.loads(told.stdout)
+        self.assertEqual(len(info["frames"]), len(FRAMES))
+        for said, path in zip(info["frames"], FRAMES):
+            frame = meniscus_cache.read(path)
+            streams = frame["streams"].values()
+            self.assertEqual((said["frame"], said["time"]), (frame["frame"], frame["time"]))
+            self.assertEqual(said["bytes"], path.stat().st_size)
+            for channel in ["position", "velocity"]:
+                self.assertEqual(said["particles"], sum(len(stream["channels"][channel]) for stream in streams))
+            scalars = {name: value for stream in streams for name, value in stream["scalars"].items()}
+            for name in ["density_dev_avg", "density_dev_max"]:
+                self.assertEqual(said.get(name), scalars.get(name))
 
 
 if __name__ == "__main__":
