@@ -13,7 +13,7 @@ use crate::{
     par,
     run::{Control, RunError},
 };
-use args::{Cli, Verb};
+use args::{Cli, ProgressStyle, Verb};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -36,7 +36,7 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             reporter.stop();
-            tell(&why);
+            tell(&why, cli.progress);
             exit::code(&why)
         }
     }
@@ -48,13 +48,25 @@ fn say(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Says on stderr why a job stopped; problems of a preset are shown in its text.
-fn tell(why: &RunError) {
+/// Says on stderr why a job stopped, in the form that progress has; problems of a preset are shown in its text.
+fn tell(why: &RunError, style: ProgressStyle) {
+    match style {
+        ProgressStyle::Json => {
+            let data = serde_json::json!({ "text": why.to_string() });
+            return say(&serde_json::json!({ "event": "error", "data": data }).to_string());
+        }
+        ProgressStyle::Openjd => progress::open_jd(&format!("openjd_fail: {}", one_line(&why.to_string()))),
+        _ => {}
+    }
     match why {
         RunError::Scene(scene) => say(&diagnostic(scene)),
         RunError::Interrupted => say(&why.to_string()),
         other => say(&format!("error: {other}")),
     }
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
 /// A preset's problems with the lines they are on, plain where colours or line art are not wanted.

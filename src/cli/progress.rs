@@ -160,7 +160,7 @@ impl Talk {
 }
 
 /// A line for the farm's agent; if nobody reads stdout any more, there is nobody to tell.
-fn open_jd(line: &str) {
+pub(super) fn open_jd(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 

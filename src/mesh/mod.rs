@@ -16,6 +16,9 @@ pub use reconstruct::{Surface, SurfaceError, SurfaceStats, reconstruct};
 
 use crate::{frame::Channel, math::Vec3};
 
+/// Raised whenever a change gives the same particles and settings another mesh, so that old meshes are made again.
+pub const SURFACE_VERSION: u32 = 1;
+
 /// An indexed triangle mesh. Faces wind counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {

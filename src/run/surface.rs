@@ -172,7 +172,7 @@ impl<'a> Writer<'a> {
         state: u64,
         control: Control,
     ) -> Result<(), RunError> {
-        let version = env!("CARGO_PKG_VERSION");
+        let version = mesh::SURFACE_VERSION;
         let key = xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes());
         let target = |format: MeshFormat| {
             self.out.meshes().join(format!("{}_{index}.{}", stream.name, format.extension()))

@@ -22,7 +22,12 @@ pub use file::{Overrides, Preset, load, surface_alone};
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};
 
-use crate::{export::MeshFormat, mesh::SurfaceParams, sim::liquid::LiquidParams, solid::Collider};
+use crate::{
+    export::MeshFormat,
+    mesh::SurfaceParams,
+    sim::{self, liquid::LiquidParams},
+    solid::Collider,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::{fmt, str::FromStr};
@@ -85,9 +90,9 @@ fn default_fps() -> f32 {
 /// How much of the preset's detail to compute: a tier is a `[quality.NAME]` table of the preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
-    /// Minutes: does the shot work at all?
+    /// Seconds: does the shot work at all?
     Draft,
-    /// A coffee: how does it look?
+    /// Minutes: how does it move?
     Preview,
     /// The preset as written, or its `[quality.final]`.
     Final,
@@ -132,7 +137,8 @@ impl Scene {
         toml::to_string(self).expect("a scene has only values that TOML can hold")
     }
 
-    /// A hash of what decides the simulated state: frame rate, first frame, world and systems.
+    /// A hash of what decides the simulated state: frame rate, first frame, world, systems, and the solvers'
+    /// version.
     ///
     /// The title, the frames after the first, the surface and the output do not change it. Caches keep it, so
     /// that frames of another scene are recognised as stale.
@@ -141,11 +147,13 @@ impl Scene {
         struct Decisive<'a> {
             fps: f32,
             first: u32,
+            solvers: u32,
             world: &'a World,
             liquid: &'a Option<LiquidParams>,
         }
         let Self { title: _, frames, fps, world, liquid, surface: _, output: _ } = self;
-        let decisive = Decisive { fps: *fps, first: frames.first().0, world, liquid };
+        let solvers = sim::STATE_VERSION;
+        let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid };
         let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
         xxhash_rust::xxh3::xxh3_64(text.as_bytes())
     }

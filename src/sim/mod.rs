@@ -4,6 +4,9 @@
 //! interrupted and observed through [`Watch`], ends in [`Stop`] where it cannot go on, and tells of every frame
 //! in a [`FrameRecord`].
 
+/// Raised whenever a change gives the same preset other bits, so that a resumed cache never mixes two solvers.
+pub const STATE_VERSION: u32 = 1;
+
 pub mod liquid;
 mod record;
 mod simulation;
