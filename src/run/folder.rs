@@ -1,6 +1,7 @@
 //! Where things are in a shot folder.
 
 use super::RunError;
+use crate::cache::write_atomically;
 use std::path::{Path, PathBuf};
 
 /// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, `mesh/`.
@@ -52,6 +53,20 @@ impl ShotFolder {
     /// One line a simulated frame.
     pub fn log(&self) -> PathBuf {
         self.root.join("log.jsonl")
+    }
+
+    /// Replaces the text file at `path`, whole or not at all.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub fn write(path: PathBuf, text: &str) -> Result<(), RunError> {
+        write_atomically(&path, |out| out.write_all(text.as_bytes())).map(|_| ()).map_err(|source| {
+            RunError::File {
+                path,
+                source,
+                next: "check that the folder can be written and the disk has room",
+            }
+        })
     }
 
     /// Makes sure that the folder `path` exists.

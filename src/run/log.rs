@@ -1,7 +1,7 @@
 //! `log.jsonl`: one line a simulated frame, with what it cost and how far from exact it is.
 
 use super::{RunError, ShotFolder};
-use crate::{cache::write_atomically, frame::FrameIndex, sim::FrameRecord};
+use crate::{frame::FrameIndex, sim::FrameRecord};
 use serde::{Deserialize, Serialize};
 use std::{fs::OpenOptions, io::Write};
 
@@ -45,7 +45,7 @@ pub(super) fn retain(folder: &ShotFolder, keep: impl Fn(FrameIndex) -> bool) -> 
         .map(|line| format!("{line}\n"))
         .collect();
     if kept != text {
-        write_atomically(&folder.log(), |out| out.write_all(kept.as_bytes())).map_err(|e| fail(folder, e))?;
+        ShotFolder::write(folder.log(), &kept)?;
     }
     Ok(())
 }

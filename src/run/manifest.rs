@@ -1,7 +1,7 @@
 //! `shot.json`: what is in a shot folder, for Blender and other tools. Documented in `docs/formats/shot.md`.
 
 use super::{RunError, ShotFolder};
-use crate::{cache::write_atomically, export::MeshFormat};
+use crate::export::MeshFormat;
 use serde::{Deserialize, Serialize};
 use std::{io::ErrorKind, path::PathBuf};
 
@@ -137,13 +137,7 @@ impl Manifest {
     /// If it cannot be written.
     pub fn write(&self, folder: &ShotFolder) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n";
-        let path = folder.manifest();
-        write_atomically(&path, |out| out.write_all(text.as_bytes())).map_err(|source| RunError::File {
-            path,
-            source,
-            next: "check that the folder can be written and the disk has room",
-        })?;
-        Ok(())
+        ShotFolder::write(folder.manifest(), &text)
     }
 
     /// Adds an output, in place of an earlier one of the same name and format. What that one named stays named as

@@ -2,7 +2,7 @@
 
 use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, log, remarks};
 use crate::{
-    cache::{self, CacheError, Lock, write_atomically},
+    cache::{self, CacheError, Lock},
     frame::FrameIndex,
     math::Vec3,
     scene::{Frames, Scene},
@@ -54,7 +54,7 @@ pub fn simulate(
     }
     cache::remove_temporaries(&folder.cache()).map_err(|source| cannot_clean(folder.cache(), source))?;
     let valid = survey(folder, key, selection, control)?;
-    write_preset(scene, folder)?;
+    ShotFolder::write(folder.preset(), &scene.to_toml())?;
     write_manifest(scene, folder, selection, &valid)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
 
@@ -237,17 +237,6 @@ fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {
         line += &format!("  {remark}");
     }
     line
-}
-
-fn write_preset(scene: &Scene, folder: &ShotFolder) -> Result<(), RunError> {
-    let text = scene.to_toml();
-    let path = folder.preset();
-    write_atomically(&path, |out| out.write_all(text.as_bytes())).map_err(|source| RunError::File {
-        path,
-        source,
-        next: "check that the folder can be written and the disk has room",
-    })?;
-    Ok(())
 }
 
 /// Names the frames asked for and those that are there. Meshes made earlier stay named if frames of this simulation

@@ -4,8 +4,8 @@
 //! another; both gather, eight neighbours at a time, so that the loops over lanes vectorise.
 //! *Departs from the paper*: lists reach a skin beyond h and are rebuilt when a particle has moved half of it
 //! (the paper searches once a step); solids add their share of density; a correction is at most half a spacing,
-//! and every one that was shortened is counted; equality constraints are under-relaxed; coincident particles are pushed apart along a direction made
-//! from their places, since no gradient separates them.
+//! and every one that was shortened is counted; equality constraints are under-relaxed; coincident particles are
+//! pushed apart along a direction made from their places, since no gradient separates them.
 //!
 //! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `Node::lambda` [m²]; ε → `softening` [1/m²].
 
