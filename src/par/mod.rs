@@ -4,8 +4,10 @@
 //! length, every output slot is written by exactly one chunk, and sums fold the chunks' partial results in
 //! chunk order.
 
+mod radix;
 mod wavefront;
 
+pub use radix::{Inverse, Radix};
 pub use wavefront::wavefront;
 
 use rayon::prelude::*;
@@ -55,6 +57,19 @@ pub fn update<T: Send>(out: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
 /// Cuts `out` into chunks of `len` elements and calls `f(index of the chunk's first element, chunk)`.
 pub fn for_chunks<T: Send>(out: &mut [T], len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
     out.par_chunks_mut(len).enumerate().for_each(|(index, chunk)| f(index * len, chunk));
+}
+
+/// Does what [`for_chunks`] does with a scratch space at hand: `f(scratch, first index, chunk)`. A chunk may find
+/// there what others left, so `f` must not depend on its content.
+pub fn for_chunks_with<T: Send, S: Send>(
+    out: &mut [T],
+    len: usize,
+    scratch: impl Fn() -> S + Send + Sync,
+    f: impl Fn(&mut S, usize, &mut [T]) + Sync,
+) {
+    out.par_chunks_mut(len)
+        .enumerate()
+        .for_each_init(scratch, |scratch, (index, chunk)| f(scratch, index * len, chunk));
 }
 
 /// Calls `f` on every range of `len` indices of `0..count` and returns the results in order of the ranges.

@@ -1,30 +1,50 @@
 //! Particles ordered by the cell they lie in.
 
-use crate::{math::Vec3, par};
+use crate::{
+    math::Vec3,
+    par::{self, Radix},
+};
+use std::ops::Range;
 
 /// Particles sorted into cells; only occupied cells are stored.
 ///
 /// Cells are as long as asked for along y and z, and a quarter of it along x: a query then reads nine stretches
-/// of 2¼ edges instead of 3, and a quarter fewer particles.
-#[derive(Debug)]
+/// of 2¼ edges instead of 3, and a quarter fewer particles. Cells that differ only in x form a row, so a query
+/// looks for nine rows and for two cells in each.
+#[derive(Debug, Default)]
 pub struct CellGrid {
     cell: f32,
-    /// Occupied cells, ascending.
-    cells: Vec<CellKey>,
-    /// `order[start[c]..start[c + 1]]` are the particles of cell `c`.
+    /// Occupied rows, ascending.
+    rows: Vec<Row>,
+    /// The x of every occupied cell, row after row, ascending within a row.
+    cells: Vec<i32>,
+    /// `order[start[c]..start[c + 1]]` are the particles of cell `c`; empty until the first build.
     start: Vec<u32>,
     order: Vec<u32>,
+    radix: Radix,
 }
 
-/// A cell's coordinates (z, y, x), 32 bits each, shifted to be positive so that they sort as one number.
-type CellKey = u128;
+/// The occupied cells of one z and one y.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    z: i32,
+    y: i32,
+    /// Its first cell; it ends where the next row begins.
+    first: u32,
+}
+
+/// A cell's (z, y, x).
+type Coordinates = [i32; 3];
 
 /// Cells along x in one edge. At 1 a third more candidates are tested; at 8 the cells themselves cost more than
 /// they save.
-const ALONG_X: i64 = 4;
+pub(super) const ALONG_X: i32 = 4;
 
-/// The cell at the world's origin.
-const ZERO: i64 = 1 << 31;
+/// Positions further out share the outermost cells, which keeps a cell's neighbours in range.
+const OUTERMOST: i32 = i32::MAX - 2 * ALONG_X;
+
+/// Particles a task turns into rows and cells at once.
+const TASK: usize = 1 << 13;
 
 impl CellGrid {
     /// Sorts `positions` (finite, fewer than 2³²) into cells of edge `cell` [m], `cell` > 0.
@@ -32,24 +52,81 @@ impl CellGrid {
     /// # Panics
     /// If there are 2³² positions or more.
     pub fn new(positions: &[Vec3], cell: f32) -> Self {
+        let mut grid = Self::default();
+        grid.rebuild(positions, cell);
+        grid
+    }
+
+    /// Does what [`CellGrid::new`] does, in the memory of the grid before.
+    ///
+    /// # Panics
+    /// If there are 2³² positions or more.
+    pub fn rebuild(&mut self, positions: &[Vec3], cell: f32) {
         let count = u32::try_from(positions.len()).expect("fewer than 2³² particles");
-        let mut keys = vec![0_u128; positions.len()];
-        par::fill(&mut keys, |i| key(coordinates(positions[i], cell)) << 32 | i as u128);
-        // Particles rarely leave their order between two searches, and checking costs a hundredth of sorting.
-        if !keys.is_sorted() {
+        self.cell = cell;
+        self.order.resize(positions.len(), 0);
+        let index_bits = u32::BITS - count.leading_zeros();
+        let frame = Frame::around(positions, cell);
+        if index_bits + frame.bits() <= u64::BITS {
+            // Cell and index fit into one number: the digits of the cell sort it.
+            let mut radix = std::mem::take(&mut self.radix);
+            radix.sort(positions.len(), index_bits, frame.bits(), |i| {
+                frame.key(coordinates(positions[i], cell)) << index_bits | i as u64
+            });
+            let index = (1_u64 << index_bits) - 1;
+            self.lay_out(
+                |place| (radix.get(place) & index) as u32,
+                |place| frame.coordinates(radix.get(place) >> index_bits),
+            );
+            self.radix = radix;
+        } else {
+            // Particles hundreds of kilometres apart: compare whole keys.
+            let mut keys = vec![0_u128; positions.len()];
+            par::fill(&mut keys, |i| wide_key(coordinates(positions[i], cell)) << 32 | i as u128);
             par::sort(&mut keys);
+            self.lay_out(|place| keys[place] as u32, |place| wide_coordinates(keys[place] >> 32));
         }
-        let (mut cells, mut start) = (Vec::new(), Vec::new());
-        for (place, &key) in keys.iter().enumerate() {
-            if cells.last() != Some(&(key >> 32)) {
-                cells.push(key >> 32);
-                start.push(place as u32);
+    }
+
+    /// Fills in order, rows and cells from the index and the cell at every place of the order.
+    fn lay_out(
+        &mut self,
+        index: impl Fn(usize) -> u32 + Sync,
+        coordinates: impl Fn(usize) -> Coordinates + Sync,
+    ) {
+        par::fill(&mut self.order, &index);
+        let count = self.order.len();
+        // A row begins where z or y change, a cell where anything does.
+        let parts = par::map_chunks(count, TASK, |range| {
+            let (mut rows, mut cells, mut start) = (Vec::new(), Vec::new(), Vec::new());
+            let mut last = (range.start > 0).then(|| coordinates(range.start - 1));
+            for place in range {
+                let now = coordinates(place);
+                if last != Some(now) {
+                    let [z, y, x] = now;
+                    if last.is_none_or(|[before_z, before_y, _]| [before_z, before_y] != [z, y]) {
+                        rows.push(Row { z, y, first: cells.len() as u32 });
+                    }
+                    cells.push(x);
+                    start.push(place as u32);
+                    last = Some(now);
+                }
             }
+            (rows, cells, start)
+        });
+        let Self { rows, cells, start, .. } = self;
+        rows.clear();
+        cells.clear();
+        start.clear();
+        cells.reserve_exact(parts.iter().map(|(_, cells, _)| cells.len()).sum());
+        start.reserve_exact(cells.capacity() + 1);
+        for (part_rows, part_cells, part_start) in parts {
+            let before = cells.len() as u32;
+            rows.extend(part_rows.into_iter().map(|row| Row { first: row.first + before, ..row }));
+            cells.extend(part_cells);
+            start.extend(part_start);
         }
-        start.push(count);
-        let mut order = vec![0; keys.len()];
-        par::fill(&mut order, |place| keys[place] as u32);
-        Self { cell, cells, start, order }
+        start.push(count as u32);
     }
 
     /// The particles' indices in cell order: the order that keeps neighbours close in memory.
@@ -66,11 +143,11 @@ impl CellGrid {
     /// in cell order. `positions` are those that were sorted.
     pub fn for_each_within(&self, positions: &[Vec3], x: Vec3, radius: f32, mut f: impl FnMut(usize, f32)) {
         debug_assert!(radius <= self.cell);
-        let mut from = 0;
-        for [first, last] in rows(coordinates(x, self.cell)) {
-            // Rows ascend, so each search starts where the last one ended.
-            from += self.cells[from..].partition_point(|&cell| cell < first);
-            let to = advanced(&self.cells, from, last + 1);
+        let [z, y, x_cell] = coordinates(x, self.cell);
+        for row in self.rows_around(z, y) {
+            let cells = &self.cells[row.clone()];
+            let from = row.start + cells.partition_point(|&cell| cell < x_cell - ALONG_X);
+            let to = advanced(&self.cells[..row.end], from, x_cell + ALONG_X + 1);
             for &j in &self.order[self.start[from] as usize..self.start[to] as usize] {
                 let r2 = (positions[j as usize] - x).norm_squared();
                 if r2 < radius * radius {
@@ -80,65 +157,149 @@ impl CellGrid {
         }
     }
 
+    /// The nine rows around (z, y) as ranges of cells, ascending; empty where there is no row.
+    fn rows_around(&self, z: i32, y: i32) -> [Range<usize>; 9] {
+        let mut found = [const { 0..0 }; 9];
+        for (three, z) in found.chunks_exact_mut(3).zip(z - 1..=z + 1) {
+            let mut at = self.rows.partition_point(|row| (row.z, row.y) < (z, y - 1));
+            for (range, y) in three.iter_mut().zip(y - 1..=y + 1) {
+                if self.rows.get(at).is_some_and(|row| (row.z, row.y) == (z, y)) {
+                    *range = self.rows[at].first as usize..self.row_end(at);
+                    at += 1;
+                }
+            }
+        }
+        found
+    }
+
+    /// Where the cells of row `r` end.
+    fn row_end(&self, r: usize) -> usize {
+        self.rows.get(r + 1).map_or(self.cells.len(), |row| row.first as usize)
+    }
+
     /// How many cells are occupied.
+    #[cfg(test)]
     pub(super) fn len(&self) -> usize {
         self.cells.len()
     }
 
-    /// The places in `order` that the particles of cell `c` take.
-    pub(super) fn places(&self, c: usize) -> std::ops::Range<usize> {
-        self.start[c] as usize..self.start[c + 1] as usize
-    }
-
-    /// For cell `c`, the nine stretches of `order` that hold its own and its neighbours' particles. `ends` keeps
-    /// what the previous, smaller cell found (zeros at first), so that a sweep over cells costs a step a row.
-    pub(super) fn stretches(&self, c: usize, ends: &mut [[usize; 2]; 9]) -> [[u32; 2]; 9] {
-        let rows = rows(split(self.cells[c]));
-        std::array::from_fn(|row| {
-            let [from, to] = &mut ends[row];
-            *from = advanced(&self.cells, *from, rows[row][0]);
-            *to = advanced(&self.cells, *to, rows[row][1] + 1);
-            [self.start[*from], self.start[*to]]
-        })
+    /// Walks over the cells that hold the places `range` of the order, in groups of cells that span at most
+    /// `span` cells of a row. For each it calls `f(the group's places within range, the nine stretches of the
+    /// order that hold its own and its neighbours' particles)`.
+    pub(super) fn for_each_group(
+        &self,
+        range: Range<usize>,
+        span: i32,
+        mut f: impl FnMut(Range<usize>, &[[u32; 2]; 9]),
+    ) {
+        if range.is_empty() {
+            return;
+        }
+        let mut cell = self.start.partition_point(|&start| start as usize <= range.start) - 1;
+        let mut row = self.rows.partition_point(|row| row.first as usize <= cell) - 1;
+        let mut place = range.start;
+        while place < range.end {
+            let row_end = self.row_end(row);
+            // Where the stretches of the group before begin and end: the next ones lie further on.
+            let mut ends = self.rows_around(self.rows[row].z, self.rows[row].y).map(|r| [r.start, r.start, r.end]);
+            while cell < row_end && place < range.end {
+                let first = self.cells[cell];
+                let mut last = first;
+                while cell < row_end && self.cells[cell] - first < span {
+                    last = self.cells[cell];
+                    cell += 1;
+                }
+                let mut stretches = [[0; 2]; 9];
+                for (stretch, [from, to, end]) in stretches.iter_mut().zip(&mut ends) {
+                    *from = advanced(&self.cells[..*end], *from, first - ALONG_X);
+                    *to = advanced(&self.cells[..*end], *to, last + ALONG_X + 1);
+                    *stretch = [self.start[*from], self.start[*to]];
+                }
+                let end = range.end.min(self.start[cell] as usize);
+                f(place..end, &stretches);
+                place = end;
+            }
+            row += 1;
+        }
     }
 }
 
 /// The first place from `at` on whose cell is not below `bound`: by steps that double and a bisection, so that a
 /// near place costs little.
-fn advanced(cells: &[CellKey], mut at: usize, bound: CellKey) -> usize {
+#[inline]
+fn advanced(cells: &[i32], mut at: usize, bound: i32) -> usize {
     let mut step = 1;
     while cells.get(at + step - 1).is_some_and(|&cell| cell < bound) {
         at += step;
         step *= 2;
     }
-    let end = (at + step).min(cells.len());
+    if step == 1 {
+        return at;
+    }
+    let end = (at + step - 1).min(cells.len());
     at + cells[at..end].partition_point(|&cell| cell < bound)
 }
 
-/// The first and the last cell of the nine rows around a cell, ascending.
-fn rows([z, y, x]: [i64; 3]) -> [[CellKey; 2]; 9] {
-    std::array::from_fn(|row| {
-        let (z, y) = (z + row as i64 / 3 - 1, y + row as i64 % 3 - 1);
-        [key([z, y, x - ALONG_X]), key([z, y, x + ALONG_X])]
-    })
+/// The box of cells that holds every particle, and the bits that number its cells.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    lowest: Coordinates,
+    bits: [u32; 3],
 }
 
-/// The cell that holds `x`, as (z, y, x). Positions beyond 2³¹ − 8 cells share the outermost ones, which keeps
-/// a cell's neighbours in range.
-fn coordinates(x: Vec3, cell: f32) -> [i64; 3] {
-    let outermost = ZERO - 2 * ALONG_X;
+impl Frame {
+    fn around(positions: &[Vec3], cell: f32) -> Self {
+        let parts = par::map_chunks(positions.len(), TASK, |range| {
+            let first = positions[range.start];
+            positions[range].iter().fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)))
+        });
+        let Some((low, high)) = parts.into_iter().reduce(|a, b| (a.0.inf(&b.0), a.1.sup(&b.1))) else {
+            return Self { lowest: [0; 3], bits: [0; 3] };
+        };
+        // Cells ascend with positions, so the box of the positions gives that of the cells.
+        let (lowest, highest) = (coordinates(low, cell), coordinates(high, cell));
+        let bits = std::array::from_fn(|axis| u32::BITS - highest[axis].abs_diff(lowest[axis]).leading_zeros());
+        Self { lowest, bits }
+    }
+
+    fn bits(&self) -> u32 {
+        self.bits.iter().sum()
+    }
+
+    /// A cell of the box as one number that sorts as (z, y, x) do.
+    fn key(&self, cell: Coordinates) -> u64 {
+        let [z, y, x] = std::array::from_fn(|axis| u64::from(cell[axis].abs_diff(self.lowest[axis])));
+        let [_, y_bits, x_bits] = self.bits;
+        (z << y_bits | y) << x_bits | x
+    }
+
+    /// The cell behind a key.
+    fn coordinates(&self, key: u64) -> Coordinates {
+        let [_, y_bits, x_bits] = self.bits;
+        let parts = [key >> (y_bits + x_bits), key >> x_bits & ((1 << y_bits) - 1), key & ((1 << x_bits) - 1)];
+        std::array::from_fn(|axis| self.lowest[axis].wrapping_add_unsigned(parts[axis] as u32))
+    }
+}
+
+/// The cell that holds `x`.
+#[inline]
+fn coordinates(x: Vec3, cell: f32) -> Coordinates {
     let edge = f64::from(cell);
-    let index = |v: f32, edge: f64| ((f64::from(v) / edge).floor() as i64).clamp(-outermost, outermost);
-    [index(x.z, edge), index(x.y, edge), index(x.x, edge / ALONG_X as f64)]
+    let index = |v: f32, edge: f64| {
+        let v = (f64::from(v) / edge).clamp(-f64::from(OUTERMOST), f64::from(OUTERMOST));
+        let towards_zero = v as i32;
+        towards_zero - i32::from(f64::from(towards_zero) > v) // ⌊v⌋ in fewer steps than `floor` takes
+    };
+    [index(x.z, edge), index(x.y, edge), index(x.x, edge / f64::from(ALONG_X))]
 }
 
-/// A cell as one number.
-fn key(coordinates: [i64; 3]) -> CellKey {
-    let [z, y, x] = coordinates.map(|v| (v + ZERO) as u128);
+/// Any cell as one number that sorts as (z, y, x) do.
+fn wide_key(cell: Coordinates) -> u128 {
+    let [z, y, x] = cell.map(|v| u128::from(v.abs_diff(i32::MIN)));
     z << 64 | y << 32 | x
 }
 
-/// The coordinates behind a key.
-fn split(key: CellKey) -> [i64; 3] {
-    [64, 32, 0].map(|shift| i64::from((key >> shift) as u32) - ZERO)
+/// The cell behind a wide key.
+fn wide_coordinates(key: u128) -> Coordinates {
+    [64, 32, 0].map(|shift| i32::MIN.wrapping_add_unsigned((key >> shift) as u32))
 }

@@ -4,6 +4,9 @@
 //! so memory follows the particles and a stray one costs one cell. Queries visit the 27 cells around a point.
 
 mod cells;
+mod gather;
+#[cfg(target_arch = "x86_64")]
+mod gather_avx2;
 mod lists;
 
 pub use cells::CellGrid;
