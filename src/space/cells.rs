@@ -201,7 +201,8 @@ impl CellGrid {
         while place < range.end {
             let row_end = self.row_end(row);
             // Where the stretches of the group before begin and end: the next ones lie further on.
-            let mut ends = self.rows_around(self.rows[row].z, self.rows[row].y).map(|r| [r.start, r.start, r.end]);
+            let mut ends =
+                self.rows_around(self.rows[row].z, self.rows[row].y).map(|r| [r.start, r.start, r.end]);
             while cell < row_end && place < range.end {
                 let first = self.cells[cell];
                 let mut last = first;
@@ -258,7 +259,8 @@ impl Frame {
         };
         // Cells ascend with positions, so the box of the positions gives that of the cells.
         let (lowest, highest) = (coordinates(low, cell), coordinates(high, cell));
-        let bits = std::array::from_fn(|axis| u32::BITS - highest[axis].abs_diff(lowest[axis]).leading_zeros());
+        let bits =
+            std::array::from_fn(|axis| u32::BITS - highest[axis].abs_diff(lowest[axis]).leading_zeros());
         Self { lowest, bits }
     }
 
@@ -276,7 +278,8 @@ impl Frame {
     /// The cell behind a key.
     fn coordinates(&self, key: u64) -> Coordinates {
         let [_, y_bits, x_bits] = self.bits;
-        let parts = [key >> (y_bits + x_bits), key >> x_bits & ((1 << y_bits) - 1), key & ((1 << x_bits) - 1)];
+        let parts =
+            [key >> (y_bits + x_bits), key >> x_bits & ((1 << y_bits) - 1), key & ((1 << x_bits) - 1)];
         std::array::from_fn(|axis| self.lowest[axis].wrapping_add_unsigned(parts[axis] as u32))
     }
 }
@@ -302,4 +305,50 @@ fn wide_key(cell: Coordinates) -> u128 {
 /// The cell behind a wide key.
 fn wide_coordinates(key: u128) -> Coordinates {
     [64, 32, 0].map(|shift| i32::MIN.wrapping_add_unsigned((key >> shift) as u32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points without order in a box of `extent` [m].
+    fn cloud(count: usize, extent: Vec3) -> Vec<Vec3> {
+        let at = |i: usize, k: u64| {
+            let bits = (i as u64 * 3 + k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40;
+            bits as f32 / (1 << 24) as f32 - 0.5
+        };
+        (0..count).map(|i| Vec3::new(at(i, 0), at(i, 1), at(i, 2)).component_mul(&extent)).collect()
+    }
+
+    #[test]
+    fn particles_are_in_the_order_of_their_cells_and_then_of_their_indices() {
+        // From one cell, over boxes that fill 64 bits and one more, to positions that share the outermost cells.
+        for extent in (-10..=127).map(|power| 2.0_f32.powi(power)) {
+            for flat in [Vec3::new(1.0, 1.0, 1.0), Vec3::new(1.0, 0.0, 1.0), Vec3::new(0.0, 0.0, 1.0)] {
+                let positions = cloud(3000, flat * extent);
+                let grid = CellGrid::new(&positions, 0.1);
+                let mut expected: Vec<u32> = (0..3000).collect();
+                expected.sort_by_key(|&i| (coordinates(positions[i as usize], 0.1), i));
+                assert_eq!(grid.order(), expected, "{extent} m");
+                assert!(grid.start.is_sorted() && grid.start.len() == grid.cells.len() + 1);
+            }
+        }
+    }
+
+    #[test]
+    fn a_cell_is_the_floor_of_its_position() {
+        for v in [0.0, -0.0, 0.1, -0.1, 0.3, -0.3, 0.249_999_99, -0.25, 1e6, -1e6, 1e8, -1e8] {
+            let [z, y, x] = coordinates(Vec3::new(v, v, v), 0.1);
+            let expected = (f64::from(v) / f64::from(0.1_f32)).floor();
+            assert!(f64::from(z) == expected && y == z, "{v}");
+            assert_eq!(
+                f64::from(x),
+                (f64::from(v) / (f64::from(0.1_f32) / 4.0))
+                    .floor()
+                    .clamp(-OUTERMOST as f64, OUTERMOST as f64),
+                "{v}"
+            );
+        }
+        assert_eq!(coordinates(Vec3::new(3e38, -3e38, 1e30), 0.1), [OUTERMOST, -OUTERMOST, OUTERMOST]);
+    }
 }

@@ -62,7 +62,9 @@ fn gather(
         let (xs, ys) = (candidates.x.as_chunks::<LANES>().0, candidates.y.as_chunks::<LANES>().0);
         let (zs, indices) = (candidates.z.as_chunks::<LANES>().0, candidates.index.as_chunks::<LANES>().0);
         let blocks = count.div_ceil(LANES);
-        for (((px, py), pz), index) in xs[..blocks].iter().zip(&ys[..blocks]).zip(&zs[..blocks]).zip(&indices[..blocks]) {
+        for (((px, py), pz), index) in
+            xs[..blocks].iter().zip(&ys[..blocks]).zip(&zs[..blocks]).zip(&indices[..blocks])
+        {
             // SAFETY: each pointer is that of an array of eight.
             let (px, py, pz, index) = unsafe {
                 (
@@ -78,9 +80,8 @@ fn gather(
             let near = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(r2, radius2));
             let others = _mm256_andnot_si256(_mm256_cmpeq_epi32(index, own), near);
             let pattern = _mm256_movemask_ps(_mm256_castsi256_ps(others)) as usize;
-            // SAFETY: a row of the table holds eight numbers. A block stores at most eight hits, so before block
-            // b, counted from 0, at most 8 b are stored, and `hits` holds 8 (b + 1) numbers or more: it has room
-            // for eight more than all candidates.
+            // SAFETY: a row of the table holds eight numbers. Before block b, counted from 0, at most 8 b hits are
+            // stored, and 8 (b + 1) is less than count + 8, the length of `hits`.
             unsafe {
                 let lanes = _mm256_loadu_si256(PACKED[pattern].as_ptr().cast());
                 let packed = _mm256_permutevar8x32_epi32(index, lanes);
@@ -124,7 +125,7 @@ fn pack(sorted: &Sorted, order: &[u32], stretches: &[[u32; 2]; 9], candidates: &
 /// numbers cost a tenth of a call.
 #[inline]
 #[target_feature(enable = "avx2,popcnt")]
-fn copy<T: Copy>(from: &[T], range: Range<usize>, to: &mut [T]) {
+fn copy<T: bytemuck::Pod>(from: &[T], range: Range<usize>, to: &mut [T]) {
     const { assert!(size_of::<T>() == 4) };
     assert!(range.end <= from.len() && range.len() + LANES <= to.len());
     if range.end + LANES > from.len() {
@@ -132,7 +133,8 @@ fn copy<T: Copy>(from: &[T], range: Range<usize>, to: &mut [T]) {
         return;
     }
     for k in (0..range.len()).step_by(LANES) {
-        // SAFETY: `from` holds eight numbers of four bytes from the range's last on, `to` eight behind its length.
+        // SAFETY: `k` is below the length of the range, so eight numbers from there on reach at most seven beyond
+        // it, where both slices still hold some. A number has four bytes, of any pattern.
         unsafe {
             let eight = _mm256_loadu_si256(from.as_ptr().add(range.start + k).cast());
             _mm256_storeu_si256(to.as_mut_ptr().add(k).cast(), eight);

@@ -24,7 +24,7 @@ pub use params::{
 };
 
 use super::{Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock};
-use crate::{frame::Stream, math::Vec3, par, space::CellGrid};
+use crate::{frame::Stream, math::Vec3, par};
 use energy::energy;
 use repulsion::Repulsion;
 use rest::Rest;
@@ -230,14 +230,15 @@ impl Liquid {
 
     /// Puts particles that are close in space close in memory.
     fn sort(&mut self) {
-        let grid = CellGrid::new(&self.x, self.rest.support);
+        let Solver { grid, p, .. } = &mut self.solver;
+        grid.rebuild(&self.x, self.rest.support);
         let order = grid.order();
         let place = |i: usize| order[i] as usize;
-        self.solver.p.resize(self.x.len(), Vec3::zeros());
-        par::fill(&mut self.solver.p, |i| self.x[place(i)]);
-        std::mem::swap(&mut self.x, &mut self.solver.p);
-        par::fill(&mut self.solver.p, |i| self.v[place(i)]);
-        std::mem::swap(&mut self.v, &mut self.solver.p);
+        p.resize(self.x.len(), Vec3::zeros());
+        par::fill(p, |i| self.x[place(i)]);
+        std::mem::swap(&mut self.x, p);
+        par::fill(p, |i| self.v[place(i)]);
+        std::mem::swap(&mut self.v, p);
         self.id = order.iter().map(|&i| self.id[i as usize]).collect();
     }
 

@@ -51,6 +51,8 @@ pub(super) struct Solver {
     nodes: Vec<Node>,
     /// Positions when the lists were built.
     built_at: Vec<Vec3>,
+    /// Cells of whatever was sorted last; only its memory outlives that.
+    pub(super) grid: CellGrid,
     pub(super) lists: Neighbours,
     stale: bool,
     /// Times the lists were rebuilt within a substep.
@@ -103,8 +105,8 @@ impl Solver {
     /// Lists neighbours of the predicted positions.
     pub(super) fn search(&mut self, rest: &Rest) {
         let reach = rest.support * (1.0 + SKIN);
-        let grid = CellGrid::new(&self.p, reach);
-        self.lists = Neighbours::build(&grid, &self.p, reach);
+        self.grid.rebuild(&self.p, reach);
+        self.lists.rebuild(&self.grid, &self.p, reach);
         self.built_at.clone_from(&self.p);
         self.stale = false;
     }
