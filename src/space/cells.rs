@@ -129,6 +129,11 @@ impl CellGrid {
         start.push(count as u32);
     }
 
+    /// Tells that the particles have been put into the grid's order: from now on it is their own.
+    pub fn settle(&mut self) {
+        par::fill(&mut self.order, |place| place as u32);
+    }
+
     /// The particles' indices in cell order: the order that keeps neighbours close in memory.
     pub fn order(&self) -> &[u32] {
         &self.order

@@ -49,6 +49,12 @@ pub struct LiquidParams {
     #[serde(default = "defaults::max_substeps")]
     #[schemars(range(min = 1, max = 10000))]
     pub max_substeps: u32,
+    /// How the density constraints are solved.
+    #[serde(default)]
+    pub solver: SolverKind,
+    /// Which kernels weigh densities and gradients.
+    #[serde(default)]
+    pub kernel: Kernel,
     /// Which density errors are corrected.
     #[serde(default)]
     pub constraint: Constraint,
@@ -76,6 +82,29 @@ impl LiquidParams {
     ///
     /// At 5 % a metre of water visibly loses height; below 0.1 % the iterations multiply without a visible gain.
     pub const DEFAULT_DENSITY_DEV: f32 = 0.01;
+}
+
+/// How the density constraints are solved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SolverKind {
+    /// Projected, with momentum and a warm start: deep water takes a third of the iterations, or less.
+    #[default]
+    Accelerated,
+    /// The paper's.
+    Jacobi,
+}
+
+/// The kernel pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kernel {
+    /// Wendland's C2 for both: corrections follow the density's own gradient, and water at rest stays at rest.
+    #[default]
+    Wendland,
+    /// Poly6 for densities and Spiky for gradients, as in the paper: disordered water packs a few per cent too
+    /// dense, and jitters.
+    Poly6Spiky,
 }
 
 /// Which density errors the solver corrects.

@@ -8,7 +8,14 @@
 //!
 //! Limits: explicit; a substep moves a particle by at most half a spacing, counted when it would be more.
 
-use super::{ArtificialPressure, rest::Rest, solve::limit};
+use super::{
+    ArtificialPressure, Kernel,
+    lanes::{self, Lanes, Node},
+    pair::{Pair, Poly6Spiky},
+    pass::{self, Pass},
+    rest::Rest,
+    solve::limit,
+};
 use crate::{math::Vec3, par, space::Neighbours};
 
 /// Acceleration that stands for strength 1 [m/s²]. With it, two particles half a spacing apart part with about ten g
@@ -20,38 +27,87 @@ const SCALE: f32 = 981.0;
 #[derive(Debug)]
 pub(super) struct Repulsion {
     params: ArtificialPressure,
+    /// Push per Δt² for s_corr over its strength = 1 and a slope of 1 [m/s²].
+    scale: f32,
     /// Displacements [m].
     push: Vec<Vec3>,
 }
 
 impl Repulsion {
-    pub(super) fn new(params: ArtificialPressure) -> Self {
-        Self { params, push: Vec::new() }
+    /// The term for `rest`, measured with the paper's kernels whatever the solver's are.
+    pub(super) fn new(params: ArtificialPressure, rest: &Rest) -> Self {
+        let paper = Rest::new(Kernel::Poly6Spiky, rest.spacing, rest.support / rest.spacing);
+        let lambda = params.strength * SCALE / paper.spacing / paper.lattice_gradient2;
+        Self { params, scale: lambda * paper.gradient_scale, push: Vec::new() }
     }
 
-    /// Moves the predicted positions `p` apart for a substep of `dt` [s]; returns how many pushes were cut short.
-    pub(super) fn apply(&mut self, rest: &Rest, lists: &Neighbours, p: &mut [Vec3], dt: f32) -> u64 {
+    /// Moves the predicted positions `p`, which `nodes` hold too, apart for a substep of `dt` [s]; returns how many
+    /// pushes were cut short.
+    pub(super) fn apply(
+        &mut self,
+        rest: &Rest,
+        lists: &Neighbours,
+        nodes: &[Node],
+        p: &mut [Vec3],
+        dt: f32,
+    ) -> u64 {
         self.push.resize(p.len(), Vec3::zeros());
-        let lambda = -self.params.strength * SCALE / rest.spacing / rest.lattice_gradient2;
-        let w_reference = 1.0 - self.params.reference.powi(2);
-        let power = 3 * self.params.exponent as i32;
-        let positions = &*p;
-        par::fill(&mut self.push, |i| {
-            let mut sum = Vec3::zeros();
-            for &j in lists.of(i) {
-                let d = (positions[i] - positions[j as usize]) * rest.inv_support;
-                let q2 = d.norm_squared();
-                if q2 < 1.0 && q2 > 0.0 {
-                    let q = q2.sqrt();
-                    let s_corr = lambda * ((1.0 - q2) / w_reference).powi(power); // s_corr, [pbf] Eq. 13
-                    sum -= d * (s_corr * (1.0 - q) * (1.0 - q) / q);
-                }
-            }
-            sum * (rest.gradient_scale * dt * dt) // the last term of [pbf] Eq. 14, times Δt²/τ²
+        let inv_w_reference = 1.0 / (1.0 - self.params.reference.powi(2));
+        let (power, scale) = (3 * self.params.exponent, self.scale * dt * dt);
+        par::for_chunks(&mut self.push, par::CHUNK, |start, push| {
+            pass::run(rest.kernel, Push { lists, nodes, start, inv_w_reference, power, scale, push });
         });
         let push = &self.push;
         let shortened = par::sum(p.len(), |i| f64::from(u8::from(limit(push[i], rest.spacing).1)));
         par::update(p, |i, x| *x += limit(push[i], rest.spacing).0);
         shortened as u64
     }
+}
+
+/// The pushes on a chunk of particles.
+struct Push<'a> {
+    lists: &'a Neighbours,
+    nodes: &'a [Node],
+    start: usize,
+    /// 1/W(|Δq|), before the power.
+    inv_w_reference: f32,
+    /// 3n, since W is a cube.
+    power: u32,
+    scale: f32,
+    push: &'a mut [Vec3],
+}
+
+impl Pass for Push<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<L: Lanes, P: Pair>(self) {
+        let inv_w = L::splat(self.inv_w_reference);
+        for (offset, push) in self.push.iter_mut().enumerate() {
+            let i = self.start + offset;
+            let own = lanes::spread::<L>(self.nodes[i]);
+            let mut sum = [L::splat(0.0); 3];
+            for index in lanes::eights(self.lists.of(i), i) {
+                let (d, q2) = lanes::offset(own, L::gather(self.nodes, &index));
+                let w = (L::splat(1.0) - q2).positive() * inv_w;
+                let s_corr = power(w, self.power); // s_corr over its strength, [pbf] Eq. 13
+                sum = lanes::plus(sum, d, s_corr * Poly6Spiky::slope(q2.sqrt()));
+            }
+            *push = lanes::total(sum) * self.scale; // the last term of [pbf] Eq. 14, times Δt²/τ²
+        }
+    }
+}
+
+/// `base` to the `exponent`, at least 1.
+#[inline(always)]
+fn power<L: Lanes>(base: L, exponent: u32) -> L {
+    let (mut result, mut square, mut left) = (L::splat(1.0), base, exponent);
+    while left > 0 {
+        if left & 1 == 1 {
+            result = result * square;
+        }
+        square = square * square;
+        left >>= 1;
+    }
+    result
 }

@@ -1,15 +1,19 @@
 //! The kernels, scaled so that the seeding lattice is at rest.
 //!
-//! *Method*: density by Poly6, gradients by Spiky, as [pbf] section 3 takes from [mcg03] (Eqs. 20–21).
+//! *Method*: the pairs of `pair.rs`, and their integrals over a half space in closed form.
 //! *Departs from the paper*: the particle mass is calibrated so that C = 0 on the filled cubic lattice, instead
 //! of being dropped; the softening ε is relative to Σ|∇C|² there, so that it keeps its meaning at any spacing.
 //!
 //! Symbols: h → `support` [m]; m W(0, h)/ρ₀ → `density_scale` [1]; m |∇W(0, h)|/ρ₀ → `gradient_scale` [1/m].
 //! Everything is a function of q = r/h, so that no power of h leaves the range of single precision.
 
+use super::Kernel;
+
 /// The calibrated kernels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rest {
+    /// The kernel pair.
+    pub(super) kernel: Kernel,
     /// Distance between particles at rest [m].
     pub(super) spacing: f32,
     /// Kernel support h [m].
@@ -18,7 +22,7 @@ pub(super) struct Rest {
     pub(super) inv_support: f32,
     /// The share of ρ₀ that a particle contributes at its own centre.
     pub(super) density_scale: f32,
-    /// |∇C| per particle at distance zero [1/m].
+    /// What slopes times offsets over h are to be multiplied by to give ∇C [1/m].
     pub(super) gradient_scale: f32,
     /// Σ_k |∇_k C|² on the filled lattice [1/m²].
     pub(super) lattice_gradient2: f32,
@@ -29,67 +33,107 @@ pub(super) struct Rest {
 
 impl Rest {
     /// Calibrates on the cubic lattice of `spacing` [m] with a support of `radius` spacings.
-    pub(super) fn new(spacing: f32, radius: f32) -> Self {
+    pub(super) fn new(kernel: Kernel, spacing: f32, radius: f32) -> Self {
         let (mut full, mut half, mut gradient2) = (0.0, 0.0, 0.0);
         let reach = radius.ceil() as i32;
         for z in -reach..=reach {
             for (y, x) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
                 let q = f64::from(x * x + y * y + z * z).sqrt() / f64::from(radius);
                 if q < 1.0 {
-                    full += poly6(q);
-                    half += if z >= 0 { poly6(q) } else { 0.0 };
-                    gradient2 += if q > 0.0 { (1.0 - q).powi(4) } else { 0.0 };
+                    full += kernel.density(q);
+                    half += if z >= 0 { kernel.density(q) } else { 0.0 };
+                    gradient2 += if q > 0.0 { (kernel.slope(q) * q).powi(2) } else { 0.0 };
                 }
             }
         }
-        // The unnormalised kernels at the centre are 1; Spiky's gradient there is 45·64/315 of Poly6's value over h.
         let h = f64::from(spacing) * f64::from(radius);
         let density_scale = 1.0 / full;
-        let gradient_scale = density_scale * 64.0 / 7.0 / h;
-        Self {
+        let gradient_scale = density_scale * kernel.gradient_per_density() / h;
+        let mut rest = Self {
+            kernel,
             spacing,
             support: h as f32,
             inv_support: (1.0 / h) as f32,
             density_scale: density_scale as f32,
             gradient_scale: gradient_scale as f32,
             lattice_gradient2: (gradient_scale * gradient_scale * gradient2) as f32,
-            wall_shift: (wall_shift(1.0 - half / full, 0.5 / f64::from(radius)) * h) as f32,
+            wall_shift: 0.0,
+        };
+        rest.wall_shift = (rest.shift_for(1.0 - half / full, 0.5 / f64::from(radius)) * h) as f32;
+        rest
+    }
+
+    /// What to add to q so that the planar solid's share there is `deficit`, by bisection.
+    fn shift_for(&self, deficit: f64, q: f64) -> f64 {
+        let (mut low, mut high) = (-1.0, 1.0);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if f64::from(self.solid_share(middle as f32)) > deficit {
+                low = middle;
+            } else {
+                high = middle;
+            }
         }
+        0.5 * (low + high) - q
+    }
+
+    /// The share of ρ₀ that a planar solid contributes at distance q·h: W integrated over the solid.
+    pub(super) fn solid_share(&self, q: f32) -> f32 {
+        let a = q.abs().min(1.0);
+        let a2 = a * a;
+        let odd = match self.kernel {
+            Kernel::Poly6Spiky => {
+                315.0 / 256.0
+                    * a
+                    * (1.0 + a2 * (-4.0 / 3.0 + a2 * (6.0 / 5.0 + a2 * (-4.0 / 7.0 + a2 / 9.0))))
+            }
+            Kernel::Wendland => a * (1.5 + a2 * (-3.5 + a2 * (10.5 + a * (-14.0 + a * (7.5 + a * -1.5))))),
+        };
+        let share = (0.5 - odd).max(0.0);
+        if q < 0.0 { 1.0 - share } else { share }
+    }
+
+    /// h times the slope with which the planar solid's share falls off: the gradient integrated over the solid.
+    pub(super) fn solid_slope(&self, q: f32) -> f32 {
+        let a = q.abs().min(1.0);
+        let a2 = a * a;
+        match self.kernel {
+            Kernel::Poly6Spiky => {
+                45.0 * (1.0 / 30.0 + a2 * (-1.0 / 3.0 + a * (2.0 / 3.0 + a * (-0.5 + a * (2.0 / 15.0)))))
+            }
+            Kernel::Wendland => 1.5 + a2 * (-10.5 + a2 * (52.5 + a * (-84.0 + a * (52.5 + a * -12.0)))),
+        }
+        .max(0.0)
     }
 }
 
-/// Poly6 over its value at the centre.
-fn poly6(q: f64) -> f64 {
-    (1.0 - q * q).max(0.0).powi(3) // [mcg03] Eq. 20
-}
-
-/// What to add to q so that the planar solid's share there is `deficit`, by bisection.
-fn wall_shift(deficit: f64, q: f64) -> f64 {
-    let (mut low, mut high) = (-1.0, 1.0);
-    for _ in 0..60 {
-        let middle = 0.5 * (low + high);
-        if f64::from(solid_share(middle as f32)) > deficit {
-            low = middle;
-        } else {
-            high = middle;
+impl Kernel {
+    /// W over its value at the centre, as [`Pair::density`](super::pair::Pair::density) in double precision.
+    fn density(self, q: f64) -> f64 {
+        match self {
+            Self::Poly6Spiky => (1.0 - q * q).powi(3),
+            Self::Wendland => (1.0 - q).powi(4) * (1.0 + 4.0 * q),
         }
     }
-    0.5 * (low + high) - q
-}
 
-/// The share of ρ₀ that a planar solid contributes at distance q·h: Poly6 integrated over the solid.
-pub(super) fn solid_share(q: f32) -> f32 {
-    let a = q.abs().min(1.0);
-    let a2 = a * a;
-    let odd = a * (1.0 + a2 * (-4.0 / 3.0 + a2 * (6.0 / 5.0 + a2 * (-4.0 / 7.0 + a2 / 9.0))));
-    let share = (315.0 / 256.0 * (128.0 / 315.0 - odd)).max(0.0);
-    if q < 0.0 { 1.0 - share } else { share }
-}
+    /// As [`Pair::slope`](super::pair::Pair::slope).
+    fn slope(self, q: f64) -> f64 {
+        match self {
+            Self::Poly6Spiky => (1.0 - q).powi(2) / q,
+            Self::Wendland => (1.0 - q).powi(3),
+        }
+    }
 
-/// h times the slope with which the planar solid's share falls off: Spiky's gradient integrated over the solid.
-pub(super) fn solid_slope(q: f32) -> f32 {
-    let a = q.abs().min(1.0);
-    45.0 * (1.0 / 30.0 + a * a * (-1.0 / 3.0 + a * (2.0 / 3.0 + a * (-0.5 + a * (2.0 / 15.0))))).max(0.0)
+    /// h times the gradient that belongs to a slope of 1, for a density of 1 at the centre: the ratio of the
+    /// normalised kernels.
+    fn gradient_per_density(self) -> f64 {
+        match self {
+            // Spiky's 45/π over Poly6's 315/64π.
+            Self::Poly6Spiky => 64.0 / 7.0,
+            // d/dq of (1 − q)⁴ (1 + 4q) is −20 q (1 − q)³.
+            Self::Wendland => 20.0,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -100,10 +144,12 @@ mod tests {
         kernel::{Poly6, SpikyGradient},
     };
 
+    const KERNELS: [Kernel; 2] = [Kernel::Poly6Spiky, Kernel::Wendland];
+
     #[test]
     fn scales_agree_with_the_kernels_they_stand_for() {
-        for (spacing, radius) in [(0.02, 2.0), (1.0, 2.6), (1e-3, 1.7)] {
-            let rest = Rest::new(spacing, radius);
+        for (spacing, radius) in [(0.02_f32, 2.0), (1.0, 2.6), (1e-3, 1.7)] {
+            let rest = Rest::new(Kernel::Poly6Spiky, spacing, radius);
             let mass = rest.density_scale / Poly6::new(rest.support).value(0.0);
             let volume = spacing.powi(3);
             assert!((mass / volume - 1.0).abs() < 0.06, "mass {mass} of {volume}");
@@ -114,28 +160,81 @@ mod tests {
     }
 
     #[test]
+    fn wendlands_slope_is_that_of_its_density() {
+        let (density, slope) = (|q| Kernel::Wendland.density(q), |q| Kernel::Wendland.slope(q));
+        for q in [0.05, 0.3, 0.7, 0.95] {
+            let difference = (density(q + 1e-6) - density(q - 1e-6)) / 2e-6;
+            let expected = -Kernel::Wendland.gradient_per_density() * q * slope(q);
+            assert!((difference / expected - 1.0).abs() < 1e-6, "{q}: {difference}, expected {expected}");
+        }
+    }
+
+    #[test]
+    fn half_spaces_are_the_kernels_integrals() {
+        for kernel in KERNELS {
+            let rest = Rest::new(kernel, 1.0, 2.0);
+            // W over the plane at distance z, and over all of space: midpoint sums of 2πr W dr.
+            let steps = 400;
+            let at = |k: i32| (f64::from(k) + 0.5) / f64::from(steps);
+            let plane = |z: f64| -> f64 {
+                (0..steps)
+                    .map(at)
+                    .filter(|r| r * r + z * z < 1.0)
+                    .map(|r| 2.0 * std::f64::consts::PI * r * kernel.density((r * r + z * z).sqrt()))
+                    .sum::<f64>()
+                    / f64::from(steps)
+            };
+            let beyond =
+                |q: f64| (0..steps).map(at).filter(|&z| z > q).map(plane).sum::<f64>() / f64::from(steps);
+            let whole = 2.0 * beyond(0.0);
+            for q in [0.1, 0.25, 0.5, 0.8] {
+                let share = f64::from(rest.solid_share(q as f32));
+                assert!((share - beyond(q) / whole).abs() < 4e-3, "{kernel:?} at {q}: {share}");
+            }
+            // The slope is the gradient kernel's; for Wendland, whose gradient is its own, the share's own slope.
+            if kernel == Kernel::Wendland {
+                let slope = (rest.solid_share(0.401) - rest.solid_share(0.399)) / -0.002;
+                assert!((slope / rest.solid_slope(0.4) - 1.0).abs() < 1e-3, "{slope}");
+            }
+        }
+    }
+
+    #[test]
     fn the_first_layer_at_a_wall_is_at_rest_and_the_others_nearly() {
-        for (radius, bound) in [(1.6_f32, 1e-3), (2.0, 3e-3), (2.5, 0.012), (3.0, 0.01)] {
-            let rest = Rest::new(1.0, radius);
+        for (kernel, radius, bound) in [
+            (Kernel::Poly6Spiky, 1.6_f32, 1e-3),
+            (Kernel::Poly6Spiky, 2.0, 3e-3),
+            (Kernel::Poly6Spiky, 2.5, 0.012),
+            (Kernel::Poly6Spiky, 3.0, 0.01),
+            (Kernel::Wendland, 1.6, 3e-3),
+            (Kernel::Wendland, 2.0, 3e-3),
+            (Kernel::Wendland, 2.5, 0.012),
+            (Kernel::Wendland, 3.0, 0.01),
+        ] {
+            let rest = Rest::new(kernel, 1.0, radius);
             for layer in 0..3_i32 {
                 let mut c = -1.0;
                 for z in -layer..=4 {
                     for (y, x) in (-4..=4).flat_map(|y| (-4..=4).map(move |x| (y, x))) {
                         let q = f64::from(x * x + y * y + z * z).sqrt() / f64::from(radius);
-                        c += rest.density_scale * poly6(q) as f32;
+                        c += rest.density_scale * kernel.density(q.min(1.0)) as f32;
                     }
                 }
-                c += solid_share((layer as f32 + 0.5 + rest.wall_shift) / radius);
+                c += rest.solid_share((layer as f32 + 0.5 + rest.wall_shift) / radius);
                 let allowed = if layer == 0 { 1e-4 } else { bound };
-                assert!(c.abs() < allowed, "radius {radius}, layer {layer}: C = {c}");
+                assert!(c.abs() < allowed, "{kernel:?}, radius {radius}, layer {layer}: C = {c}");
             }
         }
     }
 
     #[test]
     fn the_solid_fills_half_of_a_point_on_its_surface() {
-        assert!((solid_share(0.0) - 0.5).abs() < 1e-6 && solid_share(1.0) < 1e-6);
-        assert!((solid_share(-1.0) - 1.0).abs() < 1e-6 && solid_slope(1.0) < 1e-5);
-        assert!((solid_slope(0.0) - 1.5).abs() < 1e-6);
+        for kernel in KERNELS {
+            let rest = Rest::new(kernel, 1.0, 2.0);
+            let (share, slope) = (|q| rest.solid_share(q), |q| rest.solid_slope(q));
+            assert!((share(0.0) - 0.5).abs() < 1e-6 && share(1.0) < 1e-6);
+            assert!((share(-1.0) - 1.0).abs() < 1e-6 && slope(1.0) < 1e-5);
+            assert!((slope(0.0) - 1.5).abs() < 1e-6);
+        }
     }
 }

@@ -92,7 +92,7 @@ mod tests {
 
     fn seeds(text: &str, shapes: Vec<Shape>) -> Result<Seeds, SetupError> {
         let params: LiquidParams = toml::from_str(text).expect("the preset is valid");
-        let rest = Rest::new(params.spacing, params.kernel_radius);
+        let rest = Rest::new(params.kernel, params.spacing, params.kernel_radius);
         let colliders: Vec<Collider> = shapes.into_iter().map(|shape| Collider { shape }).collect();
         seed(&params, &rest, &Walls::new(&colliders, &rest))
     }

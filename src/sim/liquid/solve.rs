@@ -1,23 +1,28 @@
-//! The density solver: neighbour lists with a skin, λ, Δp.
+//! The density solver: neighbour lists with a skin, densities, multipliers, corrections.
 //!
-//! *Method*: [pbf] Eqs. 1–2 and 8–12, Jacobi. Density and λ are one pass over the lists, Δp and collisions
-//! another; both gather, eight neighbours at a time, so that the loops over lanes vectorise.
+//! *Method*: [pbf] Eqs. 1–2 and 8–12. Two passes over the lists an iteration: one evaluates densities and decides
+//! every particle's change of multiplier, the other moves particles by it and out of the solids. Both gather, eight
+//! neighbours at a time. What the first decides is the solver's own: `jacobi.rs` and `accelerated.rs`.
 //! *Departs from the paper*: lists reach a skin beyond h and are rebuilt when a particle has moved half of it
 //! (the paper searches once a step); solids add their share of density; a correction is at most half a spacing,
-//! and every one that was shortened is counted; equality constraints are under-relaxed; coincident particles are
-//! pushed apart along a direction made from their places, since no gradient separates them.
+//! and every one that was shortened is counted; coincident particles are pushed apart along a direction made from
+//! their places, since no gradient separates them.
 //!
-//! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `Node::lambda` [m²]; ε → `softening` [1/m²].
+//! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²].
 
-use super::{Constraint, rest::Rest, walls::Walls};
+use super::{
+    Constraint,
+    lanes::{self, Lanes, Node},
+    pair::Pair,
+    pass::{self, Pass},
+    rest::Rest,
+    walls::Walls,
+};
 use crate::{
     math::Vec3,
     par,
     space::{CellGrid, Neighbours},
 };
-
-/// Neighbours handled at once.
-const LANES: usize = 8;
 
 /// How far lists reach beyond h, as a fraction of h.
 const SKIN: f32 = 0.1;
@@ -26,20 +31,8 @@ const SKIN: f32 = 0.1;
 /// nothing. 0.1 slows the stop of a block that hits a floor; 1 lets it throw particles through their neighbours.
 const LONGEST_CORRECTION: f32 = 0.5;
 
-/// The fraction of λ taken under the equality constraint. At 1 the Jacobi iteration diverges: a filled tank at rest
-/// shakes itself to its energy bound. Compression needs none, since what is pushed too far is not pulled back, and
-/// there ½ leaves a 32-layer column 2.5 times as compressed.
-const EQUALITY_RELAXATION: f32 = 0.5;
-
 /// A neighbourhood counts as filled when |∇_i C_i| is below this fraction of its value on a flat free surface.
 const FILLED: f32 = 0.2;
-
-/// A predicted position and its multiplier, side by side for one load a neighbour.
-#[derive(Clone, Copy, Debug, Default)]
-struct Node {
-    x: Vec3,
-    lambda: f32,
-}
 
 /// The state of the solver within a substep.
 #[derive(Debug, Default)]
@@ -48,10 +41,16 @@ pub(super) struct Solver {
     pub(super) p: Vec<Vec3>,
     /// ρ_i/ρ₀ at the last evaluation.
     pub(super) ratio: Vec<f32>,
-    nodes: Vec<Node>,
+    /// What is solved for.
+    pub(super) unknowns: Vec<Unknown>,
+    /// Positions over h and changes of λ, as neighbours read them.
+    pub(super) nodes: Vec<Node>,
+    /// Room to sort in.
+    pub(super) spare: Vec<Vec3>,
     /// Positions when the lists were built.
     built_at: Vec<Vec3>,
-    /// Cells of whatever was sorted last; only its memory outlives that.
+    /// Distances to the nearest solid then [m].
+    clearance: Vec<f32>,
     pub(super) grid: CellGrid,
     pub(super) lists: Neighbours,
     stale: bool,
@@ -63,6 +62,33 @@ pub(super) struct Solver {
     pub(super) stuck: u64,
 }
 
+/// How far lists reach [m].
+fn reach(rest: &Rest) -> f32 {
+    rest.support * (1.0 + SKIN)
+}
+
+/// A particle's multiplier, as its solver keeps it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Unknown {
+    /// The change of λ that the last evaluation decided [m²].
+    pub(super) lambda: f32,
+    /// κ that positions have been moved by [m²]; the accelerated solver's, like the following.
+    pub(super) applied: f32,
+    /// κ before extrapolation [m²].
+    pub(super) last: f32,
+    /// D + ε [1/m²].
+    pub(super) denominator: f32,
+}
+
+/// What a solver says of one particle.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Verdict {
+    /// The constraint's error [1].
+    pub(super) error: f32,
+    /// How far momentum leads uphill: the part of the sum whose sign asks for a restart.
+    pub(super) uphill: f32,
+}
+
 /// What one evaluation of the constraints found.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Residual {
@@ -72,6 +98,8 @@ pub(super) struct Residual {
     pub(super) largest: f64,
     /// Mean |C| where the neighbourhood is filled.
     pub(super) bulk: f64,
+    /// Σ of [`Verdict::uphill`].
+    pub(super) uphill: f64,
 }
 
 /// Partial sums of a [`Residual`] over one chunk.
@@ -81,6 +109,7 @@ struct Partial {
     largest: f64,
     bulk_sum: f64,
     bulk: u64,
+    uphill: f64,
 }
 
 /// What the solver needs to know besides the particles.
@@ -93,78 +122,145 @@ pub(super) struct Setup<'a> {
     pub(super) softening: f32,
 }
 
-/// One constraint and its derivatives.
-struct Evaluation {
-    ratio: f32,
-    error: f32,
-    lambda: f32,
-    own_gradient: f32,
+/// A particle's density and its derivatives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Density {
+    /// ρ_i/ρ₀.
+    pub(super) ratio: f32,
+    /// |∇_i C_i| [1/m].
+    pub(super) own_gradient: f32,
+    /// Σ_k |∇_k C_i|² [1/m²].
+    pub(super) gradient2: f32,
+}
+
+impl Setup<'_> {
+    /// C_i, as far as it is to be corrected.
+    #[inline(always)]
+    pub(super) fn error(&self, ratio: f32) -> f32 {
+        match self.constraint {
+            // Written so that a NaN gets through and is found.
+            Constraint::Compression if ratio < 1.0 => 0.0,
+            _ => ratio - 1.0, // C_i, [pbf] Eq. 1
+        }
+    }
+
+    /// Σ_k |∇_k C_i|² + ε [1/m²]; infinite without neighbours, where nothing can be corrected, and at ε = 0
+    /// nothing may be divided.
+    #[inline(always)]
+    pub(super) fn denominator(&self, gradient2: f32) -> f32 {
+        let denominator = gradient2 + self.softening;
+        if denominator <= 1e-6 * self.rest.lattice_gradient2 { f32::INFINITY } else { denominator }
+    }
 }
 
 impl Solver {
-    /// Lists neighbours of the predicted positions.
-    pub(super) fn search(&mut self, rest: &Rest) {
-        let reach = rest.support * (1.0 + SKIN);
-        self.grid.rebuild(&self.p, reach);
-        self.lists.rebuild(&self.grid, &self.p, reach);
+    /// Sorts the predicted positions into the cells of the lists.
+    pub(super) fn find_cells(&mut self, rest: &Rest) {
+        self.grid.rebuild(&self.p, reach(rest));
+    }
+
+    /// Lists neighbours of the predicted positions, which the grid knows.
+    pub(super) fn list(&mut self, setup: &Setup<'_>) {
+        self.lists.rebuild(&self.grid, &self.p, reach(setup.rest));
         self.built_at.clone_from(&self.p);
+        self.clearance.resize(self.p.len(), 0.0);
+        let p = &self.p;
+        par::fill(&mut self.clearance, |i| setup.walls.distance(p[i]));
         self.stale = false;
     }
 
     /// Builds the lists again if a particle has moved too far since.
-    pub(super) fn ensure_lists(&mut self, rest: &Rest) {
+    pub(super) fn ensure_lists(&mut self, setup: &Setup<'_>) {
         if self.stale {
-            self.search(rest);
+            self.find_cells(setup.rest);
+            self.list(setup);
             self.rebuilds += 1;
         }
     }
 
-    /// Evaluates every constraint and its λ.
-    pub(super) fn evaluate(&mut self, setup: &Setup<'_>) -> Residual {
+    /// Evaluates density and gradients of every particle at x* and has `decide` choose the change of λ.
+    pub(super) fn evaluate(
+        &mut self,
+        setup: &Setup<'_>,
+        decide: impl Fn(&mut Unknown, Density) -> Verdict + Sync,
+    ) -> Residual {
+        self.evaluate_as::<true>(setup, decide)
+    }
+
+    /// Evaluates every constraint and leaves the unknowns alone.
+    pub(super) fn measure(&mut self, setup: &Setup<'_>) -> Residual {
+        self.evaluate(setup, |_, density| Verdict { error: setup.error(density.ratio), uphill: 0.0 })
+    }
+
+    /// [`Solver::evaluate`] without the gradients, which are left zero.
+    pub(super) fn evaluate_density(
+        &mut self,
+        setup: &Setup<'_>,
+        decide: impl Fn(&mut Unknown, Density) -> Verdict + Sync,
+    ) -> Residual {
+        self.evaluate_as::<false>(setup, decide)
+    }
+
+    fn evaluate_as<const GRADIENTS: bool>(
+        &mut self,
+        setup: &Setup<'_>,
+        decide: impl Fn(&mut Unknown, Density) -> Verdict + Sync,
+    ) -> Residual {
         let count = self.p.len();
-        self.nodes.resize(count, Node::default());
+        self.unknowns.resize(count, Unknown::default());
+        self.publish_positions(setup.rest.inv_support);
         self.ratio.resize(count, 0.0);
-        let surface = FILLED * 1.5 * setup.rest.inv_support;
-        let (p, lists) = (&self.p, &self.lists);
-        let partials =
-            par::map_chunks_of_two(&mut self.nodes, &mut self.ratio, par::CHUNK, |start, nodes, ratios| {
-                let mut partial = Partial::default();
-                for (offset, (node, ratio)) in nodes.iter_mut().zip(ratios).enumerate() {
-                    let found = constraint(setup, p, start + offset, lists.of(start + offset));
-                    *node = Node { x: p[start + offset], lambda: found.lambda };
-                    *ratio = found.ratio;
-                    partial.add(&found, found.own_gradient < surface);
-                }
-                partial
-            });
+        let Self { unknowns, ratio, nodes, lists, clearance, .. } = self;
+        let (list, published, clearance) = (&*lists, &**nodes, &**clearance);
+        let partials = par::map_chunks_of_two(unknowns, ratio, par::CHUNK, |start, unknowns, ratios| {
+            let at = Chunk { setup, nodes: published, lists: list, clearance, start };
+            pass::run(
+                setup.rest.kernel,
+                DensityPass::<_, GRADIENTS> { at, unknowns, ratios, decide: &decide },
+            )
+        });
+        let unknowns = &*unknowns;
+        par::update(nodes, |i, node| node.0[3] = unknowns[i].lambda);
         let total = partials.into_iter().fold(Partial::default(), Partial::and);
         Residual {
             average: total.sum / count.max(1) as f64,
             largest: total.largest,
             bulk: total.bulk_sum / total.bulk.max(1) as f64,
+            uphill: total.uphill,
         }
+    }
+
+    /// Lets neighbours read the positions and the unknowns' changes of λ.
+    pub(super) fn publish(&mut self, inv_h: f32) {
+        self.nodes.resize(self.p.len(), Node::default());
+        let (p, unknowns) = (&self.p, &self.unknowns);
+        par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, unknowns[i].lambda));
+    }
+
+    /// Lets neighbours read the positions.
+    pub(super) fn publish_positions(&mut self, inv_h: f32) {
+        self.nodes.resize(self.p.len(), Node::default());
+        let p = &self.p;
+        par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, 0.0));
+    }
+
+    /// Lets neighbours read the positions and densities.
+    pub(super) fn publish_ratio(&mut self, inv_h: f32) {
+        let (p, ratio) = (&self.p, &self.ratio);
+        par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, ratio[i]));
     }
 
     /// Moves every particle by its Δp and out of the solids.
     pub(super) fn correct(&mut self, setup: &Setup<'_>) {
-        let Self { p, nodes, lists, built_at, .. } = self;
-        let (nodes, lists) = (&*nodes, &*lists);
+        let Self { p, nodes, lists, built_at, clearance, .. } = self;
+        let (nodes, lists, clearance) = (&**nodes, &*lists, &**clearance);
         let partials = par::map_chunks_of_two(p, built_at, par::CHUNK, |start, p, built_at| {
-            let (mut farthest, mut shortened, mut stuck) = (0.0_f32, 0_u64, 0_u64);
-            for (offset, (x, built_at)) in p.iter_mut().zip(built_at).enumerate() {
-                let i = start + offset;
-                let (delta, short) = limit(correction(setup, nodes, i, lists.of(i)), setup.rest.spacing);
-                let (moved, touching) = setup.walls.project(*x + delta); // x* + Δp, [pbf] Alg. 1, lines 14–17
-                *x = moved;
-                farthest = farthest.max((moved - *built_at).norm_squared());
-                shortened += u64::from(short);
-                stuck += u64::from(touching);
-            }
-            (farthest, shortened, stuck)
+            let at = Chunk { setup, nodes, lists, clearance, start };
+            pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at })
         });
         let skin = SKIN * setup.rest.support;
-        for (farthest, shortened, stuck) in partials {
-            self.stale |= 4.0 * farthest > skin * skin;
+        for Moved { farthest2, shortened, stuck } in partials {
+            self.stale |= 4.0 * farthest2 > skin * skin;
             self.shortened += shortened;
             self.stuck += stuck;
         }
@@ -172,12 +268,13 @@ impl Solver {
 }
 
 impl Partial {
-    fn add(&mut self, found: &Evaluation, filled: bool) {
-        let error = f64::from(found.error.abs());
+    fn add(&mut self, ratio: f32, verdict: Verdict, filled: bool) {
+        let error = f64::from(verdict.error.abs());
         self.sum += error;
+        self.uphill += f64::from(verdict.uphill);
         self.largest = self.largest.max(error);
         if filled {
-            self.bulk_sum += f64::from((found.ratio - 1.0).abs());
+            self.bulk_sum += f64::from((ratio - 1.0).abs());
             self.bulk += 1;
         }
     }
@@ -188,128 +285,169 @@ impl Partial {
             largest: self.largest.max(other.largest),
             bulk_sum: self.bulk_sum + other.bulk_sum,
             bulk: self.bulk + other.bulk,
+            uphill: self.uphill + other.uphill,
         }
     }
 }
 
-/// Offsets from up to eight neighbours to `x`; lanes without one lie outside the support.
-#[inline(always)]
-fn offsets(list: &[u32], x: Vec3, far: f32, at: impl Fn(usize) -> Vec3) -> [[f32; LANES]; 3] {
-    let mut d = [[far; LANES]; 3];
-    for (lane, &j) in list.iter().enumerate() {
-        let y = at(j as usize);
-        d[0][lane] = x.x - y.x;
-        d[1][lane] = x.y - y.y;
-        d[2][lane] = x.z - y.z;
-    }
-    d
+/// The particles that a chunk's passes read.
+#[derive(Clone, Copy)]
+struct Chunk<'a> {
+    setup: &'a Setup<'a>,
+    nodes: &'a [Node],
+    lists: &'a Neighbours,
+    clearance: &'a [f32],
+    /// Index of the chunk's first particle.
+    start: usize,
 }
 
-/// Σ over lanes, in order.
-#[inline(always)]
-fn total(lanes: [f32; LANES]) -> f32 {
-    lanes.iter().sum()
+/// Evaluates a chunk of densities.
+struct DensityPass<'a, F, const GRADIENTS: bool> {
+    at: Chunk<'a>,
+    unknowns: &'a mut [Unknown],
+    ratios: &'a mut [f32],
+    decide: F,
 }
 
-/// C_i and λ_i of one particle.
-#[inline]
-fn constraint(setup: &Setup<'_>, p: &[Vec3], i: usize, list: &[u32]) -> Evaluation {
-    let rest = setup.rest;
-    let (x, inv_h) = (p[i], rest.inv_support);
-    let far = 2.0 * rest.support;
-    let mut density = [0.0; LANES];
-    let mut gradient = [[0.0; LANES]; 3];
-    let mut gradient2 = [0.0; LANES];
-    let mut add = |d: [[f32; LANES]; 3]| {
-        for l in 0..LANES {
-            let (dx, dy, dz) = (d[0][l] * inv_h, d[1][l] * inv_h, d[2][l] * inv_h);
-            let q2 = dx * dx + dy * dy + dz * dz;
-            let q = q2.sqrt();
-            let w = (1.0 - q2).max(0.0);
-            let t = (1.0 - q).max(0.0);
-            let t2 = t * t;
-            let slope = t2 / q.max(1e-12);
-            density[l] += w * w * w;
-            gradient2[l] += t2 * t2;
-            gradient[0][l] -= dx * slope;
-            gradient[1][l] -= dy * slope;
-            gradient[2][l] -= dz * slope;
+impl<F: Fn(&mut Unknown, Density) -> Verdict, const GRADIENTS: bool> Pass for DensityPass<'_, F, GRADIENTS> {
+    type Out = Partial;
+
+    #[inline(always)]
+    fn run<L: Lanes, P: Pair>(self) -> Partial {
+        let mut partial = Partial::default();
+        let surface = FILLED * 1.5 * self.at.setup.rest.inv_support;
+        for (offset, (unknown, ratio)) in self.unknowns.iter_mut().zip(self.ratios).enumerate() {
+            let density = density::<L, P, GRADIENTS>(&self.at, self.at.start + offset);
+            *ratio = density.ratio;
+            partial.add(density.ratio, (self.decide)(unknown, density), density.own_gradient < surface);
         }
-    };
-    let (full, rest_of_list) = list.as_chunks::<LANES>();
-    for eight in full {
-        add(offsets(eight, x, far, |j| p[j]));
+        partial
     }
-    if !rest_of_list.is_empty() {
-        add(offsets(rest_of_list, x, far, |j| p[j]));
+}
+
+/// ρ_i and, if asked for, its gradients.
+#[inline(always)]
+fn density<L: Lanes, P: Pair, const GRADIENTS: bool>(at: &Chunk<'_>, i: usize) -> Density {
+    let rest = at.setup.rest;
+    let (own, zero) = (lanes::spread::<L>(at.nodes[i]), L::splat(0.0));
+    let (mut density, mut gradient, mut gradient2) = (zero, [zero; 3], zero);
+    let neighbours = lanes::eights(at.lists.of(i), i);
+    // What fills up the last eight counts as 1 each, like the particle itself.
+    let itself = 1.0 - neighbours.padded();
+    for index in neighbours {
+        let (d, q2) = lanes::offset(own, L::gather(at.nodes, &index));
+        let q = q2.sqrt();
+        density = density + P::density(q2, q);
+        if GRADIENTS {
+            let slope = P::slope(q);
+            gradient2 = gradient2 + slope * slope * q2;
+            gradient = lanes::plus(gradient, d, slope);
+        }
     }
-    let (share, share_gradient) = setup.walls.share(x);
+    let (share, share_gradient) = at.share(i, at.nodes[i].vector() * rest.support);
+    let ratio = rest.density_scale * (density.sum() + itself) + share; // ρ_i/ρ₀, [pbf] Eq. 2
+    if !GRADIENTS {
+        return Density { ratio, own_gradient: 0.0, gradient2: 0.0 };
+    }
     let g = rest.gradient_scale;
-    let ratio = rest.density_scale * (1.0 + total(density)) + share; // ρ_i/ρ₀, [pbf] Eq. 2
-    let own = Vec3::new(total(gradient[0]), total(gradient[1]), total(gradient[2])) * g + share_gradient; // [pbf] Eq. 8, k = i
-    let sum = own.norm_squared() + g * g * total(gradient2); // Σ_k |∇_k C_i|²
-    let (error, relaxation) = match setup.constraint {
-        Constraint::Compression => ((ratio - 1.0).max(0.0), 1.0),
-        Constraint::Equality => (ratio - 1.0, EQUALITY_RELAXATION), // C_i, [pbf] Eq. 1
-    };
-    let denominator = sum + setup.softening;
-    // Without neighbours nothing can be corrected, and at ε = 0 nothing may be divided.
-    let alone = denominator <= 1e-6 * rest.lattice_gradient2;
-    let lambda = if alone { 0.0 } else { -relaxation * error / denominator }; // λ_i, [pbf] Eq. 11
-    // A comparison drops a NaN, a maximum would too: let it through to be found.
-    let error = if ratio.is_nan() { f32::NAN } else { error };
-    Evaluation { ratio, error, lambda, own_gradient: own.norm() }
+    let own_gradient = lanes::total(gradient) * -g + share_gradient; // [pbf] Eq. 8, k = i
+    let gradient2 = own_gradient.norm_squared() + g * g * gradient2.sum(); // Σ_k |∇_k C_i|²
+    Density { ratio, own_gradient: own_gradient.norm(), gradient2 }
+}
+
+impl Chunk<'_> {
+    /// The solids' share at `x`, where the lists do not rule it out.
+    #[inline(always)]
+    fn share(&self, i: usize, x: Vec3) -> (f32, Vec3) {
+        let rest = self.setup.rest;
+        let reach = rest.support + rest.wall_shift.abs() + SKIN * rest.support;
+        if self.clearance[i] > reach { (0.0, Vec3::zeros()) } else { self.setup.walls.share(x) }
+    }
+}
+
+/// What a chunk's corrections did.
+#[derive(Clone, Copy, Default)]
+struct Moved {
+    /// The longest way from where the lists were built, squared [m²].
+    farthest2: f32,
+    shortened: u64,
+    stuck: u64,
+}
+
+/// Moves a chunk of particles.
+struct CorrectionPass<'a> {
+    at: Chunk<'a>,
+    p: &'a mut [Vec3],
+    built_at: &'a [Vec3],
+}
+
+impl Pass for CorrectionPass<'_> {
+    type Out = Moved;
+
+    #[inline(always)]
+    fn run<L: Lanes, P: Pair>(self) -> Moved {
+        let (mut total, setup) = (Moved::default(), self.at.setup);
+        let contact = 0.5 * setup.rest.spacing;
+        for (offset, (x, built_at)) in self.p.iter_mut().zip(self.built_at).enumerate() {
+            let i = self.at.start + offset;
+            let (delta, short) = limit(correction::<L, P>(&self.at, i, *x), setup.rest.spacing);
+            let mut moved = *x + delta; // x* + Δp, [pbf] Alg. 1, line 17
+            let mut way2 = (moved - built_at).norm_squared();
+            let room = self.at.clearance[i] - contact;
+            if room <= 0.0 || way2 >= room * room {
+                let (free, touching) = setup.walls.project(moved); // [pbf] Alg. 1, line 14
+                moved = free;
+                way2 = (moved - built_at).norm_squared();
+                total.stuck += u64::from(touching);
+            }
+            *x = moved;
+            total.farthest2 = total.farthest2.max(way2);
+            total.shortened += u64::from(short);
+        }
+        total
+    }
 }
 
 /// Δp_i of one particle.
-#[inline]
-fn correction(setup: &Setup<'_>, nodes: &[Node], i: usize, list: &[u32]) -> Vec3 {
-    let rest = setup.rest;
-    let (own, inv_h) = (nodes[i], rest.inv_support);
-    let far = 2.0 * rest.support;
-    let mut delta = [[0.0; LANES]; 3];
-    let mut coincident = [0.0; LANES];
-    let mut add = |d: [[f32; LANES]; 3], lambda: [f32; LANES]| {
-        for l in 0..LANES {
-            let (dx, dy, dz) = (d[0][l] * inv_h, d[1][l] * inv_h, d[2][l] * inv_h);
-            let q2 = dx * dx + dy * dy + dz * dz;
-            let q = q2.sqrt();
-            let t = (1.0 - q).max(0.0);
-            let slope = (own.lambda + lambda[l]) * (t * t / q.max(1e-12));
-            delta[0][l] -= slope * dx;
-            delta[1][l] -= slope * dy;
-            delta[2][l] -= slope * dz;
-            coincident[l] += if q2 == 0.0 { 1.0 } else { 0.0 };
-        }
-    };
-    let lambdas = |list: &[u32]| {
-        let mut lambda = [0.0; LANES];
-        for (lane, &j) in list.iter().enumerate() {
-            lambda[lane] = nodes[j as usize].lambda;
-        }
-        lambda
-    };
-    let (full, rest_of_list) = list.as_chunks::<LANES>();
-    for eight in full {
-        add(offsets(eight, own.x, far, |j| nodes[j].x), lambdas(eight));
+#[inline(always)]
+fn correction<L: Lanes, P: Pair>(at: &Chunk<'_>, i: usize, x: Vec3) -> Vec3 {
+    let rest = at.setup.rest;
+    let node = at.nodes[i];
+    let (own, zero) = (lanes::spread::<L>(node), L::splat(0.0));
+    let (mut delta, mut coincident) = ([zero; 3], zero);
+    let neighbours = lanes::eights(at.lists.of(i), i);
+    let padded = neighbours.padded();
+    for index in neighbours {
+        let other = L::gather(at.nodes, &index);
+        let (d, q2) = lanes::offset(own, other);
+        let weight = (own[3] + other[3]) * P::slope(q2.sqrt());
+        delta = lanes::plus(delta, d, weight);
+        coincident = coincident + q2.is_zero();
     }
-    if !rest_of_list.is_empty() {
-        add(offsets(rest_of_list, own.x, far, |j| nodes[j].x), lambdas(rest_of_list));
-    }
-    let mut sum = Vec3::new(total(delta[0]), total(delta[1]), total(delta[2]));
-    if total(coincident) > 0.0 {
-        for &j in list {
-            let other = nodes[j as usize];
-            if (other.x - own.x).norm_squared() * inv_h * inv_h == 0.0 {
-                sum -= parting(i as u32, j) * (own.lambda + other.lambda);
-            }
-        }
+    let mut sum = -lanes::total(delta);
+    if coincident.sum() > padded {
+        sum += parted(at, i);
     }
     let mut delta = sum * rest.gradient_scale; // Δp_i, [pbf] Eq. 12
-    if own.lambda != 0.0 {
-        delta += setup.walls.share(own.x).1 * own.lambda;
+    if node.value() != 0.0 {
+        delta += at.share(i, x).1 * node.value();
     }
     delta
+}
+
+/// What the neighbours in the particle's very place add to the sum of [`correction`].
+#[cold]
+fn parted(at: &Chunk<'_>, i: usize) -> Vec3 {
+    let own = at.nodes[i];
+    let mut sum = Vec3::zeros();
+    for &j in at.lists.of(i) {
+        let other = at.nodes[j as usize];
+        let d = own.vector() - other.vector();
+        if d.norm_squared() == 0.0 {
+            sum -= parting(i as u32, j) * (own.value() + other.value());
+        }
+    }
+    sum
 }
 
 /// The unit direction in which particle `i` leaves a coincident `j`; opposite for the other of the pair.
@@ -334,13 +472,15 @@ pub(super) fn limit(delta: Vec3, spacing: f32) -> (Vec3, bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::liquid::{Kernel, jacobi};
 
     fn evaluated(rest: &Rest, constraint: Constraint, p: Vec<Vec3>) -> Solver {
         let walls = Walls::new(&[], rest);
         let setup = Setup { rest, walls: &walls, constraint, softening: 0.01 * rest.lattice_gradient2 };
         let mut solver = Solver { p, ..Solver::default() };
-        solver.search(rest);
-        solver.evaluate(&setup);
+        solver.find_cells(rest);
+        solver.list(&setup);
+        jacobi::evaluate(&mut solver, &setup);
         solver
     }
 
@@ -358,8 +498,13 @@ mod tests {
 
     #[test]
     fn the_seeding_lattice_is_at_rest() {
-        for (spacing, radius) in [(0.02, 2.0), (1.0, 1.6), (1e-4, 2.7), (10.0, 3.5)] {
-            let rest = Rest::new(spacing, radius);
+        for (kernel, spacing, radius) in [
+            (Kernel::Poly6Spiky, 0.02, 2.0),
+            (Kernel::Poly6Spiky, 1.0, 1.6),
+            (Kernel::Wendland, 1e-4, 2.7),
+            (Kernel::Wendland, 10.0, 3.5),
+        ] {
+            let rest = Rest::new(kernel, spacing, radius);
             let lattice = |k: u32| Vec3::new((k % 9) as f32, (k / 9 % 9) as f32, (k / 81) as f32) * spacing;
             let solver = evaluated(&rest, Constraint::Equality, (0..729).map(lattice).collect());
             let middle = 4 + 9 * 4 + 81 * 4;
@@ -369,7 +514,7 @@ mod tests {
 
     #[test]
     fn lambda_agrees_with_finite_differences() {
-        let rest = Rest::new(0.02, 2.0);
+        let rest = Rest::new(Kernel::Poly6Spiky, 0.02, 2.0);
         let p = cloud(&rest);
         let solver = evaluated(&rest, Constraint::Equality, p.clone());
         // The constraint whose gradient the solver takes: Spiky in place of Poly6.
@@ -389,27 +534,27 @@ mod tests {
             }
             let expected = -0.5 * f64::from(solver.ratio[i] - 1.0)
                 / (gradient2 + 0.01 * f64::from(rest.lattice_gradient2));
-            let lambda = f64::from(solver.nodes[i].lambda);
+            let lambda = f64::from(solver.unknowns[i].lambda);
             assert!((lambda / expected - 1.0).abs() < 1e-3, "{i}: {lambda}, expected {expected}");
         }
     }
 
     #[test]
     fn corrections_cancel_and_reduce_the_error() {
-        let rest = Rest::new(0.02, 2.0);
+        let rest = Rest::new(Kernel::Poly6Spiky, 0.02, 2.0);
         let walls = Walls::new(&[], &rest);
         let setup = Setup { rest: &rest, walls: &walls, constraint: Constraint::Compression, softening: 0.0 };
         let mut solver = evaluated(&rest, Constraint::Compression, cloud(&rest));
         let sum = |p: &[Vec3]| p.iter().map(|x| x.cast::<f64>()).sum::<nalgebra::Vector3<f64>>();
         let before = sum(&solver.p);
-        let first = solver.evaluate(&setup).average;
+        let first = jacobi::evaluate(&mut solver, &setup).average;
         for _ in 0..10 {
             solver.correct(&setup);
-            solver.ensure_lists(&rest);
-            solver.evaluate(&setup);
+            solver.ensure_lists(&setup);
+            jacobi::evaluate(&mut solver, &setup);
         }
         assert!((sum(&solver.p) - before).norm() < 1e-5);
-        assert!(solver.evaluate(&setup).average < 0.1 * first);
+        assert!(solver.measure(&setup).average < 0.1 * first);
         assert!(solver.rebuilds > 0, "a squeezed block moves farther than the skin");
     }
 

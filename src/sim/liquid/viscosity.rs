@@ -3,33 +3,47 @@
 //! *Method*: [pbf] Eq. 17. *Departs from the paper*: the sum carries the volume weight m/ρ̄_ij with
 //! ρ̄_ij = (ρ_i + ρ_j)/2, so that c is a fraction and the term keeps momentum exactly.
 
-use super::{Xsph, vorticity::Neighbourhood};
+use super::{
+    Xsph,
+    lanes::{self, Lanes},
+    neighbourhood::{Neighbourhood, Pairs},
+    pair::Pair,
+    pass::{self, Pass},
+};
 use crate::{math::Vec3, par};
 
-/// The term and its buffer.
-#[derive(Debug)]
-pub(super) struct Viscosity {
-    c: f32,
-    smoothed: Vec<Vec3>,
+/// Smooths `v` once; `at` holds the velocities before.
+pub(super) fn apply(params: &Xsph, at: Neighbourhood<'_>, v: &mut [Vec3]) {
+    par::for_chunks(v, par::CHUNK, |start, v| {
+        pass::run(at.rest.kernel, Smooth { at, start, c: params.strength, v });
+    });
 }
 
-impl Viscosity {
-    pub(super) fn new(params: &Xsph) -> Self {
-        Self { c: params.strength, smoothed: Vec::new() }
-    }
+/// Smooths a chunk of velocities.
+struct Smooth<'a> {
+    at: Neighbourhood<'a>,
+    start: usize,
+    c: f32,
+    v: &'a mut [Vec3],
+}
 
-    /// Smooths `v` once.
-    pub(super) fn apply(&mut self, at: Neighbourhood<'_>, v: &mut Vec<Vec3>) {
-        self.smoothed.resize(v.len(), Vec3::zeros());
-        let velocities = &*v;
-        par::fill(&mut self.smoothed, |i| {
-            let mut sum = Vec3::zeros();
-            at.each(i, |j, _, q, weight| {
-                let w = at.rest.density_scale * weight * (1.0 - q * q).powi(3);
-                sum += (velocities[j] - velocities[i]) * w;
-            });
-            velocities[i] + sum * self.c // v_i^new, [pbf] Eq. 17
-        });
-        std::mem::swap(v, &mut self.smoothed);
+impl Pass for Smooth<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<L: Lanes, P: Pair>(self) {
+        let c = self.c * self.at.rest.density_scale;
+        for (offset, v) in self.v.iter_mut().enumerate() {
+            let i = self.start + offset;
+            let own = lanes::spread::<L>(self.at.motion[i]);
+            let mut sum = [L::splat(0.0); 3];
+            for index in lanes::eights(self.at.lists.of(i), i) {
+                let Pairs { q2, q, weight, .. } = self.at.pairs::<L>(i, &index);
+                let other = L::gather(self.at.motion, &index);
+                let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
+                sum = lanes::plus(sum, u, weight * P::density(q2, q));
+            }
+            *v += lanes::total(sum) * c; // v_i^new, [pbf] Eq. 17
+        }
     }
 }

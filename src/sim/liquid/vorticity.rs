@@ -8,8 +8,14 @@
 //!
 //! Symbols: ω_i → `omega` [1/s]; η → `eta` [1/(m s)]; ε → `epsilon` [m/s].
 
-use super::{VorticityConfinement, rest::Rest};
-use crate::{math::Vec3, par, space::Neighbours};
+use super::{
+    VorticityConfinement,
+    lanes::{self, Lanes, Node},
+    neighbourhood::{Neighbourhood, Pairs},
+    pair::Pair,
+    pass::{self, Pass},
+};
+use crate::{math::Vec3, par};
 
 /// g₀, the acceleration that makes ε dimensionless [m/s²].
 const STANDARD_GRAVITY: f32 = 9.81;
@@ -23,39 +29,9 @@ const LARGEST_KICK: f32 = 0.1;
 pub(super) struct Confinement {
     strength: f32,
     /// ω [1/s], and |ω| beside it.
-    omega: Vec<(Vec3, f32)>,
+    omega: Vec<Node>,
     /// Velocity changes [m/s].
     kick: Vec<Vec3>,
-}
-
-/// Positions and the densities and lists that belong to them.
-#[derive(Clone, Copy)]
-pub(super) struct Neighbourhood<'a> {
-    pub(super) rest: &'a Rest,
-    pub(super) p: &'a [Vec3],
-    pub(super) ratio: &'a [f32],
-    pub(super) lists: &'a Neighbours,
-}
-
-impl Neighbourhood<'_> {
-    /// Calls `f(j, x_i − x_j over h, q, 2/(ρ_i + ρ_j) in units of 1/ρ₀)` for every neighbour within h, except at q = 0.
-    #[inline]
-    pub(super) fn each(&self, i: usize, mut f: impl FnMut(usize, Vec3, f32, f32)) {
-        for &j in self.lists.of(i) {
-            let j = j as usize;
-            let d = (self.p[i] - self.p[j]) * self.rest.inv_support;
-            let q2 = d.norm_squared();
-            if q2 < 1.0 && q2 > 0.0 {
-                f(j, d, q2.sqrt(), 2.0 / (self.ratio[i] + self.ratio[j]));
-            }
-        }
-    }
-
-    /// Volume times ∇_i W [1/m].
-    #[inline]
-    fn gradient(&self, d: Vec3, q: f32, weight: f32) -> Vec3 {
-        d * (-self.rest.gradient_scale * weight * (1.0 - q) * (1.0 - q) / q)
-    }
 }
 
 impl Confinement {
@@ -73,36 +49,91 @@ impl Confinement {
         mass: f64,
         budget: f64,
     ) -> (f64, bool) {
-        self.omega.resize(v.len(), (Vec3::zeros(), 0.0));
+        self.omega.resize(v.len(), Node::default());
         self.kick.resize(v.len(), Vec3::zeros());
-        let velocities = &*v;
-        par::fill(&mut self.omega, |i| {
-            let mut omega = Vec3::zeros();
-            at.each(i, |j, d, q, weight| {
-                omega -= (velocities[j] - velocities[i]).cross(&at.gradient(d, q, weight)); // ω_i, [pbf] Eq. 15
-            });
-            (omega, omega.norm())
+        let kernel = at.rest.kernel;
+        par::for_chunks(&mut self.omega, par::CHUNK, |start, omega| {
+            pass::run(kernel, Curl { at, start, omega });
         });
         let epsilon = self.strength * (STANDARD_GRAVITY * at.rest.spacing).sqrt();
         let wanted = epsilon * dt;
         let step = wanted.min(LARGEST_KICK * at.rest.spacing);
-        let omega = &self.omega;
-        par::fill(&mut self.kick, |i| {
-            let mut eta = Vec3::zeros();
-            at.each(i, |j, d, q, weight| eta += at.gradient(d, q, weight) * (omega[j].1 - omega[i].1));
-            let size = eta.norm();
-            // Where |ω| is level, N has no direction.
-            if size * at.rest.support <= 1e-6 * omega[i].1 {
-                return Vec3::zeros();
-            }
-            (eta / size).cross(&omega[i].0) * step // Δt f, [pbf] Eq. 16
+        let omega = &*self.omega;
+        par::for_chunks(&mut self.kick, par::CHUNK, |start, kick| {
+            pass::run(kernel, Kick { at, start, omega, step, kick });
         });
-        let kick = &self.kick;
+        let (kick, velocities) = (&self.kick, &*v);
         let linear = mass * par::sum(v.len(), |i| f64::from(velocities[i].dot(&kick[i])));
         let square = 0.5 * mass * par::sum(v.len(), |i| f64::from(kick[i].norm_squared()));
         let share = affordable(linear, square, budget.max(0.0));
         par::update(v, |i, v| *v += kick[i] * share as f32);
         (share * (linear + share * square), step < wanted || share < 1.0)
+    }
+}
+
+/// ω of a chunk of particles.
+struct Curl<'a> {
+    at: Neighbourhood<'a>,
+    start: usize,
+    omega: &'a mut [Node],
+}
+
+impl Pass for Curl<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<L: Lanes, P: Pair>(self) {
+        for (offset, omega) in self.omega.iter_mut().enumerate() {
+            let i = self.start + offset;
+            let own = lanes::spread::<L>(self.at.motion[i]);
+            let mut sum = [L::splat(0.0); 3];
+            for index in lanes::eights(self.at.lists.of(i), i) {
+                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, &index);
+                let other = L::gather(self.at.motion, &index);
+                let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
+                let cross = [u[1] * d[2] - u[2] * d[1], u[2] * d[0] - u[0] * d[2], u[0] * d[1] - u[1] * d[0]];
+                sum = lanes::plus(sum, cross, weight * P::slope(q));
+            }
+            let curl = lanes::total(sum) * self.at.rest.gradient_scale; // ω_i, [pbf] Eq. 15
+            *omega = Node::new(curl, curl.norm());
+        }
+    }
+}
+
+/// Changes of velocity of a chunk of particles.
+struct Kick<'a> {
+    at: Neighbourhood<'a>,
+    start: usize,
+    omega: &'a [Node],
+    /// ε Δt [m].
+    step: f32,
+    kick: &'a mut [Vec3],
+}
+
+impl Pass for Kick<'_> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<L: Lanes, P: Pair>(self) {
+        for (offset, kick) in self.kick.iter_mut().enumerate() {
+            let i = self.start + offset;
+            let own = self.omega[i];
+            let size = L::splat(own.value());
+            let mut eta = [L::splat(0.0); 3];
+            for index in lanes::eights(self.at.lists.of(i), i) {
+                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, &index);
+                let [_, _, _, other] = L::gather(self.omega, &index);
+                eta = lanes::plus(eta, d, weight * P::slope(q) * (size - other));
+            }
+            let eta = lanes::total(eta) * self.at.rest.gradient_scale;
+            let length = eta.norm();
+            // Where |ω| is level, N has no direction.
+            *kick = if length * self.at.rest.support <= 1e-6 * own.value() {
+                Vec3::zeros()
+            } else {
+                (eta / length).cross(&own.vector()) * self.step // Δt f, [pbf] Eq. 16
+            };
+        }
     }
 }
 
@@ -120,7 +151,10 @@ fn affordable(linear: f64, square: f64, budget: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::space::CellGrid;
+    use crate::{
+        sim::liquid::{Kernel, rest::Rest},
+        space::{CellGrid, Neighbours},
+    };
 
     #[test]
     fn the_share_spends_the_budget_and_no_more() {
@@ -136,22 +170,24 @@ mod tests {
 
     #[test]
     fn a_vortex_gains_what_is_reported_and_what_the_budget_allows() {
-        let rest = Rest::new(0.1, 2.0);
+        let rest = Rest::new(Kernel::Poly6Spiky, 0.1, 2.0);
         let at =
             |k: usize| Vec3::new((k % 11) as f32 - 5.0, (k / 11 % 11) as f32 - 5.0, (k / 121) as f32) * 0.1;
         let p: Vec<Vec3> = (0..11 * 11 * 5).map(at).collect();
         let lists = Neighbours::build(&CellGrid::new(&p, 0.2), &p, 0.2);
-        let at = Neighbourhood { rest: &rest, p: &p, ratio: &vec![1.0; p.len()], lists: &lists };
+        let nodes: Vec<Node> = p.iter().map(|&x| Node::new(x * rest.inv_support, 1.0)).collect();
         // A column that turns like a rigid body inside and slower outside.
         let turning = |x: &Vec3| Vec3::new(-x.y, x.x, 0.0) * 3.0 * (-4.0 * (x.x * x.x + x.y * x.y)).exp();
         let still: Vec<Vec3> = p.iter().map(turning).collect();
+        let motion: Vec<Node> = still.iter().map(|&v| Node::new(v, 0.0)).collect();
+        let at = Neighbourhood { rest: &rest, nodes: &nodes, motion: &motion, lists: &lists };
         let kinetic = |v: &[Vec3]| v.iter().map(|v| f64::from(v.norm_squared())).sum::<f64>();
         let gain = |budget: f64, strength: f32| {
             let mut term = Confinement::new(&VorticityConfinement { strength });
             let mut v = still.clone();
             let (added, bounded) = term.apply(at, &mut v, 0.01, 2.0, budget);
             assert!((kinetic(&v) - kinetic(&still) - added).abs() < 1e-4 * kinetic(&still), "{added}");
-            (added, bounded, term.omega[5 + 5 * 11 + 2 * 121].0)
+            (added, bounded, term.omega[5 + 5 * 11 + 2 * 121].vector())
         };
         let (free, bounded, omega) = gain(f64::INFINITY, 0.5);
         assert!(free > 0.0 && !bounded, "{free}");

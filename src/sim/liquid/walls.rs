@@ -9,7 +9,7 @@
 //!
 //! Limits: sharp convex corners and parts thinner than h displace less than the half space assumed.
 
-use super::rest::{Rest, solid_share, solid_slope};
+use super::rest::Rest;
 use crate::{
     math::Vec3,
     solid::{Collider, Shape},
@@ -30,6 +30,7 @@ pub(super) struct Walls {
     support: f32,
     inv_support: f32,
     shift: f32,
+    rest: Rest,
 }
 
 impl Walls {
@@ -59,6 +60,7 @@ impl Walls {
             support: rest.support,
             inv_support: rest.inv_support,
             shift: rest.wall_shift,
+            rest: *rest,
         }
     }
 
@@ -107,8 +109,8 @@ impl Walls {
         let (mut open, mut open_gradient) = (1.0_f32, Vec3::zeros());
         for (d, n) in self.contacts(x) {
             if d < self.support {
-                let left = 1.0 - solid_share((d + self.shift) * self.inv_support);
-                let slope = n * (solid_slope(d * self.inv_support) * self.inv_support);
+                let left = 1.0 - self.rest.solid_share((d + self.shift) * self.inv_support);
+                let slope = n * (self.rest.solid_slope(d * self.inv_support) * self.inv_support);
                 open_gradient = open_gradient * left + slope * open;
                 open *= left;
             }
@@ -120,10 +122,11 @@ impl Walls {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::liquid::Kernel;
 
     fn corner() -> Walls {
         let tank = Shape::Tank { min: [0.0; 3], max: [1.0; 3] };
-        Walls::new(&[Collider { shape: tank }], &Rest::new(0.1, 2.0))
+        Walls::new(&[Collider { shape: tank }], &Rest::new(Kernel::Poly6Spiky, 0.1, 2.0))
     }
 
     #[test]
@@ -136,12 +139,12 @@ mod tests {
     fn a_gap_too_narrow_for_a_particle_is_reported() {
         let sides = [([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]), ([0.0, 0.0, 0.08], [0.0, 0.0, -1.0])];
         let colliders = sides.map(|(point, normal)| Collider { shape: Shape::Plane { point, normal } });
-        assert!(Walls::new(&colliders, &Rest::new(0.1, 2.0)).project(Vec3::zeros()).1);
+        assert!(Walls::new(&colliders, &Rest::new(Kernel::Poly6Spiky, 0.1, 2.0)).project(Vec3::zeros()).1);
     }
 
     #[test]
     fn the_share_in_edges_and_corners_leaves_the_lattice_near_rest() {
-        let (walls, rest) = (corner(), Rest::new(0.1, 2.0));
+        let (walls, rest) = (corner(), Rest::new(Kernel::Poly6Spiky, 0.1, 2.0));
         for (walls_near, bound) in [(1, 1e-3), (2, 0.03), (3, 0.05)] {
             let x = Vec3::from_fn(|axis, _| if axis < walls_near { 0.05 } else { 0.55 });
             let mut c = walls.share(x).0 - 1.0;

@@ -1,0 +1,52 @@
+//! The kernel pairs: what weighs densities, and the slope that weighs gradients.
+//!
+//! *Method*: Poly6 with Spiky's gradient as [pbf] section 3 takes from [mcg03]; Wendland's C2 ([dehnen12] Table 1),
+//! whose slope is its own. Everything is a function of q = r/h, so that no power of h leaves the range of single
+//! precision, and W is 1 at the centre.
+
+use super::lanes::Lanes;
+
+/// A kernel pair. `slope` is s(q) in ∇_i W(x_i − x_j) ∝ −s(q) (x_i − x_j)/h.
+pub(super) trait Pair: Copy + Send + Sync {
+    /// W(q), with q² beside q.
+    fn density<L: Lanes>(q2: L, q: L) -> L;
+    /// s(q).
+    fn slope<L: Lanes>(q: L) -> L;
+}
+
+/// Poly6 and Spiky.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Poly6Spiky;
+
+impl Pair for Poly6Spiky {
+    #[inline(always)]
+    fn density<L: Lanes>(q2: L, _: L) -> L {
+        let w = (L::splat(1.0) - q2).positive();
+        w * w * w // [mcg03] Eq. 20
+    }
+
+    #[inline(always)]
+    fn slope<L: Lanes>(q: L) -> L {
+        let t = (L::splat(1.0) - q).positive();
+        t * t / q.larger(L::splat(1e-12)) // [mcg03] Eq. 21, differentiated
+    }
+}
+
+/// Wendland's C2.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wendland;
+
+impl Pair for Wendland {
+    #[inline(always)]
+    fn density<L: Lanes>(_: L, q: L) -> L {
+        let t = (L::splat(1.0) - q).positive();
+        let t2 = t * t;
+        t2 * t2 * (L::splat(1.0) + L::splat(4.0) * q) // [dehnen12] Table 1, C2 in three dimensions
+    }
+
+    #[inline(always)]
+    fn slope<L: Lanes>(q: L) -> L {
+        let t = (L::splat(1.0) - q).positive();
+        t * t * t
+    }
+}
