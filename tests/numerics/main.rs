@@ -3,4 +3,5 @@
 mod liquid;
 mod mesh;
 mod sdf;
+mod solidify;
 mod surface_field;
