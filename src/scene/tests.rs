@@ -6,7 +6,7 @@ use miette::{GraphicalReportHandler, GraphicalTheme, NarratableReportHandler};
 use proptest::prelude::*;
 
 fn preset(text: &str) -> Preset {
-    Preset { name: "shot.toml".to_owned(), text: text.to_owned() }
+    Preset { name: "shot.toml".to_owned(), text: text.to_owned(), home: Home::Folder("".into()) }
 }
 
 fn read(text: &str) -> Result<Scene, SceneError> {
@@ -19,7 +19,7 @@ fn read_set(text: &str, set: &[&str]) -> Result<Scene, SceneError> {
 }
 
 fn builtin_preset(name: &str) -> Preset {
-    Preset { name: name.to_owned(), text: builtin::get(name).unwrap().to_owned() }
+    Preset { name: name.to_owned(), text: builtin::get(name).unwrap().to_owned(), home: Home::BuiltIn }
 }
 
 /// What both of miette's handlers make of an error.
@@ -276,13 +276,14 @@ fn built_in_presets_read_in_every_tier_and_survive_being_written() {
             let scene = Scene::from_preset(&builtin_preset(name), &overrides)
                 .unwrap_or_else(|error| panic!("{}", rendered(&error)));
             let text = scene.to_toml();
-            let again = read(&text).unwrap_or_else(|error| panic!("{}\n{text}", rendered(&error)));
+            let written = Preset { text: text.clone(), ..builtin_preset(name) };
+            let again = Scene::from_preset(&written, &Overrides::default()).unwrap_or_else(|error| panic!("{}\n{text}", rendered(&error)));
             assert_eq!(scene, again, "{text}");
             assert_eq!(scene.simulation_key(), again.simulation_key());
             assert!(text.contains("max_substeps"), "defaults are written");
             counts.push(meaning::particle_estimate(scene.liquid.as_ref().unwrap()));
         }
-        assert!((90_000.0..120_000.0).contains(&counts[0]), "{name}: {counts:?}");
+        assert!((60_000.0..120_000.0).contains(&counts[0]), "{name}: {counts:?}");
         assert!(counts[0] > counts[2] && counts[2] > counts[3] && counts[3] > 6_000.0, "{name}: {counts:?}");
     }
 }

@@ -4,4 +4,5 @@ mod liquid;
 mod mesh;
 mod sdf;
 mod solidify;
+mod solids;
 mod surface_field;

@@ -59,6 +59,8 @@ pub(super) struct Solver {
     pub(super) shortened: u64,
     /// Particles that still touched a solid after the last round.
     pub(super) stuck: u64,
+    /// What moving solids did in this substep, by mass over dt² [m²].
+    pub(super) work: f64,
 }
 
 /// What one evaluation of the constraints found.
@@ -147,24 +149,27 @@ impl Solver {
     pub(super) fn correct(&mut self, setup: &Setup<'_>) {
         let Self { p, nodes, lists, built_at, .. } = self;
         let (nodes, lists) = (&*nodes, &*lists);
+        let any_move = setup.walls.any_move();
         let partials = par::map_chunks_of_two(p, built_at, par::CHUNK, |start, p, built_at| {
-            let (mut farthest, mut shortened, mut stuck) = (0.0_f32, 0_u64, 0_u64);
+            let (mut farthest, mut shortened, mut stuck, mut work) = (0.0_f32, 0_u64, 0_u64, 0.0_f64);
             for (offset, (x, built_at)) in p.iter_mut().zip(built_at).enumerate() {
                 let i = start + offset;
                 let (delta, short) = limit(correction(setup, nodes, i, lists.of(i)), setup.rest.spacing);
-                let (moved, touching) = setup.walls.project(*x + delta); // x* + Δp, [pbf] Alg. 1, lines 14–17
+                let (moved, touching) = setup.walls.step(*x, *x + delta); // x* + Δp, [pbf] Alg. 1, lines 14–17
+                work += if any_move { setup.walls.work(*x + delta, moved) } else { 0.0 };
                 *x = moved;
                 farthest = farthest.max((moved - *built_at).norm_squared());
                 shortened += u64::from(short);
                 stuck += u64::from(touching);
             }
-            (farthest, shortened, stuck)
+            (farthest, shortened, stuck, work)
         });
         let skin = SKIN * setup.rest.support;
-        for (farthest, shortened, stuck) in partials {
+        for (farthest, shortened, stuck, work) in partials {
             self.stale |= 4.0 * farthest > skin * skin;
             self.shortened += shortened;
             self.stuck += stuck;
+            self.work += work;
         }
     }
 }
