@@ -277,7 +277,8 @@ fn built_in_presets_read_in_every_tier_and_survive_being_written() {
                 .unwrap_or_else(|error| panic!("{}", rendered(&error)));
             let text = scene.to_toml();
             let written = Preset { text: text.clone(), ..builtin_preset(name) };
-            let again = Scene::from_preset(&written, &Overrides::default()).unwrap_or_else(|error| panic!("{}\n{text}", rendered(&error)));
+            let again = Scene::from_preset(&written, &Overrides::default())
+                .unwrap_or_else(|error| panic!("{}\n{text}", rendered(&error)));
             assert_eq!(scene, again, "{text}");
             assert_eq!(scene.simulation_key(), again.simulation_key());
             assert!(text.contains("max_substeps"), "defaults are written");

@@ -90,7 +90,11 @@ fn a_thin_plate_sweeps_the_water_before_it() {
             work += record.solid_work;
             assert_eq!(record.particles_inside_solids, 0, "{name}, frame {frame}");
             assert_eq!(record.clamps.energy, 0, "{name}, frame {frame}");
-            let at = if frame <= 13 { 0.1 + 0.5 * (frame as f32 - 1.0) / 12.0 } else { 0.6 - 0.05 * (frame as f32 - 13.0) };
+            let at = if frame <= 13 {
+                0.1 + 0.5 * (frame as f32 - 1.0) / 12.0
+            } else {
+                0.6 - 0.05 * (frame as f32 - 13.0)
+            };
             let behind = positions(&simulation).iter().filter(|x| x.x < at && x.z < 0.88).count();
             assert_eq!(behind, 0, "{name}, frame {frame}: leaked");
         }
@@ -105,8 +109,7 @@ fn no_plate_is_too_fast_to_hold_the_water() {
         let path = vec![key(1, [0.1, 0.0, 0.0], [0.0; 3]), key(2, [1.1, 0.0, 0.0], [0.0; 3])];
         let solids = vec![tank([2.0, 0.3, 0.8]), moving(plate, path)];
         let terms = "min_substeps = 2\nmax_substeps = 2\niterations = 4";
-        let mut simulation =
-            simulation(world(solids), water(0.05, [0.15, 0.0, 0.0], [1.2, 0.3, 0.2], terms));
+        let mut simulation = simulation(world(solids), water(0.05, [0.15, 0.0, 0.0], [1.2, 0.3, 0.2], terms));
         let record = advance(&mut simulation, 1).remove(0);
         assert!(record.cfl_capped > 0);
         assert_eq!(record.particles_inside_solids, 0, "{name}");
@@ -118,9 +121,7 @@ fn no_plate_is_too_fast_to_hold_the_water() {
 #[test]
 fn a_closing_piston_squeezes_the_water_out_beside_it() {
     let (min, max) = ([0.1, 0.1, 0.0], [0.5, 0.5, 0.5]);
-    for (name, piston) in
-        [("box", Shape::Box { min, max }), ("mesh", Shape::Mesh(cuboid(min, max, 32)))]
-    {
+    for (name, piston) in [("box", Shape::Box { min, max }), ("mesh", Shape::Mesh(cuboid(min, max, 32)))] {
         // It comes down on the pool until half a spacing is left between it and the floor.
         let path = vec![key(1, [0.0, 0.0, 0.3], [0.0; 3]), key(13, [0.0, 0.0, 0.025], [0.0; 3])];
         let solids = vec![tank([0.6, 0.6, 1.5]), moving(piston, path)];
@@ -131,7 +132,8 @@ fn a_closing_piston_squeezes_the_water_out_beside_it() {
         }
         let end = positions(&simulation);
         assert_eq!(end.len(), count);
-        let under = end.iter().filter(|x| x.z < 0.02 && (0.1..0.5).contains(&x.x) && (0.1..0.5).contains(&x.y));
+        let under =
+            end.iter().filter(|x| x.z < 0.02 && (0.1..0.5).contains(&x.x) && (0.1..0.5).contains(&x.y));
         println!("{name}: {} of {count} are left below the piston", under.count());
     }
 }
@@ -208,12 +210,8 @@ fn moving_solids_give_the_same_bits_on_any_number_of_threads_and_after_a_restart
 #[test]
 fn a_mesh_is_filled_with_liquid() {
     let mut params = water(0.02, [0.0; 3], [1.0; 3], "");
-    let shape = MeshShape {
-        scale: 0.5,
-        rotate: [0.0, 0.0, 90.0],
-        translate: [0.1, 0.2, 0.3],
-        ..MeshShape::new("made here")
-    };
+    let mut shape = MeshShape::new("made here");
+    (shape.scale, shape.rotate, shape.translate) = (0.5, [0.0, 0.0, 90.0], [0.1, 0.2, 0.3]);
     let shape = filled(shape, [0.0; 3], [1.0, 0.6, 0.4], 64);
     params.source[0].shape = meniscus::sim::liquid::SourceShape::Mesh(shape);
     let space = World { gravity: Vec3::zeros(), solids: Vec::new() };
@@ -246,7 +244,10 @@ fn no_layers_stack_at_walls() {
         let layers: Vec<f32> = z.chunks(64).map(|layer| layer.iter().sum::<f32>() / 64.0).collect();
         let first = (layers[1] - layers[0]) / spacing;
         let bulk = (layers[8] - layers[2]) / 6.0 / spacing;
-        println!("{name}: first two layers {first:.3}, bulk {bulk:.3}, floor layer at {:.3}", layers[0] / spacing);
+        println!(
+            "{name}: first two layers {first:.3}, bulk {bulk:.3}, floor layer at {:.3}",
+            layers[0] / spacing
+        );
         assert!((first / bulk - 1.0).abs() < 0.05, "{name}: {first} of {bulk}");
         assert!((layers[0] / spacing - 0.5).abs() < 0.05, "{name}: {}", layers[0]);
     }

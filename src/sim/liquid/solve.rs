@@ -156,7 +156,9 @@ impl Solver {
                 let i = start + offset;
                 let (delta, short) = limit(correction(setup, nodes, i, lists.of(i)), setup.rest.spacing);
                 let (moved, touching) = setup.walls.step(*x, *x + delta); // x* + Δp, [pbf] Alg. 1, lines 14–17
-                work += if any_move { setup.walls.work(*x + delta, moved) } else { 0.0 };
+                if any_move {
+                    work += setup.walls.work(*x + delta, moved) + setup.walls.pressing(*x, nodes[i].lambda);
+                }
                 *x = moved;
                 farthest = farthest.max((moved - *built_at).norm_squared());
                 shortened += u64::from(short);

@@ -223,7 +223,18 @@ impl Walls {
     /// Where a particle gets that is to move from `from` to `to` while the solids stand: no body is passed through.
     #[inline]
     pub(super) fn step(&self, from: Vec3, to: Vec3) -> (Vec3, bool) {
+        let to = self.before_planes(to);
         self.project(self.bodies.iter().fold(to, |to, body| self.follow(body, from, to)))
+    }
+
+    /// `x` pushed out of every half space once. Between points outside them all a straight path stays outside, and
+    /// does not lead around the end of a body that reaches through a wall.
+    #[inline]
+    fn before_planes(&self, mut x: Vec3) -> Vec3 {
+        for plane in &self.planes {
+            x += plane.n * (self.contact - (plane.n.dot(&x) - plane.offset)).max(0.0);
+        }
+        x
     }
 
     /// Where a particle gets that is to move from `from` to `to` while the solids move through the substep.
@@ -237,7 +248,7 @@ impl Walls {
             });
             self.follow(body, start, to)
         };
-        self.project(self.bodies.iter().fold(to, follow))
+        self.project(self.bodies.iter().fold(self.before_planes(to), follow))
     }
 
     /// The path from `from` to `to`, stopped before it enters `body` and led on along its surface.
@@ -301,6 +312,30 @@ impl Walls {
             let way = to - before.to_world(now.to_local(to));
             f64::from(along) * f64::from(n.dot(&way))
         })
+    }
+
+    /// What moving solids did through their share of the density in one correction of a particle at `x` with the
+    /// multiplier `lambda` [m²]; see [`Walls::work`].
+    #[inline]
+    pub(super) fn pressing(&self, x: Vec3, lambda: f32) -> f64 {
+        if lambda == 0.0 {
+            return 0.0;
+        }
+        let planes = self.planes.iter().filter_map(|plane| {
+            let d = plane.n.dot(&x) - plane.offset;
+            let near = plane.mover.filter(|_| d < self.support);
+            near.map(|mover| (mover, plane.n * self.slope(d)))
+        });
+        let bodies = self.bodies.iter().filter_map(|body| {
+            let near = body.mover.filter(|_| self.body_distance(body, x) < self.support);
+            near.map(|mover| (mover, self.body_share(body, x).1))
+        });
+        let did = planes.chain(bodies).map(|(mover, falls)| {
+            let Mover { before, now, .. } = &self.movers[mover];
+            let way = x - before.to_world(now.to_local(x));
+            f64::from(falls.dot(&way)) * f64::from(-lambda)
+        });
+        did.sum()
     }
 
     /// The solids' share of ρ₀ at `x` and its gradient [1/m].
