@@ -83,9 +83,14 @@ impl MeshShape {
         self.field.as_deref().expect("mesh shapes are filled before they are asked")
     }
 
+    /// The distances, in the file's units and axes.
+    pub fn samples(&self) -> &Sampled {
+        &self.placed().field
+    }
+
     /// Distance and unit normal at `x`, as [`Sampled::sample`] has them.
     #[inline]
-    pub(super) fn contact(&self, x: Vec3) -> (f32, Vec3) {
+    pub fn contact(&self, x: Vec3) -> (f32, Vec3) {
         let Placed { field, pose, scale } = self.placed();
         let (d, n) = field.sample(pose.to_local(x) / *scale);
         (d * scale, pose.rotation * n)

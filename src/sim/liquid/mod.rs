@@ -9,6 +9,7 @@
 //! Limits: first order in time; positions are single precision, so the motion loses digits far from the origin
 //! (at 1 km, 0.06 mm).
 
+mod displaced;
 mod energy;
 mod params;
 mod repulsion;
