@@ -289,6 +289,40 @@ fn built_in_presets_read_in_every_tier_and_survive_being_written() {
     }
 }
 
+/// `GOOD` with a collider that moves so.
+fn keyed(shape: &str, keys: &str) -> String {
+    let collider = format!("[[world.collider]]\nshape = {{ {shape} }}\nkeyframes = [{keys}]\n\n[liquid]");
+    bad("[liquid]", &collider)
+}
+
+const BOX: &str = "box = { min = [0, 0, 0], max = [1, 1, 1] }";
+const PLANE: &str = "plane = { point = [0, 0, 0], normal = [0, 0, 1] }";
+
+#[test]
+fn keyframes_that_contradict_each_other_are_refused() {
+    let cases = [
+        (BOX, "{ frame = 5 }, { frame = 5 }", "found frame 5 after frame 5"),
+        (BOX, "{ frame = 5 }, { frame = 2 }", "do not ascend"),
+        (BOX, "{ frame = 1, quaternion = [0, 0, 0, 0] }", "length zero"),
+        (BOX, "{ frame = 1, quaternion = [1, 0, 0, 0] }, { frame = 2 }", "some keyframes have a quaternion"),
+        (BOX, "{ frame = 1, quaternion = [1, 0, 0, 0], rotation = [0, 0, 9] }", "`rotation` is given too"),
+        (PLANE, "{ frame = 1 }, { frame = 2, rotation = [0, 9, 0] }", "cannot turn"),
+        (BOX, "{ frame = 1, rotation = [0, 0, \"9 m\"] }", "measured in deg"),
+    ];
+    for (shape, keys, words) in cases {
+        let message = rendered(&read(&keyed(shape, keys)).unwrap_err());
+        assert!(message.contains(words), "{keys}: {message}");
+    }
+    for (shape, keys) in [
+        (BOX, "{ frame = 1 }, { frame = 2, rotation = [0, 9, \"1 rad\"] }"),
+        (PLANE, "{ frame = 1 }, { frame = 2, position = [0, 0, 1] }"),
+        (BOX, "{ frame = 1, quaternion = [1, 0, 0, 0] }, { frame = 2, quaternion = [0, 1, 0, 0] }"),
+    ] {
+        let scene = read(&keyed(shape, keys)).unwrap();
+        assert_eq!(scene, read(&scene.to_toml()).unwrap());
+    }
+}
+
 #[test]
 fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
     let key = |set: &[&str]| read_set(GOOD, set).unwrap().simulation_key();

@@ -42,6 +42,10 @@ const TOUCHING: f32 = 1e-3;
 /// A harmonic function between 0 and 1 changes by 3/2 r/R at most near the centre of a ball.
 const STEEPEST: f32 = 1.5;
 
+/// Beyond this winding number a node is inside: ½, and a little that rounding does not reach, since on a loose sheet it
+/// is ½.
+const INSIDE: f32 = 0.501;
+
 /// The smallest distance of a pinned node [voxels]: keeps every value on its own side of zero.
 const NEAREST: f32 = 1e-6;
 
@@ -119,7 +123,7 @@ fn place(bricks: &Bricks, counts: [i32; 3], node: [usize; 3]) -> usize {
 impl Seen {
     /// Whether the node lies in the solid.
     fn inside(&self) -> bool {
-        self.winding.abs() > 0.5
+        self.winding.abs() > INSIDE
     }
 }
 
@@ -146,12 +150,12 @@ fn split(tree: &Tree, coord: [i32; 3], first: [usize; 3], size: usize, bound: f3
         let parts = if distance < TOUCHING {
             winding.abs() < 1.25
         } else {
-            (winding.abs() > 0.5) != (across.abs() > 0.5)
+            (winding.abs() > INSIDE) != (across.abs() > INSIDE)
         };
         seen[first[0] + BRICK * (first[1] + BRICK * first[2])] = Seen { distance, winding, parts };
         return;
     }
-    let decided = (winding.abs() - 0.5).abs() > STEEPEST * radius / (distance - radius).max(1e-3);
+    let decided = (winding.abs() - INSIDE).abs() > STEEPEST * radius / (distance - radius).max(1e-3);
     if distance > radius + EXACT && decided {
         for (x, y, z) in cube(size) {
             let at = first[0] + x + BRICK * (first[1] + y + BRICK * (first[2] + z));
@@ -215,7 +219,7 @@ fn cap_distance(seen: &[Seen], brick: usize, around: &[Option<usize>; 6], at: us
             };
             let Some(other) = other.map(|other| seen[other]) else { continue };
             if other.inside() != own.inside() && other.distance > 1.0 {
-                let along = (own.winding.abs() - 0.5) / (own.winding.abs() - other.winding.abs());
+                let along = (own.winding.abs() - INSIDE) / (own.winding.abs() - other.winding.abs());
                 nearest = nearest.min(along.max(NEAREST));
             }
         }

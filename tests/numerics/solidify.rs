@@ -178,6 +178,13 @@ fn meshes_that_enclose_nothing_say_so() {
     assert!(from_triangles(&Triangles::default(), 16).is_none());
     let point = Triangles { positions: vec![Vec3::zeros(); 3], triangles: vec![[0, 1, 2]] };
     assert!(from_triangles(&point, 16).is_none());
+    let flat = Triangles {
+        positions: [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+            .map(|[x, y]| Vec3::new(x, y, 0.3))
+            .to_vec(),
+        triangles: vec![[0, 1, 2], [0, 2, 3]],
+    };
+    assert_eq!(from_triangles(&flat, 16).unwrap().inside, 0);
     let single = Triangles { positions: vec![Vec3::x(), Vec3::y(), Vec3::z()], triangles: vec![[0, 1, 2]] };
     let found = from_triangles(&single, 16).unwrap();
     assert!(found.inside == 0 && found.field.values.iter().all(|d| d.is_finite() && *d > 0.0));
