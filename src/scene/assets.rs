@@ -107,7 +107,7 @@ fn shown(folder: &Path) -> String {
 }
 
 /// Reads the files that a checked scene names; one that cannot be read is a finding without a place of its own.
-pub(super) fn read(scene: &Scene, home: &Home) -> Result<Assets, Finding> {
+pub(super) fn read(scene: &Scene, home: &Home) -> Result<Assets, Box<Finding>> {
     let mut assets = Assets::new();
     for (path, mesh) in meshes(scene) {
         if assets.contains_key(&mesh.file) {
@@ -121,8 +121,8 @@ pub(super) fn read(scene: &Scene, home: &Home) -> Result<Assets, Finding> {
                     let span = super::problem::Span { source: 0, start: 0, end: 0 };
                     let message = format!("the mesh `{}` cannot be read: {error}", mesh.file);
                     let found = folder.join(&mesh.file).display().to_string();
-                    return Err(Finding::new(span, format!("{path}.file"), message, found)
-                        .with_help("check that this user may read it"));
+                    let finding = Finding::new(span, format!("{path}.file"), message, found);
+                    return Err(finding.with_help("check that this user may read it").into());
                 }
             },
         };

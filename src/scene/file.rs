@@ -150,7 +150,7 @@ fn read(
     let mut scene = interpret(&root, &model, &preset.home, findings)?;
     match assets::read(&scene, &preset.home) {
         Ok(assets) => scene.assets = assets,
-        Err(finding) => findings.push(finding),
+        Err(finding) => findings.push(*finding),
     }
     Some(scene)
 }

@@ -228,9 +228,10 @@ impl Node {
     fn distances(&self, q: Vec3) -> [f32; WIDTH] {
         let mut d2 = [0.0; WIDTH];
         for axis in 0..3 {
-            for l in 0..WIDTH {
-                let d = (self.low[axis][l] - q[axis]).max(q[axis] - self.high[axis][l]).max(0.0);
-                d2[l] += d * d;
+            let sides = self.low[axis].iter().zip(&self.high[axis]);
+            for (d2, (low, high)) in d2.iter_mut().zip(sides) {
+                let d = (low - q[axis]).max(q[axis] - high).max(0.0);
+                *d2 += d * d;
             }
         }
         d2
