@@ -38,6 +38,9 @@ const BESIDE: f32 = 1.2;
 /// A node this near to a triangle stands on it [voxels].
 const TOUCHING: f32 = 1e-3;
 
+/// There the winding number is between that of the two sides, or either; beyond this in size, both are inside.
+const BURIED: f32 = 1.25;
+
 /// How fast the winding number may change: within r of a point that has no triangle within R, by this times r/R.
 /// A harmonic function between 0 and 1 changes by 3/2 r/R at most near the centre of a ball.
 const STEEPEST: f32 = 1.5;
@@ -123,7 +126,7 @@ fn place(bricks: &Bricks, counts: [i32; 3], node: [usize; 3]) -> usize {
 impl Seen {
     /// Whether the node lies in the solid.
     fn inside(&self) -> bool {
-        self.winding.abs() > INSIDE
+        self.winding.abs() > if self.distance < TOUCHING { BURIED } else { INSIDE }
     }
 }
 
@@ -148,7 +151,7 @@ fn split(tree: &Tree, coord: [i32; 3], first: [usize; 3], size: usize, bound: f3
         // Behind the nearest triangle the winding number is one more, or one less. On it, it is anything between.
         let across = winding + nearest.map_or(0.0, |nearest| 1.0_f32.copysign(nearest.side));
         let parts = if distance < TOUCHING {
-            winding.abs() < 1.25
+            winding.abs() < BURIED
         } else {
             (winding.abs() > INSIDE) != (across.abs() > INSIDE)
         };
