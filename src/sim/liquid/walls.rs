@@ -235,6 +235,9 @@ impl Walls {
     /// Where a particle gets that is to move from `from` to `to` while the solids stand: no body is passed through.
     #[inline]
     pub(super) fn step(&self, from: Vec3, to: Vec3) -> (Vec3, bool) {
+        if self.bodies.is_empty() {
+            return self.project(to); // a half space has no other side
+        }
         let to = self.before_planes(to);
         self.project(self.bodies.iter().fold(to, |to, body| self.follow(body, from, to)))
     }
@@ -252,6 +255,9 @@ impl Walls {
     /// Where a particle gets that is to move from `from` to `to` while the solids move through the substep.
     #[inline]
     pub(super) fn carry(&self, from: Vec3, to: Vec3) -> (Vec3, bool) {
+        if self.bodies.is_empty() {
+            return self.project(to);
+        }
         let follow = |to: Vec3, body: &Body| {
             // Seen from the body, the particle starts where the body would have carried it.
             let start = body.mover.map_or(from, |mover| {
