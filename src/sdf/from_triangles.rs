@@ -41,9 +41,8 @@ const TOUCHING: f32 = 1e-3;
 /// There the winding number is between that of the two sides, or either; beyond this in size, both are inside.
 const BURIED: f32 = 1.25;
 
-/// How fast the winding number may change: within r of a point that has no triangle within R, by this times r/R.
-/// A harmonic function between 0 and 1 changes by 3/2 r/R at most near the centre of a ball.
-const STEEPEST: f32 = 1.5;
+/// How far the summed winding number may be from the exact one.
+const SUMMED: f32 = 0.02;
 
 /// Beyond this winding number a node is inside: ½, and a little that rounding does not reach, since on a loose sheet it
 /// is ½.
@@ -133,19 +132,39 @@ impl Seen {
 /// What the nodes of a brick see.
 fn look(tree: &Tree, coord: [i32; 3]) -> Vec<Seen> {
     let mut seen = vec![Seen { distance: f32::INFINITY, winding: 0.0, parts: false }; BRICK_NODES];
-    split(tree, coord, [0; 3], BRICK, f32::INFINITY, &mut seen);
+    let all = Cube { first: [0; 3], size: BRICK, bound: f32::INFINITY, winding: None };
+    split(tree, coord, all, &mut seen);
     seen
 }
 
-/// Looks from the middle of a cube of nodes, and from its eighths where that does not settle it. No triangle is
-/// farther than `bound` from the cube's middle.
-fn split(tree: &Tree, coord: [i32; 3], first: [usize; 3], size: usize, bound: f32, seen: &mut [Seen]) {
+/// A cube of a brick's nodes, and what is known of it.
+struct Cube {
+    first: [usize; 3],
+    size: usize,
+    /// Some triangle is no farther than this from its middle.
+    bound: f32,
+    /// The winding number, where it is known to be on the same side of ½ at all nodes.
+    winding: Option<f32>,
+}
+
+/// Whether a winding number stays on its side of ½ within `radius` of where it is `winding`, with no triangle within
+/// `distance`. It is harmonic there, and what is left of it to the next whole number grows by (1 + ρ)/(1 − ρ)² at
+/// most, with ρ = radius/distance (Harnack's inequality).
+fn decided(winding: f32, radius: f32, distance: f32) -> bool {
+    let left = (winding - winding.round()).abs().max(SUMMED);
+    let ratio = radius / distance;
+    ratio < 1.0 && left * (1.0 + ratio) / (1.0 - ratio).powi(2) < 0.5 - SUMMED
+}
+
+/// Looks from the middle of a cube of nodes, and from its eighths where that does not settle it.
+fn split(tree: &Tree, coord: [i32; 3], cube: Cube, seen: &mut [Seen]) {
+    let Cube { first, size, bound, winding: known } = cube;
     let half = (size - 1) as f32 * 0.5;
     let corner = node_of(coord, first[0] + BRICK * (first[1] + BRICK * first[2]));
     let middle = Vec3::from(corner.map(|c| c as f32)) + Vec3::repeat(half);
     let nearest = tree.nearest(middle, bound * bound);
     let distance = nearest.map_or(bound, |nearest| nearest.distance2.sqrt());
-    let winding = tree.winding(middle);
+    let winding = known.unwrap_or_else(|| tree.winding(middle));
     let radius = half * 3.0_f32.sqrt();
     if size == 1 {
         // Behind the nearest triangle the winding number is one more, or one less. On it, it is anything between.
@@ -158,9 +177,9 @@ fn split(tree: &Tree, coord: [i32; 3], first: [usize; 3], size: usize, bound: f3
         seen[first[0] + BRICK * (first[1] + BRICK * first[2])] = Seen { distance, winding, parts };
         return;
     }
-    let decided = (winding.abs() - INSIDE).abs() > STEEPEST * radius / (distance - radius).max(1e-3);
+    let decided = known.is_some() || decided(winding, radius, distance);
     if distance > radius + EXACT && decided {
-        for (x, y, z) in cube(size) {
+        for (x, y, z) in places(size) {
             let at = first[0] + x + BRICK * (first[1] + y + BRICK * (first[2] + z));
             seen[at] = Seen { distance: f32::INFINITY, winding, parts: false };
         }
@@ -169,14 +188,15 @@ fn split(tree: &Tree, coord: [i32; 3], first: [usize; 3], size: usize, bound: f3
     // No node of the cube is farther from the middle of its eighth than that from the middle of the whole.
     let step = size / 2;
     let bound = (distance + 0.5 * step as f32 * 3.0_f32.sqrt()) * (1.0 + 1e-5) + 1e-4;
-    for (x, y, z) in cube(2) {
+    let winding = decided.then_some(winding);
+    for (x, y, z) in places(2) {
         let first = [first[0] + x * step, first[1] + y * step, first[2] + z * step];
-        split(tree, coord, first, step, bound, seen);
+        split(tree, coord, Cube { first, size: step, bound, winding }, seen);
     }
 }
 
 /// The places of a cube.
-fn cube(size: usize) -> impl Iterator<Item = (usize, usize, usize)> {
+fn places(size: usize) -> impl Iterator<Item = (usize, usize, usize)> {
     (0..size).flat_map(move |z| (0..size).flat_map(move |y| (0..size).map(move |x| (x, y, z))))
 }
 
