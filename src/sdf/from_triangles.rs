@@ -42,7 +42,7 @@ const TOUCHING: f32 = 1e-3;
 const BURIED: f32 = 1.25;
 
 /// How far the summed winding number may be from the exact one.
-const SUMMED: f32 = 0.02;
+const SUMMED: f32 = 0.03;
 
 /// Beyond this winding number a node is inside: ½, and a little that rounding does not reach, since on a loose sheet it
 /// is ½.
