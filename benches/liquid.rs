@@ -9,7 +9,7 @@ use meniscus::{
     math::Vec3,
     par,
     sim::{Simulation, Unwatched, World, liquid::LiquidParams},
-    solid::{Collider, Shape},
+    solid::{Shape, Solid},
     space::{CellGrid, Neighbours},
 };
 use std::{hint::black_box, time::Duration};
@@ -19,7 +19,7 @@ const FRAME: f64 = 1.0 / 24.0;
 
 fn world() -> World {
     let tank = Shape::Tank { min: [0.0; 3], max: [3.2, 1.0, 2.0] };
-    World { gravity: Vec3::new(0.0, 0.0, -9.81), colliders: vec![Collider { shape: tank }] }
+    World { gravity: Vec3::new(0.0, 0.0, -9.81), solids: vec![Solid::fixed(tank)] }
 }
 
 fn params(iterations: u32) -> LiquidParams {

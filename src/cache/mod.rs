@@ -15,6 +15,7 @@ mod folder;
 mod format;
 mod lock;
 mod read;
+mod samples;
 mod write;
 
 #[cfg(test)]
@@ -26,4 +27,5 @@ pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
 pub use lock::Lock;
 pub use read::{read_frame, read_header, verify_frame};
+pub use samples::{read_samples, samples_path, write_samples};
 pub use write::write_frame;

@@ -6,9 +6,13 @@ use super::{
 };
 use crate::{
     run::RunError,
-    scene::{self, Overrides, Preset, Scene},
+    scene::{self, Home, Overrides, Preset, Scene},
 };
-use std::{fs::OpenOptions, io::Write, path::PathBuf};
+use std::{
+    fs::OpenOptions,
+    io::Write,
+    path::{Path, PathBuf},
+};
 
 /// Lists, shows or copies the built-in presets.
 pub(super) fn presets(args: &PresetsArgs) -> Result<(), RunError> {
@@ -33,7 +37,7 @@ fn list() -> Result<(), RunError> {
 /// A built-in preset, even where a file has its name.
 fn builtin(name: &str) -> Result<Preset, RunError> {
     match scene::builtin::get(name) {
-        Some(text) => Ok(Preset { name: name.into(), text: text.into() }),
+        Some(text) => Ok(Preset { name: name.into(), text: text.into(), home: Home::BuiltIn }),
         None => Ok(scene::load(name)?),
     }
 }
@@ -52,5 +56,29 @@ fn copy(name: &str, file: Option<PathBuf>) -> Result<(), RunError> {
         let _ = std::fs::remove_file(&path);
         fail(source)
     })?;
-    print(&path.display().to_string())
+    print(&path.display().to_string())?;
+    copy_assets(&preset, &path)
+}
+
+/// Copies the files that a built-in preset names beside its copy; those that are there already stay.
+fn copy_assets(preset: &Preset, beside: &Path) -> Result<(), RunError> {
+    let scene = Scene::from_preset(preset, &Overrides::default())?;
+    for (name, asset) in &scene.assets {
+        let path = beside.with_file_name(name);
+        let fail = |source| RunError::File {
+            path: path.clone(),
+            source,
+            next: "copy to a folder that can be written and has no other file of this name",
+        };
+        if std::fs::read(&path).is_ok_and(|bytes| bytes == **asset.bytes) {
+            continue;
+        }
+        if let Some(folder) = path.parent() {
+            std::fs::create_dir_all(folder).map_err(fail)?;
+        }
+        let mut file = OpenOptions::new().write(true).create_new(true).open(&path).map_err(fail)?;
+        file.write_all(&asset.bytes).map_err(fail)?;
+        print(&path.display().to_string())?;
+    }
+    Ok(())
 }

@@ -48,7 +48,7 @@ fn simulated(
     let scene = Scene::from_preset(&preset, &overrides)?;
     let selection = args.frames.clone().unwrap_or_else(|| scene.frames.clone());
     if args.dry_run || args.max_memory.is_some() {
-        let estimate = run::estimate(&scene, &selection, with_outputs)?;
+        let estimate = run::estimate(&scene, &selection, with_outputs, control.reporter)?;
         if args.dry_run {
             describe(&scene, &selection, &estimate)?;
         }

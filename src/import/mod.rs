@@ -1,4 +1,4 @@
-//! Particle files that other solvers wrote, as a [`Stream`].
+//! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids ([`parse_triangles`]).
 //!
 //! [`read_particles`] reads PLY, XYZ, legacy VTK and classic BGEO by the file's extension and refuses a file
 //! whose content is something else; [`expand`] turns the patterns of a command line into a sorted sequence of
@@ -10,6 +10,7 @@ mod error;
 mod expand;
 mod gather;
 mod ply;
+mod triangles;
 mod vtk;
 mod xyz;
 
@@ -18,6 +19,7 @@ mod tests;
 
 pub use error::ImportError;
 pub use expand::expand;
+pub use triangles::parse_triangles;
 
 use crate::frame::Stream;
 use std::path::Path;

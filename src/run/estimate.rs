@@ -1,6 +1,6 @@
 //! What a shot will need, before it starts.
 
-use super::{RunError, remarks, simulate::world};
+use super::{Reporter, RunError, remarks, simulate::world, solids};
 use crate::{
     export::MeshFormat,
     scene::{Frames, Scene},
@@ -26,7 +26,13 @@ pub struct Estimate {
 ///
 /// # Errors
 /// If the systems cannot start as the preset says.
-pub fn estimate(scene: &Scene, selection: &Frames, with_outputs: bool) -> Result<Estimate, RunError> {
+pub fn estimate(
+    scene: &Scene,
+    selection: &Frames,
+    with_outputs: bool,
+    reporter: &dyn Reporter,
+) -> Result<Estimate, RunError> {
+    let scene = &solids::fill(scene, None, reporter)?;
     let simulation = Simulation::new(world(scene), scene.liquid.clone())?;
     let particles = simulation.seeded().particles as usize;
     let meshes: &[MeshFormat] = if with_outputs { &scene.output.mesh } else { &[] };

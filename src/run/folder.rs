@@ -40,6 +40,11 @@ impl ShotFolder {
         self.root.join("mesh")
     }
 
+    /// The folder of the sampled meshes.
+    pub fn samples(&self) -> PathBuf {
+        self.root.join("sdf")
+    }
+
     /// The manifest that other tools read.
     pub fn manifest(&self) -> PathBuf {
         self.root.join("shot.json")

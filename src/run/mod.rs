@@ -11,6 +11,7 @@ mod log;
 mod manifest;
 mod remarks;
 mod simulate;
+mod solids;
 mod surface;
 mod surface_files;
 

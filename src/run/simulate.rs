@@ -1,6 +1,6 @@
 //! The job that fills the cache.
 
-use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, log, remarks};
+use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, log, remarks, solids};
 use crate::{
     cache::{self, CacheError, Lock},
     frame::FrameIndex,
@@ -46,6 +46,7 @@ pub fn simulate(
     ShotFolder::create(&folder.cache())?;
     let _lock = Lock::acquire(&folder.cache())?;
     let key = scene.simulation_key();
+    let scene = &solids::fill(scene, Some(folder), control.reporter)?;
     let mut state = None;
     if force {
         // What is there is given up only when the new simulation is known to start.
@@ -55,6 +56,7 @@ pub fn simulate(
     cache::remove_temporaries(&folder.cache()).map_err(|source| cannot_clean(folder.cache(), source))?;
     let valid = survey(folder, key, selection, control)?;
     ShotFolder::write(folder.preset(), &scene.to_toml())?;
+    solids::keep_assets(scene, folder)?;
     write_manifest(scene, folder, selection, &valid)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
 
@@ -222,7 +224,9 @@ impl Watch for Progress<'_> {
 
 /// The simulation's own view of what surrounds it.
 pub(super) fn world(scene: &Scene) -> World {
-    World { gravity: Vec3::from(scene.world.gravity), colliders: scene.world.collider.clone() }
+    let (fps, first) = (f64::from(scene.fps), scene.frames.first().0);
+    let solids = scene.world.collider.iter().map(|collider| collider.solid(fps, first)).collect();
+    World { gravity: Vec3::from(scene.world.gravity), solids }
 }
 
 fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {

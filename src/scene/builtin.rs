@@ -6,7 +6,18 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("dam-break", include_str!("../../presets/dam-break.toml")),
         ("double-dam-break", include_str!("../../presets/double-dam-break.toml")),
         ("drop-in-pool", include_str!("../../presets/drop-in-pool.toml")),
+        ("wave-machine", include_str!("../../presets/wave-machine.toml")),
     ]
+}
+
+/// Files that built-in presets name: their names and their bytes.
+pub fn assets() -> &'static [(&'static str, &'static [u8])] {
+    &[("assets/rock.ply", include_bytes!("../../presets/assets/rock.ply"))]
+}
+
+/// The bytes of the built-in file `name`.
+pub fn asset(name: &str) -> Option<&'static [u8]> {
+    assets().iter().find(|(known, _)| *known == name).map(|&(_, bytes)| bytes)
 }
 
 /// The text of the built-in preset `name`.

@@ -1,7 +1,9 @@
 //! Where presets come from, and how text becomes a [`Scene`].
 
 use super::{
-    Quality, Scene, builtin, check, meaning, model,
+    Quality, Scene,
+    assets::{self, Home},
+    builtin, check, meaning, model,
     problem::{Finding, SceneError, Source, Span, locate},
     tree::{self, Entry, Node, Value},
 };
@@ -17,6 +19,8 @@ pub struct Preset {
     pub name: String,
     /// All of its text.
     pub text: String,
+    /// Where the files are that it names.
+    pub home: Home,
 }
 
 /// What the command line changes in a preset.
@@ -42,10 +46,11 @@ pub fn load(preset: &str) -> Result<Preset, SceneError> {
             cause,
             nearest: path.file_stem().and_then(|stem| check::nearest(&stem.to_string_lossy(), names())),
         })?;
-        return decode(preset, bytes);
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        return decode(preset, bytes, Home::Folder(folder));
     }
     match builtin::get(preset) {
-        Some(text) => Ok(Preset { name: preset.to_owned(), text: text.to_owned() }),
+        Some(text) => Ok(Preset { name: preset.to_owned(), text: text.to_owned(), home: Home::BuiltIn }),
         None => Err(SceneError::UnknownPreset {
             name: preset.to_owned(),
             nearest: check::nearest(preset, names()),
@@ -54,10 +59,13 @@ pub fn load(preset: &str) -> Result<Preset, SceneError> {
 }
 
 /// The file's bytes as text; some editors put a byte order mark first, which says nothing in UTF-8.
-fn decode(name: &str, bytes: Vec<u8>) -> Result<Preset, SceneError> {
+fn decode(name: &str, bytes: Vec<u8>, home: Home) -> Result<Preset, SceneError> {
     let name = name.to_owned();
     match String::from_utf8(bytes) {
-        Ok(text) => Ok(Preset { name, text: text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned() }),
+        Ok(text) => {
+            let text = text.strip_prefix('\u{feff}').unwrap_or(&text).to_owned();
+            Ok(Preset { name, text, home })
+        }
         Err(error) => {
             let at = error.utf8_error().valid_up_to();
             let text = String::from_utf8_lossy(error.as_bytes()).into_owned();
@@ -111,12 +119,12 @@ fn read(
 
     // Each tier that is not asked for is checked on top of the preset; only what it adds is its fault.
     let mut known = Vec::new();
-    interpret(&root, &model, &mut known);
+    interpret(&root, &model, &preset.home, &mut known);
     for (name, tier) in tiers.iter().filter(|(name, _)| Some(*name) != overrides.quality) {
         let mut shot = root.clone();
         shot.overlay(tier.clone());
         let mut found = Vec::new();
-        interpret(&shot, &model, &mut found);
+        interpret(&shot, &model, &preset.home, &mut found);
         findings.extend(found.into_iter().filter(|finding| !known.contains(finding)).map(|finding| {
             Finding { message: format!("with quality `{name}`: {}", finding.message), ..finding }
         }));
@@ -139,7 +147,12 @@ fn read(
             findings.push(*finding);
         }
     }
-    interpret(&root, &model, findings)
+    let mut scene = interpret(&root, &model, &preset.home, findings)?;
+    match assets::read(&scene, &preset.home) {
+        Ok(assets) => scene.assets = assets,
+        Err(finding) => findings.push(*finding),
+    }
+    Some(scene)
 }
 
 /// The surface that `key=value` arguments alone describe (`surface.voxel=0.25`), for particles without a preset.
@@ -173,7 +186,7 @@ pub fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
 }
 
 /// The scene that a tree describes, or findings that say why it describes none.
-fn interpret(root: &Node, model: &model::Field, findings: &mut Vec<Finding>) -> Option<Scene> {
+fn interpret(root: &Node, model: &model::Field, home: &Home, findings: &mut Vec<Finding>) -> Option<Scene> {
     let checked = check::check(root, model);
     if !checked.findings.is_empty() {
         findings.extend(checked.findings);
@@ -187,7 +200,8 @@ fn interpret(root: &Node, model: &model::Field, findings: &mut Vec<Finding>) -> 
     {
         liquid.density_dev = Some(LiquidParams::DEFAULT_DENSITY_DEV);
     }
-    let wrong = meaning::check(&scene, &checked.places);
+    let mut wrong = meaning::check(&scene, &checked.places);
+    wrong.extend(assets::check(&scene, home, &checked.places));
     let fine = wrong.is_empty();
     findings.extend(wrong);
     fine.then_some(scene)

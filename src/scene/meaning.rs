@@ -3,7 +3,7 @@
 use super::{Scene, check::Places, problem::Finding};
 use crate::{
     sim::liquid::{LiquidParams, SourceShape},
-    solid::{Shape, ShapeError},
+    solid::{Collider, Shape, ShapeError},
 };
 
 /// Particles that the 32-bit neighbour lists can tell apart.
@@ -17,6 +17,7 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         if let Err(error) = collider.shape.check() {
             findings.push(shape_finding(&path, error, places));
         }
+        check_motion(collider, &format!("world.collider.{index}"), places, &mut findings);
     }
     match &scene.liquid {
         Some(liquid) => check_liquid(liquid, places, &mut findings),
@@ -31,6 +32,61 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         ),
     }
     findings
+}
+
+/// Whether the keyframes ascend and turn in one way, and whether their shape can.
+fn check_motion(collider: &Collider, path: &str, places: &Places, findings: &mut Vec<Finding>) {
+    let keys = &collider.keyframes;
+    let mut report = |key: String, message: String, label: String, help: &str| {
+        findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
+    };
+    for (index, pair) in keys.windows(2).enumerate() {
+        if pair[1].frame <= pair[0].frame {
+            report(
+                format!("{path}.keyframes.{}.frame", index + 1),
+                format!("the keyframes of `{path}` do not ascend"),
+                format!("found frame {} after frame {}", pair[1].frame, pair[0].frame),
+                "sort the keyframes by frame, and give each frame once",
+            );
+        }
+    }
+    let turned = |index: usize| format!("{path}.keyframes.{index}.quaternion");
+    for (index, key) in keys.iter().enumerate() {
+        match key.quaternion {
+            Some(q) if !q.iter().map(|c| c * c).sum::<f32>().is_normal() => report(
+                turned(index),
+                format!("`{}` is no rotation", turned(index)),
+                "a quaternion of length zero".to_owned(),
+                "no rotation at all is [1, 0, 0, 0]",
+            ),
+            Some(_) if key.rotation != [0.0; 3] => report(
+                turned(index),
+                format!("keyframe {index} of `{path}` turns in two ways"),
+                "a quaternion, but `rotation` is given too".to_owned(),
+                "keep one of them",
+            ),
+            _ => {}
+        }
+        if key.quaternion.is_some() != keys[0].quaternion.is_some() {
+            report(
+                turned(index),
+                format!("the keyframes of `{path}` turn in different ways"),
+                "some keyframes have a quaternion and some have not".to_owned(),
+                "give all of them a quaternion, or none",
+            );
+            break;
+        }
+    }
+    let turns =
+        keys.windows(2).position(|k| (k[0].rotation, k[0].quaternion) != (k[1].rotation, k[1].quaternion));
+    if let (Shape::Plane { .. }, Some(index)) = (&collider.shape, turns) {
+        report(
+            format!("{path}.keyframes.{}", index + 1),
+            format!("`{path}` is a plane and cannot turn"),
+            "its rotation changes here, and far from its origin it would be infinitely fast".to_owned(),
+            "use a box with its face where the plane is",
+        );
+    }
 }
 
 fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mut Vec<Finding>) {
@@ -77,6 +133,7 @@ fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mut Vec<Findi
         let (path, shape) = match source.shape.clone() {
             SourceShape::Box { min, max } => ("box", Shape::Box { min, max }),
             SourceShape::Sphere { center, radius } => ("sphere", Shape::Sphere { center, radius }),
+            SourceShape::Mesh(mesh) => ("mesh", Shape::Mesh(mesh)),
         };
         if let Err(error) = shape.check() {
             findings.push(shape_finding(&format!("liquid.source.{index}.shape.{path}"), error, places));
@@ -103,7 +160,8 @@ fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut V
     }
 }
 
-/// The sources' volume in particles; sources that overlap count twice.
+/// The sources' volume in particles; sources that overlap count twice, meshes, whose volume is in their file, not
+/// at all.
 pub(super) fn particle_estimate(liquid: &LiquidParams) -> f64 {
     let volume: f64 = liquid.source.iter().map(|source| volume(&source.shape)).sum();
     volume / f64::from(liquid.spacing).powi(3)
@@ -116,6 +174,7 @@ fn volume(shape: &SourceShape) -> f64 {
             (0..3).map(|axis| (f64::from(max[axis]) - f64::from(min[axis])).max(0.0)).product()
         }
         SourceShape::Sphere { radius, .. } => 4.0 / 3.0 * std::f64::consts::PI * f64::from(*radius).powi(3),
+        SourceShape::Mesh(_) => 0.0,
     }
 }
 
@@ -126,6 +185,7 @@ fn name(shape: &Shape) -> &'static str {
         Shape::Sphere { .. } => "sphere",
         Shape::Capsule { .. } => "capsule",
         Shape::Tank { .. } => "tank",
+        Shape::Mesh(_) => "mesh",
     }
 }
 
@@ -137,6 +197,7 @@ fn shape_finding(path: &str, error: ShapeError, places: &Places) -> Finding {
             "give any other vector; it points out of the solid, to where the liquid may be"
         }
         ShapeError::NoRadius => "give a radius above zero",
+        ShapeError::NoScale => "give a factor above zero; 1 takes the file's unit for metres",
         ShapeError::NotFinite { .. } => "give a finite number",
     };
     Finding::new(places.of(&key), &key, format!("`{path}` is not a shape: {error}"), error.to_string())

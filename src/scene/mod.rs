@@ -4,6 +4,7 @@
 //! tree. It is then checked against the schema that the parameter structs generate (`model.rs`, `check.rs`),
 //! so that every mistake is found at once and shown where it stands; what is left are plain SI numbers.
 
+mod assets;
 pub mod builtin;
 mod check;
 mod file;
@@ -18,6 +19,7 @@ mod units;
 #[cfg(test)]
 mod tests;
 
+pub use assets::{Asset, Assets, Home};
 pub use file::{Overrides, Preset, load, surface_alone};
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};
@@ -30,7 +32,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use std::{fmt, str::FromStr};
+use std::{collections::BTreeMap, fmt, str::FromStr};
 
 /// A whole shot, as its preset says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -56,6 +58,10 @@ pub struct Scene {
     /// What `shot` writes besides the cache.
     #[serde(default)]
     pub output: Output,
+    /// The files that the world and the liquid name; not part of the preset's text.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub assets: Assets,
 }
 
 /// What surrounds the systems.
@@ -137,8 +143,8 @@ impl Scene {
         toml::to_string(self).expect("a scene has only values that TOML can hold")
     }
 
-    /// A hash of what decides the simulated state: frame rate, first frame, world, systems, and the solvers'
-    /// version.
+    /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that
+    /// these name, and the solvers' version.
     ///
     /// The title, the frames after the first, the surface and the output do not change it. Caches keep it, so
     /// that frames of another scene are recognised as stale.
@@ -150,10 +156,13 @@ impl Scene {
             solvers: u32,
             world: &'a World,
             liquid: &'a Option<LiquidParams>,
+            #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+            files: BTreeMap<&'a str, u64>,
         }
-        let Self { title: _, frames, fps, world, liquid, surface: _, output: _ } = self;
+        let Self { title: _, frames, fps, world, liquid, surface: _, output: _, assets } = self;
+        let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
         let solvers = sim::STATE_VERSION;
-        let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid };
+        let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid, files };
         let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
         xxhash_rust::xxh3::xxh3_64(text.as_bytes())
     }

@@ -1,4 +1,6 @@
-//! Signed distance to the surface that a field implies.
+//! Signed distance to the surface that a field implies, or that triangles make.
+//!
+//! [`from_triangles`] samples the distance to a mesh on a dense grid, [`Sampled`]; what follows is about fields.
 //!
 //! *Method* [gourlay17], [zhao05]: a threshold turns the field into an indicator (inside or outside); where two
 //! neighbouring nodes differ, the field's values say where along the edge the surface crosses; from the crossings
@@ -13,8 +15,16 @@
 //! Limits: first order in the voxel, away from the surface and beside it. A feature thinner than a voxel between
 //! two nodes of the same side is not seen.
 
+mod from_triangles;
+mod sampled;
 mod seed;
 mod sweep;
+mod tree;
+mod triangles;
+
+pub use from_triangles::{SAMPLED_VERSION, Solidified, from_triangles};
+pub use sampled::Sampled;
+pub use triangles::Triangles;
 
 pub use seed::{SeedRule, Seeds, seeds};
 pub use sweep::{Swept, sweep, sweep_in_order};

@@ -19,7 +19,8 @@ pub struct SeedReport {
 pub struct Clamps {
     /// Particle corrections shortened to half a spacing, over all iterations.
     pub corrections: u64,
-    /// Substeps after which velocities were scaled down because the mechanical energy exceeded the shot's first.
+    /// Substeps after which velocities were scaled down because the mechanical energy exceeded the shot's first and the
+    /// work of moving solids.
     pub energy: u64,
     /// Substeps in which vorticity confinement was scaled down to stay bounded.
     pub confinement: u64,
@@ -49,6 +50,8 @@ pub struct FrameRecord {
     pub potential_energy: f64,
     /// Energy that vorticity confinement added during the frame [J].
     pub confinement_energy: f64,
+    /// Work of moving solids on the liquid during the frame [J]: what the liquid's energy may rise by.
+    pub solid_work: f64,
     /// Limits that changed a result.
     pub clamps: Clamps,
     /// Neighbour lists built again within a substep because particles had moved farther than the skin.

@@ -7,7 +7,7 @@ use super::{
 use crate::{
     frame::{Frame, FrameIndex},
     math::Vec3,
-    solid::Collider,
+    solid::Solid,
 };
 
 /// What surrounds the systems.
@@ -16,7 +16,7 @@ pub struct World {
     /// Acceleration on everything [m/s²].
     pub gravity: Vec3,
     /// What keeps the systems out.
-    pub colliders: Vec<Collider>,
+    pub solids: Vec<Solid>,
 }
 
 /// Why a simulation cannot start.
@@ -72,7 +72,7 @@ impl Simulation {
         let params = liquid.ok_or(SetupError::NoSystem)?;
         let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
         let stream = frame.stream(liquid::NAME).ok_or(missing)?;
-        Ok(Self { liquid: Some(Liquid::restore(params, &world, stream)?), time: frame.time })
+        Ok(Self { liquid: Some(Liquid::restore(params, &world, stream, frame.time)?), time: frame.time })
     }
 
     /// What seeding did.
@@ -92,7 +92,7 @@ impl Simulation {
     pub fn advance(&mut self, frame_seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
         let mut record = FrameRecord::default();
         if let Some(liquid) = &mut self.liquid {
-            record = liquid.advance(frame_seconds, watch)?;
+            record = liquid.advance(self.time, frame_seconds, watch)?;
         }
         self.time += frame_seconds;
         Ok(record)

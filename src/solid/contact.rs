@@ -1,4 +1,4 @@
-//! Exact signed distances and normals of the analytic shapes.
+//! Signed distances and normals of the shapes; exact but for meshes, which are sampled.
 //!
 //! *Method* Closest point on each shape, in closed form. *Departs from the paper*: none is followed.
 //!
@@ -28,6 +28,9 @@ pub enum ShapeError {
     /// A ball or capsule whose radius is not positive.
     #[error("`radius` is not above zero")]
     NoRadius,
+    /// A mesh whose scale is not positive.
+    #[error("`scale` is not above zero")]
+    NoScale,
     /// A coordinate or radius that is NaN or infinite.
     #[error("`{field}` is not finite")]
     NotFinite {
@@ -43,6 +46,7 @@ impl ShapeError {
             Self::Inverted { .. } => "max",
             Self::NoDirection => "normal",
             Self::NoRadius => "radius",
+            Self::NoScale => "scale",
             Self::NotFinite { field } => field,
         }
     }
@@ -50,7 +54,7 @@ impl ShapeError {
 
 impl Shape {
     /// Distance from `x` to the surface, in metres: positive outside the solid, where liquid may be (for a tank:
-    /// inside its box), negative within it.
+    /// inside its box), negative within it. Beyond a mesh's grid, a lower bound.
     #[inline]
     pub fn signed_distance(&self, x: Vec3) -> f32 {
         match self {
@@ -59,6 +63,7 @@ impl Shape {
             Self::Sphere { center, radius } => unit(x - vec3(center)).0 - radius,
             Self::Capsule { from, to, radius } => unit(off_axis(x, vec3(from), vec3(to))).0 - radius,
             Self::Tank { min, max } => -box_distance(x, vec3(min), vec3(max)),
+            Self::Mesh(mesh) => mesh.distance(x),
         }
     }
 
@@ -82,6 +87,20 @@ impl Shape {
                 let (d, n) = box_contact(x, vec3(min), vec3(max));
                 (-d, -n)
             }
+            Self::Mesh(mesh) => mesh.contact(x),
+        }
+    }
+
+    /// The distance of the shape's farthest point from its origin [m]; infinite for a plane.
+    ///
+    /// A tank ends at its walls: whatever the liquid can touch lies there.
+    pub fn reach(&self) -> f32 {
+        match self {
+            Self::Plane { .. } => f32::INFINITY,
+            Self::Box { min, max } | Self::Tank { min, max } => vec3(min).abs().sup(&vec3(max).abs()).norm(),
+            Self::Sphere { center, radius } => vec3(center).norm() + radius,
+            Self::Capsule { from, to, radius } => vec3(from).norm().max(vec3(to).norm()) + radius,
+            Self::Mesh(mesh) => mesh.corners().iter().map(|corner| corner.norm()).fold(0.0, f32::max),
         }
     }
 
@@ -112,6 +131,12 @@ impl Shape {
                 finite("from", from)?;
                 finite("to", to)?;
                 positive(*radius)
+            }
+            Self::Mesh(mesh) => {
+                finite("scale", &[mesh.scale])?;
+                finite("rotate", &mesh.rotate)?;
+                finite("translate", &mesh.translate)?;
+                if mesh.scale > 0.0 { Ok(()) } else { Err(ShapeError::NoScale) }
             }
         }
     }
@@ -303,6 +328,7 @@ mod tests {
                 let chain: Vec<Vec3> = (0..=4000).map(|k| a + (b - a) * (k as f32 / 4000.0)).collect();
                 (points, Box::new(move |x| chain.iter().any(|c| (x - c).norm() < radius)))
             }
+            Shape::Mesh(_) => unreachable!("sampled fields have tests of their own"),
         }
     }
 

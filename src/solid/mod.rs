@@ -1,7 +1,13 @@
-//! Colliders: what the systems cannot enter, as signed distances and outward normals.
+//! Colliders: what the systems cannot enter, as signed distances and outward normals, and how it moves.
 
+mod collider;
 mod contact;
+mod mesh;
+mod motion;
 mod shape;
 
+pub use collider::{Collider, Solid};
 pub use contact::ShapeError;
-pub use shape::{Collider, Shape};
+pub use mesh::MeshShape;
+pub use motion::{Interpolation, Keyframe, Motion, Pose};
+pub use shape::Shape;

@@ -1,17 +1,10 @@
 //! The analytic shapes a preset can name.
 
+use super::MeshShape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One collider of the world.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Collider {
-    /// The shape that keeps everything out (or, for a tank, in).
-    pub shape: Shape,
-}
-
-/// A shape in world space. Lengths are in metres; no dimension may be zero or negative.
+/// A shape about its own origin: the world's, unless the collider moves. Lengths are in metres; no dimension may be zero or negative.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
@@ -62,4 +55,6 @@ pub enum Shape {
         #[schemars(extend("unit" = "m"))]
         max: [f32; 3],
     },
+    /// A solid that a file describes.
+    Mesh(MeshShape),
 }

@@ -5,6 +5,7 @@ mod interrupt;
 mod meshing;
 mod resume;
 mod shot;
+mod solids;
 
 use assert_cmd::Command;
 use std::{

@@ -5,7 +5,7 @@ use meniscus::{
     math::Vec3,
     par,
     sim::{FrameRecord, SetupError, Simulation, Stop, Unwatched, Watch, World, liquid::LiquidParams},
-    solid::{Collider, Shape},
+    solid::{Shape, Solid},
 };
 
 const FRAME: f64 = 1.0 / 24.0;
@@ -22,11 +22,11 @@ fn block(spacing: f32, min: [f32; 3], max: [f32; 3], terms: &str) -> LiquidParam
 
 fn tank(gravity: f32, max: [f32; 3]) -> World {
     let shape = Shape::Tank { min: [0.0; 3], max };
-    World { gravity: Vec3::new(0.0, 0.0, -gravity), colliders: vec![Collider { shape }] }
+    World { gravity: Vec3::new(0.0, 0.0, -gravity), solids: vec![Solid::fixed(shape)] }
 }
 
 fn space() -> World {
-    World { gravity: Vec3::zeros(), colliders: Vec::new() }
+    World { gravity: Vec3::zeros(), solids: Vec::new() }
 }
 
 fn simulation(world: World, params: LiquidParams) -> Simulation {
@@ -245,7 +245,7 @@ fn passes_that_the_preset_does_not_name_do_not_run() {
 fn extremes_stay_finite() {
     let plate = |gravity: f32| World {
         gravity: Vec3::new(0.0, 0.0, -gravity),
-        colliders: vec![Collider { shape: Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] } }],
+        solids: vec![Solid::fixed(Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] })],
     };
     let cube = |terms: &str| block(0.1, [0.0, 0.0, 0.1], [0.8, 0.8, 0.9], terms);
     let fast = params(

@@ -3,4 +3,6 @@
 mod liquid;
 mod mesh;
 mod sdf;
+mod solidify;
+mod solids;
 mod surface_field;

@@ -2,9 +2,11 @@
 //!
 //! *Method*: none of the paper's. A position correction that undoes an error left over from earlier substeps
 //! counts as velocity, so that a solve which is far from converged feeds energy in: 32 layers at three
-//! iterations and 21 ms reached 2.7 times their energy and a fountain of three times their height. Solids stand
-//! still, so the true motion never gains energy: whatever exceeds the shot's first energy, plus what lifts
-//! everything by one spacing, is taken from the velocities relative to the mean. Momentum stays.
+//! iterations and 21 ms reached 2.7 times their energy and a fountain of three times their height. The true
+//! motion gains no energy but what moving solids give it. Each contact with one is an impulse, m δ/dt for a push by
+//! δ, and the surface's velocity times the impulse is its work, to which both sides of an inelastic contact agree:
+//! what the liquid does not gain of it is lost. Whatever exceeds the shot's first energy and that work, plus what
+//! lifts everything by one spacing, is taken from the velocities relative to the mean. Momentum stays.
 
 use crate::{math::Vec3, par};
 

@@ -10,6 +10,7 @@
 //! (at 1 km, 0.06 mm).
 
 mod accelerated;
+mod displaced;
 mod energy;
 mod jacobi;
 mod lanes;
@@ -69,7 +70,8 @@ pub(super) struct Liquid {
     gravity: Vec3,
     /// Of one particle [kg].
     mass: f64,
-    /// Mechanical energy at the start of the shot [J]: what confinement may restore.
+    /// Mechanical energy at the start of the shot and the work of moving solids since [J]: what confinement may
+    /// restore.
     first_energy: f64,
     /// Average and largest constraint error when the last frame ended; `None` before the first has.
     deviation: Option<[f64; 2]>,
@@ -96,10 +98,16 @@ impl Liquid {
         Ok(liquid)
     }
 
-    /// Takes the state from a frame's stream.
-    pub(super) fn restore(params: LiquidParams, world: &World, stream: &Stream) -> Result<Self, SetupError> {
+    /// Takes the state from a frame's stream; `time` since the shot's start [s].
+    pub(super) fn restore(
+        params: LiquidParams,
+        world: &World,
+        stream: &Stream,
+        time: f64,
+    ) -> Result<Self, SetupError> {
         let missing = |what| SetupError::Missing { stream: NAME, what };
         let mut liquid = Self::empty(params, world);
+        liquid.walls.place_at(time);
         liquid.x = stream.vec3("position").ok_or(missing("position"))?.to_vec();
         liquid.v = stream.vec3("velocity").ok_or(missing("velocity"))?.to_vec();
         liquid.id = stream.u32("id").ok_or(missing("id"))?.to_vec();
@@ -121,7 +129,7 @@ impl Liquid {
         let rest = Rest::new(params.kernel, params.spacing, params.kernel_radius);
         Self {
             rest,
-            walls: Walls::new(&world.colliders, &rest),
+            walls: Walls::new(&world.solids, &rest),
             gravity: world.gravity,
             mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
             first_energy: 0.0,
@@ -181,8 +189,13 @@ impl Liquid {
         .collect()
     }
 
-    /// Advances by one frame of `seconds`.
-    pub(super) fn advance(&mut self, seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
+    /// Advances from `start` [s] by one frame of `seconds`.
+    pub(super) fn advance(
+        &mut self,
+        start: f64,
+        seconds: f64,
+        watch: &mut dyn Watch,
+    ) -> Result<FrameRecord, Stop> {
         let mut clock = Clock::new(&self.passes());
         let mut record = FrameRecord::default();
         (self.solver.rebuilds, self.solver.shortened, self.solver.stuck) = (0, 0, 0);
@@ -196,9 +209,11 @@ impl Liquid {
             let remaining = self.substeps_left(left, &mut record);
             let dt = left / f64::from(remaining);
             record.substeps += 1;
+            let left_after = if remaining == 1 { 0.0 } else { left - dt };
+            self.walls.move_to(start + (seconds - left_after));
             self.substep(dt as f32, &mut clock, &mut record, watch)?;
             self.check_state(record.substeps)?;
-            left = if remaining == 1 { 0.0 } else { left - dt };
+            left = left_after;
             watch.substep(1.0 - left / seconds);
         }
         self.measure(&mut clock, &mut record);
@@ -227,6 +242,7 @@ impl Liquid {
         }
         clock.time("solve", || self.solve(dt, record, watch))?;
         clock.time("velocity", || self.update_velocities(dt));
+        self.grant_work(dt, record);
         if self.confinement.is_some() || self.params.viscosity.is_some() {
             let setup = setup(&self.params, &self.rest, &self.walls);
             clock.time("search", || {
@@ -277,7 +293,10 @@ impl Liquid {
         par::update(&mut self.v, |_, v| *v += gain);
         let v = &self.v;
         self.solver.p.resize(x.len(), Vec3::zeros());
-        par::fill(&mut self.solver.p, |i| walls.project(x[i] + v[i] * dt).0);
+        par::fill(&mut self.solver.p, |i| walls.carry(x[i], x[i] + v[i] * dt).0);
+        let p = &self.solver.p;
+        self.solver.work =
+            if walls.any_move() { par::sum(p.len(), |i| walls.work(x[i] + v[i] * dt, p[i])) } else { 0.0 };
     }
 
     /// [pbf] Alg. 1, lines 8–19.
@@ -335,6 +354,13 @@ impl Liquid {
         record.clamps.confinement += u64::from(bounded);
     }
 
+    /// Adds to the energy that the liquid may have what moving solids did in this substep.
+    fn grant_work(&mut self, dt: f32, record: &mut FrameRecord) {
+        let work = self.mass * self.solver.work / f64::from(dt).powi(2);
+        self.first_energy += work;
+        record.solid_work += work;
+    }
+
     /// Takes back energy that the solver made.
     fn bound_energy(&mut self, record: &mut FrameRecord) {
         let most = self.first_energy + energy::slack(self.v.len(), self.mass, self.rest.spacing);
@@ -348,6 +374,7 @@ impl Liquid {
     /// How many equal substeps the rest of the frame, `left` [s], takes at the present speeds.
     fn substeps_left(&self, left: f64, record: &mut FrameRecord) -> u32 {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
+        let fastest = fastest + self.walls.fastest(left);
         let gravity = f64::from(self.gravity.norm());
         let allowed = f64::from(self.params.cfl) * f64::from(self.params.spacing);
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.

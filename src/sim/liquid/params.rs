@@ -1,5 +1,6 @@
 //! What a preset can say about a liquid.
 
+use crate::solid::MeshShape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -206,6 +207,8 @@ pub enum SourceShape {
         #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
         radius: f32,
     },
+    /// The inside of a mesh. Particles stand on the lattice through the world's origin, half a spacing off it.
+    Mesh(MeshShape),
 }
 
 mod defaults {

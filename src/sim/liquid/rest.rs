@@ -109,7 +109,7 @@ impl Rest {
 
 impl Kernel {
     /// W over its value at the centre, as [`Pair::density`](super::pair::Pair::density) in double precision.
-    fn density(self, q: f64) -> f64 {
+    pub(super) fn density(self, q: f64) -> f64 {
         match self {
             Self::Poly6Spiky => (1.0 - q * q).powi(3),
             Self::Wendland => (1.0 - q).powi(4) * (1.0 + 4.0 * q),

@@ -74,6 +74,12 @@ fn lattice(shape: &SourceShape, spacing: f32) -> ([f64; 3], [f64; 3]) {
             let half = (f64::from(radius) / s).ceil();
             (center.map(|c| f64::from(c) - (half - 0.5) * s), [2.0 * half; 3])
         }
+        SourceShape::Mesh(ref mesh) => {
+            let (low, high) = mesh.bounds();
+            let first = |axis: usize| (f64::from(low[axis]) / s).floor() + 0.5;
+            let count = |axis: usize| (f64::from(high[axis]) / s + 0.5 - first(axis)).floor().max(0.0);
+            ([0, 1, 2].map(|axis| first(axis) * s), [count(0), count(1), count(2)])
+        }
     }
 }
 
@@ -82,19 +88,20 @@ fn contains(shape: &SourceShape, x: Vec3) -> bool {
     match *shape {
         SourceShape::Box { .. } => true,
         SourceShape::Sphere { center, radius } => (x - Vec3::from(center)).norm() <= radius,
+        SourceShape::Mesh(ref mesh) => mesh.contains(x),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solid::{Collider, Shape};
+    use crate::solid::{Shape, Solid};
 
     fn seeds(text: &str, shapes: Vec<Shape>) -> Result<Seeds, SetupError> {
         let params: LiquidParams = toml::from_str(text).expect("the preset is valid");
         let rest = Rest::new(params.kernel, params.spacing, params.kernel_radius);
-        let colliders: Vec<Collider> = shapes.into_iter().map(|shape| Collider { shape }).collect();
-        seed(&params, &rest, &Walls::new(&colliders, &rest))
+        let solids: Vec<Solid> = shapes.into_iter().map(Solid::fixed).collect();
+        seed(&params, &rest, &Walls::new(&solids, &rest))
     }
 
     fn sources(shapes: &[&str]) -> String {

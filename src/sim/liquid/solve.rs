@@ -60,6 +60,8 @@ pub(super) struct Solver {
     pub(super) shortened: u64,
     /// Particles that still touched a solid after the last round.
     pub(super) stuck: u64,
+    /// What moving solids did in this substep, by mass over dt² [m²].
+    pub(super) work: f64,
 }
 
 /// How far lists reach [m].
@@ -259,10 +261,11 @@ impl Solver {
             pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at })
         });
         let skin = SKIN * setup.rest.support;
-        for Moved { farthest2, shortened, stuck } in partials {
+        for Moved { farthest2, shortened, stuck, work } in partials {
             self.stale |= 4.0 * farthest2 > skin * skin;
             self.shortened += shortened;
             self.stuck += stuck;
+            self.work += work;
         }
     }
 }
@@ -372,6 +375,8 @@ struct Moved {
     farthest2: f32,
     shortened: u64,
     stuck: u64,
+    /// What moving solids did, by mass over dt² [m²].
+    work: f64,
 }
 
 /// Moves a chunk of particles.
@@ -387,7 +392,7 @@ impl Pass for CorrectionPass<'_> {
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) -> Moved {
         let (mut total, setup) = (Moved::default(), self.at.setup);
-        let contact = 0.5 * setup.rest.spacing;
+        let (contact, any_move) = (0.5 * setup.rest.spacing, setup.walls.any_move());
         for (offset, (x, built_at)) in self.p.iter_mut().zip(self.built_at).enumerate() {
             let i = self.at.start + offset;
             let (delta, short) = limit(correction::<L, P>(&self.at, i, *x), setup.rest.spacing);
@@ -395,10 +400,16 @@ impl Pass for CorrectionPass<'_> {
             let mut way2 = (moved - built_at).norm_squared();
             let room = self.at.clearance[i] - contact;
             if room <= 0.0 || way2 >= room * room {
-                let (free, touching) = setup.walls.project(moved); // [pbf] Alg. 1, line 14
+                let (free, touching) = setup.walls.step(*x, moved); // [pbf] Alg. 1, line 14
+                if any_move {
+                    total.work += setup.walls.work(moved, free);
+                }
                 moved = free;
                 way2 = (moved - built_at).norm_squared();
                 total.stuck += u64::from(touching);
+            }
+            if any_move {
+                total.work += setup.walls.pressing(*x, self.at.nodes[i].value());
             }
             *x = moved;
             total.farthest2 = total.farthest2.max(way2);

@@ -1,0 +1,109 @@
+//! Sampled distance fields on disk, so that a mesh is sampled once.
+//!
+//! `KEY.mcd`, little-endian: the magic `MCSDF\0\0\x01`; the key (u64), a hash of all that decided the samples; nodes
+//! along each axis (3 × u32); voxel (f32); origin (3 × f32); the length of the rest (u64); the samples, f32, x fastest,
+//! as one zstd frame; xxh3-64 of everything before it (u64).
+
+use super::{CacheError, error::Damage, write_atomically};
+use crate::{math::Vec3, sdf::Sampled};
+use std::path::{Path, PathBuf};
+use xxhash_rust::xxh3::xxh3_64;
+
+const MAGIC: &[u8; 8] = b"MCSDF\0\0\x01";
+
+/// Bytes before the samples.
+const HEAD: usize = 8 + 8 + 12 + 4 + 12 + 8;
+
+/// The samples' file in `dir`.
+pub fn samples_path(dir: &Path, key: u64) -> PathBuf {
+    dir.join(format!("{key:016x}.mcd"))
+}
+
+/// Writes `field` to `dir`, which exists, whole or not at all.
+///
+/// # Errors
+/// [`CacheError`] if it cannot be written.
+pub fn write_samples(dir: &Path, key: u64, field: &Sampled) -> Result<(), CacheError> {
+    let path = samples_path(dir, key);
+    let failed = |error| CacheError::from_io(&path, "write the samples", error);
+    let raw: Vec<u8> = field.values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let packed = zstd::bulk::compress(&raw, 1).map_err(failed)?;
+    let mut bytes = Vec::with_capacity(HEAD + packed.len() + 8);
+    bytes.extend(MAGIC);
+    bytes.extend(key.to_le_bytes());
+    field.nodes.iter().for_each(|n| bytes.extend(n.to_le_bytes()));
+    bytes.extend(field.voxel.to_le_bytes());
+    field.origin.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
+    bytes.extend((packed.len() as u64).to_le_bytes());
+    bytes.extend(packed);
+    bytes.extend(xxh3_64(&bytes).to_le_bytes());
+    write_atomically(&path, |out| out.write_all(&bytes)).map(|_| ()).map_err(failed)
+}
+
+/// Reads what [`write_samples`] wrote under this key, every byte of it verified.
+///
+/// # Errors
+/// [`CacheError::NotFound`] if it is not there, [`CacheError::Corrupt`] if it is not what was written.
+pub fn read_samples(dir: &Path, key: u64) -> Result<Sampled, CacheError> {
+    let path = samples_path(dir, key);
+    let bytes =
+        std::fs::read(&path).map_err(|error| CacheError::from_io(&path, "read the samples", error))?;
+    decode(&bytes, key).map_err(|damage| damage.of(&path))
+}
+
+fn decode(bytes: &[u8], key: u64) -> Result<Sampled, Damage> {
+    let size = || format!("{} bytes", bytes.len());
+    let Some((body, sum)) = bytes.split_last_chunk::<8>().filter(|(body, _)| body.len() >= HEAD) else {
+        return Err(Damage::new("header", size(), format!("at least {} bytes", HEAD + 8)));
+    };
+    let (found, expected) = (xxh3_64(body), u64::from_le_bytes(*sum));
+    if found != expected {
+        let message = |hash: u64| format!("checksum {hash:016x}");
+        return Err(Damage::new("the whole file", message(found), message(expected)));
+    }
+    let word = |at: usize| -> [u8; 4] { std::array::from_fn(|i| body[at + i]) };
+    let long = |at: usize| -> u64 { u64::from_le_bytes(std::array::from_fn(|i| body[at + i])) };
+    if &body[..8] != MAGIC || long(8) != key {
+        return Err(Damage::new("header", format!("key {:016x}", long(8)), format!("key {key:016x}")));
+    }
+    let nodes: [u32; 3] = std::array::from_fn(|axis| u32::from_le_bytes(word(16 + 4 * axis)));
+    let voxel = f32::from_le_bytes(word(28));
+    let origin = Vec3::from_fn(|axis, _| f32::from_le_bytes(word(32 + 4 * axis)));
+    let count: usize = nodes.iter().map(|&n| n as usize).product();
+    if long(44) != (body.len() - HEAD) as u64 {
+        return Err(Damage::new("samples", size(), format!("{} bytes of samples", long(44))));
+    }
+    let raw = zstd::bulk::decompress(&body[HEAD..], 4 * count)
+        .map_err(|error| Damage::new("samples", error.to_string(), "a zstd frame"))?;
+    if raw.len() != 4 * count {
+        return Err(Damage::new("samples", format!("{} bytes", raw.len()), format!("{} bytes", 4 * count)));
+    }
+    let values = raw.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+    Ok(Sampled { origin, voxel, nodes, values })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_come_back_and_damage_is_found_wherever_it_is() {
+        let dir = tempfile::tempdir().unwrap();
+        let values = (0..60).map(|i| (i as f32).sin()).collect();
+        let field = Sampled { origin: Vec3::new(1.0, -2.0, 3.5), voxel: 0.25, nodes: [3, 4, 5], values };
+        write_samples(dir.path(), 7, &field).unwrap();
+        assert_eq!(read_samples(dir.path(), 7).unwrap(), field);
+        assert!(matches!(read_samples(dir.path(), 8), Err(CacheError::NotFound { .. })));
+
+        let path = samples_path(dir.path(), 7);
+        let good = std::fs::read(&path).unwrap();
+        std::fs::write(samples_path(dir.path(), 9), &good).unwrap();
+        assert!(matches!(read_samples(dir.path(), 9), Err(CacheError::Corrupt { .. })), "another key");
+        for at in 0..good.len() {
+            let mut bad = good.clone();
+            bad[at] ^= 0x10;
+            assert!(decode(&bad, 7).is_err(), "byte {at}");
+            assert!(decode(&good[..at], 7).is_err(), "cut at {at}");
+        }
+    }
+}

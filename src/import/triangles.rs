@@ -1,0 +1,299 @@
+//! Triangle meshes: PLY, ASCII or binary of either byte order, and OBJ.
+//!
+//! Taken are the positions and the faces; faces of more than three corners are cut into fans. Everything else in the
+//! file is passed over.
+
+use super::ImportError;
+use crate::{math::Vec3, sdf::Triangles};
+use ply_rs_bw::{
+    parser::{Parser, Reader},
+    ply::{DefaultElement, Encoding, PropertyType, ScalarType},
+};
+use std::path::Path;
+
+/// The mesh that a file's bytes hold; `path` is named in errors, and says the format by its extension.
+///
+/// # Errors
+/// [`ImportError`], with the line, or the entry, at fault. A mesh has at least one face.
+pub fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
+    if bytes.is_empty() {
+        return Err(ImportError::EmptyFile { path: path.to_path_buf() });
+    }
+    let is = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    let mesh = match (is("ply"), is("obj")) {
+        (true, _) => ply(path, bytes)?,
+        (_, true) => obj(path, bytes)?,
+        _ => return Err(ImportError::unsupported(path, "another kind of file", "a mesh in .ply or .obj")),
+    };
+    if let Some(i) = mesh.positions.iter().position(|x| x.iter().any(|c| !c.is_finite())) {
+        let found = format!("{:?}", mesh.positions[i].as_slice());
+        return Err(ImportError::malformed(path, format!("vertex {i}"), found, "finite coordinates"));
+    }
+    if mesh.triangles.is_empty() {
+        let found = format!("{} vertices and no face", mesh.positions.len());
+        return Err(ImportError::malformed(path, "the whole file", found, "a surface of faces"));
+    }
+    Ok(mesh)
+}
+
+/// What is there, and what should be.
+type Fault = (String, &'static str);
+
+/// Cuts a polygon into triangles; fails with the index that names no vertex.
+fn fan(corners: &[i64], positions: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), i64> {
+    if let Some(&wrong) = corners.iter().find(|&&c| c < 0 || c >= positions as i64) {
+        return Err(wrong);
+    }
+    triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]].map(|c| c as u32)));
+    Ok(())
+}
+
+fn obj(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
+    let mut mesh = Triangles::default();
+    let mut corners = Vec::new();
+    for (number, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
+        let line = String::from_utf8_lossy(line);
+        let mut words = line.split_whitespace();
+        let read: Result<(), Fault> = match words.next() {
+            Some("v") => (|| {
+                let mut x = Vec3::zeros();
+                for axis in 0..3 {
+                    let word = words.next().unwrap_or("the end of the line");
+                    x[axis] = word.parse().map_err(|_| (word.to_owned(), "three coordinates"))?;
+                }
+                mesh.positions.push(x);
+                Ok(())
+            })(),
+            Some("f") => (|| {
+                corners.clear();
+                for word in words {
+                    let index = word.split('/').next().unwrap_or_default();
+                    let index: i64 =
+                        index.parse().map_err(|_| (word.to_owned(), "the number of a vertex, from 1"))?;
+                    // Negative numbers count back from the last vertex so far.
+                    corners.push(if index < 0 { mesh.positions.len() as i64 + index } else { index - 1 });
+                }
+                if corners.len() < 3 {
+                    return Err((format!("a face of {} corners", corners.len()), "three or more"));
+                }
+                fan(&corners, mesh.positions.len(), &mut mesh.triangles)
+                    .map_err(|_| (line.trim().to_owned(), "vertices that stand above this line"))
+            })(),
+            _ => Ok(()),
+        };
+        read.map_err(|(found, expected)| {
+            ImportError::malformed(path, format!("line {}", number + 1), found, expected)
+        })?;
+    }
+    Ok(mesh)
+}
+
+/// Numbers from the payload of a PLY file, in turn.
+struct Numbers<'a> {
+    rest: &'a [u8],
+    encoding: Encoding,
+}
+
+impl Numbers<'_> {
+    /// The next number, which is of type `kind`.
+    #[inline]
+    fn next(&mut self, kind: &ScalarType) -> Result<f64, Fault> {
+        if self.encoding == Encoding::Ascii {
+            let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace());
+            let rest = &self.rest[start.unwrap_or(self.rest.len())..];
+            let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+            let word = String::from_utf8_lossy(&rest[..end]);
+            self.rest = &rest[end..];
+            let found = if word.is_empty() { "the end of the file" } else { &*word };
+            return found.parse().map_err(|_| (found.to_owned(), "a number"));
+        }
+        let big = self.encoding == Encoding::BinaryBigEndian;
+        macro_rules! take {
+            ($number:ty) => {{
+                let Some((bytes, rest)) = self.rest.split_first_chunk() else {
+                    return Err(("the end of the file".to_owned(), "another number"));
+                };
+                self.rest = rest;
+                (if big { <$number>::from_be_bytes(*bytes) } else { <$number>::from_le_bytes(*bytes) }) as f64
+            }};
+        }
+        Ok(match kind {
+            ScalarType::Char => take!(i8),
+            ScalarType::UChar => take!(u8),
+            ScalarType::Short => take!(i16),
+            ScalarType::UShort => take!(u16),
+            ScalarType::Int => take!(i32),
+            ScalarType::UInt => take!(u32),
+            ScalarType::Float => take!(f32),
+            ScalarType::Double => take!(f64),
+        })
+    }
+}
+
+fn ply(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
+    let mut reader = Reader::new(bytes);
+    let header = Parser::<DefaultElement>::new().read_header(&mut reader).map_err(|error| {
+        let place = format!("header, line {}", error.line().unwrap_or(reader.line()));
+        let found = error.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
+        ImportError::malformed(path, place, found, "a PLY header")
+    })?;
+    let mut numbers = Numbers { rest: reader.get_ref(), encoding: header.encoding };
+    let mut mesh = Triangles::default();
+    let mut faces = Vec::new();
+    let (mut scalars, mut list) = ([0.0; 3], Vec::new());
+    for (name, element) in &header.elements {
+        let axes = ["x", "y", "z"];
+        if name == "vertex" && axes.iter().any(|axis| !element.properties.contains_key(*axis)) {
+            let found = format!("the properties {:?}", element.properties.keys().collect::<Vec<_>>());
+            return Err(ImportError::malformed(path, "header, element vertex", found, "x, y and z"));
+        }
+        // Every entry has a byte at least, so a count beyond the file's size is found before memory is taken for it.
+        for entry in 0..element.count {
+            let fail = |(found, expected): Fault| {
+                ImportError::malformed(path, format!("element {name}, entry {entry}"), found, expected)
+            };
+            for (property, definition) in &element.properties {
+                match &definition.data_type {
+                    PropertyType::Scalar(kind) => {
+                        let value = numbers.next(kind).map_err(fail)?;
+                        if let Some(axis) = axes.iter().position(|axis| axis == property) {
+                            scalars[axis] = value;
+                        }
+                    }
+                    PropertyType::List(count, kind) => {
+                        let length = numbers.next(count).map_err(fail)?;
+                        list.clear();
+                        for _ in 0..length as usize {
+                            list.push(numbers.next(kind).map_err(fail)? as i64);
+                        }
+                        if name == "face" && ["vertex_indices", "vertex_index"].contains(&property.as_str()) {
+                            if list.len() < 3 {
+                                let found = format!("a face of {} corners", list.len());
+                                return Err(fail((found, "three or more")));
+                            }
+                            faces.push((entry, list.clone()));
+                        }
+                    }
+                }
+            }
+            if element.properties.is_empty() {
+                break;
+            }
+            if name == "vertex" {
+                mesh.positions.push(Vec3::from(scalars.map(|c| c as f32)));
+            }
+        }
+    }
+    // Faces may stand before the vertices they name.
+    for (entry, corners) in faces {
+        fan(&corners, mesh.positions.len(), &mut mesh.triangles).map_err(|wrong| {
+            let expected = format!("numbers below the {} of vertices", mesh.positions.len());
+            ImportError::malformed(
+                path,
+                format!("element face, entry {entry}"),
+                format!("vertex {wrong}"),
+                expected,
+            )
+        })?;
+    }
+    Ok(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    const FACES: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+
+    fn expected() -> Triangles {
+        Triangles { positions: CORNERS.map(Vec3::from).to_vec(), triangles: FACES.to_vec() }
+    }
+
+    fn read(name: &str, bytes: &[u8]) -> Result<Triangles, ImportError> {
+        parse_triangles(Path::new(name), bytes)
+    }
+
+    fn header(format: &str) -> String {
+        format!(
+            "ply\nformat {format} 1.0\nelement vertex 4\nproperty float x\nproperty uchar red\nproperty float y\n\
+             property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n"
+        )
+    }
+
+    fn binary(big: bool) -> Vec<u8> {
+        let mut out = header(if big { "binary_big_endian" } else { "binary_little_endian" }).into_bytes();
+        let float = |c: f32| if big { c.to_be_bytes() } else { c.to_le_bytes() };
+        for [x, y, z] in CORNERS {
+            out.extend(float(x));
+            out.push(7);
+            out.extend(float(y));
+            out.extend(float(z));
+        }
+        for face in FACES {
+            out.push(3);
+            face.iter().for_each(|&c| out.extend(if big { c.to_be_bytes() } else { c.to_le_bytes() }));
+        }
+        out
+    }
+
+    fn ascii() -> String {
+        let mut out = header("ascii");
+        CORNERS.iter().for_each(|[x, y, z]| out += &format!("{x} 7 {y} {z}\n"));
+        FACES.iter().for_each(|[a, b, c]| out += &format!("3 {a} {b} {c}\n"));
+        out
+    }
+
+    fn wavefront() -> String {
+        let mut out = "# made here\no thing\n".to_owned();
+        CORNERS.iter().for_each(|[x, y, z]| out += &format!("v {x} {y} {z}\nvn 0 0 1\n"));
+        FACES
+            .iter()
+            .for_each(|[a, b, c]| out += &format!("f {}//1 {}/2 {}\r\n", a + 1, b + 1, *c as i32 - 4));
+        out
+    }
+
+    #[test]
+    fn every_form_of_a_mesh_reads_the_same() {
+        assert_eq!(read("a.ply", &binary(false)).unwrap(), expected());
+        assert_eq!(read("a.PLY", &binary(true)).unwrap(), expected());
+        assert_eq!(read("a.ply", ascii().as_bytes()).unwrap(), expected());
+        assert_eq!(read("a.obj", wavefront().as_bytes()).unwrap(), expected());
+        let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+        assert_eq!(read("a.obj", square.as_bytes()).unwrap().triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn faults_are_named_with_their_place() {
+        let cases: [(&str, Vec<u8>, &[&str]); 12] = [
+            ("a.obj", b"v 0 0 0\nv 1 x 0\n".to_vec(), &["line 2", "found x", "three coordinates"]),
+            ("a.obj", b"v 0 0\n".to_vec(), &["line 1", "end of the line"]),
+            ("a.obj", b"v 0 0 0\nf 1 1 2\n".to_vec(), &["line 2", "f 1 1 2", "above this line"]),
+            ("a.obj", b"v 0 0 0\nf 1 0 1\n".to_vec(), &["line 2"]),
+            ("a.obj", b"v 0 0 0\nf 1 1\n".to_vec(), &["line 2", "a face of 2 corners"]),
+            ("a.obj", b"v 0 0 0\n".to_vec(), &["1 vertices and no face"]),
+            ("a.obj", b"v 0 nan 0\nf 1 1 1\n".to_vec(), &["vertex 0", "NaN", "finite"]),
+            ("a.ply", b"solid ascii".to_vec(), &["header", "a PLY header"]),
+            (
+                "a.ply",
+                binary(false)[..binary(false).len() - 3].to_vec(),
+                &["element face, entry 3", "end of"],
+            ),
+            (
+                "a.ply",
+                ascii().replace("3 0 3 2", "3 0 3 9").into_bytes(),
+                &["entry 3", "vertex 9", "of vertices"],
+            ),
+            ("a.ply", ascii().replace("3 0 3 2", "3 0 x 2").into_bytes(), &["entry 3", "found x"]),
+            ("a.ply", ascii().replace("float z", "float w").into_bytes(), &["element vertex", "x, y and z"]),
+        ];
+        for (name, bytes, words) in cases {
+            let message = read(name, &bytes).unwrap_err().to_string();
+            assert!(words.iter().all(|word| message.contains(word)), "{message}: expected {words:?}");
+        }
+        assert!(matches!(read("a.ply", b""), Err(ImportError::EmptyFile { .. })));
+        assert!(read("a.stl", b"solid").unwrap_err().to_string().contains(".ply or .obj"));
+        let huge = ascii().replace("vertex 4", "vertex 4000000000000");
+        assert!(read("a.ply", huge.as_bytes()).is_err());
+    }
+}

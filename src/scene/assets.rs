@@ -1,0 +1,133 @@
+//! Files that a preset names: meshes beside it, or built into the binary with it.
+
+use super::{
+    Scene, builtin,
+    check::{self, Places},
+    problem::Finding,
+};
+use crate::{sim::liquid::SourceShape, solid::MeshShape, solid::Shape};
+use std::{
+    borrow::Cow,
+    collections::BTreeMap,
+    path::{Component, Path, PathBuf},
+    sync::Arc,
+};
+
+/// Where the files of a preset are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Home {
+    /// In this folder or below it.
+    Folder(PathBuf),
+    /// In the binary.
+    BuiltIn,
+}
+
+/// A file's bytes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Asset {
+    /// All of them.
+    pub bytes: Arc<Cow<'static, [u8]>>,
+    /// Their xxh3-64.
+    pub hash: u64,
+}
+
+/// The files that a scene names, by the name it gives them.
+pub type Assets = BTreeMap<String, Asset>;
+
+/// Every mesh of a scene, with the key it stands at.
+pub(super) fn meshes(scene: &Scene) -> Vec<(String, &MeshShape)> {
+    let colliders =
+        scene.world.collider.iter().enumerate().filter_map(|(i, collider)| match &collider.shape {
+            Shape::Mesh(mesh) => Some((format!("world.collider.{i}.shape.mesh"), mesh)),
+            _ => None,
+        });
+    let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
+    let sources = sources.filter_map(|(i, source)| match &source.shape {
+        SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh)),
+        _ => None,
+    });
+    colliders.chain(sources).collect()
+}
+
+/// What is wrong with the files that a scene names, short of reading them.
+pub(super) fn check(scene: &Scene, home: &Home, places: &Places) -> Vec<Finding> {
+    meshes(scene)
+        .into_iter()
+        .filter_map(|(path, mesh)| {
+            let key = format!("{path}.file");
+            fault(&mesh.file, home).map(|(message, label, help)| {
+                Finding::new(places.of(&key), &key, message, label).with_help(help)
+            })
+        })
+        .collect()
+}
+
+/// What is wrong with a file's name: in one sentence, in place, and what to do.
+fn fault(file: &str, home: &Home) -> Option<(String, String, String)> {
+    let path = Path::new(file);
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    if !matches!(extension.as_deref(), Some("ply" | "obj")) {
+        return Some((
+            format!("`{file}` is no mesh that can be read"),
+            format!("found {file:?}, expected a name that ends in .ply or .obj"),
+            "export the mesh as PLY or OBJ".to_owned(),
+        ));
+    }
+    let plain = path.components().all(|part| matches!(part, Component::Normal(_))) && !file.contains('\\');
+    if !plain {
+        return Some((
+            format!("`{file}` leads out of the preset's folder"),
+            format!("found {file:?}, expected a file in that folder or below it"),
+            "copy the mesh beside the preset and give its name alone, with `/` between folders".to_owned(),
+        ));
+    }
+    match home {
+        Home::Folder(folder) if folder.join(path).is_file() => None,
+        Home::Folder(folder) => Some((
+            format!("the mesh `{file}` is not there"),
+            format!("no file {}", folder.join(path).display()),
+            format!("paths count from the preset's folder, {}", shown(folder)),
+        )),
+        Home::BuiltIn if builtin::asset(file).is_some() => None,
+        Home::BuiltIn => {
+            let names: Vec<_> = builtin::assets().iter().map(|&(name, _)| name).collect();
+            let nearest = check::nearest(file, names.iter().copied());
+            let meant = nearest.map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
+            Some((
+                format!("no mesh `{file}` is built in"),
+                format!("expected one of {}", names.join(", ")),
+                format!("{meant}To use a file of yours, copy the preset beside it: `meniscus presets copy`"),
+            ))
+        }
+    }
+}
+
+fn shown(folder: &Path) -> String {
+    if folder.as_os_str().is_empty() { "the current one".to_owned() } else { folder.display().to_string() }
+}
+
+/// Reads the files that a checked scene names; one that cannot be read is a finding without a place of its own.
+pub(super) fn read(scene: &Scene, home: &Home) -> Result<Assets, Box<Finding>> {
+    let mut assets = Assets::new();
+    for (path, mesh) in meshes(scene) {
+        if assets.contains_key(&mesh.file) {
+            continue;
+        }
+        let bytes = match home {
+            Home::BuiltIn => builtin::asset(&mesh.file).map(Cow::Borrowed).unwrap_or_default(),
+            Home::Folder(folder) => match std::fs::read(folder.join(&mesh.file)) {
+                Ok(bytes) => Cow::Owned(bytes),
+                Err(error) => {
+                    let span = super::problem::Span { source: 0, start: 0, end: 0 };
+                    let message = format!("the mesh `{}` cannot be read: {error}", mesh.file);
+                    let found = folder.join(&mesh.file).display().to_string();
+                    let finding = Finding::new(span, format!("{path}.file"), message, found);
+                    return Err(finding.with_help("check that this user may read it").into());
+                }
+            },
+        };
+        let hash = xxhash_rust::xxh3::xxh3_64(&bytes);
+        assets.insert(mesh.file.clone(), Asset { bytes: Arc::new(bytes), hash });
+    }
+    Ok(assets)
+}

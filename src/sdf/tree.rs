@@ -1,0 +1,382 @@
+//! A tree over triangles: boxes for the nearest point, dipoles for the winding number.
+//!
+//! *Method*: triangles are sorted along a Morton curve; four neighbours on it are a leaf, eight leaves a node, eight
+//! nodes a node of the next level. Every node keeps its eight children's boxes, and for each the sum of area vectors
+//! about the centre of area, [barill18] Eq. 12 (first term).
+//! *Departs from the paper*: the tree is implicit, so that it is built level by level and in parallel; the dipole is
+//! the only moment kept, with the paper's β = 2: about a torus of 8192 triangles the winding number is then within
+//! 0.03 of the exact sum, and the question asked is on which side of ½ it lies.
+//!
+//! Symbols: q query point; p̃ → `center`; Σ a n → `dipole`; r̃ → `radius`; w winding number [1].
+
+use super::Triangles;
+use crate::{math::Vec3, par};
+use std::f32::consts::PI;
+
+/// Triangles in a leaf.
+const LEAF: usize = 4;
+
+/// Children of a node.
+const WIDTH: usize = 8;
+
+/// How many radii away a child counts as a dipole, squared: [barill18] section 4.
+const BETA2: f32 = 4.0;
+
+/// Eight children, side by side so that the loops over lanes vectorise. A lane without a child has an empty box at
+/// infinity and no dipole.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    low: [[f32; WIDTH]; 3],
+    high: [[f32; WIDTH]; 3],
+    center: [[f32; WIDTH]; 3],
+    dipole: [[f32; WIDTH]; 3],
+    radius2: [f32; WIDTH],
+}
+
+/// What is known of the triangles below one child.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    low: Vec3,
+    high: Vec3,
+    center: Vec3,
+    dipole: Vec3,
+    area: f32,
+    radius: f32,
+}
+
+/// The nearest point of a mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Nearest {
+    /// Squared distance to it.
+    pub(super) distance2: f32,
+    /// How far the query lies above the plane of the triangle, as a fraction of the distance: its sign tells the side.
+    pub(super) side: f32,
+}
+
+/// The tree.
+#[derive(Debug)]
+pub(super) struct Tree {
+    /// In the order of the curve.
+    corners: Vec<[Vec3; 3]>,
+    /// From the leaves' parents to the root, which is alone on its level.
+    levels: Vec<Vec<Node>>,
+}
+
+impl Tree {
+    /// The tree over all triangles of `mesh`, of which there is at least one.
+    pub(super) fn new(mesh: &Triangles) -> Self {
+        let (low, high) = mesh.bounds().expect("a mesh to sample has triangles");
+        let scale = 1023.0 / (high - low).amax().max(f32::MIN_POSITIVE);
+        let mut keys = vec![0_u128; mesh.triangles.len()];
+        par::fill(&mut keys, |i| {
+            let [a, b, c] = mesh.corners(i);
+            let middle = ((a + b + c) / 3.0 - low) * scale;
+            let code = (0..3).map(|axis| spread(middle[axis] as u32) << axis).sum::<u64>();
+            u128::from(code) << 32 | i as u128
+        });
+        par::sort(&mut keys);
+        let mut corners = vec![[Vec3::zeros(); 3]; keys.len()];
+        par::fill(&mut corners, |i| mesh.corners((keys[i] & 0xffff_ffff) as usize));
+
+        let mut parts = par::map_chunks(corners.len(), LEAF, |range| Part::of_triangles(&corners[range]));
+        let mut levels = Vec::new();
+        loop {
+            levels.push(par::map_chunks(parts.len(), WIDTH, |range| Node::new(&parts[range])));
+            if parts.len() <= WIDTH {
+                return Self { corners, levels };
+            }
+            parts = par::map_chunks(parts.len(), WIDTH, |range| Part::of_parts(&parts[range]));
+        }
+    }
+
+    /// Calls `leaf` or goes on below every child of which `enter` says so, the last lane first.
+    #[inline]
+    fn walk(&self, mut enter: impl FnMut(&Node) -> u8, mut leaf: impl FnMut(&[[Vec3; 3]])) {
+        let mut stack = [(0_u8, 0_u32); 96];
+        let mut top = 1;
+        stack[0] = ((self.levels.len() - 1) as u8, 0);
+        while top > 0 {
+            top -= 1;
+            let (level, place) = stack[top];
+            let mut lanes = enter(&self.levels[level as usize][place as usize]);
+            while lanes != 0 {
+                let child = place * WIDTH as u32 + lanes.trailing_zeros();
+                lanes &= lanes - 1;
+                if level == 0 {
+                    let first = child as usize * LEAF;
+                    leaf(&self.corners[first..(first + LEAF).min(self.corners.len())]);
+                } else {
+                    stack[top] = (level - 1, child);
+                    top += 1;
+                }
+            }
+        }
+    }
+
+    /// The winding number about `q`: 1 inside a closed mesh whose faces wind outward, 0 outside it.
+    pub(super) fn winding(&self, q: Vec3) -> f32 {
+        let (mut far_sum, mut near_sum) = ([0.0_f32; WIDTH], 0.0_f32);
+        self.walk(
+            |node| {
+                let mut near = [false; WIDTH];
+                for l in 0..WIDTH {
+                    let d: [f32; 3] = std::array::from_fn(|axis| node.center[axis][l] - q[axis]);
+                    let d2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+                    let flux = node.dipole[0][l] * d[0] + node.dipole[1][l] * d[1] + node.dipole[2][l] * d[2];
+                    near[l] = d2 <= BETA2 * node.radius2[l];
+                    let term = flux / (d2 * d2.sqrt()).max(1e-30);
+                    far_sum[l] += if near[l] { 0.0 } else { term }; // [barill18] Eq. 12
+                }
+                mask(near)
+            },
+            |triangles| near_sum += triangles.iter().map(|corners| solid_angle(corners, q)).sum::<f32>(),
+        );
+        (far_sum.iter().sum::<f32>() + near_sum) / (4.0 * PI)
+    }
+
+    /// The nearest point of the mesh, if one is nearer than the root of `bound2`.
+    pub(super) fn nearest(&self, q: Vec3, bound2: f32) -> Option<Nearest> {
+        let mut best = Nearest { distance2: bound2, side: 0.0 };
+        let mut found = false;
+        let mut stack = [(0.0_f32, 0_u8, 0_u32); 96];
+        let mut top = 1;
+        stack[0] = (0.0, (self.levels.len() - 1) as u8, 0);
+        while top > 0 {
+            top -= 1;
+            let (distance2, level, place) = stack[top];
+            if distance2 > best.distance2 {
+                continue;
+            }
+            // The children within reach, the nearest last, so that it is taken up first.
+            let node = &self.levels[level as usize][place as usize];
+            let distances = node.distances(q);
+            let first = top;
+            for (l, &d2) in distances.iter().enumerate() {
+                if d2 <= best.distance2 {
+                    let mut at = top;
+                    while at > first && stack[at - 1].0 < d2 {
+                        stack[at] = stack[at - 1];
+                        at -= 1;
+                    }
+                    stack[at] = (d2, level.wrapping_sub(1), place * WIDTH as u32 + l as u32);
+                    top += 1;
+                }
+            }
+            if level > 0 {
+                continue;
+            }
+            while top > first {
+                top -= 1;
+                let (d2, _, leaf) = stack[top];
+                if d2 > best.distance2 {
+                    continue;
+                }
+                let start = leaf as usize * LEAF;
+                for corners in &self.corners[start..(start + LEAF).min(self.corners.len())] {
+                    found |= best.take(corners, q);
+                }
+            }
+        }
+        found.then_some(best)
+    }
+}
+
+impl Nearest {
+    /// Takes the triangle's nearest point if it is nearer. Of triangles that share it, the one that faces the query
+    /// most tells the side.
+    #[inline]
+    fn take(&mut self, corners: &[Vec3; 3], q: Vec3) -> bool {
+        let away = q - closest_point(corners, q);
+        let d2 = away.norm_squared();
+        if d2 > self.distance2 * (1.0 + 1e-5) {
+            return false;
+        }
+        let normal = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
+        let length = normal.norm() * d2.sqrt();
+        let side = if length > 0.0 { normal.dot(&away) / length } else { 0.0 };
+        if d2 < self.distance2 * (1.0 - 1e-5) || side.abs() > self.side.abs() {
+            self.side = side;
+        }
+        self.distance2 = d2.min(self.distance2);
+        true
+    }
+}
+
+impl Node {
+    fn new(parts: &[Part]) -> Self {
+        let mut node = Self {
+            low: [[f32::INFINITY; WIDTH]; 3],
+            high: [[f32::NEG_INFINITY; WIDTH]; 3],
+            center: [[0.0; WIDTH]; 3],
+            dipole: [[0.0; WIDTH]; 3],
+            radius2: [-1.0; WIDTH],
+        };
+        for (l, part) in parts.iter().enumerate() {
+            for axis in 0..3 {
+                node.low[axis][l] = part.low[axis];
+                node.high[axis][l] = part.high[axis];
+                node.center[axis][l] = part.center[axis];
+                node.dipole[axis][l] = part.dipole[axis];
+            }
+            node.radius2[l] = part.radius * part.radius;
+        }
+        node
+    }
+
+    /// Squared distances from `q` to the children's boxes.
+    #[inline]
+    fn distances(&self, q: Vec3) -> [f32; WIDTH] {
+        let mut d2 = [0.0; WIDTH];
+        for axis in 0..3 {
+            let sides = self.low[axis].iter().zip(&self.high[axis]);
+            for (d2, (low, high)) in d2.iter_mut().zip(sides) {
+                let d = (low - q[axis]).max(q[axis] - high).max(0.0);
+                *d2 += d * d;
+            }
+        }
+        d2
+    }
+}
+
+impl Part {
+    fn of_triangles(triangles: &[[Vec3; 3]]) -> Self {
+        let mut part = Self::empty();
+        for [a, b, c] in triangles {
+            let area_vector = (b - a).cross(&(c - a)) * 0.5;
+            let area = area_vector.norm();
+            part.low = part.low.inf(&a.inf(b).inf(c));
+            part.high = part.high.sup(&a.sup(b).sup(c));
+            part.center += (a + b + c) / 3.0 * area;
+            part.dipole += area_vector;
+            part.area += area;
+        }
+        part.settle();
+        let farthest = triangles.iter().flatten().map(|x| (x - part.center).norm());
+        part.radius = farthest.fold(0.0, f32::max);
+        part
+    }
+
+    fn of_parts(parts: &[Self]) -> Self {
+        let mut part = Self::empty();
+        for child in parts {
+            part.low = part.low.inf(&child.low);
+            part.high = part.high.sup(&child.high);
+            part.center += child.center * child.area;
+            part.dipole += child.dipole;
+            part.area += child.area;
+        }
+        part.settle();
+        let farthest = parts.iter().map(|child| (child.center - part.center).norm() + child.radius);
+        part.radius = farthest.fold(0.0, f32::max);
+        part
+    }
+
+    fn empty() -> Self {
+        let (low, high) = (Vec3::repeat(f32::INFINITY), Vec3::repeat(f32::NEG_INFINITY));
+        Self { low, high, center: Vec3::zeros(), dipole: Vec3::zeros(), area: 0.0, radius: 0.0 }
+    }
+
+    /// Makes the centre of area from its sum; triangles without area have the middle of their box.
+    fn settle(&mut self) {
+        let center = self.center / self.area;
+        self.center =
+            if center.iter().all(|c| c.is_finite()) { center } else { (self.low + self.high) * 0.5 };
+    }
+}
+
+/// The low ten bits of `v`, three places apart.
+fn spread(v: u32) -> u64 {
+    (0..10).map(|bit| u64::from(v >> bit & 1) << (3 * bit)).sum()
+}
+
+fn mask(lanes: [bool; WIDTH]) -> u8 {
+    lanes.iter().enumerate().map(|(l, &set)| u8::from(set) << l).sum()
+}
+
+/// The solid angle of a triangle seen from `q` [sr], [oosterom83] Eq. 8; positive from behind.
+fn solid_angle(corners: &[Vec3; 3], q: Vec3) -> f32 {
+    let [a, b, c] = corners.map(|x| x - q);
+    let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
+    let numerator = a.dot(&b.cross(&c));
+    let denominator = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+    2.0 * numerator.atan2(denominator)
+}
+
+/// The point of a triangle that is closest to `q`, by the region of the triangle's plane it falls in.
+fn closest_point(&[a, b, c]: &[Vec3; 3], q: Vec3) -> Vec3 {
+    let (ab, ac, aq) = (b - a, c - a, q - a);
+    let (d1, d2) = (ab.dot(&aq), ac.dot(&aq));
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return a;
+    }
+    let bq = q - b;
+    let (d3, d4) = (ab.dot(&bq), ac.dot(&bq));
+    if d3 >= 0.0 && d4 <= d3 {
+        return b;
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return a + ab * share(d1, d1 - d3);
+    }
+    let cq = q - c;
+    let (d5, d6) = (ab.dot(&cq), ac.dot(&cq));
+    if d6 >= 0.0 && d5 <= d6 {
+        return c;
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return a + ac * share(d2, d2 - d6);
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        return b + (c - b) * share(d4 - d3, (d4 - d3) + (d5 - d6));
+    }
+    let sum = va + vb + vc;
+    a + ab * share(vb, sum) + ac * share(vc, sum)
+}
+
+/// `part / whole`, 0 where a degenerate triangle leaves nothing to divide by.
+fn share(part: f32, whole: f32) -> f32 {
+    if whole > 0.0 { part / whole } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A torus of 8192 triangles, and points about it.
+    fn torus() -> (Triangles, Vec<Vec3>) {
+        let (nu, nv) = (128_u32, 32_u32);
+        let mut mesh = Triangles::default();
+        for k in 0..nu * nv {
+            let (a, b) = (2.0 * PI * (k % nu) as f32 / nu as f32, 2.0 * PI * (k / nu) as f32 / nv as f32);
+            let r = 1.0 + 0.35 * b.cos();
+            mesh.positions.push(Vec3::new(r * a.cos(), r * a.sin(), 0.35 * b.sin()));
+            let corner = |i: u32, j: u32| (k % nu + i) % nu + nu * ((k / nu + j) % nv);
+            let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+            mesh.triangles.extend([[a, b, c], [a, c, d]]);
+        }
+        let part = |k: u32, s: u32| (k.wrapping_mul(2_654_435_761) >> s & 1023) as f32 / 512.0 - 1.0;
+        let points = (0..512).map(|k| Vec3::new(1.5 * part(k, 0), 1.5 * part(k, 10), 0.5 * part(k, 20)));
+        (mesh, points.collect())
+    }
+
+    #[test]
+    fn the_tree_finds_what_the_sum_over_all_triangles_gives() {
+        let (mesh, points) = torus();
+        let tree = Tree::new(&mesh);
+        let all = || (0..mesh.triangles.len()).map(|i| mesh.corners(i));
+        let mut most = 0.0_f32;
+        for &q in &points {
+            let exact = all().map(|corners| solid_angle(&corners, q)).sum::<f32>() / (4.0 * PI);
+            most = most.max((tree.winding(q) - exact).abs());
+            let nearest = all().map(|corners| (q - closest_point(&corners, q)).norm()).fold(9.0, f32::min);
+            let found = tree.nearest(q, f32::INFINITY).unwrap();
+            assert!((found.distance2.sqrt() - nearest).abs() < 1e-5, "{q:?}");
+            assert_eq!(found.side < 0.0, exact > 0.5, "{q:?}");
+            assert!(tree.nearest(q, 0.9 * nearest * nearest).is_none());
+        }
+        println!("winding number off by {most} at most");
+        assert!(most < 0.03, "{most}");
+    }
+}

@@ -1,0 +1,127 @@
+//! A shape that a file gives: a sampled distance field, placed and scaled.
+
+use super::Pose;
+use crate::{math::Vec3, sdf::Sampled};
+use nalgebra::Rotation3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// A closed triangle mesh from a PLY or OBJ file.
+///
+/// The preset says which; whoever reads files calls [`MeshShape::fill`] before the shape is asked for a distance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshShape {
+    /// The file, .ply or .obj, in the preset's folder or below it: "duck.ply", "meshes/duck.obj". Holes are closed and
+    /// parts may overlap; a part thinner than a voxel only repels.
+    pub file: String,
+    /// Factor from the file's unit to metres.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub scale: f32,
+    /// Then turned about the world's X, then Y, then Z axis [deg] (Euler XYZ, as Blender).
+    #[serde(default)]
+    #[schemars(extend("unit" = "deg"))]
+    pub rotate: [f32; 3],
+    /// Then moved [m].
+    #[serde(default)]
+    #[schemars(extend("unit" = "m"))]
+    pub translate: [f32; 3],
+    /// Voxels along the longest side of the mesh. More shows finer detail and costs memory with the cube of it: 8 MB
+    /// at 128. A voxel of about half the liquid's spacing is enough.
+    #[serde(default = "resolution")]
+    #[schemars(range(min = 8, max = 1024))]
+    pub resolution: u32,
+    /// The distances, once they are there.
+    #[serde(skip)]
+    #[schemars(skip)]
+    field: Option<Arc<Placed>>,
+}
+
+/// A field with its place in the world.
+#[derive(Debug, PartialEq)]
+struct Placed {
+    field: Arc<Sampled>,
+    pose: Pose,
+    scale: f32,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn resolution() -> u32 {
+    128
+}
+
+impl MeshShape {
+    /// The mesh of a file as it stands there, in metres, sampled with the default resolution.
+    pub fn new(file: &str) -> Self {
+        Self {
+            file: file.to_owned(),
+            scale: one(),
+            rotate: [0.0; 3],
+            translate: [0.0; 3],
+            resolution: resolution(),
+            field: None,
+        }
+    }
+
+    /// Gives the shape the distances of its mesh, in the file's units.
+    pub fn fill(&mut self, field: Arc<Sampled>) {
+        let [x, y, z] = self.rotate.map(|angle| f64::from(angle).to_radians());
+        let rotation = Rotation3::from_euler_angles(x, y, z).matrix().cast();
+        let pose = Pose { position: self.translate.into(), rotation };
+        self.field = Some(Arc::new(Placed { field, pose, scale: self.scale }));
+    }
+
+    /// # Panics
+    /// If the shape was not filled: a fault of the program, not of the preset.
+    #[inline]
+    fn placed(&self) -> &Placed {
+        self.field.as_deref().expect("mesh shapes are filled before they are asked")
+    }
+
+    /// The distances, in the file's units and axes.
+    pub fn samples(&self) -> &Sampled {
+        &self.placed().field
+    }
+
+    /// Distance and unit normal at `x`, as [`Sampled::sample`] has them.
+    #[inline]
+    pub fn contact(&self, x: Vec3) -> (f32, Vec3) {
+        let Placed { field, pose, scale } = self.placed();
+        let (d, n) = field.sample(pose.to_local(x) / *scale);
+        (d * scale, pose.rotation * n)
+    }
+
+    /// Distance at `x`, a lower bound off the grid.
+    #[inline]
+    pub(super) fn distance(&self, x: Vec3) -> f32 {
+        let Placed { field, pose, scale } = self.placed();
+        field.distance(pose.to_local(x) / *scale) * scale
+    }
+
+    /// Whether `x` lies within the mesh.
+    pub fn contains(&self, x: Vec3) -> bool {
+        self.distance(x) < 0.0
+    }
+
+    /// The lowest and highest corner of a box in the world that the mesh lies in [m].
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        let [first, rest @ ..] = self.corners();
+        rest.iter().fold((first, first), |(low, high), x| (low.inf(x), high.sup(x)))
+    }
+
+    /// The corners of the box around the field's grid, in the world [m].
+    pub(super) fn corners(&self) -> [Vec3; 8] {
+        let Placed { field, pose, scale } = self.placed();
+        let (low, high) = (field.origin, field.end());
+        std::array::from_fn(|i| {
+            pose.to_world(
+                Vec3::from_fn(|axis, _| if i >> axis & 1 == 1 { high[axis] } else { low[axis] }) * *scale,
+            )
+        })
+    }
+}
