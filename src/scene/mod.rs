@@ -11,6 +11,7 @@ mod frames;
 mod meaning;
 mod model;
 mod problem;
+mod query;
 pub mod reference;
 mod tree;
 mod units;
@@ -21,11 +22,12 @@ mod tests;
 pub use file::{Overrides, Preset, load, surface_alone};
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};
+pub use query::choices;
 
 use crate::{
     export::MeshFormat,
     mesh::SurfaceParams,
-    sim::{self, liquid::LiquidParams},
+    sim::{self, Observable, liquid::LiquidParams},
     solid::Collider,
 };
 use schemars::JsonSchema;
@@ -56,6 +58,17 @@ pub struct Scene {
     /// What `shot` writes besides the cache.
     #[serde(default)]
     pub output: Output,
+    /// What `tradeoff` compares; absent: the bulk's height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tradeoff: Option<Tradeoff>,
+}
+
+/// What `tradeoff` compares beside densities and energy.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tradeoff {
+    /// The number that the picture hangs on; see docs/tradeoff.md.
+    pub observable: Observable,
 }
 
 /// What surrounds the systems.
@@ -140,7 +153,7 @@ impl Scene {
     /// A hash of what decides the simulated state: frame rate, first frame, world, systems, and the solvers'
     /// version.
     ///
-    /// The title, the frames after the first, the surface and the output do not change it. Caches keep it, so
+    /// The title, the frames after the first, the surface, the output and the tradeoff do not change it. Caches keep it, so
     /// that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         #[derive(Serialize)]
@@ -151,7 +164,7 @@ impl Scene {
             world: &'a World,
             liquid: &'a Option<LiquidParams>,
         }
-        let Self { title: _, frames, fps, world, liquid, surface: _, output: _ } = self;
+        let Self { title: _, frames, fps, world, liquid, surface: _, output: _, tradeoff: _ } = self;
         let solvers = sim::STATE_VERSION;
         let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid };
         let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");

@@ -8,10 +8,12 @@
 pub const STATE_VERSION: u32 = 1;
 
 pub mod liquid;
+mod observe;
 mod record;
 mod simulation;
 mod stop;
 
+pub use observe::Observable;
 pub use record::{Clamps, FrameRecord, SeedReport};
 pub use simulation::{SetupError, Simulation, World};
 pub use stop::{Diverged, Stop, Unwatched, Watch};

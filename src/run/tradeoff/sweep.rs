@@ -1,0 +1,318 @@
+//! Which settings a tradeoff compares, and what it compares them with.
+
+use crate::{
+    run::RunError,
+    scene::{Overrides, Preset, Quality, Scene, choices},
+};
+use serde_json::Value as Json;
+use std::str::FromStr;
+
+/// One key of the preset and the values to try, as the command line writes them: `liquid.cfl=0.2,0.4,0.8`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Vary {
+    /// The dotted key.
+    pub key: String,
+    /// At least one value.
+    pub values: Vec<String>,
+}
+
+impl FromStr for Vary {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let expected = "expected KEY=VALUE,VALUE,…, such as liquid.cfl=0.2,0.4,0.8";
+        let (key, values) = text.split_once('=').ok_or(expected)?;
+        let values: Vec<String> = split_outside(values).map(|value| value.trim().to_owned()).collect();
+        let (key, empty) = (key.trim(), values.iter().any(String::is_empty));
+        if key.is_empty() || empty { Err(expected.into()) } else { Ok(Self { key: key.into(), values }) }
+    }
+}
+
+/// The parts between commas that stand outside brackets and quotes.
+fn split_outside(text: &str) -> impl Iterator<Item = &str> {
+    let (mut depth, mut quoted) = (0_i32, false);
+    text.split(move |c: char| {
+        match c {
+            '[' | '{' => depth += 1,
+            ']' | '}' => depth -= 1,
+            '"' => quoted = !quoted,
+            _ => {}
+        }
+        c == ',' && depth == 0 && !quoted
+    })
+}
+
+/// What a run changes in the preset.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Setting {
+    /// What people call it: the keys it changes.
+    pub label: String,
+    /// The changes.
+    pub overrides: Overrides,
+}
+
+/// The runs of a tradeoff, checked: every one of them is a valid scene.
+#[derive(Clone, Debug)]
+pub struct Sweep {
+    /// The settings to compare.
+    pub rows: Vec<(Setting, Scene)>,
+    /// What they are compared with.
+    pub reference: (Setting, Scene),
+    /// The reference once more refined, to see how far it can be trusted.
+    pub refined: (Setting, Scene),
+    /// The preset as given, which the frames and the observable are taken from.
+    pub base: Scene,
+}
+
+/// What the user asked to compare.
+#[derive(Clone, Debug, Default)]
+pub struct Request {
+    /// The preset's tier and `--set` arguments that every run shares.
+    pub base: Overrides,
+    /// The keys to vary; empty: sensible ones, see [`defaults`].
+    pub vary: Vec<Vary>,
+    /// Changes that make the reference; empty: the finest value of every knob, refined once.
+    pub reference: Vec<String>,
+    /// Whether the preset's tiers are rows too.
+    pub tiers: bool,
+}
+
+impl Request {
+    /// Lays out every run.
+    ///
+    /// # Errors
+    /// If one of them is not a valid preset, or the reference cannot be refined.
+    pub fn sweep(&self, preset: &Preset) -> Result<Sweep, RunError> {
+        let base = Scene::from_preset(preset, &self.base)?;
+        let vary = if self.vary.is_empty() { defaults(&base) } else { self.vary.clone() };
+        let mut rows: Vec<(Setting, Scene)> = Vec::new();
+        let mut settings = vec![Setting { label: "as written".into(), overrides: self.base.clone() }];
+        settings.extend(combinations(&self.base, &vary));
+        if self.tiers {
+            settings.extend(Quality::ALL.map(|tier| Setting {
+                label: tier.name().into(),
+                overrides: Overrides { quality: Some(tier), set: self.base.set.clone() },
+            }));
+        }
+        for setting in settings {
+            let is_tier = self.tiers && setting.overrides.quality != self.base.quality;
+            let scene = match Scene::from_preset(preset, &setting.overrides) {
+                Err(_) if is_tier && !has_tier(preset, setting.overrides.quality) => continue,
+                scene => scene?,
+            };
+            // Two names for one run are one row.
+            match rows.iter_mut().find(|(_, other)| other.simulation_key() == scene.simulation_key()) {
+                Some((known, _)) => known.label = format!("{} = {}", known.label, setting.label),
+                None => rows.push((setting, scene)),
+            }
+        }
+
+        // The reference, and the reference refined.
+        let knobs = refinable(&vary, &base);
+        let reference = match &self.reference[..] {
+            [] => refine(&self.base, &knobs, &finest(&knobs, &rows)),
+            given => Overrides { set: [&self.base.set[..], given].concat(), ..self.base.clone() },
+        };
+        let reference = checked(preset, "reference", reference)?;
+        let values: Vec<Option<f64>> = knobs.iter().map(|knob| number(&reference.1, knob.key)).collect();
+        let refined = checked(preset, "reference refined", refine(&reference.0.overrides, &knobs, &values))?;
+        if refined.1.simulation_key() == reference.1.simulation_key() {
+            return Err(RunError::Request(
+                "the reference cannot be refined: the preset has neither liquid.density_dev nor liquid.iterations \
+                 nor liquid.cfl"
+                    .into(),
+            ));
+        }
+        Ok(Sweep { rows, reference, refined, base })
+    }
+}
+
+fn checked(preset: &Preset, name: &str, overrides: Overrides) -> Result<(Setting, Scene), RunError> {
+    let scene = Scene::from_preset(preset, &overrides)?;
+    Ok((Setting { label: name.into(), overrides }, scene))
+}
+
+fn has_tier(preset: &Preset, tier: Option<Quality>) -> bool {
+    let words = |tier: Quality| format!("[quality.{}", tier.name());
+    tier.is_none_or(|tier| preset.text.contains(&words(tier)))
+}
+
+/// A knob whose finer direction is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Knob {
+    key: &'static str,
+    /// What a value is multiplied with to be finer.
+    finer: f64,
+    /// The limit that has to give way, and by what factor: a finer knob must not only run into it.
+    opens: Option<&'static str>,
+}
+
+/// Every knob that can be refined.
+const KNOBS: [Knob; 6] = [
+    Knob { key: "liquid.density_dev", finer: 0.5, opens: Some("liquid.max_iterations") },
+    Knob { key: "liquid.iterations", finer: 2.0, opens: None },
+    Knob { key: "liquid.max_iterations", finer: 2.0, opens: None },
+    Knob { key: "liquid.cfl", finer: 0.5, opens: Some("liquid.max_substeps") },
+    Knob { key: "liquid.min_substeps", finer: 2.0, opens: Some("liquid.max_substeps") },
+    Knob { key: "liquid.spacing", finer: 2.0 / 3.0, opens: None },
+];
+
+/// The knobs to sweep if none are named: what decides when a substep's iterations end, how long substeps are, and the
+/// solver if the preset can choose one.
+pub fn defaults(scene: &Scene) -> Vec<Vary> {
+    let around = |key: &str, factors: &[f64]| {
+        let value = number(scene, key)?;
+        let values = factors.iter().map(|factor| plain(key, value * factor)).collect();
+        Some(Vary { key: key.into(), values })
+    };
+    let solvers = choices("liquid.solver");
+    let solver = (!solvers.is_empty()).then(|| Vary { key: "liquid.solver".into(), values: solvers });
+    let iterating = match number(scene, "liquid.iterations") {
+        Some(_) => around("liquid.iterations", &[0.5, 1.0, 2.0]),
+        None => Some(Vary {
+            key: "liquid.density_dev".into(),
+            values: ["0.3%", "1%", "3%"].map(String::from).to_vec(),
+        }),
+    };
+    [solver, iterating, around("liquid.cfl", &[0.5, 1.0, 2.0])].into_iter().flatten().collect()
+}
+
+/// Every combination, the last key varying fastest.
+fn combinations(base: &Overrides, vary: &[Vary]) -> Vec<Setting> {
+    let mut sets: Vec<Vec<String>> = vec![Vec::new()];
+    for Vary { key, values } in vary {
+        sets = sets
+            .into_iter()
+            .flat_map(|set| values.iter().map(move |value| [&set[..], &[format!("{key}={value}")]].concat()))
+            .collect();
+    }
+    let setting = |set: Vec<String>| Setting {
+        label: set.iter().map(|change| short(change)).collect::<Vec<_>>().join(" "),
+        overrides: Overrides { set: [&base.set[..], &set].concat(), ..base.clone() },
+    };
+    sets.into_iter().map(setting).collect()
+}
+
+/// `liquid.cfl=0.2` without its table: the table is that of nearly every key.
+fn short(change: &str) -> &str {
+    change.strip_prefix("liquid.").unwrap_or(change)
+}
+
+/// The varied knobs that can be refined; those of the defaults if there are none.
+fn refinable(vary: &[Vary], scene: &Scene) -> Vec<Knob> {
+    let among = |vary: &[Vary]| -> Vec<Knob> {
+        let is_varied = |knob: &Knob| vary.iter().any(|vary| vary.key == knob.key);
+        KNOBS.into_iter().filter(is_varied).collect()
+    };
+    let knobs = among(vary);
+    if knobs.is_empty() { among(&defaults(scene)) } else { knobs }
+}
+
+/// The finest value of each knob in any row.
+fn finest(knobs: &[Knob], rows: &[(Setting, Scene)]) -> Vec<Option<f64>> {
+    let finer = |knob: &Knob, a: f64, b: f64| if knob.finer < 1.0 { a.min(b) } else { a.max(b) };
+    let of = |knob: &Knob| {
+        rows.iter().filter_map(|(_, scene)| number(scene, knob.key)).reduce(|a, b| finer(knob, a, b))
+    };
+    knobs.iter().map(of).collect()
+}
+
+/// The overrides with every knob finer than its value, and the limits behind them wider.
+fn refine(base: &Overrides, knobs: &[Knob], values: &[Option<f64>]) -> Overrides {
+    let mut set = base.set.clone();
+    for (knob, value) in knobs.iter().zip(values) {
+        let Some(value) = value else { continue };
+        set.push(format!("{}={}", knob.key, plain(knob.key, value * knob.finer)));
+    }
+    let varied = |key: &str| knobs.iter().any(|knob| knob.key == key);
+    for (limit, most) in [("liquid.max_iterations", 100_000), ("liquid.max_substeps", 10_000)] {
+        if knobs.iter().any(|knob| knob.opens == Some(limit)) && !varied(limit) {
+            set.push(format!("{limit}={}", most.min(REFERENCE_LIMIT)));
+        }
+    }
+    Overrides { set, ..base.clone() }
+}
+
+/// Iterations and substeps that a reference may take: it shows what the knobs do, not what the limits do. Ten
+/// times what the defaults allow; more would let a target that is never reached take days.
+const REFERENCE_LIMIT: u32 = 1000;
+
+/// A number as a preset takes it: whole where the key counts something.
+fn plain(key: &str, value: f64) -> String {
+    let counts = ["iterations", "substeps"].iter().any(|word| key.ends_with(word));
+    if counts { format!("{}", value.round().max(1.0)) } else { format!("{}", value as f32) }
+}
+
+/// The number at a key of the scene.
+fn number(scene: &Scene, key: &str) -> Option<f64> {
+    scene.value(key).as_ref().and_then(Json::as_f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::load;
+
+    fn request(vary: &[&str]) -> Request {
+        Request { vary: vary.iter().map(|v| v.parse().unwrap()).collect(), ..Request::default() }
+    }
+
+    fn labels(sweep: &Sweep) -> Vec<&str> {
+        sweep.rows.iter().map(|(setting, _)| setting.label.as_str()).collect()
+    }
+
+    #[test]
+    fn values_are_split_outside_lists_and_quotes() {
+        let vary: Vary = "liquid.source.0.velocity=[0,0,-1],[0,0,-2]".parse().unwrap();
+        assert_eq!(vary.values, ["[0,0,-1]", "[0,0,-2]"]);
+        assert_eq!("a=\"1, 2\",3".parse::<Vary>().unwrap().values, ["\"1, 2\"", "3"]);
+        for wrong in ["", "a", "=1", "a=", "a=1,,2"] {
+            assert!(wrong.parse::<Vary>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn combinations_tiers_and_the_preset_itself_are_rows_once() {
+        let preset = load("dam-break").unwrap();
+        let sweep = request(&["liquid.cfl=0.2,0.4", "liquid.density_dev=1%,3%"]).sweep(&preset).unwrap();
+        assert_eq!(
+            labels(&sweep),
+            [
+                "as written = cfl=0.4 density_dev=1%",
+                "cfl=0.2 density_dev=1%",
+                "cfl=0.2 density_dev=3%",
+                "cfl=0.4 density_dev=3%"
+            ]
+        );
+        let tiers = Request { tiers: true, ..request(&["liquid.cfl=0.2"]) }.sweep(&preset).unwrap();
+        assert_eq!(labels(&tiers), ["as written = final", "cfl=0.2", "draft", "preview"]);
+        assert!(request(&["liquid.cflx=1"]).sweep(&preset).is_err());
+    }
+
+    #[test]
+    fn the_reference_is_finer_than_every_row_and_its_refinement_finer_still() {
+        let preset = load("dam-break").unwrap();
+        let sweep = request(&[]).sweep(&preset).unwrap();
+        assert_eq!(sweep.rows.len(), 9);
+        let of = |scene: &Scene| {
+            let liquid = scene.liquid.clone().unwrap();
+            (liquid.density_dev.unwrap(), liquid.cfl, liquid.max_iterations)
+        };
+        assert_eq!(of(&sweep.reference.1), (0.0015, 0.1, 1000));
+        assert_eq!(of(&sweep.refined.1), (0.000_75, 0.05, 1000));
+
+        // Counts become larger, named references are taken as they are, unknown keys leave the defaults refined.
+        let counts = Request {
+            base: Overrides { quality: None, set: vec!["liquid.density_dev=none".into()] },
+            ..request(&["liquid.iterations=2,8"])
+        };
+        let sweep = counts.sweep(&preset).unwrap();
+        let iterations = |scene: &Scene| scene.liquid.as_ref().unwrap().iterations;
+        assert_eq!((iterations(&sweep.reference.1), iterations(&sweep.refined.1)), (Some(16), Some(32)));
+        let named = Request { reference: vec!["liquid.cfl=0.3".into()], ..request(&["liquid.cfl=0.4"]) };
+        let sweep = named.sweep(&preset).unwrap();
+        assert_eq!((of(&sweep.reference.1).1, of(&sweep.refined.1).1), (0.3, 0.15));
+        let other = request(&["liquid.softening=0.01,0.1"]).sweep(&preset).unwrap();
+        assert!(of(&other.refined.1) < of(&other.reference.1));
+    }
+}
