@@ -156,8 +156,9 @@ pub(super) struct TradeoffArgs {
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
 
-    /// A key of the preset and the values to try: `liquid.cfl=0.2,0.4`. Repeated: every combination.
-    /// By default the solver's accuracy and the length of its steps
+    /// A key of the preset and the values to try: `liquid.cfl=0.2,0.4`. Repeated: every combination. Keys joined by +
+    /// vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. By default the solver's accuracy and the length of
+    /// its steps
     #[arg(long, value_name = "KEY=A,B,…")]
     pub(super) vary: Vec<Vary>,
 

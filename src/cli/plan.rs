@@ -95,6 +95,6 @@ mod tests {
     #[test]
     fn times_read_as_people_say_them() {
         let said = [0.04, 9.96, 59.4, 59.6, 3599.6, 25_500.0].map(duration);
-        assert_eq!(said, ["0.0 s", "10.0 s", "59 s", "1 min 00 s", "1 h 00 min", "7 h 05 min"]);
+        assert_eq!(said, ["0.0 s", "10 s", "59 s", "1 min 00 s", "1 h 00 min", "7 h 05 min"]);
     }
 }

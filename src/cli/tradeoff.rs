@@ -174,7 +174,10 @@ fn describe(table: &Table) -> String {
     for (place, line) in table.lines.iter().enumerate() {
         if let Some(why) = &line.diverged {
             text += &format!("\ndiverged    {}: {why}", place + 1);
-        } else if line.unconverged > 0 {
+        } else if let Some(first) = line.same_as {
+            text += &format!("\nsame        {} gives the same frames as {}", place + 1, first + 1);
+        }
+        if line.unconverged > 0 {
             text += &format!(
                 "\nnote        {}: {} substeps stopped at max_iterations",
                 place + 1,

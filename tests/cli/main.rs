@@ -3,8 +3,10 @@
 mod bad_input;
 mod interrupt;
 mod meshing;
+mod plan;
 mod resume;
 mod shot;
+mod tradeoff;
 
 use assert_cmd::Command;
 use std::{

@@ -44,6 +44,8 @@ pub(super) struct Job<'a> {
     pub(super) simulated: usize,
     /// Frames to store, and to mesh if meshes are made.
     pub(super) stored: usize,
+    /// Whether the first is one of them.
+    pub(super) with_first: bool,
 }
 
 /// Forecasts the shot from the course of `pilot`, with the power laws that the `near` and the `far` pilot show.
@@ -57,32 +59,40 @@ pub(super) fn forecast(job: &Job<'_>, pilot: &Pilot, [near, far]: [&Pilot; 2], s
     let speeds = [near, far].map(|pilot| mean_fastest(&pilot.frames[..seen]));
     let faster = pilot.factor.powf(law.exponent(speeds[0], speeds[1]));
     let scale = job.particles as f64 / pilot.particles as f64 * sample.rate(job, &costs, pilot);
-    let (mut simulating, mut substeps, mut iterations) = (0.0, 0.0, 0.0);
+    let mut course = Vec::new();
     for (place, frame) in pilot.frames.iter().enumerate() {
-        let rule = rule(job, faster * fastest(pilot, place), f64::from(job.liquid.spacing)) * correction;
+        let speed = faster * fastest(pilot, place);
+        let rule = rule(job, speed, f64::from(job.liquid.spacing)) * correction;
         let least = f64::from(job.liquid.min_substeps);
         let steps = rule.ceil().max(least).min(f64::from(job.liquid.max_substeps));
         let most = f64::from(job.liquid.iterations.unwrap_or(job.liquid.max_iterations));
         let each = (f64::from(frame.iterations) / f64::from(frame.substeps) * growth).min(most);
-        simulating += frame.seconds * scale * costs.work(steps, steps * each) / costs.of_frame(frame);
-        substeps += steps;
-        iterations += steps * each;
+        let work = frame.seconds * scale * costs.work(steps, steps * each) / costs.of_frame(frame);
+        course.push([work, steps, steps * each, frame.bytes as f64]);
     }
-    // Frames that the pilot did not reach are like its last ones.
-    let length = pilot.frames.len().max(1) as f64;
-    let rest = job.simulated as f64 / length;
-    let bytes = pilot.frames.iter().map(|frame| frame.bytes).sum::<u64>() as f64 / length;
+    let [simulating, substeps, iterations, bytes] = total(&course, job.simulated);
+    let bytes = bytes / job.simulated.max(1) as f64;
     let surface = surfaces(&near.surfaces, &far.surfaces, law, sample);
     let stored = job.stored as f64;
+    let moving = stored - f64::from(u8::from(job.with_first));
+    let first = if job.with_first { sample.first_bytes as f64 } else { 0.0 };
     Forecast {
-        simulating: simulating * rest + sample.writing * stored,
+        simulating: simulating + sample.writing * stored,
         surfacing: surface.seconds * stored,
-        cache: bytes * job.particles as f64 / pilot.particles as f64 * stored,
+        cache: first + bytes * job.particles as f64 / pilot.particles as f64 * moving,
         meshes: surface.bytes * stored,
         bricks: surface.bricks,
-        substeps: substeps * rest,
-        iterations: iterations * rest,
+        substeps,
+        iterations,
     }
+}
+
+/// Sums over `frames` frames; those that the pilot did not reach are like the last quarter of those that it did.
+fn total(course: &[[f64; 4]], frames: usize) -> [f64; 4] {
+    let late = &course[course.len() - course.len().div_ceil(4)..];
+    let unseen = frames.saturating_sub(course.len()) as f64 / late.len().max(1) as f64;
+    let sum = |part: &[[f64; 4]], column: usize| part.iter().map(|row| row[column]).sum::<f64>();
+    [0, 1, 2, 3].map(|column| sum(course, column) + unseen * sum(late, column))
 }
 
 /// A quantity at two spacings, continued to a third.
@@ -213,3 +223,25 @@ fn surfaces(near: &[PilotSurface], far: &[PilotSurface], law: Law, sample: &Samp
 
 /// Work below this is lost in the steps of 10 ms in which it is told [s].
 const MEASURABLE: f64 = 0.2;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_power_law_is_continued_to_the_shot() {
+        // 1/x² at spacings 2 and 3 of a shot with spacing 1.
+        let law = Law { near: 2.0, ratio: 1.5 };
+        assert!((law.at_shot(0.25, 1.0 / 9.0) - 1.0).abs() < 1e-12);
+        assert_eq!(law.at_shot(5.0, 0.0), 5.0, "what is not seen in both pilots is taken as it is");
+        assert_eq!(Law { near: 1.0, ratio: 1.0 }.at_shot(5.0, 7.0), 5.0);
+    }
+
+    #[test]
+    fn frames_beyond_the_pilot_cost_as_much_as_its_last() {
+        let course: Vec<[f64; 4]> = (1..=8).map(|i| [f64::from(i), 1.0, 0.0, 2.0]).collect();
+        assert_eq!(total(&course, 8), [36.0, 8.0, 0.0, 16.0]);
+        assert_eq!(total(&course, 10), [51.0, 10.0, 0.0, 20.0]);
+        assert_eq!(total(&[], 3), [0.0; 4]);
+    }
+}

@@ -215,6 +215,7 @@ fn plan_within(
         gravity: scene.world.gravity.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt(),
         simulated: (selection.last().0 - scene.frames.first().0) as usize,
         stored: selection.count() as usize,
+        with_first: selection.contains(scene.frames.first()),
     };
     let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
     let memory = peak_memory(scene, particles, early.bricks, with_outputs);

@@ -112,7 +112,7 @@ pub(super) fn run(
         }
         if clock.wall() > seconds && index < last && index > first {
             pilot.cut = Some(format!(
-                "the calibration saw the frames up to {index}; those after it are taken to cost as much as the last"
+                "the calibration saw the frames up to {index}; those after it are taken to be like the last of them"
             ));
             break;
         }

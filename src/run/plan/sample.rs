@@ -24,6 +24,8 @@ pub(super) struct Sample {
     pub(super) busy: Option<f64>,
     /// Work of writing the first frame [s].
     pub(super) writing: f64,
+    /// Bytes of the first frame: a lattice, which packs better than what follows.
+    pub(super) first_bytes: u64,
     /// The first frame's surface, if it was made.
     pub(super) surface: Option<pilot::PilotSurface>,
 }
@@ -45,7 +47,7 @@ pub(super) fn run(
     let first = scene.frames.first();
     let frame = simulation.frame(first);
     let meter = Meter::new();
-    cache::write_frame(scratch.path(), &frame, 0)?;
+    let first_bytes = cache::write_frame(scratch.path(), &frame, 0)?;
     let writing = meter.work();
     let spacing = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
     let surface = match frame.streams.first().filter(|_| !formats.is_empty() && guess < seconds) {
@@ -75,7 +77,7 @@ pub(super) fn run(
     }
     let Stopwatch { meter, substeps, .. } = stopwatch;
     let busy = meter.cpu().map(|cpu| cpu / meter.wall());
-    Ok(Sample { substeps, work: meter.work(), busy, writing, surface })
+    Ok(Sample { substeps, work: meter.work(), busy, writing, first_bytes, surface })
 }
 
 /// Counts substeps and their iterations: the watch is asked once before a substep, and before every iteration.

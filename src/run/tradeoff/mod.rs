@@ -107,6 +107,8 @@ pub struct Line {
     pub apart: Apart,
     /// Why and where the run ended early.
     pub diverged: Option<String>,
+    /// The first line that gave the same frames, if another did: what tells them apart does nothing here.
+    pub same_as: Option<usize>,
     /// Whether nothing beats it, by the chosen error.
     pub front: bool,
 }
@@ -219,7 +221,7 @@ pub fn tradeoff(
     for (number, (setting, scene)) in all.iter().enumerate() {
         let place = Place::new(folder, scene, selection.last());
         let frames = f64::from(selection.last().0 - scene.frames.first().0 + 1);
-        let part = Part { whole: control.reporter, done: number as f64, scale: 1.0 / frames };
+        let part = Part { whole: control.reporter, number, scale: 1.0 / frames };
         let kept = place.load().is_some_and(|row| row.diverged.is_some() || row.seconds.len() >= repeats);
         let row =
             place.complete(if number < 2 { 1 } else { repeats }, Control { reporter: &part, ..control })?;
@@ -255,8 +257,9 @@ fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run], by: By) -> Result<T
         Ok(Apart { position, ..apart })
     };
     let mut lines = Vec::new();
-    for run in rows {
-        lines.push(Line { apart: against(run)?, ..at(run) });
+    for (place, run) in rows.iter().enumerate() {
+        let same_as = rows[..place].iter().position(|other| other.row.shows_the_same(&run.row));
+        lines.push(Line { apart: against(run)?, same_as, ..at(run) });
     }
     let mut table = Table {
         title: sweep.base.title.clone(),
@@ -311,6 +314,7 @@ fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line
         volume_change: row.volume_change,
         apart: Apart::default(),
         diverged: row.diverged.clone(),
+        same_as: None,
         front: false,
     }
 }
@@ -318,18 +322,21 @@ fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line
 /// Shows one run as a part of the whole job.
 struct Part<'a> {
     whole: &'a dyn Reporter,
-    done: f64,
+    number: usize,
     scale: f64,
 }
 
 impl Reporter for Part<'_> {
     fn begin(&self, _job: &str, _frames: usize) {}
     fn progress(&self, frames_done: f64) {
-        self.whole.progress(self.done + frames_done * self.scale);
+        self.whole.progress(self.number as f64 + frames_done * self.scale);
     }
     fn frame(&self, _figures: &str) {}
     fn note(&self, text: &str) {
-        self.whole.note(text);
+        // What is true of one run is true of all, and said once.
+        if self.number == 0 {
+            self.whole.note(text);
+        }
     }
     fn end(&self) {}
     fn stop(&self) {}

@@ -45,6 +45,17 @@ pub(super) struct Seen {
     pub logged: Option<log::Logged>,
 }
 
+impl Row {
+    /// Whether the frames of `other` show the same particles.
+    pub(super) fn shows_the_same(&self, other: &Self) -> bool {
+        let shown = |row: &Self| {
+            let frames = row.frames.iter();
+            frames.map(|seen| (seen.frame, seen.observables.clone())).collect::<Vec<_>>()
+        };
+        self.diverged.is_none() && other.diverged.is_none() && shown(self) == shown(other)
+    }
+}
+
 /// Where a run is kept, and with which frames.
 #[derive(Clone, Debug)]
 pub(super) struct Place<'a> {

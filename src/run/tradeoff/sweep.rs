@@ -7,13 +7,14 @@ use crate::{
 use serde_json::Value as Json;
 use std::str::FromStr;
 
-/// One key of the preset and the values to try, as the command line writes them: `liquid.cfl=0.2,0.4,0.8`.
+/// Some keys of the preset that vary together, and the values to try, as the command line writes them:
+/// `liquid.cfl=0.2,0.4`, or `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Vary {
-    /// The dotted key.
-    pub key: String,
-    /// At least one value.
-    pub values: Vec<String>,
+    /// The dotted keys, at least one.
+    pub keys: Vec<String>,
+    /// At least one list of values, each with a value a key.
+    pub values: Vec<Vec<String>>,
 }
 
 impl FromStr for Vary {
@@ -21,25 +22,42 @@ impl FromStr for Vary {
 
     fn from_str(text: &str) -> Result<Self, String> {
         let expected = "expected KEY=VALUE,VALUE,…, such as liquid.cfl=0.2,0.4,0.8";
-        let (key, values) = text.split_once('=').ok_or(expected)?;
-        let values: Vec<String> = split_outside(values).map(|value| value.trim().to_owned()).collect();
-        let (key, empty) = (key.trim(), values.iter().any(String::is_empty));
-        if key.is_empty() || empty { Err(expected.into()) } else { Ok(Self { key: key.into(), values }) }
+        let (keys, values) = text.split_once('=').ok_or(expected)?;
+        let parts =
+            |text: &str, mark| split_outside(text, mark).iter().map(|part| part.trim().into()).collect();
+        let keys: Vec<String> = parts(keys, '+');
+        // A single key takes its values as they are: they may hold a plus.
+        let together =
+            |value: &str| if keys.len() == 1 { vec![value.trim().into()] } else { parts(value, '+') };
+        let values: Vec<Vec<String>> = split_outside(values, ',').into_iter().map(together).collect();
+        if keys.iter().chain(values.iter().flatten()).any(String::is_empty) {
+            return Err(expected.into());
+        }
+        match values.iter().find(|value| value.len() != keys.len()) {
+            None => Ok(Self { keys, values }),
+            Some(value) => Err(format!(
+                "found {} for {} keys; expected a value for each, joined by +, such as \
+                 liquid.cfl+liquid.min_substeps=0.2+16,0.4+8",
+                value.join("+"),
+                keys.len()
+            )),
+        }
     }
 }
 
-/// The parts between commas that stand outside brackets and quotes.
-fn split_outside(text: &str) -> impl Iterator<Item = &str> {
+/// The parts between the marks that stand outside brackets and quotes.
+fn split_outside(text: &str, mark: char) -> Vec<&str> {
     let (mut depth, mut quoted) = (0_i32, false);
-    text.split(move |c: char| {
+    let at_mark = |c: char| {
         match c {
             '[' | '{' => depth += 1,
             ']' | '}' => depth -= 1,
             '"' => quoted = !quoted,
             _ => {}
         }
-        c == ',' && depth == 0 && !quoted
-    })
+        c == mark && depth == 0 && !quoted
+    };
+    text.split(at_mark).collect()
 }
 
 /// What a run changes in the preset.
@@ -157,33 +175,42 @@ const KNOBS: [Knob; 6] = [
     Knob { key: "liquid.spacing", finer: 2.0 / 3.0, opens: None },
 ];
 
-/// The knobs to sweep if none are named: what decides when a substep's iterations end, how long substeps are, and the
-/// solver if the preset can choose one.
+/// The knobs to sweep if none are named: when a substep's iterations end, how long substeps are, and the solver if the
+/// preset can choose one.
+///
+/// The length of substeps has two limits, the CFL rule and `min_substeps`; where one decides, the other does nothing, so
+/// both are moved together.
 pub fn defaults(scene: &Scene) -> Vec<Vary> {
-    let around = |key: &str, factors: &[f64]| {
-        let value = number(scene, key)?;
-        let values = factors.iter().map(|factor| plain(key, value * factor)).collect();
-        Some(Vary { key: key.into(), values })
+    let solvers = choices("liquid.solver").into_iter().map(|solver| vec![solver]).collect::<Vec<_>>();
+    let solver = (!solvers.is_empty()).then(|| Vary { keys: vec!["liquid.solver".into()], values: solvers });
+    let one = |key: &str, values: Vec<String>| Vary {
+        keys: vec![key.into()],
+        values: values.into_iter().map(|value| vec![value]).collect(),
     };
-    let solvers = choices("liquid.solver");
-    let solver = (!solvers.is_empty()).then(|| Vary { key: "liquid.solver".into(), values: solvers });
     let iterating = match number(scene, "liquid.iterations") {
-        Some(_) => around("liquid.iterations", &[0.5, 1.0, 2.0]),
-        None => Some(Vary {
-            key: "liquid.density_dev".into(),
-            values: ["0.3%", "1%", "3%"].map(String::from).to_vec(),
-        }),
+        Some(n) => {
+            one("liquid.iterations", [0.5, 1.0, 2.0].map(|f| plain("liquid.iterations", n * f)).to_vec())
+        }
+        None => one("liquid.density_dev", ["0.3%", "1%", "3%"].map(String::from).to_vec()),
     };
-    [solver, iterating, around("liquid.cfl", &[0.5, 1.0, 2.0])].into_iter().flatten().collect()
+    let keys = ["liquid.cfl", "liquid.min_substeps"];
+    let steps = number(scene, keys[0]).zip(number(scene, keys[1])).map(|(cfl, least)| Vary {
+        keys: keys.map(String::from).to_vec(),
+        values: [0.5, 1.0, 2.0].map(|f| vec![plain(keys[0], cfl * f), plain(keys[1], least / f)]).to_vec(),
+    });
+    solver.into_iter().chain([iterating]).chain(steps).collect()
 }
 
 /// Every combination, the last key varying fastest.
 fn combinations(base: &Overrides, vary: &[Vary]) -> Vec<Setting> {
     let mut sets: Vec<Vec<String>> = vec![Vec::new()];
-    for Vary { key, values } in vary {
+    for Vary { keys, values } in vary {
+        let changes = |values: &Vec<String>| -> Vec<String> {
+            keys.iter().zip(values).map(|(key, value)| format!("{key}={value}")).collect()
+        };
         sets = sets
             .into_iter()
-            .flat_map(|set| values.iter().map(move |value| [&set[..], &[format!("{key}={value}")]].concat()))
+            .flat_map(|set| values.iter().map(move |values| [&set[..], &changes(values)].concat()))
             .collect();
     }
     let setting = |set: Vec<String>| Setting {
@@ -201,7 +228,7 @@ fn short(change: &str) -> &str {
 /// The varied knobs that can be refined; those of the defaults if there are none.
 fn refinable(vary: &[Vary], scene: &Scene) -> Vec<Knob> {
     let among = |vary: &[Vary]| -> Vec<Knob> {
-        let is_varied = |knob: &Knob| vary.iter().any(|vary| vary.key == knob.key);
+        let is_varied = |knob: &Knob| vary.iter().any(|vary| vary.keys.iter().any(|key| key == knob.key));
         KNOBS.into_iter().filter(is_varied).collect()
     };
     let knobs = among(vary);
@@ -263,10 +290,13 @@ mod tests {
 
     #[test]
     fn values_are_split_outside_lists_and_quotes() {
-        let vary: Vary = "liquid.source.0.velocity=[0,0,-1],[0,0,-2]".parse().unwrap();
-        assert_eq!(vary.values, ["[0,0,-1]", "[0,0,-2]"]);
-        assert_eq!("a=\"1, 2\",3".parse::<Vary>().unwrap().values, ["\"1, 2\"", "3"]);
-        for wrong in ["", "a", "=1", "a=", "a=1,,2"] {
+        let values = |text: &str| text.parse::<Vary>().unwrap().values;
+        assert_eq!(values("liquid.source.0.velocity=[0,0,-1],[0,0,-2]"), [["[0,0,-1]"], ["[0,0,-2]"]]);
+        assert_eq!(values("a=\"1, 2\",3+4"), [["\"1, 2\""], ["3+4"]]);
+        let together: Vary = "liquid.cfl + liquid.min_substeps=0.2+16,0.4+8".parse().unwrap();
+        assert_eq!(together.keys, ["liquid.cfl", "liquid.min_substeps"]);
+        assert_eq!(together.values, [["0.2", "16"], ["0.4", "8"]]);
+        for wrong in ["", "a", "=1", "a=", "a=1,,2", "a+b=1+2,3", "a+=1+2"] {
             assert!(wrong.parse::<Vary>().is_err(), "{wrong}");
         }
     }
@@ -296,10 +326,10 @@ mod tests {
         assert_eq!(sweep.rows.len(), 9);
         let of = |scene: &Scene| {
             let liquid = scene.liquid.clone().unwrap();
-            (liquid.density_dev.unwrap(), liquid.cfl, liquid.max_iterations)
+            (liquid.density_dev.unwrap(), liquid.cfl, liquid.min_substeps, liquid.max_iterations)
         };
-        assert_eq!(of(&sweep.reference.1), (0.0015, 0.1, 1000));
-        assert_eq!(of(&sweep.refined.1), (0.000_75, 0.05, 1000));
+        assert_eq!(of(&sweep.reference.1), (0.0015, 0.1, 32, 1000));
+        assert_eq!(of(&sweep.refined.1), (0.000_75, 0.05, 64, 1000));
 
         // Counts become larger, named references are taken as they are, unknown keys leave the defaults refined.
         let counts = Request {

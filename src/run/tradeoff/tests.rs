@@ -24,6 +24,7 @@ fn line(label: &str, seconds: f64, dev: f64, energy: f64) -> Line {
         volume_change: None,
         apart: Apart { energy: Some(energy), observable: Some(energy), position: None },
         diverged: None,
+        same_as: None,
         front: false,
     }
 }
@@ -106,6 +107,9 @@ fn curves_are_compared_over_the_frames_asked_for_and_by_the_kilogram() {
     let twice = curves(&row(8, 2.0, 1.5), &reference, Observable::Height, &|_| true);
     assert!((twice.energy.unwrap() - (17.0_f64).sqrt() / 4.0).abs() < 1e-12, "{twice:?}");
     assert!((twice.observable.unwrap() - (2.5_f64).sqrt()).abs() < 1e-12, "{twice:?}");
+    assert!(
+        row(8, 1.0, 1.5).shows_the_same(&row(8, 2.0, 1.5)) && !reference.shows_the_same(&row(8, 1.0, 1.5))
+    );
     let late = curves(&row(8, 2.0, 1.5), &reference, Observable::Height, &|frame| frame > 2);
     assert!((late.energy.unwrap() - 5.0 / 4.0).abs() < 1e-12);
     assert_eq!(curves(&row(8, 2.0, 1.5), &reference, Observable::Height, &|_| false), Apart::default());
