@@ -162,6 +162,9 @@ fn describe(table: &Table) -> String {
         maybe(table.uncertainty.observable, &|o| format!("{} {unit}", short(o)))
     );
     text += &match table.horizon {
+        Some(frame) if frame == table.frames.last().0 => {
+            "\nhorizon     particles are compared in all frames".into()
+        }
         Some(frame) => {
             format!("\nhorizon     particles are compared up to frame {frame}; then paths part by a spacing")
         }
@@ -259,10 +262,16 @@ fn advice(table: &Table, place: usize, args: &TradeoffArgs) -> String {
         .quality
         .iter()
         .map(|tier| format!("--quality {tier}"))
-        .chain(line.set.iter().map(|set| format!("--set {set}")))
+        .chain(line.set.iter().map(|set| format!("--set {}", for_a_shell(set))))
         .collect();
     let flags = if flags.is_empty() { "(as written)".into() } else { flags.join(" ") };
     format!("\nuse         {}: {why}\n            meniscus shot {} {flags}", place + 1, args.preset)
+}
+
+/// An argument that shells hand on as it is.
+fn for_a_shell(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._=%+-/".contains(c);
+    if text.chars().all(plain) { text.into() } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// Writes the chosen setting as a preset of its own.
@@ -302,5 +311,24 @@ fn already_there(path: &Path) -> RunError {
         path: path.into(),
         source: std::io::ErrorKind::AlreadyExists.into(),
         next: "name a file that does not exist yet",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn arguments_survive_a_shell() {
+        assert_eq!(for_a_shell("liquid.density_dev=0.3%"), "liquid.density_dev=0.3%");
+        assert_eq!(for_a_shell("a=[0, 1]"), "'a=[0, 1]'");
+        assert_eq!(for_a_shell("a=it's"), r"'a=it'\''s'");
+    }
+
+    #[test]
+    fn columns_stand_under_each_other() {
+        let rows = [["", "setting", "s"], ["1", "a", "10"]].map(|row| row.map(String::from).to_vec());
+        assert_eq!(aligned(&rows), "   setting  s\n1  a        10\n");
+        assert_eq!([0.0, 0.01234, 1.26, 130.0].map(short), ["0", "0.012", "1.3", "130"]);
     }
 }

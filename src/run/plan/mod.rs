@@ -1,8 +1,8 @@
 //! What a shot will need, before it starts.
 //!
-//! Particles and passes are exact, by seeding. Memory follows a model ([`memory`]). Time, files and the surface grid
-//! come from calibration: two coarse pilots of all frames ([`pilot`]), the shot's own first substeps ([`sample`]),
-//! and what they say together ([`forecast`]). Nothing rests on figures of another machine.
+//! Particles and passes are exact, by seeding. Memory follows a model (`memory`). Time, files and the surface grid
+//! come from calibration: two coarse pilots of all frames (`pilot`), the shot's own start (`sample`),
+//! and what they say together (`forecast`). Nothing rests on figures of another machine.
 
 mod forecast;
 mod memory;
@@ -97,10 +97,10 @@ const PILOT_RATIO: f64 = 1.5;
 
 /// Longest time for a pilot, and for the shot's own start [s].
 const PILOT_SECONDS: f64 = 30.0;
-const SAMPLE_SECONDS: f64 = 4.0;
+const SAMPLE_SECONDS: f64 = 3.0;
 
-/// The least uncertainty that is admitted: two runs of one shot differ by some per cent.
-const LEAST_UNCERTAINTY: f64 = 0.1;
+/// The least uncertainty that is admitted: see the figures in docs/plan.md.
+const LEAST_UNCERTAINTY: f64 = 0.25;
 
 /// Tells what can be told by seeding alone.
 ///

@@ -1,4 +1,4 @@
-//! The shot's first substeps at its own spacing: what a particle costs where the caches are full.
+//! The shot's start at its own spacing: its first frame, its first surface, and how busy it keeps the machine.
 
 use super::pilot;
 use crate::{
@@ -11,15 +11,11 @@ use crate::{
 };
 
 /// Substeps measured at least, beside the first.
-const FEWEST: usize = 3;
+const FEWEST: u32 = 3;
 
-/// What the first substeps took.
+/// What the start took.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sample {
-    /// Iterations of every substep but the first, which also takes the memory it works in.
-    pub(super) substeps: Vec<u32>,
-    /// Work of those substeps [s].
-    pub(super) work: f64,
     /// Processor time over wall-clock time; `None` where the system does not tell.
     pub(super) busy: Option<f64>,
     /// Work of writing the first frame [s].
@@ -57,14 +53,7 @@ pub(super) fn run(
     drop(frame);
 
     // Frame after frame, until time is up.
-    let mut stopwatch = Stopwatch {
-        control,
-        until: seconds,
-        meter: Meter::new(),
-        asked: 0,
-        warm: false,
-        substeps: Vec::new(),
-    };
+    let mut stopwatch = Stopwatch { control, until: seconds, meter: Meter::new(), substeps: 0 };
     for index in first.0 + 1..=first.0 + 3 {
         match simulation.advance(1.0 / f64::from(scene.fps), &mut stopwatch) {
             Ok(_) => {}
@@ -75,35 +64,30 @@ pub(super) fn run(
             }
         }
     }
-    let Stopwatch { meter, substeps, .. } = stopwatch;
+    let meter = stopwatch.meter;
     let busy = meter.cpu().map(|cpu| cpu / meter.wall());
-    Ok(Sample { substeps, work: meter.work(), busy, writing, first_bytes, surface })
+    Ok(Sample { busy, writing, first_bytes, surface })
 }
 
-/// Counts substeps and their iterations: the watch is asked once before a substep, and before every iteration.
+/// Stops when there is enough to see.
 struct Stopwatch<'a> {
     control: Control<'a>,
     until: f64,
     meter: Meter,
-    asked: u32,
-    warm: bool,
-    substeps: Vec<u32>,
+    substeps: u32,
 }
 
 impl Watch for Stopwatch<'_> {
     fn keep_going(&mut self) -> bool {
-        self.asked += 1;
-        let enough = self.substeps.len() >= FEWEST && self.meter.wall() > self.until;
+        let enough = self.substeps > FEWEST && self.meter.wall() > self.until;
         !enough && !(self.control.interrupted)()
     }
 
     fn substep(&mut self, _done: f64) {
         // The first substep also takes the memory that the others work in, so the clock starts after it.
-        if self.substeps.is_empty() && !self.warm {
-            (self.warm, self.meter) = (true, Meter::new());
-        } else {
-            self.substeps.push(self.asked.saturating_sub(2));
+        if self.substeps == 0 {
+            self.meter = Meter::new();
         }
-        self.asked = 0;
+        self.substeps += 1;
     }
 }

@@ -1,8 +1,8 @@
 //! Work against precision on the user's own shot: which settings are worth their time.
 //!
-//! *Method*: every setting of a sweep ([`sweep`]) is run on the same frames and kept ([`row`]); it is compared with a
+//! *Method*: every setting of a sweep (`sweep`) is run on the same frames and kept (`row`); it is compared with a
 //! reference that is finer than all of them, and the reference with a refinement of itself, which tells how small an
-//! error can be seen at all ([`compare`]). The Pareto front and its knee ([`pareto`]) name the settings to consider.
+//! error can be seen at all (`compare`). The Pareto front and its knee (`pareto`) name the settings to consider.
 //! Limits: splashing liquid is chaotic, so paths part after some frames; extents and energies are compared over all of
 //! them, particles only as long as the reference agrees with its own refinement.
 
