@@ -170,6 +170,10 @@ fn describe(table: &Table) -> String {
         }
         None => "\nhorizon     none: the reference and its refinement do not have the same particles".into(),
     };
+    if table.by == By::Density && table.lines.iter().any(|line| line.particles != table.reference.particles) {
+        text += "\nnote        the settings differ in particles: their densities say little about each other; use --by \
+                 observable or --by energy";
+    }
     let failed = [("reference", &table.reference), ("refined reference", &table.refined)];
     for (name, why) in failed.iter().filter_map(|(name, line)| Some((name, line.diverged.as_ref()?))) {
         text += &format!("\nnote        the {name} diverged, so what is compared with it is left out: {why}");

@@ -21,7 +21,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 def table(binary, preset, options):
     """The table of a preset."""
-    line = [binary, "tradeoff", preset, "--tiers", "--json", "--output", options.rows / preset]
+    line = [binary, "tradeoff", preset, "--tiers", "--by", "observable", "--json", "--output", options.rows / preset]
     line += ["--frames", options.frames, "--repeats", options.repeats, "--threads", options.threads]
     line += [word for vary in options.vary for word in ("--vary", vary)]
     line += [word for key in options.set for word in ("--set", key)]
@@ -73,7 +73,9 @@ def markdown(preset, found):
 def figure(value, floor=None):
     if value is None:
         return "–"
-    return f"≤ {floor:.2g}" if floor is not None and value < floor else f"{value:.2g}"
+    below = floor is not None and value < floor
+    shown = floor if below else value
+    return ("≤ " if below else "") + (f"{shown:.0f}" if abs(shown) >= 10 else f"{shown:.2g}")
 
 
 def percent(value, floor=None):
@@ -100,7 +102,7 @@ def main():
     parts = [
         "# What the tiers cost, and how exact they are\n\n"
         "Written by `tools/bench/tiers.py`; do not edit. How to read it: [tradeoff.md](tradeoff.md). Tiers are bold; "
-        "those of fewer particles also differ from the reference because they are coarser.\n"
+        "front and knee go by the observable, since densities of different spacings cannot be compared.\n"
     ]
     parts += [markdown(preset, table(options.binary, preset, options)) for preset in presets]
     options.output.write_text("\n".join(parts))
