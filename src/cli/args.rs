@@ -1,6 +1,6 @@
 //! The command line's types: every verb, flag and its help.
 
-use crate::{export::MeshFormat, scene::Frames};
+use crate::{export::MeshFormat, run::tradeoff::Vary, scene::Frames};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -56,6 +56,10 @@ pub(super) enum Verb {
     Shot(ShotArgs),
     /// Simulate a shot into its cache; the same command again continues
     Simulate(ShotArgs),
+    /// Tell what a shot will need: particles, passes, memory, disk, time
+    Plan(PlanArgs),
+    /// Measure on your own shot what accuracy costs, and name the setting to use
+    Tradeoff(TradeoffArgs),
     /// Turn a cache, or particle files of any solver, into surface meshes
     Mesh(MeshArgs),
     /// Tell what is in a shot folder
@@ -96,9 +100,131 @@ pub(super) struct ShotArgs {
     #[arg(long)]
     pub(super) force: bool,
 
-    /// Say what would run, with particles, memory and disk, and stop
+    /// Say what would run, with particles and memory, and stop; `meniscus plan` also tells time and disk
     #[arg(long)]
     pub(super) dry_run: bool,
+}
+
+/// Arguments of `plan`.
+#[derive(Debug, Args)]
+pub(super) struct PlanArgs {
+    /// A preset file, or the name of a built-in preset (see `meniscus presets`)
+    pub(super) preset: String,
+
+    /// The frames to plan for: `1-240`, `1-240x2`, `1,5,9-12`. By default those of the preset
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Change any key of the preset: `--set liquid.iterations=20`. May be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(super) set: Vec<String>,
+
+    /// One of the preset's quality tiers
+    #[arg(long, value_name = "TIER")]
+    pub(super) quality: Option<Tier>,
+
+    /// Exit with code 33 if the shot would need about more memory than this: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Print JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// Arguments of `tradeoff`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Measure on your own shot what accuracy costs, and name the setting to use.\n\n\
+        Runs the first second of the shot (or --frames) once for every setting, and once for a reference that is finer \
+        than all of them. The table shows for each setting how long it took and how far its result is from exact. \
+        Settings that are slower and worse than another need not be looked at; the rest form the front, and its knee is \
+        where more time stops paying.\n\n\
+        Every run is kept in the output folder: the same command goes on where it stopped, and a further --vary only \
+        runs what is new. docs/tradeoff.md explains the columns.",
+    after_help = "Examples:\n  \
+        meniscus tradeoff dam-break                               sensible settings, one second\n  \
+        meniscus tradeoff shot.toml --vary liquid.cfl=0.2,0.4,0.8 --vary liquid.density_dev=0.3%,1%,3%\n  \
+        meniscus tradeoff shot.toml --time 2h --write tonight.toml    the most exact that is done in two hours\n  \
+        meniscus tradeoff shot.toml --dev 0.5%                    the fastest that is exact to 0.5 %"
+)]
+pub(super) struct TradeoffArgs {
+    /// A preset file, or the name of a built-in preset (see `meniscus presets`)
+    pub(super) preset: String,
+
+    /// The folder for runs, table and plot; by default PRESET-tradeoff, in the current folder
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// A key of the preset and the values to try: `liquid.cfl=0.2,0.4`. Repeated: every combination. Keys joined by +
+    /// vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. By default the solver's accuracy and the length of
+    /// its steps
+    #[arg(long, value_name = "KEY=A,B,…")]
+    pub(super) vary: Vec<Vary>,
+
+    /// What to compare with: `liquid.cfl=0.1`. May be repeated. By default the finest value of every knob, refined
+    /// once
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(super) reference: Vec<String>,
+
+    /// The frames to compare: `1-24`. By default one second
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// The error that decides which settings are worth their time
+    #[arg(long, value_name = "ERROR", default_value = "density")]
+    pub(super) by: Judge,
+
+    /// Choose the most exact setting that takes at most this long for the whole shot: `90s`, `10min`, `2h`
+    #[arg(long, value_name = "TIME", value_parser = time)]
+    pub(super) time: Option<f64>,
+
+    /// Choose the fastest setting whose density deviates by at most this on average: `0.5%`
+    #[arg(long, value_name = "DEVIATION", value_parser = fraction)]
+    pub(super) dev: Option<f64>,
+
+    /// Write the chosen setting as a preset
+    #[arg(long, value_name = "FILE")]
+    pub(super) write: Option<PathBuf>,
+
+    /// Run every setting this often, and show the median and range of its time
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(super) repeats: std::num::NonZeroU32,
+
+    /// Show the preset's quality tiers as rows too
+    #[arg(long)]
+    pub(super) tiers: bool,
+
+    /// Change any key of the preset for all runs: `--set liquid.spacing=0.05`. May be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(super) set: Vec<String>,
+
+    /// Compare on one of the preset's quality tiers
+    #[arg(long, value_name = "TIER")]
+    pub(super) quality: Option<Tier>,
+
+    /// Run everything again, whatever is in the folder
+    #[arg(long)]
+    pub(super) force: bool,
+
+    /// List the runs and stop
+    #[arg(long)]
+    pub(super) dry_run: bool,
+
+    /// Print the table as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+/// The error that decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum Judge {
+    /// How far from incompressible
+    Density,
+    /// Mechanical energy against the reference
+    Energy,
+    /// What the preset's [tradeoff] names, against the reference
+    Observable,
 }
 
 /// A quality tier of a preset.
@@ -146,6 +272,10 @@ pub(super) struct MeshArgs {
     /// Grid cell in particle spacings, short for `--set surface.voxel=…`
     #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
     pub(super) voxel: Option<String>,
+
+    /// Refuse to start if about more memory than this would be needed: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
 
     /// Mesh again what is there already
     #[arg(long)]
@@ -197,6 +327,33 @@ fn mesh_format(text: &str) -> Result<MeshFormat, String> {
     MeshFormat::from_extension(text).ok_or_else(|| "expected ply or obj".into())
 }
 
+/// A time [s] with a unit.
+fn time(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "" | "s" | "sec" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        "d" => 86400.0,
+        unit => return Err(format!("unknown unit {unit:?}; expected a time such as 90s, 10min or 2h")),
+    };
+    match digits.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number * factor),
+        _ => Err("expected a time such as 90s, 10min or 2h".into()),
+    }
+}
+
+/// A fraction, maybe in per cent.
+fn fraction(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let (digits, factor) = text.strip_suffix('%').map_or((text, 1.0), |digits| (digits, 0.01));
+    match digits.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number * factor <= 1.0 => Ok(number * factor),
+        _ => Err("expected a part such as 0.5% or 0.005".into()),
+    }
+}
+
 /// A number of bytes with a unit.
 fn size(text: &str) -> Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
@@ -225,6 +382,18 @@ mod tests {
     #[test]
     fn the_command_line_is_consistent() {
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn times_and_fractions_carry_units() {
+        assert_eq!(["90", "90s", "10 min", "2h"].map(time), [90.0, 90.0, 600.0, 7200.0].map(Ok));
+        assert_eq!((fraction("0.5%"), fraction("0.02")), (Ok(0.005), Ok(0.02)));
+        for wrong in ["", "s", "-1s", "0", "2 parsecs", "inf"] {
+            assert!(time(wrong).is_err(), "{wrong}");
+        }
+        for wrong in ["", "%", "-1%", "0", "200%", "nan"] {
+            assert!(fraction(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

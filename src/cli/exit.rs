@@ -35,7 +35,7 @@ pub(super) fn code(error: &RunError) -> ExitCode {
         RunError::Interrupted => INTERRUPTED,
         RunError::File { source, .. } => of_io(source),
         RunError::Export(export) if export.is_disk_full() => DISK_FULL,
-        RunError::Export(_) | RunError::Import(_) => 1,
+        RunError::Export(_) | RunError::Import(_) | RunError::NoSetting { .. } => 1,
     })
 }
 

@@ -58,6 +58,9 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
     } else {
         surface_alone(args)?
     };
+    if let Some(allowed) = args.max_memory {
+        run::refuse_mesh_over_memory(&source, args.frames.as_ref(), params.voxel, allowed)?;
+    }
     run::surface_cache(&source, &out, &params, &args.format, args.frames.as_ref(), args.force, control)
 }
 
@@ -86,6 +89,9 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
         return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
     }
     let settings = FileSettings { spacing, params: surface_alone(args)?, fps };
+    if let Some(allowed) = args.max_memory {
+        run::refuse_files_over_memory(&files, settings.params.voxel, allowed)?;
+    }
     run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
 }
 

@@ -5,9 +5,11 @@ mod exit;
 mod info;
 mod interrupt;
 mod mesh;
+mod plan;
 mod presets;
 mod progress;
 mod shot;
+mod tradeoff;
 
 use crate::{
     par,
@@ -27,6 +29,8 @@ pub fn main() -> ExitCode {
     let outcome = par::with_threads(cli.threads, || match &verb {
         Verb::Shot(args) => shot::shot(args, control),
         Verb::Simulate(args) => shot::simulate(args, control),
+        Verb::Plan(args) => plan::plan(args, control),
+        Verb::Tradeoff(args) => tradeoff::tradeoff(args, control),
         Verb::Mesh(args) => mesh::mesh(args, control),
         Verb::Info(args) => info::info(args, false),
         Verb::Verify(args) => info::info(args, true),

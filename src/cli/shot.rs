@@ -5,7 +5,7 @@ use super::{
     print,
 };
 use crate::{
-    run::{self, Control, Estimate, RunError, ShotFolder},
+    run::{self, Control, Outline, RunError, ShotFolder},
     scene::{self, Frames, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
@@ -47,18 +47,12 @@ fn simulated(
     let overrides = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
     let scene = Scene::from_preset(&preset, &overrides)?;
     let selection = args.frames.clone().unwrap_or_else(|| scene.frames.clone());
-    if args.dry_run || args.max_memory.is_some() {
-        let estimate = run::estimate(&scene, &selection, with_outputs, control.reporter)?;
-        if args.dry_run {
-            describe(&scene, &selection, &estimate)?;
-        }
-        let needed = estimate.memory;
-        if let Some(allowed) = args.max_memory.filter(|&allowed| needed > allowed) {
-            return Err(RunError::OverMemory { needed, allowed });
-        }
-        if args.dry_run {
-            return Ok(None);
-        }
+    if let Some(allowed) = args.max_memory {
+        run::refuse_over_memory(&scene, &selection, with_outputs, allowed, control)?;
+    }
+    if args.dry_run {
+        describe(&scene, &selection, &run::outline(&scene, with_outputs, control)?)?;
+        return Ok(None);
     }
     let folder = ShotFolder::new(args.output.clone().unwrap_or_else(|| default_folder(&preset)));
     let done = run::simulate(&scene, &folder, &selection, args.force, control)?;
@@ -77,7 +71,8 @@ fn default_folder(preset: &Preset) -> PathBuf {
     Path::new(&preset.name).file_stem().map_or_else(|| PathBuf::from("shot"), PathBuf::from)
 }
 
-fn quality(tier: Tier) -> Quality {
+/// The preset's tier that the command line names.
+pub(super) fn quality(tier: Tier) -> Quality {
     match tier {
         Tier::Draft => Quality::Draft,
         Tier::Preview => Quality::Preview,
@@ -85,17 +80,15 @@ fn quality(tier: Tier) -> Quality {
     }
 }
 
-fn describe(scene: &Scene, selection: &Frames, estimate: &Estimate) -> Result<(), RunError> {
-    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+fn describe(scene: &Scene, selection: &Frames, outline: &Outline) -> Result<(), RunError> {
     print(&format!(
-        "{}\nframes     {selection} at {} fps\nparticles  {}\npasses     {}\nmemory     about {:.0} MiB\ndisk       about \
-         {:.0} MiB",
+        "{}\nframes     {selection} at {} fps\nparticles  {}\npasses     {}\nmemory     at most about {:.0} MiB\n\
+         time       `meniscus plan` tells it, and the disk",
         scene.title,
         scene.fps,
-        estimate.particles,
-        estimate.passes.join(", "),
-        mib(estimate.memory),
-        mib(estimate.disk)
+        outline.particles,
+        outline.passes.join(", "),
+        outline.memory as f64 / f64::from(1 << 20),
     ))?;
-    estimate.remarks.iter().try_for_each(|remark| print(&format!("note       {remark}")))
+    outline.remarks.iter().try_for_each(|remark| print(&format!("note       {remark}")))
 }

@@ -55,6 +55,14 @@ pub enum RunError {
         /// The user's limit [bytes].
         allowed: u64,
     },
+    /// No setting that was measured is within the user's limits.
+    #[error(
+        "no setting of the table keeps {wanted}: allow more, add values with --vary, or use a larger liquid.spacing"
+    )]
+    NoSetting {
+        /// The limits, in words.
+        wanted: String,
+    },
     /// A file beside the cache cannot be read or written.
     #[error("{}: {source}; {next}", path.display())]
     File {

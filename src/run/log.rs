@@ -21,6 +21,46 @@ struct LineHead {
     frame: FrameIndex,
 }
 
+/// What a line tells, for jobs that read it back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Logged {
+    /// The frame.
+    pub frame: FrameIndex,
+    /// Substeps taken.
+    pub substeps: u32,
+    /// Iterations over all substeps.
+    pub iterations: u32,
+    /// Substeps that ended above the target.
+    pub unconverged: u32,
+    /// Average density deviation, as a fraction.
+    pub density_dev_avg: f64,
+    /// Largest density deviation, as a fraction.
+    pub density_dev_max: f64,
+    /// Kinetic energy [J].
+    pub kinetic_energy: f64,
+    /// Potential energy [J]; its zero is at the world's origin.
+    pub potential_energy: f64,
+    /// Wall-clock time of every pass [s].
+    seconds: Vec<(String, f64)>,
+}
+
+impl Logged {
+    /// Wall-clock time of the frame [s].
+    pub(super) fn seconds(&self) -> f64 {
+        self.seconds.iter().map(|(_, seconds)| seconds).sum()
+    }
+}
+
+/// Every line of the folder's log; none if there is no log.
+pub(super) fn read(folder: &ShotFolder) -> Result<Vec<Logged>, RunError> {
+    let text = match std::fs::read_to_string(folder.log()) {
+        Err(absent) if absent.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        read => read.map_err(|source| fail(folder, source))?,
+    };
+    let line = |line: &str| serde_json::from_str(line).map_err(|why| fail(folder, why.into()));
+    text.lines().map(line).collect()
+}
+
 /// Adds the line of a frame; a line that an earlier run left about the same frame is replaced.
 pub(super) fn append(
     folder: &ShotFolder,

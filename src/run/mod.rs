@@ -4,22 +4,27 @@
 //! part. Jobs say what happens through a [`Reporter`] and ask between steps whether to go on.
 
 mod error;
-mod estimate;
 mod folder;
 mod info;
 mod log;
 mod manifest;
+mod plan;
 mod remarks;
+mod scratch;
 mod simulate;
 mod solids;
 mod surface;
 mod surface_files;
+pub mod tradeoff;
+mod usage;
 
 pub use error::{FailedFrame, Failure, RunError};
-pub use estimate::{Estimate, estimate};
 pub use folder::ShotFolder;
 pub use info::{FrameState, Info, OutputInfo, info};
 pub use manifest::{FrameSpan, Manifest, MeshOutput};
+pub use plan::{
+    Outline, Plan, outline, plan, refuse_files_over_memory, refuse_mesh_over_memory, refuse_over_memory,
+};
 pub use simulate::{Simulated, simulate};
 pub use surface::{Surfaced, surface_cache};
 pub use surface_files::{FileSettings, surface_files};

@@ -1,6 +1,7 @@
 //! What happened and should not go unseen, in words.
 
-use crate::{mesh::SurfaceStats, sim::FrameRecord, sim::SeedReport};
+use super::RunError;
+use crate::{mesh::SurfaceError, mesh::SurfaceStats, sim::FrameRecord, sim::SeedReport};
 
 /// What seeding had to leave out.
 pub(super) fn of_seeding(report: &SeedReport) -> Vec<String> {
@@ -26,6 +27,7 @@ pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
         (clamps.energy, "velocities held to the energy bound"),
         (clamps.confinement, "confinements scaled down"),
         (clamps.contacts, "contacts unresolved"),
+        (u64::from(clamps.momentum), "iterations slowed down"),
         (record.particles_inside_solids.into(), "particles inside solids"),
     ])
 }
@@ -40,6 +42,14 @@ pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
         (stats.normals_from_faces as u64, "normals from faces"),
         (stats.velocities_from_nearest as u64, "velocities from the nearest particle"),
     ])
+}
+
+/// Why a frame that the job itself computed has no surface.
+pub(super) fn no_surface(why: SurfaceError) -> RunError {
+    match why {
+        SurfaceError::Interrupted => RunError::Interrupted,
+        why => RunError::Request(why.to_string()),
+    }
 }
 
 fn counted(counts: &[(u64, &str)]) -> Vec<String> {

@@ -36,13 +36,7 @@ pub fn simulate(
     force: bool,
     control: Control,
 ) -> Result<Simulated, RunError> {
-    let start = scene.frames.first();
-    if selection.first() < start {
-        return Err(RunError::Request(format!(
-            "--frames: frame {} is before the shot's first, {start}; choose frames from {start} on",
-            selection.first()
-        )));
-    }
+    check_selection(scene, selection)?;
     ShotFolder::create(&folder.cache())?;
     let _lock = Lock::acquire(&folder.cache())?;
     let key = scene.simulation_key();
@@ -73,6 +67,18 @@ pub fn simulate(
     }
     control.reporter.end();
     Ok(job.done)
+}
+
+/// Refuses frames before the shot's first.
+pub(super) fn check_selection(scene: &Scene, selection: &Frames) -> Result<(), RunError> {
+    let start = scene.frames.first();
+    if selection.first() >= start {
+        return Ok(());
+    }
+    Err(RunError::Request(format!(
+        "--frames: frame {} is before the shot's first, {start}; choose frames from {start} on",
+        selection.first()
+    )))
 }
 
 /// The frames in the cache that are valid and of this simulation. Damaged ones are named, and computed again if

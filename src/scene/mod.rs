@@ -12,6 +12,7 @@ mod frames;
 mod meaning;
 mod model;
 mod problem;
+mod query;
 pub mod reference;
 mod tree;
 mod units;
@@ -23,11 +24,12 @@ pub use assets::{Asset, Assets, Home};
 pub use file::{Overrides, Preset, load, surface_alone};
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};
+pub use query::choices;
 
 use crate::{
     export::MeshFormat,
     mesh::SurfaceParams,
-    sim::{self, liquid::LiquidParams},
+    sim::{self, Observable, liquid::LiquidParams},
     solid::Collider,
 };
 use schemars::JsonSchema;
@@ -58,10 +60,21 @@ pub struct Scene {
     /// What `shot` writes besides the cache.
     #[serde(default)]
     pub output: Output,
+    /// What `tradeoff` compares; absent: the bulk's height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tradeoff: Option<Tradeoff>,
     /// The files that the world and the liquid name; not part of the preset's text.
     #[serde(skip)]
     #[schemars(skip)]
     pub assets: Assets,
+}
+
+/// What `tradeoff` compares beside densities and energy.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tradeoff {
+    /// The number that the picture hangs on; see docs/tradeoff.md.
+    pub observable: Observable,
 }
 
 /// What surrounds the systems.
@@ -146,7 +159,7 @@ impl Scene {
     /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that
     /// these name, and the solvers' version.
     ///
-    /// The title, the frames after the first, the surface and the output do not change it. Caches keep it, so
+    /// The title, the frames after the first, the surface, the output and the tradeoff do not change it. Caches keep it, so
     /// that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         #[derive(Serialize)]
@@ -159,7 +172,7 @@ impl Scene {
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
-        let Self { title: _, frames, fps, world, liquid, surface: _, output: _, assets } = self;
+        let Self { title: _, frames, fps, world, liquid, surface: _, output: _, tradeoff: _, assets } = self;
         let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
         let solvers = sim::STATE_VERSION;
         let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid, files };

@@ -63,7 +63,7 @@ fn units_and_defaults_arrive_in_the_scene() {
     assert_eq!(liquid.source[0].velocity, [10.0, 0.0, 0.0]);
     assert!(liquid.vorticity.is_none());
     let without = read(&bad("iterations = 4\n", "")).unwrap().liquid.unwrap();
-    assert_eq!((without.iterations, without.density_dev), (None, Some(0.01)));
+    assert_eq!((without.iterations, without.density_dev), (None, Some(0.003)));
 }
 
 #[test]

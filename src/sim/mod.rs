@@ -5,13 +5,15 @@
 //! in a [`FrameRecord`].
 
 /// Raised whenever a change gives the same preset other bits, so that a resumed cache never mixes two solvers.
-pub const STATE_VERSION: u32 = 2;
+pub const STATE_VERSION: u32 = 3;
 
 pub mod liquid;
+mod observe;
 mod record;
 mod simulation;
 mod stop;
 
+pub use observe::Observable;
 pub use record::{Clamps, FrameRecord, SeedReport};
 pub use simulation::{SetupError, Simulation, World};
 pub use stop::{Diverged, Stop, Unwatched, Watch};

@@ -24,6 +24,8 @@ pub struct Clamps {
     pub energy: u64,
     /// Substeps in which vorticity confinement was scaled down to stay bounded.
     pub confinement: u64,
+    /// Times the accelerated solver found its iteration running away and slowed it.
+    pub momentum: u32,
     /// Particles that still touched a solid after the last collision round, over all iterations.
     pub contacts: u64,
 }

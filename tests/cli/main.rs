@@ -3,9 +3,11 @@
 mod bad_input;
 mod interrupt;
 mod meshing;
+mod plan;
 mod resume;
 mod shot;
 mod solids;
+mod tradeoff;
 
 use assert_cmd::Command;
 use std::{

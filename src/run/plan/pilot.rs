@@ -1,0 +1,164 @@
+//! A coarse shot, run to see how the fine one will go: the same preset with a larger `liquid.spacing`.
+
+use crate::{
+    cache,
+    export::MeshFormat,
+    frame::{Frame, FrameIndex, Stream},
+    mesh,
+    run::{Control, RunError, remarks, scratch::Scratch, simulate::world, usage::Meter},
+    scene::{Frames, Scene},
+    sim::{FrameRecord, Simulation, Stop, Watch},
+};
+/// Frames of which surfaces are made.
+const SURFACES: usize = 6;
+
+/// A coarse shot that was run.
+#[derive(Clone, Debug)]
+pub(super) struct Pilot {
+    /// Its spacing over the shot's.
+    pub(super) factor: f64,
+    /// Its particles.
+    pub(super) particles: usize,
+    /// Every simulated frame, in order; fewer than asked for if time ran out or the pilot diverged.
+    pub(super) frames: Vec<PilotFrame>,
+    /// A few surfaces, spread over those frames; none if the shot makes none.
+    pub(super) surfaces: Vec<PilotSurface>,
+    /// Why it ended early, in words.
+    pub(super) cut: Option<String>,
+}
+
+/// One simulated frame of a pilot.
+#[derive(Clone, Debug)]
+pub(super) struct PilotFrame {
+    /// Work of all passes [s], see [`Meter`].
+    pub(super) seconds: f64,
+    /// The part of it that grows with the iterations [s].
+    pub(super) solving: f64,
+    /// Substeps.
+    pub(super) substeps: u32,
+    /// Iterations over all substeps.
+    pub(super) iterations: u32,
+    /// The fastest particle at the frame's end [m/s].
+    pub(super) fastest: f64,
+    /// Bytes in the cache.
+    pub(super) bytes: u64,
+}
+
+/// One surface of a pilot.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PilotSurface {
+    /// Work of making and writing it [s].
+    pub(super) seconds: f64,
+    /// Bricks of its density.
+    pub(super) bricks: usize,
+    /// Bytes of its files, all formats together.
+    pub(super) bytes: u64,
+}
+
+/// Runs the shot at `factor` times its spacing for at most about `seconds` [s].
+///
+/// # Errors
+/// If it cannot start, is interrupted, or diverges before its first frame is done.
+pub(super) fn run(
+    scene: &Scene,
+    selection: &Frames,
+    formats: &[MeshFormat],
+    factor: f64,
+    seconds: f64,
+    control: Control,
+) -> Result<Pilot, RunError> {
+    let mut liquid = scene.liquid.clone();
+    if let Some(liquid) = &mut liquid {
+        liquid.spacing = (f64::from(liquid.spacing) * factor) as f32;
+    }
+    let spacing = liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
+    let mut simulation = Simulation::new(world(scene), liquid)?;
+    let scratch = Scratch::new()?;
+    let clock = Meter::new();
+    let (first, last) = (scene.frames.first().0, selection.last().0);
+    let every = ((last - first) as usize).div_ceil(SURFACES).max(1) as u32;
+    let particles = simulation.seeded().particles as usize;
+    let mut pilot = Pilot { factor, particles, frames: Vec::new(), surfaces: Vec::new(), cut: None };
+    for index in first..=last {
+        if index > first {
+            let meter = Meter::new();
+            match simulation.advance(1.0 / f64::from(scene.fps), &mut Attentive(control)) {
+                Ok(record) => {
+                    let work = meter.work();
+                    let frame = simulation.frame(FrameIndex(index));
+                    let bytes = cache::write_frame(scratch.path(), &frame, 0)?;
+                    // Only its size was wanted.
+                    let _ = std::fs::remove_file(cache::frame_path(scratch.path(), frame.index));
+                    pilot.frames.push(entry(&record, work, &frame, bytes));
+                }
+                Err(Stop::Interrupted) => return Err(RunError::Interrupted),
+                Err(Stop::Diverged(diverged)) if pilot.frames.is_empty() => {
+                    return Err(RunError::Diverged { frame: FrameIndex(index), diverged });
+                }
+                Err(Stop::Diverged(diverged)) => {
+                    pilot.cut = Some(format!(
+                        "the calibration, at {factor:.1} times the spacing, ended in frame {index}: {diverged}"
+                    ));
+                    break;
+                }
+            }
+        }
+        let sampled = (index - first) % every == 0 || index == last;
+        if !formats.is_empty() && sampled {
+            let frame = simulation.frame(FrameIndex(index));
+            for stream in &frame.streams {
+                pilot.surfaces.push(surface(scene, stream, spacing, formats, &scratch, control)?);
+            }
+        }
+        if clock.wall() > seconds && index < last && index > first {
+            pilot.cut = Some(format!(
+                "the calibration saw the frames up to {index}; those after it are taken to be like the last of them"
+            ));
+            break;
+        }
+    }
+    Ok(pilot)
+}
+
+fn entry(record: &FrameRecord, work: f64, frame: &Frame, bytes: u64) -> PilotFrame {
+    let total: f64 = record.seconds.iter().map(|(_, seconds)| seconds).sum();
+    let solving: f64 = record.seconds.iter().filter(|(name, _)| *name == "solve").map(|(_, s)| s).sum();
+    let velocities = frame.streams.iter().filter_map(|stream| stream.vec3("velocity")).flatten();
+    PilotFrame {
+        seconds: work,
+        solving: if total > 0.0 { work * solving / total } else { 0.0 },
+        substeps: record.substeps,
+        iterations: record.iterations,
+        fastest: velocities.map(|v| f64::from(v.norm())).fold(0.0, f64::max),
+        bytes,
+    }
+}
+
+/// Makes the surface of `stream` as the shot would and tells what it took.
+pub(super) fn surface(
+    scene: &Scene,
+    stream: &Stream,
+    spacing: f32,
+    formats: &[MeshFormat],
+    scratch: &Scratch,
+    control: Control,
+) -> Result<PilotSurface, RunError> {
+    let meter = Meter::new();
+    let surface = mesh::reconstruct(stream, spacing, &scene.surface, &|| !(control.interrupted)())
+        .map_err(remarks::no_surface)?;
+    let mut bytes = 0;
+    for format in formats {
+        let path = scratch.path().join(format!("surface.{}", format.extension()));
+        bytes += format.write(&surface.mesh, &path, 0)?;
+    }
+    Ok(PilotSurface { seconds: meter.work(), bricks: surface.stats.bricks[0], bytes })
+}
+
+/// Goes on until the user stops the job.
+struct Attentive<'a>(Control<'a>);
+
+impl Watch for Attentive<'_> {
+    fn keep_going(&mut self) -> bool {
+        !(self.0.interrupted)()
+    }
+}

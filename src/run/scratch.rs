@@ -1,0 +1,39 @@
+//! A folder for what a job writes only to see how large it is.
+
+use super::{RunError, ShotFolder};
+use std::{
+    path::{Path, PathBuf},
+    sync::atomic::{AtomicU32, Ordering},
+};
+
+/// A folder in the system's place for temporary files, removed when dropped.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    path: PathBuf,
+}
+
+impl Scratch {
+    /// Makes one that nobody else uses.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub(super) fn new() -> Result<Self, RunError> {
+        static COUNT: AtomicU32 = AtomicU32::new(0);
+        let number = COUNT.fetch_add(1, Ordering::Relaxed);
+        let path = std::env::temp_dir().join(format!("meniscus-{}-{number}", std::process::id()));
+        ShotFolder::create(&path)?;
+        Ok(Self { path })
+    }
+
+    /// Where it is.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        // What cannot be removed is left to the system, which clears its temporary files.
+        let _ = std::fs::remove_dir_all(&self.path);
+    }
+}

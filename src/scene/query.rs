@@ -1,0 +1,83 @@
+//! Questions about a scene by key, for jobs that work with any key of a preset.
+
+use super::{
+    Scene,
+    model::{self, Field, Key, Kind},
+};
+use serde_json::Value as Json;
+
+impl Scene {
+    /// The optional tables that the scene does not have ("liquid.vorticity"): what they would add does not run.
+    pub fn absent_tables(&self) -> Vec<String> {
+        let values = serde_json::to_value(self).expect("a scene has only values that JSON can hold");
+        let mut found = Vec::new();
+        if let Kind::Table(keys) = &model::of::<Self>().kind {
+            absent(keys, &values, "", &mut found);
+        }
+        found
+    }
+
+    /// The value at a dotted key, in SI; `None` if the key is absent or unknown. Lists count from 0.
+    pub fn value(&self, key: &str) -> Option<Json> {
+        let values = serde_json::to_value(self).expect("a scene has only values that JSON can hold");
+        let pointer = format!("/{}", key.replace('.', "/"));
+        values.pointer(&pointer).filter(|value| !value.is_null()).cloned()
+    }
+}
+
+/// The words that the key may be set to; empty if it is not such a key.
+pub fn choices(key: &str) -> Vec<String> {
+    let mut field = model::of::<Scene>();
+    for word in key.split('.') {
+        let Kind::Table(keys) = field.kind else { return Vec::new() };
+        let Some(key) = keys.into_iter().find(|key| key.name == word) else { return Vec::new() };
+        field = key.field;
+    }
+    match field {
+        Field { kind: Kind::Choice(variants), .. } => {
+            variants.into_iter().filter(|variant| variant.content.is_none()).map(|v| v.name).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+fn absent(keys: &[Key], values: &Json, path: &str, found: &mut Vec<String>) {
+    for Key { name, field, .. } in keys {
+        let Kind::Table(inner) = &field.kind else { continue };
+        let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+        match values.get(name).filter(|value| !value.is_null()) {
+            Some(value) => absent(inner, value, &path, found),
+            None if field.optional && has_a_pass(&path) => found.push(path),
+            None => {}
+        }
+    }
+}
+
+/// Whether the table names something that is computed for the picture.
+fn has_a_pass(path: &str) -> bool {
+    path != "tradeoff"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Overrides, load};
+
+    #[test]
+    fn absent_tables_values_and_choices_are_found_by_key() {
+        let preset = load("dam-break").unwrap();
+        let scene = |set: &[&str]| {
+            let set = set.iter().map(ToString::to_string).collect();
+            Scene::from_preset(&preset, &Overrides { quality: None, set }).unwrap()
+        };
+        assert!(scene(&[]).absent_tables().is_empty());
+        let bare = scene(&["liquid.vorticity=none", "liquid.viscosity=none"]);
+        assert_eq!(bare.absent_tables(), ["liquid.vorticity", "liquid.viscosity"]);
+        assert_eq!(bare.value("liquid.max_iterations"), Some(Json::from(60)));
+        assert_eq!(bare.value("liquid.source.0.velocity.1"), Some(Json::from(0.0)));
+        assert_eq!(bare.value("liquid.vorticity.strength"), None);
+        assert_eq!(bare.value("liquid.spacign"), None);
+        assert_eq!(choices("liquid.constraint"), ["compression", "equality"]);
+        assert!(choices("liquid.spacing").is_empty() && choices("liquid.solver.x").is_empty());
+    }
+}

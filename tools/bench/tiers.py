@@ -1,0 +1,112 @@
+#!/usr/bin/env python3
+"""Measures the quality tiers of every built-in preset among other settings and writes docs/tiers.md.
+
+    tools/bench/tiers.py                                  one second of every built-in preset
+    tools/bench/tiers.py dam-break --frames 1-6 -o /dev/stdout
+
+Runs `meniscus tradeoff PRESET --tiers` with the release binary. What was measured is kept in target/tiers, so that the
+same command goes on where it stopped; --force measures again. Needs only Python's standard library, and a machine that
+does nothing else.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def table(binary, preset, options):
+    """The table of a preset."""
+    line = [binary, "tradeoff", preset, "--tiers", "--by", "observable", "--json", "--output", options.rows / preset]
+    line += ["--frames", options.frames, "--repeats", options.repeats, "--threads", options.threads]
+    line += [word for vary in options.vary for word in ("--vary", vary)]
+    line += [word for key in options.set for word in ("--set", key)]
+    line += ["--force"] if options.force else []
+    done = subprocess.run([str(word) for word in line], stdout=subprocess.PIPE, text=True)
+    if done.returncode != 0:
+        sys.exit(f"{' '.join(map(str, line))} ended with {done.returncode}")
+    return json.loads(done.stdout)
+
+
+def markdown(preset, found):
+    """One preset's section."""
+    unit = "J/kg" if found["observable"] == "kinetic_energy" else "m"
+    known = found["uncertainty"]
+    rows = [
+        f"## {preset}",
+        "",
+        f"Frames {found['frames']}, {found['threads']} threads. The reference differs from its own refinement by "
+        f"energy {percent(known['energy'])}, {found['observable']} {figure(known['observable'])} {unit}.",
+        "",
+        f"| setting | particles | seconds | whole shot | density, mean | density, largest | volume | energy | "
+        f"{found['observable']} [{unit}] | |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|--:|---|",
+    ]
+    for place, line in enumerate(found["lines"] + [found["reference"]]):
+        marks = ["reference"] if place == len(found["lines"]) else []
+        marks += ["diverged"] if line["diverged"] else []
+        marks += ["front"] if line["front"] else []
+        marks += ["**knee**"] if place == found["knee"] else []
+        is_tier = any(word in ("draft", "preview", "final") for word in line["label"].split(" = "))
+        name = f"**{line['label']}**" if is_tier else line["label"]
+        volume = line["volume_change"]
+        cells = [
+            name,
+            f"{line['particles']:,}".replace(",", " "),
+            f"{line['seconds']['median']:.1f}",
+            f"{line['shot_seconds']:.0f} s",
+            percent(line["density_dev_avg"]),
+            percent(line["density_dev_largest"]),
+            "–" if volume is None else f"{100 * volume:+.1f} %",
+            percent(line["apart"]["energy"], known["energy"]),
+            figure(line["apart"]["observable"], known["observable"]),
+            ", ".join(marks),
+        ]
+        rows.append("| " + " | ".join(cells) + " |")
+    return "\n".join(rows) + "\n"
+
+
+def figure(value, floor=None):
+    if value is None:
+        return "–"
+    below = floor is not None and value < floor
+    shown = floor if below else value
+    return ("≤ " if below else "") + (f"{shown:.0f}" if abs(shown) >= 10 else f"{shown:.2g}")
+
+
+def percent(value, floor=None):
+    if value is None:
+        return "–"
+    return figure(100 * value, None if floor is None else 100 * floor) + " %"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("preset", nargs="*", help="default: every built-in preset")
+    parser.add_argument("--frames", default="1-24")
+    parser.add_argument("--repeats", default=1, type=int)
+    parser.add_argument("--threads", default=os.cpu_count(), type=int)
+    parser.add_argument("--vary", action="append", default=[], help="handed on to the tool; default: what it chooses")
+    parser.add_argument("--set", action="append", default=[], help="handed on to the tool")
+    parser.add_argument("--rows", default=ROOT / "target/tiers", type=pathlib.Path, help="where runs are kept")
+    parser.add_argument("--force", action="store_true", help="measure again")
+    parser.add_argument("--binary", default=ROOT / "target/release/meniscus")
+    parser.add_argument("-o", "--output", default=ROOT / "docs/tiers.md", type=pathlib.Path)
+    options = parser.parse_args()
+    listed = subprocess.run([options.binary, "presets"], stdout=subprocess.PIPE, text=True, check=True).stdout
+    presets = options.preset or [line.split()[0] for line in listed.splitlines()]
+    parts = [
+        "# What the tiers cost, and how exact they are\n\n"
+        "Written by `tools/bench/tiers.py`; do not edit. How to read it: [tradeoff.md](tradeoff.md). Tiers are bold; "
+        "front and knee go by the observable, since densities of different spacings cannot be compared.\n"
+    ]
+    parts += [markdown(preset, table(options.binary, preset, options)) for preset in presets]
+    options.output.write_text("\n".join(parts))
+
+
+if __name__ == "__main__":
+    main()
