@@ -28,6 +28,7 @@ import pathlib
 import sys
 import time
 
+# The peer's numbers: WCSPH 0, PCISPH 1, PBF 2, IISPH 3, DFSPH 4.
 METHODS = {"PBF": 2, "DFSPH": 4}
 BOUNDARIES = {"particles": 0, "volume-map": 2}
 MAX_ITERATIONS = 100
@@ -75,9 +76,7 @@ def scene(job):
             "enableZSort": True,
             job["method"]: {"maxError": job["tolerance"], "maxIterations": MAX_ITERATIONS},
         },
-        "Materials": [
-            {"id": "Fluid", "density0": 1000, "viscosityMethod": 0, "XSPH": {"xsph": job["xsph"]}}
-        ],
+        "Materials": [{"id": "Fluid", "density0": 1000, "viscosityMethod": 0, "XSPH": {"xsph": job["xsph"]}}],
         "RigidBodies": [
             {
                 "geometryFile": "cube.obj",
@@ -91,9 +90,7 @@ def scene(job):
             }
         ],
         # The block's lattice starts and ends one diameter inside of what is named here.
-        "FluidBlocks": [
-            {"denseMode": 0, "start": [-radius] * 3, "end": [(2 * n + 1) * radius for n in job["counts"]]}
-        ],
+        "FluidBlocks": [{"denseMode": 0, "start": [-radius] * 3, "end": [(2 * n + 1) * radius for n in job["counts"]]}],
     }
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Meniscus and pysplishsplash on the same dam breaks and the same resting columns, in one table.
 
-    tools/bench/liquids.py --scene small --seconds 0.25 --rest-seconds 1      a try, about two minutes
+    tools/bench/liquids.py --scene small --seconds 0.25 --rest-seconds 1      a try, under a minute
     tools/bench/liquids.py --scene 100k --json 100k.json                      the full comparison
 
 Needs a release binary, Python 3.11, a network for the first run (pip fills a virtual environment, see --venv), and a
@@ -31,6 +31,7 @@ what Python and its modules take before there is a scene is taken off in "bytes 
 
 import argparse
 import json
+import math
 import os
 import pathlib
 import platform
@@ -91,13 +92,19 @@ def environment(folder):
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
     install = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *PACKAGES]
-    if not all(list(folder.glob(f"lib/python*/site-packages/{name}-*.dist-info")) for name in map(distribution, PACKAGES)):
+    if not all(
+        list(folder.glob(f"lib/python*/site-packages/{name}-*.dist-info")) for name in map(distribution, PACKAGES)
+    ):
         subprocess.run(install, check=True)
     if importable(python):
         return python
     # The wheel brings a libGLdispatch of its own, which crashes beside the system's other GL libraries.
     bundled = list(folder.glob("lib/python*/site-packages/pysplishsplash.libs/libGLdispatch-*"))
-    systems = [path for pattern in ("lib/*", "lib64", "lib") for path in pathlib.Path("/usr").glob(f"{pattern}/libGLdispatch.so.0")]
+    systems = [
+        path
+        for pattern in ("lib/*", "lib64", "lib")
+        for path in pathlib.Path("/usr").glob(f"{pattern}/libGLdispatch.so.0")
+    ]
     if not systems:
         sys.exit("importing pysplishsplash crashes, and this system has no libGLdispatch.so.0 to put in the place of the\n"
                  "one that it brings: apt-get install libglvnd0 libgl1, then run this again")  # fmt: skip
@@ -346,25 +353,78 @@ def table(title, columns, results, part, ratios=()):
     return lines
 
 
+# What has to be alike before two rows compare: title, part, key, and what of the figure is to be small.
+GATE = [
+    ("mean compression", "dam", "compression", abs),
+    ("two-sided", "dam", "two_sided", abs),
+    ("largest", "dam", "max_bulk", abs),
+    ("mean compression, wide", "dam", "wide_compression", abs),
+    ("two-sided, wide", "dam", "wide_two_sided", abs),
+    ("largest, wide", "dam", "wide_max_bulk", abs),
+    ("volume at rest", "rest", "volume", lambda volume: abs(volume - 1)),
+    ("speed at rest", "rest", "rms_speed", abs),
+]
+# A figure up to this many times the other's counts as alike.
+ALIKE = 1.1
+
+
+def gate(results):
+    """Every Meniscus row against every row of the peer: cost, and where it is not as good."""
+    quality = {}
+    for result in results:
+        for _, part, key, small in GATE:
+            if key in result.get(part, {}):
+                # The column runs on one number of threads only and speaks for the row.
+                quality[result["row"], result["threads"] if part == "dam" else None, part, key] = small(
+                    result[part][key]
+                )
+    lines = ["", f"**Against each other** (alike: within a factor of {ALIKE})", ""]
+    lines += [
+        "| row | peer | threads | peer's wall | its CPU | its bytes | not as good in | not judged |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    own = {name for name, *_ in MENISCUS}
+    pairs = [(a, b) for a in results for b in results if a["row"] in own and b["row"] not in own]
+    for ours, other in pairs:
+        if ours["threads"] != other["threads"] or "dam" not in ours or "dam" not in other:
+            continue
+        worse, missing = [], []
+        for title, part, key, _ in GATE:
+            a, b = (
+                quality.get((row["row"], row["threads"] if part == "dam" else None, part, key)) for row in (ours, other)
+            )
+            if a is None or b is None:
+                missing.append(title)
+            elif a > ALIKE * b:
+                worse.append(f"{title} (×{a / b:.1f})" if b > 0 else title)
+        ratios = " | ".join(f"×{other['dam'][key] / ours['dam'][key]:.2f}" for key in ("wall", "cpu", "bytes"))
+        lines.append(
+            f"| {ours['row']} | {other['row']} | {ours['threads']} | {ratios} | {', '.join(worse) or 'nothing'} | {', '.join(missing) or 'nothing'} |"
+        )
+    return lines if pairs else []
+
+
 def figure(figures, key):
     return figures["iterations"] / figures["steps"] if key is None else figures.get(key)
 
 
 def report(results, options):
     """All tables of all scenes."""
-    lines = [f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores; XSPH {options.xsph}; "
-             f"peer's walls: {options.peer_boundary}; set: {', '.join(options.set) or 'nothing'}"]  # fmt: skip
+    machine = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
+    given = f"XSPH {options.xsph}; peer's walls: {options.peer_boundary}; set: {', '.join(options.set) or 'nothing'}"
+    lines = [f"{machine}; {given}"]
     for name in options.scene:
         chosen = [result for result in results if result["scene"] == name]
         if not chosen:
             continue
-        count = f"{chosen[0]['dam']['particles']:,}".replace(",", " ") + " particles, " if "dam" in chosen[0] else ""
-        length = f"{options.seconds:g} s"
-        lines += table(f"Dam break `{name}`, {count}{length}: cost (in brackets: times the first row's)", COST, chosen,
+        count = f"{math.prod(dam(name)['counts']):,}".replace(",", " ")
+        length = f"{round(options.seconds * options.fps)} frames at {options.fps} fps"
+        lines += table(f"Dam break `{name}`, {count} particles, {length}: cost (in brackets: times the first row's)", COST, chosen,
                        "dam", ratios=("wall", "cpu", "bytes"))  # fmt: skip
         lines += table(f"Dam break `{name}`: quality, mean over the frames", DAM, chosen, "dam")
         lines += table(f"Column `{name}` after {options.rest_seconds:g} s, its last half second", REST, chosen, "rest",
                        ratios=("wall",))  # fmt: skip
+        lines += gate(chosen)
     return "\n".join([*lines, "", QUOTED])
 
 
@@ -374,12 +434,20 @@ def arguments():
     parser.add_argument("--seconds", type=float, default=1.0, help="simulated seconds of the dam break, 0: none (1)")
     parser.add_argument("--rest-seconds", type=float, default=4.0, help="of the column, on the last of --threads (4)")
     parser.add_argument("--threads", default="1,2", help="numbers of threads, with commas (1,2)")
-    parser.add_argument("--rows", default="", help="only rows that contain one of these words, with commas")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="handed on to every Meniscus row")
+    parser.add_argument(
+        "--rows", action="append", metavar="TEXT", help="only rows whose name contains it; may be repeated"
+    )
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="handed on to every Meniscus row"
+    )
     parser.add_argument("--xsph", type=float, default=0.01, help="viscosity of both programs, 0: none (0.01)")
     parser.add_argument("--fps", type=int, default=24)
-    parser.add_argument("--peer-boundary", choices=list(WALLS), default="particles", help="the peer's walls (particles)")
-    parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/bench-venv", help="made and filled if missing")
+    parser.add_argument(
+        "--peer-boundary", choices=list(WALLS), default="particles", help="the peer's walls (particles)"
+    )
+    parser.add_argument(
+        "--venv", type=pathlib.Path, default=ROOT / "target/bench-venv", help="made and filled if missing"
+    )
     parser.add_argument("--binary", type=pathlib.Path, default=ROOT / "target/release/meniscus")
     parser.add_argument("--scratch", type=pathlib.Path, help="where frames go until they are judged")
     parser.add_argument("--json", type=pathlib.Path, help="write all figures there, after every row")
@@ -398,16 +466,26 @@ def arguments():
 def main():
     options = arguments()
     options.python = environment(options.venv)
-    words = options.rows.split(",")
-    rows = [row for row in [*MENISCUS, *PEERS] if any(word in row[0] for word in words)]
+    rows = [row for row in [*MENISCUS, *PEERS] if any(text in row[0] for text in options.rows or [""])]
     results = []
     for scene in options.scene:
         for threads in options.threads:
             for row in rows:
-                results.append(measure(row, scene, threads, options))
+                try:
+                    results.append(measure(row, scene, threads, options))
+                except (SystemExit, subprocess.CalledProcessError) as failure:
+                    print(failure, file=sys.stderr)
+                    results.append({"row": row[0], "scene": scene, "threads": threads, "failed": str(failure)})
                 if options.json:
-                    options.json.write_text(json.dumps({"quoted": QUOTED, "set": options.set, "results": results}, indent=1))
+                    options.json.write_text(
+                        json.dumps({"quoted": QUOTED, "set": options.set, "results": results}, indent=1)
+                    )
     print(report(results, options))
+    failed = [result for result in results if "failed" in result]
+    for result in failed:
+        print(f"\nFailed: {result['scene']}, {result['row']}, {result['threads']} threads: {result['failed']}")
+    if failed:
+        sys.exit(1)
 
 
 if __name__ == "__main__":
