@@ -13,9 +13,9 @@ metre, so both programs start from the same lattice with the same number of part
 `100k` 1/49 m, 93 639; `1M` 1/108 m, 1 003 104. The columns have the scene's spacing, that of `1M` the spacing of `100k`.
 
 *Settings*: no artificial pressure, no vorticity confinement; XSPH viscosity with c = --xsph (0.01) in both, applied
-once a step in both. Steps follow the same rule in both: no particle moves farther than 0.4 spacings, and a step is at
-most 5.2 ms in Meniscus (8 substeps a frame at 24 fps), and 0.1 s/m · spacing but no more than 5 ms in the peer, whose
-deep columns burst with longer ones. Everything else as the programs have it by default; the
+once a step in both. Steps follow the programs' own rules: no particle moves farther than 0.8 spacings in Meniscus and 0.4
+in the peer, and a step is at most 5.2 ms in Meniscus (8 substeps a frame at 24 fps), and 0.1 s/m · spacing but no more than
+5 ms in the peer, whose deep columns burst with longer ones. Everything else as the programs have it by default; the
 rows stand in `MENISCUS` and `PEERS` below.
 
 *Quality* is judged for both programs by liquid_judge.py alone, from positions and velocities, and is never one
