@@ -191,6 +191,49 @@ fn artificial_pressure_does_not_depend_on_iterations_or_substeps() {
     }
 }
 
+/// Iterations, substeps above the target, height of the centre [m] and RMS speed [m/s] of a column let go at rest.
+fn settled(solver: &str) -> (u32, u32, f64, f64) {
+    let terms = format!("solver = '{solver}'\ndensity_dev = 0.001\nmax_iterations = 1000\nmin_substeps = 16");
+    let params = block(0.03125, [0.0; 3], [0.125, 0.125, 1.0], &terms);
+    let mut simulation = simulation(tank(9.81, [0.125, 0.125, 2.0]), params);
+    let records = advance(&mut simulation, 8);
+    let frame = state(&simulation);
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+    let height = mean(channel(&frame, "position").iter().map(|x| f64::from(x.z)).collect());
+    let speed2 = mean(channel(&frame, "velocity").iter().map(|v| f64::from(v.norm_squared())).collect());
+    let sum = |f: fn(&FrameRecord) -> u32| records.iter().map(f).sum::<u32>();
+    (sum(|r| r.iterations), sum(|r| r.unconverged), height, speed2.sqrt())
+}
+
+#[test]
+fn the_accelerated_solver_reaches_a_tight_target_in_fewer_iterations() {
+    let (jacobi, accelerated) = (settled("jacobi"), settled("accelerated"));
+    assert_eq!((jacobi.1, accelerated.1), (0, 0), "substeps above the target");
+    let told = format!("{accelerated:?}, Jacobi {jacobi:?}");
+    assert!(3 * accelerated.0 < 2 * jacobi.0, "{told}");
+    assert!((accelerated.2 - 0.5).abs() < 0.005 && (accelerated.2 - jacobi.2).abs() < 0.005, "{told}");
+    assert!(accelerated.3 < 1.5 * jacobi.3 + 0.02, "{told}");
+}
+
+#[test]
+fn momentum_that_runs_away_is_calmed_before_it_throws_a_falling_block_apart() {
+    let mut simulation = simulation(
+        tank(9.81, [1.0, 1.0, 3.0]),
+        block(0.05, [0.2, 0.2, 0.3], [0.7, 0.7, 0.8], "density_dev = 0.01\nartificial_pressure = {}"),
+    );
+    let records = advance(&mut simulation, 12);
+    let shortened: u64 = records.iter().map(|r| r.clamps.corrections).sum();
+    let calmed: u32 = records.iter().map(|r| r.clamps.momentum).sum();
+    assert!(shortened < 100, "{shortened} corrections shortened, momentum calmed {calmed} times");
+}
+
+#[test]
+fn one_iteration_is_enough_where_nothing_is_to_be_done() {
+    let params = block(0.05, [0.0; 3], [0.3; 3], "max_iterations = 1");
+    let record = advance(&mut simulation(space(), params), 1).pop().unwrap();
+    assert!(record.iterations == record.substeps && record.unconverged == 0, "{record:?}");
+}
+
 #[test]
 fn a_solve_far_from_converged_makes_no_fountain() {
     let (s, gravity) = (0.03125, 9.81);

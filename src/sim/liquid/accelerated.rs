@@ -7,10 +7,11 @@
 //! present gradients. A substep starts from half of what the last one ended with.
 //! *Departs from the paper*: its λ only pushes, and an overshoot stays; here what was pushed too far is let back as
 //! long as κ > 0. D is evaluated once a substep, since it only sets the step.
-//! See docs/decisions/005 for what other schemes gave.
+//! See docs/decisions/006 for what other schemes gave.
 //!
 //! Symbols: κ_i → −λ summed over the substep [m²]; its extrapolation → `applied`; ω → [`RELAXATION`].
-//! Limits: the first frame's substep, and every frame's, starts from zero.
+//! Limits: the first substep of every frame starts from zero. A particle without neighbours at the substep's start is not
+//! corrected within that substep.
 
 use super::{
     Constraint,

@@ -231,7 +231,9 @@ impl Liquid {
             record.clamps.corrections += clock.time("artificial_pressure", || {
                 self.solver.publish_positions(self.rest.inv_support);
                 let Solver { p, lists, nodes, .. } = &mut self.solver;
-                repulsion.apply(&self.rest, lists, nodes, p, dt)
+                let shortened = repulsion.apply(&self.rest, lists, nodes, p, dt);
+                self.solver.notice_moves(&self.rest);
+                shortened
             });
         }
         clock.time("solve", || self.solve(dt, record, watch))?;
@@ -297,11 +299,13 @@ impl Liquid {
     fn solve(&mut self, dt: f32, record: &mut FrameRecord, watch: &mut dyn Watch) -> Result<(), Stop> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
+        self.solver.ensure_lists(&setup);
         if kind == SolverKind::Accelerated {
             self.momentum.start(&mut self.solver, &setup, dt);
         }
         let target = self.params.target();
         let most = self.params.iterations.unwrap_or(self.params.max_iterations);
+        let fewest = FEWEST_ITERATIONS.min(most);
         for done in 0..=most {
             if !watch.keep_going() {
                 return Err(Stop::Interrupted);
@@ -317,8 +321,7 @@ impl Liquid {
             if !residual.average.is_finite() {
                 return Err(self.lost(record.substeps).into());
             }
-            let enough = done >= FEWEST_ITERATIONS;
-            if enough && target.is_some_and(|target| residual.average <= target) {
+            if done >= fewest && target.is_some_and(|target| residual.average <= target) {
                 break;
             }
             if done == most {

@@ -27,7 +27,7 @@ pub struct LiquidParams {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "1", "exclusiveMinimum" = 0.0, "maximum" = 1.0))]
     pub density_dev: Option<f32>,
-    /// Iterations a substep may spend on reaching `density_dev`; it takes at least 2. Too few and deep water
+    /// Iterations a substep may spend on reaching `density_dev`; it takes 2 in any case, if allowed. Too few and deep water
     /// bounces; the frame's record counts the substeps that ended above the target.
     #[serde(default = "defaults::max_iterations")]
     #[schemars(range(min = 1, max = 100000))]

@@ -69,6 +69,12 @@ fn reach(rest: &Rest) -> f32 {
     rest.support * (1.0 + SKIN)
 }
 
+/// Whether a way since the lists were built, squared [m²], may have led out of them.
+fn outruns(way2: f32, rest: &Rest) -> bool {
+    let skin = SKIN * rest.support;
+    4.0 * way2 > skin * skin
+}
+
 /// A particle's multiplier, as its solver keeps it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Unknown {
@@ -171,6 +177,13 @@ impl Solver {
         self.stale = false;
     }
 
+    /// Finds out whether a particle has moved too far for the lists, after something else than the solver moved them.
+    pub(super) fn notice_moves(&mut self, rest: &Rest) {
+        let (p, built_at) = (&self.p, &self.built_at);
+        let farthest2 = par::max(p.len(), |i| (p[i] - built_at[i]).norm_squared());
+        self.stale |= farthest2.is_some_and(|(_, farthest2)| outruns(farthest2, rest));
+    }
+
     /// Builds the lists again if a particle has moved too far since.
     pub(super) fn ensure_lists(&mut self, setup: &Setup<'_>) {
         if self.stale {
@@ -260,9 +273,8 @@ impl Solver {
             let at = Chunk { setup, nodes, lists, clearance, start };
             pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at })
         });
-        let skin = SKIN * setup.rest.support;
         for Moved { farthest2, shortened, stuck, work } in partials {
-            self.stale |= 4.0 * farthest2 > skin * skin;
+            self.stale |= outruns(farthest2, setup.rest);
             self.shortened += shortened;
             self.stuck += stuck;
             self.work += work;
@@ -567,6 +579,17 @@ mod tests {
         assert!((sum(&solver.p) - before).norm() < 1e-5);
         assert!(solver.measure(&setup).average < 0.1 * first);
         assert!(solver.rebuilds > 0, "a squeezed block moves farther than the skin");
+    }
+
+    #[test]
+    fn lists_are_stale_after_any_move_of_half_the_skin() {
+        let rest = Rest::new(Kernel::Wendland, 0.02, 2.0);
+        let mut solver = evaluated(&rest, Constraint::Compression, cloud(&rest));
+        for (way, stale) in [(0.0, false), (0.49, false), (0.51, true)] {
+            solver.p[7] = solver.built_at[7] + Vec3::new(0.0, way * SKIN * rest.support, 0.0);
+            solver.notice_moves(&rest);
+            assert_eq!(solver.stale, stale, "{way} of the skin");
+        }
     }
 
     #[test]

@@ -8,8 +8,9 @@
 //! lacks the share of a kernel that lies inside it, and particles stack in layers ([pbf] section 9). That share is
 //! added as if the solid were a slab behind its nearest point: Poly6 and Spiky integrated over a half space have
 //! closed forms, and a slab is the difference of two. Boxes are the product of three slabs, which holds at their edges
-//! too; for meshes the kernel is integrated on a grid (`displaced.rs`). Several solids combine as independent: the part left open is the product of the parts that each leaves open,
-//! which for two or three perpendicular walls keeps the corner near rest.
+//! too; for meshes the kernel is integrated on a grid (`displaced.rs`). Several solids combine as independent: the part
+//! left open is the product of the parts that each leaves open, which for two or three perpendicular walls keeps the
+//! corner near rest.
 //!
 //! Limits: the curvature of balls and capsules is neglected: where it is touched, a ball of radius h displaces 0.65 of
 //! what is assumed, one of 3 h 0.87. A mesh whose voxels are larger than 0.4 h is taken as flat: its edges then displace
