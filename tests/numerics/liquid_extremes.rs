@@ -27,6 +27,11 @@ fn cube(terms: &str) -> String {
     block(0.1, [0.0, 0.0, 0.1], [0.8, 0.8, 0.9], terms)
 }
 
+/// 64 particles just above the plate.
+fn small(terms: &str) -> String {
+    block(0.1, [0.0, 0.0, 0.1], [0.4, 0.4, 0.5], terms)
+}
+
 fn world(gravity: f32, solids: Vec<Solid>) -> World {
     World { gravity: Vec3::new(0.0, 0.0, -gravity), solids }
 }
@@ -71,7 +76,12 @@ fn changed(
 }
 
 /// Advances; after every frame the state is finite, nothing is lost, and no energy has come from nowhere.
-fn survive(name: &str, simulation: &mut Simulation, frame: f64, frames: u32) -> Result<Vec<FrameRecord>, Diverged> {
+fn survive(
+    name: &str,
+    simulation: &mut Simulation,
+    frame: f64,
+    frames: u32,
+) -> Result<Vec<FrameRecord>, Diverged> {
     let start = state(simulation);
     let count = start.streams[0].len();
     let first = start.streams[0].scalar("first_energy").unwrap();
@@ -88,12 +98,18 @@ fn survive(name: &str, simulation: &mut Simulation, frame: f64, frames: u32) -> 
         assert!(ids.into_iter().eq(0..count as u32), "{name}: particles are lost");
         let finite = |name| channel(&now, name).iter().all(|v| v.iter().all(|c| c.abs() < 1e8));
         assert!(finite("position") && finite("velocity"), "{name}");
-        assert!(record.density_dev_max.is_finite() && record.density_dev_avg.is_finite(), "{name}: {record:?}");
+        assert!(
+            record.density_dev_max.is_finite() && record.density_dev_avg.is_finite(),
+            "{name}: {record:?}"
+        );
         let energy = record.kinetic_energy + record.potential_energy;
         work += record.solid_work + record.confinement_energy;
         let slack = 1e-3 * (first.abs() + record.potential_energy.abs() + work.abs());
         let settle = now.streams[0].scalar("spacing").unwrap().powi(4) * 9.81e3 * count as f64;
-        assert!(energy <= first + work + settle + slack, "{name}: {energy} J of {first} and {work}, {record:?}");
+        assert!(
+            energy <= first + work + settle + slack,
+            "{name}: {energy} J of {first} and {work}, {record:?}"
+        );
         records.push(record);
     }
     Ok(records)
@@ -107,7 +123,7 @@ fn all_survive(cases: &[(&str, World, String, f64)]) {
             let mut simulation = Simulation::new(world.clone(), Some(params(solver, text))).expect(&name);
             let ended = survive(&name, &mut simulation, FRAME * times, 3);
             let records = ended.unwrap_or_else(|found| panic!("{name}: {found}"));
-            println!("{name}: {:?}", records.last().unwrap());
+            assert_eq!(records.len(), 3);
         }
     }
 }
@@ -147,10 +163,15 @@ fn any_solver_setting() {
     all_survive(&[
         ("no softening", plate(9.81), cube("softening = 0"), 1.0),
         ("no softening, equality", plate(9.81), cube("softening = 0\nconstraint = 'equality'"), 1.0),
-        ("no softening, the paper's kernels", plate(9.81), cube("softening = 0\nkernel = 'poly6_spiky'"), 1.0),
+        (
+            "no softening, the paper's kernels",
+            plate(9.81),
+            cube("softening = 0\nkernel = 'poly6_spiky'"),
+            1.0,
+        ),
         ("one iteration", plate(9.81), cube("iterations = 1"), 1.0),
-        ("1000 iterations", plate(9.81), cube("iterations = 1000"), 1.0),
-        ("1000 iterations, equality", plate(9.81), cube("iterations = 1000\nconstraint = 'equality'"), 1.0),
+        ("1000 iterations", plate(9.81), small("iterations = 1000"), 1.0),
+        ("1000 iterations, equality", plate(9.81), small("iterations = 1000\nconstraint = 'equality'"), 1.0),
         ("strong repulsion", plate(9.81), cube(strong), 1.0),
         ("strong confinement", plate(9.81), cube("vorticity = { strength = 10 }"), 1.0),
     ]);
@@ -170,31 +191,29 @@ fn a_block_at_500_m_per_s_stops_at_the_plate() {
 fn press(height: f32) -> World {
     let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
     let shape = Shape::Box { min: [-1.0, -1.0, 0.0], max: [1.8, 1.8, 1.0] };
-    let lid = Collider { shape, keyframes: vec![key(1, 1.0), key(5, height)], interpolation: Interpolation::Linear };
+    let lid = Collider {
+        shape,
+        keyframes: vec![key(1, 1.0), key(5, height)],
+        interpolation: Interpolation::Linear,
+    };
     let mut world = tank(9.81, [0.8, 0.8, 3.0]);
     world.solids.push(lid.solid(24.0, 1));
     world
 }
 
 #[test]
-fn a_lid_that_closes_on_the_liquid_squeezes_it_and_says_so() {
+fn a_lid_that_closes_on_the_liquid_leaves_it_bounded_and_says_so() {
     for solver in SOLVERS {
-        for height in [0.4, 0.05, -0.5] {
+        // Onto half the liquid's height, and through the floor.
+        for height in [0.3, -0.5] {
             let name = format!("a lid at {height} m, {solver}");
-            let text = block(0.1, [0.0; 3], [0.8; 3], "");
+            let text = block(0.1, [0.0; 3], [0.8, 0.8, 0.6], "max_iterations = 10\nmax_substeps = 40");
             let mut simulation = Simulation::new(press(height), Some(params(solver, &text))).unwrap();
-            match survive(&name, &mut simulation, FRAME, 8) {
-                Ok(records) => {
-                    let last = records.last().unwrap();
-                    println!("{name}: {last:?}");
-                    let told = last.density_dev_max > 0.5 || last.clamps.contacts + u64::from(last.particles_inside_solids) > 0;
-                    assert!(told, "{name}: {last:?}");
-                }
-                Err(found) => {
-                    println!("{name}: {found}");
-                    assert_eq!(found.system, "liquid");
-                }
-            }
+            let records =
+                survive(&name, &mut simulation, FRAME, 6).unwrap_or_else(|found| panic!("{name}: {found}"));
+            let told =
+                |r: &FrameRecord| r.unconverged > 0 && r.clamps.corrections > 0 && r.density_dev_max > 0.3;
+            assert!(records.iter().any(told), "{name}: {records:?}");
         }
     }
 }
@@ -215,13 +234,12 @@ fn coincident_particles_part() {
 #[test]
 fn hundreds_in_one_place_part_and_thousands_are_refused() {
     for solver in SOLVERS {
-        let few = params(solver, &block(0.1, [0.0; 3], [0.6; 3], ""));
-        let mut simulation = changed(tank(9.81, [2.0; 3]), few, |x, _| x.fill(Vec3::repeat(1.0)));
+        let few = params(solver, &block(0.1, [0.0; 3], [0.6; 3], "max_iterations = 20"));
+        let mut simulation = changed(tank(0.0, [2.0; 3]), few, |x, _| x.fill(Vec3::repeat(1.0)));
         survive("216 in one place", &mut simulation, FRAME, 6).unwrap_or_else(|found| panic!("{found}"));
         let x = channel(&state(&simulation), "position");
         let middle = x.iter().sum::<Vec3>() / x.len() as f32;
         let spread = x.iter().map(|x| (x - middle).norm()).fold(0.0, f32::max);
-        println!("{solver}: spread {spread}");
         assert!(spread > 0.2, "{solver}: {spread} m");
 
         let many = params(solver, &block(0.1, [0.0; 3], [2.0, 2.0, 2.5], ""));
@@ -236,15 +254,13 @@ fn hundreds_in_one_place_part_and_thousands_are_refused() {
 #[test]
 fn particles_far_outside_are_carried_along_or_named() {
     for solver in SOLVERS {
+        let cube = || params(solver, &cube(""));
         for far in [1e3, 1e5, 1e7] {
-            let params = params(solver, &cube(""));
-            let mut simulation =
-                changed(tank(9.81, [0.8, 0.8, 2.0]), params, |x, _| x[5] = Vec3::new(far, -far, far));
-            let ended = survive(&format!("{far} m, {solver}"), &mut simulation, FRAME, 3);
-            println!("{far}: {:?}", ended.as_ref().map(|r| r.last().unwrap().clone()));
+            let away = Vec3::new(far, -far, far);
+            let mut simulation = changed(plate(9.81), cube(), |x, _| x[5] = away);
+            survive(&format!("{far} m, {solver}"), &mut simulation, FRAME, 3).expect("it is carried along");
         }
-        let beyond = changed(plate(9.81), params(solver, &cube("")), |x, _| x[5].x = 1e12);
-        let mut beyond = beyond;
+        let mut beyond = changed(plate(9.81), cube(), |x, _| x[5].x = 1e12);
         let found = survive("beyond", &mut beyond, FRAME, 1).expect_err("it is refused");
         assert_eq!((found.substep, found.particle), (0, 5));
         assert!(found.to_string().contains("position of"), "{found}");
@@ -253,22 +269,22 @@ fn particles_far_outside_are_carried_along_or_named() {
 
 #[test]
 fn what_leaves_all_bounds_is_named_with_the_knob_to_turn() {
+    let many = block(0.1, [0.0; 3], [1.0; 3], "");
     for solver in SOLVERS {
-        let falling = |gravity: f32| World { gravity: Vec3::new(0.0, 0.0, gravity), solids: vec![] };
-        for (gravity, text) in [(-1e30, cube("")), (-1e30, block(0.1, [0.0; 3], [2.0; 3], "")), (-3e38, cube(""))] {
-            let mut simulation = Simulation::new(falling(gravity), Some(params(solver, &text))).unwrap();
-            let found = survive("1e30", &mut simulation, FRAME, 1).expect_err("it is refused");
-            println!("{found}");
+        // More particles than a cell may hold end in the outermost one: the distance is the finding, not the crowd.
+        for (gravity, text) in [(1e30, &cube("")), (1e30, &many), (-1e30, &many), (3e38, &cube(""))] {
+            let mut simulation = Simulation::new(world(gravity, vec![]), Some(params(solver, text))).unwrap();
+            let found = survive("falling", &mut simulation, FRAME, 1).expect_err("it is refused");
             assert_eq!((found.system, found.substep), ("liquid", 1), "{found}");
             let text = found.to_string();
-            assert!(text.contains("position of") && text.contains("try"), "{text}");
+            assert!(text.contains("has a position of") && text.contains("liquid.max_substeps"), "{text}");
         }
-        for gravity in [-1e30, -3e38_f32, 1e30] {
-            let mut simulation = Simulation::new(plate(-gravity), Some(params(solver, &cube("")))).unwrap();
-            match survive("plate", &mut simulation, FRAME, 2) {
-                Ok(records) => println!("{gravity}: {:?}", records.last()),
-                Err(found) => println!("{gravity}: {found}"),
-            }
+        // A plate holds it; the record says that no step was short enough.
+        for gravity in [1e30, 3e38] {
+            let mut simulation = Simulation::new(plate(gravity), Some(params(solver, &cube("")))).unwrap();
+            let records =
+                survive("held", &mut simulation, FRAME, 1).unwrap_or_else(|found| panic!("{found}"));
+            assert_eq!(records[0].cfl_capped, records[0].substeps);
         }
     }
 }
@@ -283,7 +299,10 @@ fn a_state_that_is_not_a_number_is_named() {
             for (mut simulation, what) in [(wrong_v, "velocity of"), (wrong_x, "position of")] {
                 let found = survive(what, &mut simulation, FRAME, 1).expect_err("it is refused");
                 assert_eq!((found.system, found.particle, found.substep), ("liquid", 17, 0));
-                assert!(found.to_string().contains(what) && found.to_string().contains("start state"), "{found}");
+                assert!(
+                    found.to_string().contains(what) && found.to_string().contains("start state"),
+                    "{found}"
+                );
             }
         }
     }

@@ -426,7 +426,8 @@ impl Liquid {
             count - 1,
             self.solver.grid.cell() / self.rest.spacing * 3.0_f32.sqrt(),
         );
-        let try_next = "a larger liquid.max_substeps, a larger liquid.spacing or more room between the colliders";
+        let try_next =
+            "a larger liquid.max_substeps, a larger liquid.spacing or more room between the colliders";
         Diverged { try_next, ..self.diverged(substep, particle, what) }
     }
 
