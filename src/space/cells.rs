@@ -139,6 +139,19 @@ impl CellGrid {
         &self.order
     }
 
+    /// A particle of the fullest cell, the first of the lowest such cell, and how many are in it; `None` without
+    /// particles. A list of neighbours holds at most as many as the cells within reach.
+    pub fn fullest(&self) -> Option<(usize, usize)> {
+        let inside = |c: usize| self.start[c + 1] - self.start[c];
+        let (cell, _) = par::max(self.cells.len(), |c| inside(c) as f32)?;
+        Some((self.order[self.start[cell] as usize] as usize, inside(cell) as usize))
+    }
+
+    /// How many particles a cell of edge `cell` [m] holds on the cubic lattice of `spacing` [m].
+    pub fn lattice_share(cell: f32, spacing: f32) -> f32 {
+        (cell / spacing).powi(3) / ALONG_X as f32
+    }
+
     /// The edge of a cell [m].
     pub fn cell(&self) -> f32 {
         self.cell
@@ -338,6 +351,15 @@ mod tests {
                 assert!(grid.start.is_sorted() && grid.start.len() == grid.cells.len() + 1);
             }
         }
+    }
+
+    #[test]
+    fn the_fullest_cell_is_found() {
+        assert_eq!(CellGrid::new(&[], 0.1).fullest(), None);
+        let mut positions = cloud(500, Vec3::new(1e3, 1e3, 1e3));
+        let crowd = Vec3::new(3.03, 4.04, 5.05);
+        [7, 8, 300].into_iter().for_each(|i| positions[i] = crowd);
+        assert_eq!(CellGrid::new(&positions, 0.1).fullest(), Some((7, 3)));
     }
 
     #[test]

@@ -95,6 +95,27 @@ fn a_simulation_that_leaves_all_bounds_says_so_and_keeps_what_was_there() {
 }
 
 #[test]
+fn a_fall_that_diverges_keeps_every_frame_before_it_with_either_solver() {
+    let desk = Desk::new();
+    // Through nothing at 2·10¹⁰ m/s²: beyond 10⁸ m in the fourth frame.
+    desk.write("fall.toml", SMALL.replace("tank = { min = [0, 0, 0], max = [1.6, 0.8, 1.2] }", BESIDE));
+    for solver in ["accelerated", "jacobi"] {
+        let line = format!(
+            "simulate fall.toml -o {solver} --set liquid.solver={solver} --set world.gravity=[0,0,-2e10]"
+        );
+        let words =
+            ["frame 0004", "liquid diverged in substep", "particle", "position of", "liquid.max_substeps"];
+        expect(&desk, &line, 20, &words);
+        desk.run(&format!("verify {solver}"), 0);
+        let kept = desk.names(&format!("{solver}/cache"));
+        assert_eq!(kept, ["frame_0001.mcf", "frame_0002.mcf", "frame_0003.mcf"]);
+    }
+}
+
+/// A collider that the liquid does not meet.
+const BESIDE: &str = "box = { min = [100, 0, 0], max = [101, 1, 1] }";
+
+#[test]
 fn particle_files_that_are_not_right() {
     let desk = Desk::new();
     desk.write("good_1.xyz", "0 0 0\n0.1 0 0\n0 0.1 0\n");

@@ -34,14 +34,14 @@ pub use params::{
 };
 
 use super::{Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock};
-use crate::{frame::Stream, math::Vec3, par};
+use crate::{frame::Stream, math::Vec3, par, space::CellGrid};
 use accelerated::Momentum;
 use energy::energy;
 use lanes::Node;
 use neighbourhood::Neighbourhood;
 use repulsion::Repulsion;
 use rest::Rest;
-use solve::{Setup, Solver};
+use solve::{Crowd, Setup, Solver};
 use vorticity::Confinement;
 use walls::Walls;
 
@@ -210,7 +210,7 @@ impl Liquid {
             left = left_after;
             watch.substep(1.0 - left / seconds);
         }
-        self.measure(&mut clock, &mut record);
+        self.measure(&mut clock, &mut record)?;
         record.seconds = clock.into_totals();
         Ok(record)
     }
@@ -224,7 +224,8 @@ impl Liquid {
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
         clock.time("predict", || self.predict(dt));
-        clock.time("search", || self.solver.find_cells(&self.rest));
+        let cells = clock.time("search", || self.solver.find_cells(&self.rest));
+        cells.map_err(|crowd| self.crowded(record.substeps, crowd))?;
         clock.time("sort", || self.sort());
         clock.time("search", || self.solver.list(&setup(&self.params, &self.rest, &self.walls)));
         if let Some(repulsion) = &mut self.repulsion {
@@ -241,10 +242,9 @@ impl Liquid {
         self.grant_work(dt, record);
         if self.confinement.is_some() || self.params.viscosity.is_some() {
             let setup = setup(&self.params, &self.rest, &self.walls);
-            clock.time("search", || {
-                self.solver.ensure_lists(&setup);
-                self.solver.publish_ratio(self.rest.inv_support);
-            });
+            let lists = clock.time("search", || self.solver.ensure_lists(&setup));
+            lists.map_err(|crowd| self.crowded(record.substeps, crowd))?;
+            clock.time("search", || self.solver.publish_ratio(self.rest.inv_support));
         }
         if self.confinement.is_some() {
             clock.time("vorticity", || self.confine(dt, record));
@@ -313,7 +313,7 @@ impl Liquid {
             if done == most && target.is_none() {
                 break;
             }
-            self.solver.ensure_lists(&setup);
+            self.solver.ensure_lists(&setup).map_err(|crowd| self.crowded(record.substeps, crowd))?;
             let residual = match kind {
                 SolverKind::Accelerated => self.momentum.evaluate(&mut self.solver, &setup, done == 0),
                 SolverKind::Jacobi => jacobi::evaluate(&mut self.solver, &setup),
@@ -384,13 +384,12 @@ impl Liquid {
     }
 
     /// Fills in what the record says about the frame's end.
-    fn measure(&mut self, clock: &mut Clock, record: &mut FrameRecord) {
+    fn measure(&mut self, clock: &mut Clock, record: &mut FrameRecord) -> Result<(), Diverged> {
         let setup = setup(&self.params, &self.rest, &self.walls);
-        let residual = clock.time("solve", || {
-            self.solver.p.clone_from(&self.x);
-            self.solver.ensure_lists(&setup);
-            self.solver.measure(&setup)
-        });
+        self.solver.p.clone_from(&self.x);
+        let lists = clock.time("solve", || self.solver.ensure_lists(&setup));
+        lists.map_err(|crowd| self.crowded(record.substeps, crowd))?;
+        let residual = clock.time("solve", || self.solver.measure(&setup));
         record.density_dev_avg = residual.average;
         record.density_dev_max = residual.largest;
         record.bulk_dev_avg = residual.bulk;
@@ -403,14 +402,11 @@ impl Liquid {
         record.clamps.momentum = self.momentum.calmed;
         let inside = |i: usize| f64::from(u8::from(self.walls.distance(self.x[i]) < 0.0));
         record.particles_inside_solids = par::sum(self.x.len(), inside) as u32;
+        Ok(())
     }
 
     /// Refuses a state that is not finite or far beyond anything meant.
     fn check_state(&self, substep: u32) -> Result<(), Diverged> {
-        let size = |v: Vec3| if v.iter().any(|c| c.is_nan()) { f32::NAN } else { v.amax() };
-        let suspect = |values: &[Vec3]| {
-            par::max(values.len(), |i| size(values[i])).filter(|(_, most)| most.is_nan() || *most > ABSURD)
-        };
         let found = [(suspect(&self.x), "position", "m"), (suspect(&self.v), "velocity", "m/s")]
             .into_iter()
             .find_map(|(found, what, unit)| {
@@ -420,6 +416,22 @@ impl Liquid {
             None => Ok(()),
             Some((i, what)) => Err(self.diverged(substep, i, what)),
         }
+    }
+
+    /// Names a particle among too many in one place: or the one that left all bounds, where it took others along.
+    fn crowded(&self, substep: u32, Crowd { particle, count }: Crowd) -> Diverged {
+        if let Some((i, most)) = suspect(&self.solver.p) {
+            return self.diverged(substep, i, format!("has a position of {most} m"));
+        }
+        let usual = CellGrid::lattice_share(self.solver.grid.cell(), self.rest.spacing);
+        let what = format!(
+            "has {} others within {:.1} spacings, where about {usual:.0} are meant to be",
+            count - 1,
+            self.solver.grid.cell() / self.rest.spacing * 3.0_f32.sqrt(),
+        );
+        let try_next =
+            "a larger liquid.max_substeps, a larger liquid.spacing or more room between the colliders";
+        Diverged { try_next, ..self.diverged(substep, particle, what) }
     }
 
     /// Names the particle whose constraint could not be evaluated.
@@ -456,6 +468,12 @@ impl LiquidParams {
             (None, dev) => Some(f64::from(dev.unwrap_or(Self::DEFAULT_DENSITY_DEV))),
         }
     }
+}
+
+/// The first value that is not a number, or the largest if it is beyond [`ABSURD`].
+fn suspect(values: &[Vec3]) -> Option<(usize, f32)> {
+    let size = |v: Vec3| if v.iter().any(|c| c.is_nan()) { f32::NAN } else { v.amax() };
+    par::max(values.len(), |i| size(values[i])).filter(|(_, most)| most.is_nan() || *most > ABSURD)
 }
 
 fn setup<'a>(params: &LiquidParams, rest: &'a Rest, walls: &'a Walls) -> Setup<'a> {

@@ -31,6 +31,11 @@ const SKIN: f32 = 0.1;
 /// nothing. 0.1 slows the stop of a block that hits a floor; 1 lets it throw particles through their neighbours.
 const LONGEST_CORRECTION: f32 = 0.5;
 
+/// A cell with this many times the particles of the lattice is refused: where thousands share one place, their lists
+/// grow with the square of their number (10 000 particles: 400 MB). A thousandfold gravity packs five times the
+/// lattice's number; with 256, two million particles in heaps as full as allowed take 6 GB.
+const CROWDED: f32 = 256.0;
+
 /// A neighbourhood counts as filled when |∇_i C_i| is below this fraction of its value on a flat free surface.
 const FILLED: f32 = 0.2;
 
@@ -73,6 +78,15 @@ fn reach(rest: &Rest) -> f32 {
 fn outruns(way2: f32, rest: &Rest) -> bool {
     let skin = SKIN * rest.support;
     4.0 * way2 > skin * skin
+}
+
+/// More particles in one cell than are listed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Crowd {
+    /// The index of one of them.
+    pub(super) particle: usize,
+    /// How many there are.
+    pub(super) count: usize,
 }
 
 /// A particle's multiplier, as its solver keeps it.
@@ -163,8 +177,16 @@ impl Setup<'_> {
 
 impl Solver {
     /// Sorts the predicted positions into the cells of the lists.
-    pub(super) fn find_cells(&mut self, rest: &Rest) {
+    ///
+    /// # Errors
+    /// If too many share a cell to be listed.
+    pub(super) fn find_cells(&mut self, rest: &Rest) -> Result<(), Crowd> {
         self.grid.rebuild(&self.p, reach(rest));
+        let most = CROWDED * CellGrid::lattice_share(self.grid.cell(), rest.spacing);
+        match self.grid.fullest() {
+            Some((particle, count)) if count as f32 > most => Err(Crowd { particle, count }),
+            _ => Ok(()),
+        }
     }
 
     /// Lists neighbours of the predicted positions, which the grid knows.
@@ -185,12 +207,16 @@ impl Solver {
     }
 
     /// Builds the lists again if a particle has moved too far since.
-    pub(super) fn ensure_lists(&mut self, setup: &Setup<'_>) {
+    ///
+    /// # Errors
+    /// As [`Solver::find_cells`].
+    pub(super) fn ensure_lists(&mut self, setup: &Setup<'_>) -> Result<(), Crowd> {
         if self.stale {
-            self.find_cells(setup.rest);
+            self.find_cells(setup.rest)?;
             self.list(setup);
             self.rebuilds += 1;
         }
+        Ok(())
     }
 
     /// Evaluates density and gradients of every particle at x* and has `decide` choose the change of λ.
@@ -501,7 +527,7 @@ mod tests {
         let walls = Walls::new(&[], rest);
         let setup = Setup { rest, walls: &walls, constraint, softening: 0.01 * rest.lattice_gradient2 };
         let mut solver = Solver { p, ..Solver::default() };
-        solver.find_cells(rest);
+        solver.find_cells(rest).expect("no crowd");
         solver.list(&setup);
         jacobi::evaluate(&mut solver, &setup);
         solver
@@ -573,7 +599,7 @@ mod tests {
         let first = jacobi::evaluate(&mut solver, &setup).average;
         for _ in 0..10 {
             solver.correct(&setup);
-            solver.ensure_lists(&setup);
+            solver.ensure_lists(&setup).expect("no crowd");
             jacobi::evaluate(&mut solver, &setup);
         }
         assert!((sum(&solver.p) - before).norm() < 1e-5);
