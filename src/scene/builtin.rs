@@ -6,13 +6,21 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("dam-break", include_str!("../../presets/dam-break.toml")),
         ("double-dam-break", include_str!("../../presets/double-dam-break.toml")),
         ("drop-in-pool", include_str!("../../presets/drop-in-pool.toml")),
+        ("figure-bath", include_str!("../../presets/figure-bath.toml")),
+        ("figure-drop", include_str!("../../presets/figure-drop.toml")),
+        ("figure-splash", include_str!("../../presets/figure-splash.toml")),
         ("wave-machine", include_str!("../../presets/wave-machine.toml")),
     ]
 }
 
 /// Files that built-in presets name: their names and their bytes.
 pub fn assets() -> &'static [(&'static str, &'static [u8])] {
-    &[("assets/rock.ply", include_bytes!("../../presets/assets/rock.ply"))]
+    &[
+        ("assets/bear.ply", include_bytes!("../../presets/assets/bear.ply")),
+        ("assets/duck.ply", include_bytes!("../../presets/assets/duck.ply")),
+        ("assets/rabbit.ply", include_bytes!("../../presets/assets/rabbit.ply")),
+        ("assets/rock.ply", include_bytes!("../../presets/assets/rock.ply")),
+    ]
 }
 
 /// The bytes of the built-in file `name`.

@@ -82,7 +82,15 @@ fn passes_that_the_preset_does_not_name_do_not_run() {
 fn built_in_presets_are_listed_shown_copied_and_run() {
     let desk = Desk::new();
     let (list, _) = desk.run("presets", 0);
-    for name in ["dam-break", "double-dam-break", "drop-in-pool", "wave-machine"] {
+    for name in [
+        "dam-break",
+        "double-dam-break",
+        "drop-in-pool",
+        "figure-bath",
+        "figure-drop",
+        "figure-splash",
+        "wave-machine",
+    ] {
         assert!(list.contains(name), "{list}");
         let (text, _) = desk.run(&format!("presets show {name}"), 0);
         assert!(text.contains("[liquid]"));
