@@ -222,7 +222,7 @@ fn momentum_that_runs_away_is_calmed_before_it_throws_a_falling_block_apart() {
         let params = block(0.05, [0.0, 0.0, 0.3], [1.0, 1.0, 0.9], terms);
         let records = advance(&mut simulation(tank(9.81, [1.0, 1.0, 3.0]), params), 7);
         let calmed: u32 = records.iter().map(|r| r.clamps.momentum).sum();
-        let shortened: u64 = records.iter().map(|r| r.clamps.corrections + u64::from(r.clamps.energy)).sum();
+        let shortened: u64 = records.iter().map(|r| r.clamps.corrections + r.clamps.energy).sum();
         assert!(calmed > 0 && shortened == 0, "{terms}: calmed {calmed} times, shortened {shortened}");
     }
 }
