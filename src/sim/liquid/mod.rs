@@ -299,7 +299,7 @@ impl Liquid {
     fn solve(&mut self, dt: f32, record: &mut FrameRecord, watch: &mut dyn Watch) -> Result<(), Stop> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
-        self.solver.ensure_lists(&setup);
+        self.solver.ensure_lists(&setup).map_err(|crowd| self.crowded(record.substeps, crowd))?;
         if kind == SolverKind::Accelerated {
             self.momentum.start(&mut self.solver, &setup, dt);
         }
