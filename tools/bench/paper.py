@@ -292,11 +292,12 @@ PARTS = {"fig2": fig2, "fig4": fig4, "fig5": fig5, "fig6": fig6, "tables": table
 
 HEAD = """# Beside the paper
 
-Written by `tools/bench/paper.py`, which ran every shot below in {seconds:.0f} s on {threads} threads; do not edit.
+Written by `tools/bench/paper.py`, which ran every shot below in {seconds:.0f} s on {threads} threads, with {cpu:.0f} s of CPU
+time; do not edit.
 
 The figures and tables of [pbf] (see [references.md](references.md)) on the built-in presets. **The figures are of drafts, about
-10 000 particles**, a tenth of the paper's; the tables are of the presets as written. Where the machine was not idle, times are
-too long; everything else is the same on every run.
+10 000 particles**, a tenth of the paper's; the tables are of the presets as written. Where the CPU time is well
+below threads × seconds, the machine did other work too, and the times in the tables are too long; everything else is the same on every run.
 """
 
 
@@ -313,7 +314,9 @@ def main():
     for name in options.only or PARTS:
         with tempfile.TemporaryDirectory() as folder:
             parts.append(PARTS[name](Bench(options.binary, folder, options.threads), images))
-    head = HEAD.format(seconds=time.monotonic() - start, threads=options.threads)
+    used = os.times()
+    cpu = used.children_user + used.children_system + used.user + used.system
+    head = HEAD.format(cpu=cpu, seconds=time.monotonic() - start, threads=options.threads)
     (options.output / "paper.md").write_text("\n".join([head, *parts]))
 
 
