@@ -87,7 +87,7 @@ def verdict(tool, text):
         frames = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
     words = " ".join(ran.stderr.split())
     if ran.returncode == 20:
-        return "refused", words[words.index("frame 0"):].replace("|", "/")
+        return "refused", words[words.rindex("error: ") + 7:].replace("|", "/")
     if ran.returncode != 0:
         raise SystemExit(f"exit {ran.returncode}: {words}\n{text}")
     return judge(frames)
