@@ -298,6 +298,9 @@ fn by_id(frame: &Frame) -> Vec<Vec3> {
     positions
 }
 
+/// What takes a position or a velocity to another scene.
+type Map<'a> = &'a dyn Fn(Vec3) -> Vec3;
+
 #[test]
 fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
     const FRAMES: u32 = 4;
@@ -305,7 +308,7 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
     let turn = |x: Vec3| Vec3::new(-x.y, x.x, x.z);
     let mirror = |x: Vec3| Vec3::new(-x.x, x.y, x.z);
     let shift = |x: Vec3| x + Vec3::new(1000.0, 1000.0, 0.0);
-    let moved: [(&str, &dyn Fn(Vec3) -> Vec3, &dyn Fn(Vec3) -> Vec3); 3] =
+    let moved: [(&str, Map, Map); 3] =
         [("1 km away", &shift, &|v| v), ("mirrored", &mirror, &mirror), ("turned", &turn, &turn)];
     for solver in ["accelerated", "jacobi"] {
         let spacing = 0.05;
