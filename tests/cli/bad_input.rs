@@ -97,14 +97,14 @@ fn a_simulation_that_leaves_all_bounds_says_so_and_keeps_what_was_there() {
 #[test]
 fn a_fall_that_diverges_keeps_every_frame_before_it_with_either_solver() {
     let desk = Desk::new();
-    // Through nothing at 2·10¹⁰ m/s²: beyond 10⁸ m in the fourth frame.
+    // Through nothing at 10⁹ m/s²: beyond 10⁸ m/s a tenth of a second later.
     desk.write("fall.toml", SMALL.replace("tank = { min = [0, 0, 0], max = [1.6, 0.8, 1.2] }", BESIDE));
     for solver in ["accelerated", "jacobi"] {
         let line = format!(
-            "simulate fall.toml -o {solver} --set liquid.solver={solver} --set world.gravity=[0,0,-2e10]"
+            "simulate fall.toml -o {solver} --set liquid.solver={solver} --set world.gravity=[0,0,-1e9]"
         );
         let words =
-            ["frame 0004", "liquid diverged in substep", "particle", "position of", "liquid.max_substeps"];
+            ["frame 0004", "liquid diverged in substep", "particle", "velocity of", "liquid.max_substeps"];
         expect(&desk, &line, 20, &words);
         desk.run(&format!("verify {solver}"), 0);
         let kept = desk.names(&format!("{solver}/cache"));

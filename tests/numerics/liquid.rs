@@ -341,6 +341,9 @@ fn by_id(frame: &Frame) -> Vec<Vec3> {
     positions
 }
 
+/// What takes a position or a velocity to another scene.
+type Map<'a> = &'a dyn Fn(Vec3) -> Vec3;
+
 #[test]
 fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
     const FRAMES: u32 = 4;
@@ -348,7 +351,7 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
     let turn = |x: Vec3| Vec3::new(-x.y, x.x, x.z);
     let mirror = |x: Vec3| Vec3::new(-x.x, x.y, x.z);
     let shift = |x: Vec3| x + Vec3::new(1000.0, 1000.0, 0.0);
-    let moved: [(&str, &dyn Fn(Vec3) -> Vec3, &dyn Fn(Vec3) -> Vec3); 3] =
+    let moved: [(&str, Map, Map); 3] =
         [("1 km away", &shift, &|v| v), ("mirrored", &mirror, &mirror), ("turned", &turn, &turn)];
     for solver in ["accelerated", "jacobi"] {
         let spacing = 0.05;
@@ -376,30 +379,28 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
             let centre = (middle(&expected.iter().map(|x| place(*x)).collect::<Vec<_>>()) - middle(&found))
                 .norm()
                 / f64::from(spacing);
-            println!("{name}, {solver}: mean {mean}, centre {centre}");
+            // In spacings: positions 1 km away resolve a thousandth, and a substep takes hundreds of them for velocity.
+            let (each, all) = if name == "1 km away" { (0.1, 0.04) } else { (0.01, 0.003) };
+            assert!(mean < each && centre < all, "{name}, {solver}: {mean} and {centre} spacings");
         }
     }
 }
 
+/// Waves lower than two spacings run fast, by 12 % at 0.7 spacings and 9 % at 1.4: particles still hold on to their
+/// lattice. This one is 2.4 spacings high and 3 to 4 % slow; at half the spacing, one of 2.8 is 4 to 6 % fast.
 #[test]
 fn water_sloshes_at_its_first_frequency() {
     use std::f32::consts::PI;
     let (length, depth, gravity) = (1.0_f32, 0.5_f32, 9.81_f32);
-    for (solver, spacing, speed) in [
-        ("accelerated", 0.05, 0.4),
-        ("jacobi", 0.05, 0.4),
-        ("accelerated", 0.025, 0.2),
-        ("accelerated", 0.025, 0.4),
-        ("jacobi", 0.025, 0.4),
-    ] {
-        let params = block(spacing, [0.0; 3], [length, 0.2, depth], &format!("solver = '{solver}'"));
+    for solver in ["accelerated", "jacobi"] {
+        let params = block(0.05, [0.0; 3], [length, 0.2, depth], &format!("solver = '{solver}'"));
         let world = tank(gravity, [length, 0.2, 1.0]);
         let start = state(&simulation(world.clone(), params.clone()));
         // The first mode of linear theory, at the instant when the surface is flat.
         let k = PI / length;
         let mode = |x: &Vec3| {
             let (u, w) = ((k * x.x).sin() * (k * x.z).cosh(), -(k * x.x).cos() * (k * x.z).sinh());
-            Vec3::new(u, 0.0, w) * (speed / (k * depth).cosh())
+            Vec3::new(u, 0.0, w) * (0.7 / (k * depth).cosh())
         };
         let positions = channel(&start, "position");
         let velocities = positions.iter().map(mode).collect();
@@ -421,9 +422,6 @@ fn water_sloshes_at_its_first_frequency() {
         let period = crossings[2] - crossings[0];
         let omega2 = f64::from(PI * gravity / length * (PI * depth / length).tanh());
         let expected = 2.0 * std::f64::consts::PI / omega2.sqrt();
-        println!("{solver} {spacing} {speed}: {crossings:?} {period} {expected}");
-        if false {
-            assert!((period / expected - 1.0).abs() < 0.05, "{solver}: {period} s, expected {expected} s");
-        }
+        assert!((period / expected - 1.0).abs() < 0.05, "{solver}: {period} s, expected {expected} s");
     }
 }

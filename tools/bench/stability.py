@@ -24,7 +24,7 @@ frames = "1-9"
 gravity = [0, 0, {gravity}]
 
 [[world.collider]]
-shape = {{ tank = {{ min = [0, 0, 0], max = [{wide}, {side}, {high}] }} }}
+shape = {{ {collider} }}
 
 [liquid]
 spacing = {spacing}
@@ -37,7 +37,10 @@ velocity = [0, 0, {speed}]
 shape = {{ box = {{ min = [0, 0, {low}], max = [{side}, {side}, {top}] }} }}
 """
 
-USUAL = {"gravity": -9.81, "spacing": 0.1, "density": 1000, "speed": 0, "terms": {}}
+TANK = "tank = {{ min = [0, 0, 0], max = [{wide}, {side}, {high}] }}"
+PLATE = "plane = {{ point = [0, 0, 0], normal = [0, 0, 1] }}"
+
+USUAL = {"collider": TANK, "gravity": -9.81, "spacing": 0.1, "density": 1000, "speed": 0, "terms": {}}
 
 
 def term(key):
@@ -56,7 +59,8 @@ SWEEPS = [
     ("Spacing", "m", [1e-4, 1e-3, 1e-2, 0.1, 1, 10], lambda value: {"spacing": value}),
     ("Speed at the start", "m/s", [0, 1, 10, 100, 500, 1e4, 1e6, 1e9], lambda value: {"speed": -value}),
     ("Gravity", "m/s²", [0, 0.1, 9.81, 98.1, 981, 9810, 1e6, 1e12, 1e30], lambda value: {"gravity": -value}),
-    ("Gravity upwards, the tank being open", "m/s²", [9.81, 9810, 1e6, 1e12], lambda value: {"gravity": value}),
+    ("Gravity upwards, over a plate", "m/s²", [9.81, 9810, 1e6, 1e9, 1e12, 1e30],
+     lambda value: {"gravity": value, "collider": PLATE}),
     ("Iterations a substep (`iterations`)", "", [1, 2, 4, 10, 50, 200, 1000], term("iterations")),
     ("Softening ε (`softening`)", "", [0, 1e-4, 1e-2, 1, 100, 1000], term("softening")),
     ("Density ρ₀ (`density`)", "kg/m³", [1e-3, 1, 1000, 2e4, 1e9], lambda value: {"density": value}),
@@ -68,8 +72,9 @@ def preset(change, solver):
     s = values["spacing"]
     terms = "\n".join(f"{key} = {value}" for key, value in values["terms"].items())
     lengths = {"side": 8 * s, "wide": 16 * s, "high": 40 * s, "low": 2 * s, "top": 10 * s}
-    numbers = {key: repr(float(value)) for key, value in {**values, **lengths}.items() if key != "terms"}
-    return PRESET.format(**numbers, terms=terms, solver=solver)
+    numbers = {key: repr(float(value)) for key, value in {**values, **lengths}.items() if key not in ("terms", "collider")}
+    collider = values["collider"].format(**numbers)
+    return PRESET.format(**numbers, collider=collider, terms=terms, solver=solver)
 
 
 def verdict(tool, text):
@@ -82,7 +87,7 @@ def verdict(tool, text):
         frames = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
     words = " ".join(ran.stderr.split())
     if ran.returncode == 20:
-        return "refused", words[words.index("frame 0"):].replace("|", "/")
+        return "refused", words[words.rindex("error: ") + 7:].replace("|", "/")
     if ran.returncode != 0:
         raise SystemExit(f"exit {ran.returncode}: {words}\n{text}")
     return judge(frames)
@@ -101,7 +106,8 @@ def judge(frames):
     share(total(lambda frame: frame["clamps"]["energy"]), "had energy taken")
     shortened = total(lambda frame: frame["clamps"]["corrections"])
     if shortened:
-        how.append(f"{shortened} corrections shortened")
+        made = 512 * total(lambda frame: frame["iterations"])
+        how.append(f"{shortened} of {made} corrections shortened")
     inside = max(frame["particles_inside_solids"] for frame in frames)
     if inside:
         how.append(f"{inside} particles inside solids")
