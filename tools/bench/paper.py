@@ -81,8 +81,10 @@ def number(count):
     return f"{count:,}".replace(",", " ")
 
 
-def plot(path, title, x_name, y_name, curves, log=(False, False)):
-    """Curves (name, xs, ys) as an SVG with axes, ticks and a legend; `log` says which axes are logarithmic."""
+def plot(path, title, x_name, y_name, curves, log=(False, False), legend_top=40):
+    """Curves (name, xs, ys) as an SVG with axes, ticks and a legend; `log` says which axes are logarithmic.
+
+    `legend_top` is the legend's place from above, of 400: where no curve runs."""
     wide, high, left, right, top, bottom = 720, 400, 70, 20, 40, 50
     spans, marks = [], []
     for axis in (0, 1):
@@ -125,7 +127,7 @@ def plot(path, title, x_name, y_name, curves, log=(False, False)):
     for i, (name, xs, ys) in enumerate(curves):
         points = " ".join(f"{place(0, x):.1f},{place(1, y):.1f}" for x, y in zip(xs, ys))
         svg.append(f'<polyline points="{points}" fill="none" stroke="{COLOURS[i]}" stroke-width="2"/>')
-        y = top + 14 + 18 * i
+        y = legend_top + 14 + 18 * i
         svg.append(f'<path d="M{wide - 290} {y - 4}h24" stroke="{COLOURS[i]}" stroke-width="2"/>')
         svg.append(f'<text x="{wide - 260}" y="{y}">{name}</text>')
     path.write_text("\n".join(svg + ["</svg>", ""]))
@@ -147,7 +149,7 @@ def fig2(bench, images):
             parts = np.linspace(0, 1, 101)
             curves.append((f"{name}, {term}", np.quantile(near, parts).clip(0, 1.5).tolist(), parts.tolist()))
     plot(images / "paper-fig2.svg", "Distance to the nearest neighbour, figure-splash, frame 64",
-         "distance [spacings]", "share of particles below", curves)
+         "distance [spacings]", "share of particles below", curves, legend_top=240)
     size = number(log[-1]["particles"])
     return (
         "## Figure 2: artificial pressure\n\n"
