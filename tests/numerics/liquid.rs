@@ -386,8 +386,9 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
     }
 }
 
-/// Waves lower than two spacings run fast, by 12 % at 0.7 spacings and 9 % at 1.4: particles still hold on to their
-/// lattice. This one is 2.4 spacings high and 3 to 4 % slow; at half the spacing, one of 2.8 is 4 to 6 % fast.
+/// A guard against change, not a proof of the frequency: the error depends on the wave's height. At this spacing, first
+/// amplitudes of 0.2, 0.4, 0.7 and 0.9 m/s give periods 12 % and 9 % short, 3 to 4 % and 5 % long; at half the spacing,
+/// 0.2 and 0.4 m/s give 12 % and 4 to 6 % short. Low waves run too fast, which is an open defect.
 #[test]
 fn water_sloshes_at_its_first_frequency() {
     use std::f32::consts::PI;
