@@ -72,6 +72,12 @@ impl Neighbours {
         });
     }
 
+    /// How many particles have lists. Every listed number is below it: unsafe code relies on that.
+    #[inline]
+    pub fn count(&self) -> usize {
+        self.place.len()
+    }
+
     /// The neighbours of particle `i`.
     #[inline]
     pub fn of(&self, i: usize) -> &[u32] {

@@ -3,7 +3,7 @@
 //! A pass is generic over [`Lanes`] (see `pass.rs`). [`Eight`] is the readable reference; the AVX2 twin beside it
 //! rounds alike (no fused operations, the same order of sums), so both give the same bits.
 
-use crate::math::Vec3;
+use crate::{math::Vec3, space::Neighbours};
 use std::ops::{Add, Div, Mul, Sub};
 
 /// Neighbours handled at once.
@@ -46,8 +46,27 @@ pub(super) trait Lanes:
     fn is_zero(self) -> Self;
     /// Σ over lanes: halves, quarters, pairs.
     fn sum(self) -> f32;
+    /// `list`, which is shorter than [`LANES`], filled up with `own`.
+    fn filled_up(list: &[u32], own: u32) -> [u32; LANES];
     /// The four components of eight nodes.
-    fn gather(nodes: &[Node], index: &[u32; LANES]) -> [Self; 4];
+    fn gather(nodes: &[Node], index: Index<'_>) -> [Self; 4];
+}
+
+/// The places of eight neighbours.
+#[derive(Clone, Copy)]
+pub(super) struct Index<'a> {
+    at: &'a [u32; LANES],
+    /// Every place is below it.
+    count: usize,
+}
+
+impl<'a> Index<'a> {
+    /// The places, after a check that each is one of `nodes`.
+    #[inline(always)]
+    pub(super) fn within(self, nodes: &[Node]) -> &'a [u32; LANES] {
+        assert!(self.count <= nodes.len(), "neighbours are particles");
+        self.at
+    }
 }
 
 /// A list by eights, the last filled up with the particle itself, at distance zero.
@@ -55,40 +74,38 @@ pub(super) trait Lanes:
 /// A loop over it stays in the function it is written in. A closure would be a function of its own, compiled without the
 /// form's instructions, and 5 times slower.
 pub(super) struct Eights<'a> {
-    left: &'a [u32],
-    own: u32,
+    list: &'a [u32],
+    done: usize,
+    /// What follows the last whole eight.
+    last: [u32; LANES],
+    count: usize,
 }
 
 /// The list of particle `own` by eights.
 #[inline(always)]
-pub(super) fn eights(list: &[u32], own: usize) -> Eights<'_> {
-    Eights { left: list, own: own as u32 }
+pub(super) fn eights<L: Lanes>(lists: &Neighbours, own: usize) -> Eights<'_> {
+    let list = lists.of(own);
+    let last = L::filled_up(&list[list.len() / LANES * LANES..], own as u32);
+    Eights { list, done: 0, last, count: lists.count() }
 }
 
 impl Eights<'_> {
     /// How many of the last eight are the particle itself.
     #[inline(always)]
     pub(super) fn padded(&self) -> f32 {
-        (self.left.len().next_multiple_of(LANES) - self.left.len()) as f32
+        (self.list.len().next_multiple_of(LANES) - self.list.len()) as f32
     }
-}
 
-impl Iterator for Eights<'_> {
-    type Item = [u32; LANES];
-
+    /// The next eight. They are borrowed, so that each place is read from memory where it is used: copied, eight of them
+    /// become one register that they have to be taken out of again, at twice the instructions.
     #[inline(always)]
-    fn next(&mut self) -> Option<[u32; LANES]> {
-        if let Some((first, left)) = self.left.split_first_chunk::<LANES>() {
-            self.left = left;
-            return Some(*first);
-        }
-        if self.left.is_empty() {
+    pub(super) fn next(&mut self) -> Option<Index<'_>> {
+        if self.done >= self.list.len() {
             return None;
         }
-        let mut index = [self.own; LANES];
-        index[..self.left.len()].copy_from_slice(self.left);
-        self.left = &[];
-        Some(index)
+        let at = self.list[self.done..].first_chunk().unwrap_or(&self.last);
+        self.done += LANES;
+        Some(Index { at, count: self.count })
     }
 }
 
@@ -193,7 +210,13 @@ impl Lanes for Eight {
     }
 
     #[inline(always)]
-    fn gather(nodes: &[Node], index: &[u32; LANES]) -> [Self; 4] {
+    fn filled_up(list: &[u32], own: u32) -> [u32; LANES] {
+        std::array::from_fn(|lane| list.get(lane).copied().unwrap_or(own))
+    }
+
+    #[inline(always)]
+    fn gather(nodes: &[Node], index: Index<'_>) -> [Self; 4] {
+        let index = index.within(nodes);
         std::array::from_fn(|part| Self(index.map(|i| nodes[i as usize].0[part])))
     }
 }

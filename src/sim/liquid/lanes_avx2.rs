@@ -5,7 +5,7 @@
 #![allow(unsafe_code)] // Vector instructions, and the call into code for processors that have AVX2.
 
 use super::{
-    lanes::{LANES, Lanes, Node},
+    lanes::{Index, LANES, Lanes, Node},
     pair::Pair,
     pass::Pass,
 };
@@ -99,14 +99,24 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
-    fn gather(nodes: &[Node], index: &[u32; LANES]) -> [Self; 4] {
-        // SAFETY: see `Avx2`; every index has been found to be that of a node.
+    fn filled_up(list: &[u32], own: u32) -> [u32; LANES] {
+        let mut filled = [own; LANES];
+        // SAFETY: see `Avx2`; only the lanes below the list's length are read.
         unsafe {
-            let indices = _mm256_loadu_si256(index.as_ptr().cast());
-            let last = _mm256_set1_epi32(i32::try_from(nodes.len()).unwrap_or(i32::MAX));
-            let inside = _mm256_cmpgt_epi32(last, indices);
-            let negative = _mm256_movemask_ps(_mm256_castsi256_ps(indices));
-            assert!(_mm256_movemask_epi8(inside) == -1 && negative == 0, "neighbours are particles");
+            let lane = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+            let listed = _mm256_cmpgt_epi32(_mm256_set1_epi32(list.len() as i32), lane);
+            let read = _mm256_maskload_epi32(list.as_ptr().cast(), listed);
+            let all = _mm256_blendv_epi8(_mm256_set1_epi32(own as i32), read, listed);
+            _mm256_storeu_si256(filled.as_mut_ptr().cast(), all);
+        }
+        filled
+    }
+
+    #[inline(always)]
+    fn gather(nodes: &[Node], index: Index<'_>) -> [Self; 4] {
+        let index = index.within(nodes);
+        // SAFETY: see `Avx2`; every index is that of a node.
+        unsafe {
             let (a, b) = (pair(nodes, index, 0), pair(nodes, index, 1));
             let (c, d) = (pair(nodes, index, 2), pair(nodes, index, 3));
             let (xy_ab, zw_ab) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));

@@ -1,7 +1,7 @@
 //! What the terms that act on velocities read of a particle's neighbours.
 
 use super::{
-    lanes::{self, LANES, Lanes, Node},
+    lanes::{self, Index, Lanes, Node},
     rest::Rest,
 };
 use crate::space::Neighbours;
@@ -31,7 +31,7 @@ pub(super) struct Pairs<L> {
 impl Neighbourhood<'_> {
     /// Particle `i` and those at `index`.
     #[inline(always)]
-    pub(super) fn pairs<L: Lanes>(&self, i: usize, index: &[u32; LANES]) -> Pairs<L> {
+    pub(super) fn pairs<L: Lanes>(&self, i: usize, index: Index<'_>) -> Pairs<L> {
         let (own, other) = (lanes::spread::<L>(self.nodes[i]), L::gather(self.nodes, index));
         let (d, q2) = lanes::offset(own, other);
         Pairs { d, q2, q: q2.sqrt(), weight: L::splat(2.0) / (own[3] + other[3]) }

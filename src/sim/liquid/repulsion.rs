@@ -87,8 +87,9 @@ impl Pass for Push<'_> {
             let i = self.start + offset;
             let own = lanes::spread::<L>(self.nodes[i]);
             let mut sum = [L::splat(0.0); 3];
-            for index in lanes::eights(self.lists.of(i), i) {
-                let (d, q2) = lanes::offset(own, L::gather(self.nodes, &index));
+            let mut neighbours = lanes::eights::<L>(self.lists, i);
+            while let Some(index) = neighbours.next() {
+                let (d, q2) = lanes::offset(own, L::gather(self.nodes, index));
                 let w = (L::splat(1.0) - q2).positive() * inv_w;
                 let s_corr = power(w, self.power); // s_corr over its strength, [pbf] Eq. 13
                 sum = lanes::plus(sum, d, s_corr * Poly6Spiky::slope(q2.sqrt()));

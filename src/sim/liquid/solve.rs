@@ -373,11 +373,11 @@ fn density<L: Lanes, P: Pair, const GRADIENTS: bool>(at: &Chunk<'_>, i: usize) -
     let rest = at.setup.rest;
     let (own, zero) = (lanes::spread::<L>(at.nodes[i]), L::splat(0.0));
     let (mut density, mut gradient, mut gradient2) = (zero, [zero; 3], zero);
-    let neighbours = lanes::eights(at.lists.of(i), i);
+    let mut neighbours = lanes::eights::<L>(at.lists, i);
     // What fills up the last eight counts as 1 each, like the particle itself.
     let itself = 1.0 - neighbours.padded();
-    for index in neighbours {
-        let (d, q2) = lanes::offset(own, L::gather(at.nodes, &index));
+    while let Some(index) = neighbours.next() {
+        let (d, q2) = lanes::offset(own, L::gather(at.nodes, index));
         let q = q2.sqrt();
         density = density + P::density(q2, q);
         if GRADIENTS {
@@ -465,10 +465,10 @@ fn correction<L: Lanes, P: Pair>(at: &Chunk<'_>, i: usize, x: Vec3) -> Vec3 {
     let node = at.nodes[i];
     let (own, zero) = (lanes::spread::<L>(node), L::splat(0.0));
     let (mut delta, mut coincident) = ([zero; 3], zero);
-    let neighbours = lanes::eights(at.lists.of(i), i);
+    let mut neighbours = lanes::eights::<L>(at.lists, i);
     let padded = neighbours.padded();
-    for index in neighbours {
-        let other = L::gather(at.nodes, &index);
+    while let Some(index) = neighbours.next() {
+        let other = L::gather(at.nodes, index);
         let (d, q2) = lanes::offset(own, other);
         let weight = (own[3] + other[3]) * P::slope(q2.sqrt());
         delta = lanes::plus(delta, d, weight);

@@ -37,9 +37,10 @@ impl Pass for Smooth<'_> {
             let i = self.start + offset;
             let own = lanes::spread::<L>(self.at.motion[i]);
             let mut sum = [L::splat(0.0); 3];
-            for index in lanes::eights(self.at.lists.of(i), i) {
-                let Pairs { q2, q, weight, .. } = self.at.pairs::<L>(i, &index);
-                let other = L::gather(self.at.motion, &index);
+            let mut neighbours = lanes::eights::<L>(self.at.lists, i);
+            while let Some(index) = neighbours.next() {
+                let Pairs { q2, q, weight, .. } = self.at.pairs::<L>(i, index);
+                let other = L::gather(self.at.motion, index);
                 let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
                 sum = lanes::plus(sum, u, weight * P::density(q2, q));
             }

@@ -87,9 +87,10 @@ impl Pass for Curl<'_> {
             let i = self.start + offset;
             let own = lanes::spread::<L>(self.at.motion[i]);
             let mut sum = [L::splat(0.0); 3];
-            for index in lanes::eights(self.at.lists.of(i), i) {
-                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, &index);
-                let other = L::gather(self.at.motion, &index);
+            let mut neighbours = lanes::eights::<L>(self.at.lists, i);
+            while let Some(index) = neighbours.next() {
+                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
+                let other = L::gather(self.at.motion, index);
                 let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
                 let cross = [u[1] * d[2] - u[2] * d[1], u[2] * d[0] - u[0] * d[2], u[0] * d[1] - u[1] * d[0]];
                 sum = lanes::plus(sum, cross, weight * P::slope(q));
@@ -120,9 +121,10 @@ impl Pass for Kick<'_> {
             let own = self.omega[i];
             let size = L::splat(own.value());
             let mut eta = [L::splat(0.0); 3];
-            for index in lanes::eights(self.at.lists.of(i), i) {
-                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, &index);
-                let [_, _, _, other] = L::gather(self.omega, &index);
+            let mut neighbours = lanes::eights::<L>(self.at.lists, i);
+            while let Some(index) = neighbours.next() {
+                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
+                let [_, _, _, other] = L::gather(self.omega, index);
                 eta = lanes::plus(eta, d, weight * P::slope(q) * (size - other));
             }
             let eta = lanes::total(eta) * self.at.rest.gradient_scale;
