@@ -96,6 +96,21 @@ pub fn map_chunks_of_two<A: Send, B: Send, T: Send>(
         .collect()
 }
 
+/// Does what [`map_chunks_of_two`] does with any number of slices of one kind.
+pub fn map_chunks_of_many<A: Send, T: Send, const N: usize>(
+    slices: [&mut [A]; N],
+    len: usize,
+    f: impl Fn(usize, [&mut [A]; N]) -> T + Sync,
+) -> Vec<T> {
+    let count = slices.first().map_or(0, |slice| slice.len());
+    assert!(slices.iter().all(|slice| slice.len() == count), "all are cut in the same places");
+    let mut rest = slices.map(|slice| slice.chunks_mut(len));
+    let chunks: Vec<[&mut [A]; N]> = (0..count.div_ceil(len))
+        .map(|_| std::array::from_fn(|k| rest[k].next().expect("all have as many chunks")))
+        .collect();
+    chunks.into_par_iter().enumerate().map(|(index, chunks)| f(index * len, chunks)).collect()
+}
+
 /// Sorts `keys`. Equal keys are interchangeable, so the result does not depend on the threads.
 pub fn sort(keys: &mut [u128]) {
     keys.par_sort_unstable();

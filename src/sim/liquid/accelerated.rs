@@ -14,8 +14,9 @@
 //! corrected within that substep.
 
 use super::{
-    Constraint,
-    solve::{Residual, Setup, Solver, Unknown, Verdict},
+    density::{Decide, Residual, Unknown, Verdict},
+    lanes::Lanes,
+    solve::{Setup, Solver},
 };
 use crate::par;
 
@@ -60,11 +61,11 @@ impl Momentum {
         let scale = if self.dt > 0.0 { WARM_START * (dt / self.dt).powi(2) } else { 0.0 };
         (self.age, self.dt) = (0, dt);
         (self.relaxation, self.least) = (RELAXATION, f64::INFINITY);
-        solver.unknowns.resize(solver.p.len(), Unknown::default());
-        par::update(&mut solver.unknowns, |_, unknown| {
-            let kappa = if scale > 0.0 { unknown.applied * scale } else { 0.0 };
-            *unknown = Unknown { lambda: -kappa, applied: kappa, last: kappa, denominator: 0.0 };
-        });
+        solver.unknowns.resize(solver.p.len());
+        let Unknown { lambda, applied, last, .. } = &mut solver.unknowns.0;
+        par::update(applied, |_, kappa| *kappa = if scale > 0.0 { *kappa * scale } else { 0.0 });
+        last.clone_from(applied);
+        par::fill(lambda, |i| -last[i]);
         if scale > 0.0 {
             solver.publish(setup.rest.inv_support);
             solver.correct(setup);
@@ -75,32 +76,11 @@ impl Momentum {
     /// would change, so that dilation under pressure is an error like compression.
     pub(super) fn evaluate(&mut self, solver: &mut Solver, setup: &Setup<'_>, first: bool) -> Residual {
         let beta = self.age as f32 / (self.age + 3) as f32; // [nesterov83], as [odonoghue15] Eq. 4 has it
-        let least = match setup.constraint {
-            Constraint::Compression => 0.0,
-            Constraint::Equality => f32::NEG_INFINITY,
-        };
-        let relaxation = self.relaxation;
-        let decide = |unknown: &mut Unknown, ratio: f32| {
-            let Unknown { applied, last, denominator, .. } = *unknown;
-            let kappa = larger(applied + relaxation * (ratio - 1.0) / denominator, least);
-            let ahead = larger(kappa + beta * (kappa - last), least);
-            *unknown = Unknown { lambda: applied - ahead, applied: ahead, last: kappa, denominator };
-            Verdict {
-                error: if denominator.is_finite() {
-                    (kappa - applied) * denominator / relaxation
-                } else {
-                    0.0 * ratio
-                },
-                uphill: (applied - kappa) * (kappa - last) * denominator.min(f32::MAX),
-            }
-        };
+        let step = Step { beta, relaxation: self.relaxation, least: setup.least() };
         let residual = if first {
-            solver.evaluate(setup, |unknown, density| {
-                unknown.denominator = setup.denominator(density.gradient2);
-                decide(unknown, density.ratio)
-            })
+            solver.evaluate::<true>(setup, &step)
         } else {
-            solver.evaluate_density(setup, |unknown, density| decide(unknown, density.ratio))
+            solver.evaluate::<false>(setup, &step)
         };
         self.age = if residual.uphill > 0.0 { 0 } else { self.age + 1 };
         self.least = self.least.min(residual.largest);
@@ -113,8 +93,29 @@ impl Momentum {
     }
 }
 
-/// The larger of two numbers, or `a` if it is a NaN.
-#[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
-    if a < b { b } else { a }
+/// One step of the iteration.
+struct Step {
+    /// How much of the last change momentum adds.
+    beta: f32,
+    /// ω.
+    relaxation: f32,
+    /// The least κ.
+    least: f32,
+}
+
+impl Decide for Step {
+    #[inline(always)]
+    fn decide<L: Lanes>(&self, ratio: L, unknown: Unknown<L>) -> (Unknown<L>, Verdict<L>) {
+        let Unknown { applied, last, denominator, .. } = unknown;
+        let (least, relaxation) = (L::splat(self.least), L::splat(self.relaxation));
+        let kappa = least.larger(applied + relaxation * (ratio - L::splat(1.0)) / denominator);
+        let ahead = least.larger(kappa + L::splat(self.beta) * (kappa - last));
+        // Where nothing can be corrected κ does not change, and zero times infinity is no number.
+        let weight = denominator.smaller(L::splat(f32::MAX));
+        let verdict = Verdict {
+            error: (kappa - applied) * weight * L::splat(1.0 / self.relaxation),
+            uphill: (applied - kappa) * (kappa - last) * weight,
+        };
+        (Unknown { lambda: applied - ahead, applied: ahead, last: kappa, denominator }, verdict)
+    }
 }

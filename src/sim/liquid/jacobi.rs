@@ -4,7 +4,9 @@
 
 use super::{
     Constraint,
-    solve::{Residual, Setup, Solver, Verdict},
+    density::{Decide, Residual, Unknown, Verdict},
+    lanes::Lanes,
+    solve::{self, Setup, Solver},
 };
 
 /// The fraction of λ taken under the equality constraint. At 1 the Jacobi iteration diverges: a filled tank at rest
@@ -18,9 +20,19 @@ pub(super) fn evaluate(solver: &mut Solver, setup: &Setup<'_>) -> Residual {
         Constraint::Compression => 1.0,
         Constraint::Equality => EQUALITY_RELAXATION,
     };
-    solver.evaluate(setup, |unknown, density| {
-        let error = setup.error(density.ratio);
-        unknown.lambda = -relaxation * error / setup.denominator(density.gradient2); // λ_i, [pbf] Eq. 11
-        Verdict { error, uphill: 0.0 }
-    })
+    solver.evaluate::<true>(setup, &Jacobi { relaxation, least: setup.least() })
+}
+
+struct Jacobi {
+    relaxation: f32,
+    least: f32,
+}
+
+impl Decide for Jacobi {
+    #[inline(always)]
+    fn decide<L: Lanes>(&self, ratio: L, unknown: Unknown<L>) -> (Unknown<L>, Verdict<L>) {
+        let error = solve::error(ratio, self.least);
+        let lambda = L::splat(-self.relaxation) * error / unknown.denominator; // λ_i, [pbf] Eq. 11
+        (Unknown { lambda, ..unknown }, Verdict { error, uphill: L::splat(0.0) })
+    }
 }

@@ -44,8 +44,16 @@ pub(super) trait Lanes:
     fn sqrt(self) -> Self;
     /// 1 where a lane is zero, else 0.
     fn is_zero(self) -> Self;
+    /// The smaller of each pair of numbers.
+    fn smaller(self, other: Self) -> Self;
+    /// Eight numbers in a row.
+    fn load(row: &[f32; LANES]) -> Self;
+    /// The numbers as a row.
+    fn row(self) -> [f32; LANES];
     /// Σ over lanes: halves, quarters, pairs.
     fn sum(self) -> f32;
+    /// [`Lanes::sum`] of each.
+    fn sums(each: &[Self; LANES]) -> [f32; LANES];
     /// `list`, which is shorter than [`LANES`], filled up with `own`.
     fn filled_up(list: &[u32], own: u32) -> [u32; LANES];
     /// The four components of eight nodes.
@@ -194,6 +202,21 @@ impl Lanes for Eight {
     }
 
     #[inline(always)]
+    fn smaller(self, other: Self) -> Self {
+        self.with(other, |a, b| if a < b { a } else { b })
+    }
+
+    #[inline(always)]
+    fn load(row: &[f32; LANES]) -> Self {
+        Self(*row)
+    }
+
+    #[inline(always)]
+    fn row(self) -> [f32; LANES] {
+        self.0
+    }
+
+    #[inline(always)]
     fn sqrt(self) -> Self {
         Self(self.0.map(f32::sqrt))
     }
@@ -207,6 +230,11 @@ impl Lanes for Eight {
     fn sum(self) -> f32 {
         let a = self.0;
         ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]))
+    }
+
+    #[inline(always)]
+    fn sums(each: &[Self; LANES]) -> [f32; LANES] {
+        each.map(Self::sum)
     }
 
     #[inline(always)]
@@ -257,12 +285,15 @@ mod tests {
                     b / d,
                     a.positive(),
                     b.larger(c),
+                    b.smaller(c),
+                    L::load(&(a + b).row()),
                     (a * a).sqrt(),
                     a.is_zero() + b.is_zero(),
                     L::splat(0.1) * d,
                     P::density(a * a, a) + P::slope(b),
                 ];
                 bits.extend(results.map(|r| r.sum().to_bits()));
+                bits.extend(L::sums(&results[..LANES].try_into().expect("there are more")).map(f32::to_bits));
             }
             bits
         }
@@ -271,7 +302,7 @@ mod tests {
     #[test]
     fn both_forms_round_alike() {
         let reference = Everything.run::<Eight, Wendland>();
-        assert_eq!(reference.len(), 4 * 10 + 1);
+        assert_eq!(reference.len(), 4 * (12 + 8) + 1);
         assert_eq!(reference.first(), Some(&3.0_f32.to_bits()));
         assert_eq!(pass::run(Kernel::Wendland, Everything), reference);
     }

@@ -74,6 +74,26 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
+    fn smaller(self, other: Self) -> Self {
+        // SAFETY: see `Avx2`.
+        Self(unsafe { _mm256_min_ps(self.0, other.0) })
+    }
+
+    #[inline(always)]
+    fn load(row: &[f32; LANES]) -> Self {
+        // SAFETY: see `Avx2`.
+        Self(unsafe { _mm256_loadu_ps(row.as_ptr()) })
+    }
+
+    #[inline(always)]
+    fn row(self) -> [f32; LANES] {
+        let mut row = [0.0; LANES];
+        // SAFETY: see `Avx2`.
+        unsafe { _mm256_storeu_ps(row.as_mut_ptr(), self.0) };
+        row
+    }
+
+    #[inline(always)]
     fn sqrt(self) -> Self {
         // SAFETY: see `Avx2`.
         Self(unsafe { _mm256_sqrt_ps(self.0) })
@@ -96,6 +116,17 @@ impl Lanes for Avx2 {
             let quarters = _mm_add_ps(halves, _mm_movehl_ps(halves, halves));
             _mm_cvtss_f32(_mm_add_ss(quarters, _mm_movehdup_ps(quarters)))
         }
+    }
+
+    #[inline(always)]
+    fn sums(each: &[Self; LANES]) -> [f32; LANES] {
+        // SAFETY: see `Avx2`.
+        Self(unsafe {
+            let (a, b) = (quarters(each, 0), quarters(each, 2));
+            let even = _mm256_shuffle_ps::<0b10_00_10_00>(a, b);
+            _mm256_add_ps(even, _mm256_shuffle_ps::<0b11_01_11_01>(a, b))
+        })
+        .row()
     }
 
     #[inline(always)]
@@ -139,5 +170,24 @@ unsafe fn pair(nodes: &[Node], index: &[u32; LANES], low: usize) -> __m256 {
         let first = _mm_load_ps(nodes.as_ptr().add(index[low] as usize).cast());
         let second = _mm_load_ps(nodes.as_ptr().add(index[low + 4] as usize).cast());
         _mm256_insertf128_ps::<1>(_mm256_castps128_ps256(first), second)
+    }
+}
+
+/// The lanes' halves added, of numbers `k` and `k + 4`.
+#[inline(always)]
+unsafe fn halves(each: &[Avx2; LANES], k: usize) -> __m256 {
+    let (a, b) = (each[k].0, each[k + 4].0);
+    // SAFETY: the caller has AVX2.
+    unsafe { _mm256_add_ps(_mm256_permute2f128_ps::<0x20>(a, b), _mm256_permute2f128_ps::<0x31>(a, b)) }
+}
+
+/// The lanes' quarters added, of numbers `k`, `k + 1` and those four further.
+#[inline(always)]
+unsafe fn quarters(each: &[Avx2; LANES], k: usize) -> __m256 {
+    // SAFETY: the caller has AVX2.
+    unsafe {
+        let (a, b) = (_mm256_castps_pd(halves(each, k)), _mm256_castps_pd(halves(each, k + 1)));
+        let (low, high) = (_mm256_unpacklo_pd(a, b), _mm256_unpackhi_pd(a, b));
+        _mm256_add_ps(_mm256_castpd_ps(low), _mm256_castpd_ps(high))
     }
 }

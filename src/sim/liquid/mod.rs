@@ -10,6 +10,8 @@
 //! (at 1 km, 0.06 mm).
 
 mod accelerated;
+mod correction;
+mod density;
 mod displaced;
 mod energy;
 mod jacobi;
@@ -277,8 +279,9 @@ impl Liquid {
         self.id = order.iter().map(|&i| self.id[i as usize]).collect();
         if unknowns.len() == order.len() {
             ratio.resize(order.len(), 0.0);
-            par::fill(ratio, |i| unknowns[order[i] as usize].applied);
-            par::update(unknowns, |i, unknown| unknown.applied = ratio[i]);
+            let applied = &mut unknowns.0.applied;
+            par::fill(ratio, |i| applied[order[i] as usize]);
+            std::mem::swap(applied, ratio);
         }
         grid.settle();
     }

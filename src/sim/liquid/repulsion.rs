@@ -10,11 +10,11 @@
 
 use super::{
     ArtificialPressure, Kernel,
+    correction::limit,
     lanes::{self, Lanes, Node},
     pair::{Pair, Poly6Spiky},
     pass::{self, Pass},
     rest::Rest,
-    solve::limit,
 };
 use crate::{math::Vec3, par, space::Neighbours};
 

@@ -12,9 +12,10 @@
 
 use super::{
     Constraint,
-    lanes::{self, Lanes, Node},
-    pair::Pair,
-    pass::{self, Pass},
+    correction::{CorrectionPass, Moved},
+    density::{Chunk, Decide, DensityPass, Residual, Unknown, Unknowns, Verdict},
+    lanes::{Lanes, Node},
+    pass,
     rest::Rest,
     walls::Walls,
 };
@@ -27,18 +28,11 @@ use crate::{
 /// How far lists reach beyond h, as a fraction of h.
 const SKIN: f32 = 0.1;
 
-/// Longest correction of one iteration, in spacings: beyond it the linearised constraint and the lists mean
-/// nothing. 0.1 slows the stop of a block that hits a floor; 1 lets it throw particles through their neighbours.
-const LONGEST_CORRECTION: f32 = 0.5;
-
 /// A cell with this many times the particles of the lattice is refused: where thousands share one place, their lists
 /// grow with the square of their number (10 000 particles: 400 MB). With it a list is at most about as many times as
 /// long as the lattice's 45. At 16, a lid that closes through the floor is refused at once; a thousand g and a block
 /// that hits a plate at 500 m/s in one substep stay below even that.
 const CROWDED: f32 = 256.0;
-
-/// A neighbourhood counts as filled when |∇_i C_i| is below this fraction of its value on a flat free surface.
-const FILLED: f32 = 0.2;
 
 /// The state of the solver within a substep.
 #[derive(Debug, Default)]
@@ -48,7 +42,7 @@ pub(super) struct Solver {
     /// ρ_i/ρ₀ at the last evaluation.
     pub(super) ratio: Vec<f32>,
     /// What is solved for.
-    pub(super) unknowns: Vec<Unknown>,
+    pub(super) unknowns: Unknowns,
     /// Positions over h and changes of λ, as neighbours read them.
     pub(super) nodes: Vec<Node>,
     /// Room to sort in.
@@ -90,51 +84,6 @@ pub(super) struct Crowd {
     pub(super) count: usize,
 }
 
-/// A particle's multiplier, as its solver keeps it.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Unknown {
-    /// The change of λ that the last evaluation decided [m²].
-    pub(super) lambda: f32,
-    /// κ that positions have been moved by [m²]; the accelerated solver's, like the following.
-    pub(super) applied: f32,
-    /// κ before extrapolation [m²].
-    pub(super) last: f32,
-    /// D + ε [1/m²].
-    pub(super) denominator: f32,
-}
-
-/// What a solver says of one particle.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Verdict {
-    /// The constraint's error [1].
-    pub(super) error: f32,
-    /// How far momentum leads uphill: the part of the sum whose sign asks for a restart.
-    pub(super) uphill: f32,
-}
-
-/// What one evaluation of the constraints found.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Residual {
-    /// Mean constraint error.
-    pub(super) average: f64,
-    /// Largest constraint error.
-    pub(super) largest: f64,
-    /// Mean |C| where the neighbourhood is filled.
-    pub(super) bulk: f64,
-    /// Σ of [`Verdict::uphill`].
-    pub(super) uphill: f64,
-}
-
-/// Partial sums of a [`Residual`] over one chunk.
-#[derive(Clone, Copy, Default)]
-struct Partial {
-    sum: f64,
-    largest: f64,
-    bulk_sum: f64,
-    bulk: u64,
-    uphill: f64,
-}
-
 /// What the solver needs to know besides the particles.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setup<'a> {
@@ -145,26 +94,19 @@ pub(super) struct Setup<'a> {
     pub(super) softening: f32,
 }
 
-/// A particle's density and its derivatives.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Density {
-    /// ρ_i/ρ₀.
-    pub(super) ratio: f32,
-    /// |∇_i C_i| [1/m].
-    pub(super) own_gradient: f32,
-    /// Σ_k |∇_k C_i|² [1/m²].
-    pub(super) gradient2: f32,
-}
-
 impl Setup<'_> {
-    /// C_i, as far as it is to be corrected.
-    #[inline(always)]
-    pub(super) fn error(&self, ratio: f32) -> f32 {
+    /// The least value of C_i and κ_i that is corrected: what pulls is not, under the compression constraint.
+    pub(super) fn least(&self) -> f32 {
         match self.constraint {
-            // Written so that a NaN gets through and is found.
-            Constraint::Compression if ratio < 1.0 => 0.0,
-            _ => ratio - 1.0, // C_i, [pbf] Eq. 1
+            Constraint::Compression => 0.0,
+            Constraint::Equality => f32::NEG_INFINITY,
         }
+    }
+
+    /// How far from a solid its share of density may reach, for particles that move within the lists' skin [m].
+    #[inline(always)]
+    pub(super) fn share_reach(&self) -> f32 {
+        self.rest.support + self.rest.wall_shift.abs() + SKIN * self.rest.support
     }
 
     /// Σ_k |∇_k C_i|² + ε [1/m²]; infinite without neighbours, where nothing can be corrected, and at ε = 0
@@ -174,6 +116,24 @@ impl Setup<'_> {
         let denominator = gradient2 + self.softening;
         if denominator <= 1e-6 * self.rest.lattice_gradient2 { f32::INFINITY } else { denominator }
     }
+}
+
+/// Decides nothing.
+struct Measure {
+    least: f32,
+}
+
+impl Decide for Measure {
+    #[inline(always)]
+    fn decide<L: Lanes>(&self, ratio: L, unknown: Unknown<L>) -> (Unknown<L>, Verdict<L>) {
+        (unknown, Verdict { error: error(ratio, self.least), uphill: L::splat(0.0) })
+    }
+}
+
+/// C_i, as far as it is to be corrected: at least `least`. Lets a NaN through, so that it is found.
+#[inline(always)]
+pub(super) fn error<L: Lanes>(ratio: L, least: f32) -> L {
+    L::splat(least).larger(ratio - L::splat(1.0)) // C_i, [pbf] Eq. 1
 }
 
 impl Solver {
@@ -220,63 +180,41 @@ impl Solver {
         Ok(())
     }
 
-    /// Evaluates density and gradients of every particle at x* and has `decide` choose the change of λ.
-    pub(super) fn evaluate(
+    /// Evaluates density, and if asked for gradients, of every particle at x* and has `decide` choose the change of λ.
+    pub(super) fn evaluate<const GRADIENTS: bool>(
         &mut self,
         setup: &Setup<'_>,
-        decide: impl Fn(&mut Unknown, Density) -> Verdict + Sync,
-    ) -> Residual {
-        self.evaluate_as::<true>(setup, decide)
-    }
-
-    /// Evaluates every constraint and leaves the unknowns alone.
-    pub(super) fn measure(&mut self, setup: &Setup<'_>) -> Residual {
-        self.evaluate(setup, |_, density| Verdict { error: setup.error(density.ratio), uphill: 0.0 })
-    }
-
-    /// [`Solver::evaluate`] without the gradients, which are left zero.
-    pub(super) fn evaluate_density(
-        &mut self,
-        setup: &Setup<'_>,
-        decide: impl Fn(&mut Unknown, Density) -> Verdict + Sync,
-    ) -> Residual {
-        self.evaluate_as::<false>(setup, decide)
-    }
-
-    fn evaluate_as<const GRADIENTS: bool>(
-        &mut self,
-        setup: &Setup<'_>,
-        decide: impl Fn(&mut Unknown, Density) -> Verdict + Sync,
+        decide: &impl Decide,
     ) -> Residual {
         let count = self.p.len();
-        self.unknowns.resize(count, Unknown::default());
+        self.unknowns.resize(count);
         self.publish_positions(setup.rest.inv_support);
         self.ratio.resize(count, 0.0);
         let Self { unknowns, ratio, nodes, lists, clearance, .. } = self;
         let (list, published, clearance) = (&*lists, &**nodes, &**clearance);
-        let partials = par::map_chunks_of_two(unknowns, ratio, par::CHUNK, |start, unknowns, ratios| {
+        let [lambda, applied, last, denominator] = unknowns.slices_mut();
+        let slices: [&mut [f32]; 5] = [ratio, lambda, applied, last, denominator];
+        let partials = par::map_chunks_of_many(slices, par::CHUNK, |start, slices| {
             let at = Chunk { setup, nodes: published, lists: list, clearance, start };
-            pass::run(
-                setup.rest.kernel,
-                DensityPass::<_, GRADIENTS> { at, unknowns, ratios, decide: &decide },
-            )
+            let [ratio, lambda, applied, last, denominator] = slices;
+            let unknown = Unknown { lambda, applied, last, denominator };
+            pass::run(setup.rest.kernel, DensityPass::<_, GRADIENTS> { at, ratio, unknown, decide })
         });
-        let unknowns = &*unknowns;
-        par::update(nodes, |i, node| node.0[3] = unknowns[i].lambda);
-        let total = partials.into_iter().fold(Partial::default(), Partial::and);
-        Residual {
-            average: total.sum / count.max(1) as f64,
-            largest: total.largest,
-            bulk: total.bulk_sum / total.bulk.max(1) as f64,
-            uphill: total.uphill,
-        }
+        let lambda = &*unknowns.0.lambda;
+        par::update(nodes, |i, node| node.0[3] = lambda[i]);
+        Residual::of(&partials, count)
+    }
+
+    /// Evaluates every constraint and leaves the multipliers alone.
+    pub(super) fn measure(&mut self, setup: &Setup<'_>) -> Residual {
+        self.evaluate::<true>(setup, &Measure { least: setup.least() })
     }
 
     /// Lets neighbours read the positions and the unknowns' changes of λ.
     pub(super) fn publish(&mut self, inv_h: f32) {
         self.nodes.resize(self.p.len(), Node::default());
         let (p, unknowns) = (&self.p, &self.unknowns);
-        par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, unknowns[i].lambda));
+        par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, unknowns.0.lambda[i]));
     }
 
     /// Lets neighbours read the positions.
@@ -307,216 +245,6 @@ impl Solver {
             self.work += work;
         }
     }
-}
-
-impl Partial {
-    fn add(&mut self, ratio: f32, verdict: Verdict, filled: bool) {
-        let error = f64::from(verdict.error.abs());
-        self.sum += error;
-        self.uphill += f64::from(verdict.uphill);
-        self.largest = self.largest.max(error);
-        if filled {
-            self.bulk_sum += f64::from((ratio - 1.0).abs());
-            self.bulk += 1;
-        }
-    }
-
-    fn and(self, other: Self) -> Self {
-        Self {
-            sum: self.sum + other.sum,
-            largest: self.largest.max(other.largest),
-            bulk_sum: self.bulk_sum + other.bulk_sum,
-            bulk: self.bulk + other.bulk,
-            uphill: self.uphill + other.uphill,
-        }
-    }
-}
-
-/// The particles that a chunk's passes read.
-#[derive(Clone, Copy)]
-struct Chunk<'a> {
-    setup: &'a Setup<'a>,
-    nodes: &'a [Node],
-    lists: &'a Neighbours,
-    clearance: &'a [f32],
-    /// Index of the chunk's first particle.
-    start: usize,
-}
-
-/// Evaluates a chunk of densities.
-struct DensityPass<'a, F, const GRADIENTS: bool> {
-    at: Chunk<'a>,
-    unknowns: &'a mut [Unknown],
-    ratios: &'a mut [f32],
-    decide: F,
-}
-
-impl<F: Fn(&mut Unknown, Density) -> Verdict, const GRADIENTS: bool> Pass for DensityPass<'_, F, GRADIENTS> {
-    type Out = Partial;
-
-    #[inline(always)]
-    fn run<L: Lanes, P: Pair>(self) -> Partial {
-        let mut partial = Partial::default();
-        let surface = FILLED * 1.5 * self.at.setup.rest.inv_support;
-        for (offset, (unknown, ratio)) in self.unknowns.iter_mut().zip(self.ratios).enumerate() {
-            let density = density::<L, P, GRADIENTS>(&self.at, self.at.start + offset);
-            *ratio = density.ratio;
-            partial.add(density.ratio, (self.decide)(unknown, density), density.own_gradient < surface);
-        }
-        partial
-    }
-}
-
-/// ρ_i and, if asked for, its gradients.
-#[inline(always)]
-fn density<L: Lanes, P: Pair, const GRADIENTS: bool>(at: &Chunk<'_>, i: usize) -> Density {
-    let rest = at.setup.rest;
-    let (own, zero) = (lanes::spread::<L>(at.nodes[i]), L::splat(0.0));
-    let (mut density, mut gradient, mut gradient2) = (zero, [zero; 3], zero);
-    let mut neighbours = lanes::eights::<L>(at.lists, i);
-    // What fills up the last eight counts as 1 each, like the particle itself.
-    let itself = 1.0 - neighbours.padded();
-    while let Some(index) = neighbours.next() {
-        let (d, q2) = lanes::offset(own, L::gather(at.nodes, index));
-        let q = q2.sqrt();
-        density = density + P::density(q2, q);
-        if GRADIENTS {
-            let slope = P::slope(q);
-            gradient2 = gradient2 + slope * slope * q2;
-            gradient = lanes::plus(gradient, d, slope);
-        }
-    }
-    let (share, share_gradient) = at.share(i, at.nodes[i].vector() * rest.support);
-    let ratio = rest.density_scale * (density.sum() + itself) + share; // ρ_i/ρ₀, [pbf] Eq. 2
-    if !GRADIENTS {
-        return Density { ratio, own_gradient: 0.0, gradient2: 0.0 };
-    }
-    let g = rest.gradient_scale;
-    let own_gradient = lanes::total(gradient) * -g + share_gradient; // [pbf] Eq. 8, k = i
-    let gradient2 = own_gradient.norm_squared() + g * g * gradient2.sum(); // Σ_k |∇_k C_i|²
-    Density { ratio, own_gradient: own_gradient.norm(), gradient2 }
-}
-
-impl Chunk<'_> {
-    /// The solids' share at `x`, where the lists do not rule it out.
-    #[inline(always)]
-    fn share(&self, i: usize, x: Vec3) -> (f32, Vec3) {
-        let rest = self.setup.rest;
-        let reach = rest.support + rest.wall_shift.abs() + SKIN * rest.support;
-        if self.clearance[i] > reach { (0.0, Vec3::zeros()) } else { self.setup.walls.share(x) }
-    }
-}
-
-/// What a chunk's corrections did.
-#[derive(Clone, Copy, Default)]
-struct Moved {
-    /// The longest way from where the lists were built, squared [m²].
-    farthest2: f32,
-    shortened: u64,
-    stuck: u64,
-    /// What moving solids did, by mass over dt² [m²].
-    work: f64,
-}
-
-/// Moves a chunk of particles.
-struct CorrectionPass<'a> {
-    at: Chunk<'a>,
-    p: &'a mut [Vec3],
-    built_at: &'a [Vec3],
-}
-
-impl Pass for CorrectionPass<'_> {
-    type Out = Moved;
-
-    #[inline(always)]
-    fn run<L: Lanes, P: Pair>(self) -> Moved {
-        let (mut total, setup) = (Moved::default(), self.at.setup);
-        let (contact, any_move) = (0.5 * setup.rest.spacing, setup.walls.any_move());
-        for (offset, (x, built_at)) in self.p.iter_mut().zip(self.built_at).enumerate() {
-            let i = self.at.start + offset;
-            let (delta, short) = limit(correction::<L, P>(&self.at, i, *x), setup.rest.spacing);
-            let mut moved = *x + delta; // x* + Δp, [pbf] Alg. 1, line 17
-            let mut way2 = (moved - built_at).norm_squared();
-            let room = self.at.clearance[i] - contact;
-            if room <= 0.0 || way2 >= room * room {
-                let (free, touching) = setup.walls.step(*x, moved); // [pbf] Alg. 1, line 14
-                if any_move {
-                    total.work += setup.walls.work(moved, free);
-                }
-                moved = free;
-                way2 = (moved - built_at).norm_squared();
-                total.stuck += u64::from(touching);
-            }
-            if any_move {
-                total.work += setup.walls.pressing(*x, self.at.nodes[i].value());
-            }
-            *x = moved;
-            total.farthest2 = total.farthest2.max(way2);
-            total.shortened += u64::from(short);
-        }
-        total
-    }
-}
-
-/// Δp_i of one particle.
-#[inline(always)]
-fn correction<L: Lanes, P: Pair>(at: &Chunk<'_>, i: usize, x: Vec3) -> Vec3 {
-    let rest = at.setup.rest;
-    let node = at.nodes[i];
-    let (own, zero) = (lanes::spread::<L>(node), L::splat(0.0));
-    let (mut delta, mut coincident) = ([zero; 3], zero);
-    let mut neighbours = lanes::eights::<L>(at.lists, i);
-    let padded = neighbours.padded();
-    while let Some(index) = neighbours.next() {
-        let other = L::gather(at.nodes, index);
-        let (d, q2) = lanes::offset(own, other);
-        let weight = (own[3] + other[3]) * P::slope(q2.sqrt());
-        delta = lanes::plus(delta, d, weight);
-        coincident = coincident + q2.is_zero();
-    }
-    let mut sum = -lanes::total(delta);
-    if coincident.sum() > padded {
-        sum += parted(at, i);
-    }
-    let mut delta = sum * rest.gradient_scale; // Δp_i, [pbf] Eq. 12
-    if node.value() != 0.0 {
-        delta += at.share(i, x).1 * node.value();
-    }
-    delta
-}
-
-/// What the neighbours in the particle's very place add to the sum of [`correction`].
-#[cold]
-fn parted(at: &Chunk<'_>, i: usize) -> Vec3 {
-    let own = at.nodes[i];
-    let mut sum = Vec3::zeros();
-    for &j in at.lists.of(i) {
-        let other = at.nodes[j as usize];
-        let d = own.vector() - other.vector();
-        if d.norm_squared() == 0.0 {
-            sum -= parting(i as u32, j) * (own.value() + other.value());
-        }
-    }
-    sum
-}
-
-/// The unit direction in which particle `i` leaves a coincident `j`; opposite for the other of the pair.
-fn parting(i: u32, j: u32) -> Vec3 {
-    let (low, high) = (i.min(j), i.max(j));
-    let mut bits = (u64::from(low) << 32 | u64::from(high)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    bits ^= bits >> 29;
-    bits = bits.wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let part = |shift: u32| ((bits >> shift & 0xffff) as f32 + 0.5) / 32768.0 - 1.0;
-    let direction = Vec3::new(part(0), part(16), part(32)).normalize();
-    if i < j { direction } else { -direction }
-}
-
-/// `delta` at most [`LONGEST_CORRECTION`] long, and whether it had to be shortened.
-#[inline]
-pub(super) fn limit(delta: Vec3, spacing: f32) -> (Vec3, bool) {
-    let longest = LONGEST_CORRECTION * spacing;
-    let length2 = delta.norm_squared();
-    if length2 > longest * longest { (delta * (longest / length2.sqrt()), true) } else { (delta, false) }
 }
 
 #[cfg(test)]
@@ -584,7 +312,7 @@ mod tests {
             }
             let expected = -0.5 * f64::from(solver.ratio[i] - 1.0)
                 / (gradient2 + 0.01 * f64::from(rest.lattice_gradient2));
-            let lambda = f64::from(solver.unknowns[i].lambda);
+            let lambda = f64::from(solver.unknowns.0.lambda[i]);
             assert!((lambda / expected - 1.0).abs() < 1e-3, "{i}: {lambda}, expected {expected}");
         }
     }
@@ -617,18 +345,5 @@ mod tests {
             solver.notice_moves(&rest);
             assert_eq!(solver.stale, stale, "{way} of the skin");
         }
-    }
-
-    #[test]
-    fn a_pair_in_one_place_parts_in_opposite_directions() {
-        assert_eq!(parting(3, 8), -parting(8, 3));
-        assert!((parting(0, 1).norm() - 1.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn long_corrections_are_shortened_and_reported() {
-        let (delta, short) = limit(Vec3::new(3.0, 4.0, 0.0), 1.0);
-        assert!(short && (delta.norm() - 0.5).abs() < 1e-6);
-        assert_eq!(limit(Vec3::new(0.3, 0.0, 0.0), 1.0), (Vec3::new(0.3, 0.0, 0.0), false));
     }
 }

@@ -1,0 +1,167 @@
+//! Moves particles by their Δp and out of the solids, eight particles at a time.
+//!
+//! *Method*: [pbf] Eq. 12 and Algorithm 1, lines 14 and 17. *Departs from the paper*: a correction is at most half a
+//! spacing, and every one that was shortened is counted; coincident particles are pushed apart along a direction made
+//! from their places, since no gradient separates them.
+
+use super::{
+    density::Chunk,
+    lanes::{self, LANES, Lanes},
+    pair::Pair,
+    pass::Pass,
+};
+use crate::math::Vec3;
+
+/// Longest correction of one iteration, in spacings: beyond it the linearised constraint and the lists mean
+/// nothing. 0.1 slows the stop of a block that hits a floor; 1 lets it throw particles through their neighbours.
+const LONGEST_CORRECTION: f32 = 0.5;
+
+/// What a chunk's corrections did.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Moved {
+    /// The longest way from where the lists were built, squared [m²].
+    pub(super) farthest2: f32,
+    pub(super) shortened: u64,
+    /// Particles that still touched a solid after the last round.
+    pub(super) stuck: u64,
+    /// What moving solids did, by mass over dt² [m²].
+    pub(super) work: f64,
+}
+
+/// Moves a chunk of particles.
+pub(super) struct CorrectionPass<'a> {
+    pub(super) at: Chunk<'a>,
+    pub(super) p: &'a mut [Vec3],
+    pub(super) built_at: &'a [Vec3],
+}
+
+impl Pass for CorrectionPass<'_> {
+    type Out = Moved;
+
+    #[inline(always)]
+    fn run<L: Lanes, P: Pair>(self) -> Moved {
+        let (mut total, setup) = (Moved::default(), self.at.setup);
+        let (contact, any_move) = (0.5 * setup.rest.spacing, setup.walls.any_move());
+        let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
+        for (block, (p, built_at)) in blocks {
+            let first = self.at.start + block * LANES;
+            let deltas = corrections::<L, P>(&self.at, first, p);
+            for (k, (x, built_at)) in p.iter_mut().zip(built_at).enumerate() {
+                let i = first + k;
+                let (delta, short) = limit(deltas[k], setup.rest.spacing);
+                let mut moved = *x + delta; // x* + Δp, [pbf] Alg. 1, line 17
+                let mut way2 = (moved - built_at).norm_squared();
+                let room = self.at.clearance[i] - contact;
+                if room <= 0.0 || way2 >= room * room {
+                    let (free, touching) = setup.walls.step(*x, moved); // [pbf] Alg. 1, line 14
+                    if any_move {
+                        total.work += setup.walls.work(moved, free);
+                    }
+                    moved = free;
+                    way2 = (moved - built_at).norm_squared();
+                    total.stuck += u64::from(touching);
+                }
+                if any_move {
+                    total.work += setup.walls.pressing(*x, self.at.nodes[i].value());
+                }
+                *x = moved;
+                total.farthest2 = total.farthest2.max(way2);
+                total.shortened += u64::from(short);
+            }
+        }
+        total
+    }
+}
+
+/// Δp of the particles at `p`, up to eight, whose indices begin at `first`.
+#[inline(always)]
+fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [Vec3; LANES] {
+    let zero = L::splat(0.0);
+    let (mut delta, mut coincident) = ([[zero; LANES]; 3], [zero; LANES]);
+    let mut padded = [0.0; LANES];
+    for k in 0..p.len() {
+        let i = first + k;
+        let own = lanes::spread::<L>(at.nodes[i]);
+        let mut neighbours = lanes::eights::<L>(at.lists, i);
+        padded[k] = neighbours.padded();
+        let (mut sum, mut in_one_place) = ([zero; 3], zero);
+        while let Some(index) = neighbours.next() {
+            let other = L::gather(at.nodes, index);
+            let (d, q2) = lanes::offset(own, other);
+            let weight = (own[3] + other[3]) * P::slope(q2.sqrt());
+            sum = lanes::plus(sum, d, weight);
+            in_one_place = in_one_place + q2.is_zero();
+        }
+        coincident[k] = in_one_place;
+        [delta[0][k], delta[1][k], delta[2][k]] = sum;
+    }
+    let [x, y, z] = [L::sums(&delta[0]), L::sums(&delta[1]), L::sums(&delta[2])];
+    let coincident = L::sums(&coincident);
+    let scale = at.setup.rest.gradient_scale;
+    let mut deltas = [Vec3::zeros(); LANES];
+    for k in 0..p.len() {
+        let i = first + k;
+        let mut sum = -Vec3::new(x[k], y[k], z[k]);
+        if coincident[k] > padded[k] {
+            sum += parted(at, i);
+        }
+        deltas[k] = sum * scale; // Δp_i, [pbf] Eq. 12
+        let lambda = at.nodes[i].value();
+        if lambda != 0.0 {
+            deltas[k] += at.share(i, p[k]).1 * lambda;
+        }
+    }
+    deltas
+}
+
+/// What the neighbours in the particle's very place add to the sum of [`correction`].
+#[cold]
+fn parted(at: &Chunk<'_>, i: usize) -> Vec3 {
+    let own = at.nodes[i];
+    let mut sum = Vec3::zeros();
+    for &j in at.lists.of(i) {
+        let other = at.nodes[j as usize];
+        let d = own.vector() - other.vector();
+        if d.norm_squared() == 0.0 {
+            sum -= parting(i as u32, j) * (own.value() + other.value());
+        }
+    }
+    sum
+}
+
+/// The unit direction in which particle `i` leaves a coincident `j`; opposite for the other of the pair.
+fn parting(i: u32, j: u32) -> Vec3 {
+    let (low, high) = (i.min(j), i.max(j));
+    let mut bits = (u64::from(low) << 32 | u64::from(high)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    bits ^= bits >> 29;
+    bits = bits.wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let part = |shift: u32| ((bits >> shift & 0xffff) as f32 + 0.5) / 32768.0 - 1.0;
+    let direction = Vec3::new(part(0), part(16), part(32)).normalize();
+    if i < j { direction } else { -direction }
+}
+
+/// `delta` at most [`LONGEST_CORRECTION`] long, and whether it had to be shortened.
+#[inline]
+pub(super) fn limit(delta: Vec3, spacing: f32) -> (Vec3, bool) {
+    let longest = LONGEST_CORRECTION * spacing;
+    let length2 = delta.norm_squared();
+    if length2 > longest * longest { (delta * (longest / length2.sqrt()), true) } else { (delta, false) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pair_in_one_place_parts_in_opposite_directions() {
+        assert_eq!(parting(3, 8), -parting(8, 3));
+        assert!((parting(0, 1).norm() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn long_corrections_are_shortened_and_reported() {
+        let (delta, short) = limit(Vec3::new(3.0, 4.0, 0.0), 1.0);
+        assert!(short && (delta.norm() - 0.5).abs() < 1e-6);
+        assert_eq!(limit(Vec3::new(0.3, 0.0, 0.0), 1.0), (Vec3::new(0.3, 0.0, 0.0), false));
+    }
+}
