@@ -92,9 +92,14 @@ pub(super) struct Eights<'a> {
 /// The list of particle `own` by eights.
 #[inline(always)]
 pub(super) fn eights<L: Lanes>(lists: &Neighbours, own: usize) -> Eights<'_> {
-    let list = lists.of(own);
+    by_eights::<L>(lists.of(own), own, lists.count())
+}
+
+/// `list`, which holds numbers below `count`, by eights.
+#[inline(always)]
+fn by_eights<L: Lanes>(list: &[u32], own: usize, count: usize) -> Eights<'_> {
     let last = L::filled_up(&list[list.len() / LANES * LANES..], own as u32);
-    Eights { list, done: 0, last, count: lists.count() }
+    Eights { list, done: 0, last, count }
 }
 
 impl Eights<'_> {
@@ -275,9 +280,10 @@ mod tests {
             nodes[3].0 = [0.0, -0.0, 1e-40, 3e38];
             let mut bits = Vec::new();
             let list: Vec<u32> = (0..29).map(|k| (k * 7) % 50).collect();
-            bits.push(eights(&list, 3).padded().to_bits());
-            for index in eights(&list, 3) {
-                let [a, b, c, d] = L::gather(&nodes, &index);
+            let mut eights = by_eights::<L>(&list, 3, nodes.len());
+            bits.push(eights.padded().to_bits());
+            while let Some(index) = eights.next() {
+                let [a, b, c, d] = L::gather(&nodes, index);
                 let results = [
                     a + b,
                     c - d,
@@ -305,6 +311,25 @@ mod tests {
         assert_eq!(reference.len(), 4 * (12 + 8) + 1);
         assert_eq!(reference.first(), Some(&3.0_f32.to_bits()));
         assert_eq!(pass::run(Kernel::Wendland, Everything), reference);
+    }
+
+    /// Reads the second of two particles where there is one.
+    struct Astray;
+
+    impl Pass for Astray {
+        type Out = f32;
+
+        #[inline(always)]
+        fn run<L: Lanes, P: Pair>(self) -> f32 {
+            let mut eights = by_eights::<L>(&[1], 0, 2);
+            L::gather(&[Node::default()], eights.next().expect("there is one"))[0].sum()
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "neighbours are particles")]
+    fn a_neighbour_that_is_no_particle_is_refused() {
+        pass::run(Kernel::Wendland, Astray);
     }
 
     #[test]
