@@ -1,0 +1,69 @@
+#!/usr/bin/env python3
+"""Runs every built-in preset in every tier and prints the README's table of presets.
+
+    tools/bench/gallery.py                        everything: simulate and mesh, about half an hour on two cores
+    tools/bench/gallery.py dam-break --tiers draft,preview
+    tools/bench/gallery.py --keep shots           leaves the shots there, to render pictures from
+
+Needs the release binary, Python's standard library, and a machine that does nothing else.
+"""
+
+import argparse
+import json
+import pathlib
+import subprocess
+import tempfile
+
+from shot import ROOT, run
+
+TIERS = ["draft", "preview", "final"]
+# Pictures that were rendered from the shots as written.
+PICTURE = "docs/images/{}.png"
+
+
+def presets(binary):
+    """The names of the built-in presets."""
+    listed = subprocess.run([binary, "presets", "list"], check=True, capture_output=True, text=True).stdout
+    return [line.split()[0] for line in listed.splitlines() if line.strip()]
+
+
+def row(binary, preset, tier, folder):
+    """One line of the table."""
+    shot = folder / f"{preset}-{tier}"
+    wall, _, memory = run([binary, "shot", preset, "--quality", tier, "-o", shot, "--progress", "none"])
+    records = [json.loads(line) for line in (shot / "log.jsonl").read_text().splitlines()]
+    record = max(records, key=lambda record: record.get("frame", 0))
+    most = max(record.get("particles", 0) for record in records)
+    size = {name: sum(f.stat().st_size for f in (shot / name).iterdir()) for name in ("cache", "mesh")}
+    picture = PICTURE.format(preset)
+    shown = tier == TIERS[0] and (ROOT / picture).exists()
+    cells = [
+        f"`{preset}`" if tier == TIERS[0] else "",
+        f"![]({picture})" if shown else "",
+        "as written" if tier == "final" else tier,
+        f"{most:,}".replace(",", " "),
+        str(record["frame"]),
+        f"{wall:.0f} s" if wall < 100 else f"{wall // 60:.0f} min {wall % 60:.0f} s",
+        f"{memory / 2**20:.0f} MiB",
+        *(f"{size[name] / 1e6:,.0f} MB".replace(",", " ") for name in ("cache", "mesh")),
+    ]
+    return "| " + " | ".join(cells) + " |"
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("presets", nargs="*", help="names (default all)")
+    parser.add_argument("--tiers", default=",".join(TIERS))
+    parser.add_argument("--keep", type=pathlib.Path, metavar="DIR", help="where the shots stay")
+    parser.add_argument("--binary", default=ROOT / "target/release/meniscus")
+    options = parser.parse_args()
+    print("| preset | | tier | particles | frames | simulate and mesh | peak memory | cache | meshes |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for preset in options.presets or presets(options.binary):
+        for tier in options.tiers.split(","):
+            with tempfile.TemporaryDirectory() as scratch:
+                print(row(options.binary, preset, tier, options.keep or pathlib.Path(scratch)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
