@@ -26,7 +26,8 @@ fn ball(nodes: usize) -> SparseGrid {
 
 fn densities(c: &mut Criterion) {
     let positions = block(47);
-    let params = DensityParams { spacing: 1.0, kernel_radius: 2.0, voxel: 0.5 };
+    let params =
+        DensityParams { spacing: 1.0, kernel_radius: 2.0, voxel: 0.5, anisotropy: None, whole: false };
     let mut group = c.benchmark_group("density_104k");
     group.sampling_mode(SamplingMode::Flat).sample_size(10).measurement_time(Duration::from_secs(4));
     group.throughput(Throughput::Elements(positions.len() as u64));

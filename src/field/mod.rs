@@ -3,9 +3,13 @@
 //! [`density`] turns particles into a smooth dimensionless density on sparse bricks; its level set at
 //! [`Density::threshold`] is the surface of the liquid.
 
-mod bins;
+mod active;
+mod anisotropy;
+mod blob;
+mod cloud;
 mod density;
 mod threshold;
 
+pub use anisotropy::Anisotropy;
 pub use density::{Density, DensityParams, density};
 pub use threshold::surface_threshold;

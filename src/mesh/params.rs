@@ -1,5 +1,6 @@
 //! What a preset can say about a surface.
 
+use crate::field::Anisotropy;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -16,10 +17,13 @@ pub struct SurfaceParams {
     /// the surface.
     #[schemars(range(min = 1.0, max = 8.0))]
     pub kernel_radius: f32,
+    /// Present: kernels follow their neighbourhoods, for flat water and thin sheets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub anisotropy: Option<Anisotropy>,
 }
 
 impl Default for SurfaceParams {
     fn default() -> Self {
-        Self { voxel: 0.5, kernel_radius: 2.0 }
+        Self { voxel: 0.5, kernel_radius: 2.0, anisotropy: None }
     }
 }

@@ -101,8 +101,8 @@ pub fn reconstruct(
     let mut clock = Clock { keep_going, seconds: Vec::new() };
 
     let field = clock.time("density", || {
-        let SurfaceParams { voxel, kernel_radius } = *params;
-        density(positions, &DensityParams { spacing, kernel_radius, voxel })
+        let SurfaceParams { voxel, kernel_radius, anisotropy } = *params;
+        density(positions, &DensityParams { spacing, kernel_radius, voxel, anisotropy, whole: false })
     })?;
     let distance =
         clock.time("distance", || from_density(&field.grid, field.threshold, &SdfParams::default()))?;

@@ -190,6 +190,25 @@ impl CellGrid {
         found
     }
 
+    /// Calls `f(places of the order)` for stretches that together hold every particle in the box from `low` to `high`
+    /// [m], and others of the same cells.
+    pub fn for_each_stretch(&self, low: Vec3, high: Vec3, mut f: impl FnMut(Range<usize>)) {
+        let ([low_z, low_y, low_x], [high_z, high_y, high_x]) =
+            (coordinates(low, self.cell), coordinates(high, self.cell));
+        for z in low_z..=high_z {
+            let mut at = self.rows.partition_point(|row| (row.z, row.y) < (z, low_y));
+            while let Some(row) = self.rows.get(at).filter(|row| row.z == z && row.y <= high_y) {
+                let (first, end) = (row.first as usize, self.row_end(at));
+                let from = first + self.cells[first..end].partition_point(|&x| x < low_x);
+                let to = from + self.cells[from..end].partition_point(|&x| x <= high_x);
+                if from < to {
+                    f(self.start[from] as usize..self.start[to] as usize);
+                }
+                at += 1;
+            }
+        }
+    }
+
     /// Where the cells of row `r` end.
     fn row_end(&self, r: usize) -> usize {
         self.rows.get(r + 1).map_or(self.cells.len(), |row| row.first as usize)
@@ -204,7 +223,7 @@ impl CellGrid {
     /// Walks over the cells that hold the places `range` of the order, in groups of cells that span at most
     /// `span` cells of a row. For each it calls `f(the group's places within range, the nine stretches of the
     /// order that hold its own and its neighbours' particles)`.
-    pub(super) fn for_each_group(
+    pub fn for_each_group(
         &self,
         range: Range<usize>,
         span: i32,

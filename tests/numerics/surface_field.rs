@@ -30,7 +30,8 @@ fn ball(radius: f32, jitter: f32, center: Vec3) -> Vec<Vec3> {
     positions
 }
 
-const PARAMS: DensityParams = DensityParams { spacing: 1.0, kernel_radius: 2.0, voxel: 0.5 };
+const PARAMS: DensityParams =
+    DensityParams { spacing: 1.0, kernel_radius: 2.0, voxel: 0.5, anisotropy: None, whole: true };
 
 /// The gradient at a node by central differences.
 fn gradient(grid: &SparseGrid, node: [i32; 3]) -> Vec3 {
