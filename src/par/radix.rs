@@ -96,6 +96,9 @@ pub struct Inverse(Vec<AtomicU32>);
 
 impl Inverse {
     /// Inverts `order`, which holds every number of `0..order.len()` once.
+    ///
+    /// # Panics
+    /// If a number is not below `order.len()`: the soundness of lists of neighbours rests on that.
     pub fn rebuild(&mut self, order: &[u32]) {
         self.0.resize_with(order.len(), AtomicU32::default);
         let slots = &self.0;

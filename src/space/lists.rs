@@ -21,6 +21,9 @@ const GROUP: i32 = 2;
 ///
 /// Lists lie in the grid's order, in pieces of 256 particles: none has to be moved when another grows, and all keep
 /// their memory from one build to the next.
+///
+/// Every listed number is below [`Neighbours::count`]: they are elements of an order that [`Inverse::rebuild`] has
+/// checked, and vector code reads by them unchecked.
 #[derive(Debug, Default)]
 pub struct Neighbours {
     /// A particle's place in the grid's order.

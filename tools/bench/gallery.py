@@ -43,7 +43,7 @@ def row(binary, preset, tier, folder):
         "as written" if tier == "final" else tier,
         f"{most:,}".replace(",", " "),
         str(record["frame"]),
-        f"{wall:.0f} s" if wall < 100 else f"{wall // 60:.0f} min {wall % 60:.0f} s",
+        f"{wall:.0f} s" if wall < 99.5 else f"{round(wall) // 60} min {round(wall) % 60} s",
         f"{memory / 2**20:.0f} MiB",
         *(f"{size[name] / 1e6:,.0f} MB".replace(",", " ") for name in ("cache", "mesh")),
     ]

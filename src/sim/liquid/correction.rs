@@ -114,7 +114,7 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
     deltas
 }
 
-/// What the neighbours in the particle's very place add to the sum of [`correction`].
+/// What the neighbours in the particle's very place add to the sum of [`corrections`].
 #[cold]
 fn parted(at: &Chunk<'_>, i: usize) -> Vec3 {
     let own = at.nodes[i];

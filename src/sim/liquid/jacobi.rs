@@ -23,8 +23,11 @@ pub(super) fn evaluate(solver: &mut Solver, setup: &Setup<'_>) -> Residual {
     solver.evaluate::<true>(setup, &Jacobi { relaxation, least: setup.least() })
 }
 
+/// One iteration.
 struct Jacobi {
+    /// The part of λ that is taken.
     relaxation: f32,
+    /// The least C that is corrected.
     least: f32,
 }
 

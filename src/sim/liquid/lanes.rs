@@ -1,4 +1,4 @@
-//! Eight neighbours at a time: the arithmetic that the passes over neighbour lists are written in.
+//! Eight numbers at a time, neighbours of one particle or sums of eight particles: the arithmetic that the passes over neighbour lists are written in.
 //!
 //! A pass is generic over [`Lanes`] (see `pass.rs`). [`Eight`] is the readable reference; the AVX2 twin beside it
 //! rounds alike (no fused operations, the same order of sums), so both give the same bits.
@@ -6,7 +6,7 @@
 use crate::{math::Vec3, space::Neighbours};
 use std::ops::{Add, Div, Mul, Sub};
 
-/// Neighbours handled at once.
+/// Numbers handled at once.
 pub(super) const LANES: usize = 8;
 
 /// A particle as its neighbours read it: x, y, z and one value, in one load.
@@ -39,12 +39,12 @@ pub(super) trait Lanes:
     fn splat(value: f32) -> Self;
     /// max(0, ·) that lets a NaN through, so that it is found.
     fn positive(self) -> Self;
-    /// The larger of each pair of numbers.
+    /// The larger of each pair of numbers; `other` where one is a NaN or both are zero.
     fn larger(self, other: Self) -> Self;
     fn sqrt(self) -> Self;
     /// 1 where a lane is zero, else 0.
     fn is_zero(self) -> Self;
-    /// The smaller of each pair of numbers.
+    /// The smaller of each pair of numbers; `other` where one is a NaN or both are zero.
     fn smaller(self, other: Self) -> Self;
     /// Eight numbers in a row.
     fn load(row: &[f32; LANES]) -> Self;
@@ -60,7 +60,7 @@ pub(super) trait Lanes:
     fn gather(nodes: &[Node], index: Index<'_>) -> [Self; 4];
 }
 
-/// The places of eight neighbours.
+/// The places of eight neighbours. Only [`by_eights`] makes it: the AVX2 twin reads these places without a check.
 #[derive(Clone, Copy)]
 pub(super) struct Index<'a> {
     at: &'a [u32; LANES],
@@ -98,6 +98,10 @@ pub(super) fn eights<L: Lanes>(lists: &Neighbours, own: usize) -> Eights<'_> {
 /// `list`, which holds numbers below `count`, by eights.
 #[inline(always)]
 fn by_eights<L: Lanes>(list: &[u32], own: usize, count: usize) -> Eights<'_> {
+    debug_assert!(
+        own < count && list.iter().all(|&j| (j as usize) < count),
+        "listed numbers are below the count"
+    );
     let last = L::filled_up(&list[list.len() / LANES * LANES..], own as u32);
     Eights { list, done: 0, last, count }
 }
@@ -332,8 +336,37 @@ mod tests {
         pass::run(Kernel::Wendland, Astray);
     }
 
+    /// What is larger and smaller where a NaN or zeros of both signs are compared, as bits.
+    struct Odd;
+
+    impl Pass for Odd {
+        type Out = Vec<[u32; LANES]>;
+
+        #[inline(always)]
+        fn run<L: Lanes, P: Pair>(self) -> Vec<[u32; LANES]> {
+            let (mut bits, odd) = (Vec::new(), [f32::NAN, 0.0, -0.0, 1.0, f32::INFINITY]);
+            for a in odd {
+                for b in odd {
+                    let (a, b) = (L::splat(a), L::splat(b));
+                    for row in [a.larger(b).row(), a.smaller(b).row()] {
+                        let mut words = [0; LANES];
+                        for lane in 0..LANES {
+                            words[lane] = row[lane].to_bits();
+                        }
+                        bits.push(words);
+                    }
+                }
+            }
+            bits
+        }
+    }
+
     #[test]
     fn a_nan_is_let_through() {
+        assert_eq!(pass::run(Kernel::Wendland, Odd), Odd.run::<Eight, Wendland>());
+        let (zero, nan) = (Eight::splat(0.0), Eight::splat(f32::NAN));
+        assert!(zero.larger(nan).sum().is_nan() && nan.larger(zero).sum() == 0.0);
+        assert!(zero.smaller(nan).sum().is_nan() && nan.smaller(zero).sum() == 0.0);
         assert!(Eight::splat(f32::NAN).positive().sum().is_nan());
         assert_eq!(Eight::splat(-2.0).positive().sum(), 0.0);
     }

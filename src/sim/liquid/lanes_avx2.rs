@@ -146,7 +146,7 @@ impl Lanes for Avx2 {
     #[inline(always)]
     fn gather(nodes: &[Node], index: Index<'_>) -> [Self; 4] {
         let index = index.within(nodes);
-        // SAFETY: see `Avx2`; every index is that of a node.
+        // SAFETY: see `Avx2`; `by_eights` holds only places below its count, which `within` found to be that of nodes.
         unsafe {
             let (a, b) = (pair(nodes, index, 0), pair(nodes, index, 1));
             let (c, d) = (pair(nodes, index, 2), pair(nodes, index, 3));

@@ -439,10 +439,19 @@ impl Liquid {
 
     /// Names the particle whose constraint could not be evaluated.
     fn lost(&self, substep: u32) -> Diverged {
-        let ratio = &self.solver.ratio;
-        let worst = par::max(ratio.len(), |i| if ratio[i].is_finite() { 0.0 } else { f32::NAN });
-        let i = worst.map_or(0, |(i, _)| i);
-        self.diverged(substep, i, format!("has a density of {} times rest", ratio[i]))
+        let (ratio, lambda) = (&self.solver.ratio, &self.solver.unknowns.0.lambda);
+        let first = |values: &[f32]| {
+            let worst = par::max(values.len(), |i| if values[i].is_finite() { 0.0 } else { f32::NAN });
+            worst.filter(|(_, worst)| worst.is_nan()).map(|(i, _)| i)
+        };
+        let (i, what) = match (first(ratio), first(lambda)) {
+            (None, Some(i)) => (i, format!("has a pressure of {} m²", lambda[i])),
+            (found, _) => {
+                let i = found.unwrap_or(0);
+                (i, format!("has a density of {} times rest", ratio[i]))
+            }
+        };
+        self.diverged(substep, i, what)
     }
 
     fn diverged(&self, substep: u32, i: usize, what: String) -> Diverged {

@@ -4,9 +4,8 @@
 //! every particle's change of multiplier, the other moves particles by it and out of the solids. Both gather, eight
 //! neighbours at a time. What the first decides is the solver's own: `jacobi.rs` and `accelerated.rs`.
 //! *Departs from the paper*: lists reach a skin beyond h and are rebuilt when a particle has moved half of it
-//! (the paper searches once a step); solids add their share of density; a correction is at most half a spacing,
-//! and every one that was shortened is counted; coincident particles are pushed apart along a direction made from
-//! their places, since no gradient separates them.
+//! (the paper searches once a step); solids add their share of density. See also `density.rs` and `correction.rs`, which
+//! hold the passes.
 //!
 //! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²].
 
@@ -95,7 +94,7 @@ pub(super) struct Setup<'a> {
 }
 
 impl Setup<'_> {
-    /// The least value of C_i and κ_i that is corrected: what pulls is not, under the compression constraint.
+    /// The least C_i that counts, and the least κ_i: nothing pulls under the compression constraint.
     pub(super) fn least(&self) -> f32 {
         match self.constraint {
             Constraint::Compression => 0.0,
@@ -181,6 +180,7 @@ impl Solver {
     }
 
     /// Evaluates density, and if asked for gradients, of every particle at x* and has `decide` choose the change of λ.
+    /// Without gradients it takes the denominators of the last evaluation that had them.
     pub(super) fn evaluate<const GRADIENTS: bool>(
         &mut self,
         setup: &Setup<'_>,
@@ -205,7 +205,7 @@ impl Solver {
         Residual::of(&partials, count)
     }
 
-    /// Evaluates every constraint and leaves the multipliers alone.
+    /// Evaluates every constraint and leaves κ and λ alone.
     pub(super) fn measure(&mut self, setup: &Setup<'_>) -> Residual {
         self.evaluate::<true>(setup, &Measure { least: setup.least() })
     }
