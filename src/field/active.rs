@@ -1,10 +1,9 @@
 //! Which bricks of the density are computed.
 //!
 //! Only those near the surface matter, and those are near particles whose neighbourhood is not filled. Every brick that
-//! such a particle reaches is computed, but for those that lie deep: none of them within a spacing, and filled. Around the
-//! computed bricks, those that some particle reaches are inside and hold 1. Where a computed value says
-//! otherwise beside such a brick, that one is computed too, until nothing contradicts: the surface is closed, whatever
-//! the guess was worth.
+//! such a particle reaches is computed, but for those that lie deep: none of them within a spacing, and filled. Those that
+//! only other particles reach are filled: inside, and without values. Where a computed value beside such a brick says
+//! otherwise, that one is computed too, until nothing contradicts: the surface is closed, whatever the guess was worth.
 
 use super::{DensityParams, blob::Blobs, cloud::Cloud, density::Shell};
 use crate::{
@@ -19,91 +18,67 @@ const NEAR: f32 = 1.0;
 /// The fraction of the lattice's particles that fill a brick and what is [`NEAR`].
 const FILLED: f32 = 0.6;
 
-/// The bricks of a density, computed or filled.
+/// The bricks of a density, computed or filled; all others are empty.
 pub(super) struct Active {
-    pub(super) bricks: Bricks,
-    /// Which of them are computed; the others are inside.
-    pub(super) computed: Vec<bool>,
+    pub(super) computed: Bricks,
+    /// Bricks that are inside, and not computed.
+    pub(super) filled: Bricks,
 }
 
 impl Active {
     pub(super) fn new(cloud: &Cloud, blobs: &Blobs, shells: &[Shell], params: &DensityParams) -> Self {
         let voxel = params.voxel * params.spacing;
-        let reached = reached(cloud, blobs, shells, voxel);
-        let mut wanted = vec![true; reached.len()];
+        let open = reached(cloud, blobs, voxel, |place| shells[place].open);
+        let mut wanted = vec![true; open.len()];
         if !params.whole {
             par::fill(&mut wanted, |brick| {
-                !lies_deep(cloud, shells, reached.coords()[brick], voxel, params.spacing)
+                !lies_deep(cloud, shells, open.coords()[brick], voxel, params.spacing)
             });
         }
-        let coords = reached.coords().iter().zip(&wanted).filter(|&(_, &wanted)| wanted).map(|(&c, _)| c);
-        Self::around(Bricks::new(coords.collect()), cloud, blobs, voxel)
+        let computed = open.coords().iter().zip(&wanted).filter(|&(_, &wanted)| wanted).map(|(&c, _)| c);
+        let computed = Bricks::new(computed.collect());
+        let closed = reached(cloud, blobs, voxel, |place| !shells[place].open);
+        let filled = open.coords().iter().chain(closed.coords()).copied();
+        let filled = Bricks::new(filled.filter(|&coord| computed.find(coord).is_none()).collect());
+        Self { computed, filled }
     }
 
-    /// `computed` and the filled bricks beside them.
-    fn around(computed: Bricks, cloud: &Cloud, blobs: &Blobs, voxel: f32) -> Self {
-        let beside = par::map_chunks(computed.len(), 64, |range| {
-            let mut beside = Vec::new();
-            for &[x, y, z] in &computed.coords()[range] {
-                for place in 0..27 {
-                    let other = [x + place % 3 - 1, y + place / 3 % 3 - 1, z + place / 9 - 1];
-                    if computed.find(other).is_none() {
-                        beside.push(other);
-                    }
-                }
-            }
-            beside.sort_unstable();
-            beside.dedup();
-            beside
-        });
-        let beside = Bricks::new(beside.concat());
-        let mut filled = vec![false; beside.len()];
-        par::fill(&mut filled, |brick| is_reached(cloud, beside.coords()[brick], voxel, blobs.reach()));
-        let filled = beside.coords().iter().zip(&filled).filter(|&(_, &filled)| filled).map(|(&c, _)| c);
-        let bricks = Bricks::new(computed.coords().iter().copied().chain(filled).collect());
-        let computed = bricks.coords().iter().map(|&coord| computed.find(coord).is_some()).collect();
-        Self { bricks, computed }
-    }
-
-    /// This with the filled bricks that computed values contradict computed as well; `None` if nothing does.
-    pub(super) fn grown(
-        &self,
-        grid: &SparseGrid,
-        threshold: f32,
-        cloud: &Cloud,
-        blobs: &Blobs,
-    ) -> Option<Self> {
-        let contradicted = par::map_chunks(self.bricks.len(), 64, |range| {
+    /// Filled bricks that values contradict: a node beside one is outside.
+    pub(super) fn contradicted(&self, grid: &SparseGrid, threshold: f32) -> Vec<[i32; 3]> {
+        par::map_chunks(grid.bricks.len(), 64, |range| {
             let mut found = Vec::new();
-            for brick in range.filter(|&brick| self.computed[brick]) {
-                let around = self.bricks.around(self.bricks.coords()[brick]);
-                for (face, beside) in around.into_iter().enumerate() {
-                    let filled = beside.filter(|&beside| !self.computed[beside]);
-                    if let Some(filled) = filled.filter(|_| opens(grid.brick(brick), face, threshold)) {
-                        found.push(self.bricks.coords()[filled]);
+            for brick in range {
+                let coord = grid.bricks.coords()[brick];
+                for (face, step) in FACES.iter().enumerate() {
+                    let beside = std::array::from_fn(|axis| coord[axis] + step[axis]);
+                    if self.filled.find(beside).is_some() && opens(grid.brick(brick), face, threshold) {
+                        found.push(beside);
                     }
                 }
             }
             found
         })
-        .concat();
-        if contradicted.is_empty() {
-            return None;
-        }
-        let computed = self.bricks.coords().iter().zip(&self.computed).filter(|&(_, &c)| c).map(|(&c, _)| c);
-        let computed = Bricks::new(computed.chain(contradicted).collect());
-        Some(Self::around(computed, cloud, blobs, grid.voxel))
+        .concat()
+    }
+
+    /// This with filled bricks computed instead.
+    pub(super) fn grown(&self, contradicted: Vec<[i32; 3]>) -> Self {
+        let computed = Bricks::new(self.computed.coords().iter().copied().chain(contradicted).collect());
+        let filled = self.filled.coords().iter().copied().filter(|&coord| computed.find(coord).is_none());
+        let filled = Bricks::new(filled.collect());
+        Self { computed, filled }
     }
 }
 
-/// Copies the bricks that both have.
-pub(super) fn keep(to: &mut SparseGrid, from: &SparseGrid) {
-    let bricks = &to.bricks;
+/// Copies the bricks that both have; returns which those are.
+pub(super) fn keep(to: &mut SparseGrid, from: &SparseGrid) -> Vec<bool> {
+    let there: Vec<Option<usize>> = to.bricks.coords().iter().map(|&coord| from.bricks.find(coord)).collect();
     par::for_chunks(&mut to.values, BRICK_NODES, |start, values| {
-        if let Some(brick) = from.bricks.find(bricks.coords()[start / BRICK_NODES]) {
+        if let Some(brick) = there[start / BRICK_NODES] {
             values.copy_from_slice(from.brick(brick));
         }
     });
+    there.iter().map(|there| there.is_some()).collect()
 }
 
 /// The box of a brick's nodes and what is within `reach` of it [m].
@@ -115,12 +90,12 @@ pub(super) fn around(coord: [i32; 3], voxel: f32, reach: f32) -> (Vec3, Vec3) {
     (low.map(f32::next_down), high.map(f32::next_up))
 }
 
-/// Every brick with a node in the box of an open particle's kernel.
-fn reached(cloud: &Cloud, blobs: &Blobs, shells: &[Shell], voxel: f32) -> Bricks {
+/// Every brick with a node in the box of the kernel of a particle that is `meant`.
+fn reached(cloud: &Cloud, blobs: &Blobs, voxel: f32, meant: impl Fn(usize) -> bool + Sync) -> Bricks {
     let coords = par::map_chunks(cloud.len(), par::CHUNK, |range| {
         let mut reached = Vec::new();
         let mut last = None;
-        for place in range.filter(|&place| shells[place].open) {
+        for place in range.filter(|&place| meant(place)) {
             let blob = blobs.at(cloud, place);
             let brick = |axis: usize, side: f64, round: fn(f64) -> f64| {
                 let at = f64::from(blob.center[axis]) + side * f64::from(blob.extents[axis]);
@@ -160,16 +135,6 @@ fn lies_deep(cloud: &Cloud, shells: &[Shell], coord: [i32; 3], voxel: f32, spaci
     });
     let lattice = ((high - low) / spacing).product();
     !open && inside as f32 >= FILLED * lattice
-}
-
-/// Whether a particle is within `reach` of a brick's box of nodes.
-fn is_reached(cloud: &Cloud, coord: [i32; 3], voxel: f32, reach: f32) -> bool {
-    let (low, high) = around(coord, voxel, reach);
-    let mut found = false;
-    cloud.cells.for_each_stretch(low, high, |mut places| {
-        found = found || places.any(|place| within(&cloud.at(place), &low, &high));
-    });
-    found
 }
 
 /// Whether `x` is in the box.
