@@ -62,14 +62,14 @@ SCENES = [*SPLASHES, "spray", "sequence", *SHAPES]
 SEQUENCE = 10  # frames
 
 
-def environment(folder):
-    """The Python of the virtual environment, with numpy and scipy in it."""
+def environment(folder, packages=PACKAGES, modules="numpy, scipy"):
+    """The Python of the virtual environment, with `packages` in it; their `modules` tell whether they are there."""
     python = folder / "bin/python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-    if subprocess.run([python, "-c", "import numpy, scipy"], stderr=subprocess.DEVNULL).returncode != 0:
+    if subprocess.run([python, "-c", f"import {modules}"], stderr=subprocess.DEVNULL).returncode != 0:
         pip = [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-        subprocess.run([*pip, *PACKAGES], check=True)
+        subprocess.run([*pip, *packages], check=True)
     return python
 
 
