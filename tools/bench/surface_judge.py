@@ -105,12 +105,22 @@ def sound(x, triangles):
 
 
 def grid(x):
-    """The step of the planes that twenty vertices or more lie on; None if there are no such planes."""
-    values, counts = numpy.unique(numpy.round(x.reshape(-1, 3)[:, 0], 6), return_counts=True)
-    steps = numpy.diff(values[counts >= 20])
-    # One plane may be rounded both ways.
+    """The step of the planes across x that twenty vertices or more lie on; None if less than half of them do.
+
+    Of the vertices on edges of a grid, those along y and z, two in three, lie on such a plane.
+    """
+    values, counts = numpy.unique(numpy.round(x[:, 0], 6), return_counts=True)
+    shared = counts >= 20
+    if 2 * counts[shared].sum() < len(x):
+        return None
+    planes = values[shared]
+    steps = numpy.diff(planes)
+    # One plane may be rounded both ways, and each by half a millionth: the whole width says the step more exactly.
     steps = steps[steps > 5e-6]
-    return float(numpy.median(steps)) if len(steps) > 10 else None
+    if len(steps) <= 10:
+        return None
+    width = planes[-1] - planes[0]
+    return float(width / round(width / numpy.median(steps)))
 
 
 def topology(n, triangles):

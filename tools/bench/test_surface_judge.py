@@ -73,6 +73,14 @@ class Sound(unittest.TestCase):
         self.expect([*CORNERS, [9, 9, 9]], [*TETRAHEDRON, [0, 1, 4]], crowded=1, open=2, pinched=2)
         self.expect([*CORNERS, [9, 9, 9]], TETRAHEDRON, unused=1)
 
+    def test_the_grid_shows_where_vertices_lie_on_its_edges(self):
+        random = numpy.random.default_rng(1)
+        nodes = 0.0125 * random.integers(0, 30, (6000, 3)) + 17.3
+        axis = numpy.arange(6000) % 3
+        nodes[numpy.arange(6000), axis] += 0.0125 * random.uniform(0, 1, 6000)
+        self.assertAlmostEqual(judge.grid(nodes.astype("f4").astype(float)), 0.0125, delta=2e-7)
+        self.assertIsNone(judge.grid(nodes + random.uniform(-0.001, 0.001, nodes.shape)))
+
     def test_flat_triangles_are_degenerate(self):
         x = [*CORNERS, [0.5, 0, 0]]
         self.expect(x, [*TETRAHEDRON[1:], [0, 2, 4], [4, 2, 1], [0, 4, 1]], degenerate=1, open=0)
