@@ -5,9 +5,10 @@
     tools/bench/distances.py --meniscus          and Meniscus' own sweeps, from `cargo bench --bench surface_field`
 
 A ball of 0.7 of the half edge, whose exact distance is known; each program gets the exact distance as its field, finds
-the surface in it and computes the distance everywhere. Nanoseconds are of wall clock a node; errors are in voxels, mean
-and largest over all nodes. The C sweep (sweep.c: one thread, one array, no blocks) starts from the distances of the
-nodes beside the surface, which are in its error and not in its time. Nothing here runs on more than one thread.
+the surface in it and computes the distance everywhere. Nanoseconds are of CPU a node, which is wall clock on a quiet
+machine; errors are in voxels, mean and largest over all nodes. The C sweep (sweep.c: one thread, one array, no blocks)
+starts from the distances of the nodes beside the surface, which are in its error and not in its time. Everything here
+runs on one thread.
 """
 
 import argparse
@@ -43,9 +44,9 @@ def errors(found, phi):
 def scikit_fmm(phi, order):
     import skfmm
 
-    start = time.perf_counter()
+    start = time.process_time()
     found = skfmm.distance(phi, order=order)
-    return time.perf_counter() - start, errors(found, phi), skfmm.__version__
+    return time.process_time() - start, errors(found, phi), skfmm.__version__
 
 
 def plain_sweep(phi, folder):
@@ -69,9 +70,9 @@ def plain_sweep(phi, folder):
     d[pinned] = 1 / numpy.sqrt(inverse[pinned])
     flags = pinned.astype(numpy.uint8)
     sweep = ctypes.CDLL(str(library)).sweep
-    start = time.perf_counter()
+    start = time.process_time()
     sweeps = sweep(d.ctypes.data_as(ctypes.c_void_p), flags.ctypes.data_as(ctypes.c_void_p), phi.shape[0])
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     return seconds, errors(numpy.where(phi < 0, -d, d), phi), f"{sweeps} sweeps"
 
 
