@@ -204,8 +204,10 @@ def cost(name, results):
             cells += [form(result), "–" if "failed" in first else f"{result[key] / first[key]:.2f}"]
         single = [r for r in results if r["row"] == result["row"] and r["threads"] == 1 and "failed" not in r]
         cells.append(f"{single[0]['wall'] / result['wall']:.2f}" if single and result["threads"] > 1 else "")
-        digests = {d for r in results if r["row"] == result["row"] for d in r.get("digests", [])}
-        cells.append("yes" if len(digests) == 1 else f"no, {len(digests)} sorts")
+        same = [r for r in results if r["row"] == result["row"] and "failed" not in r]
+        digests = {d for r in same for d in r["digests"]}
+        alike = "yes" if len(digests) == 1 else f"no, {len(digests)} sorts"
+        cells.append(alike if sum(len(r["runs"]) for r in same) > 1 else "–")
         lines.append("| " + " | ".join(cells) + " |")
     return lines
 
