@@ -161,7 +161,7 @@ fn shells_and_pairs_of_balls_have_the_right_pieces() {
 }
 
 /// Random bits, keyed by a counter.
-fn hash(seed: u64, i: u64) -> u64 {
+pub(crate) fn hash(seed: u64, i: u64) -> u64 {
     let mut z = (seed << 32 ^ i).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -169,7 +169,7 @@ fn hash(seed: u64, i: u64) -> u64 {
 }
 
 /// Noise in a box of 7³ inner nodes across eight bricks, positive around it.
-fn noise(seed: u64, value: impl Fn(u64) -> f32) -> SparseGrid {
+pub(crate) fn noise(seed: u64, value: impl Fn(u64) -> f32) -> SparseGrid {
     let (low, high) = ([4, -3, 5], [10, 3, 11]);
     sampled(
         0.1,
@@ -388,7 +388,7 @@ fn particles_become_a_sound_surface_of_their_volume() {
     let (mesh, check, stats) = (&surface.mesh, &surface.check, &surface.stats);
     assert!(check.is_sound() && check.first_fault.is_none(), "{check:?}");
     assert_eq!((check.components, check.euler), (1, 2));
-    assert_eq!((stats.particles, stats.contour.cut_cells, stats.velocities_from_nearest), (ball.len(), 0, 0));
+    assert_eq!((stats.particles, stats.contour.cut_cells, stats.attributes_from_nearest), (ball.len(), 0, 0));
     assert_eq!((stats.vertices, stats.triangles), (mesh.positions.len(), mesh.triangles.len()));
     let ratio = check.volume / (ball.len() as f64 * 1e-3);
     println!("ball of {} particles: {} triangles, volume × {ratio:.3}", ball.len(), stats.triangles);
