@@ -357,10 +357,14 @@ mod tests {
         let points = Points {
             positions: vec![Vec3::new(1.0, 2.0, 3.0)],
             radii: vec![0.5],
-            attributes: vec![Channel { name: "velocity".into(), data: vec![Vec3::new(4.0, 5.0, 6.0)].into() }],
+            attributes: vec![Channel {
+                name: "velocity".into(),
+                data: vec![Vec3::new(4.0, 5.0, 6.0)].into(),
+            }],
         };
         write_points(&points, &path, 7).unwrap();
-        let ply = Parser::<DefaultElement>::new().read_ply(&mut std::fs::read(&path).unwrap().as_slice()).unwrap();
+        let ply =
+            Parser::<DefaultElement>::new().read_ply(&mut std::fs::read(&path).unwrap().as_slice()).unwrap();
         let names = ["x", "y", "z", "radius", "vx", "vy", "vz"];
         for (name, value) in names.into_iter().zip([1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0]) {
             assert_eq!(ply.payload["vertex"][0][name], Property::Float(value), "{name}");

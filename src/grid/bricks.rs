@@ -157,7 +157,8 @@ impl SparseGrid {
         let brick = self.bricks.find(coord).filter(|_| inner);
         (0..8).fold(0.0, |sum, corner| {
             let beside = |axis: usize| corner >> axis & 1;
-            let weight: f32 = [0, 1, 2].map(|d| if beside(d) == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
+            let weight: f32 =
+                [0, 1, 2].map(|d| if beside(d) == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
             let value = match brick {
                 Some(brick) => {
                     Some(self.values[brick * BRICK_NODES + offset([0, 1, 2].map(|d| local[d] + beside(d)))])

@@ -153,9 +153,9 @@ impl Shape {
             return None;
         }
         // One fan around every vertex.
-        let fans = par::map_chunks(shape.out.len(), par::CHUNK, |range| {
+        let fans = par::map_chunks(shape.out.len(), par::CHUNK, |mut range| {
             let mut fan = Vec::new();
-            range.into_iter().all(|v| {
+            range.all(|v| {
                 fan.clear();
                 if shape.out[v] != NONE {
                     shape.leaving(v as u32, &mut fan);
@@ -206,7 +206,11 @@ impl Shape {
         let [a, b, c] = [h, next(h), previous(h)].map(|h| self.at(self.from[h as usize]));
         let normal = (b - a).cross(&(c - a));
         let double_area = normal.norm();
-        if double_area > 0.0 { Quadric::plane(normal / double_area, a, 0.5 * double_area) } else { Quadric::default() }
+        if double_area > 0.0 {
+            Quadric::plane(normal / double_area, a, 0.5 * double_area)
+        } else {
+            Quadric::default()
+        }
     }
 
     /// What collapsing the edge of `h` would give.
@@ -233,8 +237,7 @@ impl Shape {
         self.leaving(v, &mut of_v);
 
         // The link condition: u and v have the two opposite corners as common neighbours, and no others …
-        let common =
-            of_u.iter().filter(|&&i| of_v.iter().any(|&j| self.to(i) == self.to(j))).count();
+        let common = of_u.iter().filter(|&&i| of_v.iter().any(|&j| self.to(i) == self.to(j))).count();
         if common != 2 {
             return false;
         }
@@ -253,9 +256,8 @@ impl Shape {
         of_u.iter().chain(&of_v).filter(stays).all(|&i| {
             let [a, b, c] = [i, next(i), previous(i)].map(|i| self.at(self.from[i as usize]));
             let (old, new) = ((b - a).cross(&(c - a)), (b - place).cross(&(c - place)));
-            let longest = |a: Vec3d| {
-                (b - a).norm_squared().max((c - a).norm_squared()).max((c - b).norm_squared())
-            };
+            let longest =
+                |a: Vec3d| (b - a).norm_squared().max((c - a).norm_squared()).max((c - b).norm_squared());
             let (was, is) = (old.norm() / longest(a), new.norm() / longest(place));
             new.dot(&old) > TURN * new.norm() * old.norm() && (is > SLIVER || is > was)
         })
@@ -326,7 +328,11 @@ impl Quadric {
 
     fn product(&self, x: Vec3d) -> Vec3d {
         let [xx, yy, zz, xy, xz, yz] = self.a;
-        Vec3d::new(xx * x.x + xy * x.y + xz * x.z, xy * x.x + yy * x.y + yz * x.z, xz * x.x + yz * x.y + zz * x.z)
+        Vec3d::new(
+            xx * x.x + xy * x.y + xz * x.z,
+            xy * x.x + yy * x.y + yz * x.z,
+            xz * x.x + yz * x.y + zz * x.z,
+        )
     }
 
     fn value(&self, x: Vec3d) -> f64 {
@@ -379,6 +385,9 @@ mod tests {
         assert!((sum.value(off) - 2.0 * (0.01 + 0.0036)).abs() < 1e-12);
         let found = sum.lowest(off).unwrap();
         assert!((found - x).norm() < 0.02, "the pull moves it a little: {found}");
-        assert!((Quadric::plane(Vec3d::z(), x, 1.0).lowest(off).unwrap() - off).norm() < 1e-9, "a flat part stays");
+        assert!(
+            (Quadric::plane(Vec3d::z(), x, 1.0).lowest(off).unwrap() - off).norm() < 1e-9,
+            "a flat part stays"
+        );
     }
 }

@@ -110,10 +110,10 @@ pub fn remove_small(mesh: &mut Mesh, params: &ComponentParams, spacing: f32) -> 
     stats.triangles = before - mesh.triangles.len();
     let mut number = vec![0; mesh.positions.len()];
     let mut kept = Vec::new();
-    for v in 0..mesh.positions.len() {
+    for (v, &x) in mesh.positions.iter().enumerate() {
         if !goes(v as u32) {
             number[v] = kept.len() as u32;
-            kept.push(mesh.positions[v]);
+            kept.push(x);
         }
     }
     mesh.positions = kept;

@@ -13,8 +13,9 @@
 //! Limits: those of the passes; what is thinner than a voxel may vanish.
 
 use super::{
-    ComponentStats, ContourStats, DecimationStats, Mesh, MeshCheck, Points, SmoothingStats, SurfaceParams, check,
-    decimate, depth_weights, marching_cubes, normals_from_distance, normals_from_faces, remove_small, smooth, transfer,
+    ComponentStats, ContourStats, DecimationStats, Mesh, MeshCheck, Points, SmoothingStats, SurfaceParams,
+    check, decimate, depth_weights, marching_cubes, normals_from_distance, normals_from_faces, remove_small,
+    smooth, transfer,
 };
 use crate::{
     field::{DensityParams, density},
@@ -94,7 +95,9 @@ pub enum SurfaceError {
         particle: usize,
     },
     /// The particles lack a channel that the vertices should carry.
-    #[error("the particles have no channel `{name}` for the vertices; they have {there}: change surface.attributes")]
+    #[error(
+        "the particles have no channel `{name}` for the vertices; they have {there}: change surface.attributes"
+    )]
     NoChannel {
         /// The name asked for.
         name: String,
@@ -133,7 +136,8 @@ pub fn reconstruct(
     // Clean up, as far as the parameters say.
     let (mut points, components) = match &params.components {
         Some(components) => {
-            let (points, stats) = clock.time("components", || remove_small(&mut mesh, components, spacing))?;
+            let (points, stats) =
+                clock.time("components", || remove_small(&mut mesh, components, spacing))?;
             (Some(points), Some(stats))
         }
         None => (None, None),
@@ -141,7 +145,8 @@ pub fn reconstruct(
     let smoothing = match &params.smoothing {
         Some(smoothing) => Some(clock.time("smoothing", || {
             let normals = normals_from_distance(&mesh, &distance.grid).0;
-            let weights = depth_weights(&mesh, &normals, &field.grid, field.threshold, spacing, smoothing.thin);
+            let weights =
+                depth_weights(&mesh, &normals, &field.grid, field.threshold, spacing, smoothing.thin);
             smooth(&mut mesh, &weights, smoothing, spacing)
         })?),
         None => None,

@@ -89,42 +89,39 @@ pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacin
     let coefficients = low_pass(pass(umbrella.edge, f64::from(params.wavelength) * f64::from(spacing)));
     stats.degree = coefficients.len() - 1;
 
+    let pieces = Pieces::new(mesh);
+    let target = pieces.moments(mesh);
+    let total: f64 = target.iter().map(|(volume, _)| volume.abs()).sum();
+
     // Filter, and take back what folded.
     let before = mesh.positions.clone();
     let moves = umbrella.filter(&before, &coefficients);
     par::update(&mut mesh.positions, |v, x| *x += moves[v]);
     drop((moves, umbrella));
-    restore(mesh, &before);
+    let mut restored = vec![false; before.len()];
+    restore(mesh, &before, &mut restored);
 
     // Give the volume back, by Newton's method on the offset of every piece.
-    let pieces = Pieces::new(mesh);
-    let target = pieces.moments(&Mesh { positions: before.clone(), ..bare(mesh) });
-    let total: f64 = target.iter().map(|(volume, _)| volume.abs()).sum();
     let change = |mesh: &Mesh| -> Vec<f64> {
         pieces.moments(mesh).iter().zip(&target).map(|(now, before)| now.0 - before.0).collect()
     };
-    let relative = |change: &[f64]| change.iter().map(|c| c.abs()).sum::<f64>() / total.max(f64::MIN_POSITIVE);
+    let relative =
+        |change: &[f64]| change.iter().map(|c| c.abs()).sum::<f64>() / total.max(f64::MIN_POSITIVE);
     let mut left = change(mesh);
     stats.volume_change = relative(&left);
     for _ in 0..OFFSETS {
         if relative(&left) < EXACT {
             break;
         }
-        offset(mesh, &before, weights, &pieces, &left);
-        restore(mesh, &before);
+        offset(mesh, &restored, weights, &pieces, &left);
+        restore(mesh, &before, &mut restored);
         left = change(mesh);
     }
     stats.volume_error = relative(&left);
-    stats.restored_vertices =
-        (0..before.len()).filter(|&v| weights[v] > 0.0 && mesh.positions[v] == before[v]).count();
-    stats.longest_move =
-        par::max(before.len(), |v| (mesh.positions[v] - before[v]).norm()).map_or(0.0, |(_, longest)| longest);
+    stats.restored_vertices = restored.iter().zip(weights).filter(|&(&back, &w)| back && w > 0.0).count();
+    stats.longest_move = par::max(before.len(), |v| (mesh.positions[v] - before[v]).norm())
+        .map_or(0.0, |(_, longest)| longest);
     stats
-}
-
-/// The triangles of a mesh, without the rest.
-fn bare(mesh: &Mesh) -> Mesh {
-    Mesh { triangles: mesh.triangles.clone(), ..Mesh::default() }
 }
 
 /// M − 1: where each vertex goes to the mean of its neighbours.
@@ -225,29 +222,29 @@ fn low_pass(pass: f64) -> Vec<f32> {
     raw.iter().map(|c| (c / sum) as f32).collect()
 }
 
-/// Moves every piece along its normals so that its volume falls by `surplus`, each vertex by its weight.
-fn offset(mesh: &mut Mesh, before: &[Vec3], weights: &[f32], pieces: &Pieces, surplus: &[f64]) {
+/// Moves every piece along its normals so that its volume falls by `surplus`, each vertex by its weight but those that
+/// were put back.
+fn offset(mesh: &mut Mesh, restored: &[bool], weights: &[f32], pieces: &Pieces, surplus: &[f64]) {
     let normals = face_normals(mesh);
-    let moves = |v: usize| weights[v] > 0.0 && mesh.positions[v] != before[v];
+    let moves = |v: usize| weights[v] > 0.0 && !restored[v];
     let mut slope = vec![0.0; surplus.len()];
     for (v, normal) in normals.iter().enumerate().filter(|&(v, _)| moves(v)) {
         slope[pieces.of[v] as usize] += f64::from(weights[v]) * f64::from(normal.norm()) / 6.0;
     }
-    let mut positions = mesh.positions.clone();
-    par::update(&mut positions, |v, x| {
+    par::update(&mut mesh.positions, |v, x| {
         let piece = pieces.of[v] as usize;
-        if moves(v) && slope[piece] > 0.0
+        if moves(v)
+            && slope[piece] > 0.0
             && let Some(normal) = normals[v].try_normalize(0.0)
         {
             *x -= normal * (f64::from(weights[v]) * surplus[piece] / slope[piece]) as f32;
         }
     });
-    mesh.positions = positions;
 }
 
 /// Puts the vertices of triangles that collapsed or look against the surface around them back to `before`, until
 /// there are none: in the worst case the mesh is what it was.
-fn restore(mesh: &mut Mesh, before: &[Vec3]) {
+fn restore(mesh: &mut Mesh, before: &[Vec3], restored: &mut [bool]) {
     loop {
         let normals = face_normals(mesh);
         let bad: Vec<usize> = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
@@ -256,8 +253,8 @@ fn restore(mesh: &mut Mesh, before: &[Vec3]) {
                 let [a, b, c] = triangle.map(|v| mesh.positions[v]);
                 let normal = (b - a).cross(&(c - a));
                 let around = triangle.iter().fold(Vec3::zeros(), |sum, &v| sum + normals[v]);
-                triangle.iter().any(|&v| mesh.positions[v] != before[v])
-                    && (Shape::of(mesh, t) != Shape::Sound || !(normal.dot(&around) > 0.0))
+                !triangle.iter().all(|&v| restored[v])
+                    && (Shape::of(mesh, t) != Shape::Sound || normal.dot(&around) <= 0.0)
             };
             range.filter(is_bad).collect::<Vec<_>>()
         })
@@ -267,6 +264,7 @@ fn restore(mesh: &mut Mesh, before: &[Vec3]) {
         }
         for v in bad.iter().flat_map(|&t| mesh.triangles[t]) {
             mesh.positions[v as usize] = before[v as usize];
+            restored[v as usize] = true;
         }
     }
 }
@@ -289,7 +287,11 @@ mod tests {
             assert!((answer(&coefficients, pass) - 0.5).abs() < 0.1, "half at the wavelength asked for");
             for i in 0..=50 {
                 let theta = 2.0 * pass + (PI - 2.0 * pass) * f64::from(i) / 50.0;
-                assert!(answer(&coefficients, theta).abs() < 0.02, "{pass}: {}", answer(&coefficients, theta));
+                assert!(
+                    answer(&coefficients, theta).abs() < 0.02,
+                    "{pass}: {}",
+                    answer(&coefficients, theta)
+                );
             }
         }
     }

@@ -46,11 +46,12 @@ pub fn transfer(
     vertices: &[Vec3],
     radius: f32,
 ) -> Result<(Vec<Channel>, usize), String> {
-    let usual: Vec<String> =
-        particles.vec3("velocity").iter().map(|_| "velocity".to_owned()).collect();
+    let usual: Vec<String> = particles.vec3("velocity").iter().map(|_| "velocity".to_owned()).collect();
     let names = names.unwrap_or(&usual);
-    let sources: Vec<Source> =
-        names.iter().map(|name| source(particles, name).ok_or_else(|| name.clone())).collect::<Result<_, _>>()?;
+    let sources: Vec<Source> = names
+        .iter()
+        .map(|name| source(particles, name).ok_or_else(|| name.clone()))
+        .collect::<Result<_, _>>()?;
     if sources.is_empty() {
         return Ok((Vec::new(), 0));
     }
@@ -214,9 +215,8 @@ impl Source<'_> {
                 to.push(sum / around.weights);
             }
             (Self::Integers(values), ChannelData::U32(to)) => {
-                let nearer = |a: &&(u32, f32, f32), b: &&(u32, f32, f32)| {
-                    a.1.total_cmp(&b.1).then(a.0.cmp(&b.0))
-                };
+                let nearer =
+                    |a: &&(u32, f32, f32), b: &&(u32, f32, f32)| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0));
                 to.push(around.list.iter().min_by(nearer).map_or(0, |&(j, ..)| values[j as usize]));
             }
             (Self::Curl(values), ChannelData::Vec3(to)) => to.push(curl(around, values)),

@@ -218,7 +218,10 @@ mod tests {
         let mut records = series(&[1.0; 12]);
         records[6].pieces = 40;
         let found = jumps(&records);
-        assert_eq!(found.iter().map(|jump| (jump.what, jump.frame.0)).collect::<Vec<_>>(), [("pieces", 7), ("pieces", 8)]);
+        assert_eq!(
+            found.iter().map(|jump| (jump.what, jump.frame.0)).collect::<Vec<_>>(),
+            [("pieces", 7), ("pieces", 8)]
+        );
         // A gap does not make one: 8 pieces over 8 frames.
         records = series(&[1.0; 6]);
         records[5] = MeshRecord { frame: FrameIndex(13), pieces: 8, ..records[5].clone() };

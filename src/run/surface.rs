@@ -1,8 +1,8 @@
 //! The job that turns cached frames into meshes.
 
 use super::{
-    Control, FailedFrame, Failure, FrameSpan, Jump, Manifest, MeshOutput, MeshRecord, RunError, ShotFolder, mesh_log,
-    remarks,
+    Control, FailedFrame, Failure, FrameSpan, Jump, Manifest, MeshOutput, MeshRecord, RunError, ShotFolder,
+    mesh_log, remarks,
 };
 use crate::{
     cache::{self, Lock},

@@ -5,8 +5,8 @@ use meniscus::{
     frame::{ChannelData, Stream},
     math::Vec3,
     mesh::{
-        ComponentParams, DecimationParams, Mesh, SmoothingParams, Surface, SurfaceError, SurfaceParams, check,
-        decimate, marching_cubes, normals_from_faces, reconstruct, smooth, transfer,
+        ComponentParams, DecimationParams, Mesh, SmoothingParams, Surface, SurfaceError, SurfaceParams,
+        check, decimate, marching_cubes, normals_from_faces, reconstruct, smooth, transfer,
     },
     par,
 };
@@ -69,7 +69,9 @@ fn smoothing_takes_the_particles_out_of_a_ball_and_keeps_its_volume() {
             let found = surface(&ball, &SurfaceParams { voxel, smoothing: Some(smoothing), ..smoothed() });
             let stats = found.stats.smoothing.unwrap();
             let (before, after) = (roughness(&plain.mesh), roughness(&found.mesh));
-            println!("voxel {voxel}, wavelength {wavelength}: roughness, lean {before:.3?} -> {after:.3?}, {stats:?}");
+            println!(
+                "voxel {voxel}, wavelength {wavelength}: roughness, lean {before:.3?} -> {after:.3?}, {stats:?}"
+            );
             assert!(stats.volume_error < 1e-5 && stats.volume_change < 2e-2);
             assert!((found.check.volume / plain.check.volume - 1.0).abs() < 1e-5);
             assert_eq!((found.check.components, found.check.euler), (1, 2));
@@ -85,10 +87,12 @@ fn smoothing_keeps_sheets_threads_and_droplets() {
     let shapes: [(&str, [i32; 3]); 4] =
         [("sheet", [15, 15, 0]), ("two layers", [15, 15, 1]), ("thread", [30, 0, 0]), ("droplet", [0, 0, 0])];
     for (name, half) in shapes {
-        let stream = particles(half, 0.1, Vec3::new(0.013, 0.02, -0.031), |x| name != "two layers" || x.z >= 0.0);
+        let stream =
+            particles(half, 0.1, Vec3::new(0.013, 0.02, -0.031), |x| name != "two layers" || x.z >= 0.0);
         let params = SurfaceParams { voxel: 0.25, ..SurfaceParams::default() };
         let plain = surface(&stream, &params);
-        let found = surface(&stream, &SurfaceParams { smoothing: Some(SmoothingParams::default()), ..params });
+        let found =
+            surface(&stream, &SurfaceParams { smoothing: Some(SmoothingParams::default()), ..params });
         let ratio = found.check.volume / plain.check.volume;
         println!(
             "{name}: {} -> {} pieces, volume x {ratio:.6}, {:?}",
@@ -96,6 +100,13 @@ fn smoothing_keeps_sheets_threads_and_droplets() {
         );
         assert_eq!((found.check.components, found.check.euler), (plain.check.components, plain.check.euler));
         assert!((ratio - 1.0).abs() < 1e-4, "{name}");
+        let (thin, vertices) = (found.stats.smoothing.unwrap().thin_vertices, found.stats.vertices);
+        if name == "two layers" {
+            assert!(thin * 20 < vertices, "only the rim is thin: {thin} of {vertices}");
+        } else {
+            // At rims and ends the normal looks along the liquid.
+            assert!(thin * 20 > 17 * vertices, "{name}: {thin} of {vertices} are thin");
+        }
         let widest = |mesh: &Mesh| mesh.positions.iter().map(|x| x.z).fold(f32::MIN, f32::max);
         assert!((widest(&found.mesh) - widest(&plain.mesh)).abs() < 0.15 * SPACING, "{name}");
     }
@@ -152,7 +163,10 @@ fn decimation_reaches_its_target_or_its_error() {
         let stats = found.stats.decimation.unwrap();
         let part = found.mesh.triangles.len() as f64 / plain.mesh.triangles.len() as f64;
         let volume = found.check.volume / plain.check.volume - 1.0;
-        println!("fraction {fraction}: {part:.4}, volume {volume:.1e}, {:?}, {stats:?}", roughness(&found.mesh));
+        println!(
+            "fraction {fraction}: {part:.4}, volume {volume:.1e}, {:?}, {stats:?}",
+            roughness(&found.mesh)
+        );
         assert!(part <= f64::from(fraction) && part > 0.98 * f64::from(fraction) && volume.abs() < 0.01);
         assert_eq!((found.check.components, found.check.euler), (1, 2));
     }
@@ -163,9 +177,14 @@ fn decimation_reaches_its_target_or_its_error() {
         );
         let stats = found.stats.decimation.unwrap();
         println!("error {error}: {stats:?}");
-        assert!(stats.largest_error <= f64::from(error * SPACING) && stats.after < stats.before && stats.after > 100);
+        assert!(
+            stats.largest_error <= f64::from(error * SPACING)
+                && stats.after < stats.before
+                && stats.after > 100
+        );
     }
-    let few = surface(&ball, &decimated(DecimationParams { triangles: Some(1000), ..DecimationParams::default() }));
+    let few =
+        surface(&ball, &decimated(DecimationParams { triangles: Some(1000), ..DecimationParams::default() }));
     assert!((998..=1000).contains(&few.mesh.triangles.len()));
     let all = surface(&ball, &decimated(DecimationParams { fraction: 1.0, ..DecimationParams::default() }));
     assert_eq!(all.mesh, surface(&ball, &SurfaceParams::default()).mesh);
@@ -206,7 +225,9 @@ fn small_pieces_become_points_of_their_volume() {
     let expected = [Vec3::new(-1.5, 0.03, 0.2), Vec3::new(1.5, 0.0, 0.0), Vec3::new(0.0, 1.65, 0.0)];
     for x in expected {
         let near = points.positions.iter().position(|y| (x - y).norm() < 0.03).unwrap();
-        let ChannelData::Vec3(velocity) = &points.attributes[0].data else { panic!("velocities are vectors") };
+        let ChannelData::Vec3(velocity) = &points.attributes[0].data else {
+            panic!("velocities are vectors")
+        };
         assert!((velocity[near] - x * 2.0).norm() < 0.1, "{}", velocity[near]);
     }
 
@@ -255,8 +276,12 @@ fn attributes_are_taken_by_name() {
     let asked = names(&["vorticity", "age", "id", "velocity"]);
     let (found, missing) = transfer(&ball, asked.as_deref(), &vertices, 2.0 * SPACING).unwrap();
     assert_eq!(missing, 0);
-    let [ChannelData::Vec3(vorticity), ChannelData::F32(age), ChannelData::U32(id), ChannelData::Vec3(velocity)] =
-        [0, 1, 2, 3].map(|i| &found[i].data)
+    let [
+        ChannelData::Vec3(vorticity),
+        ChannelData::F32(age),
+        ChannelData::U32(id),
+        ChannelData::Vec3(velocity),
+    ] = [0, 1, 2, 3].map(|i| &found[i].data)
     else {
         panic!("channels keep their kinds")
     };
@@ -264,9 +289,8 @@ fn attributes_are_taken_by_name() {
         assert!((vorticity[v] - turn * 2.0).norm() < 0.02, "{}", vorticity[v]);
         assert!((age[v] - (2.0 * at.x - at.z)).abs() < 0.2);
         assert!((velocity[v] - turn.cross(at)).norm() < 0.25);
-        let nearest = (0..x.len()).min_by(|&i, &j| {
-            (x[i] - at).norm_squared().total_cmp(&(x[j] - at).norm_squared())
-        });
+        let nearest =
+            (0..x.len()).min_by(|&i, &j| (x[i] - at).norm_squared().total_cmp(&(x[j] - at).norm_squared()));
         assert_eq!(id[v], 7 * nearest.unwrap() as u32);
     }
     // Nothing asked is velocity alone; an empty list is nothing; a name that is not there is told.
@@ -283,7 +307,10 @@ fn attributes_are_taken_by_name() {
 #[test]
 fn a_still_ball_moved_by_less_than_a_voxel_keeps_volume_and_area() {
     let smoothing = smoothed().smoothing;
-    for (name, params) in [("plain", SurfaceParams::default()), ("smoothed", SurfaceParams { smoothing, ..SurfaceParams::default() })] {
+    for (name, params) in [
+        ("plain", SurfaceParams::default()),
+        ("smoothed", SurfaceParams { smoothing, ..SurfaceParams::default() }),
+    ] {
         let figures: Vec<[f64; 2]> = (0..20)
             .map(|step| {
                 let drift = step as f32 / 20.0 * params.voxel * SPACING;

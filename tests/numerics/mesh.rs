@@ -170,9 +170,14 @@ pub(crate) fn hash(seed: u64, i: u64) -> u64 {
 
 /// Noise in a box of 7³ inner nodes across eight bricks, positive around it.
 pub(crate) fn noise(seed: u64, value: impl Fn(u64) -> f32) -> SparseGrid {
-    let (low, high) = ([4, -3, 5], [10, 3, 11]);
+    noise_at(seed, 0.1, [4, -3, 5], value)
+}
+
+/// The same with its lowest inner node at `low`.
+fn noise_at(seed: u64, voxel: f32, low: [i32; 3], value: impl Fn(u64) -> f32) -> SparseGrid {
+    let high = low.map(|i| i + 6);
     sampled(
-        0.1,
+        voxel,
         low.map(|i| i - 1),
         high.map(|i| i + 1),
         |_| true,
@@ -187,11 +192,15 @@ pub(crate) fn noise(seed: u64, value: impl Fn(u64) -> f32) -> SparseGrid {
     )
 }
 
+/// Five voxel sizes, from beside the origin to 8000 voxels away from it.
 #[test]
 fn a_thousand_random_fields_give_sound_meshes() {
     let mut triangles = 0;
     for seed in 0..1000 {
-        let (mesh, found) = extract(&noise(seed, |bits| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0));
+        let voxel = [0.1, 1e-4, 0.013, 3.7, 250.0][seed as usize % 5];
+        let low = [[4, -3, 5], [7993, -7999, 7990], [-4001, 3, 5001]][seed as usize % 3];
+        let random = |bits: u64| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        let (mesh, found) = extract(&noise_at(seed, voxel, low, random));
         assert!(found.euler % 2 == 0 && found.volume > 0.0 && found.components > 0);
         triangles += mesh.triangles.len();
     }
