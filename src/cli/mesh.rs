@@ -33,7 +33,8 @@ pub(super) fn summary(surfaced: &Surfaced) -> Result<(), RunError> {
         surfaced.triangles,
         surfaced.bytes as f64 / f64::from(1 << 20),
         surfaced.kept
-    ))
+    ))?;
+    surfaced.jumps.iter().try_for_each(|jump| print(&format!("jump: {jump}")))
 }
 
 fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, RunError> {

@@ -1,6 +1,6 @@
 //! Why a file could not be written.
 
-use crate::{frame::ChannelData, mesh::Mesh};
+use crate::mesh::Mesh;
 use std::{
     collections::HashSet,
     io,
@@ -84,12 +84,12 @@ pub(super) fn check_columns(mesh: &Mesh, path: &Path) -> Result<(), ExportError>
     Ok(())
 }
 
-/// The property names of an attribute of that name.
-pub(super) fn property_names(name: &str, data: &ChannelData) -> Vec<String> {
-    match data {
-        ChannelData::Vec3(_) if name == "velocity" => ["vx", "vy", "vz"].map(String::from).into(),
-        ChannelData::Vec3(_) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
-        ChannelData::F32(_) | ChannelData::U32(_) => vec![name.to_owned()],
+/// The names of the file properties that hold an attribute of that name: a vector or a number.
+pub fn property_names(name: &str, is_vector: bool) -> Vec<String> {
+    match (is_vector, name) {
+        (true, "velocity") => ["vx", "vy", "vz"].map(String::from).into(),
+        (true, _) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
+        (false, _) => vec![name.to_owned()],
     }
 }
 

@@ -8,5 +8,5 @@ mod format;
 pub mod obj;
 pub mod ply;
 
-pub use error::ExportError;
+pub use error::{ExportError, property_names};
 pub use format::MeshFormat;

@@ -146,6 +146,29 @@ impl SparseGrid {
         Some(self.values[brick * BRICK_NODES + offset(node.map(|v| v.rem_euclid(BRICK as i32) as usize))])
     }
 
+    /// The number at `x` [m], linear between the eight nodes around it; nodes of missing bricks count as zero.
+    pub fn trilinear(&self, x: Vec3) -> f32 {
+        let at = [0, 1, 2].map(|axis| f64::from(x[axis]) / f64::from(self.voxel));
+        let node = at.map(|v| v.floor() as i32);
+        let t = [0, 1, 2].map(|axis| (at[axis] - at[axis].floor()) as f32);
+        let coord = node.map(|i| i.div_euclid(BRICK as i32));
+        let local = node.map(|i| i.rem_euclid(BRICK as i32) as usize);
+        let inner = local.iter().all(|&i| i + 1 < BRICK);
+        let brick = self.bricks.find(coord).filter(|_| inner);
+        (0..8).fold(0.0, |sum, corner| {
+            let beside = |axis: usize| corner >> axis & 1;
+            let weight: f32 =
+                [0, 1, 2].map(|d| if beside(d) == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
+            let value = match brick {
+                Some(brick) => {
+                    Some(self.values[brick * BRICK_NODES + offset([0, 1, 2].map(|d| local[d] + beside(d)))])
+                }
+                None => self.get([0, 1, 2].map(|d| node[d].saturating_add(beside(d) as i32))),
+            };
+            sum + weight * value.unwrap_or(0.0)
+        })
+    }
+
     /// The 512 numbers of a brick.
     pub fn brick(&self, brick: usize) -> &[f32] {
         &self.values[brick * BRICK_NODES..(brick + 1) * BRICK_NODES]
@@ -206,6 +229,16 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn between_nodes_values_are_linear() {
+        let (low, high) = (Vec3::new(-3.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 1.0));
+        let grid = SparseGrid::sample(0.25, low, high, |x| x.x + 10.0 * x.y - 3.0 * x.z);
+        for x in [Vec3::new(-2.9, -0.03, 0.4), Vec3::new(0.61, 0.99, 0.02), Vec3::new(-2.01, 0.0, 0.25)] {
+            assert!((grid.trilinear(x) - (x.x + 10.0 * x.y - 3.0 * x.z)).abs() < 1e-4, "{x}");
+        }
+        assert_eq!(grid.trilinear(Vec3::new(1e9, 0.0, f32::MAX)), 0.0);
     }
 
     #[test]

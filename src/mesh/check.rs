@@ -142,7 +142,7 @@ impl MeshCheck {
 
 /// What a triangle is on its own.
 #[derive(Clone, Copy, PartialEq)]
-enum Shape {
+pub(super) enum Shape {
     Sound,
     Flat,
     Repeated,
@@ -150,7 +150,7 @@ enum Shape {
 }
 
 impl Shape {
-    fn of(mesh: &Mesh, t: usize) -> Self {
+    pub(super) fn of(mesh: &Mesh, t: usize) -> Self {
         let [a, b, c] = mesh.triangles[t];
         if [a, b, c].iter().any(|&v| v as usize >= mesh.positions.len()) {
             return Self::OutOfRange;
@@ -287,7 +287,7 @@ fn components(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> usize {
 }
 
 /// Joins the trees of `a` and `b`; whether they were apart.
-fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
+pub(super) fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (root(forest, a), root(forest, b));
     // The lower root stays, which keeps the paths short where vertices are numbered along the surface.
     forest[a.max(b) as usize] = a.min(b);

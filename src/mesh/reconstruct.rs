@@ -1,8 +1,10 @@
 //! From particles to a surface.
 //!
 //! *Method*: the density of the particles on sparse bricks ([`crate::field`]), the signed distance to its level
-//! set ([`crate::sdf`]), marching cubes at zero, normals by the distance's gradient, velocities by a normalised
-//! kernel sum over the particles.
+//! set ([`crate::sdf`]), marching cubes at zero, what the parameters name of removal of small pieces, smoothing and
+//! decimation, normals by the distance's gradient, and what the vertices take from the particles.
+//!
+//! A smoothed surface has the normals of its own faces: those of the distance show the bumps that it no longer has.
 //!
 //! Normals by the density's gradient were tried: on a ball of 20 spacings they lean 12.0° on average (particles
 //! moved by up to a quarter spacing: 16.1°), the distance's 9.9° (13.9°), and on 30 frames of a splash 101 of
@@ -11,12 +13,13 @@
 //! Limits: those of the passes; what is thinner than a voxel may vanish.
 
 use super::{
-    ContourStats, Mesh, MeshCheck, SurfaceParams, check, interpolate_vec3, marching_cubes,
-    normals_from_distance,
+    ComponentStats, ContourStats, DecimationStats, Mesh, MeshCheck, Points, SmoothingStats, SurfaceParams,
+    check, decimate, depth_weights, marching_cubes, normals_from_distance, normals_from_faces, remove_small,
+    smooth, transfer,
 };
 use crate::{
     field::{DensityParams, density},
-    frame::{Channel, Stream},
+    frame::Stream,
     math::Vec3,
     sdf::{SdfParams, from_density},
 };
@@ -25,8 +28,10 @@ use std::time::Instant;
 /// The surface of one stream of particles.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Triangles, normals and, if the particles have it, `velocity` [m/s].
+    /// Triangles, normals and the attributes asked for; if nothing was asked, `velocity` [m/s] if the particles have it.
     pub mesh: Mesh,
+    /// The pieces that were too small to stay, if small pieces were to go.
+    pub points: Option<Points>,
     /// Whether the mesh is sound, and its volume and area.
     pub check: MeshCheck,
     /// What it took.
@@ -54,16 +59,26 @@ pub struct SurfaceStats {
     pub triangles: usize,
     /// What marching cubes had to do beside extracting.
     pub contour: ContourStats,
-    /// Vertices whose normal is that of the faces, because the distance has no usable gradient there.
+    /// What the removal of small pieces did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub components: Option<ComponentStats>,
+    /// What smoothing did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoothing: Option<SmoothingStats>,
+    /// What decimation did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decimation: Option<DecimationStats>,
+    /// Vertices whose normal is that of the faces, because the distance has no usable gradient there; none are counted
+    /// on a smoothed surface, where all are.
     pub normals_from_faces: usize,
-    /// Vertices whose velocity is that of the nearest particle, because none is within the kernel.
-    pub velocities_from_nearest: usize,
+    /// Vertices whose attributes are those of the nearest particle, because none is within the kernel.
+    pub attributes_from_nearest: usize,
     /// Seconds a pass, in the order run.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
 /// Why there is no surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SurfaceError {
     /// The caller asked to stop.
     #[error("interrupted while the surface was made")]
@@ -78,6 +93,16 @@ pub enum SurfaceError {
     NotFinite {
         /// Its place in the stream.
         particle: usize,
+    },
+    /// The particles lack a channel that the vertices should carry.
+    #[error(
+        "the particles have no channel `{name}` for the vertices; they have {there}: change surface.attributes"
+    )]
+    NoChannel {
+        /// The name asked for.
+        name: String,
+        /// The names that are there.
+        there: String,
     },
 }
 
@@ -101,22 +126,51 @@ pub fn reconstruct(
     let mut clock = Clock { keep_going, seconds: Vec::new() };
 
     let field = clock.time("density", || {
-        let SurfaceParams { voxel, kernel_radius } = *params;
+        let SurfaceParams { voxel, kernel_radius, .. } = *params;
         density(positions, &DensityParams { spacing, kernel_radius, voxel })
     })?;
     let distance =
         clock.time("distance", || from_density(&field.grid, field.threshold, &SdfParams::default()))?;
     let (mut mesh, contour) = clock.time("marching cubes", || marching_cubes(&distance.grid))?;
-    let (normals, normals_from_faces) =
-        clock.time("normals", || normals_from_distance(&mesh, &distance.grid))?;
+
+    // Clean up, as far as the parameters say.
+    let (mut points, components) = match &params.components {
+        Some(components) => {
+            let (points, stats) =
+                clock.time("components", || remove_small(&mut mesh, components, spacing))?;
+            (Some(points), Some(stats))
+        }
+        None => (None, None),
+    };
+    let smoothing = match &params.smoothing {
+        Some(smoothing) => Some(clock.time("smoothing", || {
+            let normals = normals_from_distance(&mesh, &distance.grid).0;
+            let weights =
+                depth_weights(&mesh, &normals, &field.grid, field.threshold, spacing, smoothing.thin);
+            smooth(&mut mesh, &weights, smoothing, spacing)
+        })?),
+        None => None,
+    };
+    let decimation = match &params.decimation {
+        Some(decimation) => Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?),
+        None => None,
+    };
+
+    // Give the vertices what they carry.
+    let (normals, normals_from_faces) = clock.time("normals", || match smoothing {
+        Some(_) => (normals_from_faces(&mesh), 0),
+        None => normals_from_distance(&mesh, &distance.grid),
+    })?;
     mesh.normals = normals;
-    let mut velocities_from_nearest = 0;
-    if let Some(velocities) = particles.vec3("velocity") {
-        let radius = params.kernel_radius * spacing;
-        let (values, nearest) =
-            clock.time("velocity", || interpolate_vec3(&mesh.positions, positions, velocities, radius))?;
-        mesh.attributes.push(Channel { name: "velocity".into(), data: values.into() });
-        velocities_from_nearest = nearest;
+    let radius = params.kernel_radius * spacing;
+    let names = params.attributes.as_deref();
+    let carried = |vertices: &[Vec3]| {
+        transfer(particles, names, vertices, radius).map_err(|name| no_channel(name, particles))
+    };
+    let (attributes, attributes_from_nearest) = clock.time("attributes", || carried(&mesh.positions))??;
+    mesh.attributes = attributes;
+    if let Some(points) = &mut points {
+        points.attributes = carried(&points.positions)?.0;
     }
     let check = clock.time("check", || check(&mesh))?;
 
@@ -130,11 +184,14 @@ pub fn reconstruct(
         vertices: mesh.positions.len(),
         triangles: mesh.triangles.len(),
         contour,
+        components,
+        smoothing,
+        decimation,
         normals_from_faces,
-        velocities_from_nearest,
+        attributes_from_nearest,
         seconds: clock.seconds,
     };
-    Ok(Surface { mesh, check, stats })
+    Ok(Surface { mesh, points, check, stats })
 }
 
 /// The positions of the particles, all finite.
@@ -144,6 +201,12 @@ fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
         Some(particle) => Err(SurfaceError::NotFinite { particle }),
         None => Ok(positions),
     }
+}
+
+/// Says which channels there are instead.
+fn no_channel(name: String, particles: &Stream) -> SurfaceError {
+    let there: Vec<&str> = particles.channels().iter().map(|channel| channel.name.as_str()).collect();
+    SurfaceError::NoChannel { name, there: there.join(", ") }
 }
 
 /// Runs passes one after the other, with their times, until told to stop.

@@ -60,6 +60,11 @@ impl ShotFolder {
         self.root.join("log.jsonl")
     }
 
+    /// One line a meshed frame.
+    pub fn mesh_log(&self) -> PathBuf {
+        self.root.join("mesh.jsonl")
+    }
+
     /// Replaces the text file at `path`, whole or not at all.
     ///
     /// # Errors

@@ -67,7 +67,7 @@ fn gcd(a: u32, b: u32) -> u32 {
 /// A mesh sequence.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshOutput {
-    /// Always "mesh".
+    /// "mesh" or "points".
     pub kind: String,
     /// The system it shows ("liquid").
     pub name: String,

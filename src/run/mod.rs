@@ -8,6 +8,7 @@ mod folder;
 mod info;
 mod log;
 mod manifest;
+mod mesh_log;
 mod plan;
 mod remarks;
 mod scratch;
@@ -22,6 +23,7 @@ pub use error::{FailedFrame, Failure, RunError};
 pub use folder::ShotFolder;
 pub use info::{FrameState, Info, OutputInfo, info};
 pub use manifest::{FrameSpan, Manifest, MeshOutput};
+pub use mesh_log::{Jump, MeshRecord};
 pub use plan::{
     Outline, Plan, outline, plan, refuse_files_over_memory, refuse_mesh_over_memory, refuse_over_memory,
 };

@@ -34,13 +34,20 @@ pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
 
 /// The places where a surface departs from the rule.
 pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
+    let components = stats.components.unwrap_or_default();
+    let smoothing = stats.smoothing.unwrap_or_default();
+    let decimation = stats.decimation.unwrap_or_default();
     counted(&[
+        (components.points as u64, "small pieces made points"),
+        (components.bubbles as u64, "small bubbles filled"),
+        (smoothing.restored_vertices as u64, "vertices not smoothed, lest triangles fold"),
+        (decimation.unsuitable.into(), "open mesh not decimated"),
         (stats.too_far_particles as u64, "particles too far from the origin, left out"),
         (stats.unseen_particles as u64, "particles between grid nodes, not seen (voxel)"),
         (stats.contour.unbounded_vertices as u64, "vertices beside values that are not finite"),
         (stats.contour.cut_cells as u64, "cells cut off by missing bricks"),
         (stats.normals_from_faces as u64, "normals from faces"),
-        (stats.velocities_from_nearest as u64, "velocities from the nearest particle"),
+        (stats.attributes_from_nearest as u64, "attributes from the nearest particle"),
     ])
 }
 

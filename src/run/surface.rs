@@ -1,9 +1,12 @@
 //! The job that turns cached frames into meshes.
 
-use super::{Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, remarks};
+use super::{
+    Control, FailedFrame, Failure, FrameSpan, Jump, Manifest, MeshOutput, MeshRecord, RunError, ShotFolder,
+    mesh_log, remarks,
+};
 use crate::{
     cache::{self, Lock},
-    export::MeshFormat,
+    export::{self, MeshFormat},
     frame::{FrameIndex, Stream},
     mesh::{self, Surface, SurfaceError, SurfaceParams},
     scene::Frames,
@@ -24,6 +27,8 @@ pub struct Surfaced {
     pub bytes: u64,
     /// Where the files are.
     pub folder: PathBuf,
+    /// Changes between the folder's meshes that their neighbours do not suggest.
+    pub jumps: Vec<Jump>,
 }
 
 /// Meshes the frames of `source`'s cache (those of `selection`, or all) into `out`, in every format.
@@ -133,6 +138,8 @@ pub(super) struct Writer<'a> {
     done: Surfaced,
     /// Frames whose files are there, by stream.
     written: BTreeMap<String, Vec<u32>>,
+    /// Which file properties hold which attribute, by stream.
+    attributes: BTreeMap<String, BTreeMap<String, Vec<String>>>,
     failed: Vec<FailedFrame>,
     /// Nobody else may write the meshes, or remove what looks like the temporary of a crashed run.
     _lock: Lock,
@@ -154,8 +161,8 @@ impl<'a> Writer<'a> {
         })?;
         let settings = serde_json::to_string(params).expect("settings are plain data");
         let done = Surfaced { folder: out.meshes(), ..Surfaced::default() };
-        let (written, failed) = (BTreeMap::new(), Vec::new());
-        Ok(Self { out, params, formats, force, settings, done, written, failed, _lock: lock })
+        let (written, attributes, failed) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
+        Ok(Self { out, params, formats, force, settings, done, written, attributes, failed, _lock: lock })
     }
 
     /// Remembers a frame that could not be made; the job goes on.
@@ -183,7 +190,12 @@ impl<'a> Writer<'a> {
             .map(|&format| (format, target(format)))
             .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
             .collect();
-        if missing.is_empty() {
+        let points = self
+            .params
+            .components
+            .map(|_| self.out.meshes().join(format!("{}{POINTS}_{index}.ply", stream.name)))
+            .filter(|path| self.force || MeshFormat::Ply.key_in(path) != Some(key));
+        if missing.is_empty() && points.is_none() {
             self.done.kept += 1;
             self.remember(stream, index);
             return Ok(());
@@ -200,6 +212,10 @@ impl<'a> Writer<'a> {
         for (format, path) in missing {
             self.done.bytes += format.write(&surface.mesh, &path, key)?;
         }
+        if let (Some(path), Some(points)) = (points, &surface.points) {
+            self.done.bytes += export::ply::write_points(points, &path, key)?;
+        }
+        mesh_log::append(self.out, &MeshRecord::of(&stream.name, index, key, &surface), &surface.stats)?;
         self.remember(stream, index);
         self.done.meshed += 1;
         self.done.triangles += surface.mesh.triangles.len() as u64;
@@ -218,11 +234,15 @@ impl<'a> Writer<'a> {
     /// Remembers that the frame has its files.
     fn remember(&mut self, stream: &Stream, index: FrameIndex) {
         self.written.entry(stream.name.clone()).or_default().push(index.0);
+        let properties = mesh::carried(stream, self.params.attributes.as_deref())
+            .into_iter()
+            .map(|(name, is_vector)| (name.clone(), export::property_names(&name, is_vector)));
+        self.attributes.entry(stream.name.clone()).or_default().extend(properties);
     }
 
     /// Names in the manifest what was written, however the job ended, and says how it went. `frames` ascend.
     pub(super) fn finish(
-        self,
+        mut self,
         title: &str,
         fps: f64,
         frames: &[u32],
@@ -232,6 +252,8 @@ impl<'a> Writer<'a> {
         // What ended the job comes before what went wrong because of it.
         outcome?;
         named?;
+        mesh_log::tidy(self.out)?;
+        self.done.jumps = mesh_log::jumps(&mesh_log::read(self.out)?);
         match self.failed {
             failed if failed.is_empty() => Ok(self.done),
             failed => Err(RunError::SomeFailed { failed, asked: frames.len() }),
@@ -247,24 +269,39 @@ impl<'a> Writer<'a> {
         };
         for (name, numbers) in &self.written {
             let Some(span) = FrameSpan::of(numbers) else { continue };
+            let attributes = &self.attributes[name];
             for &format in self.formats {
-                manifest.put(output(name, format, span), self.out);
+                manifest.put(output("mesh", name, format, span, attributes), self.out);
+            }
+            if self.params.components.is_some() {
+                let radius = [("radius".to_owned(), vec!["radius".to_owned()])];
+                let attributes = attributes.clone().into_iter().chain(radius).collect();
+                let name = format!("{name}{POINTS}");
+                manifest.put(output("points", &name, MeshFormat::Ply, span, &attributes), self.out);
             }
         }
         manifest.write(self.out)
     }
 }
 
-fn output(name: &str, format: MeshFormat, frames: FrameSpan) -> MeshOutput {
-    let velocity = ["vx", "vy", "vz"].map(String::from).to_vec();
+/// What the name of the file of small pieces has behind the stream's.
+const POINTS: &str = "_points";
+
+fn output(
+    kind: &str,
+    name: &str,
+    format: MeshFormat,
+    frames: FrameSpan,
+    attributes: &BTreeMap<String, Vec<String>>,
+) -> MeshOutput {
     MeshOutput {
-        kind: "mesh".into(),
+        kind: kind.into(),
         name: name.into(),
         format,
         pattern: format!("mesh/{name}_{{:04}}.{}", format.extension()),
         frames,
         attributes: match format {
-            MeshFormat::Ply => BTreeMap::from([("velocity".into(), velocity)]),
+            MeshFormat::Ply => attributes.clone(),
             MeshFormat::Obj => BTreeMap::new(),
         },
     }

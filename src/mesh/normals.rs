@@ -1,12 +1,8 @@
-//! What the vertices of a surface carry: normals and values taken from the particles.
+//! The normals of a surface.
 //!
-//! *Method*: normals by the gradient of the signed distance that the surface was cut from, central differences at the grid
-//! nodes and trilinear between them; values by a normalised kernel sum [shepard68],
-//! A(x) = Σ w_j A_j / Σ w_j with w_j = (1 − (r_j/R)²)³.
-//! *Departs from the paper*: the weight has compact support instead of growing towards the samples, so that a
-//! single particle does not print through.
+//! *Method*: the gradient of the signed distance that the surface was cut from, central differences at the grid nodes
+//! and trilinear between them.
 //!
-//! Symbols: R → `radius` [m]; r_j → distance to particle j [m].
 //! Limits: second order in the voxel away from the field's kinks.
 
 use super::{Mesh, check::face_normals};
@@ -14,7 +10,6 @@ use crate::{
     grid::{BRICK, BRICK_NODES, SparseGrid, offset},
     math::Vec3,
     par,
-    space::CellGrid,
 };
 use std::cell::Cell;
 
@@ -50,6 +45,16 @@ pub fn normals_from_distance(mesh: &Mesh, sdf: &SparseGrid) -> (Vec<Vec3>, usize
         replaced += count;
     }
     (normals, replaced)
+}
+
+/// Unit outward normals at the vertices of `mesh` by the area-weighted normals of the faces around them; +Z where these
+/// cancel.
+pub fn normals_from_faces(mesh: &Mesh) -> Vec<Vec3> {
+    let mut normals = face_normals(mesh);
+    par::update(&mut normals, |_, n| {
+        *n = n.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z);
+    });
+    normals
 }
 
 /// Whether a normal is finite and of unit length.
@@ -122,70 +127,4 @@ impl<'a> Reader<'a> {
         }
         sum
     }
-}
-
-/// Values at `vertices` from the values of particles within `radius` [m], and how many vertices had no particle
-/// that near and carry the value of the nearest one instead.
-///
-/// `particles` are finite. Without particles, and at vertices that are not finite, the value is zero, counted
-/// as well.
-///
-/// # Panics
-/// If there are not as many values as particles.
-pub fn interpolate_vec3(
-    vertices: &[Vec3],
-    particles: &[Vec3],
-    values: &[Vec3],
-    radius: f32,
-) -> (Vec<Vec3>, usize) {
-    assert_eq!(particles.len(), values.len(), "one value a particle");
-    let cells = CellGrid::new(particles, radius);
-    let mut found = vec![None; vertices.len()];
-    par::fill(&mut found, |v| shepard(&cells, particles, values, vertices[v], radius));
-    let missing: Vec<usize> = (0..vertices.len()).filter(|&v| found[v].is_none()).collect();
-    let nearest = nearest(&missing, vertices, particles, radius);
-    for (&v, &j) in missing.iter().zip(&nearest) {
-        found[v] = Some(j.map_or(Vec3::zeros(), |j| values[j as usize]));
-    }
-    (found.into_iter().map(|value| value.expect("every vertex has its value")).collect(), missing.len())
-}
-
-/// The weighted mean of the values around `x`; `None` if there is none.
-fn shepard(cells: &CellGrid, particles: &[Vec3], values: &[Vec3], x: Vec3, radius: f32) -> Option<Vec3> {
-    if !x.iter().all(|x| x.is_finite()) {
-        return None;
-    }
-    let mut sum = Vec3::zeros();
-    let mut weights = 0.0;
-    cells.for_each_within(particles, x, radius, |j, r2| {
-        let w = (1.0 - r2 / (radius * radius)).powi(3);
-        sum += values[j] * w;
-        weights += w;
-    });
-    (weights > f32::MIN_POSITIVE).then(|| sum / weights) // A(x), [shepard68]
-}
-
-/// The particle nearest to each of some vertices (the first of equals), in widening circles.
-fn nearest(missing: &[usize], vertices: &[Vec3], particles: &[Vec3], radius: f32) -> Vec<Option<u32>> {
-    let mut found = vec![None; missing.len()];
-    let mut radius = radius;
-    let finite = |v: usize| vertices[v].iter().all(|x| x.is_finite());
-    while !particles.is_empty() && (0..missing.len()).any(|i| found[i].is_none() && finite(missing[i])) {
-        radius *= 2.0;
-        let cells = CellGrid::new(particles, radius);
-        par::update(&mut found, |i, slot| {
-            if slot.is_some() || !finite(missing[i]) {
-                return;
-            }
-            let mut best: Option<(f32, u32)> = None;
-            cells.for_each_within(particles, vertices[missing[i]], radius, |j, r2| {
-                if best.is_none_or(|(least, first)| (r2, j as u32) < (least, first)) {
-                    best = Some((r2, j as u32));
-                }
-            });
-            // Circles wider than any number reach everything: the search ends.
-            *slot = best.map(|(_, j)| j).or((!radius.is_finite()).then_some(0));
-        });
-    }
-    found
 }
