@@ -15,7 +15,9 @@
 //! Limits: first order in the voxel, away from the surface and beside it. A feature thinner than a voxel between
 //! two nodes of the same side is not seen.
 
+pub mod dense;
 mod from_triangles;
+mod godunov;
 mod sampled;
 mod seed;
 mod sweep;
