@@ -19,6 +19,7 @@ pub mod dense;
 mod from_triangles;
 mod godunov;
 mod sampled;
+mod second;
 mod seed;
 mod sweep;
 mod tree;
@@ -28,6 +29,7 @@ pub use from_triangles::{SAMPLED_VERSION, Solidified, from_triangles};
 pub use sampled::Sampled;
 pub use triangles::Triangles;
 
+pub use second::Order;
 pub use seed::{SeedRule, Seeds, seeds};
 pub use sweep::{Swept, sweep, sweep_in_order};
 
