@@ -25,12 +25,7 @@ impl DenseGrid {
     }
 
     /// A grid with `f(position [m])` at every node.
-    pub fn sample(
-        voxel: f32,
-        first: [i32; 3],
-        nodes: [usize; 3],
-        f: impl Fn(Vec3) -> f32 + Sync,
-    ) -> Self {
+    pub fn sample(voxel: f32, first: [i32; 3], nodes: [usize; 3], f: impl Fn(Vec3) -> f32 + Sync) -> Self {
         let mut grid = Self::new(voxel, first, nodes, 0.0);
         let mut values = std::mem::take(&mut grid.values);
         par::fill(&mut values, |i| f(grid.position(grid.node(i))));
@@ -53,9 +48,8 @@ impl DenseGrid {
 
     /// Where a node of the box stands [m].
     pub fn position(&self, node: [usize; 3]) -> Vec3 {
-        let at = |axis: usize| {
-            ((f64::from(self.first[axis]) + node[axis] as f64) * f64::from(self.voxel)) as f32
-        };
+        let at =
+            |axis: usize| ((f64::from(self.first[axis]) + node[axis] as f64) * f64::from(self.voxel)) as f32;
         Vec3::new(at(0), at(1), at(2))
     }
 }

@@ -247,3 +247,131 @@ fn upwind(near: [f32; 3], slope: [f32; 3]) -> f32 {
     let (_, t, w) = axes[0];
     base + t + if w > 1.0 { 2.0 / 3.0 } else { 1.0 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{BRICK, Bricks, SparseGrid};
+    use crate::math::Vec3;
+    use crate::sdf::{
+        SdfParams, SeedRule,
+        dense::{DenseParams, Pins, solve, sweep},
+        linked::LinkedBricks,
+        seeds,
+    };
+
+    /// Pinned nodes and signs: beside a ball, on both sides of a layer, in noise, in a corner, nowhere.
+    fn cases() -> Vec<(&'static str, [usize; 3], Pins)> {
+        let noise = |i: usize| {
+            let mixed = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32 / (1 << 24) as f32
+        };
+        let case = |name, nodes: [usize; 3], f: &dyn Fn(Vec3, usize) -> (f32, bool)| {
+            let (distance, inside) = (0..nodes.iter().product())
+                .map(|i| {
+                    let x = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
+                    let (d, pin) = f(Vec3::from(x.map(|v| v as f32)), i);
+                    (if pin { -d.abs().max(1e-6) } else { f32::INFINITY }, d < 0.0)
+                })
+                .unzip();
+            (name, nodes, Pins { distance, inside, pinned: 0, on_surface: 0 })
+        };
+        let ball = |x: Vec3| (x - Vec3::new(9.3, 12.1, 8.0)).norm() - 5.7;
+        vec![
+            case("ball", [22, 25, 19], &|x, _| (ball(x), ball(x).abs() < 0.9)),
+            case("thick", [31, 16, 14], &|x, _| (x.x - 15.3, (x.x - 15.3).abs() < 2.5)),
+            case("noise", [16, 24, 15], &|_, i| (4.0 * noise(i + 7) - 2.0, noise(i) < 0.1)),
+            case("corner", [19, 9, 11], &|x, i| (x.x + 0.5, i == 0)),
+            case("nothing", [9, 9, 9], &|_, _| (1.0, false)),
+        ]
+    }
+
+    /// Every node once, in ascending order of its distance of first order.
+    fn in_order<N: Nodes>(nodes: &N, first: &[f32], inside: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
+        let mut all = Vec::new();
+        for block in 0..nodes.blocks() {
+            nodes.for_each(block, [1; 3], |_, at| {
+                let slot = nodes.slot(at);
+                all.push((first[slot], slot, stencil(nodes, first, &inside, at)));
+            });
+        }
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let distance: Vec<AtomicU32> = first.iter().map(|v| AtomicU32::new(v.abs().to_bits())).collect();
+        for (v, slot, stencil) in all {
+            if v >= 0.0 && v.is_finite() {
+                let u = distance_at(nodes, &distance, slot, stencil).expect("nearer nodes come first");
+                distance[slot].store(u.to_bits(), Ordering::Relaxed);
+            }
+        }
+        let value = |i: usize| f32::from_bits(distance[i].load(Ordering::Relaxed));
+        (0..first.len()).map(|i| if first[i] < 0.0 { first[i] } else { value(i) }).collect()
+    }
+
+    fn bits(values: &[f32]) -> Vec<u32> {
+        values.iter().map(|v| v.to_bits()).collect()
+    }
+
+    #[test]
+    fn blocks_and_threads_change_no_bit() {
+        for (name, nodes, pins) in cases() {
+            let first = sweep(nodes, &pins.distance, f32::INFINITY, [8; 3]).distance;
+            let whole = crate::sdf::dense::one_block(nodes);
+            let reference = in_order(&whole, &first, |i| pins.inside[i]);
+            for block in [[1, 1, 1], [3, 5, 2], [8, 8, 8], [7, 9, 30], [64, 64, 64]] {
+                let mut sweeps = None;
+                for threads in [1, 2, 5] {
+                    let params = DenseParams { order: Order::Second, block, ..DenseParams::default() };
+                    let found = crate::par::with_threads(threads, || solve(nodes, &pins, &params));
+                    assert_eq!(bits(&found.distance), bits(&reference), "{name}, {block:?}, {threads}");
+                    assert_eq!(*sweeps.get_or_insert(found.sweeps), found.sweeps, "{name}, {block:?}");
+                }
+            }
+            for (i, u) in reference.iter().enumerate() {
+                assert!(if first[i] < 0.0 { *u == first[i] } else { *u > 0.0 });
+                assert_eq!(u.is_finite(), first[i].is_finite());
+            }
+        }
+    }
+
+    #[test]
+    fn bricks_have_the_bits_of_every_node_once() {
+        let clumps = Bricks::new(vec![[0, 0, 0], [1, 0, 0], [1, 1, 0], [3, 0, 0], [0, 1, 2], [-2, -2, -2]]);
+        let mut field = SparseGrid::new(1.0, clumps, 0.0);
+        for (i, value) in field.values.iter_mut().enumerate() {
+            *value = ((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1 << 23) as f32 - 0.8;
+        }
+        for band in [3.0, f32::INFINITY] {
+            let params = SdfParams { band, seed: SeedRule::Plane, order: Order::Second };
+            let seeds = seeds(&field, 1.0, &params);
+            let inside =
+                |i: usize| seeds.inside[i / (BRICK * BRICK * BRICK)][i % 512 / 64] >> (i % 64) & 1 == 1;
+            let first = crate::sdf::sweep(&seeds.bricks, &seeds.distance, band);
+            let linked = LinkedBricks::new(&seeds.bricks);
+            let reference = in_order(&linked, &first.distance, inside);
+            for threads in [1, 2, 5] {
+                let found = crate::par::with_threads(threads, || {
+                    refine(&linked, first.clone(), f32::INFINITY, inside)
+                });
+                assert!(seeds.pinned > 100 && bits(&found.distance) == bits(&reference));
+            }
+        }
+    }
+
+    #[test]
+    fn planes_are_exact_at_either_order_and_parabolas_at_second() {
+        for n in [Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 1.0, 0.5), Vec3::new(0.0, 3.0, 1.0)] {
+            let n = n.normalize();
+            for far in [2.0, 5.0, 4000.0] {
+                for second in [false, true] {
+                    let near = [0, 1, 2].map(|axis| far - n[axis]);
+                    let slope = [0, 1, 2].map(|axis| if second { n[axis] } else { -1.0 });
+                    assert!((upwind(near, slope) - far).abs() < 6.0 * f32::EPSILON * far.max(1.0));
+                }
+            }
+        }
+        // u = x²/4 + … has slope 1 at x = 2 and is met without error: u₁ = 1/4, u₂ = 0.
+        assert!((upwind([0.25, f32::INFINITY, f32::INFINITY], [0.25, -1.0, -1.0]) - 1.0).abs() < 1e-6);
+        // An axis along which the solution would descend is left out.
+        assert_eq!(upwind([2.0, 9.0, f32::INFINITY], [-1.0, -1.0, -1.0]), 3.0);
+    }
+}

@@ -256,7 +256,7 @@ fn one_sweep_in_order(grid: &mut SparseGrid, order: [i32; 3], band: f32) -> bool
 mod tests {
     use super::*;
     use crate::math::Vec3;
-    use crate::sdf::{SdfParams, SeedRule, Seeds, seeds};
+    use crate::sdf::{SdfParams, Seeds, seeds};
 
     /// A field on bricks around the origin whose level 1 is the surface of `distance` [m], voxel 1.
     fn shape(half: f32, distance: impl Fn(Vec3) -> f32 + Sync) -> SparseGrid {
@@ -297,7 +297,7 @@ mod tests {
     fn the_wavefront_has_the_bits_of_the_sequential_sweep() {
         for (name, field) in fields() {
             for band in [3.0, f32::INFINITY] {
-                let seeds = seeds(&field, 1.0, &SdfParams { seed: SeedRule::Plane, band });
+                let seeds = seeds(&field, 1.0, &SdfParams { band, ..SdfParams::default() });
                 let reference = sweep_in_order(&seeds.bricks, &seeds.distance, band);
                 assert!(seeds.pinned > 0 && reference.distance != seeds.distance, "{name} has work to do");
                 for threads in [1, 2, 3, 8] {
@@ -316,7 +316,7 @@ mod tests {
         // Once all is at rest the order no longer shows, so the numbers on the way there are compared too.
         for (name, field) in fields() {
             let Seeds { bricks, distance, .. } =
-                seeds(&field, 1.0, &SdfParams { seed: SeedRule::Plane, band: f32::INFINITY });
+                seeds(&field, 1.0, &SdfParams { band: f32::INFINITY, ..SdfParams::default() });
             let mut reference = SparseGrid { voxel: 1.0, bricks, values: distance.clone() };
             let runs = [1, 2, 3, 8]
                 .map(|threads| (threads, Blocks::new(&reference.bricks, &distance, f32::INFINITY)));

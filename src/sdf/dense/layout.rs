@@ -113,8 +113,8 @@ mod tests {
             let values: Vec<f32> = (0..nodes.iter().product::<usize>()).map(|i| i as f32).collect();
             let blocks = layout.split(&values);
             assert_eq!(layout.join(|block, f| f(&blocks[block])), values);
-            for block in 0..layout.len() {
-                assert_eq!(blocks[block].len(), layout.size(block).iter().product::<usize>());
+            for (block, own) in blocks.iter().enumerate() {
+                assert_eq!(own.len(), layout.size(block).iter().product::<usize>());
                 for (face, other) in layout.around(block).into_iter().enumerate() {
                     let axis = face / 2;
                     match other {

@@ -115,3 +115,9 @@ pub fn solve(nodes: [usize; 3], pins: &Pins, params: &DenseParams) -> Swept {
         }
     }
 }
+
+/// A box of nodes as one block.
+#[cfg(test)]
+pub(super) fn one_block(nodes: [usize; 3]) -> impl super::second::Nodes {
+    Layout::new(nodes, nodes)
+}

@@ -55,7 +55,7 @@ impl Nodes for Layout {
     #[inline(always)]
     fn next(&self, (slot, mut node): Self::At, face: usize) -> Option<Self::At> {
         let axis = face / 2;
-        if face % 2 == 0 {
+        if face.is_multiple_of(2) {
             if node[axis] == 0 {
                 return None;
             }
@@ -72,6 +72,6 @@ impl Nodes for Layout {
     #[inline(always)]
     fn step(&self, slot: usize, face: usize) -> usize {
         let stride = [1, self.nodes[0], self.nodes[0] * self.nodes[1]][face / 2];
-        if face % 2 == 0 { slot - stride } else { slot + stride }
+        if face.is_multiple_of(2) { slot - stride } else { slot + stride }
     }
 }

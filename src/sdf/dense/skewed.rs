@@ -152,7 +152,10 @@ impl Skewed {
                 if order[0] > 0 {
                     row.iter_mut().zip(cells.iter().step_by(LANES)).for_each(|(to, from)| put(to, *from));
                 } else {
-                    row.iter_mut().rev().zip(cells.iter().step_by(LANES)).for_each(|(to, from)| put(to, *from));
+                    row.iter_mut()
+                        .rev()
+                        .zip(cells.iter().step_by(LANES))
+                        .for_each(|(to, from)| put(to, *from));
                 }
                 if changed {
                     faces[0] |= row[0] != ends[0];

@@ -81,10 +81,8 @@ fn relax(rows: Rows<'_>, band: f32) -> bool {
             let u = _mm256_add_ps(a, _mm256_blendv_ps(u, all, takes_all));
 
             // `update`
-            let lower = _mm256_and_ps(
-                _mm256_cmp_ps::<_CMP_LT_OQ>(u, here),
-                _mm256_cmp_ps::<_CMP_LT_OQ>(u, band),
-            );
+            let lower =
+                _mm256_and_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(u, here), _mm256_cmp_ps::<_CMP_LT_OQ>(u, band));
             let lower = _mm256_and_ps(lower, lowered);
             new = _mm256_blendv_ps(here, u, lower);
             changed |= _mm256_movemask_ps(lower) != 0;
