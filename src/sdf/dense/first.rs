@@ -255,6 +255,27 @@ pub(super) mod tests {
     }
 
     #[test]
+    fn one_sweep_fills_its_octant_and_eight_fill_the_box() {
+        let nodes = [13, 11, 17];
+        let middle = [6, 5, 8];
+        let mut seeds = vec![f32::INFINITY; nodes.iter().product()];
+        seeds[middle[0] + nodes[0] * (middle[1] + nodes[1] * middle[2])] = -1e-6;
+        for order in ORDERS {
+            let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY, relax());
+            blocks.sweep(order);
+            for (i, &distance) in blocks.distances().iter().enumerate() {
+                let node = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
+                let ahead = |axis: usize| (node[axis] as i32 - middle[axis] as i32) * order[axis] >= 0;
+                assert_eq!(distance.is_finite(), (0..3).all(ahead), "{node:?} {order:?}");
+            }
+        }
+        let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY, relax());
+        ORDERS.into_iter().for_each(|order| blocks.sweep(order));
+        let after_eight = blocks.distances();
+        assert_eq!(bits(&after_eight), bits(&sweep_in_order(nodes, &seeds, f32::INFINITY).distance));
+    }
+
+    #[test]
     fn the_end_has_the_bits_of_the_sequential_sweeps() {
         for (name, nodes, seeds) in cases() {
             for band in [f32::INFINITY, 4.5] {
