@@ -271,8 +271,11 @@ pub(super) mod tests {
         }
         let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY, relax());
         ORDERS.into_iter().for_each(|order| blocks.sweep(order));
-        let after_eight = blocks.distances();
-        assert_eq!(bits(&after_eight), bits(&sweep_in_order(nodes, &seeds, f32::INFINITY).distance));
+        // Further sweeps change last digits alone.
+        let end = sweep_in_order(nodes, &seeds, f32::INFINITY).distance;
+        for (eight, end) in blocks.distances().iter().zip(end) {
+            assert!((eight - end).abs() < 1e-5 && eight.is_finite(), "{eight} {end}");
+        }
     }
 
     #[test]

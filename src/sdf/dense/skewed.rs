@@ -6,6 +6,9 @@
 //! node x of row j at step x + 1 + j in lane j, and a step is one vector. This changes the time at which a node is
 //! visited, not what it reads: the bits are those of the sequential sweep.
 //!
+//! A step waits for the one before it. So two layers go together, the upper one a step behind the lower: their steps do
+//! not wait for each other, and the processor works on both.
+//!
 //! The block is mirrored so that every sweep ascends. Nodes that must not change hold negative numbers, of which
 //! neighbours read the size: pinned nodes, the facing layers of the neighbouring blocks, and −∞ where there is none.
 
@@ -25,24 +28,24 @@ pub(super) struct Skewed {
     groups: usize,
     /// Vectors a group of rows takes.
     steps: usize,
-    /// The vectors of layer z + 1 and of its groups, one after the other.
+    /// The vectors of layer z + 1 and of its groups, one after the other; layers are made an even number by an empty one.
     cells: Vec<[f32; LANES]>,
     /// For each layer the rows before the first and behind the last, where lane 0 and lane 7 read them.
     low: Vec<f32>,
     high: Vec<f32>,
 }
 
-/// What the vectors of one group of rows read and write.
+/// What the vectors of one group of rows, in two layers, read and write.
 pub(super) struct Rows<'a> {
-    /// The layer before.
+    /// The layer before the two.
     pub(super) before: &'a [[f32; LANES]],
-    pub(super) own: &'a mut [[f32; LANES]],
-    /// The layer behind.
+    pub(super) own: [&'a mut [[f32; LANES]]; 2],
+    /// The layer behind them.
     pub(super) behind: &'a [[f32; LANES]],
-    /// The row before the first, as lane 0 reads it at each step.
-    pub(super) low: &'a [f32],
-    /// The row behind the last, as lane 7 reads it at each step.
-    pub(super) high: &'a [f32],
+    /// The row before the first of each layer, as lane 0 reads it at each step.
+    pub(super) low: [&'a [f32]; 2],
+    /// The row behind the last of each layer, as lane 7 reads it at each step.
+    pub(super) high: [&'a [f32]; 2],
 }
 
 /// Steps from a row's first node to the end of its group's vectors.
@@ -59,13 +62,14 @@ impl Skewed {
     ) -> Self {
         let [sx, sy, sz] = size;
         let (groups, steps) = (sy.div_ceil(LANES), sx + SLACK);
+        let layers = sz.next_multiple_of(2);
         let mut skewed = Self {
             size,
             groups,
             steps,
-            cells: vec![[f32::NEG_INFINITY; LANES]; (sz + 2) * groups * steps],
-            low: vec![f32::INFINITY; sz * steps],
-            high: vec![f32::INFINITY; sz * steps],
+            cells: vec![[f32::NEG_INFINITY; LANES]; (layers + 2) * groups * steps],
+            low: vec![f32::INFINITY; layers * steps],
+            high: vec![f32::INFINITY; layers * steps],
         };
         let mirrored = |axis: usize, i: usize| if order[axis] > 0 { i } else { size[axis] - 1 - i };
 
@@ -177,39 +181,44 @@ impl Skewed {
         ((layer * self.groups + y / LANES) * self.steps + 1 + lane) * LANES + lane
     }
 
-    /// Calls `f` for all groups of rows in ascending order; says whether any call said so.
+    /// Calls `f` for all groups of rows in ascending order, two layers at a time; says whether any call said so.
     #[inline(always)]
     pub(super) fn for_each_group(&mut self, mut f: impl FnMut(Rows<'_>) -> bool) -> bool {
         let Self { size: [sx, _, sz], groups, steps, ref mut cells, ref low, ref high } = *self;
         let layer = groups * steps;
-        let (mut low_row, mut high_row) = (vec![f32::INFINITY; steps], vec![f32::INFINITY; steps]);
+        let mut low_rows = [vec![f32::INFINITY; steps], vec![f32::INFINITY; steps]];
+        let mut high_rows = low_rows.clone();
         let mut changed = false;
-        for z in 0..sz {
+        for z in (0..sz).step_by(2) {
             for group in 0..groups {
                 let start = ((z + 1) * groups + group) * steps;
                 // The neighbouring rows stand in the neighbouring groups.
-                if group == 0 {
-                    low_row.copy_from_slice(&low[z * steps..(z + 1) * steps]);
-                } else {
-                    for x in 0..sx {
-                        low_row[x + 1] = cells[start - steps + x + LANES][LANES - 1].abs();
+                for (above, (low_row, high_row)) in low_rows.iter_mut().zip(&mut high_rows).enumerate() {
+                    let (z, start) = (z + above, start + above * layer);
+                    if group == 0 {
+                        low_row.copy_from_slice(&low[z * steps..(z + 1) * steps]);
+                    } else {
+                        for x in 0..sx {
+                            low_row[x + 1] = cells[start - steps + x + LANES][LANES - 1].abs();
+                        }
                     }
-                }
-                if group + 1 == groups {
-                    high_row.copy_from_slice(&high[z * steps..(z + 1) * steps]);
-                } else {
-                    for x in 0..sx {
-                        high_row[x + LANES] = cells[start + steps + x + 1][0].abs();
+                    if group + 1 == groups {
+                        high_row.copy_from_slice(&high[z * steps..(z + 1) * steps]);
+                    } else {
+                        for x in 0..sx {
+                            high_row[x + LANES] = cells[start + steps + x + 1][0].abs();
+                        }
                     }
                 }
                 let (head, rest) = cells.split_at_mut(start);
-                let (own, tail) = rest.split_at_mut(steps);
+                let (lower, rest) = rest.split_at_mut(layer);
+                let (upper, behind) = rest.split_at_mut(layer);
                 changed |= f(Rows {
                     before: &head[start - layer..][..steps],
-                    own,
-                    behind: &tail[layer - steps..][..steps],
-                    low: &low_row,
-                    high: &high_row,
+                    own: [&mut lower[..steps], &mut upper[..steps]],
+                    behind: &behind[..steps],
+                    low: [&low_rows[0], &low_rows[1]],
+                    high: [&high_rows[0], &high_rows[1]],
                 });
             }
         }
@@ -220,23 +229,36 @@ impl Skewed {
 /// One ascending pass in plain code: what every twin is tested against, and what runs where there is none.
 pub(super) fn relax(block: &mut Skewed, band: f32) -> bool {
     block.for_each_group(|rows| {
-        let mut changed = false;
-        for step in 1..rows.own.len() - 1 {
-            let (previous, own, next) = (rows.own[step - 1], rows.own[step], rows.own[step + 1]);
-            for lane in 0..LANES {
-                let y_low = if lane == 0 { rows.low[step] } else { previous[lane - 1].abs() };
-                let y_high = if lane == LANES - 1 { rows.high[step] } else { next[lane + 1].abs() };
-                let nearest = [
-                    smaller(previous[lane].abs(), next[lane].abs()),
-                    smaller(y_low, y_high),
-                    smaller(rows.before[step][lane].abs(), rows.behind[step][lane].abs()),
-                ];
-                if let Some(distance) = update(own[lane], nearest, band) {
-                    rows.own[step][lane] = distance;
-                    changed = true;
-                }
+        let Rows { before, own: [lower, upper], behind, low, high } = rows;
+        let changed = relax_layer(before, lower, upper, [low[0], high[0]], band);
+        relax_layer(lower, upper, behind, [low[1], high[1]], band) | changed
+    })
+}
+
+/// [`relax`] for the rows of one layer.
+fn relax_layer(
+    before: &[[f32; LANES]],
+    own: &mut [[f32; LANES]],
+    behind: &[[f32; LANES]],
+    [low, high]: [&[f32]; 2],
+    band: f32,
+) -> bool {
+    let mut changed = false;
+    for step in 1..own.len() - 1 {
+        let (previous, here, next) = (own[step - 1], own[step], own[step + 1]);
+        for lane in 0..LANES {
+            let y_low = if lane == 0 { low[step] } else { previous[lane - 1].abs() };
+            let y_high = if lane == LANES - 1 { high[step] } else { next[lane + 1].abs() };
+            let nearest = [
+                smaller(previous[lane].abs(), next[lane].abs()),
+                smaller(y_low, y_high),
+                smaller(before[step][lane].abs(), behind[step][lane].abs()),
+            ];
+            if let Some(distance) = update(here[lane], nearest, band) {
+                own[step][lane] = distance;
+                changed = true;
             }
         }
-        changed
-    })
+    }
+    changed
 }
