@@ -13,8 +13,8 @@
 //!
 //! Symbols: φ field, t threshold, u distance [voxels, then m].
 //!
-//! Limits: the order chosen in the voxel away from the surface, first beside its edges. A feature thinner than a voxel between
-//! two nodes of the same side is not seen.
+//! Limits: the order chosen in the voxel away from the surface, first beside its edges. A feature thinner than a voxel
+//! between two nodes of the same side is not seen.
 
 pub mod dense;
 mod from_triangles;

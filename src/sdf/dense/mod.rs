@@ -5,8 +5,9 @@
 //! eight orders carry them on ([`sweep`]), as a wavefront over blocks of any size; [`Order::Second`] then gives every
 //! node a distance of second order. [`from_density`] is the whole way.
 //!
-//! Limits: memory follows the box, not the surface: 8 bytes a node at first order, 14 at second. Where the surface
-//! fills a small part of a box, the bricks of [`super::from_density`] are the better grid.
+//! Limits: memory follows the box, not the surface: beside field and pins (9 bytes a node) 8 bytes a node at first
+//! order, 10 at second. Where the surface fills a small part of a box, the bricks of [`super::from_density`] are the
+//! better grid.
 
 mod first;
 mod layout;
