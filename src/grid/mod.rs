@@ -1,5 +1,7 @@
 //! Grids of samples in space.
 
 mod bricks;
+mod dense;
 
 pub use bricks::{BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, SparseGrid, node_of, offset};
+pub use dense::DenseGrid;

@@ -30,7 +30,7 @@ pub enum SeedRule {
 ///
 /// It keeps every value on its own side of zero. Below 1e-7 it would be lost when a mesh vertex is put between
 /// two nodes; at 1e-3 a surface that passes exactly through nodes would show steps.
-const NEAREST: f32 = 1e-6;
+pub(super) const NEAREST: f32 = 1e-6;
 
 /// One bit a node of a brick, word z, bit x + 8y.
 type Mask = [u64; BRICK];
@@ -212,10 +212,17 @@ impl Near<'_> {
 
     /// The distance of a node beside the surface [voxels].
     fn distance(&self, place: usize, threshold: f32, rule: SeedRule) -> f32 {
+        rule.distance(std::array::from_fn(|face| self.pair(place, face)), threshold)
+    }
+}
+
+impl SeedRule {
+    /// The distance [voxels] of a node beside the surface, from the field there and at its neighbour beyond each of
+    /// the faces −x, +x, −y, +y, −z, +z. A neighbour that is not there has the node's own value.
+    pub(super) fn distance(self, pairs: [(f32, f32); 6], threshold: f32) -> f32 {
         // Along each axis the nearest crossing, and where the field would cross beyond the neighbour.
         let (mut crossing, mut beyond) = ([f32::INFINITY; 3], [f32::INFINITY; 3]);
-        for face in 0..6 {
-            let (own, other) = self.pair(place, face);
+        for (face, (own, other)) in pairs.into_iter().enumerate() {
             let along = ((threshold - own) / (other - own)).max(NEAREST); // x, [gourlay17] Figure 3
             if (own >= threshold) != (other >= threshold) {
                 crossing[face / 2] = along.min(crossing[face / 2]);
@@ -223,7 +230,7 @@ impl Near<'_> {
                 beyond[face / 2] = along.min(beyond[face / 2]);
             }
         }
-        match rule {
+        match self {
             SeedRule::NearestEdge => crossing[0].min(crossing[1]).min(crossing[2]),
             SeedRule::Plane => {
                 let d: [f32; 3] = std::array::from_fn(|axis| crossing[axis].min(beyond[axis]));
