@@ -4,7 +4,7 @@ use super::{args::MeshArgs, print};
 use crate::{
     import,
     mesh::SurfaceParams,
-    run::{self, Control, FileSettings, RunError, ShotFolder, Surfaced},
+    run::{self, Control, FileSettings, Product, RunError, ShotFolder, Surfaced},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -19,7 +19,7 @@ pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
 }
 
 /// Whether an input is a folder, or means one that is not there: particle files have an extension.
-fn is_folder(input: &str) -> bool {
+pub(super) fn is_folder(input: &str) -> bool {
     let path = Path::new(input);
     path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#'])
 }
@@ -59,7 +59,7 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
         surface_alone(args)?
     };
     if let Some(allowed) = args.max_memory {
-        run::refuse_mesh_over_memory(&source, args.frames.as_ref(), params.voxel, allowed)?;
+        run::refuse_cache_over_memory(Product::Meshes, &source, args.frames.as_ref(), params.voxel, allowed)?;
     }
     run::surface_cache(&source, &out, &params, &args.format, args.frames.as_ref(), args.force, control)
 }
@@ -90,13 +90,13 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     }
     let settings = FileSettings { spacing, params: surface_alone(args)?, fps };
     if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(&files, settings.params.voxel, allowed)?;
+        run::refuse_files_over_memory(Product::Meshes, &files, settings.params.voxel, allowed)?;
     }
     run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
 }
 
 /// Frames a second of particle files, if nothing is said.
-const DEFAULT_FPS: f64 = 24.0;
+pub(super) const DEFAULT_FPS: f64 = 24.0;
 
 /// The settings given on the command line, for a source without a preset.
 fn surface_alone(args: &MeshArgs) -> Result<SurfaceParams, RunError> {

@@ -12,7 +12,7 @@ pub use attributes::{interpolate_vec3, normals_from_distance};
 pub use check::{Fault, MeshCheck, check};
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use params::SurfaceParams;
-pub use reconstruct::{Surface, SurfaceError, SurfaceStats, reconstruct};
+pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
 
 use crate::{frame::Channel, math::Vec3};
 

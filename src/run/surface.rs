@@ -1,6 +1,6 @@
 //! The job that turns cached frames into meshes.
 
-use super::{Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, remarks};
+use super::{Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, remarks};
 use crate::{
     cache::{self, Lock},
     export::MeshFormat,
@@ -56,7 +56,7 @@ pub fn surface_cache(
 }
 
 /// Frames a second of a cache that does not say.
-const DEFAULT_FPS: f64 = 24.0;
+pub(super) const DEFAULT_FPS: f64 = 24.0;
 
 /// Meshes every stream of the frames.
 fn surface_frames(
@@ -102,7 +102,7 @@ fn surface_frames(
 }
 
 /// The asked-for frames and where they are; all that are present if nothing was asked.
-fn choose(
+pub(super) fn choose(
     present: &[(FrameIndex, PathBuf)],
     selection: Option<&Frames>,
 ) -> Vec<(FrameIndex, Option<PathBuf>)> {
@@ -118,8 +118,8 @@ fn choose(
     }
 }
 
-/// Identifies the simulated state that a mesh was made from.
-fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
+/// Identifies the simulated state that a mesh or volume was made from.
+pub(super) fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
     xxh3_64(format!("{simulation:016x} {index} {stream}").as_bytes())
 }
 
@@ -255,18 +255,19 @@ impl<'a> Writer<'a> {
     }
 }
 
-fn output(name: &str, format: MeshFormat, frames: FrameSpan) -> MeshOutput {
+fn output(name: &str, format: MeshFormat, frames: FrameSpan) -> OutputFiles {
     let velocity = ["vx", "vy", "vz"].map(String::from).to_vec();
-    MeshOutput {
+    OutputFiles {
         kind: "mesh".into(),
         name: name.into(),
-        format,
+        format: format.extension().into(),
         pattern: format!("mesh/{name}_{{:04}}.{}", format.extension()),
         frames,
         attributes: match format {
             MeshFormat::Ply => BTreeMap::from([("velocity".into(), velocity)]),
             MeshFormat::Obj => BTreeMap::new(),
         },
+        grids: Vec::new(),
     }
 }
 

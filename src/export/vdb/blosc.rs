@@ -112,7 +112,8 @@ mod tests {
             })
             .collect();
         for compression in [Compression::Blosc, Compression::Zip] {
-            for (values, width) in [(&smooth, 4), (&smooth, 2), (&noise, 4), (&vec![0; 12], 4), (&vec![], 4)] {
+            for (values, width) in [(&smooth, 4), (&smooth, 2), (&noise, 4), (&vec![0; 12], 4), (&vec![], 4)]
+            {
                 let mut packed = Vec::new();
                 pack(values, width, compression, &mut packed);
                 assert_eq!(unpack(&packed, compression), *values);

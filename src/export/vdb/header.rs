@@ -1,6 +1,10 @@
 //! What stands before the values: the file's header, a descriptor, metadata and transform a grid.
 
-use super::{Class, Grid, VolumeParams, params::{Compression, Precision}, tree::Tree};
+use super::{
+    Class, Grid, VolumeParams,
+    params::{Compression, Precision},
+    tree::Tree,
+};
 use std::{fs::File, io::Read, path::Path};
 
 /// The first eight bytes.

@@ -3,8 +3,8 @@
 //! Only active values are stored. An inactive one is the background or minus it; a code tells which, and a mask where
 //! both occur.
 
-use super::{Grid, NodeMask, VolumeParams, blosc, is_set, params::Precision};
-use crate::grid::{BRICK, BRICK_NODES};
+use super::{Grid, VolumeParams, blosc, params::Precision};
+use crate::grid::{BRICK, BRICK_NODES, NodeMask, is_set};
 
 /// Codes for the inactive values of a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

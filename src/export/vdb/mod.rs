@@ -15,14 +15,11 @@ pub use params::{Compression, Precision, VolumeGrid, VolumeParams};
 use super::ExportError;
 use crate::{
     cache::write_atomically,
-    grid::{BRICK_NODES, Bricks, node_of},
+    grid::{BRICK_NODES, Bricks, NodeMask, is_set, node_of},
     math::Vec3,
     par,
 };
 use std::path::Path;
-
-/// One bit a node of a brick: the node at `place` has bit `place` % 64 of word `place` / 64.
-pub type NodeMask = [u64; 8];
 
 /// A grid of a volume file.
 #[derive(Clone, Copy, Debug)]
@@ -119,11 +116,6 @@ fn check(grid: &Grid, path: &Path, precision: Precision) -> Result<(), ExportErr
     };
     let what = format!("node {node:?} of grid `{}` is {value}, expected {what}", grid.name);
     Err(ExportError::Volume { path: path.to_owned(), what, next })
-}
-
-/// Whether the node at `place` is in a mask.
-fn is_set(mask: &NodeMask, place: usize) -> bool {
-    mask[place / 64] >> (place % 64) & 1 == 1
 }
 
 impl Class<'_> {

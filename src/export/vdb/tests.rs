@@ -1,7 +1,7 @@
 //! Files read back by `vdb-rs`, and the same files written out for OpenVDB to read: `tools/blender/tests/volumes.py` does that.
 
 use super::*;
-use crate::grid::{BRICK, SparseGrid, offset};
+use crate::grid::{BRICK, SparseGrid, mask_of, offset};
 use std::{collections::BTreeSet, fs};
 
 /// The folder that gets the files of [`every_case_reads_back`], if it is set; otherwise they are thrown away.
@@ -52,7 +52,10 @@ impl Case {
             .collect();
         let fog: Vec<f32> = nodes.iter().map(|&node| fog(node)).collect();
         let distance: Vec<f32> = nodes.iter().map(|&node| distance(node)).collect();
-        let velocity = fog.iter().zip(&nodes).map(|(v, n)| Vec3::new(v - 0.5, (n[1] % 100) as f32 / 7.0, -n[2] as f32 * 1e-6));
+        let velocity = fog
+            .iter()
+            .zip(&nodes)
+            .map(|(v, n)| Vec3::new(v - 0.5, (n[1] % 100) as f32 / 7.0, -n[2] as f32 * 1e-6));
         Self {
             name,
             voxel,
@@ -86,7 +89,8 @@ impl Case {
     /// nodes in leaves that are inactive and inside.
     fn describe(&self) -> serde_json::Value {
         let grids = self.grids().map(|grid| {
-            let nodes = |brick: usize| (0..BRICK_NODES).map(move |place| (place, brick * BRICK_NODES + place));
+            let nodes =
+                |brick: usize| (0..BRICK_NODES).map(move |place| (place, brick * BRICK_NODES + place));
             let (mut active, mut minus, mut leaves) = (Vec::new(), Vec::new(), Vec::new());
             let mut tiles = self.inside.clone();
             for (brick, &coord) in grid.bricks.coords().iter().enumerate() {
@@ -123,21 +127,14 @@ impl Case {
 }
 
 fn masks(values: &[f32], is_active: impl Fn(f32) -> bool) -> Vec<NodeMask> {
-    let mask = |values: &[f32]| {
-        let mut mask = [0; 8];
-        for place in (0..BRICK_NODES).filter(|&place| is_active(values[place])) {
-            mask[place / 64] |= 1 << (place % 64);
-        }
-        mask
-    };
-    values.chunks(BRICK_NODES).map(mask).collect()
+    values.chunks(BRICK_NODES).map(|values| mask_of(values, |&v| is_active(v))).collect()
 }
 
 /// Numbers in 0..1 that look random.
 fn noise(node: [i32; 3]) -> f32 {
-    let key = node.iter().fold(7_u64, |key, &v| {
-        (key ^ v as u32 as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
-    });
+    let key = node
+        .iter()
+        .fold(7_u64, |key, &v| (key ^ v as u32 as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29));
     (key >> 40) as f32 / (1 << 24) as f32
 }
 
@@ -243,7 +240,8 @@ fn read_back(case: &Case, path: &Path) {
 #[test]
 fn equal_grids_give_equal_bytes_on_any_number_of_threads() {
     for case in cases() {
-        let once = |threads| par::with_threads(threads, || encode(&case.grids(), &VolumeParams::default(), 1));
+        let once =
+            |threads| par::with_threads(threads, || encode(&case.grids(), &VolumeParams::default(), 1));
         let one = once(1);
         for threads in [2, 3, 8] {
             assert!(one == once(threads), "{} on {threads} threads", case.name);

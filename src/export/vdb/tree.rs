@@ -1,12 +1,12 @@
 //! The tree above the bricks: a root, nodes of 32³ places of 128³ voxels, nodes of 16³ places of 8³ voxels.
 
 use super::{
-    Class, Grid, VolumeParams, is_set,
+    Class, Grid, VolumeParams,
     leaf::{self, Inactive, mask_bytes, write_values},
     params::Precision,
 };
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, node_of},
+    grid::{BRICK, BRICK_NODES, Bricks, is_set, node_of},
     par,
 };
 
