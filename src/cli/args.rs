@@ -64,7 +64,7 @@ pub(super) enum Verb {
     Plan(PlanArgs),
     /// Measure on your own shot what accuracy costs, and name the setting to use
     Tradeoff(TradeoffArgs),
-    /// Turn a cache, or particle files of any solver, into surface meshes
+    /// Turn a cache, particle files of any solver, or level sets into surface meshes
     Mesh(MeshArgs),
     /// Turn a cache, or particle files of any solver, into OpenVDB volumes: fog, level set, velocity
     Volume(VolumeArgs),
@@ -247,7 +247,8 @@ pub(super) enum Tier {
 /// Arguments of `mesh`.
 #[derive(Debug, Args)]
 pub(super) struct MeshArgs {
-    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, BGEO): names, globs, or `frame_####.vtk`
+    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, BGEO): names, globs, or `frame_####.vtk`;
+    /// or OpenVDB level sets
     #[arg(required = true, value_name = "CACHE|FILES")]
     pub(super) inputs: Vec<String>,
 

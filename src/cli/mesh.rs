@@ -7,7 +7,7 @@ use crate::{
     run::{self, Control, FileSettings, Product, RunError, ShotFolder, Surfaced},
     scene::{self, Overrides, Scene},
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Meshes a cache, or particle files of any solver.
 pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
@@ -66,6 +66,9 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
 
 fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     let files = import::expand(&args.inputs)?;
+    if files.iter().any(|file| is_volume(file)) {
+        return level_sets(args, &files, control);
+    }
     let Some(spacing) = args.spacing else {
         return Err(RunError::Request(
             "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
@@ -93,6 +96,41 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
         run::refuse_files_over_memory(Product::Meshes, &files, settings.params.voxel, allowed)?;
     }
     run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
+}
+
+/// Whether a file is an OpenVDB volume, by its name.
+fn is_volume(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"))
+}
+
+/// Meshes level sets, which are surfaces already.
+fn level_sets(args: &MeshArgs, files: &[PathBuf], control: Control) -> Result<Surfaced, RunError> {
+    if let Some(other) = files.iter().find(|file| !is_volume(file)) {
+        return Err(RunError::Request(format!(
+            "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
+            other.display()
+        )));
+    }
+    let for_particles = [
+        ("--spacing", args.spacing.is_some()),
+        ("--voxel", args.voxel.is_some()),
+        ("--set", !args.set.is_empty()),
+        ("--frames", args.frames.is_some()),
+        ("--max-memory", args.max_memory.is_some()),
+    ];
+    if let Some((flag, _)) = for_particles.iter().find(|(_, given)| *given) {
+        return Err(RunError::Request(format!(
+            "{flag} is for particles; a level set has its grid. Leave it out"
+        )));
+    }
+    let Some(output) = &args.output else {
+        return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
+    };
+    let fps = args.fps.unwrap_or(DEFAULT_FPS);
+    if !(fps.is_finite() && fps > 0.0) {
+        return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
+    }
+    run::mesh_level_sets(files, &ShotFolder::new(output), fps, &args.format, control)
 }
 
 /// Frames a second of particle files, if nothing is said.

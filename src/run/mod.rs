@@ -6,6 +6,7 @@
 mod error;
 mod folder;
 mod info;
+mod level_sets;
 mod log;
 mod manifest;
 mod plan;
@@ -23,6 +24,7 @@ mod volume_grids;
 pub use error::{FailedFrame, Failure, RunError};
 pub use folder::ShotFolder;
 pub use info::{FrameState, Info, OutputInfo, info};
+pub use level_sets::mesh_level_sets;
 pub use manifest::{FrameSpan, Manifest, OutputFiles};
 pub use plan::{
     Outline, Plan, Product, outline, plan, refuse_cache_over_memory, refuse_files_over_memory,

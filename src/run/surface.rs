@@ -5,7 +5,7 @@ use crate::{
     cache::{self, Lock},
     export::MeshFormat,
     frame::{FrameIndex, Stream},
-    mesh::{self, Surface, SurfaceError, SurfaceParams},
+    mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams},
     scene::Frames,
 };
 use std::{collections::BTreeMap, path::PathBuf};
@@ -174,18 +174,10 @@ impl<'a> Writer<'a> {
     ) -> Result<(), RunError> {
         let version = mesh::SURFACE_VERSION;
         let key = xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes());
-        let target = |format: MeshFormat| {
-            self.out.meshes().join(format!("{}_{index}.{}", stream.name, format.extension()))
-        };
-        let missing: Vec<(MeshFormat, PathBuf)> = self
-            .formats
-            .iter()
-            .map(|&format| (format, target(format)))
-            .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
-            .collect();
+        let missing = self.missing(&stream.name, index, key);
         if missing.is_empty() {
             self.done.kept += 1;
-            self.remember(stream, index);
+            self.remember(&stream.name, index);
             return Ok(());
         }
         let keep_going = || !(control.interrupted)();
@@ -197,14 +189,49 @@ impl<'a> Writer<'a> {
                 return Ok(());
             }
         };
-        for (format, path) in missing {
-            self.done.bytes += format.write(&surface.mesh, &path, key)?;
-        }
-        self.remember(stream, index);
-        self.done.meshed += 1;
-        self.done.triangles += surface.mesh.triangles.len() as u64;
+        self.store(&stream.name, index, &surface.mesh, missing, key)?;
         control.reporter.frame(&figures(index, &surface));
-        if let Some(fault) = surface.check.first_fault {
+        self.complain(index, &surface.check);
+        Ok(())
+    }
+
+    /// The formats and files of a frame that are not there, or were made from something else than `key`.
+    fn missing(&self, name: &str, index: FrameIndex, key: u64) -> Vec<(MeshFormat, PathBuf)> {
+        let target =
+            |format: MeshFormat| self.out.meshes().join(format!("{name}_{index}.{}", format.extension()));
+        self.formats
+            .iter()
+            .map(|&format| (format, target(format)))
+            .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
+            .collect()
+    }
+
+    /// Writes the mesh of one frame that came from elsewhere in every format.
+    pub(super) fn put(&mut self, name: &str, index: FrameIndex, mesh: &Mesh) -> Result<(), RunError> {
+        let targets = self.missing(name, index, 0);
+        self.store(name, index, mesh, targets, 0)
+    }
+
+    fn store(
+        &mut self,
+        name: &str,
+        index: FrameIndex,
+        mesh: &Mesh,
+        targets: Vec<(MeshFormat, PathBuf)>,
+        key: u64,
+    ) -> Result<(), RunError> {
+        for (format, path) in targets {
+            self.done.bytes += format.write(mesh, &path, key)?;
+        }
+        self.remember(name, index);
+        self.done.meshed += 1;
+        self.done.triangles += mesh.triangles.len() as u64;
+        Ok(())
+    }
+
+    /// Remembers a mesh that is not what it should be; it is written all the same.
+    pub(super) fn complain(&mut self, index: FrameIndex, check: &MeshCheck) {
+        if let Some(fault) = check.first_fault {
             let why = format!(
                 "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
                  please report this with the frame",
@@ -212,12 +239,11 @@ impl<'a> Writer<'a> {
             );
             self.fail(format!("frame {index}"), why, Failure::Other);
         }
-        Ok(())
     }
 
     /// Remembers that the frame has its files.
-    fn remember(&mut self, stream: &Stream, index: FrameIndex) {
-        self.written.entry(stream.name.clone()).or_default().push(index.0);
+    fn remember(&mut self, name: &str, index: FrameIndex) {
+        self.written.entry(name.to_owned()).or_default().push(index.0);
     }
 
     /// Names in the manifest what was written, however the job ended, and says how it went. `frames` ascend.

@@ -7,3 +7,4 @@ mod sdf;
 mod solidify;
 mod solids;
 mod surface_field;
+mod volumes;

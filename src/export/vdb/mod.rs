@@ -61,9 +61,13 @@ pub enum Class<'a> {
 /// grid and node.
 ///
 /// # Panics
-/// If a grid has not as many masks and values as bricks, or lists one of its bricks as inside.
+/// If a grid has not as many masks and values as bricks, or lists one of its bricks as inside, or if two share a name.
 pub fn write(grids: &[Grid], path: &Path, params: &VolumeParams, key: u64) -> Result<u64, ExportError> {
-    for grid in grids {
+    for (place, grid) in grids.iter().enumerate() {
+        assert!(
+            grids[..place].iter().all(|other| other.name != grid.name),
+            "every grid has a name of its own"
+        );
         check(grid, path, params.precision)?;
     }
     let bytes = encode(grids, params, key);

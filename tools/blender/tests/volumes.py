@@ -7,10 +7,14 @@
 The test writes each case in every precision and compression, and `CASE.json` with what went in. OpenVDB is the module
 in bpy, or `openvdb` or `pyopenvdb` of the system. Compared for each grid: type, class, precision, vector type,
 background, transform and metadata; every active node and its value, bit for bit; the leaves, the tiles that are
-inside and all other inactive values. The last line is `N grids equal`; the exit code is 1 if any is not.
+inside and all other inactive values. With MENISCUS set to the binary, a sphere that OpenVDB wrote is meshed. The last line is `N grids equal`; the exit code is 1 if any is not.
 """
 
 import json
+import math
+import os
+import re
+import subprocess
 import sys
 from itertools import product
 from pathlib import Path
@@ -116,6 +120,21 @@ def compare_tree(grid, wanted, half):
     expect(seen <= leaves, "inactive nodes are in leaves")
 
 
+def check_import(openvdb, folder, meniscus):
+    """A sphere that OpenVDB writes becomes a closed mesh of the right volume; returns what is wrong."""
+    sphere = openvdb.createLevelSetSphere(1.5, (0.25, -0.5, 1.0), 0.1, 3.0)
+    sphere.name = "ball"
+    path = folder / "sphere.vdb"
+    openvdb.write(str(path), grids=[sphere])
+    command = [meniscus, "mesh", str(path), "-o", str(folder / "meshed"), "--progress", "plain"]
+    run = subprocess.run(command, capture_output=True, encoding="utf-8")
+    figures = re.search(r"volume ([0-9.]+) m³  1 pieces", run.stderr)
+    exact = 4.0 / 3.0 * math.pi * 1.5**3
+    if run.returncode != 0 or not figures or abs(float(figures[1]) / exact - 1.0) > 0.005:
+        return f"exit code {run.returncode}, volume of {exact:.4f} m³ expected: {run.stderr}"
+    return ""
+
+
 def main():
     openvdb = load_openvdb()
     folder = Path(sys.argv[1])
@@ -139,6 +158,10 @@ def main():
                 print(f"FAIL {file.name}, {grid.name}: {why}", flush=True)
         # Grids outlive their file otherwise, and the module complains about that at exit.
         del grids, grid
+    if meniscus := os.environ.get("MENISCUS"):
+        wrong = check_import(openvdb, folder, meniscus)
+        failed += bool(wrong)
+        print(f"FAIL a level set of OpenVDB: {wrong}" if wrong else "a level set of OpenVDB is meshed", flush=True)
     version = ".".join(map(str, openvdb.LIBRARY_VERSION))
     print(f"OpenVDB {version}: {failed} grids differ")
     print(f"{equal} grids equal", flush=True)
