@@ -51,18 +51,23 @@ fn mesh_each(
                 let (mesh, cut) = contour(&level_set);
                 let check = mesh::check(&mesh);
                 writer.put(NAME, index, &mesh)?;
-                let mut figures = format!(
+                let figures = format!(
                     "frame {index}  {} triangles  volume {:.4} m³  {} pieces  of the grid {}",
                     mesh.triangles.len(),
                     check.volume,
                     check.components,
                     level_set.name
                 );
-                if cut > 0 {
-                    figures += &format!("  {cut} cells cut off where the grid ends");
-                }
                 control.reporter.frame(&figures);
-                writer.complain(index, &check);
+                if cut > 0 {
+                    let why = format!(
+                        "the mesh is written, but it is open: {cut} cells of the level set cross its surface and lack \
+                         nodes; save it with a band of at least two voxels"
+                    );
+                    writer.fail(file.display().to_string(), why, Failure::Other);
+                } else {
+                    writer.complain(index, &check);
+                }
             }
             Err(why) if files.len() == 1 => return Err(why.into()),
             Err(why) => writer.fail(file.display().to_string(), why.to_string(), Failure::Other),
