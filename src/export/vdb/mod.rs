@@ -108,7 +108,7 @@ fn check(grid: &Grid, path: &Path, precision: Precision) -> Result<(), ExportErr
             .filter(|&(brick, place)| is_set(&grid.active[brick], place))
             .find_map(|(brick, place)| {
                 let mut parts = grid.class.components(brick * BRICK_NODES + place).into_iter().flatten();
-                let fault = parts.find(|part| !(part.abs() <= most))?;
+                let fault = parts.find(|part| part.abs() > most || part.is_nan())?;
                 Some((node_of(grid.bricks.coords()[brick], place), fault))
             })
     });
