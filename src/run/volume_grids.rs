@@ -80,7 +80,9 @@ impl VolumeGrids {
             found
         });
         go_on()?;
-        stats.over_one = cap(&mut field.grid.values);
+        if wanted.contains(&VolumeGrid::Density) {
+            stats.over_one = cap(&mut field.grid.values);
+        }
         let SparseGrid { voxel, bricks, values } = field.grid;
         let fog = wanted.contains(&VolumeGrid::Density).then_some((values, is_dense));
         Ok(Self { voxel, bricks, fog, surface, velocity, stats })

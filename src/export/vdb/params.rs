@@ -31,7 +31,7 @@ pub enum Compression {
     /// Blosc with LZ4: fast to write and read.
     #[default]
     Blosc,
-    /// zlib: smaller and slower.
+    /// zlib: slower, and a little smaller in half floats only.
     Zip,
     /// As they are: for readers that know neither.
     None,
