@@ -4,10 +4,10 @@ use super::{args::MeshArgs, print};
 use crate::{
     import,
     mesh::SurfaceParams,
-    run::{self, Control, FileSettings, RunError, ShotFolder, Surfaced},
+    run::{self, Control, FileSettings, Product, RunError, ShotFolder, Surfaced},
     scene::{self, Overrides, Scene},
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Meshes a cache, or particle files of any solver.
 pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
@@ -19,7 +19,7 @@ pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
 }
 
 /// Whether an input is a folder, or means one that is not there: particle files have an extension.
-fn is_folder(input: &str) -> bool {
+pub(super) fn is_folder(input: &str) -> bool {
     let path = Path::new(input);
     path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#'])
 }
@@ -60,13 +60,16 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
         surface_alone(args)?
     };
     if let Some(allowed) = args.max_memory {
-        run::refuse_mesh_over_memory(&source, args.frames.as_ref(), params.voxel, allowed)?;
+        run::refuse_cache_over_memory(Product::Meshes, &source, args.frames.as_ref(), params.voxel, allowed)?;
     }
     run::surface_cache(&source, &out, &params, &args.format, args.frames.as_ref(), args.force, control)
 }
 
 fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     let files = import::expand(&args.inputs)?;
+    if files.iter().any(|file| is_volume(file)) {
+        return level_sets(args, &files, control);
+    }
     let Some(spacing) = args.spacing else {
         return Err(RunError::Request(
             "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
@@ -91,13 +94,48 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     }
     let settings = FileSettings { spacing, params: surface_alone(args)?, fps };
     if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(&files, settings.params.voxel, allowed)?;
+        run::refuse_files_over_memory(Product::Meshes, &files, settings.params.voxel, allowed)?;
     }
     run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
 }
 
+/// Whether a file is an OpenVDB volume, by its name.
+fn is_volume(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"))
+}
+
+/// Meshes level sets, which are surfaces already.
+fn level_sets(args: &MeshArgs, files: &[PathBuf], control: Control) -> Result<Surfaced, RunError> {
+    if let Some(other) = files.iter().find(|file| !is_volume(file)) {
+        return Err(RunError::Request(format!(
+            "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
+            other.display()
+        )));
+    }
+    let for_particles = [
+        ("--spacing", args.spacing.is_some()),
+        ("--voxel", args.voxel.is_some()),
+        ("--set", !args.set.is_empty()),
+        ("--frames", args.frames.is_some()),
+        ("--max-memory", args.max_memory.is_some()),
+    ];
+    if let Some((flag, _)) = for_particles.iter().find(|(_, given)| *given) {
+        return Err(RunError::Request(format!(
+            "{flag} is for particles; a level set has its grid. Leave it out"
+        )));
+    }
+    let Some(output) = &args.output else {
+        return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
+    };
+    let fps = args.fps.unwrap_or(DEFAULT_FPS);
+    if !(fps.is_finite() && fps > 0.0) {
+        return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
+    }
+    run::mesh_level_sets(files, &ShotFolder::new(output), fps, &args.format, control)
+}
+
 /// Frames a second of particle files, if nothing is said.
-const DEFAULT_FPS: f64 = 24.0;
+pub(super) const DEFAULT_FPS: f64 = 24.0;
 
 /// The settings given on the command line, for a source without a preset.
 fn surface_alone(args: &MeshArgs) -> Result<SurfaceParams, RunError> {

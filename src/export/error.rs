@@ -28,6 +28,16 @@ pub enum ExportError {
         /// The next step to take.
         next: &'static str,
     },
+    /// A grid has a value that the file cannot hold.
+    #[error("{}: cannot write: {what}; {next}", path.display())]
+    Volume {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        what: String,
+        /// The next step to take.
+        next: &'static str,
+    },
 }
 
 impl ExportError {

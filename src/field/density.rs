@@ -153,7 +153,7 @@ fn splat(p: [f32; 3], w: f32, reach: f32, values: &mut [f32; BRICK_NODES]) {
 
 /// The range of rows 0..8 closer than `reach` to `p`.
 #[inline]
-fn rows(p: f32, reach: f32) -> (usize, usize) {
+pub(super) fn rows(p: f32, reach: f32) -> (usize, usize) {
     let first = (p - reach).ceil().max(0.0) as usize;
     let last = (p + reach).floor().clamp(-1.0, (BRICK - 1) as f32) as i32;
     (first, (last + 1) as usize)

@@ -1,11 +1,13 @@
 //! Fields on grids from particles.
 //!
 //! [`density`] turns particles into a smooth dimensionless density on sparse bricks; its level set at
-//! [`Density::threshold`] is the surface of the liquid.
+//! [`Density::threshold`] is the surface of the liquid. [`velocity`] carries the particles' velocities to the same bricks.
 
 mod bins;
 mod density;
 mod threshold;
+mod velocity;
 
 pub use density::{Density, DensityParams, density};
 pub use threshold::surface_threshold;
+pub use velocity::{Velocity, velocity};

@@ -19,6 +19,9 @@ pub const MAX_BRICK: i32 = 1 << 27;
 /// The offsets to a brick's six face neighbours: −x, +x, −y, +y, −z, +z.
 pub const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
+/// One bit a node of a brick: the node at `place` has bit `place` % 64 of word `place` / 64.
+pub type NodeMask = [u64; BRICK_NODES / 64];
+
 /// Which bricks exist, in ascending (z, y, x) order: the layout does not depend on how it was built.
 #[derive(Clone, Debug, Default)]
 pub struct Bricks {
@@ -192,6 +195,20 @@ pub fn node_of(coord: [i32; 3], place: usize) -> [i32; 3] {
     std::array::from_fn(|axis| coord[axis] * BRICK as i32 + local[axis] as i32)
 }
 
+/// Whether the node at `place` (0..512) is in a mask.
+pub fn is_set(mask: &NodeMask, place: usize) -> bool {
+    mask[place / 64] >> (place % 64) & 1 == 1
+}
+
+/// The mask of the nodes whose value, of 512, `belongs`.
+pub fn mask_of<T>(values: &[T], belongs: impl Fn(&T) -> bool) -> NodeMask {
+    let mut mask = [0; BRICK_NODES / 64];
+    for (word, values) in mask.iter_mut().zip(values.chunks(64)) {
+        *word = values.iter().rev().fold(0, |word, value| word << 1 | u64::from(belongs(value)));
+    }
+    mask
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -239,6 +256,13 @@ mod tests {
             assert!((grid.trilinear(x) - (x.x + 10.0 * x.y - 3.0 * x.z)).abs() < 1e-4, "{x}");
         }
         assert_eq!(grid.trilinear(Vec3::new(1e9, 0.0, f32::MAX)), 0.0);
+    }
+
+    #[test]
+    fn masks_hold_the_nodes_that_belong() {
+        let values: Vec<usize> = (0..BRICK_NODES).collect();
+        let mask = mask_of(&values, |v| v % 7 == 3);
+        assert!(values.iter().all(|&place| is_set(&mask, place) == (place % 7 == 3)));
     }
 
     #[test]

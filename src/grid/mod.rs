@@ -3,5 +3,7 @@
 mod bricks;
 mod dense;
 
-pub use bricks::{BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, SparseGrid, node_of, offset};
+pub use bricks::{
+    BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, is_set, mask_of, node_of, offset,
+};
 pub use dense::DenseGrid;

@@ -1,4 +1,5 @@
-//! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids ([`parse_triangles`]).
+//! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids ([`parse_triangles`]);
+//! level sets of OpenVDB files ([`read_level_set`]).
 //!
 //! [`read_particles`] reads PLY, XYZ, legacy VTK and classic BGEO by the file's extension and refuses a file
 //! whose content is something else; [`expand`] turns the patterns of a command line into a sorted sequence of
@@ -11,6 +12,7 @@ mod expand;
 mod gather;
 mod ply;
 mod triangles;
+mod vdb;
 mod vtk;
 mod xyz;
 
@@ -20,6 +22,7 @@ mod tests;
 pub use error::ImportError;
 pub use expand::expand;
 pub use triangles::parse_triangles;
+pub use vdb::{LevelSet, read_level_set};
 
 use crate::frame::Stream;
 use std::path::Path;

@@ -19,7 +19,7 @@ pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use normals::{normals_from_distance, normals_from_faces};
 pub use params::{ComponentParams, DecimationParams, SmoothingParams, SurfaceParams};
 pub use pieces::{ComponentStats, Points, remove_small};
-pub use reconstruct::{Surface, SurfaceError, SurfaceStats, reconstruct};
+pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
 pub use smooth::{SmoothingStats, depth_weights, smooth};
 pub use transfer::{carried, interpolate_vec3, transfer};
 

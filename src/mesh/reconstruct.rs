@@ -195,7 +195,10 @@ pub fn reconstruct(
 }
 
 /// The positions of the particles, all finite.
-fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
+///
+/// # Errors
+/// [`SurfaceError::NoPositions`] or [`SurfaceError::NotFinite`].
+pub fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
     let positions = particles.vec3("position").ok_or(SurfaceError::NoPositions)?;
     match positions.iter().position(|x| !x.iter().all(|x| x.is_finite())) {
         Some(particle) => Err(SurfaceError::NotFinite { particle }),

@@ -4,7 +4,7 @@ use super::RunError;
 use crate::cache::write_atomically;
 use std::path::{Path, PathBuf};
 
-/// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, `mesh/`.
+/// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, `mesh/`, `volume/`.
 #[derive(Clone, Debug)]
 pub struct ShotFolder {
     root: PathBuf,
@@ -38,6 +38,11 @@ impl ShotFolder {
     /// The folder of the meshes.
     pub fn meshes(&self) -> PathBuf {
         self.root.join("mesh")
+    }
+
+    /// The folder of the volumes.
+    pub fn volumes(&self) -> PathBuf {
+        self.root.join("volume")
     }
 
     /// The folder of the sampled meshes.

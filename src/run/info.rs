@@ -120,7 +120,7 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         OutputInfo {
             kind: output.kind.clone(),
             name: output.name.clone(),
-            format: output.format.extension().into(),
+            format: output.format.clone(),
             pattern: output.pattern.clone(),
             present,
             missing: output.frames.numbers().count() - present,

@@ -1,6 +1,6 @@
 //! What happened and should not go unseen, in words.
 
-use super::RunError;
+use super::{RunError, volume_grids::VolumeStats};
 use crate::{mesh::SurfaceError, mesh::SurfaceStats, sim::FrameRecord, sim::SeedReport};
 
 /// What seeding had to leave out.
@@ -48,6 +48,16 @@ pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
         (stats.contour.cut_cells as u64, "cells cut off by missing bricks"),
         (stats.normals_from_faces as u64, "normals from faces"),
         (stats.attributes_from_nearest as u64, "attributes from the nearest particle"),
+    ])
+}
+
+/// The places where a volume departs from its particles.
+pub(super) fn of_volume(stats: &VolumeStats) -> Vec<String> {
+    counted(&[
+        (stats.too_far as u64, "particles too far from the origin, left out"),
+        (stats.unseen as u64, "particles between grid nodes, not seen (voxel)"),
+        (stats.over_one as u64, "nodes denser than filled space, held to 1"),
+        (stats.without_velocity as u64, "nodes of the density without a velocity"),
     ])
 }
 

@@ -1,14 +1,14 @@
 //! The job that turns cached frames into meshes.
 
 use super::{
-    Control, FailedFrame, Failure, FrameSpan, Jump, Manifest, MeshOutput, MeshRecord, RunError, ShotFolder,
+    Control, FailedFrame, Failure, FrameSpan, Jump, Manifest, MeshRecord, OutputFiles, RunError, ShotFolder,
     mesh_log, remarks,
 };
 use crate::{
     cache::{self, Lock},
     export::{self, MeshFormat},
     frame::{FrameIndex, Stream},
-    mesh::{self, Surface, SurfaceError, SurfaceParams},
+    mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams},
     scene::Frames,
 };
 use std::{collections::BTreeMap, path::PathBuf};
@@ -61,7 +61,7 @@ pub fn surface_cache(
 }
 
 /// Frames a second of a cache that does not say.
-const DEFAULT_FPS: f64 = 24.0;
+pub(super) const DEFAULT_FPS: f64 = 24.0;
 
 /// Meshes every stream of the frames.
 fn surface_frames(
@@ -107,7 +107,7 @@ fn surface_frames(
 }
 
 /// The asked-for frames and where they are; all that are present if nothing was asked.
-fn choose(
+pub(super) fn choose(
     present: &[(FrameIndex, PathBuf)],
     selection: Option<&Frames>,
 ) -> Vec<(FrameIndex, Option<PathBuf>)> {
@@ -123,8 +123,8 @@ fn choose(
     }
 }
 
-/// Identifies the simulated state that a mesh was made from.
-fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
+/// Identifies the simulated state that a mesh or volume was made from.
+pub(super) fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
     xxh3_64(format!("{simulation:016x} {index} {stream}").as_bytes())
 }
 
@@ -181,23 +181,16 @@ impl<'a> Writer<'a> {
     ) -> Result<(), RunError> {
         let version = mesh::SURFACE_VERSION;
         let key = xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes());
-        let target = |format: MeshFormat| {
-            self.out.meshes().join(format!("{}_{index}.{}", stream.name, format.extension()))
-        };
-        let missing: Vec<(MeshFormat, PathBuf)> = self
-            .formats
-            .iter()
-            .map(|&format| (format, target(format)))
-            .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
-            .collect();
+        let missing = self.missing(&stream.name, index, key);
         let points = self
             .params
             .components
             .map(|_| self.out.meshes().join(format!("{}{POINTS}_{index}.ply", stream.name)))
             .filter(|path| self.force || MeshFormat::Ply.key_in(path) != Some(key));
+        self.carry(stream);
         if missing.is_empty() && points.is_none() {
             self.done.kept += 1;
-            self.remember(stream, index);
+            self.remember(&stream.name, index);
             return Ok(());
         }
         let keep_going = || !(control.interrupted)();
@@ -209,18 +202,53 @@ impl<'a> Writer<'a> {
                 return Ok(());
             }
         };
-        for (format, path) in missing {
-            self.done.bytes += format.write(&surface.mesh, &path, key)?;
-        }
         if let (Some(path), Some(points)) = (points, &surface.points) {
             self.done.bytes += export::ply::write_points(points, &path, key)?;
         }
+        self.store(&stream.name, index, &surface.mesh, missing, key)?;
         mesh_log::append(self.out, &MeshRecord::of(&stream.name, index, key, &surface), &surface.stats)?;
-        self.remember(stream, index);
-        self.done.meshed += 1;
-        self.done.triangles += surface.mesh.triangles.len() as u64;
         control.reporter.frame(&figures(index, &surface));
-        if let Some(fault) = surface.check.first_fault {
+        self.complain(index, &surface.check);
+        Ok(())
+    }
+
+    /// The formats and files of a frame that are not there, or were made from something else than `key`.
+    fn missing(&self, name: &str, index: FrameIndex, key: u64) -> Vec<(MeshFormat, PathBuf)> {
+        let target =
+            |format: MeshFormat| self.out.meshes().join(format!("{name}_{index}.{}", format.extension()));
+        self.formats
+            .iter()
+            .map(|&format| (format, target(format)))
+            .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
+            .collect()
+    }
+
+    /// Writes the mesh of one frame that came from elsewhere in every format.
+    pub(super) fn put(&mut self, name: &str, index: FrameIndex, mesh: &Mesh) -> Result<(), RunError> {
+        let targets = self.missing(name, index, 0);
+        self.store(name, index, mesh, targets, 0)
+    }
+
+    fn store(
+        &mut self,
+        name: &str,
+        index: FrameIndex,
+        mesh: &Mesh,
+        targets: Vec<(MeshFormat, PathBuf)>,
+        key: u64,
+    ) -> Result<(), RunError> {
+        for (format, path) in targets {
+            self.done.bytes += format.write(mesh, &path, key)?;
+        }
+        self.remember(name, index);
+        self.done.meshed += 1;
+        self.done.triangles += mesh.triangles.len() as u64;
+        Ok(())
+    }
+
+    /// Remembers a mesh that is not what it should be; it is written all the same.
+    pub(super) fn complain(&mut self, index: FrameIndex, check: &MeshCheck) {
+        if let Some(fault) = check.first_fault {
             let why = format!(
                 "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
                  please report this with the frame",
@@ -228,12 +256,15 @@ impl<'a> Writer<'a> {
             );
             self.fail(format!("frame {index}"), why, Failure::Other);
         }
-        Ok(())
     }
 
     /// Remembers that the frame has its files.
-    fn remember(&mut self, stream: &Stream, index: FrameIndex) {
-        self.written.entry(stream.name.clone()).or_default().push(index.0);
+    fn remember(&mut self, name: &str, index: FrameIndex) {
+        self.written.entry(name.to_owned()).or_default().push(index.0);
+    }
+
+    /// Remembers which attributes the meshes of a stream carry.
+    fn carry(&mut self, stream: &Stream) {
         let properties = mesh::carried(stream, self.params.attributes.as_deref())
             .into_iter()
             .map(|(name, is_vector)| (name.clone(), export::property_names(&name, is_vector)));
@@ -293,17 +324,18 @@ fn output(
     format: MeshFormat,
     frames: FrameSpan,
     attributes: &BTreeMap<String, Vec<String>>,
-) -> MeshOutput {
-    MeshOutput {
+) -> OutputFiles {
+    OutputFiles {
         kind: kind.into(),
         name: name.into(),
-        format,
+        format: format.extension().into(),
         pattern: format!("mesh/{name}_{{:04}}.{}", format.extension()),
         frames,
         attributes: match format {
             MeshFormat::Ply => attributes.clone(),
             MeshFormat::Obj => BTreeMap::new(),
         },
+        grids: Vec::new(),
     }
 }
 

@@ -100,7 +100,7 @@ pub(super) fn numbers(files: &[PathBuf]) -> Vec<u32> {
     }
 }
 
-fn stem(path: &Path) -> &str {
+pub(super) fn stem(path: &Path) -> &str {
     path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("")
 }
 

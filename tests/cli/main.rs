@@ -8,6 +8,7 @@ mod resume;
 mod shot;
 mod solids;
 mod tradeoff;
+mod volumes;
 
 use assert_cmd::Command;
 use std::{

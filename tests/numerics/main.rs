@@ -9,3 +9,4 @@ mod sdf;
 mod solidify;
 mod solids;
 mod surface_field;
+mod volumes;

@@ -113,7 +113,7 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
     let bricks = memory::bricks_at_most(particles, scene.surface.voxel);
     Ok(Outline {
         particles,
-        passes: passes(&simulation, formats(scene, with_outputs)),
+        passes: passes(&simulation, scene, with_outputs),
         memory: peak_memory(scene, particles, bricks, with_outputs),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
@@ -138,12 +138,22 @@ pub fn refuse_over_memory(
     Ok(())
 }
 
-/// Refuses to mesh a cache whose largest frame needs more than `allowed` bytes.
+/// What is made of particles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Product {
+    /// Surface meshes.
+    Meshes,
+    /// Volume files.
+    Volumes,
+}
+
+/// Refuses to mesh a cache, or make volumes of it, if its largest frame needs more than `allowed` bytes.
 ///
 /// # Errors
-/// [`RunError::OverMemory`], or a cache that cannot be listed. Frames that cannot be read are passed over: meshing
+/// [`RunError::OverMemory`], or a cache that cannot be listed. Frames that cannot be read are passed over: the job
 /// names them.
-pub fn refuse_mesh_over_memory(
+pub fn refuse_cache_over_memory(
+    product: Product,
     source: &ShotFolder,
     selection: Option<&Frames>,
     voxel: f32,
@@ -153,24 +163,33 @@ pub fn refuse_mesh_over_memory(
     let wanted = present.iter().filter(|(index, _)| selection.is_none_or(|asked| asked.contains(*index)));
     let sizes = wanted.filter_map(|(_, path)| cache::read_header(path).ok());
     let most = sizes.flat_map(|info| info.streams.into_iter().map(|stream| stream.len)).max().unwrap_or(0);
-    refuse_particles(most as usize, voxel, allowed)
+    refuse_particles(product, most as usize, voxel, allowed)
 }
 
-/// Refuses to mesh particle files if the largest of them needs more than `allowed` bytes.
+/// Refuses to mesh particle files, or make volumes of them, if the largest needs more than `allowed` bytes.
 ///
 /// # Errors
-/// [`RunError::OverMemory`]. A file that cannot be read is passed over: meshing names it.
-pub fn refuse_files_over_memory(files: &[PathBuf], voxel: f32, allowed: u64) -> Result<(), RunError> {
+/// [`RunError::OverMemory`]. A file that cannot be read is passed over: the job names it.
+pub fn refuse_files_over_memory(
+    product: Product,
+    files: &[PathBuf],
+    voxel: f32,
+    allowed: u64,
+) -> Result<(), RunError> {
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
     let largest = files.iter().max_by_key(|path| size(path));
     match largest.map(|path| import::read_particles(path)) {
-        Some(Ok(imported)) => refuse_particles(imported.stream.len(), voxel, allowed),
+        Some(Ok(imported)) => refuse_particles(product, imported.stream.len(), voxel, allowed),
         _ => Ok(()),
     }
 }
 
-fn refuse_particles(particles: usize, voxel: f32, allowed: u64) -> Result<(), RunError> {
-    let needed = memory::surface(particles, memory::bricks_at_most(particles, voxel));
+fn refuse_particles(product: Product, particles: usize, voxel: f32, allowed: u64) -> Result<(), RunError> {
+    let bricks = memory::bricks_at_most(particles, voxel);
+    let needed = match product {
+        Product::Meshes => memory::surface(particles, bricks),
+        Product::Volumes => memory::volume(particles, bricks),
+    };
     if needed > allowed { Err(RunError::OverMemory { needed, allowed }) } else { Ok(()) }
 }
 
@@ -201,7 +220,7 @@ fn plan_within(
     let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
     let particles = simulation.seeded().particles as usize;
     let formats = formats(scene, with_outputs);
-    let passes = passes(&simulation, formats);
+    let passes = passes(&simulation, scene, with_outputs);
     let mut told = remarks::of_seeding(&simulation.seeded());
 
     // Two coarse pilots of all frames; then it is known whether the memory suffices.
@@ -210,6 +229,9 @@ fn plan_within(
     let far = pilot_at(scene, selection, formats, near.factor * PILOT_RATIO, control)?;
     control.reporter.progress(2.0);
     told.extend(near.cut.iter().chain(&far.cut).cloned());
+    if with_volumes(scene, with_outputs) {
+        told.push("time and disk are without the volumes, which come on top; their memory is counted".into());
+    }
     let job = Job {
         liquid: scene.liquid.as_ref().ok_or(SetupError::NoSystem)?,
         particles,
@@ -282,14 +304,17 @@ fn pilot_at(
     }
 }
 
-/// The model's peak of simulating and, after it, surfacing.
+/// The model's peak of simulating and, after it, meshing and making volumes.
 fn peak_memory(scene: &Scene, particles: usize, bricks: f64, with_outputs: bool) -> u64 {
     let kernel_radius = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.kernel_radius);
-    let simulating = memory::simulation(particles, kernel_radius);
-    match formats(scene, with_outputs) {
-        [] => simulating,
-        _ => simulating.max(memory::surface(particles, bricks)),
+    let mut peak = memory::simulation(particles, kernel_radius);
+    if !formats(scene, with_outputs).is_empty() {
+        peak = peak.max(memory::surface(particles, bricks));
     }
+    if with_volumes(scene, with_outputs) {
+        peak = peak.max(memory::volume(particles, bricks));
+    }
+    peak
 }
 
 /// What is written beside the cache.
@@ -297,9 +322,15 @@ fn formats(scene: &Scene, with_outputs: bool) -> &[MeshFormat] {
     if with_outputs { &scene.output.mesh } else { &[] }
 }
 
-fn passes(simulation: &Simulation, formats: &[MeshFormat]) -> Vec<String> {
-    let surface = (!formats.is_empty()).then_some("surface");
-    simulation.passes().into_iter().chain(surface).map(String::from).collect()
+/// Whether volumes are written beside the cache.
+fn with_volumes(scene: &Scene, with_outputs: bool) -> bool {
+    with_outputs && !scene.output.volume.is_empty()
+}
+
+fn passes(simulation: &Simulation, scene: &Scene, with_outputs: bool) -> Vec<String> {
+    let surface = (!formats(scene, with_outputs).is_empty()).then_some("surface");
+    let volume = with_volumes(scene, with_outputs).then_some("volume");
+    simulation.passes().into_iter().chain(surface).chain(volume).map(String::from).collect()
 }
 
 /// How far the forecasts of the two pilots are apart, and at least [`LEAST_UNCERTAINTY`].
