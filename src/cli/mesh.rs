@@ -4,7 +4,7 @@ use super::{args::MeshArgs, print};
 use crate::{
     import,
     mesh::SurfaceParams,
-    run::{self, Control, FileSettings, RunError, ShotFolder, Surfaced},
+    run::{self, Control, FileSettings, RunError, ShotFolder, SurfaceJob, Surfaced},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -21,7 +21,7 @@ pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
 /// Whether an input is a folder, or means one that is not there: particle files have an extension.
 fn is_folder(input: &str) -> bool {
     let path = Path::new(input);
-    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#'])
+    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#', '?', '['])
 }
 
 /// One line about what was written.
@@ -61,11 +61,11 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
     if let Some(allowed) = args.max_memory {
         run::refuse_mesh_over_memory(&source, args.frames.as_ref(), params.voxel, allowed)?;
     }
-    run::surface_cache(&source, &out, &params, &args.format, args.frames.as_ref(), args.force, control)
+    run::surface_cache(&source, &out, &job(args, params), control)
 }
 
 fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
-    let files = import::expand(&args.inputs)?;
+    let sequence = import::expand(&args.inputs)?;
     let Some(spacing) = args.spacing else {
         return Err(RunError::Request(
             "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
@@ -79,20 +79,25 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    if args.frames.is_some() {
-        return Err(RunError::Request(
-            "--frames is for caches: of particle files, name those to mesh (`frame_000[1-9].vtk`)".into(),
-        ));
-    }
     let fps = args.fps.unwrap_or(DEFAULT_FPS);
     if !(fps.is_finite() && fps > 0.0) {
         return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
     }
-    let settings = FileSettings { spacing, params: surface_alone(args)?, fps };
+    let job = job(args, surface_alone(args)?);
     if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(&files, settings.params.voxel, allowed)?;
+        run::refuse_files_over_memory(&sequence, args.frames.as_ref(), job.params.voxel, allowed)?;
     }
-    run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
+    run::surface_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
+}
+
+fn job(args: &MeshArgs, params: SurfaceParams) -> SurfaceJob {
+    SurfaceJob {
+        params,
+        formats: args.format.clone(),
+        selection: args.frames.clone(),
+        force: args.force,
+        max_memory: args.max_memory,
+    }
 }
 
 /// Frames a second of particle files, if nothing is said.

@@ -5,7 +5,7 @@ use super::{
     print,
 };
 use crate::{
-    run::{self, Control, Outline, RunError, ShotFolder},
+    run::{self, Control, Outline, RunError, ShotFolder, SurfaceJob},
     scene::{self, Frames, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
@@ -19,15 +19,14 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         )?;
         return Ok(());
     }
-    let surfaced = run::surface_cache(
-        &folder,
-        &folder,
-        &scene.surface,
-        &scene.output.mesh,
-        Some(&selection),
-        args.force,
-        control,
-    )?;
+    let job = SurfaceJob {
+        params: scene.surface,
+        formats: scene.output.mesh,
+        selection: Some(selection),
+        force: args.force,
+        max_memory: args.max_memory,
+    };
+    let surfaced = run::surface_cache(&folder, &folder, &job, control)?;
     super::mesh::summary(&surfaced)?;
     print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()))
 }

@@ -1,6 +1,9 @@
 //! The job that turns cached frames into meshes.
 
-use super::{Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, remarks};
+use super::{
+    Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, batch,
+    plan::mesh_memory, remarks,
+};
 use crate::{
     cache::{self, Lock},
     export::MeshFormat,
@@ -8,7 +11,10 @@ use crate::{
     mesh::{self, Surface, SurfaceError, SurfaceParams},
     scene::Frames,
 };
-use std::{collections::BTreeMap, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// What a surfacing job did.
@@ -26,9 +32,24 @@ pub struct Surfaced {
     pub folder: PathBuf,
 }
 
-/// Meshes the frames of `source`'s cache (those of `selection`, or all) into `out`, in every format.
+/// What a surfacing job is to do, whatever its source.
+#[derive(Clone, Debug)]
+pub struct SurfaceJob {
+    /// How particles become a surface.
+    pub params: SurfaceParams,
+    /// The files to write of every frame.
+    pub formats: Vec<MeshFormat>,
+    /// The frames to mesh; `None`: all that are there.
+    pub selection: Option<Frames>,
+    /// Mesh again what is there already.
+    pub force: bool,
+    /// Frames under way together stay within this, as far as it can be estimated [bytes].
+    pub max_memory: Option<u64>,
+}
+
+/// Meshes the frames of `source`'s cache into `out`, several at once where memory allows.
 ///
-/// A frame whose files were made from the same state with the same settings is kept, unless `force`.
+/// A frame whose files were made from the same state with the same settings is kept, unless the job forces it.
 ///
 /// # Errors
 /// Frames that cannot be read or meshed are left out and named together at the end
@@ -36,69 +57,79 @@ pub struct Surfaced {
 pub fn surface_cache(
     source: &ShotFolder,
     out: &ShotFolder,
-    params: &SurfaceParams,
-    formats: &[MeshFormat],
-    selection: Option<&Frames>,
-    force: bool,
+    job: &SurfaceJob,
     control: Control,
 ) -> Result<Surfaced, RunError> {
     let present = cache::list(&source.cache())?;
-    let wanted = choose(&present, selection);
+    let wanted = choose(&present, job.selection.as_ref());
     let known = match Manifest::read(source)? {
         Some(known) => Some(known),
         None => Manifest::read(out)?,
     };
-    let mut writer = Writer::new(out, params, formats, force)?;
-    let outcome = surface_frames(&wanted, &mut writer, control);
+    let mut ledger = Ledger::new(out)?;
+    let writer = Writer::new(out, job);
     let all: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
+    if job.selection.is_none() {
+        remarks::of_gaps(&all).iter().for_each(|gaps| control.reporter.note(gaps));
+    }
+    let outcome = batch::each(
+        "mesh",
+        &costs(&wanted, job.params.voxel),
+        job.max_memory,
+        control,
+        |place, _| {
+            let (index, path) = &wanted[place];
+            Some(surface_frame(*index, path.as_deref(), &writer, control))
+        },
+        |made| ledger.take(made, control),
+    );
     let (title, fps) = known.map_or(("Untitled".into(), DEFAULT_FPS), |known| (known.title, known.fps));
-    writer.finish(&title, fps, &all, outcome)
+    ledger.finish(job, &title, fps, &all, outcome)
 }
 
 /// Frames a second of a cache that does not say.
 const DEFAULT_FPS: f64 = 24.0;
 
-/// Meshes every stream of the frames.
-fn surface_frames(
-    wanted: &[(FrameIndex, Option<PathBuf>)],
-    writer: &mut Writer,
+/// The memory that each frame will need [bytes], by the particles of its largest stream; none for one that cannot be read.
+fn costs(wanted: &[(FrameIndex, Option<PathBuf>)], voxel: f32) -> Vec<u64> {
+    let particles = |path: &PathBuf| {
+        let streams = cache::read_header(path).map_or_else(|_| Vec::new(), |info| info.streams);
+        streams.iter().map(|stream| stream.len as usize).max().unwrap_or(0)
+    };
+    let cost = |path: &Option<PathBuf>| path.as_ref().map_or(0, |path| mesh_memory(particles(path), voxel));
+    wanted.iter().map(|(_, path)| cost(path)).collect()
+}
+
+/// Meshes every stream of a frame.
+fn surface_frame(
+    index: FrameIndex,
+    path: Option<&Path>,
+    writer: &Writer,
     control: Control,
-) -> Result<(), RunError> {
-    control.reporter.begin("mesh", wanted.len());
-    for (place, (index, path)) in wanted.iter().enumerate() {
-        if (control.interrupted)() {
-            return Err(RunError::Interrupted);
-        }
-        let Some(path) = path else {
-            writer.fail(
-                format!("frame {index}"),
-                "not in the cache; simulate it first".into(),
-                Failure::Other,
-            );
-            continue;
-        };
-        match cache::read_frame(path) {
-            Ok((frame, info)) => {
-                for stream in &frame.streams {
-                    let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0)
-                    else {
-                        let why =
-                            format!("the stream {} does not say its spacing; simulate it again", stream.name);
-                        writer.fail(format!("frame {index}"), why, Failure::Other);
-                        continue;
-                    };
-                    let state = state_key(info.key, *index, &stream.name);
-                    writer.mesh(stream, spacing, *index, state, control)?;
-                }
-            }
-            Err(damage) => {
-                writer.fail(format!("frame {index}"), damage.to_string(), Failure::of(&damage));
+) -> Result<Made, RunError> {
+    let mut made = Made::new(index);
+    let name = format!("frame {index}");
+    let Some(path) = path else {
+        made.fail(name, "not in the cache; simulate it first".into(), Failure::Other);
+        return Ok(made);
+    };
+    match cache::read_frame(path) {
+        Ok((frame, info)) => {
+            for stream in &frame.streams {
+                let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0) else {
+                    let why =
+                        format!("the stream {} does not say its spacing; simulate it again", stream.name);
+                    made.fail(name.clone(), why, Failure::Other);
+                    continue;
+                };
+                let key = writer.key(state_key(info.key, index, &stream.name), spacing);
+                let missing = writer.missing(&stream.name, index, key);
+                writer.mesh(stream, spacing, key, missing, &mut made, control)?;
             }
         }
-        control.reporter.progress((place + 1) as f64);
+        Err(damage) => made.fail(name, damage.to_string(), Failure::of(&damage)),
     }
-    control.reporter.end();
-    Ok(())
+    Ok(made)
 }
 
 /// The asked-for frames and where they are; all that are present if nothing was asked.
@@ -123,13 +154,121 @@ fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
     xxh3_64(format!("{simulation:016x} {index} {stream}").as_bytes())
 }
 
-/// Writes meshes into a shot folder and remembers what failed.
+/// What became of one frame.
+pub(super) struct Made {
+    index: FrameIndex,
+    /// What the user should know of it.
+    pub(super) notes: Vec<String>,
+    streams: Vec<MadeStream>,
+    failed: Vec<FailedFrame>,
+}
+
+/// A stream of the frame whose files are there now.
+struct MadeStream {
+    name: String,
+    /// `None`: they were there.
+    meshed: Option<Meshed>,
+}
+
+struct Meshed {
+    triangles: u64,
+    bytes: u64,
+    figures: String,
+}
+
+impl Made {
+    /// Nothing yet.
+    pub(super) fn new(index: FrameIndex) -> Self {
+        Self { index, notes: Vec::new(), streams: Vec::new(), failed: Vec::new() }
+    }
+
+    /// Remembers a stream whose files were there.
+    pub(super) fn keep(&mut self, stream: &str) {
+        self.streams.push(MadeStream { name: stream.into(), meshed: None });
+    }
+
+    /// Remembers that something could not be made; the job goes on.
+    pub(super) fn fail(&mut self, name: String, why: String, kind: Failure) {
+        self.failed.push(FailedFrame { name, why, kind });
+    }
+}
+
+/// Writes the meshes of single frames, several at once.
 pub(super) struct Writer<'a> {
     out: &'a ShotFolder,
-    params: &'a SurfaceParams,
-    formats: &'a [MeshFormat],
-    force: bool,
+    job: &'a SurfaceJob,
     settings: String,
+}
+
+/// Files to write.
+pub(super) type Missing = Vec<(MeshFormat, PathBuf)>;
+
+impl<'a> Writer<'a> {
+    pub(super) fn new(out: &'a ShotFolder, job: &'a SurfaceJob) -> Self {
+        let settings = serde_json::to_string(&job.params).expect("settings are plain data");
+        Self { out, job, settings }
+    }
+
+    /// Identifies the mesh that is made of a state.
+    pub(super) fn key(&self, state: u64, spacing: f32) -> u64 {
+        let version = mesh::SURFACE_VERSION;
+        xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes())
+    }
+
+    /// The files of a stream that have to be written.
+    pub(super) fn missing(&self, stream: &str, index: FrameIndex, key: u64) -> Missing {
+        let target =
+            |format: MeshFormat| self.out.meshes().join(format!("{stream}_{index}.{}", format.extension()));
+        let files = self.job.formats.iter().map(|&format| (format, target(format)));
+        files.filter(|(format, path)| self.job.force || format.key_in(path) != Some(key)).collect()
+    }
+
+    /// Meshes a stream and writes the files that are `missing`.
+    pub(super) fn mesh(
+        &self,
+        stream: &Stream,
+        spacing: f32,
+        key: u64,
+        missing: Missing,
+        made: &mut Made,
+        control: Control,
+    ) -> Result<(), RunError> {
+        if missing.is_empty() {
+            made.keep(&stream.name);
+            return Ok(());
+        }
+        let name = format!("frame {}", made.index);
+        let keep_going = || !(control.interrupted)();
+        let surface = match mesh::reconstruct(stream, spacing, &self.job.params, &keep_going) {
+            Ok(surface) => surface,
+            Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
+            Err(why) => {
+                made.fail(name, why.to_string(), Failure::Other);
+                return Ok(());
+            }
+        };
+        let mut bytes = 0;
+        for (format, path) in missing {
+            bytes += format.write(&surface.mesh, &path, key)?;
+        }
+        let triangles = surface.mesh.triangles.len() as u64;
+        let meshed = Meshed { triangles, bytes, figures: figures(made.index, &surface) };
+        made.streams.push(MadeStream { name: stream.name.clone(), meshed: Some(meshed) });
+        if let Some(fault) = surface.check.first_fault {
+            let why = format!(
+                "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
+                 please report this with the frame",
+                fault.what, fault.at, fault.vertex
+            );
+            made.fail(name, why, Failure::Other);
+        }
+        Ok(())
+    }
+}
+
+/// Remembers what was made of a shot folder's meshes, and what failed.
+pub(super) struct Ledger<'a> {
+    out: &'a ShotFolder,
     done: Surfaced,
     /// Frames whose files are there, by stream.
     written: BTreeMap<String, Vec<u32>>,
@@ -138,13 +277,9 @@ pub(super) struct Writer<'a> {
     _lock: Lock,
 }
 
-impl<'a> Writer<'a> {
-    pub(super) fn new(
-        out: &'a ShotFolder,
-        params: &'a SurfaceParams,
-        formats: &'a [MeshFormat],
-        force: bool,
-    ) -> Result<Self, RunError> {
+impl<'a> Ledger<'a> {
+    /// Makes the folder ready to be written to.
+    pub(super) fn new(out: &'a ShotFolder) -> Result<Self, RunError> {
         ShotFolder::create(&out.meshes())?;
         let lock = Lock::acquire(&out.meshes())?;
         cache::remove_temporaries(&out.meshes()).map_err(|source| RunError::File {
@@ -152,83 +287,38 @@ impl<'a> Writer<'a> {
             source,
             next: "check that the folder can be read and written",
         })?;
-        let settings = serde_json::to_string(params).expect("settings are plain data");
         let done = Surfaced { folder: out.meshes(), ..Surfaced::default() };
-        let (written, failed) = (BTreeMap::new(), Vec::new());
-        Ok(Self { out, params, formats, force, settings, done, written, failed, _lock: lock })
+        Ok(Self { out, done, written: BTreeMap::new(), failed: Vec::new(), _lock: lock })
     }
 
-    /// Remembers a frame that could not be made; the job goes on.
-    pub(super) fn fail(&mut self, name: String, why: String, kind: Failure) {
-        self.failed.push(FailedFrame { name, why, kind });
-    }
-
-    /// Meshes one stream of one frame and writes it in every format.
-    pub(super) fn mesh(
-        &mut self,
-        stream: &Stream,
-        spacing: f32,
-        index: FrameIndex,
-        state: u64,
-        control: Control,
-    ) -> Result<(), RunError> {
-        let version = mesh::SURFACE_VERSION;
-        let key = xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes());
-        let target = |format: MeshFormat| {
-            self.out.meshes().join(format!("{}_{index}.{}", stream.name, format.extension()))
-        };
-        let missing: Vec<(MeshFormat, PathBuf)> = self
-            .formats
-            .iter()
-            .map(|&format| (format, target(format)))
-            .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
-            .collect();
-        if missing.is_empty() {
-            self.done.kept += 1;
-            self.remember(stream, index);
-            return Ok(());
-        }
-        let keep_going = || !(control.interrupted)();
-        let surface = match mesh::reconstruct(stream, spacing, self.params, &keep_going) {
-            Ok(surface) => surface,
-            Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
-            Err(why) => {
-                self.fail(format!("frame {index}"), why.to_string(), Failure::Other);
-                return Ok(());
+    /// Remembers what became of a frame, and tells it. Frames come in ascending order.
+    pub(super) fn take(&mut self, made: Made, control: Control) {
+        made.notes.iter().for_each(|note| control.reporter.note(note));
+        for MadeStream { name, meshed } in made.streams {
+            self.written.entry(name).or_default().push(made.index.0);
+            match meshed {
+                None => self.done.kept += 1,
+                Some(meshed) => {
+                    self.done.meshed += 1;
+                    self.done.triangles += meshed.triangles;
+                    self.done.bytes += meshed.bytes;
+                    control.reporter.frame(&meshed.figures);
+                }
             }
-        };
-        for (format, path) in missing {
-            self.done.bytes += format.write(&surface.mesh, &path, key)?;
         }
-        self.remember(stream, index);
-        self.done.meshed += 1;
-        self.done.triangles += surface.mesh.triangles.len() as u64;
-        control.reporter.frame(&figures(index, &surface));
-        if let Some(fault) = surface.check.first_fault {
-            let why = format!(
-                "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
-                 please report this with the frame",
-                fault.what, fault.at, fault.vertex
-            );
-            self.fail(format!("frame {index}"), why, Failure::Other);
-        }
-        Ok(())
-    }
-
-    /// Remembers that the frame has its files.
-    fn remember(&mut self, stream: &Stream, index: FrameIndex) {
-        self.written.entry(stream.name.clone()).or_default().push(index.0);
+        self.failed.extend(made.failed);
     }
 
     /// Names in the manifest what was written, however the job ended, and says how it went. `frames` ascend.
     pub(super) fn finish(
         self,
+        job: &SurfaceJob,
         title: &str,
         fps: f64,
         frames: &[u32],
         outcome: Result<(), RunError>,
     ) -> Result<Surfaced, RunError> {
-        let named = self.name_outputs(title, fps, frames);
+        let named = self.name_outputs(job, title, fps, frames);
         // What ended the job comes before what went wrong because of it.
         outcome?;
         named?;
@@ -239,7 +329,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Adds what was written to the folder's manifest.
-    fn name_outputs(&self, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
+    fn name_outputs(&self, job: &SurfaceJob, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
         let Some(all) = FrameSpan::of(frames).filter(|_| !self.written.is_empty()) else { return Ok(()) };
         let mut manifest = match Manifest::read(self.out)? {
             Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
@@ -247,7 +337,7 @@ impl<'a> Writer<'a> {
         };
         for (name, numbers) in &self.written {
             let Some(span) = FrameSpan::of(numbers) else { continue };
-            for &format in self.formats {
+            for &format in &job.formats {
                 manifest.put(output(name, format, span), self.out);
             }
         }

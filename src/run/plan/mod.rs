@@ -13,7 +13,9 @@ use super::{Control, RunError, ShotFolder, remarks, simulate, solids, usage::Met
 use crate::{
     cache,
     export::MeshFormat,
-    import, par,
+    frame::FrameIndex,
+    import::{self, Sequence},
+    par,
     scene::{Frames, Scene},
     sim::{SetupError, Simulation},
 };
@@ -156,21 +158,34 @@ pub fn refuse_mesh_over_memory(
     refuse_particles(most as usize, voxel, allowed)
 }
 
-/// Refuses to mesh particle files if the largest of them needs more than `allowed` bytes.
+/// Refuses to mesh particle files (those of `selection`, or all) if the largest of them needs more than `allowed` bytes.
 ///
 /// # Errors
 /// [`RunError::OverMemory`]. A file that cannot be read is passed over: meshing names it.
-pub fn refuse_files_over_memory(files: &[PathBuf], voxel: f32, allowed: u64) -> Result<(), RunError> {
+pub fn refuse_files_over_memory(
+    sequence: &Sequence,
+    selection: Option<&Frames>,
+    voxel: f32,
+    allowed: u64,
+) -> Result<(), RunError> {
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
-    let largest = files.iter().max_by_key(|path| size(path));
-    match largest.map(|path| import::read_particles(path)) {
+    let numbered = sequence.files().iter().zip(sequence.numbers());
+    let wanted =
+        numbered.filter(|(_, number)| selection.is_none_or(|asked| asked.contains(FrameIndex(**number))));
+    match wanted.map(|(file, _)| file).max_by_key(|file| size(file)).map(|file| import::read_particles(file))
+    {
         Some(Ok(imported)) => refuse_particles(imported.stream.len(), voxel, allowed),
         _ => Ok(()),
     }
 }
 
+/// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
+pub(super) fn mesh_memory(particles: usize, voxel: f32) -> u64 {
+    memory::surface(particles, memory::bricks_at_most(particles, voxel))
+}
+
 fn refuse_particles(particles: usize, voxel: f32, allowed: u64) -> Result<(), RunError> {
-    let needed = memory::surface(particles, memory::bricks_at_most(particles, voxel));
+    let needed = mesh_memory(particles, voxel);
     if needed > allowed { Err(RunError::OverMemory { needed, allowed }) } else { Ok(()) }
 }
 

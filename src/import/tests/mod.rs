@@ -1,7 +1,10 @@
 //! Every format from files made here: what is taken, and what is refused.
 
+mod damaged;
+mod numpy;
+mod vtu;
+
 use super::*;
-use proptest::prelude::*;
 use std::io::Write;
 
 /// Reads bytes as if from a file of that name.
@@ -399,6 +402,9 @@ fn the_content_must_be_what_the_name_says() {
         ("a.vtk", vtk(true, 4, "POLYDATA")),
         ("a.bgeo", bgeo(&X, 3)),
         ("a.xyz", b"1 2 3\n".to_vec()),
+        ("a.npy", numpy::npy("<f4", false, "(0, 3)", b"")),
+        ("a.npz", numpy::npz(&numpy::members(), true)),
+        ("a.vtu", vtu::vtu(vtu::layouts()[0])),
     ];
     for (name, _) in &files {
         assert!(matches!(import(name, b""), Err(ImportError::EmptyFile { .. })));
@@ -425,55 +431,4 @@ fn a_second_attribute_of_one_name_is_listed() {
     let imported = import("a.xyz", b"# x y z id ID\n1 2 3 4 5\n").unwrap();
     assert_eq!(imported.stream.u32("id").unwrap(), [4]);
     assert_eq!(imported.ignored, ["ID: id is there already"]);
-}
-
-/// A sound file, damaged: bytes replaced, then cut.
-fn damaged() -> impl Strategy<Value = (usize, Vec<u8>)> {
-    let edits = proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6);
-    (0_usize..8, edits, any::<prop::sample::Index>(), any::<bool>()).prop_map(|(kind, edits, end, cut)| {
-        let mut bytes = match kind {
-            0 => ply("ascii"),
-            1 => ply("binary_little_endian"),
-            2 => ply("binary_big_endian"),
-            3 => vtk(false, 5, "POLYDATA"),
-            4 => vtk(true, 5, "UNSTRUCTURED_GRID"),
-            5 => bgeo(&X, 3),
-            6 => gzip(&bgeo(&X, 3)),
-            _ => b"3\n# x y z id\n1 2 3 4\n5 6 7 8\n9 10 11 12\n".to_vec(),
-        };
-        for (at, byte) in edits {
-            let at = at.index(bytes.len());
-            bytes[at] = byte;
-        }
-        if cut {
-            bytes.truncate(end.index(bytes.len()));
-        }
-        (kind, bytes)
-    })
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1024))]
-
-    #[test]
-    fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        for name in ["a.xyz", "a.ply", "a.vtk", "a.bgeo"] {
-            let _ = import(name, &bytes);
-        }
-        let _ = import("a.bgeo", &[b"BgeoV\0\0\0\x05", &bytes[..]].concat());
-        let _ = import("a.bgeo", &gzip(&[b"BgeoV\0\0\0\x05", &bytes[..]].concat()));
-        let _ = import("a.ply", &[b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n", &bytes[..]].concat());
-        for format in ["ASCII", "BINARY"] {
-            let head = format!("# vtk DataFile Version 4.1\n\n{format}\nDATASET POLYDATA\n");
-            let _ = import("a.vtk", &[head.as_bytes(), &bytes].concat());
-        }
-    }
-
-    #[test]
-    fn damaged_files_never_panic((kind, bytes) in damaged()) {
-        let name = ["a.ply", "a.ply", "a.ply", "a.vtk", "a.vtk", "a.bgeo", "a.bgeo", "a.xyz"][kind];
-        if let Ok(imported) = import(name, &bytes) {
-            prop_assert!(imported.stream.vec3("position").unwrap().iter().all(|x| x.iter().all(|x| x.is_finite())));
-        }
-    }
 }
