@@ -85,7 +85,7 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     }
     let job = job(args, surface_alone(args)?);
     if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(&sequence, args.frames.as_ref(), job.params.voxel, allowed)?;
+        run::refuse_files_over_memory(&sequence, args.frames.as_ref(), spacing, &job.params, allowed)?;
     }
     run::surface_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
 }

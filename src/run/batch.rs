@@ -5,7 +5,7 @@
 //! stays within the limit; a frame that needs more than was guessed runs again alone. Results are taken in the order of
 //! the frames. How groups are cut changes neither a byte nor the order of what is said.
 
-use super::{Control, RunError};
+use super::{Control, RunError, plan::mesh_memory};
 use crate::par;
 use std::sync::Mutex;
 
@@ -15,6 +15,16 @@ use std::sync::Mutex;
 /// twice the memory. Larger, and a machine with 8 GiB swaps at voxel 0.25 with a million particles a frame; smaller, and
 /// frames of 200 000 particles at voxel 0.5 go one by one, though reading and writing them runs on one thread.
 const TOGETHER: u64 = 1 << 30;
+
+/// Set aside for a frame beyond what its particles are known to take where they lie as in a splash [bytes]: a few thousand
+/// particles lie as they like. Smaller, and small frames run twice, the second time alone; larger, and fewer of them run
+/// at once on many threads.
+const SLACK: u64 = 16 << 20;
+
+/// A guess of the memory that meshing `particles` takes at a voxel of `voxel` [spacings], in bytes.
+pub(super) fn cost(particles: usize, voxel: f32) -> u64 {
+    mesh_memory(particles, voxel).saturating_add(SLACK)
+}
 
 /// Runs `work(place, alone)` for every place of `costs`, and hands what it made to `done` in order.
 ///

@@ -2,7 +2,8 @@
 
 use super::{
     Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, batch,
-    plan::mesh_memory, remarks,
+    plan::{refuse_memory, stream_memory},
+    remarks,
 };
 use crate::{
     cache::{self, Lock},
@@ -72,14 +73,15 @@ pub fn surface_cache(
     if job.selection.is_none() {
         remarks::of_gaps(&all).iter().for_each(|gaps| control.reporter.note(gaps));
     }
+    let costs = costs(&wanted, job.params.voxel);
     let outcome = batch::each(
         "mesh",
-        &costs(&wanted, job.params.voxel),
+        &costs,
         job.max_memory,
         control,
-        |place, _| {
+        |place, alone| {
             let (index, path) = &wanted[place];
-            Some(surface_frame(*index, path.as_deref(), &writer, control))
+            surface_frame(*index, path.as_deref(), (!alone).then_some(costs[place]), &writer, control)
         },
         |made| ledger.take(made, control),
     );
@@ -96,40 +98,50 @@ fn costs(wanted: &[(FrameIndex, Option<PathBuf>)], voxel: f32) -> Vec<u64> {
         let streams = cache::read_header(path).map_or_else(|_| Vec::new(), |info| info.streams);
         streams.iter().map(|stream| stream.len as usize).max().unwrap_or(0)
     };
-    let cost = |path: &Option<PathBuf>| path.as_ref().map_or(0, |path| mesh_memory(particles(path), voxel));
+    let cost = |path: &Option<PathBuf>| path.as_ref().map_or(0, |path| batch::cost(particles(path), voxel));
     wanted.iter().map(|(_, path)| cost(path)).collect()
 }
 
-/// Meshes every stream of a frame.
+/// Meshes every stream of a frame; `None` if that needs more memory than `allowance`.
 fn surface_frame(
     index: FrameIndex,
     path: Option<&Path>,
+    allowance: Option<u64>,
     writer: &Writer,
     control: Control,
-) -> Result<Made, RunError> {
+) -> Option<Result<Made, RunError>> {
     let mut made = Made::new(index);
     let name = format!("frame {index}");
     let Some(path) = path else {
         made.fail(name, "not in the cache; simulate it first".into(), Failure::Other);
-        return Ok(made);
+        return Some(Ok(made));
     };
-    match cache::read_frame(path) {
-        Ok((frame, info)) => {
-            for stream in &frame.streams {
-                let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0) else {
-                    let why =
-                        format!("the stream {} does not say its spacing; simulate it again", stream.name);
-                    made.fail(name.clone(), why, Failure::Other);
-                    continue;
-                };
-                let key = writer.key(state_key(info.key, index, &stream.name), spacing);
-                let missing = writer.missing(&stream.name, index, key);
-                writer.mesh(stream, spacing, key, missing, &mut made, control)?;
-            }
+    let (frame, info) = match cache::read_frame(path) {
+        Ok(read) => read,
+        Err(damage) => {
+            made.fail(name, damage.to_string(), Failure::of(&damage));
+            return Some(Ok(made));
         }
-        Err(damage) => made.fail(name, damage.to_string(), Failure::of(&damage)),
+    };
+    for stream in &frame.streams {
+        let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0) else {
+            let why = format!("the stream {} does not say its spacing; simulate it again", stream.name);
+            made.fail(name.clone(), why, Failure::Other);
+            continue;
+        };
+        let key = writer.key(state_key(info.key, index, &stream.name), spacing);
+        let missing = writer.missing(&stream.name, index, key);
+        let state = StreamState { spacing, key, allowance };
+        match writer.mesh(stream, state, missing, &mut made, control) {
+            Ok(Fit::Yes) => {}
+            Ok(Fit::No) => return None,
+            Err(why @ RunError::OverMemory { .. }) => {
+                made.fail(name.clone(), why.to_string(), Failure::Memory)
+            }
+            Err(why) => return Some(Err(why)),
+        }
     }
-    Ok(made)
+    Some(Ok(made))
 }
 
 /// The asked-for frames and where they are; all that are present if nothing was asked.
@@ -200,6 +212,23 @@ pub(super) struct Writer<'a> {
     settings: String,
 }
 
+/// What is known of a stream before it is meshed.
+#[derive(Clone, Copy)]
+pub(super) struct StreamState {
+    /// Distance between its particles at rest [m].
+    pub(super) spacing: f32,
+    /// The key of its mesh.
+    pub(super) key: u64,
+    /// Memory that was set aside for it [bytes]; `None`: all that the job allows.
+    pub(super) allowance: Option<u64>,
+}
+
+/// Whether a frame was made within the memory that was set aside for it.
+pub(super) enum Fit {
+    Yes,
+    No,
+}
+
 /// Files to write.
 pub(super) type Missing = Vec<(MeshFormat, PathBuf)>;
 
@@ -223,19 +252,30 @@ impl<'a> Writer<'a> {
         files.filter(|(format, path)| self.job.force || format.key_in(path) != Some(key)).collect()
     }
 
-    /// Meshes a stream and writes the files that are `missing`.
+    /// Meshes a stream and writes the files that are `missing`, unless that needs more memory than `allowance`.
+    ///
+    /// # Errors
+    /// [`RunError::OverMemory`] if it needs more than the job allows; what a folder or disk refuses.
     pub(super) fn mesh(
         &self,
         stream: &Stream,
-        spacing: f32,
-        key: u64,
+        state: StreamState,
         missing: Missing,
         made: &mut Made,
         control: Control,
-    ) -> Result<(), RunError> {
+    ) -> Result<Fit, RunError> {
+        let StreamState { spacing, key, allowance } = state;
         if missing.is_empty() {
             made.keep(&stream.name);
-            return Ok(());
+            return Ok(Fit::Yes);
+        }
+        let limit = self.job.max_memory;
+        if limit.is_some() || allowance.is_some() {
+            let needed = stream_memory(stream, spacing, &self.job.params);
+            limit.map_or(Ok(()), |limit| refuse_memory(needed, limit))?;
+            if allowance.is_some_and(|allowance| needed > allowance) {
+                return Ok(Fit::No);
+            }
         }
         let name = format!("frame {}", made.index);
         let keep_going = || !(control.interrupted)();
@@ -244,7 +284,7 @@ impl<'a> Writer<'a> {
             Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
             Err(why) => {
                 made.fail(name, why.to_string(), Failure::Other);
-                return Ok(());
+                return Ok(Fit::Yes);
             }
         };
         let mut bytes = 0;
@@ -262,7 +302,7 @@ impl<'a> Writer<'a> {
             );
             made.fail(name, why, Failure::Other);
         }
-        Ok(())
+        Ok(Fit::Yes)
     }
 }
 

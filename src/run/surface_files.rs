@@ -4,7 +4,7 @@ use super::{
     Control, Failure, RunError, ShotFolder, SurfaceJob, Surfaced, batch,
     plan::mesh_memory,
     remarks,
-    surface::{Ledger, Made, Writer},
+    surface::{Fit, Ledger, Made, StreamState, Writer},
 };
 use crate::{
     frame::FrameIndex,
@@ -55,13 +55,8 @@ pub fn surface_files(
         mesh_memory((bytes / LEAST_PARTICLE) as usize, job.params.voxel)
     };
     let costs: Vec<u64> = wanted.iter().map(|(_, file)| guess(*file)).collect();
-    let maker = Maker {
-        writer: Writer::new(out, job),
-        job,
-        spacing: settings.spacing,
-        alone: wanted.len() == 1,
-        control,
-    };
+    let maker =
+        Maker { writer: Writer::new(out, job), spacing: settings.spacing, alone: wanted.len() == 1, control };
     let outcome = batch::each(
         "mesh",
         &costs,
@@ -95,7 +90,6 @@ fn choose<'a>(sequence: &'a Sequence, job: &SurfaceJob) -> Vec<(u32, Option<&'a 
 /// Meshes single files.
 struct Maker<'a> {
     writer: Writer<'a>,
-    job: &'a SurfaceJob,
     spacing: f32,
     /// Whether a file is all that was asked for.
     alone: bool,
@@ -150,26 +144,14 @@ impl Maker<'_> {
         if particles == 0 && self.alone {
             return Err(ImportError::NoParticles { path: path.into() }.into());
         }
-        let needed = mesh_memory(particles, self.job.params.voxel);
-        if let Some(allowed) = self.job.max_memory.filter(|&allowed| needed > allowed) {
-            return Err(RunError::OverMemory { needed, allowed });
-        }
-        if allowance.is_some_and(|allowance| needed > allowance) {
-            return Ok(Fit::No);
-        }
+        let state = StreamState { spacing: self.spacing, key, allowance };
+        let fit = self.writer.mesh(&imported.stream, state, missing, made, self.control)?;
         if particles == 0 {
             made.notes.push(format!("{}: no particles, so its mesh is empty", path.display()));
         }
         made.notes.extend(imported.ignored.iter().map(|line| format!("{}: {line}", path.display())));
-        self.writer.mesh(&imported.stream, self.spacing, key, missing, made, self.control)?;
-        Ok(Fit::Yes)
+        Ok(fit)
     }
-}
-
-/// Whether a frame was made within its share of the memory.
-enum Fit {
-    Yes,
-    No,
 }
 
 /// The stream that files are read as.

@@ -385,6 +385,20 @@ fn a_position_or_velocity_that_is_no_number_is_named() {
         assert_eq!(refusal("a.ply", text.as_bytes()), ("position", 0));
         let text = String::from_utf8(vtk(false, 3, "POLYDATA")).unwrap().replacen("8.5", &bad.to_string(), 1);
         assert_eq!(refusal("a.vtk", text.as_bytes()), ("velocity", 2));
+        let array = |vectors: &[[f32; 3]; 3]| {
+            let mut bytes = Vec::new();
+            put(&mut bytes, false, vectors.as_flattened());
+            numpy::npy("<f4", false, "(3, 3)", &bytes)
+        };
+        assert_eq!(refusal("a.npy", &array(&points)), ("position", 2));
+        let members = [("position.npy", array(&X)), ("velocity.npy", array(&points))];
+        assert_eq!(refusal("a.npz", &numpy::npz(&members, true)), ("velocity", 2));
+        for layout in vtu::layouts() {
+            let mut file = vtu::Vtu::new(layout, "PolyData");
+            file.piece(&X, &V, &ID);
+            file.piece(&points, &V, &ID);
+            assert_eq!(refusal("a.vtp", &file.finish("PolyData")), ("position", 5), "{layout:?}");
+        }
     }
     // A double that single precision cannot hold is no number here.
     assert_eq!(refusal("a.xyz", b"1 2 3\n1 2 1e39\n"), ("position", 1));

@@ -13,8 +13,9 @@ use super::{Control, RunError, ShotFolder, remarks, simulate, solids, usage::Met
 use crate::{
     cache,
     export::MeshFormat,
-    frame::FrameIndex,
+    frame::{FrameIndex, Stream},
     import::{self, Sequence},
+    mesh::SurfaceParams,
     par,
     scene::{Frames, Scene},
     sim::{SetupError, Simulation},
@@ -155,7 +156,7 @@ pub fn refuse_mesh_over_memory(
     let wanted = present.iter().filter(|(index, _)| selection.is_none_or(|asked| asked.contains(*index)));
     let sizes = wanted.filter_map(|(_, path)| cache::read_header(path).ok());
     let most = sizes.flat_map(|info| info.streams.into_iter().map(|stream| stream.len)).max().unwrap_or(0);
-    refuse_particles(most as usize, voxel, allowed)
+    refuse_memory(mesh_memory(most as usize, voxel), allowed)
 }
 
 /// Refuses to mesh particle files (those of `selection`, or all) if the largest of them needs more than `allowed` bytes.
@@ -165,18 +166,23 @@ pub fn refuse_mesh_over_memory(
 pub fn refuse_files_over_memory(
     sequence: &Sequence,
     selection: Option<&Frames>,
-    voxel: f32,
+    spacing: f32,
+    params: &SurfaceParams,
     allowed: u64,
 ) -> Result<(), RunError> {
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
     let numbered = sequence.files().iter().zip(sequence.numbers());
     let wanted =
         numbered.filter(|(_, number)| selection.is_none_or(|asked| asked.contains(FrameIndex(**number))));
-    match wanted.map(|(file, _)| file).max_by_key(|file| size(file)).map(|file| import::read_particles(file))
-    {
-        Some(Ok(imported)) => refuse_particles(imported.stream.len(), voxel, allowed),
-        _ => Ok(()),
-    }
+    let largest = wanted.map(|(file, _)| file).max_by_key(|file| size(file));
+    let Some(Ok(imported)) = largest.map(|file| import::read_particles(file)) else { return Ok(()) };
+    refuse_memory(stream_memory(&imported.stream, spacing, params), allowed)
+}
+
+/// The memory that meshing a stream will need, by where its particles are [bytes].
+pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
+    let positions = stream.vec3("position").unwrap_or_default();
+    memory::surface(stream.len(), memory::bricks_around(positions, spacing, params) as f64)
 }
 
 /// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
@@ -184,8 +190,8 @@ pub(super) fn mesh_memory(particles: usize, voxel: f32) -> u64 {
     memory::surface(particles, memory::bricks_at_most(particles, voxel))
 }
 
-fn refuse_particles(particles: usize, voxel: f32, allowed: u64) -> Result<(), RunError> {
-    let needed = mesh_memory(particles, voxel);
+/// Refuses what needs more than `allowed` bytes.
+pub(super) fn refuse_memory(needed: u64, allowed: u64) -> Result<(), RunError> {
     if needed > allowed { Err(RunError::OverMemory { needed, allowed }) } else { Ok(()) }
 }
 
