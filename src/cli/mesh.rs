@@ -97,6 +97,7 @@ fn job(args: &MeshArgs, params: SurfaceParams) -> SurfaceJob {
         selection: args.frames.clone(),
         force: args.force,
         max_memory: args.max_memory,
+        side_by_side: true,
     }
 }
 

@@ -25,6 +25,7 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         selection: Some(selection),
         force: args.force,
         max_memory: args.max_memory,
+        side_by_side: false,
     };
     let surfaced = run::surface_cache(&folder, &folder, &job, control)?;
     super::mesh::summary(&surfaced)?;

@@ -14,7 +14,7 @@ use std::sync::Mutex;
 /// Many small frames leave threads idle when meshed one by one; a large one does not, and two of them would only take
 /// twice the memory. Larger, and a machine with 8 GiB swaps at voxel 0.25 with a million particles a frame; smaller, and
 /// frames of 200 000 particles at voxel 0.5 go one by one, though reading and writing them runs on one thread.
-const TOGETHER: u64 = 1 << 30;
+pub(super) const TOGETHER: u64 = 1 << 30;
 
 /// Set aside for a frame beyond what its particles are known to take where they lie as in a splash [bytes]: a few thousand
 /// particles lie as they like. Smaller, and small frames run twice, the second time alone; larger, and fewer of them run
@@ -28,7 +28,7 @@ pub(super) fn cost(particles: usize, voxel: f32) -> u64 {
 
 /// Runs `work(place, alone)` for every place of `costs`, and hands what it made to `done` in order.
 ///
-/// `costs` are guesses of the memory each frame needs [bytes]; `work` returns `None` if one is too low and the frame is
+/// `costs` are guesses of the memory each frame needs, `budget` is what frames under way share [bytes]; `work` returns `None` if one is too low and the frame is
 /// not `alone`. Frames that are finished when another one ends the job, or the user does, are handed over too.
 ///
 /// # Errors
@@ -36,7 +36,7 @@ pub(super) fn cost(particles: usize, voxel: f32) -> u64 {
 pub(super) fn each<T: Send>(
     name: &str,
     costs: &[u64],
-    max_memory: Option<u64>,
+    budget: u64,
     control: Control,
     work: impl Fn(usize, bool) -> Option<Result<T, RunError>> + Sync,
     mut done: impl FnMut(T),
@@ -57,7 +57,7 @@ pub(super) fn each<T: Send>(
     };
     let mut start = 0;
     while start < costs.len() {
-        let count = group(&costs[start..], max_memory.unwrap_or(TOGETHER), par::threads());
+        let count = group(&costs[start..], budget, par::threads());
         let mut stopped = None;
         for (offset, made) in
             par::map(count, |offset| run(start + offset, count == 1)).into_iter().enumerate()
@@ -124,7 +124,7 @@ mod tests {
     fn memory_under_way_stays_within_the_limit_and_results_keep_their_order() {
         // Each third frame needs twice what was guessed.
         let costs: Vec<u64> = (0..40).map(|i| 10 + i % 7).collect();
-        let real = |place: usize| costs[place] * if place % 3 == 0 { 2 } else { 1 };
+        let real = |place: usize| costs[place] * if place.is_multiple_of(3) { 2 } else { 1 };
         let (under_way, most) = (AtomicU64::new(0), AtomicU64::new(0));
         let told = Told::default();
         let control = Control { reporter: &told, interrupted: &|| false };
@@ -139,7 +139,7 @@ mod tests {
                 under_way.fetch_sub(real(place), SeqCst);
                 Some(Ok(place))
             };
-            each("test", &costs, Some(35), control, work, |place| order.push(place)).unwrap();
+            each("test", &costs, 35, control, work, |place| order.push(place)).unwrap();
         });
         assert_eq!(order, (0..40).collect::<Vec<_>>());
         assert!(most.load(SeqCst) <= 35, "{most:?}");
@@ -155,12 +155,12 @@ mod tests {
             let work = |place: usize, _| {
                 Some(if place == 5 { Err(RunError::Request("full".into())) } else { Ok(place) })
             };
-            each("test", &[1; 12], None, control, work, |place| kept.push(place))
+            each("test", &[1; 12], TOGETHER, control, work, |place| kept.push(place))
         });
         assert!(matches!(outcome, Err(RunError::Request(_))));
         assert_eq!(kept, [0, 1, 2, 3, 4, 6, 7], "the group ran to its end, the next one did not start");
         let stop = Control { reporter: &told, interrupted: &|| true };
-        let outcome = each("test", &[1; 3], None, stop, |_, _| Some(Ok(())), |()| ());
+        let outcome = each("test", &[1; 3], TOGETHER, stop, |_, _| Some(Ok(())), |()| ());
         assert!(matches!(outcome, Err(RunError::Interrupted)));
     }
 }

@@ -44,8 +44,17 @@ pub struct SurfaceJob {
     pub selection: Option<Frames>,
     /// Mesh again what is there already.
     pub force: bool,
-    /// Frames under way together stay within this, as far as it can be estimated [bytes].
+    /// What frames under way share, and none may exceed by itself, as far as it can be estimated [bytes].
     pub max_memory: Option<u64>,
+    /// Whether several frames may be under way at once. The memory that a plan of a shot tells is that of one.
+    pub side_by_side: bool,
+}
+
+impl SurfaceJob {
+    /// The memory that frames under way share [bytes]; 0: one frame at a time.
+    pub(super) fn budget(&self) -> u64 {
+        if self.side_by_side { self.max_memory.unwrap_or(batch::TOGETHER) } else { 0 }
+    }
 }
 
 /// Meshes the frames of `source`'s cache into `out`, several at once where memory allows.
@@ -77,7 +86,7 @@ pub fn surface_cache(
     let outcome = batch::each(
         "mesh",
         &costs,
-        job.max_memory,
+        job.budget(),
         control,
         |place, alone| {
             let (index, path) = &wanted[place];

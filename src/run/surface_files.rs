@@ -60,7 +60,7 @@ pub fn surface_files(
     let outcome = batch::each(
         "mesh",
         &costs,
-        job.max_memory,
+        job.budget(),
         control,
         |place, alone| {
             let (number, file) = wanted[place];
