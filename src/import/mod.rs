@@ -69,19 +69,20 @@ impl Format {
         }
     }
 
-    /// What a file's first bytes say it is; XYZ has no mark of its own.
+    /// What a file's first bytes say it is; XYZ has no mark of its own. Marks are three bytes and more: raw floats start
+    /// with any two once in 65 536 files.
     fn of_content(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
             Some(Self::Ply)
         } else if bytes.starts_with(b"# vtk DataFile") {
             Some(Self::Vtk)
-        } else if bytes.starts_with(bgeo::MAGIC) || bytes.starts_with(bgeo::GZIP) {
+        } else if bytes.starts_with(bgeo::MAGIC) || bgeo::is_gzip(bytes) {
             Some(Self::Bgeo)
         } else if bytes.starts_with(npy::MAGIC) {
             Some(Self::Npy)
         } else if npz::MAGIC.iter().any(|magic| bytes.starts_with(magic)) {
             Some(Self::Npz)
-        } else if bytes.trim_ascii_start().starts_with(b"<") {
+        } else if vtu::STARTS.iter().any(|start| bytes.trim_ascii_start().starts_with(start)) {
             Some(Self::Vtu)
         } else {
             None

@@ -170,6 +170,12 @@ fn xyz_as_raw_floats() {
     for length in (1..bytes.len()).filter(|length| length % 12 != 0) {
         assert!(import("a.xyz", &bytes[..length]).is_err(), "cut to {length}");
     }
+    // Floats start with any byte, and with any two: only longer marks are those of another format.
+    for start in [&b"<"[..], b"\x1f\x8b\x00", b"PK", b"B", b"#"] {
+        let mut raw = bytes.clone();
+        raw[..start.len()].copy_from_slice(start);
+        assert_eq!(import("a.xyz", &raw).unwrap().stream.len(), 3, "{start:?}");
+    }
     assert!(broken("a.xyz", &bytes[..30]).contains("byte 24: found 6 bytes"));
 }
 
