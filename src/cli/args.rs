@@ -247,8 +247,8 @@ pub(super) enum Tier {
 /// Arguments of `mesh`.
 #[derive(Debug, Args)]
 pub(super) struct MeshArgs {
-    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, BGEO): names, globs, or `frame_####.vtk`;
-    /// or OpenVDB level sets
+    /// A shot folder or its cache, or particle files (PLY, XYZ, VTK, VTU, NPY, NPZ, BGEO): names, globs, or
+    /// `frame_####.vtk`, where # are the digits of the frame; or OpenVDB level sets
     #[arg(required = true, value_name = "CACHE|FILES")]
     pub(super) inputs: Vec<String>,
 
@@ -260,7 +260,7 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "FORMAT", value_delimiter = ',', default_value = "ply", value_parser = mesh_format)]
     pub(super) format: Vec<MeshFormat>,
 
-    /// The frames of the cache to mesh: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    /// The frames to mesh: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
@@ -280,7 +280,7 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
     pub(super) voxel: Option<String>,
 
-    /// Refuse to start if about more memory than this would be needed: `8GiB`, `500MiB`
+    /// Mesh so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 

@@ -2,12 +2,12 @@
 
 use super::{args::MeshArgs, print};
 use crate::{
-    import,
+    import::{self, Sequence},
     mesh::SurfaceParams,
-    run::{self, Control, FileSettings, Product, RunError, ShotFolder, Surfaced},
+    run::{self, Control, FileSettings, Product, RunError, ShotFolder, SurfaceJob, Surfaced},
     scene::{self, Overrides, Scene},
 };
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Meshes a cache, or particle files of any solver.
 pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
@@ -21,7 +21,7 @@ pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
 /// Whether an input is a folder, or means one that is not there: particle files have an extension.
 pub(super) fn is_folder(input: &str) -> bool {
     let path = Path::new(input);
-    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#'])
+    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#', '?', '['])
 }
 
 /// One line about what was written.
@@ -62,13 +62,13 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
     if let Some(allowed) = args.max_memory {
         run::refuse_cache_over_memory(Product::Meshes, &source, args.frames.as_ref(), params.voxel, allowed)?;
     }
-    run::surface_cache(&source, &out, &params, &args.format, args.frames.as_ref(), args.force, control)
+    run::surface_cache(&source, &out, &job(args, params), control)
 }
 
 fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
-    let files = import::expand(&args.inputs)?;
-    if files.iter().any(|file| is_volume(file)) {
-        return level_sets(args, &files, control);
+    let sequence = import::expand(&args.inputs)?;
+    if sequence.files().iter().any(|file| is_volume(file)) {
+        return level_sets(args, &sequence, control);
     }
     let Some(spacing) = args.spacing else {
         return Err(RunError::Request(
@@ -83,20 +83,33 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    if args.frames.is_some() {
-        return Err(RunError::Request(
-            "--frames is for caches: of particle files, name those to mesh (`frame_000[1-9].vtk`)".into(),
-        ));
-    }
     let fps = args.fps.unwrap_or(DEFAULT_FPS);
     if !(fps.is_finite() && fps > 0.0) {
         return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
     }
-    let settings = FileSettings { spacing, params: surface_alone(args)?, fps };
+    let job = job(args, surface_alone(args)?);
     if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(Product::Meshes, &files, settings.params.voxel, allowed)?;
+        run::refuse_files_over_memory(
+            Product::Meshes,
+            &sequence,
+            args.frames.as_ref(),
+            spacing,
+            &job.params,
+            allowed,
+        )?;
     }
-    run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
+    run::surface_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
+}
+
+fn job(args: &MeshArgs, params: SurfaceParams) -> SurfaceJob {
+    SurfaceJob {
+        params,
+        formats: args.format.clone(),
+        selection: args.frames.clone(),
+        force: args.force,
+        max_memory: args.max_memory,
+        side_by_side: true,
+    }
 }
 
 /// Whether a file is an OpenVDB volume, by its name.
@@ -105,8 +118,8 @@ fn is_volume(file: &Path) -> bool {
 }
 
 /// Meshes level sets, which are surfaces already.
-fn level_sets(args: &MeshArgs, files: &[PathBuf], control: Control) -> Result<Surfaced, RunError> {
-    if let Some(other) = files.iter().find(|file| !is_volume(file)) {
+fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<Surfaced, RunError> {
+    if let Some(other) = sequence.files().iter().find(|file| !is_volume(file)) {
         return Err(RunError::Request(format!(
             "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
             other.display()
@@ -131,7 +144,7 @@ fn level_sets(args: &MeshArgs, files: &[PathBuf], control: Control) -> Result<Su
     if !(fps.is_finite() && fps > 0.0) {
         return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
     }
-    run::mesh_level_sets(files, &ShotFolder::new(output), fps, &args.format, control)
+    run::mesh_level_sets(sequence, &ShotFolder::new(output), fps, &args.format, control)
 }
 
 /// Frames a second of particle files, if nothing is said.

@@ -5,7 +5,7 @@ use super::{
     print,
 };
 use crate::{
-    run::{self, Control, Outline, RunError, ShotFolder},
+    run::{self, Control, Outline, RunError, ShotFolder, SurfaceJob},
     scene::{self, Frames, Output, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
@@ -23,8 +23,15 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     // Frames that fail in one output do not keep the others from being written.
     let mut failed = None;
     if !mesh.is_empty() {
-        let frames = Some(&selection);
-        match run::surface_cache(&folder, &folder, &scene.surface, mesh, frames, args.force, control) {
+        let job = SurfaceJob {
+            params: scene.surface.clone(),
+            formats: mesh.clone(),
+            selection: Some(selection.clone()),
+            force: args.force,
+            max_memory: args.max_memory,
+            side_by_side: false,
+        };
+        match run::surface_cache(&folder, &folder, &job, control) {
             Ok(surfaced) => super::mesh::summary(&surfaced)?,
             Err(why @ RunError::SomeFailed { .. }) => failed = Some(why),
             Err(why) => return Err(why),

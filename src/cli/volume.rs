@@ -69,7 +69,7 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Volumes, 
 }
 
 fn files(args: &VolumeArgs, control: Control) -> Result<Volumes, RunError> {
-    let files = import::expand(&args.inputs)?;
+    let sequence = import::expand(&args.inputs)?;
     let Some(spacing) = args.spacing else {
         return Err(RunError::Request(
             "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
@@ -94,9 +94,16 @@ fn files(args: &VolumeArgs, control: Control) -> Result<Volumes, RunError> {
     }
     let settings = alone(args)?;
     if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(Product::Volumes, &files, settings.surface.voxel, allowed)?;
+        run::refuse_files_over_memory(
+            Product::Volumes,
+            &sequence,
+            None,
+            spacing,
+            &settings.surface,
+            allowed,
+        )?;
     }
-    run::volume_files(&files, &ShotFolder::new(output), &settings, spacing, fps, control)
+    run::volume_files(&sequence, &ShotFolder::new(output), &settings, spacing, fps, control)
 }
 
 /// What a preset says about volumes; no grids if it names none.

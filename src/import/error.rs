@@ -21,7 +21,7 @@ pub enum ImportError {
     },
     /// The kind of file, or something in it, is not read.
     #[error(
-        "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, legacy VTK or classic BGEO",
+        "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, VTK, NPZ or classic BGEO",
         path = path.display()
     )]
     Unsupported {

@@ -143,6 +143,16 @@ impl Manifest {
         ShotFolder::write(folder.manifest(), &text)
     }
 
+    /// The attributes that the files of an output carry; none if it is not there.
+    pub(super) fn attributes_of(
+        &self,
+        name: &str,
+        format: &str,
+    ) -> std::collections::BTreeMap<String, Vec<String>> {
+        let same = self.outputs.iter().find(|output| output.name == name && output.format == format);
+        same.map(|output| output.attributes.clone()).unwrap_or_default()
+    }
+
     /// Adds an output, in place of an earlier one of the same name and format. What that one named stays named as
     /// far as its files are in `folder`, so that meshing a few frames again does not hide the others.
     pub fn put(&mut self, mut output: OutputFiles, folder: &ShotFolder) {

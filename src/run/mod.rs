@@ -3,6 +3,7 @@
 //! This is the only layer that sees a whole [`Scene`](crate::scene::Scene): it takes it apart and hands each module its own
 //! part. Jobs say what happens through a [`Reporter`] and ask between steps whether to go on.
 
+mod batch;
 mod error;
 mod folder;
 mod info;
@@ -33,7 +34,7 @@ pub use plan::{
     refuse_over_memory,
 };
 pub use simulate::{Simulated, simulate};
-pub use surface::{Surfaced, surface_cache};
+pub use surface::{SurfaceJob, Surfaced, surface_cache};
 pub use surface_files::{FileSettings, surface_files};
 pub use volume::{VolumeSettings, Volumes, volume_cache, volume_files};
 

@@ -1,6 +1,6 @@
 //! What happened and should not go unseen, in words.
 
-use super::{RunError, volume_grids::VolumeStats};
+use super::{FrameSpan, RunError, volume_grids::VolumeStats};
 use crate::{mesh::SurfaceError, mesh::SurfaceStats, sim::FrameRecord, sim::SeedReport};
 
 /// What seeding had to leave out.
@@ -61,6 +61,33 @@ pub(super) fn of_volume(stats: &VolumeStats) -> Vec<String> {
     ])
 }
 
+/// The frames that a sequence lacks between its first and its last. Where more than two frames are all at multiples of a
+/// distance, that is its step.
+pub(super) fn of_gaps(frames: &[u32]) -> Option<String> {
+    let span = FrameSpan::of(frames)?;
+    let step = if frames.len() > 2 { span.step } else { 1 };
+    let gaps: Vec<(u32, u32)> = frames
+        .windows(2)
+        .filter(|pair| pair[1] - pair[0] > step)
+        .map(|pair| (pair[0] + step, pair[1] - step))
+        .collect();
+    let missing: u64 = gaps.iter().map(|(first, last)| u64::from((last - first) / step) + 1).sum();
+    let text = |&(first, last): &(u32, u32)| match step {
+        _ if first == last => first.to_string(),
+        1 => format!("{first}-{last}"),
+        step => format!("{first}-{last}x{step}"),
+    };
+    let listed: Vec<String> = gaps.iter().take(MOST_GAPS).map(text).collect();
+    let more = if gaps.len() > MOST_GAPS { ",…" } else { "" };
+    (missing > 0).then(|| {
+        let (first, last) = (span.first, span.last);
+        format!("{missing} frames are missing between {first} and {last}: {}{more}", listed.join(","))
+    })
+}
+
+/// Gaps that a line shows.
+const MOST_GAPS: usize = 20;
+
 /// Why a frame that the job itself computed has no surface.
 pub(super) fn no_surface(why: SurfaceError) -> RunError {
     match why {
@@ -71,4 +98,28 @@ pub(super) fn no_surface(why: SurfaceError) -> RunError {
 
 fn counted(counts: &[(u64, &str)]) -> Vec<String> {
     counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::of_gaps;
+
+    #[test]
+    fn gaps_are_named_as_frames_are_written() {
+        let gaps = |frames: &[u32]| of_gaps(frames);
+        let told = |count: u32, first: u32, last: u32, which: &str| {
+            Some(format!("{count} frames are missing between {first} and {last}: {which}"))
+        };
+        assert_eq!(gaps(&[]), None);
+        assert_eq!(gaps(&[5]), None);
+        assert_eq!(gaps(&[1, 2, 3]), None);
+        assert_eq!(gaps(&[1, 3]), told(1, 1, 3, "2"));
+        assert_eq!(gaps(&[3, 4, 10]), told(5, 3, 10, "5-9"));
+        assert_eq!(gaps(&[1, 3, 5, 7]), None, "every second frame is there");
+        assert_eq!(gaps(&[10, 20, 50, 70]), told(3, 10, 70, "30-40x10,60"));
+        assert_eq!(gaps(&[0, 1, u32::MAX]), told(u32::MAX - 2, 0, u32::MAX, "2-4294967294"));
+        let every_third_lacks: Vec<u32> = (0..90).filter(|i| i % 3 != 1).collect();
+        assert!(gaps(&every_third_lacks).unwrap().starts_with("30 frames"));
+        assert!(gaps(&every_third_lacks).unwrap().ends_with("55,58,…"));
+    }
 }

@@ -3,7 +3,6 @@
 use super::{
     Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, remarks,
     surface::{DEFAULT_FPS, choose, state_key},
-    surface_files::{numbers, stem},
     volume_grids::VolumeGrids,
 };
 use crate::{
@@ -13,7 +12,7 @@ use crate::{
         vdb::{self, VolumeGrid, VolumeParams},
     },
     frame::{FrameIndex, Stream},
-    import::{self, ImportError},
+    import::{self, ImportError, Sequence},
     mesh::{self, SurfaceError, SurfaceParams},
     scene::Frames,
 };
@@ -76,7 +75,7 @@ pub fn volume_cache(
     writer.finish(&title, fps, &all, outcome)
 }
 
-/// Makes a volume of every file of `files` in `out`; `spacing` [m] is the distance of particles at rest, `fps` the
+/// Makes a volume of every file of a sequence in `out`; `spacing` [m] is the distance of particles at rest, `fps` the
 /// frames a second of the sequence.
 ///
 /// Files of a sequence keep their numbers, as for meshes. Volumes of files are always made anew.
@@ -88,18 +87,17 @@ pub fn volume_cache(
 /// A file that cannot be read is left out and named at the end ([`RunError::SomeFailed`]), or is the job's error
 /// if it is the only one; a folder or disk that refuses to be written ends the job at once.
 pub fn volume_files(
-    files: &[PathBuf],
+    sequence: &Sequence,
     out: &ShotFolder,
     settings: &VolumeSettings,
     spacing: f32,
     fps: f64,
     control: Control,
 ) -> Result<Volumes, RunError> {
-    let numbers = numbers(files);
     let mut writer = Writer::new(out, settings, true)?;
-    let outcome = each_file(files, &numbers, spacing, &mut writer, control);
-    let title = files.first().map_or_else(String::new, |file| stem(file).to_owned());
-    writer.finish(&title, fps, &numbers, outcome)
+    let outcome = each_file(sequence, spacing, &mut writer, control);
+    let title = sequence.files().first().and_then(|file| file.file_stem()).unwrap_or_default();
+    writer.finish(&title.to_string_lossy(), fps, sequence.numbers(), outcome)
 }
 
 /// Makes a volume of every stream of the frames.
@@ -146,14 +144,14 @@ fn each_frame(
 
 /// Makes a volume of one file after the other.
 fn each_file(
-    files: &[PathBuf],
-    numbers: &[u32],
+    sequence: &Sequence,
     spacing: f32,
     writer: &mut Writer,
     control: Control,
 ) -> Result<(), RunError> {
+    let files = sequence.files();
     control.reporter.begin("volume", files.len());
-    for (place, (file, &number)) in files.iter().zip(numbers).enumerate() {
+    for (place, (file, &number)) in files.iter().zip(sequence.numbers()).enumerate() {
         if (control.interrupted)() {
             return Err(RunError::Interrupted);
         }

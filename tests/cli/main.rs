@@ -1,6 +1,7 @@
 //! The tool as its users meet it: commands in, files, streams and exit codes out.
 
 mod bad_input;
+mod batch;
 mod interrupt;
 mod meshing;
 mod plan;

@@ -13,7 +13,10 @@ use super::{Control, RunError, ShotFolder, remarks, simulate, solids, usage::Met
 use crate::{
     cache,
     export::MeshFormat,
-    import, par,
+    frame::{FrameIndex, Stream},
+    import::{self, Sequence},
+    mesh::SurfaceParams,
+    par,
     scene::{Frames, Scene},
     sim::{SetupError, Simulation},
 };
@@ -163,33 +166,58 @@ pub fn refuse_cache_over_memory(
     let wanted = present.iter().filter(|(index, _)| selection.is_none_or(|asked| asked.contains(*index)));
     let sizes = wanted.filter_map(|(_, path)| cache::read_header(path).ok());
     let most = sizes.flat_map(|info| info.streams.into_iter().map(|stream| stream.len)).max().unwrap_or(0);
-    refuse_particles(product, most as usize, voxel, allowed)
+    refuse_memory(product.memory(most as usize, voxel), allowed)
 }
 
-/// Refuses to mesh particle files, or make volumes of them, if the largest needs more than `allowed` bytes.
+impl Product {
+    /// The most memory that a frame of `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
+    fn memory(self, particles: usize, voxel: f32) -> u64 {
+        match self {
+            Self::Meshes => mesh_memory(particles, voxel),
+            Self::Volumes => memory::volume(particles, memory::bricks_at_most(particles, voxel)),
+        }
+    }
+}
+
+/// Refuses to mesh particle files, or make volumes of them (those of `selection`, or all), if the largest of them needs
+/// more than `allowed` bytes.
 ///
 /// # Errors
 /// [`RunError::OverMemory`]. A file that cannot be read is passed over: the job names it.
 pub fn refuse_files_over_memory(
     product: Product,
-    files: &[PathBuf],
-    voxel: f32,
+    sequence: &Sequence,
+    selection: Option<&Frames>,
+    spacing: f32,
+    params: &SurfaceParams,
     allowed: u64,
 ) -> Result<(), RunError> {
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
-    let largest = files.iter().max_by_key(|path| size(path));
-    match largest.map(|path| import::read_particles(path)) {
-        Some(Ok(imported)) => refuse_particles(product, imported.stream.len(), voxel, allowed),
-        _ => Ok(()),
-    }
+    let numbered = sequence.files().iter().zip(sequence.numbers());
+    let wanted =
+        numbered.filter(|(_, number)| selection.is_none_or(|asked| asked.contains(FrameIndex(**number))));
+    let largest = wanted.map(|(file, _)| file).max_by_key(|file| size(file));
+    let Some(Ok(imported)) = largest.map(|file| import::read_particles(file)) else { return Ok(()) };
+    let needed = match product {
+        Product::Meshes => stream_memory(&imported.stream, spacing, params),
+        Product::Volumes => product.memory(imported.stream.len(), params.voxel),
+    };
+    refuse_memory(needed, allowed)
 }
 
-fn refuse_particles(product: Product, particles: usize, voxel: f32, allowed: u64) -> Result<(), RunError> {
-    let bricks = memory::bricks_at_most(particles, voxel);
-    let needed = match product {
-        Product::Meshes => memory::surface(particles, bricks),
-        Product::Volumes => memory::volume(particles, bricks),
-    };
+/// The memory that meshing a stream will need, by where its particles are [bytes].
+pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
+    let positions = stream.vec3("position").unwrap_or_default();
+    memory::surface(stream.len(), memory::bricks_around(positions, spacing, params) as f64)
+}
+
+/// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
+pub(super) fn mesh_memory(particles: usize, voxel: f32) -> u64 {
+    memory::surface(particles, memory::bricks_at_most(particles, voxel))
+}
+
+/// Refuses what needs more than `allowed` bytes.
+pub(super) fn refuse_memory(needed: u64, allowed: u64) -> Result<(), RunError> {
     if needed > allowed { Err(RunError::OverMemory { needed, allowed }) } else { Ok(()) }
 }
 
