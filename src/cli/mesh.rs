@@ -70,23 +70,11 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     if sequence.files().iter().any(|file| is_volume(file)) {
         return level_sets(args, &sequence, control);
     }
-    let Some(spacing) = args.spacing else {
-        return Err(RunError::Request(
-            "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
-             radius; 0.05 for a radius of 0.025)"
-                .into(),
-        ));
-    };
-    if !(spacing.is_finite() && spacing > 0.0) {
-        return Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")));
-    }
+    let spacing = spacing(args.spacing)?;
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    let fps = args.fps.unwrap_or(DEFAULT_FPS);
-    if !(fps.is_finite() && fps > 0.0) {
-        return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
-    }
+    let fps = fps(args.fps)?;
     let job = job(args, surface_alone(args)?);
     if let Some(allowed) = args.max_memory {
         run::refuse_files_over_memory(
@@ -140,15 +128,35 @@ fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    let fps = args.fps.unwrap_or(DEFAULT_FPS);
-    if !(fps.is_finite() && fps > 0.0) {
-        return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
-    }
+    let fps = fps(args.fps)?;
     run::mesh_level_sets(sequence, &ShotFolder::new(output), fps, &args.format, control)
 }
 
+/// The spacing of particles at rest [m], which their files do not say.
+pub(super) fn spacing(given: Option<f32>) -> Result<f32, RunError> {
+    match given {
+        Some(spacing) if spacing.is_finite() && spacing > 0.0 => Ok(spacing),
+        Some(spacing) => {
+            Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")))
+        }
+        None => Err(RunError::Request(
+            "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
+             radius; 0.05 for a radius of 0.025)"
+                .into(),
+        )),
+    }
+}
+
+/// The frames a second of a sequence of files.
+pub(super) fn fps(given: Option<f64>) -> Result<f64, RunError> {
+    match given.unwrap_or(DEFAULT_FPS) {
+        fps if fps.is_finite() && fps > 0.0 => Ok(fps),
+        fps => Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24"))),
+    }
+}
+
 /// Frames a second of particle files, if nothing is said.
-pub(super) const DEFAULT_FPS: f64 = 24.0;
+const DEFAULT_FPS: f64 = 24.0;
 
 /// The settings given on the command line, for a source without a preset.
 fn surface_alone(args: &MeshArgs) -> Result<SurfaceParams, RunError> {

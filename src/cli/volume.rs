@@ -2,7 +2,7 @@
 
 use super::{
     args::VolumeArgs,
-    mesh::{DEFAULT_FPS, is_folder},
+    mesh::{self, is_folder},
     print,
 };
 use crate::{
@@ -70,16 +70,7 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Volumes, 
 
 fn files(args: &VolumeArgs, control: Control) -> Result<Volumes, RunError> {
     let sequence = import::expand(&args.inputs)?;
-    let Some(spacing) = args.spacing else {
-        return Err(RunError::Request(
-            "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
-             radius; 0.05 for a radius of 0.025)"
-                .into(),
-        ));
-    };
-    if !(spacing.is_finite() && spacing > 0.0) {
-        return Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")));
-    }
+    let spacing = mesh::spacing(args.spacing)?;
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the volumes go? Add -o DIR".into()));
     };
@@ -88,10 +79,7 @@ fn files(args: &VolumeArgs, control: Control) -> Result<Volumes, RunError> {
             "--frames is for caches: of particle files, name those to use (`frame_000[1-9].vtk`)".into(),
         ));
     }
-    let fps = args.fps.unwrap_or(DEFAULT_FPS);
-    if !(fps.is_finite() && fps > 0.0) {
-        return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
-    }
+    let fps = mesh::fps(args.fps)?;
     let settings = alone(args)?;
     if let Some(allowed) = args.max_memory {
         run::refuse_files_over_memory(
