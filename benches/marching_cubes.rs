@@ -8,7 +8,10 @@ use meniscus::{
     export,
     frame::Channel,
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
-    mesh::{check, interpolate_vec3, marching_cubes, normals_from_distance},
+    mesh::{
+        ComponentParams, DecimationParams, SmoothingParams, check, decimate, interpolate_vec3,
+        marching_cubes, normals_from_field, remove_small, smooth,
+    },
     par,
 };
 use std::{hint::black_box, time::Instant};
@@ -60,15 +63,25 @@ fn surface(c: &mut Criterion) {
     };
     for threads in [1, 2] {
         measure("marching cubes", threads, &|| drop(black_box(marching_cubes(&grid))));
-        measure("normals", threads, &|| drop(black_box(normals_from_distance(&mesh, &grid))));
+        measure("normals", threads, &|| drop(black_box(normals_from_field(&mesh, &grid))));
         // The vertices stand in for particles: as dense as a surface gets.
         measure("velocity", threads, &|| {
             let x = &mesh.positions;
             drop(black_box(interpolate_vec3(x, x, x, 2.0 * VOXEL)));
         });
+        measure("components", threads, &|| {
+            drop(black_box(remove_small(&mut mesh.clone(), &ComponentParams::default(), 2.0 * VOXEL)));
+        });
+        measure("smoothing", threads, &|| {
+            let weights = vec![1.0; mesh.positions.len()];
+            _ = black_box(smooth(&mut mesh.clone(), &weights, &SmoothingParams::default(), 2.0 * VOXEL));
+        });
+        measure("decimation", threads, &|| {
+            _ = black_box(decimate(&mut mesh.clone(), &DecimationParams::default(), 2.0 * VOXEL));
+        });
         measure("check", threads, &|| _ = black_box(check(&mesh)));
     }
-    mesh.normals = normals_from_distance(&mesh, &grid).0;
+    mesh.normals = normals_from_field(&mesh, &grid).0;
     mesh.attributes.push(Channel { name: "velocity".into(), data: mesh.positions.clone().into() });
     let folder = std::env::temp_dir().join(format!("meniscus-bench-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("the folder for temporaries is writable");

@@ -7,7 +7,7 @@ use meniscus::field::{DensityParams, density};
 use meniscus::grid::SparseGrid;
 use meniscus::math::Vec3;
 use meniscus::par::with_threads;
-use meniscus::sdf::{SdfParams, SeedRule, seeds, sweep};
+use meniscus::sdf::{SdfParams, seeds, sweep};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ fn densities(c: &mut Criterion) {
 fn distances(c: &mut Criterion) {
     let field = ball(256);
     for (name, band) in [("band_3", 3.0), ("full", f32::INFINITY)] {
-        let params = SdfParams { seed: SeedRule::Plane, band };
+        let params = SdfParams { band, ..SdfParams::default() };
         let mut group = c.benchmark_group(format!("sdf_256_{name}"));
         group.sampling_mode(SamplingMode::Flat).sample_size(10).measurement_time(Duration::from_secs(4));
         let found = seeds(&field, 1.0, &params);

@@ -1,6 +1,10 @@
 //! The command line's types: every verb, flag and its help.
 
-use crate::{export::MeshFormat, run::tradeoff::Vary, scene::Frames};
+use crate::{
+    export::{MeshFormat, vdb::VolumeGrid},
+    run::tradeoff::Vary,
+    scene::Frames,
+};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -60,8 +64,10 @@ pub(super) enum Verb {
     Plan(PlanArgs),
     /// Measure on your own shot what accuracy costs, and name the setting to use
     Tradeoff(TradeoffArgs),
-    /// Turn a cache, or particle files of any solver, into surface meshes
+    /// Turn a cache, particle files of any solver, or level sets into surface meshes
     Mesh(MeshArgs),
+    /// Turn a cache, or particle files of any solver, into OpenVDB volumes: fog, level set, velocity
+    Volume(VolumeArgs),
     /// Tell what is in a shot folder
     Info(InfoArgs),
     /// Read every cached frame whole and tell which are valid, missing or corrupt
@@ -241,7 +247,8 @@ pub(super) enum Tier {
 /// Arguments of `mesh`.
 #[derive(Debug, Args)]
 pub(super) struct MeshArgs {
-    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, BGEO): names, globs, or `frame_####.vtk`
+    /// A shot folder or its cache, or particle files (PLY, XYZ, VTK, VTU, NPY, NPZ, BGEO): names, globs, or
+    /// `frame_####.vtk`, where # are the digits of the frame; or OpenVDB level sets
     #[arg(required = true, value_name = "CACHE|FILES")]
     pub(super) inputs: Vec<String>,
 
@@ -253,7 +260,7 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "FORMAT", value_delimiter = ',', default_value = "ply", value_parser = mesh_format)]
     pub(super) format: Vec<MeshFormat>,
 
-    /// The frames of the cache to mesh: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    /// The frames to mesh: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
@@ -273,11 +280,63 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
     pub(super) voxel: Option<String>,
 
-    /// Refuse to start if about more memory than this would be needed: `8GiB`, `500MiB`
+    /// Mesh so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 
     /// Mesh again what is there already
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+/// Arguments of `volume`.
+#[derive(Debug, Args)]
+pub(super) struct VolumeArgs {
+    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, BGEO): names, globs, or `frame_####.vtk`
+    #[arg(required = true, value_name = "CACHE|FILES")]
+    pub(super) inputs: Vec<String>,
+
+    /// The folder that gets `volume/` and `shot.json`; by default the shot folder itself
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// Grids: `density` (fog), `surface` (level set), `velocity`. By default those of the preset, or all
+    #[arg(long = "grid", value_name = "GRID", value_delimiter = ',', value_parser = volume_grid)]
+    pub(super) grids: Vec<VolumeGrid>,
+
+    /// `half` or `float`, short for `--set volume.precision=…`
+    #[arg(long, value_name = "DIGITS")]
+    pub(super) precision: Option<String>,
+
+    /// `blosc`, `zip` or `none`, short for `--set volume.compression=…`
+    #[arg(long, value_name = "HOW")]
+    pub(super) compression: Option<String>,
+
+    /// The frames of the cache to use: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Distance between particles at rest in particle files, in metres; twice the particle radius
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    pub(super) spacing: Option<f32>,
+
+    /// Frames a second of a sequence of particle files, 24 if not given
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub(super) fps: Option<f64>,
+
+    /// Change a key of the surface or the volume: `--set surface.kernel_radius=1.5`. May be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(super) set: Vec<String>,
+
+    /// Grid cell in particle spacings, short for `--set surface.voxel=…`
+    #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
+    pub(super) voxel: Option<String>,
+
+    /// Refuse to start if about more memory than this would be needed: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Write again what is there already
     #[arg(long)]
     pub(super) force: bool,
 }
@@ -321,6 +380,10 @@ pub(super) enum PresetsVerb {
 
 fn frames(text: &str) -> Result<Frames, String> {
     text.parse().map_err(|why: crate::scene::FramesError| why.to_string())
+}
+
+fn volume_grid(text: &str) -> Result<VolumeGrid, String> {
+    VolumeGrid::from_name(text).ok_or_else(|| "expected density, surface or velocity".into())
 }
 
 fn mesh_format(text: &str) -> Result<MeshFormat, String> {

@@ -24,14 +24,15 @@ pub(super) fn code(error: &RunError) -> ExitCode {
         },
         RunError::SomeFailed { failed, .. } => {
             let any = |kind: Failure| failed.iter().any(|frame| frame.kind == kind);
-            match (any(Failure::Corrupt), any(Failure::Version)) {
-                (true, _) => 12,
-                (_, true) => 13,
+            match (any(Failure::Corrupt), any(Failure::Version), any(Failure::Memory)) {
+                (true, ..) => 12,
+                (_, true, _) => 13,
+                (.., true) => OVER_MEMORY,
                 _ => 3,
             }
         }
         RunError::Diverged { .. } => 20,
-        RunError::OverMemory { .. } => 33,
+        RunError::OverMemory { .. } => OVER_MEMORY,
         RunError::Interrupted => INTERRUPTED,
         RunError::File { source, .. } => of_io(source),
         RunError::Export(export) if export.is_disk_full() => DISK_FULL,
@@ -41,6 +42,9 @@ pub(super) fn code(error: &RunError) -> ExitCode {
 
 /// The disk is full.
 const DISK_FULL: u8 = 28;
+
+/// More memory would be needed than allowed.
+const OVER_MEMORY: u8 = 33;
 
 /// The user stopped the job.
 pub(super) const INTERRUPTED: u8 = 130;

@@ -2,9 +2,9 @@
 
 use super::{args::MeshArgs, print};
 use crate::{
-    import,
+    import::{self, Sequence},
     mesh::SurfaceParams,
-    run::{self, Control, FileSettings, RunError, ShotFolder, Surfaced},
+    run::{self, Control, FileSettings, Product, RunError, ShotFolder, SurfaceJob, Surfaced},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -19,9 +19,9 @@ pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
 }
 
 /// Whether an input is a folder, or means one that is not there: particle files have an extension.
-fn is_folder(input: &str) -> bool {
+pub(super) fn is_folder(input: &str) -> bool {
     let path = Path::new(input);
-    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#'])
+    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#', '?', '['])
 }
 
 /// One line about what was written.
@@ -33,7 +33,8 @@ pub(super) fn summary(surfaced: &Surfaced) -> Result<(), RunError> {
         surfaced.triangles,
         surfaced.bytes as f64 / f64::from(1 << 20),
         surfaced.kept
-    ))
+    ))?;
+    surfaced.jumps.iter().try_for_each(|jump| print(&format!("jump: {jump}")))
 }
 
 fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, RunError> {
@@ -59,40 +60,99 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
         surface_alone(args)?
     };
     if let Some(allowed) = args.max_memory {
-        run::refuse_mesh_over_memory(&source, args.frames.as_ref(), params.voxel, allowed)?;
+        run::refuse_cache_over_memory(Product::Meshes, &source, args.frames.as_ref(), params.voxel, allowed)?;
     }
-    run::surface_cache(&source, &out, &params, &args.format, args.frames.as_ref(), args.force, control)
+    run::surface_cache(&source, &out, &job(args, params), control)
 }
 
 fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
-    let files = import::expand(&args.inputs)?;
-    let Some(spacing) = args.spacing else {
-        return Err(RunError::Request(
-            "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
-             radius; 0.05 for a radius of 0.025)"
-                .into(),
-        ));
+    let sequence = import::expand(&args.inputs)?;
+    if sequence.files().iter().any(|file| is_volume(file)) {
+        return level_sets(args, &sequence, control);
+    }
+    let spacing = spacing(args.spacing)?;
+    let Some(output) = &args.output else {
+        return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    if !(spacing.is_finite() && spacing > 0.0) {
-        return Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")));
+    let fps = fps(args.fps)?;
+    let job = job(args, surface_alone(args)?);
+    if let Some(allowed) = args.max_memory {
+        run::refuse_files_over_memory(
+            Product::Meshes,
+            &sequence,
+            args.frames.as_ref(),
+            spacing,
+            &job.params,
+            allowed,
+        )?;
+    }
+    run::surface_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
+}
+
+fn job(args: &MeshArgs, params: SurfaceParams) -> SurfaceJob {
+    SurfaceJob {
+        params,
+        formats: args.format.clone(),
+        selection: args.frames.clone(),
+        force: args.force,
+        max_memory: args.max_memory,
+        side_by_side: true,
+    }
+}
+
+/// Whether a file is an OpenVDB volume, by its name.
+fn is_volume(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"))
+}
+
+/// Meshes level sets, which are surfaces already.
+fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<Surfaced, RunError> {
+    if let Some(other) = sequence.files().iter().find(|file| !is_volume(file)) {
+        return Err(RunError::Request(format!(
+            "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
+            other.display()
+        )));
+    }
+    let for_particles = [
+        ("--spacing", args.spacing.is_some()),
+        ("--voxel", args.voxel.is_some()),
+        ("--set", !args.set.is_empty()),
+        ("--frames", args.frames.is_some()),
+        ("--max-memory", args.max_memory.is_some()),
+    ];
+    if let Some((flag, _)) = for_particles.iter().find(|(_, given)| *given) {
+        return Err(RunError::Request(format!(
+            "{flag} is for particles; a level set has its grid. Leave it out"
+        )));
     }
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    if args.frames.is_some() {
-        return Err(RunError::Request(
-            "--frames is for caches: of particle files, name those to mesh (`frame_000[1-9].vtk`)".into(),
-        ));
+    let fps = fps(args.fps)?;
+    run::mesh_level_sets(sequence, &ShotFolder::new(output), fps, &args.format, control)
+}
+
+/// The spacing of particles at rest [m], which their files do not say.
+pub(super) fn spacing(given: Option<f32>) -> Result<f32, RunError> {
+    match given {
+        Some(spacing) if spacing.is_finite() && spacing > 0.0 => Ok(spacing),
+        Some(spacing) => {
+            Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")))
+        }
+        None => Err(RunError::Request(
+            "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
+             radius; 0.05 for a radius of 0.025)"
+                .into(),
+        )),
     }
-    let fps = args.fps.unwrap_or(DEFAULT_FPS);
-    if !(fps.is_finite() && fps > 0.0) {
-        return Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24")));
+}
+
+/// The frames a second of a sequence of files.
+pub(super) fn fps(given: Option<f64>) -> Result<f64, RunError> {
+    match given.unwrap_or(DEFAULT_FPS) {
+        fps if fps.is_finite() && fps > 0.0 => Ok(fps),
+        fps => Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24"))),
     }
-    let settings = FileSettings { spacing, params: surface_alone(args)?, fps };
-    if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(&files, settings.params.voxel, allowed)?;
-    }
-    run::surface_files(&files, &ShotFolder::new(output), &settings, &args.format, control)
 }
 
 /// Frames a second of particle files, if nothing is said.

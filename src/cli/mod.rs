@@ -10,6 +10,7 @@ mod presets;
 mod progress;
 mod shot;
 mod tradeoff;
+mod volume;
 
 use crate::{
     par,
@@ -32,6 +33,7 @@ pub fn main() -> ExitCode {
         Verb::Plan(args) => plan::plan(args, control),
         Verb::Tradeoff(args) => tradeoff::tradeoff(args, control),
         Verb::Mesh(args) => mesh::mesh(args, control),
+        Verb::Volume(args) => volume::volume(args, control),
         Verb::Info(args) => info::info(args, false),
         Verb::Verify(args) => info::info(args, true),
         Verb::Presets(args) => presets::presets(args),

@@ -5,31 +5,51 @@ use super::{
     print,
 };
 use crate::{
-    run::{self, Control, Outline, RunError, ShotFolder},
-    scene::{self, Frames, Overrides, Preset, Quality, Scene},
+    run::{self, Control, Outline, RunError, ShotFolder, SurfaceJob},
+    scene::{self, Frames, Output, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
 
 /// Simulates, then writes every output the preset names.
 pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     let Some((scene, folder, selection)) = simulated(args, control, true)? else { return Ok(()) };
-    if scene.output.mesh.is_empty() {
-        print(
-            "no output is named: add `mesh = [\"ply\"]` under [output], or run `meniscus mesh` on the folder",
-        )?;
-        return Ok(());
+    let Output { mesh, volume } = &scene.output;
+    if mesh.is_empty() && volume.is_empty() {
+        return print(
+            "no output is named: add `mesh = [\"ply\"]` or `volume = [\"density\"]` under [output], or run \
+             `meniscus mesh` or `meniscus volume` on the folder",
+        );
     }
-    let surfaced = run::surface_cache(
-        &folder,
-        &folder,
-        &scene.surface,
-        &scene.output.mesh,
-        Some(&selection),
-        args.force,
-        control,
-    )?;
-    super::mesh::summary(&surfaced)?;
-    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()))
+    // Frames that fail in one output do not keep the others from being written.
+    let mut failed = None;
+    if !mesh.is_empty() {
+        let job = SurfaceJob {
+            params: scene.surface.clone(),
+            formats: mesh.clone(),
+            selection: Some(selection.clone()),
+            force: args.force,
+            max_memory: args.max_memory,
+            side_by_side: false,
+        };
+        match run::surface_cache(&folder, &folder, &job, control) {
+            Ok(surfaced) => super::mesh::summary(&surfaced)?,
+            Err(why @ RunError::SomeFailed { .. }) => failed = Some(why),
+            Err(why) => return Err(why),
+        }
+    }
+    if !volume.is_empty() {
+        let settings = super::volume::of_scene(&scene);
+        match run::volume_cache(&folder, &folder, &settings, Some(&selection), args.force, control) {
+            Ok(made) => super::volume::summary(&made)?,
+            Err(why) => return Err(failed.unwrap_or(why)),
+        }
+    }
+    match failed {
+        Some(why) => Err(why),
+        None => {
+            print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()))
+        }
+    }
 }
 
 /// Fills the cache.

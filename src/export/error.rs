@@ -1,6 +1,6 @@
 //! Why a file could not be written.
 
-use crate::{frame::ChannelData, mesh::Mesh};
+use crate::mesh::Mesh;
 use std::{
     collections::HashSet,
     io,
@@ -21,6 +21,16 @@ pub enum ExportError {
     /// The mesh cannot be written in this format.
     #[error("{}: cannot write: {what}; {next}", path.display())]
     Mesh {
+        /// The file.
+        path: PathBuf,
+        /// What was found and what was expected.
+        what: String,
+        /// The next step to take.
+        next: &'static str,
+    },
+    /// A grid has a value that the file cannot hold.
+    #[error("{}: cannot write: {what}; {next}", path.display())]
+    Volume {
         /// The file.
         path: PathBuf,
         /// What was found and what was expected.
@@ -84,12 +94,12 @@ pub(super) fn check_columns(mesh: &Mesh, path: &Path) -> Result<(), ExportError>
     Ok(())
 }
 
-/// The property names of an attribute of that name.
-pub(super) fn property_names(name: &str, data: &ChannelData) -> Vec<String> {
-    match data {
-        ChannelData::Vec3(_) if name == "velocity" => ["vx", "vy", "vz"].map(String::from).into(),
-        ChannelData::Vec3(_) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
-        ChannelData::F32(_) | ChannelData::U32(_) => vec![name.to_owned()],
+/// The names of the file properties that hold an attribute of that name: a vector or a number.
+pub fn property_names(name: &str, is_vector: bool) -> Vec<String> {
+    match (is_vector, name) {
+        (true, "velocity") => ["vx", "vy", "vz"].map(String::from).into(),
+        (true, _) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),
+        (false, _) => vec![name.to_owned()],
     }
 }
 

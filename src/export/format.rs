@@ -39,7 +39,7 @@ impl MeshFormat {
     /// # Errors
     /// As [`ply::write`] and [`obj::write`].
     pub fn write(self, mesh: &Mesh, path: &Path, key: u64) -> std::result::Result<u64, ExportError> {
-        let comment = format!("{KEY}{key:016x}");
+        let comment = key_comment(key);
         match self {
             Self::Ply => ply::write(mesh, path, &[comment]),
             Self::Obj => obj::write(mesh, path, &[comment]),
@@ -56,6 +56,11 @@ impl MeshFormat {
         let value = start.lines().find_map(|line| line.strip_prefix(comment)?.strip_prefix(KEY))?;
         u64::from_str_radix(value.get(..16)?, 16).ok()
     }
+}
+
+/// The comment that carries a key.
+pub(super) fn key_comment(key: u64) -> String {
+    format!("{KEY}{key:016x}")
 }
 
 /// What introduces the key in a comment.

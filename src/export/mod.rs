@@ -1,4 +1,4 @@
-//! Meshes as files that other tools open.
+//! Meshes and volumes as files that other tools open.
 //!
 //! A file appears under its name whole or not at all (see [`crate::cache::write_atomically`]); an older file of
 //! that name stays until then.
@@ -7,6 +7,7 @@ mod error;
 mod format;
 pub mod obj;
 pub mod ply;
+pub mod vdb;
 
-pub use error::ExportError;
+pub use error::{ExportError, property_names};
 pub use format::MeshFormat;

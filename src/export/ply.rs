@@ -3,8 +3,14 @@
 use super::{
     ExportError,
     error::{check_columns, check_names, property_names},
+    format::key_comment,
 };
-use crate::{cache::write_atomically, frame::ChannelData, math::Vec3, mesh::Mesh};
+use crate::{
+    cache::write_atomically,
+    frame::{Channel, ChannelData},
+    math::Vec3,
+    mesh::{Mesh, Points},
+};
 use ply_rs_bw::{
     ply::{ElementDef, Encoding, Header, Key, PropertyAccess, PropertyDef, PropertyType, ScalarType},
     writer::Writer,
@@ -30,7 +36,25 @@ pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, Expor
     let columns = columns(mesh);
     let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
     check_names(&names, path)?;
-    write_atomically(path, |out| encode(mesh, &columns, comments, out))
+    write_atomically(path, |out| encode(mesh, &columns, true, comments, out))
+        .map_err(|error| ExportError::write(path, error))
+}
+
+/// Writes `points` to `path` with a key that tells what they were made from, and returns the file's size [bytes]: places,
+/// `radius`, attributes, no normals and no faces.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_points(points: &Points, path: &Path, key: u64) -> Result<u64, ExportError> {
+    let radius = Channel { name: "radius".into(), data: points.radii.clone().into() };
+    let attributes = [radius].into_iter().chain(points.attributes.iter().cloned()).collect();
+    let mesh = Mesh { positions: points.positions.clone(), attributes, ..Mesh::default() };
+    check_columns(&mesh, path)?;
+    let mut columns = columns(&mesh);
+    columns.retain(|(name, _)| !["nx", "ny", "nz"].contains(&name.as_str()));
+    let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
+    check_names(&names, path)?;
+    write_atomically(path, |out| encode(&mesh, &columns, false, &[key_comment(key)], out))
         .map_err(|error| ExportError::write(path, error))
 }
 
@@ -38,6 +62,7 @@ pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, Expor
 fn encode(
     mesh: &Mesh,
     columns: &[(String, Column)],
+    with_faces: bool,
     comments: &[String],
     out: &mut dyn Write,
 ) -> io::Result<()> {
@@ -50,7 +75,9 @@ fn encode(
         .push("Meniscus: metres, metres a second, Z up, counter-clockwise seen from outside".into());
     header.comments.extend_from_slice(comments);
     header.elements.insert(vertex.get_key(), vertex.clone());
-    header.elements.insert(face.get_key(), face.clone());
+    if with_faces {
+        header.elements.insert(face.get_key(), face.clone());
+    }
 
     let mut block = Vec::with_capacity(BLOCK + 4096);
     let writer = Writer::<Vertex>::new();
@@ -96,7 +123,7 @@ fn columns(mesh: &Mesh) -> Vec<(String, Column<'_>)> {
         add(["nx", "ny", "nz"].map(String::from).into(), mesh.normals.as_slice());
     }
     for channel in &mesh.attributes {
-        let names = property_names(&channel.name, &channel.data);
+        let names = property_names(&channel.name, matches!(channel.data, ChannelData::Vec3(_)));
         match &channel.data {
             ChannelData::Vec3(values) => {
                 columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
@@ -321,6 +348,34 @@ mod tests {
         assert_eq!(data, bytes.len());
         let ply = Parser::<DefaultElement>::new().read_ply(&mut bytes.as_slice()).unwrap();
         assert!(ply.payload["vertex"].is_empty() && ply.payload["face"].is_empty());
+    }
+
+    #[test]
+    fn points_have_radii_and_no_faces() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("points.ply");
+        let points = Points {
+            positions: vec![Vec3::new(1.0, 2.0, 3.0)],
+            radii: vec![0.5],
+            attributes: vec![Channel {
+                name: "velocity".into(),
+                data: vec![Vec3::new(4.0, 5.0, 6.0)].into(),
+            }],
+        };
+        write_points(&points, &path, 7).unwrap();
+        let ply =
+            Parser::<DefaultElement>::new().read_ply(&mut std::fs::read(&path).unwrap().as_slice()).unwrap();
+        let names = ["x", "y", "z", "radius", "vx", "vy", "vz"];
+        for (name, value) in names.into_iter().zip([1.0, 2.0, 3.0, 0.5, 4.0, 5.0, 6.0]) {
+            assert_eq!(ply.payload["vertex"][0][name], Property::Float(value), "{name}");
+        }
+        assert!(ply.payload["vertex"][0].len() == 7 && !ply.payload.contains_key("face"));
+        let attributes = vec![Channel { name: "velocity".into(), data: Vec::<Vec3>::new().into() }];
+        write_points(&Points { attributes, ..Points::default() }, &path, 7).unwrap();
+        let (lines, _) = header(&std::fs::read(&path).unwrap());
+        let floats: Vec<&str> =
+            lines.iter().filter_map(|line| line.strip_prefix("property float ")).collect();
+        assert!(floats == names && lines.contains(&"element vertex 0".into()));
     }
 
     #[test]

@@ -1,22 +1,29 @@
 //! Which bricks of the density are computed.
 //!
-//! Only those near the surface matter, and those are near particles whose neighbourhood is not filled. Every brick that
-//! such a particle reaches is computed, but for those that lie deep: none of them within a spacing, and filled. Those that
-//! only other particles reach are filled: inside, and without values. Where a computed value beside such a brick says
-//! otherwise, that one is computed too, until nothing contradicts: the surface is closed, whatever the guess was worth.
+//! *Method*: the density is first sampled everywhere on coarse nodes, at most half a kernel's support apart. A brick
+//! whose coarse nodes are all deep inside is filled: it stays without values. One whose coarse nodes are all faint is
+//! empty. The others are computed, and where a value beside a brick that is not computed contradicts what that was taken
+//! for, it is computed too, until nothing contradicts: the surface is closed, whatever the guess was worth.
+//!
+//! Within a brick of balls, rows of nodes between coarse nodes that are all deep or all faint are interpolated.
+//!
+//! Limits: bubbles and drops that no coarse node feels are not found. A drop of one particle is felt, at 0.36 or more; a
+//! gap between particles that leaves every coarse node around it deep inside is not a bubble.
 
-use super::{DensityParams, blob::Blobs, cloud::Cloud, density::Shell};
+use super::{DensityParams, blob::Blobs, cloud::Cloud, density::compute, threshold::surface_threshold};
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, FACES, SparseGrid, offset},
-    math::Vec3,
+    grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of, offset},
     par,
 };
 
-/// How near to a brick a particle with an open neighbourhood makes it the surface's [spacings].
-const NEAR: f32 = 1.0;
+/// A node is deep inside from this part of the way on between the surface's density and the filled liquid's, 1.
+const DEEP: f32 = 0.5;
 
-/// The fraction of the lattice's particles that fill a brick and what is [`NEAR`].
-const FILLED: f32 = 0.6;
+/// A node is faint below this part of the surface's density.
+const FAINT: f32 = 0.25;
+
+/// Bricks that are looked at in one task.
+const TASK: usize = 16;
 
 /// The bricks of a density, computed or filled; all others are empty.
 pub(super) struct Active {
@@ -25,77 +32,229 @@ pub(super) struct Active {
     pub(super) filled: Bricks,
 }
 
-impl Active {
-    pub(super) fn new(cloud: &Cloud, blobs: &Blobs, shells: &[Shell], params: &DensityParams) -> Self {
-        let voxel = params.voxel * params.spacing;
-        let open = reached(cloud, blobs, voxel, |place| shells[place].open);
-        let mut wanted = vec![true; open.len()];
-        if !params.whole {
-            par::fill(&mut wanted, |brick| {
-                !lies_deep(cloud, shells, open.coords()[brick], voxel, params.spacing)
-            });
-        }
-        let computed = open.coords().iter().zip(&wanted).filter(|&(_, &wanted)| wanted).map(|(&c, _)| c);
-        let computed = Bricks::new(computed.collect());
-        let closed = reached(cloud, blobs, voxel, |place| !shells[place].open);
-        let filled = open.coords().iter().chain(closed.coords()).copied();
-        let filled = Bricks::new(filled.filter(|&coord| computed.find(coord).is_none()).collect());
-        Self { computed, filled }
+/// The density of balls on coarse nodes.
+pub(super) struct Coarse {
+    grid: SparseGrid,
+    /// Voxels between its nodes.
+    step: usize,
+    /// From here on nodes are deep inside …
+    deep: f32,
+    /// … and below this they are faint.
+    faint: f32,
+}
+
+impl Coarse {
+    /// None where coarse nodes would be the nodes themselves.
+    pub(super) fn new(cloud: &Cloud, balls: &Blobs, params: &DensityParams) -> Option<Self> {
+        let step = coarse_step(params);
+        let voxel = params.voxel * params.spacing * step as f32;
+        (step > 1).then(|| {
+            let bricks = reached(cloud, balls, voxel);
+            let mut grid = SparseGrid::new(voxel, bricks.clone(), 0.0);
+            compute(&mut grid, &bricks, cloud, balls, None);
+            let threshold = surface_threshold(params.kernel_radius);
+            let (deep, faint) = (threshold + DEEP * (1.0 - threshold), FAINT * threshold);
+            Self { grid, step, deep, faint }
+        })
     }
 
-    /// Filled bricks that values contradict: a node beside one is outside.
-    pub(super) fn contradicted(&self, grid: &SparseGrid, threshold: f32) -> Vec<[i32; 3]> {
-        par::map_chunks(grid.bricks.len(), 64, |range| {
-            let mut found = Vec::new();
+    /// The bricks near the surface, and those inside.
+    pub(super) fn active(&self) -> Active {
+        let Self { grid, step, .. } = self;
+        let (mut computed, mut filled) = (Vec::new(), Vec::new());
+        for (some_computed, some_filled) in par::map_chunks(grid.bricks.len(), TASK, |range| {
+            let (mut computed, mut filled) = (Vec::new(), Vec::new());
             for brick in range {
                 let coord = grid.bricks.coords()[brick];
-                for (face, step) in FACES.iter().enumerate() {
+                let nodes = with_upper_sides(grid, coord);
+                for part in 0..step.pow(3) {
+                    let part = [part % step, part / step % step, part / (step * step)];
+                    let (least, most) = extremes(&nodes, part, BRICK / step);
+                    let fine = std::array::from_fn(|axis| coord[axis] * *step as i32 + part[axis] as i32);
+                    if least >= self.deep {
+                        filled.push(fine);
+                    } else if most >= self.faint {
+                        computed.push(fine);
+                    }
+                }
+            }
+            (computed, filled)
+        }) {
+            computed.extend(some_computed);
+            filled.extend(some_filled);
+        }
+        Active { computed: Bricks::new(computed), filled: Bricks::new(filled) }
+    }
+
+    /// Writes the values of the rows of a brick that lie deep or faint, linear between coarse nodes. Returns the others, bit
+    /// y + 8 z.
+    pub(super) fn settle(&self, coord: [i32; 3], values: &mut [f32; BRICK_NODES]) -> u64 {
+        let cells = BRICK / self.step;
+        let nodes = self.nodes_of(coord);
+        let at = |x: usize, y: usize, z: usize| nodes[x + WITH_SIDES * (y + WITH_SIDES * z)];
+        let mut left = 0;
+        for cell in 0..cells * cells {
+            let [cy, cz] = [cell % cells, cell / cells];
+            let is_off = (0..cells).all(|cx| {
+                let corners: [f32; 8] =
+                    std::array::from_fn(|c| at(cx + (c & 1), cy + (c >> 1 & 1), cz + (c >> 2)));
+                corners.iter().all(|&v| v >= self.deep) || corners.iter().all(|&v| v < self.faint)
+            });
+            for row in 0..self.step * self.step {
+                let [dy, dz] = [row % self.step, row / self.step];
+                let (y, z) = (cy * self.step + dy, cz * self.step + dz);
+                if !is_off {
+                    left |= 1 << (y + BRICK * z);
+                    continue;
+                }
+                let [ty, tz] = [dy, dz].map(|d| d as f32 / self.step as f32);
+                let along = |x: usize| {
+                    let low = at(x, cy, cz) * (1.0 - ty) + at(x, cy + 1, cz) * ty;
+                    let high = at(x, cy, cz + 1) * (1.0 - ty) + at(x, cy + 1, cz + 1) * ty;
+                    low * (1.0 - tz) + high * tz
+                };
+                for cx in 0..cells {
+                    let (first, second) = (along(cx), along(cx + 1));
+                    for dx in 0..self.step {
+                        let tx = dx as f32 / self.step as f32;
+                        values[offset([cx * self.step + dx, y, z])] = first * (1.0 - tx) + second * tx;
+                    }
+                }
+            }
+        }
+        left
+    }
+
+    /// The coarse nodes in a brick of the fine grid and the first beyond it, at the beginning of each row.
+    fn nodes_of(&self, coord: [i32; 3]) -> [f32; WITH_SIDES.pow(3)] {
+        let cells = (BRICK / self.step) as i32;
+        let first = coord.map(|c| c * cells);
+        let own = self.grid.bricks.find(first.map(|c| c.div_euclid(BRICK as i32)));
+        let local = first.map(|c| c.rem_euclid(BRICK as i32) as usize);
+        let mut nodes = [0.0; WITH_SIDES.pow(3)];
+        for z in 0..=cells as usize {
+            for y in 0..=cells as usize {
+                for x in 0..=cells as usize {
+                    let place = [local[0] + x, local[1] + y, local[2] + z];
+                    let value = match own {
+                        Some(own) if place.iter().all(|&i| i < BRICK) => self.grid.brick(own)[offset(place)],
+                        _ => self
+                            .grid
+                            .get([first[0] + x as i32, first[1] + y as i32, first[2] + z as i32])
+                            .unwrap_or(0.0),
+                    };
+                    nodes[x + WITH_SIDES * (y + WITH_SIDES * z)] = value;
+                }
+            }
+        }
+        nodes
+    }
+}
+
+impl Active {
+    /// Every brick that particles reach.
+    pub(super) fn everywhere(cloud: &Cloud, balls: &Blobs, voxel: f32) -> Self {
+        Self { computed: reached(cloud, balls, voxel), filled: Bricks::default() }
+    }
+
+    /// Missing bricks that values contradict: some of the nodes of bricks `of` that `grid` has are
+    /// on the other side.
+    pub(super) fn contradicted(&self, grid: &SparseGrid, threshold: f32, of: &Bricks) -> Vec<[i32; 3]> {
+        let sides = sides();
+        let mut found = par::map_chunks(of.len(), TASK, |range| {
+            let mut found = Vec::new();
+            for &coord in &of.coords()[range] {
+                let brick = grid.bricks.find(coord).expect("a brick of the grid");
+                let inside = mask_of(grid.brick(brick), |&value| value >= threshold);
+                for (step, side) in &sides {
                     let beside = std::array::from_fn(|axis| coord[axis] + step[axis]);
-                    if self.filled.find(beside).is_some() && opens(grid.brick(brick), face, threshold) {
+                    if grid.bricks.find(beside).is_some() {
+                        continue;
+                    }
+                    let is_filled = self.filled.find(beside).is_some();
+                    let differ = |(&inside, &side): (&u64, &u64)| {
+                        (if is_filled { !inside } else { inside }) & side != 0
+                    };
+                    if inside.iter().zip(side).any(differ) {
                         found.push(beside);
                     }
                 }
             }
             found
         })
-        .concat()
+        .concat();
+        found.sort_unstable();
+        found.dedup();
+        found
     }
 
-    /// This with filled bricks computed instead.
-    pub(super) fn grown(&self, contradicted: Vec<[i32; 3]>) -> Self {
-        let computed = Bricks::new(self.computed.coords().iter().copied().chain(contradicted).collect());
-        let filled = self.filled.coords().iter().copied().filter(|&coord| computed.find(coord).is_none());
-        let filled = Bricks::new(filled.collect());
-        Self { computed, filled }
+    /// Takes bricks from the filled ones.
+    pub(super) fn open(&mut self, coords: &[[i32; 3]]) {
+        let gone = Bricks::new(coords.to_vec());
+        let filled = self.filled.coords().iter().copied().filter(|&coord| gone.find(coord).is_none());
+        self.filled = Bricks::new(filled.collect());
     }
 }
 
-/// Copies the bricks that both have; returns which those are.
-pub(super) fn keep(to: &mut SparseGrid, from: &SparseGrid) -> Vec<bool> {
-    let there: Vec<Option<usize>> = to.bricks.coords().iter().map(|&coord| from.bricks.find(coord)).collect();
-    par::for_chunks(&mut to.values, BRICK_NODES, |start, values| {
-        if let Some(brick) = there[start / BRICK_NODES] {
-            values.copy_from_slice(from.brick(brick));
-        }
+/// Voxels between coarse nodes: a power of two, so that they are nodes of the grid, and at most half the kernel's support.
+fn coarse_step(params: &DensityParams) -> usize {
+    let most = 0.5 * params.kernel_radius / params.voxel;
+    [8, 4, 2].into_iter().find(|&step| step as f32 <= most * 1.001).unwrap_or(1)
+}
+
+/// Nodes along an edge of a brick with the first layer of its upper neighbours.
+const WITH_SIDES: usize = BRICK + 1;
+
+/// The nodes of the brick at `coord` and the first beyond it, 0 where no brick is there.
+fn with_upper_sides(grid: &SparseGrid, coord: [i32; 3]) -> [f32; WITH_SIDES.pow(3)] {
+    let around: [Option<&[f32]>; 8] = std::array::from_fn(|side| {
+        let beside = std::array::from_fn(|axis| coord[axis] + (side >> axis & 1) as i32);
+        grid.bricks.find(beside).map(|brick| grid.brick(brick))
     });
-    there.iter().map(|there| there.is_some()).collect()
+    std::array::from_fn(|place| {
+        let node = [place % WITH_SIDES, place / WITH_SIDES % WITH_SIDES, place / WITH_SIDES.pow(2)];
+        let side = (0..3).map(|axis| (node[axis] / BRICK) << axis).sum::<usize>();
+        around[side].map_or(0.0, |values| values[offset(node.map(|i| i % BRICK))])
+    })
 }
 
-/// The box of a brick's nodes and what is within `reach` of it [m].
-pub(super) fn around(coord: [i32; 3], voxel: f32, reach: f32) -> (Vec3, Vec3) {
-    let node =
-        |axis: usize, step: usize| (f64::from(coord[axis]) * BRICK as f64 + step as f64) * f64::from(voxel);
-    let low = Vec3::from_fn(|axis, _| (node(axis, 0) - f64::from(reach)).next_down() as f32);
-    let high = Vec3::from_fn(|axis, _| (node(axis, BRICK - 1) + f64::from(reach)).next_up() as f32);
-    (low.map(f32::next_down), high.map(f32::next_up))
+/// The least and the largest value of the part of a brick that begins at `part` · `span` and is `span` cells long.
+fn extremes(nodes: &[f32; WITH_SIDES.pow(3)], part: [usize; 3], span: usize) -> (f32, f32) {
+    let (mut least, mut most) = (f32::INFINITY, 0.0_f32);
+    let range = |axis: usize| part[axis] * span..=(part[axis] + 1) * span;
+    for z in range(2) {
+        for y in range(1) {
+            for x in range(0) {
+                let value = nodes[x + WITH_SIDES * (y + WITH_SIDES * z)];
+                least = least.min(value);
+                most = most.max(value);
+            }
+        }
+    }
+    (least, most)
 }
 
-/// Every brick with a node in the box of the kernel of a particle that is `meant`.
-fn reached(cloud: &Cloud, blobs: &Blobs, voxel: f32, meant: impl Fn(usize) -> bool + Sync) -> Bricks {
+/// The steps to a brick's 26 neighbours, and its own nodes beside each.
+fn sides() -> Vec<([i32; 3], NodeMask)> {
+    let steps = (0..27).map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]).filter(|&step| step != [0; 3]);
+    let touches = |step: [i32; 3], place: usize| {
+        let node = [place % BRICK, place / BRICK % BRICK, place / (BRICK * BRICK)];
+        (0..3).all(|axis| match step[axis] {
+            0 => true,
+            -1 => node[axis] == 0,
+            _ => node[axis] == BRICK - 1,
+        })
+    };
+    let places: Vec<usize> = (0..BRICK_NODES).collect();
+    steps.map(|step| (step, mask_of(&places, |&place| touches(step, place)))).collect()
+}
+
+/// Every brick with a node in the box of the kernel of a particle.
+pub(super) fn reached(cloud: &Cloud, blobs: &Blobs, voxel: f32) -> Bricks {
     let coords = par::map_chunks(cloud.len(), par::CHUNK, |range| {
         let mut reached = Vec::new();
         let mut last = None;
-        for place in range.filter(|&place| meant(place)) {
+        for place in range {
             let blob = blobs.at(cloud, place);
             let brick = |axis: usize, side: f64, round: fn(f64) -> f64| {
                 let at = f64::from(blob.center[axis]) + side * f64::from(blob.extents[axis]);
@@ -118,39 +277,4 @@ fn reached(cloud: &Cloud, blobs: &Blobs, voxel: f32, meant: impl Fn(usize) -> bo
         reached
     });
     Bricks::new(coords.concat())
-}
-
-/// Whether a brick is surely inside.
-fn lies_deep(cloud: &Cloud, shells: &[Shell], coord: [i32; 3], voxel: f32, spacing: f32) -> bool {
-    let (low, high) = around(coord, voxel, NEAR * spacing);
-    let (mut inside, mut open) = (0, false);
-    cloud.cells.for_each_stretch(low, high, |places| {
-        for place in places {
-            let x = cloud.at(place);
-            if within(&x, &low, &high) {
-                inside += 1;
-                open |= shells[place].open;
-            }
-        }
-    });
-    let lattice = ((high - low) / spacing).product();
-    !open && inside as f32 >= FILLED * lattice
-}
-
-/// Whether `x` is in the box.
-fn within(x: &Vec3, low: &Vec3, high: &Vec3) -> bool {
-    (0..3).all(|axis| low[axis] <= x[axis] && x[axis] <= high[axis])
-}
-
-/// Whether the nodes on a face of a brick are not all inside.
-fn opens(values: &[f32], face: usize, threshold: f32) -> bool {
-    let axis = FACES[face].iter().position(|&d| d != 0).expect("a face has an axis");
-    let side = if face % 2 == 0 { 0 } else { BRICK - 1 };
-    (0..BRICK * BRICK).any(|place| {
-        let mut node = [place % BRICK, place / BRICK, 0];
-        node.swap(2, axis);
-        node[axis] = side;
-        // A NaN is not inside.
-        !(values[offset(node)] >= threshold)
-    })
 }

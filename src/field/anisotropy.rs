@@ -12,9 +12,10 @@ use super::{
     DensityParams,
     blob::{Blob, Blobs},
     cloud::{Cloud, Moments, Weight},
-    density::{Shell, kernel, shells},
+    density::{kernel, weights},
 };
 use crate::{
+    grid::{BRICK, Bricks},
     math::{
         Vec3,
         symmetric::{self, Symmetric},
@@ -52,6 +53,10 @@ const FEW: f32 = 25.0;
 /// k_n: the radius of a particle with [`FEW`] neighbours [h].
 const LONE: f32 = 0.5;
 
+/// Kernels further than this from a brick are not shaped for it [h]. They would be balls up to the liquid's disorder, and
+/// a ball does not reach as far.
+const NEAR: f32 = 1.5;
+
 /// The weight of the covariance.
 struct Cubic;
 
@@ -62,48 +67,116 @@ impl Weight for Cubic {
     }
 }
 
-/// The kernels of all particles, in the order of `cloud`.
-pub(super) fn ellipsoids(
-    positions: &[Vec3],
-    cloud: &Cloud,
-    shells: &[Shell],
-    anisotropy: &Anisotropy,
-    params: &DensityParams,
-) -> Blobs {
-    let h = params.kernel_radius * params.spacing;
-    let wide = Cloud::new(positions, REACH * h);
-    // What cloud knows by its order is needed by the other's.
-    let mut by_index = vec![Shell::default(); positions.len()];
-    for (&index, &shell) in cloud.cells.order().iter().zip(shells) {
-        by_index[index as usize] = shell;
+/// Makes ellipsoids of balls.
+pub(super) struct Shaper {
+    anisotropy: Anisotropy,
+    /// h [m].
+    h: f32,
+    /// The covariance of filled space.
+    lattice: f32,
+    /// The particles in cells as wide as the neighbourhoods.
+    wide: Cloud,
+    /// Where those of `wide` stand in the order of the kernels.
+    places: Vec<u32>,
+    /// Which kernels are shaped, in their own order.
+    shaped: Vec<bool>,
+}
+
+impl Shaper {
+    /// For particles at `positions`, whose kernels stand in the order of `cloud`.
+    pub(super) fn new(
+        positions: &[Vec3],
+        cloud: &Cloud,
+        anisotropy: &Anisotropy,
+        params: &DensityParams,
+    ) -> Self {
+        let h = params.kernel_radius * params.spacing;
+        let wide = Cloud::new(positions, REACH * h);
+        let mut place_of = vec![0; positions.len()];
+        for (place, &index) in (0..).zip(cloud.cells.order()) {
+            place_of[index as usize] = place;
+        }
+        let mut places = vec![0; positions.len()];
+        par::fill(&mut places, |place| place_of[wide.cells.order()[place] as usize]);
+        let shaped = vec![false; positions.len()];
+        Self {
+            anisotropy: *anisotropy,
+            h,
+            lattice: lattice_variance(params.kernel_radius),
+            wide,
+            places,
+            shaped,
+        }
     }
-    let order = wide.cells.order();
-    let open: Vec<bool> = order.iter().map(|&index| by_index[index as usize].open).collect();
-    let near_surface = |stretches: &[[u32; 2]; 9]| {
-        stretches.iter().any(|&[from, to]| open[from as usize..to as usize].contains(&true))
-    };
-    let lattice = lattice_variance(params.kernel_radius);
-    let blobs = wide.moments::<Cubic, true, _>(REACH * h, near_surface, |place, moments| {
-        let weight = by_index[order[place] as usize].weight;
-        blob(wide.at(place), weight, moments, anisotropy, h, lattice)
-    });
-    let mut sorted = vec![Blob::default(); blobs.len()];
-    let mut place_of = vec![0; blobs.len()];
-    for (place, &index) in order.iter().enumerate() {
-        place_of[index as usize] = place;
+
+    /// The kernels with which to begin: balls of the given weights, in the order of `cloud`.
+    pub(super) fn balls(&self, cloud: &Cloud, weights: &[f32]) -> Blobs {
+        let mut blobs = vec![Blob::default(); weights.len()];
+        par::fill(&mut blobs, |place| ball(cloud.at(place), weights[place], self.h, 1.0));
+        Blobs::Ellipsoids { blobs, reach: self.h }
     }
-    par::fill(&mut sorted, |place| blobs[place_of[cloud.cells.order()[place] as usize]]);
-    let reach = par::max(sorted.len(), |place| {
-        (sorted[place].center - cloud.at(place)).abs().max() + sorted[place].extents.max()
+
+    /// Shapes the kernels of particles that are `near`, in the order of `cloud`, and not shaped yet.
+    pub(super) fn shape(&mut self, cloud: &Cloud, kernels: &mut Blobs, near: &[bool]) {
+        let Blobs::Ellipsoids { blobs, reach } = kernels else {
+            unreachable!("balls of their own have no shape")
+        };
+        let is_due = |place: usize| {
+            let place = self.places[place] as usize;
+            near[place] && !self.shaped[place]
+        };
+        let made = self.wide.moments::<Cubic, true, _>(
+            REACH * self.h,
+            |mut places| places.any(is_due),
+            |place, moments| {
+                is_due(place).then(|| {
+                    let weight = blobs[self.places[place] as usize].weight;
+                    blob(self.wide.at(place), weight, moments, &self.anisotropy, self.h, self.lattice)
+                })
+            },
+        );
+        for (&place, made) in self.places.iter().zip(made) {
+            if let Some(made) = made {
+                let place = place as usize;
+                let moved = (made.center - cloud.at(place)).abs().max();
+                *reach = reach.max(moved + made.extents.max());
+                blobs[place] = made;
+                self.shaped[place] = true;
+            }
+        }
+    }
+}
+
+/// Which particles, in the order of `cloud`, are so near to a brick of `bricks` that their kernels may show in it.
+pub(super) fn near(cloud: &Cloud, bricks: &Bricks, voxel: f32, h: f32) -> Vec<bool> {
+    let parts = par::map_chunks(cloud.len(), par::CHUNK, |range| {
+        let edge = f64::from(voxel) * BRICK as f64;
+        let mut last = None;
+        let mut is_near = false;
+        range
+            .map(|place| {
+                let x = cloud.at(place);
+                let brick = |axis: usize, side: f32| {
+                    ((f64::from(x[axis]) + f64::from(side * NEAR * h)) / edge).floor() as i32
+                };
+                let (low, high) =
+                    ([0, 1, 2].map(|axis| brick(axis, -1.0)), [0, 1, 2].map(|axis| brick(axis, 1.0)));
+                // Neighbours mostly ask for the same bricks.
+                if last.replace((low, high)) != Some((low, high)) {
+                    is_near = (low[2]..=high[2]).any(|z| {
+                        (low[1]..=high[1])
+                            .any(|y| (low[0]..=high[0]).any(|x| bricks.find([x, y, z]).is_some()))
+                    });
+                }
+                is_near
+            })
+            .collect::<Vec<_>>()
     });
-    Blobs::Ellipsoids { blobs: sorted, reach: reach.map_or(h, |(_, reach)| reach) }
+    parts.concat()
 }
 
 /// The kernel of one particle at `x` with isotropic weight `weight`; `lattice` is the covariance of filled space.
 fn blob(x: Vec3, weight: f32, moments: &Moments, anisotropy: &Anisotropy, h: f32, lattice: f32) -> Blob {
-    if moments.count == 0.0 {
-        return ball(x, weight, h, 1.0);
-    }
     let mean = moments.first / moments.zeroth;
     let center = x + mean * (anisotropy.smoothing * REACH * h); // x̄, [yu13] Eq. 6
     if moments.count <= FEW + 1.0 {
@@ -171,8 +244,9 @@ pub(super) fn threshold(anisotropy: &Anisotropy, kernel_radius: f32) -> f32 {
         }
     }
     let cloud = Cloud::new(&positions, kernel_radius);
-    let shells = shells(&cloud, kernel_radius, &params);
-    let blobs = ellipsoids(&positions, &cloud, &shells, anisotropy, &params);
+    let mut shaper = Shaper::new(&positions, &cloud, anisotropy, &params);
+    let mut blobs = shaper.balls(&cloud, &weights(&cloud, kernel_radius));
+    shaper.shape(&cloud, &mut blobs, &vec![true; positions.len()]);
     let samples = 8;
     let mut sum = 0.0;
     for sample in 0..samples * samples {

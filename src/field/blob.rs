@@ -21,8 +21,7 @@ pub(super) struct Blob {
 pub(super) enum Blobs {
     /// Balls of one radius [m].
     Round { radius: f32, weights: Vec<f32> },
-    /// Ellipsoids, no centre further than `reach` [m] less its extents from its particle. Those that no computed brick
-    /// needs have no weight.
+    /// Ellipsoids, no centre further than `reach` [m] less its extents from its particle.
     Ellipsoids { blobs: Vec<Blob>, reach: f32 },
 }
 

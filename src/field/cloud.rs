@@ -28,8 +28,8 @@ pub(super) struct Cloud {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moments {
     pub(super) zeroth: f32,
+    /// Zero, like what follows, where only the zeroth is asked for.
     pub(super) first: Vec3,
-    /// Only where asked for, like the next.
     pub(super) second: Symmetric,
     /// How many particles have a weight.
     pub(super) count: f32,
@@ -64,24 +64,24 @@ impl Cloud {
     }
 
     /// The moments around every particle, in the cells' order, of what is closer than `radius` [m] ≤ the cells' edge;
-    /// `then` makes of each what is kept. Second moments only with `SECOND`. Groups of particles are left out, at zero,
-    /// where `wanted` says so of the stretches of places around them.
-    pub(super) fn moments<W: Weight, const SECOND: bool, T: Send + Clone + Default>(
+    /// `then` makes of each what is kept. With `ALL` there are all of them, else only the zeroth. Groups of particles that are not `wanted`, by
+    /// the range of their places, have none.
+    pub(super) fn moments<W: Weight, const ALL: bool, T: Send + Clone + Default>(
         &self,
         radius: f32,
-        wanted: impl Fn(&[[u32; 2]; 9]) -> bool + Sync,
+        wanted: impl Fn(Range<usize>) -> bool + Sync,
         then: impl Fn(usize, &Moments) -> T + Sync,
     ) -> Vec<T> {
         let mut kept = vec![T::default(); self.len()];
         par::for_chunks(&mut kept, TASK, |first, kept| {
             let mut groups = Vec::new();
             self.cells.for_each_group(first..first + kept.len(), SPAN, |places, stretches| {
-                if wanted(stretches) {
+                if wanted(places.clone()) {
                     groups.push((places, *stretches));
                 }
             });
             let mut found = vec![Moments::default(); kept.len()];
-            wide::run(Around::<W, SECOND> {
+            wide::run(Around::<W, ALL> {
                 axes: [&self.axes[0], &self.axes[1], &self.axes[2]],
                 groups: &groups,
                 first,
@@ -98,7 +98,7 @@ impl Cloud {
 }
 
 /// The moments of a chunk of particles.
-struct Around<'a, W, const SECOND: bool> {
+struct Around<'a, W, const ALL: bool> {
     axes: [&'a [f32]; 3],
     /// Places of particles, and the stretches that hold all that may be near them.
     groups: &'a [(Range<usize>, [[u32; 2]; 9])],
@@ -109,7 +109,7 @@ struct Around<'a, W, const SECOND: bool> {
     weight: std::marker::PhantomData<W>,
 }
 
-impl<W: Weight, const SECOND: bool> Job for Around<'_, W, SECOND> {
+impl<W: Weight, const ALL: bool> Job for Around<'_, W, ALL> {
     type Out = ();
 
     #[inline(always)]
@@ -121,17 +121,13 @@ impl<W: Weight, const SECOND: bool> Job for Around<'_, W, SECOND> {
                 for &[from, to] in stretches {
                     let (mut at, to) = (from as usize, to as usize);
                     while at < to {
-                        eight::<W, SECOND>(&self.axes, own, self.inverse, at, to - at, &mut sums);
+                        eight::<W, ALL>(&self.axes, own, self.inverse, at, to - at, &mut sums);
                         at += WIDTH;
                     }
                 }
-                let mut moments = Moments {
-                    zeroth: wide::sum(sums[0]),
-                    first: Vec3::new(wide::sum(sums[1]), wide::sum(sums[2]), wide::sum(sums[3])),
-                    second: [0.0; 6],
-                    count: 0.0,
-                };
-                if SECOND {
+                let mut moments = Moments { zeroth: wide::sum(sums[0]), ..Moments::default() };
+                if ALL {
+                    moments.first = Vec3::new(wide::sum(sums[1]), wide::sum(sums[2]), wide::sum(sums[3]));
                     for part in 0..6 {
                         moments.second[part] = wide::sum(sums[4 + part]);
                     }
@@ -145,7 +141,7 @@ impl<W: Weight, const SECOND: bool> Job for Around<'_, W, SECOND> {
 
 /// Adds eight candidates from place `at` on, of which the first `left` are meant.
 #[inline(always)]
-fn eight<W: Weight, const SECOND: bool>(
+fn eight<W: Weight, const ALL: bool>(
     axes: &[&[f32]; 3],
     own: [f32; 3],
     inverse: f32,
@@ -169,10 +165,10 @@ fn eight<W: Weight, const SECOND: bool>(
     for lane in 0..WIDTH {
         let (w, x, y, z) = (w[lane], d[0][lane], d[1][lane], d[2][lane]);
         sums[0][lane] += w;
-        sums[1][lane] += w * x;
-        sums[2][lane] += w * y;
-        sums[3][lane] += w * z;
-        if SECOND {
+        if ALL {
+            sums[1][lane] += w * x;
+            sums[2][lane] += w * y;
+            sums[3][lane] += w * z;
             sums[4][lane] += w * x * x;
             sums[5][lane] += w * y * y;
             sums[6][lane] += w * z * z;

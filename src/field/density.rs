@@ -15,11 +15,11 @@
 //! Limits: cost grows with the particles inside one kernel, so many particles in one place (not a liquid) are slow.
 
 use super::{
-    active::{self, Active},
-    anisotropy::{self, Anisotropy},
+    active::{Active, Coarse},
+    anisotropy::{self, Anisotropy, Shaper},
     blob::{Blob, Blobs},
     cloud::{Cloud, Moments, Weight},
-    threshold::{lattice_sum, surface_threshold},
+    threshold::surface_threshold,
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, SparseGrid},
@@ -49,10 +49,9 @@ pub struct DensityParams {
 /// A density of particles on bricks.
 #[derive(Clone, Debug)]
 pub struct Density {
-    /// φ [–]: 0 outside, about 1 inside. A missing brick is 0 everywhere if it is not filled.
+    /// φ [–]: 0 outside, about 1 inside. Its filled bricks were not computed, since they are inside; no edge between two
+    /// bricks without values crosses the surface.
     pub grid: SparseGrid,
-    /// Bricks that were not computed since they are inside; no edge between them and the grid's crosses the surface.
-    pub filled: Bricks,
     /// The φ of the surface.
     pub threshold: f32,
     /// Particles further than 2³⁰ voxels from the origin along an axis, which no brick can hold: left out.
@@ -75,61 +74,45 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
 
     let radius = params.kernel_radius * params.spacing;
     let cloud = Cloud::new(positions, radius);
-    let shells = shells(&cloud, radius, params);
-    let blobs = match &params.anisotropy {
-        None => Blobs::Round { radius, weights: shells.iter().map(|shell| shell.weight).collect() },
-        Some(anisotropy) => anisotropy::ellipsoids(positions, &cloud, &shells, anisotropy, params),
+    let balls = Blobs::Round { radius, weights: weights(&cloud, radius) };
+    let coarse = if params.whole { None } else { Coarse::new(&cloud, &balls, params) };
+    let mut active = match &coarse {
+        Some(coarse) => coarse.active(),
+        None => Active::everywhere(&cloud, &balls, voxel),
     };
-    let threshold = match &params.anisotropy {
-        None => surface_threshold(params.kernel_radius),
-        Some(anisotropy) => anisotropy::threshold(anisotropy, params.kernel_radius),
-    };
-    let mut active = Active::new(&cloud, &blobs, &shells, params);
-    let mut grid = SparseGrid::new(voxel, active.computed.clone(), 0.0);
-    compute(&mut grid, |_| true, &cloud, &blobs);
-    loop {
-        let contradicted = active.contradicted(&grid, threshold);
-        if contradicted.is_empty() {
-            break;
+    let (threshold, mut kernels, mut shaper) = match (&params.anisotropy, balls) {
+        (Some(anisotropy), Blobs::Round { weights, .. }) => {
+            let shaper = Shaper::new(positions, &cloud, anisotropy, params);
+            let balls = shaper.balls(&cloud, &weights);
+            (anisotropy::threshold(anisotropy, params.kernel_radius), balls, Some(shaper))
         }
-        active = active.grown(contradicted);
-        let mut larger = SparseGrid::new(voxel, active.computed.clone(), 0.0);
-        let done = active::keep(&mut larger, &grid);
-        compute(&mut larger, |brick| !done[brick], &cloud, &blobs);
-        grid = larger;
+        (_, balls) => (surface_threshold(params.kernel_radius), balls, None),
+    };
+
+    // Compute bricks, and those that they contradict, until none is left.
+    let mut grid = SparseGrid::new(voxel, std::mem::take(&mut active.computed), 0.0);
+    let mut due = grid.bricks.clone();
+    // Ellipsoids give other values than the coarse nodes have.
+    let mut coarse = coarse.filter(|_| shaper.is_none());
+    while !due.is_empty() {
+        if let Some(shaper) = &mut shaper {
+            shaper.shape(&cloud, &mut kernels, &anisotropy::near(&cloud, &due, voxel, radius));
+        }
+        compute(&mut grid, &due, &cloud, &kernels, coarse.as_ref());
+        coarse = None;
+        let contradicted = active.contradicted(&grid, threshold, &due);
+        active.open(&contradicted);
+        grid.insert(&contradicted, 0.0);
+        due = Bricks::new(contradicted);
     }
-    let unseen = unseen(&cloud, &shells, &grid, threshold);
-    Density { grid, filled: active.filled, threshold, too_far, unseen }
+    grid.filled = active.filled;
+    let unseen = unseen(&cloud, &grid, threshold);
+    Density { grid, threshold, too_far, unseen }
 }
 
-/// What a particle's isotropic neighbourhood tells.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Shell {
-    /// w_j = V_j W(0, h).
-    pub(super) weight: f32,
-    /// Whether the surface may be near: the neighbourhood is not filled.
-    pub(super) open: bool,
-}
-
-/// A neighbourhood with less than this fraction of the lattice's density is not filled …
-const FILLED: f32 = 0.85;
-
-/// … nor one whose centre of mass is further than this from the particle [radii]. Half a spacing under a flat surface
-/// it is 0.2; inside jittered liquid it stays below 0.04.
-const OFF_CENTRE: f32 = 0.06;
-
-pub(super) fn shells(cloud: &Cloud, radius: f32, params: &DensityParams) -> Vec<Shell> {
-    let filled = FILLED * lattice_sum(f64::from(params.kernel_radius), |_| true, [0.0; 3]) as f32;
-    cloud.moments::<Spline, false, _>(
-        radius,
-        |_| true,
-        |_, moments: &Moments| Shell {
-            weight: 1.0 / moments.zeroth,
-            open: params.whole
-                || moments.zeroth < filled
-                || moments.first.norm() > OFF_CENTRE * moments.zeroth,
-        },
-    )
+/// V_j W(0, h) of every particle, in the cells' order.
+pub(super) fn weights(cloud: &Cloud, radius: f32) -> Vec<f32> {
+    cloud.moments::<Spline, false, _>(radius, |_| true, |_, moments: &Moments| 1.0 / moments.zeroth)
 }
 
 /// The kernel K.
@@ -162,37 +145,49 @@ fn within_bricks(positions: &[Vec3], voxel: f32) -> (Option<Vec<Vec3>>, usize) {
 }
 
 /// How many particles have no node at or above the threshold among the eight around them.
-fn unseen(cloud: &Cloud, shells: &[Shell], grid: &SparseGrid, threshold: f32) -> usize {
+fn unseen(cloud: &Cloud, grid: &SparseGrid, threshold: f32) -> usize {
     let counts = par::map_chunks(cloud.len(), par::CHUNK, |range| {
-        let shows = |place: usize| {
+        let shows = |&place: &usize| {
             let x = cloud.at(place);
             let first = [0, 1, 2].map(|axis| (f64::from(x[axis]) / f64::from(grid.voxel)).floor() as i32);
-            (0..8).any(|corner| {
-                let node = [0, 1, 2].map(|d| first[d] + (corner >> d & 1));
-                grid.get(node).is_some_and(|value| value >= threshold)
-            })
+            (0..8).any(|corner| grid.value([0, 1, 2].map(|d| first[d] + (corner >> d & 1))) >= threshold)
         };
-        range.filter(|&place| shells[place].open && !shows(place)).count()
+        range.filter(|place| !shows(place)).count()
     });
     counts.into_iter().sum()
 }
 
-/// Computes the bricks that are `wanted`.
-fn compute(grid: &mut SparseGrid, wanted: impl Fn(usize) -> bool + Sync, cloud: &Cloud, blobs: &Blobs) {
+/// Computes the bricks of `grid` that are `due`, but for the rows that `coarse` settles.
+pub(super) fn compute(
+    grid: &mut SparseGrid,
+    due: &Bricks,
+    cloud: &Cloud,
+    blobs: &Blobs,
+    coarse: Option<&Coarse>,
+) {
     let (bricks, voxel) = (&grid.bricks, grid.voxel);
     let reach = blobs.reach();
     par::for_chunks(&mut grid.values, BRICK_NODES, |start, values| {
-        let brick = start / BRICK_NODES;
-        if !wanted(brick) {
+        let coord = bricks.coords()[start / BRICK_NODES];
+        if due.find(coord).is_none() {
             return;
         }
-        let coord = bricks.coords()[brick];
+        let values: &mut [f32; BRICK_NODES] = values.try_into().expect("one brick");
+        let rows = coarse.map_or(u64::MAX, |coarse| coarse.settle(coord, values));
         let mut stretches = Vec::new();
-        let (low, high) = active::around(coord, voxel, reach);
+        let (low, high) = around(coord, voxel, reach);
         cloud.cells.for_each_stretch(low, high, |places| stretches.push(places));
-        let values = values.try_into().expect("one brick");
-        wide::run(Fill { cloud, blobs, stretches: &stretches, coord, voxel, values });
+        wide::run(Fill { cloud, blobs, stretches: &stretches, coord, voxel, rows, values });
     });
+}
+
+/// The box of a brick's nodes and what is within `reach` of it [m].
+pub(super) fn around(coord: [i32; 3], voxel: f32, reach: f32) -> (Vec3, Vec3) {
+    let node =
+        |axis: usize, step: usize| (f64::from(coord[axis]) * BRICK as f64 + step as f64) * f64::from(voxel);
+    let low = Vec3::from_fn(|axis, _| (node(axis, 0) - f64::from(reach)) as f32);
+    let high = Vec3::from_fn(|axis, _| (node(axis, BRICK - 1) + f64::from(reach)) as f32);
+    (low.map(f32::next_down), high.map(f32::next_up))
 }
 
 /// The values of one brick.
@@ -202,6 +197,8 @@ struct Fill<'a> {
     stretches: &'a [Range<usize>],
     coord: [i32; 3],
     voxel: f32,
+    /// Which rows along x are computed, bit y + 8 z.
+    rows: u64,
     values: &'a mut [f32; BRICK_NODES],
 }
 
@@ -211,24 +208,66 @@ impl Job for Fill<'_> {
     #[inline(always)]
     fn run(self) {
         let inverse = 1.0 / f64::from(self.voxel);
+        let first = self.coord.map(|c| f64::from(c) * BRICK as f64);
+        // In double precision: a particle far out keeps all of its own digits.
+        let local = |x: &Vec3| [0, 1, 2].map(|axis| (f64::from(x[axis]) * inverse - first[axis]) as f32);
         for stretch in self.stretches {
             for place in stretch.clone() {
-                let blob = self.blobs.at(self.cloud, place);
-                // In double precision: a particle far out keeps all of its own digits.
-                let mut p = [0.0; 3];
-                for axis in 0..3 {
-                    let first = f64::from(self.coord[axis]) * BRICK as f64;
-                    p[axis] = (f64::from(blob.center[axis]) * inverse - first) as f32;
+                match self.blobs {
+                    Blobs::Round { radius, weights } => {
+                        let p = local(&self.cloud.at(place));
+                        add_ball(p, radius / self.voxel, weights[place], self.rows, self.values);
+                    }
+                    Blobs::Ellipsoids { blobs, .. } => {
+                        let blob = &blobs[place];
+                        add_ellipsoid(local(&blob.center), blob, self.voxel, self.values);
+                    }
                 }
-                splat(p, &blob, self.voxel, self.values);
             }
         }
     }
 }
 
-/// Adds one particle at `p` [voxels from the brick's first node].
+/// Adds a ball at `p` of radius `reach` [voxels from the brick's first node] to the `rows` meant.
 #[inline(always)]
-fn splat(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_NODES]) {
+fn add_ball(p: [f32; 3], reach: f32, weight: f32, rows_meant: u64, values: &mut [f32; BRICK_NODES]) {
+    const LAST: f32 = (BRICK - 1) as f32;
+    let inverse = 1.0 / reach;
+    // How far the brick's box of nodes is along x [h], squared.
+    let far = ((p[0] - p[0].clamp(0.0, LAST)) * inverse).powi(2);
+    if far >= 1.0 || p[1] + reach < 0.0 || p[1] - reach > LAST || p[2] + reach < 0.0 || p[2] - reach > LAST {
+        return;
+    }
+    let mut dx2: Wide = [0.0; WIDTH];
+    for (x, d2) in dx2.iter_mut().enumerate() {
+        *d2 = ((x as f32 - p[0]) * inverse).powi(2);
+    }
+    let (first_z, last_z) = rows(p[2], reach);
+    for z in first_z..last_z {
+        let meant = (rows_meant >> (BRICK * z)) as u8;
+        let dz2 = ((z as f32 - p[2]) * inverse).powi(2);
+        let left = 1.0 - far - dz2;
+        if meant == 0 || left <= 0.0 {
+            continue;
+        }
+        let (first_y, last_y) = rows(p[1], left.sqrt() * reach);
+        for y in first_y..last_y {
+            if meant >> y & 1 == 0 {
+                continue;
+            }
+            let row2 = ((y as f32 - p[1]) * inverse).powi(2) + dz2;
+            let start = BRICK * (y + BRICK * z);
+            let row: &mut Wide = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
+            for lane in 0..WIDTH {
+                row[lane] += weight * kernel((dx2[lane] + row2).sqrt()); // φ += V_j W
+            }
+        }
+    }
+}
+
+/// Adds an ellipsoid at `p` [voxels from the brick's first node].
+#[inline(always)]
+fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_NODES]) {
     const LAST: f32 = (BRICK - 1) as f32;
     let inverse = 1.0 / voxel;
     let (ex, ey, ez) = (blob.extents.x * inverse, blob.extents.y * inverse, blob.extents.z * inverse);
@@ -278,7 +317,7 @@ fn splat(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_NODES]) 
 
 /// The range of rows 0..8 within `reach` of `p`.
 #[inline(always)]
-fn rows(p: f32, reach: f32) -> (usize, usize) {
+pub(super) fn rows(p: f32, reach: f32) -> (usize, usize) {
     let first = (p - reach).ceil().max(0.0) as usize;
     let last = (p + reach).floor().clamp(-1.0, (BRICK - 1) as f32) as i32;
     (first, (last + 1) as usize)
@@ -364,29 +403,6 @@ mod tests {
     }
 
     #[test]
-    fn open_stats() {
-        for jitter in [0.0, 0.15, 0.3, 0.45] {
-            let positions = lattice([20, 20, 20], jitter);
-            let s = PARAMS.spacing;
-            let cloud = Cloud::new(&positions, 2.0 * s);
-            let all = lattice_sum(2.0, |_| true, [0.0; 3]) as f32;
-            let found = cloud.moments::<Spline, false, _>(2.0 * s, |_| true, |place, m: &Moments| {
-                let x = cloud.at(place) / s;
-                let depth = (0..3).map(|a| x[a].min(20.0 - x[a])).fold(9.0_f32, f32::min);
-                (depth, m.zeroth / all, m.first.norm() / m.zeroth)
-            });
-            for (lo, hi) in [(-1.0, 1.0), (1.0, 2.0), (2.0, 3.0), (3.0, 9.0)] {
-                let mut a: Vec<f32> = found.iter().filter(|f| f.0 >= lo && f.0 < hi).map(|f| f.1).collect();
-                let mut b: Vec<f32> = found.iter().filter(|f| f.0 >= lo && f.0 < hi).map(|f| f.2).collect();
-                a.sort_by(f32::total_cmp);
-                b.sort_by(f32::total_cmp);
-                let q = |v: &[f32], p: f32| v[((v.len() - 1) as f32 * p) as usize];
-                println!("j {jitter} depth {lo}: sum {:.3} {:.3} {:.3} {:.3}  off {:.3} {:.3} {:.3} {:.3}", q(&a, 0.0), q(&a, 0.01), q(&a, 0.5), q(&a, 1.0), q(&b, 0.0), q(&b, 0.5), q(&b, 0.99), q(&b, 1.0));
-            }
-        }
-    }
-
-    #[test]
     fn leaving_out_filled_bricks_changes_no_surface() {
         for (jitter, voxel, anisotropy) in [
             (0.0, 0.25, None),
@@ -411,13 +427,13 @@ mod tests {
                     );
                     continue;
                 }
-                left_out += 1;
-                assert!(part.filled.find(coord).is_some());
-                let inside = values.iter().all(|&v| v >= part.threshold);
-                assert!(inside, "{coord:?} at jitter {jitter}, voxel {voxel}");
+                let is_filled = part.grid.filled.find(coord).is_some();
+                left_out += usize::from(is_filled);
+                let agrees = values.iter().all(|&v| (v >= part.threshold) == is_filled);
+                assert!(agrees, "{coord:?} at jitter {jitter}, voxel {voxel}");
             }
             println!("jitter {jitter}, voxel {voxel}: {left_out} of {} left out", whole.grid.bricks.len());
-            assert!(part.filled.coords().iter().all(|&coord| part.grid.bricks.find(coord).is_none()));
+            assert!(part.grid.filled.coords().iter().all(|&coord| part.grid.bricks.find(coord).is_none()));
             assert!(left_out > 0 || voxel == 0.5);
         }
     }

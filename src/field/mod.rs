@@ -1,7 +1,7 @@
 //! Fields on grids from particles.
 //!
 //! [`density`] turns particles into a smooth dimensionless density on sparse bricks; its level set at
-//! [`Density::threshold`] is the surface of the liquid.
+//! [`Density::threshold`] is the surface of the liquid. [`velocity`] carries the particles' velocities to the same bricks.
 
 mod active;
 mod anisotropy;
@@ -9,7 +9,9 @@ mod blob;
 mod cloud;
 mod density;
 mod threshold;
+mod velocity;
 
 pub use anisotropy::Anisotropy;
 pub use density::{Density, DensityParams, density};
 pub use threshold::surface_threshold;
+pub use velocity::{Velocity, velocity};

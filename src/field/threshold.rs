@@ -34,7 +34,7 @@ pub fn surface_threshold(kernel_radius: f32) -> f32 {
 }
 
 /// Σ K(|x − j|/h) over the integer lattice points j whose third coordinate passes `layer`.
-pub(super) fn lattice_sum(h: f64, layer: impl Fn(i32) -> bool, x: [f64; 3]) -> f64 {
+fn lattice_sum(h: f64, layer: impl Fn(i32) -> bool, x: [f64; 3]) -> f64 {
     let n = h.ceil() as i32 + 1;
     let mut sum = 0.0;
     for k in (-n..=n).filter(|&k| layer(k)) {

@@ -19,6 +19,9 @@ pub const MAX_BRICK: i32 = 1 << 27;
 /// The offsets to a brick's six face neighbours: −x, +x, −y, +y, −z, +z.
 pub const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 
+/// One bit a node of a brick: the node at `place` has bit `place` % 64 of word `place` / 64.
+pub type NodeMask = [u64; BRICK_NODES / 64];
+
 /// Which bricks exist, in ascending (z, y, x) order: the layout does not depend on how it was built.
 #[derive(Clone, Debug, Default)]
 pub struct Bricks {
@@ -109,13 +112,21 @@ pub struct SparseGrid {
     pub bricks: Bricks,
     /// 512 numbers a brick, in the bricks' order.
     pub values: Vec<f32>,
+    /// Other bricks, where every node stands for the number 1. Nodes of bricks that are in neither stand for zero.
+    pub filled: Bricks,
 }
 
 impl SparseGrid {
     /// A grid with `value` at every node of `bricks`.
     pub fn new(voxel: f32, bricks: Bricks, value: f32) -> Self {
         let values = vec![value; bricks.len() * BRICK_NODES];
-        Self { voxel, bricks, values }
+        Self::of(voxel, bricks, values)
+    }
+
+    /// A grid with these numbers, 512 a brick.
+    pub fn of(voxel: f32, bricks: Bricks, values: Vec<f32>) -> Self {
+        debug_assert_eq!(values.len(), bricks.len() * BRICK_NODES);
+        Self { voxel, bricks, values, filled: Bricks::default() }
     }
 
     /// A grid with `f(position)` at every node of the bricks that cover the box from `min` to `max` [m].
@@ -146,6 +157,54 @@ impl SparseGrid {
         Some(self.values[brick * BRICK_NODES + offset(node.map(|v| v.rem_euclid(BRICK as i32) as usize))])
     }
 
+    /// Adds bricks at `coords`, none of them there yet and none twice, with `value` at every node.
+    pub fn insert(&mut self, coords: &[[i32; 3]], value: f32) {
+        let old = std::mem::take(&mut self.bricks);
+        self.bricks = Bricks::new(old.coords.iter().chain(coords).copied().collect());
+        let mut left = old.len();
+        assert_eq!(self.bricks.len(), left + coords.len(), "new bricks");
+        self.values.resize(self.bricks.len() * BRICK_NODES, value);
+        // From the last brick on, so that none is overwritten before it has moved.
+        for (to, coord) in self.bricks.coords.iter().enumerate().rev() {
+            let target = to * BRICK_NODES..(to + 1) * BRICK_NODES;
+            if left > 0 && old.coords[left - 1] == *coord {
+                left -= 1;
+                self.values.copy_within(left * BRICK_NODES..(left + 1) * BRICK_NODES, target.start);
+            } else {
+                self.values[target].fill(value);
+            }
+        }
+    }
+
+    /// The number that node (i, j, k) has or stands for.
+    pub fn value(&self, node: [i32; 3]) -> f32 {
+        let is_filled = || self.filled.find(node.map(|v| v.div_euclid(BRICK as i32))).is_some();
+        self.get(node).unwrap_or_else(|| f32::from(u8::from(is_filled())))
+    }
+
+    /// The number at `x` [m], linear between the eight nodes around it.
+    pub fn trilinear(&self, x: Vec3) -> f32 {
+        let at = [0, 1, 2].map(|axis| f64::from(x[axis]) / f64::from(self.voxel));
+        let node = at.map(|v| v.floor() as i32);
+        let t = [0, 1, 2].map(|axis| (at[axis] - at[axis].floor()) as f32);
+        let coord = node.map(|i| i.div_euclid(BRICK as i32));
+        let local = node.map(|i| i.rem_euclid(BRICK as i32) as usize);
+        let inner = local.iter().all(|&i| i + 1 < BRICK);
+        let brick = self.bricks.find(coord).filter(|_| inner);
+        (0..8).fold(0.0, |sum, corner| {
+            let beside = |axis: usize| corner >> axis & 1;
+            let weight: f32 =
+                [0, 1, 2].map(|d| if beside(d) == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
+            let value = match brick {
+                Some(brick) => {
+                    self.values[brick * BRICK_NODES + offset([0, 1, 2].map(|d| local[d] + beside(d)))]
+                }
+                None => self.value([0, 1, 2].map(|d| node[d].saturating_add(beside(d) as i32))),
+            };
+            sum + weight * value
+        })
+    }
+
     /// The 512 numbers of a brick.
     pub fn brick(&self, brick: usize) -> &[f32] {
         &self.values[brick * BRICK_NODES..(brick + 1) * BRICK_NODES]
@@ -167,6 +226,20 @@ pub fn offset(local: [usize; 3]) -> usize {
 pub fn node_of(coord: [i32; 3], place: usize) -> [i32; 3] {
     let local = [place % BRICK, place / BRICK % BRICK, place / (BRICK * BRICK)];
     std::array::from_fn(|axis| coord[axis] * BRICK as i32 + local[axis] as i32)
+}
+
+/// Whether the node at `place` (0..512) is in a mask.
+pub fn is_set(mask: &NodeMask, place: usize) -> bool {
+    mask[place / 64] >> (place % 64) & 1 == 1
+}
+
+/// The mask of the nodes whose value, of 512, `belongs`.
+pub fn mask_of<T>(values: &[T], belongs: impl Fn(&T) -> bool) -> NodeMask {
+    let mut mask = [0; BRICK_NODES / 64];
+    for (word, values) in mask.iter_mut().zip(values.chunks(64)) {
+        *word = values.iter().rev().fold(0, |word, value| word << 1 | u64::from(belongs(value)));
+    }
+    mask
 }
 
 #[cfg(test)]
@@ -206,6 +279,47 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn between_nodes_values_are_linear() {
+        let (low, high) = (Vec3::new(-3.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 1.0));
+        let grid = SparseGrid::sample(0.25, low, high, |x| x.x + 10.0 * x.y - 3.0 * x.z);
+        for x in [Vec3::new(-2.9, -0.03, 0.4), Vec3::new(0.61, 0.99, 0.02), Vec3::new(-2.01, 0.0, 0.25)] {
+            assert!((grid.trilinear(x) - (x.x + 10.0 * x.y - 3.0 * x.z)).abs() < 1e-4, "{x}");
+        }
+        assert_eq!(grid.trilinear(Vec3::new(1e9, 0.0, f32::MAX)), 0.0);
+    }
+
+    #[test]
+    fn bricks_added_stand_between_those_that_were_there() {
+        let all: Vec<[i32; 3]> = (0..27).map(|i| [i % 3 - 1, i / 3 % 3, i / 9]).collect();
+        let (old, new): (Vec<_>, Vec<_>) = all.iter().partition(|c| (c[0] * 7 + c[1] * 5 + c[2]) % 3 != 0);
+        let mut grid = SparseGrid::new(1.0, Bricks::new(old), 0.0);
+        let number = |coord: [i32; 3], place: usize| {
+            (place as i32 + 1000 * (coord[0] + 3 * (coord[1] + 3 * coord[2]))) as f32
+        };
+        let fresh = grid.bricks.clone();
+        for (brick, coord) in fresh.coords().iter().enumerate() {
+            for place in 0..BRICK_NODES {
+                grid.values[brick * BRICK_NODES + place] = number(*coord, place);
+            }
+        }
+        grid.insert(&new, -0.5);
+        assert_eq!(grid.bricks.coords(), Bricks::new(all).coords());
+        for (brick, coord) in grid.bricks.coords().iter().enumerate() {
+            for (place, value) in grid.brick(brick).iter().enumerate() {
+                let expected = if new.contains(coord) { -0.5 } else { number(*coord, place) };
+                assert_eq!(*value, expected, "{coord:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn masks_hold_the_nodes_that_belong() {
+        let values: Vec<usize> = (0..BRICK_NODES).collect();
+        let mask = mask_of(&values, |v| v % 7 == 3);
+        assert!(values.iter().all(|&place| is_set(&mask, place) == (place % 7 == 3)));
     }
 
     #[test]

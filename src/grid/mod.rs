@@ -1,5 +1,9 @@
 //! Grids of samples in space.
 
 mod bricks;
+mod dense;
 
-pub use bricks::{BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, SparseGrid, node_of, offset};
+pub use bricks::{
+    BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, is_set, mask_of, node_of, offset,
+};
+pub use dense::DenseGrid;

@@ -8,7 +8,12 @@ use std::path::Path;
 /// The first bytes of a plain file.
 pub(super) const MAGIC: &[u8] = b"Bgeo";
 /// The first bytes of a gzipped file.
-pub(super) const GZIP: &[u8] = b"\x1f\x8b";
+const GZIP: &[u8] = b"\x1f\x8b";
+
+/// Whether the bytes are gzip: the mark, and deflate, the only method there is.
+pub(super) fn is_gzip(bytes: &[u8]) -> bool {
+    bytes.starts_with(GZIP) && bytes.get(2).is_none_or(|&method| method == 8)
+}
 
 /// An attribute of the points: name, 32-bit words a point, type.
 struct Attribute {

@@ -21,7 +21,7 @@ pub enum ImportError {
     },
     /// The kind of file, or something in it, is not read.
     #[error(
-        "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, legacy VTK or classic BGEO",
+        "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, VTK, NPZ or classic BGEO",
         path = path.display()
     )]
     Unsupported {
@@ -30,6 +30,20 @@ pub enum ImportError {
         /// What it is.
         found: String,
         /// What is read instead.
+        expected: String,
+    },
+    /// A volume file has no level set that is read.
+    #[error(
+        "{path}: found {found}, expected {expected}; save the surface as a level set of floats, not half floats, or \
+         mesh the particles",
+        path = path.display()
+    )]
+    NoLevelSet {
+        /// The file.
+        path: PathBuf,
+        /// Its grids.
+        found: String,
+        /// What is read.
         expected: String,
     },
     /// The file breaks the rules of its format, or is cut short.
@@ -111,6 +125,10 @@ impl ImportError {
 
     pub(super) fn unsupported(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Self {
         Self::Unsupported { path: path.to_path_buf(), found: found.into(), expected: expected.into() }
+    }
+
+    pub(super) fn no_level_set(path: &Path, found: String, expected: &str) -> Self {
+        Self::NoLevelSet { path: path.to_path_buf(), found, expected: expected.into() }
     }
 
     pub(super) fn malformed(

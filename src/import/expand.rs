@@ -1,36 +1,37 @@
 //! From the patterns of a command line to a sequence of files.
 
-use super::ImportError;
-use std::cmp::Ordering;
+use super::{ImportError, Sequence};
 use std::path::{Path, PathBuf};
+
+/// Characters that make a name a pattern.
+const WILD: [char; 4] = ['*', '#', '?', '['];
 
 /// The files that `patterns` name, sorted by the numbers in their names, each once.
 ///
-/// A pattern is a path, or a path whose file name holds `*` (any characters) or runs of `#` (a number of at
-/// least as many digits): `frame_*.vtk`, `frame_####.bgeo`. A file that is really named so is taken as it is.
-/// Hidden files match only a pattern that starts with a dot.
+/// A pattern is a path, or a path whose file name holds `*` (any characters), `?` (any one), `[0-4x]` or `[!a-z]` (one of
+/// these, or none of them), or runs of `#` (a number of at least as many digits): `frame_*.vtk`, `frame_####.bgeo`. A
+/// file that is really named so is taken as it is. Hidden files match only a pattern that starts with a dot. A single
+/// run of `#` without any `*` marks the number of the frame.
 ///
 /// # Errors
 /// [`ImportError::NotFound`] if a path is not there or a pattern matches nothing,
 /// [`ImportError::Unsupported`] if a folder holds a wildcard.
-pub fn expand(patterns: &[String]) -> Result<Vec<PathBuf>, ImportError> {
-    let mut files = Vec::new();
+pub fn expand(patterns: &[String]) -> Result<Sequence, ImportError> {
+    let mut found = Vec::new();
     for pattern in patterns {
         let path = Path::new(pattern);
         if path.is_file() {
-            files.push(path.to_path_buf());
+            found.push((path.to_path_buf(), None));
         } else {
-            files.extend(matching(path)?);
+            found.extend(matching(path)?);
         }
     }
-    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()).then_with(|| a.cmp(b)));
-    files.dedup();
-    Ok(files)
+    Ok(Sequence::new(found))
 }
 
-/// The files that match a pattern in the last part of `path`.
-fn matching(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
-    let wild = |text: &str| text.contains(['*', '#']);
+/// The files that match a pattern in the last part of `path`, each with the number that it marks.
+fn matching(path: &Path) -> Result<Vec<(PathBuf, Option<u32>)>, ImportError> {
+    let wild = |text: &str| text.contains(WILD);
     let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
     let folder = match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
@@ -44,7 +45,7 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     }
     if wild(&folder.to_string_lossy()) && !folder.is_dir() {
         let found = format!("a wildcard in the folder {}", folder.display());
-        return Err(ImportError::unsupported(path, found, "* and # in the file's name only"));
+        return Err(ImportError::unsupported(path, found, "* # ? and [ in the file's name only"));
     }
     if !wild(&name) {
         return missing("nothing there".into(), "a file".into());
@@ -55,14 +56,15 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
         }
         entries => entries.map_err(|error| ImportError::from_io(folder, "list the folder", error))?,
     };
-    let (mut files, mut seen) = (Vec::new(), 0);
+    let (pattern, mut files, mut seen) = (Pattern::new(&name), Vec::new(), 0);
     for entry in entries {
         let entry = entry.map_err(|error| ImportError::from_io(folder, "list the folder", error))?;
         let file = path.with_file_name(entry.file_name());
         if file.is_file() {
             seen += 1;
-            if fits(&name, &entry.file_name().to_string_lossy()) {
-                files.push(file);
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if pattern.fits(&name) {
+                files.push((file, pattern.number(&name)));
             }
         }
     }
@@ -75,69 +77,126 @@ fn matching(path: &Path) -> Result<Vec<PathBuf>, ImportError> {
     Ok(files)
 }
 
-/// Whether a file's name fits a pattern.
-fn fits(pattern: &str, name: &str) -> bool {
-    let hidden = name.starts_with('.') && !pattern.starts_with('.');
-    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), name.chars().collect());
-    !hidden && fits_rest(&pattern, &name)
+/// A part of a pattern.
+#[derive(Clone, Debug, PartialEq)]
+enum Part {
+    /// This character.
+    Char(char),
+    /// Any one character.
+    One,
+    /// A character inside of one of the ranges, or outside of all.
+    Of { ranges: Vec<(char, char)>, outside: bool },
+    /// At least so many digits.
+    Digits(usize),
+    /// Any characters.
+    Any,
 }
 
-/// Row by row: `reach[i]` says whether the pattern so far can end before character i of the name. A search with
-/// backtracking would take exponential time on `*a*a*a*`.
-fn fits_rest(pattern: &[char], name: &[char]) -> bool {
-    let mut reach = vec![false; name.len() + 1];
-    reach[0] = true;
-    let mut at = 0;
-    while at < pattern.len() {
-        let mut next = vec![false; name.len() + 1];
-        let run = pattern[at..].iter().take_while(|&&character| character == '#').count();
-        for start in (0..=name.len()).filter(|&start| reach[start]) {
-            if pattern[at] == '*' {
-                next[start..].fill(true);
-            } else if run > 0 {
-                let digits = name[start..].iter().take_while(|character| character.is_ascii_digit()).count();
-                for length in run..=digits {
-                    next[start + length] = true;
+/// What names of files look like.
+struct Pattern {
+    parts: Vec<Part>,
+    with_hidden: bool,
+}
+
+impl Pattern {
+    fn new(text: &str) -> Self {
+        let characters: Vec<char> = text.chars().collect();
+        let (mut parts, mut at) = (Vec::new(), 0);
+        while at < characters.len() {
+            let rest = &characters[at..];
+            let (part, length) = match rest[0] {
+                '*' => (Part::Any, 1),
+                '?' => (Part::One, 1),
+                '#' => {
+                    let run = rest.iter().take_while(|&&character| character == '#').count();
+                    (Part::Digits(run), run)
                 }
-            } else if name.get(start) == Some(&pattern[at]) {
-                next[start + 1] = true;
+                '[' => set(rest).unwrap_or((Part::Char('['), 1)),
+                other => (Part::Char(other), 1),
+            };
+            parts.push(part);
+            at += length;
+        }
+        Self { parts, with_hidden: text.starts_with('.') }
+    }
+
+    /// Whether a file's name fits.
+    ///
+    /// Part by part: `reach[i]` says whether the pattern so far can end before character i of the name. A search with
+    /// backtracking would take exponential time on `*a*a*a*`.
+    fn fits(&self, name: &str) -> bool {
+        if name.starts_with('.') && !self.with_hidden {
+            return false;
+        }
+        let name: Vec<char> = name.chars().collect();
+        let mut reach = vec![false; name.len() + 1];
+        reach[0] = true;
+        for part in &self.parts {
+            let mut next = vec![false; name.len() + 1];
+            for start in (0..=name.len()).filter(|&start| reach[start]) {
+                let rest = &name[start..];
+                match part {
+                    Part::Any => next[start..].fill(true),
+                    Part::Digits(least) => {
+                        let digits = rest.iter().take_while(|character| character.is_ascii_digit()).count();
+                        (*least..=digits).for_each(|length| next[start + length] = true);
+                    }
+                    one => {
+                        if rest.first().is_some_and(|&character| one.takes(character)) {
+                            next[start + 1] = true;
+                        }
+                    }
+                }
             }
+            reach = next;
         }
-        at += run.max(1);
-        reach = next;
+        reach[name.len()]
     }
-    reach[name.len()]
+
+    /// What the one run of `#` stands for in a name that fits; `None` if that is not certain.
+    fn number(&self, name: &str) -> Option<u32> {
+        let mut places = (0..self.parts.len()).filter(|&place| matches!(self.parts[place], Part::Digits(_)));
+        let (Some(place), None) = (places.next(), places.next()) else { return None };
+        if self.parts.contains(&Part::Any) {
+            return None;
+        }
+        // All other parts are one character each.
+        let behind = self.parts.len() - 1 - place;
+        let digits: String = name.chars().take(name.chars().count() - behind).skip(place).collect();
+        digits.parse().ok()
+    }
 }
 
-/// Compares names with each run of digits as one number, however long.
-fn natural(a: &str, b: &str) -> Ordering {
-    let (mut a, mut b) = (a, b);
-    while !a.is_empty() && !b.is_empty() {
-        let (first, second) = (piece(&mut a), piece(&mut b));
-        let order = if is_number(first) && is_number(second) {
-            let (first, second) = (first.trim_start_matches('0'), second.trim_start_matches('0'));
-            first.len().cmp(&second.len()).then_with(|| first.cmp(second))
-        } else {
-            first.cmp(second)
+impl Part {
+    /// Whether a part of one character is this one.
+    fn takes(&self, character: char) -> bool {
+        match self {
+            Self::Char(own) => *own == character,
+            Self::Of { ranges, outside } => {
+                ranges.iter().any(|&(first, last)| (first..=last).contains(&character)) != *outside
+            }
+            Self::One | Self::Any | Self::Digits(_) => true,
+        }
+    }
+}
+
+/// The set at the front of `text`, which starts with `[`, and its length; `None` if it has no end.
+fn set(text: &[char]) -> Option<(Part, usize)> {
+    let outside = matches!(text.get(1), Some('!' | '^'));
+    let first = if outside { 2 } else { 1 };
+    // A bracket right at the start is one of the characters.
+    let length = text.iter().skip(first + 1).position(|&character| character == ']')? + 1;
+    let mut inside = &text[first..first + length];
+    let mut ranges = Vec::new();
+    while let [from, rest @ ..] = inside {
+        let (range, rest) = match rest {
+            ['-', to, rest @ ..] => ((*from, *to), rest),
+            _ => ((*from, *from), rest),
         };
-        if order != Ordering::Equal {
-            return order;
-        }
+        ranges.push(range);
+        inside = rest;
     }
-    a.len().cmp(&b.len())
-}
-
-fn is_number(text: &str) -> bool {
-    text.starts_with(|character: char| character.is_ascii_digit())
-}
-
-/// Cuts the longest run of digits, or of other characters, off the front.
-fn piece<'a>(text: &mut &'a str) -> &'a str {
-    let number = is_number(text);
-    let end = text.find(|character: char| character.is_ascii_digit() != number).unwrap_or(text.len());
-    let (front, rest) = text.split_at(end);
-    *text = rest;
-    front
+    Some((Part::Of { ranges, outside }, first + length + 1))
 }
 
 #[cfg(test)]
@@ -155,8 +214,15 @@ mod tests {
             ("#_#", "12_7"),
             ("*#.ply", "x10.ply"),
             (".*", ".hidden"),
+            ("f_?.vtk", "f_x.vtk"),
+            ("f_[0-4x].vtk", "f_3.vtk"),
+            ("f_[0-4x].vtk", "f_x.vtk"),
+            ("f_[!0-4].vtk", "f_5.vtk"),
+            ("f_[]-].vtk", "f_].vtk"),
+            ("f_[]-].vtk", "f_-.vtk"),
+            ("f_[1.vtk", "f_[1.vtk"),
         ] {
-            assert!(fits(pattern, name), "{pattern} {name}");
+            assert!(Pattern::new(pattern).fits(name), "{pattern} {name}");
         }
         for (pattern, name) in [
             ("frame_*.vtk", "frame_1.vtk.bak"),
@@ -165,10 +231,29 @@ mod tests {
             ("*", ".hidden"),
             ("a*b*c", "acb"),
             ("", "x"),
+            ("f_?.vtk", "f_.vtk"),
+            ("f_[0-4x].vtk", "f_5.vtk"),
+            ("f_[!0-4].vtk", "f_4.vtk"),
         ] {
-            assert!(!fits(pattern, name), "{pattern} {name}");
+            assert!(!Pattern::new(pattern).fits(name), "{pattern} {name}");
         }
-        assert!(!fits(&"*a".repeat(40), &"a".repeat(39)), "and the answer comes at once");
+        assert!(!Pattern::new(&"*a".repeat(40)).fits(&"a".repeat(39)), "and the answer comes at once");
+    }
+
+    #[test]
+    fn hashes_mark_the_number_of_the_frame() {
+        let number = |pattern: &str, name: &str| {
+            let pattern = Pattern::new(pattern);
+            assert!(pattern.fits(name));
+            pattern.number(name)
+        };
+        assert_eq!(number("v2_frame_####.bgeo", "v2_frame_0017.bgeo"), Some(17));
+        assert_eq!(number("#.vtk", "12345.vtk"), Some(12345));
+        assert_eq!(number("é_?_##_[ab].vtk", "é_1_07_b.vtk"), Some(7));
+        assert_eq!(number("*_##.vtk", "a_07.vtk"), None, "which digits are meant is not certain");
+        assert_eq!(number("##_##.vtk", "01_07.vtk"), None);
+        assert_eq!(number("#.vtk", "99999999999.vtk"), None);
+        assert_eq!(number("f_7.vtk", "f_7.vtk"), None);
     }
 
     #[test]
@@ -181,8 +266,9 @@ mod tests {
         let pattern = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
         let names = |patterns: &[&str]| {
             let patterns: Vec<_> = patterns.iter().map(|name| pattern(name)).collect();
-            let files = expand(&patterns).unwrap();
-            files
+            let sequence = expand(&patterns).unwrap();
+            sequence
+                .files()
                 .iter()
                 .map(|file| file.file_name().unwrap().to_str().unwrap().to_owned())
                 .collect::<Vec<_>>()

@@ -1,7 +1,8 @@
-//! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids ([`parse_triangles`]).
+//! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids ([`parse_triangles`]);
+//! level sets of OpenVDB files ([`read_level_set`]).
 //!
-//! [`read_particles`] reads PLY, XYZ, legacy VTK and classic BGEO by the file's extension and refuses a file
-//! whose content is something else; [`expand`] turns the patterns of a command line into a sorted sequence of
+//! [`read_particles`] reads PLY, XYZ, legacy VTK, VTU, NPY, NPZ and classic BGEO by the file's extension and refuses a
+//! file whose content is something else; [`expand`] turns the patterns of a command line into a sorted sequence of
 //! files. What is read of each format is described in `docs/formats/import.md`. Positions keep their axes and
 //! units. Counts are compared with the size of the file before memory is taken, and what is not taken is listed.
 
@@ -9,9 +10,15 @@ mod bgeo;
 mod error;
 mod expand;
 mod gather;
+mod npy;
+mod npz;
+mod numbers;
 mod ply;
+mod sequence;
 mod triangles;
+mod vdb;
 mod vtk;
+mod vtu;
 mod xyz;
 
 #[cfg(test)]
@@ -19,10 +26,13 @@ mod tests;
 
 pub use error::ImportError;
 pub use expand::expand;
+pub use sequence::Sequence;
 pub use triangles::parse_triangles;
+pub use vdb::{LevelSet, read_level_set};
 
 use crate::frame::Stream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 /// Particles read from a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -40,7 +50,10 @@ enum Format {
     Ply,
     Xyz,
     Vtk,
+    Vtu,
     Bgeo,
+    Npy,
+    Npz,
 }
 
 impl Format {
@@ -51,19 +64,29 @@ impl Format {
             "ply" => Some(Self::Ply),
             "xyz" => Some(Self::Xyz),
             "vtk" => Some(Self::Vtk),
+            "vtu" | "vtp" => Some(Self::Vtu),
             "bgeo" => Some(Self::Bgeo),
+            "npy" => Some(Self::Npy),
+            "npz" => Some(Self::Npz),
             _ => None,
         }
     }
 
-    /// What a file's first bytes say it is; XYZ has no mark of its own.
+    /// What a file's first bytes say it is; XYZ has no mark of its own. Marks are three bytes and more: raw floats start
+    /// with any two once in 65 536 files.
     fn of_content(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
             Some(Self::Ply)
         } else if bytes.starts_with(b"# vtk DataFile") {
             Some(Self::Vtk)
-        } else if bytes.starts_with(bgeo::MAGIC) || bytes.starts_with(bgeo::GZIP) {
+        } else if bytes.starts_with(bgeo::MAGIC) || bgeo::is_gzip(bytes) {
             Some(Self::Bgeo)
+        } else if bytes.starts_with(npy::MAGIC) {
+            Some(Self::Npy)
+        } else if npz::MAGIC.iter().any(|magic| bytes.starts_with(magic)) {
+            Some(Self::Npz)
+        } else if vtu::STARTS.iter().any(|start| bytes.trim_ascii_start().starts_with(start)) {
+            Some(Self::Vtu)
         } else {
             None
         }
@@ -74,8 +97,51 @@ impl Format {
             Self::Ply => "PLY",
             Self::Xyz => "XYZ",
             Self::Vtk => "legacy VTK",
+            Self::Vtu => "VTK XML",
             Self::Bgeo => "BGEO",
+            Self::Npy => "NPY",
+            Self::Npz => "NPZ",
         }
+    }
+}
+
+/// Raised whenever a change reads other particles from the same bytes, so that what was made of them is made again.
+const READER_VERSION: u32 = 1;
+
+/// A particle file whose bytes are read, and not yet understood.
+#[derive(Debug)]
+pub struct ParticleFile {
+    path: PathBuf,
+    format: Format,
+    bytes: Vec<u8>,
+}
+
+impl ParticleFile {
+    /// Reads the bytes of a file.
+    ///
+    /// # Errors
+    /// [`ImportError`] if it is not there, cannot be read or has a name of no format.
+    pub fn open(path: &Path) -> Result<Self, ImportError> {
+        let Some(format) = Format::of(path) else {
+            let expected = "a name that ends in .ply, .xyz, .vtk, .vtu, .vtp, .npy, .npz or .bgeo";
+            return Err(ImportError::unsupported(path, "another kind of file", expected));
+        };
+        let bytes =
+            std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
+        Ok(Self { path: path.into(), format, bytes })
+    }
+
+    /// Identifies what the file holds: files of the same bytes, whenever and wherever they were written, have the same.
+    pub fn content_key(&self) -> u64 {
+        xxh3_64_with_seed(&self.bytes, READER_VERSION.into())
+    }
+
+    /// The particles.
+    ///
+    /// # Errors
+    /// As [`read_particles`].
+    pub fn particles(&self) -> Result<Imported, ImportError> {
+        parse(&self.path, self.format, &self.bytes)
     }
 }
 
@@ -85,12 +151,7 @@ impl Format {
 /// [`ImportError`], naming the file and the place in it. A file without a byte is
 /// [`ImportError::EmptyFile`]; a sound one without particles is an empty stream.
 pub fn read_particles(path: &Path) -> Result<Imported, ImportError> {
-    let Some(format) = Format::of(path) else {
-        let expected = "a name that ends in .ply, .xyz, .vtk or .bgeo";
-        return Err(ImportError::unsupported(path, "another kind of file", expected));
-    };
-    let bytes = std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
-    parse(path, format, &bytes)
+    ParticleFile::open(path)?.particles()
 }
 
 /// Reads the particles of a file's bytes.
@@ -110,6 +171,9 @@ fn parse(path: &Path, format: Format, bytes: &[u8]) -> Result<Imported, ImportEr
         Format::Ply => ply::read(path, bytes),
         Format::Xyz => xyz::read(path, bytes),
         Format::Vtk => vtk::read(path, bytes),
+        Format::Vtu => vtu::read(path, bytes),
         Format::Bgeo => bgeo::read(path, bytes),
+        Format::Npy => npy::read(path, bytes),
+        Format::Npz => npz::read(path, bytes),
     }
 }

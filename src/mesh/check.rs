@@ -121,6 +121,7 @@ pub fn check(mesh: &Mesh) -> MeshCheck {
             result.note(mesh, what, vertex);
         }
     }
+    drop(corners);
     result.closed = result.boundary_edges == 0;
     result.manifold = result.non_manifold_edges == 0 && result.non_manifold_vertices == 0;
     result.oriented = result.misoriented_edges == 0;
@@ -142,7 +143,7 @@ impl MeshCheck {
 
 /// What a triangle is on its own.
 #[derive(Clone, Copy, PartialEq)]
-enum Shape {
+pub(super) enum Shape {
     Sound,
     Flat,
     Repeated,
@@ -150,7 +151,7 @@ enum Shape {
 }
 
 impl Shape {
-    fn of(mesh: &Mesh, t: usize) -> Self {
+    pub(super) fn of(mesh: &Mesh, t: usize) -> Self {
         let [a, b, c] = mesh.triangles[t];
         if [a, b, c].iter().any(|&v| v as usize >= mesh.positions.len()) {
             return Self::OutOfRange;
@@ -166,41 +167,55 @@ impl Shape {
     }
 }
 
-/// The corners of every vertex: `list[start[v]..start[v + 1]]` are (next, previous vertex) in its triangles.
+/// The corners of every vertex: `list[start[v]..start[v + 1]]` are corners 3 t + k, vertex k of triangle t.
 struct Corners {
-    start: Vec<usize>,
-    list: Vec<[u32; 2]>,
+    start: Vec<u32>,
+    list: Vec<u32>,
 }
 
 impl Corners {
     fn new(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> Self {
-        let triangles = || (0..mesh.triangles.len()).filter(|&t| linked(t)).map(|t| mesh.triangles[t]);
-        let mut start = vec![0; mesh.positions.len() + 1];
-        for v in triangles().flatten() {
-            start[v as usize + 1] += 1;
+        assert!(mesh.triangles.len() < u32::MAX as usize / 3, "fewer than 2³² corners");
+        let corners = || {
+            let triangles = (0..).zip(&mesh.triangles).filter(|&(t, _)| linked(t as usize));
+            triangles.flat_map(|(t, triangle)| (3 * t..).zip(*triangle))
+        };
+        let mut start = vec![0_u32; mesh.positions.len() + 1];
+        for (_, v) in corners() {
+            start[v as usize] += 1;
         }
-        for v in 0..mesh.positions.len() {
-            start[v + 1] += start[v];
+        // Each start is first the end of its vertex, and goes down as the corners are put in, last first.
+        let mut end = 0;
+        for start in &mut start {
+            end += *start;
+            *start = end;
         }
-        let mut place = start.clone();
-        let mut list = vec![[0; 2]; start[mesh.positions.len()]];
-        for [a, b, c] in triangles() {
-            for [v, next, previous] in [[a, b, c], [b, c, a], [c, a, b]] {
-                list[place[v as usize]] = [next, previous];
-                place[v as usize] += 1;
+        let mut list = vec![0; end as usize];
+        for t in (0..mesh.triangles.len()).rev().filter(|&t| linked(t)) {
+            for k in [2, 1, 0] {
+                let start = &mut start[mesh.triangles[t][k] as usize];
+                *start -= 1;
+                list[*start as usize] = (3 * t + k) as u32;
             }
         }
         Self { start, list }
     }
 
-    fn of(&self, v: u32) -> &[[u32; 2]] {
-        &self.list[self.start[v as usize]..self.start[v as usize + 1]]
+    /// The next and the previous vertex at every corner of a vertex.
+    fn of<'a>(&'a self, mesh: &'a Mesh, v: u32) -> impl ExactSizeIterator<Item = [u32; 2]> + 'a {
+        let list = &self.list[self.start[v as usize] as usize..self.start[v as usize + 1] as usize];
+        list.iter().map(|&corner| {
+            let (triangle, k) = (mesh.triangles[corner as usize / 3], corner as usize % 3);
+            [triangle[(k + 1) % 3], triangle[(k + 2) % 3]]
+        })
     }
 }
 
 /// Memory that the vertices of a chunk share.
 #[derive(Default)]
 struct Scratch {
+    /// The next and the previous vertex at each corner.
+    corners: Vec<[u32; 2]>,
     /// The sides at a vertex: (vertex they lead to, corner they belong to, whether they leave the vertex).
     sides: Vec<(u32, u32, bool)>,
     /// The fan of every corner, as a union-find forest.
@@ -227,15 +242,21 @@ impl Around {
             self.non_finite += 1;
             self.fault.get_or_insert(("vertex that is not finite", v));
         }
-        let corners = corners.of(v);
+        let Scratch { corners: around, sides, fans } = scratch;
+        around.clear();
+        around.extend(corners.of(mesh, v));
+        let corners = around.as_slice();
         if corners.is_empty() {
             self.unused += 1;
             return;
         }
         self.euler += 1;
+        if let Some(edges) = closed_fan(v, corners) {
+            self.euler -= edges;
+            return;
+        }
 
         // Sort the sides by where they lead, so that those of one edge stand together.
-        let Scratch { sides, fans } = scratch;
         sides.clear();
         fans.clear();
         for (corner, &[next, previous]) in (0..).zip(corners) {
@@ -273,6 +294,21 @@ impl Around {
     }
 }
 
+/// How many edges lead from `v` to later vertices, if its corners are one closed fan that runs one way; most are.
+fn closed_fan(v: u32, corners: &[[u32; 2]]) -> Option<i64> {
+    let [first, mut last] = corners[0];
+    // The corner that follows begins where this one ends. A side that two corners share is found but once, so that the
+    // fan closes too early.
+    for _ in 1..corners.len() {
+        if last == first {
+            return None;
+        }
+        last = corners.iter().find(|corner| corner[0] == last)?[1];
+    }
+    let later = corners.iter().filter(|corner| corner[0] > v).count();
+    (last == first).then_some(later as i64)
+}
+
 /// The pieces of the mesh, counting every unused vertex as one.
 fn components(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> usize {
     let mut forest: Vec<u32> = (0..mesh.positions.len() as u32).collect();
@@ -287,7 +323,7 @@ fn components(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> usize {
 }
 
 /// Joins the trees of `a` and `b`; whether they were apart.
-fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
+pub(super) fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (root(forest, a), root(forest, b));
     // The lower root stays, which keeps the paths short where vertices are numbered along the surface.
     forest[a.max(b) as usize] = a.min(b);

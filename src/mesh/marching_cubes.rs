@@ -1,25 +1,28 @@
-//! Marching cubes at zero on sparse bricks.
+//! Marching cubes on sparse bricks.
 //!
-//! *Method* [lorensen87]: a vertex on every grid edge whose ends differ in sign, by linear interpolation;
-//! triangles by the cases of `cases`. A value of exactly zero is outside.
+//! *Method* [lorensen87]: a vertex on every grid edge with one end inside, by linear interpolation; triangles by the
+//! cases of `cases`.
 //! *Departs from the paper*: the case table (see `cases`); vertices are shared by the edge they lie on, which its
 //! lower node owns; a vertex stays [`MARGIN`] of an edge away from the nodes, so that no triangle has zero area.
 //!
-//! Two passes over the bricks, each brick alone: first its vertices and, for every node, which of its three edges
-//! are crossed; then, with the vertices numbered brick by brick, its triangles. Brick order and node order decide
+//! Three passes over the bricks, each brick alone: first the sides of its nodes, which tell the bricks that the surface
+//! does not touch; then its vertices and, for every node, which of its three edges are crossed; then, with the vertices
+//! numbered brick by brick, its triangles, written where they belong. The last two follow each other through windows of
+//! whole layers of bricks, so that what a brick knows of its edges is kept for a short time only. Brick order and node order decide
 //! the numbering, so the mesh does not depend on threads or on bricks without surface. Every vertex is used: the
 //! ends of its edge lie in one brick or in two that share a face, and so do all nodes of one of its four cells.
 //!
-//! Symbols: a, b → values at an edge's ends [m]; t → place of the vertex on the edge [0..1].
+//! Symbols: a, b → values at an edge's ends; t → place of the vertex on the edge [0..1].
 //! Limits: second order in the voxel where the field is smooth; features thinner than a voxel may vanish. Fewer
 //! than 2³² vertices.
 
-use super::{Mesh, cases};
+use super::{Contour, Mesh, cases};
 use crate::{
     grid::{BRICK, BRICK_NODES, SparseGrid, offset},
     math::Vec3,
     par,
 };
+use std::ops::Range;
 
 /// How near a vertex may come to a grid node, as a part of the edge.
 ///
@@ -30,6 +33,12 @@ pub const MARGIN: f64 = 1.0 / 256.0;
 
 /// Bricks a task holds: enough work to be worth a task, few enough to share out a small surface.
 const TASK: usize = 16;
+
+/// Bricks whose vertices are kept at a time, but for whole layers: enough to share out, few beside the surface.
+const WINDOW: usize = 4096;
+
+/// Vertices that a brick has room for at first: a plane through it makes about as many.
+const VERTICES: usize = 96;
 
 /// No brick is there.
 const MISSING: u32 = u32::MAX;
@@ -46,51 +55,143 @@ pub struct ContourStats {
     pub cut_cells: usize,
 }
 
-/// The surface where `sdf` is zero, as an indexed mesh that faces the positive side, and what was special.
+/// The surface of a contour as an indexed mesh that faces the outside, and what was special.
 ///
-/// Values: inside negative, outside positive [m]. Cells with a node in a missing brick are left out; if the
-/// surface crosses none of them, the mesh is closed and manifold. No normals, no attributes.
+/// Cells with a node in a missing brick are left out; if the surface crosses none of them, the mesh is closed and
+/// manifold. No normals, no attributes.
 ///
 /// # Panics
 /// If the surface has 2³² vertices or more.
-pub fn marching_cubes(sdf: &SparseGrid) -> (Mesh, ContourStats) {
-    // Find the vertices of every brick.
-    let bricks: Vec<Option<Box<BrickCut>>> =
-        par::map_chunks(sdf.bricks.len(), TASK, |range| range.map(|b| cut(sdf, b)).collect::<Vec<_>>())
-            .into_iter()
-            .flatten()
-            .collect();
+pub fn marching_cubes<'a>(contour: impl Into<Contour<'a>>) -> (Mesh, ContourStats) {
+    extract(contour.into())
+}
 
-    // Number them, brick by brick.
-    let mut first = Vec::with_capacity(bricks.len());
-    let mut positions = Vec::with_capacity(bricks.iter().flatten().map(|brick| brick.vertices.len()).sum());
-    let mut stats = ContourStats::default();
-    for brick in &bricks {
-        first.push(u32::try_from(positions.len()).expect("a surface has fewer than 2³² vertices"));
-        if let Some(brick) = brick {
-            positions.extend_from_slice(&brick.vertices);
-            stats.moved_vertices += brick.stats.moved_vertices;
-            stats.unbounded_vertices += brick.stats.unbounded_vertices;
-        }
-    }
-    assert!(u32::try_from(positions.len()).is_ok(), "a surface has fewer than 2³² vertices");
+fn extract(contour: Contour) -> (Mesh, ContourStats) {
+    let grid = contour.grid;
 
-    // Join them to triangles.
-    let table = cases::Cases::derive();
-    let parts = par::map_chunks(bricks.len(), TASK, |range| {
-        let mut triangles = Vec::new();
-        let mut cut_cells = 0;
-        for brick in bricks[range].iter().flatten() {
-            cut_cells += join(brick, &bricks, &first, &table, &mut triangles);
+    // Read the signs of every brick.
+    let mut signs = vec![Signs::default(); grid.bricks.len()];
+    par::for_chunks(&mut signs, TASK, |start, signs| {
+        for (b, signs) in (start..).zip(signs) {
+            *signs = Signs::of(&contour, b);
         }
-        (triangles, cut_cells)
     });
-    let mut triangles = Vec::with_capacity(parts.iter().map(|part| part.0.len()).sum());
-    for (part, cut_cells) in parts {
-        triangles.extend_from_slice(&part);
-        stats.cut_cells += cut_cells;
+
+    // Find the vertices window by window; the window before has then all neighbours that its triangles need.
+    let table = cases::Cases::derive();
+    let mut mesh = Mesh::default();
+    let mut stats = ContourStats::default();
+    let mut before = Window::default();
+    for range in windows(grid) {
+        let window = Window::cut(&contour, &signs, &table, range, &mut mesh.positions, &mut stats);
+        before.join(&window, &table, &mut mesh.triangles);
+        before = window;
     }
-    (Mesh { positions, triangles, ..Mesh::default() }, stats)
+    before.join(&Window::default(), &table, &mut mesh.triangles);
+    (mesh, stats)
+}
+
+/// The bricks in runs of whole layers along z of [`WINDOW`] bricks or more, so that a brick's neighbours are in its own run or
+/// the next.
+fn windows(grid: &SparseGrid) -> Vec<Range<usize>> {
+    let mut windows = Vec::new();
+    let (mut start, mut end) = (0, 0);
+    for layer in grid.bricks.coords().chunk_by(|a, b| a[2] == b[2]) {
+        end += layer.len();
+        if end - start >= WINDOW {
+            windows.push(start..end);
+            start = end;
+        }
+    }
+    windows.push(start..end);
+    windows
+}
+
+/// A run of bricks.
+#[derive(Default)]
+struct Window {
+    range: Range<usize>,
+    bricks: Vec<Option<Box<BrickCut>>>,
+    /// The number of the first vertex of each brick.
+    first: Vec<u32>,
+}
+
+impl Window {
+    /// Finds the vertices of some bricks and numbers them, brick by brick.
+    fn cut(
+        contour: &Contour,
+        signs: &[Signs],
+        table: &cases::Cases,
+        range: Range<usize>,
+        positions: &mut Vec<Vec3>,
+        stats: &mut ContourStats,
+    ) -> Self {
+        let parts = par::map_chunks(range.len(), TASK, |part| {
+            part.map(|b| cut(contour, signs, table, range.start + b)).collect::<Vec<_>>()
+        });
+        let mut bricks: Vec<_> = parts.into_iter().flatten().collect();
+        let mut first = Vec::with_capacity(bricks.len());
+        for brick in &mut bricks {
+            first.push(u32::try_from(positions.len()).expect("a surface has fewer than 2³² vertices"));
+            if let Some(brick) = brick {
+                positions.append(&mut std::mem::take(&mut brick.vertices));
+                stats.moved_vertices += brick.stats.moved_vertices;
+                stats.unbounded_vertices += brick.stats.unbounded_vertices;
+                stats.cut_cells += brick.stats.cut_cells;
+            }
+        }
+        assert!(u32::try_from(positions.len()).is_ok(), "a surface has fewer than 2³² vertices");
+        Self { range, bricks, first }
+    }
+
+    /// Joins the vertices to triangles; `next` is the window after this one.
+    fn join(&self, next: &Self, table: &cases::Cases, triangles: &mut Vec<[u32; 3]>) {
+        let mut count = 0;
+        let count_up = |brick: &Option<Box<BrickCut>>| {
+            count += brick.as_ref().map_or(0, |brick| brick.triangles);
+            count
+        };
+        let ends: Vec<usize> = self.bricks.iter().map(count_up).collect();
+        let old = triangles.len();
+        triangles.resize(old + count, [0; 3]);
+        par::for_parts(&mut triangles[old..], &ends, TASK, |b, triangles| {
+            if let Some(brick) = &self.bricks[b] {
+                join(brick, |owner| self.at(owner).or_else(|| next.at(owner)), table, triangles);
+            }
+        });
+    }
+
+    /// A brick of this window that the surface crosses, and the number of its first vertex.
+    fn at(&self, brick: usize) -> Option<(&BrickCut, u32)> {
+        let place = self.range.contains(&brick).then(|| brick - self.range.start)?;
+        Some((self.bricks[place].as_ref()?, self.first[place]))
+    }
+}
+
+/// The nodes of a brick that are inside, as rows along x: bit x of row y + 8·z.
+#[derive(Clone, Copy)]
+struct Signs([u8; BRICK * BRICK]);
+
+impl Default for Signs {
+    fn default() -> Self {
+        Self([0; BRICK * BRICK])
+    }
+}
+
+impl Signs {
+    fn of(contour: &Contour, brick: usize) -> Self {
+        let mut rows = [0; BRICK * BRICK];
+        for (row, values) in rows.iter_mut().zip(contour.grid.brick(brick).as_chunks::<BRICK>().0) {
+            *row = (0..BRICK).fold(0, |bits, x| bits | u8::from(contour.is_inside(values[x])) << x);
+        }
+        Self(rows)
+    }
+
+    /// Whether all nodes are inside (`Some(true)`) or outside (`Some(false)`).
+    fn side(&self) -> Option<bool> {
+        let all = |row: u8| self.0.iter().all(|&other| other == row);
+        if all(u8::MAX) { Some(true) } else { all(0).then_some(false) }
+    }
 }
 
 /// One brick that the surface crosses, with the nodes of its upper neighbours that its cells touch.
@@ -104,23 +205,22 @@ struct BrickCut {
     /// For every node of the brick: 8 × (vertices on edges of earlier nodes) + (bits of its crossed edges).
     marks: [u16; BRICK_NODES],
     vertices: Vec<Vec3>,
+    /// How many triangles its cells have.
+    triangles: usize,
     stats: ContourStats,
 }
 
-/// The vertices of brick `brick`; `None` if all its nodes are on one side.
-fn cut(sdf: &SparseGrid, brick: usize) -> Option<Box<BrickCut>> {
-    let coord = sdf.bricks.coords()[brick];
-    let around: [u32; 8] = std::array::from_fn(|side| {
-        let beside = std::array::from_fn(|axis| coord[axis] + (side >> axis & 1) as i32);
-        if side == 0 { brick as u32 } else { sdf.bricks.find(beside).map_or(MISSING, |found| found as u32) }
-    });
-
-    // Read the signs of 9³ nodes.
-    let (inside, present) = signs(sdf, &around);
-    let outside = |row: usize| present[row] & !inside[row];
-    if inside.iter().all(|&row| row == 0) || (0..81).all(|row| outside(row) == 0) {
+/// The vertices of brick `brick`; `None` if it and its upper neighbours are on one side.
+fn cut(contour: &Contour, signs: &[Signs], table: &cases::Cases, brick: usize) -> Option<Box<BrickCut>> {
+    let Contour { grid, level, .. } = *contour;
+    let coord = grid.bricks.coords()[brick];
+    let around = around(grid, brick);
+    let side = |brick: u32| signs[brick as usize].side();
+    let own = side(brick as u32);
+    if own.is_some() && around.iter().all(|&other| other == MISSING || side(other) == own) {
         return None;
     }
+    let (inside, present) = rows(signs, &around);
 
     // Put a vertex on every crossed edge that a node of this brick owns.
     let mut found = Box::new(BrickCut {
@@ -128,12 +228,14 @@ fn cut(sdf: &SparseGrid, brick: usize) -> Option<Box<BrickCut>> {
         inside,
         present,
         marks: [0; BRICK_NODES],
-        vertices: Vec::new(),
+        vertices: Vec::with_capacity(VERTICES),
+        triangles: 0,
         stats: ContourStats::default(),
     });
-    let value = |node: [usize; 3]| {
+    let own = grid.brick(brick);
+    let beyond = |node: [usize; 3]| {
         let side = (0..3).map(|axis| (node[axis] / BRICK) << axis).sum::<usize>();
-        sdf.values[around[side] as usize * BRICK_NODES + offset(node.map(|i| i % BRICK))]
+        grid.values[around[side] as usize * BRICK_NODES + offset(node.map(|i| i % BRICK))]
     };
     for z in 0..BRICK {
         for y in 0..BRICK {
@@ -146,52 +248,66 @@ fn cut(sdf: &SparseGrid, brick: usize) -> Option<Box<BrickCut>> {
             };
             let edges = [crossed(0, 1), crossed(1, 0), crossed(9, 0)];
             for x in bits(edges[0] | edges[1] | edges[2]) {
-                let own: u16 = (0..3).map(|axis| (edges[axis] >> x & 1) << axis).sum();
-                found.marks[offset([x, y, z])] = (found.vertices.len() as u16) << 3 | own;
-                for axis in bits(own) {
+                let edges_of_node: u16 = (0..3).map(|axis| (edges[axis] >> x & 1) << axis).sum();
+                found.marks[offset([x, y, z])] = (found.vertices.len() as u16) << 3 | edges_of_node;
+                let node = std::array::from_fn(|d| coord[d] * BRICK as i32 + [x, y, z][d] as i32);
+                for axis in bits(edges_of_node) {
                     let mut upper = [x, y, z];
                     upper[axis] += 1;
-                    let t = place(value([x, y, z]), value(upper), &mut found.stats);
-                    let node = std::array::from_fn(|d| coord[d] * BRICK as i32 + [x, y, z][d] as i32);
-                    found.vertices.push(point(node, axis, t, sdf.voxel));
+                    let above = if upper[axis] < BRICK { own[offset(upper)] } else { beyond(upper) };
+                    let t = place(own[offset([x, y, z])], above, level, &mut found.stats);
+                    found.vertices.push(point(node, axis, t, grid.voxel));
                 }
             }
         }
     }
+
+    found.count(table);
     Some(found)
 }
 
+/// Brick `brick` and its upper neighbours: bit 0 is set for the one along x, bit 1 for y, bit 2 for z.
+fn around(grid: &SparseGrid, brick: usize) -> [u32; 8] {
+    let coords = grid.bricks.coords();
+    let mut around = [MISSING; 8];
+    for side in [0, 2, 4, 6] {
+        let beside: [i32; 3] = std::array::from_fn(|axis| coords[brick][axis] + (side >> axis & 1) as i32);
+        let next = [beside[0] + 1, beside[1], beside[2]];
+        let found = if side == 0 { Some(brick) } else { grid.bricks.find(beside) };
+        // Bricks stand in order of z, y, x: the next along x is the next one, if it is there.
+        let after = match found {
+            Some(found) => coords.get(found + 1).is_some_and(|&coord| coord == next).then_some(found + 1),
+            None => grid.bricks.find(next),
+        };
+        around[side] = found.map_or(MISSING, |found| found as u32);
+        around[side + 1] = after.map_or(MISSING, |found| found as u32);
+    }
+    around
+}
+
 /// Which of the 9³ nodes are inside, and which exist, in rows along x.
-fn signs(sdf: &SparseGrid, around: &[u32; 8]) -> ([u16; 81], [u16; 81]) {
+fn rows(signs: &[Signs], around: &[u32; 8]) -> ([u16; 81], [u16; 81]) {
     let (mut inside, mut present) = ([0; 81], [0; 81]);
     for z in 0..=BRICK {
         for y in 0..=BRICK {
-            for side_x in 0..2 {
-                let brick = around[side_x | (y / BRICK) << 1 | (z / BRICK) << 2];
-                if brick == MISSING {
-                    continue;
-                }
-                let start = brick as usize * BRICK_NODES + offset([0, y % BRICK, z % BRICK]);
-                let nodes = if side_x == 0 { BRICK } else { 1 };
-                for (x, &value) in sdf.values[start..start + nodes].iter().enumerate() {
-                    let bit = x + side_x * BRICK;
-                    inside[y + 9 * z] |= u16::from(value < 0.0) << bit;
-                    present[y + 9 * z] |= 1 << bit;
-                }
-            }
+            let (row, side) = (y % BRICK + BRICK * (z % BRICK), (y / BRICK) << 1 | (z / BRICK) << 2);
+            let own = signs.get(around[side] as usize).map(|signs| u16::from(signs.0[row]));
+            let next = signs.get(around[side | 1] as usize).map(|signs| u16::from(signs.0[row]) & 1);
+            inside[y + 9 * z] = own.unwrap_or(0) | next.unwrap_or(0) << BRICK;
+            present[y + 9 * z] = own.map_or(0, |_| 0xff) | next.map_or(0, |_| 1) << BRICK;
         }
     }
     (inside, present)
 }
 
-/// Where on an edge with the values `a` and `b` at its ends the surface crosses it [0..1].
-fn place(a: f32, b: f32, stats: &mut ContourStats) -> f64 {
+/// Where on an edge with the values `a` and `b` at its ends the surface of a level crosses it [0..1].
+fn place(a: f32, b: f32, level: f32, stats: &mut ContourStats) -> f64 {
     if !(a.is_finite() && b.is_finite()) {
         stats.unbounded_vertices += 1;
         return 0.5;
     }
-    let (a, b) = (f64::from(a), f64::from(b));
-    let t = a / (a - b);
+    let (a, b, level) = (f64::from(a), f64::from(b), f64::from(level));
+    let t = (a - level) / (a - b);
     let kept = t.clamp(MARGIN, 1.0 - MARGIN);
     stats.moved_vertices += usize::from(kept != t);
     kept
@@ -205,48 +321,100 @@ fn point(node: [i32; 3], axis: usize, t: f64, voxel: f32) -> Vec3 {
     })
 }
 
-/// Adds the triangles of the cells whose lowest corner is in `brick`; returns how many crossed cells are cut off.
-fn join(
-    brick: &BrickCut,
-    bricks: &[Option<Box<BrickCut>>],
-    first: &[u32],
-    table: &cases::Cases,
-    triangles: &mut Vec<[u32; 3]>,
-) -> usize {
-    let vertex = |cell: [usize; 3], edge: u8| {
-        let (corner, axis) = cases::edge(edge);
-        let node: [usize; 3] = std::array::from_fn(|d| cell[d] + usize::from(corner >> d & 1));
-        let side = (0..3).map(|d| (node[d] / BRICK) << d).sum::<usize>();
-        let owner = brick.around[side] as usize;
-        let marks = &bricks[owner].as_ref().expect("a crossed edge's owner has vertices").marks;
-        let mark = marks[offset(node.map(|i| i % BRICK))];
-        let before = (mark & ((1 << axis) - 1)).count_ones();
-        first[owner] + u32::from(mark >> 3) + before
-    };
-    let mut cut_cells = 0;
-    for z in 0..BRICK {
-        for y in 0..BRICK {
-            // Cells of this row that have corners on both sides, and those of them with all corners there.
-            let rows = [0, 1, 9, 10].map(|step| y + 9 * z + step);
-            let [mut any_inside, mut any_outside, mut all_present] = [0, 0, u16::MAX];
-            for row in rows {
-                any_inside |= brick.inside[row];
-                any_outside |= brick.present[row] & !brick.inside[row];
-                all_present &= brick.present[row];
-            }
-            let crossed = (any_inside | any_inside >> 1) & (any_outside | any_outside >> 1) & 0xff;
-            let complete = all_present & all_present >> 1;
-            cut_cells += (crossed & !complete).count_ones() as usize;
-            for x in bits(crossed & complete) {
-                let mask: u16 = (0..4).map(|i| (brick.inside[rows[i]] >> x & 3) << (2 * i)).sum();
-                for triangle in table.of(mask as u8) {
-                    triangles.push(triangle.map(|edge| vertex([x, y, z], edge)));
+impl BrickCut {
+    /// Counts its triangles, and the crossed cells that are cut off.
+    fn count(&mut self, table: &cases::Cases) {
+        for z in 0..BRICK {
+            for y in 0..BRICK {
+                let (crossed, complete) = self.cells(y, z);
+                self.stats.cut_cells += (crossed & !complete).count_ones() as usize;
+                for x in bits(crossed & complete) {
+                    self.triangles += table.of(self.mask([x, y, z])).len();
                 }
             }
         }
     }
-    cut_cells
+
+    /// The cells of a row that have corners on both sides, and those that have all corners.
+    #[inline]
+    fn cells(&self, y: usize, z: usize) -> (u16, u16) {
+        let [mut any_inside, mut any_outside, mut all_present] = [0, 0, u16::MAX];
+        for row in [0, 1, 9, 10].map(|step| y + 9 * z + step) {
+            any_inside |= self.inside[row];
+            any_outside |= self.present[row] & !self.inside[row];
+            all_present &= self.present[row];
+        }
+        let crossed = (any_inside | any_inside >> 1) & (any_outside | any_outside >> 1) & 0xff;
+        (crossed, all_present & all_present >> 1)
+    }
+
+    /// The corners of a cell that are inside.
+    #[inline]
+    fn mask(&self, [x, y, z]: [usize; 3]) -> u8 {
+        let corners = |i: usize, step: usize| (self.inside[y + 9 * z + step] >> x & 3) << (2 * i);
+        (corners(0, 0) | corners(1, 1) | corners(2, 9) | corners(3, 10)) as u8
+    }
+
+    /// The number of the vertex on the edge that leaves the node at `place` along `axis`, from the brick's first.
+    #[inline]
+    fn vertex(&self, place: usize, axis: u8) -> u32 {
+        let mark = self.marks[place];
+        u32::from(mark >> 3) + (mark & ((1 << axis) - 1)).count_ones()
+    }
 }
+
+/// Writes the triangles of the cells whose lowest corner is in `brick`; `at` gives bricks and the numbers of their first
+/// vertices.
+fn join<'a>(
+    brick: &BrickCut,
+    at: impl Fn(usize) -> Option<(&'a BrickCut, u32)>,
+    table: &cases::Cases,
+    triangles: &mut [[u32; 3]],
+) {
+    let (_, own) = at(brick.around[0] as usize).expect("a brick of its own window");
+    let across = |cell: [usize; 3], edge: u8| {
+        let (corner, axis) = cases::edge(edge);
+        let node: [usize; 3] = std::array::from_fn(|d| cell[d] + usize::from(corner >> d & 1));
+        let side = (0..3).map(|d| (node[d] / BRICK) << d).sum::<usize>();
+        let (found, first) = at(brick.around[side] as usize).expect("a crossed edge's owner has vertices");
+        first + found.vertex(offset(node.map(|i| i % BRICK)), axis)
+    };
+    let mut to = triangles.iter_mut();
+    for z in 0..BRICK {
+        for y in 0..BRICK {
+            let (crossed, complete) = brick.cells(y, z);
+            for x in bits(crossed & complete) {
+                let cell = [x, y, z];
+                // Most cells have all their nodes in the brick itself.
+                let is_inner = x.max(y).max(z) + 1 < BRICK;
+                let place = offset(cell);
+                for (triangle, to) in table.of(brick.mask(cell)).iter().zip(&mut to) {
+                    *to = triangle.map(|edge| {
+                        if is_inner {
+                            own + brick.vertex(place + EDGES[usize::from(edge)].0, EDGES[usize::from(edge)].1)
+                        } else {
+                            across(cell, edge)
+                        }
+                    });
+                }
+            }
+        }
+    }
+    debug_assert!(to.next().is_none(), "as many triangles as were counted");
+}
+
+/// Where the lower node of each edge of a cell stands from the cell's own, in a brick, and the edge's axis.
+const EDGES: [(usize, u8); 12] = {
+    let mut edges = [(0, 0); 12];
+    let mut e = 0;
+    while e < 12 {
+        let (corner, axis) = cases::edge(e);
+        let corner = corner as usize;
+        edges[e as usize] = ((corner & 1) + BRICK * ((corner >> 1 & 1) + BRICK * (corner >> 2)), axis);
+        e += 1;
+    }
+    edges
+};
 
 /// The places of the set bits, from the lowest.
 #[inline]

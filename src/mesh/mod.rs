@@ -1,18 +1,29 @@
-//! Surfaces as triangle meshes: extraction from a signed distance, attributes, checks, and the whole way from
-//! particles to a mesh.
+//! Surfaces as triangle meshes: extraction from a field, clean-up, attributes, checks, and the whole way
+//! from particles to a mesh.
 
-mod attributes;
 mod cases;
 mod check;
+mod contour;
+mod decimate;
+mod links;
 mod marching_cubes;
+mod normals;
 mod params;
+mod pieces;
 mod reconstruct;
+mod smooth;
+mod transfer;
 
-pub use attributes::{interpolate_vec3, normals_from_distance};
 pub use check::{Fault, MeshCheck, check};
+pub use contour::{Contour, Side};
+pub use decimate::{DecimationStats, decimate};
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
-pub use params::SurfaceParams;
-pub use reconstruct::{Surface, SurfaceError, SurfaceStats, reconstruct};
+pub use normals::{normals_from_faces, normals_from_field};
+pub use params::{ComponentParams, DecimationParams, DistanceParams, SmoothingParams, SurfaceParams};
+pub use pieces::{ComponentStats, Points, remove_small};
+pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
+pub use smooth::{SmoothingStats, depth_weights, smooth};
+pub use transfer::{carried, interpolate_vec3, transfer};
 
 use crate::{frame::Channel, math::Vec3};
 

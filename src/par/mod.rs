@@ -111,6 +111,27 @@ pub fn map_chunks_of_many<A: Send, T: Send, const N: usize>(
     chunks.into_par_iter().enumerate().map(|(index, chunks)| f(index * len, chunks)).collect()
 }
 
+/// Cuts `out` into parts that end at `ends`, which ascend to its length, and calls `f(number of the part, part)`, `len`
+/// parts a task.
+pub fn for_parts<T: Send>(out: &mut [T], ends: &[usize], len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
+    assert_eq!(ends.last().copied().unwrap_or(0), out.len(), "the parts are the whole");
+    let (mut rest, mut start) = (out, 0);
+    let mut tasks = Vec::with_capacity(ends.len().div_ceil(len));
+    for (task, ends) in ends.chunks(len).enumerate() {
+        let end = ends.last().copied().unwrap_or(start);
+        let (part, after) = rest.split_at_mut(end - start);
+        tasks.push((task * len, start, ends, part));
+        (rest, start) = (after, end);
+    }
+    tasks.into_par_iter().for_each(|(first, mut start, ends, mut rest)| {
+        for (part, &end) in (first..).zip(ends) {
+            let (now, after) = rest.split_at_mut(end - start);
+            f(part, now);
+            (rest, start) = (after, end);
+        }
+    });
+}
+
 /// Sorts `keys`. Equal keys are interchangeable, so the result does not depend on the threads.
 pub fn sort(keys: &mut [u128]) {
     keys.par_sort_unstable();
@@ -181,6 +202,19 @@ mod tests {
         });
         assert_eq!(firsts, [0, 1000, 2000]);
         assert!((0..2500).all(|i| a[i] == i && b[i] == 2 * i));
+    }
+
+    #[test]
+    fn parts_of_any_length_are_called_once() {
+        let ends = [3, 3, 10, 11, 40, 40, 100];
+        for len in [1, 2, 5, 100] {
+            let mut out = vec![0; 100];
+            for_parts(&mut out, &ends, len, |part, slots| {
+                slots.iter_mut().for_each(|slot| *slot += part + 1)
+            });
+            assert!((0..100).all(|i| out[i] == ends.iter().position(|&end| i < end).unwrap() + 1), "{len}");
+        }
+        for_parts(&mut [0_u8; 0], &[], 4, |_, _| unreachable!("no parts"));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::RunError;
 use crate::cache::write_atomically;
 use std::path::{Path, PathBuf};
 
-/// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, `mesh/`.
+/// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, `mesh/`, `volume/`.
 #[derive(Clone, Debug)]
 pub struct ShotFolder {
     root: PathBuf,
@@ -40,6 +40,11 @@ impl ShotFolder {
         self.root.join("mesh")
     }
 
+    /// The folder of the volumes.
+    pub fn volumes(&self) -> PathBuf {
+        self.root.join("volume")
+    }
+
     /// The folder of the sampled meshes.
     pub fn samples(&self) -> PathBuf {
         self.root.join("sdf")
@@ -58,6 +63,11 @@ impl ShotFolder {
     /// One line a simulated frame.
     pub fn log(&self) -> PathBuf {
         self.root.join("log.jsonl")
+    }
+
+    /// One line a meshed frame.
+    pub fn mesh_log(&self) -> PathBuf {
+        self.root.join("mesh.jsonl")
     }
 
     /// Replaces the text file at `path`, whole or not at all.

@@ -1,6 +1,6 @@
 //! What is in a shot folder.
 
-use super::{Failure, FrameSpan, Manifest, RunError, ShotFolder};
+use super::{Failure, FrameSpan, Jump, Manifest, MeshRecord, RunError, ShotFolder, mesh_log};
 use crate::cache::{self, CacheError};
 use serde::Serialize;
 
@@ -19,6 +19,10 @@ pub struct Info {
     pub missing: Vec<u32>,
     /// The files that were made of them.
     pub outputs: Vec<OutputInfo>,
+    /// The figures of the meshes that were made.
+    pub meshes: Vec<MeshRecord>,
+    /// Changes between these that their neighbours do not suggest.
+    pub jumps: Vec<Jump>,
 }
 
 /// One cached frame.
@@ -49,7 +53,7 @@ pub struct FrameState {
 /// One sequence of files.
 #[derive(Clone, Debug, Serialize)]
 pub struct OutputInfo {
-    /// "mesh".
+    /// "mesh" or "points".
     pub kind: String,
     /// The system it shows.
     pub name: String,
@@ -116,12 +120,14 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         OutputInfo {
             kind: output.kind.clone(),
             name: output.name.clone(),
-            format: output.format.extension().into(),
+            format: output.format.clone(),
             pattern: output.pattern.clone(),
             present,
             missing: output.frames.numbers().count() - present,
         }
     });
+    let meshes = mesh_log::read(folder)?;
+    let jumps = mesh_log::jumps(&meshes);
     Ok(Info {
         title: manifest
             .as_ref()
@@ -131,5 +137,7 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         outputs: outputs.collect(),
         frames,
         missing,
+        meshes,
+        jumps,
     })
 }

@@ -1,7 +1,6 @@
 //! `shot.json`: what is in a shot folder, for Blender and other tools. Documented in `docs/formats/shot.md`.
 
 use super::{RunError, ShotFolder};
-use crate::export::MeshFormat;
 use serde::{Deserialize, Serialize};
 use std::{io::ErrorKind, path::PathBuf};
 
@@ -23,7 +22,7 @@ pub struct Manifest {
     /// The unit of lengths.
     pub length_unit: String,
     /// What was made of the frames.
-    pub outputs: Vec<MeshOutput>,
+    pub outputs: Vec<OutputFiles>,
 }
 
 /// An arithmetic run of frames.
@@ -64,24 +63,28 @@ fn gcd(a: u32, b: u32) -> u32 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// A mesh sequence.
+/// A sequence of files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MeshOutput {
-    /// Always "mesh".
+pub struct OutputFiles {
+    /// "mesh", "points" or "volume".
     pub kind: String,
     /// The system it shows ("liquid").
     pub name: String,
-    /// "ply" or "obj".
-    pub format: MeshFormat,
+    /// "ply", "obj" or "vdb".
+    pub format: String,
     /// File name with the frame number as `{:04}`, relative to the folder.
     pub pattern: String,
     /// Which frames are there.
     pub frames: FrameSpan,
-    /// Which file properties hold which attribute.
+    /// Which file properties hold which attribute of a mesh.
+    #[serde(default)]
     pub attributes: std::collections::BTreeMap<String, Vec<String>>,
+    /// The grids of a volume.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub grids: Vec<String>,
 }
 
-impl MeshOutput {
+impl OutputFiles {
     /// Where the file of a frame is.
     pub fn file(&self, folder: &ShotFolder, frame: u32) -> PathBuf {
         folder.root().join(self.pattern.replace("{:04}", &format!("{frame:04}")))
@@ -140,10 +143,20 @@ impl Manifest {
         ShotFolder::write(folder.manifest(), &text)
     }
 
+    /// The attributes that the files of an output carry; none if it is not there.
+    pub(super) fn attributes_of(
+        &self,
+        name: &str,
+        format: &str,
+    ) -> std::collections::BTreeMap<String, Vec<String>> {
+        let same = self.outputs.iter().find(|output| output.name == name && output.format == format);
+        same.map(|output| output.attributes.clone()).unwrap_or_default()
+    }
+
     /// Adds an output, in place of an earlier one of the same name and format. What that one named stays named as
     /// far as its files are in `folder`, so that meshing a few frames again does not hide the others.
-    pub fn put(&mut self, mut output: MeshOutput, folder: &ShotFolder) {
-        let is_same = |old: &MeshOutput| old.name == output.name && old.format == output.format;
+    pub fn put(&mut self, mut output: OutputFiles, folder: &ShotFolder) {
+        let is_same = |old: &OutputFiles| old.name == output.name && old.format == output.format;
         if let Some(place) = self.outputs.iter().position(is_same) {
             let old = self.outputs.remove(place);
             let there: Vec<u32> =
@@ -194,25 +207,26 @@ mod tests {
         let folder = ShotFolder::new(dir.path());
         assert_eq!(Manifest::read(&folder).unwrap(), None);
         let mut manifest = Manifest::new("Dam", 24.0, FrameSpan { first: 1, last: 5, step: 1 });
-        let output = MeshOutput {
+        let output = OutputFiles {
             kind: "mesh".into(),
             name: "liquid".into(),
-            format: MeshFormat::Ply,
+            format: "ply".into(),
             pattern: "mesh/liquid_{:04}.ply".into(),
             frames: FrameSpan { first: 1, last: 5, step: 1 },
             attributes: Default::default(),
+            grids: Vec::new(),
         };
         manifest.put(output.clone(), &folder);
-        let few = MeshOutput { frames: FrameSpan { first: 1, last: 3, step: 1 }, ..output.clone() };
+        let few = OutputFiles { frames: FrameSpan { first: 1, last: 3, step: 1 }, ..output.clone() };
         manifest.put(few.clone(), &folder);
-        manifest.put(MeshOutput { format: MeshFormat::Obj, ..output }, &folder);
+        manifest.put(OutputFiles { format: "obj".into(), ..output }, &folder);
         assert_eq!(manifest.outputs.len(), 2);
         assert_eq!(manifest.outputs[0].frames.last, 3, "files that are not there are not named");
         std::fs::create_dir(folder.meshes()).unwrap();
         for frame in [1, 3] {
             std::fs::write(few.file(&folder, frame), "").unwrap();
         }
-        manifest.put(MeshOutput { frames: FrameSpan { first: 5, last: 5, step: 1 }, ..few }, &folder);
+        manifest.put(OutputFiles { frames: FrameSpan { first: 5, last: 5, step: 1 }, ..few }, &folder);
         assert_eq!(manifest.outputs[1].frames, FrameSpan { first: 1, last: 5, step: 2 });
         manifest.write(&folder).unwrap();
         assert_eq!(Manifest::read(&folder).unwrap(), Some(manifest));

@@ -3,11 +3,14 @@
 //! This is the only layer that sees a whole [`Scene`](crate::scene::Scene): it takes it apart and hands each module its own
 //! part. Jobs say what happens through a [`Reporter`] and ask between steps whether to go on.
 
+mod batch;
 mod error;
 mod folder;
 mod info;
+mod level_sets;
 mod log;
 mod manifest;
+mod mesh_log;
 mod plan;
 mod remarks;
 mod scratch;
@@ -17,17 +20,23 @@ mod surface;
 mod surface_files;
 pub mod tradeoff;
 mod usage;
+mod volume;
+mod volume_grids;
 
 pub use error::{FailedFrame, Failure, RunError};
 pub use folder::ShotFolder;
 pub use info::{FrameState, Info, OutputInfo, info};
-pub use manifest::{FrameSpan, Manifest, MeshOutput};
+pub use level_sets::mesh_level_sets;
+pub use manifest::{FrameSpan, Manifest, OutputFiles};
+pub use mesh_log::{Jump, MeshRecord};
 pub use plan::{
-    Outline, Plan, outline, plan, refuse_files_over_memory, refuse_mesh_over_memory, refuse_over_memory,
+    Outline, Plan, Product, outline, plan, refuse_cache_over_memory, refuse_files_over_memory,
+    refuse_over_memory,
 };
 pub use simulate::{Simulated, simulate};
-pub use surface::{Surfaced, surface_cache};
+pub use surface::{SurfaceJob, Surfaced, surface_cache};
 pub use surface_files::{FileSettings, surface_files};
+pub use volume::{VolumeSettings, Volumes, volume_cache, volume_files};
 
 /// What a job tells while it works. Implemented by the command line.
 pub trait Reporter: Sync {

@@ -1,14 +1,22 @@
 //! The job that turns cached frames into meshes.
 
-use super::{Control, FailedFrame, Failure, FrameSpan, Manifest, MeshOutput, RunError, ShotFolder, remarks};
+use super::{
+    Control, FailedFrame, Failure, FrameSpan, Jump, Manifest, MeshRecord, OutputFiles, RunError, ShotFolder,
+    batch, mesh_log,
+    plan::{refuse_memory, stream_memory},
+    remarks,
+};
 use crate::{
     cache::{self, Lock},
-    export::MeshFormat,
+    export::{self, MeshFormat},
     frame::{FrameIndex, Stream},
-    mesh::{self, Surface, SurfaceError, SurfaceParams},
+    mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams, SurfaceStats},
     scene::Frames,
 };
-use std::{collections::BTreeMap, path::PathBuf};
+use std::{
+    collections::BTreeMap,
+    path::{Path, PathBuf},
+};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// What a surfacing job did.
@@ -24,11 +32,37 @@ pub struct Surfaced {
     pub bytes: u64,
     /// Where the files are.
     pub folder: PathBuf,
+    /// Changes between the folder's meshes that their neighbours do not suggest.
+    pub jumps: Vec<Jump>,
 }
 
-/// Meshes the frames of `source`'s cache (those of `selection`, or all) into `out`, in every format.
+/// What a surfacing job is to do, whatever its source.
+#[derive(Clone, Debug)]
+pub struct SurfaceJob {
+    /// How particles become a surface.
+    pub params: SurfaceParams,
+    /// The files to write of every frame.
+    pub formats: Vec<MeshFormat>,
+    /// The frames to mesh; `None`: all that are there.
+    pub selection: Option<Frames>,
+    /// Mesh again what is there already.
+    pub force: bool,
+    /// What frames under way share, and none may exceed by itself, as far as it can be estimated [bytes].
+    pub max_memory: Option<u64>,
+    /// Whether several frames may be under way at once. The memory that a plan of a shot tells is that of one.
+    pub side_by_side: bool,
+}
+
+impl SurfaceJob {
+    /// The memory that frames under way share [bytes]; 0: one frame at a time.
+    pub(super) fn budget(&self) -> u64 {
+        if self.side_by_side { self.max_memory.unwrap_or(batch::TOGETHER) } else { 0 }
+    }
+}
+
+/// Meshes the frames of `source`'s cache into `out`, several at once where memory allows.
 ///
-/// A frame whose files were made from the same state with the same settings is kept, unless `force`.
+/// A frame whose files were made from the same state with the same settings is kept, unless the job forces it.
 ///
 /// # Errors
 /// Frames that cannot be read or meshed are left out and named together at the end
@@ -36,73 +70,94 @@ pub struct Surfaced {
 pub fn surface_cache(
     source: &ShotFolder,
     out: &ShotFolder,
-    params: &SurfaceParams,
-    formats: &[MeshFormat],
-    selection: Option<&Frames>,
-    force: bool,
+    job: &SurfaceJob,
     control: Control,
 ) -> Result<Surfaced, RunError> {
     let present = cache::list(&source.cache())?;
-    let wanted = choose(&present, selection);
+    let wanted = choose(&present, job.selection.as_ref());
     let known = match Manifest::read(source)? {
         Some(known) => Some(known),
         None => Manifest::read(out)?,
     };
-    let mut writer = Writer::new(out, params, formats, force)?;
-    let outcome = surface_frames(&wanted, &mut writer, control);
+    let mut ledger = Ledger::new(out)?;
+    let writer = Writer::new(out, job);
     let all: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
+    if job.selection.is_none() {
+        remarks::of_gaps(&all).iter().for_each(|gaps| control.reporter.note(gaps));
+    }
+    let costs = costs(&wanted, job.params.voxel);
+    let outcome = batch::each(
+        "mesh",
+        &costs,
+        job.budget(),
+        control,
+        |place, alone| {
+            let (index, path) = &wanted[place];
+            surface_frame(*index, path.as_deref(), (!alone).then_some(costs[place]), &writer, control)
+        },
+        |made| ledger.take(made, control),
+    );
     let (title, fps) = known.map_or(("Untitled".into(), DEFAULT_FPS), |known| (known.title, known.fps));
-    writer.finish(&title, fps, &all, outcome)
+    ledger.finish(job, &title, fps, &all, outcome)
 }
 
 /// Frames a second of a cache that does not say.
-const DEFAULT_FPS: f64 = 24.0;
+pub(super) const DEFAULT_FPS: f64 = 24.0;
 
-/// Meshes every stream of the frames.
-fn surface_frames(
-    wanted: &[(FrameIndex, Option<PathBuf>)],
-    writer: &mut Writer,
+/// The memory that each frame will need [bytes], by the particles of its largest stream; none for one that cannot be read.
+fn costs(wanted: &[(FrameIndex, Option<PathBuf>)], voxel: f32) -> Vec<u64> {
+    let particles = |path: &PathBuf| {
+        let streams = cache::read_header(path).map_or_else(|_| Vec::new(), |info| info.streams);
+        streams.iter().map(|stream| stream.len as usize).max().unwrap_or(0)
+    };
+    let cost = |path: &Option<PathBuf>| path.as_ref().map_or(0, |path| batch::cost(particles(path), voxel));
+    wanted.iter().map(|(_, path)| cost(path)).collect()
+}
+
+/// Meshes every stream of a frame; `None` if that needs more memory than `allowance`.
+fn surface_frame(
+    index: FrameIndex,
+    path: Option<&Path>,
+    allowance: Option<u64>,
+    writer: &Writer,
     control: Control,
-) -> Result<(), RunError> {
-    control.reporter.begin("mesh", wanted.len());
-    for (place, (index, path)) in wanted.iter().enumerate() {
-        if (control.interrupted)() {
-            return Err(RunError::Interrupted);
+) -> Option<Result<Made, RunError>> {
+    let mut made = Made::new(index);
+    let name = format!("frame {index}");
+    let Some(path) = path else {
+        made.fail(name, "not in the cache; simulate it first".into(), Failure::Other);
+        return Some(Ok(made));
+    };
+    let (frame, info) = match cache::read_frame(path) {
+        Ok(read) => read,
+        Err(damage) => {
+            made.fail(name, damage.to_string(), Failure::of(&damage));
+            return Some(Ok(made));
         }
-        let Some(path) = path else {
-            writer.fail(
-                format!("frame {index}"),
-                "not in the cache; simulate it first".into(),
-                Failure::Other,
-            );
+    };
+    for stream in &frame.streams {
+        let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0) else {
+            let why = format!("the stream {} does not say its spacing; simulate it again", stream.name);
+            made.fail(name.clone(), why, Failure::Other);
             continue;
         };
-        match cache::read_frame(path) {
-            Ok((frame, info)) => {
-                for stream in &frame.streams {
-                    let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0)
-                    else {
-                        let why =
-                            format!("the stream {} does not say its spacing; simulate it again", stream.name);
-                        writer.fail(format!("frame {index}"), why, Failure::Other);
-                        continue;
-                    };
-                    let state = state_key(info.key, *index, &stream.name);
-                    writer.mesh(stream, spacing, *index, state, control)?;
-                }
+        let key = writer.key(state_key(info.key, index, &stream.name), spacing);
+        let missing = writer.missing(&stream.name, index, key);
+        let state = StreamState { spacing, key, allowance };
+        match writer.mesh(stream, state, missing, &mut made, control) {
+            Ok(Fit::Yes) => {}
+            Ok(Fit::No) => return None,
+            Err(why @ RunError::OverMemory { .. }) => {
+                made.fail(name.clone(), why.to_string(), Failure::Memory)
             }
-            Err(damage) => {
-                writer.fail(format!("frame {index}"), damage.to_string(), Failure::of(&damage));
-            }
+            Err(why) => return Some(Err(why)),
         }
-        control.reporter.progress((place + 1) as f64);
     }
-    control.reporter.end();
-    Ok(())
+    Some(Ok(made))
 }
 
 /// The asked-for frames and where they are; all that are present if nothing was asked.
-fn choose(
+pub(super) fn choose(
     present: &[(FrameIndex, PathBuf)],
     selection: Option<&Frames>,
 ) -> Vec<(FrameIndex, Option<PathBuf>)> {
@@ -118,33 +173,225 @@ fn choose(
     }
 }
 
-/// Identifies the simulated state that a mesh was made from.
-fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
+/// Identifies the simulated state that a mesh or volume was made from.
+pub(super) fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
     xxh3_64(format!("{simulation:016x} {index} {stream}").as_bytes())
 }
 
-/// Writes meshes into a shot folder and remembers what failed.
+/// What became of one frame.
+pub(super) struct Made {
+    index: FrameIndex,
+    /// What the user should know of it.
+    pub(super) notes: Vec<String>,
+    streams: Vec<MadeStream>,
+    failed: Vec<FailedFrame>,
+}
+
+/// A stream of the frame whose files are there now.
+struct MadeStream {
+    name: String,
+    /// Which file properties hold which attribute, as far as its particles were read.
+    attributes: Vec<(String, Vec<String>)>,
+    /// `None`: they were there.
+    meshed: Option<Meshed>,
+}
+
+struct Meshed {
+    triangles: u64,
+    bytes: u64,
+    figures: String,
+    /// What the log says of it.
+    record: Option<(MeshRecord, SurfaceStats)>,
+}
+
+impl Made {
+    /// Nothing yet.
+    pub(super) fn new(index: FrameIndex) -> Self {
+        Self { index, notes: Vec::new(), streams: Vec::new(), failed: Vec::new() }
+    }
+
+    /// Remembers a stream whose files were there.
+    pub(super) fn keep(&mut self, stream: &str) {
+        self.streams.push(MadeStream { name: stream.into(), attributes: Vec::new(), meshed: None });
+    }
+
+    /// Remembers that something could not be made; the job goes on.
+    pub(super) fn fail(&mut self, name: String, why: String, kind: Failure) {
+        self.failed.push(FailedFrame { name, why, kind });
+    }
+
+    /// Remembers a mesh that is not what it should be; it is written all the same.
+    pub(super) fn complain(&mut self, check: &MeshCheck) {
+        if let Some(fault) = check.first_fault {
+            let why = format!(
+                "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
+                 please report this with the frame",
+                fault.what, fault.at, fault.vertex
+            );
+            self.fail(format!("frame {}", self.index), why, Failure::Other);
+        }
+    }
+}
+
+/// Writes the meshes of single frames, several at once.
 pub(super) struct Writer<'a> {
     out: &'a ShotFolder,
-    params: &'a SurfaceParams,
-    formats: &'a [MeshFormat],
-    force: bool,
+    job: &'a SurfaceJob,
     settings: String,
+}
+
+/// What is known of a stream before it is meshed.
+#[derive(Clone, Copy)]
+pub(super) struct StreamState {
+    /// Distance between its particles at rest [m].
+    pub(super) spacing: f32,
+    /// The key of its mesh.
+    pub(super) key: u64,
+    /// Memory that was set aside for it [bytes]; `None`: all that the job allows.
+    pub(super) allowance: Option<u64>,
+}
+
+/// Whether a frame was made within the memory that was set aside for it.
+pub(super) enum Fit {
+    Yes,
+    No,
+}
+
+/// Files to write.
+pub(super) struct Missing {
+    meshes: Vec<(MeshFormat, PathBuf)>,
+    /// That of small pieces.
+    points: Option<PathBuf>,
+}
+
+impl Missing {
+    /// Whether all are there.
+    pub(super) fn is_empty(&self) -> bool {
+        self.meshes.is_empty() && self.points.is_none()
+    }
+}
+
+impl<'a> Writer<'a> {
+    pub(super) fn new(out: &'a ShotFolder, job: &'a SurfaceJob) -> Self {
+        let settings = serde_json::to_string(&job.params).expect("settings are plain data");
+        Self { out, job, settings }
+    }
+
+    /// Identifies the mesh that is made of a state.
+    pub(super) fn key(&self, state: u64, spacing: f32) -> u64 {
+        let version = mesh::SURFACE_VERSION;
+        xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes())
+    }
+
+    /// The files of a stream that have to be written.
+    pub(super) fn missing(&self, stream: &str, index: FrameIndex, key: u64) -> Missing {
+        let target = |name: &str, format: MeshFormat| {
+            self.out.meshes().join(format!("{name}_{index}.{}", format.extension()))
+        };
+        let is_missing = |format: MeshFormat, path: &Path| self.job.force || format.key_in(path) != Some(key);
+        let files = self.job.formats.iter().map(|&format| (format, target(stream, format)));
+        let meshes = files.filter(|(format, path)| is_missing(*format, path)).collect();
+        let points =
+            self.job.params.components.map(|_| target(&format!("{stream}{POINTS}"), MeshFormat::Ply));
+        Missing { meshes, points: points.filter(|path| is_missing(MeshFormat::Ply, path)) }
+    }
+
+    /// Meshes a stream and writes the files that are `missing`, unless that needs more memory than `allowance`.
+    ///
+    /// # Errors
+    /// [`RunError::OverMemory`] if it needs more than the job allows; what a folder or disk refuses.
+    pub(super) fn mesh(
+        &self,
+        stream: &Stream,
+        state: StreamState,
+        missing: Missing,
+        made: &mut Made,
+        control: Control,
+    ) -> Result<Fit, RunError> {
+        let StreamState { spacing, key, allowance } = state;
+        if missing.is_empty() {
+            made.keep(&stream.name);
+            return Ok(Fit::Yes);
+        }
+        let limit = self.job.max_memory;
+        if limit.is_some() || allowance.is_some() {
+            let needed = stream_memory(stream, spacing, &self.job.params);
+            limit.map_or(Ok(()), |limit| refuse_memory(needed, limit))?;
+            if allowance.is_some_and(|allowance| needed > allowance) {
+                return Ok(Fit::No);
+            }
+        }
+        let name = format!("frame {}", made.index);
+        let keep_going = || !(control.interrupted)();
+        let surface = match mesh::reconstruct(stream, spacing, &self.job.params, &keep_going) {
+            Ok(surface) => surface,
+            Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
+            Err(why) => {
+                made.fail(name, why.to_string(), Failure::Other);
+                return Ok(Fit::Yes);
+            }
+        };
+        let mut bytes = 0;
+        if let (Some(path), Some(points)) = (&missing.points, &surface.points) {
+            bytes += export::ply::write_points(points, path, key)?;
+        }
+        let record = MeshRecord::of(&stream.name, made.index, key, &surface);
+        let figures = figures(made.index, &surface);
+        let properties = mesh::carried(stream, self.job.params.attributes.as_deref())
+            .into_iter()
+            .map(|(name, is_vector)| (name.clone(), export::property_names(&name, is_vector)));
+        let attributes = properties.collect();
+        let Surface { mesh, check, stats, .. } = surface;
+        let meshed = Meshed { triangles: 0, bytes, figures, record: Some((record, stats)) };
+        let meshed = Some(self.write(&mesh, missing, key, meshed)?);
+        made.streams.push(MadeStream { name: stream.name.clone(), attributes, meshed });
+        made.complain(&check);
+        Ok(Fit::Yes)
+    }
+
+    /// Writes a mesh that came from elsewhere in every format.
+    pub(super) fn put(
+        &self,
+        name: &str,
+        mesh: &Mesh,
+        figures: String,
+        made: &mut Made,
+    ) -> Result<(), RunError> {
+        let missing = self.missing(name, made.index, 0);
+        let meshed = Meshed { triangles: 0, bytes: 0, figures, record: None };
+        let meshed = Some(self.write(mesh, missing, 0, meshed)?);
+        made.streams.push(MadeStream { name: name.into(), attributes: Vec::new(), meshed });
+        Ok(())
+    }
+
+    /// Writes the missing files of a mesh; returns it with their size added.
+    fn write(&self, mesh: &Mesh, missing: Missing, key: u64, mut meshed: Meshed) -> Result<Meshed, RunError> {
+        for (format, path) in missing.meshes {
+            meshed.bytes += format.write(mesh, &path, key)?;
+        }
+        meshed.triangles = mesh.triangles.len() as u64;
+        Ok(meshed)
+    }
+}
+
+/// Remembers what was made of a shot folder's meshes, and what failed.
+pub(super) struct Ledger<'a> {
+    out: &'a ShotFolder,
     done: Surfaced,
     /// Frames whose files are there, by stream.
     written: BTreeMap<String, Vec<u32>>,
+    /// Which file properties hold which attribute, by stream.
+    attributes: BTreeMap<String, BTreeMap<String, Vec<String>>>,
     failed: Vec<FailedFrame>,
+    /// Why the log could not be written.
+    unlogged: Option<RunError>,
     /// Nobody else may write the meshes, or remove what looks like the temporary of a crashed run.
     _lock: Lock,
 }
 
-impl<'a> Writer<'a> {
-    pub(super) fn new(
-        out: &'a ShotFolder,
-        params: &'a SurfaceParams,
-        formats: &'a [MeshFormat],
-        force: bool,
-    ) -> Result<Self, RunError> {
+impl<'a> Ledger<'a> {
+    /// Makes the folder ready to be written to.
+    pub(super) fn new(out: &'a ShotFolder) -> Result<Self, RunError> {
         ShotFolder::create(&out.meshes())?;
         let lock = Lock::acquire(&out.meshes())?;
         cache::remove_temporaries(&out.meshes()).map_err(|source| RunError::File {
@@ -152,86 +399,50 @@ impl<'a> Writer<'a> {
             source,
             next: "check that the folder can be read and written",
         })?;
-        let settings = serde_json::to_string(params).expect("settings are plain data");
         let done = Surfaced { folder: out.meshes(), ..Surfaced::default() };
-        let (written, failed) = (BTreeMap::new(), Vec::new());
-        Ok(Self { out, params, formats, force, settings, done, written, failed, _lock: lock })
+        let (written, attributes, failed) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
+        Ok(Self { out, done, written, attributes, failed, unlogged: None, _lock: lock })
     }
 
-    /// Remembers a frame that could not be made; the job goes on.
-    pub(super) fn fail(&mut self, name: String, why: String, kind: Failure) {
-        self.failed.push(FailedFrame { name, why, kind });
-    }
-
-    /// Meshes one stream of one frame and writes it in every format.
-    pub(super) fn mesh(
-        &mut self,
-        stream: &Stream,
-        spacing: f32,
-        index: FrameIndex,
-        state: u64,
-        control: Control,
-    ) -> Result<(), RunError> {
-        let version = mesh::SURFACE_VERSION;
-        let key = xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes());
-        let target = |format: MeshFormat| {
-            self.out.meshes().join(format!("{}_{index}.{}", stream.name, format.extension()))
-        };
-        let missing: Vec<(MeshFormat, PathBuf)> = self
-            .formats
-            .iter()
-            .map(|&format| (format, target(format)))
-            .filter(|(format, path)| self.force || format.key_in(path) != Some(key))
-            .collect();
-        if missing.is_empty() {
-            self.done.kept += 1;
-            self.remember(stream, index);
-            return Ok(());
-        }
-        let keep_going = || !(control.interrupted)();
-        let surface = match mesh::reconstruct(stream, spacing, self.params, &keep_going) {
-            Ok(surface) => surface,
-            Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
-            Err(why) => {
-                self.fail(format!("frame {index}"), why.to_string(), Failure::Other);
-                return Ok(());
+    /// Remembers what became of a frame, and tells it. Frames come in ascending order.
+    pub(super) fn take(&mut self, made: Made, control: Control) {
+        made.notes.iter().for_each(|note| control.reporter.note(note));
+        for MadeStream { name, attributes, meshed } in made.streams {
+            self.attributes.entry(name.clone()).or_default().extend(attributes);
+            self.written.entry(name).or_default().push(made.index.0);
+            match meshed {
+                None => self.done.kept += 1,
+                Some(meshed) => {
+                    self.done.meshed += 1;
+                    self.done.triangles += meshed.triangles;
+                    self.done.bytes += meshed.bytes;
+                    control.reporter.frame(&meshed.figures);
+                    if let Some((record, stats)) = meshed.record {
+                        let logged = mesh_log::append(self.out, &record, &stats);
+                        self.unlogged = self.unlogged.take().or(logged.err());
+                    }
+                }
             }
-        };
-        for (format, path) in missing {
-            self.done.bytes += format.write(&surface.mesh, &path, key)?;
         }
-        self.remember(stream, index);
-        self.done.meshed += 1;
-        self.done.triangles += surface.mesh.triangles.len() as u64;
-        control.reporter.frame(&figures(index, &surface));
-        if let Some(fault) = surface.check.first_fault {
-            let why = format!(
-                "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
-                 please report this with the frame",
-                fault.what, fault.at, fault.vertex
-            );
-            self.fail(format!("frame {index}"), why, Failure::Other);
-        }
-        Ok(())
-    }
-
-    /// Remembers that the frame has its files.
-    fn remember(&mut self, stream: &Stream, index: FrameIndex) {
-        self.written.entry(stream.name.clone()).or_default().push(index.0);
+        self.failed.extend(made.failed);
     }
 
     /// Names in the manifest what was written, however the job ended, and says how it went. `frames` ascend.
     pub(super) fn finish(
-        self,
+        mut self,
+        job: &SurfaceJob,
         title: &str,
         fps: f64,
         frames: &[u32],
         outcome: Result<(), RunError>,
     ) -> Result<Surfaced, RunError> {
-        let named = self.name_outputs(title, fps, frames);
+        let named = self.name_outputs(job, title, fps, frames);
         // What ended the job comes before what went wrong because of it.
         outcome?;
         named?;
+        self.unlogged.map_or(Ok(()), Err)?;
+        mesh_log::tidy(self.out)?;
+        self.done.jumps = mesh_log::jumps(&mesh_log::read(self.out)?);
         match self.failed {
             failed if failed.is_empty() => Ok(self.done),
             failed => Err(RunError::SomeFailed { failed, asked: frames.len() }),
@@ -239,7 +450,7 @@ impl<'a> Writer<'a> {
     }
 
     /// Adds what was written to the folder's manifest.
-    fn name_outputs(&self, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
+    fn name_outputs(&self, job: &SurfaceJob, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
         let Some(all) = FrameSpan::of(frames).filter(|_| !self.written.is_empty()) else { return Ok(()) };
         let mut manifest = match Manifest::read(self.out)? {
             Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
@@ -247,26 +458,47 @@ impl<'a> Writer<'a> {
         };
         for (name, numbers) in &self.written {
             let Some(span) = FrameSpan::of(numbers) else { continue };
-            for &format in self.formats {
-                manifest.put(output(name, format, span), self.out);
+            let mut attributes = self.attributes[name].clone();
+            for &format in &job.formats {
+                let mut output = output("mesh", name, format, span, &attributes);
+                // Files that were kept without a look at their particles carry what they did.
+                if output.attributes.is_empty() {
+                    output.attributes = manifest.attributes_of(name, format.extension());
+                    attributes.extend(output.attributes.clone());
+                }
+                manifest.put(output, self.out);
+            }
+            if job.params.components.is_some() {
+                attributes.insert("radius".into(), vec!["radius".into()]);
+                let name = format!("{name}{POINTS}");
+                manifest.put(output("points", &name, MeshFormat::Ply, span, &attributes), self.out);
             }
         }
         manifest.write(self.out)
     }
 }
 
-fn output(name: &str, format: MeshFormat, frames: FrameSpan) -> MeshOutput {
-    let velocity = ["vx", "vy", "vz"].map(String::from).to_vec();
-    MeshOutput {
-        kind: "mesh".into(),
+/// What the name of the file of small pieces has behind the stream's.
+const POINTS: &str = "_points";
+
+fn output(
+    kind: &str,
+    name: &str,
+    format: MeshFormat,
+    frames: FrameSpan,
+    attributes: &BTreeMap<String, Vec<String>>,
+) -> OutputFiles {
+    OutputFiles {
+        kind: kind.into(),
         name: name.into(),
-        format,
+        format: format.extension().into(),
         pattern: format!("mesh/{name}_{{:04}}.{}", format.extension()),
         frames,
         attributes: match format {
-            MeshFormat::Ply => BTreeMap::from([("velocity".into(), velocity)]),
+            MeshFormat::Ply => attributes.clone(),
             MeshFormat::Obj => BTreeMap::new(),
         },
+        grids: Vec::new(),
     }
 }
 

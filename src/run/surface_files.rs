@@ -1,126 +1,158 @@
 //! The job that turns other solvers' particle files into meshes.
 
-use super::{Control, Failure, RunError, ShotFolder, Surfaced, surface::Writer};
+use super::{
+    Control, Failure, RunError, ShotFolder, SurfaceJob, Surfaced, batch,
+    plan::mesh_memory,
+    remarks,
+    surface::{Fit, Ledger, Made, StreamState, Writer},
+};
 use crate::{
-    export::MeshFormat,
     frame::FrameIndex,
-    import::{self, ImportError},
-    mesh::SurfaceParams,
+    import::{ImportError, ParticleFile, Sequence},
 };
 use std::path::{Path, PathBuf};
 
-/// How particle files are meshed.
-#[derive(Clone, Debug)]
+/// What particle files do not say.
+#[derive(Clone, Copy, Debug)]
 pub struct FileSettings {
-    /// Distance between particles at rest [m]; the files do not say.
+    /// Distance between particles at rest [m].
     pub spacing: f32,
-    /// How particles become a surface.
-    pub params: SurfaceParams,
     /// Frames a second of the sequence.
     pub fps: f64,
 }
 
-/// Meshes every file of `files` into `out`, in every format.
+/// Bytes of a particle in a file, where nothing is known but its size: positions in single precision alone. Files that
+/// are compressed take less, and are meshed alone when they turn out to hold more than was guessed.
+const LEAST_PARTICLE: u64 = 12;
+
+/// Meshes the files of a sequence into `out`, several at once where memory allows.
 ///
-/// Files of a sequence keep their numbers: the one number in their names that differs. Files are always meshed anew.
+/// A file is known by its content: one whose mesh was made from the same bytes with the same settings is kept, unless
+/// the job forces it. Frames that are missing between the first and the last are told.
 ///
 /// # Errors
 /// A file without particles gives an empty mesh: a sequence may start before its liquid does. If it is the only
 /// file, that is [`ImportError::NoParticles`].
 ///
-/// A file that cannot be read is left out and named at the end ([`RunError::SomeFailed`]), or is the job's error
-/// if it is the only one; a folder or disk that refuses to be written ends the job at once.
+/// A file that cannot be read, or needs more memory than the job allows, is left out and named at the end
+/// ([`RunError::SomeFailed`]), or is the job's error if it is the only one; so is a frame that the selection names and
+/// no file has. A folder or disk that refuses to be written ends the job at once.
 pub fn surface_files(
-    files: &[PathBuf],
+    sequence: &Sequence,
     out: &ShotFolder,
-    settings: &FileSettings,
-    formats: &[MeshFormat],
+    settings: FileSettings,
+    job: &SurfaceJob,
     control: Control,
 ) -> Result<Surfaced, RunError> {
-    let numbers = numbers(files);
-    let mut writer = Writer::new(out, &settings.params, formats, true)?;
-    let outcome = surface_each(files, &numbers, settings.spacing, &mut writer, control);
-    let title = files.first().map_or_else(String::new, |file| stem(file).to_owned());
-    writer.finish(&title, settings.fps, &numbers, outcome)
+    let wanted = choose(sequence, job);
+    let numbers: Vec<u32> = wanted.iter().map(|(number, _)| *number).collect();
+    let mut ledger = Ledger::new(out)?;
+    if job.selection.is_none() {
+        remarks::of_gaps(&numbers).iter().for_each(|gaps| control.reporter.note(gaps));
+    }
+    let guess = |file: Option<&PathBuf>| {
+        let bytes = file.and_then(|file| std::fs::metadata(file).ok()).map_or(0, |about| about.len());
+        mesh_memory((bytes / LEAST_PARTICLE) as usize, job.params.voxel)
+    };
+    let costs: Vec<u64> = wanted.iter().map(|(_, file)| guess(*file)).collect();
+    let maker =
+        Maker { writer: Writer::new(out, job), spacing: settings.spacing, alone: wanted.len() == 1, control };
+    let outcome = batch::each(
+        "mesh",
+        &costs,
+        job.budget(),
+        control,
+        |place, alone| {
+            let (number, file) = wanted[place];
+            maker.frame(FrameIndex(number), file, (!alone).then_some(costs[place]))
+        },
+        |made| ledger.take(made, control),
+    );
+    let title = sequence.files().first().and_then(|file| file.file_stem()).unwrap_or_default();
+    ledger.finish(job, &title.to_string_lossy(), settings.fps, &numbers, outcome)
 }
 
-/// Meshes one file after the other.
-fn surface_each(
-    files: &[PathBuf],
-    numbers: &[u32],
+/// The asked-for frames and their files; all of the sequence if nothing was asked.
+fn choose<'a>(sequence: &'a Sequence, job: &SurfaceJob) -> Vec<(u32, Option<&'a PathBuf>)> {
+    let present = || sequence.numbers().iter().copied().zip(sequence.files());
+    match &job.selection {
+        None => present().map(|(number, file)| (number, Some(file))).collect(),
+        Some(selection) => selection
+            .iter()
+            .map(|wanted| {
+                let place = sequence.numbers().binary_search(&wanted.0);
+                (wanted.0, place.ok().map(|place| &sequence.files()[place]))
+            })
+            .collect(),
+    }
+}
+
+/// Meshes single files.
+struct Maker<'a> {
+    writer: Writer<'a>,
     spacing: f32,
-    writer: &mut Writer,
-    control: Control,
-) -> Result<(), RunError> {
-    control.reporter.begin("mesh", files.len());
-    for (place, (file, &number)) in files.iter().zip(numbers).enumerate() {
-        if (control.interrupted)() {
-            return Err(RunError::Interrupted);
+    /// Whether a file is all that was asked for.
+    alone: bool,
+    control: Control<'a>,
+}
+
+impl Maker<'_> {
+    /// Meshes a file; `None` if that needs more memory than `allowance`.
+    fn frame(
+        &self,
+        index: FrameIndex,
+        file: Option<&PathBuf>,
+        allowance: Option<u64>,
+    ) -> Option<Result<Made, RunError>> {
+        let mut made = Made::new(index);
+        let Some(file) = file else {
+            let why = "no file has this number; look at what the solver wrote, or leave the frame out".into();
+            made.fail(format!("frame {index}"), why, Failure::Other);
+            return Some(Ok(made));
+        };
+        match self.mesh(file, index, &mut made, allowance) {
+            Err(RunError::Import(why)) if !self.alone => {
+                made.fail(format!("frame {index}"), why.to_string(), Failure::Other);
+            }
+            Err(why @ RunError::OverMemory { .. }) if !self.alone => {
+                made.fail(file.display().to_string(), why.to_string(), Failure::Memory);
+            }
+            Err(why) => return Some(Err(why)),
+            Ok(Fit::No) => return None,
+            Ok(Fit::Yes) => {}
         }
-        match import::read_particles(file) {
-            Ok(imported) if imported.stream.is_empty() && files.len() == 1 => {
-                return Err(ImportError::NoParticles { path: file.clone() }.into());
-            }
-            Ok(imported) => {
-                if imported.stream.is_empty() {
-                    control.reporter.note(&format!("{}: no particles, so its mesh is empty", file.display()));
-                }
-                for line in &imported.ignored {
-                    control.reporter.note(&format!("{}: {line}", file.display()));
-                }
-                writer.mesh(&imported.stream, spacing, FrameIndex(number), 0, control)?;
-            }
-            Err(why) if files.len() == 1 => return Err(why.into()),
-            Err(why) => {
-                writer.fail(file.display().to_string(), why.to_string(), Failure::Other);
-            }
+        Some(Ok(made))
+    }
+
+    fn mesh(
+        &self,
+        path: &Path,
+        index: FrameIndex,
+        made: &mut Made,
+        allowance: Option<u64>,
+    ) -> Result<Fit, RunError> {
+        let file = ParticleFile::open(path)?;
+        let key = self.writer.key(file.content_key(), self.spacing);
+        let missing = self.writer.missing(STREAM, index, key);
+        if missing.is_empty() {
+            made.keep(STREAM);
+            return Ok(Fit::Yes);
         }
-        control.reporter.progress((place + 1) as f64);
-    }
-    control.reporter.end();
-    Ok(())
-}
-
-/// The frame number of every file: the one number in the names that differs from file to file, if there is one
-/// and no two files share it; otherwise 1, 2, 3, …
-pub(super) fn numbers(files: &[PathBuf]) -> Vec<u32> {
-    let in_order = || (1..=files.len() as u32).collect();
-    let runs: Vec<Vec<&str>> = files.iter().map(|file| digit_runs(stem(file))).collect();
-    let Some(first) = runs.first() else { return Vec::new() };
-    if files.len() == 1 || runs.iter().any(|run| run.len() != first.len()) {
-        return in_order();
-    }
-    let differing: Vec<usize> =
-        (0..first.len()).filter(|&place| runs.iter().any(|run| run[place] != first[place])).collect();
-    let [place] = differing[..] else { return in_order() };
-    let numbers: Option<Vec<u32>> = runs.iter().map(|run| run[place].parse().ok()).collect();
-    match numbers {
-        Some(numbers) if numbers.windows(2).all(|pair| pair[0] < pair[1]) => numbers,
-        _ => in_order(),
+        let imported = file.particles()?;
+        drop(file);
+        let particles = imported.stream.len();
+        if particles == 0 && self.alone {
+            return Err(ImportError::NoParticles { path: path.into() }.into());
+        }
+        let state = StreamState { spacing: self.spacing, key, allowance };
+        let fit = self.writer.mesh(&imported.stream, state, missing, made, self.control)?;
+        if particles == 0 {
+            made.notes.push(format!("{}: no particles, so its mesh is empty", path.display()));
+        }
+        made.notes.extend(imported.ignored.iter().map(|line| format!("{}: {line}", path.display())));
+        Ok(fit)
     }
 }
 
-fn stem(path: &Path) -> &str {
-    path.file_stem().and_then(|stem| stem.to_str()).unwrap_or("")
-}
-
-fn digit_runs(text: &str) -> Vec<&str> {
-    text.split(|c: char| !c.is_ascii_digit()).filter(|run| !run.is_empty()).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn files_keep_the_one_number_that_differs() {
-        let of = |names: &[&str]| numbers(&names.iter().map(PathBuf::from).collect::<Vec<_>>());
-        assert_eq!(of(&["a/frame_0007.vtk", "a/frame_0009.vtk"]), [7, 9]);
-        assert_eq!(of(&["dam2_3_p500.vtk", "dam2_4_p500.vtk"]), [3, 4]);
-        assert_eq!(of(&["frame_23_24389_particles.bgeo"]), [1]);
-        assert_eq!(of(&["f_1_10.vtk", "f_2_20.vtk"]), [1, 2]);
-        assert_eq!(of(&["left.vtk", "right.vtk"]), [1, 2]);
-        assert_eq!(of(&["f_1.vtk", "f_01.vtk"]), [1, 2]);
-        assert_eq!(of(&[]), [0; 0]);
-    }
-}
+/// The stream that files are read as.
+const STREAM: &str = "particles";

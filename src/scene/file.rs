@@ -7,9 +7,9 @@ use super::{
     problem::{Finding, SceneError, Source, Span, locate},
     tree::{self, Entry, Node, Value},
 };
-use crate::{mesh::SurfaceParams, sim::liquid::LiquidParams};
+use crate::{export::vdb::VolumeParams, mesh::SurfaceParams, sim::liquid::LiquidParams};
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, de::DeserializeOwned};
 use std::path::Path;
 
 /// The text of a preset, not yet read.
@@ -166,6 +166,27 @@ pub fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
         #[serde(default)]
         surface: SurfaceParams,
     }
+    alone(set).map(|Alone { surface }| surface)
+}
+
+/// The surface and volume settings that `--set` arguments make without a preset.
+///
+/// # Errors
+/// [`SceneError::Invalid`] with every problem found.
+pub fn volume_alone(set: &[String]) -> Result<(SurfaceParams, VolumeParams), SceneError> {
+    #[derive(Deserialize, JsonSchema)]
+    #[serde(deny_unknown_fields)]
+    struct Alone {
+        #[serde(default)]
+        surface: SurfaceParams,
+        #[serde(default)]
+        volume: VolumeParams,
+    }
+    alone(set).map(|Alone { surface, volume }| (surface, volume))
+}
+
+/// The tables that `--set` arguments make without a preset.
+fn alone<T: JsonSchema + DeserializeOwned>(set: &[String]) -> Result<T, SceneError> {
     let mut sources = vec![Source { name: "preset".to_owned(), text: "".into() }];
     let mut findings = Vec::new();
     let mut root = tree::parse(0, "").unwrap_or_else(|_| unreachable!("an empty preset is well formed"));
@@ -175,14 +196,12 @@ pub fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
             findings.push(*finding);
         }
     }
-    let checked = check::check(&root, &model::of::<Alone>());
+    let checked = check::check(&root, &model::of::<T>());
     findings.extend(checked.findings);
     if !findings.is_empty() {
         return Err(SceneError::Invalid(locate(findings, &sources)));
     }
-    let Alone { surface } =
-        serde_json::from_value(checked.values).expect("values that fit the schema of Alone make one");
-    Ok(surface)
+    Ok(serde_json::from_value(checked.values).expect("values that fit the schema of a table make one"))
 }
 
 /// The scene that a tree describes, or findings that say why it describes none.

@@ -21,13 +21,16 @@ mod units;
 mod tests;
 
 pub use assets::{Asset, Assets, Home};
-pub use file::{Overrides, Preset, load, surface_alone};
+pub use file::{Overrides, Preset, load, surface_alone, volume_alone};
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};
 pub use query::choices;
 
 use crate::{
-    export::MeshFormat,
+    export::{
+        MeshFormat,
+        vdb::{VolumeGrid, VolumeParams},
+    },
     mesh::SurfaceParams,
     sim::{self, Observable, liquid::LiquidParams},
     solid::Collider,
@@ -57,6 +60,9 @@ pub struct Scene {
     /// How frames are meshed.
     #[serde(default)]
     pub surface: SurfaceParams,
+    /// How frames become volumes.
+    #[serde(default)]
+    pub volume: VolumeParams,
     /// What `shot` writes besides the cache.
     #[serde(default)]
     pub output: Output,
@@ -100,6 +106,8 @@ impl Default for World {
 pub struct Output {
     /// Formats of the surface meshes.
     pub mesh: Vec<MeshFormat>,
+    /// Grids of the volume files; none: no volumes.
+    pub volume: Vec<VolumeGrid>,
 }
 
 fn default_fps() -> f32 {
@@ -159,7 +167,7 @@ impl Scene {
     /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that
     /// these name, and the solvers' version.
     ///
-    /// The title, the frames after the first, the surface, the output and the tradeoff do not change it. Caches keep it, so
+    /// The title, the frames after the first, the surface, the volume, the output and the tradeoff do not change it. Caches keep it, so
     /// that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         #[derive(Serialize)]
@@ -172,7 +180,18 @@ impl Scene {
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
-        let Self { title: _, frames, fps, world, liquid, surface: _, output: _, tradeoff: _, assets } = self;
+        let Self {
+            title: _,
+            frames,
+            fps,
+            world,
+            liquid,
+            surface: _,
+            volume: _,
+            output: _,
+            tradeoff: _,
+            assets,
+        } = self;
         let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
         let solvers = sim::STATE_VERSION;
         let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid, files };

@@ -332,6 +332,8 @@ fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
         "frames=1-500x3",
         "surface.voxel=0.25",
         "output.mesh=[\"obj\"]",
+        "output.volume=[\"density\", \"velocity\"]",
+        "volume.precision=float",
         "liquid.spacing=0.02",
     ] {
         assert_eq!(key(&[same]), base, "{same}");

@@ -8,15 +8,20 @@
 //! the distance on, by Gauss–Seidel sweeps in eight orders that run as a wavefront over bricks.
 //!
 //! *Departs from the paper*: pinned values use the plane through up to three crossings ([`SeedRule`]); the sweeps
-//! are repeated until nothing changes and stop at a band; bricks at rest are passed over, which changes no bit.
+//! are repeated until nothing changes and stop at a band; bricks at rest are passed over, which changes no bit;
+//! differences of second order ([`Order`]) may follow. On dense grids the same stages are in [`dense`].
 //!
 //! Symbols: φ field, t threshold, u distance [voxels, then m].
 //!
-//! Limits: first order in the voxel, away from the surface and beside it. A feature thinner than a voxel between
-//! two nodes of the same side is not seen.
+//! Limits: the order chosen in the voxel away from the surface, first beside its edges. A feature thinner than a voxel
+//! between two nodes of the same side is not seen.
 
+pub mod dense;
 mod from_triangles;
+mod godunov;
+mod linked;
 mod sampled;
+mod second;
 mod seed;
 mod sweep;
 mod tree;
@@ -26,11 +31,14 @@ pub use from_triangles::{SAMPLED_VERSION, Solidified, from_triangles};
 pub use sampled::Sampled;
 pub use triangles::Triangles;
 
+pub use second::Order;
 pub use seed::{SeedRule, Seeds, seeds};
 pub use sweep::{Swept, sweep, sweep_in_order};
 
 use crate::grid::{BRICK_NODES, SparseGrid};
 use crate::par;
+use linked::LinkedBricks;
+use second::refine;
 
 /// How distance is found from a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,11 +48,13 @@ pub struct SdfParams {
     /// How far from the surface distances are found [voxels], at least 1. Infinite: at every node of the field's
     /// bricks. Cost and memory grow with it.
     pub band: f32,
+    /// The order of the differences.
+    pub order: Order,
 }
 
 impl Default for SdfParams {
     fn default() -> Self {
-        Self { seed: SeedRule::Plane, band: 3.0 }
+        Self { seed: SeedRule::Plane, band: 3.0, order: Order::First }
     }
 }
 
@@ -71,16 +81,26 @@ pub struct SignedDistance {
     pub sweeps: usize,
 }
 
-/// The signed distance to the surface where `field`, zero where it has no brick, crosses `threshold` from below
-/// (outside) to above (inside).
+/// The signed distance to the surface where `field` crosses `threshold` from below (outside) to above (inside). Where it
+/// has no brick it is zero; no edge between two bricks without values crosses the surface.
 ///
 /// # Panics
-/// If `threshold` is not above zero or the band is below one voxel.
+/// If `threshold` is not above zero, or not below 1 while bricks are filled, or the band is below one voxel.
 pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> SignedDistance {
     assert!(threshold > 0.0, "a missing brick is outside, so the threshold is above zero");
-    let seeds = seeds(field, threshold, params);
-    let swept = sweep(&seeds.bricks, &seeds.distance, params.band);
-    let mut grid = SparseGrid { voxel: field.voxel, bricks: seeds.bricks, values: swept.distance };
+    assert!(
+        threshold < 1.0 || field.filled.is_empty(),
+        "a filled brick is inside, so the threshold is below one"
+    );
+    let reach = params.order.reach(params.band);
+    let seeds = seeds(field, threshold, &SdfParams { band: reach, ..*params });
+    let mut swept = sweep(&seeds.bricks, &seeds.distance, reach);
+    if params.order == Order::Second {
+        let inside =
+            |slot: usize| seeds.inside[slot / BRICK_NODES][slot % BRICK_NODES / 64] >> (slot % 64) & 1 == 1;
+        swept = refine(&LinkedBricks::new(&seeds.bricks), swept, params.band, inside);
+    }
+    let mut grid = SparseGrid::of(field.voxel, seeds.bricks, swept.distance);
 
     // The indicator gives the sign, the band the largest magnitude.
     let band = params.band * field.voxel;
@@ -126,7 +146,7 @@ mod tests {
     fn every_cell_on_the_surface_has_its_eight_nodes() {
         for band in [1.0, 2.5, 9.0, f32::INFINITY] {
             let field = steps();
-            let sdf = from_density(&field, 2.0, &SdfParams { seed: SeedRule::Plane, band });
+            let sdf = from_density(&field, 2.0, &SdfParams { band, ..SdfParams::default() });
             let mut cells = 0;
             for &coord in field.bricks.coords() {
                 for place in 0..BRICK_NODES {
@@ -155,7 +175,7 @@ mod tests {
     #[test]
     fn the_sign_is_the_indicators_and_the_size_within_the_band() {
         let field = steps();
-        let sdf = from_density(&field, 2.0, &SdfParams { seed: SeedRule::Plane, band: 2.5 });
+        let sdf = from_density(&field, 2.0, &SdfParams { band: 2.5, ..SdfParams::default() });
         let mut counts = [0; 2];
         for (i, &value) in sdf.grid.values.iter().enumerate() {
             let node = node_of(sdf.grid.bricks.coords()[i / BRICK_NODES], i % BRICK_NODES);
@@ -177,7 +197,7 @@ mod tests {
         assert!(from_density(&thin, 0.5, &params).grid.bricks.is_empty());
 
         // A full solve keeps the field's bricks, and says that no node has a distance.
-        let full = from_density(&thin, 0.5, &SdfParams { seed: SeedRule::Plane, band: f32::INFINITY });
+        let full = from_density(&thin, 0.5, &SdfParams { band: f32::INFINITY, ..SdfParams::default() });
         assert_eq!(full.unreached, BRICK_NODES);
         assert!(full.grid.values.iter().all(|&v| v == f32::INFINITY));
 
@@ -196,7 +216,7 @@ mod tests {
             for (i, value) in field.values.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0) {
                 *value = wild[i * 7919 / 16 % wild.len()];
             }
-            let sdf = from_density(&field, 2.0, &SdfParams { seed, band: 3.0 });
+            let sdf = from_density(&field, 2.0, &SdfParams { seed, ..SdfParams::default() });
             for (i, &value) in sdf.grid.values.iter().enumerate() {
                 let node = node_of(sdf.grid.bricks.coords()[i / BRICK_NODES], i % BRICK_NODES);
                 assert!(value != 0.0 && value.abs() <= sdf.band, "{value}"); // a NaN is in no range
@@ -212,7 +232,7 @@ mod tests {
         let field =
             SparseGrid::sample(1.0, Vec3::repeat(-16.0), Vec3::repeat(15.0), |x| 1.0 - exact(x) / 16.0);
         let error = |seed: SeedRule| {
-            let found = seeds(&field, 1.0, &SdfParams { seed, band: 3.0 });
+            let found = seeds(&field, 1.0, &SdfParams { seed, ..SdfParams::default() });
             let (mut sum, mut worst, mut count) = (0.0, 0.0_f32, 0.0);
             for (i, &value) in found.distance.iter().enumerate().filter(|(_, d)| **d < 0.0) {
                 let node = node_of(found.bricks.coords()[i / BRICK_NODES], i % BRICK_NODES);

@@ -13,7 +13,7 @@
 //! most. Where another surface is within a voxel, the plane mixes the two.
 
 use super::SdfParams;
-use crate::grid::{BRICK, BRICK_NODES, Bricks, SparseGrid};
+use crate::grid::{BRICK, BRICK_NODES, Bricks, FACES, SparseGrid};
 use crate::par;
 
 /// How a node beside the surface gets its distance from the crossings on its edges.
@@ -30,7 +30,7 @@ pub enum SeedRule {
 ///
 /// It keeps every value on its own side of zero. Below 1e-7 it would be lost when a mesh vertex is put between
 /// two nodes; at 1e-3 a surface that passes exactly through nodes would show steps.
-const NEAREST: f32 = 1e-6;
+pub(super) const NEAREST: f32 = 1e-6;
 
 /// One bit a node of a brick, word z, bit x + 8y.
 type Mask = [u64; BRICK];
@@ -69,7 +69,7 @@ pub fn seeds(field: &SparseGrid, threshold: f32, params: &SdfParams) -> Seeds {
         });
     });
     let mut inside = vec![[0; BRICK]; bricks.len()];
-    par::fill(&mut inside, |brick| indicator.mask(field.bricks.find(bricks.coords()[brick])));
+    par::fill(&mut inside, |brick| indicator.mask(bricks.coords()[brick]));
     let count = |what: fn(f32) -> bool| {
         par::map_chunks(distance.len(), par::CHUNK, |range| {
             distance[range].iter().filter(|&&d| what(d)).count()
@@ -97,8 +97,7 @@ fn indicator(field: &SparseGrid, threshold: f32) -> Vec<Mask> {
 /// The bricks that the band around the surface reaches; for an infinite band the field's own and those that the
 /// cells on the surface reach.
 ///
-/// Every cell on the surface has an inside node, whose brick the field has, so the bricks of the field are enough to
-/// start from: a node closer than the band to the surface is at most ⌈band⌉ nodes from such a node along each axis.
+/// Every cell on the surface has a node in a brick of the field, so these are enough to start from: a node closer than the band to the surface is at most ⌈band⌉ nodes from such a node along each axis.
 fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
     let bricks = &indicator.field.bricks;
     let reach = if band.is_finite() { band.ceil() as i32 } else { 1 };
@@ -118,7 +117,7 @@ fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
     })
     .concat();
     if band.is_infinite() {
-        coords.extend_from_slice(bricks.coords());
+        coords.extend(bricks.coords().iter().chain(indicator.field.filled.coords()));
     }
     Bricks::new(coords)
 }
@@ -130,25 +129,29 @@ struct Indicator<'a> {
 }
 
 impl Indicator<'_> {
-    fn mask(&self, brick: Option<usize>) -> Mask {
-        brick.map_or([0; BRICK], |brick| self.masks[brick])
+    /// The nodes inside of the brick at `coord`.
+    fn mask(&self, coord: [i32; 3]) -> Mask {
+        match self.field.bricks.find(coord) {
+            Some(brick) => self.masks[brick],
+            None if self.field.filled.find(coord).is_some() => [u64::MAX; BRICK],
+            None => [0; BRICK],
+        }
     }
 
     /// The field in and around the brick at `coord`.
     fn near(&self, coord: [i32; 3]) -> Near<'_> {
-        let bricks = &self.field.bricks;
-        let (own, around) = (bricks.find(coord), bricks.around(coord));
-        let values = |brick: Option<usize>| brick.map(|brick| self.field.brick(brick));
+        let around = FACES.map(|step| std::array::from_fn(|axis| coord[axis] + step[axis]));
+        let values = |coord: [i32; 3]| self.field.bricks.find(coord).map(|brick| self.field.brick(brick));
         Near {
-            own: values(own),
+            own: values(coord),
             around: around.map(values),
-            inside: self.mask(own),
-            inside_around: around.map(|brick| self.mask(brick)),
+            inside: self.mask(coord),
+            inside_around: around.map(|coord| self.mask(coord)),
         }
     }
 }
 
-/// One brick of a field and its six neighbours; a missing one is zero and outside everywhere.
+/// One brick of a field and its six neighbours; a missing one is 1 everywhere if it is filled, else zero.
 struct Near<'a> {
     own: Option<&'a [f32]>,
     around: [Option<&'a [f32]>; 6],
@@ -199,23 +202,34 @@ impl Near<'_> {
     fn pair(&self, place: usize, face: usize) -> (f32, f32) {
         let stride = [1, BRICK, BRICK * BRICK][face / 2];
         let at = place / stride % BRICK;
-        let value = |brick: Option<&[f32]>, place: usize| brick.map_or(0.0, |values| values[place]);
-        let own = value(self.own, place);
+        let value = |brick: Option<&[f32]>, mask: &Mask, place: usize| {
+            brick.map_or(if mask[0] == 0 { 0.0 } else { 1.0 }, |values| values[place])
+        };
+        let within = |place: usize| value(self.own, &self.inside, place);
+        let beyond = |place: usize| value(self.around[face], &self.inside_around[face], place);
+        let own = within(place);
         let other = match (face % 2, at) {
-            (0, 0) => value(self.around[face], place + (BRICK - 1) * stride),
-            (0, _) => value(self.own, place - stride),
-            (_, 7) => value(self.around[face], place - (BRICK - 1) * stride),
-            _ => value(self.own, place + stride),
+            (0, 0) => beyond(place + (BRICK - 1) * stride),
+            (0, _) => within(place - stride),
+            (_, 7) => beyond(place - (BRICK - 1) * stride),
+            _ => within(place + stride),
         };
         (own, other)
     }
 
     /// The distance of a node beside the surface [voxels].
     fn distance(&self, place: usize, threshold: f32, rule: SeedRule) -> f32 {
+        rule.distance(std::array::from_fn(|face| self.pair(place, face)), threshold)
+    }
+}
+
+impl SeedRule {
+    /// The distance [voxels] of a node beside the surface, from the field there and at its neighbour beyond each of
+    /// the faces −x, +x, −y, +y, −z, +z. A neighbour that is not there has the node's own value.
+    pub(super) fn distance(self, pairs: [(f32, f32); 6], threshold: f32) -> f32 {
         // Along each axis the nearest crossing, and where the field would cross beyond the neighbour.
         let (mut crossing, mut beyond) = ([f32::INFINITY; 3], [f32::INFINITY; 3]);
-        for face in 0..6 {
-            let (own, other) = self.pair(place, face);
+        for (face, (own, other)) in pairs.into_iter().enumerate() {
             let along = ((threshold - own) / (other - own)).max(NEAREST); // x, [gourlay17] Figure 3
             if (own >= threshold) != (other >= threshold) {
                 crossing[face / 2] = along.min(crossing[face / 2]);
@@ -223,7 +237,7 @@ impl Near<'_> {
                 beyond[face / 2] = along.min(beyond[face / 2]);
             }
         }
-        match rule {
+        match self {
             SeedRule::NearestEdge => crossing[0].min(crossing[1]).min(crossing[2]),
             SeedRule::Plane => {
                 let d: [f32; 3] = std::array::from_fn(|axis| crossing[axis].min(beyond[axis]));

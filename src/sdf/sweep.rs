@@ -13,14 +13,11 @@
 //!
 //! Limits: first order; the error grows as h log 1/h with the distance from a point source.
 
+use super::godunov::{ORDERS, lowered, smaller, update};
 use crate::grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, node_of};
 use crate::par;
 use std::sync::RwLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// The directions of the sweeps along x, y and z, in the order of [gourlay17].
-const ORDERS: [[i32; 3]; 8] =
-    [[-1, -1, -1], [1, -1, -1], [-1, 1, -1], [1, 1, -1], [-1, -1, 1], [1, -1, 1], [-1, 1, 1], [1, 1, 1]];
 
 /// What sweeping gave.
 #[derive(Clone, Debug, PartialEq)]
@@ -217,56 +214,10 @@ fn relax(own: &mut [f32; BRICK_NODES], mut u: Padded, order: [i32; 3], band: f32
     any.then_some(faces)
 }
 
-/// The smaller of two numbers that are not NaN, in one instruction.
-#[inline]
-fn smaller(a: f32, b: f32) -> f32 {
-    if a < b { a } else { b }
-}
-
-/// Whether the neighbours imply a distance below both `own` and `band`: the Eikonal equation's left side at the
-/// lesser of the two is above 1. Never for a pinned node, whose number is negative.
-#[inline]
-fn lowered(own: f32, nearest: [f32; 3], band: f32) -> bool {
-    // ∞ − ∞ would be NaN; a large number does as well.
-    let most = smaller(smaller(own, band), 1e18);
-    let slope = |x: f32| if most > x { most - x } else { 0.0 };
-    let [x, y, z] = nearest.map(slope);
-    x * x + y * y + z * z > 1.0 // Σ ((u − u_min)⁺)² = h², [zhao05] §2
-}
-
-/// The new distance of a node that holds `own`, if its neighbours lower it.
-#[inline]
-fn update(own: f32, nearest: [f32; 3], band: f32) -> Option<f32> {
-    if !lowered(own, nearest, band) {
-        return None;
-    }
-    let distance = godunov(nearest);
-    (distance < own && distance < band).then_some(distance)
-}
-
-/// The distance that the smaller neighbours of the three axes imply [voxels]; above the smallest of them.
-fn godunov(nearest: [f32; 3]) -> f32 {
-    // The neighbours in ascending order, the larger two relative to the smallest.
-    let [x, y, z] = nearest;
-    let (low, high) = if x < y { (x, y) } else { (y, x) };
-    let (low, middle) = if low < z { (low, z) } else { (z, low) };
-    let (middle, high) = if middle < high { (middle, high) } else { (high, middle) };
-    let (a, b, c) = (low, middle - low, high - low);
-    let mut u = 1.0;
-    if u > b {
-        u = 0.5 * (b + (2.0 - b * b).sqrt()); // ū of two, [zhao05] §2
-        if u > c {
-            let (s, q) = (b + c, b * b + c * c);
-            u = (s + (s * s - 3.0 * (q - 1.0)).max(0.0).sqrt()) / 3.0; // ū of three, [zhao05] §2
-        }
-    }
-    a + u
-}
-
 /// [`sweep`] without blocks and threads: every node of the grid in the order of the sweep, one after the other. The
 /// reference that `sweep` is tested against, bit for bit; `sweeps` counts whole rounds of eight.
 pub fn sweep_in_order(bricks: &Bricks, seeds: &[f32], band: f32) -> Swept {
-    let mut grid = SparseGrid { voxel: 1.0, bricks: bricks.clone(), values: seeds.to_vec() };
+    let mut grid = SparseGrid::of(1.0, bricks.clone(), seeds.to_vec());
     let mut sweeps = 0;
     let mut changed = true;
     while changed {
@@ -305,7 +256,7 @@ fn one_sweep_in_order(grid: &mut SparseGrid, order: [i32; 3], band: f32) -> bool
 mod tests {
     use super::*;
     use crate::math::Vec3;
-    use crate::sdf::{SdfParams, SeedRule, Seeds, seeds};
+    use crate::sdf::{SdfParams, Seeds, seeds};
 
     /// A field on bricks around the origin whose level 1 is the surface of `distance` [m], voxel 1.
     fn shape(half: f32, distance: impl Fn(Vec3) -> f32 + Sync) -> SparseGrid {
@@ -346,7 +297,7 @@ mod tests {
     fn the_wavefront_has_the_bits_of_the_sequential_sweep() {
         for (name, field) in fields() {
             for band in [3.0, f32::INFINITY] {
-                let seeds = seeds(&field, 1.0, &SdfParams { seed: SeedRule::Plane, band });
+                let seeds = seeds(&field, 1.0, &SdfParams { band, ..SdfParams::default() });
                 let reference = sweep_in_order(&seeds.bricks, &seeds.distance, band);
                 assert!(seeds.pinned > 0 && reference.distance != seeds.distance, "{name} has work to do");
                 for threads in [1, 2, 3, 8] {
@@ -365,8 +316,8 @@ mod tests {
         // Once all is at rest the order no longer shows, so the numbers on the way there are compared too.
         for (name, field) in fields() {
             let Seeds { bricks, distance, .. } =
-                seeds(&field, 1.0, &SdfParams { seed: SeedRule::Plane, band: f32::INFINITY });
-            let mut reference = SparseGrid { voxel: 1.0, bricks, values: distance.clone() };
+                seeds(&field, 1.0, &SdfParams { band: f32::INFINITY, ..SdfParams::default() });
+            let mut reference = SparseGrid::of(1.0, bricks, distance.clone());
             let runs = [1, 2, 3, 8]
                 .map(|threads| (threads, Blocks::new(&reference.bricks, &distance, f32::INFINITY)));
             for (sweep, order) in ORDERS.into_iter().cycle().take(12).enumerate() {
@@ -390,21 +341,6 @@ mod tests {
                 assert!(after.is_infinite() || after.abs() < 3.0);
             }
         }
-    }
-
-    #[test]
-    fn godunov_solves_planes_exactly_and_ignores_what_lies_ahead() {
-        for n in [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 1.0, 0.5), Vec3::new(0.0, 3.0, 1.0)] {
-            let n = n.normalize();
-            for far in [0.0, 5.0, 4000.0] {
-                // Behind the node along each axis the plane u = n·x is lower by |n| of that axis.
-                let u = godunov([far - n.x.abs(), far - n.y.abs(), far - n.z.abs()]);
-                assert!((u - far).abs() < 4.0 * f32::EPSILON * far.max(1.0), "{u} {far}");
-            }
-        }
-        assert_eq!(godunov([2.0, 3.5, 9.0]), 3.0);
-        assert_eq!(godunov([f32::INFINITY, 1.0, f32::INFINITY]), 2.0);
-        assert_eq!(godunov([f32::INFINITY; 3]), f32::INFINITY);
     }
 
     #[test]

@@ -125,7 +125,7 @@ fn particle_files_that_are_not_right() {
     expect(&desk, &line("nan_2.xyz"), 1, &["nan_2.xyz", "particle 1"]);
     expect(&desk, &line("empty_3.xyz"), 1, &["empty_3.xyz"]);
     expect(&desk, &format!("{} --fps 0", line("good_1.xyz")), 2, &["--fps"]);
-    expect(&desk, &format!("{} --frames 1", line("good_1.xyz")), 2, &["--frames"]);
+    expect(&desk, &format!("{} --frames 7", line("good_1.xyz")), 3, &["frame 0007", "no file"]);
     desk.write("none_4.xyz", "0\n");
     expect(&desk, &line("none_4.xyz"), 1, &["none_4.xyz", "no particles"]);
     expect(&desk, &line("absent.xyz"), 1, &["absent.xyz"]);

@@ -37,3 +37,33 @@ fn an_interrupt_keeps_finished_frames_and_the_run_continues() {
     desk.run(&format!("simulate small.toml -o whole --frames 1-{more}"), 0);
     assert_eq!(desk.bytes("shot/cache"), desk.bytes("whole/cache"));
 }
+
+#[test]
+fn an_interrupt_keeps_finished_volumes_and_the_job_continues() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-12", 0);
+    // Fine enough that twelve frames are not done before the signal comes.
+    let line = ["volume", "small", "--voxel", "0.12", "--progress", "none"];
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
+        .args(line)
+        .current_dir(desk.path("."))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let started = Instant::now();
+    while !desk.path("small/volume/liquid_0002.vdb").exists() {
+        assert!(started.elapsed() < Duration::from_secs(120), "no second volume after two minutes");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+
+    let made = desk.names("small/volume").len();
+    assert!((2..12).contains(&made), "{made} volumes");
+    let told = fs::read_to_string(desk.path("small/shot.json")).unwrap();
+    assert!(told.contains("volume/liquid_{:04}.vdb"), "what was finished is named: {told}");
+    let (out, _) = desk.run("volume small --voxel 0.12", 0);
+    assert!(out.contains(&format!("{made} were there")), "{out}");
+    assert_eq!(desk.names("small/volume").len(), 12);
+}

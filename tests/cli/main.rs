@@ -1,6 +1,7 @@
 //! The tool as its users meet it: commands in, files, streams and exit codes out.
 
 mod bad_input;
+mod batch;
 mod interrupt;
 mod meshing;
 mod plan;
@@ -8,6 +9,7 @@ mod resume;
 mod shot;
 mod solids;
 mod tradeoff;
+mod volumes;
 
 use assert_cmd::Command;
 use std::{

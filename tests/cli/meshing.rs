@@ -19,7 +19,7 @@ fn ball(spacing: f32, radius: f32, center: [f32; 3]) -> Vec<[f32; 3]> {
         .collect()
 }
 
-fn xyz(points: &[[f32; 3]]) -> String {
+pub(super) fn xyz(points: &[[f32; 3]]) -> String {
     points.iter().map(|[x, y, z]| format!("{x} {y} {z}\n")).collect()
 }
 
@@ -36,7 +36,7 @@ fn vtk(points: &[[f32; 3]]) -> Vec<u8> {
 }
 
 /// Positions and triangles of a PLY file, read by the library's own generic reader.
-fn read_ply(path: &Path) -> Mesh {
+pub(crate) fn read_ply(path: &Path) -> Mesh {
     let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(path).unwrap()).unwrap();
     let coordinate = |vertex: &DefaultElement, name: &str| match vertex[name] {
         Property::Float(value) => value,
@@ -68,8 +68,14 @@ fn particle_files_become_closed_meshes() {
         assert!(out.contains("1 frames meshed"), "{out}");
         assert_eq!(desk.names(&format!("{file}.out/mesh")).len(), 2);
     }
-    let ply = |file: &str| fs::read(desk.path(&format!("{file}.out/mesh/particles_0001.ply"))).unwrap();
-    assert_eq!(ply("ball.xyz"), ply("ball.vtk"), "the same particles give the same bytes");
+    // Of what file a mesh was made stands in its key, and nowhere else.
+    let ply = |file: &str| {
+        let mut bytes = fs::read(desk.path(&format!("{file}.out/mesh/particles_0001.ply"))).unwrap();
+        let key = bytes.windows(13).position(|window| window == b"meniscus key ").unwrap() + 13;
+        bytes.drain(key..key + 16);
+        bytes
+    };
+    assert!(ply("ball.xyz") == ply("ball.vtk"), "the same particles give the same bytes");
     let check = mesh::check(&read_ply(&desk.path("ball.xyz.out/mesh/particles_0001.ply")));
     assert!(check.is_sound() && check.components == 1, "{check:?}");
     let exact = points.len() as f64 * 1e-3;
@@ -104,6 +110,64 @@ fn a_cache_is_meshed_again_only_where_asked() {
     let (_, talk) = desk.run("mesh small --frames 5-7", 3);
     assert!(talk.contains("frame 0006") && talk.contains("frame 0007"), "{talk}");
     desk.run("mesh small --spacing 0.1", 2);
+}
+
+#[test]
+fn clean_up_runs_where_its_table_is_and_nowhere_else() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    desk.run("mesh small --frames 2", 0);
+    let plain = fs::read(desk.path("small/mesh/liquid_0002.ply")).unwrap();
+
+    // Small pieces go to a file of points that the manifest names, with every attribute asked for.
+    let all = "--set surface.components.smallest=3 --set surface.smoothing={} --set surface.decimation.fraction=0.25 \
+               --set surface.attributes=[\"velocity\",\"id\"]";
+    let (out, _) = desk.run(&format!("mesh small -o clean {all}"), 0);
+    assert!(out.contains("5 frames meshed"), "{out}");
+    let names = desk.names("clean/mesh");
+    assert!(names.len() == 10 && names.contains(&"liquid_points_0005.ply".to_owned()), "{names:?}");
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fs::read(desk.path("clean/shot.json")).unwrap()).unwrap();
+    let [mesh, points] = [0, 1].map(|i| &manifest["outputs"][i]);
+    assert_eq!((&mesh["kind"], &points["kind"]), (&"mesh".into(), &"points".into()));
+    assert_eq!(mesh["attributes"]["id"], serde_json::json!(["id"]));
+    assert_eq!(points["attributes"]["radius"], serde_json::json!(["radius"]));
+    let cleaned = fs::read(desk.path("clean/mesh/liquid_0002.ply")).unwrap();
+    assert!(cleaned.len() < plain.len() / 2);
+    assert!(String::from_utf8_lossy(&cleaned[..500]).contains("property uint id"));
+
+    // The same again is there; without the points it is not.
+    let (out, _) = desk.run(&format!("mesh small -o clean {all}"), 0);
+    assert!(out.contains("0 frames meshed"), "{out}");
+    fs::remove_file(desk.path("clean/mesh/liquid_points_0003.ply")).unwrap();
+    let (out, _) = desk.run(&format!("mesh small -o clean {all}"), 0);
+    assert!(out.contains("1 frames meshed"), "{out}");
+    desk.run("mesh small -o clean", 0);
+    assert_eq!(fs::read(desk.path("clean/mesh/liquid_0002.ply")).unwrap(), plain);
+
+    // What the particles do not have is told with what they have.
+    let (_, talk) = desk.run("mesh small --frames 2 --force --set surface.attributes=[\"heat\"]", 3);
+    assert!(talk.contains("`heat`") && talk.contains("velocity"), "{talk}");
+}
+
+#[test]
+fn a_mesh_that_pops_is_told() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    let (out, _) = desk.run("mesh small", 0);
+    assert!(!out.contains("jump"), "{out}");
+    // One frame of another voxel stands out from the others.
+    let (out, _) = desk.run("mesh small --frames 3 --voxel 2 --force", 0);
+    assert!(out.contains("jump: frame 0003 of liquid: volume goes from"), "{out}");
+    let (out, _) = desk.run("info small", 0);
+    assert!(out.contains("m³ of 5 meshes") && out.contains("jump       frame 0004 of liquid"), "{out}");
+    let (out, _) = desk.run("info small --json", 0);
+    let info: serde_json::Value = serde_json::from_str(&out).unwrap();
+    assert_eq!(info["meshes"].as_array().unwrap().len(), 5);
+    assert_eq!(info["jumps"][0]["frame"], 3);
+    // Made as the others, it does not.
+    let (out, _) = desk.run("mesh small", 0);
+    assert!(!out.contains("jump") && !desk.run("info small", 0).0.contains("jump"), "{out}");
 }
 
 /// What the manifest in `folder` says of its first output's frames: first, last, step.
@@ -142,7 +206,7 @@ fn what_was_meshed_before_the_job_ended_early_is_named() {
     desk.run("simulate small.toml", 0);
     // A folder in the place of the fourth file ends the job.
     fs::create_dir_all(desk.path("small/mesh/liquid_0004.ply")).unwrap();
-    let (_, talk) = desk.run("mesh small", 1);
+    let (_, talk) = desk.run("mesh small --threads 2", 1);
     assert!(talk.contains("liquid_0004.ply"), "{talk}");
     assert_eq!(named(&desk, "small"), [1, 3, 1]);
 }

@@ -1,6 +1,7 @@
 //! From preset to meshes in one command, and what is told on the way.
 
 use super::*;
+use meniscus::mesh;
 
 #[test]
 fn one_command_goes_from_preset_to_meshes() {
@@ -78,6 +79,10 @@ fn passes_that_the_preset_does_not_name_do_not_run() {
     assert!(passes(&without) < passes(&with), "{with}\n{without}");
 }
 
+/// Every pass over a surface.
+const CLEAN_UP: &str = "--set surface.components={} --set surface.smoothing={} --set surface.decimation={} \
+                        --set surface.attributes=[\"velocity\",\"vorticity\",\"id\"]";
+
 #[test]
 fn built_in_presets_are_listed_shown_copied_and_run() {
     let desk = Desk::new();
@@ -102,6 +107,13 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         // Each runs, small.
         let (out, _) = desk.run(&format!("shot {name} --quality draft --frames 1-2 -o run-{name}"), 0);
         assert!(out.contains("2 frames meshed"), "{out}");
+        // Its surfaces are sound as they were cut, and after every clean-up.
+        desk.run(&format!("mesh run-{name} -o clean-{name} {CLEAN_UP}"), 0);
+        for folder in ["run", "clean"] {
+            let path = desk.path(&format!("{folder}-{name}/mesh/liquid_0002.ply"));
+            let found = mesh::check(&super::meshing::read_ply(&path));
+            assert!(found.is_sound() && found.components > 0, "{name} {folder}: {found:?}");
+        }
     }
     let (_, talk) = desk.run("presets copy dam-break", 1);
     assert!(talk.contains("does not exist yet"), "{talk}");

@@ -1,5 +1,7 @@
 //! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
 
+mod cleanup;
+mod eikonal;
 mod liquid;
 mod liquid_extremes;
 mod mesh;
@@ -7,3 +9,4 @@ mod sdf;
 mod solidify;
 mod solids;
 mod surface_field;
+mod volumes;

@@ -6,7 +6,7 @@ use meniscus::{
     math::Vec3,
     mesh::{
         MARGIN, Mesh, MeshCheck, SurfaceError, SurfaceParams, check, interpolate_vec3, marching_cubes,
-        normals_from_distance, reconstruct,
+        normals_from_field, reconstruct,
     },
     par,
 };
@@ -93,7 +93,7 @@ fn a_ball_converges_with_second_order() {
         let grid = distance(voxel, 0.9, ball(radius, CENTRE));
         let (mesh, found) = extract(&grid);
         assert_eq!((found.components, found.euler), (1, 2));
-        let (normals, replaced) = normals_from_distance(&mesh, &grid);
+        let (normals, replaced) = normals_from_field(&mesh, &grid);
         assert_eq!(replaced, 0);
         let offset = |x: &Vec3| x.cast::<f64>() - nalgebra::Vector3::from(CENTRE);
         let hausdorff = mesh.positions.iter().map(|x| (offset(x).norm() - radius).abs()).fold(0.0, f64::max);
@@ -161,7 +161,7 @@ fn shells_and_pairs_of_balls_have_the_right_pieces() {
 }
 
 /// Random bits, keyed by a counter.
-fn hash(seed: u64, i: u64) -> u64 {
+pub(crate) fn hash(seed: u64, i: u64) -> u64 {
     let mut z = (seed << 32 ^ i).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
@@ -169,10 +169,15 @@ fn hash(seed: u64, i: u64) -> u64 {
 }
 
 /// Noise in a box of 7³ inner nodes across eight bricks, positive around it.
-fn noise(seed: u64, value: impl Fn(u64) -> f32) -> SparseGrid {
-    let (low, high) = ([4, -3, 5], [10, 3, 11]);
+pub(crate) fn noise(seed: u64, value: impl Fn(u64) -> f32) -> SparseGrid {
+    noise_at(seed, 0.1, [4, -3, 5], value)
+}
+
+/// The same with its lowest inner node at `low`.
+fn noise_at(seed: u64, voxel: f32, low: [i32; 3], value: impl Fn(u64) -> f32) -> SparseGrid {
+    let high = low.map(|i| i + 6);
     sampled(
-        0.1,
+        voxel,
         low.map(|i| i - 1),
         high.map(|i| i + 1),
         |_| true,
@@ -187,11 +192,15 @@ fn noise(seed: u64, value: impl Fn(u64) -> f32) -> SparseGrid {
     )
 }
 
+/// Five voxel sizes, from beside the origin to 8000 voxels away from it.
 #[test]
 fn a_thousand_random_fields_give_sound_meshes() {
     let mut triangles = 0;
     for seed in 0..1000 {
-        let (mesh, found) = extract(&noise(seed, |bits| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0));
+        let voxel = [0.1, 1e-4, 0.013, 3.7, 250.0][seed as usize % 5];
+        let low = [[4, -3, 5], [7993, -7999, 7990], [-4001, 3, 5001]][seed as usize % 3];
+        let random = |bits: u64| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0;
+        let (mesh, found) = extract(&noise_at(seed, voxel, low, random));
         assert!(found.euler % 2 == 0 && found.volume > 0.0 && found.components > 0);
         triangles += mesh.triangles.len();
     }
@@ -262,7 +271,7 @@ fn threads_and_bricks_without_surface_do_not_change_a_byte() {
     assert!(narrow.bricks.len() < full.bricks.len() / 2);
     let run = |grid: &SparseGrid| {
         let (mut mesh, _) = extract(grid);
-        mesh.normals = normals_from_distance(&mesh, grid).0;
+        mesh.normals = normals_from_field(&mesh, grid).0;
         mesh
     };
     let expected = par::with_threads(1, || run(&narrow));
@@ -312,7 +321,7 @@ fn unreached_nodes_are_counted() {
 fn faces_decide_where_the_distance_says_nothing_usable() {
     let grid = distance(0.05, 0.8, ball(0.5, CENTRE));
     let (mesh, _) = extract(&grid);
-    let (expected, replaced) = normals_from_distance(&mesh, &grid);
+    let (expected, replaced) = normals_from_field(&mesh, &grid);
     assert_eq!(replaced, 0);
 
     // No slope, one that points inward, and none that is a number.
@@ -321,7 +330,7 @@ fn faces_decide_where_the_distance_says_nothing_usable() {
     inward.values.iter_mut().for_each(|v| *v = -*v);
     endless.values.iter_mut().for_each(|v| *v = v.signum() * f32::INFINITY);
     for grid in [&flat, &inward, &endless] {
-        let (normals, replaced) = normals_from_distance(&mesh, grid);
+        let (normals, replaced) = normals_from_field(&mesh, grid);
         assert_eq!(replaced, mesh.positions.len());
         assert!(std::iter::zip(&normals, &expected).all(|(a, b)| a.dot(b) > 0.8));
     }
@@ -388,7 +397,7 @@ fn particles_become_a_sound_surface_of_their_volume() {
     let (mesh, check, stats) = (&surface.mesh, &surface.check, &surface.stats);
     assert!(check.is_sound() && check.first_fault.is_none(), "{check:?}");
     assert_eq!((check.components, check.euler), (1, 2));
-    assert_eq!((stats.particles, stats.contour.cut_cells, stats.velocities_from_nearest), (ball.len(), 0, 0));
+    assert_eq!((stats.particles, stats.contour.cut_cells, stats.attributes_from_nearest), (ball.len(), 0, 0));
     assert_eq!((stats.vertices, stats.triangles), (mesh.positions.len(), mesh.triangles.len()));
     let ratio = check.volume / (ball.len() as f64 * 1e-3);
     println!("ball of {} particles: {} triangles, volume × {ratio:.3}", ball.len(), stats.triangles);

@@ -7,9 +7,9 @@ use meniscus::sdf::{SdfParams, SeedRule, SignedDistance, from_density};
 /// Voxels along half the box −1..1 of each resolution.
 const RESOLUTIONS: [usize; 4] = [8, 16, 32, 64];
 
-type Shape = fn(Vec3) -> f32;
+pub(crate) type Shape = fn(Vec3) -> f32;
 
-fn sphere(x: Vec3) -> f32 {
+pub(crate) fn sphere(x: Vec3) -> f32 {
     (x - Vec3::new(0.031, -0.017, 0.011)).norm() - 0.6
 }
 
@@ -28,7 +28,7 @@ fn two_spheres(x: Vec3) -> f32 {
     left.min(right)
 }
 
-const SHAPES: [(&str, Shape); 4] =
+pub(crate) const SHAPES: [(&str, Shape); 4] =
     [("sphere", sphere), ("box", cuboid), ("torus", torus), ("two spheres", two_spheres)];
 
 /// A field whose level 1 is the shape's surface, not linear across it.
@@ -54,7 +54,7 @@ fn the_full_solve_converges_with_first_order() {
     for (name, shape) in SHAPES {
         let mut found: Vec<(f64, f64)> = Vec::new();
         for half in RESOLUTIONS {
-            let params = SdfParams { seed: SeedRule::Plane, band: f32::INFINITY };
+            let params = SdfParams { band: f32::INFINITY, ..SdfParams::default() };
             let sdf = from_density(&field(shape, half), 1.0, &params);
             assert_eq!(sdf.unreached, 0);
             let (l1, worst) = errors(&sdf, shape);
@@ -76,8 +76,8 @@ fn the_full_solve_converges_with_first_order() {
 fn the_band_has_the_distances_of_the_full_solve() {
     for (name, shape) in SHAPES {
         let field = field(shape, 24);
-        let full = from_density(&field, 1.0, &SdfParams { seed: SeedRule::Plane, band: f32::INFINITY });
-        let band = from_density(&field, 1.0, &SdfParams { seed: SeedRule::Plane, band: 4.0 });
+        let full = from_density(&field, 1.0, &SdfParams { band: f32::INFINITY, ..SdfParams::default() });
+        let band = from_density(&field, 1.0, &SdfParams { band: 4.0, ..SdfParams::default() });
         let mut inside_band = 0;
         for (i, &value) in band.grid.values.iter().enumerate() {
             let node = node_of(band.grid.bricks.coords()[i / BRICK_NODES], i % BRICK_NODES);
@@ -123,7 +123,7 @@ fn zeros_of_the_distance_lie_on_the_surface() {
     for half in RESOLUTIONS {
         let field = field(sphere, half);
         let found = |seed: SeedRule| {
-            let sdf = from_density(&field, 1.0, &SdfParams { seed, band: 3.0 });
+            let sdf = from_density(&field, 1.0, &SdfParams { seed, ..SdfParams::default() });
             zeros_off(&sdf.grid, 0.0, sphere)
         };
         let (plane, edge) = (found(SeedRule::Plane), found(SeedRule::NearestEdge));

@@ -101,7 +101,7 @@ fn zeros_of_the_distance_lie_where_the_density_crosses() {
     for jitter in [0.0, 0.25] {
         let found = density(&ball(12.0, jitter, Vec3::new(0.1, 0.2, 0.3)), &PARAMS);
         for seed in [SeedRule::Plane, SeedRule::NearestEdge] {
-            let sdf = from_density(&found.grid, found.threshold, &SdfParams { seed, band: 3.0 });
+            let sdf = from_density(&found.grid, found.threshold, &SdfParams { seed, ..Default::default() });
             let (mut sum, mut worst, mut count) = (0.0, 0.0_f32, 0);
             for (i, &value) in sdf.grid.values.iter().enumerate() {
                 let node = node_of(sdf.grid.bricks.coords()[i / BRICK_NODES], i % BRICK_NODES);

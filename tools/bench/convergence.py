@@ -47,7 +47,8 @@ FRAMES = 24
 
 def preset(scene):
     """The scene as a preset."""
-    return f"""frames = "1-{FRAMES + 1}"
+    return f"""title = "Convergence"
+frames = "1-{FRAMES + 1}"
 fps = 24
 [[world.collider]]
 shape = {{ tank = {{ min = [0, 0, 0], max = {scene["tank"]} }} }}

@@ -6,8 +6,9 @@
 mod scan;
 
 use super::gather::{Gather, Values};
+use super::numbers::Kind;
 use super::{ImportError, Imported};
-use scan::{Kind, Scan};
+use scan::{BYTE, FLOAT, INT, Scan};
 use std::path::Path;
 
 /// To what the attributes that follow belong.
@@ -74,7 +75,7 @@ impl Reader<'_> {
             "CELLS" | "VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS" => self.cells(words),
             "CELL_TYPES" => {
                 let count = self.scan.number(words, 1, "the number of cells")?;
-                self.scan.values(Kind::INT, count).map(drop)
+                self.scan.values(INT, count).map(drop)
             }
             "POINT_DATA" | "CELL_DATA" => self.owned_by(words),
             "METADATA" => {
@@ -84,7 +85,7 @@ impl Reader<'_> {
             "FIELD" => self.field(words),
             "LOOKUP_TABLE" => {
                 let count = self.scan.number(words, 2, "the size of the table")?;
-                let kind = if self.scan.binary { Kind::BYTE } else { Kind::FLOAT };
+                let kind = if self.scan.binary { BYTE } else { FLOAT };
                 self.scan.values(kind, count.saturating_mul(4)).map(drop)
             }
             _ => self.attribute(&keyword, words),
@@ -119,7 +120,7 @@ impl Reader<'_> {
         let first = self.scan.number(words, 1, "the number of cells")?;
         let second = self.scan.number(words, 2, "the size of the cells")?;
         if !self.scan.starts_with("OFFSETS") {
-            return self.scan.values(Kind::INT, second).map(drop);
+            return self.scan.values(INT, second).map(drop);
         }
         for (name, count) in [("OFFSETS", first), ("CONNECTIVITY", second)] {
             let words = self.scan.keyword().unwrap_or_default();
@@ -193,7 +194,7 @@ impl Reader<'_> {
             "GLOBAL_IDS" | "PEDIGREE_IDS" => (self.scan.kind(words, 2)?, 1),
             "TEXTURE_COORDINATES" => (self.scan.kind(words, 3)?, self.scan.number(words, 2, "dimensions")?),
             "COLOR_SCALARS" => {
-                let kind = if self.scan.binary { Kind::BYTE } else { Kind::FLOAT };
+                let kind = if self.scan.binary { BYTE } else { FLOAT };
                 (kind, self.scan.number(words, 2, "components")?)
             }
             _ => return Err(self.scan.malformed(format!("{keyword:?}"), "a section of legacy VTK")),

@@ -2,47 +2,33 @@
 
 use super::super::ImportError;
 use super::super::gather::Values;
+use super::super::numbers::{self, Kind, Number};
 use std::path::Path;
 
-/// The type of a block's numbers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Kind {
-    /// Bytes of a number; 0 for bits, of which eight share a byte.
-    size: usize,
-    number: Number,
-}
+pub(super) const INT: Kind = Kind { size: 4, number: Number::Signed };
+pub(super) const BYTE: Kind = Kind { size: 1, number: Number::Unsigned };
+pub(super) const FLOAT: Kind = Kind { size: 4, number: Number::Float };
+/// Eight numbers share a byte.
+const BIT: Kind = Kind { size: 0, number: Number::Unsigned };
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Number {
-    Float,
-    Signed,
-    Unsigned,
-}
-
-impl Kind {
-    pub(super) const INT: Self = Self { size: 4, number: Number::Signed };
-    pub(super) const BYTE: Self = Self { size: 1, number: Number::Unsigned };
-    pub(super) const FLOAT: Self = Self { size: 4, number: Number::Float };
-
-    /// The type of that name; `long` is the 8 bytes of 64-bit Unix, which is where such files come from.
-    fn named(name: &str) -> Option<Self> {
-        let (size, number) = match name.to_ascii_lowercase().as_str() {
-            "bit" => (0, Number::Unsigned),
-            "unsigned_char" => (1, Number::Unsigned),
-            "char" | "signed_char" => (1, Number::Signed),
-            "unsigned_short" => (2, Number::Unsigned),
-            "short" => (2, Number::Signed),
-            "unsigned_int" => (4, Number::Unsigned),
-            // vtkIdType is written as 32-bit integers whatever its size in memory.
-            "int" | "vtkidtype" => (4, Number::Signed),
-            "unsigned_long" | "vtktypeuint64" => (8, Number::Unsigned),
-            "long" | "vtktypeint64" => (8, Number::Signed),
-            "float" => (4, Number::Float),
-            "double" => (8, Number::Float),
-            _ => return None,
-        };
-        Some(Self { size, number })
-    }
+/// The type of that name; `long` is the 8 bytes of 64-bit Unix, which is where such files come from.
+fn named(name: &str) -> Option<Kind> {
+    let (size, number) = match name.to_ascii_lowercase().as_str() {
+        "bit" => return Some(BIT),
+        "unsigned_char" => (1, Number::Unsigned),
+        "char" | "signed_char" => (1, Number::Signed),
+        "unsigned_short" => (2, Number::Unsigned),
+        "short" => (2, Number::Signed),
+        "unsigned_int" => (4, Number::Unsigned),
+        // vtkIdType is written as 32-bit integers whatever its size in memory.
+        "int" | "vtkidtype" => (4, Number::Signed),
+        "unsigned_long" | "vtktypeuint64" => (8, Number::Unsigned),
+        "long" | "vtktypeint64" => (8, Number::Signed),
+        "float" => (4, Number::Float),
+        "double" => (8, Number::Float),
+        _ => return None,
+    };
+    Some(Kind { size, number })
 }
 
 /// The bytes and the place in them.
@@ -96,7 +82,7 @@ impl<'a> Scan<'a> {
 
     /// The type in a line of words.
     pub(super) fn kind(&self, words: &[String], index: usize) -> Result<Kind, ImportError> {
-        let kind = words.get(index).and_then(|word| Kind::named(word));
+        let kind = words.get(index).and_then(|word| named(word));
         kind.ok_or_else(|| self.malformed(words.join(" "), "a numeric type such as float or int"))
     }
 
@@ -120,18 +106,10 @@ impl<'a> Scan<'a> {
         }
         let block = &self.bytes[self.at..self.at + least];
         self.at += least;
-        Ok(match (kind.number, kind.size) {
-            (Number::Float, 4) => {
-                Values::Float(block.as_chunks().0.iter().map(|&b| f32::from_be_bytes(b)).collect())
-            }
-            (Number::Float, _) => {
-                Values::Float(block.as_chunks().0.iter().map(|&b| f64::from_be_bytes(b) as f32).collect())
-            }
-            (_, 0) => Values::Int((0..count).map(|i| i64::from(block[i / 8] >> (7 - i % 8) & 1)).collect()),
-            (number, size) => {
-                Values::Int(block.chunks_exact(size).map(|bytes| integer(bytes, number)).collect())
-            }
-        })
+        if kind == BIT {
+            return Ok(Values::Int((0..count).map(|i| i64::from(block[i / 8] >> (7 - i % 8) & 1)).collect()));
+        }
+        Ok(numbers::values(block, kind, true))
     }
 
     /// Reads numbers that are written out.
@@ -174,12 +152,4 @@ impl<'a> Scan<'a> {
         };
         ImportError::malformed(self.path, place, found, expected)
     }
-}
-
-/// A big-endian integer; beyond the range the largest that fits.
-fn integer(bytes: &[u8], number: Number) -> i64 {
-    let negative = number == Number::Signed && bytes[0] >= 128;
-    let mut wide = [if negative { 0xff } else { 0 }; 16];
-    wide[16 - bytes.len()..].copy_from_slice(bytes);
-    i64::try_from(i128::from_be_bytes(wide)).unwrap_or(i64::MAX)
 }

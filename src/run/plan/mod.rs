@@ -13,7 +13,10 @@ use super::{Control, RunError, ShotFolder, remarks, simulate, solids, usage::Met
 use crate::{
     cache,
     export::MeshFormat,
-    import, par,
+    frame::{FrameIndex, Stream},
+    import::{self, Sequence},
+    mesh::SurfaceParams,
+    par,
     scene::{Frames, Scene},
     sim::{SetupError, Simulation},
 };
@@ -82,9 +85,9 @@ pub struct Outline {
     pub remarks: Vec<String>,
 }
 
-/// Particles of the finer pilot. With 4000 its splashes were too coarse: on drop-in-pool the meshes came out a quarter
-/// too small.
-const PILOT_PARTICLES: f64 = 8000.0;
+/// Particles of the finer pilot. With 8000 its splashes were too coarse: on dam-break the meshes came out a third too
+/// large, on drop-in-pool with 4000 a quarter too small.
+const PILOT_PARTICLES: f64 = 24000.0;
 
 /// A shot of fewer particles is its own pilot.
 const SMALL: usize = 2000;
@@ -113,7 +116,7 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
     let bricks = memory::bricks_at_most(particles, scene.surface.voxel);
     Ok(Outline {
         particles,
-        passes: passes(&simulation, formats(scene, with_outputs)),
+        passes: passes(&simulation, scene, with_outputs),
         memory: peak_memory(scene, particles, bricks, with_outputs),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
@@ -138,12 +141,22 @@ pub fn refuse_over_memory(
     Ok(())
 }
 
-/// Refuses to mesh a cache whose largest frame needs more than `allowed` bytes.
+/// What is made of particles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Product {
+    /// Surface meshes.
+    Meshes,
+    /// Volume files.
+    Volumes,
+}
+
+/// Refuses to mesh a cache, or make volumes of it, if its largest frame needs more than `allowed` bytes.
 ///
 /// # Errors
-/// [`RunError::OverMemory`], or a cache that cannot be listed. Frames that cannot be read are passed over: meshing
+/// [`RunError::OverMemory`], or a cache that cannot be listed. Frames that cannot be read are passed over: the job
 /// names them.
-pub fn refuse_mesh_over_memory(
+pub fn refuse_cache_over_memory(
+    product: Product,
     source: &ShotFolder,
     selection: Option<&Frames>,
     voxel: f32,
@@ -153,24 +166,58 @@ pub fn refuse_mesh_over_memory(
     let wanted = present.iter().filter(|(index, _)| selection.is_none_or(|asked| asked.contains(*index)));
     let sizes = wanted.filter_map(|(_, path)| cache::read_header(path).ok());
     let most = sizes.flat_map(|info| info.streams.into_iter().map(|stream| stream.len)).max().unwrap_or(0);
-    refuse_particles(most as usize, voxel, allowed)
+    refuse_memory(product.memory(most as usize, voxel), allowed)
 }
 
-/// Refuses to mesh particle files if the largest of them needs more than `allowed` bytes.
-///
-/// # Errors
-/// [`RunError::OverMemory`]. A file that cannot be read is passed over: meshing names it.
-pub fn refuse_files_over_memory(files: &[PathBuf], voxel: f32, allowed: u64) -> Result<(), RunError> {
-    let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
-    let largest = files.iter().max_by_key(|path| size(path));
-    match largest.map(|path| import::read_particles(path)) {
-        Some(Ok(imported)) => refuse_particles(imported.stream.len(), voxel, allowed),
-        _ => Ok(()),
+impl Product {
+    /// The most memory that a frame of `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
+    fn memory(self, particles: usize, voxel: f32) -> u64 {
+        match self {
+            Self::Meshes => mesh_memory(particles, voxel),
+            Self::Volumes => memory::volume(particles, memory::bricks_at_most(particles, voxel)),
+        }
     }
 }
 
-fn refuse_particles(particles: usize, voxel: f32, allowed: u64) -> Result<(), RunError> {
-    let needed = memory::surface(particles, memory::bricks_at_most(particles, voxel));
+/// Refuses to mesh particle files, or make volumes of them (those of `selection`, or all), if the largest of them needs
+/// more than `allowed` bytes.
+///
+/// # Errors
+/// [`RunError::OverMemory`]. A file that cannot be read is passed over: the job names it.
+pub fn refuse_files_over_memory(
+    product: Product,
+    sequence: &Sequence,
+    selection: Option<&Frames>,
+    spacing: f32,
+    params: &SurfaceParams,
+    allowed: u64,
+) -> Result<(), RunError> {
+    let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
+    let numbered = sequence.files().iter().zip(sequence.numbers());
+    let wanted =
+        numbered.filter(|(_, number)| selection.is_none_or(|asked| asked.contains(FrameIndex(**number))));
+    let largest = wanted.map(|(file, _)| file).max_by_key(|file| size(file));
+    let Some(Ok(imported)) = largest.map(|file| import::read_particles(file)) else { return Ok(()) };
+    let needed = match product {
+        Product::Meshes => stream_memory(&imported.stream, spacing, params),
+        Product::Volumes => product.memory(imported.stream.len(), params.voxel),
+    };
+    refuse_memory(needed, allowed)
+}
+
+/// The memory that meshing a stream will need, by where its particles are [bytes].
+pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
+    let positions = stream.vec3("position").unwrap_or_default();
+    memory::surface(stream.len(), memory::bricks_around(positions, spacing, params) as f64)
+}
+
+/// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
+pub(super) fn mesh_memory(particles: usize, voxel: f32) -> u64 {
+    memory::surface(particles, memory::bricks_at_most(particles, voxel))
+}
+
+/// Refuses what needs more than `allowed` bytes.
+pub(super) fn refuse_memory(needed: u64, allowed: u64) -> Result<(), RunError> {
     if needed > allowed { Err(RunError::OverMemory { needed, allowed }) } else { Ok(()) }
 }
 
@@ -201,7 +248,7 @@ fn plan_within(
     let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
     let particles = simulation.seeded().particles as usize;
     let formats = formats(scene, with_outputs);
-    let passes = passes(&simulation, formats);
+    let passes = passes(&simulation, scene, with_outputs);
     let mut told = remarks::of_seeding(&simulation.seeded());
 
     // Two coarse pilots of all frames; then it is known whether the memory suffices.
@@ -210,6 +257,9 @@ fn plan_within(
     let far = pilot_at(scene, selection, formats, near.factor * PILOT_RATIO, control)?;
     control.reporter.progress(2.0);
     told.extend(near.cut.iter().chain(&far.cut).cloned());
+    if with_volumes(scene, with_outputs) {
+        told.push("time and disk are without the volumes, which come on top; their memory is counted".into());
+    }
     let job = Job {
         liquid: scene.liquid.as_ref().ok_or(SetupError::NoSystem)?,
         particles,
@@ -282,14 +332,18 @@ fn pilot_at(
     }
 }
 
-/// The model's peak of simulating and, after it, surfacing.
+/// The model's peak of simulating and, after it, meshing and making volumes.
 fn peak_memory(scene: &Scene, particles: usize, bricks: f64, with_outputs: bool) -> u64 {
     let kernel_radius = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.kernel_radius);
-    let simulating = memory::simulation(particles, kernel_radius);
-    match formats(scene, with_outputs) {
-        [] => simulating,
-        _ => simulating.max(memory::surface(particles, bricks)),
+    let mut peak = memory::simulation(particles, kernel_radius);
+    let simulated = peak as f64 * memory::KEPT;
+    if !formats(scene, with_outputs).is_empty() {
+        peak = peak.max(memory::surface(particles, bricks) + simulated as u64);
     }
+    if with_volumes(scene, with_outputs) {
+        peak = peak.max(memory::volume(particles, bricks) + simulated as u64);
+    }
+    peak
 }
 
 /// What is written beside the cache.
@@ -297,9 +351,15 @@ fn formats(scene: &Scene, with_outputs: bool) -> &[MeshFormat] {
     if with_outputs { &scene.output.mesh } else { &[] }
 }
 
-fn passes(simulation: &Simulation, formats: &[MeshFormat]) -> Vec<String> {
-    let surface = (!formats.is_empty()).then_some("surface");
-    simulation.passes().into_iter().chain(surface).map(String::from).collect()
+/// Whether volumes are written beside the cache.
+fn with_volumes(scene: &Scene, with_outputs: bool) -> bool {
+    with_outputs && !scene.output.volume.is_empty()
+}
+
+fn passes(simulation: &Simulation, scene: &Scene, with_outputs: bool) -> Vec<String> {
+    let surface = (!formats(scene, with_outputs).is_empty()).then_some("surface");
+    let volume = with_volumes(scene, with_outputs).then_some("volume");
+    simulation.passes().into_iter().chain(surface).chain(volume).map(String::from).collect()
 }
 
 /// How far the forecasts of the two pilots are apart, and at least [`LEAST_UNCERTAINTY`].

@@ -1,4 +1,5 @@
-//! A coarse shot, run to see how the fine one will go: the same preset with a larger `liquid.spacing`.
+//! A coarse shot, run to see how the fine one will go: the same preset with a larger `liquid.spacing`, and
+//! fewer substeps in proportion.
 
 use crate::{
     cache,
@@ -17,6 +18,8 @@ const SURFACES: usize = 6;
 pub(super) struct Pilot {
     /// Its spacing over the shot's.
     pub(super) factor: f64,
+    /// The fewest and the most substeps a frame that it was allowed.
+    pub(super) limits: [u32; 2],
     /// Its particles.
     pub(super) particles: usize,
     /// Every simulated frame, in order; fewer than asked for if time ran out or the pilot diverged.
@@ -68,9 +71,13 @@ pub(super) fn run(
     control: Control,
 ) -> Result<Pilot, RunError> {
     let mut liquid = scene.liquid.clone();
+    let fewer = |steps: u32| ((f64::from(steps) / factor).round() as u32).max(1);
     if let Some(liquid) = &mut liquid {
         liquid.spacing = (f64::from(liquid.spacing) * factor) as f32;
+        // Substeps as long as the shot's, in spacings: then one takes about as many iterations.
+        (liquid.min_substeps, liquid.max_substeps) = (fewer(liquid.min_substeps), fewer(liquid.max_substeps));
     }
+    let limits = liquid.as_ref().map_or([0, u32::MAX], |liquid| [liquid.min_substeps, liquid.max_substeps]);
     let spacing = liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
     let mut simulation = Simulation::new(world(scene), liquid)?;
     let scratch = Scratch::new()?;
@@ -78,7 +85,8 @@ pub(super) fn run(
     let (first, last) = (scene.frames.first().0, selection.last().0);
     let every = ((last - first) as usize).div_ceil(SURFACES).max(1) as u32;
     let particles = simulation.seeded().particles as usize;
-    let mut pilot = Pilot { factor, particles, frames: Vec::new(), surfaces: Vec::new(), cut: None };
+    let (frames, surfaces) = (Vec::new(), Vec::new());
+    let mut pilot = Pilot { factor, limits, particles, frames, surfaces, cut: None };
     for index in first..=last {
         if index > first {
             let meter = Meter::new();

@@ -363,6 +363,55 @@ def stage_blur(work: Path) -> None:
     check(abs(width(True) - width(False)) < 1.5 * pixel, "without the velocity attribute nothing is blurred")
 
 
+def stage_volume(shot: Path) -> None:
+    """Opens a sequence of volumes with Blender's own means, looks at every grid, renders fog and motion blur."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    data = json.loads((shot / "shot.json").read_text(encoding="utf-8"))
+    output = next(o for o in data["outputs"] if (o["kind"], o["format"]) == ("volume", "vdb"))
+    first, last = output["frames"]["first"], output["frames"]["last"]
+    volume = bpy.data.volumes.new(output["name"])
+    volume.filepath = str(shot / output["pattern"].format(first))
+    volume.is_sequence, volume.sequence_mode = True, "CLIP"
+    # Blender counts files from one: the offset makes the number of a file that of its frame.
+    volume.frame_start, volume.frame_duration, volume.frame_offset = first, last - first + 1, first - 1
+    volume.velocity_grid, volume.velocity_unit = "velocity", "SECOND"
+    shown = bpy.data.objects.new(output["name"], volume)
+    scene = bpy.context.scene
+    scene.collection.objects.link(shown)
+    types = {"density": "FLOAT", "surface": "FLOAT", "velocity": "VECTOR_FLOAT"}
+    for frame in range(first, last + 1):
+        scene.frame_set(frame)
+        grids = evaluated(shown).grids
+        loaded = grids.load() and not grids.error_message
+        check(loaded, f"frame {frame} of the volume loads", grids.error_message)
+        right = grids.frame_filepath == str(shot / output["pattern"].format(frame))
+        check(right, f"frame {frame} of the volume is its file", grids.frame_filepath)
+        found = {grid.name: grid.data_type for grid in grids}
+        check(found == types, f"frame {frame} has its grids", found)
+        check(all(grid.load() for grid in grids), f"every grid of frame {frame} loads")
+    box = np.array(shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).bound_box)
+    check(float(np.ptp(box, axis=0).min()) > 0.01, "the volume has a size", box)
+
+    # Thick fog hides the background where the liquid is, and nowhere else.
+    material = bpy.data.materials.new("Fog")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    fog, end = tree.nodes.new("ShaderNodeVolumePrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
+    fog.inputs["Density"].default_value = 200.0
+    tree.links.new(fog.outputs[0], end.inputs["Volume"])
+    volume.materials.append(material)
+    frame_camera(box.min(0), box.max(0))
+    scene.render.use_motion_blur = False
+    alpha = render_alpha(shot / "fog.exr")
+    check(0.05 < (alpha > 0.5).mean() < 0.9, "the fog shows liquid and background", (alpha > 0.5).mean())
+    edge = np.concatenate([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]])
+    check(float(edge.max()) < 0.01, "there is no fog around the liquid", edge.max())
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
+    blurred = render_alpha(shot / "blurred.exr")
+    check(np.abs(blurred - alpha).max() > 0.05, "the velocities blur the fog", np.abs(blurred - alpha).max())
+
+
 if __name__ == "__main__":
     code = 1
     try:

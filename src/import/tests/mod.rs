@@ -1,7 +1,10 @@
 //! Every format from files made here: what is taken, and what is refused.
 
+mod damaged;
+mod numpy;
+mod vtu;
+
 use super::*;
-use proptest::prelude::*;
 use std::io::Write;
 
 /// Reads bytes as if from a file of that name.
@@ -166,6 +169,12 @@ fn xyz_as_raw_floats() {
     assert_eq!(positions, X);
     for length in (1..bytes.len()).filter(|length| length % 12 != 0) {
         assert!(import("a.xyz", &bytes[..length]).is_err(), "cut to {length}");
+    }
+    // Floats start with any byte, and with any two: only longer marks are those of another format.
+    for start in [&b"<"[..], b"\x1f\x8b\x00", b"PK", b"B", b"#"] {
+        let mut raw = bytes.clone();
+        raw[..start.len()].copy_from_slice(start);
+        assert_eq!(import("a.xyz", &raw).unwrap().stream.len(), 3, "{start:?}");
     }
     assert!(broken("a.xyz", &bytes[..30]).contains("byte 24: found 6 bytes"));
 }
@@ -382,6 +391,20 @@ fn a_position_or_velocity_that_is_no_number_is_named() {
         assert_eq!(refusal("a.ply", text.as_bytes()), ("position", 0));
         let text = String::from_utf8(vtk(false, 3, "POLYDATA")).unwrap().replacen("8.5", &bad.to_string(), 1);
         assert_eq!(refusal("a.vtk", text.as_bytes()), ("velocity", 2));
+        let array = |vectors: &[[f32; 3]; 3]| {
+            let mut bytes = Vec::new();
+            put(&mut bytes, false, vectors.as_flattened());
+            numpy::npy("<f4", false, "(3, 3)", &bytes)
+        };
+        assert_eq!(refusal("a.npy", &array(&points)), ("position", 2));
+        let members = [("position.npy", array(&X)), ("velocity.npy", array(&points))];
+        assert_eq!(refusal("a.npz", &numpy::npz(&members, true)), ("velocity", 2));
+        for layout in vtu::layouts() {
+            let mut file = vtu::Vtu::new(layout, "PolyData");
+            file.piece(&X, &V, &ID);
+            file.piece(&points, &V, &ID);
+            assert_eq!(refusal("a.vtp", &file.finish("PolyData")), ("position", 5), "{layout:?}");
+        }
     }
     // A double that single precision cannot hold is no number here.
     assert_eq!(refusal("a.xyz", b"1 2 3\n1 2 1e39\n"), ("position", 1));
@@ -399,6 +422,9 @@ fn the_content_must_be_what_the_name_says() {
         ("a.vtk", vtk(true, 4, "POLYDATA")),
         ("a.bgeo", bgeo(&X, 3)),
         ("a.xyz", b"1 2 3\n".to_vec()),
+        ("a.npy", numpy::npy("<f4", false, "(0, 3)", b"")),
+        ("a.npz", numpy::npz(&numpy::members(), true)),
+        ("a.vtu", vtu::vtu(vtu::layouts()[0])),
     ];
     for (name, _) in &files {
         assert!(matches!(import(name, b""), Err(ImportError::EmptyFile { .. })));
@@ -425,55 +451,4 @@ fn a_second_attribute_of_one_name_is_listed() {
     let imported = import("a.xyz", b"# x y z id ID\n1 2 3 4 5\n").unwrap();
     assert_eq!(imported.stream.u32("id").unwrap(), [4]);
     assert_eq!(imported.ignored, ["ID: id is there already"]);
-}
-
-/// A sound file, damaged: bytes replaced, then cut.
-fn damaged() -> impl Strategy<Value = (usize, Vec<u8>)> {
-    let edits = proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6);
-    (0_usize..8, edits, any::<prop::sample::Index>(), any::<bool>()).prop_map(|(kind, edits, end, cut)| {
-        let mut bytes = match kind {
-            0 => ply("ascii"),
-            1 => ply("binary_little_endian"),
-            2 => ply("binary_big_endian"),
-            3 => vtk(false, 5, "POLYDATA"),
-            4 => vtk(true, 5, "UNSTRUCTURED_GRID"),
-            5 => bgeo(&X, 3),
-            6 => gzip(&bgeo(&X, 3)),
-            _ => b"3\n# x y z id\n1 2 3 4\n5 6 7 8\n9 10 11 12\n".to_vec(),
-        };
-        for (at, byte) in edits {
-            let at = at.index(bytes.len());
-            bytes[at] = byte;
-        }
-        if cut {
-            bytes.truncate(end.index(bytes.len()));
-        }
-        (kind, bytes)
-    })
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1024))]
-
-    #[test]
-    fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        for name in ["a.xyz", "a.ply", "a.vtk", "a.bgeo"] {
-            let _ = import(name, &bytes);
-        }
-        let _ = import("a.bgeo", &[b"BgeoV\0\0\0\x05", &bytes[..]].concat());
-        let _ = import("a.bgeo", &gzip(&[b"BgeoV\0\0\0\x05", &bytes[..]].concat()));
-        let _ = import("a.ply", &[b"ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n", &bytes[..]].concat());
-        for format in ["ASCII", "BINARY"] {
-            let head = format!("# vtk DataFile Version 4.1\n\n{format}\nDATASET POLYDATA\n");
-            let _ = import("a.vtk", &[head.as_bytes(), &bytes].concat());
-        }
-    }
-
-    #[test]
-    fn damaged_files_never_panic((kind, bytes) in damaged()) {
-        let name = ["a.ply", "a.ply", "a.ply", "a.vtk", "a.vtk", "a.bgeo", "a.bgeo", "a.xyz"][kind];
-        if let Ok(imported) = import(name, &bytes) {
-            prop_assert!(imported.stream.vec3("position").unwrap().iter().all(|x| x.iter().all(|x| x.is_finite())));
-        }
-    }
 }

@@ -1,0 +1,79 @@
+//! What a preset can say about volumes.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How frames become volumes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct VolumeParams {
+    /// How numbers are stored.
+    pub precision: Precision,
+    /// How they are packed.
+    pub compression: Compression,
+}
+
+/// How many digits a stored number has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Precision {
+    /// 16 bits, about three digits, up to 65504: what renderers need, in half the space.
+    #[default]
+    Half,
+    /// 32 bits: what the tool itself computes with.
+    Float,
+}
+
+/// How stored numbers are packed. Numbers of nodes where nothing is are left out in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Compression {
+    /// Blosc with LZ4: fast to write and read.
+    #[default]
+    Blosc,
+    /// zlib: slower, and a little smaller in half floats only.
+    Zip,
+    /// As they are: for readers that know neither.
+    None,
+}
+
+/// A grid of a volume file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum VolumeGrid {
+    /// Fog: 1 in filled space, 0 outside.
+    Density,
+    /// Signed distance to the surface, in metres, in a narrow band.
+    Surface,
+    /// Velocity, in metres a second, wherever there is density.
+    Velocity,
+}
+
+impl VolumeGrid {
+    /// Every grid, in the order written.
+    pub const ALL: [Self; 3] = [Self::Density, Self::Surface, Self::Velocity];
+
+    /// Its name in a file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Density => "density",
+            Self::Surface => "surface",
+            Self::Velocity => "velocity",
+        }
+    }
+
+    /// The grid of that name.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|grid| grid.name() == name)
+    }
+}
+
+impl Precision {
+    /// Bytes of a number.
+    pub(super) fn width(self) -> usize {
+        match self {
+            Self::Half => 2,
+            Self::Float => 4,
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! The normals of a surface.
+//!
+//! *Method*: the gradient of the field that the surface was cut from, central differences at the grid nodes
+//! and trilinear between them.
+//!
+//! Limits: second order in the voxel away from the field's kinks.
+
+use super::{Contour, Mesh, check::face_normals};
+use crate::{
+    grid::{BRICK, SparseGrid, offset},
+    math::Vec3,
+    par,
+};
+
+/// Nearer than this to a node, in voxels, a vertex is taken to lie on it: vertices lie on grid edges, and
+/// the two coordinates across the edge are exact up to rounding only. Smaller reads nodes that have no weight.
+const SNAP: f64 = 1e-4;
+
+/// Unit outward normals at the vertices of `mesh` by the gradient of the field that it was cut from, and how many vertices had no usable gradient there (zero, not finite, or against all the faces around) and carry the area-weighted normal of
+/// their faces instead. A vertex without any face of its own size gets +Z.
+pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
+    let contour = contour.into();
+    let faces = face_normals(mesh);
+    let chunks = par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
+        let mut reader = Reader::new(contour.grid);
+        let mut replaced = 0;
+        let normals: Vec<Vec3> = range
+            .map(|v| {
+                let gradient = reader.gradient(mesh.positions[v]) * contour.outward();
+                gradient.try_normalize(0.0).filter(|n| usable(n) && n.dot(&faces[v]) > 0.0).unwrap_or_else(
+                    || {
+                        replaced += 1;
+                        faces[v].try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
+                    },
+                )
+            })
+            .collect();
+        (normals, replaced)
+    });
+    let mut normals = Vec::with_capacity(mesh.positions.len());
+    let mut replaced = 0;
+    for (part, count) in chunks {
+        normals.extend(part);
+        replaced += count;
+    }
+    (normals, replaced)
+}
+
+/// Unit outward normals at the vertices of `mesh` by the area-weighted normals of the faces around them; +Z where these
+/// cancel.
+pub fn normals_from_faces(mesh: &Mesh) -> Vec<Vec3> {
+    let mut normals = face_normals(mesh);
+    par::update(&mut normals, |_, n| {
+        *n = n.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z);
+    });
+    normals
+}
+
+/// Whether a normal is finite and of unit length.
+fn usable(normal: &Vec3) -> bool {
+    (normal.norm_squared() - 1.0).abs() < 1e-3
+}
+
+/// Nodes along an edge of a brick, with one below and two above: all that gradients between its nodes and the next need.
+const WITH_RIM: usize = BRICK + 3;
+
+/// Reads gradients of a grid; remembers the last brick with its rim, because vertices mostly come brick by brick.
+struct Reader<'a> {
+    grid: &'a SparseGrid,
+    coord: [i32; 3],
+    /// Nodes from −1 to 9 along each axis; not a number where there is none or an infinite one.
+    nodes: Box<[f32; WITH_RIM.pow(3)]>,
+}
+
+impl<'a> Reader<'a> {
+    fn new(grid: &'a SparseGrid) -> Self {
+        Self { grid, coord: [i32::MIN; 3], nodes: Box::new([f32::NAN; WITH_RIM.pow(3)]) }
+    }
+
+    /// Goes to the brick at `coord`.
+    fn visit(&mut self, coord: [i32; 3]) {
+        if self.coord == coord {
+            return;
+        }
+        self.coord = coord;
+        let around: [Option<&[f32]>; 27] = std::array::from_fn(|i| {
+            let step = [i % 3, i / 3 % 3, i / 9].map(|s| s as i32 - 1);
+            let beside = std::array::from_fn(|axis| coord[axis].wrapping_add(step[axis]));
+            self.grid.bricks.find(beside).map(|brick| self.grid.brick(brick))
+        });
+        // Which of three bricks a node is in, and where.
+        let within = |i: usize| ((i + BRICK - 1) / BRICK, (i + BRICK - 1) % BRICK);
+        for z in 0..WITH_RIM {
+            for y in 0..WITH_RIM {
+                let ((by, ly), (bz, lz)) = (within(y), within(z));
+                for x in 0..WITH_RIM {
+                    let (bx, lx) = within(x);
+                    let value = around[bx + 3 * (by + 3 * bz)]
+                        .map_or(f32::NAN, |values| values[offset([lx, ly, lz])]);
+                    self.nodes[x + WITH_RIM * (y + WITH_RIM * z)] =
+                        if value.is_finite() { value } else { f32::NAN };
+                }
+            }
+        }
+    }
+
+    /// The gradient at a node 0..=8 of the brick visited, in the grid's unit a voxel: central differences, one-sided at the
+    /// rim.
+    fn at_node(&self, node: [usize; 3]) -> Vec3 {
+        let place = node[0] + 1 + WITH_RIM * (node[1] + 1 + WITH_RIM * (node[2] + 1));
+        let here = self.nodes[place];
+        Vec3::from_fn(|axis, _| {
+            let step = WITH_RIM.pow(axis as u32);
+            let (below, above) = (self.nodes[place - step], self.nodes[place + step]);
+            let slope = match (below.is_nan(), above.is_nan()) {
+                (false, false) => 0.5 * (above - below),
+                (false, true) => here - below,
+                (true, false) => above - here,
+                (true, true) => 0.0,
+            };
+            if slope.is_nan() { 0.0 } else { slope }
+        })
+    }
+
+    /// The gradient at `x`, trilinear between the nodes' gradients.
+    fn gradient(&mut self, x: Vec3) -> Vec3 {
+        let mut node = [0; 3];
+        let mut t = [0.0; 3];
+        for axis in 0..3 {
+            let at = f64::from(x[axis]) / f64::from(self.grid.voxel);
+            // Positions are exact to their own digits.
+            let snap = SNAP.max(at.abs() * f64::from(f32::EPSILON));
+            let below = (at + snap).floor();
+            node[axis] = below as i32;
+            t[axis] = if at - below < snap { 0.0 } else { (at - below) as f32 };
+        }
+        self.visit(node.map(|i: i32| i.div_euclid(BRICK as i32)));
+        let local = node.map(|i| i.rem_euclid(BRICK as i32) as usize);
+        let mut sum = Vec3::zeros();
+        for corner in 0..8 {
+            let upper = [0, 1, 2].map(|axis| corner >> axis & 1);
+            let weight: f32 =
+                [0, 1, 2].map(|axis| if upper[axis] == 1 { t[axis] } else { 1.0 - t[axis] }).iter().product();
+            if weight > 0.0 {
+                sum += self.at_node([0, 1, 2].map(|axis| local[axis] + upper[axis])) * weight;
+            }
+        }
+        sum
+    }
+}

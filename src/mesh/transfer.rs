@@ -1,0 +1,278 @@
+//! What the vertices of a surface take from the particles.
+//!
+//! *Method*: numbers and vectors by a normalised kernel sum [shepard68], A(x) = Σ w_j A_j / Σ w_j with
+//! w_j = (1 − (r_j/R)²)³; whole numbers from the nearest particle; vorticity as the curl of the linear velocity that fits
+//! the particles around best, by squares weighted with w_j: G = (Σ w dv dxᵀ)(Σ w dx dxᵀ)⁻¹ with dx, dv from the weighted
+//! means, so that a rigid turn comes back exactly from one side too.
+//! *Departs from the paper*: the weight has compact support instead of growing towards the samples, so that a
+//! single particle does not print through.
+//!
+//! Symbols: R → `radius` [m]; r_j → distance to particle j [m]; G → velocity gradient [1/s].
+//! Limits: where the particles around lie in a plane or a line, G knows the motion along it only.
+
+use crate::{
+    frame::{Channel, ChannelData, Stream},
+    math::Vec3,
+    par,
+    space::CellGrid,
+};
+
+/// How much of its trace is added to Σ w dx dxᵀ, which makes it invertible where all particles lie in a plane.
+/// Smaller, and rounding of the particles' places shows; larger, and thin layers turn too slowly.
+const FLAT: f64 = 1e-5;
+
+/// What is taken from the particles.
+#[derive(Clone, Copy)]
+enum Source<'a> {
+    Vectors(&'a [Vec3]),
+    Numbers(&'a [f32]),
+    Integers(&'a [u32]),
+    /// The curl of these velocities.
+    Curl(&'a [Vec3]),
+}
+
+/// The channels of `particles` (with `position` [m], all finite) called `names` at `vertices`, from the particles within
+/// `radius` [m], and how many vertices had none that near and carry the nearest particle's values instead. Without names:
+/// `velocity`, if it is there. `vorticity` is made from `velocity` where there is no such channel.
+///
+/// # Errors
+/// The first name that is not there.
+///
+/// # Panics
+/// If there are no positions.
+pub fn transfer(
+    particles: &Stream,
+    names: Option<&[String]>,
+    vertices: &[Vec3],
+    radius: f32,
+) -> Result<(Vec<Channel>, usize), String> {
+    let usual: Vec<String> = particles.vec3("velocity").iter().map(|_| "velocity".to_owned()).collect();
+    let names = names.unwrap_or(&usual);
+    let sources: Vec<Source> = names
+        .iter()
+        .map(|name| source(particles, name).ok_or_else(|| name.clone()))
+        .collect::<Result<_, _>>()?;
+    if sources.is_empty() {
+        return Ok((Vec::new(), 0));
+    }
+    let positions = particles.vec3("position").expect("particles have positions");
+    let (columns, missing) = interpolate(vertices, positions, &sources, radius);
+    let named = names.iter().zip(columns);
+    Ok((named.map(|(name, data)| Channel { name: name.clone(), data }).collect(), missing))
+}
+
+/// The names of what [`transfer`] gives, and whether they are vectors; names that are not there are left out.
+pub fn carried(particles: &Stream, names: Option<&[String]>) -> Vec<(String, bool)> {
+    // A frame without particles may lack channels that others of its sequence have.
+    let usual = ["velocity".to_owned()];
+    let vector = |name: &String| {
+        let is_vector = |source| matches!(source, Source::Vectors(_) | Source::Curl(_));
+        source(particles, name).map(|source| (name.clone(), is_vector(source)))
+    };
+    names.unwrap_or(&usual).iter().filter_map(vector).collect()
+}
+
+/// Where the values of that name come from.
+fn source<'a>(particles: &'a Stream, name: &str) -> Option<Source<'a>> {
+    match particles.channel(name) {
+        Some(ChannelData::Vec3(values)) => Some(Source::Vectors(values)),
+        Some(ChannelData::F32(values)) => Some(Source::Numbers(values)),
+        Some(ChannelData::U32(values)) => Some(Source::Integers(values)),
+        None if name == "vorticity" => particles.vec3("velocity").map(Source::Curl),
+        None => None,
+    }
+}
+
+/// Values at `vertices` from the values of particles within `radius` [m], and how many vertices had no particle
+/// that near and carry the value of the nearest one instead.
+///
+/// `particles` are finite. Without particles, and at vertices that are not finite, the value is zero, counted
+/// as well.
+///
+/// # Panics
+/// If there are not as many values as particles.
+pub fn interpolate_vec3(
+    vertices: &[Vec3],
+    particles: &[Vec3],
+    values: &[Vec3],
+    radius: f32,
+) -> (Vec<Vec3>, usize) {
+    assert_eq!(particles.len(), values.len(), "one value a particle");
+    let (columns, missing) = interpolate(vertices, particles, &[Source::Vectors(values)], radius);
+    match columns.into_iter().next() {
+        Some(ChannelData::Vec3(values)) => (values, missing),
+        _ => unreachable!("vectors give vectors"),
+    }
+}
+
+/// One column a source, and how many vertices take the nearest particle's values.
+fn interpolate(
+    vertices: &[Vec3],
+    particles: &[Vec3],
+    sources: &[Source],
+    radius: f32,
+) -> (Vec<ChannelData>, usize) {
+    let cells = CellGrid::new(particles, radius);
+    let parts = par::map_chunks(vertices.len(), par::CHUNK, |range| {
+        let mut columns: Vec<ChannelData> = sources.iter().map(|source| source.column(range.len())).collect();
+        let mut missing = Vec::new();
+        let mut around = Vec::new();
+        for v in range {
+            // Gather once for all columns.
+            around.clear();
+            let x = vertices[v];
+            let mut weights = 0.0;
+            if x.iter().all(|x| x.is_finite()) {
+                cells.for_each_within(particles, x, radius, |j, r2| {
+                    let w = (1.0 - r2 / (radius * radius)).powi(3);
+                    weights += w;
+                    around.push((j as u32, r2, w));
+                });
+            }
+            if weights > f32::MIN_POSITIVE {
+                let around = Around { list: &around, weights, particles };
+                sources.iter().zip(&mut columns).for_each(|(source, column)| source.mean(&around, column));
+            } else {
+                missing.push(v);
+                sources.iter().zip(&mut columns).for_each(|(source, column)| source.of(None, column));
+            }
+        }
+        (columns, missing)
+    });
+
+    // Join the parts, and fill what is missing.
+    let mut columns: Vec<ChannelData> = sources.iter().map(|source| source.column(vertices.len())).collect();
+    let mut missing = Vec::new();
+    for (part, without) in parts {
+        columns.iter_mut().zip(part).for_each(|(column, part)| append(column, part));
+        missing.extend(without);
+    }
+    let nearest = nearest(&missing, vertices, particles, radius);
+    for (&v, &j) in missing.iter().zip(&nearest) {
+        for (source, column) in sources.iter().zip(&mut columns) {
+            let mut one = source.column(1);
+            source.of(j, &mut one);
+            match (column, one) {
+                (ChannelData::Vec3(column), ChannelData::Vec3(one)) => column[v] = one[0],
+                (ChannelData::F32(column), ChannelData::F32(one)) => column[v] = one[0],
+                (ChannelData::U32(column), ChannelData::U32(one)) => column[v] = one[0],
+                _ => unreachable!("a source has one kind of column"),
+            }
+        }
+    }
+    (columns, missing.len())
+}
+
+/// Puts `part` behind `column`.
+fn append(column: &mut ChannelData, part: ChannelData) {
+    match (column, part) {
+        (ChannelData::Vec3(column), ChannelData::Vec3(part)) => column.extend(part),
+        (ChannelData::F32(column), ChannelData::F32(part)) => column.extend(part),
+        (ChannelData::U32(column), ChannelData::U32(part)) => column.extend(part),
+        _ => unreachable!("a source has one kind of column"),
+    }
+}
+
+/// The particles around a vertex: (index, squared distance, w_j), and Σ w_j.
+struct Around<'a> {
+    list: &'a [(u32, f32, f32)],
+    weights: f32,
+    particles: &'a [Vec3],
+}
+
+impl Source<'_> {
+    /// An empty column with room for `len` values.
+    fn column(self, len: usize) -> ChannelData {
+        match self {
+            Self::Vectors(_) | Self::Curl(_) => ChannelData::Vec3(Vec::with_capacity(len)),
+            Self::Numbers(_) => ChannelData::F32(Vec::with_capacity(len)),
+            Self::Integers(_) => ChannelData::U32(Vec::with_capacity(len)),
+        }
+    }
+
+    /// Adds the value of particle `j` to the column, or zero; a lone particle does not turn.
+    fn of(self, j: Option<u32>, column: &mut ChannelData) {
+        let j = j.map(|j| j as usize);
+        match (self, column) {
+            (Self::Vectors(values), ChannelData::Vec3(to)) => to.push(j.map_or(Vec3::zeros(), |j| values[j])),
+            (Self::Curl(_), ChannelData::Vec3(to)) => to.push(Vec3::zeros()),
+            (Self::Numbers(values), ChannelData::F32(to)) => to.push(j.map_or(0.0, |j| values[j])),
+            (Self::Integers(values), ChannelData::U32(to)) => to.push(j.map_or(0, |j| values[j])),
+            _ => unreachable!("a source has one kind of column"),
+        }
+    }
+
+    /// Adds the value that the particles around give.
+    fn mean(self, around: &Around, column: &mut ChannelData) {
+        match (self, column) {
+            (Self::Vectors(values), ChannelData::Vec3(to)) => {
+                let mut sum = Vec3::zeros();
+                around.list.iter().for_each(|&(j, _, w)| sum += values[j as usize] * w);
+                to.push(sum / around.weights); // A(x), [shepard68]
+            }
+            (Self::Numbers(values), ChannelData::F32(to)) => {
+                let sum: f32 = around.list.iter().map(|&(j, _, w)| values[j as usize] * w).sum();
+                to.push(sum / around.weights);
+            }
+            (Self::Integers(values), ChannelData::U32(to)) => {
+                let nearer =
+                    |a: &&(u32, f32, f32), b: &&(u32, f32, f32)| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0));
+                to.push(around.list.iter().min_by(nearer).map_or(0, |&(j, ..)| values[j as usize]));
+            }
+            (Self::Curl(values), ChannelData::Vec3(to)) => to.push(curl(around, values)),
+            _ => unreachable!("a source has one kind of column"),
+        }
+    }
+}
+
+/// The curl of the linear velocity that fits best.
+fn curl(around: &Around, velocities: &[Vec3]) -> Vec3 {
+    type Vector = nalgebra::Vector3<f64>;
+    type Matrix = nalgebra::Matrix3<f64>;
+    let mean = |values: &[Vec3]| {
+        let sum = around
+            .list
+            .iter()
+            .fold(Vector::zeros(), |sum, &(j, _, w)| sum + values[j as usize].cast::<f64>() * f64::from(w));
+        sum / f64::from(around.weights)
+    };
+    let (x_mean, v_mean) = (mean(around.particles), mean(velocities));
+    let (mut spread, mut drift) = (Matrix::zeros(), Matrix::zeros());
+    for &(j, _, w) in around.list {
+        let dx = around.particles[j as usize].cast::<f64>() - x_mean;
+        let dv = velocities[j as usize].cast::<f64>() - v_mean;
+        spread += dx * dx.transpose() * f64::from(w);
+        drift += dv * dx.transpose() * f64::from(w);
+    }
+    let Some(inverse) = (spread + Matrix::identity() * (FLAT * spread.trace())).try_inverse() else {
+        return Vec3::zeros();
+    };
+    let g = drift * inverse; // G
+    let curl = Vector::new(g[(2, 1)] - g[(1, 2)], g[(0, 2)] - g[(2, 0)], g[(1, 0)] - g[(0, 1)]);
+    curl.cast()
+}
+
+/// The particle nearest to each of some vertices (the first of equals), in widening circles.
+fn nearest(missing: &[usize], vertices: &[Vec3], particles: &[Vec3], radius: f32) -> Vec<Option<u32>> {
+    let mut found = vec![None; missing.len()];
+    let mut radius = radius;
+    let finite = |v: usize| vertices[v].iter().all(|x| x.is_finite());
+    while !particles.is_empty() && (0..missing.len()).any(|i| found[i].is_none() && finite(missing[i])) {
+        radius *= 2.0;
+        let cells = CellGrid::new(particles, radius);
+        par::update(&mut found, |i, slot| {
+            if slot.is_some() || !finite(missing[i]) {
+                return;
+            }
+            let mut best: Option<(f32, u32)> = None;
+            cells.for_each_within(particles, vertices[missing[i]], radius, |j, r2| {
+                if best.is_none_or(|(least, first)| (r2, j as u32) < (least, first)) {
+                    best = Some((r2, j as u32));
+                }
+            });
+            // Circles wider than any number reach everything: the search ends.
+            *slot = best.map(|(_, j)| j).or((!radius.is_finite()).then_some(0));
+        });
+    }
+    found
+}

@@ -1,0 +1,257 @@
+//! `mesh.jsonl`: one line a meshed frame, and the frames that jump.
+//!
+//! A surface that is cut anew in every frame may pop: a droplet falls between the nodes, a hole opens for one frame.
+//! Volume, area and pieces of neighbouring frames tell: a change that is several times what changes around it are is
+//! named. It may be real (liquid poured in, a splash that breaks up), so it is a remark and no fault.
+
+use super::{RunError, ShotFolder};
+use crate::{
+    export::MeshFormat,
+    frame::FrameIndex,
+    mesh::{MeshCheck, Surface, SurfaceStats},
+};
+use serde::{Deserialize, Serialize};
+use std::{collections::BTreeMap, fmt, fs::OpenOptions, io::ErrorKind, io::Write};
+
+/// The figures of one mesh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeshRecord {
+    /// The frame.
+    pub frame: FrameIndex,
+    /// The system it shows.
+    pub name: String,
+    /// What the mesh was made from, as its file says.
+    pub key: String,
+    /// Enclosed volume [m³].
+    pub volume: f64,
+    /// Area [m²].
+    pub area: f64,
+    /// Pieces that share no vertex.
+    pub pieces: usize,
+}
+
+/// One line of the log: the figures, and all that the reconstruction counted.
+#[derive(Serialize)]
+struct Line<'a> {
+    #[serde(flatten)]
+    record: &'a MeshRecord,
+    #[serde(flatten)]
+    stats: &'a SurfaceStats,
+}
+
+/// A change from one frame to the next that the changes around it do not suggest.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Jump {
+    /// The frame that differs from the one before.
+    pub frame: FrameIndex,
+    /// The system.
+    pub name: String,
+    /// "volume", "area" or "pieces".
+    pub what: &'static str,
+    /// In the frame before.
+    pub before: f64,
+    /// In this frame.
+    pub after: f64,
+    /// The middle one of the changes around.
+    pub usual: f64,
+}
+
+impl fmt::Display for Jump {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { frame, name, what, before, after, usual } = self;
+        let digits = if *what == "pieces" { 0 } else { 4 };
+        write!(
+            f,
+            "frame {frame} of {name}: {what} goes from {before:.digits$} to {after:.digits$}, by {:.digits$} where \
+             {usual:.digits$} is usual",
+            (after - before).abs()
+        )
+    }
+}
+
+impl MeshRecord {
+    /// The figures of a surface.
+    pub(super) fn of(name: &str, frame: FrameIndex, key: u64, surface: &Surface) -> Self {
+        let (name, key) = (name.into(), format!("{key:016x}"));
+        let MeshCheck { volume, area, components: pieces, .. } = surface.check;
+        Self { frame, name, key, volume, area, pieces }
+    }
+
+    /// Whether the mesh is still in the folder.
+    fn is_there(&self, folder: &ShotFolder) -> bool {
+        let key = u64::from_str_radix(&self.key, 16).ok();
+        key.is_some()
+            && [MeshFormat::Ply, MeshFormat::Obj].into_iter().any(|format| {
+                let file = format!("{}_{}.{}", self.name, self.frame, format.extension());
+                format.key_in(&folder.meshes().join(file)) == key
+            })
+    }
+}
+
+/// Adds the line of a frame.
+pub(super) fn append(folder: &ShotFolder, record: &MeshRecord, stats: &SurfaceStats) -> Result<(), RunError> {
+    let mut line = serde_json::to_vec(&Line { record, stats }).expect("figures are plain data");
+    line.push(b'\n');
+    let written = OpenOptions::new().create(true).append(true).open(folder.mesh_log());
+    written.and_then(|mut file| file.write_all(&line)).map_err(|source| fail(folder, source))
+}
+
+/// The last line about every mesh that is still in the folder, by system and frame; none if there is no log. A line that a
+/// crash cut short is passed over.
+pub(super) fn read(folder: &ShotFolder) -> Result<Vec<MeshRecord>, RunError> {
+    let text = match std::fs::read_to_string(folder.mesh_log()) {
+        Err(absent) if absent.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+        read => read.map_err(|source| fail(folder, source))?,
+    };
+    let records = text.lines().filter_map(|line| serde_json::from_str::<MeshRecord>(line).ok());
+    let last: BTreeMap<(String, FrameIndex), MeshRecord> =
+        records.map(|record| ((record.name.clone(), record.frame), record)).collect();
+    Ok(last.into_values().filter(|record| record.is_there(folder)).collect())
+}
+
+/// Keeps only the last line about every frame: meshing again does not let the log grow without end.
+pub(super) fn tidy(folder: &ShotFolder) -> Result<(), RunError> {
+    let Ok(text) = std::fs::read_to_string(folder.mesh_log()) else { return Ok(()) };
+    let mut last = BTreeMap::new();
+    for line in text.lines() {
+        if let Ok(MeshRecord { frame, name, .. }) = serde_json::from_str(line) {
+            last.insert((name, frame), line);
+        }
+    }
+    let kept: String = last.into_values().map(|line| format!("{line}\n")).collect();
+    if kept == text { Ok(()) } else { ShotFolder::write(folder.mesh_log(), &kept) }
+}
+
+/// How many changes on either side tell what is usual. Fewer, and the jump itself makes the middle one; more, and the
+/// calm before a splash makes every frame of it a jump.
+const AROUND: usize = 4;
+
+/// How many times the usual change is a jump. Smaller names the first frames of every splash.
+const FACTOR: f64 = 4.0;
+
+/// What never is a jump: this part of the larger value …
+const PART: [(&str, f64); 3] = [("volume", 0.01), ("area", 0.05), ("pieces", 0.25)];
+
+/// … and, of pieces, as many.
+const FEW: f64 = 3.0;
+
+/// The jumps between consecutive records of the same system, which are sorted. Gaps in the frames are not bridged: a
+/// change over several frames counts by the frame.
+pub(super) fn jumps(records: &[MeshRecord]) -> Vec<Jump> {
+    let mut found = Vec::new();
+    for series in records.chunk_by(|a, b| a.name == b.name) {
+        for (what, part) in PART {
+            let value = |record: &MeshRecord| match what {
+                "volume" => record.volume,
+                "area" => record.area,
+                _ => record.pieces as f64,
+            };
+            let change = |pair: &[MeshRecord]| {
+                let frames = f64::from(pair[1].frame.0 - pair[0].frame.0);
+                (value(&pair[1]) - value(&pair[0])).abs() / frames
+            };
+            let changes: Vec<f64> = series.windows(2).map(change).collect();
+            for (i, pair) in series.windows(2).enumerate() {
+                let range = i.saturating_sub(AROUND)..(i + AROUND + 1).min(changes.len());
+                let mut others: Vec<f64> = range.filter(|&j| j != i).map(|j| changes[j]).collect();
+                others.sort_unstable_by(f64::total_cmp);
+                let Some(&usual) = others.get(others.len() / 2) else { continue };
+                let (before, after) = (value(&pair[0]), value(&pair[1]));
+                let floor = part * before.abs().max(after.abs()) + if what == "pieces" { FEW } else { 0.0 };
+                if changes[i] > FACTOR * usual + floor {
+                    let name = pair[1].name.clone();
+                    found.push(Jump { frame: pair[1].frame, name, what, before, after, usual });
+                }
+            }
+        }
+    }
+    found.sort_by(|a, b| (&a.name, a.frame).cmp(&(&b.name, b.frame)));
+    found
+}
+
+fn fail(folder: &ShotFolder, source: std::io::Error) -> RunError {
+    RunError::File {
+        path: folder.mesh_log(),
+        source,
+        next: "check that the folder can be written and the disk has room",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Mesh;
+
+    fn series(volumes: &[f64]) -> Vec<MeshRecord> {
+        let record = |(frame, &volume): (u32, &f64)| MeshRecord {
+            frame: FrameIndex(frame),
+            name: "liquid".into(),
+            key: format!("{frame:016x}"),
+            volume,
+            area: 6.0,
+            pieces: 2,
+        };
+        (1..).zip(volumes).map(record).collect()
+    }
+
+    #[test]
+    fn a_frame_that_pops_is_told_and_steady_change_is_not() {
+        let steady: Vec<f64> = (0..20).map(|i| 1.0 + 0.02 * f64::from(i)).collect();
+        assert_eq!(jumps(&series(&steady)), []);
+        let mut popping = steady.clone();
+        popping[9] += 0.2;
+        let found = jumps(&series(&popping));
+        assert_eq!(found.iter().map(|jump| jump.frame.0).collect::<Vec<_>>(), [10, 11]);
+        assert!(found.iter().all(|jump| jump.what == "volume" && (jump.usual - 0.02).abs() < 1e-9));
+        assert!(found[0].to_string().contains("frame 0010 of liquid: volume goes from 1.1600 to 1.3800"));
+
+        // Small ones, those of a short sequence, and those of another system are none.
+        assert_eq!(jumps(&series(&[1.0, 1.0, 1.0, 1.009, 1.0, 1.0])), []);
+        assert_eq!(jumps(&series(&[1.0, 2.0])), []);
+        let mut two = series(&[1.0; 6]);
+        two.extend(series(&[9.0; 6]).into_iter().map(|record| MeshRecord { name: "other".into(), ..record }));
+        assert_eq!(jumps(&two), []);
+    }
+
+    #[test]
+    fn pieces_that_come_for_one_frame_are_told() {
+        let mut records = series(&[1.0; 12]);
+        records[6].pieces = 40;
+        let found = jumps(&records);
+        assert_eq!(
+            found.iter().map(|jump| (jump.what, jump.frame.0)).collect::<Vec<_>>(),
+            [("pieces", 7), ("pieces", 8)]
+        );
+        // A gap does not make one: 8 pieces over 8 frames.
+        records = series(&[1.0; 6]);
+        records[5] = MeshRecord { frame: FrameIndex(13), pieces: 8, ..records[5].clone() };
+        assert_eq!(jumps(&records), []);
+    }
+
+    #[test]
+    fn the_last_line_about_a_frame_counts() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = ShotFolder::new(dir.path());
+        assert_eq!(read(&folder).unwrap(), []);
+        let records = series(&[1.0, 2.0, 3.0, 4.0]);
+        std::fs::create_dir(folder.meshes()).unwrap();
+        for frame in 1..=3 {
+            let path = folder.meshes().join(format!("liquid_{frame:04}.obj"));
+            MeshFormat::Obj.write(&Mesh::default(), &path, frame).unwrap();
+        }
+        for record in [&records[2], &records[0], &records[3], &records[1], &records[0]] {
+            append(&folder, record, &SurfaceStats::default()).unwrap();
+        }
+        let newer = MeshRecord { volume: 7.0, ..records[1].clone() };
+        append(&folder, &newer, &SurfaceStats::default()).unwrap();
+        let mut file = OpenOptions::new().append(true).open(folder.mesh_log()).unwrap();
+        file.write_all(b"{\"frame\":3,\"na").unwrap();
+        let expected = [records[0].clone(), newer, records[2].clone()];
+        assert_eq!(read(&folder).unwrap(), expected);
+        tidy(&folder).unwrap();
+        assert_eq!(read(&folder).unwrap(), expected);
+        let text = std::fs::read_to_string(folder.mesh_log()).unwrap();
+        assert_eq!(text.lines().count(), 4, "the fourth mesh is not there, but its line harms nobody");
+        assert!(text.contains("\"unseen_particles\":0"), "{text}");
+    }
+}

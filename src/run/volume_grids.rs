@@ -1,0 +1,167 @@
+//! From particles to the grids of a volume file.
+
+use crate::{
+    export::{
+        ExportError,
+        vdb::{self, Class, Grid, VolumeGrid, VolumeParams},
+    },
+    field::{Density, DensityParams, Velocity, density, velocity},
+    frame::Stream,
+    grid::{BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of},
+    mesh::{SurfaceError, SurfaceParams, positions},
+    par,
+    sdf::{SdfParams, SignedDistance, from_density},
+};
+use std::path::Path;
+
+/// The grids of one stream of particles.
+pub(super) struct VolumeGrids {
+    /// Distance between nodes [m].
+    voxel: f32,
+    /// The bricks of the density.
+    bricks: Bricks,
+    /// How much is there [–], 0 to 1, and where.
+    fog: Option<(Vec<f32>, Vec<NodeMask>)>,
+    /// The distance to the surface [m], where it was found, and bricks that lie deeper inside.
+    surface: Option<(SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>)>,
+    /// The velocities on the bricks of the density.
+    velocity: Option<Velocity>,
+    pub(super) stats: VolumeStats,
+}
+
+/// What happened on the way.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct VolumeStats {
+    /// Bricks of the density.
+    pub(super) bricks: usize,
+    /// Particles that no brick can hold, left out.
+    pub(super) too_far: usize,
+    /// Particles between the nodes.
+    pub(super) unseen: usize,
+    /// Nodes where the density was above 1.
+    pub(super) over_one: usize,
+    /// Nodes with a density and no velocity.
+    pub(super) without_velocity: usize,
+}
+
+impl VolumeGrids {
+    /// The `wanted` grids of `particles` that stand `spacing` [m] apart at rest. `keep_going` is asked after every pass
+    /// and ends the work by returning false. Without velocities there is no such grid.
+    ///
+    /// # Errors
+    /// If asked to stop, or if positions are missing or not finite.
+    pub(super) fn new(
+        particles: &Stream,
+        spacing: f32,
+        params: &SurfaceParams,
+        wanted: &[VolumeGrid],
+        keep_going: &dyn Fn() -> bool,
+    ) -> Result<Self, SurfaceError> {
+        let go_on = || if keep_going() { Ok(()) } else { Err(SurfaceError::Interrupted) };
+        let positions = positions(particles)?;
+        let SurfaceParams { voxel, kernel_radius, anisotropy, .. } = *params;
+        // A level set needs what is near the surface, the others everything.
+        let whole = wanted.iter().any(|&grid| grid != VolumeGrid::Surface);
+        let params = DensityParams { spacing, kernel_radius, voxel, anisotropy, whole };
+        let mut field = density(positions, &params);
+        go_on()?;
+        let mut stats = VolumeStats {
+            bricks: field.grid.bricks.len(),
+            too_far: field.too_far,
+            unseen: field.unseen,
+            ..VolumeStats::default()
+        };
+
+        let surface = wanted.contains(&VolumeGrid::Surface).then(|| surface(&field));
+        go_on()?;
+        let is_dense = masks(&field.grid.values, |&v| v > 0.0);
+        let velocities = particles.vec3("velocity").filter(|_| wanted.contains(&VolumeGrid::Velocity));
+        let velocity = velocities.map(|velocities| {
+            let found = velocity(positions, velocities, &params, &field.grid.bricks);
+            stats.without_velocity = count(&is_dense, &found.reached);
+            found
+        });
+        go_on()?;
+        if wanted.contains(&VolumeGrid::Density) {
+            stats.over_one = cap(&mut field.grid.values);
+        }
+        let SparseGrid { voxel, bricks, values, .. } = field.grid;
+        let fog = wanted.contains(&VolumeGrid::Density).then_some((values, is_dense));
+        Ok(Self { voxel, bricks, fog, surface, velocity, stats })
+    }
+
+    /// Which grids there are.
+    pub(super) fn names(&self) -> Vec<VolumeGrid> {
+        let there = |grid: &VolumeGrid| match grid {
+            VolumeGrid::Density => self.fog.is_some(),
+            VolumeGrid::Surface => self.surface.is_some(),
+            VolumeGrid::Velocity => self.velocity.is_some(),
+        };
+        VolumeGrid::ALL.into_iter().filter(there).collect()
+    }
+
+    /// Writes the grids to `path` with a key; returns the file's size [bytes].
+    ///
+    /// # Errors
+    /// As [`vdb::write`].
+    pub(super) fn write(&self, path: &Path, params: &VolumeParams, key: u64) -> Result<u64, ExportError> {
+        let Self { voxel, bricks, .. } = self;
+        let grid = |which: VolumeGrid, class, bricks, active| Grid {
+            name: which.name(),
+            class,
+            voxel: *voxel,
+            bricks,
+            active,
+        };
+        let mut grids = Vec::new();
+        if let Some((values, active)) = &self.fog {
+            grids.push(grid(VolumeGrid::Density, Class::FogVolume(values), bricks, active.as_slice()));
+        }
+        if let Some((SignedDistance { grid: distance, band, .. }, active, inside)) = &self.surface {
+            let class = Class::LevelSet { values: &distance.values, half_width: *band, inside };
+            grids.push(grid(VolumeGrid::Surface, class, &distance.bricks, active));
+        }
+        if let Some(Velocity { values, reached }) = &self.velocity {
+            grids.push(grid(VolumeGrid::Velocity, Class::Vector(values), bricks, reached));
+        }
+        vdb::write(&grids, path, params, key)
+    }
+}
+
+/// The distance to the surface of a density, the nodes it was found for, and the density's bricks deeper inside.
+fn surface(field: &Density) -> (SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>) {
+    let distance = from_density(&field.grid, field.threshold, &SdfParams::default());
+    let active = masks(&distance.grid.values, |v| v.abs() < distance.band);
+    // A brick that the band does not reach is on one side as a whole.
+    let coords = field.grid.bricks.coords().iter().enumerate();
+    let inside = coords
+        .filter(|(brick, _)| field.grid.brick(*brick)[0] >= field.threshold)
+        .filter(|(_, coord)| distance.grid.bricks.find(**coord).is_none())
+        .map(|(_, coord)| coord)
+        .chain(field.grid.filled.coords().iter().filter(|&&coord| distance.grid.bricks.find(coord).is_none()))
+        .copied()
+        .collect();
+    (distance, active, inside)
+}
+
+/// The nodes whose value `belongs`, a mask a brick.
+fn masks(values: &[f32], belongs: impl Fn(&f32) -> bool + Sync) -> Vec<NodeMask> {
+    let mut masks = vec![NodeMask::default(); values.len() / BRICK_NODES];
+    par::fill(&mut masks, |brick| mask_of(&values[brick * BRICK_NODES..][..BRICK_NODES], &belongs));
+    masks
+}
+
+/// How many nodes are in `a` and not in `b`.
+fn count(a: &[NodeMask], b: &[NodeMask]) -> usize {
+    let words = a.as_flattened().iter().zip(b.as_flattened());
+    words.map(|(a, b)| (a & !b).count_ones() as usize).sum()
+}
+
+/// Holds values to 1, and counts those that were above.
+fn cap(values: &mut [f32]) -> usize {
+    let over = par::map_chunks(values.len(), par::CHUNK, |range| {
+        values[range].iter().filter(|&&value| value > 1.0).count()
+    });
+    par::update(values, |_, value| *value = value.min(1.0));
+    over.into_iter().sum()
+}

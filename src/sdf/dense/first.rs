@@ -1,0 +1,323 @@
+//! First order: sweeps in eight orders over blocks, until nothing changes.
+//!
+//! *Method* [zhao05], [gourlay17]: as on bricks (`sdf/sweep.rs`): blocks run in a wavefront as their predecessors in
+//! the sweep's direction finish, so the bits are those of the sequential sweep ([`sweep_in_order`]) for any size of
+//! blocks and any number of threads. *Departs from the papers*: a block at rest is passed over, which changes no bit:
+//! its last pass changed nothing and the layers that it reads of its neighbours have stayed as they were, so that a
+//! pass would find every node as it left it. To begin with, those are at rest that neither hold nor touch a block with
+//! a pinned node: all that they read is ∞.
+
+use super::{
+    layout::Layout,
+    skewed::{self, Relax, Skewed},
+};
+use crate::{
+    par,
+    sdf::{
+        Swept,
+        godunov::{ORDERS, smaller, update},
+    },
+};
+use std::sync::RwLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+pub(super) const NO_PANIC: &str = "a pass over a block does not panic";
+
+/// The twin for this processor, else the reference.
+pub(super) fn relax() -> Relax {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(twin) = super::skewed_avx2::available() {
+        return twin;
+    }
+    skewed::relax
+}
+
+/// The blocks during the sweeps.
+///
+/// No two threads ever want the same lock for writing, and none reads while another writes: the wavefront keeps face
+/// neighbours apart.
+pub(super) struct Blocks {
+    layout: Layout,
+    values: Vec<RwLock<Vec<f32>>>,
+    /// Whether a pass over the block could change anything.
+    awake: Vec<AtomicBool>,
+    band: f32,
+    relax: Relax,
+}
+
+impl Blocks {
+    pub(super) fn new(layout: Layout, seeds: &[f32], band: f32, relax: Relax) -> Self {
+        let values = layout.split(seeds);
+        let holds: Vec<bool> = par::map(values.len(), |block| values[block].iter().any(|v| v.is_finite()));
+        let touches = |block: usize| layout.around(block).into_iter().flatten().any(|other| holds[other]);
+        let awake = (0..holds.len()).map(|block| AtomicBool::new(holds[block] || touches(block))).collect();
+        Self { layout, values: values.into_iter().map(RwLock::new).collect(), awake, band, relax }
+    }
+
+    /// Whether no pass would change anything.
+    pub(super) fn at_rest(&self) -> bool {
+        !self.awake.iter().any(|awake| awake.load(Ordering::Relaxed))
+    }
+
+    /// One sweep over all blocks in the given order, as a wavefront.
+    pub(super) fn sweep(&self, order: [i32; 3]) {
+        self.layout.wavefront(order, |block| self.pass(block, order));
+    }
+
+    /// The numbers of the whole box.
+    pub(super) fn distances(&self) -> Vec<f32> {
+        self.layout.join(|block, read| read(&self.values[block].read().expect(NO_PANIC)))
+    }
+
+    /// One Gauss–Seidel pass over a block in the given order.
+    fn pass(&self, block: usize, order: [i32; 3]) {
+        if !self.awake[block].load(Ordering::Relaxed) {
+            return;
+        }
+        let size = self.layout.size(block);
+        let faces = self.layout.around(block);
+        let mut skewed = {
+            let own = self.values[block].read().expect(NO_PANIC);
+            let around = faces.map(|face| face.map(|other| self.values[other].read().expect(NO_PANIC)));
+            let around = std::array::from_fn(|face| {
+                let other = faces[face]?;
+                Some((around[face].as_ref()?.as_slice(), self.layout.size(other)))
+            });
+            Skewed::gather(&own, size, order, around)
+        };
+        let changed = (self.relax)(&mut skewed, self.band);
+        self.awake[block].store(changed, Ordering::Relaxed);
+        if !changed {
+            return;
+        }
+
+        // Neighbours wake up if the layer they read has changed.
+        let changed = skewed.scatter(&mut self.values[block].write().expect(NO_PANIC), order);
+        for (other, _) in faces.iter().zip(changed).filter(|(_, changed)| *changed) {
+            if let Some(other) = *other {
+                self.awake[other].store(true, Ordering::Relaxed);
+            }
+        }
+    }
+}
+
+/// Carries pinned distances on to every node of a box, first order, until nothing changes.
+///
+/// `seeds` has one number a node [voxels], x fastest: pinned distances as negative numbers, ∞ at all other nodes.
+/// Distances of `band` and more are not written. `block` is the nodes of a block along each axis; it changes the
+/// time, never the result.
+///
+/// # Panics
+/// If `seeds` has another length than the box, or a block has no node.
+pub fn sweep(nodes: [usize; 3], seeds: &[f32], band: f32, block: [usize; 3]) -> Swept {
+    let blocks = Blocks::new(Layout::new(nodes, block), seeds, band, relax());
+    let mut sweeps = 0;
+    while !blocks.at_rest() {
+        blocks.sweep(ORDERS[sweeps % ORDERS.len()]);
+        sweeps += 1;
+    }
+    let distance = blocks.distances();
+    let unreached = par::map_chunks(distance.len(), par::CHUNK, |range| {
+        distance[range].iter().filter(|d| d.is_infinite()).count()
+    });
+    Swept { distance, unreached: unreached.into_iter().sum(), sweeps }
+}
+
+/// [`sweep`] without blocks and threads: every node in the order of the sweep, one after the other. The reference that
+/// `sweep` is tested against bit for bit, and what it is timed beside; `sweeps` counts whole rounds of eight.
+pub fn sweep_in_order(nodes: [usize; 3], seeds: &[f32], band: f32) -> Swept {
+    let mut distance = seeds.to_vec();
+    let mut sweeps = 0;
+    let mut changed = true;
+    while changed {
+        changed = false;
+        for order in ORDERS {
+            changed |= one_sweep_in_order(nodes, &mut distance, order, band);
+            sweeps += 1;
+        }
+    }
+    let unreached = distance.iter().filter(|d| d.is_infinite()).count();
+    Swept { distance, unreached, sweeps }
+}
+
+/// One sweep over all nodes in the given order; says whether anything changed.
+pub(super) fn one_sweep_in_order(
+    nodes: [usize; 3],
+    distance: &mut [f32],
+    order: [i32; 3],
+    band: f32,
+) -> bool {
+    let strides = [1, nodes[0], nodes[0] * nodes[1]];
+    let along = |axis: usize, i: usize| if order[axis] > 0 { i } else { nodes[axis] - 1 - i };
+    let mut changed = false;
+    for z in 0..nodes[2] {
+        for y in 0..nodes[1] {
+            for x in 0..nodes[0] {
+                let node = [along(0, x), along(1, y), along(2, z)];
+                let at = node[0] + node[1] * strides[1] + node[2] * strides[2];
+                let mut nearest = [f32::INFINITY; 3];
+                for axis in 0..3 {
+                    if node[axis] > 0 {
+                        nearest[axis] = distance[at - strides[axis]].abs();
+                    }
+                    if node[axis] + 1 < nodes[axis] {
+                        nearest[axis] = smaller(nearest[axis], distance[at + strides[axis]].abs());
+                    }
+                }
+                if let Some(lower) = update(distance[at], nearest, band) {
+                    distance[at] = lower;
+                    changed = true;
+                }
+            }
+        }
+    }
+    changed
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// White noise in 0..1 that depends on the number alone.
+    pub(crate) fn noise(i: usize) -> f32 {
+        let mixed = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mixed = (mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        (mixed >> 40) as f32 / (1 << 24) as f32
+    }
+
+    /// Boxes of nodes with pinned distances: about a ball, about single nodes, noise, one node in a corner, none, and
+    /// boxes without depth.
+    pub(crate) fn cases() -> Vec<(&'static str, [usize; 3], Vec<f32>)> {
+        let pinned = |nodes: [usize; 3], pin: &dyn Fn([f32; 3], usize) -> Option<f32>| -> Vec<f32> {
+            (0..nodes.iter().product())
+                .map(|i| {
+                    let x = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
+                    pin(x.map(|v| v as f32), i).map_or(f32::INFINITY, |d| -d)
+                })
+                .collect()
+        };
+        let ball = |x: [f32; 3]| ((x[0] - 9.3).powi(2) + (x[1] - 12.1).powi(2) + (x[2] - 8.0).powi(2)).sqrt();
+        let ball = move |x: [f32; 3], _: usize| Some((ball(x) - 5.7).abs()).filter(|d| *d < 1.5);
+        let rare = |_: [f32; 3], i: usize| (noise(i) < 0.002).then(|| noise(i + 7) + 1e-6);
+        let dense = |_: [f32; 3], i: usize| (noise(i) < 0.1).then(|| 5.0 * noise(i + 7) + 1e-6);
+        let corner = |_: [f32; 3], i: usize| (i == 0).then_some(0.5);
+        vec![
+            ("ball", [22, 25, 19], pinned([22, 25, 19], &ball)),
+            ("rare", [33, 17, 24], pinned([33, 17, 24], &rare)),
+            ("noise", [16, 24, 15], pinned([16, 24, 15], &dense)),
+            ("corner", [19, 9, 11], pinned([19, 9, 11], &corner)),
+            ("nothing", [9, 9, 9], pinned([9, 9, 9], &|_, _| None)),
+            ("layer", [31, 29, 1], pinned([31, 29, 1], &rare)),
+            ("row", [1, 1, 40], pinned([1, 1, 40], &corner)),
+        ]
+    }
+
+    pub(crate) const BLOCKS: [[usize; 3]; 7] =
+        [[1, 1, 1], [3, 5, 2], [8, 8, 8], [16, 8, 4], [7, 9, 30], [5, 17, 8], [64, 64, 64]];
+
+    pub(crate) fn bits(values: &[f32]) -> Vec<u32> {
+        values.iter().map(|v| v.to_bits()).collect()
+    }
+
+    /// Every form that passes over a block.
+    fn forms() -> Vec<(&'static str, Relax)> {
+        let mut forms: Vec<(&str, Relax)> = vec![("reference", skewed::relax)];
+        #[cfg(target_arch = "x86_64")]
+        forms.extend(super::super::skewed_avx2::available().map(|twin| ("AVX2", twin)));
+        forms
+    }
+
+    #[test]
+    fn every_sweep_has_the_bits_of_the_sequential_one() {
+        // Once all is at rest the order no longer shows, so the numbers on the way there are compared too.
+        for (name, nodes, seeds) in cases() {
+            for band in [f32::INFINITY, 4.5] {
+                for (form, relax) in forms() {
+                    let runs: Vec<_> = BLOCKS
+                        .into_iter()
+                        .flat_map(|block| [1, 2, 5].map(|threads| (block, threads)))
+                        .map(|(block, threads)| {
+                            (block, threads, Blocks::new(Layout::new(nodes, block), &seeds, band, relax))
+                        })
+                        .collect();
+                    let mut reference = seeds.clone();
+                    for (sweep, order) in ORDERS.into_iter().cycle().take(11).enumerate() {
+                        one_sweep_in_order(nodes, &mut reference, order, band);
+                        for (block, threads, blocks) in &runs {
+                            par::with_threads(*threads, || blocks.sweep(order));
+                            let same = bits(&blocks.distances()) == bits(&reference);
+                            assert!(same, "{name}, {form}, {block:?}, {threads} threads, sweep {sweep}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_sweep_fills_its_octant_and_eight_fill_the_box() {
+        let nodes = [13, 11, 17];
+        let middle = [6, 5, 8];
+        let mut seeds = vec![f32::INFINITY; nodes.iter().product()];
+        seeds[middle[0] + nodes[0] * (middle[1] + nodes[1] * middle[2])] = -1e-6;
+        for order in ORDERS {
+            let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY, relax());
+            blocks.sweep(order);
+            for (i, &distance) in blocks.distances().iter().enumerate() {
+                let node = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
+                // A node beside the pinned one reads it in any order, so one step behind the octant is reached too.
+                let behind: i32 =
+                    (0..3).map(|axis| ((middle[axis] as i32 - node[axis] as i32) * order[axis]).max(0)).sum();
+                assert_eq!(distance.is_finite(), behind <= 1, "{node:?} {order:?}");
+            }
+        }
+        let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY, relax());
+        ORDERS.into_iter().for_each(|order| blocks.sweep(order));
+        // Further sweeps change last digits alone.
+        let end = sweep_in_order(nodes, &seeds, f32::INFINITY).distance;
+        for (eight, end) in blocks.distances().iter().zip(end) {
+            assert!((eight - end).abs() < 1e-5 && eight.is_finite(), "{eight} {end}");
+        }
+    }
+
+    #[test]
+    fn the_end_has_the_bits_of_the_sequential_sweeps() {
+        for (name, nodes, seeds) in cases() {
+            for band in [f32::INFINITY, 4.5] {
+                let reference = sweep_in_order(nodes, &seeds, band);
+                for block in BLOCKS {
+                    let found = sweep(nodes, &seeds, band, block);
+                    assert_eq!(bits(&found.distance), bits(&reference.distance), "{name}, {block:?}");
+                    assert_eq!(found.unreached, reference.unreached);
+                    assert!(found.sweeps <= reference.sweeps + 8);
+                }
+                for (before, after) in seeds.iter().zip(&reference.distance) {
+                    assert!(if *before < 0.0 { before == after } else { *after > 0.0 && !after.is_nan() });
+                    assert!(after.is_infinite() || *after < band);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_dense_box_has_the_bits_of_its_bricks() {
+        use crate::grid::{BRICK, BRICK_NODES, Bricks, node_of};
+        let nodes = [24, 16, 32];
+        let seeds: Vec<f32> = (0..nodes.iter().product())
+            .map(|i| if noise(i) < 0.01 { -noise(i + 3) - 1e-6 } else { f32::INFINITY })
+            .collect();
+        let coords = (0..nodes.iter().product::<usize>() / BRICK_NODES).map(|i| [i % 3, i / 3 % 2, i / 6]);
+        let bricks = Bricks::new(coords.map(|c| c.map(|v| v as i32)).collect());
+        let index = |slot: usize| {
+            let node = node_of(bricks.coords()[slot / BRICK_NODES], slot % BRICK_NODES).map(|v| v as usize);
+            node[0] + nodes[0] * (node[1] + nodes[1] * node[2])
+        };
+        let on_bricks: Vec<f32> = (0..seeds.len()).map(|slot| seeds[index(slot)]).collect();
+        for band in [3.0, f32::INFINITY] {
+            let sparse = crate::sdf::sweep(&bricks, &on_bricks, band);
+            let dense = sweep(nodes, &seeds, band, [2 * BRICK; 3]);
+            assert!((0..seeds.len()).all(|slot| sparse.distance[slot] == dense.distance[index(slot)]));
+            assert_eq!(sparse.unreached, dense.unreached);
+        }
+    }
+}

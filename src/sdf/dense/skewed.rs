@@ -1,0 +1,264 @@
+//! One block in the layout that lets eight rows advance together.
+//!
+//! *Method*: a node of a Gauss–Seidel sweep reads new numbers before it and old ones behind it along every axis. If
+//! row j runs j steps behind row 0, the nodes of eight rows at one step do not read each other: what they read before
+//! them in x and y is the step before, what they read behind is the step after. So eight rows are stored skewed,
+//! node x of row j at step x + 1 + j in lane j, and a step is one vector. This changes the time at which a node is
+//! visited, not what it reads: the bits are those of the sequential sweep.
+//!
+//! A step waits for the one before it. So two layers go together, the upper one a step behind the lower: their steps do
+//! not wait for each other, and the processor works on both.
+//!
+//! The block is mirrored so that every sweep ascends. Nodes that must not change hold negative numbers, of which
+//! neighbours read the size: pinned nodes, the facing layers of the neighbouring blocks, and −∞ where there is none.
+
+use crate::sdf::godunov::{smaller, update};
+
+/// Rows side by side.
+pub(super) const LANES: usize = 8;
+
+/// Lowers the free distances of a block by one ascending pass; says whether any changed.
+pub(super) type Relax = fn(&mut Skewed, f32) -> bool;
+
+/// A block, mirrored and skewed.
+pub(super) struct Skewed {
+    /// Nodes along each axis.
+    size: [usize; 3],
+    /// Eights of rows, the last perhaps partly empty.
+    groups: usize,
+    /// Vectors a group of rows takes.
+    steps: usize,
+    /// The vectors of layer z + 1 and of its groups, one after the other; layers are made an even number by an empty one.
+    cells: Vec<[f32; LANES]>,
+    /// For each layer the rows before the first and behind the last, where lane 0 and lane 7 read them.
+    low: Vec<f32>,
+    high: Vec<f32>,
+}
+
+/// What the vectors of one group of rows, in two layers, read and write.
+pub(super) struct Rows<'a> {
+    /// The layer before the two.
+    pub(super) before: &'a [[f32; LANES]],
+    pub(super) own: [&'a mut [[f32; LANES]]; 2],
+    /// The layer behind them.
+    pub(super) behind: &'a [[f32; LANES]],
+    /// The row before the first of each layer, as lane 0 reads it at each step.
+    pub(super) low: [&'a [f32]; 2],
+    /// The row behind the last of each layer, as lane 7 reads it at each step.
+    pub(super) high: [&'a [f32]; 2],
+}
+
+/// Steps from a row's first node to the end of its group's vectors.
+const SLACK: usize = LANES + 1;
+
+impl Skewed {
+    /// The block at `size` with its numbers, seen in the `order` of the sweep; `around` are the numbers and sizes of
+    /// the blocks beyond its six faces.
+    pub(super) fn gather(
+        own: &[f32],
+        size: [usize; 3],
+        order: [i32; 3],
+        around: [Option<(&[f32], [usize; 3])>; 6],
+    ) -> Self {
+        let [sx, sy, sz] = size;
+        let (groups, steps) = (sy.div_ceil(LANES), sx + SLACK);
+        let layers = sz.next_multiple_of(2);
+        let mut skewed = Self {
+            size,
+            groups,
+            steps,
+            cells: vec![[f32::NEG_INFINITY; LANES]; (layers + 2) * groups * steps],
+            low: vec![f32::INFINITY; layers * steps],
+            high: vec![f32::INFINITY; layers * steps],
+        };
+        let mirrored = |axis: usize, i: usize| if order[axis] > 0 { i } else { size[axis] - 1 - i };
+
+        // The block's own rows keep their signs.
+        for z in 0..sz {
+            for y in 0..sy {
+                let row = &own[sx * (mirrored(1, y) + sy * mirrored(2, z))..][..sx];
+                let at = skewed.place(z + 1, y);
+                let cells = &mut skewed.cells.as_flattened_mut()[at..][..LANES * (sx - 1) + 1];
+                if order[0] > 0 {
+                    cells.iter_mut().step_by(LANES).zip(row).for_each(|(to, from)| *to = *from);
+                } else {
+                    cells.iter_mut().step_by(LANES).zip(row.iter().rev()).for_each(|(to, from)| *to = *from);
+                }
+            }
+        }
+
+        // The facing layers of the neighbours.
+        for axis in 0..3 {
+            for behind in [false, true] {
+                let face = 2 * axis + usize::from(behind == (order[axis] > 0));
+                let Some((other, other_size)) = around[face] else { continue };
+                // The neighbour's layer that faces this block.
+                let layer = if face % 2 == 0 { other_size[axis] - 1 } else { 0 };
+                let [ox, oy, _] = other_size;
+                let size_of = |x: usize, y: usize, z: usize| other[x + ox * (y + oy * z)].abs();
+                match axis {
+                    0 => {
+                        for z in 0..sz {
+                            for y in 0..sy {
+                                let at = skewed.place(z + 1, y);
+                                let at = if behind { at + LANES * sx } else { at - LANES };
+                                skewed.cells.as_flattened_mut()[at] =
+                                    -size_of(layer, mirrored(1, y), mirrored(2, z));
+                            }
+                        }
+                    }
+                    1 => {
+                        for z in 0..sz {
+                            for x in 0..sx {
+                                let value = size_of(mirrored(0, x), layer, mirrored(2, z));
+                                if !behind {
+                                    skewed.low[z * steps + x + 1] = value;
+                                } else if sy.is_multiple_of(LANES) {
+                                    skewed.high[z * steps + x + LANES] = value;
+                                } else {
+                                    let at = skewed.place(z + 1, sy) + LANES * x;
+                                    skewed.cells.as_flattened_mut()[at] = -value;
+                                }
+                            }
+                        }
+                    }
+                    _ => {
+                        for y in 0..sy {
+                            let at = skewed.place(if behind { sz + 1 } else { 0 }, y);
+                            for x in 0..sx {
+                                skewed.cells.as_flattened_mut()[at + LANES * x] =
+                                    -size_of(mirrored(0, x), mirrored(1, y), layer);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        skewed
+    }
+
+    /// Writes the numbers back to where [`Skewed::gather`] took them from; says which faces' layers changed.
+    pub(super) fn scatter(&self, own: &mut [f32], order: [i32; 3]) -> [bool; 6] {
+        let [sx, sy, sz] = self.size;
+        let mirrored = |axis: usize, i: usize| if order[axis] > 0 { i } else { self.size[axis] - 1 - i };
+        let mut faces = [false; 6];
+        for z in 0..sz {
+            for y in 0..sy {
+                let (to_y, to_z) = (mirrored(1, y), mirrored(2, z));
+                let row = &mut own[sx * (to_y + sy * to_z)..][..sx];
+                let cells = &self.cells.as_flattened()[self.place(z + 1, y)..][..LANES * (sx - 1) + 1];
+                let ends = [row[0], row[sx - 1]];
+                let mut changed = false;
+                let mut put = |to: &mut f32, from: f32| {
+                    changed |= *to != from;
+                    *to = from;
+                };
+                if order[0] > 0 {
+                    row.iter_mut().zip(cells.iter().step_by(LANES)).for_each(|(to, from)| put(to, *from));
+                } else {
+                    row.iter_mut()
+                        .rev()
+                        .zip(cells.iter().step_by(LANES))
+                        .for_each(|(to, from)| put(to, *from));
+                }
+                if changed {
+                    faces[0] |= row[0] != ends[0];
+                    faces[1] |= row[sx - 1] != ends[1];
+                    faces[2] |= to_y == 0;
+                    faces[3] |= to_y == sy - 1;
+                    faces[4] |= to_z == 0;
+                    faces[5] |= to_z == sz - 1;
+                }
+            }
+        }
+        faces
+    }
+
+    /// The place among all numbers of the first node of row `y` in `layer`, which is z + 1.
+    #[inline]
+    fn place(&self, layer: usize, y: usize) -> usize {
+        let lane = y % LANES;
+        ((layer * self.groups + y / LANES) * self.steps + 1 + lane) * LANES + lane
+    }
+
+    /// Calls `f` for all groups of rows in ascending order, two layers at a time; says whether any call said so.
+    #[inline(always)]
+    pub(super) fn for_each_group(&mut self, mut f: impl FnMut(Rows<'_>) -> bool) -> bool {
+        let Self { size: [sx, _, sz], groups, steps, ref mut cells, ref low, ref high } = *self;
+        let layer = groups * steps;
+        let mut low_rows = [vec![f32::INFINITY; steps], vec![f32::INFINITY; steps]];
+        let mut high_rows = low_rows.clone();
+        let mut changed = false;
+        for z in (0..sz).step_by(2) {
+            for group in 0..groups {
+                let start = ((z + 1) * groups + group) * steps;
+                // The neighbouring rows stand in the neighbouring groups.
+                for (above, (low_row, high_row)) in low_rows.iter_mut().zip(&mut high_rows).enumerate() {
+                    let (z, start) = (z + above, start + above * layer);
+                    if group == 0 {
+                        low_row.copy_from_slice(&low[z * steps..(z + 1) * steps]);
+                    } else {
+                        for x in 0..sx {
+                            low_row[x + 1] = cells[start - steps + x + LANES][LANES - 1].abs();
+                        }
+                    }
+                    if group + 1 == groups {
+                        high_row.copy_from_slice(&high[z * steps..(z + 1) * steps]);
+                    } else {
+                        for x in 0..sx {
+                            high_row[x + LANES] = cells[start + steps + x + 1][0].abs();
+                        }
+                    }
+                }
+                let (head, rest) = cells.split_at_mut(start);
+                let (lower, rest) = rest.split_at_mut(layer);
+                let (upper, behind) = rest.split_at_mut(layer);
+                changed |= f(Rows {
+                    before: &head[start - layer..][..steps],
+                    own: [&mut lower[..steps], &mut upper[..steps]],
+                    behind: &behind[..steps],
+                    low: [&low_rows[0], &low_rows[1]],
+                    high: [&high_rows[0], &high_rows[1]],
+                });
+            }
+        }
+        changed
+    }
+}
+
+/// One ascending pass in plain code: what every twin is tested against, and what runs where there is none.
+pub(super) fn relax(block: &mut Skewed, band: f32) -> bool {
+    block.for_each_group(|rows| {
+        let Rows { before, own: [lower, upper], behind, low, high } = rows;
+        let changed = relax_layer(before, lower, upper, [low[0], high[0]], band);
+        relax_layer(lower, upper, behind, [low[1], high[1]], band) | changed
+    })
+}
+
+/// [`relax`] for the rows of one layer.
+fn relax_layer(
+    before: &[[f32; LANES]],
+    own: &mut [[f32; LANES]],
+    behind: &[[f32; LANES]],
+    [low, high]: [&[f32]; 2],
+    band: f32,
+) -> bool {
+    let mut changed = false;
+    for step in 1..own.len() - 1 {
+        let (previous, here, next) = (own[step - 1], own[step], own[step + 1]);
+        for lane in 0..LANES {
+            let y_low = if lane == 0 { low[step] } else { previous[lane - 1].abs() };
+            let y_high = if lane == LANES - 1 { high[step] } else { next[lane + 1].abs() };
+            let nearest = [
+                smaller(previous[lane].abs(), next[lane].abs()),
+                smaller(y_low, y_high),
+                smaller(before[step][lane].abs(), behind[step][lane].abs()),
+            ];
+            if let Some(distance) = update(here[lane], nearest, band) {
+                own[step][lane] = distance;
+                changed = true;
+            }
+        }
+    }
+    changed
+}

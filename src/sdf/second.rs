@@ -1,0 +1,377 @@
+//! Second order: the distances of the first-order sweeps say where each node looks, and one more solve with differences
+//! of second order gives it a better distance.
+//!
+//! *Method* [sethian99]: one-sided differences of second order where two nodes stand upwind in a row, of first order
+//! where one does. Along each axis a node looks toward its nearer neighbour of first order, and one node farther if that
+//! is nearer still. Every node looks at nearer ones alone, so each has its distance exactly once all it looks at have
+//! theirs: sweeps in eight orders over blocks, as at first order, find those, and no node is computed twice. The result
+//! does not depend on the order in which that happens.
+//!
+//! *Departs from the papers*: the first-order distance takes the place of the order of acceptance; across the surface
+//! a pinned distance counts as negative, so that nodes just behind one layer of pinned nodes have second order too. An
+//! axis along which the solution would not ascend is left out, the one with the farthest neighbour first.
+//!
+//! Symbols: u distance of second, v of first order [voxels]; u₁, u₂ the first and second node upwind.
+//!
+//! Limits: first order where fronts meet and behind sharp edges, whose distance has a kink; second order elsewhere.
+
+use super::{Swept, godunov::ORDERS};
+use crate::par;
+use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
+
+/// How nodes hang together, and the blocks they are swept in.
+pub(super) trait Nodes: Sync {
+    /// A node where its neighbours are asked for.
+    type At: Copy;
+
+    /// How many blocks there are.
+    fn blocks(&self) -> usize;
+
+    /// How many nodes a block has.
+    fn size(&self, block: usize) -> usize;
+
+    /// Calls `work` for every block, after its predecessors in the direction of the sweep.
+    fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync);
+
+    /// Calls `f` for every block with a node two steps or fewer along an axis from one of this block's.
+    fn for_each_near(&self, block: usize, f: impl FnMut(usize));
+
+    /// Calls `f(place in the block, node)` for every node of a block in the order of the sweep.
+    fn for_each(&self, block: usize, order: [i32; 3], f: impl FnMut(usize, Self::At));
+
+    /// The place of a node among all.
+    fn slot(&self, at: Self::At) -> usize;
+
+    /// The next node beyond a face (−x, +x, −y, +y, −z, +z), if there is one.
+    fn next(&self, at: Self::At, face: usize) -> Option<Self::At>;
+
+    /// The place of a next node that is known to be there.
+    fn step(&self, slot: usize, face: usize) -> usize;
+}
+
+/// The order of the differences that the Eikonal equation is solved with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// First order: the distance errs by a few tenths of a voxel far from the surface.
+    #[default]
+    First,
+    /// Second order: an order of magnitude closer, at a few times the cost.
+    Second,
+}
+
+impl Order {
+    /// How far the sweeps of first order must come [voxels] so that every node within `band` is reached. At second order
+    /// more: a node's distance of first order is larger by a few tenths of a voxel, by one for tiny balls.
+    pub(super) fn reach(self, band: f32) -> f32 {
+        match self {
+            Self::First => band,
+            Self::Second => 1.0 + 1.1 * band,
+        }
+    }
+}
+
+/// Second-order distances below `band` from what the sweeps of first order gave; `inside` is the indicator.
+pub(super) fn refine<N: Nodes>(
+    nodes: &N,
+    first: Swept,
+    band: f32,
+    inside: impl Fn(usize) -> bool + Sync,
+) -> Swept {
+    let Swept { distance: first, sweeps: mut total, .. } = first;
+    // Where each node looks, and how many of a block's nodes wait for a distance.
+    let stencils: Vec<Vec<AtomicU16>> = par::map(nodes.blocks(), |block| {
+        let mut stencils = vec![0; nodes.size(block)];
+        nodes.for_each(block, [1; 3], |place, at| stencils[place] = stencil(nodes, &first, &inside, at));
+        stencils.into_iter().map(AtomicU16::new).collect()
+    });
+    let left = |block: usize| stencils[block].iter().filter(|s| s.load(Ordering::Relaxed) != 0).count();
+    let waiting: Vec<AtomicU32> = par::map(nodes.blocks(), |block| AtomicU32::new(left(block) as u32));
+
+    // Numbers are written once, ∞ until then; whoever reads a node in another block is kept in order by the wavefront.
+    let known = |v: f32| AtomicU32::new(if v < 0.0 { -v } else { f32::INFINITY }.to_bits());
+    let mut distance: Vec<AtomicU32> = (0..first.len()).map(|_| AtomicU32::new(0)).collect();
+    par::fill(&mut distance, |slot| known(first[slot]));
+    let awake: Vec<AtomicBool> = (0..nodes.blocks()).map(|_| AtomicBool::new(true)).collect();
+    let mut sweeps = 0;
+    while (0..nodes.blocks())
+        .any(|block| awake[block].load(Ordering::Relaxed) && waiting[block].load(Ordering::Relaxed) > 0)
+    {
+        let order = ORDERS[sweeps % ORDERS.len()];
+        nodes.wavefront(order, |block| {
+            let before = waiting[block].load(Ordering::Relaxed);
+            if before == 0 || !awake[block].load(Ordering::Relaxed) {
+                return;
+            }
+            let mut found = 0;
+            nodes.for_each(block, order, |place, at| {
+                let stencil = stencils[block][place].load(Ordering::Relaxed);
+                if stencil == 0 {
+                    return;
+                }
+                let slot = nodes.slot(at);
+                if let Some(u) = distance_at(nodes, &distance, slot, stencil) {
+                    distance[slot].store(u.to_bits(), Ordering::Relaxed);
+                    stencils[block][place].store(0, Ordering::Relaxed);
+                    found += 1;
+                }
+            });
+            // What was not ready stays so, in any order, until a node near it has its distance.
+            waiting[block].store(before - found, Ordering::Relaxed);
+            awake[block].store(found > 0, Ordering::Relaxed);
+            if found > 0 {
+                nodes.for_each_near(block, |other| awake[other].store(true, Ordering::Relaxed));
+            }
+        });
+        sweeps += 1;
+    }
+    total += sweeps;
+    let waits = waiting.iter().any(|waiting| waiting.load(Ordering::Relaxed) > 0);
+    assert!(!waits, "every node looks at nearer ones alone, so none waits for itself");
+
+    let mut refined = first;
+    par::update(&mut refined, |slot, v| {
+        if *v >= 0.0 {
+            let u = f32::from_bits(distance[slot].load(Ordering::Relaxed));
+            *v = if u < band { u } else { f32::INFINITY };
+        }
+    });
+    let unreached = par::map_chunks(refined.len(), par::CHUNK, |range| {
+        refined[range].iter().filter(|d| d.is_infinite()).count()
+    });
+    Swept { distance: refined, unreached: unreached.into_iter().sum(), sweeps: total }
+}
+
+/// Along an axis a node looks at nothing (0), at one node (`ONE`), at two (`TWO`), or at two with the surface between
+/// them (`ACROSS`); plus `HIGH` where they are the higher ones. Three bits an axis.
+const ONE: u16 = 1;
+const TWO: u16 = 2;
+const ACROSS: u16 = 3;
+const HIGH: u16 = 4;
+
+/// Where a node looks; 0 for one that is pinned or that no front reached.
+#[inline]
+fn stencil<N: Nodes>(nodes: &N, first: &[f32], inside: &(impl Fn(usize) -> bool + Sync), at: N::At) -> u16 {
+    let own = first[nodes.slot(at)];
+    if !(own >= 0.0 && own.is_finite()) {
+        return 0;
+    }
+    let size = |at: Option<N::At>| at.map_or(f32::INFINITY, |at| first[nodes.slot(at)].abs());
+    let mut all = 0;
+    for axis in 0..3 {
+        let sides = [nodes.next(at, 2 * axis), nodes.next(at, 2 * axis + 1)];
+        let (low, high) = (size(sides[0]), size(sides[1]));
+        let side = usize::from(high < low);
+        let (Some(near), near_size) = (sides[side], if side == 1 { high } else { low }) else { continue };
+        if near_size >= own {
+            continue;
+        }
+        let far = nodes.next(near, 2 * axis + side);
+        let across = far.is_some_and(|far| {
+            let pinned = first[nodes.slot(far)] < 0.0 && first[nodes.slot(near)] < 0.0;
+            pinned && inside(nodes.slot(far)) != inside(nodes.slot(near))
+        });
+        let kind = match () {
+            () if across => ACROSS,
+            () if size(far) < near_size => TWO,
+            () => ONE,
+        };
+        all |= (kind | if side == 1 { HIGH } else { 0 }) << (3 * axis);
+    }
+    all
+}
+
+/// The distance of a node, if all that it looks at have theirs.
+#[inline]
+fn distance_at<N: Nodes>(nodes: &N, distance: &[AtomicU32], slot: usize, stencil: u16) -> Option<f32> {
+    let read = |slot: usize| f32::from_bits(distance[slot].load(Ordering::Relaxed));
+    let mut near = [f32::INFINITY; 3];
+    // The slope between the two nodes that an axis looks at; below zero where there is no second one.
+    let mut slope = [-1.0; 3];
+    for axis in 0..3 {
+        let code = stencil >> (3 * axis);
+        if code & 3 == 0 {
+            continue;
+        }
+        let face = 2 * axis + usize::from(code & HIGH != 0);
+        let one = nodes.step(slot, face);
+        near[axis] = read(one);
+        if near[axis] == f32::INFINITY {
+            return None;
+        }
+        if code & 3 >= TWO {
+            let two = read(nodes.step(one, face));
+            if two == f32::INFINITY {
+                return None;
+            }
+            slope[axis] = if code & 3 == ACROSS { near[axis] + two } else { near[axis] - two };
+        }
+    }
+    Some(upwind(near, slope))
+}
+
+/// The root of Σ (∂u)² = 1 with one-sided differences: (u − u₁), or (3u − 4u₁ + u₂)/2 where `slope` = u₁ − u₂ ≥ 0.
+/// `near` is u₁, ∞ for an axis without; one is finite.
+#[inline]
+fn upwind(near: [f32; 3], slope: [f32; 3]) -> f32 {
+    // Everything relative to the lowest neighbour: each axis is w (u − t)², w = 9/4 and t = u₁ + (u₁ − u₂)/3 at second
+    // order, w = 1 and t = u₁ at first.
+    let base = near[0].min(near[1]).min(near[2]);
+    let mut axes = [0, 1, 2].map(|axis| {
+        let second = slope[axis] >= 0.0;
+        let u1 = near[axis] - base;
+        (u1, if second { u1 + slope[axis] / 3.0 } else { u1 }, if second { 2.25 } else { 1.0_f32 })
+    });
+    // Nearest neighbour first.
+    for (i, j) in [(0, 1), (1, 2), (0, 1)] {
+        if axes[j].0 < axes[i].0 {
+            axes.swap(i, j);
+        }
+    }
+    for count in [3, 2] {
+        let (farthest, _, _) = axes[count - 1];
+        if farthest == f32::INFINITY {
+            continue;
+        }
+        let (mut w, mut wt, mut wtt) = (0.0, 0.0, 0.0);
+        for &(_, t, weight) in &axes[..count] {
+            w += weight;
+            wt += weight * t;
+            wtt += weight * t * t;
+        }
+        let under = wt * wt - w * (wtt - 1.0);
+        let u = (wt + under.max(0.0).sqrt()) / w;
+        if under >= 0.0 && u >= farthest {
+            return base + u;
+        }
+    }
+    let (_, t, w) = axes[0];
+    base + t + if w > 1.0 { 2.0 / 3.0 } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{BRICK, Bricks, SparseGrid};
+    use crate::math::Vec3;
+    use crate::sdf::{
+        SdfParams, SeedRule,
+        dense::{DenseParams, Pins, solve, sweep},
+        linked::LinkedBricks,
+        seeds,
+    };
+
+    /// Pinned nodes and signs: beside a ball, on both sides of a layer, in noise, in a corner, nowhere.
+    fn cases() -> Vec<(&'static str, [usize; 3], Pins)> {
+        let noise = |i: usize| {
+            let mixed = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32 / (1 << 24) as f32
+        };
+        let case = |name, nodes: [usize; 3], f: &dyn Fn(Vec3, usize) -> (f32, bool)| {
+            let (distance, inside) = (0..nodes.iter().product())
+                .map(|i| {
+                    let x = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
+                    let (d, pin) = f(Vec3::from(x.map(|v| v as f32)), i);
+                    (if pin { -d.abs().max(1e-6) } else { f32::INFINITY }, d < 0.0)
+                })
+                .unzip();
+            (name, nodes, Pins { distance, inside, pinned: 0, on_surface: 0 })
+        };
+        let ball = |x: Vec3| (x - Vec3::new(9.3, 12.1, 8.0)).norm() - 5.7;
+        vec![
+            case("ball", [22, 25, 19], &|x, _| (ball(x), ball(x).abs() < 0.9)),
+            case("thick", [31, 16, 14], &|x, _| (x.x - 15.3, (x.x - 15.3).abs() < 2.5)),
+            case("noise", [16, 24, 15], &|_, i| (4.0 * noise(i + 7) - 2.0, noise(i) < 0.1)),
+            case("corner", [19, 9, 11], &|x, i| (x.x + 0.5, i == 0)),
+            case("nothing", [9, 9, 9], &|_, _| (1.0, false)),
+        ]
+    }
+
+    /// Every node once, in ascending order of its distance of first order.
+    fn in_order<N: Nodes>(nodes: &N, first: &[f32], inside: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
+        let mut all = Vec::new();
+        for block in 0..nodes.blocks() {
+            nodes.for_each(block, [1; 3], |_, at| {
+                let slot = nodes.slot(at);
+                all.push((first[slot], slot, stencil(nodes, first, &inside, at)));
+            });
+        }
+        all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let distance: Vec<AtomicU32> = first.iter().map(|v| AtomicU32::new(v.abs().to_bits())).collect();
+        for (v, slot, stencil) in all {
+            if v >= 0.0 && v.is_finite() {
+                let u = distance_at(nodes, &distance, slot, stencil).expect("nearer nodes come first");
+                distance[slot].store(u.to_bits(), Ordering::Relaxed);
+            }
+        }
+        let value = |i: usize| f32::from_bits(distance[i].load(Ordering::Relaxed));
+        (0..first.len()).map(|i| if first[i] < 0.0 { first[i] } else { value(i) }).collect()
+    }
+
+    fn bits(values: &[f32]) -> Vec<u32> {
+        values.iter().map(|v| v.to_bits()).collect()
+    }
+
+    #[test]
+    fn blocks_and_threads_change_no_bit() {
+        for (name, nodes, pins) in cases() {
+            let first = sweep(nodes, &pins.distance, f32::INFINITY, [8; 3]).distance;
+            let whole = crate::sdf::dense::one_block(nodes);
+            let reference = in_order(&whole, &first, |i| pins.inside[i]);
+            for block in [[1, 1, 1], [3, 5, 2], [8, 8, 8], [7, 9, 30], [64, 64, 64]] {
+                let mut sweeps = None;
+                for threads in [1, 2, 5] {
+                    let params = DenseParams { order: Order::Second, block, ..DenseParams::default() };
+                    let found = crate::par::with_threads(threads, || solve(nodes, &pins, &params));
+                    assert_eq!(bits(&found.distance), bits(&reference), "{name}, {block:?}, {threads}");
+                    assert_eq!(*sweeps.get_or_insert(found.sweeps), found.sweeps, "{name}, {block:?}");
+                }
+            }
+            for (i, u) in reference.iter().enumerate() {
+                assert!(if first[i] < 0.0 { *u == first[i] } else { *u > 0.0 });
+                assert_eq!(u.is_finite(), first[i].is_finite());
+            }
+        }
+    }
+
+    #[test]
+    fn bricks_have_the_bits_of_every_node_once() {
+        let clumps = Bricks::new(vec![[0, 0, 0], [1, 0, 0], [1, 1, 0], [3, 0, 0], [0, 1, 2], [-2, -2, -2]]);
+        let mut field = SparseGrid::new(1.0, clumps, 0.0);
+        for (i, value) in field.values.iter_mut().enumerate() {
+            *value = ((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1 << 23) as f32 - 0.8;
+        }
+        for band in [3.0, f32::INFINITY] {
+            let params = SdfParams { band, seed: SeedRule::Plane, order: Order::Second };
+            let seeds = seeds(&field, 1.0, &params);
+            let inside =
+                |i: usize| seeds.inside[i / (BRICK * BRICK * BRICK)][i % 512 / 64] >> (i % 64) & 1 == 1;
+            let first = crate::sdf::sweep(&seeds.bricks, &seeds.distance, band);
+            let linked = LinkedBricks::new(&seeds.bricks);
+            let reference = in_order(&linked, &first.distance, inside);
+            for threads in [1, 2, 5] {
+                let found = crate::par::with_threads(threads, || {
+                    refine(&linked, first.clone(), f32::INFINITY, inside)
+                });
+                assert!(seeds.pinned > 100 && bits(&found.distance) == bits(&reference));
+            }
+        }
+    }
+
+    #[test]
+    fn planes_are_exact_at_either_order_and_parabolas_at_second() {
+        for n in [Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 1.0, 0.5), Vec3::new(0.0, 3.0, 1.0)] {
+            let n = n.normalize();
+            for far in [2.0, 5.0, 4000.0] {
+                for second in [false, true] {
+                    let near = [0, 1, 2].map(|axis| far - n[axis]);
+                    let slope = [0, 1, 2].map(|axis| if second { n[axis] } else { -1.0 });
+                    assert!((upwind(near, slope) - far).abs() < 6.0 * f32::EPSILON * far.max(1.0));
+                }
+            }
+        }
+        // u = x²/4 + … has slope 1 at x = 2 and is met without error: u₁ = 1/4, u₂ = 0.
+        assert!((upwind([0.25, f32::INFINITY, f32::INFINITY], [0.25, -1.0, -1.0]) - 1.0).abs() < 1e-6);
+        // An axis along which the solution would descend is left out.
+        assert_eq!(upwind([2.0, 9.0, f32::INFINITY], [-1.0, -1.0, -1.0]), 3.0);
+    }
+}

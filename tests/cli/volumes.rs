@@ -1,0 +1,192 @@
+//! Volume files of caches and of other solvers' particle files.
+
+use super::*;
+use std::collections::BTreeMap;
+
+/// The active nodes of a float grid and their values, read by another library.
+fn grid(path: &Path, name: &str) -> BTreeMap<[i32; 3], f32> {
+    let mut reader = vdb_rs::VdbReader::new(fs::File::open(path).unwrap()).unwrap();
+    let grid = reader.read_grid::<f32>(name).unwrap();
+    grid.iter().map(|(at, value, _)| ([at.x as i32, at.y as i32, at.z as i32], value)).collect()
+}
+
+/// The names of the grids in a file.
+fn grids(path: &Path) -> Vec<String> {
+    let mut names = vdb_rs::VdbReader::new(fs::File::open(path).unwrap())
+        .unwrap()
+        .grid_descriptors
+        .into_keys()
+        .collect::<Vec<_>>();
+    names.sort();
+    names
+}
+
+fn manifest(desk: &Desk, folder: &str) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(desk.path(&format!("{folder}/shot.json"))).unwrap()).unwrap()
+}
+
+/// A cube of particles on a lattice, half a spacing inside the box from 0 to 1 m.
+fn cube() -> String {
+    (0..1000)
+        .map(|i| [i % 10, i / 10 % 10, i / 100].map(|v| 0.05 + 0.1 * v as f32))
+        .map(|[x, y, z]| format!("{x} {y} {z}\n"))
+        .collect()
+}
+
+#[test]
+fn a_cube_of_particles_becomes_fog_and_a_level_set() {
+    let desk = Desk::new();
+    desk.write("cube.xyz", cube());
+    let line = "volume cube.xyz --spacing 0.1 -o out --precision float --fps 30";
+    let (out, talk) = desk.run(line, 0);
+    assert!(out.contains("1 volumes written") && talk.contains("no velocities"), "{out}{talk}");
+    let path = desk.path("out/volume/particles_0001.vdb");
+    assert_eq!(grids(&path), ["density", "surface"]);
+
+    // The fog holds as much as the particles do, and more where they lack neighbours.
+    let fog = grid(&path, "density");
+    let voxel = 0.05_f32;
+    let held: f64 = fog.values().map(|&v| f64::from(v) * f64::from(voxel).powi(3)).sum();
+    assert!((1.0..1.12).contains(&held), "{held} m³");
+    assert!(fog.values().all(|&v| v > 0.0 && v <= 1.0));
+    assert!((fog[&[10, 10, 10]] - 1.0).abs() < 0.05);
+
+    // The distance is that to the box, which the particles fill.
+    let distance = grid(&path, "surface");
+    let worst = (-2..=2).map(|k| (distance[&[10, 10, k]] + voxel * k as f32).abs()).fold(0.0, f32::max);
+    assert!(worst < 0.2 * voxel, "off by {worst} m");
+    assert!(distance.values().all(|v| v.abs() < 3.0 * voxel && v.is_finite()));
+    let output = &manifest(&desk, "out")["outputs"][0];
+    assert_eq!((&output["kind"], &output["format"]), (&"volume".into(), &"vdb".into()));
+    assert_eq!(output["grids"], serde_json::json!(["density", "surface"]));
+}
+
+#[test]
+fn a_cache_becomes_volumes_and_only_where_asked() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    desk.run("volume small --frames 2-3", 0);
+    assert_eq!(desk.names("small/volume"), ["liquid_0002.vdb", "liquid_0003.vdb"]);
+    assert_eq!(grids(&desk.path("small/volume/liquid_0002.vdb")), ["density", "surface", "velocity"]);
+    let (out, _) = desk.run("volume small", 0);
+    assert!(out.contains("3 volumes written") && out.contains("2 were there"), "{out}");
+    let (out, _) = desk.run("volume small --force", 0);
+    assert!(out.contains("5 volumes written"), "{out}");
+    let whole = desk.bytes("small/volume");
+
+    // Other settings make other files, the same ones the same bytes on any number of threads.
+    for change in ["--precision float", "--compression zip", "--grid surface", "--voxel 0.8"] {
+        let (out, _) = desk.run(&format!("volume small --frames 2 {change}"), 0);
+        assert!(out.contains("1 volumes written"), "{change}: {out}");
+        assert_ne!(desk.bytes("small/volume"), whole);
+    }
+    desk.run("volume small/cache --threads 1 -o one", 0);
+    desk.run("volume small --threads 3 -o three", 0);
+    assert_eq!(desk.bytes("one/volume"), whole);
+    assert_eq!(desk.bytes("three/volume"), whole);
+    assert!(desk.path("three/shot.json").exists());
+
+    // Frames that are not there are named, the others stay.
+    let (_, talk) = desk.run("volume small --frames 5-7", 3);
+    assert!(talk.contains("frame 0006") && talk.contains("frame 0007"), "{talk}");
+    let told = manifest(&desk, "small");
+    assert_eq!(told["outputs"][0]["frames"], serde_json::json!({ "first": 1, "last": 5, "step": 1 }));
+}
+
+#[test]
+fn requests_that_make_no_volume_are_refused() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2", 0);
+    desk.write("cube.xyz", cube());
+    for (line, code) in [
+        ("volume nothing", 10),
+        ("volume small --spacing 0.1", 2),
+        ("volume small --set liquid.spacing=0.2", 2),
+        ("volume small --precision double", 2),
+        ("volume small --compression lzma", 2),
+        ("volume small --grid temperature", 2),
+        ("volume small --max-memory 1MiB", 33),
+        ("volume cube.xyz -o out", 2),
+        ("volume cube.xyz --spacing 0.1", 2),
+        ("volume cube.xyz --spacing 0.1 -o out --max-memory 1MiB", 33),
+        ("volume cube.xyz --spacing 0.1 -o out --grid velocity", 3),
+    ] {
+        desk.run(line, code);
+    }
+    desk.run("volume small --max-memory 1GiB", 0);
+    desk.write("wild.xyz", "0 0 0\n0 nan 0\n");
+    let (_, talk) = desk.run("volume wild.xyz --spacing 0.1 -o out", 1);
+    assert!(talk.contains("wild.xyz") && talk.contains("particle 1"), "{talk}");
+}
+
+#[test]
+fn two_processes_do_not_write_the_same_volumes() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2", 0);
+    desk.run("volume small --frames 1", 0);
+    let lock = meniscus::cache::Lock::acquire(&desk.path("small/volume")).unwrap();
+    desk.run("volume small", 11);
+    drop(lock);
+    desk.run("volume small", 0);
+}
+
+#[test]
+fn a_shot_writes_the_volumes_that_its_preset_names() {
+    let desk = Desk::new();
+    let volume = "mesh = [\"ply\"]\nvolume = [\"velocity\", \"density\"]\n[volume]\nprecision = \"float\"";
+    desk.write("foggy.toml", SMALL.replace("mesh = [\"ply\"]", volume));
+    let (out, _) = desk.run("shot foggy.toml --frames 1-3", 0);
+    assert!(out.contains("3 frames meshed") && out.contains("3 volumes written"), "{out}");
+    assert_eq!(desk.names("foggy/volume").len(), 3);
+    assert_eq!(grids(&desk.path("foggy/volume/liquid_0001.vdb")), ["density", "velocity"]);
+    let outputs = manifest(&desk, "foggy")["outputs"].as_array().unwrap().clone();
+    assert_eq!((outputs.len(), &outputs[1]["kind"]), (2, &"volume".into()));
+    let (out, _) = desk.run("shot foggy.toml --frames 1-3", 0);
+    assert!(out.contains("0 volumes written") && out.contains("3 were there"), "{out}");
+    let (out, _) = desk.run("info foggy", 0);
+    assert!(out.contains("volume/liquid_{:04}.vdb"), "{out}");
+
+    // The verb makes what the preset names, too.
+    let (out, _) = desk.run("volume foggy", 0);
+    assert!(out.contains("3 were there"), "{out}");
+    let (told, _) = desk.run("plan foggy.toml --frames 1-3", 0);
+    assert!(told.contains("without the volumes"), "{told}");
+    desk.run("volume foggy --grid density", 0);
+    assert_eq!(grids(&desk.path("foggy/volume/liquid_0001.vdb")), ["density"]);
+}
+
+#[test]
+fn level_sets_of_any_program_become_meshes() {
+    let desk = Desk::new();
+    desk.write("cube.xyz", cube());
+    desk.run("volume cube.xyz --spacing 0.1 -o out --precision float", 0);
+    fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_3.vdb")).unwrap();
+    fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_5.vdb")).unwrap();
+    let (out, talk) = desk.run("mesh ball_#.vdb -o meshes --format ply,obj --fps 30", 0);
+    assert!(out.contains("2 frames meshed") && talk.contains("1 pieces"), "{out}{talk}");
+    let names = ["surface_0003.obj", "surface_0003.ply", "surface_0005.obj", "surface_0005.ply"];
+    assert_eq!(desk.names("meshes/mesh"), names);
+    assert_eq!(manifest(&desk, "meshes")["outputs"][0]["frames"]["last"], 5);
+
+    // The level set gives the mesh that the particles give, but for what they carry.
+    desk.run("mesh cube.xyz --spacing 0.1 -o direct --format obj", 0);
+    let faces = |path: &str| {
+        let text = fs::read_to_string(desk.path(path)).unwrap();
+        text.lines().filter(|line| line.starts_with(['f', 'v'])).map(String::from).collect::<Vec<_>>()
+    };
+    let of_particles = faces("direct/mesh/particles_0001.obj");
+    assert_eq!(faces("meshes/mesh/surface_0003.obj").len(), of_particles.len());
+    let vertices =
+        |lines: &[String]| lines.iter().filter(|line| line.starts_with("v ")).cloned().collect::<Vec<_>>();
+    assert_eq!(vertices(&faces("meshes/mesh/surface_0003.obj")), vertices(&of_particles));
+
+    desk.run("volume cube.xyz --spacing 0.1 -o half", 0);
+    let (_, talk) = desk.run("mesh half/volume/particles_0001.vdb -o other", 1);
+    assert!(talk.contains("half floats"), "{talk}");
+    desk.run("mesh half/volume/particles_0001.vdb ball_3.vdb -o other", 3);
+    for line in
+        ["mesh ball_3.vdb", "mesh ball_3.vdb cube.xyz -o other", "mesh ball_3.vdb -o other --spacing 0.1"]
+    {
+        desk.run(line, 2);
+    }
+}

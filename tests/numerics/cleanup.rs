@@ -1,0 +1,338 @@
+//! Clean-up of surfaces: removal of pieces, smoothing, decimation, and what vertices take from particles.
+
+use super::mesh::{hash, noise};
+use meniscus::{
+    frame::{ChannelData, Stream},
+    math::Vec3,
+    mesh::{
+        ComponentParams, DecimationParams, Mesh, SmoothingParams, Surface, SurfaceError, SurfaceParams,
+        check, decimate, marching_cubes, normals_from_faces, reconstruct, smooth, transfer,
+    },
+    par,
+};
+use std::f64::consts::PI;
+
+const SPACING: f32 = 0.1;
+
+/// Particles on a lattice, each moved by up to `jitter` spacings along each axis, where `keep` says so [spacings].
+fn particles(half: [i32; 3], jitter: f32, at: Vec3, keep: impl Fn(Vec3) -> bool) -> Stream {
+    let mut positions = Vec::new();
+    let mut i = 0;
+    let mut random = || {
+        i += 1;
+        (hash(5, i) >> 40) as f32 / (1 << 23) as f32 - 1.0
+    };
+    for z in -half[2]..=half[2] {
+        for y in -half[1]..=half[1] {
+            for x in -half[0]..=half[0] {
+                let x = Vec3::new(x as f32, y as f32, z as f32);
+                if keep(x) {
+                    positions.push((x + Vec3::from_fn(|_, _| random()) * jitter) * SPACING + at);
+                }
+            }
+        }
+    }
+    Stream::new("liquid", positions.len()).with("position", positions)
+}
+
+fn surface(particles: &Stream, params: &SurfaceParams) -> Surface {
+    let found = reconstruct(particles, SPACING, params, &|| true).unwrap();
+    assert!(found.check.is_sound() && found.check.unused_vertices == 0, "{:?}", found.check);
+    found
+}
+
+fn smoothed() -> SurfaceParams {
+    SurfaceParams { smoothing: Some(SmoothingParams::default()), ..SurfaceParams::default() }
+}
+
+fn decimated(decimation: DecimationParams) -> SurfaceParams {
+    SurfaceParams { decimation: Some(decimation), ..SurfaceParams::default() }
+}
+
+/// RMS of the radius around its mean [particle radii], and the mean angle of the normals from the radius [degrees].
+fn roughness(mesh: &Mesh) -> (f64, f64) {
+    let n = mesh.positions.len() as f64;
+    let radii = || mesh.positions.iter().map(|x| f64::from(x.norm()));
+    let mean = radii().sum::<f64>() / n;
+    let rms = (radii().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let lean: f64 = mesh.positions.iter().zip(&mesh.normals).map(|(x, n)| f64::from(x.angle(n))).sum();
+    (rms / f64::from(0.5 * SPACING), (lean / n).to_degrees())
+}
+
+#[test]
+fn smoothing_takes_the_particles_out_of_a_ball_and_keeps_its_volume() {
+    let ball = particles([20; 3], 0.15, Vec3::zeros(), |x| x.norm() < 20.0);
+    for voxel in [0.5, 0.25] {
+        let plain = surface(&ball, &SurfaceParams { voxel, ..SurfaceParams::default() });
+        for wavelength in [2.0, 4.0, 6.0, 8.0, 12.0] {
+            let smoothing = SmoothingParams { wavelength, ..SmoothingParams::default() };
+            let found = surface(&ball, &SurfaceParams { voxel, smoothing: Some(smoothing), ..smoothed() });
+            let stats = found.stats.smoothing.unwrap();
+            let (before, after) = (roughness(&plain.mesh), roughness(&found.mesh));
+            println!(
+                "voxel {voxel}, wavelength {wavelength}: roughness, lean {before:.3?} -> {after:.3?}, {stats:?}"
+            );
+            assert!(stats.volume_error < 1e-5 && stats.volume_change < 2e-2);
+            assert!((found.check.volume / plain.check.volume - 1.0).abs() < 1e-5);
+            assert_eq!((found.check.components, found.check.euler), (1, 2));
+            if wavelength >= 4.0 {
+                assert!(after.0 < 0.8 * before.0 && after.1 < 0.6 * before.1);
+            }
+        }
+    }
+}
+
+#[test]
+fn smoothing_keeps_sheets_threads_and_droplets() {
+    let shapes: [(&str, [i32; 3]); 4] =
+        [("sheet", [15, 15, 0]), ("two layers", [15, 15, 1]), ("thread", [30, 0, 0]), ("droplet", [0, 0, 0])];
+    for (name, half) in shapes {
+        let stream =
+            particles(half, 0.1, Vec3::new(0.013, 0.02, -0.031), |x| name != "two layers" || x.z >= 0.0);
+        let params = SurfaceParams { voxel: 0.25, ..SurfaceParams::default() };
+        let plain = surface(&stream, &params);
+        let found =
+            surface(&stream, &SurfaceParams { smoothing: Some(SmoothingParams::default()), ..params });
+        let ratio = found.check.volume / plain.check.volume;
+        println!(
+            "{name}: {} -> {} pieces, volume x {ratio:.6}, {:?}",
+            plain.check.components, found.check.components, found.stats.smoothing
+        );
+        assert_eq!((found.check.components, found.check.euler), (plain.check.components, plain.check.euler));
+        assert!((ratio - 1.0).abs() < 1e-4, "{name}");
+        let (thin, vertices) = (found.stats.smoothing.unwrap().thin_vertices, found.stats.vertices);
+        if name == "two layers" {
+            assert!(thin * 20 < vertices, "only the rim is thin: {thin} of {vertices}");
+        } else {
+            // At rims and ends the normal looks along the liquid.
+            assert!(thin * 20 > 17 * vertices, "{name}: {thin} of {vertices} are thin");
+        }
+        let widest = |mesh: &Mesh| mesh.positions.iter().map(|x| x.z).fold(f32::MIN, f32::max);
+        assert!((widest(&found.mesh) - widest(&plain.mesh)).abs() < 0.15 * SPACING, "{name}");
+    }
+}
+
+#[test]
+fn what_weighs_nothing_does_not_move() {
+    let (plain, _) = marching_cubes(&noise(1, |bits| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0));
+    let mut mesh = plain.clone();
+    let stats = smooth(&mut mesh, &vec![0.0; plain.positions.len()], &SmoothingParams::default(), 0.2);
+    assert_eq!(mesh, plain);
+    assert_eq!((stats.thin_vertices, stats.restored_vertices), (plain.positions.len(), 0));
+    assert_eq!((stats.volume_change, stats.longest_move), (0.0, 0.0));
+}
+
+/// Random fields have every sliver and saddle there is.
+#[test]
+fn clean_up_of_random_fields_keeps_meshes_sound() {
+    let (mut restored, mut refused) = (0, 0);
+    for seed in 0..200 {
+        let (plain, _) = marching_cubes(&noise(seed, |bits| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0));
+        let before = check(&plain);
+        let mut mesh = plain.clone();
+        let smoothing = SmoothingParams { crease: 180.0, ..SmoothingParams::default() };
+        restored += smooth(&mut mesh, &vec![1.0; plain.positions.len()], &smoothing, 0.1).restored_vertices;
+        let after = check(&mesh);
+        assert!(after.is_sound(), "{seed}: {after:?}");
+        assert_eq!((after.components, after.euler), (before.components, before.euler));
+
+        for mut mesh in [plain, mesh] {
+            let params = DecimationParams { fraction: 0.3, ..DecimationParams::default() };
+            let stats = decimate(&mut mesh, &params, 0.1);
+            let after = check(&mesh);
+            assert!(after.is_sound() && after.unused_vertices == 0, "{seed}: {after:?}");
+            assert_eq!((after.components, after.euler), (before.components, before.euler), "{seed}");
+            assert_eq!(stats.after, mesh.triangles.len());
+            refused += stats.refused;
+        }
+    }
+    println!("{restored} vertices restored, {refused} collapses refused");
+    assert!(restored > 0 && refused > 0);
+}
+
+#[test]
+fn decimation_reaches_its_target_or_its_error() {
+    let ball = particles([12; 3], 0.1, Vec3::zeros(), |x| x.norm() < 12.0);
+    let plain = surface(&ball, &smoothed());
+    for fraction in [0.5, 0.2, 0.05] {
+        let params = SurfaceParams {
+            smoothing: smoothed().smoothing,
+            ..decimated(DecimationParams { fraction, ..DecimationParams::default() })
+        };
+        let found = surface(&ball, &params);
+        let stats = found.stats.decimation.unwrap();
+        let part = found.mesh.triangles.len() as f64 / plain.mesh.triangles.len() as f64;
+        let volume = found.check.volume / plain.check.volume - 1.0;
+        println!(
+            "fraction {fraction}: {part:.4}, volume {volume:.1e}, {:?}, {stats:?}",
+            roughness(&found.mesh)
+        );
+        assert!(part <= f64::from(fraction) && part > 0.98 * f64::from(fraction) && volume.abs() < 0.01);
+        assert_eq!((found.check.components, found.check.euler), (1, 2));
+    }
+    for error in [0.01, 0.05] {
+        let found = surface(
+            &ball,
+            &decimated(DecimationParams { fraction: 0.0, error: Some(error), ..DecimationParams::default() }),
+        );
+        let stats = found.stats.decimation.unwrap();
+        println!("error {error}: {stats:?}");
+        assert!(
+            stats.largest_error <= f64::from(error * SPACING)
+                && stats.after < stats.before
+                && stats.after > 100
+        );
+    }
+    let few =
+        surface(&ball, &decimated(DecimationParams { triangles: Some(1000), ..DecimationParams::default() }));
+    assert!((998..=1000).contains(&few.mesh.triangles.len()));
+    let all = surface(&ball, &decimated(DecimationParams { fraction: 1.0, ..DecimationParams::default() }));
+    assert_eq!(all.mesh, surface(&ball, &SurfaceParams::default()).mesh);
+}
+
+#[test]
+fn an_open_mesh_is_not_decimated() {
+    let (mut mesh, _) = marching_cubes(&noise(1, |bits| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0));
+    mesh.triangles.pop();
+    let before = mesh.clone();
+    let stats = decimate(&mut mesh, &DecimationParams::default(), 0.1);
+    assert!(stats.unsuitable && mesh == before && stats.before == stats.after);
+}
+
+#[test]
+fn small_pieces_become_points_of_their_volume() {
+    // A ball of 1000 particles with a hole, and lone particles and pairs around it.
+    let mut positions = particles([8; 3], 0.0, Vec3::zeros(), |x| x.norm() < 7.0 && x.norm() > 1.8);
+    let lone = [[1.5, 0.0, 0.0], [-1.5, 0.03, 0.2], [0.0, 1.61, 0.0], [0.0, 1.69, 0.0]];
+    let all: Vec<Vec3> =
+        positions.vec3("position").unwrap().iter().copied().chain(lone.map(Vec3::from)).collect();
+    let velocity: Vec<Vec3> = all.iter().map(|x| x * 2.0).collect();
+    positions = Stream::new("liquid", all.len()).with("position", all).with("velocity", velocity);
+    let plain = surface(&positions, &SurfaceParams::default());
+    assert_eq!((plain.check.components, plain.points.as_ref()), (5, None));
+    let params = |smallest| SurfaceParams {
+        components: Some(ComponentParams { smallest }),
+        ..SurfaceParams::default()
+    };
+
+    let found = surface(&positions, &params(4.0));
+    let (points, stats) = (found.points.unwrap(), found.stats.components.unwrap());
+    assert_eq!((found.check.components, points.positions.len(), stats.points, stats.bubbles), (2, 3, 3, 0));
+    let volumes: f64 = points.radii.iter().map(|&r| 4.0 / 3.0 * PI * f64::from(r).powi(3)).sum();
+    assert!((volumes / stats.points_volume - 1.0).abs() < 1e-5);
+    assert!((found.check.volume + stats.points_volume - plain.check.volume).abs() < 1e-9);
+    assert_eq!(stats.triangles, plain.mesh.triangles.len() - found.mesh.triangles.len());
+    let expected = [Vec3::new(-1.5, 0.03, 0.2), Vec3::new(1.5, 0.0, 0.0), Vec3::new(0.0, 1.65, 0.0)];
+    for x in expected {
+        let near = points.positions.iter().position(|y| (x - y).norm() < 0.03).unwrap();
+        let ChannelData::Vec3(velocity) = &points.attributes[0].data else {
+            panic!("velocities are vectors")
+        };
+        assert!((velocity[near] - x * 2.0).norm() < 0.1, "{}", velocity[near]);
+    }
+
+    // Large enough a bound fills the hole as well.
+    let found = surface(&positions, &params(200.0));
+    let stats = found.stats.components.unwrap();
+    assert_eq!((found.check.components, stats.points, stats.bubbles), (1, 3, 1));
+    let nothing = surface(&positions, &params(1e6));
+    assert!(nothing.mesh.positions.is_empty() && nothing.points.unwrap().positions.len() == 4);
+}
+
+#[test]
+fn clean_up_has_the_same_bytes_for_any_number_of_threads() {
+    let ball = particles([9; 3], 0.2, Vec3::new(40.0, -30.0, 20.0), |x| x.norm() < 9.0 || x.x == 9.0);
+    let ids: Vec<u32> = (0..ball.len() as u32).collect();
+    let velocity: Vec<Vec3> = ball.vec3("position").unwrap().iter().map(|x| x.yzx()).collect();
+    let ball = ball.with("velocity", velocity).with("id", ids);
+    let params = SurfaceParams {
+        components: Some(ComponentParams::default()),
+        decimation: Some(DecimationParams::default()),
+        attributes: Some(["velocity", "vorticity", "id"].map(String::from).into()),
+        ..smoothed()
+    };
+    let expected = par::with_threads(1, || surface(&ball, &params));
+    assert_eq!(expected.mesh.attributes.len(), 3);
+    for threads in [2, 3, 8] {
+        let again = par::with_threads(threads, || surface(&ball, &params));
+        assert!(again.mesh == expected.mesh && again.points == expected.points, "{threads} threads");
+        assert_eq!(again.stats.smoothing, expected.stats.smoothing);
+        assert_eq!(again.stats.decimation, expected.stats.decimation);
+    }
+}
+
+#[test]
+fn attributes_are_taken_by_name() {
+    let turn = Vec3::new(0.3, -1.0, 2.0);
+    let ball = particles([8; 3], 0.2, Vec3::new(1.0, 2.0, 3.0), |x| x.norm() < 8.0);
+    let x: Vec<Vec3> = ball.vec3("position").unwrap().to_vec();
+    let age: Vec<f32> = x.iter().map(|x| 2.0 * x.x - x.z).collect();
+    let ball = ball
+        .with("velocity", x.iter().map(|x| turn.cross(x)).collect::<Vec<_>>())
+        .with("age", age)
+        .with("id", (0..x.len() as u32).map(|i| i * 7).collect::<Vec<_>>());
+    let vertices: Vec<Vec3> = surface(&ball, &SurfaceParams::default()).mesh.positions;
+    let names = |names: &[&str]| Some(names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>());
+    let asked = names(&["vorticity", "age", "id", "velocity"]);
+    let (found, missing) = transfer(&ball, asked.as_deref(), &vertices, 2.0 * SPACING).unwrap();
+    assert_eq!(missing, 0);
+    let [
+        ChannelData::Vec3(vorticity),
+        ChannelData::F32(age),
+        ChannelData::U32(id),
+        ChannelData::Vec3(velocity),
+    ] = [0, 1, 2, 3].map(|i| &found[i].data)
+    else {
+        panic!("channels keep their kinds")
+    };
+    for (v, at) in vertices.iter().enumerate() {
+        assert!((vorticity[v] - turn * 2.0).norm() < 0.02, "{}", vorticity[v]);
+        assert!((age[v] - (2.0 * at.x - at.z)).abs() < 0.2);
+        assert!((velocity[v] - turn.cross(at)).norm() < 0.25);
+        let nearest =
+            (0..x.len()).min_by(|&i, &j| (x[i] - at).norm_squared().total_cmp(&(x[j] - at).norm_squared()));
+        assert_eq!(id[v], 7 * nearest.unwrap() as u32);
+    }
+    // Nothing asked is velocity alone; an empty list is nothing; a name that is not there is told.
+    let plain = transfer(&ball, None, &vertices, 2.0 * SPACING).unwrap().0;
+    assert!(plain.len() == 1 && plain[0] == found[3]);
+    assert!(transfer(&ball, Some(&[]), &vertices, 2.0 * SPACING).unwrap().0.is_empty());
+    let params = SurfaceParams { attributes: names(&["velocity", "heat"]), ..SurfaceParams::default() };
+    let error = reconstruct(&ball, SPACING, &params, &|| true).unwrap_err();
+    assert!(matches!(&error, SurfaceError::NoChannel { name, .. } if name == "heat"), "{error}");
+    assert!(error.to_string().contains("position, velocity, age, id"), "{error}");
+}
+
+/// The mesh of particles that only move together does not breathe.
+#[test]
+fn a_still_ball_moved_by_less_than_a_voxel_keeps_volume_and_area() {
+    let smoothing = smoothed().smoothing;
+    for (name, params) in [
+        ("plain", SurfaceParams::default()),
+        ("smoothed", SurfaceParams { smoothing, ..SurfaceParams::default() }),
+    ] {
+        let figures: Vec<[f64; 2]> = (0..20)
+            .map(|step| {
+                let drift = step as f32 / 20.0 * params.voxel * SPACING;
+                let ball = particles([8; 3], 0.15, Vec3::new(1.0, 0.3, -0.7) * drift, |x| x.norm() < 8.0);
+                let found = surface(&ball, &params);
+                [found.check.volume, found.check.area]
+            })
+            .collect();
+        let spread = |i: usize| {
+            let values = || figures.iter().map(|pair| pair[i]);
+            values().fold(f64::MIN, f64::max) / values().fold(f64::MAX, f64::min) - 1.0
+        };
+        println!("{name}: volume varies by {:.4} %, area by {:.4} %", 100.0 * spread(0), 100.0 * spread(1));
+        assert!(spread(0) < 3e-3 && spread(1) < 3e-3);
+    }
+}
+
+#[test]
+fn normals_of_faces_point_outward() {
+    let ball = particles([6; 3], 0.0, Vec3::zeros(), |x| x.norm() < 6.0);
+    let mesh = surface(&ball, &SurfaceParams::default()).mesh;
+    let normals = normals_from_faces(&mesh);
+    assert!(mesh.positions.iter().zip(&normals).all(|(x, n)| n.dot(&x.normalize()) > 0.7));
+    assert_eq!(normals_from_faces(&Mesh { positions: vec![Vec3::zeros()], ..Mesh::default() }), [Vec3::z()]);
+}

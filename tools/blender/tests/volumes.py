@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Reads volume files back with OpenVDB and compares every value and the tree with what was written.
+
+    MENISCUS_VDB_DIR=DIR cargo test --lib export::vdb::tests::every_case_reads_back
+    python tools/blender/tests/volumes.py DIR
+
+The test writes each case in every precision and compression, and `CASE.json` with what went in. OpenVDB is the module
+in bpy, or `openvdb` or `pyopenvdb` of the system. Compared for each grid: type, class, precision, vector type,
+background, transform and metadata; every active node and its value, bit for bit; the leaves, the tiles that are
+inside and all other inactive values. With MENISCUS set to the binary, a sphere that OpenVDB wrote is meshed. The last line is `N grids equal`; the exit code is 1 if any is not.
+"""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from itertools import product
+from pathlib import Path
+
+import numpy
+
+
+def load_openvdb():
+    try:
+        import bpy
+
+        bpy.utils.expose_bundled_modules()
+    except ImportError:
+        pass
+    try:
+        import openvdb
+    except ImportError:
+        import pyopenvdb as openvdb
+    return openvdb
+
+
+def stored(value, half):
+    """A number as a file holds it, by numpy's own rounding."""
+    single = numpy.float32(value)
+    return numpy.float32(numpy.float16(single)) if half else single
+
+
+def bits(value):
+    """A value as the bits of its numbers: tells zero from minus zero."""
+    numbers = value if isinstance(value, (tuple, list)) else [value]
+    return tuple(int(numpy.float32(number).view(numpy.uint32)) for number in numbers)
+
+
+def leaf_of(node):
+    return tuple(v >> 3 for v in node)
+
+
+def expect(good, what):
+    if not good:
+        raise AssertionError(what)
+
+
+def same(found, wanted, what):
+    expect(found == wanted, f"{what}: found {found!r}, expected {wanted!r}")
+
+
+def compare_head(grid, wanted, half, compression):
+    vector = wanted["name"] == "velocity"
+    same(grid.valueTypeName, "vec3s" if vector else "float", "type")
+    same(str(grid.gridClass), wanted["class"], "class")
+    same(str(grid.vectorType), "contravariant relative" if vector else "invariant", "vector type")
+    same(grid.saveFloatAsHalf, half, "half")
+    background = stored(wanted["background"], half)
+    same(bits(grid.background), bits([background] * 3 if vector else background), "background")
+    size = float(numpy.float32(wanted["voxel"]))
+    same(tuple(grid.transform.voxelSize()), (size,) * 3, "voxel size")
+    same(tuple(grid.transform.indexToWorld((8, -3, 1))), (8 * size, -3 * size, size), "place of a node")
+    same(tuple(grid.transform.worldToIndex((0, 0, 0))), (0, 0, 0), "node of the origin")
+    packed = {"blosc": "blosc + active values", "zip": "zip + active values", "none": "active values"}
+    same(grid.metadata["file_compression"], packed[compression], "compression")
+    same(grid.metadata["file_voxel_count"], len(wanted["active"]), "voxel count")
+    if wanted["active"]:
+        low, high = grid.evalActiveVoxelBoundingBox()
+        same(tuple(grid.metadata["file_bbox_min"]), tuple(low), "lowest node")
+        same(tuple(grid.metadata["file_bbox_max"]), tuple(high), "highest node")
+
+
+def compare_values(grid, wanted, half):
+    found = {}
+    for item in grid.citerOnValues():
+        same((item.count, item.depth), (1, 3), "an active value is a voxel")
+        found[tuple(item.min)] = bits(item.value)
+    written = {(i, j, k): bits([stored(part, half) for part in parts]) for i, j, k, parts in wanted["active"]}
+    wrong = [node for node in found.keys() | written.keys() if found.get(node) != written.get(node)]
+    expect(not wrong, f"{len(wrong)} of {len(written)} active values differ, one of them at {wrong[:1]}")
+
+
+def compare_tree(grid, wanted, half):
+    leaves = {tuple(leaf) for leaf in wanted["leaves"]}
+    tiles = {tuple(tile) for tile in wanted["tiles"]}
+    lower = {tuple(v >> 4 for v in brick) for brick in leaves | tiles}
+    upper = {tuple(v >> 5 for v in node) for node in lower}
+    same(grid.leafCount(), len(leaves), "leaves")
+    same(grid.nonLeafCount(), 1 + len(lower) + len(upper), "inner nodes and the root")
+    same({leaf_of(node[:3]) for node in wanted["active"]} <= leaves, True, "active nodes are in leaves")
+
+    minus = {tuple(node) for node in wanted["minus"]}
+    plus_bits, minus_bits = bits(grid.background), bits([-stored(wanted["background"], half)])
+    found, seen = set(), set()
+    for item in grid.citerOffValues():
+        value, low = bits(item.value), tuple(item.min)
+        if item.depth == 3:
+            expect(leaf_of(low) in leaves, f"{low} is not in a leaf that was written")
+            seen.add(leaf_of(low))
+            expect((value == minus_bits) == (low in minus), f"inactive value at {low} is {item.value}")
+        elif value == minus_bits and value != plus_bits:
+            same((item.depth, item.count), (2, 512), f"the tile at {low}")
+            found.add(leaf_of(low))
+            continue
+        if low not in minus:
+            same(value, plus_bits, f"inactive value at {low}, depth {item.depth}")
+    same(found, tiles, "tiles that are inside")
+    expect(seen <= leaves, "inactive nodes are in leaves")
+
+
+def check_import(openvdb, folder, meniscus):
+    """A sphere that OpenVDB writes becomes a closed mesh of the right volume; returns what is wrong."""
+    sphere = openvdb.createLevelSetSphere(1.5, (0.25, -0.5, 1.0), 0.1, 3.0)
+    sphere.name = "ball"
+    path = folder / "sphere.vdb"
+    openvdb.write(str(path), grids=[sphere])
+    command = [meniscus, "mesh", str(path), "-o", str(folder / "meshed"), "--progress", "plain"]
+    run = subprocess.run(command, capture_output=True, encoding="utf-8")
+    figures = re.search(r"volume ([0-9.]+) m³  1 pieces", run.stderr)
+    exact = 4.0 / 3.0 * math.pi * 1.5**3
+    if run.returncode != 0 or not figures or abs(float(figures[1]) / exact - 1.0) > 0.005:
+        return f"exit code {run.returncode}, volume of {exact:.4f} m³ expected: {run.stderr}"
+    return ""
+
+
+def main():
+    openvdb = load_openvdb()
+    folder = Path(sys.argv[1])
+    equal, failed = 0, 0
+    cases = sorted(folder.glob("*.json"))
+    for path, precision, compression in product(cases, ("float", "half"), ("blosc", "zip", "none")):
+        case = json.loads(path.read_text(encoding="utf-8"))
+        file = folder / f"{case['name']}_{precision}_{compression}.vdb"
+        grids, about = openvdb.readAll(str(file))
+        same((about["creator"], about["meniscus_key"]), ("Meniscus", f"{0xfeed:016x}"), "metadata of the file")
+        same([grid.name for grid in grids], [grid["name"] for grid in case["grids"]], "grids")
+        for grid, wanted in zip(grids, case["grids"]):
+            half = precision == "half"
+            try:
+                compare_head(grid, wanted, half, compression)
+                compare_values(grid, wanted, half)
+                compare_tree(grid, wanted, half)
+                equal += 1
+            except AssertionError as why:
+                failed += 1
+                print(f"FAIL {file.name}, {grid.name}: {why}", flush=True)
+        # Grids outlive their file otherwise, and the module complains about that at exit.
+        del grids, grid
+    if meniscus := os.environ.get("MENISCUS"):
+        wrong = check_import(openvdb, folder, meniscus)
+        failed += bool(wrong)
+        print(f"FAIL a level set of OpenVDB: {wrong}" if wrong else "a level set of OpenVDB is meshed", flush=True)
+    version = ".".join(map(str, openvdb.LIBRARY_VERSION))
+    print(f"OpenVDB {version}: {failed} grids differ")
+    print(f"{equal} grids equal", flush=True)
+    return 1 if failed or not equal else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
