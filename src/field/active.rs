@@ -157,8 +157,8 @@ impl Active {
         Self { computed: reached(cloud, balls, voxel), filled: Bricks::default() }
     }
 
-    /// Missing bricks that values contradict: some of the nodes of bricks `of` that `grid` has are
-    /// on the other side.
+    /// Missing bricks that values contradict: some of the nodes beside them, of bricks `of` that `grid` has, are on the
+    /// other side.
     pub(super) fn contradicted(&self, grid: &SparseGrid, threshold: f32, of: &Bricks) -> Vec<[i32; 3]> {
         let sides = sides();
         let mut found = par::map_chunks(of.len(), TASK, |range| {
@@ -167,15 +167,18 @@ impl Active {
                 let brick = grid.bricks.find(coord).expect("a brick of the grid");
                 let inside = mask_of(grid.brick(brick), |&value| value >= threshold);
                 for (step, side) in &sides {
-                    let beside = std::array::from_fn(|axis| coord[axis] + step[axis]);
-                    if grid.bricks.find(beside).is_some() {
-                        continue;
-                    }
-                    let is_filled = self.filled.find(beside).is_some();
-                    let differ = |(&inside, &side): (&u64, &u64)| {
-                        (if is_filled { !inside } else { inside }) & side != 0
+                    let meets = |inside: &NodeMask, not: u64| {
+                        inside.iter().zip(side).any(|(inside, side)| (inside ^ not) & side != 0)
                     };
-                    if inside.iter().zip(side).any(differ) {
+                    let (is_inside, is_outside) = (meets(&inside, 0), meets(&inside, u64::MAX));
+                    let beside = std::array::from_fn(|axis| coord[axis] + step[axis]);
+                    let is_filled = || self.filled.find(beside).is_some();
+                    let is_contradicted = if is_inside {
+                        grid.bricks.find(beside).is_none() && (is_outside || !is_filled())
+                    } else {
+                        is_filled()
+                    };
+                    if is_contradicted {
                         found.push(beside);
                     }
                 }

@@ -2,8 +2,13 @@
 //!
 //! *Method* [yu13] section 4: a weighted covariance of the neighbours tells along which axes a particle's surroundings
 //! stretch; the kernel is stretched alike, and its centre moved towards their mean. w = 1 − (r/R)³ within R = 2h.
-//! *Departs from the paper*: k_s is the filled lattice's own, so that no constant depends on units; particles with no
-//! surface near keep the ball, which they would get up to the liquid's disorder.
+//! *Departs from the paper*:
+//! - Particles at a surface all move inwards, half a spacing and more, and the liquid shrinks. What the particles beside
+//!   one move by in common, as far as they are as deep, is taken back: only the disorder is smoothed.
+//! - Half axes go with standard deviations, not with variances: along variances the outermost layers are so thin that the
+//!   density falls between them.
+//! - k_s is the filled lattice's own, so that no constant depends on units.
+//! - Particles with no surface near keep the ball, which they would get up to the liquid's disorder.
 //!
 //! Symbols: C → covariance [R²]; Σ̃ → `scale` [–]; G = R Σ̃⁻¹ Rᵀ/h [1/m]; λ → `smoothing`; k_r → `ratio`.
 //! Limits: a lone particle, or one with few neighbours, is a ball of half the radius.
@@ -11,8 +16,9 @@
 use super::{
     DensityParams,
     blob::{Blob, Blobs},
-    cloud::{Cloud, Moments, Weight},
-    density::{kernel, weights},
+    cloud::{Cloud, Moments, Vectors, Weight},
+    density::weights,
+    threshold::PLANES,
 };
 use crate::{
     grid::{BRICK, Bricks},
@@ -24,6 +30,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// How kernels follow their neighbourhoods.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,6 +64,9 @@ const LONE: f32 = 0.5;
 /// a ball does not reach as far.
 const NEAR: f32 = 1.5;
 
+/// Particles nearer than this to a plane are as deep [spacings]: a layer, and not the next.
+const LAYER: f32 = 0.75;
+
 /// The weight of the covariance.
 struct Cubic;
 
@@ -72,7 +82,7 @@ pub(super) struct Shaper {
     anisotropy: Anisotropy,
     /// h [m].
     h: f32,
-    /// The covariance of filled space.
+    /// The standard deviation of filled space [R].
     lattice: f32,
     /// The particles in cells as wide as the neighbourhoods.
     wide: Cloud,
@@ -80,6 +90,10 @@ pub(super) struct Shaper {
     places: Vec<u32>,
     /// Which kernels are shaped, in their own order.
     shaped: Vec<bool>,
+    /// From every shaped particle to the mean of its neighbours [m], in the order of `wide`.
+    shifts: Vectors,
+    /// How thick the layer is in which shifts are compared, on either side [m].
+    layer: f32,
 }
 
 impl Shaper {
@@ -98,14 +112,15 @@ impl Shaper {
         }
         let mut places = vec![0; positions.len()];
         par::fill(&mut places, |place| place_of[wide.cells.order()[place] as usize]);
-        let shaped = vec![false; positions.len()];
         Self {
             anisotropy: *anisotropy,
             h,
-            lattice: lattice_variance(params.kernel_radius),
+            lattice: lattice_deviation(params.kernel_radius),
+            shaped: vec![false; positions.len()],
+            shifts: Vectors::new(&wide),
+            layer: LAYER * params.spacing,
             wide,
             places,
-            shaped,
         }
     }
 
@@ -117,30 +132,38 @@ impl Shaper {
     }
 
     /// Shapes the kernels of particles that are `near`, in the order of `cloud`, and not shaped yet.
-    pub(super) fn shape(&mut self, cloud: &Cloud, kernels: &mut Blobs, near: &[bool]) {
+    pub(super) fn shape(&mut self, kernels: &mut Blobs, near: &[bool]) {
         let Blobs::Ellipsoids { blobs, reach } = kernels else {
             unreachable!("balls of their own have no shape")
         };
-        let is_due = |place: usize| {
-            let place = self.places[place] as usize;
-            near[place] && !self.shaped[place]
-        };
-        let made = self.wide.moments::<Cubic, true, _>(
-            REACH * self.h,
-            |mut places| places.any(is_due),
-            |place, moments| {
-                is_due(place).then(|| {
-                    let weight = blobs[self.places[place] as usize].weight;
-                    blob(self.wide.at(place), weight, moments, &self.anisotropy, self.h, self.lattice)
-                })
-            },
-        );
-        for (&place, made) in self.places.iter().zip(made) {
-            if let Some(made) = made {
-                let place = place as usize;
-                let moved = (made.center - cloud.at(place)).abs().max();
-                *reach = reach.max(moved + made.extents.max());
-                blobs[place] = made;
+        let (wide, places, radius) = (&self.wide, &self.places, REACH * self.h);
+        let mut due = vec![false; places.len()];
+        par::fill(&mut due, |place| near[places[place] as usize] && !self.shaped[places[place] as usize]);
+        let wanted = |places: Range<usize>| due[places].contains(&true);
+
+        // Shape them, and see where their neighbours are.
+        let made = wide.moments::<Cubic, true, _>(radius, wanted, |place, moments| {
+            due[place].then(|| {
+                let weight = blobs[places[place] as usize].weight;
+                let shape = blob(wide.at(place), weight, moments, &self.anisotropy, self.h, self.lattice);
+                (shape, moments.first / moments.zeroth * radius)
+            })
+        });
+        for (place, made) in made.iter().enumerate() {
+            if let Some((_, shift)) = made {
+                self.shifts.set(place, *shift);
+            }
+        }
+
+        // Move them there, as far as those beside them do not.
+        let common = wide.means_across::<Cubic>(radius, self.layer, &self.shifts, wanted);
+        for (place, made) in made.into_iter().enumerate() {
+            if let Some((mut blob, shift)) = made {
+                let own = (shift - common[place]) * self.anisotropy.smoothing;
+                blob.center += own; // x̄, [yu13] Eq. 6
+                *reach = reach.max(own.abs().max() + blob.extents.max());
+                let place = places[place] as usize;
+                blobs[place] = blob;
                 self.shaped[place] = true;
             }
         }
@@ -175,20 +198,20 @@ pub(super) fn near(cloud: &Cloud, bricks: &Bricks, voxel: f32, h: f32) -> Vec<bo
     parts.concat()
 }
 
-/// The kernel of one particle at `x` with isotropic weight `weight`; `lattice` is the covariance of filled space.
+/// The kernel of one particle at `x` with isotropic weight `weight`, not moved; `lattice` is the deviation of filled space.
 fn blob(x: Vec3, weight: f32, moments: &Moments, anisotropy: &Anisotropy, h: f32, lattice: f32) -> Blob {
     let mean = moments.first / moments.zeroth;
-    let center = x + mean * (anisotropy.smoothing * REACH * h); // x̄, [yu13] Eq. 6
     if moments.count <= FEW + 1.0 {
-        return ball(center, weight, h, LONE); // [yu13] Eq. 15
+        return ball(x, weight, h, LONE); // [yu13] Eq. 15
     }
     let mut covariance = moments.second;
     for (part, (a, b)) in covariance.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
         *part = *part / moments.zeroth - mean[a] * mean[b]; // C, [yu13] Eq. 9
     }
     let (sigma, axes) = symmetric::eigen(&covariance);
-    let least = sigma[0] / anisotropy.ratio;
-    let scale = sigma.map(|s| s.max(least) / lattice); // Σ̃, [yu13] Eq. 15
+    let deviation = sigma.map(|s| s.max(0.0).sqrt());
+    let least = deviation[0] / anisotropy.ratio;
+    let scale = deviation.map(|s| s.max(least) / lattice); // Σ̃, [yu13] Eq. 15
     let mut matrix: Symmetric = [0.0; 6];
     let mut extents2 = Vec3::zeros();
     for (axis, scale) in axes.iter().zip(scale) {
@@ -199,7 +222,7 @@ fn blob(x: Vec3, weight: f32, moments: &Moments, anisotropy: &Anisotropy, h: f32
         extents2 += axis.component_mul(axis) * (scale * h).powi(2);
     }
     let determinant = 1.0 / scale.iter().product::<f32>();
-    Blob { center, matrix, extents: extents2.map(f32::sqrt), weight: weight * determinant }
+    Blob { center: x, matrix, extents: extents2.map(f32::sqrt), weight: weight * determinant }
 }
 
 /// A round kernel of radius `scale` h.
@@ -209,8 +232,8 @@ fn ball(center: Vec3, weight: f32, h: f32, scale: f32) -> Blob {
     Blob { center, matrix: [m, m, m, 0.0, 0.0, 0.0], extents, weight: weight / scale.powi(3) }
 }
 
-/// The covariance of the filled lattice along each axis [R²]: 1/k_s.
-fn lattice_variance(kernel_radius: f32) -> f32 {
+/// The standard deviation of the filled lattice along each axis [R]: 1/k_s.
+fn lattice_deviation(kernel_radius: f32) -> f32 {
     let radius = f64::from(REACH * kernel_radius);
     let n = radius.ceil() as i32;
     let (mut sum, mut second) = (0.0, 0.0);
@@ -221,47 +244,29 @@ fn lattice_variance(kernel_radius: f32) -> f32 {
         sum += w;
         second += w * d[0] * d[0];
     }
-    (second / sum) as f32
+    (second / sum).sqrt() as f32
 }
 
-/// The mean φ half a spacing beyond a filled half-space of the cubic lattice: the surface of the filled volume, whatever
-/// the kernels' stretch and smoothing did to it.
+/// The φ on the surface of filled space, see [`super::threshold`], with the kernels' stretch and smoothing.
 pub(super) fn threshold(anisotropy: &Anisotropy, kernel_radius: f32) -> f32 {
-    let params = DensityParams {
-        spacing: 1.0,
-        kernel_radius,
-        voxel: 0.5,
-        anisotropy: Some(*anisotropy),
-        whole: false,
-    };
-    // As wide as the kernels that reach the middle see, as deep as the surface is felt.
-    let reach = ((1.5 + REACH) * kernel_radius).ceil() as i32 + 1;
-    let depth = (REACH * kernel_radius).ceil() as i32 + 2;
-    let mut positions = Vec::new();
-    for z in -depth..=0 {
-        for y in -reach..=reach {
-            positions.extend((-reach..=reach).map(|x| Vec3::new(x as f32, y as f32, z as f32)));
-        }
-    }
-    let cloud = Cloud::new(&positions, kernel_radius);
-    let mut shaper = Shaper::new(&positions, &cloud, anisotropy, &params);
-    let mut blobs = shaper.balls(&cloud, &weights(&cloud, kernel_radius));
-    shaper.shape(&cloud, &mut blobs, &vec![true; positions.len()]);
-    let samples = 8;
-    let mut sum = 0.0;
-    for sample in 0..samples * samples {
-        let at = |i: i32| (i as f32 + 0.5) / samples as f32;
-        let x = Vec3::new(at(sample % samples), at(sample / samples), 0.5);
-        for place in 0..cloud.len() {
-            let blob = blobs.at(&cloud, place);
-            let d = x - blob.center;
-            let [xx, yy, zz, xy, xz, yz] = blob.matrix;
-            let q2 = xx * d.x * d.x
-                + yy * d.y * d.y
-                + zz * d.z * d.z
-                + 2.0 * (xy * d.x * d.y + xz * d.x * d.z + yz * d.y * d.z);
-            sum += f64::from(blob.weight * kernel(q2.max(0.0).sqrt()));
-        }
-    }
-    (sum / f64::from(samples * samples)) as f32
+    let params =
+        DensityParams { spacing: 1.0, kernel_radius, voxel: 0.5, anisotropy: Some(*anisotropy), whole: false };
+    // Kernels that reach the samples, what shapes them, and what is beside those.
+    let reach = f64::from((1.5 + 2.0 * REACH) * kernel_radius) + 4.0;
+    let levels = PLANES.map(|plane| {
+        let filled = plane.filled(reach);
+        let positions: Vec<Vec3> = filled.into_iter().map(|j| Vec3::from(j.map(|v| v as f32))).collect();
+        let cloud = Cloud::new(&positions, kernel_radius);
+        let near: Vec<bool> = (0..cloud.len()).map(|place| cloud.at(place).norm() < 1.5 * kernel_radius + 4.5).collect();
+        let mut shaper = Shaper::new(&positions, &cloud, anisotropy, &params);
+        let mut blobs = shaper.balls(&cloud, &weights(&cloud, kernel_radius));
+        shaper.shape(&mut blobs, &near);
+        let samples = plane.samples();
+        let density = |i: usize| {
+            let x = samples[i].cast::<f32>();
+            (0..cloud.len()).map(|place| f64::from(blobs.at(&cloud, place).value(x))).sum()
+        };
+        par::sum(samples.len(), density) / samples.len() as f64
+    });
+    (levels.iter().sum::<f64>() / levels.len() as f64) as f32
 }

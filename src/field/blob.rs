@@ -1,6 +1,6 @@
 //! What a particle adds to the density: a kernel over an ellipsoid.
 
-use super::cloud::Cloud;
+use super::{cloud::Cloud, density::kernel};
 use crate::math::{Vec3, symmetric::Symmetric};
 
 /// One particle's kernel: φ += `weight` K(√(dᵀ M d)) with d from `center`.
@@ -14,6 +14,17 @@ pub(super) struct Blob {
     pub(super) extents: Vec3,
     /// V W(0, h) det(h G) [–].
     pub(super) weight: f32,
+}
+
+impl Blob {
+    /// What it adds at `x` [m].
+    pub(super) fn value(&self, x: Vec3) -> f32 {
+        let d = x - self.center;
+        let [xx, yy, zz, xy, xz, yz] = self.matrix;
+        let beside = xy * d.x * d.y + xz * d.x * d.z + yz * d.y * d.z;
+        let q2 = xx * d.x * d.x + yy * d.y * d.y + zz * d.z * d.z + 2.0 * beside;
+        self.weight * kernel(q2.max(0.0).sqrt())
+    }
 }
 
 /// Every particle's, in the cells' order.

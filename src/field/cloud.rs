@@ -97,6 +97,123 @@ impl Cloud {
     }
 }
 
+/// Vectors of particles, in the order of a [`Cloud`].
+pub(super) struct Vectors {
+    /// One array an axis; eight more numbers than particles.
+    axes: [Vec<f32>; 3],
+}
+
+impl Vectors {
+    /// All zero.
+    pub(super) fn new(cloud: &Cloud) -> Self {
+        Self { axes: [(); 3].map(|()| vec![0.0; cloud.len() + WIDTH]) }
+    }
+
+    pub(super) fn set(&mut self, place: usize, value: Vec3) {
+        for axis in 0..3 {
+            self.axes[axis][place] = value[axis];
+        }
+    }
+}
+
+impl Cloud {
+    /// The weighted means of `vectors` over the particles within `radius` [m] ≤ the cells' edge that lie less than `half`
+    /// [m] before or behind the plane through a particle across its own vector; zero for groups that are not `wanted`.
+    pub(super) fn means_across<W: Weight>(
+        &self,
+        radius: f32,
+        half: f32,
+        vectors: &Vectors,
+        wanted: impl Fn(Range<usize>) -> bool + Sync,
+    ) -> Vec<Vec3> {
+        let mut means = vec![Vec3::zeros(); self.len()];
+        par::for_chunks(&mut means, TASK, |first, means| {
+            let mut groups = Vec::new();
+            self.cells.for_each_group(first..first + means.len(), SPAN, |places, stretches| {
+                if wanted(places.clone()) {
+                    groups.push((places, *stretches));
+                }
+            });
+            wide::run(Across::<W> {
+                axes: [&self.axes[0], &self.axes[1], &self.axes[2]],
+                vectors: [&vectors.axes[0], &vectors.axes[1], &vectors.axes[2]],
+                groups: &groups,
+                first,
+                inverse: 1.0 / radius,
+                thin: radius / half,
+                means,
+                weight: std::marker::PhantomData,
+            });
+        });
+        means
+    }
+}
+
+/// The means of a chunk of particles.
+struct Across<'a, W> {
+    axes: [&'a [f32]; 3],
+    vectors: [&'a [f32]; 3],
+    /// As those of [`Around`].
+    groups: &'a [(Range<usize>, [[u32; 2]; 9])],
+    first: usize,
+    /// 1/radius [1/m].
+    inverse: f32,
+    /// radius/half.
+    thin: f32,
+    means: &'a mut [Vec3],
+    weight: std::marker::PhantomData<W>,
+}
+
+impl<W: Weight> Job for Across<'_, W> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (places, stretches) in self.groups {
+            for place in places.clone() {
+                let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
+                let vector = [self.vectors[0][place], self.vectors[1][place], self.vectors[2][place]];
+                let length = (vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]).sqrt();
+                let scale = if length > 0.0 { self.thin / length } else { 0.0 };
+                let normal = vector.map(|v| v * scale);
+                let mut sums = [[0.0; WIDTH]; 4];
+                for &[from, to] in stretches {
+                    let (mut at, to) = (from as usize, to as usize);
+                    while at < to {
+                        self.eight(own, normal, at, to - at, &mut sums);
+                        at += WIDTH;
+                    }
+                }
+                let [w, x, y, z] = sums.map(wide::sum);
+                self.means[place - self.first] = Vec3::new(x, y, z) / w;
+            }
+        }
+    }
+}
+
+impl<W: Weight> Across<'_, W> {
+    /// Adds eight candidates from place `at` on, of which the first `left` are meant; `normal` is radius/half long.
+    #[inline(always)]
+    fn eight(&self, own: [f32; 3], normal: [f32; 3], at: usize, left: usize, sums: &mut [Wide; 4]) {
+        let rows: [&Wide; 3] = [row(self.axes[0], at), row(self.axes[1], at), row(self.axes[2], at)];
+        let values: [&Wide; 3] =
+            [row(self.vectors[0], at), row(self.vectors[1], at), row(self.vectors[2], at)];
+        for lane in 0..WIDTH {
+            let dx = (rows[0][lane] - own[0]) * self.inverse;
+            let dy = (rows[1][lane] - own[1]) * self.inverse;
+            let dz = (rows[2][lane] - own[2]) * self.inverse;
+            let q = (dx * dx + dy * dy + dz * dz).sqrt();
+            let away = dx * normal[0] + dy * normal[1] + dz * normal[2];
+            let meant = (lane as u32) < (left as u32) && q < 1.0;
+            let w = if meant { W::of(q) * (1.0 - away * away).max(0.0) } else { 0.0 };
+            sums[0][lane] += w;
+            sums[1][lane] += if meant { w * values[0][lane] } else { 0.0 };
+            sums[2][lane] += if meant { w * values[1][lane] } else { 0.0 };
+            sums[3][lane] += if meant { w * values[2][lane] } else { 0.0 };
+        }
+    }
+}
+
 /// The moments of a chunk of particles.
 struct Around<'a, W, const ALL: bool> {
     axes: [&'a [f32]; 3],

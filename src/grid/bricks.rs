@@ -237,7 +237,11 @@ pub fn is_set(mask: &NodeMask, place: usize) -> bool {
 pub fn mask_of<T>(values: &[T], belongs: impl Fn(&T) -> bool) -> NodeMask {
     let mut mask = [0; BRICK_NODES / 64];
     for (word, values) in mask.iter_mut().zip(values.chunks(64)) {
-        *word = values.iter().rev().fold(0, |word, value| word << 1 | u64::from(belongs(value)));
+        let rows = values.as_chunks::<BRICK>().0.iter().map(|row| {
+            let bit = |(x, value): (usize, &T)| u64::from(belongs(value)) << x;
+            row.iter().enumerate().map(bit).fold(0, |bits, bit| bits | bit)
+        });
+        *word = rows.rev().fold(0, |word, row| word << BRICK | row);
     }
     mask
 }

@@ -18,7 +18,7 @@
 
 use super::{Contour, Mesh, cases};
 use crate::{
-    grid::{BRICK, BRICK_NODES, SparseGrid, offset},
+    grid::{BRICK, BRICK_NODES, NodeMask, SparseGrid, mask_of, offset},
     math::Vec3,
     par,
 };
@@ -168,29 +168,24 @@ impl Window {
     }
 }
 
-/// The nodes of a brick that are inside, as rows along x: bit x of row y + 8·z.
-#[derive(Clone, Copy)]
-struct Signs([u8; BRICK * BRICK]);
-
-impl Default for Signs {
-    fn default() -> Self {
-        Self([0; BRICK * BRICK])
-    }
-}
+/// The nodes of a brick that are inside.
+#[derive(Clone, Copy, Default)]
+struct Signs(NodeMask);
 
 impl Signs {
     fn of(contour: &Contour, brick: usize) -> Self {
-        let mut rows = [0; BRICK * BRICK];
-        for (row, values) in rows.iter_mut().zip(contour.grid.brick(brick).as_chunks::<BRICK>().0) {
-            *row = (0..BRICK).fold(0, |bits, x| bits | u8::from(contour.is_inside(values[x])) << x);
-        }
-        Self(rows)
+        Self(mask_of(contour.grid.brick(brick), |&value| contour.is_inside(value)))
+    }
+
+    /// The nodes of row y of layer z, bit x.
+    fn row(&self, y: usize, z: usize) -> u16 {
+        (self.0[z] >> (BRICK * y)) as u16 & 0xff
     }
 
     /// Whether all nodes are inside (`Some(true)`) or outside (`Some(false)`).
     fn side(&self) -> Option<bool> {
-        let all = |row: u8| self.0.iter().all(|&other| other == row);
-        if all(u8::MAX) { Some(true) } else { all(0).then_some(false) }
+        let all = |word: u64| self.0.iter().all(|&other| other == word);
+        if all(u64::MAX) { Some(true) } else { all(0).then_some(false) }
     }
 }
 
@@ -290,9 +285,9 @@ fn rows(signs: &[Signs], around: &[u32; 8]) -> ([u16; 81], [u16; 81]) {
     let (mut inside, mut present) = ([0; 81], [0; 81]);
     for z in 0..=BRICK {
         for y in 0..=BRICK {
-            let (row, side) = (y % BRICK + BRICK * (z % BRICK), (y / BRICK) << 1 | (z / BRICK) << 2);
-            let own = signs.get(around[side] as usize).map(|signs| u16::from(signs.0[row]));
-            let next = signs.get(around[side | 1] as usize).map(|signs| u16::from(signs.0[row]) & 1);
+            let side = (y / BRICK) << 1 | (z / BRICK) << 2;
+            let row = |brick: u32| signs.get(brick as usize).map(|signs| signs.row(y % BRICK, z % BRICK));
+            let (own, next) = (row(around[side]), row(around[side | 1]).map(|row| row & 1));
             inside[y + 9 * z] = own.unwrap_or(0) | next.unwrap_or(0) << BRICK;
             present[y + 9 * z] = own.map_or(0, |_| 0xff) | next.map_or(0, |_| 1) << BRICK;
         }

@@ -20,30 +20,21 @@ const SNAP: f64 = 1e-4;
 /// their faces instead. A vertex without any face of its own size gets +Z.
 pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
     let contour = contour.into();
-    let faces = face_normals(mesh);
-    let chunks = par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
+    let mut normals = face_normals(mesh);
+    let replaced = par::map_chunks_of_many([&mut normals], par::CHUNK, |start, [normals]| {
         let mut reader = Reader::new(contour.grid);
         let mut replaced = 0;
-        let normals: Vec<Vec3> = range
-            .map(|v| {
-                let gradient = reader.gradient(mesh.positions[v]) * contour.outward();
-                gradient.try_normalize(0.0).filter(|n| usable(n) && n.dot(&faces[v]) > 0.0).unwrap_or_else(
-                    || {
-                        replaced += 1;
-                        faces[v].try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
-                    },
-                )
-            })
-            .collect();
-        (normals, replaced)
+        for (face, x) in normals.iter_mut().zip(&mesh.positions[start..]) {
+            let gradient = reader.gradient(*x) * contour.outward();
+            let normal = gradient.try_normalize(0.0).filter(|n| usable(n) && n.dot(face) > 0.0);
+            *face = normal.unwrap_or_else(|| {
+                replaced += 1;
+                face.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
+            });
+        }
+        replaced
     });
-    let mut normals = Vec::with_capacity(mesh.positions.len());
-    let mut replaced = 0;
-    for (part, count) in chunks {
-        normals.extend(part);
-        replaced += count;
-    }
-    (normals, replaced)
+    (normals, replaced.into_iter().sum())
 }
 
 /// Unit outward normals at the vertices of `mesh` by the area-weighted normals of the faces around them; +Z where these
@@ -93,15 +84,24 @@ impl<'a> Reader<'a> {
         for z in 0..WITH_RIM {
             for y in 0..WITH_RIM {
                 let ((by, ly), (bz, lz)) = (within(y), within(z));
-                for x in 0..WITH_RIM {
-                    let (bx, lx) = within(x);
-                    let value = around[bx + 3 * (by + 3 * bz)]
-                        .map_or(f32::NAN, |values| values[offset([lx, ly, lz])]);
-                    self.nodes[x + WITH_RIM * (y + WITH_RIM * z)] =
-                        if value.is_finite() { value } else { f32::NAN };
+                let row = |bx: usize| {
+                    around[bx + 3 * (by + 3 * bz)].map(|values| &values[offset([0, ly, lz])..][..BRICK])
+                };
+                let to = &mut self.nodes[WITH_RIM * (y + WITH_RIM * z)..][..WITH_RIM];
+                to.fill(f32::NAN);
+                if let Some(row) = row(0) {
+                    to[0] = row[BRICK - 1];
+                }
+                if let Some(row) = row(1) {
+                    to[1..=BRICK].copy_from_slice(row);
+                }
+                if let Some(row) = row(2) {
+                    to[BRICK + 1..].copy_from_slice(&row[..WITH_RIM - BRICK - 1]);
                 }
             }
         }
+        // What is infinite becomes not a number, all else stays.
+        self.nodes.iter_mut().for_each(|value| *value += *value - *value);
     }
 
     /// The gradient at a node 0..=8 of the brick visited, in the grid's unit a voxel: central differences, one-sided at the
