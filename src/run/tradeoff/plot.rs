@@ -69,7 +69,8 @@ pub(super) fn html(table: &Table) -> String {
          .reference{{color:#777}}p{{max-width:60em}}</style><h1>{title}</h1>\
          <p>Frames {frames}, {threads} threads. Every point is a setting; lower is more exact, left is faster. Nothing \
          beats the green ones. After the ringed one, more time buys little. What lies in the tinted band cannot be told \
-         from the reference, which differs from its own refinement by {uncertainty}.</p>{plot}\
+         from the reference, which differs from its own refinement by {uncertainty}. An error or a time of exactly 0 has no \
+         place on these axes: such settings stand in the table alone.</p>{plot}\
          <table><tr><th>#<th>setting<th>seconds<th>whole shot<th>density, mean<th>density, largest<th>volume<th>energy\
          <th>{observable}<th>positions<th></tr>{rows}</table>\
          <p>Density: how far from incompressible, mean of the frames and largest of all particles. Volume: of the \

@@ -128,12 +128,13 @@ impl Request {
         // The reference, and the reference refined.
         let knobs = refinable(&vary, &base);
         let reference = match &self.reference[..] {
-            [] => refine(&self.base, &knobs, &finest(&knobs, &rows)),
+            [] => refine(&self.base, &knobs, &finest(&knobs, &rows), &limits(rows.iter().map(|row| &row.1))),
             given => Overrides { set: [&self.base.set[..], given].concat(), ..self.base.clone() },
         };
         let reference = checked(preset, "reference", reference)?;
         let values: Vec<Option<f64>> = knobs.iter().map(|knob| number(&reference.1, knob.key)).collect();
-        let refined = checked(preset, "reference refined", refine(&reference.0.overrides, &knobs, &values))?;
+        let finer = refine(&reference.0.overrides, &knobs, &values, &limits([&reference.1].into_iter()));
+        let refined = checked(preset, "reference refined", finer)?;
         if refined.1.simulation_key() == reference.1.simulation_key() {
             return Err(RunError::Request(
                 "the reference cannot be refined: the preset has neither liquid.density_dev nor liquid.iterations \
@@ -161,7 +162,7 @@ struct Knob {
     key: &'static str,
     /// What a value is multiplied with to be finer.
     finer: f64,
-    /// The limit that has to give way, and by what factor: a finer knob must not only run into it.
+    /// The limit that has to give way: a finer knob must not only run into it.
     opens: Option<&'static str>,
 }
 
@@ -179,7 +180,7 @@ const KNOBS: [Knob; 6] = [
 /// preset can choose one.
 ///
 /// The length of substeps has two limits, the CFL rule and `min_substeps`; where one decides, the other does nothing, so
-/// both are moved together.
+/// both are moved together, as far as a preset may.
 pub fn defaults(scene: &Scene) -> Vec<Vary> {
     let solvers = choices("liquid.solver").into_iter().map(|solver| vec![solver]).collect::<Vec<_>>();
     let solver = (!solvers.is_empty()).then(|| Vary { keys: vec!["liquid.solver".into()], values: solvers });
@@ -194,12 +195,20 @@ pub fn defaults(scene: &Scene) -> Vec<Vary> {
         None => one("liquid.density_dev", ["0.1%", "0.3%", "1%"].map(String::from).to_vec()),
     };
     let keys = ["liquid.cfl", "liquid.min_substeps"];
+    let most = number(scene, "liquid.max_substeps").unwrap_or(f64::INFINITY);
     let steps = number(scene, keys[0]).zip(number(scene, keys[1])).map(|(cfl, least)| Vary {
         keys: keys.map(String::from).to_vec(),
-        values: [0.5, 1.0, 2.0].map(|f| vec![plain(keys[0], cfl * f), plain(keys[1], least / f)]).to_vec(),
+        values: [0.5, 1.0, 2.0]
+            .map(|f| vec![plain(keys[0], (cfl * f).min(LARGEST_CFL)), plain(keys[1], (least / f).min(most))])
+            .to_vec(),
     });
-    solver.into_iter().chain([iterating]).chain(steps).collect()
+    let mut vary: Vec<Vary> = solver.into_iter().chain([iterating]).chain(steps).collect();
+    vary.iter_mut().for_each(|vary| vary.values.dedup());
+    vary
 }
+
+/// The largest `liquid.cfl` that a preset may have.
+const LARGEST_CFL: f64 = 10.0;
 
 /// Every combination, the last key varying fastest.
 fn combinations(base: &Overrides, vary: &[Vary]) -> Vec<Setting> {
@@ -244,25 +253,40 @@ fn finest(knobs: &[Knob], rows: &[(Setting, Scene)]) -> Vec<Option<f64>> {
     knobs.iter().map(of).collect()
 }
 
-/// The overrides with every knob finer than its value, and the limits behind them wider.
-fn refine(base: &Overrides, knobs: &[Knob], values: &[Option<f64>]) -> Overrides {
-    let mut set = base.set.clone();
-    for (knob, value) in knobs.iter().zip(values) {
-        let Some(value) = value else { continue };
-        set.push(format!("{}={}", knob.key, plain(knob.key, value * knob.finer)));
-    }
-    let varied = |key: &str| knobs.iter().any(|knob| knob.key == key);
-    for (limit, most) in [("liquid.max_iterations", 100_000), ("liquid.max_substeps", 10_000)] {
-        if knobs.iter().any(|knob| knob.opens == Some(limit)) && !varied(limit) {
-            set.push(format!("{limit}={}", most.min(REFERENCE_LIMIT)));
-        }
-    }
-    Overrides { set, ..base.clone() }
+/// The limits that finer knobs may run into, each with its largest value in any scene.
+fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 2] {
+    ["liquid.max_iterations", "liquid.max_substeps"]
+        .map(|limit| (limit, scenes.clone().filter_map(|scene| number(scene, limit)).fold(0.0, f64::max)))
 }
 
-/// Iterations and substeps that a reference may take: it shows what the knobs do, not what the limits do. Ten
+/// The overrides with every knob finer than its value, and the limits behind them wider.
+fn refine(
+    base: &Overrides,
+    knobs: &[Knob],
+    values: &[Option<f64>],
+    limits: &[(&'static str, f64)],
+) -> Overrides {
+    let finer = |key: &str| {
+        let (knob, value) = knobs.iter().zip(values).find(|(knob, _)| knob.key == key)?;
+        value.map(|value| value * knob.finer)
+    };
+    let set = |key: &str, value: f64| format!("{key}={}", plain(key, value));
+    let refined = knobs.iter().filter_map(|knob| Some(set(knob.key, finer(knob.key)?)));
+
+    // A limit that is no knob itself gives way, and never falls below the fewest substeps.
+    let opened = limits
+        .iter()
+        .filter(|(limit, _)| finer(limit).is_none() && knobs.iter().any(|knob| knob.opens == Some(limit)));
+    let opened = opened.map(|&(limit, most)| {
+        let fewest = finer("liquid.min_substeps").filter(|_| limit == "liquid.max_substeps");
+        set(limit, most.max(REFERENCE_LIMIT).max(fewest.unwrap_or(0.0)))
+    });
+    Overrides { set: base.set.iter().cloned().chain(refined).chain(opened).collect(), ..base.clone() }
+}
+
+/// Iterations and substeps that a reference may take at least: it shows what the knobs do, not what the limits do. Ten
 /// times what the defaults allow; more would let a target that is never reached take days.
-const REFERENCE_LIMIT: u32 = 1000;
+const REFERENCE_LIMIT: f64 = 1000.0;
 
 /// A number as a preset takes it: whole where the key counts something.
 fn plain(key: &str, value: f64) -> String {
@@ -344,5 +368,38 @@ mod tests {
         assert_eq!((of(&sweep.reference.1).1, of(&sweep.refined.1).1), (0.3, 0.15));
         let other = request(&["liquid.softening=0.01,0.1"]).sweep(&preset).unwrap();
         assert!(of(&other.refined.1) < of(&other.reference.1));
+    }
+
+    #[test]
+    fn presets_at_the_limits_of_their_keys_can_be_swept() {
+        let preset = load("dam-break").unwrap();
+        let swept = |set: &[&str], vary: &[&str]| {
+            let base = Overrides { quality: None, set: set.iter().map(|&word| word.into()).collect() };
+            Request { base, ..request(vary) }.sweep(&preset).unwrap()
+        };
+        let steps = |scene: &Scene| {
+            let liquid = scene.liquid.as_ref().unwrap();
+            (liquid.cfl, liquid.min_substeps, liquid.max_substeps)
+        };
+        // Twice 60 substeps are more than the 100 that the preset allows, twice a CFL number of 6 more than 10.
+        let many = swept(&["liquid.min_substeps=60"], &[]);
+        let fewest: Vec<u32> = many.rows.iter().map(|(_, scene)| steps(scene).1).collect();
+        assert!(fewest.contains(&100) && fewest.iter().all(|&least| least <= 100), "{fewest:?}");
+        assert_eq!((steps(&many.reference.1), steps(&many.refined.1)), ((0.2, 200, 1000), (0.1, 400, 1000)));
+        let more = swept(&["liquid.min_substeps=400", "liquid.max_substeps=400"], &[]);
+        assert_eq!((steps(&more.reference.1).2, steps(&more.refined.1).2), (1000, 1600));
+        let long = swept(&["liquid.cfl=6"], &[]);
+        assert!(long.rows.iter().any(|(_, scene)| steps(scene).0 == 10.0));
+        let fixed = swept(&["liquid.density_dev=none", "liquid.iterations=1"], &["liquid.cfl=0.4"]);
+        assert_eq!(fixed.rows.len(), 2);
+        let once = defaults(&fixed.base);
+        assert!(once.iter().any(|vary| vary.values == [["1"], ["2"]]), "half of one is one: {once:?}");
+
+        // A reference may take as much as any row.
+        let iterations = |scene: &Scene| scene.liquid.as_ref().unwrap().max_iterations;
+        let patient = swept(&["liquid.max_iterations=5000"], &[]);
+        assert_eq!((iterations(&patient.reference.1), iterations(&patient.refined.1)), (5000, 5000));
+        let varied = swept(&[], &["liquid.cfl=0.4", "liquid.max_substeps=50,5000"]);
+        assert_eq!((steps(&varied.reference.1).2, steps(&varied.refined.1).2), (5000, 5000));
     }
 }
