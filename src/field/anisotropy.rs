@@ -249,15 +249,21 @@ fn lattice_deviation(kernel_radius: f32) -> f32 {
 
 /// The φ on the surface of filled space, see [`super::threshold`], with the kernels' stretch and smoothing.
 pub(super) fn threshold(anisotropy: &Anisotropy, kernel_radius: f32) -> f32 {
-    let params =
-        DensityParams { spacing: 1.0, kernel_radius, voxel: 0.5, anisotropy: Some(*anisotropy), whole: false };
+    let params = DensityParams {
+        spacing: 1.0,
+        kernel_radius,
+        voxel: 0.5,
+        anisotropy: Some(*anisotropy),
+        whole: false,
+    };
     // Kernels that reach the samples, what shapes them, and what is beside those.
     let reach = f64::from((1.5 + 2.0 * REACH) * kernel_radius) + 4.0;
     let levels = PLANES.map(|plane| {
         let filled = plane.filled(reach);
         let positions: Vec<Vec3> = filled.into_iter().map(|j| Vec3::from(j.map(|v| v as f32))).collect();
         let cloud = Cloud::new(&positions, kernel_radius);
-        let near: Vec<bool> = (0..cloud.len()).map(|place| cloud.at(place).norm() < 1.5 * kernel_radius + 4.5).collect();
+        let near: Vec<bool> =
+            (0..cloud.len()).map(|place| cloud.at(place).norm() < 1.5 * kernel_radius + 4.5).collect();
         let mut shaper = Shaper::new(&positions, &cloud, anisotropy, &params);
         let mut blobs = shaper.balls(&cloud, &weights(&cloud, kernel_radius));
         shaper.shape(&mut blobs, &near);

@@ -426,7 +426,7 @@ mod tests {
                         agrees.into_iter().all(|(&a, &b)| (a >= whole.threshold) == (b >= part.threshold))
                     );
                     // Rows between coarse nodes are interpolated, kernels far from the surface are balls.
-                    assert!(farthest < 0.05, "{farthest}");
+                    assert!(farthest < 0.08, "{farthest}");
                     continue;
                 }
                 let is_filled = part.grid.filled.find(coord).is_some();
@@ -454,7 +454,7 @@ mod tests {
     #[test]
     fn a_ball_has_the_volume_that_its_particles_fill() {
         for (kernel_radius, anisotropy, bound) in [
-            (1.5, None, 0.004),
+            (1.5, None, 0.006),
             (2.0, None, 0.002),
             (3.0, None, 0.004),
             (2.0, Some(Anisotropy::default()), 0.004),

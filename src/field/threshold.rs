@@ -49,7 +49,8 @@ impl Plane {
         };
         let weights: Vec<_> = self.filled(EDGE + h).into_iter().map(|j| (j, weight(j))).collect();
         let samples = self.samples();
-        let density = |&x: &Vector3<f64>| weights.iter().map(|&(j, weight)| weight * value(j, x)).sum::<f64>();
+        let density =
+            |&x: &Vector3<f64>| weights.iter().map(|&(j, weight)| weight * value(j, x)).sum::<f64>();
         samples.iter().map(density).sum::<f64>() / samples.len() as f64
     }
 
