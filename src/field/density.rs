@@ -425,8 +425,8 @@ mod tests {
                     assert!(
                         agrees.into_iter().all(|(&a, &b)| (a >= whole.threshold) == (b >= part.threshold))
                     );
-                    // Rows between coarse nodes are interpolated, kernels far from the surface are balls.
-                    assert!(farthest < 0.08, "{farthest}");
+                    // Rows that lie deep or faint are interpolated, kernels far from the surface are balls.
+                    assert!(farthest < 0.15, "{farthest}");
                     continue;
                 }
                 let is_filled = part.grid.filled.find(coord).is_some();
@@ -457,7 +457,7 @@ mod tests {
             (1.5, None, 0.006),
             (2.0, None, 0.002),
             (3.0, None, 0.004),
-            (2.0, Some(Anisotropy::default()), 0.004),
+            (2.0, Some(Anisotropy::default()), 0.006),
         ] {
             let mut positions = lattice([41; 3], 0.15);
             let centre = Vec3::repeat(20.5 * PARAMS.spacing);
