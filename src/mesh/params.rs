@@ -1,5 +1,6 @@
 //! What a preset can say about a surface.
 
+use crate::sdf::{Order, SdfParams};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -16,6 +17,17 @@ pub struct SurfaceParams {
     /// the surface.
     #[schemars(range(min = 1.0, max = 8.0))]
     pub kernel_radius: f32,
+    /// How far from the surface the signed distance is found, in voxels: as far as level sets reach. Normals look two
+    /// voxels far, so less than 3 tilts them; more makes only wider level sets, for more time and memory.
+    #[schemars(range(min = 1.0, max = 64.0))]
+    pub band: f32,
+    /// The order of the differences that the signed distance is found with. It shows in normals and level sets; where the
+    /// surface lies does not depend on it.
+    pub order: Order,
+    /// Edge of the blocks that a thread takes at a time while it finds the signed distance, in bricks of 8³ nodes. It
+    /// changes the time, never the result.
+    #[schemars(range(min = 1, max = 8))]
+    pub block: u32,
     /// What the vertices carry, by the names of the particles' channels: numbers and vectors as the mean around
     /// the vertex, whole numbers (`id`) from the nearest particle. `vorticity` [1/s] is made from `velocity`
     /// where the particles have none. A name that the particles lack is refused. Absent: `velocity`, if they have it.
@@ -37,11 +49,22 @@ impl Default for SurfaceParams {
         Self {
             voxel: 0.5,
             kernel_radius: 2.0,
+            band: 3.0,
+            order: Order::First,
+            block: 1,
             attributes: None,
             components: None,
             smoothing: None,
             decimation: None,
         }
+    }
+}
+
+impl SurfaceParams {
+    /// How the signed distance is found.
+    pub fn distance(&self) -> SdfParams {
+        let Self { band, order, block, .. } = *self;
+        SdfParams { band, order, block: block as usize, ..SdfParams::default() }
     }
 }
 

@@ -21,7 +21,7 @@ use crate::{
     field::{DensityParams, density},
     frame::Stream,
     math::Vec3,
-    sdf::{SdfParams, from_density},
+    sdf::{SignedDistance, from_density},
 };
 use std::time::Instant;
 
@@ -32,6 +32,8 @@ pub struct Surface {
     pub mesh: Mesh,
     /// The pieces that were too small to stay, if small pieces were to go.
     pub points: Option<Points>,
+    /// The signed distance that the mesh was cut from, before any clean-up.
+    pub distance: SignedDistance,
     /// Whether the mesh is sound, and its volume and area.
     pub check: MeshCheck,
     /// What it took.
@@ -130,7 +132,7 @@ pub fn reconstruct(
         density(positions, &DensityParams { spacing, kernel_radius, voxel })
     })?;
     let distance =
-        clock.time("distance", || from_density(&field.grid, field.threshold, &SdfParams::default()))?;
+        clock.time("distance", || from_density(&field.grid, field.threshold, &params.distance()))?;
     let (mut mesh, contour) = clock.time("marching cubes", || marching_cubes(&distance.grid))?;
 
     // Clean up, as far as the parameters say.
@@ -191,7 +193,7 @@ pub fn reconstruct(
         attributes_from_nearest,
         seconds: clock.seconds,
     };
-    Ok(Surface { mesh, points, check, stats })
+    Ok(Surface { mesh, points, distance, check, stats })
 }
 
 /// The positions of the particles, all finite.

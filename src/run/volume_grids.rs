@@ -60,6 +60,7 @@ impl VolumeGrids {
         let go_on = || if keep_going() { Ok(()) } else { Err(SurfaceError::Interrupted) };
         let positions = positions(particles)?;
         let SurfaceParams { voxel, kernel_radius, .. } = *params;
+        let distance = params.distance();
         let params = DensityParams { spacing, kernel_radius, voxel };
         let mut field = density(positions, &params);
         go_on()?;
@@ -70,7 +71,7 @@ impl VolumeGrids {
             ..VolumeStats::default()
         };
 
-        let surface = wanted.contains(&VolumeGrid::Surface).then(|| surface(&field));
+        let surface = wanted.contains(&VolumeGrid::Surface).then(|| surface(&field, &distance));
         go_on()?;
         let is_dense = masks(&field.grid.values, |&v| v > 0.0);
         let velocities = particles.vec3("velocity").filter(|_| wanted.contains(&VolumeGrid::Velocity));
@@ -127,8 +128,8 @@ impl VolumeGrids {
 }
 
 /// The distance to the surface of a density, the nodes it was found for, and the density's bricks deeper inside.
-fn surface(field: &Density) -> (SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>) {
-    let distance = from_density(&field.grid, field.threshold, &SdfParams::default());
+fn surface(field: &Density, params: &SdfParams) -> (SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>) {
+    let distance = from_density(&field.grid, field.threshold, params);
     let active = masks(&distance.grid.values, |v| v.abs() < distance.band);
     // A brick that the band does not reach is on one side as a whole.
     let coords = field.grid.bricks.coords().iter().enumerate();
