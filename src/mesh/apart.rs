@@ -1,8 +1,8 @@
 //! How far one surface is from another.
 //!
 //! *Method*: [cignoni98]'s measures, from exact distances to the nearest triangle: the mean square of the distance and of
-//! the angle between normals over the area, by three points a triangle that integrate squares of linear functions
-//! exactly; the largest distance, one half of Hausdorff's, by [tang09]'s bounds: the distance to a single triangle is
+//! the angle between normals over the area, from a triangle's corners and middle, which integrate squares of linear
+//! functions exactly; the largest distance, one half of Hausdorff's, by [tang09]'s bounds: the distance to a single triangle is
 //! convex, so over a triangle it is at most what it is at the corners. Triangles that may hold more than was found are
 //! quartered until none can.
 //! *Departs from the papers*: no random samples; where to look further is decided from the distances at all vertices, so
@@ -62,13 +62,15 @@ impl<'a> Target<'a> {
         Some(Self { mesh, normals: normals(mesh), tree })
     }
 
-    /// The nearest triangle and the distance to it [m].
+    /// The nearest triangle and the distance to it [m]. The search is shorter if `guess` is a triangle close by.
     ///
     /// # Panics
-    /// If `q` is not finite.
-    pub fn nearest(&self, q: Vec3) -> (u32, f32) {
-        let found = self.tree.nearest(q, f32::INFINITY).expect("a point has a nearest triangle");
-        (found.triangle, found.distance2.sqrt())
+    /// If there is no triangle `guess`.
+    pub fn nearest(&self, q: Vec3, guess: u32) -> (u32, f32) {
+        let known = self.distance_to(guess, q);
+        // Room for rounding, so that the guess itself is found if it is the nearest.
+        let found = self.tree.nearest(q, known * known * 1.0001 + f32::MIN_POSITIVE);
+        found.map_or((guess, known), |found| (found.triangle, found.distance2.sqrt()))
     }
 
     fn corners(&self, triangle: u32) -> [Vec3; 3] {
@@ -106,29 +108,34 @@ pub fn distance(mesh: &Mesh, target: &Target<'_>, step: f32) -> Distance {
     let normals = normals(mesh);
     let at = |t: usize| mesh.triangles[t].map(|v| mesh.positions[v as usize]);
 
+    // Look from every vertex; those beside each other mostly see the same triangle.
+    let mut near = vec![Seen::default(); mesh.positions.len()];
+    par::for_chunks(&mut near, CHUNK, |start, near| {
+        let mut guess = 0;
+        for (seen, v) in near.iter_mut().zip(start..) {
+            *seen = Seen::from(target, mesh.positions[v], normals[v], guess);
+            guess = seen.triangle;
+        }
+    });
+
     // Integrate over the area.
     let parts = par::map_chunks(mesh.triangles.len(), CHUNK, |range| {
         let mut sum = Distance::default();
         for t in range {
             let normals = mesh.triangles[t].map(|v| normals[v as usize]);
-            sum.add(target, &at(t), &normals, step);
+            let seen = mesh.triangles[t].map(|v| near[v as usize]);
+            sum.add(target, &at(t), &normals, &seen, step);
         }
         sum
     });
     let mut sum = parts.into_iter().fold(Distance::default(), Distance::joined);
 
-    // The largest distance: at the vertices, and inside those triangles that may hold more.
-    let mut near = vec![(0_u32, 0.0_f32); mesh.positions.len()];
-    let mut used = vec![false; mesh.positions.len()];
-    mesh.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
-    par::fill(&mut near, |v| if used[v] { target.nearest(mesh.positions[v]) } else { (0, 0.0) });
-    let found = near.iter().fold(sum.largest as f32, |most, (_, d)| most.max(*d));
+    // The largest distance may be inside a triangle, between what was looked at.
+    let found = sum.largest as f32;
     let inner = par::map_chunks(mesh.triangles.len(), CHUNK, |range| {
         let search = Search { target, slack: SLACK * step };
-        let look = |most: f32, t: usize| {
-            search.largest(&at(t), &mesh.triangles[t].map(|v| near[v as usize]), most, 0)
-        };
-        range.fold(found, look)
+        let corner = |v: u32| (near[v as usize].triangle, near[v as usize].distance);
+        range.fold(found, |most, t| search.largest(&at(t), &mesh.triangles[t].map(corner), most, 0))
     });
     sum.largest = f64::from(inner.into_iter().fold(found, f32::max));
     sum
@@ -137,9 +144,28 @@ pub fn distance(mesh: &Mesh, target: &Target<'_>, step: f32) -> Distance {
 /// Triangles that a thread takes at a time.
 const CHUNK: usize = 1024;
 
-/// The points that integrate squares of linear functions over a triangle exactly, by their shares of the corners.
-const POINTS: [[f32; 3]; 3] =
-    [[2.0 / 3.0, 1.0 / 6.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0]];
+/// What a point sees.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seen {
+    /// The nearest triangle.
+    triangle: u32,
+    /// The distance to it [m].
+    distance: f32,
+    /// The angle to its normal [rad].
+    angle: f32,
+}
+
+impl Seen {
+    /// What the point `x` with this normal sees of `target`.
+    fn from(target: &Target<'_>, x: Vec3, normal: Vec3, guess: u32) -> Self {
+        let (triangle, distance) = target.nearest(x, guess);
+        let other = target.normal_near(triangle, x);
+        Self { triangle, distance, angle: normal.cross(&other).norm().atan2(normal.dot(&other)) }
+    }
+}
+
+/// The weights of a triangle's corners and of its middle: squares of linear functions are integrated exactly.
+const WEIGHTS: [f64; 4] = [1.0 / 12.0, 1.0 / 12.0, 1.0 / 12.0, 0.75];
 
 impl Distance {
     /// The root of the mean square of the distance [m]; 0 for a surface without area.
@@ -163,38 +189,50 @@ impl Distance {
         }
     }
 
-    /// Adds a triangle, in n² parts no longer than `step`.
-    fn add(&mut self, target: &Target<'_>, corners: &[Vec3; 3], normals: &[Vec3; 3], step: f32) {
+    /// Adds a triangle whose corners see `seen`, in n² parts no longer than `step`.
+    fn add(
+        &mut self,
+        target: &Target<'_>,
+        corners: &[Vec3; 3],
+        normals: &[Vec3; 3],
+        seen: &[Seen; 3],
+        step: f32,
+    ) {
         let [a, b, c] = *corners;
-        let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        let longest = longest(corners);
         let n = (longest / step).ceil().max(1.0) as usize;
         let area = 0.5 * f64::from((b - a).cross(&(c - a)).norm());
-        let weight = area / (3 * n * n) as f64;
-        for (row, column, upward) in parts(n) {
-            for shares in POINTS {
-                // The part's corners are (row, column) steps along the sides from a; every other part points down.
-                let [_, s, t] = shares;
-                let (s, t) = if upward { (s, t) } else { (1.0 - s, 1.0 - t) };
-                let (s, t) = ((column as f32 + s) / n as f32, (row as f32 + t) / n as f32);
-                let x = a + (b - a) * s + (c - a) * t;
-                let normal = normals[0] * (1.0 - s - t) + normals[1] * s + normals[2] * t;
-                let (triangle, d) = target.nearest(x);
-                let other = target.normal_near(triangle, x);
-                let angle = f64::from(normal.cross(&other).norm().atan2(normal.dot(&other)));
-                self.largest = self.largest.max(f64::from(d));
-                self.square += weight * f64::from(d).powi(2);
-                self.angle_square += weight * angle * angle;
+        let from = |[s, t]: [f32; 2]| {
+            let x = a + (b - a) * s + (c - a) * t;
+            let normal = normals[0] * (1.0 - s - t) + normals[1] * s + normals[2] * t;
+            Seen::from(target, x, normal, seen[0].triangle)
+        };
+        for part in parts(n) {
+            let [p, q, r] = part;
+            let middle = [0, 1].map(|i| (p[i] + q[i] + r[i]) / 3.0);
+            let seen = if n == 1 { *seen } else { part.map(from) };
+            for (seen, share) in seen.into_iter().chain([from(middle)]).zip(WEIGHTS) {
+                let weight = area * share / (n * n) as f64;
+                self.largest = self.largest.max(f64::from(seen.distance));
+                self.square += weight * f64::from(seen.distance).powi(2);
+                self.angle_square += weight * f64::from(seen.angle).powi(2);
             }
         }
         self.area += area;
     }
 }
 
-/// The n² parts of a triangle, as row, column, and whether it points the way the whole does.
-fn parts(n: usize) -> impl Iterator<Item = (usize, usize, bool)> {
+/// The length of the longest side [m].
+fn longest([a, b, c]: &[Vec3; 3]) -> f32 {
+    (b - a).norm().max((c - b).norm()).max((a - c).norm())
+}
+
+/// The corners of a triangle's n² parts, as shares of its second and third corner.
+fn parts(n: usize) -> impl Iterator<Item = [[f32; 2]; 3]> {
+    let at = move |column: usize, row: usize| [column as f32 / n as f32, row as f32 / n as f32];
     (0..n).flat_map(move |row| {
-        let upward = (0..n - row).map(move |column| (row, column, true));
-        let downward = (0..n - row - 1).map(move |column| (row, column, false));
+        let upward = (0..n - row).map(move |i| [at(i, row), at(i + 1, row), at(i, row + 1)]);
+        let downward = (0..n - row - 1).map(move |i| [at(i + 1, row + 1), at(i, row + 1), at(i + 1, row)]);
         upward.chain(downward)
     })
 }
@@ -210,6 +248,11 @@ impl Search<'_> {
     fn largest(&self, corners: &[Vec3; 3], near: &[(u32, f32); 3], most: f32, depth: u32) -> f32 {
         let most = near.iter().fold(most, |most, (_, d)| most.max(*d));
         let enough = most * (1.0 + SHORT) + self.slack;
+        // No point of a triangle is farther than its longest side over √3 from all of its corners.
+        let nearer = near.iter().fold(0.0, |far: f32, (_, d)| far.max(*d)) + 0.578 * longest(corners);
+        if nearer <= enough {
+            return most;
+        }
         // Nowhere in the triangle is the distance to one triangle larger than at the corners.
         let bound = |&(triangle, _): &(u32, f32)| {
             corners.iter().map(|&x| self.target.distance_to(triangle, x)).fold(0.0, f32::max)
@@ -221,7 +264,7 @@ impl Search<'_> {
         let [a, b, c] = *corners;
         let middles = [(a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5];
         let [ab, bc, ca] = middles;
-        let [n_ab, n_bc, n_ca] = middles.map(|x| self.target.nearest(x));
+        let [n_ab, n_bc, n_ca] = middles.map(|x| self.target.nearest(x, near[0].0));
         let quarters = [
             ([a, ab, ca], [near[0], n_ab, n_ca]),
             ([ab, b, bc], [n_ab, near[1], n_bc]),
@@ -302,7 +345,7 @@ mod tests {
         for (i, j) in (0..1000).flat_map(|i| (0..1000 - i).map(move |j| (i, j))) {
             let (s, t) = (i as f32 / 1000.0, j as f32 / 1000.0);
             let x = corners[0] + (corners[1] - corners[0]) * s + (corners[2] - corners[0]) * t;
-            exact = exact.max(target.nearest(x).1);
+            exact = exact.max(target.nearest(x, 0).1);
         }
         let found = found as f32;
         assert!(found <= exact * 1.0001 && found > exact * 0.99 - SLACK * 10.0, "{found} of {exact}");

@@ -270,11 +270,12 @@ fn field_error(distance: &SignedDistance) -> Option<FieldError> {
     // An odd stride is at every place of a brick equally often.
     let stride = (grid.values.len() / NODES).max(1) | 1;
     let seen = par::map_chunks(grid.values.len().div_ceil(stride), par::CHUNK, |range| {
-        let mut sum = (0.0, 0.0_f64, 0_usize);
+        let (mut sum, mut guess) = ((0.0, 0.0_f64, 0_usize), 0);
         for slot in range.map(|i| i * stride) {
             let found = grid.values[slot].abs();
             if found < distance.band {
-                let exact = target.nearest(grid.position_of(slot)).1;
+                let (triangle, exact) = target.nearest(grid.position_of(slot), guess);
+                guess = triangle;
                 let error = f64::from((found - exact).abs() / grid.voxel);
                 sum = (sum.0 + error, sum.1.max(error), sum.2 + 1);
             }
