@@ -100,7 +100,7 @@ fn rows_are_made_once_and_compared_anew_when_the_reference_changes() {
 }
 
 #[test]
-fn blocks_show_nothing_and_bands_only_in_the_normals() {
+fn blocks_show_nothing_and_narrow_bands_only_in_the_normals() {
     let desk = Desk::new();
     desk.run("simulate small.toml", 0);
     let line = "tradeoff small --surface --vary surface.block=1,4 --vary surface.band=3,9 --by field --frames 5 -o t";
@@ -111,6 +111,10 @@ fn blocks_show_nothing_and_bands_only_in_the_normals() {
     let error = |place: usize| lines[place]["field"]["mean"].as_f64().unwrap();
     assert_eq!(lines[1]["label"], "block=1 band=9");
     assert!(error(1) > error(0) && error(1) == error(3), "first order errs more farther out");
+    let found = table(&desk, "tradeoff small --surface --vary surface.band=1 --frames 5 -o t");
+    let [wide, narrow] = [0, 1].map(|place| found["lines"][place]["apart"].clone());
+    assert_eq!(wide["hausdorff"], narrow["hausdorff"]);
+    assert!(narrow["normals"].as_f64() > wide["normals"].as_f64(), "{narrow} {wide}");
 }
 
 #[test]

@@ -295,10 +295,14 @@ fn describe(table: &Table) -> String {
         maybe(floor.normals, &degrees),
         maybe(floor.volume, &percent)
     );
-    for (place, line) in table.lines.iter().enumerate() {
-        if let Some(first) = line.same_as {
-            text += &format!("\nsame        {} gives the same meshes as {}", place + 1, first + 1);
+    for first in 0..table.lines.len() {
+        let lines = table.lines.iter().enumerate().filter(|(_, line)| line.same_as == Some(first));
+        let same: Vec<String> = lines.map(|(place, _)| (place + 1).to_string()).collect();
+        if !same.is_empty() {
+            text += &format!("\nsame        the same meshes as {}: {}", first + 1, same.join(", "));
         }
+    }
+    for (place, line) in table.lines.iter().enumerate() {
         if line.apart.distance.is_none() {
             text += &format!("\nnote        {}: a surface is empty where the reference's is not", place + 1);
         }
