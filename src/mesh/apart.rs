@@ -332,7 +332,7 @@ mod tests {
     fn the_largest_distance_is_found_between_the_vertices() {
         // Two triangles, so that every vertex of the flat one lies on the roof: only its inside is far.
         let corners = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 2.0, 0.0]].map(Vec3::from);
-        let top = Vec3::new(1.0, 0.7, 0.5);
+        let top = Vec3::new(1.4, 0.4, 0.8);
         let flat = Mesh { positions: corners.to_vec(), triangles: vec![[0, 1, 2]], ..Mesh::default() };
         let roof = Mesh {
             positions: [&corners[..], &[top]].concat(),
@@ -340,7 +340,7 @@ mod tests {
             ..Mesh::default()
         };
         let target = Target::new(&roof).unwrap();
-        let found = distance(&flat, &target, 10.0).largest;
+        let found = distance(&flat, &target, 3.0).largest;
         let mut exact = 0.0_f32;
         for (i, j) in (0..1000).flat_map(|i| (0..1000 - i).map(move |j| (i, j))) {
             let (s, t) = (i as f32 / 1000.0, j as f32 / 1000.0);
@@ -348,8 +348,9 @@ mod tests {
             exact = exact.max(target.nearest(x, 0).1);
         }
         let found = found as f32;
-        assert!(found <= exact * 1.0001 && found > exact * 0.99 - SLACK * 10.0, "{found} of {exact}");
-        assert!(exact > 0.2 && (found - exact).abs() < 0.012, "{found} of {exact}");
+        let middle = target.nearest(corners.iter().sum::<Vec3>() / 3.0, 0).1;
+        assert!(middle < 0.95 * exact, "the middle alone would do: {middle} of {exact}");
+        assert!(found <= exact * 1.0001 && found > exact * 0.99 - SLACK * 3.0, "{found} of {exact}");
     }
 
     #[test]
