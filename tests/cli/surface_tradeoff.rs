@@ -169,6 +169,7 @@ fn mistakes_are_found_before_anything_runs() {
         ("tradeoff small --surface --spacing 0.1", "--spacing"),
         ("tradeoff small --surface --quality draft", "--quality"),
         ("tradeoff small.toml --by normals", "--surface"),
+        ("tradeoff small", "--surface"),
         ("tradeoff small.toml --spacing 0.1", "--surface"),
         ("tradeoff a.xyz a.xyz", "--surface"),
         ("tradeoff a.xyz --surface", "--spacing"),

@@ -20,6 +20,7 @@ use crate::{
     },
     scene::{self, Frames, Overrides, Scene},
 };
+use std::path::Path;
 
 /// Compares settings of the simulation.
 pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunError> {
@@ -82,6 +83,11 @@ fn preset_name(args: &TradeoffArgs) -> Result<&String, RunError> {
         )));
     }
     match &args.inputs[..] {
+        [folder] if Path::new(folder).is_dir() && scene::builtin::get(folder).is_none() => {
+            Err(RunError::Request(format!(
+                "{folder}: found a folder, expected a preset; add --surface to compare surfaces of the particles in it"
+            )))
+        }
         [preset] => Ok(preset),
         several => Err(RunError::Request(format!(
             "found {} inputs, expected one preset; add --surface to compare surfaces of particle files",
