@@ -90,9 +90,11 @@ impl<'a> Place<'a> {
     /// The place of a row below `root`.
     pub(super) fn new(root: &Path, params: &'a SurfaceParams, sample: &'a Sample) -> Self {
         let settings = serde_json::to_string(params).expect("settings are plain data");
-        let Sample { state, spacing, .. } = sample;
+        // Two frames of the same particles are two rows all the same: each has its mesh to compare.
+        let Sample { frame, state, spacing, .. } = sample;
         let (tool, threads) = (env!("CARGO_PKG_VERSION"), par::threads());
-        let text = format!("{VERSION} {tool} {SURFACE_VERSION} {state:016x} {spacing} {threads} {settings}");
+        let text =
+            format!("{VERSION} {tool} {SURFACE_VERSION} {frame} {state:016x} {spacing} {threads} {settings}");
         let name = format!("{:016x}", xxh3_64(text.as_bytes()));
         Self { params, sample, folder: root.join("rows").join(&name), name }
     }
