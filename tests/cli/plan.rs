@@ -36,6 +36,28 @@ fn a_plan_tells_what_the_shot_then_takes() {
 }
 
 #[test]
+fn a_job_shorter_than_the_clock_tells_has_figures_all_the_same() {
+    let desk = Desk::new();
+    for frames in ["1", "1-2"] {
+        let told = plan(&desk, &format!("small.toml --frames {frames}"));
+        for name in ["seconds", "surface_seconds", "uncertainty", "cache", "substeps"] {
+            assert!(told[name].as_f64().is_some_and(f64::is_finite), "{frames}: {name} in {told}");
+        }
+    }
+}
+
+#[test]
+fn the_bound_counts_the_samples_of_meshes() {
+    let (told, _) = Desk::new().run("shot figure-bath --quality draft --dry-run", 0);
+    let words = told.lines().find_map(|line| line.strip_prefix("memory     at most about ")).unwrap();
+    let bound: f64 = words.trim_end_matches(" MiB").parse().unwrap();
+    // Its simulation alone takes 45 MiB, most of it before there is a particle; without the mesh it would be 15.
+    assert!((45.0..90.0).contains(&bound), "{told}");
+    let (told, _) = Desk::new().run("simulate figure-bath --quality draft --dry-run", 0);
+    assert!(told.contains("at most about") && !told.contains("surface"), "{told}");
+}
+
+#[test]
 fn what_the_preset_does_not_name_is_told_not_to_run() {
     let desk = Desk::new();
     let bare = SMALL.replace("[liquid.vorticity]", "").replace("mesh = [\"ply\"]", "");

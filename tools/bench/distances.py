@@ -5,10 +5,10 @@
     tools/bench/distances.py --meniscus          and Meniscus' own sweeps, from `cargo bench --bench surface_field`
 
 A ball of 0.7 of the half edge, whose exact distance is known; each program gets the exact distance as its field, finds
-the surface in it and computes the distance everywhere. Nanoseconds are of CPU a node, which is wall clock on a quiet
-machine; errors are in voxels, mean and largest over all nodes. The C sweep (sweep.c: one thread, one array, no blocks)
-starts from the distances of the nodes beside the surface, which are in its error and not in its time. Everything here
-runs on one thread.
+the surface in it and computes the distance everywhere, on one thread. Nanoseconds of the peers are of CPU a node; those of
+Meniscus are of wall clock, criterion's median, so a machine that does something else tells against it alone. Errors are in
+voxels, mean and largest over all nodes. The C sweep (sweep.c: one thread, one array, no blocks) starts from the distances
+of the nodes beside the surface, which are in its error and not in its time.
 """
 
 import argparse
@@ -77,10 +77,10 @@ def plain_sweep(phi, folder):
 
 
 def meniscus(cells):
-    """Medians of the crate's own bench: (name, ns a node)."""
+    """Medians of the crate's own bench on one thread: (name, ns a node)."""
     subprocess.run(["cargo", "bench", "--bench", "surface_field", "--", "sdf_256_full"], cwd=ROOT, check=True,
                    stdout=sys.stderr)  # fmt: skip
-    for path in sorted((ROOT / "target/criterion").glob("sdf_256_full*/*/new/estimates.json")):
+    for path in sorted((ROOT / "target/criterion").glob("sdf_256_full*/*_1_threads/new/estimates.json")):
         yield path.parent.parent.name, json.loads(path.read_text())["median"]["point_estimate"] / cells
 
 
@@ -91,14 +91,14 @@ def measure(options):
     for repeat in range(options.repeats):
         rows += [("scikit-fmm, order 1", *scikit_fmm(phi, 1)), ("scikit-fmm, order 2", *scikit_fmm(phi, 2))]
         rows.append(("plain sweep in C", *plain_sweep(phi, options.peers)))
-    print(f"{options.nodes}³ nodes, one thread, best of {options.repeats}\n")
+    print(f"{options.nodes}³ nodes, one thread; of the peers, CPU and the best of {options.repeats}\n")
     print("| program | ns a node | mean error, voxels | largest | |\n|---|---|---|---|---|")
     for name in dict.fromkeys(row[0] for row in rows):
         _, seconds, (mean, largest), remark = min(row for row in rows if row[0] == name)
         print(f"| {name} | {1e9 * seconds / phi.size:.0f} | {mean:.3f} | {largest:.3f} | {remark} |")
     if options.meniscus:
         for name, nanoseconds in meniscus(256**3):
-            print(f"| Meniscus, {name.replace('_', ' ')} | {nanoseconds:.0f} | | | criterion's median |")
+            print(f"| Meniscus, {name.replace('_', ' ')} | {nanoseconds:.0f} | | | wall clock, criterion's median |")
 
 
 def main():

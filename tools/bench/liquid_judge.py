@@ -2,10 +2,11 @@
 
 Both programs go through this file alone. ρ/ρ₀ of a particle is V · Σ W(r, h) over itself and its neighbours, V being
 the rest volume that the program gives a particle, with s = V^(1/3) and the sum scaled to 1 on the cubic lattice of
-spacing s. Two kernels: the cubic spline with h = 2 s, and Wendland's C2 with h = 3 s ("wide"). The first is the very
-constraint that the peer solves, and Meniscus solves another (Poly6, or what its preset says): on a disordered liquid
-of one and the same number density kernels differ by a per cent or more, so the first favours the peer. The second is
-nobody's, and reads number density with less regard to how particles lie. Height and volume ask no kernel at all.
+spacing s. Two kernels: the cubic spline with h = 2 s, and Wendland's C2 with h = 3 s ("wide"). Neither is neutral. On a
+disordered liquid of one and the same number density kernels differ by a per cent or more: the first is the very
+constraint that the peer solves, so it favours the peer; the second is a wider one of the family that Meniscus solves by
+default (Wendland's C2 with h = 2 s), so it may favour Meniscus, though it reads number density with less regard to how
+particles lie. Height and volume ask no kernel at all.
 
 Walls add nothing: near them ρ is too low, so
 - the *bulk* is what lies farther than h from every wall and from every empty place, empty places being cells of 1.5 s

@@ -20,7 +20,7 @@ rows stand in `MENISCUS` and `PEERS` below.
 
 *Quality* is judged for both programs by liquid_judge.py alone, from positions and velocities, and is never one
 average: rows compare only where mean compression, two-sided deviation, the mean over the frames of the largest
-compression, and the column's volume and leftover speed are alike together. What the programs say of themselves
+compression, and the column's compression, height, volume and leftover speed are alike together. What the programs say of themselves
 stands beside it.
 
 *Cost*: wall and CPU seconds a simulated second. Meniscus: wall is what its log books on passes, without start-up and
@@ -283,6 +283,8 @@ def measure(row, scene_name, threads, options):
                 chosen = files[-max(round(options.fps / 2), 1) :]
             judged = judge(chosen, volume, scene["tank"], options, folder)
         quality = dam_quality(judged) if part == "dam" else rest_quality(judged, options.fps)
+        if part == "rest":
+            quality["sag"] = 1 - quality["surface"] / (scene["counts"][2] * scene["spacing"])
         figures |= {key: value for key, value in quality.items() if value is not None}
         result[part] = figures
     return result
@@ -363,6 +365,9 @@ GATE = [
     ("mean compression, wide", "dam", "wide_compression", abs),
     ("two-sided, wide", "dam", "wide_two_sided", abs),
     ("largest, wide", "dam", "wide_max_bulk", abs),
+    ("mean compression at rest", "rest", "compression", abs),
+    ("largest at rest", "rest", "max_bulk", abs),
+    ("height at rest", "rest", "sag", abs),
     ("volume at rest", "rest", "volume", lambda volume: abs(volume - 1)),
     ("speed at rest", "rest", "rms_speed", abs),
 ]

@@ -104,10 +104,17 @@ def judge(frames):
     share(total(lambda frame: frame["cfl_capped"]), "longer than the CFL rule")
     share(total(lambda frame: frame["unconverged"]), "above `density_dev`")
     share(total(lambda frame: frame["clamps"]["energy"]), "had energy taken")
+    share(total(lambda frame: frame["clamps"]["confinement"]), "limited confinement")
     shortened = total(lambda frame: frame["clamps"]["corrections"])
     if shortened:
         made = 512 * total(lambda frame: frame["iterations"])
         how.append(f"{shortened} of {made} corrections shortened")
+    slowed = total(lambda frame: frame["clamps"]["momentum"])
+    if slowed:
+        how.append(f"iteration slowed {slowed} time{'s' * (slowed > 1)}")
+    contacts = total(lambda frame: frame["clamps"]["contacts"])
+    if contacts:
+        how.append(f"{contacts} contacts unresolved")
     inside = max(frame["particles_inside_solids"] for frame in frames)
     if inside:
         how.append(f"{inside} particles inside solids")

@@ -1,8 +1,8 @@
 //! From pilots to the shot: how work, files and grids grow as particles get closer.
 //!
 //! *Method*: two pilots at larger spacings saw every frame. Substeps follow the CFL rule, so those of the shot follow
-//! from the fastest particle of the pilot's frame; top speeds, bricks and mesh bytes grow by the power law that the two pilots
-//! show. A substep takes as many iterations as the pilot's, which is as long in spacings: on four presets those of
+//! from the fastest particle of the pilot's frame; top speeds, bricks and mesh bytes grow by the power law that the two
+//! pilots show. A substep takes as many iterations as the pilot's, which is as long in spacings: on four presets those of
 //! 7 000, 25 000 and 100 000 particles differ by a tenth mostly. Seconds are the pilot's, times the particles and the work.
 //! Tried: seconds scaled by what a particle costs in the shot's own first substeps. They are unlike the rest, because a
 //! liquid let go from a lattice rebuilds its lists three times a substep: a dam break of 100 000 particles was told to
@@ -10,6 +10,7 @@
 //! Limits: spray that only the shot resolves is not seen, and neither is a cost a particle that rises only there.
 
 use super::{
+    memory::Grids,
     pilot::{Pilot, PilotFrame, PilotSurface},
     sample::Sample,
 };
@@ -26,9 +27,9 @@ pub(super) struct Forecast {
     pub(super) cache: f64,
     /// The meshes [bytes].
     pub(super) meshes: f64,
-    /// Bricks of the density in the largest frame.
-    pub(super) bricks: f64,
-    /// Substeps and iterations of all frames.
+    /// Grids and mesh of the largest frames.
+    pub(super) grids: Grids,
+    /// Substeps of all frames.
     pub(super) substeps: f64,
     /// Iterations of all frames.
     pub(super) iterations: f64,
@@ -70,7 +71,7 @@ pub(super) fn forecast(job: &Job<'_>, pilot: &Pilot, [near, far]: [&Pilot; 2], s
         let steps = rule.ceil().max(least).min(f64::from(job.liquid.max_substeps));
         let most = f64::from(job.liquid.iterations.unwrap_or(job.liquid.max_iterations));
         let each = (f64::from(frame.iterations) / f64::from(frame.substeps)).min(most);
-        let work = frame.seconds * scale * costs.work(steps, steps * each) / costs.of_frame(frame);
+        let work = scale * costs.of_frame_with(frame, steps, steps * each);
         course.push([work, steps, steps * each, frame.bytes as f64]);
     }
     let [simulating, substeps, iterations, bytes] = total(&course, job.simulated);
@@ -84,15 +85,15 @@ pub(super) fn forecast(job: &Job<'_>, pilot: &Pilot, [near, far]: [&Pilot; 2], s
         surfacing: surface.seconds * stored,
         cache: first + bytes * job.particles as f64 / pilot.particles as f64 * moving,
         meshes: surface.bytes * stored,
-        bricks: surface.bricks,
+        grids: surface.grids,
         substeps,
         iterations,
     }
 }
 
-/// How much of the power law of the cost of an iteration holds beyond the pilots. Coarse pilots touch more wall a particle,
-/// so an iteration gets cheaper on the way to the shot, but less and less: on wave-machine all of the law would make an iteration
-/// of 135 ns one of 91; with none of it the shot was told to take a quarter more than it did.
+/// How much of the power law of the cost of an iteration holds beyond the pilots. Coarse pilots touch more wall a
+/// particle, so an iteration gets cheaper on the way to the shot, but less and less: on wave-machine all of the law would
+/// make an iteration of 135 ns one of 91; with none of it the shot was told to take a quarter more than it did.
 const FALLS: f64 = 0.5;
 
 /// Sums over `frames` frames; those that the pilot did not reach are like the last quarter of those that it did.
@@ -148,8 +149,15 @@ impl Costs {
         self.substep * substeps + self.iteration * iterations
     }
 
-    fn of_frame(&self, frame: &PilotFrame) -> f64 {
-        self.work(f64::from(frame.substeps), f64::from(frame.iterations))
+    /// What a frame of the pilot would have taken with other numbers of substeps and iterations [s].
+    fn of_frame_with(&self, frame: &PilotFrame, substeps: f64, iterations: f64) -> f64 {
+        let usual = self.work(f64::from(frame.substeps), f64::from(frame.iterations));
+        if usual > 0.0 {
+            frame.seconds * self.work(substeps, iterations) / usual
+        } else {
+            // The whole pilot ended within a step of the clock of work.
+            frame.clock * substeps / f64::from(frame.substeps.max(1))
+        }
     }
 }
 
@@ -183,11 +191,11 @@ fn rule_correction(job: &Job<'_>, pilot: &Pilot) -> f64 {
     if asked > 0.0 { took / asked } else { 1.0 }
 }
 
-/// Means a surface, and the most bricks.
+/// Means a surface, and the most of grids and mesh.
 struct Surfaces {
     seconds: f64,
     bytes: f64,
-    bricks: f64,
+    grids: Grids,
 }
 
 fn surfaces(near: &[PilotSurface], far: &[PilotSurface], law: Law, sample: &Sample) -> Surfaces {
@@ -195,6 +203,9 @@ fn surfaces(near: &[PilotSurface], far: &[PilotSurface], law: Law, sample: &Samp
     let count = pairs().count().max(1) as f64;
     let mean = |value: &dyn Fn(&PilotSurface) -> f64| {
         pairs().map(|(near, far)| law.at_shot(value(near), value(far))).sum::<f64>() / count
+    };
+    let most = |value: &dyn Fn(&PilotSurface) -> f64| {
+        pairs().map(|(near, far)| law.at_shot(value(near), value(far))).fold(0.0, f64::max)
     };
     let bricks = |surface: &PilotSurface| surface.bricks as f64;
 
@@ -208,7 +219,7 @@ fn surfaces(near: &[PilotSurface], far: &[PilotSurface], law: Law, sample: &Samp
     Surfaces {
         seconds: mean(&bricks) * a_brick,
         bytes: mean(&|surface| surface.bytes as f64),
-        bricks: pairs().map(|(near, far)| law.at_shot(bricks(near), bricks(far))).fold(0.0, f64::max),
+        grids: Grids { bricks: most(&bricks), vertices: most(&|surface| surface.vertices as f64) },
     }
 }
 
@@ -226,6 +237,27 @@ mod tests {
         assert!((law.at_shot(0.25, 1.0 / 9.0) - 1.0).abs() < 1e-12);
         assert_eq!(law.at_shot(5.0, 0.0), 5.0, "what is not seen in both pilots is taken as it is");
         assert_eq!(Law { near: 1.0, ratio: 1.0 }.at_shot(5.0, 7.0), 5.0);
+    }
+
+    #[test]
+    fn work_too_short_to_be_told_goes_by_the_clock() {
+        let frame = PilotFrame {
+            seconds: 0.0,
+            clock: 0.004,
+            solving: 0.0,
+            substeps: 8,
+            iterations: 24,
+            fastest: 1.0,
+            bytes: 100,
+        };
+        let costs = |seconds: f64| {
+            let frames = vec![PilotFrame { seconds, ..frame.clone() }];
+            let (surfaces, remarks) = (Vec::new(), Vec::new());
+            Costs::of(&Pilot { factor: 1.0, limits: [8, 100], particles: 512, frames, surfaces, remarks })
+        };
+        assert_eq!(costs(0.0).of_frame_with(&frame, 16.0, 48.0), 0.008);
+        let seen = PilotFrame { seconds: 0.02, ..frame.clone() };
+        assert!((costs(0.02).of_frame_with(&seen, 16.0, 48.0) - 0.04).abs() < 1e-12);
     }
 
     #[test]

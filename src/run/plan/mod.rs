@@ -21,6 +21,7 @@ use crate::{
     sim::{SetupError, Simulation},
 };
 use forecast::{Forecast, Job, forecast};
+use memory::{Grids, Known, Solids};
 use pilot::Pilot;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -79,7 +80,8 @@ pub struct Outline {
     pub particles: usize,
     /// The passes that will run.
     pub passes: Vec<String>,
-    /// The most memory that a shot of so many particles was seen to take [bytes]. [`plan`] is closer.
+    /// A bound of the memory by the particles and the samples of meshes [bytes]: more than any built-in preset took in any
+    /// tier. [`plan`] is closer.
     pub memory: u64,
     /// What the sources had to leave out.
     pub remarks: Vec<String>,
@@ -113,11 +115,10 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
     let scene = &solids::fill(scene, None, control.reporter)?;
     let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
     let particles = simulation.seeded().particles as usize;
-    let bricks = memory::bricks_at_most(particles, scene.surface.voxel);
     Ok(Outline {
         particles,
         passes: passes(&simulation, scene, with_outputs),
-        memory: peak_memory(scene, particles, bricks, with_outputs),
+        memory: peak_memory(scene, particles, None, with_outputs),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
 }
@@ -174,7 +175,7 @@ impl Product {
     fn memory(self, particles: usize, voxel: f32) -> u64 {
         match self {
             Self::Meshes => mesh_memory(particles, voxel),
-            Self::Volumes => memory::volume(particles, memory::bricks_at_most(particles, voxel)),
+            Self::Volumes => memory::volume(particles, Grids::at_most(particles, voxel)),
         }
     }
 }
@@ -208,12 +209,13 @@ pub fn refuse_files_over_memory(
 /// The memory that meshing a stream will need, by where its particles are [bytes].
 pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
-    memory::surface(stream.len(), memory::bricks_around(positions, spacing, params) as f64)
+    let bricks = memory::bricks_around(positions, spacing, params) as f64;
+    memory::surface(stream.len(), Grids::of_bricks(bricks))
 }
 
 /// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
 pub(super) fn mesh_memory(particles: usize, voxel: f32) -> u64 {
-    memory::surface(particles, memory::bricks_at_most(particles, voxel))
+    memory::surface(particles, Grids::at_most(particles, voxel))
 }
 
 /// Refuses what needs more than `allowed` bytes.
@@ -256,7 +258,7 @@ fn plan_within(
     control.reporter.progress(1.0);
     let far = pilot_at(scene, selection, formats, near.factor * PILOT_RATIO, control)?;
     control.reporter.progress(2.0);
-    told.extend(near.cut.iter().chain(&far.cut).cloned());
+    told.extend(near.remarks.iter().chain(&far.remarks).cloned());
     if with_volumes(scene, with_outputs) {
         told.push("time and disk are without the volumes, which come on top; their memory is counted".into());
     }
@@ -270,7 +272,7 @@ fn plan_within(
         with_first: selection.contains(scene.frames.first()),
     };
     let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
-    let memory = peak_memory(scene, particles, early.bricks, with_outputs);
+    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs);
     if let Some(allowed) = allowed.filter(|&allowed| memory > allowed) {
         return Err(RunError::OverMemory { needed: memory, allowed });
     }
@@ -294,7 +296,7 @@ fn plan_within(
         substeps: found.substeps,
         iterations: found.iterations,
         voxel: (!formats.is_empty()).then(|| f64::from(scene.surface.voxel * job.liquid.spacing)),
-        bricks: found.bricks,
+        bricks: found.grids.bricks,
         memory,
         cache: found.cache,
         meshes: found.meshes,
@@ -314,34 +316,51 @@ fn near_factor(particles: usize) -> f64 {
     if particles < SMALL { 1.0 } else { (count / PILOT_PARTICLES.min(PILOT_PART * count)).cbrt() }
 }
 
-/// A pilot at `factor` times the spacing, or nearer where the sources are too thin for that.
+/// A pilot at `factor` times the spacing, or nearer where the shot cannot be so coarse.
 fn pilot_at(
     scene: &Scene,
     selection: &Frames,
     formats: &[MeshFormat],
-    mut factor: f64,
+    factor: f64,
     control: Control,
 ) -> Result<Pilot, RunError> {
+    at_or_nearer(factor, |factor| pilot::run(scene, selection, formats, factor, PILOT_SECONDS, control))
+}
+
+/// What `run` gives at `factor` times the spacing, or nearer where the sources are too thin for that or the pilot diverges
+/// at once: what does not fit between solids so coarsely may fit as the shot is.
+fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -> Result<Pilot, RunError> {
+    let mut remarks = Vec::new();
     loop {
-        match pilot::run(scene, selection, formats, factor, PILOT_SECONDS, control) {
-            Err(RunError::Setup(SetupError::NoParticles)) if factor > 1.0 => {
-                factor = (factor / PILOT_RATIO).max(1.0);
+        match run(factor) {
+            Err(RunError::Setup(SetupError::NoParticles)) if factor > 1.0 => {}
+            Err(RunError::Diverged { frame, diverged }) if factor > 1.0 => remarks.push(format!(
+                "the calibration was made nearer to the shot: at {factor:.1} times the spacing it ended in frame {frame}: \
+                 {diverged}"
+            )),
+            done => {
+                return done.map(|mut pilot| {
+                    pilot.remarks.append(&mut remarks);
+                    pilot
+                });
             }
-            done => return done,
         }
+        factor = (factor / PILOT_RATIO).max(1.0);
     }
 }
 
-/// The model's peak of simulating and, after it, meshing and making volumes.
-fn peak_memory(scene: &Scene, particles: usize, bricks: f64, with_outputs: bool) -> u64 {
+/// The model's peak of simulating `scene`, whose meshes are filled, and, after it, meshing and making volumes; a bound if
+/// its grids are not known.
+fn peak_memory(scene: &Scene, particles: usize, grids: Option<Grids>, with_outputs: bool) -> u64 {
     let kernel_radius = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.kernel_radius);
-    let mut peak = memory::simulation(particles, kernel_radius);
-    let simulated = peak as f64 * memory::KEPT;
+    let (solids, voxel) = (Solids::of(scene), scene.surface.voxel);
+    let known = Known { particles, kernel_radius, solids, grids, voxel };
+    let mut peak = known.simulation();
     if !formats(scene, with_outputs).is_empty() {
-        peak = peak.max(memory::surface(particles, bricks) + simulated as u64);
+        peak = peak.max(known.surfaces());
     }
     if with_volumes(scene, with_outputs) {
-        peak = peak.max(memory::volume(particles, bricks) + simulated as u64);
+        peak = peak.max(known.volumes());
     }
     peak
 }
@@ -365,4 +384,43 @@ fn passes(simulation: &Simulation, scene: &Scene, with_outputs: bool) -> Vec<Str
 /// How far the forecasts of the two pilots are apart, and at least [`LEAST_UNCERTAINTY`].
 fn uncertainty(near: &Forecast, far: &Forecast) -> f64 {
     (near.simulating / far.simulating).ln().abs().max(LEAST_UNCERTAINTY)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::Diverged;
+    use std::cell::RefCell;
+
+    /// A pilot that diverges in its first frame at more than `most` times the spacing.
+    fn pilot_up_to(most: f64) -> impl Fn(f64) -> Result<Pilot, RunError> {
+        move |factor| {
+            if factor > most {
+                let what = "has no room".into();
+                let diverged =
+                    Diverged { system: "liquid", substep: 1, particle: 7, what, try_next: "spacing" };
+                return Err(RunError::Diverged { frame: FrameIndex(2), diverged });
+            }
+            let (frames, surfaces, remarks) = (Vec::new(), Vec::new(), vec!["of its own".into()]);
+            Ok(Pilot { factor, limits: [1, 2], particles: 8, frames, surfaces, remarks })
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_coarsely_is_tried_nearer_and_said() {
+        let run = pilot_up_to(2.5);
+        let asked = RefCell::new(Vec::new());
+        let found = at_or_nearer(3.0, |factor| {
+            asked.borrow_mut().push(factor);
+            run(factor)
+        });
+        let found = found.unwrap();
+        assert_eq!(*asked.borrow(), [3.0, 2.0]);
+        assert_eq!(found.factor, 2.0);
+        assert_eq!(found.remarks.len(), 2, "{:?}", found.remarks);
+        assert!(found.remarks[1].contains("at 3.0 times") && found.remarks[1].contains("particle 7"));
+        // At its own spacing the divergence is the shot's.
+        let lost = at_or_nearer(3.0, pilot_up_to(0.5)).unwrap_err();
+        assert!(matches!(lost, RunError::Diverged { frame: FrameIndex(2), .. }), "{lost}");
+    }
 }

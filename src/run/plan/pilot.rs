@@ -10,6 +10,7 @@ use crate::{
     scene::{Frames, Scene},
     sim::{FrameRecord, Simulation, Stop, Watch},
 };
+
 /// Frames of which surfaces are made.
 const SURFACES: usize = 6;
 
@@ -26,8 +27,8 @@ pub(super) struct Pilot {
     pub(super) frames: Vec<PilotFrame>,
     /// A few surfaces, spread over those frames; none if the shot makes none.
     pub(super) surfaces: Vec<PilotSurface>,
-    /// Why it ended early, in words.
-    pub(super) cut: Option<String>,
+    /// What should be known of it, in words: why it ended early, or was made finer.
+    pub(super) remarks: Vec<String>,
 }
 
 /// One simulated frame of a pilot.
@@ -35,6 +36,8 @@ pub(super) struct Pilot {
 pub(super) struct PilotFrame {
     /// Work of all passes [s], see [`Meter`].
     pub(super) seconds: f64,
+    /// Wall-clock time of all passes [s]: for work too short for the steps in which it is told.
+    pub(super) clock: f64,
     /// The part of it that grows with the iterations [s].
     pub(super) solving: f64,
     /// Substeps.
@@ -54,6 +57,8 @@ pub(super) struct PilotSurface {
     pub(super) seconds: f64,
     /// Bricks of its density.
     pub(super) bricks: usize,
+    /// Vertices of its mesh.
+    pub(super) vertices: usize,
     /// Bytes of its files, all formats together.
     pub(super) bytes: u64,
 }
@@ -86,7 +91,7 @@ pub(super) fn run(
     let every = ((last - first) as usize).div_ceil(SURFACES).max(1) as u32;
     let particles = simulation.seeded().particles as usize;
     let (frames, surfaces) = (Vec::new(), Vec::new());
-    let mut pilot = Pilot { factor, limits, particles, frames, surfaces, cut: None };
+    let mut pilot = Pilot { factor, limits, particles, frames, surfaces, remarks: Vec::new() };
     for index in first..=last {
         if index > first {
             let meter = Meter::new();
@@ -104,7 +109,7 @@ pub(super) fn run(
                     return Err(RunError::Diverged { frame: FrameIndex(index), diverged });
                 }
                 Err(Stop::Diverged(diverged)) => {
-                    pilot.cut = Some(format!(
+                    pilot.remarks.push(format!(
                         "the calibration, at {factor:.1} times the spacing, ended in frame {index}: {diverged}"
                     ));
                     break;
@@ -119,7 +124,7 @@ pub(super) fn run(
             }
         }
         if clock.wall() > seconds && index < last && index > first {
-            pilot.cut = Some(format!(
+            pilot.remarks.push(format!(
                 "the calibration saw the frames up to {index}; those after it are taken to be like the last of them"
             ));
             break;
@@ -134,6 +139,7 @@ fn entry(record: &FrameRecord, work: f64, frame: &Frame, bytes: u64) -> PilotFra
     let velocities = frame.streams.iter().filter_map(|stream| stream.vec3("velocity")).flatten();
     PilotFrame {
         seconds: work,
+        clock: total,
         solving: if total > 0.0 { work * solving / total } else { 0.0 },
         substeps: record.substeps,
         iterations: record.iterations,
@@ -159,7 +165,8 @@ pub(super) fn surface(
         let path = scratch.path().join(format!("surface.{}", format.extension()));
         bytes += format.write(&surface.mesh, &path, 0)?;
     }
-    Ok(PilotSurface { seconds: meter.work(), bricks: surface.stats.bricks[0], bytes })
+    let (bricks, vertices) = (surface.stats.bricks[0], surface.stats.vertices);
+    Ok(PilotSurface { seconds: meter.work(), bricks, vertices, bytes })
 }
 
 /// Goes on until the user stops the job.

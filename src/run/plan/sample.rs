@@ -5,6 +5,7 @@ use crate::{
     cache,
     export::MeshFormat,
     frame::FrameIndex,
+    par,
     run::{Control, RunError, scratch::Scratch, usage::Meter},
     scene::Scene,
     sim::{Simulation, Stop, Watch},
@@ -13,10 +14,14 @@ use crate::{
 /// Substeps measured at least, beside the first.
 const FEWEST: u32 = 3;
 
+/// Shorter than this [s], and steps of 10 ms do not tell how busy the processors were.
+const TELLING: f64 = 0.1;
+
 /// What the start took.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sample {
-    /// Processor time over wall-clock time; `None` where the system does not tell.
+    /// Processor time over wall-clock time, at most the number of threads; `None` where the system does not tell, or the
+    /// start was too short to see.
     pub(super) busy: Option<f64>,
     /// Work of writing the first frame [s].
     pub(super) writing: f64,
@@ -65,7 +70,8 @@ pub(super) fn run(
         }
     }
     let meter = stopwatch.meter;
-    let busy = meter.cpu().map(|cpu| cpu / meter.wall());
+    let (wall, most) = (meter.wall(), par::threads() as f64);
+    let busy = meter.cpu().filter(|_| wall >= TELLING).map(|cpu| (cpu / wall).min(most));
     Ok(Sample { busy, writing, first_bytes, surface })
 }
 

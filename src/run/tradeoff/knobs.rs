@@ -117,7 +117,7 @@ impl Subject {
     /// solver if the preset can choose one. Of a surface: the voxel, and the order of the distance.
     ///
     /// The length of substeps has two limits, the CFL rule and `min_substeps`; where one decides, the other does
-    /// nothing, so both are moved together.
+    /// nothing, so both are moved together, as far as a preset may.
     pub fn defaults(self, scene: &Scene) -> Vec<Vary> {
         let one = |key: &str, values: Vec<String>| Vary {
             keys: vec![key.into()],
@@ -127,7 +127,7 @@ impl Subject {
         let multiples = |key: &str, factors: &[f64], n: f64| {
             one(key, factors.iter().map(|f| plain(key, n * f)).collect())
         };
-        match self {
+        let mut vary: Vec<Vary> = match self {
             Self::Surface => {
                 let voxel = number(scene, VOXEL).map(|voxel| multiples(VOXEL, &VOXELS, voxel));
                 voxel.into_iter().chain(words("surface.order")).collect()
@@ -138,15 +138,19 @@ impl Subject {
                     None => one("liquid.density_dev", ["0.1%", "0.3%", "1%"].map(String::from).to_vec()),
                 };
                 let keys = ["liquid.cfl", "liquid.min_substeps"];
+                let most = number(scene, "liquid.max_substeps").unwrap_or(f64::INFINITY);
+                let step = |cfl: f64, least: f64| {
+                    vec![plain(keys[0], cfl.min(LARGEST_CFL)), plain(keys[1], least.min(most))]
+                };
                 let steps = number(scene, keys[0]).zip(number(scene, keys[1])).map(|(cfl, least)| Vary {
                     keys: keys.map(String::from).to_vec(),
-                    values: [0.5, 1.0, 2.0]
-                        .map(|f| vec![plain(keys[0], cfl * f), plain(keys[1], least / f)])
-                        .to_vec(),
+                    values: [0.5, 1.0, 2.0].map(|f| step(cfl * f, least / f)).to_vec(),
                 });
                 words("liquid.solver").into_iter().chain([iterating]).chain(steps).collect()
             }
-        }
+        };
+        vary.iter_mut().for_each(|vary| vary.values.dedup());
+        vary
     }
 }
 
@@ -180,30 +184,50 @@ pub(super) fn finest<'a>(
     knobs.iter().map(of).collect()
 }
 
-/// The overrides with every knob finer than its value, and the limits behind them wider.
-pub(super) fn refine(base: &Overrides, knobs: &[Knob], values: &[Option<f64>]) -> Overrides {
-    let mut set = base.set.clone();
-    for (knob, value) in knobs.iter().zip(values) {
-        let value = match (knob.finer, value) {
-            (Finer::Times(factor), Some(value)) => plain(knob.key, value * factor),
-            (Finer::Largest, Some(value)) => plain(knob.key, *value),
-            (Finer::Word(word), _) => word.into(),
-            (_, None) => continue,
-        };
-        set.push(format!("{}={value}", knob.key));
-    }
-    let varied = |key: &str| knobs.iter().any(|knob| knob.key == key);
-    for (limit, most) in [("liquid.max_iterations", 100_000), ("liquid.max_substeps", 10_000)] {
-        if knobs.iter().any(|knob| knob.opens == Some(limit)) && !varied(limit) {
-            set.push(format!("{limit}={}", most.min(REFERENCE_LIMIT)));
-        }
-    }
-    Overrides { set, ..base.clone() }
+/// The limits that finer knobs may run into, each with its largest value in any scene.
+pub(super) fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 2] {
+    ["liquid.max_iterations", "liquid.max_substeps"]
+        .map(|limit| (limit, scenes.clone().filter_map(|scene| number(scene, limit)).fold(0.0, f64::max)))
 }
 
-/// Iterations and substeps that a reference may take: it shows what the knobs do, not what the limits do. Ten
+/// The overrides with every knob finer than its value, and the limits behind them wider.
+pub(super) fn refine(
+    base: &Overrides,
+    knobs: &[Knob],
+    values: &[Option<f64>],
+    limits: &[(&'static str, f64)],
+) -> Overrides {
+    let finer = |key: &str| {
+        let (knob, value) = knobs.iter().zip(values).find(|(knob, _)| knob.key == key)?;
+        match knob.finer {
+            Finer::Times(factor) => value.map(|value| value * factor),
+            Finer::Largest => *value,
+            Finer::Word(_) => None,
+        }
+    };
+    let set = |key: &str, value: f64| format!("{key}={}", plain(key, value));
+    let refined = knobs.iter().filter_map(|knob| match knob.finer {
+        Finer::Word(word) => Some(format!("{}={word}", knob.key)),
+        _ => Some(set(knob.key, finer(knob.key)?)),
+    });
+
+    // A limit that is no knob itself gives way, and never falls below the fewest substeps.
+    let opened = limits
+        .iter()
+        .filter(|(limit, _)| finer(limit).is_none() && knobs.iter().any(|knob| knob.opens == Some(limit)));
+    let opened = opened.map(|&(limit, most)| {
+        let fewest = finer("liquid.min_substeps").filter(|_| limit == "liquid.max_substeps");
+        set(limit, most.max(REFERENCE_LIMIT).max(fewest.unwrap_or(0.0)))
+    });
+    Overrides { set: base.set.iter().cloned().chain(refined).chain(opened).collect(), ..base.clone() }
+}
+
+/// Iterations and substeps that a reference may take at least: it shows what the knobs do, not what the limits do. Ten
 /// times what the defaults allow; more would let a target that is never reached take days.
-const REFERENCE_LIMIT: u32 = 1000;
+const REFERENCE_LIMIT: f64 = 1000.0;
+
+/// The largest `liquid.cfl` that a preset may have.
+const LARGEST_CFL: f64 = 10.0;
 
 /// A number as a preset takes it: whole where the key counts something.
 fn plain(key: &str, value: f64) -> String {

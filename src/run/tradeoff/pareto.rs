@@ -65,7 +65,8 @@ pub fn choose(
 ) -> Option<usize> {
     let within = |c: &Candidate| {
         let deviates = |found: f64| dev.is_none_or(|most| found <= most);
-        time.is_none_or(|most| c.whole <= most) && c.dev.is_some_and(deviates)
+        let is_judged = dev.is_some() || c.error.is_some();
+        is_judged && time.is_none_or(|most| c.whole <= most) && c.dev.is_some_and(deviates)
     };
     let rank = |c: &Candidate| match dev {
         Some(_) => (c.cost, 0.0),

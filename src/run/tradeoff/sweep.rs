@@ -1,6 +1,6 @@
 //! Which settings a tradeoff compares, and what it compares them with.
 
-use super::knobs::{Subject, finest, number, refinable, refine};
+use super::knobs::{Subject, finest, limits, number, refinable, refine};
 use crate::{
     run::RunError,
     scene::{Overrides, Preset, Quality, Scene, SceneError, surface_alone},
@@ -158,8 +158,9 @@ impl Request {
 
         // The reference, and the reference refined.
         let knobs = refinable(subject, &vary, &base);
+        let scenes = rows.iter().map(|(_, scene)| scene);
         let reference = match &self.reference[..] {
-            [] => refine(&self.base, &knobs, &finest(&knobs, rows.iter().map(|(_, scene)| scene))),
+            [] => refine(&self.base, &knobs, &finest(&knobs, scenes.clone()), &limits(scenes)),
             given => Overrides { set: [&self.base.set[..], given].concat(), ..self.base.clone() },
         };
         let checked = |name: &str, overrides: Overrides| -> Result<(Setting, Scene), RunError> {
@@ -168,7 +169,8 @@ impl Request {
         };
         let reference = checked("reference", reference)?;
         let values: Vec<Option<f64>> = knobs.iter().map(|knob| number(&reference.1, knob.key)).collect();
-        let refined = checked("reference refined", refine(&reference.0.overrides, &knobs, &values))?;
+        let finer = refine(&reference.0.overrides, &knobs, &values, &limits([&reference.1].into_iter()));
+        let refined = checked("reference refined", finer)?;
         if subject.key(&refined.1) == subject.key(&reference.1) {
             return Err(RunError::Request(format!(
                 "the reference cannot be refined: the preset has no number at {}",
@@ -304,5 +306,38 @@ mod tests {
             };
             assert!(told.contains(word), "{told}");
         }
+    }
+
+    #[test]
+    fn presets_at_the_limits_of_their_keys_can_be_swept() {
+        let preset = load("dam-break").unwrap();
+        let swept = |set: &[&str], vary: &[&str]| {
+            let base = Overrides { quality: None, set: set.iter().map(|&word| word.into()).collect() };
+            Request { base, ..request(vary) }.sweep(Subject::Liquid, Ground::Preset(&preset)).unwrap()
+        };
+        let steps = |scene: &Scene| {
+            let liquid = scene.liquid.as_ref().unwrap();
+            (liquid.cfl, liquid.min_substeps, liquid.max_substeps)
+        };
+        // Twice 60 substeps are more than the 100 that the preset allows, twice a CFL number of 6 more than 10.
+        let many = swept(&["liquid.min_substeps=60"], &[]);
+        let fewest: Vec<u32> = many.rows.iter().map(|(_, scene)| steps(scene).1).collect();
+        assert!(fewest.contains(&100) && fewest.iter().all(|&least| least <= 100), "{fewest:?}");
+        assert_eq!((steps(&many.reference.1), steps(&many.refined.1)), ((0.2, 200, 1000), (0.1, 400, 1000)));
+        let more = swept(&["liquid.min_substeps=400", "liquid.max_substeps=400"], &[]);
+        assert_eq!((steps(&more.reference.1).2, steps(&more.refined.1).2), (1000, 1600));
+        let long = swept(&["liquid.cfl=6"], &[]);
+        assert!(long.rows.iter().any(|(_, scene)| steps(scene).0 == 10.0));
+        let fixed = swept(&["liquid.density_dev=none", "liquid.iterations=1"], &["liquid.cfl=0.4"]);
+        assert_eq!(fixed.rows.len(), 2);
+        let once = Subject::Liquid.defaults(&fixed.base);
+        assert!(once.iter().any(|vary| vary.values == [["1"], ["2"]]), "half of one is one: {once:?}");
+
+        // A reference may take as much as any row.
+        let iterations = |scene: &Scene| scene.liquid.as_ref().unwrap().max_iterations;
+        let patient = swept(&["liquid.max_iterations=5000"], &[]);
+        assert_eq!((iterations(&patient.reference.1), iterations(&patient.refined.1)), (5000, 5000));
+        let varied = swept(&[], &["liquid.cfl=0.4", "liquid.max_substeps=50,5000"]);
+        assert_eq!((steps(&varied.reference.1).2, steps(&varied.refined.1).2), (5000, 5000));
     }
 }

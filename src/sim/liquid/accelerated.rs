@@ -23,8 +23,8 @@ use crate::par;
 /// ω. With momentum, 0.7 throws a 64-layer column apart within half a second; 0.3 takes 1.3 times the iterations.
 const RELAXATION: f32 = 0.5;
 
-/// The part of the last substep's pressures that a substep starts with. At 0 it takes 1.6 times the iterations; above
-/// 0.7 errors of the last substep come back and columns at rest jitter (0.9: 0.1 m/s against 0.04).
+/// The part of the last substep's pressures that a substep starts with. At 0 it takes 1.7 times the iterations; above
+/// 0.5 errors of the last substep come back and columns at rest jitter (0.7: 0.11 m/s against 0.05; 0.9 blows up).
 const WARM_START: f32 = 0.5;
 
 /// An iteration whose largest error is this many times the smallest so far runs away: momentum stops, and ω becomes

@@ -214,7 +214,8 @@ struct Densities {
     denominator: [f32; LANES],
 }
 
-/// Evaluates `count` particles from `first` on; with gradients, counts what is filled. The remaining ratios and denominators are 1.
+/// Evaluates `count` particles from `first` on; with gradients, counts what is filled. The remaining ratios and
+/// denominators are 1.
 #[inline(always)]
 fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     at: &Chunk<'_>,

@@ -1,4 +1,5 @@
-//! Eight numbers at a time, neighbours of one particle or sums of eight particles: the arithmetic that the passes over neighbour lists are written in.
+//! Eight numbers at a time, neighbours of one particle or sums of eight particles: the arithmetic that the passes over
+//! neighbour lists are written in.
 //!
 //! A pass is generic over [`Lanes`] (see `pass.rs`). [`Eight`] is the readable reference; the AVX2 twin beside it
 //! rounds alike (no fused operations, the same order of sums), so both give the same bits.

@@ -67,7 +67,7 @@ pub struct Line {
     pub shot_seconds: f64,
     /// Particles.
     pub particles: usize,
-    /// Substeps and iterations a frame.
+    /// Substeps a frame.
     pub substeps: f64,
     /// Iterations a frame.
     pub iterations: f64,
@@ -149,10 +149,18 @@ impl Table {
     /// density deviation is at most `dev`, or with neither the knee.
     ///
     /// # Errors
-    /// [`RunError::NoSetting`] if no line keeps the limits.
+    /// [`RunError::NoSetting`] if no line keeps the limits; [`RunError::Request`] if `time` alone is to decide and nothing can
+    /// be compared, because the reference diverged.
     pub fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
         if time.is_none() && dev.is_none() {
             return Ok(self.knee);
+        }
+        if dev.is_none() && self.by != By::Density && self.reference.diverged.is_some() {
+            return Err(RunError::Request(
+                "--time: the reference diverged, so nobody knows which setting is the most exact; name another with \
+                 --reference, or choose with --by density or --dev"
+                    .into(),
+            ));
         }
         let candidate = |line: &Line| Candidate {
             cost: line.seconds.median,
@@ -195,9 +203,10 @@ pub fn tradeoff(
         let place = Place::new(folder, scene, selection.last());
         let frames = f64::from(selection.last().0 - scene.frames.first().0 + 1);
         let part = Part { whole: control.reporter, number, scale: 1.0 / frames };
+        // The reference and its refinement are wanted for their frames, not for their time.
+        let repeats = if number < 2 { 1 } else { repeats };
         let kept = place.load().is_some_and(|row| row.diverged.is_some() || row.seconds.len() >= repeats);
-        let row =
-            place.complete(if number < 2 { 1 } else { repeats }, Control { reporter: &part, ..control })?;
+        let row = place.complete(repeats, Control { reporter: &part, ..control })?;
         let line = line(setting, &row, sweep, selection);
         let what = match (&row.diverged, kept) {
             (Some(why), _) => why.clone(),

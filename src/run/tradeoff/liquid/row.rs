@@ -45,7 +45,8 @@ pub(super) struct Seen {
 }
 
 impl Row {
-    /// Whether the frames of `other` show the same particles.
+    /// Whether every observable has the same values to the last digit in all frames of both, as it has if they show the
+    /// same particles. No if one of them diverged.
     pub(super) fn shows_the_same(&self, other: &Self) -> bool {
         let shown = |row: &Self| {
             let frames = row.frames.iter();

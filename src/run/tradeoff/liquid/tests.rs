@@ -69,6 +69,19 @@ fn limits_choose_and_what_nothing_keeps_is_said() {
     assert_eq!(found.choose(None, None).unwrap(), Some(1));
     let none = found.choose(Some(25.0), Some(0.001)).unwrap_err().to_string();
     assert!(none.contains("25 s") && none.contains("0.1%"), "{none}");
+
+    // What cannot be compared is not chosen, and without a reference nothing is.
+    found.lines[2].apart = Apart::default();
+    assert_eq!(found.choose(Some(25.0), None).unwrap(), Some(1));
+    assert_eq!(found.choose(Some(25.0), Some(0.02)).unwrap(), Some(2), "the density needs no reference");
+    found.lines[1].apart = Apart::default();
+    assert!(matches!(found.choose(Some(25.0), None), Err(RunError::NoSetting { .. })));
+    found.reference.diverged = Some("frame 0002".into());
+    found.lines.iter_mut().for_each(|line| line.apart = Apart::default());
+    let lost = found.choose(Some(25.0), None).unwrap_err().to_string();
+    assert!(lost.contains("--by density"), "{lost}");
+    found.by = By::Density;
+    assert_eq!(found.choose(Some(25.0), None).unwrap(), Some(2));
 }
 
 #[test]

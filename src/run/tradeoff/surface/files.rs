@@ -48,7 +48,8 @@ fn page(table: &Table) -> Page<'_> {
         introduction: format!(
             "Frames {}, about {:.0} particles of spacing {} m, {} threads. Every point is a setting; lower is more exact, \
              left is faster. Nothing beats the green ones. After the ringed one, more time buys little. What lies in the \
-             tinted band cannot be told from the reference, which differs from its own refinement by {}.",
+             tinted band cannot be told from the reference, which differs from its own refinement by {}. An error or a time of \
+             exactly 0 has no place on these axes: such settings stand in the table alone.",
             frames.join(", "),
             table.particles,
             table.spacing,

@@ -1,20 +1,12 @@
-//! What the solids do to the liquid: keep particles out, and fill in the density they displace.
+//! What the solids do to the liquid: keep particles out, and fill in the density they displace (`share.rs`).
 //!
 //! *Method*: contact by projection along the outward normal, inside the solver's loop ([pbf] Algorithm 1, line 14). A
 //! moving solid stands where it is at the substep's end; since velocities are made from positions, what it pushes
 //! takes on its normal velocity, and no other: there is no friction.
 //! *Departs from the paper*: paths are followed through the distance field of every body, relative to the body, so
-//! that no step and no solid is fast enough to pass a particle through a part, however thin. Near a solid the density
-//! lacks the share of a kernel that lies inside it, and particles stack in layers ([pbf] section 9). That share is
-//! added as if the solid were a slab behind its nearest point: Poly6 and Spiky integrated over a half space have
-//! closed forms, and a slab is the difference of two. Boxes are the product of three slabs, which holds at their edges
-//! too; for meshes the kernel is integrated on a grid (`displaced.rs`). Several solids combine as independent: the part
-//! left open is the product of the parts that each leaves open, which for two or three perpendicular walls keeps the
-//! corner near rest.
-//!
-//! Limits: the curvature of balls and capsules is neglected: where it is touched, a ball of radius h displaces 0.65 of
-//! what is assumed, one of 3 h 0.87. A mesh whose voxels are larger than 0.4 h is taken as flat: its edges then displace
-//! 0.4, its inner edges 1.8 of what is assumed (test `the_share_beside_bodies_is_near_the_kernels_integral`).
+//! that no step and no solid is fast enough to pass a particle through a part, however thin.
+
+mod share;
 
 use super::{displaced, rest::Rest};
 use crate::{
@@ -331,101 +323,6 @@ impl Walls {
             f64::from(along) * f64::from(n.dot(&way))
         })
     }
-
-    /// What moving solids did through their share of the density in one correction of a particle at `x` with the
-    /// multiplier `lambda` [m²]; see [`Walls::work`].
-    #[inline]
-    pub(super) fn pressing(&self, x: Vec3, lambda: f32) -> f64 {
-        if lambda == 0.0 {
-            return 0.0;
-        }
-        let planes = self.planes.iter().filter_map(|plane| {
-            let d = plane.n.dot(&x) - plane.offset;
-            let near = plane.mover.filter(|_| d < self.support);
-            near.map(|mover| (mover, plane.n * self.slope(d)))
-        });
-        let bodies = self.bodies.iter().filter_map(|body| {
-            let near = body.mover.filter(|_| self.body_distance(body, x) < self.support);
-            near.map(|mover| (mover, self.body_share(body, x).1))
-        });
-        let did = planes.chain(bodies).map(|(mover, falls)| {
-            let Mover { before, now, .. } = &self.movers[mover];
-            let way = x - before.to_world(now.to_local(x));
-            f64::from(falls.dot(&way)) * f64::from(-lambda)
-        });
-        did.sum()
-    }
-
-    /// The solids' share of ρ₀ at `x` and its gradient [1/m].
-    #[inline]
-    pub(super) fn share(&self, x: Vec3) -> (f32, Vec3) {
-        let (mut open, mut open_gradient) = (1.0_f32, Vec3::zeros());
-        let mut add = |left: f32, slope: Vec3| {
-            open_gradient = open_gradient * left + slope * open;
-            open *= left;
-        };
-        for plane in &self.planes {
-            let d = plane.n.dot(&x) - plane.offset;
-            if d < self.support {
-                add(1.0 - self.half_space(d), plane.n * self.slope(d));
-            }
-        }
-        for body in &self.bodies {
-            if self.body_distance(body, x) < self.support {
-                let (share, slope) = self.body_share(body, x);
-                add(1.0 - share, slope);
-            }
-        }
-        (1.0 - open, -open_gradient)
-    }
-
-    /// The share of a half space at distance `d` [m].
-    #[inline]
-    fn half_space(&self, d: f32) -> f32 {
-        self.rest.solid_share((d + self.shift) * self.inv_support)
-    }
-
-    /// How fast that share falls off [1/m].
-    #[inline]
-    fn slope(&self, d: f32) -> f32 {
-        self.rest.solid_slope(d * self.inv_support) * self.inv_support
-    }
-
-    /// The share of one body, and how fast it falls off, and in which direction [1/m].
-    #[inline]
-    fn body_share(&self, body: &Body, x: Vec3) -> (f32, Vec3) {
-        let pose = body.mover.map(|mover| &self.movers[mover].now);
-        let own = pose.map_or(x, |pose| pose.to_local(x));
-        let turned = |n: Vec3| pose.map_or(n, |pose| pose.rotation * n);
-        if let Some(displaced) = &body.displaced {
-            let (d, n) = displaced.contact(own);
-            return (self.half_space(d), turned(n) * self.slope(d));
-        }
-        if let Shape::Box { min, max } = body.shape {
-            let (share, slope) = self.box_share(min, max, own);
-            return (share, turned(slope));
-        }
-        // Where a half space would be h - d deep, a slab is not, and tells its thickness.
-        let (d, n) = self.body_contact(body, x);
-        let beyond = self.body_distance(body, x - n * self.support);
-        let far = -d - (self.support - d - beyond).max(0.0);
-        let share = self.half_space(d) - (1.0 - self.half_space(far));
-        (share.max(0.0), n * (self.slope(d) - self.slope(far)))
-    }
-
-    /// The share of a box: three slabs that cut each other.
-    #[inline]
-    fn box_share(&self, min: [f32; 3], max: [f32; 3], x: Vec3) -> (f32, Vec3) {
-        let (mut part, mut falls) = ([0.0; 3], [0.0; 3]);
-        for axis in 0..3 {
-            // Distances to the planes of both faces, positive outside the slab.
-            let (low, high) = (min[axis] - x[axis], x[axis] - max[axis]);
-            part[axis] = (self.half_space(low) - (1.0 - self.half_space(high))).max(0.0);
-            falls[axis] = self.slope(high) - self.slope(low);
-        }
-        let [a, b, c] = part;
-        (a * b * c, Vec3::new(falls[0] * b * c, a * falls[1] * c, a * b * falls[2]))
-    }
 }
 
 #[cfg(test)]
@@ -438,12 +335,12 @@ mod tests {
     };
     use std::sync::Arc;
 
-    fn walls(shapes: &[Shape]) -> Walls {
+    pub(super) fn walls(shapes: &[Shape]) -> Walls {
         let solids: Vec<Solid> = shapes.iter().cloned().map(Solid::fixed).collect();
         Walls::new(&solids, &Rest::new(Kernel::Poly6Spiky, 0.1, 2.0))
     }
 
-    fn corner() -> Walls {
+    pub(super) fn corner() -> Walls {
         walls(&[Shape::Tank { min: [0.0; 3], max: [1.0; 3] }])
     }
 
@@ -460,7 +357,7 @@ mod tests {
     }
 
     /// A mesh of the given exact distance on [-1, 1]³, as if it had been sampled.
-    fn mesh(voxel: f32, distance: impl Fn(Vec3) -> f32) -> Shape {
+    pub(super) fn mesh(voxel: f32, distance: impl Fn(Vec3) -> f32) -> Shape {
         let n = (2.0 / voxel) as usize + 1;
         let node = |i: usize| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * voxel;
         let values = (0..n * n * n).map(|i| distance(node(i) - Vec3::repeat(1.0))).collect();
@@ -528,95 +425,5 @@ mod tests {
         assert!((walls.distance(Vec3::new(1.2, 0.5, 0.5)) - 0.2).abs() < 1e-6);
         let (x, _) = walls.carry(Vec3::new(0.2, 0.5, 0.5), Vec3::new(0.2, 0.5, 0.5));
         assert!((x.x - 1.05).abs() < 1e-6);
-    }
-
-    #[test]
-    fn the_share_in_edges_and_corners_leaves_the_lattice_near_rest() {
-        let (walls, rest) = (corner(), Rest::new(Kernel::Poly6Spiky, 0.1, 2.0));
-        for (walls_near, bound) in [(1, 1e-3), (2, 0.03), (3, 0.05)] {
-            let x = Vec3::from_fn(|axis, _| if axis < walls_near { 0.05 } else { 0.55 });
-            let mut c = walls.share(x).0 - 1.0;
-            for k in 0..1000 {
-                let y = Vec3::new((k % 10) as f32, (k / 10 % 10) as f32, (k / 100) as f32) * 0.1;
-                let q2 = (y + Vec3::repeat(0.05) - x).norm_squared() * rest.inv_support.powi(2);
-                c += rest.density_scale * (1.0 - q2).max(0.0).powi(3);
-            }
-            assert!(c.abs() < bound, "{walls_near} walls: C = {c}");
-        }
-    }
-
-    /// Poly6 integrated over the solid, moved inward by the calibration's shift.
-    fn integral(rest: &Rest, x: Vec3, distance: impl Fn(Vec3) -> f32) -> f32 {
-        let n = 48;
-        let (mut inside, mut all) = (0.0, 0.0);
-        for k in 0..n * n * n {
-            let at = |i: i32| 2.0 * (i as f32 + 0.5) / n as f32 - 1.0;
-            let q = Vec3::new(at(k % n), at(k / n % n), at(k / n / n));
-            let w = (1.0 - q.norm_squared()).max(0.0).powi(3);
-            all += w;
-            // The cell's own share: a plane that cuts it is not rounded to its edge.
-            let depth = -(distance(x + q * rest.support) + rest.wall_shift) / (2.0 * rest.support / n as f32);
-            inside += w * (depth + 0.5).clamp(0.0, 1.0);
-        }
-        inside / all
-    }
-
-    #[test]
-    fn the_share_beside_bodies_is_near_the_kernels_integral() {
-        let rest = Rest::new(Kernel::Poly6Spiky, 0.1, 2.0);
-        let cuboid = |half: Vec3| {
-            move |x: Vec3| {
-                let q = x.abs() - half;
-                q.sup(&Vec3::zeros()).norm() + q.max().min(0.0)
-            }
-        };
-        let thick = Vec3::repeat(0.6);
-        let thin = Vec3::new(0.6, 0.6, 0.05);
-        let shape = |half: Vec3| Shape::Box { min: (-half).into(), max: half.into() };
-        let ball = |radius: f32| move |x: Vec3| x.norm() - radius;
-        let bowl = |x: Vec3| -cuboid(thick)(x);
-        type Exact<'a> = &'a dyn Fn(Vec3) -> f32;
-        let (thick_, thin_, big, small) = (cuboid(thick), cuboid(thin), ball(0.6), ball(0.2));
-        let face = Vec3::new(0.0, 0.0, 0.65);
-        let edge = Vec3::new(0.0, 0.635, 0.635);
-        let point = Vec3::repeat(0.63);
-        let cases: [(&str, Shape, Exact<'_>, Vec3, f32); 13] = [
-            ("box, face", shape(thick), &thick_, face, 0.01),
-            ("box, edge", shape(thick), &thick_, edge, 0.03),
-            ("box, corner", shape(thick), &thick_, point, 0.03),
-            ("plate one spacing thick", shape(thin), &thin_, Vec3::new(0.0, 0.0, 0.1), 0.01),
-            ("plate, rim", shape(thin), &thin_, Vec3::new(0.0, 0.65, 0.0), 0.03),
-            ("ball of three h", Shape::Sphere { center: [0.0; 3], radius: 0.6 }, &big, face, 0.06),
-            (
-                "ball of one h",
-                Shape::Sphere { center: [0.0; 3], radius: 0.2 },
-                &small,
-                Vec3::new(0.0, 0.0, 0.25),
-                0.13,
-            ),
-            ("mesh of a box, face", mesh(0.05, cuboid(thick)), &thick_, face, 0.01),
-            ("mesh of a box, edge", mesh(0.05, cuboid(thick)), &thick_, edge, 0.03),
-            ("mesh of a box, corner", mesh(0.05, cuboid(thick)), &thick_, point, 0.03),
-            ("mesh of a plate", mesh(0.025, cuboid(thin)), &thin_, Vec3::new(0.0, 0.0, 0.1), 0.02),
-            ("mesh from inside, edge", mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.55, 0.55), 0.04),
-            ("mesh from inside, face", mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.0, 0.55), 0.01),
-        ];
-        for (name, shape, exact, x, bound) in cases {
-            let (share, truth) = (walls(&[shape]).share(x).0, integral(&rest, x, exact));
-            println!("{name}: {share:.3}, integral {truth:.3}");
-            assert!((share - truth).abs() < bound, "{name}: {share}, integral {truth}");
-        }
-    }
-
-    #[test]
-    fn the_gradient_points_into_the_solids() {
-        let (share, gradient) = corner().share(Vec3::new(0.05, 0.5, 0.08));
-        assert!(share > 0.0 && gradient.x < 0.0 && gradient.z < 0.0 && gradient.y == 0.0);
-        assert_eq!(corner().share(Vec3::repeat(0.5)).0, 0.0);
-        let plate = walls(&[Shape::Box { min: [-1.0, -1.0, -0.05], max: [1.0, 1.0, 0.05] }]);
-        for x in [Vec3::new(0.0, 0.0, 0.1), Vec3::new(1.05, 0.0, 0.0), Vec3::new(0.0, -1.02, -0.08)] {
-            let (share, gradient) = plate.share(x);
-            assert!(share > 0.0 && gradient.dot(&x) < 0.0, "{x:?} {gradient:?}");
-        }
     }
 }
