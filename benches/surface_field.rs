@@ -55,7 +55,9 @@ fn distances(c: &mut Criterion) {
         group.throughput(Throughput::Elements(found.distance.len() as u64));
         for threads in [1, 2] {
             group.bench_function(format!("sweeps_{threads}_threads"), |b| {
-                with_threads(threads, || b.iter(|| sweep(black_box(&found.bricks), &found.distance, band)));
+                with_threads(threads, || {
+                    b.iter(|| sweep(black_box(&found.bricks), &found.distance, band, 1))
+                });
             });
         }
         group.finish();

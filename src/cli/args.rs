@@ -146,25 +146,35 @@ pub(super) struct PlanArgs {
         than all of them. The table shows for each setting how long it took and how far its result is from exact. \
         Settings that are slower and worse than another need not be looked at; the rest form the front, and its knee is \
         where more time stops paying.\n\n\
+        With --surface it is surfaces that are compared: of the particles of a shot folder, of any solver's files, or of a \
+        preset, whose first second is then simulated once.\n\n\
         Every run is kept in the output folder: the same command goes on where it stopped, and a further --vary only \
         runs what is new. docs/tradeoff.md explains the columns.",
     after_help = "Examples:\n  \
         meniscus tradeoff dam-break                               sensible settings, one second\n  \
         meniscus tradeoff shot.toml --vary liquid.cfl=0.2,0.4,0.8 --vary liquid.density_dev=0.3%,1%,3%\n  \
         meniscus tradeoff shot.toml --time 2h --write tonight.toml    the most exact that is done in two hours\n  \
-        meniscus tradeoff shot.toml --dev 0.5%                    the fastest that is exact to 0.5 %"
+        meniscus tradeoff shot.toml --dev 0.5%                    the fastest that is exact to 0.5 %\n  \
+        meniscus tradeoff my-shot --surface --vary surface.voxel=0.25,0.5,1 --vary 'surface.smoothing=none,{}'\n  \
+        meniscus tradeoff 'frame_####.bgeo' --surface --spacing 0.05 --frames 40,80"
 )]
 pub(super) struct TradeoffArgs {
-    /// A preset file, or the name of a built-in preset (see `meniscus presets`)
-    pub(super) preset: String,
+    /// A preset file, or the name of a built-in preset (see `meniscus presets`); with --surface also a shot folder, or
+    /// particle files
+    #[arg(required = true, value_name = "PRESET|CACHE|FILES")]
+    pub(super) inputs: Vec<String>,
 
-    /// The folder for runs, table and plot; by default PRESET-tradeoff, in the current folder
+    /// Compare surfaces of the same particles instead of simulations
+    #[arg(long)]
+    pub(super) surface: bool,
+
+    /// The folder for runs, table and plot; by default the input's name with -tradeoff, in the current folder
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
 
     /// A key of the preset and the values to try: `liquid.cfl=0.2,0.4`. Repeated: every combination. Keys joined by +
-    /// vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. By default the solver's accuracy and the length of
-    /// its steps
+    /// vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. A table comes and goes: `surface.smoothing=none,{}`.
+    /// By default the solver's accuracy and the length of its steps; of surfaces the voxel and the order of the distance
     #[arg(long, value_name = "KEY=A,B,…")]
     pub(super) vary: Vec<Vary>,
 
@@ -173,19 +183,20 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     pub(super) reference: Vec<String>,
 
-    /// The frames to compare: `1-24`. By default one second
+    /// The frames to compare: `1-24`. By default one second; of surfaces three that are there, the last among them
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
-    /// The error that decides which settings are worth their time
-    #[arg(long, value_name = "ERROR", default_value = "density")]
-    pub(super) by: Judge,
+    /// The error that decides which settings are worth their time: by default density, of surfaces distance
+    #[arg(long, value_name = "ERROR")]
+    pub(super) by: Option<Judge>,
 
     /// Choose the most exact setting that takes at most this long for the whole shot: `90s`, `10min`, `2h`
     #[arg(long, value_name = "TIME", value_parser = time)]
     pub(super) time: Option<f64>,
 
-    /// Choose the fastest setting whose density deviates by at most this on average: `0.5%`
+    /// Choose the fastest setting whose density deviates by at most this on average: `0.5%`; of surfaces, that is off by at
+    /// most this part of a particle spacing (RMS)
     #[arg(long, value_name = "DEVIATION", value_parser = fraction)]
     pub(super) dev: Option<f64>,
 
@@ -196,6 +207,14 @@ pub(super) struct TradeoffArgs {
     /// Run every setting this often, and show the median and range of its time
     #[arg(long, value_name = "N", default_value = "1")]
     pub(super) repeats: std::num::NonZeroU32,
+
+    /// Distance between particles at rest in particle files, in metres; twice the particle radius
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    pub(super) spacing: Option<f32>,
+
+    /// Refuse to start if a surface needs about more memory than this: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
 
     /// Show the preset's quality tiers as rows too
     #[arg(long)]
@@ -231,6 +250,16 @@ pub(super) enum Judge {
     Energy,
     /// What the preset's [tradeoff] names, against the reference
     Observable,
+    /// Of surfaces: distance from the reference's, RMS
+    Distance,
+    /// Of surfaces: largest distance from the reference's
+    Hausdorff,
+    /// Of surfaces: normals against the reference's
+    Normals,
+    /// Of surfaces: volume against the reference's
+    Volume,
+    /// Of surfaces: the signed distance against the exact one, for the time that it takes alone
+    Field,
 }
 
 /// A quality tier of a preset.

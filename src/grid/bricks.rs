@@ -210,6 +210,11 @@ impl SparseGrid {
         &self.values[brick * BRICK_NODES..(brick + 1) * BRICK_NODES]
     }
 
+    /// Where the node of a number, by its place in `values`, stands [m].
+    pub fn position_of(&self, slot: usize) -> Vec3 {
+        self.position(node_of(self.bricks.coords[slot / BRICK_NODES], slot % BRICK_NODES))
+    }
+
     /// Where node (i, j, k) stands [m].
     pub fn position(&self, node: [i32; 3]) -> Vec3 {
         let at = |i: i32| (f64::from(i) * f64::from(self.voxel)) as f32;

@@ -1,6 +1,7 @@
 //! Surfaces as triangle meshes: extraction from a field, clean-up, attributes, checks, and the whole way
 //! from particles to a mesh.
 
+pub mod apart;
 mod cases;
 mod check;
 mod contour;

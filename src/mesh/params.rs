@@ -1,6 +1,9 @@
 //! What a preset can say about a surface.
 
-use crate::field::Anisotropy;
+use crate::{
+    field::Anisotropy,
+    sdf::{Order, SdfParams},
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -59,15 +62,28 @@ impl Default for SurfaceParams {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct DistanceParams {
-    /// How far from the surface, in voxels. Normals look two voxels far; more makes only wider level sets, for more time
-    /// and memory.
-    #[schemars(range(min = 2.0, max = 64.0))]
+    /// How far from the surface, in voxels: as far as level sets reach. Meshes are the same from 2 on; at 1 normals
+    /// leaned 0.03° more on a splash. Time and memory grow with it.
+    #[schemars(range(min = 1.0, max = 64.0))]
     pub band: f32,
+    /// The order of the differences. It shows in normals and level sets; where the surface lies does not depend on it. On
+    /// a splash the second brought normals 0.1° nearer, for twice the time of the distance.
+    pub order: Order,
+    /// Edge of the blocks that a thread takes at a time, in bricks of 8³ nodes. It changes the time, never the result.
+    #[schemars(range(min = 1, max = 8))]
+    pub block: u32,
 }
 
 impl Default for DistanceParams {
     fn default() -> Self {
-        Self { band: 3.0 }
+        Self { band: 3.0, order: Order::First, block: 1 }
+    }
+}
+
+impl From<DistanceParams> for SdfParams {
+    fn from(params: DistanceParams) -> Self {
+        let DistanceParams { band, order, block } = params;
+        Self { band, order, block: block as usize, ..Self::default() }
     }
 }
 

@@ -21,7 +21,7 @@ use crate::{
     field::{DensityParams, density},
     frame::Stream,
     math::Vec3,
-    sdf::{SdfParams, from_density},
+    sdf::{SdfParams, SignedDistance, from_density},
 };
 use std::time::Instant;
 
@@ -32,6 +32,8 @@ pub struct Surface {
     pub mesh: Mesh,
     /// The pieces that were too small to stay, if small pieces were to go.
     pub points: Option<Points>,
+    /// The signed distance that the mesh was cut from, before any clean-up; none if it was cut from the density.
+    pub distance: Option<SignedDistance>,
     /// Whether the mesh is sound, and its volume and area.
     pub check: MeshCheck,
     /// What it took.
@@ -129,13 +131,13 @@ pub fn reconstruct(
         let SurfaceParams { voxel, kernel_radius, anisotropy, .. } = *params;
         density(positions, &DensityParams { spacing, kernel_radius, voxel, anisotropy, whole: false })
     })?;
-    let distance = match &params.distance {
-        Some(distance) => Some(clock.time("distance", || {
-            let params = SdfParams { band: distance.band, ..SdfParams::default() };
-            from_density(&field.grid, field.threshold, &params)
-        })?),
-        None => None,
-    };
+    let distance =
+        match params.distance {
+            Some(distance) => Some(clock.time("distance", || {
+                from_density(&field.grid, field.threshold, &SdfParams::from(distance))
+            })?),
+            None => None,
+        };
     let contour = match &distance {
         Some(distance) => Contour::from(&distance.grid),
         None => Contour::from(&field),
@@ -188,7 +190,7 @@ pub fn reconstruct(
         ..SurfaceStats::default()
     };
     // What follows needs memory of its own.
-    drop((field, distance));
+    drop(field);
     stats.attributes_from_nearest = clock.time("attributes", || {
         let radius = params.kernel_radius * spacing;
         let carried = |vertices: &[Vec3]| {
@@ -206,7 +208,7 @@ pub fn reconstruct(
     })??;
     let check = clock.time("check", || check(&mesh))?;
     stats.seconds = clock.seconds;
-    Ok(Surface { mesh, points, check, stats })
+    Ok(Surface { mesh, points, distance, check, stats })
 }
 
 /// The positions of the particles, all finite.

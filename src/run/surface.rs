@@ -341,7 +341,8 @@ impl<'a> Writer<'a> {
             .into_iter()
             .map(|(name, is_vector)| (name.clone(), export::property_names(&name, is_vector)));
         let attributes = properties.collect();
-        let Surface { mesh, check, stats, .. } = surface;
+        let Surface { mesh, distance, check, stats, .. } = surface;
+        drop(distance);
         let meshed = Meshed { triangles: 0, bytes, figures, record: Some((record, stats)) };
         let meshed = Some(self.write(&mesh, missing, key, meshed)?);
         made.streams.push(MadeStream { name: stream.name.clone(), attributes, meshed });

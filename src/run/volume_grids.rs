@@ -59,7 +59,8 @@ impl VolumeGrids {
     ) -> Result<Self, SurfaceError> {
         let go_on = || if keep_going() { Ok(()) } else { Err(SurfaceError::Interrupted) };
         let positions = positions(particles)?;
-        let SurfaceParams { voxel, kernel_radius, anisotropy, .. } = *params;
+        let SurfaceParams { voxel, kernel_radius, anisotropy, distance, .. } = *params;
+        let distance = SdfParams::from(distance.unwrap_or_default());
         // A level set needs what is near the surface, the others everything.
         let whole = wanted.iter().any(|&grid| grid != VolumeGrid::Surface);
         let params = DensityParams { spacing, kernel_radius, voxel, anisotropy, whole };
@@ -72,7 +73,7 @@ impl VolumeGrids {
             ..VolumeStats::default()
         };
 
-        let surface = wanted.contains(&VolumeGrid::Surface).then(|| surface(&field));
+        let surface = wanted.contains(&VolumeGrid::Surface).then(|| surface(&field, &distance));
         go_on()?;
         let is_dense = masks(&field.grid.values, |&v| v > 0.0);
         let velocities = particles.vec3("velocity").filter(|_| wanted.contains(&VolumeGrid::Velocity));
@@ -129,8 +130,8 @@ impl VolumeGrids {
 }
 
 /// The distance to the surface of a density, the nodes it was found for, and the density's bricks deeper inside.
-fn surface(field: &Density) -> (SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>) {
-    let distance = from_density(&field.grid, field.threshold, &SdfParams::default());
+fn surface(field: &Density, params: &SdfParams) -> (SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>) {
+    let distance = from_density(&field.grid, field.threshold, params);
     let active = masks(&distance.grid.values, |v| v.abs() < distance.band);
     // A brick that the band does not reach is on one side as a whole.
     let coords = field.grid.bricks.coords().iter().enumerate();

@@ -14,7 +14,7 @@
 //! Limits: a part thinner than a voxel may have no node inside; it still repels from both sides. Across a hole that
 //! takes half the surface, no side is the inside.
 
-use super::{Sampled, Triangles, sweep, tree::Tree};
+use super::{Sampled, Triangles, sweep, tree::TriangleTree};
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, node_of},
     math::Vec3,
@@ -89,7 +89,7 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
     // The tree works in voxels from the first node, where single precision has its digits.
     let mut local = mesh.clone();
     par::update(&mut local.positions, |_, x| *x = (*x - origin) / voxel);
-    let tree = Tree::new(&local);
+    let tree = TriangleTree::new(&local);
     let counts = nodes.map(|n| n.div_ceil(BRICK as u32) as i32);
     let all = (0..counts[0] * counts[1] * counts[2])
         .map(|i| [i % counts[0], i / counts[0] % counts[1], i / (counts[0] * counts[1])]);
@@ -97,7 +97,7 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
     let seen: Vec<Seen> = par::map(bricks.len(), |brick| look(&tree, bricks.coords()[brick])).concat();
 
     let (seeds, caps) = seeds(&bricks, &seen);
-    let swept = sweep(&bricks, &seeds, f32::INFINITY).distance;
+    let swept = sweep(&bricks, &seeds, f32::INFINITY, 1).distance;
     let [nx, ny, _] = nodes.map(|n| n as usize);
     let mut values = vec![0.0; nodes.iter().map(|&n| n as usize).product()];
     par::fill(&mut values, |i| {
@@ -130,7 +130,7 @@ impl Seen {
 }
 
 /// What the nodes of a brick see.
-fn look(tree: &Tree, coord: [i32; 3]) -> Vec<Seen> {
+fn look(tree: &TriangleTree, coord: [i32; 3]) -> Vec<Seen> {
     let mut seen = vec![Seen { distance: f32::INFINITY, winding: 0.0, parts: false }; BRICK_NODES];
     let all = Cube { first: [0; 3], size: BRICK, bound: f32::INFINITY, winding: None };
     split(tree, coord, all, &mut seen);
@@ -157,7 +157,7 @@ fn decided(winding: f32, radius: f32, distance: f32) -> bool {
 }
 
 /// Looks from the middle of a cube of nodes, and from its eighths where that does not settle it.
-fn split(tree: &Tree, coord: [i32; 3], cube: Cube, seen: &mut [Seen]) {
+fn split(tree: &TriangleTree, coord: [i32; 3], cube: Cube, seen: &mut [Seen]) {
     let Cube { first, size, bound, winding: known } = cube;
     let half = (size - 1) as f32 * 0.5;
     let corner = node_of(coord, first[0] + BRICK * (first[1] + BRICK * first[2]));

@@ -1,19 +1,18 @@
 //! Bricks as the second-order solve sees them.
 
-use super::second::Nodes;
-use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks},
-    par,
-};
+use super::{groups::Groups, second::Nodes};
+use crate::grid::{BRICK, BRICK_NODES, Bricks};
 
 /// Bricks with their face neighbours. Nodes of missing bricks are not there.
 pub(super) struct LinkedBricks {
+    groups: Groups,
     neighbours: Vec<[Option<u32>; 6]>,
 }
 
 impl LinkedBricks {
-    pub(super) fn new(bricks: &Bricks) -> Self {
-        Self { neighbours: bricks.neighbours() }
+    /// The bricks, swept in cubes of `block`³.
+    pub(super) fn new(bricks: &Bricks, block: usize) -> Self {
+        Self { groups: Groups::new(bricks, block), neighbours: bricks.neighbours() }
     }
 }
 
@@ -29,11 +28,7 @@ impl Nodes for LinkedBricks {
     }
 
     fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
-        let next = |brick: usize| {
-            let faces = self.neighbours[brick];
-            (0..3).filter_map(move |axis| faces[2 * axis + usize::from(order[axis] > 0)]).map(|i| i as usize)
-        };
-        par::wavefront(self.blocks(), next, work);
+        self.groups.wavefront(order, work);
     }
 
     fn for_each_near(&self, brick: usize, mut f: impl FnMut(usize)) {

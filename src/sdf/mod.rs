@@ -19,6 +19,7 @@
 pub mod dense;
 mod from_triangles;
 mod godunov;
+mod groups;
 mod linked;
 mod sampled;
 mod second;
@@ -29,6 +30,7 @@ mod triangles;
 
 pub use from_triangles::{SAMPLED_VERSION, Solidified, from_triangles};
 pub use sampled::Sampled;
+pub use tree::{Nearest, TriangleTree, closest_point};
 pub use triangles::Triangles;
 
 pub use second::Order;
@@ -50,11 +52,13 @@ pub struct SdfParams {
     pub band: f32,
     /// The order of the differences.
     pub order: Order,
+    /// Bricks along the edge of the blocks that threads take at a time, at least 1. Changes the time, never the result.
+    pub block: usize,
 }
 
 impl Default for SdfParams {
     fn default() -> Self {
-        Self { seed: SeedRule::Plane, band: 3.0, order: Order::First }
+        Self { seed: SeedRule::Plane, band: 3.0, order: Order::First, block: 1 }
     }
 }
 
@@ -85,7 +89,8 @@ pub struct SignedDistance {
 /// has no brick it is zero; no edge between two bricks without values crosses the surface.
 ///
 /// # Panics
-/// If `threshold` is not above zero, or not below 1 while bricks are filled, or the band is below one voxel.
+/// If `threshold` is not above zero, or not below 1 while bricks are filled, if the band is below one voxel or a block has
+/// no brick.
 pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> SignedDistance {
     assert!(threshold > 0.0, "a missing brick is outside, so the threshold is above zero");
     assert!(
@@ -94,11 +99,11 @@ pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> S
     );
     let reach = params.order.reach(params.band);
     let seeds = seeds(field, threshold, &SdfParams { band: reach, ..*params });
-    let mut swept = sweep(&seeds.bricks, &seeds.distance, reach);
+    let mut swept = sweep(&seeds.bricks, &seeds.distance, reach, params.block);
     if params.order == Order::Second {
         let inside =
             |slot: usize| seeds.inside[slot / BRICK_NODES][slot % BRICK_NODES / 64] >> (slot % 64) & 1 == 1;
-        swept = refine(&LinkedBricks::new(&seeds.bricks), swept, params.band, inside);
+        swept = refine(&LinkedBricks::new(&seeds.bricks, params.block), swept, params.band, inside);
     }
     let mut grid = SparseGrid::of(field.voxel, seeds.bricks, swept.distance);
 

@@ -17,6 +17,8 @@
 
 use super::{Swept, godunov::ORDERS};
 use crate::par;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 
 /// How nodes hang together, and the blocks they are swept in.
@@ -50,7 +52,8 @@ pub(super) trait Nodes: Sync {
 }
 
 /// The order of the differences that the Eikonal equation is solved with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Order {
     /// First order: the distance errs by a few tenths of a voxel far from the surface.
     #[default]
@@ -341,14 +344,15 @@ mod tests {
             *value = ((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1 << 23) as f32 - 0.8;
         }
         for band in [3.0, f32::INFINITY] {
-            let params = SdfParams { band, seed: SeedRule::Plane, order: Order::Second };
+            let params = SdfParams { band, seed: SeedRule::Plane, order: Order::Second, block: 1 };
             let seeds = seeds(&field, 1.0, &params);
             let inside =
                 |i: usize| seeds.inside[i / (BRICK * BRICK * BRICK)][i % 512 / 64] >> (i % 64) & 1 == 1;
-            let first = crate::sdf::sweep(&seeds.bricks, &seeds.distance, band);
-            let linked = LinkedBricks::new(&seeds.bricks);
+            let first = crate::sdf::sweep(&seeds.bricks, &seeds.distance, band, 1);
+            let linked = LinkedBricks::new(&seeds.bricks, 1);
             let reference = in_order(&linked, &first.distance, inside);
-            for threads in [1, 2, 5] {
+            for (threads, block) in [(1, 1), (2, 1), (5, 1), (1, 3), (5, 2)] {
+                let linked = LinkedBricks::new(&seeds.bricks, block);
                 let found = crate::par::with_threads(threads, || {
                     refine(&linked, first.clone(), f32::INFINITY, inside)
                 });

@@ -46,25 +46,32 @@ struct Part {
 
 /// The nearest point of a mesh.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Nearest {
+pub struct Nearest {
     /// Squared distance to it.
-    pub(super) distance2: f32,
+    pub distance2: f32,
     /// How far the query lies above the plane of the triangle, as a fraction of the distance: its sign tells the side.
-    pub(super) side: f32,
+    pub side: f32,
+    /// The triangle it is on. Of several within rounding, the one that faces the query most.
+    pub triangle: u32,
 }
 
-/// The tree.
+/// A mesh's triangles, to ask what is near and on which side a point is.
 #[derive(Debug)]
-pub(super) struct Tree {
+pub struct TriangleTree {
     /// In the order of the curve.
     corners: Vec<[Vec3; 3]>,
+    /// Their places in the mesh.
+    triangles: Vec<u32>,
     /// From the leaves' parents to the root, which is alone on its level.
     levels: Vec<Vec<Node>>,
 }
 
-impl Tree {
-    /// The tree over all triangles of `mesh`, of which there is at least one.
-    pub(super) fn new(mesh: &Triangles) -> Self {
+impl TriangleTree {
+    /// The tree over all triangles of `mesh`.
+    ///
+    /// # Panics
+    /// If there is none.
+    pub fn new(mesh: &Triangles) -> Self {
         let (low, high) = mesh.bounds().expect("a mesh to sample has triangles");
         let scale = 1023.0 / (high - low).amax().max(f32::MIN_POSITIVE);
         let mut keys = vec![0_u128; mesh.triangles.len()];
@@ -75,15 +82,17 @@ impl Tree {
             u128::from(code) << 32 | i as u128
         });
         par::sort(&mut keys);
+        let mut triangles = vec![0_u32; keys.len()];
+        par::fill(&mut triangles, |i| (keys[i] & 0xffff_ffff) as u32);
         let mut corners = vec![[Vec3::zeros(); 3]; keys.len()];
-        par::fill(&mut corners, |i| mesh.corners((keys[i] & 0xffff_ffff) as usize));
+        par::fill(&mut corners, |i| mesh.corners(triangles[i] as usize));
 
         let mut parts = par::map_chunks(corners.len(), LEAF, |range| Part::of_triangles(&corners[range]));
         let mut levels = Vec::new();
         loop {
             levels.push(par::map_chunks(parts.len(), WIDTH, |range| Node::new(&parts[range])));
             if parts.len() <= WIDTH {
-                return Self { corners, levels };
+                return Self { corners, triangles, levels };
             }
             parts = par::map_chunks(parts.len(), WIDTH, |range| Part::of_parts(&parts[range]));
         }
@@ -114,7 +123,7 @@ impl Tree {
     }
 
     /// The winding number about `q`: 1 inside a closed mesh whose faces wind outward, 0 outside it.
-    pub(super) fn winding(&self, q: Vec3) -> f32 {
+    pub fn winding(&self, q: Vec3) -> f32 {
         let (mut far_sum, mut near_sum) = ([0.0_f32; WIDTH], 0.0_f32);
         self.walk(
             |node| {
@@ -135,8 +144,8 @@ impl Tree {
     }
 
     /// The nearest point of the mesh, if one is nearer than the root of `bound2`.
-    pub(super) fn nearest(&self, q: Vec3, bound2: f32) -> Option<Nearest> {
-        let mut best = Nearest { distance2: bound2, side: 0.0 };
+    pub fn nearest(&self, q: Vec3, bound2: f32) -> Option<Nearest> {
+        let mut best = Nearest { distance2: bound2, side: 0.0, triangle: 0 };
         let mut found = false;
         let mut stack = [(0.0_f32, 0_u8, 0_u32); 96];
         let mut top = 1;
@@ -172,8 +181,8 @@ impl Tree {
                     continue;
                 }
                 let start = leaf as usize * LEAF;
-                for corners in &self.corners[start..(start + LEAF).min(self.corners.len())] {
-                    found |= best.take(corners, q);
+                for place in start..(start + LEAF).min(self.corners.len()) {
+                    found |= best.take(&self.corners[place], self.triangles[place], q);
                 }
             }
         }
@@ -185,7 +194,7 @@ impl Nearest {
     /// Takes the triangle's nearest point if it is nearer. Of triangles that share it, the one that faces the query
     /// most tells the side.
     #[inline]
-    fn take(&mut self, corners: &[Vec3; 3], q: Vec3) -> bool {
+    fn take(&mut self, corners: &[Vec3; 3], triangle: u32, q: Vec3) -> bool {
         let away = q - closest_point(corners, q);
         let d2 = away.norm_squared();
         if d2 > self.distance2 * (1.0 + 1e-5) {
@@ -196,6 +205,7 @@ impl Nearest {
         let side = if length > 0.0 { normal.dot(&away) / length } else { 0.0 };
         if d2 < self.distance2 * (1.0 - 1e-5) || side.abs() > self.side.abs() {
             self.side = side;
+            self.triangle = triangle;
         }
         self.distance2 = d2.min(self.distance2);
         true
@@ -303,7 +313,7 @@ fn solid_angle(corners: &[Vec3; 3], q: Vec3) -> f32 {
 }
 
 /// The point of a triangle that is closest to `q`, by the region of the triangle's plane it falls in.
-fn closest_point(&[a, b, c]: &[Vec3; 3], q: Vec3) -> Vec3 {
+pub fn closest_point(&[a, b, c]: &[Vec3; 3], q: Vec3) -> Vec3 {
     let (ab, ac, aq) = (b - a, c - a, q - a);
     let (d1, d2) = (ab.dot(&aq), ac.dot(&aq));
     if d1 <= 0.0 && d2 <= 0.0 {
@@ -364,7 +374,7 @@ mod tests {
     #[test]
     fn the_tree_finds_what_the_sum_over_all_triangles_gives() {
         let (mesh, points) = torus();
-        let tree = Tree::new(&mesh);
+        let tree = TriangleTree::new(&mesh);
         let all = || (0..mesh.triangles.len()).map(|i| mesh.corners(i));
         let mut most = 0.0_f32;
         for &q in &points {
@@ -374,6 +384,8 @@ mod tests {
             let found = tree.nearest(q, f32::INFINITY).unwrap();
             assert!((found.distance2.sqrt() - nearest).abs() < 1e-5, "{q:?}");
             assert_eq!(found.side < 0.0, exact > 0.5, "{q:?}");
+            let named = closest_point(&mesh.corners(found.triangle as usize), q);
+            assert!(((q - named).norm() - nearest).abs() < 1e-5, "{q:?}");
             assert!(tree.nearest(q, 0.9 * nearest * nearest).is_none());
         }
         println!("winding number off by {most} at most");

@@ -56,6 +56,26 @@ fn a_cube_of_particles_becomes_fog_and_a_level_set() {
     let worst = (-2..=2).map(|k| (distance[&[10, 10, k]] + voxel * k as f32).abs()).fold(0.0, f32::max);
     assert!(worst < 0.2 * voxel, "off by {worst} m");
     assert!(distance.values().all(|v| v.abs() < 3.0 * voxel && v.is_finite()));
+
+    // A wider band reaches farther, and the order shows out there and not at the surface.
+    let far = |order: &str| {
+        desk.run(
+            &format!("{line} --force --set surface.distance.band=7 --set surface.distance.order={order}"),
+            0,
+        );
+        let wide = grid(&path, "surface");
+        let farthest = wide.values().fold(0.0_f32, |most, v| most.max(v.abs()));
+        assert!((6.5 * voxel..7.0 * voxel).contains(&farthest), "{farthest}");
+        wide
+    };
+    let (first, second) = (far("first"), far("second"));
+    let differs = |near: bool| {
+        let nodes = first.iter().filter(|(_, v)| (v.abs() < 0.5 * voxel) == near);
+        let differences = nodes.filter_map(|(node, v)| Some((v - second.get(node)?).abs() / voxel));
+        differences.fold(0.0, f32::max)
+    };
+    assert!(differs(true) == 0.0 && differs(false) > 0.2, "{} {}", differs(true), differs(false));
+    desk.run(&format!("{line} --force"), 0);
     let output = &manifest(&desk, "out")["outputs"][0];
     assert_eq!((&output["kind"], &output["format"]), (&"volume".into(), &"vdb".into()));
     assert_eq!(output["grids"], serde_json::json!(["density", "surface"]));

@@ -1,52 +1,21 @@
 //! Work against precision on the user's own shot: which settings are worth their time.
 //!
-//! *Method*: every setting of a sweep (`sweep`) is run on the same frames and kept (`row`); it is compared with a
-//! reference that is finer than all of them, and the reference with a refinement of itself, which tells how small an
-//! error can be seen at all (`compare`). The Pareto front and its knee (`pareto`) name the settings to consider.
-//! Limits: splashing liquid is chaotic, so paths part after some frames; extents and energies are compared over all of
-//! them, particles only as long as the reference agrees with its own refinement.
+//! *Method*: every setting of a sweep (`sweep`) is run on the same frames, and so is a reference that is finer than all
+//! of them (`knobs`) and a refinement of that. The Pareto front and its knee ([`pareto`]) name the settings to consider.
+//! What is run and compared is the simulation ([`liquid`]) or the surfaces of particles that are there ([`surface`]).
 
-mod compare;
-mod files;
+mod knobs;
+pub mod liquid;
+mod page;
 pub mod pareto;
 mod plot;
-mod row;
+pub mod surface;
 mod sweep;
 
-#[cfg(test)]
-mod tests;
+pub use knobs::Subject;
+pub use sweep::{Ground, Request, Setting, Sweep, Vary};
 
-pub use compare::Apart;
-pub use files::write;
-pub use sweep::{Request, Setting, Sweep, Vary, defaults};
-
-use super::{Control, Reporter, RunError, ShotFolder, simulate};
-use crate::{
-    cache::Lock,
-    scene::{Frames, Scene},
-    sim::Observable,
-};
-use compare::{curves, horizon, position};
-use row::{Place, Row, Run};
 use serde::Serialize;
-use std::path::Path;
-
-/// The error that decides which settings are on the front.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum By {
-    /// Density deviation, mean of the frames' averages: needs no reference.
-    Density,
-    /// Mechanical energy against the reference.
-    Energy,
-    /// The observable against the reference.
-    Observable,
-}
-
-impl By {
-    /// Every one.
-    pub const ALL: [Self; 3] = [Self::Density, Self::Energy, Self::Observable];
-}
 
 /// A middle and its range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -72,282 +41,14 @@ impl Spread {
     }
 }
 
-/// One line of the table.
-#[derive(Clone, Debug, Serialize)]
-pub struct Line {
-    /// The keys that the setting changes.
-    pub label: String,
-    /// The changes, as `--set` takes them.
-    pub set: Vec<String>,
-    /// The preset's tier, if the setting is one.
-    pub quality: Option<String>,
-    /// Wall-clock time of the slice's simulation [s].
-    pub seconds: Spread,
-    /// Processor time of the same [s].
-    pub cpu_seconds: Option<Spread>,
-    /// The whole shot's simulation, if its other frames cost as much [s].
-    pub shot_seconds: f64,
-    /// Particles.
-    pub particles: usize,
-    /// Substeps a frame.
-    pub substeps: f64,
-    /// Iterations a frame.
-    pub iterations: f64,
-    /// Substeps that ended above the target, over all frames.
-    pub unconverged: u32,
-    /// Density deviation, as fractions: mean of averages.
-    pub density_dev_avg: f64,
-    /// Mean of the frames' maxima.
-    pub density_dev_max: f64,
-    /// Largest of all frames.
-    pub density_dev_largest: f64,
-    /// The surface's volume in the last frame over that in the first, less one.
-    pub volume_change: Option<f64>,
-    /// Distances from the reference.
-    pub apart: Apart,
-    /// Why and where the run ended early.
-    pub diverged: Option<String>,
-    /// The first line that gave the same frames, if another did: what tells them apart does nothing here.
-    pub same_as: Option<usize>,
-    /// Whether nothing beats it, by the chosen error.
-    pub front: bool,
-}
+#[cfg(test)]
+mod tests {
+    use super::Spread;
 
-/// The result of a tradeoff.
-#[derive(Clone, Debug, Serialize)]
-pub struct Table {
-    /// The shot's name.
-    pub title: String,
-    /// The frames that were compared.
-    pub frames: Frames,
-    /// Threads that computed.
-    pub threads: usize,
-    /// What was observed.
-    pub observable: Observable,
-    /// The error that decides.
-    pub by: By,
-    /// The settings.
-    pub lines: Vec<Line>,
-    /// The reference.
-    pub reference: Line,
-    /// The reference refined once more.
-    pub refined: Line,
-    /// How far these two are apart: smaller errors cannot be told from none.
-    pub uncertainty: Apart,
-    /// The last frame up to which particles can be compared.
-    pub horizon: Option<u32>,
-    /// The line after which more time buys little.
-    pub knee: Option<usize>,
-}
-
-impl Table {
-    /// The error of a line that decides, as it can be judged: at least the reference's own uncertainty. `None` if
-    /// there is none, or the run diverged.
-    pub fn judged(&self, line: &Line, by: By) -> Option<f64> {
-        if line.diverged.is_some() {
-            return None;
-        }
-        let at_least =
-            |found: Option<f64>, floor: Option<f64>| found.map(|found| found.max(floor.unwrap_or(0.0)));
-        match by {
-            By::Density => Some(line.density_dev_avg),
-            By::Energy => at_least(line.apart.energy, self.uncertainty.energy),
-            By::Observable => at_least(line.apart.observable, self.uncertainty.observable),
-        }
+    #[test]
+    fn spreads_have_the_middle_value() {
+        assert_eq!(Spread::of(&[]), None);
+        assert_eq!(Spread::of(&[3.0, 1.0, 2.0]), Some(Spread { median: 2.0, min: 1.0, max: 3.0 }));
+        assert_eq!(Spread::of(&[4.0, 1.0]).unwrap().median, 2.5);
     }
-
-    /// The front by `by`: indices of lines, ascending in cost.
-    pub fn front(&self, by: By) -> Vec<usize> {
-        let points: Vec<_> = self
-            .lines
-            .iter()
-            .map(|line| self.judged(line, by).map(|error| (line.seconds.median, error)))
-            .collect();
-        pareto::front(&points)
-    }
-
-    /// The setting to use: the most exact that takes at most `time` [s] for the whole shot, the cheapest whose mean
-    /// density deviation is at most `dev`, or with neither the knee.
-    ///
-    /// # Errors
-    /// [`RunError::NoSetting`] if no line keeps the limits; [`RunError::Request`] if `time` alone is to decide and nothing can
-    /// be compared, because the reference diverged.
-    pub fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
-        if time.is_none() && dev.is_none() {
-            return Ok(self.knee);
-        }
-        if dev.is_none() && self.by != By::Density && self.reference.diverged.is_some() {
-            return Err(RunError::Request(
-                "--time: the reference diverged, so nobody knows which setting is the most exact; name another with \
-                 --reference, or choose with --by density or --dev"
-                    .into(),
-            ));
-        }
-        let within = |line: &Line| {
-            line.diverged.is_none()
-                && (dev.is_some() || self.judged(line, self.by).is_some())
-                && time.is_none_or(|most| line.shot_seconds <= most)
-                && dev.is_none_or(|most| line.density_dev_avg <= most)
-        };
-        let rank = |line: &Line| match dev {
-            Some(_) => (line.seconds.median, 0.0),
-            None => (self.judged(line, self.by).unwrap_or(f64::INFINITY), line.seconds.median),
-        };
-        let fitting = (0..self.lines.len()).filter(|&i| within(&self.lines[i]));
-        let best = fitting
-            .map(|i| (i, rank(&self.lines[i])))
-            .min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        best.map(|(i, _)| Some(i)).ok_or_else(|| RunError::NoSetting { wanted: wanted(time, dev) })
-    }
-}
-
-fn wanted(time: Option<f64>, dev: Option<f64>) -> String {
-    let time = time.map(|time| format!("{time} s for the shot"));
-    let dev = dev.map(|dev| format!("a mean density deviation of {}%", 100.0 * dev));
-    [time, dev].into_iter().flatten().collect::<Vec<_>>().join(" and ")
-}
-
-/// Runs what is not there yet and tabulates everything. Rows live in `folder`, a folder each.
-///
-/// # Errors
-/// Whatever stops a run but divergence, which is a result. Finished rows are kept.
-pub fn tradeoff(
-    sweep: &Sweep,
-    selection: &Frames,
-    folder: &Path,
-    repeats: usize,
-    by: By,
-    control: Control,
-) -> Result<Table, RunError> {
-    simulate::check_selection(&sweep.base, selection)?;
-    let rows_folder = folder.join("rows");
-    ShotFolder::create(&rows_folder)?;
-    let _lock = Lock::acquire(&rows_folder)?;
-    let all: Vec<&(Setting, Scene)> =
-        [&sweep.reference, &sweep.refined].into_iter().chain(&sweep.rows).collect();
-    let mut runs = Vec::new();
-    control.reporter.begin("tradeoff", all.len());
-    for (number, (setting, scene)) in all.iter().enumerate() {
-        let place = Place::new(folder, scene, selection.last());
-        let frames = f64::from(selection.last().0 - scene.frames.first().0 + 1);
-        let part = Part { whole: control.reporter, number, scale: 1.0 / frames };
-        // The reference and its refinement are wanted for their frames, not for their time.
-        let repeats = if number < 2 { 1 } else { repeats };
-        let kept = place.load().is_some_and(|row| row.diverged.is_some() || row.seconds.len() >= repeats);
-        let row = place.complete(repeats, Control { reporter: &part, ..control })?;
-        let line = line(setting, &row, sweep, selection);
-        let what = match (&row.diverged, kept) {
-            (Some(why), _) => why.clone(),
-            (None, true) => "was there".into(),
-            (None, false) => format!("{:.1} s", line.seconds.median),
-        };
-        control.reporter.frame(&format!("{} of {}  {}: {what}", number + 1, all.len(), setting.label));
-        control.reporter.progress((number + 1) as f64);
-        runs.push(Run { setting, place, row });
-    }
-    control.reporter.end();
-    tabulate(sweep, selection, &runs, by)
-}
-
-fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run], by: By) -> Result<Table, RunError> {
-    let observable = sweep.base.tradeoff.clone().unwrap_or_default().observable;
-    let wanted = |frame: u32| selection.contains(crate::frame::FrameIndex(frame));
-    let [reference, refined, rows @ ..] = runs else {
-        unreachable!("a sweep has a reference and its refinement");
-    };
-    let at = |run: &'_ Run<'_>| line(run.setting, &run.row, sweep, selection);
-    let last = horizon((&reference.place, &reference.row), (&refined.place, &refined.row))?;
-    let against = |run: &Run<'_>| -> Result<Apart, RunError> {
-        // A reference that ended early says nothing about the frames after.
-        if reference.row.diverged.is_some() {
-            return Ok(Apart::default());
-        }
-        let apart = curves(&run.row, &reference.row, observable, &wanted);
-        let position = position((&run.place, &run.row), (&reference.place, &reference.row), last)?;
-        Ok(Apart { position, ..apart })
-    };
-    let mut lines = Vec::new();
-    for (place, run) in rows.iter().enumerate() {
-        let same_as = rows[..place].iter().position(|other| other.row.shows_the_same(&run.row));
-        lines.push(Line { apart: against(run)?, same_as, ..at(run) });
-    }
-    let mut table = Table {
-        title: sweep.base.title.clone(),
-        frames: selection.clone(),
-        threads: crate::par::threads(),
-        observable,
-        by,
-        lines,
-        reference: at(reference),
-        refined: at(refined),
-        uncertainty: if refined.row.diverged.is_some() { Apart::default() } else { against(refined)? },
-        horizon: last,
-        knee: None,
-    };
-    let front = table.front(by);
-    let point = |&i: &usize| {
-        let line = &table.lines[i];
-        (line.seconds.median, table.judged(line, by).expect("lines on the front have an error"))
-    };
-    let points: Vec<_> = front.iter().map(point).collect();
-    table.knee = pareto::knee(&points).map(|place| front[place]);
-    for i in front {
-        table.lines[i].front = true;
-    }
-    Ok(table)
-}
-
-/// What a run alone says, without the reference.
-fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line {
-    let logged: Vec<_> = row.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
-    let judged: Vec<_> = logged.iter().filter(|line| selection.contains(line.frame)).collect();
-    let mean = |value: &dyn Fn(&super::log::Logged) -> f64| {
-        judged.iter().map(|line| value(line)).sum::<f64>() / judged.len().max(1) as f64
-    };
-    let first = sweep.base.frames.first().0;
-    let [slice, shot] = [selection.last(), sweep.base.frames.last()].map(|last| f64::from(last.0 - first));
-    let seconds = Spread::of(&row.seconds).expect("a row has been run");
-    Line {
-        label: setting.label.clone(),
-        set: setting.overrides.set.clone(),
-        quality: setting.overrides.quality.map(|tier| tier.name().into()),
-        shot_seconds: seconds.median * shot / slice.max(1.0),
-        seconds,
-        cpu_seconds: Spread::of(&row.cpu_seconds),
-        particles: row.particles,
-        substeps: mean(&|line| f64::from(line.substeps)),
-        iterations: mean(&|line| f64::from(line.iterations)),
-        unconverged: logged.iter().map(|line| line.unconverged).sum(),
-        density_dev_avg: mean(&|line| line.density_dev_avg),
-        density_dev_max: mean(&|line| line.density_dev_max),
-        density_dev_largest: judged.iter().map(|line| line.density_dev_max).fold(0.0, f64::max),
-        volume_change: row.volume_change,
-        apart: Apart::default(),
-        diverged: row.diverged.clone(),
-        same_as: None,
-        front: false,
-    }
-}
-
-/// Shows one run as a part of the whole job.
-struct Part<'a> {
-    whole: &'a dyn Reporter,
-    number: usize,
-    scale: f64,
-}
-
-impl Reporter for Part<'_> {
-    fn begin(&self, _job: &str, _frames: usize) {}
-    fn progress(&self, frames_done: f64) {
-        self.whole.progress(self.number as f64 + frames_done * self.scale);
-    }
-    fn frame(&self, _figures: &str) {}
-    fn note(&self, text: &str) {
-        // What is true of one run is true of all, and said once.
-        if self.number == 0 {
-            self.whole.note(text);
-        }
-    }
-    fn end(&self) {}
-    fn stop(&self) {}
 }

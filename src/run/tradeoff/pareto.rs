@@ -37,6 +37,48 @@ pub fn knee(front: &[(f64, f64)]) -> Option<usize> {
     (below(front[deepest]) > CLEARLY).then_some(deepest)
 }
 
+/// The knee of a front of `points`, as a place among them.
+pub fn knee_of(points: &[Option<(f64, f64)>], front: &[usize]) -> Option<usize> {
+    let held: Vec<_> = front.iter().map(|&i| points[i].expect("points on the front are there")).collect();
+    knee(&held).map(|place| front[place])
+}
+
+/// What a choice among settings looks at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// What it costs.
+    pub cost: f64,
+    /// The time of the whole shot [s].
+    pub whole: f64,
+    /// The error that decides; `None`: not known.
+    pub error: Option<f64>,
+    /// The deviation that a limit is about; `None`: the setting gave no result.
+    pub dev: Option<f64>,
+}
+
+/// The place of the candidate to use: the most exact that takes at most `time` [s] for the whole shot; if `dev` is given,
+/// the cheapest that deviates by at most that. `None` if no candidate keeps the limits.
+pub fn choose(
+    candidates: impl IntoIterator<Item = Candidate>,
+    time: Option<f64>,
+    dev: Option<f64>,
+) -> Option<usize> {
+    let within = |c: &Candidate| {
+        let deviates = |found: f64| dev.is_none_or(|most| found <= most);
+        let is_judged = dev.is_some() || c.error.is_some();
+        is_judged && time.is_none_or(|most| c.whole <= most) && c.dev.is_some_and(deviates)
+    };
+    let rank = |c: &Candidate| match dev {
+        Some(_) => (c.cost, 0.0),
+        None => (c.error.unwrap_or(f64::INFINITY), c.cost),
+    };
+    let fitting = candidates.into_iter().enumerate().filter(|(_, candidate)| within(candidate));
+    let best = fitting
+        .map(|(place, candidate)| (place, rank(&candidate)))
+        .min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    best.map(|(place, _)| place)
+}
+
 /// Stands for zero where a logarithm is taken.
 const TINY: f64 = 1e-12;
 

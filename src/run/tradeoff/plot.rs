@@ -1,9 +1,8 @@
-//! The work–precision plot: SVG drawn by hand, alone or in a page with the table.
+//! The work–precision plot: SVG drawn by hand.
 //!
 //! A plotting library was not taken: three panels of points need less code than a library needs to be told, and this
 //! way every point carries its setting as a title that browsers show.
 
-use super::{By, Line, Table};
 use std::fmt::Write as _;
 
 /// Size of a panel and its margins [px].
@@ -19,97 +18,52 @@ const STYLE: &str = "text{font:12px system-ui,sans-serif;fill:#333}.title{font-s
     .point{fill:#9ab;stroke:#fff}.best{fill:#0b6;stroke:#fff}.knee{fill:none;stroke:#d60;stroke-width:2}\
     .spread{stroke:#789}.blind{fill:#f2ead8}.number{font-size:10px}.lost{stroke:#c22;stroke-width:1.5}";
 
-/// The plot as a file of its own.
-pub(super) fn svg(table: &Table) -> String {
-    let panels = panels(table);
-    let count = panels.len() as f64;
-    let (width, height) = (count * (LEFT + WIDE + RIGHT), TOP + HIGH + BOTTOM);
+/// Panels beside each other.
+const IN_A_ROW: usize = 3;
+
+/// The panels as a file of its own.
+pub(super) fn svg(panels: &[Panel]) -> String {
+    let columns = panels.len().min(IN_A_ROW) as f64;
+    let rows = panels.len().div_ceil(IN_A_ROW) as f64;
+    let (wide, high) = (LEFT + WIDE + RIGHT, TOP + HIGH + BOTTOM);
+    let (width, height) = (columns * wide, rows * high);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" width=\"{width}\" \
          height=\"{height}\" role=\"img\" aria-label=\"Time against error\"><style>{STYLE}</style>\
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n"
     );
     for (place, panel) in panels.iter().enumerate() {
-        let _ = writeln!(
-            out,
-            "<g transform=\"translate({},{TOP})\">",
-            LEFT + place as f64 * (LEFT + WIDE + RIGHT)
-        );
+        let (row, column) = ((place / IN_A_ROW) as f64, (place % IN_A_ROW) as f64);
+        let _ = writeln!(out, "<g transform=\"translate({},{})\">", LEFT + column * wide, TOP + row * high);
         panel.draw(&mut out);
         out += "</g>\n";
     }
     out + "</svg>\n"
 }
 
-/// The plot and the table as one page that needs nothing else.
-pub(super) fn html(table: &Table) -> String {
-    let title = escaped(&table.title);
-    let mut rows = String::new();
-    for (place, line) in table.lines.iter().enumerate() {
-        let mark = match (table.knee == Some(place), line.front) {
-            (true, _) => "knee",
-            (false, true) => "front",
-            _ => "",
-        };
-        row(&mut rows, &(place + 1).to_string(), line, mark, table);
-    }
-    row(&mut rows, "", &table.reference, "reference", table);
-    let unit = table.observable.unit();
-    let uncertainty = [
-        table.uncertainty.energy.map(|e| format!("energy {}", percent(e))),
-        table.uncertainty.observable.map(|o| format!("{} {} {unit}", table.observable.name(), figure(o))),
-        table.uncertainty.position.map(|p| format!("positions {} m", figure(p))),
-    ];
-    let uncertainty = uncertainty.into_iter().flatten().collect::<Vec<_>>().join(", ");
-    format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}: time against error</title><style>\
-         body{{font:15px/1.5 system-ui,sans-serif;margin:2em;color:#222}}svg{{max-width:100%;height:auto}}\
-         table{{border-collapse:collapse}}td,th{{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}}\
-         td:nth-child(2),th:nth-child(2){{text-align:left}}.knee{{background:#fff0e0}}.front{{background:#eafaf2}}\
-         .reference{{color:#777}}p{{max-width:60em}}</style><h1>{title}</h1>\
-         <p>Frames {frames}, {threads} threads. Every point is a setting; lower is more exact, left is faster. Nothing \
-         beats the green ones. After the ringed one, more time buys little. What lies in the tinted band cannot be told \
-         from the reference, which differs from its own refinement by {uncertainty}. An error or a time of exactly 0 has no \
-         place on these axes: such settings stand in the table alone.</p>{plot}\
-         <table><tr><th>#<th>setting<th>seconds<th>whole shot<th>density, mean<th>density, largest<th>volume<th>energy\
-         <th>{observable}<th>positions<th></tr>{rows}</table>\
-         <p>Density: how far from incompressible, mean of the frames and largest of all particles. Volume: of the \
-         surface, last frame against first. Energy, {observable} and positions: RMS distance from the reference.</p></html>\n",
-        frames = table.frames,
-        threads = table.threads,
-        observable = table.observable.name(),
-        uncertainty = if uncertainty.is_empty() { "an unknown amount" } else { &uncertainty },
-        plot = svg(table),
-    )
-}
-
-fn row(out: &mut String, number: &str, line: &Line, mark: &str, table: &Table) {
-    let maybe = |value: Option<f64>, say: &dyn Fn(f64) -> String| value.map_or_else(|| "–".into(), say);
-    let unit = table.observable.unit();
-    let end = match &line.diverged {
-        Some(why) => format!("diverged, {}", escaped(why)),
-        None => mark.into(),
-    };
-    let _ = write!(
-        out,
-        "<tr class=\"{mark}\"><td>{number}<td>{}<td>{:.1}<td>{:.0} s<td>{}<td>{}<td>{}<td>{}<td>{}<td>{}<td>{end}</tr>",
-        escaped(&line.label),
-        line.seconds.median,
-        line.shot_seconds,
-        percent(line.density_dev_avg),
-        percent(line.density_dev_largest),
-        maybe(line.volume_change, &|v| format!("{:+.1} %", 100.0 * v)),
-        maybe(line.apart.energy, &percent),
-        maybe(line.apart.observable, &|o| format!("{} {unit}", figure(o))),
-        maybe(line.apart.position, &|p| format!("{} m", figure(p))),
-    );
+/// A setting as a panel shows it.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    /// Its place in the table, from 0.
+    pub(super) place: usize,
+    /// What people call it.
+    pub(super) label: String,
+    /// The least, the middle and the most [s].
+    pub(super) seconds: [f64; 3],
+    /// `None`: not known; it is not drawn.
+    pub(super) error: Option<f64>,
+    /// Why it gave no result.
+    pub(super) lost: Option<String>,
+    /// Whether it is ringed.
+    pub(super) knee: bool,
 }
 
 /// One error against time.
-struct Panel {
+pub(super) struct Panel {
     title: String,
+    below: &'static str,
     points: Vec<Point>,
-    /// Settings that diverged: number, seconds, words.
+    /// Settings without a result: number, seconds, words.
     lost: Vec<(usize, f64, String)>,
     /// Indices into `points`, ascending in seconds.
     front: Vec<usize>,
@@ -127,53 +81,38 @@ struct Point {
     knee: bool,
 }
 
-fn panels(table: &Table) -> Vec<Panel> {
-    let name = |by: By| match by {
-        By::Density => "density deviation, mean [%]".to_owned(),
-        By::Energy => "energy, from the reference [%]".to_owned(),
-        By::Observable => {
-            format!("{}, from the reference [{}]", table.observable.name(), table.observable.unit())
-        }
-    };
-    let blind = |by: By| match by {
-        By::Density => 0.0,
-        By::Energy => 100.0 * table.uncertainty.energy.unwrap_or(0.0),
-        By::Observable => table.uncertainty.observable.unwrap_or(0.0),
-    };
-    let made = By::ALL.map(|by| {
-        let scale = if by == By::Observable { 1.0 } else { 100.0 };
-        let raw = |line: &Line| match by {
-            By::Density => Some(line.density_dev_avg),
-            By::Energy => line.apart.energy,
-            By::Observable => line.apart.observable,
-        };
+impl Panel {
+    /// A panel of some settings; `None` if none of them can be drawn. `front` holds places in the table, ascending in
+    /// seconds; errors below `blind` cannot be told from none; `below` is what the seconds are.
+    pub(super) fn new(
+        title: String,
+        below: &'static str,
+        entries: Vec<Entry>,
+        front: &[usize],
+        blind: f64,
+    ) -> Option<Self> {
         let (mut points, mut lost) = (Vec::new(), Vec::new());
-        for (place, line) in table.lines.iter().enumerate() {
-            let seconds = [line.seconds.min, line.seconds.median, line.seconds.max];
-            match (&line.diverged, raw(line)) {
-                (Some(why), _) => {
-                    lost.push((place + 1, seconds[1], format!("{}: diverged, {why}", line.label)))
+        for Entry { place, label, seconds, error, lost: why, knee } in entries {
+            match (why, error) {
+                (Some(why), _) => lost.push((place + 1, seconds[1], format!("{label}: {why}"))),
+                (None, Some(error)) if error > 0.0 && seconds[0] > 0.0 => {
+                    let title = format!("{label}: {} s, {}", figure(seconds[1]), figure(error));
+                    points.push(Point { number: place + 1, seconds, error, title, knee });
                 }
-                (None, Some(error)) if error > 0.0 && seconds[0] > 0.0 => points.push(Point {
-                    number: place + 1,
-                    seconds,
-                    error: scale * error,
-                    title: format!("{}: {:.1} s, {}", line.label, seconds[1], figure(scale * error)),
-                    knee: table.knee == Some(place) && table.by == by,
-                }),
                 _ => {}
             }
         }
-        let front = table.front(by);
+        if points.is_empty() && lost.is_empty() {
+            return None;
+        }
         let place = |line: &usize| points.iter().position(|point| point.number == line + 1);
         let front = front.iter().filter_map(place).collect();
         let times = points.iter().flat_map(|point| point.seconds).chain(lost.iter().map(|lost| lost.1));
         let x = Axis::around(times, WIDE);
-        let errors = points.iter().map(|point| point.error).chain(Some(blind(by)).filter(|&b| b > 0.0));
+        let errors = points.iter().map(|point| point.error).chain(Some(blind).filter(|&b| b > 0.0));
         let y = Axis::around(errors, HIGH);
-        Panel { title: name(by), front, blind: blind(by), x, y, points, lost }
-    });
-    made.into_iter().filter(|panel| !panel.points.is_empty() || !panel.lost.is_empty()).collect()
+        Some(Self { title, below, front, blind, x, y, points, lost })
+    }
 }
 
 /// A logarithmic axis.
@@ -241,10 +180,8 @@ impl Panel {
         let _ = write!(out, "<rect class=\"axis\" width=\"{WIDE}\" height=\"{HIGH}\"/>");
         let middle = WIDE / 2.0;
         let below = HIGH + 38.0;
-        let _ = write!(
-            out,
-            "<text x=\"{middle}\" y=\"{below}\" text-anchor=\"middle\">seconds for the frames</text>"
-        );
+        let _ =
+            write!(out, "<text x=\"{middle}\" y=\"{below}\" text-anchor=\"middle\">{}</text>", self.below);
 
         // The front as steps: until the next setting is paid for, the error stays.
         let mut steps = String::new();
@@ -300,11 +237,11 @@ pub(super) fn figure(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }
 
-fn percent(fraction: f64) -> String {
+pub(super) fn percent(fraction: f64) -> String {
     format!("{} %", figure(100.0 * fraction))
 }
 
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -1,10 +1,10 @@
 //! Which settings a tradeoff compares, and what it compares them with.
 
+use super::knobs::{Subject, finest, limits, number, refinable, refine};
 use crate::{
     run::RunError,
-    scene::{Overrides, Preset, Quality, Scene, choices},
+    scene::{Overrides, Preset, Quality, Scene, SceneError, surface_alone},
 };
-use serde_json::Value as Json;
 use std::str::FromStr;
 
 /// Some keys of the preset that vary together, and the values to try, as the command line writes them:
@@ -82,12 +82,42 @@ pub struct Sweep {
     pub base: Scene,
 }
 
+/// What settings are changes of.
+#[derive(Clone, Copy, Debug)]
+pub enum Ground<'a> {
+    /// A preset.
+    Preset(&'a Preset),
+    /// Particles without one: only its surface is changed.
+    Bare(&'a Scene),
+}
+
+impl Ground<'_> {
+    /// The scene with the changes.
+    ///
+    /// # Errors
+    /// With every problem found.
+    pub fn scene(&self, overrides: &Overrides) -> Result<Scene, SceneError> {
+        match self {
+            Self::Preset(preset) => Scene::from_preset(preset, overrides),
+            Self::Bare(scene) => Ok(Scene { surface: surface_alone(&overrides.set)?, ..(*scene).clone() }),
+        }
+    }
+
+    fn has_tier(&self, tier: Option<Quality>) -> bool {
+        let words = |tier: Quality| format!("[quality.{}", tier.name());
+        match self {
+            Self::Preset(preset) => tier.is_none_or(|tier| preset.text.contains(&words(tier))),
+            Self::Bare(_) => false,
+        }
+    }
+}
+
 /// What the user asked to compare.
 #[derive(Clone, Debug, Default)]
 pub struct Request {
     /// The preset's tier and `--set` arguments that every run shares.
     pub base: Overrides,
-    /// The keys to vary; empty: sensible ones, see [`defaults`].
+    /// The keys to vary; empty: sensible ones, see [`Subject::defaults`].
     pub vary: Vec<Vary>,
     /// Changes that make the reference; empty: the finest value of every knob, refined once.
     pub reference: Vec<String>,
@@ -99,13 +129,14 @@ impl Request {
     /// Lays out every run.
     ///
     /// # Errors
-    /// If one of them is not a valid preset, or the reference cannot be refined.
-    pub fn sweep(&self, preset: &Preset) -> Result<Sweep, RunError> {
-        let base = Scene::from_preset(preset, &self.base)?;
-        let vary = if self.vary.is_empty() { defaults(&base) } else { self.vary.clone() };
+    /// If one of them is not a valid preset, the reference cannot be refined, or a key has nothing to do with the subject.
+    pub fn sweep(&self, subject: Subject, ground: Ground<'_>) -> Result<Sweep, RunError> {
+        let base = ground.scene(&self.base)?;
+        let vary = if self.vary.is_empty() { subject.defaults(&base) } else { self.vary.clone() };
+        subject.refuse_others(&vary, &self.reference)?;
         let mut rows: Vec<(Setting, Scene)> = Vec::new();
         let mut settings = vec![Setting { label: "as written".into(), overrides: self.base.clone() }];
-        settings.extend(combinations(&self.base, &vary));
+        settings.extend(combinations(&self.base, &vary, subject));
         if self.tiers {
             settings.extend(Quality::ALL.map(|tier| Setting {
                 label: tier.name().into(),
@@ -114,104 +145,44 @@ impl Request {
         }
         for setting in settings {
             let is_tier = self.tiers && setting.overrides.quality != self.base.quality;
-            let scene = match Scene::from_preset(preset, &setting.overrides) {
-                Err(_) if is_tier && !has_tier(preset, setting.overrides.quality) => continue,
+            let scene = match ground.scene(&setting.overrides) {
+                Err(_) if is_tier && !ground.has_tier(setting.overrides.quality) => continue,
                 scene => scene?,
             };
             // Two names for one run are one row.
-            match rows.iter_mut().find(|(_, other)| other.simulation_key() == scene.simulation_key()) {
+            match rows.iter_mut().find(|(_, other)| subject.key(other) == subject.key(&scene)) {
                 Some((known, _)) => known.label = format!("{} = {}", known.label, setting.label),
                 None => rows.push((setting, scene)),
             }
         }
 
         // The reference, and the reference refined.
-        let knobs = refinable(&vary, &base);
+        let knobs = refinable(subject, &vary, &base);
+        let scenes = rows.iter().map(|(_, scene)| scene);
         let reference = match &self.reference[..] {
-            [] => refine(&self.base, &knobs, &finest(&knobs, &rows), &limits(rows.iter().map(|row| &row.1))),
+            [] => refine(&self.base, &knobs, &finest(&knobs, scenes.clone()), &limits(scenes)),
             given => Overrides { set: [&self.base.set[..], given].concat(), ..self.base.clone() },
         };
-        let reference = checked(preset, "reference", reference)?;
+        let checked = |name: &str, overrides: Overrides| -> Result<(Setting, Scene), RunError> {
+            let scene = ground.scene(&overrides)?;
+            Ok((Setting { label: name.into(), overrides }, scene))
+        };
+        let reference = checked("reference", reference)?;
         let values: Vec<Option<f64>> = knobs.iter().map(|knob| number(&reference.1, knob.key)).collect();
         let finer = refine(&reference.0.overrides, &knobs, &values, &limits([&reference.1].into_iter()));
-        let refined = checked(preset, "reference refined", finer)?;
-        if refined.1.simulation_key() == reference.1.simulation_key() {
-            return Err(RunError::Request(
-                "the reference cannot be refined: the preset has neither liquid.density_dev nor liquid.iterations \
-                 nor liquid.cfl"
-                    .into(),
-            ));
+        let refined = checked("reference refined", finer)?;
+        if subject.key(&refined.1) == subject.key(&reference.1) {
+            return Err(RunError::Request(format!(
+                "the reference cannot be refined: the preset has no number at {}",
+                subject.refined_keys().join(", ")
+            )));
         }
         Ok(Sweep { rows, reference, refined, base })
     }
 }
 
-fn checked(preset: &Preset, name: &str, overrides: Overrides) -> Result<(Setting, Scene), RunError> {
-    let scene = Scene::from_preset(preset, &overrides)?;
-    Ok((Setting { label: name.into(), overrides }, scene))
-}
-
-fn has_tier(preset: &Preset, tier: Option<Quality>) -> bool {
-    let words = |tier: Quality| format!("[quality.{}", tier.name());
-    tier.is_none_or(|tier| preset.text.contains(&words(tier)))
-}
-
-/// A knob whose finer direction is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Knob {
-    key: &'static str,
-    /// What a value is multiplied with to be finer.
-    finer: f64,
-    /// The limit that has to give way: a finer knob must not only run into it.
-    opens: Option<&'static str>,
-}
-
-/// Every knob that can be refined.
-const KNOBS: [Knob; 6] = [
-    Knob { key: "liquid.density_dev", finer: 0.5, opens: Some("liquid.max_iterations") },
-    Knob { key: "liquid.iterations", finer: 2.0, opens: None },
-    Knob { key: "liquid.max_iterations", finer: 2.0, opens: None },
-    Knob { key: "liquid.cfl", finer: 0.5, opens: Some("liquid.max_substeps") },
-    Knob { key: "liquid.min_substeps", finer: 2.0, opens: Some("liquid.max_substeps") },
-    Knob { key: "liquid.spacing", finer: 2.0 / 3.0, opens: None },
-];
-
-/// The knobs to sweep if none are named: when a substep's iterations end, how long substeps are, and the solver if the
-/// preset can choose one.
-///
-/// The length of substeps has two limits, the CFL rule and `min_substeps`; where one decides, the other does nothing, so
-/// both are moved together, as far as a preset may.
-pub fn defaults(scene: &Scene) -> Vec<Vary> {
-    let solvers = choices("liquid.solver").into_iter().map(|solver| vec![solver]).collect::<Vec<_>>();
-    let solver = (!solvers.is_empty()).then(|| Vary { keys: vec!["liquid.solver".into()], values: solvers });
-    let one = |key: &str, values: Vec<String>| Vary {
-        keys: vec![key.into()],
-        values: values.into_iter().map(|value| vec![value]).collect(),
-    };
-    let iterating = match number(scene, "liquid.iterations") {
-        Some(n) => {
-            one("liquid.iterations", [0.5, 1.0, 2.0].map(|f| plain("liquid.iterations", n * f)).to_vec())
-        }
-        None => one("liquid.density_dev", ["0.1%", "0.3%", "1%"].map(String::from).to_vec()),
-    };
-    let keys = ["liquid.cfl", "liquid.min_substeps"];
-    let most = number(scene, "liquid.max_substeps").unwrap_or(f64::INFINITY);
-    let steps = number(scene, keys[0]).zip(number(scene, keys[1])).map(|(cfl, least)| Vary {
-        keys: keys.map(String::from).to_vec(),
-        values: [0.5, 1.0, 2.0]
-            .map(|f| vec![plain(keys[0], (cfl * f).min(LARGEST_CFL)), plain(keys[1], (least / f).min(most))])
-            .to_vec(),
-    });
-    let mut vary: Vec<Vary> = solver.into_iter().chain([iterating]).chain(steps).collect();
-    vary.iter_mut().for_each(|vary| vary.values.dedup());
-    vary
-}
-
-/// The largest `liquid.cfl` that a preset may have.
-const LARGEST_CFL: f64 = 10.0;
-
 /// Every combination, the last key varying fastest.
-fn combinations(base: &Overrides, vary: &[Vary]) -> Vec<Setting> {
+fn combinations(base: &Overrides, vary: &[Vary], subject: Subject) -> Vec<Setting> {
     let mut sets: Vec<Vec<String>> = vec![Vec::new()];
     for Vary { keys, values } in vary {
         let changes = |values: &Vec<String>| -> Vec<String> {
@@ -223,86 +194,16 @@ fn combinations(base: &Overrides, vary: &[Vary]) -> Vec<Setting> {
             .collect();
     }
     let setting = |set: Vec<String>| Setting {
-        label: set.iter().map(|change| short(change)).collect::<Vec<_>>().join(" "),
+        label: set.iter().map(|change| subject.short(change)).collect::<Vec<_>>().join(" "),
         overrides: Overrides { set: [&base.set[..], &set].concat(), ..base.clone() },
     };
     sets.into_iter().map(setting).collect()
 }
 
-/// `liquid.cfl=0.2` without its table: the table is that of nearly every key.
-fn short(change: &str) -> &str {
-    change.strip_prefix("liquid.").unwrap_or(change)
-}
-
-/// The varied knobs that can be refined; those of the defaults if there are none.
-fn refinable(vary: &[Vary], scene: &Scene) -> Vec<Knob> {
-    let among = |vary: &[Vary]| -> Vec<Knob> {
-        let is_varied = |knob: &Knob| vary.iter().any(|vary| vary.keys.iter().any(|key| key == knob.key));
-        KNOBS.into_iter().filter(is_varied).collect()
-    };
-    let knobs = among(vary);
-    if knobs.is_empty() { among(&defaults(scene)) } else { knobs }
-}
-
-/// The finest value of each knob in any row.
-fn finest(knobs: &[Knob], rows: &[(Setting, Scene)]) -> Vec<Option<f64>> {
-    let finer = |knob: &Knob, a: f64, b: f64| if knob.finer < 1.0 { a.min(b) } else { a.max(b) };
-    let of = |knob: &Knob| {
-        rows.iter().filter_map(|(_, scene)| number(scene, knob.key)).reduce(|a, b| finer(knob, a, b))
-    };
-    knobs.iter().map(of).collect()
-}
-
-/// The limits that finer knobs may run into, each with its largest value in any scene.
-fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 2] {
-    ["liquid.max_iterations", "liquid.max_substeps"]
-        .map(|limit| (limit, scenes.clone().filter_map(|scene| number(scene, limit)).fold(0.0, f64::max)))
-}
-
-/// The overrides with every knob finer than its value, and the limits behind them wider.
-fn refine(
-    base: &Overrides,
-    knobs: &[Knob],
-    values: &[Option<f64>],
-    limits: &[(&'static str, f64)],
-) -> Overrides {
-    let finer = |key: &str| {
-        let (knob, value) = knobs.iter().zip(values).find(|(knob, _)| knob.key == key)?;
-        value.map(|value| value * knob.finer)
-    };
-    let set = |key: &str, value: f64| format!("{key}={}", plain(key, value));
-    let refined = knobs.iter().filter_map(|knob| Some(set(knob.key, finer(knob.key)?)));
-
-    // A limit that is no knob itself gives way, and never falls below the fewest substeps.
-    let opened = limits
-        .iter()
-        .filter(|(limit, _)| finer(limit).is_none() && knobs.iter().any(|knob| knob.opens == Some(limit)));
-    let opened = opened.map(|&(limit, most)| {
-        let fewest = finer("liquid.min_substeps").filter(|_| limit == "liquid.max_substeps");
-        set(limit, most.max(REFERENCE_LIMIT).max(fewest.unwrap_or(0.0)))
-    });
-    Overrides { set: base.set.iter().cloned().chain(refined).chain(opened).collect(), ..base.clone() }
-}
-
-/// Iterations and substeps that a reference may take at least: it shows what the knobs do, not what the limits do. Ten
-/// times what the defaults allow; more would let a target that is never reached take days.
-const REFERENCE_LIMIT: f64 = 1000.0;
-
-/// A number as a preset takes it: whole where the key counts something.
-fn plain(key: &str, value: f64) -> String {
-    let counts = ["iterations", "substeps"].iter().any(|word| key.ends_with(word));
-    if counts { format!("{}", value.round().max(1.0)) } else { format!("{}", value as f32) }
-}
-
-/// The number at a key of the scene.
-fn number(scene: &Scene, key: &str) -> Option<f64> {
-    scene.value(key).as_ref().and_then(Json::as_f64)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::load;
+    use crate::{scene::load, sdf::Order};
 
     fn request(vary: &[&str]) -> Request {
         Request { vary: vary.iter().map(|v| v.parse().unwrap()).collect(), ..Request::default() }
@@ -328,7 +229,9 @@ mod tests {
     #[test]
     fn combinations_tiers_and_the_preset_itself_are_rows_once() {
         let preset = load("dam-break").unwrap();
-        let sweep = request(&["liquid.cfl=0.2,0.8", "liquid.density_dev=0.3%,3%"]).sweep(&preset).unwrap();
+        let sweep = request(&["liquid.cfl=0.2,0.8", "liquid.density_dev=0.3%,3%"])
+            .sweep(Subject::Liquid, Ground::Preset(&preset))
+            .unwrap();
         assert_eq!(
             labels(&sweep),
             [
@@ -338,15 +241,17 @@ mod tests {
                 "cfl=0.8 density_dev=3%"
             ]
         );
-        let tiers = Request { tiers: true, ..request(&["liquid.cfl=0.2"]) }.sweep(&preset).unwrap();
+        let tiers = Request { tiers: true, ..request(&["liquid.cfl=0.2"]) }
+            .sweep(Subject::Liquid, Ground::Preset(&preset))
+            .unwrap();
         assert_eq!(labels(&tiers), ["as written = final", "cfl=0.2", "draft", "preview"]);
-        assert!(request(&["liquid.cflx=1"]).sweep(&preset).is_err());
+        assert!(request(&["liquid.cflx=1"]).sweep(Subject::Liquid, Ground::Preset(&preset)).is_err());
     }
 
     #[test]
     fn the_reference_is_finer_than_every_row_and_its_refinement_finer_still() {
         let preset = load("dam-break").unwrap();
-        let sweep = request(&[]).sweep(&preset).unwrap();
+        let sweep = request(&[]).sweep(Subject::Liquid, Ground::Preset(&preset)).unwrap();
         assert_eq!(sweep.rows.len(), 18, "three tolerances, three steps, two solvers");
         let of = |scene: &Scene| {
             let liquid = scene.liquid.clone().unwrap();
@@ -360,14 +265,49 @@ mod tests {
             base: Overrides { quality: None, set: vec!["liquid.density_dev=none".into()] },
             ..request(&["liquid.iterations=2,8"])
         };
-        let sweep = counts.sweep(&preset).unwrap();
+        let sweep = counts.sweep(Subject::Liquid, Ground::Preset(&preset)).unwrap();
         let iterations = |scene: &Scene| scene.liquid.as_ref().unwrap().iterations;
         assert_eq!((iterations(&sweep.reference.1), iterations(&sweep.refined.1)), (Some(16), Some(32)));
         let named = Request { reference: vec!["liquid.cfl=0.3".into()], ..request(&["liquid.cfl=0.4"]) };
-        let sweep = named.sweep(&preset).unwrap();
+        let sweep = named.sweep(Subject::Liquid, Ground::Preset(&preset)).unwrap();
         assert_eq!((of(&sweep.reference.1).1, of(&sweep.refined.1).1), (0.3, 0.15));
-        let other = request(&["liquid.softening=0.01,0.1"]).sweep(&preset).unwrap();
+        let other =
+            request(&["liquid.softening=0.01,0.1"]).sweep(Subject::Liquid, Ground::Preset(&preset)).unwrap();
         assert!(of(&other.refined.1) < of(&other.reference.1));
+    }
+
+    #[test]
+    fn surfaces_are_swept_without_a_preset_and_refer_to_a_finer_voxel() {
+        let scene = load("dam-break").map(|preset| Scene::from_preset(&preset, &Overrides::default()));
+        let bare = Scene { liquid: None, ..scene.unwrap().unwrap() };
+        let sweep = |vary: &[&str]| request(vary).sweep(Subject::Surface, Ground::Bare(&bare));
+        let found = sweep(&[]).unwrap();
+        assert_eq!(labels(&found)[0], "as written = voxel=0.5 distance=none");
+        assert_eq!(found.rows.len(), 10, "five voxels, two ways");
+        let near = |a: f32, b: f32| (a - b).abs() < 1e-6;
+        let (reference, refined) = (&found.reference.1.surface, &found.refined.1.surface);
+        assert!(near(reference.voxel, 0.2) && near(refined.voxel, 0.2 / 1.5));
+        assert!(reference.distance.is_some() && refined.distance.is_some());
+
+        // Tables come and go by name; what only leaves triangles out is not in the reference.
+        let found = sweep(&["surface.smoothing=none,{}", "surface.decimation.fraction=0.5,0.2"]).unwrap();
+        assert_eq!(found.rows.len(), 5);
+        let has = |scene: &Scene| (scene.surface.smoothing.is_some(), scene.surface.decimation.is_some());
+        assert_eq!(has(&found.rows[3].1), (true, true));
+        assert_eq!((has(&found.reference.1), has(&found.refined.1)), ((false, false), (false, false)));
+        assert!(near(found.reference.1.surface.voxel, 1.0 / 3.0));
+        let wide = sweep(&["surface.distance.band=1,2,6", "surface.distance.order=first,second"]).unwrap();
+        let found =
+            [&wide.reference, &wide.refined].map(|row| row.1.surface.distance.map(|d| (d.band, d.order)));
+        assert_eq!(found, [Some((6.0, Order::Second)); 2]);
+        for (vary, word) in [("surface.voxl=1", "voxel"), ("liquid.cfl=0.2", "surface.")] {
+            let why = sweep(&[vary]).unwrap_err();
+            let told = match &why {
+                RunError::Scene(SceneError::Invalid(problems)) => format!("{problems:?}"),
+                other => other.to_string(),
+            };
+            assert!(told.contains(word), "{told}");
+        }
     }
 
     #[test]
@@ -375,7 +315,7 @@ mod tests {
         let preset = load("dam-break").unwrap();
         let swept = |set: &[&str], vary: &[&str]| {
             let base = Overrides { quality: None, set: set.iter().map(|&word| word.into()).collect() };
-            Request { base, ..request(vary) }.sweep(&preset).unwrap()
+            Request { base, ..request(vary) }.sweep(Subject::Liquid, Ground::Preset(&preset)).unwrap()
         };
         let steps = |scene: &Scene| {
             let liquid = scene.liquid.as_ref().unwrap();
@@ -392,7 +332,7 @@ mod tests {
         assert!(long.rows.iter().any(|(_, scene)| steps(scene).0 == 10.0));
         let fixed = swept(&["liquid.density_dev=none", "liquid.iterations=1"], &["liquid.cfl=0.4"]);
         assert_eq!(fixed.rows.len(), 2);
-        let once = defaults(&fixed.base);
+        let once = Subject::Liquid.defaults(&fixed.base);
         assert!(once.iter().any(|vary| vary.values == [["1"], ["2"]]), "half of one is one: {once:?}");
 
         // A reference may take as much as any row.

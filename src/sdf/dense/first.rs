@@ -314,7 +314,7 @@ pub(super) mod tests {
         };
         let on_bricks: Vec<f32> = (0..seeds.len()).map(|slot| seeds[index(slot)]).collect();
         for band in [3.0, f32::INFINITY] {
-            let sparse = crate::sdf::sweep(&bricks, &on_bricks, band);
+            let sparse = crate::sdf::sweep(&bricks, &on_bricks, band, 1);
             let dense = sweep(nodes, &seeds, band, [2 * BRICK; 3]);
             assert!((0..seeds.len()).all(|slot| sparse.distance[slot] == dense.distance[index(slot)]));
             assert_eq!(sparse.unreached, dense.unreached);

@@ -1,11 +1,10 @@
 //! One run of a tradeoff: what it cost and what came out, kept on disk so that it is never run twice.
 
-use super::sweep::Setting;
 use crate::{
     cache,
     frame::{Frame, FrameIndex, Stream},
     mesh, par,
-    run::{Control, RunError, ShotFolder, log, simulate, usage::Meter},
+    run::{Control, RunError, ShotFolder, log, remarks, simulate, tradeoff::Setting, usage::Meter},
     scene::{Frames, Scene},
     sim::Observable,
 };
@@ -193,7 +192,7 @@ impl<'a> Place<'a> {
         let keep_going = || !(control.interrupted)();
         mesh::reconstruct(stream, spacing, &self.scene.surface, &keep_going)
             .map(|surface| surface.check.volume)
-            .map_err(super::super::remarks::no_surface)
+            .map_err(remarks::no_surface)
     }
 
     fn keep(&self, row: &Row) -> Result<(), RunError> {

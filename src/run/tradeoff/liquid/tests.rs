@@ -85,13 +85,6 @@ fn limits_choose_and_what_nothing_keeps_is_said() {
 }
 
 #[test]
-fn spreads_have_the_middle_value() {
-    assert_eq!(Spread::of(&[]), None);
-    assert_eq!(Spread::of(&[3.0, 1.0, 2.0]), Some(Spread { median: 2.0, min: 1.0, max: 3.0 }));
-    assert_eq!(Spread::of(&[4.0, 1.0]).unwrap().median, 2.5);
-}
-
-#[test]
 fn curves_are_compared_over_the_frames_asked_for_and_by_the_kilogram() {
     // Kinetic 2 and 4 J, potential 1 J, in 8 particles; the other has half of it all in 4.
     let row = |particles: usize, scale: f64, height: f64| -> Row {

@@ -1,0 +1,244 @@
+//! The keys whose finer direction is known, of what a tradeoff can be about.
+
+use super::sweep::Vary;
+use crate::{
+    run::RunError,
+    scene::{Overrides, Scene, choices},
+};
+use serde_json::Value as Json;
+use xxhash_rust::xxh3::xxh3_64;
+
+/// What a tradeoff is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Subject {
+    /// The liquid's simulation.
+    Liquid,
+    /// The surfaces of particles that are there.
+    Surface,
+}
+
+/// A key whose finer direction is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Knob {
+    pub(super) key: &'static str,
+    finer: Finer,
+    /// The limit that has to give way: a finer knob must not only run into it.
+    opens: Option<&'static str>,
+}
+
+/// How a value becomes finer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Finer {
+    /// Times this.
+    Times(f64),
+    /// The largest of the rows, once and for all.
+    Largest,
+    /// This word.
+    Word(&'static str),
+}
+
+const LIQUID: [Knob; 6] = [
+    Knob { key: "liquid.density_dev", finer: Finer::Times(0.5), opens: Some("liquid.max_iterations") },
+    Knob { key: "liquid.iterations", finer: Finer::Times(2.0), opens: None },
+    Knob { key: "liquid.max_iterations", finer: Finer::Times(2.0), opens: None },
+    Knob { key: "liquid.cfl", finer: Finer::Times(0.5), opens: Some("liquid.max_substeps") },
+    Knob { key: "liquid.min_substeps", finer: Finer::Times(2.0), opens: Some("liquid.max_substeps") },
+    Knob { key: "liquid.spacing", finer: Finer::Times(2.0 / 3.0), opens: None },
+];
+
+const SURFACE: [Knob; 5] = [
+    Knob { key: VOXEL, finer: Finer::Times(2.0 / 3.0), opens: None },
+    Knob { key: "surface.distance", finer: Finer::Word("{}"), opens: None },
+    Knob { key: "surface.distance.band", finer: Finer::Largest, opens: None },
+    Knob { key: "surface.distance.order", finer: Finer::Word("second"), opens: None },
+    Knob { key: "surface.decimation", finer: Finer::Word("none"), opens: None },
+];
+
+/// The knob of surfaces that is always finer in a reference, whatever is varied.
+const VOXEL: &str = "surface.voxel";
+
+/// What the default voxels are of the preset's.
+const VOXELS: [f64; 5] = [0.6, 0.8, 1.0, 1.4, 2.0];
+
+impl Subject {
+    fn knobs(self) -> &'static [Knob] {
+        match self {
+            Self::Liquid => &LIQUID,
+            Self::Surface => &SURFACE,
+        }
+    }
+
+    /// The table of nearly every key.
+    fn table(self) -> &'static str {
+        match self {
+            Self::Liquid => "liquid.",
+            Self::Surface => "surface.",
+        }
+    }
+
+    /// The keys that a reference is refined by.
+    pub(super) fn refined_keys(self) -> Vec<&'static str> {
+        self.knobs()
+            .iter()
+            .filter(|knob| matches!(knob.finer, Finer::Times(_)))
+            .map(|knob| knob.key)
+            .collect()
+    }
+
+    /// `liquid.cfl=0.2` without its table.
+    pub(super) fn short(self, change: &str) -> &str {
+        change.strip_prefix(self.table()).unwrap_or(change)
+    }
+
+    /// Tells scenes apart whose runs differ.
+    pub(super) fn key(self, scene: &Scene) -> u64 {
+        match self {
+            Self::Liquid => scene.simulation_key(),
+            Self::Surface => {
+                let text = serde_json::to_string(&scene.surface).expect("settings are plain data");
+                xxh3_64(text.as_bytes())
+            }
+        }
+    }
+
+    /// Refuses keys that change nothing of the surfaces.
+    pub(super) fn refuse_others(self, vary: &[Vary], reference: &[String]) -> Result<(), RunError> {
+        let keys = vary.iter().flat_map(|vary| &vary.keys).chain(reference);
+        let mut others = keys.filter(|key| !key.trim_start().starts_with(self.table()));
+        match others.next() {
+            Some(other) if self == Self::Surface => Err(RunError::Request(format!(
+                "{other}: found a key that does not change a surface, expected surface.…; leave out --surface to vary the \
+                 simulation"
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// The keys to sweep if none are named. Of a liquid: when a substep's iterations end, how long substeps are, and the
+    /// solver if the preset can choose one. Of a surface: the voxel, and whether it is cut from the
+    /// signed distance.
+    ///
+    /// The length of substeps has two limits, the CFL rule and `min_substeps`; where one decides, the other does
+    /// nothing, so both are moved together, as far as a preset may.
+    pub fn defaults(self, scene: &Scene) -> Vec<Vary> {
+        let one = |key: &str, values: Vec<String>| Vary {
+            keys: vec![key.into()],
+            values: values.into_iter().map(|value| vec![value]).collect(),
+        };
+        let words = |key: &str| Some(choices(key)).filter(|words| !words.is_empty()).map(|w| one(key, w));
+        let multiples = |key: &str, factors: &[f64], n: f64| {
+            one(key, factors.iter().map(|f| plain(key, n * f)).collect())
+        };
+        let mut vary: Vec<Vary> = match self {
+            Self::Surface => {
+                let voxel = number(scene, VOXEL).map(|voxel| multiples(VOXEL, &VOXELS, voxel));
+                let distance = one("surface.distance", ["none", "{}"].map(String::from).to_vec());
+                voxel.into_iter().chain([distance]).collect()
+            }
+            Self::Liquid => {
+                let iterating = match number(scene, "liquid.iterations") {
+                    Some(n) => multiples("liquid.iterations", &[0.5, 1.0, 2.0], n),
+                    None => one("liquid.density_dev", ["0.1%", "0.3%", "1%"].map(String::from).to_vec()),
+                };
+                let keys = ["liquid.cfl", "liquid.min_substeps"];
+                let most = number(scene, "liquid.max_substeps").unwrap_or(f64::INFINITY);
+                let step = |cfl: f64, least: f64| {
+                    vec![plain(keys[0], cfl.min(LARGEST_CFL)), plain(keys[1], least.min(most))]
+                };
+                let steps = number(scene, keys[0]).zip(number(scene, keys[1])).map(|(cfl, least)| Vary {
+                    keys: keys.map(String::from).to_vec(),
+                    values: [0.5, 1.0, 2.0].map(|f| step(cfl * f, least / f)).to_vec(),
+                });
+                words("liquid.solver").into_iter().chain([iterating]).chain(steps).collect()
+            }
+        };
+        vary.iter_mut().for_each(|vary| vary.values.dedup());
+        vary
+    }
+}
+
+/// The varied knobs that can be refined, and those that always are; those of the defaults if there are none.
+pub(super) fn refinable(subject: Subject, vary: &[Vary], scene: &Scene) -> Vec<Knob> {
+    let among = |vary: &[Vary]| -> Vec<Knob> {
+        let is = |key: &str, knob: &Knob| {
+            key.strip_prefix(knob.key).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        let is_varied = |knob: &Knob| vary.iter().any(|vary| vary.keys.iter().any(|key| is(key, knob)));
+        let knobs = subject.knobs().iter().copied();
+        knobs.filter(|knob| knob.key == VOXEL || is_varied(knob)).collect()
+    };
+    let knobs = among(vary);
+    if knobs.is_empty() { among(&subject.defaults(scene)) } else { knobs }
+}
+
+/// The finest value of each knob in any of the scenes; none where it is no number.
+pub(super) fn finest<'a>(
+    knobs: &[Knob],
+    scenes: impl Iterator<Item = &'a Scene> + Clone,
+) -> Vec<Option<f64>> {
+    let finer = |knob: &Knob, a: f64, b: f64| match knob.finer {
+        Finer::Times(factor) if factor < 1.0 => a.min(b),
+        _ => a.max(b),
+    };
+    let of = |knob: &Knob| {
+        let values = scenes.clone().filter_map(|scene| number(scene, knob.key));
+        values.reduce(|a, b| finer(knob, a, b))
+    };
+    knobs.iter().map(of).collect()
+}
+
+/// The limits that finer knobs may run into, each with its largest value in any scene.
+pub(super) fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 2] {
+    ["liquid.max_iterations", "liquid.max_substeps"]
+        .map(|limit| (limit, scenes.clone().filter_map(|scene| number(scene, limit)).fold(0.0, f64::max)))
+}
+
+/// The overrides with every knob finer than its value, and the limits behind them wider.
+pub(super) fn refine(
+    base: &Overrides,
+    knobs: &[Knob],
+    values: &[Option<f64>],
+    limits: &[(&'static str, f64)],
+) -> Overrides {
+    let finer = |key: &str| {
+        let (knob, value) = knobs.iter().zip(values).find(|(knob, _)| knob.key == key)?;
+        match knob.finer {
+            Finer::Times(factor) => value.map(|value| value * factor),
+            Finer::Largest => *value,
+            Finer::Word(_) => None,
+        }
+    };
+    let set = |key: &str, value: f64| format!("{key}={}", plain(key, value));
+    let refined = knobs.iter().filter_map(|knob| match knob.finer {
+        Finer::Word(word) => Some(format!("{}={word}", knob.key)),
+        _ => Some(set(knob.key, finer(knob.key)?)),
+    });
+
+    // A limit that is no knob itself gives way, and never falls below the fewest substeps.
+    let opened = limits
+        .iter()
+        .filter(|(limit, _)| finer(limit).is_none() && knobs.iter().any(|knob| knob.opens == Some(limit)));
+    let opened = opened.map(|&(limit, most)| {
+        let fewest = finer("liquid.min_substeps").filter(|_| limit == "liquid.max_substeps");
+        set(limit, most.max(REFERENCE_LIMIT).max(fewest.unwrap_or(0.0)))
+    });
+    Overrides { set: base.set.iter().cloned().chain(refined).chain(opened).collect(), ..base.clone() }
+}
+
+/// Iterations and substeps that a reference may take at least: it shows what the knobs do, not what the limits do. Ten
+/// times what the defaults allow; more would let a target that is never reached take days.
+const REFERENCE_LIMIT: f64 = 1000.0;
+
+/// The largest `liquid.cfl` that a preset may have.
+const LARGEST_CFL: f64 = 10.0;
+
+/// A number as a preset takes it: whole where the key counts something.
+fn plain(key: &str, value: f64) -> String {
+    let counts = ["iterations", "substeps"].iter().any(|word| key.ends_with(word));
+    if counts { format!("{}", value.round().max(1.0)) } else { format!("{}", value as f32) }
+}
+
+/// The number at a key of the scene.
+pub(super) fn number(scene: &Scene, key: &str) -> Option<f64> {
+    scene.value(key).as_ref().and_then(Json::as_f64)
+}
