@@ -13,7 +13,8 @@
 //! a_ij = a_ji, so M is similar to a symmetric matrix with eigenvalues in [−1, 1], and the sum stays bounded.
 //!
 //! Symbols: Λ → `wavelength` [m]; ℓ → root mean square edge [m]; w → `weights` [0..1]; θ₀ → `pass` [rad].
-//! Limits: a vertex whose triangles would fold or collapse goes back to where it was, and is counted.
+//! Limits: a vertex whose triangles would fold or collapse goes back to where it was, and is counted; so do pieces that would
+//! lose a third of their volume.
 
 use super::{
     Mesh, SmoothingParams,
@@ -32,6 +33,10 @@ const DEPTH: f32 = 1.5;
 /// and the longest waves shrink; more only makes the cut sharper.
 const DEGREE: f64 = 5.0;
 
+/// A piece that keeps less than this part of its volume is not smoothed: what offsets along its normals make of the rest
+/// is not its shape.
+const KEPT: f64 = 0.7;
+
 /// Volume is given back until this part of it is wrong: single precision places it no better …
 const EXACT: f64 = 1e-6;
 
@@ -45,7 +50,7 @@ pub struct SmoothingStats {
     pub degree: usize,
     /// Vertices in thin parts, which got less than all of it.
     pub thin_vertices: usize,
-    /// Vertices put back because their triangles would have folded or collapsed.
+    /// Vertices put back because their triangles would have folded or collapsed, or their piece have shrunk away.
     pub restored_vertices: usize,
     /// How much volume the filter changed, Σ over the pieces of |change| over Σ |volume|, before it was given back …
     pub volume_change: f64,
@@ -100,6 +105,16 @@ pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacin
     drop((moves, umbrella));
     let mut restored = vec![false; before.len()];
     restore(mesh, &before, &mut restored);
+
+    // Pieces that are short beside the wavelength shrink to nothing: they stay as they were.
+    let shrunk = pieces.moments(mesh);
+    for v in 0..before.len() {
+        let piece = pieces.of[v] as usize;
+        if shrunk[piece].0.abs() < KEPT * target[piece].0.abs() {
+            mesh.positions[v] = before[v];
+            restored[v] = true;
+        }
+    }
 
     // Give the volume back, by Newton's method on the offset of every piece.
     let change = |mesh: &Mesh| -> Vec<f64> {
