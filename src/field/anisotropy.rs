@@ -61,13 +61,16 @@ const FEW: f32 = 25.0;
 
 /// Kernels further than this from a brick are not shaped for it [h]. They would be balls up to the liquid's disorder, and
 /// a ball does not reach as far.
-const NEAR: f32 = 1.5;
+const NEAR: f32 = 1.1;
 
 /// The least half axis of a kernel [spacings], where the ball is larger: layers a spacing apart stay one.
 const BRIDGE: f32 = 1.2;
 
 /// Particles nearer than this to a plane are as deep [spacings]: a layer, and not the next.
 const LAYER: f32 = 0.75;
+
+/// Shifts shorter than this are of disorder alone [layers]: no surface is near, and none needs to be compared.
+const CALM: f32 = 0.2;
 
 /// The weight of the covariance.
 struct Cubic;
@@ -202,7 +205,9 @@ impl Shaper {
         }
 
         // Move them there, as far as those beside them do not.
-        let common = wide.means_across::<Cubic>(radius, self.layer, &self.shifts, wanted);
+        let moves = |place: usize| due[place] && self.shifts.at(place).norm() > CALM * self.layer;
+        let common =
+            wide.means_across::<Cubic>(radius, self.layer, &self.shifts, |mut places| places.any(moves));
         for (place, made) in made.into_iter().enumerate() {
             if let Some((mut blob, shift)) = made {
                 let own = (shift - common[place]) * self.smoothing;

@@ -139,6 +139,9 @@ pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacin
     stats
 }
 
+/// A vector and a zero: one instruction does four numbers.
+type Four = [f32; 4];
+
 /// M − 1: where each vertex goes to the mean of its neighbours.
 struct Umbrella {
     start: Vec<u32>,
@@ -189,31 +192,40 @@ impl Umbrella {
 
     /// (M − 1) s at vertex `i`.
     #[inline]
-    fn pull(&self, s: &[Vec3], i: usize) -> Vec3 {
+    fn pull(&self, s: &[Four], i: usize) -> Four {
         let here = s[i];
         let links = &self.links[self.start[i] as usize..self.start[i + 1] as usize];
-        links.iter().fold(Vec3::zeros(), |sum, &(j, share)| sum + (s[j as usize] - here) * share)
+        links.iter().fold([0.0; 4], |sum, &(j, share)| {
+            let there = s[j as usize];
+            std::array::from_fn(|k| sum[k] + (there[k] - here[k]) * share)
+        })
     }
 
     /// Σ c_k S_k (M − 1) x: where each vertex is moved.
     fn filter(&self, x: &[Vec3], coefficients: &[f32]) -> Vec<Vec3> {
-        let mut pull = vec![Vec3::zeros(); x.len()];
-        par::fill(&mut pull, |i| self.pull(x, i));
+        let mut pull = vec![[0.0; 4]; x.len()];
+        {
+            let x: Vec<Four> = x.iter().map(|x| [x.x, x.y, x.z, 0.0]).collect();
+            par::fill(&mut pull, |i| self.pull(&x, i));
+        }
         let mut now = pull.clone();
-        let mut last = vec![Vec3::zeros(); x.len()];
-        let mut sum = vec![Vec3::zeros(); x.len()];
-        par::fill(&mut sum, |i| pull[i] * coefficients[1]);
+        let mut last = vec![[0.0; 4]; x.len()];
+        let mut sum = vec![[0.0; 4]; x.len()];
+        par::fill(&mut sum, |i| pull[i].map(|v| v * coefficients[1]));
         for &c in &coefficients[2..] {
             // S_{k+1} = 2 M S_k − S_{k−1} + 2 on (M − 1) x
             par::map_chunks_of_two(&mut last, &mut sum, par::CHUNK, |start, last, sum| {
                 for (i, (last, sum)) in (start..).zip(last.iter_mut().zip(sum)) {
-                    *last = (now[i] + self.pull(&now, i) + pull[i]) * 2.0 - *last;
-                    *sum += *last * c;
+                    let pulled = self.pull(&now, i);
+                    for k in 0..4 {
+                        last[k] = (now[i][k] + pulled[k] + pull[i][k]) * 2.0 - last[k];
+                        sum[k] += last[k] * c;
+                    }
                 }
             });
             std::mem::swap(&mut last, &mut now);
         }
-        sum
+        sum.into_iter().map(|[x, y, z, _]| Vec3::new(x, y, z)).collect()
     }
 }
 
