@@ -9,6 +9,7 @@
 
 use super::density::kernel;
 use nalgebra::Vector3;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// A plane with filled space below it.
 pub(super) struct Plane {
@@ -21,7 +22,7 @@ pub(super) struct Plane {
 pub(super) const PLANES: [Plane; 2] = [
     Plane { normal: [0.0, 0.0, 1.0], offset: 0.5 },
     // (1, √2, √3)/√6: no two places of the plane see the same lattice.
-    Plane { normal: [0.408_248_290_463_863, 0.577_350_269_189_625_8, 0.707_106_781_186_547_6], offset: 0.0 },
+    Plane { normal: [0.408_248_290_463_863, 0.577_350_269_189_625_8, FRAC_1_SQRT_2], offset: 0.0 },
 ];
 
 /// Samples along an edge of the square where the mean is taken, and the edge [spacings].

@@ -21,7 +21,7 @@ pub fn eigen(matrix: &Symmetric) -> ([f32; 3], [Vec3; 3]) {
     for _ in 0..SWEEPS {
         let beside = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
         let along = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
-        if !(beside > 1e-12 * along) {
+        if beside <= 1e-12 * along || beside.is_nan() {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {

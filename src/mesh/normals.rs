@@ -80,7 +80,7 @@ impl<'a> Reader<'a> {
             self.grid.bricks.find(beside).map(|brick| self.grid.brick(brick))
         });
         // Which of three bricks a node is in, and where.
-        let within = |i: usize| ((i + BRICK - 1) / BRICK, (i + BRICK - 1) % BRICK);
+        let within = |i: usize| ((i + BRICK - 1).div_euclid(BRICK), (i + BRICK - 1) % BRICK);
         for z in 0..WITH_RIM {
             for y in 0..WITH_RIM {
                 let ((by, ly), (bz, lz)) = (within(y), within(z));
@@ -101,7 +101,7 @@ impl<'a> Reader<'a> {
             }
         }
         // What is infinite becomes not a number, all else stays.
-        self.nodes.iter_mut().for_each(|value| *value += *value - *value);
+        self.nodes.iter_mut().for_each(|value| *value += 0.0 * *value);
     }
 
     /// The gradient at a node 0..=8 of the brick visited, in the grid's unit a voxel: central differences, one-sided at the
