@@ -21,7 +21,7 @@ const SNAP: f64 = 1e-4;
 pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
     let contour = contour.into();
     let mut normals = face_normals(mesh);
-    let replaced = par::map_chunks_of_many([&mut normals], par::CHUNK, |start, [normals]| {
+    let replaced = par::map_chunks_mut([&mut normals], par::CHUNK, |start, [normals]| {
         let mut reader = Reader::new(contour.grid);
         let mut replaced = 0;
         for (face, x) in normals.iter_mut().zip(&mesh.positions[start..]) {

@@ -190,7 +190,7 @@ impl Umbrella {
         par::fill(&mut sum, |i| pull[i] * coefficients[1]);
         for &c in &coefficients[2..] {
             // S_{k+1} = 2 M S_k − S_{k−1} + 2 on (M − 1) x
-            par::map_chunks_of_two(&mut last, &mut sum, par::CHUNK, |start, last, sum| {
+            par::map_chunks_mut([&mut last, &mut sum], par::CHUNK, |start, [last, sum]| {
                 for (i, (last, sum)) in (start..).zip(last.iter_mut().zip(sum)) {
                     *last = (now[i] + self.pull(&now, i) + pull[i]) * 2.0 - *last;
                     *sum += *last * c;
