@@ -132,7 +132,7 @@ struct Candidate {
 impl Shape {
     /// The half-edges of a mesh; `None` unless it is closed, manifold and oriented.
     fn new(mesh: &Mesh) -> Option<Self> {
-        let links = Links::new(mesh);
+        let links = Links::new(mesh, |_| true);
         let from: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
         let mut twin = vec![NONE; from.len()];
         par::fill(&mut twin, |h| {

@@ -137,7 +137,7 @@ impl Umbrella {
     fn new(mesh: &Mesh, weights: &[f32], crease: f32) -> Self {
         let mut normals = face_normals(mesh);
         par::update(&mut normals, |_, n| *n = n.try_normalize(0.0).unwrap_or_else(Vec3::zeros));
-        let list = Links::new(mesh);
+        let list = Links::new(mesh, |_| true);
         let target = |h: u32| {
             let after = next(h);
             mesh.triangles[after as usize / 3][after as usize % 3]
