@@ -1,12 +1,12 @@
 //! Clean-up of surfaces: removal of pieces, smoothing, decimation, and what vertices take from particles.
 
-use super::mesh::{hash, noise};
+use super::mesh::{distance, hash, noise, torus};
 use meniscus::{
     frame::{ChannelData, Stream},
     math::Vec3,
     mesh::{
         ComponentParams, DecimationParams, Mesh, SmoothingParams, Surface, SurfaceError, SurfaceParams,
-        check, decimate, marching_cubes, normals_from_faces, reconstruct, smooth, transfer,
+        check, decimate, marching_cubes, normals_from_faces, reconstruct, remove_small, smooth, transfer,
     },
     par,
 };
@@ -109,6 +109,101 @@ fn smoothing_keeps_sheets_threads_and_droplets() {
         }
         let widest = |mesh: &Mesh| mesh.positions.iter().map(|x| x.z).fold(f32::MIN, f32::max);
         assert!((widest(&found.mesh) - widest(&plain.mesh)).abs() < 0.15 * SPACING, "{name}");
+    }
+}
+
+/// The volume of every piece, in the order of their first vertices.
+fn volumes_of_pieces(mesh: &Mesh) -> Vec<f64> {
+    let mut piece: Vec<usize> = (0..mesh.positions.len()).collect();
+    loop {
+        let mut changed = false;
+        for triangle in &mesh.triangles {
+            let lowest = triangle.iter().map(|&v| piece[v as usize]).min().unwrap();
+            for &v in triangle {
+                changed |= std::mem::replace(&mut piece[v as usize], lowest) != lowest;
+            }
+        }
+        if !changed {
+            break;
+        }
+    }
+    let mut volumes = vec![0.0; mesh.positions.len()];
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|v| mesh.positions[v as usize].cast::<f64>());
+        volumes[piece[triangle[0] as usize]] += a.dot(&b.cross(&c)) / 6.0;
+    }
+    (0..piece.len()).filter(|&v| piece[v] == v).map(|v| volumes[v]).collect()
+}
+
+/// A large piece must not hide what small ones lose.
+#[test]
+fn smoothing_keeps_the_volume_of_every_piece() {
+    let ball = particles([20; 3], 0.15, Vec3::zeros(), |x| x.norm() < 20.0);
+    let droplets = [
+        [2.6, 0.0, 0.0],
+        [-2.7, 0.31, 0.2],
+        [0.013, 2.81, 0.4],
+        [0.7, -2.6, 0.11],
+        [0.2, 0.33, 2.9],
+        [0.02, 0.0, -2.7],
+        [0.1, 0.0, -2.7],
+    ];
+    let all: Vec<Vec3> =
+        ball.vec3("position").unwrap().iter().copied().chain(droplets.map(Vec3::from)).collect();
+    let stream = Stream::new("liquid", all.len()).with("position", all);
+    for thin in [0.2, 1.0] {
+        let smoothing = SmoothingParams { thin, ..SmoothingParams::default() };
+        let plain = volumes_of_pieces(&surface(&stream, &SurfaceParams::default()).mesh);
+        let found =
+            surface(&stream, &SurfaceParams { smoothing: Some(smoothing), ..SurfaceParams::default() });
+        let now = volumes_of_pieces(&found.mesh);
+        assert_eq!((plain.len(), now.len()), (7, 7));
+        let errors: Vec<f64> =
+            plain.iter().zip(&now).map(|(before, now)| (now / before - 1.0).abs()).collect();
+        let stats = found.stats.smoothing.unwrap();
+        println!("thin {thin}: {errors:?}, {stats:?}");
+        let worst = errors.iter().copied().fold(0.0, f64::max);
+        assert!(stats.longest_move < SPACING, "no vertex makes up for a whole piece: {}", stats.longest_move);
+        assert!(worst < 1e-5, "{errors:?}");
+        assert!((worst - stats.worst_piece).abs() < 1e-6, "{worst} is told as {}", stats.worst_piece);
+        assert!(stats.volume_change > 1e-4);
+    }
+}
+
+/// Far out single precision puts a whole droplet into one place, or two.
+#[test]
+fn coincident_vertices_pass_through_all_clean_up() {
+    for at in [Vec3::repeat(3.0), Vec3::repeat(f32::NAN)] {
+        let mut mesh = Mesh {
+            positions: vec![at; 4],
+            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+            ..Mesh::default()
+        };
+        let stats = smooth(&mut mesh, &[1.0; 4], &SmoothingParams::default(), SPACING);
+        assert_eq!((stats.degree, stats.longest_move), (0, 0.0));
+    }
+    let far = Stream::new("liquid", 1).with("position", vec![Vec3::repeat(1e6)]);
+    let params = SurfaceParams {
+        components: Some(ComponentParams { smallest: 0.0 }),
+        decimation: Some(DecimationParams::default()),
+        ..smoothed()
+    };
+    for spacing in [0.01, 0.1, 1.0] {
+        let found = reconstruct(&far, spacing, &params, &|| true).unwrap();
+        println!("spacing {spacing}: {:?}, {:?}", found.stats.smoothing, found.check);
+        assert_eq!(found.stats.too_far_particles, 0);
+        assert!(found.mesh.positions.iter().flatten().all(|x| x.is_finite()));
+    }
+}
+
+#[test]
+fn thin_vertices_are_those_nearer_to_thin_than_to_all() {
+    for (thin, expected) in [(0.0, 2), (0.6, 3), (1.0, 0)] {
+        let (mut mesh, _) = marching_cubes(&noise(1, |_| -1.0));
+        let mut weights = vec![1.0; mesh.positions.len()];
+        weights[..3].copy_from_slice(&[0.1, 0.4, 0.75].map(|w: f32| w.max(thin)));
+        let params = SmoothingParams { thin, ..SmoothingParams::default() };
+        assert_eq!(smooth(&mut mesh, &weights, &params, SPACING).thin_vertices, expected, "{thin}");
     }
 }
 

@@ -46,7 +46,7 @@ fn sampled(
 }
 
 /// A signed distance on all bricks of a cube of half edge `extent` [m] around the origin.
-fn distance(voxel: f32, extent: f32, f: impl Fn([f64; 3]) -> f64) -> SparseGrid {
+pub(crate) fn distance(voxel: f32, extent: f32, f: impl Fn([f64; 3]) -> f64) -> SparseGrid {
     let n = (extent / voxel).ceil() as i32 + 1;
     let at = |node: [i32; 3]| f(node.map(|i| f64::from(i) * f64::from(voxel))) as f32;
     sampled(voxel, [-n; 3], [n; 3], |_| true, at)
@@ -59,7 +59,7 @@ fn ball(radius: f64, centre: [f64; 3]) -> impl Fn([f64; 3]) -> f64 + Copy {
     move |x| (0..3).map(|d| (x[d] - centre[d]).powi(2)).sum::<f64>().sqrt() - radius
 }
 
-fn torus(major: f64, minor: f64) -> impl Fn([f64; 3]) -> f64 {
+pub(crate) fn torus(major: f64, minor: f64) -> impl Fn([f64; 3]) -> f64 {
     move |x| {
         let [x, y, z] = std::array::from_fn(|d| x[d] - CENTRE[d]);
         (x.hypot(y) - major).hypot(z) - minor
