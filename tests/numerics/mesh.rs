@@ -308,6 +308,33 @@ fn a_missing_brick_is_counted_and_leaves_no_stray_vertex() {
     assert!(found.manifold && found.oriented && found.degenerate_triangles == 0, "{found:?}");
 }
 
+/// Wherever bricks are missing, above, below or beside: every cell with known corners on both sides that lacks one.
+#[test]
+fn every_cell_beside_a_missing_brick_is_counted() {
+    let inside = |node: [i32; 3]| ball(0.5, CENTRE)(node.map(|i| f64::from(i) * 0.05)) as f32;
+    let cut_cells = |keep: &dyn Fn([i32; 3]) -> bool| {
+        let grid = sampled(0.05, [-16; 3], [15; 3], keep, inside);
+        let mut expected = 0;
+        for cell in (0..34_i32.pow(3)).map(|i| [i % 34 - 17, i / 34 % 34 - 17, i / 34 / 34 - 17]) {
+            let corner = |i: i32| grid.get(std::array::from_fn(|d| cell[d] + (i >> d & 1)));
+            let corners: Vec<bool> = (0..8).filter_map(corner).map(|value| value < 0.0).collect();
+            expected += usize::from(corners.len() < 8 && corners.contains(&true) && corners.contains(&false));
+        }
+        let (mesh, stats) = marching_cubes(&grid);
+        assert_eq!(stats.cut_cells, expected);
+        assert_eq!(stats.cut_cells == 0, check(&mesh).closed);
+        stats.cut_cells
+    };
+    assert_eq!(cut_cells(&|_| true), 0);
+    for axis in 0..3 {
+        assert!(cut_cells(&|c| c[axis] >= 0) > 50, "the lower half is missing along {axis}");
+        assert!(cut_cells(&|c| c[axis] < 0) > 50, "the upper half is missing along {axis}");
+    }
+    for seed in 0..20 {
+        cut_cells(&|c| hash(seed, c.iter().fold(0, |sum, &i| 4 * sum + (i + 2) as u64)) >> 62 > 0);
+    }
+}
+
 #[test]
 fn unreached_nodes_are_counted() {
     let mut grid = noise(3, |bits| if bits % 4 == 0 { f32::NEG_INFINITY } else { 0.5 });
