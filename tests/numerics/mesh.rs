@@ -1,12 +1,12 @@
 //! Marching cubes, checks and vertex attributes against closed forms and random fields.
 
 use meniscus::{
-    frame::Stream,
+    frame::{ChannelData, Stream},
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     math::Vec3,
     mesh::{
-        DistanceParams, MARGIN, Mesh, MeshCheck, SurfaceError, SurfaceParams, check, interpolate_vec3,
-        marching_cubes, normals_from_field, reconstruct,
+        DistanceParams, MARGIN, Mesh, MeshCheck, SurfaceError, SurfaceParams, check, marching_cubes,
+        normals_from_field, reconstruct, transfer,
     },
     par,
 };
@@ -363,6 +363,18 @@ fn faces_decide_where_the_distance_says_nothing_usable() {
     }
 }
 
+/// What vertices take of a vector that every particle has, and how many take it from the nearest.
+fn interpolate(vertices: &[Vec3], particles: &[Vec3], values: &[Vec3]) -> (Vec<Vec3>, usize) {
+    let stream = Stream::new("liquid", particles.len())
+        .with("position", particles.to_vec())
+        .with("velocity", values.to_vec());
+    let (mut channels, count) = transfer(&stream, None, vertices, 0.25).unwrap();
+    match channels.remove(0).data {
+        ChannelData::Vec3(values) => (values, count),
+        other => panic!("velocities are vectors: {other:?}"),
+    }
+}
+
 #[test]
 fn interpolation_reproduces_constants_and_smooths_the_rest() {
     let particles: Vec<Vec3> = (0..1000_i32)
@@ -372,7 +384,7 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
         .map(|i| Vec3::from_fn(|d, _| (hash(1, i * 3 + d as u64) >> 40) as f32 / (1 << 24) as f32 * 0.9))
         .collect();
     let constant = vec![Vec3::new(1.0, -2.0, 0.25); particles.len()];
-    let (values, far) = interpolate_vec3(&vertices, &particles, &constant, 0.25);
+    let (values, far) = interpolate(&vertices, &particles, &constant);
     assert_eq!(far, 0);
     assert!(values.iter().all(|v| (v - constant[0]).norm() < 1e-5));
 
@@ -380,7 +392,7 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
     let linear: Vec<Vec3> = particles.iter().map(|x| Vec3::new(x.z, x.x, 2.0 * x.y)).collect();
     let inner: Vec<Vec3> =
         vertices.iter().copied().filter(|x| x.iter().all(|&x| (0.25..0.65).contains(&x))).collect();
-    let (values, _) = interpolate_vec3(&inner, &particles, &linear, 0.25);
+    let (values, _) = interpolate(&inner, &particles, &linear);
     assert!(!inner.is_empty());
     for (x, v) in std::iter::zip(&inner, &values) {
         assert!((v - Vec3::new(x.z, x.x, 2.0 * x.y)).norm() < 0.02);
@@ -388,11 +400,11 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
 
     // Far from all particles, the nearest one counts.
     let far = [Vec3::new(5.0, 0.02, -3.0), Vec3::new(f32::NAN, 0.0, 0.0), Vec3::new(-3e8, 0.0, 0.0)];
-    let (values, count) = interpolate_vec3(&far, &particles, &particles, 0.25);
+    let (values, count) = interpolate(&far, &particles, &particles);
     assert_eq!(count, 3);
     assert_eq!(values[..2], [particles[9], Vec3::zeros()]);
     assert!(particles.contains(&values[2]));
-    assert_eq!(interpolate_vec3(&far, &[], &[], 0.25), (vec![Vec3::zeros(); 3], 3));
+    assert_eq!(interpolate(&far, &[], &[]), (vec![Vec3::zeros(); 3], 3));
 }
 
 /// Particles on a lattice of spacing 1/10 m, jittered, where `keep` says so, turning around the z axis.
