@@ -7,11 +7,13 @@
 //!   one move by in common, as far as they are as deep, is taken back: only the disorder is smoothed.
 //! - Half axes go with standard deviations, not with variances: along variances the outermost layers are so thin that the
 //!   density falls between them.
+//! - With few neighbours the ball keeps its radius, k_n = 1: at one half, filaments turn to beads.
+//! - No axis is shorter than bridges the gap between two layers: a sheet of two would be two sheets.
 //! - k_s is the filled lattice's own, so that no constant depends on units.
 //! - Particles with no surface near keep the ball, which they would get up to the liquid's disorder.
 //!
 //! Symbols: C → covariance [R²]; Σ̃ → `scale` [–]; G = R Σ̃⁻¹ Rᵀ/h [1/m]; λ → `smoothing`; k_r → `ratio`.
-//! Limits: a lone particle, or one with few neighbours, is a ball of half the radius.
+//! Limits: particles with few neighbours, and thus filaments and droplets, are as without.
 
 use super::{
     DensityParams,
@@ -57,15 +59,18 @@ const REACH: f32 = 2.0;
 /// N_ε: with as many neighbours or fewer, a covariance means little.
 const FEW: f32 = 25.0;
 
-/// k_n: the radius of a particle with [`FEW`] neighbours [h].
-const LONE: f32 = 0.5;
-
 /// Kernels further than this from a brick are not shaped for it [h]. They would be balls up to the liquid's disorder, and
 /// a ball does not reach as far.
-const NEAR: f32 = 1.5;
+const NEAR: f32 = 1.1;
+
+/// The least half axis of a kernel [spacings], where the ball is larger: layers a spacing apart stay one.
+const BRIDGE: f32 = 1.2;
 
 /// Particles nearer than this to a plane are as deep [spacings]: a layer, and not the next.
 const LAYER: f32 = 0.75;
+
+/// Shifts shorter than this are of disorder alone [layers]: no surface is near, and none needs to be compared.
+const CALM: f32 = 0.2;
 
 /// The weight of the covariance.
 struct Cubic;
@@ -77,13 +82,53 @@ impl Weight for Cubic {
     }
 }
 
-/// Makes ellipsoids of balls.
-pub(super) struct Shaper {
-    anisotropy: Anisotropy,
+/// How a neighbourhood becomes a kernel.
+#[derive(Clone, Copy)]
+struct Rule {
+    /// k_r.
+    ratio: f32,
     /// h [m].
     h: f32,
     /// The standard deviation of filled space [R].
     lattice: f32,
+    /// The least half axis [h].
+    bridge: f32,
+}
+
+impl Rule {
+    /// The kernel of one particle at `x` with isotropic weight `weight`, not moved.
+    fn shape(&self, x: Vec3, weight: f32, moments: &Moments) -> Blob {
+        let mean = moments.first / moments.zeroth;
+        if moments.count <= FEW + 1.0 {
+            return ball(x, weight, self.h); // [yu13] Eq. 15, k_n = 1
+        }
+        let mut covariance = moments.second;
+        for (part, (a, b)) in covariance.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+            *part = *part / moments.zeroth - mean[a] * mean[b]; // C, [yu13] Eq. 9
+        }
+        let (sigma, axes) = symmetric::eigen(&covariance);
+        let deviation = sigma.map(|s| s.max(0.0).sqrt());
+        let least = deviation[0] / self.ratio;
+        let scale = deviation.map(|s| (s.max(least) / self.lattice).max(self.bridge)); // Σ̃, [yu13] Eq. 15
+        let mut matrix: Symmetric = [0.0; 6];
+        let mut extents2 = Vec3::zeros();
+        for (axis, scale) in axes.iter().zip(scale) {
+            let m = 1.0 / (scale * self.h).powi(2);
+            for (part, (a, b)) in matrix.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
+                *part += m * axis[a] * axis[b]; // GᵀG, [yu13] Eq. 16
+            }
+            extents2 += axis.component_mul(axis) * (scale * self.h).powi(2);
+        }
+        let determinant = 1.0 / scale.iter().product::<f32>();
+        Blob { center: x, matrix, extents: extents2.map(f32::sqrt), weight: weight * determinant }
+    }
+}
+
+/// Makes ellipsoids of balls.
+pub(super) struct Shaper {
+    rule: Rule,
+    /// λ.
+    smoothing: f32,
     /// The particles in cells as wide as the neighbourhoods.
     wide: Cloud,
     /// Where those of `wide` stand in the order of the kernels.
@@ -113,9 +158,13 @@ impl Shaper {
         let mut places = vec![0; positions.len()];
         par::fill(&mut places, |place| place_of[wide.cells.order()[place] as usize]);
         Self {
-            anisotropy: *anisotropy,
-            h,
-            lattice: lattice_deviation(params.kernel_radius),
+            rule: Rule {
+                ratio: anisotropy.ratio,
+                h,
+                lattice: lattice_deviation(params.kernel_radius),
+                bridge: (BRIDGE / params.kernel_radius).min(1.0),
+            },
+            smoothing: anisotropy.smoothing,
             shaped: vec![false; positions.len()],
             shifts: Vectors::new(&wide),
             layer: LAYER * params.spacing,
@@ -127,8 +176,8 @@ impl Shaper {
     /// The kernels with which to begin: balls of the given weights, in the order of `cloud`.
     pub(super) fn balls(&self, cloud: &Cloud, weights: &[f32]) -> Blobs {
         let mut blobs = vec![Blob::default(); weights.len()];
-        par::fill(&mut blobs, |place| ball(cloud.at(place), weights[place], self.h, 1.0));
-        Blobs::Ellipsoids { blobs, reach: self.h }
+        par::fill(&mut blobs, |place| ball(cloud.at(place), weights[place], self.rule.h));
+        Blobs::Ellipsoids { blobs, reach: self.rule.h }
     }
 
     /// Shapes the kernels of particles that are `near`, in the order of `cloud`, and not shaped yet.
@@ -136,7 +185,7 @@ impl Shaper {
         let Blobs::Ellipsoids { blobs, reach } = kernels else {
             unreachable!("balls of their own have no shape")
         };
-        let (wide, places, radius) = (&self.wide, &self.places, REACH * self.h);
+        let (wide, places, radius) = (&self.wide, &self.places, REACH * self.rule.h);
         let mut due = vec![false; places.len()];
         par::fill(&mut due, |place| near[places[place] as usize] && !self.shaped[places[place] as usize]);
         let wanted = |places: Range<usize>| due[places].contains(&true);
@@ -145,7 +194,7 @@ impl Shaper {
         let made = wide.moments::<Cubic, true, _>(radius, wanted, |place, moments| {
             due[place].then(|| {
                 let weight = blobs[places[place] as usize].weight;
-                let shape = blob(wide.at(place), weight, moments, &self.anisotropy, self.h, self.lattice);
+                let shape = self.rule.shape(wide.at(place), weight, moments);
                 (shape, moments.first / moments.zeroth * radius)
             })
         });
@@ -156,10 +205,12 @@ impl Shaper {
         }
 
         // Move them there, as far as those beside them do not.
-        let common = wide.means_across::<Cubic>(radius, self.layer, &self.shifts, wanted);
+        let moves = |place: usize| due[place] && self.shifts.at(place).norm() > CALM * self.layer;
+        let common =
+            wide.means_across::<Cubic>(radius, self.layer, &self.shifts, |mut places| places.any(moves));
         for (place, made) in made.into_iter().enumerate() {
             if let Some((mut blob, shift)) = made {
-                let own = (shift - common[place]) * self.anisotropy.smoothing;
+                let own = (shift - common[place]) * self.smoothing;
                 blob.center += own; // x̄, [yu13] Eq. 6
                 *reach = reach.max(own.abs().max() + blob.extents.max());
                 let place = places[place] as usize;
@@ -198,38 +249,10 @@ pub(super) fn near(cloud: &Cloud, bricks: &Bricks, voxel: f32, h: f32) -> Vec<bo
     parts.concat()
 }
 
-/// The kernel of one particle at `x` with isotropic weight `weight`, not moved; `lattice` is the deviation of filled space.
-fn blob(x: Vec3, weight: f32, moments: &Moments, anisotropy: &Anisotropy, h: f32, lattice: f32) -> Blob {
-    let mean = moments.first / moments.zeroth;
-    if moments.count <= FEW + 1.0 {
-        return ball(x, weight, h, LONE); // [yu13] Eq. 15
-    }
-    let mut covariance = moments.second;
-    for (part, (a, b)) in covariance.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
-        *part = *part / moments.zeroth - mean[a] * mean[b]; // C, [yu13] Eq. 9
-    }
-    let (sigma, axes) = symmetric::eigen(&covariance);
-    let deviation = sigma.map(|s| s.max(0.0).sqrt());
-    let least = deviation[0] / anisotropy.ratio;
-    let scale = deviation.map(|s| s.max(least) / lattice); // Σ̃, [yu13] Eq. 15
-    let mut matrix: Symmetric = [0.0; 6];
-    let mut extents2 = Vec3::zeros();
-    for (axis, scale) in axes.iter().zip(scale) {
-        let m = 1.0 / (scale * h).powi(2);
-        for (part, (a, b)) in matrix.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
-            *part += m * axis[a] * axis[b]; // GᵀG, [yu13] Eq. 16
-        }
-        extents2 += axis.component_mul(axis) * (scale * h).powi(2);
-    }
-    let determinant = 1.0 / scale.iter().product::<f32>();
-    Blob { center: x, matrix, extents: extents2.map(f32::sqrt), weight: weight * determinant }
-}
-
-/// A round kernel of radius `scale` h.
-fn ball(center: Vec3, weight: f32, h: f32, scale: f32) -> Blob {
-    let m = 1.0 / (scale * h).powi(2);
-    let extents = Vec3::repeat(scale * h);
-    Blob { center, matrix: [m, m, m, 0.0, 0.0, 0.0], extents, weight: weight / scale.powi(3) }
+/// A round kernel.
+fn ball(center: Vec3, weight: f32, h: f32) -> Blob {
+    let m = 1.0 / (h * h);
+    Blob { center, matrix: [m, m, m, 0.0, 0.0, 0.0], extents: Vec3::repeat(h), weight }
 }
 
 /// The standard deviation of the filled lattice along each axis [R]: 1/k_s.

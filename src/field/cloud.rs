@@ -109,6 +109,10 @@ impl Vectors {
         Self { axes: [(); 3].map(|()| vec![0.0; cloud.len() + WIDTH]) }
     }
 
+    pub(super) fn at(&self, place: usize) -> Vec3 {
+        Vec3::new(self.axes[0][place], self.axes[1][place], self.axes[2][place])
+    }
+
     pub(super) fn set(&mut self, place: usize, value: Vec3) {
         for axis in 0..3 {
             self.axes[axis][place] = value[axis];

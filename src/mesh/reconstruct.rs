@@ -4,7 +4,8 @@
 //! set ([`crate::sdf`]), marching cubes of either, what the parameters name of removal of small pieces, smoothing and
 //! decimation, normals by the field's gradient, and what the vertices take from the particles.
 //!
-//! A smoothed surface has the normals of its own faces: those of the field show the bumps that it no longer has.
+//! Where smoothing moved it, a surface has the normals of its own faces: those of the field show the bumps that it no longer
+//! has.
 //!
 //! Normals by the density's gradient: on a ball of 20 spacings they lean 12.0° on average (particles
 //! moved by up to a quarter spacing: 16.1°), the distance's 9.9° (13.9°), and on 30 frames of a splash 101 of
@@ -21,6 +22,7 @@ use crate::{
     field::{DensityParams, density},
     frame::Stream,
     math::Vec3,
+    par,
     sdf::{SdfParams, SignedDistance, from_density},
 };
 use std::time::Instant;
@@ -70,8 +72,8 @@ pub struct SurfaceStats {
     /// What decimation did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decimation: Option<DecimationStats>,
-    /// Vertices whose normal is that of the faces, because the distance has no usable gradient there; none are counted
-    /// on a smoothed surface, where all are.
+    /// Vertices whose normal is that of the faces, because the field has no usable gradient there; none are counted
+    /// on a smoothed surface.
     pub normals_from_faces: usize,
     /// Vertices and points whose attributes are those of the nearest particle, because none is within the kernel.
     pub attributes_from_nearest: usize,
@@ -153,12 +155,16 @@ pub fn reconstruct(
         }
         None => (None, None),
     };
+    let mut as_cut = None;
     let smoothing = match &params.smoothing {
         Some(smoothing) => Some(clock.time("smoothing", || {
             let normals = normals_from_field(&mesh, contour).0;
             let weights =
                 depth_weights(&mesh, &normals, &field.grid, field.threshold, spacing, smoothing.thin);
-            smooth(&mut mesh, &weights, smoothing, spacing)
+            let positions = mesh.positions.clone();
+            let stats = smooth(&mut mesh, &weights, smoothing, spacing);
+            as_cut = params.decimation.is_none().then_some((positions, normals));
+            stats
         })?),
         None => None,
     };
@@ -169,7 +175,18 @@ pub fn reconstruct(
 
     // Give the vertices what they carry.
     let (normals, normals_from_faces) = clock.time("normals", || match smoothing {
-        Some(_) => (normals_from_faces(&mesh), 0),
+        Some(_) => {
+            let mut normals = normals_from_faces(&mesh);
+            // What smoothing left alone still has the field's.
+            if let Some((positions, of_field)) = as_cut.take() {
+                par::update(&mut normals, |v, normal| {
+                    if positions[v] == mesh.positions[v] {
+                        *normal = of_field[v];
+                    }
+                });
+            }
+            (normals, 0)
+        }
         None => normals_from_field(&mesh, contour),
     })?;
     mesh.normals = normals;

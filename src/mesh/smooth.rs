@@ -13,8 +13,8 @@
 //! a_ij = a_ji, so M is similar to a symmetric matrix with eigenvalues in [−1, 1], and the sum stays bounded.
 //!
 //! Symbols: Λ → `wavelength` [m]; ℓ → root mean square edge [m]; w → `weights` [0..1]; θ₀ → `pass` [rad].
-//! Limits: a vertex whose triangles would fold or collapse goes back to where it was, and so does a piece that the
-//! filter took too much of to give it back; both are counted.
+//! Limits: a vertex whose triangles would fold or collapse goes back to where it was, and is counted; so do pieces that
+//! would lose a third of their volume, or would have to move far to get it back.
 
 use super::{
     Mesh, SmoothingParams,
@@ -33,10 +33,14 @@ const DEPTH: f32 = 1.5;
 /// and the longest waves shrink; more only makes the cut sharper.
 const DEGREE: f64 = 5.0;
 
+/// A piece that keeps less than this part of its volume is not smoothed: what offsets along its normals make of the rest
+/// is not its shape.
+const KEPT: f64 = 0.7;
+
 /// Volume is given back to a piece until this part of it is wrong: single precision places it no better …
 const EXACT: f64 = 1e-6;
 
-/// … or this often. A bulk takes one offset, a droplet that lost half its volume four.
+/// … or this often. A bulk takes one offset, a droplet that lost much of its volume four.
 const OFFSETS: usize = 8;
 
 /// A piece of less than this part of the whole counts as that large: one that rounding has flattened has no volume to
@@ -50,7 +54,7 @@ pub struct SmoothingStats {
     pub degree: usize,
     /// Vertices in thin parts: nearer to the part of it that `thin` names than to all of it.
     pub thin_vertices: usize,
-    /// Vertices put back because their triangles would have folded or collapsed, or their piece all but vanished.
+    /// Vertices put back because their triangles would have folded or collapsed, or their piece have shrunk away.
     pub restored_vertices: usize,
     /// How much volume the filter changed, Σ over the pieces of |change| over Σ |volume|, before it was given back …
     pub volume_change: f64,
@@ -113,6 +117,16 @@ pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacin
     let mut restored = vec![false; before.len()];
     restore(mesh, &before, &mut restored);
 
+    // Pieces that are short beside the wavelength shrink to nothing: they stay as they were.
+    let shrunk = pieces.moments(mesh);
+    for v in 0..before.len() {
+        let piece = pieces.of[v] as usize;
+        if shrunk[piece].0.abs() < KEPT * target[piece].0.abs() {
+            mesh.positions[v] = before[v];
+            restored[v] = true;
+        }
+    }
+
     // Give the volume back, by Newton's method on the offset of every piece that is still wrong.
     let sizes: Vec<f64> =
         target.iter().map(|(volume, _)| volume.abs().max(LEAST * total).max(f64::MIN_POSITIVE)).collect();
@@ -147,6 +161,9 @@ pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacin
         .map_or(0.0, |(_, longest)| longest);
     stats
 }
+
+/// A vector and a zero: one instruction does four numbers.
+type Four = [f32; 4];
 
 /// M − 1: where each vertex goes to the mean of its neighbours.
 struct Umbrella {
@@ -198,31 +215,40 @@ impl Umbrella {
 
     /// (M − 1) s at vertex `i`.
     #[inline]
-    fn pull(&self, s: &[Vec3], i: usize) -> Vec3 {
+    fn pull(&self, s: &[Four], i: usize) -> Four {
         let here = s[i];
         let links = &self.links[self.start[i] as usize..self.start[i + 1] as usize];
-        links.iter().fold(Vec3::zeros(), |sum, &(j, share)| sum + (s[j as usize] - here) * share)
+        links.iter().fold([0.0; 4], |sum, &(j, share)| {
+            let there = s[j as usize];
+            std::array::from_fn(|k| sum[k] + (there[k] - here[k]) * share)
+        })
     }
 
     /// Σ c_k S_k (M − 1) x: where each vertex is moved.
     fn filter(&self, x: &[Vec3], coefficients: &[f32]) -> Vec<Vec3> {
-        let mut pull = vec![Vec3::zeros(); x.len()];
-        par::fill(&mut pull, |i| self.pull(x, i));
+        let mut pull = vec![[0.0; 4]; x.len()];
+        {
+            let x: Vec<Four> = x.iter().map(|x| [x.x, x.y, x.z, 0.0]).collect();
+            par::fill(&mut pull, |i| self.pull(&x, i));
+        }
         let mut now = pull.clone();
-        let mut last = vec![Vec3::zeros(); x.len()];
-        let mut sum = vec![Vec3::zeros(); x.len()];
-        par::fill(&mut sum, |i| pull[i] * coefficients[1]);
+        let mut last = vec![[0.0; 4]; x.len()];
+        let mut sum = vec![[0.0; 4]; x.len()];
+        par::fill(&mut sum, |i| pull[i].map(|v| v * coefficients[1]));
         for &c in &coefficients[2..] {
             // S_{k+1} = 2 M S_k − S_{k−1} + 2 on (M − 1) x
             par::map_chunks_mut([&mut last, &mut sum], par::CHUNK, |start, [last, sum]| {
                 for (i, (last, sum)) in (start..).zip(last.iter_mut().zip(sum)) {
-                    *last = (now[i] + self.pull(&now, i) + pull[i]) * 2.0 - *last;
-                    *sum += *last * c;
+                    let pulled = self.pull(&now, i);
+                    for k in 0..4 {
+                        last[k] = (now[i][k] + pulled[k] + pull[i][k]) * 2.0 - last[k];
+                        sum[k] += last[k] * c;
+                    }
                 }
             });
             std::mem::swap(&mut last, &mut now);
         }
-        sum
+        sum.into_iter().map(|[x, y, z, _]| Vec3::new(x, y, z)).collect()
     }
 }
 

@@ -50,7 +50,11 @@ SPACING = 0.05  # m, of every scene
 SMOOTH = ["--mesh-cleanup=on", "--mesh-smoothing-weights=on", "--mesh-smoothing-iters=25", "--normals=on",
           "--normals-smoothing-iters=10"]  # fmt: skip
 # Rows: name, keys of the surface.
-MENISCUS = [("Meniscus, isotropic", {})]
+MENISCUS = [
+    ("Meniscus, isotropic", {}),
+    ("Meniscus, anisotropic", {"surface.anisotropy": "{}"}),
+    ("Meniscus, anisotropic, smoothed", {"surface.anisotropy": "{}", "surface.smoothing.wavelength": 12}),
+]
 # Rows: name, further flags.
 PEERS = [("splashsurf, plain", []), ("splashsurf, recommended", SMOOTH)]
 # Of a sequence the peer can also work on several files at once.
