@@ -6,11 +6,11 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use meniscus::{
     export,
-    frame::Channel,
+    frame::{Channel, Stream},
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     mesh::{
-        ComponentParams, DecimationParams, SmoothingParams, check, decimate, interpolate_vec3,
-        marching_cubes, normals_from_field, remove_small, smooth,
+        ComponentParams, DecimationParams, SmoothingParams, check, decimate, marching_cubes,
+        normals_from_field, remove_small, smooth, transfer,
     },
     par,
 };
@@ -61,13 +61,15 @@ fn surface(c: &mut Criterion) {
             });
         });
     };
+    let particles = Stream::new("liquid", mesh.positions.len())
+        .with("position", mesh.positions.clone())
+        .with("velocity", mesh.positions.clone());
     for threads in [1, 2] {
         measure("marching cubes", threads, &|| drop(black_box(marching_cubes(&grid))));
         measure("normals", threads, &|| drop(black_box(normals_from_field(&mesh, &grid))));
         // The vertices stand in for particles: as dense as a surface gets.
         measure("velocity", threads, &|| {
-            let x = &mesh.positions;
-            drop(black_box(interpolate_vec3(x, x, x, 2.0 * VOXEL)));
+            drop(black_box(transfer(&particles, None, &mesh.positions, 2.0 * VOXEL)));
         });
         measure("components", threads, &|| {
             drop(black_box(remove_small(&mut mesh.clone(), &ComponentParams::default(), 2.0 * VOXEL)));

@@ -233,6 +233,19 @@ pub fn node_of(coord: [i32; 3], place: usize) -> [i32; 3] {
     std::array::from_fn(|axis| coord[axis] * BRICK as i32 + local[axis] as i32)
 }
 
+/// The neighbour of the node at `place` (0..512) across `face`, as numbered in [`FACES`]: its own place, and whether that
+/// is in the brick beside.
+#[inline]
+pub fn beside(place: usize, face: usize) -> (usize, bool) {
+    let stride = [1, BRICK, BRICK * BRICK][face / 2];
+    match (face % 2, place / stride % BRICK) {
+        (0, 0) => (place + (BRICK - 1) * stride, true),
+        (0, _) => (place - stride, false),
+        (_, at) if at + 1 == BRICK => (place - (BRICK - 1) * stride, true),
+        _ => (place + stride, false),
+    }
+}
+
 /// Whether the node at `place` (0..512) is in a mask.
 pub fn is_set(mask: &NodeMask, place: usize) -> bool {
     mask[place / 64] >> (place % 64) & 1 == 1
@@ -320,6 +333,18 @@ mod tests {
             for (place, value) in grid.brick(brick).iter().enumerate() {
                 let expected = if new.contains(coord) { -0.5 } else { number(*coord, place) };
                 assert_eq!(*value, expected, "{coord:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn nodes_beside_a_node_are_one_step_away() {
+        for place in 0..BRICK_NODES {
+            for (face, step) in FACES.into_iter().enumerate() {
+                let (other, is_beyond) = beside(place, face);
+                let coord = if is_beyond { step } else { [0; 3] };
+                let expected: [i32; 3] = std::array::from_fn(|d| node_of([0; 3], place)[d] + step[d]);
+                assert_eq!(node_of(coord, other), expected);
             }
         }
     }

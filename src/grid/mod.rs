@@ -4,6 +4,7 @@ mod bricks;
 mod dense;
 
 pub use bricks::{
-    BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, is_set, mask_of, node_of, offset,
+    BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, beside, is_set, mask_of, node_of,
+    offset,
 };
 pub use dense::DenseGrid;

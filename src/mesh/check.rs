@@ -7,7 +7,7 @@
 //!
 //! Limits: self-intersection is not looked for.
 
-use super::Mesh;
+use super::{Mesh, links::Links};
 use crate::{math::Vec3, par};
 
 /// A triangle is degenerate if twice its area is at most this part of its longest side squared: its height is
@@ -101,12 +101,12 @@ pub fn check(mesh: &Mesh) -> MeshCheck {
     let linked = |t: usize| matches!(shape[t], Shape::Sound | Shape::Flat);
 
     // Judge every vertex with the triangles around it.
-    let corners = Corners::new(mesh, linked);
+    let links = Links::new(mesh, linked);
     for around in par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
         let mut scratch = Scratch::default();
         let mut sum = Around::default();
         for v in range {
-            sum.add(mesh, &corners, v as u32, &mut scratch);
+            sum.add(mesh, &links, v as u32, &mut scratch);
         }
         sum
     }) {
@@ -121,7 +121,7 @@ pub fn check(mesh: &Mesh) -> MeshCheck {
             result.note(mesh, what, vertex);
         }
     }
-    drop(corners);
+    drop(links);
     result.closed = result.boundary_edges == 0;
     result.manifold = result.non_manifold_edges == 0 && result.non_manifold_vertices == 0;
     result.oriented = result.misoriented_edges == 0;
@@ -167,50 +167,6 @@ impl Shape {
     }
 }
 
-/// The corners of every vertex: `list[start[v]..start[v + 1]]` are corners 3 t + k, vertex k of triangle t.
-struct Corners {
-    start: Vec<u32>,
-    list: Vec<u32>,
-}
-
-impl Corners {
-    fn new(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> Self {
-        assert!(mesh.triangles.len() < u32::MAX as usize / 3, "fewer than 2³² corners");
-        let corners = || {
-            let triangles = (0..).zip(&mesh.triangles).filter(|&(t, _)| linked(t as usize));
-            triangles.flat_map(|(t, triangle)| (3 * t..).zip(*triangle))
-        };
-        let mut start = vec![0_u32; mesh.positions.len() + 1];
-        for (_, v) in corners() {
-            start[v as usize] += 1;
-        }
-        // Each start is first the end of its vertex, and goes down as the corners are put in, last first.
-        let mut end = 0;
-        for start in &mut start {
-            end += *start;
-            *start = end;
-        }
-        let mut list = vec![0; end as usize];
-        for t in (0..mesh.triangles.len()).rev().filter(|&t| linked(t)) {
-            for k in [2, 1, 0] {
-                let start = &mut start[mesh.triangles[t][k] as usize];
-                *start -= 1;
-                list[*start as usize] = (3 * t + k) as u32;
-            }
-        }
-        Self { start, list }
-    }
-
-    /// The next and the previous vertex at every corner of a vertex.
-    fn of<'a>(&'a self, mesh: &'a Mesh, v: u32) -> impl ExactSizeIterator<Item = [u32; 2]> + 'a {
-        let list = &self.list[self.start[v as usize] as usize..self.start[v as usize + 1] as usize];
-        list.iter().map(|&corner| {
-            let (triangle, k) = (mesh.triangles[corner as usize / 3], corner as usize % 3);
-            [triangle[(k + 1) % 3], triangle[(k + 2) % 3]]
-        })
-    }
-}
-
 /// Memory that the vertices of a chunk share.
 #[derive(Default)]
 struct Scratch {
@@ -237,14 +193,17 @@ struct Around {
 }
 
 impl Around {
-    fn add(&mut self, mesh: &Mesh, corners: &Corners, v: u32, scratch: &mut Scratch) {
+    fn add(&mut self, mesh: &Mesh, links: &Links, v: u32, scratch: &mut Scratch) {
         if !mesh.positions[v as usize].iter().all(|x| x.is_finite()) {
             self.non_finite += 1;
             self.fault.get_or_insert(("vertex that is not finite", v));
         }
         let Scratch { corners: around, sides, fans } = scratch;
         around.clear();
-        around.extend(corners.of(mesh, v));
+        around.extend(links.of(v as usize).iter().map(|&h| {
+            let (triangle, k) = (mesh.triangles[h as usize / 3], h as usize % 3);
+            [triangle[(k + 1) % 3], triangle[(k + 2) % 3]]
+        }));
         let corners = around.as_slice();
         if corners.is_empty() {
             self.unused += 1;

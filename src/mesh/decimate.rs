@@ -28,7 +28,8 @@ type Vec3d = nalgebra::Vector3<f64>;
 /// few collapses; larger keeps triangles that nobody needs.
 const TURN: f64 = 0.5;
 
-/// The least height of a triangle over its longest side, unless the collapse makes it better.
+/// The least height of a triangle over its longest side, unless the collapse makes it better. Smaller lets needles
+/// through, whose normals are rounding; larger refuses the triangles that marching cubes itself makes beside nodes.
 const SLIVER: f64 = 0.02;
 
 /// Weight of the pull to the edge's middle, as a part of the quadric's own: where the surface is flat it keeps vertices
@@ -49,6 +50,9 @@ pub struct DecimationStats {
     pub refused: usize,
     /// The largest error of a collapse made: root mean square distance from the planes [m].
     pub largest_error: f64,
+    /// Triangles left above the target because no further collapse was allowed; 0 where an error was set, which decides
+    /// then.
+    pub over_target: usize,
     /// Whether nothing was done because the mesh is open or not manifold.
     pub unsuitable: bool,
 }
@@ -101,6 +105,9 @@ pub fn decimate(mesh: &mut Mesh, params: &DecimationParams, spacing: f32) -> Dec
             queue.push(Reverse((shape.candidate(edge).cost, edge, ages[edge as usize])));
         }
     }
+    if params.error.is_none() {
+        stats.over_target = stats.after.saturating_sub(target);
+    }
     shape.write(mesh);
     stats
 }
@@ -132,7 +139,7 @@ struct Candidate {
 impl Shape {
     /// The half-edges of a mesh; `None` unless it is closed, manifold and oriented.
     fn new(mesh: &Mesh) -> Option<Self> {
-        let links = Links::new(mesh);
+        let links = Links::new(mesh, |_| true);
         let from: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
         let mut twin = vec![NONE; from.len()];
         par::fill(&mut twin, |h| {

@@ -23,25 +23,35 @@ pub(super) struct Links {
 }
 
 impl Links {
-    /// The half-edges of `mesh`, by a counting sort.
-    pub(super) fn new(mesh: &Mesh) -> Self {
+    /// The half-edges of the triangles of `mesh` that `counts`, by a counting sort.
+    ///
+    /// # Panics
+    /// If there are 2³² half-edges or more.
+    pub(super) fn new(mesh: &Mesh, counts: impl Fn(usize) -> bool) -> Self {
+        assert!(mesh.triangles.len() < u32::MAX as usize / 3, "fewer than 2³² half-edges");
         let mut start = vec![0_u32; mesh.positions.len() + 1];
-        for &v in mesh.triangles.iter().flatten() {
-            start[v as usize + 1] += 1;
+        for (_, triangle) in mesh.triangles.iter().enumerate().filter(|&(t, _)| counts(t)) {
+            triangle.iter().for_each(|&v| start[v as usize] += 1);
         }
-        for v in 0..mesh.positions.len() {
-            start[v + 1] += start[v];
+        // Each start is first the end of its vertex, and goes down as the half-edges are put in, last first.
+        let mut end = 0;
+        for start in &mut start {
+            end += *start;
+            *start = end;
         }
-        let mut place = start.clone();
-        let mut list = vec![0; 3 * mesh.triangles.len()];
-        for (h, &v) in (0..).zip(mesh.triangles.iter().flatten()) {
-            list[place[v as usize] as usize] = h;
-            place[v as usize] += 1;
+        let mut list = vec![0; end as usize];
+        for t in (0..mesh.triangles.len()).rev().filter(|&t| counts(t)) {
+            for k in [2, 1, 0] {
+                let start = &mut start[mesh.triangles[t][k] as usize];
+                *start -= 1;
+                list[*start as usize] = (3 * t + k) as u32;
+            }
         }
         Self { start, list }
     }
 
     /// The half-edges that leave `v`.
+    #[inline]
     pub(super) fn of(&self, v: usize) -> &[u32] {
         &self.list[self.range(v)]
     }

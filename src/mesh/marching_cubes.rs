@@ -50,8 +50,8 @@ pub struct ContourStats {
     pub moved_vertices: usize,
     /// Vertices put in the middle of their edge because an end is infinite or not a number.
     pub unbounded_vertices: usize,
-    /// Cells left out although the surface crosses them, because a corner's brick is missing: the mesh is open
-    /// there.
+    /// Cells left out although the surface crosses them, because the brick of any corner is missing: the mesh is
+    /// open there.
     pub cut_cells: usize,
 }
 
@@ -82,13 +82,25 @@ fn extract(contour: Contour) -> (Mesh, ContourStats) {
     let mut mesh = Mesh::default();
     let mut stats = ContourStats::default();
     let mut before = Window::default();
+    let mut missing = Vec::new();
     for range in windows(grid) {
-        let window = Window::cut(&contour, &signs, &table, range, &mut mesh.positions, &mut stats);
+        let mut window = Window::cut(&contour, &signs, &table, range, &mut mesh.positions, &mut stats);
+        missing.append(&mut window.missing);
         before.join(&window, &table, &mut mesh.triangles);
         before = window;
     }
     before.join(&Window::default(), &table, &mut mesh.triangles);
+    missing.sort_unstable();
+    missing.dedup();
+    stats.cut_cells += missing.into_iter().map(|coord| cut_below(grid, &signs, coord)).sum::<usize>();
     (mesh, stats)
+}
+
+/// How many cells the surface crosses whose lowest corner is in the missing brick at `coord`.
+fn cut_below(grid: &SparseGrid, signs: &[Signs], coord: [i32; 3]) -> usize {
+    let (inside, present) = rows(signs, &around(grid, coord));
+    let rows = (0..BRICK * BRICK).map(|row| cells(&inside, &present, row % BRICK, row / BRICK));
+    rows.map(|(crossed, _)| crossed.count_ones() as usize).sum()
 }
 
 /// The bricks in runs of whole layers along z of [`WINDOW`] bricks or more, so that a brick's neighbours are in its own run or
@@ -114,6 +126,8 @@ struct Window {
     bricks: Vec<Option<Box<BrickCut>>>,
     /// The number of the first vertex of each brick.
     first: Vec<u32>,
+    /// Bricks that are not there and hold the lowest corners of cells that the surface may cross; some more than once.
+    missing: Vec<[i32; 3]>,
 }
 
 impl Window {
@@ -131,17 +145,19 @@ impl Window {
         });
         let mut bricks: Vec<_> = parts.into_iter().flatten().collect();
         let mut first = Vec::with_capacity(bricks.len());
+        let mut missing = Vec::new();
         for brick in &mut bricks {
             first.push(u32::try_from(positions.len()).expect("a surface has fewer than 2³² vertices"));
             if let Some(brick) = brick {
                 positions.append(&mut std::mem::take(&mut brick.vertices));
+                missing.append(&mut brick.missing);
                 stats.moved_vertices += brick.stats.moved_vertices;
                 stats.unbounded_vertices += brick.stats.unbounded_vertices;
                 stats.cut_cells += brick.stats.cut_cells;
             }
         }
         assert!(u32::try_from(positions.len()).is_ok(), "a surface has fewer than 2³² vertices");
-        Self { range, bricks, first }
+        Self { range, bricks, first, missing }
     }
 
     /// Joins the vertices to triangles; `next` is the window after this one.
@@ -200,6 +216,8 @@ struct BrickCut {
     /// For every node of the brick: 8 × (vertices on edges of earlier nodes) + (bits of its crossed edges).
     marks: [u16; BRICK_NODES],
     vertices: Vec<Vec3>,
+    /// Lower neighbours that are not there, where the surface crosses the layers of nodes that face them.
+    missing: Vec<[i32; 3]>,
     /// How many triangles its cells have.
     triangles: usize,
     stats: ContourStats,
@@ -209,7 +227,7 @@ struct BrickCut {
 fn cut(contour: &Contour, signs: &[Signs], table: &cases::Cases, brick: usize) -> Option<Box<BrickCut>> {
     let Contour { grid, level, .. } = *contour;
     let coord = grid.bricks.coords()[brick];
-    let around = around(grid, brick);
+    let around = around(grid, coord);
     let side = |brick: u32| signs[brick as usize].side();
     let own = side(brick as u32);
     if own.is_some() && around.iter().all(|&other| other == MISSING || side(other) == own) {
@@ -224,6 +242,7 @@ fn cut(contour: &Contour, signs: &[Signs], table: &cases::Cases, brick: usize) -
         present,
         marks: [0; BRICK_NODES],
         vertices: Vec::with_capacity(VERTICES),
+        missing: Vec::new(),
         triangles: 0,
         stats: ContourStats::default(),
     });
@@ -258,17 +277,25 @@ fn cut(contour: &Contour, signs: &[Signs], table: &cases::Cases, brick: usize) -
     }
 
     found.count(table);
+    // A cell whose lowest corner is in a lower neighbour has its other corners in this brick's lowest layers.
+    let lowest = found.crossed_layers();
+    for side in (1..8).filter(|side| (0..3).all(|axis| side >> axis & 1 == 0 || lowest[axis])) {
+        let below = std::array::from_fn(|axis| coord[axis] - (side >> axis & 1));
+        if grid.bricks.find(below).is_none() {
+            found.missing.push(below);
+        }
+    }
     Some(found)
 }
 
-/// Brick `brick` and its upper neighbours: bit 0 is set for the one along x, bit 1 for y, bit 2 for z.
-fn around(grid: &SparseGrid, brick: usize) -> [u32; 8] {
+/// The brick at `coord` and its upper neighbours: bit 0 is set for the one along x, bit 1 for y, bit 2 for z.
+fn around(grid: &SparseGrid, coord: [i32; 3]) -> [u32; 8] {
     let coords = grid.bricks.coords();
     let mut around = [MISSING; 8];
     for side in [0, 2, 4, 6] {
-        let beside: [i32; 3] = std::array::from_fn(|axis| coords[brick][axis] + (side >> axis & 1) as i32);
+        let beside: [i32; 3] = std::array::from_fn(|axis| coord[axis] + (side >> axis & 1) as i32);
         let next = [beside[0] + 1, beside[1], beside[2]];
-        let found = if side == 0 { Some(brick) } else { grid.bricks.find(beside) };
+        let found = grid.bricks.find(beside);
         // Bricks stand in order of z, y, x: the next along x is the next one, if it is there.
         let after = match found {
             Some(found) => coords.get(found + 1).is_some_and(|&coord| coord == next).then_some(found + 1),
@@ -333,14 +360,18 @@ impl BrickCut {
     /// The cells of a row that have corners on both sides, and those that have all corners.
     #[inline]
     fn cells(&self, y: usize, z: usize) -> (u16, u16) {
-        let [mut any_inside, mut any_outside, mut all_present] = [0, 0, u16::MAX];
-        for row in [0, 1, 9, 10].map(|step| y + 9 * z + step) {
-            any_inside |= self.inside[row];
-            any_outside |= self.present[row] & !self.inside[row];
-            all_present &= self.present[row];
-        }
-        let crossed = (any_inside | any_inside >> 1) & (any_outside | any_outside >> 1) & 0xff;
-        (crossed, all_present & all_present >> 1)
+        cells(&self.inside, &self.present, y, z)
+    }
+
+    /// Whether the lowest layers of nodes across x, y and z have nodes on both sides, those of the upper neighbours
+    /// included.
+    fn crossed_layers(&self) -> [bool; 3] {
+        let crossed = |step: usize, count: usize, mask: u16| {
+            let rows = || (0..count).map(|i| step * i);
+            rows().any(|row| self.inside[row] & mask != 0)
+                && rows().any(|row| self.present[row] & !self.inside[row] & mask != 0)
+        };
+        [crossed(1, 81, 1), crossed(9, 9, u16::MAX), crossed(1, 9, u16::MAX)]
     }
 
     /// The corners of a cell that are inside.
@@ -356,6 +387,19 @@ impl BrickCut {
         let mark = self.marks[place];
         u32::from(mark >> 3) + (mark & ((1 << axis) - 1)).count_ones()
     }
+}
+
+/// The cells of a row that have corners on both sides, and those that have all corners.
+#[inline]
+fn cells(inside: &[u16; 81], present: &[u16; 81], y: usize, z: usize) -> (u16, u16) {
+    let [mut any_inside, mut any_outside, mut all_present] = [0, 0, u16::MAX];
+    for row in [0, 1, 9, 10].map(|step| y + 9 * z + step) {
+        any_inside |= inside[row];
+        any_outside |= present[row] & !inside[row];
+        all_present &= present[row];
+    }
+    let crossed = (any_inside | any_inside >> 1) & (any_outside | any_outside >> 1) & 0xff;
+    (crossed, all_present & all_present >> 1)
 }
 
 /// Writes the triangles of the cells whose lowest corner is in `brick`; `at` gives bricks and the numbers of their first

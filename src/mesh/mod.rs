@@ -24,7 +24,7 @@ pub use params::{ComponentParams, DecimationParams, DistanceParams, SmoothingPar
 pub use pieces::{ComponentStats, Points, remove_small};
 pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
 pub use smooth::{SmoothingStats, depth_weights, smooth};
-pub use transfer::{carried, interpolate_vec3, transfer};
+pub use transfer::{carried, transfer};
 
 use crate::{frame::Channel, math::Vec3};
 

@@ -16,12 +16,13 @@ use crate::{
 /// the two coordinates across the edge are exact up to rounding only. Smaller reads nodes that have no weight.
 const SNAP: f64 = 1e-4;
 
-/// Unit outward normals at the vertices of `mesh` by the gradient of the field that it was cut from, and how many vertices had no usable gradient there (zero, not finite, or against all the faces around) and carry the area-weighted normal of
-/// their faces instead. A vertex without any face of its own size gets +Z.
+/// Unit outward normals at the vertices of `mesh` by the gradient of the field that it was cut from, and how many
+/// vertices had no usable gradient there (zero, not finite, or against all the faces around) and carry the area-weighted
+/// normal of their faces instead. A vertex without any face of its own size gets +Z.
 pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
     let contour = contour.into();
     let mut normals = face_normals(mesh);
-    let replaced = par::map_chunks_of_many([&mut normals], par::CHUNK, |start, [normals]| {
+    let replaced = par::map_chunks_mut([&mut normals], par::CHUNK, |start, [normals]| {
         let mut reader = Reader::new(contour.grid);
         let mut replaced = 0;
         for (face, x) in normals.iter_mut().zip(&mesh.positions[start..]) {
@@ -80,7 +81,10 @@ impl<'a> Reader<'a> {
             self.grid.bricks.find(beside).map(|brick| self.grid.brick(brick))
         });
         // Which of three bricks a node is in, and where.
-        let within = |i: usize| ((i + BRICK - 1).div_euclid(BRICK), (i + BRICK - 1) % BRICK);
+        let within = |i: usize| {
+            let from_first = i + BRICK - 1;
+            (from_first / BRICK, from_first % BRICK)
+        };
         for z in 0..WITH_RIM {
             for y in 0..WITH_RIM {
                 let ((by, ly), (bz, lz)) = (within(y), within(z));
@@ -100,8 +104,10 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        // What is infinite becomes not a number, all else stays.
-        self.nodes.iter_mut().for_each(|value| *value += 0.0 * *value);
+        // What is infinite becomes not a number.
+        for value in self.nodes.iter_mut() {
+            *value = if value.is_finite() { *value } else { f32::NAN };
+        }
     }
 
     /// The gradient at a node 0..=8 of the brick visited, in the grid's unit a voxel: central differences, one-sided at the

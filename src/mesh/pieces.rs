@@ -5,11 +5,16 @@
 //! with the radius of the ball of its volume, r = ∛(3V/4π).
 //!
 //! A surface that looks inward bounds a bubble: its volume is negative. Small bubbles are filled, and give no point.
-//! A removed piece takes its bubbles with it, because they are smaller than it is.
+//! A removed piece takes its bubbles with it, because they are smaller than it is. A piece without volume, which rounding
+//! has flattened far from the origin, becomes a point of radius 0 at its first vertex.
 
 use super::{ComponentParams, Mesh, check::join};
 use crate::{frame::Channel, math::Vec3};
 use std::f64::consts::PI;
+
+/// Of less than this part of the least volume that stays, the sign is rounding and tells no bubble from a drop. Larger,
+/// and bubbles of a sane size become points.
+const FLAT: f64 = 1e-9;
 
 /// Small pieces as points.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,7 +34,7 @@ pub struct ComponentStats {
     pub points: usize,
     /// Their volume [m³].
     pub points_volume: f64,
-    /// Bubbles that were filled.
+    /// Bubbles that were filled, or went with the piece around them.
     pub bubbles: usize,
     /// Their volume [m³].
     pub bubbles_volume: f64,
@@ -91,16 +96,18 @@ pub fn remove_small(mesh: &mut Mesh, params: &ComponentParams, spacing: f32) -> 
     // Make points of them, in the order of their first vertices.
     let (mut points, mut stats) = (Points::default(), ComponentStats::default());
     for (piece, &(volume, moment)) in moments.iter().enumerate().filter(|&(piece, _)| small[piece]) {
-        if volume > 0.0 {
-            let first = mesh.positions[pieces.first[piece] as usize].cast::<f64>();
-            points.positions.push((first + moment / volume).cast());
-            points.radii.push((volume * 0.75 / PI).cbrt() as f32);
-            stats.points += 1;
-            stats.points_volume += volume;
-        } else {
+        if volume < -FLAT * least {
             stats.bubbles += 1;
             stats.bubbles_volume -= volume;
+            continue;
         }
+        let first = mesh.positions[pieces.first[piece] as usize].cast::<f64>();
+        let (from_first, volume) =
+            if volume > FLAT * least { (moment / volume, volume) } else { (nalgebra::Vector3::zeros(), 0.0) };
+        points.positions.push((first + from_first).cast());
+        points.radii.push((volume * 0.75 / PI).cbrt() as f32);
+        stats.points += 1;
+        stats.points_volume += volume;
     }
 
     // Keep the others, in their order.

@@ -13,8 +13,8 @@
 //! a_ij = a_ji, so M is similar to a symmetric matrix with eigenvalues in [−1, 1], and the sum stays bounded.
 //!
 //! Symbols: Λ → `wavelength` [m]; ℓ → root mean square edge [m]; w → `weights` [0..1]; θ₀ → `pass` [rad].
-//! Limits: a vertex whose triangles would fold or collapse goes back to where it was, and is counted; so do pieces that would
-//! lose a third of their volume.
+//! Limits: a vertex whose triangles would fold or collapse goes back to where it was, and is counted; so do pieces that
+//! would lose a third of their volume, or would have to move far to get it back.
 
 use super::{
     Mesh, SmoothingParams,
@@ -37,18 +37,22 @@ const DEGREE: f64 = 5.0;
 /// is not its shape.
 const KEPT: f64 = 0.7;
 
-/// Volume is given back until this part of it is wrong: single precision places it no better …
+/// Volume is given back to a piece until this part of it is wrong: single precision places it no better …
 const EXACT: f64 = 1e-6;
 
-/// … or this often. A bulk takes one offset, a droplet that lost half its volume four.
+/// … or this often. A bulk takes one offset, a droplet that lost much of its volume four.
 const OFFSETS: usize = 8;
+
+/// A piece of less than this part of the whole counts as that large: one that rounding has flattened has no volume to
+/// compare with. Larger, and the error of droplets in a large splash goes unseen.
+const LEAST: f64 = 1e-9;
 
 /// What smoothing did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct SmoothingStats {
     /// Degree of the filter: how often every vertex looked at its neighbours.
     pub degree: usize,
-    /// Vertices in thin parts, which got less than all of it.
+    /// Vertices in thin parts: nearer to the part of it that `thin` names than to all of it.
     pub thin_vertices: usize,
     /// Vertices put back because their triangles would have folded or collapsed, or their piece have shrunk away.
     pub restored_vertices: usize,
@@ -56,6 +60,8 @@ pub struct SmoothingStats {
     pub volume_change: f64,
     /// … and after.
     pub volume_error: f64,
+    /// The most that a single piece's volume is wrong after it, as a part of its own.
+    pub worst_piece: f64,
     /// The longest way of a vertex [m].
     pub longest_move: f32,
 }
@@ -83,14 +89,19 @@ pub fn depth_weights(
 ///
 /// The result does not depend on threads. Triangles stay as they are.
 pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacing: f32) -> SmoothingStats {
+    let is_thin = |w: f32| w < 0.5 * (1.0 + params.thin);
     let mut stats = SmoothingStats {
-        thin_vertices: weights.iter().filter(|&&w| w < 0.5).count(),
+        thin_vertices: weights.iter().filter(|&&w| is_thin(w)).count(),
         ..SmoothingStats::default()
     };
     if mesh.triangles.is_empty() {
         return stats;
     }
     let umbrella = Umbrella::new(mesh, weights, params.crease.to_radians());
+    if umbrella.edge.is_nan() || umbrella.edge <= 0.0 {
+        // All vertices stand in one place, or in none.
+        return stats;
+    }
     let coefficients = low_pass(pass(umbrella.edge, f64::from(params.wavelength) * f64::from(spacing)));
     stats.degree = coefficients.len() - 1;
 
@@ -116,23 +127,35 @@ pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacin
         }
     }
 
-    // Give the volume back, by Newton's method on the offset of every piece.
+    // Give the volume back, by Newton's method on the offset of every piece that is still wrong.
+    let sizes: Vec<f64> =
+        target.iter().map(|(volume, _)| volume.abs().max(LEAST * total).max(f64::MIN_POSITIVE)).collect();
     let change = |mesh: &Mesh| -> Vec<f64> {
         pieces.moments(mesh).iter().zip(&target).map(|(now, before)| now.0 - before.0).collect()
     };
     let relative =
         |change: &[f64]| change.iter().map(|c| c.abs()).sum::<f64>() / total.max(f64::MIN_POSITIVE);
     let mut left = change(mesh);
+    let mut rests = vec![false; sizes.len()];
     stats.volume_change = relative(&left);
-    for _ in 0..OFFSETS {
-        if relative(&left) < EXACT {
+    for round in 0..OFFSETS {
+        let surplus: Vec<f64> = (0..sizes.len())
+            .map(|i| if rests[i] || left[i].abs() < EXACT * sizes[i] { 0.0 } else { left[i] })
+            .collect();
+        if surplus.iter().all(|&surplus| surplus == 0.0) {
             break;
         }
-        offset(mesh, &restored, weights, &pieces, &left);
+        offset(mesh, &before, &mut restored, weights, &pieces, &surplus, f64::from(spacing));
         restore(mesh, &before, &mut restored);
-        left = change(mesh);
+        let now = change(mesh);
+        // The first step may go too far; a piece that later ones bring no nearer is as near as rounding lets it.
+        for i in 0..sizes.len() {
+            rests[i] |= round > 0 && surplus[i] != 0.0 && now[i].abs() > 0.5 * left[i].abs();
+        }
+        left = now;
     }
     stats.volume_error = relative(&left);
+    stats.worst_piece = left.iter().zip(&sizes).map(|(left, size)| left.abs() / size).fold(0.0, f64::max);
     stats.restored_vertices = restored.iter().zip(weights).filter(|&(&back, &w)| back && w > 0.0).count();
     stats.longest_move = par::max(before.len(), |v| (mesh.positions[v] - before[v]).norm())
         .map_or(0.0, |(_, longest)| longest);
@@ -155,7 +178,7 @@ impl Umbrella {
     fn new(mesh: &Mesh, weights: &[f32], crease: f32) -> Self {
         let mut normals = face_normals(mesh);
         par::update(&mut normals, |_, n| *n = n.try_normalize(0.0).unwrap_or_else(Vec3::zeros));
-        let list = Links::new(mesh);
+        let list = Links::new(mesh, |_| true);
         let target = |h: u32| {
             let after = next(h);
             mesh.triangles[after as usize / 3][after as usize % 3]
@@ -214,7 +237,7 @@ impl Umbrella {
         par::fill(&mut sum, |i| pull[i].map(|v| v * coefficients[1]));
         for &c in &coefficients[2..] {
             // S_{k+1} = 2 M S_k − S_{k−1} + 2 on (M − 1) x
-            par::map_chunks_of_two(&mut last, &mut sum, par::CHUNK, |start, last, sum| {
+            par::map_chunks_mut([&mut last, &mut sum], par::CHUNK, |start, [last, sum]| {
                 for (i, (last, sum)) in (start..).zip(last.iter_mut().zip(sum)) {
                     let pulled = self.pull(&now, i);
                     for k in 0..4 {
@@ -250,22 +273,39 @@ fn low_pass(pass: f64) -> Vec<f32> {
 }
 
 /// Moves every piece along its normals so that its volume falls by `surplus`, each vertex by its weight but those that
-/// were put back.
-fn offset(mesh: &mut Mesh, restored: &[bool], weights: &[f32], pieces: &Pieces, surplus: &[f64]) {
+/// were put back. A piece that would have to go further than `longest`, because few of its vertices can move or little is
+/// left of it, is put back `before` smoothing as a whole.
+fn offset(
+    mesh: &mut Mesh,
+    before: &[Vec3],
+    restored: &mut [bool],
+    weights: &[f32],
+    pieces: &Pieces,
+    surplus: &[f64],
+    longest: f64,
+) {
     let normals = face_normals(mesh);
-    let moves = |v: usize| weights[v] > 0.0 && !restored[v];
-    let mut slope = vec![0.0; surplus.len()];
-    for (v, normal) in normals.iter().enumerate().filter(|&(v, _)| moves(v)) {
-        slope[pieces.of[v] as usize] += f64::from(weights[v]) * f64::from(normal.norm()) / 6.0;
+    // How much volume a step takes from each piece, and the greatest weight in it.
+    let mut slopes = vec![(0.0, 0.0_f64); surplus.len()];
+    for (v, normal) in normals.iter().enumerate().filter(|&(v, _)| !restored[v]) {
+        let (slope, heaviest) = &mut slopes[pieces.of[v] as usize];
+        *slope += f64::from(weights[v]) * f64::from(normal.norm()) / 6.0;
+        *heaviest = heaviest.max(f64::from(weights[v]));
     }
-    par::update(&mut mesh.positions, |v, x| {
-        let piece = pieces.of[v] as usize;
-        if moves(v)
-            && slope[piece] > 0.0
-            && let Some(normal) = normals[v].try_normalize(0.0)
-        {
-            *x -= normal * (f64::from(weights[v]) * surplus[piece] / slope[piece]) as f32;
+    let step = |(&surplus, (slope, heaviest)): (&f64, (f64, f64))| {
+        let step = if surplus == 0.0 { 0.0 } else { surplus / slope };
+        (step == 0.0 || step.abs() * heaviest <= longest).then_some(step)
+    };
+    let steps: Vec<Option<f64>> = surplus.iter().zip(slopes).map(step).collect();
+    par::update(restored, |v, restored| *restored |= steps[pieces.of[v] as usize].is_none());
+    par::update(&mut mesh.positions, |v, x| match steps[pieces.of[v] as usize] {
+        None => *x = before[v],
+        Some(step) if !restored[v] => {
+            if let Some(normal) = normals[v].try_normalize(0.0) {
+                *x -= normal * (f64::from(weights[v]) * step) as f32;
+            }
         }
+        Some(_) => {}
     });
 }
 

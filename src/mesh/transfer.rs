@@ -33,7 +33,8 @@ enum Source<'a> {
 
 /// The channels of `particles` (with `position` [m], all finite) called `names` at `vertices`, from the particles within
 /// `radius` [m], and how many vertices had none that near and carry the nearest particle's values instead. Without names:
-/// `velocity`, if it is there. `vorticity` is made from `velocity` where there is no such channel.
+/// `velocity`, if it is there. `vorticity` is made from `velocity` where there is no such channel. Without particles, and
+/// at vertices that are not finite, values are zero, counted as well.
 ///
 /// # Errors
 /// The first name that is not there.
@@ -80,28 +81,6 @@ fn source<'a>(particles: &'a Stream, name: &str) -> Option<Source<'a>> {
         Some(ChannelData::U32(values)) => Some(Source::Integers(values)),
         None if name == "vorticity" => particles.vec3("velocity").map(Source::Curl),
         None => None,
-    }
-}
-
-/// Values at `vertices` from the values of particles within `radius` [m], and how many vertices had no particle
-/// that near and carry the value of the nearest one instead.
-///
-/// `particles` are finite. Without particles, and at vertices that are not finite, the value is zero, counted
-/// as well.
-///
-/// # Panics
-/// If there are not as many values as particles.
-pub fn interpolate_vec3(
-    vertices: &[Vec3],
-    particles: &[Vec3],
-    values: &[Vec3],
-    radius: f32,
-) -> (Vec<Vec3>, usize) {
-    assert_eq!(particles.len(), values.len(), "one value a particle");
-    let (columns, missing) = interpolate(vertices, particles, &[Source::Vectors(values)], radius);
-    match columns.into_iter().next() {
-        Some(ChannelData::Vec3(values)) => (values, missing),
-        _ => unreachable!("vectors give vectors"),
     }
 }
 

@@ -80,24 +80,9 @@ pub fn map_chunks<T: Send>(count: usize, len: usize, f: impl Fn(Range<usize>) ->
         .collect()
 }
 
-/// Cuts `a` and `b`, of equal length, into chunks of `len` elements, calls `f(index of the chunk's first
-/// element, chunk of a, chunk of b)` and returns the results in order of the chunks.
-pub fn map_chunks_of_two<A: Send, B: Send, T: Send>(
-    a: &mut [A],
-    b: &mut [B],
-    len: usize,
-    f: impl Fn(usize, &mut [A], &mut [B]) -> T + Sync,
-) -> Vec<T> {
-    assert_eq!(a.len(), b.len(), "both are cut in the same places");
-    a.par_chunks_mut(len)
-        .zip(b.par_chunks_mut(len))
-        .enumerate()
-        .map(|(index, (a, b))| f(index * len, a, b))
-        .collect()
-}
-
-/// Does what [`map_chunks_of_two`] does with any number of slices of one kind.
-pub fn map_chunks_of_many<A: Send, T: Send, const N: usize>(
+/// Cuts slices of equal length into chunks of `len` elements, calls `f(index of the chunks' first elements, a chunk of
+/// each)` and returns the results in order of the chunks.
+pub fn map_chunks_mut<A: Send, T: Send, const N: usize>(
     slices: [&mut [A]; N],
     len: usize,
     f: impl Fn(usize, [&mut [A]; N]) -> T + Sync,
@@ -192,9 +177,9 @@ mod tests {
     }
 
     #[test]
-    fn two_slices_are_cut_in_the_same_places_and_results_keep_their_order() {
+    fn slices_are_cut_in_the_same_places_and_results_keep_their_order() {
         let (mut a, mut b) = (vec![0_usize; 2500], vec![0_usize; 2500]);
-        let firsts = map_chunks_of_two(&mut a, &mut b, 1000, |start, a, b| {
+        let firsts = map_chunks_mut([&mut a, &mut b], 1000, |start, [a, b]| {
             for (offset, (a, b)) in a.iter_mut().zip(b).enumerate() {
                 (*a, *b) = (start + offset, 2 * (start + offset));
             }

@@ -10,23 +10,22 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Calls `work(i)` once for each `i` in `0..count`, for every one only after it returned for all its predecessors.
 ///
-/// `next(i)` lists the successors of `i`. What a predecessor wrote is visible to its successors.
+/// `next(i)` lists the successors of `i`, `before(i)` is the number of its predecessors. What a predecessor wrote is
+/// visible to its successors.
 ///
 /// # Panics
-/// If the successors form a cycle, or one is not below `count`.
+/// If the successors form a cycle, one is not below `count`, or the numbers do not fit them.
 pub fn wavefront<I: IntoIterator<Item = usize>>(
     count: usize,
+    before: impl Fn(usize) -> usize + Sync,
     next: impl Fn(usize) -> I + Sync,
     work: impl Fn(usize) + Sync,
 ) {
-    let mut waits = vec![0_u32; count];
-    for i in 0..count {
-        for j in next(i) {
-            waits[j] += 1;
-        }
-    }
-    let roots: Vec<usize> = (0..count).filter(|&i| waits[i] == 0).collect();
-    let waits: Vec<AtomicU32> = waits.into_iter().map(AtomicU32::new).collect();
+    let waits = super::map_chunks(count, super::CHUNK, |range| {
+        range.map(|i| AtomicU32::new(before(i) as u32)).collect::<Vec<_>>()
+    });
+    let waits: Vec<AtomicU32> = waits.into_iter().flatten().collect();
+    let roots: Vec<usize> = (0..count).filter(|&i| waits[i].load(Ordering::Relaxed) == 0).collect();
     let front = Front { waits: &waits, next: &next, work: &work };
     let front = &front;
     rayon::scope(|scope| {
@@ -34,7 +33,10 @@ pub fn wavefront<I: IntoIterator<Item = usize>>(
             scope.spawn(move |scope| front.run(scope, root));
         }
     });
-    assert!(waits.iter().all(|left| left.load(Ordering::Relaxed) == 0), "successors form no cycle");
+    assert!(
+        waits.iter().all(|left| left.load(Ordering::Relaxed) == 0),
+        "successors form no cycle and fit their numbers"
+    );
 }
 
 struct Front<'a, N, W> {
@@ -88,7 +90,8 @@ mod tests {
             let paths: Vec<AtomicU32> = (0..n * n).map(|_| AtomicU32::new(0)).collect();
             let runs = AtomicU32::new(0);
             with_threads(threads, || {
-                wavefront(n * n, board(n), |i| {
+                let before = |i: usize| [i % n, i / n].into_iter().filter(|&place| place > 0).count();
+                wavefront(n * n, before, board(n), |i| {
                     let of = |there: bool, j: usize| if there { paths[j].load(Ordering::Relaxed) } else { 0 };
                     let (x, y) = (i % n, i / n);
                     let sum = of(x > 0, i.wrapping_sub(1)).wrapping_add(of(y > 0, i.wrapping_sub(n)));
@@ -109,12 +112,12 @@ mod tests {
 
     #[test]
     fn nothing_to_do_is_fine() {
-        wavefront(0, |_| [], |_| panic!("no item"));
+        wavefront(0, |_| 0, |_| [], |_| panic!("no item"));
     }
 
     #[test]
     #[should_panic(expected = "no cycle")]
     fn a_cycle_is_refused() {
-        wavefront(3, |i| [(i + 1) % 3], |_| {});
+        wavefront(3, |_| 1, |i| [(i + 1) % 3], |_| {});
     }
 }

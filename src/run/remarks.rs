@@ -42,6 +42,7 @@ pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
         (components.bubbles as u64, "small bubbles filled"),
         (smoothing.restored_vertices as u64, "vertices not smoothed, lest triangles fold"),
         (decimation.unsuitable.into(), "open mesh not decimated"),
+        (decimation.over_target as u64, "triangles more than asked for (decimation)"),
         (stats.too_far_particles as u64, "particles too far from the origin, left out"),
         (stats.unseen_particles as u64, "particles between grid nodes, not seen (voxel)"),
         (stats.contour.unbounded_vertices as u64, "vertices beside values that are not finite"),

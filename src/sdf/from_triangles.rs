@@ -2,7 +2,7 @@
 //!
 //! *Method*: inside is where the winding number [jacobson13], summed over a tree [barill18], is beyond ½ in size.
 //! Cubes of nodes are split from bricks down to single nodes where the surface is near or the winding number
-//! undecided; single nodes get the distance to the nearest triangle. [`sweep`](super::sweep) carries it on.
+//! undecided; single nodes get the distance to the nearest triangle. [`dense::sweep`] carries it on.
 //!
 //! *Departs from the papers*: the size of the winding number decides, so that a part that is wound inside out is
 //! still solid. Where the winding number crosses ½ without a triangle, in a hole, a cap is put there: its nodes are
@@ -14,9 +14,9 @@
 //! Limits: a part thinner than a voxel may have no node inside; it still repels from both sides. Across a hole that
 //! takes half the surface, no side is the inside.
 
-use super::{Sampled, Triangles, sweep, tree::TriangleTree};
+use super::{Sampled, Triangles, dense, tree::TriangleTree};
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, node_of},
+    grid::{BRICK, BRICK_NODES, Bricks, beside, node_of},
     math::Vec3,
     par,
 };
@@ -97,15 +97,26 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
     let seen: Vec<Seen> = par::map(bricks.len(), |brick| look(&tree, bricks.coords()[brick])).concat();
 
     let (seeds, caps) = seeds(&bricks, &seen);
-    let swept = sweep(&bricks, &seeds, f32::INFINITY, 1).distance;
+    let box_nodes = counts.map(|n| n as usize * BRICK);
+    let node = |i: usize| {
+        let [nx, ny, _] = box_nodes;
+        [i % nx, i / nx % ny, i / (nx * ny)]
+    };
+    let mut laid_out = vec![0.0; seeds.len()];
+    par::fill(&mut laid_out, |i| seeds[place(&bricks, counts, node(i))]);
+    let swept = dense::sweep(box_nodes, &laid_out, f32::INFINITY, dense::BLOCK).distance;
     let [nx, ny, _] = nodes.map(|n| n as usize);
     let mut values = vec![0.0; nodes.iter().map(|&n| n as usize).product()];
     par::fill(&mut values, |i| {
-        let at = place(&bricks, counts, [i % nx, i / nx % ny, i / (nx * ny)]);
-        let seen = seen[at];
+        let node = [i % nx, i / nx % ny, i / (nx * ny)];
+        let seen = seen[place(&bricks, counts, node)];
         let exact = if seen.parts { seen.distance } else { f32::INFINITY };
         // A mesh without a surface that parts anything leaves every node unreached, and outside.
-        let distance = swept[at].abs().min(exact).clamp(NEAREST, 1e9) * voxel;
+        let distance = swept[node[0] + box_nodes[0] * (node[1] + box_nodes[1] * node[2])]
+            .abs()
+            .min(exact)
+            .clamp(NEAREST, 1e9)
+            * voxel;
         if seen.inside() { -distance } else { distance }
     });
     let inside = par::sum(values.len(), |i| f64::from(u8::from(values[i] < 0.0))) as usize;
@@ -230,15 +241,11 @@ fn cap_distance(seen: &[Seen], brick: usize, around: &[Option<usize>; 6], at: us
     }
     let mut inverse2 = 0.0;
     for axis in 0..3 {
-        let stride = [1, BRICK, BRICK * BRICK][axis];
-        let place = at / stride % BRICK;
         let mut nearest = f32::INFINITY;
-        for up in [false, true] {
-            let other = match (up, place) {
-                (false, 0) => around[2 * axis].map(|b| b * BRICK_NODES + at + (BRICK - 1) * stride),
-                (false, _) => Some(brick * BRICK_NODES + at - stride),
-                (true, 7) => around[2 * axis + 1].map(|b| b * BRICK_NODES + at - (BRICK - 1) * stride),
-                (true, _) => Some(brick * BRICK_NODES + at + stride),
+        for face in [2 * axis, 2 * axis + 1] {
+            let other = match beside(at, face) {
+                (place, true) => around[face].map(|other| other * BRICK_NODES + place),
+                (place, false) => Some(brick * BRICK_NODES + place),
             };
             let Some(other) = other.map(|other| seen[other]) else { continue };
             if other.inside() != own.inside() && other.distance > 1.0 {

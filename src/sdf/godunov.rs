@@ -9,6 +9,16 @@
 pub(super) const ORDERS: [[i32; 3]; 8] =
     [[-1, -1, -1], [1, -1, -1], [-1, 1, -1], [1, 1, -1], [-1, -1, 1], [1, -1, 1], [-1, 1, 1], [1, 1, 1]];
 
+/// Sweeps in one order after another until all is at rest; returns how many sweeps it took.
+pub(super) fn until_rest(at_rest: impl Fn() -> bool, sweep: impl Fn([i32; 3])) -> usize {
+    let mut sweeps = 0;
+    while !at_rest() {
+        sweep(ORDERS[sweeps % ORDERS.len()]);
+        sweeps += 1;
+    }
+    sweeps
+}
+
 /// The smaller of two numbers that are not NaN, in one instruction.
 #[inline]
 pub(super) fn smaller(a: f32, b: f32) -> f32 {

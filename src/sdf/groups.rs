@@ -39,13 +39,15 @@ impl Groups {
 
     /// Calls `work` for every brick, after its predecessors in the direction of the sweep.
     pub(super) fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
-        let next = |cube: usize| {
+        let beside = |cube: usize, ahead: bool| {
             let faces = self.neighbours[cube];
-            (0..3).filter_map(move |axis| faces[2 * axis + usize::from(order[axis] > 0)]).map(|i| i as usize)
+            (0..3).filter_map(move |axis| faces[2 * axis + usize::from((order[axis] > 0) == ahead)])
         };
+        let before = |cube: usize| beside(cube, false).count();
+        let next = |cube: usize| beside(cube, true).map(|i| i as usize);
         let edge = self.edge;
         let run = |axis: usize, i: usize| if order[axis] > 0 { i } else { edge - 1 - i };
-        par::wavefront(self.neighbours.len(), next, |cube| {
+        par::wavefront(self.neighbours.len(), before, next, |cube| {
             let places = &self.bricks[cube * edge.pow(3)..][..edge.pow(3)];
             for i in 0..edge.pow(3) {
                 let [x, y, z] = [run(0, i % edge), run(1, i / edge % edge), run(2, i / (edge * edge))];

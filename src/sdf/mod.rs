@@ -13,7 +13,7 @@
 //!
 //! Symbols: φ field, t threshold, u distance [voxels, then m].
 //!
-//! Limits: the order chosen in the voxel away from the surface, first beside its edges. A feature thinner than a voxel
+//! Limits: of the order chosen, in the voxel, away from edges of the surface; first order behind them. A feature thinner than a voxel
 //! between two nodes of the same side is not seen.
 
 pub mod dense;
@@ -37,7 +37,7 @@ pub use second::Order;
 pub use seed::{SeedRule, Seeds, seeds};
 pub use sweep::{Swept, sweep, sweep_in_order};
 
-use crate::grid::{BRICK_NODES, SparseGrid};
+use crate::grid::{BRICK_NODES, SparseGrid, is_set};
 use crate::par;
 use linked::LinkedBricks;
 use second::refine;
@@ -47,7 +47,7 @@ use second::refine;
 pub struct SdfParams {
     /// How nodes beside the surface get their distance.
     pub seed: SeedRule,
-    /// How far from the surface distances are found [voxels], at least 1. Infinite: at every node of the field's
+    /// How far from the surface distances are found [voxels], from 1 to 10⁷. Infinite: at every node of the field's
     /// bricks. Cost and memory grow with it.
     pub band: f32,
     /// The order of the differences.
@@ -89,7 +89,7 @@ pub struct SignedDistance {
 /// has no brick it is zero; no edge between two bricks without values crosses the surface.
 ///
 /// # Panics
-/// If `threshold` is not above zero, or not below 1 while bricks are filled, if the band is below one voxel or a block has
+/// If `threshold` is not above zero, or not below 1 while bricks are filled, if the band is out of its range or a block has
 /// no brick.
 pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> SignedDistance {
     assert!(threshold > 0.0, "a missing brick is outside, so the threshold is above zero");
@@ -101,8 +101,7 @@ pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> S
     let seeds = seeds(field, threshold, &SdfParams { band: reach, ..*params });
     let mut swept = sweep(&seeds.bricks, &seeds.distance, reach, params.block);
     if params.order == Order::Second {
-        let inside =
-            |slot: usize| seeds.inside[slot / BRICK_NODES][slot % BRICK_NODES / 64] >> (slot % 64) & 1 == 1;
+        let inside = |slot: usize| is_set(&seeds.inside[slot / BRICK_NODES], slot % BRICK_NODES);
         swept = refine(&LinkedBricks::new(&seeds.bricks, params.block), swept, params.band, inside);
     }
     let mut grid = SparseGrid::of(field.voxel, seeds.bricks, swept.distance);
@@ -113,7 +112,7 @@ pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> S
         let inside = &seeds.inside[start / BRICK_NODES];
         for (place, value) in values.iter_mut().enumerate() {
             let distance = (value.abs() * field.voxel).min(band);
-            *value = if inside[place / 64] >> (place % 64) & 1 == 1 { -distance } else { distance };
+            *value = if is_set(inside, place) { -distance } else { distance };
         }
     });
     SignedDistance {

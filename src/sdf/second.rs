@@ -138,10 +138,7 @@ pub(super) fn refine<N: Nodes>(
             *v = if u < band { u } else { f32::INFINITY };
         }
     });
-    let unreached = par::map_chunks(refined.len(), par::CHUNK, |range| {
-        refined[range].iter().filter(|d| d.is_infinite()).count()
-    });
-    Swept { distance: refined, unreached: unreached.into_iter().sum(), sweeps: total }
+    Swept::new(refined, total)
 }
 
 /// Along an axis a node looks at nothing (0), at one node (`ONE`), at two (`TWO`), or at two with the surface between
@@ -254,7 +251,7 @@ fn upwind(near: [f32; 3], slope: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::{BRICK, Bricks, SparseGrid};
+    use crate::grid::{BRICK_NODES, Bricks, SparseGrid, is_set};
     use crate::math::Vec3;
     use crate::sdf::{
         SdfParams, SeedRule,
@@ -346,8 +343,7 @@ mod tests {
         for band in [3.0, f32::INFINITY] {
             let params = SdfParams { band, seed: SeedRule::Plane, order: Order::Second, block: 1 };
             let seeds = seeds(&field, 1.0, &params);
-            let inside =
-                |i: usize| seeds.inside[i / (BRICK * BRICK * BRICK)][i % 512 / 64] >> (i % 64) & 1 == 1;
+            let inside = |i: usize| is_set(&seeds.inside[i / BRICK_NODES], i % BRICK_NODES);
             let first = crate::sdf::sweep(&seeds.bricks, &seeds.distance, band, 1);
             let linked = LinkedBricks::new(&seeds.bricks, 1);
             let reference = in_order(&linked, &first.distance, inside);

@@ -13,7 +13,7 @@
 //! most. Where another surface is within a voxel, the plane mixes the two.
 
 use super::SdfParams;
-use crate::grid::{BRICK, BRICK_NODES, Bricks, FACES, SparseGrid};
+use crate::grid::{BRICK, BRICK_NODES, Bricks, FACES, NodeMask, SparseGrid, beside, mask_of};
 use crate::par;
 
 /// How a node beside the surface gets its distance from the crossings on its edges.
@@ -32,9 +32,6 @@ pub enum SeedRule {
 /// two nodes; at 1e-3 a surface that passes exactly through nodes would show steps.
 pub(super) const NEAREST: f32 = 1e-6;
 
-/// One bit a node of a brick, word z, bit x + 8y.
-type Mask = [u64; BRICK];
-
 /// The nodes beside a surface and their distances, on the bricks within a band of it.
 #[derive(Clone, Debug)]
 pub struct Seeds {
@@ -42,8 +39,8 @@ pub struct Seeds {
     pub bricks: Bricks,
     /// 512 numbers a brick [voxels]: pinned distances as negative numbers, ∞ at all other nodes.
     pub distance: Vec<f32>,
-    /// The indicator, set inside: one bit a node, eight words a brick, word z, bit x + 8y.
-    pub inside: Vec<[u64; BRICK]>,
+    /// The indicator of every brick: the nodes inside.
+    pub inside: Vec<NodeMask>,
     /// How many nodes are pinned.
     pub pinned: usize,
     /// How many of them were nearer to the surface than the smallest distance stored.
@@ -54,9 +51,10 @@ pub struct Seeds {
 /// [`from_density`](super::from_density).
 ///
 /// # Panics
-/// If the band is below one voxel.
+/// If the band is below one voxel, or finite and above 10⁸.
 pub fn seeds(field: &SparseGrid, threshold: f32, params: &SdfParams) -> Seeds {
     assert!(params.band >= 1.0, "the band holds the nodes beside the surface");
+    assert!(params.band <= 1e8 || params.band.is_infinite(), "what is farther is the whole domain");
     let indicator = Indicator { field, masks: indicator(field, threshold) };
     let bricks = bricks_in_band(&indicator, params.band);
 
@@ -68,36 +66,35 @@ pub fn seeds(field: &SparseGrid, threshold: f32, params: &SdfParams) -> Seeds {
             values[place] = -near.distance(place, threshold, params.seed).max(NEAREST);
         });
     });
-    let mut inside = vec![[0; BRICK]; bricks.len()];
+    let mut inside = vec![NodeMask::default(); bricks.len()];
     par::fill(&mut inside, |brick| indicator.mask(bricks.coords()[brick]));
-    let count = |what: fn(f32) -> bool| {
-        par::map_chunks(distance.len(), par::CHUNK, |range| {
-            distance[range].iter().filter(|&&d| what(d)).count()
-        })
-        .into_iter()
-        .sum()
-    };
-    let (pinned, on_surface) = (count(|d| d < 0.0), count(|d| d == -NEAREST));
+    let [pinned, on_surface] = count(&distance);
     Seeds { bricks, distance, inside, pinned, on_surface }
 }
 
+/// How many nodes are pinned, and how many of these are as near to the surface as it gets.
+pub(super) fn count(distance: &[f32]) -> [usize; 2] {
+    let count = |what: fn(f32) -> bool| {
+        let counts = par::map_chunks(distance.len(), par::CHUNK, |range| {
+            distance[range].iter().filter(|&&d| what(d)).count()
+        });
+        counts.into_iter().sum()
+    };
+    [count(|d| d < 0.0), count(|d| d == -NEAREST)]
+}
+
 /// The indicator of every brick of `field`: inside is at or above the threshold.
-fn indicator(field: &SparseGrid, threshold: f32) -> Vec<Mask> {
-    let mut masks = vec![[0; BRICK]; field.bricks.len()];
-    par::fill(&mut masks, |brick| {
-        let mut mask = [0; BRICK];
-        for (place, &value) in field.brick(brick).iter().enumerate() {
-            mask[place / 64] |= u64::from(value >= threshold) << (place % 64);
-        }
-        mask
-    });
+fn indicator(field: &SparseGrid, threshold: f32) -> Vec<NodeMask> {
+    let mut masks = vec![NodeMask::default(); field.bricks.len()];
+    par::fill(&mut masks, |brick| mask_of(field.brick(brick), |&value| value >= threshold));
     masks
 }
 
 /// The bricks that the band around the surface reaches; for an infinite band the field's own and those that the
 /// cells on the surface reach.
 ///
-/// Every cell on the surface has a node in a brick of the field, so these are enough to start from: a node closer than the band to the surface is at most ⌈band⌉ nodes from such a node along each axis.
+/// Every cell on the surface has a node in a brick of the field, so these are enough to start from: a node closer than the
+/// band to the surface is at most ⌈band⌉ nodes from such a node along each axis.
 fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
     let bricks = &indicator.field.bricks;
     let reach = if band.is_finite() { band.ceil() as i32 } else { 1 };
@@ -113,6 +110,9 @@ fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
                 }
             }
         }
+        // Bricks side by side reach the same ones: most repeats go here, on all threads.
+        reached.sort_unstable();
+        reached.dedup();
         reached
     })
     .concat();
@@ -125,12 +125,12 @@ fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
 /// A field with its indicator.
 struct Indicator<'a> {
     field: &'a SparseGrid,
-    masks: Vec<Mask>,
+    masks: Vec<NodeMask>,
 }
 
 impl Indicator<'_> {
     /// The nodes inside of the brick at `coord`.
-    fn mask(&self, coord: [i32; 3]) -> Mask {
+    fn mask(&self, coord: [i32; 3]) -> NodeMask {
         match self.field.bricks.find(coord) {
             Some(brick) => self.masks[brick],
             None if self.field.filled.find(coord).is_some() => [u64::MAX; BRICK],
@@ -155,8 +155,8 @@ impl Indicator<'_> {
 struct Near<'a> {
     own: Option<&'a [f32]>,
     around: [Option<&'a [f32]>; 6],
-    inside: Mask,
-    inside_around: [Mask; 6],
+    inside: NodeMask,
+    inside_around: [NodeMask; 6],
 }
 
 /// The bits of a mask word with x = 0.
@@ -164,7 +164,7 @@ const X_LOW: u64 = 0x0101_0101_0101_0101;
 
 impl Near<'_> {
     /// The nodes whose neighbour across `face` lies on the other side of the threshold.
-    fn crossed(&self, face: usize) -> Mask {
+    fn crossed(&self, face: usize) -> NodeMask {
         let (own, other) = (&self.inside, &self.inside_around[face]);
         std::array::from_fn(|z| {
             let neighbour = match face {
@@ -182,8 +182,10 @@ impl Near<'_> {
     }
 
     /// The nodes with a neighbour on the other side.
-    fn beside(&self) -> Mask {
-        (0..6).map(|face| self.crossed(face)).fold([0; BRICK], |a, b| std::array::from_fn(|z| a[z] | b[z]))
+    fn beside(&self) -> NodeMask {
+        (0..6)
+            .map(|face| self.crossed(face))
+            .fold(NodeMask::default(), |a, b| std::array::from_fn(|z| a[z] | b[z]))
     }
 
     /// The lowest and highest node beside the surface, in nodes from the brick's first.
@@ -200,19 +202,14 @@ impl Near<'_> {
 
     /// The field at a node and at its neighbour across `face`.
     fn pair(&self, place: usize, face: usize) -> (f32, f32) {
-        let stride = [1, BRICK, BRICK * BRICK][face / 2];
-        let at = place / stride % BRICK;
-        let value = |brick: Option<&[f32]>, mask: &Mask, place: usize| {
+        let value = |brick: Option<&[f32]>, mask: &NodeMask, place: usize| {
             brick.map_or(if mask[0] == 0 { 0.0 } else { 1.0 }, |values| values[place])
         };
         let within = |place: usize| value(self.own, &self.inside, place);
-        let beyond = |place: usize| value(self.around[face], &self.inside_around[face], place);
         let own = within(place);
-        let other = match (face % 2, at) {
-            (0, 0) => beyond(place + (BRICK - 1) * stride),
-            (0, _) => within(place - stride),
-            (_, 7) => beyond(place - (BRICK - 1) * stride),
-            _ => within(place + stride),
+        let other = match beside(place, face) {
+            (place, true) => value(self.around[face], &self.inside_around[face], place),
+            (place, false) => within(place),
         };
         (own, other)
     }
@@ -248,7 +245,7 @@ impl SeedRule {
 }
 
 /// Calls `f` with the place of every bit that is set, ascending.
-fn for_each_bit(mask: &Mask, mut f: impl FnMut(usize)) {
+fn for_each_bit(mask: &NodeMask, mut f: impl FnMut(usize)) {
     for (z, &word) in mask.iter().enumerate() {
         let mut left = word;
         while left != 0 {

@@ -14,7 +14,7 @@
 //! Limits: first order; the error grows as h log 1/h with the distance from a point source.
 
 use super::{
-    godunov::{ORDERS, lowered, smaller, update},
+    godunov::{ORDERS, lowered, smaller, until_rest, update},
     groups::Groups,
 };
 use crate::grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, node_of};
@@ -25,13 +25,23 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// What sweeping gave.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Swept {
-    /// 512 numbers a brick [voxels]: pinned distances as negative numbers, unchanged; distances below the band;
-    /// ∞ at nodes that no front reached within the band.
+    /// One number a node, in the order of the seeds given [voxels]: pinned distances as negative numbers, unchanged;
+    /// distances below the band; ∞ at nodes that no front reached within the band.
     pub distance: Vec<f32>,
     /// How many nodes hold ∞.
     pub unreached: usize,
     /// Sweeps run until nothing changed, the last ones, which found that, included.
     pub sweeps: usize,
+}
+
+impl Swept {
+    /// These distances, with the nodes counted that were not reached.
+    pub(super) fn new(distance: Vec<f32>, sweeps: usize) -> Self {
+        let unreached = par::map_chunks(distance.len(), par::CHUNK, |range| {
+            distance[range].iter().filter(|d| d.is_infinite()).count()
+        });
+        Self { distance, unreached: unreached.into_iter().sum(), sweeps }
+    }
 }
 
 /// Carries pinned distances on until nothing changes.
@@ -44,16 +54,8 @@ pub struct Swept {
 /// If `seeds` has another length, or `block` is 0.
 pub fn sweep(bricks: &Bricks, seeds: &[f32], band: f32, block: usize) -> Swept {
     let blocks = Blocks::new(bricks, seeds, band, block);
-    let mut sweeps = 0;
-    while !blocks.at_rest() {
-        blocks.sweep(ORDERS[sweeps % ORDERS.len()]);
-        sweeps += 1;
-    }
-    let distance = blocks.distances();
-    let unreached = par::map_chunks(distance.len(), par::CHUNK, |range| {
-        distance[range].iter().filter(|d| d.is_infinite()).count()
-    });
-    Swept { distance, unreached: unreached.into_iter().sum(), sweeps }
+    let sweeps = until_rest(|| blocks.at_rest(), |order| blocks.sweep(order));
+    Swept::new(blocks.distances(), sweeps)
 }
 
 const NO_PANIC: &str = "a pass over a block does not panic";
@@ -228,8 +230,7 @@ pub fn sweep_in_order(bricks: &Bricks, seeds: &[f32], band: f32) -> Swept {
             sweeps += 1;
         }
     }
-    let unreached = grid.values.iter().filter(|d| d.is_infinite()).count();
-    Swept { distance: grid.values, unreached, sweeps }
+    Swept::new(grid.values, sweeps)
 }
 
 /// One sweep over all nodes in the given order; says whether anything changed.

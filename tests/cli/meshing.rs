@@ -170,6 +170,58 @@ fn a_mesh_that_pops_is_told() {
     assert!(!out.contains("jump") && !desk.run("info small", 0).0.contains("jump"), "{out}");
 }
 
+/// The same particles as a block, but for one frame as a sheet: more area than the frames around suggest.
+#[test]
+fn an_area_that_jumps_is_told() {
+    let desk = Desk::new();
+    let [block, sheet] = [[6, 6, 6], [18, 12, 1]].map(|[nx, ny, nz]: [i32; 3]| -> Vec<[f32; 3]> {
+        let place = |i: i32| [i % nx, i / nx % ny, i / (nx * ny)].map(|i| 0.1 * i as f32);
+        (0..nx * ny * nz).map(place).collect()
+    });
+    for frame in 1..=9 {
+        let drift = 0.003 * frame as f32;
+        let points = if frame == 5 { &sheet } else { &block };
+        let moved: Vec<[f32; 3]> = points.iter().map(|&[x, y, z]| [x + drift, y, z]).collect();
+        desk.write(&format!("block_{frame}.xyz"), xyz(&moved));
+    }
+    let (out, _) = desk.run("mesh block_#.xyz --spacing 0.1 -o out", 0);
+    assert!(out.contains("of particles: area goes from"), "{out}");
+    let (out, _) = desk.run("info out --json", 0);
+    let info: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let is_area = |jump: &&serde_json::Value| jump["what"] == "area" && jump["frame"] == 5;
+    let jump = info["jumps"].as_array().unwrap().iter().find(is_area).expect("the area of frame 5 jumps");
+    for (key, frame) in [("before", 4), ("after", 5)] {
+        let mesh = read_ply(&desk.path(&format!("out/mesh/particles_000{frame}.ply")));
+        let area = mesh::check(&mesh).area;
+        assert!((jump[key].as_f64().unwrap() / area - 1.0).abs() < 1e-6, "{jump} {area}");
+    }
+}
+
+#[test]
+fn a_lone_particle_becomes_a_point_in_its_file() {
+    let desk = Desk::new();
+    let lone = [2.0, -1.0, 0.5];
+    let mut points = ball(0.1, 0.5, [0.0; 3]);
+    points.push(lone);
+    desk.write("ball.xyz", xyz(&points));
+    desk.run("mesh ball.xyz --spacing 0.1 -o out --set surface.components.smallest=4", 0);
+    let names = desk.names("out/mesh");
+    let file = names.iter().find(|name| name.contains("points")).expect("a file of points");
+    let bytes = fs::read(desk.path(&format!("out/mesh/{file}"))).unwrap();
+    let end = bytes.windows(11).position(|part| part == b"end_header\n").unwrap() + 11;
+    let header = String::from_utf8_lossy(&bytes[..end]).into_owned();
+    assert!(header.contains("element vertex 1\n"), "{header}");
+    let floats: Vec<&str> = header.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
+    assert_eq!(floats, ["x", "y", "z", "radius"]);
+    let numbers: Vec<f32> =
+        bytes[end..].chunks(4).map(|number| f32::from_le_bytes(number.try_into().unwrap())).collect();
+    assert_eq!(numbers.len(), 4);
+    assert!(lone.iter().zip(&numbers).all(|(a, b)| (a - b).abs() < 0.02), "{numbers:?}");
+    // As much as a particle has room for, or little less.
+    let volume = 4.0 / 3.0 * std::f32::consts::PI * numbers[3].powi(3);
+    assert!((0.3..2.0).contains(&(volume / 1e-3)), "{numbers:?}");
+}
+
 /// What the manifest in `folder` says of its first output's frames: first, last, step.
 fn named(desk: &Desk, folder: &str) -> [u64; 3] {
     let text = fs::read(desk.path(&format!("{folder}/shot.json"))).unwrap();

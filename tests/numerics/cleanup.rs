@@ -1,12 +1,12 @@
 //! Clean-up of surfaces: removal of pieces, smoothing, decimation, and what vertices take from particles.
 
-use super::mesh::{hash, noise};
+use super::mesh::{distance, hash, noise, torus};
 use meniscus::{
     frame::{ChannelData, Stream},
     math::Vec3,
     mesh::{
         ComponentParams, DecimationParams, Mesh, SmoothingParams, Surface, SurfaceError, SurfaceParams,
-        check, decimate, marching_cubes, normals_from_faces, reconstruct, smooth, transfer,
+        check, decimate, marching_cubes, normals_from_faces, reconstruct, remove_small, smooth, transfer,
     },
     par,
 };
@@ -112,6 +112,101 @@ fn smoothing_keeps_sheets_threads_and_droplets() {
     }
 }
 
+/// The volume of every piece, in the order of their first vertices.
+fn volumes_of_pieces(mesh: &Mesh) -> Vec<f64> {
+    let mut piece: Vec<usize> = (0..mesh.positions.len()).collect();
+    loop {
+        let mut changed = false;
+        for triangle in &mesh.triangles {
+            let lowest = triangle.iter().map(|&v| piece[v as usize]).min().unwrap();
+            for &v in triangle {
+                changed |= std::mem::replace(&mut piece[v as usize], lowest) != lowest;
+            }
+        }
+        if !changed {
+            break;
+        }
+    }
+    let mut volumes = vec![0.0; mesh.positions.len()];
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|v| mesh.positions[v as usize].cast::<f64>());
+        volumes[piece[triangle[0] as usize]] += a.dot(&b.cross(&c)) / 6.0;
+    }
+    (0..piece.len()).filter(|&v| piece[v] == v).map(|v| volumes[v]).collect()
+}
+
+/// A large piece must not hide what small ones lose.
+#[test]
+fn smoothing_keeps_the_volume_of_every_piece() {
+    let ball = particles([20; 3], 0.15, Vec3::zeros(), |x| x.norm() < 20.0);
+    let droplets = [
+        [2.6, 0.0, 0.0],
+        [-2.7, 0.31, 0.2],
+        [0.013, 2.81, 0.4],
+        [0.7, -2.6, 0.11],
+        [0.2, 0.33, 2.9],
+        [0.02, 0.0, -2.7],
+        [0.1, 0.0, -2.7],
+    ];
+    let all: Vec<Vec3> =
+        ball.vec3("position").unwrap().iter().copied().chain(droplets.map(Vec3::from)).collect();
+    let stream = Stream::new("liquid", all.len()).with("position", all);
+    for thin in [0.2, 1.0] {
+        let smoothing = SmoothingParams { thin, ..SmoothingParams::default() };
+        let plain = volumes_of_pieces(&surface(&stream, &SurfaceParams::default()).mesh);
+        let found =
+            surface(&stream, &SurfaceParams { smoothing: Some(smoothing), ..SurfaceParams::default() });
+        let now = volumes_of_pieces(&found.mesh);
+        assert_eq!((plain.len(), now.len()), (7, 7));
+        let errors: Vec<f64> =
+            plain.iter().zip(&now).map(|(before, now)| (now / before - 1.0).abs()).collect();
+        let stats = found.stats.smoothing.unwrap();
+        println!("thin {thin}: {errors:?}, {stats:?}");
+        let worst = errors.iter().copied().fold(0.0, f64::max);
+        assert!(stats.longest_move < SPACING, "no vertex makes up for a whole piece: {}", stats.longest_move);
+        assert!(worst < 1e-5, "{errors:?}");
+        assert!((worst - stats.worst_piece).abs() < 1e-6, "{worst} is told as {}", stats.worst_piece);
+        assert!(stats.volume_change > 1e-4);
+    }
+}
+
+/// Far out single precision puts a whole droplet into one place, or two.
+#[test]
+fn coincident_vertices_pass_through_all_clean_up() {
+    for at in [Vec3::repeat(3.0), Vec3::repeat(f32::NAN)] {
+        let mut mesh = Mesh {
+            positions: vec![at; 4],
+            triangles: vec![[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+            ..Mesh::default()
+        };
+        let stats = smooth(&mut mesh, &[1.0; 4], &SmoothingParams::default(), SPACING);
+        assert_eq!((stats.degree, stats.longest_move), (0, 0.0));
+    }
+    let far = Stream::new("liquid", 1).with("position", vec![Vec3::repeat(1e6)]);
+    let params = SurfaceParams {
+        components: Some(ComponentParams { smallest: 0.0 }),
+        decimation: Some(DecimationParams::default()),
+        ..smoothed()
+    };
+    for spacing in [0.01, 0.1, 1.0] {
+        let found = reconstruct(&far, spacing, &params, &|| true).unwrap();
+        println!("spacing {spacing}: {:?}, {:?}", found.stats.smoothing, found.check);
+        assert_eq!(found.stats.too_far_particles, 0);
+        assert!(found.mesh.positions.iter().flatten().all(|x| x.is_finite()));
+    }
+}
+
+#[test]
+fn thin_vertices_are_those_nearer_to_thin_than_to_all() {
+    for (thin, expected) in [(0.0, 2), (0.6, 3), (1.0, 0)] {
+        let (mut mesh, _) = marching_cubes(&noise(1, |_| -1.0));
+        let mut weights = vec![1.0; mesh.positions.len()];
+        weights[..3].copy_from_slice(&[0.1, 0.4, 0.75].map(|w: f32| w.max(thin)));
+        let params = SmoothingParams { thin, ..SmoothingParams::default() };
+        assert_eq!(smooth(&mut mesh, &weights, &params, SPACING).thin_vertices, expected, "{thin}");
+    }
+}
+
 #[test]
 fn what_weighs_nothing_does_not_move() {
     let (plain, _) = marching_cubes(&noise(1, |bits| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0));
@@ -188,6 +283,118 @@ fn decimation_reaches_its_target_or_its_error() {
     assert!((998..=1000).contains(&few.mesh.triangles.len()));
     let all = surface(&ball, &decimated(DecimationParams { fraction: 1.0, ..DecimationParams::default() }));
     assert_eq!(all.mesh, surface(&ball, &SurfaceParams::default()).mesh);
+}
+
+/// How far vertices and the middles of triangles are from a surface, root mean square and most.
+fn distances(mesh: &Mesh, exact: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
+    let corner = |v: u32| mesh.positions[v as usize].cast::<f64>();
+    let middles =
+        mesh.triangles.iter().map(|t| t.iter().map(|&v| corner(v)).sum::<nalgebra::Vector3<f64>>() / 3.0);
+    let all: Vec<f64> =
+        (0..mesh.positions.len() as u32).map(corner).chain(middles).map(|x| exact(x.into()).abs()).collect();
+    let mean = all.iter().map(|d| d * d).sum::<f64>() / all.len() as f64;
+    (mean.sqrt(), all.iter().copied().fold(0.0, f64::max))
+}
+
+/// The bound is the tool's own figure; this is where the mesh went.
+#[test]
+fn decimation_stays_near_the_surface_and_halves_with_its_error() {
+    let exact = torus(0.6, 0.25);
+    let (plain, _) = marching_cubes(&distance(0.025, 0.95, torus(0.6, 0.25)));
+    let own = distances(&plain, &exact);
+    println!("{} triangles as cut: {own:?}", plain.triangles.len());
+    let found: Vec<(f64, f64)> = [4e-3, 2e-3, 1e-3]
+        .map(|error| {
+            let mut mesh = plain.clone();
+            let params =
+                DecimationParams { fraction: 0.0, error: Some(error), ..DecimationParams::default() };
+            let stats = decimate(&mut mesh, &params, 1.0);
+            let (mean, most) = distances(&mesh, &exact);
+            println!("error {error}: {} triangles, {mean:.1e} and {most:.1e}", stats.after);
+            assert_eq!((check(&mesh).components, check(&mesh).euler, stats.over_target), (1, 0, 0));
+            assert!(mean < 1.5 * f64::from(error) && most < 6.0 * f64::from(error), "{mean:e} {most:e}");
+            (mean, most)
+        })
+        .into();
+    for pair in found.windows(2) {
+        assert!((1.4..3.0).contains(&(pair[0].0 / pair[1].0)), "{found:?}");
+    }
+}
+
+#[test]
+fn a_target_that_cannot_be_reached_is_told() {
+    let droplets: Vec<Vec3> =
+        (0..30).map(|i| Vec3::new((i % 6) as f32, (i / 6) as f32, 0.03) * 0.5).collect();
+    let stream = Stream::new("liquid", droplets.len()).with("position", droplets);
+    let run = |triangles, error| {
+        let found = surface(
+            &stream,
+            &decimated(DecimationParams { fraction: 1.0, triangles: Some(triangles), error }),
+        );
+        (found.mesh.triangles.len(), found.stats.decimation.unwrap().over_target)
+    };
+    let (left, over) = run(50, None);
+    assert!(left >= 4 * 30, "a closed piece has four triangles or more: {left}");
+    assert_eq!(over, left - 50);
+    assert_eq!(run(50, Some(10.0)).1, 0, "the error decides");
+    let plain = surface(&stream, &SurfaceParams::default()).mesh.triangles.len();
+    assert_eq!(run(plain as u32 - 30, None), (plain - 30, 0));
+}
+
+/// How far inside its upright edges the corners of a box's cross-sections stand, on average over slices [voxels].
+fn worn_edges(mesh: &Mesh, middle: f64, half: f64, voxel: f64) -> f64 {
+    let mut reach = [[f64::MIN; 8]; 4];
+    for x in &mesh.positions {
+        let [x, y, z] = [x.x, x.y, x.z].map(|x| f64::from(x) - middle);
+        let slice = ((z + 0.4) / 0.1).floor();
+        if (0.0..8.0).contains(&slice) {
+            for (edge, [a, b]) in [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]].into_iter().enumerate()
+            {
+                let reach = &mut reach[edge][slice as usize];
+                *reach = reach.max((a * x + b * y) / 2_f64.sqrt());
+            }
+        }
+    }
+    (half * 2_f64.sqrt() - reach.iter().flatten().sum::<f64>() / 32.0) / voxel
+}
+
+#[test]
+fn smoothing_keeps_creases() {
+    let edge = |x: [f64; 3]| (0..3).map(|d| (x[d] - 0.013).abs() - 0.5).fold(f64::MIN, f64::max);
+    let (plain, _) = marching_cubes(&distance(0.05, 0.8, edge));
+    let worn = |crease: f32| {
+        let mut mesh = plain.clone();
+        let params = SmoothingParams { crease, ..SmoothingParams::default() };
+        let stats = smooth(&mut mesh, &vec![1.0; plain.positions.len()], &params, 0.1);
+        println!("crease {crease}: {stats:?}");
+        worn_edges(&mesh, 0.013, 0.5, 0.05)
+    };
+    let creases = [15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 180.0];
+    // Marching cubes spreads an edge over vertices that lean by less than its angle: only small bounds keep it.
+    let (before, after) = (worn_edges(&plain, 0.013, 0.5, 0.05), creases.map(worn));
+    println!("edges are worn by {before:.3} voxels before, at creases {creases:?} by {after:.3?}");
+    assert!(before < 0.5 && after[0] < 0.6 * after[6], "{after:?}");
+}
+
+#[test]
+fn pieces_without_volume_become_points_and_bubbles_are_filled() {
+    let corners = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]].map(Vec3::from);
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let mut mesh = Mesh::default();
+    // A drop, a bubble, one flattened and one that rounding put into a single place.
+    let flat = |x: Vec3| Vec3::new(x.x, x.y, 0.3 * x.x + 0.2 * x.y);
+    let shapes: [&dyn Fn(Vec3) -> Vec3; 4] = [&|x| x, &|x| -x, &flat, &|_| Vec3::zeros()];
+    for (i, shape) in (0..).zip(shapes) {
+        mesh.positions.extend(corners.map(|x| shape(x) + Vec3::x() * i as f32));
+        mesh.triangles.extend(faces.map(|triangle| triangle.map(|v| v + 4 * i)));
+    }
+    let (points, stats) = remove_small(&mut mesh, &ComponentParams::default(), SPACING);
+    assert_eq!((stats.points, stats.bubbles, stats.triangles), (3, 1, 16));
+    assert_eq!(points.positions[1..], [Vec3::x() * 2.0, Vec3::x() * 3.0]);
+    assert!(points.radii[0] > 0.01 && points.radii[1..] == [0.0, 0.0]);
+    assert!(
+        (stats.points_volume * 6e3 - 1.0).abs() < 1e-5 && (stats.bubbles_volume * 6e3 - 1.0).abs() < 1e-5
+    );
 }
 
 #[test]
@@ -303,13 +510,46 @@ fn attributes_are_taken_by_name() {
     assert!(error.to_string().contains("position, velocity, age, id"), "{error}");
 }
 
+/// Beyond the kernel the nearest particle gives every kind of value; a lone particle does not turn.
+#[test]
+fn attributes_beyond_the_kernel_are_the_nearest_particles() {
+    let particles: Vec<Vec3> = (0..5).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
+    let stream = Stream::new("liquid", 5)
+        .with("velocity", particles.iter().map(|x| x.yxz() * 3.0).collect::<Vec<_>>())
+        .with("age", vec![0.5, 1.5, 2.5, 3.5, 4.5])
+        .with("id", vec![50_u32, 51, 52, 53, 54])
+        .with("position", particles);
+    let names = ["id", "age", "velocity", "vorticity"].map(String::from);
+    let vertices = [Vec3::new(3.1, 0.0, 0.4), Vec3::new(-7.0, 2.0, 0.0), Vec3::new(2.0, 0.0, 0.1)];
+    let (found, missing) = transfer(&stream, Some(&names), &vertices, 0.2).unwrap();
+    assert_eq!(missing, 2);
+    assert_eq!(found[0].data, vec![53_u32, 50, 52].into());
+    assert_eq!(found[1].data, vec![3.5_f32, 0.5, 2.5].into());
+    assert_eq!(found[2].data, vec![Vec3::new(0.0, 9.0, 0.0), Vec3::zeros(), Vec3::new(0.0, 6.0, 0.0)].into());
+    assert_eq!(found[3].data, vec![Vec3::zeros(); 3].into());
+    let nothing = Stream::new("liquid", 0)
+        .with("position", Vec::<Vec3>::new())
+        .with("age", Vec::<f32>::new())
+        .with("id", Vec::<u32>::new());
+    let (found, missing) = transfer(&nothing, Some(&names[..2]), &vertices, 0.2).unwrap();
+    assert_eq!(
+        (&found[0].data, &found[1].data, missing),
+        (&vec![0_u32; 3].into(), &vec![0.0_f32; 3].into(), 3)
+    );
+}
+
 /// The mesh of particles that only move together does not breathe.
 #[test]
 fn a_still_ball_moved_by_less_than_a_voxel_keeps_volume_and_area() {
     let smoothing = smoothed().smoothing;
+    let decimation = Some(DecimationParams { fraction: 0.25, ..DecimationParams::default() });
     for (name, params) in [
-        ("plain", SurfaceParams::default()),
         ("smoothed", SurfaceParams { smoothing, ..SurfaceParams::default() }),
+        ("plain", SurfaceParams::default()),
+        ("decimated", SurfaceParams { decimation, ..SurfaceParams::default() }),
+        ("smoothed and decimated", SurfaceParams { smoothing, decimation, ..SurfaceParams::default() }),
+        ("fine", SurfaceParams { voxel: 0.25, ..SurfaceParams::default() }),
+        ("coarse", SurfaceParams { voxel: 1.0, ..SurfaceParams::default() }),
     ] {
         let figures: Vec<[f64; 2]> = (0..20)
             .map(|step| {
@@ -324,7 +564,8 @@ fn a_still_ball_moved_by_less_than_a_voxel_keeps_volume_and_area() {
             values().fold(f64::MIN, f64::max) / values().fold(f64::MAX, f64::min) - 1.0
         };
         println!("{name}: volume varies by {:.4} %, area by {:.4} %", 100.0 * spread(0), 100.0 * spread(1));
-        assert!(spread(0) < 3e-3 && spread(1) < 3e-3);
+        let most = if name == "coarse" { [6e-3, 1.5e-2] } else { [3e-3, 3e-3] };
+        assert!(spread(0) < most[0] && spread(1) < most[1], "{name}");
     }
 }
 

@@ -1,12 +1,12 @@
 //! Marching cubes, checks and vertex attributes against closed forms and random fields.
 
 use meniscus::{
-    frame::Stream,
+    frame::{ChannelData, Stream},
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     math::Vec3,
     mesh::{
-        DistanceParams, MARGIN, Mesh, MeshCheck, SurfaceError, SurfaceParams, check, interpolate_vec3,
-        marching_cubes, normals_from_field, reconstruct,
+        DistanceParams, MARGIN, Mesh, MeshCheck, SurfaceError, SurfaceParams, check, marching_cubes,
+        normals_from_field, reconstruct, transfer,
     },
     par,
 };
@@ -46,7 +46,7 @@ fn sampled(
 }
 
 /// A signed distance on all bricks of a cube of half edge `extent` [m] around the origin.
-fn distance(voxel: f32, extent: f32, f: impl Fn([f64; 3]) -> f64) -> SparseGrid {
+pub(crate) fn distance(voxel: f32, extent: f32, f: impl Fn([f64; 3]) -> f64) -> SparseGrid {
     let n = (extent / voxel).ceil() as i32 + 1;
     let at = |node: [i32; 3]| f(node.map(|i| f64::from(i) * f64::from(voxel))) as f32;
     sampled(voxel, [-n; 3], [n; 3], |_| true, at)
@@ -59,7 +59,7 @@ fn ball(radius: f64, centre: [f64; 3]) -> impl Fn([f64; 3]) -> f64 + Copy {
     move |x| (0..3).map(|d| (x[d] - centre[d]).powi(2)).sum::<f64>().sqrt() - radius
 }
 
-fn torus(major: f64, minor: f64) -> impl Fn([f64; 3]) -> f64 {
+pub(crate) fn torus(major: f64, minor: f64) -> impl Fn([f64; 3]) -> f64 {
     move |x| {
         let [x, y, z] = std::array::from_fn(|d| x[d] - CENTRE[d]);
         (x.hypot(y) - major).hypot(z) - minor
@@ -308,6 +308,33 @@ fn a_missing_brick_is_counted_and_leaves_no_stray_vertex() {
     assert!(found.manifold && found.oriented && found.degenerate_triangles == 0, "{found:?}");
 }
 
+/// Wherever bricks are missing, above, below or beside: every cell with known corners on both sides that lacks one.
+#[test]
+fn every_cell_beside_a_missing_brick_is_counted() {
+    let inside = |node: [i32; 3]| ball(0.5, CENTRE)(node.map(|i| f64::from(i) * 0.05)) as f32;
+    let cut_cells = |keep: &dyn Fn([i32; 3]) -> bool| {
+        let grid = sampled(0.05, [-16; 3], [15; 3], keep, inside);
+        let mut expected = 0;
+        for cell in (0..34_i32.pow(3)).map(|i| [i % 34 - 17, i / 34 % 34 - 17, i / 34 / 34 - 17]) {
+            let corner = |i: i32| grid.get(std::array::from_fn(|d| cell[d] + (i >> d & 1)));
+            let corners: Vec<bool> = (0..8).filter_map(corner).map(|value| value < 0.0).collect();
+            expected += usize::from(corners.len() < 8 && corners.contains(&true) && corners.contains(&false));
+        }
+        let (mesh, stats) = marching_cubes(&grid);
+        assert_eq!(stats.cut_cells, expected);
+        assert_eq!(stats.cut_cells == 0, check(&mesh).closed);
+        stats.cut_cells
+    };
+    assert_eq!(cut_cells(&|_| true), 0);
+    for axis in 0..3 {
+        assert!(cut_cells(&|c| c[axis] >= 0) > 50, "the lower half is missing along {axis}");
+        assert!(cut_cells(&|c| c[axis] < 0) > 50, "the upper half is missing along {axis}");
+    }
+    for seed in 0..20 {
+        cut_cells(&|c| hash(seed, c.iter().fold(0, |sum, &i| 4 * sum + (i + 2) as u64)) >> 62 > 0);
+    }
+}
+
 #[test]
 fn unreached_nodes_are_counted() {
     let mut grid = noise(3, |bits| if bits % 4 == 0 { f32::NEG_INFINITY } else { 0.5 });
@@ -336,6 +363,18 @@ fn faces_decide_where_the_distance_says_nothing_usable() {
     }
 }
 
+/// What vertices take of a vector that every particle has, and how many take it from the nearest.
+fn interpolate(vertices: &[Vec3], particles: &[Vec3], values: &[Vec3]) -> (Vec<Vec3>, usize) {
+    let stream = Stream::new("liquid", particles.len())
+        .with("position", particles.to_vec())
+        .with("velocity", values.to_vec());
+    let (mut channels, count) = transfer(&stream, None, vertices, 0.25).unwrap();
+    match channels.remove(0).data {
+        ChannelData::Vec3(values) => (values, count),
+        other => panic!("velocities are vectors: {other:?}"),
+    }
+}
+
 #[test]
 fn interpolation_reproduces_constants_and_smooths_the_rest() {
     let particles: Vec<Vec3> = (0..1000_i32)
@@ -345,7 +384,7 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
         .map(|i| Vec3::from_fn(|d, _| (hash(1, i * 3 + d as u64) >> 40) as f32 / (1 << 24) as f32 * 0.9))
         .collect();
     let constant = vec![Vec3::new(1.0, -2.0, 0.25); particles.len()];
-    let (values, far) = interpolate_vec3(&vertices, &particles, &constant, 0.25);
+    let (values, far) = interpolate(&vertices, &particles, &constant);
     assert_eq!(far, 0);
     assert!(values.iter().all(|v| (v - constant[0]).norm() < 1e-5));
 
@@ -353,7 +392,7 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
     let linear: Vec<Vec3> = particles.iter().map(|x| Vec3::new(x.z, x.x, 2.0 * x.y)).collect();
     let inner: Vec<Vec3> =
         vertices.iter().copied().filter(|x| x.iter().all(|&x| (0.25..0.65).contains(&x))).collect();
-    let (values, _) = interpolate_vec3(&inner, &particles, &linear, 0.25);
+    let (values, _) = interpolate(&inner, &particles, &linear);
     assert!(!inner.is_empty());
     for (x, v) in std::iter::zip(&inner, &values) {
         assert!((v - Vec3::new(x.z, x.x, 2.0 * x.y)).norm() < 0.02);
@@ -361,11 +400,11 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
 
     // Far from all particles, the nearest one counts.
     let far = [Vec3::new(5.0, 0.02, -3.0), Vec3::new(f32::NAN, 0.0, 0.0), Vec3::new(-3e8, 0.0, 0.0)];
-    let (values, count) = interpolate_vec3(&far, &particles, &particles, 0.25);
+    let (values, count) = interpolate(&far, &particles, &particles);
     assert_eq!(count, 3);
     assert_eq!(values[..2], [particles[9], Vec3::zeros()]);
     assert!(particles.contains(&values[2]));
-    assert_eq!(interpolate_vec3(&far, &[], &[], 0.25), (vec![Vec3::zeros(); 3], 3));
+    assert_eq!(interpolate(&far, &[], &[]), (vec![Vec3::zeros(); 3], 3));
 }
 
 /// Particles on a lattice of spacing 1/10 m, jittered, where `keep` says so, turning around the z axis.

@@ -189,7 +189,6 @@ def ball(x, triangles, normals, known):
     points = numpy.array(known["centre"]) + radius * spread(20000)
     figures = {
         "roughness": float(r.std() / (spacing / 2)),
-        "mean_radius": float(r.mean() / radius - 1),
         "face_normals": mean_angle(face_normals(x, triangles), outward),
         "from_mesh": float(numpy.abs(r - radius).max() / spacing),
         "to_mesh": float(distance(points, x, triangles).max() / spacing),
@@ -254,7 +253,6 @@ def sheet(x, triangles, known):
 def judge(path, known):
     x, triangles, normals = read_ply(path)
     figures = sound(x, triangles)
-    figures["has_normals"] = normals is not None
     name = known["name"]
     figures["volume_error"] = figures["volume"] / (known["particles"] * known["spacing"] ** 3) - 1
     if name.endswith("ball"):

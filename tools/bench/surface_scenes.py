@@ -163,7 +163,6 @@ SHAPES = {
     "droplet": lambda: lattice([1, 1, 1]),
     "drop": lambda: ball(2.5),
 }
-SEQUENCE = 10
 NAMES = [*SPLASHES, "spray", *SHAPES]
 
 
@@ -173,7 +172,7 @@ def make(name, time=0.0):
         cells = SHAPES[name]()
         positions = jittered(cells, SEED + 2, turned=True)
         centre = SPACING * (SHIFT @ ROTATION.T)
-        known = {"centre": centre.tolist(), "layers": 2 if name == "sheet2" else 1, "rotation": ROTATION.tolist()}
+        known = {"centre": centre.tolist(), "rotation": ROTATION.tolist()}
     else:
         filled = spray() if name == "spray" else splash(name, time)
         positions = jittered(numpy.argwhere(filled).astype(float), SEED + 3)

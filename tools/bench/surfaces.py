@@ -241,6 +241,7 @@ SHAPE = [
     ("volume error", "volume_error", percent),
     ("roughness, radii", "roughness", "{:.3f}".format),
     ("normals in the file", "file_normals", "{:.2f}°".format),
+    ("not of unit length", "normals_off_unit", thousands),
     ("normals of faces", "face_normals", "{:.2f}°".format),
     ("Hausdorff from mesh, spacings", "from_mesh", "{:.3f}".format),
     ("to mesh", "to_mesh", "{:.3f}".format),

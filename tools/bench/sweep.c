@@ -1,5 +1,5 @@
 /* The plainest eight-sweep solver of |grad d| = 1 on a dense cube: one thread, one array, no blocks. The row that any
- * better one has to beat. Called by distances.py through ctypes.
+ * better one has to beat. Called by eikonal.py through ctypes.
  *
  * sweep(d, pinned, n): d holds seeds where pinned is set, large numbers elsewhere; distances in voxels, all positive.
  * Rounds of eight sweeps until one changes nothing; returns the number of sweeps. */

@@ -15,7 +15,7 @@ use crate::{
     par,
     sdf::{
         Swept,
-        godunov::{ORDERS, smaller, update},
+        godunov::{ORDERS, smaller, until_rest, update},
     },
 };
 use std::sync::RwLock;
@@ -111,16 +111,8 @@ impl Blocks {
 /// If `seeds` has another length than the box, or a block has no node.
 pub fn sweep(nodes: [usize; 3], seeds: &[f32], band: f32, block: [usize; 3]) -> Swept {
     let blocks = Blocks::new(Layout::new(nodes, block), seeds, band, relax());
-    let mut sweeps = 0;
-    while !blocks.at_rest() {
-        blocks.sweep(ORDERS[sweeps % ORDERS.len()]);
-        sweeps += 1;
-    }
-    let distance = blocks.distances();
-    let unreached = par::map_chunks(distance.len(), par::CHUNK, |range| {
-        distance[range].iter().filter(|d| d.is_infinite()).count()
-    });
-    Swept { distance, unreached: unreached.into_iter().sum(), sweeps }
+    let sweeps = until_rest(|| blocks.at_rest(), |order| blocks.sweep(order));
+    Swept::new(blocks.distances(), sweeps)
 }
 
 /// [`sweep`] without blocks and threads: every node in the order of the sweep, one after the other. The reference that
@@ -136,8 +128,7 @@ pub fn sweep_in_order(nodes: [usize; 3], seeds: &[f32], band: f32) -> Swept {
             sweeps += 1;
         }
     }
-    let unreached = distance.iter().filter(|d| d.is_infinite()).count();
-    Swept { distance, unreached, sweeps }
+    Swept::new(distance, sweeps)
 }
 
 /// One sweep over all nodes in the given order; says whether anything changed.

@@ -55,11 +55,11 @@ impl Layout {
 
     /// Calls `work` for every block, after its predecessors in the direction of the sweep: [gourlay17].
     pub(super) fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
-        let next = |block: usize| {
+        let beside = |block: usize, ahead: bool| {
             let faces = self.around(block);
-            (0..3).filter_map(move |axis| faces[2 * axis + usize::from(order[axis] > 0)])
+            (0..3).filter_map(move |axis| faces[2 * axis + usize::from((order[axis] > 0) == ahead)])
         };
-        par::wavefront(self.len(), next, work);
+        par::wavefront(self.len(), |block| beside(block, false).count(), |block| beside(block, true), work);
     }
 
     /// The numbers of every block on their own.

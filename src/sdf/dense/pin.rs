@@ -6,7 +6,10 @@
 use crate::{
     grid::DenseGrid,
     par,
-    sdf::{SeedRule, seed::NEAREST},
+    sdf::{
+        SeedRule,
+        seed::{NEAREST, count},
+    },
 };
 
 /// The nodes whose distance is known, and on which side every node lies.
@@ -29,8 +32,8 @@ pub fn indicator(field: &DenseGrid, threshold: f32) -> Vec<bool> {
     inside
 }
 
-/// Pins the nodes beside the surface where `field` crosses `threshold`, at their immediate distances by `rule`. No
-/// surface crosses the grid's outside.
+/// Pins the nodes beside the surface where `field` crosses `threshold`, at their immediate distances by `rule`. Beyond the
+/// grid's outside lies the side of its last nodes: no surface is found there.
 pub fn pin_surface(field: &DenseGrid, threshold: f32, rule: SeedRule) -> Pins {
     let inside = indicator(field, threshold);
     let strides = [1, field.nodes[0], field.nodes[0] * field.nodes[1]];
@@ -57,7 +60,8 @@ pub fn pin_surface(field: &DenseGrid, threshold: f32, rule: SeedRule) -> Pins {
     Pins::counted(distance, inside)
 }
 
-/// Pins the nodes within `width` [voxels] of the surface, where `level`, negative inside, holds the distance [m].
+/// Pins the nodes within `width` [voxels] of the surface, where `level`, negative inside, holds the distance [m]. A NaN is
+/// outside and not pinned.
 pub fn pin_band(level: &DenseGrid, width: f32) -> Pins {
     let mut distance = vec![f32::INFINITY; level.values.len()];
     par::fill(&mut distance, |i| {
@@ -71,13 +75,7 @@ pub fn pin_band(level: &DenseGrid, width: f32) -> Pins {
 
 impl Pins {
     fn counted(distance: Vec<f32>, inside: Vec<bool>) -> Self {
-        let count = |what: fn(f32) -> bool| {
-            let counts = par::map_chunks(distance.len(), par::CHUNK, |range| {
-                distance[range].iter().filter(|&&d| what(d)).count()
-            });
-            counts.into_iter().sum()
-        };
-        let (pinned, on_surface) = (count(|d| d < 0.0), count(|d| d == -NEAREST));
+        let [pinned, on_surface] = count(&distance);
         Self { distance, inside, pinned, on_surface }
     }
 }

@@ -194,7 +194,7 @@ impl Solver {
         let (list, published, clearance) = (&*lists, &**nodes, &**clearance);
         let [lambda, applied, last, denominator] = unknowns.slices_mut();
         let slices: [&mut [f32]; 5] = [ratio, lambda, applied, last, denominator];
-        let partials = par::map_chunks_of_many(slices, par::CHUNK, |start, slices| {
+        let partials = par::map_chunks_mut(slices, par::CHUNK, |start, slices| {
             let at = Chunk { setup, nodes: published, lists: list, clearance, start };
             let [ratio, lambda, applied, last, denominator] = slices;
             let unknown = Unknown { lambda, applied, last, denominator };
@@ -234,7 +234,8 @@ impl Solver {
     pub(super) fn correct(&mut self, setup: &Setup<'_>) {
         let Self { p, nodes, lists, built_at, clearance, .. } = self;
         let (nodes, lists, clearance) = (&**nodes, &*lists, &**clearance);
-        let partials = par::map_chunks_of_two(p, built_at, par::CHUNK, |start, p, built_at| {
+        let partials = par::map_chunks_mut([p.as_mut_slice()], par::CHUNK, |start, [p]| {
+            let built_at = &built_at[start..][..p.len()];
             let at = Chunk { setup, nodes, lists, clearance, start };
             pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at })
         });
