@@ -118,7 +118,7 @@ pub struct SmoothingParams {
     #[schemars(range(min = 0.0, max = 1.0))]
     pub thin: f32,
     /// Neighbouring vertices whose normals differ by more than this do not smooth each other \[deg\]. Smaller keeps
-    /// more creases, and more of the particles.
+    /// more creases, and more of the particles; the edges of a box of particles are kept from 15 down only.
     #[schemars(range(min = 5.0, max = 180.0), extend("unit" = "deg"))]
     pub crease: f32,
 }
