@@ -108,6 +108,9 @@ impl Format {
 /// Raised whenever a change reads other particles from the same bytes, so that what was made of them is made again.
 const READER_VERSION: u32 = 1;
 
+/// Deflate expands at most so many times.
+const MOST_EXPANSION: usize = 1032;
+
 /// A particle file whose bytes are read, and not yet understood.
 #[derive(Debug)]
 pub struct ParticleFile {

@@ -51,7 +51,7 @@ fn damaged() -> impl Strategy<Value = (&'static str, Vec<u8>)> {
 }
 
 /// Reads a file; what it took must be in proportion to its bytes.
-fn read(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+pub(super) fn read(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let mut result = None;
     let took = allocation_counter::measure(|| result = Some(import(name, bytes)));
     let most = FIXED + PER_BYTE * bytes.len() as u64;
@@ -90,6 +90,32 @@ proptest! {
         if let Ok(imported) = read(name, &bytes) {
             prop_assert!(imported.stream.vec3("position").unwrap().iter().all(|x| x.iter().all(|x| x.is_finite())));
         }
+    }
+}
+
+/// A legacy VTK file whose lines are cut into parts and put together in another order, some of them twice.
+fn shuffled() -> impl Strategy<Value = Vec<u8>> {
+    let line = any::<prop::sample::Index>();
+    proptest::collection::vec((line, 1_usize..6), 1..12).prop_map(|parts| {
+        let text = String::from_utf8(vtk(false, 4, "POLYDATA")).expect("the file is text");
+        let text = text.replace("POINT_DATA 3", "POINT_DATA 0\nPOINT_DATA 3") + "POINTS 0 float\nPOINTS 1 float\n0 0 0\n";
+        let lines: Vec<&str> = text.lines().collect();
+        let (head, body) = lines.split_at(4);
+        let mut out: Vec<&str> = head.to_vec();
+        for (first, count) in parts {
+            let first = first.index(body.len());
+            out.extend(&body[first..(first + count).min(body.len())]);
+        }
+        (out.join("\n") + "\n").into_bytes()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(4096))]
+
+    #[test]
+    fn sections_in_another_order_never_panic(bytes in shuffled()) {
+        let _ = read("a.vtk", &bytes);
     }
 }
 
