@@ -93,20 +93,26 @@ proptest! {
     }
 }
 
-/// A legacy VTK file whose lines are cut into parts and put together in another order, some of them twice.
-fn shuffled() -> impl Strategy<Value = Vec<u8>> {
-    let line = any::<prop::sample::Index>();
-    proptest::collection::vec((line, 1_usize..6), 1..12).prop_map(|parts| {
-        let text = String::from_utf8(vtk(false, 4, "POLYDATA")).expect("the file is text");
-        let text = text.replace("POINT_DATA 3", "POINT_DATA 0\nPOINT_DATA 3") + "POINTS 0 float\nPOINTS 1 float\n0 0 0\n";
-        let lines: Vec<&str> = text.lines().collect();
-        let (head, body) = lines.split_at(4);
-        let mut out: Vec<&str> = head.to_vec();
-        for (first, count) in parts {
-            let first = first.index(body.len());
-            out.extend(&body[first..(first + count).min(body.len())]);
-        }
-        (out.join("\n") + "\n").into_bytes()
+/// Sections of legacy VTK, each sound by itself.
+const SECTIONS: [&str; 11] = [
+    "POINTS 1 float\n0 0 0\n",
+    "POINTS 0 float\n",
+    "POINT_DATA 0\n",
+    "POINT_DATA 1\n",
+    "CELL_DATA 1\n",
+    "SCALARS a float 1\nLOOKUP_TABLE default\n",
+    "SCALARS b float 1\nLOOKUP_TABLE default\n1\n",
+    "FIELD FieldData 1\nv 3 0 float\n\n",
+    "FIELD FieldData 1\nw 3 1 float\n1 2 3\n",
+    "VERTICES 1 2\n1 0\n",
+    "METADATA\n\n",
+];
+
+/// A legacy VTK file of some of these in any order.
+fn shuffled() -> impl Strategy<Value = String> {
+    let sections = proptest::collection::vec(prop::sample::select(&SECTIONS[..]), 0..7);
+    sections.prop_map(|sections| {
+        format!("# vtk DataFile Version 4.1\n\nASCII\nDATASET POLYDATA\n{}", sections.concat())
     })
 }
 
@@ -114,8 +120,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(4096))]
 
     #[test]
-    fn sections_in_another_order_never_panic(bytes in shuffled()) {
-        let _ = read("a.vtk", &bytes);
+    fn sections_in_any_order_never_panic(text in shuffled()) {
+        let _ = read("a.vtk", text.as_bytes());
     }
 }
 
