@@ -87,7 +87,7 @@ fn mesh_each(
                     );
                     made.fail(file.display().to_string(), why, Failure::Other);
                 } else {
-                    made.complain(&check);
+                    made.complain(&mesh, &check, level_set.grid.voxel);
                 }
             }
             Err(why) if wanted.len() == 1 => return Err(why.into()),

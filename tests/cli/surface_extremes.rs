@@ -79,11 +79,12 @@ fn a_thousand_kilometres_from_the_origin() {
     desk.write("far.xyz", xyz(&far));
     desk.write("here.xyz", xyz(&here));
     let check = |name: &str| {
-        desk.run(&format!("mesh {name}.xyz --spacing 1 -o {name}"), 0);
+        let (_, talk) = desk.run(&format!("mesh {name}.xyz --spacing 1 -o {name}"), 0);
+        assert_eq!(talk.contains("from the origin, coordinates are"), name == "far", "{talk}");
         mesh::check(&read_ply(&desk.path(&format!("{name}/mesh/particles_0001.ply"))))
     };
     let (far, here) = (check("far"), check("here"));
-    assert!(far.is_sound() && far.components == 1, "{far:?}");
+    assert!(far.closed && far.manifold && far.oriented && far.components == 1, "{far:?}");
     assert!((far.volume / here.volume - 1.0).abs() < 0.02, "{} {}", far.volume, here.volume);
 }
 
@@ -100,7 +101,7 @@ fn spray_ten_kilometres_wide() {
         desk.write(&format!("{name}.xyz"), xyz(&spray(width)));
         let found = plan::peak(&desk, &format!("mesh {name}.xyz --spacing 0.1 -o {name} --progress none"));
         let check = mesh::check(&read_ply(&desk.path(&format!("{name}/mesh/particles_0001.ply"))));
-        assert!(check.is_sound() && check.components == 1000, "{check:?}");
+        assert!(check.closed && check.manifold && check.oriented && check.components == 1000, "{check:?}");
         found
     };
     let (narrow, wide) = (peak(100.0, "narrow"), peak(10_000.0, "wide"));
