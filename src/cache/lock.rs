@@ -3,7 +3,7 @@
 use super::CacheError;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The right to write a cache folder, held until dropped.
 ///
@@ -21,16 +21,8 @@ impl Lock {
     /// # Errors
     /// [`CacheError::Locked`] with the holder's process number, or what the system reports.
     pub fn acquire(dir: &Path) -> Result<Self, CacheError> {
-        fs::create_dir_all(dir).map_err(|error| CacheError::from_io(dir, "make the folder", error))?;
-        let path = dir.join(".lock");
+        let (mut file, path) = open(dir)?;
         let failed = |error| CacheError::from_io(&path, "take the lock", error);
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&path)
-            .map_err(failed)?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => return Err(CacheError::Locked { pid: holder(&mut file), path }),
@@ -39,6 +31,27 @@ impl Lock {
         sign(&mut file).map_err(failed)?;
         Ok(Self { file })
     }
+
+    /// As [`Lock::acquire`], but waits while another process holds the lock: for what is held for moments only.
+    ///
+    /// # Errors
+    /// What the system reports.
+    pub fn wait(dir: &Path) -> Result<Self, CacheError> {
+        let (mut file, path) = open(dir)?;
+        file.lock()
+            .and_then(|()| sign(&mut file))
+            .map_err(|error| CacheError::from_io(&path, "take the lock", error))?;
+        Ok(Self { file })
+    }
+}
+
+/// Opens the file of a folder's lock; makes both if they are not there.
+fn open(dir: &Path) -> Result<(File, PathBuf), CacheError> {
+    fs::create_dir_all(dir).map_err(|error| CacheError::from_io(dir, "make the folder", error))?;
+    let path = dir.join(".lock");
+    let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+    let file = opened.map_err(|error| CacheError::from_io(&path, "take the lock", error))?;
+    Ok((file, path))
 }
 
 impl Drop for Lock {
@@ -77,7 +90,12 @@ mod tests {
         let Err(CacheError::Locked { pid, path }) = Lock::acquire(&folder) else { panic!("locked twice") };
         assert_eq!(pid, std::process::id().to_string());
         assert_eq!(path, folder.join(".lock"));
+        let waits = std::thread::spawn({
+            let folder = folder.clone();
+            move || drop(Lock::wait(&folder).unwrap())
+        });
         drop(first);
+        waits.join().unwrap();
         drop(Lock::acquire(&folder).unwrap());
     }
 

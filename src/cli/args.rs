@@ -321,7 +321,7 @@ pub(super) struct MeshArgs {
 /// Arguments of `volume`.
 #[derive(Debug, Args)]
 pub(super) struct VolumeArgs {
-    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, BGEO): names, globs, or `frame_####.vtk`
+    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, VTU, VTP, NPY, NPZ, BGEO): names, globs, or `frame_####.vtk`
     #[arg(required = true, value_name = "CACHE|FILES")]
     pub(super) inputs: Vec<String>,
 
@@ -341,7 +341,7 @@ pub(super) struct VolumeArgs {
     #[arg(long, value_name = "HOW")]
     pub(super) compression: Option<String>,
 
-    /// The frames of the cache to use: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    /// The frames to use: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
@@ -361,7 +361,7 @@ pub(super) struct VolumeArgs {
     #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
     pub(super) voxel: Option<String>,
 
-    /// Refuse to start if about more memory than this would be needed: `8GiB`, `500MiB`
+    /// Refuse a frame that needs about more memory than this: `8GiB`, `500MiB`
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 

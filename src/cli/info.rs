@@ -34,8 +34,12 @@ fn describe(info: &Info, whole: bool) -> String {
         "frames     {} {}, {} missing{}{}",
         sound.len(),
         if whole { "verified" } else { "present" },
-        info.missing.len(),
-        if info.missing.is_empty() { String::new() } else { format!(" ({})", ranges(&info.missing)) },
+        info.missing_count,
+        match info.missing.len() {
+            0 => String::new(),
+            all if all as u64 == info.missing_count => format!(" ({})", ranges(&info.missing)),
+            _ => format!(" ({},…)", ranges(&info.missing)),
+        },
         info.span.map_or_else(String::new, |span| format!(
             ", of {}-{} at {} fps",
             span.first, span.last, info.fps

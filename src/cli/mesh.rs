@@ -4,7 +4,7 @@ use super::{args::MeshArgs, print};
 use crate::{
     import::{self, Sequence},
     mesh::SurfaceParams,
-    run::{self, Control, FileSettings, Product, RunError, ShotFolder, SurfaceJob, Surfaced},
+    run::{self, Control, FileSettings, RunError, ShotFolder, SurfaceJob, Surfaced},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -24,17 +24,9 @@ pub(super) fn is_folder(input: &str) -> bool {
     path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#', '?', '['])
 }
 
-/// One line about what was written.
+/// What was written.
 pub(super) fn summary(surfaced: &Surfaced) -> Result<(), RunError> {
-    print(&format!(
-        "{}: {} frames meshed ({} triangles, {:.1} MiB), {} were there",
-        surfaced.folder.display(),
-        surfaced.meshed,
-        surfaced.triangles,
-        surfaced.bytes as f64 / f64::from(1 << 20),
-        surfaced.kept
-    ))?;
-    surfaced.jumps.iter().try_for_each(|jump| print(&format!("jump: {jump}")))
+    surfaced.lines().iter().try_for_each(|line| print(line))
 }
 
 fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, RunError> {
@@ -59,9 +51,6 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
     } else {
         surface_alone(args)?
     };
-    if let Some(allowed) = args.max_memory {
-        run::refuse_cache_over_memory(Product::Meshes, &source, args.frames.as_ref(), params.voxel, allowed)?;
-    }
     run::surface_cache(&source, &out, &job(args, params), control)
 }
 
@@ -76,16 +65,6 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     };
     let fps = fps(args.fps)?;
     let job = job(args, surface_alone(args)?);
-    if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(
-            Product::Meshes,
-            &sequence,
-            args.frames.as_ref(),
-            spacing,
-            &job.params,
-            allowed,
-        )?;
-    }
     run::surface_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
 }
 
@@ -117,7 +96,6 @@ fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<
         ("--spacing", args.spacing.is_some()),
         ("--voxel", args.voxel.is_some()),
         ("--set", !args.set.is_empty()),
-        ("--frames", args.frames.is_some()),
         ("--max-memory", args.max_memory.is_some()),
     ];
     if let Some((flag, _)) = for_particles.iter().find(|(_, given)| *given) {
@@ -129,7 +107,7 @@ fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
     let fps = fps(args.fps)?;
-    run::mesh_level_sets(sequence, &ShotFolder::new(output), fps, &args.format, control)
+    run::mesh_level_sets(sequence, &ShotFolder::new(output), fps, &args.format, args.frames.as_ref(), control)
 }
 
 /// The spacing of particles at rest [m], which their files do not say.

@@ -5,7 +5,7 @@ use super::{
     print,
 };
 use crate::{
-    run::{self, Control, Outline, RunError, ShotFolder, SurfaceJob},
+    run::{self, Control, Outline, RunError, ShotFolder, SurfaceJob, VolumeJob},
     scene::{self, Frames, Output, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
@@ -38,8 +38,13 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         }
     }
     if !volume.is_empty() {
-        let settings = super::volume::of_scene(&scene);
-        match run::volume_cache(&folder, &folder, &settings, Some(&selection), args.force, control) {
+        let job = VolumeJob {
+            settings: super::volume::of_scene(&scene),
+            selection: Some(selection),
+            force: args.force,
+            max_memory: args.max_memory,
+        };
+        match run::volume_cache(&folder, &folder, &job, control) {
             Ok(made) => super::volume::summary(&made)?,
             Err(why) => return Err(failed.unwrap_or(why)),
         }

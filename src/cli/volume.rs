@@ -8,7 +8,7 @@ use super::{
 use crate::{
     export::vdb::VolumeGrid,
     import,
-    run::{self, Control, Product, RunError, ShotFolder, VolumeSettings, Volumes},
+    run::{self, Control, FileSettings, RunError, ShotFolder, VolumeJob, VolumeSettings, Volumes},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -24,13 +24,7 @@ pub(super) fn volume(args: &VolumeArgs, control: Control) -> Result<(), RunError
 
 /// One line about what was written.
 pub(super) fn summary(made: &Volumes) -> Result<(), RunError> {
-    print(&format!(
-        "{}: {} volumes written ({:.1} MiB), {} were there",
-        made.folder.display(),
-        made.made,
-        made.bytes as f64 / f64::from(1 << 20),
-        made.kept
-    ))
+    print(&made.line())
 }
 
 fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Volumes, RunError> {
@@ -61,11 +55,7 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Volumes, 
     } else {
         alone(args)?
     };
-    if let Some(allowed) = args.max_memory {
-        let (frames, voxel) = (args.frames.as_ref(), settings.surface.voxel);
-        run::refuse_cache_over_memory(Product::Volumes, &source, frames, voxel, allowed)?;
-    }
-    run::volume_cache(&source, &out, &settings, args.frames.as_ref(), args.force, control)
+    run::volume_cache(&source, &out, &job(args, settings), control)
 }
 
 fn files(args: &VolumeArgs, control: Control) -> Result<Volumes, RunError> {
@@ -74,24 +64,13 @@ fn files(args: &VolumeArgs, control: Control) -> Result<Volumes, RunError> {
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the volumes go? Add -o DIR".into()));
     };
-    if args.frames.is_some() {
-        return Err(RunError::Request(
-            "--frames is for caches: of particle files, name those to use (`frame_000[1-9].vtk`)".into(),
-        ));
-    }
     let fps = mesh::fps(args.fps)?;
-    let settings = alone(args)?;
-    if let Some(allowed) = args.max_memory {
-        run::refuse_files_over_memory(
-            Product::Volumes,
-            &sequence,
-            None,
-            spacing,
-            &settings.surface,
-            allowed,
-        )?;
-    }
-    run::volume_files(&sequence, &ShotFolder::new(output), &settings, spacing, fps, control)
+    let job = job(args, alone(args)?);
+    run::volume_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
+}
+
+fn job(args: &VolumeArgs, settings: VolumeSettings) -> VolumeJob {
+    VolumeJob { settings, selection: args.frames.clone(), force: args.force, max_memory: args.max_memory }
 }
 
 /// What a preset says about volumes; no grids if it names none.

@@ -21,6 +21,9 @@ pub enum MeshFormat {
 }
 
 impl MeshFormat {
+    /// Every format.
+    pub const ALL: [Self; 2] = [Self::Ply, Self::Obj];
+
     /// The file name's ending.
     pub fn extension(self) -> &'static str {
         match self {
@@ -31,7 +34,7 @@ impl MeshFormat {
 
     /// The format that a file name's ending means.
     pub fn from_extension(text: &str) -> Option<Self> {
-        [Self::Ply, Self::Obj].into_iter().find(|format| format.extension() == text)
+        Self::ALL.into_iter().find(|format| format.extension() == text)
     }
 
     /// Writes `mesh` to `path` with a key that tells what it was made from; returns the file's size [bytes].

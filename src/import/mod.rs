@@ -28,7 +28,7 @@ pub use error::ImportError;
 pub use expand::expand;
 pub use sequence::Sequence;
 pub use triangles::parse_triangles;
-pub use vdb::{LevelSet, read_level_set};
+pub use vdb::{LevelSet, read_level_set, volume_grids};
 
 use crate::frame::Stream;
 use std::path::{Path, PathBuf};
@@ -107,6 +107,9 @@ impl Format {
 
 /// Raised whenever a change reads other particles from the same bytes, so that what was made of them is made again.
 const READER_VERSION: u32 = 1;
+
+/// Deflate expands at most so many times.
+const MOST_EXPANSION: usize = 1032;
 
 /// A particle file whose bytes are read, and not yet understood.
 #[derive(Debug)]

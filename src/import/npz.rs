@@ -1,7 +1,7 @@
 //! NPZ: numpy arrays in a zip archive, stored or deflated.
 
 use super::gather::{Gather, Values};
-use super::{ImportError, Imported, npy};
+use super::{ImportError, Imported, MOST_EXPANSION, npy};
 use std::io::{Cursor, Read};
 use std::path::Path;
 use zip::{ZipArchive, result::ZipError};
@@ -15,9 +15,6 @@ const POSITIONS: [&str; 7] = ["position", "positions", "pos", "points", "p", "x"
 /// Three arrays that make a vector: their names and the channel's.
 const VECTORS: [([&str; 3], &str); 3] =
     [(["x", "y", "z"], "position"), (["vx", "vy", "vz"], "velocity"), (["nx", "ny", "nz"], "normal")];
-
-/// Deflate expands at most so many times.
-const MOST_EXPANSION: usize = 1032;
 
 /// An array of the archive.
 struct Member {

@@ -8,9 +8,12 @@ use std::path::Path;
 const PROBE: usize = 1 << 16;
 
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
-    // Text holds no control characters but white space; floats hold a byte below 32 soon, in exponents or zeros.
+    // Text holds no control characters but white space; floats hold a byte below 32 soon, in exponents or zeros. Those of
+    // one or two particles may hold none, and then no end of a line, and they are no characters either.
     let is_text = |&byte: &u8| byte >= 32 && byte != 127 || matches!(byte, b'\t' | b'\n' | b'\r');
-    if bytes[..bytes.len().min(PROBE)].iter().all(is_text) { text(path, bytes) } else { raw(path, bytes) }
+    let printable = bytes[..bytes.len().min(PROBE)].iter().all(is_text);
+    let has_lines = || bytes.contains(&b'\n') || std::str::from_utf8(bytes).is_ok();
+    if printable && has_lines() { text(path, bytes) } else { raw(path, bytes) }
 }
 
 /// Triples of little-endian single-precision floats, without a header.
@@ -32,13 +35,16 @@ fn text(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     };
     let mut lines: Vec<(usize, Vec<&str>)> = Vec::new();
     let mut names: Vec<&str> = Vec::new();
+    // Whether nothing but counts was read.
+    let mut only_counts = true;
     for (number, line) in text.lines().enumerate() {
         let comment = line.trim_start().strip_prefix('#');
         let fields: Vec<&str> =
             comment.unwrap_or(line).split([' ', '\t', ',']).filter(|field| !field.is_empty()).collect();
-        if lines.iter().all(|(_, fields)| fields.len() == 1) && is_names(&fields) {
+        if only_counts && is_names(&fields) {
             names = fields;
         } else if comment.is_none() && !fields.is_empty() {
+            only_counts &= fields.len() == 1;
             lines.push((number + 1, fields));
         }
     }

@@ -147,6 +147,30 @@ mod tests {
     }
 
     #[test]
+    fn frames_that_fit_run_at_once() {
+        let control = Control { reporter: &Told::default(), interrupted: &|| false };
+        let entered = AtomicU64::new(0);
+        let met = par::with_threads(4, || {
+            // Each frame waits until all four are under way, or a minute has passed.
+            let work = |_, alone: bool| {
+                assert!(!alone);
+                entered.fetch_add(1, SeqCst);
+                for _ in 0..60_000 {
+                    if entered.load(SeqCst) == 4 {
+                        return Some(Ok(true));
+                    }
+                    std::thread::sleep(std::time::Duration::from_millis(1));
+                }
+                Some(Ok(false))
+            };
+            let mut met = Vec::new();
+            each("test", &[10; 4], 40, control, work, |all| met.push(all)).unwrap();
+            met
+        });
+        assert_eq!(met, [true; 4]);
+    }
+
+    #[test]
     fn what_was_finished_beside_the_end_is_kept() {
         let told = Told::default();
         let control = Control { reporter: &told, interrupted: &|| false };

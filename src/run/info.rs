@@ -15,8 +15,10 @@ pub struct Info {
     pub span: Option<FrameSpan>,
     /// The frames that are there.
     pub frames: Vec<FrameState>,
-    /// The frames that were asked for and are not there.
+    /// The frames that were asked for and are not there, in ascending order; the first thousand of more.
     pub missing: Vec<u32>,
+    /// How many these are.
+    pub missing_count: u64,
     /// The files that were made of them.
     pub outputs: Vec<OutputInfo>,
     /// The figures of the meshes that were made.
@@ -64,7 +66,7 @@ pub struct OutputInfo {
     /// Files that are there.
     pub present: usize,
     /// Files that should be there and are not.
-    pub missing: usize,
+    pub missing: u64,
 }
 
 /// Lists what is in the folder; `whole` also reads every frame to its last byte.
@@ -111,19 +113,23 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         frames.push(state);
     }
     let span = manifest.as_ref().map(|manifest| manifest.frames);
-    let has = |number: u32| frames.iter().any(|frame| frame.frame == number);
-    let missing = span
-        .filter(|_| !frames.is_empty())
-        .map_or_else(Vec::new, |span| span.numbers().filter(|&number| !has(number)).collect());
+    let there: Vec<u32> = frames.iter().map(|frame| frame.frame).collect();
+    // A span may have a frame for each of 2³² numbers.
+    let asked = span.filter(|_| !there.is_empty());
+    let (missing, missing_count) = asked.map_or_else(Default::default, |span| {
+        let lacking = span.numbers().filter(|number| there.binary_search(number).is_err());
+        let present = there.iter().filter(|&&frame| span.contains(frame)).count() as u64;
+        (lacking.take(MOST_MISSING).collect(), span.count() - present)
+    });
     let outputs = manifest.iter().flat_map(|manifest| &manifest.outputs).map(|output| {
-        let present = output.frames.numbers().filter(|&number| output.file(folder, number).exists()).count();
+        let present = output.present(folder).len();
         OutputInfo {
             kind: output.kind.clone(),
             name: output.name.clone(),
             format: output.format.clone(),
             pattern: output.pattern.clone(),
             present,
-            missing: output.frames.numbers().count() - present,
+            missing: output.frames.count().saturating_sub(present as u64),
         }
     });
     let meshes = mesh_log::read(folder)?;
@@ -137,7 +143,11 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         outputs: outputs.collect(),
         frames,
         missing,
+        missing_count,
         meshes,
         jumps,
     })
 }
+
+/// Missing frames that are listed.
+const MOST_MISSING: usize = 1000;

@@ -1,8 +1,9 @@
 //! The job that turns level sets of other programs into meshes.
 
 use super::{
-    Control, Failure, RunError, ShotFolder, SurfaceJob, Surfaced,
-    surface::{Ledger, Made, Writer},
+    Control, Failure, RunError, ShotFolder, SurfaceJob, Surfaced, remarks,
+    surface::{Ledger, Made, Writer, choose},
+    surface_files::{NO_FILE, numbered},
 };
 use crate::{
     export::MeshFormat,
@@ -10,13 +11,15 @@ use crate::{
     import::{self, LevelSet, Sequence},
     mesh::{self, Mesh, SurfaceParams},
     par,
+    scene::Frames,
 };
+use std::path::PathBuf;
 
 /// The name of the meshes.
 const NAME: &str = "surface";
 
-/// Meshes the level set of every OpenVDB file of a sequence into `out`, in every format; `fps` are the frames a second of
-/// the sequence. Files keep their numbers, as particle files do, and are always meshed anew.
+/// Meshes the level set of every OpenVDB file of a sequence (those of `selection`, or all) into `out`, in every format;
+/// `fps` are the frames a second of the sequence. Files keep their numbers, as particle files do, and are always meshed anew.
 ///
 /// # Errors
 /// A file that cannot be read is left out and named at the end ([`RunError::SomeFailed`]), or is the job's error
@@ -26,8 +29,14 @@ pub fn mesh_level_sets(
     out: &ShotFolder,
     fps: f64,
     formats: &[MeshFormat],
+    selection: Option<&Frames>,
     control: Control,
 ) -> Result<Surfaced, RunError> {
+    let wanted = choose(&numbered(sequence), selection)?;
+    let numbers: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
+    if selection.is_none() {
+        remarks::of_gaps(&numbers).iter().for_each(|gaps| control.reporter.note(gaps));
+    }
     let job = SurfaceJob {
         params: SurfaceParams::default(), // no particle becomes a surface here
         formats: formats.to_vec(),
@@ -37,25 +46,28 @@ pub fn mesh_level_sets(
         side_by_side: false,
     };
     let mut ledger = Ledger::new(out)?;
-    let outcome = mesh_each(sequence, &Writer::new(out, &job), &mut ledger, control);
-    ledger.finish(&job, "Level set", fps, sequence.numbers(), outcome)
+    let outcome = mesh_each(&wanted, &Writer::new(out, &job), &mut ledger, control);
+    ledger.finish(&job, "Level set", fps, &numbers, outcome, control)
 }
 
 /// Meshes one file after the other.
 fn mesh_each(
-    sequence: &Sequence,
+    wanted: &[(FrameIndex, Option<PathBuf>)],
     writer: &Writer,
     ledger: &mut Ledger,
     control: Control,
 ) -> Result<(), RunError> {
-    let files = sequence.files();
-    control.reporter.begin("mesh", files.len());
-    for (place, (file, &number)) in files.iter().zip(sequence.numbers()).enumerate() {
+    control.reporter.begin("mesh", wanted.len());
+    for (place, (index, file)) in wanted.iter().enumerate() {
         if (control.interrupted)() {
             return Err(RunError::Interrupted);
         }
-        let index = FrameIndex(number);
-        let mut made = Made::new(index);
+        let mut made = Made::new(*index);
+        let Some(file) = file else {
+            made.fail(format!("frame {index}"), NO_FILE.into(), Failure::Other);
+            ledger.take(made, control);
+            continue;
+        };
         match import::read_level_set(file) {
             Ok(level_set) => {
                 let (mesh, cut) = contour(&level_set);
@@ -75,10 +87,10 @@ fn mesh_each(
                     );
                     made.fail(file.display().to_string(), why, Failure::Other);
                 } else {
-                    made.complain(&check);
+                    made.complain(&mesh, &check, level_set.grid.voxel);
                 }
             }
-            Err(why) if files.len() == 1 => return Err(why.into()),
+            Err(why) if wanted.len() == 1 => return Err(why.into()),
             Err(why) => made.fail(file.display().to_string(), why.to_string(), Failure::Other),
         }
         ledger.take(made, control);

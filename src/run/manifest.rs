@@ -1,6 +1,7 @@
 //! `shot.json`: what is in a shot folder, for Blender and other tools. Documented in `docs/formats/shot.md`.
 
 use super::{RunError, ShotFolder};
+use crate::cache::Lock;
 use serde::{Deserialize, Serialize};
 use std::{io::ErrorKind, path::PathBuf};
 
@@ -53,6 +54,16 @@ impl FrameSpan {
         Self { first: self.first.min(other.first), last: self.last.max(other.last), step: step.max(1) }
     }
 
+    /// Whether `frame` is one of the span.
+    pub fn contains(self, frame: u32) -> bool {
+        (self.first..=self.last).contains(&frame) && (frame - self.first).is_multiple_of(self.step.max(1))
+    }
+
+    /// How many frames the span has.
+    pub fn count(self) -> u64 {
+        self.last.checked_sub(self.first).map_or(0, |length| u64::from(length / self.step.max(1)) + 1)
+    }
+
     /// Every frame of the span, in ascending order.
     pub fn numbers(self) -> impl Iterator<Item = u32> {
         (self.first..=self.last).step_by(self.step.max(1) as usize)
@@ -87,7 +98,27 @@ pub struct OutputFiles {
 impl OutputFiles {
     /// Where the file of a frame is.
     pub fn file(&self, folder: &ShotFolder, frame: u32) -> PathBuf {
-        folder.root().join(self.pattern.replace("{:04}", &format!("{frame:04}")))
+        folder.root().join(self.pattern.replace(NUMBER, &format!("{frame:04}")))
+    }
+
+    /// The frames whose files are there, in ascending order. The folder is listed once: a span may have a frame for each
+    /// of 2³² numbers.
+    pub fn present(&self, folder: &ShotFolder) -> Vec<u32> {
+        let path = folder.root().join(&self.pattern);
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        let (Some((before, after)), Some(parent)) = (name.split_once(NUMBER), path.parent()) else {
+            return Vec::new();
+        };
+        let number = |name: &str| {
+            let digits = name.strip_prefix(before)?.strip_suffix(after)?;
+            let frame: u32 = digits.parse().ok()?;
+            (format!("{frame:04}") == digits && self.frames.contains(frame)).then_some(frame)
+        };
+        let entries = std::fs::read_dir(parent).into_iter().flatten().flatten();
+        let mut frames: Vec<u32> =
+            entries.filter_map(|entry| number(&entry.file_name().to_string_lossy())).collect();
+        frames.sort_unstable();
+        frames
     }
 }
 
@@ -153,14 +184,27 @@ impl Manifest {
         same.map(|output| output.attributes.clone()).unwrap_or_default()
     }
 
-    /// Adds an output, in place of an earlier one of the same name and format. What that one named stays named as
-    /// far as its files are in `folder`, so that meshing a few frames again does not hide the others.
-    pub fn put(&mut self, mut output: OutputFiles, folder: &ShotFolder) {
+    /// The right to change the folder's manifest, held until dropped: jobs that write different files share it. Waits
+    /// for whoever has it.
+    ///
+    /// # Errors
+    /// If the folder cannot be written.
+    pub(super) fn lock(folder: &ShotFolder) -> Result<Lock, RunError> {
+        Ok(Lock::wait(folder.root())?)
+    }
+
+    /// Adds an output of which the files of `frames` are new, in place of an earlier one of the same name and format.
+    /// What that one named stays named as far as its files are in `folder`, so that meshing a few frames again does not
+    /// hide the others; then attributes and grids are those that all of them have.
+    pub fn put(&mut self, mut output: OutputFiles, frames: &[u32], folder: &ShotFolder) {
         let is_same = |old: &OutputFiles| old.name == output.name && old.format == output.format;
         if let Some(place) = self.outputs.iter().position(is_same) {
             let old = self.outputs.remove(place);
-            let there: Vec<u32> =
-                old.frames.numbers().filter(|&frame| old.file(folder, frame).exists()).collect();
+            let there = old.present(folder);
+            if there.iter().any(|frame| frames.binary_search(frame).is_err()) {
+                output.grids.retain(|grid| old.grids.contains(grid));
+                output.attributes.retain(|name, properties| old.attributes.get(name) == Some(properties));
+            }
             if let Some(there) = FrameSpan::of(&there) {
                 output.frames = output.frames.union(there);
             }
@@ -170,6 +214,9 @@ impl Manifest {
 }
 
 const FORMAT: &str = "meniscus-shot";
+
+/// What stands for the number of a frame in a pattern.
+const NUMBER: &str = "{:04}";
 
 #[cfg(test)]
 mod tests {
@@ -202,6 +249,41 @@ mod tests {
     }
 
     #[test]
+    fn spans_of_all_numbers_are_counted_and_listed_at_once() {
+        let all = FrameSpan { first: 0, last: u32::MAX, step: 1 };
+        assert_eq!(all.count(), 1 << 32);
+        assert_eq!(FrameSpan { first: 2, last: 9, step: 3 }.count(), 3);
+        assert_eq!(FrameSpan { first: 9, last: 2, step: 0 }.count(), 0, "of a broken file");
+        let dir = tempfile::tempdir().unwrap();
+        let folder = ShotFolder::new(dir.path());
+        let output = OutputFiles {
+            kind: "mesh".into(),
+            name: "liquid".into(),
+            format: "ply".into(),
+            pattern: "mesh/liquid_{:04}.ply".into(),
+            frames: all,
+            attributes: Default::default(),
+            grids: Vec::new(),
+        };
+        assert_eq!(output.present(&folder), [0; 0], "no folder");
+        std::fs::create_dir(folder.meshes()).unwrap();
+        for frame in [7, 0, u32::MAX, 12345] {
+            std::fs::write(output.file(&folder, frame), "").unwrap();
+        }
+        for other in ["liquid_7.ply", "liquid_00007.ply", "liquid_x.ply", "liquid_0008.obj", "foam_0008.ply"]
+        {
+            std::fs::write(folder.meshes().join(other), "").unwrap();
+        }
+        assert_eq!(output.present(&folder), [0, 7, 12345, u32::MAX]);
+        let mut manifest = Manifest::new("Odd", 24.0, all);
+        manifest.put(output.clone(), &[0, 7, 12345, u32::MAX], &folder);
+        let frames = FrameSpan { first: 5, last: 9, step: 2 };
+        assert_eq!(OutputFiles { frames, ..output.clone() }.present(&folder), [7]);
+        manifest.put(OutputFiles { frames, ..output }, &[5, 7, 9], &folder);
+        assert_eq!(manifest.outputs[0].frames, all);
+    }
+
+    #[test]
     fn a_manifest_survives_writing_and_replaces_outputs_of_the_same_name() {
         let dir = tempfile::tempdir().unwrap();
         let folder = ShotFolder::new(dir.path());
@@ -216,17 +298,17 @@ mod tests {
             attributes: Default::default(),
             grids: Vec::new(),
         };
-        manifest.put(output.clone(), &folder);
+        manifest.put(output.clone(), &[1, 2, 3, 4, 5], &folder);
         let few = OutputFiles { frames: FrameSpan { first: 1, last: 3, step: 1 }, ..output.clone() };
-        manifest.put(few.clone(), &folder);
-        manifest.put(OutputFiles { format: "obj".into(), ..output }, &folder);
+        manifest.put(few.clone(), &[1, 2, 3], &folder);
+        manifest.put(OutputFiles { format: "obj".into(), ..output }, &[1, 2, 3, 4, 5], &folder);
         assert_eq!(manifest.outputs.len(), 2);
         assert_eq!(manifest.outputs[0].frames.last, 3, "files that are not there are not named");
         std::fs::create_dir(folder.meshes()).unwrap();
         for frame in [1, 3] {
             std::fs::write(few.file(&folder, frame), "").unwrap();
         }
-        manifest.put(OutputFiles { frames: FrameSpan { first: 5, last: 5, step: 1 }, ..few }, &folder);
+        manifest.put(OutputFiles { frames: FrameSpan { first: 5, last: 5, step: 1 }, ..few }, &[5], &folder);
         assert_eq!(manifest.outputs[1].frames, FrameSpan { first: 1, last: 5, step: 2 });
         manifest.write(&folder).unwrap();
         assert_eq!(Manifest::read(&folder).unwrap(), Some(manifest));

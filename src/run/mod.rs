@@ -29,14 +29,11 @@ pub use info::{FrameState, Info, OutputInfo, info};
 pub use level_sets::mesh_level_sets;
 pub use manifest::{FrameSpan, Manifest, OutputFiles};
 pub use mesh_log::{Jump, MeshRecord};
-pub use plan::{
-    Outline, Plan, Product, outline, plan, refuse_cache_over_memory, refuse_files_over_memory,
-    refuse_over_memory,
-};
+pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub use simulate::{Simulated, simulate};
 pub use surface::{SurfaceJob, Surfaced, surface_cache};
 pub use surface_files::{FileSettings, surface_files};
-pub use volume::{VolumeSettings, Volumes, volume_cache, volume_files};
+pub use volume::{VolumeJob, VolumeSettings, Volumes, volume_cache, volume_files};
 
 /// What a job tells while it works. Implemented by the command line.
 pub trait Reporter: Sync {

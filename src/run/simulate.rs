@@ -261,6 +261,7 @@ fn write_manifest(
     let asked = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
     let there = valid.iter().map(|&FrameIndex(frame)| FrameSpan { first: frame, last: frame, step: 1 });
     let Some(span) = asked.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
+    let _lock = Manifest::lock(folder)?;
     let old = if valid.is_empty() { None } else { Manifest::read(folder).ok().flatten() };
     let outputs = old.map(|old| old.outputs).unwrap_or_default();
     let manifest = Manifest { outputs, ..Manifest::new(&scene.title, f64::from(scene.fps), span) };

@@ -3,7 +3,7 @@
 use super::{
     Control, FailedFrame, Failure, FrameSpan, Jump, Manifest, MeshRecord, OutputFiles, RunError, ShotFolder,
     batch, mesh_log,
-    plan::{refuse_memory, stream_memory},
+    plan::{Product, refuse_memory, stream_memory},
     remarks,
 };
 use crate::{
@@ -11,6 +11,7 @@ use crate::{
     export::{self, MeshFormat},
     frame::{FrameIndex, Stream},
     mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams, SurfaceStats},
+    par,
     scene::Frames,
 };
 use std::{
@@ -34,6 +35,21 @@ pub struct Surfaced {
     pub folder: PathBuf,
     /// Changes between the folder's meshes that their neighbours do not suggest.
     pub jumps: Vec<Jump>,
+}
+
+impl Surfaced {
+    /// What was done, a line each.
+    pub fn lines(&self) -> Vec<String> {
+        let done = format!(
+            "{}: {} frames meshed ({} triangles, {:.1} MiB), {} were there",
+            self.folder.display(),
+            self.meshed,
+            self.triangles,
+            self.bytes as f64 / f64::from(1 << 20),
+            self.kept
+        );
+        [done].into_iter().chain(self.jumps.iter().map(|jump| format!("jump: {jump}"))).collect()
+    }
 }
 
 /// What a surfacing job is to do, whatever its source.
@@ -74,7 +90,7 @@ pub fn surface_cache(
     control: Control,
 ) -> Result<Surfaced, RunError> {
     let present = cache::list(&source.cache())?;
-    let wanted = choose(&present, job.selection.as_ref());
+    let wanted = choose(&present, job.selection.as_ref())?;
     let known = match Manifest::read(source)? {
         Some(known) => Some(known),
         None => Manifest::read(out)?,
@@ -98,7 +114,7 @@ pub fn surface_cache(
         |made| ledger.take(made, control),
     );
     let (title, fps) = known.map_or(("Untitled".into(), DEFAULT_FPS), |known| (known.title, known.fps));
-    ledger.finish(job, &title, fps, &all, outcome)
+    ledger.finish(job, &title, fps, &all, outcome, control)
 }
 
 /// Frames a second of a cache that does not say.
@@ -135,6 +151,8 @@ fn surface_frame(
             return Some(Ok(made));
         }
     };
+    // What every stream needs is known before the first is made: a second try makes all of them.
+    let mut ready = Vec::new();
     for stream in &frame.streams {
         let Some(spacing) = stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0) else {
             let why = format!("the stream {} does not say its spacing; simulate it again", stream.name);
@@ -143,35 +161,51 @@ fn surface_frame(
         };
         let key = writer.key(state_key(info.key, index, &stream.name), spacing);
         let missing = writer.missing(&stream.name, index, key);
-        let state = StreamState { spacing, key, allowance };
-        match writer.mesh(stream, state, missing, &mut made, control) {
-            Ok(Fit::Yes) => {}
+        if missing.is_empty() {
+            made.keep(&stream.name);
+            continue;
+        }
+        match writer.fits(stream, spacing, allowance) {
+            Ok(Fit::Yes) => ready.push((stream, StreamState { spacing, key }, missing)),
             Ok(Fit::No) => return None,
-            Err(why @ RunError::OverMemory { .. }) => {
-                made.fail(name.clone(), why.to_string(), Failure::Memory)
-            }
-            Err(why) => return Some(Err(why)),
+            Err(why) => made.fail(name.clone(), why.to_string(), Failure::Memory),
+        }
+    }
+    for (stream, state, missing) in ready {
+        if let Err(why) = writer.mesh(stream, state, missing, &mut made, control) {
+            return Some(Err(why));
         }
     }
     Some(Ok(made))
 }
 
-/// The asked-for frames and where they are; all that are present if nothing was asked.
+/// The asked-for frames and where they are; all that are present if nothing was asked. `present` ascend.
+///
+/// # Errors
+/// [`RunError::Request`] if more are asked for than any shot has: each that is not there would be told.
 pub(super) fn choose(
     present: &[(FrameIndex, PathBuf)],
     selection: Option<&Frames>,
-) -> Vec<(FrameIndex, Option<PathBuf>)> {
-    match selection {
-        None => present.iter().map(|(index, path)| (*index, Some(path.clone()))).collect(),
-        Some(selection) => selection
-            .iter()
-            .map(|wanted| {
-                let found = present.iter().find(|(index, _)| *index == wanted);
-                (wanted, found.map(|(_, path)| path.clone()))
-            })
-            .collect(),
+) -> Result<Vec<(FrameIndex, Option<PathBuf>)>, RunError> {
+    let Some(selection) = selection else {
+        return Ok(present.iter().map(|(index, path)| (*index, Some(path.clone()))).collect());
+    };
+    if selection.count() > MOST_FRAMES {
+        return Err(RunError::Request(format!(
+            "--frames {selection}: found {} frames, expected at most {MOST_FRAMES}; name those that are there, or leave \
+             --frames out for all of them",
+            selection.count()
+        )));
     }
+    let found = |wanted: FrameIndex| {
+        let place = present.binary_search_by_key(&wanted, |(index, _)| *index);
+        place.ok().map(|place| present[place].1.clone())
+    };
+    Ok(selection.iter().map(|wanted| (wanted, found(wanted))).collect())
 }
+
+/// Frames that a job may be asked for: eleven hours at 24 a second.
+const MOST_FRAMES: u64 = 1_000_000;
 
 /// Identifies the simulated state that a mesh or volume was made from.
 pub(super) fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {
@@ -187,6 +221,11 @@ pub(super) struct Made {
     failed: Vec<FailedFrame>,
 }
 
+/// Distance of coordinates, over the voxel, from which triangles without area are put down to rounding. Smaller, and a
+/// fault of the surfacer near the origin is taken for it; larger, and sound meshes of wide scenes count as failed: spray
+/// 10 km wide at voxel 0.05 m, 0.024, has 89 such triangles in a thousand drops.
+const COARSE: f32 = 1e-3;
+
 /// A stream of the frame whose files are there now.
 struct MadeStream {
     name: String,
@@ -194,6 +233,8 @@ struct MadeStream {
     attributes: Vec<(String, Vec<String>)>,
     /// `None`: they were there.
     meshed: Option<Meshed>,
+    /// Outputs that this job does not write and whose file of the frame shows another surface, by name and format.
+    stale: Vec<(String, MeshFormat)>,
 }
 
 struct Meshed {
@@ -212,7 +253,12 @@ impl Made {
 
     /// Remembers a stream whose files were there.
     pub(super) fn keep(&mut self, stream: &str) {
-        self.streams.push(MadeStream { name: stream.into(), attributes: Vec::new(), meshed: None });
+        self.streams.push(MadeStream {
+            name: stream.into(),
+            attributes: Vec::new(),
+            meshed: None,
+            stale: Vec::new(),
+        });
     }
 
     /// Remembers that something could not be made; the job goes on.
@@ -220,8 +266,25 @@ impl Made {
         self.failed.push(FailedFrame { name, why, kind });
     }
 
-    /// Remembers a mesh that is not what it should be; it is written all the same.
-    pub(super) fn complain(&mut self, check: &MeshCheck) {
+    /// Remembers a mesh of cells of `voxel` [m] that is not what it should be; it is written all the same.
+    ///
+    /// Far from the origin, vertices that differ round to the same single-precision numbers. That is told, and is no fault
+    /// of the mesh.
+    pub(super) fn complain(&mut self, mesh: &Mesh, check: &MeshCheck, voxel: f32) {
+        let reach = par::max(mesh.positions.len(), |vertex| mesh.positions[vertex].amax())
+            .map_or(0.0, |(_, reach)| reach);
+        let apart = reach * f32::EPSILON;
+        let degenerate = check.degenerate_triangles;
+        if apart > COARSE * voxel && (MeshCheck { degenerate_triangles: 0, ..*check }).is_sound() {
+            if degenerate > 0 {
+                self.notes.push(format!(
+                    "frame {}: {degenerate} triangles have no area: {reach:.0} m from the origin, coordinates are {apart:.1e} m \
+                     apart; move the particles nearer to it",
+                    self.index
+                ));
+            }
+            return;
+        }
         if let Some(fault) = check.first_fault {
             let why = format!(
                 "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: \
@@ -247,8 +310,6 @@ pub(super) struct StreamState {
     pub(super) spacing: f32,
     /// The key of its mesh.
     pub(super) key: u64,
-    /// Memory that was set aside for it [bytes]; `None`: all that the job allows.
-    pub(super) allowance: Option<u64>,
 }
 
 /// Whether a frame was made within the memory that was set aside for it.
@@ -283,11 +344,27 @@ impl<'a> Writer<'a> {
         xxh3_64(format!("{version} {state:016x} {spacing} {}", self.settings).as_bytes())
     }
 
+    /// Where the file of a frame is.
+    fn target(&self, name: &str, index: FrameIndex, format: MeshFormat) -> PathBuf {
+        self.out.meshes().join(format!("{name}_{index}.{}", format.extension()))
+    }
+
+    /// The outputs that this job does not write and whose file of the frame was made of something else.
+    fn stale(&self, stream: &str, index: FrameIndex, key: u64) -> Vec<(String, MeshFormat)> {
+        let others = MeshFormat::ALL.into_iter().filter(|format| !self.job.formats.contains(format));
+        let points =
+            self.job.params.components.is_none().then(|| (format!("{stream}{POINTS}"), MeshFormat::Ply));
+        let outputs = others.map(|format| (stream.to_owned(), format)).chain(points);
+        let is_stale = |name: &str, format: MeshFormat| {
+            let path = self.target(name, index, format);
+            path.exists() && format.key_in(&path) != Some(key)
+        };
+        outputs.filter(|(name, format)| is_stale(name, *format)).collect()
+    }
+
     /// The files of a stream that have to be written.
     pub(super) fn missing(&self, stream: &str, index: FrameIndex, key: u64) -> Missing {
-        let target = |name: &str, format: MeshFormat| {
-            self.out.meshes().join(format!("{name}_{index}.{}", format.extension()))
-        };
+        let target = |name: &str, format: MeshFormat| self.target(name, index, format);
         let is_missing = |format: MeshFormat, path: &Path| self.job.force || format.key_in(path) != Some(key);
         let files = self.job.formats.iter().map(|&format| (format, target(stream, format)));
         let meshes = files.filter(|(format, path)| is_missing(*format, path)).collect();
@@ -296,10 +373,29 @@ impl<'a> Writer<'a> {
         Missing { meshes, points: points.filter(|path| is_missing(MeshFormat::Ply, path)) }
     }
 
-    /// Meshes a stream and writes the files that are `missing`, unless that needs more memory than `allowance`.
+    /// Whether meshing a stream fits in the `allowance` of memory that was set aside for it [bytes].
     ///
     /// # Errors
-    /// [`RunError::OverMemory`] if it needs more than the job allows; what a folder or disk refuses.
+    /// [`RunError::OverMemory`] if it needs more than the job allows.
+    pub(super) fn fits(
+        &self,
+        stream: &Stream,
+        spacing: f32,
+        allowance: Option<u64>,
+    ) -> Result<Fit, RunError> {
+        let limit = self.job.max_memory;
+        if limit.is_none() && allowance.is_none() {
+            return Ok(Fit::Yes);
+        }
+        let needed = stream_memory(Product::Meshes, stream, spacing, &self.job.params);
+        limit.map_or(Ok(()), |limit| refuse_memory(needed, limit))?;
+        Ok(if allowance.is_some_and(|allowance| needed > allowance) { Fit::No } else { Fit::Yes })
+    }
+
+    /// Meshes a stream and writes the files that are `missing`.
+    ///
+    /// # Errors
+    /// What a folder or disk refuses; [`RunError::Interrupted`].
     pub(super) fn mesh(
         &self,
         stream: &Stream,
@@ -307,20 +403,8 @@ impl<'a> Writer<'a> {
         missing: Missing,
         made: &mut Made,
         control: Control,
-    ) -> Result<Fit, RunError> {
-        let StreamState { spacing, key, allowance } = state;
-        if missing.is_empty() {
-            made.keep(&stream.name);
-            return Ok(Fit::Yes);
-        }
-        let limit = self.job.max_memory;
-        if limit.is_some() || allowance.is_some() {
-            let needed = stream_memory(stream, spacing, &self.job.params);
-            limit.map_or(Ok(()), |limit| refuse_memory(needed, limit))?;
-            if allowance.is_some_and(|allowance| needed > allowance) {
-                return Ok(Fit::No);
-            }
-        }
+    ) -> Result<(), RunError> {
+        let StreamState { spacing, key } = state;
         let name = format!("frame {}", made.index);
         let keep_going = || !(control.interrupted)();
         let surface = match mesh::reconstruct(stream, spacing, &self.job.params, &keep_going) {
@@ -328,7 +412,7 @@ impl<'a> Writer<'a> {
             Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
             Err(why) => {
                 made.fail(name, why.to_string(), Failure::Other);
-                return Ok(Fit::Yes);
+                return Ok(());
             }
         };
         let mut bytes = 0;
@@ -345,9 +429,10 @@ impl<'a> Writer<'a> {
         drop(distance);
         let meshed = Meshed { triangles: 0, bytes, figures, record: Some((record, stats)) };
         let meshed = Some(self.write(&mesh, missing, key, meshed)?);
-        made.streams.push(MadeStream { name: stream.name.clone(), attributes, meshed });
-        made.complain(&check);
-        Ok(Fit::Yes)
+        let stale = self.stale(&stream.name, made.index, key);
+        made.streams.push(MadeStream { name: stream.name.clone(), attributes, meshed, stale });
+        made.complain(&mesh, &check, self.job.params.voxel * spacing);
+        Ok(())
     }
 
     /// Writes a mesh that came from elsewhere in every format.
@@ -361,7 +446,12 @@ impl<'a> Writer<'a> {
         let missing = self.missing(name, made.index, 0);
         let meshed = Meshed { triangles: 0, bytes: 0, figures, record: None };
         let meshed = Some(self.write(mesh, missing, 0, meshed)?);
-        made.streams.push(MadeStream { name: name.into(), attributes: Vec::new(), meshed });
+        made.streams.push(MadeStream {
+            name: name.into(),
+            attributes: Vec::new(),
+            meshed,
+            stale: Vec::new(),
+        });
         Ok(())
     }
 
@@ -384,6 +474,8 @@ pub(super) struct Ledger<'a> {
     /// Which file properties hold which attribute, by stream.
     attributes: BTreeMap<String, BTreeMap<String, Vec<String>>>,
     failed: Vec<FailedFrame>,
+    /// Outputs to be named no longer.
+    stale: Vec<(String, MeshFormat)>,
     /// Why the log could not be written.
     unlogged: Option<RunError>,
     /// Nobody else may write the meshes, or remove what looks like the temporary of a crashed run.
@@ -402,13 +494,14 @@ impl<'a> Ledger<'a> {
         })?;
         let done = Surfaced { folder: out.meshes(), ..Surfaced::default() };
         let (written, attributes, failed) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
-        Ok(Self { out, done, written, attributes, failed, unlogged: None, _lock: lock })
+        Ok(Self { out, done, written, attributes, failed, stale: Vec::new(), unlogged: None, _lock: lock })
     }
 
     /// Remembers what became of a frame, and tells it. Frames come in ascending order.
     pub(super) fn take(&mut self, made: Made, control: Control) {
         made.notes.iter().for_each(|note| control.reporter.note(note));
-        for MadeStream { name, attributes, meshed } in made.streams {
+        for MadeStream { name, attributes, meshed, stale } in made.streams {
+            self.stale.extend(stale);
             self.attributes.entry(name.clone()).or_default().extend(attributes);
             self.written.entry(name).or_default().push(made.index.0);
             match meshed {
@@ -436,6 +529,7 @@ impl<'a> Ledger<'a> {
         fps: f64,
         frames: &[u32],
         outcome: Result<(), RunError>,
+        control: Control,
     ) -> Result<Surfaced, RunError> {
         let named = self.name_outputs(job, title, fps, frames);
         // What ended the job comes before what went wrong because of it.
@@ -446,17 +540,29 @@ impl<'a> Ledger<'a> {
         self.done.jumps = mesh_log::jumps(&mesh_log::read(self.out)?);
         match self.failed {
             failed if failed.is_empty() => Ok(self.done),
-            failed => Err(RunError::SomeFailed { failed, asked: frames.len() }),
+            failed => {
+                // The frames that were made are told as well.
+                self.done.lines().iter().for_each(|line| control.reporter.note(line));
+                Err(RunError::SomeFailed { failed, asked: frames.len() })
+            }
         }
     }
 
     /// Adds what was written to the folder's manifest.
     fn name_outputs(&self, job: &SurfaceJob, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
         let Some(all) = FrameSpan::of(frames).filter(|_| !self.written.is_empty()) else { return Ok(()) };
+        let _lock = Manifest::lock(self.out)?;
         let mut manifest = match Manifest::read(self.out)? {
             Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
             None => Manifest::new(title, fps, all),
         };
+        let is_stale = |output: &OutputFiles| {
+            let same = |(name, format): &(String, MeshFormat)| {
+                output.name == *name && output.format == format.extension()
+            };
+            ["mesh", "points"].contains(&output.kind.as_str()) && self.stale.iter().any(same)
+        };
+        manifest.outputs.retain(|output| !is_stale(output));
         for (name, numbers) in &self.written {
             let Some(span) = FrameSpan::of(numbers) else { continue };
             let mut attributes = self.attributes[name].clone();
@@ -467,12 +573,12 @@ impl<'a> Ledger<'a> {
                     output.attributes = manifest.attributes_of(name, format.extension());
                     attributes.extend(output.attributes.clone());
                 }
-                manifest.put(output, self.out);
+                manifest.put(output, numbers, self.out);
             }
             if job.params.components.is_some() {
                 attributes.insert("radius".into(), vec!["radius".into()]);
                 let name = format!("{name}{POINTS}");
-                manifest.put(output("points", &name, MeshFormat::Ply, span, &attributes), self.out);
+                manifest.put(output("points", &name, MeshFormat::Ply, span, &attributes), numbers, self.out);
             }
         }
         manifest.write(self.out)

@@ -1,10 +1,8 @@
 //! The job that turns other solvers' particle files into meshes.
 
 use super::{
-    Control, Failure, RunError, ShotFolder, SurfaceJob, Surfaced, batch,
-    plan::mesh_memory,
-    remarks,
-    surface::{Fit, Ledger, Made, StreamState, Writer},
+    Control, Failure, RunError, ShotFolder, SurfaceJob, Surfaced, batch, remarks,
+    surface::{Fit, Ledger, Made, StreamState, Writer, choose},
 };
 use crate::{
     frame::FrameIndex,
@@ -44,17 +42,15 @@ pub fn surface_files(
     job: &SurfaceJob,
     control: Control,
 ) -> Result<Surfaced, RunError> {
-    let wanted = choose(sequence, job);
-    let numbers: Vec<u32> = wanted.iter().map(|(number, _)| *number).collect();
+    let wanted = choose(&numbered(sequence), job.selection.as_ref())?;
+    let numbers: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
     let mut ledger = Ledger::new(out)?;
     if job.selection.is_none() {
         remarks::of_gaps(&numbers).iter().for_each(|gaps| control.reporter.note(gaps));
     }
-    let guess = |file: Option<&PathBuf>| {
-        let bytes = file.and_then(|file| std::fs::metadata(file).ok()).map_or(0, |about| about.len());
-        mesh_memory((bytes / LEAST_PARTICLE) as usize, job.params.voxel)
-    };
-    let costs: Vec<u64> = wanted.iter().map(|(_, file)| guess(*file)).collect();
+    let size = |file: &PathBuf| std::fs::metadata(file).map_or(0, |about| about.len());
+    let cost = |file: &Option<PathBuf>| guess(file.as_ref().map_or(0, size), job.params.voxel);
+    let costs: Vec<u64> = wanted.iter().map(|(_, file)| cost(file)).collect();
     let maker =
         Maker { writer: Writer::new(out, job), spacing: settings.spacing, alone: wanted.len() == 1, control };
     let outcome = batch::each(
@@ -63,28 +59,28 @@ pub fn surface_files(
         job.budget(),
         control,
         |place, alone| {
-            let (number, file) = wanted[place];
-            maker.frame(FrameIndex(number), file, (!alone).then_some(costs[place]))
+            let (index, file) = &wanted[place];
+            maker.frame(*index, file.as_deref(), (!alone).then_some(costs[place]))
         },
         |made| ledger.take(made, control),
     );
     let title = sequence.files().first().and_then(|file| file.file_stem()).unwrap_or_default();
-    ledger.finish(job, &title.to_string_lossy(), settings.fps, &numbers, outcome)
+    ledger.finish(job, &title.to_string_lossy(), settings.fps, &numbers, outcome, control)
 }
 
-/// The asked-for frames and their files; all of the sequence if nothing was asked.
-fn choose<'a>(sequence: &'a Sequence, job: &SurfaceJob) -> Vec<(u32, Option<&'a PathBuf>)> {
-    let present = || sequence.numbers().iter().copied().zip(sequence.files());
-    match &job.selection {
-        None => present().map(|(number, file)| (number, Some(file))).collect(),
-        Some(selection) => selection
-            .iter()
-            .map(|wanted| {
-                let place = sequence.numbers().binary_search(&wanted.0);
-                (wanted.0, place.ok().map(|place| &sequence.files()[place]))
-            })
-            .collect(),
-    }
+/// Why an asked-for frame of a sequence cannot be made.
+pub(super) const NO_FILE: &str =
+    "no file has this number; look at what the solver wrote, or leave the frame out";
+
+/// The files of a sequence with the numbers of their frames, which ascend.
+pub(super) fn numbered(sequence: &Sequence) -> Vec<(FrameIndex, PathBuf)> {
+    let numbers = sequence.numbers().iter().map(|&number| FrameIndex(number));
+    numbers.zip(sequence.files().iter().cloned()).collect()
+}
+
+/// A guess of the memory that meshing a file of so many `bytes` takes at a voxel of `voxel` [spacings].
+fn guess(bytes: u64, voxel: f32) -> u64 {
+    batch::cost((bytes / LEAST_PARTICLE) as usize, voxel)
 }
 
 /// Meshes single files.
@@ -101,13 +97,12 @@ impl Maker<'_> {
     fn frame(
         &self,
         index: FrameIndex,
-        file: Option<&PathBuf>,
+        file: Option<&Path>,
         allowance: Option<u64>,
     ) -> Option<Result<Made, RunError>> {
         let mut made = Made::new(index);
         let Some(file) = file else {
-            let why = "no file has this number; look at what the solver wrote, or leave the frame out".into();
-            made.fail(format!("frame {index}"), why, Failure::Other);
+            made.fail(format!("frame {index}"), NO_FILE.into(), Failure::Other);
             return Some(Ok(made));
         };
         match self.mesh(file, index, &mut made, allowance) {
@@ -144,15 +139,50 @@ impl Maker<'_> {
         if particles == 0 && self.alone {
             return Err(ImportError::NoParticles { path: path.into() }.into());
         }
-        let state = StreamState { spacing: self.spacing, key, allowance };
-        let fit = self.writer.mesh(&imported.stream, state, missing, made, self.control)?;
+        if let Fit::No = self.writer.fits(&imported.stream, self.spacing, allowance)? {
+            return Ok(Fit::No);
+        }
+        let state = StreamState { spacing: self.spacing, key };
+        self.writer.mesh(&imported.stream, state, missing, made, self.control)?;
         if particles == 0 {
             made.notes.push(format!("{}: no particles, so its mesh is empty", path.display()));
         }
         made.notes.extend(imported.ignored.iter().map(|line| format!("{}: {line}", path.display())));
-        Ok(fit)
+        Ok(Fit::Yes)
     }
 }
 
 /// The stream that files are read as.
 const STREAM: &str = "particles";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        frame::Stream,
+        math::Vec3,
+        mesh::SurfaceParams,
+        run::plan::{Product, stream_memory},
+    };
+
+    #[test]
+    fn small_files_are_not_taken_for_larger_than_guessed() {
+        // Else each is read twice, and meshed by itself.
+        let drop = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]].map(Vec3::from);
+        for copies in [0, 1, 10, 100, 1000] {
+            let positions: Vec<Vec3> = (0..copies)
+                .flat_map(|i| {
+                    drop.map(|x| x + Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 0.2)
+                })
+                .collect();
+            let count = positions.len();
+            let stream = Stream::new("particles", count).with("position", positions);
+            for voxel in [0.5, 1.0] {
+                let params = SurfaceParams { voxel, ..SurfaceParams::default() };
+                let needed = stream_memory(Product::Meshes, &stream, 0.1, &params);
+                let guess = guess(12 * count as u64, voxel);
+                assert!(needed <= guess, "{count} particles at {voxel}: {needed} needed, {guess} guessed");
+            }
+        }
+    }
+}

@@ -166,3 +166,59 @@ fn cap(values: &mut [f32]) -> usize {
     par::update(values, |_, value| *value = value.min(1.0));
     over.into_iter().sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vec3;
+
+    /// A block of 24³ particles 0.1 m apart, whose middle lies deep inside.
+    fn block() -> Stream {
+        let n = 24;
+        let point = |i: i32| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * 0.1;
+        let positions: Vec<Vec3> = (0..n * n * n).map(point).collect();
+        Stream::new("particles", positions.len()).with("position", positions)
+    }
+
+    #[test]
+    fn a_level_set_knows_the_bricks_that_lie_deeper_inside() {
+        let particles = block();
+        let params = SurfaceParams::default();
+        let grids =
+            |wanted: &[VolumeGrid]| VolumeGrids::new(&particles, 0.1, &params, wanted, &|| true).unwrap();
+        let alone = grids(&[VolumeGrid::Surface]);
+        let all = grids(&[VolumeGrid::Density, VolumeGrid::Surface]);
+        let (distance, _, mut inside) = alone.surface.unwrap();
+        let (same, _, mut same_inside) = all.surface.unwrap();
+        inside.sort_unstable();
+        same_inside.sort_unstable();
+        assert!(!inside.is_empty() && inside == same_inside, "{inside:?} {same_inside:?}");
+        assert!(distance.grid.bricks.coords() == same.grid.bricks.coords());
+        // The middle stands 1.15 m from the origin, a brick is 0.4 m wide.
+        assert!(inside.contains(&[2, 2, 2]), "{inside:?}");
+
+        // With every brick of the density at hand: each is in the band, or inside exactly if its nodes are.
+        let whole = DensityParams {
+            spacing: 0.1,
+            kernel_radius: params.kernel_radius,
+            voxel: params.voxel,
+            anisotropy: params.anisotropy,
+            whole: true,
+        };
+        let field = density(particles.vec3("position").unwrap(), &whole);
+        for (brick, coord) in field.grid.bricks.coords().iter().enumerate() {
+            let in_band = distance.grid.bricks.find(*coord).is_some();
+            let is_inside = inside.binary_search(coord).is_ok();
+            assert!(!(in_band && is_inside), "{coord:?} is both");
+            if !in_band {
+                let nodes = field.grid.brick(brick);
+                let dense = nodes.iter().all(|&v| v >= field.threshold);
+                let thin = nodes.iter().all(|&v| v < field.threshold);
+                assert!(dense || thin, "the band reaches {coord:?}");
+                assert_eq!(is_inside, dense, "{coord:?}");
+            }
+        }
+        // Nothing is inside that holds no particle.
+        assert!(inside.iter().all(|coord| field.grid.bricks.find(*coord).is_some()));
+    }
+}

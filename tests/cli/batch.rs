@@ -61,6 +61,28 @@ fn gaps_are_reported_and_do_not_stop() {
 }
 
 #[test]
+fn a_number_far_from_the_others_is_no_burden() {
+    let desk = sequence(&[0, 1, 4_294_967_295]);
+    let line = "mesh splash_####.xyz --spacing 0.1 -o out";
+    // Were each number between them looked for, this test would not come to its end.
+    desk.run(line, 0);
+    assert!(told(&desk, line).contains("3 were there"));
+    assert_eq!(named(&desk, "out"), [0, 4_294_967_295]);
+    let (out, _) = desk.run("info out", 0);
+    assert!(out.contains("3 ply files, 4294967293 missing"), "{out}");
+    // The same of a cache.
+    desk.run("simulate small.toml --frames 1-2", 0);
+    let text = fs::read_to_string(desk.path("small/shot.json")).unwrap();
+    desk.write("small/shot.json", text.replacen("\"last\": 2", "\"last\": 4294967295", 1));
+    let (out, _) = desk.run("info small", 0);
+    assert!(out.contains("4294967293 missing (3-1002,…)"), "{out}");
+    for line in [line, "mesh small", "volume small"] {
+        let (_, talk) = desk.run(&format!("{line} --frames 0-4294967295"), 2);
+        assert!(talk.contains("4294967296 frames") && talk.contains("1000000"), "{talk}");
+    }
+}
+
+#[test]
 fn unchanged_frames_are_kept_and_changed_ones_made_again() {
     let desk = sequence(&[1, 2, 3, 4]);
     let line = "mesh splash_####.xyz --spacing 0.1 -o out";
@@ -120,6 +142,7 @@ fn a_bad_frame_is_named_at_the_end_and_the_others_are_made() {
             assert!(talk.contains(line), "{talk}");
         }
         assert!(talk.contains("Progress: 100%"), "{talk}");
+        assert!(talk.contains("3 frames meshed"), "{talk}");
         assert_eq!(desk.names(&format!("out{threads}/mesh")), meshes(&[1, 3, 6]));
     }
     // The next run makes what was repaired, and only that.
@@ -160,7 +183,10 @@ fn memory_that_is_not_allowed_is_not_taken() {
     let line = "mesh splash_####.xyz --spacing 0.1 -o out";
     let (_, talk) = desk.run(&format!("{line} --max-memory 1MiB"), 33);
     assert!(talk.contains("--max-memory allows 1 MiB") && talk.contains("surface.voxel"), "{talk}");
-    assert!(!desk.path("out/mesh").exists(), "refused before the start");
+    assert!(talk.contains("3 of 3 frames failed") && desk.names("out/mesh").is_empty(), "{talk}");
+    // What is there already needs none.
+    desk.run("mesh splash_####.xyz --spacing 0.1 -o kept", 0);
+    desk.run("mesh splash_####.xyz --spacing 0.1 -o kept --max-memory 1MiB", 0);
     // Among many, a file that holds more than its size tells fails alone.
     let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (250000, 3)}";
     let start = [b"\x93NUMPY\x01\x00", &[header.len() as u8, 0][..], header.as_bytes()].concat();
@@ -180,6 +206,41 @@ fn memory_that_is_not_allowed_is_not_taken() {
     desk.write("spray.xyz", xyz(&spray));
     let (_, talk) = desk.run("mesh spray.xyz --spacing 0.1 -o spray --max-memory 64MiB", 33);
     assert!(talk.contains("allows 64 MiB"), "{talk}");
+    // Of volumes as well, also where another file is larger.
+    let heap: Vec<[f32; 3]> =
+        (0..8000).map(|i| [i % 20, i / 20 % 20, i / 400].map(|v| 0.1 * v as f32)).collect();
+    desk.write("heap.xyz", xyz(&heap));
+    let (out, talk) = desk.run("volume spray.xyz heap.xyz --spacing 0.1 -o volumes --max-memory 64MiB", 33);
+    assert!(talk.contains("1 of 2 frames failed") && talk.contains("frame 0002: this needs"), "{talk}");
+    assert!(out.is_empty() && talk.contains("note: ") && talk.contains("1 volumes written"), "{out}{talk}");
+    assert_eq!(desk.names("volumes/volume"), ["particles_0001.vdb"]);
+}
+
+/// The limit against the memory that a batch really takes.
+#[cfg(target_os = "linux")]
+#[test]
+fn frames_at_once_take_more_memory_and_stay_within_the_limit() {
+    let desk = Desk::new();
+    let n = 24;
+    for frame in 1..=8 {
+        let heap: Vec<[f32; 3]> = (0..n * n * n)
+            .map(|i| [i % n, i / n % n, i / n / n].map(|v| 0.1 * v as f32 + frame as f32))
+            .collect();
+        desk.write(&format!("heap_{frame}.xyz"), xyz(&heap));
+    }
+    let mib = f64::from(1 << 20);
+    let peak = |limit: u32, out: &str| {
+        let line = format!(
+            "mesh heap_#.xyz --spacing 0.1 --voxel 0.3 -o {out} --threads 4 --progress none --max-memory {limit}MiB"
+        );
+        let found = super::plan::peak(&desk, &line) / mib;
+        println!("{found:.1} of {limit} MiB");
+        assert_eq!(desk.names(&format!("{out}/mesh")).len(), 8);
+        assert!(found < f64::from(limit), "{found} of {limit} MiB");
+        found
+    };
+    let (narrow, wide) = (peak(90, "narrow"), peak(600, "wide"));
+    assert!(wide > 1.3 * narrow, "{narrow} and {wide} MiB");
 }
 
 #[cfg(target_os = "linux")]

@@ -8,6 +8,7 @@ mod plan;
 mod resume;
 mod shot;
 mod solids;
+mod surface_extremes;
 mod surface_tradeoff;
 mod tradeoff;
 mod volumes;

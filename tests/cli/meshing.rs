@@ -144,6 +144,23 @@ fn clean_up_runs_where_its_table_is_and_nowhere_else() {
     assert!(out.contains("1 frames meshed"), "{out}");
     desk.run("mesh small -o clean", 0);
     assert_eq!(fs::read(desk.path("clean/mesh/liquid_0002.ply")).unwrap(), plain);
+    // The points that are in the meshes again are no longer named.
+    let outputs = || -> Vec<[String; 2]> {
+        let text = fs::read(desk.path("clean/shot.json")).unwrap();
+        let manifest: serde_json::Value = serde_json::from_slice(&text).unwrap();
+        let outputs = manifest["outputs"].as_array().unwrap();
+        outputs
+            .iter()
+            .map(|output| ["kind", "format"].map(|key| output[key].as_str().unwrap().to_owned()))
+            .collect()
+    };
+    let named = |pairs: &[[&str; 2]]| pairs.iter().map(|pair| pair.map(String::from)).collect::<Vec<_>>();
+    assert_eq!(outputs(), named(&[["mesh", "ply"]]));
+    // A format is named as long as it shows the same surface as the others.
+    desk.run("mesh small -o clean --format obj", 0);
+    assert_eq!(outputs(), named(&[["mesh", "ply"], ["mesh", "obj"]]));
+    desk.run("mesh small -o clean --frames 3 --voxel 0.8", 0);
+    assert_eq!(outputs(), named(&[["mesh", "ply"]]));
 
     // What the particles do not have is told with what they have.
     let (_, talk) = desk.run("mesh small --frames 2 --force --set surface.attributes=[\"heat\"]", 3);

@@ -120,7 +120,7 @@ fn the_memory_model_is_near_the_real_peak() {
 
 /// The peak of resident memory while the tool runs [bytes].
 #[cfg(target_os = "linux")]
-fn peak(desk: &Desk, line: &str) -> f64 {
+pub(super) fn peak(desk: &Desk, line: &str) -> f64 {
     let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
         .args(line.split(' '))
         .current_dir(desk.path("."))

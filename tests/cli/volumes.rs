@@ -1,6 +1,7 @@
 //! Volume files of caches and of other solvers' particle files.
 
 use super::*;
+use meniscus::export::vdb;
 use std::collections::BTreeMap;
 
 /// The active nodes of a float grid and their values, read by another library.
@@ -96,8 +97,12 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
 
     // Other settings make other files, the same ones the same bytes on any number of threads.
     for change in ["--precision float", "--compression zip", "--grid surface", "--voxel 0.8"] {
+        desk.run("volume small", 0);
         let (out, _) = desk.run(&format!("volume small --frames 2 {change}"), 0);
         assert!(out.contains("1 volumes written"), "{change}: {out}");
+        let grids =
+            if change.contains("surface") { &["surface"][..] } else { &["density", "surface", "velocity"] };
+        assert_eq!(manifest(&desk, "small")["outputs"][0]["grids"], serde_json::json!(grids), "{change}");
         assert_ne!(desk.bytes("small/volume"), whole);
     }
     desk.run("volume small/cache --threads 1 -o one", 0);
@@ -111,6 +116,28 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
     assert!(talk.contains("frame 0006") && talk.contains("frame 0007"), "{talk}");
     let told = manifest(&desk, "small");
     assert_eq!(told["outputs"][0]["frames"], serde_json::json!({ "first": 1, "last": 5, "step": 1 }));
+}
+
+#[test]
+fn volumes_of_files_are_kept_while_their_files_are_the_same() {
+    let desk = Desk::new();
+    for frame in [1, 2, 5] {
+        desk.write(&format!("cube_{frame}.xyz"), cube());
+    }
+    let line = "volume cube_#.xyz --spacing 0.1 -o out";
+    let (out, talk) = desk.run(line, 0);
+    assert!(out.contains("3 volumes written") && talk.contains("2 frames are missing between 1 and 5: 3-4"));
+    let key = |frame: u32| vdb::key_in(&desk.path(&format!("out/volume/particles_{frame:04}.vdb"))).unwrap();
+    assert_eq!(key(1), key(2));
+    fs::remove_file(desk.path("out/shot.json")).unwrap();
+    assert!(desk.run(line, 0).0.contains("0 volumes written"));
+    assert_eq!(manifest(&desk, "out")["outputs"][0]["grids"], serde_json::json!(["density", "surface"]));
+    desk.write("cube_2.xyz", cube() + "0.5 0.5 0.5\n");
+    assert!(desk.run(line, 0).0.contains("1 volumes written"));
+    assert_ne!(key(1), key(2), "the key tells what a volume was made of");
+    assert!(desk.run(&format!("{line} --force --frames 2,5"), 0).0.contains("2 volumes written"));
+    let (_, talk) = desk.run(&format!("{line} --frames 3,5"), 3);
+    assert!(talk.contains("frame 0003: no file") && talk.contains("1 were there"), "{talk}");
 }
 
 #[test]

@@ -120,6 +120,14 @@ fn what_cannot_be_read_is_refused_in_words() {
         let why = refusal(folder.path(), &bytes);
         assert!(why.contains(expected) && why.contains("changed.vdb"), "{expected}: {why:?}");
     }
+    // A node that is not where nodes can be, and an origin that no vertex can have.
+    let root = good.windows(20).position(|words| {
+        let word = |at: usize| i32::from_le_bytes(words[at..at + 4].try_into().unwrap());
+        [word(0), word(4)] == [0, 8] && [8, 12, 16].iter().all(|&at| word(at) == -4096)
+    });
+    let root = root.unwrap() + 8;
+    let moved = [&good[..root], &4_i32.to_le_bytes(), &good[root + 4..]].concat();
+    assert!(refusal(folder.path(), &moved).contains("multiples of 4096"));
     // A distance that is not a number is named by its node.
     let mut wild = Surface::ball();
     let index = (0..BRICK_NODES).find(|&place| meniscus::grid::is_set(&wild.active[0], place)).unwrap();

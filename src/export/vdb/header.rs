@@ -13,7 +13,7 @@ const MAGIC: u64 = 0x5644_4220; // " BDV", the letters read backwards
 /// Version of the format: what OpenVDB 5 to 12 write; later ones read it.
 const FILE_VERSION: u32 = 224;
 
-/// Version of OpenVDB that a reader takes the file to come from: the first to write this format unchanged since.
+/// Version of OpenVDB that a reader takes the file to come from: one of those that write this format (5 to 12).
 const LIBRARY_VERSION: [u32; 2] = [6, 2];
 
 /// Where other writers have a number that differs in every file. The same bytes should come from the same grids.

@@ -160,6 +160,14 @@ fn xyz_as_text() {
 }
 
 #[test]
+fn many_lines_that_are_no_particles_are_read_once() {
+    // Were each line compared with all before it, this test would not come to its end.
+    for line in ["7\n", "7\nx y z\n"] {
+        assert!(broken("a.xyz", line.repeat(400_000).as_bytes()).contains("expected"));
+    }
+}
+
+#[test]
 fn xyz_as_raw_floats() {
     let mut bytes = Vec::new();
     put(&mut bytes, false, X.as_flattened());
@@ -177,6 +185,16 @@ fn xyz_as_raw_floats() {
         assert_eq!(import("a.xyz", &raw).unwrap().stream.len(), 3, "{start:?}");
     }
     assert!(broken("a.xyz", &bytes[..30]).contains("byte 24: found 6 bytes"));
+    // Few floats may hold no control character.
+    let mut few = Vec::new();
+    put(&mut few, false, &X[2]);
+    assert!(few.iter().all(|&byte| byte >= 32 && byte != 127));
+    for count in [1, 2, 3] {
+        let imported = import("a.xyz", &few.repeat(count)).unwrap();
+        assert_eq!(imported.stream.vec3("position").unwrap(), vec![crate::math::Vec3::from(X[2]); count]);
+    }
+    let latin = b"# x y z of the f\xf6hn\n1 2 3\n";
+    assert!(broken("a.xyz", latin).contains("bytes that are no text"));
 }
 
 /// A block of numbers, written out or big-endian.
@@ -284,6 +302,9 @@ fn broken_vtk_is_refused() {
     assert!(
         broken("a.vtk", b"# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\n").contains("a line POINTS")
     );
+    let early = b"# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINT_DATA 0\nSCALARS a float 1\n\
+        LOOKUP_TABLE default\nPOINTS 1 float\n0 0 0\n";
+    assert!(broken("a.vtk", early).contains("POINTS before POINT_DATA"));
     let grid = import("a.vtk", &with("DATASET POLYDATA", "DATASET STRUCTURED_POINTS"));
     assert!(matches!(grid, Err(ImportError::Unsupported { .. })));
     let none = b"# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 0 float\n";

@@ -255,6 +255,24 @@ fn broken_vtu_is_refused() {
 }
 
 #[test]
+fn arrays_that_share_their_bytes_take_no_more_than_the_file() {
+    let layout = Layout { place: Place::AppendedRaw, big: false, wide: false, part: 0 };
+    let mut file = Vtu::new(layout, "PolyData");
+    let count = 4000;
+    file.text += &format!("<Piece NumberOfPoints=\"{count}\"><Points>");
+    file.array("Points", "Float32", 3, &vec![0.5_f32; 3 * count]);
+    file.text += "</Points><PointData>";
+    for index in 0..20_000 {
+        file.text += &format!(
+            "<DataArray type=\"Float32\" Name=\"a{index}\" NumberOfComponents=\"3\" format=\"appended\" offset=\"0\"/>"
+        );
+    }
+    file.text += "</PointData></Piece>";
+    let why = damaged::read("a.vtp", &file.finish("PolyData")).unwrap_err().to_string();
+    assert!(why.contains("arrays that do not overlap"), "{why}");
+}
+
+#[test]
 fn a_bomb_is_cut_off_at_the_length_it_claims() {
     let zeros = [0_u8; 1 << 20];
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());

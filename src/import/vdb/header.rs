@@ -151,7 +151,9 @@ pub(super) fn transform(bytes: &mut Bytes) -> Result<(f64, [f64; 3]), ImportErro
     let scale = bytes.vector("a scale")?;
     bytes.take(4 * 24, "the scale's powers")?;
     let even = scale.iter().all(|s| (s / scale[0] - 1.0).abs() < 1e-6);
-    if !(even && scale[0] > 0.0 && (scale[0] as f32).is_normal() && origin.iter().all(|x| x.is_finite())) {
+    // Both become single precision.
+    let is_near = origin.iter().all(|&x| (x as f32).is_finite());
+    if !(even && scale[0] > 0.0 && (scale[0] as f32).is_normal() && is_near) {
         return Err(bytes.malformed(format!("a scale of {scale:?} about {origin:?}"), EXPECTED));
     }
     Ok((scale[0], origin))

@@ -9,6 +9,9 @@ use super::header::{ACTIVE_MASK, BLOSC, Entry, ZIP};
 /// Places of a leaf, and words of its masks.
 const LEAF: usize = 512;
 
+/// Nodes along an edge of a child of the root.
+const ROOT: i32 = 4096;
+
 /// A leaf of 8³ nodes. The order of its nodes is that of the file: z runs fastest, then y, then x.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
@@ -46,6 +49,9 @@ pub(super) fn walk(bytes: &mut Bytes, entry: &Entry) -> Result<(f32, Vec<Leaf>),
         let origin = bytes.node("a node's origin")?;
         if origin.iter().any(|v| v.unsigned_abs() > 1 << 30) {
             return Err(bytes.malformed(format!("a node at {origin:?}"), "nodes below 2³⁰ along each axis"));
+        }
+        if origin.iter().any(|v| v.rem_euclid(ROOT) != 0) {
+            return Err(bytes.malformed(format!("a node at {origin:?}"), format!("multiples of {ROOT}")));
         }
         for (_, upper) in nodes.children(bytes, 5, 7, origin)? {
             for (_, origin) in nodes.children(bytes, 4, 3, upper)? {

@@ -138,7 +138,10 @@ impl Reader<'_> {
         self.owner = Owner::Cells;
         if words[0].eq_ignore_ascii_case("POINT_DATA") {
             self.owner = Owner::Points;
-            let points = self.points.as_ref().map_or(0, |points| points.len() / 3);
+            let Some(points) = &self.points else {
+                return Err(self.scan.malformed(words.join(" "), "POINTS before POINT_DATA"));
+            };
+            let points = points.len() / 3;
             if self.count != points {
                 return Err(self.scan.malformed(words.join(" "), format!("attributes of {points} points")));
             }

@@ -8,6 +8,7 @@
 use super::super::gather::Values;
 use super::super::numbers::{self, Kind, Number};
 use super::ImportError;
+use std::cell::Cell;
 use std::io::Read;
 use std::path::Path;
 
@@ -42,6 +43,8 @@ pub(super) struct Coding<'a> {
     pub(super) zlib: bool,
     /// The appended data, and whether they are base64.
     pub(super) appended: Option<(&'a [u8], bool)>,
+    /// Bytes that blocks may still hold: arrays may share an offset, and all are kept.
+    pub(super) left: Cell<usize>,
 }
 
 /// The type of that name.
@@ -92,6 +95,11 @@ impl Coding<'_> {
             }
         };
         let length = count * array.kind.size;
+        let Some(left) = self.left.get().checked_sub(length) else {
+            let found = format!("{length} bytes, more than the rest of the file can hold");
+            return Err((found, "arrays that do not overlap".into()));
+        };
+        self.left.set(left);
         let block = if self.zlib { self.inflated(source, length)? } else { self.plain(source, length)? };
         Ok(numbers::values(&block, array.kind, self.big))
     }

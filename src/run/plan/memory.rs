@@ -193,12 +193,18 @@ pub(super) fn bricks_around(positions: &[Vec3], spacing: f32, params: &SurfacePa
         let mut bounds: Vec<[(i32, i32); 3]> = bounds.collect();
         bounds.sort_unstable();
         bounds.dedup();
-        let mut bricks = Vec::new();
+        let (mut bricks, mut full) = (Vec::new(), LIST);
         for [x, y, z] in bounds {
             for k in z.0..=z.1 {
                 for j in y.0..=y.1 {
                     bricks.extend((x.0..=x.1).map(|i| [i, j, k]));
                 }
+            }
+            // The widest kernels of particles side by side meet the same bricks.
+            if bricks.len() > full {
+                bricks.sort_unstable();
+                bricks.dedup();
+                full = bricks.len().max(LIST) + LIST;
             }
         }
         bricks.sort_unstable();
@@ -208,9 +214,13 @@ pub(super) fn bricks_around(positions: &[Vec3], spacing: f32, params: &SurfacePa
     Bricks::new(par::map_chunks(positions.len(), CHUNK, of_chunk).concat()).len()
 }
 
-/// Particles whose bricks are sought together. Larger, and the widest kernels of so many particles take hundreds of
-/// MiB; smaller, and a brick is found by more chunks.
+/// Particles whose bricks are sought together. Larger, and fewer threads have work; smaller, and a brick is found by more
+/// chunks.
 const CHUNK: usize = 4096;
+
+/// Bricks that are listed before doubles are taken out. Larger, and the list takes more memory than it is to tell of;
+/// smaller, and it is sorted more often.
+const LIST: usize = 1 << 20;
 
 /// Bricks a particle at a voxel of one spacing. The power 2.3 lies between that of a surface and that of a volume:
 /// bricks follow the surface, the samples in them the volume. Smaller, and a splash takes more than it was told to be the

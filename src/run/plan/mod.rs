@@ -9,12 +9,10 @@ mod memory;
 mod pilot;
 mod sample;
 
-use super::{Control, RunError, ShotFolder, remarks, simulate, solids, usage::Meter};
+use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
 use crate::{
-    cache,
     export::MeshFormat,
-    frame::{FrameIndex, Stream},
-    import::{self, Sequence},
+    frame::Stream,
     mesh::SurfaceParams,
     par,
     scene::{Frames, Scene},
@@ -24,7 +22,6 @@ use forecast::{Forecast, Job, forecast};
 use memory::{Grids, Known, Solids};
 use pilot::Pilot;
 use serde::Serialize;
-use std::path::PathBuf;
 
 /// What a shot will need.
 #[derive(Clone, Debug, Serialize)]
@@ -144,73 +141,21 @@ pub fn refuse_over_memory(
 
 /// What is made of particles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Product {
+pub(super) enum Product {
     /// Surface meshes.
     Meshes,
     /// Volume files.
     Volumes,
 }
 
-/// Refuses to mesh a cache, or make volumes of it, if its largest frame needs more than `allowed` bytes.
-///
-/// # Errors
-/// [`RunError::OverMemory`], or a cache that cannot be listed. Frames that cannot be read are passed over: the job
-/// names them.
-pub fn refuse_cache_over_memory(
-    product: Product,
-    source: &ShotFolder,
-    selection: Option<&Frames>,
-    voxel: f32,
-    allowed: u64,
-) -> Result<(), RunError> {
-    let present = cache::list(&source.cache())?;
-    let wanted = present.iter().filter(|(index, _)| selection.is_none_or(|asked| asked.contains(*index)));
-    let sizes = wanted.filter_map(|(_, path)| cache::read_header(path).ok());
-    let most = sizes.flat_map(|info| info.streams.into_iter().map(|stream| stream.len)).max().unwrap_or(0);
-    refuse_memory(product.memory(most as usize, voxel), allowed)
-}
-
-impl Product {
-    /// The most memory that a frame of `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
-    fn memory(self, particles: usize, voxel: f32) -> u64 {
-        match self {
-            Self::Meshes => mesh_memory(particles, voxel),
-            Self::Volumes => memory::volume(particles, Grids::at_most(particles, voxel)),
-        }
-    }
-}
-
-/// Refuses to mesh particle files, or make volumes of them (those of `selection`, or all), if the largest of them needs
-/// more than `allowed` bytes.
-///
-/// # Errors
-/// [`RunError::OverMemory`]. A file that cannot be read is passed over: the job names it.
-pub fn refuse_files_over_memory(
-    product: Product,
-    sequence: &Sequence,
-    selection: Option<&Frames>,
-    spacing: f32,
-    params: &SurfaceParams,
-    allowed: u64,
-) -> Result<(), RunError> {
-    let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |about| about.len());
-    let numbered = sequence.files().iter().zip(sequence.numbers());
-    let wanted =
-        numbered.filter(|(_, number)| selection.is_none_or(|asked| asked.contains(FrameIndex(**number))));
-    let largest = wanted.map(|(file, _)| file).max_by_key(|file| size(file));
-    let Some(Ok(imported)) = largest.map(|file| import::read_particles(file)) else { return Ok(()) };
-    let needed = match product {
-        Product::Meshes => stream_memory(&imported.stream, spacing, params),
-        Product::Volumes => product.memory(imported.stream.len(), params.voxel),
-    };
-    refuse_memory(needed, allowed)
-}
-
-/// The memory that meshing a stream will need, by where its particles are [bytes].
-pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
+/// The memory that making `product` of a stream will need, by where its particles are [bytes].
+pub(super) fn stream_memory(product: Product, stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
-    let bricks = memory::bricks_around(positions, spacing, params) as f64;
-    memory::surface(stream.len(), Grids::of_bricks(bricks))
+    let grids = Grids::of_bricks(memory::bricks_around(positions, spacing, params) as f64);
+    match product {
+        Product::Meshes => memory::surface(stream.len(), grids),
+        Product::Volumes => memory::volume(stream.len(), grids),
+    }
 }
 
 /// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
@@ -389,7 +334,7 @@ fn uncertainty(near: &Forecast, far: &Forecast) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::Diverged;
+    use crate::{frame::FrameIndex, sim::Diverged};
     use std::cell::RefCell;
 
     /// A pilot that diverges in its first frame at more than `most` times the spacing.

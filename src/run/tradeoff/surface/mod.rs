@@ -33,7 +33,7 @@ use crate::{
     },
     run::{
         Control, RunError, ShotFolder,
-        plan::{mesh_memory, refuse_memory, stream_memory},
+        plan::{Product, mesh_memory, refuse_memory, stream_memory},
     },
     scene::Scene,
 };
@@ -274,7 +274,10 @@ fn refuse_what_needs_more(
     for sample in samples {
         let particles = sample.read()?;
         for (_, scene) in settings {
-            refuse_memory(stream_memory(&particles, sample.spacing, &scene.surface), allowed)?;
+            refuse_memory(
+                stream_memory(Product::Meshes, &particles, sample.spacing, &scene.surface),
+                allowed,
+            )?;
         }
     }
     Ok(())

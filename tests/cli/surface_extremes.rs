@@ -1,0 +1,123 @@
+//! Meshes of particles that are few, coincident, far away or far apart, and of grids much finer or coarser than they.
+
+use super::{
+    meshing::{read_ply, xyz},
+    *,
+};
+use meniscus::mesh;
+
+/// Meshes particles that rest 0.1 m apart and returns what the mesh is.
+fn meshed(desk: &Desk, points: &[[f32; 3]], options: &str) -> mesh::MeshCheck {
+    desk.write("points.xyz", xyz(points));
+    desk.run(&format!("mesh points.xyz --spacing 0.1 -o out --force {options}"), 0);
+    mesh::check(&read_ply(&desk.path("out/mesh/particles_0001.ply")))
+}
+
+/// A block of n³ particles from a corner on.
+fn block(n: i32, corner: f32) -> Vec<[f32; 3]> {
+    (0..n * n * n).map(|i| [i % n, i / n % n, i / n / n].map(|v| corner + 0.1 * v as f32)).collect()
+}
+
+#[test]
+fn no_particle_one_and_two() {
+    let desk = Desk::new();
+    // No particle is an error by itself, and an empty frame among others.
+    desk.write("none_1.xyz", "# x y z\n");
+    let (_, talk) = desk.run("mesh none_1.xyz --spacing 0.1 -o out", 1);
+    assert!(talk.contains("no particles"), "{talk}");
+    desk.write("none_2.xyz", "0 0 0\n");
+    let (_, talk) = desk.run("mesh none_#.xyz --spacing 0.1 -o out", 0);
+    assert!(talk.contains("none_1.xyz: no particles, so its mesh is empty"), "{talk}");
+    assert!(read_ply(&desk.path("out/mesh/particles_0001.ply")).triangles.is_empty());
+
+    let one = meshed(&desk, &[[0.3, 0.2, 0.1]], "");
+    assert!(one.is_sound() && one.components == 1 && one.volume > 0.0, "{one:?}");
+    let near = meshed(&desk, &[[0.3, 0.2, 0.1], [0.4, 0.2, 0.1]], "");
+    assert!(near.is_sound() && near.components == 1 && near.volume > one.volume, "{near:?}");
+    let far = meshed(&desk, &[[0.3, 0.2, 0.1], [0.3, 0.2, 7.1]], "");
+    assert!(far.is_sound() && far.components == 2, "{far:?}");
+}
+
+#[test]
+fn coincident_particles() {
+    let desk = Desk::new();
+    let once = meshed(&desk, &[[0.3, 0.2, 0.1]], "");
+    for count in [2, 3000] {
+        let many = meshed(&desk, &vec![[0.3, 0.2, 0.1]; count], "");
+        assert!(many.is_sound() && many.components == 1, "{count}: {many:?}");
+        assert!(many.volume.is_finite() && many.volume >= 0.9 * once.volume, "{count}: {many:?} {once:?}");
+    }
+    let twice = [block(8, 0.0), block(8, 0.0)].concat();
+    let (single, double) = (meshed(&desk, &block(8, 0.0), ""), meshed(&desk, &twice, ""));
+    assert!(double.is_sound() && double.components == 1, "{double:?}");
+    assert!((double.volume / single.volume - 1.0).abs() < 0.15, "{} {}", double.volume, single.volume);
+}
+
+#[test]
+fn grids_a_tenth_of_the_spacing_and_five_times_it() {
+    let desk = Desk::new();
+    let fine = meshed(&desk, &block(6, 0.0), "--voxel 0.1");
+    let usual = meshed(&desk, &block(6, 0.0), "");
+    assert!(fine.is_sound() && fine.components == 1, "{fine:?}");
+    assert!((fine.volume / usual.volume - 1.0).abs() < 0.05, "{} {}", fine.volume, usual.volume);
+    // Nodes stand half a metre apart: those inside of a block of 3 m are enough to tell it.
+    let coarse = meshed(&desk, &block(30, 0.0), "--voxel 5");
+    assert!(coarse.is_sound() && coarse.components == 1, "{coarse:?}");
+    assert!((coarse.volume / 27.0 - 1.0).abs() < 0.4, "{}", coarse.volume);
+    // What is between all nodes is counted.
+    desk.write("lost.xyz", xyz(&[[0.25, 0.25, 0.25]]));
+    let (_, talk) = desk.run("mesh lost.xyz --spacing 0.1 -o lost --voxel 5", 0);
+    assert!(talk.contains("1 particles between grid nodes, not seen (voxel)"), "{talk}");
+}
+
+#[test]
+fn a_thousand_kilometres_from_the_origin() {
+    let desk = Desk::new();
+    // Single precision tells 0.0625 m apart there: particles rest a metre apart.
+    let far: Vec<[f32; 3]> = block(8, 0.0).iter().map(|x| x.map(|v| 1e6 + 10.0 * v)).collect();
+    let here: Vec<[f32; 3]> = far.iter().map(|x| x.map(|v| v - 1e6)).collect();
+    desk.write("far.xyz", xyz(&far));
+    desk.write("here.xyz", xyz(&here));
+    let check = |name: &str| {
+        let (_, talk) = desk.run(&format!("mesh {name}.xyz --spacing 1 -o {name}"), 0);
+        assert_eq!(talk.contains("from the origin, coordinates are"), name == "far", "{talk}");
+        mesh::check(&read_ply(&desk.path(&format!("{name}/mesh/particles_0001.ply"))))
+    };
+    let (far, here) = (check("far"), check("here"));
+    assert!(far.closed && far.manifold && far.oriented && far.components == 1, "{far:?}");
+    assert!((far.volume / here.volume - 1.0).abs() < 0.02, "{} {}", far.volume, here.volume);
+}
+
+/// Memory follows the particles, not the box around them.
+#[cfg(target_os = "linux")]
+#[test]
+fn spray_ten_kilometres_wide() {
+    let desk = Desk::new();
+    let spray = |width: f32| -> Vec<[f32; 3]> {
+        let place = |i: u32, prime: u32| (i * prime % 1009) as f32 / 1009.0 * width;
+        (0..1000).map(|i| [place(i, 613), place(i, 347), place(i, 811)]).collect()
+    };
+    let peak = |width: f32, name: &str| {
+        desk.write(&format!("{name}.xyz"), xyz(&spray(width)));
+        let found = plan::peak(&desk, &format!("mesh {name}.xyz --spacing 0.1 -o {name} --progress none"));
+        let check = mesh::check(&read_ply(&desk.path(&format!("{name}/mesh/particles_0001.ply"))));
+        assert!(check.closed && check.manifold && check.oriented && check.components == 1000, "{check:?}");
+        found
+    };
+    let (narrow, wide) = (peak(100.0, "narrow"), peak(10_000.0, "wide"));
+    println!("{narrow} and {wide} bytes");
+    assert!(wide < 1.5 * narrow, "{narrow} and {wide} bytes");
+}
+
+#[test]
+fn numbers_that_are_none_are_named_by_file_and_particle() {
+    let desk = Desk::new();
+    desk.write("good.xyz", "0 0 0\n");
+    for word in ["nan", "inf", "-inf", "1e300"] {
+        desk.write("bad.xyz", format!("0 0 0\n1 1 1\n2 {word} 2\n"));
+        for verb in ["mesh", "volume"] {
+            let (_, talk) = desk.run(&format!("{verb} bad.xyz --spacing 0.1 -o out"), 1);
+            assert!(talk.contains("bad.xyz: particle 2: found (2, "), "{talk}");
+        }
+    }
+}
