@@ -90,12 +90,9 @@ mod tests {
         let Err(CacheError::Locked { pid, path }) = Lock::acquire(&folder) else { panic!("locked twice") };
         assert_eq!(pid, std::process::id().to_string());
         assert_eq!(path, folder.join(".lock"));
-        let waits = std::thread::spawn({
-            let folder = folder.clone();
-            move || drop(Lock::wait(&folder).unwrap())
+        crate::par::with_threads(2, || {
+            crate::par::join(|| drop(Lock::wait(&folder).unwrap()), move || drop(first));
         });
-        drop(first);
-        waits.join().unwrap();
         drop(Lock::acquire(&folder).unwrap());
     }
 

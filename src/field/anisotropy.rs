@@ -205,12 +205,15 @@ impl Shaper {
         }
 
         // Move them there, as far as those beside them do not.
-        let moves = |place: usize| due[place] && self.shifts.at(place).norm() > CALM * self.layer;
+        let (shifts, calm) = (&self.shifts, CALM * self.layer);
+        let moves = |place: usize| due[place] && shifts.at(place).norm() > calm;
         let common =
             wide.means_across::<Cubic>(radius, self.layer, &self.shifts, |mut places| places.any(moves));
         for (place, made) in made.into_iter().enumerate() {
             if let Some((mut blob, shift)) = made {
-                let own = (shift - common[place]) * self.smoothing;
+                // Others of its group may have asked for what it has in common with them.
+                let common = if moves(place) { common[place] } else { Vec3::zeros() };
+                let own = (shift - common) * self.smoothing;
                 blob.center += own; // x̄, [yu13] Eq. 6
                 *reach = reach.max(own.abs().max() + blob.extents.max());
                 let place = places[place] as usize;
@@ -279,14 +282,15 @@ pub(super) fn threshold(anisotropy: &Anisotropy, kernel_radius: f32) -> f32 {
         anisotropy: Some(*anisotropy),
         whole: false,
     };
-    // Kernels that reach the samples, what shapes them, and what is beside those.
-    let reach = f64::from((1.5 + 2.0 * REACH) * kernel_radius) + 4.0;
+    // Kernels that reach the samples, what is beside those, and what shapes that.
+    let reach = f64::from((1.5 + 2.0 * REACH) * kernel_radius) + 5.0;
     let levels = PLANES.map(|plane| {
         let filled = plane.filled(reach);
         let positions: Vec<Vec3> = filled.into_iter().map(|j| Vec3::from(j.map(|v| v as f32))).collect();
         let cloud = Cloud::new(&positions, kernel_radius);
-        let near: Vec<bool> =
-            (0..cloud.len()).map(|place| cloud.at(place).norm() < 1.5 * kernel_radius + 4.5).collect();
+        let near: Vec<bool> = (0..cloud.len())
+            .map(|place| cloud.at(place).norm() < (1.5 + REACH) * kernel_radius + 4.5)
+            .collect();
         let mut shaper = Shaper::new(&positions, &cloud, anisotropy, &params);
         let mut blobs = shaper.balls(&cloud, &weights(&cloud, kernel_radius));
         shaper.shape(&mut blobs, &near);

@@ -163,6 +163,7 @@ impl SparseGrid {
         self.bricks = Bricks::new(old.coords.iter().chain(coords).copied().collect());
         let mut left = old.len();
         assert_eq!(self.bricks.len(), left + coords.len(), "new bricks");
+        self.values.reserve_exact(coords.len() * BRICK_NODES);
         self.values.resize(self.bricks.len() * BRICK_NODES, value);
         // From the last brick on, so that none is overwritten before it has moved.
         for (to, coord) in self.bricks.coords.iter().enumerate().rev() {

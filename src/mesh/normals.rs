@@ -135,7 +135,7 @@ impl<'a> Reader<'a> {
         for axis in 0..3 {
             let at = f64::from(x[axis]) / f64::from(self.grid.voxel);
             // Positions are exact to their own digits.
-            let snap = SNAP.max(at.abs() * f64::from(f32::EPSILON));
+            let snap = SNAP.max(at.abs() * f64::from(f32::EPSILON)).min(0.5);
             let below = (at + snap).floor();
             node[axis] = below as i32;
             t[axis] = if at - below < snap { 0.0 } else { (at - below) as f32 };
