@@ -89,6 +89,14 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
         (_, balls) => (surface_threshold(params.kernel_radius), balls, None),
     };
 
+    // Ellipsoids reach further than the balls that chose the bricks; where all of it is wanted, so are those.
+    if params.whole
+        && let Some(shaper) = &mut shaper
+    {
+        shaper.shape(&mut kernels, &vec![true; cloud.len()]);
+        active = Active::everywhere(&cloud, &kernels, voxel);
+    }
+
     // Compute bricks, and those that they contradict, until none is left.
     let mut grid = SparseGrid::new(voxel, std::mem::take(&mut active.computed), 0.0);
     let mut due = grid.bricks.clone();
