@@ -175,18 +175,7 @@ pub fn reconstruct(
 
     // Give the vertices what they carry.
     let (normals, normals_from_faces) = clock.time("normals", || match smoothing {
-        Some(_) => {
-            let mut normals = normals_from_faces(&mesh);
-            // What smoothing left alone still has the field's.
-            if let Some((positions, of_field)) = as_cut.take() {
-                par::update(&mut normals, |v, normal| {
-                    if positions[v] == mesh.positions[v] {
-                        *normal = of_field[v];
-                    }
-                });
-            }
-            (normals, 0)
-        }
+        Some(_) => (smoothed_normals(&mesh, as_cut.take()), 0),
         None => normals_from_field(&mesh, contour),
     })?;
     mesh.normals = normals;
@@ -208,21 +197,8 @@ pub fn reconstruct(
     };
     // What follows needs memory of its own.
     drop(field);
-    stats.attributes_from_nearest = clock.time("attributes", || {
-        let radius = params.kernel_radius * spacing;
-        let carried = |vertices: &[Vec3]| {
-            let names = params.attributes.as_deref();
-            transfer(particles, names, vertices, radius).map_err(|name| no_channel(name, particles))
-        };
-        let (attributes, mut from_nearest) = carried(&mesh.positions)?;
-        mesh.attributes = attributes;
-        if let Some(points) = &mut points {
-            let (attributes, more_from_nearest) = carried(&points.positions)?;
-            points.attributes = attributes;
-            from_nearest += more_from_nearest;
-        }
-        Ok(from_nearest)
-    })??;
+    stats.attributes_from_nearest =
+        clock.time("attributes", || carry(particles, params, spacing, &mut mesh, points.as_mut()))??;
     let check = clock.time("check", || check(&mesh))?;
     stats.seconds = clock.seconds;
     Ok(Surface { mesh, points, distance, check, stats })
@@ -238,6 +214,42 @@ pub fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
         Some(particle) => Err(SurfaceError::NotFinite { particle }),
         None => Ok(positions),
     }
+}
+
+/// The normals of a smoothed mesh: those of its faces, and `as_cut`, positions and normals by the field before, where
+/// smoothing left a vertex alone.
+fn smoothed_normals(mesh: &Mesh, as_cut: Option<(Vec<Vec3>, Vec<Vec3>)>) -> Vec<Vec3> {
+    let mut normals = normals_from_faces(mesh);
+    if let Some((positions, of_field)) = as_cut {
+        par::update(&mut normals, |v, normal| {
+            if positions[v] == mesh.positions[v] {
+                *normal = of_field[v];
+            }
+        });
+    }
+    normals
+}
+
+/// Gives vertices and points what they take from the particles; returns how many took it from the nearest.
+fn carry(
+    particles: &Stream,
+    params: &SurfaceParams,
+    spacing: f32,
+    mesh: &mut Mesh,
+    points: Option<&mut Points>,
+) -> Result<usize, SurfaceError> {
+    let of = |places: &[Vec3]| {
+        transfer(particles, params.attributes.as_deref(), places, params.kernel_radius * spacing)
+            .map_err(|name| no_channel(name, particles))
+    };
+    let (attributes, mut from_nearest) = of(&mesh.positions)?;
+    mesh.attributes = attributes;
+    if let Some(points) = points {
+        let (attributes, more_from_nearest) = of(&points.positions)?;
+        points.attributes = attributes;
+        from_nearest += more_from_nearest;
+    }
+    Ok(from_nearest)
 }
 
 /// Says which channels there are instead.
