@@ -10,7 +10,7 @@
 //! Limits: bubbles and drops that no coarse node feels are not found. A drop of one particle is felt, at 0.36 or more; a
 //! gap between particles that leaves every coarse node around it deep inside is not a bubble.
 
-use super::{DensityParams, blob::Blobs, cloud::Cloud, density::compute, threshold::surface_threshold};
+use super::{DensityParams, blob::Blobs, cloud::Cloud, density::compute};
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of, offset},
     par,
@@ -45,14 +45,14 @@ pub(super) struct Coarse {
 
 impl Coarse {
     /// None where coarse nodes would be the nodes themselves.
-    pub(super) fn new(cloud: &Cloud, balls: &Blobs, params: &DensityParams) -> Option<Self> {
+    /// `threshold` is the balls' own.
+    pub(super) fn new(cloud: &Cloud, balls: &Blobs, threshold: f32, params: &DensityParams) -> Option<Self> {
         let step = coarse_step(params);
         let voxel = params.voxel * params.spacing * step as f32;
         (step > 1).then(|| {
             let bricks = reached(cloud, balls, voxel);
             let mut grid = SparseGrid::new(voxel, bricks.clone(), 0.0);
             compute(&mut grid, &bricks, cloud, balls, None);
-            let threshold = surface_threshold(params.kernel_radius);
             let (deep, faint) = (threshold + DEEP * (1.0 - threshold), FAINT * threshold);
             Self { grid, step, deep, faint }
         })
@@ -280,4 +280,39 @@ pub(super) fn reached(cloud: &Cloud, blobs: &Blobs, voxel: f32) -> Bricks {
         reached
     });
     Bricks::new(coords.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What one brick at the origin, with `inside` of its nodes at 1 and the others at 0, contradicts.
+    fn contradicted(filled: &[[i32; 3]], inside: impl Fn([usize; 3]) -> bool) -> Vec<[i32; 3]> {
+        let bricks = Bricks::new(vec![[0; 3]]);
+        let mut grid = SparseGrid::new(1.0, bricks.clone(), 0.0);
+        for (place, value) in grid.values.iter_mut().enumerate() {
+            let node = [place % BRICK, place / BRICK % BRICK, place / (BRICK * BRICK)];
+            *value = f32::from(u8::from(inside(node)));
+        }
+        let active = Active { computed: Bricks::default(), filled: Bricks::new(filled.to_vec()) };
+        active.contradicted(&grid, 0.5, &bricks)
+    }
+
+    #[test]
+    fn values_contradict_what_bricks_beside_them_were_taken_for() {
+        // A corner that is inside touches seven bricks, all taken for empty.
+        let mut upper: Vec<[i32; 3]> = (1..8).map(|i| [i & 1, i >> 1 & 1, i >> 2]).collect();
+        upper.sort_unstable();
+        assert_eq!(contradicted(&[], |node| node == [BRICK - 1; 3]), upper);
+        // One that is filled agrees with the only node that it touches.
+        upper.pop();
+        assert_eq!(contradicted(&[[1, 1, 1]], |node| node == [BRICK - 1; 3]), upper);
+        let all_but_the_corner = |node: [usize; 3]| node != [0; 3];
+        let around: Vec<[i32; 3]> = (0..27).map(|i| [i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1]).collect();
+        let lower = contradicted(&around, all_but_the_corner);
+        assert_eq!(lower.len(), 7);
+        assert!(lower.iter().flatten().all(|&v| v <= 0));
+        assert!(contradicted(&around, |_| true).is_empty() && contradicted(&[], |_| false).is_empty());
+        assert_eq!(contradicted(&[[0, 0, -1]], |_| false), [[0, 0, -1]]);
+    }
 }

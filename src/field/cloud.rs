@@ -17,6 +17,9 @@ const TASK: usize = 1024;
 /// The widest group of cells along x that shares its candidates.
 const SPAN: i32 = 2;
 
+/// Places of particles, and the stretches of places that hold all that may be near them.
+type Group = (Range<usize>, [[u32; 2]; 9]);
+
 /// Particles sorted into cells.
 pub(super) struct Cloud {
     pub(super) cells: CellGrid,
@@ -63,9 +66,20 @@ impl Cloud {
         Vec3::new(self.axes[0][place], self.axes[1][place], self.axes[2][place])
     }
 
+    /// The groups of a range of places that are `wanted`, by the range of their own.
+    fn groups(&self, range: Range<usize>, wanted: impl Fn(Range<usize>) -> bool) -> Vec<Group> {
+        let mut groups = Vec::new();
+        self.cells.for_each_group(range, SPAN, |places, stretches| {
+            if wanted(places.clone()) {
+                groups.push((places, *stretches));
+            }
+        });
+        groups
+    }
+
     /// The moments around every particle, in the cells' order, of what is closer than `radius` [m] ≤ the cells' edge;
-    /// `then` makes of each what is kept. With `ALL` there are all of them, else only the zeroth. Groups of particles that are not `wanted`, by
-    /// the range of their places, have none.
+    /// `then` makes of each what is kept. With `ALL` there are all of them, else only the zeroth. Groups of particles that
+    /// are not `wanted`, by the range of their places, have none.
     pub(super) fn moments<W: Weight, const ALL: bool, T: Send + Clone + Default>(
         &self,
         radius: f32,
@@ -74,12 +88,7 @@ impl Cloud {
     ) -> Vec<T> {
         let mut kept = vec![T::default(); self.len()];
         par::for_chunks(&mut kept, TASK, |first, kept| {
-            let mut groups = Vec::new();
-            self.cells.for_each_group(first..first + kept.len(), SPAN, |places, stretches| {
-                if wanted(places.clone()) {
-                    groups.push((places, *stretches));
-                }
-            });
+            let groups = self.groups(first..first + kept.len(), &wanted);
             let mut found = vec![Moments::default(); kept.len()];
             wide::run(Around::<W, ALL> {
                 axes: [&self.axes[0], &self.axes[1], &self.axes[2]],
@@ -132,12 +141,7 @@ impl Cloud {
     ) -> Vec<Vec3> {
         let mut means = vec![Vec3::zeros(); self.len()];
         par::for_chunks(&mut means, TASK, |first, means| {
-            let mut groups = Vec::new();
-            self.cells.for_each_group(first..first + means.len(), SPAN, |places, stretches| {
-                if wanted(places.clone()) {
-                    groups.push((places, *stretches));
-                }
-            });
+            let groups = self.groups(first..first + means.len(), &wanted);
             wide::run(Across::<W> {
                 axes: [&self.axes[0], &self.axes[1], &self.axes[2]],
                 vectors: [&vectors.axes[0], &vectors.axes[1], &vectors.axes[2]],
@@ -157,8 +161,7 @@ impl Cloud {
 struct Across<'a, W> {
     axes: [&'a [f32]; 3],
     vectors: [&'a [f32]; 3],
-    /// As those of [`Around`].
-    groups: &'a [(Range<usize>, [[u32; 2]; 9])],
+    groups: &'a [Group],
     first: usize,
     /// 1/radius [1/m].
     inverse: f32,
@@ -221,8 +224,7 @@ impl<W: Weight> Across<'_, W> {
 /// The moments of a chunk of particles.
 struct Around<'a, W, const ALL: bool> {
     axes: [&'a [f32]; 3],
-    /// Places of particles, and the stretches that hold all that may be near them.
-    groups: &'a [(Range<usize>, [[u32; 2]; 9])],
+    groups: &'a [Group],
     first: usize,
     /// 1/radius [1/m].
     inverse: f32,

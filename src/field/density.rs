@@ -6,7 +6,8 @@
 //! [`Anisotropy`] each W is stretched along its neighbourhood ([`super::anisotropy`]); without, G = I/h.
 //! Kernel: the cubic spline of [monaghan92], written as 2(1−q)₊³ − 8(½−q)₊³, which is the same polynomial without
 //! a branch.
-//! *Departs from the paper*: bricks that are surely filled are not computed, see [`super::active`].
+//! *Departs from the paper*: bricks that are surely filled are not computed, and rows of nodes that are deep or faint
+//! are interpolated, see [`super::active`].
 //!
 //! Every brick gathers the particles around it in a fixed order, so the bytes do not depend on threads.
 //!
@@ -75,7 +76,8 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     let radius = params.kernel_radius * params.spacing;
     let cloud = Cloud::new(positions, radius);
     let balls = Blobs::Round { radius, weights: weights(&cloud, radius) };
-    let coarse = if params.whole { None } else { Coarse::new(&cloud, &balls, params) };
+    let round_threshold = surface_threshold(params.kernel_radius);
+    let coarse = if params.whole { None } else { Coarse::new(&cloud, &balls, round_threshold, params) };
     let mut active = match &coarse {
         Some(coarse) => coarse.active(),
         None => Active::everywhere(&cloud, &balls, voxel),
@@ -86,7 +88,7 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
             let balls = shaper.balls(&cloud, &weights);
             (anisotropy::threshold(anisotropy, params.kernel_radius), balls, Some(shaper))
         }
-        (_, balls) => (surface_threshold(params.kernel_radius), balls, None),
+        (_, balls) => (round_threshold, balls, None),
     };
 
     // Ellipsoids reach further than the balls that chose the bricks; where all of it is wanted, so are those.
