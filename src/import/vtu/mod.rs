@@ -139,11 +139,7 @@ fn structure<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Document<'a>, Import
     };
     let mut is_vtk = false;
     loop {
-        let from = reader.buffer_position() as usize;
-        let event = reader.read_event().map_err(|error| {
-            let place = format!("byte {}", reader.error_position());
-            ImportError::malformed(path, place, error.to_string(), "well-formed XML")
-        })?;
+        let (from, event) = next(path, &mut reader)?;
         match event {
             Event::Start(tag) if tag.name().as_ref() == "DataArray" => {
                 let text = content(path, &mut reader, xml)?;
@@ -168,16 +164,22 @@ fn structure<'a>(path: &'a Path, bytes: &'a [u8]) -> Result<Document<'a>, Import
     Ok(document)
 }
 
+/// What comes next in the text, and where it begins.
+fn next<'a>(path: &Path, reader: &mut Reader<&'a [u8]>) -> Result<(usize, Event<'a>), ImportError> {
+    let from = reader.buffer_position() as usize;
+    let event = reader.read_event().map_err(|error| {
+        let place = format!("byte {}", reader.error_position());
+        ImportError::malformed(path, place, error.to_string(), "well-formed XML")
+    })?;
+    Ok((from, event))
+}
+
 /// The text of an array, up to the array's end; other elements in it are passed over.
 fn content<'a>(path: &Path, reader: &mut Reader<&'a [u8]>, xml: &'a str) -> Result<&'a str, ImportError> {
     let mut text = "";
     let mut depth = 1;
     while depth > 0 {
-        let from = reader.buffer_position() as usize;
-        let event = reader.read_event().map_err(|error| {
-            let place = format!("byte {}", reader.error_position());
-            ImportError::malformed(path, place, error.to_string(), "well-formed XML")
-        })?;
+        let (from, event) = next(path, reader)?;
         match event {
             Event::Text(_) if depth == 1 && text.trim().is_empty() => {
                 text = &xml[from..reader.buffer_position() as usize];
