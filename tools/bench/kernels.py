@@ -143,7 +143,7 @@ READING = """## What to take
   picture. What smoothing takes is everything shorter than its wavelength; droplets that it would wear away stay as they are.
 - Steps of the lattice, as on the ball, are longer than kernels reach. Particles that come from a simulation have none.
 - The surface's level lies between those that planes along and across the lattice need, so that bodies have their volume to
-  some tenths of a percent; a plane along the lattice lies 0.1 spacings too deep, see `src/field/threshold.rs`.
+  some tenths of a percent; a plane along the lattice lies 0.05 spacings too deep, see `src/field/threshold.rs`.
 
 """
 
