@@ -34,6 +34,10 @@ const GROWN: f64 = 1.5;
 const CALMER: f32 = 0.7;
 const CALMEST: f32 = 0.1;
 
+/// Errors below this are rounding, and no sign of anything when they grow. Larger, and a mode that grows is noticed an
+/// iteration or two later; at 0 every substep of many iterations is calmed dozens of times.
+const ROUNDING: f64 = 1e-5;
+
 /// The momentum of the iteration, and what the next substep must know of this one.
 #[derive(Debug, Default)]
 pub(super) struct Momentum {
@@ -41,7 +45,7 @@ pub(super) struct Momentum {
     age: u32,
     /// ω of this substep.
     relaxation: f32,
-    /// The smallest of the largest errors in this substep.
+    /// The smallest of the largest errors in this substep that are not rounding.
     least: f64,
     /// How often the iteration was calmed in this frame.
     pub(super) calmed: u32,
@@ -83,7 +87,7 @@ impl Momentum {
             solver.evaluate::<false>(setup, &step)
         };
         self.age = if residual.uphill > 0.0 { 0 } else { self.age + 1 };
-        self.least = self.least.min(residual.largest);
+        self.least = self.least.min(residual.largest).max(ROUNDING);
         if residual.largest > GROWN * self.least {
             (self.age, self.least) = (0, residual.largest);
             self.relaxation = (CALMER * self.relaxation).max(CALMEST);
