@@ -6,7 +6,7 @@
 //! the frames. How groups are cut changes neither a byte nor the order of what is said.
 
 use super::{Control, RunError, plan::mesh_memory};
-use crate::par;
+use crate::{mesh::SurfaceParams, par};
 use std::sync::Mutex;
 
 /// Memory that frames under way together may take where the user sets no limit [bytes].
@@ -21,9 +21,14 @@ pub(super) const TOGETHER: u64 = 1 << 30;
 /// at once on many threads.
 const SLACK: u64 = 16 << 20;
 
-/// A guess of the memory that meshing `particles` takes at a voxel of `voxel` [spacings], in bytes.
-pub(super) fn cost(particles: usize, voxel: f32) -> u64 {
-    mesh_memory(particles, voxel).saturating_add(SLACK)
+/// A guess of the memory that meshing `particles` takes [bytes].
+pub(super) fn cost(particles: usize, params: &SurfaceParams) -> u64 {
+    mesh_memory(particles, params).saturating_add(SLACK)
+}
+
+/// How many frames of `particles` are meshed at once where they share `budget` [bytes].
+pub(super) fn at_once(particles: usize, params: &SurfaceParams, budget: u64) -> usize {
+    group(&vec![cost(particles, params); par::threads()], budget, par::threads())
 }
 
 /// Runs `work(place, alone)` for every place of `costs`, and hands what it made to `done` in order.

@@ -7,6 +7,7 @@ use super::{
 use crate::{
     frame::FrameIndex,
     import::{ImportError, ParticleFile, Sequence},
+    mesh::SurfaceParams,
 };
 use std::path::{Path, PathBuf};
 
@@ -49,7 +50,7 @@ pub fn surface_files(
         remarks::of_gaps(&numbers).iter().for_each(|gaps| control.reporter.note(gaps));
     }
     let size = |file: &PathBuf| std::fs::metadata(file).map_or(0, |about| about.len());
-    let cost = |file: &Option<PathBuf>| guess(file.as_ref().map_or(0, size), job.params.voxel);
+    let cost = |file: &Option<PathBuf>| guess(file.as_ref().map_or(0, size), &job.params);
     let costs: Vec<u64> = wanted.iter().map(|(_, file)| cost(file)).collect();
     let maker =
         Maker { writer: Writer::new(out, job), spacing: settings.spacing, alone: wanted.len() == 1, control };
@@ -78,9 +79,9 @@ pub(super) fn numbered(sequence: &Sequence) -> Vec<(FrameIndex, PathBuf)> {
     numbers.zip(sequence.files().iter().cloned()).collect()
 }
 
-/// A guess of the memory that meshing a file of so many `bytes` takes at a voxel of `voxel` [spacings].
-fn guess(bytes: u64, voxel: f32) -> u64 {
-    batch::cost((bytes / LEAST_PARTICLE) as usize, voxel)
+/// A guess of the memory that meshing a file of so many `bytes` takes.
+fn guess(bytes: u64, params: &SurfaceParams) -> u64 {
+    batch::cost((bytes / LEAST_PARTICLE) as usize, params)
 }
 
 /// Meshes single files.
@@ -161,7 +162,6 @@ mod tests {
     use crate::{
         frame::Stream,
         math::Vec3,
-        mesh::SurfaceParams,
         run::plan::{Product, stream_memory},
     };
 
@@ -180,7 +180,7 @@ mod tests {
             for voxel in [0.5, 1.0] {
                 let params = SurfaceParams { voxel, ..SurfaceParams::default() };
                 let needed = stream_memory(Product::Meshes, &stream, 0.1, &params);
-                let guess = guess(12 * count as u64, voxel);
+                let guess = guess(12 * count as u64, &params);
                 assert!(needed <= guess, "{count} particles at {voxel}: {needed} needed, {guess} guessed");
             }
         }

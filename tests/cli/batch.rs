@@ -198,7 +198,7 @@ fn memory_that_is_not_allowed_is_not_taken() {
     fs::remove_file(desk.path("splash_0002.xyz")).unwrap();
     desk.write("splash_0003.xyz", drop_at(3.0).repeat(200));
     let (_, talk) =
-        desk.run("mesh splash_####.xyz splash_0002.npz --spacing 0.1 -o out --max-memory 40MiB", 33);
+        desk.run("mesh splash_####.xyz splash_0002.npz --spacing 0.1 -o out --max-memory 16MiB", 33);
     assert!(talk.contains("1 of 3 frames failed") && talk.contains("splash_0002.npz: this needs"), "{talk}");
     assert_eq!(desk.names("out/mesh"), meshes(&[1, 3]));
     // Spray takes memory by its bricks: far more than as many particles of a splash.

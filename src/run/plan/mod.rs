@@ -9,7 +9,12 @@ mod memory;
 mod pilot;
 mod sample;
 
-use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
+use super::{
+    Control, RunError,
+    batch::{self, TOGETHER},
+    remarks, simulate, solids,
+    usage::Meter,
+};
 use crate::{
     export::MeshFormat,
     frame::Stream,
@@ -115,7 +120,7 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
     Ok(Outline {
         particles,
         passes: passes(&simulation, scene, with_outputs),
-        memory: peak_memory(scene, particles, None, with_outputs),
+        memory: peak_memory(scene, particles, None, with_outputs, TOGETHER),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
 }
@@ -153,14 +158,14 @@ pub(super) fn stream_memory(product: Product, stream: &Stream, spacing: f32, par
     let positions = stream.vec3("position").unwrap_or_default();
     let grids = Grids::of_bricks(memory::bricks_around(positions, spacing, params) as f64);
     match product {
-        Product::Meshes => memory::surface(stream.len(), grids),
+        Product::Meshes => memory::surface(stream.len(), grids, params),
         Product::Volumes => memory::volume(stream.len(), grids),
     }
 }
 
-/// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
-pub(super) fn mesh_memory(particles: usize, voxel: f32) -> u64 {
-    memory::surface(particles, Grids::at_most(particles, voxel))
+/// The most memory that meshing `particles` was seen to take [bytes].
+pub(super) fn mesh_memory(particles: usize, params: &SurfaceParams) -> u64 {
+    memory::surface(particles, Grids::at_most(particles, params.voxel), params)
 }
 
 /// Refuses what needs more than `allowed` bytes.
@@ -217,7 +222,8 @@ fn plan_within(
         with_first: selection.contains(scene.frames.first()),
     };
     let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
-    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs);
+    let budget = allowed.unwrap_or(TOGETHER);
+    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs, budget);
     if let Some(allowed) = allowed.filter(|&allowed| memory > allowed) {
         return Err(RunError::OverMemory { needed: memory, allowed });
     }
@@ -294,12 +300,25 @@ fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -
     }
 }
 
-/// The model's peak of simulating `scene`, whose meshes are filled, and, after it, meshing and making volumes; a bound if
-/// its grids are not known.
-fn peak_memory(scene: &Scene, particles: usize, grids: Option<Grids>, with_outputs: bool) -> u64 {
+/// The model's peak of simulating `scene`, whose meshes are filled, and, after it, meshing, as many frames at once as share
+/// `budget` [bytes], and making volumes; a bound if its grids are not known.
+fn peak_memory(
+    scene: &Scene,
+    particles: usize,
+    grids: Option<Grids>,
+    with_outputs: bool,
+    budget: u64,
+) -> u64 {
     let kernel_radius = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.kernel_radius);
-    let (solids, voxel) = (Solids::of(scene), scene.surface.voxel);
-    let known = Known { particles, kernel_radius, solids, grids, voxel };
+    let at_once = batch::at_once(particles, &scene.surface, budget);
+    let known = Known {
+        particles,
+        kernel_radius,
+        solids: Solids::of(scene),
+        grids,
+        surface: &scene.surface,
+        at_once,
+    };
     let mut peak = known.simulation();
     if !formats(scene, with_outputs).is_empty() {
         peak = peak.max(known.surfaces());

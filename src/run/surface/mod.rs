@@ -101,7 +101,7 @@ pub fn surface_cache(
     if job.selection.is_none() {
         remarks::of_gaps(&all).iter().for_each(|gaps| control.reporter.note(gaps));
     }
-    let costs = costs(&wanted, job.params.voxel);
+    let costs = costs(&wanted, &job.params);
     let outcome = batch::each(
         "mesh",
         &costs,
@@ -121,12 +121,12 @@ pub fn surface_cache(
 pub(super) const DEFAULT_FPS: f64 = 24.0;
 
 /// The memory that each frame will need [bytes], by the particles of its largest stream; none for one that cannot be read.
-fn costs(wanted: &[(FrameIndex, Option<PathBuf>)], voxel: f32) -> Vec<u64> {
+fn costs(wanted: &[(FrameIndex, Option<PathBuf>)], params: &SurfaceParams) -> Vec<u64> {
     let particles = |path: &PathBuf| {
         let streams = cache::read_header(path).map_or_else(|_| Vec::new(), |info| info.streams);
         streams.iter().map(|stream| stream.len as usize).max().unwrap_or(0)
     };
-    let cost = |path: &Option<PathBuf>| path.as_ref().map_or(0, |path| batch::cost(particles(path), voxel));
+    let cost = |path: &Option<PathBuf>| path.as_ref().map_or(0, |path| batch::cost(particles(path), params));
     wanted.iter().map(|(_, path)| cost(path)).collect()
 }
 

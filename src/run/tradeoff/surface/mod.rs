@@ -225,7 +225,7 @@ fn seconds(line: &Line, by: By) -> Spread {
 
 /// About the most memory that a setting needs on a frame of `particles`, before anything is known of how they lie [bytes].
 pub fn memory_at_most(particles: usize, params: &SurfaceParams) -> u64 {
-    mesh_memory(particles, params.voxel)
+    mesh_memory(particles, params)
 }
 
 /// The reference, its refinement, then the rows.
