@@ -10,6 +10,7 @@ use crate::{
     frame::{Channel, ChannelData},
     math::Vec3,
     mesh::{Mesh, Points},
+    par,
 };
 use ply_rs_bw::{
     ply::{ElementDef, Encoding, Header, Key, PropertyAccess, PropertyDef, PropertyType, ScalarType},
@@ -20,9 +21,11 @@ use std::{
     path::Path,
 };
 
-/// Encoded bytes gathered before they are handed on: below a few KiB the hand-over costs, above the cache size
-/// nothing is gained.
-const BLOCK: usize = 64 * 1024;
+/// Elements that a task encodes: below some hundred the hand-over costs, above the cache's size nothing is gained.
+const BLOCK: usize = 4096;
+
+/// Elements encoded before they are written: enough tasks for many threads, and few megabytes.
+const AT_ONCE: usize = 64 * BLOCK;
 
 /// Writes `mesh` to `path`, with `comments` (one line each) in its header, and returns the file's size [bytes].
 ///
@@ -79,26 +82,33 @@ fn encode(
         header.elements.insert(face.get_key(), face.clone());
     }
 
-    let mut block = Vec::with_capacity(BLOCK + 4096);
+    let mut head = Vec::new();
     let writer = Writer::<Vertex>::new();
-    writer.write_header(&mut block, &header)?;
-    for index in 0..mesh.positions.len() {
-        writer.write_little_endian_element(&mut block, &Vertex { columns, index }, &vertex)?;
-        hand_over(&mut block, out, BLOCK)?;
-    }
+    writer.write_header(&mut head, &header)?;
+    out.write_all(&head)?;
+    each(mesh.positions.len(), out, |index, block| {
+        writer.write_little_endian_element(block, &Vertex { columns, index }, &vertex).map(drop)
+    })?;
     let writer = Writer::<Face>::new();
-    for corners in &mesh.triangles {
-        writer.write_little_endian_element(&mut block, &Face { corners }, &face)?;
-        hand_over(&mut block, out, BLOCK)?;
-    }
-    hand_over(&mut block, out, 0)
+    each(mesh.triangles.len(), out, |index, block| {
+        writer.write_little_endian_element(block, &Face { corners: &mesh.triangles[index] }, &face).map(drop)
+    })
 }
 
-/// Hands gathered bytes on once there are `least` of them.
-fn hand_over(block: &mut Vec<u8>, out: &mut dyn Write, least: usize) -> io::Result<()> {
-    if block.len() >= least {
-        out.write_all(block)?;
-        block.clear();
+/// Encodes `count` elements by `encode`, many at once, and writes them in their order.
+fn each(
+    count: usize,
+    out: &mut dyn Write,
+    encode: impl Fn(usize, &mut Vec<u8>) -> io::Result<()> + Sync,
+) -> io::Result<()> {
+    for start in (0..count).step_by(AT_ONCE) {
+        let blocks = par::map_chunks(AT_ONCE.min(count - start), BLOCK, |range| {
+            let mut block = Vec::new();
+            range.into_iter().try_for_each(|index| encode(start + index, &mut block)).map(|()| block)
+        });
+        for block in blocks {
+            out.write_all(&block?)?;
+        }
     }
     Ok(())
 }
