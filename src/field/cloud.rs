@@ -7,7 +7,7 @@ use crate::{
         wide::{self, Job, WIDTH, Wide},
     },
     par,
-    space::CellGrid,
+    space::{CellGrid, ONE_EDGE, TWO_EDGES},
 };
 use std::ops::Range;
 
@@ -17,8 +17,37 @@ const TASK: usize = 1024;
 /// The widest group of cells along x that shares its candidates.
 const SPAN: i32 = 2;
 
-/// Places of particles, and the stretches of places that hold all that may be near them.
-type Group = (Range<usize>, [[u32; 2]; 9]);
+/// Groups of particles that share their candidates.
+#[derive(Default)]
+struct Groups {
+    /// Where the places of each group and the stretches of places that hold all that may be near them end.
+    ends: Vec<(usize, usize)>,
+    places: Vec<u32>,
+    stretches: Vec<[u32; 2]>,
+}
+
+impl Groups {
+    /// Adds the group of those `places` that are wanted.
+    fn push(&mut self, places: impl Iterator<Item = usize>, stretches: &[[u32; 2]]) {
+        let before = self.places.len();
+        self.places.extend(places.map(|place| place as u32));
+        if self.places.len() > before {
+            self.stretches.extend(stretches.iter().filter(|[from, to]| from < to));
+            self.ends.push((self.places.len(), self.stretches.len()));
+        }
+    }
+
+    /// Every place in turn, with its stretches.
+    fn iter(&self) -> impl Iterator<Item = (usize, &[[u32; 2]])> {
+        let mut start = (0, 0);
+        self.ends.iter().flat_map(move |&end| {
+            let stretches = &self.stretches[start.1..end.1];
+            let places = &self.places[start.0..end.0];
+            start = end;
+            places.iter().map(move |&place| (place as usize, stretches))
+        })
+    }
+}
 
 /// Particles sorted into cells.
 pub(super) struct Cloud {
@@ -38,7 +67,7 @@ pub(super) struct Moments {
     pub(super) count: f32,
 }
 
-/// A weight of q = r/radius that vanishes from 1 on.
+/// A weight of q = r/radius in 0..=1, zero at 1.
 pub(super) trait Weight: Sync {
     fn of(q: f32) -> f32;
 }
@@ -66,43 +95,44 @@ impl Cloud {
         Vec3::new(self.axes[0][place], self.axes[1][place], self.axes[2][place])
     }
 
-    /// The groups of a range of places that are `wanted`, by the range of their own.
-    fn groups(&self, range: Range<usize>, wanted: impl Fn(Range<usize>) -> bool) -> Vec<Group> {
-        let mut groups = Vec::new();
-        self.cells.for_each_group(range, SPAN, |places, stretches| {
-            if wanted(places.clone()) {
-                groups.push((places, *stretches));
-            }
-        });
+    /// The groups of those of a range of places that are `wanted`, with all that is closer to them than `radius` [m], at most
+    /// two of the cells' edges.
+    fn groups(&self, range: Range<usize>, radius: f32, wanted: impl Fn(usize) -> bool) -> Groups {
+        let mut groups = Groups::default();
+        let mut push = |places: Range<usize>, stretches: &[_]| {
+            groups.push(places.filter(|&place| wanted(place)), stretches)
+        };
+        if radius <= self.cells.cell() {
+            self.cells.for_each_group(range, SPAN, &ONE_EDGE, |places, stretches| push(places, stretches));
+        } else {
+            assert!(radius <= 2.0 * self.cells.cell(), "at most two edges");
+            self.cells.for_each_group(range, SPAN, &TWO_EDGES, |places, stretches| push(places, stretches));
+        }
         groups
     }
 
-    /// The moments around every particle, in the cells' order, of what is closer than `radius` [m] ≤ the cells' edge;
-    /// `then` makes of each what is kept. With `ALL` there are all of them, else only the zeroth. Groups of particles that
-    /// are not `wanted`, by the range of their places, have none.
-    pub(super) fn moments<W: Weight, const ALL: bool, T: Send + Clone + Default>(
+    /// What `then` makes of the moments around every place that is `wanted`, in their order, of what is closer than `radius`
+    /// [m], at most two of the cells' edges. With `ALL` there are all of them, else only the zeroth.
+    pub(super) fn moments<W: Weight, const ALL: bool, T: Send + Clone>(
         &self,
         radius: f32,
-        wanted: impl Fn(Range<usize>) -> bool + Sync,
+        wanted: impl Fn(usize) -> bool + Sync,
         then: impl Fn(usize, &Moments) -> T + Sync,
     ) -> Vec<T> {
-        let mut kept = vec![T::default(); self.len()];
-        par::for_chunks(&mut kept, TASK, |first, kept| {
-            let groups = self.groups(first..first + kept.len(), &wanted);
-            let mut found = vec![Moments::default(); kept.len()];
-            wide::run(Around::<W, ALL> {
-                axes: [&self.axes[0], &self.axes[1], &self.axes[2]],
-                groups: &groups,
-                first,
-                inverse: 1.0 / radius,
-                found: &mut found,
-                weight: std::marker::PhantomData,
-            });
-            for (offset, (kept, moments)) in kept.iter_mut().zip(&found).enumerate() {
-                *kept = then(first + offset, moments);
-            }
-        });
-        kept
+        let axes = [&*self.axes[0], &*self.axes[1], &*self.axes[2]];
+        par::map_chunks(self.len(), TASK, |range| {
+            let groups = self.groups(range, radius, &wanted);
+            let inverse = 1.0 / radius;
+            let weight = std::marker::PhantomData::<W>;
+            let found = wide::run(Around::<W, ALL> { axes, groups: &groups, inverse, weight });
+            groups
+                .places
+                .iter()
+                .zip(&found)
+                .map(|(&place, moments)| then(place as usize, moments))
+                .collect::<Vec<_>>()
+        })
+        .concat()
     }
 }
 
@@ -130,71 +160,64 @@ impl Vectors {
 }
 
 impl Cloud {
-    /// The weighted means of `vectors` over the particles within `radius` [m] ≤ the cells' edge that lie less than `half`
-    /// [m] before or behind the plane through a particle across its own vector; zero for groups that are not `wanted`.
+    /// The weighted means of `vectors` over the particles within `radius` [m], at most two of the cells' edges, that lie less than
+    /// `half` [m] before or behind the plane through a particle across its own vector; for every place that is `wanted`, in
+    /// their order.
     pub(super) fn means_across<W: Weight>(
         &self,
         radius: f32,
         half: f32,
         vectors: &Vectors,
-        wanted: impl Fn(Range<usize>) -> bool + Sync,
+        wanted: impl Fn(usize) -> bool + Sync,
     ) -> Vec<Vec3> {
-        let mut means = vec![Vec3::zeros(); self.len()];
-        par::for_chunks(&mut means, TASK, |first, means| {
-            let groups = self.groups(first..first + means.len(), &wanted);
-            wide::run(Across::<W> {
-                axes: [&self.axes[0], &self.axes[1], &self.axes[2]],
-                vectors: [&vectors.axes[0], &vectors.axes[1], &vectors.axes[2]],
-                groups: &groups,
-                first,
-                inverse: 1.0 / radius,
-                thin: radius / half,
-                means,
-                weight: std::marker::PhantomData,
-            });
-        });
-        means
+        let axes = [&*self.axes[0], &*self.axes[1], &*self.axes[2]];
+        let vectors = [&*vectors.axes[0], &*vectors.axes[1], &*vectors.axes[2]];
+        let (inverse, thin) = (1.0 / radius, radius / half);
+        par::map_chunks(self.len(), TASK, |range| {
+            let groups = self.groups(range, radius, &wanted);
+            let weight = std::marker::PhantomData::<W>;
+            wide::run(Across { axes, vectors, groups: &groups, inverse, thin, weight })
+        })
+        .concat()
     }
 }
 
-/// The means of a chunk of particles.
+/// The means around some particles.
 struct Across<'a, W> {
     axes: [&'a [f32]; 3],
     vectors: [&'a [f32]; 3],
-    groups: &'a [Group],
-    first: usize,
+    groups: &'a Groups,
     /// 1/radius [1/m].
     inverse: f32,
     /// radius/half.
     thin: f32,
-    means: &'a mut [Vec3],
     weight: std::marker::PhantomData<W>,
 }
 
 impl<W: Weight> Job for Across<'_, W> {
-    type Out = ();
+    type Out = Vec<Vec3>;
 
     #[inline(always)]
-    fn run(self) {
-        for (places, stretches) in self.groups {
-            for place in places.clone() {
-                let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
-                let vector = [self.vectors[0][place], self.vectors[1][place], self.vectors[2][place]];
-                let length = (vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]).sqrt();
-                let scale = if length > 0.0 { self.thin / length } else { 0.0 };
-                let normal = vector.map(|v| v * scale);
-                let mut sums = [[0.0; WIDTH]; 4];
-                for &[from, to] in stretches {
-                    let (mut at, to) = (from as usize, to as usize);
-                    while at < to {
-                        self.eight(own, normal, at, to - at, &mut sums);
-                        at += WIDTH;
-                    }
+    fn run(self) -> Vec<Vec3> {
+        let mut means = Vec::with_capacity(self.groups.places.len());
+        for (place, stretches) in self.groups.iter() {
+            let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
+            let vector = [self.vectors[0][place], self.vectors[1][place], self.vectors[2][place]];
+            let length = (vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]).sqrt();
+            let scale = if length > 0.0 { self.thin / length } else { 0.0 };
+            let normal = vector.map(|v| v * scale);
+            let mut sums = [[0.0; WIDTH]; 4];
+            for &[from, to] in stretches {
+                let (mut at, to) = (from as usize, to as usize);
+                while at < to {
+                    self.eight(own, normal, at, to - at, &mut sums);
+                    at += WIDTH;
                 }
-                let [w, x, y, z] = sums.map(wide::sum);
-                self.means[place - self.first] = Vec3::new(x, y, z) / w;
             }
+            let [w, x, y, z] = sums.map(wide::sum);
+            means.push(Vec3::new(x, y, z) / w);
         }
+        means
     }
 }
 
@@ -205,60 +228,58 @@ impl<W: Weight> Across<'_, W> {
         let rows: [&Wide; 3] = [row(self.axes[0], at), row(self.axes[1], at), row(self.axes[2], at)];
         let values: [&Wide; 3] =
             [row(self.vectors[0], at), row(self.vectors[1], at), row(self.vectors[2], at)];
+        let meant = &MEANT[left.min(WIDTH)];
         for lane in 0..WIDTH {
             let dx = (rows[0][lane] - own[0]) * self.inverse;
             let dy = (rows[1][lane] - own[1]) * self.inverse;
             let dz = (rows[2][lane] - own[2]) * self.inverse;
-            let q = (dx * dx + dy * dy + dz * dz).sqrt();
+            let q = (dx * dx + dy * dy + dz * dz).sqrt().min(1.0);
             let away = dx * normal[0] + dy * normal[1] + dz * normal[2];
-            let meant = (lane as u32) < (left as u32) && q < 1.0;
-            let w = if meant { W::of(q) * (1.0 - away * away).max(0.0) } else { 0.0 };
+            let w = W::of(q) * (1.0 - away * away).max(0.0) * meant[lane];
             sums[0][lane] += w;
-            sums[1][lane] += if meant { w * values[0][lane] } else { 0.0 };
-            sums[2][lane] += if meant { w * values[1][lane] } else { 0.0 };
-            sums[3][lane] += if meant { w * values[2][lane] } else { 0.0 };
+            sums[1][lane] += w * values[0][lane];
+            sums[2][lane] += w * values[1][lane];
+            sums[3][lane] += w * values[2][lane];
         }
     }
 }
 
-/// The moments of a chunk of particles.
+/// The moments around some particles.
 struct Around<'a, W, const ALL: bool> {
     axes: [&'a [f32]; 3],
-    groups: &'a [Group],
-    first: usize,
+    groups: &'a Groups,
     /// 1/radius [1/m].
     inverse: f32,
-    found: &'a mut [Moments],
     weight: std::marker::PhantomData<W>,
 }
 
 impl<W: Weight, const ALL: bool> Job for Around<'_, W, ALL> {
-    type Out = ();
+    type Out = Vec<Moments>;
 
     #[inline(always)]
-    fn run(self) {
-        for (places, stretches) in self.groups {
-            for place in places.clone() {
-                let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
-                let mut sums = [[0.0; WIDTH]; 11];
-                for &[from, to] in stretches {
-                    let (mut at, to) = (from as usize, to as usize);
-                    while at < to {
-                        eight::<W, ALL>(&self.axes, own, self.inverse, at, to - at, &mut sums);
-                        at += WIDTH;
-                    }
+    fn run(self) -> Vec<Moments> {
+        let mut found = Vec::with_capacity(self.groups.places.len());
+        for (place, stretches) in self.groups.iter() {
+            let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
+            let mut sums = [[0.0; WIDTH]; 11];
+            for &[from, to] in stretches {
+                let (mut at, to) = (from as usize, to as usize);
+                while at < to {
+                    eight::<W, ALL>(&self.axes, own, self.inverse, at, to - at, &mut sums);
+                    at += WIDTH;
                 }
-                let mut moments = Moments { zeroth: wide::sum(sums[0]), ..Moments::default() };
-                if ALL {
-                    moments.first = Vec3::new(wide::sum(sums[1]), wide::sum(sums[2]), wide::sum(sums[3]));
-                    for part in 0..6 {
-                        moments.second[part] = wide::sum(sums[4 + part]);
-                    }
-                    moments.count = wide::sum(sums[10]);
-                }
-                self.found[place - self.first] = moments;
             }
+            let mut moments = Moments { zeroth: wide::sum(sums[0]), ..Moments::default() };
+            if ALL {
+                moments.first = Vec3::new(wide::sum(sums[1]), wide::sum(sums[2]), wide::sum(sums[3]));
+                for part in 0..6 {
+                    moments.second[part] = wide::sum(sums[4 + part]);
+                }
+                moments.count = wide::sum(sums[10]);
+            }
+            found.push(moments);
         }
+        found
     }
 }
 
@@ -273,38 +294,114 @@ fn eight<W: Weight, const ALL: bool>(
     sums: &mut [Wide; 11],
 ) {
     let rows: [&Wide; 3] = [row(axes[0], at), row(axes[1], at), row(axes[2], at)];
+    let meant = &MEANT[left.min(WIDTH)];
     let (mut d, mut w) = ([[0.0; WIDTH]; 3], [0.0; WIDTH]);
     for lane in 0..WIDTH {
-        let dx = (rows[0][lane] - own[0]) * inverse;
-        let dy = (rows[1][lane] - own[1]) * inverse;
-        let dz = (rows[2][lane] - own[2]) * inverse;
-        let q = (dx * dx + dy * dy + dz * dz).sqrt();
-        let meant = (lane as u32) < (left as u32) && q < 1.0;
-        w[lane] = if meant { W::of(q) } else { 0.0 };
-        d[0][lane] = if meant { dx } else { 0.0 };
-        d[1][lane] = if meant { dy } else { 0.0 };
-        d[2][lane] = if meant { dz } else { 0.0 };
+        let x = (rows[0][lane] - own[0]) * inverse;
+        let y = (rows[1][lane] - own[1]) * inverse;
+        let z = (rows[2][lane] - own[2]) * inverse;
+        w[lane] = W::of((x * x + y * y + z * z).sqrt().min(1.0)) * meant[lane];
+        (d[0][lane], d[1][lane], d[2][lane]) = (x, y, z);
     }
     for lane in 0..WIDTH {
         let (w, x, y, z) = (w[lane], d[0][lane], d[1][lane], d[2][lane]);
         sums[0][lane] += w;
         if ALL {
-            sums[1][lane] += w * x;
-            sums[2][lane] += w * y;
-            sums[3][lane] += w * z;
-            sums[4][lane] += w * x * x;
-            sums[5][lane] += w * y * y;
-            sums[6][lane] += w * z * z;
-            sums[7][lane] += w * x * y;
-            sums[8][lane] += w * x * z;
-            sums[9][lane] += w * y * z;
+            let (wx, wy, wz) = (w * x, w * y, w * z);
+            sums[1][lane] += wx;
+            sums[2][lane] += wy;
+            sums[3][lane] += wz;
+            sums[4][lane] += wx * x;
+            sums[5][lane] += wy * y;
+            sums[6][lane] += wz * z;
+            sums[7][lane] += wx * y;
+            sums[8][lane] += wx * z;
+            sums[9][lane] += wy * z;
             sums[10][lane] += if w > 0.0 { 1.0 } else { 0.0 };
         }
     }
 }
 
+/// 1 for the first so many of eight candidates, 0 for the others.
+const MEANT: [Wide; WIDTH + 1] = {
+    let mut meant = [[0.0; WIDTH]; WIDTH + 1];
+    let mut count = 1;
+    while count <= WIDTH {
+        meant[count] = meant[count - 1];
+        meant[count][count - 1] = 1.0;
+        count += 1;
+    }
+    meant
+};
+
 /// Eight numbers from `at` on.
 #[inline(always)]
 fn row(values: &[f32], at: usize) -> &Wide {
     values[at..].first_chunk().expect("eight numbers follow the last particle")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 1 − q.
+    struct Cone;
+
+    impl Weight for Cone {
+        #[inline(always)]
+        fn of(q: f32) -> f32 {
+            1.0 - q
+        }
+    }
+
+    /// Points without order in a box of 4 × 3 × 2 m.
+    fn scattered(count: u64) -> Cloud {
+        let at = |i: u64| ((i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1 << 24) as f32;
+        let point = |i: u64| Vec3::new(4.0 * at(3 * i), 3.0 * at(3 * i + 1), 2.0 * at(3 * i + 2) - 1.0);
+        Cloud::new(&(0..count).map(point).collect::<Vec<_>>(), 0.5)
+    }
+
+    #[test]
+    fn moments_are_the_sums_over_all_within_one_or_two_edges() {
+        let cloud = scattered(3000);
+        for radius in [0.31_f32, 0.5, 0.83, 1.0] {
+            let odd = |place: usize| place % 2 == 1;
+            let found = cloud.moments::<Cone, true, _>(radius, odd, |place, moments| (place, *moments));
+            assert!(found.iter().map(|(place, _)| *place).eq((0..3000).filter(|&place| odd(place))));
+            let alone = cloud.moments::<Cone, false, _>(radius, odd, |_, moments| moments.zeroth);
+            for (&(place, moments), alone) in found.iter().zip(alone) {
+                let (mut sum, mut first, mut second, mut count) = (0.0, nalgebra::Vector3::zeros(), 0.0, 0.0);
+                for other in 0..cloud.len() {
+                    let d = (cloud.at(other) - cloud.at(place)).cast::<f64>() / f64::from(radius);
+                    let w = (1.0 - d.norm()).max(0.0);
+                    (sum, first, second) = (sum + w, first + d * w, second + d.x * d.z * w);
+                    count += f64::from(u8::from(w > 0.0));
+                }
+                let close = |a: f32, b: f64| (f64::from(a) - b).abs() < 1e-4 * (1.0 + b.abs());
+                assert!(close(moments.zeroth, sum) && close(alone, sum), "{place} within {radius}");
+                assert!((0..3).all(|axis| close(moments.first[axis], first[axis])));
+                assert!(close(moments.second[4], second) && (f64::from(moments.count) - count).abs() <= 1.0);
+            }
+        }
+    }
+
+    #[test]
+    fn means_are_of_those_in_the_layer_of_a_vector() {
+        let cloud = scattered(2000);
+        let mut vectors = Vectors::new(&cloud);
+        (0..cloud.len()).for_each(|place| vectors.set(place, Vec3::new(0.0, 0.1, cloud.at(place).z)));
+        let (radius, half) = (0.9_f32, 0.3_f32);
+        let found = cloud.means_across::<Cone>(radius, half, &vectors, |_| true);
+        for (place, found) in found.iter().enumerate() {
+            let normal = vectors.at(place).normalize();
+            let (mut sum, mut mean) = (0.0, Vec3::zeros());
+            for other in 0..cloud.len() {
+                let d = cloud.at(other) - cloud.at(place);
+                let away = d.dot(&normal) / half;
+                let w = (1.0 - d.norm() / radius).max(0.0) * (1.0 - away * away).max(0.0);
+                (sum, mean) = (sum + w, mean + vectors.at(other) * w);
+            }
+            assert!((mean / sum - found).norm() < 1e-4, "{place}");
+        }
+    }
 }

@@ -84,7 +84,7 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     };
     let (threshold, mut kernels, mut shaper) = match (&params.anisotropy, balls) {
         (Some(anisotropy), Blobs::Round { weights, .. }) => {
-            let shaper = Shaper::new(positions, &cloud, anisotropy, params);
+            let shaper = Shaper::new(&cloud, anisotropy, params);
             let balls = shaper.balls(&cloud, &weights);
             (anisotropy::threshold(anisotropy, params.kernel_radius), balls, Some(shaper))
         }
@@ -95,7 +95,7 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     if params.whole
         && let Some(shaper) = &mut shaper
     {
-        shaper.shape(&mut kernels, &vec![true; cloud.len()]);
+        shaper.shape(&cloud, &mut kernels, &vec![true; cloud.len()]);
         active = Active::everywhere(&cloud, &kernels, voxel);
     }
 
@@ -106,7 +106,7 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     let mut coarse = coarse.filter(|_| shaper.is_none());
     while !due.is_empty() {
         if let Some(shaper) = &mut shaper {
-            shaper.shape(&mut kernels, &anisotropy::near(&cloud, &due, voxel, radius));
+            shaper.shape(&cloud, &mut kernels, &anisotropy::near(&cloud, &due, voxel, radius));
         }
         compute(&mut grid, &due, &cloud, &kernels, coarse.as_ref());
         coarse = None;
@@ -182,12 +182,14 @@ pub(super) fn compute(
         if due.find(coord).is_none() {
             return;
         }
-        let values: &mut [f32; BRICK_NODES] = values.try_into().expect("one brick");
-        let rows = coarse.map_or(u64::MAX, |coarse| coarse.settle(coord, values));
+        // Summed up beside the grid: reading pages that were never written maps them twice, and each time stops all threads.
+        let mut sums = [0.0; BRICK_NODES];
+        let rows = coarse.map_or(u64::MAX, |coarse| coarse.settle(coord, &mut sums));
         let mut stretches = Vec::new();
         let (low, high) = around(coord, voxel, reach);
         cloud.cells.for_each_stretch(low, high, |places| stretches.push(places));
-        wide::run(Fill { cloud, blobs, stretches: &stretches, coord, voxel, rows, values });
+        wide::run(Fill { cloud, blobs, stretches: &stretches, coord, voxel, rows, values: &mut sums });
+        values.copy_from_slice(&sums);
     });
 }
 

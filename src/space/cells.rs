@@ -36,12 +36,49 @@ struct Row {
 /// A cell's (z, y, x).
 type Coordinates = [i32; 3];
 
+/// A row beside that of a cell, and how far it matters.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    z: i32,
+    y: i32,
+    /// Cells to either side along x.
+    x: i32,
+}
+
+/// The rows that hold all that is no further from a particle than one edge, …
+pub const ONE_EDGE: [Reach; 9] = reaches(1);
+
+/// … and two edges.
+pub const TWO_EDGES: [Reach; 25] = reaches(2);
+
+/// The rows that hold all that is no further from a particle than some `edges`, in order of z and y.
+const fn reaches<const ROWS: usize>(edges: i32) -> [Reach; ROWS] {
+    let side = 2 * edges + 1;
+    assert!(ROWS as i32 == side * side);
+    let mut rows = [Reach { z: 0, y: 0, x: 0 }; ROWS];
+    let mut row = 0;
+    while row < ROWS {
+        let (z, y) = (row as i32 / side - edges, row as i32 % side - edges);
+        // What is in it is at least so many edges away along z and along y.
+        let dz = if z == 0 { 0 } else { z.abs() - 1 };
+        let dy = if y == 0 { 0 } else { y.abs() - 1 };
+        let left = ALONG_X * ALONG_X * (edges * edges - dz * dz - dy * dy);
+        let mut x = 0;
+        while x * x < left {
+            x += 1;
+        }
+        rows[row] = Reach { z, y, x };
+        row += 1;
+    }
+    rows
+}
+
 /// Cells along x in one edge. At 1 a third more candidates are tested; at 8 the cells themselves cost more than
 /// they save.
 pub(super) const ALONG_X: i32 = 4;
 
 /// Positions further out share the outermost cells, which keeps a cell's neighbours in range.
-const OUTERMOST: i32 = i32::MAX - 2 * ALONG_X;
+const OUTERMOST: i32 = i32::MAX - 4 * ALONG_X;
 
 /// Particles a task turns into rows and cells at once.
 const TASK: usize = 1 << 13;
@@ -162,7 +199,7 @@ impl CellGrid {
     pub fn for_each_within(&self, positions: &[Vec3], x: Vec3, radius: f32, mut f: impl FnMut(usize, f32)) {
         debug_assert!(radius <= self.cell);
         let [z, y, x_cell] = coordinates(x, self.cell);
-        for row in self.rows_around(z, y) {
+        for row in self.rows_around(z, y, &ONE_EDGE) {
             let cells = &self.cells[row.clone()];
             let from = row.start + cells.partition_point(|&cell| cell < x_cell - ALONG_X);
             let to = advanced(&self.cells[..row.end], from, x_cell + ALONG_X + 1);
@@ -175,16 +212,23 @@ impl CellGrid {
         }
     }
 
-    /// The nine rows around (z, y) as ranges of cells, ascending; empty where there is no row.
-    fn rows_around(&self, z: i32, y: i32) -> [Range<usize>; 9] {
-        let mut found = [const { 0..0 }; 9];
-        for (three, z) in found.chunks_exact_mut(3).zip(z - 1..=z + 1) {
-            let mut at = self.rows.partition_point(|row| (row.z, row.y) < (z, y - 1));
-            for (range, y) in three.iter_mut().zip(y - 1..=y + 1) {
-                if self.rows.get(at).is_some_and(|row| (row.z, row.y) == (z, y)) {
-                    *range = self.rows[at].first as usize..self.row_end(at);
-                    at += 1;
-                }
+    /// The rows around (z, y) as ranges of cells, ascending; empty where there is no row.
+    fn rows_around<const ROWS: usize>(
+        &self,
+        z: i32,
+        y: i32,
+        reaches: &[Reach; ROWS],
+    ) -> [Range<usize>; ROWS] {
+        let mut found = [const { 0..0 }; ROWS];
+        let (mut at, mut layer) = (0, None);
+        for (range, reach) in found.iter_mut().zip(reaches) {
+            let row = (z + reach.z, y + reach.y);
+            if layer.replace(reach.z) != Some(reach.z) {
+                at = self.rows.partition_point(|other| (other.z, other.y) < row);
+            }
+            if self.rows.get(at).is_some_and(|other| (other.z, other.y) == row) {
+                *range = self.rows[at].first as usize..self.row_end(at);
+                at += 1;
             }
         }
         found
@@ -221,13 +265,14 @@ impl CellGrid {
     }
 
     /// Walks over the cells that hold the places `range` of the order, in groups of cells that span at most
-    /// `span` cells of a row. For each it calls `f(the group's places within range, the nine stretches of the
-    /// order that hold its own and its neighbours' particles)`.
-    pub fn for_each_group(
+    /// `span` cells of a row. For each it calls `f(the group's places within range, the stretches of the order that hold
+    /// its own particles and all within `reaches`)`.
+    pub fn for_each_group<const ROWS: usize>(
         &self,
         range: Range<usize>,
         span: i32,
-        mut f: impl FnMut(Range<usize>, &[[u32; 2]; 9]),
+        reaches: &[Reach; ROWS],
+        mut f: impl FnMut(Range<usize>, &[[u32; 2]; ROWS]),
     ) {
         if range.is_empty() {
             return;
@@ -238,8 +283,8 @@ impl CellGrid {
         while place < range.end {
             let row_end = self.row_end(row);
             // Where the stretches of the group before begin and end: the next ones lie further on.
-            let mut ends =
-                self.rows_around(self.rows[row].z, self.rows[row].y).map(|r| [r.start, r.start, r.end]);
+            let around = self.rows_around(self.rows[row].z, self.rows[row].y, reaches);
+            let mut ends = around.map(|r| [r.start, r.start, r.end]);
             while cell < row_end && place < range.end {
                 let first = self.cells[cell];
                 let mut last = first;
@@ -247,10 +292,10 @@ impl CellGrid {
                     last = self.cells[cell];
                     cell += 1;
                 }
-                let mut stretches = [[0; 2]; 9];
-                for (stretch, [from, to, end]) in stretches.iter_mut().zip(&mut ends) {
-                    *from = advanced(&self.cells[..*end], *from, first - ALONG_X);
-                    *to = advanced(&self.cells[..*end], *to, last + ALONG_X + 1);
+                let mut stretches = [[0; 2]; ROWS];
+                for ((stretch, [from, to, end]), reach) in stretches.iter_mut().zip(&mut ends).zip(reaches) {
+                    *from = advanced(&self.cells[..*end], *from, first - reach.x);
+                    *to = advanced(&self.cells[..*end], *to, last + reach.x + 1);
                     *stretch = [self.start[*from], self.start[*to]];
                 }
                 let end = range.end.min(self.start[cell] as usize);

@@ -1,7 +1,7 @@
 //! Neighbour lists.
 
 use super::{
-    CellGrid,
+    CellGrid, ONE_EDGE,
     gather::{self, Gather, Scratch, Sorted},
 };
 use crate::{
@@ -67,7 +67,8 @@ impl Neighbours {
             let [Chunk { start, list }] = chunk else { unreachable!("chunks of one") };
             let first = index * CHUNK;
             scratch.found = 0;
-            grid.for_each_group(first..order.len().min(first + CHUNK), GROUP, |places, stretches| {
+            let range = first..order.len().min(first + CHUNK);
+            grid.for_each_group(range, GROUP, &ONE_EDGE, |places, stretches| {
                 let ends = &mut start[places.start - first + 1..=places.end - first];
                 gather(sorted, order, stretches, places, radius * radius, scratch, ends);
             });

@@ -10,5 +10,5 @@ mod gather;
 mod gather_avx2;
 mod lists;
 
-pub use cells::CellGrid;
+pub use cells::{CellGrid, ONE_EDGE, Reach, TWO_EDGES};
 pub use lists::Neighbours;
