@@ -269,9 +269,14 @@ pub(super) fn threshold(anisotropy: &Anisotropy, kernel_radius: f32) -> f32 {
         let mut blobs = shaper.balls(&cloud, &weights(&cloud, kernel_radius));
         shaper.shape(&cloud, &mut blobs, &near);
         let samples = plane.samples();
+        let reach = blobs.reach();
         let density = |i: usize| {
             let x = samples[i].cast::<f32>();
-            (0..cloud.len()).map(|place| f64::from(blobs.at(&cloud, place).value(x))).sum()
+            let mut sum = 0.0;
+            cloud.cells.for_each_stretch(x.add_scalar(-reach), x.add_scalar(reach), |places| {
+                sum += places.map(|place| f64::from(blobs.at(&cloud, place).value(x))).sum::<f64>();
+            });
+            sum
         };
         par::sum(samples.len(), density) / samples.len() as f64
     });
