@@ -83,7 +83,11 @@ impl Simulation {
     /// The state as a frame: stream "liquid" with `position` [m], `velocity` [m/s], `id` and the channels that the preset
     /// names, in memory order.
     pub fn frame(&self, index: FrameIndex) -> Frame {
-        Frame { index, time: self.time, streams: self.liquid.iter().map(|liquid| liquid.stream(self.time)).collect() }
+        Frame {
+            index,
+            time: self.time,
+            streams: self.liquid.iter().map(|liquid| liquid.stream(self.time)).collect(),
+        }
     }
 
     /// Advances by `frame_seconds` [s] (> 0) and tells what happened.

@@ -148,19 +148,40 @@ pub(super) enum Product {
     Volumes,
 }
 
+impl Product {
+    /// What it is called where jobs are told.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Meshes => "mesh",
+            Self::Volumes => "volume",
+        }
+    }
+
+    /// The memory that making it of `particles` takes [bytes].
+    fn memory(self, particles: usize, grids: Grids) -> u64 {
+        match self {
+            Self::Meshes => memory::surface(particles, grids),
+            Self::Volumes => memory::volume(particles, grids),
+        }
+    }
+}
+
 /// The memory that making `product` of a stream will need, by where its particles are [bytes].
 pub(super) fn stream_memory(product: Product, stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
     let grids = Grids::of_bricks(memory::bricks_around(positions, spacing, params) as f64);
-    match product {
-        Product::Meshes => memory::surface(stream.len(), grids),
-        Product::Volumes => memory::volume(stream.len(), grids),
-    }
+    product.memory(stream.len(), grids)
 }
 
-/// The most memory that meshing `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
-pub(super) fn mesh_memory(particles: usize, voxel: f32) -> u64 {
-    memory::surface(particles, Grids::at_most(particles, voxel))
+/// The most memory that making `product` of `particles` at a voxel of `voxel` [spacings] was seen to take [bytes].
+pub(super) fn most_memory(product: Product, particles: usize, voxel: f32) -> u64 {
+    product.memory(particles, Grids::at_most(particles, voxel))
+}
+
+/// The memory that reading and meshing a level set of so many bricks takes, at most [bytes]: that of a surface, whose
+/// density and distance take what the file and its tree do.
+pub(super) fn level_set_memory(bricks: usize) -> u64 {
+    memory::surface(0, Grids::of_bricks(bricks as f64))
 }
 
 /// Refuses what needs more than `allowed` bytes.

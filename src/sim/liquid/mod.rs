@@ -31,8 +31,8 @@ mod vorticity;
 mod walls;
 
 pub use params::{
-    ArtificialPressure, Constraint, Kernel, LiquidChannel, LiquidParams, LiquidSource, SolverKind, SourceShape,
-    VorticityConfinement, Xsph,
+    ArtificialPressure, Constraint, Kernel, LiquidChannel, LiquidParams, LiquidSource, SolverKind,
+    SourceShape, VorticityConfinement, Xsph,
 };
 
 use super::{Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock};
@@ -159,7 +159,8 @@ impl Liquid {
             .with("position", self.x.clone())
             .with("velocity", self.v.clone())
             .with("id", self.id.clone());
-        for channel in LiquidChannel::ALL.into_iter().filter(|channel| self.params.channels.contains(channel)) {
+        for channel in LiquidChannel::ALL.into_iter().filter(|channel| self.params.channels.contains(channel))
+        {
             stream = match channel {
                 LiquidChannel::Age => stream.with(channel.name(), vec![time as f32; self.x.len()]),
                 LiquidChannel::Source => {
