@@ -150,7 +150,8 @@ pub(super) fn run<M: Make>(
             let stream = &streams[*place];
             maker.make(stream, *spacing, target, made, control)?;
             if stream.is_empty() {
-                made.notes.push(format!("{}: no particles, so its frame is empty", path.display()));
+                let product = M::PRODUCT.name();
+                made.notes.push(format!("{}: no particles, so its {product} is empty", path.display()));
             }
         }
         made.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));

@@ -1,7 +1,10 @@
 //! Volume files of caches and of other solvers' particle files.
 
 use super::*;
-use meniscus::export::vdb;
+use meniscus::{
+    export::vdb,
+    grid::{BRICK_NODES, Bricks},
+};
 use std::collections::BTreeMap;
 
 /// The active nodes of a float grid and their values, read by another library.
@@ -227,6 +230,45 @@ fn level_sets_of_any_program_become_meshes() {
         |lines: &[String]| lines.iter().filter(|line| line.starts_with("v ")).cloned().collect::<Vec<_>>();
     let same = vertices(&faces("meshes/mesh/surface_0003.obj")) == vertices(&of_particles);
     assert!(same, "the vertices differ");
+
+    // They are kept while their bytes are the same, whatever their time.
+    let line = "mesh ball_#.vdb -o meshes --format ply,obj --threads 4";
+    assert!(desk.run(line, 0).0.contains("0 frames meshed"));
+    desk.run("volume cube.xyz --spacing 0.1 -o other --precision float --voxel 0.8", 0);
+    fs::copy(desk.path("other/volume/particles_0001.vdb"), desk.path("ball_5.vdb")).unwrap();
+    fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_3.vdb")).unwrap();
+    fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_4.vdb")).unwrap();
+    let (out, _) = desk.run(line, 0);
+    assert!(out.contains("2 frames meshed") && out.contains("1 were there"), "{out}");
+    assert_ne!(faces("meshes/mesh/surface_0005.obj").len(), of_particles.len());
+    assert!(desk.run(&format!("{line} --force --frames 3"), 0).0.contains("1 frames meshed"));
+    let (out, _) = desk.run(&line.replace("-o meshes", "-o alone").replace('4', "1"), 0);
+    assert!(out.contains("3 frames meshed"), "{out}");
+    assert!(desk.bytes("meshes/mesh") == desk.bytes("alone/mesh"), "on four threads as on one");
+    // What one may take is held against the grid that it turns out to have.
+    let (_, talk) = desk.run(&format!("{line} --force --max-memory 1MiB"), 33);
+    assert!(talk.contains("3 of 3 frames failed") && talk.contains("ball_4.vdb: this needs"), "{talk}");
+    desk.run(&format!("{line} --max-memory 1MiB"), 0);
+    fs::remove_file(desk.path("ball_4.vdb")).unwrap();
+    let (_, talk) = desk.run(line, 0);
+    assert!(talk.contains("1 frames are missing between 3 and 5: 4"), "{talk}");
+
+    // One that lacks nodes at its surface is meshed, and named each time.
+    let values: Vec<f32> = (0..BRICK_NODES).map(|node| (node % 8) as f32 - 3.5).collect();
+    let slab = vdb::Grid {
+        name: "surface",
+        class: vdb::Class::LevelSet { values: &values, half_width: 4.0, inside: &[] },
+        voxel: 1.0,
+        bricks: &Bricks::new(vec![[0, 0, 0]]),
+        active: &[[u64::MAX; BRICK_NODES / 64]],
+    };
+    let float = vdb::VolumeParams { precision: vdb::Precision::Float, ..Default::default() };
+    vdb::write(&[slab], &desk.path("slab.vdb"), &float, 1).unwrap();
+    for _ in 0..2 {
+        let (_, talk) = desk.run("mesh slab.vdb -o open", 3);
+        assert!(talk.contains("slab.vdb: the mesh is written, but it is open"), "{talk}");
+        assert!(talk.contains("1 frames meshed"), "{talk}");
+    }
 
     desk.run("volume cube.xyz --spacing 0.1 -o half", 0);
     let (_, talk) = desk.run("mesh half/volume/particles_0001.vdb -o other", 1);
