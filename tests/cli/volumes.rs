@@ -108,6 +108,14 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
         assert_eq!(manifest(&desk, "small")["outputs"][0]["grids"], serde_json::json!(grids), "{change}");
         assert_ne!(desk.bytes("small/volume"), whole);
     }
+    // How a mesh is cleaned up is no matter of volumes.
+    desk.run("volume small", 0);
+    let (out, _) = desk.run("volume small --set surface.smoothing={} --set surface.attributes=[\"id\"]", 0);
+    assert!(out.contains("5 were there"), "{out}");
+    for change in ["surface.anisotropy={}", "surface.kernel_radius=1.8", "surface.distance.band=4"] {
+        let (out, _) = desk.run(&format!("volume small -o other --frames 2 --set {change}"), 0);
+        assert!(out.contains("1 volumes written"), "{change}: {out}");
+    }
     desk.run("volume small/cache --threads 1 -o one", 0);
     desk.run("volume small --threads 3 -o three", 0);
     assert_eq!(desk.bytes("one/volume"), whole);
