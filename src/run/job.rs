@@ -217,3 +217,25 @@ pub(super) fn each(
     });
     ledger.finish(title, fps, &numbers, outcome, control)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_needs_more_than_was_set_aside_runs_alone_and_more_than_is_allowed_not_at_all() {
+        let job =
+            |max_memory| Job { selection: None, force: false, max_memory, side_by_side: true, fps: 24.0 };
+        let free = job(None);
+        assert_eq!(free.fit(None, || unreachable!("nothing limits it")).unwrap(), Fit::Yes);
+        assert_eq!(free.fit(Some(10), || 10).unwrap(), Fit::Yes);
+        assert_eq!(free.fit(Some(10), || 11).unwrap(), Fit::No);
+        let limited = job(Some(20));
+        assert_eq!(limited.fit(Some(10), || 11).unwrap(), Fit::No);
+        assert_eq!(limited.fit(None, || 20).unwrap(), Fit::Yes);
+        let refused = limited.fit(Some(10), || 21);
+        assert!(matches!(refused, Err(RunError::OverMemory { needed: 21, allowed: 20 })), "{refused:?}");
+        assert_eq!((free.budget(), limited.budget()), (batch::TOGETHER, 20));
+        assert_eq!(Job { side_by_side: false, ..limited }.budget(), 0, "as the plan of a shot has it");
+    }
+}

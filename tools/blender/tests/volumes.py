@@ -129,7 +129,7 @@ def check_import(openvdb, folder, meniscus):
     sphere.name = "ball"
     path = folder / "sphere.vdb"
     openvdb.write(str(path), grids=[sphere])
-    command = [meniscus, "mesh", str(path), "-o", str(folder / "meshed"), "--progress", "plain"]
+    command = [meniscus, "mesh", str(path), "-o", str(folder / "meshed"), "--force", "--progress", "plain"]
     run = subprocess.run(command, capture_output=True, encoding="utf-8")
     figures = re.search(r"volume ([0-9.]+) m³  1 pieces", run.stderr)
     exact = 4.0 / 3.0 * math.pi * 1.5**3
