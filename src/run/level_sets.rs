@@ -90,3 +90,30 @@ fn contour(level_set: &LevelSet) -> (Mesh, usize) {
     par::update(&mut mesh.positions, |_, x| *x += level_set.origin);
     (mesh, stats.cut_cells)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        grid::{BRICK_NODES, Bricks, SparseGrid, node_of},
+        math::Vec3,
+    };
+
+    #[test]
+    fn a_mesh_stands_where_its_level_set_does() {
+        let corners = (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|v| v - 1)).collect();
+        let mut grid = SparseGrid::new(0.5, Bricks::new(corners), 9.0);
+        for brick in 0..grid.bricks.len() {
+            for place in 0..BRICK_NODES {
+                let node = node_of(grid.bricks.coords()[brick], place);
+                grid.values[brick * BRICK_NODES + place] =
+                    0.5 * Vec3::from(node.map(|v| v as f32)).norm() - 2.0;
+            }
+        }
+        let mesh = |origin: Vec3| contour(&LevelSet { grid: grid.clone(), origin, name: "ball".into() });
+        let ((here, cut), (there, _)) = (mesh(Vec3::zeros()), mesh(Vec3::new(64.0, -32.0, 16.0)));
+        assert!(cut == 0 && mesh::check(&here).is_sound() && here.normals.len() == here.positions.len());
+        let moved = here.positions.iter().zip(&there.positions).map(|(a, b)| b - a);
+        assert!(moved.into_iter().all(|by| (by - Vec3::new(64.0, -32.0, 16.0)).amax() < 1e-5));
+    }
+}
