@@ -361,7 +361,7 @@ pub(super) struct VolumeArgs {
     #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
     pub(super) voxel: Option<String>,
 
-    /// Refuse a frame that needs about more memory than this: `8GiB`, `500MiB`
+    /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 

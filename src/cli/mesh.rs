@@ -4,18 +4,18 @@ use super::{args::MeshArgs, print};
 use crate::{
     import::{self, Sequence},
     mesh::SurfaceParams,
-    run::{self, Control, FileSettings, RunError, ShotFolder, SurfaceJob, Surfaced},
+    run::{self, Control, Done, Job, RunError, ShotFolder, Source, SurfaceSettings},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
 
 /// Meshes a cache, or particle files of any solver.
 pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
-    let surfaced = match &args.inputs[..] {
+    let done = match &args.inputs[..] {
         [folder] if is_folder(folder) => cache(args, Path::new(folder), control)?,
         _ => files(args, control)?,
     };
-    summary(&surfaced)
+    summary(&done)
 }
 
 /// Whether an input is a folder, or means one that is not there: particle files have an extension.
@@ -25,11 +25,11 @@ pub(super) fn is_folder(input: &str) -> bool {
 }
 
 /// What was written.
-pub(super) fn summary(surfaced: &Surfaced) -> Result<(), RunError> {
-    surfaced.lines().iter().try_for_each(|line| print(line))
+pub(super) fn summary(done: &Done) -> Result<(), RunError> {
+    done.lines().iter().try_for_each(|line| print(line))
 }
 
-fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, RunError> {
+fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Done, RunError> {
     let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
     if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
         return Err(RunError::Request(format!(
@@ -51,10 +51,10 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Surfaced, R
     } else {
         surface_alone(args)?
     };
-    run::surface_cache(&source, &out, &job(args, params), control)
+    run::surface(Source::Cache(&source), &out, &made(args, params), &job(args)?, control)
 }
 
-fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
+fn files(args: &MeshArgs, control: Control) -> Result<Done, RunError> {
     let sequence = import::expand(&args.inputs)?;
     if sequence.files().iter().any(|file| is_volume(file)) {
         return level_sets(args, &sequence, control);
@@ -63,20 +63,23 @@ fn files(args: &MeshArgs, control: Control) -> Result<Surfaced, RunError> {
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    let fps = fps(args.fps)?;
-    let job = job(args, surface_alone(args)?);
-    run::surface_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
+    let source = Source::Files { sequence: &sequence, spacing };
+    let settings = made(args, surface_alone(args)?);
+    run::surface(source, &ShotFolder::new(output), &settings, &job(args)?, control)
 }
 
-fn job(args: &MeshArgs, params: SurfaceParams) -> SurfaceJob {
-    SurfaceJob {
-        params,
-        formats: args.format.clone(),
+fn made(args: &MeshArgs, params: SurfaceParams) -> SurfaceSettings {
+    SurfaceSettings { params, formats: args.format.clone() }
+}
+
+fn job(args: &MeshArgs) -> Result<Job, RunError> {
+    Ok(Job {
         selection: args.frames.clone(),
         force: args.force,
         max_memory: args.max_memory,
         side_by_side: true,
-    }
+        fps: fps(args.fps)?,
+    })
 }
 
 /// Whether a file is an OpenVDB volume, by its name.
@@ -85,7 +88,7 @@ fn is_volume(file: &Path) -> bool {
 }
 
 /// Meshes level sets, which are surfaces already.
-fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<Surfaced, RunError> {
+fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<Done, RunError> {
     if let Some(other) = sequence.files().iter().find(|file| !is_volume(file)) {
         return Err(RunError::Request(format!(
             "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
@@ -96,7 +99,6 @@ fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<
         ("--spacing", args.spacing.is_some()),
         ("--voxel", args.voxel.is_some()),
         ("--set", !args.set.is_empty()),
-        ("--max-memory", args.max_memory.is_some()),
     ];
     if let Some((flag, _)) = for_particles.iter().find(|(_, given)| *given) {
         return Err(RunError::Request(format!(
@@ -106,8 +108,7 @@ fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the meshes go? Add -o DIR".into()));
     };
-    let fps = fps(args.fps)?;
-    run::mesh_level_sets(sequence, &ShotFolder::new(output), fps, &args.format, args.frames.as_ref(), control)
+    run::mesh_level_sets(sequence, &ShotFolder::new(output), &args.format, &job(args)?, control)
 }
 
 /// The spacing of particles at rest [m], which their files do not say.
@@ -133,8 +134,8 @@ pub(super) fn fps(given: Option<f64>) -> Result<f64, RunError> {
     }
 }
 
-/// Frames a second of particle files, if nothing is said.
-const DEFAULT_FPS: f64 = 24.0;
+/// Frames a second, if nothing is said.
+pub(super) const DEFAULT_FPS: f64 = 24.0;
 
 /// The settings given on the command line, for a source without a preset.
 fn surface_alone(args: &MeshArgs) -> Result<SurfaceParams, RunError> {

@@ -5,7 +5,7 @@ use super::{
     print,
 };
 use crate::{
-    run::{self, Control, Outline, RunError, ShotFolder, SurfaceJob, VolumeJob},
+    run::{self, Control, Job, Outline, RunError, ShotFolder, Source, SurfaceSettings},
     scene::{self, Frames, Output, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
@@ -20,32 +20,27 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
              `meniscus mesh` or `meniscus volume` on the folder",
         );
     }
+    let job = Job {
+        selection: Some(selection),
+        force: args.force,
+        max_memory: args.max_memory,
+        side_by_side: false,
+        fps: f64::from(scene.fps),
+    };
+    let source = Source::Cache(&folder);
     // Frames that fail in one output do not keep the others from being written.
     let mut failed = None;
     if !mesh.is_empty() {
-        let job = SurfaceJob {
-            params: scene.surface.clone(),
-            formats: mesh.clone(),
-            selection: Some(selection.clone()),
-            force: args.force,
-            max_memory: args.max_memory,
-            side_by_side: false,
-        };
-        match run::surface_cache(&folder, &folder, &job, control) {
-            Ok(surfaced) => super::mesh::summary(&surfaced)?,
+        let settings = SurfaceSettings { params: scene.surface.clone(), formats: mesh.clone() };
+        match run::surface(source, &folder, &settings, &job, control) {
+            Ok(done) => super::mesh::summary(&done)?,
             Err(why @ RunError::SomeFailed { .. }) => failed = Some(why),
             Err(why) => return Err(why),
         }
     }
     if !volume.is_empty() {
-        let job = VolumeJob {
-            settings: super::volume::of_scene(&scene),
-            selection: Some(selection),
-            force: args.force,
-            max_memory: args.max_memory,
-        };
-        match run::volume_cache(&folder, &folder, &job, control) {
-            Ok(made) => super::volume::summary(&made)?,
+        match run::volume(source, &folder, &super::volume::of_scene(&scene), &job, control) {
+            Ok(done) => super::mesh::summary(&done)?,
             Err(why) => return Err(failed.unwrap_or(why)),
         }
     }

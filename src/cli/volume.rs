@@ -3,31 +3,25 @@
 use super::{
     args::VolumeArgs,
     mesh::{self, is_folder},
-    print,
 };
 use crate::{
     export::vdb::VolumeGrid,
     import,
-    run::{self, Control, FileSettings, RunError, ShotFolder, VolumeJob, VolumeSettings, Volumes},
+    run::{self, Control, Done, Job, RunError, ShotFolder, Source, VolumeSettings},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
 
 /// Makes volumes of a cache, or of particle files of any solver.
 pub(super) fn volume(args: &VolumeArgs, control: Control) -> Result<(), RunError> {
-    let made = match &args.inputs[..] {
+    let done = match &args.inputs[..] {
         [folder] if is_folder(folder) => cache(args, Path::new(folder), control)?,
         _ => files(args, control)?,
     };
-    summary(&made)
+    mesh::summary(&done)
 }
 
-/// One line about what was written.
-pub(super) fn summary(made: &Volumes) -> Result<(), RunError> {
-    print(&made.line())
-}
-
-fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Volumes, RunError> {
+fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, RunError> {
     let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
     if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
         return Err(RunError::Request(format!(
@@ -55,22 +49,27 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Volumes, 
     } else {
         alone(args)?
     };
-    run::volume_cache(&source, &out, &job(args, settings), control)
+    run::volume(Source::Cache(&source), &out, &settings, &job(args)?, control)
 }
 
-fn files(args: &VolumeArgs, control: Control) -> Result<Volumes, RunError> {
+fn files(args: &VolumeArgs, control: Control) -> Result<Done, RunError> {
     let sequence = import::expand(&args.inputs)?;
     let spacing = mesh::spacing(args.spacing)?;
     let Some(output) = &args.output else {
         return Err(RunError::Request("where should the volumes go? Add -o DIR".into()));
     };
-    let fps = mesh::fps(args.fps)?;
-    let job = job(args, alone(args)?);
-    run::volume_files(&sequence, &ShotFolder::new(output), FileSettings { spacing, fps }, &job, control)
+    let source = Source::Files { sequence: &sequence, spacing };
+    run::volume(source, &ShotFolder::new(output), &alone(args)?, &job(args)?, control)
 }
 
-fn job(args: &VolumeArgs, settings: VolumeSettings) -> VolumeJob {
-    VolumeJob { settings, selection: args.frames.clone(), force: args.force, max_memory: args.max_memory }
+fn job(args: &VolumeArgs) -> Result<Job, RunError> {
+    Ok(Job {
+        selection: args.frames.clone(),
+        force: args.force,
+        max_memory: args.max_memory,
+        side_by_side: true,
+        fps: mesh::fps(args.fps)?,
+    })
 }
 
 /// What a preset says about volumes; no grids if it names none.

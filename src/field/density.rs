@@ -120,6 +120,18 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     Density { grid, threshold, too_far, unseen }
 }
 
+/// About how many bricks [`density`] computes where not all are wanted, in a fifth of its time or less; `None` if that is all
+/// that particles reach. Positions as there; what is too far is left out.
+pub fn bricks_near_surface(positions: &[Vec3], params: &DensityParams) -> Option<usize> {
+    let voxel = params.voxel * params.spacing;
+    let (near, _) = within_bricks(positions, voxel);
+    let radius = params.kernel_radius * params.spacing;
+    let cloud = Cloud::new(near.as_deref().unwrap_or(positions), radius);
+    let balls = Blobs::Round { radius, weights: weights(&cloud, radius) };
+    let coarse = Coarse::new(&cloud, &balls, surface_threshold(params.kernel_radius), params)?;
+    Some(coarse.active().computed.len())
+}
+
 /// V_j W(0, h) of every particle, in the cells' order.
 pub(super) fn weights(cloud: &Cloud, radius: f32) -> Vec<f32> {
     cloud.moments::<Spline, false, _>(radius, |_| true, |_, moments: &Moments| 1.0 / moments.zeroth)

@@ -12,6 +12,6 @@ mod threshold;
 mod velocity;
 
 pub use anisotropy::Anisotropy;
-pub use density::{Density, DensityParams, density};
+pub use density::{Density, DensityParams, bricks_near_surface, density};
 pub use threshold::surface_threshold;
 pub use velocity::{Velocity, velocity};

@@ -2,7 +2,8 @@
 //!
 //! Simulation writes frames, the cache keeps them, and everything after reads nothing else. A [`Frame`] holds
 //! one [`Stream`] a system ("liquid"), a stream holds [`Channel`]s of equal length (one entry a particle) and
-//! scalars. Channel names in use: `position` [m], `velocity` [m/s], `id` (stable over time), `density` [kg/m³].
+//! scalars. Channel names in use: `position` [m], `velocity` [m/s], `id` (stable over time), `age` [s],
+//! `source` (its number, from 0), `density` [kg/m³].
 
 use crate::math::Vec3;
 

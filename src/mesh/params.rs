@@ -29,7 +29,8 @@ pub struct SurfaceParams {
     pub distance: Option<DistanceParams>,
     /// What the vertices carry, by the names of the particles' channels: numbers and vectors as the mean around
     /// the vertex, whole numbers (`id`) from the nearest particle. `vorticity` [1/s] is made from `velocity`
-    /// where the particles have none. A name that the particles lack is refused. Absent: `velocity`, if they have it.
+    /// where the particles have none; `age` and `source` are there where `liquid.channels` names them. A name that the
+    /// particles lack is refused. Absent: `velocity`, if they have it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attributes: Option<Vec<String>>,
     /// Removal of small pieces; absent: every piece stays.

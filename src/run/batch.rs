@@ -5,7 +5,10 @@
 //! stays within the limit; a frame that needs more than was guessed runs again alone. Results are taken in the order of
 //! the frames. How groups are cut changes neither a byte nor the order of what is said.
 
-use super::{Control, RunError, plan::mesh_memory};
+use super::{
+    Control, RunError,
+    plan::{Product, most_memory},
+};
 use crate::{mesh::SurfaceParams, par};
 use std::sync::Mutex;
 
@@ -21,14 +24,9 @@ pub(super) const TOGETHER: u64 = 1 << 30;
 /// at once on many threads.
 const SLACK: u64 = 16 << 20;
 
-/// A guess of the memory that meshing `particles` takes [bytes].
-pub(super) fn cost(particles: usize, params: &SurfaceParams) -> u64 {
-    mesh_memory(particles, params).saturating_add(SLACK)
-}
-
-/// How many frames of `particles` are meshed at once where they share `budget` [bytes].
-pub(super) fn at_once(particles: usize, params: &SurfaceParams, budget: u64) -> usize {
-    group(&vec![cost(particles, params); par::threads()], budget, par::threads())
+/// A guess of the memory that making `product` of `particles` takes [bytes].
+pub(super) fn cost(product: Product, particles: usize, params: &SurfaceParams) -> u64 {
+    most_memory(product, particles, params).saturating_add(SLACK)
 }
 
 /// Runs `work(place, alone)` for every place of `costs`, and hands what it made to `done` in order.

@@ -1,9 +1,9 @@
 //! `shot.json`: what is in a shot folder, for Blender and other tools. Documented in `docs/formats/shot.md`.
 
 use super::{RunError, ShotFolder};
-use crate::cache::Lock;
+use crate::{cache::Lock, frame::FrameIndex};
 use serde::{Deserialize, Serialize};
-use std::{io::ErrorKind, path::PathBuf};
+use std::{collections::BTreeMap, io::ErrorKind, path::PathBuf};
 
 /// The manifest of a shot folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -89,13 +89,31 @@ pub struct OutputFiles {
     pub frames: FrameSpan,
     /// Which file properties hold which attribute of a mesh.
     #[serde(default)]
-    pub attributes: std::collections::BTreeMap<String, Vec<String>>,
+    pub attributes: BTreeMap<String, Vec<String>>,
     /// The grids of a volume.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grids: Vec<String>,
 }
 
 impl OutputFiles {
+    /// The files `NAME_0001.FORMAT` of a kind in a folder of the shot folder, with the frame `index` alone.
+    pub(super) fn of(kind: &str, folder: &str, name: &str, format: &str, index: FrameIndex) -> Self {
+        Self {
+            kind: kind.into(),
+            name: name.into(),
+            format: format.into(),
+            pattern: format!("{folder}/{name}_{NUMBER}.{format}"),
+            frames: FrameSpan { first: index.0, last: index.0, step: 1 },
+            attributes: BTreeMap::new(),
+            grids: Vec::new(),
+        }
+    }
+
+    /// Whether the files are those of `other`, be it of other frames.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        self.name == other.name && self.format == other.format
+    }
+
     /// Where the file of a frame is.
     pub fn file(&self, folder: &ShotFolder, frame: u32) -> PathBuf {
         folder.root().join(self.pattern.replace(NUMBER, &format!("{frame:04}")))
@@ -174,14 +192,10 @@ impl Manifest {
         ShotFolder::write(folder.manifest(), &text)
     }
 
-    /// The attributes that the files of an output carry; none if it is not there.
-    pub(super) fn attributes_of(
-        &self,
-        name: &str,
-        format: &str,
-    ) -> std::collections::BTreeMap<String, Vec<String>> {
-        let same = self.outputs.iter().find(|output| output.name == name && output.format == format);
-        same.map(|output| output.attributes.clone()).unwrap_or_default()
+    /// The attributes that an output is said to carry; none if it is not named.
+    pub(super) fn attributes_of(&self, output: &OutputFiles) -> BTreeMap<String, Vec<String>> {
+        let same = self.outputs.iter().find(|old| old.is_same(output));
+        same.map(|old| old.attributes.clone()).unwrap_or_default()
     }
 
     /// The right to change the folder's manifest, held until dropped: jobs that write different files share it. Waits
@@ -197,8 +211,7 @@ impl Manifest {
     /// What that one named stays named as far as its files are in `folder`, so that meshing a few frames again does not
     /// hide the others; then attributes and grids are those that all of them have.
     pub fn put(&mut self, mut output: OutputFiles, frames: &[u32], folder: &ShotFolder) {
-        let is_same = |old: &OutputFiles| old.name == output.name && old.format == output.format;
-        if let Some(place) = self.outputs.iter().position(is_same) {
+        if let Some(place) = self.outputs.iter().position(|old| old.is_same(&output)) {
             let old = self.outputs.remove(place);
             let there = old.present(folder);
             if there.iter().any(|frame| frames.binary_search(frame).is_err()) {

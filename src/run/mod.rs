@@ -7,6 +7,8 @@ mod batch;
 mod error;
 mod folder;
 mod info;
+mod job;
+mod ledger;
 mod level_sets;
 mod log;
 mod manifest;
@@ -16,8 +18,8 @@ mod remarks;
 mod scratch;
 mod simulate;
 mod solids;
+mod source;
 mod surface;
-mod surface_files;
 pub mod tradeoff;
 mod usage;
 mod volume;
@@ -26,14 +28,16 @@ mod volume_grids;
 pub use error::{FailedFrame, Failure, RunError};
 pub use folder::ShotFolder;
 pub use info::{FrameState, Info, OutputInfo, info};
+pub use job::Job;
+pub use ledger::Done;
 pub use level_sets::mesh_level_sets;
 pub use manifest::{FrameSpan, Manifest, OutputFiles};
 pub use mesh_log::{Jump, MeshRecord};
 pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub use simulate::{Simulated, simulate};
-pub use surface::{SurfaceJob, Surfaced, surface_cache};
-pub use surface_files::{FileSettings, surface_files};
-pub use volume::{VolumeJob, VolumeSettings, Volumes, volume_cache, volume_files};
+pub use source::Source;
+pub use surface::{SurfaceSettings, surface};
+pub use volume::{VolumeSettings, volume};
 
 /// What a job tells while it works. Implemented by the command line.
 pub trait Reporter: Sync {

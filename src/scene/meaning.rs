@@ -2,7 +2,7 @@
 
 use super::{Scene, check::Places, problem::Finding};
 use crate::{
-    sim::liquid::{LiquidParams, SourceShape},
+    sim::liquid::{LiquidChannel, LiquidParams, SourceShape},
     solid::{Collider, Shape, ShapeError},
 };
 
@@ -31,7 +31,30 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
             .with_help("add a `[liquid]` table with a `spacing` and at least one `[[liquid.source]]`"),
         ),
     }
+    check_attributes(scene, places, &mut findings);
     findings
+}
+
+/// Whether the particles will have what the surface is to carry, as far as that is up to the preset.
+fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let Some(liquid) = &scene.liquid else { return };
+    let wanted = |name: &str| scene.surface.attributes.iter().flatten().any(|attribute| attribute == name);
+    for channel in LiquidChannel::ALL {
+        let name = channel.name();
+        if wanted(name) && !liquid.channels.contains(&channel) {
+            findings.push(
+                Finding::new(
+                    places.of("surface.attributes"),
+                    "surface.attributes",
+                    format!("the particles have no `{name}` to carry"),
+                    format!("found `{name}`, which `liquid.channels` does not name"),
+                )
+                .with_help(format!(
+                    "add `channels = [\"{name}\"]` to `[liquid]`; a shot that is simulated already has to be simulated again"
+                )),
+            );
+        }
+    }
 }
 
 /// Whether the keyframes ascend and turn in one way, and whether their shape can.

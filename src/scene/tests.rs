@@ -334,6 +334,8 @@ fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
         "output.mesh=[\"obj\"]",
         "output.volume=[\"density\", \"velocity\"]",
         "volume.precision=float",
+        "surface.attributes=[\"velocity\", \"id\"]",
+        "liquid.channels=[]",
         "liquid.spacing=0.02",
     ] {
         assert_eq!(key(&[same]), base, "{same}");
@@ -346,10 +348,25 @@ fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
         "liquid.spacing=2.01 cm",
         "liquid.iterations=5",
         "liquid.vorticity={}",
+        "liquid.channels=[\"age\"]",
+        "liquid.channels=[\"source\"]",
         "liquid.source.0.velocity=[0, 0, 0]",
     ] {
         assert_ne!(key(&[other]), base, "{other}");
     }
+}
+
+#[test]
+fn what_the_surface_is_to_carry_has_to_be_in_the_cache() {
+    assert!(!read(GOOD).unwrap().to_toml().contains("channels"), "absent, it is in no key and no preset");
+    let wanted = "surface.attributes=[\"velocity\", \"source\"]";
+    let error = read_set(GOOD, &[wanted]).unwrap_err();
+    let text = rendered(&error);
+    assert!(text.contains("channels = [\"source\"]") && text.contains("simulated again"), "{text}");
+    let kept = "liquid.channels=[\"age\", \"source\"]";
+    let scene = read_set(GOOD, &[wanted, kept]).unwrap();
+    assert_eq!(scene, read(&scene.to_toml()).unwrap());
+    assert!(read_set(GOOD, &["liquid.channels=[\"heat\"]"]).is_err());
 }
 
 #[test]

@@ -80,9 +80,14 @@ impl Simulation {
         self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default()
     }
 
-    /// The state as a frame: stream "liquid" with `position` [m], `velocity` [m/s] and `id`, in memory order.
+    /// The state as a frame: stream "liquid" with `position` [m], `velocity` [m/s], `id` and the channels that the preset
+    /// names, in memory order.
     pub fn frame(&self, index: FrameIndex) -> Frame {
-        Frame { index, time: self.time, streams: self.liquid.iter().map(Liquid::stream).collect() }
+        Frame {
+            index,
+            time: self.time,
+            streams: self.liquid.iter().map(|liquid| liquid.stream(self.time)).collect(),
+        }
     }
 
     /// Advances by `frame_seconds` [s] (> 0) and tells what happened.

@@ -130,8 +130,8 @@ fn a_bad_frame_is_named_at_the_end_and_the_others_are_made() {
     desk.write("splash_0002.xyz", "0 0 0\n0 inf 0\n");
     desk.write("splash_0004.xyz", "");
     desk.write("splash_0005.xyz", "2147483648\n0 0 0\n");
-    for threads in [1, 3] {
-        let line = format!("mesh splash_####.xyz --spacing 0.1 -o out{threads} --threads {threads}");
+    for (verb, threads) in [("mesh", 1), ("mesh", 3), ("volume", 1), ("volume", 3)] {
+        let line = format!("{verb} splash_####.xyz --spacing 0.1 -o out{threads} --threads {threads}");
         let (_, talk) = desk.run(&line, 3);
         assert!(talk.contains("3 of 6 frames failed"), "{talk}");
         for line in [
@@ -142,8 +142,11 @@ fn a_bad_frame_is_named_at_the_end_and_the_others_are_made() {
             assert!(talk.contains(line), "{talk}");
         }
         assert!(talk.contains("Progress: 100%"), "{talk}");
-        assert!(talk.contains("3 frames meshed"), "{talk}");
-        assert_eq!(desk.names(&format!("out{threads}/mesh")), meshes(&[1, 3, 6]));
+        let (what, extension) =
+            if verb == "mesh" { ("3 frames meshed", "ply") } else { ("3 volumes written", "vdb") };
+        assert!(talk.contains(what), "{talk}");
+        let names = [1, 3, 6].map(|frame| format!("particles_{frame:04}.{extension}"));
+        assert_eq!(desk.names(&format!("out{threads}/{verb}")), names);
     }
     // The next run makes what was repaired, and only that.
     for frame in [2, 4, 5] {
@@ -151,6 +154,8 @@ fn a_bad_frame_is_named_at_the_end_and_the_others_are_made() {
     }
     let out = told(&desk, "mesh splash_####.xyz --spacing 0.1 -o out1");
     assert!(out.contains("3 frames meshed") && out.contains("3 were there"), "{out}");
+    let out = told(&desk, "volume splash_####.xyz --spacing 0.1 -o out1");
+    assert!(out.contains("3 volumes written") && out.contains("3 were there"), "{out}");
 }
 
 #[test]
@@ -158,23 +163,25 @@ fn bytes_and_talk_do_not_depend_on_how_many_frames_run_at_once() {
     let desk = sequence(&(1..=9).collect::<Vec<_>>());
     desk.write("splash_0004.xyz", "# x y z heat\n0 0 0 nan\n");
     desk.run("simulate small.toml", 0);
-    let run = |options: &str, out: &str| {
-        let (_, talk) = desk.run(&format!("mesh splash_####.xyz --spacing 0.1 -o {out} {options}"), 0);
-        let (_, more) = desk.run(&format!("mesh small -o {out}/cache {options}"), 0);
-        // Seconds differ, and when which percentage is told.
-        let lines: Vec<String> = (talk + &more)
-            .lines()
-            .filter(|line| !line.starts_with("Progress"))
-            .map(|line| line.split("pieces").next().unwrap().to_owned())
-            .collect();
-        (lines, desk.bytes(&format!("{out}/mesh")), desk.bytes(&format!("{out}/cache/mesh")))
-    };
-    let alone = run("--threads 1", "alone");
-    assert!(alone.0.iter().any(|line| line.contains("heat: particle 0 holds NaN")), "{:?}", alone.0);
-    assert_eq!((alone.1.len(), alone.2.len()), (9, 5));
-    assert_eq!(alone, run("--threads 4", "together"));
-    assert_eq!(alone, run("--threads 4 --max-memory 60MiB", "tight"));
-    assert_eq!(alone, run("--threads 9 --max-memory 8GiB", "wide"));
+    for verb in ["mesh", "volume"] {
+        let run = |options: &str, out: &str| {
+            let (_, talk) = desk.run(&format!("{verb} splash_####.xyz --spacing 0.1 -o {out} {options}"), 0);
+            let (_, more) = desk.run(&format!("{verb} small -o {out}/cache {options}"), 0);
+            // Seconds differ, and when which percentage is told.
+            let lines: Vec<String> = (talk + &more)
+                .lines()
+                .filter(|line| !line.starts_with("Progress"))
+                .map(|line| line.split("pieces").next().unwrap().split("MiB").next().unwrap().to_owned())
+                .collect();
+            (lines, desk.bytes(&format!("{out}/{verb}")), desk.bytes(&format!("{out}/cache/{verb}")))
+        };
+        let alone = run("--threads 1", "alone");
+        assert!(alone.0.iter().any(|line| line.contains("heat: particle 0 holds NaN")), "{:?}", alone.0);
+        assert_eq!((alone.1.len(), alone.2.len()), (9, 5));
+        assert!(alone == run("--threads 4", "together"), "{verb}");
+        assert!(alone == run("--threads 4 --max-memory 60MiB", "tight"), "{verb}");
+        assert!(alone == run("--threads 9 --max-memory 8GiB", "wide"), "{verb}");
+    }
 }
 
 #[test]
@@ -211,7 +218,8 @@ fn memory_that_is_not_allowed_is_not_taken() {
         (0..8000).map(|i| [i % 20, i / 20 % 20, i / 400].map(|v| 0.1 * v as f32)).collect();
     desk.write("heap.xyz", xyz(&heap));
     let (out, talk) = desk.run("volume spray.xyz heap.xyz --spacing 0.1 -o volumes --max-memory 64MiB", 33);
-    assert!(talk.contains("1 of 2 frames failed") && talk.contains("frame 0002: this needs"), "{talk}");
+    assert!(talk.contains("1 of 2 frames failed"), "{talk}");
+    assert!(talk.contains("frame 0002: spray.xyz: this needs"), "{talk}");
     assert!(out.is_empty() && talk.contains("note: ") && talk.contains("1 volumes written"), "{out}{talk}");
     assert_eq!(desk.names("volumes/volume"), ["particles_0001.vdb"]);
 }
@@ -229,18 +237,20 @@ fn frames_at_once_take_more_memory_and_stay_within_the_limit() {
         desk.write(&format!("heap_{frame}.xyz"), xyz(&heap));
     }
     let mib = f64::from(1 << 20);
-    let peak = |limit: u32, out: &str| {
+    let peak = |verb: &str, limit: u32, out: &str| {
         let line = format!(
-            "mesh heap_#.xyz --spacing 0.1 --voxel 0.3 -o {out} --threads 4 --progress none --max-memory {limit}MiB"
+            "{verb} heap_#.xyz --spacing 0.1 --voxel 0.3 -o {out} --threads 4 --progress none --max-memory {limit}MiB"
         );
         let found = super::plan::peak(&desk, &line) / mib;
-        println!("{found:.1} of {limit} MiB");
-        assert_eq!(desk.names(&format!("{out}/mesh")).len(), 8);
-        assert!(found < f64::from(limit), "{found} of {limit} MiB");
+        println!("{verb}: {found:.1} of {limit} MiB");
+        assert_eq!(desk.names(&format!("{out}/{verb}")).len(), 8);
+        assert!(found < f64::from(limit), "{verb}: {found} of {limit} MiB");
         found
     };
-    let (narrow, wide) = (peak(90, "narrow"), peak(600, "wide"));
-    assert!(wide > 1.3 * narrow, "{narrow} and {wide} MiB");
+    for (verb, narrow) in [("mesh", 90), ("volume", 120)] {
+        let (narrow, wide) = (peak(verb, narrow, "narrow"), peak(verb, 600, "wide"));
+        assert!(wide > 1.3 * narrow, "{verb}: {narrow} and {wide} MiB");
+    }
 }
 
 #[cfg(target_os = "linux")]

@@ -1,5 +1,6 @@
 //! The tool as its users meet it: commands in, files, streams and exit codes out.
 
+mod attributes;
 mod bad_input;
 mod batch;
 mod interrupt;

@@ -265,7 +265,8 @@ fn the_manifest_names_every_mesh_that_is_there_and_no_other() {
     // Meshes of another simulation are not those of this one.
     desk.run("simulate small.toml --set liquid.iterations=7 --force --frames 1-2", 0);
     assert_eq!(named(&desk, "small"), [0, 0, 0]);
-    desk.run("mesh small", 0);
+    let (out, _) = desk.run("mesh small", 0);
+    assert!(out.contains("2 frames meshed"), "{out}");
     assert_eq!(named(&desk, "small"), [1, 2, 1]);
 }
 

@@ -1,7 +1,10 @@
 //! Volume files of caches and of other solvers' particle files.
 
 use super::*;
-use meniscus::export::vdb;
+use meniscus::{
+    export::vdb,
+    grid::{BRICK_NODES, Bricks},
+};
 use std::collections::BTreeMap;
 
 /// The active nodes of a float grid and their values, read by another library.
@@ -49,7 +52,7 @@ fn a_cube_of_particles_becomes_fog_and_a_level_set() {
     let voxel = 0.05_f32;
     let held: f64 = fog.values().map(|&v| f64::from(v) * f64::from(voxel).powi(3)).sum();
     assert!((1.0..1.12).contains(&held), "{held} m³");
-    assert!(fog.values().all(|&v| v > 0.0 && v <= 1.0));
+    assert!(fog.values().all(|&v| v > 0.0 && v <= 1.0) && fog.values().any(|&v| v < 0.05));
     assert!((fog[&[10, 10, 10]] - 1.0).abs() < 0.05);
 
     // The distance is that to the box, which the particles fill.
@@ -104,6 +107,20 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
             if change.contains("surface") { &["surface"][..] } else { &["density", "surface", "velocity"] };
         assert_eq!(manifest(&desk, "small")["outputs"][0]["grids"], serde_json::json!(grids), "{change}");
         assert_ne!(desk.bytes("small/volume"), whole);
+    }
+    // What is told is what all of them have.
+    desk.run("volume small -o some --grid surface", 0);
+    desk.run("volume small -o some --frames 2", 0);
+    assert_eq!(manifest(&desk, "some")["outputs"][0]["grids"], serde_json::json!(["surface"]));
+
+    // How a mesh is cleaned up is no matter of volumes.
+    desk.run("volume small", 0);
+    let (out, _) = desk.run("volume small --set surface.smoothing={} --set surface.attributes=[\"id\"]", 0);
+    assert!(out.contains("5 were there"), "{out}");
+    for change in ["surface.anisotropy={}", "surface.kernel_radius=1.8", "surface.distance.band=4"] {
+        desk.run("volume small -o other --frames 2", 0);
+        let (out, _) = desk.run(&format!("volume small -o other --frames 2 --set {change}"), 0);
+        assert!(out.contains("1 volumes written"), "{change}: {out}");
     }
     desk.run("volume small/cache --threads 1 -o one", 0);
     desk.run("volume small --threads 3 -o three", 0);
@@ -227,6 +244,45 @@ fn level_sets_of_any_program_become_meshes() {
         |lines: &[String]| lines.iter().filter(|line| line.starts_with("v ")).cloned().collect::<Vec<_>>();
     let same = vertices(&faces("meshes/mesh/surface_0003.obj")) == vertices(&of_particles);
     assert!(same, "the vertices differ");
+
+    // They are kept while their bytes are the same, whatever their time.
+    let line = "mesh ball_#.vdb -o meshes --format ply,obj --threads 4";
+    assert!(desk.run(line, 0).0.contains("0 frames meshed"));
+    desk.run("volume cube.xyz --spacing 0.1 -o other --precision float --voxel 0.8", 0);
+    fs::copy(desk.path("other/volume/particles_0001.vdb"), desk.path("ball_5.vdb")).unwrap();
+    fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_3.vdb")).unwrap();
+    fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_4.vdb")).unwrap();
+    let (out, _) = desk.run(line, 0);
+    assert!(out.contains("2 frames meshed") && out.contains("1 were there"), "{out}");
+    assert_ne!(faces("meshes/mesh/surface_0005.obj").len(), of_particles.len());
+    assert!(desk.run(&format!("{line} --force --frames 3"), 0).0.contains("1 frames meshed"));
+    let (out, _) = desk.run(&line.replace("-o meshes", "-o alone").replace('4', "1"), 0);
+    assert!(out.contains("3 frames meshed"), "{out}");
+    assert!(desk.bytes("meshes/mesh") == desk.bytes("alone/mesh"), "on four threads as on one");
+    // What one may take is held against the grid that it turns out to have.
+    let (_, talk) = desk.run(&format!("{line} --force --max-memory 1MiB"), 33);
+    assert!(talk.contains("3 of 3 frames failed") && talk.contains("ball_4.vdb: this needs"), "{talk}");
+    desk.run(&format!("{line} --max-memory 1MiB"), 0);
+    fs::remove_file(desk.path("ball_4.vdb")).unwrap();
+    let (_, talk) = desk.run(line, 0);
+    assert!(talk.contains("1 frames are missing between 3 and 5: 4"), "{talk}");
+
+    // One that lacks nodes at its surface is meshed, and named each time.
+    let values: Vec<f32> = (0..BRICK_NODES).map(|node| (node % 8) as f32 - 3.5).collect();
+    let slab = vdb::Grid {
+        name: "surface",
+        class: vdb::Class::LevelSet { values: &values, half_width: 4.0, inside: &[] },
+        voxel: 1.0,
+        bricks: &Bricks::new(vec![[0, 0, 0]]),
+        active: &[[u64::MAX; BRICK_NODES / 64]],
+    };
+    let float = vdb::VolumeParams { precision: vdb::Precision::Float, ..Default::default() };
+    vdb::write(&[slab], &desk.path("slab.vdb"), &float, 1).unwrap();
+    for _ in 0..2 {
+        let (_, talk) = desk.run("mesh slab.vdb -o open", 3);
+        assert!(talk.contains("slab.vdb: the mesh is written, but it is open"), "{talk}");
+        assert!(talk.contains("1 frames meshed"), "{talk}");
+    }
 
     desk.run("volume cube.xyz --spacing 0.1 -o half", 0);
     let (_, talk) = desk.run("mesh half/volume/particles_0001.vdb -o other", 1);

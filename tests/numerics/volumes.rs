@@ -71,6 +71,27 @@ fn a_level_set_reads_back_and_becomes_a_closed_mesh() {
     assert!((check.volume / exact - 1.0).abs() < 0.003, "{} of {exact}", check.volume);
 }
 
+#[test]
+fn of_several_level_sets_the_one_named_surface_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("two.vdb");
+    let ball = Surface::ball();
+    let SparseGrid { bricks, values, .. } = &ball.grid;
+    let write = |second: &str| {
+        let grid = |name, voxel| {
+            let class = Class::LevelSet { values, half_width: 0.3, inside: &ball.inside };
+            Grid { name, class, voxel, bricks, active: &ball.active }
+        };
+        let params = VolumeParams { precision: Precision::Float, compression: Compression::Zip };
+        vdb::write(&[grid("coarse", 0.2), grid(second, 0.1)], &path, &params, 0).unwrap();
+        read_level_set(&path)
+    };
+    let read = write("surface").unwrap();
+    assert_eq!((read.name.as_str(), read.grid.voxel), ("surface", 0.1));
+    let why = write("fine").unwrap_err().to_string();
+    assert!(why.contains("coarse, fine") && why.contains("named `surface`"), "{why}");
+}
+
 /// What refuses the bytes, or nothing.
 fn refusal(folder: &Path, bytes: &[u8]) -> String {
     let path = folder.join("changed.vdb");
@@ -120,7 +141,7 @@ fn what_cannot_be_read_is_refused_in_words() {
         let why = refusal(folder.path(), &bytes);
         assert!(why.contains(expected) && why.contains("changed.vdb"), "{expected}: {why:?}");
     }
-    // A node that is not where nodes can be, and an origin that no vertex can have.
+    // A node that is not where nodes can be.
     let root = good.windows(20).position(|words| {
         let word = |at: usize| i32::from_le_bytes(words[at..at + 4].try_into().unwrap());
         [word(0), word(4)] == [0, 8] && [8, 12, 16].iter().all(|&at| word(at) == -4096)

@@ -4,8 +4,8 @@ Every scene sits on a cubic lattice and is jittered: each particle moves by up t
 from a generator with a fixed seed. Files hold raw little-endian single-precision triples without a header, which both
 programs read as `.xyz`.
 
-- `splash-100k`, `splash-1M`, `splash-4M`: a pool a metre deep with waves, and over each patch of it a crown, a thin
-  curved sheet and spray. A larger one is a wider pool with more of them, not a magnified one, so the share of its
+- `splash-100k`, `splash-1M`, `splash-4M`, and `splash-10M`, `splash-20M` to see how far it goes: a pool a metre deep
+  with waves, and over each patch of it a crown, a thin curved sheet and spray. A larger one is a wider pool with more of them, not a magnified one, so the share of its
   particles near the surface is about the same: a cube of 95 000 particles has 13 % of them in its outermost layer, one
   of four million 4 %.
 - `spray`: droplets of one to a few dozen particles, hardly any interior.
@@ -33,6 +33,8 @@ SPLASHES = {
     "splash-100k": ((62, 62), 24, (1, 1)),
     "splash-1M": ((198, 198), 24, (3, 3)),
     "splash-4M": ((398, 398), 24, (6, 6)),
+    "splash-10M": ((645, 645), 24, (10, 10)),
+    "splash-20M": ((912, 912), 24, (14, 14)),
 }
 
 

@@ -14,10 +14,10 @@ use crate::{
     },
     import::{self, Sequence},
     run::{
-        self, Control, RunError, ShotFolder,
+        self, Control, RunError, ShotFolder, Source,
         tradeoff::{
             Ground, Request, Subject, Sweep,
-            surface::{self, By, Job, Line, Source, Table},
+            surface::{self, By, Job, Line, Table},
         },
     },
     scene::{self, Frames, Overrides, Preset, Scene},

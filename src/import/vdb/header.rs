@@ -162,3 +162,34 @@ pub(super) fn transform(bytes: &mut Bytes) -> Result<(f64, [f64; 3]), ImportErro
 /// What a transform may be.
 const EXPECTED: &str =
     "one scale along all axes, above 0, and maybe a translation; resample the grid without rotation";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// What is read of a transform of `scale` that moves by `origin`.
+    fn read(origin: [f64; 3], scale: [f64; 3]) -> Result<(f64, [f64; 3]), String> {
+        let name = "UniformScaleTranslateMap";
+        let mut all = (name.len() as u32).to_le_bytes().to_vec();
+        all.extend(name.bytes());
+        all.extend(origin.iter().chain(&scale).flat_map(|number| number.to_le_bytes()));
+        all.extend([0; 4 * 24]);
+        transform(&mut Bytes { path: Path::new("a.vdb"), all: &all, at: 0 }).map_err(|why| why.to_string())
+    }
+
+    #[test]
+    fn a_transform_moves_and_neither_stretches_nor_leaves_single_precision() {
+        assert_eq!(read([1.0, -2.0, 3.0], [0.1; 3]), Ok((0.1, [1.0, -2.0, 3.0])));
+        for (origin, scale) in [
+            ([1e300, 0.0, 0.0], [0.1; 3]),
+            ([0.0, f64::NAN, 0.0], [0.1; 3]),
+            ([0.0; 3], [0.1, 0.1, 0.2]),
+            ([0.0; 3], [-0.1; 3]),
+            ([0.0; 3], [1e-60; 3]),
+        ] {
+            let why = read(origin, scale).unwrap_err();
+            assert!(why.contains("a.vdb") && why.contains("a scale of"), "{why}");
+        }
+    }
+}

@@ -14,7 +14,12 @@ use crate::{
     math::Vec3,
 };
 use bytes::Bytes;
-use std::{collections::HashMap, io::Cursor, path::Path};
+use std::{
+    collections::HashMap,
+    io::Cursor,
+    path::{Path, PathBuf},
+};
+use xxhash_rust::xxh3::xxh3_64_with_seed;
 
 /// A signed distance read from a file.
 #[derive(Clone, Debug)]
@@ -27,17 +32,48 @@ pub struct LevelSet {
     pub name: String,
 }
 
+/// An OpenVDB file whose bytes are read, and not yet understood.
+#[derive(Debug)]
+pub struct LevelSetFile {
+    path: PathBuf,
+    bytes: Vec<u8>,
+}
+
+impl LevelSetFile {
+    /// Reads the bytes of a file.
+    ///
+    /// # Errors
+    /// [`ImportError`] if it is not there or cannot be read.
+    pub fn open(path: &Path) -> Result<Self, ImportError> {
+        let bytes =
+            std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
+        Ok(Self { path: path.into(), bytes })
+    }
+
+    /// Identifies what a `version` of the reader's user makes of the file: files of the same bytes have the same.
+    pub fn content_key(&self, version: u64) -> u64 {
+        xxh3_64_with_seed(&self.bytes, version)
+    }
+
+    /// The level set: the file's only one, or the one named `surface`.
+    ///
+    /// # Errors
+    /// As [`read_level_set`].
+    pub fn level_set(&self) -> Result<LevelSet, ImportError> {
+        if self.bytes.is_empty() {
+            return Err(ImportError::EmptyFile { path: self.path.clone() });
+        }
+        parse(&self.path, &self.bytes)
+    }
+}
+
 /// Reads the level set of an OpenVDB file: its only one, or the one named `surface`.
 ///
 /// # Errors
 /// [`ImportError`], naming the file and the place in it. Half floats, fogs, other types, transforms that turn or
 /// stretch, and versions before 222 are refused.
 pub fn read_level_set(path: &Path) -> Result<LevelSet, ImportError> {
-    let all = std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
-    if all.is_empty() {
-        return Err(ImportError::EmptyFile { path: path.to_path_buf() });
-    }
-    parse(path, &all)
+    LevelSetFile::open(path)?.level_set()
 }
 
 /// The names of the grids in an OpenVDB file, in the order of the file.

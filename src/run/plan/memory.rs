@@ -51,16 +51,12 @@ const SURFACED: f64 = 50.0;
 /// … and more where kernels are stretched: 28 to 95 were measured.
 const STRETCHED: f64 = 70.0;
 
-/// How much a frame that is meshed beside another adds to the peak, of what it takes alone: not all are at their largest at
-/// once. Over seven shots it was 0.3 to 0.9.
-const BESIDE: f64 = 0.5;
-
 /// The part of the simulation's peak that the process still holds while it makes surfaces: the allocator keeps freed
-/// memory.
-const KEPT: f64 = 0.1;
+/// memory, and the longer the sequence, the more. Over seven shots it was 0.2 to 0.6, and 1.2 in one.
+const KEPT: f64 = 0.6;
 
 /// The same for the bound.
-const KEPT_AT_MOST: f64 = 0.4;
+const KEPT_AT_MOST: f64 = 1.2;
 
 /// Memory of making every grid of a volume, a brick of the density: nodes of density, distance and velocity, and the
 /// bytes of the file. 17 800 were measured (32 768 particles at voxel 0.5, floats, not packed).
@@ -151,8 +147,6 @@ pub(super) struct Known<'a> {
     /// Of the largest frame; `None`: nothing but the particles is known, and the answers are bounds.
     pub(super) grids: Option<Grids>,
     pub(super) surface: &'a SurfaceParams,
-    /// Frames that are meshed at once.
-    pub(super) at_once: usize,
 }
 
 impl Known<'_> {
@@ -166,10 +160,7 @@ impl Known<'_> {
 
     /// Peak memory of surfacing after that, in the same process [bytes].
     pub(super) fn surfaces(&self) -> u64 {
-        let one = surface(self.particles, self.grids(), self.surface) as f64 - BASE;
-        let beside = if self.grids.is_some() { BESIDE } else { 1.0 };
-        let others = self.at_once.max(1) as f64 - 1.0;
-        (BASE + one * (1.0 + beside * others)) as u64 + self.kept()
+        surface(self.particles, self.grids(), self.surface) + self.kept()
     }
 
     /// Peak memory of making volumes after that [bytes].
@@ -286,8 +277,7 @@ mod tests {
     const RABBIT: (&[usize], usize) = (&[512_400], 0);
     const DUCK: (&[usize], usize) = (&[1_343_148], 1_343_148);
 
-    /// A shot of a built-in preset with `kernel_radius` 2 and voxel 0.5, two frames meshed at once: the peaks below are of
-    /// two threads.
+    /// A shot of a built-in preset with `kernel_radius` 2 and voxel 0.5.
     fn shot<'a>(
         (fields, colliding): (&[usize], usize),
         particles: usize,
@@ -295,7 +285,7 @@ mod tests {
         surface: &'a SurfaceParams,
     ) -> Known<'a> {
         let solids = Solids::with(fields, colliding);
-        Known { particles, kernel_radius: 2.0, solids, grids, surface, at_once: 2 }
+        Known { particles, kernel_radius: 2.0, solids, grids, surface }
     }
 
     fn mib(bytes: u64) -> f64 {

@@ -9,16 +9,12 @@ mod memory;
 mod pilot;
 mod sample;
 
-use super::{
-    Control, RunError,
-    batch::{self, TOGETHER},
-    remarks, simulate, solids,
-    usage::Meter,
-};
+use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
 use crate::{
     export::MeshFormat,
+    field::{DensityParams, bricks_near_surface},
     frame::Stream,
-    mesh::SurfaceParams,
+    mesh::{DistanceParams, SurfaceParams},
     par,
     scene::{Frames, Scene},
     sim::{SetupError, Simulation},
@@ -120,7 +116,7 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
     Ok(Outline {
         particles,
         passes: passes(&simulation, scene, with_outputs),
-        memory: peak_memory(scene, particles, None, with_outputs, TOGETHER),
+        memory: peak_memory(scene, particles, None, with_outputs),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
 }
@@ -153,19 +149,58 @@ pub(super) enum Product {
     Volumes,
 }
 
-/// The memory that making `product` of a stream will need, by where its particles are [bytes].
-pub(super) fn stream_memory(product: Product, stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
-    let positions = stream.vec3("position").unwrap_or_default();
-    let grids = Grids::of_bricks(memory::bricks_around(positions, spacing, params) as f64);
-    match product {
-        Product::Meshes => memory::surface(stream.len(), grids, params),
-        Product::Volumes => memory::volume(stream.len(), grids),
+impl Product {
+    /// What it is called where jobs are told.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Meshes => "mesh",
+            Self::Volumes => "volume",
+        }
+    }
+
+    /// The memory that making it of `particles` takes [bytes].
+    fn memory(self, particles: usize, grids: Grids, params: &SurfaceParams) -> u64 {
+        match self {
+            Self::Meshes => memory::surface(particles, grids, params),
+            Self::Volumes => memory::volume(particles, grids),
+        }
     }
 }
 
-/// The most memory that meshing `particles` was seen to take [bytes].
-pub(super) fn mesh_memory(particles: usize, params: &SurfaceParams) -> u64 {
-    memory::surface(particles, Grids::at_most(particles, params.voxel), params)
+/// The memory that making `product` of a stream will need, by where its particles are [bytes]: a bound if that is not above
+/// `enough`, else an estimate that takes longer.
+pub(super) fn stream_memory(
+    product: Product,
+    stream: &Stream,
+    spacing: f32,
+    params: &SurfaceParams,
+    enough: u64,
+) -> u64 {
+    let positions = stream.vec3("position").unwrap_or_default();
+    let bricks = memory::bricks_around(positions, spacing, params);
+    let bound = product.memory(stream.len(), Grids::of_bricks(bricks as f64), params);
+    if bound <= enough || product == Product::Volumes {
+        return bound;
+    }
+    let SurfaceParams { voxel, kernel_radius, .. } = *params;
+    let density = DensityParams { spacing, kernel_radius, voxel, anisotropy: None, whole: false };
+    let near = bricks_near_surface(positions, &density).map_or(bricks as f64, |near| near as f64 * OPENED);
+    product.memory(stream.len(), Grids::of_bricks(near), params)
+}
+
+/// Bricks that are computed over those that were taken to be near the surface at first: 1.00 to 1.05 on splashes and sprays.
+const OPENED: f64 = 1.05;
+
+/// The most memory that making `product` of `particles` was seen to take [bytes].
+pub(super) fn most_memory(product: Product, particles: usize, params: &SurfaceParams) -> u64 {
+    product.memory(particles, Grids::at_most(particles, params.voxel), params)
+}
+
+/// The memory that reading and meshing a level set of so many bricks takes, at most [bytes]: that of a surface by distances,
+/// whose density and distance take what the file and its tree do.
+pub(super) fn level_set_memory(bricks: usize) -> u64 {
+    let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
+    memory::surface(0, Grids::of_bricks(bricks as f64), &params)
 }
 
 /// Refuses what needs more than `allowed` bytes.
@@ -222,8 +257,7 @@ fn plan_within(
         with_first: selection.contains(scene.frames.first()),
     };
     let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
-    let budget = allowed.unwrap_or(TOGETHER);
-    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs, budget);
+    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs);
     if let Some(allowed) = allowed.filter(|&allowed| memory > allowed) {
         return Err(RunError::OverMemory { needed: memory, allowed });
     }
@@ -300,25 +334,11 @@ fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -
     }
 }
 
-/// The model's peak of simulating `scene`, whose meshes are filled, and, after it, meshing, as many frames at once as share
-/// `budget` [bytes], and making volumes; a bound if its grids are not known.
-fn peak_memory(
-    scene: &Scene,
-    particles: usize,
-    grids: Option<Grids>,
-    with_outputs: bool,
-    budget: u64,
-) -> u64 {
+/// The model's peak of simulating `scene`, whose meshes are filled, and, after it, meshing and making volumes; a bound if
+/// its grids are not known.
+fn peak_memory(scene: &Scene, particles: usize, grids: Option<Grids>, with_outputs: bool) -> u64 {
     let kernel_radius = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.kernel_radius);
-    let at_once = batch::at_once(particles, &scene.surface, budget);
-    let known = Known {
-        particles,
-        kernel_radius,
-        solids: Solids::of(scene),
-        grids,
-        surface: &scene.surface,
-        at_once,
-    };
+    let known = Known { particles, kernel_radius, solids: Solids::of(scene), grids, surface: &scene.surface };
     let mut peak = known.simulation();
     if !formats(scene, with_outputs).is_empty() {
         peak = peak.max(known.surfaces());

@@ -31,8 +31,8 @@ mod vorticity;
 mod walls;
 
 pub use params::{
-    ArtificialPressure, Constraint, Kernel, LiquidParams, LiquidSource, SolverKind, SourceShape,
-    VorticityConfinement, Xsph,
+    ArtificialPressure, Constraint, Kernel, LiquidChannel, LiquidParams, LiquidSource, SolverKind,
+    SourceShape, VorticityConfinement, Xsph,
 };
 
 use super::{Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock};
@@ -72,6 +72,8 @@ pub(super) struct Liquid {
     /// Average and largest constraint error when the last frame ended; `None` before the first has.
     deviation: Option<[f64; 2]>,
     seeded: SeedReport,
+    /// The first id beyond those of each source; empty unless frames have the channel `source`.
+    ends: Vec<u32>,
     id: Vec<u32>,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
@@ -90,6 +92,9 @@ impl Liquid {
         let seeds = seed::seed(&liquid.params, &liquid.rest, &liquid.walls)?;
         liquid.id = (0..seeds.report.particles).collect();
         (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
+        if liquid.params.channels.contains(&LiquidChannel::Source) {
+            liquid.ends = seeds.ends;
+        }
         liquid.first_energy = liquid.kinetic_energy() + liquid.potential_energy();
         Ok(liquid)
     }
@@ -107,6 +112,10 @@ impl Liquid {
         liquid.x = stream.vec3("position").ok_or(missing("position"))?.to_vec();
         liquid.v = stream.vec3("velocity").ok_or(missing("velocity"))?.to_vec();
         liquid.id = stream.u32("id").ok_or(missing("id"))?.to_vec();
+        if liquid.params.channels.contains(&LiquidChannel::Source) {
+            let name = LiquidChannel::Source.name();
+            liquid.ends = seed::ends(&liquid.id, stream.u32(name).ok_or(missing(name))?);
+        }
         liquid.first_energy = stream.scalar("first_energy").ok_or(missing("first_energy"))?;
         let count = |name| stream.scalar(name).map(|value| value as u32).ok_or(missing(name));
         liquid.seeded = SeedReport {
@@ -131,6 +140,7 @@ impl Liquid {
             first_energy: 0.0,
             deviation: None,
             seeded: SeedReport::default(),
+            ends: Vec::new(),
             id: Vec::new(),
             x: Vec::new(),
             v: Vec::new(),
@@ -143,12 +153,22 @@ impl Liquid {
         }
     }
 
-    /// The state as named columns, with all that [`Liquid::restore`] needs.
-    pub(super) fn stream(&self) -> Stream {
+    /// The state at `time` since the shot's start [s] as named columns, with all that [`Liquid::restore`] needs.
+    pub(super) fn stream(&self, time: f64) -> Stream {
         let mut stream = Stream::new(NAME, self.x.len())
             .with("position", self.x.clone())
             .with("velocity", self.v.clone())
             .with("id", self.id.clone());
+        for channel in LiquidChannel::ALL.into_iter().filter(|channel| self.params.channels.contains(channel))
+        {
+            stream = match channel {
+                LiquidChannel::Age => stream.with(channel.name(), vec![time as f32; self.x.len()]),
+                LiquidChannel::Source => {
+                    let source = |&id: &u32| self.ends.partition_point(|&end| end <= id) as u32;
+                    stream.with(channel.name(), self.id.iter().map(source).collect::<Vec<u32>>())
+                }
+            };
+        }
         stream.scalars = vec![
             ("spacing".into(), f64::from(self.params.spacing)),
             ("first_energy".into(), self.first_energy),

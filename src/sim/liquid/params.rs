@@ -64,6 +64,10 @@ pub struct LiquidParams {
     #[serde(default = "defaults::softening")]
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub softening: f32,
+    /// What cached particles carry beside `position`, `velocity` and `id`, for `surface.attributes` and other tools; empty:
+    /// nothing more. It moves no particle, but a cache without them has to be simulated again to get them.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub channels: Vec<LiquidChannel>,
     /// Artificial pressure, against clumping at the surface; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub artificial_pressure: Option<ArtificialPressure>,
@@ -84,6 +88,29 @@ impl LiquidParams {
     /// At 1 % a metre of water sags by a centimetre and bounces back; 0.1 % takes twice the iterations for a picture that
     /// hardly differs. See docs/decisions/006.
     pub const DEFAULT_DENSITY_DEV: f32 = 0.003;
+}
+
+/// A channel that cached particles carry only where it is named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LiquidChannel {
+    /// Seconds since the particle was seeded: the shot's time, as sources fill when it starts.
+    Age,
+    /// Which `[[liquid.source]]` the particle came from, counted from 0: a whole number.
+    Source,
+}
+
+impl LiquidChannel {
+    /// All of them, in the order in which frames have them.
+    pub const ALL: [Self; 2] = [Self::Age, Self::Source];
+
+    /// Its name, in presets and in frames.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Age => "age",
+            Self::Source => "source",
+        }
+    }
 }
 
 /// How the density constraints are solved.

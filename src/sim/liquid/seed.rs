@@ -20,6 +20,8 @@ const NEAREST_SOLID: f32 = 0.49;
 pub(super) struct Seeds {
     pub(super) positions: Vec<Vec3>,
     pub(super) velocities: Vec<Vec3>,
+    /// The first id beyond those of each source.
+    pub(super) ends: Vec<u32>,
     pub(super) report: SeedReport,
 }
 
@@ -57,9 +59,24 @@ pub(super) fn seed(params: &LiquidParams, rest: &Rest, walls: &Walls) -> Result<
         }
         seeds.positions.append(&mut found);
         seeds.velocities.resize(seeds.positions.len(), source.velocity.into());
+        seeds.ends.push(seeds.positions.len() as u32);
     }
     seeds.report.particles = seeds.positions.len() as u32;
     if seeds.positions.is_empty() { Err(SetupError::NoParticles) } else { Ok(seeds) }
+}
+
+/// The first id beyond those of each source, by the ids and sources of all particles: ids are handed out source by source,
+/// and no particle is ever lost. A source without particles ends where the one before it does.
+pub(super) fn ends(ids: &[u32], sources: &[u32]) -> Vec<u32> {
+    let mut ends = vec![0; sources.iter().max().map_or(0, |&last| last as usize + 1)];
+    for (&id, &source) in ids.iter().zip(sources) {
+        let end = &mut ends[source as usize];
+        *end = id.saturating_add(1).max(*end);
+    }
+    for source in 1..ends.len() {
+        ends[source] = ends[source].max(ends[source - 1]);
+    }
+    ends
 }
 
 /// The first lattice point of a shape [m] and the number of points along each axis.
@@ -132,10 +149,16 @@ mod tests {
         let twice = seeds(&sources(&[CUBE, CUBE]), vec![]).unwrap();
         assert_eq!((twice.report.particles, twice.report.skipped_overlapping), (150, 150));
         let beside = "box = { min = [0.2, 0, 0], max = [0.4, 0.1, 0.06] }";
-        assert_eq!(seeds(&sources(&[CUBE, beside]), vec![]).unwrap().report.particles, 300);
+        assert_eq!(seeds(&sources(&[CUBE, CUBE, beside]), vec![]).unwrap().ends, [150, 150, 300]);
         let floor = Shape::Plane { point: [0.0, 0.0, 0.02], normal: [0.0, 0.0, 1.0] };
         let above = seeds(&sources(&[CUBE]), vec![floor]).unwrap();
         assert_eq!((above.report.particles, above.report.skipped_in_solids), (100, 50));
+    }
+
+    #[test]
+    fn the_ends_of_sources_are_found_from_their_particles_in_any_order() {
+        assert_eq!(ends(&[4, 0, 2, 3, 1], &[3, 0, 1, 3, 0]), [2, 3, 3, 5]);
+        assert_eq!(ends(&[], &[]), [0; 0]);
     }
 
     #[test]

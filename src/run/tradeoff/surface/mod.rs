@@ -18,7 +18,6 @@ mod tests;
 
 pub use files::write;
 pub use row::FieldError;
-pub use source::Source;
 
 use super::{
     Spread,
@@ -32,8 +31,8 @@ use crate::{
         apart::{Distance, Target},
     },
     run::{
-        Control, RunError, ShotFolder,
-        plan::{Product, mesh_memory, refuse_memory, stream_memory},
+        Control, RunError, ShotFolder, Source,
+        plan::{Product, most_memory, refuse_memory, stream_memory},
     },
     scene::Scene,
 };
@@ -225,7 +224,7 @@ fn seconds(line: &Line, by: By) -> Spread {
 
 /// About the most memory that a setting needs on a frame of `particles`, before anything is known of how they lie [bytes].
 pub fn memory_at_most(particles: usize, params: &SurfaceParams) -> u64 {
-    mesh_memory(particles, params)
+    most_memory(Product::Meshes, particles, params)
 }
 
 /// The reference, its refinement, then the rows.
@@ -275,7 +274,7 @@ fn refuse_what_needs_more(
         let particles = sample.read()?;
         for (_, scene) in settings {
             refuse_memory(
-                stream_memory(Product::Meshes, &particles, sample.spacing, &scene.surface),
+                stream_memory(Product::Meshes, &particles, sample.spacing, &scene.surface, allowed),
                 allowed,
             )?;
         }

@@ -3,25 +3,11 @@
 use crate::{
     cache,
     frame::{FrameIndex, Stream},
-    import::{ParticleFile, Sequence},
-    run::{RunError, ShotFolder, surface::state_key},
+    import::ParticleFile,
+    run::{RunError, Source, source::state_key},
     scene::Frames,
 };
 use std::path::PathBuf;
-
-/// Where particles come from.
-#[derive(Clone, Copy, Debug)]
-pub enum Source<'a> {
-    /// The cache of a shot.
-    Cache(&'a ShotFolder),
-    /// Files of any solver.
-    Files {
-        /// The files.
-        sequence: &'a Sequence,
-        /// Distance between particles at rest [m].
-        spacing: f32,
-    },
-}
 
 /// One stream of one frame. Its particles are read whenever they are needed, as `mesh` reads them.
 #[derive(Clone, Debug)]
