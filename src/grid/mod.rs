@@ -2,9 +2,11 @@
 
 mod bricks;
 mod dense;
+mod probe;
 
 pub use bricks::{
     BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, beside, is_set, mask_of, node_of,
     offset,
 };
 pub use dense::DenseGrid;
+pub use probe::Probe;

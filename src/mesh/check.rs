@@ -7,12 +7,16 @@
 //!
 //! Limits: self-intersection is not looked for.
 
-use super::{Mesh, links::Links};
+use super::{Mesh, links::Links, pieces::Pieces};
 use crate::{math::Vec3, par};
 
 /// A triangle is degenerate if twice its area is at most this part of its longest side squared: its height is
 /// then below one millionth of its length, where a normal computed in single precision means nothing.
 const FLAT: f64 = 1e-6;
+
+/// The same of a triangle that is sound beyond doubt. Less, and rounding in single precision comes into it; more, and
+/// more triangles are computed twice.
+const FAR_FROM_FLAT: f32 = 1e-3;
 
 /// The first thing found wrong with a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -76,6 +80,11 @@ impl MeshCheck {
 
 /// Judges a mesh. An empty mesh is sound, with volume and area zero.
 pub fn check(mesh: &Mesh) -> MeshCheck {
+    check_linked(mesh, None)
+}
+
+/// [`check`] of a mesh of which maybe all half-edges are known.
+pub(super) fn check_linked(mesh: &Mesh, links: Option<Links>) -> MeshCheck {
     let mut result = MeshCheck::default();
 
     // Judge every triangle alone; those with a repeated or missing vertex take no part in the edges.
@@ -84,14 +93,17 @@ pub fn check(mesh: &Mesh) -> MeshCheck {
         par::fill(&mut shape, |t| Shape::of(mesh, t));
         shape
     };
-    for (t, &shape) in shape.iter().enumerate() {
-        let fault = match shape {
-            Shape::Sound => continue,
+    let faulty = par::map_chunks(shape.len(), par::CHUNK, |range| {
+        range.filter(|&t| shape[t] != Shape::Sound).collect::<Vec<_>>()
+    })
+    .concat();
+    for &t in &faulty {
+        let fault = match shape[t] {
             Shape::OutOfRange => {
                 result.out_of_range_triangles += 1;
                 "triangle names a vertex that does not exist"
             }
-            Shape::Repeated | Shape::Flat => {
+            _ => {
                 result.degenerate_triangles += 1;
                 "degenerate triangle"
             }
@@ -99,9 +111,10 @@ pub fn check(mesh: &Mesh) -> MeshCheck {
         result.note(mesh, fault, mesh.triangles[t][0]);
     }
     let linked = |t: usize| matches!(shape[t], Shape::Sound | Shape::Flat);
+    let left_out = faulty.iter().filter(|&&t| !linked(t)).count();
 
     // Judge every vertex with the triangles around it.
-    let links = Links::new(mesh, linked);
+    let links = links.filter(|_| left_out == 0).unwrap_or_else(|| Links::new(mesh, linked));
     for around in par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
         let mut scratch = Scratch::default();
         let mut sum = Around::default();
@@ -127,8 +140,8 @@ pub fn check(mesh: &Mesh) -> MeshCheck {
     result.oriented = result.misoriented_edges == 0;
 
     // Measure it as a whole.
-    result.euler += (0..mesh.triangles.len()).filter(|&t| linked(t)).count() as i64;
-    result.components = components(mesh, linked) - result.unused_vertices;
+    result.euler += (mesh.triangles.len() - left_out) as i64;
+    result.components = Pieces::of_triangles(mesh, linked).first.len() - result.unused_vertices;
     (result.volume, result.area) = volume_and_area(mesh, &shape);
     result
 }
@@ -159,7 +172,13 @@ impl Shape {
         if a == b || b == c || c == a {
             return Self::Repeated;
         }
-        let [a, b, c] = [a, b, c].map(|v| mesh.positions[v as usize].cast::<f64>());
+        // What is far from flat shows in single precision too.
+        let [a, b, c] = [a, b, c].map(|v| mesh.positions[v as usize]);
+        let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
+        if (b - a).cross(&(c - a)).norm_squared() > (FAR_FROM_FLAT * longest).powi(2) {
+            return Self::Sound;
+        }
+        let [a, b, c] = [a, b, c].map(|x| x.cast::<f64>());
         let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
         let double_area = (b - a).cross(&(c - a)).norm();
         // Not a number is not larger, so that it counts as flat.
@@ -268,23 +287,9 @@ fn closed_fan(v: u32, corners: &[[u32; 2]]) -> Option<i64> {
     (last == first).then_some(later as i64)
 }
 
-/// The pieces of the mesh, counting every unused vertex as one.
-fn components(mesh: &Mesh, linked: impl Fn(usize) -> bool) -> usize {
-    let mut forest: Vec<u32> = (0..mesh.positions.len() as u32).collect();
-    let mut pieces = forest.len();
-    for (t, &[a, b, c]) in mesh.triangles.iter().enumerate() {
-        if linked(t) {
-            pieces -= usize::from(join(&mut forest, a, b));
-            pieces -= usize::from(join(&mut forest, a, c));
-        }
-    }
-    pieces
-}
-
 /// Joins the trees of `a` and `b`; whether they were apart.
-pub(super) fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
+fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (root(forest, a), root(forest, b));
-    // The lower root stays, which keeps the paths short where vertices are numbered along the surface.
     forest[a.max(b) as usize] = a.min(b);
     a != b
 }
@@ -316,7 +321,8 @@ fn volume_and_area(mesh: &Mesh, shape: &[Shape]) -> (f64, f64) {
     sums.into_iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
 }
 
-/// The area-weighted normals of the faces around every vertex, not normalised [m²].
+/// The area-weighted normals of the faces around every vertex, not normalised [m²]: what [`Links::normals`] finds, on one
+/// thread and without a list of half-edges, which takes more memory than all else at this stage.
 pub(super) fn face_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut sums = vec![Vec3::zeros(); mesh.positions.len()];
     for &triangle in &mesh.triangles {
@@ -350,6 +356,13 @@ mod tests {
         assert!((found.volume - 1.0).abs() < 1e-12 && (found.area - 6.0).abs() < 1e-12);
         let empty = check(&Mesh::default());
         assert!(empty.is_sound() && empty.components == 0 && empty.euler == 0 && empty.volume == 0.0);
+    }
+
+    #[test]
+    fn both_ways_to_sum_normals_give_the_same_bits() {
+        let mut mesh = cube();
+        mesh.positions.iter_mut().for_each(|x| *x = *x * 0.37 + Vec3::new(0.1 * x.y, x.z.sin(), 0.3));
+        assert_eq!(Links::new(&mesh, |_| true).normals(&mesh), face_normals(&mesh));
     }
 
     #[test]

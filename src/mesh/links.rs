@@ -3,6 +3,7 @@
 //! Half-edge 3·t + k runs in triangle t from its vertex k to the next one.
 
 use super::Mesh;
+use crate::{math::Vec3, par};
 
 /// The half-edge after `h` in its triangle.
 #[inline]
@@ -17,52 +18,48 @@ pub(super) fn previous(h: u32) -> u32 {
 }
 
 /// The half-edges that leave every vertex, in the order of the triangles.
-pub(super) struct Links {
-    start: Vec<u32>,
-    list: Vec<u32>,
-}
+pub(super) struct Links(par::Groups);
 
 impl Links {
-    /// The half-edges of the triangles of `mesh` that `counts`, by a counting sort.
+    /// The half-edges of the triangles of `mesh` that `counts`.
     ///
     /// # Panics
     /// If there are 2³² half-edges or more.
-    pub(super) fn new(mesh: &Mesh, counts: impl Fn(usize) -> bool) -> Self {
-        assert!(mesh.triangles.len() < u32::MAX as usize / 3, "fewer than 2³² half-edges");
-        let mut start = vec![0_u32; mesh.positions.len() + 1];
-        for (_, triangle) in mesh.triangles.iter().enumerate().filter(|&(t, _)| counts(t)) {
-            triangle.iter().for_each(|&v| start[v as usize] += 1);
-        }
-        // Each start is first the end of its vertex, and goes down as the half-edges are put in, last first.
-        let mut end = 0;
-        for start in &mut start {
-            end += *start;
-            *start = end;
-        }
-        let mut list = vec![0; end as usize];
-        for t in (0..mesh.triangles.len()).rev().filter(|&t| counts(t)) {
-            for k in [2, 1, 0] {
-                let start = &mut start[mesh.triangles[t][k] as usize];
-                *start -= 1;
-                list[*start as usize] = (3 * t + k) as u32;
-            }
-        }
-        Self { start, list }
+    pub(super) fn new(mesh: &Mesh, counts: impl Fn(usize) -> bool + Sync) -> Self {
+        let vertices = |t: usize| if counts(t) { mesh.triangles[t] } else { [u32::MAX; 3] };
+        Self(par::Groups::new(mesh.triangles.len(), mesh.positions.len(), vertices))
     }
 
     /// The half-edges that leave `v`.
     #[inline]
     pub(super) fn of(&self, v: usize) -> &[u32] {
-        &self.list[self.range(v)]
-    }
-
-    /// Where those of `v` stand among all.
-    pub(super) fn range(&self, v: usize) -> std::ops::Range<usize> {
-        self.start[v] as usize..self.start[v + 1] as usize
+        self.0.of(v)
     }
 
     /// How many half-edges there are.
     pub(super) fn len(&self) -> usize {
-        self.list.len()
+        self.0.len()
+    }
+
+    /// The vertices that the half-edges of `v` lead to.
+    #[inline]
+    pub(super) fn neighbours<'a>(&'a self, mesh: &'a Mesh, v: usize) -> impl Iterator<Item = u32> + 'a {
+        self.of(v).iter().map(|&h| mesh.triangles[h as usize / 3][next(h) as usize % 3])
+    }
+
+    /// The area-weighted normal of the faces around `v`, not normalised [m²].
+    #[inline]
+    pub(super) fn normal(&self, mesh: &Mesh, v: usize) -> Vec3 {
+        self.of(v).iter().fold(Vec3::zeros(), |sum, &h| {
+            let [a, b, c] = mesh.triangles[h as usize / 3].map(|v| mesh.positions[v as usize]);
+            sum + (b - a).cross(&(c - a))
+        })
+    }
+
+    /// [`Links::normal`] of every vertex.
+    pub(super) fn normals(&self, mesh: &Mesh) -> Vec<Vec3> {
+        let mut normals = vec![Vec3::zeros(); mesh.positions.len()];
+        par::fill(&mut normals, |v| self.normal(mesh, v));
+        normals
     }
 }

@@ -7,13 +7,16 @@ mod check;
 mod contour;
 mod decimate;
 mod links;
+mod low_pass;
 mod marching_cubes;
+mod moved;
 mod normals;
 mod params;
 mod pieces;
 mod reconstruct;
 mod smooth;
 mod transfer;
+mod umbrella;
 
 pub use check::{Fault, MeshCheck, check};
 pub use contour::{Contour, Side};
@@ -23,7 +26,7 @@ pub use normals::{normals_from_faces, normals_from_field};
 pub use params::{ComponentParams, DecimationParams, DistanceParams, SmoothingParams, SurfaceParams};
 pub use pieces::{ComponentStats, Points, remove_small};
 pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
-pub use smooth::{SmoothingStats, depth_weights, smooth};
+pub use smooth::{SmoothingStats, smooth};
 pub use transfer::{carried, transfer};
 
 use crate::{frame::Channel, math::Vec3};

@@ -26,11 +26,9 @@ pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (
         let mut reader = Reader::new(contour.grid);
         let mut replaced = 0;
         for (face, x) in normals.iter_mut().zip(&mesh.positions[start..]) {
-            let gradient = reader.gradient(*x) * contour.outward();
-            let normal = gradient.try_normalize(0.0).filter(|n| usable(n) && n.dot(face) > 0.0);
-            *face = normal.unwrap_or_else(|| {
+            *face = reader.normal(&contour, *x, face).unwrap_or_else(|| {
                 replaced += 1;
-                face.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
+                unit(face)
             });
         }
         replaced
@@ -38,14 +36,30 @@ pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (
     (normals, replaced.into_iter().sum())
 }
 
+/// The normals of some vertices, as [`normals_from_field`] has them, from the area-weighted normals of the faces.
+pub(super) fn some_from_field(mesh: &Mesh, contour: Contour, faces: &[Vec3], vertices: &[u32]) -> Vec<Vec3> {
+    par::map_chunks(vertices.len(), par::CHUNK, |range| {
+        let mut reader = Reader::new(contour.grid);
+        let normal = |&v: &u32| {
+            let (x, face) = (mesh.positions[v as usize], &faces[v as usize]);
+            reader.normal(&contour, x, face).unwrap_or_else(|| unit(face))
+        };
+        vertices[range].iter().map(normal).collect::<Vec<_>>()
+    })
+    .concat()
+}
+
 /// Unit outward normals at the vertices of `mesh` by the area-weighted normals of the faces around them; +Z where these
 /// cancel.
 pub fn normals_from_faces(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = face_normals(mesh);
-    par::update(&mut normals, |_, n| {
-        *n = n.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z);
-    });
+    par::update(&mut normals, |_, n| *n = unit(n));
     normals
+}
+
+/// The direction of a normal; +Z if it has none.
+pub(super) fn unit(normal: &Vec3) -> Vec3 {
+    normal.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
 }
 
 /// Whether a normal is finite and of unit length.
@@ -126,6 +140,12 @@ impl<'a> Reader<'a> {
             };
             if slope.is_nan() { 0.0 } else { slope }
         })
+    }
+
+    /// The unit normal of the contour at `x`, if there is a usable one on the side of the faces.
+    fn normal(&mut self, contour: &Contour, x: Vec3, face: &Vec3) -> Option<Vec3> {
+        let gradient = self.gradient(x) * contour.outward();
+        gradient.try_normalize(0.0).filter(|n| usable(n) && n.dot(face) > 0.0)
     }
 
     /// The gradient at `x`, trilinear between the nodes' gradients.

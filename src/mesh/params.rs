@@ -105,7 +105,7 @@ impl Default for ComponentParams {
     }
 }
 
-/// Smoothing that keeps volume, creases, and what is thin.
+/// Smoothing that keeps volume, edges, and what is thin.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SmoothingParams {
@@ -118,15 +118,16 @@ pub struct SmoothingParams {
     /// rims away.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub thin: f32,
-    /// Neighbouring vertices whose normals differ by more than this do not smooth each other \[deg\]. Smaller keeps
-    /// more creases, and more of the particles; the edges of a box of particles are kept from 15 down only.
+    /// Edges that bend by more than this within half a wavelength, as smoothing would leave them, are kept: there only bumps of
+    /// a third of the wavelength vanish \[deg\]. A right angle bends by 115, and edges begin at seven tenths of what is said here.
+    /// Smaller keeps blunter edges, and below 60 more of the particles; 180 keeps none, and saves a tenth of the time.
     #[schemars(range(min = 5.0, max = 180.0), extend("unit" = "deg"))]
     pub crease: f32,
 }
 
 impl Default for SmoothingParams {
     fn default() -> Self {
-        Self { wavelength: 6.0, thin: 0.2, crease: 75.0 }
+        Self { wavelength: 6.0, thin: 0.2, crease: 90.0 }
     }
 }
 

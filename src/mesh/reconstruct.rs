@@ -15,8 +15,15 @@
 
 use super::{
     ComponentStats, Contour, ContourStats, DecimationStats, Mesh, MeshCheck, Points, SmoothingStats,
-    SurfaceParams, check, decimate, depth_weights, marching_cubes, normals_from_faces, normals_from_field,
-    remove_small, smooth, transfer,
+    SurfaceParams,
+    check::check_linked,
+    decimate,
+    links::Links,
+    marching_cubes,
+    normals::{some_from_field, unit},
+    normals_from_faces, normals_from_field, remove_small,
+    smooth::{Smoothed, depth_weights, smooth_linked},
+    transfer,
 };
 use crate::{
     field::{DensityParams, density},
@@ -155,27 +162,27 @@ pub fn reconstruct(
         }
         None => (None, None),
     };
-    let mut as_cut = None;
-    let smoothing = match &params.smoothing {
-        Some(smoothing) => Some(clock.time("smoothing", || {
-            let normals = normals_from_field(&mesh, contour).0;
-            let weights =
-                depth_weights(&mesh, &normals, &field.grid, field.threshold, spacing, smoothing.thin);
-            let positions = mesh.positions.clone();
-            let stats = smooth(&mut mesh, &weights, smoothing, spacing);
-            as_cut = params.decimation.is_none().then_some((positions, normals));
-            stats
-        })?),
-        None => None,
-    };
+    let (mut links, mut smoothed) = (None, None);
+    if let Some(smoothing) = &params.smoothing {
+        smoothed = Some(clock.time("smoothing", || {
+            let links = links.insert(Links::new(&mesh, |_| true));
+            let weights = depth_weights(&mesh, links, &field, smoothing.thin, spacing);
+            smooth_linked(&mut mesh, links, &weights, smoothing, spacing)
+        })?);
+    }
+    let smoothing = smoothed.as_ref().map(|smoothed| smoothed.stats);
     let decimation = match &params.decimation {
-        Some(decimation) => Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?),
+        Some(decimation) => {
+            (links, smoothed) = (None, None);
+            Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?)
+        }
         None => None,
     };
 
     // Give the vertices what they carry.
-    let (normals, normals_from_faces) = clock.time("normals", || match smoothing {
-        Some(_) => (smoothed_normals(&mesh, as_cut.take()), 0),
+    let (normals, normals_from_faces) = clock.time("normals", || match smoothed {
+        Some(Smoothed { normals, still, .. }) => (smoothed_normals(&mesh, contour, normals, &still), 0),
+        None if smoothing.is_some() => (normals_from_faces(&mesh), 0),
         None => normals_from_field(&mesh, contour),
     })?;
     mesh.normals = normals;
@@ -199,7 +206,7 @@ pub fn reconstruct(
     drop(field);
     stats.attributes_from_nearest =
         clock.time("attributes", || carry(particles, params, spacing, &mut mesh, points.as_mut()))??;
-    let check = clock.time("check", || check(&mesh))?;
+    let check = clock.time("check", || check_linked(&mesh, links))?;
     stats.seconds = clock.seconds;
     Ok(Surface { mesh, points, distance, check, stats })
 }
@@ -216,18 +223,14 @@ pub fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
     }
 }
 
-/// The normals of a smoothed mesh: those of its faces, and `as_cut`, positions and normals by the field before, where
-/// smoothing left a vertex alone.
-fn smoothed_normals(mesh: &Mesh, as_cut: Option<(Vec<Vec3>, Vec<Vec3>)>) -> Vec<Vec3> {
-    let mut normals = normals_from_faces(mesh);
-    if let Some((positions, of_field)) = as_cut {
-        par::update(&mut normals, |v, normal| {
-            if positions[v] == mesh.positions[v] {
-                *normal = of_field[v];
-            }
-        });
+/// The normals of a smoothed mesh: those of its `faces`, and those of the field where vertices stood `still`.
+fn smoothed_normals(mesh: &Mesh, contour: Contour, mut faces: Vec<Vec3>, still: &[u32]) -> Vec<Vec3> {
+    let of_field = some_from_field(mesh, contour, &faces, still);
+    par::update(&mut faces, |_, normal| *normal = unit(normal));
+    for (&v, normal) in still.iter().zip(of_field) {
+        faces[v as usize] = normal;
     }
-    normals
+    faces
 }
 
 /// Gives vertices and points what they take from the particles; returns how many took it from the nearest.

@@ -4,9 +4,13 @@
 //! length, every output slot is written by exactly one chunk, and sums fold the chunks' partial results in
 //! chunk order.
 
+mod forest;
+mod groups;
 mod radix;
 mod wavefront;
 
+pub use forest::Forest;
+pub use groups::Groups;
 pub use radix::{Inverse, Radix};
 pub use wavefront::wavefront;
 

@@ -72,7 +72,7 @@ fn smoothing_takes_the_particles_out_of_a_ball_and_keeps_its_volume() {
             println!(
                 "voxel {voxel}, wavelength {wavelength}: roughness, lean {before:.3?} -> {after:.3?}, {stats:?}"
             );
-            assert!(stats.volume_error < 1e-5 && stats.volume_change < 2e-2);
+            assert!(stats.volume_error < 1e-5 && stats.volume_change < 3e-2);
             assert!((found.check.volume / plain.check.volume - 1.0).abs() < 1e-5);
             assert_eq!((found.check.components, found.check.euler), (1, 2));
             if wavelength >= 4.0 {
@@ -369,11 +369,54 @@ fn smoothing_keeps_creases() {
         println!("crease {crease}: {stats:?}");
         worn_edges(&mesh, 0.013, 0.5, 0.05)
     };
-    let creases = [15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 180.0];
-    // Marching cubes spreads an edge over vertices that lean by less than its angle: only small bounds keep it.
+    let creases = [30.0, 60.0, 90.0, 120.0, 180.0];
     let (before, after) = (worn_edges(&plain, 0.013, 0.5, 0.05), creases.map(worn));
     println!("edges are worn by {before:.3} voxels before, at creases {creases:?} by {after:.3?}");
-    assert!(before < 0.5 && after[0] < 0.6 * after[6], "{after:?}");
+    assert!(before < 0.5 && after[..3].iter().all(|after| after - before < 0.5) && after[4] > before + 0.5);
+}
+
+/// How far inside the upright edges of a box the surface stands there, on average [spacings].
+fn rounded_edges(mesh: &Mesh, half: f64) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for x in &mesh.positions {
+        let [x, y, z] = [x.x.abs(), x.y.abs(), x.z.abs()].map(|x| f64::from(x / SPACING));
+        if z < 0.6 * half && (x - y).abs() < 0.5 && x + y > half {
+            sum += half * 2_f64.sqrt() - (x + y) / 2_f64.sqrt();
+            count += 1;
+        }
+    }
+    sum / f64::from(count)
+}
+
+/// Single particles lean as much as the edges do where they are cut: only what they leave when smoothed tells them apart.
+#[test]
+fn smoothing_keeps_the_edges_of_a_box_of_particles() {
+    let cube = particles([9; 3], 0.15, Vec3::zeros(), |_| true);
+    for voxel in [0.5, 0.25] {
+        let params = SurfaceParams { voxel, ..SurfaceParams::default() };
+        let cut = rounded_edges(&surface(&cube, &params).mesh, 9.5);
+        let worn = |crease: Option<f32>| {
+            let usual = SmoothingParams::default();
+            let smoothing = SmoothingParams { crease: crease.unwrap_or(usual.crease), ..usual };
+            let found = surface(&cube, &SurfaceParams { smoothing: Some(smoothing), ..params.clone() });
+            let stats = found.stats.smoothing.unwrap();
+            let worn = (rounded_edges(&found.mesh, 9.5) - cut) / f64::from(voxel);
+            println!("voxel {voxel}, {crease:?}: worn by {worn:.3} voxels, {stats:?}");
+            (worn, stats.crease_vertices)
+        };
+        assert!(worn(None).0 < 0.5);
+        let (without, creased) = worn(Some(180.0));
+        assert!(without > 0.5 && creased == 0);
+    }
+    // A ball has no edges, whatever its particles.
+    let ball = particles([20; 3], 0.15, Vec3::zeros(), |x| x.norm() < 20.0);
+    let found = surface(&ball, &smoothed());
+    let creased = found.stats.smoothing.unwrap().crease_vertices;
+    assert!(
+        100 * creased < found.stats.vertices,
+        "{creased} of {} vertices are at edges",
+        found.stats.vertices
+    );
 }
 
 #[test]
