@@ -110,7 +110,7 @@ impl Default for ComponentParams {
 #[serde(deny_unknown_fields, default)]
 pub struct SmoothingParams {
     /// Bumps shorter than this vanish, longer ones stay, in particle spacings. Smaller shows the particles, larger
-    /// takes ripples away. On a ball of disordered particles normals lean 11.5° without smoothing, 6.2° at 4, 3.6° at 6
+    /// takes ripples away. On a ball of disordered particles normals lean 13.7° without smoothing, 6.0° at 4, 3.6° at 6
     /// and 2.3° at 8. The time grows with it and with one over `voxel`.
     #[schemars(range(min = 0.5, max = 30.0))]
     pub wavelength: f32,
@@ -120,7 +120,7 @@ pub struct SmoothingParams {
     pub thin: f32,
     /// Edges that bend by more than this within half a wavelength, as smoothing would leave them, are kept: there only bumps of
     /// a third of the wavelength vanish \[deg\]. A right angle bends by 115, and edges begin at seven tenths of what is said here.
-    /// Smaller keeps blunter edges, and below 60 more of the particles; 180 keeps none, and saves a tenth of the time.
+    /// Smaller keeps blunter edges, and below 60 more of the particles; 180 keeps none, and saves a seventh of the time.
     #[schemars(range(min = 5.0, max = 180.0), extend("unit" = "deg"))]
     pub crease: f32,
 }
