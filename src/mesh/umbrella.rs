@@ -137,9 +137,9 @@ impl<'a> Umbrella<'a> {
             let pull = sum * (self.weights[i] / neighbours.len() as f32);
             [pull.x, pull.y, pull.z, 0.0]
         });
-        let mut last = vec![[0.0; 4]; x.len()];
+        let mut last = par::repeated([0.0; 4], x.len());
         let [mut to_long, mut to_short] =
-            [long, short].map(|r| vec![[0.0; 4]; if r.is_empty() { 0 } else { x.len() }]);
+            [long, short].map(|r| par::repeated([0.0; 4], if r.is_empty() { 0 } else { x.len() }));
         for k in 1..long.len() {
             // Two terms at a time, which spares every second way to the sums.
             let both = |r: &[f32]| [r[k - 1], r[k]];

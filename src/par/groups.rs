@@ -2,7 +2,7 @@
 //!
 //! *Method*: two rounds of counting. Tasks of constant length count how many of their things fall into each of some
 //! hundred runs of groups, and move them there; then every run is sorted by its groups alone, in the caches. Things of a group
-//! keep their order, so any number of threads gives the same lists.
+//! keep their order, so any number of threads gives the same lists. On one or two threads a plain counting sort does it.
 //!
 //! Things are moved through relaxed atomics, which cost what plain stores do: every place is written by one thread,
 //! but which one, only the counts know.
@@ -20,6 +20,10 @@ const TASK: usize = 1 << 13;
 /// Runs of groups there are at most. More, and a task's counters leave the first-level cache; fewer, and the things of
 /// a run leave the second.
 const RUNS: usize = 1 << 10;
+
+/// With fewer threads one round of counting on a single one is as fast: things that come in about the order of their groups,
+/// as the corners of a surface do, stay in the caches without runs.
+const FEW: usize = 3;
 
 /// Groups in a run at least, as a power of two.
 const LEAST: u32 = 10;
@@ -39,6 +43,9 @@ impl Groups {
     /// If there are 2³² things or more.
     pub fn new<const K: usize>(rows: usize, groups: usize, of: impl Fn(usize) -> [u32; K] + Sync) -> Self {
         assert!(rows < u32::MAX as usize / K, "fewer than 2³² things");
+        if super::threads() < FEW {
+            return Self::counted(rows, groups, of);
+        }
         let mut shift = LEAST;
         while groups >> shift >= RUNS {
             shift += 1;
@@ -108,6 +115,32 @@ impl Groups {
                 part[(*start - first) as usize] = thing;
             }
         });
+        Self { start, list }
+    }
+
+    /// Does what [`Groups::new`] does, by one round of counting on one thread.
+    fn counted<const K: usize>(rows: usize, groups: usize, of: impl Fn(usize) -> [u32; K]) -> Self {
+        let mut start = vec![0; groups + 1];
+        for group in (0..rows).flat_map(&of) {
+            if let Some(count) = start[..groups].get_mut(group as usize) {
+                *count += 1;
+            }
+        }
+        // Each start is first the end of its group, and goes down as the things are put in, last first.
+        let mut end = 0;
+        for start in &mut start {
+            end += *start;
+            *start = end;
+        }
+        let mut list = vec![0; end as usize];
+        for i in (0..rows).rev() {
+            for (k, group) in of(i).into_iter().enumerate().rev() {
+                if let Some(start) = start[..groups].get_mut(group as usize) {
+                    *start -= 1;
+                    list[*start as usize] = (K * i + k) as u32;
+                }
+            }
+        }
         Self { start, list }
     }
 

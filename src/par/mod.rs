@@ -40,6 +40,12 @@ pub fn threads() -> usize {
     rayon::current_num_threads()
 }
 
+/// `count` times `value`, written by all threads. Where what comes next reads before it writes, `vec![0; count]` is dear: the
+/// system maps its pages when they are first read, and again when they are first written, which stops all other threads.
+pub fn repeated<T: Copy + Send + Sync>(value: T, count: usize) -> Vec<T> {
+    (0..count).into_par_iter().with_min_len(CHUNK).map(|_| value).collect()
+}
+
 /// Writes `f(i)` into every `out[i]`.
 pub fn fill<T: Send>(out: &mut [T], f: impl Fn(usize) -> T + Sync) {
     for_chunks(out, CHUNK, |start, chunk| {
