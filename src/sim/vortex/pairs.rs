@@ -90,12 +90,10 @@ pub(super) fn vectors<const Q: usize, const N: usize>(s: [f32; SUMS]) -> [Vec3; 
 /// Up to eight positions as columns, the last repeated.
 #[inline(always)]
 pub(super) fn columns<L: Lanes>(positions: impl Fn(usize) -> Vec3) -> [L; 3] {
-    let mut rows = [[0.0; LANES]; 3];
+    let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
     for lane in 0..LANES {
-        let x = positions(lane);
-        for k in 0..3 {
-            rows[k][lane] = x[k];
-        }
+        let at = positions(lane);
+        (x[lane], y[lane], z[lane]) = (at.x, at.y, at.z);
     }
-    [L::load(&rows[0]), L::load(&rows[1]), L::load(&rows[2])]
+    [L::load(&x), L::load(&y), L::load(&z)]
 }

@@ -337,10 +337,10 @@ fn evaluate<L: Lanes, const Q: usize, const N: usize>(
     }
 
     // The coefficients of ∇ × A are differences of those of A one degree higher.
-    for b in 0..coefs(order - 1) {
+    for (b, &power) in powers.iter().enumerate().take(coefs(order - 1)) {
         let curl = curl(local, b);
         for k in 0..3 {
-            out[0][k] += splat::<L>(curl[k]) * powers[b];
+            out[0][k] += splat::<L>(curl[k]) * power;
         }
     }
     if Q == GRADIENT {
@@ -353,13 +353,13 @@ fn evaluate<L: Lanes, const Q: usize, const N: usize>(
             }
         }
         for row in &mut out[1..] {
-            for k in 0..3 {
-                row[k] = row[k] * (scale * scale);
+            for slope in row {
+                *slope = *slope * (scale * scale);
             }
         }
     }
-    for k in 0..3 {
-        out[0][k] = out[0][k] * scale;
+    for component in &mut out[0] {
+        *component = *component * scale;
     }
     out
 }
@@ -369,4 +369,38 @@ fn evaluate<L: Lanes, const Q: usize, const N: usize>(
 fn curl(local: &[f32], b: usize) -> [f32; 3] {
     let along = |axis: usize, k: usize| local[3 * usize::from(ADD[b][1 + axis]) + k];
     [along(1, 2) - along(2, 1), along(2, 0) - along(0, 2), along(0, 1) - along(1, 0)]
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::{
+        math::Vec3,
+        par,
+        sim::vortex::{Kernel, Method, Quantity, Targets, Vortons, induced, lanes::tests::REFERENCE_ONLY},
+    };
+
+    #[test]
+    fn both_forms_of_lanes_give_the_same_bits() {
+        let noise = |i: usize| ((i * 7919) % 10_007) as f32 / 10_007.0;
+        let vector = |i: usize| Vec3::new(noise(3 * i), noise(5 * i + 1), noise(11 * i + 2));
+        let vortons = Vortons {
+            position: (0..1500).map(vector).collect(),
+            strength: (0..1500).map(|i| vector(i + 3000) - Vec3::repeat(0.5)).collect(),
+            core: (0..1500).map(|i| 0.02 + 0.03 * noise(i)).collect(),
+        };
+        for kernel in [Kernel::Ball, Kernel::RosenheadMoore, Kernel::WinckelmansLeonard, Kernel::Gaussian] {
+            for method in [Method::Direct, Method::Tree { error: 1e-2 }, Method::Nested] {
+                for quantity in [Quantity::Potential, Quantity::VelocityAndGradient] {
+                    // On a pool of one thread, which then is the thread of every pass.
+                    let find = |reference_only| {
+                        par::with_threads(1, || {
+                            REFERENCE_ONLY.set(reference_only);
+                            induced(&vortons, Targets::Vortons, quantity, kernel, method).expect("it is fit")
+                        })
+                    };
+                    assert!(find(true) == find(false), "{kernel:?} {method:?} {quantity:?}");
+                }
+            }
+        }
+    }
 }
