@@ -12,6 +12,7 @@ mod observe;
 mod record;
 mod simulation;
 mod stop;
+pub mod vortex;
 
 pub use observe::Observable;
 pub use record::{Clamps, FrameRecord, SeedReport};

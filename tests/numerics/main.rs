@@ -10,3 +10,4 @@ mod solidify;
 mod solids;
 mod surface_field;
 mod volumes;
+mod vortex;

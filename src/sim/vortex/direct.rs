@@ -1,0 +1,67 @@
+//! The sum over all pairs.
+
+use super::{
+    Vortons,
+    chain::Chain,
+    lanes::{self, LANES, Lanes, Pass, splat},
+    pairs::{self, SUMS, Source, Sums},
+};
+use crate::{math::Vec3, par};
+use std::marker::PhantomData;
+
+/// Targets a task works on.
+const TASK: usize = 64;
+
+/// Vortons that are summed in single precision before the sums are added up in double: the fewer, the exacter, at the cost of
+/// a conversion each.
+const BLOCK: usize = 512;
+
+/// What `vortons` induce at `points`.
+pub(super) fn rows<K: Chain, const Q: usize, const N: usize>(
+    vortons: &Vortons,
+    points: &[Vec3],
+) -> Vec<[Vec3; N]> {
+    let sources: Vec<Source> = (0..vortons.len()).map(|i| Source::new(vortons, i)).collect();
+    let mut out = vec![[Vec3::zeros(); N]; points.len()];
+    par::for_chunks(&mut out, TASK, |first, out| {
+        let points = &points[first..first + out.len()];
+        lanes::run(Direct::<K, Q, N> { points, sources: &sources, out, kernel: PhantomData });
+    });
+    out
+}
+
+struct Direct<'a, K, const Q: usize, const N: usize> {
+    points: &'a [Vec3],
+    sources: &'a [Source],
+    out: &'a mut [[Vec3; N]],
+    kernel: PhantomData<K>,
+}
+
+impl<K: Chain, const Q: usize, const N: usize> Pass for Direct<'_, K, Q, N> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        for (points, out) in self.points.chunks(LANES).zip(self.out.chunks_mut(LANES)) {
+            let x = pairs::columns::<L>(|lane| points[lane.min(points.len() - 1)]);
+            let mut totals = [[0.0_f64; LANES]; SUMS];
+            for sources in self.sources.chunks(BLOCK) {
+                let mut sums: Sums<L> = [splat(0.0); SUMS];
+                pairs::add_pairs::<L, K, Q>(x, sources, &mut sums);
+                for k in 0..SUMS {
+                    let row = sums[k].row();
+                    for lane in 0..LANES {
+                        totals[k][lane] += f64::from(row[lane]);
+                    }
+                }
+            }
+            for (lane, out) in out.iter_mut().enumerate() {
+                let mut sums = [0.0; SUMS];
+                for k in 0..SUMS {
+                    sums[k] = totals[k][lane] as f32;
+                }
+                *out = pairs::vectors::<Q, N>(sums);
+            }
+        }
+    }
+}

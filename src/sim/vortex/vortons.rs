@@ -1,0 +1,116 @@
+//! A set of vortons, and what of it the sums can hold.
+
+use crate::{math::Vec3, par};
+
+/// The smallest core [m]. Smaller ones would leave single precision where vortons come close.
+pub const SMALLEST_CORE: f32 = 1e-6;
+
+/// The largest coordinate and core [m], and the largest strength [m³/s], that are taken for meant.
+pub const LARGEST: f32 = 1e9;
+
+/// Pieces of vorticity, one column a property, all of one length.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Vortons {
+    /// Where they are [m].
+    pub position: Vec<Vec3>,
+    /// Γ = ω V: vorticity times volume [m³/s].
+    pub strength: Vec<Vec3>,
+    /// σ: the size of the core [m], at least [`SMALLEST_CORE`].
+    pub core: Vec<f32>,
+}
+
+/// A vorton or point that the sums cannot hold.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("number {index} of the {kind} has {what}")]
+pub struct Unfit {
+    /// "vortons" or "points".
+    pub kind: &'static str,
+    /// The first of them.
+    pub index: usize,
+    /// What was found, and what was expected.
+    pub what: String,
+}
+
+impl Vortons {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// Finds the first vorton that the sums cannot hold.
+    ///
+    /// # Errors
+    /// [`Unfit`]: a coordinate or a strength that is no number or beyond [`LARGEST`], or a core that is not between
+    /// [`SMALLEST_CORE`] and that.
+    ///
+    /// # Panics
+    /// If the columns differ in length.
+    pub fn check(&self) -> Result<(), Unfit> {
+        let count = self.len();
+        assert!(self.strength.len() == count && self.core.len() == count, "a column for every property");
+        let unfit = |index: usize, what: String| Err(Unfit { kind: "vortons", index, what });
+        if let Some(index) = first(count, |i| !within(self.position[i])) {
+            return unfit(index, outside("position", self.position[index], "m"));
+        }
+        if let Some(index) = first(count, |i| !within(self.strength[i])) {
+            return unfit(index, outside("strength", self.strength[index], "m³/s"));
+        }
+        if let Some(index) = first(count, |i| !(SMALLEST_CORE..=LARGEST).contains(&self.core[i])) {
+            let what = format!("a core of {} m, not in {SMALLEST_CORE:e}..{LARGEST:e} m", self.core[index]);
+            return unfit(index, what);
+        }
+        Ok(())
+    }
+}
+
+/// Finds the first point that the sums cannot hold.
+pub(super) fn check_points(points: &[Vec3]) -> Result<(), Unfit> {
+    first(points.len(), |i| !within(points[i])).map_or(Ok(()), |index| {
+        Err(Unfit { kind: "points", index, what: outside("position", points[index], "m") })
+    })
+}
+
+fn within(v: Vec3) -> bool {
+    v.iter().all(|c| c.abs() <= LARGEST)
+}
+
+fn outside(name: &str, v: Vec3, unit: &str) -> String {
+    format!("the {name} ({}, {}, {}) {unit}, beyond {LARGEST:e}", v.x, v.y, v.z)
+}
+
+/// The first index of which `unfit` holds.
+fn first(count: usize, unfit: impl Fn(usize) -> bool + Sync) -> Option<usize> {
+    par::map_chunks(count, 1 << 14, |mut range| range.find(|&i| unfit(i))).into_iter().flatten().next()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_number_or_out_of_range_is_named() {
+        let fit = Vortons {
+            position: vec![Vec3::zeros(); 3],
+            strength: vec![Vec3::zeros(); 3],
+            core: vec![0.1; 3],
+        };
+        assert_eq!(fit.check(), Ok(()));
+        let spoiled = |spoil: fn(&mut Vortons)| {
+            let mut vortons = fit.clone();
+            spoil(&mut vortons);
+            vortons.check().map_err(|unfit| (unfit.index, unfit.what.split(' ').nth(1).unwrap().to_owned()))
+        };
+        let named = |index: usize, name: &str| Err((index, name.to_owned()));
+        assert_eq!(spoiled(|v| v.position[1].y = f32::NAN), named(1, "position"));
+        assert_eq!(spoiled(|v| v.position[0].y = 2.0 * LARGEST), named(0, "position"));
+        assert_eq!(spoiled(|v| v.strength[2].z = f32::INFINITY), named(2, "strength"));
+        assert_eq!(spoiled(|v| v.core[2] = f32::NAN), named(2, "core"));
+        assert_eq!(spoiled(|v| v.core[1] = 0.0), named(1, "core"));
+        assert!(check_points(&[Vec3::zeros(), Vec3::repeat(f32::NAN)]).is_err_and(|unfit| unfit.index == 1));
+    }
+}
