@@ -11,6 +11,7 @@ mod density;
 mod threshold;
 mod velocity;
 
+pub use active::coarse_step;
 pub use anisotropy::Anisotropy;
 pub use density::{Density, DensityParams, bricks_near_surface, density};
 pub use threshold::surface_threshold;

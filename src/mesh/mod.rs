@@ -32,7 +32,7 @@ pub use transfer::{carried, transfer};
 use crate::{frame::Channel, math::Vec3};
 
 /// Raised whenever a change gives the same particles and settings another mesh, so that old meshes are made again.
-pub const SURFACE_VERSION: u32 = 3;
+pub const SURFACE_VERSION: u32 = 4;
 
 /// An indexed triangle mesh. Faces wind counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]

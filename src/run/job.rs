@@ -51,12 +51,16 @@ impl Job {
         allowance: Option<u64>,
         needed: impl FnOnce(u64) -> u64,
     ) -> Result<Fit, RunError> {
-        if self.max_memory.is_none() && allowance.is_none() {
+        let Some(enough) = allowance.or(self.max_memory) else {
             return Ok(Fit::Yes);
+        };
+        let needed = needed(enough);
+        // Alone it is asked again, so that what is refused does not depend on how many run at once.
+        if allowance.is_some_and(|allowance| needed > allowance) {
+            return Ok(Fit::No);
         }
-        let needed = needed(self.max_memory.into_iter().chain(allowance).min().unwrap_or(u64::MAX));
         self.max_memory.map_or(Ok(()), |limit| refuse_memory(needed, limit))?;
-        Ok(if allowance.is_some_and(|allowance| needed > allowance) { Fit::No } else { Fit::Yes })
+        Ok(Fit::Yes)
     }
 }
 
@@ -238,7 +242,7 @@ mod tests {
         let limited = job(Some(20));
         assert_eq!(limited.fit(Some(10), |_| 11).unwrap(), Fit::No);
         assert_eq!(limited.fit(None, |_| 20).unwrap(), Fit::Yes);
-        let refused = limited.fit(Some(10), |_| 21);
+        let refused = limited.fit(None, |_| 21);
         assert!(matches!(refused, Err(RunError::OverMemory { needed: 21, allowed: 20 })), "{refused:?}");
         assert_eq!((free.budget(), limited.budget()), (batch::TOGETHER, 20));
         assert_eq!(Job { side_by_side: false, ..limited }.budget(), 0, "as the plan of a shot has it");

@@ -39,6 +39,9 @@ const VERTEX: f64 = 67.0;
 /// … and more where it is smoothed: 99 to 126 were measured.
 const SMOOTHED: f64 = 125.0;
 
+/// … or decimated, after that: the sizes of what it keeps of a vertex.
+const DECIMATED: f64 = 200.0;
+
 /// Memory of surfacing, a brick of the signed distance: its nodes twice, and what the sweeps know.
 const DISTANCE_BRICK: f64 = 6000.0;
 
@@ -137,6 +140,14 @@ impl Grids {
     }
 }
 
+impl Grids {
+    /// The same with the bricks inside the liquid, which volumes have too.
+    pub(super) fn with_inside(self, particles: usize, voxel: f32) -> Self {
+        let inside = particles as f64 / (BRICK as f64 * f64::from(voxel)).powi(3);
+        Self { bricks: self.bricks + inside, ..self }
+    }
+}
+
 /// What is known of a shot that is to be simulated.
 #[derive(Clone, Debug)]
 pub(super) struct Known<'a> {
@@ -165,7 +176,11 @@ impl Known<'_> {
 
     /// Peak memory of making volumes after that [bytes].
     pub(super) fn volumes(&self) -> u64 {
-        volume(self.particles, self.grids()) + self.kept()
+        let voxel = self.surface.voxel;
+        // Nobody counts bricks where a shot makes no meshes.
+        let counted = self.grids.filter(|grids| grids.bricks > 0.0);
+        let near = counted.unwrap_or_else(|| Grids::at_most(self.particles, voxel));
+        volume(self.particles, near.with_inside(self.particles, voxel)) + self.kept()
     }
 
     fn grids(&self) -> Grids {
@@ -183,7 +198,9 @@ pub(super) fn surface(particles: usize, grids: Grids, params: &SurfaceParams) ->
     let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
     let particle = SURFACED + named(params.anisotropy.is_some(), STRETCHED);
     let brick = BRICK_BYTES + named(params.distance.is_some(), DISTANCE_BRICK);
-    let vertex = VERTEX + named(params.smoothing.is_some(), SMOOTHED);
+    let cleaned =
+        named(params.smoothing.is_some(), SMOOTHED).max(named(params.decimation.is_some(), DECIMATED));
+    let vertex = VERTEX + cleaned;
     (BASE + particles as f64 * particle + grids.bricks * brick + grids.vertices * vertex) as u64
 }
 
@@ -373,6 +390,15 @@ mod tests {
                 assert!((0.9..1.15).contains(&(told / found)), "{particles}: {told} MiB, found {found}");
             }
         }
+    }
+
+    #[test]
+    fn volumes_count_what_no_mesh_counts() {
+        let params = SurfaceParams { voxel: 0.25, ..SurfaceParams::default() };
+        let told = |grids| shot(NONE, 8_000_000, grids, &params).volumes();
+        // A million bricks are inside.
+        assert!(told(Some(Grids::default())) as f64 > 2e6 * 0.9 * VOLUME_BRICK);
+        assert_eq!(told(Some(Grids::default())), told(Some(Grids::at_most(8_000_000, 0.25))));
     }
 
     #[test]

@@ -12,8 +12,9 @@ mod sample;
 use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
 use crate::{
     export::MeshFormat,
-    field::{DensityParams, bricks_near_surface},
+    field::{DensityParams, bricks_near_surface, coarse_step},
     frame::Stream,
+    grid::BRICK_NODES,
     mesh::{DistanceParams, SurfaceParams},
     par,
     scene::{Frames, Scene},
@@ -184,8 +185,15 @@ pub(super) fn stream_memory(
     }
     let SurfaceParams { voxel, kernel_radius, .. } = *params;
     let density = DensityParams { spacing, kernel_radius, voxel, anisotropy: None, whole: false };
-    let near = bricks_near_surface(positions, &density).map_or(bricks as f64, |near| near as f64 * OPENED);
-    product.memory(stream.len(), Grids::of_bricks(near), params)
+    // Surfacing samples the density on coarse bricks first: without room for those there is none for the rest.
+    let coarse = SurfaceParams { voxel: voxel * coarse_step(&density) as f32, ..params.clone() };
+    let coarse = memory::bricks_around(positions, spacing, &coarse) * BRICK_NODES * size_of::<f32>();
+    if coarse as u64 > enough {
+        return bound;
+    }
+    let bricks = bricks as f64;
+    let near = bricks_near_surface(positions, &density).map_or(bricks, |near| near as f64 * OPENED);
+    product.memory(stream.len(), Grids::of_bricks(near.min(bricks)), params)
 }
 
 /// Bricks that are computed over those that were taken to be near the surface at first: 1.00 to 1.05 on splashes and sprays.
@@ -193,7 +201,12 @@ const OPENED: f64 = 1.05;
 
 /// The most memory that making `product` of `particles` was seen to take [bytes].
 pub(super) fn most_memory(product: Product, particles: usize, params: &SurfaceParams) -> u64 {
-    product.memory(particles, Grids::at_most(particles, params.voxel), params)
+    let near = Grids::at_most(particles, params.voxel);
+    let grids = match product {
+        Product::Meshes => near,
+        Product::Volumes => near.with_inside(particles, params.voxel),
+    };
+    product.memory(particles, grids, params)
 }
 
 /// The memory that reading and meshing a level set of so many bricks takes, at most [bytes]: that of a surface by distances,

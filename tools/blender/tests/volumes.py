@@ -177,6 +177,7 @@ def main():
     folder = Path(sys.argv[1])
     equal, failed = 0, 0
     cases = sorted(folder.glob("*.json"))
+    assert cases, f"no cases in {folder}"
     for path, precision, compression in product(cases, ("float", "half"), ("blosc", "zip", "none")):
         case = json.loads(path.read_text(encoding="utf-8"))
         file = folder / f"{case['name']}_{precision}_{compression}.vdb"
