@@ -36,9 +36,13 @@ pub(super) fn response(pass: f64) -> Vec<f32> {
     (0..degree).map(|j| r(j) as f32).collect()
 }
 
+/// The least θ₀ [rad]: on a mesh that much finer than its wavelength the filter has some thousand terms, and smooths less than
+/// was asked for.
+const LEAST_PASS: f64 = 1e-3;
+
 /// The coefficients c_k of the low pass up to θ₀, with sum 1; an odd number, and three at least.
 fn low_pass(pass: f64) -> Vec<f64> {
-    let degree = (DEGREE / pass).ceil() as usize;
+    let degree = (DEGREE / pass.max(LEAST_PASS)).ceil() as usize;
     let degree = degree + degree % 2;
     let raw: Vec<f64> = (0..=degree)
         .map(|k| {

@@ -106,7 +106,8 @@ pub(super) fn depth_weights(
 
 /// Smooths the positions of `mesh`, each vertex by its weight [0..1].
 ///
-/// The result does not depend on threads. Triangles stay as they are.
+/// The mesh is closed: at a rim a vertex has a neighbour that does not have it, and the filter is not bounded. The result
+/// does not depend on threads. Triangles stay as they are.
 pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacing: f32) -> SmoothingStats {
     let links = Links::new(mesh, |_| true);
     smooth_linked(mesh, &links, weights, params, spacing).stats

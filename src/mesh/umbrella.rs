@@ -4,7 +4,8 @@
 //! T_{k+1} = 2 M T_k − T_{k−1}.
 //! *Departs from the paper*: none.
 //!
-//! M is similar to a symmetric matrix with eigenvalues in [−1, 1] for weights w in 0..=1, so that every T_k stays bounded.
+//! M is similar to a symmetric matrix with eigenvalues in [−1, 1] for weights w in 0..=1 on a closed mesh, so that every T_k
+//! stays bounded.
 //!
 //! A filter reads every neighbour of every vertex some dozens of times: its time is that of these reads. Within each chunk
 //! vertices are taken by the number of their neighbours, so that the loop over them has a length that is known.

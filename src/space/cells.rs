@@ -288,7 +288,7 @@ impl CellGrid {
             while cell < row_end && place < range.end {
                 let first = self.cells[cell];
                 let mut last = first;
-                while cell < row_end && self.cells[cell] - first < span {
+                while cell < row_end && self.cells[cell].abs_diff(first) < span as u32 {
                     last = self.cells[cell];
                     cell += 1;
                 }

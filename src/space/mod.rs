@@ -1,7 +1,8 @@
 //! Neighbour search: particles sorted into cells, and neighbour lists.
 //!
 //! *Method*: particles are ordered by the cell they lie in (z, then y, then x); only occupied cells are stored,
-//! so memory follows the particles and a stray one costs one cell. Queries visit the 27 cells around a point. Lists
+//! so memory follows the particles and a stray one costs one cell. Queries visit nine rows of cells around a point, or 25 for
+//! twice the distance. Lists
 //! are made cell by cell: particles of a cell share their candidates. Both can be rebuilt in place.
 
 mod cells;
