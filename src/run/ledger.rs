@@ -7,7 +7,6 @@ use super::{
 use crate::{
     cache::{self, Lock},
     frame::FrameIndex,
-    import,
     mesh::{Mesh, SurfaceStats},
 };
 use std::path::PathBuf;
@@ -101,7 +100,7 @@ pub(super) struct Ledger<'a> {
     out: &'a ShotFolder,
     product: Product,
     done: Done,
-    /// The outputs whose files are there, and of which frames. Of files that were all there, nobody looked what they hold.
+    /// The outputs whose files are there, and of which frames. Of meshes that were all there, nobody looked what they carry.
     written: Vec<(OutputFiles, Vec<u32>)>,
     failed: Vec<FailedFrame>,
     /// Outputs to be named no longer.
@@ -213,9 +212,7 @@ impl<'a> Ledger<'a> {
         manifest.outputs.retain(|output| !self.stale.iter().any(|stale| stale.is_same(output)));
         for (mut output, numbers) in std::mem::take(&mut self.written) {
             // Files that were kept without a look at their particles carry what they did.
-            if self.product == Product::Volumes && output.grids.is_empty() {
-                output.grids = import::volume_grids(&output.file(self.out, numbers[0])).unwrap_or_default();
-            } else if output.attributes.is_empty() {
+            if output.attributes.is_empty() {
                 output.attributes = manifest.attributes_of(&output);
             }
             output.frames = FrameSpan::of(&numbers).expect("an output has a frame");

@@ -140,7 +140,18 @@ impl MeshFiles<'_> {
         };
         let all = outputs.iter().all(is_there);
         let outputs = outputs.into_iter().map(|(_, output)| output).collect();
-        all.then_some(Piece { outputs, work: None, stale: Vec::new() })
+        all.then(|| Piece { outputs, work: None, stale: self.stale(target) })
+    }
+
+    /// The outputs that are not written of a target, and whose file of its frame shows something else.
+    fn stale(&self, target: &Target) -> Vec<OutputFiles> {
+        let mut stale = self.outputs(target, false);
+        stale.retain(|(format, output)| {
+            let path = output.file(self.out, target.index.0);
+            // A target without a key is like no other.
+            path.exists() && (target.key == 0 || format.key_in(&path) != Some(target.key))
+        });
+        stale.into_iter().map(|(_, output)| output).collect()
     }
 
     /// Writes the files of a target, of which `work` is known so far.
@@ -166,13 +177,7 @@ impl MeshFiles<'_> {
             };
             outputs.push(output);
         }
-        let mut stale = self.outputs(target, false);
-        stale.retain(|(format, output)| {
-            let path = output.file(self.out, target.index.0);
-            path.exists() && format.key_in(&path) != Some(target.key)
-        });
-        let stale = stale.into_iter().map(|(_, output)| output).collect();
-        Ok(Piece { outputs, work: Some(work), stale })
+        Ok(Piece { outputs, work: Some(work), stale: self.stale(target) })
     }
 }
 

@@ -15,6 +15,7 @@ use crate::{
     },
     field::Anisotropy,
     frame::{FrameIndex, Stream},
+    import,
     mesh::{self, DistanceParams, SurfaceError, SurfaceParams},
 };
 use serde::Serialize;
@@ -92,9 +93,14 @@ impl Make for Volumes<'_> {
     }
 
     fn kept(&self, target: &Target) -> Option<Piece> {
-        let output = output(target);
-        let is_there = vdb::key_in(&output.file(self.out, target.index.0)) == Some(target.key);
-        is_there.then(|| Piece { outputs: vec![output], work: None, stale: Vec::new() })
+        let mut output = output(target);
+        let path = output.file(self.out, target.index.0);
+        if vdb::key_in(&path) != Some(target.key) {
+            return None;
+        }
+        // Which grids were made depends on the frame's particles, too. A file that cannot be read is made again.
+        output.grids = import::volume_grids(&path).ok()?;
+        Some(Piece { outputs: vec![output], work: None, stale: Vec::new() })
     }
 
     fn make(

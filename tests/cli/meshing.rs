@@ -161,6 +161,11 @@ fn clean_up_runs_where_its_table_is_and_nowhere_else() {
     assert_eq!(outputs(), named(&[["mesh", "ply"], ["mesh", "obj"]]));
     desk.run("mesh small -o clean --frames 3 --voxel 0.8", 0);
     assert_eq!(outputs(), named(&[["mesh", "ply"]]));
+    // Also where all of its own frames are there already.
+    desk.run("mesh small -o clean --format obj --voxel 0.9", 0);
+    assert_eq!(outputs(), named(&[["mesh", "obj"]]));
+    assert!(desk.run("mesh small -o clean --frames 1,2", 0).0.contains("0 frames meshed"));
+    assert_eq!(outputs(), named(&[["mesh", "ply"]]));
 
     // What the particles do not have is told with what they have.
     let (_, talk) = desk.run("mesh small --frames 2 --force --set surface.attributes=[\"heat\"]", 3);

@@ -149,6 +149,16 @@ fn volumes_of_files_are_kept_while_their_files_are_the_same() {
     fs::remove_file(desk.path("out/shot.json")).unwrap();
     assert!(desk.run(line, 0).0.contains("0 volumes written"));
     assert_eq!(manifest(&desk, "out")["outputs"][0]["grids"], serde_json::json!(["density", "surface"]));
+    // What only later frames have is named by a run that keeps all, too.
+    desk.write("mixed_1.xyz", cube());
+    let moving: String = cube().lines().map(|line| format!("{line} 1 0 0\n")).collect();
+    desk.write("mixed_2.xyz", format!("x y z vx vy vz\n{moving}"));
+    for written in [2, 0] {
+        let (out, _) = desk.run("volume mixed_#.xyz --spacing 0.1 -o mixed", 0);
+        assert!(out.contains(&format!("{written} volumes written")), "{out}");
+        let named = manifest(&desk, "mixed")["outputs"][0]["grids"].clone();
+        assert_eq!(named, serde_json::json!(["density", "surface", "velocity"]));
+    }
     desk.write("cube_2.xyz", cube() + "0.5 0.5 0.5\n");
     assert!(desk.run(line, 0).0.contains("1 volumes written"));
     assert_ne!(key(1), key(2), "the key tells what a volume was made of");
