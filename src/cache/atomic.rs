@@ -7,6 +7,9 @@
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+
+use crate::par;
 
 /// How every temporary ends; nothing else in a folder of ours does.
 const SUFFIX: &str = ".meniscus-tmp";
@@ -14,6 +17,10 @@ const SUFFIX: &str = ".meniscus-tmp";
 /// Bytes gathered before each write to the system. At 8 KiB (the default of the standard library) small writes
 /// of a text mesh cost a system call each 200 vertices. Not tuned beyond that.
 const BUFFER: usize = 1 << 20;
+
+/// Bytes that are sent to the disk at a time. Fewer, and the file system's own book-keeping is written again and again;
+/// more, and more is left for the end.
+const SYNCED: usize = 16 << 20;
 
 /// Writes the file `path` through `write`, whole or not at all, and returns its size \[bytes\].
 ///
@@ -24,18 +31,55 @@ const BUFFER: usize = 1 << 20;
 /// Whatever `write` or the system reports; a full disk is [`io::ErrorKind::StorageFull`].
 pub fn write_atomically(
     path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
 ) -> io::Result<u64> {
     let (file, temporary) = create_temporary(path)?;
-    let mut writer = BufWriter::with_capacity(BUFFER, file);
-    write(&mut writer)?;
-    let file = writer.into_inner().map_err(io::IntoInnerError::into_error)?;
+    let (due, ask) = mpsc::channel();
+    let written = par::beside(
+        // What fails here fails again at the end.
+        {
+            let file = &file;
+            move || ask.iter().for_each(|()| drop(file.sync_data()))
+        },
+        || {
+            let mut writer = BufWriter::with_capacity(BUFFER, Early { file: &file, unsynced: 0, due });
+            write(&mut writer)?;
+            writer.flush()
+        },
+    );
+    written?;
     file.sync_all()?;
     let bytes = file.metadata()?.len();
     drop(file);
     temporary.rename(path)?;
     sync_folder(folder_of(path))?;
     Ok(bytes)
+}
+
+/// A file whose bytes are sent to the disk while more are written: else the disk stands still until the end, and all wait
+/// for it then.
+struct Early<'a> {
+    file: &'a File,
+    unsynced: usize,
+    /// Told when there is enough to send.
+    due: mpsc::Sender<()>,
+}
+
+impl Write for Early<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = self.file.write(bytes)?;
+        self.unsynced += count;
+        if self.unsynced >= SYNCED {
+            self.unsynced = 0;
+            // Nobody listens any more only if that thread is gone; the end's own sync does all then.
+            let _ = self.due.send(());
+        }
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
 }
 
 /// Removes the temporaries that crashed runs left in `dir` and returns their paths, sorted.

@@ -29,7 +29,7 @@ pub fn write_frame(dir: &Path, frame: &Frame, key: u64) -> Result<u64, CacheErro
 /// Writes a file through `write` and sorts out what went wrong.
 pub(super) fn write_through(
     path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
 ) -> Result<u64, CacheError> {
     write_atomically(path, write).map_err(|error| CacheError::from_io(path, "write the frame", error))
 }

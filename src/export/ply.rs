@@ -25,7 +25,7 @@ use std::{
 const BLOCK: usize = 4096;
 
 /// Elements encoded before they are written: enough tasks for many threads, and few megabytes.
-const AT_ONCE: usize = 64 * BLOCK;
+const AT_ONCE: usize = 16 * BLOCK;
 
 /// Writes `mesh` to `path`, with `comments` (one line each) in its header, and returns the file's size [bytes].
 ///
@@ -67,7 +67,7 @@ fn encode(
     columns: &[(String, Column)],
     with_faces: bool,
     comments: &[String],
-    out: &mut dyn Write,
+    out: &mut (dyn Write + Send),
 ) -> io::Result<()> {
     let vertex = vertex_definition(mesh, columns);
     let face = face_definition(mesh);
@@ -98,17 +98,22 @@ fn encode(
 /// Encodes `count` elements by `encode`, many at once, and writes them in their order.
 fn each(
     count: usize,
-    out: &mut dyn Write,
+    out: &mut (dyn Write + Send),
     encode: impl Fn(usize, &mut Vec<u8>) -> io::Result<()> + Sync,
 ) -> io::Result<()> {
-    for start in (0..count).step_by(AT_ONCE) {
-        let blocks = par::map_chunks(AT_ONCE.min(count - start), BLOCK, |range| {
+    let blocks = |start: usize| {
+        par::map_chunks(AT_ONCE.min(count.saturating_sub(start)), BLOCK, |range| {
             let mut block = Vec::new();
             range.into_iter().try_for_each(|index| encode(start + index, &mut block)).map(|()| block)
-        });
-        for block in blocks {
-            out.write_all(&block?)?;
-        }
+        })
+    };
+    let mut encoded = blocks(0);
+    for next in (AT_ONCE..count + AT_ONCE).step_by(AT_ONCE) {
+        let now = std::mem::take(&mut encoded);
+        let write = || now.into_iter().try_for_each(|block| out.write_all(&block?));
+        let (written, following) = par::join(write, || blocks(next));
+        written?;
+        encoded = following;
     }
     Ok(())
 }

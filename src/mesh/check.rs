@@ -114,7 +114,11 @@ pub(super) fn check_linked(mesh: &Mesh, links: Option<Links>) -> MeshCheck {
     let left_out = faulty.iter().filter(|&&t| !linked(t)).count();
 
     // Judge every vertex with the triangles around it.
-    let links = links.filter(|_| left_out == 0).unwrap_or_else(|| Links::new(mesh, linked));
+    let links = links.filter(|_| left_out == 0);
+    let (links, (pieces, sizes)) = par::join(
+        || links.unwrap_or_else(|| Links::new(mesh, linked)),
+        || (Pieces::of_triangles(mesh, linked).first.len(), volume_and_area(mesh, &shape)),
+    );
     for around in par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
         let mut scratch = Scratch::default();
         let mut sum = Around::default();
@@ -141,8 +145,8 @@ pub(super) fn check_linked(mesh: &Mesh, links: Option<Links>) -> MeshCheck {
 
     // Measure it as a whole.
     result.euler += (mesh.triangles.len() - left_out) as i64;
-    result.components = Pieces::of_triangles(mesh, linked).first.len() - result.unused_vertices;
-    (result.volume, result.area) = volume_and_area(mesh, &shape);
+    result.components = pieces - result.unused_vertices;
+    (result.volume, result.area) = sizes;
     result
 }
 
@@ -325,14 +329,20 @@ fn volume_and_area(mesh: &Mesh, shape: &[Shape]) -> (f64, f64) {
 /// thread and without a list of half-edges, which takes more memory than all else at this stage.
 pub(super) fn face_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut sums = vec![Vec3::zeros(); mesh.positions.len()];
-    for &triangle in &mesh.triangles {
-        let [a, b, c] = triangle.map(|v| mesh.positions[v as usize]);
-        let normal = (b - a).cross(&(c - a));
-        for v in triangle {
+    for triangle in &mesh.triangles {
+        let normal = area_normal(mesh, triangle);
+        for &v in triangle {
             sums[v as usize] += normal;
         }
     }
     sums
+}
+
+/// The normal of a face, twice its area long [m²].
+#[inline]
+pub(super) fn area_normal(mesh: &Mesh, triangle: &[u32; 3]) -> Vec3 {
+    let [a, b, c] = triangle.map(|v| mesh.positions[v as usize]);
+    (b - a).cross(&(c - a))
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod normals;
 mod params;
 mod pieces;
 mod reconstruct;
+mod sides;
 mod smooth;
 mod transfer;
 mod umbrella;
@@ -27,7 +28,7 @@ pub use params::{ComponentParams, DecimationParams, DistanceParams, SmoothingPar
 pub use pieces::{ComponentStats, Points, remove_small};
 pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
 pub use smooth::{SmoothingStats, smooth};
-pub use transfer::{carried, transfer};
+pub use transfer::transfer;
 
 use crate::{frame::Channel, math::Vec3};
 

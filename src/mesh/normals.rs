@@ -5,7 +5,10 @@
 //!
 //! Limits: second order in the voxel away from the field's kinks.
 
-use super::{Contour, Mesh, check::face_normals};
+use super::{
+    Contour, Mesh,
+    check::{area_normal, face_normals},
+};
 use crate::{
     grid::{BRICK, SparseGrid, offset},
     math::Vec3,
@@ -17,23 +20,64 @@ use crate::{
 const SNAP: f64 = 1e-4;
 
 /// Unit outward normals at the vertices of `mesh` by the gradient of the field that it was cut from, and how many
-/// vertices had no usable gradient there (zero, not finite, or against all the faces around) and carry the area-weighted
+/// vertices had no usable gradient there (zero, not finite, or against the faces around) and carry the area-weighted
 /// normal of their faces instead. A vertex without any face of its own size gets +Z.
 pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
     let contour = contour.into();
-    let mut normals = face_normals(mesh);
-    let replaced = par::map_chunks_mut([&mut normals], par::CHUNK, |start, [normals]| {
+    let mut normals = par::repeated(Vec3::zeros(), mesh.positions.len());
+    let without = par::map_chunks_mut([&mut normals], par::CHUNK, |start, [normals]| {
         let mut reader = Reader::new(contour.grid);
-        let mut replaced = 0;
-        for (face, x) in normals.iter_mut().zip(&mesh.positions[start..]) {
-            *face = reader.normal(&contour, *x, face).unwrap_or_else(|| {
-                replaced += 1;
-                unit(face)
-            });
+        let mut without = Vec::new();
+        for (v, normal) in (start..).zip(normals) {
+            match reader.direction(&contour, mesh.positions[v]) {
+                Some(direction) => *normal = direction,
+                None => without.push(v as u32),
+            }
         }
-        replaced
+        without
     });
-    (normals, replaced.into_iter().sum())
+
+    // What goes with every single face goes with their sum; only others need the sum.
+    let against = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
+        let mut against = Vec::new();
+        for triangle in &mesh.triangles[range] {
+            let face = area_normal(mesh, triangle);
+            against.extend(triangle.iter().filter(|&&v| !(normals[v as usize].dot(&face) > 0.0)));
+        }
+        against
+    });
+    let mut doubtful: Vec<u32> = without.into_iter().chain(against).flatten().collect();
+    doubtful.sort_unstable();
+    doubtful.dedup();
+    let mut replaced = 0;
+    for (&v, face) in doubtful.iter().zip(sums_at(mesh, &doubtful)) {
+        let normal = &mut normals[v as usize];
+        if !(normal.dot(&face) > 0.0) {
+            *normal = unit(&face);
+            replaced += 1;
+        }
+    }
+    (normals, replaced)
+}
+
+/// The area-weighted normals of the faces around some vertices, which ascend; not normalised [m²].
+fn sums_at(mesh: &Mesh, vertices: &[u32]) -> Vec<Vec3> {
+    let mut is_one = vec![false; mesh.positions.len()];
+    vertices.iter().for_each(|&v| is_one[v as usize] = true);
+    let around = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
+        let faces = mesh.triangles[range].iter();
+        faces.filter(|face| face.iter().any(|&v| is_one[v as usize])).collect::<Vec<_>>()
+    });
+    let mut sums = vec![Vec3::zeros(); vertices.len()];
+    for triangle in around.into_iter().flatten() {
+        let face = area_normal(mesh, triangle);
+        for v in triangle {
+            if let Ok(place) = vertices.binary_search(v) {
+                sums[place] += face;
+            }
+        }
+    }
+    sums
 }
 
 /// The normals of some vertices, as [`normals_from_field`] has them, from the area-weighted normals of the faces.
@@ -42,7 +86,7 @@ pub(super) fn some_from_field(mesh: &Mesh, contour: Contour, faces: &[Vec3], ver
         let mut reader = Reader::new(contour.grid);
         let normal = |&v: &u32| {
             let (x, face) = (mesh.positions[v as usize], &faces[v as usize]);
-            reader.normal(&contour, x, face).unwrap_or_else(|| unit(face))
+            reader.direction(&contour, x).filter(|n| n.dot(face) > 0.0).unwrap_or_else(|| unit(face))
         };
         vertices[range].iter().map(normal).collect::<Vec<_>>()
     })
@@ -142,10 +186,10 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The unit normal of the contour at `x`, if there is a usable one on the side of the faces.
-    fn normal(&mut self, contour: &Contour, x: Vec3, face: &Vec3) -> Option<Vec3> {
+    /// The unit normal of the contour at `x`, if there is a usable one.
+    fn direction(&mut self, contour: &Contour, x: Vec3) -> Option<Vec3> {
         let gradient = self.gradient(x) * contour.outward();
-        gradient.try_normalize(0.0).filter(|n| usable(n) && n.dot(face) > 0.0)
+        gradient.try_normalize(0.0).filter(usable)
     }
 
     /// The gradient at `x`, trilinear between the nodes' gradients.

@@ -62,17 +62,6 @@ pub fn transfer(
     Ok((named.map(|(name, data)| Channel { name: name.clone(), data }).collect(), missing))
 }
 
-/// The names of what [`transfer`] gives, and whether they are vectors; names that are not there are left out.
-pub fn carried(particles: &Stream, names: Option<&[String]>) -> Vec<(String, bool)> {
-    // A frame without particles may lack channels that others of its sequence have.
-    let usual = ["velocity".to_owned()];
-    let vector = |name: &String| {
-        let is_vector = |source| matches!(source, Source::Vectors(_) | Source::Curl(_));
-        source(particles, name).map(|source| (name.clone(), is_vector(source)))
-    };
-    names.unwrap_or(&usual).iter().filter_map(vector).collect()
-}
-
 /// Where the values of that name come from.
 fn source<'a>(particles: &'a Stream, name: &str) -> Option<Source<'a>> {
     match particles.channel(name) {

@@ -109,6 +109,16 @@ pub fn map_chunks_mut<A: Send, T: Send, const N: usize>(
 /// Cuts `out` into parts that end at `ends`, which ascend to its length, and calls `f(number of the part, part)`, `len`
 /// parts a task.
 pub fn for_parts<T: Send>(out: &mut [T], ends: &[usize], len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
+    map_parts(out, ends, len, f);
+}
+
+/// Does what [`for_parts`] does, and returns the results in order of the parts.
+pub fn map_parts<T: Send, R: Send>(
+    out: &mut [T],
+    ends: &[usize],
+    len: usize,
+    f: impl Fn(usize, &mut [T]) -> R + Sync,
+) -> Vec<R> {
     assert_eq!(ends.last().copied().unwrap_or(0), out.len(), "the parts are the whole");
     let (mut rest, mut start) = (out, 0);
     let mut tasks = Vec::with_capacity(ends.len().div_ceil(len));
@@ -118,13 +128,17 @@ pub fn for_parts<T: Send>(out: &mut [T], ends: &[usize], len: usize, f: impl Fn(
         tasks.push((task * len, start, ends, part));
         (rest, start) = (after, end);
     }
-    tasks.into_par_iter().for_each(|(first, mut start, ends, mut rest)| {
+    let task = |(first, mut start, ends, mut rest): (usize, usize, &[usize], &mut [T])| {
+        let mut results = Vec::with_capacity(ends.len());
         for (part, &end) in (first..).zip(ends) {
-            let (now, after) = rest.split_at_mut(end - start);
-            f(part, now);
+            let (now, after) = std::mem::take(&mut rest).split_at_mut(end - start);
+            results.push(f(part, now));
             (rest, start) = (after, end);
         }
-    });
+        results
+    };
+    let results: Vec<Vec<R>> = tasks.into_par_iter().map(task).collect();
+    results.into_iter().flatten().collect()
 }
 
 /// Sorts `keys`. Equal keys are interchangeable, so the result does not depend on the threads.
@@ -162,6 +176,15 @@ pub fn sort_by_key<T: Send, K: Ord>(values: &mut [T], key: impl Fn(&T) -> K + Sy
 /// Runs two jobs, on two threads where there are two.
 pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     rayon::join(a, b)
+}
+
+/// Runs `work`, and `waits` on a thread of its own that is no worker: for what waits for the system more than it computes.
+/// Returns when both have, with what `work` gave.
+pub fn beside<R>(waits: impl FnOnce() + Send, work: impl FnOnce() -> R) -> R {
+    std::thread::scope(|scope| {
+        scope.spawn(waits);
+        work()
+    })
 }
 
 #[cfg(test)]
@@ -204,9 +227,11 @@ mod tests {
         let ends = [3, 3, 10, 11, 40, 40, 100];
         for len in [1, 2, 5, 100] {
             let mut out = vec![0; 100];
-            for_parts(&mut out, &ends, len, |part, slots| {
-                slots.iter_mut().for_each(|slot| *slot += part + 1)
+            let parts = map_parts(&mut out, &ends, len, |part, slots| {
+                slots.iter_mut().for_each(|slot| *slot += part + 1);
+                part
             });
+            assert_eq!(parts, [0, 1, 2, 3, 4, 5, 6]);
             assert!((0..100).all(|i| out[i] == ends.iter().position(|&end| i < end).unwrap() + 1), "{len}");
         }
         for_parts(&mut [0_u8; 0], &[], 4, |_, _| unreachable!("no parts"));
