@@ -95,7 +95,7 @@ pub(super) fn check_columns(mesh: &Mesh, path: &Path) -> Result<(), ExportError>
 }
 
 /// The names of the file properties that hold an attribute of that name: a vector or a number.
-pub fn property_names(name: &str, is_vector: bool) -> Vec<String> {
+pub(super) fn property_names(name: &str, is_vector: bool) -> Vec<String> {
     match (is_vector, name) {
         (true, "velocity") => ["vx", "vy", "vz"].map(String::from).into(),
         (true, _) => ["x", "y", "z"].map(|axis| format!("{name}_{axis}")).into(),

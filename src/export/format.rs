@@ -1,10 +1,11 @@
 //! The mesh formats by name, and the key that a file carries.
 
-use super::{ExportError, obj, ply};
+use super::{ExportError, error::property_names, obj, ply};
 use crate::mesh::Mesh;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::{
+    collections::BTreeMap,
     fs::File,
     io::{Read, Result},
     path::Path,
@@ -49,9 +50,18 @@ impl MeshFormat {
         }
     }
 
+    /// The attributes that the vertices of the file at `path` carry, each with the properties that hold it; none if the format
+    /// holds none or the file cannot be read.
+    pub fn attributes_in(self, path: &Path) -> BTreeMap<String, Vec<String>> {
+        match self {
+            Self::Ply => attributes(&start_of(path, MOST_HEADER).unwrap_or_default()),
+            Self::Obj => BTreeMap::new(),
+        }
+    }
+
     /// The key of the file at `path`; `None` if there is no such file or it has none.
     pub fn key_in(self, path: &Path) -> Option<u64> {
-        let start = start_of(path).ok()?;
+        let start = start_of(path, KEY_WITHIN).ok()?;
         let comment = match self {
             Self::Ply => "comment ",
             Self::Obj => "# ",
@@ -69,16 +79,43 @@ pub(super) fn key_comment(key: u64) -> String {
 /// What introduces the key in a comment.
 const KEY: &str = "meniscus key ";
 
-/// The first bytes of a file, as text; the key stands in them.
-fn start_of(path: &Path) -> Result<String> {
+/// The first bytes of a file; the key stands in them.
+const KEY_WITHIN: u64 = 1 << 10;
+
+/// More than the header of a PLY file takes: some hundred properties.
+const MOST_HEADER: u64 = 1 << 14;
+
+/// The attributes in the header of a PLY file, by the names that [`property_names`] gives.
+fn attributes(header: &str) -> BTreeMap<String, Vec<String>> {
+    let vertex = header.lines().skip_while(|line| !line.starts_with("element vertex")).skip(1);
+    let names: Vec<&str> =
+        vertex.map_while(|line| line.strip_prefix("property ")?.split_whitespace().nth(1)).collect();
+    let own = ["x", "y", "z", "nx", "ny", "nz"];
+    let mut rest = names.as_slice();
+    let mut found = BTreeMap::new();
+    while let [first, after @ ..] = rest {
+        let vector = if *first == "vx" { Some("velocity") } else { first.strip_suffix("_x") };
+        let vector = vector.map(|name| (name, property_names(name, true)));
+        (rest, _) = match vector.filter(|(_, names)| rest.len() >= 3 && rest[..3] == names[..]) {
+            Some((name, names)) => (&rest[3..], found.insert(name.to_owned(), names)),
+            None if own.contains(first) => (after, None),
+            None => (after, found.insert((*first).to_owned(), property_names(first, false))),
+        };
+    }
+    found
+}
+
+/// The first bytes of a file, as text.
+fn start_of(path: &Path, bytes: u64) -> Result<String> {
     let mut start = Vec::new();
-    File::open(path)?.take(1024).read_to_end(&mut start)?;
+    File::open(path)?.take(bytes).read_to_end(&mut start)?;
     Ok(String::from_utf8_lossy(&start).into_owned())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{frame::Channel, math::Vec3};
 
     #[test]
     fn files_carry_their_key() {
@@ -88,9 +125,33 @@ mod tests {
             assert_eq!(format.key_in(&path), None);
             format.write(&Mesh::default(), &path, 0xfeed).unwrap();
             assert_eq!(format.key_in(&path), Some(0xfeed));
+            assert!(format.attributes_in(&path).is_empty());
             std::fs::write(&path, "ply\nformat ascii 1.0\n").unwrap();
             assert_eq!(format.key_in(&path), None);
             assert_eq!(MeshFormat::from_extension(format.extension()), Some(format));
         }
+    }
+
+    #[test]
+    fn attributes_are_found_again() {
+        let attributes = vec![
+            Channel { name: "velocity".into(), data: Vec::<Vec3>::new().into() },
+            Channel { name: "source".into(), data: Vec::<u32>::new().into() },
+            Channel { name: "vorticity".into(), data: Vec::<Vec3>::new().into() },
+            Channel { name: "odd_x".into(), data: Vec::<f32>::new().into() },
+        ];
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mesh.ply");
+        MeshFormat::Ply.write(&Mesh { attributes, ..Mesh::default() }, &path, 1).unwrap();
+        let found = MeshFormat::Ply.attributes_in(&path);
+        let names: Vec<_> = found.iter().map(|(name, files)| (name.as_str(), files.join(" "))).collect();
+        let expected = [
+            ("odd_x", "odd_x"),
+            ("source", "source"),
+            ("velocity", "vx vy vz"),
+            ("vorticity", "vorticity_x vorticity_y vorticity_z"),
+        ];
+        assert_eq!(names, expected.map(|(name, files)| (name, files.to_owned())));
+        assert!(MeshFormat::Ply.attributes_in(&folder.path().join("none.ply")).is_empty());
     }
 }

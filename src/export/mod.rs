@@ -9,5 +9,5 @@ pub mod obj;
 pub mod ply;
 pub mod vdb;
 
-pub use error::{ExportError, property_names};
+pub use error::ExportError;
 pub use format::MeshFormat;

@@ -28,7 +28,7 @@ pub use error::ImportError;
 pub use expand::expand;
 pub use sequence::Sequence;
 pub use triangles::parse_triangles;
-pub use vdb::{LevelSet, LevelSetFile, read_level_set, volume_grids};
+pub use vdb::{LevelSet, LevelSetFile, read_level_set};
 
 use crate::frame::Stream;
 use std::path::{Path, PathBuf};

@@ -100,7 +100,7 @@ pub(super) struct Ledger<'a> {
     out: &'a ShotFolder,
     product: Product,
     done: Done,
-    /// The outputs whose files are there, and of which frames. Of meshes that were all there, nobody looked what they carry.
+    /// The outputs whose files are there, and of which frames.
     written: Vec<(OutputFiles, Vec<u32>)>,
     failed: Vec<FailedFrame>,
     /// Outputs to be named no longer.
@@ -211,10 +211,6 @@ impl<'a> Ledger<'a> {
         };
         manifest.outputs.retain(|output| !self.stale.iter().any(|stale| stale.is_same(output)));
         for (mut output, numbers) in std::mem::take(&mut self.written) {
-            // Files that were kept without a look at their particles carry what they did.
-            if output.attributes.is_empty() {
-                output.attributes = manifest.attributes_of(&output);
-            }
             output.frames = FrameSpan::of(&numbers).expect("an output has a frame");
             manifest.put(output, &numbers, self.out);
         }

@@ -192,12 +192,6 @@ impl Manifest {
         ShotFolder::write(folder.manifest(), &text)
     }
 
-    /// The attributes that an output is said to carry; none if it is not named.
-    pub(super) fn attributes_of(&self, output: &OutputFiles) -> BTreeMap<String, Vec<String>> {
-        let same = self.outputs.iter().find(|old| old.is_same(output));
-        same.map(|old| old.attributes.clone()).unwrap_or_default()
-    }
-
     /// The right to change the folder's manifest, held until dropped: jobs that write different files share it. Waits
     /// for whoever has it.
     ///

@@ -95,16 +95,7 @@ impl Make for Meshes<'_> {
         drop(distance);
         complain(made, &mesh, &check, self.params.voxel * spacing);
         let work = Work::on(&mesh, figures, Some((record, stats)));
-        let mut piece = self.files.write(&mesh, points.as_ref(), target, work)?;
-        for output in piece.outputs.iter_mut().filter(|output| output.format == MeshFormat::Ply.extension()) {
-            let carried = mesh::carried(stream, self.params.attributes.as_deref());
-            let properties = |(name, is_vector): (String, bool)| {
-                let properties = export::property_names(&name, is_vector);
-                (name, properties)
-            };
-            output.attributes.extend(carried.into_iter().map(properties));
-        }
-        made.pieces.push(piece);
+        made.pieces.push(self.files.write(&mesh, points.as_ref(), target, work)?);
         Ok(())
     }
 }
@@ -139,8 +130,15 @@ impl MeshFiles<'_> {
             format.key_in(&output.file(self.out, target.index.0)) == Some(target.key)
         };
         let all = outputs.iter().all(is_there);
-        let outputs = outputs.into_iter().map(|(_, output)| output).collect();
-        all.then(|| Piece { outputs, work: None, stale: self.stale(target) })
+        let known = |(format, mut output): (MeshFormat, OutputFiles)| {
+            output.attributes = format.attributes_in(&output.file(self.out, target.index.0));
+            output
+        };
+        all.then(|| Piece {
+            outputs: outputs.into_iter().map(known).collect(),
+            work: None,
+            stale: self.stale(target),
+        })
     }
 
     /// The outputs that are not written of a target, and whose file of its frame shows something else.
@@ -169,12 +167,10 @@ impl MeshFiles<'_> {
         for (format, mut output) in self.outputs(target, true) {
             let path = output.file(self.out, target.index.0);
             work.bytes += match points.filter(|_| output.kind == "points") {
-                Some(points) => {
-                    output.attributes.insert("radius".into(), vec!["radius".into()]);
-                    export::ply::write_points(points, &path, target.key)?
-                }
+                Some(points) => export::ply::write_points(points, &path, target.key)?,
                 None => format.write(mesh, &path, target.key)?,
             };
+            output.attributes = format.attributes_in(&path);
             outputs.push(output);
         }
         Ok(Piece { outputs, work: Some(work), stale: self.stale(target) })

@@ -15,7 +15,6 @@ use crate::{
     },
     field::Anisotropy,
     frame::{FrameIndex, Stream},
-    import,
     mesh::{self, DistanceParams, SurfaceError, SurfaceParams},
 };
 use serde::Serialize;
@@ -94,12 +93,12 @@ impl Make for Volumes<'_> {
 
     fn kept(&self, target: &Target) -> Option<Piece> {
         let mut output = output(target);
-        let path = output.file(self.out, target.index.0);
-        if vdb::key_in(&path) != Some(target.key) {
+        let (key, grids) = vdb::made_from(&output.file(self.out, target.index.0))?;
+        if key != target.key {
             return None;
         }
-        // Which grids were made depends on the frame's particles, too. A file that cannot be read is made again.
-        output.grids = import::volume_grids(&path).ok()?;
+        // Which grids were made depends on the frame's particles, too.
+        output.grids = grids;
         Some(Piece { outputs: vec![output], work: None, stale: Vec::new() })
     }
 

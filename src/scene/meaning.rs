@@ -39,9 +39,12 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
 fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     let Some(liquid) = &scene.liquid else { return };
     let wanted = |name: &str| scene.surface.attributes.iter().flatten().any(|attribute| attribute == name);
+    let carries = |channel: &LiquidChannel| liquid.channels.contains(channel);
+    let needed = LiquidChannel::ALL.into_iter().filter(|channel| carries(channel) || wanted(channel.name()));
+    let needed: Vec<_> = needed.map(|channel| format!("\"{}\"", channel.name())).collect();
     for channel in LiquidChannel::ALL {
         let name = channel.name();
-        if wanted(name) && !liquid.channels.contains(&channel) {
+        if wanted(name) && !carries(&channel) {
             findings.push(
                 Finding::new(
                     places.of("surface.attributes"),
@@ -50,7 +53,8 @@ fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
                     format!("found `{name}`, which `liquid.channels` does not name"),
                 )
                 .with_help(format!(
-                    "add `channels = [\"{name}\"]` to `[liquid]`; a shot that is simulated already has to be simulated again"
+                    "write `channels = [{}]` in `[liquid]`; a shot that is simulated already has to be simulated again",
+                    needed.join(", ")
                 )),
             );
         }

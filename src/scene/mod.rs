@@ -176,7 +176,7 @@ impl Scene {
             first: u32,
             solvers: u32,
             world: &'a World,
-            liquid: &'a Option<LiquidParams>,
+            liquid: Option<LiquidParams>,
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
@@ -194,6 +194,12 @@ impl Scene {
         } = self;
         let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
         let solvers = sim::STATE_VERSION;
+        let mut liquid = liquid.clone();
+        if let Some(LiquidParams { channels, .. }) = &mut liquid {
+            // A cache keeps them in their own order, each once.
+            channels.sort_unstable();
+            channels.dedup();
+        }
         let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid, files };
         let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
         xxhash_rust::xxh3::xxh3_64(text.as_bytes())

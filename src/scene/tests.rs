@@ -367,6 +367,12 @@ fn what_the_surface_is_to_carry_has_to_be_in_the_cache() {
     let scene = read_set(GOOD, &[wanted, kept]).unwrap();
     assert_eq!(scene, read(&scene.to_toml()).unwrap());
     assert!(read_set(GOOD, &["liquid.channels=[\"heat\"]"]).is_err());
+    let text = rendered(&read_set(GOOD, &[wanted, "liquid.channels=[\"age\"]"]).unwrap_err());
+    assert!(text.contains("channels = [\"age\", \"source\"]"), "with what is there: {text}");
+    let key = |channels: &str| read_set(GOOD, &[channels]).unwrap().simulation_key();
+    for same in ["[\"source\", \"age\"]", "[\"age\", \"source\", \"age\"]"] {
+        assert_eq!(key(kept), key(&format!("liquid.channels={same}")));
+    }
 }
 
 #[test]

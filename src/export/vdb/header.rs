@@ -22,7 +22,10 @@ const UUID: &str = "6d656e69-7363-7573-8000-766f6c756d65";
 /// The name of the key that tells what a file was made from.
 const KEY: &str = "meniscus_key";
 
-/// The largest part of a file that [`key_in`] looks at [bytes].
+/// The name of the key that tells which grids it has.
+const GRIDS: &str = "meniscus_grids";
+
+/// The largest part of a file that [`made_from`] looks at [bytes].
 const HEAD: u64 = 512;
 
 /// The bits for what a file does to values.
@@ -30,28 +33,38 @@ const ZIP: u32 = 1;
 const ACTIVE_MASK: u32 = 2;
 const BLOSC: u32 = 4;
 
-/// The start of a file of `grids` grids.
-pub(super) fn file(key: u64, grids: usize) -> Vec<u8> {
+/// The start of a file of grids with these names.
+pub(super) fn file(key: u64, names: &[&str]) -> Vec<u8> {
     let mut out = Vec::new();
     out.extend(MAGIC.to_le_bytes());
     out.extend(FILE_VERSION.to_le_bytes());
     out.extend(LIBRARY_VERSION.iter().flat_map(|part| part.to_le_bytes()));
     out.push(1); // descriptors tell where grids are
     out.extend(UUID.as_bytes());
-    metadata(&[("creator", Value::Text("Meniscus")), (KEY, Value::Text(&format!("{key:016x}")))], &mut out);
-    out.extend((grids as i32).to_le_bytes());
+    let (key, grids) = (format!("{key:016x}"), names.join(" "));
+    let entries = [("creator", "Meniscus"), (KEY, &key), (GRIDS, &grids)];
+    metadata(&entries.map(|(name, text)| (name, Value::Text(text))), &mut out);
+    out.extend((names.len() as i32).to_le_bytes());
     out
 }
 
-/// The key of the file at `path`; `None` if there is no such file or it has none.
-pub fn key_in(path: &Path) -> Option<u64> {
+/// The key of the file at `path` and the names of its grids; `None` if there is no such file or it is not of this tool.
+pub fn made_from(path: &Path) -> Option<(u64, Vec<String>)> {
     let mut head = Vec::new();
     File::open(path).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
-    let start = file(0, 0);
-    let place = start.len() - 4 - 16;
-    let same = head.get(..place)? == &start[..place];
-    let digits = std::str::from_utf8(head.get(place..place + 16)?).ok()?;
-    u64::from_str_radix(digits, 16).ok().filter(|_| same)
+    // Up to the key's digits every file is alike; behind them stand the last entry's name, type, length and text.
+    let start = file(0, &[]);
+    let names = start.len() - 4;
+    let last = 4 + GRIDS.len() + 4 + "string".len() + 4;
+    let key = names - last - 16;
+    if head.get(..key)? != &start[..key] || head.get(key + 16..names - 4)? != &start[key + 16..names - 4] {
+        return None;
+    }
+    let digits = std::str::from_utf8(&head[key..key + 16]).ok()?;
+    let length = u32::from_le_bytes(head.get(names - 4..names)?.try_into().ok()?) as usize;
+    let grids = std::str::from_utf8(head.get(names..names + length)?).ok()?;
+    let grids = grids.split_whitespace().map(String::from).collect();
+    Some((u64::from_str_radix(digits, 16).ok()?, grids))
 }
 
 /// A grid's name and type, and where in the file are its metadata, its leaves and its end.

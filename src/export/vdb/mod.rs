@@ -9,7 +9,7 @@ mod leaf;
 mod params;
 mod tree;
 
-pub use header::key_in;
+pub use header::made_from;
 pub use params::{Compression, Precision, VolumeGrid, VolumeParams};
 
 use super::ExportError;
@@ -76,7 +76,7 @@ pub fn write(grids: &[Grid], path: &Path, params: &VolumeParams, key: u64) -> Re
 
 /// The bytes of a file.
 fn encode(grids: &[Grid], params: &VolumeParams, key: u64) -> Vec<u8> {
-    let mut out = header::file(key, grids.len());
+    let mut out = header::file(key, &grids.iter().map(|grid| grid.name).collect::<Vec<_>>());
     for grid in grids {
         let tree = tree::Tree::new(grid);
         let start = out.len() + header::descriptor(grid, params, [0; 3]).len();

@@ -76,16 +76,6 @@ pub fn read_level_set(path: &Path) -> Result<LevelSet, ImportError> {
     LevelSetFile::open(path)?.level_set()
 }
 
-/// The names of the grids in an OpenVDB file, in the order of the file.
-///
-/// # Errors
-/// [`ImportError`] if it is not there or is no such file.
-pub fn volume_grids(path: &Path) -> Result<Vec<String>, ImportError> {
-    let all = std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
-    let entries = header::read(&mut Bytes { path, all: &all, at: 0 })?;
-    Ok(entries.into_iter().map(|entry| entry.name).collect())
-}
-
 /// Reads the level set of a file's bytes.
 fn parse(path: &Path, all: &[u8]) -> Result<LevelSet, ImportError> {
     let mut bytes = Bytes { path, all, at: 0 };

@@ -91,7 +91,7 @@ impl LiquidParams {
 }
 
 /// A channel that cached particles carry only where it is named.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LiquidChannel {
     /// Seconds since the particle was seeded: the shot's time, as sources fill when it starts.
