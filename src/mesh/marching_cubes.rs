@@ -6,9 +6,9 @@
 //! lower node owns; a vertex stays [`MARGIN`] of an edge away from the nodes, so that no triangle has zero area.
 //!
 //! Four passes over the bricks, each brick alone: first the sides of its nodes, which tell the bricks that the surface
-//! does not touch; then how many vertices and triangles it has, so that all of them have their places; then its vertices and, for
-//! every node, which of its three edges are crossed; then its triangles. The last two follow each other through windows of
-//! whole layers of bricks, so that what a brick knows of its edges is kept for a short time only. Brick order and node order decide
+//! does not touch; then how many vertices and triangles it has, so that all of them have their places; then its vertices; then
+//! its triangles, of which the sides alone tell, so that nothing needs the values any more. Triangles are joined in windows of
+//! whole layers of bricks: what a brick knows of its edges is kept for a short time only. Brick order and node order decide
 //! the numbering, so the mesh does not depend on threads or on bricks without surface. Every vertex is used: the
 //! ends of its edge lie in one brick or in two that share a face, and so do all nodes of one of its four cells.
 //!
@@ -21,7 +21,7 @@ use super::{
     sides::{Sides, Signs, around, bits, neighbour},
 };
 use crate::{
-    grid::{BRICK, BRICK_NODES, SparseGrid, offset},
+    grid::{BRICK, BRICK_NODES, Bricks, offset},
     math::Vec3,
     par,
 };
@@ -60,38 +60,64 @@ pub struct ContourStats {
 /// # Panics
 /// If the surface has 2³² vertices or more.
 pub fn marching_cubes<'a>(contour: impl Into<Contour<'a>>) -> (Mesh, ContourStats) {
-    extract(contour.into())
+    let contour = contour.into();
+    let cut = Cut::new(&contour);
+    let (positions, stats) = cut.vertices(&contour);
+    let triangles = cut.triangles(&contour.grid.bricks);
+    (Mesh { positions, triangles, ..Mesh::default() }, stats)
 }
 
-fn extract(contour: Contour) -> (Mesh, ContourStats) {
-    let grid = contour.grid;
+/// All of a surface but where exactly its vertices are.
+pub(super) struct Cut {
+    signs: Vec<Signs>,
+    places: Places,
+    cut_cells: usize,
+    table: cases::Cases,
+}
 
-    // Read the signs of every brick.
-    let mut signs = vec![Signs::default(); grid.bricks.len()];
-    par::for_chunks(&mut signs, TASK, |start, signs| {
-        for (b, signs) in (start..).zip(signs) {
-            *signs = Signs::of(&contour, b);
-        }
-    });
-
-    // Give every vertex and triangle its place.
-    let table = cases::Cases::derive();
-    let (places, mut stats) = Places::of(grid, &signs, &table);
-    let mut mesh = Mesh {
-        positions: par::repeated(Vec3::zeros(), places.vertices()),
-        triangles: par::repeated([0; 3], places.triangles()),
-        ..Mesh::default()
-    };
-
-    // Find the vertices window by window; the window before has then all neighbours that its triangles need.
-    let mut before = Window::default();
-    for range in windows(grid) {
-        let window = Window::cut(&contour, &signs, &places, range, &mut mesh.positions, &mut stats);
-        before.join(&window, &places, &table, &mut mesh.triangles);
-        before = window;
+impl Cut {
+    /// Counts the vertices and triangles of a contour.
+    ///
+    /// # Panics
+    /// If the surface has 2³² vertices or more.
+    pub(super) fn new(contour: &Contour) -> Self {
+        let bricks = &contour.grid.bricks;
+        let mut signs = vec![Signs::default(); bricks.len()];
+        par::for_chunks(&mut signs, TASK, |start, signs| {
+            for (b, signs) in (start..).zip(signs) {
+                *signs = Signs::of(contour, b);
+            }
+        });
+        let table = cases::Cases::derive();
+        let (places, cut_cells) = Places::of(bricks, &signs, &table);
+        Self { signs, places, cut_cells, table }
     }
-    before.join(&Window::default(), &places, &table, &mut mesh.triangles);
-    (mesh, stats)
+
+    /// The vertices, and what was special; of the same contour.
+    pub(super) fn vertices(&self, contour: &Contour) -> (Vec<Vec3>, ContourStats) {
+        let ends = &self.places.vertices;
+        let mut positions = par::repeated(Vec3::zeros(), ends.last().copied().unwrap_or(0));
+        let counts = par::map_parts(&mut positions, ends, TASK, |brick, vertices| {
+            if vertices.is_empty() { [0; 2] } else { put_vertices(contour, &self.signs, brick, vertices) }
+        });
+        let [moved_vertices, unbounded_vertices] =
+            counts.iter().fold([0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]]);
+        (positions, ContourStats { moved_vertices, unbounded_vertices, cut_cells: self.cut_cells })
+    }
+
+    /// The triangles; `bricks` are those of the contour.
+    pub(super) fn triangles(&self, bricks: &Bricks) -> Vec<[u32; 3]> {
+        let mut triangles = par::repeated([0; 3], self.places.triangles.last().copied().unwrap_or(0));
+        // A window has all neighbours that its triangles need in itself and the next.
+        let mut before = Window::default();
+        for range in windows(bricks) {
+            let window = Window::cut(self, bricks, range);
+            before.join(&window, self, &mut triangles);
+            before = window;
+        }
+        before.join(&Window::default(), self, &mut triangles);
+        triangles
+    }
 }
 
 /// Where the vertices and triangles of each brick end.
@@ -110,13 +136,10 @@ struct Tally {
 
 impl Places {
     /// Counts them, and the cells that are cut off.
-    ///
-    /// # Panics
-    /// If there are 2³² vertices or more.
-    fn of(grid: &SparseGrid, signs: &[Signs], table: &cases::Cases) -> (Self, ContourStats) {
+    fn of(bricks: &Bricks, signs: &[Signs], table: &cases::Cases) -> (Self, usize) {
         let parts = par::map_chunks(signs.len(), TASK, |part| {
             let mut missing = Vec::new();
-            let tallies: Vec<_> = part.map(|b| Tally::of(grid, signs, table, b, &mut missing)).collect();
+            let tallies: Vec<_> = part.map(|b| Tally::of(bricks, signs, table, b, &mut missing)).collect();
             (tallies, missing)
         });
         let mut places =
@@ -135,16 +158,18 @@ impl Places {
         assert!(u32::try_from(sum.vertices).is_ok(), "a surface has fewer than 2³² vertices");
         missing.sort_unstable();
         missing.dedup();
-        sum.cut_cells += missing.into_iter().map(|coord| cut_below(grid, signs, coord)).sum::<usize>();
-        (places, ContourStats { cut_cells: sum.cut_cells, ..ContourStats::default() })
+        sum.cut_cells += missing.into_iter().map(|coord| cut_below(bricks, signs, coord)).sum::<usize>();
+        (places, sum.cut_cells)
     }
 
-    fn vertices(&self) -> usize {
-        self.vertices.last().copied().unwrap_or(0)
+    /// The number of the first vertex of a brick.
+    fn first_vertex(&self, brick: usize) -> u32 {
+        start_of(&self.vertices, brick) as u32
     }
 
-    fn triangles(&self) -> usize {
-        self.triangles.last().copied().unwrap_or(0)
+    /// Whether a brick has any vertex or triangle.
+    fn is_crossed(&self, brick: usize) -> bool {
+        [&self.vertices, &self.triangles].into_iter().any(|ends| start_of(ends, brick) < ends[brick])
     }
 }
 
@@ -152,14 +177,13 @@ impl Tally {
     /// What brick `brick` has; adds to `missing` the lower neighbours that are not there and hold the lowest corners of cells
     /// that the surface may cross.
     fn of(
-        grid: &SparseGrid,
+        bricks: &Bricks,
         signs: &[Signs],
         table: &cases::Cases,
         brick: usize,
         missing: &mut Vec<[i32; 3]>,
     ) -> Self {
-        let coord = grid.bricks.coords()[brick];
-        let Some(sides) = Sides::crossed(grid, signs, brick) else { return Self::default() };
+        let Some(sides) = Sides::crossed(bricks, signs, brick) else { return Self::default() };
         let mut tally = Self::default();
         for z in 0..BRICK {
             for y in 0..BRICK {
@@ -173,10 +197,10 @@ impl Tally {
             }
         }
         // A cell whose lowest corner is in a lower neighbour has its other corners in this brick's lowest layers.
-        let lowest = sides.crossed_layers();
+        let (coord, lowest) = (bricks.coords()[brick], sides.crossed_layers());
         for side in (1..8).filter(|side| (0..3).all(|axis| side >> axis & 1 == 0 || lowest[axis])) {
             let below = std::array::from_fn(|axis| coord[axis] - (side >> axis & 1));
-            if grid.bricks.find(below).is_none() {
+            if bricks.find(below).is_none() {
                 missing.push(below);
             }
         }
@@ -185,18 +209,18 @@ impl Tally {
 }
 
 /// How many cells the surface crosses whose lowest corner is in the missing brick at `coord`.
-fn cut_below(grid: &SparseGrid, signs: &[Signs], coord: [i32; 3]) -> usize {
-    let sides = Sides::of(signs, around(grid, coord));
+fn cut_below(bricks: &Bricks, signs: &[Signs], coord: [i32; 3]) -> usize {
+    let sides = Sides::of(signs, around(bricks, coord));
     let rows = (0..BRICK * BRICK).map(|row| sides.cells(row % BRICK, row / BRICK));
     rows.map(|(crossed, _)| crossed.count_ones() as usize).sum()
 }
 
 /// The bricks in runs of whole layers along z of [`WINDOW`] bricks or more, so that a brick's neighbours are in its own run or
 /// the next.
-fn windows(grid: &SparseGrid) -> Vec<Range<usize>> {
+fn windows(bricks: &Bricks) -> Vec<Range<usize>> {
     let mut windows = Vec::new();
     let (mut start, mut end) = (0, 0);
-    for layer in grid.bricks.coords().chunk_by(|a, b| a[2] == b[2]) {
+    for layer in bricks.coords().chunk_by(|a, b| a[2] == b[2]) {
         end += layer.len();
         if end - start >= WINDOW {
             windows.push(start..end);
@@ -215,37 +239,30 @@ struct Window {
 }
 
 impl Window {
-    /// Writes the vertices of some bricks to their places in `positions`.
-    fn cut(
-        contour: &Contour,
-        signs: &[Signs],
-        places: &Places,
-        range: Range<usize>,
-        positions: &mut [Vec3],
-        stats: &mut ContourStats,
-    ) -> Self {
-        let (part, ends) = part_of(&places.vertices, range.clone());
-        let found = par::map_parts(&mut positions[part], &ends, TASK, |b, vertices| {
-            cut(contour, signs, range.start + b, vertices)
+    /// The edges of some bricks.
+    fn cut(cut: &Cut, bricks: &Bricks, range: Range<usize>) -> Self {
+        let found = par::map_chunks(range.len(), TASK, |part| {
+            let brick = |b: usize| {
+                let brick = range.start + b;
+                cut.places.is_crossed(brick).then(|| {
+                    let around = around(bricks, bricks.coords()[brick]);
+                    Box::new(BrickCut::of(Sides::of(&cut.signs, around)))
+                })
+            };
+            part.map(brick).collect::<Vec<_>>()
         });
-        let mut bricks = Vec::with_capacity(found.len());
-        for (brick, [moved, unbounded]) in found {
-            bricks.push(brick);
-            stats.moved_vertices += moved;
-            stats.unbounded_vertices += unbounded;
-        }
-        Self { range, bricks }
+        Self { range, bricks: found.into_iter().flatten().collect() }
     }
 
-    /// Joins the vertices to triangles and writes these to their places; `next` is the window after this one.
-    fn join(&self, next: &Self, places: &Places, table: &cases::Cases, triangles: &mut [[u32; 3]]) {
+    /// Writes the triangles of its bricks to their places; `next` is the window after this one.
+    fn join(&self, next: &Self, Cut { places, table, .. }: &Cut, triangles: &mut [[u32; 3]]) {
         let (part, ends) = part_of(&places.triangles, self.range.clone());
         let at = |brick: usize| {
             let found = self.at(brick).or_else(|| next.at(brick))?;
-            Some((found, start_of(&places.vertices, brick) as u32))
+            Some((found, places.first_vertex(brick)))
         };
         par::for_parts(&mut triangles[part], &ends, TASK, |b, triangles| {
-            if self.bricks[b].is_some() {
+            if !triangles.is_empty() {
                 join(self.range.start + b, at, table, triangles);
             }
         });
@@ -276,19 +293,11 @@ struct BrickCut {
     marks: [u16; BRICK_NODES],
 }
 
-/// Writes the vertices of brick `brick`; gives the brick, `None` if it and its upper neighbours are on one side, and how many
-/// vertices were moved and were unbounded.
-fn cut(
-    contour: &Contour,
-    signs: &[Signs],
-    brick: usize,
-    vertices: &mut [Vec3],
-) -> (Option<Box<BrickCut>>, [usize; 2]) {
+/// Writes the vertices of brick `brick`; gives how many were moved and how many were unbounded.
+fn put_vertices(contour: &Contour, signs: &[Signs], brick: usize, vertices: &mut [Vec3]) -> [usize; 2] {
     let Contour { grid, level, .. } = *contour;
-    let Some(sides) = Sides::crossed(grid, signs, brick) else { return (None, [0; 2]) };
-    let mut found = Box::new(BrickCut { sides, marks: [0; BRICK_NODES] });
-    let sides = &found.sides;
     let coord = grid.bricks.coords()[brick];
+    let sides = Sides::of(signs, around(&grid.bricks, coord));
     let own = grid.brick(brick);
     let beyond = |node: [usize; 3]| {
         let brick = sides.around[neighbour(node)] as usize;
@@ -296,27 +305,23 @@ fn cut(
     };
 
     // Put a vertex on every crossed edge that a node of this brick owns.
-    let (mut stats, mut count) = ([0; 2], 0);
+    let (mut stats, mut free) = ([0; 2], vertices.iter_mut());
     for z in 0..BRICK {
         for y in 0..BRICK {
-            let edges = sides.edges(y, z);
-            for x in bits(edges[0] | edges[1] | edges[2]) {
-                let edges_of_node: u16 = (0..3).map(|axis| (edges[axis] >> x & 1) << axis).sum();
-                found.marks[offset([x, y, z])] = (count as u16) << 3 | edges_of_node;
+            for (x, edges) in sides.crossed_edges(y, z) {
                 let node = std::array::from_fn(|d| coord[d] * BRICK as i32 + [x, y, z][d] as i32);
-                for axis in bits(edges_of_node) {
+                let here = own[offset([x, y, z])];
+                for (axis, vertex) in bits(edges).zip(&mut free) {
                     let mut upper = [x, y, z];
                     upper[axis] += 1;
                     let above = if upper[axis] < BRICK { own[offset(upper)] } else { beyond(upper) };
-                    let t = place(own[offset([x, y, z])], above, level, &mut stats);
-                    vertices[count] = point(node, axis, t, grid.voxel);
-                    count += 1;
+                    *vertex = point(node, axis, place(here, above, level, &mut stats), grid.voxel);
                 }
             }
         }
     }
-    debug_assert_eq!(count, vertices.len(), "as many vertices as were counted");
-    (Some(found), stats)
+    debug_assert!(free.next().is_none(), "as many vertices as were counted");
+    stats
 }
 
 /// Where on an edge with the values `a` and `b` at its ends the surface of a level crosses it [0..1]; counts the vertices that
@@ -342,6 +347,20 @@ fn point(node: [i32; 3], axis: usize, t: f64, voxel: f32) -> Vec3 {
 }
 
 impl BrickCut {
+    /// Counts the vertices before each node.
+    fn of(sides: Sides) -> Self {
+        let (mut marks, mut count) = ([0; BRICK_NODES], 0);
+        for z in 0..BRICK {
+            for y in 0..BRICK {
+                for (x, edges) in sides.crossed_edges(y, z) {
+                    marks[offset([x, y, z])] = count << 3 | edges;
+                    count += edges.count_ones() as u16;
+                }
+            }
+        }
+        Self { sides, marks }
+    }
+
     /// The number of the vertex on the edge that leaves the node at `place` along `axis`, from the brick's first.
     #[inline]
     fn vertex(&self, place: usize, axis: u8) -> u32 {

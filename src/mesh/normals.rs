@@ -23,41 +23,60 @@ const SNAP: f64 = 1e-4;
 /// vertices had no usable gradient there (zero, not finite, or against the faces around) and carry the area-weighted
 /// normal of their faces instead. A vertex without any face of its own size gets +Z.
 pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
-    let contour = contour.into();
-    let mut normals = par::repeated(Vec3::zeros(), mesh.positions.len());
-    let without = par::map_chunks_mut([&mut normals], par::CHUNK, |start, [normals]| {
-        let mut reader = Reader::new(contour.grid);
-        let mut without = Vec::new();
-        for (v, normal) in (start..).zip(normals) {
-            match reader.direction(&contour, mesh.positions[v]) {
-                Some(direction) => *normal = direction,
-                None => without.push(v as u32),
+    Directions::of(&mesh.positions, &contour.into()).settle(mesh)
+}
+
+/// The normals that a field gives by itself.
+pub(super) struct Directions {
+    /// Of unit length; zero where there is none.
+    normals: Vec<Vec3>,
+    /// Where there is none.
+    without: Vec<u32>,
+}
+
+impl Directions {
+    /// Those at `positions` [m].
+    pub(super) fn of(positions: &[Vec3], contour: &Contour) -> Self {
+        let mut normals = par::repeated(Vec3::zeros(), positions.len());
+        let without = par::map_chunks_mut([&mut normals], par::CHUNK, |start, [normals]| {
+            let mut reader = Reader::new(contour.grid);
+            let mut without = Vec::new();
+            for (v, normal) in (start..).zip(normals) {
+                match reader.direction(contour, positions[v]) {
+                    Some(direction) => *normal = direction,
+                    None => without.push(v as u32),
+                }
+            }
+            without
+        });
+        Self { normals, without: without.concat() }
+    }
+
+    /// Those at the vertices of `mesh` that are not against its faces, the faces' own elsewhere, and how many these are.
+    pub(super) fn settle(self, mesh: &Mesh) -> (Vec<Vec3>, usize) {
+        let Self { mut normals, without } = self;
+        // What goes with every single face goes with their sum; only others need the sum.
+        let against = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
+            let mut against = Vec::new();
+            for triangle in &mesh.triangles[range] {
+                let face = area_normal(mesh, triangle);
+                against.extend(triangle.iter().filter(|&&v| !(normals[v as usize].dot(&face) > 0.0)));
+            }
+            against
+        });
+        let mut doubtful: Vec<u32> = against.into_iter().flatten().chain(without).collect();
+        doubtful.sort_unstable();
+        doubtful.dedup();
+        let mut replaced = 0;
+        for (&v, face) in doubtful.iter().zip(sums_at(mesh, &doubtful)) {
+            let normal = &mut normals[v as usize];
+            if !(normal.dot(&face) > 0.0) {
+                *normal = unit(&face);
+                replaced += 1;
             }
         }
-        without
-    });
-
-    // What goes with every single face goes with their sum; only others need the sum.
-    let against = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
-        let mut against = Vec::new();
-        for triangle in &mesh.triangles[range] {
-            let face = area_normal(mesh, triangle);
-            against.extend(triangle.iter().filter(|&&v| !(normals[v as usize].dot(&face) > 0.0)));
-        }
-        against
-    });
-    let mut doubtful: Vec<u32> = without.into_iter().chain(against).flatten().collect();
-    doubtful.sort_unstable();
-    doubtful.dedup();
-    let mut replaced = 0;
-    for (&v, face) in doubtful.iter().zip(sums_at(mesh, &doubtful)) {
-        let normal = &mut normals[v as usize];
-        if !(normal.dot(&face) > 0.0) {
-            *normal = unit(&face);
-            replaced += 1;
-        }
+        (normals, replaced)
     }
-    (normals, replaced)
 }
 
 /// The area-weighted normals of the faces around some vertices, which ascend; not normalised [m²].

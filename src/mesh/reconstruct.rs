@@ -20,13 +20,14 @@ use super::{
     decimate,
     links::Links,
     marching_cubes,
-    normals::{some_from_field, unit},
+    marching_cubes::Cut,
+    normals::{Directions, some_from_field, unit},
     normals_from_faces, normals_from_field, remove_small,
     smooth::{Smoothed, depth_weights, smooth_linked},
     transfer,
 };
 use crate::{
-    field::{DensityParams, density},
+    field::{Density, DensityParams, density},
     frame::Stream,
     math::Vec3,
     par,
@@ -147,21 +148,85 @@ pub fn reconstruct(
             })?),
             None => None,
         };
-    let contour = match &distance {
-        Some(distance) => Contour::from(&distance.grid),
-        None => Contour::from(&field),
+    let mut stats = SurfaceStats {
+        particles: positions.len(),
+        too_far_particles: field.too_far,
+        unseen_particles: field.unseen,
+        bricks: [field.grid.bricks.len(), distance.as_ref().map_or(0, |distance| distance.grid.bricks.len())],
+        unreached_nodes: distance.as_ref().map_or(0, |distance| distance.unreached),
+        nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
+        ..SurfaceStats::default()
     };
-    let (mut mesh, contour_stats) = clock.time("marching cubes", || marching_cubes(contour))?;
+    let SurfaceParams { components, smoothing, decimation, .. } = params;
+    let is_as_cut = components.is_none() && smoothing.is_none() && decimation.is_none();
+    let Made { mut mesh, mut points, links } = if is_as_cut {
+        as_cut(field, distance.as_ref(), &mut clock, &mut stats)?
+    } else {
+        cleaned(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
+    };
+    (stats.vertices, stats.triangles) = (mesh.positions.len(), mesh.triangles.len());
+    stats.attributes_from_nearest =
+        clock.time("attributes", || carry(particles, params, spacing, &mut mesh, points.as_mut()))??;
+    let check = clock.time("check", || check_linked(&mesh, links))?;
+    stats.seconds = clock.seconds;
+    Ok(Surface { mesh, points, distance, check, stats })
+}
 
-    // Clean up, as far as the parameters say.
-    let (mut points, components) = match &params.components {
-        Some(components) => {
-            let (points, stats) =
-                clock.time("components", || remove_small(&mut mesh, components, spacing))?;
-            (Some(points), Some(stats))
-        }
-        None => (None, None),
-    };
+/// A mesh with normals.
+struct Made {
+    mesh: Mesh,
+    points: Option<Points>,
+    /// Its half-edges, if somebody needed them.
+    links: Option<Links>,
+}
+
+/// What the surface is the contour of.
+fn contour_of<'a>(field: &'a Density, distance: Option<&'a SignedDistance>) -> Contour<'a> {
+    distance.map_or_else(|| Contour::from(field), |distance| Contour::from(&distance.grid))
+}
+
+/// The surface as it is cut.
+fn as_cut(
+    mut field: Density,
+    distance: Option<&SignedDistance>,
+    clock: &mut Clock,
+    stats: &mut SurfaceStats,
+) -> Result<Made, SurfaceError> {
+    let contour = contour_of(&field, distance);
+    let (cut, (positions, contour_stats)) = clock.time("marching cubes", || {
+        let cut = Cut::new(&contour);
+        let vertices = cut.vertices(&contour);
+        (cut, vertices)
+    })?;
+    stats.contour = contour_stats;
+    let directions = clock.time("normals", || Directions::of(&positions, &contour))?;
+
+    // The density is most of the memory, and triangles do not need it.
+    field.grid.values = Vec::new();
+    let bricks = distance.map_or(&field.grid.bricks, |distance| &distance.grid.bricks);
+    let triangles = clock.time("marching cubes", || cut.triangles(bricks))?;
+    let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
+    (mesh.normals, stats.normals_from_faces) = clock.time("normals", || directions.settle(&mesh))?;
+    Ok(Made { mesh, points: None, links: None })
+}
+
+/// The surface, cleaned up as far as the parameters say.
+fn cleaned(
+    field: Density,
+    distance: Option<&SignedDistance>,
+    params: &SurfaceParams,
+    spacing: f32,
+    clock: &mut Clock,
+    stats: &mut SurfaceStats,
+) -> Result<Made, SurfaceError> {
+    let contour = contour_of(&field, distance);
+    let mut mesh;
+    (mesh, stats.contour) = clock.time("marching cubes", || marching_cubes(contour))?;
+    let mut points = None;
+    if let Some(components) = &params.components {
+        let (removed, found) = clock.time("components", || remove_small(&mut mesh, components, spacing))?;
+        (points, stats.components) = (Some(removed), Some(found));
+    }
     let (mut links, mut smoothed) = (None, None);
     if let Some(smoothing) = &params.smoothing {
         smoothed = Some(clock.time("smoothing", || {
@@ -170,45 +235,17 @@ pub fn reconstruct(
             smooth_linked(&mut mesh, links, &weights, smoothing, spacing)
         })?);
     }
-    let smoothing = smoothed.as_ref().map(|smoothed| smoothed.stats);
-    let decimation = match &params.decimation {
-        Some(decimation) => {
-            (links, smoothed) = (None, None);
-            Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?)
-        }
-        None => None,
-    };
-
-    // Give the vertices what they carry.
-    let (normals, normals_from_faces) = clock.time("normals", || match smoothed {
+    stats.smoothing = smoothed.as_ref().map(|smoothed| smoothed.stats);
+    if let Some(decimation) = &params.decimation {
+        (links, smoothed) = (None, None);
+        stats.decimation = Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?);
+    }
+    (mesh.normals, stats.normals_from_faces) = clock.time("normals", || match smoothed {
         Some(Smoothed { normals, still, .. }) => (smoothed_normals(&mesh, contour, normals, &still), 0),
-        None if smoothing.is_some() => (normals_from_faces(&mesh), 0),
+        None if params.smoothing.is_some() => (normals_from_faces(&mesh), 0),
         None => normals_from_field(&mesh, contour),
     })?;
-    mesh.normals = normals;
-    let mut stats = SurfaceStats {
-        particles: positions.len(),
-        too_far_particles: field.too_far,
-        unseen_particles: field.unseen,
-        bricks: [field.grid.bricks.len(), distance.as_ref().map_or(0, |distance| distance.grid.bricks.len())],
-        unreached_nodes: distance.as_ref().map_or(0, |distance| distance.unreached),
-        nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
-        vertices: mesh.positions.len(),
-        triangles: mesh.triangles.len(),
-        contour: contour_stats,
-        components,
-        smoothing,
-        decimation,
-        normals_from_faces,
-        ..SurfaceStats::default()
-    };
-    // What follows needs memory of its own.
-    drop(field);
-    stats.attributes_from_nearest =
-        clock.time("attributes", || carry(particles, params, spacing, &mut mesh, points.as_mut()))??;
-    let check = clock.time("check", || check_linked(&mesh, links))?;
-    stats.seconds = clock.seconds;
-    Ok(Surface { mesh, points, distance, check, stats })
+    Ok(Made { mesh, points, links })
 }
 
 /// The positions of the particles, all finite.
@@ -261,7 +298,7 @@ fn no_channel(name: String, particles: &Stream) -> SurfaceError {
     SurfaceError::NoChannel { name, there: there.join(", ") }
 }
 
-/// Runs passes one after the other, with their times, until told to stop.
+/// Runs passes one after the other, with their times, until told to stop. A pass may come in parts.
 struct Clock<'a> {
     keep_going: &'a (dyn Fn() -> bool + Sync),
     seconds: Vec<(&'static str, f64)>,
@@ -271,7 +308,11 @@ impl Clock<'_> {
     fn time<T>(&mut self, pass: &'static str, run: impl FnOnce() -> T) -> Result<T, SurfaceError> {
         let start = Instant::now();
         let result = run();
-        self.seconds.push((pass, start.elapsed().as_secs_f64()));
+        let seconds = start.elapsed().as_secs_f64();
+        match self.seconds.iter_mut().find(|(name, _)| *name == pass) {
+            Some((_, sum)) => *sum += seconds,
+            None => self.seconds.push((pass, seconds)),
+        }
         if (self.keep_going)() { Ok(result) } else { Err(SurfaceError::Interrupted) }
     }
 }

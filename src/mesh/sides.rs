@@ -2,7 +2,7 @@
 //! follow it.
 
 use super::Contour;
-use crate::grid::{BRICK, NodeMask, SparseGrid, mask_of};
+use crate::grid::{BRICK, Bricks, NodeMask, mask_of};
 
 /// No brick is there.
 const MISSING: u32 = u32::MAX;
@@ -46,17 +46,17 @@ pub(super) fn neighbour(node: [usize; 3]) -> usize {
 }
 
 /// The brick at `coord` and its upper neighbours, by [`neighbour`]; what is not there is a number that no brick has.
-pub(super) fn around(grid: &SparseGrid, coord: [i32; 3]) -> [u32; 8] {
-    let coords = grid.bricks.coords();
+pub(super) fn around(bricks: &Bricks, coord: [i32; 3]) -> [u32; 8] {
+    let coords = bricks.coords();
     let mut around = [MISSING; 8];
     for side in [0, 2, 4, 6] {
         let beside: [i32; 3] = std::array::from_fn(|axis| coord[axis] + (side >> axis & 1) as i32);
         let next = [beside[0] + 1, beside[1], beside[2]];
-        let found = grid.bricks.find(beside);
+        let found = bricks.find(beside);
         // Bricks stand in order of z, y, x: the next along x is the next one, if it is there.
         let after = match found {
             Some(found) => coords.get(found + 1).is_some_and(|&coord| coord == next).then_some(found + 1),
-            None => grid.bricks.find(next),
+            None => bricks.find(next),
         };
         around[side] = found.map_or(MISSING, |found| found as u32);
         around[side + 1] = after.map_or(MISSING, |found| found as u32);
@@ -81,8 +81,8 @@ impl Sides {
     }
 
     /// The sides of brick `brick`; `None` if it and its upper neighbours are on one side.
-    pub(super) fn crossed(grid: &SparseGrid, signs: &[Signs], brick: usize) -> Option<Self> {
-        let around = around(grid, grid.bricks.coords()[brick]);
+    pub(super) fn crossed(bricks: &Bricks, signs: &[Signs], brick: usize) -> Option<Self> {
+        let around = around(bricks, bricks.coords()[brick]);
         let own = signs[brick].side();
         let alike = |&other: &u32| other == MISSING || signs[other as usize].side() == own;
         (own.is_none() || !around.iter().all(alike)).then(|| Self::of(signs, around))
@@ -98,6 +98,14 @@ impl Sides {
                 & (present[row + step] >> shift)
                 & 0xff
         })
+    }
+
+    /// The nodes x of row y of layer z of which the surface crosses any edge, with these edges: bit 0 along x, 1 y, 2 z.
+    #[inline]
+    pub(super) fn crossed_edges(&self, y: usize, z: usize) -> impl Iterator<Item = (usize, u16)> + use<> {
+        let edges = self.edges(y, z);
+        let of = move |x: usize| (0..3).map(|axis| (edges[axis] >> x & 1) << axis).sum();
+        bits(edges[0] | edges[1] | edges[2]).map(move |x| (x, of(x)))
     }
 
     /// The cells of row y of layer z that have corners on both sides, and those that have all corners.

@@ -142,6 +142,15 @@ fn clean_up_runs_where_its_table_is_and_nowhere_else() {
     fs::remove_file(desk.path("clean/mesh/liquid_points_0003.ply")).unwrap();
     let (out, _) = desk.run(&format!("mesh small -o clean {all}"), 0);
     assert!(out.contains("1 frames meshed"), "{out}");
+    // What files carry stands in them, should the manifest be gone.
+    fs::remove_file(desk.path("clean/shot.json")).unwrap();
+    assert!(desk.run(&format!("mesh small -o clean {all}"), 0).0.contains("0 frames meshed"));
+    let again: serde_json::Value =
+        serde_json::from_slice(&fs::read(desk.path("clean/shot.json")).unwrap()).unwrap();
+    for (old, new) in [(mesh, &again["outputs"][0]), (points, &again["outputs"][1])] {
+        assert_eq!(old["attributes"], new["attributes"]);
+        assert!(new["attributes"]["velocity"].is_array(), "{new}");
+    }
     desk.run("mesh small -o clean", 0);
     assert_eq!(fs::read(desk.path("clean/mesh/liquid_0002.ply")).unwrap(), plain);
     // The points that are in the meshes again are no longer named.
