@@ -1,4 +1,4 @@
-//! The mesh formats by name, and the key that a file carries.
+//! The mesh formats by name, and what a file tells of itself: its key and its attributes.
 
 use super::{ExportError, error::property_names, obj, ply};
 use crate::mesh::Mesh;
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
     fs::File,
-    io::{Read, Result},
+    io::{BufRead, BufReader, Read, Result},
     path::Path,
 };
 
@@ -54,14 +54,14 @@ impl MeshFormat {
     /// holds none or the file cannot be read.
     pub fn attributes_in(self, path: &Path) -> BTreeMap<String, Vec<String>> {
         match self {
-            Self::Ply => attributes(&start_of(path, MOST_HEADER).unwrap_or_default()),
+            Self::Ply => attributes(&header_of(path).unwrap_or_default()),
             Self::Obj => BTreeMap::new(),
         }
     }
 
     /// The key of the file at `path`; `None` if there is no such file or it has none.
     pub fn key_in(self, path: &Path) -> Option<u64> {
-        let start = start_of(path, KEY_WITHIN).ok()?;
+        let start = start_of(path).ok()?;
         let comment = match self {
             Self::Ply => "comment ",
             Self::Obj => "# ",
@@ -79,13 +79,21 @@ pub(super) fn key_comment(key: u64) -> String {
 /// What introduces the key in a comment.
 const KEY: &str = "meniscus key ";
 
-/// The first bytes of a file; the key stands in them.
-const KEY_WITHIN: u64 = 1 << 10;
+/// The longest header of a PLY file that is taken for one [bytes].
+const LONGEST_HEADER: u64 = 1 << 20;
 
-/// More than the header of a PLY file takes: some hundred properties.
-const MOST_HEADER: u64 = 1 << 14;
+/// The header of a PLY file.
+fn header_of(path: &Path) -> Result<String> {
+    let mut lines = BufReader::new(File::open(path)?).take(LONGEST_HEADER).split(b'\n');
+    let mut header = String::new();
+    while let Some(line) = lines.next().transpose()?.filter(|line| line != b"end_header") {
+        header.extend([&*String::from_utf8_lossy(&line), "\n"]);
+    }
+    Ok(header)
+}
 
-/// The attributes in the header of a PLY file, by the names that [`property_names`] gives.
+/// The attributes in the header of a PLY file, by the names that [`property_names`] gives. Three numbers in a row that are named as
+/// the components of a vector are told as one.
 fn attributes(header: &str) -> BTreeMap<String, Vec<String>> {
     let vertex = header.lines().skip_while(|line| !line.starts_with("element vertex")).skip(1);
     let names: Vec<&str> =
@@ -105,10 +113,10 @@ fn attributes(header: &str) -> BTreeMap<String, Vec<String>> {
     found
 }
 
-/// The first bytes of a file, as text.
-fn start_of(path: &Path, bytes: u64) -> Result<String> {
+/// The first bytes of a file, as text; the key stands in them.
+fn start_of(path: &Path) -> Result<String> {
     let mut start = Vec::new();
-    File::open(path)?.take(bytes).read_to_end(&mut start)?;
+    File::open(path)?.take(1024).read_to_end(&mut start)?;
     Ok(String::from_utf8_lossy(&start).into_owned())
 }
 

@@ -24,8 +24,9 @@ use std::{
 /// Elements that a task encodes: below some hundred the hand-over costs, above the cache's size nothing is gained.
 const BLOCK: usize = 4096;
 
-/// Elements encoded before they are written: enough tasks for many threads, and few megabytes.
-const AT_ONCE: usize = 16 * BLOCK;
+/// Elements encoded before they are written, which happens while the next are encoded: enough tasks for many threads, and
+/// few megabytes.
+const AT_ONCE: usize = 64 * BLOCK;
 
 /// Writes `mesh` to `path`, with `comments` (one line each) in its header, and returns the file's size [bytes].
 ///
@@ -330,7 +331,7 @@ mod tests {
 
     #[test]
     fn a_large_mesh_survives_the_hand_over_of_blocks() {
-        let n = 20_000;
+        let n = 2 * AT_ONCE as u32 + 1_001;
         let mesh = Mesh {
             positions: (0..n).map(|i| Vec3::new(i as f32, 0.5, -(i as f32))).collect(),
             triangles: (0..n - 2).map(|i| [i, i + 1, i + 2]).collect(),
@@ -341,10 +342,10 @@ mod tests {
         assert_eq!(lines.len(), 8, "without normals and velocity there is no column for them: {lines:?}");
         assert_eq!(bytes.len(), data + n as usize * 12 + (n as usize - 2) * 13);
         let ply = Parser::<DefaultElement>::new().read_ply(&mut bytes.as_slice()).unwrap();
-        assert_eq!(ply.payload["vertex"][19_999]["z"], Property::Float(-19_999.0));
+        assert_eq!(ply.payload["vertex"][n as usize - 1]["z"], Property::Float(1.0 - n as f32));
         assert_eq!(
-            ply.payload["face"][19_997]["vertex_indices"],
-            Property::ListUInt(vec![19_997, 19_998, 19_999])
+            ply.payload["face"][n as usize - 3]["vertex_indices"],
+            Property::ListUInt(vec![n - 3, n - 2, n - 1])
         );
     }
 

@@ -21,7 +21,7 @@ const SNAP: f64 = 1e-4;
 
 /// Unit outward normals at the vertices of `mesh` by the gradient of the field that it was cut from, and how many
 /// vertices had no usable gradient there (zero, not finite, or against the faces around) and carry the area-weighted
-/// normal of their faces instead. A vertex without any face of its own size gets +Z.
+/// normal of their faces instead: +Z if that is none. What has a usable gradient and no face keeps it.
 pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
     Directions::of(&mesh.positions, &contour.into()).settle(mesh)
 }
@@ -62,6 +62,8 @@ impl Directions {
                 let face = area_normal(mesh, triangle);
                 against.extend(triangle.iter().filter(|&&v| !(normals[v as usize].dot(&face) > 0.0)));
             }
+            against.sort_unstable();
+            against.dedup();
             against
         });
         let mut doubtful: Vec<u32> = against.into_iter().flatten().chain(without).collect();
@@ -81,6 +83,9 @@ impl Directions {
 
 /// The area-weighted normals of the faces around some vertices, which ascend; not normalised [m²].
 fn sums_at(mesh: &Mesh, vertices: &[u32]) -> Vec<Vec3> {
+    if vertices.is_empty() {
+        return Vec::new();
+    }
     let mut is_one = vec![false; mesh.positions.len()];
     vertices.iter().for_each(|&v| is_one[v as usize] = true);
     let around = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
@@ -99,7 +104,7 @@ fn sums_at(mesh: &Mesh, vertices: &[u32]) -> Vec<Vec3> {
     sums
 }
 
-/// The normals of some vertices, as [`normals_from_field`] has them, from the area-weighted normals of the faces.
+/// The normals of some vertices that have faces, as [`normals_from_field`] has them, from the area-weighted normals of the faces.
 pub(super) fn some_from_field(mesh: &Mesh, contour: Contour, faces: &[Vec3], vertices: &[u32]) -> Vec<Vec3> {
     par::map_chunks(vertices.len(), par::CHUNK, |range| {
         let mut reader = Reader::new(contour.grid);
@@ -235,5 +240,28 @@ impl<'a> Reader<'a> {
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_normal_goes_with_the_sum_of_its_faces_and_not_with_each() {
+        // Around vertex 0: two faces of area ½ that look up, and a small one that looks down.
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.1, 0.0], [0.0, 0.1]];
+        let positions = corners.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec();
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 5, 4]];
+        let mesh = Mesh { positions, triangles, ..Mesh::default() };
+        let normals = |directions: [f32; 6], without: Vec<u32>| {
+            let normals = directions.map(|z| Vec3::new(0.0, 0.0, z)).to_vec();
+            let (normals, replaced) = Directions { normals, without }.settle(&mesh);
+            (normals.iter().map(|n| n.z).collect::<Vec<_>>(), replaced)
+        };
+        let right = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0];
+        assert_eq!(normals(right, vec![]), (right.to_vec(), 0));
+        assert_eq!(normals([-1.0, 1.0, 1.0, -1.0, -1.0, 1.0], vec![]), (right.to_vec(), 3));
+        assert_eq!(normals([0.0, 1.0, 1.0, 1.0, 0.0, -1.0], vec![0, 4]), (right.to_vec(), 2));
     }
 }

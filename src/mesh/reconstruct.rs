@@ -85,7 +85,7 @@ pub struct SurfaceStats {
     pub normals_from_faces: usize,
     /// Vertices and points whose attributes are those of the nearest particle, because none is within the kernel.
     pub attributes_from_nearest: usize,
-    /// Seconds a pass, in the order run.
+    /// Seconds a pass, in the order first run: marching cubes and normals may take turns.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
@@ -192,6 +192,9 @@ fn as_cut(
     clock: &mut Clock,
     stats: &mut SurfaceStats,
 ) -> Result<Made, SurfaceError> {
+    if distance.is_some() {
+        field.grid.values = Vec::new();
+    }
     let contour = contour_of(&field, distance);
     let (cut, (positions, contour_stats)) = clock.time("marching cubes", || {
         let cut = Cut::new(&contour);

@@ -15,7 +15,7 @@ pub use radix::{Inverse, Radix};
 pub use wavefront::wavefront;
 
 use rayon::prelude::*;
-use std::ops::Range;
+use std::{ops::Range, sync::mpsc};
 
 /// Elements a chunk holds where the caller has no reason to choose otherwise.
 ///
@@ -40,8 +40,8 @@ pub fn threads() -> usize {
     rayon::current_num_threads()
 }
 
-/// `count` times `value`, written by all threads. Where what comes next reads before it writes, `vec![0; count]` is dear: the
-/// system maps its pages when they are first read, and again when they are first written, which stops all other threads.
+/// `count` times `value`, written by all threads: `vec![value; count]` is written by one, or by none if it is all zeros, and then
+/// the first to read an entry before it is written stops all others while the system maps its page a second time.
 pub fn repeated<T: Copy + Send + Sync>(value: T, count: usize) -> Vec<T> {
     (0..count).into_par_iter().with_min_len(CHUNK).map(|_| value).collect()
 }
@@ -178,18 +178,55 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     rayon::join(a, b)
 }
 
-/// Runs `work`, and `waits` on a thread of its own that is no worker: for what waits for the system more than it computes.
-/// Returns when both have, with what `work` gave.
-pub fn beside<R>(waits: impl FnOnce() + Send, work: impl FnOnce() -> R) -> R {
+/// Runs `work`; when this calls what it is given, `job` runs on a thread of its own that is no worker, beside it: for what waits
+/// for the system more than it computes. A call while another waits is the same call. Without a further thread, or after a failure,
+/// calls do nothing.
+///
+/// Returns what `work` gave and, once the last job has ended, whether one failed.
+pub fn aside<R, E: Send>(
+    job: impl Fn() -> Result<(), E> + Sync,
+    work: impl FnOnce(&mut (dyn FnMut() + Send)) -> R,
+) -> (R, Result<(), E>) {
+    let job = &job;
     std::thread::scope(|scope| {
-        scope.spawn(waits);
-        work()
+        let (mut calls, mut thread) = (None, None);
+        let mut call = || {
+            let calls = calls.get_or_insert_with(|| {
+                let (calls, called) = mpsc::sync_channel(1);
+                let run = move || called.into_iter().try_for_each(|()| job());
+                thread = std::thread::Builder::new().spawn_scoped(scope, run).ok();
+                calls
+            });
+            // It fails where a call waits already, or nobody listens: both are said above.
+            let _ = calls.try_send(());
+        };
+        let result = work(&mut call);
+        drop(calls);
+        let ended = thread
+            .map_or(Ok(()), |thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
+        (result, ended)
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::Ordering::Relaxed;
+
+    #[test]
+    fn a_job_aside_has_ended_when_the_work_has_and_its_failure_is_told() {
+        let done = std::sync::atomic::AtomicUsize::new(0);
+        let count = |limit: usize| {
+            let job = || if done.fetch_add(1, Relaxed) < limit { Ok(()) } else { Err("too many") };
+            aside(job, |call| (0..500).for_each(|_| call()))
+        };
+        assert_eq!(count(usize::MAX), ((), Ok(())));
+        assert!((1..=500).contains(&done.load(Relaxed)), "calls that wait are one");
+        assert_eq!(count(0), ((), Err("too many")));
+        let before = done.load(Relaxed);
+        assert_eq!(aside(|| Err(done.fetch_add(1, Relaxed)), |_| 7), (7, Ok(())), "nobody called");
+        assert_eq!(done.load(Relaxed), before);
+    }
 
     #[test]
     fn sums_have_the_same_bits_on_any_number_of_threads() {

@@ -203,14 +203,19 @@ impl Manifest {
 
     /// Adds an output of which the files of `frames` are new, in place of an earlier one of the same name and format.
     /// What that one named stays named as far as its files are in `folder`, so that meshing a few frames again does not
-    /// hide the others; then attributes and grids are those that all of them have.
+    /// hide the others; then attributes and grids are those that were named before and are named now.
     pub fn put(&mut self, mut output: OutputFiles, frames: &[u32], folder: &ShotFolder) {
         if let Some(place) = self.outputs.iter().position(|old| old.is_same(&output)) {
             let old = self.outputs.remove(place);
             let there = old.present(folder);
             if there.iter().any(|frame| frames.binary_search(frame).is_err()) {
                 output.grids.retain(|grid| old.grids.contains(grid));
-                output.attributes.retain(|name, properties| old.attributes.get(name) == Some(properties));
+                if output.attributes.is_empty() {
+                    // Frames without particles carry nothing, and say nothing of the others.
+                    output.attributes = old.attributes;
+                } else {
+                    output.attributes.retain(|name, properties| old.attributes.get(name) == Some(properties));
+                }
             }
             if let Some(there) = FrameSpan::of(&there) {
                 output.frames = output.frames.union(there);

@@ -23,7 +23,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a volume holds gives the same particles and settings another file. Changes of the
 /// surface raise [`mesh::SURFACE_VERSION`].
-const VOLUME_VERSION: u32 = 1;
+const VOLUME_VERSION: u32 = 2;
 
 /// What is made of every frame.
 #[derive(Clone, Debug, PartialEq)]

@@ -49,7 +49,7 @@ fn age_and_source_are_carried_where_they_are_named_and_nowhere_else() {
     desk.run("simulate kept.toml --set liquid.channels=[\"age\"]", 14);
 
     let attributes = "--set surface.attributes=[\"source\",\"age\"]";
-    // The second time the meshes are there, and nobody looks what they carry.
+    // The second time the meshes are there, and tell what they carry.
     for there in ["0 were there", "2 were there"] {
         let (out, _) = desk.run(&format!("mesh kept {attributes} --frames 1,3"), 0);
         assert!(out.contains(there), "{out}");

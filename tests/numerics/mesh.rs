@@ -508,7 +508,7 @@ fn no_particle_one_particle_and_broken_particles() {
 fn an_interrupted_reconstruction_ends_after_the_pass() {
     use std::sync::atomic::{AtomicUsize, Ordering};
     let ball = lattice(|x| x.norm() < 0.3);
-    for passes in 0..6 {
+    for passes in 0..8 {
         let asked = AtomicUsize::new(0);
         let keep_going = || asked.fetch_add(1, Ordering::Relaxed) < passes;
         let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
