@@ -60,7 +60,7 @@ impl Directions {
             let mut against = Vec::new();
             for triangle in &mesh.triangles[range] {
                 let face = area_normal(mesh, triangle);
-                against.extend(triangle.iter().filter(|&&v| !(normals[v as usize].dot(&face) > 0.0)));
+                against.extend(triangle.iter().filter(|&&v| !goes_with(&normals[v as usize], &face)));
             }
             against.sort_unstable();
             against.dedup();
@@ -72,7 +72,7 @@ impl Directions {
         let mut replaced = 0;
         for (&v, face) in doubtful.iter().zip(sums_at(mesh, &doubtful)) {
             let normal = &mut normals[v as usize];
-            if !(normal.dot(&face) > 0.0) {
+            if !goes_with(normal, &face) {
                 *normal = unit(&face);
                 replaced += 1;
             }
@@ -110,7 +110,7 @@ pub(super) fn some_from_field(mesh: &Mesh, contour: Contour, faces: &[Vec3], ver
         let mut reader = Reader::new(contour.grid);
         let normal = |&v: &u32| {
             let (x, face) = (mesh.positions[v as usize], &faces[v as usize]);
-            reader.direction(&contour, x).filter(|n| n.dot(face) > 0.0).unwrap_or_else(|| unit(face))
+            reader.direction(&contour, x).filter(|n| goes_with(n, face)).unwrap_or_else(|| unit(face))
         };
         vertices[range].iter().map(normal).collect::<Vec<_>>()
     })
@@ -128,6 +128,11 @@ pub fn normals_from_faces(mesh: &Mesh) -> Vec<Vec3> {
 /// The direction of a normal; +Z if it has none.
 pub(super) fn unit(normal: &Vec3) -> Vec3 {
     normal.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
+}
+
+/// Whether a normal is on the side of a face's; what is not a number is not.
+fn goes_with(normal: &Vec3, face: &Vec3) -> bool {
+    normal.dot(face) > 0.0
 }
 
 /// Whether a normal is finite and of unit length.

@@ -44,6 +44,13 @@ pub struct SurfaceParams {
     pub decimation: Option<DecimationParams>,
 }
 
+impl SurfaceParams {
+    /// Whether nothing is done to the mesh once it is cut.
+    pub fn is_as_cut(&self) -> bool {
+        self.components.is_none() && self.smoothing.is_none() && self.decimation.is_none()
+    }
+}
+
 impl Default for SurfaceParams {
     fn default() -> Self {
         Self {

@@ -157,9 +157,7 @@ pub fn reconstruct(
         nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
         ..SurfaceStats::default()
     };
-    let SurfaceParams { components, smoothing, decimation, .. } = params;
-    let is_as_cut = components.is_none() && smoothing.is_none() && decimation.is_none();
-    let Made { mut mesh, mut points, links } = if is_as_cut {
+    let Made { mut mesh, mut points, links } = if params.is_as_cut() {
         as_cut(field, distance.as_ref(), &mut clock, &mut stats)?
     } else {
         cleaned(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
