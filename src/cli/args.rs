@@ -329,7 +329,7 @@ pub(super) struct VolumeArgs {
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
 
-    /// Grids: `density` (fog), `surface` (level set), `velocity`. By default those of the preset, or all
+    /// Grids: `density` (fog), `surface` (level set), `velocity`, `temperature` (of smoke). By default those of the preset, or all
     #[arg(long = "grid", value_name = "GRID", value_delimiter = ',', value_parser = volume_grid)]
     pub(super) grids: Vec<VolumeGrid>,
 
@@ -412,7 +412,7 @@ fn frames(text: &str) -> Result<Frames, String> {
 }
 
 fn volume_grid(text: &str) -> Result<VolumeGrid, String> {
-    VolumeGrid::from_name(text).ok_or_else(|| "expected density, surface or velocity".into())
+    VolumeGrid::from_name(text).ok_or_else(|| "expected density, surface, velocity or temperature".into())
 }
 
 fn mesh_format(text: &str) -> Result<MeshFormat, String> {

@@ -39,7 +39,9 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         }
     }
     if !volume.is_empty() {
-        match run::volume(source, &folder, &super::volume::of_scene(&scene), &job, control) {
+        let mut settings = super::volume::of_scene(&scene);
+        settings.smoke = run::surroundings(&scene, &folder, control)?;
+        match run::volume(source, &folder, &settings, &job, control) {
             Ok(done) => super::mesh::summary(&done)?,
             Err(why) => return Err(failed.unwrap_or(why)),
         }

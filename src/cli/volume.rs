@@ -42,6 +42,7 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, Run
         let preset = scene::load(&preset.to_string_lossy())?;
         let scene = Scene::from_preset(&preset, &Overrides { quality: None, set: keys(args) })?;
         let mut settings = of_scene(&scene);
+        settings.smoke = run::surroundings(&scene, &source, control)?;
         if !args.grids.is_empty() || settings.grids.is_empty() {
             settings.grids = grids(&args.grids);
         }
@@ -77,13 +78,13 @@ pub(super) fn of_scene(scene: &Scene) -> VolumeSettings {
     let mut grids = scene.output.volume.clone();
     grids.sort_unstable();
     grids.dedup();
-    VolumeSettings { surface: scene.surface.clone(), volume: scene.volume.clone(), grids }
+    VolumeSettings { surface: scene.surface.clone(), volume: scene.volume.clone(), grids, smoke: None }
 }
 
 /// The settings given on the command line, for a source without a preset.
 fn alone(args: &VolumeArgs) -> Result<VolumeSettings, RunError> {
     let (surface, volume) = scene::volume_alone(&keys(args))?;
-    Ok(VolumeSettings { surface, volume, grids: grids(&args.grids) })
+    Ok(VolumeSettings { surface, volume, grids: grids(&args.grids), smoke: None })
 }
 
 /// The grids asked for, or all, each once and in the order of a file.

@@ -6,12 +6,14 @@
 mod active;
 mod anisotropy;
 mod blob;
+mod carried;
 mod cloud;
 mod density;
 mod threshold;
 mod velocity;
 
 pub use active::coarse_step;
+pub use carried::{Carried, CarriedParams, carried};
 pub use anisotropy::Anisotropy;
 pub use density::{Density, DensityParams, bricks_near_surface, density};
 pub use threshold::surface_threshold;

@@ -1,8 +1,11 @@
 //! Small mathematics that several modules share.
 
 pub mod kernel;
+mod random;
 pub mod symmetric;
 pub mod wide;
+
+pub use random::Random;
 
 /// A point or vector in space, single precision, world axes (Z up).
 pub type Vec3 = nalgebra::Vector3<f32>;

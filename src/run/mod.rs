@@ -17,6 +17,7 @@ mod plan;
 mod remarks;
 mod scratch;
 mod simulate;
+mod smoke_grids;
 mod solids;
 mod source;
 mod surface;
@@ -37,7 +38,7 @@ pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub use simulate::{Simulated, simulate};
 pub use source::Source;
 pub use surface::{SurfaceSettings, surface};
-pub use volume::{VolumeSettings, volume};
+pub use volume::{Surroundings, VolumeSettings, surroundings, volume};
 
 /// What a job tells while it works. Implemented by the command line.
 pub trait Reporter: Sync {

@@ -98,6 +98,12 @@ impl Solids {
             SourceShape::Mesh(mesh) => Some(mesh),
             _ => None,
         });
+        let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
+        let smoke = smoke.filter_map(|(_, shape)| match shape {
+            Shape::Mesh(mesh) => Some(mesh),
+            _ => None,
+        });
+        let sources = sources.chain(smoke);
         let nodes = |mesh: &MeshShape| mesh.samples().values.len();
         let colliding: usize = colliders.clone().map(nodes).sum();
         // Shapes of one file share their samples.

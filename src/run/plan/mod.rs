@@ -112,7 +112,7 @@ const LEAST_UNCERTAINTY: f64 = 0.25;
 /// If the systems cannot start as the preset says.
 pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Outline, RunError> {
     let scene = &solids::fill(scene, None, control.reporter)?;
-    let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
+    let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
     let particles = simulation.seeded().particles as usize;
     Ok(Outline {
         particles,
@@ -245,7 +245,7 @@ fn plan_within(
     let scene = &solids::fill(scene, None, control.reporter)?;
     let clock = Meter::new();
     control.reporter.begin("calibrate", 3);
-    let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
+    let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
     let particles = simulation.seeded().particles as usize;
     let formats = formats(scene, with_outputs);
     let passes = passes(&simulation, scene, with_outputs);
