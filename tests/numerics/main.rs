@@ -12,3 +12,4 @@ mod solids;
 mod surface_field;
 mod volumes;
 mod vortex;
+mod vortex_dynamics;

@@ -5,9 +5,9 @@
 //! ν dt/s² ≤ ½ on an even lattice. And [leonard80]: dσ²/dt = 2ν of Gaussian cores.
 //!
 //! *Departs from the paper*: of two cores the smaller counts for both; the Gaussian ends at four standard deviations, and what its
-//! second moment loses there is given back to ν.
+//! second moment loses there is given back to ν; volumes that overlap count as if they just filled space.
 
-use super::super::Kernel;
+use super::super::{Kernel, Vortons};
 use super::{
     Flow,
     near::{MOMENT, Near, Weight},
@@ -26,48 +26,32 @@ impl Flow {
         if self.vortons.is_empty() || nu == 0.0 {
             return Ok(0);
         }
-        let near = Near::new(&self.vortons);
-        let scale = 2.0 * nu / MOMENT;
-        let (first, fastest) = self.exchanged(&near, scale, &self.vortons.strength);
-        let (at, fastest) = fastest.expect("there are vortons");
+        let exchange = Exchange::new(&self.vortons, &self.volume, nu);
+        let mut rates = exchange.rates(&self.vortons.strength);
+        let (at, fastest) = par::max(rates.len(), |i| rates[i].own).expect("there are vortons");
         let rounds = (f64::from(fastest) * seconds).ceil().max(1.0);
         if rounds.is_nan() || rounds > MOST_ROUNDS {
             return Err(Diverged {
                 system: "smoke",
                 substep,
                 particle: self.id[at],
-                what: format!("would take {rounds} rounds of viscous exchange"),
+                what: format!("would take {rounds:.0} rounds of viscous exchange"),
                 try_next: "scheme = \"spreading\", a smaller nu or larger cores",
             });
         }
         let dt = (seconds / rounds) as f32;
-        let mut rate = first;
         for round in 0..rounds as u32 {
             if round > 0 {
-                rate = self.exchanged(&near, scale, &self.vortons.strength).0;
+                rates = exchange.rates(&self.vortons.strength);
             }
             let mut ahead = self.vortons.strength.clone();
-            par::update(&mut ahead, |i, strength| *strength += rate[i] * dt);
-            let (then, _) = self.exchanged(&near, scale, &ahead);
+            par::update(&mut ahead, |i, strength| *strength += rates[i].strength * dt);
+            let then = exchange.rates(&ahead);
             par::update(&mut self.vortons.strength, |i, strength| {
-                *strength += (rate[i] + then[i]) * (0.5 * dt);
+                *strength += (rates[i].strength + then[i].strength) * (0.5 * dt);
             });
         }
         Ok(rounds as u32)
-    }
-
-    /// The rates of `strength`, and the fastest at which a vorton hands on its own [1/s].
-    fn exchanged(&self, near: &Near, scale: f32, strength: &[Vec3]) -> (Vec<Vec3>, Option<(usize, f32)>) {
-        let sums = near.sums(Weight::Diffusion, |q| {
-            let g = strength[q];
-            [g.x, g.y, g.z, self.volume[q]]
-        });
-        let mut rates = vec![Vec3::zeros(); strength.len()];
-        par::fill(&mut rates, |p| {
-            let [x, y, z, volume] = sums[p];
-            (Vec3::new(x, y, z) * self.volume[p] - strength[p] * volume) * scale // [degond89] Eq. 27
-        });
-        (rates, par::max(sums.len(), |p| scale * sums[p][3]))
     }
 
     /// Lets cores grow for `seconds` [s] with viscosity `nu` [m²/s].
@@ -76,6 +60,50 @@ impl Flow {
         par::update(&mut self.vortons.core, |_, core| {
             *core = (f64::from(*core).powi(2) + grown).sqrt() as f32
         });
+    }
+}
+
+/// Exchange between vortons that do not move.
+struct Exchange<'a> {
+    near: Near,
+    volume: &'a [f32],
+    /// 1/√max(1, Σ V ζ): where volumes overlap, what is exchanged is as if they just filled space.
+    share: Vec<f32>,
+    /// 2ν, for a Gaussian with an end [m²/s].
+    scale: f32,
+}
+
+/// What exchange does to a vorton.
+#[derive(Clone, Copy, Debug, Default)]
+struct Exchanged {
+    /// dΓ/dt [m³/s²].
+    strength: Vec3,
+    /// The part of its own strength that it gives away a second [1/s].
+    own: f32,
+}
+
+impl<'a> Exchange<'a> {
+    fn new(vortons: &Vortons, volume: &'a [f32], nu: f32) -> Self {
+        let near = Near::new(vortons);
+        let filled = near.sums(Weight::Density, |q| [volume[q], 0.0, 0.0, 0.0]);
+        let mut share = vec![0.0; filled.len()];
+        par::fill(&mut share, |p| filled[p][0].max(1.0).sqrt().recip());
+        Self { near, volume, share, scale: 2.0 * nu / MOMENT }
+    }
+
+    fn rates(&self, strength: &[Vec3]) -> Vec<Exchanged> {
+        let sums = self.near.sums(Weight::Diffusion, |q| {
+            let g = strength[q] * self.share[q];
+            [g.x, g.y, g.z, self.volume[q] * self.share[q]]
+        });
+        let mut rates = vec![Exchanged::default(); strength.len()];
+        par::fill(&mut rates, |p| {
+            let [x, y, z, volume] = sums[p];
+            let scale = self.scale * self.share[p];
+            let given = Vec3::new(x, y, z) * self.volume[p] - strength[p] * volume; // [degond89] Eq. 27
+            Exchanged { strength: given * scale, own: volume * scale }
+        });
+        rates
     }
 }
 

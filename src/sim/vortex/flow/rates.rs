@@ -3,6 +3,7 @@
 use super::super::{Gradient, Induced, Quantity, Targets, Unfit, Vortons, induced};
 use super::FlowParams;
 use crate::{math::Vec3, par};
+use std::f32::consts::PI;
 
 /// What acts on the flow beside the vortons themselves: solids, wind, buoyancy.
 pub trait Outside {
@@ -85,10 +86,26 @@ impl Rates {
         });
     }
 
-    /// The largest gradient [1/s] (Frobenius' norm), and the most cores a second that a vorton moves [1/s].
-    pub(super) fn largest(&self, vortons: &Vortons) -> (f32, f32) {
+    /// The largest rates, of a kernel whose K(0) σ³ is `middle`.
+    pub(super) fn largest(&self, vortons: &Vortons, middle: f32) -> Largest {
         let most =
             |f: &(dyn Fn(usize) -> f32 + Sync)| par::max(vortons.len(), f).map_or(0.0, |(_, most)| most);
-        (most(&|i| self.gradient[i].norm()), most(&|i| self.velocity[i].norm() / vortons.core[i]))
+        let core = &vortons.core;
+        Largest {
+            gradient: most(&|i| self.gradient[i].norm()),
+            cores: most(&|i| self.velocity[i].norm() / core[i]),
+            spin_up: middle / (4.0 * PI) * most(&|i| self.strength[i].norm() / core[i].powi(3)),
+        }
     }
+}
+
+/// The largest rates of all vortons: what the length of a substep depends on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Largest {
+    /// |∇u| [1/s], Frobenius' norm.
+    pub(super) gradient: f32,
+    /// Velocity over core [1/s].
+    pub(super) cores: f32,
+    /// How fast a vorton turns faster by itself [1/s²].
+    pub(super) spin_up: f32,
 }

@@ -5,7 +5,8 @@
 //! ones are divided first (`pieces`). Weak nodes hand on what they have (`weak.rs`). Only bricks that a vorton reaches exist, and
 //! only their nodes with strength are kept, so a stray costs what a vorton costs.
 
-use super::{Flow, exchange::spreading, weak};
+use super::super::Vortons;
+use super::{Flow, Remesh, exchange::spreading, weak};
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, node_of, offset},
     math::Vec3,
@@ -14,6 +15,10 @@ use crate::{
 };
 use nalgebra::Vector3;
 use serde::Serialize;
+
+/// Cores this many times as wide as new ones stay as they are: 27 parts of them would be lumps apart. Cores that grow are
+/// divided long before.
+const WIDE: f32 = 4.0;
 
 /// Bricks a task fills.
 const TASK: usize = 16;
@@ -29,6 +34,8 @@ pub struct RemeshReport {
     pub dropped: u32,
     /// Weak nodes that stayed, because those around them could not take strength and impulse.
     pub stayed: u32,
+    /// Vortons left alone, because their cores are more than four times as wide as the lattice's.
+    pub wide: u32,
 }
 
 /// A node of the lattice with strength.
@@ -71,32 +78,40 @@ impl Flow {
         let wanted = self.params.remesh.clone().expect("the parameters name a lattice");
         let before = self.vortons.len() as u32;
         let core = wanted.core * wanted.spacing;
-        let pieces = self.pieces(wanted.spacing, core);
-        self.check_reach(&pieces, substep)?;
+        self.check_reach(&wanted, substep)?;
+        let wide: Vec<usize> =
+            (0..self.vortons.len()).filter(|&i| wanted.is_wide(self.vortons.core[i])).collect();
+        let pieces = self.pieces(&wanted);
         let nodes = deposit(&pieces);
         let thinned = weak::hand_on(nodes, f64::from(wanted.weak));
 
-        // The new vortons, all alike but for place and strength.
+        // The new vortons, all alike but for place and strength, behind those that stay.
+        self.retain(|i| wide.binary_search(&i).is_ok());
         let count = thinned.nodes.len();
         let spacing = f64::from(wanted.spacing);
-        self.vortons.position = thinned.nodes.iter().map(|node| position(node.at, spacing)).collect();
-        self.vortons.strength = thinned.nodes.iter().map(|node| node.strength.cast()).collect();
-        self.vortons.core = vec![core; count];
-        self.volume = vec![wanted.spacing.powi(3); count];
-        let end =
-            u32::try_from(count).ok().and_then(|n| self.next_id.checked_add(n)).expect("numbers are left");
-        self.id = (self.next_id..end).collect();
-        self.next_id = end;
-        Ok(RemeshReport { before, after: count as u32, dropped: thinned.dropped, stayed: thinned.stayed })
+        let lattice = Vortons {
+            position: thinned.nodes.iter().map(|node| position(node.at, spacing)).collect(),
+            strength: thinned.nodes.iter().map(|node| node.strength.cast()).collect(),
+            core: vec![core; count],
+        };
+        self.add(&lattice, &vec![wanted.spacing.powi(3); count]);
+        Ok(RemeshReport {
+            before,
+            after: self.vortons.len() as u32,
+            dropped: thinned.dropped,
+            stayed: thinned.stayed,
+            wide: wide.len() as u32,
+        })
     }
 
     /// The vortons as places and strengths, those with wider cores than `core` [m] divided into 27: along each axis the three points of
     /// Gauss–Hermite quadrature, ⅙, ⅔, ⅙ at −√3, 0, √3 standard deviations of what their vorticity is wider by.
-    fn pieces(&self, spacing: f32, core: f32) -> Vec<Piece> {
+    fn pieces(&self, wanted: &Remesh) -> Vec<Piece> {
+        let (spacing, core) = (wanted.spacing, wanted.core * wanted.spacing);
         let per_variance = 2.0 / f64::from(spreading(self.params.kernel));
         let parts = par::map_chunks(self.vortons.len(), par::CHUNK, |range| {
             let mut pieces = Vec::with_capacity(range.len());
-            for i in range {
+            for i in range.filter(|&i| !wanted.is_wide(self.vortons.core[i])) {
                 let at = self.vortons.position[i].cast() / f64::from(spacing);
                 let strength = self.vortons.strength[i].cast();
                 let wider = f64::from(self.vortons.core[i]).powi(2) - f64::from(core).powi(2);
@@ -118,18 +133,28 @@ impl Flow {
         parts.concat()
     }
 
-    /// That every piece has its place among the bricks.
-    fn check_reach(&self, pieces: &[Piece], substep: u32) -> Result<(), Diverged> {
-        let reach = f64::from(MAX_BRICK - 1) * BRICK as f64;
-        let Some(piece) = pieces.iter().find(|piece| !(piece.at.amax() < reach)) else { return Ok(()) };
-        let far = |i: &usize| !(self.vortons.position[*i].amax() < 0.9 * reach as f32);
-        Err(Diverged {
-            system: "smoke",
-            substep,
-            particle: (0..self.vortons.len()).find(far).map_or(0, |i| self.id[i]),
-            what: format!("is {:.1e} spacings of the lattice from the origin", piece.at.amax()),
-            try_next: "a larger remesh.spacing",
-        })
+    /// That every vorton has its place among the bricks.
+    fn check_reach(&self, wanted: &Remesh, substep: u32) -> Result<(), Diverged> {
+        // A brick inwards of the last one, for pieces.
+        let reach = f64::from(MAX_BRICK - 2) * BRICK as f64;
+        let far = |i: usize| f64::from(self.vortons.position[i].amax()) / f64::from(wanted.spacing);
+        match (0..self.vortons.len()).find(|&i| !(far(i) < reach)) {
+            None => Ok(()),
+            Some(i) => Err(Diverged {
+                system: "smoke",
+                substep,
+                particle: self.id[i],
+                what: format!("is {:.1e} spacings of the lattice from the origin", far(i)),
+                try_next: "a larger remesh.spacing",
+            }),
+        }
+    }
+}
+
+impl Remesh {
+    /// Whether a core [m] is so wide that the lattice is not for it.
+    pub(super) fn is_wide(&self, core: f32) -> bool {
+        core > WIDE * self.core * self.spacing
     }
 }
 

@@ -5,8 +5,8 @@
 
 use super::super::{Gradient, Kernel, Unfit, Vortons};
 use super::{
-    Flow, FlowReport, Moment, Outside, Rates, Relaxation, StepReport, Viscosity, ViscousScheme,
-    relaxation::relax,
+    Flow, FlowParams, FlowReport, Moment, Outside, Rates, Relaxation, StepReport, Viscosity, ViscousScheme,
+    rates::Largest, relaxation::relax,
 };
 use crate::{
     math::Vec3,
@@ -60,8 +60,9 @@ impl Flow {
                 Rates::at(now, &self.params, outside).map_err(|unfit| self.diverged(unfit, span.number))?;
             rates.stretch(&self.vortons);
             if stage == 0 {
-                (report.gradient, report.cores) = rates.largest(&self.vortons);
-                (report.seconds, report.capped) = self.length(span, &report, outside.longest());
+                let largest = rates.largest(&self.vortons, middle(self.params.kernel));
+                (report.gradient, report.cores) = (largest.gradient, largest.cores);
+                (report.seconds, report.capped) = self.length(span, largest, outside.longest());
                 caps = self.caps(report.seconds);
             }
 
@@ -128,9 +129,11 @@ impl Flow {
     }
 
     /// How long a substep is [s], and whether that is longer than the limits ask for.
-    fn length(&self, span: Span, found: &StepReport, outside: f64) -> (f64, bool) {
-        let limits = f64::from(self.params.strain / found.gradient)
-            .min(f64::from(self.params.displacement / found.cores))
+    fn length(&self, span: Span, largest: Largest, outside: f64) -> (f64, bool) {
+        let FlowParams { strain, displacement, .. } = self.params;
+        let limits = f64::from(strain / largest.gradient)
+            .min(f64::from(displacement / largest.cores))
+            .min(f64::from(strain / largest.spin_up).sqrt())
             .min(outside);
         let allowed = limits.max(span.shortest);
         // Rates of zero allow any length.
@@ -141,13 +144,7 @@ impl Flow {
 
     /// The largest strength that each vorton may have after a substep [m³/s]: what it has, or what spins it by [`SPIN`].
     fn caps(&self, seconds: f64) -> Vec<f32> {
-        // K(0) σ³: a core turns by itself at Γ K(0)/4π.
-        let middle = match self.params.kernel {
-            Kernel::Ball | Kernel::RosenheadMoore => 1.0,
-            Kernel::WinckelmansLeonard => 2.5,
-            Kernel::Gaussian => 0.265_961_5, // √(2/π)/3
-        };
-        let unit = SPIN * 4.0 * std::f32::consts::PI / (middle * seconds as f32);
+        let unit = SPIN * 4.0 * std::f32::consts::PI / (middle(self.params.kernel) * seconds as f32);
         let Vortons { strength, core, .. } = &self.vortons;
         let mut caps = vec![0.0; core.len()];
         par::fill(&mut caps, |i| strength[i].norm().max(unit * core[i].powi(3)));
@@ -168,6 +165,15 @@ impl Flow {
             },
             try_next: "a smaller strain limit, more max_substeps or a larger core",
         }
+    }
+}
+
+/// K(0) σ³: the middle of a core turns by itself at Γ K(0)/4π.
+fn middle(kernel: Kernel) -> f32 {
+    match kernel {
+        Kernel::Ball | Kernel::RosenheadMoore => 1.0,
+        Kernel::WinckelmansLeonard => 2.5,
+        Kernel::Gaussian => 0.265_961_5, // √(2/π)/3
     }
 }
 
