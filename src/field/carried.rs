@@ -149,7 +149,13 @@ impl<const N: usize> Gather<'_, N> {
     }
 
     /// Adds one tracer at `p` [voxels from the brick's first node].
-    fn splat(&self, p: [f32; 3], carried: [f32; N], sums: &mut [[f32; BRICK_NODES]; N], reached: &mut NodeMask) {
+    fn splat(
+        &self,
+        p: [f32; 3],
+        carried: [f32; N],
+        sums: &mut [[f32; BRICK_NODES]; N],
+        reached: &mut NodeMask,
+    ) {
         let inverse = 1.0 / self.reach;
         let dx2: [f32; BRICK] = std::array::from_fn(|x| (x as f32 - p[0]).powi(2));
         let (first_z, last_z) = rows(p[2], self.reach);
@@ -188,7 +194,10 @@ mod tests {
     const PARAMS: CarriedParams = CarriedParams { spacing: 0.1, radius: 0.2, voxel: 0.05, padding: 5 };
 
     fn block() -> Vec<Vec3> {
-        (0..1000).map(|i| [i % 10, i / 10 % 10, i / 100].map(|v| 0.1 * v as f32 - 0.37)).map(Vec3::from).collect()
+        (0..1000)
+            .map(|i| [i % 10, i / 10 % 10, i / 100].map(|v| 0.1 * v as f32 - 0.37))
+            .map(Vec3::from)
+            .collect()
     }
 
     #[test]

@@ -13,8 +13,8 @@ mod threshold;
 mod velocity;
 
 pub use active::coarse_step;
-pub use carried::{Carried, CarriedParams, carried};
 pub use anisotropy::Anisotropy;
+pub use carried::{Carried, CarriedParams, carried};
 pub use density::{Density, DensityParams, bricks_near_surface, density};
 pub use threshold::surface_threshold;
 pub use velocity::{Velocity, velocity};
