@@ -1,19 +1,25 @@
 //! The air of a cached frame, without simulating.
 
-use super::{NAME, Smoke, air::Air, state};
+use super::{
+    NAME, Smoke,
+    air::{Air, Instant},
+    state,
+    walls::Sources,
+};
 use crate::{
     frame::Stream,
     math::Vec3,
     sim::{
         SetupError, World,
-        vortex::{Unfit, Vortons, flow::Flow},
+        vortex::{Unfit, Vortons},
     },
 };
 
 /// The air of a frame: its velocity anywhere.
 #[derive(Debug)]
 pub struct FrameAir {
-    flow: Flow,
+    vortons: Vortons,
+    sources: Sources,
     air: Air,
 }
 
@@ -33,11 +39,9 @@ impl FrameAir {
     /// # Errors
     /// If a vorton is outside what can be computed.
     pub fn new(smoke: &Smoke, world: &World, vortons: Vortons, time: f64) -> Result<Self, SetupError> {
-        let _ = (world, time);
-        let volume = vec![smoke.params.spacing.powi(3); vortons.len()];
-        let mut flow = Flow::new(smoke.params.flow.clone());
-        flow.add(&vortons, &volume);
-        Ok(Self { flow, air: Air::new(&smoke.params) })
+        let air = Air::new(&smoke.params, world);
+        let sources = air.sources(&vortons, time)?;
+        Ok(Self { vortons, sources, air })
     }
 
     /// The velocity at points [m/s].
@@ -45,6 +49,6 @@ impl FrameAir {
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
     pub fn velocity(&self, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
-        self.air.velocity(&self.flow, points)
+        self.air.velocity(Instant { vortons: &self.vortons, sources: &self.sources }, points)
     }
 }

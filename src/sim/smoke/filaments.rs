@@ -28,9 +28,10 @@ struct Line {
     area: f32,
 }
 
-/// Lines `distance` apart that fill a disc of `radius`; at least the middle one.
+/// Lines about `distance` apart that fill a disc of `radius`; at least the middle one.
 fn bundle(radius: f32, distance: f32) -> Vec<Line> {
     let circles = (radius / distance - 0.5).round().max(0.0) as usize;
+    let distance = radius / (circles as f32 + 0.5);
     let mut lines = vec![Line { offset: [0.0; 2], area: PI * (0.5 * distance).powi(2) }];
     for circle in 1..=circles {
         let (r, count) = (circle as f32 * distance, 6 * circle);
@@ -52,7 +53,13 @@ fn shares(thickness: f32, spacing: f32) -> Vec<(Line, f32)> {
         f64::from(line.area) * f64::from(-r2 / thickness.powi(2)).exp()
     };
     let sum: f64 = lines.iter().map(weight).sum();
-    lines.into_iter().map(|line| { let share = (weight(&line) / sum) as f32; (line, share) }).collect()
+    lines
+        .into_iter()
+        .map(|line| {
+            let share = (weight(&line) / sum) as f32;
+            (line, share)
+        })
+        .collect()
 }
 
 /// A curve with a cross-section: where a point of it is, and the way along it [m per turn, or m].
@@ -82,11 +89,13 @@ fn add_tracers(path: &Path, thickness: f32, spacing: f32, smoke: [f32; 2], key: 
     let pieces = (path.length / spacing).ceil().max(4.0) as usize;
     let (lines, mut number) = (bundle(thickness, spacing), 0);
     for line in &lines {
+        // What it stands for, over what a tracer is counted for.
+        let share = line.area * path.length / pieces as f32 / spacing.powi(3);
         for piece in 0..pieces {
             let v = random.vector(number) - Vec3::repeat(0.5);
             let offset = [line.offset[0] + spacing * v.x, line.offset[1] + spacing * v.y];
             let (x, _) = (path.at)((piece as f32 + 0.5 + v.z) / pieces as f32, offset);
-            out.add(x, smoke);
+            out.add(x, smoke.map(|carried| carried * share));
             number += 1;
         }
     }
@@ -142,4 +151,35 @@ fn across(axis: Vec3) -> (Vec3, Vec3) {
     let other = Vec3::ith(axis.iamin(), 1.0);
     let u = (other - axis * axis.dot(&other)).normalize();
     (u, axis.cross(&u))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_ring_has_its_circulation_its_impulse_and_its_smoke() {
+        let text =
+            "center = [0.1, 0, 0]\ndirection = [0, 1, 1]\nradius = 0.4\nthickness = 0.06\ncirculation = 2";
+        let params: Ring = toml::from_str(text).unwrap();
+        for spacing in [0.05, 0.02] {
+            let setting = Setting { spacing, core: 1.5 * spacing, tracers: 0.5 * spacing };
+            let (mut vortons, mut seeds) = (Vortons::default(), Seeds::default());
+            ring(&params, setting, 0, &mut vortons, &mut seeds);
+            let sum: Vec3 = vortons.strength.iter().sum();
+            assert!(sum.norm() < 1e-4, "{sum}");
+            // ½ Σ (x − c) × Γ = Γ_c π (R² + ⟨r²⟩/2), along its way.
+            let x = vortons.position.iter().map(|x| x - Vec3::from(params.center));
+            let impulse: Vec3 = x.zip(&vortons.strength).map(|(x, g)| x.cross(g) * 0.5).sum();
+            let exact = 2.0 * PI * (0.16 + 0.5 * 0.06 * 0.06 * 0.93);
+            let along = impulse.dot(&Vec3::new(0.0, 1.0, 1.0).normalize());
+            assert!(
+                (along / exact - 1.0).abs() < 0.01 && (impulse.norm() - along).abs() < 1e-3,
+                "{impulse} {exact}"
+            );
+            let smoke: f32 = seeds.smoke.iter().map(|[density, _]| density * setting.tracers.powi(3)).sum();
+            let volume = 2.0 * PI * PI * 0.4 * 0.06 * 0.06;
+            assert!((smoke / volume - 1.0).abs() < 0.01, "{smoke} of {volume}");
+        }
+    }
 }

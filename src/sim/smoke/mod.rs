@@ -13,16 +13,21 @@ mod emit;
 mod field;
 mod filaments;
 mod kick;
+mod panels;
 mod params;
 mod push;
 mod record;
+mod replay;
+mod shed;
 mod state;
 mod tracers;
 mod turbulence;
+mod walls;
 
 pub use field::FrameAir;
 pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
 pub use record::SmokeRecord;
+pub use replay::{Drifting, KeyedAir, Replay};
 pub use tracers::TRACERS;
 
 use super::{
@@ -34,7 +39,7 @@ use super::{
     },
 };
 use crate::{math::Vec3, sim::Diverged, solid::Solid};
-use air::Air;
+use air::{Air, Instant};
 use emit::Emitted;
 use filaments::Setting;
 use tracers::{Seeds, Tracers};
@@ -110,7 +115,7 @@ impl System {
         Self {
             gravity: world.gravity,
             solids: world.solids.clone(),
-            air: Air::new(&params),
+            air: Air::new(&params, world),
             emitters: emitters.collect(),
             flow: Flow::new(params.flow.clone()),
             tracers: Tracers::default(),
@@ -138,6 +143,7 @@ impl System {
             Some("smoke_move"),
             optional(!self.emitters.is_empty(), "smoke_emit"),
             optional(self.pushes(), "smoke_push"),
+            optional(self.air.walls.is_some(), "smoke_walls"),
             optional(self.fades(), "smoke_fade"),
             Some("smoke_account"),
         ]
@@ -176,8 +182,8 @@ impl System {
         record.vortons = self.flow.vortons.len() as u64;
         record.tracers = self.tracers.len() as u64;
         let samples = self.frames.is_multiple_of(self.params.sample_every).then_some(SAMPLES);
-        let account = clock.time("smoke_account", || self.flow.account(samples));
-        record.account = account.map_err(|unfit| self.diverged(last, &unfit))?;
+        let account = clock.time("smoke_account", || self.account(samples, start + seconds, &mut record));
+        account.map_err(|unfit| self.diverged(last, &unfit))?;
         Ok((record, clock.into_totals()))
     }
 
@@ -189,6 +195,7 @@ impl System {
         clock: &mut Clock,
         record: &mut SmokeRecord,
     ) -> Result<f64, Diverged> {
+        self.air.now = now;
         let tracers = &mut self.tracers.position;
         let report = clock.time("smoke_move", || self.flow.step(span, tracers, &mut self.air))?;
         record.flow.add(&report);
@@ -198,15 +205,35 @@ impl System {
             clock.time("smoke_emit", || self.emit(now, then, &mut emitted, record));
         }
         if self.pushes() {
-            let pushed = clock.time("smoke_push", || self.push(&emitted, report.seconds as f32, record));
+            let pushed =
+                clock.time("smoke_push", || self.push(&emitted, then, report.seconds as f32, record));
             pushed.map_err(|unfit| self.diverged(span.number, &unfit))?;
         }
         self.tracers.add(emitted.seeds);
+        if self.air.walls.is_some() {
+            let shed = clock.time("smoke_walls", || {
+                self.put_out(then, record);
+                self.shed(then, report.seconds as f32, record)
+            });
+            shed.map_err(|unfit| self.diverged(span.number, &unfit))?;
+        }
         if self.fades() {
             let SmokeParams { dissolve, cooling, .. } = self.params;
             clock.time("smoke_fade", || self.tracers.fade(dissolve, cooling, report.seconds));
         }
         Ok(report.seconds)
+    }
+
+    /// What the record tells of the end of a frame, at `time` [s].
+    fn account(&self, samples: Option<usize>, time: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
+        record.account = self.flow.account(samples)?;
+        if self.air.walls.is_some() {
+            let sources = self.air.sources(&self.flow.vortons, time)?;
+            let instant = Instant { vortons: &self.flow.vortons, sources: &sources };
+            record.unsolved = Some(sources.residual);
+            record.through_flow = self.air.through(instant, time)?;
+        }
+        Ok(())
     }
 
     /// Lets emitters give off tracers; those that would begin inside a solid do not.
@@ -232,7 +259,11 @@ impl System {
             system: NAME,
             substep,
             particle: if vorton { self.flow.id.get(unfit.index).copied().unwrap_or(index) } else { index },
-            what: format!("{}has {}", if vorton { "" } else { "of the points that drift along " }, unfit.what),
+            what: format!(
+                "{}has {}",
+                if vorton { "" } else { "of the points that drift along " },
+                unfit.what
+            ),
             try_next: "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps",
         }
     }

@@ -1,7 +1,7 @@
 //! What pushes the air: the weight of smoke, and smoke that is blown out.
 
 use super::{
-    Buoyancy, SmokeRecord, System,
+    Buoyancy, Instant, SmokeRecord, System,
     emit::Emitted,
     kick::{self, Lattice},
     tracers::Tracers,
@@ -14,6 +14,9 @@ use crate::{
 /// The least T/T₀ that counts: tracers colder than the air's absolute zero have no weight that could be told.
 const COLDEST: f32 = 0.01;
 
+/// The most heat over the air's that counts, so that sums of single precision that overflow mean something; its logarithm is 69.
+const HOTTEST: f32 = 1e30;
+
 impl System {
     /// Whether anything pushes the air.
     pub(super) fn pushes(&self) -> bool {
@@ -25,17 +28,23 @@ impl System {
         self.params.buoyancy.as_ref().filter(|_| self.gravity != Vec3::zeros())
     }
 
-    /// Turns what pushes the air over `dt` [s] into vorticity.
+    /// Turns what pushes the air over a step of `dt` that ends at `now` [s] into vorticity.
     pub(super) fn push(
         &mut self,
         emitted: &Emitted,
+        now: f64,
         dt: f32,
         record: &mut SmokeRecord,
     ) -> Result<(), Unfit> {
         let volume = self.params.tracer_spacing().powi(3);
         let blown = emitted.blown.iter().zip(&emitted.seeds.position);
         let (at, blown): (Vec<Vec3>, Vec<Vec3>) = blown.filter_map(|(v, &x)| Some((x, (*v)?))).unzip();
-        let there = if at.is_empty() { Vec::new() } else { self.air.velocity(&self.flow, &at)? };
+        let there = if at.is_empty() {
+            Vec::new()
+        } else {
+            let sources = self.air.sources(&self.flow.vortons, now)?;
+            self.air.velocity(Instant { vortons: &self.flow.vortons, sources: &sources }, &at)?
+        };
         let lacks: Vec<Vec3> = blown.iter().zip(&there).map(|(v, u)| v - u).collect();
 
         let Tracers { position, density, temperature, .. } = &self.tracers;
@@ -67,7 +76,7 @@ impl System {
 
 /// ln(ρ/ρ₀) of air with smoke of a density [–] and a temperature above the air's [K].
 fn log_density(buoyancy: &Buoyancy, density: f32, temperature: f32) -> f32 {
-    let heat = (temperature / buoyancy.ambient).max(COLDEST - 1.0);
+    let heat = (temperature / buoyancy.ambient).clamp(COLDEST - 1.0, HOTTEST);
     (buoyancy.weight * density).ln_1p() - heat.ln_1p()
 }
 

@@ -28,7 +28,11 @@ impl System {
     }
 
     /// Takes the state from a frame's streams.
-    pub(in crate::sim) fn restore(smoke: Smoke, world: &World, streams: &[Stream]) -> Result<Self, SetupError> {
+    pub(in crate::sim) fn restore(
+        smoke: Smoke,
+        world: &World,
+        streams: &[Stream],
+    ) -> Result<Self, SetupError> {
         let mut system = Self::empty(smoke, world);
         let stream = find(streams, NAME)?;
         let missing = |what| SetupError::Missing { stream: NAME, what };
@@ -47,7 +51,11 @@ impl System {
     }
 }
 
-fn find<'a>(streams: &'a [Stream], name: &'static str) -> Result<&'a Stream, SetupError> {
+/// The stream of that name.
+///
+/// # Errors
+/// If there is none.
+pub(super) fn find<'a>(streams: &'a [Stream], name: &'static str) -> Result<&'a Stream, SetupError> {
     let missing = SetupError::Missing { stream: name, what: "particles" };
     streams.iter().find(|stream| stream.name == name).ok_or(missing)
 }

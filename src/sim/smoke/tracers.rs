@@ -1,11 +1,6 @@
 //! Tracers: points that drift with the air and carry what is seen.
 
-use crate::{
-    frame::Stream,
-    math::Vec3,
-    par,
-    sim::SetupError,
-};
+use crate::{frame::Stream, math::Vec3, par, sim::SetupError};
 
 /// The stream of the tracers in a frame.
 pub const TRACERS: &str = "smoke_tracers";
@@ -90,7 +85,8 @@ impl Tracers {
             .with("density", self.density.clone())
             .with("temperature", self.temperature.clone())
             .with("id", self.id.clone());
-        stream.scalars = vec![("spacing".into(), f64::from(spacing)), ("next_id".into(), f64::from(self.next))];
+        stream.scalars =
+            vec![("spacing".into(), f64::from(spacing)), ("next_id".into(), f64::from(self.next))];
         stream
     }
 
