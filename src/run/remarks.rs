@@ -45,6 +45,8 @@ fn of_smoke(record: &SmokeRecord) -> Vec<String> {
         (record.flow.capped.into(), "steps longer than strain and displacement allow (max_substeps)"),
         (record.flow.clamped, "strengths cut"),
         (record.smothered, "tracers not emitted, inside solids"),
+        (record.returned_vortons, "vortons put out of solids"),
+        (record.returned_tracers, "tracers put out of solids"),
     ])
 }
 
@@ -71,7 +73,10 @@ pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
 /// The places where a volume of smoke departs from its tracers.
 pub(super) fn of_smoke_volume(stats: &SmokeStats) -> Vec<String> {
     let short = stats.short.then(|| "velocities end before the smoke does in a frame".to_owned());
-    counted(&[(stats.too_far as u64, "tracers too far from the origin, left out")]).into_iter().chain(short).collect()
+    counted(&[(stats.too_far as u64, "tracers too far from the origin, left out")])
+        .into_iter()
+        .chain(short)
+        .collect()
 }
 
 /// The places where a volume departs from its particles.

@@ -1,12 +1,12 @@
 //! From the tracers and vortons of a frame to the grids of a volume file.
 
+use super::volume::SmokeFrame;
 use crate::{
     export::{
         ExportError,
         vdb::{self, Class, Grid, VolumeGrid, VolumeParams},
     },
     field::{Carried, CarriedParams, carried},
-    frame::Stream,
     grid::{BRICK_NODES, is_set, node_of},
     math::Vec3,
     mesh::SurfaceParams,
@@ -50,20 +50,18 @@ pub(super) enum NoGrids {
 }
 
 impl SmokeGrids {
-    /// The `wanted` grids of `tracers` that were seeded `spacing` [m] apart, in the `air` of their frame, which is shown for
-    /// `shutter` [s] at most. `keep_going` is asked after every pass.
+    /// The grids of the `smoke` of a frame, which is shown for `shutter` [s] of its own time at most. `keep_going` is asked after
+    /// every pass.
     ///
     /// # Errors
     /// [`NoGrids`].
     pub(super) fn new(
-        tracers: &Stream,
-        air: Option<&FrameAir>,
-        spacing: f32,
+        smoke: &SmokeFrame<'_>,
         shutter: f32,
         params: &SurfaceParams,
-        wanted: &[VolumeGrid],
         keep_going: &dyn Fn() -> bool,
     ) -> Result<Self, NoGrids> {
+        let SmokeFrame { tracers, air, spacing, wanted, slower } = *smoke;
         let go_on = || if keep_going() { Ok(()) } else { Err(NoGrids::Interrupted) };
         let positions = tracers.vec3("position").ok_or(NoGrids::Missing("position"))?;
         let [density, temperature] =
@@ -89,7 +87,7 @@ impl SmokeGrids {
         let carried = carried(positions, [density?, temperature?], &fields);
         go_on()?;
         let velocity = match air {
-            Some(air) => velocities(&carried, voxel, air).map_err(NoGrids::Unfit)?,
+            Some(air) => velocities(&carried, voxel, air, slower as f32).map_err(NoGrids::Unfit)?,
             None => Vec::new(),
         };
         (stats.bricks, stats.too_far) = (carried.bricks.len(), carried.too_far);
@@ -121,8 +119,8 @@ impl SmokeGrids {
     }
 }
 
-/// The air's velocity at the nodes near smoke, zero elsewhere.
-fn velocities(carried: &Carried<2>, voxel: f32, air: &FrameAir) -> Result<Vec<Vec3>, Unfit> {
+/// The air's velocity over `slower` at the nodes near smoke, zero elsewhere.
+fn velocities(carried: &Carried<2>, voxel: f32, air: &FrameAir, slower: f32) -> Result<Vec<Vec3>, Unfit> {
     let near = (0..carried.bricks.len()).flat_map(|brick| {
         let mask = carried.near[brick];
         (0..BRICK_NODES).filter(move |&place| is_set(&mask, place)).map(move |place| (brick, place))
@@ -134,7 +132,7 @@ fn velocities(carried: &Carried<2>, voxel: f32, air: &FrameAir) -> Result<Vec<Ve
     let found = air.velocity(&near.iter().map(at).collect::<Vec<_>>())?;
     let mut values = vec![Vec3::zeros(); carried.bricks.len() * BRICK_NODES];
     for ((brick, place), velocity) in near.into_iter().zip(found) {
-        values[brick * BRICK_NODES + place] = velocity;
+        values[brick * BRICK_NODES + place] = velocity / slower;
     }
     Ok(values)
 }

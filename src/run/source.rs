@@ -191,7 +191,7 @@ pub(super) fn choose(
 }
 
 /// Frames that a job may be asked for: eleven hours at 24 a second.
-const MOST_FRAMES: u64 = 1_000_000;
+pub(super) const MOST_FRAMES: u64 = 1_000_000;
 
 /// Identifies the simulated state that something was made from.
 pub(super) fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {

@@ -150,14 +150,7 @@ impl Make for Volumes<'_> {
     }
 
     fn kept(&self, target: &Target) -> Option<Piece> {
-        let mut output = output(target);
-        let path = output.file(self.out, target.index.0);
-        if vdb::key_in(&path) != Some(target.key) {
-            return None;
-        }
-        // Which grids were made depends on the frame's particles, too. A file that cannot be read is made again.
-        output.grids = import::volume_grids(&path).ok()?;
-        Some(Piece { outputs: vec![output], work: None, stale: Vec::new() })
+        kept(self.out, target)
     }
 
     fn make(
@@ -170,11 +163,13 @@ impl Make for Volumes<'_> {
     ) -> Result<(), RunError> {
         if part.stream.name == TRACERS {
             let settings = self.settings;
-            let air = settings.smoke.as_ref().map(|Surroundings { smoke, world }| {
-                FrameAir::of(smoke, world, part.streams, part.time)
-            });
+            let air = settings
+                .smoke
+                .as_ref()
+                .map(|Surroundings { smoke, world }| FrameAir::of(smoke, world, part.streams, part.time));
             let air = air.transpose()?;
-            let smoke = SmokeFrame { tracers: part.stream, air: air.as_ref(), spacing, wanted: &self.smoke };
+            let (tracers, air, wanted) = (part.stream, air.as_ref(), &self.smoke[..]);
+            let smoke = SmokeFrame { tracers, air, spacing, wanted, slower: 1.0 };
             return write_smoke(self.out, settings, smoke, target, made, control);
         }
         let stream = part.stream;
@@ -213,6 +208,18 @@ impl Make for Volumes<'_> {
     }
 }
 
+/// The file of a target, if it is there and has its key.
+pub(super) fn kept(out: &ShotFolder, target: &Target) -> Option<Piece> {
+    let mut output = output(target);
+    let path = output.file(out, target.index.0);
+    if vdb::key_in(&path) != Some(target.key) {
+        return None;
+    }
+    // Which grids were made depends on the frame's particles, too. A file that cannot be read is made again.
+    output.grids = import::volume_grids(&path).ok()?;
+    Some(Piece { outputs: vec![output], work: None, stale: Vec::new() })
+}
+
 /// The smoke of a frame.
 pub(super) struct SmokeFrame<'a> {
     pub(super) tracers: &'a Stream,
@@ -220,6 +227,8 @@ pub(super) struct SmokeFrame<'a> {
     /// Distance at which the tracers were seeded [m].
     pub(super) spacing: f32,
     pub(super) wanted: &'a [VolumeGrid],
+    /// How many times slower than it was simulated it is shown.
+    pub(super) slower: f64,
 }
 
 /// Identifies the volume of smoke that is made of `state`.
@@ -227,7 +236,8 @@ pub(super) fn smoke_key(settings: &VolumeSettings, grids: &[VolumeGrid], state: 
     let VolumeSettings { surface: SurfaceParams { voxel, kernel_radius, .. }, volume, .. } = settings;
     let air = settings.smoke.is_some();
     xxh3_64(
-        format!("smoke {SMOKE_VERSION} {state:016x} {voxel} {kernel_radius} {volume:?} {grids:?} {air}").as_bytes(),
+        format!("smoke {SMOKE_VERSION} {state:016x} {voxel} {kernel_radius} {volume:?} {grids:?} {air}")
+            .as_bytes(),
     )
 }
 
@@ -246,8 +256,8 @@ pub(super) fn write_smoke(
     let start = Instant::now();
     let keep_going = || !(control.interrupted)();
     let shutter = settings.smoke.as_ref().map_or(0.0, |around| 1.0 / around.smoke.fps) as f32;
-    let SmokeFrame { tracers, air, spacing, wanted } = smoke;
-    let grids = SmokeGrids::new(tracers, air, spacing, shutter, &settings.surface, wanted, &keep_going);
+    let shutter = shutter / smoke.slower as f32;
+    let grids = SmokeGrids::new(&smoke, shutter, &settings.surface, &keep_going);
     let grids = match grids {
         Ok(grids) => grids,
         Err(NoGrids::Interrupted) => return Err(RunError::Interrupted),

@@ -67,7 +67,13 @@ fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
 }
 
 /// Whether the keyframes ascend and turn in one way, and whether their shape can.
-pub(super) fn check_motion(keys: &[Keyframe], shape: &Shape, path: &str, places: &Places, findings: &mut Vec<Finding>) {
+pub(super) fn check_motion(
+    keys: &[Keyframe],
+    shape: &Shape,
+    path: &str,
+    places: &Places,
+    findings: &mut Vec<Finding>,
+) {
     let mut report = |key: String, message: String, label: String, help: &str| {
         findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
     };

@@ -33,7 +33,11 @@ use crate::{
         vdb::{VolumeGrid, VolumeParams},
     },
     mesh::SurfaceParams,
-    sim::{self, Observable, Systems, liquid::LiquidParams, smoke::{Smoke, SmokeParams}},
+    sim::{
+        self, Observable, Systems,
+        liquid::LiquidParams,
+        smoke::{Smoke, SmokeParams},
+    },
     solid::Collider,
 };
 use schemars::JsonSchema;

@@ -27,15 +27,18 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
             format!("found {} m between vortons", smoke.spacing),
         );
         let finding = Finding::new(places.of("smoke.spacing"), "smoke.spacing", message, label);
-        findings.push(finding.with_help("make `smoke.spacing` or `smoke.tracers` larger, or the shapes smaller"));
+        findings
+            .push(finding.with_help("make `smoke.spacing` or `smoke.tracers` larger, or the shapes smaller"));
     }
     for (index, ring) in smoke.ring.iter().enumerate() {
         direction(&ring.direction, &format!("smoke.ring.{index}.direction"), places, findings);
         if 2.0 * ring.thickness >= ring.radius {
             let key = format!("smoke.ring.{index}.thickness");
-            let label = format!("found a thickness of {} m and a radius of {} m", ring.thickness, ring.radius);
+            let label =
+                format!("found a thickness of {} m and a radius of {} m", ring.thickness, ring.radius);
             let message = "the ring is so thick that it closes its own hole";
-            let help = "make `thickness` less than half of `radius`: vorticity reaches to twice the thickness";
+            let help =
+                "make `thickness` less than half of `radius`: vorticity reaches to twice the thickness";
             findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
         }
     }
@@ -107,9 +110,10 @@ pub(super) fn estimate(smoke: &SmokeParams) -> f64 {
         let area = std::f64::consts::PI * f64::from(thickness).powi(2);
         length * area * (4.0 / h.powi(3) + if density > 0.0 { 1.0 / s.powi(3) } else { 0.0 })
     };
-    let rings = smoke.ring.iter().map(|ring| {
-        core(std::f64::consts::TAU * f64::from(ring.radius), ring.thickness, ring.density)
-    });
+    let rings = smoke
+        .ring
+        .iter()
+        .map(|ring| core(std::f64::consts::TAU * f64::from(ring.radius), ring.thickness, ring.density));
     let tubes = smoke.tube.iter().map(|tube| {
         let way = [0, 1, 2].map(|axis| f64::from(tube.to[axis]) - f64::from(tube.from[axis]));
         core(way.iter().map(|c| c * c).sum::<f64>().sqrt(), tube.thickness, tube.density)
