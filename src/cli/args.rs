@@ -68,6 +68,8 @@ pub(super) enum Verb {
     Mesh(MeshArgs),
     /// Turn a cache, or particle files of any solver, into OpenVDB volumes: fog, level set, velocity
     Volume(VolumeArgs),
+    /// Write the tracers of a cache of smoke as PLY points, with velocity, density and temperature
+    Export(ExportArgs),
     /// Tell what is in a shot folder
     Info(InfoArgs),
     /// Read every cached frame whole and tell which are valid, missing or corrupt
@@ -318,6 +320,26 @@ pub(super) struct MeshArgs {
     pub(super) force: bool,
 }
 
+/// Arguments of `export`.
+#[derive(Debug, Args)]
+pub(super) struct ExportArgs {
+    /// A shot folder or its cache
+    #[arg(value_name = "CACHE")]
+    pub(super) cache: PathBuf,
+
+    /// The folder that gets `points/` and `shot.json`; by default the shot folder itself
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// The frames to write: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Write again what is there already
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
 /// Arguments of `volume`.
 #[derive(Debug, Args)]
 pub(super) struct VolumeArgs {
@@ -329,7 +351,7 @@ pub(super) struct VolumeArgs {
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
 
-    /// Grids: `density` (fog), `surface` (level set), `velocity`. By default those of the preset, or all
+    /// Grids: `density` (fog), `surface` (level set), `velocity`, `temperature` (of smoke). By default those of the preset, or all
     #[arg(long = "grid", value_name = "GRID", value_delimiter = ',', value_parser = volume_grid)]
     pub(super) grids: Vec<VolumeGrid>,
 
@@ -352,6 +374,11 @@ pub(super) struct VolumeArgs {
     /// Frames a second of a sequence of particle files, 24 if not given
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) fps: Option<f64>,
+
+    /// Play cached smoke so many times slower (or faster, below 1) without simulating again: into another folder, -o. Other
+    /// tracers, too, only drift in the cached air: --set smoke.tracers=…
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
+    pub(super) retime: Option<f64>,
 
     /// Change a key of the surface or the volume: `--set surface.kernel_radius=1.5`. May be repeated
     #[arg(long, value_name = "KEY=VALUE")]
@@ -412,7 +439,7 @@ fn frames(text: &str) -> Result<Frames, String> {
 }
 
 fn volume_grid(text: &str) -> Result<VolumeGrid, String> {
-    VolumeGrid::from_name(text).ok_or_else(|| "expected density, surface or velocity".into())
+    VolumeGrid::from_name(text).ok_or_else(|| "expected density, surface, velocity or temperature".into())
 }
 
 fn mesh_format(text: &str) -> Result<MeshFormat, String> {

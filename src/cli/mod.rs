@@ -2,6 +2,7 @@
 
 mod args;
 mod exit;
+mod export;
 mod info;
 mod interrupt;
 mod mesh;
@@ -34,6 +35,7 @@ pub fn main() -> ExitCode {
         Verb::Tradeoff(args) => tradeoff::tradeoff(args, control),
         Verb::Mesh(args) => mesh::mesh(args, control),
         Verb::Volume(args) => volume::volume(args, control),
+        Verb::Export(args) => export::export(args, control),
         Verb::Info(args) => info::info(args, false),
         Verb::Verify(args) => info::info(args, true),
         Verb::Presets(args) => presets::presets(args),

@@ -26,20 +26,29 @@ fn describe(plan: &Plan, fps: f32) -> String {
     let mut lines = vec![plan.title.clone()];
     let mut row = |name: &str, text: String| lines.push(format!("{name:<11} {text}"));
     row("frames", format!("{} at {fps} fps: {} stored", plan.frames, plan.frames_stored));
-    row("particles", plan.particles.to_string());
+    if plan.particles > 0 {
+        row("particles", plan.particles.to_string());
+    }
+    if let Some(smoke) = &plan.smoke {
+        let [from, to] = smoke.vortons;
+        row("vortons", format!("{from:.0} at the start, about {to:.0} at the end"));
+        let [from, to] = smoke.tracers;
+        row("tracers", format!("{from:.0} at the start, about {to:.0} at the end"));
+    }
     row("runs", plan.passes.join(", "));
     if !plan.absent.is_empty() {
         row("does not", format!("{} (not in the preset)", plan.absent.join(", ")));
     }
-    row(
-        "work",
-        format!(
-            "about {:.1} substeps and {:.1} iterations a frame",
-            plan.substeps / plan.frames_simulated.max(1) as f64,
-            plan.iterations / plan.frames_simulated.max(1) as f64
-        ),
-    );
+    let frames = plan.frames_simulated.max(1) as f64;
+    if plan.particles > 0 {
+        let (substeps, iterations) = (plan.substeps / frames, plan.iterations / frames);
+        row("work", format!("about {substeps:.1} substeps and {iterations:.1} iterations a frame"));
+    }
+    if let Some(smoke) = &plan.smoke {
+        row("work", format!("about {:.1} steps of the smoke a frame", smoke.substeps / frames));
+    }
     match plan.voxel {
+        _ if plan.particles == 0 => {}
         Some(voxel) => row(
             "surface",
             format!("cells of {:.1} mm, about {:.0} bricks of 8×8×8 at most", 1000.0 * voxel, plan.bricks),
@@ -47,26 +56,27 @@ fn describe(plan: &Plan, fps: f32) -> String {
         None => row("surface", "none: [output] names no mesh".into()),
     }
     row("memory", format!("about {}", mib(plan.memory as f64)));
-    row(
-        "disk",
-        format!(
-            "about {}: cache {}, meshes {}",
-            mib(plan.cache + plan.meshes),
-            mib(plan.cache),
-            mib(plan.meshes)
-        ),
+    let volumes = plan.smoke.as_ref().map_or([0.0; 2], |smoke| [smoke.volumes, smoke.seconds[1]]);
+    let mut disk = format!(
+        "about {}: cache {}, meshes {}",
+        mib(plan.cache + plan.meshes + volumes[0]),
+        mib(plan.cache),
+        mib(plan.meshes)
     );
-    row(
-        "time",
-        format!(
-            "about {} (± {:.0} %) on {} threads: simulation {}, surfaces {}",
-            duration(plan.seconds),
-            100.0 * plan.uncertainty,
-            plan.threads,
-            duration(plan.seconds - plan.surface_seconds),
-            duration(plan.surface_seconds)
-        ),
+    let mut time = format!(
+        "about {} (± {:.0} %) on {} threads: simulation {}, surfaces {}",
+        duration(plan.seconds),
+        100.0 * plan.uncertainty,
+        plan.threads,
+        duration(plan.seconds - plan.surface_seconds - volumes[1]),
+        duration(plan.surface_seconds)
     );
+    if volumes[0] > 0.0 {
+        disk += &format!(", volumes of the smoke {}", mib(volumes[0]));
+        time += &format!(", volumes of the smoke {}", duration(volumes[1]));
+    }
+    row("disk", disk);
+    row("time", time);
     row(
         "calibrated",
         format!("in {}, on this machine, as busy as it is now", duration(plan.calibration_seconds)),

@@ -39,7 +39,9 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         }
     }
     if !volume.is_empty() {
-        match run::volume(source, &folder, &super::volume::of_scene(&scene), &job, control) {
+        let mut settings = super::volume::of_scene(&scene);
+        settings.smoke = run::surroundings(&scene, &folder, control)?;
+        match run::volume(source, &folder, &settings, &job, control) {
             Ok(done) => super::mesh::summary(&done)?,
             Err(why) => return Err(failed.unwrap_or(why)),
         }
@@ -100,13 +102,22 @@ pub(super) fn quality(tier: Tier) -> Quality {
     }
 }
 
+/// How much there is at the start, a line a system.
+fn counts(scene: &Scene, outline: &Outline) -> String {
+    let liquid = scene.liquid.as_ref().map(|_| format!("particles  {}\n", outline.particles));
+    let smoke = outline.smoke.map(|[vortons, tracers]| {
+        format!("smoke      {vortons} vortons and {tracers} tracers at the start\n")
+    });
+    [liquid, smoke].into_iter().flatten().collect()
+}
+
 fn describe(scene: &Scene, selection: &Frames, outline: &Outline) -> Result<(), RunError> {
     print(&format!(
-        "{}\nframes     {selection} at {} fps\nparticles  {}\npasses     {}\nmemory     at most about {:.0} MiB\n\
+        "{}\nframes     {selection} at {} fps\n{}passes     {}\nmemory     at most about {:.0} MiB\n\
          time       `meniscus plan` tells it, and the disk",
         scene.title,
         scene.fps,
-        outline.particles,
+        counts(scene, outline),
         outline.passes.join(", "),
         outline.memory as f64 / f64::from(1 << 20),
     ))?;

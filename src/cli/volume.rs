@@ -7,7 +7,7 @@ use super::{
 use crate::{
     export::vdb::VolumeGrid,
     import,
-    run::{self, Control, Done, Job, RunError, ShotFolder, Source, VolumeSettings},
+    run::{self, Control, Done, Job, Retime, RunError, ShotFolder, Source, VolumeSettings},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -28,10 +28,11 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, Run
             "{flag} is for particle files; a cache knows its own. Leave it out"
         )));
     }
-    let ours = |argument: &str| ["surface", "volume"].iter().any(|table| argument.starts_with(table));
+    let tables = ["surface", "volume", TRACERS];
+    let ours = |argument: &str| tables.iter().any(|table| argument.starts_with(table));
     if let Some(argument) = args.set.iter().find(|argument| !ours(argument.trim_start())) {
         return Err(RunError::Request(format!(
-            "--set {argument}: found a key that does not change a volume, expected surface.… or volume.…; the frames \
+            "--set {argument}: found a key that does not change a volume, expected surface.…, volume.… or smoke.tracers; the frames \
              are simulated already: `meniscus simulate` changes the other keys"
         )));
     }
@@ -42,6 +43,7 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, Run
         let preset = scene::load(&preset.to_string_lossy())?;
         let scene = Scene::from_preset(&preset, &Overrides { quality: None, set: keys(args) })?;
         let mut settings = of_scene(&scene);
+        settings.smoke = run::surroundings(&scene, &source, control)?;
         if !args.grids.is_empty() || settings.grids.is_empty() {
             settings.grids = grids(&args.grids);
         }
@@ -49,10 +51,30 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, Run
     } else {
         alone(args)?
     };
-    run::volume(Source::Cache(&source), &out, &settings, &job(args)?, control)
+    let fresh = args.set.iter().any(|argument| argument.trim_start().starts_with(TRACERS));
+    if args.retime.is_none() && !fresh {
+        return run::volume(Source::Cache(&source), &out, &settings, &job(args)?, control);
+    }
+    let factor = args.retime.unwrap_or(1.0);
+    if !(factor.is_finite() && (1e-3..=1e3).contains(&factor)) {
+        return Err(RunError::Request(format!("--retime {factor}: expected a number from 0.001 to 1000")));
+    }
+    if out.root() == source.root() {
+        return Err(RunError::Request(
+            "smoke that is played again has other frames than the shot: name a folder for them with -o"
+                .into(),
+        ));
+    }
+    run::retime(&source, &out, &settings, Retime { factor, fresh }, &job(args)?, control)
 }
 
+/// The only key of smoke that changes volumes alone.
+const TRACERS: &str = "smoke.tracers";
+
 fn files(args: &VolumeArgs, control: Control) -> Result<Done, RunError> {
+    if args.retime.is_some() {
+        return Err(RunError::Request("--retime is for the cache of a shot of smoke. Leave it out".into()));
+    }
     let sequence = import::expand(&args.inputs)?;
     let spacing = mesh::spacing(args.spacing)?;
     let Some(output) = &args.output else {
@@ -77,13 +99,13 @@ pub(super) fn of_scene(scene: &Scene) -> VolumeSettings {
     let mut grids = scene.output.volume.clone();
     grids.sort_unstable();
     grids.dedup();
-    VolumeSettings { surface: scene.surface.clone(), volume: scene.volume.clone(), grids }
+    VolumeSettings { surface: scene.surface.clone(), volume: scene.volume.clone(), grids, smoke: None }
 }
 
 /// The settings given on the command line, for a source without a preset.
 fn alone(args: &VolumeArgs) -> Result<VolumeSettings, RunError> {
     let (surface, volume) = scene::volume_alone(&keys(args))?;
-    Ok(VolumeSettings { surface, volume, grids: grids(&args.grids) })
+    Ok(VolumeSettings { surface, volume, grids: grids(&args.grids), smoke: None })
 }
 
 /// The grids asked for, or all, each once and in the order of a file.

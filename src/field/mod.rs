@@ -6,6 +6,7 @@
 mod active;
 mod anisotropy;
 mod blob;
+mod carried;
 mod cloud;
 mod density;
 mod threshold;
@@ -13,6 +14,7 @@ mod velocity;
 
 pub use active::coarse_step;
 pub use anisotropy::Anisotropy;
+pub use carried::{Carried, CarriedParams, carried};
 pub use density::{Density, DensityParams, bricks_near_surface, density};
 pub use threshold::surface_threshold;
 pub use velocity::{Velocity, velocity};

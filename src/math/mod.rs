@@ -1,8 +1,13 @@
 //! Small mathematics that several modules share.
 
+mod gmres;
 pub mod kernel;
+mod random;
 pub mod symmetric;
 pub mod wide;
+
+pub use gmres::gmres;
+pub use random::Random;
 
 /// A point or vector in space, single precision, world axes (Z up).
 pub type Vec3 = nalgebra::Vector3<f32>;

@@ -46,7 +46,7 @@ pub enum RunError {
     /// More memory would be needed than allowed.
     #[error(
         "this needs about {} MiB of memory, and --max-memory allows {} MiB: raise it, use a larger \
-         liquid.spacing or surface.voxel, or a coarser --quality",
+         spacing or surface.voxel, or a coarser --quality",
         needed >> 20, allowed >> 20
     )]
     OverMemory {

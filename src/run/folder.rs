@@ -45,6 +45,11 @@ impl ShotFolder {
         self.root.join("volume")
     }
 
+    /// The folder of tracers as points.
+    pub fn points(&self) -> PathBuf {
+        self.root.join("points")
+    }
+
     /// The folder of the sampled meshes.
     pub fn samples(&self) -> PathBuf {
         self.root.join("sdf")

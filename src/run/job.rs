@@ -17,6 +17,7 @@ use crate::{
     import::ImportError,
     mesh::SurfaceParams,
     scene::Frames,
+    sim::smoke::{self, TRACERS},
 };
 use std::path::Path;
 
@@ -88,25 +89,39 @@ pub(super) trait Make: Sync {
     /// The settings that its memory goes by.
     fn params(&self) -> &SurfaceParams;
 
-    /// Identifies what is made of a state whose particles stand `spacing` apart at rest [m].
-    fn key(&self, state: u64, spacing: f32) -> u64;
+    /// Whether something is made of the stream of this name.
+    fn takes(&self, stream: &str) -> bool;
+
+    /// Identifies what is made of a state of the stream of this name, whose particles stand `spacing` apart at rest [m].
+    fn key(&self, stream: &str, state: u64, spacing: f32) -> u64;
 
     /// The files of a target, if all are there and have its key.
     fn kept(&self, target: &Target) -> Option<Piece>;
 
-    /// Makes the files of a target from particles that stand `spacing` apart at rest [m]. What cannot be made of this stream
-    /// is remembered in `made`.
+    /// Makes the files of a target from a stream of a frame, whose particles stand `spacing` apart at rest [m]. What cannot be
+    /// made of it is remembered in `made`.
     ///
     /// # Errors
     /// What a folder or disk refuses; [`RunError::Interrupted`].
     fn make(
         &self,
-        stream: &Stream,
+        part: Part<'_>,
         spacing: f32,
         target: &Target,
         made: &mut Made,
         control: Control,
     ) -> Result<(), RunError>;
+}
+
+/// A stream of a frame.
+#[derive(Clone, Copy)]
+pub(super) struct Part<'a> {
+    /// It.
+    pub(super) stream: &'a Stream,
+    /// All streams of the frame, it among them.
+    pub(super) streams: &'a [Stream],
+    /// Time since the shot's start [s]; 0 of a file.
+    pub(super) time: f64,
 }
 
 /// Makes what `maker` makes of the frames of `source`, in `out`.
@@ -129,12 +144,17 @@ pub(super) fn run<M: Make>(
         let opened = source.open(path, made.index)?;
         let mut due = Vec::new();
         for (place, Known { name, state, spacing }) in opened.known.iter().enumerate() {
+            if !maker.takes(name) {
+                continue;
+            }
             let Some(spacing) = *spacing else {
                 let why = format!("the stream {name} does not say its spacing; simulate it again");
                 made.fail(why, Failure::Other);
                 continue;
             };
-            let target = Target { index: made.index, name: name.clone(), key: maker.key(*state, spacing) };
+            let key = maker.key(name, *state, spacing);
+            let shown = if name == TRACERS { smoke::NAME.to_owned() } else { name.clone() };
+            let target = Target { index: made.index, name: shown, key };
             match maker.kept(&target).filter(|_| !job.force) {
                 Some(piece) => made.pieces.push(piece),
                 None => due.push((place, spacing, target)),
@@ -143,6 +163,7 @@ pub(super) fn run<M: Make>(
         if due.is_empty() {
             return Ok(Fit::Yes);
         }
+        let time = opened.time;
         let (streams, notes) = opened.streams()?;
         // What every stream needs is known before the first is made: a second try makes all of them.
         for &(place, spacing, _) in &due {
@@ -157,7 +178,8 @@ pub(super) fn run<M: Make>(
         }
         for (place, spacing, target) in &due {
             let stream = &streams[*place];
-            maker.make(stream, *spacing, target, made, control)?;
+            let part = Part { stream, streams: &streams, time };
+            maker.make(part, *spacing, target, made, control)?;
             if stream.is_empty() {
                 let product = M::PRODUCT.name();
                 made.notes.push(format!("{}: no particles, so its {product} is empty", path.display()));

@@ -18,7 +18,9 @@ pub struct Done {
     pub kept: usize,
     /// Frames made.
     pub made: usize,
-    /// Triangles written; `None`: the job makes volumes.
+    /// Whether the job writes points.
+    pub points: bool,
+    /// Triangles written; `None`: the job makes no meshes.
     pub triangles: Option<u64>,
     /// Bytes written.
     pub bytes: u64,
@@ -38,6 +40,9 @@ impl Done {
                 format!(
                     "{folder}: {made} frames meshed ({triangles} triangles, {mib:.1} MiB), {kept} were there"
                 )
+            }
+            None if self.points => {
+                format!("{folder}: {made} frames of points written ({mib:.1} MiB), {kept} were there")
             }
             None => format!("{folder}: {made} volumes written ({mib:.1} MiB), {kept} were there"),
         };
@@ -120,6 +125,7 @@ impl<'a> Ledger<'a> {
         let (folder, triangles) = match product {
             Product::Meshes => (out.meshes(), Some(0)),
             Product::Volumes => (out.volumes(), None),
+            Product::Points => (out.points(), None),
         };
         ShotFolder::create(&folder)?;
         let lock = Lock::acquire(&folder)?;
@@ -128,7 +134,8 @@ impl<'a> Ledger<'a> {
             source,
             next: "check that the folder can be read and written",
         })?;
-        let done = Done { folder, triangles, ..Done::default() };
+        let points = product == Product::Points;
+        let done = Done { folder, triangles, points, ..Done::default() };
         let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
         Ok(Self { out, product, done, written, failed, stale, unlogged: None, _lock: lock })
     }

@@ -1,18 +1,29 @@
 //! `log.jsonl`: one line a simulated frame, with what it cost and how far from exact it is.
 
 use super::{RunError, ShotFolder};
-use crate::{frame::FrameIndex, sim::FrameRecord};
+use crate::{
+    frame::FrameIndex,
+    sim::{FrameRecord, smoke::SmokeRecord},
+};
 use serde::{Deserialize, Serialize};
 use std::{fs::OpenOptions, io::Write};
 
 /// One line of the log.
 #[derive(Serialize)]
-struct Line<'a> {
+struct Line<'a, R: Serialize> {
     frame: FrameIndex,
     bytes: u64,
     particles: usize,
     #[serde(flatten)]
-    record: &'a FrameRecord,
+    record: &'a R,
+}
+
+/// What a line tells of a shot without a liquid.
+#[derive(Serialize)]
+struct Dry<'a> {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    smoke: &'a Option<SmokeRecord>,
+    seconds: &'a [(&'static str, f64)],
 }
 
 /// The part of a line that tells which frame it is about.
@@ -61,16 +72,23 @@ pub(super) fn read(folder: &ShotFolder) -> Result<Vec<Logged>, RunError> {
     text.lines().map(line).collect()
 }
 
-/// Adds the line of a frame; a line that an earlier run left about the same frame is replaced.
+/// Adds the line of a frame; a line that an earlier run left about the same frame is replaced. Without a `liquid` it has nothing of
+/// one.
 pub(super) fn append(
     folder: &ShotFolder,
     frame: FrameIndex,
     bytes: u64,
     particles: usize,
+    liquid: bool,
     record: &FrameRecord,
 ) -> Result<(), RunError> {
-    let mut line =
-        serde_json::to_vec(&Line { frame, bytes, particles, record }).expect("a record is plain data");
+    let line = if liquid {
+        serde_json::to_vec(&Line { frame, bytes, particles, record })
+    } else {
+        let FrameRecord { smoke, seconds, .. } = record;
+        serde_json::to_vec(&Line { frame, bytes, particles, record: &Dry { smoke, seconds } })
+    };
+    let mut line = line.expect("a record is plain data");
     line.push(b'\n');
     let written = OpenOptions::new().create(true).append(true).open(folder.log());
     written.and_then(|mut file| file.write_all(&line)).map_err(|source| fail(folder, source))

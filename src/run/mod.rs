@@ -14,9 +14,12 @@ mod log;
 mod manifest;
 mod mesh_log;
 mod plan;
+mod points;
 mod remarks;
+mod retime;
 mod scratch;
 mod simulate;
+mod smoke_grids;
 mod solids;
 mod source;
 mod surface;
@@ -34,10 +37,12 @@ pub use level_sets::mesh_level_sets;
 pub use manifest::{FrameSpan, Manifest, OutputFiles};
 pub use mesh_log::{Jump, MeshRecord};
 pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
+pub use points::points;
+pub use retime::{Retime, retime};
 pub use simulate::{Simulated, simulate};
 pub use source::Source;
 pub use surface::{SurfaceSettings, surface};
-pub use volume::{VolumeSettings, volume};
+pub use volume::{Surroundings, VolumeSettings, surroundings, volume};
 
 /// What a job tells while it works. Implemented by the command line.
 pub trait Reporter: Sync {

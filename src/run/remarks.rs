@@ -1,14 +1,19 @@
 //! What happened and should not go unseen, in words.
 
-use super::{FrameSpan, RunError, volume_grids::VolumeStats};
-use crate::{mesh::SurfaceError, mesh::SurfaceStats, sim::FrameRecord, sim::SeedReport};
+use super::{FrameSpan, RunError, smoke_grids::SmokeStats, volume_grids::VolumeStats};
+use crate::{
+    mesh::{SurfaceError, SurfaceStats},
+    sim::{FrameRecord, SeedReport, smoke::SmokeRecord},
+};
 
 /// What seeding had to leave out.
 pub(super) fn of_seeding(report: &SeedReport) -> Vec<String> {
     let left_out = |count: u32, why: &str| {
         (count > 0).then(|| format!("{count} particles of the sources were left out: {why}"))
     };
+    let smoke = report.smoke.unwrap_or_default();
     [
+        left_out(smoke.skipped_in_solids, "tracers lay inside solids"),
         left_out(report.skipped_in_solids, "they lay inside solids or touched them"),
         left_out(report.skipped_overlapping, "another source had filled their place"),
     ]
@@ -20,7 +25,8 @@ pub(super) fn of_seeding(report: &SeedReport) -> Vec<String> {
 /// The limits that changed a frame.
 pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
     let clamps = &record.clamps;
-    counted(&[
+    let smoke = record.smoke.as_ref().map_or_else(Vec::new, of_smoke);
+    let liquid = counted(&[
         (record.unconverged.into(), "substeps stopped at max_iterations"),
         (record.cfl_capped.into(), "substeps longer than cfl (max_substeps)"),
         (clamps.corrections, "corrections shortened"),
@@ -29,6 +35,18 @@ pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
         (clamps.contacts, "contacts unresolved"),
         (u64::from(clamps.momentum), "iterations slowed down"),
         (record.particles_inside_solids.into(), "particles inside solids"),
+    ]);
+    liquid.into_iter().chain(smoke).collect()
+}
+
+/// The limits that changed the smoke of a frame.
+fn of_smoke(record: &SmokeRecord) -> Vec<String> {
+    counted(&[
+        (record.flow.capped.into(), "steps longer than strain and displacement allow (max_substeps)"),
+        (record.flow.clamped, "strengths cut"),
+        (record.smothered, "tracers not emitted, inside solids"),
+        (record.returned_vortons, "vortons put out of solids"),
+        (record.returned_tracers, "tracers put out of solids"),
     ])
 }
 
@@ -50,6 +68,15 @@ pub(super) fn of_surface(stats: &SurfaceStats) -> Vec<String> {
         (stats.normals_from_faces as u64, "normals from faces"),
         (stats.attributes_from_nearest as u64, "attributes from the nearest particle"),
     ])
+}
+
+/// The places where a volume of smoke departs from its tracers.
+pub(super) fn of_smoke_volume(stats: &SmokeStats) -> Vec<String> {
+    let short = stats.short.then(|| "velocities end before the smoke does in a frame".to_owned());
+    counted(&[(stats.too_far as u64, "tracers too far from the origin, left out")])
+        .into_iter()
+        .chain(short)
+        .collect()
 }
 
 /// The places where a volume departs from its particles.

@@ -169,7 +169,9 @@ impl Job<'_> {
                 Stop::Interrupted => RunError::Interrupted,
                 Stop::Diverged(diverged) => RunError::Diverged { frame: at, diverged },
             })?;
-            self.control.reporter.frame(&figures(at, &record, clock.elapsed().as_secs_f64()));
+            let seconds = clock.elapsed().as_secs_f64();
+            let liquid = self.scene.liquid.is_some();
+            self.control.reporter.frame(&figures(at, liquid, &record, seconds));
             if selection.contains(at) {
                 self.store(at, &simulation, Some(&record))?;
             }
@@ -181,7 +183,7 @@ impl Job<'_> {
     fn restore(&self, index: FrameIndex) -> Result<Simulation, RunError> {
         let (frame, _) = cache::read_frame(&cache::frame_path(&self.folder.cache(), index))?;
         self.control.reporter.note(&format!("continuing after frame {index}"));
-        Ok(Simulation::restore(world(self.scene), self.scene.liquid.clone(), &frame)?)
+        Ok(Simulation::restore(world(self.scene), self.scene.systems(), &frame)?)
     }
 
     fn store(
@@ -194,7 +196,8 @@ impl Job<'_> {
         let bytes = cache::write_frame(&self.folder.cache(), &frame, self.key)?;
         if let Some(record) = record {
             let particles = frame.streams.iter().map(|stream| stream.len()).sum();
-            log::append(self.folder, index, bytes, particles, record)?;
+            let liquid = self.scene.liquid.is_some();
+            log::append(self.folder, index, bytes, particles, liquid, record)?;
         }
         self.done.computed += 1;
         self.done.bytes += bytes;
@@ -204,7 +207,7 @@ impl Job<'_> {
 
 /// The initial state.
 fn begin(scene: &Scene, control: Control) -> Result<(FrameIndex, Simulation), RunError> {
-    let simulation = Simulation::new(world(scene), scene.liquid.clone())?;
+    let simulation = Simulation::new(world(scene), scene.systems())?;
     for line in remarks::of_seeding(&simulation.seeded()) {
         control.reporter.note(&line);
     }
@@ -235,14 +238,24 @@ pub(super) fn world(scene: &Scene) -> World {
     World { gravity: Vec3::from(scene.world.gravity), solids }
 }
 
-fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {
-    let mut line = format!(
-        "frame {index}  substeps {}  iterations {}  density_dev {:.3}% (max {:.2}%)  {seconds:.2} s",
-        record.substeps,
-        record.iterations,
-        100.0 * record.density_dev_avg,
-        100.0 * record.density_dev_max,
-    );
+fn figures(index: FrameIndex, liquid: bool, record: &FrameRecord, seconds: f64) -> String {
+    let mut line = format!("frame {index}");
+    if liquid {
+        line += &format!(
+            "  substeps {}  iterations {}  density_dev {:.3}% (max {:.2}%)",
+            record.substeps,
+            record.iterations,
+            100.0 * record.density_dev_avg,
+            100.0 * record.density_dev_max,
+        );
+    }
+    if let Some(smoke) = &record.smoke {
+        line += &format!(
+            "  substeps {}  vortons {}  tracers {}",
+            smoke.flow.substeps, smoke.vortons, smoke.tracers
+        );
+    }
+    line += &format!("  {seconds:.2} s");
     for remark in remarks::of_frame(record) {
         line += &format!("  {remark}");
     }

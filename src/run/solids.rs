@@ -32,7 +32,12 @@ pub(super) fn fill(
         SourceShape::Mesh(mesh) => Some(mesh),
         _ => None,
     });
-    for mesh in colliders.chain(sources) {
+    let smoke = scene.smoke.iter_mut().flat_map(|smoke| smoke.shapes_mut());
+    let smoke = smoke.filter_map(|shape| match shape {
+        Shape::Mesh(mesh) => Some(mesh),
+        _ => None,
+    });
+    for mesh in colliders.chain(sources).chain(smoke) {
         let name = (mesh.file.clone(), mesh.resolution);
         if !made.contains_key(&name) {
             let asset = &scene.assets[&mesh.file];

@@ -95,13 +95,14 @@ impl Source<'_> {
                     state: state_key(info.key, index, &stream.name),
                     spacing: stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0),
                 };
-                Ok(Opened { known: frame.streams.iter().map(of).collect(), content: Content::Frame(frame) })
+                let known = frame.streams.iter().map(of).collect();
+                Ok(Opened { known, time: frame.time, content: Content::Frame(frame) })
             }
             Self::Files { spacing, .. } => {
                 let file = ParticleFile::open(path)?;
                 let name = STREAM.into();
                 let known = vec![Known { name, state: file.content_key(), spacing: Some(spacing) }];
-                Ok(Opened { known, content: Content::File(file) })
+                Ok(Opened { known, time: 0.0, content: Content::File(file) })
             }
         }
     }
@@ -111,6 +112,8 @@ impl Source<'_> {
 pub(super) struct Opened {
     /// Its streams.
     pub(super) known: Vec<Known>,
+    /// Time since the shot's start [s]; 0 of a file.
+    pub(super) time: f64,
     content: Content,
 }
 
@@ -188,7 +191,7 @@ pub(super) fn choose(
 }
 
 /// Frames that a job may be asked for: eleven hours at 24 a second.
-const MOST_FRAMES: u64 = 1_000_000;
+pub(super) const MOST_FRAMES: u64 = 1_000_000;
 
 /// Identifies the simulated state that something was made from.
 pub(super) fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64 {

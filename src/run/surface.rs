@@ -2,16 +2,17 @@
 
 use super::{
     Control, Failure, MeshRecord, OutputFiles, RunError, ShotFolder, Source,
-    job::{self, Job, Make, Target},
+    job::{self, Job, Make, Part, Target},
     ledger::{Done, Made, Piece, Work},
     plan::Product,
     remarks,
 };
 use crate::{
     export::{self, MeshFormat},
-    frame::{FrameIndex, Stream},
+    frame::FrameIndex,
     mesh::{self, Mesh, MeshCheck, Points, Surface, SurfaceError, SurfaceParams},
     par,
+    sim::smoke,
 };
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -63,7 +64,11 @@ impl Make for Meshes<'_> {
         self.params
     }
 
-    fn key(&self, state: u64, spacing: f32) -> u64 {
+    fn takes(&self, stream: &str) -> bool {
+        ![smoke::NAME, smoke::TRACERS].contains(&stream)
+    }
+
+    fn key(&self, _: &str, state: u64, spacing: f32) -> u64 {
         let version = mesh::SURFACE_VERSION;
         xxh3_64(format!("{version} {state:016x} {spacing} {}", self.text).as_bytes())
     }
@@ -74,7 +79,7 @@ impl Make for Meshes<'_> {
 
     fn make(
         &self,
-        stream: &Stream,
+        Part { stream, .. }: Part<'_>,
         spacing: f32,
         target: &Target,
         made: &mut Made,

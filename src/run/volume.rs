@@ -2,10 +2,12 @@
 
 use super::{
     Control, Failure, OutputFiles, RunError, ShotFolder, Source,
-    job::{self, Job, Make, Target},
+    job::{self, Job, Make, Part, Target},
     ledger::{Done, Made, Piece, Work},
     plan::Product,
-    remarks,
+    remarks, simulate,
+    smoke_grids::{NoGrids, SmokeGrids},
+    solids,
     volume_grids::VolumeGrids,
 };
 use crate::{
@@ -16,6 +18,11 @@ use crate::{
     field::Anisotropy,
     frame::{FrameIndex, Stream},
     mesh::{self, DistanceParams, SurfaceError, SurfaceParams},
+    scene::Scene,
+    sim::{
+        World,
+        smoke::{self, FrameAir, Smoke, TRACERS},
+    },
 };
 use serde::Serialize;
 use std::time::Instant;
@@ -24,6 +31,9 @@ use xxhash_rust::xxh3::xxh3_64;
 /// Raised whenever a change of what a volume holds gives the same particles and settings another file. Changes of the
 /// surface raise [`mesh::SURFACE_VERSION`].
 const VOLUME_VERSION: u32 = 2;
+
+/// The same for smoke.
+const SMOKE_VERSION: u32 = 1;
 
 /// What is made of every frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,6 +44,34 @@ pub struct VolumeSettings {
     pub volume: VolumeParams,
     /// Which grids a file has; at least one.
     pub grids: Vec<VolumeGrid>,
+    /// What moves the smoke of the shot, if it has any: without it, smoke has no velocities.
+    pub smoke: Option<Surroundings>,
+}
+
+/// What moves smoke beside its vortons.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surroundings {
+    /// What the preset says of it.
+    pub smoke: Smoke,
+    /// What is around it.
+    pub world: World,
+}
+
+/// What moves the smoke of a shot; `None` if it has none. Samples of meshes are looked for in `folder`, and left there.
+///
+/// # Errors
+/// If a mesh cannot be sampled.
+pub fn surroundings(
+    scene: &Scene,
+    folder: &ShotFolder,
+    control: Control,
+) -> Result<Option<Surroundings>, RunError> {
+    if scene.smoke.is_none() {
+        return Ok(None);
+    }
+    let scene = solids::fill(scene, Some(folder), control.reporter)?;
+    let world = simulate::world(&scene);
+    Ok(scene.systems().smoke.map(|smoke| Surroundings { smoke, world }))
 }
 
 /// Makes volumes of the frames of `source` in `out`, several at once where memory allows.
@@ -50,11 +88,16 @@ pub fn volume(
     job: &Job,
     control: Control,
 ) -> Result<Done, RunError> {
-    job::run(source, out, &Volumes { out, settings, text: decisive(settings) }, job, control)
+    let wanted = |there: &[VolumeGrid]| -> Vec<VolumeGrid> {
+        settings.grids.iter().copied().filter(|grid| there.contains(grid)).collect()
+    };
+    let (liquid, smoke) = (wanted(&VolumeGrid::LIQUID), wanted(&VolumeGrid::SMOKE));
+    let text = decisive(settings, &liquid);
+    job::run(source, out, &Volumes { out, settings, liquid, smoke, text }, job, control)
 }
 
 /// All that decides what the volumes of a state hold, as text: not how a mesh of it is cleaned up.
-fn decisive(settings: &VolumeSettings) -> String {
+fn decisive(settings: &VolumeSettings, grids: &[VolumeGrid]) -> String {
     #[derive(Serialize)]
     struct Decisive<'a> {
         voxel: f32,
@@ -64,7 +107,7 @@ fn decisive(settings: &VolumeSettings) -> String {
         volume: &'a VolumeParams,
         grids: &'a [VolumeGrid],
     }
-    let VolumeSettings { surface, volume, grids } = settings;
+    let VolumeSettings { surface, volume, .. } = settings;
     let SurfaceParams { voxel, kernel_radius, anisotropy, distance, .. } = surface;
     let (voxel, kernel_radius, distance) = (*voxel, *kernel_radius, *distance);
     serde_json::to_string(&Decisive { voxel, kernel_radius, anisotropy, distance, volume, grids })
@@ -75,7 +118,10 @@ fn decisive(settings: &VolumeSettings) -> String {
 struct Volumes<'a> {
     out: &'a ShotFolder,
     settings: &'a VolumeSettings,
-    /// What decides their content, as text.
+    /// The grids of liquids, and of smoke.
+    liquid: Vec<VolumeGrid>,
+    smoke: Vec<VolumeGrid>,
+    /// What decides the content of those of liquids, as text.
     text: String,
 }
 
@@ -86,33 +132,50 @@ impl Make for Volumes<'_> {
         &self.settings.surface
     }
 
-    fn key(&self, state: u64, spacing: f32) -> u64 {
+    fn takes(&self, stream: &str) -> bool {
+        match stream {
+            smoke::NAME => false,
+            TRACERS => !self.smoke.is_empty(),
+            _ => !self.liquid.is_empty(),
+        }
+    }
+
+    fn key(&self, stream: &str, state: u64, spacing: f32) -> u64 {
+        if stream == TRACERS {
+            return smoke_key(self.settings, &self.smoke, state);
+        }
         let versions = [VOLUME_VERSION, mesh::SURFACE_VERSION];
         xxh3_64(format!("{versions:?} {state:016x} {spacing} {}", self.text).as_bytes())
     }
 
     fn kept(&self, target: &Target) -> Option<Piece> {
-        let mut output = output(target);
-        let (key, grids) = vdb::made_from(&output.file(self.out, target.index.0))?;
-        if key != target.key {
-            return None;
-        }
-        // Which grids were made depends on the frame's particles, too.
-        output.grids = grids;
-        Some(Piece { outputs: vec![output], work: None, stale: Vec::new() })
+        kept(self.out, target)
     }
 
     fn make(
         &self,
-        stream: &Stream,
+        part: Part<'_>,
         spacing: f32,
         target: &Target,
         made: &mut Made,
         control: Control,
     ) -> Result<(), RunError> {
+        if part.stream.name == TRACERS {
+            let settings = self.settings;
+            let air = settings
+                .smoke
+                .as_ref()
+                .map(|Surroundings { smoke, world }| FrameAir::of(smoke, world, part.streams, part.time));
+            let air = air.transpose()?;
+            let (tracers, air, wanted) = (part.stream, air.as_ref(), &self.smoke[..]);
+            let smoke = SmokeFrame { tracers, air, spacing, wanted, slower: 1.0 };
+            return write_smoke(self.out, settings, smoke, target, made, control);
+        }
+        let stream = part.stream;
         let start = Instant::now();
         let keep_going = || !(control.interrupted)();
-        let VolumeSettings { surface, volume, grids: wanted } = self.settings;
+        let VolumeSettings { surface, volume, .. } = self.settings;
+        let wanted = &self.liquid;
         let grids = match VolumeGrids::new(stream, spacing, surface, wanted, &keep_going) {
             Ok(found) if found.names().is_empty() => {
                 let why = "the particles have no velocities, and no other grid is asked for";
@@ -142,6 +205,93 @@ impl Make for Volumes<'_> {
         made.pieces.push(Piece { outputs: vec![output], work, stale: Vec::new() });
         Ok(())
     }
+}
+
+/// The file of a target, if it is there and has its key.
+pub(super) fn kept(out: &ShotFolder, target: &Target) -> Option<Piece> {
+    let mut output = output(target);
+    let (key, grids) = vdb::made_from(&output.file(out, target.index.0))?;
+    if key != target.key {
+        return None;
+    }
+    // Which grids were made depends on the frame's particles, too.
+    output.grids = grids;
+    Some(Piece { outputs: vec![output], work: None, stale: Vec::new() })
+}
+
+/// The smoke of a frame.
+pub(super) struct SmokeFrame<'a> {
+    pub(super) tracers: &'a Stream,
+    pub(super) air: Option<&'a FrameAir>,
+    /// Distance at which the tracers were seeded [m].
+    pub(super) spacing: f32,
+    pub(super) wanted: &'a [VolumeGrid],
+    /// How many times slower than it was simulated it is shown.
+    pub(super) slower: f64,
+}
+
+/// Identifies the volume of smoke that is made of `state`.
+pub(super) fn smoke_key(settings: &VolumeSettings, grids: &[VolumeGrid], state: u64) -> u64 {
+    let VolumeSettings { surface: SurfaceParams { voxel, kernel_radius, .. }, volume, .. } = settings;
+    let air = settings.smoke.is_some();
+    xxh3_64(
+        format!("smoke {SMOKE_VERSION} {state:016x} {voxel} {kernel_radius} {volume:?} {grids:?} {air}")
+            .as_bytes(),
+    )
+}
+
+/// Makes and writes the volume of the smoke of a frame. What cannot be made is remembered in `made`.
+///
+/// # Errors
+/// What a folder or disk refuses; [`RunError::Interrupted`].
+pub(super) fn write_smoke(
+    out: &ShotFolder,
+    settings: &VolumeSettings,
+    smoke: SmokeFrame<'_>,
+    target: &Target,
+    made: &mut Made,
+    control: Control,
+) -> Result<(), RunError> {
+    let start = Instant::now();
+    let keep_going = || !(control.interrupted)();
+    let shutter = settings.smoke.as_ref().map_or(0.0, |around| 1.0 / around.smoke.fps) as f32;
+    let shutter = shutter / smoke.slower as f32;
+    let grids = SmokeGrids::new(&smoke, shutter, &settings.surface, &keep_going);
+    let grids = match grids {
+        Ok(grids) => grids,
+        Err(NoGrids::Interrupted) => return Err(RunError::Interrupted),
+        Err(NoGrids::Missing(what)) => {
+            made.fail(format!("the tracers have no {what}; simulate the shot again"), Failure::Other);
+            return Ok(());
+        }
+        Err(NoGrids::Unfit(unfit)) => {
+            made.fail(format!("the air cannot be told: {unfit}; simulate the shot again"), Failure::Other);
+            return Ok(());
+        }
+    };
+    let mut output = output(target);
+    let bytes = match grids.write(&output.file(out, target.index.0), &settings.volume, target.key) {
+        Ok(bytes) => bytes,
+        Err(why @ ExportError::Volume { .. }) => {
+            made.fail(why.to_string(), Failure::Other);
+            return Ok(());
+        }
+        Err(why) => return Err(why.into()),
+    };
+    output.grids = grids.names().iter().map(|grid| grid.name().into()).collect();
+    let names = output.grids.join(", ");
+    let (bricks, mib) = (grids.stats.bricks, bytes as f64 / f64::from(1 << 20));
+    let mut figures = format!(
+        "frame {}  {names}  {bricks} bricks  {mib:.2} MiB  {:.2} s",
+        target.index,
+        start.elapsed().as_secs_f64()
+    );
+    for remark in remarks::of_smoke_volume(&grids.stats) {
+        figures += &format!("  {remark}");
+    }
+    let work = Some(Work { bytes, triangles: 0, figures, record: None });
+    made.pieces.push(Piece { outputs: vec![output], work, stale: Vec::new() });
+    Ok(())
 }
 
 /// The output that the volume of a target belongs to, with its frame alone.

@@ -97,6 +97,7 @@ impl VolumeGrids {
             VolumeGrid::Density => self.fog.is_some(),
             VolumeGrid::Surface => self.surface.is_some(),
             VolumeGrid::Velocity => self.velocity.is_some(),
+            VolumeGrid::Temperature => false,
         };
         VolumeGrid::ALL.into_iter().filter(there).collect()
     }

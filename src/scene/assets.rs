@@ -46,7 +46,12 @@ pub(super) fn meshes(scene: &Scene) -> Vec<(String, &MeshShape)> {
         SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh)),
         _ => None,
     });
-    colliders.chain(sources).collect()
+    let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
+    let smoke = smoke.filter_map(|(path, shape)| match shape {
+        Shape::Mesh(mesh) => Some((format!("smoke.{path}.shape.mesh"), mesh)),
+        _ => None,
+    });
+    colliders.chain(sources).chain(smoke).collect()
 }
 
 /// What is wrong with the files that a scene names, short of reading them.

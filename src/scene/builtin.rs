@@ -3,12 +3,17 @@
 /// Every built-in preset: its name and its text.
 pub fn all() -> &'static [(&'static str, &'static str)] {
     &[
+        ("colliding-rings", include_str!("../../presets/colliding-rings.toml")),
         ("dam-break", include_str!("../../presets/dam-break.toml")),
         ("double-dam-break", include_str!("../../presets/double-dam-break.toml")),
         ("drop-in-pool", include_str!("../../presets/drop-in-pool.toml")),
         ("figure-bath", include_str!("../../presets/figure-bath.toml")),
         ("figure-drop", include_str!("../../presets/figure-drop.toml")),
         ("figure-splash", include_str!("../../presets/figure-splash.toml")),
+        ("leapfrog-rings", include_str!("../../presets/leapfrog-rings.toml")),
+        ("plume", include_str!("../../presets/plume.toml")),
+        ("smoke-over-sphere", include_str!("../../presets/smoke-over-sphere.toml")),
+        ("smoke-ring", include_str!("../../presets/smoke-ring.toml")),
         ("wave-machine", include_str!("../../presets/wave-machine.toml")),
     ]
 }

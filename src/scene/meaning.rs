@@ -1,9 +1,9 @@
 //! Checks of what a preset means, once every value is valid on its own.
 
-use super::{Scene, check::Places, problem::Finding};
+use super::{Scene, check::Places, problem::Finding, smoke::check_smoke};
 use crate::{
     sim::liquid::{LiquidChannel, LiquidParams, SourceShape},
-    solid::{Collider, Shape, ShapeError},
+    solid::{Keyframe, Shape, ShapeError},
 };
 
 /// Particles that the 32-bit neighbour lists can tell apart.
@@ -17,19 +17,28 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         if let Err(error) = collider.shape.check() {
             findings.push(shape_finding(&path, error, places));
         }
-        check_motion(collider, &format!("world.collider.{index}"), places, &mut findings);
+        let path = format!("world.collider.{index}");
+        check_motion(&collider.keyframes, &collider.shape, &path, places, &mut findings);
     }
-    match &scene.liquid {
-        Some(liquid) => check_liquid(liquid, places, &mut findings),
-        None => findings.push(
+    if let Some(liquid) = &scene.liquid {
+        check_liquid(liquid, places, &mut findings);
+    }
+    if let Some(smoke) = &scene.smoke {
+        check_smoke(scene, smoke, places, &mut findings);
+    }
+    if scene.liquid.is_none() && scene.smoke.is_none() {
+        findings.push(
             Finding::new(
                 places.of(""),
                 "liquid",
                 "the preset names nothing to simulate",
-                "no `[liquid]` in this preset",
+                "no `[liquid]` and no `[smoke]` in this preset",
             )
-            .with_help("add a `[liquid]` table with a `spacing` and at least one `[[liquid.source]]`"),
-        ),
+            .with_help(
+                "add a `[liquid]` table with a `spacing` and at least one `[[liquid.source]]`, or a `[smoke]` table with a \
+                 `spacing` and a `[[smoke.ring]]`",
+            ),
+        );
     }
     check_attributes(scene, places, &mut findings);
     findings
@@ -62,8 +71,13 @@ fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
 }
 
 /// Whether the keyframes ascend and turn in one way, and whether their shape can.
-fn check_motion(collider: &Collider, path: &str, places: &Places, findings: &mut Vec<Finding>) {
-    let keys = &collider.keyframes;
+pub(super) fn check_motion(
+    keys: &[Keyframe],
+    shape: &Shape,
+    path: &str,
+    places: &Places,
+    findings: &mut Vec<Finding>,
+) {
     let mut report = |key: String, message: String, label: String, help: &str| {
         findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
     };
@@ -106,7 +120,7 @@ fn check_motion(collider: &Collider, path: &str, places: &Places, findings: &mut
     }
     let turns =
         keys.windows(2).position(|k| (k[0].rotation, k[0].quaternion) != (k[1].rotation, k[1].quaternion));
-    if let (Shape::Plane { .. }, Some(index)) = (&collider.shape, turns) {
+    if let (Shape::Plane { .. }, Some(index)) = (shape, turns) {
         report(
             format!("{path}.keyframes.{}", index + 1),
             format!("`{path}` is a plane and cannot turn"),
@@ -205,7 +219,7 @@ fn volume(shape: &SourceShape) -> f64 {
     }
 }
 
-fn name(shape: &Shape) -> &'static str {
+pub(super) fn name(shape: &Shape) -> &'static str {
     match shape {
         Shape::Plane { .. } => "plane",
         Shape::Box { .. } => "box",
@@ -216,7 +230,7 @@ fn name(shape: &Shape) -> &'static str {
     }
 }
 
-fn shape_finding(path: &str, error: ShapeError, places: &Places) -> Finding {
+pub(super) fn shape_finding(path: &str, error: ShapeError, places: &Places) -> Finding {
     let key = format!("{path}.{}", error.field());
     let help = match error {
         ShapeError::Inverted { .. } => "`min` is the lower corner, `max` the upper one, on every axis",

@@ -14,6 +14,7 @@ mod model;
 mod problem;
 mod query;
 pub mod reference;
+mod smoke;
 mod tree;
 mod units;
 
@@ -32,7 +33,11 @@ use crate::{
         vdb::{VolumeGrid, VolumeParams},
     },
     mesh::SurfaceParams,
-    sim::{self, Observable, liquid::LiquidParams},
+    sim::{
+        self, Observable, Systems,
+        liquid::LiquidParams,
+        smoke::{Smoke, SmokeParams},
+    },
     solid::Collider,
 };
 use schemars::JsonSchema;
@@ -57,6 +62,9 @@ pub struct Scene {
     /// The liquid; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub liquid: Option<LiquidParams>,
+    /// The smoke; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smoke: Option<SmokeParams>,
     /// How frames are meshed.
     #[serde(default)]
     pub surface: SurfaceParams,
@@ -164,6 +172,13 @@ impl Scene {
         toml::to_string(self).expect("a scene has only values that TOML can hold")
     }
 
+    /// The systems, as the simulation takes them.
+    pub fn systems(&self) -> Systems {
+        let (fps, first) = (f64::from(self.fps), self.frames.first().0);
+        let smoke = self.smoke.clone().map(|params| Smoke { params, fps, first });
+        Systems { liquid: self.liquid.clone(), smoke }
+    }
+
     /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that
     /// these name, and the solvers' version.
     ///
@@ -177,6 +192,8 @@ impl Scene {
             solvers: u32,
             world: &'a World,
             liquid: Option<LiquidParams>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            smoke: &'a Option<SmokeParams>,
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
@@ -186,6 +203,7 @@ impl Scene {
             fps,
             world,
             liquid,
+            smoke,
             surface: _,
             volume: _,
             output: _,
@@ -200,7 +218,7 @@ impl Scene {
             channels.sort_unstable();
             channels.dedup();
         }
-        let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid, files };
+        let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid, smoke, files };
         let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
         xxhash_rust::xxh3::xxh3_64(text.as_bytes())
     }

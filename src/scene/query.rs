@@ -53,9 +53,9 @@ fn absent(keys: &[Key], values: &Json, path: &str, found: &mut Vec<String>) {
     }
 }
 
-/// Whether the table names something that is computed for the picture.
+/// Whether the table names something that is computed for the picture, and is no system of its own.
 fn has_a_pass(path: &str) -> bool {
-    path != "tradeoff"
+    !["tradeoff", "liquid", "smoke"].contains(&path)
 }
 
 #[cfg(test)]

@@ -11,10 +11,11 @@ pub mod liquid;
 mod observe;
 mod record;
 mod simulation;
+pub mod smoke;
 mod stop;
 pub mod vortex;
 
 pub use observe::Observable;
-pub use record::{Clamps, FrameRecord, SeedReport};
-pub use simulation::{SetupError, Simulation, World};
+pub use record::{Clamps, FrameRecord, SeedReport, SmokeSeeds};
+pub use simulation::{SetupError, Simulation, Systems, World};
 pub use stop::{Diverged, Stop, Unwatched, Watch};

@@ -1,17 +1,32 @@
 //! What a simulation tells about its start and about every frame.
 
+use super::smoke::SmokeRecord;
 use serde::Serialize;
 use std::time::Instant;
 
 /// What seeding did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct SeedReport {
-    /// Particles in the shot.
+    /// Particles of the liquid.
     pub particles: u32,
     /// Particles left out because they lay in a solid, or closer to one than half a spacing.
     pub skipped_in_solids: u32,
     /// Particles left out because an earlier source had already put one closer than 0.9 spacings.
     pub skipped_overlapping: u32,
+    /// What seeding the smoke did, if there is any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoke: Option<SmokeSeeds>,
+}
+
+/// What seeding smoke did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct SmokeSeeds {
+    /// Vortons.
+    pub vortons: u32,
+    /// Tracers.
+    pub tracers: u32,
+    /// Tracers left out because they lay in a solid.
+    pub skipped_in_solids: u32,
 }
 
 /// How often a limit changed a result, summed over the frame.
@@ -30,7 +45,7 @@ pub struct Clamps {
     pub contacts: u64,
 }
 
-/// What happened in a frame. Everything but `seconds` is the same on every run and for any thread count.
+/// What happened in a frame: to the liquid, and in `smoke` to the smoke. Everything but `seconds` is the same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FrameRecord {
     /// Substeps taken.
@@ -62,6 +77,9 @@ pub struct FrameRecord {
     pub cfl_capped: u32,
     /// Particles whose centre lies inside a solid at the frame's end.
     pub particles_inside_solids: u32,
+    /// What happened to the smoke, if there is any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoke: Option<SmokeRecord>,
     /// Wall-clock time of every pass that ran [s], in order of the passes. Lists rebuilt between iterations count
     /// as "solve".
     pub seconds: Vec<(&'static str, f64)>,

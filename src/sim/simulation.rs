@@ -3,6 +3,9 @@
 use super::{
     FrameRecord, SeedReport, Stop, Watch,
     liquid::{self, Liquid, LiquidParams},
+    record::SmokeSeeds,
+    smoke::{self, Smoke},
+    vortex::Unfit,
 };
 use crate::{
     frame::{Frame, FrameIndex},
@@ -19,8 +22,23 @@ pub struct World {
     pub solids: Vec<Solid>,
 }
 
+/// What is simulated; `None` = absent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Systems {
+    /// The liquid.
+    pub liquid: Option<LiquidParams>,
+    /// The smoke.
+    pub smoke: Option<Smoke>,
+}
+
+impl From<Option<LiquidParams>> for Systems {
+    fn from(liquid: Option<LiquidParams>) -> Self {
+        Self { liquid, smoke: None }
+    }
+}
+
 /// Why a simulation cannot start.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SetupError {
     /// The preset names no system.
     #[error("nothing to simulate: the preset names no system")]
@@ -36,6 +54,15 @@ pub enum SetupError {
         /// Lattice points in all sources.
         asked: f64,
     },
+    /// There is neither a vorton nor a tracer, and nothing that would give off any.
+    #[error(
+        "no smoke: rings, tubes, turbulence and sources are empty or inside solids, and there is no emitter; enlarge one or \
+         lower smoke.spacing"
+    )]
+    NoSmoke,
+    /// Vortons at the start are outside what can be computed.
+    #[error("the smoke cannot start: {0}; check the rings, tubes and the turbulence")]
+    Unfit(#[from] Unfit),
     /// The frame to restore from lacks a part.
     #[error("the frame's stream '{stream}' has no '{what}'; simulate it again")]
     Missing {
@@ -50,17 +77,22 @@ pub enum SetupError {
 #[derive(Debug)]
 pub struct Simulation {
     liquid: Option<Liquid>,
+    smoke: Option<smoke::System>,
     time: f64,
 }
 
 impl Simulation {
-    /// Seeds every system that is present; `None` = absent.
+    /// Seeds every system that is present.
     ///
     /// # Errors
-    /// If there is no system, or its sources hold no particle or too many.
-    pub fn new(world: World, liquid: Option<LiquidParams>) -> Result<Self, SetupError> {
-        let params = liquid.ok_or(SetupError::NoSystem)?;
-        Ok(Self { liquid: Some(Liquid::seed(params, &world)?), time: 0.0 })
+    /// If there is no system, or the sources of one hold no particle or too many.
+    pub fn new(world: World, systems: impl Into<Systems>) -> Result<Self, SetupError> {
+        let Systems { liquid, smoke } = present(systems.into())?;
+        Ok(Self {
+            liquid: liquid.map(|params| Liquid::seed(params, &world)).transpose()?,
+            smoke: smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?,
+            time: 0.0,
+        })
     }
 
     /// Takes the state from a frame that [`Simulation::frame`] gave. What follows has the same bits as in the
@@ -68,26 +100,33 @@ impl Simulation {
     ///
     /// # Errors
     /// If there is no system, or the frame lacks its state.
-    pub fn restore(world: World, liquid: Option<LiquidParams>, frame: &Frame) -> Result<Self, SetupError> {
-        let params = liquid.ok_or(SetupError::NoSystem)?;
-        let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
-        let stream = frame.stream(liquid::NAME).ok_or(missing)?;
-        Ok(Self { liquid: Some(Liquid::restore(params, &world, stream, frame.time)?), time: frame.time })
+    pub fn restore(world: World, systems: impl Into<Systems>, frame: &Frame) -> Result<Self, SetupError> {
+        let Systems { liquid, smoke } = present(systems.into())?;
+        let liquid = liquid.map(|params| {
+            let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
+            let stream = frame.stream(liquid::NAME).ok_or(missing)?;
+            Liquid::restore(params, &world, stream, frame.time)
+        });
+        let smoke = smoke.map(|smoke| smoke::System::restore(smoke, &world, &frame.streams));
+        Ok(Self { liquid: liquid.transpose()?, smoke: smoke.transpose()?, time: frame.time })
     }
 
     /// What seeding did.
     pub fn seeded(&self) -> SeedReport {
-        self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default()
+        let smoke = self.smoke.as_ref().map(|smoke| {
+            let [vortons, tracers, skipped_in_solids] = smoke.counts();
+            SmokeSeeds { vortons, tracers, skipped_in_solids }
+        });
+        SeedReport { smoke, ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default() }
     }
 
-    /// The state as a frame: stream "liquid" with `position` [m], `velocity` [m/s], `id` and the channels that the preset
-    /// names, in memory order.
+    /// The state as a frame, in memory order: stream "liquid" with `position` [m], `velocity` [m/s], `id` and the channels that the
+    /// preset names; streams "smoke" with the vortons' `position` [m], `strength` [m³/s], `core` [m], `volume` [m³] and `id`, and
+    /// "smoke_tracers" with `position` [m], `density`, `temperature` [K] and `id`.
     pub fn frame(&self, index: FrameIndex) -> Frame {
-        Frame {
-            index,
-            time: self.time,
-            streams: self.liquid.iter().map(|liquid| liquid.stream(self.time)).collect(),
-        }
+        let liquid = self.liquid.iter().map(|liquid| liquid.stream(self.time));
+        let smoke = self.smoke.iter().flat_map(smoke::System::streams);
+        Frame { index, time: self.time, streams: liquid.chain(smoke).collect() }
     }
 
     /// Advances by `frame_seconds` [s] (> 0) and tells what happened.
@@ -96,8 +135,17 @@ impl Simulation {
     /// [`Stop`]; the state is then somewhere inside the frame and good only to look at.
     pub fn advance(&mut self, frame_seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
         let mut record = FrameRecord::default();
+        let both = self.liquid.is_some() && self.smoke.is_some();
         if let Some(liquid) = &mut self.liquid {
-            record = liquid.advance(self.time, frame_seconds, watch)?;
+            let mut part = Part { watch: &mut *watch, from: 0.0, share: if both { 0.5 } else { 1.0 } };
+            record = liquid.advance(self.time, frame_seconds, &mut part)?;
+        }
+        if let Some(smoke) = &mut self.smoke {
+            let (from, share) = if both { (0.5, 0.5) } else { (0.0, 1.0) };
+            let mut part = Part { watch, from, share };
+            let (told, seconds) = smoke.advance(self.time, frame_seconds, &mut part)?;
+            record.smoke = Some(told);
+            record.seconds.extend(seconds);
         }
         self.time += frame_seconds;
         Ok(record)
@@ -105,6 +153,30 @@ impl Simulation {
 
     /// The passes that run, in order: only what the preset names.
     pub fn passes(&self) -> Vec<&'static str> {
-        self.liquid.as_ref().map(Liquid::passes).unwrap_or_default()
+        let liquid = self.liquid.as_ref().map(Liquid::passes).unwrap_or_default();
+        let smoke = self.smoke.as_ref().map(smoke::System::passes).unwrap_or_default();
+        liquid.into_iter().chain(smoke).collect()
+    }
+}
+
+/// The systems, if there is one.
+fn present(systems: Systems) -> Result<Systems, SetupError> {
+    if systems == Systems::default() { Err(SetupError::NoSystem) } else { Ok(systems) }
+}
+
+/// One system's part of a frame.
+struct Part<'a> {
+    watch: &'a mut dyn Watch,
+    from: f64,
+    share: f64,
+}
+
+impl Watch for Part<'_> {
+    fn keep_going(&mut self) -> bool {
+        self.watch.keep_going()
+    }
+
+    fn substep(&mut self, done: f64) {
+        self.watch.substep(self.from + self.share * done);
     }
 }

@@ -104,6 +104,22 @@ impl Shape {
         }
     }
 
+    /// The lowest and highest corner of a box around the shape [m]; `None` for planes and tanks, which have no end.
+    pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
+        match self {
+            Self::Plane { .. } | Self::Tank { .. } => None,
+            Self::Box { min, max } => Some((vec3(min), vec3(max))),
+            Self::Sphere { center, radius } => {
+                Some((vec3(center).add_scalar(-radius), vec3(center).add_scalar(*radius)))
+            }
+            Self::Capsule { from, to, radius } => {
+                let (from, to) = (vec3(from), vec3(to));
+                Some((from.inf(&to).add_scalar(-radius), from.sup(&to).add_scalar(*radius)))
+            }
+            Self::Mesh(mesh) => Some(mesh.bounds()),
+        }
+    }
+
     /// Whether the shape has a surface at all.
     ///
     /// # Errors

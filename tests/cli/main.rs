@@ -8,6 +8,7 @@ mod meshing;
 mod plan;
 mod resume;
 mod shot;
+mod smoke;
 mod solids;
 mod surface_extremes;
 mod surface_tradeoff;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Renders one frame of a shot folder with Cycles on the CPU: water on a tiled base in a light studio.
+"""Renders one frame of a shot folder with Cycles on the CPU: water on a tiled base in a light studio, smoke before the dark.
 
     python tools/blender/render.py SHOT_DIR --frame N -o picture.png [--samples 64] [--size 1280x720]
 
@@ -45,6 +45,36 @@ def water_box(shown: bpy.types.Object, frames: range) -> tuple[np.ndarray, np.nd
     if not np.all(np.isfinite(low)):
         raise SystemExit(f"{shown.name}: no vertices in frames {picked}, so there is nothing to look at")
     return low, high
+
+
+def smoke_box(shown: bpy.types.Object, frames: range) -> tuple[np.ndarray, np.ndarray]:
+    """The box that the grids keep to over the sequence."""
+    picked = sorted({frames[round(i * (len(frames) - 1) / (BOX_FRAMES - 1))] for i in range(BOX_FRAMES)})
+    corners = []
+    for frame in picked:
+        bpy.context.scene.frame_set(frame)
+        graph = bpy.context.evaluated_depsgraph_get()
+        corners.append(np.array([corner[:] for corner in shown.evaluated_get(graph).bound_box]))
+    points = np.concatenate(corners)
+    return points.min(0), points.max(0)
+
+
+def add_night(low: np.ndarray, high: np.ndarray, given: argparse.Namespace) -> None:
+    """Darkness, a strong light from behind on the left, a weak one from the right: smoke is seen by its rims. Solids of the
+    shot that --ball names stand in it as matte bodies."""
+    middle, size = Vector((low + high) / 2.0), float(np.linalg.norm(high - low))
+    world = bpy.data.worlds.new("Night")
+    bpy.context.scene.world = world
+    world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.010, 0.013, 0.018, 1.0)
+    key = middle + size * Vector((-1.3, 0.9, 1.1))
+    add_light("AREA", "Key", key, middle, energy=150.0 * size**2, shape="SQUARE", size=0.6 * size)
+    fill = middle + size * Vector((1.6, -0.9, 0.4))
+    add_light("AREA", "Fill", fill, middle, energy=40.0 * size**2, shape="SQUARE", size=size)
+    for x, y, z, radius in given.ball:
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=radius, location=(x, y, z))
+        bpy.ops.object.shade_smooth()
+        bpy.context.object.data.materials.append(material("Ball", (0.22, 0.10, 0.06), 0.5))
 
 
 def material(name: str, colour: tuple[float, float, float], roughness: float) -> bpy.types.Material:
@@ -191,6 +221,7 @@ def set_render(given: argparse.Namespace) -> None:
     render.use_motion_blur = not given.sharp
     cycles.samples, cycles.use_adaptive_sampling, cycles.adaptive_threshold = given.samples, True, 0.02
     cycles.max_bounces, cycles.transmission_bounces, cycles.glossy_bounces = 16, 16, 8
+    cycles.volume_bounces = 2
     cycles.transparent_max_bounces, cycles.diffuse_bounces = 32, 3
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.sample_clamp_indirect = 6.0
@@ -211,9 +242,13 @@ def picture(given: argparse.Namespace) -> None:
     frames = range(scene.frame_start, scene.frame_end + 1)
     if given.frame not in frames:
         raise SystemExit(f"frame {given.frame} is not in the shot, which has {frames[0]} to {frames[-1]}")
-    low, high = water_box(shown, frames)
-    add_stage(low, high)
-    add_lights(low, high)
+    if shown.type == "VOLUME":
+        low, high = smoke_box(shown, frames)
+        add_night(low, high, given)
+    else:
+        low, high = water_box(shown, frames)
+        add_stage(low, high)
+        add_lights(low, high)
     set_render(given)
     add_camera(low, high, given.azimuth, given.elevation)
     scene.frame_set(given.frame)
@@ -230,6 +265,12 @@ def frame_size(text: str) -> tuple[int, int]:
     return width, height
 
 
+def ball_of(text: str) -> tuple[float, ...]:
+    """X,Y,Z,R as four numbers; ValueError makes argparse say what was given."""
+    x, y, z, radius = map(float, text.split(","))
+    return x, y, z, radius
+
+
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("shot", type=Path, help="shot folder")
@@ -240,6 +281,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--azimuth", type=float, default=-28.0, help="degrees around Z from the front (-Y)")
     parser.add_argument("--elevation", type=float, default=20.0, help="degrees above the horizon")
     parser.add_argument("--sharp", action="store_true", help="no motion blur")
+    ball = {"type": ball_of, "action": "append", "default": [], "metavar": "X,Y,Z,R"}
+    parser.add_argument("--ball", **ball, help="a ball that stands in smoke; may be repeated")
     parser.add_argument("--blend", type=Path, help="also save the scene")
     return parser.parse_args()
 

@@ -185,6 +185,7 @@ fn bare(title: &str) -> Scene {
         fps: 24.0,
         world: scene::World::default(),
         liquid: None,
+        smoke: None,
         surface: Default::default(),
         volume: Default::default(),
         output: scene::Output::default(),

@@ -41,17 +41,25 @@ pub enum Compression {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum VolumeGrid {
-    /// Fog: 1 in filled space, 0 outside.
+    /// Fog: 1 in filled space, 0 outside; of smoke, the density that its tracers carry.
     Density,
     /// Signed distance to the surface, in metres, in a narrow band.
     Surface,
-    /// Velocity, in metres a second, wherever there is density.
+    /// Velocity, in metres a second, wherever there is density; of smoke, as far beyond as it moves in a frame.
     Velocity,
+    /// Of smoke, the temperature above that of the air, in kelvins.
+    Temperature,
 }
 
 impl VolumeGrid {
     /// Every grid, in the order written.
-    pub const ALL: [Self; 3] = [Self::Density, Self::Surface, Self::Velocity];
+    pub const ALL: [Self; 4] = [Self::Density, Self::Surface, Self::Velocity, Self::Temperature];
+
+    /// Those that a liquid has.
+    pub const LIQUID: [Self; 3] = [Self::Density, Self::Surface, Self::Velocity];
+
+    /// Those that smoke has.
+    pub const SMOKE: [Self; 3] = [Self::Density, Self::Velocity, Self::Temperature];
 
     /// Its name in a file.
     pub fn name(self) -> &'static str {
@@ -59,6 +67,7 @@ impl VolumeGrid {
             Self::Density => "density",
             Self::Surface => "surface",
             Self::Velocity => "velocity",
+            Self::Temperature => "temperature",
         }
     }
 

@@ -106,6 +106,12 @@ impl Solids {
             SourceShape::Mesh(mesh) => Some(mesh),
             _ => None,
         });
+        let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
+        let smoke = smoke.filter_map(|(_, shape)| match shape {
+            Shape::Mesh(mesh) => Some(mesh),
+            _ => None,
+        });
+        let sources = sources.chain(smoke);
         let nodes = |mesh: &MeshShape| mesh.samples().values.len();
         let colliding: usize = colliders.clone().map(nodes).sum();
         // Shapes of one file share their samples.
@@ -219,6 +225,25 @@ pub(super) fn surface(particles: usize, grids: Grids, params: &SurfaceParams) ->
 /// Peak memory of making volumes of `particles` [bytes].
 pub(super) fn volume(particles: usize, grids: Grids) -> u64 {
     (BASE + particles as f64 * VOLUME_PARTICLE + grids.bricks * VOLUME_BRICK) as u64
+}
+
+/// Memory of simulating smoke, a vorton: columns, rates and the tree that sums them …
+const VORTON: f64 = 900.0;
+
+/// … and a tracer.
+const TRACER: f64 = 230.0;
+
+/// Memory of a volume of smoke, a brick that tracers meet: velocities reach beyond those.
+const SMOKE_BRICK: f64 = 60000.0;
+
+/// Peak memory of simulating smoke [bytes].
+pub(super) fn smoke(vortons: f64, tracers: f64) -> u64 {
+    (BASE + vortons * VORTON + tracers * TRACER) as u64
+}
+
+/// Peak memory of making a volume of smoke [bytes].
+pub(super) fn smoke_volume(tracers: f64, bricks: f64) -> u64 {
+    (BASE + tracers * VOLUME_PARTICLE + bricks * SMOKE_BRICK) as u64
 }
 
 /// The bricks of the density of particles at `positions` [m], at most: every brick that the box around a kernel meets.

@@ -8,6 +8,7 @@ mod forecast;
 mod memory;
 mod pilot;
 mod sample;
+mod smoke;
 
 use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
 use crate::{
@@ -15,15 +16,17 @@ use crate::{
     field::{DensityParams, bricks_near_surface, coarse_step},
     frame::Stream,
     grid::BRICK_NODES,
+    math::Vec3,
     mesh::{DistanceParams, SurfaceParams},
     par,
     scene::{Frames, Scene},
-    sim::{SetupError, Simulation},
+    sim::{SetupError, Simulation, SmokeSeeds},
 };
 use forecast::{Forecast, Job, forecast};
 use memory::{Grids, Known, Solids};
 use pilot::Pilot;
 use serde::Serialize;
+use smoke::SmokePlan;
 
 /// What a shot will need.
 #[derive(Clone, Debug, Serialize)]
@@ -68,6 +71,9 @@ pub struct Plan {
     pub threads: usize,
     /// How long the calibration took [s].
     pub calibration_seconds: f64,
+    /// What the smoke needs, if there is any. It is part of `memory`, `cache` and `seconds`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub smoke: Option<SmokePlan>,
     /// What should be known beside the figures.
     pub remarks: Vec<String>,
 }
@@ -77,6 +83,8 @@ pub struct Plan {
 pub struct Outline {
     /// Particles at the start.
     pub particles: usize,
+    /// Vortons and tracers at the start, if there is smoke.
+    pub smoke: Option<[u32; 2]>,
     /// The passes that will run.
     pub passes: Vec<String>,
     /// A bound of the memory by the particles and the samples of meshes [bytes]: more than any built-in preset took in any
@@ -112,12 +120,14 @@ const LEAST_UNCERTAINTY: f64 = 0.25;
 /// If the systems cannot start as the preset says.
 pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Outline, RunError> {
     let scene = &solids::fill(scene, None, control.reporter)?;
-    let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
+    let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
     let particles = simulation.seeded().particles as usize;
+    let seeds = simulation.seeded().smoke;
     Ok(Outline {
         particles,
+        smoke: seeds.map(|seeds| [seeds.vortons, seeds.tracers]),
         passes: passes(&simulation, scene, with_outputs),
-        memory: peak_memory(scene, particles, None, with_outputs),
+        memory: peak_memory(scene, particles, None, with_outputs) + smoke_bound(scene, seeds),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
 }
@@ -148,6 +158,8 @@ pub(super) enum Product {
     Meshes,
     /// Volume files.
     Volumes,
+    /// Tracers as points.
+    Points,
 }
 
 impl Product {
@@ -156,6 +168,7 @@ impl Product {
         match self {
             Self::Meshes => "mesh",
             Self::Volumes => "volume",
+            Self::Points => "points",
         }
     }
 
@@ -164,6 +177,7 @@ impl Product {
         match self {
             Self::Meshes => memory::surface(particles, grids, params),
             Self::Volumes => memory::volume(particles, grids),
+            Self::Points => memory::smoke(0.0, particles as f64),
         }
     }
 }
@@ -177,6 +191,9 @@ pub(super) fn stream_memory(
     params: &SurfaceParams,
     enough: u64,
 ) -> u64 {
+    if product == Product::Points {
+        return product.memory(stream.len(), Grids::default(), params);
+    }
     let positions = stream.vec3("position").unwrap_or_default();
     let bricks = memory::bricks_around(positions, spacing, params);
     let bound = product.memory(stream.len(), Grids::of_bricks(bricks as f64), params);
@@ -203,7 +220,7 @@ const OPENED: f64 = 1.05;
 pub(super) fn most_memory(product: Product, particles: usize, params: &SurfaceParams) -> u64 {
     let near = Grids::at_most(particles, params.voxel);
     let grids = match product {
-        Product::Meshes => near,
+        Product::Meshes | Product::Points => near,
         Product::Volumes => near.with_inside(particles, params.voxel),
     };
     product.memory(particles, grids, params)
@@ -245,10 +262,18 @@ fn plan_within(
     let scene = &solids::fill(scene, None, control.reporter)?;
     let clock = Meter::new();
     control.reporter.begin("calibrate", 3);
+    let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
+    let passes = passes(&simulation, scene, with_outputs);
+    let smoke = smoke::plan(scene, selection, with_outputs, control)?;
+    if scene.liquid.is_none() {
+        let plan = dry(scene, selection, smoke.unwrap_or_default(), passes, clock.wall());
+        control.reporter.end();
+        return allowed.map_or(Ok(()), |allowed| refuse_memory(plan.memory, allowed)).map(|()| plan);
+    }
+    // What follows is of the liquid alone.
     let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
     let particles = simulation.seeded().particles as usize;
     let formats = formats(scene, with_outputs);
-    let passes = passes(&simulation, scene, with_outputs);
     let mut told = remarks::of_seeding(&simulation.seeded());
 
     // Two coarse pilots of all frames; then it is known whether the memory suffices.
@@ -270,7 +295,8 @@ fn plan_within(
         with_first: selection.contains(scene.frames.first()),
     };
     let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
-    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs);
+    let [smoky, smoking] = smoke.as_ref().map_or([0, 0], |smoke| smoke.memory);
+    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs) + smoky.max(smoking);
     if let Some(allowed) = allowed.filter(|&allowed| memory > allowed) {
         return Err(RunError::OverMemory { needed: memory, allowed });
     }
@@ -296,17 +322,66 @@ fn plan_within(
         voxel: (!formats.is_empty()).then(|| f64::from(scene.surface.voxel * job.liquid.spacing)),
         bricks: found.grids.bricks,
         memory,
-        cache: found.cache,
+        cache: found.cache + smoke.as_ref().map_or(0.0, |smoke| smoke.cache),
         meshes: found.meshes,
-        seconds: work / pace,
+        seconds: work / pace + smoke.as_ref().map_or(0.0, |smoke| smoke.seconds.iter().sum()),
         surface_seconds: found.surfacing / pace,
         cpu_seconds: sample.busy.map(|_| work),
         uncertainty: uncertainty(&found, &check),
         threads: par::threads(),
         calibration_seconds: clock.wall(),
+        smoke,
         remarks: told,
     })
 }
+
+/// The plan of a shot of nothing but smoke.
+fn dry(scene: &Scene, selection: &Frames, smoke: SmokePlan, passes: Vec<String>, calibration: f64) -> Plan {
+    Plan {
+        title: scene.title.clone(),
+        frames: selection.clone(),
+        frames_simulated: u64::from(selection.last().0 - scene.frames.first().0),
+        frames_stored: selection.count(),
+        particles: 0,
+        passes,
+        absent: scene.absent_tables().into_iter().filter(|table| table.starts_with("smoke")).collect(),
+        substeps: smoke.substeps,
+        iterations: 0.0,
+        voxel: None,
+        bricks: 0.0,
+        memory: smoke.memory[0].max(smoke.memory[1]),
+        cache: smoke.cache,
+        meshes: 0.0,
+        seconds: smoke.seconds.iter().sum(),
+        surface_seconds: 0.0,
+        cpu_seconds: None,
+        uncertainty: SMOKE_UNCERTAINTY,
+        threads: par::threads(),
+        calibration_seconds: calibration,
+        remarks: smoke.remarks.clone(),
+        smoke: Some(smoke),
+    }
+}
+
+/// By how much the time of smoke may be off.
+const SMOKE_UNCERTAINTY: f64 = 0.5;
+
+/// A guess, on the safe side, of what smoke takes beside the rest, by what it begins with and what emitters add [bytes].
+fn smoke_bound(scene: &Scene, seeds: Option<SmokeSeeds>) -> u64 {
+    let (Some(seeds), Some(smoke)) = (seeds, &scene.smoke) else { return 0 };
+    let seconds = f64::from(scene.frames.last().0 - scene.frames.first().0) / f64::from(scene.fps);
+    let given = smoke.emitter.iter().map(|emitter| {
+        let sides = emitter.shape.bounds().map_or(Vec3::zeros(), |(low, high)| high - low);
+        f64::from(emitter.rate) * f64::from(sides.x * sides.y * sides.z) * seconds
+    });
+    let volume: f64 = given.sum();
+    let tracers = f64::from(seeds.tracers) + volume / f64::from(smoke.tracer_spacing()).powi(3);
+    let vortons = f64::from(seeds.vortons) + volume / f64::from(smoke.spacing).powi(3);
+    memory::smoke(GROWTH * vortons, tracers)
+}
+
+/// Vortons at the end over those that smoke begins with and is given: swirls spread beyond it.
+const GROWTH: f64 = 4.0;
 
 /// The finer pilot's spacing over the shot's.
 fn near_factor(particles: usize) -> f64 {
@@ -350,6 +425,9 @@ fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -
 /// The model's peak of simulating `scene`, whose meshes are filled, and, after it, meshing and making volumes; a bound if
 /// its grids are not known.
 fn peak_memory(scene: &Scene, particles: usize, grids: Option<Grids>, with_outputs: bool) -> u64 {
+    if scene.liquid.is_none() {
+        return 0;
+    }
     let kernel_radius = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.kernel_radius);
     let known = Known { particles, kernel_radius, solids: Solids::of(scene), grids, surface: &scene.surface };
     let mut peak = known.simulation();

@@ -122,6 +122,7 @@ impl Liquid {
             particles: liquid.x.len() as u32,
             skipped_in_solids: count("skipped_in_solids")?,
             skipped_overlapping: count("skipped_overlapping")?,
+            smoke: None,
         };
         let deviation = |name| stream.scalar(name);
         liquid.deviation = deviation("density_dev_avg")

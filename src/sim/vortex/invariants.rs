@@ -5,9 +5,10 @@
 
 use super::{Kernel, Method, Quantity, Targets, Unfit, Vortons, induced};
 use crate::par;
+use serde::Serialize;
 
 /// The invariants of a set of vortons, for a density of 1 kg/m³.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Invariants {
     /// ΣΓ [m³/s].
     pub strength: [f64; 3],

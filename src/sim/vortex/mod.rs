@@ -28,6 +28,7 @@ mod accuracy;
 mod chain;
 mod direct;
 mod expansion;
+pub mod flow;
 mod index;
 mod invariants;
 mod lanes;
@@ -46,6 +47,8 @@ pub use vortons::{LARGEST, SMALLEST_CORE, Unfit, Vortons};
 
 use crate::math::Vec3;
 use chain::{Ball, Chain, Gaussian, RosenheadMoore, WinckelmansLeonard};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 /// ∇u: the row is the component of the velocity, the column the direction of the derivative.
 pub type Gradient = nalgebra::Matrix3<f32>;
@@ -53,7 +56,8 @@ pub type Gradient = nalgebra::Matrix3<f32>;
 /// How the vorticity of a vorton is spread over its core σ; ρ = r/σ.
 ///
 /// The constant C is that of a thin ring of vortons of circulation Γ_c, which moves at Γ_c/(4πR) · (ln(8R/σ) − C).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// Even inside a ball of radius σ, and that of a point outside; C = ln 2 − 1/3. What the source text meant. Its
     /// gradient jumps at the core's edge.

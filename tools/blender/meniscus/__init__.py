@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Meniscus for Blender: File > Import > Meniscus Shot opens the shot.json of a shot folder.
 
-Each PLY mesh sequence of the shot becomes an object whose geometry nodes read the file of the current frame.
+Each PLY mesh sequence of the shot becomes an object whose geometry nodes read the file of the current frame, each volume
+sequence without a mesh of the same name a volume object.
 What is made consists of plain Blender data: a saved file renders without this add-on and with scripts
 disabled.
 """
@@ -12,12 +13,12 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import material, nodes
-from .shot import MeshOutput, Shot, ShotError, format_pattern, read_shot, scene_rate
+from . import material, nodes, volumes
+from .shot import MeshOutput, Shot, ShotError, VolumeOutput, format_pattern, read_shot, scene_rate
 
 
 class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
-    """Open the mesh sequences of a Meniscus shot folder"""
+    """Open the mesh and volume sequences of a Meniscus shot folder"""
 
     bl_idname = "import_scene.meniscus_shot"
     bl_label = "Import Meniscus Shot"
@@ -47,7 +48,7 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             shot = read_shot(Path(bpy.path.abspath(self.filepath)))
-            meshes = self.usable(shot)
+            outputs = self.usable(shot)
             folder = shot_folder(shot.folder, self.path_mode)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
@@ -58,33 +59,44 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             context.scene.render.use_motion_blur = True
         for selected in context.selected_objects:
             selected.select_set(False)
-        for mesh in meshes:
-            made = add_object(context, mesh, format_pattern(folder, mesh.pattern))
+        for output in outputs:
+            if isinstance(output, VolumeOutput):
+                made = volumes.add_volume(context, output, folder)
+            else:
+                made = add_object(context, output, format_pattern(folder, output.pattern))
             made.select_set(True)
             context.view_layer.objects.active = made
         if shot.skipped:
-            self.report({"WARNING"}, f"{shot.title}: not opened, no PLY mesh: {', '.join(shot.skipped)}")
+            self.report({"WARNING"}, f"{shot.title}: not opened, no PLY mesh and no smoke: {', '.join(shot.skipped)}")
         where = "relative to the .blend" if folder.startswith("//") else "absolute"
-        count = sum(len(mesh.frames.numbers()) for mesh in meshes)
-        self.report({"INFO"}, f"{shot.title}: {len(meshes)} mesh sequence(s), {count} frames, paths {where}")
+        count = sum(len(output.frames.numbers()) for output in outputs)
+        made = [(shot.meshes, "mesh"), (shot.volumes, "volume")]
+        kinds = ", ".join(f"{len(some)} {kind} sequence(s)" for some, kind in made if some)
+        self.report({"INFO"}, f"{shot.title}: {kinds}, {count} frames, paths {where}")
         return {"FINISHED"}
 
-    def usable(self, shot: Shot) -> list[MeshOutput]:
+    def usable(self, shot: Shot) -> list[MeshOutput | VolumeOutput]:
         """The sequences that have files; gaps are reported, a sequence without any file is an error."""
-        for mesh in shot.meshes:
-            missing = mesh.missing(shot.folder)
+        outputs = [*shot.meshes, *shot.volumes]
+        for output in outputs:
+            if isinstance(output, VolumeOutput) and output.frames.step > 1:
+                text = f"{output.name}: only every frame number {output.frames.step} has a volume; the others show nothing"
+                self.report({"WARNING"}, text)
+            missing = output.missing(shot.folder)
             if not missing:
                 continue
-            total = len(mesh.frames.numbers())
-            place = mesh.file(shot.folder, missing[0])
+            total = len(output.frames.numbers())
+            place = f"that of frame {missing[0]}"
+            if isinstance(output, MeshOutput):
+                place = output.file(shot.folder, missing[0])
             text = (
-                f"{mesh.name}: {len(missing)} of {total} files missing, first {place}. "
+                f"{output.name}: {len(missing)} of {total} files missing, first {place}. "
                 "Run `meniscus shot` again; it makes what is missing"
             )
             if len(missing) == total:
                 raise ShotError(text)
             self.report({"WARNING"}, f"{text}. Until then these frames are empty")
-        return shot.meshes
+        return outputs
 
     def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:
         """Frame range, rate and current frame of the shot."""

@@ -51,6 +51,25 @@ class MeshOutput:
 
 
 @dataclass(frozen=True)
+class VolumeOutput:
+    """A sequence of OpenVDB files, one a frame."""
+
+    name: str
+    pattern: str
+    frames: Frames
+    has_velocity: bool
+
+    def path(self, folder: str, frame: int) -> str:
+        """Path of one frame's file below `folder`, with / between its parts."""
+        file = NUMBER.sub(lambda match: f"{frame:0{match.group(1)}}", self.pattern)
+        return f"//{file}" if folder == "//" else f"{folder.removesuffix('/')}/{file}"
+
+    def missing(self, folder: Path) -> list[int]:
+        """Frames whose file is not there."""
+        return [f for f in self.frames.numbers() if not Path(self.path(folder.as_posix(), f)).is_file()]
+
+
+@dataclass(frozen=True)
 class Shot:
     """What a shot folder holds, as far as Blender can use it."""
 
@@ -59,6 +78,7 @@ class Shot:
     fps: float
     frames: Frames
     meshes: list[MeshOutput]
+    volumes: list[VolumeOutput]
     skipped: list[str]
 
 
@@ -116,25 +136,31 @@ class Reader:
         outputs = data.get("outputs")
         if not isinstance(outputs, list) or not all(isinstance(output, dict) for output in outputs):
             raise self.fail('"outputs"', outputs, "a list of objects")
-        meshes, skipped = [], []
+        meshes, volumes, skipped = [], [], []
+        meshed = [o.get("name") for o in outputs if (o.get("kind"), o.get("format")) == ("mesh", "ply")]
         for index, output in enumerate(outputs):
             kind, form = output.get("kind"), output.get("format")
+            key, fog = f'"outputs"[{index}]', "density" in (output.get("grids") or [])
             if (kind, form) == ("mesh", "ply"):
-                meshes.append(self.mesh(f'"outputs"[{index}]', output))
+                meshes.append(self.mesh(key, output))
+            elif (kind, form) == ("volume", "vdb") and fog and output.get("name") not in meshed:
+                volumes.append(self.volume(key, output))
             else:
                 skipped.append(f"{output.get('name', index)} ({kind}, {form})")
-        if not meshes:
+        if not meshes and not volumes:
             listed = ", ".join(skipped) or "nothing"
             raise ShotError(
-                f"{self.path}: no mesh in PLY format among the outputs (found: {listed}). "
-                'Add mesh = ["ply"] to the preset\'s [output] and run `meniscus shot` again'
+                f"{self.path}: no mesh in PLY format and no volume with a density among the outputs (found: {listed}). "
+                'Add mesh = ["ply"] or volume = ["density"] to the preset\'s [output] and run `meniscus shot` again'
             )
         title = str(data.get("title") or self.path.parent.name)
         return Shot(
-            self.path.parent, title, float(fps), self.frames('"frames"', data.get("frames")), meshes, skipped
+            self.path.parent, title, float(fps), self.frames('"frames"', data.get("frames")), meshes, volumes,
+            skipped,
         )
 
-    def mesh(self, key: str, output: dict) -> MeshOutput:
+    def files(self, key: str, output: dict) -> tuple[str, str]:
+        """The name of an output and the pattern of its files."""
         name, pattern = output.get("name"), output.get("pattern")
         if not isinstance(name, str) or not name:
             raise self.fail(f'{key} "name"', name, "a name")
@@ -145,6 +171,15 @@ class Reader:
             raise self.fail(
                 f'{key} "pattern"', pattern, "a path inside the shot folder, with / between its parts"
             )
+        return name, pattern
+
+    def volume(self, key: str, output: dict) -> VolumeOutput:
+        name, pattern = self.files(key, output)
+        frames = self.frames(f'{key} "frames"', output.get("frames"))
+        return VolumeOutput(name, pattern, frames, "velocity" in output["grids"])
+
+    def mesh(self, key: str, output: dict) -> MeshOutput:
+        name, pattern = self.files(key, output)
         attributes = output.get("attributes") or {}
         if not isinstance(attributes, dict):
             raise self.fail(f'{key} "attributes"', attributes, "an object")

@@ -330,7 +330,7 @@ def stage_messages(work: Path) -> None:
     change(gap, lambda data: data["outputs"].append({"kind": "sheet", "name": "sail", "format": "pc2"}))
     shown = imported(gap.parent)
     expect("Warning: liquid: 1 of 5 files missing, first ")
-    expect("Warning: Synthetic: not opened, no PLY mesh: sail (sheet, pc2)")
+    expect("Warning: Synthetic: not opened, no PLY mesh and no smoke: sail (sheet, pc2)")
     check(len(at_frame(shown, 4).vertices) == 0, "a missing frame is empty, not the one before")
     expect("Info: Synthetic: 1 mesh sequence(s), 5 frames, paths absolute")
 
@@ -410,6 +410,42 @@ def stage_volume(shot: Path) -> None:
     scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
     blurred = render_alpha(shot / "blurred.exr")
     check(np.abs(blurred - alpha).max() > 0.05, "the velocities blur the fog", np.abs(blurred - alpha).max())
+
+
+def stage_smoke(shot: Path) -> None:
+    """Imports a shot of a ring that flies upwards: it is there, it moves, and its velocities are a second's."""
+    use_addon()
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
+    shown, scene = bpy.context.object, bpy.context.scene
+    volume = shown.data
+    check(shown.type == "VOLUME" and shown.name == "smoke", "smoke is a volume", f"{shown.type} {shown.name}")
+    unit = (volume.velocity_grid, volume.velocity_unit)
+    check(unit == ("velocity", "SECOND"), "its velocities are metres a second", unit)
+    check([m.name for m in volume.materials] == ["Smoke"], "it has a smoke material", list(volume.materials))
+    data = json.loads((shot / "shot.json").read_text(encoding="utf-8"))
+    span = data["outputs"][0]["frames"]
+    boxes = []
+    for frame in (span["first"], span["last"]):
+        scene.frame_set(frame)
+        name = Path(evaluated(shown).grids.frame_filepath).name
+        check(name == f"smoke_{frame:04}.vdb", f"frame {frame} shows its file", name)
+        graph = bpy.context.evaluated_depsgraph_get()
+        boxes.append(np.array([corner[:] for corner in shown.evaluated_get(graph).bound_box]))
+    both = np.concatenate(boxes)
+    frame_camera(both.min(0), both.max(0))
+    scene.render.use_motion_blur = False
+    heights = []
+    for frame in (span["first"], span["last"]):
+        scene.frame_set(frame)
+        alpha = render_alpha(shot / f"smoke{frame}.exr")
+        check(0.005 < (alpha > 0.1).mean() < 0.9, f"frame {frame} shows smoke and background", (alpha > 0.1).mean())
+        rows = np.arange(SIZE[1]) @ alpha / alpha.sum()
+        heights.append(float(rows.sum()))
+    check(heights[1] > heights[0] + 3.0, "the ring flies upwards", heights)
+    sharp = alpha
+    scene.render.use_motion_blur, scene.render.motion_blur_shutter = True, 1.0
+    blurred = render_alpha(shot / "blurred.exr")
+    check(np.abs(blurred - sharp).max() > 0.02, "its velocities blur it", np.abs(blurred - sharp).max())
 
 
 if __name__ == "__main__":

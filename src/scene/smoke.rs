@@ -1,0 +1,133 @@
+//! Checks of what a preset says about smoke, once every value is valid on its own.
+
+use super::{
+    Scene,
+    check::Places,
+    meaning::{check_motion, name, shape_finding},
+    problem::Finding,
+};
+use crate::{sim::smoke::SmokeParams, solid::Shape};
+
+/// Tracers and vortons of a shot's start that are taken for meant.
+const MOST: f64 = 2_147_483_648.0;
+
+/// Everything about the smoke that contradicts itself or cannot be simulated.
+pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, findings: &mut Vec<Finding>) {
+    let nothing = smoke.ring.is_empty() && smoke.tube.is_empty() && smoke.turbulence.is_none();
+    if nothing && smoke.source.is_empty() && smoke.emitter.is_empty() {
+        let label = "no ring, tube, turbulence, source or emitter";
+        let help = "add `[[smoke.ring]]` with a center, radius, thickness and circulation, or `[[smoke.emitter]]` with a shape";
+        let message = "the smoke has nothing that it begins with";
+        findings.push(Finding::new(places.of("smoke"), "smoke", message, label).with_help(help));
+    }
+    let count = estimate(smoke);
+    if count > MOST {
+        let (message, label) = (
+            format!("the smoke would begin with about {count:.1e} tracers and vortons, more than 2³¹"),
+            format!("found {} m between vortons", smoke.spacing),
+        );
+        let finding = Finding::new(places.of("smoke.spacing"), "smoke.spacing", message, label);
+        findings
+            .push(finding.with_help("make `smoke.spacing` or `smoke.tracers` larger, or the shapes smaller"));
+    }
+    for (index, ring) in smoke.ring.iter().enumerate() {
+        direction(&ring.direction, &format!("smoke.ring.{index}.direction"), places, findings);
+        if 2.0 * ring.thickness >= ring.radius {
+            let key = format!("smoke.ring.{index}.thickness");
+            let label =
+                format!("found a thickness of {} m and a radius of {} m", ring.thickness, ring.radius);
+            let message = "the ring is so thick that it closes its own hole";
+            let help =
+                "make `thickness` less than half of `radius`: vorticity reaches to twice the thickness";
+            findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
+        }
+    }
+    for (index, tube) in smoke.tube.iter().enumerate() {
+        let way = [0, 1, 2].map(|axis| tube.to[axis] - tube.from[axis]);
+        direction(&way, &format!("smoke.tube.{index}.to"), places, findings);
+    }
+    for (path, shape) in smoke.shapes() {
+        let path = format!("smoke.{path}");
+        let key = format!("{path}.shape.{}", name(shape));
+        if let Err(error) = shape.check() {
+            findings.push(shape_finding(&key, error, places));
+        } else if matches!(shape, Shape::Plane { .. } | Shape::Tank { .. }) {
+            let message = format!("`{path}` cannot be filled: a {} has no end", name(shape));
+            let label = format!("found a {}", name(shape));
+            let help = "use a box, a sphere, a capsule or a mesh";
+            findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
+        }
+    }
+    for (index, emitter) in smoke.emitter.iter().enumerate() {
+        let path = format!("smoke.emitter.{index}");
+        check_motion(&emitter.keyframes, &emitter.shape, &path, places, findings);
+        if let (Some(start), Some(end)) = (emitter.start, emitter.end)
+            && end < start
+        {
+            let key = format!("{path}.end");
+            let label = format!("found frames {start} to {end}");
+            let message = format!("`{path}` ends before it starts");
+            findings.push(
+                Finding::new(places.of(&key), &key, message, label).with_help("give the earlier frame first"),
+            );
+        }
+    }
+    check_planes(scene, places, findings);
+}
+
+/// Whether air can be kept out of the planes among the colliders.
+fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let planes = scene.world.collider.iter().enumerate();
+    let mut planes = planes.filter(|(_, collider)| matches!(collider.shape, Shape::Plane { .. }));
+    planes.next();
+    if let Some((index, _)) = planes.next() {
+        let key = format!("world.collider.{index}.shape");
+        findings.push(
+            Finding::new(
+                places.of(&key),
+                &key,
+                "smoke knows one plane only, which mirrors the air",
+                "found another plane",
+            )
+            .with_help("use a box with its face where the plane is"),
+        );
+    }
+}
+
+fn direction(way: &[f32; 3], key: &str, places: &Places, findings: &mut Vec<Finding>) {
+    let length = way.iter().map(|&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
+    if length < 1e-9 {
+        let message = format!("`{key}` gives no direction");
+        let finding = Finding::new(places.of(key), key, message, "a vector of length zero");
+        findings.push(finding.with_help("give any other vector or point"));
+    }
+}
+
+/// About how many vortons and tracers the smoke begins with; meshes, whose volume is in their file, are not counted.
+pub(super) fn estimate(smoke: &SmokeParams) -> f64 {
+    let (h, s) = (f64::from(smoke.spacing), f64::from(smoke.tracer_spacing()));
+    let core = |length: f64, thickness: f32, density: f32| {
+        let area = std::f64::consts::PI * f64::from(thickness).powi(2);
+        length * area * (4.0 / h.powi(3) + if density > 0.0 { 1.0 / s.powi(3) } else { 0.0 })
+    };
+    let rings = smoke
+        .ring
+        .iter()
+        .map(|ring| core(std::f64::consts::TAU * f64::from(ring.radius), ring.thickness, ring.density));
+    let tubes = smoke.tube.iter().map(|tube| {
+        let way = [0, 1, 2].map(|axis| f64::from(tube.to[axis]) - f64::from(tube.from[axis]));
+        core(way.iter().map(|c| c * c).sum::<f64>().sqrt(), tube.thickness, tube.density)
+    });
+    let turbulence = smoke.turbulence.iter().map(|t| volume(&t.shape) / h.powi(3));
+    let sources = smoke.source.iter().map(|source| volume(&source.shape) / s.powi(3));
+    rings.chain(tubes).chain(turbulence).chain(sources).sum()
+}
+
+/// The volume of the box around a shape [m³]; 0 if it has no end or is in a file.
+fn volume(shape: &Shape) -> f64 {
+    if matches!(shape, Shape::Mesh(_)) {
+        return 0.0;
+    }
+    let bounds = shape.bounds().filter(|_| shape.check().is_ok());
+    bounds.map_or(0.0, |(low, high)| (0..3).map(|a| f64::from(high[a]) - f64::from(low[a])).product())
+}

@@ -1,0 +1,120 @@
+//! Where tracers come from: sources at the start, emitters while the shot runs.
+//!
+//! *Method*: an emitter throws points into the box around its shape, evenly in space and time, and keeps those that fall into the
+//! shape. Which points fall when depends on the time alone, so a shot that is resumed emits the same.
+//!
+//! Symbols: t → time since the shot's start [s].
+
+use super::{
+    params::{Emitter, SmokeSource},
+    tracers::Seeds,
+};
+use crate::{
+    math::{Random, Vec3},
+    solid::{Motion, Shape},
+};
+
+/// Fills a source with tracers `spacing` [m] apart, each moved by up to half a spacing; `key` is its number.
+pub(super) fn fill(source: &SmokeSource, spacing: f32, key: u32, out: &mut Seeds) {
+    let Some((low, high)) = source.shape.bounds() else { return };
+    let random = Random::new([key, 3, 0]);
+    let counts = (high - low).map(|side| (side / spacing).ceil().max(1.0) as u64);
+    for n in 0..counts.x * counts.y * counts.z {
+        let cell = Vec3::new(
+            (n % counts.x) as f32,
+            (n / counts.x % counts.y) as f32,
+            (n / (counts.x * counts.y)) as f32,
+        );
+        let x = low + (cell + random.vector(n)) * spacing;
+        if source.shape.signed_distance(x) < 0.0 {
+            out.add(x, [source.density, source.temperature]);
+        }
+    }
+}
+
+/// How many points the box around a shape takes to be full; 0 if it has none.
+pub(super) fn points(shape: &Shape, spacing: f32) -> f64 {
+    shape.bounds().map_or(0.0, |(low, high)| {
+        let sides = high - low;
+        f64::from(sides.x) * f64::from(sides.y) * f64::from(sides.z) / f64::from(spacing).powi(3)
+    })
+}
+
+/// An emitter at work.
+#[derive(Debug)]
+pub(super) struct Source {
+    params: Emitter,
+    motion: Option<Motion>,
+    /// When it begins and ends [s].
+    span: [f64; 2],
+    /// Points it throws a second.
+    rate: f64,
+    key: u32,
+}
+
+/// What an emitter gave off in a step.
+#[derive(Debug, Default)]
+pub(super) struct Emitted {
+    pub(super) seeds: Seeds,
+    /// The velocity each was blown out with [m/s], if it drags the air along.
+    pub(super) blown: Vec<Option<Vec3>>,
+}
+
+impl Emitted {
+    /// Keeps those whose places `keep` accepts; returns how many were left out.
+    pub(super) fn retain(&mut self, keep: impl Fn(Vec3) -> bool) -> u32 {
+        let mut places = self.seeds.position.iter();
+        self.blown.retain(|_| keep(*places.next().expect("a place each")));
+        self.seeds.retain(keep)
+    }
+}
+
+impl Source {
+    /// The emitter of number `key` in a shot of `fps` frames a second, whose frame `first` is at time 0; tracers are `spacing`
+    /// [m] apart.
+    pub(super) fn new(params: &Emitter, key: u32, spacing: f32, fps: f64, first: u32) -> Self {
+        let time = |frame: u32| (f64::from(frame) - f64::from(first)) / fps;
+        let motion = Motion::new(&params.keyframes, params.interpolation, fps, first);
+        let span = [params.start.map_or(0.0, time).max(0.0), params.end.map_or(f64::INFINITY, time)];
+        let rate = f64::from(params.rate) * points(&params.shape, spacing);
+        Self { params: params.clone(), motion, span, rate, key }
+    }
+
+    /// Adds what it gives off from `from` to `to` [s].
+    pub(super) fn emit(&self, from: f64, to: f64, out: &mut Emitted) {
+        let [start, end] = self.span;
+        let Some((low, high)) = self.params.shape.bounds().filter(|_| end > start && self.rate > 0.0) else {
+            return;
+        };
+        let [from, to] = [from, to].map(|t| t.clamp(start, end));
+        let thrown = |t: f64| ((t - start) * self.rate).floor() as u64;
+        let random = Random::new([self.key, 4, self.params.seed]);
+        for n in thrown(from)..thrown(to) {
+            let local = low + (high - low).component_mul(&random.vector(n));
+            if self.params.shape.signed_distance(local) >= 0.0 {
+                continue;
+            }
+            let t = (start + (n as f64 + 1.0) / self.rate).min(to);
+            let mut x = self.place(local, t);
+            let blown = self.params.velocity.map(|v| Vec3::from(v) + self.speed(local, t));
+            // It has drifted since it came.
+            x += blown.unwrap_or_default() * (to - t) as f32;
+            out.seeds.add(x, [self.params.density, self.params.temperature]);
+            out.blown.push(blown);
+        }
+    }
+
+    /// Where the point `local` of the shape is at time `t` [s].
+    fn place(&self, local: Vec3, t: f64) -> Vec3 {
+        self.motion.as_ref().map_or(local, |motion| motion.pose(t).to_world(local))
+    }
+
+    /// How fast the point `local` of the shape moves at time `t` [m/s].
+    fn speed(&self, local: Vec3, t: f64) -> Vec3 {
+        (self.place(local, t + BESIDE) - self.place(local, t - BESIDE)) / (2.0 * BESIDE) as f32
+    }
+}
+
+/// How far apart times are by whose places speeds are found [s]: shorter, and single precision shows; longer, and a speed is
+/// a mean over a frame.
+pub(super) const BESIDE: f64 = 2e-3;

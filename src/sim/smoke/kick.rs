@@ -1,0 +1,217 @@
+//! From what pushes the air to vorticity.
+//!
+//! *Method*: everything that pushes is a change of velocity J on a lattice: of heat and weight over a step J = Δt ln(ρ/ρ₀) g, whose
+//! curl is [gourlay19]'s baroclinic term Δt (1/ρ) ∇ρ × g; of smoke that is blown out, the velocity it still lacks, times its part of the
+//! volume. The vorticity that comes of it is ∇ × J by central differences: its sum is zero and its impulse is that of the push.
+//! *Departs from the paper*: g is the physical vector, which points down, so that hot smoke rises; ρ₀/ρ = T/T₀ as in an ideal gas
+//! keeps ln ρ finite for any heat.
+//!
+//! Symbols: J → `push` [m/s], h → `spacing` [m], ω → `omega` [1/s].
+//! Limits: first order in time; differences over 2 h see nothing finer.
+
+use crate::{
+    grid::{BRICK, BRICK_NODES, Bricks, node_of},
+    math::Vec3,
+    par,
+    space::CellGrid,
+};
+
+/// Nodes whose vorticity is below this part of the largest are left alone: without a limit, a plume is wrapped in as many vortons
+/// again that move nothing.
+const LEAST: f32 = 2e-3;
+
+/// Sums of points on the nodes of a lattice.
+pub(super) struct Lattice {
+    spacing: f32,
+    bricks: Bricks,
+    /// 512 a brick.
+    values: Vec<Vec3>,
+}
+
+/// The cubic B-spline's reach, and one node more for differences [nodes].
+const REACH: i32 = 3;
+
+impl Lattice {
+    /// A lattice `spacing` [m] wide around points, with zeros.
+    pub(super) fn around(points: &[&[Vec3]], spacing: f32) -> Self {
+        let mut coords: Vec<[i32; 3]> = Vec::new();
+        for x in points.iter().copied().flatten() {
+            let node = x.map(|v| (v / spacing).floor() as i32);
+            let brick = |v: i32| v.div_euclid(BRICK as i32);
+            let (low, high) = (node.map(|v| brick(v + 1 - REACH)), node.map(|v| brick(v + REACH)));
+            for z in low.z..=high.z {
+                for y in low.y..=high.y {
+                    coords.extend((low.x..=high.x).map(|x| [x, y, z]));
+                }
+            }
+            // The points of a neighbourhood meet the same few bricks.
+            if coords.len() > 1 << 20 {
+                coords.sort_unstable();
+                coords.dedup();
+            }
+        }
+        let bricks = Bricks::new(coords);
+        let values = vec![Vec3::zeros(); bricks.len() * BRICK_NODES];
+        Self { spacing, bricks, values }
+    }
+
+    /// Adds Σ W(x − x_p) v_p · `volume`/h³ at every node, W being the cubic B-spline, which is nowhere negative.
+    pub(super) fn deposit(&mut self, positions: &[Vec3], values: &[Vec3], volume: f32) {
+        let (h, bricks) = (self.spacing, &self.bricks);
+        let cells = CellGrid::new(positions, 4.0 * h);
+        let scale = volume / h.powi(3);
+        par::for_chunks(&mut self.values, BRICK_NODES, |start, nodes| {
+            let first = node_of(bricks.coords()[start / BRICK_NODES], 0);
+            let low = Vec3::from_fn(|axis, _| first[axis] as f32 - 2.0) * h;
+            let high = Vec3::from_fn(|axis, _| (first[axis] + BRICK as i32) as f32 + 1.0) * h;
+            cells.for_each_stretch(low, high, |places| {
+                for &p in &cells.order()[places] {
+                    splat(positions[p as usize] / h, first, values[p as usize] * scale, nodes);
+                }
+            });
+        });
+    }
+
+    /// Replaces every value by `f` of it.
+    pub(super) fn map(&mut self, f: impl Fn(Vec3) -> Vec3 + Sync) {
+        par::update(&mut self.values, |_, value| *value = f(*value));
+    }
+
+    fn at(&self, node: [i32; 3]) -> Vec3 {
+        let coord = node.map(|v| v.div_euclid(BRICK as i32));
+        let local = node.map(|v| v.rem_euclid(BRICK as i32) as usize);
+        self.bricks.find(coord).map_or(Vec3::zeros(), |brick| {
+            self.values[brick * BRICK_NODES + local[0] + BRICK * (local[1] + BRICK * local[2])]
+        })
+    }
+
+    /// The nodes with vorticity, and its strength ω h³ [m³/s], where J is what the lattice holds.
+    pub(super) fn curl(&self) -> Vec<(Vec3, Vec3)> {
+        let found = par::map_chunks(self.bricks.len(), 1, |range| {
+            let coord = self.bricks.coords()[range.start];
+            let strength = |place: usize| {
+                let node = node_of(coord, place);
+                let slope = |axis: usize| {
+                    let beside = |by: i32| {
+                        let mut other = node;
+                        other[axis] += by;
+                        self.at(other)
+                    };
+                    (beside(1) - beside(-1)) * (0.5 / self.spacing)
+                };
+                let (dx, dy, dz) = (slope(0), slope(1), slope(2));
+                let omega = Vec3::new(dy.z - dz.y, dz.x - dx.z, dx.y - dy.x); // ω = ∇ × J
+                let x = Vec3::from(node.map(|v| v as f32)) * self.spacing;
+                (x, omega * self.spacing.powi(3))
+            };
+            (0..BRICK_NODES).map(strength).filter(|(_, g)| *g != Vec3::zeros()).collect::<Vec<_>>()
+        });
+        let all: Vec<(Vec3, Vec3)> = found.into_iter().flatten().collect();
+        let most = par::max(all.len(), |i| all[i].1.norm()).map_or(0.0, |(_, most)| most);
+        all.into_iter().filter(|(_, strength)| strength.norm() >= LEAST * most).collect()
+    }
+}
+
+/// Adds `value` to the nodes of the brick that begins at `first` which the B-spline around `p` [nodes] reaches.
+fn splat(p: Vec3, first: [i32; 3], value: Vec3, nodes: &mut [Vec3]) {
+    let base: [f32; 3] = [p.x.floor(), p.y.floor(), p.z.floor()];
+    let weights: [[f32; 4]; 3] = std::array::from_fn(|axis| spline(p[axis] - base[axis]));
+    let start: [i32; 3] = std::array::from_fn(|axis| base[axis] as i32 - 1 - first[axis]);
+    let inside = |v: i32| (0..BRICK as i32).contains(&v);
+    for (k, wz) in weights[2].iter().enumerate() {
+        let z = start[2] + k as i32;
+        for (j, wy) in weights[1].iter().enumerate().filter(|_| inside(z)) {
+            let y = start[1] + j as i32;
+            for (i, wx) in weights[0].iter().enumerate().filter(|_| inside(y)) {
+                let x = start[0] + i as i32;
+                if inside(x) {
+                    nodes[x as usize + BRICK * (y as usize + BRICK * z as usize)] += value * (wx * wy * wz);
+                }
+            }
+        }
+    }
+}
+
+/// The cubic B-spline at the nodes −1, 0, 1, 2 for a point at `t`, 0 to 1.
+fn spline(t: f32) -> [f32; 4] {
+    let s = 1.0 - t;
+    [
+        s * s * s / 6.0,
+        2.0 / 3.0 - t * t * (1.0 - 0.5 * t),
+        2.0 / 3.0 - s * s * (1.0 - 0.5 * s),
+        t * t * t / 6.0,
+    ]
+}
+
+/// Where strengths go: added to vortons that are there, or new ones.
+#[derive(Debug, Default)]
+pub(super) struct Given {
+    /// Vortons and what is added to their strength.
+    pub(super) added: Vec<(u32, Vec3)>,
+    /// New vortons: position and strength.
+    pub(super) new: Vec<(Vec3, Vec3)>,
+}
+
+/// Gives strengths at points to the nearest of the vortons at `positions` within half a cell's diagonal, or to a new one.
+pub(super) fn give(sources: &[(Vec3, Vec3)], positions: &[Vec3], spacing: f32) -> Given {
+    let cells = CellGrid::new(positions, spacing);
+    let radius = 0.866 * spacing;
+    let nearest = par::map_chunks(sources.len(), 256, |range| {
+        let find = |i: usize| {
+            let mut best: Option<(f32, usize)> = None;
+            cells.for_each_within(positions, sources[i].0, radius, |j, r2| {
+                if best.is_none_or(|(least, at)| (r2, j) < (least, at)) {
+                    best = Some((r2, j));
+                }
+            });
+            best.map(|(_, j)| j as u32)
+        };
+        range.map(find).collect::<Vec<_>>()
+    });
+    let mut given = Given::default();
+    for (&(x, strength), nearest) in sources.iter().zip(nearest.into_iter().flatten()) {
+        match nearest {
+            Some(j) => given.added.push((j, strength)),
+            None => given.new.push((x, strength)),
+        }
+    }
+    given
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_push_becomes_vorticity_of_zero_sum_and_of_its_impulse() {
+        let (h, push) = (0.1, Vec3::new(0.3, -0.2, 2.0));
+        let position = [Vec3::new(0.431, -0.777, 0.05), Vec3::new(0.6, -0.7, 0.0)];
+        let mut lattice = Lattice::around(&[&position], h);
+        lattice.deposit(&position, &[push, push], 0.002);
+        let sources = lattice.curl();
+        let sum: Vec3 = sources.iter().map(|(_, g)| g).sum();
+        let impulse: Vec3 = sources.iter().map(|(x, g)| x.cross(g) * 0.5).sum();
+        // What was left out is small.
+        assert!(sum.norm() < 5e-5, "{sum}");
+        assert!((impulse - push * 0.004).norm() < 2e-3 * 0.008, "{impulse}");
+    }
+
+    #[test]
+    fn splines_sum_to_one_about_their_point() {
+        for t in [0.0, 0.1, 0.5, 0.99] {
+            let w = spline(t);
+            assert!((w.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+            let mean: f32 = w.iter().zip([-1.0, 0.0, 1.0, 2.0]).map(|(w, x)| w * x).sum();
+            assert!((mean - t).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn strengths_go_to_the_nearest_vorton_or_make_one() {
+        let there = [Vec3::zeros(), Vec3::new(0.05, 0.0, 0.0)];
+        let at = |x: f32| (Vec3::new(x, 0.0, 0.0), Vec3::z());
+        let given = give(&[at(0.04), at(-0.02), at(0.3)], &there, 0.1);
+        assert_eq!(given.added, [(1, Vec3::z()), (0, Vec3::z())]);
+        assert_eq!(given.new, [at(0.3)]);
+    }
+}

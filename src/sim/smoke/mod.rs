@@ -1,0 +1,270 @@
+//! Smoke from vortons ([gourlay19]).
+//!
+//! *Method*: vortons carry the vorticity of the air and move each other ([`flow`](super::vortex::flow)); tracers drift with the air and
+//! carry what is seen. A step moves both, lets emitters give off tracers (`emit.rs`), turns what pushes the air into vorticity
+//! (`kick.rs`) and lets smoke fade. Air far away is still, or moves with the wind.
+//! *Departs from the paper*: tracers are no vortons; see the files of the parts.
+//!
+//! Symbols: Γ → `strength` [m³/s], σ → `core` [m], u → `velocity` [m/s].
+//! Limits: pushes are first order in time.
+
+mod air;
+mod emit;
+mod field;
+mod filaments;
+mod kick;
+mod panels;
+mod params;
+mod push;
+mod record;
+mod replay;
+mod shed;
+mod state;
+mod tracers;
+mod turbulence;
+mod walls;
+
+pub use field::FrameAir;
+pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
+pub use record::SmokeRecord;
+pub use replay::{Drifting, KeyedAir, Replay};
+pub use tracers::TRACERS;
+
+use super::{
+    SetupError, Stop, Watch, World,
+    record::Clock,
+    vortex::{
+        Unfit, Vortons,
+        flow::{Flow, Span},
+    },
+};
+use crate::{math::Vec3, sim::Diverged, solid::Solid};
+use air::{Air, Instant};
+use emit::Emitted;
+use filaments::Setting;
+use tracers::{Seeds, Tracers};
+
+/// Its name as a system, and the stream of its vortons.
+pub const NAME: &str = "smoke";
+
+/// Smoke as a preset says it, and what frames mean to its emitters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Smoke {
+    /// What the preset says.
+    pub params: SmokeParams,
+    /// Frames a second.
+    pub fps: f64,
+    /// The frame at time 0.
+    pub first: u32,
+}
+
+/// Vortons at which the velocity's error is sampled.
+const SAMPLES: usize = 200;
+
+/// Smoke and its state.
+#[derive(Debug)]
+pub(super) struct System {
+    params: SmokeParams,
+    gravity: Vec3,
+    solids: Vec<Solid>,
+    air: Air,
+    emitters: Vec<emit::Source>,
+    flow: Flow,
+    tracers: Tracers,
+    /// Frames advanced since the start of the shot, for what happens every so many.
+    frames: u32,
+    skipped_in_solids: u32,
+}
+
+impl System {
+    /// Fills rings, tubes, turbulence and sources.
+    pub(super) fn seed(smoke: Smoke, world: &World) -> Result<Self, SetupError> {
+        let mut system = Self::empty(smoke, world);
+        let params = &system.params;
+        let setting =
+            Setting { spacing: params.spacing, core: params.core(), tracers: params.tracer_spacing() };
+        let (mut vortons, mut seeds) = (Vortons::default(), Seeds::default());
+        for (key, ring) in params.ring.iter().enumerate() {
+            filaments::ring(ring, setting, key as u32, &mut vortons, &mut seeds);
+        }
+        for (key, tube) in params.tube.iter().enumerate() {
+            filaments::tube(tube, setting, (params.ring.len() + key) as u32, &mut vortons, &mut seeds);
+        }
+        if let Some(turbulence) = &params.turbulence {
+            turbulence::seed(turbulence, params, &mut vortons)?;
+        }
+        for (key, source) in params.source.iter().enumerate() {
+            emit::fill(source, setting.tracers, key as u32, &mut seeds);
+        }
+        vortons.check()?;
+        system.skipped_in_solids = seeds.retain(|x| !system.is_inside(x, 0.0));
+        system.tracers.add(seeds);
+        system.add(vortons);
+        if system.flow.vortons.is_empty() && system.tracers.is_empty() && system.emitters.is_empty() {
+            return Err(SetupError::NoSmoke);
+        }
+        Ok(system)
+    }
+
+    fn empty(smoke: Smoke, world: &World) -> Self {
+        let Smoke { params, fps, first } = smoke;
+        let spacing = params.tracer_spacing();
+        let emitters = params.emitter.iter().enumerate();
+        let emitters =
+            emitters.map(|(key, emitter)| emit::Source::new(emitter, key as u32, spacing, fps, first));
+        Self {
+            gravity: world.gravity,
+            solids: world.solids.clone(),
+            air: Air::new(&params, world),
+            emitters: emitters.collect(),
+            flow: Flow::new(params.flow.clone()),
+            tracers: Tracers::default(),
+            frames: 0,
+            skipped_in_solids: 0,
+            params,
+        }
+    }
+
+    /// Adds vortons that each stand for a cell of the lattice.
+    fn add(&mut self, vortons: Vortons) {
+        let volume = vec![self.params.spacing.powi(3); vortons.len()];
+        self.flow.add(&vortons, &volume);
+    }
+
+    /// How many vortons and tracers there are, and how many tracers were left out because they began inside solids.
+    pub(super) fn counts(&self) -> [u32; 3] {
+        [self.flow.vortons.len() as u32, self.tracers.len() as u32, self.skipped_in_solids]
+    }
+
+    /// The passes of a step, in order.
+    pub(super) fn passes(&self) -> Vec<&'static str> {
+        let optional = |present: bool, name| present.then_some(name);
+        [
+            Some("smoke_move"),
+            optional(!self.emitters.is_empty(), "smoke_emit"),
+            optional(self.pushes(), "smoke_push"),
+            optional(self.air.walls.is_some(), "smoke_walls"),
+            optional(self.fades(), "smoke_fade"),
+            Some("smoke_account"),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+
+    fn fades(&self) -> bool {
+        self.params.dissolve.is_some() || self.params.cooling.is_some()
+    }
+
+    /// Advances from `start` [s] by one frame of `seconds`.
+    pub(super) fn advance(
+        &mut self,
+        start: f64,
+        seconds: f64,
+        watch: &mut dyn Watch,
+    ) -> Result<(SmokeRecord, Vec<(&'static str, f64)>), Stop> {
+        let mut clock = Clock::new(&self.passes());
+        let mut record = SmokeRecord::default();
+        let shortest = seconds / f64::from(self.params.flow.max_substeps);
+        let mut left = seconds;
+        // The last step ends the frame but for rounding.
+        while left > 1e-9 * seconds {
+            if !watch.keep_going() {
+                return Err(Stop::Interrupted);
+            }
+            let span = Span { longest: left, shortest, number: record.flow.substeps + 1 };
+            left -= self.step(start + (seconds - left), span, &mut clock, &mut record)?;
+            watch.substep(1.0 - left / seconds);
+        }
+        self.frames += 1;
+        let last = record.flow.substeps;
+        record.flow.remesh = clock.time("smoke_move", || self.flow.tend(last))?;
+        record.vortons = self.flow.vortons.len() as u64;
+        record.tracers = self.tracers.len() as u64;
+        let samples = self.frames.is_multiple_of(self.params.sample_every).then_some(SAMPLES);
+        let account = clock.time("smoke_account", || self.account(samples, start + seconds, &mut record));
+        account.map_err(|unfit| self.diverged(last, &unfit))?;
+        Ok((record, clock.into_totals()))
+    }
+
+    /// A step that begins at `now` [s]; returns its length.
+    fn step(
+        &mut self,
+        now: f64,
+        span: Span,
+        clock: &mut Clock,
+        record: &mut SmokeRecord,
+    ) -> Result<f64, Diverged> {
+        self.air.now = now;
+        let tracers = &mut self.tracers.position;
+        let report = clock.time("smoke_move", || self.flow.step(span, tracers, &mut self.air))?;
+        record.flow.add(&report);
+        let then = now + report.seconds;
+        let mut emitted = Emitted::default();
+        if !self.emitters.is_empty() {
+            clock.time("smoke_emit", || self.emit(now, then, &mut emitted, record));
+        }
+        if self.pushes() {
+            let pushed =
+                clock.time("smoke_push", || self.push(&emitted, then, report.seconds as f32, record));
+            pushed.map_err(|unfit| self.diverged(span.number, &unfit))?;
+        }
+        self.tracers.add(emitted.seeds);
+        if self.air.walls.is_some() {
+            let shed = clock.time("smoke_walls", || {
+                self.put_out(then, record);
+                self.shed(then, report.seconds as f32, record)
+            });
+            shed.map_err(|unfit| self.diverged(span.number, &unfit))?;
+        }
+        if self.fades() {
+            let SmokeParams { dissolve, cooling, .. } = self.params;
+            clock.time("smoke_fade", || self.tracers.fade(dissolve, cooling, report.seconds));
+        }
+        Ok(report.seconds)
+    }
+
+    /// What the record tells of the end of a frame, at `time` [s].
+    fn account(&self, samples: Option<usize>, time: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
+        record.account = self.flow.account(samples)?;
+        if self.air.walls.is_some() {
+            let sources = self.air.sources(&self.flow.vortons, time)?;
+            let instant = Instant { vortons: &self.flow.vortons, sources: &sources };
+            record.unsolved = Some(sources.residual);
+            record.through_flow = self.air.through(instant, time)?;
+        }
+        Ok(())
+    }
+
+    /// Lets emitters give off tracers; those that would begin inside a solid do not.
+    fn emit(&self, now: f64, then: f64, emitted: &mut Emitted, record: &mut SmokeRecord) {
+        self.emitters.iter().for_each(|emitter| emitter.emit(now, then, emitted));
+        record.smothered += u64::from(emitted.retain(|x| !self.is_inside(x, then)));
+        record.emitted += emitted.seeds.position.len() as u64;
+    }
+
+    /// Whether a point lies in a solid at `time` [s].
+    fn is_inside(&self, x: Vec3, time: f64) -> bool {
+        self.solids.iter().any(|Solid { shape, motion }| {
+            let local = motion.as_ref().map_or(x, |motion| motion.pose(time).to_local(x));
+            shape.signed_distance(local) < 0.0
+        })
+    }
+
+    /// Says which vorton or point left what can be computed.
+    fn diverged(&self, substep: u32, unfit: &Unfit) -> Diverged {
+        let vorton = unfit.kind == "vortons";
+        let index = unfit.index as u32;
+        Diverged {
+            system: NAME,
+            substep,
+            particle: if vorton { self.flow.id.get(unfit.index).copied().unwrap_or(index) } else { index },
+            what: format!(
+                "{}has {}",
+                if vorton { "" } else { "of the points that drift along " },
+                unfit.what
+            ),
+            try_next: "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps",
+        }
+    }
+}

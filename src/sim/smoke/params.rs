@@ -1,0 +1,288 @@
+//! What a preset can say about smoke.
+
+use crate::{
+    sim::vortex::flow::FlowParams,
+    solid::{Interpolation, Keyframe, Shape},
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Smoke in air that is made of vortons: pieces of vorticity that move each other. Tracers drift along and carry what is
+/// seen.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SmokeParams {
+    /// Distance between vortons where they are seeded [m]: half as much shows swirls of half the size, and takes eight
+    /// times the vortons.
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub spacing: f32,
+    /// Core σ of a vorton, in spacings. Below 1 vortons part and the air between them is jerky; above 2 swirls blur.
+    #[serde(default = "defaults::overlap")]
+    #[schemars(range(min = 0.8, max = 4.0))]
+    pub overlap: f32,
+    /// Distance between tracers where smoke is seeded or emitted, in spacings. Half as much gives eight times the tracers
+    /// and smoother volumes; it does not change how the air moves but through `buoyancy`.
+    #[serde(default = "defaults::tracers")]
+    #[schemars(range(min = 0.05, max = 4.0))]
+    pub tracers: f32,
+    /// Frames between two samples of the velocity's error against the sum over all pairs. 1 samples every frame.
+    #[serde(default = "defaults::sample_every")]
+    #[schemars(range(min = 1, max = 100000))]
+    pub sample_every: u32,
+    /// How vortons move.
+    #[serde(default)]
+    pub flow: FlowParams,
+    /// Velocity of the air far away [m/s]; absent: it is still.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "m/s"))]
+    pub wind: Option<[f32; 3]>,
+    /// Rate at which tracers cool down to the air's temperature [1/s]: after 1/rate a third of the heat is left; absent:
+    /// heat stays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
+    pub cooling: Option<f32>,
+    /// Rate at which smoke thins out [1/s]: after 1/rate a third of the density is left; absent: it stays.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
+    pub dissolve: Option<f32>,
+    /// Hot smoke rises, heavy smoke sinks; absent: smoke only drifts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub buoyancy: Option<Buoyancy>,
+    /// Swirls that leave the surfaces of colliders; absent: air slips along them and nothing is shed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shedding: Option<Shedding>,
+    /// Random swirls at the start; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turbulence: Option<Turbulence>,
+    /// Smoke rings at the start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub ring: Vec<Ring>,
+    /// Straight vortex tubes at the start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tube: Vec<Tube>,
+    /// Smoke that is there at the start.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub source: Vec<SmokeSource>,
+    /// Smoke that comes while the shot runs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub emitter: Vec<Emitter>,
+}
+
+/// How the weight of smoke moves the air: Dω/Dt = (1/ρ) ∇ρ × g.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Buoyancy {
+    /// Temperature of the air far away [K]. Smoke hotter by as much weighs half of it.
+    #[schemars(extend("unit" = "K", "exclusiveMinimum" = 0.0))]
+    pub ambient: f32,
+    /// By which part of the air's weight smoke of density 1 is heavier. 0: density weighs nothing; large enough, and
+    /// hot smoke turns over and falls.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub weight: f32,
+}
+
+impl Default for Buoyancy {
+    fn default() -> Self {
+        Self { ambient: 293.0, weight: 0.0 }
+    }
+}
+
+/// How colliders shed vorticity: what slips along a surface is released into the air as vortons.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Shedding {
+    /// Part of the slip along a surface that is released, 0 to 1: 1 is a rough body with a full wake, 0.2 a smooth one.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub strength: f32,
+    /// Thickness of the layer that slips, in spacings: vortons are released in its middle. Thinner ones touch the body
+    /// and are pushed out.
+    #[schemars(range(min = 0.25, max = 4.0))]
+    pub layer: f32,
+}
+
+impl Default for Shedding {
+    fn default() -> Self {
+        Self { strength: 1.0, layer: 1.0 }
+    }
+}
+
+/// Random swirls: the curl of a random potential, so that vorticity has no ends.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Turbulence {
+    /// Where they are: they fade to nothing at its surface. A box, a ball or a capsule.
+    pub shape: Shape,
+    /// Size of the largest swirls [m]: at least four spacings, or the vortons do not resolve them.
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub scale: f32,
+    /// Root of the mean square of the air's speed where the vortons are [m/s].
+    #[schemars(extend("unit" = "m/s", "minimum" = 0.0))]
+    pub strength: f32,
+    /// Another number gives other swirls.
+    #[serde(default)]
+    pub seed: u32,
+}
+
+/// A vortex ring.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Ring {
+    /// Its centre [m].
+    #[schemars(extend("unit" = "m"))]
+    pub center: [f32; 3],
+    /// Where it flies to; any length but zero.
+    #[serde(default = "defaults::up")]
+    pub direction: [f32; 3],
+    /// From the centre to the middle of the core [m].
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub radius: f32,
+    /// Radius of the core [m]: vorticity falls off from its middle as a Gaussian and ends at twice this. Below one
+    /// spacing the vortons' own cores are wider.
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub thickness: f32,
+    /// Circulation [m²/s]; it flies with about circulation/(4π radius) · (ln(8 radius/thickness) − ½).
+    #[schemars(extend("unit" = "m²/s"))]
+    pub circulation: f32,
+    /// How far the radius waves along the ring, as a part of it: a little makes it break up as rings do.
+    #[serde(default)]
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub wobble: f32,
+    /// Density of the smoke in the core; 0: the ring is not seen.
+    #[serde(default = "defaults::one")]
+    #[schemars(extend("minimum" = 0.0))]
+    pub density: f32,
+    /// Temperature of the smoke above that of the air [K].
+    #[serde(default)]
+    #[schemars(extend("unit" = "K"))]
+    pub temperature: f32,
+}
+
+/// A straight vortex tube. Its ends are free: the air closes the swirl around them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tube {
+    /// One end of the axis [m].
+    #[schemars(extend("unit" = "m"))]
+    pub from: [f32; 3],
+    /// The other end [m]. Seen from here, the air turns counter-clockwise.
+    #[schemars(extend("unit" = "m"))]
+    pub to: [f32; 3],
+    /// Radius of the core [m], as of a ring.
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub thickness: f32,
+    /// Circulation [m²/s].
+    #[schemars(extend("unit" = "m²/s"))]
+    pub circulation: f32,
+    /// Density of the smoke in the core; 0: the tube is not seen.
+    #[serde(default = "defaults::one")]
+    #[schemars(extend("minimum" = 0.0))]
+    pub density: f32,
+    /// Temperature of the smoke above that of the air [K].
+    #[serde(default)]
+    #[schemars(extend("unit" = "K"))]
+    pub temperature: f32,
+}
+
+/// A volume filled with smoke when the shot starts.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SmokeSource {
+    /// The volume: a box, a ball, a capsule or a mesh.
+    pub shape: Shape,
+    /// Density of the smoke; 1 is what `density` grids show as full.
+    #[serde(default = "defaults::one")]
+    #[schemars(extend("minimum" = 0.0))]
+    pub density: f32,
+    /// Temperature above that of the air [K].
+    #[serde(default)]
+    #[schemars(extend("unit" = "K"))]
+    pub temperature: f32,
+}
+
+/// A volume that gives off smoke.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Emitter {
+    /// The volume: a box, a ball, a capsule or a mesh.
+    pub shape: Shape,
+    /// Where the shape is over time, as for colliders.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub keyframes: Vec<Keyframe>,
+    /// How it moves from keyframe to keyframe.
+    #[serde(default)]
+    pub interpolation: Interpolation,
+    /// How often a second the volume is filled with new smoke [1/s].
+    #[serde(default = "defaults::rate")]
+    #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
+    pub rate: f32,
+    /// Density of the smoke.
+    #[serde(default = "defaults::one")]
+    #[schemars(extend("minimum" = 0.0))]
+    pub density: f32,
+    /// Temperature above that of the air [K].
+    #[serde(default)]
+    #[schemars(extend("unit" = "K"))]
+    pub temperature: f32,
+    /// The velocity with which smoke is blown out, beside that of the shape [m/s]: it drags the air along; absent: smoke
+    /// appears in the air as that moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "m/s"))]
+    pub velocity: Option<[f32; 3]>,
+    /// The first frame with smoke from it; absent: the shot's first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start: Option<u32>,
+    /// The last frame with new smoke; absent: the shot's last.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub end: Option<u32>,
+    /// Another number puts the tracers elsewhere.
+    #[serde(default)]
+    pub seed: u32,
+}
+
+impl SmokeParams {
+    /// Core of a vorton [m].
+    pub fn core(&self) -> f32 {
+        self.overlap * self.spacing
+    }
+
+    /// The shapes that are named, with the keys below `smoke` at which they stand.
+    pub fn shapes(&self) -> Vec<(String, &Shape)> {
+        let turbulence = self.turbulence.iter().map(|t| ("turbulence".to_owned(), &t.shape));
+        let sources = self.source.iter().enumerate().map(|(i, s)| (format!("source.{i}"), &s.shape));
+        let emitters = self.emitter.iter().enumerate().map(|(i, e)| (format!("emitter.{i}"), &e.shape));
+        turbulence.chain(sources).chain(emitters).collect()
+    }
+
+    /// The same, to be filled.
+    pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
+        let turbulence = self.turbulence.iter_mut().map(|t| &mut t.shape);
+        let sources = self.source.iter_mut().map(|s| &mut s.shape);
+        turbulence.chain(sources).chain(self.emitter.iter_mut().map(|e| &mut e.shape))
+    }
+
+    /// Distance between tracers where they are seeded [m].
+    pub fn tracer_spacing(&self) -> f32 {
+        self.tracers * self.spacing
+    }
+}
+
+mod defaults {
+    pub(super) fn overlap() -> f32 {
+        1.5
+    }
+    pub(super) fn tracers() -> f32 {
+        0.5
+    }
+    pub(super) fn sample_every() -> u32 {
+        10
+    }
+    pub(super) fn up() -> [f32; 3] {
+        [0.0, 0.0, 1.0]
+    }
+    pub(super) fn one() -> f32 {
+        1.0
+    }
+    pub(super) fn rate() -> f32 {
+        10.0
+    }
+}

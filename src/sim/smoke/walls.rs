@@ -1,0 +1,333 @@
+//! What solids do to the air: none of it goes through them.
+//!
+//! *Method*: sources inside the solids (`panels.rs`) are made as strong as it takes for the air on the panels to move with the solid along
+//! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES. Their field has no vorticity and no sources in the
+//! air. A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
+//! Between panels a little goes through: the frame's record says how much. What slips into a solid all the same is put back
+//! to its surface, and counted.
+//!
+//! Symbols: q → `strength` [m³/s], x → `panel`, y → `source` [m], n → `normal`.
+//! Limits: panels are at least one spacing wide, and no more than [`MOST`] of them; a plane is taken to stand still.
+
+use super::{
+    emit::BESIDE,
+    panels::{Panel, panels},
+};
+use crate::{
+    math::{Vec3, gmres},
+    par,
+    sim::vortex::Gradient,
+    solid::{Motion, Pose, Shape, Solid},
+};
+
+/// Panels of all solids at most: the equations take as many numbers squared.
+const MOST: usize = 1600;
+
+/// What is left of the flow through the panels when the equations count as solved.
+const RESIDUAL: f64 = 1e-4;
+
+/// Iterations at most. What is left then is told with the frame (`unsolved`).
+const ITERATIONS: usize = 60;
+
+/// Solids as the air feels them.
+#[derive(Debug)]
+pub(super) struct Walls {
+    bodies: Vec<Body>,
+    /// A plane's unit normal and offset [m].
+    mirror: Option<(Vec3, f32)>,
+    /// Width of a panel [m].
+    pub(super) step: f32,
+}
+
+#[derive(Debug)]
+struct Body {
+    shape: Shape,
+    motion: Option<Motion>,
+    panels: Vec<Panel>,
+}
+
+/// A panel where it is at a time.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    pub(super) panel: Panel,
+    /// Of the solid there [m/s].
+    pub(super) velocity: Vec3,
+}
+
+/// Sources that keep the air out.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sources {
+    /// Position [m] and q/4π [m³/s].
+    all: Vec<(Vec3, f32)>,
+    mirror: Option<(Vec3, f32)>,
+    /// What is left of the flow through the panels, over what there was.
+    pub(super) residual: f64,
+}
+
+impl Walls {
+    /// The walls that `solids` are for vortons `spacing` [m] apart; `None` without solids.
+    pub(super) fn new(solids: &[Solid], spacing: f32) -> Option<Self> {
+        if solids.is_empty() {
+            return None;
+        }
+        let mirror = solids.iter().find_map(|solid| match solid.shape {
+            Shape::Plane { point, normal } => {
+                let pose = solid.motion.as_ref().map_or(Pose::identity(), |motion| motion.pose(0.0));
+                let n = Vec3::from(normal).normalize();
+                Some((n, n.dot(&(Vec3::from(point) + pose.position))))
+            }
+            _ => None,
+        });
+        let mut step = spacing;
+        loop {
+            let body = |solid: &Solid| Body {
+                shape: solid.shape.clone(),
+                motion: solid.motion.clone(),
+                panels: panels(&solid.shape, step),
+            };
+            let bodies: Vec<Body> = solids.iter().map(body).collect();
+            let count: usize = bodies.iter().map(|body| body.panels.len()).sum();
+            if count <= MOST {
+                return Some(Self { bodies, mirror, step });
+            }
+            step *= (count as f32 / MOST as f32).sqrt().max(1.05);
+        }
+    }
+
+    /// The panels where they are at `time` [s].
+    pub(super) fn placed(&self, time: f64) -> Vec<Placed> {
+        let place = |body: &Body| -> Vec<Placed> {
+            let Some(motion) = &body.motion else {
+                return body.panels.iter().map(|&panel| Placed { panel, velocity: Vec3::zeros() }).collect();
+            };
+            let [before, pose, after] = [time - BESIDE, time, time + BESIDE].map(|time| motion.pose(time));
+            let turned = |panel: &Panel| Placed {
+                panel: Panel {
+                    x: pose.to_world(panel.x),
+                    normal: pose.rotation * panel.normal,
+                    area: panel.area,
+                    source: pose.to_world(panel.source),
+                },
+                velocity: (after.to_world(panel.x) - before.to_world(panel.x)) / (2.0 * BESIDE) as f32,
+            };
+            body.panels.iter().map(turned).collect()
+        };
+        self.bodies.iter().flat_map(place).collect()
+    }
+
+    /// The sources that keep air that moves with `air` [m/s] on the `panels` from going through them.
+    pub(super) fn solve(&self, panels: &[Placed], air: &[Vec3]) -> Sources {
+        let mirror = self.mirror;
+        if panels.is_empty() {
+            return Sources { all: Vec::new(), mirror, residual: 0.0 };
+        }
+        let entering =
+            |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
+        let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
+        let count = panels.len();
+        // Row i: what a source of 4π at every place makes the air move along the normal of panel i.
+        let mut rows = vec![0.0_f32; count * count];
+        par::for_chunks(&mut rows, count, |start, row| {
+            let Panel { x, normal, .. } = panels[start / count].panel;
+            for (entry, other) in row.iter_mut().zip(panels) {
+                *entry = normal.dot(&flow(x, other.panel.source, mirror));
+            }
+        });
+        let apply = |q: &[f64]| {
+            let mut out = vec![0.0; count];
+            par::for_chunks(&mut out, 32, |start, out| {
+                for (i, out) in out.iter_mut().enumerate() {
+                    let row = &rows[(start + i) * count..][..count];
+                    *out = row.iter().zip(q).map(|(&a, q)| f64::from(a) * q).sum();
+                }
+            });
+            out
+        };
+        let (q, residual) = gmres(&right, RESIDUAL, ITERATIONS, apply);
+        let all = panels.iter().zip(q).map(|(placed, q)| (placed.panel.source, q as f32)).collect();
+        Sources { all, mirror, residual }
+    }
+
+    /// Points mirrored by the plane, if there is one.
+    pub(super) fn mirrored(&self, points: &[Vec3]) -> Option<Vec<Vec3>> {
+        let mirror = self.mirror?;
+        Some(points.iter().map(|&x| reflect(x, mirror)).collect())
+    }
+
+    /// A velocity turned by the mirror.
+    pub(super) fn turn(&self, v: Vec3) -> Vec3 {
+        self.mirror.map_or(v, |(n, _)| v - n * (2.0 * n.dot(&v)))
+    }
+
+    /// A velocity gradient turned by the mirror.
+    pub(super) fn turn_gradient(&self, gradient: &Gradient) -> Gradient {
+        self.mirror.map_or(*gradient, |(n, _)| {
+            let m = Gradient::identity() - n * n.transpose() * 2.0;
+            m * gradient * m
+        })
+    }
+
+    /// A wind that blows along the mirror.
+    pub(super) fn along(&self, wind: Vec3) -> Vec3 {
+        self.mirror.map_or(wind, |(n, _)| wind - n * n.dot(&wind))
+    }
+
+    /// Puts points that are nearer to a solid than `gap` [m], or inside, to where they are that far; returns how many were inside.
+    pub(super) fn put_out(&self, points: &mut [Vec3], gap: f32, time: f64) -> u64 {
+        let poses: Vec<Option<Pose>> =
+            self.bodies.iter().map(|body| body.motion.as_ref().map(|motion| motion.pose(time))).collect();
+        let counts = par::map_chunks_mut([points], par::CHUNK, |_, [points]| {
+            let mut inside = 0;
+            for x in points {
+                let mut was = false;
+                for (body, pose) in self.bodies.iter().zip(&poses) {
+                    let local = pose.map_or(*x, |pose| pose.to_local(*x));
+                    let (distance, normal) = body.shape.contact(local);
+                    if distance < gap {
+                        was |= distance < 0.0;
+                        *x += pose.map_or(normal, |pose| pose.rotation * normal) * (gap - distance);
+                    }
+                }
+                inside += u64::from(was);
+            }
+            inside
+        });
+        counts.into_iter().sum()
+    }
+
+    /// Points on the surfaces that lie between the panels, to see what goes through there.
+    pub(super) fn witnesses(&self, time: f64) -> Vec<Placed> {
+        let mut found = Vec::new();
+        let mut number = 0;
+        for body in &self.bodies {
+            for panel in &body.panels {
+                // Half a panel aside, each to another side.
+                let aside = panel.normal.cross(&Vec3::ith(number % 3, 1.0));
+                number += 1;
+                if aside.norm() < 0.3 {
+                    continue;
+                }
+                let x = panel.x + aside.normalize() * (0.5 * self.step);
+                let (distance, normal) = body.shape.contact(x);
+                let x = x - normal * distance;
+                found.push((body, Panel { x, normal, ..*panel }));
+            }
+        }
+        let place = |(body, panel): (&Body, Panel)| {
+            let alone = Self { bodies: vec![body.alone(panel)], mirror: None, step: self.step };
+            alone.placed(time)
+        };
+        found.into_iter().flat_map(place).collect()
+    }
+}
+
+impl Body {
+    /// The same with one panel.
+    fn alone(&self, panel: Panel) -> Self {
+        let plane = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        Self { shape: plane, motion: self.motion.clone(), panels: vec![panel] }
+    }
+}
+
+impl Sources {
+    /// Adds what they make the air move at `points` [m/s].
+    pub(super) fn add_velocity(&self, points: &[Vec3], velocity: &mut [Vec3]) {
+        if self.all.is_empty() {
+            return;
+        }
+        par::update(velocity, |i, v| {
+            for &(y, q) in &self.all {
+                *v += flow(points[i], y, self.mirror) * q;
+            }
+        });
+    }
+
+    /// Adds its gradient at `points` [1/s].
+    pub(super) fn add_gradient(&self, points: &[Vec3], gradient: &mut [Gradient]) {
+        if self.all.is_empty() {
+            return;
+        }
+        par::update(gradient, |i, gradient| {
+            for &(y, q) in &self.all {
+                *gradient += strain(points[i] - y) * q;
+                if let Some(mirror) = self.mirror {
+                    *gradient += strain(points[i] - reflect(y, mirror)) * q;
+                }
+            }
+        });
+    }
+}
+
+/// How a source of 4π at `y` moves the air at `x` [1/m²], with its mirrored twin.
+#[inline]
+fn flow(x: Vec3, y: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
+    let one = |d: Vec3| {
+        let r2 = d.norm_squared();
+        d / (r2 * r2.sqrt())
+    };
+    one(x - y) + mirror.map_or(Vec3::zeros(), |mirror| one(x - reflect(y, mirror)))
+}
+
+/// The gradient of that at an offset `d` from the source.
+#[inline]
+fn strain(d: Vec3) -> Gradient {
+    let r2 = d.norm_squared();
+    let inverse = 1.0 / (r2 * r2.sqrt());
+    (Gradient::identity() - d * d.transpose() * (3.0 / r2)) * inverse
+}
+
+fn reflect(x: Vec3, (n, offset): (Vec3, f32)) -> Vec3 {
+    x - n * (2.0 * (n.dot(&x) - offset))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wind_flows_around_a_sphere_as_the_potential_says() {
+        let (radius, wind) = (0.3, Vec3::new(2.0, 0.0, 0.0));
+        let sphere = Solid::fixed(Shape::Sphere { center: [0.0; 3], radius });
+        for (spacing, allowed) in [(0.06, 0.02), (0.03, 0.004)] {
+            let walls = Walls::new(std::slice::from_ref(&sphere), spacing).unwrap();
+            let panels = walls.placed(0.0);
+            let sources = walls.solve(&panels, &vec![wind; panels.len()]);
+            assert!(sources.residual <= RESIDUAL, "{}", sources.residual);
+            let points: Vec<Vec3> = [[0.0, 0.45, 0.0], [0.4, 0.2, 0.1], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.32]]
+                .map(Vec3::from)
+                .into();
+            let mut velocity = vec![wind; points.len()];
+            sources.add_velocity(&points, &mut velocity);
+            for (x, v) in points.iter().zip(&velocity) {
+                // u = U + a³/2 (U/r³ − 3 (U·x) x/r⁵).
+                let r = x.norm();
+                let exact =
+                    wind + (wind / r.powi(3) - x * (3.0 * wind.dot(x) / r.powi(5))) * (radius.powi(3) / 2.0);
+                assert!((v - exact).norm() < allowed * wind.norm(), "{x}: {v} for {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn gradients_are_those_of_the_velocity() {
+        let sources = Sources {
+            all: vec![(Vec3::new(0.1, 0.0, 0.2), 0.7), (Vec3::new(-0.3, 0.1, 0.1), -0.4)],
+            mirror: Some((Vec3::z(), 0.0)),
+            residual: 0.0,
+        };
+        let (x, e) = (Vec3::new(0.5, 0.4, 0.6), 1e-2);
+        let at = |x: Vec3| {
+            let mut v = [Vec3::zeros()];
+            sources.add_velocity(&[x], &mut v);
+            v[0]
+        };
+        let mut gradient = [Gradient::zeros()];
+        sources.add_gradient(&[x], &mut gradient);
+        for axis in 0..3 {
+            let step = Vec3::ith(axis, e);
+            let slope = (at(x + step) - at(x - step)) / (2.0 * e);
+            assert!((gradient[0].column(axis) - slope).norm() < 2e-3 * slope.norm(), "{axis}");
+        }
+        assert!(at(Vec3::new(0.3, 0.2, 0.0)).z.abs() < 1e-6, "nothing goes through the mirror");
+    }
+}

@@ -1,0 +1,172 @@
+//! What a preset can say about the motion of vortons.
+
+use super::super::{ERRORS, Kernel, Method};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How vortons move. Everything but the limits of the step is physics; what is absent is not applied.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct FlowParams {
+    /// How the vorticity of a vorton is spread over its core.
+    pub kernel: Kernel,
+    /// How velocities are summed.
+    pub sum: Sum,
+    /// The relative error of the velocity that `sum = "tree"` aims at. Smaller is slower; from 1e-3 on eddies of a shot
+    /// hardly differ, above 1e-2 thin rings wobble.
+    #[schemars(range(min = 1e-5, max = 0.1))]
+    pub error: f32,
+    /// Most turn and strain in a substep: its length times the largest velocity gradient. Larger is faster; above about 0.5
+    /// eddies that stretch each other gain energy, above 1 they burst and are clamped.
+    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
+    pub strain: f32,
+    /// Most cores that a vorton moves in a substep. Larger is faster; above 1 eddies jump past what they should turn around.
+    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
+    pub displacement: f32,
+    /// Most substeps a frame; when the two limits ask for more, the frame's record says so.
+    #[schemars(range(min = 1, max = 10000))]
+    pub max_substeps: u32,
+    /// Viscosity of the air; absent: not applied.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub viscosity: Option<Viscosity>,
+    /// Turns strengths towards the vorticity around them, against the drift of stretching; absent: not applied.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relaxation: Option<Relaxation>,
+    /// Puts vortons back onto a lattice when they part or crowd; absent: not done.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub remesh: Option<Remesh>,
+}
+
+impl Default for FlowParams {
+    fn default() -> Self {
+        Self {
+            kernel: Kernel::default(),
+            sum: Sum::default(),
+            error: 1e-3,
+            strain: 0.3,
+            displacement: 1.0,
+            max_substeps: 200,
+            viscosity: None,
+            relaxation: None,
+            remesh: None,
+        }
+    }
+}
+
+impl FlowParams {
+    /// How the evaluator sums.
+    pub(super) fn method(&self) -> Method {
+        match self.sum {
+            Sum::Tree => Method::Tree { error: self.error.clamp(*ERRORS.start(), *ERRORS.end()) },
+            Sum::Direct => Method::Direct,
+        }
+    }
+}
+
+/// How velocities are summed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Sum {
+    /// By expansions between cells, to `error`.
+    #[default]
+    Tree,
+    /// Over all pairs: exact, and slow above some thousand vortons.
+    Direct,
+}
+
+/// Viscosity.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Viscosity {
+    /// Kinematic viscosity ν [m²/s]; air has 1.5e-5. Larger blurs eddies sooner: those of size s fade within s²/ν.
+    #[schemars(extend("unit" = "m²/s", "minimum" = 0.0))]
+    pub nu: f32,
+    /// How strength spreads.
+    #[serde(default)]
+    pub scheme: ViscousScheme,
+}
+
+/// How strength spreads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ViscousScheme {
+    /// Vortons hand strength to those around them: needs cores that overlap, and `remesh` where smoke is to grow.
+    #[default]
+    Exchange,
+    /// Cores grow: costs nothing and needs no neighbours; cores that outgrow the overlap are divided by `remesh`.
+    Spreading,
+}
+
+/// Pedrizzetti's relaxation, corrected so that strengths keep their size, [pedrizzetti92] and [alvarez24].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Relaxation {
+    /// Seconds τ in which a strength turns to the vorticity around it [s]. Smaller is calmer; shorter than the turn of the
+    /// smallest eddies it damps what ought to twist.
+    #[schemars(extend("unit" = "s", "exclusiveMinimum" = 0.0))]
+    pub time: f32,
+}
+
+/// Remeshing by the M4′ kernel, [monaghan85].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Remesh {
+    /// The lattice's spacing h [m]; vortons stand there with cores of `core` spacings. Half as much gives eight times
+    /// the vortons.
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub spacing: f32,
+    /// Cores of new vortons, in spacings. Below 1 they leave gaps, above 2 detail blurs and pairs cost more.
+    #[serde(default = "defaults::core")]
+    #[schemars(range(min = 1.0, max = 2.5))]
+    pub core: f32,
+    /// Below this many cores to a spacing around it a vorton has lost its neighbours.
+    #[serde(default = "defaults::least")]
+    #[schemars(range(min = 0.1, max = 2.5))]
+    pub least: f32,
+    /// Above this many they crowd, or cores have grown.
+    #[serde(default = "defaults::most")]
+    #[schemars(range(min = 1.0, max = 10.0))]
+    pub most: f32,
+    /// The lattice is made anew when vortons that hold more than this share of all strength are outside both. Smaller makes
+    /// it often, each time blurring by a little; larger lets holes grow.
+    #[serde(default = "defaults::share")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub share: f32,
+    /// The weakest vortons, which together hold this share of all strength, hand it to their neighbours and go. 0 keeps
+    /// every one: a haze of vortons that do nothing.
+    #[serde(default = "defaults::weak")]
+    #[schemars(range(min = 0.0, max = 0.5))]
+    pub weak: f32,
+}
+
+impl Remesh {
+    /// With this spacing [m], and what else presets need not say.
+    pub fn of(spacing: f32) -> Self {
+        Self {
+            spacing,
+            core: defaults::core(),
+            least: defaults::least(),
+            most: defaults::most(),
+            share: defaults::share(),
+            weak: defaults::weak(),
+        }
+    }
+}
+
+mod defaults {
+    pub(super) fn core() -> f32 {
+        1.5
+    }
+    pub(super) fn least() -> f32 {
+        1.0
+    }
+    pub(super) fn most() -> f32 {
+        2.5
+    }
+    pub(super) fn share() -> f32 {
+        0.25
+    }
+    pub(super) fn weak() -> f32 {
+        1e-3
+    }
+}

@@ -1,0 +1,59 @@
+//! What a substep and a frame tell of themselves.
+
+use super::super::Invariants;
+use super::RemeshReport;
+use serde::Serialize;
+
+/// What happened in a substep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct StepReport {
+    /// Its length [s].
+    pub seconds: f64,
+    /// The largest velocity gradient at a vorton at its start [1/s].
+    pub gradient: f32,
+    /// The most cores a second that a vorton moved at its start [1/s].
+    pub cores: f32,
+    /// Whether the limits asked for a shorter one than was allowed.
+    pub capped: bool,
+    /// Strengths that were cut because their vortons would have spun farther in the substep than it can resolve.
+    pub clamped: u32,
+    /// Rounds of particle strength exchange.
+    pub exchanges: u32,
+}
+
+/// What happened in a frame. The same on every run and for any number of threads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct FlowReport {
+    /// Substeps taken.
+    pub substeps: u32,
+    /// The largest velocity gradient at a vorton at a substep's start [1/s].
+    pub gradient: f32,
+    /// Substeps longer than the limits ask for, because of `max_substeps`.
+    pub capped: u32,
+    /// Strengths cut, over all substeps.
+    pub clamped: u64,
+    /// Rounds of particle strength exchange.
+    pub exchanges: u32,
+    /// What remeshing did, if it was needed.
+    pub remesh: Option<RemeshReport>,
+}
+
+impl FlowReport {
+    /// Books a substep.
+    pub fn add(&mut self, step: &StepReport) {
+        self.substeps += 1;
+        self.gradient = self.gradient.max(step.gradient);
+        self.capped += u32::from(step.capped);
+        self.clamped += u64::from(step.clamped);
+        self.exchanges += step.exchanges;
+    }
+}
+
+/// What the flow holds, and how exactly it is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Account {
+    /// The invariants.
+    pub invariants: Invariants,
+    /// The relative L2 error of the evaluator's velocity against the sum over all pairs, where it was sampled.
+    pub error: Option<f64>,
+}

@@ -1,0 +1,265 @@
+//! Shots of smoke: from preset to volumes, resumed, retimed, and with what they are made of left out.
+
+use super::*;
+use std::collections::BTreeMap;
+
+/// A ring of a few hundred vortons in still air.
+const RING: &str = r#"
+title = "Small ring"
+frames = "1-5"
+
+[smoke]
+spacing = 0.05
+[[smoke.ring]]
+center = [0, 0, 0]
+radius = 0.3
+thickness = 0.05
+circulation = 1
+
+[surface]
+voxel = 1
+
+[output]
+volume = ["density", "velocity", "temperature"]
+"#;
+
+/// Hot smoke that comes out under a ball.
+const PLUME: &str = r#"
+title = "Small plume"
+frames = "1-7"
+
+[[world.collider]]
+shape = { sphere = { center = [0, 0, 0.6], radius = 0.2 } }
+
+[smoke]
+spacing = 0.08
+cooling = 0.5
+dissolve = 0.5
+wind = [0.2, 0, 0]
+[smoke.buoyancy]
+[smoke.shedding]
+[[smoke.emitter]]
+shape = { sphere = { center = [0, 0, 0.1], radius = 0.15 } }
+rate = 20
+temperature = 300
+velocity = [0, 0, 1]
+[smoke.flow.remesh]
+spacing = 0.08
+
+[output]
+volume = ["density"]
+"#;
+
+/// The active nodes of a float grid and their values, read by another library.
+fn grid(path: &Path, name: &str) -> BTreeMap<[i32; 3], f32> {
+    let mut reader = vdb_rs::VdbReader::new(fs::File::open(path).unwrap()).unwrap();
+    let grid = reader.read_grid::<f32>(name).unwrap();
+    grid.iter().map(|(at, value, _)| ([at.x as i32, at.y as i32, at.z as i32], value)).collect()
+}
+
+fn desk() -> Desk {
+    let desk = Desk::new();
+    desk.write("ring.toml", RING);
+    desk.write("plume.toml", PLUME);
+    desk
+}
+
+#[test]
+fn one_command_goes_from_a_ring_to_volumes() {
+    let desk = desk();
+    let (out, talk) = desk.run("shot ring.toml --set volume.precision=float", 0);
+    assert!(out.contains("5 frames simulated") && out.contains("5 volumes written"), "{out}");
+    assert!(talk.contains("vortons") && !talk.to_lowercase().contains("error"), "{talk}");
+    assert!(!talk.contains("density_dev"), "no liquid, nothing of one:\n{talk}");
+    let names: Vec<String> = (1..=5).map(|i| format!("smoke_000{i}.vdb")).collect();
+    assert_eq!(desk.names("ring/volume"), names);
+    let manifest: serde_json::Value =
+        serde_json::from_slice(&fs::read(desk.path("ring/shot.json")).unwrap()).unwrap();
+    let output = &manifest["outputs"][0];
+    assert_eq!((&output["kind"], &output["name"]), (&"volume".into(), &"smoke".into()));
+    assert_eq!(output["grids"], serde_json::json!(["density", "velocity", "temperature"]));
+
+    // The smoke keeps its amount and flies upwards, as fast as a thin ring of this size.
+    let voxel = 0.025;
+    let mean = |frame: u32| {
+        let fog = grid(&desk.path(&format!("ring/volume/smoke_000{frame}.vdb")), "density");
+        let sum: f64 = fog.values().map(|&v| f64::from(v)).sum();
+        let height: f64 = fog.iter().map(|(at, &v)| f64::from(v) * f64::from(at[2]) * voxel).sum();
+        (sum, height / sum)
+    };
+    let (first, last) = (mean(1), mean(5));
+    assert!((last.0 / first.0 - 1.0).abs() < 5e-3, "{first:?} {last:?}");
+    let speed = (last.1 - first.1) / (4.0 / 24.0);
+    assert!((0.4..0.9).contains(&speed), "{speed} m/s");
+
+    // What is there is kept, found and valid.
+    let (out, _) = desk.run("shot ring.toml --set volume.precision=float", 0);
+    assert!(out.contains("0 frames simulated") && out.contains("5 were there"), "{out}");
+    let (out, _) = desk.run("info ring", 0);
+    assert!(out.contains("5 present") && out.contains("5 vdb files"), "{out}");
+    desk.run("verify ring", 0);
+
+    // Each line of the log tells the invariants; the impulse is that of the ring, Γ π R² with what its core adds.
+    let log = fs::read_to_string(desk.path("ring/log.jsonl")).unwrap();
+    for line in log.lines() {
+        let line: serde_json::Value = serde_json::from_str(line).unwrap();
+        assert!(line.get("density_dev_avg").is_none(), "{line}");
+        let impulse = line["smoke"]["invariants"]["impulse"][2].as_f64().unwrap();
+        assert!((impulse / (std::f64::consts::PI * 0.09) - 1.0).abs() < 0.1, "{impulse}");
+    }
+}
+
+#[test]
+fn a_shot_that_is_resumed_or_run_on_other_threads_has_the_same_bytes() {
+    let desk = desk();
+    desk.run("shot plume.toml -o whole --threads 1", 0);
+    desk.run("simulate plume.toml -o parts --frames 1-3 --threads 3", 0);
+    desk.run("shot plume.toml -o parts --threads 2", 0);
+    assert!(desk.bytes("whole/cache") == desk.bytes("parts/cache"));
+    assert!(desk.bytes("whole/volume") == desk.bytes("parts/volume"));
+}
+
+#[test]
+fn every_built_in_shot_of_smoke_runs() {
+    let desk = Desk::new();
+    for name in ["colliding-rings", "leapfrog-rings", "plume", "smoke-over-sphere", "smoke-ring"] {
+        let (out, _) = desk.run(&format!("shot {name} --quality draft --frames 1-2"), 0);
+        assert!(out.contains("2 volumes written"), "{out}");
+        desk.run(&format!("verify {name}"), 0);
+    }
+}
+
+#[test]
+fn only_what_is_named_runs() {
+    let desk = desk();
+    let passes = |line: &str| {
+        let (out, _) = desk.run(&format!("simulate {line} --dry-run"), 0);
+        out.lines().find(|line| line.starts_with("passes")).unwrap()[6..].trim().to_owned()
+    };
+    assert!(!passes("small.toml").contains("smoke"));
+    assert_eq!(passes("ring.toml"), "smoke_move, smoke_account");
+    assert_eq!(
+        passes("plume.toml"),
+        "smoke_move, smoke_emit, smoke_push, smoke_walls, smoke_fade, smoke_account"
+    );
+    // A frame has a stream a system.
+    let ring = &RING[RING.find("[smoke]").unwrap()..RING.find("[surface]").unwrap()];
+    // In the middle of the tank, whose walls have few panels then.
+    let ring = ring.replace("spacing = 0.05", "spacing = 0.2").replace("[0, 0, 0]", "[0.8, 0.4, 0.6]");
+    desk.write("both.toml", format!("{SMALL}\n{ring}"));
+    desk.run("shot both.toml", 0);
+    assert_eq!(desk.names("both/mesh").len(), 5, "the liquid is meshed, the smoke is not");
+    desk.run("shot small.toml", 0);
+    let mesh = |folder: &str| {
+        desk.bytes(&format!("{folder}/mesh")).into_iter().map(|(_, b)| b.len()).collect::<Vec<_>>()
+    };
+    assert_eq!(mesh("both"), mesh("small"), "smoke does not change a liquid");
+}
+
+#[test]
+fn what_makes_no_smoke_is_refused_where_it_stands() {
+    let desk = desk();
+    let refused = |set: &str, words: &[&str]| {
+        let (_, talk) = desk.run(&format!("simulate ring.toml {set} -o bad"), 2);
+        for word in words {
+            assert!(talk.contains(word), "{set}: no `{word}` in\n{talk}");
+        }
+    };
+    refused("--set smoke.spacng=0.1", &["smoke.spacng", "spacing"]);
+    refused("--set smoke.ring.0.radius=-1", &["radius", "above 0"]);
+    refused("--set smoke.ring.0.thickness=0.2", &["closes its own hole"]);
+    refused("--set smoke.ring.0.direction=[0,0,0]", &["gives no direction"]);
+    refused("--set smoke.spacing=nan", &["smoke.spacing"]);
+    refused("--set smoke.ring.0.circulation=inf", &["circulation"]);
+    refused("--set smoke.spacing=1e-6", &["2³¹"]);
+    refused("--set smoke.ring=[]", &["nothing that it begins with"]);
+    let plane = "{shape={plane={point=[0,0,0],normal=[0,0,1]}}}";
+    refused(&format!("--set world.collider=[{plane},{plane}]"), &["one plane only"]);
+    refused(
+        "--set smoke.source=[{shape={plane={point=[0,0,0],normal=[0,0,1]}}}]",
+        &["smoke.source.0", "cannot be filled"],
+    );
+    // Numbers that are valid one by one and cannot be computed together end the shot with a reason.
+    let (_, talk) = desk.run("simulate ring.toml --set smoke.ring.0.circulation=1e30 -o bad", 2);
+    assert!(talk.contains("smoke cannot start") && talk.contains("strength"), "{talk}");
+}
+
+#[test]
+fn a_cache_is_played_again_without_simulating() {
+    let desk = desk();
+    let float = "--set volume.precision=float";
+    desk.run(&format!("shot ring.toml {float}"), 0);
+    let cache = desk.bytes("ring/cache");
+    let (out, _) = desk.run(&format!("volume ring -o slow --retime 2 {float}"), 0);
+    assert!(out.contains("9 volumes written"), "{out}");
+    let fog = |folder: &str, frame: u32| {
+        grid(&desk.path(&format!("{folder}/volume/smoke_000{frame}.vdb")), "density")
+    };
+    let height = |fog: &BTreeMap<[i32; 3], f32>| {
+        let sum: f64 = fog.values().map(|&v| f64::from(v)).sum();
+        fog.iter().map(|(at, &v)| f64::from(v) * f64::from(at[2])).sum::<f64>() / sum
+    };
+    for frame in 1..=5 {
+        assert!(fog("ring", frame) == fog("slow", 2 * frame - 1), "frame {frame} is passed as it is");
+    }
+    for between in [2, 4, 6, 8] {
+        let [a, b, c] = [between - 1, between, between + 1].map(|frame| height(&fog("slow", frame)));
+        assert!((b - 0.5 * (a + c)).abs() < 0.1 * (c - a), "{a} {b} {c}");
+    }
+    let (out, _) = desk.run(&format!("volume ring -o slow --retime 2 {float}"), 0);
+    assert!(out.contains("0 volumes written") && out.contains("9 were there"), "{out}");
+
+    // More tracers of the same smoke are as much of it, at the same place.
+    desk.run(&format!("volume ring -o fine --set smoke.tracers=0.25 --voxel 2 {float}"), 0);
+    let (coarse, fine) = (fog("ring", 5), fog("fine", 5));
+    let sum = |fog: &BTreeMap<[i32; 3], f32>| fog.values().map(|&v| f64::from(v)).sum::<f64>();
+    assert!((sum(&fine) / sum(&coarse) - 1.0).abs() < 0.15, "{} {}", sum(&fine), sum(&coarse));
+    assert!((height(&fine) - height(&coarse)).abs() < 0.3, "{} {}", height(&fine), height(&coarse));
+    assert!(desk.bytes("ring/cache") == cache, "the cache is left as it was");
+
+    let (_, talk) = desk.run("volume ring --retime 2", 2);
+    assert!(talk.contains("-o"), "{talk}");
+    let (_, talk) = desk.run("volume ring -o bad --retime 0", 2);
+    assert!(talk.contains("0.001"), "{talk}");
+    fs::remove_file(desk.path("ring/cache/frame_0003.mcf")).unwrap();
+    let (_, talk) = desk.run("volume ring -o bad --retime 2", 2);
+    assert!(talk.contains("no frame 3"), "{talk}");
+}
+
+#[test]
+fn tracers_become_points_that_move() {
+    let desk = desk();
+    desk.run("simulate ring.toml", 0);
+    let (out, _) = desk.run("export ring --frames 2-3", 0);
+    assert!(out.contains("2 frames of points written"), "{out}");
+    let text = fs::read(desk.path("ring/points/smoke_0002.ply")).unwrap();
+    let head = String::from_utf8_lossy(&text[..600]).into_owned();
+    for property in ["vx", "vy", "vz", "density", "temperature", "radius", "id"] {
+        assert!(head.contains(&format!(" {property}\n")), "{head}");
+    }
+    let (out, _) = desk.run("export ring", 0);
+    assert!(out.contains("3 frames of points written") && out.contains("2 were there"), "{out}");
+    desk.run("simulate small.toml", 0);
+    let (_, talk) = desk.run("export small", 2);
+    assert!(talk.contains("no tracers"), "{talk}");
+}
+
+#[test]
+fn a_plan_tells_what_smoke_needs() {
+    let desk = desk();
+    let (out, _) = desk.run("plan plume.toml", 0);
+    for words in ["vortons", "tracers", "smoke_push", "steps of the smoke", "disk", "time"] {
+        assert!(out.contains(words), "no `{words}` in\n{out}");
+    }
+    assert!(!out.contains("particles") && !out.contains("iterations"), "{out}");
+    let (json, _) = desk.run("plan plume.toml --json", 0);
+    let plan: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let told = plan["smoke"]["tracers"][1].as_f64().unwrap();
+    desk.run("simulate plume.toml", 0);
+    let log = fs::read_to_string(desk.path("plume/log.jsonl")).unwrap();
+    let last: serde_json::Value = serde_json::from_str(log.lines().last().unwrap()).unwrap();
+    let there = last["smoke"]["tracers"].as_f64().unwrap();
+    assert!((told / there).ln().abs() < 0.5, "{told} told, {there} came");
+    desk.run("plan plume.toml --max-memory 1MiB", 33);
+    desk.run("simulate plume.toml --max-memory 1MiB -o never", 33);
+}
