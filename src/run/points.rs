@@ -7,7 +7,7 @@ use super::{
     plan::Product,
 };
 use crate::{
-    export::{self, MeshFormat, ply},
+    export::{MeshFormat, ply},
     frame::{Channel, ChannelData},
     mesh::{Points, SurfaceParams},
     sim::smoke::{FrameAir, TRACERS},
@@ -61,8 +61,9 @@ impl Make for Tracers<'_> {
     }
 
     fn kept(&self, target: &Target) -> Option<Piece> {
-        let output = self.output(target);
+        let mut output = output(target);
         let path = output.file(self.out, target.index.0);
+        output.attributes = MeshFormat::Ply.attributes_in(&path);
         let same = MeshFormat::Ply.key_in(&path) == Some(target.key);
         same.then(|| Piece { outputs: vec![output], work: None, stale: Vec::new() })
     }
@@ -102,8 +103,10 @@ impl Make for Tracers<'_> {
         let radius = spacing * (0.75 / std::f32::consts::PI).cbrt();
         let radii = vec![radius; positions.len()];
         let points = Points { positions: positions.to_vec(), radii, attributes };
-        let output = self.output(target);
-        let bytes = ply::write_points(&points, &output.file(self.out, target.index.0), target.key)?;
+        let mut output = output(target);
+        let path = output.file(self.out, target.index.0);
+        let bytes = ply::write_points(&points, &path, target.key)?;
+        output.attributes = MeshFormat::Ply.attributes_in(&path);
         let (count, mib) = (points.positions.len(), bytes as f64 / f64::from(1 << 20));
         let seconds = start.elapsed().as_secs_f64();
         let figures = format!("frame {}  {count} points  {mib:.2} MiB  {seconds:.2} s", target.index);
@@ -113,17 +116,7 @@ impl Make for Tracers<'_> {
     }
 }
 
-impl Tracers<'_> {
-    /// The output that the file of a target belongs to, with its frame alone.
-    fn output(&self, target: &Target) -> OutputFiles {
-        let mut output = OutputFiles::of("points", "points", &target.name, "ply", target.index);
-        let scalars = ["radius", "density", "temperature", "id"].map(|name| (name.to_owned(), false));
-        let velocity = self.smoke.map(|_| ("velocity".to_owned(), true));
-        let properties = |(name, is_vector): (String, bool)| {
-            let properties = export::property_names(&name, is_vector);
-            (name, properties)
-        };
-        output.attributes = scalars.into_iter().chain(velocity).map(properties).collect();
-        output
-    }
+/// The output that the file of a target belongs to, with its frame alone.
+fn output(target: &Target) -> OutputFiles {
+    OutputFiles::of("points", "points", &target.name, "ply", target.index)
 }
