@@ -59,7 +59,10 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, Run
     if !(factor.is_finite() && (1e-3..=1e3).contains(&factor)) {
         return Err(RunError::Request(format!("--retime {factor}: expected a number from 0.001 to 1000")));
     }
-    if out.root() == source.root() {
+    let same = |a: &Path, b: &Path| {
+        a == b || a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b)
+    };
+    if same(out.root(), source.root()) {
         return Err(RunError::Request(
             "smoke that is played again has other frames than the shot: name a folder for them with -o"
                 .into(),

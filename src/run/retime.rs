@@ -65,12 +65,32 @@ pub fn retime(
             retime.factor
         )));
     }
+    if retime.fresh && first != smoke.first {
+        return Err(RunError::Request(format!(
+            "the cache begins with frame {first}, expected {}, from which other tracers drift; simulate the shot from there on",
+            smoke.first
+        )));
+    }
+    let end = u64::from(first) + count - 1;
+    let beyond = |frame: &FrameIndex| !(u64::from(first)..=end).contains(&u64::from(frame.0));
+    if let Some(frame) = job.selection.as_ref().and_then(|selection| selection.iter().find(beyond)) {
+        return Err(RunError::Request(format!(
+            "--frames: found frame {frame}, expected frames from {first} to {end}, which the cache gives at this pace"
+        )));
+    }
     let numbers: Vec<u32> = (0..count as u32)
         .map(|n| first + n)
         .filter(|&n| job.selection.as_ref().is_none_or(|selection| selection.contains(FrameIndex(n))))
         .collect();
     let grids: Vec<VolumeGrid> =
         settings.grids.iter().copied().filter(|grid| VolumeGrid::SMOKE.contains(grid)).collect();
+    if grids.is_empty() {
+        let known: Vec<&str> = VolumeGrid::SMOKE.into_iter().map(VolumeGrid::name).collect();
+        return Err(RunError::Request(format!(
+            "no grid of smoke is asked for; expected {}",
+            known.join(", ")
+        )));
+    }
     let order = Order { out, settings, retime, job, grids };
     let replay = Replay::new(smoke.clone(), world)?;
     let drifting = retime.fresh.then(|| (replay.seeded(), 0.0));
@@ -85,7 +105,7 @@ pub fn retime(
             break;
         }
         let mut made = Made::new(FrameIndex(number));
-        let due = f64::from(number - first) / retime.factor;
+        let due = (f64::from(number - first) / retime.factor).min(f64::from(last - first));
         match player.frame(due, &order, &mut made, control) {
             Err(RunError::Cache(why)) => made.fail(why.to_string(), Failure::of(&why)),
             Err(why) => {

@@ -20,10 +20,11 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
         let message = "the smoke has nothing that it begins with";
         findings.push(Finding::new(places.of("smoke"), "smoke", message, label).with_help(help));
     }
-    let count = estimate(smoke);
+    let seconds = scene.frames.last().0.saturating_sub(scene.frames.first().0) as f64 / f64::from(scene.fps);
+    let count = estimate(smoke, seconds);
     if count > MOST {
         let (message, label) = (
-            format!("the smoke would begin with about {count:.1e} tracers and vortons, more than 2³¹"),
+            format!("the smoke would have about {count:.1e} tracers and vortons, more than 2³¹"),
             format!("found {} m between vortons", smoke.spacing),
         );
         let finding = Finding::new(places.of("smoke.spacing"), "smoke.spacing", message, label);
@@ -62,14 +63,13 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
         let path = format!("smoke.emitter.{index}");
         check_motion(&emitter.keyframes, &emitter.shape, &path, places, findings);
         if let (Some(start), Some(end)) = (emitter.start, emitter.end)
-            && end < start
+            && end <= start
         {
             let key = format!("{path}.end");
             let label = format!("found frames {start} to {end}");
-            let message = format!("`{path}` ends before it starts");
-            findings.push(
-                Finding::new(places.of(&key), &key, message, label).with_help("give the earlier frame first"),
-            );
+            let message = format!("`{path}` ends before it gives anything off");
+            let help = "give an `end` after `start`: smoke comes between the two";
+            findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
         }
     }
     check_planes(scene, places, findings);
@@ -79,7 +79,16 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
 fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     let planes = scene.world.collider.iter().enumerate();
     let mut planes = planes.filter(|(_, collider)| matches!(collider.shape, Shape::Plane { .. }));
-    planes.next();
+    if let Some((index, collider)) = planes.next()
+        && !collider.keyframes.is_empty()
+    {
+        let key = format!("world.collider.{index}.keyframes");
+        let message = "beside smoke a plane stands still: it mirrors the air";
+        findings.push(
+            Finding::new(places.of(&key), &key, message, "found keyframes")
+                .with_help("use a box with its face where the plane is"),
+        );
+    }
     if let Some((index, _)) = planes.next() {
         let key = format!("world.collider.{index}.shape");
         findings.push(
@@ -103,12 +112,14 @@ fn direction(way: &[f32; 3], key: &str, places: &Places, findings: &mut Vec<Find
     }
 }
 
-/// About how many vortons and tracers the smoke begins with; meshes, whose volume is in their file, are not counted.
-pub(super) fn estimate(smoke: &SmokeParams) -> f64 {
+/// About how many vortons and tracers the smoke has after some seconds, at most; meshes, whose volume is in their file, are not
+/// counted.
+pub(super) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
     let (h, s) = (f64::from(smoke.spacing), f64::from(smoke.tracer_spacing()));
     let core = |length: f64, thickness: f32, density: f32| {
         let area = std::f64::consts::PI * f64::from(thickness).powi(2);
-        length * area * (4.0 / h.powi(3) + if density > 0.0 { 1.0 / s.powi(3) } else { 0.0 })
+        let tracers = if density > 0.0 { area.max(s * s) / s.powi(3) } else { 0.0 };
+        length * (4.0 * area.max(h * h) / h.powi(3) + tracers)
     };
     let rings = smoke
         .ring
@@ -118,16 +129,19 @@ pub(super) fn estimate(smoke: &SmokeParams) -> f64 {
         let way = [0, 1, 2].map(|axis| f64::from(tube.to[axis]) - f64::from(tube.from[axis]));
         core(way.iter().map(|c| c * c).sum::<f64>().sqrt(), tube.thickness, tube.density)
     });
-    let turbulence = smoke.turbulence.iter().map(|t| volume(&t.shape) / h.powi(3));
-    let sources = smoke.source.iter().map(|source| volume(&source.shape) / s.powi(3));
-    rings.chain(tubes).chain(turbulence).chain(sources).sum()
+    let turbulence = smoke.turbulence.iter().map(|t| points(&t.shape, h));
+    let sources = smoke.source.iter().map(|source| points(&source.shape, s));
+    let emitters =
+        smoke.emitter.iter().map(|emitter| points(&emitter.shape, s) * f64::from(emitter.rate) * seconds);
+    rings.chain(tubes).chain(turbulence).chain(sources).chain(emitters).sum()
 }
 
-/// The volume of the box around a shape [m³]; 0 if it has no end or is in a file.
-fn volume(shape: &Shape) -> f64 {
+/// How many points `spacing` [m] apart fill the box around a shape; 0 if it has no end or is in a file.
+fn points(shape: &Shape, spacing: f64) -> f64 {
     if matches!(shape, Shape::Mesh(_)) {
         return 0.0;
     }
     let bounds = shape.bounds().filter(|_| shape.check().is_ok());
-    bounds.map_or(0.0, |(low, high)| (0..3).map(|a| f64::from(high[a]) - f64::from(low[a])).product())
+    let along = |low: f32, high: f32| ((f64::from(high) - f64::from(low)) / spacing).max(1.0);
+    bounds.map_or(0.0, |(low, high)| (0..3).map(|axis| along(low[axis], high[axis])).product())
 }

@@ -38,7 +38,8 @@ impl Lattice {
         for x in points.iter().copied().flatten() {
             let node = x.map(|v| (v / spacing).floor() as i32);
             let brick = |v: i32| v.div_euclid(BRICK as i32);
-            let (low, high) = (node.map(|v| brick(v + 1 - REACH)), node.map(|v| brick(v + REACH)));
+            let low = node.map(|v| brick(v.saturating_add(1 - REACH)));
+            let high = node.map(|v| brick(v.saturating_add(REACH)));
             for z in low.z..=high.z {
                 for y in low.y..=high.y {
                     coords.extend((low.x..=high.x).map(|x| [x, y, z]));
@@ -77,6 +78,11 @@ impl Lattice {
         par::update(&mut self.values, |_, value| *value = f(*value));
     }
 
+    /// The value at the node nearest to a point.
+    pub(super) fn nearest(&self, x: Vec3) -> Vec3 {
+        self.at([0, 1, 2].map(|axis| (x[axis] / self.spacing).round() as i32))
+    }
+
     fn at(&self, node: [i32; 3]) -> Vec3 {
         let coord = node.map(|v| v.div_euclid(BRICK as i32));
         let local = node.map(|v| v.rem_euclid(BRICK as i32) as usize);
@@ -108,7 +114,9 @@ impl Lattice {
         });
         let all: Vec<(Vec3, Vec3)> = found.into_iter().flatten().collect();
         let most = par::max(all.len(), |i| all[i].1.norm()).map_or(0.0, |(_, most)| most);
-        all.into_iter().filter(|(_, strength)| strength.norm() >= LEAST * most).collect()
+        // What is no number stays, to be found when the vortons move.
+        let is_little = |strength: &Vec3| strength.norm() < LEAST * most;
+        all.into_iter().filter(|(_, strength)| !is_little(strength)).collect()
     }
 }
 
@@ -116,7 +124,7 @@ impl Lattice {
 fn splat(p: Vec3, first: [i32; 3], value: Vec3, nodes: &mut [Vec3]) {
     let base: [f32; 3] = [p.x.floor(), p.y.floor(), p.z.floor()];
     let weights: [[f32; 4]; 3] = std::array::from_fn(|axis| spline(p[axis] - base[axis]));
-    let start: [i32; 3] = std::array::from_fn(|axis| base[axis] as i32 - 1 - first[axis]);
+    let start: [i32; 3] = std::array::from_fn(|axis| (base[axis] as i32).wrapping_sub(1 + first[axis]));
     let inside = |v: i32| (0..BRICK as i32).contains(&v);
     for (k, wz) in weights[2].iter().enumerate() {
         let z = start[2] + k as i32;

@@ -228,7 +228,7 @@ pub struct Emitter {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "m/s"))]
     pub velocity: Option<[f32; 3]>,
-    /// The first frame with smoke from it; absent: the shot's first.
+    /// The frame at which it begins to give off smoke, which the next one shows; absent: the shot's first.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start: Option<u32>,
     /// The last frame with new smoke; absent: the shot's last.

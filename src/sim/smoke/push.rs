@@ -56,7 +56,11 @@ impl System {
             let g = self.gravity * dt;
             lattice.map(|smoke| g * log_density(buoyancy, smoke.x, smoke.y));
         }
-        lattice.deposit(&at, &lacks, volume);
+        // What is filled several times over a step has the whole velocity and no more: 1 − e^(−fill) of what lacks.
+        let mut fill = Lattice::around(&[&at], self.params.spacing);
+        fill.deposit(&at, &vec![Vec3::x(); at.len()], volume);
+        let taken = |(lack, &x): (&Vec3, &Vec3)| lack * part_of(fill.nearest(x).x);
+        lattice.deposit(&at, &lacks.iter().zip(&at).map(taken).collect::<Vec<_>>(), volume);
         self.hand_over(&lattice.curl(), record);
         Ok(())
     }
@@ -74,6 +78,11 @@ impl System {
     }
 }
 
+/// (1 − e^(−f))/f: which part of each of f fillings shows.
+fn part_of(fill: f32) -> f32 {
+    if fill < 1e-3 { 1.0 } else { -(-fill).exp_m1() / fill }
+}
+
 /// ln(ρ/ρ₀) of air with smoke of a density [–] and a temperature above the air's [K].
 fn log_density(buoyancy: &Buoyancy, density: f32, temperature: f32) -> f32 {
     let heat = (temperature / buoyancy.ambient).clamp(COLDEST - 1.0, HOTTEST);
@@ -83,6 +92,13 @@ fn log_density(buoyancy: &Buoyancy, density: f32, temperature: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn air_that_is_filled_over_and_over_takes_the_velocity_once() {
+        for (fill, whole) in [(1e-4, 1e-4), (1.0, 0.632_12), (8.0, 0.999_66), (1e6, 1.0)] {
+            assert!((fill * part_of(fill) - whole).abs() < 1e-4, "{fill}");
+        }
+    }
 
     #[test]
     fn hot_air_is_light_smoke_heavy_and_nothing_is_infinite() {

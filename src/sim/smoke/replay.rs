@@ -130,7 +130,8 @@ impl Replay {
         if span <= 0.0 {
             return Ok(());
         }
-        let fastest = a.velocity.iter().chain(&b.velocity).map(|v| v.norm()).fold(0.0, f32::max);
+        let wind = self.smoke.params.wind.map_or(0.0, |wind| Vec3::from(wind).norm());
+        let fastest = a.velocity.iter().chain(&b.velocity).map(|v| v.norm()).fold(wind, f32::max);
         let strides = (fastest * span as f32 / (STRIDE * self.smoke.params.core())).ceil().clamp(1.0, MOST);
         let (from, dt) = (drifting.time, span / f64::from(strides));
         for step in 0..strides as u32 {
