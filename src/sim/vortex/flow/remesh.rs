@@ -145,7 +145,7 @@ impl Flow {
         // A brick inwards of the last one, for pieces.
         let reach = f64::from(MAX_BRICK - 2) * BRICK as f64;
         let far = |i: usize| f64::from(self.vortons.position[i].amax()) / f64::from(wanted.spacing);
-        match (0..self.vortons.len()).find(|&i| !(far(i) < reach)) {
+        match (0..self.vortons.len()).find(|&i| far(i).is_nan() || far(i) >= reach) {
             None => Ok(()),
             Some(i) => Err(Diverged {
                 system: "smoke",
