@@ -76,8 +76,8 @@ fn the_same_bits_on_any_number_of_threads_and_after_a_pause() {
                 let report = flow.advance(0.1, &mut tracers, &mut Still, &mut Unwatched).unwrap();
                 assert!(report.remesh.is_some() && report.exchanges > 0);
                 if pause {
-                    let Flow { params, vortons, volume, id, next_id } = flow;
-                    flow = Flow::restore(params, vortons, volume, id, next_id);
+                    let Flow { params, vortons, volume, id, next_id, strained } = flow;
+                    flow = Flow::restore(params, vortons, volume, id, next_id, strained);
                 }
             }
             let account = flow.account(Some(100)).unwrap();

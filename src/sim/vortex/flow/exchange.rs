@@ -100,7 +100,7 @@ impl<'a> Exchange<'a> {
         par::fill(&mut rates, |p| {
             let [x, y, z, volume] = sums[p];
             let scale = self.scale * self.share[p];
-            let given = Vec3::new(x, y, z) * self.volume[p] - strength[p] * volume; // [degond89] Eq. 27
+            let given = Vec3::new(x, y, z) * self.volume[p] - strength[p] * volume; // [degond89]
             Exchanged { strength: given * scale, own: volume * scale }
         });
         rates

@@ -10,8 +10,8 @@
 //! Positions and strengths advance together by [williamson80]'s third-order Runge–Kutta scheme (`step.rs`), and points that
 //! drift along, the passengers, in the same stages. A substep is short enough for the largest gradient and for a vorton to
 //! stay within its core. Viscosity follows, by particle strength exchange (`exchange.rs`) or by growing cores, then
-//! relaxation (`relaxation.rs`). Where vortons have parted or crowd (`overlap.rs`) they are put back onto a lattice
-//! (`remesh.rs`), once a frame at most.
+//! relaxation (`relaxation.rs`). Where the flow has strained what they stand for, or they have parted or crowd (`overlap.rs`), they
+//! are put back onto a lattice (`remesh.rs`).
 //!
 //! *Departs from the paper*: viscosity is a step of its own after each substep, at fixed positions: with one order less in time
 //! than the rest, but stable for any ν by rounds of its own. Cores of kernels other than the Gaussian grow by the rate that suits
@@ -43,7 +43,7 @@ use crate::math::Vec3;
 
 /// Vortons that move. All columns are of one length; `next_id` is above every id.
 ///
-/// This is the whole state: with the same columns, `next_id` and parameters a flow goes on with the same bits.
+/// This is the whole state: with the same columns, `next_id`, `strained` and parameters a flow goes on with the same bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flow {
     /// How they move.
@@ -56,12 +56,21 @@ pub struct Flow {
     pub id: Vec<u32>,
     /// The next number to give.
     pub next_id: u32,
+    /// The strain since vortons last stood on a lattice, 1: each substep's length times its largest velocity gradient.
+    pub strained: f64,
 }
 
 impl Flow {
     /// Without vortons.
     pub fn new(params: FlowParams) -> Self {
-        Self { params, vortons: Vortons::default(), volume: Vec::new(), id: Vec::new(), next_id: 0 }
+        Self {
+            params,
+            vortons: Vortons::default(),
+            volume: Vec::new(),
+            id: Vec::new(),
+            next_id: 0,
+            strained: 0.0,
+        }
     }
 
     /// The state that a flow of these parameters had.
@@ -74,13 +83,14 @@ impl Flow {
         volume: Vec<f32>,
         id: Vec<u32>,
         next_id: u32,
+        strained: f64,
     ) -> Self {
         let count = vortons.len();
         assert!(
             [vortons.strength.len(), vortons.core.len(), volume.len(), id.len()].iter().all(|&n| n == count),
             "a column for every property"
         );
-        Self { params, vortons, volume, id, next_id }
+        Self { params, vortons, volume, id, next_id, strained }
     }
 
     /// Adds vortons of these volumes [m³] behind those that are there.

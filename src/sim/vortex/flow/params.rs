@@ -119,6 +119,11 @@ pub struct Remesh {
     #[serde(default = "defaults::core")]
     #[schemars(range(min = 1.0, max = 2.5))]
     pub core: f32,
+    /// The lattice is made anew after this much strain: the largest velocity gradient, summed over time. Smaller makes it often,
+    /// each time blurring by a little; above 3 rings that collide burst.
+    #[serde(default = "defaults::strain")]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
+    pub strain: f32,
     /// Below this many cores to a spacing around it a vorton has lost its neighbours.
     #[serde(default = "defaults::least")]
     #[schemars(range(min = 0.1, max = 2.5))]
@@ -127,13 +132,13 @@ pub struct Remesh {
     #[serde(default = "defaults::most")]
     #[schemars(range(min = 1.0, max = 10.0))]
     pub most: f32,
-    /// The lattice is made anew when vortons that hold more than this share of all strength are outside both. Smaller makes
-    /// it often, each time blurring by a little; larger lets holes grow.
+    /// The lattice is made anew, too, when vortons that hold more than this share of all strength are outside both. Smaller
+    /// takes thin bodies for lost; larger lets holes grow.
     #[serde(default = "defaults::share")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub share: f32,
-    /// The weakest vortons, which together hold this share of all strength, hand it to their neighbours and go. 0 keeps
-    /// every one: a haze of vortons that do nothing.
+    /// The weakest vortons, which together hold this share of all strength, hand it to their neighbours and go. At 0 every one
+    /// stays: bodies swell by two layers each time, of vortons that do nothing.
     #[serde(default = "defaults::weak")]
     #[schemars(range(min = 0.0, max = 0.5))]
     pub weak: f32,
@@ -145,6 +150,7 @@ impl Remesh {
         Self {
             spacing,
             core: defaults::core(),
+            strain: defaults::strain(),
             least: defaults::least(),
             most: defaults::most(),
             share: defaults::share(),
@@ -155,6 +161,9 @@ impl Remesh {
 
 mod defaults {
     pub(super) fn core() -> f32 {
+        1.5
+    }
+    pub(super) fn strain() -> f32 {
         1.5
     }
     pub(super) fn least() -> f32 {

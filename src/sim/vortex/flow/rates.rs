@@ -82,7 +82,7 @@ impl Rates {
     pub(super) fn stretch(&mut self, vortons: &Vortons) {
         let gradient = &self.gradient;
         par::update(&mut self.strength, |i, rate| {
-            *rate += gradient[i].tr_mul(&vortons.strength[i]); // (∇u)ᵀ Γ, [winckelmans93] Eq. 25
+            *rate += gradient[i].tr_mul(&vortons.strength[i]); // (∇u)ᵀ Γ, [winckelmans93]
         });
     }
 

@@ -21,7 +21,7 @@ pub(super) fn relax(strength: &mut [Vec3], gradient: &[Gradient], f: f32) {
         let cos = (*strength / size).dot(&(omega / turned));
         let b2 = 1.0 - 2.0 * f * (1.0 - f) * (1.0 - cos);
         if b2 > UNDECIDED {
-            *strength = (*strength * (1.0 - f) + omega * (f * size / turned)) / b2.sqrt(); // [alvarez24] Eq. 43
+            *strength = (*strength * (1.0 - f) + omega * (f * size / turned)) / b2.sqrt(); // [alvarez24]
         }
     });
 }

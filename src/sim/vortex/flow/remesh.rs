@@ -32,7 +32,7 @@ pub struct RemeshReport {
     pub after: u32,
     /// Weak nodes that handed their strength on.
     pub dropped: u32,
-    /// Weak nodes that stayed, because those around them could not take strength and impulse.
+    /// Weak nodes that stayed, because none that is strong was near, or those could not take the impulse.
     pub stayed: u32,
     /// Vortons left alone, because their cores are more than four times as wide as the lattice's.
     pub wide: u32,
@@ -56,13 +56,19 @@ struct Piece {
 }
 
 impl Flow {
-    /// Remeshes if the parameters say so and more than their share of strength has lost its overlap.
+    /// Remeshes if the parameters say so and the flow has strained its vortons, or more than their share of strength has lost its
+    /// overlap. To be called after every substep.
     ///
     /// # Errors
     /// [`Diverged`] if a vorton is too far off for the lattice; `substep` is for the message.
     pub fn tend(&mut self, substep: u32) -> Result<Option<RemeshReport>, Diverged> {
         match &self.params.remesh {
-            Some(wanted) if self.astray(wanted) > f64::from(wanted.share) => self.remesh(substep).map(Some),
+            Some(wanted)
+                if self.strained >= f64::from(wanted.strain)
+                    || self.astray(wanted) > f64::from(wanted.share) =>
+            {
+                self.remesh(substep).map(Some)
+            }
             _ => Ok(None),
         }
     }
@@ -95,6 +101,7 @@ impl Flow {
             core: vec![core; count],
         };
         self.add(&lattice, &vec![wanted.spacing.powi(3); count]);
+        self.strained = 0.0;
         Ok(RemeshReport {
             before,
             after: self.vortons.len() as u32,
@@ -138,7 +145,7 @@ impl Flow {
         // A brick inwards of the last one, for pieces.
         let reach = f64::from(MAX_BRICK - 2) * BRICK as f64;
         let far = |i: usize| f64::from(self.vortons.position[i].amax()) / f64::from(wanted.spacing);
-        match (0..self.vortons.len()).find(|&i| !(far(i) < reach)) {
+        match (0..self.vortons.len()).find(|&i| far(i).is_nan() || far(i) >= reach) {
             None => Ok(()),
             Some(i) => Err(Diverged {
                 system: "smoke",
@@ -165,7 +172,7 @@ fn position(at: [i32; 3], spacing: f64) -> Vec3 {
 
 /// M4′ at the four nodes around a place, the first of them one below the node before it, from the place's fraction 0..1.
 fn weights(fraction: f64) -> [f64; 4] {
-    let inner = |x: f64| 1.0 - 2.5 * x * x + 1.5 * x * x * x; // |x| < 1, [monaghan85] Eq. 23
+    let inner = |x: f64| 1.0 - 2.5 * x * x + 1.5 * x * x * x; // |x| < 1, [monaghan85]
     let outer = |x: f64| 0.5 * (2.0 - x) * (2.0 - x) * (1.0 - x); // |x| < 2
     [outer(1.0 + fraction), inner(fraction), inner(1.0 - fraction), outer(2.0 - fraction)]
 }

@@ -34,13 +34,17 @@ pub struct FlowReport {
     pub clamped: u64,
     /// Rounds of particle strength exchange.
     pub exchanges: u32,
-    /// What remeshing did, if it was needed.
+    /// Times that the vortons were put onto the lattice.
+    pub remeshed: u32,
+    /// What the last of them did.
     pub remesh: Option<RemeshReport>,
 }
 
 impl FlowReport {
-    /// Books a substep.
-    pub fn add(&mut self, step: &StepReport) {
+    /// Books a substep and what [`Flow::tend`](super::Flow::tend) did after it.
+    pub fn add(&mut self, step: &StepReport, remesh: Option<RemeshReport>) {
+        self.remeshed += u32::from(remesh.is_some());
+        self.remesh = remesh.or(self.remesh);
         self.substeps += 1;
         self.gradient = self.gradient.max(step.gradient);
         self.capped += u32::from(step.capped);

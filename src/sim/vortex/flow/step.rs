@@ -74,6 +74,7 @@ impl Flow {
             report.clamped += cut(&mut self.vortons.strength, &caps);
             held.gradient = rates.gradient;
         }
+        self.strained += report.seconds * f64::from(report.gradient);
         self.diffuse(&mut report, &held.gradient, span.number)?;
         self.vortons.check().map_err(|unfit| self.diverged(unfit, span.number))?;
         Ok(report)
@@ -120,11 +121,10 @@ impl Flow {
             }
             let span = Span { longest: left, shortest, number: report.substeps + 1 };
             let step = self.step(span, passengers, outside)?;
-            report.add(&step);
             left -= step.seconds;
+            report.add(&step, self.tend(report.substeps + 1)?);
             watch.substep(1.0 - left / seconds);
         }
-        report.remesh = self.tend(report.substeps)?;
         Ok(report)
     }
 

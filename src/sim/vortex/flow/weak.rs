@@ -1,20 +1,23 @@
 //! Weak nodes hand their strength on.
 //!
-//! *Method*: the weakest nodes, which together hold a given share of Σ|Γ|, are dropped. Each gives its strength to the nodes that stay
-//! within three spacings, with the smallest weights w that keep ΣΓ and Σ x × Γ: Σ w = 1 and Σ w (x_q − x_p) = 0, the minimum of
-//! Σ w² |x_q − x_p|⁴. A node whose neighbours cannot take it so, since they are too few, lie in a plane, or would have to give and take
-//! much more than there is, stays.
+//! *Method*: the weakest nodes, which together hold a given share of Σ|Γ|, are dropped. Each gives its strength to the nearest nodes
+//! that stay, in proportion to theirs. What impulse is lost by that in a block of nodes is given back to those of the block that
+//! stay, as a turn about their middle: δΓ = |Γ| a × r, which adds nothing to ΣΓ. A weak node stays that has no neighbours which do,
+//! or whose block cannot take the turn.
 
 use super::remesh::Node;
 use crate::{grid::Bricks, par};
-use nalgebra::{Matrix4, Vector3, Vector4};
+use nalgebra::{Matrix3, Vector3};
+use std::collections::BTreeMap;
 
-/// How far neighbours are at most [spacings]; nearer ones are asked first.
+/// How far neighbours are at most [spacings]; nearer ones are asked first. M4′ widens a body by two.
 const REACH: i32 = 3;
 
-/// The largest Σ|w|. Linear extrapolation by one layer has 3, by two 5; smaller leaves a haze around bodies, larger adds noise to
-/// their surface.
-const MOST: f64 = 6.0;
+/// Nodes along the edge of a block. What is far apart must not share: a stray's lever would be all there is.
+const BLOCK: i32 = 16;
+
+/// The most that a strength may change by giving impulse back, of itself. Bodies change by less than a thousandth.
+const MOST_CHANGE: f64 = 0.05;
 
 /// The nodes that are left.
 #[derive(Debug)]
@@ -27,34 +30,109 @@ pub(super) struct Thinned {
 }
 
 /// Drops the weakest of `nodes` that hold `share` of all strength.
-pub(super) fn hand_on(mut nodes: Vec<Node>, share: f64) -> Thinned {
+pub(super) fn hand_on(nodes: Vec<Node>, share: f64) -> Thinned {
     let least = threshold(&nodes, share);
     let is_weak: Vec<bool> = nodes.iter().map(|node| node.strength.norm() < least).collect();
-    if !is_weak.contains(&true) {
+    let weak = is_weak.iter().filter(|&&weak| weak).count() as u32;
+    if weak == 0 {
         return Thinned { nodes, dropped: 0, stayed: 0 };
     }
-    let strong = Strong::new(&nodes, &is_weak);
 
-    // What each weak node would give to whom.
+    // Everyone gives at once what it had at first.
+    let strong = Strong::new(&nodes, &is_weak);
     let gifts = par::map_chunks(nodes.len(), par::CHUNK, |range| {
-        let weak = range.filter(|&i| is_weak[i]);
-        weak.map(|i| (i, (1..=REACH).find_map(|reach| strong.shares(nodes[i].at, reach)))).collect::<Vec<_>>()
+        range
+            .filter(|&i| is_weak[i])
+            .map(|i| Gift { from: i, takers: strong.takers(&nodes, i) })
+            .collect::<Vec<_>>()
     });
-    let (mut gone, mut stayed) = (vec![false; nodes.len()], 0);
-    for (i, gift) in gifts.into_iter().flatten() {
-        let Some(gift) = gift else {
-            stayed += 1;
-            continue;
-        };
-        gone[i] = true;
-        let strength = nodes[i].strength;
-        for (q, w) in gift {
-            nodes[q as usize].strength += strength * w;
+    let mut blocks = BTreeMap::<[i32; 3], Block>::new();
+    for gift in gifts.into_iter().flatten().filter(|gift| !gift.takers.is_empty()) {
+        blocks.entry(block(&nodes[gift.from])).or_default().gifts.push(gift);
+    }
+    for i in (0..nodes.len()).filter(|&i| !is_weak[i]) {
+        if let Some(block) = blocks.get_mut(&block(&nodes[i])) {
+            block.strong.push(i);
+        }
+    }
+
+    // Block by block, if it can take the impulse.
+    let (mut left, mut gone) = (nodes.clone(), vec![false; nodes.len()]);
+    for block in blocks.values() {
+        let lost = block.gifts.iter().map(|gift| gift.lost(&nodes)).sum();
+        let Some(changes) = block.turned(&nodes, lost) else { continue };
+        for gift in &block.gifts {
+            gone[gift.from] = true;
+            gift.shares().for_each(|(q, part)| left[q].strength += nodes[gift.from].strength * part);
+        }
+        for (&i, change) in block.strong.iter().zip(changes) {
+            left[i].strength += change;
         }
     }
     let mut is_gone = gone.iter();
-    nodes.retain(|_| !is_gone.next().expect("one a node"));
-    Thinned { dropped: (gone.len() - nodes.len()) as u32, stayed, nodes }
+    left.retain(|_| !is_gone.next().expect("one a node"));
+    let dropped = (nodes.len() - left.len()) as u32;
+    Thinned { nodes: left, dropped, stayed: weak - dropped }
+}
+
+/// What a weak node gives.
+#[derive(Debug)]
+struct Gift {
+    from: usize,
+    /// Who takes it, and in which proportion.
+    takers: Vec<(u32, f64)>,
+}
+
+impl Gift {
+    /// Who takes which part of it.
+    fn shares(&self) -> impl Iterator<Item = (usize, f64)> {
+        let whole: f64 = self.takers.iter().map(|(_, part)| part).sum();
+        self.takers.iter().map(move |&(q, part)| (q as usize, part / whole))
+    }
+
+    /// Σ x × Γ that it loses.
+    fn lost(&self, nodes: &[Node]) -> Vector3<f64> {
+        let from = &nodes[self.from];
+        self.shares().map(|(q, part)| (place(from) - place(&nodes[q])).cross(&(from.strength * part))).sum()
+    }
+}
+
+/// Gifts from a block, and the nodes in it that stay.
+#[derive(Debug, Default)]
+struct Block {
+    gifts: Vec<Gift>,
+    strong: Vec<usize>,
+}
+
+impl Block {
+    /// What to add to the strengths of those that stay so that Σ x × Γ grows by `impulse` and ΣΓ by nothing; `None` if they lie too
+    /// near a line.
+    fn turned(&self, nodes: &[Node], impulse: Vector3<f64>) -> Option<Vec<Vector3<f64>>> {
+        let strong = || self.strong.iter().map(|&i| (place(&nodes[i]), nodes[i].strength.norm()));
+        let whole: f64 = strong().map(|(_, size)| size).sum();
+        let middle = strong().map(|(x, size)| x * size).sum::<Vector3<f64>>() / whole;
+        // Σ r × |Γ| (a × r) = J a.
+        let parts = strong().map(|(x, size)| {
+            let r = x - middle;
+            (Matrix3::identity() * r.norm_squared() - r * r.transpose()) * size
+        });
+        let inertia: Matrix3<f64> = parts.sum();
+        let turn = inertia.cholesky()?.solve(&impulse);
+        // Rounding may let a singular J through, and nearly a line would have to turn far.
+        let exact = (inertia * turn - impulse).norm() <= 1e-9 * impulse.norm();
+        let little = strong().all(|(x, _)| turn.cross(&(x - middle)).norm() <= MOST_CHANGE);
+        (exact && little).then(|| strong().map(|(x, size)| turn.cross(&(x - middle)) * size).collect())
+    }
+}
+
+/// The block of a node.
+fn block(node: &Node) -> [i32; 3] {
+    node.at.map(|i| i.div_euclid(BLOCK))
+}
+
+/// Where a node is [spacings].
+fn place(node: &Node) -> Vector3<f64> {
+    Vector3::from(node.at.map(f64::from))
 }
 
 /// The strength below which nodes together hold at most `share` of all.
@@ -63,13 +141,11 @@ fn threshold(nodes: &[Node], share: f64) -> f64 {
     sizes.sort_unstable_by(f64::total_cmp);
     let most = share * sizes.iter().sum::<f64>();
     let mut held = 0.0;
-    sizes
-        .into_iter()
-        .find(|size| {
-            held += size;
-            held > most
-        })
-        .unwrap_or(0.0)
+    let stays = |size: &f64| {
+        held += size;
+        held > most
+    };
+    sizes.into_iter().find(stays).unwrap_or(0.0)
 }
 
 /// The nodes that stay, by their place.
@@ -91,26 +167,19 @@ impl Strong {
         Self { places, nodes: numbers }
     }
 
-    /// Whom of those within `reach` the node at `at` gives which part; `None` if they cannot take it.
-    fn shares(&self, at: [i32; 3], reach: i32) -> Option<Vec<(u32, f64)>> {
-        let side = 2 * reach + 1;
-        let mut around = Vec::new();
-        for k in 0..side.pow(3) {
-            let step = [k % side - reach, k / side % side - reach, k / (side * side) - reach];
-            if let Some(place) = self.places.find(std::array::from_fn(|axis| at[axis] + step[axis])) {
-                let d = Vector3::from(step.map(f64::from));
-                let weight = d.norm_squared().powi(-2);
-                around.push((self.nodes[place], Vector4::new(1.0, d.x, d.y, d.z), weight));
-            }
-        }
-        // Lagrange: w = g λ·(1, d) with M λ = (1, 0, 0, 0), M = Σ g (1, d)(1, d)ᵀ.
-        let matrix: Matrix4<f64> = around.iter().map(|(_, d, g)| d * d.transpose() * *g).sum();
-        let lambda = matrix.cholesky()?.solve(&Vector4::x());
-        let shares: Vec<(u32, f64)> = around.iter().map(|(q, d, g)| (*q, g * lambda.dot(d))).collect();
-        // Rounding may let a singular matrix through.
-        let given: Vector4<f64> = around.iter().zip(&shares).map(|((_, d, _), (_, w))| d * *w).sum();
-        let most: f64 = shares.iter().map(|(_, w)| w.abs()).sum();
-        ((given - Vector4::x()).amax() < 1e-9 && most < MOST).then_some(shares)
+    /// Who takes the strength of node `i`, and in which proportion; nobody if no node that stays is near.
+    fn takers(&self, nodes: &[Node], i: usize) -> Vec<(u32, f64)> {
+        let within = |reach: i32| {
+            let side = 2 * reach + 1;
+            let steps = (0..side.pow(3)).map(move |k| [k % side, k / side % side, k / (side * side)]);
+            let found = steps.filter_map(|step| {
+                let at = std::array::from_fn(|axis| nodes[i].at[axis] + step[axis] - reach);
+                let q = self.nodes[self.places.find(at)?];
+                Some((q, nodes[q as usize].strength.norm()))
+            });
+            found.collect::<Vec<_>>()
+        };
+        (1..=REACH).map(within).find(|found| !found.is_empty()).unwrap_or_default()
     }
 }
 
@@ -124,33 +193,38 @@ mod tests {
 
     /// ΣΓ and Σ x × Γ.
     fn moments(nodes: &[Node]) -> [Vector3<f64>; 2] {
-        let x = |node: &Node| Vector3::from(node.at.map(f64::from));
-        [nodes.iter().map(|n| n.strength).sum(), nodes.iter().map(|n| x(n).cross(&n.strength)).sum()]
+        [
+            nodes.iter().map(|node| node.strength).sum(),
+            nodes.iter().map(|node| place(node).cross(&node.strength)).sum(),
+        ]
     }
 
     #[test]
     fn what_goes_leaves_strength_and_impulse() {
         let block: Vec<[i32; 3]> = (0..64).map(|k| [k % 4, k / 4 % 4, k / 16]).collect();
-        // A layer on it, a second one, and a node alone.
-        let layer: Vec<[i32; 3]> = (0..32).map(|k| [k % 4, k / 4 % 4, 4 + k / 16]).collect();
+        // Two layers on it, and a node alone.
+        let layers: Vec<[i32; 3]> = (0..32).map(|k| [k % 4, k / 4 % 4, 4 + k / 16]).collect();
         let mut all = nodes(&block, 1.0);
-        all.extend(nodes(&layer, 1e-4));
-        all.extend(nodes(&[[40, 0, 0]], 1e-4));
+        all.extend(nodes(&layers, 1e-5));
+        all.extend(nodes(&[[40, 0, 0]], 1e-5));
         let before = moments(&all);
         let Thinned { nodes: left, dropped, stayed } = hand_on(all.clone(), 1e-3);
         assert_eq!((left.len(), dropped, stayed), (65, 32, 1));
         for (now, before) in moments(&left).iter().zip(before) {
             assert!((now - before).norm() < 1e-12 * before.norm(), "{now} {before}");
         }
+        for (now, before) in left.iter().zip(&all) {
+            assert!((now.strength - before.strength).norm() < 1e-3, "a little each");
+        }
         assert_eq!(hand_on(all, 0.0).nodes.len(), 97);
     }
 
     #[test]
-    fn neighbours_in_a_plane_take_nothing_from_above() {
-        let plane: Vec<[i32; 3]> = (0..25).map(|k| [k % 5, k / 5, 0]).collect();
-        let mut all = nodes(&plane, 1.0);
-        all.extend(nodes(&[[2, 2, 1]], 1e-6));
+    fn a_line_takes_no_turn_about_itself() {
+        let line: Vec<[i32; 3]> = (0..25).map(|k| [k, 0, 0]).collect();
+        let mut all = nodes(&line, 1.0);
+        all.extend(nodes(&[[2, 0, 1]], 1e-6));
         let thinned = hand_on(all, 1e-3);
-        assert_eq!((thinned.nodes.len(), thinned.stayed), (26, 1));
+        assert_eq!((thinned.nodes.len(), thinned.dropped, thinned.stayed), (26, 0, 1));
     }
 }
