@@ -12,3 +12,5 @@ mod solids;
 mod surface_field;
 mod volumes;
 mod vortex;
+mod vortex_extremes;
+mod vortex_grid;
