@@ -239,7 +239,7 @@ fn fill(field: &mut Field, vortons: &Vortons) {
                 let vorticity = (0..vortons.len()).map(|i| {
                     let s2 = vortons.core[i].powi(2);
                     let q = 1.0 / ((at - vortons.position[i]).norm_squared() / s2 + 1.0);
-                    vortons.strength[i] * (0.596_831_04 * q * q * q * q.sqrt() / (s2 * vortons.core[i]))
+                    vortons.strength[i] * (0.596_831 * q * q * q * q.sqrt() / (s2 * vortons.core[i]))
                 });
                 field.set([x, y, z], vorticity.sum());
             }

@@ -6,7 +6,7 @@
 Needs cargo, and a network for the first run (pip fills a virtual environment, see --venv). The numbers are those of
 `cargo bench --bench vortex -- fields`: a ring of 20 000 vortons in its plane (above) and in a plane through its axis (below).
 Arrows are what lies in the plane, drawn by the square roots of their lengths; colour is what points out of it, or where
-nothing does, how long the arrows are.
+little does, how long the arrows are.
 """
 
 import argparse
@@ -21,6 +21,7 @@ import io
 import sys
 import matplotlib
 import numpy as np
+from PIL import Image
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -29,7 +30,7 @@ NAMES = ["− vorticity", "vector potential", "velocity"]
 
 def panel(axes, u, v, along, across, out):
     length = np.hypot(along, across)
-    colour = length if np.abs(out).max() < 0.05 * length.max() else out
+    colour = length if np.abs(out).max() < 0.7 * length.max() else out
     limit = np.abs(colour).max()
     axes.pcolormesh(u, v, colour, cmap="RdBu_r", vmin=-limit, vmax=limit, shading="gouraud")
     if length.max() > 0.05 * limit:
@@ -47,6 +48,7 @@ for plane, (first, second, third, label) in enumerate([(0, 1, 2, "y [m]"), (0, 2
         panel(here, grid[..., 1 + first], grid[..., 1 + second], field[..., first], field[..., second], field[..., third])
         here.set(title=name, xlabel="x [m]", ylabel=label, aspect="equal", xticks=[-1, 0, 1], yticks=[-1, 0, 1])
 figure.savefig(sys.argv[1], dpi=80)
+Image.open(sys.argv[1]).convert("RGB").quantize(256, Image.Quantize.MAXCOVERAGE).save(sys.argv[1], optimize=True)
 '''
 
 

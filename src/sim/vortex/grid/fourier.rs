@@ -225,8 +225,8 @@ mod tests {
             let mut work = vec![[splat::<L>(0.0); 2]; self.0];
             let mut line = work.clone();
             for (j, both) in line.iter_mut().enumerate() {
-                for c in 0..2 {
-                    both[c] = L::load(&std::array::from_fn(|lane| noise(16 * j + 8 * c + lane)));
+                for (c, eight) in both.iter_mut().enumerate() {
+                    *eight = L::load(&std::array::from_fn(|lane| noise(16 * j + 8 * c + lane)));
                 }
             }
             sine.transform(&mut line, &mut work);
