@@ -17,7 +17,7 @@ const LARGEST: usize = 1 << 25;
 
 /// Nanoseconds of a node, as the choice of a lattice weighs them. Known to a factor of two, which is enough: around the cheapest
 /// lattice the cost is flat.
-const NODE: f64 = 30.0;
+const NODE: f64 = 50.0;
 
 /// Of how many coordinates the bulk of a cloud is told.
 const SAMPLES: usize = 4096;
@@ -214,9 +214,9 @@ impl Density {
         if reach == 0.0 {
             return 0.0;
         }
-        // Leaves of about thirty at both ends: their radii, and what of a leaf is out of reach but summed with it.
+        // Leaves of about thirty at both ends.
         let leaf = self.edge * (30.0 / self.beside).cbrt();
         self.beside
-            * (4.2 * (f64::from(reach) + 1.5 * leaf).powi(3) / self.edge.powi(3)).max(30.0 / self.beside)
+            * (4.2 * (f64::from(reach) + 0.6 * leaf).powi(3) / self.edge.powi(3)).max(30.0 / self.beside)
     }
 }
