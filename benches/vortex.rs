@@ -1,16 +1,21 @@
-//! Seconds and errors of what vortons induce. `cargo bench --bench vortex`.
+//! Seconds and errors of what vortons induce. `cargo bench --bench vortex`; with `-- fields` what a ring induces in two planes, for
+//! `tools/bench/vortex_figure.py`.
 //!
 //! Four clouds of vortons whose cores are one and a half spacings: a ring of radius 1 m and a tenth of that thick; a cube of
 //! random strengths, the worst case, because little is left of what is far; a thin wavy sheet; thirty blobs, dense in the middle.
 //! Before criterion measures, tables are printed of the error that was asked for, the one reached (relative L2 of the velocity at
 //! 400 vortons against the sum over all pairs), and the time: each row is the mean of as many evaluations as fill a second, in CPU
-//! time of the whole process on one thread.
+//! time of the whole process on one thread. Then the time against the number of vortons, the Poisson equation by itself, and wall
+//! seconds by number of threads.
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use meniscus::{
     math::Vec3,
     par,
-    sim::vortex::{Kernel, Method, Quantity, Targets, Vortons, induced, sampled_error},
+    sim::vortex::{
+        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, Way, boundary_values, induced, lattice,
+        poisson, sampled_error,
+    },
 };
 use std::{f64::consts::PI, hint::black_box, time::Instant};
 
@@ -76,18 +81,25 @@ fn cpu_seconds(start: Instant) -> f64 {
     }
 }
 
-/// The velocities, and the mean CPU seconds of as many evaluations as fill a second.
-fn timed(vortons: &Vortons, quantity: Quantity, kernel: Kernel, method: Method) -> (Vec<Vec3>, f64) {
+/// What a job finds, and the mean CPU seconds of as many runs as fill a second.
+fn repeated<T>(mut job: impl FnMut() -> T) -> (T, f64) {
     let start = Instant::now();
     let (before, mut runs) = (cpu_seconds(start), 0.0);
     loop {
-        let found = induced(vortons, Targets::Vortons, quantity, kernel, method).expect("they are fit");
+        let found = job();
         runs += 1.0;
         let spent = cpu_seconds(start) - before;
         if spent > 1.0 {
-            return (found.velocity, spent / runs);
+            return (found, spent / runs);
         }
     }
+}
+
+/// The velocities, and their CPU seconds.
+fn timed(vortons: &Vortons, quantity: Quantity, kernel: Kernel, method: Method) -> (Vec<Vec3>, f64) {
+    let (found, seconds) =
+        repeated(|| induced(vortons, Targets::Vortons, quantity, kernel, method).expect("they are fit"));
+    (found.velocity, seconds)
 }
 
 fn row(name: &str, vortons: &Vortons, quantity: Quantity, kernel: Kernel, method: Method) {
@@ -119,19 +131,189 @@ fn tables() {
             row(name, &vortons, Velocity, kernel, Method::Tree { error: 1e-3 });
         }
     }
-    for count in [1000, 2000, 4000, 10_000, 100_000] {
-        let vortons = cloud("cube", count);
-        row("cube", &vortons, Velocity, kernel, Method::Direct);
-        for error in [1e-3, 1e-4] {
-            row("cube", &vortons, Velocity, kernel, Method::Tree { error });
+    for name in ["ring", "cube"] {
+        let vortons = cloud(name, 100_000);
+        for (error, way) in [
+            (1e-1, Way::Sine),
+            (1e-2, Way::Sine),
+            (1e-3, Way::Sine),
+            (1e-1, Way::Multigrid),
+            (1e-1, Way::Text),
+        ] {
+            row(name, &vortons, Velocity, kernel, Method::Grid { error, way });
         }
+        row(name, &vortons, VelocityAndGradient, kernel, Method::Grid { error: 1e-2, way: Way::Sine });
+        for error in [1e-2, 1e-3] {
+            row(name, &vortons, Velocity, Kernel::Gaussian, Method::Grid { error, way: Way::Sine });
+        }
+        row(name, &vortons, Velocity, Kernel::Gaussian, Method::Tree { error: 1e-2 });
     }
     row("cube", &cloud("cube", 1_000_000), Velocity, kernel, Method::Tree { error: 1e-3 });
-    row("ring", &cloud("ring", 1_000_000), Velocity, kernel, Method::Tree { error: 1e-3 });
+}
+
+/// Prints the time of the three methods against the number of vortons.
+fn crossovers() {
+    println!(
+        "\n| cloud | kernel | vortons | all pairs | tree, 1e-2 | lattice, 1e-2 | cells | tree, 1e-3 | lattice, 1e-3 | cells |"
+    );
+    println!("|---|---|--:|--:|--:|--:|---|--:|--:|---|");
+    for (name, kernel) in [
+        ("ring", Kernel::WinckelmansLeonard),
+        ("cube", Kernel::WinckelmansLeonard),
+        ("ring", Kernel::Gaussian),
+        ("cube", Kernel::Gaussian),
+    ] {
+        for count in [1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000] {
+            let vortons = cloud(name, count);
+            let seconds = |method| format!("{:.4}", timed(&vortons, Quantity::Velocity, kernel, method).1);
+            let pairs = if count > 100_000 { "".into() } else { seconds(Method::Direct) };
+            let mut cells = format!("| {name} | {kernel:?} | {count} | {pairs} ");
+            for error in [1e-2, 1e-3] {
+                let way = Way::Sine;
+                let (tree, grid) = (seconds(Method::Tree { error }), Method::Grid { error, way });
+                let (grid, taken) = match lattice(&vortons, count, kernel, error, way) {
+                    Some(lattice) => (seconds(grid), lattice.cells.map(|n| n.to_string()).join("×")),
+                    None => ("".into(), "the tree serves".into()),
+                };
+                cells += &format!("| {tree} | {grid} | {taken} ");
+            }
+            println!("{cells}|");
+        }
+    }
+}
+
+/// Prints the time of the Poisson equation with boundary values of a ring of 100 000 vortons, and its error on a ring of 48.
+fn equations() {
+    println!(
+        "\n| cells | way | boundary values, CPU s | equation, CPU s | A missed |\n|---|---|--:|--:|--:|"
+    );
+    for n in [64, 128, 256] {
+        let low = Vec3::new(-1.8, -1.8, -1.8);
+        let lattice = Lattice { low, spacing: 3.6 / n as f32, cells: [n; 3] };
+        let (large, small) = (cloud("ring", 100_000), wide_ring());
+        let mut field = Field::new(lattice);
+        let (_, boundary) = repeated(|| boundary_values(&mut field, &large, 1e-4).expect("they are fit"));
+        fill(&mut field, &small);
+        boundary_values(&mut field, &small, 1e-4).expect("they are fit");
+        for way in [Way::Sine, Way::Multigrid] {
+            // Every run starts from the same field; its copy is timed too.
+            let (solved, seconds) = repeated(|| {
+                let mut field = field.clone();
+                poisson(&mut field, way);
+                field
+            });
+            let nodes: Vec<[usize; 3]> =
+                (0..400).map(|i| [3, 5, 7].map(|k| 1 + (noise(k * i) * (n - 1) as f64) as usize)).collect();
+            let points: Vec<Vec3> = nodes.iter().map(|&at| lattice.node(at)).collect();
+            let at = Targets::Points(&points);
+            let exact = induced(&small, at, Quantity::Potential, Kernel::default(), Method::Direct)
+                .expect("they are fit");
+            let (mut missed, mut whole) = (0.0, 0.0);
+            for (&at, exact) in nodes.iter().zip(&exact.potential) {
+                missed += f64::from((solved.at(at) - exact).norm_squared());
+                whole += f64::from(exact.norm_squared());
+            }
+            println!("| {n}³ | {way:?} | {boundary:.3} | {seconds:.3} | {:.1e} |", f64::sqrt(missed / whole));
+        }
+    }
+}
+
+/// Forty-eight vortons with cores of a fifth of the ring's radius.
+fn wide_ring() -> Vortons {
+    let mut ring = Vortons { core: vec![0.2; 48], ..Vortons::default() };
+    for i in 0..48 {
+        let t = (2.0 * PI * f64::from(i) / 48.0) as f32;
+        ring.position.push(Vec3::new(t.cos(), t.sin(), 0.0));
+        ring.strength.push(Vec3::new(-t.sin(), t.cos(), 0.0));
+    }
+    ring
+}
+
+/// The vorticity of Winckelmans and Leonard's cores at every node: 15/(8π σ³) (ρ² + 1)^-7/2.
+fn fill(field: &mut Field, vortons: &Vortons) {
+    let lattice = field.lattice;
+    for z in 0..=lattice.cells[2] {
+        for y in 0..=lattice.cells[1] {
+            for x in 0..=lattice.cells[0] {
+                let at = lattice.node([x, y, z]);
+                let vorticity = (0..vortons.len()).map(|i| {
+                    let s2 = vortons.core[i].powi(2);
+                    let q = 1.0 / ((at - vortons.position[i]).norm_squared() / s2 + 1.0);
+                    vortons.strength[i] * (0.596_831 * q * q * q * q.sqrt() / (s2 * vortons.core[i]))
+                });
+                field.set([x, y, z], vorticity.sum());
+            }
+        }
+    }
+}
+
+/// Prints wall seconds by number of threads: the least of five.
+fn by_threads() {
+    let ring = cloud("ring", 100_000);
+    println!(
+        "\n| threads | all pairs, 10 000 | potential, tree 1e-3 | velocity, tree 1e-3 | velocity, lattice 1e-2 |"
+    );
+    println!("|--:|--:|--:|--:|--:|");
+    for threads in [1, 2, 4] {
+        let least = |vortons: &Vortons, quantity, method| {
+            let runs = (0..5).map(|_| {
+                let start = Instant::now();
+                par::with_threads(threads, || {
+                    black_box(
+                        induced(vortons, Targets::Vortons, quantity, Kernel::default(), method).expect("fit"),
+                    )
+                });
+                start.elapsed().as_secs_f64()
+            });
+            runs.fold(f64::INFINITY, f64::min)
+        };
+        let pairs = least(&cloud("ring", 10_000), Quantity::Velocity, Method::Direct);
+        let potential = least(&ring, Quantity::Potential, Method::Tree { error: 1e-3 });
+        let tree = least(&ring, Quantity::Velocity, Method::Tree { error: 1e-3 });
+        let grid = least(&ring, Quantity::Velocity, Method::Grid { error: 1e-2, way: Way::Sine });
+        println!("| {threads} | {pairs:.4} | {potential:.4} | {tree:.4} | {grid:.4} |");
+    }
+}
+
+/// Prints vorticity, potential and velocity of a ring in the plane of the ring and in one through its axis: the plane's number,
+/// two coordinates, and nine components.
+fn fields() {
+    let ring = cloud("ring", 20_000);
+    let mut points = Vec::new();
+    for plane in 0..2 {
+        for j in 0..49 {
+            for i in 0..49 {
+                let (u, v) = (-1.6 + i as f32 / 15.0, -1.6 + j as f32 / 15.0);
+                points.push(if plane == 0 { Vec3::new(u, v, 0.0) } else { Vec3::new(u, 0.0, v) });
+            }
+        }
+    }
+    let find = |quantity| {
+        let method = Method::Tree { error: 1e-4 };
+        induced(&ring, Targets::Points(&points), quantity, Kernel::default(), method).expect("they are fit")
+    };
+    let (potential, both) = (find(Quantity::Potential).potential, find(Quantity::VelocityAndGradient));
+    for (i, (x, a)) in points.iter().zip(&potential).enumerate() {
+        let (u, g) = (both.velocity[i], both.gradient[i]);
+        let w = Vec3::new(g[(2, 1)] - g[(1, 2)], g[(0, 2)] - g[(2, 0)], g[(1, 0)] - g[(0, 1)]);
+        let plane = i / (49 * 49);
+        println!(
+            "{plane} {} {} {} {} {} {} {} {} {} {} {} {}",
+            x.x, x.y, x.z, w.x, w.y, w.z, a.x, a.y, a.z, u.x, u.y, u.z
+        );
+    }
 }
 
 fn bench(criterion: &mut Criterion) {
-    par::with_threads(1, tables);
+    if std::env::args().any(|word| word == "fields") {
+        return fields();
+    }
+    par::with_threads(1, || {
+        tables();
+        crossovers();
+        equations();
+    });
+    by_threads();
     let mut group = criterion.benchmark_group("vortons");
     group.sample_size(10).sampling_mode(SamplingMode::Flat).throughput(Throughput::Elements(100_000));
     for name in ["ring", "cube"] {

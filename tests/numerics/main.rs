@@ -14,3 +14,5 @@ mod surface_field;
 mod volumes;
 mod vortex;
 mod vortex_dynamics;
+mod vortex_extremes;
+mod vortex_grid;

@@ -7,6 +7,9 @@
 
 Needs cargo; for the peer a network for the first run (pip fills a virtual environment, see --venv).
 
+The tables are those of `benches/vortex.rs`: errors and times of every method, the time against the number of vortons, the
+Poisson equation by itself, and wall seconds by number of threads.
+
 *Clouds* are those of `benches/vortex.rs`, made again here from the same numbers.
 
 *The same work*: both find the velocity at every vorton. The peer has no cores: it sums points, as three charges a vorton whose

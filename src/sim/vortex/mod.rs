@@ -12,8 +12,9 @@
 //! ```
 //!
 //! The sum is taken over all pairs ([`Method::Direct`]), or with Taylor expansions of the kernel between the cells of
-//! octrees ([`Method::Tree`], `walk.rs`), whose knob is the error of the velocity. [`Method::Nested`] is the source text's
-//! own rule, kept for comparison.
+//! octrees ([`Method::Tree`], `walk.rs`), or by a Poisson equation on a lattice with boundary values of the tree
+//! ([`Method::Grid`], `grid/`); the knob of both is the error of the velocity. [`Method::Nested`] is the source text's own rule,
+//! kept for comparison.
 //!
 //! *Departs from the paper*: a vorton carries its strength Γ = ω V and its core, not an angular velocity and a size; the
 //! potential inside a core is the ball's, where the text's eq. 5 has a curl that turns the wrong way; sums over cells are
@@ -26,9 +27,11 @@
 
 mod accuracy;
 mod chain;
+mod coherence;
 mod direct;
 mod expansion;
 pub mod flow;
+mod grid;
 mod index;
 mod invariants;
 mod lanes;
@@ -42,11 +45,13 @@ mod vortons;
 mod walk;
 
 pub use accuracy::{ERRORS, sampled_error};
+pub use grid::{Field, Lattice, Way, boundary_values, lattice, poisson};
 pub use invariants::{Invariants, invariants};
 pub use vortons::{LARGEST, SMALLEST_CORE, Unfit, Vortons};
 
 use crate::math::Vec3;
-use chain::{Ball, Chain, Gaussian, RosenheadMoore, WinckelmansLeonard};
+use chain::{Ball, Gaussian, RosenheadMoore, WinckelmansLeonard};
+use grid::Spread;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -81,6 +86,15 @@ pub enum Method {
     Tree {
         /// The relative L2 error wanted.
         error: f32,
+    },
+    /// By a Poisson equation on a lattice, with boundary values of the tree, to the same error, which is in [`Way::errors`]; the
+    /// gradient's is up to twelve times that. Where a lattice would cost more than all pairs, as for fewer than some thousand
+    /// vortons, or far from it, the tree serves.
+    Grid {
+        /// The relative L2 error wanted.
+        error: f32,
+        /// How the equation is solved.
+        way: Way,
     },
     /// The source text's rule: only the cell of a layer that holds the point is resolved, all others count as one vorton
     /// each. A third of the velocity is error; for comparison only.
@@ -124,7 +138,8 @@ pub struct Induced {
 /// [`Unfit`] if a vorton or a point is outside what the sums can hold.
 ///
 /// # Panics
-/// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`].
+/// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`], or that of
+/// [`Method::Grid`] outside [`Way::errors`].
 pub fn induced(
     vortons: &Vortons,
     targets: Targets<'_>,
@@ -136,6 +151,13 @@ pub fn induced(
     if let Targets::Points(points) = targets {
         vortons::check_points(points)?;
     }
+    if let Method::Grid { error, way } = method {
+        let errors = way.errors(kernel);
+        assert!(
+            errors.contains(&error),
+            "an error of {error} cannot be asked of {way:?} with {kernel:?}: {errors:?}"
+        );
+    }
     Ok(match kernel {
         Kernel::Ball => with_kernel::<Ball>(vortons, targets, quantity, method),
         Kernel::RosenheadMoore => with_kernel::<RosenheadMoore>(vortons, targets, quantity, method),
@@ -144,7 +166,7 @@ pub fn induced(
     })
 }
 
-fn with_kernel<K: Chain>(
+fn with_kernel<K: Spread>(
     vortons: &Vortons,
     targets: Targets<'_>,
     quantity: Quantity,
@@ -180,14 +202,21 @@ const VELOCITY: usize = 1;
 const GRADIENT: usize = 2;
 
 /// The quantity `Q` as `N` vectors a target: A, u, or u and the rows of ∇u.
-fn rows<K: Chain, const Q: usize, const N: usize>(
+fn rows<K: Spread, const Q: usize, const N: usize>(
     vortons: &Vortons,
     targets: Targets<'_>,
     method: Method,
 ) -> Vec<[Vec3; N]> {
     match method {
         Method::Direct => direct::rows::<K, Q, N>(vortons, targets.positions(vortons)),
-        Method::Tree { error } => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(error)),
+        Method::Tree { error } => {
+            let error = coherence::eased::<K>(vortons, error);
+            walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(error))
+        }
+        Method::Grid { error, way } => {
+            let error = coherence::eased::<K>(vortons, error);
+            grid::rows::<K, Q, N>(vortons, targets, error, way)
+        }
         Method::Nested => nested::rows::<K, Q, N>(vortons, targets.positions(vortons)),
     }
 }
