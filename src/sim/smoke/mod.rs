@@ -178,7 +178,7 @@ impl System {
         }
         self.frames += 1;
         let last = record.flow.substeps;
-        record.flow.remesh = clock.time("smoke_move", || self.flow.tend(last))?;
+        record.flow.tended(clock.time("smoke_move", || self.flow.tend(last))?);
         record.vortons = self.flow.vortons.len() as u64;
         record.tracers = self.tracers.len() as u64;
         let samples = self.frames.is_multiple_of(self.params.sample_every).then_some(SAMPLES);
@@ -198,7 +198,7 @@ impl System {
         self.air.now = now;
         let tracers = &mut self.tracers.position;
         let report = clock.time("smoke_move", || self.flow.step(span, tracers, &mut self.air))?;
-        record.flow.add(&report);
+        record.flow.add(&report, None);
         let then = now + report.seconds;
         let mut emitted = Emitted::default();
         if !self.emitters.is_empty() {

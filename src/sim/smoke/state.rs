@@ -12,7 +12,7 @@ use crate::{
 impl System {
     /// The state as named columns, with all that [`System::restore`] needs: vortons, then tracers.
     pub(in crate::sim) fn streams(&self) -> [Stream; 2] {
-        let Flow { vortons, volume, id, next_id, .. } = &self.flow;
+        let Flow { vortons, volume, id, next_id, strained, .. } = &self.flow;
         let mut stream = Stream::new(NAME, vortons.len())
             .with("position", vortons.position.clone())
             .with("strength", vortons.strength.clone())
@@ -21,6 +21,7 @@ impl System {
             .with("id", id.clone());
         stream.scalars = vec![
             ("next_id".into(), f64::from(*next_id)),
+            ("strained".into(), *strained),
             ("frames".into(), f64::from(self.frames)),
             ("skipped_in_solids".into(), f64::from(self.skipped_in_solids)),
         ];
@@ -43,6 +44,7 @@ impl System {
             stream.f32("volume").ok_or(missing("volume"))?.to_vec(),
             stream.u32("id").ok_or(missing("id"))?.to_vec(),
             scalar("next_id")?,
+            stream.scalar("strained").ok_or(missing("strained"))?,
         );
         system.frames = scalar("frames")?;
         system.skipped_in_solids = scalar("skipped_in_solids")?;

@@ -41,7 +41,7 @@ pub use step::Span;
 use super::{Quantity, Targets, Unfit, Vortons, induced, invariants, sampled_error};
 use crate::math::Vec3;
 
-/// Vortons that move. All columns are of one length; `next_id` is above every id.
+/// Vortons that move. All columns are of one length.
 ///
 /// This is the whole state: with the same columns, `next_id`, `strained` and parameters a flow goes on with the same bits.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,7 +96,7 @@ impl Flow {
     /// Adds vortons of these volumes [m³] behind those that are there.
     ///
     /// # Panics
-    /// If the columns differ in length, or numbers run out.
+    /// If the columns differ in length, or there would be 2³² vortons or more.
     pub fn add(&mut self, more: &Vortons, volume: &[f32]) {
         let count = more.len();
         assert!([more.strength.len(), more.core.len(), volume.len()].iter().all(|&n| n == count));
@@ -104,10 +104,10 @@ impl Flow {
         self.vortons.strength.extend(&more.strength);
         self.vortons.core.extend(&more.core);
         self.volume.extend(volume);
-        let end =
-            u32::try_from(count).ok().and_then(|n| self.next_id.checked_add(n)).expect("numbers are left");
-        self.id.extend(self.next_id..end);
-        self.next_id = end;
+        assert!(u32::try_from(self.vortons.len()).is_ok(), "fewer than 2³² vortons");
+        // After 2³² numbers they begin again: what had them is gone by then.
+        self.id.extend((0..count as u32).map(|n| self.next_id.wrapping_add(n)));
+        self.next_id = self.next_id.wrapping_add(count as u32);
     }
 
     /// Removes those that `keep(index)` refuses; the others keep their order. Returns how many went.

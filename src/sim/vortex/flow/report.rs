@@ -36,20 +36,32 @@ pub struct FlowReport {
     pub exchanges: u32,
     /// Times that the vortons were put onto the lattice.
     pub remeshed: u32,
-    /// What the last of them did.
+    /// What that did in all: how many vortons there were before the first time and after the last, and sums of the rest.
     pub remesh: Option<RemeshReport>,
 }
 
 impl FlowReport {
     /// Books a substep and what [`Flow::tend`](super::Flow::tend) did after it.
     pub fn add(&mut self, step: &StepReport, remesh: Option<RemeshReport>) {
-        self.remeshed += u32::from(remesh.is_some());
-        self.remesh = remesh.or(self.remesh);
+        self.tended(remesh);
         self.substeps += 1;
         self.gradient = self.gradient.max(step.gradient);
         self.capped += u32::from(step.capped);
         self.clamped += u64::from(step.clamped);
         self.exchanges += step.exchanges;
+    }
+
+    /// Books what [`Flow::tend`](super::Flow::tend) did.
+    pub fn tended(&mut self, remesh: Option<RemeshReport>) {
+        let Some(now) = remesh else { return };
+        self.remeshed += 1;
+        self.remesh = Some(self.remesh.map_or(now, |sum| RemeshReport {
+            before: sum.before,
+            after: now.after,
+            dropped: sum.dropped.saturating_add(now.dropped),
+            stayed: sum.stayed.saturating_add(now.stayed),
+            wide: sum.wide.saturating_add(now.wide),
+        }));
     }
 }
 

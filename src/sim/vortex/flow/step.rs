@@ -3,7 +3,7 @@
 //! *Method*: [williamson80]'s third-order Runge–Kutta scheme in two copies of the state, case 7: for each of three stages
 //! q ← a q + dt · rate, y ← y + b q.
 
-use super::super::{Gradient, Kernel, Unfit, Vortons};
+use super::super::{Gradient, Kernel, Unfit, Vortons, vortons::check_points};
 use super::{
     Flow, FlowParams, FlowReport, Moment, Outside, Rates, Relaxation, StepReport, Viscosity, ViscousScheme,
     rates::Largest, relaxation::relax,
@@ -76,7 +76,8 @@ impl Flow {
         }
         self.strained += report.seconds * f64::from(report.gradient);
         self.diffuse(&mut report, &held.gradient, span.number)?;
-        self.vortons.check().map_err(|unfit| self.diverged(unfit, span.number))?;
+        let fit = self.vortons.check().and_then(|()| check_points(passengers));
+        fit.map_err(|unfit| self.diverged(unfit, span.number))?;
         Ok(report)
     }
 
@@ -137,7 +138,7 @@ impl Flow {
             .min(outside);
         let allowed = limits.max(span.shortest);
         // Rates of zero allow any length.
-        let parts = (span.longest / allowed).ceil().max(1.0);
+        let parts = (span.longest / allowed * (1.0 - 1e-9)).ceil().max(1.0);
         let seconds = span.longest / parts;
         (seconds, limits < seconds * (1.0 - 1e-6))
     }
