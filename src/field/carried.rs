@@ -160,7 +160,7 @@ impl<const N: usize> Gather<'_, N> {
         let dx2: [f32; BRICK] = std::array::from_fn(|x| (x as f32 - p[0]).powi(2));
         let (first_z, last_z) = rows(p[2], self.reach);
         let (first_y, last_y) = rows(p[1], self.reach);
-        for z in first_z..last_z {
+        for (z, layer) in reached.iter_mut().enumerate().take(last_z).skip(first_z) {
             let dz2 = (z as f32 - p[2]).powi(2);
             for y in first_y..last_y {
                 let row2 = dz2 + (y as f32 - p[1]).powi(2);
@@ -172,7 +172,7 @@ impl<const N: usize> Gather<'_, N> {
                     }
                 }
                 let row = weights.iter().enumerate().map(|(x, &w)| u64::from(w > 0.0) << x).sum::<u64>();
-                reached[z] |= row << (BRICK * y);
+                *layer |= row << (BRICK * y);
             }
         }
     }

@@ -85,10 +85,13 @@ pub struct FrameRecord {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
+/// Seconds by pass.
+pub(super) type Seconds = Vec<(&'static str, f64)>;
+
 /// Adds up wall-clock time by pass.
 #[derive(Debug)]
 pub(super) struct Clock {
-    totals: Vec<(&'static str, f64)>,
+    totals: Seconds,
 }
 
 impl Clock {
@@ -111,7 +114,7 @@ impl Clock {
     }
 
     /// The seconds by pass.
-    pub(super) fn into_totals(self) -> Vec<(&'static str, f64)> {
+    pub(super) fn into_totals(self) -> Seconds {
         self.totals
     }
 }

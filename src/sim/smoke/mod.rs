@@ -32,7 +32,7 @@ pub use tracers::TRACERS;
 
 use super::{
     SetupError, Stop, Watch, World,
-    record::Clock,
+    record::{Clock, Seconds},
     vortex::{
         Unfit, Vortons,
         flow::{Flow, Span},
@@ -162,7 +162,7 @@ impl System {
         start: f64,
         seconds: f64,
         watch: &mut dyn Watch,
-    ) -> Result<(SmokeRecord, Vec<(&'static str, f64)>), Stop> {
+    ) -> Result<(SmokeRecord, Seconds), Stop> {
         let mut clock = Clock::new(&self.passes());
         let mut record = SmokeRecord::default();
         let shortest = seconds / f64::from(self.params.flow.max_substeps);
