@@ -195,7 +195,7 @@ fn turbulence_has_the_speed_that_was_asked_for_and_no_divergence() {
     let at: std::collections::HashMap<[i32; 3], Vec3> =
         x.iter().zip(strength).map(|(x, g)| (x.map(|v| (v / 0.04).round() as i32).into(), *g)).collect();
     let (mut divergence, mut parts) = (0.0, 0.0);
-    for (node, _) in &at {
+    for node in at.keys() {
         let beside = |axis: usize, by: i32| {
             let mut node = *node;
             node[axis] += by;
