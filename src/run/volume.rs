@@ -92,6 +92,13 @@ pub fn volume(
         settings.grids.iter().copied().filter(|grid| there.contains(grid)).collect()
     };
     let (liquid, smoke) = (wanted(&VolumeGrid::LIQUID), wanted(&VolumeGrid::SMOKE));
+    if liquid.is_empty() && (smoke.is_empty() || settings.smoke.is_none()) {
+        let known: Vec<&str> = VolumeGrid::LIQUID.into_iter().map(VolumeGrid::name).collect();
+        return Err(RunError::Request(format!(
+            "no grid that particles have is asked for; expected {}, or a shot of smoke",
+            known.join(", ")
+        )));
+    }
     let text = decisive(settings, &liquid);
     job::run(source, out, &Volumes { out, settings, liquid, smoke, text }, job, control)
 }
