@@ -16,8 +16,7 @@ use crate::{
     space::CellGrid,
 };
 
-/// Nodes whose vorticity is below this part of the largest are left alone: without a limit, a plume is wrapped in as many vortons
-/// again that move nothing.
+/// Nodes whose vorticity is below this part of the largest are left alone: each would become a vorton that moves next to nothing.
 const LEAST: f32 = 2e-3;
 
 /// Sums of points on the nodes of a lattice.

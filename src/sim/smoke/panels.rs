@@ -60,9 +60,8 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
     }
     let panel = |(area, sum): (f32, Vec3)| {
         let middle = sum / area;
-        let (distance, _) = shape.contact(middle);
         // The nearest point of the middle; its normal is asked from outside, where it has one at edges too.
-        let (_, out) = shape.contact(middle);
+        let (distance, out) = shape.contact(middle);
         let x = middle - out * distance;
         let (_, normal) = shape.contact(x + out * (0.05 * step));
         let mut depth = DEPTH * step;
