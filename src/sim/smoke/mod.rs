@@ -97,7 +97,7 @@ impl System {
             emit::fill(source, setting.tracers, key as u32, &mut seeds);
         }
         vortons.check()?;
-        system.skipped_in_solids = seeds.retain(|x| !system.is_inside(x, 0.0));
+        system.skipped_in_solids = seeds.retain(|x| !is_inside(&system.solids, x, 0.0));
         system.tracers.add(seeds);
         system.add(vortons);
         if system.flow.vortons.is_empty() && system.tracers.is_empty() && system.emitters.is_empty() {
@@ -178,7 +178,6 @@ impl System {
         }
         self.frames += 1;
         let last = record.flow.substeps;
-        record.flow.tended(clock.time("smoke_move", || self.flow.tend(last))?);
         record.vortons = self.flow.vortons.len() as u64;
         record.tracers = self.tracers.len() as u64;
         let samples = self.frames.is_multiple_of(self.params.sample_every).then_some(SAMPLES);
@@ -221,6 +220,10 @@ impl System {
             let SmokeParams { dissolve, cooling, .. } = self.params;
             clock.time("smoke_fade", || self.tracers.fade(dissolve, cooling, report.seconds));
         }
+        let solids = &self.solids;
+        let tended =
+            clock.time("smoke_move", || self.flow.tend(span.number, &|x| is_inside(solids, x, then)));
+        record.flow.tended(tended?);
         Ok(report.seconds)
     }
 
@@ -239,16 +242,8 @@ impl System {
     /// Lets emitters give off tracers; those that would begin inside a solid do not.
     fn emit(&self, now: f64, then: f64, emitted: &mut Emitted, record: &mut SmokeRecord) {
         self.emitters.iter().for_each(|emitter| emitter.emit(now, then, emitted));
-        record.smothered += u64::from(emitted.retain(|x| !self.is_inside(x, then)));
+        record.smothered += u64::from(emitted.retain(|x| !is_inside(&self.solids, x, then)));
         record.emitted += emitted.seeds.position.len() as u64;
-    }
-
-    /// Whether a point lies in a solid at `time` [s].
-    fn is_inside(&self, x: Vec3, time: f64) -> bool {
-        self.solids.iter().any(|Solid { shape, motion }| {
-            let local = motion.as_ref().map_or(x, |motion| motion.pose(time).to_local(x));
-            shape.signed_distance(local) < 0.0
-        })
     }
 
     /// Says which vorton or point left what can be computed.
@@ -267,4 +262,12 @@ impl System {
             try_next: "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps",
         }
     }
+}
+
+/// Whether a point lies in a solid at `time` [s].
+fn is_inside(solids: &[Solid], x: Vec3, time: f64) -> bool {
+    solids.iter().any(|Solid { shape, motion }| {
+        let local = motion.as_ref().map_or(x, |motion| motion.pose(time).to_local(x));
+        shape.signed_distance(local) < 0.0
+    })
 }

@@ -161,7 +161,7 @@ impl Replay {
         tracers.position = moved(&tracers.position, &second, dt);
         let mut emitted = Emitted::default();
         self.emitters.iter().for_each(|emitter| emitter.emit(now, then, &mut emitted));
-        emitted.retain(|x| !self.start.is_inside(x, then));
+        emitted.retain(|x| !super::is_inside(&self.start.solids, x, then));
         tracers.add(emitted.seeds);
         self.start.put_tracers_out(&mut tracers.position, then);
         let params = &self.smoke.params;

@@ -101,7 +101,9 @@ impl<'a> Exchange<'a> {
             let [x, y, z, volume] = sums[p];
             let scale = self.scale * self.share[p];
             let given = Vec3::new(x, y, z) * self.volume[p] - strength[p] * volume; // [degond89]
-            Exchanged { strength: given * scale, own: volume * scale }
+            // What it gives to itself is no exchange.
+            let others = (volume - self.volume[p] * self.share[p] * self.near.own(p)).max(0.0);
+            Exchanged { strength: given * scale, own: others * scale }
         });
         rates
     }

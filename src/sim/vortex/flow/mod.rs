@@ -23,18 +23,20 @@
 
 mod exchange;
 mod near;
+mod nodes;
 mod overlap;
 mod params;
 mod rates;
 mod relaxation;
 mod remesh;
 mod report;
+mod solenoidal;
 mod step;
 mod weak;
 
 pub use params::{FlowParams, Relaxation, Remesh, Sum, Viscosity, ViscousScheme};
 pub use rates::{Moment, Outside, Rates, Still};
-pub use remesh::RemeshReport;
+pub use remesh::{IsSolid, RemeshReport};
 pub use report::{Account, FlowReport, StepReport};
 pub use step::Span;
 

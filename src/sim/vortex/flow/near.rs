@@ -32,6 +32,8 @@ pub(super) struct Near {
     leaves: Vec<u32>,
     /// Where each leaf ends in the order.
     ends: Vec<usize>,
+    /// ζ_s(0)/s² of every vorton, in its own order [1/m⁵].
+    middles: Vec<f32>,
     /// Positions [m] and 1/s² [1/m²] in the order.
     places: Vec<[f32; 4]>,
 }
@@ -64,7 +66,14 @@ impl Near {
             let (x, s) = (vortons.position[i], vortons.core[i]);
             [x.x, x.y, x.z, (s * s).recip()]
         });
-        Self { tree, leaves, ends, places }
+        let mut middles = vec![0.0; vortons.len()];
+        par::fill(&mut middles, |i| unit() / vortons.core[i].powi(5));
+        Self { tree, leaves, ends, places, middles }
+    }
+
+    /// The weight of [`Weight::Diffusion`] that a vorton has for itself [1/m⁵].
+    pub(super) fn own(&self, i: usize) -> f32 {
+        self.middles[i]
     }
 
     /// The sums of `carried(i)` over all that is near each vorton, itself included.
@@ -109,6 +118,11 @@ impl Near {
     }
 }
 
+/// The Gaussian's middle, for a standard deviation of 1.
+fn unit() -> f32 {
+    (2.0 * PI).powf(-1.5)
+}
+
 /// The sums of a leaf.
 struct Around<'a> {
     targets: &'a [[f32; 4]],
@@ -124,7 +138,7 @@ impl Pass for Around<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (reach2, half) = (splat::<L>(REACH * REACH), splat::<L>(-0.5));
-        let (zero, unit) = (splat::<L>(0.0), splat::<L>((2.0 * PI).powf(-1.5)));
+        let (zero, unit) = (splat::<L>(0.0), splat::<L>(unit()));
         for (targets, out) in self.targets.chunks(LANES).zip(self.out.chunks_mut(LANES)) {
             let at = |lane: usize| targets[lane.min(targets.len() - 1)];
             let x = pairs::columns::<L>(|lane| Vec3::new(at(lane)[0], at(lane)[1], at(lane)[2]));

@@ -23,9 +23,8 @@ impl Flow {
     pub(super) fn astray(&self, wanted: &Remesh) -> f64 {
         let overlap = self.overlap();
         let size = |i: usize| f64::from(self.vortons.strength[i].norm());
-        let outside = |i: usize| {
-            !wanted.is_wide(self.vortons.core[i]) && !(wanted.least..=wanted.most).contains(&overlap[i])
-        };
+        let wished = wanted.least * wanted.core..=wanted.most * wanted.core;
+        let outside = |i: usize| !wanted.is_wide(self.vortons.core[i]) && !wished.contains(&overlap[i]);
         let whole = par::sum(overlap.len(), size);
         let astray = par::sum(overlap.len(), |i| if outside(i) { size(i) } else { 0.0 });
         if whole > 0.0 { astray / whole } else { 0.0 }

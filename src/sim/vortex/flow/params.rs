@@ -124,23 +124,25 @@ pub struct Remesh {
     #[serde(default = "defaults::strain")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub strain: f32,
-    /// Below this many cores to a spacing around it a vorton has lost its neighbours.
+    /// A vorton around which cores overlap by less than this part of the lattice's overlap has lost its neighbours. On a lattice
+    /// the edges of bodies have 0.8.
     #[serde(default = "defaults::least")]
-    #[schemars(range(min = 0.1, max = 2.5))]
+    #[schemars(range(min = 0.1, max = 0.75))]
     pub least: f32,
-    /// Above this many they crowd, or cores have grown.
+    /// Above this part they crowd, or cores have grown.
     #[serde(default = "defaults::most")]
-    #[schemars(range(min = 1.0, max = 10.0))]
+    #[schemars(range(min = 1.25, max = 2.0))]
     pub most: f32,
     /// The lattice is made anew, too, when vortons that hold more than this share of all strength are outside both. Smaller
     /// takes thin bodies for lost; larger lets holes grow.
     #[serde(default = "defaults::share")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub share: f32,
-    /// The weakest vortons, which together hold this share of all strength, hand it to their neighbours and go. At 0 every one
-    /// stays: bodies swell by two layers each time, of vortons that do nothing.
+    /// Vortons weaker than this part of the strongest around them hand their strength to their neighbours and go; of what is
+    /// far the part counts that its distance leaves. At 0 every one stays: bodies swell by two layers each time, of vortons that
+    /// do nothing. Larger is faster, and wears off what is faint.
     #[serde(default = "defaults::weak")]
-    #[schemars(range(min = 0.0, max = 0.5))]
+    #[schemars(range(min = 0.0, max = 0.1))]
     pub weak: f32,
 }
 
@@ -167,15 +169,15 @@ mod defaults {
         1.5
     }
     pub(super) fn least() -> f32 {
-        1.0
+        0.67
     }
     pub(super) fn most() -> f32 {
-        2.5
+        1.67
     }
     pub(super) fn share() -> f32 {
         0.25
     }
     pub(super) fn weak() -> f32 {
-        1e-3
+        3e-3
     }
 }

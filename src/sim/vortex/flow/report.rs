@@ -59,7 +59,8 @@ impl FlowReport {
             before: sum.before,
             after: now.after,
             dropped: sum.dropped.saturating_add(now.dropped),
-            stayed: sum.stayed.saturating_add(now.stayed),
+            lost: sum.lost + now.lost,
+            divergence: sum.divergence.max(now.divergence),
             wide: sum.wide.saturating_add(now.wide),
         }));
     }

@@ -101,7 +101,8 @@ impl Flow {
         Ok(())
     }
 
-    /// Advances by a frame of `seconds` [s] (> 0) in as many substeps as it takes, and remeshes if that is called for.
+    /// Advances by a frame of `seconds` [s] (> 0) in as many substeps as it takes, and remeshes, in air without solids, if that is
+    /// called for.
     ///
     /// # Errors
     /// [`Stop`]: as of [`Flow::step`], or if the watch says so.
@@ -123,7 +124,7 @@ impl Flow {
             let span = Span { longest: left, shortest, number: report.substeps + 1 };
             let step = self.step(span, passengers, outside)?;
             left -= step.seconds;
-            report.add(&step, self.tend(report.substeps + 1)?);
+            report.add(&step, self.tend(report.substeps + 1, &|_| false)?);
             watch.substep(1.0 - left / seconds);
         }
         Ok(report)
