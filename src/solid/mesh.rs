@@ -103,6 +103,12 @@ impl MeshShape {
         field.distance(pose.to_local(x) / *scale) * scale
     }
 
+    /// The depth of the deepest sample [m], and no less than half a voxel.
+    pub(super) fn inner_radius(&self) -> f32 {
+        let Placed { field, scale, .. } = self.placed();
+        field.values.iter().fold(0.5 * field.voxel, |deepest, d| deepest.max(-d)) * scale
+    }
+
     /// Whether `x` lies within the mesh.
     pub fn contains(&self, x: Vec3) -> bool {
         self.distance(x) < 0.0

@@ -19,15 +19,16 @@ mod push;
 mod record;
 mod replay;
 mod shed;
+mod sources;
 mod state;
 mod tracers;
 mod turbulence;
 mod walls;
 
-pub use field::FrameAir;
+pub use field::{FrameAir, ShotAir};
 pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
 pub use record::SmokeRecord;
-pub use replay::{Drifting, KeyedAir, Replay};
+pub use replay::{DriftReport, Drifting, KeyedAir, Replay};
 pub use tracers::TRACERS;
 
 use super::{
@@ -195,7 +196,7 @@ impl System {
         clock: &mut Clock,
         record: &mut SmokeRecord,
     ) -> Result<f64, Diverged> {
-        self.air.now = now;
+        self.air.span = [now, now + span.longest];
         let tracers = &mut self.tracers.position;
         let report = clock.time("smoke_move", || self.flow.step(span, tracers, &mut self.air))?;
         record.flow.add(&report, None);
