@@ -23,6 +23,8 @@ use std::sync::Arc;
 #[derive(Clone, Debug)]
 pub(super) struct Air {
     wind: Vec3,
+    /// The part of the wind that a plane keeps out [m/s].
+    pub(super) across: f32,
     kernel: Kernel,
     method: Method,
     /// The same for all frames, whose poses they take.
@@ -47,6 +49,7 @@ impl Air {
         let walls = Walls::new(&world.solids, params.spacing).map(Arc::new);
         let blows = params.wind.map_or(Vec3::zeros(), Vec3::from);
         let wind = walls.as_ref().map_or(blows, |walls| walls.along(blows));
+        let across = (blows - wind).norm();
         let flow = &params.flow;
         let method = match flow.sum {
             Sum::Tree => Method::Tree { error: flow.error },
@@ -54,7 +57,7 @@ impl Air {
         };
         let longest = f64::from(params.core()) / f64::from(wind.norm());
         let stride = walls.as_ref().map_or(f32::INFINITY, |walls| walls.stride(params.core()));
-        Self { wind, kernel: flow.kernel, method, walls, span: [0.0; 2], longest, stride }
+        Self { wind, across, kernel: flow.kernel, method, walls, span: [0.0; 2], longest, stride }
     }
 
     /// The longest step between two times [s] in which no solid jumps past smoke [s].
@@ -70,7 +73,7 @@ impl Air {
     /// If a vorton or a panel is outside what the sums can hold.
     pub(super) fn sources(&self, vortons: &Vortons, time: f64) -> Result<Sources, Unfit> {
         let Some(walls) = &self.walls else { return Ok(Sources::default()) };
-        let panels = walls.placed(time);
+        let panels = walls.sourced(time);
         let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.x).collect();
         Ok(walls.solve(&panels, &self.free(vortons, &at)?))
     }

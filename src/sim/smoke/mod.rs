@@ -33,7 +33,7 @@ pub use tracers::TRACERS;
 
 use super::{
     SetupError, Stop, Watch, World,
-    record::{Clock, Seconds},
+    record::{Clock, Seconds, SmokeSeeds},
     vortex::{
         Unfit, Vortons,
         flow::{Flow, Span},
@@ -132,9 +132,14 @@ impl System {
         self.flow.add(&vortons, &volume);
     }
 
-    /// How many vortons and tracers there are, and how many tracers were left out because they began inside solids.
-    pub(super) fn counts(&self) -> [u32; 3] {
-        [self.flow.vortons.len() as u32, self.tracers.len() as u32, self.skipped_in_solids]
+    /// What seeding did.
+    pub(super) fn seeded(&self) -> SmokeSeeds {
+        SmokeSeeds {
+            vortons: self.flow.vortons.len() as u32,
+            tracers: self.tracers.len() as u32,
+            skipped_in_solids: self.skipped_in_solids,
+            wind_across: self.air.across,
+        }
     }
 
     /// The passes of a step, in order.

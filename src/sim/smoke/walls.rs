@@ -91,6 +91,13 @@ impl Walls {
         }
     }
 
+    /// The panels that have a source, where they are at `time` [s].
+    pub(super) fn sourced(&self, time: f64) -> Vec<Placed> {
+        let mut panels = self.placed(time);
+        panels.retain(|placed| placed.panel.source.is_some());
+        panels
+    }
+
     /// The panels where they are at `time` [s].
     pub(super) fn placed(&self, time: f64) -> Vec<Placed> {
         let place = |body: &Body| -> Vec<Placed> {
@@ -104,7 +111,7 @@ impl Walls {
                     x: pose.to_world(panel.x),
                     normal: pose.rotation * panel.normal,
                     area: panel.area,
-                    source: pose.to_world(panel.source),
+                    source: panel.source.map(|source| pose.to_world(source)),
                 },
                 velocity: moving.velocity(panel.x),
             };
@@ -113,7 +120,7 @@ impl Walls {
         self.bodies.iter().flat_map(place).collect()
     }
 
-    /// The sources that keep air that moves with `air` [m/s] on the `panels` from going through them.
+    /// The sources that keep air that moves with `air` [m/s] on the `panels`, which have one each, from going through them.
     pub(super) fn solve(&self, panels: &[Placed], air: &[Vec3]) -> Sources {
         let mirror = self.mirror;
         if panels.is_empty() {
@@ -123,12 +130,13 @@ impl Walls {
             |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
         let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
         let count = panels.len();
+        let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.source.expect("a source each")).collect();
         // Row i: what a source of 4π at every place makes the air move along the normal of panel i.
         let mut rows = vec![0.0_f32; count * count];
         par::for_chunks(&mut rows, count, |start, row| {
             let Panel { x, normal, .. } = panels[start / count].panel;
-            for (entry, other) in row.iter_mut().zip(panels) {
-                *entry = normal.dot(&flow(x, other.panel.source, mirror));
+            for (entry, &y) in row.iter_mut().zip(&at) {
+                *entry = normal.dot(&flow(x, y, mirror));
             }
         });
         let apply = |q: &[f64]| {
@@ -142,7 +150,7 @@ impl Walls {
             out
         };
         let (q, residual) = gmres(&right, RESIDUAL, ITERATIONS, apply);
-        let all = panels.iter().zip(q).map(|(placed, q)| (placed.panel.source, q as f32)).collect();
+        let all = at.into_iter().zip(q.into_iter().map(|q| q as f32)).collect();
         Sources { all, mirror, residual }
     }
 
@@ -288,7 +296,7 @@ mod tests {
         let sphere = Solid::fixed(Shape::Sphere { center: [0.0; 3], radius });
         for (spacing, allowed) in [(0.06, 0.02), (0.03, 0.004)] {
             let walls = Walls::new(std::slice::from_ref(&sphere), spacing).unwrap();
-            let panels = walls.placed(0.0);
+            let panels = walls.sourced(0.0);
             let sources = walls.solve(&panels, &vec![wind; panels.len()]);
             assert!(sources.residual <= RESIDUAL, "{}", sources.residual);
             let points: Vec<Vec3> = [[0.0, 0.45, 0.0], [0.4, 0.2, 0.1], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.32]]
@@ -344,5 +352,38 @@ mod tests {
         assert_eq!(walls.fastest(2.0, 3.0), 0.0);
         assert_eq!((walls.stride(0.05), walls.stride(9.0)), (0.05, 0.1));
         assert_eq!(Walls { step: 9.0, ..walls }.stride(9.0), 0.2);
+    }
+
+    #[test]
+    fn boxes_keep_wind_out_for_all_their_edges() {
+        let wind = Vec3::new(1.0, 0.6, 0.3);
+        for (low, high, spacing) in [
+            ([-0.3, -0.3, -0.3], [0.3, 0.3, 0.3], 0.06),
+            ([-0.3, -0.3, -0.3], [0.3, 0.3, 0.3], 0.045),
+            ([-0.5, -0.13, -0.32], [0.5, 0.13, 0.3], 0.06),
+        ] {
+            let cuboid = Solid::fixed(Shape::Box { min: low, max: high });
+            let walls = Walls::new(&[cuboid], spacing).unwrap();
+            let panels = walls.sourced(0.0);
+            let sources = walls.solve(&panels, &vec![wind; panels.len()]);
+            assert!(sources.residual < 0.01, "{spacing}: {}", sources.residual);
+            // Between the panels, two of them from any edge.
+            let square = |along: &[f32]| along.iter().map(|v| v * v).sum::<f32>().sqrt();
+            let inner = walls.witnesses(0.0).into_iter().map(|placed| placed.panel).filter(|panel| {
+                let aside = |axis: usize| {
+                    panel.normal[axis].abs() > 0.5
+                        || (panel.x[axis] - low[axis]).min(high[axis] - panel.x[axis]) > 2.0 * walls.step
+                };
+                (0..3).all(aside)
+            });
+            let inner: Vec<Panel> = inner.collect();
+            let at: Vec<Vec3> = inner.iter().map(|panel| panel.x).collect();
+            let mut velocity = vec![wind; at.len()];
+            sources.add_velocity(&at, &mut velocity);
+            let left: Vec<f32> = inner.iter().zip(&velocity).map(|(p, v)| p.normal.dot(v)).collect();
+            let free: Vec<f32> = inner.iter().map(|p| p.normal.dot(&wind)).collect();
+            let part = square(&left) / square(&free);
+            assert!(part < 0.2, "{spacing}: {part} of {} points", inner.len());
+        }
     }
 }
