@@ -242,7 +242,10 @@ fn between(a: &KeyedAir, b: &KeyedAir, time: f64) -> Vortons {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Simulation, Systems, Unwatched};
+    use crate::{
+        sim::{Simulation, Systems, Unwatched},
+        solid::{Interpolation, Keyframe, Motion, Shape, Solid},
+    };
 
     fn ring() -> Smoke {
         let text =
@@ -288,6 +291,31 @@ mod tests {
         // At a cached frame nothing is interpolated.
         assert!(super::between(&keyed[1], &keyed[2], keyed[1].time) == keyed[1].vortons);
         assert!(super::between(&keyed[1], &keyed[2], keyed[2].time) == keyed[2].vortons);
+    }
+
+    #[test]
+    fn a_solid_that_is_fast_between_frames_meets_what_drifts_there() {
+        let text = "spacing = 0.08\ntracers = 0.5\n[[source]]\nshape = { box = { min = [-0.06, -0.06, -0.06], max = [0.06, 0.06, 0.06] } }";
+        let smoke = Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 };
+        let key = |frame: u32, x: f32| Keyframe {
+            frame,
+            position: [x, 0.0, 0.0],
+            rotation: [0.0; 3],
+            quaternion: None,
+        };
+        let motion = Motion::new(&[key(1, -1.0), key(2, 1.0)], Interpolation::Linear, 24.0, 1);
+        let shape = Shape::Sphere { center: [0.0; 3], radius: 0.1 };
+        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { shape, motion }] };
+        let replay = Replay::new(smoke, world).unwrap();
+        let empty =
+            |time: f64| KeyedAir { time, vortons: Vortons::default(), id: Vec::new(), velocity: Vec::new() };
+        let mut drifting = replay.seeded();
+        let count = drifting.tracers.len();
+        replay.drift(&empty(0.0), &empty(1.0 / 24.0), &mut drifting, 1.0 / 24.0).unwrap();
+        let DriftReport { steps, capped, returned, .. } = drifting.report;
+        assert!(steps >= 25 && capped == 0 && returned > 0, "{:?}", drifting.report);
+        let carried = drifting.tracers.position.iter().map(|x| x.x).sum::<f32>() / count as f32;
+        assert!((0.03..0.25).contains(&carried), "Darwin's drift: {carried} m");
     }
 
     #[test]
