@@ -60,7 +60,7 @@ pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
 fn of_smoke(record: &SmokeRecord) -> Vec<String> {
     let part = |part: Option<f64>, least: f64, what: &str| {
         // What is no number is told as well.
-        part.filter(|part| !(*part <= least)).map(|part| format!("{:.0} % {what}", 100.0 * part))
+        part.filter(|part| part.is_nan() || *part > least).map(|part| format!("{:.0} % {what}", 100.0 * part))
     };
     let through = "of the air's flow at solids goes through them (smoke.spacing)";
     let unsolved = "of the flow through panels of solids is left (they are too thin or too close)";
