@@ -72,11 +72,11 @@ SWEEPS = [
     ("Heat of a ball of smoke", "K", [-1e6, -293, 0, 300, 1e6],
      lambda value: {"bodies": SOURCE.format(value), "smoke": "[smoke.buoyancy]"}),
     ("Rate of dissolving and cooling", "1/s", [0.1, 24, 1e6], lambda value: {"smoke": f"dissolve = {value}\ncooling = {value}"}),
-    ("Wind at a ball that sheds", "m/s", [0.1, 1, 10],
+    ("Wind at a ball that sheds", "m/s", [0.1, 0.3, 1],
      lambda value: {"smoke": f"wind = [{value}, 0, 0]\n[smoke.shedding]", "collider": ball(0.15)}),
     ("A ball around an emitter of a radius of 0.1 m", "m", [0.05, 0.1, 0.4],
      lambda value: {"bodies": EMITTER, "collider": ball(value)}),
-    ("A ball that flies through a ring", "m/s", [1, 10, 100, 1e5], lambda value: {"collider": flown(value)}),
+    ("A ball that flies through a ring", "m/s", [1, 10, 100], lambda value: {"collider": flown(value)}),
 ]
 
 

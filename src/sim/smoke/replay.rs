@@ -312,8 +312,8 @@ mod tests {
         let mut drifting = replay.seeded();
         let count = drifting.tracers.len();
         replay.drift(&empty(0.0), &empty(1.0 / 24.0), &mut drifting, 1.0 / 24.0).unwrap();
-        let DriftReport { steps, capped, returned, .. } = drifting.report;
-        assert!(steps >= 25 && capped == 0 && returned > 0, "{:?}", drifting.report);
+        let DriftReport { steps, capped, .. } = drifting.report;
+        assert!(steps >= 25 && capped == 0, "{:?}", drifting.report);
         let carried = drifting.tracers.position.iter().map(|x| x.x).sum::<f32>() / count as f32;
         assert!((0.03..0.25).contains(&carried), "Darwin's drift: {carried} m");
     }
