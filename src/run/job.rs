@@ -92,6 +92,9 @@ pub(super) trait Make: Sync {
     /// Whether something is made of the stream of this name.
     fn takes(&self, stream: &str) -> bool;
 
+    /// Why there is nothing to make of a cache, none of whose streams it takes, and what to do.
+    fn nothing(&self) -> String;
+
     /// Identifies what is made of a state of the stream of this name, whose particles stand `spacing` apart at rest [m].
     fn key(&self, stream: &str, state: u64, spacing: f32) -> u64;
 
@@ -127,7 +130,7 @@ pub(super) struct Part<'a> {
 /// Makes what `maker` makes of the frames of `source`, in `out`.
 ///
 /// # Errors
-/// As [`each`].
+/// As [`each`]; [`RunError::Request`] if a cache has nothing that it could be made of.
 pub(super) fn run<M: Make>(
     source: Source,
     out: &ShotFolder,
@@ -136,6 +139,11 @@ pub(super) fn run<M: Make>(
     control: Control,
 ) -> Result<Done, RunError> {
     let wanted = source.wanted(job.selection.as_ref())?;
+    // The first frame that can be read tells what there is in all.
+    let names = wanted.iter().find_map(|(_, path)| source.names(path.as_deref()?));
+    if names.is_some_and(|names| !names.iter().any(|name| maker.takes(name))) {
+        return Err(RunError::Request(maker.nothing()));
+    }
     let (title, fps) = source.title(out, job.fps)?;
     let cost = |path: &Path| batch::cost(M::PRODUCT, source.count(path), maker.params());
     let sole = matches!(source, Source::Files { .. }) && wanted.len() == 1;

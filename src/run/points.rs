@@ -5,12 +5,13 @@ use super::{
     job::{self, Job, Make, Part, Target},
     ledger::{Done, Made, Piece, Work},
     plan::Product,
+    volume::no_air,
 };
 use crate::{
     export::{MeshFormat, ply},
     frame::{Channel, ChannelData},
     mesh::{Points, SurfaceParams},
-    sim::smoke::{FrameAir, TRACERS},
+    sim::smoke::{ShotAir, TRACERS},
 };
 use std::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
@@ -32,14 +33,15 @@ pub fn points(
     control: Control,
 ) -> Result<Done, RunError> {
     let params = SurfaceParams::default();
-    job::run(source, out, &Tracers { out, smoke, params }, job, control)
+    let air = smoke.map(Surroundings::air);
+    job::run(source, out, &Tracers { out, air, params }, job, control)
 }
 
 /// Writes tracers.
 struct Tracers<'a> {
     out: &'a ShotFolder,
     /// What moves them; `None`: they have no velocities.
-    smoke: Option<&'a Surroundings>,
+    air: Option<ShotAir>,
     /// Nothing is made into a surface.
     params: SurfaceParams,
 }
@@ -55,8 +57,13 @@ impl Make for Tracers<'_> {
         stream == TRACERS
     }
 
+    fn nothing(&self) -> String {
+        "no tracers in this cache: only shots of smoke have them. `meniscus mesh` turns liquids into surfaces"
+            .into()
+    }
+
     fn key(&self, _: &str, state: u64, spacing: f32) -> u64 {
-        let moved = self.smoke.is_some();
+        let moved = self.air.is_some();
         xxh3_64(format!("points {POINTS_VERSION} {state:016x} {spacing} {moved}").as_bytes())
     }
 
@@ -83,18 +90,15 @@ impl Make for Tracers<'_> {
         };
         let mut attributes: Vec<Channel> =
             part.stream.channels().iter().filter(|channel| channel.name != "position").cloned().collect();
-        if let Some(Surroundings { smoke, world }) = self.smoke {
-            let air = FrameAir::of(smoke, world, part.streams, part.time)?;
-            match air.velocity(positions) {
+        if let Some(air) = &self.air {
+            let found = air.frame(part.streams, part.time).and_then(|air| Ok(air.velocity(positions)?));
+            match found {
                 Ok(velocity) => {
                     let data = ChannelData::Vec3(velocity);
                     attributes.insert(0, Channel { name: "velocity".into(), data });
                 }
-                Err(unfit) => {
-                    made.fail(
-                        format!("the air cannot be told: {unfit}; simulate the shot again"),
-                        Failure::Other,
-                    );
+                Err(why) => {
+                    made.fail(no_air(&why), Failure::Other);
                     return Ok(());
                 }
             }

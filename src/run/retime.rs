@@ -5,8 +5,9 @@ use super::{
     job::Target,
     ledger::{Ledger, Made},
     plan::{Product, stream_memory},
+    remarks,
     source::MOST_FRAMES,
-    volume::{SmokeFrame, Surroundings, VolumeSettings, kept, smoke_key, write_smoke},
+    volume::{SmokeFrame, Surroundings, VolumeSettings, kept, no_air, smoke_key, write_smoke},
 };
 use crate::{
     cache,
@@ -44,7 +45,8 @@ const SAME: f64 = 1e-6;
 /// seen: slower by the factor.
 ///
 /// # Errors
-/// As [`volume`](super::volume::volume); [`RunError::Request`] if frames are missing in between.
+/// As [`volume`](super::volume::volume); [`RunError::Request`] if frames are missing in between. A frame that is damaged takes
+/// those with it that are found from it: its neighbours', and, if tracers drift from the start, all that come after.
 pub fn retime(
     folder: &ShotFolder,
     out: &ShotFolder,
@@ -108,6 +110,8 @@ pub fn retime(
         let due = (f64::from(number - first) / retime.factor).min(f64::from(last - first));
         match player.frame(due, &order, &mut made, control) {
             Err(RunError::Cache(why)) => made.fail(why.to_string(), Failure::of(&why)),
+            Err(RunError::Setup(why)) => made.fail(no_air(&why), Failure::Other),
+            Err(why @ RunError::OverMemory { .. }) => made.fail(why.to_string(), Failure::Memory),
             Err(why) => {
                 outcome = Err(why);
                 break;
@@ -174,6 +178,7 @@ impl Player<'_> {
         self.load(place.before, part > 0.0)?;
         self.follow(due)?;
         self.load(place.before, part > 0.0)?;
+        let followed = self.drifting.as_mut().map(|(drifting, _)| std::mem::take(&mut drifting.report));
 
         // What was made of the same is kept; the tracers had to drift on all the same.
         let Order { out, settings, retime, job, grids } = order;
@@ -187,6 +192,7 @@ impl Player<'_> {
             return Ok(());
         }
         let (tracers, air) = self.at(&place)?;
+        made.notes.extend(remarks::of_drift(made.index, &followed.unwrap_or(tracers.report)));
         let stream = tracers.stream();
         let needed = |enough| stream_memory(Product::Volumes, &stream, spacing, &settings.surface, enough);
         job.fit(None, needed)?;
@@ -210,17 +216,17 @@ impl Player<'_> {
 
     /// Lets tracers of its own drift to the time `due` [frames after the first], past every cached frame on the way.
     fn follow(&mut self, due: f64) -> Result<(), RunError> {
-        let Some((mut drifting, mut at)) = self.drifting.take() else { return Ok(()) };
-        while due - at > SAME {
+        while let Some(at) = self.drifting.as_ref().map(|(_, at)| *at).filter(|at| due - at > SAME) {
             let before = (at + SAME).floor();
             let end = due.min(before + 1.0);
             self.load(before as usize, true)?;
             let [a, b] = [0, 1].map(|step| &self.reel[&(before as usize + step)].air);
             let then = a.time + (end - before) * (b.time - a.time);
+            // Where a frame is damaged they stay as they were before it.
+            let (mut drifting, _) = self.drifting.clone().expect("they drift");
             self.replay.drift(a, b, &mut drifting, then)?;
-            at = end;
+            self.drifting = Some((drifting, end));
         }
-        self.drifting = Some((drifting, at));
         Ok(())
     }
 

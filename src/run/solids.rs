@@ -15,7 +15,7 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 /// there.
 ///
 /// # Errors
-/// If a mesh is no closed surface, or is broken, or the samples cannot be written.
+/// If a mesh is no closed surface, or is broken, or the samples cannot be written; if smoke from them is more than can be counted.
 pub(super) fn fill(
     scene: &Scene,
     folder: Option<&ShotFolder>,
@@ -45,6 +45,7 @@ pub(super) fn fill(
         }
         mesh.fill(made[&name].clone());
     }
+    scene.refuse_too_much_smoke()?;
     Ok(scene)
 }
 

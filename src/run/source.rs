@@ -82,6 +82,17 @@ impl Source<'_> {
         }
     }
 
+    /// The names of the streams in the frame at `path`, which files do not tell; `None` if it cannot be read.
+    pub(super) fn names(&self, path: &Path) -> Option<Vec<String>> {
+        match self {
+            Self::Cache(_) => {
+                let streams = cache::read_header(path).ok()?.streams;
+                Some(streams.into_iter().map(|stream| stream.name).collect())
+            }
+            Self::Files { .. } => None,
+        }
+    }
+
     /// Reads the frame `index` from `path`; a particle file is not unpacked yet.
     ///
     /// # Errors

@@ -68,6 +68,12 @@ impl Make for Meshes<'_> {
         ![smoke::NAME, smoke::TRACERS].contains(&stream)
     }
 
+    fn nothing(&self) -> String {
+        "no liquid in this cache, and only liquids have a surface to mesh: `meniscus volume` makes volumes of smoke, `meniscus \
+         export` points"
+            .into()
+    }
+
     fn key(&self, _: &str, state: u64, spacing: f32) -> u64 {
         let version = mesh::SURFACE_VERSION;
         xxh3_64(format!("{version} {state:016x} {spacing} {}", self.text).as_bytes())

@@ -20,8 +20,8 @@ use crate::{
     mesh::{self, DistanceParams, SurfaceError, SurfaceParams},
     scene::Scene,
     sim::{
-        World,
-        smoke::{self, FrameAir, Smoke, TRACERS},
+        SetupError, World,
+        smoke::{self, FrameAir, ShotAir, Smoke, TRACERS},
     },
 };
 use serde::Serialize;
@@ -55,6 +55,13 @@ pub struct Surroundings {
     pub smoke: Smoke,
     /// What is around it.
     pub world: World,
+}
+
+impl Surroundings {
+    /// What moves the air beside vortons, for all frames.
+    pub(super) fn air(&self) -> ShotAir {
+        ShotAir::new(&self.smoke, &self.world)
+    }
 }
 
 /// What moves the smoke of a shot; `None` if it has none. Samples of meshes are looked for in `folder`, and left there.
@@ -100,7 +107,8 @@ pub fn volume(
         )));
     }
     let text = decisive(settings, &liquid);
-    job::run(source, out, &Volumes { out, settings, liquid, smoke, text }, job, control)
+    let air = settings.smoke.as_ref().map(Surroundings::air);
+    job::run(source, out, &Volumes { out, settings, liquid, smoke, text, air }, job, control)
 }
 
 /// All that decides what the volumes of a state hold, as text: not how a mesh of it is cleaned up.
@@ -130,6 +138,8 @@ struct Volumes<'a> {
     smoke: Vec<VolumeGrid>,
     /// What decides the content of those of liquids, as text.
     text: String,
+    /// What moves the smoke.
+    air: Option<ShotAir>,
 }
 
 impl Make for Volumes<'_> {
@@ -145,6 +155,17 @@ impl Make for Volumes<'_> {
             TRACERS => !self.smoke.is_empty(),
             _ => !self.liquid.is_empty(),
         }
+    }
+
+    fn nothing(&self) -> String {
+        let names =
+            |grids: &[VolumeGrid]| grids.iter().map(|grid| grid.name()).collect::<Vec<_>>().join(", ");
+        format!(
+            "nothing in this cache has a grid that is asked for ({}); expected {} of smoke, or {} of a liquid",
+            names(&self.settings.grids),
+            names(&VolumeGrid::SMOKE),
+            names(&VolumeGrid::LIQUID)
+        )
     }
 
     fn key(&self, stream: &str, state: u64, spacing: f32) -> u64 {
@@ -169,11 +190,14 @@ impl Make for Volumes<'_> {
     ) -> Result<(), RunError> {
         if part.stream.name == TRACERS {
             let settings = self.settings;
-            let air = settings
-                .smoke
-                .as_ref()
-                .map(|Surroundings { smoke, world }| FrameAir::of(smoke, world, part.streams, part.time));
-            let air = air.transpose()?;
+            let air = self.air.as_ref().map(|air| air.frame(part.streams, part.time)).transpose();
+            let air = match air {
+                Ok(air) => air,
+                Err(why) => {
+                    made.fail(no_air(&why), Failure::Other);
+                    return Ok(());
+                }
+            };
             let (tracers, air, wanted) = (part.stream, air.as_ref(), &self.smoke[..]);
             let smoke = SmokeFrame { tracers, air, spacing, wanted, slower: 1.0 };
             return write_smoke(self.out, settings, smoke, target, made, control);
@@ -272,7 +296,7 @@ pub(super) fn write_smoke(
             return Ok(());
         }
         Err(NoGrids::Unfit(unfit)) => {
-            made.fail(format!("the air cannot be told: {unfit}; simulate the shot again"), Failure::Other);
+            made.fail(no_air(&unfit.into()), Failure::Other);
             return Ok(());
         }
     };
@@ -299,6 +323,14 @@ pub(super) fn write_smoke(
     let work = Some(Work { bytes, triangles: 0, figures, record: None });
     made.pieces.push(Piece { outputs: vec![output], work, stale: Vec::new() });
     Ok(())
+}
+
+/// Why a cached frame has no air.
+pub(super) fn no_air(why: &SetupError) -> String {
+    match why {
+        SetupError::Unfit(unfit) => format!("the air cannot be told: {unfit}; simulate the shot again"),
+        why => why.to_string(),
+    }
 }
 
 /// The output that the volume of a target belongs to, with its frame alone.

@@ -34,7 +34,7 @@ use crate::{
     },
     mesh::SurfaceParams,
     sim::{
-        self, Observable, Systems,
+        self, Observable, SetupError, Systems,
         liquid::LiquidParams,
         smoke::{Smoke, SmokeParams},
     },
@@ -177,6 +177,20 @@ impl Scene {
         let (fps, first) = (f64::from(self.fps), self.frames.first().0);
         let smoke = self.smoke.clone().map(|params| Smoke { params, fps, first });
         Systems { liquid: self.liquid.clone(), smoke }
+    }
+
+    /// The time from the first frame to the last [s].
+    fn seconds(&self) -> f64 {
+        f64::from(self.frames.last().0.saturating_sub(self.frames.first().0)) / f64::from(self.fps)
+    }
+
+    /// Refuses smoke of too many vortons and tracers, once the meshes it comes from are filled. What presets alone can tell was
+    /// refused when the scene was made.
+    ///
+    /// # Errors
+    /// [`SetupError::TooMuchSmoke`].
+    pub fn refuse_too_much_smoke(&self) -> Result<(), SetupError> {
+        self.smoke.as_ref().map_or(Ok(()), |params| smoke::refuse_too_much(params, self.seconds()))
     }
 
     /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that

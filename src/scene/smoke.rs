@@ -6,7 +6,10 @@ use super::{
     meaning::{check_motion, name, shape_finding},
     problem::Finding,
 };
-use crate::{sim::smoke::SmokeParams, solid::Shape};
+use crate::{
+    sim::{SetupError, smoke::SmokeParams},
+    solid::Shape,
+};
 
 /// Tracers and vortons of a shot's start that are taken for meant.
 const MOST: f64 = 2_147_483_648.0;
@@ -20,8 +23,7 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
         let message = "the smoke has nothing that it begins with";
         findings.push(Finding::new(places.of("smoke"), "smoke", message, label).with_help(help));
     }
-    let seconds = scene.frames.last().0.saturating_sub(scene.frames.first().0) as f64 / f64::from(scene.fps);
-    let count = estimate(smoke, seconds);
+    let count = estimate(smoke, scene.seconds());
     if count > MOST {
         let (message, label) = (
             format!("the smoke would have about {count:.1e} tracers and vortons, more than 2³¹"),
@@ -112,9 +114,17 @@ fn direction(way: &[f32; 3], key: &str, places: &Places, findings: &mut Vec<Find
     }
 }
 
-/// About how many vortons and tracers the smoke has after some seconds, at most; meshes, whose volume is in their file, are not
-/// counted.
-pub(super) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
+/// Refuses smoke of too many vortons and tracers, once the meshes it comes from are filled.
+///
+/// # Errors
+/// [`SetupError::TooMuchSmoke`].
+pub(super) fn refuse_too_much(smoke: &SmokeParams, seconds: f64) -> Result<(), SetupError> {
+    let asked = estimate(smoke, seconds);
+    if asked > MOST { Err(SetupError::TooMuchSmoke { asked }) } else { Ok(()) }
+}
+
+/// About how many vortons and tracers the smoke has after some seconds, at most; meshes that are not filled are not counted.
+fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
     let (h, s) = (f64::from(smoke.spacing), f64::from(smoke.tracer_spacing()));
     let core = |length: f64, thickness: f32, density: f32| {
         let area = std::f64::consts::PI * f64::from(thickness).powi(2);
@@ -136,10 +146,10 @@ pub(super) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
     rings.chain(tubes).chain(turbulence).chain(sources).chain(emitters).sum()
 }
 
-/// How many points `spacing` [m] apart fill the box around a shape; 0 if it has no end or is in a file.
+/// How many points `spacing` [m] apart fill the box around a shape, or a mesh; 0 if it has no end or is in a file.
 fn points(shape: &Shape, spacing: f64) -> f64 {
-    if matches!(shape, Shape::Mesh(_)) {
-        return 0.0;
+    if let Shape::Mesh(mesh) = shape {
+        return mesh.volume().map_or(0.0, |volume| volume / spacing.powi(3));
     }
     let bounds = shape.bounds().filter(|_| shape.check().is_ok());
     let along = |low: f32, high: f32| ((f64::from(high) - f64::from(low)) / spacing).max(1.0);

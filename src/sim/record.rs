@@ -5,7 +5,7 @@ use serde::Serialize;
 use std::time::Instant;
 
 /// What seeding did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SeedReport {
     /// Particles of the liquid.
     pub particles: u32,
@@ -19,7 +19,7 @@ pub struct SeedReport {
 }
 
 /// What seeding smoke did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct SmokeSeeds {
     /// Vortons.
     pub vortons: u32,
@@ -27,6 +27,8 @@ pub struct SmokeSeeds {
     pub tracers: u32,
     /// Tracers left out because they lay in a solid.
     pub skipped_in_solids: u32,
+    /// The part of the wind that blows at a plane and was left out [m/s].
+    pub wind_across: f32,
 }
 
 /// How often a limit changed a result, summed over the frame.

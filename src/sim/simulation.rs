@@ -3,7 +3,6 @@
 use super::{
     FrameRecord, SeedReport, Stop, Watch,
     liquid::{self, Liquid, LiquidParams},
-    record::SmokeSeeds,
     smoke::{self, Smoke},
     vortex::Unfit,
 };
@@ -60,6 +59,15 @@ pub enum SetupError {
          lower smoke.spacing"
     )]
     NoSmoke,
+    /// Rings, sources and emitters ask for more vortons and tracers than can be counted.
+    #[error(
+        "the smoke would have about {asked:.1e} tracers and vortons, more than 2³¹; raise smoke.spacing or smoke.tracers, or \
+         make the meshes smaller"
+    )]
+    TooMuchSmoke {
+        /// Vortons and tracers at the end of the shot.
+        asked: f64,
+    },
     /// Vortons at the start are outside what can be computed.
     #[error("the smoke cannot start: {0}; check the rings, tubes and the turbulence")]
     Unfit(#[from] Unfit),
@@ -113,10 +121,7 @@ impl Simulation {
 
     /// What seeding did.
     pub fn seeded(&self) -> SeedReport {
-        let smoke = self.smoke.as_ref().map(|smoke| {
-            let [vortons, tracers, skipped_in_solids] = smoke.counts();
-            SmokeSeeds { vortons, tracers, skipped_in_solids }
-        });
+        let smoke = self.smoke.as_ref().map(smoke::System::seeded);
         SeedReport { smoke, ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default() }
     }
 

@@ -104,6 +104,16 @@ impl Shape {
         }
     }
 
+    /// The radius of the largest ball that fits into the shape [m]; infinite for planes and tanks.
+    pub fn inner_radius(&self) -> f32 {
+        match self {
+            Self::Plane { .. } | Self::Tank { .. } => f32::INFINITY,
+            Self::Box { min, max } => 0.5 * (vec3(max) - vec3(min)).min(),
+            Self::Sphere { radius, .. } | Self::Capsule { radius, .. } => *radius,
+            Self::Mesh(mesh) => mesh.inner_radius(),
+        }
+    }
+
     /// The lowest and highest corner of a box around the shape [m]; `None` for planes and tanks, which have no end.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         match self {

@@ -103,6 +103,19 @@ impl MeshShape {
         field.distance(pose.to_local(x) / *scale) * scale
     }
 
+    /// The volume of the cells around samples inside [m³]; `None` if it was not filled.
+    pub fn volume(&self) -> Option<f64> {
+        let Placed { field, scale, .. } = self.field.as_deref()?;
+        let inside = field.values.iter().filter(|d| **d < 0.0).count();
+        Some(inside as f64 * f64::from(field.voxel * scale).powi(3))
+    }
+
+    /// The depth of the deepest sample [m], and no less than half a voxel.
+    pub(super) fn inner_radius(&self) -> f32 {
+        let Placed { field, scale, .. } = self.placed();
+        field.values.iter().fold(0.5 * field.voxel, |deepest, d| deepest.max(-d)) * scale
+    }
+
     /// Whether `x` lies within the mesh.
     pub fn contains(&self, x: Vec3) -> bool {
         self.distance(x) < 0.0

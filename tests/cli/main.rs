@@ -9,6 +9,8 @@ mod plan;
 mod resume;
 mod shot;
 mod smoke;
+mod smoke_again;
+mod smoke_faults;
 mod solids;
 mod surface_extremes;
 mod surface_tradeoff;

@@ -4,7 +4,7 @@ use super::*;
 use std::collections::BTreeMap;
 
 /// A ring of a few hundred vortons in still air.
-const RING: &str = r#"
+pub(crate) const RING: &str = r#"
 title = "Small ring"
 frames = "1-5"
 
@@ -24,7 +24,7 @@ volume = ["density", "velocity", "temperature"]
 "#;
 
 /// Hot smoke that comes out under a ball.
-const PLUME: &str = r#"
+pub(crate) const PLUME: &str = r#"
 title = "Small plume"
 frames = "1-7"
 
@@ -51,7 +51,7 @@ volume = ["density"]
 "#;
 
 /// The active nodes of a float grid and their values, read by another library.
-fn grid(path: &Path, name: &str) -> BTreeMap<[i32; 3], f32> {
+pub(crate) fn grid(path: &Path, name: &str) -> BTreeMap<[i32; 3], f32> {
     let mut reader = vdb_rs::VdbReader::new(fs::File::open(path).unwrap()).unwrap();
     let grid = reader.read_grid::<f32>(name).unwrap();
     grid.iter().map(|(at, value, _)| ([at.x as i32, at.y as i32, at.z as i32], value)).collect()

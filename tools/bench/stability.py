@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Drives the liquid through its settings, one at a time, and writes what became of it: docs/stability.md.
+"""Drives the liquid, then smoke (stability_smoke.py), through its settings, one at a time, and writes what became of it:
+docs/stability.md.
 
     cargo build --release
     python3 tools/bench/stability.py target/release/meniscus > docs/stability.md
@@ -12,6 +13,8 @@ import pathlib
 import subprocess
 import sys
 import tempfile
+
+import stability_smoke
 
 SOLVERS = ["accelerated", "jacobi"]
 
@@ -145,6 +148,7 @@ def main():
                 word, how = verdict(tool, preset(change(value), solver))
                 print(f"| {value:g} | {solver} | {word} | {how} |")
         print()
+    stability_smoke.write(tool)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 use super::{
     params::SmokeParams,
-    walls::{Placed, Sources, Walls},
+    sources::Sources,
+    walls::{Placed, Walls},
 };
 use crate::{
     math::Vec3,
@@ -16,18 +17,24 @@ use crate::{
         },
     },
 };
+use std::sync::Arc;
 
 /// What moves the air beside the vortons.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Air {
     wind: Vec3,
+    /// The part of the wind that a plane keeps out [m/s].
+    pub(super) across: f32,
     kernel: Kernel,
     method: Method,
-    pub(super) walls: Option<Walls>,
-    /// When the step began [s].
-    pub(super) now: f64,
+    /// The same for all frames, whose poses they take.
+    pub(super) walls: Option<Arc<Walls>>,
+    /// When the step began, and when it ends at the latest [s].
+    pub(super) span: [f64; 2],
     /// The longest step in which the wind carries nothing past a vorton [s].
     longest: f64,
+    /// How far a solid may move in a step [m].
+    stride: f32,
 }
 
 /// The air at an instant: vortons, and the sources in solids that go with them.
@@ -39,16 +46,25 @@ pub(super) struct Instant<'a> {
 
 impl Air {
     pub(super) fn new(params: &SmokeParams, world: &World) -> Self {
-        let walls = Walls::new(&world.solids, params.spacing);
-        let wind = params.wind.map_or(Vec3::zeros(), Vec3::from);
-        let wind = walls.as_ref().map_or(wind, |walls| walls.along(wind));
+        let walls = Walls::new(&world.solids, params.spacing).map(Arc::new);
+        let blows = params.wind.map_or(Vec3::zeros(), Vec3::from);
+        let wind = walls.as_ref().map_or(blows, |walls| walls.along(blows));
+        let across = (blows - wind).norm();
         let flow = &params.flow;
         let method = match flow.sum {
             Sum::Tree => Method::Tree { error: flow.error },
             Sum::Direct => Method::Direct,
         };
         let longest = f64::from(params.core()) / f64::from(wind.norm());
-        Self { wind, kernel: flow.kernel, method, walls, now: 0.0, longest }
+        let stride = walls.as_ref().map_or(f32::INFINITY, |walls| walls.stride(params.core()));
+        Self { wind, across, kernel: flow.kernel, method, walls, span: [0.0; 2], longest, stride }
+    }
+
+    /// The longest step between two times [s] in which no solid jumps past smoke [s].
+    pub(super) fn unjumped(&self, [from, to]: [f64; 2]) -> f64 {
+        let fastest = self.walls.as_ref().map_or(0.0, |walls| walls.fastest(from, to));
+        // What stands still allows any length.
+        f64::from(self.stride) / fastest
     }
 
     /// The sources in solids, where they are at `time` [s], that go with `vortons`.
@@ -57,7 +73,7 @@ impl Air {
     /// If a vorton or a panel is outside what the sums can hold.
     pub(super) fn sources(&self, vortons: &Vortons, time: f64) -> Result<Sources, Unfit> {
         let Some(walls) = &self.walls else { return Ok(Sources::default()) };
-        let panels = walls.placed(time);
+        let panels = walls.sourced(time);
         let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.x).collect();
         Ok(walls.solve(&panels, &self.free(vortons, &at)?))
     }
@@ -137,7 +153,7 @@ impl Outside for Air {
             par::update(&mut rates.gradient, |i, g| *g += walls.turn_gradient(&found.gradient[i]));
             self.mirror(vortons, now.passengers, &mut rates.passengers)?;
         }
-        let sources = self.sources(vortons, self.now + now.seconds)?;
+        let sources = self.sources(vortons, self.span[0] + now.seconds)?;
         sources.add_velocity(&vortons.position, &mut rates.velocity);
         sources.add_gradient(&vortons.position, &mut rates.gradient);
         sources.add_velocity(now.passengers, &mut rates.passengers);
@@ -145,6 +161,6 @@ impl Outside for Air {
     }
 
     fn longest(&self) -> f64 {
-        self.longest
+        self.longest.min(self.unjumped(self.span))
     }
 }

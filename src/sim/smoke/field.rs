@@ -3,8 +3,8 @@
 use super::{
     NAME, Smoke,
     air::{Air, Instant},
+    sources::Sources,
     state,
-    walls::Sources,
 };
 use crate::{
     frame::Stream,
@@ -15,40 +15,75 @@ use crate::{
     },
 };
 
+/// What moves the air of a shot beside its vortons: made once, asked for every frame.
+#[derive(Clone, Debug)]
+pub struct ShotAir {
+    air: Air,
+}
+
 /// The air of a frame: its velocity anywhere.
 #[derive(Debug)]
 pub struct FrameAir {
     vortons: Vortons,
     sources: Sources,
     air: Air,
+    /// Since the shot's start [s].
+    time: f64,
 }
 
-impl FrameAir {
+impl ShotAir {
+    /// Of the `smoke` of a shot in its `world`.
+    pub fn new(smoke: &Smoke, world: &World) -> Self {
+        Self { air: Air::new(&smoke.params, world) }
+    }
+
+    pub(super) fn of(air: &Air) -> Self {
+        Self { air: air.clone() }
+    }
+
     /// The air of a frame with these streams at `time` [s].
     ///
     /// # Errors
-    /// If there is no stream of vortons, or it lacks a column.
-    pub fn of(smoke: &Smoke, world: &World, streams: &[Stream], time: f64) -> Result<Self, SetupError> {
-        let missing = SetupError::Missing { stream: NAME, what: "particles" };
-        let stream = streams.iter().find(|stream| stream.name == NAME).ok_or(missing)?;
-        Self::new(smoke, world, state::vortons_of(stream)?, time)
+    /// If there is no stream of vortons, it lacks a column, or a vorton is outside what can be computed.
+    pub fn frame(&self, streams: &[Stream], time: f64) -> Result<FrameAir, SetupError> {
+        self.around(state::vortons_of(state::find(streams, NAME)?)?, time)
     }
 
     /// The air of `vortons` at `time` [s].
     ///
     /// # Errors
     /// If a vorton is outside what can be computed.
-    pub fn new(smoke: &Smoke, world: &World, vortons: Vortons, time: f64) -> Result<Self, SetupError> {
-        let air = Air::new(&smoke.params, world);
-        let sources = air.sources(&vortons, time)?;
-        Ok(Self { vortons, sources, air })
+    pub(super) fn around(&self, vortons: Vortons, time: f64) -> Result<FrameAir, SetupError> {
+        vortons.check()?;
+        let sources = self.air.sources(&vortons, time)?;
+        Ok(FrameAir { vortons, sources, air: self.air.clone(), time })
     }
 
-    /// The velocity at points [m/s].
+    /// The longest step between two times [s] in which no solid jumps past smoke [s].
+    pub(super) fn unjumped(&self, span: [f64; 2]) -> f64 {
+        self.air.unjumped(span)
+    }
+}
+
+impl FrameAir {
+    /// The air of a frame with these streams at `time` [s].
+    ///
+    /// # Errors
+    /// As [`ShotAir::frame`].
+    pub fn of(smoke: &Smoke, world: &World, streams: &[Stream], time: f64) -> Result<Self, SetupError> {
+        ShotAir::new(smoke, world).frame(streams, time)
+    }
+
+    /// The velocity at points [m/s]: of the air, and inside a solid that of the solid.
     ///
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
     pub fn velocity(&self, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
-        self.air.velocity(Instant { vortons: &self.vortons, sources: &self.sources }, points)
+        let instant = Instant { vortons: &self.vortons, sources: &self.sources };
+        let mut velocity = self.air.velocity(instant, points)?;
+        if let Some(walls) = &self.air.walls {
+            walls.carry(points, &mut velocity, self.time);
+        }
+        Ok(velocity)
     }
 }

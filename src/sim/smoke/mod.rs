@@ -19,20 +19,21 @@ mod push;
 mod record;
 mod replay;
 mod shed;
+mod sources;
 mod state;
 mod tracers;
 mod turbulence;
 mod walls;
 
-pub use field::FrameAir;
+pub use field::{FrameAir, ShotAir};
 pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
 pub use record::SmokeRecord;
-pub use replay::{Drifting, KeyedAir, Replay};
+pub use replay::{DriftReport, Drifting, KeyedAir, Replay};
 pub use tracers::TRACERS;
 
 use super::{
     SetupError, Stop, Watch, World,
-    record::{Clock, Seconds},
+    record::{Clock, Seconds, SmokeSeeds},
     vortex::{
         Unfit, Vortons,
         flow::{Flow, Span},
@@ -131,9 +132,14 @@ impl System {
         self.flow.add(&vortons, &volume);
     }
 
-    /// How many vortons and tracers there are, and how many tracers were left out because they began inside solids.
-    pub(super) fn counts(&self) -> [u32; 3] {
-        [self.flow.vortons.len() as u32, self.tracers.len() as u32, self.skipped_in_solids]
+    /// What seeding did.
+    pub(super) fn seeded(&self) -> SmokeSeeds {
+        SmokeSeeds {
+            vortons: self.flow.vortons.len() as u32,
+            tracers: self.tracers.len() as u32,
+            skipped_in_solids: self.skipped_in_solids,
+            wind_across: self.air.across,
+        }
     }
 
     /// The passes of a step, in order.
@@ -194,7 +200,7 @@ impl System {
         clock: &mut Clock,
         record: &mut SmokeRecord,
     ) -> Result<f64, Diverged> {
-        self.air.now = now;
+        self.air.span = [now, now + span.longest];
         let tracers = &mut self.tracers.position;
         let report = clock.time("smoke_move", || self.flow.step(span, tracers, &mut self.air))?;
         record.flow.add(&report, None);

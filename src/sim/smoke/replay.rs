@@ -3,13 +3,14 @@
 //! *Method*: a vorton that two frames share moves between them on the cubic that has its places and velocities in both (Hermite), and its
 //! strength and core change evenly. One that only the first has moves on with its velocity there and fades; one that only the
 //! second has comes as it would go. Tracers drift in the air of these vortons by the midpoint rule, from where a cached frame, or the
-//! shot's start, has them; emitters and fading go on meanwhile. At a cached frame all is as that frame has it.
+//! shot's start, has them; emitters and fading go on meanwhile. A step is short enough for the fastest air and for solids that move.
+//! At a cached frame all is as that frame has it.
 //!
 //! Symbols: s → `part`, 0 at the first frame and 1 at the second.
 //! Limits: second order in the distance of frames; where vortons were put back onto a lattice in between, the two sets cross-fade.
 
 use super::{
-    FrameAir, NAME, Smoke, System, TRACERS,
+    FrameAir, NAME, ShotAir, Smoke, System, TRACERS,
     emit::{Emitted, Source},
     state::{self, find},
     tracers::Tracers,
@@ -24,14 +25,14 @@ use std::collections::HashMap;
 /// Parts of a core that a tracer drifts in one step at most.
 const STRIDE: f32 = 0.5;
 
-/// Steps from one cached frame to the next at most.
-const MOST: f32 = 64.0;
+/// Steps of one drift at most; how many would be longer than they should is told.
+const MOST: f64 = 256.0;
 
 /// Smoke that is played again.
 #[derive(Debug)]
 pub struct Replay {
     smoke: Smoke,
-    world: World,
+    air: ShotAir,
     emitters: Vec<Source>,
     /// What knows the solids, and how the shot starts.
     start: System,
@@ -54,6 +55,21 @@ pub struct Drifting {
     pub time: f64,
     tracers: Tracers,
     spacing: f32,
+    /// What happened on the way since it was last taken.
+    pub report: DriftReport,
+}
+
+/// What happened to tracers while they drifted.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriftReport {
+    /// Steps.
+    pub steps: u64,
+    /// Steps in which the air or a solid moved farther than it should.
+    pub capped: u64,
+    /// Tracers that slipped into solids and were put back to their surfaces, over all steps.
+    pub returned: u64,
+    /// Tracers that were to be given off inside a solid, and were not.
+    pub smothered: u64,
 }
 
 impl Drifting {
@@ -75,7 +91,7 @@ impl Replay {
             .map(|(key, emitter)| Source::new(emitter, key as u32, spacing, smoke.fps, smoke.first))
             .collect();
         let start = System::seed(smoke.clone(), &world)?;
-        Ok(Self { smoke, world, emitters, start })
+        Ok(Self { smoke, air: ShotAir::of(&start.air), emitters, start })
     }
 
     /// The vortons of a frame with these streams at `time` [s].
@@ -87,7 +103,7 @@ impl Replay {
         let vortons = state::vortons_of(stream)?;
         let missing = SetupError::Missing { stream: NAME, what: "id" };
         let id = stream.u32("id").ok_or(missing)?.to_vec();
-        let air = FrameAir::new(&self.smoke, &self.world, vortons.clone(), time)?;
+        let air = self.air.around(vortons.clone(), time)?;
         let velocity = air.velocity(&vortons.position)?;
         Ok(KeyedAir { time, vortons, id, velocity })
     }
@@ -97,14 +113,17 @@ impl Replay {
     /// # Errors
     /// If the frame lacks the stream or a column.
     pub fn cached(&self, streams: &[Stream], time: f64) -> Result<Drifting, SetupError> {
-        let tracers = Tracers::restore(find(streams, TRACERS)?)?;
-        Ok(Drifting { time, tracers, spacing: self.smoke.params.tracer_spacing() })
+        Ok(self.drifting(Tracers::restore(find(streams, TRACERS)?)?, time))
     }
 
     /// The tracers that the shot starts with.
     pub fn seeded(&self) -> Drifting {
-        let tracers = self.start.tracers.clone();
-        Drifting { time: 0.0, tracers, spacing: self.smoke.params.tracer_spacing() }
+        self.drifting(self.start.tracers.clone(), 0.0)
+    }
+
+    fn drifting(&self, tracers: Tracers, time: f64) -> Drifting {
+        let spacing = self.smoke.params.tracer_spacing();
+        Drifting { time, tracers, spacing, report: DriftReport::default() }
     }
 
     /// The air at `time` [s], which is between `a` and `b`.
@@ -112,7 +131,7 @@ impl Replay {
     /// # Errors
     /// If it cannot be computed.
     pub fn air(&self, a: &KeyedAir, b: &KeyedAir, time: f64) -> Result<FrameAir, SetupError> {
-        FrameAir::new(&self.smoke, &self.world, between(a, b, time), time)
+        self.air.around(between(a, b, time), time)
     }
 
     /// Lets tracers drift to the time `to` [s]; that and their own are between `a` and `b`.
@@ -132,12 +151,17 @@ impl Replay {
         }
         let wind = self.smoke.params.wind.map_or(0.0, |wind| Vec3::from(wind).norm());
         let fastest = a.velocity.iter().chain(&b.velocity).map(|v| v.norm()).fold(wind, f32::max);
-        let strides = (fastest * span as f32 / (STRIDE * self.smoke.params.core())).ceil().clamp(1.0, MOST);
-        let (from, dt) = (drifting.time, span / f64::from(strides));
+        let carried = f64::from(STRIDE * self.smoke.params.core()) / f64::from(fastest);
+        let longest = carried.min(self.air.unjumped([drifting.time, to]));
+        let wanted = (span / longest).ceil().max(1.0);
+        let strides = wanted.min(MOST);
+        let (from, dt) = (drifting.time, span / strides);
         for step in 0..strides as u32 {
             let now = from + f64::from(step) * dt;
-            self.stride(a, b, &mut drifting.tracers, now, now + dt)?;
+            self.stride(a, b, drifting, now, now + dt)?;
         }
+        drifting.report.steps += strides as u64;
+        drifting.report.capped += if wanted > strides { strides as u64 } else { 0 };
         drifting.time = to;
         Ok(())
     }
@@ -147,10 +171,11 @@ impl Replay {
         &self,
         a: &KeyedAir,
         b: &KeyedAir,
-        tracers: &mut Tracers,
+        drifting: &mut Drifting,
         now: f64,
         then: f64,
     ) -> Result<(), SetupError> {
+        let Drifting { tracers, report, .. } = drifting;
         let dt = (then - now) as f32;
         let moved = |from: &[Vec3], v: &[Vec3], dt: f32| -> Vec<Vec3> {
             from.iter().zip(v).map(|(x, v)| x + v * dt).collect()
@@ -161,9 +186,10 @@ impl Replay {
         tracers.position = moved(&tracers.position, &second, dt);
         let mut emitted = Emitted::default();
         self.emitters.iter().for_each(|emitter| emitter.emit(now, then, &mut emitted));
-        emitted.retain(|x| !super::is_inside(&self.start.solids, x, then));
+        let solids = &self.start.solids;
+        report.smothered += u64::from(emitted.retain(|x| !super::is_inside(solids, x, then)));
         tracers.add(emitted.seeds);
-        self.start.put_tracers_out(&mut tracers.position, then);
+        report.returned += self.start.put_tracers_out(&mut tracers.position, then);
         let params = &self.smoke.params;
         tracers.fade(params.dissolve, params.cooling, then - now);
         Ok(())
@@ -217,7 +243,10 @@ fn between(a: &KeyedAir, b: &KeyedAir, time: f64) -> Vortons {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Simulation, Systems, Unwatched};
+    use crate::{
+        sim::{Simulation, Systems, Unwatched},
+        solid::{Interpolation, Keyframe, Motion, Shape, Solid},
+    };
 
     fn ring() -> Smoke {
         let text =
@@ -263,6 +292,31 @@ mod tests {
         // At a cached frame nothing is interpolated.
         assert!(super::between(&keyed[1], &keyed[2], keyed[1].time) == keyed[1].vortons);
         assert!(super::between(&keyed[1], &keyed[2], keyed[2].time) == keyed[2].vortons);
+    }
+
+    #[test]
+    fn a_solid_that_is_fast_between_frames_meets_what_drifts_there() {
+        let text = "spacing = 0.08\ntracers = 0.5\n[[source]]\nshape = { box = { min = [-0.06, -0.06, -0.06], max = [0.06, 0.06, 0.06] } }";
+        let smoke = Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 };
+        let key = |frame: u32, x: f32| Keyframe {
+            frame,
+            position: [x, 0.0, 0.0],
+            rotation: [0.0; 3],
+            quaternion: None,
+        };
+        let motion = Motion::new(&[key(1, -1.0), key(2, 1.0)], Interpolation::Linear, 24.0, 1);
+        let shape = Shape::Sphere { center: [0.0; 3], radius: 0.1 };
+        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { shape, motion }] };
+        let replay = Replay::new(smoke, world).unwrap();
+        let empty =
+            |time: f64| KeyedAir { time, vortons: Vortons::default(), id: Vec::new(), velocity: Vec::new() };
+        let mut drifting = replay.seeded();
+        let count = drifting.tracers.len();
+        replay.drift(&empty(0.0), &empty(1.0 / 24.0), &mut drifting, 1.0 / 24.0).unwrap();
+        let DriftReport { steps, capped, .. } = drifting.report;
+        assert!(steps >= 25 && capped == 0, "{:?}", drifting.report);
+        let carried = drifting.tracers.position.iter().map(|x| x.x).sum::<f32>() / count as f32;
+        assert!((0.03..0.25).contains(&carried), "Darwin's drift: {carried} m");
     }
 
     #[test]

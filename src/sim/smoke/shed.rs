@@ -28,11 +28,10 @@ impl System {
         }
     }
 
-    /// Puts tracers out of solids where they are at `time` [s].
-    pub(super) fn put_tracers_out(&self, tracers: &mut [Vec3], time: f64) {
-        if let Some(walls) = &self.air.walls {
-            walls.put_out(tracers, GAP * self.params.spacing, time);
-        }
+    /// Puts tracers out of solids where they are at `time` [s]; returns how many were inside.
+    pub(super) fn put_tracers_out(&self, tracers: &mut [Vec3], time: f64) -> u64 {
+        let gap = GAP * self.params.spacing;
+        self.air.walls.as_ref().map_or(0, |walls| walls.put_out(tracers, gap, time))
     }
 
     /// Releases what slips along solids, where they are at `then` [s], over a step of `dt` [s].

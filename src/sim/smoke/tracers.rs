@@ -58,14 +58,19 @@ impl Tracers {
     }
 
     /// Adds what was seeded.
+    ///
+    /// # Panics
+    /// If there would be 2³² tracers or more.
     pub(super) fn add(&mut self, seeds: Seeds) {
         for (x, [density, temperature]) in seeds.position.into_iter().zip(seeds.smoke) {
             self.id.push(self.next);
-            self.next += 1;
+            // After 2³² numbers they begin again: what had them first is long gone.
+            self.next = self.next.wrapping_add(1);
             self.position.push(x);
             self.density.push(density);
             self.temperature.push(temperature);
         }
+        assert!(u32::try_from(self.len()).is_ok(), "fewer than 2³² tracers");
     }
 
     /// Lets smoke thin out and cool down over `dt` [s] at rates [1/s]: exactly, so that no rate is too fast.

@@ -4,14 +4,16 @@
 //! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES. Their field has no vorticity and no sources in the
 //! air. A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
 //! Between panels a little goes through: the frame's record says how much. What slips into a solid all the same is put back
-//! to its surface, and counted.
+//! to its surface, and counted; steps are short enough ([`Walls::stride`]) that a solid that moves does not jump past it. Inside
+//! solids there is no air: what is asked for there moves with the solid.
 //!
 //! Symbols: q → `strength` [m³/s], x → `panel`, y → `source` [m], n → `normal`.
 //! Limits: panels are at least one spacing wide, and no more than [`MOST`] of them; a plane is taken to stand still.
 
 use super::{
     emit::BESIDE,
-    panels::{Panel, panels},
+    panels::{Panel, area, panels},
+    sources::{Sources, flow, reflect},
 };
 use crate::{
     math::{Vec3, gmres},
@@ -25,6 +27,10 @@ const MOST: usize = 1600;
 
 /// What is left of the flow through the panels when the equations count as solved.
 const RESIDUAL: f64 = 1e-4;
+
+/// Panels of the first try over the most there may be. Fewer, and a try may already be coarser than it need be; more, and large
+/// solids take time and memory for panels that are thrown away.
+const FIRST: f32 = 4.0;
 
 /// Iterations at most. What is left then is told with the frame (`unsolved`).
 const ITERATIONS: usize = 60;
@@ -54,16 +60,6 @@ pub(super) struct Placed {
     pub(super) velocity: Vec3,
 }
 
-/// Sources that keep the air out.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Sources {
-    /// Position [m] and q/4π [m³/s].
-    all: Vec<(Vec3, f32)>,
-    mirror: Option<(Vec3, f32)>,
-    /// What is left of the flow through the panels, over what there was.
-    pub(super) residual: f64,
-}
-
 impl Walls {
     /// The walls that `solids` are for vortons `spacing` [m] apart; `None` without solids.
     pub(super) fn new(solids: &[Solid], spacing: f32) -> Option<Self> {
@@ -78,7 +74,8 @@ impl Walls {
             }
             _ => None,
         });
-        let mut step = spacing;
+        let whole: f32 = solids.iter().map(|solid| area(&solid.shape)).sum();
+        let mut step = spacing.max((whole / (FIRST * MOST as f32)).sqrt());
         loop {
             let body = |solid: &Solid| Body {
                 shape: solid.shape.clone(),
@@ -94,28 +91,36 @@ impl Walls {
         }
     }
 
+    /// The panels that have a source, where they are at `time` [s].
+    pub(super) fn sourced(&self, time: f64) -> Vec<Placed> {
+        let mut panels = self.placed(time);
+        panels.retain(|placed| placed.panel.source.is_some());
+        panels
+    }
+
     /// The panels where they are at `time` [s].
     pub(super) fn placed(&self, time: f64) -> Vec<Placed> {
         let place = |body: &Body| -> Vec<Placed> {
             let Some(motion) = &body.motion else {
                 return body.panels.iter().map(|&panel| Placed { panel, velocity: Vec3::zeros() }).collect();
             };
-            let [before, pose, after] = [time - BESIDE, time, time + BESIDE].map(|time| motion.pose(time));
+            let moving = Moving::new(motion, time);
+            let pose = moving.pose;
             let turned = |panel: &Panel| Placed {
                 panel: Panel {
                     x: pose.to_world(panel.x),
                     normal: pose.rotation * panel.normal,
                     area: panel.area,
-                    source: pose.to_world(panel.source),
+                    source: panel.source.map(|source| pose.to_world(source)),
                 },
-                velocity: (after.to_world(panel.x) - before.to_world(panel.x)) / (2.0 * BESIDE) as f32,
+                velocity: moving.velocity(panel.x),
             };
             body.panels.iter().map(turned).collect()
         };
         self.bodies.iter().flat_map(place).collect()
     }
 
-    /// The sources that keep air that moves with `air` [m/s] on the `panels` from going through them.
+    /// The sources that keep air that moves with `air` [m/s] on the `panels`, which have one each, from going through them.
     pub(super) fn solve(&self, panels: &[Placed], air: &[Vec3]) -> Sources {
         let mirror = self.mirror;
         if panels.is_empty() {
@@ -125,12 +130,13 @@ impl Walls {
             |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
         let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
         let count = panels.len();
+        let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.source.expect("a source each")).collect();
         // Row i: what a source of 4π at every place makes the air move along the normal of panel i.
         let mut rows = vec![0.0_f32; count * count];
         par::for_chunks(&mut rows, count, |start, row| {
             let Panel { x, normal, .. } = panels[start / count].panel;
-            for (entry, other) in row.iter_mut().zip(panels) {
-                *entry = normal.dot(&flow(x, other.panel.source, mirror));
+            for (entry, &y) in row.iter_mut().zip(&at) {
+                *entry = normal.dot(&flow(x, y, mirror));
             }
         });
         let apply = |q: &[f64]| {
@@ -144,7 +150,7 @@ impl Walls {
             out
         };
         let (q, residual) = gmres(&right, RESIDUAL, ITERATIONS, apply);
-        let all = panels.iter().zip(q).map(|(placed, q)| (placed.panel.source, q as f32)).collect();
+        let all = at.into_iter().zip(q.into_iter().map(|q| q as f32)).collect();
         Sources { all, mirror, residual }
     }
 
@@ -195,6 +201,37 @@ impl Walls {
         counts.into_iter().sum()
     }
 
+    /// Gives points inside solids the velocity of the solid there at `time` [m/s]: sources stand there, and what they induce beside
+    /// them means nothing.
+    pub(super) fn carry(&self, points: &[Vec3], velocity: &mut [Vec3], time: f64) {
+        for body in &self.bodies {
+            let moving = body.motion.as_ref().map(|motion| Moving::new(motion, time));
+            par::update(velocity, |i, v| {
+                let local = moving.as_ref().map_or(points[i], |moving| moving.pose.to_local(points[i]));
+                if body.shape.signed_distance(local) < 0.0 {
+                    *v = moving.as_ref().map_or(Vec3::zeros(), |moving| moving.velocity(local));
+                }
+            });
+        }
+    }
+
+    /// The largest speed of any point of a solid from one time to another [s], or a bound of it [m/s].
+    pub(super) fn fastest(&self, from: f64, to: f64) -> f64 {
+        let speed = |body: &Body| {
+            let reach = body.shape.reach();
+            // A plane stands still.
+            body.motion.as_ref().filter(|_| reach.is_finite()).map_or(0.0, |m| m.fastest(from, to, reach))
+        };
+        self.bodies.iter().map(speed).fold(0.0, f64::max)
+    }
+
+    /// How far a solid may move in a step beside vortons of this core [m]: a core, a panel, or the radius of the largest ball in
+    /// the smallest solid that moves. Farther, and what it met in between is behind it as if it had not been there.
+    pub(super) fn stride(&self, core: f32) -> f32 {
+        let moving = self.bodies.iter().filter(|body| body.motion.is_some());
+        moving.map(|body| body.shape.inner_radius()).fold(core.min(self.step), f32::min)
+    }
+
     /// Points on the surfaces that lie between the panels, to see what goes through there.
     pub(super) fn witnesses(&self, time: f64) -> Vec<Placed> {
         let mut found = Vec::new();
@@ -221,6 +258,25 @@ impl Walls {
     }
 }
 
+/// A solid that moves, at a time.
+struct Moving {
+    pose: Pose,
+    /// The poses [`BESIDE`] seconds before and after.
+    beside: [Pose; 2],
+}
+
+impl Moving {
+    fn new(motion: &Motion, time: f64) -> Self {
+        Self { pose: motion.pose(time), beside: [time - BESIDE, time + BESIDE].map(|time| motion.pose(time)) }
+    }
+
+    /// The velocity of the solid's own point `local` [m/s].
+    fn velocity(&self, local: Vec3) -> Vec3 {
+        let [before, after] = &self.beside;
+        (after.to_world(local) - before.to_world(local)) / (2.0 * BESIDE) as f32
+    }
+}
+
 impl Body {
     /// The same with one panel.
     fn alone(&self, panel: Panel) -> Self {
@@ -229,60 +285,10 @@ impl Body {
     }
 }
 
-impl Sources {
-    /// Adds what they make the air move at `points` [m/s].
-    pub(super) fn add_velocity(&self, points: &[Vec3], velocity: &mut [Vec3]) {
-        if self.all.is_empty() {
-            return;
-        }
-        par::update(velocity, |i, v| {
-            for &(y, q) in &self.all {
-                *v += flow(points[i], y, self.mirror) * q;
-            }
-        });
-    }
-
-    /// Adds its gradient at `points` [1/s].
-    pub(super) fn add_gradient(&self, points: &[Vec3], gradient: &mut [Gradient]) {
-        if self.all.is_empty() {
-            return;
-        }
-        par::update(gradient, |i, gradient| {
-            for &(y, q) in &self.all {
-                *gradient += strain(points[i] - y) * q;
-                if let Some(mirror) = self.mirror {
-                    *gradient += strain(points[i] - reflect(y, mirror)) * q;
-                }
-            }
-        });
-    }
-}
-
-/// How a source of 4π at `y` moves the air at `x` [1/m²], with its mirrored twin.
-#[inline]
-fn flow(x: Vec3, y: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
-    let one = |d: Vec3| {
-        let r2 = d.norm_squared();
-        d / (r2 * r2.sqrt())
-    };
-    one(x - y) + mirror.map_or(Vec3::zeros(), |mirror| one(x - reflect(y, mirror)))
-}
-
-/// The gradient of that at an offset `d` from the source.
-#[inline]
-fn strain(d: Vec3) -> Gradient {
-    let r2 = d.norm_squared();
-    let inverse = 1.0 / (r2 * r2.sqrt());
-    (Gradient::identity() - d * d.transpose() * (3.0 / r2)) * inverse
-}
-
-fn reflect(x: Vec3, (n, offset): (Vec3, f32)) -> Vec3 {
-    x - n * (2.0 * (n.dot(&x) - offset))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solid::{Interpolation, Keyframe};
 
     #[test]
     fn wind_flows_around_a_sphere_as_the_potential_says() {
@@ -290,7 +296,7 @@ mod tests {
         let sphere = Solid::fixed(Shape::Sphere { center: [0.0; 3], radius });
         for (spacing, allowed) in [(0.06, 0.02), (0.03, 0.004)] {
             let walls = Walls::new(std::slice::from_ref(&sphere), spacing).unwrap();
-            let panels = walls.placed(0.0);
+            let panels = walls.sourced(0.0);
             let sources = walls.solve(&panels, &vec![wind; panels.len()]);
             assert!(sources.residual <= RESIDUAL, "{}", sources.residual);
             let points: Vec<Vec3> = [[0.0, 0.45, 0.0], [0.4, 0.2, 0.1], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.32]]
@@ -309,25 +315,75 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_those_of_the_velocity() {
-        let sources = Sources {
-            all: vec![(Vec3::new(0.1, 0.0, 0.2), 0.7), (Vec3::new(-0.3, 0.1, 0.1), -0.4)],
-            mirror: Some((Vec3::z(), 0.0)),
-            residual: 0.0,
+    fn panels_of_a_large_solid_are_as_many_as_may_be() {
+        let floor = Solid::fixed(Shape::Box { min: [-20.0, -20.0, -1.0], max: [20.0, 20.0, 0.0] });
+        let walls = Walls::new(&[floor], 0.005).unwrap();
+        let count = walls.bodies[0].panels.len();
+        assert!((MOST / 4..=MOST).contains(&count), "{count} panels, {} m wide", walls.step);
+    }
+
+    #[test]
+    fn inside_a_solid_all_moves_with_it() {
+        let turn = |frame: u32, angle: f32| Keyframe {
+            frame,
+            position: [0.5 * frame as f32, 0.0, 0.0],
+            rotation: [0.0, 0.0, angle],
+            quaternion: None,
         };
-        let (x, e) = (Vec3::new(0.5, 0.4, 0.6), 1e-2);
-        let at = |x: Vec3| {
-            let mut v = [Vec3::zeros()];
-            sources.add_velocity(&[x], &mut v);
-            v[0]
-        };
-        let mut gradient = [Gradient::zeros()];
-        sources.add_gradient(&[x], &mut gradient);
-        for axis in 0..3 {
-            let step = Vec3::ith(axis, e);
-            let slope = (at(x + step) - at(x - step)) / (2.0 * e);
-            assert!((gradient[0].column(axis) - slope).norm() < 2e-3 * slope.norm(), "{axis}");
+        let motion = Motion::new(&[turn(0, 0.0), turn(2, 90.0)], Interpolation::Linear, 1.0, 0);
+        let shape = Shape::Box { min: [-0.2, -0.2, -0.2], max: [0.2, 0.2, 0.2] };
+        let still = Solid::fixed(Shape::Sphere { center: [5.0, 0.0, 0.0], radius: 0.5 });
+        let floor = Solid::fixed(Shape::Plane { point: [0.0, 0.0, -1.0], normal: [0.0, 0.0, 1.0] });
+        let walls = Walls::new(&[Solid { shape, motion }, still, floor], 0.1).unwrap();
+        // At one second the box is at 0.5 m, an eighth of a turn on; it spins with 45° a second.
+        let points = [[0.5, 0.1, 0.05], [0.5, 0.25, 0.0], [0.5, 0.4, 0.0], [5.1, 0.0, 0.0], [3.0, 0.0, -1.5]];
+        let points = points.map(Vec3::from);
+        let wild = Vec3::new(9.0, 9.0, 9.0);
+        let mut velocity = [wild; 5];
+        walls.carry(&points, &mut velocity, 1.0);
+        let spin = |r: f32| Vec3::new(0.5 - std::f32::consts::FRAC_PI_4 * r, 0.0, 0.0);
+        let expected = [spin(0.1), spin(0.25), wild, Vec3::zeros(), Vec3::zeros()];
+        for (found, expected) in velocity.iter().zip(expected) {
+            assert!((found - expected).norm() < 1e-3, "{found} for {expected}");
         }
-        assert!(at(Vec3::new(0.3, 0.2, 0.0)).z.abs() < 1e-6, "nothing goes through the mirror");
+        // No faster than its corners, and not past a core, a panel or half its width.
+        let fastest = walls.fastest(0.0, 2.0);
+        assert!((fastest - (0.5 + 0.12_f64.sqrt() * std::f64::consts::FRAC_PI_4)).abs() < 1e-4, "{fastest}");
+        assert_eq!(walls.fastest(2.0, 3.0), 0.0);
+        assert_eq!((walls.stride(0.05), walls.stride(9.0)), (0.05, 0.1));
+        assert_eq!(Walls { step: 9.0, ..walls }.stride(9.0), 0.2);
+    }
+
+    #[test]
+    fn boxes_keep_wind_out_for_all_their_edges() {
+        let wind = Vec3::new(1.0, 0.6, 0.3);
+        for (low, high, spacing) in [
+            ([-0.3, -0.3, -0.3], [0.3, 0.3, 0.3], 0.06),
+            ([-0.3, -0.3, -0.3], [0.3, 0.3, 0.3], 0.045),
+            ([-0.5, -0.13, -0.32], [0.5, 0.13, 0.3], 0.06),
+        ] {
+            let cuboid = Solid::fixed(Shape::Box { min: low, max: high });
+            let walls = Walls::new(&[cuboid], spacing).unwrap();
+            let panels = walls.sourced(0.0);
+            let sources = walls.solve(&panels, &vec![wind; panels.len()]);
+            assert!(sources.residual < 0.01, "{spacing}: {}", sources.residual);
+            // Between the panels, two of them from any edge.
+            let square = |along: &[f32]| along.iter().map(|v| v * v).sum::<f32>().sqrt();
+            let inner = walls.witnesses(0.0).into_iter().map(|placed| placed.panel).filter(|panel| {
+                let aside = |axis: usize| {
+                    panel.normal[axis].abs() > 0.5
+                        || (panel.x[axis] - low[axis]).min(high[axis] - panel.x[axis]) > 2.0 * walls.step
+                };
+                (0..3).all(aside)
+            });
+            let inner: Vec<Panel> = inner.collect();
+            let at: Vec<Vec3> = inner.iter().map(|panel| panel.x).collect();
+            let mut velocity = vec![wind; at.len()];
+            sources.add_velocity(&at, &mut velocity);
+            let left: Vec<f32> = inner.iter().zip(&velocity).map(|(p, v)| p.normal.dot(v)).collect();
+            let free: Vec<f32> = inner.iter().map(|p| p.normal.dot(&wind)).collect();
+            let part = square(&left) / square(&free);
+            assert!(part < 0.2, "{spacing}: {part} of {} points", inner.len());
+        }
     }
 }

@@ -26,6 +26,60 @@ fn hill(spacing: f64, core: f64) -> Vortons {
     }
 }
 
+/// The velocity of Hill's vortex in air at rest far away: inside u_z = U + 3/2 U (1 − (2ρ² + z²)/a²), u_ρ = 3/2 U ρz/a², outside
+/// U a³/2 (3z x − r² e_z)/r⁵, with U = a = 1.
+fn exact(x: Vector3<f64>) -> Vector3<f64> {
+    let r2 = x.norm_squared();
+    if r2 > 1.0 {
+        return (x * (3.0 * x.z) - Vector3::z() * r2) * (0.5 * r2.powf(-2.5));
+    }
+    let rho2 = x.x * x.x + x.y * x.y;
+    Vector3::new(1.5 * x.x * x.z, 1.5 * x.y * x.z, 1.0 + 1.5 * (1.0 - 2.0 * rho2 - x.z * x.z))
+}
+
+/// Outside, round cores do not show, and what is left is how well the lattice has the ball's moments.
+#[test]
+fn hills_field_is_found_with_second_order_inside_and_with_fourth_outside() {
+    // Points in all directions, three cores of the coarsest lattice from the surface or more.
+    let at = |r: f64| {
+        move |i: u32| {
+            let (z, angle) = (f64::from(i) / 20.0 - 0.975, 2.4 * f64::from(i));
+            let across = (1.0 - z * z).sqrt();
+            Vector3::new(across * angle.cos(), across * angle.sin(), z) * (r * (0.5 + f64::from(i % 4) / 6.0))
+        }
+    };
+    let inside: Vec<Vector3<f64>> = (0..40).map(at(0.6)).chain([Vector3::zeros()]).collect();
+    let outside: Vec<Vector3<f64>> =
+        (0..40).map(at(1.5)).map(|x| x.normalize() * x.norm().max(1.4)).collect();
+    for (name, points, [low, high], most) in
+        [("inside", inside, [1.7, 2.3], 1.25e-2), ("outside", outside, [3.0, 5.0], 4e-4)]
+    {
+        let errors = [0.2, 0.1, 0.05].map(|spacing| {
+            let vortons = hill(spacing, 1.5 * spacing);
+            let targets: Vec<Vec3> = points.iter().map(|x| x.cast()).collect();
+            let found = induced(
+                &vortons,
+                Targets::Points(&targets),
+                Quantity::Velocity,
+                FlowParams::default().kernel,
+                Method::Direct,
+            )
+            .unwrap();
+            let (mut off, mut all) = (0.0, 0.0);
+            for (x, u) in points.iter().zip(&found.velocity) {
+                off += (u.cast() - exact(*x)).norm_squared();
+                all += exact(*x).norm_squared();
+            }
+            (off / all).sqrt()
+        });
+        let orders = [0, 1].map(|k| (errors[k] / errors[k + 1]).log2());
+        assert!(orders.iter().all(|order| (low..high).contains(order)), "{name}: {errors:?} {orders:?}");
+        assert!(errors[2] < most, "{name}: {errors:?}");
+    }
+    // In the middle the air is two and a half times as fast as the vortex.
+    assert!((exact(Vector3::zeros()).z - 2.5).abs() < 1e-12);
+}
+
 #[test]
 fn hills_vortex_travels_at_its_speed_with_second_order() {
     let seconds = 0.2;

@@ -33,16 +33,26 @@ def add_volume(context: bpy.types.Context, output: VolumeOutput, folder: str) ->
     volume.frame_start, volume.frame_duration, volume.frame_offset = first, last - first + 1, first - 1
     made = bpy.data.objects.new(output.name, volume)
     context.collection.objects.link(made)
-    volume.materials.append(smoke(size(made)))
+    volume.materials.append(smoke(size(context, output, folder)))
     return made
 
 
-def size(shown: bpy.types.Object) -> float:
-    """The diagonal of what an object shows in the current frame; 1 if that is nothing."""
-    graph = bpy.context.evaluated_depsgraph_get()
-    corners = [corner[:] for corner in shown.evaluated_get(graph).bound_box]
-    spans = [max(axis) - min(axis) for axis in zip(*corners)]
-    return sum(span * span for span in spans) ** 0.5 or 1.0
+def size(context: bpy.types.Context, output: VolumeOutput, folder: str) -> float:
+    """The diagonal of the first frame with smoke: an emitter's first is empty. 1 if there is none."""
+    probe = bpy.data.volumes.new(output.name)
+    shown = bpy.data.objects.new(output.name, probe)
+    context.collection.objects.link(shown)
+    try:
+        for frame in output.frames.numbers():
+            probe.filepath = output.path(folder, frame)
+            corners = [corner[:] for corner in shown.evaluated_get(context.evaluated_depsgraph_get()).bound_box]
+            spans = [max(axis) - min(axis) for axis in zip(*corners)]
+            if diagonal := sum(span * span for span in spans) ** 0.5:
+                return diagonal
+        return 1.0
+    finally:
+        # Takes the object along.
+        bpy.data.volumes.remove(probe)
 
 
 def smoke(size: float) -> bpy.types.Material:

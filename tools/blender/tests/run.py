@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Tests of the Blender extension, on a shot folder that the meniscus binary made and on synthetic ones.
 
-    python tools/blender/tests/run.py SHOT_DIR [VOLUMES_DIR [SMOKE_DIR]] [--keep DIR]
+    python tools/blender/tests/run.py SHOT_DIR [VOLUMES_DIR [SMOKE_DIR [PLUME_DIR]]] [--keep DIR]
 
 The interpreter needs bpy 4.5 and numpy. The zip is built, and every stage of stages.py runs in a Blender
 process of its own with user folders made for the test; the shot is copied first, the given folder is not
 touched. The last line is `N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a
 synthetic shot stands in for it; without VOLUMES_DIR, a folder of `meniscus volume`, no volume is opened; without SMOKE_DIR, a shot of `smoke-ring`,
-no smoke is imported.
+no smoke is imported; without PLUME_DIR, a shot of `plume`, none whose first frame is empty.
 """
 
 import argparse
@@ -81,6 +81,7 @@ def main() -> int:
     parser.add_argument("shot", type=Path, nargs="?", help="shot folder with PLY meshes, a few frames")
     parser.add_argument("volumes", type=Path, nargs="?", help="shot folder with volumes, a few frames")
     parser.add_argument("smoke", type=Path, nargs="?", help="shot folder with volumes of a smoke ring")
+    parser.add_argument("plume", type=Path, nargs="?", help="shot folder with volumes of a plume, its first frame without smoke")
     parser.add_argument("--keep", type=Path, help="work in this new folder and keep it")
     given = parser.parse_args()
     work = given.keep or Path(tempfile.mkdtemp(prefix="meniscus-blender-"))
@@ -110,6 +111,9 @@ def main() -> int:
         if given.smoke:
             shutil.copytree(given.smoke, work / "smoke", ignore=shutil.ignore_patterns("cache"))
             tally.stage("smoke", [work / "smoke"], user)
+        if given.plume:
+            shutil.copytree(given.plume, work / "plume", ignore=shutil.ignore_patterns("cache"))
+            tally.stage("plume", [work / "plume"], user)
     finally:
         if not given.keep:
             shutil.rmtree(work, ignore_errors=True)

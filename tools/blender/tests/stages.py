@@ -448,6 +448,24 @@ def stage_smoke(shot: Path) -> None:
     check(np.abs(blurred - sharp).max() > 0.02, "its velocities blur it", np.abs(blurred - sharp).max())
 
 
+def stage_plume(shot: Path) -> None:
+    """Imports a shot whose first frame has no smoke yet: the material goes by the first that has."""
+    use_addon()
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
+    shown, scene = bpy.context.object, bpy.context.scene
+    check(not [o for o in bpy.data.objects if o.type == "VOLUME" and o != shown], "nothing else is left behind")
+    sizes = []
+    for frame in (1, 2):
+        scene.frame_set(frame)
+        graph = bpy.context.evaluated_depsgraph_get()
+        box = np.array([corner[:] for corner in shown.evaluated_get(graph).bound_box])
+        sizes.append(float(np.linalg.norm(np.ptp(box, axis=0))))
+    check(sizes[0] == 0.0 < sizes[1], "smoke comes with the second frame", sizes)
+    nodes = shown.data.materials[0].node_tree.nodes
+    fades = next(node.inputs[1].default_value for node in nodes if node.type == "MATH")
+    check(abs(fades * 0.03 * sizes[1] - 1.0) < 1e-3, "its thickness is that of the smoke", (fades, sizes))
+
+
 if __name__ == "__main__":
     code = 1
     try:

@@ -1,0 +1,162 @@
+"""What becomes of smoke at the ends of its settings: the second half of docs/stability.md (stability.py)."""
+
+import json
+import pathlib
+import subprocess
+import tempfile
+
+PRESET = """
+title = "Stability"
+frames = "1-{last}"
+{collider}
+[smoke]
+spacing = {spacing}
+tracers = 1
+sample_every = 1
+{smoke}
+{bodies}
+[smoke.flow]
+{flow}
+"""
+
+RING = """[[smoke.ring]]
+center = [{x}, 0, 0]
+radius = {radius}
+thickness = {thickness}
+circulation = {circulation}
+density = {density}
+"""
+
+SOURCE = "[[smoke.source]]\nshape = {{ sphere = {{ center = [0, 0, 0], radius = 0.2 }} }}\ntemperature = {}\n"
+EMITTER = "[[smoke.emitter]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.1 } }\nvelocity = [0, 0, 1]\nrate = 20\n"
+REMESH = "remesh = { spacing = 0.05 }\n"
+VISCOSITY = 'viscosity = {{ nu = {}, scheme = "{}" }}\n'
+
+
+def ring(x=0, radius=0.3, thickness=0.05, circulation=1, density=1):
+    return RING.format(x=x, radius=radius, thickness=thickness, circulation=circulation, density=density)
+
+
+def ball(radius, moves=""):
+    return f"[[world.collider]]\nshape = {{ sphere = {{ center = [0, 0, 0], radius = {radius} }} }}\n{moves}\n"
+
+
+def flown(speed):
+    """A ball that flies through the ring along its axis, so fast [m/s]."""
+    reach = speed * 4 / 24
+    keys = f"{{ frame = 1, position = [0, 0, {-reach}] }}, {{ frame = 9, position = [0, 0, {reach}] }}"
+    return ball(0.1, f"keyframes = [{keys}]")
+
+
+# (heading, unit, values, how a value changes the shot)
+SWEEPS = [
+    ("Steps of more than the strain allows (`flow.strain` and `flow.displacement`, times)", "", [1, 3, 10, 30, 100],
+     lambda value: {"flow": f"strain = {min(0.3 * value, 100)}\ndisplacement = {min(value, 100)}\n"}),
+    ("Most steps (`flow.max_substeps`, with a circulation of 10 m²/s)", "", [1, 10, 200],
+     lambda value: {"flow": f"max_substeps = {value}\n", "bodies": ring(circulation=10)}),
+    ("Viscosity ν in shares of σ²/Δt, by exchange", "", [0, 0.1, 0.5, 10, 1000],
+     lambda value: {"flow": VISCOSITY.format(value * 0.075**2 * 24, "exchange") + REMESH}),
+    ("Viscosity ν, by exchange", "m²/s", [1e-5, 1e9],
+     lambda value: {"flow": VISCOSITY.format(value, "exchange")}),
+    ("Viscosity ν, by growing cores", "m²/s", [1e-5, 1, 1e9],
+     lambda value: {"flow": VISCOSITY.format(value, "spreading")}),
+    ("Circulation of the ring", "m²/s", [0, 1e-20, 1, 100, 1e4, 1e6, 1e30],
+     lambda value: {"bodies": ring(circulation=value)}),
+    ("A stray ring of a tenth the size, so far off", "m", [10, 1e3, 1e5, 1e6, 1e9],
+     lambda value: {"bodies": ring() + ring(x=value, radius=0.03, thickness=0.01), "flow": REMESH}),
+    ("A twin of the ring in its own place, so many times", "", [1, 3, 10],
+     lambda value: {"bodies": ring() * (value + 1), "flow": REMESH}),
+    ("Cores σ of so many spacings (`overlap`)", "", [0.8, 1.5, 4], lambda value: {"smoke": f"overlap = {value}\n"}),
+    ("The spacing of the remeshing over that of the vortons", "", [0.1, 0.5, 1, 4, 10, 100],
+     lambda value: {"flow": f"remesh = {{ spacing = {0.05 * value} }}\n"}),
+    ("Heat of a ball of smoke", "K", [-1e6, -293, 0, 300, 1e6],
+     lambda value: {"bodies": SOURCE.format(value), "smoke": "[smoke.buoyancy]"}),
+    ("Rate of dissolving and cooling", "1/s", [0.1, 24, 1e6], lambda value: {"smoke": f"dissolve = {value}\ncooling = {value}"}),
+    ("Wind at a ball that sheds", "m/s", [0.1, 0.3, 1],
+     lambda value: {"smoke": f"wind = [{value}, 0, 0]\n[smoke.shedding]", "collider": ball(0.15)}),
+    ("A ball around an emitter of a radius of 0.1 m", "m", [0.05, 0.1, 0.4],
+     lambda value: {"bodies": EMITTER, "collider": ball(value)}),
+    ("A ball that flies through a ring", "m/s", [1, 10, 100], lambda value: {"collider": flown(value)}),
+]
+
+
+# What no preset can say, and where it is tested.
+TESTS = [
+    ("no vorton, one, two in one place and 1e-7 m apart", "tests/numerics/vortex_extremes.rs"),
+    ("coincident, collinear, coplanar, a million metres off", "tests/numerics/vortex_extremes.rs"),
+    ("the same in motion, with every term", "tests/numerics/vortex_dynamics/extremes.rs"),
+    ("strengths over twelve decades, cores over three", "tests/numerics/vortex_extremes.rs"),
+    ("thousands in one cell, strays at 1e6 m", "tests/numerics/vortex_dynamics/extremes.rs"),
+    ("a step a hundred times too long", "tests/numerics/vortex_dynamics/extremes.rs"),
+    ("ν = 0 and ν Δt/s² = 10", "tests/numerics/vortex_dynamics/viscosity.rs"),
+    ("smoke so hot that ρ → 0, and colder than nothing", "tests/numerics/smoke.rs"),
+    ("rate · Δt > 1", "src/sim/smoke/tracers.rs"),
+    ("an obstacle around the emitter", "tests/numerics/smoke.rs"),
+    ("what is no number in a state, beyond the lattice", "tests/numerics/vortex_dynamics/extremes.rs"),
+    ("what is no number in a preset", "tests/cli/smoke.rs"),
+]
+
+
+def preset(change):
+    values = {"last": 9, "spacing": 0.05, "collider": "", "smoke": "", "bodies": ring(), "flow": "", **change}
+    return PRESET.format(**values)
+
+
+def verdict(tool, text):
+    """(word, how) of one shot."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = pathlib.Path(folder)
+        (path / "shot.toml").write_text(text)
+        ran = subprocess.run([tool, "simulate", "shot.toml", "-o", "out"], cwd=path, capture_output=True, text=True)
+        log = path / "out" / "log.jsonl"
+        frames = [json.loads(line)["smoke"] for line in log.read_text().splitlines()] if log.exists() else []
+    words = " ".join(ran.stderr.split())
+    if ran.returncode in (2, 20) and "error: " in words:
+        return "refused", words[words.rindex("error: ") + 7 :].replace("|", "/")
+    if ran.returncode != 0:
+        raise SystemExit(f"exit {ran.returncode}: {words}\n{text}")
+    return judge(frames)
+
+
+def judge(frames):
+    """Stable if nothing was limited and the velocity kept its error; else what was not so."""
+    assert len(frames) == 8, frames
+    total = lambda key: sum(frame[key] for frame in frames)
+    steps, how = total("substeps"), []
+    for key, what in (("capped", "steps longer than asked for"), ("clamped", "strengths cut"), ("smothered", "tracers smothered"),
+                      ("returned_vortons", "vortons put out of solids"), ("returned_tracers", "tracers put out of solids")):
+        if total(key):
+            how.append(f"{total(key)} {what}" if key != "capped" else f"{total(key)} of {steps} {what}")
+    # What is next to nothing has no relative error.
+    error = max((frame.get("error") or 0) for frame in frames)
+    if error > 5e-3:
+        how.append(f"velocities off by {100 * error:.2g} %")
+    for key, least, what in (("through_flow", 0.5, "of the flow at solids goes through"), ("unsolved", 0.01, "unsolved")):
+        part = max((frame.get(key) or 0) for frame in frames)
+        if part > least:
+            how.append(f"{100 * part:.0f} % {what}")
+    strongest = [abs(component) for frame in frames for component in frame["invariants"]["impulse"]]
+    assert all(value < 1e300 for value in strongest), frames
+    return ("degraded" if how else "stable"), "; ".join(how)
+
+
+def write(tool):
+    """Writes the tables of smoke."""
+    print("# What smoke stands\n")
+    print(
+        "A ring of a radius of 0.3 m and a circulation of 1 m²/s in vortons 0.05 m apart flies for eight frames of 1/24 s. One\n"
+        "setting changes at a time.\n\n"
+        "- **stable**: nothing was limited, and velocities kept within 0.5 % of the sum over all pairs;\n"
+        "- **degraded**: the shot is finite and complete, and its log tells what was limited, or what solids smothered and put\n"
+        "  out;\n"
+        "- **refused**: exit 2 or 20, with this message; the frames before it are kept.\n\n"
+        "What no preset can say is a test:\n\n"
+        "| extreme | test |\n|---|---|\n" + "\n".join(f"| {what} | `{test}` |" for what, test in TESTS) + "\n"
+    )
+    for heading, unit, values, change in SWEEPS:
+        print(f"## {heading}\n")
+        print(f"| value{f' [{unit}]' if unit else ''} | | how |\n|---|---|---|")
+        for value in values:
+            word, how = verdict(tool, preset(change(value)))
+            print(f"| {value:g} | {word} | {how} |", flush=True)
+        print()
