@@ -6,7 +6,13 @@ use super::{
     meaning::{check_motion, name, shape_finding},
     problem::Finding,
 };
-use crate::{sim::smoke::SmokeParams, solid::Shape};
+use crate::{
+    sim::{
+        smoke::SmokeParams,
+        vortex::{Way, flow::Sum},
+    },
+    solid::Shape,
+};
 
 /// Tracers and vortons of a shot's start that are taken for meant.
 const MOST: f64 = 2_147_483_648.0;
@@ -72,7 +78,21 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
             findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
         }
     }
+    check_sum(smoke, places, findings);
     check_planes(scene, places, findings);
+}
+
+/// Whether the lattice can be asked for the error.
+fn check_sum(smoke: &SmokeParams, places: &Places, findings: &mut Vec<Finding>) {
+    let (flow, key) = (&smoke.flow, "smoke.flow.error");
+    let errors = Way::Sine.errors(flow.kernel);
+    if flow.sum != Sum::Grid || errors.contains(&flow.error) {
+        return;
+    }
+    let message =
+        format!("`sum = \"grid\"` with this kernel cannot be asked for an error below {}", errors.start());
+    let finding = Finding::new(places.of(key), key, message, format!("found {}", flow.error));
+    findings.push(finding.with_help("ask for a larger `error`, or write `sum = \"tree\"`"));
 }
 
 /// Whether air can be kept out of the planes among the colliders.

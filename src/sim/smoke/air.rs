@@ -11,7 +11,7 @@ use crate::{
         World,
         vortex::{
             Induced, Kernel, Method, Quantity, Targets, Unfit, Vortons,
-            flow::{Moment, Outside, Rates, Sum},
+            flow::{Moment, Outside, Rates},
             induced,
         },
     },
@@ -43,10 +43,7 @@ impl Air {
         let wind = params.wind.map_or(Vec3::zeros(), Vec3::from);
         let wind = walls.as_ref().map_or(wind, |walls| walls.along(wind));
         let flow = &params.flow;
-        let method = match flow.sum {
-            Sum::Tree => Method::Tree { error: flow.error },
-            Sum::Direct => Method::Direct,
-        };
+        let method = flow.method();
         let longest = f64::from(params.core()) / f64::from(wind.norm());
         Self { wind, kernel: flow.kernel, method, walls, now: 0.0, longest }
     }
