@@ -1,8 +1,8 @@
 //! `meniscus tradeoff` of a liquid.
 
 use super::{
-    aligned, at_least, flags, folder, mark, maybe, no_knee, not_judged, one_line, percent, references,
-    refuse_to_replace, short, start_over, write_preset,
+    Tell, at_least, conclude, drawn, flags, folder, maybe, not_judged, one_line, percent, references,
+    refuse_to_replace, seconds, short, start_over,
 };
 use crate::{
     cli::{
@@ -16,11 +16,12 @@ use crate::{
         tradeoff::{
             Ground, Request, Subject, Sweep,
             liquid::{self, By, Line, Table},
+            rows,
         },
     },
     scene::{self, Frames, Overrides, Scene},
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Compares settings of the simulation.
 pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunError> {
@@ -57,21 +58,25 @@ pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunE
         start_over(&folder)?;
     }
     let table = liquid::tradeoff(&sweep, &selection, &folder, args.repeats.get() as usize, by, control)?;
-    let files = liquid::write(&table, &folder)?;
-    if args.json {
-        print(&serde_json::to_string_pretty(&table).expect("a table is plain data"))?;
-    } else {
-        print(&describe(&table))?;
-        print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
+    conclude(args, &sweep, &table, &folder, |place| advice(&table, place, args, name))
+}
+
+impl Tell for Table {
+    fn describe(&self) -> String {
+        describe(self)
     }
-    let chosen = table.choose(args.time, args.dev)?;
-    if let Some(place) = chosen.filter(|_| !args.json) {
-        print(&advice(&table, place, args, name))?;
+
+    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError> {
+        liquid::write(self, folder)
     }
-    let Some(path) = &args.write else { return Ok(()) };
-    let place = chosen.ok_or_else(no_knee)?;
-    write_preset(path, &comment(&table, place), &sweep.rows[place].1.to_toml())?;
-    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
+
+    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
+        Table::choose(self, time, dev)
+    }
+
+    fn comment(&self, place: usize) -> String {
+        comment(self, place)
+    }
 }
 
 /// The one preset that was named.
@@ -131,19 +136,20 @@ fn describe(table: &Table) -> String {
         "positions",
         "",
     ];
-    let mut rows = vec![head.map(String::from).to_vec()];
     let repeated = table.lines.iter().any(|line| line.seconds.min < line.seconds.max);
-    for (place, line) in table.lines.iter().enumerate() {
-        let mark = mark(table.knee == Some(place), line.front);
-        rows.push(cells(&(place + 1).to_string(), line, table, repeated, mark));
-    }
-    rows.push(cells("", &table.reference, table, repeated, "reference"));
+    let rows = rows(
+        &table.lines,
+        &table.reference,
+        table.knee,
+        |line| line.front,
+        |number, line, mark| cells(number, line, table, repeated, mark),
+    );
     let mut text = format!(
         "{}, frames {}, {} threads\n\n{}\n",
         table.title,
         table.frames,
         table.threads,
-        aligned(&rows)
+        drawn(&head, rows)
     );
     let by = match table.by {
         By::Density => "density",
@@ -200,14 +206,10 @@ fn describe(table: &Table) -> String {
 fn cells(number: &str, line: &Line, table: &Table, repeated: bool, mark: &str) -> Vec<String> {
     let unit = table.observable.unit();
     let (apart, floor) = (line.apart, table.uncertainty);
-    let range = match repeated {
-        true => format!(" ({:.1}-{:.1})", line.seconds.min, line.seconds.max),
-        false => String::new(),
-    };
     vec![
         number.into(),
         line.label.clone(),
-        format!("{:.1}{range}", line.seconds.median),
+        seconds(&line.seconds, repeated, 1),
         duration(line.shot_seconds),
         percent(line.density_dev_avg),
         percent(line.density_dev_largest),

@@ -3,8 +3,15 @@
 mod liquid;
 mod surface;
 
-use super::args::{Judge, TradeoffArgs};
-use crate::run::{Control, RunError, ShotFolder, tradeoff::Sweep};
+use super::{
+    args::{Judge, TradeoffArgs},
+    print,
+};
+use crate::run::{
+    Control, RunError, ShotFolder,
+    tradeoff::{Spread, Sweep},
+};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Compares settings on the user's own shot.
@@ -53,12 +60,55 @@ fn references(sweep: &Sweep) -> Vec<String> {
     named.map(|setting| format!("     {}: {}", setting.label, setting.overrides.set.join(" "))).to_vec()
 }
 
-/// How a line is marked.
-fn mark(is_knee: bool, on_front: bool) -> &'static str {
-    match (is_knee, on_front) {
-        (true, _) => "knee",
-        (false, true) => "front",
-        _ => "",
+/// A finished table, whatever it compares, and how it is told.
+trait Tell: Serialize {
+    /// What people read: a line a setting, then how to read it.
+    fn describe(&self) -> String;
+    /// Writes it to the folder as files.
+    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError>;
+    /// The setting to use; see the tables.
+    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError>;
+    /// Where a preset of the setting at `place` comes from, as its first lines.
+    fn comment(&self, place: usize) -> String;
+}
+
+/// Tells the table, writes the files, and names the setting to use; `advice` says how.
+fn conclude(
+    args: &TradeoffArgs,
+    sweep: &Sweep,
+    table: &impl Tell,
+    folder: &Path,
+    advice: impl Fn(usize) -> String,
+) -> Result<(), RunError> {
+    let files = table.write(folder)?;
+    if args.json {
+        print(&serde_json::to_string_pretty(table).expect("a table is plain data"))?;
+    } else {
+        print(&table.describe())?;
+        print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
+    }
+    let chosen = table.choose(args.time, args.dev)?;
+    if let Some(place) = chosen.filter(|_| !args.json) {
+        print(&advice(place))?;
+    }
+    let Some(path) = &args.write else { return Ok(()) };
+    let place = chosen.ok_or_else(no_knee)?;
+    write_preset(path, &table.comment(place), &sweep.rows[place].1.to_toml())?;
+    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
+}
+
+/// A table to look at: below its head the settings, and the reference.
+fn drawn(head: &[&str], rows: Vec<(&'static str, Vec<String>)>) -> String {
+    let head = head.iter().map(|&name| name.to_owned()).collect();
+    aligned(&[head].into_iter().chain(rows.into_iter().map(|(_, cells)| cells)).collect::<Vec<_>>())
+}
+
+/// The median of times [s], and their range if settings were `repeated`.
+fn seconds(spread: &Spread, repeated: bool, digits: usize) -> String {
+    let Spread { median, min, max } = spread;
+    match repeated {
+        true => format!("{median:.digits$} ({min:.digits$}-{max:.digits$})"),
+        false => format!("{median:.digits$}"),
     }
 }
 

@@ -9,10 +9,12 @@ pub mod liquid;
 mod page;
 pub mod pareto;
 mod plot;
+mod runs;
 pub mod surface;
 mod sweep;
 
 pub use knobs::Subject;
+pub use page::rows;
 pub use sweep::{Ground, Request, Setting, Sweep, Vary};
 
 use serde::Serialize;
