@@ -9,6 +9,7 @@ mod plan;
 mod resume;
 mod shot;
 mod smoke;
+mod smoke_tradeoff;
 mod solids;
 mod surface_extremes;
 mod surface_tradeoff;

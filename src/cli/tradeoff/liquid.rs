@@ -1,56 +1,50 @@
 //! `meniscus tradeoff` of a liquid.
 
 use super::{
-    Tell, at_least, conclude, drawn, flags, folder, maybe, not_judged, one_line, percent, references,
-    refuse_to_replace, seconds, short, start_over,
+    Tell, at_least, conclude, drawn, dry_run, flags, folder, frames, maybe, not_judged, one_line, percent,
+    refuse_to_replace, request, seconds, short, start_over,
 };
 use crate::{
     cli::{
         args::{Judge, TradeoffArgs},
         plan::duration,
-        print,
-        shot::quality,
     },
     run::{
         Control, RunError,
         tradeoff::{
-            Ground, Request, Subject, Sweep,
+            Ground, Subject,
             liquid::{self, By, Line, Table},
             rows,
         },
     },
-    scene::{self, Frames, Overrides, Scene},
+    scene::{Overrides, Preset, Scene},
 };
 use std::path::{Path, PathBuf};
 
-/// Compares settings of the simulation.
-pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunError> {
-    let name = preset_name(args)?;
-    let preset = scene::load(name)?;
-    let base = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
-    let request =
-        Request { base, vary: args.vary.clone(), reference: args.reference.clone(), tiers: args.tiers };
-    let sweep = request.sweep(Subject::Liquid, Ground::Preset(&preset))?;
-    let selection = match &args.frames {
-        Some(frames) => frames.clone(),
-        None => first_frames(&sweep.base),
-    };
-    if selection.last() <= sweep.base.frames.first() {
-        return Err(RunError::Request(format!(
-            "--frames {selection}: found no frame after the first, {}; expected some to compare, such as 1-24",
-            sweep.base.frames.first()
-        )));
-    }
+/// Compares settings of the simulation of a preset called `name`.
+pub(super) fn tradeoff(
+    args: &TradeoffArgs,
+    name: &str,
+    preset: &Preset,
+    base: Overrides,
+    control: Control,
+) -> Result<(), RunError> {
+    let sweep = request(args, base).sweep(Subject::Liquid, Ground::Preset(preset))?;
+    let selection = frames(args, &sweep.base)?;
     let by = match args.by {
         None | Some(Judge::Density) => By::Density,
         Some(Judge::Energy) => By::Energy,
         Some(Judge::Observable) => By::Observable,
         Some(other) => {
-            return Err(not_judged(other, "density, energy or observable; the others are for --surface"));
+            return Err(not_judged(
+                other,
+                "density, energy or observable; the others are for smoke or --surface",
+            ));
         }
     };
     if args.dry_run {
-        return dry_run(&sweep, &selection);
+        let spacing = |scene: &Scene| scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
+        return dry_run(&sweep, &selection, spacing);
     }
     refuse_to_replace(args)?;
     let folder = folder(args, &preset.name);
@@ -77,47 +71,6 @@ impl Tell for Table {
     fn comment(&self, place: usize) -> String {
         comment(self, place)
     }
-}
-
-/// The one preset that was named.
-fn preset_name(args: &TradeoffArgs) -> Result<&String, RunError> {
-    let for_surfaces = [("--spacing", args.spacing.is_some()), ("--max-memory", args.max_memory.is_some())];
-    if let Some((flag, _)) = for_surfaces.iter().find(|(_, given)| *given) {
-        return Err(RunError::Request(format!(
-            "{flag}: found no --surface, which it is for; add it or leave it out"
-        )));
-    }
-    match &args.inputs[..] {
-        [folder] if Path::new(folder).is_dir() && scene::builtin::get(folder).is_none() => {
-            Err(RunError::Request(format!(
-                "{folder}: found a folder, expected a preset; add --surface to compare surfaces of the particles in it"
-            )))
-        }
-        [preset] => Ok(preset),
-        several => Err(RunError::Request(format!(
-            "found {} inputs, expected one preset; add --surface to compare surfaces of particle files",
-            several.len()
-        ))),
-    }
-}
-
-/// The frames compared if none are named: one second, or what the shot has.
-fn first_frames(scene: &Scene) -> Frames {
-    let first = scene.frames.first();
-    let second = first.0.saturating_add(scene.fps.ceil() as u32 - 1).max(first.0 + 1);
-    let last = scene.frames.last().0.min(second);
-    Frames::from_first_to_last(first, crate::frame::FrameIndex(last)).expect("a second has frames")
-}
-
-/// Lists the runs.
-fn dry_run(sweep: &Sweep, selection: &Frames) -> Result<(), RunError> {
-    print(&format!("{}, frames {selection}: {} runs", sweep.base.title, sweep.rows.len() + 2))?;
-    references(sweep).iter().try_for_each(|line| print(line))?;
-    for (place, (setting, scene)) in sweep.rows.iter().enumerate() {
-        let spacing = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
-        print(&format!("{:>3}  {}  (spacing {spacing} m)", place + 1, setting.label))?;
-    }
-    Ok(())
 }
 
 /// What people read: a line a setting, then how to read it.

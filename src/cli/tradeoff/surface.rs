@@ -2,7 +2,7 @@
 
 use super::{
     Tell, at_least, conclude, drawn, flags, folder, maybe, not_judged, one_line, percent, references,
-    refuse_to_replace, seconds, short, start_over,
+    refuse_to_replace, request, seconds, short, start_over,
 };
 use crate::{
     cli::{
@@ -16,7 +16,7 @@ use crate::{
     run::{
         self, Control, RunError, ShotFolder, Source,
         tradeoff::{
-            Ground, Request, Subject, Sweep, rows,
+            Ground, Subject, Sweep, rows,
             surface::{self, By, Job, Line, Table},
         },
     },
@@ -45,9 +45,7 @@ pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunE
     };
     input.check(args, &ground)?;
     let base = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
-    let request =
-        Request { base, vary: args.vary.clone(), reference: args.reference.clone(), tiers: args.tiers };
-    let sweep = request.sweep(Subject::Surface, ground)?;
+    let sweep = request(args, base).sweep(Subject::Surface, ground)?;
     let by = by(args.by)?;
     if !args.dry_run {
         refuse_to_replace(args)?;

@@ -2,7 +2,8 @@
 //!
 //! *Method*: every setting of a sweep (`sweep`) is run on the same frames, and so is a reference that is finer than all
 //! of them (`knobs`) and a refinement of that. The Pareto front and its knee ([`pareto`]) name the settings to consider.
-//! What is run and compared is the simulation ([`liquid`]) or the surfaces of particles that are there ([`surface`]).
+//! What is run and compared is the simulation of a liquid ([`liquid`]) or of smoke ([`smoke`]), whose runs are kept by `runs`, or
+//! the surfaces of particles that are there ([`surface`]).
 
 mod knobs;
 pub mod liquid;
@@ -10,6 +11,7 @@ mod page;
 pub mod pareto;
 mod plot;
 mod runs;
+pub mod smoke;
 pub mod surface;
 mod sweep;
 

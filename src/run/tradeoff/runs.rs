@@ -15,8 +15,11 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// What is measured of a run, beside what it cost.
-pub(super) trait Measure: Sized + Serialize + DeserializeOwned {
+/// How a run is measured, beside what it cost.
+pub(super) trait Measure {
+    /// What comes out.
+    type Found: Serialize + DeserializeOwned;
+
     /// Raised when rows hold something else, so that older ones are run again; with the subject's name.
     const VERSION: &str;
 
@@ -24,7 +27,12 @@ pub(super) trait Measure: Sized + Serialize + DeserializeOwned {
     ///
     /// # Errors
     /// If it cannot be read, or measured.
-    fn measure(place: &Place<'_>, shot: &ShotFolder, control: Control) -> Result<Self, RunError>;
+    fn measure(
+        &self,
+        place: &Place<'_>,
+        shot: &ShotFolder,
+        control: Control,
+    ) -> Result<Self::Found, RunError>;
 }
 
 /// What a run cost and what came out.
@@ -75,15 +83,15 @@ pub(super) struct Run<'a, F> {
 impl<'a> Place<'a> {
     /// The place of a run below `root`: its name is a hash of all that decides the result and its time. `decisive` is what
     /// decides it beside the simulation.
-    pub(super) fn new<F: Measure>(root: &Path, scene: &'a Scene, last: FrameIndex, decisive: &str) -> Self {
-        let (tool, version, threads) = (env!("CARGO_PKG_VERSION"), F::VERSION, par::threads());
+    pub(super) fn new<M: Measure>(root: &Path, scene: &'a Scene, last: FrameIndex, decisive: &str) -> Self {
+        let (tool, version, threads) = (env!("CARGO_PKG_VERSION"), M::VERSION, par::threads());
         let text = format!("{version} {tool} {} {last} {decisive} {threads}", scene.simulation_key());
         let key = xxh3_64(text.as_bytes());
         Self { scene, last, folder: root.join("rows").join(format!("{key:016x}")) }
     }
 
     /// The row that an earlier run left here.
-    fn load<F: Measure>(&self) -> Option<Row<F>> {
+    fn load<F: DeserializeOwned>(&self) -> Option<Row<F>> {
         serde_json::from_str(&std::fs::read_to_string(self.folder.join("row.json")).ok()?).ok()
     }
 
@@ -91,13 +99,18 @@ impl<'a> Place<'a> {
     ///
     /// # Errors
     /// Whatever stops a simulation, but for divergence, which is a result.
-    fn complete<F: Measure>(&self, repeats: usize, control: Control) -> Result<(Row<F>, bool), RunError> {
-        let enough = |row: &Row<F>| row.diverged.is_some() || row.seconds.len() >= repeats;
+    fn complete<M: Measure>(
+        &self,
+        repeats: usize,
+        how: &M,
+        control: Control,
+    ) -> Result<(Row<M::Found>, bool), RunError> {
+        let enough = |row: &Row<M::Found>| row.diverged.is_some() || row.seconds.len() >= repeats;
         let loaded = self.load();
         let kept = loaded.as_ref().is_some_and(enough);
         let mut row = match loaded {
             Some(row) => row,
-            None => self.first(control)?,
+            None => self.first(how, control)?,
         };
         while !enough(&row) {
             self.again(&mut row, control)?;
@@ -106,14 +119,14 @@ impl<'a> Place<'a> {
     }
 
     /// Simulates, measures, keeps the figures, and gives the frames up.
-    fn first<F: Measure>(&self, control: Control) -> Result<Row<F>, RunError> {
+    fn first<M: Measure>(&self, how: &M, control: Control) -> Result<Row<M::Found>, RunError> {
         let shot = ShotFolder::new(&self.folder);
         let (peak, meter) = (Peak::since_now(), Meter::new());
         let (done, diverged) = self.simulate(&shot, false, control)?;
         let (cpu, memory) = (meter.cpu(), peak.bytes());
         let whole = done.is_some_and(|done| done.kept == 0);
         let row = Row {
-            found: F::measure(self, &shot, control)?,
+            found: how.measure(self, &shot, control)?,
             seconds: vec![log::seconds(&shot)?],
             cpu_seconds: cpu.filter(|_| whole).into_iter().collect(),
             memory,
@@ -126,7 +139,7 @@ impl<'a> Place<'a> {
     }
 
     /// Runs it once more for the time.
-    fn again<F: Measure>(&self, row: &mut Row<F>, control: Control) -> Result<(), RunError> {
+    fn again<F: Serialize>(&self, row: &mut Row<F>, control: Control) -> Result<(), RunError> {
         let shot = ShotFolder::new(self.folder.join("again"));
         let meter = Meter::new();
         self.simulate(&shot, true, control)?;
@@ -162,7 +175,7 @@ impl<'a> Place<'a> {
         }
     }
 
-    fn keep<F: Measure>(&self, row: &Row<F>) -> Result<(), RunError> {
+    fn keep<F: Serialize>(&self, row: &Row<F>) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(row).expect("a row is plain data") + "\n";
         ShotFolder::write(self.folder.join("row.json"), &text)
     }
@@ -172,17 +185,18 @@ impl<'a> Place<'a> {
 ///
 /// # Errors
 /// Whatever stops a simulation, but for divergence, which is a result.
-pub(super) fn complete<'a, F: Measure>(
+pub(super) fn complete<'a, M: Measure>(
     wanted: Vec<Wanted<'a>>,
+    how: &M,
     control: Control,
-) -> Result<Vec<Run<'a, F>>, RunError> {
+) -> Result<Vec<Run<'a, M::Found>>, RunError> {
     let count = wanted.len();
     let mut runs = Vec::with_capacity(count);
     control.reporter.begin("tradeoff", count);
     for (number, Wanted { setting, place, repeats }) in wanted.into_iter().enumerate() {
         let frames = f64::from(place.last.0 - place.scene.frames.first().0 + 1);
         let part = Part { whole: control.reporter, number, scale: 1.0 / frames };
-        let (row, kept) = place.complete::<F>(repeats, Control { reporter: &part, ..control })?;
+        let (row, kept) = place.complete(repeats, how, Control { reporter: &part, ..control })?;
         let what = match (&row.diverged, kept) {
             (Some(why), _) => why.clone(),
             (None, true) => "was there".into(),

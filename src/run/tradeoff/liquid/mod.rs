@@ -30,7 +30,7 @@ use crate::{
     sim::Observable,
 };
 use compare::{curves, horizon, position};
-use row::{Figures, Row, show_the_same};
+use row::{Figures, Particles, Row, show_the_same};
 use serde::Serialize;
 use std::path::Path;
 
@@ -199,11 +199,11 @@ pub fn tradeoff(
     let all = [&sweep.reference, &sweep.refined].into_iter().chain(&sweep.rows);
     let wanted = all.enumerate().map(|(number, (setting, scene))| {
         let surface = serde_json::to_string(&scene.surface).expect("settings are plain data");
-        let place = Place::new::<Figures>(folder, scene, selection.last(), &surface);
+        let place = Place::new::<Particles>(folder, scene, selection.last(), &surface);
         // The reference and its refinement are wanted for their frames, not for their time.
         Wanted { setting, place, repeats: if number < 2 { 1 } else { repeats } }
     });
-    let runs = runs::complete(wanted.collect(), control)?;
+    let runs = runs::complete(wanted.collect(), &Particles, control)?;
     tabulate(sweep, selection, &runs, by)
 }
 

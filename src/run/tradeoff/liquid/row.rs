@@ -53,14 +53,19 @@ pub(super) fn show_the_same(a: &Row, b: &Row) -> bool {
 /// to 2 %.
 const KEPT_PARTICLES: usize = 4096;
 
-impl Measure for Figures {
+/// Measures runs of a liquid.
+pub(super) struct Particles;
+
+impl Measure for Particles {
+    type Found = Figures;
+
     const VERSION: &str = "liquid 2";
 
-    fn measure(place: &Place<'_>, shot: &ShotFolder, control: Control) -> Result<Self, RunError> {
+    fn measure(&self, place: &Place<'_>, shot: &ShotFolder, control: Control) -> Result<Figures, RunError> {
         let samples = place.folder.join("sample");
         ShotFolder::create(&samples)?;
         let logged: Vec<log::Logged> = log::read(shot)?;
-        let mut found = Self {
+        let mut found = Figures {
             particles: 0,
             spacing: place.scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing),
             frames: Vec::new(),
