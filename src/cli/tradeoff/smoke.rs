@@ -148,7 +148,11 @@ fn describe(table: &Table) -> String {
         if let Some(why) = &line.diverged {
             text += &format!("\ndiverged    {}: {why}", place + 1);
         } else if let Some(first) = line.same_as {
-            text += &format!("\nsame        {} moves as {}: only its volumes differ", place + 1, first + 1);
+            text += &format!(
+                "\nsame        {} moves as {}: if anything, its volumes differ",
+                place + 1,
+                first + 1
+            );
         }
         if line.capped > 0 {
             text += &format!("\nnote        {}: {} steps were longer than asked for", place + 1, line.capped);

@@ -123,7 +123,7 @@ pub struct Line {
     pub apart: Apart,
     /// Why and where the run ended early.
     pub diverged: Option<String>,
-    /// The first line of the same simulation, if another is: only their volumes differ.
+    /// The first line whose smoke moved the same way to the last digit, if another's did: if anything, volumes differ.
     pub same_as: Option<usize>,
     /// Whether nothing beats it, by the chosen error.
     pub front: bool,
@@ -299,7 +299,10 @@ fn tabulate(
     };
     let mut lines = Vec::new();
     for (number, made) in rows.iter().enumerate() {
-        let is_same = |other: &Made<'_>| other.run.place.folder == made.run.place.folder;
+        let is_same = |other: &Made<'_>| {
+            let (a, b) = (&other.run.row, &made.run.row);
+            a.diverged.is_none() && b.diverged.is_none() && a.found.frames == b.found.frames
+        };
         let same_as = rows[..number].iter().position(is_same);
         lines.push(Line { apart: against(made)?, same_as, ..at(made) });
     }
