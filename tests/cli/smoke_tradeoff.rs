@@ -67,10 +67,9 @@ fn a_table_a_plot_and_a_preset_come_out_of_smoke() {
     assert_eq!(fs::read_to_string(desk.path("t/tradeoff.csv")).unwrap().lines().count(), 1 + 3 + 2);
     assert!(fs::read_to_string(desk.path("t/tradeoff.html")).unwrap().contains("<svg"));
     desk.run("simulate best.toml --frames 1-2", 0);
-    assert!(
-        fs::read_to_string(desk.path("best.toml")).unwrap().contains("sample_every = 10"),
-        "the preset's own"
-    );
+    let best = fs::read_to_string(desk.path("best.toml")).unwrap();
+    assert!(best.contains("sample_every = 10"), "the preset's own");
+    assert_eq!(best.matches("\nspacing = 0.06\n").count(), 2, "the lattice follows the smoke\n{best}");
 
     // What is kept gives the same table to the last digit, and another voxel simulates nothing.
     let first = table(&desk, LINE);

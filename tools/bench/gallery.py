@@ -52,7 +52,7 @@ def row(binary, preset, tier, frames, folder):
         str(record["frame"]),
         f"{wall:.0f} s" if wall < 99.5 else f"{round(wall) // 60} min {round(wall) % 60} s",
         f"{memory / 2**20:.0f} MiB",
-        *(f"{held / 1e6:,.0f} MB".replace(",", " ") for held in sizes),
+        *(f"{held / 1e6:,.{int(held < 1e7)}f} MB".replace(",", " ") for held in sizes),
     ]
     return "| " + " | ".join(cells) + " |"
 

@@ -253,18 +253,25 @@ pub fn tradeoff(
         .chain([&sweep.reference, &sweep.refined])
         .map(|(setting, scene)| (setting, alone(scene)))
         .collect();
+    // The reference and its refinement are wanted for their frames, not for their time.
+    let often = |number: usize| if number < sweep.rows.len() { repeats } else { 1 };
     let wanted = all.iter().enumerate().map(|(number, (setting, scene))| Wanted {
         setting,
         place: Place::new::<Smoky>(folder, scene, selection.last(), &cell.to_string()),
-        // The reference and its refinement are wanted for their frames, not for their time.
-        repeats: if number < sweep.rows.len() { repeats } else { 1 },
+        repeats: often(number),
     });
     let runs = runs::complete(wanted.collect(), &Smoky { cell }, control)?;
-    let made: Result<Vec<Made<'_>>, RunError> = runs
-        .into_iter()
-        .map(|run| Ok(Made { grids: grids::complete(&run.place, &run.row, repeats, control)?, run }))
-        .collect();
-    tabulate(sweep, selection, &made?, cell, by)
+
+    // A volume of the last frame of each.
+    control.reporter.begin("volumes", runs.len());
+    let mut made = Vec::with_capacity(runs.len());
+    for (number, run) in runs.into_iter().enumerate() {
+        let grids = grids::complete(&run.place, &run.row, often(number), control)?;
+        made.push(Made { run, grids });
+        control.reporter.progress((number + 1) as f64);
+    }
+    control.reporter.end();
+    tabulate(sweep, selection, &made, cell, by)
 }
 
 /// The smoke of a scene, whose error is sampled in every frame.
