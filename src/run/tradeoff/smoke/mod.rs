@@ -5,7 +5,7 @@
 //! at all (`compare`). The velocity is also compared with the sum over all pairs, at sampled vortons of every frame, and the
 //! volume of the last frame with the sum over its tracers (`grids`): these two errors need no reference.
 //!
-//! Turbulent smoke is chaotic, so nothing is compared tracer by tracer: densities on a lattice of [`CELL`] spacings, where the
+//! Turbulent smoke is chaotic, so nothing is compared tracer by tracer: densities on a lattice of two spacings, where the
 //! smoke is as a whole, and what its motion keeps.
 //!
 //! Limits: a measure of places says nothing of swirls smaller than the lattice's cells.
