@@ -157,6 +157,7 @@ pub(super) struct PlanArgs {
         meniscus tradeoff shot.toml --vary liquid.cfl=0.2,0.4,0.8 --vary liquid.density_dev=0.3%,1%,3%\n  \
         meniscus tradeoff shot.toml --time 2h --write tonight.toml    the most exact that is done in two hours\n  \
         meniscus tradeoff shot.toml --dev 0.5%                    the fastest that is exact to 0.5 %\n  \
+        meniscus tradeoff smoke-ring --quality draft              smoke: error, method, steps, cores, voxel\n  \
         meniscus tradeoff my-shot --surface --vary surface.voxel=0.25,0.5,1 --vary 'surface.smoothing=none,{}'\n  \
         meniscus tradeoff 'frame_####.bgeo' --surface --spacing 0.05 --frames 40,80"
 )]
@@ -170,13 +171,18 @@ pub(super) struct TradeoffArgs {
     #[arg(long)]
     pub(super) surface: bool,
 
+    /// Compare the smoke of a shot that has a liquid too; shots of smoke alone need not say so
+    #[arg(long, conflicts_with = "surface")]
+    pub(super) smoke: bool,
+
     /// The folder for runs, table and plot; by default the input's name with -tradeoff, in the current folder
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
 
     /// A key of the preset and the values to try: `liquid.cfl=0.2,0.4`. Repeated: every combination. Keys joined by +
     /// vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. A table comes and goes: `surface.smoothing=none,{}`.
-    /// By default the solver's accuracy and the length of its steps; of surfaces the voxel and the order of the distance
+    /// By default the solver's accuracy and the length of its steps; of surfaces the voxel and the order of the distance; of
+    /// smoke the error, the method, the steps, the cores and the voxel, one by one
     #[arg(long, value_name = "KEY=A,B,…")]
     pub(super) vary: Vec<Vary>,
 
@@ -197,8 +203,8 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "TIME", value_parser = time)]
     pub(super) time: Option<f64>,
 
-    /// Choose the fastest setting whose density deviates by at most this on average: `0.5%`; of surfaces, that is off by at
-    /// most this part of a particle spacing (RMS)
+    /// Choose the fastest setting whose density deviates by at most this on average: `0.5%`; of smoke, at most this share of which
+    /// is elsewhere than the reference's; of surfaces, that is off by at most this part of a particle spacing (RMS)
     #[arg(long, value_name = "DEVIATION", value_parser = fraction)]
     pub(super) dev: Option<f64>,
 
@@ -246,12 +252,22 @@ pub(super) struct TradeoffArgs {
 /// The error that decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(super) enum Judge {
-    /// How far from incompressible
+    /// How far from incompressible; of smoke: the share that is elsewhere than the reference's
     Density,
-    /// Mechanical energy against the reference
+    /// Energy against the reference
     Energy,
     /// What the preset's [tradeoff] names, against the reference
     Observable,
+    /// Of smoke: its centre against the reference's
+    Center,
+    /// Of smoke: its size against the reference's
+    Extent,
+    /// Of smoke: impulse of the air against the reference
+    Impulse,
+    /// Of smoke: the velocity against the sum over all pairs
+    Velocity,
+    /// Of smoke: the volume's density between nodes, for the time that volumes take alone
+    Voxel,
     /// Of surfaces: distance from the reference's, RMS
     Distance,
     /// Of surfaces: largest distance from the reference's

@@ -14,7 +14,7 @@ mod velocity;
 
 pub use active::coarse_step;
 pub use anisotropy::Anisotropy;
-pub use carried::{Carried, CarriedParams, carried};
+pub use carried::{Carried, CarriedParams, carried, carried_at};
 pub use density::{Density, DensityParams, bricks_near_surface, density};
 pub use threshold::surface_threshold;
 pub use velocity::{Velocity, velocity};

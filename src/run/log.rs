@@ -3,9 +3,9 @@
 use super::{RunError, ShotFolder};
 use crate::{
     frame::FrameIndex,
-    sim::{FrameRecord, smoke::SmokeRecord},
+    sim::{FrameRecord, smoke::SmokeRecord, vortex::Invariants},
 };
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{fs::OpenOptions, io::Write};
 
 /// One line of the log.
@@ -51,19 +51,56 @@ pub(super) struct Logged {
     pub kinetic_energy: f64,
     /// Potential energy [J]; its zero is at the world's origin.
     pub potential_energy: f64,
-    /// Wall-clock time of every pass [s].
-    seconds: Vec<(String, f64)>,
 }
 
-impl Logged {
-    /// Wall-clock time of the frame [s].
-    pub(super) fn seconds(&self) -> f64 {
-        self.seconds.iter().map(|(_, seconds)| seconds).sum()
+/// What a line tells of smoke, for jobs that read it back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct LoggedSmoke {
+    /// The frame.
+    pub frame: FrameIndex,
+    /// The frame's file [bytes].
+    pub bytes: u64,
+    /// The smoke.
+    pub smoke: Smoke,
+}
+
+/// The part of a [`SmokeRecord`] that jobs read back; what each is, is said there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Smoke {
+    /// Steps taken.
+    pub substeps: u32,
+    /// Steps longer than the limits ask for.
+    pub capped: u32,
+    /// Strengths cut.
+    pub clamped: u64,
+    /// Vortons at the end.
+    pub vortons: u64,
+    /// Tracers at the end.
+    pub tracers: u64,
+    /// What motion keeps.
+    pub invariants: Invariants,
+    /// The sampled error of the velocity.
+    pub error: Option<f64>,
+}
+
+/// Wall-clock time of the passes of all logged frames [s].
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn seconds(folder: &ShotFolder) -> Result<f64, RunError> {
+    #[derive(Deserialize)]
+    struct Timed {
+        seconds: Vec<(String, f64)>,
     }
+    let lines: Vec<Timed> = read(folder)?;
+    Ok(lines.iter().flat_map(|line| &line.seconds).map(|(_, seconds)| seconds).sum())
 }
 
 /// Every line of the folder's log; none if there is no log.
-pub(super) fn read(folder: &ShotFolder) -> Result<Vec<Logged>, RunError> {
+///
+/// # Errors
+/// If it cannot be read, or a line is not what is looked for.
+pub(super) fn read<L: DeserializeOwned>(folder: &ShotFolder) -> Result<Vec<L>, RunError> {
     let text = match std::fs::read_to_string(folder.log()) {
         Err(absent) if absent.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         read => read.map_err(|source| fail(folder, source))?,

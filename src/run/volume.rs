@@ -16,7 +16,7 @@ use crate::{
         vdb::{self, VolumeGrid, VolumeParams},
     },
     field::Anisotropy,
-    frame::{FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream},
     mesh::{self, DistanceParams, SurfaceError, SurfaceParams},
     scene::Scene,
     sim::{
@@ -25,7 +25,7 @@ use crate::{
     },
 };
 use serde::Serialize;
-use std::time::Instant;
+use std::{path::Path, time::Instant};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a volume holds gives the same particles and settings another file. Changes of the
@@ -331,6 +331,44 @@ pub(super) fn no_air(why: &SetupError) -> String {
         SetupError::Unfit(unfit) => format!("the air cannot be told: {unfit}; simulate the shot again"),
         why => why.to_string(),
     }
+}
+
+/// What the volume of a frame took.
+pub(super) struct Tried {
+    /// The file [bytes].
+    pub(super) bytes: u64,
+    /// Wall-clock time [s].
+    pub(super) seconds: f64,
+}
+
+/// Makes the volume of the smoke of a frame below `folder`, only to see what that takes. `None` if there is none to make.
+///
+/// # Errors
+/// As [`write_smoke`].
+pub(super) fn try_smoke(
+    frame: &Frame,
+    settings: &VolumeSettings,
+    folder: &Path,
+    control: Control,
+) -> Result<Option<Tried>, RunError> {
+    let wanted: Vec<_> =
+        settings.grids.iter().copied().filter(|grid| VolumeGrid::SMOKE.contains(grid)).collect();
+    let (Some(Surroundings { smoke: around, world }), Some(tracers), false) =
+        (&settings.smoke, frame.stream(TRACERS), wanted.is_empty())
+    else {
+        return Ok(None);
+    };
+    let start = Instant::now();
+    let air = FrameAir::of(around, world, &frame.streams, frame.time)?;
+    let spacing = around.params.tracer_spacing();
+    let shown = SmokeFrame { tracers, air: Some(&air), spacing, wanted: &wanted, slower: 1.0 };
+    let out = ShotFolder::new(folder);
+    ShotFolder::create(&out.volumes())?;
+    let target = Target { index: frame.index, name: smoke::NAME.into(), key: 0 };
+    let mut made = Made::new(frame.index);
+    write_smoke(&out, settings, shown, &target, &mut made, control)?;
+    let bytes = made.pieces.iter().filter_map(|piece| piece.work.as_ref()).map(|work| work.bytes).sum();
+    Ok(Some(Tried { bytes, seconds: start.elapsed().as_secs_f64() }))
 }
 
 /// The output that the volume of a target belongs to, with its frame alone.

@@ -219,6 +219,9 @@ fn interpret(root: &Node, model: &model::Field, home: &Home, findings: &mut Vec<
     {
         liquid.density_dev = Some(LiquidParams::DEFAULT_DENSITY_DEV);
     }
+    if let Some(smoke) = &mut scene.smoke {
+        smoke.settle();
+    }
     let mut wrong = meaning::check(&scene, &checked.places);
     wrong.extend(assets::check(&scene, home, &checked.places));
     let fine = wrong.is_empty();

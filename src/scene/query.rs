@@ -3,6 +3,7 @@
 use super::{
     Scene,
     model::{self, Field, Key, Kind},
+    smoke::estimate,
 };
 use serde_json::Value as Json;
 
@@ -15,6 +16,12 @@ impl Scene {
             absent(keys, &values, "", &mut found);
         }
         found
+    }
+
+    /// Whether the smoke begins with at most so many vortons and tracers, as far as the preset tells; smoke of emitters and meshes
+    /// is not counted.
+    pub fn few_vortons(&self, most: f64) -> bool {
+        self.smoke.as_ref().is_some_and(|smoke| estimate(smoke, 0.0) <= most)
     }
 
     /// The value at a dotted key, in SI; `None` if the key is absent or unknown. Lists count from 0.

@@ -7,7 +7,11 @@ use super::{
     problem::Finding,
 };
 use crate::{
-    sim::{SetupError, smoke::SmokeParams},
+    sim::{
+        SetupError,
+        smoke::SmokeParams,
+        vortex::{Way, flow::Sum},
+    },
     solid::Shape,
 };
 
@@ -74,7 +78,21 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
             findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
         }
     }
+    check_sum(smoke, places, findings);
     check_planes(scene, places, findings);
+}
+
+/// Whether the lattice can be asked for the error.
+fn check_sum(smoke: &SmokeParams, places: &Places, findings: &mut Vec<Finding>) {
+    let (flow, key) = (&smoke.flow, "smoke.flow.error");
+    let errors = Way::Sine.errors(flow.kernel);
+    if flow.sum != Sum::Grid || errors.contains(&flow.error) {
+        return;
+    }
+    let message =
+        format!("`sum = \"grid\"` with this kernel cannot be asked for an error below {}", errors.start());
+    let finding = Finding::new(places.of(key), key, message, format!("found {}", flow.error));
+    findings.push(finding.with_help("ask for a larger `error`, or write `sum = \"tree\"`"));
 }
 
 /// Whether air can be kept out of the planes among the colliders.
@@ -124,7 +142,7 @@ pub(super) fn refuse_too_much(smoke: &SmokeParams, seconds: f64) -> Result<(), S
 }
 
 /// About how many vortons and tracers the smoke has after some seconds, at most; meshes that are not filled are not counted.
-fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
+pub(super) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
     let (h, s) = (f64::from(smoke.spacing), f64::from(smoke.tracer_spacing()));
     let core = |length: f64, thickness: f32, density: f32| {
         let area = std::f64::consts::PI * f64::from(thickness).powi(2);

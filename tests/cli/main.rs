@@ -11,6 +11,7 @@ mod shot;
 mod smoke;
 mod smoke_again;
 mod smoke_faults;
+mod smoke_tradeoff;
 mod solids;
 mod surface_extremes;
 mod surface_tradeoff;

@@ -263,3 +263,35 @@ fn a_plan_tells_what_smoke_needs() {
     desk.run("plan plume.toml --max-memory 1MiB", 33);
     desk.run("simulate plume.toml --max-memory 1MiB -o never", 33);
 }
+
+#[test]
+fn smoke_that_calibration_runs_to_its_end_takes_what_was_told() {
+    let desk = desk();
+    let (json, _) = desk.run("plan plume.toml --json --progress none", 0);
+    let told: serde_json::Value = serde_json::from_str(&json).unwrap();
+    desk.run("shot plume.toml -o plume", 0);
+    let records: Vec<serde_json::Value> = fs::read_to_string(desk.path("plume/log.jsonl"))
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    let number = |value: &serde_json::Value| value.as_f64().unwrap();
+    let steps: f64 = records.iter().map(|record| number(&record["smoke"]["substeps"])).sum();
+    assert_eq!(number(&told["substeps"]), steps);
+    let last = &records.last().unwrap()["smoke"];
+    for name in ["vortons", "tracers"] {
+        assert_eq!(number(&told["smoke"][name][1]), number(&last[name]), "{name}");
+    }
+    let size = |folder: &str| desk.bytes(folder).iter().map(|(_, bytes)| bytes.len() as f64).sum::<f64>();
+    // The start is stored too, and only one volume of eight is made.
+    for (told, found, part) in [
+        (number(&told["cache"]), size("plume/cache"), 0.25),
+        (number(&told["smoke"]["volumes"]), size("plume/volume"), 0.6),
+    ] {
+        assert!((told / found - 1.0).abs() < part, "told {told}, found {found}");
+    }
+    assert!(
+        number(&told["seconds"]) > 0.0 && told["smoke"]["remarks"].as_array().unwrap().is_empty(),
+        "{told}"
+    );
+}

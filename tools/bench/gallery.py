@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Runs every built-in preset in every tier and prints the README's table of presets.
 
-    tools/bench/gallery.py                        everything: simulate and mesh, about half an hour on two cores
+    tools/bench/gallery.py                        everything: simulate, mesh and write volumes, about an hour on two cores
     tools/bench/gallery.py dam-break --tiers draft,preview
+    tools/bench/gallery.py smoke-ring --tiers draft --frames 1-4
     tools/bench/gallery.py --keep shots           leaves the shots there, to render pictures from
 
 Needs the release binary, Python's standard library, and a machine that does nothing else.
@@ -27,14 +28,20 @@ def presets(binary):
     return [line.split()[0] for line in listed.splitlines() if line.strip()]
 
 
-def row(binary, preset, tier, folder):
-    """One line of the table."""
+def size(folder):
+    """The bytes of the files in a folder; none if it is not there."""
+    return sum(file.stat().st_size for file in folder.iterdir()) if folder.is_dir() else 0
+
+
+def row(binary, preset, tier, frames, folder):
+    """One line of the table. Particles of smoke are vortons and tracers."""
     shot = folder / f"{preset}-{tier}"
-    wall, _, memory = run([binary, "shot", preset, "--quality", tier, "-o", shot, "--progress", "none"])
+    chosen = ["--frames", frames] if frames else []
+    wall, _, memory = run([binary, "shot", preset, "--quality", tier, *chosen, "-o", shot, "--progress", "none"])
     records = [json.loads(line) for line in (shot / "log.jsonl").read_text().splitlines()]
     record = max(records, key=lambda record: record.get("frame", 0))
     most = max(record.get("particles", 0) for record in records)
-    size = {name: sum(f.stat().st_size for f in (shot / name).iterdir()) for name in ("cache", "mesh")}
+    sizes = [size(shot / "cache"), size(shot / "mesh") + size(shot / "volume")]
     picture = PICTURE.format(preset)
     shown = tier == TIERS[0] and (ROOT / picture).exists()
     cells = [
@@ -45,7 +52,7 @@ def row(binary, preset, tier, folder):
         str(record["frame"]),
         f"{wall:.0f} s" if wall < 99.5 else f"{round(wall) // 60} min {round(wall) % 60} s",
         f"{memory / 2**20:.0f} MiB",
-        *(f"{size[name] / 1e6:,.0f} MB".replace(",", " ") for name in ("cache", "mesh")),
+        *(f"{held / 1e6:,.{int(held < 1e7)}f} MB".replace(",", " ") for held in sizes),
     ]
     return "| " + " | ".join(cells) + " |"
 
@@ -54,15 +61,16 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("presets", nargs="*", help="names (default all)")
     parser.add_argument("--tiers", default=",".join(TIERS))
+    parser.add_argument("--frames", help="only these, as the tool takes them")
     parser.add_argument("--keep", type=pathlib.Path, metavar="DIR", help="where the shots stay")
     parser.add_argument("--binary", default=ROOT / "target/release/meniscus")
     options = parser.parse_args()
-    print("| preset | | tier | particles | frames | simulate and mesh | peak memory | cache | meshes |")
+    print("| preset | | tier | particles | frames | simulate and write | peak memory | cache | meshes or volumes |")
     print("|---|---|---|---|---|---|---|---|---|")
     for preset in options.presets or presets(options.binary):
         for tier in options.tiers.split(","):
             with tempfile.TemporaryDirectory() as scratch:
-                print(row(options.binary, preset, tier, options.keep or pathlib.Path(scratch)), flush=True)
+                print(row(options.binary, preset, tier, options.frames, options.keep or pathlib.Path(scratch)), flush=True)
 
 
 if __name__ == "__main__":

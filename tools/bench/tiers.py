@@ -19,10 +19,13 @@ import shutil
 import statistics
 import subprocess
 import sys
+import tomllib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 # Beside the tiers, which differ in spacing and target. All that the tool varies by itself takes a quarter of an hour a preset.
-VARIED = ["liquid.density_dev=0.1%,0.3%,1%"]
+VARIED = {"liquid": ["liquid.density_dev=0.1%,0.3%,1%"], "smoke": ["smoke.flow.error=3e-3,1e-3,3e-4"]}
+# The error that front and knee go by: densities of liquids of different spacings cannot be compared, those of smoke can.
+JUDGE = {"liquid": "observable", "smoke": "density"}
 # CPU seconds over wall seconds and threads: 0.9 to 1 on an idle machine, so below this other work was under way.
 BUSY = 0.85
 
@@ -48,9 +51,10 @@ def measured(binary, preset, options):
 
 def table(binary, preset, options, force):
     """The table of a preset, as far as its rows are not there or `force` asks for them anew."""
-    line = [binary, "tradeoff", preset, "--tiers", "--by", "observable", "--json", "--output", options.rows / preset]
+    kind = system(binary, preset)
+    line = [binary, "tradeoff", preset, "--tiers", "--by", JUDGE[kind], "--json", "--output", options.rows / preset]
     line += ["--frames", options.frames, "--repeats", options.repeats, "--threads", options.threads]
-    line += [word for vary in options.vary or VARIED for word in ("--vary", vary)]
+    line += [word for vary in options.vary or VARIED[kind] for word in ("--vary", vary)]
     line += [word for key in options.set for word in ("--set", key)]
     line += ["--force"] if force else []
     done = subprocess.run([str(word) for word in line], stdout=subprocess.PIPE, text=True)
@@ -59,19 +63,22 @@ def table(binary, preset, options, force):
     return json.loads(done.stdout)
 
 
+def system(binary, preset):
+    """What the tiers of a preset are of."""
+    shown = subprocess.run([binary, "presets", "show", preset], stdout=subprocess.PIPE, text=True, check=True).stdout
+    return "liquid" if "liquid" in tomllib.loads(shown) else "smoke"
+
+
 def markdown(preset, found):
     """One preset's section."""
-    unit = "J/kg" if found["observable"] == "kinetic_energy" else "m"
-    known = found["uncertainty"]
+    introduction, heads, cells = (smoke if "cell" in found else liquid)(found)
     rows = [
         f"## {preset}",
         "",
-        f"Frames {found['frames']}, {found['threads']} threads. The reference differs from its own refinement by "
-        f"energy {percent(known['energy'])}, {found['observable']} {figure(known['observable'])} {unit}.",
+        f"Frames {found['frames']}, {found['threads']} threads. The reference differs from its own refinement by {introduction}.",
         "",
-        f"| setting | particles | seconds | CPU | whole shot | density, mean | density, largest | volume | energy | "
-        f"{found['observable']} [{unit}] | |",
-        "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|",
+        "| setting | " + " | ".join(heads) + " | |",
+        "|---|" + "--:|" * len(heads) + "---|",
     ]
     for place, line in enumerate(found["lines"] + [found["reference"]]):
         marks = ["reference"] if place == len(found["lines"]) else []
@@ -81,22 +88,66 @@ def markdown(preset, found):
         marks += ["disturbed"] if disturbed(line, found["threads"]) else []
         is_tier = any(word in ("draft", "preview", "final") for word in line["label"].split(" = "))
         name = f"**{line['label']}**" if is_tier else line["label"]
-        volume, cpu = line["volume_change"], line["cpu_seconds"]
-        cells = [
-            name,
-            f"{line['particles']:,}".replace(",", " "),
-            f"{line['seconds']['median']:.1f}",
-            "–" if cpu is None else f"{cpu['median']:.1f}",
-            f"{line['shot_seconds']:.0f} s",
+        rows.append("| " + " | ".join([name, *cells(line), ", ".join(marks)]) + " |")
+    return "\n".join(rows) + "\n"
+
+
+def times(line):
+    """What a setting took."""
+    cpu = line["cpu_seconds"]
+    return [
+        f"{line['seconds']['median']:.1f}",
+        "–" if cpu is None else f"{cpu['median']:.1f}",
+        f"{line['shot_seconds']:.0f} s",
+    ]
+
+
+def count(number):
+    return f"{number:,}".replace(",", " ")
+
+
+def liquid(found):
+    """How far the reference is from its refinement, the columns, and the cells of a line."""
+    unit = "J/kg" if found["observable"] == "kinetic_energy" else "m"
+    known = found["uncertainty"]
+
+    def cells(line):
+        volume = line["volume_change"]
+        return [
+            count(line["particles"]),
+            *times(line),
             percent(line["density_dev_avg"]),
             percent(line["density_dev_largest"]),
             "–" if volume is None else f"{100 * volume:+.1f} %",
             percent(line["apart"]["energy"], known["energy"]),
             figure(line["apart"]["observable"], known["observable"]),
-            ", ".join(marks),
         ]
-        rows.append("| " + " | ".join(cells) + " |")
-    return "\n".join(rows) + "\n"
+
+    heads = ["particles", "seconds", "CPU", "whole shot", "density, mean", "density, largest", "volume", "energy"]
+    apart = f"energy {percent(known['energy'])}, {found['observable']} {figure(known['observable'])} {unit}"
+    return apart, [*heads, f"{found['observable']} [{unit}]"], cells
+
+
+def smoke(found):
+    """The same of smoke."""
+    known = found["uncertainty"]
+    errors = {"density": "density", "center": "centre", "extent": "extent", "energy": "energy", "impulse": "impulse"}
+
+    def cells(line):
+        volume, memory = line["volume_seconds"], line["memory"]
+        return [
+            count(line["vortons"]),
+            count(line["tracers"]),
+            *times(line),
+            "–" if volume is None else f"{volume['median']:.2f}",
+            "–" if memory is None else f"{memory / 2**20:.0f}",
+            percent(line["velocity"]),
+            *(percent(line["apart"][key], known[key]) for key in errors),
+            percent(line["voxel"]),
+        ]
+
+    heads = ["vortons", "tracers", "seconds", "CPU", "whole shot", "s a volume", "MiB", "velocity", *errors.values(), "voxel"]
+    return ", ".join(f"{name} {percent(known[key])}" for key, name in errors.items()), heads, cells
 
 
 def figure(value, floor=None):
@@ -119,7 +170,7 @@ def main():
     parser.add_argument("--frames", default="1-24")
     parser.add_argument("--repeats", default=1, type=int)
     parser.add_argument("--threads", default=os.cpu_count(), type=int)
-    parser.add_argument("--vary", action="append", help="handed on to the tool; default: density_dev alone")
+    parser.add_argument("--vary", action="append", help="handed on to the tool; default: density_dev alone, of smoke the error")
     parser.add_argument("--set", action="append", default=[], help="handed on to the tool")
     parser.add_argument("--rows", default=ROOT / "target/tiers", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--force", action="store_true", help="measure everything again")
@@ -132,7 +183,8 @@ def main():
     parts = [
         "# What the tiers cost, and how exact they are\n\n"
         "Written by `tools/bench/tiers.py`; do not edit. How to read it: [tradeoff.md](tradeoff.md). Tiers are bold; front and\n"
-        "knee go by the observable, since densities of different spacings cannot be compared. Seconds are wall clock of the\n"
+        "knee go by the observable, since densities of different spacings cannot be compared; of smoke by the share that is elsewhere\n"
+        "than the reference's. Whole shots of smoke are with their volumes. Seconds are wall clock of the\n"
         "passes; CPU is that of the whole process, start and files included. *Disturbed*: less CPU than "
         f"{100 * BUSY:.0f} % of the\nthreads' time, so other work was under way and the seconds are too many.\n"
     ]

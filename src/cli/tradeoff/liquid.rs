@@ -1,55 +1,50 @@
 //! `meniscus tradeoff` of a liquid.
 
 use super::{
-    aligned, at_least, flags, folder, mark, maybe, no_knee, not_judged, one_line, percent, references,
-    refuse_to_replace, short, start_over, write_preset,
+    Tell, at_least, conclude, drawn, dry_run, flags, folder, frames, maybe, not_judged, one_line, percent,
+    refuse_to_replace, request, seconds, short, start_over,
 };
 use crate::{
     cli::{
         args::{Judge, TradeoffArgs},
         plan::duration,
-        print,
-        shot::quality,
     },
     run::{
         Control, RunError,
         tradeoff::{
-            Ground, Request, Subject, Sweep,
+            Ground, Subject,
             liquid::{self, By, Line, Table},
+            rows,
         },
     },
-    scene::{self, Frames, Overrides, Scene},
+    scene::{Overrides, Preset, Scene},
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-/// Compares settings of the simulation.
-pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunError> {
-    let name = preset_name(args)?;
-    let preset = scene::load(name)?;
-    let base = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
-    let request =
-        Request { base, vary: args.vary.clone(), reference: args.reference.clone(), tiers: args.tiers };
-    let sweep = request.sweep(Subject::Liquid, Ground::Preset(&preset))?;
-    let selection = match &args.frames {
-        Some(frames) => frames.clone(),
-        None => first_frames(&sweep.base),
-    };
-    if selection.last() <= sweep.base.frames.first() {
-        return Err(RunError::Request(format!(
-            "--frames {selection}: found no frame after the first, {}; expected some to compare, such as 1-24",
-            sweep.base.frames.first()
-        )));
-    }
+/// Compares settings of the simulation of a preset called `name`.
+pub(super) fn tradeoff(
+    args: &TradeoffArgs,
+    name: &str,
+    preset: &Preset,
+    base: Overrides,
+    control: Control,
+) -> Result<(), RunError> {
+    let sweep = request(args, base).sweep(Subject::Liquid, Ground::Preset(preset))?;
+    let selection = frames(args, &sweep.base)?;
     let by = match args.by {
         None | Some(Judge::Density) => By::Density,
         Some(Judge::Energy) => By::Energy,
         Some(Judge::Observable) => By::Observable,
         Some(other) => {
-            return Err(not_judged(other, "density, energy or observable; the others are for --surface"));
+            return Err(not_judged(
+                other,
+                "density, energy or observable; the others are for smoke or --surface",
+            ));
         }
     };
     if args.dry_run {
-        return dry_run(&sweep, &selection);
+        let spacing = |scene: &Scene| scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
+        return dry_run(&sweep, &selection, spacing);
     }
     refuse_to_replace(args)?;
     let folder = folder(args, &preset.name);
@@ -57,62 +52,25 @@ pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunE
         start_over(&folder)?;
     }
     let table = liquid::tradeoff(&sweep, &selection, &folder, args.repeats.get() as usize, by, control)?;
-    let files = liquid::write(&table, &folder)?;
-    if args.json {
-        print(&serde_json::to_string_pretty(&table).expect("a table is plain data"))?;
-    } else {
-        print(&describe(&table))?;
-        print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
-    }
-    let chosen = table.choose(args.time, args.dev)?;
-    if let Some(place) = chosen.filter(|_| !args.json) {
-        print(&advice(&table, place, args, name))?;
-    }
-    let Some(path) = &args.write else { return Ok(()) };
-    let place = chosen.ok_or_else(no_knee)?;
-    write_preset(path, &comment(&table, place), &sweep.rows[place].1.to_toml())?;
-    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
+    conclude(args, &sweep, &table, &folder, |place| advice(&table, place, args, name))
 }
 
-/// The one preset that was named.
-fn preset_name(args: &TradeoffArgs) -> Result<&String, RunError> {
-    let for_surfaces = [("--spacing", args.spacing.is_some()), ("--max-memory", args.max_memory.is_some())];
-    if let Some((flag, _)) = for_surfaces.iter().find(|(_, given)| *given) {
-        return Err(RunError::Request(format!(
-            "{flag}: found no --surface, which it is for; add it or leave it out"
-        )));
+impl Tell for Table {
+    fn describe(&self) -> String {
+        describe(self)
     }
-    match &args.inputs[..] {
-        [folder] if Path::new(folder).is_dir() && scene::builtin::get(folder).is_none() => {
-            Err(RunError::Request(format!(
-                "{folder}: found a folder, expected a preset; add --surface to compare surfaces of the particles in it"
-            )))
-        }
-        [preset] => Ok(preset),
-        several => Err(RunError::Request(format!(
-            "found {} inputs, expected one preset; add --surface to compare surfaces of particle files",
-            several.len()
-        ))),
-    }
-}
 
-/// The frames compared if none are named: one second, or what the shot has.
-fn first_frames(scene: &Scene) -> Frames {
-    let first = scene.frames.first();
-    let second = first.0.saturating_add(scene.fps.ceil() as u32 - 1).max(first.0 + 1);
-    let last = scene.frames.last().0.min(second);
-    Frames::from_first_to_last(first, crate::frame::FrameIndex(last)).expect("a second has frames")
-}
-
-/// Lists the runs.
-fn dry_run(sweep: &Sweep, selection: &Frames) -> Result<(), RunError> {
-    print(&format!("{}, frames {selection}: {} runs", sweep.base.title, sweep.rows.len() + 2))?;
-    references(sweep).iter().try_for_each(|line| print(line))?;
-    for (place, (setting, scene)) in sweep.rows.iter().enumerate() {
-        let spacing = scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
-        print(&format!("{:>3}  {}  (spacing {spacing} m)", place + 1, setting.label))?;
+    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError> {
+        liquid::write(self, folder)
     }
-    Ok(())
+
+    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
+        Table::choose(self, time, dev)
+    }
+
+    fn comment(&self, place: usize) -> String {
+        comment(self, place)
+    }
 }
 
 /// What people read: a line a setting, then how to read it.
@@ -131,19 +89,20 @@ fn describe(table: &Table) -> String {
         "positions",
         "",
     ];
-    let mut rows = vec![head.map(String::from).to_vec()];
     let repeated = table.lines.iter().any(|line| line.seconds.min < line.seconds.max);
-    for (place, line) in table.lines.iter().enumerate() {
-        let mark = mark(table.knee == Some(place), line.front);
-        rows.push(cells(&(place + 1).to_string(), line, table, repeated, mark));
-    }
-    rows.push(cells("", &table.reference, table, repeated, "reference"));
+    let rows = rows(
+        &table.lines,
+        &table.reference,
+        table.knee,
+        |line| line.front,
+        |number, line, mark| cells(number, line, table, repeated, mark),
+    );
     let mut text = format!(
         "{}, frames {}, {} threads\n\n{}\n",
         table.title,
         table.frames,
         table.threads,
-        aligned(&rows)
+        drawn(&head, rows)
     );
     let by = match table.by {
         By::Density => "density",
@@ -200,14 +159,10 @@ fn describe(table: &Table) -> String {
 fn cells(number: &str, line: &Line, table: &Table, repeated: bool, mark: &str) -> Vec<String> {
     let unit = table.observable.unit();
     let (apart, floor) = (line.apart, table.uncertainty);
-    let range = match repeated {
-        true => format!(" ({:.1}-{:.1})", line.seconds.min, line.seconds.max),
-        false => String::new(),
-    };
     vec![
         number.into(),
         line.label.clone(),
-        format!("{:.1}{range}", line.seconds.median),
+        seconds(&line.seconds, repeated, 1),
         duration(line.shot_seconds),
         percent(line.density_dev_avg),
         percent(line.density_dev_largest),

@@ -1,15 +1,96 @@
 //! `meniscus tradeoff`.
 
 mod liquid;
+mod smoke;
 mod surface;
 
-use super::args::{Judge, TradeoffArgs};
-use crate::run::{Control, RunError, ShotFolder, tradeoff::Sweep};
+use super::{
+    args::{Judge, TradeoffArgs},
+    print,
+    shot::quality,
+};
+use crate::{
+    frame::FrameIndex,
+    run::{
+        Control, RunError, ShotFolder,
+        tradeoff::{Request, Spread, Sweep},
+    },
+    scene::{self, Frames, Overrides, Scene},
+};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// Compares settings on the user's own shot.
 pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunError> {
-    if args.surface { surface::tradeoff(args, control) } else { liquid::tradeoff(args, control) }
+    if args.surface {
+        return surface::tradeoff(args, control);
+    }
+    let name = preset_name(args)?;
+    let preset = scene::load(name)?;
+    let base = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
+    let scene = Scene::from_preset(&preset, &base)?;
+    match (args.smoke, &scene.liquid, &scene.smoke) {
+        (true, _, None) => Err(RunError::Request(format!(
+            "--smoke: found no smoke in {}; leave it out to compare the liquid",
+            preset.name
+        ))),
+        (true, ..) | (_, None, Some(_)) => smoke::tradeoff(args, name, &preset, base, control),
+        _ => liquid::tradeoff(args, name, &preset, base, control),
+    }
+}
+
+/// The one preset that was named.
+fn preset_name(args: &TradeoffArgs) -> Result<&String, RunError> {
+    let for_surfaces = [("--spacing", args.spacing.is_some()), ("--max-memory", args.max_memory.is_some())];
+    if let Some((flag, _)) = for_surfaces.iter().find(|(_, given)| *given) {
+        return Err(RunError::Request(format!(
+            "{flag}: found no --surface, which it is for; add it or leave it out"
+        )));
+    }
+    match &args.inputs[..] {
+        [folder] if Path::new(folder).is_dir() && scene::builtin::get(folder).is_none() => {
+            Err(RunError::Request(format!(
+                "{folder}: found a folder, expected a preset; add --surface to compare surfaces of the particles in it"
+            )))
+        }
+        [preset] => Ok(preset),
+        several => Err(RunError::Request(format!(
+            "found {} inputs, expected one preset; add --surface to compare surfaces of particle files",
+            several.len()
+        ))),
+    }
+}
+
+/// The runs that were asked for.
+fn request(args: &TradeoffArgs, base: Overrides) -> Request {
+    Request { base, vary: args.vary.clone(), reference: args.reference.clone(), tiers: args.tiers }
+}
+
+/// The frames to compare: those named, or one second, or what the shot has.
+fn frames(args: &TradeoffArgs, scene: &Scene) -> Result<Frames, RunError> {
+    let first = scene.frames.first();
+    let second = first.0.saturating_add(scene.fps.ceil() as u32 - 1).max(first.0 + 1);
+    let last = scene.frames.last().0.min(second);
+    let selection = match &args.frames {
+        Some(frames) => frames.clone(),
+        None => Frames::from_first_to_last(first, FrameIndex(last)).expect("a second has frames"),
+    };
+    if selection.last() <= first {
+        return Err(RunError::Request(format!(
+            "--frames {selection}: found no frame after the first, {first}; expected some to compare, such as 1-24"
+        )));
+    }
+    Ok(selection)
+}
+
+/// Lists the runs of a simulation; `spacing` tells that of a scene [m].
+fn dry_run(sweep: &Sweep, selection: &Frames, spacing: impl Fn(&Scene) -> f32) -> Result<(), RunError> {
+    print(&format!("{}, frames {selection}: {} runs", sweep.base.title, sweep.rows.len() + 2))?;
+    references(sweep).iter().try_for_each(|line| print(line))?;
+    for (place, (setting, scene)) in sweep.rows.iter().enumerate() {
+        print(&format!("{:>3}  {}  (spacing {} m)", place + 1, setting.label, spacing(scene)))?;
+    }
+    Ok(())
 }
 
 /// The folder of runs, table and plot; by default named after what is compared.
@@ -53,12 +134,55 @@ fn references(sweep: &Sweep) -> Vec<String> {
     named.map(|setting| format!("     {}: {}", setting.label, setting.overrides.set.join(" "))).to_vec()
 }
 
-/// How a line is marked.
-fn mark(is_knee: bool, on_front: bool) -> &'static str {
-    match (is_knee, on_front) {
-        (true, _) => "knee",
-        (false, true) => "front",
-        _ => "",
+/// A finished table, whatever it compares, and how it is told.
+trait Tell: Serialize {
+    /// What people read: a line a setting, then how to read it.
+    fn describe(&self) -> String;
+    /// Writes it to the folder as files.
+    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError>;
+    /// The setting to use; see the tables.
+    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError>;
+    /// Where a preset of the setting at `place` comes from, as its first lines.
+    fn comment(&self, place: usize) -> String;
+}
+
+/// Tells the table, writes the files, and names the setting to use; `advice` says how.
+fn conclude(
+    args: &TradeoffArgs,
+    sweep: &Sweep,
+    table: &impl Tell,
+    folder: &Path,
+    advice: impl Fn(usize) -> String,
+) -> Result<(), RunError> {
+    let files = table.write(folder)?;
+    if args.json {
+        print(&serde_json::to_string_pretty(table).expect("a table is plain data"))?;
+    } else {
+        print(&table.describe())?;
+        print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
+    }
+    let chosen = table.choose(args.time, args.dev)?;
+    if let Some(place) = chosen.filter(|_| !args.json) {
+        print(&advice(place))?;
+    }
+    let Some(path) = &args.write else { return Ok(()) };
+    let place = chosen.ok_or_else(no_knee)?;
+    write_preset(path, &table.comment(place), &sweep.rows[place].1.to_toml())?;
+    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
+}
+
+/// A table to look at: below its head the settings, and the reference.
+fn drawn(head: &[&str], rows: Vec<(&'static str, Vec<String>)>) -> String {
+    let head = head.iter().map(|&name| name.to_owned()).collect();
+    aligned(&[head].into_iter().chain(rows.into_iter().map(|(_, cells)| cells)).collect::<Vec<_>>())
+}
+
+/// The median of times [s], and their range if settings were `repeated`.
+fn seconds(spread: &Spread, repeated: bool, digits: usize) -> String {
+    let Spread { median, min, max } = spread;
+    match repeated {
+        true => format!("{median:.digits$} ({min:.digits$}-{max:.digits$})"),
+        false => format!("{median:.digits$}"),
     }
 }
 

@@ -1,8 +1,8 @@
 //! `meniscus tradeoff --surface`.
 
 use super::{
-    aligned, at_least, flags, folder, mark, maybe, no_knee, not_judged, one_line, percent, references,
-    refuse_to_replace, short, start_over, write_preset,
+    Tell, at_least, conclude, drawn, flags, folder, maybe, not_judged, one_line, percent, references,
+    refuse_to_replace, request, seconds, short, start_over,
 };
 use crate::{
     cli::{
@@ -16,7 +16,7 @@ use crate::{
     run::{
         self, Control, RunError, ShotFolder, Source,
         tradeoff::{
-            Ground, Request, Subject, Sweep,
+            Ground, Subject, Sweep, rows,
             surface::{self, By, Job, Line, Table},
         },
     },
@@ -45,9 +45,7 @@ pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunE
     };
     input.check(args, &ground)?;
     let base = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
-    let request =
-        Request { base, vary: args.vary.clone(), reference: args.reference.clone(), tiers: args.tiers };
-    let sweep = request.sweep(Subject::Surface, ground)?;
+    let sweep = request(args, base).sweep(Subject::Surface, ground)?;
     let by = by(args.by)?;
     if !args.dry_run {
         refuse_to_replace(args)?;
@@ -88,32 +86,25 @@ pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunE
     let repeats = args.repeats.get() as usize;
     let job = Job { frames, shot_frames, repeats, by, max_memory: args.max_memory };
     let table = surface::tradeoff(&sweep, &source, &job, &folder, control)?;
-    conclude(args, &input, &sweep, &table, &folder)
+    conclude(args, &sweep, &table, &folder, |place| advice(&table, place, args, &input))
 }
 
-/// Tells the table, writes the files, and names the setting to use.
-fn conclude(
-    args: &TradeoffArgs,
-    input: &Input,
-    sweep: &Sweep,
-    table: &Table,
-    folder: &Path,
-) -> Result<(), RunError> {
-    let files = surface::write(table, folder)?;
-    if args.json {
-        print(&serde_json::to_string_pretty(table).expect("a table is plain data"))?;
-    } else {
-        print(&describe(table))?;
-        print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
+impl Tell for Table {
+    fn describe(&self) -> String {
+        describe(self)
     }
-    let chosen = table.choose(args.time, args.dev)?;
-    if let Some(place) = chosen.filter(|_| !args.json) {
-        print(&advice(table, place, args, input))?;
+
+    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError> {
+        surface::write(self, folder)
     }
-    let Some(path) = &args.write else { return Ok(()) };
-    let place = chosen.ok_or_else(no_knee)?;
-    write_preset(path, &comment(table, place), &sweep.rows[place].1.to_toml())?;
-    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
+
+    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
+        Table::choose(self, time, dev)
+    }
+
+    fn comment(&self, place: usize) -> String {
+        comment(self, place)
+    }
 }
 
 impl Input {
@@ -258,13 +249,14 @@ fn describe(table: &Table) -> String {
         "field",
         "",
     ];
-    let mut rows = vec![head.map(String::from).to_vec()];
     let repeated = table.lines.iter().any(|line| line.seconds.min < line.seconds.max);
-    for (place, line) in table.lines.iter().enumerate() {
-        let mark = mark(table.knee == Some(place), line.front);
-        rows.push(cells(&(place + 1).to_string(), line, table, repeated, mark));
-    }
-    rows.push(cells("", &table.reference, table, repeated, "reference"));
+    let rows = rows(
+        &table.lines,
+        &table.reference,
+        table.knee,
+        |line| line.front,
+        |number, line, mark| cells(number, line, table, repeated, mark),
+    );
     let mut text = format!(
         "{}, frames {}, about {:.0} particles of spacing {} m, {} threads\n\n{}\n",
         table.title,
@@ -272,7 +264,7 @@ fn describe(table: &Table) -> String {
         table.particles,
         table.spacing,
         table.threads,
-        aligned(&rows)
+        drawn(&head, rows)
     );
     let by = match table.by {
         By::Distance => "rms",
@@ -324,10 +316,6 @@ fn degrees(angle: f64) -> String {
 
 fn cells(number: &str, line: &Line, table: &Table, repeated: bool, mark: &str) -> Vec<String> {
     let (apart, floor) = (line.apart, table.uncertainty);
-    let range = match repeated {
-        true => format!(" ({:.2}-{:.2})", line.seconds.min, line.seconds.max),
-        false => String::new(),
-    };
     let signed = |volume: Option<f64>| match (volume, floor.volume) {
         (Some(volume), Some(floor)) if volume.abs() < floor.abs() => format!("≤ {}", percent(floor.abs())),
         (volume, _) => maybe(volume, &|v| format!("{:+.2} %", 100.0 * v)),
@@ -335,7 +323,7 @@ fn cells(number: &str, line: &Line, table: &Table, repeated: bool, mark: &str) -
     vec![
         number.into(),
         line.label.clone(),
-        format!("{:.2}{range}", line.seconds.median),
+        seconds(&line.seconds, repeated, 2),
         duration(line.shot_seconds),
         maybe(line.memory.map(|bytes| bytes as f64), &|bytes| format!("{:.0}", bytes / f64::from(1 << 20))),
         format!("{:.0}", line.triangles),

@@ -4,15 +4,13 @@
 //! compare the model with the peak of a real run, and its bound with those of every built-in preset and tier.
 
 use crate::{
-    grid::{BRICK, Bricks},
-    math::Vec3,
+    grid::BRICK,
     mesh::SurfaceParams,
-    par,
     scene::Scene,
     sim::liquid::SourceShape,
     solid::{MeshShape, Shape},
 };
-use std::{collections::BTreeMap, ops::Range};
+use std::collections::BTreeMap;
 
 /// The program, its threads and the frame being packed: 6 to 7 MiB before there is a particle, 9 MiB with them.
 const BASE: f64 = 10e6;
@@ -246,50 +244,6 @@ pub(super) fn smoke_volume(tracers: f64, bricks: f64) -> u64 {
     (BASE + tracers * VOLUME_PARTICLE + bricks * SMOKE_BRICK) as u64
 }
 
-/// The bricks of the density of particles at `positions` [m], at most: every brick that the box around a kernel meets.
-pub(super) fn bricks_around(positions: &[Vec3], spacing: f32, params: &SurfaceParams) -> usize {
-    let voxel = params.voxel * spacing;
-    let reach = params.kernel_radius * spacing;
-    // The first and the last node of each axis that a kernel reaches, and their bricks.
-    let first = |v: f32| ((v - reach) / voxel).ceil() as i32;
-    let last = |v: f32| ((v + reach) / voxel).floor() as i32;
-    let brick = |node: i32| node.div_euclid(BRICK as i32);
-    let of_chunk = |range: Range<usize>| {
-        let bounds = positions[range]
-            .iter()
-            .map(|x| [0, 1, 2].map(|axis| (brick(first(x[axis])), brick(last(x[axis])))));
-        let mut bounds: Vec<[(i32, i32); 3]> = bounds.collect();
-        bounds.sort_unstable();
-        bounds.dedup();
-        let (mut bricks, mut full) = (Vec::new(), LIST);
-        for [x, y, z] in bounds {
-            for k in z.0..=z.1 {
-                for j in y.0..=y.1 {
-                    bricks.extend((x.0..=x.1).map(|i| [i, j, k]));
-                }
-            }
-            // The widest kernels of particles side by side meet the same bricks.
-            if bricks.len() > full {
-                bricks.sort_unstable();
-                bricks.dedup();
-                full = bricks.len().max(LIST) + LIST;
-            }
-        }
-        bricks.sort_unstable();
-        bricks.dedup();
-        bricks
-    };
-    Bricks::new(par::map_chunks(positions.len(), CHUNK, of_chunk).concat()).len()
-}
-
-/// Particles whose bricks are sought together. Larger, and fewer threads have work; smaller, and a brick is found by more
-/// chunks.
-const CHUNK: usize = 4096;
-
-/// Bricks that are listed before doubles are taken out. Larger, and the list takes more memory than it is to tell of;
-/// smaller, and it is sorted more often.
-const LIST: usize = 1 << 20;
-
 /// Bricks at a voxel of one spacing over particles^0.8: larger shots have less surface a particle. The power of the voxel, 2.3,
 /// lies between that of a surface and that of a volume. Smaller, and a splash takes more than it was told to be the most;
 /// larger, and more shots calibrate before they start, and fewer frames are meshed at once.
@@ -298,31 +252,6 @@ const SPREAD: f64 = 0.122;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::{DensityParams, density};
-
-    #[test]
-    fn bricks_are_counted_before_they_are_made() {
-        let spacing = 0.1;
-        let lattice = |n: i32, apart: f32| -> Vec<Vec3> {
-            let point = |i: i32| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * apart;
-            (0..n * n * n).map(point).collect()
-        };
-        for (positions, voxel) in
-            [(lattice(20, 0.1), 0.5), (lattice(20, 0.1), 0.2), (lattice(12, 1.37), 0.5), (Vec::new(), 0.5)]
-        {
-            let params = SurfaceParams { voxel, ..SurfaceParams::default() };
-            let kernel_radius = params.kernel_radius;
-            let made = density(
-                &positions,
-                &DensityParams { spacing, kernel_radius, voxel, anisotropy: None, whole: true },
-            )
-            .grid
-            .bricks
-            .len();
-            let counted = bricks_around(&positions, spacing, &params);
-            assert!(made <= counted && counted <= made * 5 / 4, "{counted} counted, {made} made");
-        }
-    }
 
     /// Nodes of the meshes of the built-in presets: samples, and how many of them collide.
     const NONE: (&[usize], usize) = (&[], 0);

@@ -4,27 +4,27 @@
 //! come from calibration: two coarse pilots of all frames (`pilot`), the shot's own start (`sample`),
 //! and what they say together (`forecast`). Nothing rests on figures of another machine.
 
+mod bricks;
 mod forecast;
 mod memory;
 mod pilot;
+mod product;
 mod sample;
 mod smoke;
+
+pub(super) use product::{Product, level_set_memory, most_memory, refuse_memory, stream_memory};
 
 use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
 use crate::{
     export::MeshFormat,
-    field::{DensityParams, bricks_near_surface, coarse_step},
-    frame::Stream,
-    grid::BRICK_NODES,
     math::Vec3,
-    mesh::{DistanceParams, SurfaceParams},
     par,
     scene::{Frames, Scene},
     sim::{SetupError, Simulation, SmokeSeeds},
 };
 use forecast::{Forecast, Job, forecast};
 use memory::{Grids, Known, Solids};
-use pilot::Pilot;
+use pilot::{near_factor, pilot_at};
 use serde::Serialize;
 use smoke::SmokePlan;
 
@@ -94,21 +94,7 @@ pub struct Outline {
     pub remarks: Vec<String>,
 }
 
-/// Particles of the finer pilot. With 8000 its splashes were too coarse: on dam-break the meshes came out a third too
-/// large, on drop-in-pool with 4000 a quarter too small.
-const PILOT_PARTICLES: f64 = 24000.0;
-
-/// A shot of fewer particles is its own pilot.
-const SMALL: usize = 2000;
-
-/// The finer pilot has at most this part of the shot's particles, so that it takes a seventh of its time.
-const PILOT_PART: f64 = 0.25;
-
-/// The coarser pilot's spacing over the finer's: far enough for the power laws, and cheap.
-const PILOT_RATIO: f64 = 1.5;
-
-/// Longest time for a pilot, and for the shot's own start [s].
-const PILOT_SECONDS: f64 = 30.0;
+/// Longest time for the shot's own start [s].
 const SAMPLE_SECONDS: f64 = 3.0;
 
 /// The least uncertainty that is admitted: see the figures in docs/plan.md.
@@ -149,93 +135,6 @@ pub fn refuse_over_memory(
     let needed = plan_within(scene, selection, with_outputs, Some(allowed), control)?.memory;
     debug_assert!(needed <= allowed, "what needs more was refused");
     Ok(())
-}
-
-/// What is made of particles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Product {
-    /// Surface meshes.
-    Meshes,
-    /// Volume files.
-    Volumes,
-    /// Tracers as points.
-    Points,
-}
-
-impl Product {
-    /// What it is called where jobs are told.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Meshes => "mesh",
-            Self::Volumes => "volume",
-            Self::Points => "points",
-        }
-    }
-
-    /// The memory that making it of `particles` takes [bytes].
-    fn memory(self, particles: usize, grids: Grids, params: &SurfaceParams) -> u64 {
-        match self {
-            Self::Meshes => memory::surface(particles, grids, params),
-            Self::Volumes => memory::volume(particles, grids),
-            Self::Points => memory::smoke(0.0, particles as f64),
-        }
-    }
-}
-
-/// The memory that making `product` of a stream will need, by where its particles are [bytes]: a bound if that is not above
-/// `enough`, else an estimate that takes longer.
-pub(super) fn stream_memory(
-    product: Product,
-    stream: &Stream,
-    spacing: f32,
-    params: &SurfaceParams,
-    enough: u64,
-) -> u64 {
-    if product == Product::Points {
-        return product.memory(stream.len(), Grids::default(), params);
-    }
-    let positions = stream.vec3("position").unwrap_or_default();
-    let bricks = memory::bricks_around(positions, spacing, params);
-    let bound = product.memory(stream.len(), Grids::of_bricks(bricks as f64), params);
-    if bound <= enough || product == Product::Volumes {
-        return bound;
-    }
-    let SurfaceParams { voxel, kernel_radius, .. } = *params;
-    let density = DensityParams { spacing, kernel_radius, voxel, anisotropy: None, whole: false };
-    // Surfacing samples the density on coarse bricks first: without room for those there is none for the rest.
-    let coarse = SurfaceParams { voxel: voxel * coarse_step(&density) as f32, ..params.clone() };
-    let coarse = memory::bricks_around(positions, spacing, &coarse) * BRICK_NODES * size_of::<f32>();
-    if coarse as u64 > enough {
-        return bound;
-    }
-    let bricks = bricks as f64;
-    let near = bricks_near_surface(positions, &density).map_or(bricks, |near| near as f64 * OPENED);
-    product.memory(stream.len(), Grids::of_bricks(near.min(bricks)), params)
-}
-
-/// Bricks that are computed over those that were taken to be near the surface at first: 1.00 to 1.05 on splashes and sprays.
-const OPENED: f64 = 1.05;
-
-/// The most memory that making `product` of `particles` was seen to take [bytes].
-pub(super) fn most_memory(product: Product, particles: usize, params: &SurfaceParams) -> u64 {
-    let near = Grids::at_most(particles, params.voxel);
-    let grids = match product {
-        Product::Meshes | Product::Points => near,
-        Product::Volumes => near.with_inside(particles, params.voxel),
-    };
-    product.memory(particles, grids, params)
-}
-
-/// The memory that reading and meshing a level set of so many bricks takes, at most [bytes]: that of a surface by distances,
-/// whose density and distance take what the file and its tree do.
-pub(super) fn level_set_memory(bricks: usize) -> u64 {
-    let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
-    memory::surface(0, Grids::of_bricks(bricks as f64), &params)
-}
-
-/// Refuses what needs more than `allowed` bytes.
-pub(super) fn refuse_memory(needed: u64, allowed: u64) -> Result<(), RunError> {
-    if needed > allowed { Err(RunError::OverMemory { needed, allowed }) } else { Ok(()) }
 }
 
 /// Calibrates and tells what `shot` will need for `selection`; refuses first if it is more memory than `allowed`.
@@ -279,7 +178,7 @@ fn plan_within(
     // Two coarse pilots of all frames; then it is known whether the memory suffices.
     let near = pilot_at(scene, selection, formats, near_factor(particles), control)?;
     control.reporter.progress(1.0);
-    let far = pilot_at(scene, selection, formats, near.factor * PILOT_RATIO, control)?;
+    let far = pilot_at(scene, selection, formats, near.factor * pilot::RATIO, control)?;
     control.reporter.progress(2.0);
     told.extend(near.remarks.iter().chain(&far.remarks).cloned());
     if with_volumes(scene, with_outputs) {
@@ -383,45 +282,6 @@ fn smoke_bound(scene: &Scene, seeds: Option<SmokeSeeds>) -> u64 {
 /// Vortons at the end over those that smoke begins with and is given: swirls spread beyond it.
 const GROWTH: f64 = 4.0;
 
-/// The finer pilot's spacing over the shot's.
-fn near_factor(particles: usize) -> f64 {
-    let count = particles as f64;
-    if particles < SMALL { 1.0 } else { (count / PILOT_PARTICLES.min(PILOT_PART * count)).cbrt() }
-}
-
-/// A pilot at `factor` times the spacing, or nearer where the shot cannot be so coarse.
-fn pilot_at(
-    scene: &Scene,
-    selection: &Frames,
-    formats: &[MeshFormat],
-    factor: f64,
-    control: Control,
-) -> Result<Pilot, RunError> {
-    at_or_nearer(factor, |factor| pilot::run(scene, selection, formats, factor, PILOT_SECONDS, control))
-}
-
-/// What `run` gives at `factor` times the spacing, or nearer where the sources are too thin for that or the pilot diverges
-/// at once: what does not fit between solids so coarsely may fit as the shot is.
-fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -> Result<Pilot, RunError> {
-    let mut remarks = Vec::new();
-    loop {
-        match run(factor) {
-            Err(RunError::Setup(SetupError::NoParticles)) if factor > 1.0 => {}
-            Err(RunError::Diverged { frame, diverged }) if factor > 1.0 => remarks.push(format!(
-                "the calibration was made nearer to the shot: at {factor:.1} times the spacing it ended in frame {frame}: \
-                 {diverged}"
-            )),
-            done => {
-                return done.map(|mut pilot| {
-                    pilot.remarks.append(&mut remarks);
-                    pilot
-                });
-            }
-        }
-        factor = (factor / PILOT_RATIO).max(1.0);
-    }
-}
-
 /// The model's peak of simulating `scene`, whose meshes are filled, and, after it, meshing and making volumes; a bound if
 /// its grids are not known.
 fn peak_memory(scene: &Scene, particles: usize, grids: Option<Grids>, with_outputs: bool) -> u64 {
@@ -459,43 +319,4 @@ fn passes(simulation: &Simulation, scene: &Scene, with_outputs: bool) -> Vec<Str
 /// How far the forecasts of the two pilots are apart, and at least [`LEAST_UNCERTAINTY`].
 fn uncertainty(near: &Forecast, far: &Forecast) -> f64 {
     (near.simulating / far.simulating).ln().abs().max(LEAST_UNCERTAINTY)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{frame::FrameIndex, sim::Diverged};
-    use std::cell::RefCell;
-
-    /// A pilot that diverges in its first frame at more than `most` times the spacing.
-    fn pilot_up_to(most: f64) -> impl Fn(f64) -> Result<Pilot, RunError> {
-        move |factor| {
-            if factor > most {
-                let what = "has no room".into();
-                let diverged =
-                    Diverged { system: "liquid", substep: 1, particle: 7, what, try_next: "spacing" };
-                return Err(RunError::Diverged { frame: FrameIndex(2), diverged });
-            }
-            let (frames, surfaces, remarks) = (Vec::new(), Vec::new(), vec!["of its own".into()]);
-            Ok(Pilot { factor, limits: [1, 2], particles: 8, frames, surfaces, remarks })
-        }
-    }
-
-    #[test]
-    fn what_does_not_fit_coarsely_is_tried_nearer_and_said() {
-        let run = pilot_up_to(2.5);
-        let asked = RefCell::new(Vec::new());
-        let found = at_or_nearer(3.0, |factor| {
-            asked.borrow_mut().push(factor);
-            run(factor)
-        });
-        let found = found.unwrap();
-        assert_eq!(*asked.borrow(), [3.0, 2.0]);
-        assert_eq!(found.factor, 2.0);
-        assert_eq!(found.remarks.len(), 2, "{:?}", found.remarks);
-        assert!(found.remarks[1].contains("at 3.0 times") && found.remarks[1].contains("particle 7"));
-        // At its own spacing the divergence is the shot's.
-        let lost = at_or_nearer(3.0, pilot_up_to(0.5)).unwrap_err();
-        assert!(matches!(lost, RunError::Diverged { frame: FrameIndex(2), .. }), "{lost}");
-    }
 }

@@ -8,11 +8,27 @@ use crate::{
     mesh,
     run::{Control, RunError, remarks, scratch::Scratch, simulate::world, usage::Meter},
     scene::{Frames, Scene},
-    sim::{FrameRecord, Simulation, Stop, Watch},
+    sim::{FrameRecord, SetupError, Simulation, Stop, Watch},
 };
 
 /// Frames of which surfaces are made.
 const SURFACES: usize = 6;
+
+/// Particles of the finer pilot. With 8000 its splashes were too coarse: on dam-break the meshes came out a third too
+/// large, on drop-in-pool with 4000 a quarter too small.
+const PARTICLES: f64 = 24000.0;
+
+/// A shot of fewer particles is its own pilot.
+const SMALL: usize = 2000;
+
+/// The finer pilot has at most this part of the shot's particles, so that it takes a seventh of its time.
+const PART: f64 = 0.25;
+
+/// The coarser pilot's spacing over the finer's: far enough for the power laws, and cheap.
+pub(super) const RATIO: f64 = 1.5;
+
+/// Longest time for a pilot [s].
+const SECONDS: f64 = 30.0;
 
 /// A coarse shot that was run.
 #[derive(Clone, Debug)]
@@ -175,5 +191,83 @@ struct Attentive<'a>(Control<'a>);
 impl Watch for Attentive<'_> {
     fn keep_going(&mut self) -> bool {
         !(self.0.interrupted)()
+    }
+}
+
+/// The finer pilot's spacing over the shot's.
+pub(super) fn near_factor(particles: usize) -> f64 {
+    let count = particles as f64;
+    if particles < SMALL { 1.0 } else { (count / PARTICLES.min(PART * count)).cbrt() }
+}
+
+/// A pilot at `factor` times the spacing, or nearer where the shot cannot be so coarse.
+pub(super) fn pilot_at(
+    scene: &Scene,
+    selection: &Frames,
+    formats: &[MeshFormat],
+    factor: f64,
+    control: Control,
+) -> Result<Pilot, RunError> {
+    at_or_nearer(factor, |factor| run(scene, selection, formats, factor, SECONDS, control))
+}
+
+/// What `run` gives at `factor` times the spacing, or nearer where the sources are too thin for that or the pilot diverges
+/// at once: what does not fit between solids so coarsely may fit as the shot is.
+fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -> Result<Pilot, RunError> {
+    let mut remarks = Vec::new();
+    loop {
+        match run(factor) {
+            Err(RunError::Setup(SetupError::NoParticles)) if factor > 1.0 => {}
+            Err(RunError::Diverged { frame, diverged }) if factor > 1.0 => remarks.push(format!(
+                "the calibration was made nearer to the shot: at {factor:.1} times the spacing it ended in frame {frame}: \
+                 {diverged}"
+            )),
+            done => {
+                return done.map(|mut pilot| {
+                    pilot.remarks.append(&mut remarks);
+                    pilot
+                });
+            }
+        }
+        factor = (factor / RATIO).max(1.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::Diverged;
+    use std::cell::RefCell;
+
+    /// A pilot that diverges in its first frame at more than `most` times the spacing.
+    fn pilot_up_to(most: f64) -> impl Fn(f64) -> Result<Pilot, RunError> {
+        move |factor| {
+            if factor > most {
+                let what = "has no room".into();
+                let diverged =
+                    Diverged { system: "liquid", substep: 1, particle: 7, what, try_next: "spacing" };
+                return Err(RunError::Diverged { frame: FrameIndex(2), diverged });
+            }
+            let (frames, surfaces, remarks) = (Vec::new(), Vec::new(), vec!["of its own".into()]);
+            Ok(Pilot { factor, limits: [1, 2], particles: 8, frames, surfaces, remarks })
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_coarsely_is_tried_nearer_and_said() {
+        let run = pilot_up_to(2.5);
+        let asked = RefCell::new(Vec::new());
+        let found = at_or_nearer(3.0, |factor| {
+            asked.borrow_mut().push(factor);
+            run(factor)
+        });
+        let found = found.unwrap();
+        assert_eq!(*asked.borrow(), [3.0, 2.0]);
+        assert_eq!(found.factor, 2.0);
+        assert_eq!(found.remarks.len(), 2, "{:?}", found.remarks);
+        assert!(found.remarks[1].contains("at 3.0 times") && found.remarks[1].contains("particle 7"));
+        // At its own spacing the divergence is the shot's.
+        let lost = at_or_nearer(3.0, pilot_up_to(0.5)).unwrap_err();
+        assert!(matches!(lost, RunError::Diverged { frame: FrameIndex(2), .. }), "{lost}");
     }
 }

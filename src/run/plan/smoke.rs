@@ -1,21 +1,20 @@
 //! What the smoke of a shot will need.
 //!
-//! *Method*: a pilot with everything [`COARSER`] times as far apart runs all frames, or as many as time allows; the shot's own first frame
-//! tells how many times more of everything there is, and how much longer a frame takes. Both together are the shot: its counts are
-//! the pilot's times that of the first frame.
-//! Limits: what only fine smoke does, more swirls and shorter steps, is not seen; the time of a shot that ends in turbulence is told
-//! too short.
+//! *Method*: the shot's own first frames are run, as many as time allows. Where these are not all, a pilot with everything
+//! [`COARSER`] times as far apart runs on; over the later half of the frames that both have it tells how many times more of everything there
+//! is, and how much longer a frame takes. The shot is its own frames, and the pilot's later ones times that.
+//! Limits: what only fine smoke does after its own frames, more swirls and shorter steps, is not seen; the time of a shot that ends
+//! in turbulence is told too short.
 
-use super::{Control, RunError, memory};
+use super::{Control, RunError, bricks::bricks_around, memory};
 use crate::{
     cache,
-    frame::FrameIndex,
+    frame::{Frame, FrameIndex},
     run::{
         scratch::Scratch,
         simulate::world,
         usage::Meter,
-        volume::{SmokeFrame, Surroundings, VolumeSettings, write_smoke},
-        {ShotFolder, job::Target, ledger::Made},
+        volume::{Surroundings, VolumeSettings, try_smoke},
     },
     scene::{Frames, Scene},
     sim::{Simulation, Stop, Systems, Watch, smoke},
@@ -25,9 +24,9 @@ use serde::Serialize;
 /// The pilot's spacing over the shot's: an eighth of everything.
 const COARSER: f32 = 2.0;
 
-/// Longest time for the pilot, and for the shot's own first frame [s].
-const PILOT_SECONDS: f64 = 15.0;
-const FIRST_SECONDS: f64 = 6.0;
+/// Longest time for the pilot, and for the shot's own first frames [s].
+const PILOT_SECONDS: f64 = 10.0;
+const OWN_SECONDS: f64 = 10.0;
 
 /// What smoke will need.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -77,18 +76,15 @@ pub(super) fn plan(
     }
     let frames = (selection.last().0 - scene.frames.first().0) as usize;
     let with_volumes = with_outputs && !scene.output.volume.is_empty();
-    let mut coarse = scene.clone();
-    if let Some(smoke) = &mut coarse.smoke {
-        smoke.spacing *= COARSER;
-        if let Some(remesh) = &mut smoke.flow.remesh {
-            remesh.spacing *= COARSER;
-        }
-    }
-    let (start, pilot) = course(&coarse, frames, PILOT_SECONDS, with_volumes, control)?;
-    let (own_start, own) = course(scene, frames.min(1), FIRST_SECONDS, with_volumes, control)?;
+    let (own_start, own) = course(scene, frames, OWN_SECONDS, with_volumes, control)?;
+    let (start, pilot) = if own.len() < frames {
+        course(&coarser(scene), frames, PILOT_SECONDS, with_volumes, control)?
+    } else {
+        (own_start, Vec::new())
+    };
     let mut remarks = Vec::new();
-    if pilot.len() < frames {
-        let seen = pilot.len() + 1;
+    if own.len() < frames && pilot.len() < frames {
+        let seen = pilot.len().max(own.len()) + 1;
         remarks.push(format!(
             "the calibration of the smoke saw {seen} frames; those after are taken to grow on as the last did"
         ));
@@ -99,12 +95,9 @@ pub(super) fn plan(
                 .into(),
         );
     }
-    let ratio = |of: &dyn Fn(&Seen) -> f64| {
-        let pair = own.first().zip(pilot.first()).map(|(own, pilot)| of(own) / of(pilot));
-        pair.filter(|ratio| ratio.is_finite() && *ratio > 0.0).unwrap_or(f64::from(COARSER).powi(3))
-    };
-    let last = |of: &dyn Fn(&Seen) -> f64| ratio(of) * ended(&pilot, &start, frames, of);
-    let sum = |of: &dyn Fn(&Seen) -> f64| ratio(of) * total(&pilot, &start, frames, of);
+    let course = Course { own, pilot, start, frames };
+    let last = |of: &dyn Fn(&Seen) -> f64| course.ended(of);
+    let sum = |of: &dyn Fn(&Seen) -> f64| course.total(of);
     let stored = selection.count() as f64 / (frames as f64 + 1.0);
     let (vortons, tracers) = (last(&|seen| seen.vortons), last(&|seen| seen.tracers));
     let bricks = last(&|seen| seen.volume[2]);
@@ -121,6 +114,59 @@ pub(super) fn plan(
         seconds: [sum(&|seen| seen.seconds), sum(&|seen| seen.volume[1]) * stored],
         remarks,
     }))
+}
+
+/// The smoke of a scene with everything farther apart.
+fn coarser(scene: &Scene) -> Scene {
+    let mut coarse = scene.clone();
+    if let Some(smoke) = &mut coarse.smoke {
+        smoke.spacing *= COARSER;
+        if let Some(remesh) = &mut smoke.flow.remesh {
+            remesh.spacing *= COARSER;
+        }
+    }
+    coarse
+}
+
+/// What was seen of a shot.
+struct Course {
+    /// Its own first frames.
+    own: Vec<Seen>,
+    /// The pilot's, if the shot's own are not all.
+    pilot: Vec<Seen>,
+    /// What the pilot began with.
+    start: Seen,
+    /// How many frames the shot has.
+    frames: usize,
+}
+
+impl Course {
+    /// The shot's quantity over the pilot's.
+    fn ratio(&self, of: &dyn Fn(&Seen) -> f64) -> f64 {
+        let common = self.own.len().min(self.pilot.len());
+        let late = |course: &[Seen]| course[common / 2..common].iter().map(of).sum::<f64>();
+        let ratio = late(&self.own) / late(&self.pilot);
+        if ratio.is_finite() && ratio > 0.0 { ratio } else { f64::from(COARSER).powi(3) }
+    }
+
+    /// A quantity in the last frame.
+    fn ended(&self, of: &dyn Fn(&Seen) -> f64) -> f64 {
+        match self.own.last() {
+            Some(last) if self.own.len() == self.frames => of(last),
+            _ => self.ratio(of) * ended(&self.pilot, &self.start, self.frames, of),
+        }
+    }
+
+    /// The same summed over all frames.
+    fn total(&self, of: &dyn Fn(&Seen) -> f64) -> f64 {
+        let seen = self.own.len();
+        let own: f64 = self.own.iter().map(of).sum();
+        if seen == self.frames {
+            return own;
+        }
+        let before: f64 = self.pilot.iter().take(seen).map(of).sum();
+        own + self.ratio(of) * (total(&self.pilot, &self.start, self.frames, of) - before).max(0.0)
+    }
 }
 
 /// A quantity in the last of `frames` frames: where the pilot did not come so far, as it grew over its second half.
@@ -199,34 +245,17 @@ fn course(
 
 /// Bytes, seconds and bricks of the volume of a frame.
 fn volume_of(
-    frame: &crate::frame::Frame,
+    frame: &Frame,
     settings: &VolumeSettings,
     scratch: &Scratch,
     control: Control,
 ) -> Result<[f64; 3], RunError> {
-    let Some((around, tracers)) = settings.smoke.as_ref().zip(frame.stream(smoke::TRACERS)) else {
-        return Ok([0.0; 3]);
-    };
-    let meter = Meter::new();
-    let air = smoke::FrameAir::of(&around.smoke, &around.world, &frame.streams, frame.time)?;
-    let wanted: Vec<_> = settings
-        .grids
-        .iter()
-        .copied()
-        .filter(|grid| crate::export::vdb::VolumeGrid::SMOKE.contains(grid))
-        .collect();
+    let Some(tried) = try_smoke(frame, settings, scratch.path(), control)? else { return Ok([0.0; 3]) };
+    let around = settings.smoke.as_ref().expect("what was tried is of smoke");
+    let tracers = frame.stream(smoke::TRACERS).and_then(|stream| stream.vec3("position")).unwrap_or_default();
     let spacing = around.smoke.params.tracer_spacing();
-    let shown = SmokeFrame { tracers, air: Some(&air), spacing, wanted: &wanted, slower: 1.0 };
-    let out = ShotFolder::new(scratch.path());
-    ShotFolder::create(&out.volumes())?;
-    let target = Target { index: frame.index, name: smoke::NAME.into(), key: 0 };
-    let mut made = Made::new(frame.index);
-    write_smoke(&out, settings, shown, &target, &mut made, control)?;
-    let bytes =
-        made.pieces.iter().filter_map(|piece| piece.work.as_ref()).map(|work| work.bytes).sum::<u64>();
-    let positions = tracers.vec3("position").unwrap_or_default();
-    let bricks = memory::bricks_around(positions, spacing, &settings.surface) as f64;
-    Ok([bytes as f64, meter.wall(), bricks])
+    let bricks = bricks_around(tracers, spacing, &settings.surface) as f64;
+    Ok([tried.bytes as f64, tried.seconds, bricks])
 }
 
 /// Goes on until time is up, or the user stops the job.
@@ -256,5 +285,22 @@ mod tests {
         assert_eq!(total(&course, &start, 8, &tracers), 36.0);
         assert!((total(&course, &start, 16, &tracers) - 36.0 - 8.0 * 11.0).abs() < 1e-9);
         assert_eq!(ended(&[], &start, 5, &tracers), 0.0);
+    }
+
+    #[test]
+    fn the_shots_own_frames_count_as_they_are_and_those_after_go_with_the_pilot() {
+        let seen = |seconds: f64| Seen { seconds, ..Seen::default() };
+        let seconds = |seen: &Seen| seen.seconds;
+        // The pilot slows from 1 to 2 s; the shot takes ten times as long in its first frame and four times from then on.
+        let pilot: Vec<Seen> = (1..=8).map(|n| seen(if n < 5 { 1.0 } else { 2.0 })).collect();
+        let own = vec![seen(10.0), seen(4.0), seen(4.0), seen(4.0)];
+        let course = Course { own: own.clone(), pilot, start: Seen::default(), frames: 8 };
+        assert_eq!((course.total(&seconds), course.ended(&seconds)), (22.0 + 4.0 * 8.0, 8.0));
+        let whole = Course { own, pilot: Vec::new(), start: Seen::default(), frames: 4 };
+        assert_eq!((whole.total(&seconds), whole.ended(&seconds)), (22.0, 4.0));
+        // Of a shot whose first frame takes too long only the pilot is known.
+        let pilot = vec![seen(1.0); 3];
+        let unseen = Course { own: Vec::new(), pilot, start: Seen::default(), frames: 3 };
+        assert_eq!(unseen.total(&seconds), 8.0 * 3.0);
     }
 }

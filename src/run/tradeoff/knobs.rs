@@ -4,8 +4,10 @@ use super::sweep::Vary;
 use crate::{
     run::RunError,
     scene::{Overrides, Scene, choices},
+    sim::vortex::{ERRORS, Way, flow::Sum},
 };
 use serde_json::Value as Json;
+use std::ops::RangeInclusive;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// What a tradeoff is about.
@@ -15,6 +17,8 @@ pub enum Subject {
     Liquid,
     /// The surfaces of particles that are there.
     Surface,
+    /// The smoke's simulation, and its volumes.
+    Smoke,
 }
 
 /// A key whose finer direction is known.
@@ -24,6 +28,8 @@ pub(super) struct Knob {
     finer: Finer,
     /// The limit that has to give way: a finer knob must not only run into it.
     opens: Option<&'static str>,
+    /// Whether it is finer in a reference whatever is varied.
+    always: bool,
 }
 
 /// How a value becomes finer.
@@ -38,23 +44,52 @@ enum Finer {
 }
 
 const LIQUID: [Knob; 6] = [
-    Knob { key: "liquid.density_dev", finer: Finer::Times(0.5), opens: Some("liquid.max_iterations") },
-    Knob { key: "liquid.iterations", finer: Finer::Times(2.0), opens: None },
-    Knob { key: "liquid.max_iterations", finer: Finer::Times(2.0), opens: None },
-    Knob { key: "liquid.cfl", finer: Finer::Times(0.5), opens: Some("liquid.max_substeps") },
-    Knob { key: "liquid.min_substeps", finer: Finer::Times(2.0), opens: Some("liquid.max_substeps") },
-    Knob { key: "liquid.spacing", finer: Finer::Times(2.0 / 3.0), opens: None },
+    Knob {
+        key: "liquid.density_dev",
+        finer: Finer::Times(0.5),
+        opens: Some("liquid.max_iterations"),
+        always: false,
+    },
+    Knob { key: "liquid.iterations", finer: Finer::Times(2.0), opens: None, always: false },
+    Knob { key: "liquid.max_iterations", finer: Finer::Times(2.0), opens: None, always: false },
+    Knob { key: "liquid.cfl", finer: Finer::Times(0.5), opens: Some("liquid.max_substeps"), always: false },
+    Knob {
+        key: "liquid.min_substeps",
+        finer: Finer::Times(2.0),
+        opens: Some("liquid.max_substeps"),
+        always: false,
+    },
+    Knob { key: "liquid.spacing", finer: Finer::Times(2.0 / 3.0), opens: None, always: false },
 ];
 
 const SURFACE: [Knob; 5] = [
-    Knob { key: VOXEL, finer: Finer::Times(2.0 / 3.0), opens: None },
-    Knob { key: "surface.distance", finer: Finer::Word("{}"), opens: None },
-    Knob { key: "surface.distance.band", finer: Finer::Largest, opens: None },
-    Knob { key: "surface.distance.order", finer: Finer::Word("second"), opens: None },
-    Knob { key: "surface.decimation", finer: Finer::Word("none"), opens: None },
+    Knob { key: VOXEL, finer: Finer::Times(2.0 / 3.0), opens: None, always: true },
+    Knob { key: "surface.distance", finer: Finer::Word("{}"), opens: None, always: false },
+    Knob { key: "surface.distance.band", finer: Finer::Largest, opens: None, always: false },
+    Knob { key: "surface.distance.order", finer: Finer::Word("second"), opens: None, always: false },
+    Knob { key: "surface.decimation", finer: Finer::Word("none"), opens: None, always: false },
 ];
 
-/// The knob of surfaces that is always finer in a reference, whatever is varied.
+/// Steps of seven tenths take 1.4 times as long and have a third of the error, which is of the third order; spacings of four
+/// fifths take twice the vortons. Finer ones would tell more: a reference that is refined once more then takes hours.
+const SMOKE: [Knob; 6] = [
+    Knob { key: SUM, finer: Finer::Word("tree"), opens: None, always: true },
+    Knob { key: ERROR, finer: Finer::Times(0.5), opens: None, always: true },
+    Knob { key: STEP[0], finer: Finer::Times(0.7), opens: Some(STEPS), always: true },
+    Knob { key: STEP[1], finer: Finer::Times(0.7), opens: Some(STEPS), always: true },
+    Knob { key: "smoke.spacing", finer: Finer::Times(0.8), opens: None, always: false },
+    Knob { key: "smoke.tracers", finer: Finer::Times(0.8), opens: None, always: false },
+];
+
+const SUM: &str = "smoke.flow.sum";
+const ERROR: &str = "smoke.flow.error";
+const STEP: [&str; 2] = ["smoke.flow.strain", "smoke.flow.displacement"];
+const STEPS: &str = "smoke.flow.max_substeps";
+
+/// Vortons and tracers at the start up to which sums over all pairs are a default: more take too long to wait for.
+const FEW: f64 = 20_000.0;
+
+/// The voxel of surfaces, and of the volumes of smoke.
 const VOXEL: &str = "surface.voxel";
 
 /// What the default voxels are of the preset's.
@@ -65,7 +100,13 @@ impl Subject {
         match self {
             Self::Liquid => &LIQUID,
             Self::Surface => &SURFACE,
+            Self::Smoke => &SMOKE,
         }
+    }
+
+    /// Whether the keys of [`Subject::defaults`] are varied one by one, and not in every combination: smoke has too many.
+    pub(super) fn varies_one_by_one(self) -> bool {
+        self == Self::Smoke
     }
 
     /// The table of nearly every key.
@@ -73,6 +114,7 @@ impl Subject {
         match self {
             Self::Liquid => "liquid.",
             Self::Surface => "surface.",
+            Self::Smoke => "smoke.",
         }
     }
 
@@ -98,25 +140,37 @@ impl Subject {
                 let text = serde_json::to_string(&scene.surface).expect("settings are plain data");
                 xxh3_64(text.as_bytes())
             }
+            Self::Smoke => {
+                let Scene { surface, volume, output, .. } = scene;
+                let text = serde_json::to_string(&(scene.simulation_key(), surface, volume, &output.volume));
+                xxh3_64(text.expect("settings are plain data").as_bytes())
+            }
         }
     }
 
-    /// Refuses keys that change nothing of the surfaces.
+    /// Refuses keys that change nothing of the surfaces, or the smoke.
     pub(super) fn refuse_others(self, vary: &[Vary], reference: &[String]) -> Result<(), RunError> {
         let keys = vary.iter().flat_map(|vary| &vary.keys).chain(reference);
-        let mut others = keys.filter(|key| !key.trim_start().starts_with(self.table()));
-        match others.next() {
-            Some(other) if self == Self::Surface => Err(RunError::Request(format!(
-                "{other}: found a key that does not change a surface, expected surface.…; leave out --surface to vary the \
-                 simulation"
-            ))),
-            _ => Ok(()),
+        let (wrong, expected) = match self {
+            Self::Liquid => return Ok(()),
+            Self::Surface => (
+                (|key: &str| !key.starts_with("surface.")) as fn(&str) -> bool,
+                "does not change a surface, expected surface.…; leave out --surface to vary the simulation",
+            ),
+            Self::Smoke => (
+                (|key: &str| key.starts_with("liquid.")) as fn(&str) -> bool,
+                "does not change the smoke, expected smoke.… or surface.voxel; leave out --smoke to vary the liquid",
+            ),
+        };
+        match keys.map(|key| key.trim_start()).find(|key| wrong(key)) {
+            Some(other) => Err(RunError::Request(format!("{other}: found a key that {expected}"))),
+            None => Ok(()),
         }
     }
 
     /// The keys to sweep if none are named. Of a liquid: when a substep's iterations end, how long substeps are, and the
     /// solver if the preset can choose one. Of a surface: the voxel, and whether it is cut from the
-    /// signed distance.
+    /// signed distance. Of smoke: the error, the method, the steps, the cores and the voxel of volumes.
     ///
     /// The length of substeps has two limits, the CFL rule and `min_substeps`; where one decides, the other does
     /// nothing, so both are moved together, as far as a preset may.
@@ -151,11 +205,55 @@ impl Subject {
                 });
                 words("liquid.solver").into_iter().chain([iterating]).chain(steps).collect()
             }
+            Self::Smoke => smoke(scene),
         };
         vary.iter_mut().for_each(|vary| vary.values.dedup());
         vary
     }
 }
+
+/// What is varied of smoke if nothing is named.
+fn smoke(scene: &Scene) -> Vec<Vary> {
+    let Some(smoke) = &scene.smoke else { return Vec::new() };
+    let among = |range: &RangeInclusive<f32>, value: f32| value.clamp(*range.start(), *range.end());
+    let flow = &smoke.flow;
+    let of_lattices = Way::Sine.errors(flow.kernel);
+    let lattice = of_lattices.contains(&flow.error);
+    let range = if flow.sum == Sum::Grid { of_lattices } else { ERRORS };
+    let errors = [3.0, 1.0, 0.3].map(|factor| vec![format!("{}", among(&range, flow.error * factor))]);
+    let few = scene.few_vortons(FEW);
+    let methods = [("tree", true), ("grid", lattice), ("direct", few)];
+    let methods = methods.iter().filter(|(_, serves)| *serves).map(|(name, _)| vec![(*name).to_owned()]);
+    let step =
+        |factor: f32| [flow.strain, flow.displacement].map(|most| format!("{}", (most * factor).min(100.0)));
+    let core = |factor: f32| {
+        let own = format!("{}", among(&CORES[0], smoke.overlap * factor));
+        let again = flow.remesh.as_ref().map(|remesh| format!("{}", among(&CORES[1], remesh.core * factor)));
+        [Some(own), again].into_iter().flatten().collect()
+    };
+    let cores = ["smoke.overlap", "smoke.flow.remesh.core"];
+    let cores = if flow.remesh.is_some() { &cores[..] } else { &cores[..1] };
+    let voxel = |factor: f32| vec![format!("{}", among(&SIDES, scene.surface.voxel * factor))];
+    let named = |keys: &[&str], values: Vec<Vec<String>>| Vary {
+        keys: keys.iter().map(|&key| key.into()).collect(),
+        values,
+    };
+    let voxels = named(&[VOXEL], [0.7, 1.0, 1.5].map(voxel).to_vec());
+    let mut vary = vec![
+        named(&[ERROR], errors.to_vec()),
+        named(&[SUM], methods.collect()),
+        named(&STEP, [0.5, 1.0, 2.0].map(|factor| step(factor).to_vec()).to_vec()),
+        named(cores, [0.8, 1.0, 1.25].map(core).to_vec()),
+    ];
+    vary.extend(Some(voxels).filter(|_| !scene.output.volume.is_empty()));
+    vary
+}
+
+/// The ranges of cores, in spacings: where vortons are seeded, and on lattices.
+const CORES: [RangeInclusive<f32>; 2] = [0.8..=4.0, 1.0..=2.5];
+
+/// The range of `surface.voxel`.
+const SIDES: RangeInclusive<f32> = 0.05..=10.0;
 
 /// The varied knobs that can be refined, and those that always are; those of the defaults if there are none.
 pub(super) fn refinable(subject: Subject, vary: &[Vary], scene: &Scene) -> Vec<Knob> {
@@ -165,7 +263,9 @@ pub(super) fn refinable(subject: Subject, vary: &[Vary], scene: &Scene) -> Vec<K
         };
         let is_varied = |knob: &Knob| vary.iter().any(|vary| vary.keys.iter().any(|key| is(key, knob)));
         let knobs = subject.knobs().iter().copied();
-        knobs.filter(|knob| knob.key == VOXEL || is_varied(knob)).collect()
+        // Sums over all pairs are finer than any other.
+        let is_exact = |knob: &Knob| knob.key == SUM && scene.value(SUM) == Some(Json::from("direct"));
+        knobs.filter(|knob| (knob.always && !is_exact(knob)) || is_varied(knob)).collect()
     };
     let knobs = among(vary);
     if knobs.is_empty() { among(&subject.defaults(scene)) } else { knobs }
@@ -188,8 +288,8 @@ pub(super) fn finest<'a>(
 }
 
 /// The limits that finer knobs may run into, each with its largest value in any scene.
-pub(super) fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 2] {
-    ["liquid.max_iterations", "liquid.max_substeps"]
+pub(super) fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 3] {
+    ["liquid.max_iterations", "liquid.max_substeps", STEPS]
         .map(|limit| (limit, scenes.clone().filter_map(|scene| number(scene, limit)).fold(0.0, f64::max)))
 }
 
@@ -203,7 +303,10 @@ pub(super) fn refine(
     let finer = |key: &str| {
         let (knob, value) = knobs.iter().zip(values).find(|(knob, _)| knob.key == key)?;
         match knob.finer {
-            Finer::Times(factor) => value.map(|value| value * factor),
+            Finer::Times(factor) => {
+                let least = if knob.key == ERROR { f64::from(*ERRORS.start()) } else { 0.0 };
+                value.map(|value| (value * factor).max(least))
+            }
             Finer::Largest => *value,
             Finer::Word(_) => None,
         }
@@ -235,7 +338,9 @@ const LARGEST_CFL: f64 = 10.0;
 /// A number as a preset takes it: whole where the key counts something.
 fn plain(key: &str, value: f64) -> String {
     let counts = ["iterations", "substeps"].iter().any(|word| key.ends_with(word));
-    if counts { format!("{}", value.round().max(1.0)) } else { format!("{}", value as f32) }
+    // Digits that single precision has, and no more.
+    let short: f64 = format!("{value:.5e}").parse().expect("a number is one");
+    if counts { format!("{}", value.round().max(1.0)) } else { format!("{short}") }
 }
 
 /// The number at a key of the scene.

@@ -76,11 +76,49 @@ pub(super) fn maybe(value: Option<f64>) -> String {
     value.map_or_else(String::new, |value| value.to_string())
 }
 
-/// How a line of the table is marked.
-pub(super) fn mark(is_knee: bool, on_front: bool) -> &'static str {
-    match (is_knee, on_front) {
-        (true, _) => "knee",
-        (false, true) => "front",
-        _ => "",
-    }
+/// How to read a plot, as HTML; `what` says what was compared, `uncertainty` how far the reference is from its refinement, if
+/// anything is known of that.
+pub(super) fn introduction(what: &str, uncertainty: &str) -> String {
+    let uncertainty = if uncertainty.is_empty() { "an unknown amount" } else { uncertainty };
+    format!(
+        "{what}. Every point is a setting; lower is more exact, left is faster. Nothing beats the green ones. After the ringed \
+         one, more time buys little. What lies in the tinted band cannot be told from the reference, which differs from its \
+         own refinement by {uncertainty}. An error or a time of exactly 0 has no place on these axes: such settings stand in \
+         the table alone."
+    )
+}
+
+/// The lines of a table to look at: each setting, numbered and marked as the knee or on the front, and last the reference.
+/// `cells` makes them of number, line and mark.
+pub fn rows<L>(
+    lines: &[L],
+    reference: &L,
+    knee: Option<usize>,
+    on_front: impl Fn(&L) -> bool,
+    cells: impl Fn(&str, &L, &str) -> Vec<String>,
+) -> Vec<(&'static str, Vec<String>)> {
+    let numbered = lines.iter().enumerate().map(|(place, line)| {
+        let mark = match (knee == Some(place), on_front(line)) {
+            (true, _) => "knee",
+            (false, true) => "front",
+            _ => "",
+        };
+        (mark, cells(&(place + 1).to_string(), line, mark))
+    });
+    let reference = ("reference", cells("", reference, "reference"));
+    numbered.chain([reference]).collect()
+}
+
+/// The table in full: its head, each setting, the reference and its refinement. `fields` makes them of a line and whether it is the
+/// knee.
+pub(super) fn full<L>(
+    head: Vec<String>,
+    lines: &[L],
+    references: [&L; 2],
+    knee: Option<usize>,
+    fields: impl Fn(&L, bool) -> Vec<String>,
+) -> Vec<Vec<String>> {
+    let numbered = lines.iter().enumerate().map(|(place, line)| fields(line, knee == Some(place)));
+    let all = numbered.chain(references.map(|line| fields(line, false)));
+    [head].into_iter().chain(all).collect()
 }

@@ -134,9 +134,15 @@ impl Request {
         let base = ground.scene(&self.base)?;
         let vary = if self.vary.is_empty() { subject.defaults(&base) } else { self.vary.clone() };
         subject.refuse_others(&vary, &self.reference)?;
+        let one_by_one = self.vary.is_empty() && subject.varies_one_by_one();
         let mut rows: Vec<(Setting, Scene)> = Vec::new();
         let mut settings = vec![Setting { label: "as written".into(), overrides: self.base.clone() }];
-        settings.extend(combinations(&self.base, &vary, subject));
+        if one_by_one {
+            let alone = vary.chunks(1).flat_map(|vary| combinations(&self.base, vary, subject));
+            settings.extend(alone);
+        } else {
+            settings.extend(combinations(&self.base, &vary, subject));
+        }
         if self.tiers {
             settings.extend(Quality::ALL.map(|tier| Setting {
                 label: tier.name().into(),
@@ -149,8 +155,9 @@ impl Request {
                 Err(_) if is_tier && !ground.has_tier(setting.overrides.quality) => continue,
                 scene => scene?,
             };
-            // Two names for one run are one row.
+            // Two names for one run are one row. The preset itself is one of the values of every key.
             match rows.iter_mut().find(|(_, other)| subject.key(other) == subject.key(&scene)) {
+                Some(_) if one_by_one && !is_tier => {}
                 Some((known, _)) => known.label = format!("{} = {}", known.label, setting.label),
                 None => rows.push((setting, scene)),
             }

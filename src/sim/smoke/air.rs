@@ -12,7 +12,7 @@ use crate::{
         World,
         vortex::{
             Induced, Kernel, Method, Quantity, Targets, Unfit, Vortons,
-            flow::{Moment, Outside, Rates, Sum},
+            flow::{Moment, Outside, Rates},
             induced,
         },
     },
@@ -51,10 +51,7 @@ impl Air {
         let wind = walls.as_ref().map_or(blows, |walls| walls.along(blows));
         let across = (blows - wind).norm();
         let flow = &params.flow;
-        let method = match flow.sum {
-            Sum::Tree => Method::Tree { error: flow.error },
-            Sum::Direct => Method::Direct,
-        };
+        let method = flow.method();
         let longest = f64::from(params.core()) / f64::from(wind.norm());
         let stride = walls.as_ref().map_or(f32::INFINITY, |walls| walls.stride(params.core()));
         Self { wind, across, kernel: flow.kernel, method, walls, span: [0.0; 2], longest, stride }

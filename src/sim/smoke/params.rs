@@ -240,6 +240,13 @@ pub struct Emitter {
 }
 
 impl SmokeParams {
+    /// Gives the lattice of [`Remesh`](crate::sim::vortex::flow::Remesh) the spacing of the smoke if a preset names none.
+    pub fn settle(&mut self) {
+        if let Some(remesh) = self.flow.remesh.as_mut().filter(|remesh| remesh.spacing == 0.0) {
+            remesh.spacing = self.spacing;
+        }
+    }
+
     /// Core of a vorton [m].
     pub fn core(&self) -> f32 {
         self.overlap * self.spacing

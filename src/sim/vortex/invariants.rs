@@ -5,10 +5,10 @@
 
 use super::{Kernel, Method, Quantity, Targets, Unfit, Vortons, induced};
 use crate::par;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// The invariants of a set of vortons, for a density of 1 kg/m³.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Invariants {
     /// ΣΓ [m³/s].
     pub strength: [f64; 3],

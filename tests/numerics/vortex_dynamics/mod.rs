@@ -1,6 +1,7 @@
 //! Vortons in motion: closed forms, orders of convergence, what is kept, and limits.
 
 mod extremes;
+mod grid;
 mod invariants;
 mod lattice;
 mod rings;

@@ -1,7 +1,10 @@
 //! How far two runs of one shot are apart.
 
-use super::row::{Place, Row, Seen};
-use crate::{run::RunError, sim::Observable};
+use super::row::{Figures, Row, Seen, sampled};
+use crate::{
+    run::{RunError, tradeoff::runs::Place},
+    sim::Observable,
+};
 use serde::Serialize;
 
 /// Distances between two runs; `None` where they cannot be compared.
@@ -18,17 +21,20 @@ pub struct Apart {
 /// Energy and observable of `row` against `reference`, over the frames that both have and `wanted` holds.
 pub(super) fn curves(row: &Row, reference: &Row, what: Observable, wanted: &dyn Fn(u32) -> bool) -> Apart {
     let pairs: Vec<(&Seen, &Seen)> = row
+        .found
         .frames
         .iter()
         .filter(|seen| wanted(seen.frame))
-        .filter_map(|seen| Some((seen, reference.frames.iter().find(|other| other.frame == seen.frame)?)))
+        .filter_map(|seen| {
+            Some((seen, reference.found.frames.iter().find(|other| other.frame == seen.frame)?))
+        })
         .collect();
     let place = Observable::ALL.iter().position(|known| *known == what).expect("every observable is listed");
     let observable =
         rms(pairs.iter().filter_map(|(a, b)| Some(a.observables.get(place)? - b.observables.get(place)?)));
 
     // A kilogram's energy, since runs of different spacing differ in mass by what the lattice leaves over.
-    let most = reference.frames.iter().filter_map(|seen| kinetic(reference, seen)).fold(0.0, f64::max);
+    let most = reference.found.frames.iter().filter_map(|seen| kinetic(reference, seen)).fold(0.0, f64::max);
     let energy = rms(pairs.iter().filter_map(|(a, b)| Some(mechanical(row, a)? - mechanical(reference, b)?)));
     Apart { energy: energy.filter(|_| most > 0.0).map(|energy| energy / most), observable, position: None }
 }
@@ -36,7 +42,7 @@ pub(super) fn curves(row: &Row, reference: &Row, what: Observable, wanted: &dyn 
 /// Energies are logged for the whole liquid; its mass is density × volume, and the density is the same in all runs
 /// unless it is what they vary.
 fn per_volume(row: &Row) -> f64 {
-    1.0 / (row.particles as f64 * f64::from(row.spacing).powi(3))
+    1.0 / (row.found.particles as f64 * f64::from(row.found.spacing).powi(3))
 }
 
 fn kinetic(row: &Row, seen: &Seen) -> Option<f64> {
@@ -59,11 +65,11 @@ fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
 ///
 /// # Errors
 /// If a kept sample cannot be read.
-pub(super) fn horizon(a: (&Place, &Row), b: (&Place, &Row)) -> Result<Option<u32>, RunError> {
+pub(super) fn horizon(a: (&Place<'_>, &Row), b: (&Place<'_>, &Row)) -> Result<Option<u32>, RunError> {
     let mut last = None;
-    for seen in &a.1.frames {
+    for seen in &a.1.found.frames {
         match distance(a, b, seen.frame)? {
-            Some(rms) if rms <= f64::from(a.1.spacing) => last = Some(seen.frame),
+            Some(rms) if rms <= f64::from(a.1.found.spacing) => last = Some(seen.frame),
             _ => break,
         }
     }
@@ -75,13 +81,13 @@ pub(super) fn horizon(a: (&Place, &Row), b: (&Place, &Row)) -> Result<Option<u32
 /// # Errors
 /// If a kept sample cannot be read.
 pub(super) fn position(
-    a: (&Place, &Row),
-    b: (&Place, &Row),
+    a: (&Place<'_>, &Row),
+    b: (&Place<'_>, &Row),
     horizon: Option<u32>,
 ) -> Result<Option<f64>, RunError> {
     let Some(horizon) = horizon else { return Ok(None) };
     let mut distances = Vec::new();
-    for seen in b.1.frames.iter().filter(|seen| seen.frame <= horizon) {
+    for seen in b.1.found.frames.iter().filter(|seen| seen.frame <= horizon) {
         match distance(a, b, seen.frame)? {
             Some(distance) => distances.push(distance),
             None => return Ok(None),
@@ -91,11 +97,13 @@ pub(super) fn position(
 }
 
 /// RMS distance of the particles in one frame [m]; `None` if they are not the same ones.
-fn distance(a: (&Place, &Row), b: (&Place, &Row), frame: u32) -> Result<Option<f64>, RunError> {
-    if a.1.particles != b.1.particles || a.1.spacing.to_bits() != b.1.spacing.to_bits() {
+fn distance(a: (&Place<'_>, &Row), b: (&Place<'_>, &Row), frame: u32) -> Result<Option<f64>, RunError> {
+    let is_alike =
+        |a: &Figures, b: &Figures| a.particles == b.particles && a.spacing.to_bits() == b.spacing.to_bits();
+    if !is_alike(&a.1.found, &b.1.found) {
         return Ok(None);
     }
-    let (Some(a), Some(b)) = (a.0.sampled(frame)?, b.0.sampled(frame)?) else { return Ok(None) };
+    let (Some(a), Some(b)) = (sampled(a.0, frame)?, sampled(b.0, frame)?) else { return Ok(None) };
     let (Some(x), Some(y)) = (a.vec3("position"), b.vec3("position")) else { return Ok(None) };
     if a.u32("id") != b.u32("id") {
         return Ok(None);

@@ -4,7 +4,7 @@ use super::{By, Line, Table};
 use crate::run::{
     RunError,
     tradeoff::{
-        page::{Page, mark, maybe},
+        page::{Page, full, introduction, maybe, rows},
         plot::{Entry, Panel, escaped, figure, percent},
     },
 };
@@ -29,28 +29,21 @@ fn page(table: &Table) -> Page<'_> {
     let uncertainty = uncertainty.into_iter().flatten().collect::<Vec<_>>().join(", ");
     let head =
         ["#", "setting", "seconds", "whole shot", "density, mean", "density, largest", "volume", "energy"];
-    let numbered = table.lines.iter().enumerate();
-    let mut rows: Vec<_> = numbered
-        .map(|(place, line)| {
-            let mark = mark(table.knee == Some(place), line.front);
-            (mark, cells(&(place + 1).to_string(), line, mark, table))
-        })
-        .collect();
-    rows.push(("reference", cells("", &table.reference, "reference", table)));
     Page {
         title: &table.title,
-        introduction: format!(
-            "Frames {}, {} threads. Every point is a setting; lower is more exact, left is faster. Nothing beats the green \
-             ones. After the ringed one, more time buys little. What lies in the tinted band cannot be told from the \
-             reference, which differs from its own refinement by {}. An error or a time of exactly 0 has no place on these \
-             axes: such settings stand in the table alone.",
-            table.frames,
-            table.threads,
-            if uncertainty.is_empty() { "an unknown amount" } else { &uncertainty },
+        introduction: introduction(
+            &format!("Frames {}, {} threads", table.frames, table.threads),
+            &uncertainty,
         ),
         panels: panels(table),
         head: head.into_iter().chain([observable, "positions", ""]).map(String::from).collect(),
-        rows,
+        rows: rows(
+            &table.lines,
+            &table.reference,
+            table.knee,
+            |line| line.front,
+            |number, line, mark| cells(number, line, mark, table),
+        ),
         legend: escaped(&format!(
             "Density: how far from incompressible, mean of the frames and largest of all particles. Volume: of the \
              surface, last frame against first. Energy, {observable} and positions: RMS distance from the reference."
@@ -139,11 +132,8 @@ fn csv(table: &Table) -> Vec<Vec<String>> {
             line.diverged.clone().unwrap_or_default(),
         ]
     };
-    let mut rows = vec![head.split(',').map(String::from).collect()];
-    let lines = table.lines.iter().enumerate();
-    rows.extend(lines.map(|(place, line)| fields(line, table.knee == Some(place))));
-    rows.push(fields(&table.reference, false));
+    let head = head.split(',').map(String::from).collect();
     // The refinement's distance from the reference is what the reference's own errors are judged by.
-    rows.push(fields(&Line { apart: table.uncertainty, ..table.refined.clone() }, false));
-    rows
+    let refined = Line { apart: table.uncertainty, ..table.refined.clone() };
+    full(head, &table.lines, [&table.reference, &refined], table.knee, fields)
 }

@@ -20,16 +20,17 @@ pub use files::write;
 use super::{
     Spread,
     pareto::{self, Candidate},
+    runs::{self, Place, Run, Wanted},
     sweep::{Setting, Sweep},
 };
 use crate::{
     cache::Lock,
-    run::{Control, Reporter, RunError, ShotFolder, log, simulate},
-    scene::{Frames, Scene},
+    run::{Control, RunError, ShotFolder, log, simulate},
+    scene::Frames,
     sim::Observable,
 };
 use compare::{curves, horizon, position};
-use row::{Place, Row, Run};
+use row::{Figures, Particles, Row, show_the_same};
 use serde::Serialize;
 use std::path::Path;
 
@@ -195,41 +196,26 @@ pub fn tradeoff(
     let rows_folder = folder.join("rows");
     ShotFolder::create(&rows_folder)?;
     let _lock = Lock::acquire(&rows_folder)?;
-    let all: Vec<&(Setting, Scene)> =
-        [&sweep.reference, &sweep.refined].into_iter().chain(&sweep.rows).collect();
-    let mut runs = Vec::new();
-    control.reporter.begin("tradeoff", all.len());
-    for (number, (setting, scene)) in all.iter().enumerate() {
-        let place = Place::new(folder, scene, selection.last());
-        let frames = f64::from(selection.last().0 - scene.frames.first().0 + 1);
-        let part = Part { whole: control.reporter, number, scale: 1.0 / frames };
+    let all = [&sweep.reference, &sweep.refined].into_iter().chain(&sweep.rows);
+    let wanted = all.enumerate().map(|(number, (setting, scene))| {
+        let surface = serde_json::to_string(&scene.surface).expect("settings are plain data");
+        let place = Place::new::<Particles>(folder, scene, selection.last(), &surface);
         // The reference and its refinement are wanted for their frames, not for their time.
-        let repeats = if number < 2 { 1 } else { repeats };
-        let kept = place.load().is_some_and(|row| row.diverged.is_some() || row.seconds.len() >= repeats);
-        let row = place.complete(repeats, Control { reporter: &part, ..control })?;
-        let line = line(setting, &row, sweep, selection);
-        let what = match (&row.diverged, kept) {
-            (Some(why), _) => why.clone(),
-            (None, true) => "was there".into(),
-            (None, false) => format!("{:.1} s", line.seconds.median),
-        };
-        control.reporter.frame(&format!("{} of {}  {}: {what}", number + 1, all.len(), setting.label));
-        control.reporter.progress((number + 1) as f64);
-        runs.push(Run { setting, place, row });
-    }
-    control.reporter.end();
+        Wanted { setting, place, repeats: if number < 2 { 1 } else { repeats } }
+    });
+    let runs = runs::complete(wanted.collect(), &Particles, control)?;
     tabulate(sweep, selection, &runs, by)
 }
 
-fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run], by: By) -> Result<Table, RunError> {
+fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run<'_, Figures>], by: By) -> Result<Table, RunError> {
     let observable = sweep.base.tradeoff.clone().unwrap_or_default().observable;
     let wanted = |frame: u32| selection.contains(crate::frame::FrameIndex(frame));
     let [reference, refined, rows @ ..] = runs else {
         unreachable!("a sweep has a reference and its refinement");
     };
-    let at = |run: &'_ Run<'_>| line(run.setting, &run.row, sweep, selection);
+    let at = |run: &Run<'_, Figures>| line(run.setting, &run.row, sweep, selection);
     let last = horizon((&reference.place, &reference.row), (&refined.place, &refined.row))?;
-    let against = |run: &Run<'_>| -> Result<Apart, RunError> {
+    let against = |run: &Run<'_, Figures>| -> Result<Apart, RunError> {
         // A reference that ended early says nothing about the frames after.
         if reference.row.diverged.is_some() {
             return Ok(Apart::default());
@@ -240,7 +226,7 @@ fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run], by: By) -> Result<T
     };
     let mut lines = Vec::new();
     for (place, run) in rows.iter().enumerate() {
-        let same_as = rows[..place].iter().position(|other| other.row.shows_the_same(&run.row));
+        let same_as = rows[..place].iter().position(|other| show_the_same(&other.row, &run.row));
         lines.push(Line { apart: against(run)?, same_as, ..at(run) });
     }
     let mut table = Table {
@@ -266,7 +252,7 @@ fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run], by: By) -> Result<T
 
 /// What a run alone says, without the reference.
 fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line {
-    let logged: Vec<_> = row.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
+    let logged: Vec<_> = row.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
     let judged: Vec<_> = logged.iter().filter(|line| selection.contains(line.frame)).collect();
     let mean = |value: &dyn Fn(&log::Logged) -> f64| {
         judged.iter().map(|line| value(line)).sum::<f64>() / judged.len().max(1) as f64
@@ -281,40 +267,17 @@ fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line
         shot_seconds: seconds.median * shot / slice.max(1.0),
         seconds,
         cpu_seconds: Spread::of(&row.cpu_seconds),
-        particles: row.particles,
+        particles: row.found.particles,
         substeps: mean(&|line| f64::from(line.substeps)),
         iterations: mean(&|line| f64::from(line.iterations)),
         unconverged: logged.iter().map(|line| line.unconverged).sum(),
         density_dev_avg: mean(&|line| line.density_dev_avg),
         density_dev_max: mean(&|line| line.density_dev_max),
         density_dev_largest: judged.iter().map(|line| line.density_dev_max).fold(0.0, f64::max),
-        volume_change: row.volume_change,
+        volume_change: row.found.volume_change,
         apart: Apart::default(),
         diverged: row.diverged.clone(),
         same_as: None,
         front: false,
     }
-}
-
-/// Shows one run as a part of the whole job.
-struct Part<'a> {
-    whole: &'a dyn Reporter,
-    number: usize,
-    scale: f64,
-}
-
-impl Reporter for Part<'_> {
-    fn begin(&self, _job: &str, _frames: usize) {}
-    fn progress(&self, frames_done: f64) {
-        self.whole.progress(self.number as f64 + frames_done * self.scale);
-    }
-    fn frame(&self, _figures: &str) {}
-    fn note(&self, text: &str) {
-        // What is true of one run is true of all, and said once.
-        if self.number == 0 {
-            self.whole.note(text);
-        }
-    }
-    fn end(&self) {}
-    fn stop(&self) {}
 }

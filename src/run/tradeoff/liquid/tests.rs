@@ -2,7 +2,7 @@
 
 use super::{
     compare::curves,
-    row::{Row, Seen},
+    row::{Row, Seen, show_the_same},
     *,
 };
 
@@ -101,7 +101,7 @@ fn curves_are_compared_over_the_frames_asked_for_and_by_the_kilogram() {
             }
         };
         serde_json::from_value(serde_json::json!({
-            "particles": particles, "spacing": 0.5, "seconds": [1.0], "cpu_seconds": [], "volume_change": null,
+            "particles": particles, "spacing": 0.5, "seconds": [1.0], "cpu_seconds": [], "memory": null, "volume_change": null,
             "diverged": null, "last_frame": 0, "frames": [seen(2), seen(4)],
         }))
         .unwrap()
@@ -114,7 +114,7 @@ fn curves_are_compared_over_the_frames_asked_for_and_by_the_kilogram() {
     assert!((twice.energy.unwrap() - (17.0_f64).sqrt() / 4.0).abs() < 1e-12, "{twice:?}");
     assert!((twice.observable.unwrap() - (2.5_f64).sqrt()).abs() < 1e-12, "{twice:?}");
     assert!(
-        row(8, 1.0, 1.5).shows_the_same(&row(8, 2.0, 1.5)) && !reference.shows_the_same(&row(8, 1.0, 1.5))
+        show_the_same(&row(8, 1.0, 1.5), &row(8, 2.0, 1.5)) && !show_the_same(&reference, &row(8, 1.0, 1.5))
     );
     let late = curves(&row(8, 2.0, 1.5), &reference, Observable::Height, &|frame| frame > 2);
     assert!((late.energy.unwrap() - 5.0 / 4.0).abs() < 1e-12);

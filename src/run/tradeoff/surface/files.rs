@@ -4,7 +4,7 @@ use super::{Apart, By, Line, Table, seconds};
 use crate::run::{
     RunError,
     tradeoff::{
-        page::{Page, mark, maybe},
+        page::{Page, full, introduction, maybe, rows},
         plot::{Entry, Panel, figure, percent},
     },
 };
@@ -19,14 +19,6 @@ pub fn write(table: &Table, folder: &Path) -> Result<[PathBuf; 3], RunError> {
 }
 
 fn page(table: &Table) -> Page<'_> {
-    let numbered = table.lines.iter().enumerate();
-    let mut rows: Vec<_> = numbered
-        .map(|(place, line)| {
-            let mark = mark(table.knee == Some(place), line.front);
-            (mark, cells(&(place + 1).to_string(), line, mark, table))
-        })
-        .collect();
-    rows.push(("reference", cells("", &table.reference, "reference", table)));
     let head = [
         "#",
         "setting",
@@ -45,20 +37,21 @@ fn page(table: &Table) -> Page<'_> {
     let frames: Vec<String> = table.frames.iter().map(u32::to_string).collect();
     Page {
         title: &table.title,
-        introduction: format!(
-            "Frames {}, about {:.0} particles of spacing {} m, {} threads. Every point is a setting; lower is more exact, \
-             left is faster. Nothing beats the green ones. After the ringed one, more time buys little. What lies in the \
-             tinted band cannot be told from the reference, which differs from its own refinement by {}. An error or a time of \
-             exactly 0 has no place on these axes: such settings stand in the table alone.",
-            frames.join(", "),
-            table.particles,
-            table.spacing,
-            table.threads,
-            uncertainty(table),
+        introduction: introduction(
+            &format!(
+                "Frames {}, about {:.0} particles of spacing {} m, {} threads",
+                frames.join(", "),
+                table.particles,
+                table.spacing,
+                table.threads
+            ),
+            &uncertainty(table),
         ),
         panels: panels(table),
         head: head.map(String::from).to_vec(),
-        rows,
+        rows: rows(&table.lines, &table.reference, table.knee, |line| line.front, |number, line, mark| {
+            cells(number, line, mark, table)
+        }),
         legend: "Rms and largest: distance between the surface and the reference's, both ways, in particle spacings. \
                  Normals: angle to those of the nearest points, RMS. Volume: of all frames, against the reference's. Field: \
                  how far the signed distance is from the exact distance to its own zero, mean over the band, in voxels."
@@ -75,8 +68,7 @@ fn uncertainty(table: &Table) -> String {
         normals.map(|n| format!("{}° of the normals", figure(n))),
         volume.map(|v| format!("{} of the volume", percent(v))),
     ];
-    let parts: Vec<String> = parts.into_iter().flatten().collect();
-    if parts.is_empty() { "an unknown amount".into() } else { parts.join(", ") }
+    parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn cells(number: &str, line: &Line, mark: &str, table: &Table) -> Vec<String> {
@@ -189,11 +181,8 @@ fn csv(table: &Table) -> Vec<Vec<String>> {
         fields
     };
     let named = passes.iter().map(|pass| format!("seconds_{}", pass.replace(' ', "_")));
-    let mut rows = vec![head.split(',').map(String::from).chain(named).collect()];
-    let lines = table.lines.iter().enumerate();
-    rows.extend(lines.map(|(place, line)| fields(line, table.knee == Some(place))));
-    rows.push(fields(&table.reference, false));
+    let head = head.split(',').map(String::from).chain(named).collect();
     // The refinement's distance from the reference is what the reference's own errors are judged by.
-    rows.push(fields(&Line { apart: table.uncertainty, ..table.refined.clone() }, false));
-    rows
+    let refined = Line { apart: table.uncertainty, ..table.refined.clone() };
+    full(head, &table.lines, [&table.reference, &refined], table.knee, fields)
 }

@@ -1,6 +1,6 @@
 //! What a preset can say about the motion of vortons.
 
-use super::super::{ERRORS, Kernel, Method};
+use super::super::{ERRORS, Kernel, Method, Way};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,8 +12,8 @@ pub struct FlowParams {
     pub kernel: Kernel,
     /// How velocities are summed.
     pub sum: Sum,
-    /// The relative error of the velocity that `sum = "tree"` aims at. Smaller is slower; from 1e-3 on eddies of a shot
-    /// hardly differ, above 1e-2 thin rings wobble.
+    /// The relative error of the velocity that `sum = "tree"` and `"grid"` aim at. Smaller is slower; from 1e-3 on eddies of a
+    /// shot hardly differ, above 1e-2 thin rings wobble.
     #[schemars(range(min = 1e-5, max = 0.1))]
     pub error: f32,
     /// Most turn and strain in a substep: its length times the largest velocity gradient. Larger is faster; above about 0.5
@@ -55,9 +55,13 @@ impl Default for FlowParams {
 
 impl FlowParams {
     /// How the evaluator sums.
-    pub(super) fn method(&self) -> Method {
+    pub(in crate::sim) fn method(&self) -> Method {
         match self.sum {
             Sum::Tree => Method::Tree { error: self.error.clamp(*ERRORS.start(), *ERRORS.end()) },
+            Sum::Grid => {
+                let (way, errors) = (Way::Sine, Way::Sine.errors(self.kernel));
+                Method::Grid { error: self.error.clamp(*errors.start(), *errors.end()), way }
+            }
             Sum::Direct => Method::Direct,
         }
     }
@@ -70,6 +74,9 @@ pub enum Sum {
     /// By expansions between cells, to `error`.
     #[default]
     Tree,
+    /// By a lattice around the bulk of the vortons, to `error`, which has to be 1e-4 at least, with the kernel
+    /// `"rosenhead_moore"` 3e-3. What is far from the bulk, or would take too large a lattice, is summed as by `tree`.
+    Grid,
     /// Over all pairs: exact, and slow above some thousand vortons.
     Direct,
 }
@@ -111,9 +118,10 @@ pub struct Relaxation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Remesh {
-    /// The lattice's spacing h [m]; vortons stand there with cores of `core` spacings. Half as much gives eight times
-    /// the vortons.
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    /// The lattice's spacing h [m]; vortons stand there with cores of `core` spacings; absent: `smoke.spacing`. Half as much
+    /// gives eight times the vortons.
+    #[serde(default = "defaults::as_seeded")]
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0, "default" = null))]
     pub spacing: f32,
     /// Cores of new vortons, in spacings. Below 1 they leave gaps, above 2 detail blurs and pairs cost more.
     #[serde(default = "defaults::core")]
@@ -162,6 +170,10 @@ impl Remesh {
 }
 
 mod defaults {
+    /// No lattice has this spacing: a preset's own takes its place when it is read.
+    pub(super) fn as_seeded() -> f32 {
+        0.0
+    }
     pub(super) fn core() -> f32 {
         1.5
     }
