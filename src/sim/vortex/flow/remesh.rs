@@ -90,9 +90,9 @@ impl Flow {
         let pieces = self.pieces(&wanted);
         let nodes = deposit(&pieces);
         let spacing = f64::from(wanted.spacing);
-        let no_air = |node: &Node| is_solid(position(node.at, spacing));
+        let no_air = |at: [i32; 3]| is_solid(position(at, spacing));
         let mut thinned = weak::hand_on(nodes, f64::from(wanted.weak), no_air);
-        let divergence = solenoidal::project(&mut thinned.nodes);
+        let divergence = solenoidal::project(&mut thinned.nodes, no_air);
 
         // The new vortons, all alike but for place and strength, behind those that stay.
         self.retain(|i| wide.binary_search(&i).is_ok());

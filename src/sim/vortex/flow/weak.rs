@@ -39,7 +39,7 @@ pub(super) struct Thinned {
 
 /// Drops the nodes that are weaker than `part` of what is felt where they stand, and those where `is_solid` says that there is no
 /// air. The latter stay if nobody is near to take what they have.
-pub(super) fn hand_on(nodes: Vec<Node>, part: f64, is_solid: impl Fn(&Node) -> bool + Sync) -> Thinned {
+pub(super) fn hand_on(nodes: Vec<Node>, part: f64, is_solid: impl Fn([i32; 3]) -> bool + Sync) -> Thinned {
     let felt = Felt::new(&nodes);
     let mut above = vec![None; nodes.len()];
     par::fill(&mut above, |i| {
@@ -47,7 +47,7 @@ pub(super) fn hand_on(nodes: Vec<Node>, part: f64, is_solid: impl Fn(&Node) -> b
         (nodes[i].strength.norm() < part * peak.strength).then_some(peak.node)
     });
     let mut solid = vec![false; nodes.len()];
-    par::fill(&mut solid, |i| is_solid(&nodes[i]));
+    par::fill(&mut solid, |i| is_solid(nodes[i].at));
     let is_strong = |i: usize| above[i].is_none() && !solid[i];
     if (0..nodes.len()).all(is_strong) {
         return Thinned { nodes, dropped: 0, lost: 0.0 };
@@ -301,12 +301,12 @@ mod tests {
     fn what_is_in_a_solid_comes_out() {
         let mut all = block([0; 3], 1.0);
         all.iter_mut().filter(|node| node.at[0] == 0).for_each(|node| node.strength *= 0.01);
-        let left = hand_on(all.clone(), 0.0, |node| node.at[0] == 0);
+        let left = hand_on(all.clone(), 0.0, |at| at[0] == 0);
         assert_eq!((left.nodes.len(), left.dropped, left.lost), (48, 16, 0.0));
         assert!(left.nodes.iter().all(|node| node.at[0] > 0));
         assert_kept(&left.nodes, &all);
         // Too much for them to take: the impulse is lost, and said.
-        let much = hand_on(block([0; 3], 1.0), 0.0, |node| node.at[0] == 0);
+        let much = hand_on(block([0; 3], 1.0), 0.0, |at| at[0] == 0);
         assert!(much.nodes.len() == 48 && much.lost > 1.0);
         // Nobody is near: it stays, to be put out.
         let within = hand_on(all, 0.0, |_| true);
