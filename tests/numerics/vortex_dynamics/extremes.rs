@@ -9,7 +9,7 @@ use meniscus::sim::{
 /// Every term, by both schemes of viscosity.
 fn terms(spacing: f32) -> [FlowParams; 2] {
     [ViscousScheme::Exchange, ViscousScheme::Spreading].map(|scheme| FlowParams {
-        viscosity: Some(Viscosity { nu: 1e-4, scheme }),
+        viscosity: Some(Viscosity { nu: 1e-4, scheme, eddies: None }),
         relaxation: Some(Relaxation { time: 0.1 }),
         remesh: Some(Remesh::of(spacing)),
         max_substeps: 10,
@@ -145,7 +145,7 @@ fn what_is_no_number_stops_it_by_name() {
     let stop = flow.advance(0.1, &mut tracers, &mut Still, &mut Unwatched).unwrap_err().to_string();
     assert!(stop.contains("particle 1 of the tracers"), "{stop}");
     // So is a viscosity that would take for ever, and a vorton beyond the lattice.
-    let viscosity = Some(Viscosity { nu: 1e9, scheme: ViscousScheme::Exchange });
+    let viscosity = Some(Viscosity { nu: 1e9, scheme: ViscousScheme::Exchange, eddies: None });
     let mut thick = super::flow(FlowParams { viscosity, ..direct() }, &cloud(100), 1e-3);
     let stop = thick.advance(0.1, &mut [], &mut Still, &mut Unwatched).unwrap_err().to_string();
     assert!(stop.contains("rounds of viscous exchange"), "{stop}");
@@ -159,7 +159,7 @@ fn what_is_no_number_stops_it_by_name() {
         }),
         1e-3,
     )
-    .remesh(3)
+    .remesh(3, &|_| false)
     .unwrap_err();
     assert_eq!((far.particle, far.substep), (5, 3));
 }

@@ -59,7 +59,7 @@ fn what_should_stay_drifts_within_bounds() {
 /// Everything at once.
 fn everything() -> FlowParams {
     FlowParams {
-        viscosity: Some(Viscosity { nu: 1e-3, scheme: ViscousScheme::Exchange }),
+        viscosity: Some(Viscosity { nu: 1e-3, scheme: ViscousScheme::Exchange, eddies: None }),
         relaxation: Some(Relaxation { time: 0.5 }),
         remesh: Some(Remesh { share: 0.0, ..Remesh::of(0.08) }),
         ..FlowParams::default()

@@ -40,11 +40,13 @@ fn remeshing_keeps_strength_impulse_and_angular_impulse() {
     };
     let drift = |after: &[Vector3<f64>; 3], k: usize| (after[k] - before[k]).norm() / size;
     let (after, report) = remeshed(&vortons, 0.0);
-    assert!((0..3).all(|k| drift(&after, k) < 1e-6), "{before:?} {after:?}");
+    assert!((0..2).all(|k| drift(&after, k) < 1e-6), "{before:?} {after:?}");
+    // What had divergence had second moments of its own.
+    assert!(drift(&after, 2) < 0.01, "{}", drift(&after, 2));
     assert_eq!((report.before, report.dropped), (2000, 0));
     // Weak ones hand on strength and impulse; of the second moments they lose little.
     let (after, thinned) = remeshed(&vortons, 1e-2);
-    assert!(drift(&after, 0) < 1e-6 && drift(&after, 1) < 1e-6 && drift(&after, 2) < 1e-3, "{after:?}");
+    assert!(drift(&after, 0) < 1e-6 && drift(&after, 1) < 1e-6 && drift(&after, 2) < 0.01, "{after:?}");
     assert!(thinned.dropped > report.after / 20, "{thinned:?}");
     assert_eq!(thinned.after + thinned.dropped, report.after);
     // Wide cores are divided: what is symmetric about them keeps ΣΓ and impulse.
@@ -98,7 +100,7 @@ fn lost_overlap_calls_for_a_lattice_and_a_lattice_for_nothing() {
     assert!(flow(params.clone(), &smooth(0.5), 1e-3).tend(0, &|_| false).unwrap().is_some(), "crowded");
     assert_eq!(flow(direct(), &smooth(2.0), 1e-3).tend(0, &|_| false).unwrap(), None, "not asked for");
     // Grown cores too.
-    let viscosity = Some(Viscosity { nu: 0.01, scheme: ViscousScheme::Spreading });
+    let viscosity = Some(Viscosity { nu: 0.01, scheme: ViscousScheme::Spreading, eddies: None });
     let kernel = Kernel::Gaussian;
     let mut growing = flow(FlowParams { kernel, viscosity, ..params }, &smooth(1e-0), 1e-3);
     growing.vortons.strength.iter_mut().for_each(|g| *g *= 1e-6);
@@ -135,10 +137,30 @@ fn turbulence_on_a_lattice_gains_no_energy() {
             lattices += report.remeshed;
             divergence = divergence.max(report.remesh.map_or(0.0, |remesh| remesh.divergence));
         }
-        assert!(lattices >= 8, "{lattices}");
-        assert!(most < 1.02 && energy(&flow) > 0.5 * before, "{strain}: {most} {}", energy(&flow) / before);
+        assert!(lattices >= 4, "{lattices}");
+        // Without taking out divergence it is 1.7e9 after a strain of 0.5.
+        assert!(most < 1.05 && energy(&flow) > 0.5 * before, "{strain}: {most} {}", energy(&flow) / before);
         assert!(divergence < 0.5 && flow.vortons.len() < 4 * count, "{divergence} {}", flow.vortons.len());
     }
+}
+
+#[test]
+fn eddies_too_fine_for_the_vortons_take_energy() {
+    let after = |viscosity: Option<Viscosity>| {
+        let mut flow = flow(FlowParams { viscosity, ..FlowParams::default() }, &turbulence(), 1e-3);
+        advance(&mut flow, 0.1);
+        let energy = flow.account(None).unwrap().invariants.energy;
+        (energy, flow.vortons.core.iter().copied().fold(0.0, f32::max))
+    };
+    let with = |scheme, eddies| after(Some(Viscosity { nu: 0.0, scheme, eddies }));
+    let (free, core) = after(None);
+    assert_eq!(with(ViscousScheme::Exchange, None).0, free);
+    let (some, more) =
+        (with(ViscousScheme::Exchange, Some(0.2)).0, with(ViscousScheme::Exchange, Some(0.4)).0);
+    assert!(some < 0.99 * free && more < some - 2.0 * (free - some), "{free} {some} {more}");
+    // Cores grow where the air is strained: by some per cent, (C σ)² |S| t · 4 with |S| of some 10 /s.
+    let (grown, wide) = with(ViscousScheme::Spreading, Some(0.2));
+    assert!(grown < 0.99 * free && (1.02..1.3).contains(&(wide / core)), "{free} {grown} {wide} {core}");
 }
 
 /// A ring with a core, as vortons on a lattice.

@@ -28,7 +28,7 @@ fn spun_down(spacing: f64, scheme: ViscousScheme, remesh: Option<Remesh>) -> [f6
     let a = (start - 2.0 * core * core).sqrt();
     let params = FlowParams {
         kernel: Kernel::Gaussian,
-        viscosity: Some(Viscosity { nu, scheme }),
+        viscosity: Some(Viscosity { nu, scheme, eddies: None }),
         remesh,
         strain: 0.5,
         ..FlowParams::default()
@@ -73,7 +73,7 @@ fn faded(spacing: f64, substeps: u32) -> f64 {
         Vector3::z() * (1e-6 * (variance / (a * a)).powf(-1.5) * (-x.norm_squared() / (2.0 * variance)).exp())
     };
     let vortons = lattice(spacing, [1.5; 3], 1.25 * spacing, |x| omega(x, a * a));
-    let viscosity = Some(Viscosity { nu: nu as f32, scheme: ViscousScheme::Exchange });
+    let viscosity = Some(Viscosity { nu: nu as f32, scheme: ViscousScheme::Exchange, eddies: None });
     let mut flow = flow(FlowParams { viscosity, ..FlowParams::default() }, &vortons, spacing.powi(3) as f32);
     for _ in 0..substeps {
         let report = advance(&mut flow, seconds / f64::from(substeps));
@@ -108,7 +108,7 @@ fn exchange_keeps_the_sum_of_strengths() {
     let sum = |vortons: &Vortons| vortons.strength.iter().map(|g| g.cast::<f64>()).sum::<Vector3<f64>>();
     let size: f64 = vortons.strength.iter().map(|g| f64::from(g.norm())).sum();
     let before = sum(&vortons);
-    let viscosity = Some(Viscosity { nu: 0.05, scheme: ViscousScheme::Exchange });
+    let viscosity = Some(Viscosity { nu: 0.05, scheme: ViscousScheme::Exchange, eddies: None });
     let mut flow = Flow::new(FlowParams { viscosity, ..direct() });
     // Volumes that differ, too.
     let volume: Vec<f32> = (0..vortons.len()).map(|i| (0.5 + noise(7 * i) as f32) / 4000.0).collect();
@@ -129,7 +129,7 @@ fn far_beyond_the_explicit_limit_rounds_keep_it_bounded() {
     let largest = |flow: &Flow| flow.vortons.strength.iter().map(|g| g.norm()).fold(0.0, f32::max);
     let seconds = 1.0;
     let nu = (10.0 * core * core / seconds) as f32;
-    let viscosity = Some(Viscosity { nu, scheme: ViscousScheme::Exchange });
+    let viscosity = Some(Viscosity { nu, scheme: ViscousScheme::Exchange, eddies: None });
     let mut flow = flow(FlowParams { viscosity, ..FlowParams::default() }, &vortons, spacing.powi(3) as f32);
     let before = largest(&flow);
     let report = advance(&mut flow, seconds);
@@ -137,7 +137,7 @@ fn far_beyond_the_explicit_limit_rounds_keep_it_bounded() {
     assert!(largest(&flow) < before && flow.vortons.strength.iter().all(|g| g.x >= 0.0));
     // None is handed around at all.
     let mut frozen = Flow { params: FlowParams::default(), ..flow.clone() };
-    flow.params.viscosity = Some(Viscosity { nu: 0.0, scheme: ViscousScheme::Exchange });
+    flow.params.viscosity = Some(Viscosity { nu: 0.0, scheme: ViscousScheme::Exchange, eddies: None });
     assert_eq!((advance(&mut flow, seconds).exchanges, advance(&mut frozen, seconds).exchanges), (0, 0));
     assert_eq!(flow.vortons, frozen.vortons);
 }

@@ -4,12 +4,14 @@
 //! along each axis is the core; ΣΓ is kept pair by pair. Rounds of Heun's rule, each as long as the fastest exchange allows:
 //! ν dt/s² ≤ ½ on an even lattice. And [leonard80]: dσ²/dt = 2ν of Gaussian cores.
 //!
+//! Eddies finer than a core may add to ν, by [smagorinsky63] with the core as their width.
+//!
 //! *Departs from the paper*: of two cores the smaller counts for both; the Gaussian ends at four standard deviations, and what its
 //! second moment loses there is given back to ν; volumes that overlap count as if they just filled space.
 
-use super::super::{Kernel, Vortons};
+use super::super::{Gradient, Kernel, Vortons};
 use super::{
-    Flow,
+    Flow, Viscosity,
     near::{MOMENT, Near, Weight},
 };
 use crate::{math::Vec3, par, sim::Diverged};
@@ -18,12 +20,12 @@ use crate::{math::Vec3, par, sim::Diverged};
 const MOST_ROUNDS: f64 = 1e4;
 
 impl Flow {
-    /// Spreads strengths over `seconds` [s] by exchange with viscosity `nu` [m²/s], and counts the rounds.
+    /// Spreads strengths over `seconds` [s] by exchange with the viscosity `nu` of each [m²/s], and counts the rounds.
     ///
     /// # Errors
     /// [`Diverged`] if they are too many to be meant.
-    pub(super) fn exchange(&mut self, nu: f32, seconds: f64, substep: u32) -> Result<u32, Diverged> {
-        if self.vortons.is_empty() || nu == 0.0 {
+    pub(super) fn exchange(&mut self, nu: &[f32], seconds: f64, substep: u32) -> Result<u32, Diverged> {
+        if nu.iter().all(|&nu| nu == 0.0) {
             return Ok(0);
         }
         let exchange = Exchange::new(&self.vortons, &self.volume, nu);
@@ -54,12 +56,25 @@ impl Flow {
         Ok(rounds as u32)
     }
 
-    /// Lets cores grow for `seconds` [s] with viscosity `nu` [m²/s].
-    pub(super) fn spread(&mut self, nu: f32, seconds: f64) {
-        let grown = f64::from(spreading(self.params.kernel)) * f64::from(nu) * seconds;
-        par::update(&mut self.vortons.core, |_, core| {
-            *core = (f64::from(*core).powi(2) + grown).sqrt() as f32
+    /// Lets cores grow for `seconds` [s] with the viscosity `nu` of each [m²/s].
+    pub(super) fn spread(&mut self, nu: &[f32], seconds: f64) {
+        let rate = f64::from(spreading(self.params.kernel)) * seconds;
+        par::update(&mut self.vortons.core, |i, core| {
+            *core = (f64::from(*core).powi(2) + rate * f64::from(nu[i])).sqrt() as f32
         });
+    }
+
+    /// The viscosity of every vorton [m²/s]: the air's, and that of eddies finer than its core.
+    pub(super) fn viscosities(&self, viscosity: &Viscosity, gradient: &[Gradient]) -> Vec<f32> {
+        let mut nu = vec![viscosity.nu; self.vortons.len()];
+        if let Some(constant) = viscosity.eddies {
+            par::update(&mut nu, |i, nu| {
+                let strain = (gradient[i] + gradient[i].transpose()) * 0.5;
+                let rate = std::f32::consts::SQRT_2 * strain.norm(); // |S| = √(2 S:S)
+                *nu += (constant * self.vortons.core[i]).powi(2) * rate; // (C Δ)² |S|, [smagorinsky63]
+            });
+        }
+        nu
     }
 }
 
@@ -67,10 +82,9 @@ impl Flow {
 struct Exchange<'a> {
     near: Near,
     volume: &'a [f32],
-    /// 1/√max(1, Σ V ζ): where volumes overlap, what is exchanged is as if they just filled space.
+    /// √ν/√max(1, Σ V ζ) [m/√s]: pairs exchange by the geometric mean of both viscosities, and where volumes overlap as if they just
+    /// filled space.
     share: Vec<f32>,
-    /// 2ν, for a Gaussian with an end [m²/s].
-    scale: f32,
 }
 
 /// What exchange does to a vorton.
@@ -83,12 +97,12 @@ struct Exchanged {
 }
 
 impl<'a> Exchange<'a> {
-    fn new(vortons: &Vortons, volume: &'a [f32], nu: f32) -> Self {
+    fn new(vortons: &Vortons, volume: &'a [f32], nu: &[f32]) -> Self {
         let near = Near::new(vortons);
         let filled = near.sums(Weight::Density, |q| [volume[q], 0.0, 0.0, 0.0]);
         let mut share = vec![0.0; filled.len()];
-        par::fill(&mut share, |p| filled[p][0].max(1.0).sqrt().recip());
-        Self { near, volume, share, scale: 2.0 * nu / MOMENT }
+        par::fill(&mut share, |p| (nu[p] / filled[p][0].max(1.0)).sqrt());
+        Self { near, volume, share }
     }
 
     fn rates(&self, strength: &[Vec3]) -> Vec<Exchanged> {
@@ -99,7 +113,7 @@ impl<'a> Exchange<'a> {
         let mut rates = vec![Exchanged::default(); strength.len()];
         par::fill(&mut rates, |p| {
             let [x, y, z, volume] = sums[p];
-            let scale = self.scale * self.share[p];
+            let scale = 2.0 / MOMENT * self.share[p];
             let given = Vec3::new(x, y, z) * self.volume[p] - strength[p] * volume; // [degond89]
             // What it gives to itself is no exchange.
             let others = (volume - self.volume[p] * self.share[p] * self.near.own(p)).max(0.0);

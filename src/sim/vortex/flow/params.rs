@@ -91,6 +91,11 @@ pub struct Viscosity {
     /// How strength spreads.
     #[serde(default)]
     pub scheme: ViscousScheme,
+    /// What eddies too fine for the vortons take from those that are not: the constant C of a viscosity (C · core)² |S|,
+    /// [smagorinsky63]; absent: nothing. 0.2 calms wakes and plumes that stir themselves up on coarse lattices; larger blurs.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub eddies: Option<f32>,
 }
 
 /// How strength spreads.

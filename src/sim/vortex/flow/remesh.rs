@@ -9,7 +9,7 @@
 use super::super::Vortons;
 use super::{Flow, Remesh, exchange::spreading, nodes::Node, solenoidal, weak};
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, node_of, offset},
+    grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, node_of, offset},
     math::Vec3,
     par,
     sim::Diverged,
@@ -20,9 +20,6 @@ use serde::Serialize;
 /// Cores this many times as wide as new ones stay as they are: 27 parts of them would be lumps apart. Cores that grow are
 /// divided before.
 const WIDE: f32 = 2.2;
-
-/// How far from the origin the lattice reaches [spacings]: there single precision still tells quarters of a spacing.
-const FAR: f64 = 4_194_304.0; // 2²²
 
 /// Whether a solid is at a place [m]: there is no vorticity, so nodes there hand on what they have.
 pub type IsSolid<'a> = &'a (dyn Fn(Vec3) -> bool + Sync);
@@ -145,8 +142,10 @@ impl Flow {
 
     /// That every vorton has its place among the bricks.
     fn check_reach(&self, wanted: &Remesh, substep: u32) -> Result<(), Diverged> {
+        // A brick inwards of the last one, for pieces.
+        let reach = f64::from(MAX_BRICK - 2) * BRICK as f64;
         let far = |i: usize| f64::from(self.vortons.position[i].amax()) / f64::from(wanted.spacing);
-        match (0..self.vortons.len()).find(|&i| far(i).is_nan() || far(i) >= FAR) {
+        match (0..self.vortons.len()).find(|&i| far(i).is_nan() || far(i) >= reach) {
             None => Ok(()),
             Some(i) => Err(Diverged {
                 system: "smoke",

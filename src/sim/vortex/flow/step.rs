@@ -5,7 +5,7 @@
 
 use super::super::{Gradient, Kernel, Unfit, Vortons, vortons::check_points};
 use super::{
-    Flow, FlowParams, FlowReport, Moment, Outside, Rates, Relaxation, StepReport, Viscosity, ViscousScheme,
+    Flow, FlowParams, FlowReport, Moment, Outside, Rates, Relaxation, StepReport, ViscousScheme,
     rates::Largest, relaxation::relax,
 };
 use crate::{
@@ -88,10 +88,11 @@ impl Flow {
         gradient: &[Gradient],
         substep: u32,
     ) -> Result<(), Diverged> {
-        if let Some(Viscosity { nu, scheme }) = self.params.viscosity {
-            match scheme {
-                ViscousScheme::Exchange => report.exchanges = self.exchange(nu, report.seconds, substep)?,
-                ViscousScheme::Spreading => self.spread(nu, report.seconds),
+        if let Some(viscosity) = &self.params.viscosity {
+            let nu = self.viscosities(viscosity, gradient);
+            match viscosity.scheme {
+                ViscousScheme::Exchange => report.exchanges = self.exchange(&nu, report.seconds, substep)?,
+                ViscousScheme::Spreading => self.spread(&nu, report.seconds),
             }
         }
         if let Some(Relaxation { time }) = self.params.relaxation {
