@@ -78,13 +78,13 @@ impl Cells {
             // The cell of which node i is corner `own`, unless a corner before that one is a node, whose cell it is then.
             let cell = |i: usize, own: usize| {
                 let mut corners = [NONE; 8];
-                for k in 0..8 {
+                for (k, corner) in corners.iter_mut().enumerate() {
                     let at = std::array::from_fn(|axis| {
                         nodes[i].at[axis] + (k >> axis & 1) as i32 - (own >> axis & 1) as i32
                     });
                     match places.find(at) {
                         Some(_) if k < own => return None,
-                        Some(node) => corners[k] = node,
+                        Some(node) => *corner = node,
                         None if !is_solid(at) => return None,
                         None => {}
                     }
