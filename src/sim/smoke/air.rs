@@ -49,7 +49,9 @@ impl Air {
         let walls = Walls::new(&world.solids, params.spacing).map(Arc::new);
         let blows = params.wind.map_or(Vec3::zeros(), Vec3::from);
         let wind = walls.as_ref().map_or(blows, |walls| walls.along(blows));
-        let across = (blows - wind).norm();
+        // Rounding is no wind.
+        let across =
+            Some((blows - wind).norm()).filter(|across| *across > 1e-5 * blows.norm()).unwrap_or(0.0);
         let flow = &params.flow;
         let method = flow.method();
         let longest = f64::from(params.core()) / f64::from(wind.norm());

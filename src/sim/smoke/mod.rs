@@ -36,10 +36,14 @@ use super::{
     record::{Clock, Seconds, SmokeSeeds},
     vortex::{
         Unfit, Vortons,
-        flow::{Flow, Span},
+        flow::{Flow, Medium, Span},
     },
 };
-use crate::{math::Vec3, sim::Diverged, solid::Solid};
+use crate::{
+    math::Vec3,
+    sim::Diverged,
+    solid::{Shape, Solid},
+};
 use air::{Air, Instant};
 use emit::Emitted;
 use filaments::Setting;
@@ -227,8 +231,7 @@ impl System {
             clock.time("smoke_fade", || self.tracers.fade(dissolve, cooling, report.seconds));
         }
         let solids = &self.solids;
-        let tended =
-            clock.time("smoke_move", || self.flow.tend(span.number, &|x| is_inside(solids, x, then)));
+        let tended = clock.time("smoke_move", || self.flow.tend(span.number, &|x| medium(solids, x, then)));
         record.flow.tended(tended?);
         Ok(report.seconds)
     }
@@ -267,6 +270,19 @@ impl System {
             ),
             try_next: "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps",
         }
+    }
+}
+
+/// What is at a point at `time` [s]. Beyond a plane the air is mirrored.
+fn medium(solids: &[Solid], x: Vec3, time: f64) -> Medium {
+    let holds = |solid: &&Solid| is_inside(std::slice::from_ref(*solid), x, time);
+    let is_plane = |solid: &&Solid| matches!(solid.shape, Shape::Plane { .. });
+    if solids.iter().filter(|solid| !is_plane(solid)).any(|solid| holds(&solid)) {
+        Medium::Solid
+    } else if solids.iter().filter(is_plane).any(|solid| holds(&solid)) {
+        Medium::Mirror
+    } else {
+        Medium::Air
     }
 }
 

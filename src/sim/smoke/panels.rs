@@ -125,7 +125,9 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
     for panel in &mut made {
         let depth = depth(shape, panel, step * if edged { EDGED } else { DEPTH });
         let too_near = edged && depth < SHALLOW * step && is_at_edge(shape, panel, step);
-        panel.source = (!too_near).then(|| panel.x - panel.normal * depth);
+        // What is thinner than the shallowest has no source: one in the air would blow all away.
+        let source = panel.x - panel.normal * depth;
+        panel.source = (!too_near && shape.signed_distance(source) < 0.0).then_some(source);
     }
     made
 }

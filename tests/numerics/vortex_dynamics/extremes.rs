@@ -27,7 +27,7 @@ fn survives(name: &str, vortons: &Vortons) {
                 .unwrap_or_else(|stop| panic!("{name}: {stop}"));
             assert!(is_finite(&flow) && tracers.iter().flatten().all(|c| c.is_finite()), "{name}");
         }
-        let report = flow.remesh(0, &|_| false).unwrap_or_else(|stop| panic!("{name}: {stop}"));
+        let report = flow.remesh(0, &|_| Medium::Air).unwrap_or_else(|stop| panic!("{name}: {stop}"));
         assert!(is_finite(&flow), "{name}");
         assert!(report.after <= 64 * 27 * report.before, "{name}: {report:?}");
         advance(&mut flow, 0.04);
@@ -89,7 +89,7 @@ fn awkward_clouds_move() {
 fn a_stray_costs_what_a_vorton_costs() {
     let remeshed = |vortons: &Vortons| {
         let mut flow = flow(FlowParams { remesh: Some(Remesh::of(0.1)), ..direct() }, vortons, 1e-3);
-        flow.remesh(0, &|_| false).unwrap().after
+        flow.remesh(0, &|_| Medium::Air).unwrap().after
     };
     let near = spoiled(500, |_, _, _, core| *core = 0.15);
     let mut far = near.clone();
@@ -159,7 +159,7 @@ fn what_is_no_number_stops_it_by_name() {
         }),
         1e-3,
     )
-    .remesh(3, &|_| false)
+    .remesh(3, &|_| Medium::Air)
     .unwrap_err();
     assert_eq!((far.particle, far.substep), (5, 3));
 }

@@ -32,7 +32,7 @@ fn remeshing_keeps_strength_impulse_and_angular_impulse() {
     let before = moments(&vortons);
     let remeshed = |vortons: &Vortons, weak: f32| {
         let mut flow = flow(FlowParams { remesh: Some(remesh(weak)), ..direct() }, vortons, 1e-3);
-        let report = flow.remesh(0, &|_| false).unwrap();
+        let report = flow.remesh(0, &|_| Medium::Air).unwrap();
         assert_eq!(report.after as usize, flow.vortons.len());
         assert!(flow.id.iter().all(|&id| (2000..flow.next_id).contains(&id)), "new ones, new numbers");
         assert!(flow.vortons.core.iter().all(|&core| (core - 0.15).abs() < 1e-6));
@@ -66,7 +66,7 @@ fn divided_cores_leave_the_velocity_as_it_was() {
         let wanted = Some(Remesh { weak: 0.0, ..remesh(0.0) });
         let mut flow = flow(FlowParams { kernel, remesh: wanted, ..direct() }, &vortons, 1e-3);
         let before = flow.velocity_at(&points).unwrap();
-        flow.remesh(0, &|_| false).unwrap();
+        flow.remesh(0, &|_| Medium::Air).unwrap();
         let after = flow.velocity_at(&points).unwrap();
         let norm = |v: &dyn Fn(usize) -> Vec3| (0..200).map(|i| v(i).norm_squared()).sum::<f32>().sqrt();
         let error = norm(&|i| after[i] - before[i]) / norm(&|i| before[i]);
@@ -95,10 +95,10 @@ fn lost_overlap_calls_for_a_lattice_and_a_lattice_for_nothing() {
         body.position.iter_mut().for_each(|x| *x *= stretch);
         body
     };
-    assert_eq!(flow(params.clone(), &smooth(1.0), 1e-3).tend(0, &|_| false).unwrap(), None);
-    assert!(flow(params.clone(), &smooth(2.0), 1e-3).tend(0, &|_| false).unwrap().is_some(), "parted");
-    assert!(flow(params.clone(), &smooth(0.5), 1e-3).tend(0, &|_| false).unwrap().is_some(), "crowded");
-    assert_eq!(flow(direct(), &smooth(2.0), 1e-3).tend(0, &|_| false).unwrap(), None, "not asked for");
+    assert_eq!(flow(params.clone(), &smooth(1.0), 1e-3).tend(0, &|_| Medium::Air).unwrap(), None);
+    assert!(flow(params.clone(), &smooth(2.0), 1e-3).tend(0, &|_| Medium::Air).unwrap().is_some(), "parted");
+    assert!(flow(params.clone(), &smooth(0.5), 1e-3).tend(0, &|_| Medium::Air).unwrap().is_some(), "crowded");
+    assert_eq!(flow(direct(), &smooth(2.0), 1e-3).tend(0, &|_| Medium::Air).unwrap(), None, "not asked for");
     // Grown cores too.
     let viscosity = Some(Viscosity { nu: 0.01, scheme: ViscousScheme::Spreading, eddies: None });
     let kernel = Kernel::Gaussian;
@@ -127,7 +127,7 @@ fn turbulence_on_a_lattice_gains_no_energy() {
         let wanted = Remesh { strain, ..Remesh::of(0.1) };
         let params = FlowParams { remesh: Some(wanted), ..FlowParams::default() };
         let mut flow = flow(params, &turbulence(), 1e-3);
-        flow.remesh(0, &|_| false).unwrap();
+        flow.remesh(0, &|_| Medium::Air).unwrap();
         let energy = |flow: &Flow| flow.account(None).unwrap().invariants.energy;
         let (before, count) = (energy(&flow), flow.vortons.len());
         let (mut most, mut divergence, mut lattices) = (0.0_f64, 0.0_f64, 0);
@@ -183,7 +183,7 @@ fn a_ring_that_travels_over_thirty_lattices_leaves_no_haze() {
     // Far off in what is far weaker nothing moves, but it stays.
     let both = joined(thick_ring(0.0, 1.0), &thick_ring(18.0, 1e-4));
     let mut flow = flow(params, &both, 0.06_f32.powi(3));
-    let report = flow.remesh(0, &|_| false).unwrap();
+    let report = flow.remesh(0, &|_| Medium::Air).unwrap();
     let weak = |flow: &Flow| {
         let far = flow.vortons.position.iter().zip(&flow.vortons.strength).filter(|(x, _)| x.z > 15.0);
         far.map(|(_, g)| f64::from(g.norm())).sum::<f64>()

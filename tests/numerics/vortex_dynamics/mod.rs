@@ -14,7 +14,7 @@ use meniscus::{
         Unwatched,
         vortex::{
             Method, Quantity, Targets, Unfit, Vortons,
-            flow::{Flow, FlowParams, FlowReport, Moment, Outside, Rates, Span, Still, Sum},
+            flow::{Flow, FlowParams, FlowReport, Medium, Moment, Outside, Rates, Span, Still, Sum},
             induced,
         },
     },

@@ -36,7 +36,7 @@ mod weak;
 
 pub use params::{FlowParams, Relaxation, Remesh, Sum, Viscosity, ViscousScheme};
 pub use rates::{Moment, Outside, Rates, Still};
-pub use remesh::{IsSolid, RemeshReport};
+pub use remesh::{Medium, MediumAt, RemeshReport};
 pub use report::{Account, FlowReport, StepReport};
 pub use step::Span;
 

@@ -21,8 +21,19 @@ use serde::Serialize;
 /// divided before.
 const WIDE: f32 = 2.2;
 
-/// Whether a solid is at a place [m]: there is no vorticity, so nodes there hand on what they have.
-pub type IsSolid<'a> = &'a (dyn Fn(Vec3) -> bool + Sync);
+/// What is at a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Medium {
+    /// Air, where vorticity can be.
+    Air,
+    /// A solid: there is none, nodes hand on what they have, and no vortex line ends at its surface.
+    Solid,
+    /// What is beyond a plane that mirrors the air: there is none, but lines go on as their mirrored ones.
+    Mirror,
+}
+
+/// What is at each place [m].
+pub type MediumAt<'a> = &'a (dyn Fn(Vec3) -> Medium + Sync);
 
 /// Bricks a task fills.
 const TASK: usize = 16;
@@ -58,13 +69,13 @@ impl Flow {
     ///
     /// # Errors
     /// [`Diverged`] if a vorton is too far off for the lattice; `substep` is for the message.
-    pub fn tend(&mut self, substep: u32, is_solid: IsSolid<'_>) -> Result<Option<RemeshReport>, Diverged> {
+    pub fn tend(&mut self, substep: u32, medium: MediumAt<'_>) -> Result<Option<RemeshReport>, Diverged> {
         match &self.params.remesh {
             Some(wanted)
                 if self.strained >= f64::from(wanted.strain)
                     || self.astray(wanted) > f64::from(wanted.share) =>
             {
-                self.remesh(substep, is_solid).map(Some)
+                self.remesh(substep, medium).map(Some)
             }
             _ => Ok(None),
         }
@@ -77,7 +88,7 @@ impl Flow {
     ///
     /// # Panics
     /// If the parameters name no lattice, or numbers run out.
-    pub fn remesh(&mut self, substep: u32, is_solid: IsSolid<'_>) -> Result<RemeshReport, Diverged> {
+    pub fn remesh(&mut self, substep: u32, medium: MediumAt<'_>) -> Result<RemeshReport, Diverged> {
         let wanted = self.params.remesh.clone().expect("the parameters name a lattice");
         let before = self.vortons.len() as u32;
         let core = wanted.core * wanted.spacing;
@@ -87,9 +98,9 @@ impl Flow {
         let pieces = self.pieces(&wanted);
         let nodes = deposit(&pieces);
         let spacing = f64::from(wanted.spacing);
-        let no_air = |at: [i32; 3]| is_solid(position(at, spacing));
-        let mut thinned = weak::hand_on(nodes, f64::from(wanted.weak), no_air);
-        let divergence = solenoidal::project(&mut thinned.nodes, no_air);
+        let at = |node: [i32; 3]| medium(position(node, spacing));
+        let mut thinned = weak::hand_on(nodes, f64::from(wanted.weak), |node| at(node) != Medium::Air);
+        let divergence = solenoidal::project(&mut thinned.nodes, |node| at(node) == Medium::Solid);
 
         // The new vortons, all alike but for place and strength, behind those that stay.
         self.retain(|i| wide.binary_search(&i).is_ok());

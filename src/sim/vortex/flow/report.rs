@@ -36,7 +36,8 @@ pub struct FlowReport {
     pub exchanges: u32,
     /// Times that the vortons were put onto the lattice.
     pub remeshed: u32,
-    /// What that did in all: how many vortons there were before the first time and after the last, and sums of the rest.
+    /// What that did in all: how many vortons there were before the first time and after the last, the largest part
+    /// of divergence, and sums of the rest.
     pub remesh: Option<RemeshReport>,
 }
 

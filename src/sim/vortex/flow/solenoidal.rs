@@ -8,7 +8,8 @@
 //! is gone is −Dᵀλ, where (D Dᵀ + ε²) λ = DΓ; ε screens what is longer than 1/ε spacings, so that a line whose end is meant, or
 //! was cut off by the edge of a body, is not taken apart from there. Conjugate gradients need some fifteen rounds for that.
 //! Only cells with all eight nodes count: what each changes then adds nothing to ΣΓ and nothing to Σ x × Γ. At a solid, corners
-//! inside it count as nodes without strength: no vortex line ends there either, or what lies along the solid bursts.
+//! inside it count as nodes without strength: no vortex line ends there either, or what lies along the solid bursts; there ΣΓ and
+//! Σ x × Γ do change.
 //!
 //! Symbols: λ → `potential`, ε → [`SCREEN`].
 

@@ -5,7 +5,7 @@
 
 use super::super::{Gradient, Kernel, Unfit, Vortons, vortons::check_points};
 use super::{
-    Flow, FlowParams, FlowReport, Moment, Outside, Rates, Relaxation, StepReport, ViscousScheme,
+    Flow, FlowParams, FlowReport, Medium, Moment, Outside, Rates, Relaxation, StepReport, ViscousScheme,
     rates::Largest, relaxation::relax,
 };
 use crate::{
@@ -125,7 +125,7 @@ impl Flow {
             let span = Span { longest: left, shortest, number: report.substeps + 1 };
             let step = self.step(span, passengers, outside)?;
             left -= step.seconds;
-            report.add(&step, self.tend(report.substeps + 1, &|_| false)?);
+            report.add(&step, self.tend(report.substeps + 1, &|_| Medium::Air)?);
             watch.substep(1.0 - left / seconds);
         }
         Ok(report)

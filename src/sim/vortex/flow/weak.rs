@@ -3,7 +3,7 @@
 //! *Method*: a node is weak if what it moves is next to nothing beside what stronger ones move where it stands. Around a cube of
 //! nodes 2^l bricks wide, the largest strength Γ' in it and in the 26 cubes beside it is felt by 1/4^l, as velocity falls with the
 //! square of the distance; a node weaker than a given part of that, for any l, gives all it has to the nearest nodes that are
-//! not, in proportion to theirs. So the fringe that each remeshing grows goes, and a small body of its own stays, even beside one
+//! not, in proportion to theirs, or, where none is within three spacings, to the one that is felt. So the fringe that each remeshing grows goes, and a small body of its own stays, even beside one
 //! that is far stronger.
 //!
 //! What impulse strength loses on its way is given back to the nodes of the cube where it arrives, as a turn about their middle:
@@ -40,14 +40,14 @@ pub(super) struct Thinned {
 /// Drops the nodes that are weaker than `part` of what is felt where they stand, and those where `is_solid` says that there is no
 /// air. The latter stay if nobody is near to take what they have.
 pub(super) fn hand_on(nodes: Vec<Node>, part: f64, is_solid: impl Fn([i32; 3]) -> bool + Sync) -> Thinned {
-    let felt = Felt::new(&nodes);
+    let mut solid = vec![false; nodes.len()];
+    par::fill(&mut solid, |i| is_solid(nodes[i].at));
+    let felt = Felt::new(&nodes, &solid);
     let mut above = vec![None; nodes.len()];
     par::fill(&mut above, |i| {
         let peak = felt.at(&nodes[i]);
         (nodes[i].strength.norm() < part * peak.strength).then_some(peak.node)
     });
-    let mut solid = vec![false; nodes.len()];
-    par::fill(&mut solid, |i| is_solid(nodes[i].at));
     let is_strong = |i: usize| above[i].is_none() && !solid[i];
     if (0..nodes.len()).all(is_strong) {
         return Thinned { nodes, dropped: 0, lost: 0.0 };
@@ -108,13 +108,14 @@ struct Felt {
 }
 
 impl Felt {
-    fn new(nodes: &[Node]) -> Self {
+    /// Of what is in the air: what is in solids goes.
+    fn new(nodes: &[Node], solid: &[bool]) -> Self {
         let brick = |node: &Node| node.at.map(|v| v.div_euclid(BRICK as i32));
-        let of_nodes = nodes.iter().zip(0..);
+        let of_nodes = nodes.iter().zip(0..).filter(|(_, i)| !solid[*i as usize]);
         let mut inside: Vec<([i32; 3], Peak)> = of_nodes
             .map(|(node, i)| (brick(node), Peak { strength: node.strength.norm(), node: i }))
             .collect();
-        let bricks = Bricks::new(inside.iter().map(|&(coord, _)| coord).collect());
+        let bricks = Bricks::new(nodes.iter().map(brick).collect());
         let mut peaks = vec![Peak { strength: -1.0, node: u32::MAX }; bricks.len()];
         for level in 0.. {
             let cubes = Bricks::new(inside.iter().map(|&(coord, _)| coord).collect());
@@ -228,7 +229,7 @@ fn turned(nodes: &[Node], members: &[usize], impulse: Vector3<f64>) -> Option<Ve
     (exact && little).then(|| each().map(|(x, size)| turn.cross(&(x - middle)) * size).collect())
 }
 
-// Who of `strong` takes the strength of a node, and in which proportion; nobody if none is near.
+/// Who of `strong` takes the strength of a node, and in which proportion; nobody if none is near.
 fn takers(nodes: &[Node], strong: &Places, i: usize) -> Vec<(u32, f64)> {
     let within = |reach: i32| {
         let side = 2 * reach + 1;
@@ -305,6 +306,10 @@ mod tests {
         assert_eq!((left.nodes.len(), left.dropped, left.lost), (48, 16, 0.0));
         assert!(left.nodes.iter().all(|node| node.at[0] > 0));
         assert_kept(&left.nodes, &all);
+        // What is strong in there does not make the air beside it weak.
+        let mut thin = block([0; 3], 1.0);
+        thin.iter_mut().filter(|node| node.at[0] > 0).for_each(|node| node.strength *= 0.01);
+        assert_eq!(hand_on(thin, 0.05, |at| at[0] == 0).nodes.len(), 48);
         // Too much for them to take: the impulse is lost, and said.
         let much = hand_on(block([0; 3], 1.0), 0.0, |at| at[0] == 0);
         assert!(much.nodes.len() == 48 && much.lost > 1.0);
