@@ -17,7 +17,7 @@ SHADOW_COLOUR = (0.80, 0.90, 0.94, 1.0)
 def water() -> bpy.types.Material:
     """The file's own Water that an earlier import made, else a new one."""
     for material in bpy.data.materials:
-        if material.get(STAMP) and material.library is None:
+        if material.get(STAMP) and material.is_editable:
             return material
     material = bpy.data.materials.new(NAME)
     material[STAMP] = True

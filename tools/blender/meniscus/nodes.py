@@ -28,7 +28,7 @@ INPUTS = [
 def sequence_group() -> bpy.types.NodeTree:
     """The group of this revision: the file's own if it has one, else a new one."""
     for group in bpy.data.node_groups:
-        if group.get(STAMP) == REVISION and group.library is None:
+        if group.get(STAMP) == REVISION and group.is_editable:
             return group
     group = bpy.data.node_groups.new(NAME, "GeometryNodeTree")
     group[STAMP] = REVISION

@@ -58,7 +58,7 @@ def size(context: bpy.types.Context, output: VolumeOutput, folder: str) -> float
 def smoke(size: float) -> bpy.types.Material:
     """The file's own Smoke that an earlier import made, else a new one for smoke of this size in metres."""
     for material in bpy.data.materials:
-        if material.get(STAMP) and material.library is None:
+        if material.get(STAMP) and material.is_editable:
             return material
     material = bpy.data.materials.new(NAME)
     material[STAMP] = True

@@ -1,10 +1,12 @@
 //! Putting vortons back onto a lattice.
 //!
-//! *Method*: [monaghan85]'s kernel M4′: the strength of every vorton goes to the 64 nodes around it with weights that keep ΣΓ, Σ x × Γ and
-//! Σ x × (x × Γ). Nodes with strength are the new vortons, on whole multiples of the spacing in the world. Cores wider than new
+//! *Method*: [monaghan85]'s kernel M4′: the strength of every vorton goes to the 64 nodes around it with weights that keep ΣΓ and Σ x × Γ.
+//! Nodes with strength are the new vortons, on whole multiples of the spacing in the world. Cores wider than new
 //! ones are divided first (`pieces`). Weak nodes and those inside solids hand on what they have (`weak.rs`), and what has
-//! divergence goes (`solenoidal.rs`). Only bricks that a vorton reaches exist, and
-//! only their nodes with strength are kept, so a stray costs what a vorton costs.
+//! divergence goes (`solenoidal.rs`). Only bricks that a vorton reaches exist, and only their nodes with strength are kept, so a
+//! stray costs what a vorton costs.
+//!
+//! *Departs*: the weights keep Σ x × (x × Γ) too, the angular impulse; handing on and taking divergence out keep ΣΓ and Σ x × Γ only.
 
 use super::super::Vortons;
 use super::{Flow, Remesh, exchange::spreading, nodes::Node, solenoidal, weak};
@@ -47,6 +49,8 @@ pub struct RemeshReport {
     pub after: u32,
     /// Weak nodes, and nodes inside solids, that handed their strength on.
     pub dropped: u32,
+    /// What they had, of Σ|Γ|, 0..1; of several lattices the largest.
+    pub handed: f64,
     /// The size of the impulse Σ x × Γ that they lost and no node could take back [m⁴/s].
     pub lost: f64,
     /// The part of all strength that had divergence and went, in the mean of squares, 0..1; of several lattices the largest.
@@ -116,6 +120,7 @@ impl Flow {
             before,
             after: self.vortons.len() as u32,
             dropped: thinned.dropped,
+            handed: thinned.handed,
             lost: thinned.lost * spacing,
             divergence,
             wide: wide.len() as u32,

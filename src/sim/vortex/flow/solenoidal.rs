@@ -11,6 +11,9 @@
 //! inside it count as nodes without strength: no vortex line ends there either, or what lies along the solid bursts; there ΣΓ and
 //! Σ x × Γ do change.
 //!
+//! *Source*: none; least squares in place of the Poisson equation that [winckelmans93] names for the same end, so that nothing spreads
+//! beyond the nodes that are there.
+//!
 //! Symbols: λ → `potential`, ε → [`SCREEN`].
 
 use super::nodes::{Node, Places};

@@ -3,11 +3,14 @@
 //! *Method*: a node is weak if what it moves is next to nothing beside what stronger ones move where it stands. Around a cube of
 //! nodes 2^l bricks wide, the largest strength Γ' in it and in the 26 cubes beside it is felt by 1/4^l, as velocity falls with the
 //! square of the distance; a node weaker than a given part of that, for any l, gives all it has to the nearest nodes that are
-//! not, in proportion to theirs, or, where none is within three spacings, to the one that is felt. So the fringe that each remeshing grows goes, and a small body of its own stays, even beside one
-//! that is far stronger.
+//! not, in proportion to theirs, or, where none is within three spacings, to the one that is felt. So the fringe that each
+//! remeshing grows goes, and a small body of its own stays, even beside one that is far stronger. Where much that turns the
+//! same way would come together in one node from far, it stays.
 //!
 //! What impulse strength loses on its way is given back to the nodes of the cube where it arrives, as a turn about their middle:
 //! δΓ = |Γ| a × r, which adds nothing to ΣΓ. A cube whose nodes cannot take it leaves it to the cube around it, of twice the edge.
+//!
+//! *Source*: none; particle methods drop what is below a part of the largest vorticity, and what that loses with it.
 
 use super::nodes::{Node, Places};
 use crate::{
@@ -27,12 +30,18 @@ const CUBE: i32 = 16;
 /// The most that a strength may change by giving impulse back, of itself. Bodies change by less than a thousandth.
 const MOST_CHANGE: f64 = 0.05;
 
+/// The most that may come to a node from beyond [`REACH`], as a vector and of itself. Fringes cancel; a broad weak body does not, and
+/// larger lets one strong node swallow it.
+const MOST_TAKEN: f64 = 0.05;
+
 /// The nodes that are left.
 #[derive(Debug)]
 pub(super) struct Thinned {
     pub(super) nodes: Vec<Node>,
     /// Nodes that went.
     pub(super) dropped: u32,
+    /// What they had, of Σ|Γ|, 0..1.
+    pub(super) handed: f64,
     /// The impulse Σ x × Γ that nobody could take back, its size [spacings · m³/s].
     pub(super) lost: f64,
 }
@@ -50,22 +59,22 @@ pub(super) fn hand_on(nodes: Vec<Node>, part: f64, is_solid: impl Fn([i32; 3]) -
     });
     let is_strong = |i: usize| above[i].is_none() && !solid[i];
     if (0..nodes.len()).all(is_strong) {
-        return Thinned { nodes, dropped: 0, lost: 0.0 };
+        return Thinned { nodes, dropped: 0, handed: 0.0, lost: 0.0 };
     }
 
     // Everyone gives at once what it had at first.
     let strong = Places::new(&nodes, is_strong);
     let gifts = par::map_chunks(nodes.len(), par::CHUNK, |range| {
-        let given = range.filter(|&i| !is_strong(i)).filter_map(|i| {
-            let takers = match takers(&nodes, &strong, i) {
-                none if none.is_empty() => vec![(chief(&above, i), 1.0)],
-                takers => takers,
-            };
-            is_strong(takers[0].0 as usize).then_some(Gift { from: i, takers })
+        let given = range.filter(|&i| !is_strong(i)).filter_map(|i| match takers(&nodes, &strong, i) {
+            none if none.is_empty() => {
+                let chief = chief(&above, i);
+                is_strong(chief as usize).then(|| Gift { from: i, takers: vec![(chief, 1.0)], is_far: true })
+            }
+            takers => Some(Gift { from: i, takers, is_far: false }),
         });
         given.collect::<Vec<_>>()
     });
-    let gifts = gifts.concat();
+    let gifts = bearable(&nodes, gifts.concat());
     let (mut left, mut gone) = (nodes.clone(), vec![false; nodes.len()]);
     let mut debts = BTreeMap::<[i32; 3], Vector3<f64>>::new();
     for gift in &gifts {
@@ -78,10 +87,24 @@ pub(super) fn hand_on(nodes: Vec<Node>, part: f64, is_solid: impl Fn([i32; 3]) -
             *debts.entry(nodes[taker].at.map(|v| v.div_euclid(CUBE))).or_default() += lost;
         }
     }
-    let lost = give_back(&nodes, is_strong, debts, &mut left);
+    let lost = give_back(&nodes, |i| !gone[i] && !solid[i], debts, &mut left);
     let mut is_gone = gone.iter();
     left.retain(|_| !is_gone.next().expect("one a node"));
-    Thinned { nodes: left, dropped: gifts.len() as u32, lost }
+    let size = |i: usize| nodes[i].strength.norm();
+    let whole: f64 = (0..nodes.len()).map(size).sum();
+    let handed = gifts.iter().map(|gift| size(gift.from)).sum::<f64>() / whole;
+    Thinned { nodes: left, dropped: gifts.len() as u32, handed, lost }
+}
+
+/// Those gifts that do not change one that takes from far by more than [`MOST_TAKEN`].
+fn bearable(nodes: &[Node], mut gifts: Vec<Gift>) -> Vec<Gift> {
+    let mut comes = BTreeMap::<u32, Vector3<f64>>::new();
+    for gift in gifts.iter().filter(|gift| gift.is_far) {
+        *comes.entry(gift.takers[0].0).or_default() += nodes[gift.from].strength;
+    }
+    let bears = |taker: u32| comes[&taker].norm() <= MOST_TAKEN * nodes[taker as usize].strength.norm();
+    gifts.retain(|gift| !gift.is_far || bears(gift.takers[0].0));
+    gifts
 }
 
 /// The first of those above a weak node that is not weak itself; each is stronger than the one below.
@@ -166,6 +189,8 @@ struct Gift {
     from: usize,
     /// Who takes it, and in which proportion.
     takers: Vec<(u32, f64)>,
+    /// Whether that is one beyond [`REACH`].
+    is_far: bool,
 }
 
 impl Gift {
@@ -176,10 +201,10 @@ impl Gift {
     }
 }
 
-/// Gives the impulses that cubes lost back to the strong nodes in them, and returns what could not be.
+/// Gives the impulses that cubes lost back to those in them who stay, and returns what could not be.
 fn give_back(
     nodes: &[Node],
-    is_strong: impl Fn(usize) -> bool,
+    stays: impl Fn(usize) -> bool,
     mut debts: BTreeMap<[i32; 3], Vector3<f64>>,
     left: &mut [Node],
 ) -> f64 {
@@ -193,7 +218,7 @@ fn give_back(
         for (&coord, impulse) in &debts {
             owed.entry(around(coord)).or_default().0 += impulse;
         }
-        for i in (0..nodes.len()).filter(|&i| is_strong(i)) {
+        for i in (0..nodes.len()).filter(|&i| stays(i)) {
             if let Some((_, members)) = owed.get_mut(&around(own(&nodes[i]))) {
                 members.push(i);
             }
@@ -277,8 +302,9 @@ mod tests {
         // Two layers on it; a node beyond their reach, in a cube without a strong one; and one that is far away.
         all.extend(&block([0, 0, 4], 1e-4)[..32]);
         all.extend(nodes(&[[-12, 0, 0], [100_000, 0, 0]], 1e-4));
-        let Thinned { nodes: left, dropped, lost } = hand_on(all.clone(), 1e-3, |_| false);
+        let Thinned { nodes: left, dropped, lost, handed } = hand_on(all.clone(), 1e-3, |_| false);
         assert_eq!((left.len(), dropped, lost), (65, 33, 0.0));
+        assert!((handed - 33e-4 / 64.0034).abs() < 1e-9, "{handed}");
         assert_kept(&left, &all);
         for (now, before) in left.iter().zip(&all).take(64) {
             assert!((now.strength - before.strength).norm() < 5e-3, "a little each");
@@ -296,6 +322,25 @@ mod tests {
             assert_eq!(thinned.nodes.len(), if stays { 128 } else { 64 }, "{distance}");
             assert_kept(&thinned.nodes, &all);
         }
+    }
+
+    #[test]
+    fn one_strong_node_does_not_swallow_what_is_broad() {
+        // A field of 16³ nodes and beside it one that is 400 times as strong, which makes the nearer half of them weak.
+        let at = |k: i32| [k % 16, k / 16 % 16, k / 256];
+        let field = nodes(&(0..4096).map(at).collect::<Vec<_>>(), 2.5e-3);
+        let mut all = field.clone();
+        all.extend(nodes(&[[-1, 8, 8]], 1.0));
+        let Thinned { nodes: left, .. } = hand_on(all.clone(), 3e-3, |_| false);
+        assert_kept(&left, &all);
+        // Those within reach of it go (7 × 7 × 3), and of the half that is not weak (3 × 16 × 16); not the rest of the weak half.
+        assert_eq!(left.len(), 4097 - 147 - 768);
+        assert!(left.iter().all(|node| node.strength.norm() < 2.0 * 1.25_f64.sqrt()));
+        // Where they cancel, all of that half goes.
+        for (k, node) in all.iter_mut().enumerate().take(4096) {
+            node.strength *= if (k / 16 + k / 256) % 2 == 0 { 1.0 } else { -1.0 };
+        }
+        assert_eq!(hand_on(all, 3e-3, |_| false).nodes.len(), 1 + 2048);
     }
 
     #[test]
