@@ -1,8 +1,8 @@
 //! `meniscus tradeoff` of a liquid.
 
 use super::{
-    Tell, at_least, conclude, drawn, dry_run, flags, folder, frames, maybe, not_judged, one_line, percent,
-    refuse_to_replace, request, seconds, short, start_over,
+    conclude, dry_run, folder, frames, not_judged, refuse_to_replace, request, start_over,
+    tell::{Tell, at_least, certainty, maybe, percent, seconds, short},
 };
 use crate::{
     cli::{
@@ -13,8 +13,7 @@ use crate::{
         Control, RunError,
         tradeoff::{
             Ground, Subject,
-            liquid::{self, By, Line, Table},
-            rows,
+            liquid::{self, By, Line, Liquid, Table},
         },
     },
     scene::{Overrides, Preset, Scene},
@@ -52,78 +51,87 @@ pub(super) fn tradeoff(
         start_over(&folder)?;
     }
     let table = liquid::tradeoff(&sweep, &selection, &folder, args.repeats.get() as usize, by, control)?;
-    conclude(args, &sweep, &table, &folder, |place| advice(&table, place, args, name))
+    conclude(args, &sweep, &table, &folder, &format!("shot {name}"))
 }
 
-impl Tell for Table {
-    fn describe(&self) -> String {
-        describe(self)
+impl Tell for Liquid {
+    const COMMAND: &'static str = "meniscus tradeoff";
+    const WHOLE: &'static str = "the shot";
+    const SAME: &'static str = "the same frames as";
+
+    fn about(&self) -> String {
+        format!("frames {}", self.frames)
     }
 
-    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError> {
-        liquid::write(self, folder)
+    fn decides(table: &Table) -> &'static str {
+        match table.by {
+            By::Density => "density",
+            By::Energy => "energy",
+            By::Observable => table.about.observable.name(),
+        }
     }
 
-    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
-        Table::choose(self, time, dev)
+    fn head(table: &Table) -> Vec<&'static str> {
+        let observable = table.about.observable.name();
+        vec!["seconds", "whole shot", "density", "largest", "volume", "energy", observable, "positions"]
     }
 
-    fn comment(&self, place: usize) -> String {
-        comment(self, place)
+    fn cells(table: &Table, line: &Line, is_repeated: bool) -> Vec<String> {
+        let unit = table.about.observable.unit();
+        let (apart, floor) = (line.apart, table.uncertainty);
+        vec![
+            seconds(&line.seconds, is_repeated, 1),
+            duration(line.shot_seconds),
+            percent(line.told.density_dev_avg),
+            percent(line.told.density_dev_largest),
+            maybe(line.told.volume_change, &|v| format!("{:+.1} %", 100.0 * v)),
+            at_least(apart.energy, floor.energy, &percent),
+            at_least(apart.observable, floor.observable, &|o| format!("{} {unit}", short(o))),
+            maybe(apart.position, &|p| format!("{} m", short(p))),
+        ]
+    }
+
+    fn legend(table: &Table) -> String {
+        let (observable, floor) = (table.about.observable, table.uncertainty);
+        let text = format!(
+            "density     how far from incompressible: mean of the frames, then the largest of any particle\n\
+             volume      of the surface, last frame against the first\n\
+             energy, {}, positions    distance from the reference (RMS over the frames)\n",
+            observable.name()
+        );
+        let observed = maybe(floor.observable, &|o| format!("{} {}", short(o), observable.unit()));
+        let certainty =
+            certainty(&[("energy", maybe(floor.energy, &percent)), (observable.name(), observed)]);
+        text + &certainty + &horizon(table)
+    }
+
+    fn notes(line: &Line) -> Vec<String> {
+        let unconverged = line.told.unconverged;
+        let note = (unconverged > 0).then(|| format!("{unconverged} substeps stopped at max_iterations"));
+        note.into_iter().collect()
+    }
+
+    fn kept(most: f64) -> String {
+        format!("the cheapest with a mean density deviation of at most {}", percent(most))
+    }
+
+    fn reason(_: &Table, line: &Line) -> String {
+        format!(
+            "Mean density deviation {}, about {} for the whole shot",
+            percent(line.told.density_dev_avg),
+            duration(line.shot_seconds)
+        )
+    }
+
+    fn write(table: &Table, folder: &Path) -> Result<[PathBuf; 3], RunError> {
+        liquid::write(table, folder)
     }
 }
 
-/// What people read: a line a setting, then how to read it.
-fn describe(table: &Table) -> String {
-    let unit = table.observable.unit();
-    let head = [
-        "",
-        "setting",
-        "seconds",
-        "whole shot",
-        "density",
-        "largest",
-        "volume",
-        "energy",
-        table.observable.name(),
-        "positions",
-        "",
-    ];
-    let repeated = table.lines.iter().any(|line| line.seconds.min < line.seconds.max);
-    let rows = rows(
-        &table.lines,
-        &table.reference,
-        table.knee,
-        |line| line.front,
-        |number, line, mark| cells(number, line, table, repeated, mark),
-    );
-    let mut text = format!(
-        "{}, frames {}, {} threads\n\n{}\n",
-        table.title,
-        table.frames,
-        table.threads,
-        drawn(&head, rows)
-    );
-    let by = match table.by {
-        By::Density => "density",
-        By::Energy => "energy",
-        By::Observable => table.observable.name(),
-    };
-    text += &format!(
-        "front       settings that no other beats in both time and {by}; knee: after it, more time buys little\n\
-         density     how far from incompressible: mean of the frames, then the largest of any particle\n\
-         volume      of the surface, last frame against the first\n\
-         energy, {}, positions    distance from the reference (RMS over the frames)\n",
-        table.observable.name()
-    );
-    text += &format!(
-        "certainty   the reference differs from its own refinement by energy {}, {} {}: smaller errors show as ≤",
-        maybe(table.uncertainty.energy, &percent),
-        table.observable.name(),
-        maybe(table.uncertainty.observable, &|o| format!("{} {unit}", short(o)))
-    );
-    text += &match table.horizon {
-        Some(frame) if frame == table.frames.last().0 => {
+/// How far particles can be compared, and whether densities can.
+fn horizon(table: &Table) -> String {
+    let mut text = match table.about.horizon {
+        Some(frame) if frame == table.about.frames.last().0 => {
             "\nhorizon     particles are compared in all frames".into()
         }
         Some(frame) => {
@@ -131,76 +139,10 @@ fn describe(table: &Table) -> String {
         }
         None => "\nhorizon     none: the reference and its refinement do not have the same particles".into(),
     };
-    if table.by == By::Density && table.lines.iter().any(|line| line.particles != table.reference.particles) {
+    let particles = table.reference.told.particles;
+    if table.by == By::Density && table.lines.iter().any(|line| line.told.particles != particles) {
         text += "\nnote        the settings differ in particles: their densities say little about each other; use --by \
                  observable or --by energy";
     }
-    let failed = [("reference", &table.reference), ("refined reference", &table.refined)];
-    for (name, why) in failed.iter().filter_map(|(name, line)| Some((name, line.diverged.as_ref()?))) {
-        text += &format!("\nnote        the {name} diverged, so what is compared with it is left out: {why}");
-    }
-    for (place, line) in table.lines.iter().enumerate() {
-        if let Some(why) = &line.diverged {
-            text += &format!("\ndiverged    {}: {why}", place + 1);
-        } else if let Some(first) = line.same_as {
-            text += &format!("\nsame        {} gives the same frames as {}", place + 1, first + 1);
-        }
-        if line.unconverged > 0 {
-            text += &format!(
-                "\nnote        {}: {} substeps stopped at max_iterations",
-                place + 1,
-                line.unconverged
-            );
-        }
-    }
     text
-}
-
-fn cells(number: &str, line: &Line, table: &Table, repeated: bool, mark: &str) -> Vec<String> {
-    let unit = table.observable.unit();
-    let (apart, floor) = (line.apart, table.uncertainty);
-    vec![
-        number.into(),
-        line.label.clone(),
-        seconds(&line.seconds, repeated, 1),
-        duration(line.shot_seconds),
-        percent(line.density_dev_avg),
-        percent(line.density_dev_largest),
-        maybe(line.volume_change, &|v| format!("{:+.1} %", 100.0 * v)),
-        at_least(apart.energy, floor.energy, &percent),
-        at_least(apart.observable, floor.observable, &|o| format!("{} {unit}", short(o))),
-        maybe(apart.position, &|p| format!("{} m", short(p))),
-        if line.diverged.is_some() { "diverged".into() } else { mark.into() },
-    ]
-}
-
-/// The setting to use, and why.
-fn advice(table: &Table, place: usize, args: &TradeoffArgs, preset: &str) -> String {
-    let line = &table.lines[place];
-    let why = match (args.time, args.dev) {
-        (None, None) => "the knee: faster settings lose much, slower ones gain little".to_owned(),
-        (time, None) => format!("the most exact within {} for the shot", duration(time.unwrap_or(0.0))),
-        (_, Some(dev)) => format!("the cheapest with a mean density deviation of at most {}", percent(dev)),
-    };
-    format!(
-        "\nuse         {}: {why}\n            meniscus shot {preset} {}",
-        place + 1,
-        flags(line.quality.as_ref(), &line.set)
-    )
-}
-
-/// Where the chosen preset comes from.
-fn comment(table: &Table, place: usize) -> String {
-    let line = &table.lines[place];
-    format!(
-        "# {}: chosen by `meniscus tradeoff` over frames {} among {} settings.\n# Setting: {}. Mean density deviation \
-         {}, about {} for the whole shot on {} threads.",
-        one_line(&table.title),
-        table.frames,
-        table.lines.len(),
-        line.label,
-        percent(line.density_dev_avg),
-        duration(line.shot_seconds),
-        table.threads,
-    )
 }

@@ -3,6 +3,7 @@
 mod liquid;
 mod smoke;
 mod surface;
+mod tell;
 
 use super::{
     args::{Judge, TradeoffArgs},
@@ -13,12 +14,12 @@ use crate::{
     frame::FrameIndex,
     run::{
         Control, RunError, ShotFolder,
-        tradeoff::{Request, Spread, Sweep},
+        tradeoff::{Request, Sweep, Table},
     },
     scene::{self, Frames, Overrides, Scene},
 };
-use serde::Serialize;
 use std::path::{Path, PathBuf};
+use tell::{Tell, advice, comment, describe};
 
 /// Compares settings on the user's own shot.
 pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunError> {
@@ -134,116 +135,29 @@ fn references(sweep: &Sweep) -> Vec<String> {
     named.map(|setting| format!("     {}: {}", setting.label, setting.overrides.set.join(" "))).to_vec()
 }
 
-/// A finished table, whatever it compares, and how it is told.
-trait Tell: Serialize {
-    /// What people read: a line a setting, then how to read it.
-    fn describe(&self) -> String;
-    /// Writes it to the folder as files.
-    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError>;
-    /// The setting to use; see the tables.
-    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError>;
-    /// Where a preset of the setting at `place` comes from, as its first lines.
-    fn comment(&self, place: usize) -> String;
-}
-
-/// Tells the table, writes the files, and names the setting to use; `advice` says how.
-fn conclude(
+/// Tells the table, writes the files, and names the setting to use, as a flag of `command`.
+fn conclude<C: Tell>(
     args: &TradeoffArgs,
     sweep: &Sweep,
-    table: &impl Tell,
+    table: &Table<C>,
     folder: &Path,
-    advice: impl Fn(usize) -> String,
+    command: &str,
 ) -> Result<(), RunError> {
-    let files = table.write(folder)?;
+    let files = C::write(table, folder)?;
     if args.json {
         print(&serde_json::to_string_pretty(table).expect("a table is plain data"))?;
     } else {
-        print(&table.describe())?;
+        print(&describe(table))?;
         print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
     }
     let chosen = table.choose(args.time, args.dev)?;
     if let Some(place) = chosen.filter(|_| !args.json) {
-        print(&advice(place))?;
+        print(&advice(table, place, args, command))?;
     }
     let Some(path) = &args.write else { return Ok(()) };
     let place = chosen.ok_or_else(no_knee)?;
-    write_preset(path, &table.comment(place), &sweep.rows[place].1.to_toml())?;
+    write_preset(path, &comment(table, place), &sweep.rows[place].1.to_toml())?;
     if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
-}
-
-/// A table to look at: below its head the settings, and the reference.
-fn drawn(head: &[&str], rows: Vec<(&'static str, Vec<String>)>) -> String {
-    let head = head.iter().map(|&name| name.to_owned()).collect();
-    aligned(&[head].into_iter().chain(rows.into_iter().map(|(_, cells)| cells)).collect::<Vec<_>>())
-}
-
-/// The median of times [s], and their range if settings were `repeated`.
-fn seconds(spread: &Spread, repeated: bool, digits: usize) -> String {
-    let Spread { median, min, max } = spread;
-    match repeated {
-        true => format!("{median:.digits$} ({min:.digits$}-{max:.digits$})"),
-        false => format!("{median:.digits$}"),
-    }
-}
-
-/// Columns under each other: the setting to the left, figures to the right.
-fn aligned(rows: &[Vec<String>]) -> String {
-    let count = rows.first().map_or(0, Vec::len);
-    let width = |column: usize| rows.iter().map(|row| row[column].chars().count()).max().unwrap_or(0);
-    let widths: Vec<usize> = (0..count).map(width).collect();
-    let line = |row: &Vec<String>| {
-        let cells = row.iter().zip(&widths).enumerate().map(|(column, (cell, &width))| {
-            if column == 1 || column + 1 == count {
-                format!("{cell:<width$}")
-            } else {
-                format!("{cell:>width$}")
-            }
-        });
-        cells.collect::<Vec<_>>().join("  ").trim_end().to_owned() + "\n"
-    };
-    rows.iter().map(line).collect()
-}
-
-/// A value in words; a dash where there is none.
-fn maybe(value: Option<f64>, say: &dyn Fn(f64) -> String) -> String {
-    value.map_or_else(|| "-".into(), say)
-}
-
-/// An error in words, as far as the reference can tell: what is below `floor` shows as ≤.
-fn at_least(value: Option<f64>, floor: Option<f64>, say: &dyn Fn(f64) -> String) -> String {
-    match (value, floor) {
-        (Some(value), Some(floor)) if value < floor => format!("≤ {}", say(floor)),
-        (value, _) => maybe(value, say),
-    }
-}
-
-fn percent(fraction: f64) -> String {
-    format!("{} %", short(100.0 * fraction))
-}
-
-/// Two significant digits: what a table of errors is good for.
-fn short(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let digits = (1 - value.abs().log10().floor() as i32).clamp(0, 9) as usize;
-    format!("{value:.digits$}")
-}
-
-/// A setting as arguments.
-fn flags(quality: Option<&String>, set: &[String]) -> String {
-    let flags: Vec<String> = quality
-        .iter()
-        .map(|tier| format!("--quality {tier}"))
-        .chain(set.iter().map(|set| format!("--set {}", for_a_shell(set))))
-        .collect();
-    if flags.is_empty() { "(as written)".into() } else { flags.join(" ") }
-}
-
-/// An argument that shells hand on as it is.
-fn for_a_shell(text: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "._=%+-/".contains(c);
-    if text.chars().all(plain) { text.into() } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 /// Writes the chosen setting as a preset of its own, below lines that say where it comes from.
@@ -260,33 +174,10 @@ fn no_knee() -> RunError {
     )
 }
 
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 fn already_there(path: &Path) -> RunError {
     RunError::File {
         path: path.into(),
         source: std::io::ErrorKind::AlreadyExists.into(),
         next: "name a file that does not exist yet",
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn arguments_survive_a_shell() {
-        assert_eq!(for_a_shell("liquid.density_dev=0.3%"), "liquid.density_dev=0.3%");
-        assert_eq!(for_a_shell("a=[0, 1]"), "'a=[0, 1]'");
-        assert_eq!(for_a_shell("a=it's"), r"'a=it'\''s'");
-    }
-
-    #[test]
-    fn columns_stand_under_each_other() {
-        let rows = [["", "setting", "s"], ["1", "a", "10"]].map(|row| row.map(String::from).to_vec());
-        assert_eq!(aligned(&rows), "   setting  s\n1  a        10\n");
-        assert_eq!([0.0, 0.01234, 1.26, 130.0].map(short), ["0", "0.012", "1.3", "130"]);
     }
 }

@@ -1,8 +1,8 @@
 //! `meniscus tradeoff` of smoke.
 
 use super::{
-    Tell, at_least, conclude, drawn, dry_run, flags, folder, frames, maybe, not_judged, one_line, percent,
-    refuse_to_replace, request, seconds, short, start_over,
+    conclude, dry_run, folder, frames, not_judged, refuse_to_replace, request, start_over,
+    tell::{Tell, at_least, certainty, maybe, mib, percent, seconds},
 };
 use crate::{
     cli::{
@@ -12,8 +12,8 @@ use crate::{
     run::{
         Control, RunError,
         tradeoff::{
-            Ground, Subject, rows,
-            smoke::{self, By, Line, Table},
+            Ground, Subject,
+            smoke::{self, By, Line, Smoke, Table, Told},
         },
     },
     scene::{Overrides, Preset, Scene},
@@ -41,7 +41,7 @@ pub(super) fn tradeoff(
         start_over(&folder)?;
     }
     let table = smoke::tradeoff(&sweep, &selection, &folder, args.repeats.get() as usize, by, control)?;
-    conclude(args, &sweep, &table, &folder, |place| advice(&table, place, args, name))
+    conclude(args, &sweep, &table, &folder, &format!("shot {name}"))
 }
 
 fn by(judge: Option<Judge>) -> Result<By, RunError> {
@@ -59,159 +59,106 @@ fn by(judge: Option<Judge>) -> Result<By, RunError> {
     }
 }
 
-impl Tell for Table {
-    fn describe(&self) -> String {
-        describe(self)
+impl Tell for Smoke {
+    const COMMAND: &'static str = "meniscus tradeoff";
+    const WHOLE: &'static str = "the shot";
+    const SAME: &'static str = "the same motion as";
+
+    fn about(&self) -> String {
+        format!("frames {}", self.frames)
     }
 
-    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError> {
-        smoke::write(self, folder)
-    }
-
-    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
-        Table::choose(self, time, dev)
-    }
-
-    fn comment(&self, place: usize) -> String {
-        comment(self, place)
-    }
-}
-
-/// What people read: a line a setting, then how to read it.
-fn describe(table: &Table) -> String {
-    let head = [
-        "",
-        "setting",
-        "seconds",
-        "volume",
-        "whole shot",
-        "MiB",
-        "vortons",
-        "velocity",
-        "density",
-        "centre",
-        "extent",
-        "energy",
-        "impulse",
-        "voxel",
-        "",
-    ];
-    let repeated = table.lines.iter().any(|line| line.seconds.min < line.seconds.max);
-    let rows = rows(
-        &table.lines,
-        &table.reference,
-        table.knee,
-        |line| line.front,
-        |number, line, mark| cells(number, line, table, repeated, mark),
-    );
-    let mut text = format!(
-        "{}, frames {}, {} threads\n\n{}\n",
-        table.title,
-        table.frames,
-        table.threads,
-        drawn(&head, rows)
-    );
-    let by = match table.by {
-        By::Density => "density",
-        By::Center => "centre",
-        By::Extent => "extent",
-        By::Energy => "energy",
-        By::Impulse => "impulse",
-        By::Velocity => "velocity",
-        By::Voxel => "voxel (for the volume's own time)",
-    };
-    text += &format!(
-        "front       settings that no other beats in both time and {by}; knee: after it, more time buys little\n\
-         volume      seconds for the volume of the last frame; whole shot: simulation and volumes\n\
-         velocity    against the sum over all pairs: sampled in every frame, the largest\n\
-         density     the share of the smoke that is elsewhere than the reference's, on a lattice of {} m\n\
-         centre, extent    of the smoke against the reference's, in its sizes (RMS over the frames)\n\
-         energy, impulse    of the air: distance from the reference (RMS over the frames)\n\
-         voxel       the volume's density between its nodes against the sum over tracers\n",
-        table.cell
-    );
-    let floor = &table.uncertainty;
-    text += &format!(
-        "certainty   the reference differs from its own refinement by density {}, centre {}, extent {}, energy {}, impulse {}: \
-         smaller errors show as ≤",
-        maybe(floor.density, &percent),
-        maybe(floor.center, &percent),
-        maybe(floor.extent, &percent),
-        maybe(floor.energy, &percent),
-        maybe(floor.impulse, &percent)
-    );
-    let failed = [("reference", &table.reference), ("refined reference", &table.refined)];
-    for (name, why) in failed.iter().filter_map(|(name, line)| Some((name, line.diverged.as_ref()?))) {
-        text += &format!("\nnote        the {name} diverged, so what is compared with it is left out: {why}");
-    }
-    for (place, line) in table.lines.iter().enumerate() {
-        if let Some(why) = &line.diverged {
-            text += &format!("\ndiverged    {}: {why}", place + 1);
-        } else if let Some(first) = line.same_as {
-            text += &format!(
-                "\nsame        {} moves as {}: if anything, its volumes differ",
-                place + 1,
-                first + 1
-            );
-        }
-        if line.capped > 0 {
-            text += &format!("\nnote        {}: {} steps were longer than asked for", place + 1, line.capped);
-        }
-        if line.clamped > 0 {
-            text += &format!("\nnote        {}: {} strengths were cut", place + 1, line.clamped);
+    fn decides(table: &Table) -> &'static str {
+        match table.by {
+            By::Density => "density",
+            By::Center => "centre",
+            By::Extent => "extent",
+            By::Energy => "energy",
+            By::Impulse => "impulse",
+            By::Velocity => "velocity",
+            By::Voxel => "voxel (for the volume's own time)",
         }
     }
-    text
-}
 
-fn cells(number: &str, line: &Line, table: &Table, repeated: bool, mark: &str) -> Vec<String> {
-    let (apart, floor) = (line.apart, table.uncertainty);
-    vec![
-        number.into(),
-        line.label.clone(),
-        seconds(&line.seconds, repeated, 1),
-        maybe(line.volume_seconds.map(|spread| spread.median), &|s| format!("{s:.2}")),
-        duration(line.shot_seconds),
-        maybe(line.memory.map(|bytes| bytes as f64), &|bytes| format!("{:.0}", bytes / f64::from(1 << 20))),
-        line.vortons.to_string(),
-        maybe(line.velocity, &percent),
-        at_least(apart.density, floor.density, &percent),
-        at_least(apart.center, floor.center, &percent),
-        at_least(apart.extent, floor.extent, &percent),
-        at_least(apart.energy, floor.energy, &percent),
-        at_least(apart.impulse, floor.impulse, &percent),
-        maybe(line.voxel, &percent),
-        if line.diverged.is_some() { "diverged".into() } else { mark.into() },
-    ]
-}
+    fn head(_: &Table) -> Vec<&'static str> {
+        vec![
+            "seconds",
+            "volume",
+            "whole shot",
+            "MiB",
+            "vortons",
+            "velocity",
+            "density",
+            "centre",
+            "extent",
+            "energy",
+            "impulse",
+            "voxel",
+        ]
+    }
 
-/// The setting to use, and why.
-fn advice(table: &Table, place: usize, args: &TradeoffArgs, preset: &str) -> String {
-    let line = &table.lines[place];
-    let why = match (args.time, args.dev) {
-        (None, None) => "the knee: faster settings lose much, slower ones gain little".to_owned(),
-        (time, None) => format!("the most exact within {} for the shot", duration(time.unwrap_or(0.0))),
-        (_, Some(dev)) => format!("the cheapest of whose smoke at most {} is elsewhere", percent(dev)),
-    };
-    format!(
-        "\nuse         {}: {why}\n            meniscus shot {preset} {}",
-        place + 1,
-        flags(line.quality.as_ref(), &line.set)
-    )
-}
+    fn cells(table: &Table, line: &Line, is_repeated: bool) -> Vec<String> {
+        let (told, apart, floor) = (&line.told, line.apart, table.uncertainty);
+        vec![
+            seconds(&line.seconds, is_repeated, 1),
+            maybe(told.volume_seconds.map(|spread| spread.median), &|s| format!("{s:.2}")),
+            duration(line.shot_seconds),
+            mib(told.memory),
+            told.vortons.to_string(),
+            maybe(told.velocity, &percent),
+            at_least(apart.density, floor.density, &percent),
+            at_least(apart.center, floor.center, &percent),
+            at_least(apart.extent, floor.extent, &percent),
+            at_least(apart.energy, floor.energy, &percent),
+            at_least(apart.impulse, floor.impulse, &percent),
+            maybe(told.voxel, &percent),
+        ]
+    }
 
-/// Where the chosen preset comes from.
-fn comment(table: &Table, place: usize) -> String {
-    let line = &table.lines[place];
-    format!(
-        "# {}: chosen by `meniscus tradeoff` over frames {} among {} settings.\n# Setting: {}. {} of the smoke is elsewhere than \
-         the reference's, about {} for the whole shot on {} threads.",
-        one_line(&table.title),
-        table.frames,
-        table.lines.len(),
-        line.label,
-        maybe(line.apart.density, &|share| format!("About {}", short(100.0 * share) + " %")),
-        duration(line.shot_seconds),
-        table.threads,
-    )
+    fn legend(table: &Table) -> String {
+        let floor = &table.uncertainty;
+        let errors = [
+            ("density", floor.density),
+            ("centre", floor.center),
+            ("extent", floor.extent),
+            ("energy", floor.energy),
+            ("impulse", floor.impulse),
+        ];
+        let text = format!(
+            "volume      seconds for the volume of the last frame; whole shot: simulation and volumes\n\
+             velocity    against the sum over all pairs: sampled in every frame, the largest\n\
+             density     the share of the smoke that is elsewhere than the reference's, on a lattice of {} m\n\
+             centre, extent    of the smoke against the reference's, in its sizes (RMS over the frames)\n\
+             energy, impulse    of the air: distance from the reference (RMS over the frames)\n\
+             voxel       the volume's density between its nodes against the sum over tracers\n",
+            table.about.cell
+        );
+        text + &certainty(&errors.map(|(name, error)| (name, maybe(error, &percent))))
+    }
+
+    fn notes(line: &Line) -> Vec<String> {
+        let Told { capped, clamped, .. } = line.told;
+        let long = (capped > 0).then(|| format!("{capped} steps were longer than asked for"));
+        let cut = (clamped > 0).then(|| format!("{clamped} strengths were cut"));
+        long.into_iter().chain(cut).collect()
+    }
+
+    fn kept(most: f64) -> String {
+        format!("the cheapest of whose smoke at most {} is elsewhere", percent(most))
+    }
+
+    fn reason(_: &Table, line: &Line) -> String {
+        let whole = duration(line.shot_seconds);
+        match line.apart.density {
+            Some(share) => format!(
+                "About {} of the smoke is elsewhere than the reference's, about {whole} for the whole shot",
+                percent(share)
+            ),
+            None => format!("About {whole} for the whole shot"),
+        }
+    }
+
+    fn write(table: &Table, folder: &Path) -> Result<[PathBuf; 3], RunError> {
+        smoke::write(table, folder)
+    }
 }

@@ -1,8 +1,8 @@
 //! `meniscus tradeoff --surface`.
 
 use super::{
-    Tell, at_least, conclude, drawn, flags, folder, maybe, not_judged, one_line, percent, references,
-    refuse_to_replace, request, seconds, short, start_over,
+    conclude, folder, not_judged, references, refuse_to_replace, request, start_over,
+    tell::{Tell, at_least, certainty, maybe, mib, percent, seconds, short},
 };
 use crate::{
     cli::{
@@ -16,8 +16,8 @@ use crate::{
     run::{
         self, Control, RunError, ShotFolder, Source,
         tradeoff::{
-            Ground, Subject, Sweep, rows,
-            surface::{self, By, Job, Line, Table},
+            Ground, Subject, Sweep,
+            surface::{self, By, Job, Line, Surfaces, Table},
         },
     },
     scene::{self, Frames, Overrides, Preset, Scene},
@@ -86,25 +86,7 @@ pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunE
     let repeats = args.repeats.get() as usize;
     let job = Job { frames, shot_frames, repeats, by, max_memory: args.max_memory };
     let table = surface::tradeoff(&sweep, &source, &job, &folder, control)?;
-    conclude(args, &sweep, &table, &folder, |place| advice(&table, place, args, &input))
-}
-
-impl Tell for Table {
-    fn describe(&self) -> String {
-        describe(self)
-    }
-
-    fn write(&self, folder: &Path) -> Result<[PathBuf; 3], RunError> {
-        surface::write(self, folder)
-    }
-
-    fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
-        Table::choose(self, time, dev)
-    }
-
-    fn comment(&self, place: usize) -> String {
-        comment(self, place)
-    }
+    conclude(args, &sweep, &table, &folder, &input.command(args))
 }
 
 impl Input {
@@ -151,6 +133,17 @@ impl Input {
             Some(set) => Err(RunError::Request(format!(
                 "--set {set}: found a key that does not change a surface, expected surface.…; the particles are there already"
             ))),
+        }
+    }
+
+    /// What uses a setting of it.
+    fn command(&self, args: &TradeoffArgs) -> String {
+        match self {
+            Self::Preset(preset) => format!("shot {}", preset.name),
+            Self::Shot(shot, _) => format!("mesh {}", shot.root().display()),
+            Self::Files { spacing, .. } => {
+                format!("mesh {} --spacing {spacing} -o DIR", args.inputs.join(" "))
+            }
         }
     }
 
@@ -233,138 +226,96 @@ fn dry_run(sweep: &Sweep, frames: &[u32], particles: Option<usize>) -> Result<()
     Ok(())
 }
 
-/// What people read: a line a setting, then how to read it.
-fn describe(table: &Table) -> String {
-    let head = [
-        "",
-        "setting",
-        "s a frame",
-        "whole shot",
-        "MiB",
-        "triangles",
-        "rms",
-        "largest",
-        "normals",
-        "volume",
-        "field",
-        "",
-    ];
-    let repeated = table.lines.iter().any(|line| line.seconds.min < line.seconds.max);
-    let rows = rows(
-        &table.lines,
-        &table.reference,
-        table.knee,
-        |line| line.front,
-        |number, line, mark| cells(number, line, table, repeated, mark),
-    );
-    let mut text = format!(
-        "{}, frames {}, about {:.0} particles of spacing {} m, {} threads\n\n{}\n",
-        table.title,
-        listed(&table.frames),
-        table.particles,
-        table.spacing,
-        table.threads,
-        drawn(&head, rows)
-    );
-    let by = match table.by {
-        By::Distance => "rms",
-        By::Hausdorff => "largest",
-        By::Normals => "normals",
-        By::Volume => "volume",
-        By::Field => "field (for its own time)",
-    };
-    text += &format!(
-        "front       settings that no other beats in both time and {by}; knee: after it, more time buys little\n\
-         rms, largest    distance between the surface and the reference's, both ways, in particle spacings\n\
-         normals, volume    against the reference's: angle of nearest points (RMS), all frames together\n\
-         field       signed distance against the exact one to its own zero: mean over the band, in voxels\n"
-    );
-    let floor = &table.uncertainty;
-    text += &format!(
-        "certainty   the reference differs from its own refinement by rms {}, largest {}, normals {}, volume {}: smaller \
-         errors show as ≤",
-        maybe(floor.distance, &|d| spacings(d, table)),
-        maybe(floor.hausdorff, &|d| spacings(d, table)),
-        maybe(floor.normals, &degrees),
-        maybe(floor.volume, &percent)
-    );
-    for first in 0..table.lines.len() {
-        let lines = table.lines.iter().enumerate().filter(|(_, line)| line.same_as == Some(first));
-        let same: Vec<String> = lines.map(|(place, _)| (place + 1).to_string()).collect();
-        if !same.is_empty() {
-            text += &format!("\nsame        the same meshes as {}: {}", first + 1, same.join(", "));
+impl Tell for Surfaces {
+    const COMMAND: &'static str = "meniscus tradeoff --surface";
+    const WHOLE: &'static str = "all frames";
+    const SAME: &'static str = "the same meshes as";
+
+    fn about(&self) -> String {
+        format!(
+            "frames {}, about {:.0} particles of spacing {} m",
+            listed(&self.frames),
+            self.particles,
+            self.spacing
+        )
+    }
+
+    fn decides(table: &Table) -> &'static str {
+        match table.by {
+            By::Distance => "rms",
+            By::Hausdorff => "largest",
+            By::Normals => "normals",
+            By::Volume => "volume",
+            By::Field => "field (for its own time)",
         }
     }
-    for (place, line) in table.lines.iter().enumerate() {
-        if line.apart.distance.is_none() {
-            text += &format!("\nnote        {}: a surface is empty where the reference's is not", place + 1);
-        }
-        if line.unsound > 0 {
-            text += &format!("\nnote        {}: {} meshes are not sound", place + 1, line.unsound);
-        }
+
+    fn head(_: &Table) -> Vec<&'static str> {
+        vec!["s a frame", "whole shot", "MiB", "triangles", "rms", "largest", "normals", "volume", "field"]
     }
-    text
+
+    fn cells(table: &Table, line: &Line, is_repeated: bool) -> Vec<String> {
+        let (told, apart, floor) = (&line.told, line.apart, table.uncertainty);
+        let signed = |volume: Option<f64>| match (volume, floor.volume) {
+            (Some(volume), Some(floor)) if volume.abs() < floor.abs() => {
+                format!("≤ {}", percent(floor.abs()))
+            }
+            (volume, _) => maybe(volume, &|v| format!("{:+.2} %", 100.0 * v)),
+        };
+        vec![
+            seconds(&line.seconds, is_repeated, 2),
+            duration(line.shot_seconds),
+            mib(told.memory),
+            format!("{:.0}", told.triangles),
+            at_least(apart.distance, floor.distance, &|d| spacings(d, table)),
+            at_least(apart.hausdorff, floor.hausdorff, &|d| spacings(d, table)),
+            at_least(apart.normals, floor.normals, &degrees),
+            signed(apart.volume),
+            maybe(told.field.map(|field| field.mean), &short),
+        ]
+    }
+
+    fn legend(table: &Table) -> String {
+        let floor = &table.uncertainty;
+        let text = "rms, largest    distance between the surface and the reference's, both ways, in particle spacings\n\
+             normals, volume    against the reference's: angle of nearest points (RMS), all frames together\n\
+             field       signed distance against the exact one to its own zero: mean over the band, in voxels\n";
+        text.to_owned()
+            + &certainty(&[
+                ("rms", maybe(floor.distance, &|d| spacings(d, table))),
+                ("largest", maybe(floor.hausdorff, &|d| spacings(d, table))),
+                ("normals", maybe(floor.normals, &degrees)),
+                ("volume", maybe(floor.volume, &percent)),
+            ])
+    }
+
+    fn notes(line: &Line) -> Vec<String> {
+        let empty = line.apart.distance.is_none();
+        let unsound = line.told.unsound;
+        let notes = [
+            empty.then(|| "a surface is empty where the reference's is not".to_owned()),
+            (unsound > 0).then(|| format!("{unsound} meshes are not sound")),
+        ];
+        notes.into_iter().flatten().collect()
+    }
+
+    fn kept(most: f64) -> String {
+        format!("the cheapest that is off by at most {} of a spacing", percent(most))
+    }
+
+    fn reason(table: &Table, line: &Line) -> String {
+        format!("About {} for {} frames", duration(line.shot_seconds), table.about.shot_frames)
+    }
+
+    fn write(table: &Table, folder: &Path) -> Result<[PathBuf; 3], RunError> {
+        surface::write(table, folder)
+    }
 }
 
 fn spacings(metres: f64, table: &Table) -> String {
-    short(metres / f64::from(table.spacing))
+    short(metres / f64::from(table.about.spacing))
 }
 
 fn degrees(angle: f64) -> String {
     format!("{}°", short(angle))
-}
-
-fn cells(number: &str, line: &Line, table: &Table, repeated: bool, mark: &str) -> Vec<String> {
-    let (apart, floor) = (line.apart, table.uncertainty);
-    let signed = |volume: Option<f64>| match (volume, floor.volume) {
-        (Some(volume), Some(floor)) if volume.abs() < floor.abs() => format!("≤ {}", percent(floor.abs())),
-        (volume, _) => maybe(volume, &|v| format!("{:+.2} %", 100.0 * v)),
-    };
-    vec![
-        number.into(),
-        line.label.clone(),
-        seconds(&line.seconds, repeated, 2),
-        duration(line.shot_seconds),
-        maybe(line.memory.map(|bytes| bytes as f64), &|bytes| format!("{:.0}", bytes / f64::from(1 << 20))),
-        format!("{:.0}", line.triangles),
-        at_least(apart.distance, floor.distance, &|d| spacings(d, table)),
-        at_least(apart.hausdorff, floor.hausdorff, &|d| spacings(d, table)),
-        at_least(apart.normals, floor.normals, &degrees),
-        signed(apart.volume),
-        maybe(line.field.map(|field| field.mean), &short),
-        mark.into(),
-    ]
-}
-
-/// The setting to use, and why.
-fn advice(table: &Table, place: usize, args: &TradeoffArgs, input: &Input) -> String {
-    let line = &table.lines[place];
-    let why = match (args.time, args.dev) {
-        (None, None) => "the knee: faster settings lose much, slower ones gain little".to_owned(),
-        (time, None) => format!("the most exact within {} for all frames", duration(time.unwrap_or(0.0))),
-        (_, Some(dev)) => format!("the cheapest that is off by at most {} of a spacing", percent(dev)),
-    };
-    let flags = flags(line.quality.as_ref(), &line.set);
-    let command = match input {
-        Input::Preset(preset) => format!("shot {}", preset.name),
-        Input::Shot(shot, _) => format!("mesh {}", shot.root().display()),
-        Input::Files { spacing, .. } => format!("mesh {} --spacing {spacing} -o DIR", args.inputs.join(" ")),
-    };
-    format!("\nuse         {}: {why}\n            meniscus {command} {flags}", place + 1)
-}
-
-/// Where the chosen preset comes from.
-fn comment(table: &Table, place: usize) -> String {
-    let line = &table.lines[place];
-    format!(
-        "# {}: surface chosen by `meniscus tradeoff --surface` over frames {} among {} settings.\n# Setting: {}. About {} \
-         for {} frames on {} threads.",
-        one_line(&table.title),
-        listed(&table.frames),
-        table.lines.len(),
-        line.label,
-        duration(line.shot_seconds),
-        table.shot_frames,
-        table.threads,
-    )
 }

@@ -14,10 +14,12 @@ mod runs;
 pub mod smoke;
 pub mod surface;
 mod sweep;
+mod table;
 
 pub use knobs::Subject;
 pub use page::rows;
 pub use sweep::{Ground, Request, Setting, Sweep, Vary};
+pub use table::{Compared, Line, Table};
 
 use serde::Serialize;
 

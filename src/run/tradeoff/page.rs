@@ -1,6 +1,9 @@
 //! A table and its plot as files: CSV for spreadsheets, SVG for documents, HTML to look at.
 
-use super::plot::{self, Panel, escaped};
+use super::{
+    Compared, Line, Spread, Table,
+    plot::{self, Entry, Panel, escaped},
+};
 use crate::run::{RunError, ShotFolder};
 use std::path::{Path, PathBuf};
 
@@ -90,35 +93,81 @@ pub(super) fn introduction(what: &str, uncertainty: &str) -> String {
 
 /// The lines of a table to look at: each setting, numbered and marked as the knee or on the front, and last the reference.
 /// `cells` makes them of number, line and mark.
-pub fn rows<L>(
-    lines: &[L],
-    reference: &L,
-    knee: Option<usize>,
-    on_front: impl Fn(&L) -> bool,
-    cells: impl Fn(&str, &L, &str) -> Vec<String>,
+pub fn rows<C: Compared>(
+    table: &Table<C>,
+    cells: impl Fn(&str, &Line<C>, &str) -> Vec<String>,
 ) -> Vec<(&'static str, Vec<String>)> {
-    let numbered = lines.iter().enumerate().map(|(place, line)| {
-        let mark = match (knee == Some(place), on_front(line)) {
+    let numbered = table.lines.iter().enumerate().map(|(place, line)| {
+        let mark = match (table.knee == Some(place), line.front) {
             (true, _) => "knee",
             (false, true) => "front",
             _ => "",
         };
         (mark, cells(&(place + 1).to_string(), line, mark))
     });
-    let reference = ("reference", cells("", reference, "reference"));
+    let reference = ("reference", cells("", &table.reference, "reference"));
     numbered.chain([reference]).collect()
 }
 
-/// The table in full: its head, each setting, the reference and its refinement. `fields` makes them of a line and whether it is the
-/// knee.
-pub(super) fn full<L>(
-    head: Vec<String>,
-    lines: &[L],
-    references: [&L; 2],
-    knee: Option<usize>,
-    fields: impl Fn(&L, bool) -> Vec<String>,
+/// How the plot shows an error.
+pub(super) struct Shown<By> {
+    pub(super) by: By,
+    /// What it is, and its unit.
+    pub(super) title: String,
+    /// What the seconds are.
+    pub(super) below: &'static str,
+    /// The error's unit over that of the plot.
+    pub(super) scale: f64,
+}
+
+/// The plot: a panel an error, without those that no line has.
+pub(super) fn panels<C: Compared>(
+    table: &Table<C>,
+    shown: impl IntoIterator<Item = Shown<C::By>>,
+) -> Vec<Panel> {
+    let panel = |Shown { by, title, below, scale }: Shown<C::By>| {
+        let entry = |(place, line): (usize, &Line<C>)| {
+            let spread = C::seconds(by, line)?;
+            let error = C::error(by, &line.told, &line.apart);
+            let diverged = line.diverged.as_ref().map(|why| format!("diverged, {why}"));
+            let lost = || C::INCOMPARABLE.filter(|_| error.is_none()).map(String::from);
+            Some(Entry {
+                place,
+                label: line.label.clone(),
+                seconds: [spread.min, spread.median, spread.max],
+                error: error.map(|error| scale * error),
+                lost: diverged.or_else(lost),
+                knee: table.knee == Some(place) && table.by == by,
+            })
+        };
+        let entries = table.lines.iter().enumerate().filter_map(entry).collect();
+        Panel::new(title, below, entries, &table.front(by), scale * table.floor(by).unwrap_or(0.0))
+    };
+    shown.into_iter().filter_map(panel).collect()
+}
+
+/// The table in full: its head, each setting, the reference and its refinement; SI units, errors as fractions, empty where there is
+/// no value. `own` names what a run alone tells and the distances, which `fields` makes of a line.
+pub(super) fn csv<C: Compared>(
+    table: &Table<C>,
+    own: impl IntoIterator<Item = String>,
+    fields: impl Fn(&Line<C>) -> Vec<String>,
 ) -> Vec<Vec<String>> {
-    let numbered = lines.iter().enumerate().map(|(place, line)| fields(line, knee == Some(place)));
-    let all = numbered.chain(references.map(|line| fields(line, false)));
-    [head].into_iter().chain(all).collect()
+    let split = |names: &str| names.split(',').map(String::from).collect::<Vec<_>>();
+    let cost = split("setting,seconds_median,seconds_min,seconds_max,cpu_seconds,shot_seconds");
+    let end = split("on_front,knee,diverged");
+    let head = cost.into_iter().chain(own).chain(end).collect();
+    let row = |line: &Line<C>, is_knee: bool| {
+        let Spread { median, min, max } = line.seconds;
+        let mut row = vec![line.label.clone()];
+        row.extend([median, min, max].map(|seconds| seconds.to_string()));
+        row.extend([maybe(line.cpu_seconds.map(|spread| spread.median)), line.shot_seconds.to_string()]);
+        row.extend(fields(line));
+        row.extend([line.front.to_string(), is_knee.to_string()]);
+        row.push(line.diverged.clone().unwrap_or_default());
+        row
+    };
+    let numbered = table.lines.iter().enumerate().map(|(place, line)| row(line, table.knee == Some(place)));
+    let references = [&table.reference, &table.refined].map(|line| row(line, false));
+    [head].into_iter().chain(numbered).chain(references).collect()
 }

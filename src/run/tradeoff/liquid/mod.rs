@@ -18,8 +18,7 @@ pub use compare::Apart;
 pub use files::write;
 
 use super::{
-    Spread,
-    pareto::{self, Candidate},
+    Compared, Spread,
     runs::{self, Place, Run, Wanted},
     sweep::{Setting, Sweep},
 };
@@ -51,21 +50,26 @@ impl By {
     pub const ALL: [Self; 3] = [Self::Density, Self::Energy, Self::Observable];
 }
 
-/// One line of the table.
+/// A liquid, and what its table says besides the lines.
 #[derive(Clone, Debug, Serialize)]
-pub struct Line {
-    /// The keys that the setting changes.
-    pub label: String,
-    /// The changes, as `--set` takes them.
-    pub set: Vec<String>,
-    /// The preset's tier, if the setting is one.
-    pub quality: Option<String>,
-    /// Wall-clock time of the slice's simulation [s].
-    pub seconds: Spread,
-    /// Processor time of the same [s].
-    pub cpu_seconds: Option<Spread>,
-    /// The whole shot's simulation, if its other frames cost as much [s].
-    pub shot_seconds: f64,
+pub struct Liquid {
+    /// The frames that were compared.
+    pub frames: Frames,
+    /// What was observed.
+    pub observable: Observable,
+    /// The last frame up to which particles can be compared.
+    pub horizon: Option<u32>,
+}
+
+/// A setting of a liquid.
+pub type Line = super::Line<Liquid>;
+
+/// The result of a tradeoff.
+pub type Table = super::Table<Liquid>;
+
+/// What a run alone tells.
+#[derive(Clone, Debug, Serialize)]
+pub struct Told {
     /// Particles.
     pub particles: usize,
     /// Substeps a frame.
@@ -82,102 +86,32 @@ pub struct Line {
     pub density_dev_largest: f64,
     /// The surface's volume in the last frame over that in the first, less one.
     pub volume_change: Option<f64>,
-    /// Distances from the reference.
-    pub apart: Apart,
-    /// Why and where the run ended early.
-    pub diverged: Option<String>,
-    /// The first line that gave the same frames, if another did: what tells them apart does nothing here.
-    pub same_as: Option<usize>,
-    /// Whether nothing beats it, by the chosen error.
-    pub front: bool,
 }
 
-/// The result of a tradeoff.
-#[derive(Clone, Debug, Serialize)]
-pub struct Table {
-    /// The shot's name.
-    pub title: String,
-    /// The frames that were compared.
-    pub frames: Frames,
-    /// Threads that computed.
-    pub threads: usize,
-    /// What was observed.
-    pub observable: Observable,
-    /// The error that decides.
-    pub by: By,
-    /// The settings.
-    pub lines: Vec<Line>,
-    /// The reference.
-    pub reference: Line,
-    /// The reference refined once more.
-    pub refined: Line,
-    /// How far these two are apart: smaller errors cannot be told from none.
-    pub uncertainty: Apart,
-    /// The last frame up to which particles can be compared.
-    pub horizon: Option<u32>,
-    /// The line after which more time buys little.
-    pub knee: Option<usize>,
-}
+impl Compared for Liquid {
+    type By = By;
+    type Told = Told;
+    type Apart = Apart;
 
-impl Table {
-    /// The error of a line that decides, as it can be judged: at least the reference's own uncertainty. `None` if
-    /// there is none, or the run diverged.
-    pub fn judged(&self, line: &Line, by: By) -> Option<f64> {
-        if line.diverged.is_some() {
-            return None;
-        }
-        let at_least =
-            |found: Option<f64>, floor: Option<f64>| found.map(|found| found.max(floor.unwrap_or(0.0)));
+    const LIMITED: By = By::Density;
+    const WITHOUT_REFERENCE: &'static str =
+        "name another with --reference, or choose with --by density or --dev";
+
+    fn needs_reference(by: By) -> bool {
+        by != By::Density
+    }
+
+    fn error(by: By, told: &Told, apart: &Apart) -> Option<f64> {
         match by {
-            By::Density => Some(line.density_dev_avg),
-            By::Energy => at_least(line.apart.energy, self.uncertainty.energy),
-            By::Observable => at_least(line.apart.observable, self.uncertainty.observable),
+            By::Density => Some(told.density_dev_avg),
+            By::Energy => apart.energy,
+            By::Observable => apart.observable,
         }
     }
 
-    /// The front by `by`: indices of lines, ascending in cost.
-    pub fn front(&self, by: By) -> Vec<usize> {
-        pareto::front(&self.points(by))
+    fn limit(most: f64) -> String {
+        format!("a mean density deviation of {}%", 100.0 * most)
     }
-
-    /// Time and error of every line.
-    fn points(&self, by: By) -> Vec<Option<(f64, f64)>> {
-        let point = |line| self.judged(line, by).map(|error| (line.seconds.median, error));
-        self.lines.iter().map(point).collect()
-    }
-
-    /// The setting to use: the most exact that takes at most `time` [s] for the whole shot, the cheapest whose mean
-    /// density deviation is at most `dev`, or with neither the knee.
-    ///
-    /// # Errors
-    /// [`RunError::NoSetting`] if no line keeps the limits; [`RunError::Request`] if `time` alone is to decide and nothing can
-    /// be compared, because the reference diverged.
-    pub fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
-        if time.is_none() && dev.is_none() {
-            return Ok(self.knee);
-        }
-        if dev.is_none() && self.by != By::Density && self.reference.diverged.is_some() {
-            return Err(RunError::Request(
-                "--time: the reference diverged, so nobody knows which setting is the most exact; name another with \
-                 --reference, or choose with --by density or --dev"
-                    .into(),
-            ));
-        }
-        let candidate = |line: &Line| Candidate {
-            cost: line.seconds.median,
-            whole: line.shot_seconds,
-            error: self.judged(line, self.by),
-            dev: line.diverged.is_none().then_some(line.density_dev_avg),
-        };
-        let best = pareto::choose(self.lines.iter().map(candidate), time, dev);
-        best.map(Some).ok_or_else(|| RunError::NoSetting { wanted: wanted(time, dev) })
-    }
-}
-
-fn wanted(time: Option<f64>, dev: Option<f64>) -> String {
-    let time = time.map(|time| format!("{time} s for the shot"));
-    let dev = dev.map(|dev| format!("a mean density deviation of {}%", 100.0 * dev));
-    [time, dev].into_iter().flatten().collect::<Vec<_>>().join(" and ")
 }
 
 /// Runs what is not there yet and tabulates everything. Rows live in `folder`, a folder each.
@@ -229,25 +163,10 @@ fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run<'_, Figures>], by: By
         let same_as = rows[..place].iter().position(|other| show_the_same(&other.row, &run.row));
         lines.push(Line { apart: against(run)?, same_as, ..at(run) });
     }
-    let mut table = Table {
-        title: sweep.base.title.clone(),
-        frames: selection.clone(),
-        threads: crate::par::threads(),
-        observable,
-        by,
-        lines,
-        reference: at(reference),
-        refined: at(refined),
-        uncertainty: if refined.row.diverged.is_some() { Apart::default() } else { against(refined)? },
-        horizon: last,
-        knee: None,
-    };
-    let front = table.front(by);
-    table.knee = pareto::knee_of(&table.points(by), &front);
-    for i in front {
-        table.lines[i].front = true;
-    }
-    Ok(table)
+    let uncertainty = if refined.row.diverged.is_some() { Apart::default() } else { against(refined)? };
+    let references = [at(reference), Line { apart: uncertainty, ..at(refined) }];
+    let about = Liquid { frames: selection.clone(), observable, horizon: last };
+    Ok(Table::new(&sweep.base.title, about, by, lines, references))
 }
 
 /// What a run alone says, without the reference.
@@ -259,14 +178,9 @@ fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line
     };
     let first = sweep.base.frames.first().0;
     let [slice, shot] = [selection.last(), sweep.base.frames.last()].map(|last| f64::from(last.0 - first));
-    let seconds = Spread::of(&row.seconds).expect("a row has been run");
-    Line {
-        label: setting.label.clone(),
-        set: setting.overrides.set.clone(),
-        quality: setting.overrides.quality.map(|tier| tier.name().into()),
-        shot_seconds: seconds.median * shot / slice.max(1.0),
-        seconds,
-        cpu_seconds: Spread::of(&row.cpu_seconds),
+    let [seconds, cpu_seconds] = [&row.seconds, &row.cpu_seconds].map(|times| Spread::of(times));
+    let whole = seconds.map_or(0.0, |spread| spread.median) * shot / slice.max(1.0);
+    let told = Told {
         particles: row.found.particles,
         substeps: mean(&|line| f64::from(line.substeps)),
         iterations: mean(&|line| f64::from(line.iterations)),
@@ -275,9 +189,6 @@ fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line
         density_dev_max: mean(&|line| line.density_dev_max),
         density_dev_largest: judged.iter().map(|line| line.density_dev_max).fold(0.0, f64::max),
         volume_change: row.found.volume_change,
-        apart: Apart::default(),
-        diverged: row.diverged.clone(),
-        same_as: None,
-        front: false,
-    }
+    };
+    Line { diverged: row.diverged.clone(), ..Line::new(setting, [seconds, cpu_seconds], whole, told) }
 }

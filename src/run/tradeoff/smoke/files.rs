@@ -1,11 +1,12 @@
 //! The table of smoke as files.
 
-use super::{By, Line, Table, seconds};
+use super::{By, Line, Smoke, Table};
 use crate::run::{
     RunError,
     tradeoff::{
-        page::{Page, full, introduction, maybe, rows},
-        plot::{Entry, Panel, escaped, figure, percent},
+        Compared,
+        page::{self, Page, Shown, introduction, maybe, rows},
+        plot::{Panel, escaped, figure, percent},
     },
 };
 use std::path::{Path, PathBuf};
@@ -30,7 +31,7 @@ const COMPARED: [(By, &str); 5] = [
 fn page(table: &Table) -> Page<'_> {
     let uncertainty = COMPARED
         .iter()
-        .filter_map(|(by, name)| by.of(&table.uncertainty).map(|found| format!("{name} {}", percent(found))));
+        .filter_map(|(by, name)| table.floor(*by).map(|found| format!("{name} {}", percent(found))));
     let head = [
         "#",
         "setting",
@@ -54,49 +55,55 @@ fn page(table: &Table) -> Page<'_> {
     Page {
         title: &table.title,
         introduction: introduction(
-            &format!("Frames {}, {} threads", table.frames, table.threads),
+            &format!("Frames {}, {} threads", table.about.frames, table.threads),
             &uncertainty.collect::<Vec<_>>().join(", "),
         ),
         panels: panels(table),
         head: head.map(String::from).to_vec(),
-        rows: rows(&table.lines, &table.reference, table.knee, |line| line.front, cells),
+        rows: rows(table, cells),
         legend: escaped(&format!(
             "Velocity: against the sum over all pairs, largest of the frames. Density: the share of the smoke that is elsewhere \
              than the reference's, on a lattice of {} m, mean of the frames. Centre and extent: against the reference's, in \
              its sizes. Energy and impulse: of the air, RMS distance from the reference. Drift: at the end against the start of \
              the run itself; what is pushed, viscous or held by solids drifts rightly. Voxel: the volume's density between nodes \
              against the sum over tracers, mean.",
-            table.cell
+            table.about.cell
         )),
         csv: csv(table),
     }
 }
 
+/// The errors against the reference.
+fn compared(line: &Line) -> impl Iterator<Item = Option<f64>> {
+    COMPARED.iter().map(|(by, _)| Smoke::error(*by, &line.told, &line.apart))
+}
+
 fn cells(number: &str, line: &Line, mark: &str) -> Vec<String> {
     let maybe = |value: Option<f64>, say: &dyn Fn(f64) -> String| value.map_or_else(|| "–".into(), say);
+    let told = &line.told;
     let mut cells = vec![
         number.into(),
         line.label.clone(),
         figure(line.seconds.median),
-        maybe(line.volume_seconds.map(|spread| spread.median), &figure),
+        maybe(told.volume_seconds.map(|spread| spread.median), &figure),
         format!("{:.0} s", line.shot_seconds),
-        maybe(line.memory.map(|bytes| bytes as f64), &|bytes| format!("{:.0}", bytes / f64::from(1 << 20))),
-        line.vortons.to_string(),
-        maybe(line.velocity, &percent),
+        maybe(told.memory.map(|bytes| bytes as f64), &|bytes| format!("{:.0}", bytes / f64::from(1 << 20))),
+        told.vortons.to_string(),
+        maybe(told.velocity, &percent),
     ];
-    cells.extend(COMPARED.iter().map(|(by, _)| maybe(by.of(&line.apart), &percent)));
+    cells.extend(compared(line).map(|error| maybe(error, &percent)));
     cells.extend([
-        maybe(line.drift.energy, &|part| format!("{:+.2} %", 100.0 * part)),
-        maybe(line.drift.impulse, &percent),
-        maybe(line.voxel, &percent),
-        maybe(line.volume.map(|bytes| bytes as f64 / 1e6), &figure),
+        maybe(told.drift.energy, &|part| format!("{:+.2} %", 100.0 * part)),
+        maybe(told.drift.impulse, &percent),
+        maybe(told.voxel, &percent),
+        maybe(told.volume.map(|bytes| bytes as f64 / 1e6), &figure),
         line.diverged.as_ref().map_or_else(|| mark.into(), |why| format!("diverged, {why}")),
     ]);
     cells
 }
 
 fn panels(table: &Table) -> Vec<Panel> {
-    let made = By::ALL.map(|by| {
+    let shown = By::ALL.map(|by| {
         let title = match by {
             By::Density => "smoke elsewhere than the reference's [%]",
             By::Center => "centre, from the reference [% of its size]",
@@ -106,68 +113,34 @@ fn panels(table: &Table) -> Vec<Panel> {
             By::Velocity => "velocity, from the sum over all pairs [%]",
             By::Voxel => "volume, from the sum over tracers [%]",
         };
-        let error = |line: &Line| match by {
-            By::Velocity => line.velocity,
-            By::Voxel => line.voxel,
-            _ => by.of(&line.apart),
-        };
-        let entry = |(place, line): (usize, &Line)| {
-            let spread = seconds(line, by)?;
-            Some(Entry {
-                place,
-                label: line.label.clone(),
-                seconds: [spread.min, spread.median, spread.max],
-                error: error(line).map(|error| 100.0 * error),
-                lost: line.diverged.as_ref().map(|why| format!("diverged, {why}")),
-                knee: table.knee == Some(place) && table.by == by,
-            })
-        };
-        let entries = table.lines.iter().enumerate().filter_map(entry).collect();
         let below = if by == By::Voxel { "seconds a volume" } else { "seconds for the frames" };
-        let blind = 100.0 * by.of(&table.uncertainty).unwrap_or(0.0);
-        Panel::new(title.into(), below, entries, &table.front(by), blind)
+        Shown { by, title: title.into(), below, scale: 100.0 }
     });
-    made.into_iter().flatten().collect()
+    page::panels(table, shown)
 }
 
-/// Every line, the reference and its refinement; SI units, errors as fractions, empty where there is no value.
 fn csv(table: &Table) -> Vec<Vec<String>> {
-    let head = "setting,seconds_median,seconds_min,seconds_max,cpu_seconds,volume_seconds,shot_seconds,memory_bytes,cache_bytes,\
-                volume_bytes,vortons,tracers,substeps_a_frame,capped,clamped,velocity_error,voxel_error,density_apart,\
-                center_apart,extent_apart,energy_apart,impulse_apart,energy_drift,impulse_drift,on_front,knee,diverged";
+    let own = "volume_seconds,memory_bytes,cache_bytes,volume_bytes,vortons,tracers,substeps_a_frame,capped,clamped,\
+               velocity_error,voxel_error,density_apart,center_apart,extent_apart,energy_apart,impulse_apart,energy_drift,\
+               impulse_drift";
     let whole = |value: Option<u64>| value.map_or_else(String::new, |value| value.to_string());
-    let fields = |line: &Line, knee: bool| {
+    page::csv(table, own.split(',').map(String::from), |line| {
+        let told = &line.told;
         let mut fields = vec![
-            line.label.clone(),
-            line.seconds.median.to_string(),
-            line.seconds.min.to_string(),
-            line.seconds.max.to_string(),
-            maybe(line.cpu_seconds.map(|spread| spread.median)),
-            maybe(line.volume_seconds.map(|spread| spread.median)),
-            line.shot_seconds.to_string(),
-            whole(line.memory),
-            line.cache.to_string(),
-            whole(line.volume),
-            line.vortons.to_string(),
-            line.tracers.to_string(),
-            line.substeps.to_string(),
-            line.capped.to_string(),
-            line.clamped.to_string(),
-            maybe(line.velocity),
-            maybe(line.voxel),
+            maybe(told.volume_seconds.map(|spread| spread.median)),
+            whole(told.memory),
+            told.cache.to_string(),
+            whole(told.volume),
+            told.vortons.to_string(),
+            told.tracers.to_string(),
+            told.substeps.to_string(),
+            told.capped.to_string(),
+            told.clamped.to_string(),
+            maybe(told.velocity),
+            maybe(told.voxel),
         ];
-        fields.extend(COMPARED.iter().map(|(by, _)| maybe(by.of(&line.apart))));
-        fields.extend([
-            maybe(line.drift.energy),
-            maybe(line.drift.impulse),
-            line.front.to_string(),
-            knee.to_string(),
-            line.diverged.clone().unwrap_or_default(),
-        ]);
+        fields.extend(compared(line).map(maybe));
+        fields.extend([maybe(told.drift.energy), maybe(told.drift.impulse)]);
         fields
-    };
-    let head = head.split(',').map(String::from).collect();
-    // The refinement's distance from the reference is what the reference's own errors are judged by.
-    let refined = Line { apart: table.uncertainty, ..table.refined.clone() };
-    full(head, &table.lines, [&table.reference, &refined], table.knee, fields)
+    })
 }

@@ -22,8 +22,7 @@ pub use compare::{Apart, Drift};
 pub use files::write;
 
 use super::{
-    Spread,
-    pareto::{self, Candidate},
+    Compared, Spread,
     runs::{self, Place, Run, Wanted},
     sweep::{Setting, Sweep},
 };
@@ -66,37 +65,28 @@ impl By {
     /// Every one.
     pub const ALL: [Self; 7] =
         [Self::Density, Self::Center, Self::Extent, Self::Energy, Self::Impulse, Self::Velocity, Self::Voxel];
-
-    /// The distance that it is about; `None` if it needs no reference.
-    fn of(self, apart: &Apart) -> Option<f64> {
-        match self {
-            Self::Density => apart.density,
-            Self::Center => apart.center,
-            Self::Extent => apart.extent,
-            Self::Energy => apart.energy,
-            Self::Impulse => apart.impulse,
-            Self::Velocity | Self::Voxel => None,
-        }
-    }
 }
 
-/// One line of the table. Errors are fractions.
+/// Smoke, and what its table says besides the lines.
 #[derive(Clone, Debug, Serialize)]
-pub struct Line {
-    /// The keys that the setting changes.
-    pub label: String,
-    /// The changes, as `--set` takes them.
-    pub set: Vec<String>,
-    /// The preset's tier, if the setting is one.
-    pub quality: Option<String>,
-    /// Wall-clock time of the slice's simulation [s].
-    pub seconds: Spread,
-    /// Processor time of the same [s].
-    pub cpu_seconds: Option<Spread>,
+pub struct Smoke {
+    /// The frames that were compared.
+    pub frames: Frames,
+    /// Cells of the lattice on which densities are compared [m].
+    pub cell: f32,
+}
+
+/// A setting of smoke.
+pub type Line = super::Line<Smoke>;
+
+/// The result of a tradeoff.
+pub type Table = super::Table<Smoke>;
+
+/// What a run alone tells. Errors are fractions.
+#[derive(Clone, Debug, Serialize)]
+pub struct Told {
     /// Wall-clock time of the last frame's volume [s]; `None`: none is made.
     pub volume_seconds: Option<Spread>,
-    /// The whole shot's simulation and volumes, if its other frames cost as much [s].
-    pub shot_seconds: f64,
     /// The most memory that the process held, simulating and making volumes [bytes].
     pub memory: Option<u64>,
     /// The cached frames of the slice [bytes].
@@ -119,106 +109,40 @@ pub struct Line {
     pub voxel: Option<f64>,
     /// What motion keeps, at the end against the start.
     pub drift: Drift,
-    /// Distances from the reference.
-    pub apart: Apart,
-    /// Why and where the run ended early.
-    pub diverged: Option<String>,
-    /// The first line whose smoke moved the same way to the last digit, if another's did: if anything, volumes differ.
-    pub same_as: Option<usize>,
-    /// Whether nothing beats it, by the chosen error.
-    pub front: bool,
 }
 
-/// The result of a tradeoff.
-#[derive(Clone, Debug, Serialize)]
-pub struct Table {
-    /// The shot's name.
-    pub title: String,
-    /// The frames that were compared.
-    pub frames: Frames,
-    /// Threads that computed.
-    pub threads: usize,
-    /// Cells of the lattice on which densities are compared [m].
-    pub cell: f32,
-    /// The error that decides.
-    pub by: By,
-    /// The settings.
-    pub lines: Vec<Line>,
-    /// The reference.
-    pub reference: Line,
-    /// The reference refined once more.
-    pub refined: Line,
-    /// How far these two are apart: smaller errors cannot be told from none.
-    pub uncertainty: Apart,
-    /// The line after which more time buys little.
-    pub knee: Option<usize>,
-}
+impl Compared for Smoke {
+    type By = By;
+    type Told = Told;
+    type Apart = Apart;
 
-impl Table {
-    /// The error of a line as it can be judged: at least the reference's own uncertainty. `None` if there is none, or the run
-    /// diverged.
-    pub fn judged(&self, line: &Line, by: By) -> Option<f64> {
-        if line.diverged.is_some() {
-            return None;
-        }
+    const LIMITED: By = By::Density;
+    const WITHOUT_REFERENCE: &'static str =
+        "name another with --reference, or choose by --time with --by velocity";
+
+    fn needs_reference(by: By) -> bool {
+        !matches!(by, By::Velocity | By::Voxel)
+    }
+
+    fn error(by: By, told: &Told, apart: &Apart) -> Option<f64> {
         match by {
-            By::Velocity => line.velocity,
-            By::Voxel => line.voxel,
-            _ => by.of(&line.apart).map(|found| found.max(by.of(&self.uncertainty).unwrap_or(0.0))),
+            By::Density => apart.density,
+            By::Center => apart.center,
+            By::Extent => apart.extent,
+            By::Energy => apart.energy,
+            By::Impulse => apart.impulse,
+            By::Velocity => told.velocity,
+            By::Voxel => told.voxel,
         }
     }
 
-    /// The front by `by`: indices of lines, ascending in cost.
-    pub fn front(&self, by: By) -> Vec<usize> {
-        pareto::front(&self.points(by))
+    fn seconds(by: By, line: &Line) -> Option<Spread> {
+        if by == By::Voxel { line.told.volume_seconds } else { Some(line.seconds) }
     }
 
-    /// Time and error of every line.
-    fn points(&self, by: By) -> Vec<Option<(f64, f64)>> {
-        let point = |line| Some((seconds(line, by)?.median, self.judged(line, by)?));
-        self.lines.iter().map(point).collect()
+    fn limit(most: f64) -> String {
+        format!("at most {}% of the smoke elsewhere", 100.0 * most)
     }
-
-    /// The setting to use: the most exact that takes at most `time` [s] for the whole shot, the cheapest of whose smoke at
-    /// most `dev` is elsewhere, or with neither the knee.
-    ///
-    /// # Errors
-    /// [`RunError::NoSetting`] if no line keeps the limits; [`RunError::Request`] if nothing can be compared, because the
-    /// reference diverged.
-    pub fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
-        if time.is_none() && dev.is_none() {
-            return Ok(self.knee);
-        }
-        let needs_reference = dev.is_some() || !matches!(self.by, By::Velocity | By::Voxel);
-        if needs_reference && self.reference.diverged.is_some() {
-            return Err(RunError::Request(
-                "the reference diverged, so nobody knows which setting is the most exact; name another with --reference, or \
-                 choose by --time with --by velocity"
-                    .into(),
-            ));
-        }
-        let candidate = |line: &Line| Candidate {
-            cost: seconds(line, self.by).map_or(line.seconds.median, |spread| spread.median),
-            whole: line.shot_seconds,
-            error: self.judged(line, self.by),
-            dev: match dev {
-                Some(_) => self.judged(line, By::Density),
-                None => line.diverged.is_none().then_some(0.0),
-            },
-        };
-        let best = pareto::choose(self.lines.iter().map(candidate), time, dev);
-        let wanted = || {
-            let time = time.map(|time| format!("{time} s for the shot"));
-            let dev = dev.map(|dev| format!("at most {}% of the smoke elsewhere", 100.0 * dev));
-            [time, dev].into_iter().flatten().collect::<Vec<_>>().join(" and ")
-        };
-        best.map(Some).ok_or_else(|| RunError::NoSetting { wanted: wanted() })
-    }
-}
-
-/// The time that an error is set against.
-fn seconds(line: &Line, by: By) -> Option<Spread> {
-    if by == By::Voxel { line.volume_seconds } else { Some(line.seconds) }
 }
 
 /// A run and its volumes.
@@ -313,24 +237,10 @@ fn tabulate(
         let same_as = rows[..number].iter().position(is_same);
         lines.push(Line { apart: against(made)?, same_as, ..at(made) });
     }
-    let mut table = Table {
-        title: sweep.base.title.clone(),
-        frames: selection.clone(),
-        threads: crate::par::threads(),
-        cell,
-        by,
-        lines,
-        reference: at(reference),
-        refined: at(refined),
-        uncertainty: if refined.run.row.diverged.is_some() { Apart::default() } else { against(refined)? },
-        knee: None,
-    };
-    let front = table.front(by);
-    table.knee = pareto::knee_of(&table.points(by), &front);
-    for i in front {
-        table.lines[i].front = true;
-    }
-    Ok(table)
+    let uncertainty = if refined.run.row.diverged.is_some() { Apart::default() } else { against(refined)? };
+    let references = [at(reference), Line { apart: uncertainty, ..at(refined) }];
+    let about = Smoke { frames: selection.clone(), cell };
+    Ok(Table::new(&sweep.base.title, about, by, lines, references))
 }
 
 /// What a run alone says, without the reference.
@@ -342,17 +252,12 @@ fn line(Made { run, grids }: &Made<'_>, sweep: &Sweep, selection: &Frames) -> Li
     let errors = chosen.filter_map(|seen| seen.logged.as_ref()?.error);
     let first = sweep.base.frames.first().0;
     let [slice, shot] = [selection.last(), sweep.base.frames.last()].map(|last| f64::from(last.0 - first));
-    let seconds = Spread::of(&row.seconds).expect("a row has been run");
+    let [seconds, cpu_seconds] = [&row.seconds, &row.cpu_seconds].map(|times| Spread::of(times));
     let volume_seconds = grids.as_ref().and_then(|grids| Spread::of(&grids.seconds));
     let volumes = volume_seconds.map_or(0.0, |spread| spread.median * sweep.base.frames.count() as f64);
+    let whole = seconds.map_or(0.0, |spread| spread.median) * shot / slice.max(1.0) + volumes;
     let counts = row.found.frames.last().map_or([0; 2], |seen| seen.counts);
-    Line {
-        label: setting.label.clone(),
-        set: setting.overrides.set.clone(),
-        quality: setting.overrides.quality.map(|tier| tier.name().into()),
-        shot_seconds: seconds.median * shot / slice.max(1.0) + volumes,
-        seconds,
-        cpu_seconds: Spread::of(&row.cpu_seconds),
+    let told = Told {
         volume_seconds,
         memory: row.memory.max(grids.as_ref().and_then(|grids| grids.memory)),
         cache: row.found.cache,
@@ -366,9 +271,6 @@ fn line(Made { run, grids }: &Made<'_>, sweep: &Sweep, selection: &Frames) -> Li
         velocity: errors.reduce(f64::max),
         voxel: grids.as_ref().and_then(|grids| grids.error),
         drift: drift(row),
-        apart: Apart::default(),
-        diverged: row.diverged.clone(),
-        same_as: None,
-        front: false,
-    }
+    };
+    Line { diverged: row.diverged.clone(), ..Line::new(setting, [seconds, cpu_seconds], whole, told) }
 }

@@ -20,8 +20,7 @@ pub use files::write;
 pub use row::FieldError;
 
 use super::{
-    Spread,
-    pareto::{self, Candidate},
+    Compared, Spread,
     sweep::{Setting, Sweep},
 };
 use crate::{
@@ -79,25 +78,32 @@ pub struct Apart {
     pub volume: Option<f64>,
 }
 
-/// One line of the table. Times are those of a frame, without reading and writing.
+/// Surfaces, and what their table says besides the lines.
 #[derive(Clone, Debug, Serialize)]
-pub struct Line {
-    /// The keys that the setting changes.
-    pub label: String,
-    /// The changes, as `--set` takes them.
-    pub set: Vec<String>,
-    /// The preset's tier, if the setting is one.
-    pub quality: Option<String>,
-    /// Wall-clock time of a frame [s].
-    pub seconds: Spread,
-    /// Processor time of the same [s].
-    pub cpu_seconds: Option<Spread>,
+pub struct Surfaces {
+    /// The frames that were compared.
+    pub frames: Vec<u32>,
+    /// Frames that are there or planned.
+    pub shot_frames: u64,
+    /// Particles of a frame, on average.
+    pub particles: f64,
+    /// Distance between them at rest [m].
+    pub spacing: f32,
+}
+
+/// A setting of surfaces. Times are those of a frame, without reading and writing.
+pub type Line = super::Line<Surfaces>;
+
+/// The result of a tradeoff.
+pub type Table = super::Table<Surfaces>;
+
+/// What surfaces tell by themselves.
+#[derive(Clone, Debug, Serialize)]
+pub struct Told {
     /// Wall-clock time of a frame's signed distance alone [s].
-    pub field_seconds: Spread,
+    pub field_seconds: Option<Spread>,
     /// Every pass and its time a frame, the mean of the repeats [s].
     pub passes: Vec<(String, f64)>,
-    /// All frames that are there, if the others cost as much [s].
-    pub shot_seconds: f64,
     /// The most memory that the process held [bytes].
     pub memory: Option<u64>,
     /// Vertices of a frame, on average.
@@ -114,41 +120,42 @@ pub struct Line {
     pub unsound: usize,
     /// The error of the signed distance: mean of the frames, and the largest.
     pub field: Option<FieldError>,
-    /// Distances from the reference.
-    pub apart: Apart,
-    /// The first line that gave the same meshes, if another did: what tells them apart does not show.
-    pub same_as: Option<usize>,
-    /// Whether nothing beats it, by the chosen error.
-    pub front: bool,
 }
 
-/// The result of a tradeoff.
-#[derive(Clone, Debug, Serialize)]
-pub struct Table {
-    /// The shot's name.
-    pub title: String,
-    /// The frames that were compared.
-    pub frames: Vec<u32>,
-    /// Frames that are there or planned.
-    pub shot_frames: u64,
-    /// Particles of a frame, on average.
-    pub particles: f64,
-    /// Distance between them at rest [m].
-    pub spacing: f32,
-    /// Threads that computed.
-    pub threads: usize,
-    /// The error that decides.
-    pub by: By,
-    /// The settings.
-    pub lines: Vec<Line>,
-    /// The reference.
-    pub reference: Line,
-    /// The reference refined once more.
-    pub refined: Line,
-    /// How far these two are apart: smaller errors cannot be told from none.
-    pub uncertainty: Apart,
-    /// The line after which more time buys little.
-    pub knee: Option<usize>,
+impl Compared for Surfaces {
+    type By = By;
+    type Told = Told;
+    type Apart = Apart;
+
+    const LIMITED: By = By::Distance;
+    const WITHOUT_REFERENCE: &'static str = "name another with --reference";
+    const INCOMPARABLE: Option<&'static str> = Some("no surface to compare");
+
+    fn needs_reference(by: By) -> bool {
+        by != By::Field
+    }
+
+    fn error(by: By, told: &Told, apart: &Apart) -> Option<f64> {
+        match by {
+            By::Distance => apart.distance,
+            By::Hausdorff => apart.hausdorff,
+            By::Normals => apart.normals,
+            By::Volume => apart.volume.map(f64::abs),
+            By::Field => told.field.map(|field| field.mean),
+        }
+    }
+
+    fn seconds(by: By, line: &Line) -> Option<Spread> {
+        if by == By::Field { line.told.field_seconds } else { Some(line.seconds) }
+    }
+
+    fn unit(&self) -> f64 {
+        self.spacing.into()
+    }
+
+    fn limit(most: f64) -> String {
+        format!("a distance of {}% of a spacing", 100.0 * most)
+    }
 }
 
 /// What is to be done.
@@ -164,62 +171,6 @@ pub struct Job {
     pub by: By,
     /// Refuse if a surface needs about more than this [bytes].
     pub max_memory: Option<u64>,
-}
-
-impl Table {
-    /// The error of a line as it can be judged: at least the reference's own uncertainty. `None` if there is none.
-    pub fn judged(&self, line: &Line, by: By) -> Option<f64> {
-        let at_least = |of: &dyn Fn(&Apart) -> Option<f64>| {
-            of(&line.apart).map(|found| found.abs().max(of(&self.uncertainty).map_or(0.0, f64::abs)))
-        };
-        match by {
-            By::Distance => at_least(&|apart| apart.distance),
-            By::Hausdorff => at_least(&|apart| apart.hausdorff),
-            By::Normals => at_least(&|apart| apart.normals),
-            By::Volume => at_least(&|apart| apart.volume),
-            By::Field => line.field.map(|field| field.mean),
-        }
-    }
-
-    /// The front by `by`: indices of lines, ascending in cost.
-    pub fn front(&self, by: By) -> Vec<usize> {
-        pareto::front(&self.points(by))
-    }
-
-    /// Time and error of every line.
-    fn points(&self, by: By) -> Vec<Option<(f64, f64)>> {
-        let point = |line| self.judged(line, by).map(|error| (seconds(line, by).median, error));
-        self.lines.iter().map(point).collect()
-    }
-
-    /// The setting to use: the most exact that takes at most `time` [s] for all frames, the cheapest whose surface is at
-    /// most `dev` spacings off (RMS), or with neither the knee.
-    ///
-    /// # Errors
-    /// [`RunError::NoSetting`] if no line keeps the limits.
-    pub fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
-        if time.is_none() && dev.is_none() {
-            return Ok(self.knee);
-        }
-        let candidate = |line: &Line| Candidate {
-            cost: line.seconds.median,
-            whole: line.shot_seconds,
-            error: self.judged(line, self.by),
-            dev: self.judged(line, By::Distance).map(|distance| distance / f64::from(self.spacing)),
-        };
-        let best = pareto::choose(self.lines.iter().map(candidate), time, dev);
-        let wanted = || {
-            let time = time.map(|time| format!("{time} s for the shot"));
-            let dev = dev.map(|dev| format!("a distance of {}% of a spacing", 100.0 * dev));
-            [time, dev].into_iter().flatten().collect::<Vec<_>>().join(" and ")
-        };
-        best.map(Some).ok_or_else(|| RunError::NoSetting { wanted: wanted() })
-    }
-}
-
-/// The time that an error is set against.
-fn seconds(line: &Line, by: By) -> Spread {
-    if by == By::Field { line.field_seconds } else { line.seconds }
 }
 
 /// About the most memory that a setting needs on a frame of `particles`, before anything is known of how they lie [bytes].
@@ -373,26 +324,15 @@ fn tabulate(
         let same_as = own[..place].iter().position(|other| shown(other) == shown(rows));
         Line { apart: apart(rows), same_as, ..at(setting, rows) }
     });
-    let mut table = Table {
-        title: sweep.base.title.clone(),
+    let about = Surfaces {
         frames: job.frames.clone(),
         shot_frames: job.shot_frames,
         particles: samples.iter().map(|sample| sample.particles as f64).sum::<f64>() / samples.len() as f64,
         spacing: samples[0].spacing,
-        threads: crate::par::threads(),
-        by: job.by,
-        lines: lines.collect(),
-        reference: at(&sweep.reference, &rows[0]),
-        refined: at(&sweep.refined, &rows[1]),
-        uncertainty: apart(&rows[1]),
-        knee: None,
     };
-    let front = table.front(job.by);
-    table.knee = pareto::knee_of(&table.points(job.by), &front);
-    for i in front {
-        table.lines[i].front = true;
-    }
-    table
+    let refined = Line { apart: apart(&rows[1]), ..at(&sweep.refined, &rows[1]) };
+    let references = [at(&sweep.reference, &rows[0]), refined];
+    Table::new(&sweep.base.title, about, job.by, lines.collect(), references)
 }
 
 /// How far the surfaces of some rows are from the reference's, whose places are `references`.
@@ -426,9 +366,7 @@ fn line(setting: &Setting, rows: &[Row], job: &Job, samples: &[Sample]) -> Line 
         let repeat = |r: usize| all.iter().map(|times| times[r]).sum::<f64>() / frames;
         Spread::of(&(0..repeats).map(repeat).collect::<Vec<_>>())
     };
-    let timed = |pass: Option<&'static str>| {
-        times(&move |row: &Row| row.seconds(pass)).expect("every row has been timed")
-    };
+    let timed = |pass: Option<&'static str>| times(&move |row: &Row| row.seconds(pass));
     let mut passes: Vec<(String, f64)> = Vec::new();
     for row in rows {
         for (name, seconds) in row.passes.iter().flatten() {
@@ -442,20 +380,11 @@ fn line(setting: &Setting, rows: &[Row], job: &Job, samples: &[Sample]) -> Line 
     let fields: Vec<FieldError> = rows.iter().filter_map(|row| row.field).collect();
     let seconds = timed(None);
     debug_assert_eq!(rows.len(), samples.len(), "a row a sample");
-    Line {
-        label: setting.label.clone(),
-        set: setting.overrides.set.clone(),
-        quality: setting.overrides.quality.map(|tier| tier.name().into()),
-        seconds,
-        cpu_seconds: times(&|row| row.cpu_seconds.clone()),
+    let memory = rows.iter().map(|row| row.memory).collect::<Option<Vec<_>>>();
+    let told = Told {
         field_seconds: timed(Some("distance")),
         passes,
-        shot_seconds: seconds.median * job.shot_frames as f64,
-        memory: rows
-            .iter()
-            .map(|row| row.memory)
-            .collect::<Option<Vec<_>>>()
-            .and_then(|m| m.into_iter().max()),
+        memory: memory.and_then(|bytes| bytes.into_iter().max()),
         vertices: mean(&|row| row.size[0] as f64),
         triangles: mean(&|row| row.size[1] as f64),
         pieces: mean(&|row| row.pieces as f64),
@@ -466,8 +395,7 @@ fn line(setting: &Setting, rows: &[Row], job: &Job, samples: &[Sample]) -> Line 
             mean: fields.iter().map(|field| field.mean).sum::<f64>() / fields.len() as f64,
             largest: fields.iter().map(|field| field.largest).fold(0.0, f64::max),
         }),
-        apart: Apart::default(),
-        same_as: None,
-        front: false,
-    }
+    };
+    let whole = seconds.map_or(0.0, |spread| spread.median) * job.shot_frames as f64;
+    Line::new(setting, [seconds, times(&|row| row.cpu_seconds.clone())], whole, told)
 }

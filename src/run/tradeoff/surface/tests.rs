@@ -67,16 +67,16 @@ fn rows_become_lines_of_a_frame() {
     let line = &found.lines[0];
     // A repeat takes 1 and 3 s, half of it for the distance; ten frames ten times that.
     assert_eq!(line.seconds, Spread { median: 2.0, min: 1.0, max: 3.0 });
-    assert_eq!((line.field_seconds.median, line.shot_seconds), (1.0, 20.0));
-    assert_eq!(line.passes, [("density".to_owned(), 1.0), ("distance".to_owned(), 1.0)]);
-    assert_eq!((line.triangles, line.memory, line.volume), (100.0, Some(1 << 20), 2.3));
+    assert_eq!((line.told.field_seconds.unwrap().median, line.shot_seconds), (1.0, 20.0));
+    assert_eq!(line.told.passes, [("density".to_owned(), 1.0), ("distance".to_owned(), 1.0)]);
+    assert_eq!((line.told.triangles, line.told.memory, line.told.volume), (100.0, Some(1 << 20), 2.3));
     let close = |found: Option<f64>, expected: f64| (found.unwrap() - expected).abs() < 1e-12;
     let apart = line.apart;
     assert!(close(apart.distance, 0.3) && close(apart.hausdorff, 1.2), "{apart:?}");
     assert!(close(apart.beyond, 0.9) && close(apart.missing, 1.2), "{apart:?}");
     assert!(close(apart.normals, 0.1_f64.to_degrees()) && close(apart.volume, 0.15), "{apart:?}");
     assert!(close(found.uncertainty.volume, 0.0005) && close(found.uncertainty.distance, 0.01));
-    assert_eq!((found.spacing, found.particles, found.lines[1].same_as), (0.5, 100.0, None));
+    assert_eq!((found.about.spacing, found.about.particles, found.lines[1].same_as), (0.5, 100.0, None));
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn files_hold_every_setting_and_are_well_formed() {
         write(&found, folder.path()).unwrap().map(|path| std::fs::read_to_string(path).unwrap());
     assert_eq!(csv.lines().count(), 1 + 3 + 2);
     assert!(csv.lines().all(|line| line.matches(',').count() >= 25) && csv.contains("\"a < b, \"\"c\"\"\""));
-    assert!(csv.lines().next().unwrap().ends_with("on_front,knee,seconds_density,seconds_distance"));
+    assert!(csv.lines().next().unwrap().ends_with("seconds_density,seconds_distance,on_front,knee,diverged"));
     for text in [&svg, &html] {
         assert!(text.contains("a &lt; b") && !text.contains("a < b") && !text.contains("NaN"), "{text}");
         // Two points in four panels, three in the fifth, and one ring.
