@@ -2,7 +2,7 @@
 """Meniscus for Blender: File > Import > Meniscus Shot opens the shot.json of a shot folder.
 
 Each PLY mesh sequence of the shot becomes an object whose geometry nodes read the file of the current frame, each volume
-sequence without a mesh of the same name a volume object.
+sequence without a mesh of the same name a volume object, each sheet a mesh that a point cache moves.
 What is made consists of plain Blender data: a saved file renders without this add-on and with scripts
 disabled.
 """
@@ -13,8 +13,8 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import material, nodes, volumes
-from .shot import MeshOutput, Shot, ShotError, VolumeOutput, format_pattern, read_shot, scene_rate
+from . import material, nodes, sheets, volumes
+from .shot import MeshOutput, SheetOutput, Shot, ShotError, VolumeOutput, format_pattern, read_shot, scene_rate
 
 
 class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
@@ -62,21 +62,26 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
         for output in outputs:
             if isinstance(output, VolumeOutput):
                 made = volumes.add_volume(context, output, folder)
+            elif isinstance(output, SheetOutput):
+                made = sheets.add_sheet(context, output, shot.folder, folder)
             else:
                 made = add_object(context, output, format_pattern(folder, output.pattern))
             made.select_set(True)
             context.view_layer.objects.active = made
         if shot.skipped:
-            self.report({"WARNING"}, f"{shot.title}: not opened, no PLY mesh and no smoke: {', '.join(shot.skipped)}")
+            self.report({"WARNING"}, f"{shot.title}: not opened, no PLY mesh, no smoke and no sheet: {', '.join(shot.skipped)}")
         where = "relative to the .blend" if folder.startswith("//") else "absolute"
         count = sum(len(output.frames.numbers()) for output in outputs)
-        made = [(shot.meshes, "mesh"), (shot.volumes, "volume")]
-        kinds = ", ".join(f"{len(some)} {kind} sequence(s)" for some, kind in made if some)
+        made = [(shot.meshes, "mesh sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
+        kinds = ", ".join(f"{len(some)} {kind}(s)" for some, kind in made if some)
         self.report({"INFO"}, f"{shot.title}: {kinds}, {count} frames, paths {where}")
         return {"FINISHED"}
 
-    def usable(self, shot: Shot) -> list[MeshOutput | VolumeOutput]:
+    def usable(self, shot: Shot) -> list[MeshOutput | VolumeOutput | SheetOutput]:
         """The sequences that have files; gaps are reported, a sequence without any file is an error."""
+        for sheet in shot.sheets:
+            if gone := sheet.missing(shot.folder):
+                raise ShotError(f"{sheet.name}: {gone[0]} is missing. Run `meniscus shot` again; it makes what is missing")
         outputs = [*shot.meshes, *shot.volumes]
         for output in outputs:
             if isinstance(output, VolumeOutput) and output.frames.step > 1:
@@ -96,7 +101,7 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             if len(missing) == total:
                 raise ShotError(text)
             self.report({"WARNING"}, f"{text}. Until then these frames are empty")
-        return outputs
+        return [*outputs, *shot.sheets]
 
     def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:
         """Frame range, rate and current frame of the shot."""

@@ -70,6 +70,28 @@ class VolumeOutput:
 
 
 @dataclass(frozen=True)
+class SheetOutput:
+    """The rest mesh of a sheet as PLY, and one PC2 point cache with the places of its points in every frame."""
+
+    name: str
+    rest: str
+    cache: str
+    frames: Frames
+
+    def rest_file(self, folder: Path) -> Path:
+        """Path of the rest mesh."""
+        return folder / self.rest
+
+    def cache_path(self, folder: str) -> str:
+        """Path of the cache below `folder`, with / between its parts."""
+        return f"//{self.cache}" if folder == "//" else f"{folder.removesuffix('/')}/{self.cache}"
+
+    def missing(self, folder: Path) -> list[Path]:
+        """Files that are not there."""
+        return [file for file in (folder / self.rest, folder / self.cache) if not file.is_file()]
+
+
+@dataclass(frozen=True)
 class Shot:
     """What a shot folder holds, as far as Blender can use it."""
 
@@ -79,6 +101,7 @@ class Shot:
     frames: Frames
     meshes: list[MeshOutput]
     volumes: list[VolumeOutput]
+    sheets: list[SheetOutput]
     skipped: list[str]
 
 
@@ -136,42 +159,61 @@ class Reader:
         outputs = data.get("outputs")
         if not isinstance(outputs, list) or not all(isinstance(output, dict) for output in outputs):
             raise self.fail('"outputs"', outputs, "a list of objects")
-        meshes, volumes, skipped = [], [], []
+        meshes, volumes, sheets, skipped = [], [], [], []
         meshed = [o.get("name") for o in outputs if (o.get("kind"), o.get("format")) == ("mesh", "ply")]
         for index, output in enumerate(outputs):
             kind, form = output.get("kind"), output.get("format")
             key, fog = f'"outputs"[{index}]', "density" in (output.get("grids") or [])
             if (kind, form) == ("mesh", "ply"):
                 meshes.append(self.mesh(key, output))
+            elif (kind, form) == ("sheet", "pc2"):
+                sheets.append(self.sheet(key, output))
             elif (kind, form) == ("volume", "vdb") and fog and output.get("name") not in meshed:
                 volumes.append(self.volume(key, output))
             else:
                 skipped.append(f"{output.get('name', index)} ({kind}, {form})")
-        if not meshes and not volumes:
+        if not meshes and not volumes and not sheets:
             listed = ", ".join(skipped) or "nothing"
             raise ShotError(
-                f"{self.path}: no mesh in PLY format and no volume with a density among the outputs (found: {listed}). "
-                'Add mesh = ["ply"] or volume = ["density"] to the preset\'s [output] and run `meniscus shot` again'
+                f"{self.path}: no mesh in PLY format, no volume with a density and no sheet among the outputs (found: {listed}). "
+                'Add mesh = ["ply"], volume = ["density"] or sheet = ["pc2"] to the preset\'s [output] and run '
+                "`meniscus shot` again"
             )
         title = str(data.get("title") or self.path.parent.name)
         return Shot(
             self.path.parent, title, float(fps), self.frames('"frames"', data.get("frames")), meshes, volumes,
-            skipped,
+            sheets, skipped,
         )
+
+    def name(self, key: str, output: dict) -> str:
+        """The name of an output."""
+        name = output.get("name")
+        if not isinstance(name, str) or not name:
+            raise self.fail(f'{key} "name"', name, "a name")
+        return name
+
+    def inside(self, key: str, path: str) -> str:
+        """A path that does not leave the shot folder."""
+        parts = PurePosixPath(path)
+        if parts.is_absolute() or ".." in parts.parts or "\\" in path or ":" in NUMBER.sub("", path):
+            raise self.fail(key, path, "a path inside the shot folder, with / between its parts")
+        return path
 
     def files(self, key: str, output: dict) -> tuple[str, str]:
         """The name of an output and the pattern of its files."""
-        name, pattern = output.get("name"), output.get("pattern")
-        if not isinstance(name, str) or not name:
-            raise self.fail(f'{key} "name"', name, "a name")
+        name, pattern = self.name(key, output), output.get("pattern")
         if not isinstance(pattern, str) or len(NUMBER.findall(pattern)) != 1:
             raise self.fail(f'{key} "pattern"', pattern, "a path with one {:04} for the frame number")
-        parts = PurePosixPath(pattern)
-        if parts.is_absolute() or ".." in parts.parts or "\\" in pattern or ":" in NUMBER.sub("", pattern):
-            raise self.fail(
-                f'{key} "pattern"', pattern, "a path inside the shot folder, with / between its parts"
-            )
-        return name, pattern
+        return name, self.inside(f'{key} "pattern"', pattern)
+
+    def sheet(self, key: str, output: dict) -> SheetOutput:
+        paths = []
+        for part in ("rest", "file"):
+            path = output.get(part)
+            if not isinstance(path, str) or not path or NUMBER.search(path):
+                raise self.fail(f'{key} "{part}"', path, "a path without a frame number")
+            paths.append(self.inside(f'{key} "{part}"', path))
+        return SheetOutput(self.name(key, output), *paths, self.frames(f'{key} "frames"', output.get("frames")))
 
     def volume(self, key: str, output: dict) -> VolumeOutput:
         name, pattern = self.files(key, output)

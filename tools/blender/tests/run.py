@@ -105,6 +105,9 @@ def main() -> int:
         tally.stage("edges", [work / "edges"], user)
         tally.stage("messages", [work / "messages"], user)
         tally.stage("blur", [work / "blur"], user)
+        synthetic.write_sheet(work / "sheet")
+        tally.stage("sheet", [work / "sheet"], user)
+        tally.stage("sheets", [work / "sheets"], user)
         if given.volumes:
             shutil.copytree(given.volumes, work / "volumes")
             tally.stage("volume", [work / "volumes"], bare)

@@ -7,6 +7,7 @@ text among what Blender printed. Meshes are compared with the files through the 
 
 import json
 import os
+import struct
 import sys
 import traceback
 from pathlib import Path
@@ -327,10 +328,10 @@ def stage_messages(work: Path) -> None:
     refused("all files missing", gone, "liquid: 5 of 5 files missing", "liquid_0001.ply", "`meniscus shot`")
     gap = synthetic.write_shot(work / "gap")
     (gap.parent / "mesh" / "liquid_0004.ply").unlink()
-    change(gap, lambda data: data["outputs"].append({"kind": "sheet", "name": "sail", "format": "pc2"}))
+    change(gap, lambda data: data["outputs"].append({"kind": "light", "name": "sun", "format": "ies"}))
     shown = imported(gap.parent)
     expect("Warning: liquid: 1 of 5 files missing, first ")
-    expect("Warning: Synthetic: not opened, no PLY mesh and no smoke: sail (sheet, pc2)")
+    expect("Warning: Synthetic: not opened, no PLY mesh, no smoke and no sheet: sun (light, ies)")
     check(len(at_frame(shown, 4).vertices) == 0, "a missing frame is empty, not the one before")
     expect("Info: Synthetic: 1 mesh sequence(s), 5 frames, paths absolute")
 
@@ -464,6 +465,63 @@ def stage_plume(shot: Path) -> None:
     nodes = shown.data.materials[0].node_tree.nodes
     fades = next(node.inputs[1].default_value for node in nodes if node.type == "MATH")
     check(abs(fades * 0.03 * sizes[1] - 1.0) < 1e-3, "its thickness is that of the smoke", (fades, sizes))
+
+
+def point_cache(path: Path) -> tuple[dict, np.ndarray]:
+    """The head of a PC2 file, and its places by sample and point, read without the add-on's code."""
+    data = path.read_bytes()
+    mark, version, points, start, step, samples = struct.unpack("<12siiffi", data[:32])
+    check((mark, version) == (b"POINTCACHE2\0", 1), "the cache is a PC2 of version 1", (mark, version))
+    places = np.frombuffer(data[32:], "<f4").reshape(samples, points, 3)
+    return {"start": start, "step": step}, places
+
+
+def stage_sheet(shot: Path) -> None:
+    """Imports every sheet of a shot: each point is where the cache says, to the last bit, and the first sheet renders."""
+    use_addon()
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
+    data = json.loads((shot / "shot.json").read_text(encoding="utf-8"))
+    outputs = [output for output in data["outputs"] if output["kind"] == "sheet"]
+    check(bool(outputs), "the shot has sheets")
+    for output in outputs:
+        shown, span = bpy.data.objects[output["name"]], output["frames"]
+        check([m.name for m in shown.data.materials] == ["Cloth"], f"{shown.name} has a cloth material")
+        head, places = point_cache(shot / output["file"])
+        numbers = range(span["first"], span["last"] + 1, span["step"])
+        check(len(numbers) == len(places) and head == {"start": span["first"], "step": span["step"]}, "its head is the shot's", head)
+        worst = 0.0
+        for frame, wanted in zip(numbers, places):
+            found = np.empty(wanted.size, np.float32)
+            at_frame(shown, frame).vertices.foreach_get("co", found)
+            worst = max(worst, float(np.abs(found.reshape(-1, 3) - wanted).max()))
+        check(worst == 0.0, f"{shown.name}: error 0 in all of {len(places)} frames", worst)
+        check(np.abs(places[-1] - places[0]).max() > 1e-3, "it moves")
+        between = np.empty(places[0].size, np.float32)
+        at_frame(shown, span["first"] + span["step"] // 2, 0.5 if span["step"] == 1 else 0.0).vertices.foreach_get("co", between)
+        middle = (places[0] + places[1]) / 2.0
+        check(np.abs(between.reshape(-1, 3) - middle).max() < 1e-5, "between two samples it is in the middle")
+    places = point_cache(shot / outputs[0]["file"])[1]
+    scene = bpy.context.scene
+    frame_camera(places.min((0, 1)), places.max((0, 1)))
+    scene.render.use_motion_blur = False
+    images = []
+    for frame in (outputs[0]["frames"]["first"], outputs[0]["frames"]["last"]):
+        scene.frame_set(frame)
+        images.append(render_alpha(shot / f"sheet{frame}.exr"))
+        check(0.001 < (images[-1] > 0.1).mean() < 0.95, f"frame {frame} shows sheet and background", (images[-1] > 0.1).mean())
+    check(np.abs(images[1] - images[0]).max() > 0.1, "the picture moves")
+
+
+def stage_sheets(work: Path) -> None:
+    """Sheets whose frames have steps, and what is wrong with one."""
+    path = synthetic.write_sheet(work / "steps", first=7, last=15, step=2)
+    stage_sheet(path.parent)
+    gone = synthetic.write_sheet(work / "gone")
+    (gone.parent / "sheet" / "sail.pc2").unlink()
+    refused("no cache", gone, "sail.pc2 is missing", "`meniscus shot`")
+    path = synthetic.write_sheet(work / "outside")
+    change(path, lambda data: data["outputs"][0].update(file="/sail.pc2"))
+    refused("a cache elsewhere", path, "'/sail.pc2'", "inside the shot folder")
 
 
 if __name__ == "__main__":

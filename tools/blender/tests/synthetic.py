@@ -10,6 +10,7 @@ drop.
 
 import argparse
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -82,11 +83,42 @@ def write_shot(
     frames = {"first": first, "last": last, "step": step}
     output = {"kind": "mesh", "name": "liquid", "format": "ply", "pattern": "mesh/liquid_{:04}.ply"}
     output |= {"frames": frames, "attributes": {"velocity": ["vx", "vy", "vz"]}}
-    shot = {"format": "meniscus-shot", "version": 1, "title": "Synthetic", "fps": fps, "frames": frames}
+    return write_manifest(folder, fps, output)
+
+
+def write_manifest(folder: Path, fps: float, output: dict) -> Path:
+    """Writes the shot.json of one output; returns its path."""
+    shot = {"format": "meniscus-shot", "version": 1, "title": "Synthetic", "fps": fps, "frames": output["frames"]}
     shot |= {"up": "+Z", "length_unit": "m", "outputs": [output]}
     path = folder / "shot.json"
     path.write_text(json.dumps(shot, indent=2) + "\n", encoding="utf-8")
     return path
+
+
+def sheet_places(seconds: float, side: int) -> np.ndarray:
+    """A square of `side` x `side` points that flies and waves, with all sides to be seen."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, side), np.linspace(0.0, 1.0, side))
+    height = 0.2 * np.sin(5.0 * u + 2.0 * v + RATE * seconds)
+    x = np.stack([u, v, height], axis=-1).reshape(-1, 3) + DRIFT * seconds
+    return x.astype("<f4")
+
+
+def write_sheet(folder: Path, first: int = 1, last: int = 5, step: int = 1, side: int = 9, fps: float = 24.0) -> Path:
+    """Writes shot.json, a rest mesh and its point cache; returns the path of shot.json."""
+    folder = Path(folder)
+    rest = sheet_places(0.0, side)
+    corner = np.array([row * side + column for row in range(side - 1) for column in range(side - 1)])
+    triangles = np.concatenate([corner[:, None] + [0, 1, side + 1], corner[:, None] + [0, side + 1, side]])
+    still = np.zeros_like(rest)
+    up = still + [0.0, 0.0, 1.0]
+    columns = dict(zip(ply.PROPERTIES, np.concatenate([rest, up, still], axis=1).T))
+    ply.write(folder / "sheet" / "sail.ply", columns, triangles)
+    numbers = range(first, last + 1, step)
+    head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, len(rest), first, step, len(numbers))
+    places = [sheet_places((frame - first) / fps, side).tobytes() for frame in numbers]
+    (folder / "sheet" / "sail.pc2").write_bytes(head + b"".join(places))
+    output = {"kind": "sheet", "name": "sail", "format": "pc2", "rest": "sheet/sail.ply", "file": "sheet/sail.pc2"}
+    return write_manifest(folder, fps, output | {"frames": {"first": first, "last": last, "step": step}, "attributes": {}})
 
 
 if __name__ == "__main__":

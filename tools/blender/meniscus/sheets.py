@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Sheets: a rest mesh whose points a Mesh Cache modifier moves, and the `Cloth` material."""
+
+from pathlib import Path
+
+import bpy
+
+from .shot import SheetOutput, ShotError
+
+NAME = "Cloth"
+STAMP = "meniscus_cloth"
+COLOUR = (0.55, 0.08, 0.07, 1.0)
+ROUGHNESS = 0.75
+# Light along the threads that stand up from the weave.
+SHEEN = 0.3
+
+
+def add_sheet(context: bpy.types.Context, sheet: SheetOutput, shot: Path, folder: str) -> bpy.types.Object:
+    """A new object in the active collection that shows one sheet; `folder` is the shot's, absolute or //… Raises ShotError."""
+    rest = sheet.rest_file(shot)
+    before = set(bpy.data.objects)
+    bpy.ops.wm.ply_import(filepath=str(rest), forward_axis="Y", up_axis="Z", merge_verts=False)
+    new = [made for made in bpy.data.objects if made not in before]
+    if len(new) != 1 or not new[0].data.vertices:
+        raise ShotError(f"{rest}: no mesh in it. Run `meniscus shot` again; it makes what is missing")
+    made = new[0]
+    made.name = made.data.name = sheet.name
+    made.data.polygons.foreach_set("use_smooth", [True] * len(made.data.polygons))
+    made.data.materials.clear()
+    made.data.materials.append(cloth())
+    modifier = made.modifiers.new("Meniscus Sheet", "MESH_CACHE")
+    modifier.cache_format, modifier.filepath = "PC2", sheet.cache_path(folder)
+    modifier.interpolation, modifier.play_mode, modifier.time_mode = "LINEAR", "SCENE", "FRAME"
+    modifier.deform_mode, modifier.forward_axis, modifier.up_axis = "OVERWRITE", "POS_Y", "POS_Z"
+    # Sample = scale × frame − start.
+    modifier.frame_scale = 1.0 / sheet.frames.step
+    modifier.frame_start = sheet.frames.first / sheet.frames.step
+    return made
+
+
+def cloth() -> bpy.types.Material:
+    """The file's own Cloth that an earlier import made, else a new one."""
+    for material in bpy.data.materials:
+        if material.get(STAMP) and material.is_editable:
+            return material
+    material = bpy.data.materials.new(NAME)
+    material[STAMP] = True
+    material.use_nodes = True
+    material.diffuse_color = COLOUR
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Base Color"].default_value = COLOUR
+    shader.inputs["Roughness"].default_value = ROUGHNESS
+    shader.inputs["Sheen Weight"].default_value = SHEEN
+    return material
