@@ -6,6 +6,7 @@
 mod error;
 mod format;
 pub mod obj;
+pub mod pc2;
 pub mod ply;
 pub mod vdb;
 

@@ -16,6 +16,7 @@ mod pieces;
 mod reconstruct;
 mod sides;
 mod smooth;
+mod thicken;
 mod transfer;
 mod umbrella;
 
@@ -28,6 +29,7 @@ pub use params::{ComponentParams, DecimationParams, DistanceParams, SmoothingPar
 pub use pieces::{ComponentStats, Points, remove_small};
 pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
 pub use smooth::{SmoothingStats, smooth};
+pub use thicken::thicken;
 pub use transfer::transfer;
 
 use crate::{frame::Channel, math::Vec3};

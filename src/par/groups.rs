@@ -150,6 +150,12 @@ impl Groups {
         &self.list[self.range(group)]
     }
 
+    /// The things of all groups, one after another.
+    #[inline]
+    pub fn all(&self) -> &[u32] {
+        &self.list
+    }
+
     /// Where those of a group stand among all.
     #[inline]
     pub fn range(&self, group: usize) -> Range<usize> {

@@ -175,7 +175,7 @@ fn on_lattice<K: Spread, const Q: usize, const N: usize>(
     let planes = weights::by_plane(&plan.lattice, points);
     let sorted = weights::gather(&fields, points, &planes, way.shares());
     let mut out = vec![[Vec3::zeros(); N]; points.len()];
-    for (&i, row) in (0..plan.lattice.cells[2]).flat_map(|plane| planes.of(plane)).zip(sorted) {
+    for (&i, row) in planes.all().iter().zip(sorted) {
         out[i as usize] = row;
     }
     out

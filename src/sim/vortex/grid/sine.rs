@@ -104,32 +104,33 @@ pub(super) fn solve(field: &mut Field, faces: Option<&Faces>, green: Green<'_>) 
 type Sides = [[[Plane; 3]; 2]; 3];
 
 fn sides(faces: &Faces, sines: &[Sine; 3]) -> Sides {
-    std::array::from_fn(|axis| {
-        // Nodes that two or three faces share count for the first of these axes.
-        let [b, c] = others(axis);
-        let (low_b, low_c) = (usize::from(b < axis), usize::from(c < axis));
-        [0, 1].map(|side| {
-            [0, 1, 2].map(|k| {
-                let face = &faces.values[axis][side][k];
-                let counted = |i: usize, j: usize| {
-                    let own =
-                        i >= low_b && i + low_b <= face.cells[0] && j >= low_c && j + low_c <= face.cells[1];
-                    if own { face.at(i, j) } else { 0.0 }
-                };
-                let mut out = Plane::new(face.cells);
-                for j in 1..face.cells[1] {
-                    for i in 1..face.cells[0] {
-                        let beside =
-                            counted(i - 1, j) + counted(i + 1, j) + counted(i, j - 1) + counted(i, j + 1);
-                        out.set(i, j, counted(i, j) / 3.0 + beside / 6.0);
-                    }
-                }
-                let row = out.row();
-                lanes::run(Across { sines: [&sines[b], &sines[c]], row, plane: &mut out.values });
-                out
-            })
-        })
+    let mut planes = par::map(18, |n| {
+        let (axis, side, k) = (n / 6, n / 3 % 2, n % 3);
+        Some(side_of(&faces.values[axis][side][k], axis, sines))
+    });
+    [0, 1, 2].map(|axis| {
+        [0, 1].map(|side| [0, 1, 2].map(|k| planes[6 * axis + 3 * side + k].take().expect("one each")))
     })
+}
+
+fn side_of(face: &Plane, axis: usize, sines: &[Sine; 3]) -> Plane {
+    // Nodes that two or three faces share count for the first of these axes.
+    let [b, c] = others(axis);
+    let (low_b, low_c) = (usize::from(b < axis), usize::from(c < axis));
+    let counted = |i: usize, j: usize| {
+        let own = i >= low_b && i + low_b <= face.cells[0] && j >= low_c && j + low_c <= face.cells[1];
+        if own { face.at(i, j) } else { 0.0 }
+    };
+    let mut out = Plane::new(face.cells);
+    for j in 1..face.cells[1] {
+        for i in 1..face.cells[0] {
+            let beside = counted(i - 1, j) + counted(i + 1, j) + counted(i, j - 1) + counted(i, j + 1);
+            out.set(i, j, counted(i, j) / 3.0 + beside / 6.0);
+        }
+    }
+    let row = out.row();
+    lanes::run(Across { sines: [&sines[b], &sines[c]], row, plane: &mut out.values });
+    out
 }
 
 /// The axes of a face.

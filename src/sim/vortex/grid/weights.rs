@@ -15,6 +15,9 @@ use crate::{
     par::{self, Groups},
 };
 
+/// Points a task gathers for: a plane of nodes may hold most of them.
+const TASK: usize = 1 << 10;
+
 /// How a vorton is shared out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Shares {
@@ -100,10 +103,9 @@ pub(super) fn gather<const N: usize>(
     shares: Shares,
 ) -> Vec<[Vec3; N]> {
     let lattice = fields[0].lattice;
-    let ends: Vec<usize> = (0..lattice.cells[2]).map(|plane| planes.range(plane).end).collect();
-    let mut out = vec![[Vec3::zeros(); N]; planes.len()];
-    par::for_parts(&mut out, &ends, 1, |plane, out| {
-        for (&i, out) in planes.of(plane).iter().zip(out) {
+    let mut out = par::repeated([Vec3::zeros(); N], planes.len());
+    par::for_chunks(&mut out, TASK, |first, out| {
+        for (&i, out) in planes.all()[first..].iter().zip(out) {
             let (at, t) = lattice.cell(points[i as usize]);
             let [wx, wy, wz] = t.map(|t| shares.of(t));
             for (k, wz) in wz.iter().enumerate() {
@@ -191,8 +193,7 @@ mod tests {
         assert!((sum - whole).norm() < 1e-4 && (impulse - turned).norm() < 1e-3);
         let planes = by_plane(&lattice, &position);
         let found = gather(&[wave], &position, &planes, Shares::Smooth);
-        let order = (0..8).flat_map(|plane| planes.of(plane));
-        for (&i, [found]) in order.zip(&found) {
+        for (&i, [found]) in planes.all().iter().zip(&found) {
             assert!((found - quadratic(position[i as usize])).norm() < 1e-4);
         }
     }
