@@ -1,4 +1,5 @@
-//! Seconds and errors of what vortons induce. `cargo bench --bench vortex`; with `-- fields` what a ring induces in two planes, for
+//! Seconds and errors of what vortons induce. `cargo bench --bench vortex`; with `-- threads` the last table alone, with `-- fields`
+//! what a ring induces in two planes, for
 //! `tools/bench/vortex_figure.py`.
 //!
 //! Four clouds of vortons whose cores are one and a half spacings: a ring of radius 1 m and a tenth of that thick; a cube of
@@ -305,8 +306,12 @@ fn fields() {
 }
 
 fn bench(criterion: &mut Criterion) {
-    if std::env::args().any(|word| word == "fields") {
+    let asked = |what: &str| std::env::args().any(|word| word == what);
+    if asked("fields") {
         return fields();
+    }
+    if asked("threads") {
+        return by_threads();
     }
     par::with_threads(1, || {
         tables();
