@@ -1,7 +1,7 @@
 //! The command line's types: every verb, flag and its help.
 
 use crate::{
-    export::{MeshFormat, vdb::VolumeGrid},
+    export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
     run::tradeoff::Vary,
     scene::Frames,
 };
@@ -68,7 +68,7 @@ pub(super) enum Verb {
     Mesh(MeshArgs),
     /// Turn a cache, or particle files of any solver, into OpenVDB volumes: fog, level set, velocity
     Volume(VolumeArgs),
-    /// Write the tracers of a cache of smoke as PLY points, with velocity, density and temperature
+    /// Write the sheets of a cache as meshes with a point cache, or the tracers of smoke as PLY points
     Export(ExportArgs),
     /// Tell what is in a shot folder
     Info(InfoArgs),
@@ -343,9 +343,17 @@ pub(super) struct ExportArgs {
     #[arg(value_name = "CACHE")]
     pub(super) cache: PathBuf,
 
-    /// The folder that gets `points/` and `shot.json`; by default the shot folder itself
+    /// The folder that gets `sheet/` or `points/`, and `shot.json`; by default the shot folder itself
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
+
+    /// Of sheets: `pc2` (a mesh and a point cache of all frames), `ply` or `obj` (a mesh a frame). By default pc2
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',', value_parser = sheet_format)]
+    pub(super) format: Vec<SheetFormat>,
+
+    /// Of sheets: how thick they are, in metres. By default surfaces without a thickness
+    #[arg(long, value_name = "METRES", value_parser = thickness)]
+    pub(super) thickness: Option<f32>,
 
     /// The frames to write: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
     #[arg(long, value_name = "LIST", value_parser = frames)]
@@ -460,6 +468,19 @@ fn volume_grid(text: &str) -> Result<VolumeGrid, String> {
 
 fn mesh_format(text: &str) -> Result<MeshFormat, String> {
     MeshFormat::from_extension(text).ok_or_else(|| "expected ply or obj".into())
+}
+
+fn sheet_format(text: &str) -> Result<SheetFormat, String> {
+    SheetFormat::ALL
+        .into_iter()
+        .find(|format| format.name() == text)
+        .ok_or_else(|| "expected pc2, ply or obj".into())
+}
+
+/// A thickness [m].
+fn thickness(text: &str) -> Result<f32, String> {
+    let metres = text.parse().ok().filter(|metres: &f32| *metres > 0.0 && metres.is_finite());
+    metres.ok_or_else(|| "expected metres above zero, such as 0.002".into())
 }
 
 /// A time [s] with a unit.

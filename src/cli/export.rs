@@ -1,19 +1,20 @@
 //! `meniscus export`.
 
-use super::{args::ExportArgs, mesh};
+use super::{args::ExportArgs, mesh, print};
 use crate::{
-    run::{self, Control, Job, RunError, ShotFolder, Source},
+    export::SheetFormat,
+    run::{self, Control, Job, RunError, SheetSettings, ShotFolder, Source},
     scene::{self, Overrides, Scene},
 };
 
-/// Writes the tracers of a cache as points.
+/// Writes the tracers of a cache as points, or its sheets.
 pub(super) fn export(args: &ExportArgs, control: Control) -> Result<(), RunError> {
     let source = ShotFolder::around(&args.cache);
     let out = args.output.as_ref().map_or_else(|| source.clone(), ShotFolder::new);
     let preset = source.preset();
-    let smoke = if preset.exists() {
-        let scene = Scene::from_preset(&scene::load(&preset.to_string_lossy())?, &Overrides::default())?;
-        run::surroundings(&scene, &source, control)?
+    let scene = if preset.exists() {
+        let preset = scene::load(&preset.to_string_lossy())?;
+        Some(Scene::from_preset(&preset, &Overrides::default())?)
     } else {
         None
     };
@@ -23,6 +24,17 @@ pub(super) fn export(args: &ExportArgs, control: Control) -> Result<(), RunError
         max_memory: None,
         side_by_side: true,
         fps: mesh::fps(None)?,
+    };
+    let has_sheets = scene.as_ref().is_some_and(|scene| !scene.sheet.is_empty());
+    if has_sheets || !args.format.is_empty() || args.thickness.is_some() {
+        let formats = if args.format.is_empty() { vec![SheetFormat::Pc2] } else { args.format.clone() };
+        let settings = SheetSettings { formats, thickness: args.thickness };
+        let done = run::sheets(&source, &out, &settings, &job, control)?;
+        return done.lines().iter().try_for_each(|line| print(line));
+    }
+    let smoke = match &scene {
+        Some(scene) => run::surroundings(scene, &source, control)?,
+        None => None,
     };
     let done = run::points(Source::Cache(&source), &out, smoke.as_ref(), &job, control)?;
     mesh::summary(&done)

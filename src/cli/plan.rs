@@ -35,6 +35,9 @@ fn describe(plan: &Plan, fps: f32) -> String {
         let [from, to] = smoke.tracers;
         row("tracers", format!("{from:.0} at the start, about {to:.0} at the end"));
     }
+    if let Some(sheets) = &plan.sheets {
+        row("points", format!("{:.0}, of sheets", sheets.points));
+    }
     row("runs", plan.passes.join(", "));
     if !plan.absent.is_empty() {
         row("does not", format!("{} (not in the preset)", plan.absent.join(", ")));
@@ -47,6 +50,13 @@ fn describe(plan: &Plan, fps: f32) -> String {
     if let Some(smoke) = &plan.smoke {
         row("work", format!("about {:.1} steps of the smoke a frame", smoke.substeps / frames));
     }
+    if let Some(sheets) = &plan.sheets {
+        let (substeps, iterations) = (sheets.substeps / frames, sheets.iterations / frames);
+        row(
+            "work",
+            format!("about {substeps:.1} substeps of the sheets and {iterations:.1} iterations a frame"),
+        );
+    }
     match plan.voxel {
         _ if plan.particles == 0 => {}
         Some(voxel) => row(
@@ -57,9 +67,10 @@ fn describe(plan: &Plan, fps: f32) -> String {
     }
     row("memory", format!("about {}", mib(plan.memory as f64)));
     let volumes = plan.smoke.as_ref().map_or([0.0; 2], |smoke| [smoke.volumes, smoke.seconds[1]]);
+    let files = plan.sheets.as_ref().map_or(0.0, |sheets| sheets.files);
     let mut disk = format!(
         "about {}: cache {}, meshes {}",
-        mib(plan.cache + plan.meshes + volumes[0]),
+        mib(plan.cache + plan.meshes + volumes[0] + files),
         mib(plan.cache),
         mib(plan.meshes)
     );
@@ -74,6 +85,9 @@ fn describe(plan: &Plan, fps: f32) -> String {
     if volumes[0] > 0.0 {
         disk += &format!(", volumes of the smoke {}", mib(volumes[0]));
         time += &format!(", volumes of the smoke {}", duration(volumes[1]));
+    }
+    if files > 0.0 {
+        disk += &format!(", sheets {}", mib(files));
     }
     row("disk", disk);
     row("time", time);

@@ -5,7 +5,7 @@ use super::{
     print,
 };
 use crate::{
-    run::{self, Control, Job, Outline, RunError, ShotFolder, Source, SurfaceSettings},
+    run::{self, Control, Job, Outline, RunError, SheetSettings, ShotFolder, Source, SurfaceSettings},
     scene::{self, Frames, Output, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
@@ -13,11 +13,11 @@ use std::path::{Path, PathBuf};
 /// Simulates, then writes every output the preset names.
 pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     let Some((scene, folder, selection)) = simulated(args, control, true)? else { return Ok(()) };
-    let Output { mesh, volume } = &scene.output;
-    if mesh.is_empty() && volume.is_empty() {
+    let Output { mesh, volume, sheet, thickness } = &scene.output;
+    if mesh.is_empty() && volume.is_empty() && sheet.is_empty() {
         return print(
-            "no output is named: add `mesh = [\"ply\"]` or `volume = [\"density\"]` under [output], or run \
-             `meniscus mesh` or `meniscus volume` on the folder",
+            "no output is named: add `mesh = [\"ply\"]`, `volume = [\"density\"]` or `sheet = [\"pc2\"]` under [output], or run \
+             `meniscus mesh`, `meniscus volume` or `meniscus export` on the folder",
         );
     }
     let job = Job {
@@ -43,6 +43,14 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         settings.smoke = run::surroundings(&scene, &folder, control)?;
         match run::volume(source, &folder, &settings, &job, control) {
             Ok(done) => super::mesh::summary(&done)?,
+            Err(why @ RunError::SomeFailed { .. }) => failed = failed.or(Some(why)),
+            Err(why) => return Err(failed.unwrap_or(why)),
+        }
+    }
+    if !sheet.is_empty() {
+        let settings = SheetSettings { formats: sheet.clone(), thickness: *thickness };
+        match run::sheets(&folder, &folder, &settings, &job, control) {
+            Ok(done) => done.lines().iter().try_for_each(|line| print(line))?,
             Err(why) => return Err(failed.unwrap_or(why)),
         }
     }
@@ -108,7 +116,8 @@ fn counts(scene: &Scene, outline: &Outline) -> String {
     let smoke = outline.smoke.map(|[vortons, tracers]| {
         format!("smoke      {vortons} vortons and {tracers} tracers at the start\n")
     });
-    [liquid, smoke].into_iter().flatten().collect()
+    let sheets = (outline.points > 0).then(|| format!("sheets     {} points\n", outline.points));
+    [liquid, smoke, sheets].into_iter().flatten().collect()
 }
 
 fn describe(scene: &Scene, selection: &Frames, outline: &Outline) -> Result<(), RunError> {

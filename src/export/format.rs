@@ -21,6 +21,41 @@ pub enum MeshFormat {
     Obj,
 }
 
+/// A way to write sheets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SheetFormat {
+    /// A mesh and a PC2 point cache of all frames.
+    Pc2,
+    /// A binary PLY mesh a frame, with velocities.
+    Ply,
+    /// A Wavefront OBJ mesh a frame.
+    Obj,
+}
+
+impl SheetFormat {
+    /// Every format.
+    pub const ALL: [Self; 3] = [Self::Pc2, Self::Ply, Self::Obj];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pc2 => "pc2",
+            Self::Ply => "ply",
+            Self::Obj => "obj",
+        }
+    }
+
+    /// The format of the meshes, if it writes one a frame.
+    pub fn of_frames(self) -> Option<MeshFormat> {
+        match self {
+            Self::Pc2 => None,
+            Self::Ply => Some(MeshFormat::Ply),
+            Self::Obj => Some(MeshFormat::Obj),
+        }
+    }
+}
+
 impl MeshFormat {
     /// Every format.
     pub const ALL: [Self; 2] = [Self::Ply, Self::Obj];

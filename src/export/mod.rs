@@ -11,4 +11,4 @@ pub mod ply;
 pub mod vdb;
 
 pub use error::ExportError;
-pub use format::MeshFormat;
+pub use format::{MeshFormat, SheetFormat};

@@ -1,7 +1,7 @@
-//! Triangle meshes: PLY, ASCII or binary of either byte order, and OBJ.
+//! Meshes: PLY, ASCII or binary of either byte order, and OBJ.
 //!
-//! Taken are the positions and the faces; faces of more than three corners are cut into fans. Everything else in the
-//! file is passed over.
+//! Taken are the positions and the faces, which are cut into fans of triangles, or, if asked for, stay quads where they are. Of a PLY
+//! the vertices' `stiffness`, too, may be asked for. Everything else in the file is passed over.
 
 use super::ImportError;
 use crate::{math::Vec3, sdf::Triangles};
@@ -16,6 +16,34 @@ use std::path::Path;
 /// # Errors
 /// [`ImportError`], with the line, or the entry, at fault. A mesh has at least one face.
 pub fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
+    Ok(parse(path, bytes)?.triangles())
+}
+
+/// The mesh of a sheet.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SheetFaces {
+    /// Positions [m].
+    pub positions: Vec<Vec3>,
+    /// Corners; a triangle names its last twice.
+    pub faces: Vec<[u32; 4]>,
+    /// The property `stiffness` of the vertices; empty if there is none.
+    pub stiffness: Vec<f32>,
+}
+
+/// The mesh that a file's bytes hold, with its quads; faces of more corners are cut into fans of triangles.
+///
+/// # Errors
+/// As [`parse_triangles`].
+pub fn parse_sheet(path: &Path, bytes: &[u8]) -> Result<SheetFaces, ImportError> {
+    let mesh = parse(path, bytes)?;
+    let faces = mesh.faces().flat_map(|corners| match *corners {
+        [a, b, c, d] => vec![[a, b, c, d]],
+        _ => fan(corners).map(|[a, b, c]| [a, b, c, c]).collect(),
+    });
+    Ok(SheetFaces { faces: faces.collect(), positions: mesh.positions, stiffness: mesh.stiffness })
+}
+
+fn parse(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
     if bytes.is_empty() {
         return Err(ImportError::EmptyFile { path: path.to_path_buf() });
     }
@@ -29,7 +57,7 @@ pub fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportErr
         let found = format!("{:?}", mesh.positions[i].as_slice());
         return Err(ImportError::malformed(path, format!("vertex {i}"), found, "finite coordinates"));
     }
-    if mesh.triangles.is_empty() {
+    if mesh.ends.is_empty() {
         let found = format!("{} vertices and no face", mesh.positions.len());
         return Err(ImportError::malformed(path, "the whole file", found, "a surface of faces"));
     }
@@ -39,17 +67,45 @@ pub fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportErr
 /// What is there, and what should be.
 type Fault = (String, &'static str);
 
-/// Cuts a polygon into triangles; fails with the index that names no vertex.
-fn fan(corners: &[i64], positions: usize, triangles: &mut Vec<[u32; 3]>) -> Result<(), i64> {
-    if let Some(&wrong) = corners.iter().find(|&&c| c < 0 || c >= positions as i64) {
-        return Err(wrong);
-    }
-    triangles.extend((2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]].map(|c| c as u32)));
-    Ok(())
+/// A mesh as it is in a file.
+#[derive(Default)]
+struct Polygons {
+    positions: Vec<Vec3>,
+    /// The corners of all faces, and where those of each end.
+    corners: Vec<u32>,
+    ends: Vec<usize>,
+    stiffness: Vec<f32>,
 }
 
-fn obj(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
-    let mut mesh = Triangles::default();
+impl Polygons {
+    /// Adds a face; fails with the index that names no vertex.
+    fn add(&mut self, corners: &[i64]) -> Result<(), i64> {
+        if let Some(&wrong) = corners.iter().find(|&&c| c < 0 || c >= self.positions.len() as i64) {
+            return Err(wrong);
+        }
+        self.corners.extend(corners.iter().map(|&c| c as u32));
+        self.ends.push(self.corners.len());
+        Ok(())
+    }
+
+    fn faces(&self) -> impl Iterator<Item = &[u32]> {
+        let starts = [0].into_iter().chain(self.ends.iter().copied());
+        starts.zip(&self.ends).map(|(start, &end)| &self.corners[start..end])
+    }
+
+    fn triangles(self) -> Triangles {
+        let triangles = self.faces().flat_map(fan).collect();
+        Triangles { positions: self.positions, triangles }
+    }
+}
+
+/// A polygon cut into triangles.
+fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    (2..corners.len()).map(|i| [corners[0], corners[i - 1], corners[i]])
+}
+
+fn obj(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
+    let mut mesh = Polygons::default();
     let mut corners = Vec::new();
     for (number, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
         let line = String::from_utf8_lossy(line);
@@ -76,7 +132,7 @@ fn obj(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
                 if corners.len() < 3 {
                     return Err((format!("a face of {} corners", corners.len()), "three or more"));
                 }
-                fan(&corners, mesh.positions.len(), &mut mesh.triangles)
+                mesh.add(&corners)
                     .map_err(|_| (line.trim().to_owned(), "vertices that stand above this line"))
             })(),
             _ => Ok(()),
@@ -130,7 +186,7 @@ impl Numbers<'_> {
     }
 }
 
-fn ply(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
+fn ply(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
     let mut reader = Reader::new(bytes);
     let header = Parser::<DefaultElement>::new().read_header(&mut reader).map_err(|error| {
         let place = format!("header, line {}", error.line().unwrap_or(reader.line()));
@@ -138,7 +194,7 @@ fn ply(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
         ImportError::malformed(path, place, found, "a PLY header")
     })?;
     let mut numbers = Numbers { rest: reader.get_ref(), encoding: header.encoding };
-    let mut mesh = Triangles::default();
+    let mut mesh = Polygons::default();
     let mut faces = Vec::new();
     let (mut scalars, mut list) = ([0.0; 3], Vec::new());
     for (name, element) in &header.elements {
@@ -158,6 +214,9 @@ fn ply(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
                         let value = numbers.next(kind).map_err(fail)?;
                         if let Some(axis) = axes.iter().position(|axis| axis == property) {
                             scalars[axis] = value;
+                        }
+                        if name == "vertex" && property == "stiffness" {
+                            mesh.stiffness.push(value as f32);
                         }
                     }
                     PropertyType::List(count, kind) => {
@@ -186,7 +245,7 @@ fn ply(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
     }
     // Faces may stand before the vertices they name.
     for (entry, corners) in faces {
-        fan(&corners, mesh.positions.len(), &mut mesh.triangles).map_err(|wrong| {
+        mesh.add(&corners).map_err(|wrong| {
             let expected = format!("numbers below the {} of vertices", mesh.positions.len());
             ImportError::malformed(
                 path,
@@ -261,6 +320,19 @@ mod tests {
         assert_eq!(read("a.obj", wavefront().as_bytes()).unwrap(), expected());
         let square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
         assert_eq!(read("a.obj", square.as_bytes()).unwrap().triangles, [[0, 1, 2], [0, 2, 3]]);
+    }
+
+    #[test]
+    fn sheets_keep_their_quads_and_what_is_painted_on_them() {
+        let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
+                    property float stiffness\nelement face 3\nproperty list uchar int vertex_indices\nend_header\n\
+                    0 0 0 1\n1 0 0 0.5\n1 1 0 0\n0 1 0 2\n2 0 0 1\n4 0 1 2 3\n3 1 4 2\n5 0 1 4 2 3\n";
+        let found = parse_sheet(Path::new("a.ply"), text.as_bytes()).unwrap();
+        assert_eq!(found.faces, [[0, 1, 2, 3], [1, 4, 2, 2], [0, 1, 4, 4], [0, 4, 2, 2], [0, 2, 3, 3]]);
+        assert_eq!((found.stiffness, found.positions.len()), (vec![1.0, 0.5, 0.0, 2.0, 1.0], 5));
+        let plain =
+            parse_sheet(Path::new("a.obj"), b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
+        assert_eq!((plain.faces, plain.stiffness.len()), (vec![[0, 1, 2, 3]], 0));
     }
 
     #[test]

@@ -50,6 +50,11 @@ impl ShotFolder {
         self.root.join("points")
     }
 
+    /// The folder of the sheets.
+    pub fn sheets(&self) -> PathBuf {
+        self.root.join("sheet")
+    }
+
     /// The folder of the sampled meshes.
     pub fn samples(&self) -> PathBuf {
         self.root.join("sdf")

@@ -122,7 +122,14 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         (lacking.take(MOST_MISSING).collect(), span.count() - present)
     });
     let outputs = manifest.iter().flat_map(|manifest| &manifest.outputs).map(|output| {
-        let present = output.present(folder).len();
+        // A sheet has one file for all of its frames.
+        let present = match &output.rest {
+            None => output.present(folder).len(),
+            Some(rest) => {
+                let is_there = |path: &str| folder.root().join(path).is_file();
+                if is_there(rest) && is_there(&output.pattern) { output.frames.count() as usize } else { 0 }
+            }
+        };
         OutputInfo {
             kind: output.kind.clone(),
             name: output.name.clone(),

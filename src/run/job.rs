@@ -17,7 +17,10 @@ use crate::{
     import::ImportError,
     mesh::SurfaceParams,
     scene::Frames,
-    sim::smoke::{self, TRACERS},
+    sim::{
+        sheet,
+        smoke::{self, TRACERS},
+    },
 };
 use std::path::Path;
 
@@ -161,7 +164,11 @@ pub(super) fn run<M: Make>(
                 continue;
             };
             let key = maker.key(name, *state, spacing);
-            let shown = if name == TRACERS { smoke::NAME.to_owned() } else { name.clone() };
+            let shown = match sheet::sheet_of(name) {
+                Some(sheet) => sheet.to_owned(),
+                None if name == TRACERS => smoke::NAME.to_owned(),
+                None => name.clone(),
+            };
             let target = Target { index: made.index, name: shown, key };
             match maker.kept(&target).filter(|_| !job.force) {
                 Some(piece) => made.pieces.push(piece),

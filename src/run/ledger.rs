@@ -126,6 +126,7 @@ impl<'a> Ledger<'a> {
             Product::Meshes => (out.meshes(), Some(0)),
             Product::Volumes => (out.volumes(), None),
             Product::Points => (out.points(), None),
+            Product::Sheets => (out.sheets(), Some(0)),
         };
         ShotFolder::create(&folder)?;
         let lock = Lock::acquire(&folder)?;

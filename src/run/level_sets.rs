@@ -41,7 +41,7 @@ pub fn mesh_level_sets(
     let wanted = choose(&numbered(sequence), job.selection.as_ref())?;
     let sole = wanted.len() == 1;
     let batch = Batch { wanted: &wanted, absent: NO_FILE, sole, title: "Level set", fps: job.fps };
-    let files = MeshFiles { out, formats, points: false };
+    let files = MeshFiles { out, folder: "mesh", formats, points: false };
     let cost = |path: &Path| level_set_memory((size(path) / LEAST_LEAF) as usize);
     job::each(Product::Meshes, out, &batch, job, control, cost, |path, allowance, made| {
         let file = LevelSetFile::open(path)?;

@@ -3,7 +3,7 @@
 use super::{RunError, ShotFolder};
 use crate::{
     frame::FrameIndex,
-    sim::{FrameRecord, smoke::SmokeRecord, vortex::Invariants},
+    sim::{FrameRecord, sheet::SheetRecord, smoke::SmokeRecord, vortex::Invariants},
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{fs::OpenOptions, io::Write};
@@ -23,6 +23,8 @@ struct Line<'a, R: Serialize> {
 struct Dry<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     smoke: &'a Option<SmokeRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    sheets: &'a Option<SheetRecord>,
     seconds: &'a [(&'static str, f64)],
 }
 
@@ -122,8 +124,8 @@ pub(super) fn append(
     let line = if liquid {
         serde_json::to_vec(&Line { frame, bytes, particles, record })
     } else {
-        let FrameRecord { smoke, seconds, .. } = record;
-        serde_json::to_vec(&Line { frame, bytes, particles, record: &Dry { smoke, seconds } })
+        let FrameRecord { smoke, sheets, seconds, .. } = record;
+        serde_json::to_vec(&Line { frame, bytes, particles, record: &Dry { smoke, sheets, seconds } })
     };
     let mut line = line.expect("a record is plain data");
     line.push(b'\n');

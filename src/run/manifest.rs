@@ -77,14 +77,17 @@ fn gcd(a: u32, b: u32) -> u32 {
 /// A sequence of files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OutputFiles {
-    /// "mesh", "points" or "volume".
+    /// "mesh", "points", "volume" or "sheet".
     pub kind: String,
     /// The system it shows ("liquid").
     pub name: String,
-    /// "ply", "obj" or "vdb".
+    /// "ply", "obj", "vdb" or "pc2".
     pub format: String,
-    /// File name with the frame number as `{:04}`, relative to the folder.
+    /// File name with the frame number as `{:04}`, relative to the folder; of a sheet the file of all frames.
     pub pattern: String,
+    /// The mesh whose points the file of a sheet moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rest: Option<String>,
     /// Which frames are there.
     pub frames: FrameSpan,
     /// Which file properties hold which attribute of a mesh.
@@ -103,10 +106,18 @@ impl OutputFiles {
             name: name.into(),
             format: format.into(),
             pattern: format!("{folder}/{name}_{NUMBER}.{format}"),
+            rest: None,
             frames: FrameSpan { first: index.0, last: index.0, step: 1 },
             attributes: BTreeMap::new(),
             grids: Vec::new(),
         }
+    }
+
+    /// The point cache `NAME.pc2` of a sheet and its mesh `NAME.ply`, in a folder of the shot folder.
+    pub(super) fn sheet(folder: &str, name: &str, frames: FrameSpan) -> Self {
+        let pattern = format!("{folder}/{name}.pc2");
+        let rest = Some(format!("{folder}/{name}.ply"));
+        Self { pattern, rest, frames, ..Self::of("sheet", folder, name, "pc2", FrameIndex(0)) }
     }
 
     /// Whether the files are those of `other`, be it of other frames.
@@ -273,6 +284,7 @@ mod tests {
             name: "liquid".into(),
             format: "ply".into(),
             pattern: "mesh/liquid_{:04}.ply".into(),
+            rest: None,
             frames: all,
             attributes: Default::default(),
             grids: Vec::new(),
@@ -306,6 +318,7 @@ mod tests {
             name: "liquid".into(),
             format: "ply".into(),
             pattern: "mesh/liquid_{:04}.ply".into(),
+            rest: None,
             frames: FrameSpan { first: 1, last: 5, step: 1 },
             attributes: Default::default(),
             grids: Vec::new(),

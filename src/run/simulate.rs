@@ -255,6 +255,13 @@ fn figures(index: FrameIndex, liquid: bool, record: &FrameRecord, seconds: f64) 
             smoke.flow.substeps, smoke.vortons, smoke.tracers
         );
     }
+    if let Some(sheets) = &record.sheets {
+        line += &format!("  substeps {}", sheets.substeps);
+        if sheets.iterations > 0 {
+            line += &format!("  iterations {}", sheets.iterations);
+        }
+        line += &format!("  strain at most {:.1}%", 100.0 * sheets.strain_max);
+    }
     line += &format!("  {seconds:.2} s");
     for remark in remarks::of_frame(record) {
         line += &format!("  {remark}");

@@ -6,7 +6,10 @@ use crate::{
     import::{self, ImportError},
     scene::{Asset, Scene},
     sdf::{self, SAMPLED_VERSION, Sampled},
-    sim::liquid::SourceShape,
+    sim::{
+        liquid::SourceShape,
+        sheet::{SheetMesh, SheetParams, SheetShape},
+    },
     solid::{MeshShape, Shape},
 };
 use std::{collections::BTreeMap, path::Path, sync::Arc};
@@ -37,7 +40,11 @@ pub(super) fn fill(
         Shape::Mesh(mesh) => Some(mesh),
         _ => None,
     });
-    for mesh in colliders.chain(sources).chain(smoke) {
+    let parts = scene.sheet.iter_mut().flat_map(SheetParams::shapes_mut).filter_map(|shape| match shape {
+        Shape::Mesh(mesh) => Some(mesh),
+        _ => None,
+    });
+    for mesh in colliders.chain(sources).chain(smoke).chain(parts) {
         let name = (mesh.file.clone(), mesh.resolution);
         if !made.contains_key(&name) {
             let asset = &scene.assets[&mesh.file];
@@ -45,8 +52,22 @@ pub(super) fn fill(
         }
         mesh.fill(made[&name].clone());
     }
+    for sheet in &mut scene.sheet {
+        if let SheetShape::Mesh(mesh) = &mut sheet.shape {
+            fill_sheet(mesh, &scene.assets[&mesh.file])?;
+        }
+    }
     scene.refuse_too_much_smoke()?;
     Ok(scene)
+}
+
+/// Puts the points and faces of a file into the mesh of a sheet.
+fn fill_sheet(mesh: &mut SheetMesh, asset: &Asset) -> Result<(), RunError> {
+    let found = import::parse_sheet(Path::new(&mesh.file), &asset.bytes)?;
+    mesh.points = found.positions.iter().map(|&x| x.into()).collect();
+    mesh.faces = found.faces;
+    mesh.stiffness = found.stiffness;
+    Ok(())
 }
 
 /// Copies the files that the scene names beside the preset as run, so that it can be run again from there.

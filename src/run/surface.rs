@@ -12,7 +12,7 @@ use crate::{
     frame::FrameIndex,
     mesh::{self, Mesh, MeshCheck, Points, Surface, SurfaceError, SurfaceParams},
     par,
-    sim::smoke,
+    sim::{sheet, smoke},
 };
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -44,7 +44,7 @@ pub fn surface(
     control: Control,
 ) -> Result<Done, RunError> {
     let SurfaceSettings { params, formats } = settings;
-    let files = MeshFiles { out, formats, points: params.components.is_some() };
+    let files = MeshFiles { out, folder: "mesh", formats, points: params.components.is_some() };
     let text = serde_json::to_string(params).expect("settings are plain data");
     job::run(source, out, &Meshes { files, params, text }, job, control)
 }
@@ -65,7 +65,7 @@ impl Make for Meshes<'_> {
     }
 
     fn takes(&self, stream: &str) -> bool {
-        ![smoke::NAME, smoke::TRACERS].contains(&stream)
+        ![smoke::NAME, smoke::TRACERS].contains(&stream) && !sheet::is_part(stream)
     }
 
     fn nothing(&self) -> String {
@@ -114,6 +114,8 @@ impl Make for Meshes<'_> {
 /// The files that a mesh is written to.
 pub(super) struct MeshFiles<'a> {
     pub(super) out: &'a ShotFolder,
+    /// Its folder for them.
+    pub(super) folder: &'static str,
     pub(super) formats: &'a [MeshFormat],
     /// Whether there is one of small pieces as well.
     pub(super) points: bool,
@@ -129,7 +131,7 @@ impl MeshFiles<'_> {
         let mesh = formats.map(|format| (format, "mesh", name.clone()));
         let points = (self.points == written).then(|| (MeshFormat::Ply, "points", format!("{name}{POINTS}")));
         let of = |(format, kind, name): (MeshFormat, &str, String)| {
-            (format, OutputFiles::of(kind, "mesh", &name, format.extension(), *index))
+            (format, OutputFiles::of(kind, self.folder, &name, format.extension(), *index))
         };
         mesh.chain(points).map(of).collect()
     }

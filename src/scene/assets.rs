@@ -5,7 +5,10 @@ use super::{
     check::{self, Places},
     problem::Finding,
 };
-use crate::{sim::liquid::SourceShape, solid::MeshShape, solid::Shape};
+use crate::{
+    sim::{liquid::SourceShape, sheet::SheetShape},
+    solid::Shape,
+};
 use std::{
     borrow::Cow,
     collections::BTreeMap,
@@ -34,33 +37,39 @@ pub struct Asset {
 /// The files that a scene names, by the name it gives them.
 pub type Assets = BTreeMap<String, Asset>;
 
-/// Every mesh of a scene, with the key it stands at.
-pub(super) fn meshes(scene: &Scene) -> Vec<(String, &MeshShape)> {
-    let colliders =
-        scene.world.collider.iter().enumerate().filter_map(|(i, collider)| match &collider.shape {
-            Shape::Mesh(mesh) => Some((format!("world.collider.{i}.shape.mesh"), mesh)),
-            _ => None,
-        });
+/// The file of every mesh of a scene, with the key that the mesh stands at.
+pub(super) fn meshes(scene: &Scene) -> Vec<(String, &str)> {
+    let file = |(key, shape): (String, _)| match shape {
+        &Shape::Mesh(ref mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
+        _ => None,
+    };
+    let colliders = scene.world.collider.iter().enumerate();
+    let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
+    let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
+    let smoke = smoke.map(|(path, shape)| (format!("smoke.{path}.shape"), shape));
+    let parts = scene.sheet.iter().enumerate().flat_map(|(i, sheet)| {
+        super::sheet::shapes(sheet).map(move |(key, shape)| (format!("sheet.{i}.{key}"), shape))
+    });
+    let shapes = colliders.chain(smoke).chain(parts).filter_map(file);
     let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
     let sources = sources.filter_map(|(i, source)| match &source.shape {
-        SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh)),
+        SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh.file.as_str())),
         _ => None,
     });
-    let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
-    let smoke = smoke.filter_map(|(path, shape)| match shape {
-        Shape::Mesh(mesh) => Some((format!("smoke.{path}.shape.mesh"), mesh)),
-        _ => None,
+    let sheets = scene.sheet.iter().enumerate().filter_map(|(i, sheet)| match &sheet.shape {
+        SheetShape::Mesh(mesh) => Some((format!("sheet.{i}.shape.mesh"), mesh.file.as_str())),
+        SheetShape::Grid { .. } => None,
     });
-    colliders.chain(sources).chain(smoke).collect()
+    shapes.chain(sources).chain(sheets).collect()
 }
 
 /// What is wrong with the files that a scene names, short of reading them.
 pub(super) fn check(scene: &Scene, home: &Home, places: &Places) -> Vec<Finding> {
     meshes(scene)
         .into_iter()
-        .filter_map(|(path, mesh)| {
+        .filter_map(|(path, file)| {
             let key = format!("{path}.file");
-            fault(&mesh.file, home).map(|(message, label, help)| {
+            fault(file, home).map(|(message, label, help)| {
                 Finding::new(places.of(&key), &key, message, label).with_help(help)
             })
         })
@@ -114,25 +123,25 @@ fn shown(folder: &Path) -> String {
 /// Reads the files that a checked scene names; one that cannot be read is a finding without a place of its own.
 pub(super) fn read(scene: &Scene, home: &Home) -> Result<Assets, Box<Finding>> {
     let mut assets = Assets::new();
-    for (path, mesh) in meshes(scene) {
-        if assets.contains_key(&mesh.file) {
+    for (path, file) in meshes(scene) {
+        if assets.contains_key(file) {
             continue;
         }
         let bytes = match home {
-            Home::BuiltIn => builtin::asset(&mesh.file).map(Cow::Borrowed).unwrap_or_default(),
-            Home::Folder(folder) => match std::fs::read(folder.join(&mesh.file)) {
+            Home::BuiltIn => builtin::asset(file).map(Cow::Borrowed).unwrap_or_default(),
+            Home::Folder(folder) => match std::fs::read(folder.join(file)) {
                 Ok(bytes) => Cow::Owned(bytes),
                 Err(error) => {
                     let span = super::problem::Span { source: 0, start: 0, end: 0 };
-                    let message = format!("the mesh `{}` cannot be read: {error}", mesh.file);
-                    let found = folder.join(&mesh.file).display().to_string();
+                    let message = format!("the mesh `{}` cannot be read: {error}", file);
+                    let found = folder.join(file).display().to_string();
                     let finding = Finding::new(span, format!("{path}.file"), message, found);
                     return Err(finding.with_help("check that this user may read it").into());
                 }
             },
         };
         let hash = xxhash_rust::xxh3::xxh3_64(&bytes);
-        assets.insert(mesh.file.clone(), Asset { bytes: Arc::new(bytes), hash });
+        assets.insert(file.to_owned(), Asset { bytes: Arc::new(bytes), hash });
     }
     Ok(assets)
 }

@@ -3,6 +3,7 @@
 /// Every built-in preset: its name and its text.
 pub fn all() -> &'static [(&'static str, &'static str)] {
     &[
+        ("cloth-over-ellipsoid", include_str!("../../presets/cloth-over-ellipsoid.toml")),
         ("colliding-rings", include_str!("../../presets/colliding-rings.toml")),
         ("dam-break", include_str!("../../presets/dam-break.toml")),
         ("double-dam-break", include_str!("../../presets/double-dam-break.toml")),
@@ -12,8 +13,15 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("figure-splash", include_str!("../../presets/figure-splash.toml")),
         ("leapfrog-rings", include_str!("../../presets/leapfrog-rings.toml")),
         ("plume", include_str!("../../presets/plume.toml")),
+        ("sheet-center", include_str!("../../presets/sheet-center.toml")),
+        ("sheet-corners", include_str!("../../presets/sheet-corners.toml")),
+        ("sheet-over-torus", include_str!("../../presets/sheet-over-torus.toml")),
         ("smoke-over-sphere", include_str!("../../presets/smoke-over-sphere.toml")),
         ("smoke-ring", include_str!("../../presets/smoke-ring.toml")),
+        ("stretchy-center", include_str!("../../presets/stretchy-center.toml")),
+        ("stretchy-corners", include_str!("../../presets/stretchy-corners.toml")),
+        ("through-torus", include_str!("../../presets/through-torus.toml")),
+        ("torus-small-hole", include_str!("../../presets/torus-small-hole.toml")),
         ("wave-machine", include_str!("../../presets/wave-machine.toml")),
     ]
 }

@@ -1,6 +1,6 @@
 //! Checks of what a preset means, once every value is valid on its own.
 
-use super::{Scene, check::Places, problem::Finding, smoke::check_smoke};
+use super::{Scene, check::Places, problem::Finding, sheet::check_sheets, smoke::check_smoke};
 use crate::{
     sim::liquid::{LiquidChannel, LiquidParams, SourceShape},
     solid::{Keyframe, Shape, ShapeError},
@@ -26,17 +26,18 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
     if let Some(smoke) = &scene.smoke {
         check_smoke(scene, smoke, places, &mut findings);
     }
-    if scene.liquid.is_none() && scene.smoke.is_none() {
+    check_sheets(scene, places, &mut findings);
+    if scene.liquid.is_none() && scene.smoke.is_none() && scene.sheet.is_empty() {
         findings.push(
             Finding::new(
                 places.of(""),
                 "liquid",
                 "the preset names nothing to simulate",
-                "no `[liquid]` and no `[smoke]` in this preset",
+                "no `[liquid]`, no `[smoke]` and no `[[sheet]]` in this preset",
             )
             .with_help(
                 "add a `[liquid]` table with a `spacing` and at least one `[[liquid.source]]`, or a `[smoke]` table with a \
-                 `spacing` and a `[[smoke.ring]]`",
+                 `spacing` and a `[[smoke.ring]]`, or a `[[sheet]]` with a `shape`",
             ),
         );
     }
@@ -226,6 +227,8 @@ pub(super) fn name(shape: &Shape) -> &'static str {
         Shape::Sphere { .. } => "sphere",
         Shape::Capsule { .. } => "capsule",
         Shape::Tank { .. } => "tank",
+        Shape::Torus { .. } => "torus",
+        Shape::Ellipsoid { .. } => "ellipsoid",
         Shape::Mesh(_) => "mesh",
     }
 }
@@ -238,6 +241,9 @@ pub(super) fn shape_finding(path: &str, error: ShapeError, places: &Places) -> F
             "give any other vector; it points out of the solid, to where the liquid may be"
         }
         ShapeError::NoRadius => "give a radius above zero",
+        ShapeError::OutOfRange { .. } => {
+            "radii are above zero, the tube is thinner than the ring is wide, an axis has a direction"
+        }
         ShapeError::NoScale => "give a factor above zero; 1 takes the file's unit for metres",
         ShapeError::NotFinite { .. } => "give a finite number",
     };

@@ -14,6 +14,7 @@ mod model;
 mod problem;
 mod query;
 pub mod reference;
+mod sheet;
 mod smoke;
 mod tree;
 mod units;
@@ -29,13 +30,14 @@ pub use query::choices;
 
 use crate::{
     export::{
-        MeshFormat,
+        MeshFormat, SheetFormat,
         vdb::{VolumeGrid, VolumeParams},
     },
     mesh::SurfaceParams,
     sim::{
         self, Observable, SetupError, Systems,
         liquid::LiquidParams,
+        sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
         smoke::{Smoke, SmokeParams},
     },
     solid::Collider,
@@ -65,6 +67,12 @@ pub struct Scene {
     /// The smoke; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smoke: Option<SmokeParams>,
+    /// The sheets; none: there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sheet: Vec<SheetParams>,
+    /// What all sheets have in common; absent: nothing joins them, solids stop them, and the defaults of the solver.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<SheetsCommon>,
     /// How frames are meshed.
     #[serde(default)]
     pub surface: SurfaceParams,
@@ -116,6 +124,12 @@ pub struct Output {
     pub mesh: Vec<MeshFormat>,
     /// Grids of the volume files; none: no volumes.
     pub volume: Vec<VolumeGrid>,
+    /// Files of the sheets: "pc2" is a mesh and one cache of all frames, which Blender plays, "ply" and "obj" a mesh a frame.
+    pub sheet: Vec<SheetFormat>,
+    /// How thick sheets are in files [m]; absent: surfaces without a thickness.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub thickness: Option<f32>,
 }
 
 fn default_fps() -> f32 {
@@ -176,7 +190,10 @@ impl Scene {
     pub fn systems(&self) -> Systems {
         let (fps, first) = (f64::from(self.fps), self.frames.first().0);
         let smoke = self.smoke.clone().map(|params| Smoke { params, fps, first });
-        Systems { liquid: self.liquid.clone(), smoke }
+        let params =
+            SheetsParams { sheet: self.sheet.clone(), common: self.sheets.clone().unwrap_or_default() };
+        let sheets = (!self.sheet.is_empty()).then_some(Shot { params, fps, first });
+        Systems { liquid: self.liquid.clone(), smoke, sheets }
     }
 
     /// The time from the first frame to the last [s].
@@ -208,6 +225,10 @@ impl Scene {
             liquid: Option<LiquidParams>,
             #[serde(skip_serializing_if = "Option::is_none")]
             smoke: &'a Option<SmokeParams>,
+            #[serde(skip_serializing_if = "<[SheetParams]>::is_empty")]
+            sheet: &'a [SheetParams],
+            #[serde(skip_serializing_if = "Option::is_none")]
+            sheets: &'a Option<SheetsCommon>,
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
@@ -218,6 +239,8 @@ impl Scene {
             world,
             liquid,
             smoke,
+            sheet,
+            sheets,
             surface: _,
             volume: _,
             output: _,
@@ -232,7 +255,17 @@ impl Scene {
             channels.sort_unstable();
             channels.dedup();
         }
-        let decisive = Decisive { fps: *fps, first: frames.first().0, solvers, world, liquid, smoke, files };
+        let decisive = Decisive {
+            fps: *fps,
+            first: frames.first().0,
+            solvers,
+            world,
+            liquid,
+            smoke,
+            sheet,
+            sheets,
+            files,
+        };
         let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
         xxhash_rust::xxh3::xxh3_64(text.as_bytes())
     }

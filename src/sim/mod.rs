@@ -10,6 +10,7 @@ pub const STATE_VERSION: u32 = 7;
 pub mod liquid;
 mod observe;
 mod record;
+pub mod sheet;
 mod simulation;
 pub mod smoke;
 mod stop;

@@ -1,6 +1,6 @@
 //! What a simulation tells about its start and about every frame.
 
-use super::smoke::SmokeRecord;
+use super::{sheet::SheetRecord, smoke::SmokeRecord};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -16,6 +16,8 @@ pub struct SeedReport {
     /// What seeding the smoke did, if there is any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoke: Option<SmokeSeeds>,
+    /// Points of sheets.
+    pub points: u32,
 }
 
 /// What seeding smoke did.
@@ -82,6 +84,9 @@ pub struct FrameRecord {
     /// What happened to the smoke, if there is any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoke: Option<SmokeRecord>,
+    /// What happened to the sheets, if there are any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<SheetRecord>,
     /// Wall-clock time of every pass that ran [s], in order of the passes. Lists rebuilt between iterations count
     /// as "solve".
     pub seconds: Vec<(&'static str, f64)>,

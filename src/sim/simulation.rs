@@ -3,6 +3,7 @@
 use super::{
     FrameRecord, SeedReport, Stop, Watch,
     liquid::{self, Liquid, LiquidParams},
+    sheet::{self, SheetError, Sheets},
     smoke::{self, Smoke},
     vortex::Unfit,
 };
@@ -28,11 +29,13 @@ pub struct Systems {
     pub liquid: Option<LiquidParams>,
     /// The smoke.
     pub smoke: Option<Smoke>,
+    /// The sheets.
+    pub sheets: Option<sheet::Shot>,
 }
 
 impl From<Option<LiquidParams>> for Systems {
     fn from(liquid: Option<LiquidParams>) -> Self {
-        Self { liquid, smoke: None }
+        Self { liquid, ..Self::default() }
     }
 }
 
@@ -71,6 +74,9 @@ pub enum SetupError {
     /// Vortons at the start are outside what can be computed.
     #[error("the smoke cannot start: {0}; check the rings, tubes and the turbulence")]
     Unfit(#[from] Unfit),
+    /// The sheets cannot be what the preset says.
+    #[error(transparent)]
+    Sheets(#[from] SheetError),
     /// The frame to restore from lacks a part.
     #[error("the frame's stream '{stream}' has no '{what}'; simulate it again")]
     Missing {
@@ -86,6 +92,7 @@ pub enum SetupError {
 pub struct Simulation {
     liquid: Option<Liquid>,
     smoke: Option<smoke::System>,
+    sheets: Option<Sheets>,
     time: f64,
 }
 
@@ -95,10 +102,11 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the sources of one hold no particle or too many.
     pub fn new(world: World, systems: impl Into<Systems>) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets } = present(systems.into())?;
         Ok(Self {
             liquid: liquid.map(|params| Liquid::seed(params, &world)).transpose()?,
             smoke: smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?,
+            sheets: sheets.map(|sheets| Sheets::new(sheets, &world)).transpose()?,
             time: 0.0,
         })
     }
@@ -109,29 +117,38 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the frame lacks its state.
     pub fn restore(world: World, systems: impl Into<Systems>, frame: &Frame) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets } = present(systems.into())?;
         let liquid = liquid.map(|params| {
             let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
             let stream = frame.stream(liquid::NAME).ok_or(missing)?;
             Liquid::restore(params, &world, stream, frame.time)
         });
         let smoke = smoke.map(|smoke| smoke::System::restore(smoke, &world, &frame.streams));
-        Ok(Self { liquid: liquid.transpose()?, smoke: smoke.transpose()?, time: frame.time })
+        let sheets = sheets.map(|sheets| Sheets::restore(sheets, &world, &frame.streams, frame.time));
+        Ok(Self {
+            liquid: liquid.transpose()?,
+            smoke: smoke.transpose()?,
+            sheets: sheets.transpose()?,
+            time: frame.time,
+        })
     }
 
     /// What seeding did.
     pub fn seeded(&self) -> SeedReport {
         let smoke = self.smoke.as_ref().map(smoke::System::seeded);
-        SeedReport { smoke, ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default() }
+        let points = self.sheets.as_ref().map_or(0, |sheets| sheets.len() as u32);
+        SeedReport { smoke, points, ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default() }
     }
 
     /// The state as a frame, in memory order: stream "liquid" with `position` [m], `velocity` [m/s], `id` and the channels that the
     /// preset names; streams "smoke" with the vortons' `position` [m], `strength` [m³/s], `core` [m], `volume` [m³] and `id`, and
-    /// "smoke_tracers" with `position` [m], `density`, `temperature` [K] and `id`.
+    /// "smoke_tracers" with `position` [m], `density`, `temperature` [K] and `id`; of every sheet a stream "sheet.NAME" with `position`
+    /// [m] and `velocity` [m/s], and "sheet.NAME.faces" with the corners `a`, `b`, `c`, `d` of its faces.
     pub fn frame(&self, index: FrameIndex) -> Frame {
         let liquid = self.liquid.iter().map(|liquid| liquid.stream(self.time));
         let smoke = self.smoke.iter().flat_map(smoke::System::streams);
-        Frame { index, time: self.time, streams: liquid.chain(smoke).collect() }
+        let sheets = self.sheets.iter().flat_map(Sheets::streams);
+        Frame { index, time: self.time, streams: liquid.chain(smoke).chain(sheets).collect() }
     }
 
     /// Advances by `frame_seconds` [s] (> 0) and tells what happened.
@@ -140,16 +157,25 @@ impl Simulation {
     /// [`Stop`]; the state is then somewhere inside the frame and good only to look at.
     pub fn advance(&mut self, frame_seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
         let mut record = FrameRecord::default();
-        let both = self.liquid.is_some() && self.smoke.is_some();
+        let systems = [self.liquid.is_some(), self.smoke.is_some(), self.sheets.is_some()];
+        let share = 1.0 / systems.into_iter().filter(|&is_there| is_there).count() as f64;
+        let mut from = 0.0;
         if let Some(liquid) = &mut self.liquid {
-            let mut part = Part { watch: &mut *watch, from: 0.0, share: if both { 0.5 } else { 1.0 } };
+            let mut part = Part { watch: &mut *watch, from, share };
             record = liquid.advance(self.time, frame_seconds, &mut part)?;
+            from += share;
         }
         if let Some(smoke) = &mut self.smoke {
-            let (from, share) = if both { (0.5, 0.5) } else { (0.0, 1.0) };
-            let mut part = Part { watch, from, share };
+            let mut part = Part { watch: &mut *watch, from, share };
             let (told, seconds) = smoke.advance(self.time, frame_seconds, &mut part)?;
             record.smoke = Some(told);
+            record.seconds.extend(seconds);
+            from += share;
+        }
+        if let Some(sheets) = &mut self.sheets {
+            let mut part = Part { watch, from, share };
+            let (told, seconds) = sheets.advance(self.time, frame_seconds, &mut part)?;
+            record.sheets = Some(told);
             record.seconds.extend(seconds);
         }
         self.time += frame_seconds;
@@ -160,7 +186,8 @@ impl Simulation {
     pub fn passes(&self) -> Vec<&'static str> {
         let liquid = self.liquid.as_ref().map(Liquid::passes).unwrap_or_default();
         let smoke = self.smoke.as_ref().map(smoke::System::passes).unwrap_or_default();
-        liquid.into_iter().chain(smoke).collect()
+        let sheets = self.sheets.as_ref().map(Sheets::passes).unwrap_or_default();
+        liquid.into_iter().chain(smoke).chain(sheets).collect()
     }
 }
 

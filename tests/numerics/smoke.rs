@@ -13,7 +13,7 @@ use meniscus::{
 
 fn smoke(text: &str) -> Systems {
     let params = toml::from_str(text).unwrap_or_else(|why| panic!("{why}\n{text}"));
-    Systems { liquid: None, smoke: Some(Smoke { params, fps: 24.0, first: 1 }) }
+    Systems { smoke: Some(Smoke { params, fps: 24.0, first: 1 }), ..Systems::default() }
 }
 
 fn world(gravity: [f32; 3], shapes: Vec<Shape>) -> World {

@@ -170,6 +170,8 @@ fn bare(title: &str) -> Scene {
         world: scene::World::default(),
         liquid: None,
         smoke: None,
+        sheet: Vec::new(),
+        sheets: None,
         surface: Default::default(),
         volume: Default::default(),
         output: scene::Output::default(),

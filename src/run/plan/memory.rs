@@ -244,6 +244,19 @@ pub(super) fn smoke_volume(tracers: f64, bricks: f64) -> u64 {
     (BASE + tracers * VOLUME_PARTICLE + bricks * SMOKE_BRICK) as u64
 }
 
+/// Memory of simulating sheets, a point: columns, springs and plates, and the mesh of a frame that is written.
+const POINT: f64 = 900.0;
+
+/// Peak memory of simulating sheets [bytes].
+pub(super) fn sheets(points: usize) -> u64 {
+    BASE as u64 + sheets_beside(points)
+}
+
+/// The same beside other systems.
+pub(super) fn sheets_beside(points: usize) -> u64 {
+    (points as f64 * POINT) as u64
+}
+
 /// Bricks at a voxel of one spacing over particles^0.8: larger shots have less surface a particle. The power of the voxel, 2.3,
 /// lies between that of a surface and that of a volume. Smaller, and a splash takes more than it was told to be the most;
 /// larger, and more shots calibrate before they start, and fewer frames are meshed at once.

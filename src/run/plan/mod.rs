@@ -10,6 +10,7 @@ mod memory;
 mod pilot;
 mod product;
 mod sample;
+mod sheets;
 mod smoke;
 
 pub(super) use product::{Product, level_set_memory, most_memory, refuse_memory, stream_memory};
@@ -26,6 +27,7 @@ use forecast::{Forecast, Job, forecast};
 use memory::{Grids, Known, Solids};
 use pilot::{near_factor, pilot_at};
 use serde::Serialize;
+use sheets::SheetsPlan;
 use smoke::SmokePlan;
 
 /// What a shot will need.
@@ -74,6 +76,9 @@ pub struct Plan {
     /// What the smoke needs, if there is any. It is part of `memory`, `cache` and `seconds`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoke: Option<SmokePlan>,
+    /// The same of the sheets.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<SheetsPlan>,
     /// What should be known beside the figures.
     pub remarks: Vec<String>,
 }
@@ -85,6 +90,8 @@ pub struct Outline {
     pub particles: usize,
     /// Vortons and tracers at the start, if there is smoke.
     pub smoke: Option<[u32; 2]>,
+    /// Points of sheets.
+    pub points: u32,
     /// The passes that will run.
     pub passes: Vec<String>,
     /// A bound of the memory by the particles and the samples of meshes [bytes]: more than any built-in preset took in any
@@ -112,8 +119,11 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
     Ok(Outline {
         particles,
         smoke: seeds.map(|seeds| [seeds.vortons, seeds.tracers]),
+        points: simulation.seeded().points,
         passes: passes(&simulation, scene, with_outputs),
-        memory: peak_memory(scene, particles, None, with_outputs) + smoke_bound(scene, seeds),
+        memory: peak_memory(scene, particles, None, with_outputs)
+            + smoke_bound(scene, seeds)
+            + memory::sheets_beside(simulation.seeded().points as usize),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
 }
@@ -164,8 +174,9 @@ fn plan_within(
     let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
     let passes = passes(&simulation, scene, with_outputs);
     let smoke = smoke::plan(scene, selection, with_outputs, control)?;
+    let sheets = sheets::plan(scene, selection, with_outputs, control)?;
     if scene.liquid.is_none() {
-        let plan = dry(scene, selection, smoke.unwrap_or_default(), passes, clock.wall());
+        let plan = dry(scene, selection, (smoke, sheets), passes, clock.wall());
         control.reporter.end();
         return allowed.map_or(Ok(()), |allowed| refuse_memory(plan.memory, allowed)).map(|()| plan);
     }
@@ -195,7 +206,10 @@ fn plan_within(
     };
     let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
     let [smoky, smoking] = smoke.as_ref().map_or([0, 0], |smoke| smoke.memory);
-    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs) + smoky.max(smoking);
+    let points = sheets.as_ref().map_or(0.0, |sheets| sheets.points);
+    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs)
+        + smoky.max(smoking)
+        + memory::sheets_beside(points as usize);
     if let Some(allowed) = allowed.filter(|&allowed| memory > allowed) {
         return Err(RunError::OverMemory { needed: memory, allowed });
     }
@@ -221,21 +235,36 @@ fn plan_within(
         voxel: (!formats.is_empty()).then(|| f64::from(scene.surface.voxel * job.liquid.spacing)),
         bricks: found.grids.bricks,
         memory,
-        cache: found.cache + smoke.as_ref().map_or(0.0, |smoke| smoke.cache),
+        cache: found.cache
+            + smoke.as_ref().map_or(0.0, |smoke| smoke.cache)
+            + sheets.as_ref().map_or(0.0, |sheets| sheets.cache),
         meshes: found.meshes,
-        seconds: work / pace + smoke.as_ref().map_or(0.0, |smoke| smoke.seconds.iter().sum()),
+        seconds: work / pace
+            + smoke.as_ref().map_or(0.0, |smoke| smoke.seconds.iter().sum())
+            + sheets.as_ref().map_or(0.0, |sheets| sheets.seconds),
         surface_seconds: found.surfacing / pace,
         cpu_seconds: sample.busy.map(|_| work),
         uncertainty: uncertainty(&found, &check),
         threads: par::threads(),
         calibration_seconds: clock.wall(),
         smoke,
+        sheets,
         remarks: told,
     })
 }
 
-/// The plan of a shot of nothing but smoke.
-fn dry(scene: &Scene, selection: &Frames, smoke: SmokePlan, passes: Vec<String>, calibration: f64) -> Plan {
+/// The plan of a shot without a liquid.
+fn dry(
+    scene: &Scene,
+    selection: &Frames,
+    (smoke, sheets): (Option<SmokePlan>, Option<SheetsPlan>),
+    passes: Vec<String>,
+    calibration: f64,
+) -> Plan {
+    let (smoky, clothy) = (smoke.clone().unwrap_or_default(), sheets.clone().unwrap_or_default());
+    let is_named = |table: &String| {
+        (smoke.is_some() && table.starts_with("smoke")) || (sheets.is_some() && table.starts_with("sheets"))
+    };
     Plan {
         title: scene.title.clone(),
         frames: selection.clone(),
@@ -243,22 +272,23 @@ fn dry(scene: &Scene, selection: &Frames, smoke: SmokePlan, passes: Vec<String>,
         frames_stored: selection.count(),
         particles: 0,
         passes,
-        absent: scene.absent_tables().into_iter().filter(|table| table.starts_with("smoke")).collect(),
-        substeps: smoke.substeps,
-        iterations: 0.0,
+        absent: scene.absent_tables().into_iter().filter(is_named).collect(),
+        substeps: smoky.substeps.max(clothy.substeps),
+        iterations: clothy.iterations,
         voxel: None,
         bricks: 0.0,
-        memory: smoke.memory[0].max(smoke.memory[1]),
-        cache: smoke.cache,
+        memory: smoky.memory[0].max(smoky.memory[1]).max(clothy.memory),
+        cache: smoky.cache + clothy.cache,
         meshes: 0.0,
-        seconds: smoke.seconds.iter().sum(),
+        seconds: smoky.seconds.iter().sum::<f64>() + clothy.seconds,
         surface_seconds: 0.0,
         cpu_seconds: None,
         uncertainty: SMOKE_UNCERTAINTY,
         threads: par::threads(),
         calibration_seconds: calibration,
-        remarks: smoke.remarks.clone(),
-        smoke: Some(smoke),
+        remarks: [smoky.remarks, clothy.remarks].concat(),
+        smoke,
+        sheets,
     }
 }
 

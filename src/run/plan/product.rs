@@ -21,6 +21,8 @@ pub(in crate::run) enum Product {
     Volumes,
     /// Tracers as points.
     Points,
+    /// Sheets as meshes.
+    Sheets,
 }
 
 impl Product {
@@ -30,6 +32,7 @@ impl Product {
             Self::Meshes => "mesh",
             Self::Volumes => "volume",
             Self::Points => "points",
+            Self::Sheets => "sheet",
         }
     }
 
@@ -39,6 +42,7 @@ impl Product {
             Self::Meshes => memory::surface(particles, grids, params),
             Self::Volumes => memory::volume(particles, grids),
             Self::Points => memory::smoke(0.0, particles as f64),
+            Self::Sheets => memory::sheets(particles),
         }
     }
 }
@@ -52,7 +56,7 @@ pub(in crate::run) fn stream_memory(
     params: &SurfaceParams,
     enough: u64,
 ) -> u64 {
-    if product == Product::Points {
+    if matches!(product, Product::Points | Product::Sheets) {
         return product.memory(stream.len(), Grids::default(), params);
     }
     let positions = stream.vec3("position").unwrap_or_default();
@@ -81,7 +85,7 @@ const OPENED: f64 = 1.05;
 pub(in crate::run) fn most_memory(product: Product, particles: usize, params: &SurfaceParams) -> u64 {
     let near = Grids::at_most(particles, params.voxel);
     let grids = match product {
-        Product::Meshes | Product::Points => near,
+        Product::Meshes | Product::Points | Product::Sheets => near,
         Product::Volumes => near.with_inside(particles, params.voxel),
     };
     product.memory(particles, grids, params)

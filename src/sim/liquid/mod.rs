@@ -123,6 +123,7 @@ impl Liquid {
             skipped_in_solids: count("skipped_in_solids")?,
             skipped_overlapping: count("skipped_overlapping")?,
             smoke: None,
+            points: 0,
         };
         let deviation = |name| stream.scalar(name);
         liquid.deviation = deviation("density_dev_avg")

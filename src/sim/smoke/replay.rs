@@ -260,7 +260,7 @@ mod tests {
 
     /// The frames 1 … `count` of a shot with so many frames a second.
     fn frames(fps: f64, count: u32) -> Vec<crate::frame::Frame> {
-        let systems = Systems { liquid: None, smoke: Some(ring()) };
+        let systems = Systems { smoke: Some(ring()), ..Systems::default() };
         let mut simulation = Simulation::new(still(), systems).unwrap();
         (1..=count)
             .map(|index| {

@@ -208,7 +208,7 @@ class Reader:
 
     def sheet(self, key: str, output: dict) -> SheetOutput:
         paths = []
-        for part in ("rest", "file"):
+        for part in ("rest", "pattern"):
             path = output.get(part)
             if not isinstance(path, str) or not path or NUMBER.search(path):
                 raise self.fail(f'{key} "{part}"', path, "a path without a frame number")

@@ -486,7 +486,7 @@ def stage_sheet(shot: Path) -> None:
     for output in outputs:
         shown, span = bpy.data.objects[output["name"]], output["frames"]
         check([m.name for m in shown.data.materials] == ["Cloth"], f"{shown.name} has a cloth material")
-        head, places = point_cache(shot / output["file"])
+        head, places = point_cache(shot / output["pattern"])
         numbers = range(span["first"], span["last"] + 1, span["step"])
         check(len(numbers) == len(places) and head == {"start": span["first"], "step": span["step"]}, "its head is the shot's", head)
         worst = 0.0
@@ -500,7 +500,7 @@ def stage_sheet(shot: Path) -> None:
         at_frame(shown, span["first"] + span["step"] // 2, 0.5 if span["step"] == 1 else 0.0).vertices.foreach_get("co", between)
         middle = (places[0] + places[1]) / 2.0
         check(np.abs(between.reshape(-1, 3) - middle).max() < 1e-5, "between two samples it is in the middle")
-    places = point_cache(shot / outputs[0]["file"])[1]
+    places = point_cache(shot / outputs[0]["pattern"])[1]
     scene = bpy.context.scene
     frame_camera(places.min((0, 1)), places.max((0, 1)))
     scene.render.use_motion_blur = False
@@ -520,7 +520,7 @@ def stage_sheets(work: Path) -> None:
     (gone.parent / "sheet" / "sail.pc2").unlink()
     refused("no cache", gone, "sail.pc2 is missing", "`meniscus shot`")
     path = synthetic.write_sheet(work / "outside")
-    change(path, lambda data: data["outputs"][0].update(file="/sail.pc2"))
+    change(path, lambda data: data["outputs"][0].update(pattern="/sail.pc2"))
     refused("a cache elsewhere", path, "'/sail.pc2'", "inside the shot folder")
 
 

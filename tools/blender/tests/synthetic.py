@@ -117,7 +117,7 @@ def write_sheet(folder: Path, first: int = 1, last: int = 5, step: int = 1, side
     head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, len(rest), first, step, len(numbers))
     places = [sheet_places((frame - first) / fps, side).tobytes() for frame in numbers]
     (folder / "sheet" / "sail.pc2").write_bytes(head + b"".join(places))
-    output = {"kind": "sheet", "name": "sail", "format": "pc2", "rest": "sheet/sail.ply", "file": "sheet/sail.pc2"}
+    output = {"kind": "sheet", "name": "sail", "format": "pc2", "rest": "sheet/sail.ply", "pattern": "sheet/sail.pc2"}
     return write_manifest(folder, fps, output | {"frames": {"first": first, "last": last, "step": step}, "attributes": {}})
 
 
