@@ -226,6 +226,8 @@ pub(super) fn name(shape: &Shape) -> &'static str {
         Shape::Sphere { .. } => "sphere",
         Shape::Capsule { .. } => "capsule",
         Shape::Tank { .. } => "tank",
+        Shape::Torus { .. } => "torus",
+        Shape::Ellipsoid { .. } => "ellipsoid",
         Shape::Mesh(_) => "mesh",
     }
 }
@@ -238,6 +240,7 @@ pub(super) fn shape_finding(path: &str, error: ShapeError, places: &Places) -> F
             "give any other vector; it points out of the solid, to where the liquid may be"
         }
         ShapeError::NoRadius => "give a radius above zero",
+        ShapeError::OutOfRange { .. } => "radii are above zero, the tube is thinner than the ring is wide, an axis has a direction",
         ShapeError::NoScale => "give a factor above zero; 1 takes the file's unit for metres",
         ShapeError::NotFinite { .. } => "give a finite number",
     };

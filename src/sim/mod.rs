@@ -11,6 +11,7 @@ pub mod liquid;
 mod observe;
 mod record;
 mod simulation;
+pub mod sheet;
 pub mod smoke;
 mod stop;
 pub mod vortex;
