@@ -240,7 +240,9 @@ pub(super) fn shape_finding(path: &str, error: ShapeError, places: &Places) -> F
             "give any other vector; it points out of the solid, to where the liquid may be"
         }
         ShapeError::NoRadius => "give a radius above zero",
-        ShapeError::OutOfRange { .. } => "radii are above zero, the tube is thinner than the ring is wide, an axis has a direction",
+        ShapeError::OutOfRange { .. } => {
+            "radii are above zero, the tube is thinner than the ring is wide, an axis has a direction"
+        }
         ShapeError::NoScale => "give a factor above zero; 1 takes the file's unit for metres",
         ShapeError::NotFinite { .. } => "give a finite number",
     };

@@ -189,7 +189,11 @@ impl Shape {
                 if axis.iter().all(|&c| c == 0.0) {
                     return Err(ShapeError::OutOfRange { field: "axis" });
                 }
-                if *tube > 0.0 && tube < radius { Ok(()) } else { Err(ShapeError::OutOfRange { field: "tube" }) }
+                if *tube > 0.0 && tube < radius {
+                    Ok(())
+                } else {
+                    Err(ShapeError::OutOfRange { field: "tube" })
+                }
             }
             Self::Ellipsoid { center, radii } => {
                 finite("center", center)?;

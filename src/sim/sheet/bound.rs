@@ -4,7 +4,8 @@
 //! Gershgorin's circles [golub13] give a bound row by row: what the springs of a point can add to its row, over its mass.
 //!
 //! The bound holds wherever the points are: across a spring the derivative is k (1 − ℓ/|d|), below k for any length, and negative in
-//! compression, where nothing oscillates. So it changes only when what holds the points does. On a grid it is sharp.
+//! compression, where nothing oscillates. So it changes only when what holds the points does. On a grid that is taut in both directions it is sharp,
+//! on a slack one √2 too short.
 //!
 //! Symbols: k_ij → entries of the tables, m_i → `mass`.
 

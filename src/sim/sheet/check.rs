@@ -111,10 +111,18 @@ fn finite(values: &[f32], key: String) -> Result<(), SheetError> {
 
 fn positive(value: f32, key: String) -> Result<(), SheetError> {
     let expected = "a finite number above zero";
-    if value > 0.0 && value.is_finite() { Ok(()) } else { Err(SheetError::OutOfRange { key, value, expected }) }
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(SheetError::OutOfRange { key, value, expected })
+    }
 }
 
 fn not_negative(value: f32, key: String) -> Result<(), SheetError> {
     let expected = "a finite number, zero or above";
-    if value >= 0.0 && value.is_finite() { Ok(()) } else { Err(SheetError::OutOfRange { key, value, expected }) }
+    if value >= 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(SheetError::OutOfRange { key, value, expected })
+    }
 }

@@ -170,9 +170,7 @@ fn select(at: &Select, model: &Model, shape: &SheetShape, key: String) -> Result
             nearest((sum / model.area.iter().sum::<f64>()).cast())
         }
         Select::Nearest(x) => nearest(Vec3::from(*x)),
-        Select::Inside(shape) => {
-            all.filter(|&i| shape.signed_distance(points[i as usize]) <= 0.0).collect()
-        }
+        Select::Inside(shape) => all.filter(|&i| shape.signed_distance(points[i as usize]) <= 0.0).collect(),
         Select::Points(list) => {
             let count = points.len() as u32;
             if let Some(&point) = list.iter().find(|&&i| i >= count) {

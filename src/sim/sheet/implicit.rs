@@ -4,20 +4,23 @@
 //! at v₀ and preconditioned by the inverses of the 3×3 blocks of each point. Points of no mobility are filtered out. f has no damping:
 //! that acts on v₁. It is [baraff98] Eq. 6 with v₀ on the right.
 //! *Departs from the paper*: springs in compression keep the part of their derivative along themselves only, so that the matrix is positive;
-//! pins, joints and pushes stand in the blocks, joints with twice their stiffness instead of their coupling, which is stable and damps
-//! them more.
+//! joints with a direction are taken across it.
 //!
 //! Symbols: as in `springs.rs`; A → [`Matrix`], r → `rest`, z → `better`, p → `way`.
 //! Limits: first order in time; damps waves faster than the substep. Sums are double, vectors single precision: residuals below 1e-7 are
 //! not reached.
 
 use super::{
+    hold::Joined,
     lanes::{Eight, Vectors},
     springs::{self, Blocks},
     table::Table,
 };
 use crate::{
-    math::wide::{WIDTH, Wide},
+    math::{
+        Vec3,
+        wide::{WIDTH, Wide},
+    },
     par,
 };
 
@@ -32,6 +35,7 @@ pub(super) struct Matrix<'a> {
     pub(super) drag: Option<&'a [Wide]>,
     /// Δt² of what else holds points.
     pub(super) held: Vec<Blocks>,
+    pub(super) joined: Vec<&'a Joined>,
     pub(super) dt: f32,
 }
 
@@ -70,6 +74,13 @@ impl Matrix<'_> {
         if let Some(plates) = self.plates {
             springs::add_linear(plates, p, [-self.dt * self.dt, -self.dt], out);
         }
+        for joint in &self.joined {
+            let [a, b] = joint.ends.map(|i| i as usize);
+            let mut q = (p.get(a) - p.get(b)) * (self.dt * self.dt * joint.stiffness);
+            q -= joint.direction.map_or(Vec3::zeros(), |n| n * n.dot(&q));
+            out.add(a, q);
+            out.add(b, -q);
+        }
         self.filter(out);
     }
 
@@ -99,6 +110,10 @@ impl Matrix<'_> {
         springs::add_blocks(self.springs, self.x, self.dt, &mut blocks);
         if let Some(plates) = self.plates {
             springs::add_linear_blocks(plates, [self.dt * self.dt, self.dt], &mut blocks);
+        }
+        for joint in &self.joined {
+            let stiffness = self.dt * self.dt * joint.stiffness;
+            joint.ends.iter().for_each(|&i| add_all(&mut blocks, i as usize, stiffness));
         }
         par::update(&mut blocks, |_, block| {
             for lane in 0..WIDTH {
@@ -164,8 +179,9 @@ fn symmetric(m: &Blocks, p: &Eight) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
     for (axis, parts) in [[0, 3, 4], [3, 1, 5], [4, 5, 2]].into_iter().enumerate() {
         for lane in 0..WIDTH {
-            out[axis][lane] =
-                m[parts[0]][lane] * p[0][lane] + m[parts[1]][lane] * p[1][lane] + m[parts[2]][lane] * p[2][lane];
+            out[axis][lane] = m[parts[0]][lane] * p[0][lane]
+                + m[parts[1]][lane] * p[1][lane]
+                + m[parts[2]][lane] * p[2][lane];
         }
     }
     out
@@ -176,12 +192,13 @@ fn invert(m: [f32; 6]) -> [f32; 6] {
     let [a, b, c, d, e, f] = m.map(f64::from); // xx, yy, zz, xy, xz, yz
     let (aa, dd, ee) = (b * c - f * f, e * f - d * c, d * f - e * b);
     let determinant = a * aa + d * dd + e * ee;
-    let scaled = [aa, a * c - e * e, a * b - d * d, dd, ee, d * e - a * f].map(|part| (part / determinant) as f32);
+    let scaled =
+        [aa, a * c - e * e, a * b - d * d, dd, ee, d * e - a * f].map(|part| (part / determinant) as f32);
     if scaled.iter().all(|part| part.is_finite()) { scaled } else { [0.0; 6] }
 }
 
 /// The blocks k n nᵀ.
-pub(super) fn add_along(blocks: &mut [Blocks], i: usize, k: f32, n: crate::math::Vec3) {
+pub(super) fn add_along(blocks: &mut [Blocks], i: usize, k: f32, n: Vec3) {
     let block = &mut blocks[i / WIDTH];
     for (part, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
         block[part][i % WIDTH] += k * n[a] * n[b];

@@ -26,7 +26,8 @@ mod table;
 
 pub use error::SheetError;
 pub use params::{
-    Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape, SheetSolver, SheetsParams,
+    Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape, SheetSolver,
+    SheetsParams,
 };
 pub use record::SheetRecord;
 
@@ -220,14 +221,10 @@ impl Sheets {
     /// The passes of a substep, in order.
     pub fn passes(&self) -> Vec<&'static str> {
         let optional = |present: bool, name| present.then_some(name);
-        [
-            Some("sheet_step"),
-            optional(!self.solids.is_empty(), "sheet_solids"),
-            Some("sheet_account"),
-        ]
-        .into_iter()
-        .flatten()
-        .collect()
+        [Some("sheet_step"), optional(!self.solids.is_empty(), "sheet_solids"), Some("sheet_account")]
+            .into_iter()
+            .flatten()
+            .collect()
     }
 
     /// Advances from `start` [s] by one frame of `seconds`. Returns what happened and the seconds of the passes.
@@ -258,6 +255,17 @@ impl Sheets {
         }
         clock.time("sheet_account", || self.account(start + seconds, &mut record));
         Ok((record, clock.into_totals()))
+    }
+
+    /// Advances from `now` [s] by one substep of `dt` [s], whether or not it is stable, and without the account of a frame.
+    ///
+    /// # Errors
+    /// If a point leaves what can be computed.
+    pub fn step(&mut self, now: f64, dt: f64) -> Result<SheetRecord, Diverged> {
+        let mut record = SheetRecord { points: self.len() as u64, substeps: 1, ..SheetRecord::default() };
+        self.settle(now);
+        self.substep(now, dt, &mut Clock::new(&self.passes()), &mut record)?;
+        Ok(record)
     }
 
     /// The next substep [s], of `left` that are left of a frame of `seconds`.
@@ -291,8 +299,7 @@ impl Sheets {
         if thinnest == f32::INFINITY {
             return (f64::INFINITY, 0);
         }
-        let (point, square) =
-            par::max(self.len(), |i| self.v.get(i).norm_squared()).unwrap_or((0, 0.0));
+        let (point, square) = par::max(self.len(), |i| self.v.get(i).norm_squared()).unwrap_or((0, 0.0));
         let moves = |solid: &Solid| {
             let reach = solid.shape.reach();
             solid.motion.as_ref().map_or(0.0, |motion| motion.fastest(now, now + left, reach))
@@ -383,8 +390,8 @@ fn plate_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {
     for (model, range) in models.iter().zip(ranges) {
         let start = range.start as u32;
         for plate in &model.plates {
-            for (i, a) in plate.points.iter().zip(plate.weights) {
-                for (j, b) in plate.points.iter().zip(plate.weights) {
+            for (i, a) in plate.points.iter().zip(&plate.weights) {
+                for (j, b) in plate.points.iter().zip(&plate.weights) {
                     if i != j && a * b != 0.0 {
                         let stiffness = -plate.rigidity * a * b;
                         all.push(([i + start, j + start], [stiffness, stiffness * plate.damping]));

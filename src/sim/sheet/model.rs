@@ -4,7 +4,7 @@
 //! width / length, with half widths at borders, and a point for its share of the area, so that mass and stiffness are
 //! those of the sheet at any resolution. Meshes take k = Y · Σ area / length² over the faces of an edge [vangelder98]. Plates are sums of
 //! squares of linear forms Σ w x: on grids the second differences of each direction and the twist of each cell, on meshes the
-//! isometric bending of [bergou06].
+//! Laplacian of positions at each point, as in the isometric bending of [bergou06] and [wardetzky07].
 //!
 //! *Departs from the paper*: stiffness and rest length by direction and region; diagonals against shear, k = G (h₁² + h₂²)/(2 h₁ h₂);
 //! quads of meshes count as half their area at each edge, and bend as two triangles.
@@ -29,10 +29,10 @@ pub(super) struct Spring {
 }
 
 /// The energy ½ rigidity (Σ w x)².
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Plate {
-    pub(super) points: [u32; 4],
-    pub(super) weights: [f64; 4],
+    pub(super) points: Vec<u32>,
+    pub(super) weights: Vec<f64>,
     pub(super) rigidity: f64,
     /// The damping's share of it [s].
     pub(super) damping: f64,
@@ -115,7 +115,8 @@ fn grid(params: &SheetParams, origin: Double, sides: [Double; 2], cells: [u32; 2
     };
     let all = || (0..count[1]).flat_map(|j| (0..count[0]).map(move |i| (i, j)));
 
-    let points = all().map(|(i, j)| (origin + step[0] * f64::from(i) + step[1] * f64::from(j)).cast()).collect();
+    let points =
+        all().map(|(i, j)| (origin + step[0] * f64::from(i) + step[1] * f64::from(j)).cast()).collect();
     let area = all().map(|(i, j)| skew * share(0, i) * share(1, j)).collect();
     let mut model = Model { points, area, grid: Some(count), ..Model::default() };
     let [y, tau, rest] =
@@ -142,7 +143,8 @@ fn grid(params: &SheetParams, origin: Double, sides: [Double; 2], cells: [u32; 2
                 let slack = step[0] * rest[0] + step[1] * (sign * rest[1]);
                 model.springs.push(Spring {
                     ends,
-                    stiffness: f64::from(shear) * diagonal.norm_squared() / (2.0 * skew * length[0] * length[1]),
+                    stiffness: f64::from(shear) * diagonal.norm_squared()
+                        / (2.0 * skew * length[0] * length[1]),
                     rest: slack.norm(),
                     damping: times(params)[2],
                 });
@@ -170,19 +172,29 @@ fn bend_grid(
         for i in 0..=cells[0] {
             let own = index(i, j);
             if i > 0 && i < cells[0] {
-                let weights = [1.0, -2.0, 1.0, 0.0].map(|w| w / length[0].powi(2));
-                let points = [own - 1, own, own + 1, own];
-                model.plates.push(Plate { points, weights, rigidity: bending * length[0] * share(1, j), damping });
+                let weights = [1.0, -2.0, 1.0].map(|w| w / length[0].powi(2)).to_vec();
+                let points = vec![own - 1, own, own + 1];
+                model.plates.push(Plate {
+                    points,
+                    weights,
+                    rigidity: bending * length[0] * share(1, j),
+                    damping,
+                });
             }
             if j > 0 && j < cells[1] {
-                let weights = [1.0, -2.0, 1.0, 0.0].map(|w| w / length[1].powi(2));
-                let points = [index(i, j - 1), own, index(i, j + 1), own];
-                model.plates.push(Plate { points, weights, rigidity: bending * length[1] * share(0, i), damping });
+                let weights = [1.0, -2.0, 1.0].map(|w| w / length[1].powi(2)).to_vec();
+                let points = vec![index(i, j - 1), own, index(i, j + 1)];
+                model.plates.push(Plate {
+                    points,
+                    weights,
+                    rigidity: bending * length[1] * share(0, i),
+                    damping,
+                });
             }
             if i < cells[0] && j < cells[1] {
                 let area = length[0] * length[1];
-                let weights = [1.0, -1.0, -1.0, 1.0].map(|w| w / area);
-                let points = [own, index(i + 1, j), index(i, j + 1), index(i + 1, j + 1)];
+                let weights = [1.0, -1.0, -1.0, 1.0].map(|w| w / area).to_vec();
+                let points = vec![own, index(i + 1, j), index(i, j + 1), index(i + 1, j + 1)];
                 model.plates.push(Plate { points, weights, rigidity: 2.0 * bending * area, damping });
             }
         }
@@ -234,35 +246,50 @@ fn from_mesh(params: &SheetParams, mesh: &SheetMesh) -> Model {
         model.springs.push(Spring { ends, stiffness, rest: mixed(r1, r2) * edge.norm(), damping });
     }
     if let Some(bending) = params.bending {
-        model.plates = hinges(&triangles, &at, f64::from(bending), times(params)[2]);
+        model.plates = curvatures(&triangles, &at, &model.area, f64::from(bending), times(params)[2]);
     }
     model
 }
 
-/// The isometric bending of every edge with two triangles.
-fn hinges(triangles: &[[u32; 3]], at: &dyn Fn(u32) -> Double, bending: f64, damping: f64) -> Vec<Plate> {
-    let mut opposite: BTreeMap<[u32; 2], Vec<u32>> = BTreeMap::new();
+/// The curvature at every point that is not at a border: ½ D |L x|²/A, with L the cotangent Laplacian and A the Voronoi area.
+fn curvatures(
+    triangles: &[[u32; 3]],
+    at: &dyn Fn(u32) -> Double,
+    area: &[f64],
+    bending: f64,
+    damping: f64,
+) -> Vec<Plate> {
+    // Half of the cotangents opposite to each edge, and how many triangles it has.
+    let mut edges: BTreeMap<[u32; 2], (f64, u32)> = BTreeMap::new();
     for t in triangles {
         for k in 0..3 {
-            let (i, j) = (t[k], t[(k + 1) % 3]);
-            opposite.entry([i.min(j), i.max(j)]).or_default().push(t[(k + 2) % 3]);
+            let (i, j, corner) = (t[k], t[(k + 1) % 3], t[(k + 2) % 3]);
+            let (u, v) = (at(i) - at(corner), at(j) - at(corner));
+            let edge = edges.entry([i.min(j), i.max(j)]).or_default();
+            *edge = (edge.0 + 0.5 * u.dot(&v) / u.cross(&v).norm(), edge.1 + 1);
         }
     }
-    let pairs = opposite.into_iter().filter(|(_, others)| others.len() == 2);
-    pairs
-        .map(|([i, j], others)| {
-            // Cotangents of the angles at both ends of the edge, in both triangles.
-            let cot = |corner: u32, a: u32, b: u32| {
-                let (u, v) = (at(a) - at(corner), at(b) - at(corner));
-                u.dot(&v) / u.cross(&v).norm()
-            };
-            let [p, q] = [others[0], others[1]];
-            let [ip, iq, jp, jq] = [cot(i, j, p), cot(i, j, q), cot(j, i, p), cot(j, i, q)];
-            let area = |k: u32| 0.5 * (at(j) - at(i)).cross(&(at(k) - at(i))).norm();
+    let mut around: Vec<Vec<(u32, f64)>> = vec![Vec::new(); area.len()];
+    let mut border = vec![false; area.len()];
+    for ([i, j], (weight, count)) in edges {
+        for (own, other) in [(i, j), (j, i)] {
+            around[own as usize].push((other, weight));
+            border[own as usize] |= count != 2;
+        }
+    }
+    let inner = (0..area.len()).filter(|&i| !border[i] && !around[i].is_empty());
+    inner
+        .map(|i| {
+            let own = i as u32;
+            let voronoi: f64 =
+                around[i].iter().map(|&(j, w)| 0.25 * w * (at(j) - at(own)).norm_squared()).sum();
+            // Obtuse triangles can leave a point hardly any; a third of the triangles is then nearer.
+            let share = if voronoi > 0.3 * area[i] { voronoi } else { area[i] };
+            let sum: f64 = around[i].iter().map(|&(_, w)| w).sum();
             Plate {
-                points: [i, j, p, q],
-                weights: [jp + jq, ip + iq, -(ip + jp), -(iq + jq)],
-                rigidity: 3.0 * bending / (area(p) + area(q)), // [bergou06] Eq. 5
+                points: around[i].iter().map(|&(j, _)| j).chain([own]).collect(),
+                weights: around[i].iter().map(|&(_, w)| w).chain([-sum]).collect(),
+                rigidity: bending / share, // [wardetzky07] section 3
                 damping,
             }
         })

@@ -233,8 +233,12 @@ impl Gather for Change<'_> {
             let d = minus(&fetch(self.x, slot), &own);
             let q = minus(&own_p, &fetch(self.p, slot));
             let inverse = inverse_length(&d);
-            let [along, across] =
-                along_and_across(slot, if damping.is_empty() { None } else { Some(&damping[k]) }, &inverse, self.dt);
+            let [along, across] = along_and_across(
+                slot,
+                if damping.is_empty() { None } else { Some(&damping[k]) },
+                &inverse,
+                self.dt,
+            );
             let w = dot(&q, &d);
             let mut part = [0.0; WIDTH];
             for lane in 0..WIDTH {
@@ -264,7 +268,9 @@ pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]
             for lane in 0..WIDTH {
                 let n: [f32; 3] = std::array::from_fn(|axis| d[axis][lane] * inverse[lane]);
                 let part = along[lane] - across[lane];
-                for (block, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+                for (block, (a, b)) in
+                    [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate()
+                {
                     out[block][lane] += part * n[a] * n[b] + if a == b { across[lane] } else { 0.0 };
                 }
             }
@@ -284,4 +290,108 @@ pub(super) fn add_linear_blocks(table: &Table, parts: [f32; 2], out: &mut [Block
             }
         }
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::table::Entry, *};
+    use crate::math::Vec3;
+
+    const COUNT: usize = 45;
+
+    /// Springs without order between some points, and others as on a grid.
+    fn entries(grid: bool, damping: f32) -> Vec<Entry> {
+        let pairs: Vec<[u32; 2]> = if grid {
+            let row = (0..COUNT as u32 - 1).filter(|i| i % 9 != 8).map(|i| [i, i + 1]);
+            row.chain((0..COUNT as u32 - 9).map(|i| [i, i + 9])).collect()
+        } else {
+            (0..90).map(|k| [(k * 7) % 45, (k * k * 11 + 3) % 45]).filter(|[a, b]| a != b).collect()
+        };
+        let both = |(k, [a, b]): (usize, [u32; 2])| {
+            let (stiffness, rest) = (1.0 + k as f32, 0.01 * k as f32);
+            let entry = |of, to| Entry { of, to, stiffness, rest, damping };
+            [entry(a, b), entry(b, a)]
+        };
+        pairs.into_iter().enumerate().flat_map(both).collect()
+    }
+
+    fn cloud(seed: f32) -> Vectors {
+        let at = |i: usize, k: f32| (seed + k + i as f32 * (1.3 + 0.7 * k)).sin();
+        Vectors::of(&(0..COUNT).map(|i| Vec3::new(at(i, 0.0), at(i, 1.0), at(i, 2.0))).collect::<Vec<_>>())
+    }
+
+    /// The readable form: entry by entry, in double precision.
+    fn expected(entries: &[Entry], x: &Vectors, v: &Vectors) -> Vec<nalgebra::Vector3<f64>> {
+        let mut out = vec![nalgebra::Vector3::zeros(); COUNT];
+        for e in entries {
+            let [of, to] = [e.of as usize, e.to as usize];
+            let d = x.get(to).cast::<f64>() - x.get(of).cast();
+            let w = (v.get(to).cast::<f64>() - v.get(of).cast()).dot(&d) / d.norm_squared();
+            let pull = f64::from(e.stiffness) * (1.0 - f64::from(e.rest) / d.norm());
+            out[of] += d * (pull + f64::from(e.damping) * w);
+        }
+        out
+    }
+
+    #[test]
+    fn forces_are_those_of_every_entry_and_both_forms_have_the_same_bits() {
+        let (x, v) = (cloud(0.3), cloud(1.9));
+        for (grid, damping) in [(true, 0.0), (true, 0.5), (false, 0.0), (false, 0.5)] {
+            let entries = entries(grid, damping);
+            let table = Table::new(COUNT, entries.clone());
+            assert_eq!((0..COUNT / 8).any(|e| table.of(e).0.iter().all(|slot| slot.in_row)), grid);
+            let mut wide = Vectors::zeros(COUNT);
+            add_forces(&table, &x, Some(&v), &mut wide);
+            for (i, expected) in expected(&entries, &x, &v).into_iter().enumerate() {
+                assert!(
+                    (wide.get(i).cast() - expected).norm() < 1e-5 * (1.0 + expected.norm()),
+                    "{grid} {i}"
+                );
+            }
+            let mut plain = Vectors::zeros(COUNT);
+            let [a, b, c] = &mut plain.axes;
+            if damping > 0.0 {
+                Run { gather: &Forces::<true> { table: &table, x: &x, v: &v }, start: 0, out: [a, b, c] }
+                    .run();
+            } else {
+                Run { gather: &Forces::<false> { table: &table, x: &x, v: &x }, start: 0, out: [a, b, c] }
+                    .run();
+            }
+            assert_eq!(plain, wide);
+        }
+    }
+
+    #[test]
+    fn the_change_is_the_derivative_of_the_force_of_taut_springs_and_never_negative() {
+        let (x, p) = (cloud(0.3), cloud(4.1));
+        let entries: Vec<Entry> =
+            entries(false, 0.0).iter().map(|e| Entry { rest: 1e-3 * e.rest, ..*e }).collect();
+        let table = Table::new(COUNT, entries.clone());
+        let mut change = Vectors::zeros(COUNT);
+        add_change(&table, &x, &p, 1.0, &mut change);
+        let moved = |by: f32| {
+            let all: Vec<Vec3> = (0..COUNT).map(|i| x.get(i) + p.get(i) * by).collect();
+            expected(&entries, &Vectors::of(&all), &x)
+        };
+        let step = 1e-2;
+        for (i, (a, b)) in moved(step).into_iter().zip(moved(-step)).enumerate() {
+            let slope = (b - a) / (2.0 * f64::from(step));
+            assert!((change.get(i).cast() - slope).norm() < 1e-2 * (1.0 + slope.norm()), "{i}");
+        }
+        // The blocks are what a single moved point feels itself.
+        let mut blocks = vec![[[0.0; WIDTH]; 6]; COUNT.div_ceil(WIDTH)];
+        add_blocks(&table, &x, 1.0, &mut blocks);
+        for i in 0..COUNT {
+            let (mut one, mut found) = (Vectors::zeros(COUNT), Vectors::zeros(COUNT));
+            one.set(i, Vec3::x());
+            add_change(&table, &x, &one, 1.0, &mut found);
+            let block = [0, 3, 4].map(|part| blocks[i / WIDTH][part][i % WIDTH]);
+            assert!((found.get(i) - Vec3::from(block)).norm() < 1e-4 * (1.0 + found.get(i).norm()));
+        }
+        // In compression nothing is left across a spring, and the form is not negative.
+        let pressed: Vec<Entry> = entries.iter().map(|e| Entry { rest: 9.0, ..*e }).collect();
+        let mut change = Vectors::zeros(COUNT);
+        add_change(&Table::new(COUNT, pressed), &x, &p, 1.0, &mut change);
+        assert!(change.dot(&p) > 0.0);
+    }
 }

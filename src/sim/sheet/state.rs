@@ -9,7 +9,8 @@ impl Sheets {
         let sheets = self.params.sheet.iter().zip(&self.ranges);
         sheets
             .map(|(sheet, range)| {
-                let of = |from: &super::lanes::Vectors| range.clone().map(|i| from.get(i)).collect::<Vec<Vec3>>();
+                let of =
+                    |from: &super::lanes::Vectors| range.clone().map(|i| from.get(i)).collect::<Vec<Vec3>>();
                 Stream::new(format!("{NAME}.{}", sheet.name), range.len())
                     .with("position", of(&self.x))
                     .with("velocity", of(&self.v))

@@ -30,12 +30,15 @@ impl Sheets {
         if let Some(eight) = lost {
             let alive = |i: &usize| {
                 let largest = self.x.get(*i).amax().max(self.v.get(*i).amax());
-                largest < super::ABSURD && self.x.get(*i).sum().is_finite() && self.v.get(*i).sum().is_finite()
+                largest < super::ABSURD
+                    && self.x.get(*i).sum().is_finite()
+                    && self.v.get(*i).sum().is_finite()
             };
             let points = eight * WIDTH..self.len().min((eight + 1) * WIDTH);
             let point = points.clone().find(|i| !alive(i)).unwrap_or(points.start);
             let what = format!("is at {:?} with {:?} m/s", self.x.get(point), self.v.get(point));
-            let try_next = "a smaller sheet.solver.courant, more sheet.solver.substeps or slower pins and forces";
+            let try_next =
+                "a smaller sheet.solver.courant, more sheet.solver.substeps or slower pins and forces";
             return Err(self.diverged(record.substeps, point, what, try_next));
         }
         self.lead(now + dt, dt);
@@ -111,15 +114,12 @@ impl Sheets {
         for pin in self.held.iter().filter(|pin| pin.holds(now)) {
             implicit::add_all(&mut held, pin.point as usize, h * h * pin.stiffness.unwrap_or(0.0));
         }
-        for joint in self.joined.iter().filter(|joint| joint.holds(now)) {
-            joint.ends.iter().for_each(|&i| implicit::add_all(&mut held, i as usize, 2.0 * h * h * joint.stiffness));
-        }
         for push in &pushes {
             implicit::add_along(&mut held, push.point as usize, h * h * push.stiffness, push.normal);
         }
 
         // M v₀ + Δt f(x₀), which takes the place of the forces.
-        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, .. } = self;
+        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, .. } = self;
         force.update(|at, axes| {
             let v = v.eight(at);
             for (axis, out) in axes.into_iter().enumerate() {
@@ -136,6 +136,7 @@ impl Sheets {
             inverse,
             drag: drag.as_deref(),
             held,
+            joined: joined.iter().filter(|joint| joint.holds(now)).collect(),
             dt: h,
         };
         let solver = &self.params.solver;
@@ -146,7 +147,8 @@ impl Sheets {
 
         // v is the new one; positions follow without further forces.
         force.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; WIDTH]));
-        let drive = explicit::Drive { force, inverse, drag: None, gravity: crate::math::Vec3::zeros(), dt: h };
+        let drive =
+            explicit::Drive { force, inverse, drag: None, gravity: crate::math::Vec3::zeros(), dt: h };
         explicit::advance(&drive, x, v)
     }
 

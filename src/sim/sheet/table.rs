@@ -122,7 +122,8 @@ fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, Wide)> {
     let in_rows = places.len() <= longest + 2 && places.iter().all(fits);
 
     let own: [u32; WIDTH] = std::array::from_fn(|lane| first + lane as u32);
-    let empty = |at| (Slot { at, stiffness: [0.0; WIDTH], rest: [0.0; WIDTH], in_row: in_rows }, [0.0; WIDTH]);
+    let empty =
+        |at| (Slot { at, stiffness: [0.0; WIDTH], rest: [0.0; WIDTH], in_row: in_rows }, [0.0; WIDTH]);
     let mut out: Vec<(Slot, Wide)> = if in_rows {
         places.iter().map(|(offset, _)| empty(own.map(|i| (i64::from(i) + offset) as u32))).collect()
     } else {

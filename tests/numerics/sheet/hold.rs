@@ -30,10 +30,8 @@ fn an_exact_pin_follows_its_keyframes_and_lets_go() {
     let terms = "[[sheet.pin]]\nat = 'center'\nrelease = 13\n\
                  keyframes = [{ frame = 1 }, { frame = 13, position = [1.0, 0.0, 0.0] }]\n";
     for integrator in ["symplectic", "implicit"] {
-        let mut sheets = sheets(
-            &format!("{}[solver]\nintegrator = '{integrator}'", point(terms)),
-            &world(9.81, vec![]),
-        );
+        let mut sheets =
+            sheets(&format!("{}[solver]\nintegrator = '{integrator}'", point(terms)), &world(9.81, vec![]));
         run(&mut sheets, 0, 6).unwrap();
         assert!((sheets.positions()[0] - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-6, "{:?}", sheets.positions());
         run(&mut sheets, 6, 6).unwrap();
@@ -48,20 +46,29 @@ fn an_exact_pin_follows_its_keyframes_and_lets_go() {
 #[test]
 fn a_pin_moves_with_its_collider_or_along_a_path() {
     use meniscus::solid::{Collider, Interpolation, Keyframe};
-    let key = |frame, turn| Keyframe { frame, position: [0.0; 3], rotation: [0.0, 0.0, turn], quaternion: None };
+    let key =
+        |frame, turn| Keyframe { frame, position: [0.0; 3], rotation: [0.0, 0.0, turn], quaternion: None };
     let collider = Collider {
         shape: Shape::Sphere { center: [9.0, 9.0, 9.0], radius: 0.5 },
         keyframes: vec![key(1, 90.0), key(25, 180.0)],
         interpolation: Interpolation::Linear,
     };
     let world = World { gravity: Vec3::zeros(), solids: vec![collider.solid(24.0, 1)] };
-    let text = grid([1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0, 0],
-        "density = 1.0\nstiffness = [1.0, 1.0]\npin = [{ at = 'center', collider = 0 }]");
+    let text = grid(
+        [1.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0, 0],
+        "density = 1.0\nstiffness = [1.0, 1.0]\npin = [{ at = 'center', collider = 0 }]",
+    );
     let mut sheets = sheets(&text, &world);
     run(&mut sheets, 0, 24).unwrap();
     assert!((sheets.positions()[0] - Vec3::y()).norm() < 1e-5, "a quarter turn: {:?}", sheets.positions());
 
-    let text = text.replace("collider = 0", "place = [0, 0, 2], keyframes = [{ frame = 1 }, { frame = 25, position = [3, 0, 0] }]");
+    let text = text.replace(
+        "collider = 0",
+        "place = [0, 0, 2], keyframes = [{ frame = 1 }, { frame = 25, position = [3, 0, 0] }]",
+    );
     let mut led = super::sheets(&text, &world);
     run(&mut led, 0, 12).unwrap();
     assert!((led.positions()[0] - Vec3::new(1.5, 0.0, 2.0)).norm() < 1e-5, "{:?}", led.positions());
@@ -70,18 +77,27 @@ fn a_pin_moves_with_its_collider_or_along_a_path() {
 
 fn two(joint: &str, solver: &str) -> String {
     let sheet = |name: &str, x: f32, mass: f32| {
-        grid([x, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [2, 2], &format!(
-            "density = {mass}\nstiffness = [50.0, 50.0]\nshear = 20.0\nspring_damping = [0.02, 0.02]"
-        ))
+        grid(
+            [x, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [2, 2],
+            &format!(
+                "density = {mass}\nstiffness = [50.0, 50.0]\nshear = 20.0\nspring_damping = [0.02, 0.02]"
+            ),
+        )
         .replace("'cloth'", &format!("'{name}'"))
     };
-    format!("{}{}[[joint]]\nsheets = ['a', 'b']\nat = [{{ points = [5] }}, {{ points = [3] }}]\n{joint}\n{solver}",
-        sheet("a", 0.0, 0.2), sheet("b", 1.5, 0.4))
+    format!(
+        "{}{}[[joint]]\nsheets = ['a', 'b']\nat = [{{ points = [5] }}, {{ points = [3] }}]\n{joint}\n{solver}",
+        sheet("a", 0.0, 0.2),
+        sheet("b", 1.5, 0.4)
+    )
 }
 
 #[test]
 fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
-    for (solver, bound) in [("", 1e-5), ("[solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 3e-2)] {
+    for (solver, bound) in [("", 1e-5), ("[solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 1e-4)] {
         let text = two("stiffness = 30.0", solver).replace("spring_damping", "damping = 0.0\nspring_damping");
         let mut sheets = sheets(&text, &world(0.0, vec![]));
         let center = |sheets: &Sheets| {
@@ -116,7 +132,10 @@ fn a_joint_with_a_direction_turns_an_edge_there() {
         run(&mut sheets, 0, 120).unwrap();
         let x = sheets.positions();
         let edge = x[1] - x[0];
-        assert!((edge - Vec3::new(0.0, 0.5_f32.sqrt(), 0.5_f32.sqrt())).norm() < 5e-3, "{integrator}: {edge:?}");
+        assert!(
+            (edge - Vec3::new(0.0, 0.5_f32.sqrt(), 0.5_f32.sqrt())).norm() < 5e-3,
+            "{integrator}: {edge:?}"
+        );
         assert!((0.5 * (x[0] + x[1]) - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-4);
     }
 }

@@ -23,10 +23,7 @@ fn shot(text: &str) -> Shot {
 }
 
 fn world(gravity: f32, shapes: Vec<Shape>) -> World {
-    World {
-        gravity: Vec3::new(0.0, 0.0, -gravity),
-        solids: shapes.into_iter().map(Solid::fixed).collect(),
-    }
+    World { gravity: Vec3::new(0.0, 0.0, -gravity), solids: shapes.into_iter().map(Solid::fixed).collect() }
 }
 
 fn sheets(text: &str, world: &World) -> Sheets {
@@ -64,11 +61,7 @@ fn run_at(sheets: &mut Sheets, from: u32, frames: u32, frame: f64) -> Result<Vec
 }
 
 /// The same sheets with other positions and velocities.
-fn placed(
-    text: &str,
-    world: &World,
-    change: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3),
-) -> Sheets {
+fn placed(text: &str, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) -> Sheets {
     let start = sheets(text, world);
     let streams = start.streams().into_iter().map(|stream| {
         let (x, v) = (stream.vec3("position").unwrap(), stream.vec3("velocity").unwrap());

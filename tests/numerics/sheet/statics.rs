@@ -5,7 +5,9 @@ use meniscus::sim::sheet::{SheetMesh, SheetParams, SheetShape};
 
 /// Lets a sheet come to rest by the implicit rule in long substeps.
 fn settled(text: &str, world: &World, frames: u32) -> Sheets {
-    let text = format!("{text}\n[solver]\nintegrator = 'implicit'\nsubsteps = 2\ntolerance = 1e-6\nmax_iterations = 3000\n");
+    let text = format!(
+        "{text}\n[solver]\nintegrator = 'implicit'\nsubsteps = 2\ntolerance = 1e-6\nmax_iterations = 3000\n"
+    );
     let mut sheets = sheets(&text, world);
     let last = run(&mut sheets, 0, frames).unwrap().pop().unwrap();
     assert!(last.kinetic_energy < 1e-9, "at rest: {last:?}");
@@ -61,7 +63,9 @@ fn the_sag_of_a_sheet_converges_as_it_is_refined() {
         let mut pins = String::new();
         for (x, y) in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)] {
             let (low, high) = ([x - 0.2501, y - 0.2501, -1.0], [x + 0.2501, y + 0.2501, 1.0]);
-            pins += &format!("[[sheet.pin]]\nat = {{ inside = {{ box = {{ min = {low:?}, max = {high:?} }} }} }}\n");
+            pins += &format!(
+                "[[sheet.pin]]\nat = {{ inside = {{ box = {{ min = {low:?}, max = {high:?} }} }} }}\n"
+            );
         }
         let terms = format!("density = 0.2\nstiffness = [40.0, 40.0]\nshear = 15.0\ndamping = 3.0\n{pins}");
         let sheets = settled(&square([cells; 2], 0.0, &terms), &world(9.81, vec![]), 250);
@@ -76,10 +80,16 @@ fn the_sag_of_a_sheet_converges_as_it_is_refined() {
 /// A strip of 1 m by `width` hung by its first column, loaded at its last with `load` [N].
 fn pulled(cells: [u32; 2], terms: &str, load: f32) -> f64 {
     let width = 0.5_f32;
-    let text = grid([0.0; 3], [1.0, 0.0, 0.0], [0.0, width, 0.0], cells, &format!(
-        "density = 0.2\ndamping = 8.0\n{terms}\n[[sheet.pin]]\nat = {{ inside = {{ box = {{ min = [-0.01, -1, -1], max = [0.01, 2, 1] }} }} }}\n\
+    let text = grid(
+        [0.0; 3],
+        [1.0, 0.0, 0.0],
+        [0.0, width, 0.0],
+        cells,
+        &format!(
+            "density = 0.2\ndamping = 8.0\n{terms}\n[[sheet.pin]]\nat = {{ inside = {{ box = {{ min = [-0.01, -1, -1], max = [0.01, 2, 1] }} }} }}\n\
          [solver]\nintegrator = 'implicit'\nsubsteps = 1\ntolerance = 1e-6\nmax_iterations = 3000"
-    ));
+        ),
+    );
     let mut sheets = sheets(&text, &world(0.0, vec![]));
     let [n, m] = cells.map(|c| c + 1);
     let mut forces = vec![Vec3::zeros(); sheets.len()];
@@ -110,7 +120,9 @@ fn strain_is_load_over_stiffness_at_any_resolution() {
 fn grid_points_feel_their_four_three_or_two_neighbours() {
     let terms = "density = 1.0\nstiffness = [3.0, 5.0]\nrest = [0.8, 1.1]";
     let cells = [10_u32, 4];
-    let bend = |i: usize, x: Vec3| x + Vec3::new((i as f32).sin(), (2.0 * i as f32).cos(), (3.0 * i as f32).sin()) * 0.03;
+    let bend = |i: usize, x: Vec3| {
+        x + Vec3::new((i as f32).sin(), (2.0 * i as f32).cos(), (3.0 * i as f32).sin()) * 0.03
+    };
     let text = square(cells, 0.0, terms);
     let mut sheets = placed(&text, &world(0.0, vec![]), |i, x, v| (bend(i, x), v));
     let x: Vec<nalgebra::Vector3<f64>> = sheets.positions().iter().map(|x| x.cast()).collect();
@@ -134,7 +146,10 @@ fn grid_points_feel_their_four_three_or_two_neighbours() {
             }
             let expected = f / (w1 * w2);
             let found = sheets.velocities()[(i + n * j) as usize].cast::<f64>() / dt;
-            assert!((found - expected).norm() < 2e-4 * (1.0 + expected.norm()), "{i} {j}: {found} {expected}");
+            assert!(
+                (found - expected).norm() < 2e-4 * (1.0 + expected.norm()),
+                "{i} {j}: {found} {expected}"
+            );
         }
     }
 }
@@ -167,7 +182,7 @@ fn with_mesh(mesh: SheetMesh, terms: &str) -> Shot {
 fn rolled(make: &dyn Fn() -> Sheets, restore: &dyn Fn(&[meniscus::frame::Stream]) -> Sheets) -> f64 {
     let radius = 0.5_f32;
     let start = make();
-    let x = start.positions().iter().map(|x| {
+    let x = start.positions().into_iter().map(|x| {
         let angle = x.x / radius;
         Vec3::new(radius * angle.sin(), x.y, radius * (1.0 - angle.cos()))
     });
@@ -193,7 +208,10 @@ fn bending_energy_is_that_of_the_curvature_at_any_resolution() {
             rolled(&make, &|streams| Sheets::restore(shot.clone(), &world, streams, 0.0).unwrap())
         });
         // A border without curvature of its own is a cell wide.
-        assert!((fine - 1.0).abs() < 0.08 && (fine - 1.0).abs() < 0.7 * (coarse - 1.0).abs(), "{name}: {coarse} {fine}");
+        assert!(
+            (fine - 1.0).abs() < 0.08 && (fine - 1.0).abs() < 0.7 * (coarse - 1.0).abs(),
+            "{name}: {coarse} {fine}"
+        );
     }
 }
 
@@ -220,12 +238,13 @@ fn meshes_weigh_and_stretch_as_grids_do() {
 
 #[test]
 fn both_integrators_find_the_same_rest() {
-    let terms = "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 20.0\ndamping = 3.0\npin = [{ at = 'corners' }]";
+    let terms =
+        "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 20.0\ndamping = 3.0\npin = [{ at = 'corners' }]";
     let text = square([10, 10], 0.0, terms);
     let implicit = settled(&text, &world(9.81, vec![]), 250);
     let mut symplectic = sheets(&text, &world(9.81, vec![]));
     run(&mut symplectic, 0, 250).unwrap();
-    let apart = implicit.positions().iter().zip(symplectic.positions()).map(|(a, b)| (a - b).norm());
-    let apart = apart.fold(0.0, f32::max);
+    let pairs = implicit.positions().into_iter().zip(symplectic.positions());
+    let apart = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f32::max);
     assert!(apart < 1e-3, "{apart} m");
 }
