@@ -28,6 +28,11 @@ impl Vectors {
         Self { len, axes: std::array::from_fn(|_| par::repeated([0.0; WIDTH], len.div_ceil(WIDTH))) }
     }
 
+    /// Makes all zero.
+    pub(super) fn clear(&mut self) {
+        self.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; WIDTH]));
+    }
+
     /// These vectors.
     pub(super) fn of(values: &[Vec3]) -> Self {
         let mut out = Self::zeros(values.len());

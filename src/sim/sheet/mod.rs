@@ -81,6 +81,8 @@ pub struct Sheets {
     x: Vectors,
     v: Vectors,
     force: Vectors,
+    /// What rounding took from positions since the frame began [m].
+    low: Vectors,
     area: Vec<f32>,
     mass: Vec<Wide>,
     /// 1/mass, zero for points that are held exactly.
@@ -144,6 +146,7 @@ impl Sheets {
             x: Vectors::of(&points),
             v: Vectors::of(&velocity),
             force: Vectors::zeros(end),
+            low: Vectors::zeros(end),
             area: models.iter().flat_map(|model| model.area.iter().map(|&a| a as f32)).collect(),
             inverse: Vec::new(),
             springs: Table::new(end, spring_entries(&models, &ranges)),
@@ -239,6 +242,8 @@ impl Sheets {
     ) -> Result<(SheetRecord, Seconds), Stop> {
         let mut clock = Clock::new(&self.passes());
         let mut record = SheetRecord { points: self.len() as u64, ..SheetRecord::default() };
+        // A frame holds the whole state: what rounding took is not carried over.
+        self.low.clear();
         let mut left = seconds;
         // The last substep ends the frame but for rounding.
         while left > 1e-9 * seconds {
@@ -394,7 +399,7 @@ fn plate_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {
                 for (j, b) in plate.points.iter().zip(&plate.weights) {
                     if i != j && a * b != 0.0 {
                         let stiffness = -plate.rigidity * a * b;
-                        all.push(([i + start, j + start], [stiffness, stiffness * plate.damping]));
+                        all.push(([i + start, j + start], [stiffness, 0.0]));
                     }
                 }
             }

@@ -34,8 +34,6 @@ pub(super) struct Plate {
     pub(super) points: Vec<u32>,
     pub(super) weights: Vec<f64>,
     pub(super) rigidity: f64,
-    /// The damping's share of it [s].
-    pub(super) damping: f64,
 }
 
 /// A sheet at the start, its points counted from 0.
@@ -81,7 +79,6 @@ pub(super) fn model(params: &SheetParams) -> Model {
     }
     for plate in &mut model.plates {
         plate.rigidity *= mean(&stiff, &plate.points);
-        plate.damping *= mean(&|i| damping[i], &plate.points);
     }
     model
 }
@@ -152,7 +149,7 @@ fn grid(params: &SheetParams, origin: Double, sides: [Double; 2], cells: [u32; 2
         }
     }
     if let Some(bending) = params.bending {
-        bend_grid(&mut model, params, f64::from(bending), cells, length, &share);
+        bend_grid(&mut model, f64::from(bending), cells, length, &share);
     }
     model
 }
@@ -160,42 +157,30 @@ fn grid(params: &SheetParams, origin: Double, sides: [Double; 2], cells: [u32; 2
 /// Second differences of both directions, and the twist of cells: ½ D ∫ κ₁₁² + κ₂₂² + 2 κ₁₂².
 fn bend_grid(
     model: &mut Model,
-    params: &SheetParams,
     bending: f64,
     cells: [u32; 2],
     length: [f64; 2],
     share: &dyn Fn(usize, u32) -> f64,
 ) {
     let index = |i: u32, j: u32| i + (cells[0] + 1) * j;
-    let damping = times(params)[2];
     for j in 0..=cells[1] {
         for i in 0..=cells[0] {
             let own = index(i, j);
             if i > 0 && i < cells[0] {
                 let weights = [1.0, -2.0, 1.0].map(|w| w / length[0].powi(2)).to_vec();
                 let points = vec![own - 1, own, own + 1];
-                model.plates.push(Plate {
-                    points,
-                    weights,
-                    rigidity: bending * length[0] * share(1, j),
-                    damping,
-                });
+                model.plates.push(Plate { points, weights, rigidity: bending * length[0] * share(1, j) });
             }
             if j > 0 && j < cells[1] {
                 let weights = [1.0, -2.0, 1.0].map(|w| w / length[1].powi(2)).to_vec();
                 let points = vec![index(i, j - 1), own, index(i, j + 1)];
-                model.plates.push(Plate {
-                    points,
-                    weights,
-                    rigidity: bending * length[1] * share(0, i),
-                    damping,
-                });
+                model.plates.push(Plate { points, weights, rigidity: bending * length[1] * share(0, i) });
             }
             if i < cells[0] && j < cells[1] {
                 let area = length[0] * length[1];
                 let weights = [1.0, -1.0, -1.0, 1.0].map(|w| w / area).to_vec();
                 let points = vec![own, index(i + 1, j), index(i, j + 1), index(i + 1, j + 1)];
-                model.plates.push(Plate { points, weights, rigidity: 2.0 * bending * area, damping });
+                model.plates.push(Plate { points, weights, rigidity: 2.0 * bending * area });
             }
         }
     }
@@ -246,19 +231,13 @@ fn from_mesh(params: &SheetParams, mesh: &SheetMesh) -> Model {
         model.springs.push(Spring { ends, stiffness, rest: mixed(r1, r2) * edge.norm(), damping });
     }
     if let Some(bending) = params.bending {
-        model.plates = curvatures(&triangles, &at, &model.area, f64::from(bending), times(params)[2]);
+        model.plates = curvatures(&triangles, &at, &model.area, f64::from(bending));
     }
     model
 }
 
 /// The curvature at every point that is not at a border: ½ D |L x|²/A, with L the cotangent Laplacian and A the Voronoi area.
-fn curvatures(
-    triangles: &[[u32; 3]],
-    at: &dyn Fn(u32) -> Double,
-    area: &[f64],
-    bending: f64,
-    damping: f64,
-) -> Vec<Plate> {
+fn curvatures(triangles: &[[u32; 3]], at: &dyn Fn(u32) -> Double, area: &[f64], bending: f64) -> Vec<Plate> {
     // Half of the cotangents opposite to each edge, and how many triangles it has.
     let mut edges: BTreeMap<[u32; 2], (f64, u32)> = BTreeMap::new();
     for t in triangles {
@@ -290,7 +269,6 @@ fn curvatures(
                 points: around[i].iter().map(|&(j, _)| j).chain([own]).collect(),
                 weights: around[i].iter().map(|&(_, w)| w).chain([-sum]).collect(),
                 rigidity: bending / share, // [wardetzky07] section 3
-                damping,
             }
         })
         .collect()

@@ -58,7 +58,7 @@ pub struct SheetParams {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
     pub damping: Option<f32>,
-    /// Time within which springs damp their own change of length [s], by direction (shear and bending take the mean): 0.001 calms
+    /// Time within which springs damp their own change of length [s], by direction (shear takes the mean, bending has none): 0.001 calms
     /// cloth, 0.1 is dough; absent: none. Falling and turning are left alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "s"))]

@@ -67,7 +67,7 @@ impl Sheets {
     /// Gathers the forces on all points; returns the pushes of solids among them.
     fn gather(&mut self, now: f64, dt: f64, damped: bool) -> Vec<Push> {
         let Self { x, v, force, springs, plates, held, joined, .. } = self;
-        force.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; WIDTH]));
+        force.clear();
         springs::add_forces(springs, x, damped.then_some(&*v), force);
         if let Some(plates) = plates {
             springs::add_linear(plates, x, [1.0, 0.0], force);
@@ -102,7 +102,7 @@ impl Sheets {
             gravity: self.gravity,
             dt: dt as f32,
         };
-        explicit::advance(&drive, &mut self.x, &mut self.v)
+        explicit::advance(&drive, &mut self.x, &mut self.v, &mut self.low)
     }
 
     fn implicit(&mut self, now: f64, dt: f64, record: &mut SheetRecord) -> Option<usize> {
@@ -119,7 +119,7 @@ impl Sheets {
         }
 
         // M v₀ + Δt f(x₀), which takes the place of the forces.
-        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, .. } = self;
+        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, low, .. } = self;
         force.update(|at, axes| {
             let v = v.eight(at);
             for (axis, out) in axes.into_iter().enumerate() {
@@ -146,10 +146,10 @@ impl Sheets {
         record.unconverged += u32::from(solved.residual > f64::from(solver.tolerance));
 
         // v is the new one; positions follow without further forces.
-        force.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; WIDTH]));
+        force.clear();
         let drive =
             explicit::Drive { force, inverse, drag: None, gravity: crate::math::Vec3::zeros(), dt: h };
-        explicit::advance(&drive, x, v)
+        explicit::advance(&drive, x, v, low)
     }
 
     /// Gives points that are held exactly the speed of their way.

@@ -151,7 +151,7 @@ fn damping_of_springs_leaves_falling_and_turning_alone_and_drag_does_not() {
         sheets.velocities()[20].x
     };
     let kept = go("spring_damping = [0.1, 0.1]");
-    assert!((kept - 2.0).abs() < 1e-5, "{kept}");
+    assert!((kept - 2.0).abs() < 1e-4, "{kept}");
     let slowed = go("damping = 0.5");
     assert!((slowed / 2.0 - (-0.5_f32).exp()).abs() < 0.02, "{slowed}");
 }
