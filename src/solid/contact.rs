@@ -10,7 +10,7 @@
 //! rounding error of `d` is a few ulps of the largest coordinate involved. Coordinates up to 1e38 m neither
 //! overflow nor give a NaN; a query that is itself NaN has a NaN distance but a unit normal.
 
-use super::Shape;
+use super::{Shape, round};
 use crate::math::Vec3;
 
 /// Why a shape cannot stand in a scene.
@@ -28,6 +28,12 @@ pub enum ShapeError {
     /// A ball or capsule whose radius is not positive.
     #[error("`radius` is not above zero")]
     NoRadius,
+    /// A torus whose tube, or an ellipsoid whose half length, is not positive, or a torus without a hole.
+    #[error("`{field}` is not above zero{}", if *field == "tube" { ", or not below `radius`" } else { "" })]
+    OutOfRange {
+        /// The parameter at fault.
+        field: &'static str,
+    },
     /// A mesh whose scale is not positive.
     #[error("`scale` is not above zero")]
     NoScale,
@@ -47,7 +53,7 @@ impl ShapeError {
             Self::NoDirection => "normal",
             Self::NoRadius => "radius",
             Self::NoScale => "scale",
-            Self::NotFinite { field } => field,
+            Self::NotFinite { field } | Self::OutOfRange { field } => field,
         }
     }
 }
@@ -63,6 +69,7 @@ impl Shape {
             Self::Sphere { center, radius } => unit(x - vec3(center)).0 - radius,
             Self::Capsule { from, to, radius } => unit(off_axis(x, vec3(from), vec3(to))).0 - radius,
             Self::Tank { min, max } => -box_distance(x, vec3(min), vec3(max)),
+            Self::Torus { .. } | Self::Ellipsoid { .. } => self.contact(x).0,
             Self::Mesh(mesh) => mesh.distance(x),
         }
     }
@@ -87,6 +94,10 @@ impl Shape {
                 let (d, n) = box_contact(x, vec3(min), vec3(max));
                 (-d, -n)
             }
+            Self::Torus { center, axis, radius, tube } => {
+                round::torus(x, vec3(center), vec3(axis), *radius, *tube)
+            }
+            Self::Ellipsoid { center, radii } => round::ellipsoid(x, vec3(center), vec3(radii)),
             Self::Mesh(mesh) => mesh.contact(x),
         }
     }
@@ -100,6 +111,8 @@ impl Shape {
             Self::Box { min, max } | Self::Tank { min, max } => vec3(min).abs().sup(&vec3(max).abs()).norm(),
             Self::Sphere { center, radius } => vec3(center).norm() + radius,
             Self::Capsule { from, to, radius } => vec3(from).norm().max(vec3(to).norm()) + radius,
+            Self::Torus { center, radius, tube, .. } => vec3(center).norm() + radius + tube,
+            Self::Ellipsoid { center, radii } => vec3(center).norm() + vec3(radii).max(),
             Self::Mesh(mesh) => mesh.corners().iter().map(|corner| corner.norm()).fold(0.0, f32::max),
         }
     }
@@ -110,6 +123,8 @@ impl Shape {
             Self::Plane { .. } | Self::Tank { .. } => f32::INFINITY,
             Self::Box { min, max } => 0.5 * (vec3(max) - vec3(min)).min(),
             Self::Sphere { radius, .. } | Self::Capsule { radius, .. } => *radius,
+            Self::Torus { tube, .. } => *tube,
+            Self::Ellipsoid { radii, .. } => vec3(radii).min(),
             Self::Mesh(mesh) => mesh.inner_radius(),
         }
     }
@@ -125,6 +140,14 @@ impl Shape {
             Self::Capsule { from, to, radius } => {
                 let (from, to) = (vec3(from), vec3(to));
                 Some((from.inf(&to).add_scalar(-radius), from.sup(&to).add_scalar(*radius)))
+            }
+            Self::Torus { center, axis, radius, tube } => {
+                let axis = unit(vec3(axis)).1;
+                let half = axis.map(|c| radius * (1.0 - c * c).max(0.0).sqrt() + tube);
+                Some((vec3(center) - half, vec3(center) + half))
+            }
+            Self::Ellipsoid { center, radii } => {
+                Some((vec3(center) - vec3(radii), vec3(center) + vec3(radii)))
             }
             Self::Mesh(mesh) => Some(mesh.bounds()),
         }
@@ -157,6 +180,26 @@ impl Shape {
                 finite("from", from)?;
                 finite("to", to)?;
                 positive(*radius)
+            }
+            Self::Torus { center, axis, radius, tube } => {
+                finite("center", center)?;
+                finite("axis", axis)?;
+                finite("tube", &[*tube])?;
+                positive(*radius)?;
+                if axis.iter().all(|&c| c == 0.0) {
+                    return Err(ShapeError::OutOfRange { field: "axis" });
+                }
+                if *tube > 0.0 && tube < radius {
+                    Ok(())
+                } else {
+                    Err(ShapeError::OutOfRange { field: "tube" })
+                }
+            }
+            Self::Ellipsoid { center, radii } => {
+                finite("center", center)?;
+                finite("radii", radii)?;
+                let thick = radii.iter().all(|&r| r > 0.0);
+                if thick { Ok(()) } else { Err(ShapeError::OutOfRange { field: "radii" }) }
             }
             Self::Mesh(mesh) => {
                 finite("scale", &[mesh.scale])?;
@@ -281,8 +324,16 @@ mod tests {
         Shape::Capsule { from: [-0.4, 0.1, -0.2], to: [0.5, -0.2, 0.3], radius: 0.25 }
     }
 
-    fn all() -> [Shape; 5] {
-        [plane(), cuboid(), sphere(), capsule(), tank()]
+    fn torus() -> Shape {
+        Shape::Torus { center: [0.1, -0.1, 0.05], axis: [0.3, -0.2, 2.0], radius: 0.6, tube: 0.2 }
+    }
+
+    fn ellipsoid() -> Shape {
+        Shape::Ellipsoid { center: [0.1, 0.2, -0.1], radii: [0.6, 0.3, 0.45] }
+    }
+
+    fn all() -> [Shape; 7] {
+        [plane(), cuboid(), sphere(), capsule(), tank(), torus(), ellipsoid()]
     }
 
     /// Points of a lattice over [-1.2, 1.2]³ that favours no symmetry plane.
@@ -354,6 +405,26 @@ mod tests {
                 let chain: Vec<Vec3> = (0..=4000).map(|k| a + (b - a) * (k as f32 / 4000.0)).collect();
                 (points, Box::new(move |x| chain.iter().any(|c| (x - c).norm() < radius)))
             }
+            Shape::Torus { center, axis, radius, tube } => {
+                let (c, w) = (vec3(&center), vec3(&axis).normalize());
+                let u = w.cross(&Vec3::x()).normalize();
+                let v = w.cross(&u);
+                let turn = |i: i32| (std::f32::consts::TAU * i as f32 / n as f32).sin_cos();
+                let points = grid().map(|(i, j)| {
+                    let ((sin, cos), (up, out)) = (turn(i), turn(j));
+                    c + (u * cos + v * sin) * (radius + tube * out) + w * (tube * up)
+                });
+                let off_ring = move |x: Vec3| {
+                    let along = w.dot(&(x - c));
+                    ((x - c - w * along).norm() - radius).hypot(along)
+                };
+                (points.collect(), Box::new(move |x| off_ring(x) < tube))
+            }
+            Shape::Ellipsoid { center, radii } => {
+                let (c, a) = (vec3(&center), vec3(&radii));
+                let points = ball(Vec3::zeros(), 1.0).into_iter().map(|p| c + p.component_mul(&a)).collect();
+                (points, Box::new(move |x| (x - c).component_div(&a).norm() < 1.0))
+            }
             Shape::Mesh(_) => unreachable!("sampled fields have tests of their own"),
         }
     }
@@ -419,6 +490,9 @@ mod tests {
             (capsule(), axis, -0.25),
             (capsule(), vec3(&[-0.4, 0.1, -0.2]), -0.25),
             (capsule(), vec3(&[0.5, -0.2, 0.3]), -0.25),
+            (torus(), vec3(&[0.1, -0.1, 0.05]), 0.4),
+            (ellipsoid(), vec3(&[0.1, 0.2, -0.1]), -0.3),
+            (ellipsoid(), vec3(&[0.7, 0.2, -0.1]), 0.0),
             (Shape::Capsule { from: [1.0; 3], to: [1.0; 3], radius: 0.5 }, vec3(&[1.0; 3]), -0.5),
         ];
         for (shape, x, expected) in cases {
@@ -473,6 +547,18 @@ mod tests {
             (Shape::Tank { min: [0.0; 3], max: [1.0, 1.0, -1.0] }, ShapeError::Inverted { axis: 2 }),
             (Shape::Sphere { center: [0.0; 3], radius: 0.0 }, ShapeError::NoRadius),
             (Shape::Capsule { from: [0.0; 3], to: [0.0; 3], radius: -1.0 }, ShapeError::NoRadius),
+            (
+                Shape::Torus { center: [0.0; 3], axis: [0.0; 3], radius: 2.0, tube: 1.0 },
+                ShapeError::OutOfRange { field: "axis" },
+            ),
+            (
+                Shape::Torus { center: [0.0; 3], axis: [0.0, 0.0, 1.0], radius: 1.0, tube: 1.0 },
+                ShapeError::OutOfRange { field: "tube" },
+            ),
+            (
+                Shape::Ellipsoid { center: [0.0; 3], radii: [1.0, 0.0, 1.0] },
+                ShapeError::OutOfRange { field: "radii" },
+            ),
             (
                 Shape::Sphere { center: [0.0, f32::NAN, 0.0], radius: 1.0 },
                 ShapeError::NotFinite { field: "center" },

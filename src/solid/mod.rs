@@ -4,6 +4,7 @@ mod collider;
 mod contact;
 mod mesh;
 mod motion;
+mod round;
 mod shape;
 
 pub use collider::{Collider, Solid};

@@ -46,6 +46,29 @@ pub enum Shape {
         #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
         radius: f32,
     },
+    /// A ring with a round cross-section.
+    Torus {
+        /// Centre [m].
+        #[schemars(extend("unit" = "m"))]
+        center: [f32; 3],
+        /// The axis around which the ring runs; any length but zero.
+        axis: [f32; 3],
+        /// From the centre to the middle of the tube [m]; the hole's radius is `radius` less `tube`.
+        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        radius: f32,
+        /// Radius of the tube [m], below `radius`.
+        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        tube: f32,
+    },
+    /// A ball stretched along the axes; keyframes turn it.
+    Ellipsoid {
+        /// Centre [m].
+        #[schemars(extend("unit" = "m"))]
+        center: [f32; 3],
+        /// Half of its length along x, y and z [m], each above zero.
+        #[schemars(extend("unit" = "m"))]
+        radii: [f32; 3],
+    },
     /// A closed container: everything outside the box is solid.
     Tank {
         /// Lower inner corner [m].

@@ -7,6 +7,7 @@ mod liquid;
 mod liquid_extremes;
 mod mesh;
 mod sdf;
+mod sheet;
 mod smoke;
 mod solidify;
 mod solids;

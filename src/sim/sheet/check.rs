@@ -1,0 +1,128 @@
+//! Whether sheets can be what the preset says.
+
+use super::{
+    SheetError,
+    params::{SheetParams, SheetShape, SheetsParams},
+};
+use crate::math::Vec3;
+
+/// The whole of them.
+///
+/// # Errors
+/// The first key at fault.
+pub(super) fn check(params: &SheetsParams) -> Result<(), SheetError> {
+    for (i, sheet) in params.sheet.iter().enumerate() {
+        let key = |name: &str| format!("sheet.{i}.{name}");
+        if params.sheet[..i].iter().any(|other| other.name == sheet.name) {
+            return Err(SheetError::Name { key: key("name"), name: sheet.name.clone() });
+        }
+        numbers(sheet, &key)?;
+        shape(sheet, &key)?;
+        for (k, region) in sheet.region.iter().enumerate() {
+            let key = |name: &str| format!("sheet.{i}.region.{k}.{name}");
+            not_negative(region.stiffness, key("stiffness"))?;
+            not_negative(region.damping, key("damping"))?;
+            positive(region.density, key("density"))?;
+        }
+        for (k, pin) in sheet.pin.iter().enumerate() {
+            let key = |name: &str| format!("sheet.{i}.pin.{k}.{name}");
+            pin.stiffness.map_or(Ok(()), |value| positive(value, key("stiffness")))?;
+            finite(&pin.place.unwrap_or_default(), key("place"))?;
+        }
+    }
+    for (i, joint) in params.joint.iter().enumerate() {
+        positive(joint.stiffness, format!("joint.{i}.stiffness"))?;
+        if let Some(direction) = joint.direction {
+            finite(&direction, format!("joint.{i}.direction"))?;
+            positive(Vec3::from(direction).norm(), format!("joint.{i}.direction"))?;
+        }
+    }
+    if let Some(repulsion) = &params.repulsion {
+        positive(repulsion.energy, "repulsion.energy".into())?;
+        positive(repulsion.range, "repulsion.range".into())?;
+    }
+    let solver = &params.solver;
+    positive(solver.tolerance, "solver.tolerance".into())?;
+    positive(solver.courant, "solver.courant".into())?;
+    positive(solver.substeps as f32, "solver.substeps".into())?;
+    positive(solver.max_iterations as f32, "solver.max_iterations".into())?;
+    if solver.courant > 0.95 {
+        let expected = "beyond 0.95 of the stable substep nothing is left for rounding";
+        return Err(SheetError::OutOfRange { key: "solver.courant".into(), value: solver.courant, expected });
+    }
+    not_negative(params.friction.unwrap_or(0.0), "friction".into())
+}
+
+fn numbers(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {
+    positive(sheet.density, key("density"))?;
+    let [a, b] = sheet.spring_damping.unwrap_or_default();
+    let [y1, y2] = sheet.stiffness;
+    let [r1, r2] = sheet.rest;
+    for (name, value) in [
+        ("stiffness", y1),
+        ("stiffness", y2),
+        ("rest", r1),
+        ("rest", r2),
+        ("shear", sheet.shear.unwrap_or(0.0)),
+        ("bending", sheet.bending.unwrap_or(0.0)),
+        ("damping", sheet.damping.unwrap_or(0.0)),
+        ("spring_damping", a),
+        ("spring_damping", b),
+    ] {
+        not_negative(value, key(name))?;
+    }
+    finite(&sheet.velocity, key("velocity"))
+}
+
+fn shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {
+    match &sheet.shape {
+        SheetShape::Grid { origin, first, second, cells } => {
+            for (name, side) in [("origin", origin), ("first", first), ("second", second)] {
+                finite(side, key(&format!("shape.grid.{name}")))?;
+            }
+            let asked = cells.iter().map(|&n| f64::from(n) + 1.0).product::<f64>();
+            if asked > f64::from(1_u32 << 31) {
+                return Err(SheetError::TooMany { asked });
+            }
+            let area = Vec3::from(*first).cross(&Vec3::from(*second)).norm();
+            if area > 0.0 { Ok(()) } else { Err(SheetError::NoArea { key: key("shape.grid") }) }
+        }
+        SheetShape::Mesh(mesh) => {
+            for point in &mesh.points {
+                finite(point, key("shape.mesh"))?;
+            }
+            positive(Vec3::from(sheet.grain).norm(), key("grain"))?;
+            for &value in &mesh.stiffness {
+                not_negative(value, key("shape.mesh.stiffness"))?;
+            }
+            let count = mesh.points.len() as u32;
+            if let Some(&point) = mesh.faces.as_flattened().iter().find(|&&i| i >= count) {
+                return Err(SheetError::NoSuchPoint { key: key("shape.mesh"), point, count });
+            }
+            if mesh.faces.is_empty() { Err(SheetError::NoArea { key: key("shape.mesh") }) } else { Ok(()) }
+        }
+    }
+}
+
+fn finite(values: &[f32], key: String) -> Result<(), SheetError> {
+    let wrong = values.iter().find(|value| !value.is_finite());
+    wrong.map_or(Ok(()), |&value| Err(SheetError::OutOfRange { key, value, expected: "a finite number" }))
+}
+
+fn positive(value: f32, key: String) -> Result<(), SheetError> {
+    let expected = "a finite number above zero";
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(SheetError::OutOfRange { key, value, expected })
+    }
+}
+
+fn not_negative(value: f32, key: String) -> Result<(), SheetError> {
+    let expected = "a finite number, zero or above";
+    if value >= 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(SheetError::OutOfRange { key, value, expected })
+    }
+}

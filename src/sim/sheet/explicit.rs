@@ -1,0 +1,99 @@
+//! Semi-implicit (symplectic) Euler: v ← (v + Δt a)/(1 + Δt c), x ← x + Δt v.
+//!
+//! *Method*: [gudukbay97] Eq. 4, whose velocity-proportional damping is taken at the new velocity, so that it never turns a motion round.
+//! [hairer06] chapter VI shows why energy does not drift without damping.
+//!
+//! Symbols: c → `drag` [1/s], 1/m → `inverse` [1/kg]; a point of no mobility (1/m = 0) is left where it is.
+//! Substeps are many, and each rounds a position the same way where the speed is constant; so what rounding takes is kept for the next.
+//!
+//! Limits: first order in time; stable up to `bound.rs`.
+
+use super::{
+    ABSURD,
+    lanes::{CHUNK, Eight, Vectors},
+};
+use crate::{
+    math::{
+        Vec3,
+        wide::{self, Job, WIDTH, Wide},
+    },
+    par,
+};
+
+/// What accelerates points.
+pub(super) struct Drive<'a> {
+    /// [N].
+    pub(super) force: &'a Vectors,
+    pub(super) inverse: &'a [Wide],
+    pub(super) drag: Option<&'a [Wide]>,
+    pub(super) gravity: Vec3,
+    pub(super) dt: f32,
+}
+
+struct Advance<'a, 'b> {
+    drive: &'b Drive<'a>,
+    start: usize,
+    x: [&'b mut [Wide]; 3],
+    v: [&'b mut [Wide]; 3],
+    low: [&'b mut [Wide]; 3],
+}
+
+impl Job for Advance<'_, '_> {
+    /// The first eight that left what can be computed.
+    type Out = Option<usize>;
+
+    #[inline(always)]
+    fn run(self) -> Option<usize> {
+        let Drive { force, inverse, drag, gravity, dt } = *self.drive;
+        let mut lost = None;
+        for k in 0..self.x[0].len() {
+            let at = self.start + k;
+            let (f, w): (Eight, Wide) = (force.eight(at), inverse[at]);
+            let mut slow = [1.0; WIDTH];
+            if let Some(drag) = drag {
+                for lane in 0..WIDTH {
+                    slow[lane] = 1.0 / (1.0 + dt * drag[at][lane]);
+                }
+            }
+            let mut largest = [0.0_f32; WIDTH];
+            for axis in 0..3 {
+                let (x, v, low) = (&mut self.x[axis][k], &mut self.v[axis][k], &mut self.low[axis][k]);
+                for lane in 0..WIDTH {
+                    let free = if w[lane] > 0.0 { 1.0 } else { 0.0 };
+                    let a = f[axis][lane] * w[lane] + gravity[axis] * free; // [gudukbay97] Eq. 4
+                    v[lane] = (v[lane] + dt * a) * slow[lane];
+                    // What rounding takes from the way is added to the next ([kahan65]).
+                    let way = (dt * v[lane] + low[lane]) * free;
+                    let before = x[lane];
+                    x[lane] = before + way;
+                    low[lane] = way - (x[lane] - before);
+                    // A NaN in either makes the sum one.
+                    largest[lane] += x[lane].abs() + v[lane].abs();
+                }
+            }
+            let mut whole = true;
+            for lane in 0..WIDTH {
+                whole &= largest[lane] < ABSURD;
+            }
+            if !whole && lost.is_none() {
+                lost = Some(at);
+            }
+        }
+        lost
+    }
+}
+
+/// Advances points by `drive.dt` [s]; `low` is what rounding took from their positions so far. Returns one of eight that has a point that left what can be computed, if there is one.
+pub(super) fn advance(
+    drive: &Drive<'_>,
+    x: &mut Vectors,
+    v: &mut Vectors,
+    low: &mut Vectors,
+) -> Option<usize> {
+    let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
+    let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
+    let lost = par::map_chunks_mut(all, CHUNK, |start, [x0, x1, x2, v0, v1, v2, l0, l1, l2]| {
+        wide::run(Advance { drive, start, x: [x0, x1, x2], v: [v0, v1, v2], low: [l0, l1, l2] })
+    });
+    lost.into_iter().flatten().next()
+}

@@ -1,0 +1,211 @@
+//! Implicit Euler, linearised once a substep.
+//!
+//! *Method*: [baraff98]: (M (1 + Δt c) + Δt C + Δt² K) v₁ = M v₀ + Δt f(x₀), solved by conjugate gradients without a matrix, begun
+//! at v₀ and preconditioned by the inverses of the 3×3 blocks of each point. Points of no mobility are filtered out. f has no damping:
+//! that acts on v₁. It is [baraff98] Eq. 6 with v₀ on the right.
+//! *Departs from the paper*: springs in compression keep the part of their derivative along themselves only, so that the matrix is positive;
+//! joints with a direction are taken across it.
+//!
+//! Symbols: as in `springs.rs`; A → [`Matrix`], r → `rest`, z → `better`, p → `way`.
+//! Limits: first order in time; damps waves faster than the substep. Sums are double, vectors single precision: residuals below 1e-7 are
+//! not reached.
+
+use super::{
+    hold::Joined,
+    lanes::{Eight, Vectors},
+    springs::{self, Blocks},
+    table::Table,
+};
+use crate::{
+    math::{
+        Vec3,
+        wide::{WIDTH, Wide},
+    },
+    par,
+};
+
+/// The left side.
+pub(super) struct Matrix<'a> {
+    pub(super) springs: &'a Table,
+    pub(super) plates: Option<&'a Table>,
+    /// Positions at which it is taken.
+    pub(super) x: &'a Vectors,
+    pub(super) mass: &'a [Wide],
+    pub(super) inverse: &'a [Wide],
+    pub(super) drag: Option<&'a [Wide]>,
+    /// Δt² of what else holds points.
+    pub(super) held: Vec<Blocks>,
+    pub(super) joined: Vec<&'a Joined>,
+    pub(super) dt: f32,
+}
+
+/// How the conjugate gradients went.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Solved {
+    pub(super) iterations: u32,
+    /// |r|/|b| in the preconditioner's norm.
+    pub(super) residual: f64,
+}
+
+impl Matrix<'_> {
+    /// M (1 + Δt c) of eight points.
+    fn inertia(&self, at: usize) -> Wide {
+        let mut out = self.mass[at];
+        if let Some(drag) = self.drag {
+            for lane in 0..WIDTH {
+                out[lane] *= 1.0 + self.dt * drag[at][lane];
+            }
+        }
+        out
+    }
+
+    /// A p, zero at points of no mobility.
+    fn times(&self, p: &Vectors, out: &mut Vectors) {
+        out.update(|at, [x, y, z]| {
+            let (p, m) = (p.eight(at), self.inertia(at));
+            let q = symmetric(&self.held[at], &p);
+            for lane in 0..WIDTH {
+                x[lane] = m[lane] * p[0][lane] + q[0][lane];
+                y[lane] = m[lane] * p[1][lane] + q[1][lane];
+                z[lane] = m[lane] * p[2][lane] + q[2][lane];
+            }
+        });
+        springs::add_change(self.springs, self.x, p, self.dt, out);
+        if let Some(plates) = self.plates {
+            springs::add_linear(plates, p, [-self.dt * self.dt, -self.dt], out);
+        }
+        for joint in &self.joined {
+            let [a, b] = joint.ends.map(|i| i as usize);
+            let mut q = (p.get(a) - p.get(b)) * (self.dt * self.dt * joint.stiffness);
+            q -= joint.direction.map_or(Vec3::zeros(), |n| n * n.dot(&q));
+            out.add(a, q);
+            out.add(b, -q);
+        }
+        self.filter(out);
+    }
+
+    fn filter(&self, out: &mut Vectors) {
+        out.update(|at, axes| {
+            for axis in axes {
+                for lane in 0..WIDTH {
+                    if self.inverse[at][lane] == 0.0 {
+                        axis[lane] = 0.0;
+                    }
+                }
+            }
+        });
+    }
+
+    /// Inverses of the blocks on the diagonal.
+    fn inverses(&self) -> Vec<Blocks> {
+        let mut blocks = self.held.clone();
+        par::update(&mut blocks, |at, block| {
+            let m = self.inertia(at);
+            for part in &mut block[..3] {
+                for lane in 0..WIDTH {
+                    part[lane] += m[lane];
+                }
+            }
+        });
+        springs::add_blocks(self.springs, self.x, self.dt, &mut blocks);
+        if let Some(plates) = self.plates {
+            springs::add_linear_blocks(plates, [self.dt * self.dt, self.dt], &mut blocks);
+        }
+        for joint in &self.joined {
+            let stiffness = self.dt * self.dt * joint.stiffness;
+            joint.ends.iter().for_each(|&i| add_all(&mut blocks, i as usize, stiffness));
+        }
+        par::update(&mut blocks, |_, block| {
+            for lane in 0..WIDTH {
+                let inverted = invert(std::array::from_fn(|part| block[part][lane]));
+                block.iter_mut().zip(inverted).for_each(|(part, value)| part[lane] = value);
+            }
+        });
+        blocks
+    }
+
+    /// Solves A v = `right`, from `v`, whose points of no mobility stay.
+    pub(super) fn solve(&self, right: &Vectors, v: &mut Vectors, tolerance: f64, most: u32) -> Solved {
+        let inverses = self.inverses();
+        let precondition = |r: &Vectors, z: &mut Vectors| {
+            z.update(|at, out| {
+                let found = symmetric(&inverses[at], &r.eight(at));
+                out.into_iter().zip(found).for_each(|(out, found)| *out = found);
+            });
+        };
+        let len = v.len();
+        let (mut product, mut better) = (Vectors::zeros(len), Vectors::zeros(len));
+
+        // The size of the right side, and what the first guess leaves of it.
+        let mut rest = right.clone();
+        self.filter(&mut rest);
+        precondition(&rest, &mut better);
+        let size = rest.dot(&better);
+        self.times(v, &mut product);
+        combine(&mut rest, 1.0, &product, -1.0);
+        precondition(&rest, &mut better);
+        let mut way = better.clone();
+        let mut left = rest.dot(&better);
+        let goal = tolerance * tolerance * size;
+        let mut iterations = 0;
+        while left > goal && iterations < most {
+            self.times(&way, &mut product);
+            let alpha = left / way.dot(&product);
+            combine(v, 1.0, &way, alpha as f32);
+            combine(&mut rest, 1.0, &product, -alpha as f32);
+            precondition(&rest, &mut better);
+            let before = std::mem::replace(&mut left, rest.dot(&better));
+            combine(&mut way, (left / before) as f32, &better, 1.0);
+            iterations += 1;
+        }
+        let residual = if size > 0.0 { (left / size).max(0.0).sqrt() } else { 0.0 };
+        Solved { iterations, residual }
+    }
+}
+
+/// a ← f a + g b.
+fn combine(a: &mut Vectors, f: f32, b: &Vectors, g: f32) {
+    a.update(|at, out| {
+        for (out, b) in out.into_iter().zip(b.eight(at)) {
+            for lane in 0..WIDTH {
+                out[lane] = f * out[lane] + g * b[lane];
+            }
+        }
+    });
+}
+
+/// Symmetric matrices times vectors.
+fn symmetric(m: &Blocks, p: &Eight) -> Eight {
+    let mut out = [[0.0; WIDTH]; 3];
+    for (axis, parts) in [[0, 3, 4], [3, 1, 5], [4, 5, 2]].into_iter().enumerate() {
+        for lane in 0..WIDTH {
+            out[axis][lane] = m[parts[0]][lane] * p[0][lane]
+                + m[parts[1]][lane] * p[1][lane]
+                + m[parts[2]][lane] * p[2][lane];
+        }
+    }
+    out
+}
+
+/// The inverse of a symmetric positive matrix; zero for that of no point.
+fn invert(m: [f32; 6]) -> [f32; 6] {
+    let [a, b, c, d, e, f] = m.map(f64::from); // xx, yy, zz, xy, xz, yz
+    let (aa, dd, ee) = (b * c - f * f, e * f - d * c, d * f - e * b);
+    let determinant = a * aa + d * dd + e * ee;
+    let scaled =
+        [aa, a * c - e * e, a * b - d * d, dd, ee, d * e - a * f].map(|part| (part / determinant) as f32);
+    if scaled.iter().all(|part| part.is_finite()) { scaled } else { [0.0; 6] }
+}
+
+/// The blocks k n nᵀ.
+pub(super) fn add_along(blocks: &mut [Blocks], i: usize, k: f32, n: Vec3) {
+    let block = &mut blocks[i / WIDTH];
+    for (part, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
+        block[part][i % WIDTH] += k * n[a] * n[b];
+    }
+}
+
+/// The blocks k 1.
+pub(super) fn add_all(blocks: &mut [Blocks], i: usize, k: f32) {
+    blocks[i / WIDTH][..3].iter_mut().for_each(|part| part[i % WIDTH] += k);
+}

@@ -1,0 +1,103 @@
+//! Vectors of all points, eight at a time.
+
+use crate::{
+    math::{
+        Vec3,
+        wide::{WIDTH, Wide},
+    },
+    par,
+};
+
+/// Eights that a task handles.
+pub(super) const CHUNK: usize = 256;
+
+/// x, y and z of eight points.
+pub(super) type Eight = [Wide; 3];
+
+/// Vectors, eight to a piece; what fills up the last piece is zero.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Vectors {
+    len: usize,
+    /// Each axis by eights.
+    pub(super) axes: [Vec<Wide>; 3],
+}
+
+impl Vectors {
+    /// `len` zeros.
+    pub(super) fn zeros(len: usize) -> Self {
+        Self { len, axes: std::array::from_fn(|_| par::repeated([0.0; WIDTH], len.div_ceil(WIDTH))) }
+    }
+
+    /// Makes all zero.
+    pub(super) fn clear(&mut self) {
+        self.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; WIDTH]));
+    }
+
+    /// These vectors.
+    pub(super) fn of(values: &[Vec3]) -> Self {
+        let mut out = Self::zeros(values.len());
+        for (i, v) in values.iter().enumerate() {
+            out.set(i, *v);
+        }
+        out
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.len
+    }
+
+    #[inline]
+    pub(super) fn get(&self, i: usize) -> Vec3 {
+        let [x, y, z] = &self.axes;
+        Vec3::new(x[i / WIDTH][i % WIDTH], y[i / WIDTH][i % WIDTH], z[i / WIDTH][i % WIDTH])
+    }
+
+    #[inline]
+    pub(super) fn set(&mut self, i: usize, v: Vec3) {
+        for (axis, value) in self.axes.iter_mut().zip(v.iter()) {
+            axis[i / WIDTH][i % WIDTH] = *value;
+        }
+    }
+
+    #[inline]
+    pub(super) fn add(&mut self, i: usize, v: Vec3) {
+        self.set(i, self.get(i) + v);
+    }
+
+    /// Eight points.
+    #[inline(always)]
+    pub(super) fn eight(&self, at: usize) -> Eight {
+        [self.axes[0][at], self.axes[1][at], self.axes[2][at]]
+    }
+
+    /// As a list.
+    pub(super) fn to_vec(&self) -> Vec<Vec3> {
+        (0..self.len).map(|i| self.get(i)).collect()
+    }
+
+    /// Calls `f(number of the eight, its vectors)` for each.
+    pub(super) fn update(&mut self, f: impl Fn(usize, [&mut Wide; 3]) + Sync) {
+        let [x, y, z] = &mut self.axes;
+        par::map_chunks_mut([x, y, z], CHUNK, |start, [x, y, z]| {
+            for (k, ((x, y), z)) in x.iter_mut().zip(y).zip(z).enumerate() {
+                f(start + k, [x, y, z]);
+            }
+        });
+    }
+
+    /// Σ over points of `self` · `other`, in double precision and a fixed order.
+    pub(super) fn dot(&self, other: &Self) -> f64 {
+        let parts = par::map_chunks(self.axes[0].len(), CHUNK, |range| {
+            let mut sum = [0.0_f64; WIDTH];
+            for at in range {
+                for (a, b) in self.axes.iter().zip(&other.axes) {
+                    for lane in 0..WIDTH {
+                        sum[lane] += f64::from(a[at][lane]) * f64::from(b[at][lane]);
+                    }
+                }
+            }
+            sum.iter().sum::<f64>()
+        });
+        parts.into_iter().sum()
+    }
+}

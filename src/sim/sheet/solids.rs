@@ -1,0 +1,228 @@
+//! Solids: what pushes sheets off before they touch, and what puts back those that slip through.
+//!
+//! *Method*: [gudukbay97] Eq. 9 with the potential c·exp(−f/ξ) of a square metre, f the signed distance, so that |∇f| = 1 at every solid.
+//! The force −∇ of it is (c/ξ) exp(−f/ξ) ∇f, of which only the part along the sheet's normal n acts. What is left inside after a substep is
+//! put to the surface; its speed into the solid ends, and friction takes up to μ times that from its speed along it.
+//! *Departs from the paper*: the sign, which Eq. 9 and its prose give differently (force outwards is meant); friction; solids move; where a
+//! fold leaves a point without a normal ∇f takes its place.
+//!
+//! Symbols: f → `distance` [m], c → `energy` [J/m²], ξ → `range` [m].
+//! Limits: points are kept out, not the faces between them: a solid thinner than a cell pokes through. An edge-on sheet is not pushed
+//! (n ⊥ ∇f), only put back.
+
+use super::{
+    lanes::{CHUNK, Vectors},
+    params::Repulsion,
+};
+use crate::{
+    math::{Vec3, wide::WIDTH},
+    par,
+    solid::{Pose, Shape, Solid},
+};
+
+/// Beyond so many ξ the push is below a ten millionth of that at the surface, which is what single precision keeps of a sum.
+const FAR: f32 = 16.0;
+
+/// Rounds over all solids in which a point is put back: in a corner of three each undoes part of the others'.
+const ROUNDS: usize = 8;
+
+/// How far outside a point is put back to, in parts of its largest coordinate: what rounding takes.
+const SKIN: f32 = 1e-6;
+
+/// A solid at both ends of a substep.
+pub(super) struct Placed<'a> {
+    shape: &'a Shape,
+    poses: Option<[Pose; 2]>,
+}
+
+/// The solids between two times [s].
+pub(super) fn placed(solids: &[Solid], from: f64, to: f64) -> Vec<Placed<'_>> {
+    let poses = |solid: &Solid| solid.motion.as_ref().map(|motion| [motion.pose(from), motion.pose(to)]);
+    solids.iter().map(|solid| Placed { shape: &solid.shape, poses: poses(solid) }).collect()
+}
+
+impl Placed<'_> {
+    /// Distance and normal at one end of the substep.
+    fn contact(&self, x: Vec3, end: usize) -> (f32, Vec3) {
+        match &self.poses {
+            None => self.shape.contact(x),
+            Some(poses) => {
+                let (d, n) = self.shape.contact(poses[end].to_local(x));
+                (d, poses[end].rotation * n)
+            }
+        }
+    }
+
+    /// The solid's own way during the substep at a place [m].
+    fn way(&self, x: Vec3) -> Vec3 {
+        self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| {
+            let local = to.to_local(x);
+            to.to_world(local) - from.to_world(local)
+        })
+    }
+}
+
+/// Faces around points, for normals: the two neighbours of a point in each.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Around {
+    start: Vec<u32>,
+    pairs: Vec<[u32; 2]>,
+}
+
+impl Around {
+    /// Of `count` points.
+    pub(super) fn new(count: usize, faces: &[[u32; 4]]) -> Self {
+        let mut all = Vec::with_capacity(4 * faces.len());
+        for &[a, b, c, d] in faces {
+            let corners: &[u32] = if c == d { &[a, b, c] } else { &[a, b, c, d] };
+            let n = corners.len();
+            for k in 0..n {
+                all.push((corners[k], [corners[(k + 1) % n], corners[(k + n - 1) % n]]));
+            }
+        }
+        par::sort_by_key(&mut all, |&entry| entry);
+        let mut start = vec![0; count + 1];
+        all.iter().for_each(|(i, _)| start[*i as usize + 1] += 1);
+        (0..count).for_each(|i| start[i + 1] += start[i]);
+        Self { start, pairs: all.into_iter().map(|(_, pair)| pair).collect() }
+    }
+
+    /// The unit normal at a point; `None` where faces cancel or there are none.
+    pub(super) fn normal(&self, x: &Vectors, i: usize) -> Option<Vec3> {
+        let own = x.get(i);
+        let pairs = &self.pairs[self.start[i] as usize..self.start[i + 1] as usize];
+        let sum: Vec3 =
+            pairs.iter().map(|[a, b]| (x.get(*a as usize) - own).cross(&(x.get(*b as usize) - own))).sum();
+        let length = sum.norm();
+        (length > 0.0 && length.is_finite()).then(|| sum / length)
+    }
+}
+
+/// A push on a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Push {
+    pub(super) point: u32,
+    /// Force [N].
+    pub(super) force: Vec3,
+    /// −∂force/∂x = `stiffness` n nᵀ [N/m].
+    pub(super) stiffness: f32,
+    /// The sheet's unit normal.
+    pub(super) normal: Vec3,
+}
+
+/// What the solids push, at the start of a substep of `dt` [s].
+pub(super) fn pushes(
+    repulsion: &Repulsion,
+    friction: Option<f32>,
+    solids: &[Placed<'_>],
+    around: &Around,
+    sheet: (&Vectors, &Vectors, &[f32], &[f32]),
+    dt: f32,
+) -> Vec<Push> {
+    let (x, v, area, mass) = sheet;
+    let Repulsion { energy, range } = *repulsion;
+    let parts = par::map_chunks(x.len(), par::CHUNK, |points| {
+        let mut found = Vec::new();
+        for i in points {
+            for solid in solids {
+                let (distance, out) = solid.contact(x.get(i), 0);
+                if distance >= FAR * range {
+                    continue;
+                }
+                let normal = around.normal(x, i).unwrap_or(out);
+                let at_point = area[i] * energy / range * (-distance.max(0.0) / range).exp();
+                let along = out.dot(&normal);
+                let mut force = normal * (at_point * along); // [gudukbay97] Eq. 9
+                if let Some(friction) = friction {
+                    let slip = v.get(i) - solid.way(x.get(i)) / dt;
+                    let slip = slip - out * out.dot(&slip);
+                    let speed = slip.norm();
+                    let most = mass[i] * speed / dt;
+                    if speed > 0.0 {
+                        force -= slip / speed * (friction * at_point * along.abs()).min(most);
+                    }
+                }
+                let stiffness = at_point / range * along * along;
+                found.push(Push { point: i as u32, force, stiffness, normal });
+            }
+        }
+        found
+    });
+    parts.into_iter().flatten().collect()
+}
+
+/// Puts points that are inside solids at the end of a substep of `dt` [s] back to their surfaces. Points of no mobility stay. Returns
+/// how many were.
+pub(super) fn put_back(
+    solids: &[Placed<'_>],
+    friction: Option<f32>,
+    mobility: &[f32],
+    x: &mut Vectors,
+    v: &mut Vectors,
+    dt: f32,
+) -> u64 {
+    let len = x.len();
+    let ([x0, x1, x2], [v0, v1, v2]) = (&mut x.axes, &mut v.axes);
+    let caught = par::map_chunks_mut([x0, x1, x2, v0, v1, v2], CHUNK, |start, [x0, x1, x2, v0, v1, v2]| {
+        let mut caught = 0;
+        for i in start * WIDTH..len.min((start + x0.len()) * WIDTH) {
+            let (at, lane) = (i / WIDTH - start, i % WIDTH);
+            if mobility[i] == 0.0 {
+                continue;
+            }
+            let before = Vec3::new(x0[at][lane], x1[at][lane], x2[at][lane]);
+            let speed = Vec3::new(v0[at][lane], v1[at][lane], v2[at][lane]);
+            if let Some((place, speed)) = outside(solids, friction, before, speed, dt) {
+                caught += 1;
+                (x0[at][lane], x1[at][lane], x2[at][lane]) = (place.x, place.y, place.z);
+                (v0[at][lane], v1[at][lane], v2[at][lane]) = (speed.x, speed.y, speed.z);
+            }
+        }
+        caught
+    });
+    caught.into_iter().sum()
+}
+
+/// Where a point inside a solid is put, and its velocity then; `None` if it is in none.
+fn outside(
+    solids: &[Placed<'_>],
+    friction: Option<f32>,
+    mut x: Vec3,
+    mut v: Vec3,
+    dt: f32,
+) -> Option<(Vec3, Vec3)> {
+    let mut caught = false;
+    for _ in 0..ROUNDS {
+        let mut again = false;
+        for solid in solids {
+            let (distance, n) = solid.contact(x, 1);
+            if distance >= 0.0 {
+                continue;
+            }
+            (caught, again) = (true, true);
+            x += n * (SKIN * (1.0 + x.amax()) - distance);
+            let own = solid.way(x) / dt;
+            let relative = v - own;
+            let inwards = relative.dot(&n);
+            let mut slip = relative - n * inwards;
+            if let (Some(friction), true) = (friction, inwards < 0.0) {
+                let speed = slip.norm();
+                slip *= if speed > 0.0 { 1.0 - (-friction * inwards / speed).min(1.0) } else { 0.0 };
+            }
+            v = own + slip + n * inwards.max(0.0);
+        }
+        if !again {
+            break;
+        }
+    }
+    caught.then_some((x, v))
+}
+
+/// Points inside solids at a time [s].
+pub(super) fn inside(solids: &[Solid], time: f64, x: &Vectors) -> u64 {
+    let solids = placed(solids, time, time);
+    let count = |range: std::ops::Range<usize>| {
+        range.filter(|&i| solids.iter().any(|solid| solid.contact(x.get(i), 1).0 < 0.0)).count() as u64
+    };
+    par::map_chunks(x.len(), par::CHUNK, count).into_iter().sum()
+}

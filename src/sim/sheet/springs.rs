@@ -1,0 +1,397 @@
+//! What springs and plates do to points: forces, and how forces change.
+//!
+//! *Method*: [gudukbay97] Eq. 6 and 7: each point gathers k [(x_j − x_i) − ℓ (x_j − x_i)/|x_j − x_i|] from its neighbours j, here in the direction
+//! of the force. Plates are linear: Σ k_ij (x_j − x_i). The derivative is that of [baraff98] section 4, split along and across the spring,
+//! with the part across left out where it is negative (a spring in compression).
+//! *Departs from the paper*: any number of neighbours, each with its own k and ℓ; springs may damp the speed of their own length.
+//!
+//! Symbols: d → x_j − x_i [m]; k → `stiffness` [N/m]; ℓ → `rest` [m]. The two ends of a spring compute the same
+//! numbers with opposite signs, so that forces cancel to the last digit before they are summed.
+//! Limits: a spring of length zero has no direction and pulls only if its rest length is zero; such springs are counted by the record.
+
+use super::{
+    lanes::{CHUNK, Eight, Vectors},
+    table::{Slot, Table},
+};
+use crate::{
+    math::wide::{self, Job, WIDTH, Wide},
+    par,
+};
+
+/// Squares of lengths below it count as it [m²]: far below what positions resolve, and its root does not vanish.
+const TINY: f32 = 1e-30;
+
+/// Symmetric 3×3 matrices of eight points: xx, yy, zz, xy, xz, yz.
+pub(super) type Blocks = [Wide; 6];
+
+/// Neighbours of a slot.
+#[inline(always)]
+fn fetch(of: &Vectors, slot: &Slot) -> Eight {
+    let mut out = [[0.0; WIDTH]; 3];
+    for (out, axis) in out.iter_mut().zip(&of.axes) {
+        let flat = axis.as_flattened();
+        if slot.in_row {
+            let first = slot.at[0] as usize;
+            out.copy_from_slice(&flat[first..first + WIDTH]);
+        } else {
+            for lane in 0..WIDTH {
+                out[lane] = flat[slot.at[lane] as usize];
+            }
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn minus(a: &Eight, b: &Eight) -> Eight {
+    let mut out = [[0.0; WIDTH]; 3];
+    for axis in 0..3 {
+        for lane in 0..WIDTH {
+            out[axis][lane] = a[axis][lane] - b[axis][lane];
+        }
+    }
+    out
+}
+
+#[inline(always)]
+fn dot(a: &Eight, b: &Eight) -> Wide {
+    let mut out = [0.0; WIDTH];
+    for lane in 0..WIDTH {
+        out[lane] = a[0][lane] * b[0][lane] + a[1][lane] * b[1][lane] + a[2][lane] * b[2][lane];
+    }
+    out
+}
+
+/// `sum` + `weight` `v`.
+#[inline(always)]
+fn plus(sum: &mut Eight, weight: &Wide, v: &Eight) {
+    for axis in 0..3 {
+        for lane in 0..WIDTH {
+            sum[axis][lane] += weight[lane] * v[axis][lane];
+        }
+    }
+}
+
+/// 1/|d|.
+#[inline(always)]
+fn inverse_length(d: &Eight) -> Wide {
+    let mut out = dot(d, d);
+    for r in &mut out {
+        *r = 1.0 / (if *r > TINY { *r } else { TINY }).sqrt();
+    }
+    out
+}
+
+/// A job that makes one vector of each point of some eights.
+trait Gather: Sync {
+    /// The vectors of eight points. To be inlined always.
+    fn eight(&self, at: usize) -> Eight;
+}
+
+struct Run<'a, G> {
+    gather: &'a G,
+    start: usize,
+    out: [&'a mut [Wide]; 3],
+}
+
+impl<G: Gather> Job for Run<'_, G> {
+    type Out = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [x, y, z] = self.out;
+        for k in 0..x.len() {
+            let found = self.gather.eight(self.start + k);
+            for lane in 0..WIDTH {
+                x[k][lane] += found[0][lane];
+                y[k][lane] += found[1][lane];
+                z[k][lane] += found[2][lane];
+            }
+        }
+    }
+}
+
+/// Adds what `gather` finds to `out`.
+fn add<G: Gather>(out: &mut Vectors, gather: &G) {
+    let [x, y, z] = &mut out.axes;
+    par::map_chunks_mut([x, y, z], CHUNK, |start, out| {
+        wide::run(Run { gather, start, out });
+    });
+}
+
+/// Forces of springs.
+struct Forces<'a, const DAMPED: bool> {
+    table: &'a Table,
+    x: &'a Vectors,
+    v: &'a Vectors,
+}
+
+impl<const DAMPED: bool> Gather for Forces<'_, DAMPED> {
+    #[inline(always)]
+    fn eight(&self, at: usize) -> Eight {
+        let own = self.x.eight(at);
+        let own_v = if DAMPED { self.v.eight(at) } else { own };
+        let mut sum = [[0.0; WIDTH]; 3];
+        let (slots, damping) = self.table.of(at);
+        for k in 0..slots.len() {
+            let slot = &slots[k];
+            let d = minus(&fetch(self.x, slot), &own);
+            let inverse = inverse_length(&d);
+            let mut pull = [0.0; WIDTH];
+            for lane in 0..WIDTH {
+                pull[lane] = slot.stiffness[lane] * (1.0 - slot.rest[lane] * inverse[lane]); // [gudukbay97] Eq. 6
+            }
+            if DAMPED {
+                let w = dot(&minus(&fetch(self.v, slot), &own_v), &d);
+                for lane in 0..WIDTH {
+                    pull[lane] += damping[k][lane] * w[lane] * (inverse[lane] * inverse[lane]);
+                }
+            }
+            plus(&mut sum, &pull, &d); // [gudukbay97] Eq. 7
+        }
+        sum
+    }
+}
+
+/// Adds the forces of springs at `x` to `out` [N]; with velocities, those of their damping, too.
+pub(super) fn add_forces(table: &Table, x: &Vectors, v: Option<&Vectors>, out: &mut Vectors) {
+    match v {
+        Some(v) if table.is_damped() => add(out, &Forces::<true> { table, x, v }),
+        _ => add(out, &Forces::<false> { table, x, v: x }),
+    }
+}
+
+/// Σ k_ij (y_j − y_i), with k = a · stiffness + b · damping.
+struct Linear<'a> {
+    table: &'a Table,
+    y: &'a Vectors,
+    parts: [f32; 2],
+}
+
+impl Gather for Linear<'_> {
+    #[inline(always)]
+    fn eight(&self, at: usize) -> Eight {
+        let own = self.y.eight(at);
+        let mut sum = [[0.0; WIDTH]; 3];
+        let (slots, damping) = self.table.of(at);
+        for k in 0..slots.len() {
+            let slot = &slots[k];
+            let d = minus(&fetch(self.y, slot), &own);
+            let mut weight = slot.stiffness;
+            for lane in 0..WIDTH {
+                weight[lane] *= self.parts[0];
+            }
+            if !damping.is_empty() {
+                for lane in 0..WIDTH {
+                    weight[lane] += self.parts[1] * damping[k][lane];
+                }
+            }
+            plus(&mut sum, &weight, &d);
+        }
+        sum
+    }
+}
+
+/// Adds Σ (a · stiffness + b · damping) (y_j − y_i) to `out`, with a and b as `parts`.
+pub(super) fn add_linear(table: &Table, y: &Vectors, parts: [f32; 2], out: &mut Vectors) {
+    add(out, &Linear { table, y, parts });
+}
+
+/// How springs answer to a change: along and across each, with parts Δt² of stiffness and Δt of damping.
+struct Change<'a> {
+    table: &'a Table,
+    x: &'a Vectors,
+    p: &'a Vectors,
+    dt: f32,
+}
+
+/// What a spring has along itself and across, less than zero left out, and the square of its inverse length.
+#[inline(always)]
+fn along_and_across(slot: &Slot, damping: Option<&Wide>, inverse: &Wide, dt: f32) -> [Wide; 2] {
+    let mut out = [[0.0; WIDTH]; 2];
+    for lane in 0..WIDTH {
+        let taut = 1.0 - slot.rest[lane] * inverse[lane];
+        out[0][lane] = dt * dt * slot.stiffness[lane];
+        out[1][lane] = dt * dt * slot.stiffness[lane] * if taut > 0.0 { taut } else { 0.0 };
+    }
+    if let Some(damping) = damping {
+        for lane in 0..WIDTH {
+            out[0][lane] += dt * damping[lane];
+        }
+    }
+    out
+}
+
+impl Gather for Change<'_> {
+    #[inline(always)]
+    fn eight(&self, at: usize) -> Eight {
+        let (own, own_p) = (self.x.eight(at), self.p.eight(at));
+        let mut sum = [[0.0; WIDTH]; 3];
+        let (slots, damping) = self.table.of(at);
+        for k in 0..slots.len() {
+            let slot = &slots[k];
+            let d = minus(&fetch(self.x, slot), &own);
+            let q = minus(&own_p, &fetch(self.p, slot));
+            let inverse = inverse_length(&d);
+            let [along, across] = along_and_across(
+                slot,
+                if damping.is_empty() { None } else { Some(&damping[k]) },
+                &inverse,
+                self.dt,
+            );
+            let w = dot(&q, &d);
+            let mut part = [0.0; WIDTH];
+            for lane in 0..WIDTH {
+                part[lane] = (along[lane] - across[lane]) * w[lane] * (inverse[lane] * inverse[lane]);
+            }
+            plus(&mut sum, &across, &q);
+            plus(&mut sum, &part, &d);
+        }
+        sum
+    }
+}
+
+/// Adds (Δt² K + Δt C) p of springs at `x` to `out`.
+pub(super) fn add_change(table: &Table, x: &Vectors, p: &Vectors, dt: f32, out: &mut Vectors) {
+    add(out, &Change { table, x, p, dt });
+}
+
+/// Adds the diagonal blocks of Δt² K + Δt C of springs at `x` to `out`.
+pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]) {
+    par::update(out, |at, out| {
+        let own = x.eight(at);
+        let (slots, damping) = table.of(at);
+        for (k, slot) in slots.iter().enumerate() {
+            let d = minus(&fetch(x, slot), &own);
+            let inverse = inverse_length(&d);
+            let [along, across] = along_and_across(slot, damping.get(k), &inverse, dt);
+            for lane in 0..WIDTH {
+                let n: [f32; 3] = std::array::from_fn(|axis| d[axis][lane] * inverse[lane]);
+                let part = along[lane] - across[lane];
+                for (block, (a, b)) in
+                    [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate()
+                {
+                    out[block][lane] += part * n[a] * n[b] + if a == b { across[lane] } else { 0.0 };
+                }
+            }
+        }
+    });
+}
+
+/// Adds the diagonal of a linear table to `out`.
+pub(super) fn add_linear_blocks(table: &Table, parts: [f32; 2], out: &mut [Blocks]) {
+    par::update(out, |at, out| {
+        let (slots, damping) = table.of(at);
+        for (k, slot) in slots.iter().enumerate() {
+            for lane in 0..WIDTH {
+                let damped = damping.get(k).map_or(0.0, |d| parts[1] * d[lane]);
+                let weight = parts[0] * slot.stiffness[lane] + damped;
+                out[..3].iter_mut().for_each(|block| block[lane] += weight);
+            }
+        }
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::table::Entry, *};
+    use crate::math::Vec3;
+
+    const COUNT: usize = 45;
+
+    /// Springs without order between some points, and others as on a grid.
+    fn entries(grid: bool, damping: f32) -> Vec<Entry> {
+        let pairs: Vec<[u32; 2]> = if grid {
+            let row = (0..COUNT as u32 - 1).filter(|i| i % 9 != 8).map(|i| [i, i + 1]);
+            row.chain((0..COUNT as u32 - 9).map(|i| [i, i + 9])).collect()
+        } else {
+            (0..90).map(|k| [(k * 7) % 45, (k * k * 11 + 3) % 45]).filter(|[a, b]| a != b).collect()
+        };
+        let both = |(k, [a, b]): (usize, [u32; 2])| {
+            let (stiffness, rest) = (1.0 + k as f32, 0.01 * k as f32);
+            let entry = |of, to| Entry { of, to, stiffness, rest, damping };
+            [entry(a, b), entry(b, a)]
+        };
+        pairs.into_iter().enumerate().flat_map(both).collect()
+    }
+
+    fn cloud(seed: f32) -> Vectors {
+        let at = |i: usize, k: f32| (seed + k + i as f32 * (1.3 + 0.7 * k)).sin();
+        Vectors::of(&(0..COUNT).map(|i| Vec3::new(at(i, 0.0), at(i, 1.0), at(i, 2.0))).collect::<Vec<_>>())
+    }
+
+    /// The readable form: entry by entry, in double precision.
+    fn expected(entries: &[Entry], x: &Vectors, v: &Vectors) -> Vec<nalgebra::Vector3<f64>> {
+        let mut out = vec![nalgebra::Vector3::zeros(); COUNT];
+        for e in entries {
+            let [of, to] = [e.of as usize, e.to as usize];
+            let d = x.get(to).cast::<f64>() - x.get(of).cast();
+            let w = (v.get(to).cast::<f64>() - v.get(of).cast()).dot(&d) / d.norm_squared();
+            let pull = f64::from(e.stiffness) * (1.0 - f64::from(e.rest) / d.norm());
+            out[of] += d * (pull + f64::from(e.damping) * w);
+        }
+        out
+    }
+
+    #[test]
+    fn forces_are_those_of_every_entry_and_both_forms_have_the_same_bits() {
+        let (x, v) = (cloud(0.3), cloud(1.9));
+        for (grid, damping) in [(true, 0.0), (true, 0.5), (false, 0.0), (false, 0.5)] {
+            let entries = entries(grid, damping);
+            let table = Table::new(COUNT, entries.clone());
+            assert_eq!((0..COUNT / 8).any(|e| table.of(e).0.iter().all(|slot| slot.in_row)), grid);
+            let mut wide = Vectors::zeros(COUNT);
+            add_forces(&table, &x, Some(&v), &mut wide);
+            for (i, expected) in expected(&entries, &x, &v).into_iter().enumerate() {
+                assert!(
+                    (wide.get(i).cast() - expected).norm() < 1e-5 * (1.0 + expected.norm()),
+                    "{grid} {i}"
+                );
+            }
+            let mut plain = Vectors::zeros(COUNT);
+            let [a, b, c] = &mut plain.axes;
+            if damping > 0.0 {
+                Run { gather: &Forces::<true> { table: &table, x: &x, v: &v }, start: 0, out: [a, b, c] }
+                    .run();
+            } else {
+                Run { gather: &Forces::<false> { table: &table, x: &x, v: &x }, start: 0, out: [a, b, c] }
+                    .run();
+            }
+            assert_eq!(plain, wide);
+        }
+    }
+
+    #[test]
+    fn the_change_is_the_derivative_of_the_force_of_taut_springs_and_never_negative() {
+        let (x, p) = (cloud(0.3), cloud(4.1));
+        let entries: Vec<Entry> =
+            entries(false, 0.0).iter().map(|e| Entry { rest: 1e-3 * e.rest, ..*e }).collect();
+        let table = Table::new(COUNT, entries.clone());
+        let mut change = Vectors::zeros(COUNT);
+        add_change(&table, &x, &p, 1.0, &mut change);
+        let moved = |by: f32| {
+            let all: Vec<Vec3> = (0..COUNT).map(|i| x.get(i) + p.get(i) * by).collect();
+            expected(&entries, &Vectors::of(&all), &x)
+        };
+        let step = 1e-2;
+        for (i, (a, b)) in moved(step).into_iter().zip(moved(-step)).enumerate() {
+            let slope = (b - a) / (2.0 * f64::from(step));
+            assert!((change.get(i).cast() - slope).norm() < 1e-2 * (1.0 + slope.norm()), "{i}");
+        }
+        // The blocks are what a single moved point feels itself.
+        let mut blocks = vec![[[0.0; WIDTH]; 6]; COUNT.div_ceil(WIDTH)];
+        add_blocks(&table, &x, 1.0, &mut blocks);
+        for i in 0..COUNT {
+            let (mut one, mut found) = (Vectors::zeros(COUNT), Vectors::zeros(COUNT));
+            one.set(i, Vec3::x());
+            add_change(&table, &x, &one, 1.0, &mut found);
+            let block = [0, 3, 4].map(|part| blocks[i / WIDTH][part][i % WIDTH]);
+            assert!((found.get(i) - Vec3::from(block)).norm() < 1e-4 * (1.0 + found.get(i).norm()));
+        }
+        // In compression nothing is left across a spring, and the form is not negative.
+        let pressed: Vec<Entry> = entries.iter().map(|e| Entry { rest: 9.0, ..*e }).collect();
+        let mut change = Vectors::zeros(COUNT);
+        add_change(&Table::new(COUNT, pressed), &x, &p, 1.0, &mut change);
+        assert!(change.dot(&p) > 0.0);
+    }
+}

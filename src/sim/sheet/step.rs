@@ -1,0 +1,228 @@
+//! One substep, and the account of a frame.
+
+use super::{
+    Integrator, SheetRecord, Sheets, explicit, hold,
+    implicit::{self, Matrix},
+    lanes::Vectors,
+    solids::{self, Push},
+    springs,
+    table::Table,
+};
+use crate::{
+    math::wide::WIDTH,
+    par,
+    sim::{Diverged, record::Clock},
+};
+
+impl Sheets {
+    /// Advances from `now` [s] by `dt` [s].
+    pub(super) fn substep(
+        &mut self,
+        now: f64,
+        dt: f64,
+        clock: &mut Clock,
+        record: &mut SheetRecord,
+    ) -> Result<(), Diverged> {
+        let lost = clock.time("sheet_step", || match self.params.solver.integrator {
+            Integrator::Symplectic => self.symplectic(now, dt),
+            Integrator::Implicit => self.implicit(now, dt, record),
+        });
+        if let Some(eight) = lost {
+            let alive = |i: &usize| {
+                let largest = self.x.get(*i).amax().max(self.v.get(*i).amax());
+                largest < super::ABSURD
+                    && self.x.get(*i).sum().is_finite()
+                    && self.v.get(*i).sum().is_finite()
+            };
+            let points = eight * WIDTH..self.len().min((eight + 1) * WIDTH);
+            let point = points.clone().find(|i| !alive(i)).unwrap_or(points.start);
+            let what = format!("is at {:?} with {:?} m/s", self.x.get(point), self.v.get(point));
+            let try_next =
+                "a smaller sheet.solver.courant, more sheet.solver.substeps or slower pins and forces";
+            return Err(self.diverged(record.substeps, point, what, try_next));
+        }
+        self.lead(now + dt, dt);
+        if !self.solids.is_empty() {
+            record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
+        }
+        Ok(())
+    }
+
+    /// Puts points that are held exactly where they are to be.
+    fn lead(&mut self, then: f64, dt: f64) {
+        for pin in self.held.iter().filter(|pin| pin.stiffness.is_none() && pin.holds(then - dt)) {
+            let (i, place) = (pin.point as usize, pin.place(then));
+            self.v.set(i, (place - self.x.get(i)) / dt as f32);
+            self.x.set(i, place);
+        }
+    }
+
+    fn put_back(&mut self, now: f64, dt: f64) -> u64 {
+        let placed = solids::placed(&self.solids, now, now + dt);
+        let mobility = self.inverse.as_flattened();
+        let friction = self.params.friction;
+        solids::put_back(&placed, friction, mobility, &mut self.x, &mut self.v, dt as f32)
+    }
+
+    /// Gathers the forces on all points; returns the pushes of solids among them.
+    fn gather(&mut self, now: f64, dt: f64, damped: bool) -> Vec<Push> {
+        let Self { x, v, force, springs, plates, held, joined, .. } = self;
+        force.clear();
+        springs::add_forces(springs, x, damped.then_some(&*v), force);
+        if let Some(plates) = plates {
+            springs::add_linear(plates, x, [1.0, 0.0], force);
+            if damped && plates.is_damped() {
+                springs::add_linear(plates, v, [0.0, 1.0], force);
+            }
+        }
+        hold::add_forces(held, joined, now, x, force);
+        for (i, outside) in self.outside.iter().enumerate() {
+            force.add(i, *outside);
+        }
+        let pushes = match (&self.params.repulsion, &self.around) {
+            (Some(repulsion), Some(around)) if !self.solids.is_empty() => {
+                let placed = solids::placed(&self.solids, now, now + dt);
+                let sheet = (&*x, &*v, self.area.as_slice(), self.mass.as_flattened());
+                solids::pushes(repulsion, self.params.friction, &placed, around, sheet, dt as f32)
+            }
+            _ => Vec::new(),
+        };
+        for push in &pushes {
+            force.add(push.point as usize, push.force);
+        }
+        pushes
+    }
+
+    fn symplectic(&mut self, now: f64, dt: f64) -> Option<usize> {
+        self.gather(now, dt, true);
+        let drive = explicit::Drive {
+            force: &self.force,
+            inverse: &self.inverse,
+            drag: self.drag.as_deref(),
+            gravity: self.gravity,
+            dt: dt as f32,
+        };
+        explicit::advance(&drive, &mut self.x, &mut self.v, &mut self.low)
+    }
+
+    fn implicit(&mut self, now: f64, dt: f64, record: &mut SheetRecord) -> Option<usize> {
+        // What holds points stands in the blocks, and those held exactly begin with their speed.
+        self.lead_speeds(now, dt);
+        let pushes = self.gather(now, dt, false);
+        let h = dt as f32;
+        let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
+        for pin in self.held.iter().filter(|pin| pin.holds(now)) {
+            implicit::add_all(&mut held, pin.point as usize, h * h * pin.stiffness.unwrap_or(0.0));
+        }
+        for push in &pushes {
+            implicit::add_along(&mut held, push.point as usize, h * h * push.stiffness, push.normal);
+        }
+
+        // M v₀ + Δt f(x₀), which takes the place of the forces.
+        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, low, .. } = self;
+        force.update(|at, axes| {
+            let v = v.eight(at);
+            for (axis, out) in axes.into_iter().enumerate() {
+                for lane in 0..WIDTH {
+                    out[lane] = mass[at][lane] * (v[axis][lane] + h * gravity[axis]) + h * out[lane];
+                }
+            }
+        });
+        let matrix = Matrix {
+            springs,
+            plates: plates.as_ref(),
+            x,
+            mass,
+            inverse,
+            drag: drag.as_deref(),
+            held,
+            joined: joined.iter().filter(|joint| joint.holds(now)).collect(),
+            dt: h,
+        };
+        let solver = &self.params.solver;
+        let solved = matrix.solve(force, v, f64::from(solver.tolerance), solver.max_iterations);
+        record.iterations += solved.iterations;
+        record.residual = record.residual.max(solved.residual);
+        record.unconverged += u32::from(solved.residual > f64::from(solver.tolerance));
+
+        // v is the new one; positions follow without further forces.
+        force.clear();
+        let drive =
+            explicit::Drive { force, inverse, drag: None, gravity: crate::math::Vec3::zeros(), dt: h };
+        explicit::advance(&drive, x, v, low)
+    }
+
+    /// Gives points that are held exactly the speed of their way.
+    fn lead_speeds(&mut self, now: f64, dt: f64) {
+        for pin in self.held.iter().filter(|pin| pin.stiffness.is_none() && pin.holds(now)) {
+            let i = pin.point as usize;
+            self.v.set(i, (pin.place(now + dt) - self.x.get(i)) / dt as f32);
+        }
+    }
+
+    /// What the record tells of the end of a frame, at `time` [s].
+    pub(super) fn account(&self, time: f64, record: &mut SheetRecord) {
+        let mass = self.mass.as_flattened();
+        let kinetic = |i: usize| 0.5 * f64::from(mass[i]) * self.v.get(i).cast::<f64>().norm_squared();
+        let gravity = self.gravity.cast::<f64>();
+        let potential = |i: usize| -f64::from(mass[i]) * gravity.dot(&self.x.get(i).cast());
+        record.kinetic_energy = par::sum(self.len(), kinetic);
+        record.potential_energy = par::sum(self.len(), potential);
+        let parts = par::map_chunks(self.len(), par::CHUNK, |range| {
+            range.map(|i| stretch(&self.springs, &self.x, i)).fold(Stretch::default(), Stretch::and)
+        });
+        let all = parts.into_iter().fold(Stretch::default(), Stretch::and);
+        record.strain_max = all.strain;
+        record.folded = all.folded / 2;
+        record.elastic_energy = all.energy;
+        if let Some(plates) = &self.plates {
+            record.elastic_energy += par::sum(self.len(), |i| bent(plates, &self.x, i));
+        }
+        record.inside_solids = solids::inside(&self.solids, time, &self.x);
+    }
+}
+
+/// What the springs of a point say: each is asked from both ends.
+#[derive(Clone, Copy, Debug, Default)]
+struct Stretch {
+    energy: f64,
+    strain: f64,
+    folded: u64,
+}
+
+impl Stretch {
+    fn and(self, other: Self) -> Self {
+        Self {
+            energy: self.energy + other.energy,
+            strain: self.strain.max(other.strain),
+            folded: self.folded + other.folded,
+        }
+    }
+}
+
+fn stretch(table: &Table, x: &Vectors, i: usize) -> Stretch {
+    let mut out = Stretch::default();
+    for slot in table.of(i / WIDTH).0 {
+        let (j, k, rest) = (slot.at[i % WIDTH], f64::from(slot.stiffness[i % WIDTH]), slot.rest[i % WIDTH]);
+        if k == 0.0 {
+            continue;
+        }
+        let length = (x.get(j as usize).cast::<f64>() - x.get(i).cast()).norm();
+        let longer = length - f64::from(rest);
+        out.energy += 0.25 * k * longer * longer;
+        if rest > 0.0 {
+            out.strain = out.strain.max((longer / f64::from(rest)).abs());
+            out.folded += u64::from(length == 0.0);
+        }
+    }
+    out
+}
+
+/// The share of a point in the energy of plates: ½ xᵀ Q x = ¼ Σ k_ij |x_i − x_j|².
+fn bent(table: &Table, x: &Vectors, i: usize) -> f64 {
+    let share = |slot: &super::table::Slot| {
+        let d = x.get(slot.at[i % WIDTH] as usize).cast::<f64>() - x.get(i).cast();
+        0.25 * f64::from(slot.stiffness[i % WIDTH]) * d.norm_squared()
+    };
+    table.of(i / WIDTH).0.iter().map(share).sum()
+}

@@ -1,0 +1,142 @@
+//! Who pulls at whom: neighbours of every point, eight points at a time.
+//!
+//! *Method*: compressed rows, cut into pieces of eight rows whose entries stand side by side [kreutzer14]. A slot holds one neighbour
+//! of each of eight points in a row. Neighbours of a row are in ascending order. Where the eight have neighbours at the same
+//! distances in memory, as on a grid, a slot takes those at one distance, and is eight neighbours in a row: then one wide load fetches them.
+
+use crate::{
+    math::wide::{WIDTH, Wide},
+    par,
+};
+
+/// What one point has from another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Entry {
+    /// The point.
+    pub(super) of: u32,
+    /// The other.
+    pub(super) to: u32,
+    /// Stiffness [N/m].
+    pub(super) stiffness: f32,
+    /// Rest length [m].
+    pub(super) rest: f32,
+    /// Damping [N·s/m].
+    pub(super) damping: f32,
+}
+
+/// Entries of all points.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Table {
+    /// `slots[start[e]..start[e + 1]]` are those of the points 8e to 8e + 7.
+    start: Vec<u32>,
+    slots: Vec<Slot>,
+    /// Damping of each slot; empty if there is none.
+    damping: Vec<Wide>,
+}
+
+/// One neighbour of each of eight points; where one has none its stiffness is zero.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slot {
+    pub(super) at: [u32; WIDTH],
+    pub(super) stiffness: Wide,
+    pub(super) rest: Wide,
+    /// Whether `at` is eight numbers in a row.
+    pub(super) in_row: bool,
+}
+
+impl Table {
+    /// The table of `count` points. Of entries with the same two points each counts.
+    pub(super) fn new(count: usize, mut entries: Vec<Entry>) -> Self {
+        par::sort_by_key(&mut entries, |e| {
+            (e.of, e.to, e.rest.to_bits(), e.stiffness.to_bits(), e.damping.to_bits())
+        });
+        let damped = entries.iter().any(|e| e.damping != 0.0);
+        let (mut table, mut rest) = (Self { start: vec![0], ..Self::default() }, &entries[..]);
+        let padded = count.next_multiple_of(WIDTH) as u32;
+        for eight in 0..count.div_ceil(WIDTH) as u32 {
+            let first = eight * WIDTH as u32;
+            let (own, after) = rest.split_at(rest.partition_point(|e| e.of < first + WIDTH as u32));
+            rest = after;
+            for (slot, damping) in slots(first, own, padded) {
+                table.slots.push(slot);
+                if damped {
+                    table.damping.push(damping);
+                }
+            }
+            table.start.push(table.slots.len() as u32);
+        }
+        table
+    }
+
+    /// The slots of an eight, and their damping.
+    #[inline(always)]
+    pub(super) fn of(&self, eight: usize) -> (&[Slot], &[Wide]) {
+        let range = self.start[eight] as usize..self.start[eight + 1] as usize;
+        (&self.slots[range.clone()], if self.damping.is_empty() { &[] } else { &self.damping[range] })
+    }
+
+    pub(super) fn is_damped(&self) -> bool {
+        !self.damping.is_empty()
+    }
+}
+
+/// Σ |stiffness|, Σ stiffness and Σ damping of every point.
+pub(super) fn row_sums(table: &Table, count: usize) -> Vec<[f64; 3]> {
+    let mut sums = vec![[0.0; 3]; count];
+    par::fill(&mut sums, |i| {
+        let (slots, damping) = table.of(i / WIDTH);
+        let mut sum = [0.0; 3];
+        for (k, slot) in slots.iter().enumerate() {
+            let stiffness = f64::from(slot.stiffness[i % WIDTH]);
+            sum[0] += stiffness.abs();
+            sum[1] += stiffness;
+            sum[2] += damping.get(k).map_or(0.0, |d| f64::from(d[i % WIDTH]).abs());
+        }
+        sum
+    });
+    sums
+}
+
+/// The entries of eight points from `first` on, as slots.
+fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, Wide)> {
+    // How far away neighbours are, and the how many-th entry of such a pair it is.
+    let mut away: Vec<(i64, usize)> = Vec::new();
+    let mut lane_counts = [0; WIDTH];
+    let key = |k: usize| {
+        let e = &entries[k];
+        let before = entries[..k].iter().rev().take_while(|b| (b.of, b.to) == (e.of, e.to)).count();
+        (i64::from(e.to) - i64::from(e.of), before)
+    };
+    for (k, entry) in entries.iter().enumerate() {
+        away.push(key(k));
+        lane_counts[(entry.of - first) as usize] += 1;
+    }
+    let mut places = away.clone();
+    places.sort_unstable();
+    places.dedup();
+    let longest = lane_counts.into_iter().max().unwrap_or(0);
+    let fits = |&(offset, _): &(i64, usize)| {
+        let low = i64::from(first) + offset;
+        low >= 0 && low + WIDTH as i64 <= i64::from(padded)
+    };
+    let in_rows = places.len() <= longest + 2 && places.iter().all(fits);
+
+    let own: [u32; WIDTH] = std::array::from_fn(|lane| first + lane as u32);
+    let empty =
+        |at| (Slot { at, stiffness: [0.0; WIDTH], rest: [0.0; WIDTH], in_row: in_rows }, [0.0; WIDTH]);
+    let mut out: Vec<(Slot, Wide)> = if in_rows {
+        places.iter().map(|(offset, _)| empty(own.map(|i| (i64::from(i) + offset) as u32))).collect()
+    } else {
+        vec![empty(own); longest]
+    };
+    let mut filled = [0; WIDTH];
+    for (entry, away) in entries.iter().zip(&away) {
+        let lane = (entry.of - first) as usize;
+        let place = if in_rows { places.binary_search(away).unwrap_or(0) } else { filled[lane] };
+        filled[lane] += 1;
+        let (slot, damping) = &mut out[place];
+        slot.at[lane] = entry.to;
+        (slot.stiffness[lane], slot.rest[lane], damping[lane]) = (entry.stiffness, entry.rest, entry.damping);
+    }
+    out
+}

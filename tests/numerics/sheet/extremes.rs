@@ -1,0 +1,232 @@
+//! Sheets at their limits: every case ends finite and bounded, or says what is wrong.
+
+use super::*;
+
+const WAYS: [&str; 2] = ["symplectic", "implicit"];
+
+fn solver(way: &str) -> String {
+    format!("[solver]\nintegrator = '{way}'\n")
+}
+
+/// Runs and finds all points finite and within `bound` [m] of the origin.
+fn survive(name: &str, text: &str, world: &World, frames: u32, bound: f32) -> Vec<SheetRecord> {
+    survive_at(name, text, world, frames, FRAME, bound)
+}
+
+fn survive_at(
+    name: &str,
+    text: &str,
+    world: &World,
+    frames: u32,
+    frame: f64,
+    bound: f32,
+) -> Vec<SheetRecord> {
+    let mut sheets = sheets(text, world);
+    let records = run_at(&mut sheets, 0, frames, frame).unwrap_or_else(|error| panic!("{name}: {error}"));
+    for x in sheets.positions() {
+        assert!(x.amax() <= bound, "{name}: {x:?}"); // false for a NaN
+    }
+    records
+}
+
+fn hung(cells: [u32; 2], stiffness: f32, way: &str) -> String {
+    let terms =
+        format!("density = 0.2\nstiffness = [{stiffness}, {stiffness}]\npin = [{{ at = 'corners' }}]");
+    format!("{}{}", square(cells, 0.0, &terms), solver(way))
+}
+
+#[test]
+fn stiffness_from_a_thousandth_to_a_thousand_million() {
+    let world = world(9.81, vec![]);
+    for power in -3..=9 {
+        let stiffness = 10_f32.powi(power);
+        survive("implicit", &hung([6, 6], stiffness, "implicit"), &world, 12, 5.0);
+        if power <= 6 {
+            let records = survive("symplectic", &hung([6, 6], stiffness, "symplectic"), &world, 2, 5.0);
+            let total = |r: &SheetRecord| r.kinetic_energy + r.elastic_energy + r.potential_energy;
+            // Let go from rest: what it gains in speed and tension it loses in height.
+            assert!(records.iter().all(|r| total(r).abs() < 0.05), "{stiffness}: {records:?}");
+        }
+    }
+    // Beyond what frames of so many substeps do it says so.
+    let mut sheets = sheets(&hung([6, 6], 1e12, "symplectic"), &world);
+    let told = run(&mut sheets, 0, 1).unwrap_err();
+    assert!(told.to_string().contains("substeps") && told.try_next.contains("implicit"), "{told}");
+}
+
+#[test]
+fn a_limit_of_substeps_is_told() {
+    let text = format!("{}max_substeps = 3\n", hung([20, 20], 1e5, "symplectic"));
+    let told = run(&mut sheets(&text, &world(9.81, vec![])), 0, 1).unwrap_err();
+    assert!(told.what.contains("'cloth'") && told.try_next.contains("max_substeps"), "{told}");
+}
+
+#[test]
+fn the_bound_holds_and_not_far_beyond_it_a_sheet_is_lost_and_says_so() {
+    let sheet = |terms: &str, courant: f64| {
+        let terms = format!("density = 0.2\nstiffness = [50.0, 50.0]\n{terms}");
+        let rough = |i: usize| 1e-5 * Vec3::new((i as f32 * 1.7).sin(), (i as f32 * 2.3).sin(), 0.0);
+        let mut sheets =
+            placed(&square([12; 2], 0.0, &terms), &world(0.0, vec![]), |i, x, v| (x + rough(i), v));
+        let dt = sheets.longest_stable() * courant;
+        (0..4000).try_for_each(|k| sheets.step(f64::from(k) * dt, dt).map(|_| ())).map(|()| sheets)
+    };
+    for terms in
+        ["", "shear = 20.0\nbending = 0.01\nspring_damping = [0.001, 0.001]", "spring_damping = [0.01, 0.01]"]
+    {
+        let stable = sheet(terms, 0.95).unwrap_or_else(|error| panic!("{terms}: {error}"));
+        let moved = stable.velocities().iter().map(|v| v.norm()).fold(0.0, f32::max);
+        assert!(moved < 0.1, "{terms}: {moved} m/s");
+    }
+    // A slack grid's fastest wave is at √2 of it.
+    let beyond =
+        sheet("", 1.6).map(|sheets| sheets.velocities().iter().map(|v| v.norm()).fold(0.0, f32::max));
+    assert!(beyond.as_ref().map_or(true, |&speed| speed > 1.0), "{beyond:?}");
+    let thrown = Vec3::new(1e9, 0.0, 0.0);
+    let text = square([2, 2], 0.0, "density = 0.2\nstiffness = [50.0, 50.0]");
+    let mut thrown = placed(&text, &world(0.0, vec![]), |_, x, _| (x, thrown));
+    let told = run(&mut thrown, 0, 1).unwrap_err();
+    assert!(told.system == "sheet" && !told.what.is_empty() && told.substep == 1, "{told}");
+}
+
+#[test]
+fn rest_length_zero_and_points_in_one_place() {
+    let world = world(0.0, vec![]);
+    for way in WAYS {
+        let film = format!(
+            "{}{}",
+            square([8, 8], 0.0, "density = 0.1\nstiffness = [5.0, 5.0]\nrest = [0.0, 0.0]\nshear = 2.0"),
+            solver(way)
+        );
+        survive("soap film", &film, &world, 48, 2.0);
+        let text = format!(
+            "{}{}",
+            square([8, 8], 0.0, "density = 0.1\nstiffness = [5.0, 5.0]\nbending = 0.001"),
+            solver(way)
+        );
+        let mut crumpled = placed(&text, &world, |_, _, v| (Vec3::new(0.3, 0.3, 0.3), v));
+        let records = run(&mut crumpled, 0, 12).unwrap();
+        assert_eq!(records[0].folded, 2 * 8 * 9, "{way}: all springs are told");
+        assert!(crumpled.positions().iter().all(|x| x.amax() < 1.0));
+        let mut creased =
+            placed(&text, &world, |i, x, v| (if i % 2 == 0 { x } else { Vec3::new(0.2, 0.2, 0.0) }, v));
+        run(&mut creased, 0, 48).unwrap();
+        assert!(creased.positions().iter().all(|x| x.amax() < 10.0), "{way}");
+    }
+}
+
+#[test]
+fn one_point_one_row_and_one_column() {
+    for way in WAYS {
+        for cells in [[0, 0], [1, 0], [0, 1], [7, 0], [0, 7], [1, 1]] {
+            let text = hung(cells, 30.0, way).replace("pin =", "shear = 3.0\nbending = 0.001\npin =");
+            let records = survive(&format!("{way} {cells:?}"), &text, &world(9.81, vec![]), 24, 2.0);
+            assert_eq!(records[0].points, u64::from((cells[0] + 1) * (cells[1] + 1)));
+        }
+    }
+}
+
+#[test]
+fn a_mass_ratio_of_a_million() {
+    for way in WAYS {
+        let region =
+            "region = [{ shape = { sphere = { center = [0.5, 0.5, 0.0], radius = 0.2 } }, density = 1e6 }]";
+        let text = hung([8, 8], 1e4, way)
+            .replace("density = 0.2", "density = 1e-3")
+            .replace("pin =", &format!("{region}\npin ="));
+        survive(way, &text, &world(9.81, vec![]), 6, 60.0);
+    }
+}
+
+#[test]
+fn frames_a_hundred_times_as_long() {
+    let ball = Shape::Sphere { center: [0.5, 0.5, -0.6], radius: 0.3 };
+    for way in WAYS {
+        let text = hung([8, 8], 50.0, way).replace("pin =", "damping = 1.0\npin =");
+        let records = survive_at(way, &text, &world(9.81, vec![ball.clone()]), 3, 100.0 * FRAME, 5.0);
+        assert!(records.iter().all(|r| r.inside_solids == 0));
+    }
+}
+
+#[test]
+fn all_points_pinned_stay() {
+    for way in WAYS {
+        let all: Vec<u32> = (0..25).collect();
+        let text = hung([4, 4], 30.0, way).replace("'corners'", &format!("{{ points = {all:?} }}"));
+        let world = world(9.81, vec![]);
+        let mut held = sheets(&text, &world);
+        let before = held.positions();
+        run(&mut held, 0, 12).unwrap();
+        assert_eq!(before, held.positions(), "{way}");
+    }
+}
+
+#[test]
+fn a_pin_that_teleports() {
+    for way in WAYS {
+        for stiffness in ["", "stiffness = 500.0, "] {
+            let pin = format!(
+                "pin = [{{ at = {{ points = [0] }}, {stiffness}keyframes = [{{ frame = 1 }}, {{ frame = 2 }}, {{ frame = 3, position = [100, 0, 0] }}] }}]"
+            );
+            let text = hung([6, 6], 200.0, way).replace("pin = [{ at = 'corners' }]", &pin);
+            let records = survive(way, &text, &world(9.81, vec![]), 24, 1e4);
+            assert!(records.iter().all(|r| r.kinetic_energy.is_finite()));
+        }
+    }
+}
+
+#[test]
+fn an_obstacle_that_starts_inside_the_sheet_or_wider_than_its_hole_is() {
+    for way in WAYS {
+        for shape in [
+            Shape::Sphere { center: [0.5, 0.5, 0.0], radius: 0.3 },
+            Shape::Torus { center: [0.5, 0.5, -0.1], axis: [0.0, 0.0, 1.0], radius: 0.21, tube: 0.2 },
+        ] {
+            let text = format!(
+                "{}[repulsion]\nenergy = 0.1\nrange = 0.01\n",
+                hung([6, 6], 100.0, way).replace("pin = [{ at = 'corners' }]", "")
+            );
+            let records = survive(way, &text, &world(9.81, vec![shape]), 24, 20.0);
+            assert!(records.iter().all(|r| r.inside_solids == 0), "{way}");
+        }
+    }
+}
+
+#[test]
+fn what_has_no_meaning_is_refused_by_name() {
+    let world = world(9.81, vec![]);
+    let good = hung([4, 4], 10.0, "symplectic");
+    for (from, to, key) in [
+        ("density = 0.2", "density = nan", "sheet.0.density"),
+        ("density = 0.2", "density = -1.0", "sheet.0.density"),
+        ("stiffness = [10, 10]", "stiffness = [inf, 1.0]", "sheet.0.stiffness"),
+        ("origin = [0.0, 0.0, 0.0]", "origin = [nan, 0.0, 0.0]", "sheet.0.shape.grid.origin"),
+        ("second = [0.0, 1.0, 0.0]", "second = [2.0, 0.0, 0.0]", "sheet.0.shape.grid"),
+        ("cells = [4, 4]", "cells = [4000000, 4000000]", "points"),
+        ("'corners'", "{ points = [25] }", "sheet.0.pin.0.at"),
+        ("'corners'", "{ inside = { sphere = { center = [9, 9, 9], radius = 1 } } }", "sheet.0.pin.0.at"),
+        ("integrator", "courant = 1.0\nintegrator", "solver.courant"),
+    ] {
+        let text = good.replace(from, to);
+        assert_ne!(text, good, "{from}");
+        let told = try_sheets(&text, &world).map(|_| ()).unwrap_err().to_string();
+        assert!(told.contains(key), "{to}: {told}");
+    }
+    assert!(
+        try_sheets(
+            &format!("{}{good}", square([1, 1], 0.0, "density = 1.0\nstiffness = [1.0, 1.0]")),
+            &world
+        )
+        .is_err()
+    );
+    // A state that is none is found in the first substep.
+    let mut broken = placed(&good, &world, |i, x, v| (if i == 12 { Vec3::repeat(f32::NAN) } else { x }, v));
+    let told = run(&mut broken, 0, 1).unwrap_err();
+    assert!(told.system == "sheet" && told.what.contains("NaN"), "{told}");
+}
+
+#[test]
+fn nothing_is_a_sheet_too() {
+    let records = survive("nothing", "sheet = []", &world(9.81, vec![]), 2, 0.0);
+    assert_eq!((records[0].points, records[0].kinetic_energy), (0, 0.0));
+}

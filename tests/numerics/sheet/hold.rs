@@ -1,0 +1,141 @@
+//! Pins, leads and joints.
+
+use super::*;
+
+/// One point of 0.2 kg.
+fn point(terms: &str) -> String {
+    square([0, 0], 0.0, &format!("density = 0.2\nstiffness = [1.0, 1.0]\n{terms}"))
+}
+
+#[test]
+fn a_pin_with_a_spring_gives_way_as_eq_8_says_at_any_resolution() {
+    for cells in [[0, 0], [1, 1], [4, 4]] {
+        // Every point is held, so that each carries its own weight: k per point.
+        let count = ((cells[0] + 1) * (cells[1] + 1)) as f32;
+        let all: Vec<u32> = (0..count as u32).collect();
+        let terms = format!(
+            "density = 0.2\nstiffness = [1000.0, 1000.0]\nshear = 1000.0\nbending = 100.0\ndamping = 6.0\n\
+             pin = [{{ at = {{ points = {all:?} }}, stiffness = {} }}]",
+            20.0 / count
+        );
+        let mut sheets = sheets(&square(cells, 0.0, &terms), &world(9.81, vec![]));
+        run(&mut sheets, 0, 72).unwrap();
+        let mean: f32 = sheets.positions().iter().map(|x| x.z).sum::<f32>() / count;
+        assert!((mean + 0.2 * 9.81 / 20.0).abs() < 2e-3, "{cells:?}: {mean}");
+    }
+}
+
+#[test]
+fn an_exact_pin_follows_its_keyframes_and_lets_go() {
+    let terms = "[[sheet.pin]]\nat = 'center'\nrelease = 13\n\
+                 keyframes = [{ frame = 1 }, { frame = 13, position = [1.0, 0.0, 0.0] }]\n";
+    for integrator in ["symplectic", "implicit"] {
+        let mut sheets =
+            sheets(&format!("{}[solver]\nintegrator = '{integrator}'", point(terms)), &world(9.81, vec![]));
+        run(&mut sheets, 0, 6).unwrap();
+        assert!((sheets.positions()[0] - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-6, "{:?}", sheets.positions());
+        run(&mut sheets, 6, 6).unwrap();
+        assert!((sheets.positions()[0] - Vec3::new(1.0, 0.0, 0.0)).norm() < 1e-6);
+        // Let go, it flies on with the speed of its way: 2 m/s.
+        run(&mut sheets, 12, 12).unwrap();
+        let x = sheets.positions()[0];
+        assert!((x.x - 2.0).abs() < 1e-4 && (x.z + 0.5 * 9.81 * 0.25).abs() < 0.15, "{integrator}: {x:?}");
+    }
+}
+
+#[test]
+fn a_pin_moves_with_its_collider_or_along_a_path() {
+    use meniscus::solid::{Collider, Interpolation, Keyframe};
+    let key =
+        |frame, turn| Keyframe { frame, position: [0.0; 3], rotation: [0.0, 0.0, turn], quaternion: None };
+    let collider = Collider {
+        shape: Shape::Sphere { center: [9.0, 9.0, 9.0], radius: 0.5 },
+        keyframes: vec![key(1, 90.0), key(25, 180.0)],
+        interpolation: Interpolation::Linear,
+    };
+    let world = World { gravity: Vec3::zeros(), solids: vec![collider.solid(24.0, 1)] };
+    let text = grid(
+        [1.0, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [0, 0],
+        "density = 1.0\nstiffness = [1.0, 1.0]\npin = [{ at = 'center', collider = 0 }]",
+    );
+    let mut sheets = sheets(&text, &world);
+    run(&mut sheets, 0, 24).unwrap();
+    assert!((sheets.positions()[0] - Vec3::y()).norm() < 1e-5, "a quarter turn: {:?}", sheets.positions());
+
+    let text = text.replace(
+        "collider = 0",
+        "place = [0, 0, 2], keyframes = [{ frame = 1 }, { frame = 25, position = [3, 0, 0] }]",
+    );
+    let mut led = super::sheets(&text, &world);
+    run(&mut led, 0, 12).unwrap();
+    assert!((led.positions()[0] - Vec3::new(1.5, 0.0, 2.0)).norm() < 1e-5, "{:?}", led.positions());
+    assert!(try_sheets(&text.replace("at =", "collider = 7, at ="), &world).is_err());
+}
+
+fn two(joint: &str, solver: &str) -> String {
+    let sheet = |name: &str, x: f32, mass: f32| {
+        grid(
+            [x, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0],
+            [2, 2],
+            &format!(
+                "density = {mass}\nstiffness = [50.0, 50.0]\nshear = 20.0\nspring_damping = [0.02, 0.02]"
+            ),
+        )
+        .replace("'cloth'", &format!("'{name}'"))
+    };
+    format!(
+        "{}{}[[joint]]\nsheets = ['a', 'b']\nat = [{{ points = [5] }}, {{ points = [3] }}]\n{joint}\n{solver}",
+        sheet("a", 0.0, 0.2),
+        sheet("b", 1.5, 0.4)
+    )
+}
+
+#[test]
+fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
+    for (solver, bound) in [("", 1e-5), ("[solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 1e-4)] {
+        let text = two("stiffness = 30.0", solver).replace("spring_damping", "damping = 0.0\nspring_damping");
+        let mut sheets = sheets(&text, &world(0.0, vec![]));
+        let center = |sheets: &Sheets| {
+            let sum: Vec3 = sheets.positions().iter().enumerate().map(|(i, x)| x * sheets.mass(i)).sum();
+            sum / (0..sheets.len()).map(|i| sheets.mass(i)).sum::<f32>()
+        };
+        let before = center(&sheets);
+        let gap = |sheets: &Sheets| (sheets.positions()[9 + 3] - sheets.positions()[5]).norm();
+        assert!((gap(&sheets) - 0.5).abs() < 1e-6);
+        let mut least = gap(&sheets);
+        for k in 0..48 {
+            run(&mut sheets, k, 1).unwrap();
+            least = least.min(gap(&sheets));
+        }
+        assert!(least < 0.1, "{least}");
+        assert!((center(&sheets) - before).norm() < bound, "{:?}", center(&sheets) - before);
+    }
+    let let_go = two("stiffness = 30.0\nrelease = 1", "");
+    let mut sheets = sheets(&let_go, &world(0.0, vec![]));
+    run(&mut sheets, 0, 10).unwrap();
+    assert!((sheets.positions()[12] - Vec3::new(1.5, 0.5, 0.0)).norm() < 1e-6);
+}
+
+#[test]
+fn a_joint_with_a_direction_turns_an_edge_there() {
+    let text = format!(
+        "{}[[joint]]\nsheets = ['cloth', 'cloth']\nat = [{{ points = [0] }}, {{ points = [1] }}]\nstiffness = 5.0\ndirection = [0, 1, 1]\n",
+        square([1, 0], 0.0, "density = 0.5\nstiffness = [500.0, 0.0]\ndamping = 5.0")
+    );
+    for integrator in ["symplectic", "implicit"] {
+        let mut sheets = sheets(&format!("{text}[solver]\nintegrator = '{integrator}'"), &world(0.0, vec![]));
+        run(&mut sheets, 0, 120).unwrap();
+        let x = sheets.positions();
+        let edge = x[1] - x[0];
+        assert!(
+            (edge - Vec3::new(0.0, 0.5_f32.sqrt(), 0.5_f32.sqrt())).norm() < 5e-3,
+            "{integrator}: {edge:?}"
+        );
+        assert!((0.5 * (x[0] + x[1]) - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-4);
+    }
+}

@@ -1,0 +1,157 @@
+//! Motion: periods, energy, momentum, and the same bytes.
+
+use super::*;
+use meniscus::par;
+use std::f64::consts::TAU;
+
+/// Two points of 1 kg, 1 m apart, and a spring of 0.9 m with a period of 1 s.
+fn pair(terms: &str) -> Sheets {
+    let stiffness = TAU * TAU / 2.0;
+    let terms = format!("density = 2.0\nstiffness = [{stiffness}, 0.0]\nrest = [0.9, 1.0]\n{terms}");
+    sheets(&square([1, 0], 0.0, &terms), &world(0.0, vec![]))
+}
+
+fn length(sheets: &Sheets) -> f64 {
+    let x = sheets.positions();
+    f64::from((x[1] - x[0]).norm())
+}
+
+/// Mean energy over frames of a period, and the period as crossings of the rest length tell it.
+fn swing(sheets: &mut Sheets, periods: u32, frame: f64, per: u32) -> (Vec<f64>, f64) {
+    let (mut energies, mut crossings) = (Vec::new(), Vec::new());
+    let mut before = length(sheets) - 0.9;
+    for period in 0..periods {
+        let mut sum = 0.0;
+        for k in period * per..(period + 1) * per {
+            let record = run_at(sheets, k, 1, frame).unwrap().remove(0);
+            sum += (record.kinetic_energy + record.elastic_energy) / f64::from(per);
+            let now = length(sheets) - 0.9;
+            if before < 0.0 && now >= 0.0 {
+                crossings.push(frame * (f64::from(k) + before / (before - now)));
+            }
+            before = now;
+        }
+        energies.push(sum);
+    }
+    let period = (crossings[crossings.len() - 1] - crossings[0]) / (crossings.len() - 1) as f64;
+    (energies, period)
+}
+
+#[test]
+fn a_spring_has_its_period_and_keeps_its_energy_over_a_thousand_of_them() {
+    for per in [16, 32] {
+        let frame = 1.0 / f64::from(per);
+        let (energies, period) = swing(&mut pair("[solver]\ncourant = 0.95"), 1000, frame, per);
+        // One substep a frame: sin(ω' Δt/2) = ω Δt/2.
+        let expected = std::f64::consts::PI * frame / (std::f64::consts::PI * frame).asin();
+        assert!((period / expected - 1.0).abs() < 2e-5, "{period} s, {expected} s");
+        let drift = (energies[998] / energies[0] - 1.0).abs();
+        assert!(drift < 2e-3, "{drift} over 1000 periods");
+    }
+}
+
+#[test]
+fn the_implicit_rule_damps_as_it_must() {
+    // |λ|² = 1/(1 + ω² Δt²) a substep.
+    let mut pair = pair("[solver]\nintegrator = 'implicit'\nsubsteps = 1");
+    let (energies, _) = swing(&mut pair, 3, 1.0 / 64.0, 64);
+    let expected = (1.0 + (TAU / 64.0).powi(2)).powi(-64);
+    let found = energies[1] / energies[0];
+    assert!((found / expected - 1.0).abs() < 0.02, "{found}, {expected}");
+}
+
+/// A sheet with every term, in a motion of its own: it turns, is stretched and bent.
+fn free(terms: &str) -> Sheets {
+    let terms = format!(
+        "density = 0.3\nstiffness = [40.0, 25.0]\nrest = [0.95, 1.02]\nshear = 8.0\nbending = 0.002\n\
+         spring_damping = [0.002, 0.001]\nregion = [{{ shape = {{ sphere = {{ center = [0, 0, 0], radius = 0.6 }} }}, \
+         stiffness = 3.0, density = 2.0 }}]\n{terms}"
+    );
+    placed(&square([13, 9], 0.0, &terms), &world(0.0, vec![]), |_, x, _| {
+        let v = Vec3::new(0.4, -0.2, 0.3) + Vec3::new(1.0, 2.0, 3.0).cross(&x);
+        (x + Vec3::new(0.0, 0.0, 0.05 * (7.0 * x.x).sin()), v)
+    })
+}
+
+/// Σ m v and Σ m x × v, with the sums of their sizes.
+fn momenta(sheets: &Sheets) -> [(nalgebra::Vector3<f64>, f64); 2] {
+    let (x, v) = (sheets.positions(), sheets.velocities());
+    let mut out = [(nalgebra::Vector3::zeros(), 0.0); 2];
+    for i in 0..sheets.len() {
+        let p = v[i].cast::<f64>() * f64::from(sheets.mass(i));
+        for (sum, part) in out.iter_mut().zip([p, x[i].cast::<f64>().cross(&p)]) {
+            sum.0 += part;
+            sum.1 += part.norm();
+        }
+    }
+    out
+}
+
+#[test]
+fn free_flight_keeps_momentum_and_angular_momentum() {
+    for (integrator, bounds) in [("symplectic", [2e-6, 5e-6]), ("implicit", [2e-5, 0.2])] {
+        let mut sheets = free(&format!("[solver]\nintegrator = '{integrator}'\ntolerance = 1e-6"));
+        let before = momenta(&sheets);
+        run(&mut sheets, 0, 24).unwrap();
+        for ((after, before), bound) in momenta(&sheets).iter().zip(before).zip(bounds) {
+            let change = (after.0 - before.0).norm() / before.1;
+            assert!(change < bound, "{integrator}: {change}, {bound}");
+        }
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    for integrator in ["symplectic", "implicit"] {
+        let go = || {
+            let terms = "density = 0.2\nstiffness = [50.0, 50.0]\nshear = 10.0\nbending = 0.001\n\
+                         pin = [{ at = 'corners' }]\n[repulsion]\nenergy = 0.01\nrange = 0.01\n";
+            let ball = Shape::Sphere { center: [0.5, 0.5, -0.3], radius: 0.25 };
+            let text = square([70, 60], 0.0, terms);
+            let text = format!("{text}[solver]\nintegrator = '{integrator}'\n");
+            let mut sheets = sheets(&text, &world(9.81, vec![ball]));
+            let records = run(&mut sheets, 0, 6).unwrap();
+            let bits =
+                |v: Vec<Vec3>| v.iter().flat_map(|v| [v.x, v.y, v.z].map(f32::to_bits)).collect::<Vec<_>>();
+            (bits(sheets.positions()), bits(sheets.velocities()), records)
+        };
+        let one = par::with_threads(1, go);
+        for threads in [2, 3] {
+            assert!(one == par::with_threads(threads, go), "{integrator}, {threads} threads");
+        }
+    }
+}
+
+#[test]
+fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
+    for integrator in ["symplectic", "implicit"] {
+        let terms = "density = 0.2\nstiffness = [50.0, 50.0]\nshear = 10.0\n\
+                     [[sheet.pin]]\nat = 'corners'\nrelease = 7\n\
+                     [[sheet.pin]]\nat = 'center'\nstiffness = 3.0\nkeyframes = [{ frame = 1 }, { frame = 9, position = [0.0, 0.0, 0.4] }]\n";
+        let text = format!("{}[solver]\nintegrator = '{integrator}'\n", square([20, 20], 0.0, terms));
+        let world = world(9.81, vec![]);
+        let mut whole = sheets(&text, &world);
+        run(&mut whole, 0, 4).unwrap();
+        let streams = whole.streams();
+        let mut resumed = Sheets::restore(shot(&text), &world, &streams, 4.0 * FRAME).unwrap();
+        let records = [run(&mut whole, 4, 8).unwrap(), run(&mut resumed, 4, 8).unwrap()];
+        assert!(whole.streams() == resumed.streams() && records[0] == records[1], "{integrator}");
+        assert!(whole.streams() != streams);
+        let other = meniscus::frame::Stream::new("sheet.cloth", 3);
+        assert!(Sheets::restore(shot(&text), &world, &[other], 0.0).is_err());
+    }
+}
+
+#[test]
+fn damping_of_springs_leaves_falling_and_turning_alone_and_drag_does_not() {
+    let go = |terms: &str| {
+        let terms = format!("density = 0.2\nstiffness = [50.0, 50.0]\nvelocity = [2.0, 0.0, 0.0]\n{terms}");
+        let mut sheets = sheets(&square([6, 6], 0.0, &terms), &world(0.0, vec![]));
+        run(&mut sheets, 0, 24).unwrap();
+        sheets.velocities()[20].x
+    };
+    let kept = go("spring_damping = [0.1, 0.1]");
+    assert!((kept - 2.0).abs() < 1e-4, "{kept}");
+    let slowed = go("damping = 0.5");
+    assert!((slowed / 2.0 - (-0.5_f32).exp()).abs() < 0.02, "{slowed}");
+}

@@ -1,0 +1,74 @@
+//! Sheets: closed forms, what motion keeps, refinement, the same bytes every time, and the extremes.
+
+mod extremes;
+mod hold;
+mod keep;
+mod solids;
+mod statics;
+
+use meniscus::{
+    math::Vec3,
+    sim::{
+        Diverged, Stop, Unwatched, World,
+        sheet::{SheetError, SheetRecord, Sheets, SheetsParams, Shot},
+    },
+    solid::{Shape, Solid},
+};
+
+const FRAME: f64 = 1.0 / 24.0;
+
+fn shot(text: &str) -> Shot {
+    let params: SheetsParams = toml::from_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    Shot { params, fps: 24.0, first: 1 }
+}
+
+fn world(gravity: f32, shapes: Vec<Shape>) -> World {
+    World { gravity: Vec3::new(0.0, 0.0, -gravity), solids: shapes.into_iter().map(Solid::fixed).collect() }
+}
+
+fn sheets(text: &str, world: &World) -> Sheets {
+    try_sheets(text, world).expect("the sheets have a meaning")
+}
+
+fn try_sheets(text: &str, world: &World) -> Result<Sheets, SheetError> {
+    Sheets::new(shot(text), world)
+}
+
+/// A square of 1 m in the plane z = `height`, from the origin.
+fn square(cells: [u32; 2], height: f32, terms: &str) -> String {
+    grid([0.0, 0.0, height], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], cells, terms)
+}
+
+fn grid(origin: [f32; 3], first: [f32; 3], second: [f32; 3], cells: [u32; 2], terms: &str) -> String {
+    format!(
+        "[[sheet]]\nname = 'cloth'\nshape = {{ grid = {{ origin = {origin:?}, first = {first:?}, \
+         second = {second:?}, cells = {cells:?} }} }}\n{terms}\n"
+    )
+}
+
+fn run(sheets: &mut Sheets, from: u32, frames: u32) -> Result<Vec<SheetRecord>, Diverged> {
+    run_at(sheets, from, frames, FRAME)
+}
+
+fn run_at(sheets: &mut Sheets, from: u32, frames: u32, frame: f64) -> Result<Vec<SheetRecord>, Diverged> {
+    (from..from + frames)
+        .map(|k| match sheets.advance(f64::from(k) * frame, frame, &mut Unwatched) {
+            Ok((record, _)) => Ok(record),
+            Err(Stop::Diverged(found)) => Err(found),
+            Err(Stop::Interrupted) => unreachable!("nobody interrupts"),
+        })
+        .collect()
+}
+
+/// The same sheets with other positions and velocities.
+fn placed(text: &str, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) -> Sheets {
+    let start = sheets(text, world);
+    let streams = start.streams().into_iter().map(|stream| {
+        let (x, v) = (stream.vec3("position").unwrap(), stream.vec3("velocity").unwrap());
+        let both = x.iter().zip(v).enumerate().map(|(i, (x, v))| change(i, *x, *v));
+        let (x, v): (Vec<Vec3>, Vec<Vec3>) = both.unzip();
+        meniscus::frame::Stream::new(stream.name.clone(), x.len()).with("position", x).with("velocity", v)
+    });
+    let streams: Vec<_> = streams.collect();
+    Sheets::restore(shot(text), world, &streams, 0.0).expect("the streams are whole")
+}

@@ -1,0 +1,126 @@
+//! Sheets and solids.
+
+use super::*;
+use meniscus::solid::{Interpolation, Keyframe, Motion};
+
+/// A sheet of 1 m, centred above the origin.
+fn above(height: f32, cells: u32, terms: &str) -> String {
+    grid(
+        [-0.5, -0.5, height],
+        [1.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [cells; 2],
+        &format!(
+            "density = 0.2\nstiffness = [100.0, 100.0]\nshear = 30.0\nbending = 0.0005\nspring_damping = [0.004, 0.004]\ndamping = 0.5\n{terms}"
+        ),
+    )
+}
+
+fn obstacles() -> Vec<(&'static str, Shape)> {
+    let z = [0.0, 0.0, 1.0];
+    vec![
+        ("plane", Shape::Plane { point: [0.0; 3], normal: z }),
+        ("sphere", Shape::Sphere { center: [0.0, 0.0, 0.0], radius: 0.3 }),
+        ("ellipsoid", Shape::Ellipsoid { center: [0.0; 3], radii: [0.4, 0.3, 0.2] }),
+        ("torus", Shape::Torus { center: [0.0; 3], axis: z, radius: 0.3, tube: 0.1 }),
+        ("small hole", Shape::Torus { center: [0.0; 3], axis: z, radius: 0.22, tube: 0.2 }),
+        ("capsule", Shape::Capsule { from: [-0.2, 0.0, 0.0], to: [0.2, 0.0, 0.0], radius: 0.15 }),
+        ("box", Shape::Box { min: [-0.3; 3], max: [0.3, 0.3, 0.1] }),
+    ]
+}
+
+#[test]
+fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
+    for (name, shape) in obstacles() {
+        for terms in ["", "[repulsion]\nenergy = 0.04\nrange = 0.01"] {
+            for integrator in ["symplectic", "implicit"] {
+                let sheet = above(0.42, 16, "");
+                let text = format!("friction = 0.4\n{sheet}{terms}\n[solver]\nintegrator = '{integrator}'");
+                let mut sheets = sheets(&text, &world(9.81, vec![shape.clone()]));
+                let records = run(&mut sheets, 0, 36).unwrap();
+                assert!(records.iter().all(|r| r.inside_solids == 0), "{name}, {integrator}");
+                let nearest =
+                    sheets.positions().iter().map(|x| shape.signed_distance(*x)).fold(f32::MAX, f32::min);
+                assert!((0.0..0.06).contains(&nearest), "{name}, {integrator}, {terms}: {nearest}");
+                // Something carries it: in free fall it would be 11 m down.
+                let highest = sheets.positions().iter().map(|x| x.z).fold(f32::MIN, f32::max);
+                assert!(highest > -1.0, "{name}, {integrator}: {highest}");
+            }
+        }
+    }
+}
+
+#[test]
+fn repulsion_carries_a_sheet_where_it_equals_its_weight() {
+    // c/ξ exp(−f/ξ) = ρ g.
+    let (energy, range) = (0.06_f32, 0.02_f32);
+    let expected = range * (energy / range / (0.2 * 9.81)).ln();
+    for cells in [2, 9] {
+        let text = format!(
+            "{}[repulsion]\nenergy = {energy}\nrange = {range}\n",
+            above(0.012, cells, "").replace("damping = 0.5", "damping = 8.0")
+        );
+        let mut sheets =
+            sheets(&text, &world(9.81, vec![Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] }]));
+        let records = run(&mut sheets, 0, 96).unwrap();
+        let z = sheets.positions()[0].z;
+        assert!((z - expected).abs() < 2e-4, "{z} {expected}");
+        assert_eq!(records.iter().map(|r| r.caught).sum::<u64>(), 0, "it never touches");
+    }
+}
+
+/// A plane of 20 degrees under a stiff sheet that lies on it: it slides below tan 20° of friction, and stays above.
+#[test]
+fn friction_holds_a_sheet_on_a_slope() {
+    let (sin, cos) = 20_f32.to_radians().sin_cos();
+    let text = |friction: f32, terms: &str| {
+        let side = [cos, 0.0, -sin];
+        // With repulsion, where it carries the weight.
+        let off = if terms.is_empty() { 0.0 } else { 0.02 * (50.0 / (9.81 * cos)).ln() };
+        let sheet = grid(
+            [sin * off, 0.0, cos * off],
+            side,
+            [0.0, 1.0, 0.0],
+            [4, 4],
+            "density = 1.0\nstiffness = [200.0, 200.0]\nshear = 50.0",
+        );
+        format!("friction = {friction}\n{sheet}\n{terms}")
+    };
+    let slope = || world(9.81, vec![Shape::Plane { point: [0.0; 3], normal: [sin, 0.0, cos] }]);
+    for terms in ["", "[repulsion]\nenergy = 1.0\nrange = 0.02"] {
+        let slid = |friction: f32| {
+            let mut sheets = sheets(&text(friction, terms), &slope());
+            run(&mut sheets, 0, 24).unwrap();
+            sheets.velocities().iter().map(|v| v.x * cos - v.z * sin).sum::<f32>() / 25.0
+        };
+        assert!(slid(0.5).abs() < 0.02, "{terms}: {}", slid(0.5));
+        let expected = 9.81 * (sin - 0.1 * cos);
+        assert!((slid(0.1) / expected - 1.0).abs() < 0.1, "{terms}: {} {expected}", slid(0.1));
+    }
+}
+
+#[test]
+fn a_moving_solid_carries_a_sheet_along() {
+    let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
+    for integrator in ["symplectic", "implicit"] {
+        let mut lift = world(9.81, vec![Shape::Box { min: [-1.0, -1.0, -0.2], max: [1.0, 1.0, 0.0] }]);
+        lift.solids[0].motion = Motion::new(&[key(1, 0.0), key(25, 1.0)], Interpolation::Smooth, 24.0, 1);
+        let mut sheets =
+            sheets(&format!("{}[solver]\nintegrator = '{integrator}'", above(0.05, 6, "")), &lift);
+        let records = run(&mut sheets, 0, 24).unwrap();
+        assert!(records.iter().all(|r| r.inside_solids == 0) && records.iter().any(|r| r.caught > 0));
+        let lowest = sheets.positions().iter().map(|x| x.z).fold(f32::MAX, f32::min);
+        assert!((1.0 - 1e-5..1.2).contains(&lowest), "{integrator}: {lowest}");
+    }
+}
+
+#[test]
+fn fast_points_do_not_fly_through_a_thin_solid() {
+    let text = above(3.0, 4, "velocity = [0.0, 0.0, -300.0]")
+        .replace("stiffness = [100.0, 100.0]", "stiffness = [0.1, 0.1]");
+    let mut sheets =
+        sheets(&text, &world(9.81, vec![Shape::Box { min: [-2.0, -2.0, -0.01], max: [2.0, 2.0, 0.01] }]));
+    let records = run(&mut sheets, 0, 2).unwrap();
+    assert!(records.iter().map(|r| r.caught).sum::<u64>() >= 25);
+    assert!(sheets.positions().iter().all(|x| x.z >= 0.01), "{:?}", sheets.positions()[0]);
+}
