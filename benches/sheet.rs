@@ -48,7 +48,7 @@ fn steps(criterion: &mut Criterion) {
             });
         }
     }
-    let mut sheets = sheets(316, "[solver]\nintegrator = \"implicit\"\nsubsteps = 1");
+    let mut sheets = sheets(316, "[sheets.solver]\nintegrator = \"implicit\"\nsubsteps = 1");
     group.bench_function("implicit, 316² points", |b| {
         b.iter(|| sheets.step(0.0, 1.0 / 192.0).expect("it is stable"));
     });

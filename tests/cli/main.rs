@@ -7,6 +7,7 @@ mod interrupt;
 mod meshing;
 mod plan;
 mod resume;
+mod sheets;
 mod shot;
 mod smoke;
 mod smoke_again;

@@ -5,12 +5,13 @@
 
 The interpreter needs bpy 4.5 and numpy. The water is what the extension imports; base, camera and lights are
 set up around the bounding box of the meshes over the sequence, so every frame of a shot is seen from the same
-place. Options turn the view (--azimuth, --elevation), switch motion blur off (--sharp) and keep the scene
+place. Balls, ellipsoids and tori among the colliders stand below sheets. Options turn the view (--azimuth, --elevation), switch motion blur off (--sharp) and keep the scene
 (--blend)."""
 
 import argparse
 import os
 import sys
+import tomllib
 import traceback
 from math import cos, radians, sin
 from pathlib import Path
@@ -29,21 +30,23 @@ BOX_FRAMES = 13
 BOX_CUT = 0.002
 
 
-def water_box(shown: bpy.types.Object, frames: range) -> tuple[np.ndarray, np.ndarray]:
-    """The box that all but a few vertices keep to over the sequence."""
+def water_box(all_shown: list[bpy.types.Object], frames: range) -> tuple[np.ndarray, np.ndarray]:
+    """The box that all but a few vertices of each object keep to over the sequence."""
     picked = sorted({frames[round(i * (len(frames) - 1) / (BOX_FRAMES - 1))] for i in range(BOX_FRAMES)})
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for frame in picked:
         bpy.context.scene.frame_set(frame)
-        mesh = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-        if len(mesh.vertices) == 0:
-            continue
-        points = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", points)
-        ends = np.quantile(points.reshape(-1, 3), (BOX_CUT, 1.0 - BOX_CUT), axis=0)
-        low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
+        for shown in all_shown:
+            mesh = shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+            if len(mesh.vertices) == 0:
+                continue
+            points = np.empty(3 * len(mesh.vertices), np.float32)
+            mesh.vertices.foreach_get("co", points)
+            ends = np.quantile(points.reshape(-1, 3), (BOX_CUT, 1.0 - BOX_CUT), axis=0)
+            low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
     if not np.all(np.isfinite(low)):
-        raise SystemExit(f"{shown.name}: no vertices in frames {picked}, so there is nothing to look at")
+        names = ", ".join(shown.name for shown in all_shown)
+        raise SystemExit(f"{names}: no vertices in frames {picked}, so there is nothing to look at")
     return low, high
 
 
@@ -75,6 +78,30 @@ def add_night(low: np.ndarray, high: np.ndarray, given: argparse.Namespace) -> N
         bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, radius=radius, location=(x, y, z))
         bpy.ops.object.shade_smooth()
         bpy.context.object.data.materials.append(material("Ball", (0.22, 0.10, 0.06), 0.5))
+
+
+def add_colliders(shot: Path) -> None:
+    """The balls, ellipsoids and tori among the colliders of a shot that stand still, as pale bodies."""
+    preset = (shot if shot.is_dir() else shot.parent) / "preset.toml"
+    if not preset.is_file():
+        return
+    colliders = tomllib.loads(preset.read_text(encoding="utf-8")).get("world", {}).get("collider", [])
+    pale = material("Collider", (0.62, 0.60, 0.55), 0.5)
+    for collider in colliders:
+        (kind, shape), = collider["shape"].items()
+        if collider.get("keyframes") or kind not in ("sphere", "ellipsoid", "torus"):
+            continue
+        if kind == "torus":
+            turn = Vector(shape["axis"]).to_track_quat("Z", "Y").to_euler()
+            bpy.ops.mesh.primitive_torus_add(
+                major_radius=shape["radius"], minor_radius=shape["tube"], major_segments=128, minor_segments=48,
+                location=shape["center"], rotation=turn,
+            )
+        else:
+            bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, location=shape["center"])
+            bpy.context.object.scale = shape.get("radii") or [shape["radius"]] * 3
+        bpy.ops.object.shade_smooth()
+        bpy.context.object.data.materials.append(pale)
 
 
 def material(name: str, colour: tuple[float, float, float], roughness: float) -> bpy.types.Material:
@@ -238,7 +265,8 @@ def picture(given: argparse.Namespace) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     meniscus.register()
     bpy.ops.import_scene.meniscus_shot(filepath=str(given.shot), path_mode="ABSOLUTE")
-    shown, scene = bpy.context.object, bpy.context.scene
+    all_shown, scene = list(bpy.context.selected_objects), bpy.context.scene
+    shown = bpy.context.object
     frames = range(scene.frame_start, scene.frame_end + 1)
     if given.frame not in frames:
         raise SystemExit(f"frame {given.frame} is not in the shot, which has {frames[0]} to {frames[-1]}")
@@ -246,7 +274,9 @@ def picture(given: argparse.Namespace) -> None:
         low, high = smoke_box(shown, frames)
         add_night(low, high, given)
     else:
-        low, high = water_box(shown, frames)
+        low, high = water_box([shown for shown in all_shown if shown.type == "MESH"], frames)
+        if any(modifier.type == "MESH_CACHE" for modifier in shown.modifiers):
+            add_colliders(given.shot)
         add_stage(low, high)
         add_lights(low, high)
     set_render(given)

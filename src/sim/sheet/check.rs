@@ -10,7 +10,7 @@ use crate::math::Vec3;
 ///
 /// # Errors
 /// The first key at fault.
-pub(super) fn check(params: &SheetsParams) -> Result<(), SheetError> {
+pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
     for (i, sheet) in params.sheet.iter().enumerate() {
         let key = |name: &str| format!("sheet.{i}.{name}");
         if params.sheet[..i].iter().any(|other| other.name == sheet.name) {
@@ -30,27 +30,27 @@ pub(super) fn check(params: &SheetsParams) -> Result<(), SheetError> {
             finite(&pin.place.unwrap_or_default(), key("place"))?;
         }
     }
-    for (i, joint) in params.joint.iter().enumerate() {
-        positive(joint.stiffness, format!("joint.{i}.stiffness"))?;
+    for (i, joint) in params.common.joint.iter().enumerate() {
+        positive(joint.stiffness, format!("sheets.joint.{i}.stiffness"))?;
         if let Some(direction) = joint.direction {
-            finite(&direction, format!("joint.{i}.direction"))?;
-            positive(Vec3::from(direction).norm(), format!("joint.{i}.direction"))?;
+            finite(&direction, format!("sheets.joint.{i}.direction"))?;
+            positive(Vec3::from(direction).norm(), format!("sheets.joint.{i}.direction"))?;
         }
     }
-    if let Some(repulsion) = &params.repulsion {
-        positive(repulsion.energy, "repulsion.energy".into())?;
-        positive(repulsion.range, "repulsion.range".into())?;
+    if let Some(repulsion) = &params.common.repulsion {
+        positive(repulsion.energy, "sheets.repulsion.energy".into())?;
+        positive(repulsion.range, "sheets.repulsion.range".into())?;
     }
-    let solver = &params.solver;
-    positive(solver.tolerance, "solver.tolerance".into())?;
-    positive(solver.courant, "solver.courant".into())?;
-    positive(solver.substeps as f32, "solver.substeps".into())?;
-    positive(solver.max_iterations as f32, "solver.max_iterations".into())?;
+    let solver = &params.common.solver;
+    positive(solver.tolerance, "sheets.solver.tolerance".into())?;
+    positive(solver.courant, "sheets.solver.courant".into())?;
+    positive(solver.substeps as f32, "sheets.solver.substeps".into())?;
+    positive(solver.max_iterations as f32, "sheets.solver.max_iterations".into())?;
     if solver.courant > 0.95 {
         let expected = "beyond 0.95 of the stable substep nothing is left for rounding";
-        return Err(SheetError::OutOfRange { key: "solver.courant".into(), value: solver.courant, expected });
+        return Err(SheetError::OutOfRange { key: "sheets.solver.courant".into(), value: solver.courant, expected });
     }
-    not_negative(params.friction.unwrap_or(0.0), "friction".into())
+    not_negative(params.common.friction.unwrap_or(0.0), "sheets.friction".into())
 }
 
 fn numbers(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {

@@ -121,18 +121,18 @@ pub(super) fn joined(
     [fps, first]: [f64; 2],
 ) -> Result<Vec<Joined>, SheetError> {
     let mut out = Vec::new();
-    for (i, joint) in params.joint.iter().enumerate() {
+    for (i, joint) in params.common.joint.iter().enumerate() {
         let mut points = [Vec::new(), Vec::new()];
         for (side, found) in points.iter_mut().enumerate() {
             let name = &joint.sheets[side];
-            let none = SheetError::Name { key: format!("joint.{i}.sheets"), name: name.clone() };
+            let none = SheetError::Name { key: format!("sheets.joint.{i}.sheets"), name: name.clone() };
             let sheet = params.sheet.iter().position(|sheet| sheet.name == *name).ok_or(none)?;
-            let key = format!("joint.{i}.at");
+            let key = format!("sheets.joint.{i}.at");
             let selected = select(&joint.at[side], &models[sheet], &params.sheet[sheet].shape, key)?;
             *found = selected.into_iter().map(|point| ranges[sheet].start as u32 + point).collect();
         }
         if points[0].len() != points[1].len() {
-            let (key, expected) = (format!("joint.{i}.at"), "as many as the other side");
+            let (key, expected) = (format!("sheets.joint.{i}.at"), "as many as the other side");
             return Err(SheetError::Selection { key, found: points[1].len(), expected });
         }
         for ends in points[0].iter().zip(&points[1]).map(|(&a, &b)| [a, b]).filter(|[a, b]| a != b) {

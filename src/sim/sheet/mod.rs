@@ -24,12 +24,14 @@ mod state;
 mod step;
 mod table;
 
+pub use check::check;
 pub use error::SheetError;
 pub use params::{
-    Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape, SheetSolver,
+    Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape, SheetSolver, SheetsCommon,
     SheetsParams,
 };
 pub use record::SheetRecord;
+pub use state::{CORNERS, faces_stream, is_part, sheet_of, stream};
 
 use super::{
     Diverged, Stop, Watch, World,
@@ -109,7 +111,7 @@ impl Sheets {
     /// If the parameters have no meaning; see [`SheetError`].
     pub fn new(shot: Shot, world: &World) -> Result<Self, SheetError> {
         let Shot { params, fps, first } = shot;
-        check::check(&params)?;
+        check(&params)?;
         let models: Vec<Model> = params.sheet.iter().map(model::model).collect();
         let mut end = 0;
         let ranges: Vec<Range<usize>> = models
@@ -151,7 +153,7 @@ impl Sheets {
             inverse: Vec::new(),
             springs: Table::new(end, spring_entries(&models, &ranges)),
             plates: bends.then(|| Table::new(end, plate_entries(&models, &ranges))),
-            around: params.repulsion.is_some().then(|| Around::new(end, &faces)),
+            around: params.common.repulsion.is_some().then(|| Around::new(end, &faces)),
             faces: models.into_iter().map(|model| model.faces).collect(),
             outside: Vec::new(),
             longest: (f64::INFINITY, 0),
@@ -275,7 +277,7 @@ impl Sheets {
 
     /// The next substep [s], of `left` that are left of a frame of `seconds`.
     fn substep_length(&self, now: f64, left: f64, seconds: f64, done: u32) -> Result<f64, Diverged> {
-        let solver = &self.params.solver;
+        let solver = &self.params.common.solver;
         let longest = match solver.integrator {
             Integrator::Symplectic => self.longest.0 * f64::from(solver.courant),
             Integrator::Implicit => seconds / f64::from(solver.substeps),
@@ -285,11 +287,11 @@ impl Sheets {
         if count + f64::from(done) > f64::from(solver.max_substeps) {
             let (particle, what, try_next) = if travel < longest {
                 let what = format!("would need {count:.1e} substeps to not fly through solids");
-                (fastest, what, "a larger sheet.solver.max_substeps or slower motion")
+                (fastest, what, "a larger sheets.solver.max_substeps or slower motion")
             } else {
                 let what = format!("would need {count:.1e} substeps of {longest:.1e} s to be stable");
-                let remedy = "sheet.solver.integrator = \"implicit\", a lower stiffness, or a larger \
-                              sheet.solver.max_substeps";
+                let remedy = "sheets.solver.integrator = \"implicit\", a lower stiffness, or a larger \
+                              sheets.solver.max_substeps";
                 (self.longest.1, what, remedy)
             };
             return Err(self.diverged(done, particle, what, try_next));
@@ -331,7 +333,7 @@ impl Sheets {
         }
         let mut rows = Rows::new(&self.springs, self.plates.as_ref(), len);
         rows.hold(&self.held, &self.joined, time);
-        if let Some(repulsion) = &self.params.repulsion {
+        if let Some(repulsion) = &self.params.common.repulsion {
             rows.repel(repulsion, self.solids.len(), &self.area);
         }
         self.longest = rows.longest(&self.mass.as_flattened()[..len], self.inverse.as_flattened());

@@ -4,24 +4,32 @@ use crate::solid::{Interpolation, Keyframe, Shape};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Every sheet of a shot, what joins them and how they are solved.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+/// Every sheet of a shot, and what they have in common.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SheetsParams {
     /// The sheets.
     pub sheet: Vec<SheetParams>,
+    /// What they have in common.
+    #[serde(default, rename = "sheets")]
+    pub common: SheetsCommon,
+}
+
+/// What all sheets have in common: what joins them, how solids meet them and how they are solved.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SheetsCommon {
     /// What joins points of sheets to each other.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<Joint>,
     /// How solids push sheets off before they touch; absent: they only stop what enters them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub repulsion: Option<Repulsion>,
     /// Friction of sheets on solids, Coulomb's coefficient: 0 slides as on ice, 0.3 cloth on wood, 1 clings; absent: none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0))]
     pub friction: Option<f32>,
     /// How they are advanced in time.
-    #[serde(default)]
     pub solver: SheetSolver,
 }
 
@@ -264,17 +272,15 @@ pub enum Integrator {
     Implicit,
 }
 
-impl SheetsParams {
+impl SheetParams {
     /// The shapes that are named, to be filled.
     pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
-        self.sheet.iter_mut().flat_map(|sheet| {
-            let regions = sheet.region.iter_mut().map(|region| &mut region.shape);
-            let pins = sheet.pin.iter_mut().filter_map(|pin| match &mut pin.at {
-                Select::Inside(shape) => Some(shape),
-                _ => None,
-            });
-            regions.chain(pins)
-        })
+        let regions = self.region.iter_mut().map(|region| &mut region.shape);
+        let pins = self.pin.iter_mut().filter_map(|pin| match &mut pin.at {
+            Select::Inside(shape) => Some(shape),
+            _ => None,
+        });
+        regions.chain(pins)
     }
 }
 

@@ -3,17 +3,52 @@
 use super::{NAME, SheetError, Sheets, Shot};
 use crate::{frame::Stream, math::Vec3, sim::World};
 
+/// The channels of the corners of faces.
+pub const CORNERS: [&str; 4] = ["a", "b", "c", "d"];
+
+/// The name of a sheet's stream.
+pub fn stream(sheet: &str) -> String {
+    format!("{NAME}.{sheet}")
+}
+
+/// The name of the stream with the faces of the sheet whose points are in the stream `points`.
+pub fn faces_stream(points: &str) -> String {
+    format!("{points}.faces")
+}
+
+/// The name of the sheet whose points are in the stream of this name; `None` if they are not a sheet's.
+pub fn sheet_of(stream: &str) -> Option<&str> {
+    stream.strip_prefix(NAME)?.strip_prefix('.').filter(|name| !name.contains('.'))
+}
+
+/// Whether a stream is of sheets.
+pub fn is_part(stream: &str) -> bool {
+    stream.strip_prefix(NAME).is_some_and(|rest| rest.starts_with('.'))
+}
+
 impl Sheets {
-    /// The state: a stream `sheet.NAME` a sheet with `position` [m] and `velocity` [m/s], in the order of its points.
+    /// The state: a stream `sheet.NAME` a sheet with `position` [m] and `velocity` [m/s], in the order of its points, and as `spacing`
+    /// [m] the edge of the square that a point stands for; a stream `sheet.NAME.faces` with the corners `a`, `b`, `c` and `d` of its
+    /// faces, of triangles the last twice.
     pub fn streams(&self) -> Vec<Stream> {
-        let sheets = self.params.sheet.iter().zip(&self.ranges);
+        let sheets = self.params.sheet.iter().zip(&self.ranges).zip(&self.faces);
         sheets
-            .map(|(sheet, range)| {
+            .flat_map(|((sheet, range), faces)| {
                 let of =
                     |from: &super::lanes::Vectors| range.clone().map(|i| from.get(i)).collect::<Vec<Vec3>>();
-                Stream::new(format!("{NAME}.{}", sheet.name), range.len())
+                let area: f64 = range.clone().map(|i| f64::from(self.area[i])).sum();
+                let name = stream(&sheet.name);
+                let mut points = Stream::new(&name, range.len())
                     .with("position", of(&self.x))
-                    .with("velocity", of(&self.v))
+                    .with("velocity", of(&self.v));
+                points.scalars = vec![("spacing".into(), (area / range.len() as f64).sqrt())];
+                let corners = faces_stream(&name);
+                let corner = |k: usize| faces.iter().map(|face| face[k]).collect::<Vec<u32>>();
+                let corners =
+                    (0..4).zip(CORNERS).fold(Stream::new(corners, faces.len()), |stream, (k, name)| {
+                        stream.with(name, corner(k))
+                    });
+                [points, corners]
             })
             .collect()
     }
@@ -25,7 +60,7 @@ impl Sheets {
     pub fn restore(shot: Shot, world: &World, streams: &[Stream], time: f64) -> Result<Self, SheetError> {
         let mut sheets = Self::new(shot, world)?;
         for (sheet, range) in sheets.params.sheet.iter().zip(&sheets.ranges) {
-            let name = format!("{NAME}.{}", sheet.name);
+            let name = stream(&sheet.name);
             let missing = |what| SheetError::Missing { stream: name.clone(), what, count: range.len() };
             let stream = streams.iter().find(|stream| stream.name == name).ok_or(missing("points"))?;
             for (what, to) in [("position", &mut sheets.x), ("velocity", &mut sheets.v)] {

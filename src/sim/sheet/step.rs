@@ -23,7 +23,7 @@ impl Sheets {
         clock: &mut Clock,
         record: &mut SheetRecord,
     ) -> Result<(), Diverged> {
-        let lost = clock.time("sheet_step", || match self.params.solver.integrator {
+        let lost = clock.time("sheet_step", || match self.params.common.solver.integrator {
             Integrator::Symplectic => self.symplectic(now, dt),
             Integrator::Implicit => self.implicit(now, dt, record),
         });
@@ -38,7 +38,7 @@ impl Sheets {
             let point = points.clone().find(|i| !alive(i)).unwrap_or(points.start);
             let what = format!("is at {:?} with {:?} m/s", self.x.get(point), self.v.get(point));
             let try_next =
-                "a smaller sheet.solver.courant, more sheet.solver.substeps or slower pins and forces";
+                "a smaller sheets.solver.courant, more sheets.solver.substeps or slower pins and forces";
             return Err(self.diverged(record.substeps, point, what, try_next));
         }
         self.lead(now + dt, dt);
@@ -60,7 +60,7 @@ impl Sheets {
     fn put_back(&mut self, now: f64, dt: f64) -> u64 {
         let placed = solids::placed(&self.solids, now, now + dt);
         let mobility = self.inverse.as_flattened();
-        let friction = self.params.friction;
+        let friction = self.params.common.friction;
         solids::put_back(&placed, friction, mobility, &mut self.x, &mut self.v, dt as f32)
     }
 
@@ -79,11 +79,11 @@ impl Sheets {
         for (i, outside) in self.outside.iter().enumerate() {
             force.add(i, *outside);
         }
-        let pushes = match (&self.params.repulsion, &self.around) {
+        let pushes = match (&self.params.common.repulsion, &self.around) {
             (Some(repulsion), Some(around)) if !self.solids.is_empty() => {
                 let placed = solids::placed(&self.solids, now, now + dt);
                 let sheet = (&*x, &*v, self.area.as_slice(), self.mass.as_flattened());
-                solids::pushes(repulsion, self.params.friction, &placed, around, sheet, dt as f32)
+                solids::pushes(repulsion, self.params.common.friction, &placed, around, sheet, dt as f32)
             }
             _ => Vec::new(),
         };
@@ -139,7 +139,7 @@ impl Sheets {
             joined: joined.iter().filter(|joint| joint.holds(now)).collect(),
             dt: h,
         };
-        let solver = &self.params.solver;
+        let solver = &self.params.common.solver;
         let solved = matrix.solve(force, v, f64::from(solver.tolerance), solver.max_iterations);
         record.iterations += solved.iterations;
         record.residual = record.residual.max(solved.residual);

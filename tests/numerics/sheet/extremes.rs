@@ -5,7 +5,7 @@ use super::*;
 const WAYS: [&str; 2] = ["symplectic", "implicit"];
 
 fn solver(way: &str) -> String {
-    format!("[solver]\nintegrator = '{way}'\n")
+    format!("[sheets.solver]\nintegrator = '{way}'\n")
 }
 
 /// Runs and finds all points finite and within `bound` [m] of the origin.
@@ -183,7 +183,7 @@ fn an_obstacle_that_starts_inside_the_sheet_or_wider_than_its_hole_is() {
             Shape::Torus { center: [0.5, 0.5, -0.1], axis: [0.0, 0.0, 1.0], radius: 0.21, tube: 0.2 },
         ] {
             let text = format!(
-                "{}[repulsion]\nenergy = 0.1\nrange = 0.01\n",
+                "{}[sheets.repulsion]\nenergy = 0.1\nrange = 0.01\n",
                 hung([6, 6], 100.0, way).replace("pin = [{ at = 'corners' }]", "")
             );
             let records = survive(way, &text, &world(9.81, vec![shape]), 24, 20.0);

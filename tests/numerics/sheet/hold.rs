@@ -31,7 +31,7 @@ fn an_exact_pin_follows_its_keyframes_and_lets_go() {
                  keyframes = [{ frame = 1 }, { frame = 13, position = [1.0, 0.0, 0.0] }]\n";
     for integrator in ["symplectic", "implicit"] {
         let mut sheets =
-            sheets(&format!("{}[solver]\nintegrator = '{integrator}'", point(terms)), &world(9.81, vec![]));
+            sheets(&format!("{}[sheets.solver]\nintegrator = '{integrator}'", point(terms)), &world(9.81, vec![]));
         run(&mut sheets, 0, 6).unwrap();
         assert!((sheets.positions()[0] - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-6, "{:?}", sheets.positions());
         run(&mut sheets, 6, 6).unwrap();
@@ -89,7 +89,7 @@ fn two(joint: &str, solver: &str) -> String {
         .replace("'cloth'", &format!("'{name}'"))
     };
     format!(
-        "{}{}[[joint]]\nsheets = ['a', 'b']\nat = [{{ points = [5] }}, {{ points = [3] }}]\n{joint}\n{solver}",
+        "{}{}[[sheets.joint]]\nsheets = ['a', 'b']\nat = [{{ points = [5] }}, {{ points = [3] }}]\n{joint}\n{solver}",
         sheet("a", 0.0, 0.2),
         sheet("b", 1.5, 0.4)
     )
@@ -97,7 +97,7 @@ fn two(joint: &str, solver: &str) -> String {
 
 #[test]
 fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
-    for (solver, bound) in [("", 1e-5), ("[solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 1e-4)] {
+    for (solver, bound) in [("", 1e-5), ("[sheets.solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 1e-4)] {
         let text = two("stiffness = 30.0", solver).replace("spring_damping", "damping = 0.0\nspring_damping");
         let mut sheets = sheets(&text, &world(0.0, vec![]));
         let center = |sheets: &Sheets| {
@@ -124,11 +124,11 @@ fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
 #[test]
 fn a_joint_with_a_direction_turns_an_edge_there() {
     let text = format!(
-        "{}[[joint]]\nsheets = ['cloth', 'cloth']\nat = [{{ points = [0] }}, {{ points = [1] }}]\nstiffness = 5.0\ndirection = [0, 1, 1]\n",
+        "{}[[sheets.joint]]\nsheets = ['cloth', 'cloth']\nat = [{{ points = [0] }}, {{ points = [1] }}]\nstiffness = 5.0\ndirection = [0, 1, 1]\n",
         square([1, 0], 0.0, "density = 0.5\nstiffness = [500.0, 0.0]\ndamping = 5.0")
     );
     for integrator in ["symplectic", "implicit"] {
-        let mut sheets = sheets(&format!("{text}[solver]\nintegrator = '{integrator}'"), &world(0.0, vec![]));
+        let mut sheets = sheets(&format!("{text}[sheets.solver]\nintegrator = '{integrator}'"), &world(0.0, vec![]));
         run(&mut sheets, 0, 120).unwrap();
         let x = sheets.positions();
         let edge = x[1] - x[0];

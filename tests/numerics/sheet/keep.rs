@@ -41,7 +41,7 @@ fn swing(sheets: &mut Sheets, periods: u32, frame: f64, per: u32) -> (Vec<f64>, 
 fn a_spring_has_its_period_and_keeps_its_energy_over_a_thousand_of_them() {
     for per in [16, 32] {
         let frame = 1.0 / f64::from(per);
-        let (energies, period) = swing(&mut pair("[solver]\ncourant = 0.95"), 1000, frame, per);
+        let (energies, period) = swing(&mut pair("[sheets.solver]\ncourant = 0.95"), 1000, frame, per);
         // One substep a frame: sin(ω' Δt/2) = ω Δt/2.
         let expected = std::f64::consts::PI * frame / (std::f64::consts::PI * frame).asin();
         assert!((period / expected - 1.0).abs() < 2e-5, "{period} s, {expected} s");
@@ -53,7 +53,7 @@ fn a_spring_has_its_period_and_keeps_its_energy_over_a_thousand_of_them() {
 #[test]
 fn the_implicit_rule_damps_as_it_must() {
     // |λ|² = 1/(1 + ω² Δt²) a substep.
-    let mut pair = pair("[solver]\nintegrator = 'implicit'\nsubsteps = 1");
+    let mut pair = pair("[sheets.solver]\nintegrator = 'implicit'\nsubsteps = 1");
     let (energies, _) = swing(&mut pair, 3, 1.0 / 64.0, 64);
     let expected = (1.0 + (TAU / 64.0).powi(2)).powi(-64);
     let found = energies[1] / energies[0];
@@ -90,7 +90,7 @@ fn momenta(sheets: &Sheets) -> [(nalgebra::Vector3<f64>, f64); 2] {
 #[test]
 fn free_flight_keeps_momentum_and_angular_momentum() {
     for (integrator, bounds) in [("symplectic", [2e-6, 5e-6]), ("implicit", [2e-5, 0.2])] {
-        let mut sheets = free(&format!("[solver]\nintegrator = '{integrator}'\ntolerance = 1e-6"));
+        let mut sheets = free(&format!("[sheets.solver]\nintegrator = '{integrator}'\ntolerance = 1e-6"));
         let before = momenta(&sheets);
         run(&mut sheets, 0, 24).unwrap();
         for ((after, before), bound) in momenta(&sheets).iter().zip(before).zip(bounds) {
@@ -105,10 +105,10 @@ fn any_number_of_threads_gives_the_same_bytes() {
     for integrator in ["symplectic", "implicit"] {
         let go = || {
             let terms = "density = 0.2\nstiffness = [50.0, 50.0]\nshear = 10.0\nbending = 0.001\n\
-                         pin = [{ at = 'corners' }]\n[repulsion]\nenergy = 0.01\nrange = 0.01\n";
+                         pin = [{ at = 'corners' }]\n[sheets.repulsion]\nenergy = 0.01\nrange = 0.01\n";
             let ball = Shape::Sphere { center: [0.5, 0.5, -0.3], radius: 0.25 };
             let text = square([70, 60], 0.0, terms);
-            let text = format!("{text}[solver]\nintegrator = '{integrator}'\n");
+            let text = format!("{text}[sheets.solver]\nintegrator = '{integrator}'\n");
             let mut sheets = sheets(&text, &world(9.81, vec![ball]));
             let records = run(&mut sheets, 0, 6).unwrap();
             let bits =
@@ -128,7 +128,7 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
         let terms = "density = 0.2\nstiffness = [50.0, 50.0]\nshear = 10.0\n\
                      [[sheet.pin]]\nat = 'corners'\nrelease = 7\n\
                      [[sheet.pin]]\nat = 'center'\nstiffness = 3.0\nkeyframes = [{ frame = 1 }, { frame = 9, position = [0.0, 0.0, 0.4] }]\n";
-        let text = format!("{}[solver]\nintegrator = '{integrator}'\n", square([20, 20], 0.0, terms));
+        let text = format!("{}[sheets.solver]\nintegrator = '{integrator}'\n", square([20, 20], 0.0, terms));
         let world = world(9.81, vec![]);
         let mut whole = sheets(&text, &world);
         run(&mut whole, 0, 4).unwrap();

@@ -63,7 +63,8 @@ fn run_at(sheets: &mut Sheets, from: u32, frames: u32, frame: f64) -> Result<Vec
 /// The same sheets with other positions and velocities.
 fn placed(text: &str, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) -> Sheets {
     let start = sheets(text, world);
-    let streams = start.streams().into_iter().map(|stream| {
+    let points = start.streams().into_iter().filter(|stream| stream.vec3("position").is_some());
+    let streams = points.map(|stream| {
         let (x, v) = (stream.vec3("position").unwrap(), stream.vec3("velocity").unwrap());
         let both = x.iter().zip(v).enumerate().map(|(i, (x, v))| change(i, *x, *v));
         let (x, v): (Vec<Vec3>, Vec<Vec3>) = both.unzip();

@@ -32,10 +32,10 @@ fn obstacles() -> Vec<(&'static str, Shape)> {
 #[test]
 fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
     for (name, shape) in obstacles() {
-        for terms in ["", "[repulsion]\nenergy = 0.04\nrange = 0.01"] {
+        for terms in ["", "[sheets.repulsion]\nenergy = 0.04\nrange = 0.01"] {
             for integrator in ["symplectic", "implicit"] {
                 let sheet = above(0.42, 16, "");
-                let text = format!("friction = 0.4\n{sheet}{terms}\n[solver]\nintegrator = '{integrator}'");
+                let text = format!("sheets.friction = 0.4\n{sheet}{terms}\n[sheets.solver]\nintegrator = '{integrator}'");
                 let mut sheets = sheets(&text, &world(9.81, vec![shape.clone()]));
                 let records = run(&mut sheets, 0, 36).unwrap();
                 assert!(records.iter().all(|r| r.inside_solids == 0), "{name}, {integrator}");
@@ -57,7 +57,7 @@ fn repulsion_carries_a_sheet_where_it_equals_its_weight() {
     let expected = range * (energy / range / (0.2 * 9.81)).ln();
     for cells in [2, 9] {
         let text = format!(
-            "{}[repulsion]\nenergy = {energy}\nrange = {range}\n",
+            "{}[sheets.repulsion]\nenergy = {energy}\nrange = {range}\n",
             above(0.012, cells, "").replace("damping = 0.5", "damping = 8.0")
         );
         let mut sheets =
@@ -84,10 +84,10 @@ fn friction_holds_a_sheet_on_a_slope() {
             [4, 4],
             "density = 1.0\nstiffness = [200.0, 200.0]\nshear = 50.0",
         );
-        format!("friction = {friction}\n{sheet}\n{terms}")
+        format!("sheets.friction = {friction}\n{sheet}\n{terms}")
     };
     let slope = || world(9.81, vec![Shape::Plane { point: [0.0; 3], normal: [sin, 0.0, cos] }]);
-    for terms in ["", "[repulsion]\nenergy = 1.0\nrange = 0.02"] {
+    for terms in ["", "[sheets.repulsion]\nenergy = 1.0\nrange = 0.02"] {
         let slid = |friction: f32| {
             let mut sheets = sheets(&text(friction, terms), &slope());
             run(&mut sheets, 0, 24).unwrap();
@@ -106,7 +106,7 @@ fn a_moving_solid_carries_a_sheet_along() {
         let mut lift = world(9.81, vec![Shape::Box { min: [-1.0, -1.0, -0.2], max: [1.0, 1.0, 0.0] }]);
         lift.solids[0].motion = Motion::new(&[key(1, 0.0), key(25, 1.0)], Interpolation::Smooth, 24.0, 1);
         let mut sheets =
-            sheets(&format!("{}[solver]\nintegrator = '{integrator}'", above(0.05, 6, "")), &lift);
+            sheets(&format!("{}[sheets.solver]\nintegrator = '{integrator}'", above(0.05, 6, "")), &lift);
         let records = run(&mut sheets, 0, 24).unwrap();
         assert!(records.iter().all(|r| r.inside_solids == 0) && records.iter().any(|r| r.caught > 0));
         let lowest = sheets.positions().iter().map(|x| x.z).fold(f32::MAX, f32::min);

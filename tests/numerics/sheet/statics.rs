@@ -6,7 +6,7 @@ use meniscus::sim::sheet::{SheetMesh, SheetParams, SheetShape};
 /// Lets a sheet come to rest by the implicit rule in long substeps.
 fn settled(text: &str, world: &World, frames: u32) -> Sheets {
     let text = format!(
-        "{text}\n[solver]\nintegrator = 'implicit'\nsubsteps = 2\ntolerance = 1e-6\nmax_iterations = 3000\n"
+        "{text}\n[sheets.solver]\nintegrator = 'implicit'\nsubsteps = 2\ntolerance = 1e-6\nmax_iterations = 3000\n"
     );
     let mut sheets = sheets(&text, world);
     let last = run(&mut sheets, 0, frames).unwrap().pop().unwrap();
@@ -87,7 +87,7 @@ fn pulled(cells: [u32; 2], terms: &str, load: f32) -> f64 {
         cells,
         &format!(
             "density = 0.2\ndamping = 8.0\n{terms}\n[[sheet.pin]]\nat = {{ inside = {{ box = {{ min = [-0.01, -1, -1], max = [0.01, 2, 1] }} }} }}\n\
-         [solver]\nintegrator = 'implicit'\nsubsteps = 1\ntolerance = 1e-6\nmax_iterations = 3000"
+         [sheets.solver]\nintegrator = 'implicit'\nsubsteps = 1\ntolerance = 1e-6\nmax_iterations = 3000"
         ),
     );
     let mut sheets = sheets(&text, &world(0.0, vec![]));

@@ -1,0 +1,191 @@
+//! Shots of sheets: from preset to point caches and meshes, resumed, kept, and with frames that are damaged.
+
+use super::*;
+
+/// A cloth of two materials that falls onto a ball, and a flag on a pole that moves; coarse.
+const CLOTH: &str = r#"
+title = "Small cloth"
+frames = "1-9"
+
+[[world.collider]]
+shape = { sphere = { center = [0, 0, 0], radius = 0.2 } }
+
+[[sheet]]
+name = "cloth"
+shape = { grid = { origin = [-0.3, -0.3, 0.22], first = [0.6, 0, 0], second = [0, 0.6, 0], cells = [12, 12] } }
+density = 0.2
+stiffness = [60, 60]
+shear = 10
+bending = "1e-5"
+damping = 1
+region = [{ shape = { box = { min = [-1, -1, 0], max = [0, 1, 1] } }, stiffness = 2 }]
+
+[[sheet]]
+name = "flag"
+shape = { mesh = { file = "flag.obj" } }
+density = 0.1
+stiffness = [40, 40]
+pin = [{ at = { points = [0, 3] }, keyframes = [{ frame = 1, position = [0, 0, 0] }, { frame = 9, position = [0.2, 0, 0] }] }]
+
+[sheets]
+friction = 0.3
+repulsion = { energy = 0.05, range = "4 mm" }
+
+[output]
+sheet = ["pc2"]
+"#;
+
+/// A quad and a triangle.
+const FLAG: &str = "v 1 0 0\nv 1.4 0 0\nv 1.4 0 0.3\nv 1 0 0.3\nv 1.7 0 0.15\nf 1 2 3 4\nf 2 5 3\n";
+
+fn desk() -> Desk {
+    let desk = Desk::new();
+    desk.write("cloth.toml", CLOTH);
+    desk.write("flag.obj", FLAG);
+    desk
+}
+
+/// The samples of a point cache.
+fn samples(path: &Path) -> Vec<Vec<[f32; 3]>> {
+    let bytes = fs::read(path).unwrap();
+    let whole = |at: usize| i32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    let number = |i: usize| f32::from_le_bytes(bytes[32 + 4 * i..36 + 4 * i].try_into().unwrap());
+    let (points, count) = (whole(16), whole(28));
+    assert_eq!(bytes.len(), 32 + 12 * points * count);
+    let point = |i: usize| [0, 1, 2].map(|k| number(3 * i + k));
+    (0..count).map(|s| (0..points).map(|i| point(s * points + i)).collect()).collect()
+}
+
+#[test]
+fn one_command_goes_from_sheets_to_point_caches() {
+    let desk = desk();
+    let (out, talk) = desk.run("shot cloth.toml -o shot", 0);
+    assert!(out.contains("2 sheets of 9 frames written") && talk.contains("strain at most"), "{out}{talk}");
+    assert_eq!(desk.names("shot/sheet"), ["cloth.pc2", "cloth.ply", "flag.pc2", "flag.ply"]);
+    let cloth = samples(&desk.path("shot/sheet/cloth.pc2"));
+    assert_eq!((cloth.len(), cloth[0].len(), cloth[0][0]), (9, 169, [-0.3, -0.3, 0.22]));
+    // It falls, and the ball holds its middle; no point is inside.
+    assert!(cloth[8][0][2] < 0.1 && cloth[8][84][2] > 0.199, "{:?}", cloth[8]);
+    let depth = |x: &[f32; 3]| 0.2 - x.iter().map(|c| c * c).sum::<f32>().sqrt();
+    assert!(cloth.iter().flatten().all(|x| depth(x) < 1e-5));
+    // Half of it is twice as stiff, so the other half hangs lower.
+    assert!(cloth[8][12 * 13 + 12][2] < cloth[8][12 * 13][2] - 1e-3);
+    let flag = samples(&desk.path("shot/sheet/flag.pc2"));
+    assert!((flag[8][0][0] - 1.2).abs() < 1e-5 && flag[8][4][2] < 0.1, "{:?}", flag[8]);
+    let text = fs::read_to_string(desk.path("shot/shot.json")).unwrap();
+    let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let output = &manifest["outputs"][0];
+    assert_eq!((output["kind"].as_str(), output["format"].as_str()), (Some("sheet"), Some("pc2")));
+    assert_eq!((output["pattern"].as_str(), output["rest"].as_str()), (Some("sheet/cloth.pc2"), Some("sheet/cloth.ply")));
+    assert_eq!(output["frames"], serde_json::json!({ "first": 1, "last": 9, "step": 1 }));
+
+    // What is there is kept, another selection is written anew, and nothing of it takes part in meshing.
+    let again = desk.run("shot cloth.toml -o shot", 0).0;
+    assert!(again.contains("9 were there") && again.contains("0 sheets of 9 frames written") && again.contains("2 were there"), "{again}");
+    let few = desk.run("export shot --frames 1-9x2", 0).0;
+    assert!(few.contains("2 sheets of 5 frames written"), "{few}");
+    assert_eq!(samples(&desk.path("shot/sheet/cloth.pc2"))[1], cloth[2]);
+    let none = desk.run("mesh shot", 2).1;
+    assert!(none.contains("no liquid in this cache"), "{none}");
+    let told = desk.run("info shot", 0).0;
+    assert!(told.contains("sheet/cloth.pc2"), "{told}");
+}
+
+#[test]
+fn a_resumed_shot_has_the_same_bytes_and_any_number_of_threads() {
+    let desk = desk();
+    desk.run("simulate cloth.toml -o whole --threads 1", 0);
+    desk.run("simulate cloth.toml -o parts --frames 1-4 --threads 3", 0);
+    desk.run("simulate cloth.toml -o parts --threads 2", 0);
+    for frame in [1, 4, 5, 9] {
+        let name = format!("cache/frame_{frame:04}.mcf");
+        let read = |folder: &str| fs::read(desk.path(folder).join(&name)).unwrap();
+        assert!(read("whole") == read("parts"), "frame {frame}");
+    }
+}
+
+#[test]
+fn meshes_a_frame_have_velocities_and_a_thickness() {
+    let desk = desk();
+    desk.run("simulate cloth.toml -o shot --frames 1-3", 0);
+    let out = desk.run("export shot --format ply,pc2 --thickness 0.01", 0).0;
+    assert!(out.contains("6 frames meshed") && out.contains("2 sheets of 3 frames written"), "{out}");
+    let text = fs::read(desk.path("shot/sheet/cloth_0002.ply")).unwrap();
+    let head = String::from_utf8_lossy(&text[..600]).into_owned();
+    // Two sides of 169 points, 288 triangles each, and two along each of 48 edges.
+    assert!(head.contains("element vertex 338") && head.contains("element face 672") && head.contains("vz"), "{head}");
+    assert_eq!(samples(&desk.path("shot/sheet/cloth.pc2"))[0].len(), 338);
+    let thin = desk.run("export shot --format obj", 0).0;
+    assert!(thin.contains("6 frames meshed"), "{thin}");
+    assert!(fs::read_to_string(desk.path("shot/sheet/flag_0003.obj")).unwrap().contains("f "));
+}
+
+#[test]
+fn a_damaged_frame_is_named_and_the_one_before_stands_in_its_place() {
+    let desk = desk();
+    desk.run("simulate cloth.toml -o shot --frames 1-5", 0);
+    let path = desk.path("shot/cache/frame_0003.mcf");
+    let mut bytes = fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    let talk = desk.run("export shot", 3).1;
+    assert!(talk.contains("frame 0003") && talk.contains("the frame before stands in its place"), "{talk}");
+    let cloth = samples(&desk.path("shot/sheet/cloth.pc2"));
+    assert!(cloth.len() == 5 && cloth[2] == cloth[1] && cloth[3] != cloth[2]);
+}
+
+#[test]
+fn mistakes_about_sheets_are_shown_in_their_place() {
+    let desk = desk();
+    for (from, to, told) in [
+        ("name = \"flag\"", "name = \"cloth\"", "sheet.1.name"),
+        ("name = \"flag\"", "name = \"a b\"", "cannot be the name of a file"),
+        ("stiffness = [60, 60]", "stiffness = [60, -1]", "sheet.0.stiffness"),
+        ("flag.obj", "gone.obj", "the mesh `gone.obj` is not there"),
+        ("cells = [12, 12]", "cels = [12, 12]", "cells"),
+        ("friction = 0.3", "frictoin = 0.3", "friction"),
+        ("second = [0, 0.6, 0]", "second = [0.6, 0, 0]", "has no area"),
+    ] {
+        let text = CLOTH.replace(from, to);
+        assert_ne!(text, CLOTH, "{from}");
+        desk.write("wrong.toml", &text);
+        let talk = desk.run("simulate wrong.toml -o wrong", 2).1;
+        assert!(talk.contains(told), "{to}: {talk}");
+        assert!(!desk.path("wrong/cache/frame_0002.mcf").exists());
+    }
+}
+
+#[test]
+fn only_what_is_named_is_there() {
+    let desk = desk();
+    let cloth = desk.run("shot cloth.toml --dry-run", 0).0;
+    assert!(cloth.contains("sheet_step, sheet_solids, sheet_account") && cloth.contains("174 points"), "{cloth}");
+    let dam = desk.run("shot small.toml --dry-run", 0).0;
+    assert!(!dam.contains("sheet"), "{dam}");
+    let plan = desk.run("plan cloth.toml", 0).0;
+    assert!(plan.contains("174, of sheets") && plan.contains("substeps of the sheets"), "{plan}");
+}
+
+#[test]
+fn every_built_in_shot_of_sheets_runs_and_stays_out_of_its_solids() {
+    let desk = Desk::new();
+    for name in [
+        "cloth-over-ellipsoid",
+        "sheet-center",
+        "sheet-corners",
+        "sheet-over-torus",
+        "stretchy-center",
+        "stretchy-corners",
+        "through-torus",
+        "torus-small-hole",
+    ] {
+        desk.run(&format!("simulate {name} --quality draft -o {name}"), 0);
+        let text = fs::read_to_string(desk.path(name).join("log.jsonl")).unwrap();
+        assert_eq!(text.lines().count(), 23, "{name}");
+        for line in text.lines() {
+            let line: serde_json::Value = serde_json::from_str(line).unwrap();
+            assert_eq!(line["sheets"]["inside_solids"], 0, "{name}: {line}");
+        }
+    }
+}
