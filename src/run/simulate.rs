@@ -215,10 +215,12 @@ fn begin(scene: &Scene, control: Control) -> Result<(FrameIndex, Simulation), Ru
 }
 
 /// Passes the simulation's progress on, and the user's wish to stop back.
-struct Progress<'a> {
-    control: Control<'a>,
-    base: f64,
-    scale: f64,
+pub(super) struct Progress<'a> {
+    pub(super) control: Control<'a>,
+    /// Frames that were done before.
+    pub(super) base: f64,
+    /// Frames that are done with what is watched.
+    pub(super) scale: f64,
 }
 
 impl Watch for Progress<'_> {
