@@ -65,6 +65,9 @@ pub fn simulate(
         }
         control.reporter.progress((place + 1) as f64);
     }
+    if let Some((_, simulation)) = &job.state {
+        remarks::of_sourceless(&simulation.sourceless()).iter().for_each(|line| control.reporter.note(line));
+    }
     control.reporter.end();
     Ok(job.done)
 }
