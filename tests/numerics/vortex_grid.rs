@@ -277,6 +277,7 @@ fn one_solution_serves_vortons_and_points() {
         .collect();
     let kernel = Kernel::default();
     let method = Method::Grid { error: 1e-3, way: Way::Sine };
+    assert!(lattice(&vortons, vortons.len() + points.len(), kernel, 1e-3, Way::Sine).is_some());
     let (found, along) = induced_both(&vortons, Targets::Vortons, &points, kernel, method).unwrap();
     let missed = sampled_error(&vortons, Targets::Vortons, kernel, &found.velocity, 300).unwrap();
     assert!(missed < 1e-3, "{missed}");
