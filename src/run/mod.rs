@@ -8,6 +8,7 @@ mod error;
 mod folder;
 mod info;
 mod job;
+mod lattices;
 mod ledger;
 mod level_sets;
 mod log;

@@ -62,7 +62,8 @@ fn of_smoke(record: &SmokeRecord) -> Vec<String> {
         // What is no number is told as well.
         part.filter(|part| part.is_nan() || *part > least).map(|part| format!("{:.0} % {what}", 100.0 * part))
     };
-    let through = "of the air's flow at solids goes through them (smoke.spacing)";
+    let solid = record.leakiest.map_or_else(String::new, collider);
+    let through = &format!("of the air's flow at {solid} goes through it (smoke.spacing)");
     let unsolved = "of the flow through panels of solids is left (they are too thin or too close)";
     let counts = counted(&[
         (
@@ -77,6 +78,28 @@ fn of_smoke(record: &SmokeRecord) -> Vec<String> {
     let parts = [part(record.through_flow, LEAKY, through), part(record.unsolved, UNSOLVED, unsolved)];
     counts.into_iter().chain(parts.into_iter().flatten()).collect()
 }
+
+/// The key of a solid in the preset.
+fn collider(number: u32) -> String {
+    format!("world.collider.{number}")
+}
+
+/// The solids without sources, by number.
+pub(super) fn of_sourceless(solids: &[usize]) -> Option<String> {
+    let named: Vec<String> = solids.iter().take(MOST_NAMED).map(|&number| collider(number as u32)).collect();
+    let more = solids.len() - named.len();
+    let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+    (!solids.is_empty()).then(|| {
+        format!(
+            "air goes through {}{more}: too thin or too small for the sources that keep it out; make it thicker than \
+             smoke.spacing, or smoke.spacing smaller",
+            named.join(", ")
+        )
+    })
+}
+
+/// Solids that a line names.
+const MOST_NAMED: usize = 8;
 
 /// What happened to tracers on the way to the frame `index` of smoke that is played again.
 pub(super) fn of_drift(index: FrameIndex, report: &DriftReport) -> Option<String> {

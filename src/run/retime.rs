@@ -6,6 +6,7 @@ use super::{
     ledger::{Ledger, Made},
     plan::{Product, stream_memory},
     remarks,
+    simulate::Progress,
     source::MOST_FRAMES,
     volume::{SmokeFrame, Surroundings, VolumeSettings, kept, no_air, smoke_key, write_smoke},
 };
@@ -15,7 +16,7 @@ use crate::{
     frame::{Frame, FrameIndex},
     sim::smoke::{self, Drifting, FrameAir, KeyedAir, Replay},
 };
-use std::{collections::BTreeMap, path::PathBuf};
+use std::{collections::BTreeMap, ops::ControlFlow, path::PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// How a cache is played again.
@@ -34,6 +35,13 @@ struct Order<'a> {
     retime: Retime,
     job: &'a Job,
     grids: Vec<VolumeGrid>,
+}
+
+impl Order<'_> {
+    /// Whether the velocity of the air is asked for.
+    fn moves(&self) -> bool {
+        self.grids.contains(&VolumeGrid::Velocity)
+    }
 }
 
 /// Nearer than this to a cached frame, in frames, a time is that of the frame.
@@ -108,7 +116,8 @@ pub fn retime(
         }
         let mut made = Made::new(FrameIndex(number));
         let due = (f64::from(number - first) / retime.factor).min(f64::from(last - first));
-        match player.frame(due, &order, &mut made, control) {
+        let progress = Progress { control, base: place as f64, scale: 1.0 };
+        match player.frame(due, &order, &mut made, progress) {
             Err(RunError::Cache(why)) => made.fail(why.to_string(), Failure::of(&why)),
             Err(RunError::Setup(why)) => made.fail(no_air(&why), Failure::Other),
             Err(why @ RunError::OverMemory { .. }) => made.fail(why.to_string(), Failure::Memory),
@@ -148,7 +157,8 @@ struct Shown {
     frame: Frame,
     /// The simulation's key.
     key: u64,
-    air: KeyedAir,
+    /// `None` as long as nothing moves in it.
+    air: Option<KeyedAir>,
 }
 
 /// What plays.
@@ -171,13 +181,19 @@ struct Place {
 
 impl Player<'_> {
     /// Makes the volume of the time `due` [frames after the first].
-    fn frame(&mut self, due: f64, order: &Order, made: &mut Made, control: Control) -> Result<(), RunError> {
+    fn frame(
+        &mut self,
+        due: f64,
+        order: &Order,
+        made: &mut Made,
+        progress: Progress<'_>,
+    ) -> Result<(), RunError> {
+        let control = progress.control;
         let before = (due + SAME).floor();
         let part = if due - before > SAME { due - before } else { 0.0 };
         let place = Place { before: before as usize, part };
-        self.load(place.before, part > 0.0)?;
-        self.follow(due)?;
-        self.load(place.before, part > 0.0)?;
+        self.follow(due, &progress)?;
+        self.load(place.before, part > 0.0, part > 0.0 || order.moves())?;
         let followed = self.drifting.as_mut().map(|(drifting, _)| std::mem::take(&mut drifting.report));
 
         // What was made of the same is kept; the tracers had to drift on all the same.
@@ -191,58 +207,99 @@ impl Player<'_> {
             made.pieces.push(piece);
             return Ok(());
         }
-        let (tracers, air) = self.at(&place)?;
+        let (tracers, air) = self.at(&place, order.moves(), progress)?;
         made.notes.extend(remarks::of_drift(made.index, &followed.unwrap_or(tracers.report)));
         let stream = tracers.stream();
         let needed = |enough| stream_memory(Product::Volumes, &stream, spacing, &settings.surface, enough);
         job.fit(None, needed)?;
         let slower = retime.factor;
-        let frame = SmokeFrame { tracers: &stream, air: Some(&air), spacing, wanted: grids, slower };
+        let frame = SmokeFrame { tracers: &stream, air: air.as_ref(), spacing, wanted: grids, slower };
         write_smoke(out, settings, frame, &target, made, control)
     }
 
-    /// Reads the cached frame that comes `number` frames after the first, and the `next` one if asked to; others are put away.
-    fn load(&mut self, number: usize, next: bool) -> Result<(), RunError> {
+    /// Reads the cached frame that comes `number` frames after the first, and the `next` one if asked to, with their air if something
+    /// `moves` there; others are put away.
+    fn load(&mut self, number: usize, next: bool, moves: bool) -> Result<(), RunError> {
         self.reel.retain(|&other, _| (number..=number + 1).contains(&other));
         for number in number..=number + usize::from(next) {
             if !self.reel.contains_key(&number) {
                 let (frame, info) = cache::read_frame(&self.present[number].1)?;
-                let air = self.replay.keyed(&frame.streams, frame.time)?;
-                self.reel.insert(number, Shown { frame, key: info.key, air });
+                self.reel.insert(number, Shown { frame, key: info.key, air: None });
+            }
+            let shown = self.reel.get_mut(&number).expect("it was put there");
+            if moves && shown.air.is_none() {
+                shown.air = Some(self.replay.keyed(&shown.frame.streams, shown.frame.time)?);
             }
         }
         Ok(())
     }
 
+    /// The air of a cached frame that was loaded with it.
+    fn air(&self, number: usize) -> &KeyedAir {
+        self.reel[&number].air.as_ref().expect("loaded with its air")
+    }
+
     /// Lets tracers of its own drift to the time `due` [frames after the first], past every cached frame on the way.
-    fn follow(&mut self, due: f64) -> Result<(), RunError> {
+    fn follow(&mut self, due: f64, progress: &Progress<'_>) -> Result<(), RunError> {
+        let start = self.drifting.as_ref().map_or(due, |(_, at)| *at);
         while let Some(at) = self.drifting.as_ref().map(|(_, at)| *at).filter(|at| due - at > SAME) {
             let before = (at + SAME).floor();
             let end = due.min(before + 1.0);
-            self.load(before as usize, true)?;
-            let [a, b] = [0, 1].map(|step| &self.reel[&(before as usize + step)].air);
+            self.load(before as usize, true, true)?;
+            let [a, b] = [0, 1].map(|step| self.air(before as usize + step));
             let then = a.time + (end - before) * (b.time - a.time);
             // Where a frame is damaged they stay as they were before it.
             let (mut drifting, _) = self.drifting.clone().expect("they drift");
-            self.replay.drift(a, b, &mut drifting, then)?;
+            let parts = [at, end].map(|at| (at - start) / (due - start));
+            let mut watch = Progress {
+                control: progress.control,
+                base: progress.base + progress.scale * parts[0],
+                scale: progress.scale * (parts[1] - parts[0]),
+            };
+            if let ControlFlow::Break(()) = self.replay.drift(a, b, &mut drifting, then, &mut watch)? {
+                return Err(RunError::Interrupted);
+            }
             self.drifting = Some((drifting, end));
         }
         Ok(())
     }
 
-    /// The tracers and the air at a place whose frames are at hand.
-    fn at(&self, place: &Place) -> Result<(Drifting, FrameAir), RunError> {
-        let Shown { frame, air: a, .. } = &self.reel[&place.before];
-        let b = if place.part > 0.0 { &self.reel[&(place.before + 1)].air } else { a };
-        let then = a.time + place.part * (b.time - a.time);
+    /// The tracers at a place whose frames are at hand, and the air there if something `moves`.
+    fn at(
+        &self,
+        place: &Place,
+        moves: bool,
+        mut progress: Progress<'_>,
+    ) -> Result<(Drifting, Option<FrameAir>), RunError> {
+        let Shown { frame, .. } = &self.reel[&place.before];
+        let ends = || {
+            let a = self.air(place.before);
+            (a, if place.part > 0.0 { self.air(place.before + 1) } else { a })
+        };
+        let then = if place.part > 0.0 {
+            frame.time + place.part * (self.reel[&(place.before + 1)].frame.time - frame.time)
+        } else {
+            frame.time
+        };
         let tracers = match &self.drifting {
             Some((drifting, _)) => drifting.clone(),
             None => {
-                let mut tracers = self.replay.cached(&frame.streams, a.time)?;
-                self.replay.drift(a, b, &mut tracers, then)?;
+                let mut tracers = self.replay.cached(&frame.streams, frame.time)?;
+                if place.part > 0.0 {
+                    let (a, b) = ends();
+                    if let ControlFlow::Break(()) =
+                        self.replay.drift(a, b, &mut tracers, then, &mut progress)?
+                    {
+                        return Err(RunError::Interrupted);
+                    }
+                }
                 tracers
             }
         };
-        Ok((tracers, self.replay.air(a, b, then)?))
+        let air = moves.then(|| {
+            let (a, b) = ends();
+            self.replay.air(a, b, then)
+        });
+        Ok((tracers, air.transpose()?))
     }
 }

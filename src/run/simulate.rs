@@ -1,6 +1,6 @@
 //! The job that fills the cache.
 
-use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, log, remarks, solids};
+use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, lattices::Lattices, log, remarks, solids};
 use crate::{
     cache::{self, CacheError, Lock},
     frame::FrameIndex,
@@ -54,7 +54,8 @@ pub fn simulate(
     write_manifest(scene, folder, selection, &valid)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
 
-    let mut job = Job { scene, folder, key, state, done: Simulated::default(), control };
+    let lattices = Lattices::of_log(folder)?;
+    let mut job = Job { scene, folder, key, state, done: Simulated::default(), lattices, control };
     control.reporter.begin("simulate", selection.count() as usize);
     for (place, target) in selection.iter().enumerate() {
         if valid.contains(&target) {
@@ -64,6 +65,11 @@ pub fn simulate(
             job.reach(target, before, selection, place)?;
         }
         control.reporter.progress((place + 1) as f64);
+    }
+    if let Some((_, simulation)) = &job.state {
+        let remarks =
+            remarks::of_sourceless(&simulation.sourceless()).into_iter().chain(job.lattices.remarks());
+        remarks.for_each(|line| control.reporter.note(&line));
     }
     control.reporter.end();
     Ok(job.done)
@@ -134,6 +140,8 @@ struct Job<'a> {
     /// The newest state in memory and the frame it stands at.
     state: Option<(FrameIndex, Simulation)>,
     done: Simulated,
+    /// What lattices did in the frames that are in the log, and in those that were computed.
+    lattices: Lattices,
     control: Control<'a>,
 }
 
@@ -170,6 +178,7 @@ impl Job<'_> {
                 Stop::Diverged(diverged) => RunError::Diverged { frame: at, diverged },
             })?;
             let seconds = clock.elapsed().as_secs_f64();
+            record.smoke.iter().for_each(|smoke| self.lattices.book(&smoke.flow));
             let liquid = self.scene.liquid.is_some();
             self.control.reporter.frame(&figures(at, liquid, &record, seconds));
             if selection.contains(at) {
@@ -215,10 +224,12 @@ fn begin(scene: &Scene, control: Control) -> Result<(FrameIndex, Simulation), Ru
 }
 
 /// Passes the simulation's progress on, and the user's wish to stop back.
-struct Progress<'a> {
-    control: Control<'a>,
-    base: f64,
-    scale: f64,
+pub(super) struct Progress<'a> {
+    pub(super) control: Control<'a>,
+    /// Frames that were done before.
+    pub(super) base: f64,
+    /// Frames that are done with what is watched.
+    pub(super) scale: f64,
 }
 
 impl Watch for Progress<'_> {

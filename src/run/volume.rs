@@ -64,6 +64,15 @@ impl Surroundings {
     }
 }
 
+impl VolumeSettings {
+    /// What moves the air beside vortons, for all frames: walls, if there are solids. `None` if no velocity is asked for, which nothing
+    /// else needs.
+    fn air(&self) -> Option<ShotAir> {
+        let around = self.smoke.as_ref().filter(|_| self.grids.contains(&VolumeGrid::Velocity));
+        around.map(Surroundings::air)
+    }
+}
+
 /// What moves the smoke of a shot; `None` if it has none. Samples of meshes are looked for in `folder`, and left there.
 ///
 /// # Errors
@@ -107,7 +116,7 @@ pub fn volume(
         )));
     }
     let text = decisive(settings, &liquid);
-    let air = settings.smoke.as_ref().map(Surroundings::air);
+    let air = settings.air();
     job::run(source, out, &Volumes { out, settings, liquid, smoke, text, air }, job, control)
 }
 
@@ -138,7 +147,7 @@ struct Volumes<'a> {
     smoke: Vec<VolumeGrid>,
     /// What decides the content of those of liquids, as text.
     text: String,
-    /// What moves the smoke.
+    /// What moves the smoke, if that is to be told.
     air: Option<ShotAir>,
 }
 
@@ -353,15 +362,15 @@ pub(super) fn try_smoke(
 ) -> Result<Option<Tried>, RunError> {
     let wanted: Vec<_> =
         settings.grids.iter().copied().filter(|grid| VolumeGrid::SMOKE.contains(grid)).collect();
-    let (Some(Surroundings { smoke: around, world }), Some(tracers), false) =
+    let (Some(Surroundings { smoke: around, .. }), Some(tracers), false) =
         (&settings.smoke, frame.stream(TRACERS), wanted.is_empty())
     else {
         return Ok(None);
     };
     let start = Instant::now();
-    let air = FrameAir::of(around, world, &frame.streams, frame.time)?;
+    let air = settings.air().map(|air| air.frame(&frame.streams, frame.time)).transpose()?;
     let spacing = around.params.tracer_spacing();
-    let shown = SmokeFrame { tracers, air: Some(&air), spacing, wanted: &wanted, slower: 1.0 };
+    let shown = SmokeFrame { tracers, air: air.as_ref(), spacing, wanted: &wanted, slower: 1.0 };
     let out = ShotFolder::new(folder);
     ShotFolder::create(&out.volumes())?;
     let target = Target { index: frame.index, name: smoke::NAME.into(), key: 0 };
@@ -390,4 +399,25 @@ fn figures(index: FrameIndex, grids: &VolumeGrids, lacking: bool, bytes: u64, se
         line += &format!("  {remark}");
     }
     line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vec3;
+
+    #[test]
+    fn walls_and_air_are_made_for_velocities_alone() {
+        let params = toml::from_str("spacing = 0.1").unwrap();
+        let smoke = Smoke { params, fps: 24.0, first: 1 };
+        let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
+        let settings = |grids: &[VolumeGrid]| VolumeSettings {
+            surface: SurfaceParams::default(),
+            volume: VolumeParams::default(),
+            grids: grids.to_vec(),
+            smoke: Some(Surroundings { smoke: smoke.clone(), world: world.clone() }),
+        };
+        assert!(settings(&[VolumeGrid::Density, VolumeGrid::Temperature]).air().is_none());
+        assert!(settings(&[VolumeGrid::Density, VolumeGrid::Velocity]).air().is_some());
+    }
 }

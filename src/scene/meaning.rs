@@ -2,6 +2,7 @@
 
 use super::{Scene, check::Places, problem::Finding, sheet::check_sheets, smoke::check_smoke};
 use crate::{
+    export::vdb::VolumeGrid,
     sim::liquid::{LiquidChannel, LiquidParams, SourceShape},
     solid::{Keyframe, Shape, ShapeError},
 };
@@ -42,7 +43,37 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         );
     }
     check_attributes(scene, places, &mut findings);
+    check_output(scene, places, &mut findings);
     findings
+}
+
+/// Whether there is something that meshes and volumes can be made of: found out after hours of simulating, it is too late.
+fn check_output(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let (known, system) = match (&scene.liquid, &scene.smoke) {
+        (None, Some(_)) => (VolumeGrid::SMOKE, "smoke"),
+        (Some(_), None) => (VolumeGrid::LIQUID, "a liquid"),
+        _ => return,
+    };
+    if scene.liquid.is_none() && !scene.output.mesh.is_empty() {
+        let message = "smoke has no surface to mesh";
+        let label = "found meshes asked of a shot without `[liquid]`, expected none";
+        let help = "remove `mesh`, and write `volume = [\"density\", \"velocity\"]` in `[output]`";
+        findings.push(Finding::new(places.of("output.mesh"), "output.mesh", message, label).with_help(help));
+    }
+    let asked = &scene.output.volume;
+    if !asked.is_empty() && !asked.iter().any(|grid| known.contains(grid)) {
+        let names = |grids: &[VolumeGrid]| {
+            grids.iter().map(|grid| format!("`{}`", grid.name())).collect::<Vec<_>>().join(", ")
+        };
+        let label = format!("found {}, expected some of {}", names(asked), names(&known));
+        let finding = Finding::new(
+            places.of("output.volume"),
+            "output.volume",
+            format!("{system} has no such grid"),
+            label,
+        );
+        findings.push(finding.with_help("name one of those, or leave `volume` out"));
+    }
 }
 
 /// Whether the particles will have what the surface is to carry, as far as that is up to the preset.

@@ -140,6 +140,11 @@ impl Simulation {
         SeedReport { smoke, points, ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default() }
     }
 
+    /// The solids of the world, by number, that are too small for the smoke's spacing to keep air out.
+    pub fn sourceless(&self) -> Vec<usize> {
+        self.smoke.as_ref().map_or_else(Vec::new, smoke::System::sourceless)
+    }
+
     /// The state as a frame, in memory order: stream "liquid" with `position` [m], `velocity` [m/s], `id` and the channels that the
     /// preset names; streams "smoke" with the vortons' `position` [m], `strength` [m³/s], `core` [m], `volume` [m³] and `id`, and
     /// "smoke_tracers" with `position` [m], `density`, `temperature` [K] and `id`; of every sheet a stream "sheet.NAME" with `position`

@@ -1,7 +1,7 @@
 //! Smoke played again: faster, with everything that moves it, with other tracers.
 
 use super::{
-    smoke::{PLUME, grid},
+    smoke::{PLUME, RING, grid},
     *,
 };
 
@@ -90,4 +90,41 @@ fn other_tracers_come_fade_and_keep_out_of_solids_as_the_first_did() {
         let off: f64 = (0..3).map(|axis| (old[axis] - new[axis]).powi(2)).sum::<f64>().sqrt();
         assert!(off < 0.02, "frame {frame}: {old:?} {new:?}");
     }
+}
+
+#[test]
+fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
+    use std::process::{Command, Stdio};
+    let desk = Desk::new();
+    desk.write("ring.toml", RING);
+    desk.run("simulate ring.toml --frames 1-40", 0);
+    let line = "volume ring -o fresh --set smoke.tracers=0.2 --frames 2,40";
+    let mut child = Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
+        .args(line.split(' '))
+        .args(["--progress", "plain"])
+        .current_dir(desk.path("."))
+        .stdout(Stdio::null())
+        .stderr(fs::File::create(desk.path("talk")).unwrap())
+        .spawn()
+        .unwrap();
+    // Then 38 cached frames are passed on the way to the next one that is asked for.
+    while !desk.path("fresh/volume/smoke_0002.vdb").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended before the first volume");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    assert_eq!(desk.names("fresh/volume"), ["smoke_0002.vdb"]);
+    // It was on its way when it stopped, not at its end.
+    let talk = fs::read_to_string(desk.path("talk")).unwrap();
+    let part = |line: &str| line.strip_prefix("Progress: ")?.strip_suffix('%')?.parse::<u32>().ok();
+    let last = talk.lines().filter_map(part).max().unwrap();
+    assert!((50..95).contains(&last), "{talk}");
+    let told = fs::read_to_string(desk.path("fresh/shot.json")).unwrap();
+    assert!(told.contains("volume/smoke_{:04}.vdb"), "what was finished is named: {told}");
+    let (out, talk) = desk.run(&format!("{line} --progress plain"), 0);
+    let parts: std::collections::BTreeSet<u32> = talk.lines().filter_map(part).collect();
+    assert!(parts.range(51..99).count() >= 10, "drifting shows: {talk}");
+    assert!(out.contains("1 volumes written") && out.contains("1 were there"), "{out}");
+    assert_eq!(desk.names("fresh/volume"), ["smoke_0002.vdb", "smoke_0040.vdb"]);
 }

@@ -90,6 +90,11 @@ fn a_frame_that_cannot_be_computed_is_named_and_the_others_are_made() {
     left_out(&desk, "volume ring", 3, ("ring/volume", 4), "no 'core'");
     left_out(&desk, "export ring", 3, ("ring/points", 4), "no 'core'");
     left_out(&desk, "volume ring -o slow --retime 2", 3, ("slow/volume", 6), "no 'core'");
+    // Smoke alone needs no air, but between frames.
+    for (line, made) in [("volume ring -o fog", 5), ("volume ring -o fast --retime 0.5", 3)] {
+        let (out, _) = desk.run(&format!("{line} --grid density --grid temperature"), 0);
+        assert!(out.contains(&format!("{made} volumes written")), "{line}:\n{out}");
+    }
 }
 
 #[test]
@@ -120,7 +125,7 @@ fn what_solids_do_not_keep_out_is_told() {
     };
     desk.write("plate.toml", wind(plate, "[1, 0, 0]"));
     let (_, talk) = desk.run("simulate plate.toml --frames 1-2", 0);
-    assert!(talk.contains("goes through them (smoke.spacing)"), "{talk}");
+    assert!(talk.contains("at world.collider.0 goes through it (smoke.spacing)"), "{talk}");
     desk.write("plane.toml", wind(plane, "[1, 0, -0.5]"));
     let (_, talk) = desk.run("simulate plane.toml --frames 1-2", 0);
     assert!(talk.contains("0.500 m/s") && talk.contains("plane"), "{talk}");
@@ -131,6 +136,34 @@ fn what_solids_do_not_keep_out_is_told() {
     desk.write("ball.toml", PLUME);
     let (_, talk) = desk.run("simulate ball.toml --frames 1-4", 0);
     assert!(!talk.contains("goes through"), "{talk}");
+}
+
+#[test]
+fn what_lattices_lose_and_bodies_that_are_too_small_are_told_once_at_the_end() {
+    let desk = Desk::new();
+    let balls = [(1.0, 0.3), (2.0, 0.002)].map(|(x, radius)| {
+        format!("[[world.collider]]\nshape = {{ sphere = {{ center = [{x}, 0, 0], radius = {radius} }} }}\n")
+    });
+    let lattice = "[smoke.flow.remesh]\nstrain = 0.2\nweak = 0.1\n";
+    let text = RING.replace("[smoke]\n", &format!("{}\n[smoke]\nwind = [1, 0, 0]\n", balls.concat()));
+    desk.write("balls.toml", text.replace("[surface]", &format!("{lattice}[surface]")));
+    let told = |line: &str, words: &str| {
+        let (_, talk) = desk.run(line, 0);
+        talk.matches(words).count()
+    };
+    let (bare, handed) = ("air goes through world.collider.1:", "of all strength was handed on");
+    assert_eq!(told("simulate balls.toml", bare), 1);
+    assert_eq!(told("simulate balls.toml --set world.collider.1.shape.sphere.radius=0.2 -o large", bare), 0);
+    // The sum over the shot is that of its log, however often it was stopped.
+    assert_eq!(told("simulate balls.toml -o handed", handed), 1);
+    assert_eq!(told("simulate balls.toml -o parts --frames 1-3", handed), 1);
+    assert_eq!(told("simulate balls.toml -o parts", handed), 1);
+    let last = |folder: &str| {
+        let (_, talk) = desk.run(&format!("simulate balls.toml -o {folder} --frames 1-6"), 0);
+        talk.lines().find(|line| line.contains(handed)).unwrap().to_owned()
+    };
+    assert_eq!(last("parts"), last("handed"));
+    assert_eq!(told("simulate balls.toml --set smoke.flow.remesh.weak=1e-3 -o fine", handed), 0);
 }
 
 #[test]

@@ -277,3 +277,48 @@ fn a_small_ball_that_flies_fast_does_not_jump_past_smoke() {
     let (record, _) = shot("flow.max_substeps = 3\n");
     assert!(record.flow.substeps == 3 && record.flow.capped == 3, "{:?}", record.flow);
 }
+
+#[test]
+fn a_ring_that_passes_a_ball_keeps_its_energy_over_lattices_and_tells_what_the_ball_does_to_them() {
+    let ring = "spacing = 0.05\n[[ring]]\ncenter = [0, 0, -0.2]\nradius = 0.3\nthickness = 0.05\n\
+                circulation = 1\n[flow.remesh]\nspacing = 0.05\nstrain = 0.5";
+    let ball = Shape::Sphere { center: [0.0; 3], radius: 0.16 };
+    let mut simulation = Simulation::new(world([0.0; 3], vec![ball]), smoke(ring)).unwrap();
+    let records = advance(&mut simulation, 10);
+    let lattices: u32 = records.iter().map(|record| record.flow.remeshed).sum();
+    assert!(mean(&simulation).z > 0.05 && lattices >= 5, "{} {lattices}", mean(&simulation));
+    let energy = |record: &SmokeRecord| record.account.invariants.energy;
+    let first = energy(&records[0]);
+    let (mut turned, mut reach) = (0.0, 0.0_f64);
+    for record in &records {
+        assert!((0.6..1.1).contains(&(energy(record) / first)), "{} of {first}", energy(record));
+        assert!(record.through_flow.unwrap() < 0.1, "{record:?}");
+        if let Some(sum) = &record.flow.remesh {
+            assert_eq!((sum.unsolved, sum.wide), (0, 0), "{sum:?}");
+            assert!(sum.lost < 1e-3 * sum.reach, "{sum:?}");
+            (turned, reach) = (turned + sum.turned, reach.max(sum.reach));
+        }
+    }
+    // Without the ball it is rounding.
+    assert!((1e-4..0.1).contains(&(turned / reach)), "{turned} of {reach}");
+}
+
+#[test]
+fn a_tube_that_stands_on_a_plane_keeps_its_circulation_over_lattices() {
+    let tube = "spacing = 0.05\n[[tube]]\nfrom = [0, 0, 0]\nto = [0, 0, 1]\nthickness = 0.1\n\
+                circulation = 1\n[flow.remesh]\nspacing = 0.05\nstrain = 0.5";
+    let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+    let mut simulation = Simulation::new(world([0.0; 3], vec![floor]), smoke(tube)).unwrap();
+    let mut lattices = 0;
+    while lattices < 5 {
+        lattices += advance(&mut simulation, 1)[0].flow.remeshed;
+    }
+    // Between the plane and the middle of two nodes ∫ Γ_z dz is the circulation times the height; the upper end is open, and parts. If
+    // lines ended at the plane as at a solid, there would be half of it in the lower part.
+    let vortons = vortons(&tracers(&simulation));
+    for top in [0.225_f32, 0.525] {
+        let each = vortons.position.iter().zip(&vortons.strength);
+        let found: f64 = each.filter(|(x, _)| x.z < top).map(|(_, g)| f64::from(g.z)).sum();
+        assert!((found / f64::from(top) - 1.0).abs() < 0.03, "{found} below {top} m");
+    }
+}

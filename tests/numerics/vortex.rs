@@ -171,6 +171,7 @@ pub(crate) fn errors(vortons: &Vortons, points: &[Vec3], kernel: Kernel, method:
 
 #[test]
 fn kernels_are_what_their_vorticity_induces() {
+    let vorton = crate::vortex_extremes::vorton(Vec3::zeros(), Vec3::z() * 4.0 * std::f32::consts::PI, 1.0);
     for kernel in KERNELS {
         for rho in [0.3_f64, 0.7, 1.3, 2.5, 6.0] {
             // Shells: the strength inside r, and the potential of what is outside.
@@ -189,6 +190,12 @@ fn kernels_are_what_their_vorticity_induces() {
                 _ => simpson(1e-9, 1.0 / rho, &|t| shell(1.0 / t) / t),
             };
             let [g, k, h] = formulas(kernel, rho, 1.0);
+            let at = [Vec3::new(rho as f32, 0.0, 0.0)];
+            let find =
+                |quantity| induced(&vorton, Targets::Points(&at), quantity, kernel, Method::Direct).unwrap();
+            let (a, u) = (find(Quantity::Potential).potential[0].z, find(Quantity::Velocity).velocity[0].y);
+            assert!((f64::from(a) / g - 1.0).abs() < 2e-6, "{kernel:?} {rho}: {a} {g}");
+            assert!((f64::from(u) / (k * rho) - 1.0).abs() < 2e-6, "{kernel:?} {rho}: {u} {k}");
             assert!((k * rho.powi(3) - inside).abs() < 1e-8, "{kernel:?} {rho}: {k} {inside}");
             assert!((g - inside / rho - outside).abs() < 1e-7, "{kernel:?} {rho}: {g}");
             // K = −G′/r, H = K′/r.
@@ -205,10 +212,17 @@ fn kernels_are_what_their_vorticity_induces() {
 
 #[test]
 fn the_texts_core_turns_the_wrong_way() {
-    // Its eq. 5 has A ∝ r² inside the core, where the ball has 3σ² − r² over two.
-    let curl = |g: fn(f64) -> f64, r: f64| -(g(r + 1e-6) - g(r - 1e-6)) / 2e-6 / r;
-    let (text, ball) = (curl(|r| r * r, 0.5), curl(|r| (3.0 - r * r) / 2.0, 0.5));
-    assert!((text / ball + 2.0).abs() < 1e-6, "{text} {ball}");
+    // Its eq. 5 has A ∝ r² inside the core, where the ball has 3σ² − r² over two; beside a vorton along z, u_y = −∂A_z/∂x.
+    let vorton = crate::vortex_extremes::vorton(Vec3::zeros(), Vec3::z() * 4.0 * std::f32::consts::PI, 1.0);
+    let find = |x: f32, quantity| {
+        let at = [Vec3::new(x, 0.0, 0.0)];
+        induced(&vorton, Targets::Points(&at), quantity, Kernel::Ball, Method::Direct).unwrap()
+    };
+    let potential = |x: f32| find(x, Quantity::Potential).potential[0].z;
+    let turns = find(0.5, Quantity::Velocity).velocity[0].y;
+    let ball = -(potential(0.75) - potential(0.25)) / 0.5;
+    let text = -(0.75_f32.powi(2) - 0.25_f32.powi(2)) / 0.5;
+    assert!((ball / turns - 1.0).abs() < 1e-5 && (text / turns + 2.0).abs() < 1e-5, "{turns} {ball} {text}");
 }
 
 #[test]

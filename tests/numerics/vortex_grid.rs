@@ -5,8 +5,8 @@ use meniscus::{
     math::Vec3,
     par,
     sim::vortex::{
-        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, Way, boundary_values, induced, lattice,
-        poisson, sampled_error,
+        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, Way, boundary_values, induced,
+        induced_both, lattice, poisson, sampled_error,
     },
 };
 
@@ -266,4 +266,38 @@ fn threads_leave_no_trace_on_a_lattice() {
 fn an_error_below_a_ways_is_refused() {
     let method = Method::Grid { error: 1e-3, way: Way::Multigrid };
     let _ = induced(&Vortons::default(), Targets::Vortons, Quantity::Velocity, Kernel::default(), method);
+}
+
+#[test]
+fn one_solution_serves_vortons_and_points() {
+    let vortons = cloud(Shape::Cube, 30_000, false);
+    // Inside the lattice, beside it and far off.
+    let points: Vec<Vec3> = (0..600)
+        .map(|i| Vec3::from_fn(|k, _| (if i < 500 { 2.4 } else { 40.0 }) * (noise(90 * i + k) as f32 - 0.5)))
+        .collect();
+    let kernel = Kernel::default();
+    let method = Method::Grid { error: 1e-3, way: Way::Sine };
+    assert!(lattice(&vortons, vortons.len() + points.len(), kernel, 1e-3, Way::Sine).is_some());
+    let (found, along) = induced_both(&vortons, Targets::Vortons, &points, kernel, method).unwrap();
+    let missed = sampled_error(&vortons, Targets::Vortons, kernel, &found.velocity, 300).unwrap();
+    assert!(missed < 1e-3, "{missed}");
+    let exact =
+        induced(&vortons, Targets::Points(&points), Quantity::Velocity, kernel, Method::Direct).unwrap();
+    let missed = apart(along.iter().flatten(), exact.velocity.iter().flatten().map(|&v| f64::from(v)));
+    assert!(missed < 5e-3, "{missed}");
+    // The gradient is that of a call of its own to the error of both, twelve times that of the velocity, and without points all is.
+    let alone = induced(&vortons, Targets::Vortons, Quantity::VelocityAndGradient, kernel, method).unwrap();
+    let gradient = alone.gradient.iter().flatten().map(|&v| f64::from(v));
+    let missed = apart(found.gradient.iter().flatten(), gradient);
+    assert!(missed < 2e-2, "{missed}");
+    let (none, nowhere) = induced_both(&vortons, Targets::Vortons, &[], kernel, method).unwrap();
+    assert!(none == alone && nowhere.is_empty());
+    // The others are two calls.
+    for method in [Method::Tree { error: 1e-3 }, Method::Direct] {
+        let few = cloud(Shape::Cube, 3000, false);
+        let find = |targets, quantity| induced(&few, targets, quantity, kernel, method).unwrap();
+        let (found, along) = induced_both(&few, Targets::Vortons, &points, kernel, method).unwrap();
+        assert!(found == find(Targets::Vortons, Quantity::VelocityAndGradient), "{method:?}");
+        assert!(along == find(Targets::Points(&points), Quantity::Velocity).velocity, "{method:?}");
+    }
 }

@@ -24,6 +24,7 @@ mod state;
 mod tracers;
 mod turbulence;
 mod walls;
+mod widths;
 
 pub use field::{FrameAir, ShotAir};
 pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
@@ -146,6 +147,11 @@ impl System {
         }
     }
 
+    /// The solids, by number, that have no room for sources, so that the air goes through them.
+    pub(super) fn sourceless(&self) -> Vec<usize> {
+        self.air.walls.as_ref().map_or_else(Vec::new, |walls| walls.sourceless())
+    }
+
     /// The passes of a step, in order.
     pub(super) fn passes(&self) -> Vec<&'static str> {
         let optional = |present: bool, name| present.then_some(name);
@@ -243,7 +249,9 @@ impl System {
             let sources = self.air.sources(&self.flow.vortons, time)?;
             let instant = Instant { vortons: &self.flow.vortons, sources: &sources };
             record.unsolved = Some(sources.residual);
-            record.through_flow = self.air.through(instant, time)?;
+            if let Some(leak) = self.air.through(instant, time)? {
+                (record.through_flow, record.leakiest) = (Some(leak.part), Some(leak.body as u32));
+            }
         }
         Ok(())
     }

@@ -26,9 +26,13 @@ pub struct SmokeRecord {
     /// What is left of the flow through the panels of solids, as a part of what there would be; `None` without solids.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unsolved: Option<f64>,
-    /// The same between the panels, where nothing was asked to vanish.
+    /// The same between the panels, where nothing was asked to vanish, of the solid where that is most. Solids at which the air
+    /// hardly moves do not count.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub through_flow: Option<f64>,
+    /// Which solid that is, from 0 in the order of the preset.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub leakiest: Option<u32>,
     /// What motion keeps, and the sampled error of the velocity, at the frame's end.
     #[serde(flatten)]
     pub account: Account,

@@ -18,9 +18,9 @@ use super::{
 use crate::{
     frame::Stream,
     math::Vec3,
-    sim::{SetupError, World, vortex::Vortons},
+    sim::{SetupError, Watch, World, vortex::Vortons},
 };
-use std::collections::HashMap;
+use std::{collections::HashMap, ops::ControlFlow};
 
 /// Parts of a core that a tracer drifts in one step at most.
 const STRIDE: f32 = 0.5;
@@ -134,7 +134,8 @@ impl Replay {
         self.air.around(between(a, b, time), time)
     }
 
-    /// Lets tracers drift to the time `to` [s]; that and their own are between `a` and `b`.
+    /// Lets tracers drift to the time `to` [s]; that and their own are between `a` and `b`. If `watch` stops them on the way, they are
+    /// whole and at their new time, and can go on.
     ///
     /// # Errors
     /// If the air cannot be computed.
@@ -144,10 +145,11 @@ impl Replay {
         b: &KeyedAir,
         drifting: &mut Drifting,
         to: f64,
-    ) -> Result<(), SetupError> {
+        watch: &mut dyn Watch,
+    ) -> Result<ControlFlow<()>, SetupError> {
         let span = to - drifting.time;
         if span <= 0.0 {
-            return Ok(());
+            return Ok(ControlFlow::Continue(()));
         }
         let wind = self.smoke.params.wind.map_or(0.0, |wind| Vec3::from(wind).norm());
         let fastest = a.velocity.iter().chain(&b.velocity).map(|v| v.norm()).fold(wind, f32::max);
@@ -157,13 +159,18 @@ impl Replay {
         let strides = wanted.min(MOST);
         let (from, dt) = (drifting.time, span / strides);
         for step in 0..strides as u32 {
+            if !watch.keep_going() {
+                return Ok(ControlFlow::Break(()));
+            }
             let now = from + f64::from(step) * dt;
             self.stride(a, b, drifting, now, now + dt)?;
+            drifting.time = now + dt;
+            drifting.report.steps += 1;
+            drifting.report.capped += u64::from(wanted > strides);
+            watch.substep(f64::from(step + 1) / strides);
         }
-        drifting.report.steps += strides as u64;
-        drifting.report.capped += if wanted > strides { strides as u64 } else { 0 };
         drifting.time = to;
-        Ok(())
+        Ok(ControlFlow::Continue(()))
     }
 
     /// One step of the midpoint rule, and what happens to tracers meanwhile.
@@ -258,6 +265,10 @@ mod tests {
         World { gravity: Vec3::zeros(), solids: Vec::new() }
     }
 
+    fn drift(replay: &Replay, [a, b]: [&KeyedAir; 2], drifting: &mut Drifting, to: f64) {
+        assert!(replay.drift(a, b, drifting, to, &mut Unwatched).unwrap().is_continue());
+    }
+
     /// The frames 1 … `count` of a shot with so many frames a second.
     fn frames(fps: f64, count: u32) -> Vec<crate::frame::Frame> {
         let systems = Systems { smoke: Some(ring()), ..Systems::default() };
@@ -279,7 +290,7 @@ mod tests {
         let keyed: Vec<KeyedAir> =
             coarse.iter().map(|frame| replay.keyed(&frame.streams, frame.time).unwrap()).collect();
         let mut drifting = replay.cached(&coarse[1].streams, coarse[1].time).unwrap();
-        replay.drift(&keyed[1], &keyed[2], &mut drifting, fine[3].time).unwrap();
+        drift(&replay, [&keyed[1], &keyed[2]], &mut drifting, fine[3].time);
         let between = between(&keyed[1], &keyed[2], fine[3].time);
         let moved = |name: &str| fine[3].stream(name).unwrap().vec3("position").unwrap().to_vec();
         let off = |found: &[Vec3], name: &str| {
@@ -312,11 +323,42 @@ mod tests {
             |time: f64| KeyedAir { time, vortons: Vortons::default(), id: Vec::new(), velocity: Vec::new() };
         let mut drifting = replay.seeded();
         let count = drifting.tracers.len();
-        replay.drift(&empty(0.0), &empty(1.0 / 24.0), &mut drifting, 1.0 / 24.0).unwrap();
+        drift(&replay, [&empty(0.0), &empty(1.0 / 24.0)], &mut drifting, 1.0 / 24.0);
         let DriftReport { steps, capped, .. } = drifting.report;
         assert!(steps >= 25 && capped == 0, "{:?}", drifting.report);
         let carried = drifting.tracers.position.iter().map(|x| x.x).sum::<f32>() / count as f32;
         assert!((0.03..0.25).contains(&carried), "Darwin's drift: {carried} m");
+    }
+
+    /// Stops what it watches after so many steps.
+    struct After(u32);
+
+    impl Watch for After {
+        fn keep_going(&mut self) -> bool {
+            self.0 > 0
+        }
+
+        fn substep(&mut self, done: f64) {
+            assert!(done > 0.0 && done <= 1.0, "{done}");
+            self.0 -= 1;
+        }
+    }
+
+    #[test]
+    fn what_is_stopped_on_its_way_is_whole_and_goes_on() {
+        let replay = Replay::new(ring(), still()).unwrap();
+        let frames = frames(6.0, 2);
+        let [a, b] = [0, 1].map(|i| replay.keyed(&frames[i].streams, frames[i].time).unwrap());
+        let mut drifting = replay.seeded();
+        assert!(replay.drift(&a, &b, &mut drifting, b.time, &mut After(3)).unwrap().is_break());
+        assert!(drifting.report.steps == 3 && 0.0 < drifting.time && drifting.time < b.time);
+        drift(&replay, [&a, &b], &mut drifting, b.time);
+        let mut whole = replay.seeded();
+        drift(&replay, [&a, &b], &mut whole, b.time);
+        assert_eq!((drifting.time, drifting.report.steps), (whole.time, whole.report.steps));
+        for (x, y) in drifting.tracers.position.iter().zip(&whole.tracers.position) {
+            assert!((x - y).norm() < 1e-5, "{x} {y}");
+        }
     }
 
     #[test]

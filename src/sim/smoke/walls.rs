@@ -1,19 +1,21 @@
 //! What solids do to the air: none of it goes through them.
 //!
 //! *Method*: sources inside the solids (`panels.rs`) are made as strong as it takes for the air on the panels to move with the solid along
-//! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES. Their field has no vorticity and no sources in the
+//! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES, with strengths over the square of the panel's width
+//! as unknowns, so that wide and narrow panels weigh the same. Their field has no vorticity and no sources in the
 //! air. A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
 //! Between panels a little goes through: the frame's record says how much. What slips into a solid all the same is put back
 //! to its surface, and counted; steps are short enough ([`Walls::stride`]) that a solid that moves does not jump past it. Inside
 //! solids there is no air: what is asked for there moves with the solid.
 //!
 //! Symbols: q → `strength` [m³/s], x → `panel`, y → `source` [m], n → `normal`.
-//! Limits: panels are at least one spacing wide, and no more than [`MOST`] of them; a plane is taken to stand still.
+//! Limits: panels are at least one spacing wide, and there are 1600 at most (`widths.rs`); a plane is taken to stand still.
 
 use super::{
     emit::BESIDE,
-    panels::{Panel, area, panels},
+    panels::Panel,
     sources::{Sources, flow, reflect},
+    widths::shared_out,
 };
 use crate::{
     math::{Vec3, gmres},
@@ -22,15 +24,8 @@ use crate::{
     solid::{Motion, Pose, Shape, Solid},
 };
 
-/// Panels of all solids at most: the equations take as many numbers squared.
-const MOST: usize = 1600;
-
 /// What is left of the flow through the panels when the equations count as solved.
 const RESIDUAL: f64 = 1e-4;
-
-/// Panels of the first try over the most there may be. Fewer, and a try may already be coarser than it need be; more, and large
-/// solids take time and memory for panels that are thrown away.
-const FIRST: f32 = 4.0;
 
 /// Iterations at most. What is left then is told with the frame (`unsolved`).
 const ITERATIONS: usize = 60;
@@ -41,8 +36,6 @@ pub(super) struct Walls {
     bodies: Vec<Body>,
     /// A plane's unit normal and offset [m].
     mirror: Option<(Vec3, f32)>,
-    /// Width of a panel [m].
-    pub(super) step: f32,
 }
 
 #[derive(Debug)]
@@ -74,21 +67,23 @@ impl Walls {
             }
             _ => None,
         });
-        let whole: f32 = solids.iter().map(|solid| area(&solid.shape)).sum();
-        let mut step = spacing.max((whole / (FIRST * MOST as f32)).sqrt());
-        loop {
-            let body = |solid: &Solid| Body {
-                shape: solid.shape.clone(),
-                motion: solid.motion.clone(),
-                panels: panels(&solid.shape, step),
-            };
-            let bodies: Vec<Body> = solids.iter().map(body).collect();
-            let count: usize = bodies.iter().map(|body| body.panels.len()).sum();
-            if count <= MOST {
-                return Some(Self { bodies, mirror, step });
-            }
-            step *= (count as f32 / MOST as f32).sqrt().max(1.05);
-        }
+        let shapes: Vec<&Shape> = solids.iter().map(|solid| &solid.shape).collect();
+        let body = |(solid, panels): (&Solid, Vec<Panel>)| Body {
+            shape: solid.shape.clone(),
+            motion: solid.motion.clone(),
+            panels,
+        };
+        let bodies = solids.iter().zip(shared_out(&shapes, spacing)).map(body).collect();
+        Some(Self { bodies, mirror })
+    }
+
+    /// The solids without a source, by number: through them the air goes as if they were not there. A plane needs none.
+    pub(super) fn sourceless(&self) -> Vec<usize> {
+        let is_bare = |body: &Body| {
+            !matches!(body.shape, Shape::Plane { .. })
+                && body.panels.iter().all(|panel| panel.source.is_none())
+        };
+        (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
     }
 
     /// The panels that have a source, where they are at `time` [s].
@@ -100,24 +95,7 @@ impl Walls {
 
     /// The panels where they are at `time` [s].
     pub(super) fn placed(&self, time: f64) -> Vec<Placed> {
-        let place = |body: &Body| -> Vec<Placed> {
-            let Some(motion) = &body.motion else {
-                return body.panels.iter().map(|&panel| Placed { panel, velocity: Vec3::zeros() }).collect();
-            };
-            let moving = Moving::new(motion, time);
-            let pose = moving.pose;
-            let turned = |panel: &Panel| Placed {
-                panel: Panel {
-                    x: pose.to_world(panel.x),
-                    normal: pose.rotation * panel.normal,
-                    area: panel.area,
-                    source: panel.source.map(|source| pose.to_world(source)),
-                },
-                velocity: moving.velocity(panel.x),
-            };
-            body.panels.iter().map(turned).collect()
-        };
-        self.bodies.iter().flat_map(place).collect()
+        self.bodies.iter().flat_map(|body| body.placed(&body.panels, time)).collect()
     }
 
     /// The sources that keep air that moves with `air` [m/s] on the `panels`, which have one each, from going through them.
@@ -130,13 +108,16 @@ impl Walls {
             |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
         let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
         let count = panels.len();
-        let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.source.expect("a source each")).collect();
-        // Row i: what a source of 4π at every place makes the air move along the normal of panel i.
+        let at: Vec<(Vec3, f32)> = panels
+            .iter()
+            .map(|placed| (placed.panel.source.expect("a source each"), placed.panel.width.powi(2)))
+            .collect();
+        // Row i: what a source of 4π a square metre at every place makes the air move along the normal of panel i.
         let mut rows = vec![0.0_f32; count * count];
         par::for_chunks(&mut rows, count, |start, row| {
             let Panel { x, normal, .. } = panels[start / count].panel;
-            for (entry, &y) in row.iter_mut().zip(&at) {
-                *entry = normal.dot(&flow(x, y, mirror));
+            for (entry, &(y, square)) in row.iter_mut().zip(&at) {
+                *entry = normal.dot(&flow(x, y, mirror)) * square;
             }
         });
         let apply = |q: &[f64]| {
@@ -150,7 +131,7 @@ impl Walls {
             out
         };
         let (q, residual) = gmres(&right, RESIDUAL, ITERATIONS, apply);
-        let all = at.into_iter().zip(q.into_iter().map(|q| q as f32)).collect();
+        let all = at.into_iter().zip(q).map(|((y, square), q)| (y, q as f32 * square)).collect();
         Sources { all, mirror, residual }
     }
 
@@ -229,32 +210,28 @@ impl Walls {
     /// the smallest solid that moves. Farther, and what it met in between is behind it as if it had not been there.
     pub(super) fn stride(&self, core: f32) -> f32 {
         let moving = self.bodies.iter().filter(|body| body.motion.is_some());
-        moving.map(|body| body.shape.inner_radius()).fold(core.min(self.step), f32::min)
+        let widths = self.bodies.iter().flat_map(|body| body.panels.first()).map(|panel| panel.width);
+        moving.map(|body| body.shape.inner_radius()).chain(widths).fold(core, f32::min)
     }
 
-    /// Points on the surfaces that lie between the panels, to see what goes through there.
-    pub(super) fn witnesses(&self, time: f64) -> Vec<Placed> {
-        let mut found = Vec::new();
-        let mut number = 0;
-        for body in &self.bodies {
-            for panel in &body.panels {
+    /// Points on the surface of each solid that lie between its panels, to see what goes through there.
+    pub(super) fn witnesses(&self, time: f64) -> Vec<Vec<Placed>> {
+        let mut numbers = 0..;
+        let mut between = |body: &Body| {
+            let beside = |panel: &Panel| {
                 // Half a panel aside, each to another side.
-                let aside = panel.normal.cross(&Vec3::ith(number % 3, 1.0));
-                number += 1;
+                let aside = panel.normal.cross(&Vec3::ith(numbers.next()? % 3, 1.0));
                 if aside.norm() < 0.3 {
-                    continue;
+                    return None;
                 }
-                let x = panel.x + aside.normalize() * (0.5 * self.step);
+                let x = panel.x + aside.normalize() * (0.5 * panel.width);
                 let (distance, normal) = body.shape.contact(x);
-                let x = x - normal * distance;
-                found.push((body, Panel { x, normal, ..*panel }));
-            }
-        }
-        let place = |(body, panel): (&Body, Panel)| {
-            let alone = Self { bodies: vec![body.alone(panel)], mirror: None, step: self.step };
-            alone.placed(time)
+                Some(Panel { x: x - normal * distance, normal, ..*panel })
+            };
+            let found: Vec<Panel> = body.panels.iter().filter_map(beside).collect();
+            body.placed(&found, time)
         };
-        found.into_iter().flat_map(place).collect()
+        self.bodies.iter().map(&mut between).collect()
     }
 }
 
@@ -278,10 +255,23 @@ impl Moving {
 }
 
 impl Body {
-    /// The same with one panel.
-    fn alone(&self, panel: Panel) -> Self {
-        let plane = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
-        Self { shape: plane, motion: self.motion.clone(), panels: vec![panel] }
+    /// Some of its panels where they are at `time` [s].
+    fn placed(&self, panels: &[Panel], time: f64) -> Vec<Placed> {
+        let Some(motion) = &self.motion else {
+            return panels.iter().map(|&panel| Placed { panel, velocity: Vec3::zeros() }).collect();
+        };
+        let moving = Moving::new(motion, time);
+        let pose = moving.pose;
+        let turned = |panel: &Panel| Placed {
+            panel: Panel {
+                x: pose.to_world(panel.x),
+                normal: pose.rotation * panel.normal,
+                source: panel.source.map(|source| pose.to_world(source)),
+                ..*panel
+            },
+            velocity: moving.velocity(panel.x),
+        };
+        panels.iter().map(turned).collect()
     }
 }
 
@@ -315,14 +305,6 @@ mod tests {
     }
 
     #[test]
-    fn panels_of_a_large_solid_are_as_many_as_may_be() {
-        let floor = Solid::fixed(Shape::Box { min: [-20.0, -20.0, -1.0], max: [20.0, 20.0, 0.0] });
-        let walls = Walls::new(&[floor], 0.005).unwrap();
-        let count = walls.bodies[0].panels.len();
-        assert!((MOST / 4..=MOST).contains(&count), "{count} panels, {} m wide", walls.step);
-    }
-
-    #[test]
     fn inside_a_solid_all_moves_with_it() {
         let turn = |frame: u32, angle: f32| Keyframe {
             frame,
@@ -351,7 +333,9 @@ mod tests {
         assert!((fastest - (0.5 + 0.12_f64.sqrt() * std::f64::consts::FRAC_PI_4)).abs() < 1e-4, "{fastest}");
         assert_eq!(walls.fastest(2.0, 3.0), 0.0);
         assert_eq!((walls.stride(0.05), walls.stride(9.0)), (0.05, 0.1));
-        assert_eq!(Walls { step: 9.0, ..walls }.stride(9.0), 0.2);
+        let mut walls = walls;
+        walls.bodies.iter_mut().flat_map(|body| &mut body.panels).for_each(|panel| panel.width = 9.0);
+        assert_eq!(walls.stride(9.0), 0.2);
     }
 
     #[test]
@@ -369,13 +353,14 @@ mod tests {
             assert!(sources.residual < 0.01, "{spacing}: {}", sources.residual);
             // Between the panels, two of them from any edge.
             let square = |along: &[f32]| along.iter().map(|v| v * v).sum::<f32>().sqrt();
-            let inner = walls.witnesses(0.0).into_iter().map(|placed| placed.panel).filter(|panel| {
-                let aside = |axis: usize| {
-                    panel.normal[axis].abs() > 0.5
-                        || (panel.x[axis] - low[axis]).min(high[axis] - panel.x[axis]) > 2.0 * walls.step
-                };
-                (0..3).all(aside)
-            });
+            let inner =
+                walls.witnesses(0.0).concat().into_iter().map(|placed| placed.panel).filter(|panel| {
+                    let aside = |axis: usize| {
+                        panel.normal[axis].abs() > 0.5
+                            || (panel.x[axis] - low[axis]).min(high[axis] - panel.x[axis]) > 2.0 * panel.width
+                    };
+                    (0..3).all(aside)
+                });
             let inner: Vec<Panel> = inner.collect();
             let at: Vec<Vec3> = inner.iter().map(|panel| panel.x).collect();
             let mut velocity = vec![wind; at.len()];

@@ -1,6 +1,6 @@
 //! How fast everything changes: by what the vortons induce, and by what acts from outside.
 
-use super::super::{Gradient, Induced, Quantity, Targets, Unfit, Vortons, induced};
+use super::super::{Gradient, Induced, Targets, Unfit, Vortons, induced_both};
 use super::FlowParams;
 use crate::{math::Vec3, par};
 use std::f32::consts::PI;
@@ -60,15 +60,9 @@ impl Rates {
     /// All rates at this moment but that of stretching.
     pub(super) fn at(now: Moment<'_>, params: &FlowParams, outside: &mut dyn Outside) -> Result<Self, Unfit> {
         let (kernel, method) = (params.kernel, params.method());
-        let Induced { velocity, gradient, .. } =
-            induced(now.vortons, Targets::Vortons, Quantity::VelocityAndGradient, kernel, method)?;
-        let passengers = match now.passengers {
-            [] => Vec::new(),
-            points => {
-                let targets = Targets::Points(points);
-                induced(now.vortons, targets, Quantity::Velocity, kernel, method)?.velocity
-            }
-        };
+        let (found, passengers) =
+            induced_both(now.vortons, Targets::Vortons, now.passengers, kernel, method)?;
+        let Induced { velocity, gradient, .. } = found;
         let mut rates =
             Self { velocity, gradient, strength: vec![Vec3::zeros(); now.vortons.len()], passengers };
         outside.act(now, &mut rates)?;

@@ -17,7 +17,7 @@ use crate::{
     sim::Diverged,
 };
 use nalgebra::Vector3;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Cores this many times as wide as new ones stay as they are: 27 parts of them would be lumps apart. Cores that grow are
 /// divided before.
@@ -41,7 +41,8 @@ pub type MediumAt<'a> = &'a (dyn Fn(Vec3) -> Medium + Sync);
 const TASK: usize = 16;
 
 /// What remeshing did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct RemeshReport {
     /// Vortons before.
     pub before: u32,
@@ -49,7 +50,7 @@ pub struct RemeshReport {
     pub after: u32,
     /// Weak nodes, and nodes inside solids, that handed their strength on.
     pub dropped: u32,
-    /// What they had, of Σ|Γ|, 0..1; of several lattices the largest.
+    /// What they had, of Σ|Γ|, 0..1; of several lattices the sum.
     pub handed: f64,
     /// The size of the impulse Σ x × Γ that they lost and no node could take back [m⁴/s].
     pub lost: f64,
@@ -57,6 +58,13 @@ pub struct RemeshReport {
     pub divergence: f64,
     /// Vortons left alone, because their cores are more than 2.2 times as wide as the lattice's.
     pub wide: u32,
+    /// The size of the change of the impulse Σ x × Γ by which no vortex line ends at a solid [m⁴/s]; 0 but for rounding without one.
+    pub turned: f64,
+    /// Lattices of which more than a thousandth of that divergence was left after all rounds.
+    pub unsolved: u32,
+    /// The largest impulse that the strengths could have, Σ |x − x̄| |Γ| about their middle [m⁴/s]: what `lost` and `turned` are held
+    /// against; of several lattices the largest.
+    pub reach: f64,
 }
 
 /// Strength at a place: a vorton, or a part of one.
@@ -104,7 +112,7 @@ impl Flow {
         let spacing = f64::from(wanted.spacing);
         let at = |node: [i32; 3]| medium(position(node, spacing));
         let mut thinned = weak::hand_on(nodes, f64::from(wanted.weak), |node| at(node) != Medium::Air);
-        let divergence = solenoidal::project(&mut thinned.nodes, |node| at(node) == Medium::Solid);
+        let projected = solenoidal::project(&mut thinned.nodes, |node| at(node) == Medium::Solid);
 
         // The new vortons, all alike but for place and strength, behind those that stay.
         self.retain(|i| wide.binary_search(&i).is_ok());
@@ -122,8 +130,11 @@ impl Flow {
             dropped: thinned.dropped,
             handed: thinned.handed,
             lost: thinned.lost * spacing,
-            divergence,
+            divergence: projected.part,
             wide: wide.len() as u32,
+            turned: projected.turned * spacing,
+            unsolved: u32::from(projected.unsolved),
+            reach: reach(&thinned.nodes) * spacing,
         })
     }
 
@@ -179,6 +190,17 @@ impl Remesh {
     pub(super) fn is_wide(&self, core: f32) -> bool {
         core > WIDE * self.core * self.spacing
     }
+}
+
+/// Σ |x − x̄| |Γ| about the middle of strengths [spacings · m³/s].
+fn reach(nodes: &[Node]) -> f64 {
+    let each = || nodes.iter().map(|node| (node.place(), node.strength.norm()));
+    let whole: f64 = each().map(|(_, size)| size).sum();
+    if whole == 0.0 {
+        return 0.0;
+    }
+    let middle = each().map(|(x, size)| x * size).sum::<Vector3<f64>>() / whole;
+    each().map(|(x, size)| (x - middle).norm() * size).sum()
 }
 
 /// Where a node stands [m].

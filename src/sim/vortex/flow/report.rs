@@ -36,8 +36,8 @@ pub struct FlowReport {
     pub exchanges: u32,
     /// Times that the vortons were put onto the lattice.
     pub remeshed: u32,
-    /// What that did in all: how many vortons there were before the first time and after the last, the largest parts
-    /// handed on and of divergence, and sums of the rest.
+    /// What that did in all: how many vortons there were before the first time and after the last, the largest part of divergence and
+    /// the largest `reach`, and sums of the rest.
     pub remesh: Option<RemeshReport>,
 }
 
@@ -60,10 +60,13 @@ impl FlowReport {
             before: sum.before,
             after: now.after,
             dropped: sum.dropped.saturating_add(now.dropped),
-            handed: sum.handed.max(now.handed),
+            handed: sum.handed + now.handed,
             lost: sum.lost + now.lost,
             divergence: sum.divergence.max(now.divergence),
             wide: sum.wide.saturating_add(now.wide),
+            turned: sum.turned + now.turned,
+            unsolved: sum.unsolved + now.unsolved,
+            reach: sum.reach.max(now.reach),
         }));
     }
 }

@@ -23,11 +23,15 @@ use std::collections::BTreeMap;
 /// How far neighbours are at most [spacings]; nearer ones are asked first. M4′ widens a body by two.
 const REACH: i32 = 3;
 
-/// Nodes along the edge of the cubes that impulse is first given back to. What is far apart must not share: a stray's lever
-/// would be all there is.
+/// Nodes along the edge of the cubes that impulse is first given back to. Smaller, and more of them cannot take it and leave it to
+/// the next larger; larger, and what is far apart shares: a stray's lever would be all there is. Little hangs on it: with 4 the draft
+/// ring keeps 0.15 % more energy over 36 frames and 80 lattices, and its impulse drifts by 0.08 % instead of 0.07 %; 64 is as 16;
+/// nothing is lost with any.
 const CUBE: i32 = 16;
 
-/// The most that a strength may change by giving impulse back, of itself. Bodies change by less than a thousandth.
+/// The most that a strength may change by giving impulse back, of itself. Smaller, and more impulse finds no taker and is lost; larger,
+/// and few vortons swirl for what many had. Bodies change by less than a thousandth: on the draft ring, over 80 lattices, 0.001 loses
+/// nothing either, and the energy differs by 0.01 %.
 const MOST_CHANGE: f64 = 0.05;
 
 /// The most that may come to a node from beyond [`REACH`], as a vector and of itself. Fringes cancel; a broad weak body does not, and

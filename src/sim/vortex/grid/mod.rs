@@ -96,42 +96,119 @@ pub(super) fn rows<K: Spread, const Q: usize, const N: usize>(
     error: f32,
     way: Way,
 ) -> Vec<[Vec3; N]> {
-    let setting = Setting::new::<K>(way, error);
-    let tree = accuracy::setting(error);
-    let points = targets.positions(vortons);
-    let Some(plan) = Plan::new::<K>(vortons, points.len(), Q, way, &setting) else {
-        return walk::rows::<K, Q, N>(vortons, targets, tree);
-    };
-    let margin = plan::margin(Q);
-    let (mut inside, mut outside) = (Vec::new(), Vec::new());
-    for (i, &x) in points.iter().enumerate() {
-        if plan.lattice.holds(x, margin) { inside.push(i) } else { outside.push(i) }
+    let count = targets.positions(vortons).len();
+    match Solved::new::<K, Q>(vortons, count, error, way) {
+        Some(solved) => solved.rows::<K, Q, N>(targets),
+        None => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(error)),
     }
-    let at = |chosen: &[usize]| -> Vec<Vec3> { chosen.iter().map(|&i| points[i]).collect() };
-    let mut out = vec![[Vec3::zeros(); N]; points.len()];
+}
 
-    // Inside: the lattice, what cores differ near by, and the strays.
-    let here = at(&inside);
-    let mut found = on_lattice::<K, Q, N>(&plan, &setting, way, &here);
-    if plan.near {
-        Near::new::<K>(&plan.inner, plan.smooth, setting.near).add::<K, Q, N>(&here, &mut found);
-    }
-    if !plan.outer.is_empty() {
-        let strays = walk::rows::<K, Q, N>(&plan.outer, Targets::Points(&here), tree);
-        par::update(&mut found, |i, row| (0..N).for_each(|n| row[n] += strays[i][n]));
-    }
-    for (&i, row) in inside.iter().zip(found) {
-        out[i] = row;
-    }
-
-    // Outside: the tree.
-    if !outside.is_empty() {
-        let found = walk::rows::<K, Q, N>(vortons, Targets::Points(&at(&outside)), tree);
-        for (&i, row) in outside.iter().zip(found) {
-            out[i] = row;
+/// The velocity and its gradient at `targets`, and the velocity at `points`, of one solution.
+pub(super) fn both<K: Spread>(
+    vortons: &Vortons,
+    targets: Targets<'_>,
+    points: &[Vec3],
+    error: f32,
+    way: Way,
+) -> (Vec<[Vec3; 4]>, Vec<[Vec3; 1]>) {
+    let count = targets.positions(vortons).len() + points.len();
+    let points = Targets::Points(points);
+    match Solved::new::<K, GRADIENT>(vortons, count, error, way) {
+        Some(solved) => {
+            (solved.rows::<K, GRADIENT, 4>(targets), solved.rows::<K, { super::VELOCITY }, 1>(points))
+        }
+        None => {
+            let tree = accuracy::setting(error);
+            let found = walk::rows::<K, GRADIENT, 4>(vortons, targets, tree);
+            (found, walk::rows::<K, { super::VELOCITY }, 1>(vortons, points, tree))
         }
     }
-    out
+}
+
+/// A lattice that is solved, from which any points can gather.
+struct Solved<'a> {
+    vortons: &'a Vortons,
+    plan: Plan,
+    setting: Setting,
+    error: f32,
+    way: Way,
+    /// The quantity as rows, as many as it has.
+    fields: Vec<Field>,
+    /// Cells from the boundary at which points gather.
+    margin: usize,
+}
+
+impl<'a> Solved<'a> {
+    /// For the quantity `Q` at `count` points; `None` where the tree serves.
+    fn new<K: Spread, const Q: usize>(
+        vortons: &'a Vortons,
+        count: usize,
+        error: f32,
+        way: Way,
+    ) -> Option<Self> {
+        let setting = Setting::new::<K>(way, error);
+        let plan = Plan::new::<K>(vortons, count, Q, way, &setting)?;
+        let potential = potential::<K>(&plan, &setting, way);
+        let mut fields = Vec::new();
+        if Q == POTENTIAL {
+            fields.push(potential);
+        } else {
+            fields.push(slopes::curl(&potential, way.order()));
+            if Q == GRADIENT {
+                fields.extend(slopes::gradient(&fields[0], way.order()));
+            }
+        }
+        Some(Self { vortons, plan, setting, error, way, fields, margin: plan::margin(Q) })
+    }
+
+    /// The quantity `Q`, the solved one or the first row of it, at `targets`.
+    fn rows<K: Spread, const Q: usize, const N: usize>(&self, targets: Targets<'_>) -> Vec<[Vec3; N]> {
+        let Self { vortons, plan, setting, .. } = self;
+        let points = targets.positions(vortons);
+        let tree = accuracy::setting(self.error);
+        let (mut inside, mut outside) = (Vec::new(), Vec::new());
+        for (i, &x) in points.iter().enumerate() {
+            if plan.lattice.holds(x, self.margin) { inside.push(i) } else { outside.push(i) }
+        }
+        let at = |chosen: &[usize]| -> Vec<Vec3> { chosen.iter().map(|&i| points[i]).collect() };
+        let mut out = vec![[Vec3::zeros(); N]; points.len()];
+
+        // Inside: the lattice, what cores differ near by, and the strays.
+        let here = at(&inside);
+        let mut found = self.gathered(&here);
+        if plan.near {
+            Near::new::<K>(&plan.inner, plan.smooth, setting.near).add::<K, Q, N>(&here, &mut found);
+        }
+        if !plan.outer.is_empty() {
+            let strays = walk::rows::<K, Q, N>(&plan.outer, Targets::Points(&here), tree);
+            par::update(&mut found, |i, row| (0..N).for_each(|n| row[n] += strays[i][n]));
+        }
+        for (&i, row) in inside.iter().zip(found) {
+            out[i] = row;
+        }
+
+        // Outside: the tree.
+        if !outside.is_empty() {
+            let found = walk::rows::<K, Q, N>(vortons, Targets::Points(&at(&outside)), tree);
+            for (&i, row) in outside.iter().zip(found) {
+                out[i] = row;
+            }
+        }
+        out
+    }
+
+    /// What the lattice gives at points inside it.
+    fn gathered<const N: usize>(&self, points: &[Vec3]) -> Vec<[Vec3; N]> {
+        let lattice = &self.plan.lattice;
+        let fields: &[Field; N] = self.fields[..N].try_into().expect("a field for every row");
+        let planes = weights::by_plane(lattice, points);
+        let sorted = weights::gather(fields, points, &planes, self.way.shares());
+        let mut out = vec![[Vec3::zeros(); N]; points.len()];
+        for (&i, row) in planes.all().iter().zip(sorted) {
+            out[i as usize] = row;
+        }
+        out
+    }
 }
 
 /// The lattice that [`Method::Grid`](super::Method::Grid) would take for the velocity at so many targets; `None` where the tree
@@ -152,33 +229,6 @@ pub fn lattice(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32, wa
         Kernel::WinckelmansLeonard => of::<WinckelmansLeonard>(vortons, targets, error, way),
         Kernel::Gaussian => of::<Gaussian>(vortons, targets, error, way),
     }
-}
-
-/// What the lattice gives at points inside it.
-fn on_lattice<K: Spread, const Q: usize, const N: usize>(
-    plan: &Plan,
-    setting: &Setting,
-    way: Way,
-    points: &[Vec3],
-) -> Vec<[Vec3; N]> {
-    let potential = potential::<K>(plan, setting, way);
-    let mut fields = Vec::with_capacity(N);
-    if Q == POTENTIAL {
-        fields.push(potential);
-    } else {
-        fields.push(slopes::curl(&potential, way.order()));
-        if Q == GRADIENT {
-            fields.extend(slopes::gradient(&fields[0], way.order()));
-        }
-    }
-    let fields: [Field; N] = fields.try_into().expect("a field for every row");
-    let planes = weights::by_plane(&plan.lattice, points);
-    let sorted = weights::gather(&fields, points, &planes, way.shares());
-    let mut out = vec![[Vec3::zeros(); N]; points.len()];
-    for (&i, row) in planes.all().iter().zip(sorted) {
-        out[i as usize] = row;
-    }
-    out
 }
 
 /// The potential at the nodes.
