@@ -49,30 +49,43 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
 
 /// Whether there is something that meshes and volumes can be made of: found out after hours of simulating, it is too late.
 fn check_output(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let mut refuse = |key: &str, message: &str, label: &str, help: &str| {
+        findings.push(Finding::new(places.of(key), key, message, label).with_help(help));
+    };
+    let output = &scene.output;
+    if !output.sheet.is_empty() && scene.sheet.is_empty() {
+        let label = "found files of sheets asked of a shot without `[[sheet]]`, expected none";
+        refuse("output.sheet", "there are no sheets to write", label, "remove `sheet`, or add a `[[sheet]]`");
+    }
+    if scene.liquid.is_none() && !output.mesh.is_empty() {
+        let (message, help) = match scene.smoke {
+            Some(_) => (
+                "smoke has no surface to mesh",
+                "remove `mesh`, and write `volume = [\"density\", \"velocity\"]` in `[output]`",
+            ),
+            None => ("sheets are not meshed", "remove `mesh`, and write `sheet = [\"ply\"]` in `[output]`"),
+        };
+        let label = "found meshes asked of a shot without `[liquid]`, expected none";
+        refuse("output.mesh", message, label, help);
+    }
     let (known, system) = match (&scene.liquid, &scene.smoke) {
-        (None, Some(_)) => (VolumeGrid::SMOKE, "smoke"),
-        (Some(_), None) => (VolumeGrid::LIQUID, "a liquid"),
+        (None, Some(_)) => (&VolumeGrid::SMOKE[..], "smoke"),
+        (Some(_), None) => (&VolumeGrid::LIQUID[..], "a liquid"),
+        (None, None) if !output.volume.is_empty() => {
+            let label = "found volumes asked of a shot of sheets, expected none";
+            let help = "remove `volume`, and write `sheet = [\"pc2\"]` in `[output]`";
+            return refuse("output.volume", "sheets have no volume", label, help);
+        }
         _ => return,
     };
-    if scene.liquid.is_none() && !scene.output.mesh.is_empty() {
-        let message = "smoke has no surface to mesh";
-        let label = "found meshes asked of a shot without `[liquid]`, expected none";
-        let help = "remove `mesh`, and write `volume = [\"density\", \"velocity\"]` in `[output]`";
-        findings.push(Finding::new(places.of("output.mesh"), "output.mesh", message, label).with_help(help));
-    }
     let asked = &scene.output.volume;
     if !asked.is_empty() && !asked.iter().any(|grid| known.contains(grid)) {
         let names = |grids: &[VolumeGrid]| {
             grids.iter().map(|grid| format!("`{}`", grid.name())).collect::<Vec<_>>().join(", ")
         };
-        let label = format!("found {}, expected some of {}", names(asked), names(&known));
-        let finding = Finding::new(
-            places.of("output.volume"),
-            "output.volume",
-            format!("{system} has no such grid"),
-            label,
-        );
-        findings.push(finding.with_help("name one of those, or leave `volume` out"));
+        let label = format!("found {}, expected some of {}", names(asked), names(known));
+        let message = format!("{system} has no such grid");
+        refuse("output.volume", &message, &label, "name one of those, or leave `volume` out");
     }
 }
 

@@ -76,12 +76,20 @@ fn one_command_goes_from_sheets_to_point_caches() {
     let manifest: serde_json::Value = serde_json::from_str(&text).unwrap();
     let output = &manifest["outputs"][0];
     assert_eq!((output["kind"].as_str(), output["format"].as_str()), (Some("sheet"), Some("pc2")));
-    assert_eq!((output["pattern"].as_str(), output["rest"].as_str()), (Some("sheet/cloth.pc2"), Some("sheet/cloth.ply")));
+    assert_eq!(
+        (output["pattern"].as_str(), output["rest"].as_str()),
+        (Some("sheet/cloth.pc2"), Some("sheet/cloth.ply"))
+    );
     assert_eq!(output["frames"], serde_json::json!({ "first": 1, "last": 9, "step": 1 }));
 
     // What is there is kept, another selection is written anew, and nothing of it takes part in meshing.
     let again = desk.run("shot cloth.toml -o shot", 0).0;
-    assert!(again.contains("9 were there") && again.contains("0 sheets of 9 frames written") && again.contains("2 were there"), "{again}");
+    assert!(
+        again.contains("9 were there")
+            && again.contains("0 sheets of 9 frames written")
+            && again.contains("2 were there"),
+        "{again}"
+    );
     let few = desk.run("export shot --frames 1-9x2", 0).0;
     assert!(few.contains("2 sheets of 5 frames written"), "{few}");
     assert_eq!(samples(&desk.path("shot/sheet/cloth.pc2"))[1], cloth[2]);
@@ -113,7 +121,10 @@ fn meshes_a_frame_have_velocities_and_a_thickness() {
     let text = fs::read(desk.path("shot/sheet/cloth_0002.ply")).unwrap();
     let head = String::from_utf8_lossy(&text[..600]).into_owned();
     // Two sides of 169 points, 288 triangles each, and two along each of 48 edges.
-    assert!(head.contains("element vertex 338") && head.contains("element face 672") && head.contains("vz"), "{head}");
+    assert!(
+        head.contains("element vertex 338") && head.contains("element face 672") && head.contains("vz"),
+        "{head}"
+    );
     assert_eq!(samples(&desk.path("shot/sheet/cloth.pc2"))[0].len(), 338);
     let thin = desk.run("export shot --format obj", 0).0;
     assert!(thin.contains("6 frames meshed"), "{thin}");
@@ -160,7 +171,10 @@ fn mistakes_about_sheets_are_shown_in_their_place() {
 fn only_what_is_named_is_there() {
     let desk = desk();
     let cloth = desk.run("shot cloth.toml --dry-run", 0).0;
-    assert!(cloth.contains("sheet_step, sheet_solids, sheet_account") && cloth.contains("174 points"), "{cloth}");
+    assert!(
+        cloth.contains("sheet_step, sheet_solids, sheet_account") && cloth.contains("174 points"),
+        "{cloth}"
+    );
     let dam = desk.run("shot small.toml --dry-run", 0).0;
     assert!(!dam.contains("sheet"), "{dam}");
     let plan = desk.run("plan cloth.toml", 0).0;
@@ -188,4 +202,20 @@ fn every_built_in_shot_of_sheets_runs_and_stays_out_of_its_solids() {
             assert_eq!(line["sheets"]["inside_solids"], 0, "{name}: {line}");
         }
     }
+}
+
+#[test]
+fn files_that_a_shot_cannot_have_are_refused_before_it_is_simulated() {
+    let desk = desk();
+    for (output, told) in
+        [("mesh = [\"ply\"]", "sheets are not meshed"), ("volume = [\"density\"]", "sheets have no volume")]
+    {
+        desk.write("wrong.toml", CLOTH.replace("sheet = [\"pc2\"]", output));
+        let talk = desk.run("shot wrong.toml -o wrong", 2).1;
+        assert!(talk.contains(told) && talk.contains("[output]"), "{talk}");
+    }
+    desk.write("wrong.toml", SMALL.replace("mesh = [\"ply\"]", "sheet = [\"pc2\"]"));
+    let talk = desk.run("shot wrong.toml -o wrong", 2).1;
+    assert!(talk.contains("there are no sheets to write"), "{talk}");
+    assert!(!desk.path("wrong/cache").exists());
 }

@@ -48,7 +48,11 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
     positive(solver.max_iterations as f32, "sheets.solver.max_iterations".into())?;
     if solver.courant > 0.95 {
         let expected = "beyond 0.95 of the stable substep nothing is left for rounding";
-        return Err(SheetError::OutOfRange { key: "sheets.solver.courant".into(), value: solver.courant, expected });
+        return Err(SheetError::OutOfRange {
+            key: "sheets.solver.courant".into(),
+            value: solver.courant,
+            expected,
+        });
     }
     not_negative(params.common.friction.unwrap_or(0.0), "sheets.friction".into())
 }

@@ -27,8 +27,8 @@ mod table;
 pub use check::check;
 pub use error::SheetError;
 pub use params::{
-    Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape, SheetSolver, SheetsCommon,
-    SheetsParams,
+    Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape, SheetSolver,
+    SheetsCommon, SheetsParams,
 };
 pub use record::SheetRecord;
 pub use state::{CORNERS, faces_stream, is_part, sheet_of, stream};

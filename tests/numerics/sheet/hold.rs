@@ -30,8 +30,10 @@ fn an_exact_pin_follows_its_keyframes_and_lets_go() {
     let terms = "[[sheet.pin]]\nat = 'center'\nrelease = 13\n\
                  keyframes = [{ frame = 1 }, { frame = 13, position = [1.0, 0.0, 0.0] }]\n";
     for integrator in ["symplectic", "implicit"] {
-        let mut sheets =
-            sheets(&format!("{}[sheets.solver]\nintegrator = '{integrator}'", point(terms)), &world(9.81, vec![]));
+        let mut sheets = sheets(
+            &format!("{}[sheets.solver]\nintegrator = '{integrator}'", point(terms)),
+            &world(9.81, vec![]),
+        );
         run(&mut sheets, 0, 6).unwrap();
         assert!((sheets.positions()[0] - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-6, "{:?}", sheets.positions());
         run(&mut sheets, 6, 6).unwrap();
@@ -97,7 +99,8 @@ fn two(joint: &str, solver: &str) -> String {
 
 #[test]
 fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
-    for (solver, bound) in [("", 1e-5), ("[sheets.solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 1e-4)] {
+    for (solver, bound) in [("", 1e-5), ("[sheets.solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 1e-4)]
+    {
         let text = two("stiffness = 30.0", solver).replace("spring_damping", "damping = 0.0\nspring_damping");
         let mut sheets = sheets(&text, &world(0.0, vec![]));
         let center = |sheets: &Sheets| {
@@ -128,7 +131,8 @@ fn a_joint_with_a_direction_turns_an_edge_there() {
         square([1, 0], 0.0, "density = 0.5\nstiffness = [500.0, 0.0]\ndamping = 5.0")
     );
     for integrator in ["symplectic", "implicit"] {
-        let mut sheets = sheets(&format!("{text}[sheets.solver]\nintegrator = '{integrator}'"), &world(0.0, vec![]));
+        let mut sheets =
+            sheets(&format!("{text}[sheets.solver]\nintegrator = '{integrator}'"), &world(0.0, vec![]));
         run(&mut sheets, 0, 120).unwrap();
         let x = sheets.positions();
         let edge = x[1] - x[0];

@@ -35,7 +35,9 @@ fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
         for terms in ["", "[sheets.repulsion]\nenergy = 0.04\nrange = 0.01"] {
             for integrator in ["symplectic", "implicit"] {
                 let sheet = above(0.42, 16, "");
-                let text = format!("sheets.friction = 0.4\n{sheet}{terms}\n[sheets.solver]\nintegrator = '{integrator}'");
+                let text = format!(
+                    "sheets.friction = 0.4\n{sheet}{terms}\n[sheets.solver]\nintegrator = '{integrator}'"
+                );
                 let mut sheets = sheets(&text, &world(9.81, vec![shape.clone()]));
                 let records = run(&mut sheets, 0, 36).unwrap();
                 assert!(records.iter().all(|r| r.inside_solids == 0), "{name}, {integrator}");
