@@ -7,10 +7,7 @@
 
 use super::ExportError;
 use crate::{cache::write_atomically, math::Vec3};
-use std::{
-    io,
-    path::Path,
-};
+use std::{io, path::Path};
 
 /// The bytes before the first sample.
 pub const HEAD: u64 = 32;

@@ -21,9 +21,7 @@ pub fn thicken(sheet: &Mesh, thickness: f32) -> Mesh {
     let count = sheet.positions.len() as u32;
     let below = sheet.triangles.iter().map(|&[a, b, c]| [a, c, b].map(|v| v + count));
     // A border runs along its triangle; the strip has to run against it.
-    let strips = borders(sheet)
-        .into_iter()
-        .flat_map(|[a, b]| [[b, a, a + count], [b, a + count, b + count]]);
+    let strips = borders(sheet).into_iter().flat_map(|[a, b]| [[b, a, a + count], [b, a + count, b + count]]);
     let mut body = Mesh {
         positions: side(1.0).chain(side(-1.0)).collect(),
         triangles: sheet.triangles.iter().copied().chain(below).chain(strips).collect(),
