@@ -51,9 +51,13 @@ impl Lattices {
             remesh: Option<RemeshReport>,
         }
         let mut sums = Self::default();
-        for Smoke { remeshed, remesh } in log::read::<Line>(folder)?.into_iter().filter_map(|line| line.smoke)
-        {
-            sums.add(remeshed, remesh.as_ref());
+        for line in log::read::<serde_json::Value>(folder)? {
+            match serde_json::from_value::<Line>(line) {
+                Ok(Line { smoke: Some(Smoke { remeshed, remesh }) }) => sums.add(remeshed, remesh.as_ref()),
+                Ok(_) => {}
+                // What is no number is null in a log, and is told as no number.
+                Err(_) => sums.lost = f64::NAN,
+            }
         }
         Ok(sums)
     }

@@ -17,7 +17,7 @@ use std::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a file holds gives the same tracers another one.
-const POINTS_VERSION: u32 = 2;
+const POINTS_VERSION: u32 = 3;
 
 /// Writes the tracers of the frames of `source` to `out` as PLY points: places, `radius`, `velocity`, `density`, `temperature` and `id`.
 ///

@@ -91,8 +91,8 @@ pub(super) fn of_sourceless(solids: &[usize]) -> Option<String> {
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     (!solids.is_empty()).then(|| {
         format!(
-            "air goes through {}{more}: too thin or too small for the sources that keep it out; make it thicker than \
-             smoke.spacing, or smoke.spacing smaller",
+            "air goes through {}{more}: too thin or too small for the sources that keep it out, or one of so many solids that \
+             1600 panels do not go round; make it thicker than smoke.spacing, smoke.spacing smaller, or the solids fewer",
             named.join(", ")
         )
     })

@@ -57,20 +57,10 @@ pub fn simulate(
     let lattices = Lattices::of_log(folder)?;
     let mut job = Job { scene, folder, key, state, done: Simulated::default(), lattices, control };
     control.reporter.begin("simulate", selection.count() as usize);
-    for (place, target) in selection.iter().enumerate() {
-        if valid.contains(&target) {
-            job.done.kept += 1;
-        } else {
-            let before = valid.range(..target).next_back().copied();
-            job.reach(target, before, selection, place)?;
-        }
-        control.reporter.progress((place + 1) as f64);
-    }
-    if let Some((_, simulation)) = &job.state {
-        let remarks =
-            remarks::of_sourceless(&simulation.sourceless()).into_iter().chain(job.lattices.remarks());
-        remarks.for_each(|line| control.reporter.note(&line));
-    }
+    let outcome = job.run(selection, &valid);
+    // However it ended.
+    job.lattices.remarks().iter().for_each(|line| control.reporter.note(line));
+    outcome?;
     control.reporter.end();
     Ok(job.done)
 }
@@ -146,6 +136,20 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
+    /// Computes the frames of a selection that are not `valid` yet.
+    fn run(&mut self, selection: &Frames, valid: &BTreeSet<FrameIndex>) -> Result<(), RunError> {
+        for (place, target) in selection.iter().enumerate() {
+            if valid.contains(&target) {
+                self.done.kept += 1;
+            } else {
+                let before = valid.range(..target).next_back().copied();
+                self.reach(target, before, selection, place)?;
+            }
+            self.control.reporter.progress((place + 1) as f64);
+        }
+        Ok(())
+    }
+
     /// Computes on to `target` from the state in memory or from the cached frame `before`, whichever is newer.
     fn reach(
         &mut self,
@@ -192,7 +196,11 @@ impl Job<'_> {
     fn restore(&self, index: FrameIndex) -> Result<Simulation, RunError> {
         let (frame, _) = cache::read_frame(&cache::frame_path(&self.folder.cache(), index))?;
         self.control.reporter.note(&format!("continuing after frame {index}"));
-        Ok(Simulation::restore(world(self.scene), self.scene.systems(), &frame)?)
+        let simulation = Simulation::restore(world(self.scene), self.scene.systems(), &frame)?;
+        remarks::of_sourceless(&simulation.sourceless())
+            .iter()
+            .for_each(|line| self.control.reporter.note(line));
+        Ok(simulation)
     }
 
     fn store(
@@ -217,7 +225,8 @@ impl Job<'_> {
 /// The initial state.
 fn begin(scene: &Scene, control: Control) -> Result<(FrameIndex, Simulation), RunError> {
     let simulation = Simulation::new(world(scene), scene.systems())?;
-    for line in remarks::of_seeding(&simulation.seeded()) {
+    let sourceless = remarks::of_sourceless(&simulation.sourceless());
+    for line in remarks::of_seeding(&simulation.seeded()).into_iter().chain(sourceless) {
         control.reporter.note(&line);
     }
     Ok((scene.frames.first(), simulation))

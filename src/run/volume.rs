@@ -33,7 +33,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const VOLUME_VERSION: u32 = 2;
 
 /// The same for smoke.
-const SMOKE_VERSION: u32 = 2;
+const SMOKE_VERSION: u32 = 3;
 
 /// What is made of every frame.
 #[derive(Clone, Debug, PartialEq)]

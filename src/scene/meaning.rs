@@ -79,7 +79,7 @@ fn check_output(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
         _ => return,
     };
     let asked = &scene.output.volume;
-    if !asked.is_empty() && !asked.iter().any(|grid| known.contains(grid)) {
+    if asked.iter().any(|grid| !known.contains(grid)) {
         let names = |grids: &[VolumeGrid]| {
             grids.iter().map(|grid| format!("`{}`", grid.name())).collect::<Vec<_>>().join(", ")
         };

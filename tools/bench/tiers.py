@@ -184,7 +184,8 @@ def main():
         "# What the tiers cost, and how exact they are\n\n"
         "Written by `tools/bench/tiers.py`; do not edit. How to read it: [tradeoff.md](tradeoff.md). Tiers are bold; front and\n"
         "knee go by the observable, since densities of different spacings cannot be compared; of smoke by the share that is elsewhere\n"
-        "than the reference's. Whole shots of smoke are with their volumes. Seconds are wall clock of the\n"
+        "than the reference's. Whole shots of smoke are with their volumes, and told from these frames: smoke that grows takes several\n"
+        "times as long. Seconds are wall clock of the\n"
         "passes; CPU is that of the whole process, start and files included. *Disturbed*: less CPU than "
         f"{100 * BUSY:.0f} % of the\nthreads' time, so other work was under way and the seconds are too many.\n"
     ]

@@ -144,7 +144,8 @@ impl Air {
         let most = found.iter().map(|leak| leak.free).fold(0.0, f64::max);
         // What is no number counts, and is the worst.
         let asked = found.into_iter().filter(|leak| leak.free.is_nan() || leak.free > FAINT * most);
-        Ok(asked.max_by(|a, b| a.part.total_cmp(&b.part)))
+        let badness = |leak: &Leak| if leak.part.is_nan() { f64::INFINITY } else { leak.part };
+        Ok(asked.max_by(|a, b| badness(a).total_cmp(&badness(b))))
     }
 
     /// The same of every solid with panels.

@@ -19,6 +19,17 @@ impl Node {
     }
 }
 
+/// The middle of nodes by |Γ| [spacings]; the origin if they have no strength.
+pub(super) fn middle(nodes: &[Node]) -> Vector3<f64> {
+    let each = || nodes.iter().map(|node| (node.place(), node.strength.norm()));
+    let whole: f64 = each().map(|(_, size)| size).sum();
+    if whole > 0.0 {
+        each().map(|(x, size)| x * size).sum::<Vector3<f64>>() / whole
+    } else {
+        Vector3::zeros()
+    }
+}
+
 /// Nodes by where they are.
 pub(super) struct Places {
     /// Of all that bricks can do, only to be found by coordinates.

@@ -9,7 +9,12 @@
 //! *Departs*: the weights keep Σ x × (x × Γ) too, the angular impulse; handing on and taking divergence out keep ΣΓ and Σ x × Γ only.
 
 use super::super::Vortons;
-use super::{Flow, Remesh, exchange::spreading, nodes::Node, solenoidal, weak};
+use super::{
+    Flow, Remesh,
+    exchange::spreading,
+    nodes::{self, Node},
+    solenoidal, weak,
+};
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, node_of, offset},
     math::Vec3,
@@ -194,13 +199,8 @@ impl Remesh {
 
 /// Σ |x − x̄| |Γ| about the middle of strengths [spacings · m³/s].
 fn reach(nodes: &[Node]) -> f64 {
-    let each = || nodes.iter().map(|node| (node.place(), node.strength.norm()));
-    let whole: f64 = each().map(|(_, size)| size).sum();
-    if whole == 0.0 {
-        return 0.0;
-    }
-    let middle = each().map(|(x, size)| x * size).sum::<Vector3<f64>>() / whole;
-    each().map(|(x, size)| (x - middle).norm() * size).sum()
+    let middle = nodes::middle(nodes);
+    nodes.iter().map(|node| (node.place() - middle).norm() * node.strength.norm()).sum()
 }
 
 /// Where a node stands [m].

@@ -16,7 +16,7 @@
 //!
 //! Symbols: λ → `potential`, ε → [`SCREEN`].
 
-use super::nodes::{Node, Places};
+use super::nodes::{Node, Places, middle};
 use crate::par;
 use nalgebra::Vector3;
 
@@ -72,8 +72,10 @@ pub(super) fn project(nodes: &mut [Node], is_solid: impl Fn([i32; 3]) -> bool + 
     let change = cells.slope(&potential);
     par::update(nodes, |i, node| node.strength -= change[i]);
     let part = (par::sum(change.len(), |i| change[i].norm_squared()) / whole).sqrt();
+    // About their middle: beside solids ΣΓ changes, and its lever must not be the way to the world's origin.
+    let middle = middle(nodes);
     let turned: Vector3<f64> =
-        nodes.iter().zip(&change).map(|(node, change)| node.place().cross(change)).sum();
+        nodes.iter().zip(&change).map(|(node, change)| (node.place() - middle).cross(change)).sum();
     Projected { part, turned: turned.norm(), unsolved }
 }
 
@@ -206,9 +208,16 @@ mod tests {
         assert_eq!(project(&mut free, |_| false).part, 0.0);
         let before = beside.clone();
         let Projected { part, turned, .. } = project(&mut beside, |at| at[0] < -8);
-        let changed = |(now, before): (&Node, &Node)| now.place().cross(&(now.strength - before.strength));
+        let about = middle(&beside);
+        let changed =
+            |(now, before): (&Node, &Node)| (now.place() - about).cross(&(now.strength - before.strength));
         let impulse: Vector3<f64> = beside.iter().zip(&before).map(changed).sum();
         assert!(part > 0.1 && turned > 0.1 && (turned - impulse.norm()).abs() < 1e-9 * turned, "{turned}");
+        // Wherever it all is.
+        let mut far: Vec<Node> = before.clone();
+        far.iter_mut().for_each(|node| node.at[1] += 10_000);
+        let shifted = project(&mut far, |at| at[0] < -8).turned;
+        assert!((shifted - turned).abs() < 1e-6 * turned, "{shifted} {turned}");
         let at_face = |node: &&Node| node.at[0] == -8 && node.at[1].abs() < 4 && node.at[2].abs() < 4;
         assert!(beside.iter().filter(at_face).all(|node| node.strength.x < 0.5));
         assert!(beside.iter().filter(|node| node.at[0] > 4).all(|node| (node.strength.x - 1.0).abs() < 0.02));
