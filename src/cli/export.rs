@@ -25,12 +25,17 @@ pub(super) fn export(args: &ExportArgs, control: Control) -> Result<(), RunError
         side_by_side: true,
         fps: mesh::fps(None)?,
     };
-    let has_sheets = scene.as_ref().is_some_and(|scene| !scene.sheet.is_empty());
-    if has_sheets || !args.format.is_empty() || args.thickness.is_some() {
+    let has_sheets = run::has_sheets(&source)?;
+    let wants_sheets = !args.format.is_empty() || args.thickness.is_some();
+    if has_sheets || wants_sheets {
         let formats = if args.format.is_empty() { vec![SheetFormat::Pc2] } else { args.format.clone() };
         let settings = SheetSettings { formats, thickness: args.thickness };
         let done = run::sheets(&source, &out, &settings, &job, control)?;
-        return done.lines().iter().try_for_each(|line| print(line));
+        done.lines().iter().try_for_each(|line| print(line))?;
+        // Tracers beside them, if nothing was asked for by name.
+        if wants_sheets || scene.as_ref().is_none_or(|scene| scene.smoke.is_none()) {
+            return Ok(());
+        }
     }
     let smoke = match &scene {
         Some(scene) => run::surroundings(scene, &source, control)?,

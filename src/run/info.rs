@@ -1,7 +1,10 @@
 //! What is in a shot folder.
 
 use super::{Failure, FrameSpan, Jump, Manifest, MeshRecord, RunError, ShotFolder, mesh_log};
-use crate::cache::{self, CacheError};
+use crate::{
+    cache::{self, CacheError},
+    sim::sheet::is_faces,
+};
 use serde::Serialize;
 
 /// What a shot folder holds.
@@ -97,7 +100,12 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
             Ok(info) => {
                 state.time = info.time;
                 state.bytes = info.bytes;
-                state.particles = info.streams.iter().map(|stream| stream.len).sum();
+                state.particles = info
+                    .streams
+                    .iter()
+                    .filter(|stream| !is_faces(&stream.name))
+                    .map(|stream| stream.len)
+                    .sum();
                 let scalars = info.streams.iter().flat_map(|stream| stream.scalars.iter());
                 let scalar =
                     |wanted: &str| scalars.clone().find(|(name, _)| name == wanted).map(|&(_, value)| value);

@@ -122,7 +122,7 @@ impl OutputFiles {
 
     /// Whether the files are those of `other`, be it of other frames.
     pub(super) fn is_same(&self, other: &Self) -> bool {
-        self.name == other.name && self.format == other.format
+        self.name == other.name && self.format == other.format && self.pattern == other.pattern
     }
 
     /// Where the file of a frame is.

@@ -42,7 +42,7 @@ pub use mesh_log::{Jump, MeshRecord};
 pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub use points::points;
 pub use retime::{Retime, retime};
-pub use sheets::{SheetSettings, SheetsDone, sheets};
+pub use sheets::{SheetSettings, SheetsDone, has_sheets, sheets};
 pub use simulate::{Simulated, simulate};
 pub use source::Source;
 pub use surface::{SurfaceSettings, surface};

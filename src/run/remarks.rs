@@ -6,6 +6,7 @@ use crate::{
     mesh::{SurfaceError, SurfaceStats},
     sim::{
         FrameRecord, SeedReport,
+        sheet::SheetRecord,
         smoke::{DriftReport, SmokeRecord},
     },
 };
@@ -53,7 +54,17 @@ pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
         (u64::from(clamps.momentum), "iterations slowed down"),
         (record.particles_inside_solids.into(), "particles inside solids"),
     ]);
-    liquid.into_iter().chain(smoke).collect()
+    let sheets = record.sheets.as_ref().map_or_else(Vec::new, of_sheets);
+    liquid.into_iter().chain(smoke).chain(sheets).collect()
+}
+
+/// The same of the sheets.
+fn of_sheets(record: &SheetRecord) -> Vec<String> {
+    counted(&[
+        (record.unconverged.into(), "substeps of sheets stopped at max_iterations"),
+        (record.inside_solids, "points of sheets inside solids"),
+        (record.folded, "springs of sheets without a direction"),
+    ])
 }
 
 /// The limits that changed the smoke of a frame.

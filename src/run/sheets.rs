@@ -79,13 +79,19 @@ pub fn sheets(
 ) -> Result<SheetsDone, RunError> {
     let source = Source::Cache(shot);
     let mut done = SheetsDone { folder: out.sheets(), ..SheetsDone::default() };
+    let mut failed = None;
     let formats: Vec<MeshFormat> = settings.formats.iter().filter_map(|format| format.of_frames()).collect();
     if !formats.is_empty() {
         let maker = SheetMeshes::new(out, &formats, settings.thickness);
-        done.meshes = Some(job::run(source, out, &maker, job, control)?);
+        match job::run(source, out, &maker, job, control) {
+            Ok(meshes) => done.meshes = Some(meshes),
+            // Frames that fail as meshes do not keep the point caches from being written.
+            Err(why @ RunError::SomeFailed { .. }) => failed = Some(why),
+            Err(why) => return Err(why),
+        }
     }
     if settings.formats.contains(&SheetFormat::Pc2) {
-        let frames = Frames::find(&source, job)?;
+        let frames = Frames::find(&source, shot, job)?;
         write_caches(&frames, out, settings.thickness, job.force, &mut done, control)?;
         name_outputs(&frames, &source, out, job.fps)?;
         if !frames.failed.is_empty() {
@@ -94,7 +100,17 @@ pub fn sheets(
             return Err(RunError::SomeFailed { failed: frames.failed, asked });
         }
     }
-    Ok(done)
+    failed.map_or(Ok(done), Err)
+}
+
+/// Whether the first cached frame that can be read has sheets.
+///
+/// # Errors
+/// If the cache cannot be listed.
+pub fn has_sheets(shot: &ShotFolder) -> Result<bool, RunError> {
+    let source = Source::Cache(shot);
+    let names = cache::list(&shot.cache())?.iter().find_map(|(_, path)| source.names(path));
+    Ok(names.is_some_and(|names| names.iter().any(|name| sheet_of(name).is_some())))
 }
 
 /// The frames that are there.
@@ -110,41 +126,40 @@ struct Frames {
 }
 
 impl Frames {
-    fn find(source: &Source<'_>, job: &Job) -> Result<Self, RunError> {
+    fn find(source: &Source<'_>, shot: &ShotFolder, job: &Job) -> Result<Self, RunError> {
         let wanted = source.wanted(job.selection.as_ref())?;
+        let numbers: Vec<u32> = wanted.iter().map(|(index, _)| index.0).collect();
+        let Some(span) = FrameSpan::of(&numbers) else { return Err(RunError::Request(NO_SHEETS.into())) };
+        // Frames between those that were asked for have a sample too.
+        let there: BTreeMap<u32, PathBuf> =
+            cache::list(&shot.cache())?.into_iter().map(|(index, path)| (index.0, path)).collect();
         let (mut files, mut failed) = (BTreeMap::new(), Vec::new());
-        for (index, path) in &wanted {
-            let name = format!("frame {index}");
-            match path.as_ref().map(|path| (path, cache::verify_frame(path))) {
+        for frame in span.numbers() {
+            let (why, kind) = match there.get(&frame).map(|path| (path, cache::verify_frame(path))) {
                 Some((path, Ok(info))) => {
-                    files.insert(index.0, (path.clone(), info.key));
+                    files.insert(frame, (path.clone(), info.key));
+                    continue;
                 }
-                Some((_, Err(why))) => {
-                    let (kind, why) =
-                        (Failure::of(&why), format!("{why}; the frame before stands in its place"));
-                    failed.push(FailedFrame { name, why, kind });
-                }
-                None => {
-                    let why = format!("{}; the frame before stands in its place", source.absent());
-                    failed.push(FailedFrame { name, why, kind: Failure::Other });
-                }
-            }
+                Some((_, Err(why))) => (why.to_string(), Failure::of(&why)),
+                None => (source.absent().into(), Failure::Other),
+            };
+            let why = format!("{why}; the nearest frame before it stands in its place");
+            failed.push(FailedFrame { name: format!("frame {}", FrameIndex(frame)), why, kind });
         }
-        let numbers: Vec<u32> = files.keys().copied().collect();
         let first = files.values().next();
         let names = first.and_then(|(path, _)| source.names(path)).unwrap_or_default();
         let names: Vec<String> = names.into_iter().filter(|name| sheet_of(name).is_some()).collect();
-        match FrameSpan::of(&numbers) {
-            Some(span) if !names.is_empty() => Ok(Self { span, files, names, failed }),
-            _ if failed.is_empty() => Err(RunError::Request(NO_SHEETS.into())),
-            _ => Err(RunError::SomeFailed { asked: failed.len(), failed }),
+        match (files.is_empty(), names.is_empty()) {
+            (true, _) => Err(RunError::SomeFailed { asked: failed.len(), failed }),
+            (_, true) => Err(RunError::Request(NO_SHEETS.into())),
+            _ => Ok(Self { span, files, names, failed }),
         }
     }
 
-    /// The frame that stands for this one: it, or the last that can be read before.
+    /// The frame that stands for this one: it, the last that can be read before, or the first after.
     fn nearest(&self, frame: u32) -> &PathBuf {
-        let (_, (path, _)) =
-            self.files.range(..=frame).next_back().expect("a span begins with a frame that is there");
+        let before = self.files.range(..=frame).next_back();
+        let (_, (path, _)) = before.or(self.files.first_key_value()).expect("some frame can be read");
         path
     }
 

@@ -3,10 +3,10 @@
 use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, lattices::Lattices, log, remarks, solids};
 use crate::{
     cache::{self, CacheError, Lock},
-    frame::FrameIndex,
+    frame::{FrameIndex, Stream},
     math::Vec3,
     scene::{Frames, Scene},
-    sim::{FrameRecord, Simulation, Stop, Watch, World},
+    sim::{FrameRecord, Simulation, Stop, Watch, World, sheet::is_faces},
 };
 use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 
@@ -212,7 +212,8 @@ impl Job<'_> {
         let frame = simulation.frame(index);
         let bytes = cache::write_frame(&self.folder.cache(), &frame, self.key)?;
         if let Some(record) = record {
-            let particles = frame.streams.iter().map(|stream| stream.len()).sum();
+            let particles =
+                frame.streams.iter().filter(|stream| !is_faces(&stream.name)).map(Stream::len).sum();
             let liquid = self.scene.liquid.is_some();
             log::append(self.folder, index, bytes, particles, liquid, record)?;
         }

@@ -8,7 +8,7 @@ use crate::{
     sdf::{self, SAMPLED_VERSION, Sampled},
     sim::{
         liquid::SourceShape,
-        sheet::{SheetMesh, SheetParams, SheetShape},
+        sheet::{SheetMesh, SheetParams, SheetShape, SheetsCommon},
     },
     solid::{MeshShape, Shape},
 };
@@ -40,10 +40,14 @@ pub(super) fn fill(
         Shape::Mesh(mesh) => Some(mesh),
         _ => None,
     });
-    let parts = scene.sheet.iter_mut().flat_map(SheetParams::shapes_mut).filter_map(|shape| match shape {
-        Shape::Mesh(mesh) => Some(mesh),
-        _ => None,
-    });
+    let joints = scene.sheets.iter_mut().flat_map(SheetsCommon::shapes_mut);
+    let parts =
+        scene.sheet.iter_mut().flat_map(SheetParams::shapes_mut).chain(joints).filter_map(
+            |shape| match shape {
+                Shape::Mesh(mesh) => Some(mesh),
+                _ => None,
+            },
+        );
     for mesh in colliders.chain(sources).chain(smoke).chain(parts) {
         let name = (mesh.file.clone(), mesh.resolution);
         if !made.contains_key(&name) {

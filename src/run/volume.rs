@@ -20,7 +20,7 @@ use crate::{
     mesh::{self, DistanceParams, SurfaceError, SurfaceParams},
     scene::Scene,
     sim::{
-        SetupError, World,
+        SetupError, World, sheet,
         smoke::{self, FrameAir, ShotAir, Smoke, TRACERS},
     },
 };
@@ -162,6 +162,7 @@ impl Make for Volumes<'_> {
         match stream {
             smoke::NAME => false,
             TRACERS => !self.smoke.is_empty(),
+            sheet if sheet::is_part(sheet) => false,
             _ => !self.liquid.is_empty(),
         }
     }

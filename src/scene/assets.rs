@@ -47,10 +47,7 @@ pub(super) fn meshes(scene: &Scene) -> Vec<(String, &str)> {
     let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
     let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
     let smoke = smoke.map(|(path, shape)| (format!("smoke.{path}.shape"), shape));
-    let parts = scene.sheet.iter().enumerate().flat_map(|(i, sheet)| {
-        super::sheet::shapes(sheet).map(move |(key, shape)| (format!("sheet.{i}.{key}"), shape))
-    });
-    let shapes = colliders.chain(smoke).chain(parts).filter_map(file);
+    let shapes = colliders.chain(smoke).chain(super::sheet::shapes(scene)).filter_map(file);
     let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
     let sources = sources.filter_map(|(i, source)| match &source.shape {
         SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh.file.as_str())),

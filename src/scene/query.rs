@@ -62,7 +62,7 @@ fn absent(keys: &[Key], values: &Json, path: &str, found: &mut Vec<String>) {
 
 /// Whether the table names something that is computed for the picture, and is no system of its own.
 fn has_a_pass(path: &str) -> bool {
-    !["tradeoff", "liquid", "smoke"].contains(&path)
+    !["tradeoff", "liquid", "smoke", "sheets"].contains(&path)
 }
 
 #[cfg(test)]

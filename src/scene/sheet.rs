@@ -7,7 +7,7 @@ use super::{
     problem::Finding,
 };
 use crate::{
-    sim::sheet::{self, Select, SheetError, SheetParams, SheetShape},
+    sim::sheet::{self, SheetError, SheetParams},
     solid::Shape,
 };
 
@@ -16,11 +16,6 @@ pub(super) fn check_sheets(scene: &Scene, places: &Places, findings: &mut Vec<Fi
     for (index, sheet) in scene.sheet.iter().enumerate() {
         let path = format!("sheet.{index}");
         check_name(&sheet.name, &format!("{path}.name"), places, findings);
-        for (key, shape) in shapes(sheet) {
-            if let Err(error) = shape.check() {
-                findings.push(shape_finding(&format!("{path}.{key}.{}", name(shape)), error, places));
-            }
-        }
         for (number, pin) in sheet.pin.iter().enumerate() {
             let path = format!("{path}.pin.{number}");
             // What a pin holds has no shape of its own: it may go and turn anyhow.
@@ -35,39 +30,57 @@ pub(super) fn check_sheets(scene: &Scene, places: &Places, findings: &mut Vec<Fi
             }
         }
     }
+    for (key, shape) in shapes(scene) {
+        if let Err(error) = shape.check() {
+            findings.push(shape_finding(&format!("{key}.{}", name(shape)), error, places));
+        }
+    }
     if scene.sheets.is_some() && scene.sheet.is_empty() {
         let message = "there are no sheets that could have anything in common";
         let finding = Finding::new(places.of("sheets"), "sheets", message, "no `[[sheet]]` in this preset");
         findings.push(finding.with_help("add a `[[sheet]]`, or take `[sheets]` out"));
     }
-    // Meshes are in files, which are read later.
-    let drawn = |sheet: &SheetParams| matches!(sheet.shape, SheetShape::Grid { .. });
-    if scene.sheet.iter().all(drawn)
-        && let Some(shot) = scene.systems().sheets
+    if let Some(shot) = scene.systems().sheets
         && let Err(error) = sheet::check(&shot.params)
     {
         findings.push(finding(&error, places));
     }
 }
 
-/// The shapes that a sheet names, with their keys.
-pub(super) fn shapes(sheet: &SheetParams) -> impl Iterator<Item = (String, &Shape)> {
+/// The shapes that sheets and their joints name, with their keys.
+pub(super) fn shapes(scene: &Scene) -> impl Iterator<Item = (String, &Shape)> {
+    let sheets = scene.sheet.iter().enumerate();
+    let sheets = sheets
+        .flat_map(|(i, sheet)| of_sheet(sheet).map(move |(key, shape)| (format!("sheet.{i}.{key}"), shape)));
+    let joints = scene.sheets.iter().flat_map(|common| common.joint.iter().enumerate());
+    let joints = joints.flat_map(|(i, joint)| {
+        let named = joint.at.iter().enumerate().filter_map(|(side, at)| Some((side, at.shape()?)));
+        named.map(move |(side, shape)| (format!("sheets.joint.{i}.at.{side}.inside"), shape))
+    });
+    sheets.chain(joints)
+}
+
+fn of_sheet(sheet: &SheetParams) -> impl Iterator<Item = (String, &Shape)> {
     let regions =
         sheet.region.iter().enumerate().map(|(i, region)| (format!("region.{i}.shape"), &region.shape));
-    let pins = sheet.pin.iter().enumerate().filter_map(|(i, pin)| match &pin.at {
-        Select::Inside(shape) => Some((format!("pin.{i}.at.inside"), shape)),
-        _ => None,
-    });
-    regions.chain(pins)
+    let pins = sheet.pin.iter().enumerate();
+    regions.chain(pins.filter_map(|(i, pin)| Some((format!("pin.{i}.at.inside"), pin.at.shape()?))))
 }
 
 /// Names become those of files and streams.
 fn check_name(name: &str, key: &str, places: &Places, findings: &mut Vec<Finding>) {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
-    if name.is_empty() || !name.chars().all(plain) {
+    // Files of frames end in the frame's number.
+    let digits = name.rsplit('_').next().filter(|end| end.len() < name.len() && end.len() > 3);
+    let is_frame = digits.is_some_and(|end| end.chars().all(|c| c.is_ascii_digit()));
+    if name.is_empty() || is_frame || !name.chars().all(plain) {
         let message = format!("`{name}` cannot be the name of a file");
         let finding = Finding::new(places.of(key), key, message, format!("found {name:?}"));
-        findings.push(finding.with_help("use letters of the alphabet, digits, `-` and `_`"));
+        findings.push(
+            finding.with_help(
+                "use letters of the alphabet, digits, `-` and `_`, and no frame's number at the end",
+            ),
+        );
     }
 }
 
@@ -75,6 +88,9 @@ fn finding(error: &SheetError, places: &Places) -> Finding {
     let (key, help) = match error {
         SheetError::OutOfRange { key, .. } => (key.as_str(), "docs/parameters.md has the ranges"),
         SheetError::NoArea { key } => (key.as_str(), "give sides of two directions, each with a length"),
+        SheetError::Flat { key, .. } | SheetError::Loose { key, .. } => {
+            (key.as_str(), "clean the mesh up where it was made")
+        }
         SheetError::NoSuchPoint { key, .. } | SheetError::Selection { key, .. } => {
             (key.as_str(), "points count from 0; a grid has them row by row along `first`")
         }

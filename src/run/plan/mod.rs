@@ -277,7 +277,7 @@ fn dry(
         iterations: clothy.iterations,
         voxel: None,
         bricks: 0.0,
-        memory: smoky.memory[0].max(smoky.memory[1]).max(clothy.memory),
+        memory: smoky.memory[0].max(smoky.memory[1]) + clothy.memory,
         cache: smoky.cache + clothy.cache,
         meshes: 0.0,
         seconds: smoky.seconds.iter().sum::<f64>() + clothy.seconds,

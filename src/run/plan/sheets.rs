@@ -7,6 +7,7 @@
 use super::{Control, RunError, memory};
 use crate::{
     cache,
+    export::SheetFormat,
     frame::FrameIndex,
     run::{scratch::Scratch, simulate::world, usage::Meter},
     scene::{Frames, Scene},
@@ -19,6 +20,9 @@ const SECONDS: f64 = 10.0;
 
 /// Bytes of a point in a PC2 cache.
 const SAMPLE: f64 = 12.0;
+
+/// Bytes of a point in a mesh, with its two triangles.
+const MESHED: f64 = 62.0;
 
 /// What sheets will need.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -84,14 +88,19 @@ pub(super) fn plan(
         seen.push([f64::from(record.substeps), f64::from(record.iterations), seconds, bytes]);
     }
     let mut remarks = Vec::new();
-    if seen.len() < frames {
+    if seen.is_empty() && frames > 0 {
+        remarks.push("the first frame takes longer than the calibration waits; the time and disk of the sheets are not known".into());
+    } else if seen.len() < frames {
         remarks.push(format!(
             "the calibration of the sheets saw {} of {frames} frames; those after are taken to be like them",
             seen.len()
         ));
     }
     let stored = selection.count() as f64;
-    let with_files = with_outputs && !scene.output.sheet.is_empty();
+    // Two sides of a body, and a mesh a frame where meshes are asked for.
+    let sides = if scene.output.thickness.is_some() { 2.0 } else { 1.0 };
+    let bytes_of = |format: &SheetFormat| if *format == SheetFormat::Pc2 { SAMPLE } else { MESHED };
+    let written: f64 = scene.output.sheet.iter().filter(|_| with_outputs).map(bytes_of).sum();
     let [substeps, iterations, seconds, bytes] = [0, 1, 2, 3].map(|k| total(&seen, frames, k));
     Ok(Some(SheetsPlan {
         points,
@@ -99,7 +108,7 @@ pub(super) fn plan(
         iterations,
         memory: memory::sheets(points as usize),
         cache: bytes / frames.max(1) as f64 * stored,
-        files: if with_files { SAMPLE * points * stored } else { 0.0 },
+        files: sides * written * points * stored,
         seconds,
         remarks,
     }))

@@ -2,7 +2,7 @@
 
 use super::{
     SheetError,
-    params::{SheetParams, SheetShape, SheetsParams},
+    params::{SheetMesh, SheetParams, SheetShape, SheetsParams},
 };
 use crate::math::Vec3;
 
@@ -13,7 +13,7 @@ use crate::math::Vec3;
 pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
     for (i, sheet) in params.sheet.iter().enumerate() {
         let key = |name: &str| format!("sheet.{i}.{name}");
-        if params.sheet[..i].iter().any(|other| other.name == sheet.name) {
+        if params.sheet[..i].iter().any(|other| other.name.eq_ignore_ascii_case(&sheet.name)) {
             return Err(SheetError::Name { key: key("name"), name: sheet.name.clone() });
         }
         numbers(sheet, &key)?;
@@ -103,8 +103,26 @@ fn shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetE
             if let Some(&point) = mesh.faces.as_flattened().iter().find(|&&i| i >= count) {
                 return Err(SheetError::NoSuchPoint { key: key("shape.mesh"), point, count });
             }
-            if mesh.faces.is_empty() { Err(SheetError::NoArea { key: key("shape.mesh") }) } else { Ok(()) }
+            filled(mesh, key("shape.mesh"))
         }
+    }
+}
+
+/// Whether every edge of a mesh has a length and every point a face. A mesh that is not read yet has neither.
+fn filled(mesh: &SheetMesh, key: String) -> Result<(), SheetError> {
+    let mut used = vec![false; mesh.points.len()];
+    for &[a, b, c, d] in &mesh.faces {
+        for [from, to] in [[a, b], [b, c], [c, d], [d, a]] {
+            used[from as usize] = true;
+            let is_last_of_three = c == d && from == c && to == d;
+            if !is_last_of_three && mesh.points[from as usize] == mesh.points[to as usize] {
+                return Err(SheetError::Flat { key, point: from });
+            }
+        }
+    }
+    match used.iter().position(|&is_used| !is_used) {
+        Some(point) => Err(SheetError::Loose { key, point: point as u32 }),
+        None => Ok(()),
     }
 }
 

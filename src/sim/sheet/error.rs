@@ -29,6 +29,22 @@ pub enum SheetError {
         /// Points there are.
         count: u32,
     },
+    /// An edge of a mesh that has no length.
+    #[error("{key} has an edge without length at point {point}; merge points that lie in one place")]
+    Flat {
+        /// The preset's key.
+        key: String,
+        /// One of its ends.
+        point: u32,
+    },
+    /// A point of a mesh that has no face.
+    #[error("{key} has no face at point {point}; delete loose points")]
+    Loose {
+        /// The preset's key.
+        key: String,
+        /// Its number.
+        point: u32,
+    },
     /// A selection without points, or two of different length in a joint.
     #[error("{key} selects {found} points; {expected}")]
     Selection {

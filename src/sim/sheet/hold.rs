@@ -97,7 +97,17 @@ pub(super) fn held(
             }
         }
     }
-    Ok(out)
+    // Two that hold one point exactly would each want it elsewhere.
+    let mut exact: Vec<u32> = out.iter().filter(|pin| pin.stiffness.is_none()).map(|pin| pin.point).collect();
+    exact.sort_unstable();
+    match exact.windows(2).find(|pair| pair[0] == pair[1]) {
+        Some(pair) => {
+            let sheet = ranges.iter().position(|range| range.contains(&(pair[0] as usize))).unwrap_or(0);
+            let expected = "each point is held exactly by one pin at most";
+            Err(SheetError::Selection { key: format!("sheet.{sheet}.pin"), found: 2, expected })
+        }
+        None => Ok(out),
+    }
 }
 
 fn motion(
@@ -147,7 +157,7 @@ pub(super) fn joined(
     Ok(out)
 }
 
-/// The points that are meant, ascending but for those named by number.
+/// The points that are meant, each once, ascending but for those named by number.
 fn select(at: &Select, model: &Model, shape: &SheetShape, key: String) -> Result<Vec<u32>, SheetError> {
     let points = &model.points;
     let all = 0..points.len() as u32;
@@ -159,6 +169,7 @@ fn select(at: &Select, model: &Model, shape: &SheetShape, key: String) -> Result
         Select::Corners => match (shape, model.grid) {
             (SheetShape::Grid { .. }, Some([n, m])) => {
                 let mut corners = vec![0, n - 1, n * (m - 1), n * m - 1];
+                corners.sort_unstable();
                 corners.dedup();
                 corners
             }

@@ -272,14 +272,35 @@ pub enum Integrator {
     Implicit,
 }
 
+impl Select {
+    /// Its shape, if it has one.
+    pub fn shape(&self) -> Option<&Shape> {
+        match self {
+            Select::Inside(shape) => Some(shape),
+            _ => None,
+        }
+    }
+
+    fn shape_mut(&mut self) -> Option<&mut Shape> {
+        match self {
+            Select::Inside(shape) => Some(shape),
+            _ => None,
+        }
+    }
+}
+
+impl SheetsCommon {
+    /// The shapes that are named, to be filled.
+    pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
+        self.joint.iter_mut().flat_map(|joint| &mut joint.at).filter_map(Select::shape_mut)
+    }
+}
+
 impl SheetParams {
     /// The shapes that are named, to be filled.
     pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
         let regions = self.region.iter_mut().map(|region| &mut region.shape);
-        let pins = self.pin.iter_mut().filter_map(|pin| match &mut pin.at {
-            Select::Inside(shape) => Some(shape),
-            _ => None,
-        });
+        let pins = self.pin.iter_mut().filter_map(|pin| pin.at.shape_mut());
         regions.chain(pins)
     }
 }

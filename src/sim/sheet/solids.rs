@@ -206,8 +206,10 @@ fn outside(
             let inwards = relative.dot(&n);
             let mut slip = relative - n * inwards;
             if let (Some(friction), true) = (friction, inwards < 0.0) {
-                let speed = slip.norm();
+                let (speed, before) = (slip.norm(), slip);
                 slip *= if speed > 0.0 { 1.0 - (-friction * inwards / speed).min(1.0) } else { 0.0 };
+                // It has slid too far already: else what rests on a slope would creep.
+                x -= (before - slip) * dt;
             }
             v = own + slip + n * inwards.max(0.0);
         }
@@ -218,11 +220,13 @@ fn outside(
     caught.then_some((x, v))
 }
 
-/// Points inside solids at a time [s].
-pub(super) fn inside(solids: &[Solid], time: f64, x: &Vectors) -> u64 {
+/// Points inside solids at a time [s], but for those that are held exactly.
+pub(super) fn inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &[f32]) -> u64 {
     let solids = placed(solids, time, time);
     let count = |range: std::ops::Range<usize>| {
-        range.filter(|&i| solids.iter().any(|solid| solid.contact(x.get(i), 1).0 < 0.0)).count() as u64
+        range
+            .filter(|&i| mobility[i] > 0.0 && solids.iter().any(|solid| solid.contact(x.get(i), 1).0 < 0.0))
+            .count() as u64
     };
     par::map_chunks(x.len(), par::CHUNK, count).into_iter().sum()
 }

@@ -21,6 +21,11 @@ pub fn sheet_of(stream: &str) -> Option<&str> {
     stream.strip_prefix(NAME)?.strip_prefix('.').filter(|name| !name.contains('.'))
 }
 
+/// Whether a stream is of the faces of a sheet.
+pub fn is_faces(stream: &str) -> bool {
+    is_part(stream) && stream.ends_with(".faces")
+}
+
 /// Whether a stream is of sheets.
 pub fn is_part(stream: &str) -> bool {
     stream.strip_prefix(NAME).is_some_and(|rest| rest.starts_with('.'))

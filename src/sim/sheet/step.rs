@@ -178,7 +178,7 @@ impl Sheets {
         if let Some(plates) = &self.plates {
             record.elastic_energy += par::sum(self.len(), |i| bent(plates, &self.x, i));
         }
-        record.inside_solids = solids::inside(&self.solids, time, &self.x);
+        record.inside_solids = solids::inside(&self.solids, time, &self.x, self.inverse.as_flattened());
     }
 }
 

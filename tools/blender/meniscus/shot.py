@@ -161,10 +161,11 @@ class Reader:
             raise self.fail('"outputs"', outputs, "a list of objects")
         meshes, volumes, sheets, skipped = [], [], [], []
         meshed = [o.get("name") for o in outputs if (o.get("kind"), o.get("format")) == ("mesh", "ply")]
+        moved = [o.get("name") for o in outputs if (o.get("kind"), o.get("format")) == ("sheet", "pc2")]
         for index, output in enumerate(outputs):
             kind, form = output.get("kind"), output.get("format")
             key, fog = f'"outputs"[{index}]', "density" in (output.get("grids") or [])
-            if (kind, form) == ("mesh", "ply"):
+            if (kind, form) == ("mesh", "ply") and output.get("name") not in moved:
                 meshes.append(self.mesh(key, output))
             elif (kind, form) == ("sheet", "pc2"):
                 sheets.append(self.sheet(key, output))
