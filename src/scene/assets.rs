@@ -39,10 +39,12 @@ pub type Assets = BTreeMap<String, Asset>;
 
 /// The file of every mesh of a scene, with the key that the mesh stands at.
 pub(super) fn meshes(scene: &Scene) -> Vec<(String, &str)> {
-    let file = |(key, shape): (String, _)| match shape {
-        &Shape::Mesh(ref mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
-        _ => None,
-    };
+    fn file((key, shape): (String, &Shape)) -> Option<(String, &str)> {
+        match shape {
+            Shape::Mesh(mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
+            _ => None,
+        }
+    }
     let colliders = scene.world.collider.iter().enumerate();
     let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
     let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());

@@ -71,10 +71,8 @@ impl Job for Advance<'_, '_> {
                     largest[lane] += x[lane].abs() + v[lane].abs();
                 }
             }
-            let mut whole = true;
-            for lane in 0..WIDTH {
-                whole &= largest[lane] < ABSURD;
-            }
+            // All are looked at: an early end would keep the lanes from being compared at once.
+            let whole = largest.iter().fold(true, |whole, &largest| whole & (largest < ABSURD));
             if !whole && lost.is_none() {
                 lost = Some(at);
             }

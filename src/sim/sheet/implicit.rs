@@ -87,9 +87,9 @@ impl Matrix<'_> {
     fn filter(&self, out: &mut Vectors) {
         out.update(|at, axes| {
             for axis in axes {
-                for lane in 0..WIDTH {
-                    if self.inverse[at][lane] == 0.0 {
-                        axis[lane] = 0.0;
+                for (value, &inverse) in axis.iter_mut().zip(&self.inverse[at]) {
+                    if inverse == 0.0 {
+                        *value = 0.0;
                     }
                 }
             }

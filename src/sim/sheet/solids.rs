@@ -165,11 +165,9 @@ pub(super) fn put_back(
     let ([x0, x1, x2], [v0, v1, v2]) = (&mut x.axes, &mut v.axes);
     let caught = par::map_chunks_mut([x0, x1, x2, v0, v1, v2], CHUNK, |start, [x0, x1, x2, v0, v1, v2]| {
         let mut caught = 0;
-        for i in start * WIDTH..len.min((start + x0.len()) * WIDTH) {
+        let points = start * WIDTH..len.min((start + x0.len()) * WIDTH);
+        for i in points.filter(|&i| mobility[i] != 0.0) {
             let (at, lane) = (i / WIDTH - start, i % WIDTH);
-            if mobility[i] == 0.0 {
-                continue;
-            }
             let before = Vec3::new(x0[at][lane], x1[at][lane], x2[at][lane]);
             let speed = Vec3::new(v0[at][lane], v1[at][lane], v2[at][lane]);
             if let Some((place, speed)) = outside(solids, friction, before, speed, dt) {

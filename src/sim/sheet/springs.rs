@@ -177,10 +177,7 @@ impl Gather for Linear<'_> {
         for k in 0..slots.len() {
             let slot = &slots[k];
             let d = minus(&fetch(self.y, slot), &own);
-            let mut weight = slot.stiffness;
-            for lane in 0..WIDTH {
-                weight[lane] *= self.parts[0];
-            }
+            let mut weight = slot.stiffness.map(|stiffness| stiffness * self.parts[0]);
             if !damping.is_empty() {
                 for lane in 0..WIDTH {
                     weight[lane] += self.parts[1] * damping[k][lane];
