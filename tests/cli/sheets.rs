@@ -16,7 +16,7 @@ shape = { grid = { origin = [-0.3, -0.3, 0.22], first = [0.6, 0, 0], second = [0
 density = 0.2
 stiffness = [60, 60]
 shear = 10
-bending = "1e-5"
+bending = 1e-5
 damping = 1
 region = [{ shape = { box = { min = [-1, -1, 0], max = [0, 1, 1] } }, stiffness = 2 }]
 

@@ -59,6 +59,7 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             context.scene.render.use_motion_blur = True
         for selected in context.selected_objects:
             selected.select_set(False)
+        all_made = []
         for output in outputs:
             if isinstance(output, VolumeOutput):
                 made = volumes.add_volume(context, output, folder)
@@ -66,6 +67,9 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
                 made = sheets.add_sheet(context, output, shot.folder, folder)
             else:
                 made = add_object(context, output, format_pattern(folder, output.pattern))
+            all_made.append(made)
+        # Last: importing a sheet's mesh selects that alone.
+        for made in all_made:
             made.select_set(True)
             context.view_layer.objects.active = made
         if shot.skipped:
