@@ -5,6 +5,7 @@
 //! and what they say together (`forecast`). Nothing rests on figures of another machine.
 
 mod bricks;
+mod deadline;
 mod forecast;
 mod memory;
 mod pilot;
@@ -123,7 +124,7 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
         passes: passes(&simulation, scene, with_outputs),
         memory: peak_memory(scene, particles, None, with_outputs)
             + smoke_bound(scene, seeds)
-            + memory::sheets_beside(simulation.seeded().points as usize),
+            + memory::sheets(simulation.seeded().points as usize, sheets::bend(scene)),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
 }
@@ -173,10 +174,12 @@ fn plan_within(
     control.reporter.begin("calibrate", 3);
     let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
     let passes = passes(&simulation, scene, with_outputs);
-    let smoke = smoke::plan(scene, selection, with_outputs, control)?;
-    let sheets = sheets::plan(scene, selection, with_outputs, control)?;
+    let beside = Beside {
+        smoke: smoke::plan(scene, selection, with_outputs, control)?,
+        sheets: sheets::plan(scene, selection, with_outputs, control)?,
+    };
     if scene.liquid.is_none() {
-        let plan = dry(scene, selection, (smoke, sheets), passes, clock.wall());
+        let plan = dry(scene, selection, beside, passes, clock.wall());
         control.reporter.end();
         return allowed.map_or(Ok(()), |allowed| refuse_memory(plan.memory, allowed)).map(|()| plan);
     }
@@ -205,11 +208,7 @@ fn plan_within(
         with_first: selection.contains(scene.frames.first()),
     };
     let early = forecast(&job, &near, [&near, &far], &sample::Sample::default());
-    let [smoky, smoking] = smoke.as_ref().map_or([0, 0], |smoke| smoke.memory);
-    let points = sheets.as_ref().map_or(0.0, |sheets| sheets.points);
-    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs)
-        + smoky.max(smoking)
-        + memory::sheets_beside(points as usize);
+    let memory = peak_memory(scene, particles, Some(early.grids), with_outputs) + beside.memory();
     if let Some(allowed) = allowed.filter(|&allowed| memory > allowed) {
         return Err(RunError::OverMemory { needed: memory, allowed });
     }
@@ -235,32 +234,51 @@ fn plan_within(
         voxel: (!formats.is_empty()).then(|| f64::from(scene.surface.voxel * job.liquid.spacing)),
         bricks: found.grids.bricks,
         memory,
-        cache: found.cache
-            + smoke.as_ref().map_or(0.0, |smoke| smoke.cache)
-            + sheets.as_ref().map_or(0.0, |sheets| sheets.cache),
+        cache: found.cache + beside.cache(),
         meshes: found.meshes,
-        seconds: work / pace
-            + smoke.as_ref().map_or(0.0, |smoke| smoke.seconds.iter().sum())
-            + sheets.as_ref().map_or(0.0, |sheets| sheets.seconds),
+        seconds: work / pace + beside.seconds(),
         surface_seconds: found.surfacing / pace,
         cpu_seconds: sample.busy.map(|_| work),
         uncertainty: uncertainty(&found, &check),
         threads: par::threads(),
         calibration_seconds: clock.wall(),
-        smoke,
-        sheets,
+        smoke: beside.smoke,
+        sheets: beside.sheets,
         remarks: told,
     })
 }
 
+/// What a shot has but for a liquid.
+struct Beside {
+    smoke: Option<SmokePlan>,
+    sheets: Option<SheetsPlan>,
+}
+
+impl Beside {
+    /// Peak memory, of which each system's own holds the program too [bytes].
+    fn memory(&self) -> u64 {
+        let smoke = self.smoke.as_ref().map_or(0, |smoke| smoke.memory[0].max(smoke.memory[1]));
+        let sheets = self.sheets.as_ref().map_or(0, |sheets| sheets.memory);
+        smoke + sheets
+    }
+
+    /// The cached frames [bytes].
+    fn cache(&self) -> f64 {
+        let smoke = self.smoke.as_ref().map_or(0.0, |smoke| smoke.cache);
+        smoke + self.sheets.as_ref().map_or(0.0, |sheets| sheets.cache)
+    }
+
+    /// Wall-clock time [s].
+    fn seconds(&self) -> f64 {
+        let smoke = self.smoke.as_ref().map_or(0.0, |smoke| smoke.seconds.iter().sum());
+        smoke + self.sheets.as_ref().map_or(0.0, |sheets| sheets.seconds)
+    }
+}
+
 /// The plan of a shot without a liquid.
-fn dry(
-    scene: &Scene,
-    selection: &Frames,
-    (smoke, sheets): (Option<SmokePlan>, Option<SheetsPlan>),
-    passes: Vec<String>,
-    calibration: f64,
-) -> Plan {
+fn dry(scene: &Scene, selection: &Frames, beside: Beside, passes: Vec<String>, calibration: f64) -> Plan {
+    let (memory, cache, seconds) = (beside.memory(), beside.cache(), beside.seconds());
+    let Beside { smoke, sheets } = beside;
     let (smoky, clothy) = (smoke.clone().unwrap_or_default(), sheets.clone().unwrap_or_default());
     let is_named = |table: &String| {
         (smoke.is_some() && table.starts_with("smoke")) || (sheets.is_some() && table.starts_with("sheets"))
@@ -277,10 +295,10 @@ fn dry(
         iterations: clothy.iterations,
         voxel: None,
         bricks: 0.0,
-        memory: smoky.memory[0].max(smoky.memory[1]) + clothy.memory,
-        cache: smoky.cache + clothy.cache,
+        memory,
+        cache,
         meshes: 0.0,
-        seconds: smoky.seconds.iter().sum::<f64>() + clothy.seconds,
+        seconds,
         surface_seconds: 0.0,
         cpu_seconds: None,
         uncertainty: SMOKE_UNCERTAINTY,

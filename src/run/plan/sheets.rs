@@ -4,14 +4,14 @@
 //! taken to cost what the later half of these did.
 //! Limits: substeps that become shorter where a sheet meets fast solids late in the shot are not seen.
 
-use super::{Control, RunError, memory};
+use super::{Control, RunError, deadline::Deadline, memory};
 use crate::{
     cache,
     export::SheetFormat,
     frame::FrameIndex,
     run::{scratch::Scratch, simulate::world, usage::Meter},
     scene::{Frames, Scene},
-    sim::{Simulation, Stop, Systems, Watch},
+    sim::{Simulation, Stop, Systems},
 };
 use serde::Serialize;
 
@@ -71,7 +71,7 @@ pub(super) fn plan(
     for number in 1..=frames {
         let index = FrameIndex(scene.frames.first().0 + number as u32);
         let meter = Meter::new();
-        let mut watch = Deadline { control, clock };
+        let mut watch = Deadline { control, clock, seconds: SECONDS };
         let record = match simulation.advance(1.0 / f64::from(scene.fps), &mut watch) {
             Ok(record) => record.sheets.unwrap_or_default(),
             Err(Stop::Interrupted) if (control.interrupted)() => return Err(RunError::Interrupted),
@@ -106,12 +106,17 @@ pub(super) fn plan(
         points,
         substeps,
         iterations,
-        memory: memory::sheets(points as usize),
+        memory: memory::sheets(points as usize, bend(scene)),
         cache: bytes / frames.max(1) as f64 * stored,
         files: sides * written * points * stored,
         seconds,
         remarks,
     }))
+}
+
+/// Whether sheets resist bending.
+pub(super) fn bend(scene: &Scene) -> bool {
+    scene.sheet.iter().any(|sheet| sheet.bending.is_some())
 }
 
 /// A quantity of all frames.
@@ -120,18 +125,6 @@ fn total(seen: &[Seen], frames: usize, k: usize) -> f64 {
     let late = &seen[seen.len() / 2..];
     let mean = late.iter().map(|seen| seen[k]).sum::<f64>() / late.len().max(1) as f64;
     own + mean * frames.saturating_sub(seen.len()) as f64
-}
-
-/// Goes on until time is up, or the user stops the job.
-struct Deadline<'a> {
-    control: Control<'a>,
-    clock: Meter,
-}
-
-impl Watch for Deadline<'_> {
-    fn keep_going(&mut self) -> bool {
-        self.clock.wall() < SECONDS && !(self.control.interrupted)()
-    }
 }
 
 #[cfg(test)]

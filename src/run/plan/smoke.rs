@@ -6,7 +6,7 @@
 //! Limits: what only fine smoke does after its own frames, more swirls and shorter steps, is not seen; the time of a shot that ends
 //! in turbulence is told too short.
 
-use super::{Control, RunError, bricks::bricks_around, memory};
+use super::{Control, RunError, bricks::bricks_around, deadline::Deadline, memory};
 use crate::{
     cache,
     frame::{Frame, FrameIndex},
@@ -17,7 +17,7 @@ use crate::{
         volume::{Surroundings, VolumeSettings, try_smoke},
     },
     scene::{Frames, Scene},
-    sim::{Simulation, Stop, Systems, Watch, smoke},
+    sim::{Simulation, Stop, Systems, smoke},
 };
 use serde::Serialize;
 
@@ -256,19 +256,6 @@ fn volume_of(
     let spacing = around.smoke.params.tracer_spacing();
     let bricks = bricks_around(tracers, spacing, &settings.surface) as f64;
     Ok([tried.bytes as f64, tried.seconds, bricks])
-}
-
-/// Goes on until time is up, or the user stops the job.
-struct Deadline<'a> {
-    control: Control<'a>,
-    clock: Meter,
-    seconds: f64,
-}
-
-impl Watch for Deadline<'_> {
-    fn keep_going(&mut self) -> bool {
-        self.clock.wall() < self.seconds && !(self.control.interrupted)()
-    }
 }
 
 #[cfg(test)]

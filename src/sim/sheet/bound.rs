@@ -33,9 +33,8 @@ impl Rows {
         if let Some(plates) = plates {
             let sums = table::row_sums(plates, count);
             par::update(&mut rows, |i, row| {
-                let [size, signed, damping] = sums[i];
+                let [size, signed, _] = sums[i];
                 row[0] += size + signed.abs();
-                row[1] += 2.0 * damping;
             });
         }
         Self { rows }

@@ -72,7 +72,7 @@ impl Matrix<'_> {
         });
         springs::add_change(self.springs, self.x, p, self.dt, out);
         if let Some(plates) = self.plates {
-            springs::add_linear(plates, p, [-self.dt * self.dt, -self.dt], out);
+            springs::add_linear(plates, p, -self.dt * self.dt, out);
         }
         for joint in &self.joined {
             let [a, b] = joint.ends.map(|i| i as usize);
@@ -109,7 +109,7 @@ impl Matrix<'_> {
         });
         springs::add_blocks(self.springs, self.x, self.dt, &mut blocks);
         if let Some(plates) = self.plates {
-            springs::add_linear_blocks(plates, [self.dt * self.dt, self.dt], &mut blocks);
+            springs::add_linear_blocks(plates, self.dt * self.dt, &mut blocks);
         }
         for joint in &self.joined {
             let stiffness = self.dt * self.dt * joint.stiffness;

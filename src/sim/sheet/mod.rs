@@ -393,26 +393,25 @@ fn spring_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {
 
 /// Plates as pulls between points: −∂²E/∂x_i∂x_j, summed over plates.
 fn plate_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {
-    let mut all: Vec<([u32; 2], [f64; 2])> = Vec::new();
+    let mut all: Vec<([u32; 2], f64)> = Vec::new();
     for (model, range) in models.iter().zip(ranges) {
         let start = range.start as u32;
         for plate in &model.plates {
             for (i, a) in plate.points.iter().zip(&plate.weights) {
                 for (j, b) in plate.points.iter().zip(&plate.weights) {
                     if i != j && a * b != 0.0 {
-                        let stiffness = -plate.rigidity * a * b;
-                        all.push(([i + start, j + start], [stiffness, 0.0]));
+                        all.push(([i + start, j + start], -plate.rigidity * a * b));
                     }
                 }
             }
         }
     }
     // A stable order of equal keys is theirs of coming; bits of the values make it one of any sort.
-    par::sort_by_key(&mut all, |(key, [k, c])| (*key, k.to_bits(), c.to_bits()));
+    par::sort_by_key(&mut all, |(key, k)| (*key, k.to_bits()));
     let sums = all.chunk_by(|a, b| a.0 == b.0).map(|part| {
-        let sum = |which: usize| part.iter().map(|(_, values)| values[which]).sum::<f64>() as f32;
+        let stiffness = part.iter().map(|(_, k)| k).sum::<f64>() as f32;
         let [of, to] = part[0].0;
-        Entry { of, to, stiffness: sum(0), rest: 0.0, damping: sum(1) }
+        Entry { of, to, stiffness, rest: 0.0, damping: 0.0 }
     });
     sums.collect()
 }

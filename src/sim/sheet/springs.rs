@@ -161,11 +161,11 @@ pub(super) fn add_forces(table: &Table, x: &Vectors, v: Option<&Vectors>, out: &
     }
 }
 
-/// Σ k_ij (y_j − y_i), with k = a · stiffness + b · damping.
+/// `factor` Σ k_ij (y_j − y_i).
 struct Linear<'a> {
     table: &'a Table,
     y: &'a Vectors,
-    parts: [f32; 2],
+    factor: f32,
 }
 
 impl Gather for Linear<'_> {
@@ -173,25 +173,18 @@ impl Gather for Linear<'_> {
     fn eight(&self, at: usize) -> Eight {
         let own = self.y.eight(at);
         let mut sum = [[0.0; WIDTH]; 3];
-        let (slots, damping) = self.table.of(at);
-        for k in 0..slots.len() {
-            let slot = &slots[k];
+        let (slots, _) = self.table.of(at);
+        for slot in slots {
             let d = minus(&fetch(self.y, slot), &own);
-            let mut weight = slot.stiffness.map(|stiffness| stiffness * self.parts[0]);
-            if !damping.is_empty() {
-                for lane in 0..WIDTH {
-                    weight[lane] += self.parts[1] * damping[k][lane];
-                }
-            }
-            plus(&mut sum, &weight, &d);
+            plus(&mut sum, &slot.stiffness.map(|stiffness| stiffness * self.factor), &d);
         }
         sum
     }
 }
 
-/// Adds Σ (a · stiffness + b · damping) (y_j − y_i) to `out`, with a and b as `parts`.
-pub(super) fn add_linear(table: &Table, y: &Vectors, parts: [f32; 2], out: &mut Vectors) {
-    add(out, &Linear { table, y, parts });
+/// Adds `factor` Σ stiffness (y_j − y_i) to `out`.
+pub(super) fn add_linear(table: &Table, y: &Vectors, factor: f32, out: &mut Vectors) {
+    add(out, &Linear { table, y, factor });
 }
 
 /// How springs answer to a change: along and across each, with parts Δt² of stiffness and Δt of damping.
@@ -276,13 +269,12 @@ pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]
 }
 
 /// Adds the diagonal of a linear table to `out`.
-pub(super) fn add_linear_blocks(table: &Table, parts: [f32; 2], out: &mut [Blocks]) {
+pub(super) fn add_linear_blocks(table: &Table, factor: f32, out: &mut [Blocks]) {
     par::update(out, |at, out| {
-        let (slots, damping) = table.of(at);
-        for (k, slot) in slots.iter().enumerate() {
+        let (slots, _) = table.of(at);
+        for slot in slots {
             for lane in 0..WIDTH {
-                let damped = damping.get(k).map_or(0.0, |d| parts[1] * d[lane]);
-                let weight = parts[0] * slot.stiffness[lane] + damped;
+                let weight = factor * slot.stiffness[lane];
                 out[..3].iter_mut().for_each(|block| block[lane] += weight);
             }
         }

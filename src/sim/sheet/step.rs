@@ -70,10 +70,7 @@ impl Sheets {
         force.clear();
         springs::add_forces(springs, x, damped.then_some(&*v), force);
         if let Some(plates) = plates {
-            springs::add_linear(plates, x, [1.0, 0.0], force);
-            if damped && plates.is_damped() {
-                springs::add_linear(plates, v, [0.0, 1.0], force);
-            }
+            springs::add_linear(plates, x, 1.0, force);
         }
         hold::add_forces(held, joined, now, x, force);
         for (i, outside) in self.outside.iter().enumerate() {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""The `Water` material: clear, refracting, faintly coloured with depth."""
+"""How materials are found again, and the `Water` material: clear, refracting, faintly coloured with depth."""
 
 import bpy
 
@@ -14,14 +14,22 @@ DEPTH_DENSITY = 1.0
 SHADOW_COLOUR = (0.80, 0.90, 0.94, 1.0)
 
 
+def own(name: str, stamp: str) -> tuple[bpy.types.Material, bool]:
+    """The file's own material that an earlier import stamped, else a new one with nodes; and whether it is new."""
+    for material in bpy.data.materials:
+        if material.get(stamp) and material.is_editable:
+            return material, False
+    material = bpy.data.materials.new(name)
+    material[stamp] = True
+    material.use_nodes = True
+    return material, True
+
+
 def water() -> bpy.types.Material:
     """The file's own Water that an earlier import made, else a new one."""
-    for material in bpy.data.materials:
-        if material.get(STAMP) and material.is_editable:
-            return material
-    material = bpy.data.materials.new(NAME)
-    material[STAMP] = True
-    material.use_nodes = True
+    material, is_new = own(NAME, STAMP)
+    if not is_new:
+        return material
     material.use_raytrace_refraction = True
     material.diffuse_color = (0.45, 0.75, 0.9, 0.5)
     nodes, links = material.node_tree.nodes, material.node_tree.links

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import bpy
 
+from .material import own
 from .shot import SheetOutput, ShotError
 
 NAME = "Cloth"
@@ -40,12 +41,9 @@ def add_sheet(context: bpy.types.Context, sheet: SheetOutput, shot: Path, folder
 
 def cloth() -> bpy.types.Material:
     """The file's own Cloth that an earlier import made, else a new one."""
-    for material in bpy.data.materials:
-        if material.get(STAMP) and material.is_editable:
-            return material
-    material = bpy.data.materials.new(NAME)
-    material[STAMP] = True
-    material.use_nodes = True
+    material, is_new = own(NAME, STAMP)
+    if not is_new:
+        return material
     material.diffuse_color = COLOUR
     shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
     shader.inputs["Base Color"].default_value = COLOUR

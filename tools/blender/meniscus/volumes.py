@@ -7,6 +7,7 @@ the grid holds the file's metres a second unchanged.
 
 import bpy
 
+from .material import own
 from .shot import VolumeOutput
 
 NAME = "Smoke"
@@ -57,12 +58,9 @@ def size(context: bpy.types.Context, output: VolumeOutput, folder: str) -> float
 
 def smoke(size: float) -> bpy.types.Material:
     """The file's own Smoke that an earlier import made, else a new one for smoke of this size in metres."""
-    for material in bpy.data.materials:
-        if material.get(STAMP) and material.is_editable:
-            return material
-    material = bpy.data.materials.new(NAME)
-    material[STAMP] = True
-    material.use_nodes = True
+    material, is_new = own(NAME, STAMP)
+    if not is_new:
+        return material
     nodes, links = material.node_tree.nodes, material.node_tree.links
     nodes.clear()
     there = nodes.new("ShaderNodeAttribute")
