@@ -94,6 +94,7 @@ fn finding(error: &SheetError, places: &Places) -> Finding {
         SheetError::NoSuchPoint { key, .. } | SheetError::Selection { key, .. } => {
             (key.as_str(), "points count from 0; a grid has them row by row along `first`")
         }
+        SheetError::Apart { key, .. } => (key.as_str(), "`stiffness` in N/m, or other points in `at`"),
         SheetError::Name { key, .. } => {
             (key.as_str(), "give every sheet a name of its own, and use these names")
         }

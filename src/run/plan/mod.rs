@@ -140,6 +140,8 @@ pub fn refuse_over_memory(
     allowed: u64,
     control: Control,
 ) -> Result<(), RunError> {
+    // Grids are built of a few numbers: what would not fit is refused before it is.
+    refuse_memory(sheets::least(scene), allowed)?;
     if outline(scene, with_outputs, control)?.memory <= allowed {
         return Ok(());
     }
@@ -169,6 +171,7 @@ fn plan_within(
     control: Control,
 ) -> Result<Plan, RunError> {
     simulate::check_selection(scene, selection)?;
+    allowed.map_or(Ok(()), |allowed| refuse_memory(sheets::least(scene), allowed))?;
     let scene = &solids::fill(scene, None, control.reporter)?;
     let clock = Meter::new();
     control.reporter.begin("calibrate", 3);

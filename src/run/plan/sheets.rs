@@ -114,6 +114,11 @@ pub(super) fn plan(
     }))
 }
 
+/// Peak memory of simulating sheets [bytes], without building them; 0 without any.
+pub(super) fn least(scene: &Scene) -> u64 {
+    memory::sheets(scene.sheet.iter().map(|sheet| sheet.shape.points()).sum::<f64>() as usize, bend(scene))
+}
+
 /// Whether sheets resist bending.
 pub(super) fn bend(scene: &Scene) -> bool {
     scene.sheet.iter().any(|sheet| sheet.bending.is_some())

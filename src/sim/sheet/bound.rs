@@ -46,7 +46,10 @@ impl Rows {
             self.rows[pin.point as usize][0] += f64::from(pin.stiffness.unwrap_or(0.0));
         }
         for joint in joined.iter().filter(|joint| joint.holds(time)) {
-            joint.ends.iter().for_each(|&i| self.rows[i as usize][0] += 4.0 * f64::from(joint.stiffness));
+            joint
+                .ends
+                .iter()
+                .for_each(|&i| self.rows[i as usize][0] += 4.0 * f64::from(joint.stiffness.unwrap_or(0.0)));
         }
     }
 

@@ -31,7 +31,7 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
         }
     }
     for (i, joint) in params.common.joint.iter().enumerate() {
-        positive(joint.stiffness, format!("sheets.joint.{i}.stiffness"))?;
+        joint.stiffness.map_or(Ok(()), |value| positive(value, format!("sheets.joint.{i}.stiffness")))?;
         if let Some(direction) = joint.direction {
             finite(&direction, format!("sheets.joint.{i}.direction"))?;
             positive(Vec3::from(direction).norm(), format!("sheets.joint.{i}.direction"))?;
@@ -80,11 +80,11 @@ fn numbers(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), Shee
 
 fn shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {
     match &sheet.shape {
-        SheetShape::Grid { origin, first, second, cells } => {
+        SheetShape::Grid { origin, first, second, .. } => {
             for (name, side) in [("origin", origin), ("first", first), ("second", second)] {
                 finite(side, key(&format!("shape.grid.{name}")))?;
             }
-            let asked = cells.iter().map(|&n| f64::from(n) + 1.0).product::<f64>();
+            let asked = sheet.shape.points();
             if asked > f64::from(1_u32 << 31) {
                 return Err(SheetError::TooMany { asked });
             }

@@ -55,6 +55,19 @@ pub enum SheetError {
         /// What is needed.
         expected: &'static str,
     },
+    /// A joint that would have to jump at the start.
+    #[error(
+        "{key} has points that are {off:.2e} m {what} at the start; without stiffness it holds them where they meet, so place them there or give it \
+         a stiffness, which draws them there"
+    )]
+    Apart {
+        /// The preset's key.
+        key: String,
+        /// How far [m].
+        off: f32,
+        /// From what.
+        what: &'static str,
+    },
     /// A name that no sheet has, or two have; or a collider that is not there.
     #[error("{key}: '{name}' is not the name of exactly one")]
     Name {

@@ -3,13 +3,13 @@
 //! *Method*: [gudukbay97] Eq. 8, f = k (p − x) at the one point that is named: the delta function makes a force of it that does not depend on
 //! the resolution, and the springs around the point pass it on. A pin without stiffness is exact: the point goes where it says, with the speed
 //! of its way there. A joint with a direction n pulls at the ends of d = x_b − x_a
-//! by k (n |d| − d (n·d)/|d|), which is across d: it turns the pair and leaves its length alone.
+//! by k (n |d| − d (n·d)/|d|), which is across d: it turns the pair and leaves its length alone. A joint without stiffness is exact (`bonds.rs`).
 //! *Departs from the paper*: places move by keyframes or with colliders; everything may let go at a frame.
 //!
 //! Limits: an exact pin drives what hangs on it with any speed its keyframes ask for.
 
 use super::{
-    SheetError,
+    SheetError, bonds,
     lanes::Vectors,
     model::Model,
     params::{Pin, Select, SheetShape, SheetsParams},
@@ -19,6 +19,10 @@ use crate::{
     solid::{Motion, Solid},
 };
 use std::ops::Range;
+
+/// How far from each other points may start that are joined exactly, in parts of 1 m and their largest coordinate: what rounding makes of one
+/// place that two sheets state each in their own way.
+const MEETS: f32 = 1e-5;
 
 /// A point that is held.
 #[derive(Clone, Debug)]
@@ -36,7 +40,8 @@ pub(super) struct Held {
 #[derive(Clone, Debug)]
 pub(super) struct Joined {
     pub(super) ends: [u32; 2],
-    pub(super) stiffness: f32,
+    /// `None`: exactly, see `bonds.rs`.
+    pub(super) stiffness: Option<f32>,
     /// Unit vector.
     pub(super) direction: Option<Vec3>,
     until: f64,
@@ -97,17 +102,7 @@ pub(super) fn held(
             }
         }
     }
-    // Two that hold one point exactly would each want it elsewhere.
-    let mut exact: Vec<u32> = out.iter().filter(|pin| pin.stiffness.is_none()).map(|pin| pin.point).collect();
-    exact.sort_unstable();
-    match exact.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => {
-            let sheet = ranges.iter().position(|range| range.contains(&(pair[0] as usize))).unwrap_or(0);
-            let expected = "each point is held exactly by one pin at most";
-            Err(SheetError::Selection { key: format!("sheet.{sheet}.pin"), found: 2, expected })
-        }
-        None => Ok(out),
-    }
+    Ok(out)
 }
 
 fn motion(
@@ -146,15 +141,74 @@ pub(super) fn joined(
             return Err(SheetError::Selection { key, found: points[1].len(), expected });
         }
         for ends in points[0].iter().zip(&points[1]).map(|(&a, &b)| [a, b]).filter(|[a, b]| a != b) {
-            out.push(Joined {
-                ends,
-                stiffness: joint.stiffness,
-                direction: joint.direction.map(|n| Vec3::from(n).normalize()),
-                until: release(joint.release, fps, first as u32),
-            });
+            let direction = joint.direction.map(|n| Vec3::from(n).normalize());
+            if joint.stiffness.is_none() {
+                meets(ends.map(|i| place(models, ranges, i)), direction, i)?;
+            }
+            let until = release(joint.release, fps, first as u32);
+            out.push(Joined { ends, stiffness: joint.stiffness, direction, until });
         }
     }
     Ok(out)
+}
+
+/// Where a point of all is at the start.
+fn place(models: &[Model], ranges: &[Range<usize>], point: u32) -> Vec3 {
+    let sheet = ranges.partition_point(|range| range.end <= point as usize);
+    models[sheet].points[point as usize - ranges[sheet].start]
+}
+
+/// Whether the ends of a joint are where it would hold them exactly.
+fn meets([a, b]: [Vec3; 2], direction: Option<Vec3>, joint: usize) -> Result<(), SheetError> {
+    let d = b - a;
+    let off = direction.map_or(d, |n| d - n * n.dot(&d).max(0.0)).norm();
+    if off > MEETS * (1.0 + a.amax().max(b.amax())) {
+        let what = if direction.is_some() { "off its direction" } else { "apart" };
+        return Err(SheetError::Apart { key: format!("sheets.joint.{joint}"), off, what });
+    }
+    Ok(())
+}
+
+/// Whether each point is held exactly in one way at most.
+///
+/// # Errors
+/// The first that two things would each want elsewhere.
+pub(super) fn once(held: &[Held], joined: &[Joined], ranges: &[Range<usize>]) -> Result<(), SheetError> {
+    let twice = |point: u32, expected| {
+        let sheet = ranges.partition_point(|range| range.end <= point as usize);
+        Err(SheetError::Selection { key: format!("sheet.{sheet}.pin"), found: 2, expected })
+    };
+    let mut pinned: Vec<u32> =
+        held.iter().filter(|pin| pin.stiffness.is_none()).map(|pin| pin.point).collect();
+    pinned.sort_unstable();
+    if let Some(pair) = pinned.windows(2).find(|pair| pair[0] == pair[1]) {
+        return twice(pair[0], "each point is held exactly by one pin at most");
+    }
+    let is_pinned = |point: &u32| pinned.binary_search(point).is_ok();
+    let exact = || joined.iter().filter(|joint| joint.stiffness.is_none());
+    let as_one = exact().filter(|joint| joint.direction.is_none()).map(|joint| joint.ends);
+    for group in bonds::groups(as_one) {
+        if group.iter().filter(|&point| is_pinned(point)).count() > 1 {
+            return twice(group[0], "points that are joined exactly are held exactly by one pin at most");
+        }
+    }
+    for (k, joint) in exact().enumerate().filter(|(_, joint)| joint.direction.is_some()) {
+        let shared =
+            |point: &&u32| exact().enumerate().any(|(other, joint)| other != k && joint.ends.contains(point));
+        if let Some(&point) = joint.ends.iter().find(shared) {
+            return twice(
+                point,
+                "a point that keeps a direction exactly has no other exact joint; give one a stiffness",
+            );
+        }
+        if joint.ends.iter().all(is_pinned) {
+            return twice(
+                joint.ends[0],
+                "of a pair that keeps a direction exactly one point is held exactly at most",
+            );
+        }
+    }
+    Ok(())
 }
 
 /// The points that are meant, each once, ascending but for those named by number.
@@ -194,22 +248,29 @@ fn select(at: &Select, model: &Model, shape: &SheetShape, key: String) -> Result
     if found.is_empty() { Err(SheetError::Selection { key, found: 0, expected }) } else { Ok(found) }
 }
 
-/// Adds the forces of soft pins and of joints with a direction.
-pub(super) fn add_forces(held: &[Held], joined: &[Joined], time: f64, x: &Vectors, out: &mut Vectors) {
+/// Adds the forces of soft pins and joints that hold at `time` [s], pins as they stand at `place` [s].
+pub(super) fn add_forces(
+    held: &[Held],
+    joined: &[Joined],
+    [time, place]: [f64; 2],
+    x: &Vectors,
+    out: &mut Vectors,
+) {
     for pin in held.iter().filter(|pin| pin.holds(time)) {
         if let Some(stiffness) = pin.stiffness {
             let i = pin.point as usize;
-            out.add(i, (pin.place(time) - x.get(i)) * stiffness); // [gudukbay97] Eq. 8
+            out.add(i, (pin.place(place) - x.get(i)) * stiffness); // [gudukbay97] Eq. 8
         }
     }
     for joint in joined.iter().filter(|joint| joint.holds(time)) {
+        let Some(stiffness) = joint.stiffness else { continue };
         let [a, b] = joint.ends.map(|i| i as usize);
         let d = x.get(b) - x.get(a);
-        let mut force = d * joint.stiffness;
+        let mut force = d * stiffness;
         if let Some(n) = joint.direction {
             // Across the pair, towards the direction, as far as it is off.
             let length = d.norm().max(f32::MIN_POSITIVE);
-            force = (d * (n.dot(&d) / length) - n * length) * joint.stiffness;
+            force = (d * (n.dot(&d) / length) - n * length) * stiffness;
         }
         out.add(a, force);
         out.add(b, -force);

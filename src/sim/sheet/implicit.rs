@@ -11,6 +11,7 @@
 //! not reached.
 
 use super::{
+    bonds::Bonds,
     hold::Joined,
     lanes::{Eight, Vectors},
     springs::{self, Blocks},
@@ -36,6 +37,7 @@ pub(super) struct Matrix<'a> {
     /// Δt² of what else holds points.
     pub(super) held: Vec<Blocks>,
     pub(super) joined: Vec<&'a Joined>,
+    pub(super) bonds: &'a Bonds,
     pub(super) dt: f32,
 }
 
@@ -43,7 +45,7 @@ pub(super) struct Matrix<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solved {
     pub(super) iterations: u32,
-    /// |r|/|b| in the preconditioner's norm.
+    /// |r|/|b| in the preconditioner's norm; of the first guess's r where that is larger than b.
     pub(super) residual: f64,
 }
 
@@ -76,7 +78,7 @@ impl Matrix<'_> {
         }
         for joint in &self.joined {
             let [a, b] = joint.ends.map(|i| i as usize);
-            let mut q = (p.get(a) - p.get(b)) * (self.dt * self.dt * joint.stiffness);
+            let mut q = (p.get(a) - p.get(b)) * (self.dt * self.dt * joint.stiffness.unwrap_or(0.0));
             q -= joint.direction.map_or(Vec3::zeros(), |n| n * n.dot(&q));
             out.add(a, q);
             out.add(b, -q);
@@ -84,6 +86,7 @@ impl Matrix<'_> {
         self.filter(out);
     }
 
+    /// Leaves what points of mobility and bonds allow.
     fn filter(&self, out: &mut Vectors) {
         out.update(|at, axes| {
             for axis in axes {
@@ -94,6 +97,7 @@ impl Matrix<'_> {
                 }
             }
         });
+        self.bonds.filter(self.inverse, out);
     }
 
     /// Inverses of the blocks on the diagonal.
@@ -112,7 +116,7 @@ impl Matrix<'_> {
             springs::add_linear_blocks(plates, self.dt * self.dt, &mut blocks);
         }
         for joint in &self.joined {
-            let stiffness = self.dt * self.dt * joint.stiffness;
+            let stiffness = self.dt * self.dt * joint.stiffness.unwrap_or(0.0);
             joint.ends.iter().for_each(|&i| add_all(&mut blocks, i as usize, stiffness));
         }
         par::update(&mut blocks, |_, block| {
@@ -132,6 +136,7 @@ impl Matrix<'_> {
                 let found = symmetric(&inverses[at], &r.eight(at));
                 out.into_iter().zip(found).for_each(|(out, found)| *out = found);
             });
+            self.bonds.filter(self.inverse, z);
         };
         let len = v.len();
         let (mut product, mut better) = (Vectors::zeros(len), Vectors::zeros(len));
@@ -146,6 +151,8 @@ impl Matrix<'_> {
         precondition(&rest, &mut better);
         let mut way = better.clone();
         let mut left = rest.dot(&better);
+        // Where nothing but the way of a pin moves points, the right side has no size.
+        let size = size.max(left);
         let goal = tolerance * tolerance * size;
         let mut iterations = 0;
         while left > goal && iterations < most {

@@ -8,6 +8,7 @@
 //! Symbols: x → `x` [m], v → `v` [m/s], M → `mass` [kg], C/M → `drag` [1/s].
 //! Limits: first order in time; positions are single precision, so a spring of 1 mm at 1 m from the origin knows its strain to 6e-5.
 
+mod bonds;
 mod bound;
 mod check;
 mod error;
@@ -45,6 +46,7 @@ use crate::{
     par,
     solid::Solid,
 };
+use bonds::Bonds;
 use bound::Rows;
 use hold::{Held, Joined};
 use lanes::Vectors;
@@ -95,6 +97,8 @@ pub struct Sheets {
     plates: Option<Table>,
     held: Vec<Held>,
     joined: Vec<Joined>,
+    /// Of the joints that hold exactly now.
+    bonds: Bonds,
     /// For the push of solids; `None` without it.
     around: Option<Around>,
     /// Forces from outside [N]; empty: none.
@@ -128,6 +132,7 @@ impl Sheets {
         let time = [fps, f64::from(first)];
         let held = hold::held(&params, &models, &ranges, &world.solids, time)?;
         let joined = hold::joined(&params, &models, &ranges, time)?;
+        hold::once(&held, &joined, &ranges)?;
         let (mass, drag) = masses(&params, &models)?;
         let points: Vec<Vec3> = models.iter().flat_map(|model| model.points.iter().copied()).collect();
         let velocity: Vec<Vec3> = params
@@ -164,6 +169,7 @@ impl Sheets {
             drag,
             held,
             joined,
+            bonds: Bonds::default(),
         };
         sheets.settle(0.0);
         Ok(sheets)
@@ -330,6 +336,10 @@ impl Sheets {
         }
         for pin in self.held.iter().filter(|pin| pin.stiffness.is_none() && pin.holds(time)) {
             self.inverse[pin.point as usize / WIDTH][pin.point as usize % WIDTH] = 0.0;
+        }
+        self.bonds = Bonds::new(&self.joined, &self.held, time);
+        for i in self.bonds.led() {
+            self.inverse[i / WIDTH][i % WIDTH] = 0.0;
         }
         let mut rows = Rows::new(&self.springs, self.plates.as_ref(), len);
         rows.hold(&self.held, &self.joined, time);

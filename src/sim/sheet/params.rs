@@ -201,11 +201,12 @@ pub struct Joint {
     pub sheets: [String; 2],
     /// The points of each: as many of one as of the other, joined in order.
     pub at: [Select; 2],
-    /// Stiffness [N/m].
+    /// Stiffness of the spring that draws them there [N/m]; absent: they are there exactly, and have to be at the start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "N/m", "exclusiveMinimum" = 0.0))]
-    pub stiffness: f32,
+    pub stiffness: Option<f32>,
     /// The direction in the world that the second is kept in as seen from the first, however far; any length but zero. Absent: they are
-    /// drawn together.
+    /// kept together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f32; 3]>,
     /// The frame at which it lets go; absent: never.
@@ -285,6 +286,16 @@ impl Select {
         match self {
             Select::Inside(shape) => Some(shape),
             _ => None,
+        }
+    }
+}
+
+impl SheetShape {
+    /// Points of it, without building it; of a mesh that is not read yet 0.
+    pub fn points(&self) -> f64 {
+        match self {
+            SheetShape::Grid { cells, .. } => cells.iter().map(|&n| f64::from(n) + 1.0).product(),
+            SheetShape::Mesh(mesh) => mesh.points.len() as f64,
         }
     }
 }

@@ -110,11 +110,11 @@ pub(super) struct Push {
     pub(super) normal: Vec3,
 }
 
-/// What the solids push, at the start of a substep of `dt` [s].
+/// What the solids, as they are at one `end` of a substep of `dt` [s], push.
 pub(super) fn pushes(
     repulsion: &Repulsion,
     friction: Option<f32>,
-    solids: &[Placed<'_>],
+    (solids, end): (&[Placed<'_>], usize),
     around: &Around,
     sheet: (&Vectors, &Vectors, &[f32], &[f32]),
     dt: f32,
@@ -125,7 +125,7 @@ pub(super) fn pushes(
         let mut found = Vec::new();
         for i in points {
             for solid in solids {
-                let (distance, out) = solid.contact(x.get(i), 0);
+                let (distance, out) = solid.contact(x.get(i), end);
                 if distance >= FAR * range {
                     continue;
                 }

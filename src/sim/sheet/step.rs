@@ -1,7 +1,9 @@
 //! One substep, and the account of a frame.
 
 use super::{
-    Integrator, SheetRecord, Sheets, explicit, hold,
+    Integrator, SheetRecord, Sheets,
+    bonds::Whole,
+    explicit, hold,
     implicit::{self, Matrix},
     lanes::Vectors,
     solids::{self, Push},
@@ -42,6 +44,7 @@ impl Sheets {
             return Err(self.diverged(record.substeps, point, what, try_next));
         }
         self.lead(now + dt, dt);
+        self.unite();
         if !self.solids.is_empty() {
             record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
         }
@@ -57,6 +60,17 @@ impl Sheets {
         }
     }
 
+    /// Puts together what bonds hold exactly.
+    fn unite(&mut self) {
+        let Self { bonds, inverse, x, v, low, .. } = self;
+        if bonds.is_empty() {
+            return;
+        }
+        bonds.unite(inverse, &mut Whole { value: v, low: None });
+        // What rounding took belongs to a place.
+        bonds.unite(inverse, &mut Whole { value: x, low: Some(low) });
+    }
+
     fn put_back(&mut self, now: f64, dt: f64) -> u64 {
         let placed = solids::placed(&self.solids, now, now + dt);
         let mobility = self.inverse.as_flattened();
@@ -64,15 +78,21 @@ impl Sheets {
         solids::put_back(&placed, friction, mobility, &mut self.x, &mut self.v, dt as f32)
     }
 
-    /// Gathers the forces on all points; returns the pushes of solids among them.
-    fn gather(&mut self, now: f64, dt: f64, damped: bool) -> Vec<Push> {
+    /// Gathers the forces on all points; returns the pushes of solids among them. Where points are is that of the start; where pins and
+    /// solids are is known, and the implicit rule takes that of the end.
+    fn gather(&mut self, now: f64, dt: f64, integrator: Integrator) -> Vec<Push> {
         let Self { x, v, force, springs, plates, held, joined, .. } = self;
         force.clear();
+        // The implicit rule damps the new velocities, in its matrix.
+        let (damped, end) = match integrator {
+            Integrator::Symplectic => (true, 0),
+            Integrator::Implicit => (false, 1),
+        };
         springs::add_forces(springs, x, damped.then_some(&*v), force);
         if let Some(plates) = plates {
             springs::add_linear(plates, x, 1.0, force);
         }
-        hold::add_forces(held, joined, now, x, force);
+        hold::add_forces(held, joined, [now, now + end as f64 * dt], x, force);
         for (i, outside) in self.outside.iter().enumerate() {
             force.add(i, *outside);
         }
@@ -80,7 +100,14 @@ impl Sheets {
             (Some(repulsion), Some(around)) if !self.solids.is_empty() => {
                 let placed = solids::placed(&self.solids, now, now + dt);
                 let sheet = (&*x, &*v, self.area.as_slice(), self.mass.as_flattened());
-                solids::pushes(repulsion, self.params.common.friction, &placed, around, sheet, dt as f32)
+                solids::pushes(
+                    repulsion,
+                    self.params.common.friction,
+                    (&placed, end),
+                    around,
+                    sheet,
+                    dt as f32,
+                )
             }
             _ => Vec::new(),
         };
@@ -91,7 +118,7 @@ impl Sheets {
     }
 
     fn symplectic(&mut self, now: f64, dt: f64) -> Option<usize> {
-        self.gather(now, dt, true);
+        self.gather(now, dt, Integrator::Symplectic);
         let drive = explicit::Drive {
             force: &self.force,
             inverse: &self.inverse,
@@ -105,7 +132,8 @@ impl Sheets {
     fn implicit(&mut self, now: f64, dt: f64, record: &mut SheetRecord) -> Option<usize> {
         // What holds points stands in the blocks, and those held exactly begin with their speed.
         self.lead_speeds(now, dt);
-        let pushes = self.gather(now, dt, false);
+        self.bonds.unite(&self.inverse, &mut Whole { value: &mut self.v, low: None });
+        let pushes = self.gather(now, dt, Integrator::Implicit);
         let h = dt as f32;
         let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
         for pin in self.held.iter().filter(|pin| pin.holds(now)) {
@@ -116,7 +144,8 @@ impl Sheets {
         }
 
         // M v₀ + Δt f(x₀), which takes the place of the forces.
-        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, low, .. } = self;
+        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, bonds, low, .. } =
+            self;
         force.update(|at, axes| {
             let v = v.eight(at);
             for (axis, out) in axes.into_iter().enumerate() {
@@ -134,6 +163,7 @@ impl Sheets {
             drag: drag.as_deref(),
             held,
             joined: joined.iter().filter(|joint| joint.holds(now)).collect(),
+            bonds,
             dt: h,
         };
         let solver = &self.params.common.solver;

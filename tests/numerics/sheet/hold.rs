@@ -78,6 +78,11 @@ fn a_pin_moves_with_its_collider_or_along_a_path() {
 }
 
 fn two(joint: &str, solver: &str) -> String {
+    two_at(1.5, joint, solver)
+}
+
+/// Sheets of 1 m, the second of which begins at `x`; point 5 of the first and 3 of the second are the middles of the sides that face each other.
+fn two_at(x: f32, joint: &str, solver: &str) -> String {
     let sheet = |name: &str, x: f32, mass: f32| {
         grid(
             [x, 0.0, 0.0],
@@ -93,7 +98,7 @@ fn two(joint: &str, solver: &str) -> String {
     format!(
         "{}{}[[sheets.joint]]\nsheets = ['a', 'b']\nat = [{{ points = [5] }}, {{ points = [3] }}]\n{joint}\n{solver}",
         sheet("a", 0.0, 0.2),
-        sheet("b", 1.5, 0.4)
+        sheet("b", x, 0.4)
     )
 }
 
@@ -142,4 +147,139 @@ fn a_joint_with_a_direction_turns_an_edge_there() {
         );
         assert!((0.5 * (x[0] + x[1]) - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-4);
     }
+}
+
+fn center(sheets: &Sheets) -> Vec3 {
+    let sum: Vec3 = sheets.positions().iter().enumerate().map(|(i, x)| x * sheets.mass(i)).sum();
+    sum / (0..sheets.len()).map(|i| sheets.mass(i)).sum::<f32>()
+}
+
+const SOLVERS: [&str; 2] = ["", "[sheets.solver]\nintegrator = 'implicit'\ntolerance = 1e-6"];
+
+#[test]
+fn points_that_are_joined_exactly_move_as_one_and_keep_momentum() {
+    for solver in SOLVERS {
+        let text = two_at(1.0, "release = 25", solver).replacen(
+            "stiffness = [50",
+            "velocity = [0.3, 0.0, 2.0]\nstiffness = [50",
+            1,
+        );
+        let mut sheets = sheets(&text, &world(0.0, vec![]));
+        let start = center(&sheets);
+        let speed = |sheets: &Sheets| {
+            let sum: Vec3 = sheets.velocities().iter().enumerate().map(|(i, v)| v * sheets.mass(i)).sum();
+            sum / (0..sheets.len()).map(|i| sheets.mass(i)).sum::<f32>()
+        };
+        let first = speed(&sheets);
+        for k in 0..24 {
+            run(&mut sheets, k, 1).unwrap();
+            let x = sheets.positions();
+            assert_eq!(x[5], x[9 + 3], "{solver} frame {k}");
+        }
+        let off = center(&sheets) - start - first;
+        assert!((speed(&sheets) - first).norm() < 2e-5 && off.norm() < 2e-5, "{solver} {off:?}");
+        // The one that flew is held back by the other.
+        assert!(sheets.velocities()[9 + 4].norm() > 0.2, "{solver} {:?}", sheets.velocities()[9 + 4]);
+        run(&mut sheets, 24, 6).unwrap();
+        let x = sheets.positions();
+        assert!((x[5] - x[12]).norm() > 1e-3, "{solver}: let go");
+    }
+}
+
+#[test]
+fn what_is_joined_exactly_to_a_led_point_goes_with_it() {
+    let pin = "pin = [{ at = { points = [5] }, keyframes = [{ frame = 1 }, { frame = 13, position = [0.0, 0.5, 0.2] }] }]\n\
+               density = 0.2";
+    for solver in SOLVERS {
+        let text = two_at(1.0, "", solver).replacen("density = 0.2", pin, 1);
+        let mut sheets = sheets(&text, &world(9.81, vec![]));
+        run(&mut sheets, 0, 6).unwrap();
+        let x = sheets.positions();
+        assert!((x[5] - Vec3::new(1.0, 0.75, 0.1)).norm() < 1e-5, "{solver} {:?}", x[5]);
+        assert_eq!(x[5], x[12], "{solver}");
+        run(&mut sheets, 6, 6).unwrap();
+        let x = sheets.positions();
+        assert!((x[12] - Vec3::new(1.0, 1.0, 0.2)).norm() < 1e-5, "{solver} {:?}", x[12]);
+    }
+}
+
+#[test]
+fn a_pair_that_keeps_a_direction_exactly_only_grows() {
+    // One end hangs on a spring; the other would swing down about it.
+    let text = |joint: &str| {
+        format!(
+            "{}[[sheets.joint]]\nsheets = ['cloth', 'cloth']\nat = [{{ points = [0] }}, {{ points = [1] }}]\n{joint}\n",
+            square(
+                [1, 0],
+                0.0,
+                "density = 0.5\nstiffness = [20.0, 0.0]\nvelocity = [0.0, 0.0, 0.0]\npin = [{ at = { points = [0] }, stiffness = 40.0 }]"
+            )
+        )
+    };
+    for solver in SOLVERS {
+        let mut sheets = sheets(&format!("{}{solver}", text("direction = [2, 0, 0]")), &world(9.81, vec![]));
+        for k in 0..24 {
+            run(&mut sheets, k, 1).unwrap();
+            let x = sheets.positions();
+            let edge = x[1] - x[0];
+            assert!(edge.yz().norm() < 1e-6 && edge.x > 0.5, "{solver} {edge:?}");
+        }
+        // It carries the weight of both.
+        let lowest = sheets.positions()[0].z;
+        assert!(lowest < -0.02, "{solver} {lowest}");
+    }
+    let mut loose = sheets(&text("stiffness = 1e-3\ndirection = [2, 0, 0]"), &world(9.81, vec![]));
+    run(&mut loose, 0, 24).unwrap();
+    assert!((loose.positions()[1] - loose.positions()[0]).z.abs() > 0.1, "the bond is what keeps it");
+}
+
+#[test]
+fn what_cannot_be_held_exactly_is_refused() {
+    let refused = |text: &str, part: &str| {
+        let told = try_sheets(text, &world(0.0, vec![])).expect_err(part).to_string();
+        assert!(told.contains(part), "{told}");
+    };
+    refused(&two_at(1.5, "", ""), "5.00e-1 m apart");
+    refused(
+        &two_at(
+            1.0,
+            "direction = [0, 1, 0]\nstiffness = 2.0\n[[sheets.joint]]\nsheets = ['a', 'a']\nat = [{ points = [0] }, { points = [1] }]\ndirection = [0, 1, 0]",
+            "",
+        ),
+        "5.00e-1 m off its direction",
+    );
+    let pin = "pin = [{ at = { points = [3, 5] } }]\ndensity";
+    let both = two_at(1.0, "", "").replace("density", pin);
+    refused(&both, "joined exactly are held exactly by one pin at most");
+    let chain = "direction = [1, 0, 0]\n[[sheets.joint]]\nsheets = ['a', 'b']\nat = [{ points = [5] }, { points = [3] }]";
+    let pair = two_at(1.0, chain, "").replacen("['a', 'b']", "['a', 'a']", 1).replacen(
+        "points = [5]",
+        "points = [4]",
+        1,
+    );
+    let pair = pair.replacen(
+        "at = [{ points = [4] }, { points = [3] }]",
+        "at = [{ points = [4] }, { points = [5] }]",
+        1,
+    );
+    refused(&pair, "keeps a direction exactly has no other exact joint");
+}
+
+#[test]
+fn the_implicit_rule_sees_pins_where_they_will_be() {
+    let pin = "keyframes = [{ frame = 1 }, { frame = 25, position = [2.0, 0.0, 0.0] }]";
+    let solver = "[sheets.solver]\nintegrator = 'implicit'";
+    let soft = format!("[[sheet.pin]]\nat = 'center'\nstiffness = 1e6\n{pin}\n");
+    let mut led = sheets(&format!("{}{solver}", point(&soft)), &world(0.0, vec![]));
+    run(&mut led, 0, 12).unwrap();
+    assert!((led.positions()[0].x - 1.0).abs() < 1e-4, "{:?}", led.positions());
+
+    // A pin alone moves all of it: no force, no speed, and so no right side.
+    let exact = format!(
+        "{}[[sheet.pin]]\nat = 'corners'\n{pin}\n{solver}",
+        square([4, 4], 0.0, "density = 0.2\nstiffness = [50.0, 50.0]")
+    );
+    let mut moved = sheets(&exact, &world(0.0, vec![]));
+    let record = run(&mut moved, 0, 1).unwrap().remove(0);
+    assert!(record.iterations < 200 && record.unconverged == 0 && record.residual <= 1e-4, "{record:?}");
 }

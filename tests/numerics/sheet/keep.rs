@@ -1,7 +1,10 @@
 //! Motion: periods, energy, momentum, and the same bytes.
 
 use super::*;
-use meniscus::par;
+use meniscus::{
+    par,
+    solid::{Interpolation, Keyframe, Motion},
+};
 use std::f64::consts::TAU;
 
 /// Two points of 1 kg, 1 m apart, and a spring of 0.9 m with a period of 1 s.
@@ -129,13 +132,18 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
                      [[sheet.pin]]\nat = 'corners'\nrelease = 7\n\
                      [[sheet.pin]]\nat = 'center'\nstiffness = 3.0\nkeyframes = [{ frame = 1 }, { frame = 9, position = [0.0, 0.0, 0.4] }]\n";
         let text = format!("{}[sheets.solver]\nintegrator = '{integrator}'\n", square([20, 20], 0.0, terms));
-        let world = world(9.81, vec![]);
+        // A ball comes from below, pushes before it touches, and then touches.
+        let text = format!("sheets.friction = 0.3\n{text}[sheets.repulsion]\nenergy = 0.004\nrange = 0.004\n");
+        let mut world = world(9.81, vec![Shape::Sphere { center: [0.5, 0.4, -0.35], radius: 0.2 }]);
+        let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
+        world.solids[0].motion = Motion::new(&[key(1, 0.0), key(9, 0.5)], Interpolation::Smooth, 24.0, 1);
         let mut whole = sheets(&text, &world);
         run(&mut whole, 0, 4).unwrap();
         let streams = whole.streams();
         let mut resumed = Sheets::restore(shot(&text), &world, &streams, 4.0 * FRAME).unwrap();
         let records = [run(&mut whole, 4, 8).unwrap(), run(&mut resumed, 4, 8).unwrap()];
         assert!(whole.streams() == resumed.streams() && records[0] == records[1], "{integrator}");
+        assert!(records[0].iter().any(|record| record.caught > 0), "{integrator}: it touches");
         assert!(whole.streams() != streams);
         let other = meniscus::frame::Stream::new("sheet.cloth", 3);
         assert!(Sheets::restore(shot(&text), &world, &[other], 0.0).is_err());
