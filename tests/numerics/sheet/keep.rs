@@ -133,9 +133,11 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
                      [[sheet.pin]]\nat = 'center'\nstiffness = 3.0\nkeyframes = [{ frame = 1 }, { frame = 9, position = [0.0, 0.0, 0.4] }]\n";
         let text = format!("{}[sheets.solver]\nintegrator = '{integrator}'\n", square([20, 20], 0.0, terms));
         // A ball comes from below, pushes before it touches, and then touches.
-        let text = format!("sheets.friction = 0.3\n{text}[sheets.repulsion]\nenergy = 0.004\nrange = 0.004\n");
+        let text =
+            format!("sheets.friction = 0.3\n{text}[sheets.repulsion]\nenergy = 0.004\nrange = 0.004\n");
         let mut world = world(9.81, vec![Shape::Sphere { center: [0.5, 0.4, -0.35], radius: 0.2 }]);
-        let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
+        let key =
+            |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
         world.solids[0].motion = Motion::new(&[key(1, 0.0), key(9, 0.5)], Interpolation::Smooth, 24.0, 1);
         let mut whole = sheets(&text, &world);
         run(&mut whole, 0, 4).unwrap();

@@ -43,9 +43,12 @@ fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
                 assert!(records.iter().all(|r| r.inside_solids == 0), "{name}, {integrator}");
                 let mass: f64 = (0..sheets.len()).map(|i| f64::from(sheets.mass(i))).sum();
                 let speed = (2.0 * records[59].kinetic_energy / mass).sqrt();
-                let fastest = records.iter().map(|r| (2.0 * r.kinetic_energy / mass).sqrt()).fold(0.0, f64::max);
-                eprintln!("{name} {integrator} {terms:.8} {speed} {fastest}");
-                assert!(fastest > 0.5 && speed < 0.05, "{name}, {integrator}, {terms}: {speed} of {fastest} m/s");
+                let fastest =
+                    records.iter().map(|r| (2.0 * r.kinetic_energy / mass).sqrt()).fold(0.0, f64::max);
+                assert!(
+                    fastest > 0.5 && speed < 0.03,
+                    "{name}, {integrator}, {terms}: {speed} of {fastest} m/s"
+                );
                 let nearest =
                     sheets.positions().iter().map(|x| shape.signed_distance(*x)).fold(f32::MAX, f32::min);
                 assert!((0.0..0.06).contains(&nearest), "{name}, {integrator}, {terms}: {nearest}");
