@@ -72,21 +72,24 @@ impl<G: Gather> Job for Advance<'_, '_, G> {
                     slow[lane] = 1.0 / (1.0 + dt * drag[at][lane]);
                 }
             }
+            let free = w.map(|w| if w > 0.0 { 1.0 } else { 0.0 });
             let mut largest = [0.0_f32; WIDTH];
             for axis in 0..3 {
-                let (x, v, low) = (&mut self.x[axis][k], &mut self.v[axis][k], &mut self.low[axis][k]);
-                let before = old_v.map_or(*v, |old_v| old_v.axes[axis][at]);
+                // Copies: where old and new might be one place, nothing is computed eight at a time.
+                let mut v = old_v.map_or(self.v[axis][k], |old_v| old_v.axes[axis][at]);
+                let (mut x, mut low) = (old[axis], self.low[axis][k]);
                 for lane in 0..WIDTH {
-                    let free = if w[lane] > 0.0 { 1.0 } else { 0.0 };
-                    let a = f[axis][lane] * w[lane] + gravity[axis] * free; // [gudukbay97] Eq. 4
-                    v[lane] = (before[lane] + dt * a) * slow[lane];
+                    let a = f[axis][lane] * w[lane] + gravity[axis] * free[lane]; // [gudukbay97] Eq. 4
+                    v[lane] = (v[lane] + dt * a) * slow[lane];
                     // What rounding takes from the way is added to the next ([kahan65]).
-                    let way = (dt * v[lane] + low[lane]) * free;
-                    x[lane] = old[axis][lane] + way;
-                    low[lane] = way - (x[lane] - old[axis][lane]);
+                    let way = (dt * v[lane] + low[lane]) * free[lane];
+                    let before = x[lane];
+                    x[lane] = before + way;
+                    low[lane] = way - (x[lane] - before);
                     // A NaN in either makes the sum one.
                     largest[lane] += x[lane].abs() + v[lane].abs();
                 }
+                (self.x[axis][k], self.v[axis][k], self.low[axis][k]) = (x, v, low);
             }
             // All are looked at: an early end would keep the lanes from being compared at once.
             let whole = largest.iter().fold(true, |whole, &largest| whole & (largest < ABSURD));

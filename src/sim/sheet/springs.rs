@@ -10,7 +10,7 @@
 //! Limits: a spring of length zero has no direction and pulls only if its rest length is zero; such springs are counted by the record.
 
 use super::{
-    lanes::{CHUNK, Eight, Vectors},
+    lanes::{CHUNK, Eight, Flat, Vectors},
     table::{Slot, Table},
 };
 use crate::{
@@ -26,16 +26,14 @@ pub(super) type Blocks = [Wide; 6];
 
 /// Neighbours of a slot of the eight whose number is `at`.
 #[inline(always)]
-fn fetch(of: &Vectors, slot: &Slot, at: usize) -> Eight {
+fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
-    for (out, axis) in out.iter_mut().zip(&of.axes) {
-        let flat = axis.as_flattened();
+    for axis in 0..3 {
         if slot.in_row {
-            let first = slot.to(at, 0);
-            out.copy_from_slice(&flat[first..first + WIDTH]);
+            out[axis] = *of[axis][slot.to(at, 0)..].first_chunk().expect("they are all there");
         } else {
             for lane in 0..WIDTH {
-                out[lane] = flat[slot.to(at, lane)];
+                out[axis][lane] = of[axis][slot.to(at, lane)];
             }
         }
     }
@@ -131,18 +129,19 @@ impl<const DAMPED: bool> Gather for Forces<'_, DAMPED> {
     fn eight(&self, at: usize) -> Eight {
         let own = self.x.eight(at);
         let own_v = if DAMPED { self.v.eight(at) } else { own };
+        let (all, all_v) = (self.x.flat(), self.v.flat());
         let mut sum = [[0.0; WIDTH]; 3];
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
-            let d = minus(&fetch(self.x, slot, at), &own);
+            let d = minus(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
             let mut pull = [0.0; WIDTH];
             for lane in 0..WIDTH {
                 pull[lane] = slot.stiffness[lane] * (1.0 - slot.rest[lane] * inverse[lane]); // [gudukbay97] Eq. 6
             }
             if DAMPED {
-                let w = dot(&minus(&fetch(self.v, slot, at), &own_v), &d);
+                let w = dot(&minus(&fetch(&all_v, slot, at), &own_v), &d);
                 for lane in 0..WIDTH {
                     pull[lane] += damping[k][lane] * w[lane] * (inverse[lane] * inverse[lane]);
                 }
@@ -189,11 +188,11 @@ impl<S: Gather> Gather for Sum<'_, S> {
 impl Gather for Linear<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
-        let own = self.y.eight(at);
+        let (own, all) = (self.y.eight(at), self.y.flat());
         let mut sum = [[0.0; WIDTH]; 3];
         let (slots, _) = self.table.of(at);
         for slot in slots {
-            let d = minus(&fetch(self.y, slot, at), &own);
+            let d = minus(&fetch(&all, slot, at), &own);
             plus(&mut sum, &slot.stiffness.map(|stiffness| stiffness * self.factor), &d);
         }
         sum
@@ -234,12 +233,13 @@ impl Gather for Change<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let (own, own_p) = (self.x.eight(at), self.p.eight(at));
+        let (all, all_p) = (self.x.flat(), self.p.flat());
         let mut sum = [[0.0; WIDTH]; 3];
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
-            let d = minus(&fetch(self.x, slot, at), &own);
-            let q = minus(&own_p, &fetch(self.p, slot, at));
+            let d = minus(&fetch(&all, slot, at), &own);
+            let q = minus(&own_p, &fetch(&all_p, slot, at));
             let inverse = inverse_length(&d);
             let [along, across] = along_and_across(
                 slot,
@@ -267,10 +267,10 @@ pub(super) fn add_change(table: &Table, x: &Vectors, p: &Vectors, dt: f32, out: 
 /// Adds the diagonal blocks of Δt² K + Δt C of springs at `x` to `out`.
 pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]) {
     par::update(out, |at, out| {
-        let own = x.eight(at);
+        let (own, all) = (x.eight(at), x.flat());
         let (slots, damping) = table.of(at);
         for (k, slot) in slots.iter().enumerate() {
-            let d = minus(&fetch(x, slot, at), &own);
+            let d = minus(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
             let [along, across] = along_and_across(slot, damping.get(k), &inverse, dt);
             for lane in 0..WIDTH {
