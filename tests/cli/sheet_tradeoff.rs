@@ -49,9 +49,17 @@ fn apart(line: &Value, key: &str) -> f64 {
 fn a_table_a_plot_and_a_preset_come_out_of_sheets() {
     let desk = desk();
     let (out, talk) = desk.run(&format!("{LINE} --dev 50% --write best.toml"), 0);
-    for word in
-        ["as written", "courant=0.9", "courant=0.3", "reference", "front", "certainty", "strain", "farthest", "use "]
-    {
+    for word in [
+        "as written",
+        "courant=0.9",
+        "courant=0.3",
+        "reference",
+        "front",
+        "certainty",
+        "strain",
+        "farthest",
+        "use ",
+    ] {
         assert!(out.contains(word), "{word} is missing in\n{out}");
     }
     assert!(talk.contains("Progress: 100%"), "{talk}");
@@ -93,8 +101,12 @@ fn cells_are_compared_at_the_same_points_of_the_cloth() {
     let desk = desk();
     let vary = "sheet.0.shape.grid.cells=[3,3],[6,6],[12,12]";
     let found = table(&desk, &format!("tradeoff hung.toml --vary {vary} --frames 1-6 -o t"));
-    let [coarse, middle, fine] = ["cells=[3,3]", "cells=[6,6]", "cells=[12,12]"].map(|label| line(&found, label));
-    assert_eq!([&coarse, &middle, &fine].map(|line| line["points"].as_u64()), [Some(16), Some(49), Some(169)]);
+    let [coarse, middle, fine] =
+        ["cells=[3,3]", "cells=[6,6]", "cells=[12,12]"].map(|label| line(&found, label));
+    assert_eq!(
+        [&coarse, &middle, &fine].map(|line| line["points"].as_u64()),
+        [Some(16), Some(49), Some(169)]
+    );
     // Second order in the cells, of which the reference has one and a half times the most.
     let errors = [&coarse, &middle, &fine].map(|line| apart(line, "distance"));
     assert!(errors[1] < 0.5 * errors[0] && errors[2] < 0.5 * errors[1], "{errors:?}");
@@ -154,6 +166,9 @@ fn a_shot_with_a_liquid_compares_its_sheets_if_told_to() {
 fn sheets_that_diverge_are_a_row() {
     let desk = desk();
     let vary = "--vary sheet.0.stiffness=[100,100],[1e9,1e9] --reference sheets.solver.courant=0.2";
-    let (out, _) = desk.run(&format!("tradeoff hung.toml {vary} --set sheets.solver.max_substeps=2000 --frames 1-3 -o t"), 0);
+    let (out, _) = desk.run(
+        &format!("tradeoff hung.toml {vary} --set sheets.solver.max_substeps=2000 --frames 1-3 -o t"),
+        0,
+    );
     assert!(out.contains("diverged    2: frame 000") && out.contains("substeps"), "{out}");
 }

@@ -109,8 +109,8 @@ TESTS = [
     ("a substep a hundred times the stable one", "a_substep_a_hundred_times_too_long"),
     ("all points pinned", "all_points_pinned_stay"),
     ("a pin that teleports", "a_pin_that_teleports"),
-    ("an obstacle inside the sheet at the start", "an_obstacle_that_starts_inside_the_sheet_or_wider_than_its_hole_is"),
-    ("a torus with a hole smaller than a cell", "a_torus_whose_hole_is_smaller_than_a_cell"),
+    ("an obstacle inside the sheet at the start, a torus with a hole smaller than a cell",
+     "an_obstacle_that_starts_inside_the_sheet_or_wider_than_its_hole_is"),
     ("what is no number, in a preset and in a state", "what_has_no_meaning_is_refused_by_name"),
     ("the limit of substeps", "a_limit_of_substeps_is_told"),
     ("no sheet at all", "nothing_is_a_sheet_too"),
@@ -135,17 +135,19 @@ def verdict(tool, text):
         frames = [json.loads(line)["sheets"] for line in log.read_text().splitlines()] if log.exists() else []
     words = " ".join(ran.stderr.split())
     if ran.returncode in (2, 20):
-        return "refused", ["", "", ""], refusal(words)
+        return "refused", ["", "", ""], refusal(ran.stderr)
     if ran.returncode != 0:
         raise SystemExit(f"exit {ran.returncode}: {words}\n{text}")
     return judge(frames)
 
 
-def refusal(words):
-    """The error without its frame of lines."""
-    start = words.rindex("error: ") + 7 if "error: " in words else words.rindex("× ") + 2
-    message = words[start:].replace("|", "/")
-    return message.split(" ╭")[0].strip()
+def refusal(said):
+    """The error in one line; of a preset's, without the text that it points at."""
+    if "error: " in said:
+        return " ".join(said[said.rindex("error: ") + 7 :].split()).replace("|", "/")
+    lines = said.strip().splitlines()
+    found = [line.split("--")[-1].strip() for line in lines if "`--" in line and "found" in line]
+    return "; ".join([lines[0].strip().lstrip("x×").strip(), *found[:1]]).replace("|", "/")
 
 
 def judge(frames):

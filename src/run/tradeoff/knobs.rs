@@ -288,7 +288,8 @@ fn sheets(scene: &Scene) -> Vec<Vary> {
         values: values.into_iter().map(|value| vec![way.into(), plain(key, value)]).collect(),
     };
     let substeps = [0.5, 1.0, 4.0].map(|factor| f64::from(solver.substeps) * factor);
-    let tolerance = [100.0, 0.1].map(|factor| (f64::from(solver.tolerance) * factor).clamp(FINEST_RESIDUAL, 0.5));
+    let tolerance =
+        [100.0, 0.1].map(|factor| (f64::from(solver.tolerance) * factor).clamp(FINEST_RESIDUAL, 0.5));
     let mut vary = vec![
         with("symplectic", COURANT, vec![0.9, f64::from(solver.courant), 0.25]),
         with("implicit", SUBSTEPS, substeps.to_vec()),
@@ -411,6 +412,7 @@ fn plain(key: &str, value: f64) -> String {
 pub(super) fn number(scene: &Scene, key: &str) -> Option<f64> {
     let own = scene.value(key);
     let of_solver = key.strip_prefix("sheets.solver.").filter(|_| own.is_none() && !scene.sheet.is_empty());
-    let default = of_solver.and_then(|key| serde_json::to_value(SheetSolver::default()).ok()?.get(key).cloned());
+    let default =
+        of_solver.and_then(|key| serde_json::to_value(SheetSolver::default()).ok()?.get(key).cloned());
     own.or(default).as_ref().and_then(Json::as_f64)
 }

@@ -171,7 +171,8 @@ impl Request {
         let scenes = rows.iter().map(|(_, scene)| scene);
         let reference = match &self.reference[..] {
             [] => {
-                let finer = refine(&self.base, &knobs, &finest(&knobs, scenes.clone()), &limits(scenes.clone()));
+                let finer =
+                    refine(&self.base, &knobs, &finest(&knobs, scenes.clone()), &limits(scenes.clone()));
                 cells::refine(finer, &vary, scenes)
             }
             given => Overrides { set: [&self.base.set[..], given].concat(), ..self.base.clone() },

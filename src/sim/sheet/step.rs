@@ -149,7 +149,8 @@ impl Sheets {
         }
 
         // M v₀ + Δt f(x₀), which takes the place of the forces.
-        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, low, next_x, .. } = self;
+        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, low, next_x, .. } =
+            self;
         force.update(|at, axes| {
             let v = v.eight(at);
             for (axis, out) in axes.into_iter().enumerate() {
@@ -234,7 +235,8 @@ impl Stretch {
 fn stretch(table: &Table, x: &Vectors, i: usize) -> Stretch {
     let mut out = Stretch::default();
     for slot in table.of(i / WIDTH).0 {
-        let (j, k, rest) = (slot.to(i / WIDTH, i % WIDTH), f64::from(slot.stiffness[i % WIDTH]), slot.rest[i % WIDTH]);
+        let (j, k, rest) =
+            (slot.to(i / WIDTH, i % WIDTH), f64::from(slot.stiffness[i % WIDTH]), slot.rest[i % WIDTH]);
         if k == 0.0 {
             continue;
         }

@@ -82,18 +82,16 @@ impl Table {
     }
 
     /// Where the slots of an eight are: those of an earlier one if it has the same. `seen` is where those with a hash were put first.
-    fn place(
-        &mut self,
-        slots: Vec<Slot>,
-        damping: Vec<Wide>,
-        seen: &mut HashMap<u64, [u32; 2]>,
-    ) -> [u32; 2] {
+    fn place(&mut self, slots: Vec<Slot>, damping: Vec<Wide>, seen: &mut HashMap<u64, [u32; 2]>) -> [u32; 2] {
         let start = self.slots.len() as u32;
         let new = [start, start + slots.len() as u32];
         let first = *seen.entry(hash(&slots, &damping)).or_insert(new);
         let [from, to] = first.map(|end| end as usize);
         // Two that differ may have one hash: the second then has a place of its own, and so has every further one.
-        if first != new && self.slots[from..to] == slots && (damping.is_empty() || self.damping[from..to] == damping) {
+        if first != new
+            && self.slots[from..to] == slots
+            && (damping.is_empty() || self.damping[from..to] == damping)
+        {
             return first;
         }
         self.slots.extend(slots);
@@ -185,4 +183,64 @@ fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, Wide)> {
         (slot.stiffness[lane], slot.rest[lane], damping[lane]) = (entry.stiffness, entry.rest, entry.damping);
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Springs of a grid of `n` × `n` points, of which those at `soft` are half as stiff.
+    fn grid(n: u32, soft: Option<u32>) -> Vec<Entry> {
+        let all = (0..n * n).flat_map(|i| [(i, i + 1, i % n + 1 < n), (i, i + n, i + n < n * n)]);
+        let both = |(a, b, _): (u32, u32, bool)| {
+            let stiffness = if soft == Some(a) { 1.0 } else { 2.0 };
+            let entry = |of, to| Entry { of, to, stiffness, rest: 0.5, damping: 0.1 * stiffness };
+            [entry(a, b), entry(b, a)]
+        };
+        all.filter(|&(.., is_there)| is_there).flat_map(both).collect()
+    }
+
+    /// What the table says, entry by entry, in its order.
+    fn told(table: &Table, count: usize) -> Vec<Entry> {
+        let of = |i: usize| {
+            let (slots, damping) = table.of(i / WIDTH);
+            let lane = i % WIDTH;
+            slots.iter().zip(damping).filter(move |(slot, _)| slot.stiffness[lane] != 0.0).map(
+                move |(slot, d)| Entry {
+                    of: i as u32,
+                    to: slot.to(i / WIDTH, lane) as u32,
+                    stiffness: slot.stiffness[lane],
+                    rest: slot.rest[lane],
+                    damping: d[lane],
+                },
+            )
+        };
+        (0..count).flat_map(of).collect()
+    }
+
+    #[test]
+    fn eights_with_the_same_neighbours_share_their_slots_and_no_others_do() {
+        for (n, soft) in [(64, None), (64, Some(1000)), (61, None), (7, Some(3)), (1, None)] {
+            let count = (n * n) as usize;
+            let table = Table::new(count, grid(n, soft));
+            let mut expected = grid(n, soft);
+            expected.sort_by_key(|e| (e.of, e.to));
+            assert_eq!(told(&table, count), expected, "{n}");
+            // Rows of eights: three kinds within a row, at the two borders and between; rows of no eights have more.
+            let most = if n == 64 { 9 * 5 + if soft.is_some() { 3 * 5 } else { 0 } } else { usize::MAX };
+            assert!(table.slots.len() <= most, "{} slots", table.slots.len());
+        }
+        // Where the hash is the same and the neighbours are not, they are kept apart.
+        let (a, b) = (slots(0, &grid(8, None)[..3], 64), slots(0, &grid(8, Some(0))[..3], 64));
+        let split = |slots: Vec<(Slot, Wide)>| -> (Vec<Slot>, Vec<Wide>) { slots.into_iter().unzip() };
+        let ((a, da), (b, db)) = (split(a), split(b));
+        let mut table = Table::default();
+        let mut seen = HashMap::new();
+        let first = table.place(a.clone(), da.clone(), &mut seen);
+        seen.insert(hash(&b, &db), first);
+        let second = table.place(b.clone(), db, &mut seen);
+        assert_ne!(first, second);
+        assert_eq!(table.place(a, da, &mut seen), first);
+        assert_eq!(table.slots[second[0] as usize..second[1] as usize], b);
+    }
 }

@@ -183,8 +183,9 @@ fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run<'_, Figures>], by: By
 /// What a run alone says, without the reference.
 fn line(Run { setting, row, .. }: &Run<'_, Figures>, sweep: &Sweep, selection: &Frames) -> Line {
     let logged: Vec<&log::Sheets> = row.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
-    let mean =
-        |of: fn(&log::Sheets) -> u32| logged.iter().map(|line| f64::from(of(line))).sum::<f64>() / logged.len().max(1) as f64;
+    let mean = |of: fn(&log::Sheets) -> u32| {
+        logged.iter().map(|line| f64::from(of(line))).sum::<f64>() / logged.len().max(1) as f64
+    };
     let first = sweep.base.frames.first().0;
     let [slice, shot] = [selection.last(), sweep.base.frames.last()].map(|last| f64::from(last.0 - first));
     let [seconds, cpu_seconds] = [&row.seconds, &row.cpu_seconds].map(|times| Spread::of(times));

@@ -136,7 +136,8 @@ impl Measure for Woven {
         for (index, path) in cache::list(&shot.cache())? {
             let (frame, _) = cache::read_frame(&path)?;
             let sheets = || frame.streams.iter().filter(|stream| sheet_of(&stream.name).is_some());
-            let area = |stream: &Stream| stream.len() as f64 * stream.scalar("spacing").unwrap_or(0.0).powi(2);
+            let area =
+                |stream: &Stream| stream.len() as f64 * stream.scalar("spacing").unwrap_or(0.0).powi(2);
             let count: usize = sheets().map(Stream::len).sum();
             found.points = count as u64;
             found.spacing = (sheets().map(area).sum::<f64>() / count.max(1) as f64).sqrt();

@@ -30,7 +30,8 @@ fn grids_of_any_cells_are_compared_at_the_same_places() {
     // Where the corners are points they are these points, to the last digit.
     let rough = |u: f32, v: f32| (17.0 * u + 5.0 * v).sin();
     let fine = points([12, 8], rough);
-    let every: Vec<Vec3> = (0..=2).flat_map(|j| (0..=4).map(move |i| 3 * i + 13 * 4 * j)).map(|k| fine[k]).collect();
+    let every: Vec<Vec3> =
+        (0..=2).flat_map(|j| (0..=4).map(move |i| 3 * i + 13 * 4 * j)).map(|k| fine[k]).collect();
     assert_eq!(between(&fine, [12, 8], [4, 2]), every);
     assert_eq!(between(&fine, [12, 8], [12, 8]), fine);
     // Chains and single points.
