@@ -5,7 +5,7 @@ use crate::{
     run::RunError,
     scene::{Overrides, Scene, choices},
     sim::{
-        sheet::SheetSolver,
+        sheet::{Integrator, SheetSolver},
         vortex::{ERRORS, Way, flow::Sum},
     },
 };
@@ -160,7 +160,8 @@ impl Subject {
     /// Tells scenes apart whose runs differ.
     pub(super) fn key(self, scene: &Scene) -> u64 {
         match self {
-            Self::Liquid | Self::Sheets => scene.simulation_key(),
+            Self::Liquid => scene.simulation_key(),
+            Self::Sheets => in_use(scene).simulation_key(),
             Self::Surface => {
                 let text = serde_json::to_string(&scene.surface).expect("settings are plain data");
                 xxh3_64(text.as_bytes())
@@ -278,6 +279,20 @@ fn smoke(scene: &Scene) -> Vec<Vary> {
     ];
     vary.extend(Some(voxels).filter(|_| !scene.output.volume.is_empty()));
     vary
+}
+
+/// The scene with defaults for what its integrator does not read.
+fn in_use(scene: &Scene) -> Scene {
+    let mut sheets = scene.sheets.clone().unwrap_or_default();
+    let (solver, usual) = (&mut sheets.solver, SheetSolver::default());
+    match solver.integrator {
+        Integrator::Symplectic => {
+            (solver.substeps, solver.tolerance, solver.max_iterations) =
+                (usual.substeps, usual.tolerance, usual.max_iterations);
+        }
+        Integrator::Implicit => solver.courant = usual.courant,
+    }
+    Scene { sheets: Some(sheets), ..scene.clone() }
 }
 
 /// What is varied of sheets if nothing is named.
