@@ -1,6 +1,7 @@
-//! Times sheets: the step of a grid with structural springs, points from 1e3 to 1e6, and the implicit step.
+//! Times sheets: a substep of grids and meshes of 1e3 to 1e6 points, by what they have, and the implicit substep.
 //!
-//! `cargo bench --bench sheet`; `MENISCUS_THREADS=1` sets the threads. A frame here is one substep.
+//! `cargo bench --bench sheet`; `MENISCUS_THREADS=1` sets the threads. What counts as an element is a spring with its two ends, once a
+//! substep: structural ones and diagonals, not the pulls of plates, and none twice although both ends compute it.
 
 use criterion::{Criterion, Throughput};
 use meniscus::{
@@ -8,21 +9,63 @@ use meniscus::{
     par,
     sim::{
         World,
-        sheet::{Sheets, Shot},
+        sheet::{SheetMesh, SheetShape, Sheets, SheetsParams, Shot},
     },
 };
 use std::time::Duration;
 
-/// A square of `side`² points with corners held, after some substeps.
-fn sheets(side: u32, terms: &str) -> Sheets {
+/// What the sheets of a group have.
+struct Case {
+    name: &'static str,
+    terms: &'static str,
+    shear: bool,
+    mesh: bool,
+}
+
+const CASES: [Case; 5] = [
+    Case { name: "structural", terms: "", shear: false, mesh: false },
+    Case { name: "and shear", terms: "shear = 20.0", shear: true, mesh: false },
+    Case { name: "and shear, bending", terms: "shear = 20.0\nbending = 1e-5", shear: true, mesh: false },
+    Case {
+        name: "and shear, bending, damping",
+        terms: "shear = 20.0\nbending = 1e-5\ndamping = 1.0\nspring_damping = [1e-5, 1e-5]",
+        shear: true,
+        mesh: false,
+    },
+    Case { name: "triangles", terms: "", shear: false, mesh: true },
+];
+
+/// A square of `side`² points with corners held.
+fn sheets(side: u32, terms: &str, mesh: bool) -> Sheets {
     let text = format!(
-        "[[sheet]]\nname = 'cloth'\ndensity = 0.2\nstiffness = [50.0, 50.0]\npin = [{{ at = 'corners' }}]\n\
+        "[[sheet]]\nname = 'cloth'\ndensity = 0.2\nstiffness = [50.0, 50.0]\npin = [{{ at = {{ points = [0, {}] }} }}]\n\
          shape = {{ grid = {{ origin = [0, 0, 0], first = [1, 0, 0], second = [0, 1, 0], cells = [{n}, {n}] }} }}\n{terms}",
+        side * side - 1,
         n = side - 1
     );
-    let params = toml::from_str(&text).expect("the preset is valid");
+    let mut params: SheetsParams = toml::from_str(&text).expect("the preset is valid");
+    if mesh {
+        params.sheet[0].shape = SheetShape::Mesh(triangles(side));
+    }
     let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids: Vec::new() };
     Sheets::new(Shot { params, fps: 24.0, first: 1 }, &world).expect("the preset has a meaning")
+}
+
+/// The same square of triangles, row by row.
+fn triangles(side: u32) -> SheetMesh {
+    let step = 1.0 / (side - 1) as f32;
+    let at = |i: u32, j: u32| i + side * j;
+    let all = |n: u32| (0..n).flat_map(move |j| (0..n).map(move |i| (i, j)));
+    let point = |(i, j): (u32, u32)| [i as f32 * step, j as f32 * step, 0.0];
+    let two = |(i, j)| {
+        let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+        [[a, b, c, c], [a, c, d, d]]
+    };
+    SheetMesh {
+        points: all(side).map(point).collect(),
+        faces: all(side - 1).flat_map(two).collect(),
+        ..SheetMesh::default()
+    }
 }
 
 fn main() {
@@ -36,20 +79,29 @@ fn main() {
 
 fn steps(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group(format!("sheets, {} threads", par::threads()));
-    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(3));
-    for (name, terms) in [("structural", ""), ("shear and bending", "shear = 20.0\nbending = 1e-5")] {
+    group.sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
+    for case in CASES {
         for side in [32, 100, 316, 1000] {
-            let mut sheets = sheets(side, terms);
-            let dt = 0.4 * sheets.longest_stable();
-            let springs = 2 * u64::from(side) * u64::from(side - 1);
+            let n = u64::from(side);
+            let structural = 2 * n * (n - 1) + if case.mesh { (n - 1).pow(2) } else { 0 };
+            let springs = structural + if case.shear { 2 * (n - 1).pow(2) } else { 0 };
             group.throughput(Throughput::Elements(springs));
-            group.bench_function(format!("{name}, {side}² points, springs a step"), |b| {
-                b.iter(|| sheets.step(0.0, dt).expect("it is stable"));
+            // Made only if it is asked for: a million points take seconds.
+            let mut made = None;
+            group.bench_function(format!("{}, {side}² points", case.name), |b| {
+                let (sheets, dt) = made.get_or_insert_with(|| {
+                    let sheets = sheets(side, case.terms, case.mesh);
+                    let dt = 0.4 * sheets.longest_stable();
+                    (sheets, dt)
+                });
+                b.iter(|| sheets.step(0.0, *dt).expect("it is stable"));
             });
         }
     }
-    let mut sheets = sheets(316, "[sheets.solver]\nintegrator = \"implicit\"\nsubsteps = 1");
+    let mut made = None;
     group.bench_function("implicit, 316² points", |b| {
+        let terms = "[sheets.solver]\nintegrator = \"implicit\"\nsubsteps = 1";
+        let sheets = made.get_or_insert_with(|| sheets(316, terms, false));
         b.iter(|| sheets.step(0.0, 1.0 / 192.0).expect("it is stable"));
     });
     group.finish();

@@ -158,6 +158,7 @@ pub(super) struct PlanArgs {
         meniscus tradeoff shot.toml --time 2h --write tonight.toml    the most exact that is done in two hours\n  \
         meniscus tradeoff shot.toml --dev 0.5%                    the fastest that is exact to 0.5 %\n  \
         meniscus tradeoff smoke-ring --quality draft              smoke: error, method, steps, cores, voxel\n  \
+        meniscus tradeoff sheet-corners                           sheets: integrator, steps, tolerance, cells\n  \
         meniscus tradeoff my-shot --surface --vary surface.voxel=0.25,0.5,1 --vary 'surface.smoothing=none,{}'\n  \
         meniscus tradeoff 'frame_####.bgeo' --surface --spacing 0.05 --frames 40,80"
 )]
@@ -175,6 +176,10 @@ pub(super) struct TradeoffArgs {
     #[arg(long, conflicts_with = "surface")]
     pub(super) smoke: bool,
 
+    /// Compare the sheets of a shot that has a liquid or smoke too; shots of sheets alone need not say so
+    #[arg(long, conflicts_with_all = ["surface", "smoke"])]
+    pub(super) sheet: bool,
+
     /// The folder for runs, table and plot; by default the input's name with -tradeoff, in the current folder
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
@@ -182,7 +187,8 @@ pub(super) struct TradeoffArgs {
     /// A key of the preset and the values to try: `liquid.cfl=0.2,0.4`. Repeated: every combination. Keys joined by +
     /// vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. A table comes and goes: `surface.smoothing=none,{}`.
     /// By default the solver's accuracy and the length of its steps; of surfaces the voxel and the order of the distance; of
-    /// smoke the error, the method, the steps, the cores and the voxel, one by one
+    /// smoke the error, the method, the steps, the cores and the voxel, one by one; of sheets the integrator with its steps, its
+    /// tolerance and the cells, one by one
     #[arg(long, value_name = "KEY=A,B,…")]
     pub(super) vary: Vec<Vary>,
 
@@ -195,7 +201,7 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
-    /// The error that decides which settings are worth their time: by default density, of surfaces distance
+    /// The error that decides which settings are worth their time: by default density, of surfaces and sheets distance
     #[arg(long, value_name = "ERROR")]
     pub(super) by: Option<Judge>,
 
@@ -204,7 +210,8 @@ pub(super) struct TradeoffArgs {
     pub(super) time: Option<f64>,
 
     /// Choose the fastest setting whose density deviates by at most this on average: `0.5%`; of smoke, at most this share of which
-    /// is elsewhere than the reference's; of surfaces, that is off by at most this part of a particle spacing (RMS)
+    /// is elsewhere than the reference's; of surfaces, that is off by at most this part of a particle spacing (RMS); of sheets, whose
+    /// points are off by at most this part of the distance between them (RMS)
     #[arg(long, value_name = "DEVIATION", value_parser = fraction)]
     pub(super) dev: Option<f64>,
 
@@ -268,7 +275,7 @@ pub(super) enum Judge {
     Velocity,
     /// Of smoke: the volume's density between nodes, for the time that volumes take alone
     Voxel,
-    /// Of surfaces: distance from the reference's, RMS
+    /// Of surfaces: distance from the reference's, RMS; of sheets: distance of points from the reference's, RMS
     Distance,
     /// Of surfaces: largest distance from the reference's
     Hausdorff,
@@ -276,6 +283,8 @@ pub(super) enum Judge {
     Normals,
     /// Of surfaces: volume against the reference's
     Volume,
+    /// Of sheets: the largest distance of a point from the reference's
+    Farthest,
     /// Of surfaces: the signed distance against the exact one, for the time that it takes alone
     Field,
 }

@@ -85,6 +85,38 @@ pub(super) struct Smoke {
     pub error: Option<f64>,
 }
 
+/// What a line tells of sheets, for jobs that read it back.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct LoggedSheets {
+    /// The frame.
+    pub frame: FrameIndex,
+    /// The sheets.
+    pub sheets: Sheets,
+}
+
+/// The part of a [`SheetRecord`] that jobs read back; what each is, is said there.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Sheets {
+    /// Substeps taken.
+    pub substeps: u32,
+    /// Rounds of the conjugate gradients.
+    pub iterations: u32,
+    /// Substeps that ended above the tolerance.
+    pub unconverged: u32,
+    /// Energy of motion [J].
+    pub kinetic_energy: f64,
+    /// Energy of springs and plates [J].
+    pub elastic_energy: f64,
+    /// Energy of height [J].
+    pub potential_energy: f64,
+    /// Largest strain of a spring.
+    pub strain_max: f64,
+    /// Points put out of solids.
+    pub caught: u64,
+    /// Points within a solid at the end.
+    pub inside_solids: u64,
+}
+
 /// Wall-clock time of the passes of all logged frames [s].
 ///
 /// # Errors

@@ -7,6 +7,7 @@ mod interrupt;
 mod meshing;
 mod plan;
 mod resume;
+mod sheet_tradeoff;
 mod sheets;
 mod shot;
 mod smoke;

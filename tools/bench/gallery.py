@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Runs every built-in preset in every tier and prints the README's table of presets.
 
-    tools/bench/gallery.py                        everything: simulate, mesh and write volumes, about an hour on two cores
+    tools/bench/gallery.py                        everything: simulate, mesh, write volumes and sheets, about an hour on two cores
     tools/bench/gallery.py dam-break --tiers draft,preview
     tools/bench/gallery.py smoke-ring --tiers draft --frames 1-4
     tools/bench/gallery.py --keep shots           leaves the shots there, to render pictures from
@@ -34,14 +34,14 @@ def size(folder):
 
 
 def row(binary, preset, tier, frames, folder):
-    """One line of the table. Particles of smoke are vortons and tracers."""
+    """One line of the table. Particles of smoke are vortons and tracers, those of sheets their points."""
     shot = folder / f"{preset}-{tier}"
     chosen = ["--frames", frames] if frames else []
     wall, _, memory = run([binary, "shot", preset, "--quality", tier, *chosen, "-o", shot, "--progress", "none"])
     records = [json.loads(line) for line in (shot / "log.jsonl").read_text().splitlines()]
     record = max(records, key=lambda record: record.get("frame", 0))
     most = max(record.get("particles", 0) for record in records)
-    sizes = [size(shot / "cache"), size(shot / "mesh") + size(shot / "volume")]
+    sizes = [size(shot / "cache"), sum(size(shot / kind) for kind in ("mesh", "volume", "sheet"))]
     picture = PICTURE.format(preset)
     shown = tier == TIERS[0] and (ROOT / picture).exists()
     cells = [
@@ -65,7 +65,7 @@ def main():
     parser.add_argument("--keep", type=pathlib.Path, metavar="DIR", help="where the shots stay")
     parser.add_argument("--binary", default=ROOT / "target/release/meniscus")
     options = parser.parse_args()
-    print("| preset | | tier | particles | frames | simulate and write | peak memory | cache | meshes or volumes |")
+    print("| preset | | tier | particles | frames | simulate and write | peak memory | cache | meshes, volumes or sheets |")
     print("|---|---|---|---|---|---|---|---|---|")
     for preset in options.presets or presets(options.binary):
         for tier in options.tiers.split(","):

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Drives the liquid, then smoke (stability_smoke.py), through its settings, one at a time, and writes what became of it:
-docs/stability.md.
+"""Drives the liquid, then smoke (stability_smoke.py) and sheets (stability_sheets.py), through their settings, one at a time, and
+writes what became of them: docs/stability.md.
 
     cargo build --release
     python3 tools/bench/stability.py target/release/meniscus > docs/stability.md
+    python3 tools/bench/stability.py target/release/meniscus sheets     that part alone
 
 A block of 512 particles falls onto the floor of a tank, eight frames long, with every value of every setting and both
 solvers. Nothing in the table depends on the clock.
@@ -14,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 
+import stability_sheets
 import stability_smoke
 
 SOLVERS = ["accelerated", "jacobi"]
@@ -129,6 +131,13 @@ def judge(frames):
 
 def main():
     tool = str(pathlib.Path(sys.argv[1]).resolve())
+    parts = {"liquid": write, "smoke": stability_smoke.write, "sheets": stability_sheets.write}
+    for name in sys.argv[2:] or parts:
+        parts[name](tool)
+
+
+def write(tool):
+    """Writes the tables of the liquid."""
     print("# What the liquid stands\n")
     print("Made by `tools/bench/stability.py`; do not edit. To make it again:\n")
     print("    cargo build --release\n    python3 tools/bench/stability.py target/release/meniscus > docs/stability.md\n")
@@ -148,7 +157,6 @@ def main():
                 word, how = verdict(tool, preset(change(value), solver))
                 print(f"| {value:g} | {solver} | {word} | {how} |")
         print()
-    stability_smoke.write(tool)
 
 
 if __name__ == "__main__":

@@ -42,7 +42,9 @@ pub(super) fn tradeoff(
         }
     };
     if args.dry_run {
-        let spacing = |scene: &Scene| scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
+        let spacing = |scene: &Scene| {
+            format!("spacing {} m", scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing))
+        };
         return dry_run(&sweep, &selection, spacing);
     }
     refuse_to_replace(args)?;

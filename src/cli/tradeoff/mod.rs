@@ -1,6 +1,7 @@
 //! `meniscus tradeoff`.
 
 mod liquid;
+mod sheet;
 mod smoke;
 mod surface;
 mod tell;
@@ -30,13 +31,22 @@ pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunE
     let preset = scene::load(name)?;
     let base = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
     let scene = Scene::from_preset(&preset, &base)?;
-    match (args.smoke, &scene.liquid, &scene.smoke) {
-        (true, _, None) => Err(RunError::Request(format!(
-            "--smoke: found no smoke in {}; leave it out to compare the liquid",
+    let (liquid, smoke, sheets) = (scene.liquid.is_some(), scene.smoke.is_some(), !scene.sheet.is_empty());
+    let asked = [("--smoke", args.smoke, smoke, "smoke"), ("--sheet", args.sheet, sheets, "sheet")];
+    if let Some((flag, .., what)) = asked.iter().find(|(_, asked, there, _)| *asked && !there) {
+        let other = if liquid { "liquid" } else { "simulation" };
+        return Err(RunError::Request(format!(
+            "{flag}: found no {what} in {}; leave it out to compare the {other}",
             preset.name
-        ))),
-        (true, ..) | (_, None, Some(_)) => smoke::tradeoff(args, name, &preset, base, control),
-        _ => liquid::tradeoff(args, name, &preset, base, control),
+        )));
+    }
+    // What was asked for, or the first that is there.
+    if args.sheet || (sheets && !args.smoke && !liquid && !smoke) {
+        sheet::tradeoff(args, name, &preset, base, control)
+    } else if args.smoke || (smoke && !liquid) {
+        smoke::tradeoff(args, name, &preset, base, control)
+    } else {
+        liquid::tradeoff(args, name, &preset, base, control)
     }
 }
 
@@ -84,12 +94,12 @@ fn frames(args: &TradeoffArgs, scene: &Scene) -> Result<Frames, RunError> {
     Ok(selection)
 }
 
-/// Lists the runs of a simulation; `spacing` tells that of a scene [m].
-fn dry_run(sweep: &Sweep, selection: &Frames, spacing: impl Fn(&Scene) -> f32) -> Result<(), RunError> {
+/// Lists the runs of a simulation; `size` tells how fine a scene is.
+fn dry_run(sweep: &Sweep, selection: &Frames, size: impl Fn(&Scene) -> String) -> Result<(), RunError> {
     print(&format!("{}, frames {selection}: {} runs", sweep.base.title, sweep.rows.len() + 2))?;
     references(sweep).iter().try_for_each(|line| print(line))?;
     for (place, (setting, scene)) in sweep.rows.iter().enumerate() {
-        print(&format!("{:>3}  {}  (spacing {} m)", place + 1, setting.label, spacing(scene)))?;
+        print(&format!("{:>3}  {}  ({})", place + 1, setting.label, size(scene)))?;
     }
     Ok(())
 }

@@ -32,7 +32,8 @@ pub(super) fn tradeoff(
     let selection = frames(args, &sweep.base)?;
     let by = by(args.by)?;
     if args.dry_run {
-        let spacing = |scene: &Scene| scene.smoke.as_ref().map_or(0.0, |smoke| smoke.spacing);
+        let spacing =
+            |scene: &Scene| format!("spacing {} m", scene.smoke.as_ref().map_or(0.0, |smoke| smoke.spacing));
         return dry_run(&sweep, &selection, spacing);
     }
     refuse_to_replace(args)?;

@@ -1,10 +1,13 @@
 //! The keys whose finer direction is known, of what a tradeoff can be about.
 
-use super::sweep::Vary;
+use super::{cells, sweep::Vary};
 use crate::{
     run::RunError,
     scene::{Overrides, Scene, choices},
-    sim::vortex::{ERRORS, Way, flow::Sum},
+    sim::{
+        sheet::{Integrator, SheetSolver},
+        vortex::{ERRORS, Way, flow::Sum},
+    },
 };
 use serde_json::Value as Json;
 use std::ops::RangeInclusive;
@@ -19,6 +22,8 @@ pub enum Subject {
     Surface,
     /// The smoke's simulation, and its volumes.
     Smoke,
+    /// The simulation of sheets.
+    Sheets,
 }
 
 /// A key whose finer direction is known.
@@ -81,6 +86,21 @@ const SMOKE: [Knob; 6] = [
     Knob { key: "smoke.tracers", finer: Finer::Times(0.8), opens: None, always: false },
 ];
 
+/// Steps are refined whatever is varied: what other keys do is to be seen, not what the steps do.
+const SHEETS: [Knob; 4] = [
+    Knob { key: INTEGRATOR, finer: Finer::Word("symplectic"), opens: Some(SHEET_STEPS), always: false },
+    Knob { key: COURANT, finer: Finer::Times(0.5), opens: Some(SHEET_STEPS), always: true },
+    Knob { key: SUBSTEPS, finer: Finer::Times(2.0), opens: Some(SHEET_STEPS), always: true },
+    Knob { key: TOLERANCE, finer: Finer::Times(0.1), opens: Some(SHEET_ROUNDS), always: true },
+];
+
+const INTEGRATOR: &str = "sheets.solver.integrator";
+const COURANT: &str = "sheets.solver.courant";
+const SUBSTEPS: &str = "sheets.solver.substeps";
+const TOLERANCE: &str = "sheets.solver.tolerance";
+const SHEET_STEPS: &str = "sheets.solver.max_substeps";
+const SHEET_ROUNDS: &str = "sheets.solver.max_iterations";
+
 const SUM: &str = "smoke.flow.sum";
 const ERROR: &str = "smoke.flow.error";
 const STEP: [&str; 2] = ["smoke.flow.strain", "smoke.flow.displacement"];
@@ -101,12 +121,13 @@ impl Subject {
             Self::Liquid => &LIQUID,
             Self::Surface => &SURFACE,
             Self::Smoke => &SMOKE,
+            Self::Sheets => &SHEETS,
         }
     }
 
-    /// Whether the keys of [`Subject::defaults`] are varied one by one, and not in every combination: smoke has too many.
+    /// Whether the keys of [`Subject::defaults`] are varied one by one, and not in every combination: smoke and sheets have too many.
     pub(super) fn varies_one_by_one(self) -> bool {
-        self == Self::Smoke
+        matches!(self, Self::Smoke | Self::Sheets)
     }
 
     /// The table of nearly every key.
@@ -115,6 +136,7 @@ impl Subject {
             Self::Liquid => "liquid.",
             Self::Surface => "surface.",
             Self::Smoke => "smoke.",
+            Self::Sheets => "sheets.solver.",
         }
     }
 
@@ -129,6 +151,9 @@ impl Subject {
 
     /// `liquid.cfl=0.2` without its table.
     pub(super) fn short(self, change: &str) -> &str {
+        if let Some(short) = cells::short(change) {
+            return short;
+        }
         change.strip_prefix(self.table()).unwrap_or(change)
     }
 
@@ -136,6 +161,7 @@ impl Subject {
     pub(super) fn key(self, scene: &Scene) -> u64 {
         match self {
             Self::Liquid => scene.simulation_key(),
+            Self::Sheets => in_use(scene).simulation_key(),
             Self::Surface => {
                 let text = serde_json::to_string(&scene.surface).expect("settings are plain data");
                 xxh3_64(text.as_bytes())
@@ -148,7 +174,7 @@ impl Subject {
         }
     }
 
-    /// Refuses keys that change nothing of the surfaces, or the smoke.
+    /// Refuses keys that change nothing of the surfaces, the smoke or the sheets.
     pub(super) fn refuse_others(self, vary: &[Vary], reference: &[String]) -> Result<(), RunError> {
         let keys = vary.iter().flat_map(|vary| &vary.keys).chain(reference);
         let (wrong, expected) = match self {
@@ -161,6 +187,10 @@ impl Subject {
                 (|key: &str| key.starts_with("liquid.")) as fn(&str) -> bool,
                 "does not change the smoke, expected smoke.… or surface.voxel; leave out --smoke to vary the liquid",
             ),
+            Self::Sheets => (
+                (|key: &str| key.starts_with("surface.")) as fn(&str) -> bool,
+                "does not change a sheet, expected sheets.solver.… or sheet.0.…; a liquid's surface is compared with --surface",
+            ),
         };
         match keys.map(|key| key.trim_start()).find(|key| wrong(key)) {
             Some(other) => Err(RunError::Request(format!("{other}: found a key that {expected}"))),
@@ -170,7 +200,8 @@ impl Subject {
 
     /// The keys to sweep if none are named. Of a liquid: when a substep's iterations end, how long substeps are, and the
     /// solver if the preset can choose one. Of a surface: the voxel, and whether it is cut from the
-    /// signed distance. Of smoke: the error, the method, the steps, the cores and the voxel of volumes.
+    /// signed distance. Of smoke: the error, the method, the steps, the cores and the voxel of volumes. Of sheets: the integrator with its
+    /// steps, the tolerance of the implicit one, and the cells.
     ///
     /// The length of substeps has two limits, the CFL rule and `min_substeps`; where one decides, the other does
     /// nothing, so both are moved together, as far as a preset may.
@@ -206,6 +237,7 @@ impl Subject {
                 words("liquid.solver").into_iter().chain([iterating]).chain(steps).collect()
             }
             Self::Smoke => smoke(scene),
+            Self::Sheets => sheets(scene),
         };
         vary.iter_mut().for_each(|vary| vary.values.dedup());
         vary
@@ -249,6 +281,45 @@ fn smoke(scene: &Scene) -> Vec<Vary> {
     vary
 }
 
+/// The scene with defaults for what its integrator does not read.
+fn in_use(scene: &Scene) -> Scene {
+    let mut sheets = scene.sheets.clone().unwrap_or_default();
+    let (solver, usual) = (&mut sheets.solver, SheetSolver::default());
+    match solver.integrator {
+        Integrator::Symplectic => {
+            (solver.substeps, solver.tolerance, solver.max_iterations) =
+                (usual.substeps, usual.tolerance, usual.max_iterations);
+        }
+        Integrator::Implicit => solver.courant = usual.courant,
+    }
+    Scene { sheets: Some(sheets), ..scene.clone() }
+}
+
+/// What is varied of sheets if nothing is named.
+fn sheets(scene: &Scene) -> Vec<Vary> {
+    let solver = scene.sheets.clone().unwrap_or_default().solver;
+    let with = |way: &str, key: &str, values: Vec<f64>| Vary {
+        keys: vec![INTEGRATOR.into(), key.into()],
+        values: values.into_iter().map(|value| vec![way.into(), plain(key, value)]).collect(),
+    };
+    let substeps = [0.5, 1.0, 4.0].map(|factor| f64::from(solver.substeps) * factor);
+    let tolerance =
+        [100.0, 0.1].map(|factor| (f64::from(solver.tolerance) * factor).clamp(FINEST_RESIDUAL, 0.5));
+    let mut vary = vec![
+        with("symplectic", COURANT, vec![0.9, f64::from(solver.courant), 0.25]),
+        with("implicit", SUBSTEPS, substeps.to_vec()),
+        with("implicit", TOLERANCE, tolerance.to_vec()),
+    ];
+    vary.extend(cells::vary(scene, &[0.5, 0.75]));
+    vary
+}
+
+/// The smallest `sheets.solver.tolerance` that a reference asks for: near to what single precision keeps of a residual.
+const FINEST_RESIDUAL: f64 = 1e-6;
+
+/// The smallest `sheets.solver.courant`.
+const SHORTEST: f64 = 0.01;
+
 /// The ranges of cores, in spacings: where vortons are seeded, and on lattices.
 const CORES: [RangeInclusive<f32>; 2] = [0.8..=4.0, 1.0..=2.5];
 
@@ -288,8 +359,8 @@ pub(super) fn finest<'a>(
 }
 
 /// The limits that finer knobs may run into, each with its largest value in any scene.
-pub(super) fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 3] {
-    ["liquid.max_iterations", "liquid.max_substeps", STEPS]
+pub(super) fn limits<'a>(scenes: impl Iterator<Item = &'a Scene> + Clone) -> [(&'static str, f64); 5] {
+    ["liquid.max_iterations", "liquid.max_substeps", STEPS, SHEET_STEPS, SHEET_ROUNDS]
         .map(|limit| (limit, scenes.clone().filter_map(|scene| number(scene, limit)).fold(0.0, f64::max)))
 }
 
@@ -304,7 +375,12 @@ pub(super) fn refine(
         let (knob, value) = knobs.iter().zip(values).find(|(knob, _)| knob.key == key)?;
         match knob.finer {
             Finer::Times(factor) => {
-                let least = if knob.key == ERROR { f64::from(*ERRORS.start()) } else { 0.0 };
+                let least = match knob.key {
+                    ERROR => f64::from(*ERRORS.start()),
+                    TOLERANCE => FINEST_RESIDUAL,
+                    COURANT => SHORTEST,
+                    _ => 0.0,
+                };
                 value.map(|value| (value * factor).max(least))
             }
             Finer::Largest => *value,
@@ -323,7 +399,8 @@ pub(super) fn refine(
         .filter(|(limit, _)| finer(limit).is_none() && knobs.iter().any(|knob| knob.opens == Some(limit)));
     let opened = opened.map(|&(limit, most)| {
         let fewest = finer("liquid.min_substeps").filter(|_| limit == "liquid.max_substeps");
-        set(limit, most.max(REFERENCE_LIMIT).max(fewest.unwrap_or(0.0)))
+        let least = if limit == SHEET_STEPS { SHEET_REFERENCE_LIMIT } else { REFERENCE_LIMIT };
+        set(limit, most.max(least).max(fewest.unwrap_or(0.0)))
     });
     Overrides { set: base.set.iter().cloned().chain(refined).chain(opened).collect(), ..base.clone() }
 }
@@ -331,6 +408,9 @@ pub(super) fn refine(
 /// Iterations and substeps that a reference may take at least: it shows what the knobs do, not what the limits do. Ten
 /// times what the defaults allow; more would let a target that is never reached take days.
 const REFERENCE_LIMIT: f64 = 1000.0;
+
+/// The same of substeps of sheets, which are short and cheap.
+const SHEET_REFERENCE_LIMIT: f64 = 1e6;
 
 /// The largest `liquid.cfl` that a preset may have.
 const LARGEST_CFL: f64 = 10.0;
@@ -343,7 +423,11 @@ fn plain(key: &str, value: f64) -> String {
     if counts { format!("{}", value.round().max(1.0)) } else { format!("{short}") }
 }
 
-/// The number at a key of the scene.
+/// The number at a key of the scene; that of the defaults where sheets have no table of their own.
 pub(super) fn number(scene: &Scene, key: &str) -> Option<f64> {
-    scene.value(key).as_ref().and_then(Json::as_f64)
+    let own = scene.value(key);
+    let of_solver = key.strip_prefix("sheets.solver.").filter(|_| own.is_none() && !scene.sheet.is_empty());
+    let default =
+        of_solver.and_then(|key| serde_json::to_value(SheetSolver::default()).ok()?.get(key).cloned());
+    own.or(default).as_ref().and_then(Json::as_f64)
 }

@@ -2,15 +2,17 @@
 //!
 //! *Method*: every setting of a sweep (`sweep`) is run on the same frames, and so is a reference that is finer than all
 //! of them (`knobs`) and a refinement of that. The Pareto front and its knee ([`pareto`]) name the settings to consider.
-//! What is run and compared is the simulation of a liquid ([`liquid`]) or of smoke ([`smoke`]), whose runs are kept by `runs`, or
+//! What is run and compared is the simulation of a liquid ([`liquid`]), of smoke ([`smoke`]) or of sheets ([`sheet`]), whose runs are kept by `runs`, or
 //! the surfaces of particles that are there ([`surface`]).
 
+mod cells;
 mod knobs;
 pub mod liquid;
 mod page;
 pub mod pareto;
 mod plot;
 mod runs;
+pub mod sheet;
 pub mod smoke;
 pub mod surface;
 mod sweep;

@@ -1,6 +1,9 @@
 //! Which settings a tradeoff compares, and what it compares them with.
 
-use super::knobs::{Subject, finest, limits, number, refinable, refine};
+use super::{
+    cells,
+    knobs::{Subject, finest, limits, number, refinable, refine},
+};
 use crate::{
     run::RunError,
     scene::{Overrides, Preset, Quality, Scene, SceneError, surface_alone},
@@ -167,7 +170,11 @@ impl Request {
         let knobs = refinable(subject, &vary, &base);
         let scenes = rows.iter().map(|(_, scene)| scene);
         let reference = match &self.reference[..] {
-            [] => refine(&self.base, &knobs, &finest(&knobs, scenes.clone()), &limits(scenes)),
+            [] => {
+                let finer =
+                    refine(&self.base, &knobs, &finest(&knobs, scenes.clone()), &limits(scenes.clone()));
+                cells::refine(finer, &vary, scenes)
+            }
             given => Overrides { set: [&self.base.set[..], given].concat(), ..self.base.clone() },
         };
         let checked = |name: &str, overrides: Overrides| -> Result<(Setting, Scene), RunError> {
@@ -176,7 +183,9 @@ impl Request {
         };
         let reference = checked("reference", reference)?;
         let values: Vec<Option<f64>> = knobs.iter().map(|knob| number(&reference.1, knob.key)).collect();
-        let finer = refine(&reference.0.overrides, &knobs, &values, &limits([&reference.1].into_iter()));
+        let once = [&reference.1].into_iter();
+        let finer = refine(&reference.0.overrides, &knobs, &values, &limits(once.clone()));
+        let finer = cells::refine(finer, &vary, once);
         let refined = checked("reference refined", finer)?;
         if subject.key(&refined.1) == subject.key(&reference.1) {
             return Err(RunError::Request(format!(
@@ -201,10 +210,16 @@ fn combinations(base: &Overrides, vary: &[Vary], subject: Subject) -> Vec<Settin
             .collect();
     }
     let setting = |set: Vec<String>| Setting {
-        label: set.iter().map(|change| subject.short(change)).collect::<Vec<_>>().join(" "),
+        label: label(set.iter().map(|change| subject.short(change)).collect()),
         overrides: Overrides { set: [&base.set[..], &set].concat(), ..base.clone() },
     };
     sets.into_iter().map(setting).collect()
+}
+
+/// Words side by side; the same of several sheets is said once.
+fn label(mut words: Vec<&str>) -> String {
+    words.dedup();
+    words.join(" ")
 }
 
 #[cfg(test)]

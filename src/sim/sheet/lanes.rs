@@ -14,6 +14,9 @@ pub(super) const CHUNK: usize = 256;
 /// x, y and z of eight points.
 pub(super) type Eight = [Wide; 3];
 
+/// x, y and z of all points, one by one.
+pub(super) type Flat<'a> = [&'a [f32]; 3];
+
 /// Vectors, eight to a piece; what fills up the last piece is zero.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Vectors {
@@ -68,6 +71,12 @@ impl Vectors {
     #[inline(always)]
     pub(super) fn eight(&self, at: usize) -> Eight {
         [self.axes[0][at], self.axes[1][at], self.axes[2][at]]
+    }
+
+    /// Axis by axis, what fills up the last piece included.
+    #[inline(always)]
+    pub(super) fn flat(&self) -> Flat<'_> {
+        [self.axes[0].as_flattened(), self.axes[1].as_flattened(), self.axes[2].as_flattened()]
     }
 
     /// As a list.

@@ -84,6 +84,9 @@ pub struct Sheets {
     faces: Vec<Vec<[u32; 4]>>,
     x: Vectors,
     v: Vectors,
+    /// Where the next positions are written, and the next velocities if springs are damped.
+    next_x: Vectors,
+    next_v: Option<Vectors>,
     force: Vectors,
     /// What rounding took from positions since the frame began [m].
     low: Vectors,
@@ -147,6 +150,7 @@ impl Sheets {
         };
         let faces: Vec<[u32; 4]> = models.iter().zip(&ranges).flat_map(shifted).collect();
         let bends = models.iter().any(|model| !model.plates.is_empty());
+        let springs = Table::new(end, spring_entries(&models, &ranges));
         let mut sheets = Self {
             gravity: world.gravity,
             solids: world.solids.clone(),
@@ -156,7 +160,9 @@ impl Sheets {
             low: Vectors::zeros(end),
             area: models.iter().flat_map(|model| model.area.iter().map(|&a| a as f32)).collect(),
             inverse: Vec::new(),
-            springs: Table::new(end, spring_entries(&models, &ranges)),
+            next_x: Vectors::zeros(end),
+            next_v: springs.is_damped().then(|| Vectors::zeros(end)),
+            springs,
             plates: bends.then(|| Table::new(end, plate_entries(&models, &ranges))),
             around: params.common.repulsion.is_some().then(|| Around::new(end, &faces)),
             faces: models.into_iter().map(|model| model.faces).collect(),

@@ -10,7 +10,7 @@
 //! Limits: a spring of length zero has no direction and pulls only if its rest length is zero; such springs are counted by the record.
 
 use super::{
-    lanes::{CHUNK, Eight, Vectors},
+    lanes::{CHUNK, Eight, Flat, Vectors},
     table::{Slot, Table},
 };
 use crate::{
@@ -24,18 +24,16 @@ const TINY: f32 = 1e-30;
 /// Symmetric 3×3 matrices of eight points: xx, yy, zz, xy, xz, yz.
 pub(super) type Blocks = [Wide; 6];
 
-/// Neighbours of a slot.
+/// Neighbours of a slot of the eight whose number is `at`.
 #[inline(always)]
-fn fetch(of: &Vectors, slot: &Slot) -> Eight {
+fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
-    for (out, axis) in out.iter_mut().zip(&of.axes) {
-        let flat = axis.as_flattened();
+    for axis in 0..3 {
         if slot.in_row {
-            let first = slot.at[0] as usize;
-            out.copy_from_slice(&flat[first..first + WIDTH]);
+            out[axis] = *of[axis][slot.to(at, 0)..].first_chunk().expect("they are all there");
         } else {
             for lane in 0..WIDTH {
-                out[lane] = flat[slot.at[lane] as usize];
+                out[axis][lane] = of[axis][slot.to(at, lane)];
             }
         }
     }
@@ -82,8 +80,8 @@ fn inverse_length(d: &Eight) -> Wide {
     out
 }
 
-/// A job that makes one vector of each point of some eights.
-trait Gather: Sync {
+/// What makes one vector of each point.
+pub(super) trait Gather: Sync {
     /// The vectors of eight points. To be inlined always.
     fn eight(&self, at: usize) -> Eight;
 }
@@ -119,11 +117,11 @@ fn add<G: Gather>(out: &mut Vectors, gather: &G) {
     });
 }
 
-/// Forces of springs.
-struct Forces<'a, const DAMPED: bool> {
-    table: &'a Table,
-    x: &'a Vectors,
-    v: &'a Vectors,
+/// Forces of springs [N]; with `DAMPED` those of their damping, too.
+pub(super) struct Forces<'a, const DAMPED: bool> {
+    pub(super) table: &'a Table,
+    pub(super) x: &'a Vectors,
+    pub(super) v: &'a Vectors,
 }
 
 impl<const DAMPED: bool> Gather for Forces<'_, DAMPED> {
@@ -131,18 +129,19 @@ impl<const DAMPED: bool> Gather for Forces<'_, DAMPED> {
     fn eight(&self, at: usize) -> Eight {
         let own = self.x.eight(at);
         let own_v = if DAMPED { self.v.eight(at) } else { own };
+        let (all, all_v) = (self.x.flat(), self.v.flat());
         let mut sum = [[0.0; WIDTH]; 3];
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
-            let d = minus(&fetch(self.x, slot), &own);
+            let d = minus(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
             let mut pull = [0.0; WIDTH];
             for lane in 0..WIDTH {
                 pull[lane] = slot.stiffness[lane] * (1.0 - slot.rest[lane] * inverse[lane]); // [gudukbay97] Eq. 6
             }
             if DAMPED {
-                let w = dot(&minus(&fetch(self.v, slot), &own_v), &d);
+                let w = dot(&minus(&fetch(&all_v, slot, at), &own_v), &d);
                 for lane in 0..WIDTH {
                     pull[lane] += damping[k][lane] * w[lane] * (inverse[lane] * inverse[lane]);
                 }
@@ -153,29 +152,47 @@ impl<const DAMPED: bool> Gather for Forces<'_, DAMPED> {
     }
 }
 
-/// Adds the forces of springs at `x` to `out` [N]; with velocities, those of their damping, too.
-pub(super) fn add_forces(table: &Table, x: &Vectors, v: Option<&Vectors>, out: &mut Vectors) {
-    match v {
-        Some(v) if table.is_damped() => add(out, &Forces::<true> { table, x, v }),
-        _ => add(out, &Forces::<false> { table, x, v: x }),
-    }
+/// Adds the forces of springs at `x` to `out` [N], without their damping.
+pub(super) fn add_forces(table: &Table, x: &Vectors, out: &mut Vectors) {
+    add(out, &Forces::<false> { table, x, v: x });
 }
 
 /// `factor` Σ k_ij (y_j − y_i).
-struct Linear<'a> {
-    table: &'a Table,
-    y: &'a Vectors,
-    factor: f32,
+pub(super) struct Linear<'a> {
+    pub(super) table: &'a Table,
+    pub(super) y: &'a Vectors,
+    pub(super) factor: f32,
+}
+
+/// The sum of what springs, plates and all else do.
+pub(super) struct Sum<'a, S> {
+    pub(super) springs: S,
+    pub(super) plates: Option<Linear<'a>>,
+    pub(super) rest: Option<&'a Vectors>,
+}
+
+impl<S: Gather> Gather for Sum<'_, S> {
+    #[inline(always)]
+    fn eight(&self, at: usize) -> Eight {
+        let mut sum = self.springs.eight(at);
+        if let Some(plates) = &self.plates {
+            plus(&mut sum, &[1.0; WIDTH], &plates.eight(at));
+        }
+        if let Some(rest) = self.rest {
+            plus(&mut sum, &[1.0; WIDTH], &rest.eight(at));
+        }
+        sum
+    }
 }
 
 impl Gather for Linear<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
-        let own = self.y.eight(at);
+        let (own, all) = (self.y.eight(at), self.y.flat());
         let mut sum = [[0.0; WIDTH]; 3];
         let (slots, _) = self.table.of(at);
         for slot in slots {
-            let d = minus(&fetch(self.y, slot), &own);
+            let d = minus(&fetch(&all, slot, at), &own);
             plus(&mut sum, &slot.stiffness.map(|stiffness| stiffness * self.factor), &d);
         }
         sum
@@ -216,12 +233,13 @@ impl Gather for Change<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let (own, own_p) = (self.x.eight(at), self.p.eight(at));
+        let (all, all_p) = (self.x.flat(), self.p.flat());
         let mut sum = [[0.0; WIDTH]; 3];
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
-            let d = minus(&fetch(self.x, slot), &own);
-            let q = minus(&own_p, &fetch(self.p, slot));
+            let d = minus(&fetch(&all, slot, at), &own);
+            let q = minus(&own_p, &fetch(&all_p, slot, at));
             let inverse = inverse_length(&d);
             let [along, across] = along_and_across(
                 slot,
@@ -249,10 +267,10 @@ pub(super) fn add_change(table: &Table, x: &Vectors, p: &Vectors, dt: f32, out: 
 /// Adds the diagonal blocks of Δt² K + Δt C of springs at `x` to `out`.
 pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]) {
     par::update(out, |at, out| {
-        let own = x.eight(at);
+        let (own, all) = (x.eight(at), x.flat());
         let (slots, damping) = table.of(at);
         for (k, slot) in slots.iter().enumerate() {
-            let d = minus(&fetch(x, slot), &own);
+            let d = minus(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
             let [along, across] = along_and_across(slot, damping.get(k), &inverse, dt);
             for lane in 0..WIDTH {
@@ -330,7 +348,11 @@ mod tests {
             let table = Table::new(COUNT, entries.clone());
             assert_eq!((0..COUNT / 8).any(|e| table.of(e).0.iter().all(|slot| slot.in_row)), grid);
             let mut wide = Vectors::zeros(COUNT);
-            add_forces(&table, &x, Some(&v), &mut wide);
+            if damping > 0.0 {
+                add(&mut wide, &Forces::<true> { table: &table, x: &x, v: &v });
+            } else {
+                add_forces(&table, &x, &mut wide);
+            }
             for (i, expected) in expected(&entries, &x, &v).into_iter().enumerate() {
                 assert!(
                     (wide.get(i).cast() - expected).norm() < 1e-5 * (1.0 + expected.norm()),

@@ -7,7 +7,7 @@ use super::{
     implicit::{self, Matrix},
     lanes::Vectors,
     solids::{self, Push},
-    springs,
+    springs::{self, Forces, Linear, Sum},
     table::Table,
 };
 use crate::{
@@ -78,20 +78,22 @@ impl Sheets {
         solids::put_back(&placed, friction, mobility, &mut self.x, &mut self.v, dt as f32)
     }
 
-    /// Gathers the forces on all points; returns the pushes of solids among them. Where points are is that of the start; where pins and
-    /// solids are is known, and the implicit rule takes that of the end.
-    fn gather(&mut self, now: f64, dt: f64, integrator: Integrator) -> Vec<Push> {
-        let Self { x, v, force, springs, plates, held, joined, .. } = self;
+    /// Gathers the forces on all points but those of damping; returns the pushes of solids among them. Pins and solids are where they will
+    /// be at the end of the substep.
+    fn gather(&mut self, now: f64, dt: f64) -> Vec<Push> {
+        let Self { x, force, springs, plates, .. } = self;
         force.clear();
-        // The implicit rule damps the new velocities, in its matrix.
-        let (damped, end) = match integrator {
-            Integrator::Symplectic => (true, 0),
-            Integrator::Implicit => (false, 1),
-        };
-        springs::add_forces(springs, x, damped.then_some(&*v), force);
+        springs::add_forces(springs, x, force);
         if let Some(plates) = plates {
             springs::add_linear(plates, x, 1.0, force);
         }
+        self.gather_rest(now, dt, 1)
+    }
+
+    /// Adds the forces on all points but those of springs and plates; returns the pushes of solids among them. Pins and solids are where
+    /// they are at one `end` of the substep.
+    fn gather_rest(&mut self, now: f64, dt: f64, end: usize) -> Vec<Push> {
+        let Self { x, v, force, held, joined, .. } = self;
         hold::add_forces(held, joined, [now, now + end as f64 * dt], x, force);
         for (i, outside) in self.outside.iter().enumerate() {
             force.add(i, *outside);
@@ -117,23 +119,52 @@ impl Sheets {
         pushes
     }
 
+    /// Whether anything but springs, plates and gravity can pull or push.
+    fn has_other_forces(&self) -> bool {
+        let soft = self.held.iter().any(|pin| pin.stiffness.is_some());
+        let pushed = self.params.common.repulsion.is_some() && !self.solids.is_empty();
+        soft || pushed
+            || self.joined.iter().any(|joint| joint.stiffness.is_some())
+            || !self.outside.is_empty()
+    }
+
     fn symplectic(&mut self, now: f64, dt: f64) -> Option<usize> {
-        self.gather(now, dt, Integrator::Symplectic);
+        let others = self.has_other_forces();
+        if others {
+            self.force.clear();
+            self.gather_rest(now, dt, 0);
+        }
+        let Self { x, next_x, low, springs: table, .. } = self;
+        let x = &*x;
+        let plates = self.plates.as_ref().map(|table| Linear { table, y: x, factor: 1.0 });
+        let rest = others.then_some(&self.force);
         let drive = explicit::Drive {
-            force: &self.force,
             inverse: &self.inverse,
             drag: self.drag.as_deref(),
             gravity: self.gravity,
             dt: dt as f32,
+            x,
+            v: None,
         };
-        explicit::advance(&drive, &mut self.x, &mut self.v, &mut self.low)
+        let lost = if let Some(next_v) = &mut self.next_v {
+            let forces = Sum { springs: Forces::<true> { table, x, v: &self.v }, plates, rest };
+            let drive = explicit::Drive { v: Some(&self.v), ..drive };
+            let lost = explicit::advance(&drive, &forces, next_x, next_v, low);
+            std::mem::swap(&mut self.v, next_v);
+            lost
+        } else {
+            let forces = Sum { springs: Forces::<false> { table, x, v: x }, plates, rest };
+            explicit::advance(&drive, &forces, next_x, &mut self.v, low)
+        };
+        std::mem::swap(&mut self.x, &mut self.next_x);
+        lost
     }
 
     fn implicit(&mut self, now: f64, dt: f64, record: &mut SheetRecord) -> Option<usize> {
         // What holds points stands in the blocks, and those held exactly begin with their speed.
         self.lead_speeds(now, dt);
         self.bonds.unite(&self.inverse, &mut Whole { value: &mut self.v, low: None });
-        let pushes = self.gather(now, dt, Integrator::Implicit);
+        let pushes = self.gather(now, dt);
         let h = dt as f32;
         let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
         for pin in self.held.iter().filter(|pin| pin.holds(now)) {
@@ -144,8 +175,22 @@ impl Sheets {
         }
 
         // M v₀ + Δt f(x₀), which takes the place of the forces.
-        let Self { x, v, force, mass, inverse, gravity, drag, springs, plates, joined, bonds, low, .. } =
-            self;
+        let Self {
+            x,
+            v,
+            force,
+            mass,
+            inverse,
+            gravity,
+            drag,
+            springs,
+            plates,
+            joined,
+            bonds,
+            low,
+            next_x,
+            ..
+        } = self;
         force.update(|at, axes| {
             let v = v.eight(at);
             for (axis, out) in axes.into_iter().enumerate() {
@@ -173,10 +218,11 @@ impl Sheets {
         record.unconverged += u32::from(solved.residual > f64::from(solver.tolerance));
 
         // v is the new one; positions follow without further forces.
-        force.clear();
-        let drive =
-            explicit::Drive { force, inverse, drag: None, gravity: crate::math::Vec3::zeros(), dt: h };
-        explicit::advance(&drive, x, v, low)
+        let gravity = crate::math::Vec3::zeros();
+        let drive = explicit::Drive { inverse, drag: None, gravity, dt: h, x, v: None };
+        let lost = explicit::advance(&drive, &explicit::Nothing, next_x, v, low);
+        std::mem::swap(x, next_x);
+        lost
     }
 
     /// Gives points that are held exactly the speed of their way.
@@ -230,11 +276,12 @@ impl Stretch {
 fn stretch(table: &Table, x: &Vectors, i: usize) -> Stretch {
     let mut out = Stretch::default();
     for slot in table.of(i / WIDTH).0 {
-        let (j, k, rest) = (slot.at[i % WIDTH], f64::from(slot.stiffness[i % WIDTH]), slot.rest[i % WIDTH]);
+        let (j, k, rest) =
+            (slot.to(i / WIDTH, i % WIDTH), f64::from(slot.stiffness[i % WIDTH]), slot.rest[i % WIDTH]);
         if k == 0.0 {
             continue;
         }
-        let length = (x.get(j as usize).cast::<f64>() - x.get(i).cast()).norm();
+        let length = (x.get(j).cast::<f64>() - x.get(i).cast()).norm();
         let longer = length - f64::from(rest);
         out.energy += 0.25 * k * longer * longer;
         if rest > 0.0 {
@@ -248,7 +295,7 @@ fn stretch(table: &Table, x: &Vectors, i: usize) -> Stretch {
 /// The share of a point in the energy of plates: ½ xᵀ Q x = ¼ Σ k_ij |x_i − x_j|².
 fn bent(table: &Table, x: &Vectors, i: usize) -> f64 {
     let share = |slot: &super::table::Slot| {
-        let d = x.get(slot.at[i % WIDTH] as usize).cast::<f64>() - x.get(i).cast();
+        let d = x.get(slot.to(i / WIDTH, i % WIDTH)).cast::<f64>() - x.get(i).cast();
         0.25 * f64::from(slot.stiffness[i % WIDTH]) * d.norm_squared()
     };
     table.of(i / WIDTH).0.iter().map(share).sum()

@@ -149,6 +149,24 @@ fn frames_a_hundred_times_as_long() {
 }
 
 #[test]
+fn a_substep_a_hundred_times_too_long() {
+    let world = world(9.81, vec![]);
+    let after = |way: &str, times: f64| {
+        let text = hung([8, 8], 500.0, way).replace("pin =", "shear = 50.0\npin =");
+        let rough = |i: usize| 1e-4 * Vec3::new((i as f32 * 1.7).sin(), (i as f32 * 2.3).sin(), 0.0);
+        let mut sheets = placed(&text, &world, |i, x, v| (x + rough(i), v));
+        let dt = times * sheets.longest_stable();
+        (0..100).try_for_each(|k| sheets.step(f64::from(k) * dt, dt).map(|_| ())).map(|()| sheets.positions())
+    };
+    // One of them goes on, the other says which point is lost.
+    let held = after("implicit", 100.0).unwrap();
+    assert!(held.iter().all(|x| x.amax() < 5.0), "{held:?}");
+    let told = after("symplectic", 100.0).unwrap_err();
+    assert!(told.what.contains("'cloth'") && told.try_next.contains("courant"), "{told}");
+    assert!(after("symplectic", 0.9).unwrap().iter().all(|x| x.amax() < 5.0));
+}
+
+#[test]
 fn all_points_pinned_stay() {
     for way in WAYS {
         let all: Vec<u32> = (0..25).collect();
