@@ -5,7 +5,7 @@ use super::{
     implicit::{self, Matrix},
     lanes::Vectors,
     solids::{self, Push},
-    springs,
+    springs::{self, Blocks},
     table::Table,
 };
 use crate::{
@@ -57,7 +57,7 @@ impl Sheets {
         }
     }
 
-    fn put_back(&mut self, now: f64, dt: f64) -> u64 {
+    pub(super) fn put_back(&mut self, now: f64, dt: f64) -> u64 {
         let placed = solids::placed(&self.solids, now, now + dt);
         let mobility = self.inverse.as_flattened();
         let friction = self.params.common.friction;
@@ -107,10 +107,7 @@ impl Sheets {
         self.lead_speeds(now, dt);
         let pushes = self.gather(now, dt, false);
         let h = dt as f32;
-        let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
-        for pin in self.held.iter().filter(|pin| pin.holds(now)) {
-            implicit::add_all(&mut held, pin.point as usize, h * h * pin.stiffness.unwrap_or(0.0));
-        }
+        let mut held = self.held_blocks(now, dt);
         for push in &pushes {
             implicit::add_along(&mut held, push.point as usize, h * h * push.stiffness, push.normal);
         }
@@ -147,6 +144,31 @@ impl Sheets {
         let drive =
             explicit::Drive { force, inverse, drag: None, gravity: crate::math::Vec3::zeros(), dt: h };
         explicit::advance(&drive, x, v, low)
+    }
+
+    /// Δt² of what soft pins do.
+    pub(super) fn held_blocks(&self, now: f64, dt: f64) -> Vec<Blocks> {
+        let h = dt as f32;
+        let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
+        for pin in self.held.iter().filter(|pin| pin.holds(now)) {
+            implicit::add_all(&mut held, pin.point as usize, h * h * pin.stiffness.unwrap_or(0.0));
+        }
+        held
+    }
+
+    /// The left side of the implicit rule at the positions `x`.
+    pub(super) fn matrix<'a>(&'a self, x: &'a Vectors, held: Vec<Blocks>, now: f64, dt: f64) -> Matrix<'a> {
+        Matrix {
+            springs: &self.springs,
+            plates: self.plates.as_ref(),
+            x,
+            mass: &self.mass,
+            inverse: &self.inverse,
+            drag: self.drag.as_deref(),
+            held,
+            joined: self.joined.iter().filter(|joint| joint.holds(now)).collect(),
+            dt: dt as f32,
+        }
     }
 
     /// Gives points that are held exactly the speed of their way.
