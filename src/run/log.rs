@@ -3,7 +3,9 @@
 use super::{RunError, ShotFolder};
 use crate::{
     frame::FrameIndex,
-    sim::{FrameRecord, sheet::SheetRecord, smoke::SmokeRecord, vortex::Invariants},
+    sim::{
+        FrameRecord, coupling::CouplingRecord, sheet::SheetRecord, smoke::SmokeRecord, vortex::Invariants,
+    },
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::{fs::OpenOptions, io::Write};
@@ -25,6 +27,8 @@ struct Dry<'a> {
     smoke: &'a Option<SmokeRecord>,
     #[serde(skip_serializing_if = "Option::is_none")]
     sheets: &'a Option<SheetRecord>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    coupling: &'a Option<CouplingRecord>,
     seconds: &'a [(&'static str, f64)],
 }
 
@@ -156,8 +160,9 @@ pub(super) fn append(
     let line = if liquid {
         serde_json::to_vec(&Line { frame, bytes, particles, record })
     } else {
-        let FrameRecord { smoke, sheets, seconds, .. } = record;
-        serde_json::to_vec(&Line { frame, bytes, particles, record: &Dry { smoke, sheets, seconds } })
+        let FrameRecord { smoke, sheets, coupling, seconds, .. } = record;
+        let record = &Dry { smoke, sheets, coupling, seconds };
+        serde_json::to_vec(&Line { frame, bytes, particles, record })
     };
     let mut line = line.expect("a record is plain data");
     line.push(b'\n');

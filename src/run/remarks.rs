@@ -6,6 +6,7 @@ use crate::{
     mesh::{SurfaceError, SurfaceStats},
     sim::{
         FrameRecord, SeedReport,
+        coupling::CouplingRecord,
         sheet::SheetRecord,
         smoke::{DriftReport, SmokeRecord},
     },
@@ -55,7 +56,19 @@ pub(super) fn of_frame(record: &FrameRecord) -> Vec<String> {
         (record.particles_inside_solids.into(), "particles inside solids"),
     ]);
     let sheets = record.sheets.as_ref().map_or_else(Vec::new, of_sheets);
-    liquid.into_iter().chain(smoke).chain(sheets).collect()
+    let coupling = record.coupling.as_ref().map_or_else(Vec::new, of_coupling);
+    liquid.into_iter().chain(smoke).chain(sheets).chain(coupling).collect()
+}
+
+/// The same of couplings.
+fn of_coupling(record: &CouplingRecord) -> Vec<String> {
+    let liquid = record.liquid.clone().unwrap_or_default();
+    let smoke = record.smoke.clone().unwrap_or_default();
+    counted(&[
+        (liquid.crossed, "particles got through a sheet"),
+        (liquid.put_back, "particles put back to their side of a sheet"),
+        (smoke.cut, "drags of faces cut (longer substeps than the air allows)"),
+    ])
 }
 
 /// The same of the sheets.

@@ -283,6 +283,10 @@ fn figures(index: FrameIndex, liquid: bool, record: &FrameRecord, seconds: f64) 
         }
         line += &format!("  strain at most {:.1}%", 100.0 * sheets.strain_max);
     }
+    if let Some(liquid) = record.coupling.as_ref().and_then(|coupling| coupling.liquid.as_ref()) {
+        let [x, y, z] = liquid.impulse;
+        line += &format!("  contacts {}  impulse {:.3} N·s", liquid.contacts, x.hypot(y).hypot(z));
+    }
     line += &format!("  {seconds:.2} s");
     for remark in remarks::of_frame(record) {
         line += &format!("  {remark}");

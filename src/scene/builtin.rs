@@ -11,6 +11,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("figure-bath", include_str!("../../presets/figure-bath.toml")),
         ("figure-drop", include_str!("../../presets/figure-drop.toml")),
         ("figure-splash", include_str!("../../presets/figure-splash.toml")),
+        ("flag-in-smoke", include_str!("../../presets/flag-in-smoke.toml")),
         ("leapfrog-rings", include_str!("../../presets/leapfrog-rings.toml")),
         ("plume", include_str!("../../presets/plume.toml")),
         ("sheet-center", include_str!("../../presets/sheet-center.toml")),
@@ -22,6 +23,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("stretchy-corners", include_str!("../../presets/stretchy-corners.toml")),
         ("through-torus", include_str!("../../presets/through-torus.toml")),
         ("torus-small-hole", include_str!("../../presets/torus-small-hole.toml")),
+        ("water-on-cloth", include_str!("../../presets/water-on-cloth.toml")),
         ("wave-machine", include_str!("../../presets/wave-machine.toml")),
     ]
 }

@@ -1,6 +1,9 @@
 //! Checks of what a preset means, once every value is valid on its own.
 
-use super::{Scene, check::Places, problem::Finding, sheet::check_sheets, smoke::check_smoke};
+use super::{
+    Scene, check::Places, coupling::check_couplings, problem::Finding, sheet::check_sheets,
+    smoke::check_smoke,
+};
 use crate::{
     export::vdb::VolumeGrid,
     sim::liquid::{LiquidChannel, LiquidParams, SourceShape},
@@ -28,6 +31,7 @@ pub(super) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         check_smoke(scene, smoke, places, &mut findings);
     }
     check_sheets(scene, places, &mut findings);
+    check_couplings(scene, places, &mut findings);
     if scene.liquid.is_none() && scene.smoke.is_none() && scene.sheet.is_empty() {
         findings.push(
             Finding::new(

@@ -7,6 +7,7 @@
 mod assets;
 pub mod builtin;
 mod check;
+mod coupling;
 mod file;
 mod frames;
 mod meaning;
@@ -36,6 +37,7 @@ use crate::{
     mesh::SurfaceParams,
     sim::{
         self, Observable, SetupError, Systems,
+        coupling::Coupling,
         liquid::LiquidParams,
         sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
         smoke::{Smoke, SmokeParams},
@@ -73,6 +75,9 @@ pub struct Scene {
     /// What all sheets have in common; absent: nothing joins them, solids stop them, and the defaults of the solver.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheets: Option<SheetsCommon>,
+    /// Which systems feel each other; none: each is alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub coupling: Vec<Coupling>,
     /// How frames are meshed.
     #[serde(default)]
     pub surface: SurfaceParams,
@@ -193,7 +198,7 @@ impl Scene {
         let params =
             SheetsParams { sheet: self.sheet.clone(), common: self.sheets.clone().unwrap_or_default() };
         let sheets = (!self.sheet.is_empty()).then_some(Shot { params, fps, first });
-        Systems { liquid: self.liquid.clone(), smoke, sheets }
+        Systems { liquid: self.liquid.clone(), smoke, sheets, couplings: self.coupling.clone() }
     }
 
     /// The time from the first frame to the last [s].
@@ -229,6 +234,8 @@ impl Scene {
             sheet: &'a [SheetParams],
             #[serde(skip_serializing_if = "Option::is_none")]
             sheets: &'a Option<SheetsCommon>,
+            #[serde(skip_serializing_if = "<[Coupling]>::is_empty")]
+            coupling: &'a [Coupling],
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
@@ -241,6 +248,7 @@ impl Scene {
             smoke,
             sheet,
             sheets,
+            coupling,
             surface: _,
             volume: _,
             output: _,
@@ -264,6 +272,7 @@ impl Scene {
             smoke,
             sheet,
             sheets,
+            coupling,
             files,
         };
         let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");

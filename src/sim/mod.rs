@@ -7,6 +7,7 @@
 /// Raised whenever a change gives the same preset other bits, so that a resumed cache never mixes two solvers.
 pub const STATE_VERSION: u32 = 8;
 
+pub mod coupling;
 pub mod liquid;
 mod observe;
 mod record;

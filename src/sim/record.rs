@@ -1,6 +1,6 @@
 //! What a simulation tells about its start and about every frame.
 
-use super::{sheet::SheetRecord, smoke::SmokeRecord};
+use super::{coupling::CouplingRecord, sheet::SheetRecord, smoke::SmokeRecord};
 use serde::Serialize;
 use std::time::Instant;
 
@@ -87,6 +87,9 @@ pub struct FrameRecord {
     /// What happened to the sheets, if there are any.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sheets: Option<SheetRecord>,
+    /// What happened between systems that are coupled, if any are.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coupling: Option<CouplingRecord>,
     /// Wall-clock time of every pass that ran [s], in order of the passes. Lists rebuilt between iterations count
     /// as "solve".
     pub seconds: Vec<(&'static str, f64)>,
@@ -118,6 +121,24 @@ impl Clock {
         let result = job();
         entry.1 += start.elapsed().as_secs_f64();
         result
+    }
+
+    /// The same of a job that books passes of its own: theirs is not `pass`'s.
+    ///
+    /// # Panics
+    /// If the pass was not announced.
+    pub(super) fn around<T>(&mut self, pass: &'static str, job: impl FnOnce(&mut Self) -> T) -> T {
+        let (start, before) = (Instant::now(), self.total());
+        let result = job(self);
+        let own = start.elapsed().as_secs_f64() - (self.total() - before);
+        let entry =
+            self.totals.iter_mut().find(|(name, _)| *name == pass).expect("only announced passes run");
+        entry.1 += own;
+        result
+    }
+
+    fn total(&self) -> f64 {
+        self.totals.iter().map(|(_, seconds)| seconds).sum()
     }
 
     /// The seconds by pass.

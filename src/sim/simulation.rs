@@ -2,8 +2,12 @@
 
 use super::{
     FrameRecord, SeedReport, Stop, Watch,
+    coupling::{
+        self, Blown, Bound, Coupling, CouplingError, CouplingRecord, Outside, Resolved, There, Together, Wind,
+    },
     liquid::{self, Liquid, LiquidParams},
-    sheet::{self, SheetError, Sheets},
+    record::{Clock, Seconds},
+    sheet::{self, SheetError, SheetRecord, Sheets},
     smoke::{self, Smoke},
     vortex::Unfit,
 };
@@ -31,6 +35,8 @@ pub struct Systems {
     pub smoke: Option<Smoke>,
     /// The sheets.
     pub sheets: Option<sheet::Shot>,
+    /// Which of them feel each other.
+    pub couplings: Vec<Coupling>,
 }
 
 impl From<Option<LiquidParams>> for Systems {
@@ -77,6 +83,9 @@ pub enum SetupError {
     /// The sheets cannot be what the preset says.
     #[error(transparent)]
     Sheets(#[from] SheetError),
+    /// A coupling has no meaning.
+    #[error(transparent)]
+    Coupling(#[from] CouplingError),
     /// The frame to restore from lacks a part.
     #[error("the frame's stream '{stream}' has no '{what}'; simulate it again")]
     Missing {
@@ -93,6 +102,10 @@ pub struct Simulation {
     liquid: Option<Liquid>,
     smoke: Option<smoke::System>,
     sheets: Option<Sheets>,
+    /// The liquid with sheets.
+    wet: Option<Bound>,
+    /// Sheets in the smoke.
+    blown: Option<Blown>,
     time: f64,
 }
 
@@ -102,13 +115,12 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the sources of one hold no particle or too many.
     pub fn new(world: World, systems: impl Into<Systems>) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets } = present(systems.into())?;
-        Ok(Self {
-            liquid: liquid.map(|params| Liquid::seed(params, &world)).transpose()?,
-            smoke: smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?,
-            sheets: sheets.map(|sheets| Sheets::new(sheets, &world)).transpose()?,
-            time: 0.0,
-        })
+        let Systems { liquid, smoke, sheets, couplings } = present(systems.into())?;
+        let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
+        let liquid = liquid.map(|params| Liquid::seed(params, &world)).transpose()?;
+        let smoke = smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?;
+        let sheets = sheets.map(|sheets| Sheets::new(sheets, &world)).transpose()?;
+        Self { liquid, smoke, sheets, wet: None, blown: None, time: 0.0 }.coupled(&couplings, density)
     }
 
     /// Takes the state from a frame that [`Simulation::frame`] gave. What follows has the same bits as in the
@@ -117,7 +129,8 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the frame lacks its state.
     pub fn restore(world: World, systems: impl Into<Systems>, frame: &Frame) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets, couplings } = present(systems.into())?;
+        let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
         let liquid = liquid.map(|params| {
             let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
             let stream = frame.stream(liquid::NAME).ok_or(missing)?;
@@ -125,12 +138,22 @@ impl Simulation {
         });
         let smoke = smoke.map(|smoke| smoke::System::restore(smoke, &world, &frame.streams));
         let sheets = sheets.map(|sheets| Sheets::restore(sheets, &world, &frame.streams, frame.time));
-        Ok(Self {
-            liquid: liquid.transpose()?,
-            smoke: smoke.transpose()?,
-            sheets: sheets.transpose()?,
-            time: frame.time,
-        })
+        let (liquid, smoke, sheets) = (liquid.transpose()?, smoke.transpose()?, sheets.transpose()?);
+        Self { liquid, smoke, sheets, wet: None, blown: None, time: frame.time }.coupled(&couplings, density)
+    }
+
+    /// With couplings, of a liquid of this spacing and density.
+    fn coupled(mut self, couplings: &[Coupling], density: Option<[f32; 2]>) -> Result<Self, SetupError> {
+        let names = self.sheets.as_ref().map(Sheets::names).unwrap_or_default();
+        let there = There { liquid: self.liquid.is_some(), smoke: self.smoke.is_some(), sheets: names };
+        let Resolved { liquid, smoke } = coupling::resolve(couplings, &there)?;
+        if let (Some([spacing, density]), Some(sheets), false) = (density, &self.sheets, liquid.is_empty()) {
+            self.wet = Some(Bound::new(sheets, &liquid, spacing, density));
+        }
+        if let (Some(sheets), false) = (&self.sheets, smoke.is_empty()) {
+            self.blown = Some(Blown::new(sheets, &smoke));
+        }
+        Ok(self)
     }
 
     /// What seeding did.
@@ -161,27 +184,61 @@ impl Simulation {
     /// # Errors
     /// [`Stop`]; the state is then somewhere inside the frame and good only to look at.
     pub fn advance(&mut self, frame_seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
-        let mut record = FrameRecord::default();
         let systems = [self.liquid.is_some(), self.smoke.is_some(), self.sheets.is_some()];
         let share = 1.0 / systems.into_iter().filter(|&is_there| is_there).count() as f64;
+        let span = [self.time, frame_seconds];
         let mut from = 0.0;
-        if let Some(liquid) = &mut self.liquid {
-            let mut part = Part { watch: &mut *watch, from, share };
-            record = liquid.advance(self.time, frame_seconds, &mut part)?;
+        let mut part = |share: f64| {
             from += share;
-        }
+            (from - share, share)
+        };
+
+        // Smoke feels nothing of the others, and goes ahead: they may ask for its air.
+        let mut airs = self.blown.as_ref().map(|_| Vec::new());
+        let mut smoky = None;
         if let Some(smoke) = &mut self.smoke {
+            let (from, share) = part(share);
             let mut part = Part { watch: &mut *watch, from, share };
-            let (told, seconds) = smoke.advance(self.time, frame_seconds, &mut part)?;
+            smoky = Some(smoke.advance(self.time, frame_seconds, airs.as_mut(), &mut part)?);
+        }
+        let mut wind = self.blown.as_ref().zip(airs).map(|(blown, airs)| Wind::new(blown, airs));
+        let outside = wind.as_mut().map(|wind| wind as &mut dyn Outside);
+
+        // The liquid and the sheets, together if they are coupled.
+        let (mut record, mut dry) = (FrameRecord::default(), None);
+        match (&mut self.liquid, &mut self.sheets, &self.wet) {
+            (Some(liquid), Some(sheets), Some(bound)) => {
+                let (from, share) = part(2.0 * share);
+                record = wet(liquid, sheets, bound, outside, span, &mut Part { watch, from, share })?;
+            }
+            (liquid, sheets, _) => {
+                if let Some(liquid) = liquid {
+                    let (from, share) = part(share);
+                    let mut part = Part { watch: &mut *watch, from, share };
+                    record = liquid.advance(self.time, frame_seconds, &mut part)?;
+                }
+                if let Some(sheets) = sheets {
+                    let (from, share) = part(share);
+                    let mut part = Part { watch, from, share };
+                    dry = Some(match outside {
+                        Some(outside) => blown(sheets, outside, span, &mut part)?,
+                        None => sheets.advance(self.time, frame_seconds, &mut part)?,
+                    });
+                }
+            }
+        }
+
+        // The account, in order of the passes.
+        if let Some((told, seconds)) = smoky {
             record.smoke = Some(told);
             record.seconds.extend(seconds);
-            from += share;
         }
-        if let Some(sheets) = &mut self.sheets {
-            let mut part = Part { watch, from, share };
-            let (told, seconds) = sheets.advance(self.time, frame_seconds, &mut part)?;
+        if let Some((told, seconds)) = dry {
             record.sheets = Some(told);
             record.seconds.extend(seconds);
+        }
+        if let Some(wind) = wind {
+            record.coupling.get_or_insert_default().smoke = Some(wind.told);
         }
         self.time += frame_seconds;
         Ok(record)
@@ -192,8 +249,62 @@ impl Simulation {
         let liquid = self.liquid.as_ref().map(Liquid::passes).unwrap_or_default();
         let smoke = self.smoke.as_ref().map(smoke::System::passes).unwrap_or_default();
         let sheets = self.sheets.as_ref().map(Sheets::passes).unwrap_or_default();
-        liquid.into_iter().chain(smoke).chain(sheets).collect()
+        let between = between(self.wet.is_some(), self.blown.is_some());
+        liquid.into_iter().chain(smoke).chain(sheets).chain(between).collect()
     }
+}
+
+/// The passes of couplings between sheets and what is around them.
+fn between(wet: bool, blown: bool) -> Vec<&'static str> {
+    let wet = if wet { &coupling::PASSES[..] } else { &[] };
+    blown.then_some(coupling::AIR).into_iter().chain(wet.iter().copied()).collect()
+}
+
+/// A frame of a liquid and sheets that share their substeps: the start and the length [s].
+fn wet<'a>(
+    liquid: &mut Liquid,
+    sheets: &'a mut Sheets,
+    bound: &'a Bound,
+    outside: Option<&'a mut (dyn Outside + 'a)>,
+    [start, seconds]: [f64; 2],
+    watch: &mut dyn Watch,
+) -> Result<FrameRecord, Stop> {
+    let passes = [liquid.passes(), sheets.passes(), between(true, outside.is_some())].concat();
+    let mut clock = Clock::new(&passes);
+    let mut both = Together::new(bound, sheets, outside);
+    let mut record = liquid.advance_with(Some(&mut both), [start, seconds], &mut clock, watch)?;
+    let Together { sheets, record: mut told, told: coupled, .. } = both;
+    clock.time("sheet_account", || sheets.end(start + seconds, &mut told));
+    record.sheets = Some(told);
+    record.coupling = Some(CouplingRecord { liquid: Some(coupled), smoke: None });
+    record.seconds = clock.into_totals();
+    Ok(record)
+}
+
+/// A frame of sheets on which something acts from outside.
+fn blown(
+    sheets: &mut Sheets,
+    outside: &mut dyn Outside,
+    [start, seconds]: [f64; 2],
+    watch: &mut dyn Watch,
+) -> Result<(SheetRecord, Seconds), Stop> {
+    let mut clock = Clock::new(&[sheets.passes(), between(false, true)].concat());
+    let mut record = sheets.begin();
+    let mut left = seconds;
+    // The last substep ends the frame but for rounding.
+    while left > 1e-9 * seconds {
+        if !watch.keep_going() {
+            return Err(Stop::Interrupted);
+        }
+        let now = start + (seconds - left);
+        let dt = left / f64::from(sheets.substeps_left(now, left, seconds, record.substeps)?);
+        outside.act(sheets, now, dt, &mut clock)?;
+        sheets.go(now, dt, &mut clock, &mut record)?;
+        left -= dt;
+        watch.substep(1.0 - left / seconds);
+    }
+    clock.time("sheet_account", || sheets.end(start + seconds, &mut record));
+    Ok((record, clock.into_totals()))
 }
 
 /// The systems, if there is one.

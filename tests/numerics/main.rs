@@ -1,6 +1,7 @@
 //! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
 
 mod cleanup;
+mod coupling;
 mod decimation;
 mod eikonal;
 mod liquid;

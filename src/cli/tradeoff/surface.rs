@@ -172,6 +172,7 @@ fn bare(title: &str) -> Scene {
         smoke: None,
         sheet: Vec::new(),
         sheets: None,
+        coupling: Vec::new(),
         surface: Default::default(),
         volume: Default::default(),
         output: scene::Output::default(),

@@ -177,7 +177,7 @@ fn plan_within(
     control.reporter.begin("calibrate", 3);
     let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
     let passes = passes(&simulation, scene, with_outputs);
-    let beside = Beside {
+    let mut beside = Beside {
         smoke: smoke::plan(scene, selection, with_outputs, control)?,
         sheets: sheets::plan(scene, selection, with_outputs, control)?,
     };
@@ -186,8 +186,14 @@ fn plan_within(
         control.reporter.end();
         return allowed.map_or(Ok(()), |allowed| refuse_memory(plan.memory, allowed)).map(|()| plan);
     }
-    // What follows is of the liquid alone.
-    let simulation = Simulation::new(simulate::world(scene), scene.liquid.clone())?;
+    // What follows is of the liquid alone, or of it and the sheets that it is coupled with.
+    let systems = pilot::of_liquid(scene);
+    let together = systems.sheets.is_some();
+    let simulation = Simulation::new(simulate::world(scene), systems)?;
+    if let (true, Some(sheets)) = (together, &mut beside.sheets) {
+        // The pilots run them with the liquid.
+        (sheets.seconds, sheets.cache) = (0.0, 0.0);
+    }
     let particles = simulation.seeded().particles as usize;
     let formats = formats(scene, with_outputs);
     let mut told = remarks::of_seeding(&simulation.seeded());

@@ -8,7 +8,7 @@ use crate::{
     mesh,
     run::{Control, RunError, remarks, scratch::Scratch, simulate::world, usage::Meter},
     scene::{Frames, Scene},
-    sim::{FrameRecord, SetupError, Simulation, Stop, Watch},
+    sim::{FrameRecord, SetupError, Simulation, Stop, Systems, Watch, liquid::NAME},
 };
 
 /// Frames of which surfaces are made.
@@ -91,16 +91,17 @@ pub(super) fn run(
     seconds: f64,
     control: Control,
 ) -> Result<Pilot, RunError> {
-    let mut liquid = scene.liquid.clone();
+    let mut systems = of_liquid(scene);
+    let liquid = &mut systems.liquid;
     let fewer = |steps: u32| ((f64::from(steps) / factor).round() as u32).max(1);
-    if let Some(liquid) = &mut liquid {
+    if let Some(liquid) = &mut *liquid {
         liquid.spacing = (f64::from(liquid.spacing) * factor) as f32;
         // Substeps as long as the shot's, in spacings: then one takes about as many iterations.
         (liquid.min_substeps, liquid.max_substeps) = (fewer(liquid.min_substeps), fewer(liquid.max_substeps));
     }
     let limits = liquid.as_ref().map_or([0, u32::MAX], |liquid| [liquid.min_substeps, liquid.max_substeps]);
     let spacing = liquid.as_ref().map_or(0.0, |liquid| liquid.spacing);
-    let mut simulation = Simulation::new(world(scene), liquid)?;
+    let mut simulation = Simulation::new(world(scene), systems)?;
     let scratch = Scratch::new()?;
     let clock = Meter::new();
     let (first, last) = (scene.frames.first().0, selection.last().0);
@@ -135,7 +136,7 @@ pub(super) fn run(
         let sampled = (index - first) % every == 0 || index == last;
         if !formats.is_empty() && sampled {
             let frame = simulation.frame(FrameIndex(index));
-            for stream in &frame.streams {
+            for stream in frame.streams.iter().filter(|stream| stream.name == NAME) {
                 pilot.surfaces.push(surface(scene, stream, spacing, formats, &scratch, control)?);
             }
         }
@@ -183,6 +184,14 @@ pub(super) fn surface(
     }
     let (bricks, vertices) = (surface.stats.bricks[0], surface.stats.vertices);
     Ok(PilotSurface { seconds: meter.work(), bricks, vertices, bytes })
+}
+
+/// The liquid, and the sheets that share its substeps if they are coupled.
+pub(super) fn of_liquid(scene: &Scene) -> Systems {
+    let Systems { liquid, sheets, mut couplings, .. } = scene.systems();
+    couplings.retain(|coupling| coupling.between.iter().any(|side| side == NAME));
+    let sheets = sheets.filter(|_| !couplings.is_empty());
+    Systems { liquid, smoke: None, sheets, couplings }
 }
 
 /// Goes on until the user stops the job.

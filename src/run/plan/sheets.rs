@@ -62,7 +62,7 @@ pub(super) fn plan(
         return Ok(None);
     }
     let frames = (selection.last().0 - scene.frames.first().0) as usize;
-    let systems = Systems { liquid: None, smoke: None, ..scene.systems() };
+    let systems = Systems { sheets: scene.systems().sheets, ..Systems::default() };
     let mut simulation = Simulation::new(world(scene), systems)?;
     let points = f64::from(simulation.seeded().points);
     let scratch = Scratch::new()?;

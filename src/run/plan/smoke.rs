@@ -193,7 +193,7 @@ fn course(
     with_volumes: bool,
     control: Control,
 ) -> Result<(Seen, Vec<Seen>), RunError> {
-    let systems = Systems { liquid: None, sheets: None, ..scene.systems() };
+    let systems = Systems { smoke: scene.systems().smoke, ..Systems::default() };
     let around = systems.smoke.clone().map(|smoke| Surroundings { smoke, world: world(scene) });
     let mut simulation = Simulation::new(world(scene), systems)?;
     let counts = simulation.seeded().smoke.unwrap_or_default();

@@ -10,6 +10,7 @@
 //! (at 1 km, 0.06 mm).
 
 mod accelerated;
+mod company;
 mod correction;
 mod density;
 mod displaced;
@@ -30,6 +31,7 @@ mod viscosity;
 mod vorticity;
 mod walls;
 
+pub(super) use company::{Company, Particles};
 pub use params::{
     ArtificialPressure, Constraint, Kernel, LiquidChannel, LiquidParams, LiquidSource, SolverKind,
     SourceShape, VorticityConfinement, Xsph,
@@ -215,6 +217,19 @@ impl Liquid {
         watch: &mut dyn Watch,
     ) -> Result<FrameRecord, Stop> {
         let mut clock = Clock::new(&self.passes());
+        let mut record = self.advance_with(None, [start, seconds], &mut clock, watch)?;
+        record.seconds = clock.into_totals();
+        Ok(record)
+    }
+
+    /// The same together with what shares the substeps; the seconds of passes are the clock's.
+    pub(super) fn advance_with(
+        &mut self,
+        mut company: Option<&mut dyn Company>,
+        [start, seconds]: [f64; 2],
+        clock: &mut Clock,
+        watch: &mut dyn Watch,
+    ) -> Result<FrameRecord, Stop> {
         let mut record = FrameRecord::default();
         (self.solver.rebuilds, self.solver.shortened, self.solver.stuck) = (0, 0, 0);
         self.momentum.forget();
@@ -224,18 +239,24 @@ impl Liquid {
             if !watch.keep_going() {
                 return Err(Stop::Interrupted);
             }
-            let remaining = self.substeps_left(left, &mut record);
+            let now = start + (seconds - left);
+            let mut remaining = self.substeps_left(left, company.as_deref(), &mut record);
+            if let Some(company) = &mut company {
+                remaining = remaining.max(company.substeps_left(now, left, seconds, record.substeps)?);
+            }
             let dt = left / f64::from(remaining);
             record.substeps += 1;
             let left_after = if remaining == 1 { 0.0 } else { left - dt };
             self.walls.move_to(start + (seconds - left_after));
-            self.substep(dt as f32, &mut clock, &mut record, watch)?;
+            if let Some(company) = &mut company {
+                company.advance_alone(now, dt, clock)?;
+            }
+            self.substep(dt as f32, &mut company, clock, &mut record, watch)?;
             self.check_state(record.substeps)?;
             left = left_after;
             watch.substep(1.0 - left / seconds);
         }
-        self.measure(&mut clock, &mut record)?;
-        record.seconds = clock.into_totals();
+        self.measure(clock, &mut record)?;
         Ok(record)
     }
 
@@ -243,6 +264,7 @@ impl Liquid {
     fn substep(
         &mut self,
         dt: f32,
+        company: &mut Option<&mut dyn Company>,
         clock: &mut Clock,
         record: &mut FrameRecord,
         watch: &mut dyn Watch,
@@ -261,8 +283,21 @@ impl Liquid {
                 shortened
             });
         }
-        clock.time("solve", || self.solve(dt, record, watch))?;
+        if let Some(company) = company {
+            let free = |from, to| self.walls.step(from, to).0;
+            company.meet(&self.solver.particles(&self.x, &free), clock);
+        }
+        press(company, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
+        clock.around("solve", |clock| self.solve(dt, company, clock, record, watch))?;
+        if let Some(company) = company {
+            let free = |from, to| self.walls.step(from, to).0;
+            self.first_energy += company.part(&mut self.solver.particles(&self.x, &free), clock);
+            self.solver.notice_moves(&self.rest);
+        }
         clock.time("velocity", || self.update_velocities(dt));
+        if let Some(company) = company {
+            company.rub(&mut self.v, clock);
+        }
         self.grant_work(dt, record);
         if self.confinement.is_some() || self.params.viscosity.is_some() {
             let setup = setup(&self.params, &self.rest, &self.walls);
@@ -321,7 +356,14 @@ impl Liquid {
     }
 
     /// [pbf] Alg. 1, lines 8–19.
-    fn solve(&mut self, dt: f32, record: &mut FrameRecord, watch: &mut dyn Watch) -> Result<(), Stop> {
+    fn solve(
+        &mut self,
+        dt: f32,
+        company: &mut Option<&mut dyn Company>,
+        clock: &mut Clock,
+        record: &mut FrameRecord,
+        watch: &mut dyn Watch,
+    ) -> Result<(), Stop> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
         self.solver.ensure_lists(&setup).map_err(|crowd| self.crowded(record.substeps, crowd))?;
@@ -354,6 +396,7 @@ impl Liquid {
                 break;
             }
             self.solver.correct(&setup);
+            press(company, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
             record.iterations += 1;
         }
         Ok(())
@@ -394,9 +437,10 @@ impl Liquid {
     }
 
     /// How many equal substeps the rest of the frame, `left` [s], takes at the present speeds.
-    fn substeps_left(&self, left: f64, record: &mut FrameRecord) -> u32 {
+    fn substeps_left(&self, left: f64, company: Option<&dyn Company>, record: &mut FrameRecord) -> u32 {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
-        let fastest = fastest + self.walls.fastest(left);
+        let company = company.map_or(0.0, Company::fastest);
+        let fastest = fastest + self.walls.fastest(left).max(company);
         let gravity = f64::from(self.gravity.norm());
         let allowed = f64::from(self.params.cfl) * f64::from(self.params.spacing);
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
@@ -516,6 +560,23 @@ fn setup<'a>(params: &LiquidParams, rest: &'a Rest, walls: &'a Walls) -> Setup<'
 
 fn neighbourhood<'a>(rest: &'a Rest, solver: &'a Solver, motion: &'a [Node]) -> Neighbourhood<'a> {
     Neighbourhood { rest, nodes: &solver.nodes, motion, lists: &solver.lists }
+}
+
+/// Lets what shares the substep push particles and be pushed.
+fn press(
+    company: &mut Option<&mut dyn Company>,
+    x: &[Vec3],
+    solver: &mut Solver,
+    walls: &Walls,
+    rest: &Rest,
+    clock: &mut Clock,
+) {
+    let free = |from, to| walls.step(from, to).0;
+    if let Some(company) = company
+        && company.press(&mut solver.particles(x, &free), clock)
+    {
+        solver.notice_moves(rest);
+    }
 }
 
 /// Lets neighbours read velocities.

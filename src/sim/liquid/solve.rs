@@ -10,7 +10,7 @@
 //! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²].
 
 use super::{
-    Constraint,
+    Constraint, Particles,
     correction::{CorrectionPass, Moved},
     density::{Chunk, Decide, DensityPass, Residual, Unknown, Unknowns, Verdict},
     lanes::{Lanes, Node},
@@ -228,6 +228,16 @@ impl Solver {
     pub(super) fn publish_ratio(&mut self, inv_h: f32) {
         let (p, ratio) = (&self.p, &self.ratio);
         par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, ratio[i]));
+    }
+
+    /// The particles, which began the substep at `from`, for what shares it.
+    pub(super) fn particles<'a>(
+        &'a mut self,
+        from: &'a [Vec3],
+        free: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+    ) -> Particles<'a> {
+        let Self { p, grid, built_at, .. } = self;
+        Particles { from, to: p, grid, sorted_at: built_at, free }
     }
 
     /// Moves every particle by its Δp and out of the solids.

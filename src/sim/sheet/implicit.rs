@@ -62,7 +62,7 @@ impl Matrix<'_> {
     }
 
     /// A p, zero at points of no mobility.
-    fn times(&self, p: &Vectors, out: &mut Vectors) {
+    pub(super) fn times(&self, p: &Vectors, out: &mut Vectors) {
         out.update(|at, [x, y, z]| {
             let (p, m) = (p.eight(at), self.inertia(at));
             let q = symmetric(&self.held[at], &p);
@@ -87,7 +87,7 @@ impl Matrix<'_> {
     }
 
     /// Leaves what points of mobility and bonds allow.
-    fn filter(&self, out: &mut Vectors) {
+    pub(super) fn filter(&self, out: &mut Vectors) {
         out.update(|at, axes| {
             for axis in axes {
                 for (value, &inverse) in axis.iter_mut().zip(&self.inverse[at]) {
@@ -100,8 +100,8 @@ impl Matrix<'_> {
         self.bonds.filter(self.inverse, out);
     }
 
-    /// Inverses of the blocks on the diagonal.
-    fn inverses(&self) -> Vec<Blocks> {
+    /// The blocks on the diagonal.
+    pub(super) fn diagonal(&self) -> Vec<Blocks> {
         let mut blocks = self.held.clone();
         par::update(&mut blocks, |at, block| {
             let m = self.inertia(at);
@@ -119,23 +119,15 @@ impl Matrix<'_> {
             let stiffness = self.dt * self.dt * joint.stiffness.unwrap_or(0.0);
             joint.ends.iter().for_each(|&i| add_all(&mut blocks, i as usize, stiffness));
         }
-        par::update(&mut blocks, |_, block| {
-            for lane in 0..WIDTH {
-                let inverted = invert(std::array::from_fn(|part| block[part][lane]));
-                block.iter_mut().zip(inverted).for_each(|(part, value)| part[lane] = value);
-            }
-        });
         blocks
     }
 
     /// Solves A v = `right`, from `v`, whose points of no mobility stay.
     pub(super) fn solve(&self, right: &Vectors, v: &mut Vectors, tolerance: f64, most: u32) -> Solved {
-        let inverses = self.inverses();
+        let mut inverses = self.diagonal();
+        invert_all(&mut inverses);
         let precondition = |r: &Vectors, z: &mut Vectors| {
-            z.update(|at, out| {
-                let found = symmetric(&inverses[at], &r.eight(at));
-                out.into_iter().zip(found).for_each(|(out, found)| *out = found);
-            });
+            precondition(&inverses, r, z);
             self.bonds.filter(self.inverse, z);
         };
         let len = v.len();
@@ -170,8 +162,26 @@ impl Matrix<'_> {
     }
 }
 
+/// z ← blocks r.
+pub(super) fn precondition(blocks: &[Blocks], r: &Vectors, z: &mut Vectors) {
+    z.update(|at, out| {
+        let found = symmetric(&blocks[at], &r.eight(at));
+        out.into_iter().zip(found).for_each(|(out, found)| *out = found);
+    });
+}
+
+/// Inverts every block.
+pub(super) fn invert_all(blocks: &mut [Blocks]) {
+    par::update(blocks, |_, block| {
+        for lane in 0..WIDTH {
+            let inverted = invert(std::array::from_fn(|part| block[part][lane]));
+            block.iter_mut().zip(inverted).for_each(|(part, value)| part[lane] = value);
+        }
+    });
+}
+
 /// a ← f a + g b.
-fn combine(a: &mut Vectors, f: f32, b: &Vectors, g: f32) {
+pub(super) fn combine(a: &mut Vectors, f: f32, b: &Vectors, g: f32) {
     a.update(|at, out| {
         for (out, b) in out.into_iter().zip(b.eight(at)) {
             for lane in 0..WIDTH {
@@ -206,9 +216,13 @@ fn invert(m: [f32; 6]) -> [f32; 6] {
 
 /// The blocks k n nᵀ.
 pub(super) fn add_along(blocks: &mut [Blocks], i: usize, k: f32, n: Vec3) {
-    let block = &mut blocks[i / WIDTH];
+    add_to_block(&mut blocks[i / WIDTH], i % WIDTH, k, n);
+}
+
+/// The block k n nᵀ of one of eight.
+pub(super) fn add_to_block(block: &mut Blocks, lane: usize, k: f32, n: Vec3) {
     for (part, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
-        block[part][i % WIDTH] += k * n[a] * n[b];
+        block[part][lane] += k * n[a] * n[b];
     }
 }
 

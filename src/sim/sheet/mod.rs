@@ -8,9 +8,11 @@
 //! Symbols: x → `x` [m], v → `v` [m/s], M → `mass` [kg], C/M → `drag` [1/s].
 //! Limits: first order in time; positions are single precision, so a spring of 1 mm at 1 m from the origin knows its strain to 6e-5.
 
+mod attached;
 mod bonds;
 mod bound;
 mod check;
+mod drive;
 mod error;
 mod explicit;
 mod hold;
@@ -25,6 +27,7 @@ mod state;
 mod step;
 mod table;
 
+pub(in crate::sim) use attached::{Leaning, Touch, Touches};
 pub use check::check;
 pub use error::SheetError;
 pub use params::{

@@ -7,7 +7,7 @@ use super::{
     implicit::{self, Matrix},
     lanes::Vectors,
     solids::{self, Push},
-    springs::{self, Forces, Linear, Sum},
+    springs::{self, Blocks, Forces, Linear, Sum},
     table::Table,
 };
 use crate::{
@@ -61,7 +61,7 @@ impl Sheets {
     }
 
     /// Puts together what bonds hold exactly.
-    fn unite(&mut self) {
+    pub(super) fn unite(&mut self) {
         let Self { bonds, inverse, x, v, low, .. } = self;
         if bonds.is_empty() {
             return;
@@ -71,7 +71,7 @@ impl Sheets {
         bonds.unite(inverse, &mut Whole { value: x, low: Some(low) });
     }
 
-    fn put_back(&mut self, now: f64, dt: f64) -> u64 {
+    pub(super) fn put_back(&mut self, now: f64, dt: f64) -> u64 {
         let placed = solids::placed(&self.solids, now, now + dt);
         let mobility = self.inverse.as_flattened();
         let friction = self.params.common.friction;
@@ -166,10 +166,7 @@ impl Sheets {
         self.bonds.unite(&self.inverse, &mut Whole { value: &mut self.v, low: None });
         let pushes = self.gather(now, dt);
         let h = dt as f32;
-        let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
-        for pin in self.held.iter().filter(|pin| pin.holds(now)) {
-            implicit::add_all(&mut held, pin.point as usize, h * h * pin.stiffness.unwrap_or(0.0));
-        }
+        let mut held = self.held_blocks(now, dt);
         for push in &pushes {
             implicit::add_along(&mut held, push.point as usize, h * h * push.stiffness, push.normal);
         }
@@ -223,6 +220,32 @@ impl Sheets {
         let lost = explicit::advance(&drive, &explicit::Nothing, next_x, v, low);
         std::mem::swap(x, next_x);
         lost
+    }
+
+    /// Δt² of what soft pins do.
+    pub(super) fn held_blocks(&self, now: f64, dt: f64) -> Vec<Blocks> {
+        let h = dt as f32;
+        let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
+        for pin in self.held.iter().filter(|pin| pin.holds(now)) {
+            implicit::add_all(&mut held, pin.point as usize, h * h * pin.stiffness.unwrap_or(0.0));
+        }
+        held
+    }
+
+    /// The left side of the implicit rule at the positions `x`.
+    pub(super) fn matrix<'a>(&'a self, x: &'a Vectors, held: Vec<Blocks>, now: f64, dt: f64) -> Matrix<'a> {
+        Matrix {
+            springs: &self.springs,
+            plates: self.plates.as_ref(),
+            x,
+            mass: &self.mass,
+            inverse: &self.inverse,
+            drag: self.drag.as_deref(),
+            held,
+            joined: self.joined.iter().filter(|joint| joint.holds(now)).collect(),
+            bonds: &self.bonds,
+            dt: dt as f32,
+        }
     }
 
     /// Gives points that are held exactly the speed of their way.

@@ -55,13 +55,23 @@ impl ShotAir {
     /// If a vorton is outside what can be computed.
     pub(super) fn around(&self, vortons: Vortons, time: f64) -> Result<FrameAir, SetupError> {
         vortons.check()?;
-        let sources = self.air.sources(&vortons, time)?;
-        Ok(FrameAir { vortons, sources, air: self.air.clone(), time })
+        Ok(self.air.around(vortons, time)?)
     }
 
     /// The longest step between two times [s] in which no solid jumps past smoke [s].
     pub(super) fn unjumped(&self, span: [f64; 2]) -> f64 {
         self.air.unjumped(span)
+    }
+}
+
+impl Air {
+    /// The air of `vortons` at `time` [s].
+    ///
+    /// # Errors
+    /// If a vorton or a panel is outside what the sums can hold.
+    pub(super) fn around(&self, vortons: Vortons, time: f64) -> Result<FrameAir, Unfit> {
+        let sources = self.sources(&vortons, time)?;
+        Ok(FrameAir { vortons, sources, air: self.clone(), time })
     }
 }
 
@@ -72,6 +82,11 @@ impl FrameAir {
     /// As [`ShotAir::frame`].
     pub fn of(smoke: &Smoke, world: &World, streams: &[Stream], time: f64) -> Result<Self, SetupError> {
         ShotAir::new(smoke, world).frame(streams, time)
+    }
+
+    /// Since the shot's start [s].
+    pub fn time(&self) -> f64 {
+        self.time
     }
 
     /// The velocity at points [m/s]: of the air, and inside a solid that of the solid.

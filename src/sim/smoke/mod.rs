@@ -172,13 +172,22 @@ impl System {
         self.params.dissolve.is_some() || self.params.cooling.is_some()
     }
 
-    /// Advances from `start` [s] by one frame of `seconds`.
+    /// The air at `time` [s].
+    fn air(&self, time: f64) -> Result<FrameAir, Diverged> {
+        self.air.around(self.flow.vortons.clone(), time).map_err(|unfit| self.diverged(0, &unfit))
+    }
+
+    /// Advances from `start` [s] by one frame of `seconds`; leaves the air at its start and after every step, if asked to.
     pub(super) fn advance(
         &mut self,
         start: f64,
         seconds: f64,
+        mut airs: Option<&mut Vec<FrameAir>>,
         watch: &mut dyn Watch,
     ) -> Result<(SmokeRecord, Seconds), Stop> {
+        if let Some(airs) = &mut airs {
+            airs.push(self.air(start)?);
+        }
         let mut clock = Clock::new(&self.passes());
         let mut record = SmokeRecord::default();
         let shortest = seconds / f64::from(self.params.flow.max_substeps);
@@ -190,6 +199,9 @@ impl System {
             }
             let span = Span { longest: left, shortest, number: record.flow.substeps + 1 };
             left -= self.step(start + (seconds - left), span, &mut clock, &mut record)?;
+            if let Some(airs) = &mut airs {
+                airs.push(self.air(start + (seconds - left))?);
+            }
             watch.substep(1.0 - left / seconds);
         }
         self.frames += 1;

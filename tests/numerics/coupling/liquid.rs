@@ -1,0 +1,270 @@
+//! Liquid and sheets.
+
+use super::*;
+
+const SPACING: f64 = 0.025;
+
+fn hit(integrator: &str) -> String {
+    let cloth = sheet(
+        "cloth",
+        0.6,
+        0.0,
+        24,
+        "density = 4\nstiffness = [400, 400]\nshear = 80\nbending = 1e-4\nvelocity = [0.3, 0, 0]",
+    );
+    format!(
+        "[liquid]\nspacing = {SPACING}\n{}{cloth}[sheets.solver]\nintegrator = '{integrator}'\n\
+         [[coupling]]\nbetween = ['liquid', 'cloth']\nfriction = 0.3\n",
+        block([-0.1, -0.05, 0.05], [0.1, 0.15, 0.2], [0.0, 0.0, -2.0])
+    )
+}
+
+#[test]
+fn what_meets_in_free_flight_keeps_its_momentum() {
+    for (integrator, bound) in [("symplectic", 1e-5), ("implicit", 1e-4)] {
+        let mut shot = simulation(world(0.0, Vec::new()), &hit(integrator));
+        let all = |shot: &Simulation| {
+            let frame = state(shot);
+            let of = |stream, name| channel(&frame, stream, name);
+            let wet =
+                momenta(|_| 1000.0 * SPACING.powi(3), &of("liquid", "position"), &of("liquid", "velocity"));
+            let points = [of("sheet.cloth", "position"), of("sheet.cloth", "velocity")];
+            let dry = momenta(point_mass(0.6, 24, 4.0), &points[0], &points[1]);
+            ([wet[0] + dry[0], wet[1] + dry[1]], wet[0], dry[0])
+        };
+        let (before, wet, _) = all(&shot);
+        let records = advance(&mut shot, 4);
+        let (after, then, dry) = all(&shot);
+        for r in &records {
+            let c = r.coupling.as_ref().unwrap().liquid.as_ref().unwrap();
+            println!(
+                "{} it {} sheet it {} contacts {} imp {:.3?} work {:.3} back {} crossed {} clamps {:?} kin {:.3} {:.3} el {:.3} str {:.3}",
+                r.substeps,
+                r.iterations,
+                r.sheets.as_ref().unwrap().iterations,
+                c.contacts,
+                c.impulse,
+                c.work,
+                c.put_back,
+                c.crossed,
+                r.clamps,
+                r.kinetic_energy,
+                r.sheets.as_ref().unwrap().kinetic_energy,
+                r.sheets.as_ref().unwrap().elastic_energy,
+                r.sheets.as_ref().unwrap().strain_max
+            );
+        }
+        let gone = (after[0] - before[0]).norm() / before[0].norm();
+        let turned = (after[1] - before[1]).norm() / before[0].norm() / 0.1;
+        println!(
+            "{integrator}: momentum {gone:.1e}, angular {turned:.1e} of 0.1 m times it; {wet:?} to {then:?} and {dry:?}"
+        );
+        assert!((then - wet).norm() > 0.05 * wet.norm(), "they met");
+        assert!(gone < bound, "{integrator}: {gone}");
+        assert!(turned < 1e-2, "{integrator}: {turned}");
+    }
+}
+
+fn caught(integrator: &str) -> String {
+    let cloth = sheet(
+        "cloth",
+        1.0,
+        0.0,
+        20,
+        &format!(
+            "density = 0.5\nstiffness = [2000, 2000]\nshear = 300\nspring_damping = [0.002, 0.002]\n\
+             pin = [{{ at = {{ points = {:?} }} }}]",
+            border(20)
+        ),
+    );
+    format!(
+        "[liquid]\nspacing = 0.04\n{}{cloth}[sheets.solver]\nintegrator = '{integrator}'\n\
+         [[coupling]]\nbetween = ['cloth', 'liquid']\n",
+        block([-0.24, -0.24, 0.1], [0.24, 0.24, 0.42], [0.0, 0.0, 0.0])
+    )
+}
+
+#[test]
+fn a_held_sheet_catches_a_block_and_carries_it() {
+    for integrator in ["symplectic", "implicit"] {
+        let mut shot = simulation(world(9.81, Vec::new()), &caught(integrator));
+        let clock = std::time::Instant::now();
+        let records = advance(&mut shot, 48);
+        println!("{integrator} {:?}", clock.elapsed());
+        for r in records.iter().step_by(6).chain(&records[40..]) {
+            let c = r.coupling.as_ref().unwrap().liquid.as_ref().unwrap();
+            let s = r.sheets.as_ref().unwrap();
+            println!(
+                "{} it {} sheet it {} contacts {} force {:.1} work {:.3} back {} crossed {} clamps {:?} kin {:.3} {:.3} pot {:.2} str {:.3} dens {:.4} {:.4}",
+                r.substeps,
+                r.iterations,
+                s.iterations,
+                c.contacts,
+                c.impulse[2] / FRAME,
+                c.work,
+                c.put_back,
+                c.crossed,
+                r.clamps,
+                r.kinetic_energy,
+                s.kinetic_energy,
+                r.potential_energy,
+                s.strain_max,
+                r.density_dev_avg,
+                r.density_dev_max
+            );
+        }
+        println!("{:?}", records.last().unwrap().seconds);
+        let frame = state(&shot);
+        let (x, y) = (channel(&frame, "liquid", "position"), channel(&frame, "sheet.cloth", "position"));
+        let lowest = y.iter().map(|y| y.z).fold(f64::INFINITY, f64::min);
+        let low = x.iter().filter(|x| x.z < lowest).count();
+        let weight = 9.81 * 1000.0 * 0.04_f64.powi(3) * x.len() as f64;
+        println!("lowest {lowest} below {low} of {} weight {weight}", x.len());
+    }
+}
+
+/// Water of 3 × 3 × 3 particles thrown at a sheet of its own size; returns mean velocities of both along z afterwards.
+fn thrown(density: f32) -> [f64; 2] {
+    let cloth =
+        sheet("cloth", 0.2, 0.0, 8, &format!("density = {density}\nstiffness = [50, 50]\nshear = 10"));
+    let text = format!(
+        "[liquid]\nspacing = 0.02\n{}{cloth}[[coupling]]\nbetween = ['liquid', 'cloth']\n",
+        block([-0.06, -0.06, 0.02], [0.06, 0.06, 0.08], [0.0, 0.0, -1.0])
+    );
+    let mut shot = simulation(world(0.0, Vec::new()), &text);
+    advance(&mut shot, 3);
+    let frame = state(&shot);
+    ["liquid", "sheet.cloth"].map(|stream| {
+        let v = channel(&frame, stream, "velocity");
+        v.iter().map(|v| v.z).sum::<f64>() / v.len() as f64
+    })
+}
+
+#[test]
+fn a_heavy_sheet_is_a_wall_and_a_light_one_is_carried_along() {
+    // 1.6 kg of water; sheets of 40 g/m² and 400 t/m²: 1e-3 and 1e4 times as heavy.
+    let [wet, dry] = thrown(4e5);
+    println!("heavy: {wet} {dry}");
+    assert!(wet > -0.05 && dry.abs() < 1e-3, "a wall stops it: {wet}, {dry}");
+    let [wet, dry] = thrown(4e-3);
+    println!("light: {wet} {dry}");
+    assert!((wet + 1.0).abs() < 0.02, "nothing stops it: {wet}");
+    assert!(dry < -0.2, "what it hits goes with it: {dry}");
+}
+
+#[test]
+fn a_fast_jet_does_not_pass() {
+    let cloth = sheet(
+        "cloth",
+        0.8,
+        0.0,
+        16,
+        &format!(
+            "density = 0.3\nstiffness = [3000, 3000]\nshear = 300\npin = [{{ at = {{ points = {:?} }} }}]",
+            border(16)
+        ),
+    );
+    let text = format!(
+        "[liquid]\nspacing = 0.02\nmax_substeps = 30\n{}{cloth}[sheets.solver]\nintegrator = 'implicit'\n\
+         [[coupling]]\nbetween = ['liquid', 'cloth']\n",
+        block([-0.04, -0.04, 0.1], [0.04, 0.04, 0.3], [2.0, 0.0, -20.0])
+    );
+    let mut shot = simulation(world(9.81, Vec::new()), &text);
+    let mut capped = 0;
+    for frame in 0..8 {
+        let record = advance(&mut shot, 1).remove(0);
+        let told = record.coupling.clone().unwrap().liquid.unwrap();
+        println!("{frame}: {told:?} substeps {} capped {}", record.substeps, record.cfl_capped);
+        capped += record.cfl_capped;
+        assert_eq!(told.crossed, 0, "frame {frame}");
+        assert_eq!(below(&state(&shot), 16, 0.4), 0, "frame {frame}");
+    }
+    assert!(capped > 0, "the jet is faster than the substeps are meant for");
+}
+
+/// Particles under a sheet that is a square grid about the origin, pinned at its border: below its lowest corner in the cell that they are in
+/// by their own x and y.
+fn below(frame: &Frame, cells: usize, half: f64) -> usize {
+    let (x, y) = (channel(frame, "liquid", "position"), channel(frame, "sheet.cloth", "position"));
+    let lowest = y.iter().map(|y| y.z).fold(f64::INFINITY, f64::min);
+    let n = cells + 1;
+    let under = |x: &&Double| {
+        if x.x.abs() > half || x.y.abs() > half {
+            return false;
+        }
+        // The points nearby hold it from below; a cell may have moved aside by its own width.
+        let near = |y: &&Double| (y.x - x.x).hypot(y.y - x.y) < 3.0 * half / cells as f64;
+        let floor = y.iter().filter(near).map(|y| y.z).fold(f64::INFINITY, f64::min);
+        x.z < if floor.is_finite() { floor } else { lowest }
+    };
+    assert_eq!(y.len(), n * n);
+    x.iter().filter(under).count()
+}
+
+#[test]
+fn nothing_depends_on_threads_order_or_restarts() {
+    let both = |order: &str, integrator: &str| {
+        let text = hit(integrator);
+        let other = sheet("other", 0.3, -0.1, 6, "density = 0.2\nstiffness = [50, 50]");
+        let coupled = "[[coupling]]\nbetween = ['other', 'liquid']\n";
+        match order {
+            "as is" => format!("{text}{coupled}{other}"),
+            "turned" => {
+                let text = text.replace("['liquid', 'cloth']", "['cloth', 'liquid']");
+                let (before, after) = text.split_once("[[coupling]]").unwrap();
+                format!("{before}{coupled}[[coupling]]{after}{other}")
+            }
+            _ => unreachable!(),
+        }
+    };
+    for integrator in ["symplectic", "implicit"] {
+        let run = |order: &str| {
+            let mut shot = simulation(world(9.81, Vec::new()), &both(order, integrator));
+            advance(&mut shot, 3);
+            let middle = state(&shot);
+            let records = advance(&mut shot, 3);
+            let told = records.iter().map(|record| record.coupling.clone()).collect::<Vec<_>>();
+            (middle, state(&shot), told)
+        };
+        let one = meniscus::par::with_threads(1, || run("as is"));
+        assert!(one.2.iter().flatten().any(|told| told.liquid.as_ref().unwrap().contacts > 0), "they meet");
+        for threads in [2, 3] {
+            assert!(
+                meniscus::par::with_threads(threads, || run("as is")) == one,
+                "{integrator}, {threads} threads"
+            );
+        }
+        assert!(run("turned") == one, "{integrator}: the order of couplings and of their sides");
+        let systems = systems(&both("as is", integrator));
+        let mut resumed = Simulation::restore(world(9.81, Vec::new()), systems, &one.0).unwrap();
+        advance(&mut resumed, 3);
+        assert!(state(&resumed) == one.1, "{integrator}: resumed");
+    }
+}
+
+#[test]
+fn without_a_coupling_each_is_alone() {
+    let text = hit("symplectic");
+    let (alone, _) = text.split_once("[[coupling]]").unwrap();
+    let run = |systems: Systems| {
+        let mut shot = Simulation::new(world(9.81, Vec::new()), systems).unwrap();
+        let records = advance(&mut shot, 4);
+        assert!(records.iter().all(|record| record.coupling.is_none()));
+        (shot.passes(), state(&shot))
+    };
+    let (passes, together) = run(systems(alone));
+    let (wet, liquid) = run(Systems { sheets: None, ..systems(alone) });
+    let (dry, cloth) = run(Systems { liquid: None, ..systems(alone) });
+    assert_eq!(passes, [wet, dry].concat());
+    assert!(!passes.iter().any(|pass| pass.starts_with("coupling")));
+    assert!(together.streams == [liquid.streams, cloth.streams].concat());
+    let coupled = simulation(world(9.81, Vec::new()), &text);
+    assert_eq!(coupled.passes()[passes.len()..], ["coupling_search", "coupling"]);
+}
+
+#[test]
+fn a_coupling_that_has_no_meaning_is_refused() {
+    let text = hit("symplectic").replace("['liquid', 'cloth']", "['liquid', 'cloths']");
+    let error = Simulation::new(world(0.0, Vec::new()), systems(&text)).unwrap_err();
+    assert!(error.to_string().contains("no system or sheet 'cloths'; there is 'liquid', 'cloth'"), "{error}");
+}
