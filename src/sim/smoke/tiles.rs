@@ -79,7 +79,7 @@ impl Tile {
     /// A place on it near the border that `number` says.
     pub(super) fn near_border(&self, number: usize) -> Vec3 {
         let side = number % 2;
-        let along = if number / 2 % 2 == 0 { 0.8 } else { -0.8 };
+        let along = if (number / 2).is_multiple_of(2) { 0.8 } else { -0.8 };
         self.middle + self.axes[side] * (along * self.half[side])
     }
 
