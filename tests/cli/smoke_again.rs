@@ -94,11 +94,15 @@ fn other_tracers_come_fade_and_keep_out_of_solids_as_the_first_did() {
 
 #[test]
 fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
-    use std::process::{Command, Stdio};
+    use std::{
+        process::{Command, Stdio},
+        time::{Duration, Instant},
+    };
     let desk = Desk::new();
     desk.write("ring.toml", RING);
-    desk.run("simulate ring.toml --frames 1-40", 0);
-    let line = "volume ring -o fresh --set smoke.tracers=0.2 --frames 2,40";
+    desk.run("simulate ring.toml --frames 1-24", 0);
+    // So many tracers that to drift to frame 24 takes some hundred times as long as to stop.
+    let line = "volume ring -o fresh --set smoke.tracers=0.15 --frames 2,24";
     let mut child = Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
         .args(line.split(' '))
         .args(["--progress", "plain"])
@@ -107,10 +111,12 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
         .stderr(fs::File::create(desk.path("talk")).unwrap())
         .spawn()
         .unwrap();
-    // Then 38 cached frames are passed on the way to the next one that is asked for.
+    // Then 22 cached frames are passed on the way to the next one that is asked for.
+    let started = Instant::now();
     while !desk.path("fresh/volume/smoke_0002.vdb").exists() {
         assert!(child.try_wait().unwrap().is_none(), "it ended before the first volume");
-        std::thread::sleep(std::time::Duration::from_millis(5));
+        assert!(started.elapsed() < Duration::from_secs(120), "no volume after two minutes");
+        std::thread::sleep(Duration::from_millis(5));
     }
     assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
@@ -122,9 +128,10 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
     assert!((50..95).contains(&last), "{talk}");
     let told = fs::read_to_string(desk.path("fresh/shot.json")).unwrap();
     assert!(told.contains("volume/smoke_{:04}.vdb"), "what was finished is named: {told}");
-    let (out, talk) = desk.run(&format!("{line} --progress plain"), 0);
+    // It goes on, here to an earlier frame: all the way takes long.
+    let (out, talk) = desk.run(&format!("{} --progress plain", line.replace("2,24", "2,5")), 0);
     let parts: std::collections::BTreeSet<u32> = talk.lines().filter_map(part).collect();
-    assert!(parts.range(51..99).count() >= 10, "drifting shows: {talk}");
+    assert!(parts.range(51..99).count() >= 5, "drifting shows: {talk}");
     assert!(out.contains("1 volumes written") && out.contains("1 were there"), "{out}");
-    assert_eq!(desk.names("fresh/volume"), ["smoke_0002.vdb", "smoke_0040.vdb"]);
+    assert_eq!(desk.names("fresh/volume"), ["smoke_0002.vdb", "smoke_0005.vdb"]);
 }

@@ -201,17 +201,23 @@ impl Outside for Air {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solid::{Shape, Solid};
+    use crate::{
+        sdf::Sampled,
+        solid::{MeshShape, Shape, Solid},
+    };
 
     /// What goes through each of some solids in wind, and which of them is told.
     fn leaks(shapes: &[Shape], spacing: f32) -> (Vec<Leak>, Leak) {
+        leaks_beside(&Vortons::default(), shapes, spacing)
+    }
+
+    fn leaks_beside(vortons: &Vortons, shapes: &[Shape], spacing: f32) -> (Vec<Leak>, Leak) {
         let solids = shapes.iter().map(|shape| Solid::fixed(shape.clone())).collect();
         let params = toml::from_str(&format!("spacing = {spacing}\nwind = [1, 0.5, 0]")).unwrap();
         let air = Air::new(&params, &World { gravity: Vec3::zeros(), solids });
-        let vortons = Vortons::default();
-        let sources = air.sources(&vortons, 0.0).unwrap();
+        let sources = air.sources(vortons, 0.0).unwrap();
         assert!(sources.residual < 0.01, "{}", sources.residual);
-        let instant = Instant { vortons: &vortons, sources: &sources };
+        let instant = Instant { vortons, sources: &sources };
         (air.leaks(instant, 0.0).unwrap(), air.through(instant, 0.0).unwrap().unwrap())
     }
 
@@ -225,6 +231,50 @@ mod tests {
         // Beside it the air is not even: the box turns it, and blows through between its panels, each as wide as six such balls.
         assert!(both[0].part < 0.05, "{both:?}");
         assert_eq!((told.body, told.part), (1, both[1].part), "the edges of the box are the worst");
+    }
+
+    /// A ring of vortons about the z axis.
+    fn ring(height: f32) -> Vortons {
+        let angle = |n: usize| std::f32::consts::TAU * n as f32 / 200.0;
+        let at = |n: usize| Vec3::new(angle(n).cos(), angle(n).sin(), 0.0);
+        Vortons {
+            position: (0..200).map(|n| at(n) + Vec3::new(0.0, 0.0, height)).collect(),
+            strength: (0..200).map(|n| Vec3::z().cross(&at(n)) * 0.3).collect(),
+            core: vec![0.1; 200],
+        }
+    }
+
+    #[test]
+    fn boxes_of_any_size_over_the_spacing_keep_air_out() {
+        let large = Shape::Box { min: [-10.0, -10.0, -20.0], max: [10.0, 10.0, 0.0] };
+        for spacing in [0.06, 1.1, 1.36, 1.5, 2.5, 5.0] {
+            for vortons in [Vortons::default(), ring(3.0)] {
+                let (found, _) = leaks_beside(&vortons, std::slice::from_ref(&large), spacing);
+                let allowed = if spacing < 4.0 { 0.35 } else { 0.5 };
+                assert!(found[0].part < allowed, "{spacing}: {found:?}");
+            }
+        }
+        // As thin as some panels are wide.
+        for (thick, allowed) in [(0.5, 0.9), (1.0, 0.7), (2.0, 0.5), (3.0, 0.45), (4.0, 0.4)] {
+            let plate = Shape::Box { min: [0.0, -6.0, -6.0], max: [thick, 6.0, 6.0] };
+            let (found, _) = leaks(&[plate], 1.0);
+            assert!(found[0].part < allowed, "{thick}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn sampled_boxes_let_less_through_than_no_solid() {
+        let cuboid = Shape::Box { min: [-4.0; 3], max: [4.0; 3] };
+        let (nodes, voxel, origin) = ([37; 3], 0.25, Vec3::repeat(-4.5));
+        let at =
+            |n: u32| Vec3::new((n % 37) as f32, (n / 37 % 37) as f32, (n / 37 / 37) as f32) * voxel + origin;
+        let values = (0..37_u32.pow(3)).map(|n| cuboid.signed_distance(at(n))).collect();
+        let mut mesh = MeshShape::new("box.ply");
+        mesh.fill(Arc::new(Sampled { origin, voxel, nodes, values }));
+        for spacing in [0.48, 0.5, 0.53, 0.55, 0.6, 0.66, 0.75, 0.8, 0.9] {
+            let (found, _) = leaks(&[Shape::Mesh(mesh.clone())], spacing);
+            assert!(found[0].part < 0.9, "{spacing}: {found:?}");
+        }
     }
 
     #[test]

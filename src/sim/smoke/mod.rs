@@ -9,6 +9,7 @@
 //! Limits: pushes are first order in time.
 
 mod air;
+mod areas;
 mod emit;
 mod field;
 mod filaments;
@@ -21,6 +22,7 @@ mod replay;
 mod shed;
 mod sources;
 mod state;
+mod tiles;
 mod tracers;
 mod turbulence;
 mod walls;

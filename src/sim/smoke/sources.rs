@@ -1,17 +1,51 @@
-//! Point sources, and how they move the air.
+//! Sources, and how they move the air.
 //!
-//! *Method*: a source of q moves the air by q d/(4π r³); with a mirror, its twin beyond it does the same.
+//! *Method*: a point that gives off q moves the air by q d/(4π r³), a rectangle as its points do (`tiles.rs`); with a mirror, its
+//! twin beyond it does the same.
 //!
 //! Symbols: q → `strength` [m³/s], d → offset from the source [m].
-//! Limits: a source is singular where it stands; sources stand in solids, where nothing is asked of them.
+//! Limits: a point is singular where it stands; points stand in solids, where nothing is asked of them, rectangles on faces.
 
-use crate::{math::Vec3, par, sim::vortex::Gradient};
+use super::tiles::Tile;
+use crate::{math::Vec3, par, sim::vortex::Gradient, solid::Pose};
+
+/// Where a source is.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    /// At a point [m].
+    Point(Vec3),
+    /// On a rectangle.
+    Tile(Tile),
+}
+
+impl Source {
+    /// The same where a solid is.
+    pub(super) fn placed(&self, pose: &Pose) -> Self {
+        match self {
+            Self::Point(y) => Self::Point(pose.to_world(*y)),
+            Self::Tile(tile) => Self::Tile(tile.placed(pose)),
+        }
+    }
+
+    /// How it moves the air at `x`, with its mirrored twin: a point of 4π m³/s [1/m²], a rectangle of 4π m/s [1].
+    #[inline]
+    pub(super) fn flow(&self, x: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
+        match self {
+            Self::Point(y) => flow(x, *y, mirror),
+            Self::Tile(tile) => {
+                tile.flow(x) + mirror.map_or(Vec3::zeros(), |mirror| mirrored(tile, mirror).flow(x))
+            }
+        }
+    }
+}
 
 /// Sources that keep the air out.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sources {
-    /// Position [m] and q/4π [m³/s].
-    pub(super) all: Vec<(Vec3, f32)>,
+    /// Points [m], and their q/4π [m³/s].
+    pub(super) points: Vec<(Vec3, f32)>,
+    /// Rectangles, and their density over 4π [m/s].
+    pub(super) tiles: Vec<(Tile, f32)>,
     pub(super) mirror: Option<(Vec3, f32)>,
     /// What is left of the flow through the panels, over what there was.
     pub(super) residual: f64,
@@ -20,35 +54,58 @@ pub(super) struct Sources {
 impl Sources {
     /// Adds what they make the air move at `points` [m/s].
     pub(super) fn add_velocity(&self, points: &[Vec3], velocity: &mut [Vec3]) {
-        if self.all.is_empty() {
-            return;
+        if !self.points.is_empty() {
+            par::update(velocity, |i, v| {
+                for &(y, q) in &self.points {
+                    *v += flow(points[i], y, self.mirror) * q;
+                }
+            });
         }
-        par::update(velocity, |i, v| {
-            for &(y, q) in &self.all {
-                *v += flow(points[i], y, self.mirror) * q;
-            }
-        });
+        let tiles = self.with_twins();
+        if !tiles.is_empty() {
+            par::update(velocity, |i, v| {
+                for (tile, q) in &tiles {
+                    *v += tile.flow(points[i]) * *q;
+                }
+            });
+        }
     }
 
     /// Adds its gradient at `points` [1/s].
     pub(super) fn add_gradient(&self, points: &[Vec3], gradient: &mut [Gradient]) {
-        if self.all.is_empty() {
-            return;
-        }
-        par::update(gradient, |i, gradient| {
-            for &(y, q) in &self.all {
-                *gradient += strain(points[i] - y) * q;
-                if let Some(mirror) = self.mirror {
-                    *gradient += strain(points[i] - reflect(y, mirror)) * q;
+        if !self.points.is_empty() {
+            par::update(gradient, |i, gradient| {
+                for &(y, q) in &self.points {
+                    *gradient += strain(points[i] - y) * q;
+                    if let Some(mirror) = self.mirror {
+                        *gradient += strain(points[i] - reflect(y, mirror)) * q;
+                    }
                 }
-            }
-        });
+            });
+        }
+        let tiles = self.with_twins();
+        if !tiles.is_empty() {
+            par::update(gradient, |i, gradient| {
+                for (tile, q) in &tiles {
+                    *gradient += tile.strain(points[i]) * *q;
+                }
+            });
+        }
+    }
+
+    /// The rectangles, and those that a plane mirrors.
+    fn with_twins(&self) -> Vec<(Tile, f32)> {
+        let twins = self
+            .mirror
+            .iter()
+            .flat_map(|mirror| self.tiles.iter().map(|&(tile, q)| (mirrored(&tile, *mirror), q)));
+        self.tiles.iter().copied().chain(twins).collect()
     }
 }
 
 /// How a source of 4π at `y` moves the air at `x` [1/m²], with its mirrored twin.
 #[inline]
-pub(super) fn flow(x: Vec3, y: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
+fn flow(x: Vec3, y: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
     let one = |d: Vec3| {
         let r2 = d.norm_squared();
         d / (r2 * r2.sqrt())
@@ -56,9 +113,14 @@ pub(super) fn flow(x: Vec3, y: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
     one(x - y) + mirror.map_or(Vec3::zeros(), |mirror| one(x - reflect(y, mirror)))
 }
 
+/// A rectangle as a plane mirrors it.
+fn mirrored(tile: &Tile, mirror: (Vec3, f32)) -> Tile {
+    tile.turned(|x| reflect(x, mirror), |v| v - mirror.0 * (2.0 * mirror.0.dot(&v)))
+}
+
 /// The gradient of that at an offset `d` from the source.
 #[inline]
-fn strain(d: Vec3) -> Gradient {
+pub(super) fn strain(d: Vec3) -> Gradient {
     let r2 = d.norm_squared();
     let inverse = 1.0 / (r2 * r2.sqrt());
     (Gradient::identity() - d * d.transpose() * (3.0 / r2)) * inverse
@@ -75,8 +137,17 @@ mod tests {
 
     #[test]
     fn gradients_are_those_of_the_velocity() {
+        let min = Vec3::new(-0.1, -0.2, 0.1);
+        let made = super::super::tiles::panels(min, Vec3::new(0.3, 0.2, 0.4), 9.0);
+        let tiles =
+            made.iter().zip([0.3, -0.2, 0.5, 0.1, -0.4, 0.2]).filter_map(|(panel, q)| match panel.source {
+                Some(Source::Tile(tile)) => Some((tile, q)),
+                _ => None,
+            });
+        let tiles: Vec<(Tile, f32)> = tiles.collect();
         let sources = Sources {
-            all: vec![(Vec3::new(0.1, 0.0, 0.2), 0.7), (Vec3::new(-0.3, 0.1, 0.1), -0.4)],
+            points: vec![(Vec3::new(0.1, 0.0, 0.2), 0.7), (Vec3::new(-0.3, 0.1, 0.1), -0.4)],
+            tiles,
             mirror: Some((Vec3::z(), 0.0)),
             residual: 0.0,
         };

@@ -1,6 +1,6 @@
 //! What solids do to the air: none of it goes through them.
 //!
-//! *Method*: sources inside the solids (`panels.rs`) are made as strong as it takes for the air on the panels to move with the solid along
+//! *Method*: sources inside the solids, on the faces of boxes (`panels.rs`), are made as strong as it takes for the air on the panels to move with the solid along
 //! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES, with strengths over the square of the panel's width
 //! as unknowns, so that wide and narrow panels weigh the same. Their field has no vorticity and no sources in the
 //! air. A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
@@ -14,7 +14,7 @@
 use super::{
     emit::BESIDE,
     panels::Panel,
-    sources::{Sources, flow, reflect},
+    sources::{Source, Sources, reflect},
     widths::shared_out,
 };
 use crate::{
@@ -102,22 +102,24 @@ impl Walls {
     pub(super) fn solve(&self, panels: &[Placed], air: &[Vec3]) -> Sources {
         let mirror = self.mirror;
         if panels.is_empty() {
-            return Sources { all: Vec::new(), mirror, residual: 0.0 };
+            return Sources { mirror, ..Sources::default() };
         }
         let entering =
             |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
         let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
         let count = panels.len();
-        let at: Vec<(Vec3, f32)> = panels
-            .iter()
-            .map(|placed| (placed.panel.source.expect("a source each"), placed.panel.width.powi(2)))
-            .collect();
+        // A point gives off what its panel's square does.
+        let at = panels.iter().map(|placed| match placed.panel.source.expect("a source each") {
+            point @ Source::Point(_) => (point, placed.panel.width.powi(2)),
+            tile @ Source::Tile(_) => (tile, 1.0),
+        });
+        let at: Vec<(Source, f32)> = at.collect();
         // Row i: what a source of 4π a square metre at every place makes the air move along the normal of panel i.
         let mut rows = vec![0.0_f32; count * count];
         par::for_chunks(&mut rows, count, |start, row| {
             let Panel { x, normal, .. } = panels[start / count].panel;
-            for (entry, &(y, square)) in row.iter_mut().zip(&at) {
-                *entry = normal.dot(&flow(x, y, mirror)) * square;
+            for (entry, (source, square)) in row.iter_mut().zip(&at) {
+                *entry = normal.dot(&source.flow(x, mirror)) * square;
             }
         });
         let apply = |q: &[f64]| {
@@ -131,8 +133,14 @@ impl Walls {
             out
         };
         let (q, residual) = gmres(&right, RESIDUAL, ITERATIONS, apply);
-        let all = at.into_iter().zip(q).map(|((y, square), q)| (y, q as f32 * square)).collect();
-        Sources { all, mirror, residual }
+        let mut sources = Sources { mirror, residual, ..Sources::default() };
+        for ((source, square), q) in at.into_iter().zip(q) {
+            match source {
+                Source::Point(y) => sources.points.push((y, q as f32 * square)),
+                Source::Tile(tile) => sources.tiles.push((tile, q as f32)),
+            }
+        }
+        sources
     }
 
     /// Points mirrored by the plane, if there is one.
@@ -219,8 +227,12 @@ impl Walls {
         let mut numbers = 0..;
         let mut between = |body: &Body| {
             let beside = |panel: &Panel| {
+                let number = numbers.next()?;
+                if let Some(Source::Tile(tile)) = panel.source {
+                    return Some(Panel { x: tile.near_border(number), ..*panel });
+                }
                 // Half a panel aside, each to another side.
-                let aside = panel.normal.cross(&Vec3::ith(numbers.next()? % 3, 1.0));
+                let aside = panel.normal.cross(&Vec3::ith(number % 3, 1.0));
                 if aside.norm() < 0.3 {
                     return None;
                 }
@@ -266,7 +278,7 @@ impl Body {
             panel: Panel {
                 x: pose.to_world(panel.x),
                 normal: pose.rotation * panel.normal,
-                source: panel.source.map(|source| pose.to_world(source)),
+                source: panel.source.map(|source| source.placed(&pose)),
                 ..*panel
             },
             velocity: moving.velocity(panel.x),

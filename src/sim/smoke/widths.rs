@@ -7,7 +7,10 @@
 //! Limits: panels are at least one spacing wide. A solid that would need wider ones than it is long, as among some hundreds of others,
 //! has none.
 
-use super::panels::{Panel, area, longest, panels};
+use super::{
+    areas::area,
+    panels::{Panel, longest, panels},
+};
 use crate::solid::Shape;
 
 /// Panels of all solids at most: the matrix then takes 10 MB, and a solve up to 60 products with it.

@@ -11,6 +11,7 @@ use super::{
     pairs::{self, Source},
 };
 use crate::{math::Vec3, par};
+use std::ops::Range;
 
 /// Cells a task works on.
 const TASK: usize = 16;
@@ -18,8 +19,10 @@ const TASK: usize = 16;
 /// The vortons as sources.
 pub(super) struct Sources {
     pub(super) tree: Octree,
-    /// In the order of the tree.
+    /// In the order of the tree; the first of a heap stands for all of it.
     pub(super) sources: Vec<Source>,
+    /// Vortons of one place and core, more than a leaf has: stretches of the order.
+    pub(super) heaps: Vec<Range<usize>>,
     /// Expansions of the cells, one after the other.
     moments: Vec<f32>,
     stride: usize,
@@ -38,13 +41,17 @@ pub(super) struct Cores {
 impl Sources {
     /// The vortons, sorted, with moments as `setting` says.
     pub(super) fn new<K: Chain>(vortons: &Vortons, setting: &Setting) -> Self {
-        let tree = Octree::new(&vortons.position, setting.leaf);
+        let mut tree = Octree::new(&vortons.position, setting.leaf);
+        let heaps = tree.heap(&vortons.core, setting.leaf);
         let mut sources = vec![Source::default(); vortons.len()];
         par::fill(&mut sources, |at| Source::new(vortons, tree.order[at] as usize));
+        for heap in &heaps {
+            Source::gather(&mut sources[heap.clone()]);
+        }
         let stride = stride(setting.order);
         let moments = moments(&tree, &sources, setting.order, stride);
         let cores = cores::<K>(&tree, vortons, setting.error);
-        Self { tree, sources, moments, stride, cores }
+        Self { tree, sources, heaps, moments, stride, cores }
     }
 
     /// The moments of a cell, filled up to eights.

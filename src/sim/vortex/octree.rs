@@ -117,6 +117,53 @@ impl Octree {
         (0..self.ends.len()).rev().map(|k| if k == 0 { 0 } else { self.ends[k - 1] }..self.ends[k])
     }
 
+    /// Puts points of one place beside each other that have the same core, and names the stretches of more than `leaf` of them, along
+    /// the order: heaps, whose sum is that of one.
+    pub(super) fn heap(&mut self, core: &[f32], leaf: usize) -> Vec<Range<usize>> {
+        let places = self.cells.iter().filter(|cell| cell.is_leaf() && cell.count() > leaf).map(Cell::places);
+        let mut heaps = Vec::new();
+        for places in places {
+            let order = &mut self.order[places.clone()];
+            order.sort_unstable_by_key(|&i| (core[i as usize].to_bits(), i));
+            let mut at = places.start;
+            for same in order.chunk_by(|&a, &b| core[a as usize].to_bits() == core[b as usize].to_bits()) {
+                heaps.extend((same.len() > leaf).then(|| at..at + same.len()));
+                at += same.len();
+            }
+        }
+        heaps.sort_unstable_by_key(|heap| heap.start);
+        heaps
+    }
+
+    /// A number of every cell: of leaves `fold` of their points' `own`, of others of their children's, from `start`.
+    pub(super) fn upwards(
+        &self,
+        start: f32,
+        fold: impl Fn(f32, f32) -> f32 + Sync,
+        own: impl Fn(usize) -> f32 + Sync,
+    ) -> Vec<f32> {
+        let mut found = vec![start; self.cells.len()];
+        for level in self.levels_up() {
+            let (upper, lower) = found.split_at_mut(level.end);
+            par::update(&mut upper[level.clone()], |k, found| {
+                let cell = &self.cells[level.start + k];
+                let points = self.order[cell.places()].iter().filter(|_| cell.is_leaf());
+                let points = points.map(|&i| own(i as usize));
+                *found = points.chain(cell.children().map(|c| lower[c - level.end])).fold(start, &fold);
+            });
+        }
+        found
+    }
+
+    /// The leaves along the order, and where each ends in it.
+    pub(super) fn leaves(&self) -> (Vec<u32>, Vec<usize>) {
+        let mut leaves: Vec<u32> =
+            (0..self.cells.len() as u32).filter(|&c| self.cells[c as usize].is_leaf()).collect();
+        leaves.sort_unstable_by_key(|&c| self.cells[c as usize].start);
+        let ends = leaves.iter().map(|&c| self.cells[c as usize].places().end).collect();
+        (leaves, ends)
+    }
+
     /// Centres and radii, from the leaves up.
     fn bound(&mut self, points: &[Vec3]) {
         let mut boxes = vec![NOWHERE; self.cells.len()];
@@ -145,6 +192,19 @@ impl Octree {
             }
         }
     }
+}
+
+/// What is left of `places` if every heap among `heaps`, which ascend, is its first place alone.
+pub(super) fn standing(places: Range<usize>, heaps: &[Range<usize>]) -> Vec<Range<usize>> {
+    let first = heaps.partition_point(|heap| heap.end <= places.start);
+    let (mut left, mut from) = (Vec::new(), places.start);
+    for heap in heaps[first..].iter().take_while(|heap| heap.start < places.end) {
+        left.push(from..heap.start + 1);
+        from = heap.end;
+    }
+    left.push(from..places.end);
+    left.retain(|part| !part.is_empty());
+    left
 }
 
 /// Lowest and highest coordinates.
@@ -334,5 +394,39 @@ mod tests {
         let order = |threads| par::with_threads(threads, || Octree::new(&cloud, 32).order);
         let one = order(1);
         assert!([2, 3, 8].iter().all(|&threads| order(threads) == one));
+    }
+
+    #[test]
+    fn vortons_of_one_place_and_core_are_one_heap() {
+        // Thousands in one place, of two cores and a few others, among others.
+        let mut points = points(9000);
+        points[1000..8000].fill(Vec3::new(0.3, 0.4, 0.5));
+        let core = |i: usize| {
+            if i < 5000 {
+                0.1
+            } else if i < 7990 {
+                0.2
+            } else {
+                i as f32
+            }
+        };
+        let core: Vec<f32> = (0..points.len()).map(core).collect();
+        let mut tree = Octree::new(&points, 16);
+        let heaps = tree.heap(&core, 16);
+        assert_eq!(heaps.iter().map(Range::len).collect::<Vec<_>>(), [4000, 2990]);
+        for heap in &heaps {
+            let order = &tree.order[heap.clone()];
+            let first = order[0] as usize;
+            assert!(
+                order.iter().all(|&i| points[i as usize] == points[first] && core[i as usize] == core[first])
+            );
+        }
+        // What stands for all: everything else, and one of each.
+        let left = standing(0..points.len(), &heaps);
+        assert_eq!(left.iter().map(Range::len).sum::<usize>(), 9000 - 4000 - 2990 + 2);
+        let leaf = tree.cells.iter().find(|cell| cell.is_leaf() && cell.count() > 16).unwrap();
+        let there: usize = standing(leaf.places(), &heaps).iter().map(Range::len).sum();
+        assert_eq!(there, 2 + 10);
+        assert_eq!(standing(5..9, &[]), [5..9]);
     }
 }

@@ -21,6 +21,16 @@ impl Source {
         let g = vortons.strength[i] * (0.25 / PI) as f32;
         Self([x.x, x.y, x.z, g.x, g.y, g.z, s * s, 0.0])
     }
+
+    /// Makes the first of `heap`, all of one place and core, the sum of all, and the others nothing.
+    pub(super) fn gather(heap: &mut [Self]) {
+        let sum = |k: usize| heap.iter().map(|Self(q)| f64::from(q[k])).sum::<f64>() as f32;
+        let sums = [3, 4, 5].map(sum);
+        for Self(q) in heap.iter_mut() {
+            q[3..6].fill(0.0);
+        }
+        heap[0].0[3..6].copy_from_slice(&sums);
+    }
 }
 
 /// Numbers that are summed: a vector, and for the gradient Σ KΓ and Σ H (Γ × d) dᵀ but its last, which the trace gives.

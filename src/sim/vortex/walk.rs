@@ -16,14 +16,14 @@ use super::{
     index::{ADD, COEFS, MAX_ORDER, coefs},
     lanes::{self, LANES, Lanes, Pass, splat},
     moments::Sources,
-    octree::{Cell, Octree},
+    octree::{Cell, Octree, standing},
     pairs::{self, SUMS, Sums},
 };
 use crate::{
     math::Vec3,
     par::{self, Inverse},
 };
-use std::marker::PhantomData;
+use std::{marker::PhantomData, ops::Range};
 
 /// Targets of a task: of many targets this share, and of few this number. Fewer spread better over threads, but what is above
 /// a task's cell is done by one.
@@ -262,7 +262,7 @@ impl<K: Chain, const Q: usize, const N: usize> Pass for Leaf<'_, K, Q, N> {
     fn run<L: Lanes>(self) {
         let Walk { sources, targets, points, setting, .. } = self.walk;
         let order = &targets.order[self.cell.places()];
-        let stretches = stretches(&sources.tree.cells, &self.here.near);
+        let stretches = stretches(sources, &self.here.near);
         let scale = splat::<L>(1.0 / self.cell.unit);
         let mut powers = [splat::<L>(0.0); COEFS];
         for (order, out) in order.chunks(LANES).zip(self.out.chunks_mut(LANES)) {
@@ -304,15 +304,21 @@ impl<K: Chain, const Q: usize, const N: usize> Pass for Leaf<'_, K, Q, N> {
     }
 }
 
-/// The stretches of places of the cells `near`, those that follow one another as one.
-fn stretches(cells: &[Cell], near: &[u32]) -> Vec<[u32; 2]> {
+/// The stretches of places of the cells `near`, those that follow one another as one; of a heap its first.
+fn stretches(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
     let mut out: Vec<[u32; 2]> = Vec::with_capacity(near.len());
-    for &c in near {
-        let places = cells[c as usize].places();
+    let mut add = |places: Range<usize>| {
         let (start, end) = (places.start as u32, places.end as u32);
         match out.last_mut() {
             Some(last) if last[1] == start => last[1] = end,
             _ => out.push([start, end]),
+        }
+    };
+    for &c in near {
+        let places = sources.tree.cells[c as usize].places();
+        match sources.heaps.is_empty() {
+            true => add(places),
+            false => standing(places, &sources.heaps).into_iter().for_each(&mut add),
         }
     }
     out

@@ -2,16 +2,17 @@
 //!
 //! *Method*: for targets and sources alike, with ζ_s the Gaussian of standard deviation s along each axis and s the smaller core of
 //! a pair, Σ_q ζ_s(x_p − x_q) a_q. Pairs farther apart than [`REACH`] of s count as nothing. Leaves of the octree look for leaves
-//! within their own reach, so cores of any sizes, strays and heaps cost what is near them.
+//! within the reach of both, the lesser of their widest cores', so cores of any sizes and strays cost what is near them. Vortons of
+//! one place and core are one source.
 
 use super::super::{
     Vortons,
     lanes::{self, LANES, Lanes, Pass, splat},
-    octree::Octree,
+    octree::{Octree, standing},
     pairs,
 };
 use crate::{math::Vec3, par};
-use std::f32::consts::PI;
+use std::{f32::consts::PI, ops::Range};
 
 /// Where the Gaussian ends, in standard deviations. At 3 the edge is one per cent of the middle and lattices show in what
 /// spreads; at 5 there are twice the pairs.
@@ -32,6 +33,10 @@ pub(super) struct Near {
     leaves: Vec<u32>,
     /// Where each leaf ends in the order.
     ends: Vec<usize>,
+    /// The widest core of every cell [m].
+    widest: Vec<f32>,
+    /// Vortons of one place and core, more than a leaf has: stretches of the order.
+    heaps: Vec<Range<usize>>,
     /// ζ_s(0)/s² of every vorton, in its own order [1/m⁵].
     middles: Vec<f32>,
     /// Positions [m] and 1/s² [1/m²] in the order.
@@ -55,11 +60,10 @@ struct Source([f32; 8]);
 impl Near {
     /// Orders vortons.
     pub(super) fn new(vortons: &Vortons) -> Self {
-        let tree = Octree::new(&vortons.position, LEAF);
-        let mut leaves: Vec<u32> =
-            (0..tree.cells.len() as u32).filter(|&c| tree.cells[c as usize].is_leaf()).collect();
-        leaves.sort_unstable_by_key(|&c| tree.cells[c as usize].places().start);
-        let ends = leaves.iter().map(|&c| tree.cells[c as usize].places().end).collect();
+        let mut tree = Octree::new(&vortons.position, LEAF);
+        let heaps = tree.heap(&vortons.core, LEAF);
+        let (leaves, ends) = tree.leaves();
+        let widest = tree.upwards(0.0, f32::max, |i| vortons.core[i]);
         let mut places = vec![[0.0; 4]; vortons.len()];
         par::fill(&mut places, |at| {
             let i = tree.order[at] as usize;
@@ -68,7 +72,7 @@ impl Near {
         });
         let mut middles = vec![0.0; vortons.len()];
         par::fill(&mut middles, |i| unit() / vortons.core[i].powi(5));
-        Self { tree, leaves, ends, places, middles }
+        Self { tree, leaves, ends, widest, heaps, places, middles }
     }
 
     /// The weight of [`Weight::Diffusion`] that a vorton has for itself [1/m⁵].
@@ -84,6 +88,9 @@ impl Near {
             let ([x, y, z, i], [a, b, c, d]) = (self.places[at], carried(self.tree.order[at] as usize));
             Source([x, y, z, i, a, b, c, d])
         });
+        for heap in &self.heaps {
+            gather(&mut sources[heap.clone()]);
+        }
         let mut sorted = vec![[0.0; 4]; count];
         par::for_parts(&mut sorted, &self.ends, TASK, |leaf, out| {
             let near = self.around(self.leaves[leaf] as usize);
@@ -98,24 +105,31 @@ impl Near {
         out
     }
 
-    /// The leaves within reach of a leaf, as stretches of the order.
-    fn around(&self, leaf: usize) -> Vec<std::ops::Range<usize>> {
+    /// The leaves within reach of a leaf, as stretches of the order; of heaps their one source.
+    fn around(&self, leaf: usize) -> Vec<Range<usize>> {
         let (cells, own) = (&self.tree.cells, &self.tree.cells[leaf]);
-        let narrowest = self.places[own.places()].iter().map(|place| place[3]).fold(f32::INFINITY, f32::min);
-        let reach = own.radius + REACH / narrowest.sqrt();
         let (mut near, mut open) = (Vec::new(), vec![0_usize]);
         while let Some(c) = open.pop() {
             let cell = &cells[c];
-            if (cell.center - own.center).norm() > (reach + cell.radius) * 1.000_01 {
+            let reach = own.radius + cell.radius + REACH * self.widest[leaf].min(self.widest[c]);
+            if (cell.center - own.center).norm() > reach * 1.000_01 {
                 continue;
             }
             match cell.is_leaf() {
-                true => near.push(cell.places()),
+                true if self.heaps.is_empty() => near.push(cell.places()),
+                true => near.extend(standing(cell.places(), &self.heaps)),
                 false => open.extend(cell.children().rev()),
             }
         }
         near
     }
+}
+
+/// Makes the first source of a heap the sum of all.
+fn gather(heap: &mut [Source]) {
+    let sum = |k: usize| heap.iter().map(|Source(q)| f64::from(q[k])).sum::<f64>() as f32;
+    let sums = [4, 5, 6, 7].map(sum);
+    heap[0].0[4..].copy_from_slice(&sums);
 }
 
 /// The Gaussian's middle, for a standard deviation of 1.
@@ -126,7 +140,7 @@ fn unit() -> f32 {
 /// The sums of a leaf.
 struct Around<'a> {
     targets: &'a [[f32; 4]],
-    near: &'a [std::ops::Range<usize>],
+    near: &'a [Range<usize>],
     sources: &'a [Source],
     weight: Weight,
     out: &'a mut [[f32; 4]],
@@ -163,5 +177,89 @@ impl Pass for Around<'_> {
                 *out = std::array::from_fn(|k| rows[k][lane]);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A cloud of vortons whose cores, and some of whose places, are as `change` says.
+    fn cloud(change: impl Fn(usize, &mut Vec3, &mut f32)) -> Vortons {
+        let noise = |i: usize| ((i * 7919) % 10_007) as f32 / 10_007.0;
+        let mut vortons = Vortons::default();
+        for i in 0..2000 {
+            let (mut x, mut core) = (Vec3::new(noise(3 * i), noise(5 * i + 1), noise(11 * i + 2)), 0.02);
+            change(i, &mut x, &mut core);
+            vortons.position.push(x);
+            vortons.strength.push(Vec3::zeros());
+            vortons.core.push(core);
+        }
+        vortons
+    }
+
+    fn carried(i: usize) -> [f32; 4] {
+        [1.0, i as f32, (i % 7) as f32, -0.5]
+    }
+
+    /// The places that are tested, of all leaves.
+    fn tested(near: &Near) -> usize {
+        let leaf = |&leaf: &u32| {
+            let targets = near.tree.cells[leaf as usize].count();
+            targets * near.around(leaf as usize).iter().map(Range::len).sum::<usize>()
+        };
+        near.leaves.iter().map(leaf).sum()
+    }
+
+    fn agree(vortons: &Vortons) {
+        let found = Near::new(vortons).sums(Weight::Density, carried);
+        for p in (0..vortons.len()).step_by(97) {
+            let mut exact = [0.0_f64; 4];
+            for q in 0..vortons.len() {
+                let s = vortons.core[p].min(vortons.core[q]);
+                let rho2 = (vortons.position[p] - vortons.position[q]).norm_squared() / (s * s);
+                if rho2 < REACH * REACH {
+                    let zeta = f64::from(unit() / s.powi(3)) * f64::from(-0.5 * rho2).exp();
+                    (0..4).for_each(|k| exact[k] += zeta * f64::from(carried(q)[k]));
+                }
+            }
+            for k in 0..4 {
+                let off = (f64::from(found[p][k]) - exact[k]).abs();
+                assert!(off <= 1e-4 * exact[k].abs() + 1e-3, "{p}: {:?} for {exact:?}", found[p]);
+            }
+        }
+    }
+
+    #[test]
+    fn wide_cores_among_narrow_ones_look_no_farther() {
+        let even = tested(&Near::new(&cloud(|_, _, _| {})));
+        let mixed = cloud(|i, _, core| {
+            if i % 20 == 0 {
+                *core = 0.3;
+            }
+        });
+        agree(&mixed);
+        // Leaves with a wide core reach each other, which are two of three, but those without only as far as before.
+        let few = cloud(|i, _, core| {
+            if i % 400 == 0 {
+                *core = 0.3;
+            }
+        });
+        agree(&few);
+        let wide = tested(&Near::new(&few));
+        assert!((wide as f64) < 1.1 * even as f64, "{wide} for {even}");
+    }
+
+    #[test]
+    fn heaps_are_one_source() {
+        let heap = |i: usize, x: &mut Vec3, core: &mut f32| {
+            if i % 2 == 0 {
+                (*x, *core) = (Vec3::repeat(0.4), if i % 4 == 0 { 0.02 } else { 0.05 });
+            }
+        };
+        let vortons = cloud(heap);
+        agree(&vortons);
+        let (heaped, even) = (tested(&Near::new(&vortons)), tested(&Near::new(&cloud(|_, _, _| {}))));
+        assert!(heaped < 3 * even, "{heaped} for {even}");
     }
 }

@@ -7,7 +7,7 @@ use super::{
     lattice::{Field, Lattice, ROW},
     sine::others,
 };
-use crate::math::Vec3;
+use crate::{math::Vec3, par};
 
 /// Numbers on one face of a box; its axes are those that are left, in their order.
 #[derive(Clone, Debug)]
@@ -108,8 +108,30 @@ impl Faces {
     /// Writes them to a field.
     pub(super) fn write(&self, field: &mut Field) {
         let lattice = field.lattice;
-        let values = &mut field.values;
-        self.clone().for_each_node(lattice, |k, place, value| values[k][place] = *value);
+        let [nx, ny, nz] = lattice.cells;
+        let row = lattice.row();
+        for (k, values) in field.values.iter_mut().enumerate() {
+            // Nodes that faces share are of the last of these.
+            par::for_chunks(values, lattice.plane(), |first, plane| {
+                let z = first / lattice.plane();
+                for side in 0..2 {
+                    let face = &self.values[0][side][k];
+                    for y in 0..=ny {
+                        plane[y * row + side * nx] = face.at(y, z);
+                    }
+                }
+                for side in 0..2 {
+                    let face = &self.values[1][side][k];
+                    plane[side * ny * row..][..=nx].copy_from_slice(&face.values[z * face.row()..][..=nx]);
+                }
+                for side in (0..2).filter(|side| z == side * nz) {
+                    let face = &self.values[2][side][k];
+                    for (out, row) in plane.chunks_exact_mut(row).zip(face.values.chunks_exact(face.row())) {
+                        out[..=nx].copy_from_slice(&row[..=nx]);
+                    }
+                }
+            });
+        }
     }
 
     fn for_each_node(&mut self, lattice: Lattice, mut f: impl FnMut(usize, usize, &mut f32)) {
@@ -153,20 +175,23 @@ impl Faces {
             }
         }
         let potential = find(&points);
-        let mut faces = Self::zero(lattice);
-        let mut first = 0;
-        for (axis, both) in faces.values.iter_mut().enumerate() {
+        // Where the nodes of every axis begin, and how many a side has.
+        let count =
+            [0, 1, 2].map(|axis| others(axis).map(|k| coarse[k].nodes.len()).iter().product::<usize>());
+        let first = [0, 2 * count[0], 2 * (count[0] + count[1])];
+        let mut planes = par::map(18, |n| {
+            let (axis, side, k) = (n / 6, n / 3 % 2, n % 3);
             let [b, c] = others(axis);
-            for planes in both {
-                let row = coarse[b].nodes.len();
-                let count = row * coarse[c].nodes.len();
-                for (k, plane) in planes.iter_mut().enumerate() {
-                    fill(plane, &coarse[b], &coarse[c], |i, j| potential[first + j * row + i][k]);
-                }
-                first += count;
-            }
+            let (row, first) = (coarse[b].nodes.len(), first[axis] + side * count[axis]);
+            let mut plane = Plane::new([b, c].map(|k| lattice.cells[k]));
+            fill(&mut plane, &coarse[b], &coarse[c], |i, j| potential[first + j * row + i][k]);
+            Some(plane)
+        });
+        let mut taken = |n: usize| planes[n].take().expect("one each");
+        Self {
+            values: [0, 1, 2]
+                .map(|axis| [0, 1].map(|side| [0, 1, 2].map(|k| taken(6 * axis + 3 * side + k)))),
         }
-        faces
     }
 }
 

@@ -163,38 +163,47 @@ impl<'a> Solved<'a> {
 
     /// The quantity `Q`, the solved one or the first row of it, at `targets`.
     fn rows<K: Spread, const Q: usize, const N: usize>(&self, targets: Targets<'_>) -> Vec<[Vec3; N]> {
-        let Self { vortons, plan, setting, .. } = self;
+        let Self { vortons, plan, .. } = self;
         let points = targets.positions(vortons);
         let tree = accuracy::setting(self.error);
-        let (mut inside, mut outside) = (Vec::new(), Vec::new());
-        for (i, &x) in points.iter().enumerate() {
-            if plan.lattice.holds(x, self.margin) { inside.push(i) } else { outside.push(i) }
+        let is_inside = |x: Vec3| plan.lattice.holds(x, self.margin);
+        // Most often all points are.
+        let mut outside: Vec<usize> = par::map_chunks(points.len(), par::CHUNK, |part| {
+            part.filter(|&i| !is_inside(points[i])).collect::<Vec<_>>()
+        })
+        .concat();
+        if outside.is_empty() {
+            return self.inside::<K, Q, N>(points);
         }
-        let at = |chosen: &[usize]| -> Vec<Vec3> { chosen.iter().map(|&i| points[i]).collect() };
         let mut out = vec![[Vec3::zeros(); N]; points.len()];
-
-        // Inside: the lattice, what cores differ near by, and the strays.
-        let here = at(&inside);
-        let mut found = self.gathered(&here);
-        if plan.near {
-            Near::new::<K>(&plan.inner, plan.smooth, setting.near).add::<K, Q, N>(&here, &mut found);
-        }
-        if !plan.outer.is_empty() {
-            let strays = walk::rows::<K, Q, N>(&plan.outer, Targets::Points(&here), tree);
-            par::update(&mut found, |i, row| (0..N).for_each(|n| row[n] += strays[i][n]));
-        }
-        for (&i, row) in inside.iter().zip(found) {
-            out[i] = row;
-        }
-
-        // Outside: the tree.
-        if !outside.is_empty() {
-            let found = walk::rows::<K, Q, N>(vortons, Targets::Points(&at(&outside)), tree);
-            for (&i, row) in outside.iter().zip(found) {
+        let mut write = |chosen: &[usize], find: &dyn Fn(&[Vec3]) -> Vec<[Vec3; N]>| {
+            let at: Vec<Vec3> = chosen.iter().map(|&i| points[i]).collect();
+            for (&i, row) in chosen.iter().zip(find(&at)) {
                 out[i] = row;
             }
-        }
+        };
+        // Outside: the tree.
+        write(&outside, &|at| walk::rows::<K, Q, N>(vortons, Targets::Points(at), tree));
+        outside.reverse();
+        let inside: Vec<usize> =
+            (0..points.len()).filter(|i| outside.pop_if(|outer| outer == i).is_none()).collect();
+        write(&inside, &|at| self.inside::<K, Q, N>(at));
         out
+    }
+
+    /// The same at points inside: the lattice, what cores differ near by, and the strays.
+    fn inside<K: Spread, const Q: usize, const N: usize>(&self, points: &[Vec3]) -> Vec<[Vec3; N]> {
+        let Self { plan, setting, .. } = self;
+        let mut found = self.gathered(points);
+        if plan.near {
+            Near::new::<K>(&plan.inner, plan.smooth, setting.near).add::<K, Q, N>(points, &mut found);
+        }
+        if !plan.outer.is_empty() {
+            let tree = accuracy::setting(self.error);
+            let strays = walk::rows::<K, Q, N>(&plan.outer, Targets::Points(points), tree);
+            par::update(&mut found, |i, row| (0..N).for_each(|n| row[n] += strays[i][n]));
+        }
+        found
     }
 
     /// What the lattice gives at points inside it.
@@ -203,10 +212,10 @@ impl<'a> Solved<'a> {
         let fields: &[Field; N] = self.fields[..N].try_into().expect("a field for every row");
         let planes = weights::by_plane(lattice, points);
         let sorted = weights::gather(fields, points, &planes, self.way.shares());
-        let mut out = vec![[Vec3::zeros(); N]; points.len()];
-        for (&i, row) in planes.all().iter().zip(sorted) {
-            out[i as usize] = row;
-        }
+        let mut inverse = par::Inverse::default();
+        inverse.rebuild(planes.all());
+        let mut out = par::repeated([Vec3::zeros(); N], points.len());
+        par::fill(&mut out, |i| sorted[inverse.of(i)]);
         out
     }
 }

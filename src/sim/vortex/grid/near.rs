@@ -11,29 +11,36 @@ use crate::{
     sim::vortex::{
         Vortons,
         lanes::{self, LANES, Lanes, Pass, splat},
-        octree::Octree,
+        octree::{Octree, standing},
         pairs::{self, SUMS, Source, Sums},
     },
 };
-use std::marker::PhantomData;
+use std::{marker::PhantomData, ops::Range};
 
 /// Points of a leaf at most.
 const LEAF: usize = 32;
 
+/// Leaves a task works on.
+const TASK: usize = 4;
+
 /// Vortons whose differences are summed.
-pub(super) struct Near {
+pub(super) struct Near<'a> {
+    points: &'a [Vec3],
     tree: Octree,
     /// With their own kernel and core, and with the lattice's and −Γ, in the order of the tree.
     own: Vec<Source>,
     lattice: Vec<Source>,
+    /// Vortons of one place and core, more than a leaf has: stretches of the order, of which the first stands for all.
+    heaps: Vec<Range<usize>>,
     /// How far the vortons of each cell reach [m].
     reach: Vec<f32>,
 }
 
-impl Near {
+impl<'a> Near<'a> {
     /// For a lattice that carries cores of `smooth` [m].
-    pub(super) fn new<K: Spread>(vortons: &Vortons, smooth: f32, error: f32) -> Self {
-        let tree = Octree::new(&vortons.position, LEAF);
+    pub(super) fn new<K: Spread>(vortons: &'a Vortons, smooth: f32, error: f32) -> Self {
+        let mut tree = Octree::new(&vortons.position, LEAF);
+        let heaps = tree.heap(&vortons.core, LEAF);
         let source = |at: usize| Source::new(vortons, tree.order[at] as usize);
         let (mut own, mut lattice) =
             (vec![Source::default(); vortons.len()], vec![Source::default(); vortons.len()]);
@@ -42,15 +49,13 @@ impl Near {
             let Source([x, y, z, gx, gy, gz, ..]) = source(at);
             Source([x, y, z, -gx, -gy, -gz, smooth * smooth, 0.0])
         });
-        let mut reach = vec![0.0_f32; tree.cells.len()];
-        par::fill(&mut reach, |c| {
-            let reaches = tree.order[tree.cells[c].places()].iter().map(|&i| {
-                let core = vortons.core[i as usize];
-                if K::ITSELF && core == smooth { 0.0 } else { K::reach(core, smooth, error) }
-            });
-            reaches.fold(0.0, f32::max)
-        });
-        Self { tree, own, lattice, reach }
+        for heap in &heaps {
+            Source::gather(&mut own[heap.clone()]);
+            Source::gather(&mut lattice[heap.clone()]);
+        }
+        let far = |core: f32| if K::ITSELF && core == smooth { 0.0 } else { K::reach(core, smooth, error) };
+        let reach = tree.upwards(0.0, f32::max, |i| far(vortons.core[i]));
+        Self { points: &vortons.position, tree, heaps, own, lattice, reach }
     }
 
     /// Adds the differences at `points` to `out`.
@@ -59,70 +64,64 @@ impl Near {
         points: &[Vec3],
         out: &mut [[Vec3; N]],
     ) {
-        let targets = Octree::new(points, LEAF);
-        let leaves: Vec<usize> = (0..targets.cells.len()).filter(|&c| targets.cells[c].is_leaf()).collect();
-        let found = par::map_chunks(leaves.len(), 4, |part| {
-            let mut stretches = Vec::new();
-            part.flat_map(|leaf| {
-                let cell = &targets.cells[leaves[leaf]];
-                self.around(cell.center, cell.radius, &mut stretches);
-                let order = &targets.order[cell.places()];
-                lanes::run(Leaf::<K, Q, N> {
-                    near: self,
-                    stretches: &stretches,
-                    order,
-                    points,
-                    kernel: PhantomData,
-                })
-            })
-            .collect::<Vec<_>>()
+        let other = (points != self.points).then(|| Octree::new(points, LEAF));
+        let targets = other.as_ref().unwrap_or(&self.tree);
+        let (leaves, ends) = targets.leaves();
+        let mut sorted = par::repeated([Vec3::zeros(); N], points.len());
+        par::for_parts(&mut sorted, &ends, TASK, |leaf, out| {
+            let cell = &targets.cells[leaves[leaf] as usize];
+            let stretches = &self.around(cell.center, cell.radius);
+            let order = &targets.order[cell.places()];
+            lanes::run(Leaf::<K, Q, N> { near: self, stretches, order, points, out, kernel: PhantomData });
         });
-        let order = leaves.iter().flat_map(|&leaf| &targets.order[targets.cells[leaf].places()]);
-        for (&i, more) in order.zip(found.iter().flatten()) {
-            for (out, more) in out[i as usize].iter_mut().zip(more) {
+        let mut inverse = par::Inverse::default();
+        inverse.rebuild(&targets.order);
+        par::update(out, |i, out| {
+            for (out, more) in out.iter_mut().zip(&sorted[inverse.of(i)]) {
                 *out += more;
             }
-        }
+        });
     }
 
     /// The stretches of vortons that reach into a ball.
-    fn around(&self, center: Vec3, radius: f32, stretches: &mut Vec<[usize; 2]>) {
-        stretches.clear();
-        let mut stack = vec![0];
+    fn around(&self, center: Vec3, radius: f32) -> Vec<[usize; 2]> {
+        let (mut stretches, mut stack) = (Vec::<[usize; 2]>::new(), vec![0]);
         while let Some(c) = stack.pop() {
             let cell = &self.tree.cells[c];
             if self.reach[c] == 0.0 || (cell.center - center).norm() > radius + cell.radius + self.reach[c] {
                 continue;
             }
             if cell.is_leaf() {
-                let places = cell.places();
-                match stretches.last_mut() {
-                    Some(last) if last[1] == places.start => last[1] = places.end,
-                    _ => stretches.push([places.start, places.end]),
+                for places in standing(cell.places(), &self.heaps) {
+                    match stretches.last_mut() {
+                        Some(last) if last[1] == places.start => last[1] = places.end,
+                        _ => stretches.push([places.start, places.end]),
+                    }
                 }
             } else {
                 stack.extend(cell.children().rev());
             }
         }
+        stretches
     }
 }
 
 /// The sums at the points of a leaf.
 struct Leaf<'a, K, const Q: usize, const N: usize> {
-    near: &'a Near,
+    near: &'a Near<'a>,
     stretches: &'a [[usize; 2]],
     order: &'a [u32],
     points: &'a [Vec3],
+    out: &'a mut [[Vec3; N]],
     kernel: PhantomData<K>,
 }
 
 impl<K: Spread, const Q: usize, const N: usize> Pass for Leaf<'_, K, Q, N> {
-    type Out = Vec<[Vec3; N]>;
+    type Out = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self) -> Self::Out {
-        let mut out = Vec::with_capacity(self.order.len());
-        for order in self.order.chunks(LANES) {
+    fn run<L: Lanes>(self) {
+        for (order, out) in self.order.chunks(LANES).zip(self.out.chunks_mut(LANES)) {
             let x = pairs::columns::<L>(|lane| self.points[order[lane.min(order.len() - 1)] as usize]);
             let mut sums: Sums<L> = [splat(0.0); SUMS];
             for &[start, end] in self.stretches {
@@ -131,10 +130,9 @@ impl<K: Spread, const Q: usize, const N: usize> Pass for Leaf<'_, K, Q, N> {
                 pairs::add_pairs::<L, K::Smooth, Q>(x, &self.near.lattice[start..end], &mut sums);
             }
             let rows = sums.map(L::row);
-            for lane in 0..order.len() {
-                out.push(pairs::vectors::<Q, N>(rows.map(|row| row[lane])));
+            for (lane, out) in out.iter_mut().enumerate() {
+                *out = pairs::vectors::<Q, N>(rows.map(|row| row[lane]));
             }
         }
-        out
     }
 }

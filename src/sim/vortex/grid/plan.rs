@@ -162,9 +162,15 @@ fn parts(vortons: &Vortons) -> (Vortons, Vortons) {
     });
     let grown = Vec3::repeat((high - low).amax());
     let (low, high) = (low - grown, high + grown);
+    let is_inner = |x: Vec3| (0..3).all(|k| x[k] >= low[k] && x[k] <= high[k]);
+    let mut all = par::map_chunks(points.len(), par::CHUNK, |part| points[part].iter().all(|&x| is_inner(x)))
+        .into_iter();
     let (mut inner, mut outer) = (Vortons::default(), Vortons::default());
+    if all.all(|all| all) {
+        return (vortons.clone(), outer);
+    }
     for (i, &x) in points.iter().enumerate() {
-        let part = if (0..3).all(|k| x[k] >= low[k] && x[k] <= high[k]) { &mut inner } else { &mut outer };
+        let part = if is_inner(x) { &mut inner } else { &mut outer };
         part.position.push(x);
         part.strength.push(vortons.strength[i]);
         part.core.push(vortons.core[i]);
@@ -200,12 +206,17 @@ impl Density {
     fn new(points: &[Vec3], low: Vec3, high: Vec3) -> Self {
         const CELLS: usize = 32;
         let edge = ((high - low).max() / CELLS as f32).max(1e-12);
-        let mut counts = vec![0_u32; CELLS * CELLS * CELLS];
-        for x in points {
-            let at: [usize; 3] = std::array::from_fn(|k| (((x[k] - low[k]) / edge) as usize).min(CELLS - 1));
-            counts[at[0] + CELLS * (at[1] + CELLS * at[2])] += 1;
-        }
-        let squares: f64 = counts.iter().map(|&n| f64::from(n) * f64::from(n)).sum();
+        let counted = par::map_chunks(points.len(), 1 << 15, |part| {
+            let mut counts = vec![0_u32; CELLS * CELLS * CELLS];
+            for x in &points[part] {
+                let at: [usize; 3] =
+                    std::array::from_fn(|k| (((x[k] - low[k]) / edge) as usize).min(CELLS - 1));
+                counts[at[0] + CELLS * (at[1] + CELLS * at[2])] += 1;
+            }
+            counts
+        });
+        let count = |cell: usize| counted.iter().map(|counts| f64::from(counts[cell])).sum::<f64>();
+        let squares: f64 = (0..CELLS * CELLS * CELLS).map(|cell| count(cell).powi(2)).sum();
         Self { beside: squares / points.len().max(1) as f64, edge: f64::from(edge) }
     }
 
