@@ -230,17 +230,21 @@ mod tests {
             let most = if n == 64 { 9 * 5 + if soft.is_some() { 3 * 5 } else { 0 } } else { usize::MAX };
             assert!(table.slots.len() <= most, "{} slots", table.slots.len());
         }
-        // Where the hash is the same and the neighbours are not, they are kept apart.
-        let (a, b) = (slots(0, &grid(8, None)[..3], 64), slots(0, &grid(8, Some(0))[..3], 64));
-        let split = |slots: Vec<(Slot, Wide)>| -> (Vec<Slot>, Vec<Wide>) { slots.into_iter().unzip() };
-        let ((a, da), (b, db)) = (split(a), split(b));
-        let mut table = Table::default();
-        let mut seen = HashMap::new();
-        let first = table.place(a.clone(), da.clone(), &mut seen);
-        seen.insert(hash(&b, &db), first);
-        let second = table.place(b.clone(), db, &mut seen);
-        assert_ne!(first, second);
-        assert_eq!(table.place(a, da, &mut seen), first);
-        assert_eq!(table.slots[second[0] as usize..second[1] as usize], b);
+        // Where the hash is the same they are kept apart if the neighbours are not, or the damping alone.
+        let of = |soft| -> (Vec<Slot>, Vec<Wide>) { slots(0, &grid(8, soft)[..3], 64).into_iter().unzip() };
+        let ((a, damping), (b, other)) = (of(None), of(Some(0)));
+        for [(a, da), (b, db)] in [
+            [(&a, vec![]), (&b, vec![])],
+            [(&a, damping.clone()), (&a, other)],
+            [(&a, damping.clone()), (&b, damping)],
+        ] {
+            let (mut table, mut seen) = (Table::default(), HashMap::new());
+            let first = table.place(a.clone(), da.clone(), &mut seen);
+            seen.insert(hash(b, &db), first);
+            let second = table.place(b.clone(), db, &mut seen);
+            assert_ne!(first, second);
+            assert_eq!(table.place(a.clone(), da, &mut seen), first);
+            assert_eq!(table.slots[second[0] as usize..second[1] as usize], *b);
+        }
     }
 }
