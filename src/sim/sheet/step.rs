@@ -52,8 +52,11 @@ impl Sheets {
             record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
         }
         // Solids have the last word: what contact pushes into one comes out again.
-        if self.meet(now, dt, clock, record) && !self.solids.is_empty() {
-            record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
+        if self.meet(now, dt, clock, record) {
+            self.unite();
+            if !self.solids.is_empty() {
+                record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
+            }
         }
         Ok(())
     }
