@@ -30,11 +30,19 @@ pub(super) fn of_seeding(report: &SeedReport) -> Vec<String> {
     let wind = (across > 0.0).then(|| {
         format!("the wind is left without the {across:.3} m/s with which it blows at a plane: no air goes through one")
     });
+    let crossings = report.crossings;
+    let crossed = (crossings > 0).then(|| {
+        format!(
+            "{crossings} edges of sheets go through faces of sheets from the start: there they pass through each other until they have \
+             left each other; move the sheets apart"
+        )
+    });
     [
         left_out(smoke.skipped_in_solids, "tracers lay inside solids"),
         left_out(report.skipped_in_solids, "they lay inside solids or touched them"),
         left_out(report.skipped_overlapping, "another source had filled their place"),
         wind,
+        crossed,
     ]
     .into_iter()
     .flatten()
@@ -73,7 +81,10 @@ fn of_coupling(record: &CouplingRecord) -> Vec<String> {
 
 /// The same of the sheets.
 fn of_sheets(record: &SheetRecord) -> Vec<String> {
+    let contact = record.contact.clone().unwrap_or_default();
     counted(&[
+        (contact.crossings, "edges of sheets through faces of sheets"),
+        (contact.unseparated, "pairs of sheets not surely kept apart"),
         (record.unconverged.into(), "substeps of sheets stopped at max_iterations"),
         (record.inside_solids, "points of sheets inside solids"),
         (record.folded, "springs of sheets without a direction"),

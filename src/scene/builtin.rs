@@ -8,6 +8,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("dam-break", include_str!("../../presets/dam-break.toml")),
         ("double-dam-break", include_str!("../../presets/double-dam-break.toml")),
         ("drop-in-pool", include_str!("../../presets/drop-in-pool.toml")),
+        ("falling-sheets", include_str!("../../presets/falling-sheets.toml")),
         ("figure-bath", include_str!("../../presets/figure-bath.toml")),
         ("figure-drop", include_str!("../../presets/figure-drop.toml")),
         ("figure-splash", include_str!("../../presets/figure-splash.toml")),

@@ -18,6 +18,8 @@ pub struct SeedReport {
     pub smoke: Option<SmokeSeeds>,
     /// Points of sheets.
     pub points: u32,
+    /// Edges of sheets that go through faces of sheets from the start; 0 where no contact is looked for.
+    pub crossings: u64,
 }
 
 /// What seeding smoke did.

@@ -160,7 +160,13 @@ impl Simulation {
     pub fn seeded(&self) -> SeedReport {
         let smoke = self.smoke.as_ref().map(smoke::System::seeded);
         let points = self.sheets.as_ref().map_or(0, |sheets| sheets.len() as u32);
-        SeedReport { smoke, points, ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default() }
+        let crossings = self.sheets.as_ref().map_or(0, Sheets::crossings);
+        SeedReport {
+            smoke,
+            points,
+            crossings,
+            ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default()
+        }
     }
 
     /// The solids of the world, by number, that are too small for the smoke's spacing to keep air out.

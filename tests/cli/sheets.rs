@@ -175,6 +175,8 @@ fn only_what_is_named_is_there() {
         cloth.contains("sheet_step, sheet_solids, sheet_account") && cloth.contains("174 points"),
         "{cloth}"
     );
+    let falling = desk.run("shot falling-sheets --dry-run", 0).0;
+    assert!(falling.contains("sheet_solids, sheet_search, sheet_contact, sheet_account"), "{falling}");
     let dam = desk.run("shot small.toml --dry-run", 0).0;
     assert!(!dam.contains("sheet"), "{dam}");
     let plan = desk.run("plan cloth.toml", 0).0;
@@ -186,6 +188,7 @@ fn every_built_in_shot_of_sheets_runs_and_stays_out_of_its_solids() {
     let desk = Desk::new();
     for name in [
         "cloth-over-ellipsoid",
+        "falling-sheets",
         "sheet-center",
         "sheet-corners",
         "sheet-over-torus",
@@ -196,10 +199,13 @@ fn every_built_in_shot_of_sheets_runs_and_stays_out_of_its_solids() {
     ] {
         desk.run(&format!("simulate {name} --quality draft -o {name}"), 0);
         let text = fs::read_to_string(desk.path(name).join("log.jsonl")).unwrap();
-        assert_eq!(text.lines().count(), 23, "{name}");
+        assert_eq!(text.lines().count(), if name == "falling-sheets" { 47 } else { 23 }, "{name}");
         for line in text.lines() {
             let line: serde_json::Value = serde_json::from_str(line).unwrap();
             assert_eq!(line["sheets"]["inside_solids"], 0, "{name}: {line}");
+            let contact = &line["sheets"]["contact"];
+            assert_eq!(contact.is_null(), name != "falling-sheets");
+            assert!(contact.is_null() || contact["crossings"] == 0, "{name}: {line}");
         }
     }
 }

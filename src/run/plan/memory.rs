@@ -251,9 +251,13 @@ const POINT: f64 = 410.0;
 /// … and what bending takes beside: 1030 to 1040, with shear.
 const BENT: f64 = 1050.0;
 
-/// Peak memory of simulating so many points of sheets, of which some may bend [bytes]; 0 without any.
-pub(super) fn sheets(points: usize, bends: bool) -> u64 {
-    let point = if bends { POINT + BENT } else { POINT };
+/// … and contact: its boxes and lists, the most where layers lie on each other.
+const MEETING: f64 = 1000.0;
+
+/// Peak memory of simulating so many points of sheets, of which some may bend and some meet [bytes]; 0 without any.
+pub(super) fn sheets(points: usize, [bend, meet]: [bool; 2]) -> u64 {
+    let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
+    let point = POINT + named(bend, BENT) + named(meet, MEETING);
     if points == 0 { 0 } else { (BASE + points as f64 * point) as u64 }
 }
 

@@ -124,7 +124,7 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
         passes: passes(&simulation, scene, with_outputs),
         memory: peak_memory(scene, particles, None, with_outputs)
             + smoke_bound(scene, seeds)
-            + memory::sheets(simulation.seeded().points as usize, sheets::bend(scene)),
+            + memory::sheets(simulation.seeded().points as usize, sheets::terms(scene)),
         remarks: remarks::of_seeding(&simulation.seeded()),
     })
 }

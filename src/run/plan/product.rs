@@ -42,7 +42,7 @@ impl Product {
             Self::Meshes => memory::surface(particles, grids, params),
             Self::Volumes => memory::volume(particles, grids),
             Self::Points => memory::smoke(0.0, particles as f64),
-            Self::Sheets => memory::sheets(particles, false),
+            Self::Sheets => memory::sheets(particles, [false; 2]),
         }
     }
 }

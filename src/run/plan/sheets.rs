@@ -106,7 +106,7 @@ pub(super) fn plan(
         points,
         substeps,
         iterations,
-        memory: memory::sheets(points as usize, bend(scene)),
+        memory: memory::sheets(points as usize, terms(scene)),
         cache: bytes / frames.max(1) as f64 * stored,
         files: sides * written * points * stored,
         seconds,
@@ -116,12 +116,13 @@ pub(super) fn plan(
 
 /// Peak memory of simulating sheets [bytes], without building them; 0 without any.
 pub(super) fn least(scene: &Scene) -> u64 {
-    memory::sheets(scene.sheet.iter().map(|sheet| sheet.shape.points()).sum::<f64>() as usize, bend(scene))
+    memory::sheets(scene.sheet.iter().map(|sheet| sheet.shape.points()).sum::<f64>() as usize, terms(scene))
 }
 
-/// Whether sheets resist bending.
-pub(super) fn bend(scene: &Scene) -> bool {
-    scene.sheet.iter().any(|sheet| sheet.bending.is_some())
+/// Whether sheets resist bending, and whether they meet.
+pub(super) fn terms(scene: &Scene) -> [bool; 2] {
+    let meet = scene.sheets.as_ref().is_some_and(|common| common.contact.is_some());
+    [scene.sheet.iter().any(|sheet| sheet.bending.is_some()), meet]
 }
 
 /// A quantity of all frames.

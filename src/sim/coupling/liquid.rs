@@ -357,8 +357,8 @@ impl Company for Together<'_> {
                 if impulse > 0.0 {
                     let rub = slip * (impulse / speed);
                     v[i] -= rub / self.bound.mass;
-                    for k in 0..3 {
-                        self.sheets.kick(face[k], rub * (contact.weights[k] * self.sheets.mobility(face[k])));
+                    for (&corner, weight) in face.iter().zip(contact.weights) {
+                        self.sheets.kick(corner, rub * (weight * self.sheets.mobility(corner)));
                     }
                 }
             }

@@ -126,6 +126,7 @@ impl Liquid {
             skipped_overlapping: count("skipped_overlapping")?,
             smoke: None,
             points: 0,
+            crossings: 0,
         };
         let deviation = |name| stream.scalar(name);
         liquid.deviation = deviation("density_dev_avg")

@@ -41,6 +41,10 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
         positive(repulsion.energy, "sheets.repulsion.energy".into())?;
         positive(repulsion.range, "sheets.repulsion.range".into())?;
     }
+    if let Some(contact) = &params.common.contact {
+        positive(contact.thickness, "sheets.contact.thickness".into())?;
+        not_negative(contact.friction.unwrap_or(0.0), "sheets.contact.friction".into())?;
+    }
     let solver = &params.common.solver;
     positive(solver.tolerance, "sheets.solver.tolerance".into())?;
     positive(solver.courant, "sheets.solver.courant".into())?;

@@ -12,7 +12,9 @@ impl Sheets {
     pub(in crate::sim) fn begin(&mut self) -> SheetRecord {
         // A frame holds the whole state: what rounding took is not carried over.
         self.low.clear();
-        SheetRecord { points: self.len() as u64, ..SheetRecord::default() }
+        let mut record = SheetRecord { points: self.len() as u64, ..SheetRecord::default() };
+        self.begin_contact(&mut record);
+        record
     }
 
     /// How many equal substeps the sheets ask for in the rest of a frame of `seconds`: `left` [s], from `now` [s] on.
@@ -27,7 +29,11 @@ impl Sheets {
         done: u32,
     ) -> Result<u32, Diverged> {
         self.settle(now);
-        Ok((left / self.substep_length(now, left, seconds, done)?).round() as u32)
+        // The search of a frame's first list is nobody's.
+        let mut clock = Clock::new(&self.passes());
+        let contact = self.contact.is_some().then(Default::default);
+        let mut record = SheetRecord { substeps: done, contact, ..SheetRecord::default() };
+        Ok((left / self.substep_length(now, left, seconds, &mut clock, &mut record)?).round() as u32)
     }
 
     /// The speed of the fastest point [m/s].
@@ -62,7 +68,8 @@ impl Sheets {
     }
 
     /// What the record tells of the end of a frame, at `time` [s].
-    pub(in crate::sim) fn end(&self, time: f64, record: &mut SheetRecord) {
+    pub(in crate::sim) fn end(&mut self, time: f64, record: &mut SheetRecord) {
+        self.end_contact(&mut Clock::new(&self.passes()), record);
         self.account(time, record);
     }
 

@@ -12,6 +12,7 @@ mod attached;
 mod bonds;
 mod bound;
 mod check;
+mod contact;
 mod drive;
 mod error;
 mod explicit;
@@ -31,10 +32,10 @@ pub(in crate::sim) use attached::{Leaning, Touch, Touches};
 pub use check::check;
 pub use error::SheetError;
 pub use params::{
-    Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape, SheetSolver,
-    SheetsCommon, SheetsParams,
+    Contact, Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape,
+    SheetSolver, SheetsCommon, SheetsParams,
 };
-pub use record::SheetRecord;
+pub use record::{ContactRecord, SheetRecord};
 pub use state::{CORNERS, faces_stream, is_faces, is_part, sheet_of, stream};
 
 use super::{
@@ -107,6 +108,8 @@ pub struct Sheets {
     bonds: Bonds,
     /// For the push of solids; `None` without it.
     around: Option<Around>,
+    /// `None`: sheets pass through each other.
+    contact: Option<Box<contact::Contact>>,
     /// Forces from outside [N]; empty: none.
     outside: Vec<Vec3>,
     /// The longest stable substep [s], the point that asks for it, and for which of the holds that is so.
@@ -154,7 +157,10 @@ impl Sheets {
         let faces: Vec<[u32; 4]> = models.iter().zip(&ranges).flat_map(shifted).collect();
         let bends = models.iter().any(|model| !model.plates.is_empty());
         let springs = Table::new(end, spring_entries(&models, &ranges));
+        let meets = |meets| Box::new(contact::Contact::new(meets, &params, &models, &ranges));
+        let contact = params.common.contact.as_ref().map(meets);
         let mut sheets = Self {
+            contact,
             gravity: world.gravity,
             solids: world.solids.clone(),
             x: Vectors::of(&points),
@@ -241,10 +247,15 @@ impl Sheets {
     /// The passes of a substep, in order.
     pub fn passes(&self) -> Vec<&'static str> {
         let optional = |present: bool, name| present.then_some(name);
-        [Some("sheet_step"), optional(!self.solids.is_empty(), "sheet_solids"), Some("sheet_account")]
-            .into_iter()
-            .flatten()
-            .collect()
+        let meets = self.contact.is_some();
+        let passes = [
+            Some("sheet_step"),
+            optional(!self.solids.is_empty(), "sheet_solids"),
+            optional(meets, "sheet_search"),
+            optional(meets, "sheet_contact"),
+            Some("sheet_account"),
+        ];
+        passes.into_iter().flatten().collect()
     }
 
     /// Advances from `start` [s] by one frame of `seconds`. Returns what happened and the seconds of the passes.
@@ -261,6 +272,7 @@ impl Sheets {
         let mut record = SheetRecord { points: self.len() as u64, ..SheetRecord::default() };
         // A frame holds the whole state: what rounding took is not carried over.
         self.low.clear();
+        self.begin_contact(&mut record);
         let mut left = seconds;
         // The last substep ends the frame but for rounding.
         while left > 1e-9 * seconds {
@@ -269,12 +281,13 @@ impl Sheets {
             }
             let now = start + (seconds - left);
             self.settle(now);
-            let dt = self.substep_length(now, left, seconds, record.substeps)?;
+            let dt = self.substep_length(now, left, seconds, &mut clock, &mut record)?;
             record.substeps += 1;
             self.substep(now, dt, &mut clock, &mut record)?;
             left -= dt;
             watch.substep(1.0 - left / seconds);
         }
+        self.end_contact(&mut clock, &mut record);
         clock.time("sheet_account", || self.account(start + seconds, &mut record));
         Ok((record, clock.into_totals()))
     }
@@ -286,21 +299,40 @@ impl Sheets {
     pub fn step(&mut self, now: f64, dt: f64) -> Result<SheetRecord, Diverged> {
         let mut record = SheetRecord { points: self.len() as u64, substeps: 1, ..SheetRecord::default() };
         self.settle(now);
-        self.substep(now, dt, &mut Clock::new(&self.passes()), &mut record)?;
+        self.begin_contact(&mut record);
+        let mut clock = Clock::new(&self.passes());
+        self.contact_step(now, [dt, dt], &mut clock, &mut record);
+        self.substep(now, dt, &mut clock, &mut record)?;
         Ok(record)
     }
 
     /// The next substep [s], of `left` that are left of a frame of `seconds`.
-    fn substep_length(&self, now: f64, left: f64, seconds: f64, done: u32) -> Result<f64, Diverged> {
+    fn substep_length(
+        &mut self,
+        now: f64,
+        left: f64,
+        seconds: f64,
+        clock: &mut Clock,
+        record: &mut SheetRecord,
+    ) -> Result<f64, Diverged> {
+        let done = record.substeps;
         let solver = &self.params.common.solver;
         let longest = match solver.integrator {
             Integrator::Symplectic => self.longest.0 * f64::from(solver.courant),
             Integrator::Implicit => seconds / f64::from(solver.substeps),
         };
         let (travel, fastest) = self.travel(now, left);
-        let count = (left / longest.min(travel) - 1e-6).ceil().max(1.0);
+        let (approach, closing) = self.contact_step(now, [longest.min(travel), left], clock, record);
+        let solver = &self.params.common.solver;
+        let count = (left / longest.min(travel).min(approach) - 1e-6).ceil().max(1.0);
         if count + f64::from(done) > f64::from(solver.max_substeps) {
-            let (particle, what, try_next) = if travel < longest {
+            let (particle, what, try_next) = if approach < longest.min(travel) {
+                let what =
+                    format!("would need {count:.1e} substeps to meet others within sheets.contact.thickness");
+                let remedy =
+                    "a larger sheets.contact.thickness or sheets.solver.max_substeps, or slower motion";
+                (closing, what, remedy)
+            } else if travel < longest {
                 let what = format!("would need {count:.1e} substeps to not fly through solids");
                 (fastest, what, "a larger sheets.solver.max_substeps or slower motion")
             } else {
@@ -350,6 +382,7 @@ impl Sheets {
         for i in self.bonds.led() {
             self.inverse[i / WIDTH][i % WIDTH] = 0.0;
         }
+        self.join_contact(time);
         let mut rows = Rows::new(&self.springs, self.plates.as_ref(), len);
         rows.hold(&self.held, &self.joined, time);
         if let Some(repulsion) = &self.params.common.repulsion {

@@ -29,4 +29,24 @@ pub struct SheetRecord {
     pub caught: u64,
     /// Points within a solid at the frame's end.
     pub inside_solids: u64,
+    /// What contact between sheets did; absent without `[sheets.contact]`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactRecord>,
+}
+
+/// What contact between sheets did in a frame.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct ContactRecord {
+    /// Pairs of features that were kept apart, over all substeps.
+    pub pairs: u64,
+    /// Times that lists of what may meet were made.
+    pub searches: u32,
+    /// Points for which that was done again, since they had left their ways.
+    pub renewed: u64,
+    /// Points that had to move as one with what they met, over all substeps: impulses alone did not part them.
+    pub held: u64,
+    /// Pairs that could not be kept apart with certainty, over all substeps: what holds them goes different ways.
+    pub unseparated: u64,
+    /// Edges that go through faces at the frame's end.
+    pub crossings: u64,
 }

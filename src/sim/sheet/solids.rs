@@ -43,7 +43,7 @@ pub(super) fn placed(solids: &[Solid], from: f64, to: f64) -> Vec<Placed<'_>> {
 
 impl Placed<'_> {
     /// Distance and normal at one end of the substep.
-    fn contact(&self, x: Vec3, end: usize) -> (f32, Vec3) {
+    pub(super) fn contact(&self, x: Vec3, end: usize) -> (f32, Vec3) {
         match &self.poses {
             None => self.shape.contact(x),
             Some(poses) => {
@@ -54,7 +54,7 @@ impl Placed<'_> {
     }
 
     /// The solid's own way during the substep at a place [m].
-    fn way(&self, x: Vec3) -> Vec3 {
+    pub(super) fn way(&self, x: Vec3) -> Vec3 {
         self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| {
             let local = to.to_local(x);
             to.to_world(local) - from.to_world(local)

@@ -73,6 +73,9 @@ impl Sheets {
                 range.clone().zip(values).for_each(|(i, v)| to.set(i, *v));
             }
         }
+        if let Some(contact) = &mut sheets.contact {
+            contact.forget();
+        }
         sheets.settle(time);
         Ok(sheets)
     }

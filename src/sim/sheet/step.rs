@@ -25,6 +25,9 @@ impl Sheets {
         clock: &mut Clock,
         record: &mut SheetRecord,
     ) -> Result<(), Diverged> {
+        if let Some(contact) = &mut self.contact {
+            contact.start(&self.x);
+        }
         let lost = clock.time("sheet_step", || match self.params.common.solver.integrator {
             Integrator::Symplectic => self.symplectic(now, dt),
             Integrator::Implicit => self.implicit(now, dt, record),
@@ -47,6 +50,13 @@ impl Sheets {
         self.unite();
         if !self.solids.is_empty() {
             record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
+        }
+        // Solids have the last word: what contact pushes into one comes out again.
+        if self.meet(now, dt, clock, record) {
+            self.unite();
+            if !self.solids.is_empty() {
+                record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
+            }
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Sheets: closed forms, what motion keeps, refinement, the same bytes every time, and the extremes.
 
+mod contact;
 mod extremes;
 mod hold;
 mod keep;

@@ -253,8 +253,8 @@ mod tests {
     #[test]
     fn heaps_are_one_source() {
         let heap = |i: usize, x: &mut Vec3, core: &mut f32| {
-            if i % 2 == 0 {
-                (*x, *core) = (Vec3::repeat(0.4), if i % 4 == 0 { 0.02 } else { 0.05 });
+            if i.is_multiple_of(2) {
+                (*x, *core) = (Vec3::repeat(0.4), if i.is_multiple_of(4) { 0.02 } else { 0.05 });
             }
         };
         let vortons = cloud(heap);

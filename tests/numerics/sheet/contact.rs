@@ -1,0 +1,346 @@
+//! Sheets that meet each other and themselves.
+
+use super::*;
+use meniscus::{par, sim::sheet::ContactRecord};
+
+const INTEGRATORS: [&str; 2] = ["symplectic", "implicit"];
+
+/// A square sheet of a name and a side, about a middle.
+fn cloth(name: &str, middle: [f32; 3], side: f32, cells: u32, terms: &str) -> String {
+    let origin = [middle[0] - 0.5 * side, middle[1] - 0.5 * side, middle[2]];
+    let text = grid(origin, [side, 0.0, 0.0], [0.0, side, 0.0], [cells; 2], terms);
+    text.replace("'cloth'", &format!("'{name}'"))
+}
+
+const SOFT: &str = "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 15.0\nbending = 2e-5\nspring_damping = [0.002, 0.002]\n";
+
+const FAST: &str = "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 15.0\n";
+
+fn common(thickness: f32, friction: Option<f32>, integrator: &str) -> String {
+    let friction = friction.map_or(String::new(), |friction| format!("friction = {friction}\n"));
+    format!(
+        "[sheets.contact]\nthickness = {thickness}\n{friction}[sheets.solver]\nintegrator = '{integrator}'\n"
+    )
+}
+
+/// What contact told in all frames.
+fn told(records: &[SheetRecord]) -> ContactRecord {
+    records.iter().filter_map(|record| record.contact.clone()).fold(ContactRecord::default(), |all, one| {
+        ContactRecord {
+            pairs: all.pairs + one.pairs,
+            searches: all.searches + one.searches,
+            renewed: all.renewed + one.renewed,
+            held: all.held + one.held,
+            unseparated: all.unseparated + one.unseparated,
+            crossings: all.crossings + one.crossings,
+        }
+    })
+}
+
+fn energy(record: &SheetRecord) -> f64 {
+    record.kinetic_energy + record.elastic_energy + record.potential_energy
+}
+
+fn points(sheets: &Sheets, sheet: usize) -> Vec<Vec3> {
+    sheets.positions()[sheets.ranges()[sheet].clone()].to_vec()
+}
+
+#[test]
+fn a_sheet_that_falls_on_a_pinned_one_rests_at_the_thickness() {
+    for integrator in INTEGRATORS {
+        // All points of the lower are held, those of the upper do not lie above them.
+        let lower = cloth(
+            "lower",
+            [0.0; 3],
+            0.6,
+            7,
+            &format!(
+                "{SOFT}pin = [{{ at = {{ inside = {{ sphere = {{ center = [0, 0, 0], radius = 1 }} }} }} }}]"
+            ),
+        );
+        let upper = cloth("upper", [0.013, 0.007, 0.1], 0.4, 6, &format!("{SOFT}damping = 2.0\n"));
+        let text = format!("{lower}{upper}{}", common(0.01, None, integrator));
+        let mut sheets = sheets(&text, &world(9.81, vec![]));
+        let records = run(&mut sheets, 0, 18).unwrap();
+        let told = told(&records);
+        assert!(told.pairs > 0 && told.crossings == 0 && told.unseparated == 0, "{told:?}");
+        let z = points(&sheets, 1).into_iter().map(|x| x.z);
+        let (low, high) = z.fold((f32::MAX, f32::MIN), |(low, high), z| (low.min(z), high.max(z)));
+        println!("{integrator}: {low} {high} {told:?}");
+        assert!((0.01 - 2e-4..0.01 + 2e-4).contains(&low) && high < 0.0115, "{integrator}: {low} {high}");
+    }
+}
+
+#[test]
+fn a_strip_dropped_on_its_edge_folds_on_itself() {
+    for integrator in INTEGRATORS {
+        let strip = grid(
+            [-0.05, 0.0, 0.01],
+            [0.1, 0.0, 0.0],
+            [0.0, 0.02, 0.8],
+            [4, 40],
+            "density = 0.2\nstiffness = [100.0, 100.0]\nshear = 20.0\nbending = 2e-5\nspring_damping = [0.003, 0.003]\ndamping = 1.0\n",
+        );
+        let text = format!("sheets.friction = 0.4\n{strip}{}", common(0.006, Some(0.2), integrator));
+        let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        let mut sheets = sheets(&text, &world(9.81, vec![floor]));
+        let records = run(&mut sheets, 0, 24).unwrap();
+        let told = told(&records);
+        println!("{integrator}: {told:?}");
+        let highest = sheets.positions().iter().map(|x| x.z).fold(f32::MIN, f32::max);
+        assert!(told.pairs > 1000 && highest < 0.3, "it lies in folds: {told:?}, {highest}");
+        assert_eq!((told.crossings, told.unseparated), (0, 0), "{integrator}: {told:?}");
+        assert!(records.iter().all(|record| record.inside_solids == 0));
+    }
+}
+
+/// Σ m v and Σ m x × v, with the sums of their sizes.
+fn momenta(sheets: &Sheets) -> [(nalgebra::Vector3<f64>, f64); 2] {
+    let (x, v) = (sheets.positions(), sheets.velocities());
+    let mut out = [(nalgebra::Vector3::zeros(), 0.0); 2];
+    for i in 0..sheets.len() {
+        let p = v[i].cast::<f64>() * f64::from(sheets.mass(i));
+        for (sum, part) in out.iter_mut().zip([p, x[i].cast::<f64>().cross(&p)]) {
+            sum.0 += part;
+            sum.1 += part.norm();
+        }
+    }
+    out
+}
+
+/// Two free sheets that meet at 20 m/s, one across the other and not in the middle.
+fn meeting(integrator: &str, ratio: f32) -> String {
+    let one = cloth("one", [0.05, 0.03, 0.0], 0.5, 14, &format!("{FAST}velocity = [0.0, 0.0, 10.0]\n"));
+    let two = cloth("two", [-0.04, 0.0, 0.11], 0.4, 9, &format!("{FAST}velocity = [1.0, 0.0, -10.0]\n"))
+        .replace("density = 0.2", &format!("density = {}", 0.2 * ratio));
+    format!("{one}{two}{}", common(0.01, None, integrator))
+}
+
+#[test]
+fn sheets_that_meet_at_20_metres_a_second_do_not_pass_and_keep_their_momenta() {
+    // The implicit rule keeps momentum as far as it solves, and damps turning.
+    for (integrator, bounds) in [("symplectic", [1e-5, 1e-5]), ("implicit", [2e-5, 0.05])] {
+        let text = meeting(integrator, 1.0) + "tolerance = 1e-6\n";
+        let mut sheets = sheets(&text, &world(0.0, vec![]));
+        let (before, start) = (momenta(&sheets), sheets.velocities());
+        let first =
+            0.5 * (0..sheets.len()).map(|i| f64::from(sheets.mass(i) * start[i].norm_squared())).sum::<f64>();
+        let records = run(&mut sheets, 0, 6).unwrap();
+        let told = told(&records);
+        println!("{integrator}: {told:?}");
+        assert!(told.pairs > 100 && told.crossings == 0 && told.unseparated == 0, "{told:?}");
+        for ((after, before), bound) in momenta(&sheets).iter().zip(before).zip(bounds) {
+            let change = (after.0 - before.0).norm() / before.1;
+            println!("{integrator}: {change}");
+            assert!(change < bound, "{integrator}: {change}");
+        }
+        let mut most = first;
+        for record in &records {
+            assert!(energy(record) < most * (1.0 + 2e-3), "{integrator}: {} {most}", energy(record));
+            most = energy(record);
+        }
+        assert!(most < 0.9 * first, "it is not elastic");
+    }
+}
+
+#[test]
+fn sheets_of_masses_that_differ_by_ten_thousand_do_not_pass() {
+    for integrator in INTEGRATORS {
+        for ratio in [1e4, 1e-4] {
+            let text = meeting(integrator, ratio);
+            let mut sheets = sheets(&text, &world(0.0, vec![]));
+            let told = told(&run(&mut sheets, 0, 3).unwrap());
+            println!("{integrator} {ratio}: {told:?}");
+            assert!(told.pairs > 100 && told.crossings == 0 && told.unseparated == 0, "{ratio}: {told:?}");
+        }
+    }
+}
+
+/// A small sheet on a larger one that is held, both tilted about y: it stays where tan θ < μ, and slides where not.
+#[test]
+fn friction_between_layers_holds_below_its_angle_and_lets_go_above() {
+    let (sin, cos) = 20_f32.to_radians().sin_cos();
+    for integrator in INTEGRATORS {
+        let slid = |friction: f32| {
+            let side = |name: &str, along: f32, across: f32, off: f32, size: f32, cells: u32, terms: &str| {
+                let origin = [along * cos + off * sin, across, -along * sin + off * cos];
+                let first = [size * cos, 0.0, -size * sin];
+                grid(origin, first, [0.0, size, 0.0], [cells; 2], terms)
+                    .replace("'cloth'", &format!("'{name}'"))
+            };
+            let stiff = "density = 1.0\nstiffness = [200.0, 200.0]\nshear = 50.0\n";
+            let held = format!(
+                "{stiff}pin = [{{ at = {{ inside = {{ sphere = {{ center = [0, 0, 0], radius = 9 }} }} }} }}]"
+            );
+            let lower = side("lower", -0.3, -0.4, 0.0, 1.2, 15, &held);
+            let upper = side("upper", 0.013, 0.009, 0.01, 0.3, 5, stiff);
+            let text = format!("{lower}{upper}{}", common(0.01, Some(friction), integrator));
+            let mut sheets = sheets(&text, &world(9.81, vec![]));
+            let records = run(&mut sheets, 0, 12).unwrap();
+            assert_eq!(told(&records).crossings, 0);
+            let upper = sheets.ranges()[1].clone();
+            let v = sheets.velocities()[upper.clone()].to_vec();
+            v.iter().map(|v| v.x * cos - v.z * sin).sum::<f32>() / upper.len() as f32
+        };
+        let (held, slid) = (slid(0.5), slid(0.1));
+        let expected = 0.5 * 9.81 * (sin - 0.1 * cos);
+        println!("{integrator}: {held} {slid} {expected}");
+        assert!(held.abs() < 2e-3, "{integrator}: {held} m/s");
+        assert!((slid / expected - 1.0).abs() < 0.1, "{integrator}: {slid} {expected}");
+    }
+}
+
+#[test]
+fn sheets_that_begin_in_one_place_part_without_energy() {
+    for integrator in INTEGRATORS {
+        let one = cloth("one", [0.0; 3], 0.4, 10, FAST);
+        // The other is turned over.
+        let two = grid([-0.2, -0.2, 0.0], [0.0, 0.4, 0.0], [0.4, 0.0, 0.0], [10; 2], FAST)
+            .replace("'cloth'", "'two'");
+        let text = format!("{one}{two}{}", common(0.01, None, integrator));
+        let mut sheets = sheets(&text, &world(0.0, vec![]));
+        assert_eq!(sheets.crossings(), 0);
+        let records = run(&mut sheets, 0, 24).unwrap();
+        let told = told(&records);
+        let gap = points(&sheets, 0)[60].z - points(&sheets, 1)[60].z;
+        println!("{integrator}: {told:?} {gap} {}", energy(&records[23]));
+        assert!(told.crossings == 0 && (gap.abs() - 0.01).abs() < 5e-4, "{told:?}, {gap}");
+        // Half of the thickness at 1 mm a frame would be 1e-5 J.
+        assert!(records.iter().all(|record| energy(record) < 1e-6), "{}", energy(&records[23]));
+    }
+}
+
+#[test]
+fn sheets_that_cross_at_the_start_are_told_and_make_no_energy() {
+    for integrator in INTEGRATORS {
+        let one = cloth("one", [0.0; 3], 0.4, 10, FAST);
+        let two = grid([-0.13, 0.003, -0.21], [0.29, 0.0, 0.0], [0.0, 0.05, 0.4], [9; 2], FAST)
+            .replace("'cloth'", "'two'");
+        let text = format!("{one}{two}{}", common(0.01, Some(0.3), integrator));
+        let mut sheets = sheets(&text, &world(0.0, vec![]));
+        assert!(sheets.crossings() > 10, "{}", sheets.crossings());
+        let records = run(&mut sheets, 0, 24).unwrap();
+        println!("{integrator}: {:?} {}", told(&records), energy(&records[23]));
+        assert!(records.iter().all(|record| energy(record) < 1e-6), "{}", energy(&records[23]));
+        assert!(records[23].contact.as_ref().unwrap().crossings > 0, "they stay as they are");
+    }
+}
+
+#[test]
+fn joined_sheets_lie_at_their_seam() {
+    for integrator in INTEGRATORS {
+        // Two sheets side by side with a gap, joined along it; the cells are smaller than the thickness.
+        let terms = "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 15.0\ndamping = 20.0\n";
+        let one = grid([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [10; 2], terms);
+        let two = grid([0.001, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [10; 2], terms)
+            .replace("'cloth'", "'two'");
+        let ends = |k: u32| (0..11).map(|j| (11 * j + k).to_string()).collect::<Vec<_>>().join(", ");
+        let joint = format!(
+            "[[sheets.joint]]\nsheets = ['cloth', 'two']\nat = [{{ points = [{}] }}, {{ points = [{}] }}]\nstiffness = 30.0\n",
+            ends(10),
+            ends(0)
+        );
+        let text = format!("{one}{two}{joint}{}", common(0.013, None, integrator));
+        let mut sheets = sheets(&text, &world(0.0, vec![]));
+        let records = run(&mut sheets, 0, 16).unwrap();
+        let (one, two) = (points(&sheets, 0), points(&sheets, 1));
+        let apart = (0..11).map(|j| (one[11 * j + 10] - two[11 * j]).norm()).fold(0.0, f32::max);
+        println!("{integrator}: {apart} {:?} {}", told(&records), records[15].strain_max);
+        assert!(
+            apart < 2e-4 && records[15].strain_max < 0.02,
+            "{integrator}: {apart}, {}",
+            records[15].strain_max
+        );
+    }
+}
+
+#[test]
+fn chains_and_meshes_of_triangles_and_quads_meet_too() {
+    for integrator in INTEGRATORS {
+        let chain = grid(
+            [-0.3, 0.011, 0.05],
+            [0.6, 0.0, 0.0],
+            [0.0, 0.01, 0.0],
+            [20, 0],
+            "density = 5.0\nstiffness = [3000.0, 60.0]\n",
+        );
+        let lower = cloth(
+            "lower",
+            [0.0; 3],
+            0.4,
+            10,
+            "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 15.0\npin = [{ at = 'corners' }]\n",
+        );
+        let mut shot = shot(&format!("{chain}{lower}{}", common(0.01, Some(0.5), integrator)));
+        let mut points = Vec::new();
+        let mut faces = Vec::new();
+        for j in 0..5_u32 {
+            for i in 0..5_u32 {
+                points.push([0.04 * i as f32 - 0.1, 0.04 * j as f32 - 0.09, 0.12]);
+                if i < 4 && j < 4 {
+                    let a = 5 * j + i;
+                    if (i + j) % 2 == 0 {
+                        faces.push([a, a + 1, a + 6, a + 5]);
+                    } else {
+                        faces.extend([[a, a + 1, a + 6, a + 6], [a, a + 6, a + 5, a + 5]]);
+                    }
+                }
+            }
+        }
+        let mut mesh = shot.params.sheet[1].clone();
+        mesh.name = "mesh".into();
+        mesh.pin.clear();
+        let form = meniscus::sim::sheet::SheetMesh { points, faces, ..Default::default() };
+        mesh.shape = meniscus::sim::sheet::SheetShape::Mesh(form);
+        shot.params.sheet.push(mesh);
+        let mut sheets = Sheets::new(shot, &world(9.81, vec![])).unwrap();
+        let records = run(&mut sheets, 0, 16).unwrap();
+        let told = told(&records);
+        println!("{integrator}: {told:?}");
+        assert!(told.pairs > 100 && told.crossings == 0 && told.unseparated == 0, "{told:?}");
+        let lowest = |sheet: usize| self::points(&sheets, sheet).iter().map(|x| x.z).fold(f32::MAX, f32::min);
+        let fallen = -0.5 * 9.81 * (16.0_f32 / 24.0).powi(2);
+        assert!(lowest(2) > 0.5 * fallen, "the mesh is carried: {} {fallen}", lowest(2));
+    }
+}
+
+#[test]
+fn contact_has_the_same_bytes_for_any_threads_and_resumed() {
+    for integrator in INTEGRATORS {
+        let one = cloth("one", [0.0, 0.0, 0.1], 0.5, 20, SOFT);
+        let two = cloth("two", [0.05, 0.02, 0.2], 0.5, 17, SOFT);
+        let text = format!("sheets.friction = 0.3\n{one}{two}{}", common(0.008, Some(0.3), integrator));
+        let world = world(9.81, vec![Shape::Sphere { center: [0.0, 0.0, -0.15], radius: 0.2 }]);
+        let go = || {
+            let mut sheets = sheets(&text, &world);
+            let records = run(&mut sheets, 0, 8).unwrap();
+            (sheets.streams(), records)
+        };
+        let whole = par::with_threads(1, go);
+        assert!(told(&whole.1).pairs > 1000 && told(&whole.1).crossings == 0, "{:?}", told(&whole.1));
+        for threads in [2, 3] {
+            assert!(whole == par::with_threads(threads, go), "{integrator}, {threads} threads");
+        }
+        let mut first = sheets(&text, &world);
+        run(&mut first, 0, 5).unwrap();
+        let mut resumed = Sheets::restore(shot(&text), &world, &first.streams(), 5.0 * FRAME).unwrap();
+        let records = run(&mut resumed, 5, 3).unwrap();
+        assert!(whole.0 == resumed.streams() && whole.1[5..] == records, "{integrator}");
+    }
+}
+
+#[test]
+fn what_would_take_too_many_substeps_says_so() {
+    let text = meeting("implicit", 1.0).replace("[sheets.solver]", "[sheets.solver]\nmax_substeps = 16");
+    let mut sheets = sheets(&text, &world(0.0, vec![]));
+    let error = run(&mut sheets, 0, 6).unwrap_err();
+    assert!(error.what.contains("sheets.contact.thickness"), "{error:?}");
+    for (key, value) in
+        [("thickness", "0.0"), ("thickness", "-1.0"), ("thickness", "nan"), ("friction", "-0.1")]
+    {
+        let rest = if key == "thickness" { "" } else { "thickness = 0.01\n" };
+        let text = format!("{}[sheets.contact]\n{rest}{key} = {value}\n", square([2, 2], 0.0, FAST));
+        let error = try_sheets(&text, &world(0.0, vec![])).unwrap_err().to_string();
+        assert!(error.contains(&format!("sheets.contact.{key}")), "{error}");
+    }
+}
