@@ -234,8 +234,8 @@ impl Scene {
             sheet: &'a [SheetParams],
             #[serde(skip_serializing_if = "Option::is_none")]
             sheets: &'a Option<SheetsCommon>,
-            #[serde(skip_serializing_if = "<[Coupling]>::is_empty")]
-            coupling: &'a [Coupling],
+            #[serde(skip_serializing_if = "Vec::is_empty")]
+            coupling: Vec<Coupling>,
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
@@ -263,6 +263,10 @@ impl Scene {
             channels.sort_unstable();
             channels.dedup();
         }
+        // Neither their order nor that of their sides matters.
+        let mut coupling = coupling.clone();
+        coupling.iter_mut().for_each(|coupling| coupling.between.sort());
+        coupling.sort_by(|a, b| a.between.cmp(&b.between));
         let decisive = Decisive {
             fps: *fps,
             first: frames.first().0,

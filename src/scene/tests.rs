@@ -302,6 +302,30 @@ fn built_in_presets_read_in_every_tier_and_survive_being_written() {
     }
 }
 
+#[test]
+fn the_order_of_couplings_and_of_their_sides_is_no_other_shot() {
+    let cloth = |name: &str| {
+        format!(
+            "[[sheet]]\nname = \"{name}\"\ndensity = 1\nstiffness = [1, 1]\nshape = {{ grid = {{ origin = [0, 0, 0], \
+             first = [1, 0, 0], second = [0, 1, 0], cells = [2, 2] }} }}\n"
+        )
+    };
+    let shot = |couplings: &str| read(&format!("{GOOD}\n{}{}{couplings}", cloth("a"), cloth("b"))).unwrap();
+    let [a, b] = [
+        "[[coupling]]\nbetween = [\"liquid\", \"a\"]\n",
+        "[[coupling]]\nbetween = [\"b\", \"liquid\"]\nfriction = 0.1\n",
+    ];
+    let key = shot(&format!("{a}{b}")).simulation_key();
+    assert_eq!(
+        shot(&format!("{b}{}", a.replace("\"liquid\", \"a\"", "\"a\", \"liquid\""))).simulation_key(),
+        key
+    );
+    assert_ne!(shot(a).simulation_key(), key);
+    let error =
+        read(&format!("{GOOD}\n{}[[coupling]]\nbetween = [\"liquid\", \"bb\"]\n", cloth("b"))).unwrap_err();
+    assert!(rendered(&error).contains("did you mean \"b\"?"), "{}", rendered(&error));
+}
+
 /// A built-in preset as it is written.
 fn as_written(name: &str) -> Scene {
     Scene::from_preset(&builtin_preset(name), &Overrides::default()).unwrap()

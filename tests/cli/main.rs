@@ -3,6 +3,7 @@
 mod attributes;
 mod bad_input;
 mod batch;
+mod couplings;
 mod interrupt;
 mod meshing;
 mod plan;

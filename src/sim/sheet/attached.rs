@@ -23,6 +23,9 @@ use crate::{
 const TOLERANCE: f64 = 1e-4;
 const MOST: u32 = 60;
 
+/// How often touches that would pull are left out in a round.
+const DROPS: u32 = 8;
+
 /// The part of the longest way asked for at which sweeps of a round end, and how many they are at most.
 const SWEPT: f32 = 1e-3;
 const SWEEPS: u32 = 30;
@@ -165,15 +168,36 @@ impl Sheets {
                 lambda
             }
             Integrator::Implicit => {
-                let change = self.yielded(leaning, touches, &mass, way);
-                let mut lambda = vec![0.0; way.len()];
-                touches.gather(&change, &mut lambda);
-                par::update(&mut lambda, |i, l| *l = (mass[i] * (way[i] + *l)).max(0.0));
+                let (lambda, change) = self.solved(leaning, touches, mass, way);
                 touches.give(&lambda, leaning);
                 implicit::combine(&mut self.x, 1.0, &change, 1.0);
                 lambda
             }
         }
+    }
+
+    /// λ and Δx under the implicit rule. Touches that would pull are left out, and the rest is asked again: where many lean on few points
+    /// half of them would pull, and the sheet would be thrown by what the others push too much.
+    fn solved(
+        &self,
+        leaning: &Leaning,
+        touches: &Touches,
+        mut mass: Vec<f32>,
+        way: &[f32],
+    ) -> (Vec<f32>, Vectors) {
+        let mut change = Vectors::zeros(self.len());
+        let mut lambda = vec![0.0_f32; way.len()];
+        for _ in 0..DROPS {
+            self.yielded(leaning, touches, &mass, way, &mut change);
+            touches.gather(&change, &mut lambda);
+            par::update(&mut lambda, |i, l| *l = mass[i] * (way[i] + *l));
+            if lambda.iter().all(|&l| l >= 0.0) {
+                break;
+            }
+            mass.iter_mut().zip(&lambda).filter(|(_, l)| **l < 0.0).for_each(|(m, _)| *m = 0.0);
+        }
+        lambda.iter_mut().for_each(|l| *l = l.max(0.0));
+        (lambda, change)
     }
 
     /// λ where A is of the masses alone: touch after touch takes what it lacks, until none lacks much.
@@ -224,7 +248,8 @@ impl Sheets {
     }
 
     /// Δx of (A + Σ m JᵀJ) Δx = −Σ m v Jᵀ, with the implicit rule's A.
-    fn yielded(&self, leaning: &Leaning, touches: &Touches, mass: &[f32], way: &[f32]) -> Vectors {
+    /// Begins at `change`, and leaves the answer there.
+    fn yielded(&self, leaning: &Leaning, touches: &Touches, mass: &[f32], way: &[f32], change: &mut Vectors) {
         let Leaning { now, dt, before, .. } = leaning;
         let own = self.matrix(before, self.held_blocks(*now, *dt), *now, *dt);
         let len = self.len();
@@ -240,32 +265,33 @@ impl Sheets {
         touches.add_blocks(mass, &mut blocks);
         implicit::invert_all(&mut blocks);
 
-        // Conjugate gradients, begun at rest.
+        // Conjugate gradients.
         let mut rest = Vectors::zeros(len);
         let asked: Vec<f32> = mass.iter().zip(way).map(|(m, v)| -m * v).collect();
         touches.spread(&asked, &mut rest);
         own.filter(&mut rest);
-        let (mut change, mut product) = (Vectors::zeros(len), Vectors::zeros(len));
-        let mut better = Vectors::zeros(len);
+        let (mut product, mut better) = (Vectors::zeros(len), Vectors::zeros(len));
+        implicit::precondition(&blocks, &rest, &mut better);
+        let goal = TOLERANCE * TOLERANCE * rest.dot(&better);
+        times(change, &mut product);
+        implicit::combine(&mut rest, 1.0, &product, -1.0);
         implicit::precondition(&blocks, &rest, &mut better);
         own.filter(&mut better);
         let mut direction = better.clone();
         let mut left = rest.dot(&better);
-        let goal = TOLERANCE * TOLERANCE * left;
         for _ in 0..MOST {
             if left <= goal || left <= 0.0 {
                 break;
             }
             times(&direction, &mut product);
             let alpha = left / direction.dot(&product);
-            implicit::combine(&mut change, 1.0, &direction, alpha as f32);
+            implicit::combine(change, 1.0, &direction, alpha as f32);
             implicit::combine(&mut rest, 1.0, &product, -alpha as f32);
             implicit::precondition(&blocks, &rest, &mut better);
             own.filter(&mut better);
             let before = std::mem::replace(&mut left, rest.dot(&better));
             implicit::combine(&mut direction, (left / before) as f32, &better, 1.0);
         }
-        change
     }
 
     /// Makes velocities of what touches gave, and puts points back that they pressed into solids.

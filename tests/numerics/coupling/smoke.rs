@@ -85,7 +85,6 @@ fn a_ring_blows_at_a_cloth_and_does_not_feel_it() {
 
     // The cloth went with the air, and the smoke is what it is without a cloth.
     let fastest = channel(&one.1, "sheet.cloth", "velocity").iter().map(|v| v.z).fold(0.0, f64::max);
-    println!("fastest {fastest} {:?}", one.2);
     assert!(fastest > 0.05, "{fastest}");
     let alone = run(&ring(false, false));
     let smoke = |frame: &Frame| {
