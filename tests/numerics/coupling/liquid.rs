@@ -59,7 +59,7 @@ fn caught(integrator: &str) -> String {
         0.0,
         HELD,
         &format!(
-            "density = 0.5\nstiffness = [2000, 2000]\nshear = 300\nspring_damping = [0.002, 0.002]\n\
+            "density = 0.5\nstiffness = [2000, 2000]\nshear = 300\ndamping = 5\n\
              pin = [{{ at = {{ points = {:?} }} }}]",
             border(HELD)
         ),
@@ -100,36 +100,47 @@ fn carried(x: &[Double]) -> f64 {
 fn a_held_sheet_catches_a_block_and_carries_it() {
     let lowest = ["symplectic", "implicit"].map(|integrator| {
         let mut shot = simulation(world(9.81, Vec::new()), &caught(integrator));
-        let records = advance(&mut shot, 48);
-        let told: Vec<_> = records.iter().map(|record| record.coupling.clone().unwrap().liquid.unwrap()).collect();
+        let mut records = advance(&mut shot, 24);
+        let middle = state(&shot);
+        records.extend(advance(&mut shot, 24));
+        let told: Vec<_> =
+            records.iter().map(|record| record.coupling.clone().unwrap().liquid.unwrap()).collect();
         let put_back: u64 = told.iter().map(|told| told.put_back).sum();
         assert!(told.iter().all(|told| told.crossed == 0), "{integrator}: nothing goes through");
         let frame = state(&shot);
         assert_eq!(below(&frame, HELD as usize, 0.5), 0, "{integrator}");
         let x = channel(&frame, "liquid", "position");
-        assert!(x.iter().all(|x| x.x.abs() < 0.5 && x.y.abs() < 0.5), "{integrator}: nothing ran over the border");
+        assert!(x.iter().all(|x| x.x.abs() < 0.5 && x.y.abs() < 0.5), "{integrator}: none ran over the border");
 
-        // The mean over the last half second: what is left of the motion cancels.
-        let weight = 9.81 * 1000.0 * 0.04_f64.powi(3) * x.len() as f64;
-        let force = told[36..].iter().map(|told| -told.impulse[2]).sum::<f64>() / (12.0 * FRAME);
+        // What pushes, over the second second: weight, and what changes the momentum, for it still bounces.
+        let mass = 1000.0 * 0.04_f64.powi(3);
+        let up = |frame: &Frame, stream: &str, mass: &dyn Fn(usize) -> f64| {
+            momenta(mass, &channel(frame, stream, "position"), &channel(frame, stream, "velocity"))[0].z
+        };
+        let wet = |frame: &Frame| up(frame, "liquid", &|_| mass);
+        let weight = 9.81 * mass * x.len() as f64;
+        let expected = weight + wet(&frame) - wet(&middle);
+        let force = told[24..].iter().map(|told| -told.impulse[2]).sum::<f64>();
+
+        // What the pins carry, over the third.
+        let points = point_mass(1.0, HELD, 0.5);
         let free = 9.81 * 0.5 * (1.0 - 1.0 / f64::from(HELD)).powi(2);
         let mut pins = 0.0;
-        for _ in 0..24 {
+        for _ in 0..48 {
             shot.advance(FRAME / 2.0, &mut Unwatched).expect("it rests");
-            pins += carried(&channel(&state(&shot), "sheet.cloth", "position")) / 24.0;
+            pins += carried(&channel(&state(&shot), "sheet.cloth", "position")) / 48.0;
         }
+        let gained = |frame: &Frame| wet(frame) + up(frame, "sheet.cloth", &points);
+        let held = weight + free + gained(&state(&shot)) - gained(&frame);
         let lowest = channel(&frame, "sheet.cloth", "position").iter().map(|y| y.z).fold(0.0, f64::min);
-        let last = records.last().unwrap();
         println!(
-            "{integrator}: weight {weight:.1} N, contact {force:.1} N, pins {pins:.1} of {:.1} N, lowest {lowest:.4}, put back {put_back}, \
-             substeps {}, density {:.4} at most {:.4}, clamps {:?}, moves with {:.4} J",
-            weight + free, last.substeps, last.density_dev_avg, last.density_dev_max, last.clamps, last.kinetic_energy
+            "{integrator}: contact {force:.1} of {expected:.1} N, pins {pins:.1} of {held:.1} N, lowest {lowest:.4}, put back {put_back}"
         );
-        assert!((force / weight - 1.0).abs() < 0.02, "{integrator}: {force} of {weight}");
-        assert!((pins / (weight + free) - 1.0).abs() < 0.02, "{integrator}: {pins} of {}", weight + free);
+        assert!((force / expected - 1.0).abs() < 0.02, "{integrator}: {force} of {expected}");
+        assert!((pins / held - 1.0).abs() < 0.02, "{integrator}: {pins} of {held}");
         lowest
     });
-    assert!((lowest[0] / lowest[1] - 1.0).abs() < 0.05, "both integrators hang through as far: {lowest:?}");
+    assert!((lowest[0] / lowest[1] - 1.0).abs() < 0.1, "both integrators hang through as far: {lowest:?}");
 }
 
 /// Water of 3 × 3 × 3 particles thrown at a sheet of its own size; returns mean velocities of both along z afterwards.
@@ -181,14 +192,6 @@ fn a_fast_jet_does_not_pass() {
     for frame in 0..8 {
         let record = advance(&mut shot, 1).remove(0);
         let told = record.coupling.clone().unwrap().liquid.unwrap();
-        let (x, v) =
-            (channel(&state(&shot), "liquid", "position"), channel(&state(&shot), "liquid", "velocity"));
-        let p = momenta(|_| 1000.0 * 0.02_f64.powi(3), &x, &v)[0];
-        let low = channel(&state(&shot), "sheet.cloth", "position").iter().map(|y| y.z).fold(0.0, f64::min);
-        println!(
-            "DEBUG {frame}: {told:?} substeps {} capped {} P {p:.2?} low {low:.3} kin {:.2} clamps {:?} skin {:?}",
-            record.substeps, record.cfl_capped, record.kinetic_energy, record.clamps, record.sheets
-        );
         capped += record.cfl_capped;
         assert_eq!(told.crossed, 0, "frame {frame}");
         assert_eq!(below(&state(&shot), 16, 0.4), 0, "frame {frame}");
