@@ -199,7 +199,7 @@ fn every_built_in_shot_of_sheets_runs_and_stays_out_of_its_solids() {
     ] {
         desk.run(&format!("simulate {name} --quality draft -o {name}"), 0);
         let text = fs::read_to_string(desk.path(name).join("log.jsonl")).unwrap();
-        assert_eq!(text.lines().count(), if name == "falling-sheets" { 47 } else { 23 }, "{name}");
+        assert_eq!(text.lines().count(), 23, "{name}");
         for line in text.lines() {
             let line: serde_json::Value = serde_json::from_str(line).unwrap();
             assert_eq!(line["sheets"]["inside_solids"], 0, "{name}: {line}");
