@@ -70,7 +70,7 @@ fn degenerate_clouds_are_summed() {
     };
     agree("coincident", &with(|_, x, _, _| *x = Vec3::new(0.3, 0.2, 0.1)), 1e-4);
     let heaps = |i: usize, x: &mut Vec3, _: &mut Vec3, s: &mut f32| {
-        if i % 3 > 0 {
+        if !i.is_multiple_of(3) {
             (*x, *s) = (Vec3::new(0.3, 0.2, 0.1), *s * (i % 3) as f32);
         }
     };
