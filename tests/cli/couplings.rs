@@ -3,7 +3,7 @@
 use super::*;
 
 fn small(from: &str, to: &str) -> String {
-    let text = "title = \"Small\"\nframes = \"1-6\"\n[liquid]\nspacing = 0.05\n[[liquid.source]]\n\
+    let text = "title = \"Small\"\nframes = \"1-12\"\n[liquid]\nspacing = 0.05\n[[liquid.source]]\n\
                 shape = { box = { min = [-0.15, -0.15, 0.03], max = [0.15, 0.15, 0.3] } }\n\
                 [[sheet]]\nname = \"cloth\"\ndensity = 0.5\nstiffness = [500, 500]\n\
                 shape = { grid = { origin = [-0.4, -0.4, 0], first = [0.8, 0, 0], second = [0, 0.8, 0], cells = [8, 8] } }\n\
@@ -24,7 +24,7 @@ fn a_coupled_shot_tells_what_passed_between() {
     let text = fs::read_to_string(desk.path("small/log.jsonl")).unwrap();
     let lines: Vec<serde_json::Value> =
         text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
-    assert_eq!(lines.len(), 5);
+    assert_eq!(lines.len(), 11);
     assert!(lines.iter().all(|line| line["coupling"]["liquid"]["crossed"] == 0), "{text}");
     assert!(lines.iter().any(|line| line["coupling"]["liquid"]["contacts"].as_u64() > Some(0)), "{text}");
 
