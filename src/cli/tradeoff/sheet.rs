@@ -17,7 +17,6 @@ use crate::{
         },
     },
     scene::{Overrides, Preset, Scene},
-    sim::sheet::SheetShape,
 };
 use std::path::{Path, PathBuf};
 
@@ -50,12 +49,8 @@ pub(super) fn tradeoff(
 }
 
 /// Points of all sheets.
-fn points(scene: &Scene) -> u64 {
-    let of = |shape: &SheetShape| match shape {
-        SheetShape::Grid { cells: [a, b], .. } => (u64::from(*a) + 1) * (u64::from(*b) + 1),
-        SheetShape::Mesh(mesh) => mesh.points.len() as u64,
-    };
-    scene.sheet.iter().map(|sheet| of(&sheet.shape)).sum()
+fn points(scene: &Scene) -> f64 {
+    scene.sheet.iter().map(|sheet| sheet.shape.points()).sum()
 }
 
 /// A length in words.

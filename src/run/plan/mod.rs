@@ -160,6 +160,7 @@ pub fn plan(
     allowed: Option<u64>,
     control: Control,
 ) -> Result<Plan, RunError> {
+    allowed.map_or(Ok(()), |allowed| refuse_memory(sheets::least(scene), allowed))?;
     plan_within(scene, selection, true, allowed, control)
 }
 
@@ -171,7 +172,6 @@ fn plan_within(
     control: Control,
 ) -> Result<Plan, RunError> {
     simulate::check_selection(scene, selection)?;
-    allowed.map_or(Ok(()), |allowed| refuse_memory(sheets::least(scene), allowed))?;
     let scene = &solids::fill(scene, None, control.reporter)?;
     let clock = Meter::new();
     control.reporter.begin("calibrate", 3);
@@ -188,12 +188,10 @@ fn plan_within(
     }
     // What follows is of the liquid alone, or of it and the sheets that it is coupled with.
     let systems = pilot::of_liquid(scene);
-    let together = systems.sheets.is_some();
-    let simulation = Simulation::new(simulate::world(scene), systems)?;
-    if let (true, Some(sheets)) = (together, &mut beside.sheets) {
-        // The pilots run them with the liquid.
-        (sheets.seconds, sheets.cache) = (0.0, 0.0);
+    if systems.sheets.is_some() {
+        beside.leave_sheets_to_pilots();
     }
+    let simulation = Simulation::new(simulate::world(scene), systems)?;
     let particles = simulation.seeded().particles as usize;
     let formats = formats(scene, with_outputs);
     let mut told = remarks::of_seeding(&simulation.seeded());
@@ -264,6 +262,13 @@ struct Beside {
 }
 
 impl Beside {
+    /// Takes out what pilots see of sheets that run with the liquid.
+    fn leave_sheets_to_pilots(&mut self) {
+        if let Some(sheets) = &mut self.sheets {
+            (sheets.seconds, sheets.cache) = (0.0, 0.0);
+        }
+    }
+
     /// Peak memory, of which each system's own holds the program too [bytes].
     fn memory(&self) -> u64 {
         let smoke = self.smoke.as_ref().map_or(0, |smoke| smoke.memory[0].max(smoke.memory[1]));

@@ -336,9 +336,17 @@ impl Sheets {
                 let what = format!("would need {count:.1e} substeps to not fly through solids");
                 (fastest, what, "a larger sheets.solver.max_substeps or slower motion")
             } else {
-                let what = format!("would need {count:.1e} substeps of {longest:.1e} s to be stable");
-                let remedy = "sheets.solver.integrator = \"implicit\", a lower stiffness, or a larger \
-                              sheets.solver.max_substeps";
+                let (so_that, remedy) = match solver.integrator {
+                    Integrator::Symplectic => (
+                        " to be stable",
+                        "sheets.solver.integrator = \"implicit\", a lower stiffness, or a larger \
+                         sheets.solver.max_substeps",
+                    ),
+                    Integrator::Implicit => {
+                        ("", "a sheets.solver.max_substeps of sheets.solver.substeps or more")
+                    }
+                };
+                let what = format!("would need {count:.1e} substeps of {longest:.1e} s{so_that}");
                 (self.longest.1, what, remedy)
             };
             return Err(self.diverged(done, particle, what, try_next));
