@@ -125,14 +125,15 @@ fn a_held_sheet_catches_a_block_and_carries_it() {
         // What the pins carry, over the third.
         let points = point_mass(1.0, HELD, 0.5);
         let free = 9.81 * 0.5 * (1.0 - 1.0 / f64::from(HELD)).powi(2);
-        let mut pins = 0.0;
+        let (mut pins, mut lowest) = (0.0, 0.0);
         for _ in 0..48 {
             shot.advance(FRAME / 2.0, &mut Unwatched).expect("it rests");
-            pins += carried(&channel(&state(&shot), "sheet.cloth", "position")) / 48.0;
+            let points = channel(&state(&shot), "sheet.cloth", "position");
+            pins += carried(&points) / 48.0;
+            lowest += points.iter().map(|y| y.z).fold(0.0, f64::min) / 48.0;
         }
         let gained = |frame: &Frame| wet(frame) + up(frame, "sheet.cloth", &points);
         let held = weight + free + gained(&state(&shot)) - gained(&frame);
-        let lowest = channel(&frame, "sheet.cloth", "position").iter().map(|y| y.z).fold(0.0, f64::min);
         println!(
             "{integrator}: contact {force:.1} of {expected:.1} N, pins {pins:.1} of {held:.1} N, lowest {lowest:.4}, put back {put_back}"
         );
