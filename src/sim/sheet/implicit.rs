@@ -12,6 +12,7 @@
 
 use super::{
     bonds::Bonds,
+    free::Part,
     hold::Joined,
     lanes::{Eight, Vectors},
     springs::{self, Blocks},
@@ -38,6 +39,8 @@ pub(super) struct Matrix<'a> {
     pub(super) held: Vec<Blocks>,
     pub(super) joined: Vec<&'a Joined>,
     pub(super) bonds: &'a Bonds,
+    /// Which of the points move as a whole.
+    pub(super) parts: &'a [Part],
     pub(super) dt: f32,
 }
 
@@ -51,7 +54,7 @@ pub(super) struct Solved {
 
 impl Matrix<'_> {
     /// M (1 + Δt c) of eight points.
-    fn inertia(&self, at: usize) -> Wide {
+    pub(super) fn inertia(&self, at: usize) -> Wide {
         let mut out = self.mass[at];
         if let Some(drag) = self.drag {
             for lane in 0..WIDTH {
@@ -157,6 +160,7 @@ impl Matrix<'_> {
             combine(&mut way, (left / before) as f32, &better, 1.0);
             iterations += 1;
         }
+        self.translate(right, v);
         let residual = if size > 0.0 { (left / size).max(0.0).sqrt() } else { 0.0 };
         Solved { iterations, residual }
     }

@@ -16,6 +16,7 @@ mod contact;
 mod drive;
 mod error;
 mod explicit;
+mod free;
 mod hold;
 mod implicit;
 mod lanes;
@@ -106,6 +107,8 @@ pub struct Sheets {
     joined: Vec<Joined>,
     /// Of the joints that hold exactly now.
     bonds: Bonds,
+    /// What moves as a whole now.
+    parts: Vec<free::Part>,
     /// For the push of solids; `None` without it.
     around: Option<Around>,
     /// `None`: sheets pass through each other.
@@ -185,6 +188,7 @@ impl Sheets {
             held,
             joined,
             bonds: Bonds::default(),
+            parts: Vec::new(),
         };
         sheets.settle(0.0);
         Ok(sheets)
@@ -390,6 +394,8 @@ impl Sheets {
         for i in self.bonds.led() {
             self.inverse[i / WIDTH][i % WIDTH] = 0.0;
         }
+        let holding = self.joined.iter().filter(|joint| joint.holds(time));
+        self.parts = free::parts(&self.ranges, holding, &self.inverse);
         self.join_contact(time);
         let mut rows = Rows::new(&self.springs, self.plates.as_ref(), len);
         rows.hold(&self.held, &self.joined, time);

@@ -2,7 +2,8 @@
 //!
 //! *Method*: [gudukbay97] Eq. 9 with the potential c·exp(−f/ξ) of a square metre, f the signed distance, so that |∇f| = 1 at every solid.
 //! The force −∇ of it is (c/ξ) exp(−f/ξ) ∇f, of which only the part along the sheet's normal n acts. What is left inside after a substep is
-//! put to the surface; its speed into the solid ends, and friction takes up to μ times that from its speed along it.
+//! put to the surface, and its speed into the solid ends. Friction takes up to μ times what either took from the speed along the solid, once all
+//! else has acted: what rests stays where it is.
 //! *Departs from the paper*: the sign, which Eq. 9 and its prose give differently (force outwards is meant); friction; solids move; where a
 //! fold leaves a point without a normal ∇f takes its place.
 //!
@@ -108,18 +109,34 @@ pub(super) struct Push {
     pub(super) stiffness: f32,
     /// The sheet's unit normal.
     pub(super) normal: Vec3,
+    /// That of the solid, …
+    out: Vec3,
+    /// … and its speed there [m/s].
+    own: Vec3,
+}
+
+impl Push {
+    /// Friction once the point has the speed `v` [m/s], at the end of a substep of `dt` [s]: what it takes from it. A push that was `solved` has
+    /// become less as the point moved away.
+    fn rub(&self, friction: f32, v: Vec3, mobility: f32, dt: f32, solved: bool) -> Vec3 {
+        let at_start = self.force.dot(&self.normal);
+        let less = if solved { self.stiffness * dt * self.normal.dot(&v) } else { 0.0 };
+        let pressed = ((at_start - less) * at_start.signum()).max(0.0);
+        let slip = v - self.own;
+        let slip = slip - self.out * self.out.dot(&slip);
+        let speed = slip.norm();
+        if speed > 0.0 { slip * (friction * pressed * dt * mobility / speed).min(1.0) } else { slip }
+    }
 }
 
 /// What the solids, as they are at one `end` of a substep of `dt` [s], push.
 pub(super) fn pushes(
     repulsion: &Repulsion,
-    friction: Option<f32>,
     (solids, end): (&[Placed<'_>], usize),
     around: &Around,
-    sheet: (&Vectors, &Vectors, &[f32], &[f32]),
+    (x, area): (&Vectors, &[f32]),
     dt: f32,
 ) -> Vec<Push> {
-    let (x, v, area, mass) = sheet;
     let Repulsion { energy, range } = *repulsion;
     let parts = par::map_chunks(x.len(), par::CHUNK, |points| {
         let mut found = Vec::new();
@@ -132,23 +149,44 @@ pub(super) fn pushes(
                 let normal = around.normal(x, i).unwrap_or(out);
                 let at_point = area[i] * energy / range * (-distance.max(0.0) / range).exp();
                 let along = out.dot(&normal);
-                let mut force = normal * (at_point * along); // [gudukbay97] Eq. 9
-                if let Some(friction) = friction {
-                    let slip = v.get(i) - solid.way(x.get(i)) / dt;
-                    let slip = slip - out * out.dot(&slip);
-                    let speed = slip.norm();
-                    let most = mass[i] * speed / dt;
-                    if speed > 0.0 {
-                        force -= slip / speed * (friction * at_point * along.abs()).min(most);
-                    }
-                }
+                let force = normal * (at_point * along); // [gudukbay97] Eq. 9
                 let stiffness = at_point / range * along * along;
-                found.push(Push { point: i as u32, force, stiffness, normal });
+                let own = solid.way(x.get(i)) / dt;
+                found.push(Push { point: i as u32, force, stiffness, normal, out, own });
             }
         }
         found
     });
     parts.into_iter().flatten().collect()
+}
+
+/// Lets what was pushed rub, at the end of a substep of `dt` [s]; see [`Push::rub`].
+pub(super) fn rub(
+    pushes: &[Push],
+    friction: f32,
+    mobility: &[f32],
+    x: &mut Vectors,
+    v: &mut Vectors,
+    (dt, solved): (f32, bool),
+) {
+    let ([x0, x1, x2], [v0, v1, v2]) = (&mut x.axes, &mut v.axes);
+    par::map_chunks_mut([x0, x1, x2, v0, v1, v2], CHUNK, |start, [x0, x1, x2, v0, v1, v2]| {
+        let points = start * WIDTH..(start + x0.len()) * WIDTH;
+        let [first, end] = [points.start, points.end]
+            .map(|point| pushes.partition_point(|push| (push.point as usize) < point));
+        for push in &pushes[first..end] {
+            let i = push.point as usize;
+            let (at, lane) = (i / WIDTH - start, i % WIDTH);
+            let speed = Vec3::new(v0[at][lane], v1[at][lane], v2[at][lane]);
+            let taken = push.rub(friction, speed, mobility[i], dt, solved);
+            // It has slid too far already: else what rests on a slope would creep.
+            let back = taken * dt;
+            (v0[at][lane], v1[at][lane], v2[at][lane]) =
+                (speed.x - taken.x, speed.y - taken.y, speed.z - taken.z);
+            (x0[at][lane], x1[at][lane], x2[at][lane]) =
+                (x0[at][lane] - back.x, x1[at][lane] - back.y, x2[at][lane] - back.z);
+        }
+    });
 }
 
 /// Puts points that are inside solids at the end of a substep of `dt` [s] back to their surfaces. Points of no mobility stay. Returns

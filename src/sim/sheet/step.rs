@@ -103,7 +103,7 @@ impl Sheets {
     /// Adds the forces on all points but those of springs and plates; returns the pushes of solids among them. Pins and solids are where
     /// they are at one `end` of the substep.
     fn gather_rest(&mut self, now: f64, dt: f64, end: usize) -> Vec<Push> {
-        let Self { x, v, force, held, joined, .. } = self;
+        let Self { x, force, held, joined, .. } = self;
         hold::add_forces(held, joined, [now, now + end as f64 * dt], x, force);
         for (i, outside) in self.outside.iter().enumerate() {
             force.add(i, *outside);
@@ -111,15 +111,7 @@ impl Sheets {
         let pushes = match (&self.params.common.repulsion, &self.around) {
             (Some(repulsion), Some(around)) if !self.solids.is_empty() => {
                 let placed = solids::placed(&self.solids, now, now + dt);
-                let sheet = (&*x, &*v, self.area.as_slice(), self.mass.as_flattened());
-                solids::pushes(
-                    repulsion,
-                    self.params.common.friction,
-                    (&placed, end),
-                    around,
-                    sheet,
-                    dt as f32,
-                )
+                solids::pushes(repulsion, (&placed, end), around, (&*x, &self.area), dt as f32)
             }
             _ => Vec::new(),
         };
@@ -140,9 +132,10 @@ impl Sheets {
 
     fn symplectic(&mut self, now: f64, dt: f64) -> Option<usize> {
         let others = self.has_other_forces();
+        let mut pushes = Vec::new();
         if others {
             self.force.clear();
-            self.gather_rest(now, dt, 0);
+            pushes = self.gather_rest(now, dt, 0);
         }
         let Self { x, next_x, low, springs: table, .. } = self;
         let x = &*x;
@@ -167,7 +160,16 @@ impl Sheets {
             explicit::advance(&drive, &forces, next_x, &mut self.v, low)
         };
         std::mem::swap(&mut self.x, &mut self.next_x);
+        self.rub(&pushes, dt, false);
         lost
+    }
+
+    /// Friction of what was pushed.
+    fn rub(&mut self, pushes: &[Push], dt: f64, solved: bool) {
+        if let Some(friction) = self.params.common.friction.filter(|_| !pushes.is_empty()) {
+            let Self { x, v, inverse, .. } = self;
+            solids::rub(pushes, friction, inverse.as_flattened(), x, v, (dt as f32, solved));
+        }
     }
 
     fn implicit(&mut self, now: f64, dt: f64, record: &mut SheetRecord) -> Option<usize> {
@@ -194,6 +196,7 @@ impl Sheets {
             plates,
             joined,
             bonds,
+            parts,
             low,
             next_x,
             ..
@@ -216,6 +219,7 @@ impl Sheets {
             held,
             joined: joined.iter().filter(|joint| joint.holds(now)).collect(),
             bonds,
+            parts,
             dt: h,
         };
         let solver = &self.params.common.solver;
@@ -229,6 +233,7 @@ impl Sheets {
         let drive = explicit::Drive { inverse, drag: None, gravity, dt: h, x, v: None };
         let lost = explicit::advance(&drive, &explicit::Nothing, next_x, v, low);
         std::mem::swap(x, next_x);
+        self.rub(&pushes, dt, true);
         lost
     }
 
@@ -254,6 +259,7 @@ impl Sheets {
             held,
             joined: self.joined.iter().filter(|joint| joint.holds(now)).collect(),
             bonds: &self.bonds,
+            parts: &self.parts,
             dt: dt as f32,
         }
     }

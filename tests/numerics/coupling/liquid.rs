@@ -21,7 +21,7 @@ fn hit(integrator: &str) -> String {
 
 #[test]
 fn what_meets_in_free_flight_keeps_its_momentum() {
-    for (integrator, bound) in [("symplectic", 1e-5), ("implicit", 1e-4)] {
+    for integrator in ["symplectic", "implicit"] {
         let mut shot = simulation(world(0.0, Vec::new()), &hit(integrator));
         let all = |shot: &Simulation| {
             let frame = state(shot);
@@ -44,7 +44,7 @@ fn what_meets_in_free_flight_keeps_its_momentum() {
             "{integrator}: momentum {gone:.1e}, angular {turned:.1e} of 0.1 m times it; {wet:?} to {then:?} and {dry:?}"
         );
         assert!((then - wet).norm() > 0.05 * wet.norm(), "they met");
-        assert!(gone < bound, "{integrator}: {gone}");
+        assert!(gone < 1e-5, "{integrator}: {gone}");
         // Pushes act along the direction of a substep's start, from which the two slide meanwhile.
         assert!(turned < 1e-2, "{integrator}: {turned}");
     }
@@ -141,8 +141,7 @@ fn a_held_sheet_catches_a_block_and_carries_it() {
         assert!((pins / held - 1.0).abs() < 0.02, "{integrator}: {pins} of {held}");
         lowest
     });
-    // The symplectic rule hangs through further: by 17 % here.
-    assert!((lowest[0] / lowest[1] - 1.0).abs() < 0.2, "both integrators hang through alike: {lowest:?}");
+    assert!((lowest[0] / lowest[1] - 1.0).abs() < 0.08, "both integrators hang through alike: {lowest:?}");
 }
 
 /// Water of 3 × 3 × 3 particles thrown at a sheet of its own size; returns mean velocities of both along z afterwards.

@@ -1,0 +1,68 @@
+//! Parts of the sheets that move as a whole, and the step of their whole.
+//!
+//! *Method*: springs do not resist a translation, so the rows of A (`implicit.rs`) over a part sum to its inertia and what holds it. The
+//! translation that conjugate gradients leave out is therefore known without them, and momentum does not hang on their tolerance: it is the
+//! correction of [baraff98] Eq. 6 in the space of translations alone.
+//!
+//! Symbols: A → [`Matrix`], b → `right`.
+//! Limits: parts are sheets and what joints tie together. A mesh of several pieces is one part.
+
+use super::{hold::Joined, implicit::Matrix, lanes::Vectors};
+use crate::{
+    math::wide::{WIDTH, Wide},
+    par::{self, Forest},
+};
+use nalgebra::{Matrix3, Vector3};
+use std::ops::Range;
+
+/// The points of a part, by sheets.
+pub(super) type Part = Vec<Range<usize>>;
+
+/// The parts of which no point is held exactly: of sheets with these points, tied by these joints.
+pub(super) fn parts<'a>(
+    ranges: &[Range<usize>],
+    joints: impl Iterator<Item = &'a Joined>,
+    inverse: &[Wide],
+) -> Vec<Part> {
+    let sheets = Forest::new(ranges.len());
+    let of = |point: u32| ranges.partition_point(|range| range.end <= point as usize) as u32;
+    joints.for_each(|joint| sheets.join(of(joint.ends[0]), of(joint.ends[1])));
+    let roots = sheets.roots();
+    let mut all: Vec<Part> = vec![Vec::new(); ranges.len()];
+    roots.iter().zip(ranges).for_each(|(&root, range)| all[root as usize].push(range.clone()));
+    let mobile = |part: &Part| part.iter().flat_map(Range::clone).all(|i| inverse.as_flattened()[i] > 0.0);
+    all.retain(|part| !part.is_empty() && mobile(part));
+    all
+}
+
+impl Matrix<'_> {
+    /// Adds to `v`, nearly the solution of A v = b, the translation of each part that is missing.
+    pub(super) fn translate(&self, right: &Vectors, v: &mut Vectors) {
+        for part in self.parts {
+            let (mut weight, mut lacks) = (Matrix3::zeros(), Vector3::zeros());
+            for range in part {
+                let sums = par::map_chunks(range.len(), par::CHUNK, |points| {
+                    points.fold((Matrix3::zeros(), Vector3::zeros()), |(weight, lacks), i| {
+                        let own = self.row_sum(range.start + i);
+                        let [b, v] = [right, &*v].map(|of| of.get(range.start + i).cast::<f64>());
+                        (weight + own, lacks + b - own * v)
+                    })
+                });
+                for (own, missing) in sums {
+                    weight += own;
+                    lacks += missing;
+                }
+            }
+            let Some(inverse) = weight.try_inverse() else { continue };
+            let shift = (inverse * lacks).cast::<f32>();
+            part.iter().flat_map(Range::clone).for_each(|i| v.add(i, shift));
+        }
+    }
+
+    /// The sum of a row of A: inertia, and what holds the point.
+    fn row_sum(&self, i: usize) -> Matrix3<f64> {
+        let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|k| f64::from(self.held[i / WIDTH][k][i % WIDTH]));
+        let inertia = f64::from(self.inertia(i / WIDTH)[i % WIDTH]);
+        Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) + Matrix3::from_diagonal_element(inertia)
+    }
+}
