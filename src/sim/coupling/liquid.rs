@@ -36,8 +36,8 @@ const PARTING: f32 = 0.1;
 /// g₀ [m/s²].
 const STANDARD_GRAVITY: f32 = 9.81;
 
-/// A gap that lacks less than this part of its distance is none: what rounding leaves. At 0.01 it is speed, as above.
-const SLACK: f32 = 1e-5;
+/// A gap that lacks less than this part of its distance is none: what rounding and unsolved rounds leave. At 0.01 it is speed, as above.
+const SLACK: f32 = 1e-4;
 
 /// Rounds that end a substep, at most: most need one or two.
 const ROUNDS: u32 = 4;
@@ -219,7 +219,7 @@ impl<'a> Together<'a> {
             let on = Contacts { list: &through, touches: &touches };
             step.leaning.go_on(self.sheets);
             if let Some(lambda) = self.round(step, &on, particles) {
-                self.sheets.yield_to(&step.leaning, clock, &mut self.record);
+                self.sheets.yield_to(&mut step.leaning, clock, &mut self.record);
                 work += self.book(step, &through, &touches, &lambda);
             }
         }
@@ -274,7 +274,10 @@ impl Company for Together<'_> {
             outside.act(self.sheets, now, dt, clock)?;
         }
         let before = self.sheets.positions();
-        let leaning = self.sheets.lean(now, dt, clock, &mut self.record)?;
+        let mut leaning = self.sheets.lean(now, dt, clock, &mut self.record)?;
+        if let Some(last) = &mut self.step {
+            leaning.go_on_from(&mut last.leaning);
+        }
         let (led, touches) = ([Vec::new(), Vec::new()], Touches::default());
         let (pairs, contacts, lambda) = (Vec::new(), Vec::new(), Vec::new());
         self.step = Some(Step { dt, leaning, before, led, pairs, contacts, touches, lambda });
@@ -313,7 +316,7 @@ impl Company for Together<'_> {
                     break;
                 }
             }
-            self.sheets.yield_to(&step.leaning, clock, &mut self.record);
+            self.sheets.yield_to(&mut step.leaning, clock, &mut self.record);
             // Pairs were found where the substep seemed to lead; if it led elsewhere, they are found again.
             let points = self.sheets.positions();
             let margin = 0.5 * MARGIN * self.bound.spacing;
@@ -342,29 +345,26 @@ impl Company for Together<'_> {
     }
 
     fn rub(&mut self, v: &mut [Vec3], clock: &mut Clock) {
-        let Some(step) = self.step.take() else { return };
-        if self.bound.friction.iter().all(Option::is_none) {
-            return;
-        }
+        let Self { bound, sheets, step, .. } = self;
+        let Some(step) = step.as_ref().filter(|_| bound.friction.iter().any(Option::is_some)) else { return };
         clock.time("coupling", || {
             let touching = step.contacts.iter().zip(&step.lambda).filter(|(_, l)| **l > 0.0);
             for (contact, &l) in touching {
-                let Some(friction) = self.bound.friction[contact.face as usize] else { continue };
-                let face = self.bound.faces[contact.face as usize].map(|i| i as usize);
+                let Some(friction) = bound.friction[contact.face as usize] else { continue };
+                let face = bound.faces[contact.face as usize].map(|i| i as usize);
                 let i = contact.particle as usize;
-                let own: Vec3 = (0..3).map(|k| self.sheets.point(face[k])[1] * contact.weights[k]).sum();
+                let own: Vec3 = (0..3).map(|k| sheets.point(face[k])[1] * contact.weights[k]).sum();
                 let slip = v[i] - own;
                 let slip = slip - contact.normal * contact.normal.dot(&slip);
                 let speed = slip.norm();
-                let gives: f32 =
-                    (0..3).map(|k| contact.weights[k].powi(2) * self.sheets.mobility(face[k])).sum();
-                let most = speed / (1.0 / self.bound.mass + gives);
+                let gives: f32 = (0..3).map(|k| contact.weights[k].powi(2) * sheets.mobility(face[k])).sum();
+                let most = speed / (1.0 / bound.mass + gives);
                 let impulse = (friction * l / step.dt as f32).min(most);
                 if impulse > 0.0 {
                     let rub = slip * (impulse / speed);
-                    v[i] -= rub / self.bound.mass;
+                    v[i] -= rub / bound.mass;
                     for (&corner, weight) in face.iter().zip(contact.weights) {
-                        self.sheets.kick(corner, rub * (weight * self.sheets.mobility(corner)));
+                        sheets.kick(corner, rub * (weight * sheets.mobility(corner)));
                     }
                 }
             }

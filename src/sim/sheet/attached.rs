@@ -3,8 +3,8 @@
 //! *Method*: a touch asks that its mass and the place q = Σ w x of its face part by a way v along n. With J the row w n of a touch, m its mass
 //! and A the sheet's own matrix (`implicit.rs`; the masses alone for the symplectic rule, where touches are swept one after another) the constrained Euler step is
 //! (A + Σ m JᵀJ) Δx = −Σ m v Jᵀ, and the impulse by Δt λ = m (v + J Δx). It is the step that both sides take together: nothing is
-//! handed over late, so that neither a sheet much lighter than what leans on it nor a stiff one is unstable. A touch only pushes: λ below zero
-//! is none.
+//! handed over late, so that neither a sheet much lighter than what leans on it nor a stiff one is unstable. A touch only pushes: where
+//! v + J Δx is below zero there is none.
 //! *Departs from the paper*: [gudukbay97] and [baraff98] have no such masses.
 //!
 //! Symbols: λ → impulse by Δt [kg·m]; Λ = Σ λ Jᵀ → `given`.
@@ -18,13 +18,14 @@ use crate::{
     sim::{Diverged, record::Clock},
 };
 
-/// The part of the right side at which the conjugate gradients of a round end, and how many they are at most. What is left the next round
-/// takes, and the answer that ends the substep is exact for what was given.
-const TOLERANCE: f64 = 1e-4;
+/// The part of the substep's largest right side at which the conjugate gradients of a round end, and how many they are at most. What is left
+/// the next round takes, and the answer that ends the substep is exact for what was given.
+const TOLERANCE: f64 = 1e-3;
 const MOST: u32 = 60;
 
-/// How often touches that would pull are left out in a round.
-const DROPS: u32 = 8;
+/// Steps in which the least along a line is looked for, and the part of the slope at its start that is none.
+const STEPS: u32 = 20;
+const FLAT: f64 = 1e-3;
 
 /// The part of the longest way asked for at which sweeps of a round end, and how many they are at most.
 const SWEPT: f32 = 1e-3;
@@ -116,6 +117,12 @@ pub(in crate::sim) struct Leaning {
     alone: Vectors,
     /// Λ [kg·m].
     given: Vectors,
+    /// The size of the largest right side of a round.
+    size: f64,
+    /// Δx with which the first round begins.
+    guess: Option<Vectors>,
+    /// What touches changed of velocities, by Δt [m/s²]; for the next substep's guess.
+    answer: Option<Vectors>,
 }
 
 impl Leaning {
@@ -123,6 +130,15 @@ impl Leaning {
     pub(in crate::sim) fn go_on(&mut self, sheets: &Sheets) {
         self.alone = sheets.x.clone();
         self.given.clear();
+    }
+
+    /// Begins where the substep before ended, if what leans pushes as it did.
+    pub(in crate::sim) fn go_on_from(&mut self, last: &mut Self) {
+        self.guess = last.answer.take();
+        if let Some(guess) = &mut self.guess {
+            let by = (self.dt * self.dt) as f32;
+            guess.update(|_, axes| axes.into_iter().flatten().for_each(|value| *value *= by));
+        }
     }
 }
 
@@ -142,7 +158,8 @@ impl Sheets {
         record.substeps += 1;
         self.substep(now, dt, clock, record)?;
         let given = Vectors::zeros(self.len());
-        Ok(Leaning { now, dt, before, alone: self.x.clone(), given })
+        let alone = self.x.clone();
+        Ok(Leaning { now, dt, before, alone, given, size: 0.0, guess: None, answer: None })
     }
 
     /// One round: lets every touch that asks for a way above zero push both sides. Returns λ of all [kg·m]; the sheet has moved, the
@@ -168,7 +185,7 @@ impl Sheets {
                 lambda
             }
             Integrator::Implicit => {
-                let (lambda, change) = self.solved(leaning, touches, mass, way);
+                let (lambda, change) = self.solved(leaning, touches, &mass, way);
                 touches.give(&lambda, leaning);
                 implicit::combine(&mut self.x, 1.0, &change, 1.0);
                 lambda
@@ -176,28 +193,71 @@ impl Sheets {
         }
     }
 
-    /// λ and Δx under the implicit rule. Touches that would pull are left out, and the rest is asked again: where many lean on few points
-    /// half of them would pull, and the sheet would be thrown by what the others push too much.
+    /// λ and Δx under the implicit rule: where ½ Δxᵀ A Δx + ½ Σ m max(0, v + J Δx)² is least, so that touches that would pull are none.
+    /// Conjugate gradients by Polak and Ribière, whose steps end where the convex function along them does. Solved as if all touches held, half of
+    /// them would pull where many lean on few points, and the sheet would be thrown by what the others push too much.
     fn solved(
         &self,
-        leaning: &Leaning,
+        leaning: &mut Leaning,
         touches: &Touches,
-        mut mass: Vec<f32>,
+        mass: &[f32],
         way: &[f32],
     ) -> (Vec<f32>, Vectors) {
-        let mut change = Vectors::zeros(self.len());
-        let mut lambda = vec![0.0_f32; way.len()];
-        for _ in 0..DROPS {
-            self.yielded(leaning, touches, &mass, way, &mut change);
-            touches.gather(&change, &mut lambda);
-            par::update(&mut lambda, |i, l| *l = mass[i] * (way[i] + *l));
-            if lambda.iter().all(|&l| l >= 0.0) {
+        let guess = leaning.guess.take();
+        let Leaning { now, dt, before, size, .. } = leaning;
+        let own = self.matrix(before, self.held_blocks(*now, *dt), *now, *dt);
+        let mut blocks = own.diagonal();
+        touches.add_blocks(mass, &mut blocks);
+        implicit::invert_all(&mut blocks);
+
+        let [mut change, mut pulled, mut rest, mut better, mut direction, mut product] =
+            std::array::from_fn(|_| Vectors::zeros(self.len()));
+        let (mut lacks, mut push, mut turn) = (way.to_vec(), vec![0.0; way.len()], vec![0.0; way.len()]);
+        // r = −A Δx − Σ m max(0, v + J Δx) Jᵀ, its better and their product.
+        let residual =
+            |lacks: &[f32], pulled: &Vectors, push: &mut [f32], rest: &mut Vectors, better: &mut Vectors| {
+                par::fill(push, |i| -mass[i] * lacks[i].max(0.0));
+                rest.clear();
+                touches.spread(push, rest);
+                implicit::combine(rest, 1.0, pulled, -1.0);
+                own.filter(rest);
+                implicit::precondition(&blocks, rest, better);
+                own.filter(better);
+                rest.dot(better)
+            };
+        *size = size.max(residual(&lacks, &pulled, &mut push, &mut rest, &mut better));
+        if let Some(mut guess) = guess {
+            own.filter(&mut guess);
+            own.times(&guess, &mut pulled);
+            touches.gather(&guess, &mut turn);
+            lacks.iter_mut().zip(&turn).for_each(|(u, w)| *u += w);
+            change = guess;
+        }
+        let mut last: Option<(Vectors, f64)> = None;
+        for _ in 0..MOST {
+            let left = residual(&lacks, &pulled, &mut push, &mut rest, &mut better);
+            let beta = last.as_ref().map_or(0.0, |(old, size)| ((left - old.dot(&better)) / size).max(0.0));
+            if left <= TOLERANCE * TOLERANCE * *size {
                 break;
             }
-            mass.iter_mut().zip(&lambda).filter(|(_, l)| **l < 0.0).for_each(|(m, _)| *m = 0.0);
+            implicit::combine(&mut direction, beta as f32, &better, 1.0);
+            own.times(&direction, &mut product);
+            touches.gather(&direction, &mut turn);
+            let line = [pulled.dot(&direction), product.dot(&direction)];
+            let alpha = least(line, |alpha| {
+                let terms = mass.iter().zip(&lacks).zip(&turn).map(|((&m, &u), &w)| {
+                    let [m, u, w] = [m, u, w].map(f64::from);
+                    let at = u + alpha * w;
+                    if at > 0.0 { [m * at * w, m * w * w] } else { [0.0; 2] }
+                });
+                terms.fold([0.0; 2], |sum, term| [sum[0] + term[0], sum[1] + term[1]])
+            }) as f32;
+            implicit::combine(&mut change, 1.0, &direction, alpha);
+            implicit::combine(&mut pulled, 1.0, &product, alpha);
+            par::update(&mut lacks, |i, u| *u += alpha * turn[i]);
+            last = Some((rest.clone(), left));
         }
-        lambda.iter_mut().for_each(|l| *l = l.max(0.0));
-        (lambda, change)
+        (push.iter().map(|p| -p).collect(), change)
     }
 
     /// λ where A is of the masses alone: touch after touch takes what it lacks, until none lacks much.
@@ -247,57 +307,10 @@ impl Sheets {
         });
     }
 
-    /// Δx of (A + Σ m JᵀJ) Δx = −Σ m v Jᵀ, with the implicit rule's A.
-    /// Begins at `change`, and leaves the answer there.
-    fn yielded(&self, leaning: &Leaning, touches: &Touches, mass: &[f32], way: &[f32], change: &mut Vectors) {
-        let Leaning { now, dt, before, .. } = leaning;
-        let own = self.matrix(before, self.held_blocks(*now, *dt), *now, *dt);
-        let len = self.len();
-        let mut pull = vec![0.0; mass.len()];
-        let mut times = |p: &Vectors, out: &mut Vectors| {
-            own.times(p, out);
-            touches.gather(p, &mut pull);
-            par::update(&mut pull, |i, s| *s *= mass[i]);
-            touches.spread(&pull, out);
-            own.filter(out);
-        };
-        let mut blocks = own.diagonal();
-        touches.add_blocks(mass, &mut blocks);
-        implicit::invert_all(&mut blocks);
-
-        // Conjugate gradients.
-        let mut rest = Vectors::zeros(len);
-        let asked: Vec<f32> = mass.iter().zip(way).map(|(m, v)| -m * v).collect();
-        touches.spread(&asked, &mut rest);
-        own.filter(&mut rest);
-        let (mut product, mut better) = (Vectors::zeros(len), Vectors::zeros(len));
-        implicit::precondition(&blocks, &rest, &mut better);
-        let goal = TOLERANCE * TOLERANCE * rest.dot(&better);
-        times(change, &mut product);
-        implicit::combine(&mut rest, 1.0, &product, -1.0);
-        implicit::precondition(&blocks, &rest, &mut better);
-        own.filter(&mut better);
-        let mut direction = better.clone();
-        let mut left = rest.dot(&better);
-        for _ in 0..MOST {
-            if left <= goal || left <= 0.0 {
-                break;
-            }
-            times(&direction, &mut product);
-            let alpha = left / direction.dot(&product);
-            implicit::combine(change, 1.0, &direction, alpha as f32);
-            implicit::combine(&mut rest, 1.0, &product, -alpha as f32);
-            implicit::precondition(&blocks, &rest, &mut better);
-            own.filter(&mut better);
-            let before = std::mem::replace(&mut left, rest.dot(&better));
-            implicit::combine(&mut direction, (left / before) as f32, &better, 1.0);
-        }
-    }
-
     /// Makes velocities of what touches gave, and puts points back that they pressed into solids.
     pub(in crate::sim) fn yield_to(
         &mut self,
-        leaning: &Leaning,
+        leaning: &mut Leaning,
         clock: &mut Clock,
         record: &mut SheetRecord,
     ) {
@@ -326,6 +339,11 @@ impl Sheets {
                 record.iterations += solved.iterations;
                 self.x = leaning.alone.clone();
                 implicit::combine(&mut self.x, 1.0, &change, dt);
+                leaning.answer.get_or_insert_with(|| {
+                    let mut answer = change.clone();
+                    implicit::combine(&mut answer, 1.0 / dt, &change, 0.0);
+                    answer
+                });
                 change
             }
         };
@@ -335,4 +353,26 @@ impl Sheets {
             record.caught += clock.time("sheet_solids", || self.put_back(leaning.now, leaning.dt));
         }
     }
+}
+
+/// Where the slope a + α b + s(α), which rises, is zero: `touching` gives s and its own slope. By Newton's rule, halved where it leaves what is
+/// known to hold the zero.
+fn least([a, b]: [f64; 2], touching: impl Fn(f64) -> [f64; 2]) -> f64 {
+    let (mut alpha, mut low, mut high) = (0.0, 0.0, f64::INFINITY);
+    let mut first = None;
+    for _ in 0..STEPS {
+        let [s, rise] = touching(alpha);
+        let slope = a + alpha * b + s;
+        if slope.abs() <= FLAT * *first.get_or_insert(slope.abs()) && alpha > 0.0 || slope == 0.0 {
+            break;
+        }
+        if slope < 0.0 {
+            low = alpha
+        } else {
+            high = alpha
+        }
+        let next = alpha - slope / (b + rise);
+        alpha = if next > low && next < high { next } else { 0.5 * (low + high) };
+    }
+    alpha
 }

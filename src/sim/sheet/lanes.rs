@@ -11,6 +11,9 @@ use crate::{
 /// Eights that a task handles.
 pub(super) const CHUNK: usize = 256;
 
+/// So few eights one thread handles sooner than it wakes another.
+const FEW: usize = 2 * CHUNK;
+
 /// x, y and z of eight points.
 pub(super) type Eight = [Wide; 3];
 
@@ -87,16 +90,23 @@ impl Vectors {
     /// Calls `f(number of the eight, its vectors)` for each.
     pub(super) fn update(&mut self, f: impl Fn(usize, [&mut Wide; 3]) + Sync) {
         let [x, y, z] = &mut self.axes;
-        par::map_chunks_mut([x, y, z], CHUNK, |start, [x, y, z]| {
+        let few = x.len() <= FEW;
+        let part = |start: usize, [x, y, z]: [&mut [Wide]; 3]| {
             for (k, ((x, y), z)) in x.iter_mut().zip(y).zip(z).enumerate() {
                 f(start + k, [x, y, z]);
             }
-        });
+        };
+        if few {
+            part(0, [x, y, z]);
+        } else {
+            par::map_chunks_mut([x, y, z], CHUNK, part);
+        }
     }
 
     /// Σ over points of `self` · `other`, in double precision and a fixed order.
     pub(super) fn dot(&self, other: &Self) -> f64 {
-        let parts = par::map_chunks(self.axes[0].len(), CHUNK, |range| {
+        let len = self.axes[0].len();
+        let part = |range: std::ops::Range<usize>| {
             let mut sum = [0.0_f64; WIDTH];
             for at in range {
                 for (a, b) in self.axes.iter().zip(&other.axes) {
@@ -106,7 +116,11 @@ impl Vectors {
                 }
             }
             sum.iter().sum::<f64>()
-        });
-        parts.into_iter().sum()
+        };
+        if len <= FEW {
+            // In the parts that threads would have.
+            return (0..len.div_ceil(CHUNK)).map(|k| part(k * CHUNK..((k + 1) * CHUNK).min(len))).sum();
+        }
+        par::map_chunks(len, CHUNK, part).into_iter().sum()
     }
 }
