@@ -83,7 +83,10 @@ SWEEPS = [
 # What no preset can say, and where it is tested.
 TESTS = [
     ("no vorton, one, two in one place and 1e-7 m apart", "tests/numerics/vortex_extremes.rs"),
-    ("coincident, collinear, coplanar, a million metres off", "tests/numerics/vortex_extremes.rs"),
+    (
+        "coincident, in heaps of two cores, collinear, coplanar, a million metres off; heaps are one source however many they are",
+        "tests/numerics/vortex_extremes.rs`, `src/sim/vortex/octree.rs`, `src/sim/vortex/flow/near.rs",
+    ),
     ("the same in motion, with every term", "tests/numerics/vortex_dynamics/extremes.rs"),
     ("strengths over twelve decades, cores over three", "tests/numerics/vortex_extremes.rs"),
     ("thousands in one cell, strays at 1e6 m", "tests/numerics/vortex_dynamics/extremes.rs"),
