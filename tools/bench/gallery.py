@@ -50,7 +50,7 @@ def row(binary, preset, tier, frames, folder):
         "as written" if tier == "final" else tier,
         f"{most:,}".replace(",", " "),
         str(record["frame"]),
-        f"{wall:.0f} s" if wall < 99.5 else f"{round(wall) // 60} min {round(wall) % 60} s",
+        f"{wall:.{int(wall < 9.95)}f} s" if wall < 99.5 else f"{round(wall) // 60} min {round(wall) % 60} s",
         f"{memory / 2**20:.0f} MiB",
         *(f"{held / 1e6:,.{int(held < 1e7)}f} MB".replace(",", " ") for held in sizes),
     ]
