@@ -8,7 +8,7 @@
 //! *Departs from the paper*: [gudukbay97] and [baraff98] have no such masses.
 //!
 //! Symbols: λ → impulse by Δt [kg·m]; Λ = Σ λ Jᵀ → `given`.
-//! Limits: which touches push is decided once a round, by the caller. Directions stand during the round. Under the implicit rule what
+//! Limits: which touches may push is decided once a round, by the caller. Directions stand during the round. Under the implicit rule what
 //! touches feels the sheet as it is linearised at the start of the substep.
 
 use super::{Integrator, SheetRecord, Sheets, implicit, lanes::Vectors, springs::Blocks};
@@ -23,7 +23,8 @@ use crate::{
 const TOLERANCE: f64 = 1e-3;
 const MOST: u32 = 60;
 
-/// Steps in which the least along a line is looked for, and the part of the slope at its start that is none.
+/// Steps in which the least along a line is looked for, and the part of the slope at its start that is none. Most lines need three: touches let
+/// go or join along them, and between the slope is linear.
 const STEPS: u32 = 20;
 const FLAT: f64 = 1e-3;
 
@@ -31,7 +32,7 @@ const FLAT: f64 = 1e-3;
 const SWEPT: f32 = 1e-3;
 const SWEEPS: u32 = 30;
 
-/// The same for the sheet's final answer under the implicit rule, which momentum hangs on.
+/// The same for the sheet's final answer under the implicit rule.
 const FINAL: (f64, u32) = (1e-6, 200);
 
 /// A mass that touches a face.
@@ -130,6 +131,7 @@ impl Leaning {
     pub(in crate::sim) fn go_on(&mut self, sheets: &Sheets) {
         self.alone = sheets.x.clone();
         self.given.clear();
+        self.guess = None;
     }
 
     /// Begins where the substep before ended, if what leans pushes as it did.
@@ -194,7 +196,7 @@ impl Sheets {
     }
 
     /// λ and Δx under the implicit rule: where ½ Δxᵀ A Δx + ½ Σ m max(0, v + J Δx)² is least, so that touches that would pull are none.
-    /// Conjugate gradients by Polak and Ribière, whose steps end where the convex function along them does. Solved as if all touches held, half of
+    /// Conjugate gradients of Polak and Ribière ([nocedal06]), each step as long as the function falls along it. Solved as if all touches held, half of
     /// them would pull where many lean on few points, and the sheet would be thrown by what the others push too much.
     fn solved(
         &self,
@@ -225,18 +227,27 @@ impl Sheets {
                 own.filter(better);
                 rest.dot(better)
             };
-        *size = size.max(residual(&lacks, &pulled, &mut push, &mut rest, &mut better));
+        let at_rest = residual(&lacks, &pulled, &mut push, &mut rest, &mut better);
+        *size = size.max(at_rest);
         if let Some(mut guess) = guess {
             own.filter(&mut guess);
             own.times(&guess, &mut pulled);
             touches.gather(&guess, &mut turn);
             lacks.iter_mut().zip(&turn).for_each(|(u, w)| *u += w);
-            change = guess;
+            if residual(&lacks, &pulled, &mut push, &mut rest, &mut better) < at_rest {
+                change = guess;
+            } else {
+                // What leant then is gone.
+                lacks.copy_from_slice(way);
+                pulled.clear();
+            }
         }
         let mut last: Option<(Vectors, f64)> = None;
         for _ in 0..MOST {
             let left = residual(&lacks, &pulled, &mut push, &mut rest, &mut better);
-            let beta = last.as_ref().map_or(0.0, |(old, size)| ((left - old.dot(&better)) / size).max(0.0));
+            // [nocedal06] Eq. 5.45
+            let beta =
+                last.as_ref().map_or(0.0, |(old, before)| ((left - old.dot(&better)) / before).max(0.0));
             if left <= TOLERANCE * TOLERANCE * *size {
                 break;
             }
@@ -257,7 +268,8 @@ impl Sheets {
             par::update(&mut lacks, |i, u| *u += alpha * turn[i]);
             last = Some((rest.clone(), left));
         }
-        (push.iter().map(|p| -p).collect(), change)
+        let lambda = mass.iter().zip(&lacks).map(|(m, u)| m * u.max(0.0)).collect();
+        (lambda, change)
     }
 
     /// λ where A is of the masses alone: touch after touch takes what it lacks, until none lacks much.

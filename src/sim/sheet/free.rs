@@ -5,7 +5,7 @@
 //! correction of [baraff98] Eq. 6 in the space of translations alone.
 //!
 //! Symbols: A → [`Matrix`], b → `right`.
-//! Limits: parts are sheets and what joints tie together. A mesh of several pieces is one part.
+//! Limits: parts are sheets and what joints tie together. A mesh of several pieces is one part: if one piece is held exactly, none is moved.
 
 use super::{hold::Joined, implicit::Matrix, lanes::Vectors};
 use crate::{

@@ -2,8 +2,8 @@
 //!
 //! *Method*: [gudukbay97] Eq. 9 with the potential c·exp(−f/ξ) of a square metre, f the signed distance, so that |∇f| = 1 at every solid.
 //! The force −∇ of it is (c/ξ) exp(−f/ξ) ∇f, of which only the part along the sheet's normal n acts. What is left inside after a substep is
-//! put to the surface, and its speed into the solid ends. Friction takes up to μ times what either took from the speed along the solid, once all
-//! else has acted: what rests stays where it is.
+//! put to the surface, and its speed into the solid ends. Friction takes up to μ times what either took from the speed along the solid, once
+//! forces have acted: what rests stays where it is.
 //! *Departs from the paper*: the sign, which Eq. 9 and its prose give differently (force outwards is meant); friction; solids move; where a
 //! fold leaves a point without a normal ∇f takes its place.
 //!
@@ -16,7 +16,10 @@ use super::{
     params::Repulsion,
 };
 use crate::{
-    math::{Vec3, wide::WIDTH},
+    math::{
+        Vec3,
+        wide::{WIDTH, Wide},
+    },
     par,
     solid::{Pose, Shape, Solid},
 };
@@ -27,7 +30,8 @@ const FAR: f32 = 16.0;
 /// Rounds over all solids in which a point is put back: in a corner of three each undoes part of the others'.
 const ROUNDS: usize = 8;
 
-/// How far outside a point is put back to, in parts of its largest coordinate: what rounding takes.
+/// How far outside a point is put back to, in parts of its largest coordinate: what rounding takes. Within twice as much it still touches: it
+/// would else slide without friction until it has fallen in again, and creep down a slope.
 const SKIN: f32 = 1e-6;
 
 /// A solid at both ends of a substep.
@@ -160,33 +164,76 @@ pub(super) fn pushes(
     parts.into_iter().flatten().collect()
 }
 
+/// A point in motion, and what rounding took from its place.
+#[derive(Clone, Copy)]
+struct Moving {
+    x: Vec3,
+    v: Vec3,
+    low: Vec3,
+}
+
+impl Moving {
+    /// Moves it. Rounding would else let go of the way back, and not of the way there: what rests would stray.
+    fn shift(&mut self, by: Vec3) {
+        let (way, before) = (by + self.low, self.x);
+        self.x += way;
+        self.low = way - (self.x - before);
+    }
+}
+
+/// Calls `f` on points; `points` are asked for those of a range. It returns `None` where it left one alone, and else whether it counts.
+/// Returns how many count.
+fn move_each<I: Iterator<Item = usize>>(
+    [x, v, low]: [&mut Vectors; 3],
+    points: impl Fn(std::ops::Range<usize>) -> I + Sync,
+    f: impl Fn(usize, &mut Moving) -> Option<bool> + Sync,
+) -> u64 {
+    let len = x.len();
+    let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
+    let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
+    let counts = par::map_chunks_mut(all, CHUNK, |start, parts: [&mut [Wide]; 9]| {
+        let mut count = 0;
+        for i in points(start * WIDTH..len.min((start + parts[0].len()) * WIDTH)) {
+            let (at, lane) = (i / WIDTH - start, i % WIDTH);
+            let [x, v, low] = [0, 3, 6].map(|of| Vec3::from_fn(|axis, _| parts[of + axis][at][lane]));
+            let mut moving = Moving { x, v, low };
+            let Some(counts) = f(i, &mut moving) else { continue };
+            count += u64::from(counts);
+            for (of, vector) in [(0, moving.x), (3, moving.v), (6, moving.low)] {
+                (0..3).for_each(|axis| parts[of + axis][at][lane] = vector[axis]);
+            }
+        }
+        count
+    });
+    counts.into_iter().sum()
+}
+
 /// Lets what was pushed rub, at the end of a substep of `dt` [s]; see [`Push::rub`].
 pub(super) fn rub(
     pushes: &[Push],
     friction: f32,
     mobility: &[f32],
-    x: &mut Vectors,
-    v: &mut Vectors,
+    sheet: [&mut Vectors; 3],
     (dt, solved): (f32, bool),
 ) {
-    let ([x0, x1, x2], [v0, v1, v2]) = (&mut x.axes, &mut v.axes);
-    par::map_chunks_mut([x0, x1, x2, v0, v1, v2], CHUNK, |start, [x0, x1, x2, v0, v1, v2]| {
-        let points = start * WIDTH..(start + x0.len()) * WIDTH;
+    let of = |points: std::ops::Range<usize>| {
         let [first, end] = [points.start, points.end]
             .map(|point| pushes.partition_point(|push| (push.point as usize) < point));
-        for push in &pushes[first..end] {
-            let i = push.point as usize;
-            let (at, lane) = (i / WIDTH - start, i % WIDTH);
-            let speed = Vec3::new(v0[at][lane], v1[at][lane], v2[at][lane]);
-            let taken = push.rub(friction, speed, mobility[i], dt, solved);
-            // It has slid too far already: else what rests on a slope would creep.
-            let back = taken * dt;
-            (v0[at][lane], v1[at][lane], v2[at][lane]) =
-                (speed.x - taken.x, speed.y - taken.y, speed.z - taken.z);
-            (x0[at][lane], x1[at][lane], x2[at][lane]) =
-                (x0[at][lane] - back.x, x1[at][lane] - back.y, x2[at][lane] - back.z);
-        }
-    });
+        pushes[first..end].chunk_by(|a, b| a.point == b.point)
+    };
+    move_each(
+        sheet,
+        |points| of(points).map(|pushes| pushes[0].point as usize),
+        |i, moving| {
+            for push in of(i..i + 1).flatten() {
+                let taken = push.rub(friction, moving.v, mobility[i], dt, solved);
+                // It has slid too far already: else what rests on a slope would creep.
+                moving.shift(-taken * dt);
+                moving.v -= taken;
+            }
+            Some(false)
+        },
+    );
 }
 
 /// Puts points that are inside solids at the end of a substep of `dt` [s] back to their surfaces. Points of no mobility stay. Returns
@@ -195,65 +242,45 @@ pub(super) fn put_back(
     solids: &[Placed<'_>],
     friction: Option<f32>,
     mobility: &[f32],
-    x: &mut Vectors,
-    v: &mut Vectors,
+    sheet: [&mut Vectors; 3],
     dt: f32,
 ) -> u64 {
-    let len = x.len();
-    let ([x0, x1, x2], [v0, v1, v2]) = (&mut x.axes, &mut v.axes);
-    let caught = par::map_chunks_mut([x0, x1, x2, v0, v1, v2], CHUNK, |start, [x0, x1, x2, v0, v1, v2]| {
-        let mut caught = 0;
-        let points = start * WIDTH..len.min((start + x0.len()) * WIDTH);
-        for i in points.filter(|&i| mobility[i] != 0.0) {
-            let (at, lane) = (i / WIDTH - start, i % WIDTH);
-            let before = Vec3::new(x0[at][lane], x1[at][lane], x2[at][lane]);
-            let speed = Vec3::new(v0[at][lane], v1[at][lane], v2[at][lane]);
-            if let Some((place, speed)) = outside(solids, friction, before, speed, dt) {
-                caught += 1;
-                (x0[at][lane], x1[at][lane], x2[at][lane]) = (place.x, place.y, place.z);
-                (v0[at][lane], v1[at][lane], v2[at][lane]) = (speed.x, speed.y, speed.z);
-            }
-        }
-        caught
-    });
-    caught.into_iter().sum()
+    let mobile = |points: std::ops::Range<usize>| points.filter(|&i| mobility[i] != 0.0);
+    move_each(sheet, mobile, |_, moving| outside(solids, friction, moving, dt))
 }
 
-/// Where a point inside a solid is put, and its velocity then; `None` if it is in none.
-fn outside(
-    solids: &[Placed<'_>],
-    friction: Option<f32>,
-    mut x: Vec3,
-    mut v: Vec3,
-    dt: f32,
-) -> Option<(Vec3, Vec3)> {
-    let mut caught = false;
-    for _ in 0..ROUNDS {
+/// Puts a point that is inside a solid to its surface, and stops one that touches. Whether it was inside any; `None` if it did neither.
+fn outside(solids: &[Placed<'_>], friction: Option<f32>, point: &mut Moving, dt: f32) -> Option<bool> {
+    let (mut caught, mut met) = (false, false);
+    for round in 0..ROUNDS {
         let mut again = false;
         for solid in solids {
-            let (distance, n) = solid.contact(x, 1);
-            if distance >= 0.0 {
+            let (distance, n) = solid.contact(point.x, 1);
+            let skin = SKIN * (1.0 + point.x.amax());
+            let own = solid.way(point.x) / dt;
+            let relative = point.v - own;
+            let inwards = relative.dot(&n);
+            let touches = round == 0 && distance < 2.0 * skin && inwards < 0.0;
+            if distance >= 0.0 && !touches {
                 continue;
             }
-            (caught, again) = (true, true);
-            x += n * (SKIN * (1.0 + x.amax()) - distance);
-            let own = solid.way(x) / dt;
-            let relative = v - own;
-            let inwards = relative.dot(&n);
+            caught |= distance < 0.0;
+            (met, again) = (true, true);
+            point.shift(n * (skin - distance));
             let mut slip = relative - n * inwards;
             if let (Some(friction), true) = (friction, inwards < 0.0) {
                 let (speed, before) = (slip.norm(), slip);
                 slip *= if speed > 0.0 { 1.0 - (-friction * inwards / speed).min(1.0) } else { 0.0 };
                 // It has slid too far already: else what rests on a slope would creep.
-                x -= (before - slip) * dt;
+                point.shift((slip - before) * dt);
             }
-            v = own + slip + n * inwards.max(0.0);
+            point.v = own + slip + n * inwards.max(0.0);
         }
         if !again {
             break;
         }
     }
-    caught.then_some((x, v))
+    met.then_some(caught)
 }
 
 /// Points inside solids at a time [s], but for those that are held exactly.

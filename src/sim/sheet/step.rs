@@ -85,7 +85,7 @@ impl Sheets {
         let placed = solids::placed(&self.solids, now, now + dt);
         let mobility = self.inverse.as_flattened();
         let friction = self.params.common.friction;
-        solids::put_back(&placed, friction, mobility, &mut self.x, &mut self.v, dt as f32)
+        solids::put_back(&placed, friction, mobility, [&mut self.x, &mut self.v, &mut self.low], dt as f32)
     }
 
     /// Gathers the forces on all points but those of damping; returns the pushes of solids among them. Pins and solids are where they will
@@ -167,8 +167,8 @@ impl Sheets {
     /// Friction of what was pushed.
     fn rub(&mut self, pushes: &[Push], dt: f64, solved: bool) {
         if let Some(friction) = self.params.common.friction.filter(|_| !pushes.is_empty()) {
-            let Self { x, v, inverse, .. } = self;
-            solids::rub(pushes, friction, inverse.as_flattened(), x, v, (dt as f32, solved));
+            let Self { x, v, low, inverse, .. } = self;
+            solids::rub(pushes, friction, inverse.as_flattened(), [x, v, low], (dt as f32, solved));
         }
     }
 
