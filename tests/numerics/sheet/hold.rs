@@ -218,11 +218,14 @@ fn a_pair_that_keeps_a_direction_exactly_only_grows() {
     };
     for solver in SOLVERS {
         let mut sheets = sheets(&format!("{}{solver}", text("direction = [2, 0, 0]")), &world(9.81, vec![]));
+        // What one end gives the other keeps: together they swing to twice where the spring carries both, and no farther.
+        let deepest = 2.0 * (sheets.mass(0) + sheets.mass(1)) * 9.81 / 40.0;
         for k in 0..24 {
             run(&mut sheets, k, 1).unwrap();
             let x = sheets.positions();
             let edge = x[1] - x[0];
             assert!(edge.yz().norm() < 1e-6 && edge.x > 0.5, "{solver} {edge:?}");
+            assert!(x[0].z > -1.02 * deepest, "{solver} {} {deepest}", x[0].z);
         }
         // It carries the weight of both.
         let lowest = sheets.positions()[0].z;
