@@ -23,8 +23,8 @@ use crate::{
 const TOLERANCE: f64 = 1e-3;
 const MOST: u32 = 60;
 
-/// Steps in which the least along a line is looked for, and the part of the slope at its start that is none. Most lines need three: touches let
-/// go or join along them, and between the slope is linear.
+/// Steps in which the least along a line is looked for, and the part of the slope at its start that is none. Along a line touches
+/// let go or join, and between the slope is linear.
 const STEPS: u32 = 20;
 const FLAT: f64 = 1e-3;
 

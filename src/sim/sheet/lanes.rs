@@ -11,7 +11,7 @@ use crate::{
 /// Eights that a task handles.
 pub(super) const CHUNK: usize = 256;
 
-/// So few eights one thread handles sooner than it wakes another: in a cloth of 2601 points half of the time was the waking.
+/// So few eights one thread handles alone: with some more than twice as many points two were slower than one (`docs/sheets.md`).
 const FEW: usize = 2 * CHUNK;
 
 /// x, y and z of eight points.

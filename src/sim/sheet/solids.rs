@@ -257,11 +257,13 @@ fn outside(solids: &[Placed<'_>], friction: Option<f32>, point: &mut Moving, dt:
         for solid in solids {
             let (distance, n) = solid.contact(point.x, 1);
             let skin = SKIN * (1.0 + point.x.amax());
+            if distance >= if round == 0 { 2.0 * skin } else { 0.0 } {
+                continue;
+            }
             let own = solid.way(point.x) / dt;
             let relative = point.v - own;
             let inwards = relative.dot(&n);
-            let touches = round == 0 && distance < 2.0 * skin && inwards < 0.0;
-            if distance >= 0.0 && !touches {
+            if distance >= 0.0 && inwards >= 0.0 {
                 continue;
             }
             caught |= distance < 0.0;

@@ -94,20 +94,6 @@ fn a_strip_dropped_on_its_edge_folds_on_itself() {
     }
 }
 
-/// Σ m v and Σ m x × v, with the sums of their sizes.
-fn momenta(sheets: &Sheets) -> [(nalgebra::Vector3<f64>, f64); 2] {
-    let (x, v) = (sheets.positions(), sheets.velocities());
-    let mut out = [(nalgebra::Vector3::zeros(), 0.0); 2];
-    for i in 0..sheets.len() {
-        let p = v[i].cast::<f64>() * f64::from(sheets.mass(i));
-        for (sum, part) in out.iter_mut().zip([p, x[i].cast::<f64>().cross(&p)]) {
-            sum.0 += part;
-            sum.1 += part.norm();
-        }
-    }
-    out
-}
-
 /// Two free sheets that meet at 20 m/s, one across the other and not in the middle.
 fn meeting(integrator: &str, ratio: f32) -> String {
     let one = cloth("one", [0.05, 0.03, 0.0], 0.5, 14, &format!("{FAST}velocity = [0.0, 0.0, 10.0]\n"));

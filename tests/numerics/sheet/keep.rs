@@ -76,20 +76,6 @@ fn free(terms: &str) -> Sheets {
     })
 }
 
-/// Σ m v and Σ m x × v, with the sums of their sizes.
-fn momenta(sheets: &Sheets) -> [(nalgebra::Vector3<f64>, f64); 2] {
-    let (x, v) = (sheets.positions(), sheets.velocities());
-    let mut out = [(nalgebra::Vector3::zeros(), 0.0); 2];
-    for i in 0..sheets.len() {
-        let p = v[i].cast::<f64>() * f64::from(sheets.mass(i));
-        for (sum, part) in out.iter_mut().zip([p, x[i].cast::<f64>().cross(&p)]) {
-            sum.0 += part;
-            sum.1 += part.norm();
-        }
-    }
-    out
-}
-
 #[test]
 fn free_flight_keeps_momentum_and_angular_momentum() {
     for (integrator, bounds) in [("symplectic", [2e-6, 5e-6]), ("implicit", [2e-6, 0.2])] {

@@ -74,3 +74,17 @@ fn placed(text: &str, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3
     let streams: Vec<_> = streams.collect();
     Sheets::restore(shot(text), world, &streams, 0.0).expect("the streams are whole")
 }
+
+/// Σ m v and Σ m x × v, with the sums of their sizes.
+fn momenta(sheets: &Sheets) -> [(nalgebra::Vector3<f64>, f64); 2] {
+    let (x, v) = (sheets.positions(), sheets.velocities());
+    let mut out = [(nalgebra::Vector3::zeros(), 0.0); 2];
+    for i in 0..sheets.len() {
+        let p = v[i].cast::<f64>() * f64::from(sheets.mass(i));
+        for (sum, part) in out.iter_mut().zip([p, x[i].cast::<f64>().cross(&p)]) {
+            sum.0 += part;
+            sum.1 += part.norm();
+        }
+    }
+    out
+}
