@@ -6,7 +6,7 @@ use meniscus::{
     sim::vortex::{Kernel, Method, Quantity, Targets, Vortons, induced},
     sim::{
         FrameRecord, SetupError, Simulation, Stop, Systems, Unwatched, World,
-        smoke::{Smoke, SmokeRecord, TRACERS},
+        smoke::{FrameAir, Smoke, SmokeRecord, TRACERS},
     },
     solid::{Interpolation, Keyframe, Motion, Shape, Solid},
 };
@@ -244,6 +244,89 @@ fn what_a_ball_sheds_turns_with_the_layer_along_it_and_slows_the_air_behind() {
     assert!(above > 0.2 * all && below < -0.2 * all, "{above} {below} of {all}");
     let impulse = records[5].account.invariants.impulse;
     assert!(impulse[0] < 0.0 && impulse[1].hypot(impulse[2]) < 0.1 * -impulse[0], "{impulse:?}");
+}
+
+/// A shot of air that blows with `wind` [m/s] at a shape which sheds, with vortons 0.09 m apart.
+fn shedding(wind: f32, more: &str, shape: Shape) -> Simulation {
+    let text = format!(
+        "spacing = 0.09\nwind = [{wind}, 0, 0]\n[shedding]\n{more}\n[flow]\nviscosity = {{ nu = 4e-4, eddies = 0.2 }}\n\
+         [flow.remesh]\nspacing = 0.09\n[[emitter]]\nrate = 1\nshape = {{ sphere = {{ center = [-1.2, 0, 0], radius = 0.05 }} }}"
+    );
+    Simulation::new(world([0.0; 3], vec![shape]), smoke(&text)).unwrap()
+}
+
+#[test]
+fn wakes_of_what_is_hardly_resolved_stay_bounded() {
+    // Where the wind meets a solid nothing carries vortons off, and nothing slips: what stretches them there has to be told that air
+    // sticks. Without, the gradient is 40 /s on the ball after 36 frames, and 80 000 /s on the wire after 6.
+    let ball = Shape::Sphere { center: [0.0; 3], radius: 0.2 };
+    let wire = Shape::Capsule { from: [0.0, 0.0, -0.5], to: [0.0, 0.0, 0.5], radius: 0.08 };
+    for (wind, layer, shape, frames) in
+        [(2.0, 1.0, ball, 36), (3.0, 1.0, wire.clone(), 12), (3.0, 0.25, wire, 12)]
+    {
+        let mut simulation = shedding(wind, &format!("layer = {layer}"), shape);
+        for record in advance(&mut simulation, frames) {
+            assert!(
+                record.flow.gradient < 16.0 * wind && record.flow.capped == 0,
+                "{wind} {layer}: {record:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn what_is_shed_has_no_vorticity_on_the_whole_and_the_drag_of_its_body() {
+    let cube = Shape::Box { min: [-0.22, -0.25, -0.3], max: [0.22, 0.35, 0.3] };
+    let mut simulation = shedding(2.0, "", cube);
+    let records = advance(&mut simulation, 30);
+    let size: f32 = vortons(&tracers(&simulation)).strength.iter().map(|strength| strength.norm()).sum();
+    let last = &records[29].account.invariants;
+    let sum = Vec3::from(last.strength.map(|v| v as f32)).norm();
+    assert!(sum < 0.03 * size, "{sum} of {size}");
+    // A cube's drag coefficient is 1.05, [hoerner65]; this one has just begun.
+    let lost = records[11].account.invariants.impulse[0] - last.impulse[0];
+    let drag = lost / (18.0 / 24.0) / (0.5 * 2.0_f64.powi(2) * 0.36);
+    assert!((0.8..1.6).contains(&drag), "{drag}");
+}
+
+#[test]
+fn a_ball_that_spins_takes_the_air_along() {
+    let key = |frame: u32, angle: f32| Keyframe {
+        frame,
+        position: [0.0; 3],
+        rotation: [0.0, 0.0, angle],
+        quaternion: None,
+    };
+    // A quarter of a turn every four frames: 9.4 /s.
+    let keys: Vec<Keyframe> = (0..7).map(|n| key(4 * n, 90.0 * n as f32)).collect();
+    let shape = Shape::Sphere { center: [0.0; 3], radius: 0.4 };
+    let motion = Motion::new(&keys, Interpolation::Linear, 24.0, 1);
+    let world = World { gravity: Vec3::zeros(), solids: vec![Solid { shape, motion }] };
+    let text = "spacing = 0.09\n[shedding]\n[flow]\nviscosity = { nu = 4e-4, eddies = 0.2 }\n[flow.remesh]\n\
+                spacing = 0.09\n[[source]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.6 } }";
+    let mut simulation = Simulation::new(world.clone(), smoke(text)).unwrap();
+    let around = |simulation: &Simulation, time: f64, radius: f32| {
+        let systems = smoke(text);
+        let frame = simulation.frame(FrameIndex(1));
+        let air = FrameAir::of(systems.smoke.as_ref().unwrap(), &world, &frame.streams, time).unwrap();
+        let angles = (0..16).map(|n| std::f32::consts::TAU * n as f32 / 16.0);
+        let places: Vec<[Vec3; 2]> = angles
+            .map(|a| [Vec3::new(a.cos(), a.sin(), 0.0) * radius, Vec3::new(-a.sin(), a.cos(), 0.0)])
+            .collect();
+        let points: Vec<Vec3> = places.iter().map(|[x, _]| *x).collect();
+        let found = air.velocity(&points).unwrap();
+        found.iter().zip(&places).map(|(v, [_, along])| v.dot(along)).sum::<f32>() / 16.0
+    };
+    advance(&mut simulation, 4);
+    let early = around(&simulation, 4.0 / 24.0, 0.55);
+    let records = advance(&mut simulation, 16);
+    let late = around(&simulation, 20.0 / 24.0, 0.55);
+    // Its surface moves with 3.8 m/s. Far off the air does not know: the vorticity shed is that of the ball's turning, reversed.
+    assert!(early > 0.0 && late > early && late < 1.0, "{early} {late}");
+    assert!(around(&simulation, 20.0 / 24.0, 1.5).abs() < 0.05);
+    let shed = records[15].account.invariants.strength[2];
+    let turning = 2.0 * 4.0 / 3.0 * std::f64::consts::PI * 0.4_f64.powi(3) * (3.0 * std::f64::consts::PI);
+    assert!((shed / -turning - 1.0).abs() < 0.15, "{shed} for {}", -turning);
 }
 
 #[test]

@@ -35,6 +35,9 @@ pub(super) struct Air {
     longest: f64,
     /// How far a solid may move in a step [m].
     stride: f32,
+    core: f32,
+    /// The layer in which air slips along solids that shed [m].
+    pub(super) layer: Option<f32>,
 }
 
 /// The air at an instant: vortons, and the sources in solids that go with them.
@@ -71,7 +74,19 @@ impl Air {
         let method = flow.method();
         let longest = f64::from(params.core()) / f64::from(wind.norm());
         let stride = walls.as_ref().map_or(f32::INFINITY, |walls| walls.stride(params.core()));
-        Self { wind, across, kernel: flow.kernel, method, walls, span: [0.0; 2], longest, stride }
+        let sheds = params.shedding.as_ref().filter(|shedding| shedding.strength > 0.0 && walls.is_some());
+        Self {
+            wind,
+            across,
+            kernel: flow.kernel,
+            method,
+            walls,
+            span: [0.0; 2],
+            longest,
+            stride,
+            core: params.core(),
+            layer: sheds.map(|shedding| shedding.layer * params.spacing),
+        }
     }
 
     /// The longest step between two times [s] in which no solid jumps past smoke [s].
@@ -89,7 +104,10 @@ impl Air {
         let Some(walls) = &self.walls else { return Ok(Sources::default()) };
         let panels = walls.sourced(time);
         let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.x).collect();
-        Ok(walls.solve(&panels, &self.free(vortons, &at)?))
+        let spin = self.spin(time);
+        let mut free = self.free(vortons, &at)?;
+        self.add(&spin, &at, &mut free)?;
+        Ok(Sources { spin, ..walls.solve(&panels, &free) })
     }
 
     /// The velocity at points [m/s].
@@ -98,19 +116,42 @@ impl Air {
     /// If a vorton or a point is outside what the sums can hold.
     pub(super) fn velocity(&self, instant: Instant<'_>, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
         let mut velocity = self.free(instant.vortons, points)?;
+        self.add(&instant.sources.spin, points, &mut velocity)?;
         instant.sources.add_velocity(points, &mut velocity);
         Ok(velocity)
     }
 
     /// The part of it that does not come from sources.
     fn free(&self, vortons: &Vortons, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
-        if points.is_empty() {
-            return Ok(Vec::new());
-        }
-        let mut velocity = self.induced(vortons, points)?;
-        self.mirror(vortons, points, &mut velocity)?;
+        let mut velocity = vec![Vec3::zeros(); points.len()];
+        self.add(vortons, points, &mut velocity)?;
         self.blow(&mut velocity);
         Ok(velocity)
+    }
+
+    /// The vorticity of solids that turn at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves the air
+    /// outside as the 2Ω inside does, but for what the sources take care of. None where nothing is shed: air slips along then.
+    fn spin(&self, time: f64) -> Vortons {
+        let mut spin = Vortons::default();
+        let Some(walls) = self.walls.as_ref().filter(|_| self.layer.is_some()) else { return spin };
+        for (panels, [omega]) in walls.turning(time, [time]) {
+            for Placed { panel, arm, .. } in panels.iter().filter(|_| omega != Vec3::zeros()) {
+                spin.position.push(panel.x);
+                spin.strength.push(panel.normal.cross(&omega.cross(arm)) * panel.area);
+                spin.core.push(self.core.max(panel.width));
+            }
+        }
+        spin
+    }
+
+    /// Adds what `vortons` and their mirrored twins induce at points.
+    fn add(&self, vortons: &Vortons, points: &[Vec3], velocity: &mut [Vec3]) -> Result<(), Unfit> {
+        if vortons.is_empty() || points.is_empty() {
+            return Ok(());
+        }
+        let found = self.induced(vortons, points)?;
+        par::update(velocity, |i, v| *v += found[i]);
+        self.mirror(vortons, points, velocity)
     }
 
     fn induced(&self, vortons: &Vortons, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
@@ -159,7 +200,7 @@ impl Air {
         for (body, witnesses) in witnesses.iter().enumerate().filter(|(_, witnesses)| !witnesses.is_empty()) {
             let end = start + witnesses.len();
             let mean = |air: &[Vec3]| {
-                let along = |(Placed { panel, velocity }, air): (&Placed, &Vec3)| {
+                let along = |(Placed { panel, velocity, .. }, air): (&Placed, &Vec3)| {
                     f64::from(panel.normal.dot(&(air - velocity))).powi(2)
                 };
                 (witnesses.iter().zip(air).map(along).sum::<f64>() / witnesses.len() as f64).sqrt()
@@ -178,18 +219,32 @@ impl Outside for Air {
         self.blow(&mut rates.velocity);
         self.blow(&mut rates.passengers);
         let Some(walls) = &self.walls else { return Ok(()) };
-        if let Some(mirrored) = walls.mirrored(&vortons.position) {
-            let along = walls.mirrored(now.passengers).unwrap_or_default();
-            let (found, along) =
-                induced_both(vortons, Targets::Points(&mirrored), &along, self.kernel, self.method)?;
-            par::update(&mut rates.velocity, |i, v| *v += walls.turn(found.velocity[i]));
-            par::update(&mut rates.gradient, |i, g| *g += walls.turn_gradient(&found.gradient[i]));
-            par::update(&mut rates.passengers, |i, v| *v += walls.turn(along[i]));
+        let time = self.span[0] + now.seconds;
+        let sources = self.sources(vortons, time)?;
+        if !sources.spin.is_empty() {
+            let at = Targets::Points(&vortons.position);
+            let (found, along) = induced_both(&sources.spin, at, now.passengers, self.kernel, self.method)?;
+            par::update(&mut rates.velocity, |i, v| *v += found.velocity[i]);
+            par::update(&mut rates.gradient, |i, g| *g += found.gradient[i]);
+            par::update(&mut rates.passengers, |i, v| *v += along[i]);
         }
-        let sources = self.sources(vortons, self.span[0] + now.seconds)?;
+        if let Some((at, along)) = walls.mirrored(&vortons.position).zip(walls.mirrored(now.passengers)) {
+            for moving in [vortons, &sources.spin].into_iter().filter(|moving| !moving.is_empty()) {
+                let (found, along) =
+                    induced_both(moving, Targets::Points(&at), &along, self.kernel, self.method)?;
+                par::update(&mut rates.velocity, |i, v| *v += walls.turn(found.velocity[i]));
+                par::update(&mut rates.gradient, |i, g| *g += walls.turn_gradient(&found.gradient[i]));
+                par::update(&mut rates.passengers, |i, v| *v += walls.turn(along[i]));
+            }
+        }
         sources.add_velocity(&vortons.position, &mut rates.velocity);
         sources.add_gradient(&vortons.position, &mut rates.gradient);
         sources.add_velocity(now.passengers, &mut rates.passengers);
+        // Air sticks to solids that shed: in their layer it moves along them less and less, and is stretched as little.
+        if let Some(layer) = self.layer {
+            let heights = walls.heights(&vortons.position, layer, time);
+            par::update(&mut rates.gradient, |i, g| *g *= (heights[i] / layer).max(0.0));
+        }
         Ok(())
     }
 

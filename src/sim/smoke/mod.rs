@@ -242,7 +242,7 @@ impl System {
         if self.air.walls.is_some() {
             let shed = clock.time("smoke_walls", || {
                 self.put_out(then, record);
-                self.shed(then, report.seconds as f32, record)
+                self.shed(now, then, record)
             });
             shed.map_err(|unfit| self.diverged(span.number, &unfit))?;
         }

@@ -7,7 +7,12 @@
 //! Limits: a point is singular where it stands; points stand in solids, where nothing is asked of them, rectangles on faces.
 
 use super::tiles::Tile;
-use crate::{math::Vec3, par, sim::vortex::Gradient, solid::Pose};
+use crate::{
+    math::Vec3,
+    par,
+    sim::vortex::{Gradient, Vortons},
+    solid::Pose,
+};
 
 /// Where a source is.
 #[derive(Clone, Copy, Debug)]
@@ -47,6 +52,8 @@ pub(super) struct Sources {
     /// Rectangles, and their density over 4π [m/s].
     pub(super) tiles: Vec<(Tile, f32)>,
     pub(super) mirror: Option<(Vec3, f32)>,
+    /// The vorticity of solids that turn and shed, which moves the air as vortons do.
+    pub(super) spin: Vortons,
     /// What is left of the flow through the panels, over what there was.
     pub(super) residual: f64,
 }
@@ -149,7 +156,7 @@ mod tests {
             points: vec![(Vec3::new(0.1, 0.0, 0.2), 0.7), (Vec3::new(-0.3, 0.1, 0.1), -0.4)],
             tiles,
             mirror: Some((Vec3::z(), 0.0)),
-            residual: 0.0,
+            ..Sources::default()
         };
         let (x, e) = (Vec3::new(0.5, 0.4, 0.6), 1e-2);
         let at = |x: Vec3| {

@@ -43,6 +43,8 @@ struct Body {
     shape: Shape,
     motion: Option<Motion>,
     panels: Vec<Panel>,
+    /// The middle of its surface [m].
+    middle: Vec3,
 }
 
 /// A panel where it is at a time.
@@ -51,6 +53,8 @@ pub(super) struct Placed {
     pub(super) panel: Panel,
     /// Of the solid there [m/s].
     pub(super) velocity: Vec3,
+    /// From the middle of the solid's surface [m].
+    pub(super) arm: Vec3,
 }
 
 impl Walls {
@@ -71,6 +75,7 @@ impl Walls {
         let body = |(solid, panels): (&Solid, Vec<Panel>)| Body {
             shape: solid.shape.clone(),
             motion: solid.motion.clone(),
+            middle: middle(&panels),
             panels,
         };
         let bodies = solids.iter().zip(shared_out(&shapes, spacing)).map(body).collect();
@@ -79,10 +84,7 @@ impl Walls {
 
     /// The solids without a source, by number: through them the air goes as if they were not there. A plane needs none.
     pub(super) fn sourceless(&self) -> Vec<usize> {
-        let is_bare = |body: &Body| {
-            !matches!(body.shape, Shape::Plane { .. })
-                && body.panels.iter().all(|panel| panel.source.is_none())
-        };
+        let is_bare = |body: &Body| !matches!(body.shape, Shape::Plane { .. }) && !body.keeps_out();
         (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
     }
 
@@ -143,6 +145,21 @@ impl Walls {
         sources
     }
 
+    /// For each solid that keeps air out: its panels where they are at `time` [s], and how fast it turns at each of `times` [1/s].
+    pub(super) fn turning<const N: usize>(
+        &self,
+        time: f64,
+        times: [f64; N],
+    ) -> Vec<(Vec<Placed>, [Vec3; N])> {
+        let turned = |body: &Body| (body.placed(&body.panels, time), times.map(|time| body.spin(time)));
+        self.keeping_out().map(turned).collect()
+    }
+
+    /// The solids with sources.
+    fn keeping_out(&self) -> impl Iterator<Item = &Body> {
+        self.bodies.iter().filter(|body| body.keeps_out())
+    }
+
     /// Points mirrored by the plane, if there is one.
     pub(super) fn mirrored(&self, points: &[Vec3]) -> Option<Vec<Vec3>> {
         let mirror = self.mirror?;
@@ -169,8 +186,7 @@ impl Walls {
 
     /// Puts points that are nearer to a solid than `gap` [m], or inside, to where they are that far; returns how many were inside.
     pub(super) fn put_out(&self, points: &mut [Vec3], gap: f32, time: f64) -> u64 {
-        let poses: Vec<Option<Pose>> =
-            self.bodies.iter().map(|body| body.motion.as_ref().map(|motion| motion.pose(time))).collect();
+        let poses: Vec<Option<Pose>> = self.bodies.iter().map(|body| body.pose(time)).collect();
         let counts = par::map_chunks_mut([points], par::CHUNK, |_, [points]| {
             let mut inside = 0;
             for x in points {
@@ -188,6 +204,20 @@ impl Walls {
             inside
         });
         counts.into_iter().sum()
+    }
+
+    /// How high points are above the solids that keep air out, where they are at `time` [s], up to `most` [m].
+    pub(super) fn heights(&self, points: &[Vec3], most: f32, time: f64) -> Vec<f32> {
+        let bodies: Vec<(&Body, Option<Pose>)> =
+            self.keeping_out().map(|body| (body, body.pose(time))).collect();
+        let mut heights = vec![most; points.len()];
+        par::update(&mut heights, |i, height| {
+            for (body, pose) in &bodies {
+                let local = pose.map_or(points[i], |pose| pose.to_local(points[i]));
+                *height = height.min(body.shape.signed_distance(local));
+            }
+        });
+        heights
     }
 
     /// Gives points inside solids the velocity of the solid there at `time` [m/s]: sources stand there, and what they induce beside
@@ -220,6 +250,11 @@ impl Walls {
         let moving = self.bodies.iter().filter(|body| body.motion.is_some());
         let widths = self.bodies.iter().flat_map(|body| body.panels.first()).map(|panel| panel.width);
         moving.map(|body| body.shape.inner_radius()).chain(widths).fold(core, f32::min)
+    }
+
+    /// The width of the widest panel [m].
+    pub(super) fn widest(&self) -> f32 {
+        self.bodies.iter().flat_map(|body| &body.panels).map(|panel| panel.width).fold(0.0, f32::max)
     }
 
     /// Points on the surface of each solid that lie between its panels, to see what goes through there.
@@ -264,13 +299,50 @@ impl Moving {
         let [before, after] = &self.beside;
         (after.to_world(local) - before.to_world(local)) / (2.0 * BESIDE) as f32
     }
+
+    /// How fast it turns [1/s].
+    fn spin(&self) -> Vec3 {
+        let origin = self.velocity(Vec3::zeros());
+        // Σ e × (Ω × e) = 2Ω of its three axes.
+        let axis = |axis: usize| {
+            let local = Vec3::ith(axis, 1.0);
+            (self.pose.rotation * local).cross(&(self.velocity(local) - origin)) * 0.5
+        };
+        axis(0) + axis(1) + axis(2)
+    }
+}
+
+/// The middle of the surface that panels stand for [m].
+fn middle(panels: &[Panel]) -> Vec3 {
+    let area: f32 = panels.iter().map(|panel| panel.area).sum();
+    if area == 0.0 {
+        return Vec3::zeros();
+    }
+    panels.iter().map(|panel| panel.x * (panel.area / area)).sum()
 }
 
 impl Body {
+    /// Whether it has a source.
+    fn keeps_out(&self) -> bool {
+        self.panels.iter().any(|panel| panel.source.is_some())
+    }
+
+    /// Where it is at `time` [s], if it moves.
+    fn pose(&self, time: f64) -> Option<Pose> {
+        self.motion.as_ref().map(|motion| motion.pose(time))
+    }
+
+    /// How fast it turns at `time` [1/s].
+    fn spin(&self, time: f64) -> Vec3 {
+        self.motion.as_ref().map_or(Vec3::zeros(), |motion| Moving::new(motion, time).spin())
+    }
+
     /// Some of its panels where they are at `time` [s].
     fn placed(&self, panels: &[Panel], time: f64) -> Vec<Placed> {
         let Some(motion) = &self.motion else {
-            return panels.iter().map(|&panel| Placed { panel, velocity: Vec3::zeros() }).collect();
+            let still =
+                |&panel: &Panel| Placed { panel, velocity: Vec3::zeros(), arm: panel.x - self.middle };
+            return panels.iter().map(still).collect();
         };
         let moving = Moving::new(motion, time);
         let pose = moving.pose;
@@ -282,6 +354,7 @@ impl Body {
                 ..*panel
             },
             velocity: moving.velocity(panel.x),
+            arm: pose.rotation * (panel.x - self.middle),
         };
         panels.iter().map(turned).collect()
     }

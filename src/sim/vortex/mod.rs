@@ -41,12 +41,14 @@ mod moments;
 mod nested;
 mod octree;
 mod pairs;
+mod reach;
 mod vortons;
 mod walk;
 
 pub use accuracy::{ERRORS, sampled_error};
 pub use grid::{Field, Lattice, Way, boundary_values, lattice, poisson};
 pub use invariants::{Invariants, invariants};
+pub use reach::beyond;
 pub use vortons::{LARGEST, SMALLEST_CORE, Unfit, Vortons};
 
 use crate::math::Vec3;
