@@ -3,7 +3,7 @@
 use super::{
     params::SmokeParams,
     sources::Sources,
-    walls::{Placed, Walls},
+    walls::{Placed, Turning, Walls},
 };
 use crate::{
     math::Vec3,
@@ -35,6 +35,7 @@ pub(super) struct Air {
     longest: f64,
     /// How far a solid may move in a step [m].
     stride: f32,
+    /// Of new vortons [m].
     core: f32,
     /// The layer in which air slips along solids that shed [m].
     pub(super) layer: Option<f32>,
@@ -96,15 +97,16 @@ impl Air {
         f64::from(self.stride) / fastest
     }
 
-    /// The sources in solids, where they are at `time` [s], that go with `vortons`.
+    /// The sources in solids, where they are at `time` [s], that go with `vortons`. What solids shed by turning has been released up to
+    /// `spun` [s], and their own vorticity is that of then: one without the other would turn all the air.
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
-    pub(super) fn sources(&self, vortons: &Vortons, time: f64) -> Result<Sources, Unfit> {
+    pub(super) fn sources(&self, vortons: &Vortons, time: f64, spun: f64) -> Result<Sources, Unfit> {
         let Some(walls) = &self.walls else { return Ok(Sources::default()) };
         let panels = walls.sourced(time);
         let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.x).collect();
-        let spin = self.spin(time);
+        let spin = self.spin(time, spun);
         let mut free = self.free(vortons, &at)?;
         self.add(&spin, &at, &mut free)?;
         Ok(Sources { spin, ..walls.solve(&panels, &free) })
@@ -129,15 +131,15 @@ impl Air {
         Ok(velocity)
     }
 
-    /// The vorticity of solids that turn at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves the air
-    /// outside as the 2Ω inside does, but for what the sources take care of. None where nothing is shed: air slips along then.
-    fn spin(&self, time: f64) -> Vortons {
+    /// The vorticity of solids that turned at `spun`, where they are at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves
+    /// the air outside as the 2Ω inside does, but for what the sources take care of. None where nothing is shed: air slips along then.
+    fn spin(&self, time: f64, spun: f64) -> Vortons {
         let mut spin = Vortons::default();
         let Some(walls) = self.walls.as_ref().filter(|_| self.layer.is_some()) else { return spin };
-        for (panels, [omega]) in walls.turning(time, [time]) {
-            for Placed { panel, arm, .. } in panels.iter().filter(|_| omega != Vec3::zeros()) {
+        for Turning { panels, before, .. } in walls.turning(time, spun) {
+            for Placed { panel, arm, .. } in panels.iter().filter(|_| before != Vec3::zeros()) {
                 spin.position.push(panel.x);
-                spin.strength.push(panel.normal.cross(&omega.cross(arm)) * panel.area);
+                spin.strength.push(panel.normal.cross(&before.cross(arm)) * panel.area);
                 spin.core.push(self.core.max(panel.width));
             }
         }
@@ -194,7 +196,8 @@ impl Air {
         let Some(walls) = &self.walls else { return Ok(Vec::new()) };
         let witnesses = walls.witnesses(time);
         let at: Vec<Vec3> = witnesses.iter().flatten().map(|placed| placed.panel.x).collect();
-        let (free, left) = (self.free(instant.vortons, &at)?, self.velocity(instant, &at)?);
+        let (mut free, left) = (self.free(instant.vortons, &at)?, self.velocity(instant, &at)?);
+        self.add(&instant.sources.spin, &at, &mut free)?;
         let mut start = 0;
         let mut found = Vec::new();
         for (body, witnesses) in witnesses.iter().enumerate().filter(|(_, witnesses)| !witnesses.is_empty()) {
@@ -220,7 +223,7 @@ impl Outside for Air {
         self.blow(&mut rates.passengers);
         let Some(walls) = &self.walls else { return Ok(()) };
         let time = self.span[0] + now.seconds;
-        let sources = self.sources(vortons, time)?;
+        let sources = self.sources(vortons, time, self.span[0])?;
         if !sources.spin.is_empty() {
             let at = Targets::Points(&vortons.position);
             let (found, along) = induced_both(&sources.spin, at, now.passengers, self.kernel, self.method)?;
@@ -240,10 +243,11 @@ impl Outside for Air {
         sources.add_velocity(&vortons.position, &mut rates.velocity);
         sources.add_gradient(&vortons.position, &mut rates.gradient);
         sources.add_velocity(now.passengers, &mut rates.passengers);
-        // Air sticks to solids that shed: in their layer it moves along them less and less, and is stretched as little.
+        // Air sticks to solids that shed: in their layer it moves along them less and less, and is
+        // stretched as little.
         if let Some(layer) = self.layer {
             let heights = walls.heights(&vortons.position, layer, time);
-            par::update(&mut rates.gradient, |i, g| *g *= (heights[i] / layer).max(0.0));
+            par::update(&mut rates.gradient, |i, g| *g *= (heights[i].0 / layer).max(0.0));
         }
         Ok(())
     }
@@ -270,7 +274,7 @@ mod tests {
         let solids = shapes.iter().map(|shape| Solid::fixed(shape.clone())).collect();
         let params = toml::from_str(&format!("spacing = {spacing}\nwind = [1, 0.5, 0]")).unwrap();
         let air = Air::new(&params, &World { gravity: Vec3::zeros(), solids });
-        let sources = air.sources(vortons, 0.0).unwrap();
+        let sources = air.sources(vortons, 0.0, 0.0).unwrap();
         assert!(sources.residual < 0.01, "{}", sources.residual);
         let instant = Instant { vortons, sources: &sources };
         (air.leaks(instant, 0.0).unwrap(), air.through(instant, 0.0).unwrap().unwrap())

@@ -70,7 +70,7 @@ impl Air {
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
     pub(super) fn around(&self, vortons: Vortons, time: f64) -> Result<FrameAir, Unfit> {
-        let sources = self.sources(&vortons, time)?;
+        let sources = self.sources(&vortons, time, time)?;
         Ok(FrameAir { vortons, sources, air: self.clone(), time })
     }
 }

@@ -260,7 +260,7 @@ impl System {
     fn account(&self, samples: Option<usize>, time: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
         record.account = self.flow.account(samples)?;
         if self.air.walls.is_some() {
-            let sources = self.air.sources(&self.flow.vortons, time)?;
+            let sources = self.air.sources(&self.flow.vortons, time, time)?;
             let instant = Instant { vortons: &self.flow.vortons, sources: &sources };
             record.unsolved = Some(sources.residual);
             if let Some(leak) = self.air.through(instant, time)? {

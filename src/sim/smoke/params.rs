@@ -92,10 +92,11 @@ impl Default for Buoyancy {
 #[serde(deny_unknown_fields, default)]
 pub struct Shedding {
     /// Part of the slip along a surface that is released, 0 to 1: 1 is a rough body with a full wake, 0.2 a smooth one.
+    /// 0 sheds nothing; above it, what a body that turns takes along is the same for any.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub strength: f32,
     /// Thickness of the layer that slips, in spacings: vortons are released in its middle. Thinner ones touch the body
-    /// and are pushed out.
+    /// and are pushed out. In it air sticks to the body, and vortons are stretched the less the nearer they are.
     #[schemars(range(min = 0.25, max = 4.0))]
     pub layer: f32,
 }

@@ -42,7 +42,7 @@ impl System {
         let there = if at.is_empty() {
             Vec::new()
         } else {
-            let sources = self.air.sources(&self.flow.vortons, now)?;
+            let sources = self.air.sources(&self.flow.vortons, now, self.air.span[0])?;
             self.air.velocity(Instant { vortons: &self.flow.vortons, sources: &sources }, &at)?
         };
         let lacks: Vec<Vec3> = blown.iter().zip(&there).map(|(v, u)| v - u).collect();

@@ -57,6 +57,18 @@ pub(super) struct Placed {
     pub(super) arm: Vec3,
 }
 
+/// A solid that may turn, at a time.
+#[derive(Debug)]
+pub(super) struct Turning {
+    pub(super) panels: Vec<Placed>,
+    /// The normal of the mirror, if that cuts through it.
+    pub(super) cut: Option<Vec3>,
+    /// How fast it turned at an earlier time [1/s].
+    pub(super) before: Vec3,
+    /// How fast it turns [1/s].
+    pub(super) spin: Vec3,
+}
+
 impl Walls {
     /// The walls that `solids` are for vortons `spacing` [m] apart; `None` without solids.
     pub(super) fn new(solids: &[Solid], spacing: f32) -> Option<Self> {
@@ -145,13 +157,19 @@ impl Walls {
         sources
     }
 
-    /// For each solid that keeps air out: its panels where they are at `time` [s], and how fast it turns at each of `times` [1/s].
-    pub(super) fn turning<const N: usize>(
-        &self,
-        time: f64,
-        times: [f64; N],
-    ) -> Vec<(Vec<Placed>, [Vec3; N])> {
-        let turned = |body: &Body| (body.placed(&body.panels, time), times.map(|time| body.spin(time)));
+    /// The solids that keep air out, as they are at `time` [s] and turned at `spun` [s]. What is beyond the mirror is left out: the mirror
+    /// has it.
+    pub(super) fn turning(&self, time: f64, spun: f64) -> Vec<Turning> {
+        let is_before =
+            |placed: &Placed| self.mirror.is_none_or(|(n, offset)| n.dot(&placed.panel.x) >= offset);
+        let turned = |body: &Body| {
+            let mut panels = body.placed(&body.panels, time);
+            panels.retain(is_before);
+            let cut = self.mirror.filter(|_| panels.len() < body.panels.len()).map(|(n, _)| n);
+            // Before the shot nothing turned.
+            let before = if spun == 0.0 { Vec3::zeros() } else { body.spin(spun) };
+            Turning { panels, cut, before, spin: body.spin(time) }
+        };
         self.keeping_out().map(turned).collect()
     }
 
@@ -206,15 +224,19 @@ impl Walls {
         counts.into_iter().sum()
     }
 
-    /// How high points are above the solids that keep air out, where they are at `time` [s], up to `most` [m].
-    pub(super) fn heights(&self, points: &[Vec3], most: f32, time: f64) -> Vec<f32> {
+    /// How high points are above the nearest of the solids that keep air out, where they are at `time` [s], up to `most` [m]; and which of
+    /// those it is, 0 for none.
+    pub(super) fn heights(&self, points: &[Vec3], most: f32, time: f64) -> Vec<(f32, usize)> {
         let bodies: Vec<(&Body, Option<Pose>)> =
             self.keeping_out().map(|body| (body, body.pose(time))).collect();
-        let mut heights = vec![most; points.len()];
-        par::update(&mut heights, |i, height| {
-            for (body, pose) in &bodies {
+        let mut heights = vec![(most, 0); points.len()];
+        par::update(&mut heights, |i, nearest| {
+            for (number, (body, pose)) in bodies.iter().enumerate() {
                 let local = pose.map_or(points[i], |pose| pose.to_local(points[i]));
-                *height = height.min(body.shape.signed_distance(local));
+                let height = body.shape.signed_distance(local);
+                if height < nearest.0 {
+                    *nearest = (height, number);
+                }
             }
         });
         heights
@@ -300,14 +322,12 @@ impl Moving {
         (after.to_world(local) - before.to_world(local)) / (2.0 * BESIDE) as f32
     }
 
-    /// How fast it turns [1/s].
+    /// How fast it turns [1/s]: exactly 0 if it only travels.
     fn spin(&self) -> Vec3 {
-        let origin = self.velocity(Vec3::zeros());
+        let [before, after] = self.beside.map(|pose| pose.rotation);
+        let change = (after - before) / (2.0 * BESIDE) as f32;
         // Σ e × (Ω × e) = 2Ω of its three axes.
-        let axis = |axis: usize| {
-            let local = Vec3::ith(axis, 1.0);
-            (self.pose.rotation * local).cross(&(self.velocity(local) - origin)) * 0.5
-        };
+        let axis = |axis: usize| self.pose.rotation.column(axis).cross(&change.column(axis)) * 0.5;
         axis(0) + axis(1) + axis(2)
     }
 }
