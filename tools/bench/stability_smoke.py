@@ -31,6 +31,8 @@ SOURCE = "[[smoke.source]]\nshape = {{ sphere = {{ center = [0, 0, 0], radius = 
 EMITTER = "[[smoke.emitter]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.1 } }\nvelocity = [0, 0, 1]\nrate = 20\n"
 REMESH = "remesh = { spacing = 0.05 }\n"
 VISCOSITY = 'viscosity = {{ nu = {}, scheme = "{}" }}\n'
+WAKE = REMESH + "viscosity = { nu = 1e-4, eddies = 0.2 }\n"
+WIRE = "[[world.collider]]\nshape = { capsule = { from = [0, 0, -0.5], to = [0, 0, 0.5], radius = 0.045 } }\n"
 
 
 def ring(x=0, radius=0.3, thickness=0.05, circulation=1, density=1):
@@ -46,6 +48,14 @@ def flown(speed):
     reach = speed * 4 / 24
     keys = f"{{ frame = 1, position = [0, 0, {-reach}] }}, {{ frame = 9, position = [0, 0, {reach}] }}"
     return ball(0.1, f"keyframes = [{keys}]")
+
+
+def spun(turns):
+    """A ball that turns so often a second."""
+    keys = ", ".join(
+        f"{{ frame = {1 + frame}, position = [0, 0, 0], rotation = [0, 0, {360 * turns * frame / 24}] }}" for frame in range(9)
+    )
+    return ball(0.2, f"keyframes = [{keys}]")
 
 
 # (heading, unit, values, how a value changes the shot)
@@ -72,8 +82,14 @@ SWEEPS = [
     ("Heat of a ball of smoke", "K", [-1e6, -293, 0, 300, 1e6],
      lambda value: {"bodies": SOURCE.format(value), "smoke": "[smoke.buoyancy]"}),
     ("Rate of dissolving and cooling", "1/s", [0.1, 24, 1e6], lambda value: {"smoke": f"dissolve = {value}\ncooling = {value}"}),
-    ("Wind at a ball that sheds", "m/s", [0.1, 0.3, 1],
-     lambda value: {"smoke": f"wind = [{value}, 0, 0]\n[smoke.shedding]", "collider": ball(0.15)}),
+    ("Wind at a ball that sheds", "m/s", [0.1, 1, 10, 100],
+     lambda value: {"smoke": f"wind = [{value}, 0, 0]\n[smoke.shedding]", "collider": ball(0.15), "flow": WAKE}),
+    ("Radius of a ball that sheds in wind of 3 m/s, in spacings", "", [0.1, 0.3, 0.9, 2, 4],
+     lambda value: {"smoke": "wind = [3, 0, 0]\n[smoke.shedding]", "collider": ball(value * 0.05), "flow": WAKE}),
+    ("Layer in which a wire of a radius of 0.9 spacings sheds, in spacings", "", [0.25, 1, 4],
+     lambda value: {"smoke": f"wind = [3, 0, 0]\n[smoke.shedding]\nlayer = {value}", "collider": WIRE, "flow": WAKE}),
+    ("A ball that spins and sheds", "turns/s", [0.1, 1, 5],
+     lambda value: {"smoke": "[smoke.shedding]", "collider": spun(value), "flow": WAKE}),
     ("A ball around an emitter of a radius of 0.1 m", "m", [0.05, 0.1, 0.4],
      lambda value: {"bodies": EMITTER, "collider": ball(value)}),
     ("A ball that flies through a ring", "m/s", [1, 10, 100], lambda value: {"collider": flown(value)}),
