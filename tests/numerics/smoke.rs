@@ -293,6 +293,19 @@ fn what_is_shed_has_no_vorticity_on_the_whole_and_the_drag_of_its_body() {
 }
 
 #[test]
+fn a_box_that_stands_on_a_plane_sheds_nothing_into_it() {
+    let text = "spacing = 0.09\nwind = [2, 0, 0]\n[shedding]\n[[emitter]]\nrate = 1\n\
+                shape = { sphere = { center = [-1.2, 0, 0.3], radius = 0.05 } }";
+    let block = Shape::Box { min: [-0.3, -0.3, 0.0], max: [0.3, 0.3, 0.5] };
+    let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+    let mut simulation = Simulation::new(world([0.0; 3], vec![block, floor]), smoke(text)).unwrap();
+    let records = advance(&mut simulation, 2);
+    // In the first step what is below would be put out in the second.
+    assert!(records[1].vortons > 100 && records[1].returned_vortons == 0, "{:?}", records[1]);
+    assert!(vortons(&tracers(&simulation)).position.iter().all(|x| x.z > 0.0));
+}
+
+#[test]
 fn a_ball_that_spins_takes_the_air_along() {
     let key = |frame: u32, angle: f32| Keyframe {
         frame,

@@ -135,8 +135,8 @@ impl Air {
     /// the air outside as the 2Ω inside does, but for what the sources take care of. None where nothing is shed: air slips along then.
     fn spin(&self, time: f64, spun: f64) -> Vortons {
         let mut spin = Vortons::default();
-        let Some(walls) = self.walls.as_ref().filter(|_| self.layer.is_some()) else { return spin };
-        for Turning { panels, before, .. } in walls.turning(time, spun) {
+        let (Some(walls), Some(layer)) = (&self.walls, self.layer) else { return spin };
+        for Turning { panels, before, .. } in walls.turning(time, spun, 0.5 * layer) {
             for Placed { panel, arm, .. } in panels.iter().filter(|_| before != Vec3::zeros()) {
                 spin.position.push(panel.x);
                 spin.strength.push(panel.normal.cross(&before.cross(arm)) * panel.area);

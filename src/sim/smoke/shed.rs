@@ -53,7 +53,7 @@ impl System {
     /// Releases what slips along solids in a step from `now` to `then` [s], where they are at its end.
     pub(super) fn shed(&mut self, now: f64, then: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
         let (Some(walls), Some(layer)) = (&self.air.walls, self.air.layer) else { return Ok(()) };
-        let solids = walls.turning(then, now);
+        let solids = walls.turning(then, now, 0.5 * layer);
         let panels =
             || solids.iter().flat_map(|solid| solid.panels.iter().map(move |placed| (solid, placed)));
         let at: Vec<Vec3> = panels().map(|(_, placed)| placed.panel.x).collect();
@@ -170,7 +170,7 @@ mod tests {
     fn what_is_released_and_absorbed_and_turns_has_no_sum() {
         // A box of which one face has no panel, so that nothing is even; and a needle, whose panels are all on one side.
         let cube: Vec<Vec3> = (0..5).map(|n| Vec3::ith(n % 3, if n < 3 { 1.0 } else { -1.0 })).collect();
-        for (normals, skew) in [(cube, 0.1), (vec![Vec3::x(), Vec3::y()], 0.0)] {
+        for (normals, skew) in [(cube, 0.1), (vec![Vec3::x()], 0.0)] {
             let placed = |(n, normal): (usize, &Vec3)| {
                 let arm = normal * (0.5 + skew * n as f32) + Vec3::new(0.1, -0.2, 0.05) * skew;
                 let panel =

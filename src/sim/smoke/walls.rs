@@ -27,6 +27,9 @@ use crate::{
 /// What is left of the flow through the panels when the equations count as solved.
 const RESIDUAL: f64 = 1e-4;
 
+/// What is as near to the mirror as this part of a panel's width is taken for on it.
+const ROUNDING: f32 = 1e-4;
+
 /// Iterations at most. What is left then is told with the frame (`unsolved`).
 const ITERATIONS: usize = 60;
 
@@ -157,11 +160,15 @@ impl Walls {
         sources
     }
 
-    /// The solids that keep air out, as they are at `time` [s] and turned at `spun` [s]. What is beyond the mirror is left out: the mirror
-    /// has it.
-    pub(super) fn turning(&self, time: f64, spun: f64) -> Vec<Turning> {
-        let is_before =
-            |placed: &Placed| self.mirror.is_none_or(|(n, offset)| n.dot(&placed.panel.x) >= offset);
+    /// The solids that keep air out, as they are at `time` [s] and turned at `spun` [s]. Panels that would shed, `height` [m] above them, beyond the
+    /// mirror are left out, as those on which a solid stands: the mirror has them.
+    pub(super) fn turning(&self, time: f64, spun: f64, height: f32) -> Vec<Turning> {
+        let is_before = |placed: &Placed| {
+            let Panel { x, normal, width, .. } = placed.panel;
+            self.mirror.is_none_or(|(n, offset)| {
+                n.dot(&x) + (n.dot(&normal) * height).min(0.0) > offset + ROUNDING * width
+            })
+        };
         let turned = |body: &Body| {
             let mut panels = body.placed(&body.panels, time);
             panels.retain(is_before);
