@@ -243,8 +243,8 @@ impl Outside for Air {
         sources.add_velocity(&vortons.position, &mut rates.velocity);
         sources.add_gradient(&vortons.position, &mut rates.gradient);
         sources.add_velocity(now.passengers, &mut rates.passengers);
-        // Air sticks to solids that shed: in their layer it moves along them less and less, and is
-        // stretched as little.
+        // Air sticks to solids that shed: in their layer it moves along them less and less, and is stretched as
+        // little.
         if let Some(layer) = self.layer {
             let heights = walls.heights(&vortons.position, layer, time);
             par::update(&mut rates.gradient, |i, g| *g *= (heights[i].0 / layer).max(0.0));
