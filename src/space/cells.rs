@@ -212,6 +212,23 @@ impl CellGrid {
         }
     }
 
+    /// The nearest to `x` of the particles closer than `radius` (≤ the cell's edge) that `counts` allows; of several the first.
+    pub fn nearest_within(
+        &self,
+        positions: &[Vec3],
+        x: Vec3,
+        radius: f32,
+        counts: impl Fn(usize) -> bool,
+    ) -> Option<usize> {
+        let mut nearest: Option<(f32, usize)> = None;
+        self.for_each_within(positions, x, radius, |j, r2| {
+            if nearest.is_none_or(|nearest| (r2, j) < nearest) && counts(j) {
+                nearest = Some((r2, j));
+            }
+        });
+        nearest.map(|(_, j)| j)
+    }
+
     /// The rows around (z, y) as ranges of cells, ascending; empty where there is no row.
     fn rows_around<const ROWS: usize>(
         &self,

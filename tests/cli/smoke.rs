@@ -50,6 +50,39 @@ spacing = 0.08
 volume = ["density"]
 "#;
 
+/// A box that turns and travels above a plane, in wind, and sheds; and a wire.
+const SPIN: &str = r#"
+title = "Small spin"
+frames = "1-7"
+
+[[world.collider]]
+shape = { box = { min = [-0.2, -0.15, -0.1], max = [0.2, 0.15, 0.1] } }
+keyframes = [
+  { frame = 1, position = [0, 0, 0.3], rotation = [0, 0, 0] },
+  { frame = 4, position = [0.1, 0, 0.3], rotation = [0, 0, 90] },
+  { frame = 7, position = [0.1, 0, 0.4], rotation = [60, 0, 90] },
+]
+[[world.collider]]
+shape = { capsule = { from = [0.5, -0.3, 0.2], to = [0.5, 0.3, 0.2], radius = 0.02 } }
+[[world.collider]]
+shape = { plane = { point = [0, 0, 0], normal = [0, 0, 1] } }
+
+[smoke]
+spacing = 0.06
+wind = [1, 0, 0]
+[smoke.shedding]
+[[smoke.emitter]]
+shape = { sphere = { center = [-0.5, 0, 0.3], radius = 0.1 } }
+rate = 20
+[smoke.flow]
+viscosity = { nu = 1e-4, eddies = 0.2 }
+[smoke.flow.remesh]
+spacing = 0.06
+
+[output]
+volume = ["density"]
+"#;
+
 /// The active nodes of a float grid and their values, read by another library.
 pub(crate) fn grid(path: &Path, name: &str) -> BTreeMap<[i32; 3], f32> {
     let mut reader = vdb_rs::VdbReader::new(fs::File::open(path).unwrap()).unwrap();
@@ -61,6 +94,7 @@ fn desk() -> Desk {
     let desk = Desk::new();
     desk.write("ring.toml", RING);
     desk.write("plume.toml", PLUME);
+    desk.write("spin.toml", SPIN);
     desk
 }
 
@@ -112,11 +146,16 @@ fn one_command_goes_from_a_ring_to_volumes() {
 #[test]
 fn a_shot_that_is_resumed_or_run_on_other_threads_has_the_same_bytes() {
     let desk = desk();
-    desk.run("shot plume.toml -o whole --threads 1", 0);
-    desk.run("simulate plume.toml -o parts --frames 1-3 --threads 3", 0);
-    desk.run("shot plume.toml -o parts --threads 2", 0);
-    assert!(desk.bytes("whole/cache") == desk.bytes("parts/cache"));
-    assert!(desk.bytes("whole/volume") == desk.bytes("parts/volume"));
+    for preset in ["plume", "spin"] {
+        let (whole, parts) = (format!("{preset}-whole"), format!("{preset}-parts"));
+        desk.run(&format!("shot {preset}.toml -o {whole} --threads 1"), 0);
+        desk.run(&format!("simulate {preset}.toml -o {parts} --frames 1-3 --threads 3"), 0);
+        desk.run(&format!("shot {preset}.toml -o {parts} --threads 2"), 0);
+        for folder in ["cache", "volume"] {
+            let bytes = |shot: &str| desk.bytes(&format!("{shot}/{folder}"));
+            assert!(bytes(&whole) == bytes(&parts), "{preset} {folder}");
+        }
+    }
 }
 
 #[test]

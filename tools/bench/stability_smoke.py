@@ -74,7 +74,7 @@ SWEEPS = [
     ("Heat of a ball of smoke", "K", [-1e6, -293, 0, 300, 1e6],
      lambda value: {"bodies": SOURCE.format(value), "smoke": "[smoke.buoyancy]"}),
     ("Rate of dissolving and cooling", "1/s", [0.1, 24, 1e6], lambda value: {"smoke": f"dissolve = {value}\ncooling = {value}"}),
-    ("Wind at a ball that sheds", "m/s", [0.1, 1, 10],
+    ("Wind at a ball that sheds", "m/s", [0.1, 1, 10, 30],
      lambda value: {"smoke": f"wind = [{value}, 0, 0]\n[smoke.shedding]", "collider": ball(0.15), "flow": WAKE}),
     ("Radius of a ball that sheds in wind of 3 m/s, in spacings", "", [0.1, 0.3, 0.9, 2, 4],
      lambda value: {"smoke": "wind = [3, 0, 0]\n[smoke.shedding]", "collider": ball(value * 0.05), "flow": WAKE}),

@@ -3,7 +3,7 @@
 use super::{
     params::SmokeParams,
     sources::Sources,
-    walls::{Placed, Turning, Walls},
+    walls::{Placed, Spun, Turning, Walls},
 };
 use crate::{
     math::Vec3,
@@ -97,12 +97,12 @@ impl Air {
         f64::from(self.stride) / fastest
     }
 
-    /// The sources in solids, where they are at `time` [s], that go with `vortons`. What solids shed by turning has been released up to
-    /// `spun` [s], and their own vorticity is that of then: one without the other would turn all the air.
+    /// The sources in solids, where they are at `time` [s], that go with `vortons`. What solids have shed by turning is that
+    /// of `spun`, and so is their own vorticity: one without the other would turn all the air.
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
-    pub(super) fn sources(&self, vortons: &Vortons, time: f64, spun: f64) -> Result<Sources, Unfit> {
+    pub(super) fn sources(&self, vortons: &Vortons, time: f64, spun: Spun) -> Result<Sources, Unfit> {
         let Some(walls) = &self.walls else { return Ok(Sources::default()) };
         let panels = walls.sourced(time);
         let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.x).collect();
@@ -131,9 +131,9 @@ impl Air {
         Ok(velocity)
     }
 
-    /// The vorticity of solids that turned at `spun`, where they are at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves
+    /// The vorticity of solids that turned as `spun` tells, where they are at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves
     /// the air outside as the 2Ω inside does, but for what the sources take care of. None where nothing is shed: air slips along then.
-    fn spin(&self, time: f64, spun: f64) -> Vortons {
+    fn spin(&self, time: f64, spun: Spun) -> Vortons {
         let mut spin = Vortons::default();
         let (Some(walls), Some(layer)) = (&self.walls, self.layer) else { return spin };
         for Turning { panels, before, .. } in walls.turning(time, spun, 0.5 * layer) {
@@ -223,7 +223,7 @@ impl Outside for Air {
         self.blow(&mut rates.passengers);
         let Some(walls) = &self.walls else { return Ok(()) };
         let time = self.span[0] + now.seconds;
-        let sources = self.sources(vortons, time, self.span[0])?;
+        let sources = self.sources(vortons, time, Spun::at(self.span[0]))?;
         if !sources.spin.is_empty() {
             let at = Targets::Points(&vortons.position);
             let (found, along) = induced_both(&sources.spin, at, now.passengers, self.kernel, self.method)?;
@@ -274,7 +274,7 @@ mod tests {
         let solids = shapes.iter().map(|shape| Solid::fixed(shape.clone())).collect();
         let params = toml::from_str(&format!("spacing = {spacing}\nwind = [1, 0.5, 0]")).unwrap();
         let air = Air::new(&params, &World { gravity: Vec3::zeros(), solids });
-        let sources = air.sources(vortons, 0.0, 0.0).unwrap();
+        let sources = air.sources(vortons, 0.0, Spun::at(0.0)).unwrap();
         assert!(sources.residual < 0.01, "{}", sources.residual);
         let instant = Instant { vortons, sources: &sources };
         (air.leaks(instant, 0.0).unwrap(), air.through(instant, 0.0).unwrap().unwrap())

@@ -5,6 +5,7 @@ use super::{
     air::{Air, Instant},
     sources::Sources,
     state,
+    walls::Spun,
 };
 use crate::{
     frame::Stream,
@@ -46,16 +47,16 @@ impl ShotAir {
     /// # Errors
     /// If there is no stream of vortons, it lacks a column, or a vorton is outside what can be computed.
     pub fn frame(&self, streams: &[Stream], time: f64) -> Result<FrameAir, SetupError> {
-        self.around(state::vortons_of(state::find(streams, NAME)?)?, time)
+        self.around(state::vortons_of(state::find(streams, NAME)?)?, time, Spun::at(time))
     }
 
-    /// The air of `vortons` at `time` [s].
+    /// The air of `vortons` at `time` [s], among which is what solids have shed by turning as `spun` tells.
     ///
     /// # Errors
     /// If a vorton is outside what can be computed.
-    pub(super) fn around(&self, vortons: Vortons, time: f64) -> Result<FrameAir, SetupError> {
+    pub(super) fn around(&self, vortons: Vortons, time: f64, spun: Spun) -> Result<FrameAir, SetupError> {
         vortons.check()?;
-        Ok(self.air.around(vortons, time)?)
+        Ok(self.air.around(vortons, time, spun)?)
     }
 
     /// The longest step between two times [s] in which no solid jumps past smoke [s].
@@ -65,12 +66,12 @@ impl ShotAir {
 }
 
 impl Air {
-    /// The air of `vortons` at `time` [s].
+    /// The air of `vortons` at `time` [s], among which is what solids have shed by turning as `spun` tells.
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
-    pub(super) fn around(&self, vortons: Vortons, time: f64) -> Result<FrameAir, Unfit> {
-        let sources = self.sources(&vortons, time, time)?;
+    pub(super) fn around(&self, vortons: Vortons, time: f64, spun: Spun) -> Result<FrameAir, Unfit> {
+        let sources = self.sources(&vortons, time, spun)?;
         Ok(FrameAir { vortons, sources, air: self.clone(), time })
     }
 }

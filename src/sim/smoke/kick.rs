@@ -164,21 +164,13 @@ pub(super) fn give(sources: &[(Vec3, Vec3)], positions: &[Vec3], spacing: f32) -
     let cells = CellGrid::new(positions, spacing);
     let radius = 0.866 * spacing;
     let nearest = par::map_chunks(sources.len(), 256, |range| {
-        let find = |i: usize| {
-            let mut best: Option<(f32, usize)> = None;
-            cells.for_each_within(positions, sources[i].0, radius, |j, r2| {
-                if best.is_none_or(|(least, at)| (r2, j) < (least, at)) {
-                    best = Some((r2, j));
-                }
-            });
-            best.map(|(_, j)| j as u32)
-        };
+        let find = |i: usize| cells.nearest_within(positions, sources[i].0, radius, |_| true);
         range.map(find).collect::<Vec<_>>()
     });
     let mut given = Given::default();
     for (&(x, strength), nearest) in sources.iter().zip(nearest.into_iter().flatten()) {
         match nearest {
-            Some(j) => given.added.push((j, strength)),
+            Some(j) => given.added.push((j as u32, strength)),
             None => given.new.push((x, strength)),
         }
     }

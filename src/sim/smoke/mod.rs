@@ -51,6 +51,7 @@ use air::{Air, Instant};
 use emit::Emitted;
 use filaments::Setting;
 use tracers::{Seeds, Tracers};
+use walls::Spun;
 
 /// Its name as a system, and the stream of its vortons.
 pub const NAME: &str = "smoke";
@@ -176,7 +177,8 @@ impl System {
 
     /// The air at `time` [s].
     fn air(&self, time: f64) -> Result<FrameAir, Diverged> {
-        self.air.around(self.flow.vortons.clone(), time).map_err(|unfit| self.diverged(0, &unfit))
+        let air = self.air.around(self.flow.vortons.clone(), time, Spun::at(time));
+        air.map_err(|unfit| self.diverged(0, &unfit))
     }
 
     /// Advances from `start` [s] by one frame of `seconds`; leaves the air at its start and after every step, if asked to.
@@ -260,7 +262,7 @@ impl System {
     fn account(&self, samples: Option<usize>, time: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
         record.account = self.flow.account(samples)?;
         if self.air.walls.is_some() {
-            let sources = self.air.sources(&self.flow.vortons, time, time)?;
+            let sources = self.air.sources(&self.flow.vortons, time, Spun::at(time))?;
             let instant = Instant { vortons: &self.flow.vortons, sources: &sources };
             record.unsolved = Some(sources.residual);
             if let Some(leak) = self.air.through(instant, time)? {

@@ -5,6 +5,7 @@ use super::{
     emit::Emitted,
     kick::{self, Lattice},
     tracers::Tracers,
+    walls::Spun,
 };
 use crate::{
     math::Vec3,
@@ -42,7 +43,7 @@ impl System {
         let there = if at.is_empty() {
             Vec::new()
         } else {
-            let sources = self.air.sources(&self.flow.vortons, now, self.air.span[0])?;
+            let sources = self.air.sources(&self.flow.vortons, now, Spun::at(self.air.span[0]))?;
             self.air.velocity(Instant { vortons: &self.flow.vortons, sources: &sources }, &at)?
         };
         let lacks: Vec<Vec3> = blown.iter().zip(&there).map(|(v, u)| v - u).collect();

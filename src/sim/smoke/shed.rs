@@ -13,7 +13,7 @@
 
 use super::{
     Instant, SmokeRecord, System,
-    walls::{Placed, Turning},
+    walls::{Placed, Spun, Turning},
 };
 use crate::{
     math::Vec3,
@@ -53,11 +53,11 @@ impl System {
     /// Releases what slips along solids in a step from `now` to `then` [s], where they are at its end.
     pub(super) fn shed(&mut self, now: f64, then: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
         let (Some(walls), Some(layer)) = (&self.air.walls, self.air.layer) else { return Ok(()) };
-        let solids = walls.turning(then, now, 0.5 * layer);
+        let solids = walls.turning(then, Spun::at(now), 0.5 * layer);
         let panels =
             || solids.iter().flat_map(|solid| solid.panels.iter().map(move |placed| (solid, placed)));
         let at: Vec<Vec3> = panels().map(|(_, placed)| placed.panel.x).collect();
-        let sources = self.air.sources(&self.flow.vortons, then, now)?;
+        let sources = self.air.sources(&self.flow.vortons, then, Spun::at(now))?;
         let air = self.air.velocity(Instant { vortons: &self.flow.vortons, sources: &sources }, &at)?;
         let slip = |((Turning { before, spin, .. }, placed), air): ((&Turning, &Placed), Vec3)| {
             let Placed { panel, velocity, arm } = placed;
@@ -105,13 +105,8 @@ impl System {
             if height >= REACH * core[i] {
                 return None;
             }
-            let mut nearest: Option<(f32, usize)> = None;
-            cells.for_each_within(at, position[i], reach, |j, r2| {
-                if of[j] == solid && nearest.is_none_or(|nearest| (r2, j) < nearest) {
-                    nearest = Some((r2, j));
-                }
-            });
-            nearest.map(|(_, j)| (j, parts[j] * beyond(kernel, height.max(0.0) / core[i])))
+            let nearest = cells.nearest_within(at, position[i], reach, |j| of[j] == solid);
+            nearest.map(|j| (j, parts[j] * beyond(kernel, height.max(0.0) / core[i])))
         });
         for (strength, (j, part)) in
             strength.iter_mut().zip(taken).filter_map(|(strength, taken)| Some((strength, taken?)))

@@ -60,13 +60,28 @@ pub(super) struct Placed {
     pub(super) arm: Vec3,
 }
 
+/// What solids had shed for their turning: as much as at two times [s], by parts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Spun {
+    pub(super) times: [f64; 2],
+    /// Of the second, 0 to 1.
+    pub(super) part: f32,
+}
+
+impl Spun {
+    /// All up to `time` [s].
+    pub(super) fn at(time: f64) -> Self {
+        Self { times: [time; 2], part: 0.0 }
+    }
+}
+
 /// A solid that may turn, at a time.
 #[derive(Debug)]
 pub(super) struct Turning {
     pub(super) panels: Vec<Placed>,
     /// The normal of the mirror, if that cuts through it.
     pub(super) cut: Option<Vec3>,
-    /// How fast it turned at an earlier time [1/s].
+    /// How fast it turned by what it had shed [1/s].
     pub(super) before: Vec3,
     /// How fast it turns [1/s].
     pub(super) spin: Vec3,
@@ -160,9 +175,9 @@ impl Walls {
         sources
     }
 
-    /// The solids that keep air out, as they are at `time` [s] and turned at `spun` [s]. Panels that would shed, `height` [m] above them, beyond the
+    /// The solids that keep air out, as they are at `time` [s], and how they turned by what was `spun`. Panels that would shed, `height` [m] above them, beyond the
     /// mirror are left out, as those on which a solid stands: the mirror has them.
-    pub(super) fn turning(&self, time: f64, spun: f64, height: f32) -> Vec<Turning> {
+    pub(super) fn turning(&self, time: f64, spun: Spun, height: f32) -> Vec<Turning> {
         let is_before = |placed: &Placed| {
             let Panel { x, normal, width, .. } = placed.panel;
             self.mirror.is_none_or(|(n, offset)| {
@@ -174,7 +189,9 @@ impl Walls {
             panels.retain(is_before);
             let cut = self.mirror.filter(|_| panels.len() < body.panels.len()).map(|(n, _)| n);
             // Before the shot nothing turned.
-            let before = if spun == 0.0 { Vec3::zeros() } else { body.spin(spun) };
+            let [first, second] =
+                spun.times.map(|time| if time == 0.0 { Vec3::zeros() } else { body.spin(time) });
+            let before = first * (1.0 - spun.part) + second * spun.part;
             Turning { panels, cut, before, spin: body.spin(time) }
         };
         self.keeping_out().map(turned).collect()
@@ -448,6 +465,65 @@ mod tests {
         let mut walls = walls;
         walls.bodies.iter_mut().flat_map(|body| &mut body.panels).for_each(|panel| panel.width = 9.0);
         assert_eq!(walls.stride(9.0), 0.2);
+    }
+
+    #[test]
+    fn thin_solids_let_less_through_than_no_solid_or_have_no_sources() {
+        let wind = Vec3::new(3.0, 0.4, 0.2);
+        let ball = |radius| Shape::Sphere { center: [0.1, 0.0, 0.0], radius };
+        let wire = |radius| Shape::Capsule { from: [0.0, 0.0, -0.5], to: [0.0, 0.1, 0.5], radius };
+        // Whether there are sources, and what may go through at most.
+        let cases = [
+            (ball(0.005), false, 0.0),
+            (wire(0.005), false, 0.0),
+            (ball(0.025), false, 0.0),
+            (wire(0.025), true, 1.0),
+            (ball(0.035), true, 0.8),
+            (wire(0.035), true, 0.8),
+            (ball(0.045), true, 0.5),
+            (wire(0.045), true, 0.5),
+            (ball(0.06), true, 0.3),
+            (wire(0.06), true, 0.3),
+            (ball(0.075), true, 0.2),
+            (wire(0.075), true, 0.2),
+            (ball(0.1), true, 0.1),
+            (wire(0.1), true, 0.1),
+        ];
+        for (shape, has_sources, allowed) in cases {
+            let walls = Walls::new(&[Solid::fixed(shape.clone())], 0.05).unwrap();
+            let panels = walls.sourced(0.0);
+            assert_eq!(!panels.is_empty(), has_sources, "{shape:?}");
+            if !has_sources {
+                assert_eq!(walls.sourceless(), [0]);
+                continue;
+            }
+            let sources = walls.solve(&panels, &vec![wind; panels.len()]);
+            assert!(sources.residual < 0.01, "{shape:?}: {}", sources.residual);
+            // All over the surface, and beside it where vortons may stand.
+            let around = |gap: f32| {
+                panels.iter().flat_map(|placed| (0..40).map(move |n| (placed.panel, n))).map(
+                    move |(panel, n)| {
+                        let aside = Vec3::new((n % 5) as f32, (n / 5 % 4) as f32, (n / 20) as f32 * 3.0)
+                            - Vec3::new(2.0, 1.5, 1.5);
+                        (panel.x + aside * (0.25 * panel.width), gap)
+                    },
+                )
+            };
+            let place = |(x, gap): (Vec3, f32)| {
+                let (distance, normal) = shape.contact(x);
+                (x + normal * (gap - distance), normal)
+            };
+            let (at, normals): (Vec<Vec3>, Vec<Vec3>) = around(0.05 * 0.05).map(place).unzip();
+            let mut velocity = vec![wind; at.len()];
+            sources.add_velocity(&at, &mut velocity);
+            let square = |along: &[f32]| along.iter().map(|v| v * v).sum::<f32>().sqrt();
+            let through: Vec<f32> = normals.iter().zip(&velocity).map(|(n, v)| n.dot(v)).collect();
+            let free: Vec<f32> = normals.iter().map(|n| n.dot(&wind)).collect();
+            let part = square(&through) / square(&free);
+            assert!(part < allowed, "{shape:?}: {part}");
+            let fastest = velocity.iter().map(|v| v.norm()).fold(0.0, f32::max);
+            assert!(fastest < 2.1 * wind.norm(), "{shape:?}: {fastest}");
+        }
     }
 
     #[test]
