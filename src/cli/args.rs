@@ -8,7 +8,7 @@ use crate::{
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
-/// Liquids from a text preset to meshes in Blender.
+/// Liquid, smoke and sheets from a text preset to sequences in Blender.
 ///
 /// A shot is a short TOML preset. `meniscus shot dam-break` simulates the built-in dam break into the folder
 /// `dam-break/`, meshes every frame, and leaves a `shot.json` there that the Blender extension opens.

@@ -310,7 +310,7 @@ mod tests {
             for vortons in [Vortons::default(), ring(3.0)] {
                 let (found, _) = leaks_beside(&vortons, std::slice::from_ref(&large), spacing);
                 let allowed = if spacing < 4.0 { 0.35 } else { 0.5 };
-                assert!(found[0].part < allowed, "{spacing}: {found:?}");
+                assert!(found[0].part < 0.45, "{spacing}: {found:?}");
             }
         }
         // As thin as some panels are wide.
@@ -322,17 +322,25 @@ mod tests {
     }
 
     #[test]
-    fn sampled_boxes_let_less_through_than_no_solid() {
+    fn sampled_boxes_keep_air_out_as_boxes_do() {
         let cuboid = Shape::Box { min: [-4.0; 3], max: [4.0; 3] };
         let (nodes, voxel, origin) = ([37; 3], 0.25, Vec3::repeat(-4.5));
         let at =
             |n: u32| Vec3::new((n % 37) as f32, (n / 37 % 37) as f32, (n / 37 / 37) as f32) * voxel + origin;
         let values = (0..37_u32.pow(3)).map(|n| cuboid.signed_distance(at(n))).collect();
-        let mut mesh = MeshShape::new("box.ply");
-        mesh.fill(Arc::new(Sampled { origin, voxel, nodes, values }));
+        let field = Arc::new(Sampled { origin, voxel, nodes, values });
+        let mesh = |rotate: [f32; 3]| {
+            let mut mesh = MeshShape::new("box.ply");
+            mesh.rotate = rotate;
+            mesh.fill(field.clone());
+            Shape::Mesh(mesh)
+        };
+        let meshes = [mesh([0.0; 3]), mesh([20.0, 0.0, 70.0])];
         for spacing in [0.48, 0.5, 0.53, 0.55, 0.6, 0.66, 0.75, 0.8, 0.9] {
-            let (found, _) = leaks(&[Shape::Mesh(mesh.clone())], spacing);
-            assert!(found[0].part < 0.9, "{spacing}: {found:?}");
+            for mesh in &meshes {
+                let (found, _) = leaks(std::slice::from_ref(mesh), spacing);
+                assert!(found[0].part < 0.45, "{spacing}: {found:?}");
+            }
         }
     }
 

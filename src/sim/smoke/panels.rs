@@ -2,13 +2,17 @@
 //!
 //! *Method*: nodes of a lattice that are nearer to a surface than a lattice step p are moved onto it along the normal, each with the
 //! area p² (1 − |d|/p), which over a smooth surface sums to its area, to which they are scaled (`areas.rs`).
-//! Those that fall into one cell become one panel. A panel's source stands inside the solid, about one and a half steps below it:
-//! its field is smooth on the surface. In solids with edges sources are nearer, panels along the edges have none, and of sources that
-//! nearly coincide there is one. Boxes have rectangles on their faces instead (`tiles.rs`). Nodes are found
+//! Those that fall into one cell become one panel. A panel's source stands inside the solid, about one and a half steps below it, or
+//! less where that is thin: its field is smooth on the surface. In solids with edges it is a square just below the panel
+//! instead, and boxes have rectangles on their faces (`tiles.rs`). Nodes are found
 //! by halving blocks of the lattice: one whose middle is farther from the surface than its corners from the middle holds none.
 
-use super::{areas::area, sources::Source, tiles};
-use crate::{math::Vec3, solid::Shape};
+use super::{
+    areas::area,
+    sources::Source,
+    tiles::{self, Tile},
+};
+use crate::{math::Vec3, solid::Shape, space::CellGrid};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
@@ -16,23 +20,21 @@ use std::collections::BTreeMap;
 /// equations for them can hardly be told apart, and take more iterations.
 const DEPTH: f32 = 1.5;
 
-/// The same in solids with edges, where the air turns sharply: deeper sources cannot do that but by cancelling each other, and 60
-/// iterations leave 40 % of the flow through a box of ten steps; nearer ones, and half as much is left between the panels.
-const EDGED: f32 = 0.9;
-
 /// How deep a source stands at most over the radius of the largest ball that fits in the solid below its panel. In the ball's middle the sources
 /// of all sides are one, and GMRES finds none that keep the air out: between the panels of a ball of a radius of 0.9 steps three times the
 /// wind was left, of a wire of 0.7 steps three hundred times. With 0.6, 0.16 and 0.6 times the wind; with 0.3, 0.6 and 0.8 (a prototype in double precision).
 const ASIDE: f32 = 0.6;
 
-/// In solids with edges, a panel has no source if that would have to stand nearer to it [steps]: the source would be as near to the
-/// face behind the edge, and blow through there.
-const SHALLOW: f32 = 0.6;
+/// How deep the squares in solids with edges are [steps]. On the surface a half of the wind is left all over boxes of 6 to 16 steps, half a step deep the
+/// air turns around edges twice as fast; here 0.3 to 0.5 is left, of which 0.15 on faces. Points, at any depth, leave 0.7 to 1 (a prototype in double precision).
+const SUNK: f32 = 0.25;
 
-/// In such solids, a source nearer than this to another [steps] is left out, and its panel has none: the two faces beside an edge may each
-/// have one in the same place, and then all are as strong as they cancel. Without, GMRES ends by its iterations on a box of 16 panels an
-/// edge by where the lattice falls, and up to 1.5 times the wind is left; with 0.35, one; larger, and panels that could keep the air out do not.
-const TWINS: f32 = 0.6;
+/// How far the edges of such a square are taken to be at least [steps]: a fifth more is left with 0.3.
+const SOFT: f32 = 0.5;
+
+/// In such solids, a panel nearer than this to one before [steps] is a part of it: their equations would be nearly the same, and their sources as strong
+/// as they cancel. Without, up to four times the wind is left by where the lattice falls; with half a step a tenth more than with these.
+const TWINS: f32 = 0.4;
 
 /// Panels that lean to one side by more than this part of their area do not stand for a solid: those of what is thinner than half a step
 /// are all on one side of it, and their sources would blow.
@@ -40,6 +42,9 @@ const OPEN: f32 = 0.5;
 
 /// The least inner radius of a solid whose edges are told from its thinness [steps].
 const THICK: f32 = 2.0;
+
+/// So far below a face another is told to be near [steps].
+const BELOW: f32 = 0.9;
 
 /// Where the lattice stands [steps].
 const OFFSET: Vec3 = Vec3::new(0.37, 0.29, 0.43);
@@ -115,7 +120,7 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
     sunken(shape, step)
 }
 
-/// Panels with point sources below them.
+/// Panels with sources below them.
 fn sunken(shape: &Shape, step: f32) -> Vec<Panel> {
     let mut made = gathered(shape, step);
     // Nodes as far apart as a part is thin stand for more than its surface, or less.
@@ -127,20 +132,42 @@ fn sunken(shape: &Shape, step: f32) -> Vec<Panel> {
     }
     let edged =
         shape.inner_radius() >= THICK * step && made.iter().any(|panel| is_at_edge(shape, panel, step));
-    for panel in &mut made {
-        let at_edge = edged && is_at_edge(shape, panel, step);
-        let most = step * if edged { EDGED } else { DEPTH };
-        let aside = if at_edge { most } else { most.min(ASIDE * room(shape, panel, most / ASIDE)) };
-        let depth = depth(shape, panel, aside);
-        let too_near = at_edge && depth < SHALLOW * step;
-        // What is thinner than the shallowest has no source: one in the air would blow all away.
-        let source = panel.x - panel.normal * depth;
-        panel.source = (!too_near && shape.signed_distance(source) < 0.0).then_some(Source::Point(source));
-    }
     if edged {
-        part(&mut made, TWINS * step);
+        made = merged(&made, TWINS * step);
+    }
+    for panel in &mut made {
+        panel.source = if edged { square(shape, panel, step) } else { point(shape, panel, step) };
     }
     made
+}
+
+/// The panels, of which those nearer than `least` [m] to one before are parts of it.
+fn merged(panels: &[Panel], least: f32) -> Vec<Panel> {
+    let at: Vec<Vec3> = panels.iter().map(|panel| panel.x).collect();
+    let cells = CellGrid::new(&at, least);
+    let mut kept: Vec<Option<Panel>> = vec![None; panels.len()];
+    for (i, panel) in panels.iter().enumerate() {
+        match cells.nearest_within(&at, panel.x, least, |j| kept[j].is_some()) {
+            Some(j) => kept[j].iter_mut().for_each(|other| other.area += panel.area),
+            None => kept[i] = Some(*panel),
+        }
+    }
+    kept.into_iter().flatten().collect()
+}
+
+/// The source of a panel in a solid with edges; none in a part thinner than two depths, where it would blow through the other side.
+fn square(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
+    let has_room = shape.signed_distance(panel.x - panel.normal * (2.0 * SUNK * step)) < 0.0;
+    has_room.then(|| Source::Tile(Tile::square(panel, SUNK * step, SOFT * step)))
+}
+
+/// The source of a panel in a smooth solid.
+fn point(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
+    let most = DEPTH * step;
+    let depth = most.min(ASIDE * room(shape, panel, most / ASIDE));
+    let place = panel.x - panel.normal * depth;
+    // One in the air would blow all away.
+    (shape.signed_distance(place) < 0.0).then_some(Source::Point(place))
 }
 
 /// The panels without sources, of the area that the nodes stand for.
@@ -171,26 +198,6 @@ fn gathered(shape: &Shape, step: f32) -> Vec<Panel> {
     cells.into_values().filter(|(area, _)| *area > 0.1 * step * step).map(panel).collect()
 }
 
-/// Leaves panels whose source is nearer than `least` [m] to that of one before without it.
-fn part(panels: &mut [Panel], least: f32) {
-    let cell = |y: Vec3| y.map(|v| (v / least).floor() as i64);
-    let mut kept: BTreeMap<[i64; 3], Vec<Vec3>> = BTreeMap::new();
-    for panel in panels {
-        let Some(Source::Point(y)) = panel.source else { continue };
-        let here = cell(y);
-        let around = (0..27).map(|n| [0, 1, 2].map(|axis| here[axis] + n / 3_i64.pow(axis as u32) % 3 - 1));
-        let crowded = around
-            .filter_map(|cell| kept.get(&cell))
-            .flatten()
-            .any(|other| (other - y).norm_squared() < least * least);
-        if crowded {
-            panel.source = None;
-        } else {
-            kept.entry(here.into()).or_default().push(y);
-        }
-    }
-}
-
 /// The radius of the largest ball in the solid that touches the surface at a panel [m], up to `most`.
 fn room(shape: &Shape, panel: &Panel, most: f32) -> f32 {
     let mut radius = most;
@@ -205,18 +212,6 @@ fn room(shape: &Shape, panel: &Panel, most: f32) -> f32 {
     radius
 }
 
-/// How deep the source of a panel stands, `most` at most [m]: less where another face is near.
-fn depth(shape: &Shape, panel: &Panel, most: f32) -> f32 {
-    let mut depth = most;
-    for _ in 0..4 {
-        if shape.signed_distance(panel.x - panel.normal * depth) < -0.6 * depth {
-            break;
-        }
-        depth *= 0.6;
-    }
-    depth
-}
-
 /// Whether another face of a thick part is near the place below a panel.
 fn is_at_edge(shape: &Shape, panel: &Panel, step: f32) -> bool {
     let below = |depth: f32| panel.x - panel.normal * depth;
@@ -224,13 +219,13 @@ fn is_at_edge(shape: &Shape, panel: &Panel, step: f32) -> bool {
         return false;
     }
     // In a thick part there is room aside.
-    let mut x = below(EDGED * step);
+    let mut x = below(BELOW * step);
     for _ in 0..6 {
         let (distance, out) = shape.contact(x);
-        if distance < -0.9 * EDGED * step {
+        if distance < -0.9 * BELOW * step {
             return true;
         }
-        x -= out * (EDGED * step + distance);
+        x -= out * (BELOW * step + distance);
     }
     false
 }
@@ -321,23 +316,19 @@ mod tests {
     }
 
     #[test]
-    fn no_two_sources_beside_an_edge_share_a_place() {
+    fn no_two_panels_beside_an_edge_share_a_place() {
         let cuboid = Shape::Box { min: [-10.0, -10.0, -20.0], max: [10.0, 10.0, 0.0] };
         for step in [1.22, 1.3, 1.32, 1.36, 1.5] {
-            let mut made = sunken(&cuboid, step);
-            let points = |made: &[Panel]| -> Vec<Vec3> {
-                let point = |panel: &Panel| match panel.source {
-                    Some(Source::Point(y)) => Some(y),
-                    _ => None,
-                };
-                made.iter().filter_map(point).collect()
-            };
-            let at = points(&made);
-            let nearest = |i: usize| (0..i).map(|j| (at[i] - at[j]).norm()).fold(f32::INFINITY, f32::min);
-            let least = (1..at.len()).map(nearest).fold(f32::INFINITY, f32::min);
+            let made = sunken(&cuboid, step);
+            let near =
+                |i: usize| (0..i).map(|j| (made[i].x - made[j].x).norm()).fold(f32::INFINITY, f32::min);
+            let least = (1..made.len()).map(near).fold(f32::INFINITY, f32::min);
             assert!(least >= TWINS * step, "{step}: {least}");
-            made.retain(|panel| panel.source.is_some());
-            assert!(made.len() > 600, "{step}: {}", made.len());
+            let sum: f32 = made.iter().map(|panel| panel.area).sum();
+            assert!((sum / 2400.0 - 1.0).abs() < 1e-3, "{step}: {sum}");
+            let sources = made.iter().filter(|panel| panel.source.is_some()).count();
+            // Those right on an edge have none.
+            assert!(sources > made.len() * 9 / 10, "{step}: {sources} of {}", made.len());
         }
     }
 

@@ -1,4 +1,4 @@
-//! Rectangles that give off air: the sources of boxes.
+//! Rectangles that give off air: the sources of boxes and of other solids with edges.
 //!
 //! *Method*: a rectangle of even source density moves the air in closed form ([hess67]): along its normal by the solid angle
 //! it is seen under, along its sides by the integrals of 1/r over the other two, which are inverse hyperbolic sines. The faces of a box
@@ -66,6 +66,15 @@ pub(super) fn panels(min: Vec3, max: Vec3, step: f32) -> Vec<Panel> {
 }
 
 impl Tile {
+    /// A square of a panel's area `depth` [m] below it, whose edges are taken to be `soft` [m] off at least.
+    pub(super) fn square(panel: &Panel, depth: f32, soft: f32) -> Self {
+        let normal = panel.normal;
+        let along = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
+        let half = 0.5 * panel.area.sqrt();
+        let middle = panel.x - normal * depth;
+        Self { middle, axes: [along, normal.cross(&along), normal], half: [half; 2], soft }
+    }
+
     /// The same where a solid is.
     pub(super) fn placed(&self, pose: &Pose) -> Self {
         Self { middle: pose.to_world(self.middle), axes: self.axes.map(|axis| pose.rotation * axis), ..*self }

@@ -309,7 +309,7 @@ impl Walls {
         let mut between = |body: &Body| {
             let beside = |panel: &Panel| {
                 let number = numbers.next()?;
-                if let Some(Source::Tile(tile)) = panel.source {
+                if let (Some(Source::Tile(tile)), Shape::Box { .. }) = (panel.source, &body.shape) {
                     return Some(Panel { x: tile.near_border(number), ..*panel });
                 }
                 // Half a panel aside, each to another side.
