@@ -420,6 +420,21 @@ mod tests {
     }
 
     #[test]
+    fn the_nearest_is_the_first_of_those_as_near_that_count() {
+        let at = |x: f32| Vec3::new(x, 0.0, 0.0);
+        let positions = [at(0.3), at(0.1), at(-0.1), at(0.5)];
+        let grid = CellGrid::new(&positions, 0.4);
+        let nearest = |radius: f32, counts: &dyn Fn(usize) -> bool| {
+            grid.nearest_within(&positions, Vec3::zeros(), radius, counts)
+        };
+        assert_eq!(nearest(0.4, &|_| true), Some(1));
+        assert_eq!(nearest(0.4, &|j| j != 1), Some(2));
+        assert_eq!(nearest(0.4, &|j| j == 0 || j == 3), Some(0));
+        assert_eq!(nearest(0.05, &|_| true), None);
+        assert_eq!(CellGrid::new(&[], 0.4).nearest_within(&[], Vec3::zeros(), 0.4, |_| true), None);
+    }
+
+    #[test]
     fn particles_are_in_the_order_of_their_cells_and_then_of_their_indices() {
         // From one cell, over boxes that fill 64 bits and one more, to positions that share the outermost cells.
         for extent in (-10..=127).map(|power| 2.0_f32.powi(power)) {

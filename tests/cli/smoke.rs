@@ -50,20 +50,20 @@ spacing = 0.08
 volume = ["density"]
 "#;
 
-/// A box that turns and travels above a plane, in wind, and sheds; and a wire.
+/// A mesh with edges that turns and travels above a plane, in wind, and sheds; and a wire.
 const SPIN: &str = r#"
 title = "Small spin"
 frames = "1-7"
 
 [[world.collider]]
-shape = { box = { min = [-0.2, -0.15, -0.1], max = [0.2, 0.15, 0.1] } }
+shape = { mesh = { file = "block.obj" } }
 keyframes = [
   { frame = 1, position = [0, 0, 0.3], rotation = [0, 0, 0] },
   { frame = 4, position = [0.1, 0, 0.3], rotation = [0, 0, 90] },
   { frame = 7, position = [0.1, 0, 0.4], rotation = [60, 0, 90] },
 ]
 [[world.collider]]
-shape = { capsule = { from = [0.5, -0.3, 0.2], to = [0.5, 0.3, 0.2], radius = 0.02 } }
+shape = { capsule = { from = [0.5, -0.3, 0.2], to = [0.5, 0.3, 0.2], radius = 0.05 } }
 [[world.collider]]
 shape = { plane = { point = [0, 0, 0], normal = [0, 0, 1] } }
 
@@ -95,6 +95,16 @@ fn desk() -> Desk {
     desk.write("ring.toml", RING);
     desk.write("plume.toml", PLUME);
     desk.write("spin.toml", SPIN);
+    let corner = |n: i32| {
+        format!(
+            "v {} {} {}\n",
+            0.4 * f64::from(n & 1) - 0.2,
+            0.2 * f64::from(n & 2) - 0.2,
+            0.07 * f64::from(n & 4) - 0.14
+        )
+    };
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    desk.write("block.obj", (0..8).map(corner).collect::<String>() + faces);
     desk
 }
 
@@ -151,10 +161,16 @@ fn a_shot_that_is_resumed_or_run_on_other_threads_has_the_same_bytes() {
         desk.run(&format!("shot {preset}.toml -o {whole} --threads 1"), 0);
         desk.run(&format!("simulate {preset}.toml -o {parts} --frames 1-3 --threads 3"), 0);
         desk.run(&format!("shot {preset}.toml -o {parts} --threads 2"), 0);
+        desk.run(&format!("volume {whole} -o {whole}-slow --retime 2 --threads 1"), 0);
+        desk.run(&format!("volume {parts} -o {parts}-slow --retime 2 --threads 2"), 0);
         for folder in ["cache", "volume"] {
             let bytes = |shot: &str| desk.bytes(&format!("{shot}/{folder}"));
             assert!(bytes(&whole) == bytes(&parts), "{preset} {folder}");
         }
+        assert!(
+            desk.bytes(&format!("{whole}-slow/volume")) == desk.bytes(&format!("{parts}-slow/volume")),
+            "{preset}"
+        );
     }
 }
 

@@ -97,8 +97,8 @@ impl Air {
         f64::from(self.stride) / fastest
     }
 
-    /// The sources in solids, where they are at `time` [s], that go with `vortons`. What solids have shed by turning is that
-    /// of `spun`, and so is their own vorticity: one without the other would turn all the air.
+    /// The sources in solids, where they are at `time` [s], that go with `vortons`. `spun` is the turning whose opposite is
+    /// among them; the solids' own vorticity is of that: one without the other would turn all the air.
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
@@ -131,7 +131,7 @@ impl Air {
         Ok(velocity)
     }
 
-    /// The vorticity of solids that turned as `spun` tells, where they are at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves
+    /// The vorticity of solids that turned by `spun`, where they are at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves
     /// the air outside as the 2Ω inside does, but for what the sources take care of. None where nothing is shed: air slips along then.
     fn spin(&self, time: f64, spun: Spun) -> Vortons {
         let mut spin = Vortons::default();
@@ -310,7 +310,7 @@ mod tests {
             for vortons in [Vortons::default(), ring(3.0)] {
                 let (found, _) = leaks_beside(&vortons, std::slice::from_ref(&large), spacing);
                 let allowed = if spacing < 4.0 { 0.35 } else { 0.5 };
-                assert!(found[0].part < 0.45, "{spacing}: {found:?}");
+                assert!(found[0].part < allowed, "{spacing}: {found:?}");
             }
         }
         // As thin as some panels are wide.
@@ -321,26 +321,49 @@ mod tests {
         }
     }
 
-    #[test]
-    fn sampled_boxes_keep_air_out_as_boxes_do() {
-        let cuboid = Shape::Box { min: [-4.0; 3], max: [4.0; 3] };
-        let (nodes, voxel, origin) = ([37; 3], 0.25, Vec3::repeat(-4.5));
-        let at =
-            |n: u32| Vec3::new((n % 37) as f32, (n / 37 % 37) as f32, (n / 37 / 37) as f32) * voxel + origin;
-        let values = (0..37_u32.pow(3)).map(|n| cuboid.signed_distance(at(n))).collect();
-        let field = Arc::new(Sampled { origin, voxel, nodes, values });
-        let mesh = |rotate: [f32; 3]| {
-            let mut mesh = MeshShape::new("box.ply");
-            mesh.rotate = rotate;
-            mesh.fill(field.clone());
-            Shape::Mesh(mesh)
+    /// Samples of boxes together, 0.25 m apart, as a mesh of them has.
+    fn sampled(boxes: &[Shape], rotate: [f32; 3]) -> Shape {
+        let (nodes, voxel, origin) = ([53_u32, 37, 37], 0.25, Vec3::repeat(-4.5));
+        let at = |n: u32| Vec3::new((n % 53) as f32, (n / 53 % 37) as f32, (n / 53 / 37) as f32);
+        let distance = |n: u32| {
+            let x = at(n) * voxel + origin;
+            boxes.iter().map(|shape| shape.signed_distance(x)).fold(f32::INFINITY, f32::min)
         };
-        let meshes = [mesh([0.0; 3]), mesh([20.0, 0.0, 70.0])];
+        let values = (0..nodes.iter().product()).map(distance).collect();
+        let mut mesh = MeshShape::new("boxes.ply");
+        mesh.rotate = rotate;
+        mesh.fill(Arc::new(Sampled { origin, voxel, nodes, values }));
+        Shape::Mesh(mesh)
+    }
+
+    #[test]
+    fn sampled_boxes_keep_air_out_at_any_angle() {
+        let cuboid = Shape::Box { min: [-4.0; 3], max: [4.0; 3] };
+        let meshes =
+            [[0.0; 3], [20.0, 0.0, 70.0]].map(|rotate| sampled(std::slice::from_ref(&cuboid), rotate));
         for spacing in [0.48, 0.5, 0.53, 0.55, 0.6, 0.66, 0.75, 0.8, 0.9] {
             for mesh in &meshes {
                 let (found, _) = leaks(std::slice::from_ref(mesh), spacing);
                 assert!(found[0].part < 0.45, "{spacing}: {found:?}");
             }
+        }
+    }
+
+    #[test]
+    fn fins_of_meshes_let_no_more_through_than_none() {
+        let cuboid = Shape::Box { min: [-4.0; 3], max: [4.0; 3] };
+        for thick in [0.45, 0.55, 0.6, 0.7, 0.8, 1.2, 2.0] {
+            let fin = Shape::Box { min: [3.9, -0.5 * thick, -3.0], max: [7.5, 0.5 * thick, 3.0] };
+            let (found, _) = leaks(&[sampled(&[cuboid.clone(), fin], [0.0; 3])], 1.0);
+            assert!(found[0].part < 0.8, "{thick}: {found:?}");
+        }
+    }
+
+    #[test]
+    fn ellipsoids_have_no_edges() {
+        for radii in [[6.0, 2.2, 2.2], [7.0, 2.5, 4.0]] {
+            let (found, _) = leaks(&[Shape::Ellipsoid { center: [0.0; 3], radii }], 1.0);
+            assert!(found[0].part < 0.1, "{radii:?}: {found:?}");
         }
     }
 

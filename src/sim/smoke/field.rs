@@ -50,7 +50,7 @@ impl ShotAir {
         self.around(state::vortons_of(state::find(streams, NAME)?)?, time, Spun::at(time))
     }
 
-    /// The air of `vortons` at `time` [s], among which is what solids have shed by turning as `spun` tells.
+    /// The air of `vortons` at `time` [s], among which is the opposite of the turning `spun`.
     ///
     /// # Errors
     /// If a vorton is outside what can be computed.
@@ -66,7 +66,7 @@ impl ShotAir {
 }
 
 impl Air {
-    /// The air of `vortons` at `time` [s], among which is what solids have shed by turning as `spun` tells.
+    /// The air of `vortons` at `time` [s], among which is the opposite of the turning `spun`.
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.

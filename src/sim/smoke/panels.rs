@@ -29,21 +29,30 @@ const ASIDE: f32 = 0.6;
 /// air turns around edges twice as fast; here 0.3 to 0.5 is left, of which 0.15 on faces. Points, at any depth, leave 0.7 to 1 (a prototype in double precision).
 const SUNK: f32 = 0.25;
 
-/// How far the edges of such a square are taken to be at least [steps]: a fifth more is left with 0.3.
-const SOFT: f32 = 0.5;
+/// How far the edges of such a square are taken to be at least [steps]. A fifth more is left with 0.3, which is best for rectangles on faces that
+/// they cover without gaps (`tiles.rs`); larger was not tried.
+const SOFT_SQUARE: f32 = 0.5;
+
+/// The least thickness below a square, in its depths. The squares of two faces that are nearer to each other are one to the equations: with 2, three times the wind is
+/// left on a fin 0.55 steps thick, and with 4 three quarters; more, and fins that keep some air out have none.
+const ROOM: f32 = 4.0;
 
 /// In such solids, a panel nearer than this to one before [steps] is a part of it: their equations would be nearly the same, and their sources as strong
 /// as they cancel. Without, up to four times the wind is left by where the lattice falls; with half a step a tenth more than with these.
 const TWINS: f32 = 0.4;
 
-/// Panels that lean to one side by more than this part of their area do not stand for a solid: those of what is thinner than half a step
-/// are all on one side of it, and their sources would blow.
+/// The least inner radius of a solid with sources [steps]. Panels of thinner ones stand on this side or that of it by where the lattice falls, and more is left than
+/// without; of a radius of 0.7 steps 0.3 to 0.7 is left.
+const THIN: f32 = 0.5;
+
+/// Panels that lean to one side by more than this part of their area do not stand for a solid, as of a ball as small as a step, or a mesh whose samples are
+/// coarse. Balls of a radius of 0.7 steps lean by 0.36 at most.
 const OPEN: f32 = 0.5;
 
 /// The least inner radius of a solid whose edges are told from its thinness [steps].
 const THICK: f32 = 2.0;
 
-/// So far below a face another is told to be near [steps].
+/// How far below a panel another face is looked for to tell an edge [steps]. Deeper than about one, and no edge is found in solids as thin as `THICK` allows.
 const BELOW: f32 = 0.9;
 
 /// Where the lattice stands [steps].
@@ -60,7 +69,7 @@ pub(super) struct Panel {
     pub(super) area: f32,
     /// About how wide it is [m].
     pub(super) width: f32,
-    /// At edges it may have none; in solids thinner than about half its width none has.
+    /// In thin parts, and right on an edge, it may have none; in solids thinner than its width none has.
     pub(super) source: Option<Source>,
 }
 
@@ -124,14 +133,17 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
 fn sunken(shape: &Shape, step: f32) -> Vec<Panel> {
     let mut made = gathered(shape, step);
     // Nodes as far apart as a part is thin stand for more than its surface, or less.
-    let scale = area(shape) / made.iter().map(|panel| panel.area).sum::<f32>();
+    let whole = area(shape);
+    let scale = whole / made.iter().map(|panel| panel.area).sum::<f32>();
     made.iter_mut().for_each(|panel| panel.area *= scale);
+    // What is too thin for its panels has no sources.
     let leaning: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
-    if leaning.norm() > OPEN * area(shape) {
+    if shape.inner_radius() < THIN * step || leaning.norm() > OPEN * whole {
         return made;
     }
-    let edged =
-        shape.inner_radius() >= THICK * step && made.iter().any(|panel| is_at_edge(shape, panel, step));
+    // An ellipsoid is sharp at its ends and has no edge: points leave less there.
+    let may_have_edges = shape.inner_radius() >= THICK * step && !matches!(shape, Shape::Ellipsoid { .. });
+    let edged = may_have_edges && made.iter().any(|panel| is_at_edge(shape, panel, step));
     if edged {
         made = merged(&made, TWINS * step);
     }
@@ -141,7 +153,8 @@ fn sunken(shape: &Shape, step: f32) -> Vec<Panel> {
     made
 }
 
-/// The panels, of which those nearer than `least` [m] to one before are parts of it.
+/// The panels, of which one nearer than `least` [m] to one before adds its area to that, whose place and normal stand for both: a mean of two faces' would be
+/// neither's, and at an edge in the solid.
 fn merged(panels: &[Panel], least: f32) -> Vec<Panel> {
     let at: Vec<Vec3> = panels.iter().map(|panel| panel.x).collect();
     let cells = CellGrid::new(&at, least);
@@ -155,10 +168,10 @@ fn merged(panels: &[Panel], least: f32) -> Vec<Panel> {
     kept.into_iter().flatten().collect()
 }
 
-/// The source of a panel in a solid with edges; none in a part thinner than two depths, where it would blow through the other side.
+/// The source of a panel in a solid with edges; none in its thin parts.
 fn square(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
-    let has_room = shape.signed_distance(panel.x - panel.normal * (2.0 * SUNK * step)) < 0.0;
-    has_room.then(|| Source::Tile(Tile::square(panel, SUNK * step, SOFT * step)))
+    let has_room = shape.signed_distance(panel.x - panel.normal * (ROOM * SUNK * step)) < 0.0;
+    has_room.then(|| Source::Tile(Tile::square(panel, SUNK * step, SOFT_SQUARE * step)))
 }
 
 /// The source of a panel in a smooth solid.
@@ -166,7 +179,7 @@ fn point(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
     let most = DEPTH * step;
     let depth = most.min(ASIDE * room(shape, panel, most / ASIDE));
     let place = panel.x - panel.normal * depth;
-    // One in the air would blow all away.
+    // In a mesh, parts thinner than its samples may have no inside; a source in the air would blow all away.
     (shape.signed_distance(place) < 0.0).then_some(Source::Point(place))
 }
 
@@ -206,7 +219,7 @@ fn room(shape: &Shape, panel: &Panel, most: f32) -> f32 {
         if inside > 0.9 * radius {
             break;
         }
-        // Between two faces, and in a ball, that is its radius at once; beside an edge it comes nearer by half.
+        // Between two faces, and in a ball, half the sum is the answer at once; beside an edge it halves the rest.
         radius = 0.5 * (radius + inside);
     }
     radius
@@ -326,6 +339,8 @@ mod tests {
             assert!(least >= TWINS * step, "{step}: {least}");
             let sum: f32 = made.iter().map(|panel| panel.area).sum();
             assert!((sum / 2400.0 - 1.0).abs() < 1e-3, "{step}: {sum}");
+            let leaning: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
+            assert!(leaning.norm() < 0.05 * sum, "{step}: {leaning}");
             let sources = made.iter().filter(|panel| panel.source.is_some()).count();
             // Those right on an edge have none.
             assert!(sources > made.len() * 9 / 10, "{step}: {sources} of {}", made.len());

@@ -4,7 +4,7 @@
 //! strength and core change evenly. One that only the first has moves on with its velocity there and fades; one that only the
 //! second has comes as it would go. Tracers drift in the air of these vortons by the midpoint rule, from where a cached frame, or the
 //! shot's start, has them; emitters and fading go on meanwhile. A step is short enough for the fastest air and for solids that move.
-//! At a cached frame all is as that frame has it.
+//! The vorticity of solids that turn and shed cross-fades as what they shed does. At a cached frame all is as that frame has it.
 //!
 //! Symbols: s → `part`, 0 at the first frame and 1 at the second.
 //! Limits: second order in the distance of frames; where vortons were put back onto a lattice in between, the two sets cross-fade.
@@ -132,7 +132,7 @@ impl Replay {
     /// # Errors
     /// If it cannot be computed.
     pub fn air(&self, a: &KeyedAir, b: &KeyedAir, time: f64) -> Result<FrameAir, SetupError> {
-        // What solids shed fades in as their turning does.
+        // The solids' own vorticity fades in as what they shed does.
         let spun = Spun { times: [a.time, b.time], part: part(a, b, time) };
         self.air.around(between(a, b, time), time, spun)
     }
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn a_solid_that_begins_to_turn_takes_the_air_along_by_halves() {
+    fn a_solid_that_begins_to_turn_does_not_turn_the_air_between_frames() {
         let text = "spacing = 0.1\n[shedding]\n[[source]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.6 } }";
         let smoke = Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 };
         let key = |frame: u32| Keyframe {

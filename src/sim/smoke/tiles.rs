@@ -66,11 +66,12 @@ pub(super) fn panels(min: Vec3, max: Vec3, step: f32) -> Vec<Panel> {
 }
 
 impl Tile {
-    /// A square of a panel's area `depth` [m] below it, whose edges are taken to be `soft` [m] off at least.
+    /// A square of a panel's area, but no wider than that, `depth` [m] below it, whose edges are taken to be `soft` [m] off at least. It is not turned to edges of the
+    /// solid, and beside them a corner of it may stand in the air.
     pub(super) fn square(panel: &Panel, depth: f32, soft: f32) -> Self {
         let normal = panel.normal;
         let along = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
-        let half = 0.5 * panel.area.sqrt();
+        let half = 0.5 * panel.area.sqrt().min(panel.width);
         let middle = panel.x - normal * depth;
         Self { middle, axes: [along, normal.cross(&along), normal], half: [half; 2], soft }
     }

@@ -1,6 +1,6 @@
 //! What solids do to the air: none of it goes through them.
 //!
-//! *Method*: sources inside the solids, on the faces of boxes (`panels.rs`), are made as strong as it takes for the air on the panels to move with the solid along
+//! *Method*: sources inside the solids, on the faces of boxes, just below those of other solids with edges (`panels.rs`), are made as strong as it takes for the air on the panels to move with the solid along
 //! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES, with strengths over the square of the panel's width
 //! as unknowns, so that wide and narrow panels weigh the same. Their field has no vorticity and no sources in the
 //! air. A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
@@ -60,16 +60,17 @@ pub(super) struct Placed {
     pub(super) arm: Vec3,
 }
 
-/// What solids had shed for their turning: as much as at two times [s], by parts.
+/// The turning whose opposite is among the vortons: a mix of how solids turned at two times.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spun {
+    /// [s].
     pub(super) times: [f64; 2],
-    /// Of the second, 0 to 1.
+    /// Of the second's turning, 0 to 1.
     pub(super) part: f32,
 }
 
 impl Spun {
-    /// All up to `time` [s].
+    /// That of `time` [s].
     pub(super) fn at(time: f64) -> Self {
         Self { times: [time; 2], part: 0.0 }
     }
@@ -81,7 +82,7 @@ pub(super) struct Turning {
     pub(super) panels: Vec<Placed>,
     /// The normal of the mirror, if that cuts through it.
     pub(super) cut: Option<Vec3>,
-    /// How fast it turned by what it had shed [1/s].
+    /// How fast it turned when what is among the vortons was shed [1/s].
     pub(super) before: Vec3,
     /// How fast it turns [1/s].
     pub(super) spin: Vec3,
@@ -175,7 +176,7 @@ impl Walls {
         sources
     }
 
-    /// The solids that keep air out, as they are at `time` [s], and how they turned by what was `spun`. Panels that would shed, `height` [m] above them, beyond the
+    /// The solids that keep air out, as they are at `time` [s], and how they turned by `spun`. Panels that would shed, `height` [m] above them, beyond the
     /// mirror are left out, as those on which a solid stands: the mirror has them.
     pub(super) fn turning(&self, time: f64, spun: Spun, height: f32) -> Vec<Turning> {
         let is_before = |placed: &Placed| {
@@ -472,10 +473,13 @@ mod tests {
         let wind = Vec3::new(3.0, 0.4, 0.2);
         let ball = |radius| Shape::Sphere { center: [0.1, 0.0, 0.0], radius };
         let wire = |radius| Shape::Capsule { from: [0.0, 0.0, -0.5], to: [0.0, 0.1, 0.5], radius };
+        let slanted = |radius| Shape::Capsule { from: [-0.3, -0.25, -0.3], to: [0.3, 0.25, 0.3], radius };
         // Whether there are sources, and what may go through at most.
         let cases = [
             (ball(0.005), false, 0.0),
             (wire(0.005), false, 0.0),
+            (slanted(0.02), false, 0.0),
+            (slanted(0.045), true, 0.5),
             (ball(0.025), false, 0.0),
             (wire(0.025), true, 1.0),
             (ball(0.035), true, 0.8),
@@ -499,21 +503,17 @@ mod tests {
             }
             let sources = walls.solve(&panels, &vec![wind; panels.len()]);
             assert!(sources.residual < 0.01, "{shape:?}: {}", sources.residual);
-            // All over the surface, and beside it where vortons may stand.
-            let around = |gap: f32| {
-                panels.iter().flat_map(|placed| (0..40).map(move |n| (placed.panel, n))).map(
-                    move |(panel, n)| {
-                        let aside = Vec3::new((n % 5) as f32, (n / 5 % 4) as f32, (n / 20) as f32 * 3.0)
-                            - Vec3::new(2.0, 1.5, 1.5);
-                        (panel.x + aside * (0.25 * panel.width), gap)
-                    },
-                )
-            };
-            let place = |(x, gap): (Vec3, f32)| {
+            // All over the surface, as near to it as vortons come.
+            let gap = 0.05 * 0.05;
+            let around = panels.iter().flat_map(|placed| (0..40).map(move |n| (placed.panel, n)));
+            let place = |(panel, n): (Panel, u32)| {
+                let aside =
+                    Vec3::new((n % 5) as f32 - 2.0, (n / 5 % 4) as f32 - 1.5, (n / 20) as f32 * 3.0 - 1.5);
+                let x = panel.x + aside * (0.25 * panel.width);
                 let (distance, normal) = shape.contact(x);
                 (x + normal * (gap - distance), normal)
             };
-            let (at, normals): (Vec<Vec3>, Vec<Vec3>) = around(0.05 * 0.05).map(place).unzip();
+            let (at, normals): (Vec<Vec3>, Vec<Vec3>) = around.map(place).unzip();
             let mut velocity = vec![wind; at.len()];
             sources.add_velocity(&at, &mut velocity);
             let square = |along: &[f32]| along.iter().map(|v| v * v).sum::<f32>().sqrt();
