@@ -141,6 +141,7 @@ impl<'a> Together<'a> {
             return None;
         }
         let lambda = self.sheets.press(&mut step.leaning, on.touches, &ways);
+        self.told.unfinished += std::mem::take(&mut step.leaning.unfinished);
         let mut first = 0;
         while first < on.list.len() {
             let i = on.list[first].particle as usize;

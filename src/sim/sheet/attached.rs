@@ -120,6 +120,8 @@ pub(in crate::sim) struct Leaning {
     given: Vectors,
     /// The size of the largest right side of a round.
     size: f64,
+    /// Rounds that ended by the number of their iterations or sweeps.
+    pub(in crate::sim) unfinished: u64,
     /// Δx with which the first round begins.
     guess: Option<Vectors>,
     /// What touches changed of velocities, by Δt [m/s²]; for the next substep's guess.
@@ -161,7 +163,7 @@ impl Sheets {
         self.substep(now, dt, clock, record)?;
         let given = Vectors::zeros(self.len());
         let alone = self.x.clone();
-        Ok(Leaning { now, dt, before, alone, given, size: 0.0, guess: None, answer: None })
+        Ok(Leaning { now, dt, before, alone, given, size: 0.0, unfinished: 0, guess: None, answer: None })
     }
 
     /// One round: lets every touch that asks for a way above zero push both sides. Returns λ of all [kg·m]; the sheet has moved, the
@@ -180,7 +182,7 @@ impl Sheets {
             touches.list.iter().zip(way).map(|(touch, &v)| if v > 0.0 { touch.mass } else { 0.0 }).collect();
         match self.params.common.solver.integrator {
             Integrator::Symplectic => {
-                let lambda = self.swept(touches, &mass, way);
+                let lambda = self.swept(leaning, touches, &mass, way);
                 touches.give(&lambda, leaning);
                 // Exactly what was given, so that momentum is kept to rounding.
                 self.moved(leaning);
@@ -206,7 +208,7 @@ impl Sheets {
         way: &[f32],
     ) -> (Vec<f32>, Vectors) {
         let guess = leaning.guess.take();
-        let Leaning { now, dt, before, size, .. } = leaning;
+        let Leaning { now, dt, before, size, unfinished, .. } = leaning;
         let own = self.matrix(before, self.held_blocks(*now, *dt), *now, *dt);
         let mut blocks = own.diagonal();
         touches.add_blocks(mass, &mut blocks);
@@ -243,12 +245,16 @@ impl Sheets {
             }
         }
         let mut last: Option<(Vectors, f64)> = None;
-        for _ in 0..MOST {
+        for iterations in 0.. {
             let left = residual(&lacks, &pulled, &mut push, &mut rest, &mut better);
             // [nocedal06] Eq. 5.45
             let beta =
                 last.as_ref().map_or(0.0, |(old, before)| ((left - old.dot(&better)) / before).max(0.0));
             if left <= TOLERANCE * TOLERANCE * *size {
+                break;
+            }
+            if iterations == MOST {
+                *unfinished += 1;
                 break;
             }
             implicit::combine(&mut direction, beta as f32, &better, 1.0);
@@ -273,7 +279,7 @@ impl Sheets {
     }
 
     /// λ where A is of the masses alone: touch after touch takes what it lacks, until none lacks much.
-    fn swept(&self, touches: &Touches, mass: &[f32], way: &[f32]) -> Vec<f32> {
+    fn swept(&self, leaning: &mut Leaning, touches: &Touches, mass: &[f32], way: &[f32]) -> Vec<f32> {
         let inverse = self.inverse.as_flattened();
         let asking: Vec<usize> = (0..way.len()).filter(|&i| way[i] > 0.0).collect();
         let gives = |touch: &Touch| -> f32 {
@@ -283,7 +289,7 @@ impl Sheets {
         let enough = asking.iter().map(|&i| way[i]).fold(0.0, f32::max) * SWEPT;
         let mut change = vec![Vec3::zeros(); self.len()];
         let mut lambda = vec![0.0_f32; way.len()];
-        for _ in 0..SWEEPS {
+        for sweep in 1.. {
             let mut most = 0.0_f32;
             for (&i, softness) in asking.iter().zip(&softness) {
                 let touch = &touches.list[i];
@@ -297,6 +303,10 @@ impl Sheets {
                 }
             }
             if most <= enough {
+                break;
+            }
+            if sweep == SWEEPS {
+                leaning.unfinished += 1;
                 break;
             }
         }
@@ -349,6 +359,9 @@ impl Sheets {
                 implicit::combine(&mut asked, 1.0 / dt, &leaning.given, 0.0);
                 let solved = matrix.solve(&asked, &mut change, FINAL.0, FINAL.1);
                 record.iterations += solved.iterations;
+                record.residual = record.residual.max(solved.residual);
+                record.unconverged +=
+                    u32::from(solved.residual > f64::from(self.params.common.solver.tolerance));
                 self.x = leaning.alone.clone();
                 implicit::combine(&mut self.x, 1.0, &change, dt);
                 leaning.answer.get_or_insert_with(|| {

@@ -11,7 +11,7 @@ pub struct SheetRecord {
     pub substeps: u32,
     /// Rounds of the conjugate gradients, over all substeps; 0 for the symplectic integrator.
     pub iterations: u32,
-    /// Substeps whose conjugate gradients ended at `max_iterations` above `tolerance`.
+    /// Times conjugate gradients ended by their number above `tolerance`: once a substep, and once more where something leans on sheets.
     pub unconverged: u32,
     /// Largest residual that was left, as a part of the right side.
     pub residual: f64,
