@@ -37,7 +37,7 @@ const SOFT_SQUARE: f32 = 0.5;
 /// left on a fin 0.55 steps thick, and with 4 three quarters; more, and fins that keep some air out have none.
 const ROOM: f32 = 4.0;
 
-/// In such solids, a panel nearer than this to one before [steps] is a part of it: their equations would be nearly the same, and their sources as strong
+/// In solids with edges, a panel nearer than this to one before [steps] is a part of it: their equations would be nearly the same, and their sources as strong
 /// as they cancel. Without, up to four times the wind is left by where the lattice falls; with half a step a tenth more than with these.
 const TWINS: f32 = 0.4;
 
