@@ -22,7 +22,8 @@ pub struct LiquidOnSheets {
     pub impulse: [f64; 3],
     /// Work of sheets on the liquid [J], below zero where they yield: what the liquid's energy may rise by.
     pub work: f64,
-    /// Rounds of contact that ended by their number of iterations or sweeps, over all substeps; what was left the next round took.
+    /// Rounds of contact that ended by their number of iterations or sweeps, over all substeps; what was left was for
+    /// the next round, if there was one, and else shows in `crossed` and `put_back`.
     pub unfinished: u64,
     /// Particles that were put back to their side of a sheet alone, because nothing else kept them there, over all substeps: what these
     /// were pushed by, no sheet took.

@@ -34,7 +34,7 @@ const SUNK: f32 = 0.25;
 const SOFT_SQUARE: f32 = 0.5;
 
 /// The least thickness below a square, in its depths. The squares of two faces that are nearer to each other are one to the equations: with 2, three times the wind is
-/// left on a fin 0.55 steps thick, and with 4 three quarters; more, and fins that keep some air out have none.
+/// left on a fin 0.55 steps thick, and with 4 three quarters (a prototype); more, and fins that keep some air out have none.
 const ROOM: f32 = 4.0;
 
 /// In solids with edges, a panel nearer than this to one before [steps] is a part of it: their equations would be nearly the same, and their sources as strong
@@ -42,7 +42,7 @@ const ROOM: f32 = 4.0;
 const TWINS: f32 = 0.4;
 
 /// The least inner radius of a solid with sources [steps]. Panels of thinner ones stand on this side or that of it by where the lattice falls, and more is left than
-/// without; of a radius of 0.7 steps 0.3 to 0.7 is left.
+/// without (a prototype); of a radius of 0.7 steps 0.3 to 0.7 is left.
 const THIN: f32 = 0.5;
 
 /// Panels that lean to one side by more than this part of their area do not stand for a solid, as of a ball as small as a step, or a mesh whose samples are
@@ -141,7 +141,7 @@ fn sunken(shape: &Shape, step: f32) -> Vec<Panel> {
     if shape.inner_radius() < THIN * step || leaning.norm() > OPEN * whole {
         return made;
     }
-    // An ellipsoid is sharp at its ends and has no edge: points leave less there.
+    // An ellipsoid is sharp at its ends and has no edge: points leave a seventh to two thirds of what squares do (a prototype).
     let may_have_edges = shape.inner_radius() >= THICK * step && !matches!(shape, Shape::Ellipsoid { .. });
     let edged = may_have_edges && made.iter().any(|panel| is_at_edge(shape, panel, step));
     if edged {

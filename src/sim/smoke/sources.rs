@@ -4,7 +4,8 @@
 //! twin beyond it does the same.
 //!
 //! Symbols: q → `strength` [m³/s], d → offset from the source [m].
-//! Limits: a point is singular where it stands; points stand in solids, where nothing is asked of them, rectangles on faces or just below, and corners of those below beside an edge may be in the air.
+//! Limits: a point is singular where it stands; points stand in solids, where nothing is asked of them, rectangles on faces or just below;
+//! beside an edge corners of those below may be in the air.
 
 use super::tiles::Tile;
 use crate::{

@@ -1,9 +1,10 @@
 //! What solids do to the air: none of it goes through them.
 //!
-//! *Method*: sources inside the solids, on the faces of boxes, just below those of other solids with edges (`panels.rs`), are made as strong as it takes for the air on the panels to move with the solid along
+//! *Method*: sources inside the solids, on the faces of boxes, just below those of other solids with edges (`panels.rs`), are made as strong
+//! as it takes for the air on the panels to move with the solid along
 //! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES, with strengths over the square of the panel's width
-//! as unknowns, so that wide and narrow panels weigh the same. Their field has no vorticity and no sources in the
-//! air. A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
+//! as unknowns, so that wide and narrow panels weigh the same. Their field has no vorticity, and no sources in the
+//! air but of squares whose corners stick out beside edges (`tiles.rs`). A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
 //! Between panels a little goes through: the frame's record says how much. What slips into a solid all the same is put back
 //! to its surface, and counted; steps are short enough ([`Walls::stride`]) that a solid that moves does not jump past it. Inside
 //! solids there is no air: what is asked for there moves with the solid.
