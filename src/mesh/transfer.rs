@@ -232,14 +232,9 @@ fn nearest(missing: &[usize], vertices: &[Vec3], particles: &[Vec3], radius: f32
             if slot.is_some() || !finite(missing[i]) {
                 return;
             }
-            let mut best: Option<(f32, u32)> = None;
-            cells.for_each_within(particles, vertices[missing[i]], radius, |j, r2| {
-                if best.is_none_or(|(least, first)| (r2, j as u32) < (least, first)) {
-                    best = Some((r2, j as u32));
-                }
-            });
+            let best = cells.nearest_within(particles, vertices[missing[i]], radius, |_| true);
             // Circles wider than any number reach everything: the search ends.
-            *slot = best.map(|(_, j)| j).or((!radius.is_finite()).then_some(0));
+            *slot = best.map(|j| j as u32).or((!radius.is_finite()).then_some(0));
         });
     }
     found

@@ -21,8 +21,8 @@ const SHRINK: f32 = 0.82;
 const TABLE: [([f32; 2], usize, [f32; 2]); 4] = [
     ([1e-1, 1e-2], 4, [0.80, 0.55]),
     ([1e-2, 2e-3], 4, [0.55, 0.37]),
-    ([2e-3, 3e-4], 6, [0.56, 0.41]),
-    ([3e-4, 1e-5], 8, [0.55, 0.36]),
+    ([2e-3, 3e-4], 6, [0.55, 0.40]),
+    ([3e-4, 1e-5], 8, [0.52, 0.36]),
 ];
 
 /// Vortons of a leaf at most. On 100 000 vortons in a cube, 32 cost a tenth more and 128 the same.

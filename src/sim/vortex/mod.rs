@@ -229,7 +229,7 @@ fn both_with_kernel<K: Spread>(
 ) -> (Induced, Vec<Vec3>) {
     let (found, along) = match method {
         Method::Grid { error, way } if !points.is_empty() => {
-            grid::both::<K>(vortons, targets, points, coherence::eased::<K>(vortons, error), way)
+            grid::both::<K>(vortons, targets, points, error, way)
         }
         _ => {
             let found = rows::<K, GRADIENT, 4>(vortons, targets, method);
@@ -267,13 +267,10 @@ fn rows<K: Spread, const Q: usize, const N: usize>(
     match method {
         Method::Direct => direct::rows::<K, Q, N>(vortons, targets.positions(vortons)),
         Method::Tree { error } => {
-            let error = coherence::eased::<K>(vortons, error);
+            let error = coherence::eased(vortons, error);
             walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(error))
         }
-        Method::Grid { error, way } => {
-            let error = coherence::eased::<K>(vortons, error);
-            grid::rows::<K, Q, N>(vortons, targets, error, way)
-        }
+        Method::Grid { error, way } => grid::rows::<K, Q, N>(vortons, targets, error, way),
         Method::Nested => nested::rows::<K, Q, N>(vortons, targets.positions(vortons)),
     }
 }

@@ -97,9 +97,10 @@ pub(super) fn rows<K: Spread, const Q: usize, const N: usize>(
     way: Way,
 ) -> Vec<[Vec3; N]> {
     let count = targets.positions(vortons).len();
-    match Solved::new::<K, Q>(vortons, count, error, way) {
+    let setting = setting::<K>(vortons, way, error);
+    match Solved::new::<K, Q>(vortons, count, setting, way) {
         Some(solved) => solved.rows::<K, Q, N>(targets),
-        None => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(error)),
+        None => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(setting.error)),
     }
 }
 
@@ -113,16 +114,22 @@ pub(super) fn both<K: Spread>(
 ) -> (Vec<[Vec3; 4]>, Vec<[Vec3; 1]>) {
     let count = targets.positions(vortons).len() + points.len();
     let points = Targets::Points(points);
-    match Solved::new::<K, GRADIENT>(vortons, count, error, way) {
+    let setting = setting::<K>(vortons, way, error);
+    match Solved::new::<K, GRADIENT>(vortons, count, setting, way) {
         Some(solved) => {
             (solved.rows::<K, GRADIENT, 4>(targets), solved.rows::<K, { super::VELOCITY }, 1>(points))
         }
         None => {
-            let tree = accuracy::setting(error);
+            let tree = accuracy::setting(setting.error);
             let found = walk::rows::<K, GRADIENT, 4>(vortons, targets, tree);
             (found, walk::rows::<K, { super::VELOCITY }, 1>(vortons, points, tree))
         }
     }
+}
+
+/// The setting for these vortons to miss `error` at most.
+fn setting<K: Spread>(vortons: &Vortons, way: Way, error: f32) -> Setting {
+    Setting::new::<K>(way, error, coherence::eased(vortons, error))
 }
 
 /// A lattice that is solved, from which any points can gather.
@@ -130,7 +137,6 @@ struct Solved<'a> {
     vortons: &'a Vortons,
     plan: Plan,
     setting: Setting,
-    error: f32,
     way: Way,
     /// The quantity as rows, as many as it has.
     fields: Vec<Field>,
@@ -143,10 +149,9 @@ impl<'a> Solved<'a> {
     fn new<K: Spread, const Q: usize>(
         vortons: &'a Vortons,
         count: usize,
-        error: f32,
+        setting: Setting,
         way: Way,
     ) -> Option<Self> {
-        let setting = Setting::new::<K>(way, error);
         let plan = Plan::new::<K>(vortons, count, Q, way, &setting)?;
         let potential = potential::<K>(&plan, &setting, way);
         let mut fields = Vec::new();
@@ -158,14 +163,14 @@ impl<'a> Solved<'a> {
                 fields.extend(slopes::gradient(&fields[0], way.order()));
             }
         }
-        Some(Self { vortons, plan, setting, error, way, fields, margin: plan::margin(Q) })
+        Some(Self { vortons, plan, setting, way, fields, margin: plan::margin(Q) })
     }
 
     /// The quantity `Q`, the solved one or the first row of it, at `targets`.
     fn rows<K: Spread, const Q: usize, const N: usize>(&self, targets: Targets<'_>) -> Vec<[Vec3; N]> {
         let Self { vortons, plan, .. } = self;
         let points = targets.positions(vortons);
-        let tree = accuracy::setting(self.error);
+        let tree = accuracy::setting(self.setting.error);
         let is_inside = |x: Vec3| plan.lattice.holds(x, self.margin);
         // Most often all points are.
         let mut outside: Vec<usize> = par::map_chunks(points.len(), par::CHUNK, |part| {
@@ -199,7 +204,7 @@ impl<'a> Solved<'a> {
             Near::new::<K>(&plan.inner, plan.smooth, setting.near).add::<K, Q, N>(points, &mut found);
         }
         if !plan.outer.is_empty() {
-            let tree = accuracy::setting(self.error);
+            let tree = accuracy::setting(self.setting.error);
             let strays = walk::rows::<K, Q, N>(&plan.outer, Targets::Points(points), tree);
             par::update(&mut found, |i, row| (0..N).for_each(|n| row[n] += strays[i][n]));
         }
@@ -228,8 +233,8 @@ impl<'a> Solved<'a> {
 pub fn lattice(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32, way: Way) -> Option<Lattice> {
     assert!(way.errors(kernel).contains(&error), "an error of {error} cannot be asked of {way:?}");
     fn of<K: Spread>(vortons: &Vortons, targets: usize, error: f32, way: Way) -> Option<Lattice> {
-        let error = coherence::eased::<K>(vortons, error);
-        let plan = Plan::new::<K>(vortons, targets, super::VELOCITY, way, &Setting::new::<K>(way, error));
+        let setting = setting::<K>(vortons, way, error);
+        let plan = Plan::new::<K>(vortons, targets, super::VELOCITY, way, &setting);
         plan.map(|plan| plan.lattice)
     }
     match kernel {
@@ -298,7 +303,7 @@ pub fn boundary_values(field: &mut Field, vortons: &Vortons, error: f32) -> Resu
         Way::Sine.errors(Kernel::default()).contains(&error),
         "an error of {error} cannot be asked of a lattice"
     );
-    let setting = Setting::new::<WinckelmansLeonard>(Way::Sine, error);
+    let setting = Setting::new::<WinckelmansLeonard>(Way::Sine, error, error);
     faces::<WinckelmansLeonard>(vortons, field.lattice, &setting).write(field);
     Ok(())
 }

@@ -25,6 +25,8 @@ const SAMPLES: usize = 4096;
 /// What a way asks of its lattice for an error.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting {
+    /// The error that it is for.
+    pub(super) error: f32,
     /// S over the spacing.
     pub(super) ratio: f32,
     /// Cells from the vortons to the boundary, over that ratio.
@@ -37,8 +39,8 @@ pub(super) struct Setting {
 }
 
 impl Setting {
-    /// Of a kernel, for an error that the way can be asked for.
-    pub(super) fn new<K: Spread>(way: Way, error: f32) -> Self {
+    /// Of a kernel, for an error that the way can be asked for, and vortons that [`eased`](crate::sim::vortex::coherence::eased) it.
+    pub(super) fn new<K: Spread>(way: Way, asked: f32, error: f32) -> Self {
         let ratio = match way {
             Way::Sine => between(K::RATIOS[0], error),
             Way::Multigrid => between(K::RATIOS[1], error),
@@ -46,7 +48,8 @@ impl Setting {
         };
         // Boundary values of five times the error, and a cubic through nodes four cells apart, add less than a tenth of it.
         let boundary = (5.0 * error).min(*ERRORS.end());
-        Self { ratio, room: K::ROOM, near: error / 3.0, boundary, step: 4 }
+        // What pairs leave out has one sign, and adds up as the whole does.
+        Self { error, ratio, room: K::ROOM, near: asked / 3.0, boundary, step: 4 }
     }
 }
 

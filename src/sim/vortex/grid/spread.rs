@@ -86,7 +86,8 @@ impl Spread for RosenheadMoore {
     fn reach(core: f32, smooth: f32, error: f32) -> f32 {
         let (low, high) = (core.min(smooth), core.max(smooth));
         // Inside the cores two kernels differ however slowly they come to agree outside.
-        if high - low < 0.1 * error * high { 0.0 } else { Self::gap(low, high, error).max(2.0 * high) }
+        // What is left out falls as slowly as the squared distance, and has one sign: twice what single cells of mixed cores leave.
+        if high - low < 0.1 * error * high { 0.0 } else { Self::gap(low, high, 0.5 * error).max(2.0 * high) }
     }
 }
 
