@@ -107,6 +107,8 @@ pub(super) struct Sheets {
     pub iterations: u32,
     /// Substeps that ended above the tolerance.
     pub unconverged: u32,
+    /// Substeps in which one linearisation made energy.
+    pub overshot: u32,
     /// Energy of motion [J].
     pub kinetic_energy: f64,
     /// Energy of springs and plates [J].

@@ -75,6 +75,7 @@ fn of_coupling(record: &CouplingRecord) -> Vec<String> {
     counted(&[
         (liquid.crossed, "particles got through a sheet"),
         (liquid.put_back, "particles put back to their side of a sheet"),
+        (liquid.unfinished, "rounds of contact ended by their number"),
         (smoke.cut, "drags of faces cut (longer substeps than the air allows)"),
     ])
 }
@@ -86,6 +87,7 @@ fn of_sheets(record: &SheetRecord) -> Vec<String> {
         (contact.crossings, "edges of sheets through faces of sheets"),
         (contact.unseparated, "pairs of sheets not surely kept apart"),
         (record.unconverged.into(), "substeps of sheets stopped at max_iterations"),
+        (record.overshot.into(), "substeps of sheets too long for one linearisation: springs gained energy"),
         (record.inside_solids, "points of sheets inside solids"),
         (record.folded, "springs of sheets without a direction"),
     ])

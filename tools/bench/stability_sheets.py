@@ -107,6 +107,7 @@ TESTS = [
     ("a mass ratio of a million", "a_mass_ratio_of_a_million"),
     ("frames a hundred times as long", "frames_a_hundred_times_as_long"),
     ("a substep a hundred times the stable one", "a_substep_a_hundred_times_too_long"),
+    ("substeps thousands of times as long", "energy_that_a_linearisation_makes_is_told"),
     ("all points pinned", "all_points_pinned_stay"),
     ("a pin that teleports", "a_pin_that_teleports"),
     ("an obstacle inside the sheet at the start, a torus with a hole smaller than a cell",
@@ -158,6 +159,8 @@ def judge(frames):
     steps = total("substeps")
     if total("unconverged"):
         how.append(f"{total('unconverged')} of {steps} substeps ended above `tolerance`, by {max(f['residual'] for f in frames):.1e} at most")
+    if total("overshot"):
+        how.append(f"{total('overshot')} of {steps} substeps gained {total('overshot_energy'):.2g} J by being too long for one linearisation")
     if total("caught"):
         how.append(f"points put out of solids {total('caught')} times")
     if frames[-1]["inside_solids"]:
@@ -177,7 +180,7 @@ def write(tool):
     print(
         "A square of 1 m of 12 × 12 cells, 0.2 kg/m² and 50 N/m, level at the start, hangs from its corners for eight frames of\n"
         "1/24 s. One setting changes at a time; every value is run by both integrators.\n\n"
-        "- **stable**: nothing was put back or left over;\n"
+        "- **stable**: nothing was put back or left over, and no linearisation made energy;\n"
         "- **degraded**: the shot is finite and complete, and its log tells what was limited;\n"
         "- **refused**: exit 2 or 20, with this message; the frames before it are kept.\n\n"
         "Strain is the largest of a spring at the end; energies are of motion, of springs and plates, and of height, at the end.\n\n"

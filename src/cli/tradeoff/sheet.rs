@@ -126,10 +126,11 @@ impl Tell for Cloth {
     }
 
     fn notes(line: &Line) -> Vec<String> {
-        let Told { unconverged, inside, .. } = line.told;
+        let Told { unconverged, overshot, inside, .. } = line.told;
         let open = (unconverged > 0).then(|| format!("{unconverged} substeps stopped at max_iterations"));
+        let long = (overshot > 0).then(|| format!("{overshot} substeps were too long for one linearisation"));
         let held = (inside > 0).then(|| format!("{inside} points were inside solids at the ends of frames"));
-        open.into_iter().chain(held).collect()
+        open.into_iter().chain(long).chain(held).collect()
     }
 
     fn kept(most: f64) -> String {

@@ -21,6 +21,7 @@ mod hold;
 mod implicit;
 mod lanes;
 mod model;
+mod overshoot;
 mod params;
 mod record;
 mod solids;

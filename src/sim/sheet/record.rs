@@ -15,6 +15,11 @@ pub struct SheetRecord {
     pub unconverged: u32,
     /// Largest residual that was left, as a part of the right side.
     pub residual: f64,
+    /// Substeps of the implicit rule in which springs got more energy than its linearisation foresaw and its damping took: by more than a
+    /// hundredth of all that they and the motion then had.
+    pub overshot: u32,
+    /// What they got in these substeps [J].
+    pub overshot_energy: f64,
     /// ½ Σ m v² at the frame's end [J].
     pub kinetic_energy: f64,
     /// Energy of springs and plates at the frame's end [J].

@@ -6,6 +6,7 @@ use super::{
     explicit, hold,
     implicit::{self, Matrix},
     lanes::Vectors,
+    overshoot,
     solids::{self, Push},
     springs::{self, Blocks, Forces, Linear, Sum},
     table::Table,
@@ -209,6 +210,7 @@ impl Sheets {
                 }
             }
         });
+        let before = v.clone();
         let matrix = Matrix {
             springs,
             plates: plates.as_ref(),
@@ -227,6 +229,10 @@ impl Sheets {
         record.iterations += solved.iterations;
         record.residual = record.residual.max(solved.residual);
         record.unconverged += u32::from(solved.residual > f64::from(solver.tolerance));
+        let made =
+            overshoot::made(&overshoot::Substep { springs, x, mass, before: &before, after: v, dt: h });
+        record.overshot += u32::from(made > 0.0);
+        record.overshot_energy += made;
 
         // v is the new one; positions follow without further forces.
         let gravity = crate::math::Vec3::zeros();

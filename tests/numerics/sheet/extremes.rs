@@ -167,6 +167,34 @@ fn a_substep_a_hundred_times_too_long() {
 }
 
 #[test]
+fn energy_that_a_linearisation_makes_is_told() {
+    let world = world(0.0, vec![]);
+    // Spins, and every point goes its own way.
+    let spin = |i: usize, x: Vec3, _| {
+        let rough = Vec3::new((i as f32 * 1.7).sin(), (i as f32 * 2.3).sin(), (i as f32 * 3.1).sin());
+        (x, 3.0 * Vec3::new(-x.y, x.x, 0.0) + rough)
+    };
+    for (substeps, overshoots) in [(20_000, false), (2000, false), (10, true), (1, true)] {
+        let terms = "density = 0.2\nstiffness = [1e6, 1e6]\nshear = 1e5\nbending = 0.01";
+        let text = square([8, 8], 0.0, terms) + &solver("implicit") + "substeps = 1\ntolerance = 1e-6\n";
+        let mut sheets = placed(&text, &world, spin);
+        let dt = 1.0 / f64::from(substeps);
+        let records = run_at(&mut sheets, 0, substeps.clamp(10, 40), dt).unwrap();
+        let energy = |r: &SheetRecord| r.kinetic_energy + r.elastic_energy;
+        // Nothing works on it: energy grows by what is told, and by less than a hundredth if nothing is.
+        for pair in records.windows(2) {
+            let [before, after] = [&pair[0], &pair[1]].map(energy);
+            let told = pair[1].overshot_energy;
+            assert!(
+                after < 1.011 * before + 1.001 * told,
+                "{substeps}: {before} J to {after} J, told {told} J"
+            );
+        }
+        assert_eq!(records.iter().any(|r| r.overshot > 0), overshoots, "{substeps}: {records:?}");
+    }
+}
+
+#[test]
 fn all_points_pinned_stay() {
     for way in WAYS {
         let all: Vec<u32> = (0..25).collect();

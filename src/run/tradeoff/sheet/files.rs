@@ -96,7 +96,7 @@ fn panels(table: &Table) -> Vec<Panel> {
 }
 
 fn csv(table: &Table) -> Vec<Vec<String>> {
-    let own = "memory_bytes,points,substeps_a_frame,iterations_a_frame,unconverged,strain_max,caught,inside_solids,\
+    let own = "memory_bytes,points,substeps_a_frame,iterations_a_frame,unconverged,overshot,strain_max,caught,inside_solids,\
                distance_apart,farthest_apart,energy_apart";
     page::csv(table, own.split(',').map(String::from), |line| {
         let (told, apart) = (&line.told, &line.apart);
@@ -106,6 +106,7 @@ fn csv(table: &Table) -> Vec<Vec<String>> {
             told.substeps.to_string(),
             told.iterations.to_string(),
             told.unconverged.to_string(),
+            told.overshot.to_string(),
             told.strain.to_string(),
             told.caught.to_string(),
             told.inside.to_string(),

@@ -78,6 +78,8 @@ pub struct Told {
     pub iterations: f64,
     /// Substeps whose conjugate gradients ended above the tolerance, over all frames.
     pub unconverged: u32,
+    /// Substeps in which one linearisation made energy, over all frames.
+    pub overshot: u32,
     /// Largest strain of a spring at the end of any frame, as a fraction.
     pub strain: f64,
     /// Points put out of solids, over all frames.
@@ -195,6 +197,7 @@ fn line(Run { setting, row, .. }: &Run<'_, Figures>, sweep: &Sweep, selection: &
         substeps: mean(|line| line.substeps),
         iterations: mean(|line| line.iterations),
         unconverged: logged.iter().map(|line| line.unconverged).sum(),
+        overshot: logged.iter().map(|line| line.overshot).sum(),
         strain: logged.iter().map(|line| line.strain_max).fold(0.0, f64::max),
         caught: logged.iter().map(|line| line.caught).sum(),
         inside: logged.iter().map(|line| line.inside_solids).sum(),

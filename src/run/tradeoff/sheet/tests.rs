@@ -63,7 +63,7 @@ fn distances_are_between_the_same_points_of_the_same_sheets() {
 fn energies_are_parts_of_what_moves_and_stretches() {
     let row = |kinetic: f64, height: f64| -> Row {
         let logged = json!({
-            "substeps": 3, "iterations": 0, "unconverged": 0, "kinetic_energy": kinetic, "elastic_energy": 1.0,
+            "substeps": 3, "iterations": 0, "unconverged": 0, "overshot": 0, "kinetic_energy": kinetic, "elastic_energy": 1.0,
             "potential_energy": height, "strain_max": 0.1, "caught": 0, "inside_solids": 0,
         });
         serde_json::from_value(json!({
