@@ -285,10 +285,17 @@ fn the_tree_keeps_the_error_that_is_asked_for() {
             let found = velocity(&vortons, Kernel::default(), Method::Tree { error });
             let reached = sampled_error(&vortons, Targets::Vortons, Kernel::default(), &found, 300).unwrap();
             assert!(reached < f64::from(error), "{shape:?}: {reached} of {error}");
-            // Below 2e-6 it is the noise of single precision.
-            assert!(reached < last.max(2e-6), "{shape:?}: {reached} after {last}");
+            // Below 2e-6 it is the noise of single precision. Coherent clouds take the largest setting for several errors.
+            assert!(reached <= last.max(2e-6), "{shape:?}: {reached} after {last}");
             last = reached;
         }
+    }
+    // As far as parts of the velocity add up the setting eases, but not more the more parts there are.
+    let vortons = cloud(Shape::Sheet, 100_000, false);
+    for error in [1e-2, 1e-3] {
+        let found = velocity(&vortons, Kernel::default(), Method::Tree { error });
+        let reached = sampled_error(&vortons, Targets::Vortons, Kernel::default(), &found, 300).unwrap();
+        assert!(reached < f64::from(error), "100 000 in a sheet: {reached} of {error}");
     }
 }
 

@@ -110,7 +110,7 @@ fn the_lattice_keeps_the_error_that_is_asked_for() {
             if [Shape::Ring, Shape::Cube].contains(&shape) { &[0.1, 0.03, 0.01][..] } else { &[0.1, 0.03] };
         for &error in errors {
             let found = reached(&vortons, Kernel::default(), error, Way::Sine);
-            assert!(found < f64::from(error) && found < last, "{shape:?}: {found} of {error}, after {last}");
+            assert!(found < f64::from(error) && found <= last, "{shape:?}: {found} of {error}, after {last}");
             last = found;
         }
     }
@@ -143,6 +143,10 @@ fn every_kernel_and_uneven_cores_keep_the_error_on_a_lattice() {
             }
         }
     }
+    // Here the lattice carries wider cores, and what pairs leave out of the difference adds up all around the ring.
+    let vortons = cloud(Shape::Ring, 40_000, false);
+    let found = reached(&vortons, Kernel::RosenheadMoore, 0.01, Way::Sine);
+    assert!(found < 0.01, "wider cores: {found}");
     let vortons = cloud(Shape::Cube, 12_000, false);
     for error in [1e-3, 3e-4] {
         let found = reached(&vortons, Kernel::Gaussian, error, Way::Sine);

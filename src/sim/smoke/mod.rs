@@ -281,17 +281,17 @@ impl System {
 
     /// Says which vorton or point left what can be computed.
     fn diverged(&self, substep: u32, unfit: &Unfit) -> Diverged {
-        let vorton = unfit.kind == "vortons";
         let index = unfit.index as u32;
+        let (particle, of) = match unfit.kind {
+            "vortons" => (self.flow.id.get(unfit.index).copied().unwrap_or(index), ""),
+            "panels" => (index, "of the panels of solids that turn "),
+            _ => (index, "of the points that drift along "),
+        };
         Diverged {
             system: NAME,
             substep,
-            particle: if vorton { self.flow.id.get(unfit.index).copied().unwrap_or(index) } else { index },
-            what: format!(
-                "{}has {}",
-                if vorton { "" } else { "of the points that drift along " },
-                unfit.what
-            ),
+            particle,
+            what: format!("{of}has {}", unfit.what),
             try_next: "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps",
         }
     }

@@ -33,8 +33,8 @@ const SUNK: f32 = 0.25;
 /// they cover without gaps (`tiles.rs`); larger was not tried.
 const SOFT_SQUARE: f32 = 0.5;
 
-/// The least thickness below a square, in its depths. The squares of two faces that are nearer to each other are one to the equations: with 2, three times the wind is
-/// left on a fin 0.55 steps thick, and with 4 three quarters (a prototype); more, and fins that keep some air out have none.
+/// The least thickness below a square, in its depths. The squares of two faces that are nearer to each other are one to the equations: with 2, up to three times the wind is
+/// left on fins 0.55 steps thick by where the lattice falls, with 1 hundreds of times, and with 4 three quarters at most; more, and fins that keep some air out have none.
 const ROOM: f32 = 4.0;
 
 /// In solids with edges, a panel nearer than this to one before [steps] is a part of it: their equations would be nearly the same, and their sources as strong

@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{math::Vec3, par};
 
-/// Vortons at which it is sampled, and at most whose parts of the velocity there. Costs their product, and the time of reading all.
+/// Vortons at which it is sampled, and how many at most whose parts of the velocity there are summed. It costs their product.
 const SAMPLES: usize = 64;
 const PARTS: usize = 8192;
 

@@ -23,7 +23,7 @@ pub struct Vortons {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("number {index} of the {kind} has {what}")]
 pub struct Unfit {
-    /// "vortons" or "points".
+    /// "vortons" or "points", or "panels" whose spin stands for that of solids.
     pub kind: &'static str,
     /// The first of them.
     pub index: usize,
