@@ -329,7 +329,7 @@ impl Sheets {
         });
     }
 
-    /// Makes velocities of what touches gave, and puts points back that they pressed into solids.
+    /// Makes velocities of what touches gave, and puts points back that they pressed into solids or through other sheets.
     pub(in crate::sim) fn yield_to(
         &mut self,
         leaning: &mut Leaning,
@@ -373,10 +373,8 @@ impl Sheets {
             }
         };
         implicit::combine(&mut self.v, 1.0, &change, 1.0);
-        self.unite();
-        if !self.solids.is_empty() {
-            record.caught += clock.time("sheet_solids", || self.put_back(leaning.now, leaning.dt));
-        }
+        // The liquid pushed after sheets had met: unless they meet again, it pushes one through the other.
+        self.keep_out(leaning.now, leaning.dt, clock, record);
     }
 }
 

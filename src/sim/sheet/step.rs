@@ -48,6 +48,12 @@ impl Sheets {
             return Err(self.diverged(record.substeps, point, what, try_next));
         }
         self.lead(now + dt, dt);
+        self.keep_out(now, dt, clock, record);
+        Ok(())
+    }
+
+    /// Puts points where bonds, solids and other sheets let them be, at the end of the substep from `now` [s] of `dt` [s].
+    pub(super) fn keep_out(&mut self, now: f64, dt: f64, clock: &mut Clock, record: &mut SheetRecord) {
         self.unite();
         if !self.solids.is_empty() {
             record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
@@ -59,7 +65,6 @@ impl Sheets {
                 record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
             }
         }
-        Ok(())
     }
 
     /// Puts points that are held exactly where they are to be.
@@ -72,7 +77,7 @@ impl Sheets {
     }
 
     /// Puts together what bonds hold exactly.
-    pub(super) fn unite(&mut self) {
+    fn unite(&mut self) {
         let Self { bonds, inverse, x, v, low, .. } = self;
         if bonds.is_empty() {
             return;
@@ -82,7 +87,7 @@ impl Sheets {
         bonds.unite(inverse, &mut Whole { value: x, low: Some(low) });
     }
 
-    pub(super) fn put_back(&mut self, now: f64, dt: f64) -> u64 {
+    fn put_back(&mut self, now: f64, dt: f64) -> u64 {
         let placed = solids::placed(&self.solids, now, now + dt);
         let mobility = self.inverse.as_flattened();
         let friction = self.params.common.friction;

@@ -2,6 +2,7 @@
 
 mod liquid;
 mod smoke;
+mod together;
 
 use meniscus::{
     frame::{Frame, FrameIndex},
