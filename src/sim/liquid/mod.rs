@@ -241,10 +241,11 @@ impl Liquid {
                 return Err(Stop::Interrupted);
             }
             let now = start + (seconds - left);
-            let mut remaining = self.substeps_left(left, company.as_deref(), &mut record);
+            let [wanted, mut remaining] = self.substeps_left(left, company.as_deref(), record.substeps);
             if let Some(company) = &mut company {
                 remaining = remaining.max(company.substeps_left(now, left, seconds, record.substeps)?);
             }
+            record.cfl_capped += u32::from(wanted > remaining);
             let dt = left / f64::from(remaining);
             record.substeps += 1;
             let left_after = if remaining == 1 { 0.0 } else { left - dt };
@@ -437,8 +438,8 @@ impl Liquid {
         }
     }
 
-    /// How many equal substeps the rest of the frame, `left` [s], takes at the present speeds.
-    fn substeps_left(&self, left: f64, company: Option<&dyn Company>, record: &mut FrameRecord) -> u32 {
+    /// How many equal substeps the rest of the frame, `left` [s], is to take at the present speeds, and how many it may take after `done`.
+    fn substeps_left(&self, left: f64, company: Option<&dyn Company>, done: u32) -> [u32; 2] {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
         let company = company.map_or(0.0, Company::fastest);
         let fastest = fastest + self.walls.fastest(left).max(company);
@@ -447,10 +448,9 @@ impl Liquid {
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
         let root = fastest + (fastest * fastest + 4.0 * gravity * allowed).sqrt();
         let wanted = (left * root / (2.0 * allowed) - 1e-6).ceil().clamp(1.0, 4e9) as u32;
-        let fewest = self.params.min_substeps.saturating_sub(record.substeps).max(1);
-        let most = self.params.max_substeps.saturating_sub(record.substeps).max(1);
-        record.cfl_capped += u32::from(wanted > most);
-        wanted.max(fewest).min(most)
+        let fewest = self.params.min_substeps.saturating_sub(done).max(1);
+        let most = self.params.max_substeps.saturating_sub(done).max(1);
+        [wanted, wanted.max(fewest).min(most)]
     }
 
     /// Fills in what the record says about the frame's end.
