@@ -1,7 +1,7 @@
 //! `meniscus info` and `meniscus verify`.
 
 use super::{args::InfoArgs, print};
-use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder};
+use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder, Totals};
 
 /// Tells what is in a shot folder; `whole` reads every frame to its last byte.
 pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
@@ -59,6 +59,7 @@ fn describe(info: &Info, whole: bool) -> String {
             100.0 * most
         ));
     }
+    lines.extend(between(&info.totals));
     for output in &info.outputs {
         lines.push(format!(
             "{:<10} {} {} files, {} missing: {}",
@@ -76,6 +77,27 @@ fn describe(info: &Info, whole: bool) -> String {
     }
     lines.extend(info.jumps.iter().map(|jump| format!("jump       {jump}")));
     lines.join("\n")
+}
+
+/// What the log tells of sheets and couplings, a line each.
+fn between(Totals { sheets, liquid_on_sheets, smoke_on_sheets }: &Totals) -> Vec<String> {
+    let sheets = sheets.as_ref().map(|sum| {
+        let (strain, inside) = (100.0 * sum.strain_max, sum.inside_solids);
+        format!("sheets     strained by {strain:.1}% at most, {inside} points inside solids at most, in {} frames", sum.frames)
+    });
+    let liquid = liquid_on_sheets.as_ref().map(|sum| {
+        format!(
+            "coupling   liquid: {} particles through sheets, {} put back alone, {} rounds unfinished, in {} frames",
+            sum.crossed, sum.put_back, sum.unfinished, sum.frames
+        )
+    });
+    let smoke = smoke_on_sheets.as_ref().map(|sum| {
+        format!(
+            "coupling   smoke: {:.1} m/s of air at most, drag of faces cut {} times, in {} frames",
+            sum.fastest, sum.cut, sum.frames
+        )
+    });
+    [sheets, liquid, smoke].into_iter().flatten().collect()
 }
 
 /// Ascending frame numbers as `--frames` takes them: `3,5-9`.

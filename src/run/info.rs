@@ -1,8 +1,9 @@
 //! What is in a shot folder.
 
-use super::{Failure, FrameSpan, Jump, Manifest, MeshRecord, RunError, ShotFolder, mesh_log};
+use super::{Failure, FrameSpan, Jump, Manifest, MeshRecord, RunError, ShotFolder, Totals, mesh_log, totals};
 use crate::{
     cache::{self, CacheError},
+    frame::FrameIndex,
     sim::sheet::is_faces,
 };
 use serde::Serialize;
@@ -22,6 +23,9 @@ pub struct Info {
     pub missing: Vec<u32>,
     /// How many these are.
     pub missing_count: u64,
+    /// What the log tells of sheets and couplings over the frames that are there and sound.
+    #[serde(flatten)]
+    pub totals: Totals,
     /// The files that were made of them.
     pub outputs: Vec<OutputInfo>,
     /// The figures of the meshes that were made.
@@ -147,6 +151,11 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
             missing: output.frames.count().saturating_sub(present as u64),
         }
     });
+    let sound = |index: FrameIndex| {
+        let place = frames.binary_search_by_key(&index.0, |frame| frame.frame);
+        place.is_ok_and(|place| frames[place].fault.is_none())
+    };
+    let totals = totals::read(folder, sound)?;
     let meshes = mesh_log::read(folder)?;
     let jumps = mesh_log::jumps(&meshes);
     Ok(Info {
@@ -155,6 +164,7 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
             .map_or_else(|| "Cache without shot.json".into(), |known| known.title.clone()),
         fps: manifest.as_ref().map_or(0.0, |known| known.fps),
         span,
+        totals,
         outputs: outputs.collect(),
         frames,
         missing,

@@ -26,6 +26,7 @@ mod smoke_grids;
 mod solids;
 mod source;
 mod surface;
+mod totals;
 pub mod tradeoff;
 mod usage;
 mod volume;
@@ -46,6 +47,7 @@ pub use sheets::{SheetSettings, SheetsDone, has_sheets, sheets};
 pub use simulate::{Simulated, simulate};
 pub use source::Source;
 pub use surface::{SurfaceSettings, surface};
+pub use totals::{LiquidTotals, SheetTotals, SmokeTotals, Totals};
 pub use volume::{Surroundings, VolumeSettings, surroundings, volume};
 
 /// What a job tells while it works. Implemented by the command line.
