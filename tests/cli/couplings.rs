@@ -1,6 +1,47 @@
 //! Shots whose systems feel each other.
 
 use super::*;
+use meniscus::{cache::read_frame, frame::Frame, math::Vec3};
+
+/// Particles below every face of the sheet "cloth" over which they are, and particles over none of its faces.
+fn below_and_beside(frame: &Frame) -> [usize; 2] {
+    let of = |stream: &str| frame.stream(stream).unwrap_or_else(|| panic!("there is a {stream}"));
+    let x = of("liquid").vec3("position").unwrap();
+    let y = of("sheet.cloth").vec3("position").unwrap();
+    let faces = of("sheet.cloth.faces");
+    let [a, b, c, d] = ["a", "b", "c", "d"].map(|corner| faces.u32(corner).unwrap());
+    let mut lowest = vec![f32::INFINITY; x.len()];
+    // As the coupling cuts them.
+    for [p, q, r] in (0..a.len()).flat_map(|f| [[a[f], b[f], c[f]], [a[f], c[f], d[f]]]) {
+        let [p, q, r] = [p, q, r].map(|i| y[i as usize]);
+        let (low, high) = (p.inf(&q).inf(&r), p.sup(&q).sup(&r));
+        for (x, lowest) in x.iter().zip(&mut lowest) {
+            if x.x >= low.x && x.x <= high.x && x.y >= low.y && x.y <= high.y {
+                *lowest = height(*x, [p, q, r]).map_or(*lowest, |height| height.min(*lowest));
+            }
+        }
+    }
+    let below = x.iter().zip(&lowest).filter(|(x, lowest)| lowest.is_finite() && x.z < **lowest);
+    [below.count(), lowest.iter().filter(|lowest| lowest.is_infinite()).count()]
+}
+
+/// The height of a triangle along z where a point is over or under it.
+fn height(x: Vec3, [p, q, r]: [Vec3; 3]) -> Option<f32> {
+    let (u, v, d) = (q - p, r - p, x - p);
+    let area = u.x * v.y - u.y * v.x;
+    let (s, t) = ((d.x * v.y - d.y * v.x) / area, (u.x * d.y - u.y * d.x) / area);
+    (s >= 0.0 && t >= 0.0 && s + t <= 1.0).then(|| p.z + s * u.z + t * v.z)
+}
+
+/// The lines of a shot's log.
+fn log(desk: &Desk, folder: &str) -> Vec<serde_json::Value> {
+    let text = fs::read_to_string(desk.path(folder).join("log.jsonl")).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+fn frame(desk: &Desk, folder: &str, number: u32) -> Frame {
+    read_frame(&desk.path(folder).join(format!("cache/frame_{number:04}.mcf"))).unwrap().0
+}
 
 fn small(from: &str, to: &str) -> String {
     let text = "title = \"Small\"\nframes = \"1-12\"\n[liquid]\nspacing = 0.05\n[[liquid.source]]\n\
@@ -21,12 +62,30 @@ fn a_coupled_shot_tells_what_passed_between() {
     let plan = desk.run("plan small.toml", 0).0;
     assert!(plan.contains("81, of sheets"), "{plan}");
     desk.run("simulate small.toml -o small", 0);
-    let text = fs::read_to_string(desk.path("small/log.jsonl")).unwrap();
-    let lines: Vec<serde_json::Value> =
-        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let lines = log(&desk, "small");
     assert_eq!(lines.len(), 11);
-    assert!(lines.iter().all(|line| line["coupling"]["liquid"]["crossed"] == 0), "{text}");
-    assert!(lines.iter().any(|line| line["coupling"]["liquid"]["contacts"].as_u64() > Some(0)), "{text}");
+    assert!(lines.iter().all(|line| line["coupling"]["liquid"]["crossed"] == 0), "{lines:?}");
+    assert!(lines.iter().any(|line| line["coupling"]["liquid"]["contacts"].as_u64() > Some(0)), "{lines:?}");
+    assert_eq!(below_and_beside(&frame(&desk, "small", 12))[0], 0);
+
+    // And what is there is told again, in sum: a frame that is not there is none of it.
+    let sum =
+        |key: &str| lines.iter().map(|line| line["coupling"]["liquid"][key].as_u64().unwrap()).sum::<u64>();
+    let told = desk.run("info small", 0).0;
+    assert!(told.contains("coupling   liquid: 0 particles through sheets, 0 put back alone"), "{told}");
+    assert!(told.contains(&format!("{} rounds unfinished, in 11 frames", sum("unfinished"))), "{told}");
+    assert!(told.contains("sheets     strained by ") && !told.contains("smoke"), "{told}");
+    fs::remove_file(desk.path("small/cache/frame_0007.mcf")).unwrap();
+    let told: serde_json::Value = serde_json::from_str(&desk.run("info small --json", 0).0).unwrap();
+    assert_eq!(
+        (&told["liquid_on_sheets"]["frames"], &told["liquid_on_sheets"]["crossed"]),
+        (&10.into(), &0.into())
+    );
+    let strain = lines
+        .iter()
+        .filter(|line| line["frame"] != 7)
+        .map(|line| line["sheets"]["strain_max"].as_f64().unwrap());
+    assert_eq!(told["sheets"]["strain_max"].as_f64(), strain.reduce(f64::max));
 
     desk.write("alone.toml", small("[[coupling]]\nbetween = [\"liquid\", \"cloth\"]\nfriction = 0.2\n", ""));
     assert!(!desk.run("shot alone.toml --dry-run", 0).0.contains("coupling"));
@@ -49,5 +108,76 @@ fn mistakes_about_couplings_are_shown_in_their_place() {
         desk.write("wrong.toml", small("[\"liquid\", \"cloth\"]", to));
         let talk = desk.run("simulate wrong.toml -o wrong", 2).1;
         assert!(talk.contains(told), "{to}: {talk}");
+    }
+}
+
+#[test]
+fn water_on_cloth_is_caught_and_held() {
+    // Until the cloth is at its lowest and throws the water up again: the largest forces of the shot are among these.
+    let desk = Desk::new();
+    desk.run("simulate water-on-cloth --quality draft --frames 1-15 -o wet", 0);
+    let lines = log(&desk, "wet");
+    assert_eq!(lines.len(), 14);
+    for line in &lines {
+        let told = &line["coupling"]["liquid"];
+        assert!(told["crossed"] == 0 && told["put_back"] == 0, "{told}");
+    }
+    let mut up = Vec::new();
+    for number in 1..=15 {
+        let frame = frame(&desk, "wet", number);
+        let [below, beside] = below_and_beside(&frame);
+        assert_eq!([below, beside], [0, 0], "frame {number}: below the cloth, and over the border");
+        let v = frame.stream("liquid").unwrap().vec3("velocity").unwrap();
+        up.push(v.iter().map(|v| v.z).sum::<f32>() / v.len() as f32);
+    }
+    // It has fallen for 0.25 s at least, and has turned round.
+    assert!(up[6] < -2.4 && up[14] > 0.0, "{up:?}");
+}
+
+#[test]
+fn a_flag_in_smoke_waves_and_strains_little() {
+    let desk = Desk::new();
+    desk.run("simulate flag-in-smoke --quality draft --frames 1-9 -o flag", 0);
+    let lines = log(&desk, "flag");
+    assert_eq!(lines.len(), 8);
+    for line in &lines {
+        let (air, sheets) = (&line["coupling"]["smoke"], &line["sheets"]);
+        // 42 × 28 faces; the wind and its gusts, of 3.5 and 1.2 m/s in the mean; what is not finite is null.
+        assert!(air["faces"] == 42 * 28 && air["cut"] == 0, "{air}");
+        let fastest = air["fastest"].as_f64().unwrap();
+        assert!(fastest > 3.5 && fastest < 3.5 + 3.0 * 1.2, "{fastest}");
+        // Draft, all frames: 11 % at most, where it flaps.
+        let strain = sheets["strain_max"].as_f64().unwrap();
+        assert!(strain < 0.12, "{strain}");
+        let energies =
+            ["kinetic_energy", "elastic_energy", "potential_energy"].map(|key| sheets[key].as_f64());
+        assert!(energies.iter().all(Option::is_some), "{sheets}");
+    }
+    // No point is further from the hoist than the cloth is long, and it has left its plane.
+    let frame = frame(&desk, "flag", 9);
+    let y = frame.stream("sheet.flag").unwrap().vec3("position").unwrap();
+    assert!(y.iter().all(|y| y.x.hypot(y.y) < 1.2 * 1.12), "it hangs at its hoist");
+    assert!(y.iter().any(|y| y.y.abs() > 0.02), "it waves");
+}
+
+#[test]
+fn what_coupling_left_over_is_told() {
+    // Springs so stiff that conjugate gradients end by their number.
+    let desk = Desk::new();
+    desk.write(
+        "stiff.toml",
+        small("frames = \"1-12\"", "frames = \"1-6\"").replace("[500, 500]", "[5e5, 5e5]")
+            + "[sheets.solver]\nintegrator = \"implicit\"\n",
+    );
+    let talk = desk.run("simulate stiff.toml -o stiff", 0).1;
+    let lines = log(&desk, "stiff");
+    let left = |line: &serde_json::Value| line["coupling"]["liquid"]["unfinished"].as_u64().unwrap();
+    assert!(lines.iter().map(left).sum::<u64>() > 0, "{talk}");
+    for line in lines.iter().filter(|line| left(line) > 0) {
+        let told = format!("{} rounds of contact ended by their number", left(line));
+        let of_frame = talk
+            .lines()
+            .find(|said| said.starts_with(&format!("frame {:04}", line["frame"].as_u64().unwrap())));
+        assert!(of_frame.is_some_and(|said| said.contains(&told)), "{told}: {talk}");
     }
 }
