@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Drives the liquid, then smoke (stability_smoke.py) and sheets (stability_sheets.py), through their settings, one at a time, and
-writes what became of them: docs/stability.md.
+"""Drives the liquid, then smoke (stability_smoke.py), sheets (stability_sheets.py) and couplings (stability_couplings.py), through their
+settings, one at a time, and writes what became of them: docs/stability.md.
 
     cargo build --release
     python3 tools/bench/stability.py target/release/meniscus > docs/stability.md
-    python3 tools/bench/stability.py target/release/meniscus sheets     that part alone
+    python3 tools/bench/stability.py target/release/meniscus sheets     that part alone; couplings need numpy, zstandard
 
 A block of 512 particles falls onto the floor of a tank, eight frames long, with every value of every setting and both
 solvers. Nothing in the table depends on the clock.
@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 
+import stability_couplings
 import stability_sheets
 import stability_smoke
 
@@ -131,7 +132,8 @@ def judge(frames):
 
 def main():
     tool = str(pathlib.Path(sys.argv[1]).resolve())
-    parts = {"liquid": write, "smoke": stability_smoke.write, "sheets": stability_sheets.write}
+    parts = {"liquid": write, "smoke": stability_smoke.write, "sheets": stability_sheets.write,
+             "couplings": stability_couplings.write}
     for name in sys.argv[2:] or parts:
         parts[name](tool)
 
