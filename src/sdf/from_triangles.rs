@@ -22,7 +22,7 @@ use crate::{
 };
 
 /// Raised whenever a change gives the same mesh other samples, so that stored ones are built again.
-pub const SAMPLED_VERSION: u32 = 1;
+pub const SAMPLED_VERSION: u32 = 2;
 
 /// Free nodes around the mesh's box, so that the distance has a gradient beyond the surface.
 const MARGIN: u32 = 4;

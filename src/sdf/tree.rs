@@ -303,12 +303,19 @@ fn mask(lanes: [bool; WIDTH]) -> u8 {
     lanes.iter().enumerate().map(|(l, &set)| u8::from(set) << l).sum()
 }
 
-/// The solid angle of a triangle seen from `q` [sr], [oosterom83] Eq. 8; positive from behind.
+/// Where a point is in the plane of a triangle, to rounding: its volume with it, over the product of its distances from the corners.
+const IN_PLANE: f32 = 1e-6;
+
+/// The solid angle of a triangle seen from `q` [sr], [oosterom83] Eq. 8; positive from behind, and 0, the mean of both sides, from on it: rounding would
+/// else say half a sphere or its opposite, and on an edge that two triangles share the sum of two such.
 fn solid_angle(corners: &[Vec3; 3], q: Vec3) -> f32 {
     let [a, b, c] = corners.map(|x| x - q);
     let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
     let numerator = a.dot(&b.cross(&c));
     let denominator = la * lb * lc + a.dot(&b) * lc + b.dot(&c) * la + c.dot(&a) * lb;
+    if denominator <= 0.0 && numerator.abs() <= IN_PLANE * la * lb * lc {
+        return 0.0;
+    }
     2.0 * numerator.atan2(denominator)
 }
 

@@ -115,6 +115,19 @@ fn a_ball_a_box_and_a_torus_have_their_distance() {
     }
 }
 
+/// Nodes on its faces, edges and corners, and on the diagonals that cut its faces in two.
+#[test]
+fn a_box_in_line_with_the_nodes_has_its_distance() {
+    for side in [Vec3::new(2.0, 2.0, 0.2), Vec3::repeat(1.0), Vec3::new(0.6, 0.3, 0.3)] {
+        for resolution in [20, 30, 60] {
+            let (near, _, wrong) =
+                errors(&sampled(&cuboid(side), resolution), 2.9, 1e-3, |x| cuboid_distance(side, x));
+            println!("{side:?} {resolution}: {near} {wrong}");
+            assert!(near < 1e-3 && wrong == 0, "{side:?} {resolution}: {near} voxels, {wrong} wrong signs");
+        }
+    }
+}
+
 #[test]
 fn a_hole_is_closed_where_the_winding_number_crosses_a_half() {
     let mut mesh = ball(64, Vec3::zeros());
