@@ -27,7 +27,7 @@ mod tests;
 pub use error::ImportError;
 pub use expand::expand;
 pub use sequence::Sequence;
-pub use triangles::{SheetFaces, parse_sheet, parse_triangles};
+pub use triangles::{PAINTED, SheetFaces, parse_sheet, parse_triangles};
 pub use vdb::{LevelSet, LevelSetFile, read_level_set};
 
 use crate::frame::Stream;

@@ -1,7 +1,7 @@
 //! Meshes: PLY, ASCII or binary of either byte order, and OBJ.
 //!
 //! Taken are the positions and the faces, which are cut into fans of triangles, or, if asked for, stay quads where they are. Of a PLY
-//! the vertices' `stiffness`, too, may be asked for. Everything else in the file is passed over.
+//! the vertices' [`PAINTED`] factors, too, may be asked for. Everything else in the file is passed over.
 
 use super::ImportError;
 use crate::{math::Vec3, sdf::Triangles};
@@ -19,6 +19,9 @@ pub fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportErr
     Ok(parse(path, bytes)?.triangles())
 }
 
+/// The properties of a PLY's vertices that are factors painted on a sheet.
+pub const PAINTED: [&str; 3] = ["stiffness", "rest", "damping"];
+
 /// The mesh of a sheet.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SheetFaces {
@@ -26,8 +29,8 @@ pub struct SheetFaces {
     pub positions: Vec<Vec3>,
     /// Corners; a triangle names its last twice.
     pub faces: Vec<[u32; 4]>,
-    /// The property `stiffness` of the vertices; empty if there is none.
-    pub stiffness: Vec<f32>,
+    /// What the vertices have of the properties [`PAINTED`], in their order; empty if there is none.
+    pub painted: [Vec<f32>; 3],
 }
 
 /// The mesh that a file's bytes hold, with its quads; faces of more corners are cut into fans of triangles.
@@ -40,7 +43,7 @@ pub fn parse_sheet(path: &Path, bytes: &[u8]) -> Result<SheetFaces, ImportError>
         [a, b, c, d] => vec![[a, b, c, d]],
         _ => fan(corners).map(|[a, b, c]| [a, b, c, c]).collect(),
     });
-    Ok(SheetFaces { faces: faces.collect(), positions: mesh.positions, stiffness: mesh.stiffness })
+    Ok(SheetFaces { faces: faces.collect(), positions: mesh.positions, painted: mesh.painted })
 }
 
 fn parse(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
@@ -74,7 +77,7 @@ struct Polygons {
     /// The corners of all faces, and where those of each end.
     corners: Vec<u32>,
     ends: Vec<usize>,
-    stiffness: Vec<f32>,
+    painted: [Vec<f32>; 3],
 }
 
 impl Polygons {
@@ -215,8 +218,9 @@ fn ply(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
                         if let Some(axis) = axes.iter().position(|axis| axis == property) {
                             scalars[axis] = value;
                         }
-                        if name == "vertex" && property == "stiffness" {
-                            mesh.stiffness.push(value as f32);
+                        let paint = PAINTED.iter().position(|painted| painted == property);
+                        if let (Some(paint), "vertex") = (paint, name.as_str()) {
+                            mesh.painted[paint].push(value as f32);
                         }
                     }
                     PropertyType::List(count, kind) => {
@@ -324,15 +328,23 @@ mod tests {
 
     #[test]
     fn sheets_keep_their_quads_and_what_is_painted_on_them() {
-        let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n\
-                    property float stiffness\nelement face 3\nproperty list uchar int vertex_indices\nend_header\n\
-                    0 0 0 1\n1 0 0 0.5\n1 1 0 0\n0 1 0 2\n2 0 0 1\n4 0 1 2 3\n3 1 4 2\n5 0 1 4 2 3\n";
+        let text = "ply\nformat ascii 1.0\nelement vertex 5\nproperty float damping\nproperty float x\nproperty float y\n\
+                    property float z\nproperty float stiffness\nelement face 3\nproperty uchar rest\n\
+                    property list uchar int vertex_indices\nend_header\n\
+                    3 0 0 0 1\n4 1 0 0 0.5\n5 1 1 0 0\n6 0 1 0 2\n7 2 0 0 1\n9 4 0 1 2 3\n9 3 1 4 2\n9 5 0 1 4 2 3\n";
         let found = parse_sheet(Path::new("a.ply"), text.as_bytes()).unwrap();
         assert_eq!(found.faces, [[0, 1, 2, 3], [1, 4, 2, 2], [0, 1, 4, 4], [0, 4, 2, 2], [0, 2, 3, 3]]);
-        assert_eq!((found.stiffness, found.positions.len()), (vec![1.0, 0.5, 0.0, 2.0, 1.0], 5));
+        // What faces have under such a name is not painted on points.
+        let painted = [vec![1.0, 0.5, 0.0, 2.0, 1.0], vec![], vec![3.0, 4.0, 5.0, 6.0, 7.0]];
+        assert_eq!((found.painted, found.positions.len()), (painted, 5));
+        assert_eq!(
+            parse_sheet(Path::new("a.ply"), text.replace("damping", "rest").as_bytes()).unwrap().painted[1]
+                [4],
+            7.0
+        );
         let plain =
             parse_sheet(Path::new("a.obj"), b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n").unwrap();
-        assert_eq!((plain.faces, plain.stiffness.len()), (vec![[0, 1, 2, 3]], 0));
+        assert_eq!((plain.faces, plain.painted), (vec![[0, 1, 2, 3]], Default::default()));
     }
 
     #[test]

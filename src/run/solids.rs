@@ -70,7 +70,7 @@ fn fill_sheet(mesh: &mut SheetMesh, asset: &Asset) -> Result<(), RunError> {
     let found = import::parse_sheet(Path::new(&mesh.file), &asset.bytes)?;
     mesh.points = found.positions.iter().map(|&x| x.into()).collect();
     mesh.faces = found.faces;
-    mesh.stiffness = found.stiffness;
+    [mesh.stiffness, mesh.rest, mesh.damping] = found.painted;
     Ok(())
 }
 

@@ -21,6 +21,7 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
         for (k, region) in sheet.region.iter().enumerate() {
             let key = |name: &str| format!("sheet.{i}.region.{k}.{name}");
             not_negative(region.stiffness, key("stiffness"))?;
+            not_negative(region.rest, key("rest"))?;
             not_negative(region.damping, key("damping"))?;
             positive(region.density, key("density"))?;
         }
@@ -28,6 +29,12 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
             let key = |name: &str| format!("sheet.{i}.pin.{k}.{name}");
             pin.stiffness.map_or(Ok(()), |value| positive(value, key("stiffness")))?;
             finite(&pin.place.unwrap_or_default(), key("place"))?;
+            for (n, at) in pin.keyframes.iter().enumerate() {
+                let key = |name: &str| key(&format!("keyframes.{n}.{name}"));
+                finite(&at.position, key("position"))?;
+                finite(&at.rotation, key("rotation"))?;
+                finite(&at.quaternion.unwrap_or_default(), key("quaternion"))?;
+            }
         }
     }
     for (i, joint) in params.common.joint.iter().enumerate() {
@@ -100,10 +107,17 @@ fn shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetE
                 finite(point, key("shape.mesh"))?;
             }
             positive(Vec3::from(sheet.grain).norm(), key("grain"))?;
-            for &value in &mesh.stiffness {
-                not_negative(value, key("shape.mesh.stiffness"))?;
-            }
             let count = mesh.points.len() as u32;
+            for (name, painted) in
+                [("stiffness", &mesh.stiffness), ("rest", &mesh.rest), ("damping", &mesh.damping)]
+            {
+                let key = key(&format!("shape.mesh.{name}"));
+                if !painted.is_empty() && painted.len() != count as usize {
+                    let expected = "a painted factor for each is needed, or for none";
+                    return Err(SheetError::Selection { key, found: painted.len(), expected });
+                }
+                painted.iter().try_for_each(|&value| not_negative(value, key.clone()))?;
+            }
             if let Some(&point) = mesh.faces.as_flattened().iter().find(|&&i| i >= count) {
                 return Err(SheetError::NoSuchPoint { key: key("shape.mesh"), point, count });
             }
@@ -116,9 +130,9 @@ fn shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetE
 fn filled(mesh: &SheetMesh, key: String) -> Result<(), SheetError> {
     let mut used = vec![false; mesh.points.len()];
     for &[a, b, c, d] in &mesh.faces {
-        for [from, to] in [[a, b], [b, c], [c, d], [d, a]] {
+        for (k, [from, to]) in [[a, b], [b, c], [c, d], [d, a]].into_iter().enumerate() {
             used[from as usize] = true;
-            let is_last_of_three = c == d && from == c && to == d;
+            let is_last_of_three = c == d && k == 2;
             if !is_last_of_three && mesh.points[from as usize] == mesh.points[to as usize] {
                 return Err(SheetError::Flat { key, point: from });
             }

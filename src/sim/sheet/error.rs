@@ -19,7 +19,7 @@ pub enum SheetError {
         /// The preset's key.
         key: String,
     },
-    /// A face that names a point which is not there, or a list of painted factors that is too short.
+    /// A face that names a point which is not there.
     #[error("{key} names point {point} of {count}")]
     NoSuchPoint {
         /// The preset's key.
@@ -45,7 +45,7 @@ pub enum SheetError {
         /// Its number.
         point: u32,
     },
-    /// A selection without points, or two of different length in a joint.
+    /// A selection without points, two of different length in a joint, or painted factors that are not as many as points.
     #[error("{key} selects {found} points; {expected}")]
     Selection {
         /// The preset's key.

@@ -420,8 +420,8 @@ impl Sheets {
 fn masses(params: &SheetsParams, models: &[Model]) -> Result<(Vec<Wide>, Option<Vec<Wide>>), SheetError> {
     let (mut mass, mut drag) = (Vec::new(), Vec::new());
     for (i, (sheet, model)) in params.sheet.iter().zip(models).enumerate() {
-        let dense = model::factors(sheet, &model.points, |region| region.density);
-        let damped = model::factors(sheet, &model.points, |region| region.damping);
+        let dense = model::densities(sheet, &model.points);
+        let damped = model::dampings(sheet, &model.points);
         for k in 0..model.points.len() {
             let kilograms = (model.area[k] * f64::from(sheet.density) * dense[k]) as f32;
             if !(kilograms.is_normal() && (1.0 / kilograms).is_finite()) {

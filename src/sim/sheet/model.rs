@@ -6,14 +6,14 @@
 //! squares of linear forms Σ w x: on grids the second differences of each direction and the twist of each cell, on meshes the
 //! Laplacian of positions at each point, as in the isometric bending of [bergou06] and [wardetzky07].
 //!
-//! *Departs from the paper*: stiffness and rest length by direction and region; diagonals against shear, k = G (h₁² + h₂²)/(2 h₁ h₂);
+//! *Departs from the paper*: stiffness, rest length and damping by direction and by region, or painted; diagonals against shear, k = G (h₁² + h₂²)/(2 h₁ h₂);
 //! quads of meshes count as half their area at each edge, and bend as two triangles.
 //!
 //! Symbols: Y → `stiffness` [N/m], G → `shear` [N/m], h → `step` [m], D → `bending` [N·m].
 //! Limits: a strip stretched along a direction of the grid has the strain load/Y; with diagonals Y + G − G²/(Y + G) takes the place of
 //! Y. A mesh has Y exactly where its triangles are equilateral (Poisson's ratio is then 1/3). Plates want to be flat, whatever the mesh was.
 
-use super::params::{SheetMesh, SheetParams, SheetShape};
+use super::params::{Region, SheetMesh, SheetParams, SheetShape};
 use crate::math::Vec3;
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -63,34 +63,50 @@ pub(super) fn model(params: &SheetParams) -> Model {
     };
 
     // Regions and paint.
-    let paint = |i: usize| match &params.shape {
-        SheetShape::Mesh(mesh) => mesh.stiffness.get(i).copied().unwrap_or(1.0),
-        SheetShape::Grid { .. } => 1.0,
+    let stiffness = factors(params, &model.points, |region| region.stiffness, |mesh| &mesh.stiffness);
+    let rest = factors(params, &model.points, |region| region.rest, |mesh| &mesh.rest);
+    let damping = dampings(params, &model.points);
+    let mean = |of: &[f64], points: &[u32]| {
+        points.iter().map(|&i| of[i as usize]).sum::<f64>() / points.len() as f64
     };
-    let factor = factors(params, &model.points, |region| region.stiffness);
-    let damping = factors(params, &model.points, |region| region.damping);
-    let mean = |of: &dyn Fn(usize) -> f64, points: &[u32]| {
-        points.iter().map(|&i| of(i as usize)).sum::<f64>() / points.len() as f64
-    };
-    let stiff = |i: usize| factor[i] * f64::from(paint(i));
     for spring in &mut model.springs {
-        spring.stiffness *= mean(&stiff, &spring.ends);
-        spring.damping *= spring.stiffness * mean(&|i| damping[i], &spring.ends);
+        spring.stiffness *= mean(&stiffness, &spring.ends);
+        spring.rest *= mean(&rest, &spring.ends);
+        spring.damping *= spring.stiffness * mean(&damping, &spring.ends);
     }
     for plate in &mut model.plates {
-        plate.rigidity *= mean(&stiff, &plate.points);
+        plate.rigidity *= mean(&stiffness, &plate.points);
     }
     model
 }
 
-/// The product of the regions' factors at every point.
-pub(super) fn factors(
+/// The factor of both kinds of damping at every point.
+pub(super) fn dampings(params: &SheetParams, points: &[Vec3]) -> Vec<f64> {
+    factors(params, points, |region| region.damping, |mesh| &mesh.damping)
+}
+
+/// The factor of the mass at every point.
+pub(super) fn densities(params: &SheetParams, points: &[Vec3]) -> Vec<f64> {
+    factors(params, points, |region| region.density, |_| &[])
+}
+
+/// The product of the regions' factors at every point, and of what is painted on it.
+fn factors(
     params: &SheetParams,
     points: &[Vec3],
-    of: impl Fn(&super::params::Region) -> f32,
+    of: impl Fn(&Region) -> f32,
+    painted: impl Fn(&SheetMesh) -> &[f32],
 ) -> Vec<f64> {
+    let painted = match &params.shape {
+        SheetShape::Mesh(mesh) => painted(mesh),
+        SheetShape::Grid { .. } => &[],
+    };
     let inside = |x: Vec3| params.region.iter().filter(move |region| region.shape.signed_distance(x) <= 0.0);
-    points.iter().map(|&x| inside(x).map(|region| f64::from(of(region))).product()).collect()
+    let factor = |(i, &x): (usize, &Vec3)| {
+        let regions: f64 = inside(x).map(|region| f64::from(of(region))).product();
+        regions * f64::from(painted.get(i).copied().unwrap_or(1.0))
+    };
+    points.iter().enumerate().map(factor).collect()
 }
 
 /// Damping times of the two directions and of their mean [s].

@@ -116,7 +116,8 @@ pub enum SheetShape {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SheetMesh {
-    /// The file, .ply or .obj, in the preset's folder or below it.
+    /// The file, .ply or .obj, in the preset's folder or below it. What is painted on the vertices of a PLY as properties `stiffness`, `rest` and
+    /// `damping` are factors, as those of a `region`.
     pub file: String,
     /// Positions in the world [m].
     #[serde(skip)]
@@ -126,10 +127,18 @@ pub struct SheetMesh {
     #[serde(skip)]
     #[schemars(skip)]
     pub faces: Vec<[u32; 4]>,
-    /// Factors painted on points, for the stiffness; empty: 1 everywhere.
+    /// Factors painted on points, as those of a [`Region`]: of stiffness, shear and bending; empty: 1 everywhere.
     #[serde(skip)]
     #[schemars(skip)]
     pub stiffness: Vec<f32>,
+    /// The same of rest lengths, …
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub rest: Vec<f32>,
+    /// … and of both kinds of damping.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub damping: Vec<f32>,
 }
 
 /// A part of a sheet that differs.
@@ -142,6 +151,11 @@ pub struct Region {
     #[serde(default = "one")]
     #[schemars(extend("minimum" = 0.0))]
     pub stiffness: f32,
+    /// Factor of the rest lengths of springs, those against shear too: below 1 it draws together, as a hem with elastic, above 1 it is slack
+    /// and ruffles. A spring takes the mean of its ends, as of every factor.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[schemars(extend("minimum" = 0.0))]
+    pub rest: f32,
     /// Factor of both kinds of damping.
     #[serde(default = "one")]
     #[schemars(extend("minimum" = 0.0))]
@@ -336,6 +350,11 @@ impl SheetParams {
 
 fn one() -> f32 {
     1.0
+}
+
+/// For the keys of shots that were made before there was such a factor.
+fn is_one(factor: &f32) -> bool {
+    *factor == one()
 }
 
 fn ones() -> [f32; 2] {

@@ -4,6 +4,8 @@ mod contact;
 mod extremes;
 mod hold;
 mod keep;
+mod material;
+mod moving;
 mod solids;
 mod statics;
 
@@ -63,7 +65,11 @@ fn run_at(sheets: &mut Sheets, from: u32, frames: u32, frame: f64) -> Result<Vec
 
 /// The same sheets with other positions and velocities.
 fn placed(text: &str, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) -> Sheets {
-    let start = sheets(text, world);
+    placed_shot(&shot(text), world, change)
+}
+
+fn placed_shot(shot: &Shot, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) -> Sheets {
+    let start = Sheets::new(shot.clone(), world).expect("the sheets have a meaning");
     let points = start.streams().into_iter().filter(|stream| stream.vec3("position").is_some());
     let streams = points.map(|stream| {
         let (x, v) = (stream.vec3("position").unwrap(), stream.vec3("velocity").unwrap());
@@ -72,7 +78,7 @@ fn placed(text: &str, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3
         meniscus::frame::Stream::new(stream.name.clone(), x.len()).with("position", x).with("velocity", v)
     });
     let streams: Vec<_> = streams.collect();
-    Sheets::restore(shot(text), world, &streams, 0.0).expect("the streams are whole")
+    Sheets::restore(shot.clone(), world, &streams, 0.0).expect("the streams are whole")
 }
 
 /// Σ m v and Σ m x × v, with the sums of their sizes.

@@ -155,7 +155,7 @@ fn grid_points_feel_their_four_three_or_two_neighbours() {
 }
 
 /// A triangulated or quadrangulated unit square of n × n cells.
-fn mesh(n: u32, triangles: bool) -> SheetMesh {
+pub(super) fn mesh(n: u32, triangles: bool) -> SheetMesh {
     let at = |i: u32, j: u32| i + (n + 1) * j;
     let points = (0..=n).flat_map(|j| (0..=n).map(move |i| [i as f32 / n as f32, j as f32 / n as f32, 0.0]));
     let mut faces = Vec::new();
@@ -172,7 +172,7 @@ fn mesh(n: u32, triangles: bool) -> SheetMesh {
     SheetMesh { points: points.collect(), faces, ..SheetMesh::default() }
 }
 
-fn with_mesh(mesh: SheetMesh, terms: &str) -> Shot {
+pub(super) fn with_mesh(mesh: SheetMesh, terms: &str) -> Shot {
     let mut shot = shot(&square([1, 1], 0.0, terms));
     shot.params.sheet = vec![SheetParams { shape: SheetShape::Mesh(mesh), ..shot.params.sheet.remove(0) }];
     shot
