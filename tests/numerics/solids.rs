@@ -52,12 +52,12 @@ fn positions(simulation: &Simulation) -> Vec<Vec3> {
 }
 
 /// The box from `low` to `high` as a mesh.
-fn cuboid(low: [f32; 3], high: [f32; 3], resolution: u32) -> MeshShape {
+pub(crate) fn cuboid(low: [f32; 3], high: [f32; 3], resolution: u32) -> MeshShape {
     filled(MeshShape::new("made here"), low, high, resolution)
 }
 
 /// A shape whose file is the box from `low` to `high`.
-fn filled(mut shape: MeshShape, low: [f32; 3], high: [f32; 3], resolution: u32) -> MeshShape {
+pub(crate) fn filled(mut shape: MeshShape, low: [f32; 3], high: [f32; 3], resolution: u32) -> MeshShape {
     let positions =
         (0..8_usize).map(|i| Vec3::from_fn(|a, _| if i >> a & 1 == 1 { high[a] } else { low[a] })).collect();
     let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];

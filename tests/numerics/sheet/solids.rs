@@ -1,7 +1,8 @@
 //! Sheets and solids.
 
 use super::*;
-use meniscus::solid::{Interpolation, Keyframe, Motion};
+use crate::solids::{cuboid, filled};
+use meniscus::solid::{Interpolation, Keyframe, MeshShape, Motion};
 
 /// A sheet of 1 m, centred above the origin.
 fn above(height: f32, cells: u32, terms: &str) -> String {
@@ -16,8 +17,14 @@ fn above(height: f32, cells: u32, terms: &str) -> String {
     )
 }
 
+/// The corners of a box, and how far a mesh of it is turned about z.
+const BLOCK: [[f32; 3]; 2] = [[-0.3; 3], [0.3, 0.3, 0.1]];
+const TURNED: f32 = 30.0;
+
 fn obstacles() -> Vec<(&'static str, Shape)> {
     let z = [0.0, 0.0, 1.0];
+    let mut turned = MeshShape::new("made here");
+    turned.rotate = [0.0, 0.0, TURNED];
     vec![
         ("plane", Shape::Plane { point: [0.0; 3], normal: z }),
         ("sphere", Shape::Sphere { center: [0.0, 0.0, 0.0], radius: 0.3 }),
@@ -25,7 +32,8 @@ fn obstacles() -> Vec<(&'static str, Shape)> {
         ("torus", Shape::Torus { center: [0.0; 3], axis: z, radius: 0.3, tube: 0.1 }),
         ("small hole", Shape::Torus { center: [0.0; 3], axis: z, radius: 0.22, tube: 0.2 }),
         ("capsule", Shape::Capsule { from: [-0.2, 0.0, 0.0], to: [0.2, 0.0, 0.0], radius: 0.15 }),
-        ("box", Shape::Box { min: [-0.3; 3], max: [0.3, 0.3, 0.1] }),
+        ("box", Shape::Box { min: BLOCK[0], max: BLOCK[1] }),
+        ("mesh", Shape::Mesh(filled(turned, BLOCK[0], BLOCK[1], 48))),
     ]
 }
 
@@ -40,7 +48,8 @@ fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
                 );
                 let mut sheets = sheets(&text, &world(9.81, vec![shape.clone()]));
                 let records = run(&mut sheets, 0, 60).unwrap();
-                assert!(records.iter().all(|r| r.inside_solids == 0), "{name}, {integrator}");
+                let inside: Vec<u64> = records.iter().map(|r| r.inside_solids).collect();
+                assert!(inside.iter().all(|&count| count == 0), "{name}, {integrator}, {terms}: {inside:?}");
                 let mass: f64 = (0..sheets.len()).map(|i| f64::from(sheets.mass(i))).sum();
                 let speed = (2.0 * records[59].kinetic_energy / mass).sqrt();
                 let fastest =
@@ -55,8 +64,86 @@ fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
                 // Something carries it: in free fall it would be 11 m down.
                 let highest = sheets.positions().iter().map(|x| x.z).fold(f32::MIN, f32::max);
                 assert!(highest > -1.0, "{name}, {integrator}: {highest}");
+                if name == "mesh" {
+                    lies_on_the_block(&sheets, terms.is_empty());
+                }
             }
         }
+    }
+}
+
+/// Whether sheets are outside of what the mesh is made of: its samples are a hundredth of a voxel off on faces, and round edges by a
+/// voxel, of 12.5 mm.
+fn lies_on_the_block(sheets: &Sheets, touches: bool) {
+    let block = Shape::Box { min: BLOCK[0], max: BLOCK[1] };
+    let (sin, cos) = TURNED.to_radians().sin_cos();
+    let own = |x: &Vec3| Vec3::new(cos * x.x + sin * x.y, cos * x.y - sin * x.x, x.z);
+    let deepest = sheets.positions().iter().map(|x| block.signed_distance(own(x))).fold(f32::MAX, f32::min);
+    // Repulsion carries it at ξ ln(c/(ξ ρ g)) = 7 mm, cloth that is drawn down at the edges below.
+    let top = 0.1 + if touches { 0.0 } else { 0.01 * (4.0_f32 / (0.2 * 9.81)).ln() };
+    let over = sheets.positions().into_iter().filter(|x| own(x).xy().amax() < 0.25);
+    let lowest = over.map(|x| x.z).fold(f32::MAX, f32::min);
+    println!("{deepest} {lowest} {top}");
+    assert!(deepest > -0.0125, "{deepest}");
+    assert!(
+        if touches { (lowest - top).abs() < 2e-4 } else { (0.1..top + 2e-4).contains(&lowest) },
+        "{lowest} {top}"
+    );
+}
+
+/// The force at a point is A (c/ξ) exp(−f/ξ) (n·∇f) n, [gudukbay97] Eq. 9: along the sheet's normal, whichever way it faces, and none edge-on.
+#[test]
+fn repulsion_acts_along_the_normal_of_the_sheet_alone() {
+    let (energy, range, density, dt) = (0.06, 0.02, 0.2_f64, 1e-5);
+    let plane = || Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+    for integrator in ["symplectic", "implicit"] {
+        for degrees in [0.0_f64, 25.0, 60.0, -40.0, 120.0, 180.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let side = [0.06 * cos as f32, 0.0, 0.06 * sin as f32];
+            let text = format!(
+                "{}[sheets.repulsion]\nenergy = {energy}\nrange = {range}\n[sheets.solver]\nintegrator = '{integrator}'\n\
+                 tolerance = 1e-6",
+                grid(
+                    [0.0, 0.0, 0.06],
+                    side,
+                    [0.0, 0.05, 0.0],
+                    [3, 2],
+                    &format!("density = {density}\nstiffness = [0.5, 0.5]")
+                )
+            );
+            let mut sheets = sheets(&text, &world(0.0, vec![plane()]));
+            let places = sheets.positions();
+            sheets.step(0.0, dt).unwrap();
+            for (x, v) in places.iter().zip(sheets.velocities()) {
+                let push = f64::from(energy / range) * (-f64::from(x.z / range)).exp();
+                // n = (−sin, 0, cos), ∇f = z.
+                let expected = nalgebra::Vector3::new(-sin, 0.0, cos) * (push * cos / density);
+                let found = v.cast::<f64>() / dt;
+                assert!(
+                    (found - expected).norm() < 1e-3 * push / density,
+                    "{integrator}, {degrees}: {found} {expected}"
+                );
+            }
+        }
+        // On its edge, within the range.
+        let text = format!(
+            "{}[sheets.repulsion]\nenergy = {energy}\nrange = {range}\n[sheets.solver]\nintegrator = '{integrator}'",
+            grid(
+                [0.0, 0.0, 0.001],
+                [0.06, 0.0, 0.0],
+                [0.0, 0.0, 0.05],
+                [3, 2],
+                "density = 0.2\nstiffness = [0.5, 0.5]"
+            )
+        );
+        let mut on_edge = sheets(&text, &world(0.0, vec![plane()]));
+        on_edge.step(0.0, dt).unwrap();
+        // Springs round to 1e-10 m/s; what stood level would have 1e-4 m/s.
+        assert!(
+            on_edge.velocities().iter().all(|v| v.norm() < 1e-8),
+            "{integrator}: {:?}",
+            on_edge.velocities()
+        );
     }
 }
 
@@ -126,15 +213,20 @@ fn friction_holds_a_sheet_on_a_slope() {
 #[test]
 fn a_moving_solid_carries_a_sheet_along() {
     let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
-    for integrator in ["symplectic", "implicit"] {
-        let mut lift = world(9.81, vec![Shape::Box { min: [-1.0, -1.0, -0.2], max: [1.0, 1.0, 0.0] }]);
+    let (low, high) = ([-1.0, -1.0, -0.2], [1.0, 1.0, 0.0]);
+    let shapes = [(Shape::Box { min: low, max: high }, 1e-5), (Shape::Mesh(cuboid(low, high, 40)), 5e-4)];
+    // A hundredth of a voxel, of 5 cm, is what samples are off.
+    for (integrator, (shape, off)) in
+        ["symplectic", "implicit"].into_iter().flat_map(|way| shapes.clone().map(|shape| (way, shape)))
+    {
+        let mut lift = world(9.81, vec![shape]);
         lift.solids[0].motion = Motion::new(&[key(1, 0.0), key(25, 1.0)], Interpolation::Smooth, 24.0, 1);
         let mut sheets =
             sheets(&format!("{}[sheets.solver]\nintegrator = '{integrator}'", above(0.05, 6, "")), &lift);
         let records = run(&mut sheets, 0, 24).unwrap();
         assert!(records.iter().all(|r| r.inside_solids == 0) && records.iter().any(|r| r.caught > 0));
         let lowest = sheets.positions().iter().map(|x| x.z).fold(f32::MAX, f32::min);
-        assert!((1.0 - 1e-5..1.2).contains(&lowest), "{integrator}: {lowest}");
+        assert!((1.0 - off..1.2).contains(&lowest), "{integrator}: {lowest}");
     }
 }
 
