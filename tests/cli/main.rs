@@ -8,6 +8,7 @@ mod interrupt;
 mod meshing;
 mod plan;
 mod resume;
+mod sheet_scenes;
 mod sheet_tradeoff;
 mod sheets;
 mod shot;

@@ -35,7 +35,7 @@ fn vtk(points: &[[f32; 3]]) -> Vec<u8> {
     file
 }
 
-/// Positions and triangles of a PLY file, read by the library's own generic reader.
+/// Positions, normals if it has any, and triangles of a PLY file, read by the library's own generic reader.
 pub(crate) fn read_ply(path: &Path) -> Mesh {
     let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(path).unwrap()).unwrap();
     let coordinate = |vertex: &DefaultElement, name: &str| match vertex[name] {
@@ -47,11 +47,14 @@ pub(crate) fn read_ply(path: &Path) -> Mesh {
         Property::ListInt(list) => <[i32; 3]>::try_from(list.as_slice()).unwrap().map(|v| v as u32),
         other => panic!("vertex_indices is {other:?}"),
     };
+    let vertices = &ply.payload["vertex"];
+    let vectors = |axes: [&str; 3]| -> Vec<Vec3> {
+        vertices.iter().map(|v| Vec3::from(axes.map(|axis| coordinate(v, axis)))).collect()
+    };
+    let has_normals = vertices.first().is_some_and(|v| v.contains_key("nx"));
     Mesh {
-        positions: ply.payload["vertex"]
-            .iter()
-            .map(|v| Vec3::new(coordinate(v, "x"), coordinate(v, "y"), coordinate(v, "z")))
-            .collect(),
+        positions: vectors(["x", "y", "z"]),
+        normals: if has_normals { vectors(["nx", "ny", "nz"]) } else { Vec::new() },
         triangles: ply.payload["face"].iter().map(corners).collect(),
         ..Mesh::default()
     }

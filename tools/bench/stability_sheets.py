@@ -113,6 +113,8 @@ TESTS = [
     ("an obstacle inside the sheet at the start, a torus with a hole smaller than a cell",
      "an_obstacle_that_starts_inside_the_sheet_or_wider_than_its_hole_is"),
     ("what is no number, in a preset and in a state", "what_has_no_meaning_is_refused_by_name"),
+    ("a mesh with an edge of no length, a point of no face", "meshes_with_an_edge_of_no_length_or_a_point_of_no_face_are_refused"),
+    ("one point, one row and a sheet that nothing holds", "a_point_that_nothing_holds_falls_freely"),
     ("the limit of substeps", "a_limit_of_substeps_is_told"),
     ("no sheet at all", "nothing_is_a_sheet_too"),
 ]

@@ -237,6 +237,37 @@ fn a_pair_that_keeps_a_direction_exactly_only_grows() {
 }
 
 #[test]
+fn a_pair_that_kept_a_direction_swings_once_it_is_let_go() {
+    // One end is held, the other would swing down about it.
+    let text = |joint: &str, solver: &str| {
+        let terms = "density = 0.5\nstiffness = [20.0, 0.0]\npin = [{ at = { points = [0] } }]";
+        format!(
+            "{}[[sheets.joint]]\nsheets = ['cloth', 'cloth']\nat = [{{ points = [0] }}, {{ points = [1] }}]\n{joint}\n{solver}",
+            square([1, 0], 0.0, terms)
+        )
+    };
+    for solver in SOLVERS {
+        // By a spring it hangs m g/k lower.
+        for (joint, low) in [("", 1e-6), ("stiffness = 1000.0\n", 2.5 * 0.25 * 9.81 / 1000.0)] {
+            let joint = format!("{joint}direction = [1, 0, 0]\nrelease = 13");
+            let mut sheets = sheets(&text(&joint, solver), &world(9.81, vec![]));
+            for k in 0..12 {
+                run(&mut sheets, k, 1).unwrap();
+                let end = sheets.positions()[1];
+                assert!(end.z.abs() <= low && (end.x - 1.0).abs() < 0.01, "{solver} {joint} {k}: {end:?}");
+            }
+            // Nothing else carries a level spring: it falls, at first freely, by ½ g t² (1 + 1/n) in n substeps.
+            let substeps: u32 = run(&mut sheets, 12, 3).unwrap().iter().map(|record| record.substeps).sum();
+            let fallen = 0.5 * 9.81 * (3.0 / 24.0_f32).powi(2) * (1.0 + 1.0 / substeps as f32);
+            let fallen = sheets.positions()[1].z + fallen;
+            println!("{solver} {joint}: {fallen}");
+            // A spring of 20 N/m gives way to it, and draws it back by a tenth.
+            assert!(fallen.abs() < 0.01, "{solver} {joint}: {fallen}");
+        }
+    }
+}
+
+#[test]
 fn what_cannot_be_held_exactly_is_refused() {
     let refused = |text: &str, part: &str| {
         let told = try_sheets(text, &world(0.0, vec![])).expect_err(part).to_string();

@@ -1,0 +1,221 @@
+//! The built-in shots of sheets, as drafts of a second: what each is there to show.
+
+use super::{sheets::samples, *};
+use meniscus::{math::Vec3, solid::Shape};
+
+/// A shot that ran: its log, a line a frame but the first.
+struct Scene {
+    desk: Desk,
+    name: &'static str,
+    log: Vec<serde_json::Value>,
+}
+
+/// The points of a sheet in all frames. Its cells are as many along both sides.
+struct Cloth {
+    frames: Vec<Vec<Vec3>>,
+    side: usize,
+}
+
+fn scene(name: &'static str) -> Scene {
+    let desk = Desk::new();
+    desk.run(&format!("shot {name} --quality draft -o {name}"), 0);
+    let text = fs::read_to_string(desk.path(name).join("log.jsonl")).unwrap();
+    let log: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(log.len(), 23, "{name}");
+    for line in &log {
+        assert_eq!(line["sheets"]["inside_solids"], 0, "{name}: {line}");
+    }
+    Scene { desk, name, log }
+}
+
+impl Scene {
+    fn cloth(&self, sheet: &str) -> Cloth {
+        let path = self.desk.path(self.name).join(format!("sheet/{sheet}.pc2"));
+        let frames: Vec<Vec<Vec3>> =
+            samples(&path).into_iter().map(|frame| frame.into_iter().map(Vec3::from).collect()).collect();
+        let side = frames[0].len().isqrt();
+        assert_eq!((frames.len(), side * side), (24, frames[0].len()), "{}", self.name);
+        Cloth { frames, side }
+    }
+
+    fn sum(&self, key: &str) -> f64 {
+        self.log.iter().map(|line| line["sheets"][key].as_f64().unwrap()).sum()
+    }
+}
+
+impl Cloth {
+    fn middle(&self) -> usize {
+        self.frames[0].len() / 2
+    }
+
+    fn corners(&self) -> [usize; 4] {
+        let n = self.side;
+        [0, n - 1, n * (n - 1), n * n - 1]
+    }
+
+    /// Heights of a point, frame by frame.
+    fn heights(&self, point: usize) -> Vec<f32> {
+        self.frames.iter().map(|frame| frame[point].z).collect()
+    }
+
+    fn lowest(&self, frame: usize) -> f32 {
+        self.frames[frame].iter().map(|x| x.z).fold(f32::MAX, f32::min)
+    }
+
+    fn highest(&self, frame: usize) -> f32 {
+        self.frames[frame].iter().map(|x| x.z).fold(f32::MIN, f32::max)
+    }
+
+    /// How far the points of a frame are from a solid, the nearest first.
+    fn distances(&self, frame: usize, solid: &Shape) -> Vec<f32> {
+        let mut out: Vec<f32> = self.frames[frame].iter().map(|x| solid.signed_distance(*x)).collect();
+        out.sort_by(f32::total_cmp);
+        out
+    }
+
+    /// How much longer than at the start an edge is, from a point to the next of its row.
+    fn drawn(&self, frame: usize, point: usize) -> f32 {
+        let length = |frame: usize| (self.frames[frame][point + 1] - self.frames[frame][point]).norm();
+        length(frame) / length(0)
+    }
+
+    /// Whether it neither turned nor went to a side: the scenes are symmetrical.
+    fn stays_in_the_middle(&self) -> bool {
+        let sum: Vec3 = self.frames[23].iter().sum();
+        (sum / self.frames[23].len() as f32).xy().norm() < 0.01
+    }
+}
+
+/// Height that a free fall from rest has lost after a time [s], with a drag of `rate` [1/s].
+fn fallen(time: f32, rate: f32) -> f32 {
+    9.81 / rate.powi(2) * ((-rate * time).exp() - 1.0 + rate * time)
+}
+
+const FIVE: [&str; 5] = ["steel", "canvas", "cotton", "jersey", "rubber"];
+
+/// Figures 5 and 6: the stiffer, the less a sheet has sagged at the same frame.
+#[test]
+fn the_stiffer_of_five_sheets_sags_less() {
+    for (name, from_corners) in [("sheet-corners", true), ("sheet-center", false)] {
+        let scene = scene(name);
+        let mut sags = Vec::new();
+        for sheet in FIVE {
+            let cloth = scene.cloth(sheet);
+            let (corners, middle) = (cloth.corners().to_vec(), vec![cloth.middle()]);
+            let (held, free) = if from_corners { (corners, middle) } else { (middle, corners) };
+            assert!(held.iter().all(|&i| cloth.frames.iter().all(|frame| frame[i] == cloth.frames[0][i])));
+            // Until threads from the pins are there, every sheet falls alike: for a quarter of a second.
+            let fall = cloth.heights(free[0])[6];
+            assert!((fall / -fallen(0.25, 1.0) - 1.0).abs() < 0.02, "{name} {sheet}: {fall}");
+            let deepest = (0..24).map(|frame| cloth.lowest(frame)).fold(0.0, f32::min);
+            sags.push((cloth.heights(free[0])[15], deepest));
+        }
+        println!("{name}: {sags:?}");
+        for pair in sags.windows(2) {
+            assert!(pair[1].0 < pair[0].0 - 0.03 && pair[1].1 <= pair[0].1, "{name}: {sags:?}");
+        }
+        // A sheet that hardly stretches hangs as far as it is long.
+        assert!(sags[0].1 > -0.9 && sags[4].1 < -1.3, "{name}: {sags:?}");
+    }
+}
+
+/// Figures 7 and 8: it is drawn out at its pins, and swings back.
+#[test]
+fn a_stretchy_sheet_is_drawn_out_at_its_pins_and_swings_back() {
+    for (name, from_corners) in [("stretchy-corners", true), ("stretchy-center", false)] {
+        let cloth = scene(name).cloth("sheet");
+        let low: Vec<f32> = (0..24).map(|frame| cloth.lowest(frame)).collect();
+        let deepest = (0..24).min_by(|&a, &b| low[a].total_cmp(&low[b])).unwrap();
+        let (held, free) = if from_corners { (0, cloth.middle()) } else { (cloth.middle(), 0) };
+        println!("{name}: {} at {deepest}, {} after", low[deepest], low[23]);
+        assert!(
+            (12..22).contains(&deepest) && low[deepest] < -1.5 && low[23] > low[deepest] + 0.2,
+            "{low:?}"
+        );
+        let [pin, other] = [held, free].map(|point| cloth.drawn(deepest, point));
+        println!("{name}: {pin} {other}");
+        assert!(pin > 5.0 && other < 0.5 * pin, "{name}: {pin} {other}");
+    }
+}
+
+/// Figure 9: the cloth lies on the ellipsoid and hangs down around it.
+#[test]
+fn the_cloth_lies_on_the_ellipsoid() {
+    let scene = scene("cloth-over-ellipsoid");
+    let (cloth, solid) =
+        (scene.cloth("cloth"), Shape::Ellipsoid { center: [0.0; 3], radii: [0.5, 0.3, 0.3] });
+    let top = cloth.heights(cloth.middle());
+    // Repulsion carries a loose cloth at 4 mm ln(125/1.96) = 17 mm, and one under tension nearer.
+    assert!(top[6..].iter().all(|z| (0.3..0.317).contains(z)), "{top:?}");
+    let near = cloth.distances(23, &solid);
+    println!("{} {} {}", near[0], near[1000], top[23]);
+    assert!(near[0] >= 0.0 && near[1000] < 0.02, "{} {}", near[0], near[1000]);
+    // All that is above the middle of it lies on it.
+    let over =
+        cloth.frames[23].iter().filter(|x| (x.x / 0.5).powi(2) + (x.y / 0.3).powi(2) < 0.5 && x.z > 0.0);
+    let highest = over.map(|x| solid.signed_distance(*x)).fold(0.0, f32::max);
+    assert!(highest < 0.04, "{highest}");
+    assert!(cloth.corners().iter().all(|&i| cloth.frames[23][i].z < -0.2), "the corners hang");
+    assert!(cloth.stays_in_the_middle());
+}
+
+/// Figure 10: the sheet is carried by the ring, and sags into it and around it.
+#[test]
+fn the_sheet_lies_on_the_torus_and_sags_into_it() {
+    let scene = scene("sheet-over-torus");
+    let (cloth, solid) = (scene.cloth("sheet"), torus(0.4, 0.12));
+    let middle = cloth.heights(cloth.middle());
+    let deepest = middle.iter().copied().fold(f32::MAX, f32::min);
+    println!("{deepest} {}", cloth.lowest(23));
+    assert!(deepest < 0.0 && middle[23] < 0.12, "into the hole: {middle:?}");
+    assert!((5..24).all(|frame| (0.12..0.15).contains(&cloth.highest(frame))), "on the ring");
+    assert!(cloth.lowest(23) < -0.2, "around it");
+    let near = cloth.distances(23, &solid);
+    assert!(near[0] >= 0.0 && near[1000] < 0.02, "{} {}", near[0], near[1000]);
+    assert!(cloth.stays_in_the_middle());
+}
+
+/// Figure 11: the hole, 5 cm wide to each side, is too small to sag into.
+#[test]
+fn the_sheet_stays_above_the_small_hole() {
+    let scene = scene("torus-small-hole");
+    let (cloth, solid) = (scene.cloth("sheet"), torus(0.3, 0.25));
+    let hole = |frame: &Vec<Vec3>| {
+        frame.iter().filter(|x| x.xy().norm() < 0.05).map(|x| x.z).fold(f32::MAX, f32::min)
+    };
+    let over: Vec<f32> = cloth.frames.iter().map(hole).collect();
+    println!("{over:?}");
+    // The ring's top is at 0.25 m, its narrowest at 0.
+    assert!(over.iter().all(|&z| z > 0.12) && over[23] < 0.25, "{over:?}");
+    assert!(cloth.lowest(23) < -0.1, "the rim hangs around it");
+    let near = cloth.distances(23, &solid);
+    assert!(near[0] >= 0.0 && near[1500] < 0.02, "{} {}", near[0], near[1500]);
+    assert!(cloth.stays_in_the_middle());
+}
+
+/// Figure 12: a small sheet touches the ring, and falls through it.
+#[test]
+fn the_small_sheet_falls_through_the_torus() {
+    let scene = scene("through-torus");
+    let (cloth, solid) = (scene.cloth("sheet"), torus(0.4, 0.12));
+    assert!(cloth.lowest(0) > 0.12);
+    let touching = (0..24).filter(|&frame| cloth.distances(frame, &solid)[100] < 0.02).count();
+    println!("{touching} {} {}", cloth.highest(10), cloth.highest(23));
+    assert!(touching > 0 && scene.sum("caught") > 0.0, "it touches");
+    // Through the hole, and not around the ring: while it passes it is within.
+    for frame in &cloth.frames[..12] {
+        assert!(frame.iter().all(|x| x.z.abs() > 0.12 || x.xy().norm() < 0.4));
+    }
+    assert!(cloth.highest(23) < -2.0, "wholly below, and falling: {}", cloth.highest(23));
+}
+
+fn torus(radius: f32, tube: f32) -> Shape {
+    Shape::Torus { center: [0.0; 3], axis: [0.0, 0.0, 1.0], radius, tube }
+}
+
+#[test]
+fn three_cloths_that_fall_on_a_ball_never_cross() {
+    let scene = scene("falling-sheets");
+    assert!(scene.log.iter().all(|line| line["sheets"]["contact"]["crossings"] == 0), "{:?}", scene.log);
+    assert!(scene.log.iter().any(|line| line["sheets"]["contact"]["pairs"].as_u64() > Some(1000)));
+}
