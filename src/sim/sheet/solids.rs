@@ -66,6 +66,11 @@ impl Placed<'_> {
             to.to_world(local) - from.to_world(local)
         })
     }
+
+    /// The same of what is at a place when the substep begins [m].
+    fn way_from(&self, x: Vec3) -> Vec3 {
+        self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| to.to_world(from.to_local(x)) - x)
+    }
 }
 
 /// Faces around points, for normals: the two neighbours of a point in each.
@@ -156,7 +161,8 @@ pub(super) fn pushes(
                 let along = out.dot(&normal);
                 let force = normal * (at_point * along); // [gudukbay97] Eq. 9
                 let stiffness = at_point / range * along * along;
-                let own = solid.way(x.get(i)) / dt;
+                // The point is where it is as the substep begins: by the way that ends there it would creep off a circle, by ω² r Δt.
+                let own = solid.way_from(x.get(i)) / dt;
                 found.push(Push { point: i as u32, force, stiffness, normal, out, own });
             }
         }
