@@ -34,6 +34,8 @@ pub(in crate::sim) struct Blown {
     faces: Vec<Face>,
     /// Of every face.
     drag: Vec<Drag>,
+    /// What goes with every face [kg]: equal shares of its points, which stay as they are when it stretches.
+    mass: Vec<f32>,
 }
 
 impl Blown {
@@ -45,7 +47,11 @@ impl Blown {
             faces.extend(sheets.faces(sheet).iter().map(|face| face.map(|i| i + start)));
             drag.resize(faces.len(), of);
         }
-        Self { faces, drag }
+        let mut around = vec![0_u32; sheets.len()];
+        faces.iter().flat_map(corners).for_each(|&i| around[i as usize] += 1);
+        let share = |&i: &u32| sheets.mass(i as usize) / around[i as usize] as f32;
+        let mass = faces.iter().map(|face| corners(face).iter().map(share).sum()).collect();
+        Self { faces, drag, mass }
     }
 }
 
@@ -107,11 +113,12 @@ impl Outside for Wind<'_> {
             let until = self.airs.get(step + 1).map_or(from, FrameAir::time);
             let part =
                 if until > from { ((now - from) / (until - from)).clamp(0.0, 1.0) as f32 } else { 0.0 };
-            let (faces, drags, known) = (&self.blown.faces, &self.blown.drag, &*sheets);
+            let Blown { faces, drag: drags, mass: masses } = self.blown;
+            let known = &*sheets;
             let mut found = vec![(Vec3::zeros(), false); faces.len()];
             par::fill(&mut found, |f| {
                 let air = then[f] * (1.0 - part) + later[f] * part;
-                force(known, faces[f], drags[f], air, dt as f32)
+                force(known, faces[f], drags[f], air, MOST * masses[f] / dt as f32)
             });
             self.forces.clear();
             self.forces.resize(sheets.len(), Vec3::zeros());
@@ -130,8 +137,8 @@ impl Outside for Wind<'_> {
     }
 }
 
-/// The drag on a face [N], and whether it was cut.
-fn force(sheets: &Sheets, face: Face, drag: Drag, air: Vec3, dt: f32) -> (Vec3, bool) {
+/// The drag on a face [N], and whether it was cut to `most` times the speed [N s/m].
+fn force(sheets: &Sheets, face: Face, drag: Drag, air: Vec3, most: f32) -> (Vec3, bool) {
     let [a, b, c, d] = face.map(|i| sheets.point(i as usize)[0]);
     let own = mean(face, |i| sheets.point(i)[1]);
     // Half the product of the diagonals is the area of a quad, and of a triangle whose last corner is there twice.
@@ -146,9 +153,6 @@ fn force(sheets: &Sheets, face: Face, drag: Drag, air: Vec3, dt: f32) -> (Vec3, 
     let along = slip - across;
     let half = 0.25 * drag.density * double_area; // ½ ρ A
     let [k, k_t] = [(drag.across, across), (drag.along, along)].map(|(c, u)| half * c * u.norm());
-    // The mass that goes with the face, by the share of its points in the area of their sheet.
-    let mass = 0.5 * double_area * mean(face, |i| Vec3::repeat(sheets.mass(i) / sheets.area(i))).x;
-    let most = MOST * mass / dt;
     let cut = k.max(k_t) > most;
     (across * k.min(most) + along * k_t.min(most), cut)
 }

@@ -230,11 +230,6 @@ impl Sheets {
         self.mass[point / WIDTH][point % WIDTH]
     }
 
-    /// Share of a point in its sheet [m²].
-    pub fn area(&self, point: usize) -> f32 {
-        self.area[point]
-    }
-
     /// The longest substep that is stable [s]; infinite where nothing swings.
     pub fn longest_stable(&self) -> f64 {
         self.longest.0

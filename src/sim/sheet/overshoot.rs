@@ -67,7 +67,8 @@ fn of_springs(Substep { springs, x, after, dt, .. }: &Substep<'_>, i: usize) -> 
         let straight = length + along;
         let turned = (straight * straight + across2).sqrt();
         let s = if straight > 0.0 { across2 / (turned + straight) } else { turned - straight };
-        let taut = if length > 0.0 { (1.0 - rest / length).max(0.0) } else { 0.0 };
+        // As `springs` has it: what has no rest length is taut in one place too.
+        let taut = (1.0 - rest / length.max(1e-15)).max(0.0);
         // V₁ − V₀ − k (|d| − ℓ) a − k a² − k c b², with V₁ = ½ k (|d| + a − ℓ + s)².
         let more = (2.0 * longer + s) * s - along * along - 2.0 * taut * across2;
         out[0] += 0.25 * k * more;

@@ -30,8 +30,8 @@ const MOST: f32 = 8.0;
 pub(super) fn eased(vortons: &Vortons, error: f32) -> f32 {
     assert!(ERRORS.contains(&error), "an error of {error} cannot be asked for");
     let ease = SHARE * coherence(vortons);
-    // No number, or none at all, eases nothing.
-    let ease = if ease > 1.0 { ease.min(MOST) } else { 1.0 };
+    // No number, or one without an end, as where single precision has lost all parts, eases nothing.
+    let ease = if ease > 1.0 && ease.is_finite() { ease.min(MOST) } else { 1.0 };
     (error * ease).min(*ERRORS.end())
 }
 

@@ -82,6 +82,7 @@ def main() -> int:
     parser.add_argument("volumes", type=Path, nargs="?", help="shot folder with volumes, a few frames")
     parser.add_argument("smoke", type=Path, nargs="?", help="shot folder with volumes of a smoke ring")
     parser.add_argument("plume", type=Path, nargs="?", help="shot folder with volumes of a plume, its first frame without smoke")
+    parser.add_argument("cloth", type=Path, nargs="?", help="shot folder with sheets as point caches, a few frames")
     parser.add_argument("--keep", type=Path, help="work in this new folder and keep it")
     given = parser.parse_args()
     work = given.keep or Path(tempfile.mkdtemp(prefix="meniscus-blender-"))
@@ -117,6 +118,9 @@ def main() -> int:
         if given.plume:
             shutil.copytree(given.plume, work / "plume", ignore=shutil.ignore_patterns("cache"))
             tally.stage("plume", [work / "plume"], user)
+        if given.cloth:
+            shutil.copytree(given.cloth, work / "cloth", ignore=shutil.ignore_patterns("cache"))
+            tally.stage("sheet", [work / "cloth"], user)
     finally:
         if not given.keep:
             shutil.rmtree(work, ignore_errors=True)

@@ -156,18 +156,16 @@ impl Flow {
 
     /// The message about what the sums cannot hold.
     fn diverged(&self, unfit: Unfit, substep: u32) -> Diverged {
-        let vorton = unfit.kind == "vortons";
-        Diverged {
-            system: "smoke",
-            substep,
-            particle: if vorton { self.id[unfit.index] } else { unfit.index as u32 },
-            what: if vorton {
-                format!("has {}", unfit.what)
-            } else {
-                format!("of the tracers has {}", unfit.what)
-            },
-            try_next: "a smaller strain limit, more max_substeps or a larger core",
-        }
+        let index = unfit.index as u32;
+        let limits = "a smaller strain limit, more max_substeps or a larger core";
+        let (particle, of, try_next) = match unfit.kind {
+            "vortons" => (self.id[unfit.index], "", limits),
+            "panels" => {
+                (index, "of the panels of solids that turn ", "slower turns in the keyframes of colliders")
+            }
+            _ => (index, "of the tracers ", limits),
+        };
+        Diverged { system: "smoke", substep, particle, what: format!("{of}has {}", unfit.what), try_next }
     }
 }
 
