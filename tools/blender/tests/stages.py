@@ -502,7 +502,12 @@ def stage_sheet(shot: Path) -> None:
         check(np.abs(between.reshape(-1, 3) - middle).max() < 1e-5, "between two samples it is in the middle")
     places = point_cache(shot / outputs[0]["pattern"])[1]
     scene = bpy.context.scene
-    frame_camera(places.min((0, 1)), places.max((0, 1)))
+    low, high = places.min((0, 1)), places.max((0, 1))
+    frame_camera(low, high)
+    # From above: a sheet that lies flat cannot be seen from its side.
+    scene.camera.rotation_euler[0] = np.pi / 4.0
+    scene.camera.location = Vector((low + high) / 2.0) + 5.0 * float((high - low).max()) * Vector((0.0, -1.0, 1.0))
+    scene.camera.data.ortho_scale *= 1.5
     scene.render.use_motion_blur = False
     images = []
     for frame in (outputs[0]["frames"]["first"], outputs[0]["frames"]["last"]):
