@@ -89,6 +89,7 @@ fn of_sheets(record: &SheetRecord) -> Vec<String> {
         (record.unconverged.into(), "substeps of sheets stopped at max_iterations"),
         (record.overshot.into(), "substeps of sheets too long for one linearisation: springs gained energy"),
         (record.inside_solids, "points of sheets inside solids"),
+        (record.cut_faces, "faces of sheets cut into solids (sheets.clearance or smaller cells)"),
         (record.folded, "springs of sheets without a direction"),
     ])
 }

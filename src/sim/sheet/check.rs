@@ -48,6 +48,7 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
         positive(repulsion.energy, "sheets.repulsion.energy".into())?;
         positive(repulsion.range, "sheets.repulsion.range".into())?;
     }
+    not_negative(params.common.clearance.unwrap_or(0.0), "sheets.clearance".into())?;
     if let Some(contact) = &params.common.contact {
         positive(contact.thickness, "sheets.contact.thickness".into())?;
         not_negative(contact.friction.unwrap_or(0.0), "sheets.contact.friction".into())?;

@@ -215,6 +215,15 @@ impl Sheets {
         &self.faces[sheet]
     }
 
+    /// Those of all sheets; points count from the first of all.
+    fn all_faces(&self) -> impl Iterator<Item = [u32; 4]> {
+        let ranges = self.ranges().iter().map(|range| range.start as u32);
+        self.faces
+            .iter()
+            .zip(ranges)
+            .flat_map(|(faces, start)| faces.iter().map(move |face| face.map(|i| i + start)))
+    }
+
     /// Positions of all points [m].
     pub fn positions(&self) -> Vec<Vec3> {
         self.x.to_vec()

@@ -32,6 +32,11 @@ pub struct SheetsCommon {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0))]
     pub friction: Option<f32>,
+    /// How far off solids points stay [m], which also keeps faces, straight between their points, from cutting into what is round: on a ball of radius R
+    /// cells of width w need w²/4R. Absent: half of the thickness of `contact`, or nothing without it. Too large floats.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "m", "minimum" = 0.0))]
+    pub clearance: Option<f32>,
     /// How they are advanced in time.
     pub solver: SheetSolver,
 }
@@ -333,6 +338,12 @@ impl SheetShape {
 }
 
 impl SheetsCommon {
+    /// How far off solids points stay [m].
+    pub(super) fn off(&self) -> f32 {
+        let layer = || self.contact.as_ref().map_or(0.0, |contact| 0.5 * contact.thickness);
+        self.clearance.unwrap_or_else(layer)
+    }
+
     /// The shapes that are named, to be filled.
     pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
         self.joint.iter_mut().flat_map(|joint| &mut joint.at).filter_map(Select::shape_mut)

@@ -30,10 +30,14 @@ pub struct SheetRecord {
     pub strain_max: f64,
     /// Springs with a rest length whose ends lie in one place at the frame's end: they have no direction, and push nowhere.
     pub folded: u64,
-    /// Points that had slipped into a solid and were put back to its surface, over all substeps.
+    /// Points that had slipped into a solid, or nearer than their clearance, and were put back, over all substeps.
     pub caught: u64,
     /// Points within a solid at the frame's end.
     pub inside_solids: u64,
+    /// Faces whose middle, or that of an edge, is within a solid at the frame's end.
+    pub cut_faces: u64,
+    /// How deep the deepest of these places is [m].
+    pub cut_depth: f64,
     /// What contact between sheets did; absent without `[sheets.contact]`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contact: Option<ContactRecord>,

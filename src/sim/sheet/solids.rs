@@ -8,8 +8,8 @@
 //! fold leaves a point without a normal ∇f takes its place.
 //!
 //! Symbols: f → `distance` [m], c → `energy` [J/m²], ξ → `range` [m].
-//! Limits: points are kept out, not the faces between them: a solid thinner than a cell pokes through. An edge-on sheet is not pushed
-//! (n ⊥ ∇f), only put back.
+//! Limits: points are kept out, and `clearance` off, not the faces between them: a face of width w lies w²/8R deeper in a ball of radius R than its
+//! points do, and a solid thinner than a cell pokes through; such faces are counted. An edge-on sheet is not pushed (n ⊥ ∇f), only put back.
 
 use super::{
     lanes::{CHUNK, Vectors},
@@ -38,25 +38,28 @@ const SKIN: f32 = 1e-6;
 /// A solid at both ends of a substep.
 pub(super) struct Placed<'a> {
     shape: &'a Shape,
+    /// How far off it is kept out of [m].
+    clearance: f32,
     poses: Option<[Pose; 2]>,
 }
 
-/// The solids between two times [s].
-pub(super) fn placed(solids: &[Solid], from: f64, to: f64) -> Vec<Placed<'_>> {
+/// The solids between two times [s], larger by a `clearance` [m].
+pub(super) fn placed(solids: &[Solid], clearance: f32, from: f64, to: f64) -> Vec<Placed<'_>> {
     let poses = |solid: &Solid| solid.motion.as_ref().map(|motion| [motion.pose(from), motion.pose(to)]);
-    solids.iter().map(|solid| Placed { shape: &solid.shape, poses: poses(solid) }).collect()
+    solids.iter().map(|solid| Placed { shape: &solid.shape, clearance, poses: poses(solid) }).collect()
 }
 
 impl Placed<'_> {
-    /// Distance and normal at one end of the substep.
+    /// Distance from where its clearance ends, and normal, at one end of the substep.
     pub(super) fn contact(&self, x: Vec3, end: usize) -> (f32, Vec3) {
-        match &self.poses {
+        let (distance, n) = match &self.poses {
             None => self.shape.contact(x),
             Some(poses) => {
                 let (d, n) = self.shape.contact(poses[end].to_local(x));
                 (d, poses[end].rotation * n)
             }
-        }
+        };
+        (distance - self.clearance, n)
     }
 
     /// The solid's own way during the substep at a place [m].
@@ -294,11 +297,47 @@ fn outside(solids: &[Placed<'_>], friction: Option<f32>, point: &mut Moving, dt:
 
 /// Points inside solids at a time [s], but for those that are held exactly.
 pub(super) fn inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &[f32]) -> u64 {
-    let solids = placed(solids, time, time);
+    let solids = placed(solids, 0.0, time, time);
     let count = |range: std::ops::Range<usize>| {
         range
             .filter(|&i| mobility[i] > 0.0 && solids.iter().any(|solid| solid.contact(x.get(i), 1).0 < 0.0))
             .count() as u64
     };
     par::map_chunks(x.len(), par::CHUNK, count).into_iter().sum()
+}
+
+/// Faces that are inside solids at a time [s] with their middle or that of an edge, by more than rounding, and how deep the deepest of these places is [m]. Faces
+/// with corners that are held exactly do not count: they go where they are led.
+pub(super) fn cut(
+    solids: &[Solid],
+    time: f64,
+    x: &Vectors,
+    mobility: &[f32],
+    faces: impl Iterator<Item = [u32; 4]>,
+) -> (u64, f64) {
+    let solids = placed(solids, 0.0, time, time);
+    if solids.is_empty() {
+        return (0, 0.0);
+    }
+    let faces: Vec<[u32; 4]> = faces.collect();
+    let depth = |&[a, b, c, d]: &[u32; 4]| {
+        let corners: &[u32] = if c == d { &[a, b, c] } else { &[a, b, c, d] };
+        if corners.iter().any(|&i| mobility[i as usize] == 0.0) {
+            return 0.0;
+        }
+        let at = |k: usize| x.get(corners[k % corners.len()] as usize);
+        let middle = (0..corners.len()).map(at).sum::<Vec3>() / corners.len() as f32;
+        let edges = (0..corners.len()).map(|k| 0.5 * (at(k) + at(k + 1)));
+        edges.chain([middle]).fold(0.0_f32, |deepest, place| {
+            let skin = 2.0 * SKIN * (1.0 + place.amax());
+            let nearest = solids.iter().map(|solid| solid.contact(place, 1).0).fold(f32::INFINITY, f32::min);
+            if nearest < -skin { deepest.max(-nearest) } else { deepest }
+        })
+    };
+    let parts = par::map_chunks(faces.len(), par::CHUNK, |range| {
+        range.map(|f| depth(&faces[f])).fold((0, 0.0_f64), |(count, deepest), depth| {
+            (count + u64::from(depth > 0.0), deepest.max(f64::from(depth)))
+        })
+    });
+    parts.into_iter().fold((0, 0.0), |(count, deepest), (more, depth)| (count + more, deepest.max(depth)))
 }

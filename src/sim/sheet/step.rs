@@ -88,7 +88,7 @@ impl Sheets {
     }
 
     fn put_back(&mut self, now: f64, dt: f64) -> u64 {
-        let placed = solids::placed(&self.solids, now, now + dt);
+        let placed = solids::placed(&self.solids, self.params.common.off(), now, now + dt);
         let mobility = self.inverse.as_flattened();
         let friction = self.params.common.friction;
         solids::put_back(&placed, friction, mobility, [&mut self.x, &mut self.v, &mut self.low], dt as f32)
@@ -116,7 +116,7 @@ impl Sheets {
         }
         let pushes = match (&self.params.common.repulsion, &self.around) {
             (Some(repulsion), Some(around)) if !self.solids.is_empty() => {
-                let placed = solids::placed(&self.solids, now, now + dt);
+                let placed = solids::placed(&self.solids, 0.0, now, now + dt);
                 solids::pushes(repulsion, (&placed, end), around, (&*x, &self.area), dt as f32)
             }
             _ => Vec::new(),
@@ -301,7 +301,10 @@ impl Sheets {
         if let Some(plates) = &self.plates {
             record.elastic_energy += par::sum(self.len(), |i| bent(plates, &self.x, i));
         }
-        record.inside_solids = solids::inside(&self.solids, time, &self.x, self.inverse.as_flattened());
+        let mobility = self.inverse.as_flattened();
+        record.inside_solids = solids::inside(&self.solids, time, &self.x, mobility);
+        (record.cut_faces, record.cut_depth) =
+            solids::cut(&self.solids, time, &self.x, mobility, self.all_faces());
     }
 }
 

@@ -45,7 +45,7 @@ impl Sheets {
     ) -> bool {
         let Self { contact, x, v, inverse, solids, params, .. } = self;
         let (Some(contact), Some(record)) = (contact, &mut record.contact) else { return false };
-        let placed = solids::placed(solids, now, now + dt);
+        let placed = solids::placed(solids, params.common.off(), now, now + dt);
         let friction = f64::from(params.common.friction.unwrap_or(0.0));
         let mobility = inverse.as_flattened();
         let mut moved = Moved { x, v, mobility, solids: &placed, friction, now, dt };
