@@ -1,6 +1,6 @@
 //! Times sheets: a substep of grids and meshes of 1e3 to 1e6 points, by what they have, and the implicit substep.
 //!
-//! `cargo bench --bench sheet`; `MENISCUS_THREADS=1` sets the threads. What counts as an element is a spring with its two ends, once a
+//! `cargo bench --bench sheet`; `MENISCUS_THREADS=1` sets the threads; with `-- threads` one thread beside two alone, by turns. What counts as an element is a spring with its two ends, once a
 //! substep: structural ones and diagonals, not the pulls of plates, and none twice although both ends compute it.
 
 use criterion::{Criterion, Throughput};
@@ -12,7 +12,7 @@ use meniscus::{
         sheet::{SheetMesh, SheetShape, Sheets, SheetsParams, Shot},
     },
 };
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// What the sheets of a group have.
 struct Case {
@@ -68,7 +68,51 @@ fn triangles(side: u32) -> SheetMesh {
     }
 }
 
+const IMPLICIT: &str = "[sheets.solver]\nintegrator = \"implicit\"\nsubsteps = 1";
+
+/// Turns of one and of two threads.
+const TURNS: usize = 15;
+
+/// Prints how much faster two threads are: medians of pairs of which each is one turn of either, and the ratio of their best.
+fn by_threads() {
+    println!("| what | points | 1 thread, ms | 2 threads, ms | of the best | median of pairs |");
+    println!("|---|--:|--:|--:|--:|--:|");
+    for case in CASES {
+        for side in [32, 65, 100, 178, 316, 562, 1000] {
+            let sheets = sheets(side, case.terms, case.mesh);
+            let dt = 0.4 * sheets.longest_stable();
+            row(case.name, side, 2_000_000 / side.pow(2), sheets, dt);
+        }
+    }
+    for side in [65, 100, 316, 1000] {
+        // As long as eight of the symplectic rule's, so that rounds are as many whatever the points.
+        let dt = 8.0 * 0.4 * sheets(side, "", false).longest_stable();
+        row("implicit", side, 100_000 / side.pow(2), sheets(side, IMPLICIT, false), dt);
+    }
+}
+
+fn row(name: &str, side: u32, steps: u32, mut sheets: Sheets, dt: f64) {
+    let steps = steps.clamp(1, 500);
+    let mut turn = |threads: usize| {
+        par::with_threads(threads, || {
+            let start = Instant::now();
+            for _ in 0..steps {
+                sheets.step(0.0, dt).expect("it is stable");
+            }
+            1e3 * start.elapsed().as_secs_f64() / f64::from(steps)
+        })
+    };
+    let mut turns: Vec<[f64; 2]> = (0..TURNS).map(|_| [turn(1), turn(2)]).collect();
+    let [one, two] = [0, 1].map(|k| turns.iter().map(|turn| turn[k]).fold(f64::INFINITY, f64::min));
+    turns.sort_by(|a, b| (a[0] / a[1]).total_cmp(&(b[0] / b[1])));
+    let [a, b] = turns[TURNS / 2];
+    println!("| {name} | {} | {one:.3} | {two:.3} | {:.2}× | {:.2}× |", side * side, one / two, a / b);
+}
+
 fn main() {
+    if std::env::args().any(|word| word == "threads") {
+        return by_threads();
+    }
     let threads = std::env::var("MENISCUS_THREADS").map_or(0, |n| n.parse().expect("a number of threads"));
     par::with_threads(threads, || {
         let mut criterion = Criterion::default().configure_from_args();
@@ -100,8 +144,7 @@ fn steps(criterion: &mut Criterion) {
     }
     let mut made = None;
     group.bench_function("implicit, 316² points", |b| {
-        let terms = "[sheets.solver]\nintegrator = \"implicit\"\nsubsteps = 1";
-        let sheets = made.get_or_insert_with(|| sheets(316, terms, false));
+        let sheets = made.get_or_insert_with(|| sheets(316, IMPLICIT, false));
         b.iter(|| sheets.step(0.0, 1.0 / 192.0).expect("it is stable"));
     });
     group.finish();

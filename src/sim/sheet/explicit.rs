@@ -13,15 +13,12 @@
 
 use super::{
     ABSURD,
-    lanes::{CHUNK, Eight, Vectors},
+    lanes::{Eight, Vectors, in_chunks},
     springs::Gather,
 };
-use crate::{
-    math::{
-        Vec3,
-        wide::{self, Job, WIDTH, Wide},
-    },
-    par,
+use crate::math::{
+    Vec3,
+    wide::{self, Job, WIDTH, Wide},
 };
 
 /// What moves points besides forces.
@@ -112,7 +109,7 @@ pub(super) fn advance<G: Gather>(
 ) -> Option<usize> {
     let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
     let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
-    let lost = par::map_chunks_mut(all, CHUNK, |start, [x0, x1, x2, v0, v1, v2, l0, l1, l2]| {
+    let lost = in_chunks(all, |start, [x0, x1, x2, v0, v1, v2, l0, l1, l2]| {
         wide::run(Advance { drive, forces, start, x: [x0, x1, x2], v: [v0, v1, v2], low: [l0, l1, l2] })
     });
     lost.into_iter().flatten().next()

@@ -14,14 +14,14 @@ use super::{
     bonds::Bonds,
     free::Part,
     hold::Joined,
-    lanes::{Eight, Vectors},
-    springs::{self, Blocks},
+    lanes::{Dot, Eight, Vectors, in_chunks},
+    springs::{self, Blocks, Change, Gather, Linear},
     table::Table,
 };
 use crate::{
     math::{
         Vec3,
-        wide::{WIDTH, Wide},
+        wide::{self, Job, WIDTH, Wide},
     },
     par,
 };
@@ -54,6 +54,7 @@ pub(super) struct Solved {
 
 impl Matrix<'_> {
     /// M (1 + Δt c) of eight points.
+    #[inline(always)]
     pub(super) fn inertia(&self, at: usize) -> Wide {
         let mut out = self.mass[at];
         if let Some(drag) = self.drag {
@@ -64,20 +65,13 @@ impl Matrix<'_> {
         out
     }
 
-    /// A p, zero at points of no mobility.
-    pub(super) fn times(&self, p: &Vectors, out: &mut Vectors) {
-        out.update(|at, [x, y, z]| {
-            let (p, m) = (p.eight(at), self.inertia(at));
-            let q = symmetric(&self.held[at], &p);
-            for lane in 0..WIDTH {
-                x[lane] = m[lane] * p[0][lane] + q[0][lane];
-                y[lane] = m[lane] * p[1][lane] + q[1][lane];
-                z[lane] = m[lane] * p[2][lane] + q[2][lane];
-            }
-        });
-        springs::add_change(self.springs, self.x, p, self.dt, out);
-        if let Some(plates) = self.plates {
-            springs::add_linear(plates, p, -self.dt * self.dt, out);
+    /// A p, zero at points of no mobility. Returns p·A p.
+    pub(super) fn times(&self, p: &Vectors, out: &mut Vectors) -> f64 {
+        let springs = Change { table: self.springs, x: self.x, p, dt: self.dt };
+        let plates = self.plates.map(|table| Linear { table, y: p, factor: -self.dt * self.dt });
+        let found = springs::write(out, &Product { matrix: self, p, springs, plates }, p);
+        if self.joined.is_empty() && self.bonds.is_empty() {
+            return found;
         }
         for joint in &self.joined {
             let [a, b] = joint.ends.map(|i| i as usize);
@@ -87,6 +81,7 @@ impl Matrix<'_> {
             out.add(b, -q);
         }
         self.filter(out);
+        p.dot(out)
     }
 
     /// Leaves what points of mobility and bonds allow.
@@ -151,18 +146,106 @@ impl Matrix<'_> {
         let goal = tolerance * tolerance * size;
         let mut iterations = 0;
         while left > goal && iterations < most {
-            self.times(&way, &mut product);
-            let alpha = left / way.dot(&product);
-            combine(v, 1.0, &way, alpha as f32);
-            combine(&mut rest, 1.0, &product, -alpha as f32);
-            precondition(&rest, &mut better);
-            let before = std::mem::replace(&mut left, rest.dot(&better));
+            let alpha = left / self.times(&way, &mut product);
+            let down = Down { alpha: alpha as f32, way: &way, product: &product, inverses: &inverses };
+            let mut next = down.step(v, &mut rest, &mut better);
+            if !self.bonds.is_empty() {
+                self.bonds.filter(self.inverse, &mut better);
+                next = rest.dot(&better);
+            }
+            let before = std::mem::replace(&mut left, next);
             combine(&mut way, (left / before) as f32, &better, 1.0);
             iterations += 1;
         }
         self.translate(right, v);
         let residual = if size > 0.0 { (left / size).max(0.0).sqrt() } else { 0.0 };
         Solved { iterations, residual }
+    }
+}
+
+/// The rows of A p but for joints and bonds.
+struct Product<'a> {
+    matrix: &'a Matrix<'a>,
+    p: &'a Vectors,
+    springs: Change<'a>,
+    plates: Option<Linear<'a>>,
+}
+
+impl Gather for Product<'_> {
+    #[inline(always)]
+    fn eight(&self, at: usize) -> Eight {
+        let (p, m) = (self.p.eight(at), self.matrix.inertia(at));
+        let mut sum = symmetric(&self.matrix.held[at], &p);
+        let springs = self.springs.eight(at);
+        let mut plates = [[0.0; WIDTH]; 3];
+        if let Some(table) = &self.plates {
+            plates = table.eight(at);
+        }
+        let inverse = self.matrix.inverse[at];
+        for axis in 0..3 {
+            for lane in 0..WIDTH {
+                let own = m[lane] * p[axis][lane] + sum[axis][lane];
+                let all = own + springs[axis][lane] + plates[axis][lane];
+                sum[axis][lane] = if inverse[lane] == 0.0 { 0.0 } else { all };
+            }
+        }
+        sum
+    }
+}
+
+/// A step of the conjugate gradients, in one go through memory.
+struct Down<'a> {
+    alpha: f32,
+    way: &'a Vectors,
+    product: &'a Vectors,
+    inverses: &'a [Blocks],
+}
+
+impl Down<'_> {
+    /// v ← v + α p, r ← r − α A p, z ← blocks r. Returns r·z.
+    fn step(&self, v: &mut Vectors, rest: &mut Vectors, better: &mut Vectors) -> f64 {
+        let ([v0, v1, v2], [r0, r1, r2], [z0, z1, z2]) = (&mut v.axes, &mut rest.axes, &mut better.axes);
+        let all: [&mut [Wide]; 9] = [v0, v1, v2, r0, r1, r2, z0, z1, z2];
+        let parts = in_chunks(all, |start, [v0, v1, v2, r0, r1, r2, z0, z1, z2]| {
+            wide::run(DownPart { down: self, start, v: [v0, v1, v2], r: [r0, r1, r2], z: [z0, z1, z2] })
+        });
+        parts.into_iter().sum()
+    }
+}
+
+struct DownPart<'a> {
+    down: &'a Down<'a>,
+    start: usize,
+    v: [&'a mut [Wide]; 3],
+    r: [&'a mut [Wide]; 3],
+    z: [&'a mut [Wide]; 3],
+}
+
+impl Job for DownPart<'_> {
+    type Out = f64;
+
+    #[inline(always)]
+    fn run(mut self) -> f64 {
+        let Down { alpha, way, product, inverses } = *self.down;
+        let mut sum = Dot::default();
+        for k in 0..self.v[0].len() {
+            let at = self.start + k;
+            let (way, product) = (way.eight(at), product.eight(at));
+            let mut rest = [[0.0; WIDTH]; 3];
+            for axis in 0..3 {
+                let (mut v, r) = (self.v[axis][k], self.r[axis][k]);
+                for lane in 0..WIDTH {
+                    v[lane] += alpha * way[axis][lane];
+                    rest[axis][lane] = r[lane] - alpha * product[axis][lane];
+                }
+                (self.v[axis][k], self.r[axis][k]) = (v, rest[axis]);
+            }
+            let better = symmetric(&inverses[at], &rest);
+            let [z0, z1, z2] = &mut self.z;
+            [z0[k], z1[k], z2[k]] = better;
+            sum.add(&rest, &better);
+        }
+        sum.total()
     }
 }
 
@@ -196,6 +279,7 @@ pub(super) fn combine(a: &mut Vectors, f: f32, b: &Vectors, g: f32) {
 }
 
 /// Symmetric matrices times vectors.
+#[inline(always)]
 fn symmetric(m: &Blocks, p: &Eight) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
     for (axis, parts) in [[0, 3, 4], [3, 1, 5], [4, 5, 2]].into_iter().enumerate() {

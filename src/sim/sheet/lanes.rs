@@ -14,6 +14,42 @@ pub(super) const CHUNK: usize = 256;
 /// So few eights one thread handles alone: with some more than twice as many points two were slower than one (`docs/sheets.md`).
 const FEW: usize = 2 * CHUNK;
 
+/// Cuts slices of equal length into chunks, calls `f(number of the first eight, a chunk of each)` and returns the results in order, which does
+/// not depend on the threads.
+pub(super) fn in_chunks<T: Send, const N: usize>(
+    slices: [&mut [Wide]; N],
+    f: impl Fn(usize, [&mut [Wide]; N]) -> T + Sync,
+) -> Vec<T> {
+    let len = slices[0].len();
+    if len > FEW {
+        return par::map_chunks_mut(slices, CHUNK, f);
+    }
+    let mut rest = slices.map(|slice| slice.chunks_mut(CHUNK));
+    (0..len.div_ceil(CHUNK))
+        .map(|k| f(k * CHUNK, std::array::from_fn(|s| rest[s].next().expect("all have as many chunks"))))
+        .collect()
+}
+
+/// Σ a · b over eights in double precision, in the order in which they come.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Dot([f64; WIDTH]);
+
+impl Dot {
+    #[inline(always)]
+    pub(super) fn add(&mut self, a: &Eight, b: &Eight) {
+        for axis in 0..3 {
+            for lane in 0..WIDTH {
+                self.0[lane] += f64::from(a[axis][lane]) * f64::from(b[axis][lane]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn total(self) -> f64 {
+        self.0.iter().sum()
+    }
+}
+
 /// x, y and z of eight points.
 pub(super) type Eight = [Wide; 3];
 
@@ -90,32 +126,20 @@ impl Vectors {
     /// Calls `f(number of the eight, its vectors)` for each.
     pub(super) fn update(&mut self, f: impl Fn(usize, [&mut Wide; 3]) + Sync) {
         let [x, y, z] = &mut self.axes;
-        let few = x.len() <= FEW;
-        let part = |start: usize, [x, y, z]: [&mut [Wide]; 3]| {
+        in_chunks([x, y, z], |start, [x, y, z]: [&mut [Wide]; 3]| {
             for (k, ((x, y), z)) in x.iter_mut().zip(y).zip(z).enumerate() {
                 f(start + k, [x, y, z]);
             }
-        };
-        if few {
-            part(0, [x, y, z]);
-        } else {
-            par::map_chunks_mut([x, y, z], CHUNK, part);
-        }
+        });
     }
 
     /// Σ over points of `self` · `other`, in double precision and a fixed order.
     pub(super) fn dot(&self, other: &Self) -> f64 {
         let len = self.axes[0].len();
         let part = |range: std::ops::Range<usize>| {
-            let mut sum = [0.0_f64; WIDTH];
-            for at in range {
-                for (a, b) in self.axes.iter().zip(&other.axes) {
-                    for lane in 0..WIDTH {
-                        sum[lane] += f64::from(a[at][lane]) * f64::from(b[at][lane]);
-                    }
-                }
-            }
-            sum.iter().sum::<f64>()
+            let mut sum = Dot::default();
+            range.for_each(|at| sum.add(&self.eight(at), &other.eight(at)));
+            sum.total()
         };
         if len <= FEW {
             // In the parts that threads would have.

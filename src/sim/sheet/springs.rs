@@ -10,7 +10,7 @@
 //! Limits: a spring of length zero has no direction and pulls only if its rest length is zero; such springs are counted by the record.
 
 use super::{
-    lanes::{CHUNK, Eight, Flat, Vectors},
+    lanes::{Dot, Eight, Flat, Vectors, in_chunks},
     table::{Slot, Table},
 };
 use crate::{
@@ -112,9 +112,36 @@ impl<G: Gather> Job for Run<'_, G> {
 /// Adds what `gather` finds to `out`.
 fn add<G: Gather>(out: &mut Vectors, gather: &G) {
     let [x, y, z] = &mut out.axes;
-    par::map_chunks_mut([x, y, z], CHUNK, |start, out| {
-        wide::run(Run { gather, start, out });
-    });
+    in_chunks([x, y, z], |start, out| wide::run(Run { gather, start, out }));
+}
+
+struct Write<'a, G> {
+    gather: &'a G,
+    with: &'a Vectors,
+    start: usize,
+    out: [&'a mut [Wide]; 3],
+}
+
+impl<G: Gather> Job for Write<'_, G> {
+    type Out = f64;
+
+    #[inline(always)]
+    fn run(self) -> f64 {
+        let [x, y, z] = self.out;
+        let mut sum = Dot::default();
+        for k in 0..x.len() {
+            let found = self.gather.eight(self.start + k);
+            sum.add(&self.with.eight(self.start + k), &found);
+            [x[k], y[k], z[k]] = found;
+        }
+        sum.total()
+    }
+}
+
+/// Writes what `gather` finds to `out`, and returns its product with `with`, as [`Vectors::dot`] has it.
+pub(super) fn write<G: Gather>(out: &mut Vectors, gather: &G, with: &Vectors) -> f64 {
+    let [x, y, z] = &mut out.axes;
+    in_chunks([x, y, z], |start, out| wide::run(Write { gather, with, start, out })).into_iter().sum()
 }
 
 /// Forces of springs [N]; with `DAMPED` those of their damping, too.
@@ -204,12 +231,12 @@ pub(super) fn add_linear(table: &Table, y: &Vectors, factor: f32, out: &mut Vect
     add(out, &Linear { table, y, factor });
 }
 
-/// How springs answer to a change: along and across each, with parts Δt² of stiffness and Δt of damping.
-struct Change<'a> {
-    table: &'a Table,
-    x: &'a Vectors,
-    p: &'a Vectors,
-    dt: f32,
+/// (Δt² K + Δt C) p of springs at `x`: how they answer to a change, along and across each.
+pub(super) struct Change<'a> {
+    pub(super) table: &'a Table,
+    pub(super) x: &'a Vectors,
+    pub(super) p: &'a Vectors,
+    pub(super) dt: f32,
 }
 
 /// What a spring has along itself and across, less than zero left out, and the square of its inverse length.
@@ -257,11 +284,6 @@ impl Gather for Change<'_> {
         }
         sum
     }
-}
-
-/// Adds (Δt² K + Δt C) p of springs at `x` to `out`.
-pub(super) fn add_change(table: &Table, x: &Vectors, p: &Vectors, dt: f32, out: &mut Vectors) {
-    add(out, &Change { table, x, p, dt });
 }
 
 /// Adds the diagonal blocks of Δt² K + Δt C of springs at `x` to `out`.
@@ -379,7 +401,7 @@ mod tests {
             entries(false, 0.0).iter().map(|e| Entry { rest: 1e-3 * e.rest, ..*e }).collect();
         let table = Table::new(COUNT, entries.clone());
         let mut change = Vectors::zeros(COUNT);
-        add_change(&table, &x, &p, 1.0, &mut change);
+        add(&mut change, &Change { table: &table, x: &x, p: &p, dt: 1.0 });
         let moved = |by: f32| {
             let all: Vec<Vec3> = (0..COUNT).map(|i| x.get(i) + p.get(i) * by).collect();
             expected(&entries, &Vectors::of(&all), &x)
@@ -395,14 +417,14 @@ mod tests {
         for i in 0..COUNT {
             let (mut one, mut found) = (Vectors::zeros(COUNT), Vectors::zeros(COUNT));
             one.set(i, Vec3::x());
-            add_change(&table, &x, &one, 1.0, &mut found);
+            add(&mut found, &Change { table: &table, x: &x, p: &one, dt: 1.0 });
             let block = [0, 3, 4].map(|part| blocks[i / WIDTH][part][i % WIDTH]);
             assert!((found.get(i) - Vec3::from(block)).norm() < 1e-4 * (1.0 + found.get(i).norm()));
         }
         // In compression nothing is left across a spring, and the form is not negative.
         let pressed: Vec<Entry> = entries.iter().map(|e| Entry { rest: 9.0, ..*e }).collect();
         let mut change = Vectors::zeros(COUNT);
-        add_change(&Table::new(COUNT, pressed), &x, &p, 1.0, &mut change);
+        add(&mut change, &Change { table: &Table::new(COUNT, pressed), x: &x, p: &p, dt: 1.0 });
         assert!(change.dot(&p) > 0.0);
     }
 }
