@@ -1,12 +1,16 @@
 //! What is in a shot folder.
 
-use super::{Failure, FrameSpan, Jump, Manifest, MeshRecord, RunError, ShotFolder, Totals, mesh_log, totals};
+use super::{
+    Failure, FrameSpan, Jump, Manifest, MeshRecord, OutputFiles, RunError, ShotFolder, Totals, mesh_log,
+    totals,
+};
 use crate::{
     cache::{self, CacheError},
     frame::FrameIndex,
     sim::sheet::is_faces,
 };
 use serde::Serialize;
+use std::path::Path;
 
 /// What a shot folder holds.
 #[derive(Clone, Debug, Serialize)]
@@ -87,70 +91,13 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         Err(CacheError::NotFound { .. }) if manifest.is_some() => Vec::new(),
         listed => listed?,
     };
-    let mut frames = Vec::new();
-    for (index, path) in present {
-        let read = if whole { cache::verify_frame(&path) } else { cache::read_header(&path) };
-        let mut state = FrameState {
-            frame: index.0,
-            time: 0.0,
-            particles: 0,
-            bytes: 0,
-            density_dev_avg: None,
-            density_dev_max: None,
-            fault: None,
-            failure: None,
-        };
-        match read {
-            Ok(info) => {
-                state.time = info.time;
-                state.bytes = info.bytes;
-                state.particles = info
-                    .streams
-                    .iter()
-                    .filter(|stream| !is_faces(&stream.name))
-                    .map(|stream| stream.len)
-                    .sum();
-                let scalars = info.streams.iter().flat_map(|stream| stream.scalars.iter());
-                let scalar =
-                    |wanted: &str| scalars.clone().find(|(name, _)| name == wanted).map(|&(_, value)| value);
-                state.density_dev_avg = scalar("density_dev_avg");
-                state.density_dev_max = scalar("density_dev_max");
-            }
-            Err(damage @ (CacheError::Corrupt { .. } | CacheError::Version { .. })) => {
-                state.fault = Some(damage.to_string());
-                state.failure = Some(Failure::of(&damage));
-            }
-            Err(other) => return Err(other.into()),
-        }
-        frames.push(state);
-    }
+    let frames: Vec<FrameState> = present
+        .into_iter()
+        .map(|(index, path)| frame_state(index, &path, whole))
+        .collect::<Result<_, _>>()?;
     let span = manifest.as_ref().map(|manifest| manifest.frames);
-    let there: Vec<u32> = frames.iter().map(|frame| frame.frame).collect();
-    // A span may have a frame for each of 2³² numbers.
-    let asked = span.filter(|_| !there.is_empty());
-    let (missing, missing_count) = asked.map_or_else(Default::default, |span| {
-        let lacking = span.numbers().filter(|number| there.binary_search(number).is_err());
-        let present = there.iter().filter(|&&frame| span.contains(frame)).count() as u64;
-        (lacking.take(MOST_MISSING).collect(), span.count() - present)
-    });
-    let outputs = manifest.iter().flat_map(|manifest| &manifest.outputs).map(|output| {
-        // A sheet has one file for all of its frames.
-        let present = match &output.rest {
-            None => output.present(folder).len(),
-            Some(rest) => {
-                let is_there = |path: &str| folder.root().join(path).is_file();
-                if is_there(rest) && is_there(&output.pattern) { output.frames.count() as usize } else { 0 }
-            }
-        };
-        OutputInfo {
-            kind: output.kind.clone(),
-            name: output.name.clone(),
-            format: output.format.clone(),
-            pattern: output.pattern.clone(),
-            present,
-            missing: output.frames.count().saturating_sub(present as u64),
-        }
-    });
+    let (missing, missing_count) = span.map_or_else(Default::default, |span| lacking(span, &frames));
+    let outputs = manifest.iter().flat_map(|manifest| &manifest.outputs);
     let sound = |index: FrameIndex| {
         let place = frames.binary_search_by_key(&index.0, |frame| frame.frame);
         place.is_ok_and(|place| frames[place].fault.is_none())
@@ -165,7 +112,7 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         fps: manifest.as_ref().map_or(0.0, |known| known.fps),
         span,
         totals,
-        outputs: outputs.collect(),
+        outputs: outputs.map(|output| output_info(output, folder)).collect(),
         frames,
         missing,
         missing_count,
@@ -176,3 +123,67 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
 
 /// Missing frames that are listed.
 const MOST_MISSING: usize = 1000;
+
+/// What the header of a frame tells, or all of it if `whole`.
+fn frame_state(index: FrameIndex, path: &Path, whole: bool) -> Result<FrameState, RunError> {
+    let mut state = FrameState {
+        frame: index.0,
+        time: 0.0,
+        particles: 0,
+        bytes: 0,
+        density_dev_avg: None,
+        density_dev_max: None,
+        fault: None,
+        failure: None,
+    };
+    match if whole { cache::verify_frame(path) } else { cache::read_header(path) } {
+        Ok(info) => {
+            state.time = info.time;
+            state.bytes = info.bytes;
+            let points = info.streams.iter().filter(|stream| !is_faces(&stream.name));
+            state.particles = points.map(|stream| stream.len).sum();
+            let scalars = info.streams.iter().flat_map(|stream| stream.scalars.iter());
+            let scalar =
+                |wanted: &str| scalars.clone().find(|(name, _)| name == wanted).map(|&(_, value)| value);
+            state.density_dev_avg = scalar("density_dev_avg");
+            state.density_dev_max = scalar("density_dev_max");
+        }
+        Err(damage @ (CacheError::Corrupt { .. } | CacheError::Version { .. })) => {
+            state.fault = Some(damage.to_string());
+            state.failure = Some(Failure::of(&damage));
+        }
+        Err(other) => return Err(other.into()),
+    }
+    Ok(state)
+}
+
+/// The first of the frames that a span has and that are not there, and how many these are; none where there is no frame at all.
+fn lacking(span: FrameSpan, frames: &[FrameState]) -> (Vec<u32>, u64) {
+    if frames.is_empty() {
+        return (Vec::new(), 0);
+    }
+    // A span may have a frame for each of 2³² numbers.
+    let is_lacking = |number: &u32| frames.binary_search_by_key(number, |frame| frame.frame).is_err();
+    let present = frames.iter().filter(|frame| span.contains(frame.frame)).count() as u64;
+    (span.numbers().filter(is_lacking).take(MOST_MISSING).collect(), span.count() - present)
+}
+
+/// What is there of an output.
+fn output_info(output: &OutputFiles, folder: &ShotFolder) -> OutputInfo {
+    let present = match &output.rest {
+        None => output.present(folder).len(),
+        // A sheet has one file for all of its frames.
+        Some(rest) => {
+            let is_there = |path: &str| folder.root().join(path).is_file();
+            if is_there(rest) && is_there(&output.pattern) { output.frames.count() as usize } else { 0 }
+        }
+    };
+    OutputInfo {
+        kind: output.kind.clone(),
+        name: output.name.clone(),
+        format: output.format.clone(),
+        pattern: output.pattern.clone(),
+        present,
+        missing: output.frames.count().saturating_sub(present as u64),
+    }
+}

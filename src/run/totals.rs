@@ -28,6 +28,8 @@ pub struct SheetTotals {
     pub strain_max: f64,
     /// Most points within a solid at the end of any.
     pub inside_solids: u64,
+    /// Most faces cut into solids at the end of any.
+    pub cut_faces: u64,
 }
 
 /// Over the frames of a liquid with sheets.
@@ -66,6 +68,7 @@ struct Line {
 struct Sheets {
     strain_max: f64,
     inside_solids: u64,
+    cut_faces: u64,
 }
 
 #[derive(Deserialize)]
@@ -107,11 +110,12 @@ fn of(text: &str, there: impl Fn(FrameIndex) -> bool) -> Totals {
         lines.filter(|line| there(line.frame)).map(|line| (line.frame, line)).collect();
     let mut sums = Totals::default();
     for Line { sheets, coupling, .. } in last.into_values() {
-        if let Some(Sheets { strain_max, inside_solids }) = sheets {
+        if let Some(Sheets { strain_max, inside_solids, cut_faces }) = sheets {
             let sum = sums.sheets.get_or_insert_default();
             sum.frames += 1;
             sum.strain_max = sum.strain_max.max(strain_max);
             sum.inside_solids = sum.inside_solids.max(inside_solids);
+            sum.cut_faces = sum.cut_faces.max(cut_faces);
         }
         let Some(Coupling { liquid, smoke }) = coupling else { continue };
         if let Some(OnLiquid { crossed, put_back, unfinished }) = liquid {
@@ -139,7 +143,7 @@ mod tests {
     fn the_last_line_about_each_frame_that_is_there_counts() {
         let line = |frame: u32, strain: f64, crossed: u64, cut: u64| {
             format!(
-                "{{\"frame\":{frame},\"sheets\":{{\"strain_max\":{strain},\"inside_solids\":{frame}}},\"coupling\":{{\
+                "{{\"frame\":{frame},\"sheets\":{{\"strain_max\":{strain},\"inside_solids\":{frame},\"cut_faces\":{crossed}}},\"coupling\":{{\
                  \"liquid\":{{\"crossed\":{crossed},\"put_back\":2,\"unfinished\":3}},\
                  \"smoke\":{{\"fastest\":{strain},\"cut\":{cut}}}}}}}\n"
             )
@@ -147,7 +151,7 @@ mod tests {
         let text = line(2, 9.0, 90, 0) + &line(3, 0.5, 4, 1) + &line(2, 0.25, 1, 10) + &line(7, 8.0, 800, 0);
         let cut_short = text + "{\"frame\":4,\"shee";
         let found = of(&cut_short, |frame| frame.0 < 7);
-        let sheets = SheetTotals { frames: 2, strain_max: 0.5, inside_solids: 3 };
+        let sheets = SheetTotals { frames: 2, strain_max: 0.5, inside_solids: 3, cut_faces: 4 };
         let liquid = LiquidTotals { frames: 2, crossed: 5, put_back: 4, unfinished: 6 };
         let smoke = SmokeTotals { frames: 2, fastest: 0.5, cut: 11 };
         let all =

@@ -5,7 +5,7 @@
 //! in a [`FrameRecord`].
 
 /// Raised whenever a change gives the same preset other bits, so that a resumed cache never mixes two solvers.
-pub const STATE_VERSION: u32 = 10;
+pub const STATE_VERSION: u32 = 11;
 
 pub mod coupling;
 pub mod liquid;

@@ -240,3 +240,48 @@ fn fast_points_do_not_fly_through_a_thin_solid() {
     assert!(records.iter().map(|r| r.caught).sum::<u64>() >= 25);
     assert!(sheets.positions().iter().all(|x| x.z >= 0.01), "{:?}", sheets.positions()[0]);
 }
+
+/// Faces are straight between their points: in a ball those of width w lie up to w²/4R deep. A clearance of that keeps them out, and that of layers
+/// is half of their thickness.
+#[test]
+fn a_clearance_keeps_faces_out_of_a_ball() {
+    let (radius, width) = (0.3, 1.0 / 16.0);
+    let depth = f64::from(width * width / (4.0 * radius));
+    // Hanging cloth is wider by its strain.
+    let enough = 1.3 * depth;
+    let ball = Shape::Sphere { center: [0.0; 3], radius };
+    for integrator in ["symplectic", "implicit"] {
+        let fall = |first: &str, terms: &str| {
+            let sheet = above(0.32, 16, "");
+            let text = format!(
+                "{first}\nsheets.friction = 0.4\n{sheet}{terms}\n[sheets.solver]\nintegrator = '{integrator}'"
+            );
+            let mut sheets = sheets(&text, &world(9.81, vec![ball.clone()]));
+            let records = run(&mut sheets, 0, 24).unwrap();
+            let nearest =
+                sheets.positions().iter().map(|x| ball.signed_distance(*x)).fold(f32::MAX, f32::min);
+            assert!(records.iter().all(|record| record.inside_solids == 0) && records[23].caught > 0);
+            (records, nearest)
+        };
+        let (records, nearest) = fall("", "");
+        let last = &records[23];
+        println!("{integrator}: {} {} {depth}", last.cut_faces, last.cut_depth);
+        assert!(nearest < 1e-5, "it lies on the ball: {nearest}");
+        assert!(
+            last.cut_faces > 20 && (0.5 * depth..enough).contains(&last.cut_depth),
+            "{integrator}: {last:?}"
+        );
+        let clearance = format!("sheets.clearance = {enough}");
+        let thickness = format!("[sheets.contact]\nthickness = {}", 2.0 * enough);
+        for (first, terms) in [(&*clearance, ""), ("", &*thickness)] {
+            let (records, nearest) = fall(first, terms);
+            assert!(
+                records.iter().all(|record| (record.cut_faces, record.cut_depth) == (0, 0.0)),
+                "{integrator}"
+            );
+            assert!((f64::from(nearest) - enough).abs() < 1e-5, "{integrator}: {nearest} {enough}");
+        }
+        let (records, nearest) = fall("sheets.clearance = 0", &thickness);
+        assert!(records[23].cut_faces > 0 && nearest < 1e-5, "{integrator}: what is said counts: {nearest}");
+    }
+}
