@@ -11,7 +11,7 @@ use crate::{
     sim::{
         World,
         vortex::{
-            Gradient, Kernel, Method, Quantity, Targets, Unfit, Vortons,
+            Gradient, Kernel, Method, Quantity, Targets, Unfit, UnfitKind, Vortons,
             flow::{Moment, Outside, Rates},
             induced, induced_both,
         },
@@ -107,7 +107,7 @@ impl Air {
         let panels = walls.sourced(time);
         let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.x).collect();
         let spin = self.spin(time, spun);
-        spin.check().map_err(|unfit| Unfit { kind: "panels", ..unfit })?;
+        spin.check().map_err(|unfit| Unfit { kind: UnfitKind::Panels, ..unfit })?;
         let mut free = self.free(vortons, &at)?;
         self.add(&spin, &at, &mut free)?;
         Ok(Sources { spin, ..walls.solve(&panels, &free) })

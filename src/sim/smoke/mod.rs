@@ -281,16 +281,8 @@ impl System {
 
     /// Says which vorton or point left what can be computed.
     fn diverged(&self, substep: u32, unfit: &Unfit) -> Diverged {
-        let index = unfit.index as u32;
         let limits = "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps";
-        let (particle, of, try_next) = match unfit.kind {
-            "vortons" => (self.flow.id.get(unfit.index).copied().unwrap_or(index), "", limits),
-            "panels" => {
-                (index, "of the panels of solids that turn ", "slower turns in the keyframes of colliders")
-            }
-            _ => (index, "of the points that drift along ", limits),
-        };
-        Diverged { system: NAME, substep, particle, what: format!("{of}has {}", unfit.what), try_next }
+        unfit.diverged(substep, &self.flow.id, "points that drift along", limits)
     }
 }
 

@@ -49,7 +49,7 @@ pub use accuracy::{ERRORS, sampled_error};
 pub use grid::{Field, Lattice, Way, boundary_values, lattice, poisson};
 pub use invariants::{Invariants, invariants};
 pub use reach::beyond;
-pub use vortons::{LARGEST, SMALLEST_CORE, Unfit, Vortons};
+pub use vortons::{LARGEST, SMALLEST_CORE, Unfit, UnfitKind, Vortons};
 
 use crate::math::Vec3;
 use chain::{Ball, Gaussian, RosenheadMoore, WinckelmansLeonard};

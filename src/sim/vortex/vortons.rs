@@ -1,6 +1,6 @@
 //! A set of vortons, and what of it the sums can hold.
 
-use crate::{math::Vec3, par};
+use crate::{math::Vec3, par, sim::Diverged};
 
 /// The smallest core [m]. Smaller ones would leave single precision where vortons come close.
 pub const SMALLEST_CORE: f32 = 1e-6;
@@ -19,16 +19,61 @@ pub struct Vortons {
     pub core: Vec<f32>,
 }
 
+/// Of what there may be something that the sums cannot hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UnfitKind {
+    /// Vortons.
+    Vortons,
+    /// Points at which velocities are asked for.
+    Points,
+    /// Panels whose spin stands for that of solids.
+    Panels,
+}
+
 /// A vorton or point that the sums cannot hold.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("number {index} of the {kind} has {what}")]
+#[error("number {index} of the {} has {what}", kind.name())]
 pub struct Unfit {
-    /// "vortons" or "points", or "panels" whose spin stands for that of solids.
-    pub kind: &'static str,
+    /// What it is one of.
+    pub kind: UnfitKind,
     /// The first of them.
     pub index: usize,
     /// What was found, and what was expected.
     pub what: String,
+}
+
+impl UnfitKind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Vortons => "vortons",
+            Self::Points => "points",
+            Self::Panels => "panels of solids that turn",
+        }
+    }
+}
+
+impl Unfit {
+    /// Ends a substep of smoke with it. Vortons have these `ids`, points are told as `points`, and `limits` are what to change, but for panels.
+    pub(in crate::sim) fn diverged(
+        &self,
+        substep: u32,
+        ids: &[u32],
+        points: &'static str,
+        limits: &'static str,
+    ) -> Diverged {
+        let index = self.index as u32;
+        let (particle, of, try_next) = match self.kind {
+            UnfitKind::Vortons => (ids.get(self.index).copied().unwrap_or(index), "", limits),
+            UnfitKind::Points => (index, points, limits),
+            UnfitKind::Panels => (index, self.kind.name(), "slower turns in the keyframes of colliders"),
+        };
+        let what = if of.is_empty() {
+            format!("has {}", self.what)
+        } else {
+            format!("of the {of} has {}", self.what)
+        };
+        Diverged { system: "smoke", substep, particle, what, try_next }
+    }
 }
 
 impl Vortons {
@@ -53,7 +98,7 @@ impl Vortons {
     pub fn check(&self) -> Result<(), Unfit> {
         let count = self.len();
         assert!(self.strength.len() == count && self.core.len() == count, "a column for every property");
-        let unfit = |index: usize, what: String| Err(Unfit { kind: "vortons", index, what });
+        let unfit = |index: usize, what: String| Err(Unfit { kind: UnfitKind::Vortons, index, what });
         if let Some(index) = first(count, |i| !within(self.position[i])) {
             return unfit(index, outside("position", self.position[index], "m"));
         }
@@ -71,7 +116,7 @@ impl Vortons {
 /// Finds the first point that the sums cannot hold.
 pub(super) fn check_points(points: &[Vec3]) -> Result<(), Unfit> {
     first(points.len(), |i| !within(points[i])).map_or(Ok(()), |index| {
-        Err(Unfit { kind: "points", index, what: outside("position", points[index], "m") })
+        Err(Unfit { kind: UnfitKind::Points, index, what: outside("position", points[index], "m") })
     })
 }
 
