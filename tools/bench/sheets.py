@@ -1,14 +1,16 @@
 #!/usr/bin/env python3
 """What sheets cost and how exact that is, as tables in Markdown.
 
-    tools/bench/sheets.py cost                       seconds a substep from 1e3 to 1e6 points, about five minutes
+    tools/bench/sheets.py cost                       seconds a substep from 1e3 to 1e6 points, about two minutes
+    tools/bench/sheets.py cost --plot docs/images/sheets-cost.svg
     tools/bench/sheets.py cost --sides 32,100,316
     tools/bench/sheets.py precision                  integrators, steps and stiffness, about twenty minutes
     tools/bench/sheets.py precision --stiffness 1e2,1e4 --frames 13
 
 *Cost*: a square of 1 m, held at its corners, in frames of sixteen symplectic substeps, so that they are as long as the
 points are far apart. A substep of the implicit integrator is four of these; it is told by rounds of its conjugate gradients,
-of which it needs as many whatever the points. Wall seconds of the pass `sheet_step` of the tool's log.
+of which it needs as many whatever the points. Wall seconds of the pass `sheet_step` of the tool's log on one thread, best of the frames; by
+threads `cargo bench --bench sheet -- threads` has them.
 
 *Precision*: a cloth of 64 × 64 cells, level at the start, hung at two corners, by stiffness, integrator and steps. Errors are
 root mean squares of the distances of its points from those of a symplectic run with an eighth of the longest stable
@@ -28,6 +30,7 @@ import subprocess
 import sys
 import tempfile
 
+from plot import plot
 from shot import ROOT
 
 PRESET = """
@@ -101,30 +104,34 @@ def count(number):
 
 def cost(options):
     """Seconds a substep by points, and how far that is from a straight line through the origin."""
-    sides = [int(side) for side in options.sides.split(",")]
+    points = [int(side) ** 2 for side in options.sides.split(",")]
+    curves = []
     for kind, terms in KINDS.items():
         print(f"\n{kind[0].upper() + kind[1:]}:\n")
-        print("| points | symplectic, ms a substep | ns a point | the same, 2 threads | implicit, ms a substep | rounds | ns a point and round |")
-        print("|--:|--:|--:|--:|--:|--:|--:|")
-        all_ns = [[], [], []]
-        for side in sides:
-            cells, points = side - 1, side * side
+        print("| points | symplectic, ms a substep | ns a point | implicit, ms a substep | rounds | ns a point and round |")
+        print("|--:|--:|--:|--:|--:|--:|")
+        substeps, rounds = [], []
+        for count_ in points:
+            cells = math.isqrt(count_) - 1
             # The longest stable substep of the bare grid at courant 0.5: frames of sixteen.
             longest = math.sqrt(4 * DENSITY / (8 * (50 + 2 * 10 * bool(terms)))) / cells
             fps = 1 / (SUBSTEPS * 0.5 * longest)
-            last = 3 if points > 3e5 else 5 if points > 3e4 else 9
+            last = 3 if count_ > 3e5 else 5 if count_ > 3e4 else 17
             common = {"cells": cells, "fps": fps, "terms": terms, "last": last}
-            one, two = (a_step(simulate(options, preset(**common), threads)[0]) for threads in (1, 2))
-            implicit = "integrator = 'implicit'\nsubsteps = 4"
-            records, *_ = simulate(options, preset(**common, solver=implicit))
-            round_, rounds = a_round(records)
-            for ns, value in zip(all_ns, (one, two, round_)):
-                ns.append(1e9 * value / points)
-            cells_ = [count(points), *(f"{1e3 * one:.3g} {1e9 * one / points:.1f} {one / two:.2f}×".split())]
-            cells_ += [f"{1e3 * a_step(records):.3g}", f"{rounds:.1f}", f"{1e9 * round_ / points:.1f}"]
+            substeps.append(a_step(simulate(options, preset(**common))[0]))
+            records, *_ = simulate(options, preset(**common, solver="integrator = 'implicit'\nsubsteps = 4"))
+            round_, each = a_round(records)
+            rounds.append(round_)
+            cells_ = [count(count_), f"{1e3 * substeps[-1]:.3g}", f"{1e9 * substeps[-1] / count_:.1f}"]
+            cells_ += [f"{1e3 * a_step(records):.3g}", f"{each:.1f}", f"{1e9 * round_ / count_:.1f}"]
             print("| " + " | ".join(cells_) + " |", flush=True)
-        spread = [f"{max(ns) / min(ns):.2f}" for ns in all_ns]
-        print(f"\nLinear within a factor of {spread[0]} (symplectic), {spread[1]} (on two threads) and {spread[2]} (implicit, a round).")
+        lines = [[seconds / n for seconds, n in zip(all_, points)] for all_ in (substeps, rounds)]
+        spread = [f"{max(ns) / min(ns):.2f}" for ns in lines]
+        print(f"\nLinear within a factor of {spread[0]} (symplectic) and {spread[1]} (implicit, a round).")
+        curves += [(f"{what}, {kind}", points, [1e3 * value for value in all_])
+                   for what, all_ in (("substep", substeps), ("implicit round", rounds))]
+    if options.plot:
+        plot(options.plot, "What a sheet costs, one thread", "points", "milliseconds", curves, (True, True))
 
 
 def apart(a, b):
@@ -182,6 +189,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["cost", "precision"])
     parser.add_argument("--sides", default="32,56,100,178,316,562,1000", help="points along a side")
+    parser.add_argument("--plot", type=pathlib.Path, help="of costs, as SVG")
     parser.add_argument("--stiffness", default="1e1,1e2,1e3,1e4,1e5,1e6", help="of structural springs [N/m]; shear has a fifth")
     parser.add_argument("--cells", type=int, default=64, help="along a side")
     parser.add_argument("--frames", type=int, default=25, help="the last of the frames that are compared")
