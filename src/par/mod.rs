@@ -46,6 +46,11 @@ pub fn repeated<T: Copy + Send + Sync>(value: T, count: usize) -> Vec<T> {
     (0..count).into_par_iter().with_min_len(CHUNK).map(|_| value).collect()
 }
 
+/// What `values` has, copied by all threads, for the same reason.
+pub fn copied<T: Copy + Send + Sync>(values: &[T]) -> Vec<T> {
+    values.par_iter().with_min_len(CHUNK).copied().collect()
+}
+
 /// Writes `f(i)` into every `out[i]`.
 pub fn fill<T: Send>(out: &mut [T], f: impl Fn(usize) -> T + Sync) {
     for_chunks(out, CHUNK, |start, chunk| {

@@ -61,7 +61,9 @@ impl Matrix<'_> {
 
     /// The sum of a row of A: inertia, and what holds the point.
     fn row_sum(&self, i: usize) -> Matrix3<f64> {
-        let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|k| f64::from(self.held[i / WIDTH][k][i % WIDTH]));
+        let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|k| {
+            self.held.get(i / WIDTH).map_or(0.0, |block| f64::from(block[k][i % WIDTH]))
+        });
         let inertia = f64::from(self.inertia(i / WIDTH)[i % WIDTH]);
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) + Matrix3::from_diagonal_element(inertia)
     }

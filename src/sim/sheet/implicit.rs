@@ -35,7 +35,7 @@ pub(super) struct Matrix<'a> {
     pub(super) mass: &'a [Wide],
     pub(super) inverse: &'a [Wide],
     pub(super) drag: Option<&'a [Wide]>,
-    /// Δt² of what else holds points.
+    /// Δt² of what else holds points; empty if nothing does.
     pub(super) held: Vec<Blocks>,
     pub(super) joined: Vec<&'a Joined>,
     pub(super) bonds: &'a Bonds,
@@ -100,7 +100,11 @@ impl Matrix<'_> {
 
     /// The blocks on the diagonal.
     pub(super) fn diagonal(&self) -> Vec<Blocks> {
-        let mut blocks = self.held.clone();
+        let mut blocks = if self.held.is_empty() {
+            par::repeated([[0.0; WIDTH]; 6], self.mass.len())
+        } else {
+            par::copied(&self.held)
+        };
         par::update(&mut blocks, |at, block| {
             let m = self.inertia(at);
             for part in &mut block[..3] {
@@ -175,7 +179,10 @@ impl Gather for Product<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let (p, m) = (self.p.eight(at), self.matrix.inertia(at));
-        let mut sum = symmetric(&self.matrix.held[at], &p);
+        let mut sum = [[0.0; WIDTH]; 3];
+        if let Some(held) = self.matrix.held.get(at) {
+            sum = symmetric(held, &p);
+        }
         let springs = self.springs.eight(at);
         let mut plates = [[0.0; WIDTH]; 3];
         if let Some(table) = &self.plates {

@@ -8,11 +8,13 @@ use crate::{
     par,
 };
 
-/// Eights that a task handles.
-pub(super) const CHUNK: usize = 256;
+/// Eights of all that a task handles: so many tasks that threads end together, and so few that they do not matter. Sums are in parts of these.
+fn chunk(eights: usize) -> usize {
+    (eights / 64).clamp(32, 256)
+}
 
-/// So few eights one thread handles alone: with some more than twice as many points two were slower than one (`docs/sheets.md`).
-const FEW: usize = 2 * CHUNK;
+/// So few eights one thread handles alone: they take less time than to wake another.
+const FEW: usize = 512;
 
 /// Cuts slices of equal length into chunks, calls `f(number of the first eight, a chunk of each)` and returns the results in order, which does
 /// not depend on the threads.
@@ -21,12 +23,13 @@ pub(super) fn in_chunks<T: Send, const N: usize>(
     f: impl Fn(usize, [&mut [Wide]; N]) -> T + Sync,
 ) -> Vec<T> {
     let len = slices[0].len();
+    let chunk = chunk(len);
     if len > FEW {
-        return par::map_chunks_mut(slices, CHUNK, f);
+        return par::map_chunks_mut(slices, chunk, f);
     }
-    let mut rest = slices.map(|slice| slice.chunks_mut(CHUNK));
-    (0..len.div_ceil(CHUNK))
-        .map(|k| f(k * CHUNK, std::array::from_fn(|s| rest[s].next().expect("all have as many chunks"))))
+    let mut rest = slices.map(|slice| slice.chunks_mut(chunk));
+    (0..len.div_ceil(chunk))
+        .map(|k| f(k * chunk, std::array::from_fn(|s| rest[s].next().expect("all have as many chunks"))))
         .collect()
 }
 
@@ -57,11 +60,17 @@ pub(super) type Eight = [Wide; 3];
 pub(super) type Flat<'a> = [&'a [f32]; 3];
 
 /// Vectors, eight to a piece; what fills up the last piece is zero.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub(super) struct Vectors {
     len: usize,
     /// Each axis by eights.
     pub(super) axes: [Vec<Wide>; 3],
+}
+
+impl Clone for Vectors {
+    fn clone(&self) -> Self {
+        Self { len: self.len, axes: self.axes.each_ref().map(|axis| par::copied(axis)) }
+    }
 }
 
 impl Vectors {
@@ -141,10 +150,11 @@ impl Vectors {
             range.for_each(|at| sum.add(&self.eight(at), &other.eight(at)));
             sum.total()
         };
+        let chunk = chunk(len);
         if len <= FEW {
             // In the parts that threads would have.
-            return (0..len.div_ceil(CHUNK)).map(|k| part(k * CHUNK..((k + 1) * CHUNK).min(len))).sum();
+            return (0..len.div_ceil(chunk)).map(|k| part(k * chunk..((k + 1) * chunk).min(len))).sum();
         }
-        par::map_chunks(len, CHUNK, part).into_iter().sum()
+        par::map_chunks(len, chunk, part).into_iter().sum()
     }
 }

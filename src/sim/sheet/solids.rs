@@ -12,7 +12,7 @@
 //! points do, and a solid thinner than a cell pokes through; such faces are counted. An edge-on sheet is not pushed (n ⊥ ∇f), only put back.
 
 use super::{
-    lanes::{CHUNK, Vectors},
+    lanes::{Vectors, in_chunks},
     params::Repulsion,
 };
 use crate::{
@@ -201,7 +201,7 @@ fn move_each<I: Iterator<Item = usize>>(
     let len = x.len();
     let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
     let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
-    let counts = par::map_chunks_mut(all, CHUNK, |start, parts: [&mut [Wide]; 9]| {
+    let counts = in_chunks(all, |start, parts: [&mut [Wide]; 9]| {
         let mut count = 0;
         for i in points(start * WIDTH..len.min((start + parts[0].len()) * WIDTH)) {
             let (at, lane) = (i / WIDTH - start, i % WIDTH);

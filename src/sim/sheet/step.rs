@@ -185,6 +185,9 @@ impl Sheets {
         let pushes = self.gather(now, dt);
         let h = dt as f32;
         let mut held = self.held_blocks(now, dt);
+        if held.is_empty() && !pushes.is_empty() {
+            held = self.no_blocks();
+        }
         for push in &pushes {
             implicit::add_along(&mut held, push.point as usize, h * h * push.stiffness, push.normal);
         }
@@ -248,14 +251,22 @@ impl Sheets {
         lost
     }
 
-    /// Δt² of what soft pins do.
+    /// Δt² of what soft pins do; empty if there are none.
     pub(super) fn held_blocks(&self, now: f64, dt: f64) -> Vec<Blocks> {
         let h = dt as f32;
-        let mut held = par::repeated([[0.0; WIDTH]; 6], self.mass.len());
+        let mut held = Vec::new();
         for pin in self.held.iter().filter(|pin| pin.holds(now)) {
-            implicit::add_all(&mut held, pin.point as usize, h * h * pin.stiffness.unwrap_or(0.0));
+            let Some(stiffness) = pin.stiffness else { continue };
+            if held.is_empty() {
+                held = self.no_blocks();
+            }
+            implicit::add_all(&mut held, pin.point as usize, h * h * stiffness);
         }
         held
+    }
+
+    fn no_blocks(&self) -> Vec<Blocks> {
+        par::repeated([[0.0; WIDTH]; 6], self.mass.len())
     }
 
     /// The left side of the implicit rule at the positions `x`.
