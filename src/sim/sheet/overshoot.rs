@@ -8,11 +8,16 @@
 //! much longer than |d| + a the spring becomes [m].
 //! Limits: what plates, pins and dampers take besides is not counted, so that it tells of too much rather than of too little.
 
-use super::{lanes::Vectors, table::Table};
+use super::{
+    lanes::{Eight, Vectors},
+    springs::fetch,
+    table::Table,
+};
 use crate::{
-    math::wide::{WIDTH, Wide},
+    math::wide::{self, Job, WIDTH, Wide},
     par,
 };
+use std::ops::Range;
 
 /// Part of the energy of springs and motion above which it is told.
 const MATTERS: f64 = 0.01;
@@ -31,48 +36,154 @@ pub(super) struct Substep<'a> {
 
 /// The energy that it made [J]; 0 if it does not matter.
 pub(super) fn made(substep: &Substep<'_>) -> f64 {
-    let Substep { mass, before, after, .. } = substep;
-    let parts = par::map_chunks(after.len(), par::CHUNK, |range| {
-        range.fold([0.0; 2], |[made, whole], i| {
-            let m = 0.5 * f64::from(mass[i / WIDTH][i % WIDTH]);
-            let (was, is) = (before.get(i).cast::<f64>(), after.get(i).cast::<f64>());
-            let [more, held] = of_springs(substep, i);
-            [made + more - m * (is - was).norm_squared(), whole + held + m * is.norm_squared()]
-        })
-    });
-    let [made, whole] = parts.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]]);
+    let [made, whole] = balance(substep);
     if made > MATTERS * whole { made } else { 0.0 }
 }
 
-/// Half of what the springs of a point make, and of what they hold after: each is asked from both ends.
-fn of_springs(Substep { springs, x, after, dt, .. }: &Substep<'_>, i: usize) -> [f64; 2] {
-    let mut out = [0.0; 2];
-    let (own, own_v) = (x.get(i), after.get(i));
-    for slot in springs.of(i / WIDTH).0 {
-        let (j, k, rest) = (
-            slot.to(i / WIDTH, i % WIDTH),
-            f64::from(slot.stiffness[i % WIDTH]),
-            f64::from(slot.rest[i % WIDTH]),
-        );
-        if k == 0.0 {
-            continue;
+/// What it made and what springs and motion hold after [J].
+fn balance(substep: &Substep<'_>) -> [f64; 2] {
+    let parts = par::map_chunks(substep.mass.len(), CHUNK, |eights| wide::run(Account { substep, eights }));
+    parts.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]])
+}
+
+/// Eights that a task handles.
+const CHUNK: usize = 128;
+
+/// Of some eights what they make, and what they hold after, of motion and half of each spring: each is asked from both ends.
+struct Account<'a> {
+    substep: &'a Substep<'a>,
+    eights: Range<usize>,
+}
+
+impl Job for Account<'_> {
+    type Out = [f64; 2];
+
+    #[inline(always)]
+    fn run(self) -> [f64; 2] {
+        let Substep { springs, x, mass, before, after, dt } = *self.substep;
+        let (all, all_v, dt) = (x.flat(), after.flat(), f64::from(dt));
+        let (mut made, mut whole) = ([0.0; WIDTH], [0.0; WIDTH]);
+        for at in self.eights {
+            let (own, own_v, was) = (x.eight(at), after.eight(at), before.eight(at));
+            for lane in 0..WIDTH {
+                let m = 0.5 * f64::from(mass[at][lane]);
+                let (is, was) = (vector(&own_v, lane), vector(&was, lane));
+                let more = [is[0] - was[0], is[1] - was[1], is[2] - was[2]];
+                made[lane] -= m * dot(&more, &more);
+                whole[lane] += m * dot(&is, &is);
+            }
+            for slot in springs.of(at).0 {
+                let (far, far_v) = (fetch(&all, slot, at), fetch(&all_v, slot, at));
+                for lane in 0..WIDTH {
+                    let (x, v) = (vector(&own, lane), vector(&own_v, lane));
+                    let (y, w) = (vector(&far, lane), vector(&far_v, lane));
+                    let d = [y[0] - x[0], y[1] - x[1], y[2] - x[2]];
+                    let u = [(w[0] - v[0]) * dt, (w[1] - v[1]) * dt, (w[2] - v[2]) * dt];
+                    let (k, rest) = (0.25 * f64::from(slot.stiffness[lane]), f64::from(slot.rest[lane]));
+                    let length = dot(&d, &d).sqrt();
+                    // In one place u is wholly across.
+                    let along = dot(&d, &u) / if length > 0.0 { length } else { 1.0 };
+                    let across2 = dot(&u, &u) - along * along;
+                    let across2 = if across2 > 0.0 { across2 } else { 0.0 };
+                    let longer = length + along - rest;
+                    // |d + u| − (|d| + a), without the difference of what is nearly the same where the spring goes on as it was.
+                    let straight = length + along;
+                    let turned = (straight * straight + across2).sqrt();
+                    let s = if straight > 0.0 { across2 / (turned + straight) } else { turned - straight };
+                    // As `springs` has it: what has no rest length is taut in one place too.
+                    let taut = 1.0 - rest / if length > 1e-15 { length } else { 1e-15 };
+                    let taut = if taut > 0.0 { taut } else { 0.0 };
+                    // V₁ − V₀ − k (|d| − ℓ) a − k a² − k c b², with V₁ = ½ k (|d| + a − ℓ + s)².
+                    made[lane] += k * ((2.0 * longer + s) * s - along * along - 2.0 * taut * across2);
+                    whole[lane] += k * (longer + s) * (longer + s);
+                }
+            }
         }
-        let d = (x.get(j) - own).cast::<f64>();
-        let u = (after.get(j) - own_v).cast::<f64>() * f64::from(*dt);
-        let length = d.norm();
-        let along = if length > 0.0 { d.dot(&u) / length } else { 0.0 };
-        let across2 = (u.norm_squared() - along * along).max(0.0);
-        let longer = length + along - rest;
-        // |d + u| − (|d| + a), without the difference of what is nearly the same where the spring goes on as it was.
-        let straight = length + along;
-        let turned = (straight * straight + across2).sqrt();
-        let s = if straight > 0.0 { across2 / (turned + straight) } else { turned - straight };
-        // As `springs` has it: what has no rest length is taut in one place too.
-        let taut = (1.0 - rest / length.max(1e-15)).max(0.0);
-        // V₁ − V₀ − k (|d| − ℓ) a − k a² − k c b², with V₁ = ½ k (|d| + a − ℓ + s)².
-        let more = (2.0 * longer + s) * s - along * along - 2.0 * taut * across2;
-        out[0] += 0.25 * k * more;
-        out[1] += 0.25 * k * (longer + s).powi(2);
+        [made.iter().sum(), whole.iter().sum()]
     }
-    out
+}
+
+#[inline(always)]
+fn vector(of: &Eight, lane: usize) -> [f64; 3] {
+    [f64::from(of[0][lane]), f64::from(of[1][lane]), f64::from(of[2][lane])]
+}
+
+#[inline(always)]
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{super::table::Entry, *};
+    use crate::math::Vec3;
+
+    const COUNT: usize = 45;
+
+    fn cloud(seed: f32) -> Vectors {
+        let at = |i: usize, k: f32| (seed + k + i as f32 * (1.3 + 0.7 * k)).sin();
+        Vectors::of(&(0..COUNT).map(|i| Vec3::new(at(i, 0.0), at(i, 1.0), at(i, 2.0))).collect::<Vec<_>>())
+    }
+
+    /// By the balance of the module's head, spring by spring, of springs that are taut, loose and in compression.
+    #[test]
+    fn what_is_made_is_what_the_balance_lacks_and_little_is_not_told() {
+        let x = cloud(0.3);
+        // What turns moves wholly across its springs.
+        let turning =
+            Vectors::of(&x.to_vec().iter().map(|x| Vec3::new(0.3, 0.5, 1.0).cross(x)).collect::<Vec<_>>());
+        let any = [cloud(1.9), cloud(2.0)];
+        let turned = [turning.clone(), turning];
+        let of = |v: &Vectors, i: usize| v.get(i).cast::<f64>();
+        let mut mass = vec![[0.0; WIDTH]; COUNT.div_ceil(WIDTH)];
+        mass.as_flattened_mut()[..COUNT].iter_mut().enumerate().for_each(|(i, m)| *m = 1.0 + i as f32);
+        // Loose springs give way to what turns them, and pull it back only once it is there.
+        let loose = |_: usize| 0.99;
+        let mixed = |k: usize| 0.05 * (k % 40) as f32;
+        type Case<'a> = (&'a [Vectors; 2], &'a dyn Fn(usize) -> f32, f32, bool);
+        let cases: [Case<'_>; 5] = [
+            (&turned, &loose, 3.0, true),
+            (&turned, &loose, 0.03, false),
+            (&turned, &mixed, 1.0, false),
+            (&any, &mixed, 1.0, false),
+            (&any, &loose, 0.1, false),
+        ];
+        for ([before, after], rest, dt, is_told) in cases {
+            let springs: Vec<Entry> = (0..90)
+                .map(|k| ((k * 7) % COUNT, (k * k * 11 + 3) % COUNT, k))
+                .filter(|(a, b, _)| a != b)
+                .map(|(a, b, k)| Entry {
+                    of: a as u32,
+                    to: b as u32,
+                    stiffness: 1.0 + k as f32,
+                    rest: rest(k) * (x.get(b) - x.get(a)).norm(),
+                    damping: 0.0,
+                })
+                .collect();
+            let both = |e: &Entry| [*e, Entry { of: e.to, to: e.of, ..*e }];
+            let table = Table::new(COUNT, springs.iter().flat_map(both).collect());
+            let (mut expected, mut whole, h) = (0.0, 0.0, f64::from(dt));
+            for e in &springs {
+                let (k, rest, [a, b]) =
+                    (f64::from(e.stiffness), f64::from(e.rest), [e.of as usize, e.to as usize]);
+                let (d, w) = (of(&x, b) - of(&x, a), of(after, b) - of(after, a));
+                let (length, then) = (d.norm(), (d + w * h).norm());
+                let along = d.dot(&w) / length;
+                let across = (1.0 - rest / length).max(0.0) * (w.norm_squared() - along * along);
+                expected += 0.5 * k * ((then - rest).powi(2) - (length - rest).powi(2));
+                expected -= h * k * (length - rest) * along + h * h * k * (along * along + across);
+                whole += 0.5 * k * (then - rest).powi(2);
+            }
+            for i in 0..COUNT {
+                let m = f64::from(mass[i / WIDTH][i % WIDTH]);
+                expected -= 0.5 * m * (of(after, i) - of(before, i)).norm_squared();
+                whole += 0.5 * m * of(after, i).norm_squared();
+            }
+            let substep = Substep { springs: &table, x: &x, mass: &mass, before, after, dt };
+            let found = balance(&substep);
+            println!("{dt}: {found:?} {expected} {whole}");
+            assert!((found[0] - expected).abs() < 1e-6 * whole && (found[1] - whole).abs() < 1e-9 * whole);
+            assert_eq!(made(&substep), if is_told { found[0] } else { 0.0 });
+        }
+    }
 }

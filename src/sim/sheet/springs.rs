@@ -26,7 +26,7 @@ pub(super) type Blocks = [Wide; 6];
 
 /// Neighbours of a slot of the eight whose number is `at`.
 #[inline(always)]
-fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
+pub(super) fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
     for axis in 0..3 {
         if slot.in_row {
