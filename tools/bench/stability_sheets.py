@@ -86,6 +86,8 @@ SWEEPS = [
      lambda value: {"collider": solid(f"sphere = {{ center = [0, 0, 0], radius = {value} }}"), "pin": "", "common": REPULSION}),
     ("The same without repulsion", "m", [0.05, 0.3, 2],
      lambda value: {"collider": solid(f"sphere = {{ center = [0, 0, 0], radius = {value} }}"), "pin": ""}),
+    ("A ball of 0.3 m 1 cm under the sheet, whose points stay this far off (`clearance`)", "m", [0, 0.009, 0.3, 1000],
+     lambda value: {"collider": solid("sphere = { center = [0, 0, -0.31], radius = 0.3 }"), "pin": "", "common": f"clearance = {value}"}),
     ("A torus under the sheet whose hole has this radius; cells are of 0.083 m", "m", [0.3, 0.04, 0.001],
      lambda value: {"collider": torus(value, -0.16), "pin": "", "common": REPULSION}),
     ("What is no number, at this key", "", ["density", "stiffness", "origin", "velocity"], None),
@@ -167,6 +169,8 @@ def judge(frames):
         how.append(f"points put out of solids {total('caught')} times")
     if frames[-1]["inside_solids"]:
         how.append(f"{frames[-1]['inside_solids']} points inside solids")
+    if frames[-1]["cut_faces"]:
+        how.append(f"{frames[-1]['cut_faces']} faces cut into solids, by {frames[-1]['cut_depth']:.2g} m")
     if frames[-1]["folded"]:
         how.append(f"{frames[-1]['folded']} springs of no length")
     last = frames[-1]
@@ -182,7 +186,7 @@ def write(tool):
     print(
         "A square of 1 m of 12 × 12 cells, 0.2 kg/m² and 50 N/m, level at the start, hangs from its corners for eight frames of\n"
         "1/24 s. One setting changes at a time; every value is run by both integrators.\n\n"
-        "- **stable**: nothing was put back or left over, and no linearisation made energy;\n"
+        "- **stable**: nothing was put back, cut in or left over, and no linearisation made energy;\n"
         "- **degraded**: the shot is finite and complete, and its log tells what was limited;\n"
         "- **refused**: exit 2 or 20, with this message; the frames before it are kept.\n\n"
         "Strain is the largest of a spring at the end; energies are of motion, of springs and plates, and of height, at the end.\n\n"

@@ -274,7 +274,8 @@ def picture(given: argparse.Namespace) -> None:
         low, high = smoke_box(shown, frames)
         add_night(low, high, given)
     else:
-        low, high = water_box([shown for shown in all_shown if shown.type == "MESH"], frames)
+        looked_at = range(given.frame, given.frame + 1) if given.close else frames
+        low, high = water_box([shown for shown in all_shown if shown.type == "MESH"], looked_at)
         if any(modifier.type == "MESH_CACHE" for modifier in shown.modifiers):
             add_colliders(given.shot)
         add_stage(low, high)
@@ -310,6 +311,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--size", type=frame_size, default=(1280, 720), help="WIDTHxHEIGHT")
     parser.add_argument("--azimuth", type=float, default=-28.0, help="degrees around Z from the front (-Y)")
     parser.add_argument("--elevation", type=float, default=20.0, help="degrees above the horizon")
+    near = "as near as this frame allows, not the whole shot; for surfaces and sheets"
+    parser.add_argument("--close", action="store_true", help=near)
     parser.add_argument("--sharp", action="store_true", help="no motion blur")
     ball = {"type": ball_of, "action": "append", "default": [], "metavar": "X,Y,Z,R"}
     parser.add_argument("--ball", **ball, help="a ball that stands in smoke; may be repeated")
