@@ -82,13 +82,10 @@ fn describe(info: &Info, whole: bool) -> String {
 /// What the log tells of sheets and couplings, a line each.
 fn between(Totals { sheets, liquid_on_sheets, smoke_on_sheets }: &Totals) -> Vec<String> {
     let sheets = sheets.as_ref().map(|sum| {
-        format!(
-            "sheets     strained by {:.1}% at most, {} points inside solids and {} faces cut into them at most, in {} frames",
-            100.0 * sum.strain_max,
-            sum.inside_solids,
-            sum.cut_faces,
-            sum.frames
-        )
+        let cut = sum.cut_faces.map_or_else(String::new, |faces| format!(" and {faces} faces cut into them"));
+        let (strain, inside) = (100.0 * sum.strain_max, sum.inside_solids);
+        let frames = sum.frames;
+        format!("sheets     strained by {strain:.1}%, {inside} points inside solids{cut} at most, in {frames} frames")
     });
     let liquid = liquid_on_sheets.as_ref().map(|sum| {
         format!(

@@ -28,8 +28,9 @@ pub struct SheetTotals {
     pub strain_max: f64,
     /// Most points within a solid at the end of any.
     pub inside_solids: u64,
-    /// Most faces cut into solids at the end of any.
-    pub cut_faces: u64,
+    /// Most faces cut into solids at the end of any; absent if no line tells: those of older logs do not.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cut_faces: Option<u64>,
 }
 
 /// Over the frames of a liquid with sheets.
@@ -68,7 +69,7 @@ struct Line {
 struct Sheets {
     strain_max: f64,
     inside_solids: u64,
-    cut_faces: u64,
+    cut_faces: Option<u64>,
 }
 
 #[derive(Deserialize)]
@@ -151,12 +152,17 @@ mod tests {
         let text = line(2, 9.0, 90, 0) + &line(3, 0.5, 4, 1) + &line(2, 0.25, 1, 10) + &line(7, 8.0, 800, 0);
         let cut_short = text + "{\"frame\":4,\"shee";
         let found = of(&cut_short, |frame| frame.0 < 7);
-        let sheets = SheetTotals { frames: 2, strain_max: 0.5, inside_solids: 3, cut_faces: 4 };
+        let sheets = SheetTotals { frames: 2, strain_max: 0.5, inside_solids: 3, cut_faces: Some(4) };
         let liquid = LiquidTotals { frames: 2, crossed: 5, put_back: 4, unfinished: 6 };
         let smoke = SmokeTotals { frames: 2, fastest: 0.5, cut: 11 };
         let all =
             Totals { sheets: Some(sheets), liquid_on_sheets: Some(liquid), smoke_on_sheets: Some(smoke) };
         assert_eq!(found, all);
+        let older = of(&line(2, 0.5, 1, 0).replace(",\"cut_faces\":1", ""), |_| true);
+        assert_eq!(
+            older.sheets,
+            Some(SheetTotals { frames: 1, strain_max: 0.5, inside_solids: 2, cut_faces: None })
+        );
         assert_eq!(of("{\"frame\":2,\"substeps\":8}\n", |_| true), Totals::default(), "a liquid alone");
     }
 }

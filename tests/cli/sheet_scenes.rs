@@ -214,27 +214,27 @@ fn torus(radius: f32, tube: f32) -> Shape {
     Shape::Torus { center: [0.0; 3], axis: [0.0, 0.0, 1.0], radius, tube }
 }
 
-/// The built-in shots of sheets alone, whole and as written: nothing is inside a solid at any frame's end, neither points nor faces.
+/// The built-in shots of sheets with solids, but for those that are coupled, whole and as written: no point is inside a solid at any frame's end, and no face
+/// where it is asked.
 #[test]
 fn presets_as_written_keep_points_and_faces_out_of_solids() {
     let desk = Desk::new();
-    for (name, frames) in [
-        ("sheet-corners", 48),
-        ("sheet-center", 48),
-        ("stretchy-corners", 72),
-        ("stretchy-center", 72),
-        ("cloth-over-ellipsoid", 72),
-        ("sheet-over-torus", 72),
-        ("torus-small-hole", 72),
-        ("through-torus", 30),
-        ("falling-sheets", 48),
-    ] {
+    let (list, _) = desk.run("presets list", 0);
+    let names = list.lines().filter_map(|line| line.split_whitespace().next());
+    let has = |name: &str| {
+        let (text, _) = desk.run(&format!("presets show {name}"), 0);
+        ["[[sheet]]", "[[world.collider]]", "[[coupling]]"]
+            .map(|part| text.lines().any(|line| line.starts_with(part)))
+    };
+    let meant: Vec<&str> = names.filter(|name| has(name) == [true, true, false]).collect();
+    assert!(meant.len() >= 5, "{meant:?}");
+    for name in meant {
         desk.run(&format!("shot {name} -o {name}"), 0);
         let (text, _) = desk.run(&format!("info {name} --json"), 0);
         let info: serde_json::Value = serde_json::from_str(&text).unwrap();
         let sheets = &info["sheets"];
         println!("{name}: {sheets}");
-        assert_eq!(sheets["frames"], frames - 1, "{name}: {info}");
+        assert!(sheets["frames"].as_u64() > Some(20), "{name}: {info}");
         assert_eq!((&sheets["inside_solids"], &sheets["cut_faces"]), (&0.into(), &0.into()), "{name}");
     }
 }

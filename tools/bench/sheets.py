@@ -131,7 +131,7 @@ def cost(options):
         curves += [(f"{what}, {kind}", points, [1e3 * value for value in all_])
                    for what, all_ in (("substep", substeps), ("implicit round", rounds))]
     if options.plot:
-        plot(options.plot, "What a sheet costs, one thread", "points", "milliseconds", curves, (True, True))
+        plot(options.plot, "What a sheet costs, one thread", "points", "milliseconds", curves, (True, True), legend_top=260)
 
 
 def apart(a, b):

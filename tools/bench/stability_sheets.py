@@ -156,7 +156,7 @@ def refusal(said):
 
 
 def judge(frames):
-    """Stable if nothing was put back, left or folded; else what was."""
+    """Stable if nothing was put back, cut in, left or folded; else what was."""
     assert len(frames) == 8, frames
     how = []
     total = lambda key: sum(frame[key] for frame in frames)
@@ -169,8 +169,9 @@ def judge(frames):
         how.append(f"points put out of solids {total('caught')} times")
     if frames[-1]["inside_solids"]:
         how.append(f"{frames[-1]['inside_solids']} points inside solids")
-    if frames[-1]["cut_faces"]:
-        how.append(f"{frames[-1]['cut_faces']} faces cut into solids, by {frames[-1]['cut_depth']:.2g} m")
+    most = max(frames, key=lambda frame: frame["cut_faces"])
+    if most["cut_faces"]:
+        how.append(f"{most['cut_faces']} faces cut into solids at most, by {max(f['cut_depth'] for f in frames):.2g} m")
     if frames[-1]["folded"]:
         how.append(f"{frames[-1]['folded']} springs of no length")
     last = frames[-1]

@@ -15,7 +15,7 @@ use super::{
     free::Part,
     hold::Joined,
     lanes::{Dot, Eight, Vectors, in_chunks},
-    springs::{self, Blocks, Change, Gather, Linear},
+    springs::{self, Blocks, Change, Gather, Linear, update_blocks},
     table::Table,
 };
 use crate::{
@@ -105,7 +105,7 @@ impl Matrix<'_> {
         } else {
             par::copied(&self.held)
         };
-        par::update(&mut blocks, |at, block| {
+        update_blocks(&mut blocks, |at, block| {
             let m = self.inertia(at);
             for part in &mut block[..3] {
                 for lane in 0..WIDTH {
@@ -266,7 +266,7 @@ pub(super) fn precondition(blocks: &[Blocks], r: &Vectors, z: &mut Vectors) {
 
 /// Inverts every block.
 pub(super) fn invert_all(blocks: &mut [Blocks]) {
-    par::update(blocks, |_, block| {
+    update_blocks(blocks, |_, block| {
         for lane in 0..WIDTH {
             let inverted = invert(std::array::from_fn(|part| block[part][lane]));
             block.iter_mut().zip(inverted).for_each(|(part, value)| part[lane] = value);
@@ -324,4 +324,130 @@ pub(super) fn add_to_block(block: &mut Blocks, lane: usize, k: f32, n: Vec3) {
 /// The blocks k 1.
 pub(super) fn add_all(blocks: &mut [Blocks], i: usize, k: f32) {
     blocks[i / WIDTH][..3].iter_mut().for_each(|part| part[i % WIDTH] += k);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{
+        super::{Sheets, SheetsParams, Shot},
+        *,
+    };
+    use crate::sim::World;
+    use nalgebra::{Matrix3, Vector3};
+
+    const DT: f64 = 0.02;
+
+    /// Two sheets with everything that the left side has: plates, both dampings, pins and joints of springs and exact ones.
+    fn everything() -> Sheets {
+        let sheet = |name: &str, z: f64, pin: &str| {
+            format!(
+                "[[sheet]]\nname = '{name}'\ndensity = 0.4\nstiffness = [50.0, 80.0]\nshear = 20.0\nbending = 0.02\ndamping = 3.0\n\
+                 spring_damping = [0.01, 0.02]\nrest = [0.8, 1.3]\n{pin}\n\
+                 shape = {{ grid = {{ origin = [0, 0, {z}], first = [1, 0, 0], second = [0, 0.9, 0], cells = [5, 4] }} }}\n"
+            )
+        };
+        let joint = |points: [u32; 2], terms: &str| {
+            let [a, b] = points;
+            format!(
+                "[[sheets.joint]]\nsheets = ['one', 'two']\nat = [{{ points = [{a}] }}, {{ points = [{b}] }}]\n{terms}\n"
+            )
+        };
+        let text = sheet(
+            "one",
+            0.0,
+            "pin = [{ at = { points = [0, 7] } }, { at = { points = [12] }, stiffness = 30.0 }]",
+        ) + &sheet("two", 0.0, "")
+            + &joint([29, 29], "")
+            + &joint([20, 14], "stiffness = 40.0")
+            + &joint([16, 9], "stiffness = 60.0\ndirection = [0, 0.6, 0.8]");
+        let params: SheetsParams = toml::from_str(&text).unwrap();
+        let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
+        let mut sheets = Sheets::new(Shot { params, fps: 24.0, first: 1 }, &world).unwrap();
+        sheets.settle(0.0);
+        let crumpled: Vec<Vec3> =
+            sheets.positions().iter().zip(noise(sheets.len(), 0.7)).map(|(x, by)| x + 0.08 * by).collect();
+        sheets.x = Vectors::of(&crumpled);
+        sheets
+    }
+
+    fn noise(count: usize, seed: f32) -> Vec<Vec3> {
+        let at = |i: usize, k: f32| (seed + k + i as f32 * (1.3 + 0.7 * k)).sin();
+        (0..count).map(|i| Vec3::new(at(i, 0.0), at(i, 1.0), at(i, 2.0))).collect()
+    }
+
+    /// The readable form of A p: entry by entry, in double precision.
+    fn expected(matrix: &Matrix<'_>, p: &Vectors) -> Vectors {
+        let of = |v: &Vectors, i: usize| v.get(i).cast::<f64>();
+        let mut out = Vec::new();
+        for i in 0..p.len() {
+            let (at, lane) = (i / WIDTH, i % WIDTH);
+            let drag = 1.0 + DT * f64::from(matrix.drag.unwrap()[at][lane]);
+            let [xx, yy, zz, xy, xz, yz] = matrix.held[at].map(|part| f64::from(part[lane]));
+            let held = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            let mut sum = of(p, i) * (f64::from(matrix.mass[at][lane]) * drag) + held * of(p, i);
+            let (slots, damping) = matrix.springs.of(at);
+            for (slot, damping) in slots.iter().zip(damping) {
+                let (j, k) = (slot.to(at, lane), f64::from(slot.stiffness[lane]));
+                let d = of(matrix.x, j) - of(matrix.x, i);
+                if k > 0.0 {
+                    let n = d.normalize();
+                    let taut = (1.0 - f64::from(slot.rest[lane]) / d.norm()).max(0.0);
+                    let q = of(p, i) - of(p, j);
+                    let along = n * n.dot(&q);
+                    sum += along * (DT * DT * k + DT * f64::from(damping[lane]))
+                        + (q - along) * (DT * DT * k * taut);
+                }
+            }
+            for slot in matrix.plates.unwrap().of(at).0 {
+                let q = of(p, i) - of(p, slot.to(at, lane));
+                sum += q * (DT * DT * f64::from(slot.stiffness[lane]));
+            }
+            out.push(sum);
+        }
+        for joint in &matrix.joined {
+            let [a, b] = joint.ends.map(|i| i as usize);
+            let mut q = (of(p, a) - of(p, b)) * (DT * DT * f64::from(joint.stiffness.unwrap_or(0.0)));
+            if let Some(n) = joint.direction {
+                let n: Vector3<f64> = n.cast();
+                q -= n * n.dot(&q);
+            }
+            out[a] += q;
+            out[b] -= q;
+        }
+        let mut out = Vectors::of(&out.iter().map(|v| v.cast()).collect::<Vec<Vec3>>());
+        matrix.filter(&mut out);
+        out
+    }
+
+    #[test]
+    fn the_left_side_is_the_sum_of_its_parts_and_solved() {
+        let sheets = everything();
+        let matrix = sheets.matrix(&sheets.x, sheets.held_blocks(0.0, DT), 0.0, DT);
+        assert!(!matrix.held.is_empty() && matrix.joined.len() == 3 && !matrix.bonds.is_empty());
+        let mut p = Vectors::of(&noise(sheets.len(), 2.9));
+        matrix.filter(&mut p);
+        let mut found = Vectors::zeros(p.len());
+        let product = matrix.times(&p, &mut found);
+        let expected = expected(&matrix, &p);
+        let largest = expected.to_vec().iter().map(|v| v.norm()).fold(0.0, f32::max);
+        for i in 0..p.len() {
+            assert!(
+                (found.get(i) - expected.get(i)).norm() < 1e-5 * largest,
+                "{i}: {} {}",
+                found.get(i),
+                expected.get(i)
+            );
+        }
+        assert!((product - p.dot(&expected)).abs() < 1e-5 * product && product > 0.0, "{product}");
+
+        // What it makes of p has p for its solution. Blocks of points are the best guess there is: without what holds them, it takes longer.
+        let mut v = Vectors::zeros(p.len());
+        let solved = matrix.solve(&expected, &mut v, 1e-6, 200);
+        let farthest = (0..p.len()).map(|i| (v.get(i) - p.get(i)).norm()).fold(0.0, f32::max);
+        println!("{solved:?} {farthest}");
+        assert!(
+            solved.residual <= 1e-6 && farthest < 1e-4 && solved.iterations < 28,
+            "{solved:?} {farthest}"
+        );
+    }
 }

@@ -7,22 +7,25 @@ use crate::{
     },
     par,
 };
+use std::ops::Range;
 
-/// Eights of all that a task handles: so many tasks that threads end together, and so few that they do not matter. Sums are in parts of these.
-fn chunk(eights: usize) -> usize {
+/// Eights of all that a task handles, and of which sums have parts. With 256 for any number, ten thousand points were five tasks, and two threads 1.6 times
+/// as fast as one; with less than 32, tasks of some forces begin to cost as much as what they do, and beyond 64 nothing is gained.
+pub(super) fn chunk(eights: usize) -> usize {
     (eights / 64).clamp(32, 256)
 }
 
-/// So few eights one thread handles alone: they take less time than to wake another.
+/// So few eights one thread handles alone: a pass over 4096 points takes 5 to 60 µs, and to wake another thread some 10 (`cargo bench --bench sheet -- threads`).
 const FEW: usize = 512;
 
-/// Cuts slices of equal length into chunks, calls `f(number of the first eight, a chunk of each)` and returns the results in order, which does
+/// Cuts slices of equal length into chunks, calls `f(number of the first eight, a chunk of each)` and returns the results in their order. Where it cuts does
 /// not depend on the threads.
 pub(super) fn in_chunks<T: Send, const N: usize>(
     slices: [&mut [Wide]; N],
     f: impl Fn(usize, [&mut [Wide]; N]) -> T + Sync,
 ) -> Vec<T> {
     let len = slices[0].len();
+    assert!(slices.iter().all(|slice| slice.len() == len), "all are cut in the same places");
     let chunk = chunk(len);
     if len > FEW {
         return par::map_chunks_mut(slices, chunk, f);
@@ -31,6 +34,15 @@ pub(super) fn in_chunks<T: Send, const N: usize>(
     (0..len.div_ceil(chunk))
         .map(|k| f(k * chunk, std::array::from_fn(|s| rest[s].next().expect("all have as many chunks"))))
         .collect()
+}
+
+/// Calls `f` on ranges of so many eights, and returns the results in their order, as [`in_chunks`] does.
+pub(super) fn parts<T: Send>(eights: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+    let chunk = chunk(eights);
+    if eights > FEW {
+        return par::map_chunks(eights, chunk, f);
+    }
+    (0..eights.div_ceil(chunk)).map(|k| f(k * chunk..((k + 1) * chunk).min(eights))).collect()
 }
 
 /// Σ a · b over eights in double precision, in the order in which they come.
@@ -145,16 +157,11 @@ impl Vectors {
     /// Σ over points of `self` · `other`, in double precision and a fixed order.
     pub(super) fn dot(&self, other: &Self) -> f64 {
         let len = self.axes[0].len();
-        let part = |range: std::ops::Range<usize>| {
+        let part = |range: Range<usize>| {
             let mut sum = Dot::default();
             range.for_each(|at| sum.add(&self.eight(at), &other.eight(at)));
             sum.total()
         };
-        let chunk = chunk(len);
-        if len <= FEW {
-            // In the parts that threads would have.
-            return (0..len.div_ceil(chunk)).map(|k| part(k * chunk..((k + 1) * chunk).min(len))).sum();
-        }
-        par::map_chunks(len, chunk, part).into_iter().sum()
+        parts(len, part).into_iter().sum()
     }
 }

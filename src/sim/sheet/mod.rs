@@ -215,13 +215,10 @@ impl Sheets {
         &self.faces[sheet]
     }
 
-    /// Those of all sheets; points count from the first of all.
-    fn all_faces(&self) -> impl Iterator<Item = [u32; 4]> {
-        let ranges = self.ranges().iter().map(|range| range.start as u32);
-        self.faces
-            .iter()
-            .zip(ranges)
-            .flat_map(|(faces, start)| faces.iter().map(move |face| face.map(|i| i + start)))
+    /// The faces of each sheet, and its first point.
+    fn all_faces(&self) -> impl Iterator<Item = (&[[u32; 4]], u32)> {
+        let starts = self.ranges().iter().map(|range| range.start as u32);
+        self.faces.iter().map(Vec::as_slice).zip(starts)
     }
 
     /// Positions of all points [m].

@@ -34,7 +34,7 @@ pub struct SheetRecord {
     pub caught: u64,
     /// Points within a solid at the frame's end.
     pub inside_solids: u64,
-    /// Faces whose middle, or that of an edge, is within a solid at the frame's end.
+    /// Faces within a solid at the frame's end where they are asked: at the middles of edges and diagonals, and of triangles.
     pub cut_faces: u64,
     /// How deep the deepest of these places is [m].
     pub cut_depth: f64,

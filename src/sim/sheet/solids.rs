@@ -8,11 +8,12 @@
 //! fold leaves a point without a normal ∇f takes its place.
 //!
 //! Symbols: f → `distance` [m], c → `energy` [J/m²], ξ → `range` [m].
-//! Limits: points are kept out, and `clearance` off, not the faces between them: a face of width w lies w²/8R deeper in a ball of radius R than its
-//! points do, and a solid thinner than a cell pokes through; such faces are counted. An edge-on sheet is not pushed (n ⊥ ∇f), only put back.
+//! Limits: points are kept out, and `clearance` off, not the faces between them: in a ball of radius R the middle of a square face of width w lies w²/4R deeper
+//! than its points, and half of that at its edges. What is thinner than a cell pokes through. Faces are counted where one of the places that `cut` asks is inside;
+//! what comes through between these is not told. An edge-on sheet is not pushed (n ⊥ ∇f), only put back.
 
 use super::{
-    lanes::{Vectors, in_chunks},
+    lanes::{Vectors, chunk},
     params::Repulsion,
 };
 use crate::{
@@ -52,6 +53,11 @@ pub(super) fn placed(solids: &[Solid], clearance: f32, from: f64, to: f64) -> Ve
 impl Placed<'_> {
     /// Distance from where its clearance ends, and normal, at one end of the substep.
     pub(super) fn contact(&self, x: Vec3, end: usize) -> (f32, Vec3) {
+        self.contact_off(x, end, 1.0)
+    }
+
+    /// The same of a part of its clearance.
+    fn contact_off(&self, x: Vec3, end: usize, part: f32) -> (f32, Vec3) {
         let (distance, n) = match &self.poses {
             None => self.shape.contact(x),
             Some(poses) => {
@@ -59,7 +65,7 @@ impl Placed<'_> {
                 (d, poses[end].rotation * n)
             }
         };
-        (distance - self.clearance, n)
+        (distance - part * self.clearance, n)
     }
 
     /// The solid's own way during the substep at a place [m].
@@ -198,10 +204,11 @@ fn move_each<I: Iterator<Item = usize>>(
     points: impl Fn(std::ops::Range<usize>) -> I + Sync,
     f: impl Fn(usize, &mut Moving) -> Option<bool> + Sync,
 ) -> u64 {
-    let len = x.len();
+    let (len, eights) = (x.len(), x.axes[0].len());
     let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
     let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
-    let counts = in_chunks(all, |start, parts: [&mut [Wide]; 9]| {
+    // Solids cost more than what few points cost elsewhere.
+    let counts = par::map_chunks_mut(all, chunk(eights), |start, parts: [&mut [Wide]; 9]| {
         let mut count = 0;
         for i in points(start * WIDTH..len.min((start + parts[0].len()) * WIDTH)) {
             let (at, lane) = (i / WIDTH - start, i % WIDTH);
@@ -259,13 +266,15 @@ pub(super) fn put_back(
     move_each(sheet, mobile, |_, moving| outside(solids, friction, moving, dt))
 }
 
-/// Puts a point that is inside a solid to its surface, and stops one that touches. Whether it was inside any; `None` if it did neither.
+/// Puts a point that is inside a solid, or its clearance, to the surface, and stops one that touches. Whether it was inside any; `None` if it did neither. Between
+/// solids that leave less room than their clearances these give way, round by round: no point may end in a solid for the sake of another's clearance.
 fn outside(solids: &[Placed<'_>], friction: Option<f32>, point: &mut Moving, dt: f32) -> Option<bool> {
     let (mut caught, mut met) = (false, false);
     for round in 0..ROUNDS {
         let mut again = false;
+        let part = (1.5 - 0.25 * round as f32).clamp(0.0, 1.0);
         for solid in solids {
-            let (distance, n) = solid.contact(point.x, 1);
+            let (distance, n) = solid.contact_off(point.x, 1, part);
             let skin = SKIN * (1.0 + point.x.amax());
             if distance >= if round == 0 { 2.0 * skin } else { 0.0 } {
                 continue;
@@ -306,38 +315,48 @@ pub(super) fn inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &[f32])
     par::map_chunks(x.len(), par::CHUNK, count).into_iter().sum()
 }
 
-/// Faces that are inside solids at a time [s] with their middle or that of an edge, by more than rounding, and how deep the deepest of these places is [m]. Faces
-/// with corners that are held exactly do not count: they go where they are led.
-pub(super) fn cut(
+/// Faces that are inside solids at a time [s], by more than rounding, where they are asked, and how deep the deepest of these places is [m]: at the middles of
+/// edges and diagonals, and of triangles. `faces`: of each sheet, and its first point. Faces with corners that are held exactly do not count: they go where
+/// they are led.
+pub(super) fn cut<'a>(
     solids: &[Solid],
     time: f64,
-    x: &Vectors,
-    mobility: &[f32],
-    faces: impl Iterator<Item = [u32; 4]>,
+    (x, mobility): (&Vectors, &[f32]),
+    faces: impl Iterator<Item = (&'a [[u32; 4]], u32)>,
 ) -> (u64, f64) {
     let solids = placed(solids, 0.0, time, time);
     if solids.is_empty() {
         return (0, 0.0);
     }
-    let faces: Vec<[u32; 4]> = faces.collect();
-    let depth = |&[a, b, c, d]: &[u32; 4]| {
-        let corners: &[u32] = if c == d { &[a, b, c] } else { &[a, b, c, d] };
-        if corners.iter().any(|&i| mobility[i as usize] == 0.0) {
+    let nearest =
+        |place: Vec3| solids.iter().map(|solid| solid.contact(place, 1).0).fold(f32::INFINITY, f32::min);
+    let depth = |face: [u32; 4]| {
+        if face.iter().any(|&i| mobility[i as usize] == 0.0) {
             return 0.0;
         }
-        let at = |k: usize| x.get(corners[k % corners.len()] as usize);
-        let middle = (0..corners.len()).map(at).sum::<Vec3>() / corners.len() as f32;
-        let edges = (0..corners.len()).map(|k| 0.5 * (at(k) + at(k + 1)));
-        edges.chain([middle]).fold(0.0_f32, |deepest, place| {
-            let skin = 2.0 * SKIN * (1.0 + place.amax());
-            let nearest = solids.iter().map(|solid| solid.contact(place, 1).0).fold(f32::INFINITY, f32::min);
-            if nearest < -skin { deepest.max(-nearest) } else { deepest }
+        let [a, b, c, d] = face.map(|i| x.get(i as usize));
+        // A triangle has its last corner twice, and no second diagonal.
+        let is_triangle = face[2] == face[3];
+        let middle = if is_triangle { (a + b + c) / 3.0 } else { 0.25 * (a + b + c + d) };
+        let last = if is_triangle { middle } else { 0.5 * (b + d) };
+        let places = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (a + c), 0.5 * (a + d), 0.5 * (c + d), last];
+        // Distances differ by no more than the way, and by less than half more where they are sampled.
+        let farthest = places.iter().map(|place| (place - middle).norm()).fold(0.0, f32::max);
+        if nearest(middle) > 1.5 * farthest {
+            return 0.0;
+        }
+        places.into_iter().fold(0.0_f32, |deepest, place| {
+            let (skin, distance) = (2.0 * SKIN * (1.0 + place.amax()), nearest(place));
+            if distance < -skin { deepest.max(-distance) } else { deepest }
         })
     };
-    let parts = par::map_chunks(faces.len(), par::CHUNK, |range| {
-        range.map(|f| depth(&faces[f])).fold((0, 0.0_f64), |(count, deepest), depth| {
-            (count + u64::from(depth > 0.0), deepest.max(f64::from(depth)))
-        })
-    });
-    parts.into_iter().fold((0, 0.0), |(count, deepest), (more, depth)| (count + more, deepest.max(depth)))
+    let both = |(count, deepest): (u64, f64), (more, depth): (u64, f64)| (count + more, deepest.max(depth));
+    let of_sheet = |(faces, start): (&[[u32; 4]], u32)| {
+        let parts = par::map_chunks(faces.len(), par::CHUNK, |range| {
+            let depths = faces[range].iter().map(|face| depth(face.map(|i| i + start)));
+            depths.map(|depth| (u64::from(depth > 0.0), f64::from(depth))).fold((0, 0.0), both)
+        });
+        parts.into_iter().fold((0, 0.0), both)
+    };
+    faces.map(of_sheet).fold((0, 0.0), both)
 }

@@ -10,7 +10,7 @@
 //! Limits: a spring of length zero has no direction and pulls only if its rest length is zero; such springs are counted by the record.
 
 use super::{
-    lanes::{Dot, Eight, Flat, Vectors, in_chunks},
+    lanes::{Dot, Eight, Flat, Vectors, chunk, in_chunks},
     table::{Slot, Table},
 };
 use crate::{
@@ -286,9 +286,17 @@ impl Gather for Change<'_> {
     }
 }
 
+/// Calls `f(number of the eight, its blocks)` for each.
+pub(super) fn update_blocks(blocks: &mut [Blocks], f: impl Fn(usize, &mut Blocks) + Sync) {
+    let len = chunk(blocks.len());
+    par::for_chunks(blocks, len, |start, part| {
+        part.iter_mut().enumerate().for_each(|(k, block)| f(start + k, block));
+    });
+}
+
 /// Adds the diagonal blocks of Δt² K + Δt C of springs at `x` to `out`.
 pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]) {
-    par::update(out, |at, out| {
+    update_blocks(out, |at, out| {
         let (own, all) = (x.eight(at), x.flat());
         let (slots, damping) = table.of(at);
         for (k, slot) in slots.iter().enumerate() {
@@ -310,7 +318,7 @@ pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]
 
 /// Adds the diagonal of a linear table to `out`.
 pub(super) fn add_linear_blocks(table: &Table, factor: f32, out: &mut [Blocks]) {
-    par::update(out, |at, out| {
+    update_blocks(out, |at, out| {
         let (slots, _) = table.of(at);
         for slot in slots {
             for lane in 0..WIDTH {

@@ -315,7 +315,7 @@ impl Sheets {
         let mobility = self.inverse.as_flattened();
         record.inside_solids = solids::inside(&self.solids, time, &self.x, mobility);
         (record.cut_faces, record.cut_depth) =
-            solids::cut(&self.solids, time, &self.x, mobility, self.all_faces());
+            solids::cut(&self.solids, time, (&self.x, mobility), self.all_faces());
     }
 }
 

@@ -19,7 +19,7 @@ pub struct Vortons {
     pub core: Vec<f32>,
 }
 
-/// Of what there may be something that the sums cannot hold.
+/// Which list the offender is in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnfitKind {
     /// Vortons.
