@@ -33,7 +33,7 @@ pub struct SheetsCommon {
     #[schemars(extend("minimum" = 0.0))]
     pub friction: Option<f32>,
     /// How far off solids points stay [m], which also keeps faces, straight between their points, from cutting into what is round: on a ball of radius R
-    /// cells need w²/4R, with w their width when stretched. Absent: half of the thickness of `contact`, or nothing without it. Too large floats; where solids
+    /// a face needs d²/8R, with d its longest diagonal as it lies. Absent: half of the thickness of `contact`, or nothing without it. Too large floats; where solids
     /// leave less room than twice it, points stay less far off. What starts nearer is moved off in the first substep.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "m", "minimum" = 0.0))]
