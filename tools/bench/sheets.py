@@ -111,25 +111,25 @@ def cost(options):
         print("| points | symplectic, ms a substep | ns a point | implicit, ms a substep | rounds | ns a point and round |")
         print("|--:|--:|--:|--:|--:|--:|")
         substeps, rounds = [], []
-        for count_ in points:
-            cells = math.isqrt(count_) - 1
+        for number in points:
+            cells = math.isqrt(number) - 1
             # The longest stable substep of the bare grid at courant 0.5: frames of sixteen.
             longest = math.sqrt(4 * DENSITY / (8 * (50 + 2 * 10 * bool(terms)))) / cells
             fps = 1 / (SUBSTEPS * 0.5 * longest)
-            last = 3 if count_ > 3e5 else 5 if count_ > 3e4 else 17
+            last = 3 if number > 3e5 else 5 if number > 3e4 else 17
             common = {"cells": cells, "fps": fps, "terms": terms, "last": last}
             substeps.append(a_step(simulate(options, preset(**common))[0]))
             records, *_ = simulate(options, preset(**common, solver="integrator = 'implicit'\nsubsteps = 4"))
-            round_, each = a_round(records)
-            rounds.append(round_)
-            cells_ = [count(count_), f"{1e3 * substeps[-1]:.3g}", f"{1e9 * substeps[-1] / count_:.1f}"]
-            cells_ += [f"{1e3 * a_step(records):.3g}", f"{each:.1f}", f"{1e9 * round_ / count_:.1f}"]
-            print("| " + " | ".join(cells_) + " |", flush=True)
-        lines = [[seconds / n for seconds, n in zip(all_, points)] for all_ in (substeps, rounds)]
+            best, per_substep = a_round(records)
+            rounds.append(best)
+            row = [count(number), f"{1e3 * substeps[-1]:.3g}", f"{1e9 * substeps[-1] / number:.1f}"]
+            row += [f"{1e3 * a_step(records):.3g}", f"{per_substep:.1f}", f"{1e9 * best / number:.1f}"]
+            print("| " + " | ".join(row) + " |", flush=True)
+        lines = [[one / n for one, n in zip(seconds, points)] for seconds in (substeps, rounds)]
         spread = [f"{max(ns) / min(ns):.2f}" for ns in lines]
         print(f"\nLinear within a factor of {spread[0]} (symplectic) and {spread[1]} (implicit, a round).")
-        curves += [(f"{what}, {kind}", points, [1e3 * value for value in all_])
-                   for what, all_ in (("substep", substeps), ("implicit round", rounds))]
+        curves += [(f"{what}, {kind}", points, [1e3 * value for value in seconds])
+                   for what, seconds in (("substep", substeps), ("implicit round", rounds))]
     if options.plot:
         plot(options.plot, "What a sheet costs, one thread", "points", "milliseconds", curves, (True, True), legend_top=260)
 
