@@ -15,6 +15,7 @@ pub mod sheet;
 mod simulation;
 pub mod smoke;
 mod stop;
+mod substep;
 pub mod vortex;
 
 pub use observe::Observable;

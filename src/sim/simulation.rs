@@ -9,6 +9,7 @@ use super::{
     record::{Clock, Seconds},
     sheet::{self, SheetError, SheetRecord, Sheets},
     smoke::{self, Smoke},
+    substep::advance_frame,
     vortex::Unfit,
 };
 use crate::{
@@ -296,19 +297,13 @@ fn blown(
 ) -> Result<(SheetRecord, Seconds), Stop> {
     let mut clock = Clock::new(&[sheets.passes(), between(false, true)].concat());
     let mut record = sheets.begin();
-    let mut left = seconds;
-    // The last substep ends the frame but for rounding.
-    while left > 1e-9 * seconds {
-        if !watch.keep_going() {
-            return Err(Stop::Interrupted);
-        }
-        let now = start + (seconds - left);
+    advance_frame([start, seconds], watch, |progress, _| {
+        let (now, left) = (progress.now(), progress.left);
         let dt = left / f64::from(sheets.substeps_left(now, left, seconds, record.substeps)?);
         outside.act(sheets, now, dt, &mut clock)?;
         sheets.go(now, dt, &mut clock, &mut record)?;
-        left -= dt;
-        watch.substep(1.0 - left / seconds);
-    }
+        Ok(dt)
+    })?;
     clock.time("sheet_account", || sheets.end(start + seconds, &mut record));
     Ok((record, clock.into_totals()))
 }

@@ -37,7 +37,9 @@ pub use params::{
     SourceShape, VorticityConfinement, Xsph,
 };
 
-use super::{Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock};
+use super::{
+    Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock, substep::advance_frame,
+};
 use crate::{frame::Stream, math::Vec3, par, space::CellGrid};
 use accelerated::Momentum;
 use energy::energy;
@@ -227,7 +229,7 @@ impl Liquid {
     pub(super) fn advance_with(
         &mut self,
         mut company: Option<&mut dyn Company>,
-        [start, seconds]: [f64; 2],
+        span: [f64; 2],
         clock: &mut Clock,
         watch: &mut dyn Watch,
     ) -> Result<FrameRecord, Stop> {
@@ -235,12 +237,8 @@ impl Liquid {
         (self.solver.rebuilds, self.solver.shortened, self.solver.stuck) = (0, 0, 0);
         self.momentum.forget();
         self.check_state(0)?;
-        let mut left = seconds;
-        while left > 0.0 {
-            if !watch.keep_going() {
-                return Err(Stop::Interrupted);
-            }
-            let now = start + (seconds - left);
+        advance_frame(span, watch, |progress, watch| {
+            let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
             let [wanted, mut remaining] = self.substeps_left(left, company.as_deref(), record.substeps);
             if let Some(company) = &mut company {
                 remaining = remaining.max(company.substeps_left(now, left, seconds, record.substeps)?);
@@ -248,16 +246,14 @@ impl Liquid {
             record.cfl_capped += u32::from(wanted > remaining);
             let dt = left / f64::from(remaining);
             record.substeps += 1;
-            let left_after = if remaining == 1 { 0.0 } else { left - dt };
-            self.walls.move_to(start + (seconds - left_after));
+            self.walls.move_to(progress.after(dt));
             if let Some(company) = &mut company {
                 company.advance_alone(now, dt, clock)?;
             }
             self.substep(dt as f32, &mut company, clock, &mut record, watch)?;
             self.check_state(record.substeps)?;
-            left = left_after;
-            watch.substep(1.0 - left / seconds);
-        }
+            Ok(dt)
+        })?;
         self.measure(clock, &mut record)?;
         Ok(record)
     }

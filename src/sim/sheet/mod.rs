@@ -43,6 +43,7 @@ pub use state::{CORNERS, faces_stream, is_faces, is_part, sheet_of, stream};
 use super::{
     Diverged, Stop, Watch, World,
     record::{Clock, Seconds},
+    substep::advance_frame,
 };
 use crate::{
     math::{
@@ -279,20 +280,14 @@ impl Sheets {
         // A frame holds the whole state: what rounding took is not carried over.
         self.low.clear();
         self.begin_contact(&mut record);
-        let mut left = seconds;
-        // The last substep ends the frame but for rounding.
-        while left > 1e-9 * seconds {
-            if !watch.keep_going() {
-                return Err(Stop::Interrupted);
-            }
-            let now = start + (seconds - left);
+        advance_frame([start, seconds], watch, |progress, _| {
+            let now = progress.now();
             self.settle(now);
-            let dt = self.substep_length(now, left, seconds, &mut clock, &mut record)?;
+            let dt = self.substep_length(now, progress.left, seconds, &mut clock, &mut record)?;
             record.substeps += 1;
             self.substep(now, dt, &mut clock, &mut record)?;
-            left -= dt;
-            watch.substep(1.0 - left / seconds);
-        }
+            Ok(dt)
+        })?;
         self.end_contact(&mut clock, &mut record);
         clock.time("sheet_account", || self.account(start + seconds, &mut record));
         Ok((record, clock.into_totals()))

@@ -37,6 +37,7 @@ pub use tracers::TRACERS;
 use super::{
     SetupError, Stop, Watch, World,
     record::{Clock, Seconds, SmokeSeeds},
+    substep::advance_frame,
     vortex::{
         Unfit, Vortons,
         flow::{Flow, Medium, Span},
@@ -195,19 +196,14 @@ impl System {
         let mut clock = Clock::new(&self.passes());
         let mut record = SmokeRecord::default();
         let shortest = seconds / f64::from(self.params.flow.max_substeps);
-        let mut left = seconds;
-        // The last step ends the frame but for rounding.
-        while left > 1e-9 * seconds {
-            if !watch.keep_going() {
-                return Err(Stop::Interrupted);
-            }
-            let span = Span { longest: left, shortest, number: record.flow.substeps + 1 };
-            left -= self.step(start + (seconds - left), span, &mut clock, &mut record)?;
+        advance_frame([start, seconds], watch, |progress, _| {
+            let span = Span { longest: progress.left, shortest, number: record.flow.substeps + 1 };
+            let dt = self.step(progress.now(), span, &mut clock, &mut record)?;
             if let Some(airs) = &mut airs {
-                airs.push(self.air(start + (seconds - left))?);
+                airs.push(self.air(progress.after(dt))?);
             }
-            watch.substep(1.0 - left / seconds);
-        }
+            Ok(dt)
+        })?;
         self.frames += 1;
         let last = record.flow.substeps;
         record.vortons = self.flow.vortons.len() as u64;
