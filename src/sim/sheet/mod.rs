@@ -114,7 +114,7 @@ pub struct Sheets {
     /// For the push of solids; `None` without it.
     around: Option<Around>,
     /// `None`: sheets pass through each other.
-    contact: Option<Box<contact::Contact>>,
+    contact: Option<Box<contact::SheetContact>>,
     /// Forces from outside [N]; empty: none.
     outside: Vec<Vec3>,
     /// The longest stable substep [s], the point that asks for it, and for which of the holds that is so.
@@ -162,7 +162,7 @@ impl Sheets {
         let faces: Vec<[u32; 4]> = models.iter().zip(&ranges).flat_map(shifted).collect();
         let bends = models.iter().any(|model| !model.plates.is_empty());
         let springs = Table::new(end, spring_entries(&models, &ranges));
-        let meets = |meets| Box::new(contact::Contact::new(meets, &params, &models, &ranges));
+        let meets = |meets| Box::new(contact::SheetContact::new(meets, &params, &models, &ranges));
         let contact = params.common.contact.as_ref().map(meets);
         let mut sheets = Self {
             contact,
@@ -302,7 +302,7 @@ impl Sheets {
         self.settle(now);
         self.begin_contact(&mut record);
         let mut clock = Clock::new(&self.passes());
-        self.contact_step(now, [dt, dt], &mut clock, &mut record);
+        self.max_contact_substep(now, [dt, dt], &mut clock, &mut record);
         self.substep(now, dt, &mut clock, &mut record)?;
         Ok(record)
     }
@@ -323,7 +323,7 @@ impl Sheets {
             Integrator::Implicit => seconds / f64::from(solver.substeps),
         };
         let (travel, fastest) = self.travel(now, left);
-        let (approach, closing) = self.contact_step(now, [longest.min(travel), left], clock, record);
+        let (approach, closing) = self.max_contact_substep(now, [longest.min(travel), left], clock, record);
         let solver = &self.params.common.solver;
         let count = (left / longest.min(travel).min(approach) - 1e-6).ceil().max(1.0);
         if count + f64::from(done) > f64::from(solver.max_substeps) {
@@ -393,7 +393,7 @@ impl Sheets {
         }
         let holding = self.joined.iter().filter(|joint| joint.holds(time));
         self.parts = free::parts(&self.ranges, holding, &self.inverse);
-        self.join_contact(time);
+        self.set_contact_seams(time);
         let mut rows = Rows::new(&self.springs, self.plates.as_ref(), len);
         rows.hold(&self.held, &self.joined, time);
         if let Some(repulsion) = &self.params.common.repulsion {

@@ -69,7 +69,7 @@ impl Placed<'_> {
     }
 
     /// The solid's own way during the substep at a place [m].
-    pub(super) fn way(&self, x: Vec3) -> Vec3 {
+    pub(super) fn displacement(&self, x: Vec3) -> Vec3 {
         self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| {
             let local = to.to_local(x);
             to.to_world(local) - from.to_world(local)
@@ -77,7 +77,7 @@ impl Placed<'_> {
     }
 
     /// The same of what is at a place when the substep begins [m].
-    fn way_from(&self, x: Vec3) -> Vec3 {
+    fn displacement_from(&self, x: Vec3) -> Vec3 {
         self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| to.to_world(from.to_local(x)) - x)
     }
 }
@@ -171,7 +171,7 @@ pub(super) fn pushes(
                 let force = normal * (at_point * along); // [gudukbay97] Eq. 9
                 let stiffness = at_point / range * along * along;
                 // The point is where it is as the substep begins: by the way that ends there it would creep off a circle, by ω² r Δt.
-                let own = solid.way_from(x.get(i)) / dt;
+                let own = solid.displacement_from(x.get(i)) / dt;
                 found.push(Push { point: i as u32, force, stiffness, normal, out, own });
             }
         }
@@ -279,7 +279,7 @@ fn outside(solids: &[Placed<'_>], friction: Option<f32>, point: &mut Moving, dt:
             if distance >= if round == 0 { 2.0 * skin } else { 0.0 } {
                 continue;
             }
-            let own = solid.way(point.x) / dt;
+            let own = solid.displacement(point.x) / dt;
             let relative = point.v - own;
             let inwards = relative.dot(&n);
             if distance >= 0.0 && inwards >= 0.0 {

@@ -74,7 +74,7 @@ impl Sheets {
             }
         }
         if let Some(contact) = &mut sheets.contact {
-            contact.forget();
+            contact.forget_tangles();
         }
         sheets.settle(time);
         Ok(sheets)

@@ -27,7 +27,7 @@ impl Sheets {
         record: &mut SheetRecord,
     ) -> Result<(), Diverged> {
         if let Some(contact) = &mut self.contact {
-            contact.start(&self.x);
+            contact.begin_substep(&self.x);
         }
         let lost = clock.time("sheet_step", || match self.params.common.solver.integrator {
             Integrator::Symplectic => self.symplectic(now, dt),
@@ -59,7 +59,7 @@ impl Sheets {
             record.caught += clock.time("sheet_solids", || self.put_back(now, dt));
         }
         // Solids have the last word: what contact pushes into one comes out again.
-        if self.meet(now, dt, clock, record) {
+        if self.resolve_contact(now, dt, clock, record) {
             self.unite();
             if !self.solids.is_empty() {
                 record.caught += clock.time("sheet_solids", || self.put_back(now, dt));

@@ -1,8 +1,9 @@
-//! Where points, edges and triangles are closest to each other.
+//! Closest points of a point and a triangle and of two edges, and whether an edge crosses a triangle.
 //!
 //! *Method*: [ericson05], closest points of point and triangle and of two segments, in double precision.
-//! *Departs from the source*: a triangle without area is its three edges; edges that are parallel to within 1e-4 are as parallel ones, whose closest
-//! pair begins at an end, so that none hangs on a quotient of rounding errors.
+//! *Departs from the source*: a triangle without area is treated as its three edges. Edges that are parallel
+//! to within 1e-4 count as parallel: their closest pair begins at an end, so that none depends on a quotient
+//! of rounding errors.
 //!
 //! Limits: none; any corners may coincide.
 
@@ -10,7 +11,7 @@ use nalgebra::Vector3;
 
 pub(super) type Double = Vector3<f64>;
 
-/// The square of the sine below which directions are one.
+/// Squared sine of the angle below which two directions count as parallel.
 const PARALLEL: f64 = 1e-8;
 
 /// The weights of a triangle's corners at its point that is closest to `p`: none negative, their sum 1.
@@ -52,7 +53,7 @@ pub(super) fn on_triangle(p: Double, [a, b, c]: [Double; 3]) -> [f64; 3] {
     [1.0 - v - w, v, w]
 }
 
-/// The same for a triangle that is a line or a point.
+/// The weights for a triangle that is a line or a point.
 fn on_edges(p: Double, corners: [Double; 3]) -> [f64; 3] {
     let mut best = ([1.0, 0.0, 0.0], f64::INFINITY);
     for (from, to) in [(0, 1), (1, 2), (2, 0)] {
@@ -99,7 +100,7 @@ pub(super) fn on_segments(a: [Double; 2], b: [Double; 2]) -> [f64; 2] {
     }
 }
 
-/// Whether the segment `a` goes through the inside of a triangle; not where they only touch.
+/// Whether the segment `a` goes through the inside of a triangle. Touching does not count.
 pub(super) fn crosses(a: [Double; 2], [p, q, r]: [Double; 3]) -> bool {
     let side = |x: Double, u: Double, v: Double, w: Double| (u - x).dot(&(v - x).cross(&(w - x)));
     let (from, to) = (side(a[0], p, q, r), side(a[1], p, q, r));
@@ -114,7 +115,7 @@ pub(super) fn crosses(a: [Double; 2], [p, q, r]: [Double; 3]) -> bool {
 mod tests {
     use super::*;
 
-    /// Points without order in a cube of 2 m.
+    /// Random points in a cube of 2 m.
     fn points<const N: usize>(number: u64) -> [Double; N] {
         let at = |k: u64| {
             let mut bits = (number * 64 + k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -132,7 +133,7 @@ mod tests {
         weights.iter().all(|&w| w >= -1e-12) && (weights.iter().sum::<f64>() - 1.0).abs() < 1e-12
     }
 
-    /// The least distance of `p` to a lattice of points of the triangle, and how far apart those are.
+    /// The smallest distance of `p` to sample points of the triangle, and the spacing of the samples.
     fn tried(p: Double, corners: [Double; 3]) -> (f64, f64) {
         let n = 60;
         let mut least = f64::INFINITY;
@@ -147,7 +148,7 @@ mod tests {
     }
 
     #[test]
-    fn no_point_of_a_triangle_is_closer_than_the_one_that_is_found() {
+    fn no_sample_point_of_a_triangle_is_closer_than_the_closest_point() {
         for number in 0..300 {
             let [p, a, b, c] = points(number);
             // Also slivers, and triangles that are lines or points.
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn no_points_of_two_edges_are_closer_than_those_that_are_found() {
+    fn no_sample_points_of_two_edges_are_closer_than_the_closest_points() {
         for number in 0..300 {
             let [p, q, r, s] = points(number);
             for (a, b) in [
@@ -196,11 +197,11 @@ mod tests {
     }
 
     #[test]
-    fn an_edge_goes_through_a_triangle_if_it_meets_its_inside() {
+    fn an_edge_crosses_a_triangle_if_it_goes_through_its_inside() {
         let corners = [Double::zeros(), Double::x(), Double::y()];
         let edge = |x: f64, y: f64, from: f64, to: f64| [Double::new(x, y, from), Double::new(x, y, to)];
         assert!(crosses(edge(0.2, 0.2, -1.0, 1.0), corners) && crosses(edge(0.2, 0.2, 1.0, -1.0), corners));
-        assert!(!crosses(edge(0.6, 0.6, -1.0, 1.0), corners), "beside it");
+        assert!(!crosses(edge(0.6, 0.6, -1.0, 1.0), corners), "outside it");
         assert!(!crosses(edge(0.2, 0.2, 0.1, 1.0), corners), "above it");
         assert!(!crosses(edge(0.2, 0.2, 0.0, 1.0), corners), "on it");
         assert!(!crosses([Double::zeros(), Double::x()], corners), "in its plane");
