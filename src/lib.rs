@@ -14,6 +14,8 @@ pub mod math;
 
 pub mod frame;
 
+pub mod control;
+
 pub mod space;
 
 pub mod grid;
@@ -21,8 +23,6 @@ pub mod grid;
 pub mod sdf;
 
 pub mod solid;
-
-pub mod sim;
 
 pub mod cache;
 
@@ -33,6 +33,12 @@ pub mod mesh;
 pub mod import;
 
 pub mod export;
+
+pub mod preset;
+
+pub mod job;
+
+pub mod sim;
 
 pub mod scene;
 

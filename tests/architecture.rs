@@ -10,9 +10,9 @@ use std::{
 };
 
 /// The modules, in the order in which data flows through them.
-const ORDER: [&str; 16] = [
-    "par", "math", "frame", "space", "grid", "sdf", "solid", "sim", "cache", "field", "mesh", "import",
-    "export", "scene", "run", "cli",
+const ORDER: [&str; 19] = [
+    "par", "math", "frame", "control", "space", "grid", "sdf", "solid", "cache", "field", "mesh", "import",
+    "export", "preset", "job", "sim", "scene", "run", "cli",
 ];
 
 /// Source text by path below the project's root.

@@ -119,7 +119,7 @@ pub fn retime(
         let progress = Progress { control, base: place as f64, scale: 1.0 };
         match player.frame(due, &order, &mut made, progress) {
             Err(RunError::Cache(why)) => made.fail(why.to_string(), Failure::of(&why)),
-            Err(RunError::Setup(why)) => made.fail(no_air(&why), Failure::Other),
+            Err(RunError::Setup(why)) => made.fail(no_air(&*why), Failure::Other),
             Err(why @ RunError::OverMemory { .. }) => made.fail(why.to_string(), Failure::Memory),
             Err(why) => {
                 outcome = Err(why);

@@ -306,7 +306,7 @@ pub(super) fn write_smoke(
             return Ok(());
         }
         Err(NoGrids::Unfit(unfit)) => {
-            made.fail(no_air(&unfit.into()), Failure::Other);
+            made.fail(no_air(&SetupError::from(unfit)), Failure::Other);
             return Ok(());
         }
     };
@@ -335,11 +335,13 @@ pub(super) fn write_smoke(
     Ok(())
 }
 
-/// Why a cached frame has no air.
-pub(super) fn no_air(why: &SetupError) -> String {
-    match why {
-        SetupError::Unfit(unfit) => format!("the air cannot be told: {unfit}; simulate the shot again"),
-        why => why.to_string(),
+/// Why a cached frame has no velocities of the air.
+pub(super) fn no_air(why: &(dyn std::error::Error + 'static)) -> String {
+    match why.downcast_ref() {
+        Some(SetupError::Unfit(unfit)) => {
+            format!("the air's velocity cannot be computed: {unfit}; simulate the shot again")
+        }
+        _ => why.to_string(),
     }
 }
 

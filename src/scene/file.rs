@@ -1,13 +1,17 @@
 //! Where presets come from, and how text becomes a [`Scene`].
 
-use super::{
-    Quality, Scene,
-    assets::{self, Home},
-    builtin, check, meaning, model,
-    problem::{Finding, SceneError, Source, Span, locate},
-    tree::{self, Entry, Node, Value},
+use super::{Quality, Scene};
+use crate::{
+    export::vdb::VolumeParams,
+    mesh::SurfaceParams,
+    preset::{
+        assets::{self, Home},
+        builtin, check, model,
+        problem::{Finding, SceneError, Source, Span, locate},
+        tree::{self, Entry, Node, Value},
+    },
+    sim::{scene::mesh_files, scene_check, system},
 };
-use crate::{export::vdb::VolumeParams, mesh::SurfaceParams, sim::liquid::LiquidParams};
 use schemars::JsonSchema;
 use serde::{Deserialize, de::DeserializeOwned};
 use std::path::Path;
@@ -148,7 +152,7 @@ fn read(
         }
     }
     let mut scene = interpret(&root, &model, &preset.home, findings)?;
-    match assets::read(&scene, &preset.home) {
+    match assets::read(&mesh_files(&scene), &preset.home) {
         Ok(assets) => scene.assets = assets,
         Err(finding) => findings.push(*finding),
     }
@@ -213,17 +217,9 @@ fn interpret(root: &Node, model: &model::Field, home: &Home, findings: &mut Vec<
     }
     let mut scene: Scene =
         serde_json::from_value(checked.values).expect("values that fit the schema of Scene make a Scene");
-    if let Some(liquid) = &mut scene.liquid
-        && liquid.iterations.is_none()
-        && liquid.density_dev.is_none()
-    {
-        liquid.density_dev = Some(LiquidParams::DEFAULT_DENSITY_DEV);
-    }
-    if let Some(smoke) = &mut scene.smoke {
-        smoke.settle();
-    }
-    let mut wrong = meaning::check(&scene, &checked.places);
-    wrong.extend(assets::check(&scene, home, &checked.places));
+    system::ALL.iter().for_each(|system| system.complete(&mut scene));
+    let mut wrong = scene_check::check(&scene, &checked.places);
+    wrong.extend(assets::check(&mesh_files(&scene), home, &checked.places));
     let fine = wrong.is_empty();
     findings.extend(wrong);
     fine.then_some(scene)

@@ -1,9 +1,7 @@
 //! The parameter reference and the JSON schema of presets, generated from the parameter structs.
 
-use super::{
-    Quality, Scene,
-    model::{self, Field, Key, Kind, Limits, Variant},
-};
+use super::{Quality, Scene};
+use crate::preset::model::{self, Field, Key, Kind, Limits, Variant};
 use serde_json::{Value as Json, json};
 use std::fmt::Write as _;
 

@@ -1,7 +1,10 @@
 //! Presets good and bad, read from end to end.
 
 use super::*;
-use crate::frame::FrameIndex;
+use crate::{
+    frame::FrameIndex,
+    preset::model::{self, Kind},
+};
 use miette::{GraphicalReportHandler, GraphicalTheme, NarratableReportHandler};
 use proptest::prelude::*;
 
@@ -284,7 +287,9 @@ fn built_in_presets_read_in_every_tier_and_survive_being_written() {
             assert!(text.contains("max_substeps") || !scene.sheet.is_empty(), "defaults are written");
             let finer = |smoke: &crate::sim::smoke::SmokeParams| 1e3 * smoke.tracer_spacing().powi(-3);
             let smoke = || scene.smoke.as_ref().map(|smoke| f64::from(finer(smoke)));
-            counts.extend(scene.liquid.as_ref().map(meaning::particle_estimate).or_else(smoke));
+            counts.extend(
+                scene.liquid.as_ref().map(crate::sim::liquid::job::check::particle_estimate).or_else(smoke),
+            );
         }
         // Tiers of sheets differ in their steps.
         if counts.is_empty() {
@@ -487,4 +492,13 @@ proptest! {
         scene.liquid.as_mut().unwrap().spacing = spacing;
         prop_assert_eq!(read(&scene.to_toml()).unwrap(), scene);
     }
+}
+
+#[test]
+fn the_schema_of_a_scene_has_only_forms_that_the_check_knows() {
+    let Kind::Table(keys) = model::of::<Scene>().kind else { panic!("a scene is a table") };
+    let required: Vec<_> = keys.iter().filter(|key| key.required).map(|key| key.name.as_str()).collect();
+    assert_eq!(required, ["title", "frames"]);
+    let liquid = &keys.iter().find(|key| key.name == "liquid").unwrap().field;
+    assert!(liquid.optional && matches!(liquid.kind, Kind::Table(_)));
 }

@@ -226,7 +226,8 @@ fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -
     let mut remarks = Vec::new();
     loop {
         match run(factor) {
-            Err(RunError::Setup(SetupError::NoParticles)) if factor > 1.0 => {}
+            Err(RunError::Setup(why))
+                if factor > 1.0 && matches!(why.downcast_ref(), Some(SetupError::NoParticles)) => {}
             Err(RunError::Diverged { frame, diverged }) if factor > 1.0 => remarks.push(format!(
                 "the calibration was made nearer to the shot: at {factor:.1} times the spacing it ended in frame {frame}: \
                  {diverged}"

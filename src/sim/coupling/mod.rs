@@ -4,6 +4,7 @@
 //! does not matter.
 
 mod air;
+pub(crate) mod job;
 mod liquid;
 mod meet;
 mod params;

@@ -16,6 +16,7 @@ mod density;
 mod displaced;
 mod energy;
 mod jacobi;
+pub(crate) mod job;
 mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_avx2;

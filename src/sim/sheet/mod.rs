@@ -19,6 +19,7 @@ mod explicit;
 mod free;
 mod hold;
 mod implicit;
+pub(crate) mod job;
 mod lanes;
 mod model;
 mod overshoot;

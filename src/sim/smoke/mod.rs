@@ -13,6 +13,7 @@ mod areas;
 mod emit;
 mod field;
 mod filaments;
+pub(crate) mod job;
 mod kick;
 mod panels;
 mod params;

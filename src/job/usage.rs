@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 /// Processor time of all threads so far [s], in steps of 10 ms; `None` where the system does not say.
-pub(super) fn cpu_seconds() -> Option<f64> {
+pub(crate) fn cpu_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     // The program's name comes first, in brackets, and may hold anything.
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
@@ -13,29 +13,29 @@ pub(super) fn cpu_seconds() -> Option<f64> {
 
 /// Measures work: processor time where the system tells it, since that is the same on a busy machine; else time.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Meter {
+pub(crate) struct Meter {
     start: Instant,
     cpu: Option<f64>,
 }
 
 impl Meter {
     /// Starts now.
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self { start: Instant::now(), cpu: cpu_seconds() }
     }
 
     /// Work since the start [s].
-    pub(super) fn work(&self) -> f64 {
+    pub(crate) fn work(&self) -> f64 {
         self.cpu().unwrap_or_else(|| self.wall())
     }
 
     /// Wall-clock time since the start [s].
-    pub(super) fn wall(&self) -> f64 {
+    pub(crate) fn wall(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
 
     /// Processor time since the start [s].
-    pub(super) fn cpu(&self) -> Option<f64> {
+    pub(crate) fn cpu(&self) -> Option<f64> {
         Some(cpu_seconds()? - self.cpu?)
     }
 }
@@ -44,19 +44,19 @@ impl Meter {
 ///
 /// What the allocator keeps of freed memory is held too: up to some ten MiB a thread of what ran before.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Peak {
+pub(crate) struct Peak {
     /// Whether the system's mark could be set back.
     is_known: bool,
 }
 
 impl Peak {
     /// Forgets what was before.
-    pub(super) fn since_now() -> Self {
+    pub(crate) fn since_now() -> Self {
         Self { is_known: std::fs::write("/proc/self/clear_refs", "5").is_ok() }
     }
 
     /// Resident memory at its highest since then [bytes]; `None` where the system does not say.
-    pub(super) fn bytes(&self) -> Option<u64> {
+    pub(crate) fn bytes(&self) -> Option<u64> {
         let status = std::fs::read_to_string("/proc/self/status").ok().filter(|_| self.is_known)?;
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
         Some(line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()? << 10)

@@ -1,9 +1,16 @@
 //! Checks of what a preset says about couplings, once every value is valid on its own.
 
-use super::{Scene, check::Places, problem::Finding};
-use crate::sim::{
-    coupling::{self, CouplingError, There},
-    liquid, smoke,
+use crate::{
+    preset::{
+        check::{Places, nearest},
+        problem::Finding,
+    },
+    sim::{
+        coupling::{self, CouplingError, There},
+        liquid,
+        scene::Scene,
+        smoke,
+    },
 };
 
 /// Everything about the couplings that has no meaning.
@@ -29,8 +36,7 @@ fn help(error: &CouplingError, there: &There<'_>) -> String {
             "add a `[smoke]`, or take the coupling out".into()
         }
         CouplingError::Name { name, .. } => {
-            match super::check::nearest(name, there.sheets.iter().copied().chain([liquid::NAME, smoke::NAME]))
-            {
+            match nearest(name, there.sheets.iter().copied().chain([liquid::NAME, smoke::NAME])) {
                 Some(meant) => format!("did you mean \"{meant}\"?"),
                 None => "write `between = [\"liquid\", \"NAME\"]` with the `name` of a `[[sheet]]`".into(),
             }

@@ -1,8 +1,8 @@
 //! What can stop a job.
 
 use crate::{
-    cache::CacheError, export::ExportError, frame::FrameIndex, import::ImportError, scene::SceneError,
-    sim::Diverged, sim::SetupError,
+    cache::CacheError, control::Diverged, export::ExportError, frame::FrameIndex, import::ImportError,
+    preset::SceneError,
 };
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub enum RunError {
     Scene(#[from] SceneError),
     /// The systems cannot start as the preset says.
     #[error(transparent)]
-    Setup(#[from] SetupError),
+    Setup(Box<dyn std::error::Error + Send + Sync>),
     /// The cache cannot be read or written.
     #[error(transparent)]
     Cache(#[from] CacheError),

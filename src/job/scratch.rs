@@ -8,7 +8,7 @@ use std::{
 
 /// A folder in the system's place for temporary files, removed when dropped.
 #[derive(Debug)]
-pub(super) struct Scratch {
+pub(crate) struct Scratch {
     path: PathBuf,
 }
 
@@ -17,7 +17,7 @@ impl Scratch {
     ///
     /// # Errors
     /// If it cannot be made.
-    pub(super) fn new() -> Result<Self, RunError> {
+    pub(crate) fn new() -> Result<Self, RunError> {
         static COUNT: AtomicU32 = AtomicU32::new(0);
         let number = COUNT.fetch_add(1, Ordering::Relaxed);
         let path = std::env::temp_dir().join(format!("meniscus-{}-{number}", std::process::id()));
@@ -26,7 +26,7 @@ impl Scratch {
     }
 
     /// Where it is.
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 }

@@ -1,10 +1,7 @@
 //! Questions about a scene by key, for jobs that work with any key of a preset.
 
-use super::{
-    Scene,
-    model::{self, Field, Key, Kind},
-    smoke::estimate,
-};
+use super::{scene::Scene, smoke::job::check::estimate};
+use crate::preset::model::{self, Field, Key, Kind};
 use serde_json::Value as Json;
 
 impl Scene {

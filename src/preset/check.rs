@@ -12,13 +12,13 @@ use std::collections::HashMap;
 
 /// Where each key of a preset stands, by dotted path.
 #[derive(Debug, Default)]
-pub(super) struct Places {
+pub(crate) struct Places {
     places: HashMap<String, Span>,
 }
 
 impl Places {
     /// The place of the key, or of the closest table around it that the preset wrote.
-    pub(super) fn of(&self, path: &str) -> Span {
+    pub(crate) fn of(&self, path: &str) -> Span {
         let mut path = path;
         loop {
             if let Some(&span) = self.places.get(path) {
@@ -35,24 +35,24 @@ impl Places {
 
 /// What a walk over a preset found.
 #[derive(Debug)]
-pub(super) struct Checked {
+pub(crate) struct Checked {
     /// The values as the parameter structs expect them; complete only if there are no findings.
-    pub(super) values: Json,
+    pub(crate) values: Json,
     /// Where they stand.
-    pub(super) places: Places,
+    pub(crate) places: Places,
     /// Everything that is wrong.
-    pub(super) findings: Vec<Finding>,
+    pub(crate) findings: Vec<Finding>,
 }
 
 /// Checks a whole preset.
-pub(super) fn check(root: &Node, model: &Field) -> Checked {
+pub(crate) fn check(root: &Node, model: &Field) -> Checked {
     let mut walk = Walk { model, places: Places::default(), findings: Vec::new() };
     let values = walk.value(root, root.span, model, "").unwrap_or(Json::Null);
     Checked { values, places: walk.places, findings: walk.findings }
 }
 
 /// The word of `candidates` that `word` resembles most, if it resembles any.
-pub(super) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     // A third of the letters may differ: fewer would miss `spacign`, more would suggest unrelated words.
     let close = |candidate: &&str| {
         let distance = strsim::damerau_levenshtein(&word.to_lowercase(), &candidate.to_lowercase());

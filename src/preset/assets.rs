@@ -1,13 +1,9 @@
 //! Files that a preset names: meshes beside it, or built into the binary with it.
 
 use super::{
-    Scene, builtin,
+    builtin,
     check::{self, Places},
-    problem::Finding,
-};
-use crate::{
-    sim::{liquid::SourceShape, sheet::SheetShape},
-    solid::Shape,
+    problem::{Finding, Span},
 };
 use std::{
     borrow::Cow,
@@ -37,36 +33,11 @@ pub struct Asset {
 /// The files that a scene names, by the name it gives them.
 pub type Assets = BTreeMap<String, Asset>;
 
-/// The file of every mesh of a scene, with the key that the mesh stands at.
-pub(super) fn meshes(scene: &Scene) -> Vec<(String, &str)> {
-    fn file((key, shape): (String, &Shape)) -> Option<(String, &str)> {
-        match shape {
-            Shape::Mesh(mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
-            _ => None,
-        }
-    }
-    let colliders = scene.world.collider.iter().enumerate();
-    let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
-    let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
-    let smoke = smoke.map(|(path, shape)| (format!("smoke.{path}.shape"), shape));
-    let shapes = colliders.chain(smoke).chain(super::sheet::shapes(scene)).filter_map(file);
-    let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
-    let sources = sources.filter_map(|(i, source)| match &source.shape {
-        SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh.file.as_str())),
-        _ => None,
-    });
-    let sheets = scene.sheet.iter().enumerate().filter_map(|(i, sheet)| match &sheet.shape {
-        SheetShape::Mesh(mesh) => Some((format!("sheet.{i}.shape.mesh"), mesh.file.as_str())),
-        SheetShape::Grid { .. } => None,
-    });
-    shapes.chain(sources).chain(sheets).collect()
-}
-
 /// What is wrong with the files that a scene names, short of reading them.
-pub(super) fn check(scene: &Scene, home: &Home, places: &Places) -> Vec<Finding> {
-    meshes(scene)
-        .into_iter()
-        .filter_map(|(path, file)| {
+pub(crate) fn check(meshes: &[(String, &str)], home: &Home, places: &Places) -> Vec<Finding> {
+    meshes
+        .iter()
+        .filter_map(|&(ref path, file)| {
             let key = format!("{path}.file");
             fault(file, home).map(|(message, label, help)| {
                 Finding::new(places.of(&key), &key, message, label).with_help(help)
@@ -120,9 +91,9 @@ fn shown(folder: &Path) -> String {
 }
 
 /// Reads the files that a checked scene names; one that cannot be read is a finding without a place of its own.
-pub(super) fn read(scene: &Scene, home: &Home) -> Result<Assets, Box<Finding>> {
+pub(crate) fn read(meshes: &[(String, &str)], home: &Home) -> Result<Assets, Box<Finding>> {
     let mut assets = Assets::new();
-    for (path, file) in meshes(scene) {
+    for &(ref path, file) in meshes {
         if assets.contains_key(file) {
             continue;
         }
@@ -131,7 +102,7 @@ pub(super) fn read(scene: &Scene, home: &Home) -> Result<Assets, Box<Finding>> {
             Home::Folder(folder) => match std::fs::read(folder.join(file)) {
                 Ok(bytes) => Cow::Owned(bytes),
                 Err(error) => {
-                    let span = super::problem::Span { source: 0, start: 0, end: 0 };
+                    let span = Span { source: 0, start: 0, end: 0 };
                     let message = format!("the mesh `{}` cannot be read: {error}", file);
                     let found = folder.join(file).display().to_string();
                     let finding = Finding::new(span, format!("{path}.file"), message, found);

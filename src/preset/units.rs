@@ -10,7 +10,7 @@ use std::cmp::Ordering;
 ///
 /// # Errors
 /// [`UnitError`], which says what was found.
-pub(super) fn convert(text: &str, wanted: Option<&str>) -> Result<f64, UnitError> {
+pub(crate) fn convert(text: &str, wanted: Option<&str>) -> Result<f64, UnitError> {
     let (number, rest) = split_number(text.trim()).ok_or(UnitError::NoNumber)?;
     let rest = rest.trim();
     if rest.is_empty() {
@@ -26,13 +26,13 @@ pub(super) fn convert(text: &str, wanted: Option<&str>) -> Result<f64, UnitError
 }
 
 /// Whether `unit` can be read.
-pub(super) fn is_known(unit: &str) -> bool {
+pub(crate) fn is_known(unit: &str) -> bool {
     parse(unit).is_some()
 }
 
 /// Why a string is no number of the unit asked for.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum UnitError {
+pub(crate) enum UnitError {
     /// It does not begin with a finite number.
     NoNumber,
     /// It is a number in quotes.

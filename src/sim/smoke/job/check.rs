@@ -1,14 +1,14 @@
 //! Checks of what a preset says about smoke, once every value is valid on its own.
 
-use super::{
-    Scene,
-    check::Places,
-    meaning::{check_motion, name, shape_finding},
-    problem::Finding,
-};
 use crate::{
+    preset::{
+        check::Places,
+        problem::Finding,
+        shapes::{check_motion, name, shape_finding},
+    },
     sim::{
         SetupError,
+        scene::Scene,
         smoke::SmokeParams,
         vortex::{Way, flow::Sum},
     },
@@ -136,13 +136,13 @@ fn direction(way: &[f32; 3], key: &str, places: &Places, findings: &mut Vec<Find
 ///
 /// # Errors
 /// [`SetupError::TooMuchSmoke`].
-pub(super) fn refuse_too_much(smoke: &SmokeParams, seconds: f64) -> Result<(), SetupError> {
+pub(in crate::sim) fn refuse_too_much(smoke: &SmokeParams, seconds: f64) -> Result<(), SetupError> {
     let asked = estimate(smoke, seconds);
     if asked > MOST { Err(SetupError::TooMuchSmoke { asked }) } else { Ok(()) }
 }
 
 /// About how many vortons and tracers the smoke has after some seconds, at most; meshes that are not filled are not counted.
-pub(super) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
+pub(in crate::sim) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
     let (h, s) = (f64::from(smoke.spacing), f64::from(smoke.tracer_spacing()));
     let core = |length: f64, thickness: f32, density: f32| {
         let area = std::f64::consts::PI * f64::from(thickness).powi(2);

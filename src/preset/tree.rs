@@ -8,16 +8,16 @@ use toml::{
 
 /// A value and where it stands.
 #[derive(Clone, Debug)]
-pub(super) struct Node {
-    pub(super) span: Span,
-    pub(super) value: Value,
+pub(crate) struct Node {
+    pub(crate) span: Span,
+    pub(crate) value: Value,
     /// The text of a bare word or number of the command line, for keys that take text.
-    pub(super) bare: Option<String>,
+    pub(crate) bare: Option<String>,
 }
 
 /// What a node holds.
 #[derive(Clone, Debug)]
-pub(super) enum Value {
+pub(crate) enum Value {
     Text(String),
     Integer(i128),
     Number(f64),
@@ -29,10 +29,10 @@ pub(super) enum Value {
 
 /// One key of a table.
 #[derive(Clone, Debug)]
-pub(super) struct Entry {
-    pub(super) key: String,
-    pub(super) key_span: Span,
-    pub(super) node: Node,
+pub(crate) struct Entry {
+    pub(crate) key: String,
+    pub(crate) key_span: Span,
+    pub(crate) node: Node,
 }
 
 /// Most keys a `--set` path may have: deeper than any preset, shallow enough to walk by recursion.
@@ -40,7 +40,7 @@ const MAX_DEPTH: usize = 40;
 
 impl Node {
     /// What the value is, for a message.
-    pub(super) fn describe(&self) -> String {
+    pub(crate) fn describe(&self) -> String {
         match &self.value {
             Value::Text(text) if text.chars().count() > 40 => "a long text".to_owned(),
             Value::Text(text) => format!("the text {text:?}"),
@@ -57,7 +57,7 @@ impl Node {
     }
 
     /// Puts `other` over this: tables are joined key by key, anything else is replaced.
-    pub(super) fn overlay(&mut self, other: Self) {
+    pub(crate) fn overlay(&mut self, other: Self) {
         match (&mut self.value, other) {
             (Value::Table(mine), Self { value: Value::Table(theirs), .. }) => {
                 for entry in theirs {
@@ -81,7 +81,7 @@ impl Node {
 }
 
 /// Reads a whole preset. On syntax errors, one finding for each line that has any.
-pub(super) fn parse(source: usize, text: &str) -> Result<Node, Vec<Finding>> {
+pub(crate) fn parse(source: usize, text: &str) -> Result<Node, Vec<Finding>> {
     let (table, errors) = DeTable::parse_recoverable(text);
     if errors.is_empty() {
         let (span, table) = (table.span(), table.into_inner());
@@ -158,7 +158,7 @@ fn integer_value(integer: &DeInteger<'_>) -> Value {
 }
 
 /// Applies one `--set key=value` argument, which is the text of `sources[source]`.
-pub(super) fn set(root: &mut Node, source: usize, sources: &[Source]) -> Result<(), Box<Finding>> {
+pub(crate) fn set(root: &mut Node, source: usize, sources: &[Source]) -> Result<(), Box<Finding>> {
     let text = &*sources[source].text;
     let whole = Span { source, start: 0, end: text.len() };
     let Some((path, value)) = text.split_once('=') else {

@@ -132,38 +132,38 @@ impl Diagnostic for SceneError {
 
 /// A text that a preset is put together from: the preset itself, or an argument of the command line.
 #[derive(Clone, Debug)]
-pub(super) struct Source {
+pub(crate) struct Source {
     /// What messages call it.
-    pub(super) name: String,
+    pub(crate) name: String,
     /// All of it.
-    pub(super) text: Arc<str>,
+    pub(crate) text: Arc<str>,
 }
 
 /// Some bytes of one of the sources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Span {
+pub(crate) struct Span {
     /// Index of the source.
-    pub(super) source: usize,
+    pub(crate) source: usize,
     /// First byte.
-    pub(super) start: usize,
+    pub(crate) start: usize,
     /// One past the last byte.
-    pub(super) end: usize,
+    pub(crate) end: usize,
 }
 
 /// A problem before its place is looked up in the text.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Finding {
-    pub(super) span: Span,
-    pub(super) key: String,
-    pub(super) message: String,
-    pub(super) label: String,
-    pub(super) help: Option<String>,
-    pub(super) nearest: Option<String>,
+pub(crate) struct Finding {
+    pub(crate) span: Span,
+    pub(crate) key: String,
+    pub(crate) message: String,
+    pub(crate) label: String,
+    pub(crate) help: Option<String>,
+    pub(crate) nearest: Option<String>,
 }
 
 impl Finding {
     /// A finding without advice.
-    pub(super) fn new(
+    pub(crate) fn new(
         span: Span,
         key: impl Into<String>,
         message: impl Into<String>,
@@ -180,14 +180,14 @@ impl Finding {
     }
 
     /// Adds the next step to take.
-    pub(super) fn with_help(mut self, help: impl Into<String>) -> Self {
+    pub(crate) fn with_help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 }
 
 /// The findings as problems with line and column, in order of the text, each once.
-pub(super) fn locate(mut findings: Vec<Finding>, sources: &[Source]) -> Vec<Problem> {
+pub(crate) fn locate(mut findings: Vec<Finding>, sources: &[Source]) -> Vec<Problem> {
     findings.sort_by_key(|finding| finding.span);
     findings.dedup();
     findings.into_iter().map(|finding| place(finding, sources)).collect()

@@ -1,13 +1,15 @@
 //! Checks of what a preset says about sheets, once every value is valid on its own.
 
-use super::{
-    Scene,
-    check::Places,
-    meaning::{check_motion, name, shape_finding},
-    problem::Finding,
-};
 use crate::{
-    sim::sheet::{self, SheetError, SheetParams},
+    preset::{
+        check::Places,
+        problem::Finding,
+        shapes::{check_motion, name, shape_finding},
+    },
+    sim::{
+        scene::Scene,
+        sheet::{self, SheetError, SheetParams},
+    },
     solid::Shape,
 };
 

@@ -1,0 +1,31 @@
+//! How a job reports progress and learns of cancellation.
+
+/// What a job tells while it works. Implemented by the command line.
+pub trait Reporter: Sync {
+    /// A job of `frames` frames begins.
+    fn begin(&self, job: &str, frames: usize);
+
+    /// So many frames of the job are done; fractions count.
+    fn progress(&self, frames_done: f64);
+
+    /// A frame is finished; `figures` is one line about it.
+    fn frame(&self, figures: &str);
+
+    /// Something the user should know, once.
+    fn note(&self, text: &str);
+
+    /// The job is done.
+    fn end(&self);
+
+    /// The job, if one was under way, ended early; the reason is told elsewhere.
+    fn stop(&self);
+}
+
+/// How a job talks to whoever started it.
+#[derive(Clone, Copy)]
+pub struct Control<'a> {
+    /// Told what happens.
+    pub reporter: &'a dyn Reporter,
+    /// Asked between steps; `true` stops the job, with everything finished so far kept.
+    pub interrupted: &'a (dyn Fn() -> bool + Sync),
+}

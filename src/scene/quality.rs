@@ -1,0 +1,47 @@
+//! Quality tiers of a preset.
+
+use std::{fmt, str::FromStr};
+
+/// How much of the preset's detail to compute: a tier is a `[quality.NAME]` table of the preset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quality {
+    /// Seconds: does the shot work at all?
+    Draft,
+    /// Minutes: how does it move?
+    Preview,
+    /// The preset as written, or its `[quality.final]`.
+    Final,
+}
+
+impl Quality {
+    /// Every tier, coarse to fine.
+    pub const ALL: [Self; 3] = [Self::Draft, Self::Preview, Self::Final];
+
+    /// The tier's name in presets and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Draft => "draft",
+            Self::Preview => "preview",
+            Self::Final => "final",
+        }
+    }
+}
+
+impl fmt::Display for Quality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// A word that names no quality tier.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected `draft`, `preview` or `final`")]
+pub struct UnknownQuality;
+
+impl FromStr for Quality {
+    type Err = UnknownQuality;
+
+    fn from_str(text: &str) -> Result<Self, UnknownQuality> {
+        Self::ALL.into_iter().find(|quality| quality.name() == text).ok_or(UnknownQuality)
+    }
+}

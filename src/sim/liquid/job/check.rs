@@ -1,0 +1,129 @@
+//! Checks of what a preset says about the liquid, once every value is valid on its own.
+
+use crate::{
+    preset::{check::Places, problem::Finding, shapes::shape_finding},
+    sim::{
+        liquid::{LiquidChannel, LiquidParams, SourceShape},
+        scene::Scene,
+    },
+    solid::Shape,
+};
+
+/// Particles that the 32-bit neighbour lists can tell apart.
+const MAX_PARTICLES: f64 = 2_147_483_648.0;
+
+/// Everything about the liquid that contradicts itself or cannot be simulated.
+pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mut Vec<Finding>) {
+    if liquid.iterations.is_some() && liquid.density_dev.is_some() {
+        findings.push(
+            Finding::new(
+                places.of("liquid.iterations"),
+                "liquid.iterations",
+                "`liquid.iterations` and `liquid.density_dev` exclude each other",
+                "a fixed number of iterations, but `density_dev` is given too",
+            )
+            .with_help("remove one of them; on the command line, `--set liquid.density_dev=none` does it"),
+        );
+    }
+    if liquid.min_substeps > liquid.max_substeps {
+        let (least, most) = (liquid.min_substeps, liquid.max_substeps);
+        // The later of the two keys is the one that broke the order.
+        let key = ["liquid.min_substeps", "liquid.max_substeps"].into_iter().max_by_key(|key| places.of(key));
+        let key = key.unwrap_or("liquid.min_substeps");
+        findings.push(
+            Finding::new(
+                places.of(key),
+                key,
+                format!("`min_substeps` ({least}) is above `max_substeps` ({most})"),
+                format!("found {least} to {most} substeps a frame, expected the smaller number first"),
+            )
+            .with_help("raise `max_substeps` or lower `min_substeps`; both have defaults"),
+        );
+    }
+    if liquid.source.is_empty() {
+        findings.push(
+            Finding::new(
+                places.of("liquid.source"),
+                "liquid.source",
+                "the liquid has no source, so there is nothing to simulate",
+                "expected at least one `[[liquid.source]]`",
+            )
+            .with_help(
+                "add `[[liquid.source]]` with `shape = { box = { min = [0, 0, 0], max = [1, 1, 1] } }`",
+            ),
+        );
+    }
+    for (index, source) in liquid.source.iter().enumerate() {
+        let (path, shape) = match source.shape.clone() {
+            SourceShape::Box { min, max } => ("box", Shape::Box { min, max }),
+            SourceShape::Sphere { center, radius } => ("sphere", Shape::Sphere { center, radius }),
+            SourceShape::Mesh(mesh) => ("mesh", Shape::Mesh(mesh)),
+        };
+        if let Err(error) = shape.check() {
+            findings.push(shape_finding(&format!("liquid.source.{index}.shape.{path}"), error, places));
+        }
+    }
+    check_particle_count(liquid, places, findings);
+}
+
+fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut Vec<Finding>) {
+    let count = particle_estimate(liquid);
+    if count > MAX_PARTICLES {
+        let volume = count * f64::from(liquid.spacing).powi(3);
+        let key = "liquid.spacing";
+        let needed = (volume / MAX_PARTICLES).cbrt();
+        findings.push(
+            Finding::new(
+                places.of(key),
+                key,
+                format!("the sources hold about {count:.3e} particles, more than the {MAX_PARTICLES} that can be told apart"),
+                format!("found {} m between particles, for {volume:.3} m³ of liquid", liquid.spacing),
+            )
+            .with_help(format!("make `liquid.spacing` larger than {needed:.2e} m, or the sources smaller")),
+        );
+    }
+}
+
+/// The sources' volume in particles; sources that overlap count twice, meshes, whose volume is in their file, not
+/// at all.
+pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
+    let volume: f64 = liquid.source.iter().map(|source| volume(&source.shape)).sum();
+    volume / f64::from(liquid.spacing).powi(3)
+}
+
+/// The volume of a source [m³]; not above zero if it is turned inside out.
+fn volume(shape: &SourceShape) -> f64 {
+    match shape {
+        SourceShape::Box { min, max } => {
+            (0..3).map(|axis| (f64::from(max[axis]) - f64::from(min[axis])).max(0.0)).product()
+        }
+        SourceShape::Sphere { radius, .. } => 4.0 / 3.0 * std::f64::consts::PI * f64::from(*radius).powi(3),
+        SourceShape::Mesh(_) => 0.0,
+    }
+}
+
+/// Whether the particles will have what the surface is to carry, as far as that is up to the preset.
+pub(super) fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let Some(liquid) = &scene.liquid else { return };
+    let wanted = |name: &str| scene.surface.attributes.iter().flatten().any(|attribute| attribute == name);
+    let carries = |channel: &LiquidChannel| liquid.channels.contains(channel);
+    let needed = LiquidChannel::ALL.into_iter().filter(|channel| carries(channel) || wanted(channel.name()));
+    let needed: Vec<_> = needed.map(|channel| format!("\"{}\"", channel.name())).collect();
+    for channel in LiquidChannel::ALL {
+        let name = channel.name();
+        if wanted(name) && !carries(&channel) {
+            findings.push(
+                Finding::new(
+                    places.of("surface.attributes"),
+                    "surface.attributes",
+                    format!("the particles have no `{name}` to carry"),
+                    format!("found `{name}`, which `liquid.channels` does not name"),
+                )
+                .with_help(format!(
+                    "write `channels = [{}]` in `[liquid]`; a shot that is simulated already has to be simulated again",
+                    needed.join(", ")
+                )),
+            );
+        }
+    }
+}

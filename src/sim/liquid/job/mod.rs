@@ -1,0 +1,43 @@
+//! What jobs need to know of the liquid.
+
+pub(crate) mod check;
+
+use super::{LiquidParams, SourceShape};
+use crate::{
+    preset::{check::Places, problem::Finding},
+    sim::{scene::Scene, system::System},
+};
+
+/// The liquid, as jobs see it.
+pub(crate) struct Liquid;
+
+impl System for Liquid {
+    fn is_present(&self, scene: &Scene) -> bool {
+        scene.liquid.is_some()
+    }
+
+    fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+        if let Some(liquid) = &scene.liquid {
+            check::check_liquid(liquid, places, findings);
+        }
+        check::check_attributes(scene, places, findings);
+    }
+
+    fn complete(&self, scene: &mut Scene) {
+        if let Some(liquid) = &mut scene.liquid
+            && liquid.iterations.is_none()
+            && liquid.density_dev.is_none()
+        {
+            liquid.density_dev = Some(LiquidParams::DEFAULT_DENSITY_DEV);
+        }
+    }
+
+    fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
+        let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
+        let files = sources.filter_map(|(i, source)| match &source.shape {
+            SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh.file.as_str())),
+            _ => None,
+        });
+        files.collect()
+    }
+}

@@ -1,0 +1,225 @@
+//! The composition of a preset: a whole [`Scene`] as plain data.
+
+use super::{
+    Observable, SetupError, Systems,
+    coupling::Coupling,
+    liquid::LiquidParams,
+    sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
+    smoke::{self, Smoke, SmokeParams},
+};
+use crate::{
+    export::{
+        MeshFormat, SheetFormat,
+        vdb::{VolumeGrid, VolumeParams},
+    },
+    mesh::SurfaceParams,
+    preset::{Assets, Frames},
+    solid::Collider,
+};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A whole shot, as its preset says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// The shot's name.
+    pub title: String,
+    /// The frames to compute: "1-96", "1-240x2", "1,5,9-12". The first is the initial state.
+    pub frames: Frames,
+    /// Frames a second.
+    #[serde(default = "default_fps")]
+    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10000.0))]
+    pub fps: f32,
+    /// Gravity and colliders.
+    #[serde(default)]
+    pub world: World,
+    /// The liquid; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub liquid: Option<LiquidParams>,
+    /// The smoke; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub smoke: Option<SmokeParams>,
+    /// The sheets; none: there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sheet: Vec<SheetParams>,
+    /// What all sheets have in common; absent: nothing joins them, solids stop them, and the defaults of the solver.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<SheetsCommon>,
+    /// Which systems feel each other; none: each is alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub coupling: Vec<Coupling>,
+    /// How frames are meshed.
+    #[serde(default)]
+    pub surface: SurfaceParams,
+    /// How frames become volumes.
+    #[serde(default)]
+    pub volume: VolumeParams,
+    /// What `shot` writes besides the cache.
+    #[serde(default)]
+    pub output: Output,
+    /// What `tradeoff` compares; absent: the bulk's height.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tradeoff: Option<Tradeoff>,
+    /// The files that the world and the liquid name; not part of the preset's text.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub assets: Assets,
+}
+
+/// What `tradeoff` compares beside densities and energy.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tradeoff {
+    /// The number that the picture hangs on; see docs/tradeoff.md.
+    pub observable: Observable,
+}
+
+/// What surrounds the systems.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct World {
+    /// Acceleration on everything [m/s²].
+    #[schemars(extend("unit" = "m/s²"))]
+    pub gravity: [f32; 3],
+    /// What keeps the systems out.
+    pub collider: Vec<Collider>,
+}
+
+impl Default for World {
+    fn default() -> Self {
+        Self { gravity: [0.0, 0.0, -9.81], collider: Vec::new() }
+    }
+}
+
+/// What `shot` writes besides the cache.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Output {
+    /// Formats of the surface meshes.
+    pub mesh: Vec<MeshFormat>,
+    /// Grids of the volume files; none: no volumes.
+    pub volume: Vec<VolumeGrid>,
+    /// Files of the sheets: "pc2" is a mesh and one cache of all frames, which Blender plays, "ply" and "obj" a mesh a frame.
+    pub sheet: Vec<SheetFormat>,
+    /// How thick sheets are in files [m]; absent: surfaces without a thickness.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    pub thickness: Option<f32>,
+}
+
+fn default_fps() -> f32 {
+    24.0
+}
+
+impl Scene {
+    /// The scene as a preset, with every default written out. It reads as an equal scene.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a scene has only values that TOML can hold")
+    }
+
+    /// The systems, as the simulation takes them.
+    pub fn systems(&self) -> Systems {
+        let (fps, first) = (f64::from(self.fps), self.frames.first().0);
+        let smoke = self.smoke.clone().map(|params| Smoke { params, fps, first });
+        let params =
+            SheetsParams { sheet: self.sheet.clone(), common: self.sheets.clone().unwrap_or_default() };
+        let sheets = (!self.sheet.is_empty()).then_some(Shot { params, fps, first });
+        Systems { liquid: self.liquid.clone(), smoke, sheets, couplings: self.coupling.clone() }
+    }
+
+    /// The time from the first frame to the last [s].
+    pub(in crate::sim) fn seconds(&self) -> f64 {
+        f64::from(self.frames.last().0.saturating_sub(self.frames.first().0)) / f64::from(self.fps)
+    }
+
+    /// Refuses smoke of too many vortons and tracers, once the meshes it comes from are filled. What presets alone can tell was
+    /// refused when the scene was made.
+    ///
+    /// # Errors
+    /// [`SetupError::TooMuchSmoke`].
+    pub fn refuse_too_much_smoke(&self) -> Result<(), SetupError> {
+        self.smoke
+            .as_ref()
+            .map_or(Ok(()), |params| smoke::job::check::refuse_too_much(params, self.seconds()))
+    }
+
+    /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that
+    /// these name, and the solvers' version.
+    ///
+    /// The title, the frames after the first, the surface, the volume, the output and the tradeoff do not change it. Caches keep it, so
+    /// that frames of another scene are recognised as stale.
+    pub fn simulation_key(&self) -> u64 {
+        #[derive(Serialize)]
+        struct Decisive<'a> {
+            fps: f32,
+            first: u32,
+            solvers: u32,
+            world: &'a World,
+            liquid: Option<LiquidParams>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            smoke: &'a Option<SmokeParams>,
+            #[serde(skip_serializing_if = "<[SheetParams]>::is_empty")]
+            sheet: &'a [SheetParams],
+            #[serde(skip_serializing_if = "Option::is_none")]
+            sheets: &'a Option<SheetsCommon>,
+            #[serde(skip_serializing_if = "Vec::is_empty")]
+            coupling: Vec<Coupling>,
+            #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+            files: BTreeMap<&'a str, u64>,
+        }
+        let Self {
+            title: _,
+            frames,
+            fps,
+            world,
+            liquid,
+            smoke,
+            sheet,
+            sheets,
+            coupling,
+            surface: _,
+            volume: _,
+            output: _,
+            tradeoff: _,
+            assets,
+        } = self;
+        let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
+        let solvers = super::STATE_VERSION;
+        let mut liquid = liquid.clone();
+        if let Some(LiquidParams { channels, .. }) = &mut liquid {
+            // A cache keeps them in their own order, each once.
+            channels.sort_unstable();
+            channels.dedup();
+        }
+        // Neither their order nor that of their sides matters.
+        let mut coupling = coupling.clone();
+        coupling.iter_mut().for_each(|coupling| coupling.between.sort());
+        coupling.sort_by(|a, b| a.between.cmp(&b.between));
+        let decisive = Decisive {
+            fps: *fps,
+            first: frames.first().0,
+            solvers,
+            world,
+            liquid,
+            smoke,
+            sheet,
+            sheets,
+            coupling,
+            files,
+        };
+        let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
+        xxhash_rust::xxh3::xxh3_64(text.as_bytes())
+    }
+}
+
+pub use super::scene_query::choices;
+
+/// The file of every mesh of a scene, with the dotted key of the mesh.
+pub(crate) fn mesh_files(scene: &Scene) -> Vec<(String, &str)> {
+    let colliders = scene.world.collider.iter().enumerate();
+    let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
+    let systems = super::system::ALL.iter().flat_map(|system| system.mesh_files(scene));
+    colliders.filter_map(super::system::mesh_file).chain(systems).collect()
+}

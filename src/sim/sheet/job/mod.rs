@@ -1,0 +1,33 @@
+//! What jobs need to know of the sheets.
+
+pub(crate) mod check;
+
+use super::SheetShape;
+use crate::{
+    preset::{check::Places, problem::Finding},
+    sim::{
+        scene::Scene,
+        system::{System, mesh_file},
+    },
+};
+
+/// The sheets, as jobs see them.
+pub(crate) struct Sheets;
+
+impl System for Sheets {
+    fn is_present(&self, scene: &Scene) -> bool {
+        !scene.sheet.is_empty()
+    }
+
+    fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+        check::check_sheets(scene, places, findings);
+    }
+
+    fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
+        let sheets = scene.sheet.iter().enumerate().filter_map(|(i, sheet)| match &sheet.shape {
+            SheetShape::Mesh(mesh) => Some((format!("sheet.{i}.shape.mesh"), mesh.file.as_str())),
+            SheetShape::Grid { .. } => None,
+        });
+        check::shapes(scene).filter_map(mesh_file).chain(sheets).collect()
+    }
+}

@@ -1,0 +1,37 @@
+//! What jobs need to know of the smoke.
+
+pub(crate) mod check;
+
+use crate::{
+    preset::{check::Places, problem::Finding},
+    sim::{
+        scene::Scene,
+        system::{System, mesh_file},
+    },
+};
+
+/// The smoke, as jobs see it.
+pub(crate) struct Smoke;
+
+impl System for Smoke {
+    fn is_present(&self, scene: &Scene) -> bool {
+        scene.smoke.is_some()
+    }
+
+    fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+        if let Some(smoke) = &scene.smoke {
+            check::check_smoke(scene, smoke, places, findings);
+        }
+    }
+
+    fn complete(&self, scene: &mut Scene) {
+        if let Some(smoke) = &mut scene.smoke {
+            smoke.settle();
+        }
+    }
+
+    fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
+        let shapes = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
+        shapes.map(|(path, shape)| (format!("smoke.{path}.shape"), shape)).filter_map(mesh_file).collect()
+    }
+}

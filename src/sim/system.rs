@@ -1,0 +1,42 @@
+//! What jobs need to know of a system, and the registry of all systems.
+//!
+//! A system is one folder below `src/sim/`: its solver in the folder itself, and in `job/` what jobs need to know of it. Jobs,
+//! scenes and the command line name no system; they loop over [`ALL`].
+
+use super::{coupling, liquid, scene::Scene, sheet, smoke};
+use crate::preset::{check::Places, problem::Finding};
+
+/// A simulated system, as jobs see it.
+pub(crate) trait System: Sync {
+    /// Whether the preset names the system.
+    fn is_present(&self, scene: &Scene) -> bool;
+
+    /// Reports everything about the system that contradicts itself or cannot be simulated.
+    fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>);
+
+    /// Fills in defaults that depend on other keys of the preset.
+    fn complete(&self, _scene: &mut Scene) {}
+
+    /// The mesh files that the system's tables name, each with the dotted key of its mesh.
+    fn mesh_files<'a>(&self, _scene: &'a Scene) -> Vec<(String, &'a str)> {
+        Vec::new()
+    }
+}
+
+/// Every system, in the order in which they are checked and reported.
+pub(crate) static ALL: [&dyn System; 4] =
+    [&liquid::job::Liquid, &smoke::job::Smoke, &sheet::job::Sheets, &coupling::job::Couplings];
+
+/// The file of a shape, if it is a mesh, with the dotted key of the mesh.
+pub(crate) fn mesh_file((key, shape): (String, &crate::solid::Shape)) -> Option<(String, &str)> {
+    match shape {
+        crate::solid::Shape::Mesh(mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
+        _ => None,
+    }
+}
+
+impl From<super::SetupError> for crate::job::RunError {
+    fn from(why: super::SetupError) -> Self {
+        Self::Setup(Box::new(why))
+    }
+}
