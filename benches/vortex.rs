@@ -8,15 +8,19 @@
 //! evaluations as fill a fifth of a second, in CPU time of the whole process on one thread. Then the time against the number of vortons, the Poisson equation by itself, and wall
 //! seconds by number of threads.
 
+#[path = "reference/vortex/mod.rs"]
+mod reference;
+
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use meniscus::{
     math::Vec3,
     par,
     sim::vortex::{
-        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, Way, boundary_values, induced, lattice,
-        poisson, sampled_error,
+        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, boundary_values, grid_errors, induced,
+        lattice, poisson, sampled_error,
     },
 };
+use reference::{multigrid, paper_grid, paper_grid::Scheme, tree_rule};
 use std::{f64::consts::PI, hint::black_box, time::Instant};
 
 /// A number in 0..1 without order in `i`.
@@ -112,13 +116,19 @@ fn timed(vortons: &Vortons, quantity: Quantity, kernel: Kernel, method: Method) 
 }
 
 fn row(name: &str, vortons: &Vortons, quantity: Quantity, kernel: Kernel, method: Method) {
-    let (velocity, seconds) = timed(vortons, quantity, kernel, method);
+    let found = timed(vortons, quantity, kernel, method);
+    print_row(name, vortons, kernel, &format!("{quantity:?} | {method:?}"), found);
+}
+
+/// Prints the velocities, if there are any, as an error, and their CPU seconds.
+fn print_row(name: &str, vortons: &Vortons, kernel: Kernel, method: &str, found: (Vec<Vec3>, f64)) {
+    let (velocity, seconds) = found;
     let error = match velocity.is_empty() {
         true => f64::NAN,
         false => sampled_error(vortons, Targets::Vortons, kernel, &velocity, 400).expect("they are fit"),
     };
     let count = vortons.len();
-    println!("| {name} | {count} | {kernel:?} | {quantity:?} | {method:?} | {seconds:.4} | {error:.1e} |");
+    println!("| {name} | {count} | {kernel:?} | {method} | {seconds:.4} | {error:.1e} |");
 }
 
 /// Prints what is missed of the error asked for, by cloud, size, kernel and method.
@@ -142,8 +152,8 @@ fn kept() {
                     print!(" | {:.2}", missed(error, Method::Tree { error }));
                 }
                 for error in [1e-2, 1e-3] {
-                    match Way::Sine.errors(kernel).contains(&error) {
-                        true => print!(" | {:.2}", missed(error, Method::Grid { error, way: Way::Sine })),
+                    match grid_errors(kernel).contains(&error) {
+                        true => print!(" | {:.2}", missed(error, Method::Grid { error })),
                         false => print!(" | "),
                     }
                 }
@@ -167,25 +177,27 @@ fn tables() {
         }
         row(name, &vortons, VelocityAndGradient, kernel, Method::Tree { error: 1e-3 });
         row(name, &vortons, Potential, kernel, Method::Tree { error: 1e-3 });
-        row(name, &vortons, Velocity, kernel, Method::Nested);
+        let paper = repeated(|| tree_rule::velocity(&vortons, kernel));
+        print_row(name, &vortons, kernel, "Velocity | the paper's tree rule", paper);
         for kernel in [Kernel::Ball, Kernel::RosenheadMoore, Kernel::Gaussian] {
             row(name, &vortons, Velocity, kernel, Method::Tree { error: 1e-3 });
         }
     }
     for name in ["ring", "cube"] {
         let vortons = cloud(name, 100_000);
-        for (error, way) in [
-            (1e-1, Way::Sine),
-            (1e-2, Way::Sine),
-            (1e-3, Way::Sine),
-            (1e-1, Way::Multigrid),
-            (1e-1, Way::Text),
-        ] {
-            row(name, &vortons, Velocity, kernel, Method::Grid { error, way });
+        for error in [1e-1, 1e-2, 1e-3] {
+            row(name, &vortons, Velocity, kernel, Method::Grid { error });
         }
-        row(name, &vortons, VelocityAndGradient, kernel, Method::Grid { error: 1e-2, way: Way::Sine });
+        row(name, &vortons, VelocityAndGradient, kernel, Method::Grid { error: 1e-2 });
         for error in [1e-2, 1e-3] {
-            row(name, &vortons, Velocity, Kernel::Gaussian, Method::Grid { error, way: Way::Sine });
+            row(name, &vortons, Velocity, Kernel::Gaussian, Method::Grid { error });
+        }
+        for (label, scheme, spacings_per_core) in [
+            ("multigrid, M4', a spacing per core", Scheme::Smooth, 1.0),
+            ("the paper's grid", Scheme::Linear, 2.0),
+        ] {
+            let found = repeated(|| paper_grid::velocity(&vortons, scheme, spacings_per_core));
+            print_row(name, &vortons, Kernel::Gaussian, &format!("Velocity | {label}"), found);
         }
         row(name, &vortons, Velocity, Kernel::Gaussian, Method::Tree { error: 1e-2 });
     }
@@ -210,10 +222,9 @@ fn crossovers() {
             let pairs = if count > 100_000 { "".into() } else { seconds(Method::Direct) };
             let mut cells = format!("| {name} | {kernel:?} | {count} | {pairs} ");
             for error in [1e-2, 1e-3] {
-                let way = Way::Sine;
-                let (tree, grid) = (seconds(Method::Tree { error }), Method::Grid { error, way });
-                let (grid, taken) = match lattice(&vortons, count, kernel, error, way) {
-                    Some(lattice) => (seconds(grid), lattice.cells.map(|n| n.to_string()).join("×")),
+                let tree = seconds(Method::Tree { error });
+                let (grid, taken) = match lattice(&vortons, count, kernel, error) {
+                    Some(lattice) => (seconds(Method::Grid { error }), lattice.cells.map(|n| n.to_string()).join("×")),
                     None => ("".into(), "the tree serves".into()),
                 };
                 cells += &format!("| {tree} | {grid} | {taken} ");
@@ -226,21 +237,24 @@ fn crossovers() {
 /// Prints the time of the Poisson equation with boundary values of a ring of 100 000 vortons, and its error on a ring of 48.
 fn equations() {
     println!(
-        "\n| cells | way | boundary values, CPU s | equation, CPU s | A missed |\n|---|---|--:|--:|--:|"
+        "\n| cells | solver | boundary values, CPU s | equation, CPU s | A missed |\n|---|---|--:|--:|--:|"
     );
     for n in [64, 128, 256] {
         let low = Vec3::new(-1.8, -1.8, -1.8);
         let lattice = Lattice { low, spacing: 3.6 / n as f32, cells: [n; 3] };
         let (large, small) = (cloud("ring", 100_000), wide_ring());
         let mut field = Field::new(lattice);
-        let (_, boundary) = repeated(|| boundary_values(&mut field, &large, 1e-4).expect("they are fit"));
+        let (_, boundary) = repeated(|| {
+            boundary_values(&mut field, &large, Kernel::default(), 1e-4).expect("they are fit");
+        });
         fill(&mut field, &small);
-        boundary_values(&mut field, &small, 1e-4).expect("they are fit");
-        for way in [Way::Sine, Way::Multigrid] {
+        boundary_values(&mut field, &small, Kernel::default(), 1e-4).expect("they are fit");
+        let solvers: [(&str, fn(&mut Field)); 2] = [("sines", poisson), ("multigrid", multigrid::poisson)];
+        for (solver, solve) in solvers {
             // Every run starts from the same field; its copy is timed too.
             let (solved, seconds) = repeated(|| {
                 let mut field = field.clone();
-                poisson(&mut field, way);
+                solve(&mut field);
                 field
             });
             let nodes: Vec<[usize; 3]> =
@@ -254,7 +268,7 @@ fn equations() {
                 missed += f64::from((solved.at(at) - exact).norm_squared());
                 whole += f64::from(exact.norm_squared());
             }
-            println!("| {n}³ | {way:?} | {boundary:.3} | {seconds:.3} | {:.1e} |", f64::sqrt(missed / whole));
+            println!("| {n}³ | {solver} | {boundary:.3} | {seconds:.3} | {:.1e} |", f64::sqrt(missed / whole));
         }
     }
 }
@@ -311,7 +325,7 @@ fn by_threads() {
         let pairs = least(&cloud("ring", 10_000), Quantity::Velocity, Method::Direct);
         let potential = least(&ring, Quantity::Potential, Method::Tree { error: 1e-3 });
         let tree = least(&ring, Quantity::Velocity, Method::Tree { error: 1e-3 });
-        let grid = least(&ring, Quantity::Velocity, Method::Grid { error: 1e-2, way: Way::Sine });
+        let grid = least(&ring, Quantity::Velocity, Method::Grid { error: 1e-2 });
         println!("| {threads} | {pairs:.4} | {potential:.4} | {tree:.4} | {grid:.4} |");
     }
 }

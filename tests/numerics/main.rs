@@ -7,6 +7,8 @@ mod eikonal;
 mod liquid;
 mod liquid_extremes;
 mod mesh;
+#[path = "../../benches/reference/vortex/mod.rs"]
+mod reference_vortex;
 mod sdf;
 mod sheet;
 mod smoke;

@@ -3,7 +3,7 @@
 use crate::vortex::{KERNELS, Shape, apart, cloud, velocity};
 use meniscus::{
     math::Vec3,
-    sim::vortex::{Induced, Kernel, Method, Quantity, SMALLEST_CORE, Targets, Unfit, Vortons, Way, induced},
+    sim::vortex::{Induced, Kernel, Method, Quantity, SMALLEST_CORE, Targets, Unfit, Vortons, induced},
 };
 
 /// Everything at the vortons and at a few points; all of it has to be finite.
@@ -26,9 +26,7 @@ fn everything(name: &str, vortons: &Vortons, method: Method) -> Vec<Induced> {
 
 /// The tree against the sum over pairs, everywhere finite.
 fn agree(name: &str, vortons: &Vortons, tolerance: f64) {
-    everything(name, vortons, Method::Nested);
-    everything(name, vortons, Method::Grid { error: 1e-2, way: Way::Sine });
-    everything(name, vortons, Method::Grid { error: 1e-2, way: Way::Multigrid });
+    everything(name, vortons, Method::Grid { error: 1e-2 });
     let (direct, tree) =
         (everything(name, vortons, Method::Direct), everything(name, vortons, Method::Tree { error: 1e-4 }));
     for (direct, tree) in direct.iter().zip(&tree) {

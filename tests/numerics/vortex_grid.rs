@@ -1,12 +1,13 @@
 //! The lattice among the ways to sum what vortons induce: its solvers' orders, and the error it keeps.
 
+use crate::reference_vortex::{multigrid, paper_grid, paper_grid::Scheme};
 use crate::vortex::{KERNELS, Shape, apart, cloud, errors, noise};
 use meniscus::{
     math::Vec3,
     par,
     sim::vortex::{
-        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, Way, boundary_values, induced,
-        induced_both, lattice, poisson, sampled_error,
+        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, boundary_values, induced, induced_both,
+        lattice, poisson, sampled_error,
     },
 };
 
@@ -30,7 +31,7 @@ fn lattice_of(fine: usize) -> Lattice {
 }
 
 /// The largest error of A on a box whose boundary is given, over the largest A, with ∇²A = −ω made by hand.
-fn error_of_solution(way: Way, fine: usize) -> f64 {
+fn error_of_solution(solve: fn(&mut Field), fine: usize) -> f64 {
     let lattice = lattice_of(fine);
     let size = [1.2, 1.5, 0.9];
     // A product of sin³(πx/L), whose source is 0 on the boundary, and a harmonic function.
@@ -53,7 +54,7 @@ fn error_of_solution(way: Way, fine: usize) -> f64 {
         let (potential, source) = at(node);
         field.set(node, if outside { potential } else { source });
     });
-    poisson(&mut field, way);
+    solve(&mut field);
     let (mut missed, mut whole) = (0.0_f64, 0.0_f64);
     nodes(lattice, |node| {
         let a = at(node).0;
@@ -65,37 +66,66 @@ fn error_of_solution(way: Way, fine: usize) -> f64 {
 
 #[test]
 fn solvers_of_the_poisson_equation_are_of_their_order() {
-    for (way, order, fine) in [(Way::Sine, 4.0, 2), (Way::Multigrid, 2.0, 4)] {
-        let found = [1, 2, 4].map(|times| error_of_solution(way, fine * times));
+    let solvers: [(_, fn(&mut Field), _, _); 2] =
+        [("sines", poisson, 4.0, 2), ("multigrid", multigrid::poisson, 2.0, 4)];
+    for (solver, solve, order, fine) in solvers {
+        let found = [1, 2, 4].map(|times| error_of_solution(solve, fine * times));
         for pair in found.windows(2) {
             let observed = (pair[0] / pair[1]).log2();
-            assert!((observed - order).abs() < 0.25, "{way:?}: {found:?}");
+            assert!((observed - order).abs() < 0.25, "{solver}: {found:?}");
         }
     }
     // Where single precision ends.
-    assert!(error_of_solution(Way::Sine, 16) < 3e-6);
+    assert!(error_of_solution(poisson, 16) < 3e-6);
+}
+
+#[test]
+fn multigrid_leaves_a_hundredth_of_the_residual() {
+    for cells in [[16, 16, 16], [48, 40, 8], [12, 6, 10], [2, 3, 5]] {
+        let mut field = Field::new(Lattice { low: Vec3::zeros(), spacing: 0.1, cells });
+        for (k, values) in field.values.iter_mut().enumerate() {
+            let value = |i: usize| ((i * 7919 + k) % 1009) as f32 / 1009.0 - 0.5;
+            values.iter_mut().enumerate().for_each(|(i, v)| *v = value(i));
+        }
+        let source = field.clone();
+        multigrid::solve(&mut field);
+        let (mut residual, mut whole) = (0.0, 0.0);
+        nodes(field.lattice, |node| {
+            if (0..3).any(|k| node[k] == 0 || node[k] == cells[k]) {
+                assert_eq!(field.at(node), source.at(node), "the boundary values stay");
+                return;
+            }
+            let [x, y, z] = node;
+            let neighbours = field.at([x - 1, y, z])
+                + field.at([x + 1, y, z])
+                + field.at([x, y - 1, z])
+                + field.at([x, y + 1, z])
+                + field.at([x, y, z - 1])
+                + field.at([x, y, z + 1]);
+            residual += (neighbours + source.at(node) - field.at(node) * 6.0).norm_squared();
+            whole += source.at(node).norm_squared();
+        });
+        assert!(residual < 1e-4 * whole, "{cells:?}: {residual} of {whole}");
+    }
 }
 
 #[test]
 fn lengths_of_factors_two_three_and_five_are_solved_alike() {
     for fine in [9, 10, 15] {
-        assert!(error_of_solution(Way::Sine, fine) < 1.3 * error_of_solution(Way::Sine, 8), "{fine}");
+        assert!(error_of_solution(poisson, fine) < 1.3 * error_of_solution(poisson, 8), "{fine}");
     }
 }
 
 #[test]
 #[should_panic(expected = "factors 2, 3 and 5")]
 fn a_length_of_factor_seven_is_refused() {
-    error_of_solution(Way::Sine, 7);
+    error_of_solution(poisson, 7);
 }
 
 /// What a lattice reaches.
-fn reached(vortons: &Vortons, kernel: Kernel, error: f32, way: Way) -> f64 {
-    assert!(
-        lattice(vortons, vortons.len(), kernel, error, way).is_some(),
-        "the tree: {kernel:?} {error} {way:?}"
-    );
-    let method = Method::Grid { error, way };
+fn reached(vortons: &Vortons, kernel: Kernel, error: f32) -> f64 {
+    assert!(lattice(vortons, vortons.len(), kernel, error).is_some(), "the tree: {kernel:?} {error}");
+    let method = Method::Grid { error };
     let found = induced(vortons, Targets::Vortons, Quantity::Velocity, kernel, method).unwrap().velocity;
     sampled_error(vortons, Targets::Vortons, kernel, &found, 300).unwrap()
 }
@@ -109,19 +139,15 @@ fn the_lattice_keeps_the_error_that_is_asked_for() {
         let errors =
             if [Shape::Ring, Shape::Cube].contains(&shape) { &[0.1, 0.03, 0.01][..] } else { &[0.1, 0.03] };
         for &error in errors {
-            let found = reached(&vortons, Kernel::default(), error, Way::Sine);
+            let found = reached(&vortons, Kernel::default(), error);
             assert!(found < f64::from(error) && found <= last, "{shape:?}: {found} of {error}, after {last}");
             last = found;
         }
     }
     let vortons = cloud(Shape::Cube, 30_000, false);
     for error in [3e-3, 1e-3] {
-        let found = reached(&vortons, Kernel::default(), error, Way::Sine);
+        let found = reached(&vortons, Kernel::default(), error);
         assert!(found < f64::from(error), "{found} of {error}");
-    }
-    for error in [0.1, 0.03] {
-        let found = reached(&vortons, Kernel::default(), error, Way::Multigrid);
-        assert!(found < f64::from(error), "by multigrid: {found} of {error}");
     }
 }
 
@@ -138,18 +164,18 @@ fn every_kernel_and_uneven_cores_keep_the_error_on_a_lattice() {
                 _ => &[0.03, 0.01],
             };
             for &error in errors {
-                let found = reached(&vortons, kernel, error, Way::Sine);
+                let found = reached(&vortons, kernel, error);
                 assert!(found < f64::from(error), "{kernel:?} {shape:?} {uneven}: {found} of {error}");
             }
         }
     }
     // Here the lattice carries wider cores, and what pairs leave out of the difference adds up all around the ring.
     let vortons = cloud(Shape::Ring, 40_000, false);
-    let found = reached(&vortons, Kernel::RosenheadMoore, 0.01, Way::Sine);
+    let found = reached(&vortons, Kernel::RosenheadMoore, 0.01);
     assert!(found < 0.01, "wider cores: {found}");
     let vortons = cloud(Shape::Cube, 12_000, false);
     for error in [1e-3, 3e-4] {
-        let found = reached(&vortons, Kernel::Gaussian, error, Way::Sine);
+        let found = reached(&vortons, Kernel::Gaussian, error);
         assert!(found < f64::from(error), "{found} of {error}");
     }
 }
@@ -163,7 +189,7 @@ fn the_three_methods_agree_on_every_quantity() {
         let vortons = cloud(Shape::Cube, 12_000, false);
         let at = [&vortons.position[..300], &points].concat();
         let tree = errors(&vortons, &at, kernel, Method::Tree { error: 1e-2 });
-        let grid = errors(&vortons, &at, kernel, Method::Grid { error: 1e-2, way: Way::Sine });
+        let grid = errors(&vortons, &at, kernel, Method::Grid { error: 1e-2 });
         for [potential, velocity, gradient] in [tree, grid] {
             assert!(potential < 1e-2 && velocity < 1e-2 && gradient < 0.12, "{kernel:?}: {tree:?} {grid:?}");
         }
@@ -171,26 +197,30 @@ fn the_three_methods_agree_on_every_quantity() {
 }
 
 #[test]
-fn the_texts_lattice_misses_what_its_shares_and_differences_cost() {
-    let ring = reached(&cloud(Shape::Ring, 12_000, false), Kernel::Gaussian, 0.1, Way::Text);
-    let cube = reached(&cloud(Shape::Cube, 12_000, false), Kernel::Gaussian, 0.1, Way::Text);
-    assert!((0.02..0.06).contains(&ring) && (0.04..0.1).contains(&cube), "{ring} {cube}");
-    let better = reached(&cloud(Shape::Cube, 12_000, false), Kernel::Gaussian, 0.03, Way::Multigrid);
-    assert!(better < 0.4 * cube, "{better} {cube}");
+fn the_papers_grid_loses_accuracy_by_its_shares_and_differences() {
+    let missed = |shape, scheme, spacings_per_core| {
+        let vortons = cloud(shape, 12_000, false);
+        let found = paper_grid::velocity(&vortons, scheme, spacings_per_core);
+        sampled_error(&vortons, Targets::Vortons, Kernel::Gaussian, &found, 300).unwrap()
+    };
+    let (ring, cube) = (missed(Shape::Ring, Scheme::Linear, 2.0), missed(Shape::Cube, Scheme::Linear, 2.0));
+    assert!((0.01..0.06).contains(&ring) && (0.04..0.1).contains(&cube), "{ring} {cube}");
+    let smooth = missed(Shape::Cube, Scheme::Smooth, 1.6);
+    assert!(smooth < 0.4 * cube, "{smooth} {cube}");
 }
 
 #[test]
 fn a_stray_costs_the_lattice_nothing() {
     let mut vortons = cloud(Shape::Cube, 12_000, false);
-    let of = |vortons: &Vortons| lattice(vortons, vortons.len(), Kernel::Gaussian, 1e-2, Way::Sine).unwrap();
+    let of = |vortons: &Vortons| lattice(vortons, vortons.len(), Kernel::Gaussian, 1e-2).unwrap();
     let alone = of(&vortons);
     vortons.position.extend([Vec3::repeat(1e6), Vec3::new(4.0, 0.5, 0.5)]);
     vortons.strength.extend([Vec3::new(1e-2, 0.0, 0.0), Vec3::new(0.0, 0.0, 1e-2)]);
     vortons.core.extend([0.05; 2]);
     assert_eq!(of(&vortons), alone);
-    assert!(reached(&vortons, Kernel::Gaussian, 1e-2, Way::Sine) < 1e-2);
+    assert!(reached(&vortons, Kernel::Gaussian, 1e-2) < 1e-2);
     // The one beside the box is felt in it.
-    let method = Method::Grid { error: 1e-2, way: Way::Sine };
+    let method = Method::Grid { error: 1e-2 };
     let at = vec![
         Vec3::new(0.95, 0.5, 0.5),
         vortons.position[12_000],
@@ -210,8 +240,8 @@ fn the_lattices_velocity_is_the_curl_of_its_potential() {
         (0..count).map(|i| Vec3::from_fn(|k, _| 0.1 + 0.8 * noise(30 * i + k) as f32)).collect();
     let around = |x: &Vec3| [0, 1, 2, 3, 4, 5].map(|k| x + Vec3::ith(k / 2, if k % 2 == 0 { h } else { -h }));
     let points: Vec<Vec3> = middles.iter().flat_map(around).collect();
-    let method = Method::Grid { error: 1e-2, way: Way::Sine };
-    assert!(lattice(&vortons, points.len(), Kernel::Gaussian, 1e-2, Way::Sine).is_some());
+    let method = Method::Grid { error: 1e-2 };
+    assert!(lattice(&vortons, points.len(), Kernel::Gaussian, 1e-2).is_some());
     let find = |points: &[Vec3], quantity| {
         induced(&vortons, Targets::Points(points), quantity, Kernel::Gaussian, method).unwrap()
     };
@@ -233,7 +263,7 @@ fn boundary_values_are_the_potential() {
     let vortons = cloud(Shape::Ring, 6000, false);
     let around = Lattice { low: Vec3::new(-1.4, -1.4, -0.4), spacing: 0.025, cells: [112, 112, 32] };
     let mut field = Field::new(around);
-    boundary_values(&mut field, &vortons, 1e-4).unwrap();
+    boundary_values(&mut field, &vortons, Kernel::default(), 1e-4).unwrap();
     let mut at = Vec::new();
     nodes(around, |node| {
         if (0..3).any(|k| node[k] == 0 || node[k] == around.cells[k]) {
@@ -251,24 +281,22 @@ fn boundary_values_are_the_potential() {
 
 #[test]
 fn threads_leave_no_trace_on_a_lattice() {
-    for (way, uneven) in [(Way::Sine, true), (Way::Multigrid, false), (Way::Text, false)] {
-        let vortons = cloud(Shape::Cube, 9000, uneven);
-        let method = Method::Grid { error: 0.1, way };
-        let find = |threads| {
-            par::with_threads(threads, || {
-                induced(&vortons, Targets::Vortons, Quantity::VelocityAndGradient, Kernel::default(), method)
-                    .unwrap()
-            })
-        };
-        let one = find(1);
-        assert!([2, 3, 8].iter().all(|&threads| find(threads) == one), "{way:?}");
-    }
+    let vortons = cloud(Shape::Cube, 9000, true);
+    let method = Method::Grid { error: 0.1 };
+    let find = |threads| {
+        par::with_threads(threads, || {
+            induced(&vortons, Targets::Vortons, Quantity::VelocityAndGradient, Kernel::default(), method)
+                .unwrap()
+        })
+    };
+    let one = find(1);
+    assert!([2, 3, 8].iter().all(|&threads| find(threads) == one));
 }
 
 #[test]
-#[should_panic(expected = "cannot be asked of Multigrid")]
-fn an_error_below_a_ways_is_refused() {
-    let method = Method::Grid { error: 1e-3, way: Way::Multigrid };
+#[should_panic(expected = "the grid with WinckelmansLeonard accepts errors")]
+fn an_error_below_the_grids_range_is_refused() {
+    let method = Method::Grid { error: 1e-5 };
     let _ = induced(&Vortons::default(), Targets::Vortons, Quantity::Velocity, Kernel::default(), method);
 }
 
@@ -280,8 +308,8 @@ fn one_solution_serves_vortons_and_points() {
         .map(|i| Vec3::from_fn(|k, _| (if i < 500 { 2.4 } else { 40.0 }) * (noise(90 * i + k) as f32 - 0.5)))
         .collect();
     let kernel = Kernel::default();
-    let method = Method::Grid { error: 1e-3, way: Way::Sine };
-    assert!(lattice(&vortons, vortons.len() + points.len(), kernel, 1e-3, Way::Sine).is_some());
+    let method = Method::Grid { error: 1e-3 };
+    assert!(lattice(&vortons, vortons.len() + points.len(), kernel, 1e-3).is_some());
     let (found, along) = induced_both(&vortons, Targets::Vortons, &points, kernel, method).unwrap();
     let missed = sampled_error(&vortons, Targets::Vortons, kernel, &found.velocity, 300).unwrap();
     assert!(missed < 1e-3, "{missed}");

@@ -6,7 +6,7 @@ use crate::{
     scene::{Overrides, Scene, choices},
     sim::{
         sheet::{Integrator, SheetSolver},
-        vortex::{ERRORS, Way, flow::Sum},
+        vortex::{ERRORS, flow::Sum, grid_errors},
     },
 };
 use serde_json::Value as Json;
@@ -249,7 +249,7 @@ fn smoke(scene: &Scene) -> Vec<Vary> {
     let Some(smoke) = &scene.smoke else { return Vec::new() };
     let among = |range: &RangeInclusive<f32>, value: f32| value.clamp(*range.start(), *range.end());
     let flow = &smoke.flow;
-    let of_lattices = Way::Sine.errors(flow.kernel);
+    let of_lattices = grid_errors(flow.kernel);
     let lattice = of_lattices.contains(&flow.error);
     let range = if flow.sum == Sum::Grid { of_lattices } else { ERRORS };
     let errors = [3.0, 1.0, 0.3].map(|factor| vec![format!("{}", among(&range, flow.error * factor))]);

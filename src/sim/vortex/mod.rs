@@ -13,8 +13,8 @@
 //!
 //! The sum is taken over all pairs ([`Method::Direct`]), or with Taylor expansions of the kernel between the cells of
 //! octrees ([`Method::Tree`], `walk.rs`), or by a Poisson equation on a lattice with boundary values of the tree
-//! ([`Method::Grid`], `grid/`); the knob of both is the error of the velocity. [`Method::Nested`] is the source text's own rule,
-//! kept for comparison.
+//! ([`Method::Grid`], `grid/`); the knob of both is the error of the velocity. The paper's own tree rule and grid are kept
+//! for comparison in `benches/reference/vortex/`.
 //!
 //! *Departs from the paper*: a vorton carries its strength Γ = ω V and its core, not an angular velocity and a size; the
 //! potential inside a core is the ball's, where the text's eq. 5 has a curl that turns the wrong way; sums over cells are
@@ -38,7 +38,6 @@ mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_avx2;
 mod moments;
-mod nested;
 mod octree;
 mod pairs;
 mod reach;
@@ -46,7 +45,7 @@ mod vortons;
 mod walk;
 
 pub use accuracy::{ERRORS, sampled_error};
-pub use grid::{Field, Lattice, Way, boundary_values, lattice, poisson};
+pub use grid::{Field, Lattice, boundary_values, grid_errors, lattice, poisson};
 pub use invariants::{Invariants, invariants};
 pub use reach::beyond;
 pub use vortons::{LARGEST, SMALLEST_CORE, Unfit, UnfitKind, Vortons};
@@ -89,18 +88,13 @@ pub enum Method {
         /// The relative L2 error wanted.
         error: f32,
     },
-    /// By a Poisson equation on a lattice, with boundary values of the tree, to the same error, which is in [`Way::errors`]; the
-    /// gradient's is up to twelve times that. Where a lattice would cost more than all pairs, as for fewer than some thousand
-    /// vortons, or far from it, the tree serves.
+    /// By a Poisson equation on a lattice, with boundary values of the tree, to the same error, which is in
+    /// [`grid_errors`]; the gradient's is up to twelve times that. Where a lattice would cost more than all pairs, as for
+    /// fewer than some thousand vortons, or far from it, the tree serves.
     Grid {
         /// The relative L2 error wanted.
         error: f32,
-        /// How the equation is solved.
-        way: Way,
     },
-    /// The source text's rule: only the cell of a layer that holds the point is resolved, all others count as one vorton
-    /// each. A third of the velocity is error; for comparison only.
-    Nested,
 }
 
 /// What to find.
@@ -141,7 +135,7 @@ pub struct Induced {
 ///
 /// # Panics
 /// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`], or that of
-/// [`Method::Grid`] outside [`Way::errors`].
+/// [`Method::Grid`] outside [`grid_errors`].
 pub fn induced(
     vortons: &Vortons,
     targets: Targets<'_>,
@@ -191,12 +185,8 @@ fn check(vortons: &Vortons, targets: Targets<'_>, kernel: Kernel, method: Method
     if let Targets::Points(points) = targets {
         vortons::check_points(points)?;
     }
-    if let Method::Grid { error, way } = method {
-        let errors = way.errors(kernel);
-        assert!(
-            errors.contains(&error),
-            "an error of {error} cannot be asked of {way:?} with {kernel:?}: {errors:?}"
-        );
+    if let Method::Grid { error } = method {
+        grid::assert_error(kernel, error);
     }
     Ok(())
 }
@@ -228,9 +218,7 @@ fn both_with_kernel<K: Spread>(
     method: Method,
 ) -> (Induced, Vec<Vec3>) {
     let (found, along) = match method {
-        Method::Grid { error, way } if !points.is_empty() => {
-            grid::both::<K>(vortons, targets, points, error, way)
-        }
+        Method::Grid { error } if !points.is_empty() => grid::both::<K>(vortons, targets, points, error),
         _ => {
             let found = rows::<K, GRADIENT, 4>(vortons, targets, method);
             let along = match points {
@@ -270,8 +258,7 @@ fn rows<K: Spread, const Q: usize, const N: usize>(
             let error = coherence::eased(vortons, error);
             walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(error))
         }
-        Method::Grid { error, way } => grid::rows::<K, Q, N>(vortons, targets, error, way),
-        Method::Nested => nested::rows::<K, Q, N>(vortons, targets.positions(vortons)),
+        Method::Grid { error } => grid::rows::<K, Q, N>(vortons, targets, error),
     }
 }
 

@@ -395,7 +395,7 @@ mod tests {
             core: (0..1500).map(|i| 0.02 + 0.03 * noise(i)).collect(),
         };
         for kernel in [Kernel::Ball, Kernel::RosenheadMoore, Kernel::WinckelmansLeonard, Kernel::Gaussian] {
-            for method in [Method::Direct, Method::Tree { error: 1e-2 }, Method::Nested] {
+            for method in [Method::Direct, Method::Tree { error: 1e-2 }] {
                 for quantity in [Quantity::Potential, Quantity::VelocityAndGradient] {
                     // On a pool of one thread, which then is the thread of every pass.
                     let find = |reference_only| {

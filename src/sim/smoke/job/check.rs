@@ -10,7 +10,7 @@ use crate::{
         SetupError,
         scene::Scene,
         smoke::SmokeParams,
-        vortex::{Way, flow::Sum},
+        vortex::{flow::Sum, grid_errors},
     },
     solid::Shape,
 };
@@ -85,7 +85,7 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
 /// Whether the lattice can be asked for the error.
 fn check_sum(smoke: &SmokeParams, places: &Places, findings: &mut Vec<Finding>) {
     let (flow, key) = (&smoke.flow, "smoke.flow.error");
-    let errors = Way::Sine.errors(flow.kernel);
+    let errors = grid_errors(flow.kernel);
     if flow.sum != Sum::Grid || errors.contains(&flow.error) {
         return;
     }

@@ -1,6 +1,6 @@
 //! What a preset can say about the motion of vortons.
 
-use super::super::{ERRORS, Kernel, Method, Way};
+use super::super::{ERRORS, Kernel, Method, grid_errors};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -59,8 +59,8 @@ impl FlowParams {
         match self.sum {
             Sum::Tree => Method::Tree { error: self.error.clamp(*ERRORS.start(), *ERRORS.end()) },
             Sum::Grid => {
-                let (way, errors) = (Way::Sine, Way::Sine.errors(self.kernel));
-                Method::Grid { error: self.error.clamp(*errors.start(), *errors.end()), way }
+                let errors = grid_errors(self.kernel);
+                Method::Grid { error: self.error.clamp(*errors.start(), *errors.end()) }
             }
             Sum::Direct => Method::Direct,
         }

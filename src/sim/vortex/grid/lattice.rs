@@ -33,12 +33,12 @@ impl Lattice {
     }
 
     /// Places of a row along x.
-    pub(super) fn row(&self) -> usize {
+    pub fn row(&self) -> usize {
         (self.cells[0] + 1).next_multiple_of(ROW)
     }
 
     /// Places of a plane of constant z.
-    pub(super) fn plane(&self) -> usize {
+    pub fn plane(&self) -> usize {
         self.row() * (self.cells[1] + 1)
     }
 

@@ -6,12 +6,12 @@
 //! (`boundary.rs`) by sines (`sine.rs`); differences give the velocity and its gradient (`slopes.rs`), which points gather.
 //!
 //! *Which core*: shares and gathering together are a core of their own, of about one spacing, which depends on where a vorton
-//! stands between nodes. Its mean over places is known as a transform, and divided out ([`Way::Sine`]); a core S of at least a
+//! stands between nodes. Its mean over places is known as a transform, and divided out; a core S of at least a
 //! spacing is multiplied in. So the lattice carries the vortons' own kernel, with S = σ where it can; where cores differ, or are
 //! finer than the lattice, pairs add the difference (`near.rs`). `plan.rs` chooses S and the spacing.
 //!
-//! *Departs from the paper*: the text solves by multigrid, with linear shares and differences of the second order. Those are
-//! [`Way::Multigrid`] and [`Way::Text`].
+//! *Departs from the paper*: the paper solves by multigrid, with linear shares and differences of the second order. Those are
+//! in `benches/reference/vortex/`.
 //!
 //! *Limits*: strays, and points outside the box or within a few cells of its boundary, are the tree's. Where a lattice would cost
 //! more than all pairs, all is.
@@ -19,7 +19,6 @@
 mod boundary;
 mod fourier;
 mod lattice;
-mod multigrid;
 mod near;
 mod plan;
 mod sine;
@@ -41,64 +40,30 @@ use crate::{math::Vec3, par};
 use boundary::{Between, Faces};
 use near::Near;
 use plan::{Plan, Setting};
-use slopes::Order;
 use spread::Table;
 use std::ops::RangeInclusive;
-use weights::Shares;
 
-/// How the Poisson equation on the lattice is solved, and what is around it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Way {
-    /// Sine transforms and the 19-point operator.
-    #[default]
-    Sine,
-    /// The text's multigrid between shares and gathering by M₄′. Its operator is of the second order, so the same error takes a
-    /// finer lattice.
-    Multigrid,
-    /// The text's own: multigrid, linear shares and differences of the second order, two spacings a core. For comparison only.
-    Text,
+/// The relative L2 errors of the velocity at the vortons that [`Method::Grid`](super::Method::Grid) accepts. A smaller one
+/// takes a grid that is too large, or is below what the kernel spreads beyond any box.
+pub fn grid_errors(kernel: Kernel) -> RangeInclusive<f32> {
+    if kernel == Kernel::RosenheadMoore { 3e-3..=0.1 } else { 1e-4..=0.1 }
 }
 
-impl Way {
-    /// The relative L2 errors of the velocity at the vortons that the way can be asked for: a smaller one takes a lattice that is
-    /// too large, or is below what the kernel spreads beyond any box. [`Way::Text`] takes any error and keeps none: it misses 6 % on
-    /// a ring and 19 % where strengths have all directions.
-    pub fn errors(self, kernel: Kernel) -> RangeInclusive<f32> {
-        match (self, kernel) {
-            (Way::Multigrid, _) => 1e-2..=0.1,
-            (Way::Sine, Kernel::RosenheadMoore) => 3e-3..=0.1,
-            _ => 1e-4..=0.1,
-        }
-    }
-
-    fn shares(self) -> Shares {
-        match self {
-            Way::Sine => Shares::Spline,
-            Way::Multigrid => Shares::Smooth,
-            Way::Text => Shares::Linear,
-        }
-    }
-
-    /// What the transform at θ is multiplied by for shares and gathering. The text's multigrid knows no transforms.
-    fn divided(self, theta: f64) -> f32 {
-        if self == Way::Sine { self.shares().transform(theta).powi(-2) as f32 } else { 1.0 }
-    }
-
-    fn order(self) -> Order {
-        if self == Way::Text { Order::Second } else { Order::Sixth }
-    }
+/// Panics unless the error is one of [`grid_errors`].
+pub(super) fn assert_error(kernel: Kernel, error: f32) {
+    let errors = grid_errors(kernel);
+    assert!(errors.contains(&error), "the grid with {kernel:?} accepts errors {errors:?}, not {error}");
 }
 
-/// What `vortons` induce at `targets`, by a lattice as `way` and `error` say.
+/// What `vortons` induce at `targets`, by a lattice for `error`.
 pub(super) fn rows<K: Spread, const Q: usize, const N: usize>(
     vortons: &Vortons,
     targets: Targets<'_>,
     error: f32,
-    way: Way,
 ) -> Vec<[Vec3; N]> {
     let count = targets.positions(vortons).len();
-    let setting = setting::<K>(vortons, way, error);
-    match Solved::new::<K, Q>(vortons, count, setting, way) {
+    let setting = setting::<K>(vortons, error);
+    match Solved::new::<K, Q>(vortons, count, setting) {
         Some(solved) => solved.rows::<K, Q, N>(targets),
         None => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(setting.error)),
     }
@@ -110,12 +75,11 @@ pub(super) fn both<K: Spread>(
     targets: Targets<'_>,
     points: &[Vec3],
     error: f32,
-    way: Way,
 ) -> (Vec<[Vec3; 4]>, Vec<[Vec3; 1]>) {
     let count = targets.positions(vortons).len() + points.len();
     let points = Targets::Points(points);
-    let setting = setting::<K>(vortons, way, error);
-    match Solved::new::<K, GRADIENT>(vortons, count, setting, way) {
+    let setting = setting::<K>(vortons, error);
+    match Solved::new::<K, GRADIENT>(vortons, count, setting) {
         Some(solved) => {
             (solved.rows::<K, GRADIENT, 4>(targets), solved.rows::<K, { super::VELOCITY }, 1>(points))
         }
@@ -128,8 +92,8 @@ pub(super) fn both<K: Spread>(
 }
 
 /// The setting for these vortons to miss `error` at most.
-fn setting<K: Spread>(vortons: &Vortons, way: Way, error: f32) -> Setting {
-    Setting::new::<K>(way, error, coherence::eased(vortons, error))
+fn setting<K: Spread>(vortons: &Vortons, error: f32) -> Setting {
+    Setting::new::<K>(error, coherence::eased(vortons, error))
 }
 
 /// A lattice that is solved, from which any points can gather.
@@ -137,7 +101,6 @@ struct Solved<'a> {
     vortons: &'a Vortons,
     plan: Plan,
     setting: Setting,
-    way: Way,
     /// The quantity as rows, as many as it has.
     fields: Vec<Field>,
     /// Cells from the boundary at which points gather.
@@ -150,20 +113,19 @@ impl<'a> Solved<'a> {
         vortons: &'a Vortons,
         count: usize,
         setting: Setting,
-        way: Way,
     ) -> Option<Self> {
-        let plan = Plan::new::<K>(vortons, count, Q, way, &setting)?;
-        let potential = potential::<K>(&plan, &setting, way);
+        let plan = Plan::new::<K>(vortons, count, Q, &setting)?;
+        let potential = potential::<K>(&plan, &setting);
         let mut fields = Vec::new();
         if Q == POTENTIAL {
             fields.push(potential);
         } else {
-            fields.push(slopes::curl(&potential, way.order()));
+            fields.push(slopes::curl(&potential));
             if Q == GRADIENT {
-                fields.extend(slopes::gradient(&fields[0], way.order()));
+                fields.extend(slopes::gradient(&fields[0]));
             }
         }
-        Some(Self { vortons, plan, setting, way, fields, margin: plan::margin(Q) })
+        Some(Self { vortons, plan, setting, fields, margin: plan::margin(Q) })
     }
 
     /// The quantity `Q`, the solved one or the first row of it, at `targets`.
@@ -216,7 +178,7 @@ impl<'a> Solved<'a> {
         let lattice = &self.plan.lattice;
         let fields: &[Field; N] = self.fields[..N].try_into().expect("a field for every row");
         let planes = weights::by_plane(lattice, points);
-        let sorted = weights::gather(fields, points, &planes, self.way.shares());
+        let sorted = weights::gather(fields, points, &planes);
         let mut inverse = par::Inverse::default();
         inverse.rebuild(planes.all());
         let mut out = par::repeated([Vec3::zeros(); N], points.len());
@@ -229,24 +191,24 @@ impl<'a> Solved<'a> {
 /// serves.
 ///
 /// # Panics
-/// If the error is outside [`Way::errors`].
-pub fn lattice(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32, way: Way) -> Option<Lattice> {
-    assert!(way.errors(kernel).contains(&error), "an error of {error} cannot be asked of {way:?}");
-    fn of<K: Spread>(vortons: &Vortons, targets: usize, error: f32, way: Way) -> Option<Lattice> {
-        let setting = setting::<K>(vortons, way, error);
-        let plan = Plan::new::<K>(vortons, targets, super::VELOCITY, way, &setting);
+/// If the error is outside [`grid_errors`].
+pub fn lattice(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32) -> Option<Lattice> {
+    assert_error(kernel, error);
+    fn of<K: Spread>(vortons: &Vortons, targets: usize, error: f32) -> Option<Lattice> {
+        let setting = setting::<K>(vortons, error);
+        let plan = Plan::new::<K>(vortons, targets, super::VELOCITY, &setting);
         plan.map(|plan| plan.lattice)
     }
     match kernel {
-        Kernel::Ball => of::<Ball>(vortons, targets, error, way),
-        Kernel::RosenheadMoore => of::<RosenheadMoore>(vortons, targets, error, way),
-        Kernel::WinckelmansLeonard => of::<WinckelmansLeonard>(vortons, targets, error, way),
-        Kernel::Gaussian => of::<Gaussian>(vortons, targets, error, way),
+        Kernel::Ball => of::<Ball>(vortons, targets, error),
+        Kernel::RosenheadMoore => of::<RosenheadMoore>(vortons, targets, error),
+        Kernel::WinckelmansLeonard => of::<WinckelmansLeonard>(vortons, targets, error),
+        Kernel::Gaussian => of::<Gaussian>(vortons, targets, error),
     }
 }
 
 /// The potential at the nodes.
-fn potential<K: Spread>(plan: &Plan, setting: &Setting, way: Way) -> Field {
+fn potential<K: Spread>(plan: &Plan, setting: &Setting) -> Field {
     let Plan { lattice, smooth, inner, .. } = plan;
     let even = Vortons {
         position: inner.position.clone(),
@@ -255,28 +217,21 @@ fn potential<K: Spread>(plan: &Plan, setting: &Setting, way: Way) -> Field {
     };
     let faces = faces::<K::Smooth>(&even, *lattice, setting);
     let mut field = Field::new(*lattice);
-    weights::deposit(&mut field, &inner.position, &inner.strength, way.shares());
+    weights::deposit(&mut field, &inner.position, &inner.strength);
 
     // The transform of the core, over that of shares and gathering, and of ω h² = ΣΓW/h.
     let core = Table::new::<K::Smooth>();
-    let shares: Vec<f32> =
-        (0..=SHARES).map(|i| way.divided(std::f64::consts::PI * i as f64 / SHARES as f64)).collect();
+    let divided = |i: usize| weights::transform(std::f64::consts::PI * i as f64 / SHARES as f64).powi(-2);
+    let shares: Vec<f32> = (0..=SHARES).map(|i| divided(i) as f32).collect();
     let shared = |theta: f32| shares[(theta * (SHARES as f32 / std::f32::consts::PI) + 0.5) as usize];
     let (ratio, inverse) = (smooth / lattice.spacing, 1.0 / lattice.spacing);
     let spread = |theta: [f32; 3], square: f32| {
         core.at(ratio * square.sqrt()) * inverse * (shared(theta[0]) * shared(theta[1]) * shared(theta[2]))
     };
-    let squared = |t: [f32; 3]| t[0] * t[0] + t[1] * t[1] + t[2] * t[2];
-    match way {
-        Way::Sine => sine::solve(&mut field, Some(&faces), &|theta, _| {
-            let square = squared(theta);
-            spread(theta, square) / square
-        }),
-        Way::Multigrid | Way::Text => {
-            sine::solve(&mut field, None, &|theta, _| spread(theta, squared(theta)));
-            multigrid::solve(&mut field, &faces);
-        }
-    }
+    sine::solve(&mut field, &faces, &|theta, _| {
+        let square = theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2];
+        spread(theta, square) / square
+    });
     field
 }
 
@@ -289,44 +244,45 @@ fn faces<K: Chain>(vortons: &Vortons, lattice: Lattice, setting: &Setting) -> Fa
     })
 }
 
-/// Writes the potential of vortons of the default kernel to the boundary of a field, as a lattice for that `error` of the
-/// velocity needs it: by the tree at every fourth node, and by cubics between.
+/// Writes the potential of vortons to the boundary of a field, as a lattice for that `error` of the velocity needs it: by the
+/// tree at every fourth node, and by cubics between.
 ///
 /// # Errors
 /// [`Unfit`] if a vorton is outside what the sums can hold.
 ///
 /// # Panics
-/// If the error is outside the [`Way::errors`] of [`Way::Sine`].
-pub fn boundary_values(field: &mut Field, vortons: &Vortons, error: f32) -> Result<(), Unfit> {
+/// If the error is outside [`grid_errors`].
+pub fn boundary_values(
+    field: &mut Field,
+    vortons: &Vortons,
+    kernel: Kernel,
+    error: f32,
+) -> Result<(), Unfit> {
     vortons.check()?;
-    assert!(
-        Way::Sine.errors(Kernel::default()).contains(&error),
-        "an error of {error} cannot be asked of a lattice"
-    );
-    let setting = Setting::new::<WinckelmansLeonard>(Way::Sine, error, error);
-    faces::<WinckelmansLeonard>(vortons, field.lattice, &setting).write(field);
+    assert_error(kernel, error);
+    fn of<K: Spread>(vortons: &Vortons, lattice: Lattice, error: f32) -> Faces {
+        faces::<K>(vortons, lattice, &Setting::new::<K>(error, error))
+    }
+    let faces = match kernel {
+        Kernel::Ball => of::<Ball>(vortons, field.lattice, error),
+        Kernel::RosenheadMoore => of::<RosenheadMoore>(vortons, field.lattice, error),
+        Kernel::WinckelmansLeonard => of::<WinckelmansLeonard>(vortons, field.lattice, error),
+        Kernel::Gaussian => of::<Gaussian>(vortons, field.lattice, error),
+    };
+    faces.write(field);
     Ok(())
 }
 
 /// Entries of the table of shares' transforms.
 const SHARES: usize = 4096;
 
-/// Solves ∇²A = −ω on a box: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and then A everywhere. ω is taken for 0 on
-/// the boundary. By sines
-/// the order is the fourth, by multigrid ([`Way::Text`] too) the second.
+/// Solves ∇²A = −ω on a box to fourth order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and then A
+/// everywhere. ω is taken for 0 on the boundary.
 ///
 /// # Panics
-/// If [`Way::Sine`] finds an axis whose number of cells is not 2ᵃ 3ᵇ 5ᶜ.
-pub fn poisson(field: &mut Field, way: Way) {
+/// If the number of cells along an axis is not 2ᵃ 3ᵇ 5ᶜ.
+pub fn poisson(field: &mut Field) {
     let square = field.lattice.spacing * field.lattice.spacing;
     let faces = Faces::read(field);
-    match way {
-        Way::Sine => sine::solve(field, Some(&faces), &|_, p| square * sine::quotient(p)),
-        Way::Multigrid | Way::Text => {
-            for values in &mut field.values {
-                par::update(values, |_, value| *value *= square);
-            }
-            multigrid::solve(field, &faces);
-        }
-    }
+    sine::solve(field, &faces, &|_, p| square * sine::quotient(p));
 }

@@ -5,7 +5,7 @@
 //! (`near.rs`). The box holds the vortons, but for those that are far from nearly all others, with room around them for
 //! differences, shares, and what a kernel spreads beyond its core.
 
-use super::{Way, fourier, lattice::Lattice, slopes::REACH, spread::Spread};
+use super::{fourier, lattice::Lattice, slopes::REACH, spread::Spread};
 use crate::{
     math::Vec3,
     par,
@@ -22,7 +22,7 @@ const NODE: f64 = 50.0;
 /// Of how many coordinates the bulk of a cloud is told.
 const SAMPLES: usize = 4096;
 
-/// What a way asks of its lattice for an error.
+/// What an error asks of the lattice.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting {
     /// The error that it is for.
@@ -39,13 +39,10 @@ pub(super) struct Setting {
 }
 
 impl Setting {
-    /// Of a kernel, for an error that the way can be asked for, and vortons that [`eased`](crate::sim::vortex::coherence::eased) it.
-    pub(super) fn new<K: Spread>(way: Way, asked: f32, error: f32) -> Self {
-        let ratio = match way {
-            Way::Sine => between(K::RATIOS[0], error),
-            Way::Multigrid => between(K::RATIOS[1], error),
-            Way::Text => 2.0,
-        };
+    /// Of a kernel, for an error of [`grid_errors`](super::grid_errors), and vortons that
+    /// [`eased`](crate::sim::vortex::coherence::eased) it.
+    pub(super) fn new<K: Spread>(asked: f32, error: f32) -> Self {
+        let ratio = between(K::RATIOS, error);
         // Boundary values of five times the error, and a cubic through nodes four cells apart, add less than a tenth of it.
         let boundary = (5.0 * error).min(*ERRORS.end());
         // What pairs leave out has one sign, and adds up as the whole does.
@@ -84,7 +81,6 @@ impl Plan {
         vortons: &Vortons,
         targets: usize,
         quantity: usize,
-        way: Way,
         setting: &Setting,
     ) -> Option<Self> {
         let (inner, outer) = parts(vortons);
@@ -97,7 +93,7 @@ impl Plan {
         let (mut best, mut cheapest) = (None, 0.5 * K::PAIR * vortons.len() as f64 * targets as f64);
         for k in 0..20 {
             let smooth = if even { least } else { 0.4 * mean } * 2.0_f32.powf(k as f32 / 3.0);
-            let lattice = lattice(low, high, smooth, quantity, way, setting);
+            let lattice = lattice(low, high, smooth, quantity, setting);
             let Some(lattice) = lattice else { continue };
             let near = !(even && smooth == least);
             let reach = if near { K::reach(mean, smooth, setting.near) } else { 0.0 };
@@ -112,14 +108,7 @@ impl Plan {
 }
 
 /// A lattice around a box, unless it would be too large. `None` too if coordinates cannot tell its nodes apart.
-fn lattice(
-    low: Vec3,
-    high: Vec3,
-    smooth: f32,
-    quantity: usize,
-    way: Way,
-    setting: &Setting,
-) -> Option<Lattice> {
+fn lattice(low: Vec3, high: Vec3, smooth: f32, quantity: usize, setting: &Setting) -> Option<Lattice> {
     let spacing = smooth / setting.ratio;
     let room = (setting.room * setting.ratio).ceil().max(margin(quantity) as f32 + 1.0);
     let mut cells = [0; 3];
@@ -128,27 +117,13 @@ fn lattice(
         if wanted > LARGEST as f32 {
             return None;
         }
-        cells[k] = way.cells(wanted.ceil() as usize);
+        // The smallest number that sines can be taken of.
+        cells[k] = (wanted.ceil() as usize..).find(|&n| fourier::serves(n)).expect("powers of two are");
     }
     let half = Vec3::from_fn(|k, _| cells[k] as f32) * (0.5 * spacing);
     let lattice = Lattice { low: (low + high) * 0.5 - half, spacing, cells };
     let coarse = low.amax().max(high.amax()) * f32::EPSILON > 0.01 * spacing;
     (!coarse && lattice.nodes() <= LARGEST).then_some(lattice)
-}
-
-impl Way {
-    /// The smallest number of cells along an axis, not below `wanted`, that the way can solve for.
-    fn cells(self, wanted: usize) -> usize {
-        match self {
-            Way::Sine => (wanted..).find(|&n| fourier::serves(n)).expect("powers of two are"),
-            // Halves until at most twelve are left, and sines too, by which cores are spread.
-            Way::Multigrid | Way::Text => {
-                let halves = (wanted as f32 / 12.0).log2().ceil().max(0.0) as u32;
-                let part = wanted.div_ceil(1 << halves);
-                (part..).find(|&n| fourier::serves(n)).expect("powers of two are") << halves
-            }
-        }
-    }
 }
 
 /// The vortons of the bulk, and those far from it: beyond the middle 96 % of coordinates by more than the largest extent of

@@ -40,14 +40,14 @@ fn operator(p: [f32; 3]) -> f32 {
     4.0 * sum(p) - 8.0 / 3.0 * (p[0] * p[1] + p[1] * p[2] + p[2] * p[0])
 }
 
-/// Replaces the source inside `field` by the potential, and its boundary by `faces`. Without faces the boundary is 0.
+/// Replaces the source inside `field` by the potential, and its boundary by `faces`.
 ///
 /// # Panics
 /// If an axis has a number of cells that cannot be transformed.
-pub(super) fn solve(field: &mut Field, faces: Option<&Faces>, green: Green<'_>) {
+pub(super) fn solve(field: &mut Field, faces: &Faces, green: Green<'_>) {
     let lattice = field.lattice;
     let sines = lattice.cells.map(Sine::new);
-    let sides = faces.map(|faces| sides(faces, &sines));
+    let sides = sides(faces, &sines);
     let modes = lattice.cells.map(|n| {
         let angle = |k: usize| std::f64::consts::PI * k as f64 / n as f64;
         (0..n).map(|k| [angle(k) as f32, (angle(k) / 2.0).sin().powi(2) as f32]).collect()
@@ -72,7 +72,7 @@ pub(super) fn solve(field: &mut Field, faces: Option<&Faces>, green: Green<'_>) 
                 lattice,
                 sines: &sines,
                 modes: &modes,
-                sides: sides.as_ref(),
+                sides: &sides,
                 green,
                 values,
                 y,
@@ -93,10 +93,7 @@ pub(super) fn solve(field: &mut Field, faces: Option<&Faces>, green: Green<'_>) 
             }
         });
     }
-    match faces {
-        Some(faces) => faces.write(field),
-        None => Faces::zero(lattice).write(field),
-    }
+    faces.write(field);
 }
 
 /// The transforms of what the boundary adds to the equations next to it, for the two faces of every axis and every component: h²
@@ -202,7 +199,7 @@ struct Along<'a> {
     sines: &'a [Sine; 3],
     /// θ and p of every mode of an axis.
     modes: &'a [Vec<[f32; 2]>; 3],
-    sides: Option<&'a Sides>,
+    sides: &'a Sides,
     green: Green<'a>,
     values: [&'a [f32]; 3],
     y: usize,
@@ -230,7 +227,7 @@ impl Along<'_> {
 
     /// The transform of the boundary's part at modes x..x+8 of z-mode `z`.
     #[inline(always)]
-    fn boundary<L: Lanes>(&self, sides: &Sides, k: usize, x: usize, z: usize) -> L {
+    fn boundary<L: Lanes>(&self, k: usize, x: usize, z: usize) -> L {
         let (y, n) = (self.y, self.lattice.cells);
         // A source in the last layer has the sine of that in the first, of alternating sign.
         let last = |k: usize, sine: f32| if k.is_multiple_of(2) { -sine } else { sine };
@@ -243,7 +240,7 @@ impl Along<'_> {
         }
         let (sine_y, sine_z) = (self.sines[1].sine(y), self.sines[2].sine(z));
         let row = |plane: &Plane, j: usize| L::load(eight(&plane.values[j * plane.row() + x..]));
-        let of = |axis: usize, side: usize| &sides[axis][side][k];
+        let of = |axis: usize, side: usize| &self.sides[axis][side][k];
         let from_x =
             L::load(&first_x) * splat(of(0, 0).at(y, z)) + L::load(&last_x) * splat(of(0, 1).at(y, z));
         let from_y = splat::<L>(sine_y) * row(of(1, 0), z) + splat::<L>(last(y, sine_y)) * row(of(1, 1), z);
@@ -278,9 +275,7 @@ impl Pass for Along<'_> {
                         let [source, boundary] =
                             quotients.each_ref().map(|q| L::load(eight(&q[LANES * c..])));
                         *value = *value * source;
-                        if let Some(sides) = self.sides {
-                            *value += boundary * self.boundary::<L>(sides, k, x + LANES * c, z);
-                        }
+                        *value += boundary * self.boundary::<L>(k, x + LANES * c, z);
                     }
                 }
                 self.sines[2].transform(&mut line, &mut work);

@@ -5,8 +5,6 @@
 //! ζ̂ = x K₁ + ½x² K₀ = ½x² K₂(x). The Gaussian has e^(−x²/2). K_ν(x) = ∫ e^(−x cosh t) cosh νt dt over t > 0, by trapezoids
 //! [abramowitz72] 9.6.24.
 
-#[cfg(doc)]
-use super::Way;
 use crate::sim::vortex::chain::{Ball, Chain, Gaussian, RosenheadMoore, WinckelmansLeonard};
 
 /// A kernel, and the one whose vorticity a lattice carries for it.
@@ -24,20 +22,18 @@ pub(in crate::sim::vortex) trait Spread: Chain {
     /// Whether a lattice carries the kernel itself.
     const ITSELF: bool;
 
-    /// Errors of the velocity, falling, and cores per spacing at which the lattice keeps them: [`Way::Sine`], and then
-    /// [`Way::Multigrid`]. Set by the worst of the four clouds of `benches/vortex.rs`, which is the one of dense blobs; a ring
-    /// of even strengths misses a tenth of that. Fewer miss what is asked for, more cost their third power.
-    const RATIOS: [&'static [[f32; 2]]; 2];
+    /// Errors of the velocity, falling, and cores per spacing at which the lattice keeps them. Set by the worst of the four
+    /// clouds of `benches/vortex.rs`, which is the one of dense blobs; a ring of even strengths misses a tenth of that. Fewer
+    /// miss what is asked for, more cost their third power.
+    const RATIOS: &'static [[f32; 2]];
 
     /// Cores from the vortons to the boundary. What a kernel spreads beyond it is reflected there.
     const ROOM: f32;
 }
 
 /// Of the Gaussian, which falls faster than the others, so that a lattice of its own spacing carries it.
-const GAUSSIAN: [&[[f32; 2]]; 2] = [
-    &[[0.1, 1.0], [0.03, 1.1], [0.01, 1.4], [3e-3, 1.8], [1e-3, 2.2], [3e-4, 2.8], [1e-4, 3.6]],
-    &[[0.1, 1.0], [0.03, 1.6], [0.01, 2.8]],
-];
+const GAUSSIAN: &[[f32; 2]] =
+    &[[0.1, 1.0], [0.03, 1.1], [0.01, 1.4], [3e-3, 1.8], [1e-3, 2.2], [3e-4, 2.8], [1e-4, 3.6]];
 
 /// A kernel with a smooth vorticity.
 pub(in crate::sim::vortex) trait Smooth: Chain {
@@ -54,7 +50,7 @@ impl Spread for Ball {
     type Smooth = Gaussian;
     const PAIR: f64 = 1.9;
     const ITSELF: bool = false;
-    const RATIOS: [&'static [[f32; 2]]; 2] = GAUSSIAN;
+    const RATIOS: &'static [[f32; 2]] = GAUSSIAN;
     const ROOM: f32 = 3.0;
 
     fn reach(core: f32, smooth: f32, error: f32) -> f32 {
@@ -66,7 +62,7 @@ impl Spread for Gaussian {
     type Smooth = Self;
     const PAIR: f64 = 2.8;
     const ITSELF: bool = true;
-    const RATIOS: [&'static [[f32; 2]]; 2] = GAUSSIAN;
+    const RATIOS: &'static [[f32; 2]] = GAUSSIAN;
     const ROOM: f32 = 3.0;
 
     fn reach(core: f32, smooth: f32, error: f32) -> f32 {
@@ -78,8 +74,7 @@ impl Spread for RosenheadMoore {
     type Smooth = Self;
     const PAIR: f64 = 0.9;
     const ITSELF: bool = true;
-    const RATIOS: [&'static [[f32; 2]]; 2] =
-        [&[[0.1, 1.6], [0.03, 2.3], [0.01, 3.0], [3e-3, 4.2]], &[[0.1, 1.8], [0.03, 2.5], [0.01, 4.2]]];
+    const RATIOS: &'static [[f32; 2]] = &[[0.1, 1.6], [0.03, 2.3], [0.01, 3.0], [3e-3, 4.2]];
     // At 6 cores what is reflected leaves 1e-3 of the velocity.
     const ROOM: f32 = 6.0;
 
@@ -95,10 +90,8 @@ impl Spread for WinckelmansLeonard {
     type Smooth = Self;
     const PAIR: f64 = 0.9;
     const ITSELF: bool = true;
-    const RATIOS: [&'static [[f32; 2]]; 2] = [
-        &[[0.1, 1.9], [0.03, 2.7], [0.01, 3.4], [3e-3, 4.3], [1e-3, 5.1], [3e-4, 6.3], [1e-4, 7.6]],
-        &[[0.1, 2.0], [0.03, 3.0], [0.01, 5.0]],
-    ];
+    const RATIOS: &'static [[f32; 2]] =
+        &[[0.1, 1.9], [0.03, 2.7], [0.01, 3.4], [3e-3, 4.3], [1e-3, 5.1], [3e-4, 6.3], [1e-4, 7.6]];
     const ROOM: f32 = 3.0;
 
     fn reach(core: f32, smooth: f32, error: f32) -> f32 {

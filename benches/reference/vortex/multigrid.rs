@@ -1,37 +1,36 @@
-//! The Poisson equation on a box, by full multigrid: the source text's way.
+//! The Poisson equation on a box by full multigrid, as in [gourlay19].
 //!
-//! *Method*: [gourlay19], [briggs00]: 6u − Σ of the six neighbours = h² ω, Gauss–Seidel sweeps over red and then over black nodes, the
-//! residual weighted onto a lattice of twice the spacing, its solution added back by linear interpolation. The solution begins
-//! on the coarsest lattice; each finer one starts from the last and takes [`CYCLES`] V-cycles.
+//! *Method*: [gourlay19], [briggs00]: 6u − Σ of the six neighbours = h² ω. Gauss–Seidel sweeps go over red and then over black
+//! nodes. The residual is restricted to a grid of twice the spacing, and its solution is prolonged by linear interpolation.
+//! The solution begins on the coarsest grid; each finer one starts from the last and takes [`CYCLES`] V-cycles.
 //!
-//! A node's red neighbours are all black, and a sweep writes to another array than it reads, so threads leave no trace.
+//! The neighbours of a red node are all black, and a sweep writes to another array than it reads, so the number of threads
+//! does not change the result.
 //!
-//! *Order*: the second. *Limits*: numbers of cells should be even many times: what is left is solved by sweeps alone.
+//! *Order*: the second. *Limits*: the numbers of cells should be even many times, because the coarsest grid is solved by
+//! sweeps alone.
 
-use super::{
-    boundary::Faces,
-    lattice::{Field, Lattice},
-};
-use crate::{
+use meniscus::{
     math::{
         Vec3,
         wide::{self, Job},
     },
     par,
+    sim::vortex::{Field, Lattice},
 };
 
-/// V-cycles of a level. One leaves a tenth of the error of the operator, two a hundredth.
+/// V-cycles per level. One leaves a tenth of the discretisation error, two a hundredth.
 const CYCLES: usize = 2;
 
-/// Sweeps before and after the coarser lattice.
-const BEFORE: usize = 2;
-const AFTER: usize = 1;
+/// Smoothing sweeps before and after the coarse-grid correction.
+const SWEEPS_BEFORE: usize = 2;
+const SWEEPS_AFTER: usize = 1;
 
-/// One component on one lattice.
+/// One component on one grid.
 struct Level {
     lattice: Lattice,
     u: Vec<f32>,
-    /// What sweeps write to, and the residual.
+    /// The output of sweeps, and the residual.
     spare: Vec<f32>,
     /// h² ω.
     f: Vec<f32>,
@@ -49,7 +48,7 @@ impl Level {
         halves.then(|| Self::new(self.lattice.cells.map(|n| n / 2)))
     }
 
-    /// Writes to the spare array, row by row of the inside, `row(own place, parity of the row, out)`, and what the boundary is.
+    /// Writes to the spare array: the boundary values, and for each row inside `row(own place, parity of the row, out)`.
     fn rows(&mut self, row: impl Fn(&Self, usize, usize, &mut [f32]) + Sync) {
         let mut out = std::mem::take(&mut self.spare);
         let (lattice, this) = (self.lattice, &*self);
@@ -78,7 +77,7 @@ impl Level {
         }
     }
 
-    /// Writes the residual to the spare array; it is 0 on the boundary.
+    /// Writes the residual to the spare array. It is 0 on the boundary.
     fn residual(&mut self) {
         self.rows(|level, place, _, out| wide::run(Update { level, place, colour: None, out }));
         let lattice = self.lattice;
@@ -95,8 +94,8 @@ impl Level {
         });
     }
 
-    /// Adds the solution of the coarser level, interpolated, to every node inside.
-    fn add(&mut self, coarse: &Self) {
+    /// Prolongs the solution of the coarser level: adds it, interpolated, to every node inside.
+    fn prolong(&mut self, coarse: &Self) {
         let lattice = self.lattice;
         par::for_chunks(&mut self.u, lattice.plane(), |first, plane| {
             let z = first / lattice.plane();
@@ -125,7 +124,7 @@ impl Level {
     }
 }
 
-/// Σ over the 27 nodes around every node of a coarser lattice of weights 8, 4, 2 and 1 over 64, times the four by which h² grows.
+/// Restriction: Σ over the 27 nodes around every node of a coarser grid with weights 8, 4, 2 and 1 over 64, times 4 for h².
 fn restrict(fine: Lattice, from: &[f32], coarse: Lattice, to: &mut [f32]) {
     par::for_chunks(to, coarse.plane(), |first, plane| {
         let z = first / coarse.plane();
@@ -204,20 +203,38 @@ impl Job for Update<'_> {
     }
 }
 
-/// Replaces the source h² ω inside `field` by the potential, and its boundary by `faces`.
-pub(super) fn solve(field: &mut Field, faces: &Faces) {
+/// Replaces the source h² ω inside `field` by the potential, whose boundary values `field` holds.
+pub(crate) fn solve(field: &mut Field) {
     let mut levels = vec![Level::new(field.lattice.cells)];
     while let Some(coarser) = levels[levels.len() - 1].coarser() {
         levels.push(coarser);
     }
-    let sources = field.values.each_mut().map(std::mem::take);
-    field.values = [0, 1, 2].map(|_| vec![0.0; sources[0].len()]);
-    faces.write(field);
-    for (k, source) in sources.into_iter().enumerate() {
-        levels[0].f = source;
-        levels[0].u = std::mem::take(&mut field.values[k]);
+    for values in &mut field.values {
+        levels[0].f = values.clone();
+        levels[0].u = values.clone();
+        for_each_inside(field.lattice, &mut levels[0].u, |value| *value = 0.0);
         full(&mut levels);
-        field.values[k] = levels[0].u.clone();
+        *values = levels[0].u.clone();
+    }
+}
+
+/// Solves ∇²A = −ω on a box to second order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and then A
+/// everywhere.
+pub(crate) fn poisson(field: &mut Field) {
+    let lattice = field.lattice;
+    for values in &mut field.values {
+        for_each_inside(lattice, values, |value| *value *= lattice.spacing * lattice.spacing);
+    }
+    solve(field);
+}
+
+/// Calls `f` with the value of every node inside.
+fn for_each_inside(lattice: Lattice, values: &mut [f32], f: impl Fn(&mut f32)) {
+    for z in 1..lattice.cells[2] {
+        for y in 1..lattice.cells[1] {
+            let first = lattice.place([1, y, z]);
+            values[first..first + lattice.cells[0] - 1].iter_mut().for_each(&f);
+        }
     }
 }
 
@@ -233,14 +250,14 @@ fn full(levels: &mut [Level]) {
     relax(&mut levels[last]);
     for l in (0..last).rev() {
         let (fine, coarse) = levels.split_at_mut(l + 1);
-        fine[l].add(&coarse[0]);
+        fine[l].prolong(&coarse[0]);
         for _ in 0..CYCLES {
             cycle(&mut levels[l..]);
         }
     }
 }
 
-/// The boundary of a coarser level, and 0 inside.
+/// The boundary values on a coarser level, and 0 inside.
 fn inject(fine: &Level, coarse: &mut Level) {
     let (from, to) = (fine.lattice, coarse.lattice);
     let u = &fine.u;
@@ -258,69 +275,27 @@ fn inject(fine: &Level, coarse: &mut Level) {
 
 /// One V-cycle on the first level and all that are coarser.
 fn cycle(levels: &mut [Level]) {
-    let (fine, rest) = levels.split_first_mut().expect("a level");
-    let Some(coarse) = rest.first_mut() else {
+    let (fine, coarser) = levels.split_first_mut().expect("a level");
+    let Some(coarse) = coarser.first_mut() else {
         return relax(fine);
     };
-    for _ in 0..BEFORE {
+    for _ in 0..SWEEPS_BEFORE {
         fine.sweep();
     }
     fine.residual();
     restrict(fine.lattice, &fine.spare, coarse.lattice, &mut coarse.f);
     coarse.u.fill(0.0);
-    cycle(rest);
-    fine.add(&rest[0]);
-    for _ in 0..AFTER {
+    cycle(coarser);
+    fine.prolong(&coarser[0]);
+    for _ in 0..SWEEPS_AFTER {
         fine.sweep();
     }
 }
 
-/// Sweeps until a millionth is left of a coarsest level: one leaves e^(−π²/3 Σ 1/n²) of the slowest wave.
+/// Sweeps until a millionth of the residual is left on the coarsest level: one leaves e^(−π²/3 Σ 1/n²) of the slowest wave.
 fn relax(level: &mut Level) {
     let slowest: f64 = level.lattice.cells.iter().map(|&n| 1.0 / (n * n) as f64).sum();
     for _ in 0..(4.2 / slowest).ceil() as usize {
         level.sweep();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn little_is_left_of_the_equations() {
-        for cells in [[16, 16, 16], [48, 40, 8], [12, 6, 10], [2, 3, 5]] {
-            let lattice = Lattice { low: Vec3::zeros(), spacing: 0.1, cells };
-            let mut field = Field::new(lattice);
-            for (k, values) in field.values.iter_mut().enumerate() {
-                values
-                    .iter_mut()
-                    .enumerate()
-                    .for_each(|(i, v)| *v = ((i * 7919 + k) % 1009) as f32 / 1009.0 - 0.5);
-            }
-            let (faces, source) = (Faces::read(&field), field.clone());
-            solve(&mut field, &faces);
-            let (mut left, mut whole) = (0.0, 0.0);
-            for z in 0..=cells[2] {
-                for y in 0..=cells[1] {
-                    for x in 0..=cells[0] {
-                        let outside = [x, y, z].iter().zip(cells).any(|(&i, n)| i == 0 || i == n);
-                        if outside {
-                            assert_eq!(field.at([x, y, z]), source.at([x, y, z]), "the boundary stays");
-                            continue;
-                        }
-                        let sides = field.at([x - 1, y, z])
-                            + field.at([x + 1, y, z])
-                            + field.at([x, y - 1, z])
-                            + field.at([x, y + 1, z])
-                            + field.at([x, y, z - 1])
-                            + field.at([x, y, z + 1]);
-                        left += (sides + source.at([x, y, z]) - field.at([x, y, z]) * 6.0).norm_squared();
-                        whole += source.at([x, y, z]).norm_squared();
-                    }
-                }
-            }
-            assert!(left < 1e-4 * whole, "{cells:?}: {left} of {whole}");
-        }
     }
 }
