@@ -224,7 +224,9 @@ fn crossovers() {
             for error in [1e-2, 1e-3] {
                 let tree = seconds(Method::Tree { error });
                 let (grid, taken) = match lattice(&vortons, count, kernel, error) {
-                    Some(lattice) => (seconds(Method::Grid { error }), lattice.cells.map(|n| n.to_string()).join("×")),
+                    Some(lattice) => {
+                        (seconds(Method::Grid { error }), lattice.cells.map(|n| n.to_string()).join("×"))
+                    }
                     None => ("".into(), "the tree serves".into()),
                 };
                 cells += &format!("| {tree} | {grid} | {taken} ");
@@ -268,7 +270,10 @@ fn equations() {
                 missed += f64::from((solved.at(at) - exact).norm_squared());
                 whole += f64::from(exact.norm_squared());
             }
-            println!("| {n}³ | {solver} | {boundary:.3} | {seconds:.3} | {:.1e} |", f64::sqrt(missed / whole));
+            println!(
+                "| {n}³ | {solver} | {boundary:.3} | {seconds:.3} | {:.1e} |",
+                f64::sqrt(missed / whole)
+            );
         }
     }
 }

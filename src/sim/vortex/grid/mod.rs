@@ -109,11 +109,7 @@ struct Solved<'a> {
 
 impl<'a> Solved<'a> {
     /// For the quantity `Q` at `count` points; `None` where the tree serves.
-    fn new<K: Spread, const Q: usize>(
-        vortons: &'a Vortons,
-        count: usize,
-        setting: Setting,
-    ) -> Option<Self> {
+    fn new<K: Spread, const Q: usize>(vortons: &'a Vortons, count: usize, setting: Setting) -> Option<Self> {
         let plan = Plan::new::<K>(vortons, count, Q, &setting)?;
         let potential = potential::<K>(&plan, &setting);
         let mut fields = Vec::new();

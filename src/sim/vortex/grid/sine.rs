@@ -68,16 +68,7 @@ pub(super) fn solve(field: &mut Field, faces: &Faces, green: Green<'_>) {
     par::for_chunks(&mut turned, 3 * slab, |first, out| {
         let y = first / (3 * slab);
         if y > 0 && y < lattice.cells[1] {
-            lanes::run(Along {
-                lattice,
-                sines: &sines,
-                modes: &modes,
-                sides: &sides,
-                green,
-                values,
-                y,
-                out,
-            });
+            lanes::run(Along { lattice, sines: &sines, modes: &modes, sides: &sides, green, values, y, out });
         }
     });
 

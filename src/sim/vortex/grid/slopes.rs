@@ -92,11 +92,8 @@ mod tests {
     fn differences_are_of_sixth_order() {
         // The curl and the gradient of waves, on lattices of half the spacing each.
         let [coarse, fine] = [8, 16].map(|n| {
-            let lattice = Lattice {
-                low: Vec3::new(0.1, -0.2, 0.3),
-                spacing: 2.0 / n as f32,
-                cells: [n, n + 1, n + 2],
-            };
+            let lattice =
+                Lattice { low: Vec3::new(0.1, -0.2, 0.3), spacing: 2.0 / n as f32, cells: [n, n + 1, n + 2] };
             let mut field = Field::new(lattice);
             for z in 0..=n + 2 {
                 for y in 0..=n + 1 {
