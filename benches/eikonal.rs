@@ -5,14 +5,18 @@
 //! each row is the mean of as many solves as fill a second, in CPU time of the whole process, so other work on the machine
 //! hardly shows.
 
+#[path = "reference/dense.rs"]
+mod dense;
+
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
+use dense::{DenseParams, Pins, pin_band, pin_surface, solve};
 use meniscus::{
     grid::{BRICK_NODES, DenseGrid, SparseGrid, node_of},
     math::Vec3,
     par,
     sdf::{
         self, Order, SdfParams, SeedRule,
-        dense::{self, BLOCK, DenseParams, Pins, pin_band, pin_surface, solve, sweep_in_order},
+        dense::{BLOCK, sweep_in_order},
     },
 };
 use std::{hint::black_box, time::Instant};
@@ -153,7 +157,7 @@ fn solves(c: &mut Criterion) {
     group.sampling_mode(SamplingMode::Flat).sample_size(10);
     group.throughput(Throughput::Elements(pins.distance.len() as u64));
     group.bench_function("first order, plain serial sweep", |b| {
-        b.iter(|| dense::sweep_in_order(level.nodes, black_box(&pins.distance), FULL));
+        b.iter(|| sweep_in_order(level.nodes, black_box(&pins.distance), FULL));
     });
     for order in [Order::First, Order::Second] {
         for threads in [1, 2] {

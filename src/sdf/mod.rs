@@ -9,7 +9,7 @@
 //!
 //! *Departs from the paper*: pinned values use the plane through up to three crossings ([`SeedRule`]); the sweeps
 //! are repeated until nothing changes and stop at a band; bricks at rest are passed over, which changes no bit;
-//! differences of second order ([`Order`]) may follow. On dense grids the same stages are in [`dense`].
+//! differences of second order ([`Order`]) may follow. On dense grids the first-order sweeps are in [`dense`].
 //!
 //! Symbols: φ field, t threshold, u distance [voxels, then m].
 //!
@@ -33,14 +33,13 @@ pub use sampled::Sampled;
 pub use tree::{Nearest, TriangleTree, closest_point};
 pub use triangles::Triangles;
 
-pub use second::Order;
+pub use second::{Nodes, Order, refine};
 pub use seed::{SeedRule, Seeds, seeds};
 pub use sweep::{Swept, sweep, sweep_in_order};
 
 use crate::grid::{BRICK_NODES, SparseGrid, is_set};
 use crate::par;
 use linked::LinkedBricks;
-use second::refine;
 
 /// How distance is found from a field.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 
 /// How nodes hang together, and the blocks they are swept in.
-pub(super) trait Nodes: Sync {
+pub trait Nodes: Sync {
     /// A node where its neighbours are asked for.
     type At: Copy;
 
@@ -65,7 +65,7 @@ pub enum Order {
 impl Order {
     /// How far the sweeps of first order must come [voxels] so that every node within `band` is reached. At second order
     /// more: a node's distance of first order is larger by a few tenths of a voxel, by one for tiny balls.
-    pub(super) fn reach(self, band: f32) -> f32 {
+    pub fn reach(self, band: f32) -> f32 {
         match self {
             Self::First => band,
             Self::Second => 1.0 + 1.1 * band,
@@ -74,12 +74,7 @@ impl Order {
 }
 
 /// Second-order distances below `band` from what the sweeps of first order gave; `inside` is the indicator.
-pub(super) fn refine<N: Nodes>(
-    nodes: &N,
-    first: Swept,
-    band: f32,
-    inside: impl Fn(usize) -> bool + Sync,
-) -> Swept {
+pub fn refine<N: Nodes>(nodes: &N, first: Swept, band: f32, inside: impl Fn(usize) -> bool + Sync) -> Swept {
     let Swept { distance: first, sweeps: mut total, .. } = first;
     // Where each node looks, and how many of a block's nodes wait for a distance.
     let stencils: Vec<Vec<AtomicU16>> = par::map(nodes.blocks(), |block| {
@@ -253,38 +248,7 @@ mod tests {
     use super::*;
     use crate::grid::{BRICK_NODES, Bricks, SparseGrid, is_set};
     use crate::math::Vec3;
-    use crate::sdf::{
-        SdfParams, SeedRule,
-        dense::{DenseParams, Pins, solve, sweep},
-        linked::LinkedBricks,
-        seeds,
-    };
-
-    /// Pinned nodes and signs: beside a ball, on both sides of a layer, in noise, in a corner, nowhere.
-    fn cases() -> Vec<(&'static str, [usize; 3], Pins)> {
-        let noise = |i: usize| {
-            let mixed = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-            ((mixed ^ mixed >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 40) as f32 / (1 << 24) as f32
-        };
-        let case = |name, nodes: [usize; 3], f: &dyn Fn(Vec3, usize) -> (f32, bool)| {
-            let (distance, inside) = (0..nodes.iter().product())
-                .map(|i| {
-                    let x = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
-                    let (d, pin) = f(Vec3::from(x.map(|v| v as f32)), i);
-                    (if pin { -d.abs().max(1e-6) } else { f32::INFINITY }, d < 0.0)
-                })
-                .unzip();
-            (name, nodes, Pins { distance, inside, pinned: 0, on_surface: 0 })
-        };
-        let ball = |x: Vec3| (x - Vec3::new(9.3, 12.1, 8.0)).norm() - 5.7;
-        vec![
-            case("ball", [22, 25, 19], &|x, _| (ball(x), ball(x).abs() < 0.9)),
-            case("thick", [31, 16, 14], &|x, _| (x.x - 15.3, (x.x - 15.3).abs() < 2.5)),
-            case("noise", [16, 24, 15], &|_, i| (4.0 * noise(i + 7) - 2.0, noise(i) < 0.1)),
-            case("corner", [19, 9, 11], &|x, i| (x.x + 0.5, i == 0)),
-            case("nothing", [9, 9, 9], &|_, _| (1.0, false)),
-        ]
-    }
+    use crate::sdf::{SdfParams, SeedRule, linked::LinkedBricks, seeds};
 
     /// Every node once, in ascending order of its distance of first order.
     fn in_order<N: Nodes>(nodes: &N, first: &[f32], inside: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
@@ -309,28 +273,6 @@ mod tests {
 
     fn bits(values: &[f32]) -> Vec<u32> {
         values.iter().map(|v| v.to_bits()).collect()
-    }
-
-    #[test]
-    fn blocks_and_threads_change_no_bit() {
-        for (name, nodes, pins) in cases() {
-            let first = sweep(nodes, &pins.distance, f32::INFINITY, [8; 3]).distance;
-            let whole = crate::sdf::dense::one_block(nodes);
-            let reference = in_order(&whole, &first, |i| pins.inside[i]);
-            for block in [[1, 1, 1], [3, 5, 2], [8, 8, 8], [7, 9, 30], [64, 64, 64]] {
-                let mut sweeps = None;
-                for threads in [1, 2, 5] {
-                    let params = DenseParams { order: Order::Second, block, ..DenseParams::default() };
-                    let found = crate::par::with_threads(threads, || solve(nodes, &pins, &params));
-                    assert_eq!(bits(&found.distance), bits(&reference), "{name}, {block:?}, {threads}");
-                    assert_eq!(*sweeps.get_or_insert(found.sweeps), found.sweeps, "{name}, {block:?}");
-                }
-            }
-            for (i, u) in reference.iter().enumerate() {
-                assert!(if first[i] < 0.0 { *u == first[i] } else { *u > 0.0 });
-                assert_eq!(u.is_finite(), first[i].is_finite());
-            }
-        }
     }
 
     #[test]

@@ -223,7 +223,7 @@ impl Near<'_> {
 impl SeedRule {
     /// The distance [voxels] of a node beside the surface, from the field there and at its neighbour beyond each of
     /// the faces −x, +x, −y, +y, −z, +z. A neighbour that is not there has the node's own value.
-    pub(super) fn distance(self, pairs: [(f32, f32); 6], threshold: f32) -> f32 {
+    pub fn distance(self, pairs: [(f32, f32); 6], threshold: f32) -> f32 {
         // Along each axis the nearest crossing, and where the field would cross beyond the neighbour.
         let (mut crossing, mut beyond) = ([f32::INFINITY; 3], [f32::INFINITY; 3]);
         for (face, (own, other)) in pairs.into_iter().enumerate() {

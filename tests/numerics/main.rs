@@ -3,6 +3,8 @@
 mod cleanup;
 mod coupling;
 mod decimation;
+#[path = "../../benches/reference/dense.rs"]
+mod dense;
 mod eikonal;
 mod liquid;
 mod liquid_extremes;

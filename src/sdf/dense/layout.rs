@@ -5,22 +5,25 @@ use crate::par;
 /// A box of nodes cut into blocks of one size; those at the far ends may be smaller. Blocks are numbered like nodes,
 /// x fastest; inside a block too x runs fastest.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Layout {
-    pub(super) nodes: [usize; 3],
+pub struct Layout {
+    /// The nodes of the box along each axis.
+    pub nodes: [usize; 3],
     block: [usize; 3],
     counts: [usize; 3],
 }
 
 impl Layout {
+    /// Cuts a box of `nodes` into blocks of `block` nodes.
+    ///
     /// # Panics
     /// If a block has no node.
-    pub(super) fn new(nodes: [usize; 3], block: [usize; 3]) -> Self {
+    pub fn new(nodes: [usize; 3], block: [usize; 3]) -> Self {
         assert!(block.iter().all(|&n| n > 0), "a block holds nodes");
         Self { nodes, block, counts: std::array::from_fn(|axis| nodes[axis].div_ceil(block[axis])) }
     }
 
     /// How many blocks there are.
-    pub(super) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.counts.iter().product()
     }
 
@@ -30,19 +33,19 @@ impl Layout {
     }
 
     /// The first node of a block.
-    pub(super) fn first(&self, block: usize) -> [usize; 3] {
+    pub fn first(&self, block: usize) -> [usize; 3] {
         let coord = self.coord(block);
         std::array::from_fn(|axis| coord[axis] * self.block[axis])
     }
 
     /// The nodes of a block along each axis.
-    pub(super) fn size(&self, block: usize) -> [usize; 3] {
+    pub fn size(&self, block: usize) -> [usize; 3] {
         let first = self.first(block);
         std::array::from_fn(|axis| self.block[axis].min(self.nodes[axis] - first[axis]))
     }
 
     /// The blocks beyond the six faces: −x, +x, −y, +y, −z, +z.
-    pub(super) fn around(&self, block: usize) -> [Option<usize>; 6] {
+    pub fn around(&self, block: usize) -> [Option<usize>; 6] {
         let coord = self.coord(block);
         let strides = [1, self.counts[0], self.counts[0] * self.counts[1]];
         std::array::from_fn(|face| {
@@ -54,7 +57,7 @@ impl Layout {
     }
 
     /// Calls `work` for every block, after its predecessors in the direction of the sweep: [gourlay17].
-    pub(super) fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
+    pub fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
         let beside = |block: usize, ahead: bool| {
             let faces = self.around(block);
             (0..3).filter_map(move |axis| faces[2 * axis + usize::from((order[axis] > 0) == ahead)])
