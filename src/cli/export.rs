@@ -1,6 +1,6 @@
 //! `meniscus export`.
 
-use super::{args::ExportArgs, mesh, print};
+use super::{args::ExportArgs, mesh, output::print};
 use crate::{
     export::SheetFormat,
     run::{self, Control, Job, RunError, SheetSettings, ShotFolder, Source},

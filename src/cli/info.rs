@@ -1,6 +1,6 @@
 //! `meniscus info` and `meniscus verify`.
 
-use super::{args::InfoArgs, print};
+use super::{args::InfoArgs, output::print};
 use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder, Totals};
 
 /// Tells what is in a shot folder; `whole` reads every frame to its last byte.

@@ -1,6 +1,6 @@
 //! Ctrl-C and the farm's stop signals: the job stops between two steps, finished frames stay.
 
-use super::{exit, say};
+use super::{exit, output::say};
 use std::{
     sync::atomic::{AtomicBool, Ordering},
     time::Duration,

@@ -1,6 +1,6 @@
 //! `meniscus mesh`.
 
-use super::{args::MeshArgs, print};
+use super::{args::MeshArgs, output::print};
 use crate::{
     import::{self, Sequence},
     mesh::SurfaceParams,

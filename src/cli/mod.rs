@@ -6,6 +6,7 @@ mod export;
 mod info;
 mod interrupt;
 mod mesh;
+mod output;
 mod plan;
 mod presets;
 mod progress;
@@ -13,11 +14,8 @@ mod shot;
 mod tradeoff;
 mod volume;
 
-use crate::{
-    par,
-    run::{Control, RunError},
-};
-use args::{Cli, ProgressStyle, Verb};
+use crate::{par, run::Control};
+use args::{Cli, Verb};
 use clap::Parser;
 use std::process::ExitCode;
 
@@ -44,69 +42,8 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             reporter.stop();
-            tell(&why, cli.progress);
+            output::report_error(&why, cli.progress);
             exit::code(&why)
         }
-    }
-}
-
-/// Says something on stderr; if nobody reads it any more, the job goes on untold.
-fn say(text: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr(), "{text}");
-}
-
-/// Says on stderr why a job stopped, in the form that progress has; problems of a preset are shown in its text.
-fn tell(why: &RunError, style: ProgressStyle) {
-    match style {
-        ProgressStyle::Json => {
-            let data = serde_json::json!({ "text": why.to_string() });
-            return say(&serde_json::json!({ "event": "error", "data": data }).to_string());
-        }
-        ProgressStyle::Openjd => progress::open_jd(&format!("openjd_fail: {}", one_line(&why.to_string()))),
-        _ => {}
-    }
-    match why {
-        RunError::Scene(scene) => say(&diagnostic(scene)),
-        RunError::Interrupted => say(&why.to_string()),
-        other => say(&format!("error: {other}")),
-    }
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// A preset's problems with the lines they are on, plain where colours or line art are not wanted.
-fn diagnostic(problem: &dyn miette::Diagnostic) -> String {
-    use std::io::IsTerminal;
-    let fancy = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    let theme = if fancy {
-        miette::GraphicalTheme::unicode()
-    } else {
-        miette::GraphicalTheme {
-            characters: miette::ThemeCharacters::ascii(),
-            styles: miette::ThemeStyles::none(),
-        }
-    };
-    let mut text = String::new();
-    let shown =
-        miette::GraphicalReportHandler::new_themed(theme).with_links(false).render_report(&mut text, problem);
-    match shown {
-        Ok(()) => text,
-        Err(_) => problem.to_string(),
-    }
-}
-
-/// Prints a result; a reader that went away (`meniscus info … | head`) is no failure.
-fn print(text: &str) -> Result<(), RunError> {
-    use std::io::{ErrorKind, Write};
-    match writeln!(std::io::stdout(), "{}", text.trim_end()) {
-        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(RunError::File {
-            path: "standard output".into(),
-            source,
-            next: "send it to a place that can be written; what the job made is kept",
-        }),
-        _ => Ok(()),
     }
 }

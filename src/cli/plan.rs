@@ -1,6 +1,6 @@
 //! `meniscus plan`.
 
-use super::{args::PlanArgs, print, shot::quality};
+use super::{args::PlanArgs, output::print, shot::quality};
 use crate::{
     run::{self, Control, Plan, RunError},
     scene::{self, Overrides, Scene},

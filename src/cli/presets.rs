@@ -2,7 +2,7 @@
 
 use super::{
     args::{PresetsArgs, PresetsVerb},
-    print,
+    output::print,
 };
 use crate::{
     run::RunError,

@@ -1,10 +1,13 @@
 //! How a job's progress is shown.
 
-use super::{args::ProgressStyle, say};
+use super::{
+    args::ProgressStyle,
+    output::{open_jd, say},
+};
 use crate::run::Reporter;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::{
-    io::{IsTerminal, Write},
+    io::IsTerminal,
     sync::{Arc, Mutex, MutexGuard},
     time::{Duration, Instant},
 };
@@ -157,11 +160,6 @@ impl Talk {
             Form::OpenJd => open_jd(&format!("openjd_status: {text}")),
         }
     }
-}
-
-/// A line for the farm's agent; if nobody reads stdout any more, there is nobody to tell.
-pub(super) fn open_jd(line: &str) {
-    let _ = writeln!(std::io::stdout(), "{line}");
 }
 
 impl Reporter for Lines {

@@ -2,7 +2,7 @@
 
 use super::{
     args::{ShotArgs, Tier},
-    print,
+    output::print,
 };
 use crate::{
     run::{self, Control, Job, Outline, RunError, SheetSettings, ShotFolder, Source, SurfaceSettings},

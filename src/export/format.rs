@@ -1,6 +1,11 @@
 //! The mesh formats by name, and what a file tells of itself: its key and its attributes.
 
-use super::{ExportError, error::property_names, obj, ply};
+use super::{
+    ExportError,
+    error::property_names,
+    key::{KEY, key_comment},
+    obj, ply,
+};
 use crate::mesh::Mesh;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -105,14 +110,6 @@ impl MeshFormat {
         u64::from_str_radix(value.get(..16)?, 16).ok()
     }
 }
-
-/// The comment that carries a key.
-pub(super) fn key_comment(key: u64) -> String {
-    format!("{KEY}{key:016x}")
-}
-
-/// What introduces the key in a comment.
-const KEY: &str = "meniscus key ";
 
 /// The longest header of a PLY file that is taken for one [bytes].
 const LONGEST_HEADER: u64 = 1 << 20;

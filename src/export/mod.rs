@@ -5,6 +5,7 @@
 
 mod error;
 mod format;
+mod key;
 pub mod obj;
 pub mod pc2;
 pub mod ply;

@@ -3,7 +3,7 @@
 use super::{
     ExportError,
     error::{check_columns, check_names, property_names},
-    format::key_comment,
+    key::key_comment,
 };
 use crate::{
     cache::write_atomically,

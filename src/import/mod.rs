@@ -10,6 +10,7 @@ mod bgeo;
 mod error;
 mod expand;
 mod gather;
+mod imported;
 mod npy;
 mod npz;
 mod numbers;
@@ -26,23 +27,13 @@ mod tests;
 
 pub use error::ImportError;
 pub use expand::expand;
+pub use imported::Imported;
 pub use sequence::Sequence;
 pub use triangles::{PAINTED, SheetFaces, parse_sheet, parse_triangles};
 pub use vdb::{LevelSet, LevelSetFile, read_level_set};
 
-use crate::frame::Stream;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
-
-/// Particles read from a file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Imported {
-    /// The stream "particles": `position`, `velocity` and `id` where the file has them, and every other
-    /// attribute of one or three floats, or of one integer that fits 32 bits without a sign.
-    pub stream: Stream,
-    /// Attributes that were not taken, and why.
-    pub ignored: Vec<String>,
-}
 
 /// A format, as the extension names it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,9 +98,6 @@ impl Format {
 
 /// Raised whenever a change reads other particles from the same bytes, so that what was made of them is made again.
 const READER_VERSION: u32 = 1;
-
-/// Deflate expands at most so many times.
-const MOST_EXPANSION: usize = 1032;
 
 /// A particle file whose bytes are read, and not yet understood.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! NPZ: numpy arrays in a zip archive, stored or deflated.
 
 use super::gather::{Gather, Values};
-use super::{ImportError, Imported, MOST_EXPANSION, npy};
+use super::{ImportError, Imported, imported::MAX_DEFLATE_EXPANSION, npy};
 use std::io::{Cursor, Read};
 use std::path::Path;
 use zip::{ZipArchive, result::ZipError};
@@ -62,7 +62,7 @@ fn members(
     let mut archive =
         ZipArchive::new(Cursor::new(bytes)).map_err(|error| refused(path, "archive", &error))?;
     // Members may share their bytes: together they unpack to no more than one of the whole file would.
-    let mut left = bytes.len().saturating_mul(MOST_EXPANSION);
+    let mut left = bytes.len().saturating_mul(MAX_DEFLATE_EXPANSION);
     let mut members = Vec::new();
     for index in 0..archive.len() {
         let place = format!("member {index} of the archive");

@@ -10,7 +10,10 @@ use crate::{
         problem::{Finding, SceneError, Source, Span, locate},
         tree::{self, Entry, Node, Value},
     },
-    sim::{scene::mesh_files, scene_check, system},
+    sim::{
+        registry::{ALL, mesh_files},
+        scene_check,
+    },
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, de::DeserializeOwned};
@@ -217,7 +220,7 @@ fn interpret(root: &Node, model: &model::Field, home: &Home, findings: &mut Vec<
     }
     let mut scene: Scene =
         serde_json::from_value(checked.values).expect("values that fit the schema of Scene make a Scene");
-    system::ALL.iter().for_each(|system| system.complete(&mut scene));
+    ALL.iter().for_each(|system| system.complete(&mut scene));
     let mut wrong = scene_check::check(&scene, &checked.places);
     wrong.extend(assets::check(&mesh_files(&scene), home, &checked.places));
     let fine = wrong.is_empty();

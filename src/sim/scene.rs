@@ -140,9 +140,7 @@ impl Scene {
     /// # Errors
     /// [`SetupError::TooMuchSmoke`].
     pub fn refuse_too_much_smoke(&self) -> Result<(), SetupError> {
-        self.smoke
-            .as_ref()
-            .map_or(Ok(()), |params| smoke::job::check::refuse_too_much(params, self.seconds()))
+        self.smoke.as_ref().map_or(Ok(()), |params| smoke::refuse_too_much(params, self.seconds()))
     }
 
     /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that
@@ -215,11 +213,3 @@ impl Scene {
 }
 
 pub use super::scene_query::choices;
-
-/// The file of every mesh of a scene, with the dotted key of the mesh.
-pub(crate) fn mesh_files(scene: &Scene) -> Vec<(String, &str)> {
-    let colliders = scene.world.collider.iter().enumerate();
-    let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
-    let systems = super::system::ALL.iter().flat_map(|system| system.mesh_files(scene));
-    colliders.filter_map(super::system::mesh_file).chain(systems).collect()
-}

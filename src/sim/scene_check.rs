@@ -1,6 +1,6 @@
 //! Checks of what a preset means as a whole, once every value is valid on its own.
 
-use super::{scene::Scene, system::ALL};
+use super::{registry::ALL, scene::Scene};
 use crate::{
     export::vdb::VolumeGrid,
     preset::{

@@ -1,6 +1,6 @@
 //! Questions about a scene by key, for jobs that work with any key of a preset.
 
-use super::{scene::Scene, smoke::job::check::estimate};
+use super::{scene::Scene, smoke::estimate};
 use crate::preset::model::{self, Field, Key, Kind};
 use serde_json::Value as Json;
 

@@ -1,10 +1,13 @@
-//! What jobs need to know of a system, and the registry of all systems.
+//! What jobs need to know of a system.
 //!
 //! A system is one folder below `src/sim/`: its solver in the folder itself, and in `job/` what jobs need to know of it. Jobs,
-//! scenes and the command line name no system; they loop over [`ALL`].
+//! scenes and the command line name no system; they loop over [`ALL`](super::registry::ALL).
 
-use super::{coupling, liquid, scene::Scene, sheet, smoke};
-use crate::preset::{check::Places, problem::Finding};
+use super::scene::Scene;
+use crate::{
+    preset::{check::Places, problem::Finding},
+    solid::Shape,
+};
 
 /// A simulated system, as jobs see it.
 pub(crate) trait System: Sync {
@@ -23,20 +26,10 @@ pub(crate) trait System: Sync {
     }
 }
 
-/// Every system, in the order in which they are checked and reported.
-pub(crate) static ALL: [&dyn System; 4] =
-    [&liquid::job::Liquid, &smoke::job::Smoke, &sheet::job::Sheets, &coupling::job::Couplings];
-
 /// The file of a shape, if it is a mesh, with the dotted key of the mesh.
-pub(crate) fn mesh_file((key, shape): (String, &crate::solid::Shape)) -> Option<(String, &str)> {
+pub(crate) fn mesh_file((key, shape): (String, &Shape)) -> Option<(String, &str)> {
     match shape {
-        crate::solid::Shape::Mesh(mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
+        Shape::Mesh(mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
         _ => None,
-    }
-}
-
-impl From<super::SetupError> for crate::job::RunError {
-    fn from(why: super::SetupError) -> Self {
-        Self::Setup(Box::new(why))
     }
 }

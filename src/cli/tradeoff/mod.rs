@@ -8,7 +8,7 @@ mod tell;
 
 use super::{
     args::{Judge, TradeoffArgs},
-    print,
+    output::print,
     shot::quality,
 };
 use crate::{

@@ -8,8 +8,8 @@ use crate::{
     cli::{
         args::{Judge, TradeoffArgs},
         mesh,
+        output::print,
         plan::duration,
-        print,
         shot::quality,
     },
     import::{self, Sequence},

@@ -1,7 +1,10 @@
 //! Files read back by `vdb-rs`, and the same files written out for OpenVDB to read: `tools/blender/tests/volumes.py` does that.
 
 use super::*;
-use crate::grid::{BRICK, SparseGrid, mask_of, offset};
+use crate::{
+    grid::{BRICK, Bricks, NodeMask, SparseGrid, mask_of, offset},
+    math::Vec3,
+};
 use std::{collections::BTreeSet, fs};
 
 /// The folder that gets the files of [`every_case_reads_back`], if it is set; otherwise they are thrown away.

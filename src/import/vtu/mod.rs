@@ -6,7 +6,7 @@
 mod block;
 
 use super::gather::{Gather, Values};
-use super::{ImportError, Imported, MOST_EXPANSION};
+use super::{ImportError, Imported, imported::MAX_DEFLATE_EXPANSION};
 use block::{Array, Coding, Data};
 use quick_xml::{Reader, XmlVersion, events::BytesStart, events::Event};
 use std::path::Path;
@@ -59,7 +59,7 @@ struct Document<'a> {
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     let document = structure(path, bytes)?;
     let Document { coding, pieces, ignored, .. } = &document;
-    coding.left.set(bytes.len().saturating_mul(if coding.zlib { MOST_EXPANSION } else { 1 }));
+    coding.left.set(bytes.len().saturating_mul(if coding.zlib { MAX_DEFLATE_EXPANSION } else { 1 }));
     let mut positions = Vec::new();
     for (index, piece) in pieces.iter().enumerate().filter(|(_, piece)| piece.count > 0) {
         let Some(points) = &piece.points else {

@@ -11,6 +11,7 @@
 mod air;
 mod areas;
 mod emit;
+mod estimate;
 mod field;
 mod filaments;
 pub(crate) mod job;
@@ -29,6 +30,7 @@ mod turbulence;
 mod walls;
 mod widths;
 
+pub(in crate::sim) use estimate::{MAX_TRACERS_AND_VORTONS, estimate, refuse_too_much};
 pub use field::{FrameAir, ShotAir};
 pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
 pub use record::SmokeRecord;

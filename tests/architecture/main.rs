@@ -3,8 +3,10 @@
 //! `src/lib.rs` lists the modules; a module uses only modules above it. Only `par` knows threads. What
 //! `ARCHITECTURE.md` names exists, and it names every module.
 
+mod imports;
+
+use imports::{Sources, code, cycles, imports};
 use std::{
-    collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
 };
@@ -15,12 +17,30 @@ const ORDER: [&str; 19] = [
     "export", "preset", "job", "sim", "scene", "run", "cli",
 ];
 
-/// Source text by path below the project's root.
-type Sources = BTreeMap<String, String>;
-
 #[test]
 fn modules_use_only_modules_above_them() {
     assert_eq!(back_edges(&sources()), Vec::<String>::new());
+}
+
+#[test]
+fn a_circle_of_imports_is_found_through_re_exports() {
+    let sources: Sources = [
+        ("src/a/mod.rs", "mod b;\nmod c;\npub use b::B;\npub(crate) use c::{C, D as E};\nuse b::B;\n"),
+        ("src/a/b.rs", "use super::{C, E};\nfn f() {}\n#[cfg(test)]\nmod tests {\n    use crate::x::Y;\n}\n"),
+        ("src/a/c.rs", "// use super::B;\npub struct C(&'static str);\n"),
+        ("src/a/d.rs", "use crate::a;\nfn f() { a::B::new() }\n"),
+        ("src/x.rs", "fn f() { crate::a::d::g() }\n"),
+    ]
+    .map(|(path, text)| (path.to_owned(), text.to_owned()))
+    .into();
+    assert_eq!(cycles(&imports(&sources)), Vec::<Vec<String>>::new());
+    let planted = |path: &str, text: &str| {
+        let mut sources = sources.clone();
+        sources.insert(path.into(), text.into());
+        cycles(&imports(&sources))
+    };
+    assert_eq!(planted("src/a/c.rs", "use super::B;\n"), [["src/a/b.rs", "src/a/c.rs"]]);
+    assert_eq!(planted("src/a/b.rs", "use crate::x::Y;\n"), [["src/a/b.rs", "src/a/d.rs", "src/x.rs"]]);
 }
 
 #[test]
@@ -67,7 +87,10 @@ fn a_back_edge_and_an_unlisted_module_are_found() {
         (back_edges(&sources).len(), unlisted(&sources).len())
     };
     assert_eq!(planted("src/grid/planted.rs", "use crate::mesh::Mesh;"), (1, 0));
-    assert_eq!(planted("src/grid/planted.rs", "use crate::{math::Vec3, run::{a, b}, cli};"), (2, 0));
+    assert_eq!(
+        planted("src/grid/planted.rs", "use crate::{math::Vec3, mesh::{Mesh, check}, cache::Lock};"),
+        (2, 0)
+    );
     assert_eq!(planted("src/grid/planted.rs", "fn f() { crate::sim::x() }"), (1, 0));
     assert_eq!(planted("src/grid/planted.rs", "use super::super::mesh::Mesh;"), (1, 0));
     assert_eq!(planted("src/grid/planted.rs", "// use crate::mesh::Mesh;\nuse crate::par;"), (0, 0));
@@ -75,16 +98,14 @@ fn a_back_edge_and_an_unlisted_module_are_found() {
     assert_eq!(planted("src/extra.rs", ""), (0, 1));
 }
 
-/// Every use of a module that stands below the user.
+/// Every import of a module below the importing one.
 fn back_edges(sources: &Sources) -> Vec<String> {
-    let place = |module: &str| ORDER.iter().position(|&name| name == module);
+    let place = |path: &str| ORDER.iter().position(|&name| Some(name) == module_of(path));
     let mut found = Vec::new();
-    for (path, text) in sources {
-        let Some(user) = module_of(path).and_then(place) else { continue };
-        let code = code(text);
-        for used in used_modules(&code).iter().filter_map(|name| place(name)) {
-            if used > user {
-                found.push(format!("{path} uses {}", ORDER[used]));
+    for (path, targets) in imports(sources) {
+        for target in targets {
+            if place(&target) > place(&path) && place(&path).is_some() {
+                found.push(format!("{path} imports {target}"));
             }
         }
     }
@@ -109,39 +130,6 @@ fn unlisted(sources: &Sources) -> Vec<String> {
     found
 }
 
-/// The names that follow `crate::` or `super::`, directly or in a group.
-fn used_modules(code: &str) -> Vec<String> {
-    let mut found = Vec::new();
-    for (at, root) in code.match_indices("crate::").chain(code.match_indices("super::")) {
-        let rest = code[at + root.len()..].trim_start();
-        match rest.strip_prefix('{') {
-            None => found.push(first_word(rest)),
-            Some(group) => {
-                let mut depth = 0;
-                let mut item = String::new();
-                for c in group.chars() {
-                    match c {
-                        '}' if depth == 0 => break,
-                        '{' => depth += 1,
-                        '}' => depth -= 1,
-                        ',' if depth == 0 => found.push(first_word(&std::mem::take(&mut item))),
-                        _ => {}
-                    }
-                    if c != ',' || depth > 0 {
-                        item.push(c);
-                    }
-                }
-                found.push(first_word(&item));
-            }
-        }
-    }
-    found
-}
-
-fn first_word(text: &str) -> String {
-    text.trim_start().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect()
-}
-
 /// The module a source file belongs to; none for `lib.rs` and `main.rs`.
 fn module_of(path: &str) -> Option<&str> {
     let inside = path.strip_prefix("src/")?;
@@ -149,11 +137,6 @@ fn module_of(path: &str) -> Option<&str> {
         Some((module, _)) => Some(module),
         None => inside.strip_suffix(".rs").filter(|name| !["lib", "main"].contains(name)),
     }
-}
-
-/// The text without its line comments.
-fn code(text: &str) -> String {
-    text.lines().map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
 }
 
 fn sources() -> Sources {

@@ -1,0 +1,71 @@
+//! What the command line prints: results on stdout, reports and errors on stderr.
+
+use super::args::ProgressStyle;
+use crate::run::RunError;
+
+/// Prints a line on stderr; write errors on a closed stderr are ignored.
+pub(super) fn say(text: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Reports on stderr why a job stopped, in the style of its progress; problems of a preset are shown in its text.
+pub(super) fn report_error(why: &RunError, style: ProgressStyle) {
+    match style {
+        ProgressStyle::Json => {
+            let data = serde_json::json!({ "text": why.to_string() });
+            return say(&serde_json::json!({ "event": "error", "data": data }).to_string());
+        }
+        ProgressStyle::Openjd => open_jd(&format!("openjd_fail: {}", one_line(&why.to_string()))),
+        _ => {}
+    }
+    match why {
+        RunError::Scene(scene) => say(&diagnostic(scene)),
+        RunError::Interrupted => say(&why.to_string()),
+        other => say(&format!("error: {other}")),
+    }
+}
+
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// A preset's problems with the lines they are on, plain where colours or line art are not wanted.
+fn diagnostic(problem: &dyn miette::Diagnostic) -> String {
+    use std::io::IsTerminal;
+    let fancy = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let theme = if fancy {
+        miette::GraphicalTheme::unicode()
+    } else {
+        miette::GraphicalTheme {
+            characters: miette::ThemeCharacters::ascii(),
+            styles: miette::ThemeStyles::none(),
+        }
+    };
+    let mut text = String::new();
+    let shown =
+        miette::GraphicalReportHandler::new_themed(theme).with_links(false).render_report(&mut text, problem);
+    match shown {
+        Ok(()) => text,
+        Err(_) => problem.to_string(),
+    }
+}
+
+/// Prints a result; a reader that went away (`meniscus info … | head`) is no failure.
+pub(super) fn print(text: &str) -> Result<(), RunError> {
+    use std::io::{ErrorKind, Write};
+    match writeln!(std::io::stdout(), "{}", text.trim_end()) {
+        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(RunError::File {
+            path: "standard output".into(),
+            source,
+            next: "send it to a place that can be written; what the job made is kept",
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line for the render farm's agent; write errors on a closed stdout are ignored.
+pub(super) fn open_jd(line: &str) {
+    use std::io::Write;
+    let _ = writeln!(std::io::stdout(), "{line}");
+}

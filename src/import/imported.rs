@@ -1,0 +1,16 @@
+//! What readers of particle files give, and a bound that they share.
+
+use crate::frame::Stream;
+
+/// Particles read from a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Imported {
+    /// The stream "particles": `position`, `velocity` and `id` where the file has them, and every other
+    /// attribute of one or three floats, or of one integer that fits 32 bits without a sign.
+    pub stream: Stream,
+    /// Attributes that were not taken, and why.
+    pub ignored: Vec<String>,
+}
+
+/// Deflate expands at most so many times.
+pub(super) const MAX_DEFLATE_EXPANSION: usize = 1032;

@@ -1,0 +1,21 @@
+//! The registry: every system of the tool.
+
+use super::{
+    coupling::job::Couplings,
+    liquid::job::Liquid,
+    scene::Scene,
+    sheet::job::Sheets,
+    smoke::job::Smoke,
+    system::{System, mesh_file},
+};
+
+/// Every system, in the order in which they are checked and reported.
+pub(crate) static ALL: [&dyn System; 4] = [&Liquid, &Smoke, &Sheets, &Couplings];
+
+/// The file of every mesh of a scene, with the dotted key of the mesh.
+pub(crate) fn mesh_files(scene: &Scene) -> Vec<(String, &str)> {
+    let colliders = scene.world.collider.iter().enumerate();
+    let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
+    let systems = ALL.iter().flat_map(|system| system.mesh_files(scene));
+    colliders.filter_map(mesh_file).chain(systems).collect()
+}
