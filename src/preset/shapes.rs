@@ -63,6 +63,20 @@ pub(crate) fn check_motion(
     }
 }
 
+/// What is wrong with the shape of the source or emitter at `path`: it is no shape, or it is unbounded.
+pub(crate) fn source_finding(path: &str, shape: &Shape, places: &Places) -> Option<Finding> {
+    let key = format!("{path}.shape.{}", name(shape));
+    if let Err(error) = shape.check() {
+        return Some(shape_finding(&key, error, places));
+    }
+    matches!(shape, Shape::Plane { .. } | Shape::Tank { .. }).then(|| {
+        let message = format!("`{path}` cannot be filled: a {} is unbounded", name(shape));
+        let label = format!("found a {}, expected a bounded shape", name(shape));
+        Finding::new(places.of(&key), &key, message, label)
+            .with_help("use `box`, `sphere`, `capsule`, `torus`, `ellipsoid` or `mesh`")
+    })
+}
+
 /// The diagnostic for a shape that is not one.
 pub(crate) fn shape_finding(path: &str, error: ShapeError, places: &Places) -> Finding {
     let key = format!("{path}.{}", error.field());

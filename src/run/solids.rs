@@ -6,10 +6,7 @@ use crate::{
     import::{self, ImportError},
     scene::{Asset, Scene},
     sdf::{self, SAMPLED_VERSION, Sampled},
-    sim::{
-        liquid::SourceShape,
-        sheet::{SheetMesh, SheetParams, SheetShape, SheetsCommon},
-    },
+    sim::sheet::{SheetMesh, SheetParams, SheetShape, SheetsCommon},
     solid::{MeshShape, Shape},
 };
 use std::{collections::BTreeMap, path::Path, sync::Arc};
@@ -32,7 +29,7 @@ pub(super) fn fill(
     });
     let sources = scene.liquid.iter_mut().flat_map(|liquid| &mut liquid.source);
     let sources = sources.filter_map(|source| match &mut source.shape {
-        SourceShape::Mesh(mesh) => Some(mesh),
+        Shape::Mesh(mesh) => Some(mesh),
         _ => None,
     });
     let smoke = scene.smoke.iter_mut().flat_map(|smoke| smoke.shapes_mut());

@@ -70,6 +70,19 @@ fn units_and_defaults_arrive_in_the_scene() {
 }
 
 #[test]
+fn every_bounded_shape_of_a_collider_is_a_liquid_source() {
+    for shape in [
+        "sphere = { center = [0, 0, 1], radius = 1 }",
+        "capsule = { from = [0, 0, 1], to = [1, 0, 1], radius = 0.5 }",
+        "torus = { center = [0, 0, 1], axis = [0, 0, 1], radius = 1, tube = \"20 cm\" }",
+        "ellipsoid = { center = [0, 0, 1], radii = [1, 0.5, 0.5] }",
+    ] {
+        let scene = read(&bad("box = { min = [0, 0, 0], max = [\"100 cm\", 1, 1] }", shape)).unwrap();
+        assert_eq!(scene, read(&scene.to_toml()).unwrap(), "{shape}");
+    }
+}
+
+#[test]
 fn each_mistake_is_shown_where_it_stands() {
     // Text replaced, by what, line, column, words of the rendered message, nearest valid word.
     type Case = (&'static str, &'static str, usize, usize, &'static [&'static str], Option<&'static str>);
@@ -125,6 +138,23 @@ fn each_mistake_is_shown_where_it_stands() {
         ("{ plane = { point = [0, 0, 0], normal = [0, 0, 1] } }", "{}", 7, 1, &["an empty table"], None),
         ("normal = [0, 0, 1]", "normal = [0, 0, 0]", 7, 40, &["length zero"], None),
         ("min = [0, 0, 0], max", "min = [0, 2, 0], max", 13, 36, &["not above `min` on the y axis"], None),
+        (
+            "box = { min = [0, 0, 0], max = [\"100 cm\", 1, 1] }",
+            "plane = { point = [0, 0, 0], normal = [0, 0, 1] }",
+            13,
+            11,
+            &["`liquid.source.0` cannot be filled: a plane is unbounded", "use `box`, `sphere`"],
+            None,
+        ),
+        ("{ box = {", "{ tank = {", 13, 11, &["found a tank, expected a bounded shape"], None),
+        (
+            "box = { min = [0, 0, 0], max = [\"100 cm\", 1, 1] }",
+            "torus = { center = [0, 0, 0], axis = [0, 0, 1], radius = 1, tube = 2 }",
+            13,
+            75,
+            &["`tube` is not above zero, or not below `radius`"],
+            None,
+        ),
         ("[[liquid.source]]", "[liquid.source]", 12, 1, &["double brackets"], None),
         ("[[world.collider]]", "[[world.colliders]]", 6, 9, &["valid keys"], Some("collider")),
         ("[liquid]\n", "[[liquid]]\n", 9, 1, &["single brackets"], None),

@@ -1,22 +1,23 @@
-//! The analytic shapes a preset can name.
+//! The shapes of colliders and sources.
 
 use super::MeshShape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A shape about its own origin: the world's, unless the collider moves. Lengths are in metres; no dimension may be zero or negative.
+/// A shape about its own origin: the world's, unless the shape moves. Lengths are in metres; no dimension may be zero or
+/// negative.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
-    /// Everything behind a plane is solid.
+    /// Everything behind a plane: unbounded, so no source.
     Plane {
         /// A point on the plane [m].
         #[schemars(extend("unit" = "m"))]
         point: [f32; 3],
-        /// Points out of the solid; any length but zero.
+        /// Direction out of the solid; any length but zero.
         normal: [f32; 3],
     },
-    /// A solid box.
+    /// A box.
     Box {
         /// Lower corner [m].
         #[schemars(extend("unit" = "m"))]
@@ -25,7 +26,7 @@ pub enum Shape {
         #[schemars(extend("unit" = "m"))]
         max: [f32; 3],
     },
-    /// A solid ball.
+    /// A ball.
     Sphere {
         /// Centre [m].
         #[schemars(extend("unit" = "m"))]
@@ -34,7 +35,7 @@ pub enum Shape {
         #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
         radius: f32,
     },
-    /// A solid cylinder with round ends.
+    /// A cylinder with round ends.
     Capsule {
         /// One end of the axis [m].
         #[schemars(extend("unit" = "m"))]
@@ -69,7 +70,7 @@ pub enum Shape {
         #[schemars(extend("unit" = "m"))]
         radii: [f32; 3],
     },
-    /// A closed container: everything outside the box is solid.
+    /// A closed container, everything outside of a box: unbounded, so no source.
     Tank {
         /// Lower inner corner [m].
         #[schemars(extend("unit" = "m"))]
@@ -78,6 +79,6 @@ pub enum Shape {
         #[schemars(extend("unit" = "m"))]
         max: [f32; 3],
     },
-    /// A solid that a file describes.
+    /// The inside of a triangle mesh from a file.
     Mesh(MeshShape),
 }

@@ -213,7 +213,7 @@ fn a_mesh_is_filled_with_liquid() {
     let mut shape = MeshShape::new("made here");
     (shape.scale, shape.rotate, shape.translate) = (0.5, [0.0, 0.0, 90.0], [0.1, 0.2, 0.3]);
     let shape = filled(shape, [0.0; 3], [1.0, 0.6, 0.4], 64);
-    params.source[0].shape = meniscus::sim::liquid::SourceShape::Mesh(shape);
+    params.source[0].shape = Shape::Mesh(shape);
     let space = World { gravity: Vec3::zeros(), solids: Vec::new() };
     let x = positions(&simulation(space, params));
     let volume = x.len() as f32 * 0.02_f32.powi(3);

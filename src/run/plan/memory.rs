@@ -7,7 +7,6 @@ use crate::{
     grid::BRICK,
     mesh::SurfaceParams,
     scene::Scene,
-    sim::liquid::SourceShape,
     solid::{MeshShape, Shape},
 };
 use std::collections::BTreeMap;
@@ -101,7 +100,7 @@ impl Solids {
         });
         let sources = scene.liquid.iter().flat_map(|liquid| &liquid.source);
         let sources = sources.filter_map(|source| match &source.shape {
-            SourceShape::Mesh(mesh) => Some(mesh),
+            Shape::Mesh(mesh) => Some(mesh),
             _ => None,
         });
         let smoke = scene.smoke.iter().flat_map(|smoke| smoke.shapes());

@@ -35,7 +35,7 @@ mod walls;
 pub(super) use company::{Company, Particles};
 pub use params::{
     ArtificialPressure, Constraint, Kernel, LiquidChannel, LiquidParams, LiquidSource, SolverKind,
-    SourceShape, VorticityConfinement, Xsph,
+    VorticityConfinement, Xsph,
 };
 
 use super::{

@@ -1,6 +1,6 @@
 //! What a preset can say about a liquid.
 
-use crate::solid::MeshShape;
+use crate::solid::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -205,38 +205,13 @@ impl Default for Xsph {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LiquidSource {
-    /// The volume.
-    pub shape: SourceShape,
-    /// Its velocity at the start [m/s].
+    /// The volume to fill: any shape but `plane` and `tank`, which are unbounded. A box is filled from its lower corner,
+    /// a mesh on the seeding lattice through the world's origin, any other shape symmetrically about its centre.
+    pub shape: Shape,
+    /// Velocity at the start [m/s].
     #[serde(default)]
     #[schemars(extend("unit" = "m/s"))]
     pub velocity: [f32; 3],
-}
-
-/// The shape of a source.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum SourceShape {
-    /// A box.
-    Box {
-        /// Lower corner [m].
-        #[schemars(extend("unit" = "m"))]
-        min: [f32; 3],
-        /// Upper corner [m], above `min` on every axis.
-        #[schemars(extend("unit" = "m"))]
-        max: [f32; 3],
-    },
-    /// A ball.
-    Sphere {
-        /// Centre [m].
-        #[schemars(extend("unit" = "m"))]
-        center: [f32; 3],
-        /// Radius [m].
-        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
-        radius: f32,
-    },
-    /// The inside of a mesh. Particles stand on the lattice through the world's origin, half a spacing off it.
-    Mesh(MeshShape),
 }
 
 mod defaults {

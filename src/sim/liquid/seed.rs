@@ -1,11 +1,13 @@
 //! Filling sources with particles on the cubic lattice.
 
-use super::{LiquidParams, SourceShape, rest::Rest, walls::Walls};
+use super::{LiquidParams, rest::Rest, walls::Walls};
 use crate::{
     math::Vec3,
     sim::{SeedReport, SetupError},
+    solid::Shape,
     space::CellGrid,
 };
+use nalgebra::Vector3;
 
 /// A particle is left out where an earlier source has one closer than this many spacings: lattices that meet
 /// out of step would start compressed (0.8 gives 20 % over rest density along the seam) and fly apart.
@@ -79,40 +81,49 @@ pub(super) fn ends(ids: &[u32], sources: &[u32]) -> Vec<u32> {
     ends
 }
 
-/// The first lattice point of a shape [m] and the number of points along each axis.
-fn lattice(shape: &SourceShape, spacing: f32) -> ([f64; 3], [f64; 3]) {
+/// The first lattice point of a shape [m] and the number of points along each axis, none for an unbounded shape.
+fn lattice(shape: &Shape, spacing: f32) -> ([f64; 3], [f64; 3]) {
     let s = f64::from(spacing);
     match *shape {
-        SourceShape::Box { min, max } => {
+        Shape::Box { min, max } => {
             let count = |axis: usize| ((f64::from(max[axis]) - f64::from(min[axis])) / s).round().max(0.0);
             (min.map(|m| f64::from(m) + 0.5 * s), [count(0), count(1), count(2)])
         }
-        SourceShape::Sphere { center, radius } => {
+        Shape::Sphere { center, radius } => {
             let half = (f64::from(radius) / s).ceil();
             (center.map(|c| f64::from(c) - (half - 0.5) * s), [2.0 * half; 3])
         }
-        SourceShape::Mesh(ref mesh) => {
+        Shape::Mesh(ref mesh) => {
             let (low, high) = mesh.bounds();
             let first = |axis: usize| (f64::from(low[axis]) / s).floor() + 0.5;
             let count = |axis: usize| (f64::from(high[axis]) / s + 0.5 - first(axis)).floor().max(0.0);
             ([0, 1, 2].map(|axis| first(axis) * s), [count(0), count(1), count(2)])
         }
+        Shape::Capsule { .. } | Shape::Torus { .. } | Shape::Ellipsoid { .. } => {
+            let (low, high) =
+                shape.bounds().map_or_else(Default::default, |(low, high)| (low.cast(), high.cast()));
+            let half: Vector3<f64> = ((high - low) / (2.0 * s)).map(f64::ceil);
+            let first = (low + high) / 2.0 - half.add_scalar(-0.5) * s;
+            (first.into(), (half * 2.0).into())
+        }
+        Shape::Plane { .. } | Shape::Tank { .. } => ([0.0; 3], [0.0; 3]),
     }
 }
 
 /// Whether a lattice point belongs to the shape.
-fn contains(shape: &SourceShape, x: Vec3) -> bool {
+fn contains(shape: &Shape, x: Vec3) -> bool {
     match *shape {
-        SourceShape::Box { .. } => true,
-        SourceShape::Sphere { center, radius } => (x - Vec3::from(center)).norm() <= radius,
-        SourceShape::Mesh(ref mesh) => mesh.contains(x),
+        Shape::Box { .. } => true,
+        Shape::Sphere { center, radius } => (x - Vec3::from(center)).norm() <= radius,
+        Shape::Mesh(ref mesh) => mesh.contains(x),
+        _ => shape.signed_distance(x) <= 0.0,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solid::{Shape, Solid};
+    use crate::solid::Solid;
 
     fn seeds(text: &str, shapes: Vec<Shape>) -> Result<Seeds, SetupError> {
         let params: LiquidParams = toml::from_str(text).expect("the preset is valid");
@@ -138,10 +149,40 @@ mod tests {
     }
 
     #[test]
-    fn a_ball_has_its_volume() {
-        let seeds = seeds(&sources(&["sphere = { center = [5, 0, 0.3], radius = 0.2 }"]), vec![]).unwrap();
-        let volume = seeds.report.particles as f32 * 0.02_f32.powi(3);
-        assert!((volume / (4.18879 * 0.2_f32.powi(3)) - 1.0).abs() < 0.02, "{volume}");
+    fn round_sources_hold_particles_for_their_volume_and_are_symmetric() {
+        let pi = std::f32::consts::PI;
+        let cases = [
+            ("sphere = { center = [5, 0, 0.3], radius = 0.2 }", 4.0 / 3.0 * pi * 0.2_f32.powi(3)),
+            (
+                "capsule = { from = [4.7, 0, 0.3], to = [5.3, 0, 0.3], radius = 0.15 }",
+                pi * 0.15_f32.powi(2) * (0.6 + 4.0 / 3.0 * 0.15),
+            ),
+            (
+                "torus = { center = [5, 0, 0.3], axis = [0, 0, 1], radius = 0.3, tube = 0.12 }",
+                2.0 * pi.powi(2) * 0.3 * 0.12_f32.powi(2),
+            ),
+            (
+                "ellipsoid = { center = [5, 0, 0.3], radii = [0.3, 0.2, 0.15] }",
+                4.0 / 3.0 * pi * 0.3 * 0.2 * 0.15,
+            ),
+        ];
+        for (shape, expected) in cases {
+            let positions = seeds(&sources(&[shape]), vec![]).unwrap().positions;
+            let volume = positions.len() as f32 * 0.02_f32.powi(3);
+            assert!((volume / expected - 1.0).abs() < 0.02, "{shape}: {volume} of {expected}");
+            let mean = positions.iter().sum::<Vec3>() / positions.len() as f32;
+            assert!((mean - Vec3::new(5.0, 0.0, 0.3)).amax() < 1e-4, "{shape}: {mean:?}");
+        }
+    }
+
+    #[test]
+    fn unbounded_shapes_hold_no_particle() {
+        for shape in [
+            "plane = { point = [0, 0, 0], normal = [0, 0, 1] }",
+            "tank = { min = [0, 0, 0], max = [1, 1, 1] }",
+        ] {
+            assert_eq!(seeds(&sources(&[shape]), vec![]).unwrap_err(), SetupError::NoParticles, "{shape}");
+        }
     }
 
     #[test]

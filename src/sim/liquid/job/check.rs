@@ -1,9 +1,9 @@
 //! Checks of what a preset says about the liquid, once every value is valid on its own.
 
 use crate::{
-    preset::{check::Places, problem::Finding, shapes::shape_finding},
+    preset::{check::Places, problem::Finding, shapes::source_finding},
     sim::{
-        liquid::{LiquidChannel, LiquidParams, SourceShape},
+        liquid::{LiquidChannel, LiquidParams},
         scene::Scene,
     },
     solid::Shape,
@@ -54,14 +54,7 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
         );
     }
     for (index, source) in liquid.source.iter().enumerate() {
-        let (path, shape) = match source.shape.clone() {
-            SourceShape::Box { min, max } => ("box", Shape::Box { min, max }),
-            SourceShape::Sphere { center, radius } => ("sphere", Shape::Sphere { center, radius }),
-            SourceShape::Mesh(mesh) => ("mesh", Shape::Mesh(mesh)),
-        };
-        if let Err(error) = shape.check() {
-            findings.push(shape_finding(&format!("liquid.source.{index}.shape.{path}"), error, places));
-        }
+        findings.extend(source_finding(&format!("liquid.source.{index}"), &source.shape, places));
     }
     check_particle_count(liquid, places, findings);
 }
@@ -91,14 +84,24 @@ pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
     volume / f64::from(liquid.spacing).powi(3)
 }
 
-/// The volume of a source [m³]; not above zero if it is turned inside out.
-fn volume(shape: &SourceShape) -> f64 {
+/// Volume of a source [m³]; zero for meshes and unbounded shapes, not above zero for invalid dimensions.
+fn volume(shape: &Shape) -> f64 {
+    use std::f64::consts::PI;
     match shape {
-        SourceShape::Box { min, max } => {
+        Shape::Box { min, max } => {
             (0..3).map(|axis| (f64::from(max[axis]) - f64::from(min[axis])).max(0.0)).product()
         }
-        SourceShape::Sphere { radius, .. } => 4.0 / 3.0 * std::f64::consts::PI * f64::from(*radius).powi(3),
-        SourceShape::Mesh(_) => 0.0,
+        Shape::Sphere { radius, .. } => 4.0 / 3.0 * PI * f64::from(*radius).powi(3),
+        Shape::Capsule { from, to, radius } => {
+            let square = |axis: usize| (f64::from(to[axis]) - f64::from(from[axis])).powi(2);
+            let length = (0..3).map(square).sum::<f64>().sqrt();
+            PI * f64::from(*radius).powi(2) * (length + 4.0 / 3.0 * f64::from(*radius))
+        }
+        Shape::Torus { radius, tube, .. } => 2.0 * PI * PI * f64::from(*radius) * f64::from(*tube).powi(2),
+        Shape::Ellipsoid { radii, .. } => {
+            4.0 / 3.0 * PI * radii.iter().map(|&r| f64::from(r)).product::<f64>()
+        }
+        Shape::Plane { .. } | Shape::Tank { .. } | Shape::Mesh(_) => 0.0,
     }
 }
 

@@ -2,10 +2,13 @@
 
 pub(crate) mod check;
 
-use super::{LiquidParams, SourceShape};
+use super::LiquidParams;
 use crate::{
     preset::{check::Places, problem::Finding},
-    sim::{scene::Scene, system::System},
+    sim::{
+        scene::Scene,
+        system::{System, mesh_file},
+    },
 };
 
 /// The liquid, as jobs see it.
@@ -34,10 +37,7 @@ impl System for Liquid {
 
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
         let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
-        let files = sources.filter_map(|(i, source)| match &source.shape {
-            SourceShape::Mesh(mesh) => Some((format!("liquid.source.{i}.shape.mesh"), mesh.file.as_str())),
-            _ => None,
-        });
-        files.collect()
+        let shapes = sources.map(|(i, source)| (format!("liquid.source.{i}.shape"), &source.shape));
+        shapes.filter_map(mesh_file).collect()
     }
 }

@@ -4,7 +4,7 @@ use crate::{
     preset::{
         check::Places,
         problem::Finding,
-        shapes::{check_motion, name, shape_finding},
+        shapes::{check_motion, source_finding},
     },
     sim::{
         scene::Scene,
@@ -50,16 +50,7 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
         direction(&way, &format!("smoke.tube.{index}.to"), places, findings);
     }
     for (path, shape) in smoke.shapes() {
-        let path = format!("smoke.{path}");
-        let key = format!("{path}.shape.{}", name(shape));
-        if let Err(error) = shape.check() {
-            findings.push(shape_finding(&key, error, places));
-        } else if matches!(shape, Shape::Plane { .. } | Shape::Tank { .. }) {
-            let message = format!("`{path}` cannot be filled: a {} has no end", name(shape));
-            let label = format!("found a {}", name(shape));
-            let help = "use a box, a sphere, a capsule or a mesh";
-            findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
-        }
+        findings.extend(source_finding(&format!("smoke.{path}"), shape, places));
     }
     for (index, emitter) in smoke.emitter.iter().enumerate() {
         let path = format!("smoke.emitter.{index}");
