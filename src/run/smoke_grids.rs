@@ -10,7 +10,7 @@ use crate::{
     grid::{BRICK_NODES, is_set, node_of},
     math::Vec3,
     mesh::SurfaceParams,
-    sim::{smoke::FrameAir, vortex::Unfit},
+    sim::{smoke::FrameAir, vortex::OutOfRange},
 };
 use std::path::Path;
 
@@ -44,7 +44,7 @@ pub(super) enum NoGrids {
     /// A channel is not there.
     Missing(&'static str),
     /// The air's velocity cannot be found.
-    Unfit(Unfit),
+    OutOfRange(OutOfRange),
     /// The user stops the job.
     Interrupted,
 }
@@ -75,7 +75,7 @@ impl SmokeGrids {
         let mut stats = SmokeStats::default();
         let mut padding = 0;
         if let Some(air) = air {
-            let speeds = air.velocity(positions).map_err(NoGrids::Unfit)?;
+            let speeds = air.velocity(positions).map_err(NoGrids::OutOfRange)?;
             let fastest = speeds.iter().map(|v| v.norm()).fold(0.0, f32::max);
             let nodes = (fastest * shutter / voxel).ceil() + 1.0;
             stats.short = nodes > MOST_PADDING;
@@ -87,7 +87,7 @@ impl SmokeGrids {
         let carried = carried(positions, [density?, temperature?], &fields);
         go_on()?;
         let velocity = match air {
-            Some(air) => velocities(&carried, voxel, air, slower as f32).map_err(NoGrids::Unfit)?,
+            Some(air) => velocities(&carried, voxel, air, slower as f32).map_err(NoGrids::OutOfRange)?,
             None => Vec::new(),
         };
         (stats.bricks, stats.too_far) = (carried.bricks.len(), carried.too_far);
@@ -120,7 +120,12 @@ impl SmokeGrids {
 }
 
 /// The air's velocity over `slower` at the nodes near smoke, zero elsewhere.
-fn velocities(carried: &Carried<2>, voxel: f32, air: &FrameAir, slower: f32) -> Result<Vec<Vec3>, Unfit> {
+fn velocities(
+    carried: &Carried<2>,
+    voxel: f32,
+    air: &FrameAir,
+    slower: f32,
+) -> Result<Vec<Vec3>, OutOfRange> {
     let near = (0..carried.bricks.len()).flat_map(|brick| {
         let mask = carried.near[brick];
         (0..BRICK_NODES).filter(move |&place| is_set(&mask, place)).map(move |place| (brick, place))

@@ -305,8 +305,8 @@ pub(super) fn write_smoke(
             made.fail(format!("the tracers have no {what}; simulate the shot again"), Failure::Other);
             return Ok(());
         }
-        Err(NoGrids::Unfit(unfit)) => {
-            made.fail(no_air(&SetupError::from(unfit)), Failure::Other);
+        Err(NoGrids::OutOfRange(error)) => {
+            made.fail(no_air(&SetupError::from(error)), Failure::Other);
             return Ok(());
         }
     };
@@ -338,8 +338,8 @@ pub(super) fn write_smoke(
 /// Why a cached frame has no velocities of the air.
 pub(super) fn no_air(why: &(dyn std::error::Error + 'static)) -> String {
     match why.downcast_ref() {
-        Some(SetupError::Unfit(unfit)) => {
-            format!("the air's velocity cannot be computed: {unfit}; simulate the shot again")
+        Some(SetupError::OutOfRange(error)) => {
+            format!("the air's velocity cannot be computed: {error}; simulate the shot again")
         }
         _ => why.to_string(),
     }

@@ -1,6 +1,6 @@
 //! What a simulation starts from, and why it cannot start.
 
-use super::{coupling::CouplingError, sheet::SheetError, vortex::Unfit};
+use super::{coupling::CouplingError, sheet::SheetError, vortex::OutOfRange};
 use crate::{job::RunError, math::Vec3, solid::Solid};
 
 /// What surrounds the systems.
@@ -46,7 +46,7 @@ pub enum SetupError {
     },
     /// Vortons at the start are outside what can be computed.
     #[error("the smoke cannot start: {0}; check the rings, tubes and the turbulence")]
-    Unfit(#[from] Unfit),
+    OutOfRange(#[from] OutOfRange),
     /// The sheets cannot be what the preset says.
     #[error(transparent)]
     Sheets(#[from] SheetError),

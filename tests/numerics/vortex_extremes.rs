@@ -3,7 +3,7 @@
 use crate::vortex::{KERNELS, Shape, apart, cloud, velocity};
 use meniscus::{
     math::Vec3,
-    sim::vortex::{Induced, Kernel, Method, Quantity, SMALLEST_CORE, Targets, Unfit, Vortons, induced},
+    sim::vortex::{Induced, Kernel, Method, OutOfRange, Quantity, SMALLEST_CORE, Targets, Vortons, induced},
 };
 
 /// Everything at the vortons and at a few points; all of it has to be finite.
@@ -101,10 +101,10 @@ fn what_is_no_number_is_refused() {
     let refused = |vortons: &Vortons, targets| {
         induced(vortons, targets, Quantity::Velocity, Kernel::default(), Method::Direct).unwrap_err()
     };
-    let unfit: Unfit = refused(&vortons, Targets::Vortons);
+    let error: OutOfRange = refused(&vortons, Targets::Vortons);
     assert!(
-        unfit.index == 7 && unfit.to_string().starts_with("number 7 of the vortons has the strength"),
-        "{unfit}"
+        error.index == 7 && error.to_string().starts_with("number 7 of the vortons has the strength"),
+        "{error}"
     );
     let points = [Vec3::zeros(), Vec3::repeat(f32::INFINITY)];
     assert_eq!(refused(&cloud(Shape::Cube, 3, false), Targets::Points(&points)).index, 1);

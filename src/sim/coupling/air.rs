@@ -87,11 +87,11 @@ impl<'a> Wind<'a> {
         par::fill(&mut places, middle);
         let at = |number: usize| {
             let air = &self.airs[number.min(self.airs.len() - 1)];
-            air.velocity(&places).map_err(|unfit| Diverged {
+            air.velocity(&places).map_err(|error| Diverged {
                 system: sheet::NAME,
                 substep: 0,
-                particle: unfit.index as u32,
-                what: format!("is a face where the air cannot be told: {unfit}"),
+                particle: error.index as u32,
+                what: format!("is a face where the air cannot be told: {error}"),
                 try_next: "a smaller coupling.drag or a larger smoke.flow.max_substeps",
             })
         };

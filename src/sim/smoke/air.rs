@@ -11,7 +11,7 @@ use crate::{
     sim::{
         World,
         vortex::{
-            Gradient, Kernel, Method, Quantity, Targets, Unfit, UnfitKind, Vortons,
+            ElementKind, Gradient, Kernel, Method, OutOfRange, Quantity, Targets, Vortons,
             flow::{Moment, Outside, Rates},
             induced, induced_both,
         },
@@ -102,12 +102,12 @@ impl Air {
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
-    pub(super) fn sources(&self, vortons: &Vortons, time: f64, spun: Spun) -> Result<Sources, Unfit> {
+    pub(super) fn sources(&self, vortons: &Vortons, time: f64, spun: Spun) -> Result<Sources, OutOfRange> {
         let Some(walls) = &self.walls else { return Ok(Sources::default()) };
         let panels = walls.sourced(time);
         let at: Vec<Vec3> = panels.iter().map(|placed| placed.panel.x).collect();
         let spin = self.spin(time, spun);
-        spin.check().map_err(|unfit| Unfit { kind: UnfitKind::Panels, ..unfit })?;
+        spin.check().map_err(|error| OutOfRange { kind: ElementKind::Panels, ..error })?;
         let mut free = self.free(vortons, &at)?;
         self.add(&spin, &at, &mut free)?;
         Ok(Sources { spin, ..walls.solve(&panels, &free) })
@@ -117,7 +117,7 @@ impl Air {
     ///
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
-    pub(super) fn velocity(&self, instant: Instant<'_>, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
+    pub(super) fn velocity(&self, instant: Instant<'_>, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
         let mut velocity = self.free(instant.vortons, points)?;
         self.add(&instant.sources.spin, points, &mut velocity)?;
         instant.sources.add_velocity(points, &mut velocity);
@@ -125,7 +125,7 @@ impl Air {
     }
 
     /// The part of it that does not come from sources.
-    fn free(&self, vortons: &Vortons, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
+    fn free(&self, vortons: &Vortons, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
         let mut velocity = vec![Vec3::zeros(); points.len()];
         self.add(vortons, points, &mut velocity)?;
         self.blow(&mut velocity);
@@ -148,7 +148,7 @@ impl Air {
     }
 
     /// Adds what `vortons` and their mirrored twins induce at points.
-    fn add(&self, vortons: &Vortons, points: &[Vec3], velocity: &mut [Vec3]) -> Result<(), Unfit> {
+    fn add(&self, vortons: &Vortons, points: &[Vec3], velocity: &mut [Vec3]) -> Result<(), OutOfRange> {
         if vortons.is_empty() || points.is_empty() {
             return Ok(());
         }
@@ -165,7 +165,7 @@ impl Air {
         [vortons, passengers]: [&[Vec3]; 2],
         turned: Option<&Walls>,
         rates: &mut Rates,
-    ) -> Result<(), Unfit> {
+    ) -> Result<(), OutOfRange> {
         if moving.is_empty() {
             return Ok(());
         }
@@ -179,12 +179,12 @@ impl Air {
         Ok(())
     }
 
-    fn induced(&self, vortons: &Vortons, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
+    fn induced(&self, vortons: &Vortons, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
         Ok(induced(vortons, Targets::Points(points), Quantity::Velocity, self.kernel, self.method)?.velocity)
     }
 
     /// Adds what the mirrored vortons induce at points.
-    fn mirror(&self, vortons: &Vortons, points: &[Vec3], velocity: &mut [Vec3]) -> Result<(), Unfit> {
+    fn mirror(&self, vortons: &Vortons, points: &[Vec3], velocity: &mut [Vec3]) -> Result<(), OutOfRange> {
         let walls = self.walls.as_ref();
         if let Some((walls, mirrored)) = walls.and_then(|walls| Some((walls, walls.mirrored(points)?))) {
             let found = self.induced(vortons, &mirrored)?;
@@ -205,7 +205,7 @@ impl Air {
     ///
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
-    pub(super) fn through(&self, instant: Instant<'_>, time: f64) -> Result<Option<Leak>, Unfit> {
+    pub(super) fn through(&self, instant: Instant<'_>, time: f64) -> Result<Option<Leak>, OutOfRange> {
         let found = self.leaks(instant, time)?;
         let most = found.iter().map(|leak| leak.free).fold(0.0, f64::max);
         // What is no number counts, and is the worst.
@@ -215,7 +215,7 @@ impl Air {
     }
 
     /// The same of every solid with panels.
-    fn leaks(&self, instant: Instant<'_>, time: f64) -> Result<Vec<Leak>, Unfit> {
+    fn leaks(&self, instant: Instant<'_>, time: f64) -> Result<Vec<Leak>, OutOfRange> {
         let Some(walls) = &self.walls else { return Ok(Vec::new()) };
         let witnesses = walls.witnesses(time);
         let at: Vec<Vec3> = witnesses.iter().flatten().map(|placed| placed.panel.x).collect();
@@ -240,7 +240,7 @@ impl Air {
 }
 
 impl Outside for Air {
-    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), Unfit> {
+    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), OutOfRange> {
         let vortons = now.vortons;
         self.blow(&mut rates.velocity);
         self.blow(&mut rates.passengers);

@@ -12,7 +12,7 @@ use crate::{
     math::Vec3,
     sim::{
         SetupError, World,
-        vortex::{Unfit, Vortons},
+        vortex::{OutOfRange, Vortons},
     },
 };
 
@@ -70,7 +70,7 @@ impl Air {
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
-    pub(super) fn around(&self, vortons: Vortons, time: f64, spun: Spun) -> Result<FrameAir, Unfit> {
+    pub(super) fn around(&self, vortons: Vortons, time: f64, spun: Spun) -> Result<FrameAir, OutOfRange> {
         let sources = self.sources(&vortons, time, spun)?;
         Ok(FrameAir { vortons, sources, air: self.clone(), time })
     }
@@ -94,7 +94,7 @@ impl FrameAir {
     ///
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
-    pub fn velocity(&self, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
+    pub fn velocity(&self, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
         let instant = Instant { vortons: &self.vortons, sources: &self.sources };
         let mut velocity = self.air.velocity(instant, points)?;
         if let Some(walls) = &self.air.walls {

@@ -42,7 +42,7 @@ use super::{
     record::{Clock, Seconds, SmokeSeeds},
     substep::advance_frame,
     vortex::{
-        Unfit, Vortons,
+        OutOfRange, Vortons,
         flow::{Flow, Medium, Span},
     },
 };
@@ -182,7 +182,7 @@ impl System {
     /// The air at `time` [s].
     fn air(&self, time: f64) -> Result<FrameAir, Diverged> {
         let air = self.air.around(self.flow.vortons.clone(), time, Spun::at(time));
-        air.map_err(|unfit| self.diverged(0, &unfit))
+        air.map_err(|error| self.diverged(0, &error))
     }
 
     /// Advances from `start` [s] by one frame of `seconds`; leaves the air at its start and after every step, if asked to.
@@ -213,7 +213,7 @@ impl System {
         record.tracers = self.tracers.len() as u64;
         let samples = self.frames.is_multiple_of(self.params.sample_every).then_some(SAMPLES);
         let account = clock.time("smoke_account", || self.account(samples, start + seconds, &mut record));
-        account.map_err(|unfit| self.diverged(last, &unfit))?;
+        account.map_err(|error| self.diverged(last, &error))?;
         Ok((record, clock.into_totals()))
     }
 
@@ -237,7 +237,7 @@ impl System {
         if self.pushes() {
             let pushed =
                 clock.time("smoke_push", || self.push(&emitted, then, report.seconds as f32, record));
-            pushed.map_err(|unfit| self.diverged(span.number, &unfit))?;
+            pushed.map_err(|error| self.diverged(span.number, &error))?;
         }
         self.tracers.add(emitted.seeds);
         if self.air.walls.is_some() {
@@ -245,7 +245,7 @@ impl System {
                 self.put_out(then, record);
                 self.shed(now, then, record)
             });
-            shed.map_err(|unfit| self.diverged(span.number, &unfit))?;
+            shed.map_err(|error| self.diverged(span.number, &error))?;
         }
         if self.fades() {
             let SmokeParams { dissolve, cooling, .. } = self.params;
@@ -258,7 +258,7 @@ impl System {
     }
 
     /// What the record tells of the end of a frame, at `time` [s].
-    fn account(&self, samples: Option<usize>, time: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
+    fn account(&self, samples: Option<usize>, time: f64, record: &mut SmokeRecord) -> Result<(), OutOfRange> {
         record.account = self.flow.account(samples)?;
         if self.air.walls.is_some() {
             let sources = self.air.sources(&self.flow.vortons, time, Spun::at(time))?;
@@ -279,9 +279,9 @@ impl System {
     }
 
     /// Says which vorton or point left what can be computed.
-    fn diverged(&self, substep: u32, unfit: &Unfit) -> Diverged {
+    fn diverged(&self, substep: u32, error: &OutOfRange) -> Diverged {
         let limits = "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps";
-        unfit.diverged(substep, &self.flow.id, "points that drift along", limits)
+        error.diverged(substep, &self.flow.id, "points that drift along", limits)
     }
 }
 

@@ -9,7 +9,7 @@ use super::{
 };
 use crate::{
     math::Vec3,
-    sim::vortex::{Unfit, Vortons},
+    sim::vortex::{OutOfRange, Vortons},
 };
 
 /// The least T/T₀ that counts: tracers colder than the air's absolute zero have no weight that could be told.
@@ -36,7 +36,7 @@ impl System {
         now: f64,
         dt: f32,
         record: &mut SmokeRecord,
-    ) -> Result<(), Unfit> {
+    ) -> Result<(), OutOfRange> {
         let volume = self.params.tracer_spacing().powi(3);
         let blown = emitted.blown.iter().zip(&emitted.seeds.position);
         let (at, blown): (Vec<Vec3>, Vec<Vec3>) = blown.filter_map(|(v, &x)| Some((x, (*v)?))).unzip();

@@ -18,7 +18,7 @@ use super::{
 use crate::{
     math::Vec3,
     par,
-    sim::vortex::{Unfit, Vortons, beyond},
+    sim::vortex::{OutOfRange, Vortons, beyond},
     space::CellGrid,
 };
 use nalgebra::Matrix3;
@@ -51,7 +51,7 @@ impl System {
     }
 
     /// Releases what slips along solids in a step from `now` to `then` [s], where they are at its end.
-    pub(super) fn shed(&mut self, now: f64, then: f64, record: &mut SmokeRecord) -> Result<(), Unfit> {
+    pub(super) fn shed(&mut self, now: f64, then: f64, record: &mut SmokeRecord) -> Result<(), OutOfRange> {
         let (Some(walls), Some(layer)) = (&self.air.walls, self.air.layer) else { return Ok(()) };
         let solids = walls.turning(then, Spun::at(now), 0.5 * layer);
         let panels =

@@ -10,7 +10,7 @@ use super::params::{SmokeParams, Turbulence};
 use crate::{
     math::{Random, Vec3},
     par,
-    sim::vortex::{Unfit, Vortons, flow::Flow},
+    sim::vortex::{OutOfRange, Vortons, flow::Flow},
 };
 use std::f32::consts::TAU;
 
@@ -31,7 +31,11 @@ struct Wave {
 ///
 /// # Errors
 /// If the velocities that the vortons induce cannot be found.
-pub(super) fn seed(turbulence: &Turbulence, params: &SmokeParams, out: &mut Vortons) -> Result<(), Unfit> {
+pub(super) fn seed(
+    turbulence: &Turbulence,
+    params: &SmokeParams,
+    out: &mut Vortons,
+) -> Result<(), OutOfRange> {
     let (spacing, core) = (params.spacing, params.core());
     let Some((low, high)) = turbulence.shape.bounds() else { return Ok(()) };
     let waves: Vec<Wave> = (0..WAVES).map(|k| wave(turbulence, k)).collect();

@@ -4,7 +4,7 @@
 //! one number τ = (SHRINK · θ)^q gives every order its largest angle. [`TABLE`] has the highest order and its angle for every
 //! error.
 
-use super::{Kernel, Method, Quantity, Targets, Unfit, Vortons, index::MAX_ORDER, induced};
+use super::{Kernel, Method, OutOfRange, Quantity, Targets, Vortons, index::MAX_ORDER, induced};
 use crate::math::Vec3;
 use std::ops::RangeInclusive;
 
@@ -73,7 +73,7 @@ fn with(error: f32, order: usize, angle: f32) -> Setting {
 /// all pairs; 0 where nothing moves. Costs `samples` times the number of vortons.
 ///
 /// # Errors
-/// [`Unfit`] as of [`induced`].
+/// [`OutOfRange`] as of [`induced`].
 ///
 /// # Panics
 /// If there are not as many velocities as targets.
@@ -83,7 +83,7 @@ pub fn sampled_error(
     kernel: Kernel,
     found: &[Vec3],
     samples: usize,
-) -> Result<f64, Unfit> {
+) -> Result<f64, OutOfRange> {
     let points = targets.positions(vortons);
     assert_eq!(points.len(), found.len(), "a velocity for every target");
     // Evenly through the targets.

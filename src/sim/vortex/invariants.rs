@@ -3,7 +3,7 @@
 //! *Method*: [winckelmans93]; sums in double precision. ΣΓ is kept by transpose stretching, the impulse and the angular impulse by
 //! any exact motion without walls; the energy and the helicity where nothing is viscous.
 
-use super::{Kernel, Method, Quantity, Targets, Unfit, Vortons, induced};
+use super::{Kernel, Method, OutOfRange, Quantity, Targets, Vortons, induced};
 use crate::par;
 use serde::{Deserialize, Serialize};
 
@@ -25,11 +25,11 @@ pub struct Invariants {
 /// Finds the invariants; the potential and the velocity that they need are found by `method`.
 ///
 /// # Errors
-/// [`Unfit`] as of [`induced`].
+/// [`OutOfRange`] as of [`induced`].
 ///
 /// # Panics
 /// As [`induced`].
-pub fn invariants(vortons: &Vortons, kernel: Kernel, method: Method) -> Result<Invariants, Unfit> {
+pub fn invariants(vortons: &Vortons, kernel: Kernel, method: Method) -> Result<Invariants, OutOfRange> {
     let potential = induced(vortons, Targets::Vortons, Quantity::Potential, kernel, method)?.potential;
     let velocity = induced(vortons, Targets::Vortons, Quantity::Velocity, kernel, method)?.velocity;
     let sum = |f: &(dyn Fn(Double, Double) -> f64 + Sync)| {

@@ -48,7 +48,7 @@ pub use accuracy::{ERRORS, sampled_error};
 pub use grid::{Field, Lattice, boundary_values, grid_errors, lattice, poisson};
 pub use invariants::{Invariants, invariants};
 pub use reach::beyond;
-pub use vortons::{LARGEST, SMALLEST_CORE, Unfit, UnfitKind, Vortons};
+pub use vortons::{ElementKind, LARGEST, OutOfRange, SMALLEST_CORE, Vortons};
 
 use crate::math::Vec3;
 use chain::{Ball, Gaussian, RosenheadMoore, WinckelmansLeonard};
@@ -131,7 +131,7 @@ pub struct Induced {
 /// Finds what `vortons` induce at `targets`. The same bits for any number of threads.
 ///
 /// # Errors
-/// [`Unfit`] if a vorton or a point is outside what the sums can hold.
+/// [`OutOfRange`] if a vorton or a point is outside what the sums can hold.
 ///
 /// # Panics
 /// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`], or that of
@@ -142,7 +142,7 @@ pub fn induced(
     quantity: Quantity,
     kernel: Kernel,
     method: Method,
-) -> Result<Induced, Unfit> {
+) -> Result<Induced, OutOfRange> {
     check(vortons, targets, kernel, method)?;
     Ok(match kernel {
         Kernel::Ball => with_kernel::<Ball>(vortons, targets, quantity, method),
@@ -166,7 +166,7 @@ pub fn induced_both(
     points: &[Vec3],
     kernel: Kernel,
     method: Method,
-) -> Result<(Induced, Vec<Vec3>), Unfit> {
+) -> Result<(Induced, Vec<Vec3>), OutOfRange> {
     check(vortons, targets, kernel, method)?;
     vortons::check_points(points)?;
     Ok(match kernel {
@@ -180,7 +180,7 @@ pub fn induced_both(
 }
 
 /// Whether the sums can hold all, and the method can be asked for its error.
-fn check(vortons: &Vortons, targets: Targets<'_>, kernel: Kernel, method: Method) -> Result<(), Unfit> {
+fn check(vortons: &Vortons, targets: Targets<'_>, kernel: Kernel, method: Method) -> Result<(), OutOfRange> {
     vortons.check()?;
     if let Targets::Points(points) = targets {
         vortons::check_points(points)?;

@@ -19,30 +19,30 @@ pub struct Vortons {
     pub core: Vec<f32>,
 }
 
-/// Which list the offender is in.
+/// Kind of an element that is out of range.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum UnfitKind {
+pub enum ElementKind {
     /// Vortons.
     Vortons,
-    /// Points at which velocities are asked for.
+    /// Points at which velocities are requested.
     Points,
-    /// Panels whose spin stands for that of solids.
+    /// Source panels with the spin of solids.
     Panels,
 }
 
-/// A vorton or point that the sums cannot hold.
+/// A vorton, point or panel that is out of the range of single-precision sums.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("number {index} of the {} has {what}", kind.name())]
-pub struct Unfit {
-    /// What it is one of.
-    pub kind: UnfitKind,
-    /// The first of them.
+pub struct OutOfRange {
+    /// Kind of the element.
+    pub kind: ElementKind,
+    /// Index of the first such element.
     pub index: usize,
-    /// What was found, and what was expected.
+    /// The value that was found, and the range.
     pub what: String,
 }
 
-impl UnfitKind {
+impl ElementKind {
     fn name(self) -> &'static str {
         match self {
             Self::Vortons => "vortons",
@@ -52,8 +52,9 @@ impl UnfitKind {
     }
 }
 
-impl Unfit {
-    /// Ends a substep of smoke with it. Vortons have these `ids`, points are told as `points`, and `limits` are what to change, but for panels.
+impl OutOfRange {
+    /// The error that ends a substep of smoke. Vortons have these `ids`, the message calls points `points`, and `limits` are the
+    /// settings to change, except for panels.
     pub(in crate::sim) fn diverged(
         &self,
         substep: u32,
@@ -63,9 +64,9 @@ impl Unfit {
     ) -> Diverged {
         let index = self.index as u32;
         let (particle, of, try_next) = match self.kind {
-            UnfitKind::Vortons => (ids.get(self.index).copied().unwrap_or(index), "", limits),
-            UnfitKind::Points => (index, points, limits),
-            UnfitKind::Panels => (index, self.kind.name(), "slower turns in the keyframes of colliders"),
+            ElementKind::Vortons => (ids.get(self.index).copied().unwrap_or(index), "", limits),
+            ElementKind::Points => (index, points, limits),
+            ElementKind::Panels => (index, self.kind.name(), "slower turns in the keyframes of colliders"),
         };
         let what = if of.is_empty() {
             format!("has {}", self.what)
@@ -90,33 +91,33 @@ impl Vortons {
     /// Finds the first vorton that the sums cannot hold.
     ///
     /// # Errors
-    /// [`Unfit`]: a coordinate or a strength that is no number or beyond [`LARGEST`], or a core that is not between
+    /// [`OutOfRange`]: a coordinate or a strength that is no number or beyond [`LARGEST`], or a core that is not between
     /// [`SMALLEST_CORE`] and that.
     ///
     /// # Panics
     /// If the columns differ in length.
-    pub fn check(&self) -> Result<(), Unfit> {
+    pub fn check(&self) -> Result<(), OutOfRange> {
         let count = self.len();
         assert!(self.strength.len() == count && self.core.len() == count, "a column for every property");
-        let unfit = |index: usize, what: String| Err(Unfit { kind: UnfitKind::Vortons, index, what });
+        let refuse = |index: usize, what: String| Err(OutOfRange { kind: ElementKind::Vortons, index, what });
         if let Some(index) = first(count, |i| !within(self.position[i])) {
-            return unfit(index, outside("position", self.position[index], "m"));
+            return refuse(index, outside("position", self.position[index], "m"));
         }
         if let Some(index) = first(count, |i| !within(self.strength[i])) {
-            return unfit(index, outside("strength", self.strength[index], "m³/s"));
+            return refuse(index, outside("strength", self.strength[index], "m³/s"));
         }
         if let Some(index) = first(count, |i| !(SMALLEST_CORE..=LARGEST).contains(&self.core[i])) {
             let what = format!("a core of {} m, not in {SMALLEST_CORE:e}..{LARGEST:e} m", self.core[index]);
-            return unfit(index, what);
+            return refuse(index, what);
         }
         Ok(())
     }
 }
 
 /// Finds the first point that the sums cannot hold.
-pub(super) fn check_points(points: &[Vec3]) -> Result<(), Unfit> {
+pub(super) fn check_points(points: &[Vec3]) -> Result<(), OutOfRange> {
     first(points.len(), |i| !within(points[i])).map_or(Ok(()), |index| {
-        Err(Unfit { kind: UnfitKind::Points, index, what: outside("position", points[index], "m") })
+        Err(OutOfRange { kind: ElementKind::Points, index, what: outside("position", points[index], "m") })
     })
 }
 
@@ -128,9 +129,12 @@ fn outside(name: &str, v: Vec3, unit: &str) -> String {
     format!("the {name} ({}, {}, {}) {unit}, beyond {LARGEST:e}", v.x, v.y, v.z)
 }
 
-/// The first index of which `unfit` holds.
-fn first(count: usize, unfit: impl Fn(usize) -> bool + Sync) -> Option<usize> {
-    par::map_chunks(count, 1 << 14, |mut range| range.find(|&i| unfit(i))).into_iter().flatten().next()
+/// First index for which `is_out_of_range` holds.
+fn first(count: usize, is_out_of_range: impl Fn(usize) -> bool + Sync) -> Option<usize> {
+    par::map_chunks(count, 1 << 14, |mut range| range.find(|&i| is_out_of_range(i)))
+        .into_iter()
+        .flatten()
+        .next()
 }
 
 #[cfg(test)]
@@ -148,7 +152,7 @@ mod tests {
         let spoiled = |spoil: fn(&mut Vortons)| {
             let mut vortons = fit.clone();
             spoil(&mut vortons);
-            vortons.check().map_err(|unfit| (unfit.index, unfit.what.split(' ').nth(1).unwrap().to_owned()))
+            vortons.check().map_err(|error| (error.index, error.what.split(' ').nth(1).unwrap().to_owned()))
         };
         let named = |index: usize, name: &str| Err((index, name.to_owned()));
         assert_eq!(spoiled(|v| v.position[1].y = f32::NAN), named(1, "position"));
@@ -156,6 +160,6 @@ mod tests {
         assert_eq!(spoiled(|v| v.strength[2].z = f32::INFINITY), named(2, "strength"));
         assert_eq!(spoiled(|v| v.core[2] = f32::NAN), named(2, "core"));
         assert_eq!(spoiled(|v| v.core[1] = 0.0), named(1, "core"));
-        assert!(check_points(&[Vec3::zeros(), Vec3::repeat(f32::NAN)]).is_err_and(|unfit| unfit.index == 1));
+        assert!(check_points(&[Vec3::zeros(), Vec3::repeat(f32::NAN)]).is_err_and(|error| error.index == 1));
     }
 }

@@ -105,7 +105,7 @@ fn passengers_drift_as_vortons_do() {
 struct Wind;
 
 impl Outside for Wind {
-    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), Unfit> {
+    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), OutOfRange> {
         assert_eq!(now.vortons.len(), now.volume.len());
         let wind = Vec3::new(1.0, (now.seconds as f32).powi(2) * 3.0, 0.0);
         rates.velocity.iter_mut().chain(&mut rates.passengers).for_each(|u| *u += wind);

@@ -13,7 +13,7 @@ use meniscus::{
     sim::{
         Unwatched,
         vortex::{
-            Method, Quantity, Targets, Unfit, Vortons,
+            Method, OutOfRange, Quantity, Targets, Vortons,
             flow::{Flow, FlowParams, FlowReport, Medium, Moment, Outside, Rates, Span, Still, Sum},
             induced,
         },

@@ -40,7 +40,7 @@ pub use remesh::{Medium, MediumAt, RemeshReport};
 pub use report::{Account, FlowReport, StepReport};
 pub use step::Span;
 
-use super::{Quantity, Targets, Unfit, Vortons, induced, invariants, sampled_error};
+use super::{OutOfRange, Quantity, Targets, Vortons, induced, invariants, sampled_error};
 use crate::math::Vec3;
 
 /// Vortons that move. All columns are of one length.
@@ -129,8 +129,8 @@ impl Flow {
     /// The velocity that the vortons induce at points [m/s].
     ///
     /// # Errors
-    /// [`Unfit`] if a vorton or a point is outside what the sums can hold.
-    pub fn velocity_at(&self, points: &[Vec3]) -> Result<Vec<Vec3>, Unfit> {
+    /// [`OutOfRange`] if a vorton or a point is outside what the sums can hold.
+    pub fn velocity_at(&self, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
         let FlowParams { kernel, .. } = self.params;
         let found = induced(
             &self.vortons,
@@ -145,8 +145,8 @@ impl Flow {
     /// The invariants, and the evaluator's error at the vortons if `samples` of them are to be summed over all pairs.
     ///
     /// # Errors
-    /// [`Unfit`] if a vorton is outside what the sums can hold.
-    pub fn account(&self, samples: Option<usize>) -> Result<Account, Unfit> {
+    /// [`OutOfRange`] if a vorton is outside what the sums can hold.
+    pub fn account(&self, samples: Option<usize>) -> Result<Account, OutOfRange> {
         let (kernel, method) = (self.params.kernel, self.params.method());
         let error = match samples {
             None => None,

@@ -1,6 +1,6 @@
 //! How fast everything changes: by what the vortons induce, and by what acts from outside.
 
-use super::super::{Gradient, Induced, Targets, Unfit, Vortons, induced_both};
+use super::super::{Gradient, Induced, OutOfRange, Targets, Vortons, induced_both};
 use super::FlowParams;
 use crate::{math::Vec3, par};
 use std::f32::consts::PI;
@@ -11,8 +11,8 @@ pub trait Outside {
     /// substep, with the state of that stage, before stretching is made of the gradients.
     ///
     /// # Errors
-    /// [`Unfit`] if it sums what vortons induce itself and cannot.
-    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), Unfit>;
+    /// [`OutOfRange`] if it sums what vortons induce itself and cannot.
+    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), OutOfRange>;
 
     /// The longest substep it can follow [s].
     fn longest(&self) -> f64 {
@@ -25,7 +25,7 @@ pub trait Outside {
 pub struct Still;
 
 impl Outside for Still {
-    fn act(&mut self, _: Moment<'_>, _: &mut Rates) -> Result<(), Unfit> {
+    fn act(&mut self, _: Moment<'_>, _: &mut Rates) -> Result<(), OutOfRange> {
         Ok(())
     }
 }
@@ -58,7 +58,11 @@ pub struct Rates {
 
 impl Rates {
     /// All rates at this moment but that of stretching.
-    pub(super) fn at(now: Moment<'_>, params: &FlowParams, outside: &mut dyn Outside) -> Result<Self, Unfit> {
+    pub(super) fn at(
+        now: Moment<'_>,
+        params: &FlowParams,
+        outside: &mut dyn Outside,
+    ) -> Result<Self, OutOfRange> {
         let (kernel, method) = (params.kernel, params.method());
         let (found, passengers) =
             induced_both(now.vortons, Targets::Vortons, now.passengers, kernel, method)?;

@@ -3,7 +3,7 @@
 //! *Method*: [williamson80]'s third-order Runge–Kutta scheme in two copies of the state, case 7: for each of three stages
 //! q ← a q + dt · rate, y ← y + b q.
 
-use super::super::{Gradient, Kernel, Unfit, Vortons, vortons::check_points};
+use super::super::{Gradient, Kernel, OutOfRange, Vortons, vortons::check_points};
 use super::{
     Flow, FlowParams, FlowReport, Medium, Moment, Outside, Rates, Relaxation, StepReport, ViscousScheme,
     rates::Largest, relaxation::relax,
@@ -45,7 +45,7 @@ impl Flow {
         passengers: &mut [Vec3],
         outside: &mut dyn Outside,
     ) -> Result<StepReport, Diverged> {
-        self.vortons.check().map_err(|unfit| self.diverged(&unfit, span.number))?;
+        self.vortons.check().map_err(|error| self.diverged(&error, span.number))?;
         let mut report = StepReport::default();
         let (mut held, mut caps) = (Held::new(self.vortons.len(), passengers.len()), Vec::new());
         for (stage, (a, b, c)) in STAGES.into_iter().enumerate() {
@@ -57,7 +57,7 @@ impl Flow {
                 passengers,
             };
             let mut rates =
-                Rates::at(now, &self.params, outside).map_err(|unfit| self.diverged(&unfit, span.number))?;
+                Rates::at(now, &self.params, outside).map_err(|error| self.diverged(&error, span.number))?;
             rates.stretch(&self.vortons);
             if stage == 0 {
                 let largest = rates.largest(&self.vortons, middle(self.params.kernel));
@@ -77,7 +77,7 @@ impl Flow {
         self.strained += report.seconds * f64::from(report.gradient);
         self.diffuse(&mut report, &held.gradient, span.number)?;
         let fit = self.vortons.check().and_then(|()| check_points(passengers));
-        fit.map_err(|unfit| self.diverged(&unfit, span.number))?;
+        fit.map_err(|error| self.diverged(&error, span.number))?;
         Ok(report)
     }
 
@@ -155,9 +155,9 @@ impl Flow {
     }
 
     /// The message about what the sums cannot hold.
-    fn diverged(&self, unfit: &Unfit, substep: u32) -> Diverged {
+    fn diverged(&self, error: &OutOfRange, substep: u32) -> Diverged {
         let limits = "a smaller strain limit, more max_substeps or a larger core";
-        unfit.diverged(substep, &self.id, "tracers", limits)
+        error.diverged(substep, &self.id, "tracers", limits)
     }
 }
 

@@ -32,7 +32,7 @@ pub use lattice::{Field, Lattice};
 pub(super) use spread::Spread;
 
 use super::{
-    GRADIENT, Kernel, POTENTIAL, Targets, Unfit, Vortons, accuracy,
+    GRADIENT, Kernel, OutOfRange, POTENTIAL, Targets, Vortons, accuracy,
     chain::{Ball, Chain, Gaussian, RosenheadMoore, WinckelmansLeonard},
     coherence, walk,
 };
@@ -244,7 +244,7 @@ fn faces<K: Chain>(vortons: &Vortons, lattice: Lattice, setting: &Setting) -> Fa
 /// tree at every fourth node, and by cubics between.
 ///
 /// # Errors
-/// [`Unfit`] if a vorton is outside what the sums can hold.
+/// [`OutOfRange`] if a vorton is outside what the sums can hold.
 ///
 /// # Panics
 /// If the error is outside [`grid_errors`].
@@ -253,7 +253,7 @@ pub fn boundary_values(
     vortons: &Vortons,
     kernel: Kernel,
     error: f32,
-) -> Result<(), Unfit> {
+) -> Result<(), OutOfRange> {
     vortons.check()?;
     assert_error(kernel, error);
     fn of<K: Spread>(vortons: &Vortons, lattice: Lattice, error: f32) -> Faces {
