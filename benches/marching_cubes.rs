@@ -6,7 +6,7 @@
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use meniscus::{
     export,
-    frame::{Channel, Stream},
+    frame::{Channel, Stream, StreamKind},
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     mesh::{
         ComponentParams, DecimationParams, SmoothingParams, check, decimate, marching_cubes,
@@ -61,7 +61,7 @@ fn surface(c: &mut Criterion) {
             });
         });
     };
-    let particles = Stream::new("liquid", mesh.positions.len())
+    let particles = Stream::new("liquid", StreamKind::Particles, mesh.positions.len())
         .with("position", mesh.positions.clone())
         .with("velocity", mesh.positions.clone());
     for threads in [1, 2] {

@@ -1,12 +1,12 @@
 //! The head and the end of the frame container (`docs/formats/cache.md`): writing, parsing, limits.
 
 use super::error::Damage;
-use crate::frame::{ChannelData, Frame, FrameIndex};
+use crate::frame::{ChannelData, Frame, FrameIndex, StreamKind};
 use serde::{Serialize, Serializer};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// The version of the container that this build writes, and the only one it reads.
-pub const FORMAT_VERSION: u32 = 1;
+/// The version of the container that this build writes. It reads version 1 as well.
+pub const FORMAT_VERSION: u32 = 2;
 
 /// The first bytes of every frame. The high bit and the line ends reveal transfers that treat it as text.
 pub(super) const MAGIC: [u8; 8] = *b"\x89MCF\r\n\x1a\n";
@@ -43,15 +43,17 @@ pub struct FrameInfo {
     pub tool: String,
     /// Size of the file \[bytes\].
     pub bytes: u64,
-    /// One stream a system, in the order of the file.
+    /// The streams of every system, in the order of the file.
     pub streams: Vec<StreamInfo>,
 }
 
 /// One stream of a frame's header.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StreamInfo {
-    /// The system's name.
+    /// Its name, which starts with the system's.
     pub name: String,
+    /// What its entries are.
+    pub kind: StreamKind,
     /// Entries (particles).
     pub len: u64,
     /// The columns, in the order of the file.
@@ -146,7 +148,7 @@ impl Head {
 pub(super) fn head_bytes(frame: &Frame, key: u64) -> (Vec<u8>, u64) {
     for (i, stream) in frame.streams.iter().enumerate() {
         let twice = frame.streams[..i].iter().any(|other| other.name == stream.name);
-        assert!(!twice, "each system writes one stream, {} wrote two", stream.name);
+        assert!(!twice, "each stream has a name of its own, but {} is the name of two", stream.name);
     }
     let mut header = Vec::new();
     header.extend(key.to_le_bytes());
@@ -157,6 +159,7 @@ pub(super) fn head_bytes(frame: &Frame, key: u64) -> (Vec<u8>, u64) {
     put_count(&mut header, frame.streams.len());
     for stream in &frame.streams {
         put_text(&mut header, &stream.name);
+        header.push(kind_code(stream.kind));
         header.extend((stream.len() as u64).to_le_bytes());
         put_count(&mut header, stream.channels().len());
         for channel in stream.channels() {
@@ -193,8 +196,40 @@ pub(super) fn trailer_bytes(length: u64, seal: u64) -> [u8; TRAILER] {
     bytes
 }
 
-/// Reads the header of a file of `bytes` bytes, its checksum already compared.
-pub(super) fn parse_header(header: &[u8], checksum: u64, bytes: u64) -> Result<Head, Damage> {
+/// The number of a stream's kind in a header.
+fn kind_code(kind: StreamKind) -> u8 {
+    match kind {
+        StreamKind::Unknown => 0,
+        StreamKind::Particles => 1,
+        StreamKind::Tracers => 2,
+        StreamKind::Vortons => 3,
+        StreamKind::MeshPoints => 4,
+        StreamKind::MeshFaces => 5,
+    }
+}
+
+/// The kind of that number. Other numbers are of kinds that a later build added.
+fn kind_of_code(code: u8) -> StreamKind {
+    use StreamKind::{MeshFaces, MeshPoints, Particles, Tracers, Vortons};
+    let known = [Particles, Tracers, Vortons, MeshPoints, MeshFaces];
+    known.into_iter().find(|&kind| kind_code(kind) == code).unwrap_or_default()
+}
+
+/// The kind of a stream of that name in a header of version 1, which stores none. These are all names that builds
+/// of that version wrote.
+fn kind_in_version_1(name: &str) -> StreamKind {
+    match name {
+        "liquid" => StreamKind::Particles,
+        "smoke" => StreamKind::Vortons,
+        "smoke_tracers" => StreamKind::Tracers,
+        _ if !name.starts_with("sheet.") => StreamKind::Unknown,
+        _ if name.ends_with(".faces") => StreamKind::MeshFaces,
+        _ => StreamKind::MeshPoints,
+    }
+}
+
+/// Reads the header of a file of `version` and of `bytes` bytes, its checksum already compared.
+pub(super) fn parse_header(header: &[u8], version: u32, checksum: u64, bytes: u64) -> Result<Head, Damage> {
     let mut fields = Fields { rest: header, length: header.len() };
     let key = fields.u64("simulation key")?;
     let index = FrameIndex(fields.u32("frame number")?);
@@ -207,7 +242,7 @@ pub(super) fn parse_header(header: &[u8], checksum: u64, bytes: u64) -> Result<H
     }
     let mut streams = Vec::new();
     for _ in 0..fields.u32("number of streams")? {
-        let stream = parse_stream(&mut fields)?;
+        let stream = parse_stream(&mut fields, version)?;
         if streams.iter().any(|other: &StreamInfo| other.name == stream.name) {
             let found = format!("a second stream \"{}\"", stream.name);
             return Err(Damage::new("header, name of a stream", found, "each name once"));
@@ -219,12 +254,16 @@ pub(super) fn parse_header(header: &[u8], checksum: u64, bytes: u64) -> Result<H
         return Err(Damage::new("header, after the last stream", found, "the end of the header"));
     }
     let columns = (PROLOGUE + header.len()) as u64;
-    let info = FrameInfo { index, time, key, version: FORMAT_VERSION, tool, bytes, streams };
+    let info = FrameInfo { index, time, key, version, tool, bytes, streams };
     Ok(Head { info, chunk, checksum, columns })
 }
 
-fn parse_stream(fields: &mut Fields) -> Result<StreamInfo, Damage> {
+fn parse_stream(fields: &mut Fields, version: u32) -> Result<StreamInfo, Damage> {
     let name = fields.text("name of a stream")?;
+    let kind = match version {
+        1 => kind_in_version_1(&name),
+        _ => kind_of_code(fields.take("kind of a stream", 1)?[0]),
+    };
     let len = fields.u64("length of a stream")?;
     let mut channels: Vec<ChannelInfo> = Vec::new();
     for _ in 0..fields.u32("number of channels")? {
@@ -245,7 +284,7 @@ fn parse_stream(fields: &mut Fields) -> Result<StreamInfo, Damage> {
         let scalar = fields.text("name of a scalar")?;
         scalars.push((scalar, f64::from_bits(fields.u64("value of a scalar")?)));
     }
-    Ok(StreamInfo { name, len, channels, scalars })
+    Ok(StreamInfo { name, kind, len, channels, scalars })
 }
 
 /// The fields of a header, in order.

@@ -98,7 +98,7 @@ impl<'a, R: Read + Seek> Source<'a, R> {
         let mut columns = self.columns(&head)?.into_iter();
         let mut streams = Vec::new();
         for info in &head.info.streams {
-            let mut stream = Stream::new(info.name.clone(), self.entries(info)?);
+            let mut stream = Stream::new(info.name.clone(), info.kind, self.entries(info)?);
             for column in columns.by_ref().take(info.channels.len()) {
                 stream = stream.with(column.name, self.column(&column, head.chunk)?);
             }
@@ -133,7 +133,7 @@ impl<'a, R: Read + Seek> Source<'a, R> {
             return Err(self.corrupt("magic at byte 0", found, format!("{MAGIC:02x?} of a cache frame")));
         }
         let version = word(&prologue, 8);
-        if there >= 12 && version != FORMAT_VERSION {
+        if there >= 12 && !(1..=FORMAT_VERSION).contains(&version) {
             let path = self.path.to_path_buf();
             return Err(CacheError::Version { path, found: version, expected: FORMAT_VERSION });
         }
@@ -151,7 +151,8 @@ impl<'a, R: Read + Seek> Source<'a, R> {
             return Err(self.corrupt("checksum of the header", hex(found), hex(expected)));
         }
         self.check_end()?;
-        let head = parse_header(&header, found, self.bytes).map_err(|damage| damage.of(self.path))?;
+        let head =
+            parse_header(&header, version, found, self.bytes).map_err(|damage| damage.of(self.path))?;
         self.check_index(&head)?;
         Ok(head)
     }

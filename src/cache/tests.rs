@@ -4,7 +4,7 @@ use super::format::{END, FORMAT_VERSION, MAGIC, PROLOGUE, head_bytes, head_check
 use super::read::Source;
 use super::write::{encode, write_through};
 use super::*;
-use crate::frame::{ChannelData, Frame, FrameIndex, Stream};
+use crate::frame::{ChannelData, Frame, FrameIndex, Stream, StreamKind};
 use crate::math::Vec3;
 use crate::par;
 use proptest::prelude::*;
@@ -18,14 +18,18 @@ const KEY: u64 = 0xfedc_ba98_7654_3210;
 fn frame(index: u32, len: usize) -> Frame {
     let value = |i: usize| (i as f32 * 0.37).sin() * 3.0;
     let position = |i: usize| Vec3::new(value(i), value(2 * i), value(3 * i + 1));
-    let mut liquid = Stream::new("liquid", len)
+    let mut liquid = Stream::new("liquid", StreamKind::Particles, len)
         .with("position", (0..len).map(position).collect::<Vec<_>>())
         .with("id", (0..len as u32).rev().collect::<Vec<_>>())
         .with("density", (0..len).map(value).collect::<Vec<_>>());
     liquid.scalars =
         vec![("density_dev_avg".into(), 0.1 + 0.2), ("κ".into(), -0.0), ("none".into(), f64::NAN)];
-    let empty = Stream::new("foam", 0).with("position", Vec::<Vec3>::new());
-    Frame { index: FrameIndex(index), time: 1.0 / 24.0, streams: vec![liquid, empty, Stream::new("bare", 7)] }
+    let empty = Stream::new("foam", StreamKind::Tracers, 0).with("position", Vec::<Vec3>::new());
+    Frame {
+        index: FrameIndex(index),
+        time: 1.0 / 24.0,
+        streams: vec![liquid, empty, Stream::new("bare", StreamKind::Unknown, 7)],
+    }
 }
 
 fn bytes_of(frame: &Frame) -> Vec<u8> {
@@ -74,7 +78,7 @@ fn every_type_comes_back_bit_for_bit() {
         let (back, info) = read_frame(&path).unwrap();
         assert_eq!(bits(&back), bits(&frame));
         for (stream, other) in frame.streams.iter().zip(&back.streams) {
-            assert_eq!(stream.name, other.name);
+            assert_eq!((&stream.name, stream.kind), (&other.name, other.kind));
             assert_eq!(stream.channels(), other.channels());
             let names =
                 |stream: &Stream| stream.scalars.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
@@ -92,8 +96,10 @@ fn bits_that_are_no_numbers_survive() {
     let odd = [0x7fc0_0001, 0xffff_ffff, 0x7f80_0001, 0x8000_0000, 0x0000_0001, 0x7f80_0000, 0xff80_0000];
     let floats: Vec<f32> = odd.iter().map(|&bits| f32::from_bits(bits)).collect();
     let vectors: Vec<Vec3> = floats.iter().map(|&value| Vec3::new(value, -0.0, value)).collect();
-    let stream =
-        Stream::new("liquid", odd.len()).with("a", floats).with("b", vectors).with("c", odd.to_vec());
+    let stream = Stream::new("liquid", StreamKind::Particles, odd.len())
+        .with("a", floats)
+        .with("b", vectors)
+        .with("c", odd.to_vec());
     let frame = Frame {
         index: FrameIndex(u32::MAX),
         time: f64::from_bits(0xfff8_0000_0000_0001),
@@ -144,7 +150,7 @@ fn every_cut_and_every_addition_is_refused() {
 #[test]
 fn swapped_chunks_are_refused() {
     // Two columns of equal values but for one have chunks of equal length and valid checksums of their own.
-    let stream = Stream::new("s", 8).with("a", vec![1_u32; 8]).with("b", vec![2_u32; 8]);
+    let stream = Stream::new("s", StreamKind::Unknown, 8).with("a", vec![1_u32; 8]).with("b", vec![2_u32; 8]);
     let good = bytes_of(&Frame { index: FrameIndex(1), time: 0.0, streams: vec![stream] });
     let start = PROLOGUE + u32::from_le_bytes(good[12..16].try_into().unwrap()) as usize;
     let chunk = (good.len() - 24 - start) / 2;
@@ -174,19 +180,59 @@ fn with_header(version: u32, header: &[u8]) -> Vec<u8> {
 fn another_version_is_named() {
     let (head, _) = head_bytes(&frame(1, 0), KEY);
     assert!(read(&with_header(FORMAT_VERSION, &head[PROLOGUE..])).is_ok());
-    let Err(CacheError::Version { found: 2, expected: 1, .. }) = read(&with_header(2, &head[PROLOGUE..]))
-    else {
-        panic!("version 2 is not ours")
-    };
+    for other in [0, 3] {
+        let Err(CacheError::Version { found, expected: 2, .. }) =
+            read(&with_header(other, &head[PROLOGUE..]))
+        else {
+            panic!("version {other} cannot be read")
+        };
+        assert_eq!(found, other);
+    }
+}
+
+#[test]
+fn version_1_has_no_kinds_and_its_streams_are_known_by_name() {
+    use StreamKind::{MeshFaces, MeshPoints, Particles, Tracers, Unknown, Vortons};
+    let expected = [
+        ("liquid", Particles),
+        ("smoke", Vortons),
+        ("smoke_tracers", Tracers),
+        ("sheet.flag", MeshPoints),
+        ("sheet.flag.faces", MeshFaces),
+        ("foam", Unknown),
+    ];
+    let streams = expected.map(|(name, _)| Stream::new(name, Unknown, 0)).into();
+    let (head, _) = head_bytes(&Frame { index: FrameIndex(1), time: 0.0, streams }, KEY);
+    // Without the byte of the kind, which follows a name.
+    let mut header = head[PROLOGUE..].to_vec();
+    for (name, _) in expected {
+        let text = [&(name.len() as u32).to_le_bytes()[..], name.as_bytes()].concat();
+        let at = header.windows(text.len()).position(|window| window == text).unwrap() + text.len();
+        assert_eq!(header.remove(at), 0);
+    }
+    let (frame, info) = read(&with_header(1, &header)).unwrap();
+    assert_eq!(info.version, 1);
+    assert_eq!(frame.streams.iter().map(|stream| (&*stream.name, stream.kind)).collect::<Vec<_>>(), expected);
+}
+
+#[test]
+fn a_kind_of_a_later_build_is_unknown() {
+    let stream = Stream::new("s", StreamKind::Particles, 0);
+    let (head, _) = head_bytes(&Frame { index: FrameIndex(1), time: 0.0, streams: vec![stream] }, KEY);
+    let mut header = head[PROLOGUE..].to_vec();
+    let at = header.windows(6).position(|window| window == b"\x01\0\0\0s\x01").unwrap() + 5;
+    header[at] = 200;
+    let (frame, _) = read(&with_header(FORMAT_VERSION, &header)).unwrap();
+    assert_eq!(frame.streams[0].kind, StreamKind::Unknown);
 }
 
 #[test]
 fn a_length_that_the_file_cannot_hold_is_refused_before_memory_is_taken() {
     for len in [1_u64, 1 << 31, 1 << 62, u64::MAX] {
-        let stream = Stream::new("s", 0).with("a", vec![0_u32; 0]);
+        let stream = Stream::new("s", StreamKind::Unknown, 0).with("a", vec![0_u32; 0]);
         let (head, _) = head_bytes(&Frame { index: FrameIndex(1), time: 0.0, streams: vec![stream] }, KEY);
         let mut header = head[PROLOGUE..].to_vec();
-        let at = header.windows(9).position(|window| window == b"\x01\0\0\0s\0\0\0\0").unwrap() + 5;
+        let at = header.windows(9).position(|window| window == b"\x01\0\0\0s\0\0\0\0").unwrap() + 6;
         header[at..at + 8].copy_from_slice(&len.to_le_bytes());
         let bytes = with_header(FORMAT_VERSION, &header);
         assert!(bytes.len() < 150);
@@ -209,14 +255,17 @@ fn a_header_that_makes_no_sense_is_refused_even_with_a_valid_checksum() {
         other[at] ^= 0xff;
         let _ = read(&with_header(FORMAT_VERSION, &other));
     }
-    let stream = |name: &str| Stream::new("s", 0).with("same", vec![0_u32; 0]).with(name, vec![0_u32; 0]);
+    let stream = |name: &str| {
+        Stream::new("s", StreamKind::Unknown, 0).with("same", vec![0_u32; 0]).with(name, vec![0_u32; 0])
+    };
     let (head, _) =
         head_bytes(&Frame { index: FrameIndex(1), time: 0.0, streams: vec![stream("samf")] }, KEY);
     let twice: Vec<u8> =
         head[PROLOGUE..].iter().map(|&byte| if byte == b'f' { b'e' } else { byte }).collect();
     let error = read(&with_header(FORMAT_VERSION, &twice)).unwrap_err().to_string();
     assert!(error.contains("a second channel \"same\""), "{error}");
-    let streams = vec![Stream::new("same", 0), Stream::new("samf", 0)];
+    let streams =
+        vec![Stream::new("same", StreamKind::Unknown, 0), Stream::new("samf", StreamKind::Unknown, 0)];
     let (head, _) = head_bytes(&Frame { index: FrameIndex(1), time: 0.0, streams }, KEY);
     let twice: Vec<u8> =
         head[PROLOGUE..].iter().map(|&byte| if byte == b'f' { b'e' } else { byte }).collect();
@@ -335,7 +384,7 @@ proptest! {
     #[test]
     fn any_columns_come_back(words in proptest::collection::vec(any::<u32>(), 0..300), time in any::<u64>()) {
         let floats: Vec<f32> = words.iter().map(|&word| f32::from_bits(word)).collect();
-        let stream = Stream::new("x", words.len()).with("f", floats).with("u", ChannelData::U32(words));
+        let stream = Stream::new("x", StreamKind::Unknown, words.len()).with("f", floats).with("u", ChannelData::U32(words));
         let frame = Frame { index: FrameIndex(0), time: f64::from_bits(time), streams: vec![stream] };
         prop_assert_eq!(bits(&read(&bytes_of(&frame)).unwrap().0), bits(&frame));
     }

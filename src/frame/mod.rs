@@ -1,9 +1,14 @@
 //! One instant of a shot, as named columns: the waist of the tool.
 //!
 //! Simulation writes frames, the cache keeps them, and everything after reads nothing else. A [`Frame`] holds
-//! one [`Stream`] a system ("liquid"), a stream holds [`Channel`]s of equal length (one entry a particle) and
-//! scalars. Channel names in use: `position` [m], `velocity` [m/s], `id` (stable over time), `age` [s],
-//! `source` (its number, from 0), `density` [kg/m³].
+//! the [`Stream`]s of all systems, a stream holds [`Channel`]s of equal length (one entry a particle) and
+//! scalars. A stream's [`StreamKind`] says what its entries are; its name says whose they are. Channel names in
+//! use: `position` [m], `velocity` [m/s], `id` (stable over time), `age` [s], `source` (its number, from 0),
+//! `density` [kg/m³].
+
+mod kind;
+
+pub use kind::StreamKind;
 
 use crate::math::Vec3;
 
@@ -25,7 +30,7 @@ pub struct Frame {
     pub index: FrameIndex,
     /// Time since the start of the shot [s].
     pub time: f64,
-    /// One stream a system, in a fixed order.
+    /// The streams of every system, in a fixed order.
     pub streams: Vec<Stream>,
 }
 
@@ -36,13 +41,15 @@ impl Frame {
     }
 }
 
-/// The state of one system: named columns of one length, and named numbers.
+/// The state of a system or a part of it: named columns of one length, and named numbers.
 ///
 /// Invariant: every channel has `len` entries, and no two channels share a name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stream {
-    /// The system's name, as in the preset ("liquid").
+    /// Its name, which starts with the system's ("liquid").
     pub name: String,
+    /// What its entries are.
+    pub kind: StreamKind,
     len: usize,
     channels: Vec<Channel>,
     /// Named numbers of the whole stream, for example `density_dev_avg`; the order is kept.
@@ -51,8 +58,8 @@ pub struct Stream {
 
 impl Stream {
     /// A stream of `len` entries without channels yet.
-    pub fn new(name: impl Into<String>, len: usize) -> Self {
-        Self { name: name.into(), len, channels: Vec::new(), scalars: Vec::new() }
+    pub fn new(name: impl Into<String>, kind: StreamKind, len: usize) -> Self {
+        Self { name: name.into(), kind, len, channels: Vec::new(), scalars: Vec::new() }
     }
 
     /// Adds a channel.

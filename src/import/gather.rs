@@ -1,7 +1,7 @@
 //! From a file's attributes to a stream: names, types, what is taken and what is not.
 
 use super::{ImportError, Imported};
-use crate::frame::{ChannelData, Stream};
+use crate::frame::{ChannelData, Stream, StreamKind};
 use crate::math::Vec3;
 use std::path::Path;
 
@@ -25,8 +25,11 @@ impl<'a> Gather<'a> {
     /// Starts with the positions, x y z of each particle in turn.
     pub(super) fn new(path: &'a Path, positions: &[f32]) -> Result<Self, ImportError> {
         let positions = vectors(positions);
-        let mut gather =
-            Self { path, stream: Stream::new("particles", positions.len()), ignored: Vec::new() };
+        let mut gather = Self {
+            path,
+            stream: Stream::new("particles", StreamKind::Particles, positions.len()),
+            ignored: Vec::new(),
+        };
         gather.require_finite("position", &positions)?;
         gather.push("position", positions.into());
         Ok(gather)
@@ -93,7 +96,7 @@ impl<'a> Gather<'a> {
     }
 
     fn push(&mut self, name: &str, data: ChannelData) {
-        let stream = std::mem::replace(&mut self.stream, Stream::new("", 0));
+        let stream = std::mem::replace(&mut self.stream, Stream::new("", StreamKind::Unknown, 0));
         self.stream = stream.with(name, data);
     }
 

@@ -7,7 +7,6 @@ use super::{
 use crate::{
     cache::{self, CacheError},
     frame::FrameIndex,
-    sim::sheet::is_faces,
 };
 use serde::Serialize;
 use std::path::Path;
@@ -140,7 +139,7 @@ fn frame_state(index: FrameIndex, path: &Path, whole: bool) -> Result<FrameState
         Ok(info) => {
             state.time = info.time;
             state.bytes = info.bytes;
-            let points = info.streams.iter().filter(|stream| !is_faces(&stream.name));
+            let points = info.streams.iter().filter(|stream| stream.kind.has_positions());
             state.particles = points.map(|stream| stream.len).sum();
             let scalars = info.streams.iter().flat_map(|stream| stream.scalars.iter());
             let scalar =

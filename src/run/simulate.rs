@@ -6,7 +6,7 @@ use crate::{
     frame::{FrameIndex, Stream},
     math::Vec3,
     scene::{Frames, Scene},
-    sim::{FrameRecord, Simulation, Stop, Watch, World, sheet::is_faces},
+    sim::{FrameRecord, Simulation, Stop, Watch, World},
 };
 use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 
@@ -213,7 +213,7 @@ impl Job<'_> {
         let bytes = cache::write_frame(&self.folder.cache(), &frame, self.key)?;
         if let Some(record) = record {
             let particles =
-                frame.streams.iter().filter(|stream| !is_faces(&stream.name)).map(Stream::len).sum();
+                frame.streams.iter().filter(|stream| stream.kind.has_positions()).map(Stream::len).sum();
             let liquid = self.scene.liquid.is_some();
             log::append(self.folder, index, bytes, particles, liquid, record)?;
         }

@@ -213,6 +213,7 @@ pub(super) fn state_key(simulation: u64, index: FrameIndex, stream: &str) -> u64
 mod tests {
     use super::*;
     use crate::{
+        frame::StreamKind,
         math::Vec3,
         mesh::SurfaceParams,
         run::{
@@ -237,7 +238,7 @@ mod tests {
             std::fs::write(&file, vec![0; 12 * count]).unwrap();
             let sequence = crate::import::expand(&[file.to_string_lossy().into_owned()]).unwrap();
             let source = Source::Files { sequence: &sequence, spacing: 0.1 };
-            let stream = Stream::new("particles", count).with("position", positions);
+            let stream = Stream::new("particles", StreamKind::Particles, count).with("position", positions);
             for (product, voxel) in
                 [Product::Meshes, Product::Volumes].into_iter().flat_map(|p| [(p, 0.5), (p, 1.0)])
             {

@@ -171,14 +171,14 @@ fn cap(values: &mut [f32]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::Vec3;
+    use crate::{frame::StreamKind, math::Vec3};
 
     /// A block of 24³ particles 0.1 m apart, whose middle lies deep inside.
     fn block() -> Stream {
         let n = 24;
         let point = |i: i32| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * 0.1;
         let positions: Vec<Vec3> = (0..n * n * n).map(point).collect();
-        Stream::new("particles", positions.len()).with("position", positions)
+        Stream::new("particles", StreamKind::Particles, positions.len()).with("position", positions)
     }
 
     #[test]

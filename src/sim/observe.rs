@@ -95,19 +95,22 @@ fn mean(x: &[Vec3], axis: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::StreamKind;
 
     #[test]
     fn each_sees_what_it_says() {
         let x: Vec<Vec3> = (1..=1000).map(|i| Vec3::new(i as f32, -2.0, i as f32 / 10.0)).collect();
         let v = vec![Vec3::new(0.0, 3.0, 4.0); 1000];
-        let stream = Stream::new("liquid", 1000).with("position", x).with("velocity", v);
+        let stream =
+            Stream::new("liquid", StreamKind::Particles, 1000).with("position", x).with("velocity", v);
         let found = Observable::ALL.map(|what| what.of(&stream).unwrap() as f32);
         assert_eq!(found, [999.0, -2.0, 99.9, 95.0, 500.5, -2.0, 50.05, 12.5]);
         for what in Observable::ALL {
-            assert_eq!(what.of(&Stream::new("liquid", 0)), None);
+            assert_eq!(what.of(&Stream::new("liquid", StreamKind::Particles, 0)), None);
             assert_eq!(serde_json::to_value(what).unwrap(), what.name());
         }
-        let alone = Stream::new("liquid", 1).with("position", vec![Vec3::new(1.0, 2.0, 3.0)]);
+        let alone =
+            Stream::new("liquid", StreamKind::Particles, 1).with("position", vec![Vec3::new(1.0, 2.0, 3.0)]);
         assert_eq!(Observable::FrontX.of(&alone), Some(1.0));
         assert_eq!(Observable::KineticEnergy.of(&alone), None);
     }

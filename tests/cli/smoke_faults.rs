@@ -27,7 +27,7 @@ fn spoil(desk: &Desk, change: impl Fn(&Stream) -> Stream) {
 
 /// A copy of a stream whose channels are changed, or left out.
 fn changed(stream: &Stream, change: impl Fn(&str, &ChannelData) -> Option<ChannelData>) -> Stream {
-    let mut copy = Stream::new(stream.name.clone(), stream.len());
+    let mut copy = Stream::new(stream.name.clone(), stream.kind, stream.len());
     for channel in stream.channels() {
         if let Some(data) = change(&channel.name, &channel.data) {
             copy = copy.with(channel.name.clone(), data);

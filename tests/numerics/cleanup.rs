@@ -2,7 +2,7 @@
 
 use super::mesh::{distance, hash, noise};
 use meniscus::{
-    frame::{ChannelData, Stream},
+    frame::{ChannelData, Stream, StreamKind},
     math::Vec3,
     mesh::{
         ComponentParams, DecimationParams, Mesh, SmoothingParams, Surface, SurfaceError, SurfaceParams,
@@ -32,7 +32,7 @@ pub(super) fn particles(half: [i32; 3], jitter: f32, at: Vec3, keep: impl Fn(Vec
             }
         }
     }
-    Stream::new("liquid", positions.len()).with("position", positions)
+    Stream::new("liquid", StreamKind::Particles, positions.len()).with("position", positions)
 }
 
 pub(super) fn surface(particles: &Stream, params: &SurfaceParams) -> Surface {
@@ -150,7 +150,7 @@ fn smoothing_keeps_the_volume_of_every_piece() {
     ];
     let all: Vec<Vec3> =
         ball.vec3("position").unwrap().iter().copied().chain(droplets.map(Vec3::from)).collect();
-    let stream = Stream::new("liquid", all.len()).with("position", all);
+    let stream = Stream::new("liquid", StreamKind::Particles, all.len()).with("position", all);
     for thin in [0.2, 1.0] {
         let smoothing = SmoothingParams { thin, ..SmoothingParams::default() };
         let plain = volumes_of_pieces(&surface(&stream, &SurfaceParams::default()).mesh);
@@ -182,7 +182,7 @@ fn coincident_vertices_pass_through_all_clean_up() {
         let stats = smooth(&mut mesh, &[1.0; 4], &SmoothingParams::default(), SPACING);
         assert_eq!((stats.degree, stats.longest_move), (0, 0.0));
     }
-    let far = Stream::new("liquid", 1).with("position", vec![Vec3::repeat(1e6)]);
+    let far = Stream::new("liquid", StreamKind::Particles, 1).with("position", vec![Vec3::repeat(1e6)]);
     let params = SurfaceParams {
         components: Some(ComponentParams { smallest: 0.0 }),
         decimation: Some(DecimationParams::default()),
@@ -352,7 +352,9 @@ fn small_pieces_become_points_of_their_volume() {
     let all: Vec<Vec3> =
         positions.vec3("position").unwrap().iter().copied().chain(lone.map(Vec3::from)).collect();
     let velocity: Vec<Vec3> = all.iter().map(|x| x * 2.0).collect();
-    positions = Stream::new("liquid", all.len()).with("position", all).with("velocity", velocity);
+    positions = Stream::new("liquid", StreamKind::Particles, all.len())
+        .with("position", all)
+        .with("velocity", velocity);
     let plain = surface(&positions, &SurfaceParams::default());
     assert_eq!((plain.check.components, plain.points.as_ref()), (5, None));
     let params = |smallest| SurfaceParams {
@@ -452,7 +454,7 @@ fn attributes_are_taken_by_name() {
 #[test]
 fn attributes_beyond_the_kernel_are_the_nearest_particles() {
     let particles: Vec<Vec3> = (0..5).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
-    let stream = Stream::new("liquid", 5)
+    let stream = Stream::new("liquid", StreamKind::Particles, 5)
         .with("velocity", particles.iter().map(|x| x.yxz() * 3.0).collect::<Vec<_>>())
         .with("age", vec![0.5, 1.5, 2.5, 3.5, 4.5])
         .with("id", vec![50_u32, 51, 52, 53, 54])
@@ -465,7 +467,7 @@ fn attributes_beyond_the_kernel_are_the_nearest_particles() {
     assert_eq!(found[1].data, vec![3.5_f32, 0.5, 2.5].into());
     assert_eq!(found[2].data, vec![Vec3::new(0.0, 9.0, 0.0), Vec3::zeros(), Vec3::new(0.0, 6.0, 0.0)].into());
     assert_eq!(found[3].data, vec![Vec3::zeros(); 3].into());
-    let nothing = Stream::new("liquid", 0)
+    let nothing = Stream::new("liquid", StreamKind::Particles, 0)
         .with("position", Vec::<Vec3>::new())
         .with("age", Vec::<f32>::new())
         .with("id", Vec::<u32>::new());

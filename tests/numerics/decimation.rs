@@ -5,7 +5,7 @@ use super::{
     mesh::{distance, noise, torus},
 };
 use meniscus::{
-    frame::Stream,
+    frame::{Stream, StreamKind},
     math::Vec3,
     mesh::{DecimationParams, Mesh, SurfaceParams, check, decimate, marching_cubes},
 };
@@ -90,7 +90,7 @@ fn decimation_stays_near_the_surface_and_halves_with_its_error() {
 fn a_target_that_cannot_be_reached_is_told() {
     let droplets: Vec<Vec3> =
         (0..30).map(|i| Vec3::new((i % 6) as f32, (i / 6) as f32, 0.03) * 0.5).collect();
-    let stream = Stream::new("liquid", droplets.len()).with("position", droplets);
+    let stream = Stream::new("liquid", StreamKind::Particles, droplets.len()).with("position", droplets);
     let run = |triangles, error| {
         let found = surface(
             &stream,

@@ -1,7 +1,7 @@
 //! The liquid against what is known of liquids, and at its limits.
 
 use meniscus::{
-    frame::{Frame, FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream, StreamKind},
     math::Vec3,
     par,
     sim::{FrameRecord, SetupError, Simulation, Stop, Unwatched, Watch, World, liquid::LiquidParams},
@@ -325,7 +325,7 @@ fn a_watch_stops_the_run_between_iterations() {
 /// The first stream with other positions and velocities.
 fn rebuilt(frame: &Frame, positions: Vec<Vec3>, velocities: Vec<Vec3>) -> Frame {
     let old = &frame.streams[0];
-    let mut stream = Stream::new("liquid", old.len())
+    let mut stream = Stream::new("liquid", StreamKind::Particles, old.len())
         .with("position", positions)
         .with("velocity", velocities)
         .with("id", old.u32("id").unwrap().to_vec());

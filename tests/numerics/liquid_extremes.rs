@@ -1,7 +1,7 @@
 //! The liquid at its limits: every case ends finite and bounded with all its particles, or says what is wrong.
 
 use meniscus::{
-    frame::{Frame, FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream, StreamKind},
     math::Vec3,
     sim::{Diverged, FrameRecord, Simulation, Stop, Unwatched, World, liquid::LiquidParams},
     solid::{Collider, Interpolation, Keyframe, Shape, Solid},
@@ -55,7 +55,7 @@ fn channel(frame: &Frame, name: &str) -> Vec<Vec3> {
 /// The first stream with other positions and velocities.
 fn rebuilt(frame: &Frame, positions: Vec<Vec3>, velocities: Vec<Vec3>) -> Frame {
     let old = &frame.streams[0];
-    let mut stream = Stream::new("liquid", positions.len())
+    let mut stream = Stream::new("liquid", StreamKind::Particles, positions.len())
         .with("position", positions)
         .with("velocity", velocities)
         .with("id", old.u32("id").unwrap().to_vec());

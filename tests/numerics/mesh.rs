@@ -1,7 +1,7 @@
 //! Marching cubes, checks and vertex attributes against closed forms and random fields.
 
 use meniscus::{
-    frame::{ChannelData, Stream},
+    frame::{ChannelData, Stream, StreamKind},
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     math::Vec3,
     mesh::{
@@ -365,7 +365,7 @@ fn faces_decide_where_the_distance_says_nothing_usable() {
 
 /// What vertices take of a vector that every particle has, and how many take it from the nearest.
 fn interpolate(vertices: &[Vec3], particles: &[Vec3], values: &[Vec3]) -> (Vec<Vec3>, usize) {
-    let stream = Stream::new("liquid", particles.len())
+    let stream = Stream::new("liquid", StreamKind::Particles, particles.len())
         .with("position", particles.to_vec())
         .with("velocity", values.to_vec());
     let (mut channels, count) = transfer(&stream, None, vertices, 0.25).unwrap();
@@ -420,7 +420,9 @@ fn lattice(keep: impl Fn(Vec3) -> bool) -> Stream {
         }
     }
     let velocities: Vec<Vec3> = positions.iter().map(|x| turning(*x)).collect();
-    Stream::new("liquid", positions.len()).with("position", positions).with("velocity", velocities)
+    Stream::new("liquid", StreamKind::Particles, positions.len())
+        .with("position", positions)
+        .with("velocity", velocities)
 }
 
 /// The velocity of a rigid turn about the z axis with 3 rad/s.
@@ -468,7 +470,7 @@ fn sprays_of_particles_give_sound_surfaces() {
         let positions: Vec<Vec3> = (0..500)
             .map(|i| Vec3::from_fn(|d, _| unit(3 * i + d as u64) * [2.0, 1.0, 1.5][d] - 0.3))
             .collect();
-        let spray = Stream::new("liquid", positions.len()).with("position", positions);
+        let spray = Stream::new("liquid", StreamKind::Particles, positions.len()).with("position", positions);
         let surface = reconstruct(&spray, 0.1, &params, &|| true).unwrap();
         assert!(
             surface.check.is_sound() && surface.stats.contour.cut_cells == 0,
@@ -484,8 +486,9 @@ fn no_particle_one_particle_and_broken_particles() {
     let params = SurfaceParams::default();
     let at = |positions: Vec<Vec3>| {
         let velocity = vec![Vec3::new(1.0, 2.0, 3.0); positions.len()];
-        let stream =
-            Stream::new("liquid", positions.len()).with("position", positions).with("velocity", velocity);
+        let stream = Stream::new("liquid", StreamKind::Particles, positions.len())
+            .with("position", positions)
+            .with("velocity", velocity);
         reconstruct(&stream, 0.1, &params, &|| true)
     };
     let nothing = at(vec![]).unwrap();
@@ -500,7 +503,7 @@ fn no_particle_one_particle_and_broken_particles() {
 
     let broken = at(vec![Vec3::zeros(), Vec3::new(0.0, f32::NAN, 0.0)]);
     assert_eq!(broken.unwrap_err(), SurfaceError::NotFinite { particle: 1 });
-    let nameless = reconstruct(&Stream::new("liquid", 0), 0.1, &params, &|| true);
+    let nameless = reconstruct(&Stream::new("liquid", StreamKind::Particles, 0), 0.1, &params, &|| true);
     assert_eq!(nameless.unwrap_err(), SurfaceError::NoPositions);
 }
 

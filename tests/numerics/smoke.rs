@@ -162,7 +162,7 @@ fn a_state_that_is_no_number_is_named_and_not_computed() {
     let stream = &frame.streams[0];
     let mut strength = stream.vec3("strength").unwrap().to_vec();
     strength[7].y = f32::NAN;
-    let mut spoiled = meniscus::frame::Stream::new(stream.name.clone(), stream.len());
+    let mut spoiled = meniscus::frame::Stream::new(stream.name.clone(), stream.kind, stream.len());
     for channel in stream.channels() {
         let data = if channel.name == "strength" { strength.clone().into() } else { channel.data.clone() };
         spoiled = spoiled.with(channel.name.clone(), data);
@@ -175,7 +175,7 @@ fn a_state_that_is_no_number_is_named_and_not_computed() {
     assert!(diverged.system == "smoke" && diverged.particle == 7 && diverged.what.contains("strength"));
 
     // A frame that lacks a column is refused.
-    frame.streams[0] = meniscus::frame::Stream::new("smoke", 0);
+    frame.streams[0] = meniscus::frame::Stream::new("smoke", meniscus::frame::StreamKind::Vortons, 0);
     let refused = Simulation::restore(world([0.0; 3], vec![]), smoke(text), &frame).unwrap_err();
     assert!(matches!(refused, SetupError::Missing { stream: "smoke", .. }), "{refused}");
 }

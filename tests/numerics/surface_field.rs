@@ -1,7 +1,7 @@
 //! Particles → density → distance: normals, volume, sameness.
 
 use meniscus::field::{Anisotropy, DensityParams, density};
-use meniscus::frame::Stream;
+use meniscus::frame::{Stream, StreamKind};
 use meniscus::grid::{BRICK_NODES, SparseGrid, node_of};
 use meniscus::math::Vec3;
 use meniscus::mesh::{DistanceParams, Surface, SurfaceParams, reconstruct};
@@ -86,7 +86,8 @@ fn normals_point_outward() {
         }
 
         // The mesh carries the better of the two.
-        let stream = Stream::new("liquid", particles.len()).with("position", particles);
+        let stream =
+            Stream::new("liquid", StreamKind::Particles, particles.len()).with("position", particles);
         let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
         let mesh = reconstruct(&stream, 1.0, &params, &|| true).unwrap().mesh;
         let angles =
@@ -175,7 +176,7 @@ fn the_way_from_particles_to_distance_has_the_same_bytes_on_any_number_of_thread
 
 /// A surface with kernels that follow their neighbourhoods, at a quarter of a spacing.
 fn anisotropic(positions: Vec<Vec3>) -> Surface {
-    let stream = Stream::new("liquid", positions.len()).with("position", positions);
+    let stream = Stream::new("liquid", StreamKind::Particles, positions.len()).with("position", positions);
     let params =
         SurfaceParams { voxel: 0.25, anisotropy: Some(Anisotropy::default()), ..SurfaceParams::default() };
     reconstruct(&stream, 1.0, &params, &|| true).unwrap()

@@ -20,7 +20,8 @@ except ImportError:
 
 MAGIC = b"\x89MCF\r\n\x1a\n"
 END = b"MCF-END\n"
-VERSION = 1
+VERSIONS = (1, 2)
+KINDS = {1: "particles", 2: "tracers", 3: "vortons", 4: "mesh_points", 5: "mesh_faces"}
 TYPES = {1: ("<f4", 1), 2: ("<f4", 3), 3: ("<u4", 1)}
 
 
@@ -37,7 +38,7 @@ def read_header(path):
 def read(path):
     """The frame: header fields, and every channel as an array.
 
-    {"key", "frame", "time", "tool", "streams": {name: {"len", "scalars": {..}, "channels": {name: array}}}}
+    {"key", "frame", "time", "tool", "streams": {name: {"len", "kind", "scalars": {..}, "channels": {name: array}}}}
     """
     try:
         import zstandard
@@ -82,13 +83,20 @@ def _compare(place, data, expected):
         raise CacheError(f"{place}: the checksum differs, expected {expected:016x}: the file is damaged")
 
 
+def _kind_in_version_1(name):
+    """The kind of a stream of that name, which version 1 does not store."""
+    if name.startswith("sheet."):
+        return "mesh_faces" if name.endswith(".faces") else "mesh_points"
+    return {"liquid": "particles", "smoke": "vortons", "smoke_tracers": "tracers"}.get(name, "unknown")
+
+
 def _header(path, data):
     """Header fields, (stream, channel, type) of every column, start of the columns, checksum of the header."""
     if data[:8] != MAGIC or len(data) < 48:
         raise CacheError(f"{path}: found {data[:8]!r}, expected a cache frame")
     version, length, checksum = struct.unpack_from("<IIQ", data, 8)
-    if version != VERSION:
-        raise CacheError(f"{path}: found format version {version}, expected {VERSION}")
+    if version not in VERSIONS:
+        raise CacheError(f"{path}: found format version {version}, expected one of {VERSIONS}")
     if data[-8:] != END or struct.unpack_from("<Q", data, len(data) - 24)[0] != len(data):
         raise CacheError(f"{path}: found no trailer for {len(data)} bytes: the file was cut or extended")
     header = data[24 : 24 + length]
@@ -110,7 +118,8 @@ def _header(path, data):
         frame["streams"], columns = {}, []
         for _ in range(take("<I")):
             name = text()
-            stream = frame["streams"][name] = {"len": take("<Q"), "scalars": {}, "channels": {}}
+            kind = _kind_in_version_1(name) if version == 1 else KINDS.get(take("<B"), "unknown")
+            stream = frame["streams"][name] = {"len": take("<Q"), "kind": kind, "scalars": {}, "channels": {}}
             columns += [(name, text(), take("<B")) for _ in range(take("<I"))]
             for _ in range(take("<I")):
                 scalar = text()
@@ -118,7 +127,7 @@ def _header(path, data):
     except (struct.error, UnicodeDecodeError) as error:
         raise CacheError(f"{path}: header: {error}") from None
     if at != length or any(kind not in TYPES for *_, kind in columns) or frame["entries_in_chunk"] < 1:
-        raise CacheError(f"{path}: header: found fields that version {VERSION} does not have")
+        raise CacheError(f"{path}: header: found fields that version {version} does not have")
     return frame, columns, 24 + length, checksum
 
 
@@ -128,7 +137,7 @@ def main():
         checked = "checksums match" if xxhash else "checksums not compared (pip install xxhash)"
         print(f"{path}: frame {frame['frame']}, time {frame['time']:.6g} s, key {frame['key']:016x}, {checked}")
         for name, stream in frame["streams"].items():
-            print(f"  {name}: {stream['len']} entries, scalars {stream['scalars']}")
+            print(f"  {name} ({stream['kind']}): {stream['len']} entries, scalars {stream['scalars']}")
             for channel, values in stream["channels"].items():
                 bounds = f" from {values.min(axis=0)} to {values.max(axis=0)}" if len(values) else ""
                 print(f"    {channel}: {values.dtype}{list(values.shape)}{bounds}")

@@ -83,8 +83,8 @@ class Reader(unittest.TestCase):
                 self.read_bytes(data)
 
     def test_another_version_is_refused(self):
-        with self.assertRaisesRegex(meniscus_cache.CacheError, "version 2"):
-            self.read_bytes(self.data[:8] + b"\2\0\0\0" + self.data[12:])
+        with self.assertRaisesRegex(meniscus_cache.CacheError, "version 3"):
+            self.read_bytes(self.data[:8] + b"\3\0\0\0" + self.data[12:])
 
     @unittest.skipUnless(meniscus_cache.xxhash, "xxhash is not installed")
     def test_a_flipped_byte_is_refused(self):

@@ -41,7 +41,12 @@ pub use params::{
 use super::{
     Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock, substep::advance_frame,
 };
-use crate::{frame::Stream, math::Vec3, par, space::CellGrid};
+use crate::{
+    frame::{Stream, StreamKind},
+    math::Vec3,
+    par,
+    space::CellGrid,
+};
 use accelerated::Momentum;
 use energy::energy;
 use lanes::Node;
@@ -163,7 +168,7 @@ impl Liquid {
 
     /// The state at `time` since the shot's start [s] as named columns, with all that [`Liquid::restore`] needs.
     pub(super) fn stream(&self, time: f64) -> Stream {
-        let mut stream = Stream::new(NAME, self.x.len())
+        let mut stream = Stream::new(NAME, StreamKind::Particles, self.x.len())
             .with("position", self.x.clone())
             .with("velocity", self.v.clone())
             .with("id", self.id.clone());

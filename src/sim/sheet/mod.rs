@@ -39,7 +39,7 @@ pub use params::{
     SheetSolver, SheetsCommon, SheetsParams,
 };
 pub use record::{ContactRecord, SheetRecord};
-pub use state::{CORNERS, faces_stream, is_faces, is_part, sheet_of, stream};
+pub use state::{CORNERS, faces_stream, is_part, sheet_of, stream};
 
 use super::{
     Diverged, Stop, Watch, World,

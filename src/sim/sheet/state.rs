@@ -1,7 +1,11 @@
 //! Sheets as streams of a frame, and back.
 
 use super::{NAME, SheetError, Sheets, Shot};
-use crate::{frame::Stream, math::Vec3, sim::World};
+use crate::{
+    frame::{Stream, StreamKind},
+    math::Vec3,
+    sim::World,
+};
 
 /// The channels of the corners of faces.
 pub const CORNERS: [&str; 4] = ["a", "b", "c", "d"];
@@ -21,11 +25,6 @@ pub fn sheet_of(stream: &str) -> Option<&str> {
     stream.strip_prefix(NAME)?.strip_prefix('.').filter(|name| !name.contains('.'))
 }
 
-/// Whether a stream is of the faces of a sheet.
-pub fn is_faces(stream: &str) -> bool {
-    is_part(stream) && stream.ends_with(".faces")
-}
-
 /// Whether a stream is of sheets.
 pub fn is_part(stream: &str) -> bool {
     stream.strip_prefix(NAME).is_some_and(|rest| rest.starts_with('.'))
@@ -43,14 +42,15 @@ impl Sheets {
                     |from: &super::lanes::Vectors| range.clone().map(|i| from.get(i)).collect::<Vec<Vec3>>();
                 let area: f64 = range.clone().map(|i| f64::from(self.area[i])).sum();
                 let name = stream(&sheet.name);
-                let mut points = Stream::new(&name, range.len())
+                let mut points = Stream::new(&name, StreamKind::MeshPoints, range.len())
                     .with("position", of(&self.x))
                     .with("velocity", of(&self.v));
                 points.scalars = vec![("spacing".into(), (area / range.len() as f64).sqrt())];
                 let corners = faces_stream(&name);
                 let corner = |k: usize| faces.iter().map(|face| face[k]).collect::<Vec<u32>>();
-                let corners =
-                    (0..4).zip(CORNERS).fold(Stream::new(corners, faces.len()), |stream, (k, name)| {
+                let corners = (0..4)
+                    .zip(CORNERS)
+                    .fold(Stream::new(corners, StreamKind::MeshFaces, faces.len()), |stream, (k, name)| {
                         stream.with(name, corner(k))
                     });
                 [points, corners]

@@ -2,7 +2,7 @@
 
 use super::{NAME, Smoke, System, TRACERS, tracers::Tracers};
 use crate::{
-    frame::Stream,
+    frame::{Stream, StreamKind},
     sim::{
         SetupError, World,
         vortex::{Vortons, flow::Flow},
@@ -13,7 +13,7 @@ impl System {
     /// The state as named columns, with all that [`System::restore`] needs: vortons, then tracers.
     pub(in crate::sim) fn streams(&self) -> [Stream; 2] {
         let Flow { vortons, volume, id, next_id, strained, .. } = &self.flow;
-        let mut stream = Stream::new(NAME, vortons.len())
+        let mut stream = Stream::new(NAME, StreamKind::Vortons, vortons.len())
             .with("position", vortons.position.clone())
             .with("strength", vortons.strength.clone())
             .with("core", vortons.core.clone())

@@ -1,6 +1,11 @@
 //! Tracers: points that drift with the air and carry what is seen.
 
-use crate::{frame::Stream, math::Vec3, par, sim::SetupError};
+use crate::{
+    frame::{Stream, StreamKind},
+    math::Vec3,
+    par,
+    sim::SetupError,
+};
 
 /// The stream of the tracers in a frame.
 pub const TRACERS: &str = "smoke_tracers";
@@ -85,7 +90,7 @@ impl Tracers {
 
     /// The columns of a frame; `spacing` is the distance at which smoke is full [m].
     pub(super) fn stream(&self, spacing: f32) -> Stream {
-        let mut stream = Stream::new(TRACERS, self.len())
+        let mut stream = Stream::new(TRACERS, StreamKind::Tracers, self.len())
             .with("position", self.position.clone())
             .with("density", self.density.clone())
             .with("temperature", self.temperature.clone())

@@ -192,7 +192,7 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
         assert!(whole.streams() == resumed.streams() && records[0] == records[1], "{integrator}");
         assert!(records[0].iter().any(|record| record.caught > 0), "{integrator}: it touches");
         assert!(whole.streams() != streams);
-        let other = meniscus::frame::Stream::new("sheet.cloth", 3);
+        let other = meniscus::frame::Stream::new("sheet.cloth", meniscus::frame::StreamKind::MeshPoints, 3);
         assert!(Sheets::restore(shot(&text), &world, &[other], 0.0).is_err());
     }
 }

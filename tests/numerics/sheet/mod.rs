@@ -75,7 +75,9 @@ fn placed_shot(shot: &Shot, world: &World, change: impl Fn(usize, Vec3, Vec3) ->
         let (x, v) = (stream.vec3("position").unwrap(), stream.vec3("velocity").unwrap());
         let both = x.iter().zip(v).enumerate().map(|(i, (x, v))| change(i, *x, *v));
         let (x, v): (Vec<Vec3>, Vec<Vec3>) = both.unzip();
-        meniscus::frame::Stream::new(stream.name.clone(), x.len()).with("position", x).with("velocity", v)
+        meniscus::frame::Stream::new(stream.name.clone(), stream.kind, x.len())
+            .with("position", x)
+            .with("velocity", v)
     });
     let streams: Vec<_> = streams.collect();
     Sheets::restore(shot.clone(), world, &streams, 0.0).expect("the streams are whole")

@@ -187,7 +187,7 @@ fn rolled(make: &dyn Fn() -> Sheets, restore: &dyn Fn(&[meniscus::frame::Stream]
         Vec3::new(radius * angle.sin(), x.y, radius * (1.0 - angle.cos()))
     });
     let count = start.len();
-    let stream = meniscus::frame::Stream::new("sheet.cloth", count)
+    let stream = meniscus::frame::Stream::new("sheet.cloth", meniscus::frame::StreamKind::MeshPoints, count)
         .with("position", x.collect::<Vec<_>>())
         .with("velocity", vec![Vec3::zeros(); count]);
     let record = run_at(&mut restore(&[stream]), 0, 1, 1e-9).unwrap().remove(0);
@@ -228,9 +228,10 @@ fn meshes_weigh_and_stretch_as_grids_do() {
     let shot = with_mesh(mesh(8, false), terms);
     let start = Sheets::new(shot.clone(), &world).unwrap();
     let x: Vec<Vec3> = start.positions().iter().map(|x| Vec3::new(1.01 * x.x, x.y, x.z)).collect();
-    let stream = meniscus::frame::Stream::new("sheet.cloth", x.len())
-        .with("velocity", vec![Vec3::zeros(); x.len()])
-        .with("position", x);
+    let stream =
+        meniscus::frame::Stream::new("sheet.cloth", meniscus::frame::StreamKind::MeshPoints, x.len())
+            .with("velocity", vec![Vec3::zeros(); x.len()])
+            .with("position", x);
     let mut stretched = Sheets::restore(shot, &world, &[stream], 0.0).unwrap();
     let energy = run_at(&mut stretched, 0, 1, 1e-9).unwrap()[0].elastic_energy;
     assert!((energy / (0.5 * 30.0 * 1e-4) - 1.0).abs() < 2e-3, "{energy}");

@@ -122,6 +122,7 @@ fn sample(frame: &Frame, stream: &Stream) -> Frame {
     kept.sort_by_key(|&i| id[i]);
     let positions: Vec<_> = kept.iter().map(|&i| x[i]).collect();
     let ids: Vec<_> = kept.iter().map(|&i| id[i]).collect();
-    let stream = Stream::new(&stream.name, kept.len()).with("position", positions).with("id", ids);
+    let stream =
+        Stream::new(&stream.name, stream.kind, kept.len()).with("position", positions).with("id", ids);
     Frame { streams: vec![stream], ..*frame }
 }

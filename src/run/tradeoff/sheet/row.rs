@@ -2,7 +2,7 @@
 
 use crate::{
     cache,
-    frame::{Frame, FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream, StreamKind},
     math::Vec3,
     run::{
         Control, RunError, ShotFolder, log,
@@ -88,7 +88,9 @@ impl Woven {
                 (Lattice::Grid(at), SheetShape::Grid { cells, .. }) => between(points, *cells, *at),
                 _ => points.iter().step_by(points.len().div_ceil(MOST_POINTS).max(1)).copied().collect(),
             };
-            streams.push(Stream::new(stream(name), places.len()).with("position", places));
+            streams.push(
+                Stream::new(stream(name), StreamKind::MeshPoints, places.len()).with("position", places),
+            );
         }
         Frame { streams, ..*frame }
     }

@@ -5,7 +5,7 @@ use super::{
     row::{Row, between},
 };
 use crate::{
-    frame::{Frame, FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream, StreamKind},
     math::Vec3,
 };
 use serde_json::json;
@@ -45,7 +45,9 @@ fn distances_are_between_the_same_points_of_the_same_sheets() {
     let frame = |sheets: &[(&str, Vec<Vec3>)]| Frame {
         streams: sheets
             .iter()
-            .map(|(name, places)| Stream::new(*name, places.len()).with("position", places.clone()))
+            .map(|(name, places)| {
+                Stream::new(*name, StreamKind::MeshPoints, places.len()).with("position", places.clone())
+            })
             .collect(),
         index: FrameIndex(1),
         time: 0.0,

@@ -3,7 +3,7 @@
 use crate::{
     cache,
     field::{Carried, CarriedParams, carried},
-    frame::{Frame, FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream, StreamKind},
     grid::{BRICK_NODES, node_of},
     math::Vec3,
     par,
@@ -136,7 +136,9 @@ impl Smoky {
         }
         let places: Vec<Vec3> = nodes.iter().map(|(node, _)| Vec3::from(node.map(|k| k as f32))).collect();
         let density: Vec<f32> = nodes.iter().map(|(_, value)| *value).collect();
-        let stream = Stream::new("lattice", nodes.len()).with("node", places).with("density", density);
+        let stream = Stream::new("lattice", StreamKind::Unknown, nodes.len())
+            .with("node", places)
+            .with("density", density);
         Frame { streams: vec![stream], ..*frame }
     }
 }

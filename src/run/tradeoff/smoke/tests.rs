@@ -6,7 +6,7 @@ use super::{
     *,
 };
 use crate::{
-    frame::{Frame, FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream, StreamKind},
     math::Vec3,
     run::tradeoff::runs::Measure,
 };
@@ -152,7 +152,7 @@ fn what_moves_by_less_than_a_cell_is_elsewhere_by_a_part_of_it() {
             .map(|i| [i % 20, i / 20 % 20, i / 400].map(|v| 0.05 * v as f32))
             .map(|x| Vec3::from(x) + Vec3::x() * shift)
             .collect();
-        let stream = Stream::new(crate::sim::smoke::TRACERS, points.len());
+        let stream = Stream::new(crate::sim::smoke::TRACERS, StreamKind::Tracers, points.len());
         let mut stream = stream.with("density", vec![1.0_f32; points.len()]).with("position", points);
         stream.scalars = vec![("spacing".into(), 0.05)];
         Frame { index: FrameIndex(1), time: 0.0, streams: vec![stream] }

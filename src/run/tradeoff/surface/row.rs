@@ -3,7 +3,7 @@
 use super::source::Sample;
 use crate::{
     cache,
-    frame::{Frame, FrameIndex, Stream},
+    frame::{Frame, FrameIndex, Stream, StreamKind},
     mesh::{
         self, Mesh, SURFACE_VERSION, Surface, SurfaceParams,
         apart::{Distance, Target, distance},
@@ -244,11 +244,11 @@ const CORNERS: [&str; 3] = ["a", "b", "c"];
 /// A mesh in the container of the cache, which is checked when it is read.
 fn as_frame(mesh: Mesh) -> Frame {
     let corner = |place: usize| mesh.triangles.iter().map(|t| t[place]).collect::<Vec<u32>>();
-    let mut triangles = Stream::new("triangles", mesh.triangles.len());
+    let mut triangles = Stream::new("triangles", StreamKind::Unknown, mesh.triangles.len());
     for (place, name) in CORNERS.iter().enumerate() {
         triangles = triangles.with(*name, corner(place));
     }
-    let vertices = Stream::new("vertices", mesh.positions.len());
+    let vertices = Stream::new("vertices", StreamKind::Unknown, mesh.positions.len());
     let vertices = vertices.with("position", mesh.positions).with("normal", mesh.normals);
     Frame { index: KEPT, time: 0.0, streams: vec![vertices, triangles] }
 }
