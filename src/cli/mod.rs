@@ -14,6 +14,9 @@ mod shot;
 mod tradeoff;
 mod volume;
 
+#[cfg(test)]
+pub(crate) use output::diagnostic;
+
 use crate::{par, run::Control};
 use args::{Cli, Verb};
 use clap::Parser;

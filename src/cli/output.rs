@@ -1,7 +1,8 @@
 //! What the command line prints: results on stdout, reports and errors on stderr.
 
 use super::args::ProgressStyle;
-use crate::run::RunError;
+use crate::{preset::SceneError, run::RunError};
+use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 /// Prints a line on stderr; write errors on a closed stderr are ignored.
 pub(super) fn say(text: &str) {
@@ -30,25 +31,27 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// A preset's problems with the lines they are on, plain where colours or line art are not wanted.
-fn diagnostic(problem: &dyn miette::Diagnostic) -> String {
+/// Why there is no scene: every problem with the line it is in, plain where colours are not wanted.
+pub(crate) fn diagnostic(error: &SceneError) -> String {
     use std::io::IsTerminal;
     let fancy = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    let theme = if fancy {
-        miette::GraphicalTheme::unicode()
-    } else {
-        miette::GraphicalTheme {
-            characters: miette::ThemeCharacters::ascii(),
-            styles: miette::ThemeStyles::none(),
-        }
-    };
-    let mut text = String::new();
-    let shown =
-        miette::GraphicalReportHandler::new_themed(theme).with_links(false).render_report(&mut text, problem);
-    match shown {
-        Ok(()) => text,
-        Err(_) => problem.to_string(),
+    let renderer = if fancy { Renderer::styled() } else { Renderer::plain() };
+    let mut texts = Vec::new();
+    for problem in error.problems() {
+        let (text, bytes) = problem.source();
+        let place = AnnotationKind::Primary.span(bytes).label(&problem.label);
+        let snippet = Snippet::source(text).path(&problem.file).annotation(place);
+        let mut group = Level::ERROR.primary_title(&problem.message).element(snippet);
+        group = group.elements(problem.help.iter().map(|help| Level::HELP.message(help)));
+        texts.push(renderer.render(&[group]));
     }
+    if texts.is_empty() {
+        let (title, help) = (error.to_string(), error.help());
+        let group = Level::ERROR.primary_title(&title);
+        let group = Group::with_title(group).elements(help.iter().map(|help| Level::HELP.message(help)));
+        texts.push(renderer.render(&[group]));
+    }
+    texts.join("\n\n")
 }
 
 /// Prints a result; a reader that went away (`meniscus info … | head`) is no failure.

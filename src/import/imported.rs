@@ -13,4 +13,5 @@ pub struct Imported {
 }
 
 /// Deflate expands at most so many times.
+#[cfg(any(feature = "npz", feature = "vtk"))]
 pub(super) const MAX_DEFLATE_EXPANSION: usize = 1032;

@@ -12,6 +12,7 @@ mod expand;
 mod gather;
 mod imported;
 mod npy;
+#[cfg(feature = "npz")]
 mod npz;
 mod numbers;
 mod ply;
@@ -19,6 +20,7 @@ mod sequence;
 mod triangles;
 mod vdb;
 mod vtk;
+#[cfg(feature = "vtk")]
 mod vtu;
 mod xyz;
 
@@ -34,6 +36,12 @@ pub use vdb::{LevelSet, LevelSetFile, read_level_set};
 
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
+
+/// What a ZIP archive starts with, and so an NPZ file.
+const ZIP_STARTS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
+
+/// What an XML file of VTK starts with, after white space.
+const XML_STARTS: [&[u8]; 3] = [b"<?xml", b"<VTKFile", b"<!--"];
 
 /// A format, as the extension names it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,9 +82,9 @@ impl Format {
             Some(Self::Bgeo)
         } else if bytes.starts_with(npy::MAGIC) {
             Some(Self::Npy)
-        } else if npz::MAGIC.iter().any(|magic| bytes.starts_with(magic)) {
+        } else if ZIP_STARTS.iter().any(|magic| bytes.starts_with(magic)) {
             Some(Self::Npz)
-        } else if vtu::STARTS.iter().any(|start| bytes.trim_ascii_start().starts_with(start)) {
+        } else if XML_STARTS.iter().any(|start| bytes.trim_ascii_start().starts_with(start)) {
             Some(Self::Vtu)
         } else {
             None
@@ -162,9 +170,19 @@ fn parse(path: &Path, format: Format, bytes: &[u8]) -> Result<Imported, ImportEr
         Format::Ply => ply::read(path, bytes),
         Format::Xyz => xyz::read(path, bytes),
         Format::Vtk => vtk::read(path, bytes),
+        #[cfg(feature = "vtk")]
         Format::Vtu => vtu::read(path, bytes),
+        #[cfg(not(feature = "vtk"))]
+        Format::Vtu => {
+            Err(ImportError::unsupported(path, "a VTK XML file", "a program built with the feature `vtk`"))
+        }
         Format::Bgeo => bgeo::read(path, bytes),
         Format::Npy => npy::read(path, bytes),
+        #[cfg(feature = "npz")]
         Format::Npz => npz::read(path, bytes),
+        #[cfg(not(feature = "npz"))]
+        Format::Npz => {
+            Err(ImportError::unsupported(path, "an NPZ file", "a program built with the feature `npz`"))
+        }
     }
 }

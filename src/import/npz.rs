@@ -6,9 +6,6 @@ use std::io::{Cursor, Read};
 use std::path::Path;
 use zip::{ZipArchive, result::ZipError};
 
-/// The first bytes of an archive, and of one without a member.
-pub(super) const MAGIC: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
-
 /// Names under which N × 3 positions are known, in lower case. Particles of one array need no name.
 const POSITIONS: [&str; 7] = ["position", "positions", "pos", "points", "p", "x", "xyz"];
 

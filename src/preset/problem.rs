@@ -1,7 +1,6 @@
 //! What is wrong with a preset, and where.
 
-use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
-use std::{fmt::Display, path::PathBuf, sync::Arc};
+use std::{ops::Range, path::PathBuf, sync::Arc};
 
 /// Why there is no scene.
 #[derive(Debug, thiserror::Error)]
@@ -66,28 +65,20 @@ pub struct Problem {
     pub help: Option<String>,
     /// The valid word that the one found resembles most.
     pub nearest: Option<String>,
-    text: NamedSource<Arc<str>>,
-    start: usize,
-    length: usize,
+    text: Arc<str>,
+    bytes: Range<usize>,
 }
 
-impl Diagnostic for Problem {
-    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
-        self.help.as_ref().map(|help| Box::new(help) as Box<dyn Display>)
-    }
-
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        Some(&self.text)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let label = LabeledSpan::new(Some(self.label.clone()), self.start, self.length);
-        Some(Box::new(std::iter::once(label)))
+impl Problem {
+    /// The whole text that the mistake is in, and its bytes there.
+    pub fn source(&self) -> (&str, Range<usize>) {
+        (&self.text, self.bytes.clone())
     }
 }
 
-impl Diagnostic for SceneError {
-    fn help<'a>(&'a self) -> Option<Box<dyn Display + 'a>> {
+impl SceneError {
+    /// The next step to take, where a preset could not be read at all; a [`Problem`] has its own.
+    pub fn help(&self) -> Option<String> {
         let names = || {
             super::builtin::all().iter().map(|(name, _)| format!("`{name}`")).collect::<Vec<_>>().join(", ")
         };
@@ -95,37 +86,13 @@ impl Diagnostic for SceneError {
             Self::UnknownPreset { nearest, .. } => {
                 let meant =
                     nearest.as_ref().map(|name| format!("did you mean `{name}`? ")).unwrap_or_default();
-                Some(Box::new(format!("{meant}built-in presets: {}; a file's name ends in .toml", names())))
+                Some(format!("{meant}built-in presets: {}; a file's name ends in .toml", names()))
             }
-            Self::Unreadable { nearest: Some(name), .. } => Some(Box::new(format!(
-                "`{name}` is a built-in preset: give its name alone, without a path or .toml"
-            ))),
-            Self::Unreadable { .. } => Some(Box::new(format!("built-in presets: {}", names()))),
-            Self::Invalid(problems) => match &problems[..] {
-                [problem] => problem.help(),
-                _ => None,
-            },
-        }
-    }
-
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        match self.problems() {
-            [problem] => problem.source_code(),
-            _ => None,
-        }
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        match self.problems() {
-            [problem] => problem.labels(),
-            _ => None,
-        }
-    }
-
-    fn related<'a>(&'a self) -> Option<Box<dyn Iterator<Item = &'a dyn Diagnostic> + 'a>> {
-        match self.problems() {
-            [] | [_] => None,
-            problems => Some(Box::new(problems.iter().map(|problem| problem as &dyn Diagnostic))),
+            Self::Unreadable { nearest: Some(name), .. } => {
+                Some(format!("`{name}` is a built-in preset: give its name alone, without a path or .toml"))
+            }
+            Self::Unreadable { .. } => Some(format!("built-in presets: {}", names())),
+            Self::Invalid(_) => None,
         }
     }
 }
@@ -207,8 +174,7 @@ fn place(finding: Finding, sources: &[Source]) -> Problem {
         label,
         help,
         nearest,
-        text: NamedSource::new(&source.name, source.text.clone()),
-        start: span.start,
-        length: span.end - span.start,
+        text: source.text.clone(),
+        bytes: span.start..span.end,
     }
 }

@@ -4,7 +4,6 @@ use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, lattices::Lattic
 use crate::{
     cache::{self, CacheError, Lock},
     frame::{FrameIndex, Stream},
-    math::Vec3,
     scene::{Frames, Scene},
     sim::{FrameRecord, Simulation, Stop, Watch, World},
 };
@@ -254,9 +253,7 @@ impl Watch for Progress<'_> {
 
 /// The simulation's own view of what surrounds it.
 pub(super) fn world(scene: &Scene) -> World {
-    let (fps, first) = (f64::from(scene.fps), scene.frames.first().0);
-    let solids = scene.world.collider.iter().map(|collider| collider.solid(fps, first)).collect();
-    World { gravity: Vec3::from(scene.world.gravity), solids }
+    scene.surroundings()
 }
 
 fn figures(index: FrameIndex, liquid: bool, record: &FrameRecord, seconds: f64) -> String {

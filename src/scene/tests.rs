@@ -5,7 +5,6 @@ use crate::{
     frame::FrameIndex,
     preset::model::{self, Kind},
 };
-use miette::{GraphicalReportHandler, GraphicalTheme, NarratableReportHandler};
 use proptest::prelude::*;
 
 fn preset(text: &str) -> Preset {
@@ -25,13 +24,9 @@ fn builtin_preset(name: &str) -> Preset {
     Preset { name: name.to_owned(), text: builtin::get(name).unwrap().to_owned(), home: Home::BuiltIn }
 }
 
-/// What both of miette's handlers make of an error.
+/// What the command line prints of an error.
 fn rendered(error: &SceneError) -> String {
-    let mut out = String::new();
-    let plain = GraphicalReportHandler::new_themed(GraphicalTheme::unicode_nocolor()).with_width(200);
-    plain.render_report(&mut out, error).unwrap();
-    NarratableReportHandler::new().render_report(&mut out, error).unwrap();
-    out
+    crate::cli::diagnostic(error)
 }
 
 const GOOD: &str = r#"title = "Good"

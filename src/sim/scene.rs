@@ -119,6 +119,13 @@ impl Scene {
         toml::to_string(self).expect("a scene has only values that TOML can hold")
     }
 
+    /// Gravity and the colliders, as the simulation takes them. Meshes among the colliders have to be sampled before.
+    pub fn surroundings(&self) -> super::World {
+        let (fps, first) = (f64::from(self.fps), self.frames.first().0);
+        let solids = self.world.collider.iter().map(|collider| collider.solid(fps, first)).collect();
+        super::World { gravity: self.world.gravity.into(), solids }
+    }
+
     /// The systems, as the simulation takes them.
     pub fn systems(&self) -> Systems {
         let (fps, first) = (f64::from(self.fps), self.frames.first().0);

@@ -16,7 +16,6 @@ use crate::{
 use bytes::Bytes;
 use std::{
     collections::HashMap,
-    io::Cursor,
     path::{Path, PathBuf},
 };
 use xxhash_rust::xxh3::xxh3_64_with_seed;
@@ -98,20 +97,30 @@ fn parse(path: &Path, all: &[u8]) -> Result<LevelSet, ImportError> {
     let (voxel, origin) = header::transform(&mut bytes)?;
     let (background, leaves) = walk::walk(&mut bytes, entry)?;
 
-    // Nothing is left in the file that the crate would stop at.
-    let unpacked = vdb_rs::VdbReader::new(Cursor::new(all))
-        .and_then(|mut reader| reader.read_grid::<f32>(&entry.name))
-        .map_err(|why| bytes.malformed(format!("values that do not unpack ({why})"), "a sound grid"))?;
-    let buffers: HashMap<[i32; 3], &[f32]> = unpacked
-        .tree
-        .root_nodes
-        .iter()
-        .flat_map(|root| root.nodes.values())
-        .flat_map(|lower| lower.nodes.values())
-        .map(|leaf| (leaf.origin.to_array(), leaf.buffer.as_slice()))
-        .collect();
+    let buffers = unpack(&bytes, all, entry)?;
     let grid = assemble(&bytes, voxel as f32, background, &leaves, &buffers)?;
     Ok(LevelSet { grid, origin: Vec3::from(origin.map(|x| x as f32)), name: entry.name.clone() })
+}
+
+/// The values of every leaf of a grid, by the leaf's first node. Nothing is left in the file that the crate would stop at.
+#[cfg(feature = "vdb")]
+fn unpack(
+    bytes: &Bytes,
+    all: &[u8],
+    entry: &header::Entry,
+) -> Result<HashMap<[i32; 3], Vec<f32>>, ImportError> {
+    let unpacked = vdb_rs::VdbReader::new(std::io::Cursor::new(all))
+        .and_then(|mut reader| reader.read_grid::<f32>(&entry.name))
+        .map_err(|why| bytes.malformed(format!("values that do not unpack ({why})"), "a sound grid"))?;
+    let lower = unpacked.tree.root_nodes.into_iter().flat_map(|root| root.nodes.into_values());
+    let leaves = lower.flat_map(|lower| lower.nodes.into_values());
+    Ok(leaves.map(|leaf| (leaf.origin.to_array(), leaf.buffer)).collect())
+}
+
+/// Refuses the grid: this build has no reader of values.
+#[cfg(not(feature = "vdb"))]
+fn unpack(bytes: &Bytes, _: &[u8], _: &header::Entry) -> Result<HashMap<[i32; 3], Vec<f32>>, ImportError> {
+    Err(bytes.malformed("an OpenVDB file", "a program built with the feature `vdb`"))
 }
 
 /// Bricks from leaves: the active values, and the half width on the side of every other node.
@@ -120,7 +129,7 @@ fn assemble(
     voxel: f32,
     background: f32,
     leaves: &[walk::Leaf],
-    buffers: &HashMap<[i32; 3], &[f32]>,
+    buffers: &HashMap<[i32; 3], Vec<f32>>,
 ) -> Result<SparseGrid, ImportError> {
     let brick_of = |leaf: &walk::Leaf| leaf.origin.map(|v| v.div_euclid(BRICK as i32));
     let coords: Vec<[i32; 3]> = leaves.iter().map(brick_of).collect();
@@ -134,7 +143,7 @@ fn assemble(
         return Err(bytes.malformed("two leaves in one place", "each leaf once"));
     }
     for leaf in leaves {
-        let buffer = buffers.get(&leaf.origin).copied().unwrap_or_default();
+        let buffer = buffers.get(&leaf.origin).map(Vec::as_slice).unwrap_or_default();
         if buffer.len() != BRICK_NODES {
             return Err(bytes.malformed(format!("{} values of a leaf", buffer.len()), "512"));
         }

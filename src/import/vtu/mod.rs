@@ -11,9 +11,6 @@ use block::{Array, Coding, Data};
 use quick_xml::{Reader, XmlVersion, events::BytesStart, events::Event};
 use std::path::Path;
 
-/// What a file may start with.
-pub(super) const STARTS: [&[u8]; 3] = [b"<?xml", b"<VTKFile", b"<!--"];
-
 /// What introduces appended data.
 const APPENDED: &[u8] = b"<AppendedData";
 

@@ -10,7 +10,7 @@
 //! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²].
 
 use super::{
-    Constraint, SubstepParticles,
+    Constraint, Particles,
     correction::{CorrectionPass, Moved},
     density::{Chunk, Decide, DensityPass, Residual, Unknown, Unknowns, Verdict},
     lanes::{Lanes, Node},
@@ -57,7 +57,7 @@ pub(super) struct Solver {
     pub(super) rebuilds: u32,
     /// Corrections shortened.
     pub(super) shortened: u64,
-    /// SubstepParticles that still touched a solid after the last round.
+    /// Particles that still touched a solid after the last round.
     pub(super) stuck: u64,
     /// What moving solids did in this substep, by mass over dt² [m²].
     pub(super) work: f64,
@@ -233,11 +233,11 @@ impl Solver {
     /// The particles, which began the substep at `from`, for what shares it.
     pub(super) fn particles<'a>(
         &'a mut self,
-        start: &'a [Vec3],
-        collide: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
-    ) -> SubstepParticles<'a> {
+        from: &'a [Vec3],
+        free: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+    ) -> Particles<'a> {
         let Self { p, grid, built_at, .. } = self;
-        SubstepParticles { start, predicted: p, grid, sorted_at: built_at, collide }
+        Particles { from, to: p, grid, sorted_at: built_at, free }
     }
 
     /// Moves every particle by its Δp and out of the solids.
