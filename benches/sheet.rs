@@ -80,13 +80,13 @@ fn by_threads() {
     for case in CASES {
         for side in [32, 65, 100, 178, 316, 562, 1000] {
             let sheets = sheets(side, case.terms, case.mesh);
-            let dt = 0.4 * sheets.longest_stable();
+            let dt = 0.4 * sheets.max_stable_step();
             row(case.name, side, 1_000_000 / side.pow(2), sheets, dt);
         }
     }
     for side in [65, 100, 316, 1000] {
         // As long as eight of the symplectic rule's, so that rounds are as many whatever the points.
-        let dt = 8.0 * 0.4 * sheets(side, "", false).longest_stable();
+        let dt = 8.0 * 0.4 * sheets(side, "", false).max_stable_step();
         row("implicit, a round", side, 50_000 / side.pow(2), sheets(side, IMPLICIT, false), dt);
     }
 }
@@ -142,7 +142,7 @@ fn steps(criterion: &mut Criterion) {
             group.bench_function(format!("{}, {side}² points", case.name), |b| {
                 let (sheets, dt) = made.get_or_insert_with(|| {
                     let sheets = sheets(side, case.terms, case.mesh);
-                    let dt = 0.4 * sheets.longest_stable();
+                    let dt = 0.4 * sheets.max_stable_step();
                     (sheets, dt)
                 });
                 b.iter(|| sheets.step(0.0, *dt).expect("it is stable"));

@@ -11,7 +11,7 @@ use crate::{
     export::MeshFormat,
     frame::{Channel, ChannelData, Stream},
     mesh::{Mesh, SurfaceParams, normals_from_faces, thicken},
-    sim::sheet::{CORNERS, faces_stream, sheet_of},
+    sim::sheet::{CORNER_CHANNELS, faces_stream, sheet_of},
 };
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -88,7 +88,7 @@ pub(super) const BROKEN: &str = "the sheet lacks its positions or faces; simulat
 pub(super) fn mesh_of(stream: &Stream, streams: &[Stream], thickness: Option<f32>) -> Option<Mesh> {
     let name = faces_stream(&stream.name);
     let faces = streams.iter().find(|other| other.name == name)?;
-    let corners = CORNERS.map(|corner| faces.u32(corner));
+    let corners = CORNER_CHANNELS.map(|corner| faces.u32(corner));
     let [Some(a), Some(b), Some(c), Some(d)] = corners else { return None };
     let positions = stream.vec3("position")?.to_vec();
     let mut triangles = Vec::with_capacity(2 * faces.len());

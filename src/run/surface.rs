@@ -65,7 +65,7 @@ impl Make for Meshes<'_> {
     }
 
     fn takes(&self, stream: &str) -> bool {
-        ![smoke::NAME, smoke::TRACERS].contains(&stream) && !sheet::is_part(stream)
+        ![smoke::NAME, smoke::TRACERS].contains(&stream) && !sheet::is_sheet_stream(stream)
     }
 
     fn nothing(&self) -> String {

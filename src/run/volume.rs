@@ -162,7 +162,7 @@ impl Make for Volumes<'_> {
         match stream {
             smoke::NAME => false,
             TRACERS => !self.smoke.is_empty(),
-            sheet if sheet::is_part(sheet) => false,
+            sheet if sheet::is_sheet_stream(sheet) => false,
             _ => !self.liquid.is_empty(),
         }
     }

@@ -215,7 +215,7 @@ fn wet<'a>(
     let mut both = Together::new(bound, sheets, outside);
     let mut record = liquid.advance_with(Some(&mut both), [start, seconds], &mut clock, watch)?;
     let Together { sheets, record: mut told, told: coupled, .. } = both;
-    clock.time("sheet_account", || sheets.end(start + seconds, &mut told));
+    clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut told));
     record.sheets = Some(told);
     record.coupling = Some(CouplingRecord { liquid: Some(coupled), smoke: None });
     record.seconds = clock.into_totals();
@@ -230,15 +230,15 @@ fn blown(
     watch: &mut dyn Watch,
 ) -> Result<(SheetRecord, Seconds), Stop> {
     let mut clock = Clock::new(&[sheets.passes(), between(false, true)].concat());
-    let mut record = sheets.begin();
+    let mut record = sheets.begin_frame();
     advance_frame([start, seconds], watch, |progress, _| {
         let (now, left) = (progress.now(), progress.left);
         let dt = left / f64::from(sheets.substeps_left(now, left, seconds, record.substeps)?);
         outside.act(sheets, now, dt, &mut clock)?;
-        sheets.go(now, dt, &mut clock, &mut record)?;
+        sheets.advance_substep(now, dt, &mut clock, &mut record)?;
         Ok(dt)
     })?;
-    clock.time("sheet_account", || sheets.end(start + seconds, &mut record));
+    clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut record));
     Ok((record, clock.into_totals()))
 }
 

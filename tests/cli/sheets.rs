@@ -239,7 +239,7 @@ fn a_sheet_that_is_lost_ends_its_shot_with_a_code_of_its_own_and_its_name() {
     // A pin that takes it away so fast that no substeps would do beside a solid.
     desk.write("far.toml", CLOTH.replace("position = [0.2, 0, 0]", "position = [9e9, 0, 0]"));
     let talk = desk.run("simulate far.toml -o far", 20).1;
-    assert!(talk.contains("sheet 'flag'") && talk.contains("to not fly through solids"), "{talk}");
+    assert!(talk.contains("sheet 'flag'") && talk.contains("to not pass through solids"), "{talk}");
 }
 
 #[test]

@@ -131,7 +131,7 @@ impl Outside for Wind<'_> {
                     self.told.impulse[axis] += f64::from(force[axis]) * dt;
                 }
             }
-            sheets.set_outside(std::mem::take(&mut self.forces));
+            sheets.set_external_forces(std::mem::take(&mut self.forces));
             Ok(())
         })
     }

@@ -3,7 +3,7 @@
 //! *Method*: a particle and the place q = Σ w x of a face that is nearest to it when a substep begins keep n·(x − q) ≥ d, with n the direction
 //! between them then. The constraint is one of the liquid's loop, after every correction of the density ([pbf] Algorithm 1, line 14), so
 //! that pressure reaches the sheet and the sheet's answer the pressure. Both sides take the step that is theirs by their masses, the
-//! sheet with its whole matrix (`sheet/attached.rs`). Velocities follow from positions. When the substep ends, paths relative to moving faces
+//! sheet with its whole matrix (`sheet/face_contacts.rs`). Velocities follow from positions. When the substep ends, paths relative to moving faces
 //! are followed: what went through a face is pushed back, both sides again, and in the end alone.
 //! *Departs from the paper*: [pbf] section 8 tells of two-way interaction with position based cloth and has no formulas; its cloth has no forces.
 //!
@@ -22,7 +22,7 @@ use crate::{
         Diverged,
         liquid::{Company, Particles},
         record::Clock,
-        sheet::{Leaning, SheetRecord, Sheets, Touch, Touches},
+        sheet::{CoupledSubstep, FaceContact, FaceContacts, SheetRecord, Sheets},
     },
 };
 
@@ -95,14 +95,14 @@ pub(in crate::sim) struct Together<'a> {
 /// A substep.
 struct Step {
     dt: f64,
-    leaning: Leaning,
+    leaning: CoupledSubstep,
     /// Points of sheets when it began [m].
     before: Vec<Vec3>,
     /// Particles and points where it was thought to lead when pairs were found [m].
     led: [Vec<Vec3>; 2],
     pairs: Vec<Pair>,
     contacts: Vec<Contact>,
-    touches: Touches,
+    touches: FaceContacts,
     /// λ so far [kg·m].
     lambda: Vec<f32>,
 }
@@ -113,7 +113,7 @@ impl<'a> Together<'a> {
         sheets: &'a mut Sheets,
         outside: Option<&'a mut dyn Outside>,
     ) -> Self {
-        let record = sheets.begin();
+        let record = sheets.begin_frame();
         Self { bound, sheets, outside, record, told: LiquidOnSheets::default(), step: None }
     }
 
@@ -131,7 +131,7 @@ impl<'a> Together<'a> {
         let (sheets, keep) = (&*self.sheets, self.keep());
         let way = |k: usize| {
             let (contact, touch) = (&on.list[k], &on.touches.list[k]);
-            let apart = particles.to[contact.particle as usize] - touch.place(|i| sheets.point(i)[0]);
+            let apart = particles.to[contact.particle as usize] - touch.contact_point(|i| sheets.point(i)[0]);
             let lacks = contact.keep - contact.normal.dot(&apart);
             if lacks > SLACK * keep { lacks } else { 0.0 }
         };
@@ -140,8 +140,8 @@ impl<'a> Together<'a> {
         if ways.iter().all(|&way| way == 0.0) {
             return None;
         }
-        let lambda = self.sheets.press(&mut step.leaning, on.touches, &ways);
-        self.told.unfinished += std::mem::take(&mut step.leaning.unfinished);
+        let lambda = self.sheets.solve_face_contacts(&mut step.leaning, on.touches, &ways);
+        self.told.unfinished += std::mem::take(&mut step.leaning.unconverged);
         let mut first = 0;
         while first < on.list.len() {
             let i = on.list[first].particle as usize;
@@ -157,10 +157,10 @@ impl<'a> Together<'a> {
     }
 
     /// What contacts did, in the account.
-    fn book(&mut self, step: &Step, list: &[Contact], touches: &Touches, lambda: &[f32]) -> f64 {
+    fn book(&mut self, step: &Step, list: &[Contact], touches: &FaceContacts, lambda: &[f32]) -> f64 {
         let mut work = 0.0;
         for ((contact, touch), &l) in list.iter().zip(&touches.list).zip(lambda).filter(|(_, l)| **l > 0.0) {
-            let way = touch.place(|i| self.sheets.point(i)[0] - step.before[i]);
+            let way = touch.contact_point(|i| self.sheets.point(i)[0] - step.before[i]);
             work += f64::from(l) * f64::from(contact.normal.dot(&way)) / step.dt.powi(2);
             for axis in 0..3 {
                 self.told.impulse[axis] -= f64::from(l * contact.normal[axis]) / step.dt;
@@ -198,14 +198,14 @@ impl<'a> Together<'a> {
         all
     }
 
-    fn touches(&self, contacts: &[Contact]) -> Touches {
-        let touch = |contact: &Contact| Touch {
+    fn touches(&self, contacts: &[Contact]) -> FaceContacts {
+        let touch = |contact: &Contact| FaceContact {
             points: self.bound.faces[contact.face as usize],
             weights: contact.weights,
             normal: contact.normal,
             mass: self.bound.mass / contact.shared as f32,
         };
-        Touches::new(contacts.iter().map(touch).collect(), self.sheets.len())
+        FaceContacts::new(contacts.iter().map(touch).collect(), self.sheets.len())
     }
 
     /// Puts what went through faces back, and counts. Returns the work on the liquid [J].
@@ -218,9 +218,9 @@ impl<'a> Together<'a> {
             }
             let touches = self.touches(&through);
             let on = Contacts { list: &through, touches: &touches };
-            step.leaning.go_on(self.sheets);
+            step.leaning.restart_from(self.sheets);
             if let Some(lambda) = self.round(step, &on, particles) {
-                self.sheets.yield_to(&mut step.leaning, clock, &mut self.record);
+                self.sheets.end_coupled_substep(&mut step.leaning, clock, &mut self.record);
                 work += self.book(step, &through, &touches, &lambda);
             }
         }
@@ -248,7 +248,7 @@ impl<'a> Together<'a> {
 /// Contacts, and what they are for sheets.
 struct Contacts<'a> {
     list: &'a [Contact],
-    touches: &'a Touches,
+    touches: &'a FaceContacts,
 }
 
 fn ways<'a>(particles: &'a Particles<'_>, points: [&'a [Vec3]; 2]) -> Ways<'a> {
@@ -262,7 +262,7 @@ fn ways<'a>(particles: &'a Particles<'_>, points: [&'a [Vec3]; 2]) -> Ways<'a> {
 
 impl Company for Together<'_> {
     fn fastest(&self) -> f64 {
-        self.sheets.fastest()
+        self.sheets.max_speed()
     }
 
     fn substeps_left(&mut self, now: f64, left: f64, seconds: f64, done: u32) -> Result<u32, Diverged> {
@@ -270,16 +270,16 @@ impl Company for Together<'_> {
     }
 
     fn advance_alone(&mut self, now: f64, dt: f64, clock: &mut Clock) -> Result<(), Diverged> {
-        self.sheets.hold_still(now);
+        self.sheets.update_pins_and_joints(now);
         if let Some(outside) = &mut self.outside {
             outside.act(self.sheets, now, dt, clock)?;
         }
         let before = self.sheets.positions();
-        let mut leaning = self.sheets.lean(now, dt, clock, &mut self.record)?;
+        let mut leaning = self.sheets.begin_coupled_substep(now, dt, clock, &mut self.record)?;
         if let Some(last) = &mut self.step {
-            leaning.go_on_from(&mut last.leaning);
+            leaning.warm_start(&mut last.leaning);
         }
-        let (led, touches) = ([Vec::new(), Vec::new()], Touches::default());
+        let (led, touches) = ([Vec::new(), Vec::new()], FaceContacts::default());
         let (pairs, contacts, lambda) = (Vec::new(), Vec::new(), Vec::new());
         self.step = Some(Step { dt, leaning, before, led, pairs, contacts, touches, lambda });
         Ok(())
@@ -317,7 +317,7 @@ impl Company for Together<'_> {
                     break;
                 }
             }
-            self.sheets.yield_to(&mut step.leaning, clock, &mut self.record);
+            self.sheets.end_coupled_substep(&mut step.leaning, clock, &mut self.record);
             // Pairs were found where the substep seemed to lead; if it led elsewhere, they are found again.
             let points = self.sheets.positions();
             let margin = 0.5 * MARGIN * self.bound.spacing;
@@ -365,7 +365,7 @@ impl Company for Together<'_> {
                     let rub = slip * (impulse / speed);
                     v[i] -= rub / bound.mass;
                     for (&corner, weight) in face.iter().zip(contact.weights) {
-                        sheets.kick(corner, rub * (weight * sheets.mobility(corner)));
+                        sheets.add_velocity(corner, rub * (weight * sheets.mobility(corner)));
                     }
                 }
             }

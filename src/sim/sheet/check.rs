@@ -1,4 +1,4 @@
-//! Whether sheets can be what the preset says.
+//! Checks of the parameters of sheets.
 
 use super::{
     SheetError,
@@ -6,7 +6,7 @@ use super::{
 };
 use crate::math::Vec3;
 
-/// The whole of them.
+/// Checks all parameters of sheets.
 ///
 /// # Errors
 /// The first key at fault.
@@ -16,8 +16,8 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
         if params.sheet[..i].iter().any(|other| other.name.eq_ignore_ascii_case(&sheet.name)) {
             return Err(SheetError::Name { key: key("name"), name: sheet.name.clone() });
         }
-        numbers(sheet, &key)?;
-        shape(sheet, &key)?;
+        check_numbers(sheet, &key)?;
+        check_shape(sheet, &key)?;
         for (k, region) in sheet.region.iter().enumerate() {
             let key = |name: &str| format!("sheet.{i}.region.{k}.{name}");
             not_negative(region.stiffness, key("stiffness"))?;
@@ -69,7 +69,7 @@ pub fn check(params: &SheetsParams) -> Result<(), SheetError> {
     not_negative(params.common.friction.unwrap_or(0.0), "sheets.friction".into())
 }
 
-fn numbers(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {
+fn check_numbers(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {
     positive(sheet.density, key("density"))?;
     let [a, b] = sheet.spring_damping.unwrap_or_default();
     let [y1, y2] = sheet.stiffness;
@@ -90,15 +90,15 @@ fn numbers(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), Shee
     finite(&sheet.velocity, key("velocity"))
 }
 
-fn shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {
+fn check_shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetError> {
     match &sheet.shape {
         SheetShape::Grid { origin, first, second, .. } => {
             for (name, side) in [("origin", origin), ("first", first), ("second", second)] {
                 finite(side, key(&format!("shape.grid.{name}")))?;
             }
-            let asked = sheet.shape.points();
-            if asked > f64::from(1_u32 << 31) {
-                return Err(SheetError::TooMany { asked });
+            let requested = sheet.shape.points();
+            if requested > f64::from(1_u32 << 31) {
+                return Err(SheetError::TooMany { requested });
             }
             let area = Vec3::from(*first).cross(&Vec3::from(*second)).norm();
             if area > 0.0 { Ok(()) } else { Err(SheetError::NoArea { key: key("shape.grid") }) }
@@ -122,13 +122,14 @@ fn shape(sheet: &SheetParams, key: &dyn Fn(&str) -> String) -> Result<(), SheetE
             if let Some(&point) = mesh.faces.as_flattened().iter().find(|&&i| i >= count) {
                 return Err(SheetError::NoSuchPoint { key: key("shape.mesh"), point, count });
             }
-            filled(mesh, key("shape.mesh"))
+            check_mesh(mesh, key("shape.mesh"))
         }
     }
 }
 
-/// Whether every edge of a mesh has a length and every point a face. A mesh that is not read yet has neither.
-fn filled(mesh: &SheetMesh, key: String) -> Result<(), SheetError> {
+/// Checks that every edge of a mesh has a length and every point a face. A mesh that was not read yet has
+/// neither.
+fn check_mesh(mesh: &SheetMesh, key: String) -> Result<(), SheetError> {
     let mut used = vec![false; mesh.points.len()];
     for &[a, b, c, d] in &mesh.faces {
         for (k, [from, to]) in [[a, b], [b, c], [c, d], [d, a]].into_iter().enumerate() {

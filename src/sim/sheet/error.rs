@@ -1,6 +1,6 @@
-//! Why sheets cannot start.
+//! Errors in the parameters of sheets, or in a frame to continue from.
 
-/// What is wrong with a preset's sheets, or with a frame to go on from.
+/// An error in a preset's sheets, or in a frame to continue from.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum SheetError {
     /// A number that is NaN, infinite or out of its range.
@@ -8,9 +8,9 @@ pub enum SheetError {
     OutOfRange {
         /// The preset's key, for example `sheet.0.density`.
         key: String,
-        /// What stands there.
+        /// The value found.
         value: f32,
-        /// What may stand there.
+        /// The values allowed.
         expected: &'static str,
     },
     /// A grid whose corners lie on one line or on one point, or a mesh without area.
@@ -19,14 +19,14 @@ pub enum SheetError {
         /// The preset's key.
         key: String,
     },
-    /// A face that names a point which is not there.
+    /// A face that names a point that does not exist.
     #[error("{key} names point {point} of {count}")]
     NoSuchPoint {
         /// The preset's key.
         key: String,
-        /// Its number.
+        /// The point's number.
         point: u32,
-        /// Points there are.
+        /// Number of points.
         count: u32,
     },
     /// An edge of a mesh that has no length.
@@ -42,33 +42,34 @@ pub enum SheetError {
     Loose {
         /// The preset's key.
         key: String,
-        /// Its number.
+        /// The point's number.
         point: u32,
     },
-    /// A selection without points, two of different length in a joint, or painted factors that are not as many as points.
+    /// A selection without points, two of different length in a joint, or painted factors whose number
+    /// differs from that of the points.
     #[error("{key} selects {found} points; {expected}")]
     Selection {
         /// The preset's key.
         key: String,
-        /// How many.
+        /// Number of points found.
         found: usize,
-        /// What is needed.
+        /// What is required.
         expected: &'static str,
     },
-    /// A joint that would have to jump at the start.
+    /// An exact joint whose points are apart at the start.
     #[error(
-        "{key} has points that are {off:.2e} m {what} at the start; without stiffness it holds them where they meet, so place them there or give it \
+        "{key} has points that are {distance:.2e} m {what} at the start; without stiffness it holds them where they meet, so place them there or give it \
          a stiffness, which draws them there"
     )]
     Apart {
         /// The preset's key.
         key: String,
-        /// How far [m].
-        off: f32,
-        /// From what.
+        /// The distance [m].
+        distance: f32,
+        /// What the distance is measured from.
         what: &'static str,
     },
-    /// A name that no sheet has, or two have; or a collider that is not there.
+    /// A name that no sheet or collider has, or that two have.
     #[error("{key}: '{name}' is not the name of exactly one")]
     Name {
         /// The preset's key.
@@ -76,13 +77,13 @@ pub enum SheetError {
         /// The name or number.
         name: String,
     },
-    /// More points than can be counted.
-    #[error("the sheets ask for {asked:.1e} points, more than 2³¹; fewer cells")]
+    /// More points than indices.
+    #[error("the sheets have {requested:.1e} points, more than 2³¹; use fewer cells")]
     TooMany {
-        /// Points asked for.
-        asked: f64,
+        /// Number of points requested.
+        requested: f64,
     },
-    /// The frame to go on from lacks a part.
+    /// The frame to continue from lacks a stream or channel.
     #[error("the frame's stream '{stream}' has no '{what}' of {count} entries; simulate it again")]
     Missing {
         /// The stream's name.

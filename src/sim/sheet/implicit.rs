@@ -1,22 +1,24 @@
-//! Implicit Euler, linearised once a substep.
+//! Implicit Euler, linearised once a time step, solved by preconditioned conjugate gradients.
 //!
-//! *Method*: [baraff98]: (M (1 + Δt c) + Δt C + Δt² K) v₁ = M v₀ + Δt f(x₀), solved by conjugate gradients without a matrix, begun
-//! at v₀ and preconditioned by the inverses of the 3×3 blocks of each point. Points of no mobility are filtered out. f has no damping:
-//! that acts on v₁. It is [baraff98] Eq. 6 with v₀ on the right.
-//! *Departs from the paper*: springs in compression keep the part of their derivative along themselves only, so that the matrix is positive;
-//! joints with a direction are taken across it.
+//! *Method*: [baraff98]: (M (1 + Δt c) + Δt C + Δt² K) v₁ = M v₀ + Δt f(x₀), solved by matrix-free conjugate
+//! gradients from the first guess v₀. The preconditioner is block Jacobi: the inverses of the 3×3 blocks of
+//! each point. Points of zero mobility are filtered out. f has no damping, since that acts on v₁. This is
+//! [baraff98] Eq. 6 with v₀ on the right.
+//! *Departs from the paper*: springs in compression keep only the part of their derivative along themselves,
+//! so that the matrix is positive definite. Joints with a direction are linearised across it.
 //!
-//! Symbols: as in `springs.rs`; A → [`Matrix`], r → `rest`, z → `better`, p → `way`.
-//! Limits: first order in time; damps waves faster than the substep. Sums are double, vectors single precision: residuals below 1e-7 are
-//! not reached.
+//! Symbols: as in `springs.rs`; A → [`Matrix`]; r, the residual → `residual`; z, the preconditioned residual
+//! → `preconditioned`; p, the search direction → `direction`.
+//! Limits: first order in time; damps waves faster than the time step. Sums are double, vectors single
+//! precision, so residuals below 1e-7 are not reached.
 
 use super::{
-    bonds::Bonds,
-    free::Part,
-    hold::Joined,
-    lanes::{Dot, Eight, Vectors, in_chunks},
-    springs::{self, Blocks, Change, Gather, Linear, update_blocks},
-    table::Table,
+    exact_joints::ExactJoints,
+    free_translation::FreePart,
+    pins_and_joints::JointPair,
+    sliced_ellpack::SlicedEllpack,
+    springs::{self, Blocks, Gather, LinearTerms, SpringProduct, update_blocks},
+    vectors::{Dot, Eight, Vectors, in_chunks},
 };
 use crate::{
     math::{
@@ -26,29 +28,30 @@ use crate::{
     par,
 };
 
-/// The left side.
+/// Left side of the implicit equation.
 pub(super) struct Matrix<'a> {
-    pub(super) springs: &'a Table,
-    pub(super) plates: Option<&'a Table>,
-    /// Positions at which it is taken.
+    pub(super) springs: &'a SlicedEllpack,
+    pub(super) plates: Option<&'a SlicedEllpack>,
+    /// Positions at which forces are linearised.
     pub(super) x: &'a Vectors,
     pub(super) mass: &'a [Wide],
     pub(super) inverse: &'a [Wide],
     pub(super) drag: Option<&'a [Wide]>,
-    /// Δt² of what else holds points; empty if nothing does.
-    pub(super) held: Vec<Blocks>,
-    pub(super) joined: Vec<&'a Joined>,
-    pub(super) bonds: &'a Bonds,
-    /// Which of the points move as a whole.
-    pub(super) parts: &'a [Part],
+    /// Δt² times the stiffness of soft pins and repulsion; empty if there are none.
+    pub(super) blocks: Vec<Blocks>,
+    pub(super) joints: Vec<&'a JointPair>,
+    pub(super) exact_joints: &'a ExactJoints,
+    /// The parts of the sheets that no pin holds.
+    pub(super) free_parts: &'a [FreePart],
     pub(super) dt: f32,
 }
 
-/// How the conjugate gradients went.
+/// Iterations and residual of a solve by conjugate gradients.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Solved {
+pub(super) struct SolveReport {
     pub(super) iterations: u32,
-    /// |r|/|b| in the preconditioner's norm; of the first guess's r where that is larger than b.
+    /// |r|/|b| in the norm of the preconditioner; the first guess's r takes the place of b where it is
+    /// larger.
     pub(super) residual: f64,
 }
 
@@ -65,15 +68,15 @@ impl Matrix<'_> {
         out
     }
 
-    /// A p, zero at points of no mobility. Returns p·A p.
-    pub(super) fn times(&self, p: &Vectors, out: &mut Vectors) -> f64 {
-        let springs = Change { table: self.springs, x: self.x, p, dt: self.dt };
-        let plates = self.plates.map(|table| Linear { table, y: p, factor: -self.dt * self.dt });
-        let found = springs::write(out, &Product { matrix: self, p, springs, plates }, p);
-        if self.joined.is_empty() && self.bonds.is_empty() {
-            return found;
+    /// A p, zero at points of zero mobility. Returns p·A p.
+    pub(super) fn multiply(&self, p: &Vectors, out: &mut Vectors) -> f64 {
+        let springs = SpringProduct { table: self.springs, x: self.x, p, dt: self.dt };
+        let plates = self.plates.map(|table| LinearTerms { table, y: p, factor: -self.dt * self.dt });
+        let product = springs::write(out, &Product { matrix: self, p, springs, plates }, p);
+        if self.joints.is_empty() && self.exact_joints.is_empty() {
+            return product;
         }
-        for joint in &self.joined {
+        for joint in &self.joints {
             let [a, b] = joint.ends.map(|i| i as usize);
             let mut q = (p.get(a) - p.get(b)) * (self.dt * self.dt * joint.stiffness.unwrap_or(0.0));
             q -= joint.direction.map_or(Vec3::zeros(), |n| n * n.dot(&q));
@@ -84,7 +87,7 @@ impl Matrix<'_> {
         p.dot(out)
     }
 
-    /// Leaves what points of mobility and bonds allow.
+    /// Projects to the motions that pins and exact joints allow.
     pub(super) fn filter(&self, out: &mut Vectors) {
         out.update(|at, axes| {
             for axis in axes {
@@ -95,15 +98,15 @@ impl Matrix<'_> {
                 }
             }
         });
-        self.bonds.filter(self.inverse, out);
+        self.exact_joints.filter(self.inverse, out);
     }
 
-    /// The blocks on the diagonal.
+    /// Diagonal blocks of A.
     pub(super) fn diagonal(&self) -> Vec<Blocks> {
-        let mut blocks = if self.held.is_empty() {
+        let mut blocks = if self.blocks.is_empty() {
             par::repeated([[0.0; WIDTH]; 6], self.mass.len())
         } else {
-            par::copied(&self.held)
+            par::copied(&self.blocks)
         };
         update_blocks(&mut blocks, |at, block| {
             let m = self.inertia(at);
@@ -117,62 +120,73 @@ impl Matrix<'_> {
         if let Some(plates) = self.plates {
             springs::add_linear_blocks(plates, self.dt * self.dt, &mut blocks);
         }
-        for joint in &self.joined {
+        for joint in &self.joints {
             let stiffness = self.dt * self.dt * joint.stiffness.unwrap_or(0.0);
             joint.ends.iter().for_each(|&i| add_all(&mut blocks, i as usize, stiffness));
         }
         blocks
     }
 
-    /// Solves A v = `right`, from `v`, whose points of no mobility stay.
-    pub(super) fn solve(&self, right: &Vectors, v: &mut Vectors, tolerance: f64, most: u32) -> Solved {
-        let mut inverses = self.diagonal();
-        invert_all(&mut inverses);
+    /// Solves A v = `right` from the first guess `v`. Points of zero mobility keep their velocity.
+    pub(super) fn solve(
+        &self,
+        right: &Vectors,
+        v: &mut Vectors,
+        tolerance: f64,
+        max_iterations: u32,
+    ) -> SolveReport {
+        let mut preconditioner = self.diagonal();
+        invert_all(&mut preconditioner);
         let precondition = |r: &Vectors, z: &mut Vectors| {
-            precondition(&inverses, r, z);
-            self.bonds.filter(self.inverse, z);
+            precondition(&preconditioner, r, z);
+            self.exact_joints.filter(self.inverse, z);
         };
         let len = v.len();
-        let (mut product, mut better) = (Vectors::zeros(len), Vectors::zeros(len));
+        let (mut product, mut preconditioned) = (Vectors::zeros(len), Vectors::zeros(len));
 
-        // The size of the right side, and what the first guess leaves of it.
-        let mut rest = right.clone();
-        self.filter(&mut rest);
-        precondition(&rest, &mut better);
-        let size = rest.dot(&better);
-        self.times(v, &mut product);
-        combine(&mut rest, 1.0, &product, -1.0);
-        precondition(&rest, &mut better);
-        let mut way = better.clone();
-        let mut left = rest.dot(&better);
-        // Where nothing but the way of a pin moves points, the right side has no size.
-        let size = size.max(left);
-        let goal = tolerance * tolerance * size;
+        // Size of the right side, and the residual of the first guess.
+        let mut residual = right.clone();
+        self.filter(&mut residual);
+        precondition(&residual, &mut preconditioned);
+        let right_norm = residual.dot(&preconditioned);
+        self.multiply(v, &mut product);
+        combine(&mut residual, 1.0, &product, -1.0);
+        precondition(&residual, &mut preconditioned);
+        let mut direction = preconditioned.clone();
+        let mut norm = residual.dot(&preconditioned);
+        // If only the motion of a pin moves points, the right side is zero.
+        let right_norm = right_norm.max(norm);
+        let goal = tolerance * tolerance * right_norm;
         let mut iterations = 0;
-        while left > goal && iterations < most {
-            let alpha = left / self.times(&way, &mut product);
-            let down = Down { alpha: alpha as f32, way: &way, product: &product, inverses: &inverses };
-            let mut next = down.step(v, &mut rest, &mut better);
-            if !self.bonds.is_empty() {
-                self.bonds.filter(self.inverse, &mut better);
-                next = rest.dot(&better);
+        while norm > goal && iterations < max_iterations {
+            let alpha = norm / self.multiply(&direction, &mut product);
+            let iteration = Iteration {
+                alpha: alpha as f32,
+                direction: &direction,
+                product: &product,
+                preconditioner: &preconditioner,
+            };
+            let mut next = iteration.step(v, &mut residual, &mut preconditioned);
+            if !self.exact_joints.is_empty() {
+                self.exact_joints.filter(self.inverse, &mut preconditioned);
+                next = residual.dot(&preconditioned);
             }
-            let before = std::mem::replace(&mut left, next);
-            combine(&mut way, (left / before) as f32, &better, 1.0);
+            let before = std::mem::replace(&mut norm, next);
+            combine(&mut direction, (norm / before) as f32, &preconditioned, 1.0);
             iterations += 1;
         }
         self.translate(right, v);
-        let residual = if size > 0.0 { (left / size).max(0.0).sqrt() } else { 0.0 };
-        Solved { iterations, residual }
+        let residual = if right_norm > 0.0 { (norm / right_norm).max(0.0).sqrt() } else { 0.0 };
+        SolveReport { iterations, residual }
     }
 }
 
-/// The rows of A p but for joints and bonds.
+/// The rows of A p without joints.
 struct Product<'a> {
     matrix: &'a Matrix<'a>,
     p: &'a Vectors,
-    springs: Change<'a>,
-    plates: Option<Linear<'a>>,
+    springs: SpringProduct<'a>,
+    plates: Option<LinearTerms<'a>>,
 }
 
 impl Gather for Product<'_> {
@@ -180,8 +194,8 @@ impl Gather for Product<'_> {
     fn eight(&self, at: usize) -> Eight {
         let (p, m) = (self.p.eight(at), self.matrix.inertia(at));
         let mut sum = [[0.0; WIDTH]; 3];
-        if let Some(held) = self.matrix.held.get(at) {
-            sum = symmetric(held, &p);
+        if let Some(blocks) = self.matrix.blocks.get(at) {
+            sum = multiply_symmetric(blocks, &p);
         }
         let springs = self.springs.eight(at);
         let mut plates = [[0.0; WIDTH]; 3];
@@ -200,67 +214,74 @@ impl Gather for Product<'_> {
     }
 }
 
-/// A step of the conjugate gradients, in one go through memory.
-struct Down<'a> {
+/// One iteration of the conjugate gradients, in one pass through memory.
+struct Iteration<'a> {
     alpha: f32,
-    way: &'a Vectors,
+    direction: &'a Vectors,
     product: &'a Vectors,
-    inverses: &'a [Blocks],
+    preconditioner: &'a [Blocks],
 }
 
-impl Down<'_> {
+impl Iteration<'_> {
     /// v ← v + α p, r ← r − α A p, z ← blocks r. Returns r·z.
-    fn step(&self, v: &mut Vectors, rest: &mut Vectors, better: &mut Vectors) -> f64 {
-        let ([v0, v1, v2], [r0, r1, r2], [z0, z1, z2]) = (&mut v.axes, &mut rest.axes, &mut better.axes);
+    fn step(&self, v: &mut Vectors, residual: &mut Vectors, preconditioned: &mut Vectors) -> f64 {
+        let ([v0, v1, v2], [r0, r1, r2], [z0, z1, z2]) =
+            (&mut v.axes, &mut residual.axes, &mut preconditioned.axes);
         let all: [&mut [Wide]; 9] = [v0, v1, v2, r0, r1, r2, z0, z1, z2];
-        let parts = in_chunks(all, |start, [v0, v1, v2, r0, r1, r2, z0, z1, z2]| {
-            wide::run(DownPart { down: self, start, v: [v0, v1, v2], r: [r0, r1, r2], z: [z0, z1, z2] })
+        let sums = in_chunks(all, |start, [v0, v1, v2, r0, r1, r2, z0, z1, z2]| {
+            wide::run(IterationChunk {
+                iteration: self,
+                start,
+                v: [v0, v1, v2],
+                r: [r0, r1, r2],
+                z: [z0, z1, z2],
+            })
         });
-        parts.into_iter().sum()
+        sums.into_iter().sum()
     }
 }
 
-struct DownPart<'a> {
-    down: &'a Down<'a>,
+struct IterationChunk<'a> {
+    iteration: &'a Iteration<'a>,
     start: usize,
     v: [&'a mut [Wide]; 3],
     r: [&'a mut [Wide]; 3],
     z: [&'a mut [Wide]; 3],
 }
 
-impl Job for DownPart<'_> {
+impl Job for IterationChunk<'_> {
     type Out = f64;
 
     #[inline(always)]
     fn run(mut self) -> f64 {
-        let Down { alpha, way, product, inverses } = *self.down;
+        let Iteration { alpha, direction, product, preconditioner } = *self.iteration;
         let mut sum = Dot::default();
         for k in 0..self.v[0].len() {
             let at = self.start + k;
-            let (way, product) = (way.eight(at), product.eight(at));
-            let mut rest = [[0.0; WIDTH]; 3];
+            let (direction, product) = (direction.eight(at), product.eight(at));
+            let mut residual = [[0.0; WIDTH]; 3];
             for axis in 0..3 {
                 let (mut v, r) = (self.v[axis][k], self.r[axis][k]);
                 for lane in 0..WIDTH {
-                    v[lane] += alpha * way[axis][lane];
-                    rest[axis][lane] = r[lane] - alpha * product[axis][lane];
+                    v[lane] += alpha * direction[axis][lane];
+                    residual[axis][lane] = r[lane] - alpha * product[axis][lane];
                 }
-                (self.v[axis][k], self.r[axis][k]) = (v, rest[axis]);
+                (self.v[axis][k], self.r[axis][k]) = (v, residual[axis]);
             }
-            let better = symmetric(&inverses[at], &rest);
+            let preconditioned = multiply_symmetric(&preconditioner[at], &residual);
             let [z0, z1, z2] = &mut self.z;
-            [z0[k], z1[k], z2[k]] = better;
-            sum.add(&rest, &better);
+            [z0[k], z1[k], z2[k]] = preconditioned;
+            sum.add(&residual, &preconditioned);
         }
         sum.total()
     }
 }
 
-/// z ← blocks r.
+/// z ← blocks r: applies the preconditioner.
 pub(super) fn precondition(blocks: &[Blocks], r: &Vectors, z: &mut Vectors) {
     z.update(|at, out| {
-        let found = symmetric(&blocks[at], &r.eight(at));
-        out.into_iter().zip(found).for_each(|(out, found)| *out = found);
+        let product = multiply_symmetric(&blocks[at], &r.eight(at));
+        out.into_iter().zip(product).for_each(|(out, product)| *out = product);
     });
 }
 
@@ -287,7 +308,7 @@ pub(super) fn combine(a: &mut Vectors, f: f32, b: &Vectors, g: f32) {
 
 /// Symmetric matrices times vectors.
 #[inline(always)]
-fn symmetric(m: &Blocks, p: &Eight) -> Eight {
+fn multiply_symmetric(m: &Blocks, p: &Eight) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
     for (axis, parts) in [[0, 3, 4], [3, 1, 5], [4, 5, 2]].into_iter().enumerate() {
         for lane in 0..WIDTH {
@@ -299,7 +320,7 @@ fn symmetric(m: &Blocks, p: &Eight) -> Eight {
     out
 }
 
-/// The inverse of a symmetric positive matrix; zero for that of no point.
+/// Inverse of a symmetric positive definite matrix; zero for the padding, which has no point.
 fn invert(m: [f32; 6]) -> [f32; 6] {
     let [a, b, c, d, e, f] = m.map(f64::from); // xx, yy, zz, xy, xz, yz
     let (aa, dd, ee) = (b * c - f * f, e * f - d * c, d * f - e * b);
@@ -309,19 +330,19 @@ fn invert(m: [f32; 6]) -> [f32; 6] {
     if scaled.iter().all(|part| part.is_finite()) { scaled } else { [0.0; 6] }
 }
 
-/// The blocks k n nᵀ.
+/// Adds k n nᵀ to the block of a point.
 pub(super) fn add_along(blocks: &mut [Blocks], i: usize, k: f32, n: Vec3) {
     add_to_block(&mut blocks[i / WIDTH], i % WIDTH, k, n);
 }
 
-/// The block k n nᵀ of one of eight.
+/// Adds k n nᵀ to the block of one of eight points.
 pub(super) fn add_to_block(block: &mut Blocks, lane: usize, k: f32, n: Vec3) {
     for (part, (a, b)) in [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].into_iter().enumerate() {
         block[part][lane] += k * n[a] * n[b];
     }
 }
 
-/// The blocks k 1.
+/// Adds k 1 to the block of a point.
 pub(super) fn add_all(blocks: &mut [Blocks], i: usize, k: f32) {
     blocks[i / WIDTH][..3].iter_mut().for_each(|part| part[i % WIDTH] += k);
 }
@@ -337,8 +358,9 @@ mod tests {
 
     const DT: f64 = 0.02;
 
-    /// Two sheets with everything that the left side has: plates, both dampings, pins and joints of springs and exact ones.
-    fn everything() -> Sheets {
+    /// Two sheets with every term of the left side: plates, both kinds of damping, soft and exact pins and
+    /// joints.
+    fn sheets_with_every_term() -> Sheets {
         let sheet = |name: &str, z: f64, pin: &str| {
             format!(
                 "[[sheet]]\nname = '{name}'\ndensity = 0.4\nstiffness = [50.0, 80.0]\nshear = 20.0\nbending = 0.02\ndamping = 3.0\n\
@@ -363,7 +385,7 @@ mod tests {
         let params: SheetsParams = toml::from_str(&text).unwrap();
         let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
         let mut sheets = Sheets::new(Shot { params, fps: 24.0, first: 1 }, &world).unwrap();
-        sheets.settle(0.0);
+        sheets.update_holds(0.0);
         let crumpled: Vec<Vec3> =
             sheets.positions().iter().zip(noise(sheets.len(), 0.7)).map(|(x, by)| x + 0.08 * by).collect();
         sheets.x = Vectors::of(&crumpled);
@@ -375,16 +397,16 @@ mod tests {
         (0..count).map(|i| Vec3::new(at(i, 0.0), at(i, 1.0), at(i, 2.0))).collect()
     }
 
-    /// The readable form of A p: entry by entry, in double precision.
+    /// Reference for A p: entry by entry, in double precision.
     fn expected(matrix: &Matrix<'_>, p: &Vectors) -> Vectors {
         let of = |v: &Vectors, i: usize| v.get(i).cast::<f64>();
         let mut out = Vec::new();
         for i in 0..p.len() {
             let (at, lane) = (i / WIDTH, i % WIDTH);
             let drag = 1.0 + DT * f64::from(matrix.drag.unwrap()[at][lane]);
-            let [xx, yy, zz, xy, xz, yz] = matrix.held[at].map(|part| f64::from(part[lane]));
-            let held = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
-            let mut sum = of(p, i) * (f64::from(matrix.mass[at][lane]) * drag) + held * of(p, i);
+            let [xx, yy, zz, xy, xz, yz] = matrix.blocks[at].map(|part| f64::from(part[lane]));
+            let block = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+            let mut sum = of(p, i) * (f64::from(matrix.mass[at][lane]) * drag) + block * of(p, i);
             let (slots, damping) = matrix.springs.of(at);
             for (slot, damping) in slots.iter().zip(damping) {
                 let (j, k) = (slot.to(at, lane), f64::from(slot.stiffness[lane]));
@@ -404,7 +426,7 @@ mod tests {
             }
             out.push(sum);
         }
-        for joint in &matrix.joined {
+        for joint in &matrix.joints {
             let [a, b] = joint.ends.map(|i| i as usize);
             let mut q = (of(p, a) - of(p, b)) * (DT * DT * f64::from(joint.stiffness.unwrap_or(0.0)));
             if let Some(n) = joint.direction {
@@ -420,14 +442,14 @@ mod tests {
     }
 
     #[test]
-    fn the_left_side_is_the_sum_of_its_parts_and_solved() {
-        let sheets = everything();
-        let matrix = sheets.matrix(&sheets.x, sheets.held_blocks(0.0, DT), 0.0, DT);
-        assert!(!matrix.held.is_empty() && matrix.joined.len() == 3 && !matrix.bonds.is_empty());
+    fn the_matrix_is_the_sum_of_its_terms_and_conjugate_gradients_invert_it() {
+        let sheets = sheets_with_every_term();
+        let matrix = sheets.matrix(&sheets.x, sheets.pin_blocks(0.0, DT), 0.0, DT);
+        assert!(!matrix.blocks.is_empty() && matrix.joints.len() == 3 && !matrix.exact_joints.is_empty());
         let mut p = Vectors::of(&noise(sheets.len(), 2.9));
         matrix.filter(&mut p);
         let mut found = Vectors::zeros(p.len());
-        let product = matrix.times(&p, &mut found);
+        let product = matrix.multiply(&p, &mut found);
         let expected = expected(&matrix, &p);
         let largest = expected.to_vec().iter().map(|v| v.norm()).fold(0.0, f32::max);
         for i in 0..p.len() {
@@ -440,7 +462,8 @@ mod tests {
         }
         assert!((product - p.dot(&expected)).abs() < 1e-5 * product && product > 0.0, "{product}");
 
-        // What it makes of p has p for its solution. Blocks of points are the best guess there is: without what holds them, it takes longer.
+        // The solution of A v = A p is p. The block Jacobi preconditioner needs the blocks of pins and
+        // joints; without them it takes more iterations.
         let mut v = Vectors::zeros(p.len());
         let solved = matrix.solve(&expected, &mut v, 1e-6, 200);
         let farthest = (0..p.len()).map(|i| (v.get(i) - p.get(i)).norm()).fold(0.0, f32::max);

@@ -1,45 +1,48 @@
-//! Sheets: membranes of points and springs ([gudukbay97]).
+//! Sheets (cloth): membranes of points and springs ([gudukbay97]).
 //!
-//! *Method*: the equations of motion M ẍ + C ẋ = f − f_spr ([gudukbay97] Eq. 4), with springs as forces that points gather
-//! from their neighbours (`springs.rs`); what holds points (`hold.rs`) and solids (`solids.rs`) add theirs. Time advances by the symplectic
-//! (`explicit.rs`) or the implicit (`implicit.rs`) Euler rule. All sheets are one set of points.
+//! *Method*: the equations of motion M ẍ + C ẋ = f − f_spr ([gudukbay97] Eq. 4), with spring forces that each
+//! point gathers from its neighbours (`springs.rs`). Pins and joints (`pins_and_joints.rs`) and solids
+//! (`solids.rs`) add their forces. Time advances by symplectic (`explicit.rs`) or implicit Euler
+//! (`implicit.rs`). Contact between sheets follows each time step (`contact/`). All sheets are one set of
+//! points.
 //! *Departs from the paper*: see the files of the parts.
 //!
 //! Symbols: x → `x` [m], v → `v` [m/s], M → `mass` [kg], C/M → `drag` [1/s].
-//! Limits: first order in time; positions are single precision, so a spring of 1 mm at 1 m from the origin knows its strain to 6e-5.
+//! Limits: first order in time; positions are single precision, so the strain of a spring of 1 mm at 1 m from
+//! the origin is resolved to 6e-5.
 
-mod attached;
-mod bonds;
-mod bound;
 mod check;
 mod contact;
-mod drive;
+mod coupled_frame;
 mod error;
+mod exact_joints;
 mod explicit;
-mod free;
-mod hold;
+mod face_contacts;
+mod free_translation;
 mod implicit;
 pub(crate) mod job;
-mod lanes;
 mod model;
 mod overshoot;
 mod params;
+mod pins_and_joints;
 mod record;
+mod sliced_ellpack;
 mod solids;
 mod springs;
+mod stable_step;
 mod state;
-mod step;
-mod table;
+mod substep;
+mod vectors;
 
-pub(in crate::sim) use attached::{Leaning, Touch, Touches};
 pub use check::check;
 pub use error::SheetError;
+pub(in crate::sim) use face_contacts::{CoupledSubstep, FaceContact, FaceContacts};
 pub use params::{
     Contact, Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape,
     SheetSolver, SheetsCommon, SheetsParams,
 };
 pub use record::{ContactRecord, SheetRecord};
-pub use state::{CORNERS, faces_stream, is_part, sheet_of, stream};
+pub use state::{CORNER_CHANNELS, faces_stream, is_sheet_stream, sheet_of, stream};
 
 use super::{
     Diverged, Stop, Watch, World,
@@ -54,27 +57,27 @@ use crate::{
     par,
     solid::Solid,
 };
-use bonds::Bonds;
-use bound::Rows;
-use hold::{Held, Joined};
-use lanes::Vectors;
+use exact_joints::ExactJoints;
 use model::Model;
-use solids::Around;
+use pins_and_joints::{JointPair, PinnedPoint};
+use sliced_ellpack::{Entry, SlicedEllpack};
+use solids::VertexFaces;
+use stable_step::RowSums;
 use std::ops::Range;
-use table::{Entry, Table};
+use vectors::Vectors;
 
-/// Its name as a system; streams are called `sheet.` and the sheet's name.
+/// Name of the system; its streams are called `sheet.` and the sheet's name.
 pub const NAME: &str = "sheet";
 
-/// Beyond this coordinate [m] or speed [m/s] a state is called diverged: positions there resolve 8 m.
-const ABSURD: f32 = 1e8;
+/// A coordinate [m] or speed [m/s] beyond this counts as diverged: positions there resolve 8 m.
+const DIVERGENCE_LIMIT: f32 = 1e8;
 
-/// Sheets as a preset says them, and what frames mean to their pins.
+/// The sheets of a preset, and the times of the frames that their pins name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// What the preset says.
+    /// Parameters of the preset.
     pub params: SheetsParams,
-    /// Frames a second.
+    /// Frames per second.
     pub fps: f64,
     /// The frame at time 0.
     pub first: u32,
@@ -88,46 +91,47 @@ pub struct Sheets {
     solids: Vec<Solid>,
     /// Points of each sheet.
     ranges: Vec<Range<usize>>,
-    /// Faces of each, whose points count from 0.
+    /// Faces of each sheet; points count from the sheet's first.
     faces: Vec<Vec<[u32; 4]>>,
     x: Vectors,
     v: Vectors,
-    /// Where the next positions are written, and the next velocities if springs are damped.
+    /// Buffers of the next positions, and of the next velocities if springs are damped.
     next_x: Vectors,
     next_v: Option<Vectors>,
     force: Vectors,
-    /// What rounding took from positions since the frame began [m].
+    /// Rounding errors of positions since the frame began [m].
     low: Vectors,
     area: Vec<f32>,
     mass: Vec<Wide>,
     /// 1/mass, zero for points that are held exactly.
     inverse: Vec<Wide>,
-    /// `None`: no sheet has any.
+    /// `None`: no sheet is damped.
     drag: Option<Vec<Wide>>,
-    springs: Table,
-    plates: Option<Table>,
-    held: Vec<Held>,
-    joined: Vec<Joined>,
-    /// Of the joints that hold exactly now.
-    bonds: Bonds,
-    /// What moves as a whole now.
-    parts: Vec<free::Part>,
-    /// For the push of solids; `None` without it.
-    around: Option<Around>,
+    springs: SlicedEllpack,
+    plates: Option<SlicedEllpack>,
+    pins: Vec<PinnedPoint>,
+    joints: Vec<JointPair>,
+    /// The exact joints that hold now.
+    exact_joints: ExactJoints,
+    /// The parts that no pin holds now.
+    free_parts: Vec<free_translation::FreePart>,
+    /// Faces around points, for repulsion; `None` without it.
+    vertex_faces: Option<VertexFaces>,
     /// `None`: sheets pass through each other.
     contact: Option<Box<contact::SheetContact>>,
-    /// Forces from outside [N]; empty: none.
-    outside: Vec<Vec3>,
-    /// The longest stable substep [s], the point that asks for it, and for which of the holds that is so.
-    longest: (f64, usize),
-    holding: Option<Vec<bool>>,
+    /// External forces [N]; empty: none.
+    external_forces: Vec<Vec3>,
+    /// The longest stable time step [s], the point that limits it, and which pins and joints hold in this
+    /// state.
+    max_stable_step: (f64, usize),
+    active_holds: Option<Vec<bool>>,
 }
 
 impl Sheets {
     /// Sheets at the start of a shot.
     ///
     /// # Errors
-    /// If the parameters have no meaning; see [`SheetError`].
+    /// If parameters are out of range; see [`SheetError`].
     pub fn new(shot: Shot, world: &World) -> Result<Self, SheetError> {
         let Shot { params, fps, first } = shot;
         check(&params)?;
@@ -142,13 +146,13 @@ impl Sheets {
             })
             .collect();
         if end >= 1 << 31 {
-            return Err(SheetError::TooMany { asked: end as f64 });
+            return Err(SheetError::TooMany { requested: end as f64 });
         }
         let time = [fps, f64::from(first)];
-        let held = hold::held(&params, &models, &ranges, &world.solids, time)?;
-        let joined = hold::joined(&params, &models, &ranges, time)?;
-        hold::once(&held, &joined, &ranges)?;
-        let (mass, drag) = masses(&params, &models)?;
+        let pins = pins_and_joints::pinned_points(&params, &models, &ranges, &world.solids, time)?;
+        let joints = pins_and_joints::joint_pairs(&params, &models, &ranges, time)?;
+        pins_and_joints::check_held_once(&pins, &joints, &ranges)?;
+        let (mass, drag) = point_masses(&params, &models)?;
         let points: Vec<Vec3> = models.iter().flat_map(|model| model.points.iter().copied()).collect();
         let velocity: Vec<Vec3> = params
             .sheet
@@ -162,9 +166,9 @@ impl Sheets {
         };
         let faces: Vec<[u32; 4]> = models.iter().zip(&ranges).flat_map(shifted).collect();
         let bends = models.iter().any(|model| !model.plates.is_empty());
-        let springs = Table::new(end, spring_entries(&models, &ranges));
-        let meets = |meets| Box::new(contact::SheetContact::new(meets, &params, &models, &ranges));
-        let contact = params.common.contact.as_ref().map(meets);
+        let springs = SlicedEllpack::new(end, spring_entries(&models, &ranges));
+        let contact = |contact| Box::new(contact::SheetContact::new(contact, &params, &models, &ranges));
+        let contact = params.common.contact.as_ref().map(contact);
         let mut sheets = Self {
             contact,
             gravity: world.gravity,
@@ -178,22 +182,22 @@ impl Sheets {
             next_x: Vectors::zeros(end),
             next_v: springs.is_damped().then(|| Vectors::zeros(end)),
             springs,
-            plates: bends.then(|| Table::new(end, plate_entries(&models, &ranges))),
-            around: params.common.repulsion.is_some().then(|| Around::new(end, &faces)),
+            plates: bends.then(|| SlicedEllpack::new(end, plate_entries(&models, &ranges))),
+            vertex_faces: params.common.repulsion.is_some().then(|| VertexFaces::new(end, &faces)),
             faces: models.into_iter().map(|model| model.faces).collect(),
-            outside: Vec::new(),
-            longest: (f64::INFINITY, 0),
-            holding: None,
+            external_forces: Vec::new(),
+            max_stable_step: (f64::INFINITY, 0),
+            active_holds: None,
             params,
             ranges,
             mass,
             drag,
-            held,
-            joined,
-            bonds: Bonds::default(),
-            parts: Vec::new(),
+            pins,
+            joints,
+            exact_joints: ExactJoints::default(),
+            free_parts: Vec::new(),
         };
-        sheets.settle(0.0);
+        sheets.update_holds(0.0);
         Ok(sheets)
     }
 
@@ -202,17 +206,18 @@ impl Sheets {
         self.x.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no points.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The points of each sheet, among those of all.
+    /// The range of points of each sheet.
     pub fn ranges(&self) -> &[Range<usize>] {
         &self.ranges
     }
 
-    /// The faces of a sheet, counter-clockwise about the normal; points count from the sheet's first, a triangle names its last twice.
+    /// The faces of a sheet, counter-clockwise about the normal. Points count from the sheet's first;
+    /// triangles repeat their last corner.
     pub fn faces(&self, sheet: usize) -> &[[u32; 4]] {
         &self.faces[sheet]
     }
@@ -238,38 +243,39 @@ impl Sheets {
         self.mass[point / WIDTH][point % WIDTH]
     }
 
-    /// The longest substep that is stable [s]; infinite where nothing swings.
-    pub fn longest_stable(&self) -> f64 {
-        self.longest.0
+    /// The longest stable time step [s]; infinite without springs.
+    pub fn max_stable_step(&self) -> f64 {
+        self.max_stable_step.0
     }
 
-    /// Sets the forces from outside [N], one a point of all sheets, which act until they are set again; empty: none.
+    /// Sets the external forces [N], one per point of all sheets. They act until they are set again; empty:
+    /// none.
     ///
     /// # Panics
-    /// If there are neither as many as points nor none.
-    pub fn set_outside(&mut self, forces: Vec<Vec3>) {
+    /// If the number of forces is neither zero nor that of points.
+    pub fn set_external_forces(&mut self, forces: Vec<Vec3>) {
         assert!(forces.is_empty() || forces.len() == self.len(), "one force a point");
-        self.outside = forces;
+        self.external_forces = forces;
     }
 
     /// The passes of a substep, in order.
     pub fn passes(&self) -> Vec<&'static str> {
         let optional = |present: bool, name| present.then_some(name);
-        let meets = self.contact.is_some();
+        let contact = self.contact.is_some();
         let passes = [
             Some("sheet_step"),
             optional(!self.solids.is_empty(), "sheet_solids"),
-            optional(meets, "sheet_search"),
-            optional(meets, "sheet_contact"),
+            optional(contact, "sheet_search"),
+            optional(contact, "sheet_contact"),
             Some("sheet_account"),
         ];
         passes.into_iter().flatten().collect()
     }
 
-    /// Advances from `start` [s] by one frame of `seconds`. Returns what happened and the seconds of the passes.
+    /// Advances from `start` [s] by one frame of `seconds`. Returns the record and the seconds of each pass.
     ///
     /// # Errors
-    /// [`Stop`]; the state is then somewhere inside the frame and good only to look at.
+    /// [`Stop`]; the state is then inside the frame and only good for inspection.
     pub fn advance(
         &mut self,
         start: f64,
@@ -278,29 +284,30 @@ impl Sheets {
     ) -> Result<(SheetRecord, Seconds), Stop> {
         let mut clock = Clock::new(&self.passes());
         let mut record = SheetRecord { points: self.len() as u64, ..SheetRecord::default() };
-        // A frame holds the whole state: what rounding took is not carried over.
+        // A frame stores the whole state: rounding errors do not continue into the next.
         self.low.clear();
         self.begin_contact(&mut record);
         advance_frame([start, seconds], watch, |progress, _| {
             let now = progress.now();
-            self.settle(now);
-            let dt = self.substep_length(now, progress.left, seconds, &mut clock, &mut record)?;
+            self.update_holds(now);
+            let dt = self.next_substep(now, progress.left, seconds, &mut clock, &mut record)?;
             record.substeps += 1;
             self.substep(now, dt, &mut clock, &mut record)?;
             Ok(dt)
         })?;
         self.end_contact(&mut clock, &mut record);
-        clock.time("sheet_account", || self.account(start + seconds, &mut record));
+        clock.time("sheet_account", || self.complete_record(start + seconds, &mut record));
         Ok((record, clock.into_totals()))
     }
 
-    /// Advances from `now` [s] by one substep of `dt` [s], whether or not it is stable, and without the account of a frame.
+    /// Advances from `now` [s] by one substep of `dt` [s], stable or not, without the record at the end of a
+    /// frame.
     ///
     /// # Errors
-    /// If a point leaves what can be computed.
+    /// If a point diverges.
     pub fn step(&mut self, now: f64, dt: f64) -> Result<SheetRecord, Diverged> {
         let mut record = SheetRecord { points: self.len() as u64, substeps: 1, ..SheetRecord::default() };
-        self.settle(now);
+        self.update_holds(now);
         self.begin_contact(&mut record);
         let mut clock = Clock::new(&self.passes());
         self.max_contact_substep(now, [dt, dt], &mut clock, &mut record);
@@ -308,8 +315,8 @@ impl Sheets {
         Ok(record)
     }
 
-    /// The next substep [s], of `left` that are left of a frame of `seconds`.
-    fn substep_length(
+    /// Length of the next substep [s], with `left` [s] left of a frame of `seconds`.
+    fn next_substep(
         &mut self,
         now: f64,
         left: f64,
@@ -320,25 +327,27 @@ impl Sheets {
         let done = record.substeps;
         let solver = &self.params.common.solver;
         let longest = match solver.integrator {
-            Integrator::Symplectic => self.longest.0 * f64::from(solver.courant),
+            Integrator::Symplectic => self.max_stable_step.0 * f64::from(solver.courant),
             Integrator::Implicit => seconds / f64::from(solver.substeps),
         };
-        let (travel, fastest) = self.travel(now, left);
-        let (approach, closing) = self.max_contact_substep(now, [longest.min(travel), left], clock, record);
+        let (max_travel_time, fastest) = self.max_travel_time(now, left);
+        let (approach, closing) =
+            self.max_contact_substep(now, [longest.min(max_travel_time), left], clock, record);
         let solver = &self.params.common.solver;
-        let count = (left / longest.min(travel).min(approach) - 1e-6).ceil().max(1.0);
+        let count = (left / longest.min(max_travel_time).min(approach) - 1e-6).ceil().max(1.0);
         if count + f64::from(done) > f64::from(solver.max_substeps) {
-            let (particle, what, try_next) = if approach < longest.min(travel) {
-                let what =
-                    format!("would need {count:.1e} substeps to meet others within sheets.contact.thickness");
+            let (particle, what, try_next) = if approach < longest.min(max_travel_time) {
+                let what = format!(
+                    "would need {count:.1e} substeps to keep approaches within sheets.contact.thickness"
+                );
                 let remedy =
                     "a larger sheets.contact.thickness or sheets.solver.max_substeps, or slower motion";
                 (closing, what, remedy)
-            } else if travel < longest {
-                let what = format!("would need {count:.1e} substeps to not fly through solids");
+            } else if max_travel_time < longest {
+                let what = format!("would need {count:.1e} substeps to not pass through solids");
                 (fastest, what, "a larger sheets.solver.max_substeps or slower motion")
             } else {
-                let (so_that, remedy) = match solver.integrator {
+                let (purpose, remedy) = match solver.integrator {
                     Integrator::Symplectic => (
                         " to be stable",
                         "sheets.solver.integrator = \"implicit\", a lower stiffness, or a larger \
@@ -348,16 +357,16 @@ impl Sheets {
                         ("", "a sheets.solver.max_substeps of sheets.solver.substeps or more")
                     }
                 };
-                let what = format!("would need {count:.1e} substeps of {longest:.1e} s{so_that}");
-                (self.longest.1, what, remedy)
+                let what = format!("would need {count:.1e} substeps of {longest:.1e} s{purpose}");
+                (self.max_stable_step.1, what, remedy)
             };
             return Err(self.diverged(done, particle, what, try_next));
         }
         Ok(left / count)
     }
 
-    /// Within how long no point goes through half the thinnest solid [s], and the fastest point.
-    fn travel(&self, now: f64, left: f64) -> (f64, usize) {
+    /// Time within which no point travels through half the thinnest solid [s], and the fastest point.
+    fn max_travel_time(&self, now: f64, left: f64) -> (f64, usize) {
         let thinnest =
             self.solids.iter().map(|solid| solid.shape.inner_radius()).fold(f32::INFINITY, f32::min);
         if thinnest == f32::INFINITY {
@@ -372,38 +381,39 @@ impl Sheets {
         (f64::from(thinnest) / (f64::from(square.sqrt()) + solids), point)
     }
 
-    /// Finds again what depends on which points are held, if that has changed.
-    fn settle(&mut self, time: f64) {
-        let pins = self.held.iter().map(|pin| pin.holds(time));
-        let holding: Vec<bool> = pins.chain(self.joined.iter().map(|joint| joint.holds(time))).collect();
-        if self.holding.as_ref() == Some(&holding) {
+    /// Updates what depends on which pins and joints pins_and_joints, if that has changed.
+    fn update_holds(&mut self, time: f64) {
+        let pins = self.pins.iter().map(|pin| pin.holds(time));
+        let holds: Vec<bool> = pins.chain(self.joints.iter().map(|joint| joint.holds(time))).collect();
+        if self.active_holds.as_ref() == Some(&holds) {
             return;
         }
-        self.holding = Some(holding);
+        self.active_holds = Some(holds);
         let len = self.len();
         self.inverse = self.mass.clone();
         for (i, value) in self.inverse.as_flattened_mut().iter_mut().enumerate() {
             *value = if i < len { 1.0 / *value } else { 0.0 };
         }
-        for pin in self.held.iter().filter(|pin| pin.stiffness.is_none() && pin.holds(time)) {
+        for pin in self.pins.iter().filter(|pin| pin.stiffness.is_none() && pin.holds(time)) {
             self.inverse[pin.point as usize / WIDTH][pin.point as usize % WIDTH] = 0.0;
         }
-        self.bonds = Bonds::new(&self.joined, &self.held, time);
-        for i in self.bonds.led() {
+        self.exact_joints = ExactJoints::new(&self.joints, &self.pins, time);
+        for i in self.exact_joints.followers() {
             self.inverse[i / WIDTH][i % WIDTH] = 0.0;
         }
-        let holding = self.joined.iter().filter(|joint| joint.holds(time));
-        self.parts = free::parts(&self.ranges, holding, &self.inverse);
+        let holds = self.joints.iter().filter(|joint| joint.holds(time));
+        self.free_parts = free_translation::free_parts(&self.ranges, holds, &self.inverse);
         self.set_contact_seams(time);
-        let mut rows = Rows::new(&self.springs, self.plates.as_ref(), len);
-        rows.hold(&self.held, &self.joined, time);
+        let mut rows = RowSums::new(&self.springs, self.plates.as_ref(), len);
+        rows.add_pins_and_joints(&self.pins, &self.joints, time);
         if let Some(repulsion) = &self.params.common.repulsion {
-            rows.repel(repulsion, self.solids.len(), &self.area);
+            rows.add_repulsion(repulsion, self.solids.len(), &self.area);
         }
-        self.longest = rows.longest(&self.mass.as_flattened()[..len], self.inverse.as_flattened());
+        self.max_stable_step =
+            rows.max_stable_step(&self.mass.as_flattened()[..len], self.inverse.as_flattened());
     }
 
-    /// Says which point left what can be computed.
+    /// The error for a point that diverged.
     fn diverged(&self, substep: u32, point: usize, what: String, try_next: &'static str) -> Diverged {
         let sheet = self.ranges.iter().position(|range| range.contains(&point)).unwrap_or(0);
         let name = self.params.sheet.get(sheet).map_or("", |sheet| &sheet.name);
@@ -413,8 +423,11 @@ impl Sheets {
     }
 }
 
-/// Masses of points [kg] and their damping [1/s], by eights.
-fn masses(params: &SheetsParams, models: &[Model]) -> Result<(Vec<Wide>, Option<Vec<Wide>>), SheetError> {
+/// Masses of points [kg] and their damping rates [1/s], by eights.
+fn point_masses(
+    params: &SheetsParams,
+    models: &[Model],
+) -> Result<(Vec<Wide>, Option<Vec<Wide>>), SheetError> {
     let (mut mass, mut drag) = (Vec::new(), Vec::new());
     for (i, (sheet, model)) in params.sheet.iter().zip(models).enumerate() {
         let dense = model::densities(sheet, &model.points);
@@ -455,7 +468,7 @@ fn spring_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {
     out
 }
 
-/// Plates as pulls between points: −∂²E/∂x_i∂x_j, summed over plates.
+/// Plates as linear terms between points: −∂²E/∂x_i∂x_j, summed over plates.
 fn plate_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {
     let mut all: Vec<([u32; 2], f64)> = Vec::new();
     for (model, range) in models.iter().zip(ranges) {
@@ -470,7 +483,7 @@ fn plate_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {
             }
         }
     }
-    // A stable order of equal keys is theirs of coming; bits of the values make it one of any sort.
+    // Equal keys are sorted by the bits of their values, so that the result does not depend on the sort.
     par::sort_by_key(&mut all, |(key, k)| (*key, k.to_bits()));
     let sums = all.chunk_by(|a, b| a.0 == b.0).map(|part| {
         let stiffness = part.iter().map(|(_, k)| k).sum::<f64>() as f32;

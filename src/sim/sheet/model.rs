@@ -1,17 +1,20 @@
-//! Sheets as points, springs and plates.
+//! Discretisation of a sheet: points, springs and plates.
 //!
-//! *Method*: grids as [gudukbay97] section 2, with four, three and two neighbours. A spring stands for the strip of sheet around it: k = Y ·
-//! width / length, with half widths at borders, and a point for its share of the area, so that mass and stiffness are
-//! those of the sheet at any resolution. Meshes take k = Y · Σ area / length² over the faces of an edge [vangelder98]. Plates are sums of
-//! squares of linear forms Σ w x: on grids the second differences of each direction and the twist of each cell, on meshes the
-//! Laplacian of positions at each point, as in the isometric bending of [bergou06] and [wardetzky07].
+//! *Method*: grids as in [gudukbay97] section 2, with four, three and two neighbours. A spring represents the
+//! strip of sheet around it: k = Y · width / length, with half widths at borders. A point represents its
+//! share of the area. Mass and stiffness are therefore those of the sheet at any resolution. Meshes take k =
+//! Y · Σ area / length² over the faces of an edge [vangelder98]. Plates are sums of squares of linear forms Σ
+//! w x: on grids the second differences of each direction and the twist of each cell, on meshes the Laplacian
+//! of positions at each point, as in the isometric bending of [bergou06] and [wardetzky07].
 //!
-//! *Departs from the paper*: stiffness, rest length and damping by direction and by region, or painted; diagonals against shear, k = G (h₁² + h₂²)/(2 h₁ h₂);
-//! quads of meshes count as half their area at each edge, and bend as two triangles.
+//! *Departs from the paper*: stiffness, rest length and damping vary by direction and by region, or are
+//! painted. Diagonals resist shear with k = G (h₁² + h₂²)/(2 h₁ h₂). Quads of meshes count as half their area
+//! at each edge, and bend as two triangles.
 //!
 //! Symbols: Y → `stiffness` [N/m], G → `shear` [N/m], h → `step` [m], D → `bending` [N·m].
-//! Limits: a strip stretched along a direction of the grid has the strain load/Y; with diagonals Y + G − G²/(Y + G) takes the place of
-//! Y. A mesh has Y exactly where its triangles are equilateral (Poisson's ratio is then 1/3). Plates want to be flat, whatever the mesh was.
+//! Limits: a strip stretched along a direction of the grid has the strain load/Y; with diagonals Y + G −
+//! G²/(Y + G) takes the place of Y. A mesh has Y exactly where its triangles are equilateral (Poisson's ratio
+//! is then 1/3). Plates are flat at rest, whatever the shape of the mesh.
 
 use super::params::{Region, SheetMesh, SheetParams, SheetShape};
 use crate::math::Vec3;
@@ -36,23 +39,23 @@ pub(super) struct Plate {
     pub(super) rigidity: f64,
 }
 
-/// A sheet at the start, its points counted from 0.
+/// A sheet at the start; its points count from 0.
 #[derive(Debug, Default)]
 pub(super) struct Model {
     pub(super) points: Vec<Vec3>,
     /// Corners; a triangle names its last twice.
     pub(super) faces: Vec<[u32; 4]>,
-    /// Share of every point [m²].
+    /// Area of every point [m²].
     pub(super) area: Vec<f64>,
     pub(super) springs: Vec<Spring>,
     pub(super) plates: Vec<Plate>,
-    /// Points along the directions of a grid.
+    /// Number of points along the directions of a grid.
     pub(super) grid: Option<[u32; 2]>,
 }
 
 type Double = Vector3<f64>;
 
-/// The sheet of these parameters, which were checked.
+/// The discretisation of checked parameters.
 pub(super) fn model(params: &SheetParams) -> Model {
     let mut model = match &params.shape {
         SheetShape::Grid { origin, first, second, cells } => {
@@ -62,7 +65,7 @@ pub(super) fn model(params: &SheetParams) -> Model {
         SheetShape::Mesh(mesh) => from_mesh(params, mesh),
     };
 
-    // Regions and paint.
+    // Factors of regions and of paint.
     let stiffness = factors(params, &model.points, |region| region.stiffness, |mesh| &mesh.stiffness);
     let rest = factors(params, &model.points, |region| region.rest, |mesh| &mesh.rest);
     let damping = dampings(params, &model.points);
@@ -80,17 +83,17 @@ pub(super) fn model(params: &SheetParams) -> Model {
     model
 }
 
-/// The factor of both kinds of damping at every point.
+/// Factor of both kinds of damping at every point.
 pub(super) fn dampings(params: &SheetParams, points: &[Vec3]) -> Vec<f64> {
     factors(params, points, |region| region.damping, |mesh| &mesh.damping)
 }
 
-/// The factor of the mass at every point.
+/// Factor of the mass at every point.
 pub(super) fn densities(params: &SheetParams, points: &[Vec3]) -> Vec<f64> {
     factors(params, points, |region| region.density, |_| &[])
 }
 
-/// The product of the regions' factors at every point, and of what is painted on it.
+/// Product of the factors of regions at every point, and of the painted factor.
 fn factors(
     params: &SheetParams,
     points: &[Vec3],
@@ -121,7 +124,7 @@ fn grid(params: &SheetParams, origin: Double, sides: [Double; 2], cells: [u32; 2
     let step = [0, 1].map(|k| sides[k] / f64::from(cells[k].max(1)));
     let length = step.map(|s| s.norm());
     let skew = step[0].cross(&step[1]).norm() / (length[0] * length[1]);
-    // How much of a direction a point stands for.
+    // Length along a direction that a point represents.
     let share = |k: usize, i: u32| {
         let border = cells[k] > 0 && (i == 0 || i == cells[k]);
         if border { 0.5 * length[k] } else { length[k] }
@@ -170,7 +173,8 @@ fn grid(params: &SheetParams, origin: Double, sides: [Double; 2], cells: [u32; 2
     model
 }
 
-/// Second differences of both directions, and the twist of cells: ½ D ∫ κ₁₁² + κ₂₂² + 2 κ₁₂².
+/// Bending energy of a grid: second differences of both directions and the twist of cells, ½ D ∫ κ₁₁² + κ₂₂²
+/// + 2 κ₁₂².
 fn bend_grid(
     model: &mut Model,
     bending: f64,
@@ -212,7 +216,7 @@ fn from_mesh(params: &SheetParams, mesh: &SheetMesh) -> Model {
     let mut edges: BTreeMap<[u32; 2], f64> = BTreeMap::new();
     let mut triangles = Vec::new();
     for &[a, b, c, d] in &mesh.faces {
-        // Quads are cut along the shorter diagonal where they have to be.
+        // Quads are cut along the shorter diagonal where necessary.
         let (cut, whole) = if c == d {
             (vec![[a, b, c]], area(a, b, c))
         } else if (at(c) - at(a)).norm() <= (at(d) - at(b)).norm() {
@@ -252,9 +256,10 @@ fn from_mesh(params: &SheetParams, mesh: &SheetMesh) -> Model {
     model
 }
 
-/// The curvature at every point that is not at a border: ½ D |L x|²/A, with L the cotangent Laplacian and A the Voronoi area.
+/// Bending energy at every interior point of a mesh: ½ D |L x|²/A, with L the cotangent Laplacian and A the
+/// Voronoi area.
 fn curvatures(triangles: &[[u32; 3]], at: &dyn Fn(u32) -> Double, area: &[f64], bending: f64) -> Vec<Plate> {
-    // Half of the cotangents opposite to each edge, and how many triangles it has.
+    // Half the sum of the cotangents opposite to each edge, and the number of its triangles.
     let mut edges: BTreeMap<[u32; 2], (f64, u32)> = BTreeMap::new();
     for t in triangles {
         for k in 0..3 {
@@ -278,7 +283,8 @@ fn curvatures(triangles: &[[u32; 3]], at: &dyn Fn(u32) -> Double, area: &[f64], 
             let own = i as u32;
             let voronoi: f64 =
                 around[i].iter().map(|&(j, w)| 0.25 * w * (at(j) - at(own)).norm_squared()).sum();
-            // Obtuse triangles can leave a point hardly any; a third of the triangles is then nearer.
+            // Obtuse triangles can leave a point a tiny Voronoi area; a third of its triangles' area is then
+            // closer.
             let share = if voronoi > 0.3 * area[i] { voronoi } else { area[i] };
             let sum: f64 = around[i].iter().map(|&(_, w)| w).sum();
             Plate {

@@ -1,28 +1,29 @@
-//! What one linearisation makes of the energy of springs.
+//! Energy that the linearisation of implicit Euler adds to springs.
 //!
-//! *Method*: v₁ times the linear system of `implicit.rs` is the change of ½ v·Mv, and what springs would do if they were as
-//! linearised. What they do beyond that is energy from nowhere, less ½ Δv·MΔv and ½ Δt² v₁·Kv₁, which the rule takes:
-//! V(x₁) − V(x₀) + Δt v₁·f(x₀) − Δt² v₁·Kv₁ − ½ Δv·MΔv. Where that is negative, energy did not grow by it.
+//! *Method*: v₁ times the linear system of `implicit.rs` is the change of ½ v·Mv and of the energy of
+//! linearised springs. Real springs gain more where their force changes within the time step. This gain, less
+//! ½ Δv·MΔv and ½ Δt² v₁·Kv₁, which implicit Euler dissipates, is V(x₁) − V(x₀) + Δt v₁·f(x₀) − Δt² v₁·Kv₁ −
+//! ½ Δv·MΔv. Where it is negative, the linearisation did not raise the energy.
 //!
-//! Symbols: d → x_j − x_i [m]; u → Δt (v_j − v_i) [m]; a and b → its parts along and across d; k, ℓ as in `springs.rs`; s → how
-//! much longer than |d| + a the spring becomes [m].
-//! Limits: what plates, pins and dampers take besides is not counted, so that it tells of too much rather than of too little.
+//! Symbols: d → x_j − x_i [m]; u → Δt (v_j − v_i) [m]; a and b → its parts along and across d; k, ℓ as in
+//! `springs.rs`; s → the length of the spring beyond |d| + a at the end [m].
+//! Limits: what plates, pins and dampers dissipate is not counted, so the gain is an upper bound.
 
 use super::{
-    lanes::{Eight, Vectors, parts},
+    sliced_ellpack::SlicedEllpack,
     springs::fetch,
-    table::Table,
+    vectors::{Eight, Vectors, map_chunks},
 };
 use crate::math::wide::{self, Job, WIDTH, Wide};
 use std::ops::Range;
 
-/// Part of the energy of springs and motion above which it is told.
-const MATTERS: f64 = 0.01;
+/// Smallest gain that is reported, relative to the energy of springs and motion.
+const MIN_REPORTED_FRACTION: f64 = 0.01;
 
-/// A substep of the implicit rule.
+/// A substep of the implicit integrator.
 pub(super) struct Substep<'a> {
-    pub(super) springs: &'a Table,
-    /// Where it began.
+    pub(super) springs: &'a SlicedEllpack,
+    /// Positions at its start.
     pub(super) x: &'a Vectors,
     pub(super) mass: &'a [Wide],
     /// Velocities before and after.
@@ -31,40 +32,41 @@ pub(super) struct Substep<'a> {
     pub(super) dt: f32,
 }
 
-/// The energy that it made [J]; 0 if it does not matter.
-pub(super) fn made(substep: &Substep<'_>) -> f64 {
-    let [made, whole] = balance(substep);
-    if made > MATTERS * whole { made } else { 0.0 }
+/// Energy gain of the substep [J]; 0 if it is too small to report.
+pub(super) fn energy_gain(substep: &Substep<'_>) -> f64 {
+    let [gain, total] = energy_balance(substep);
+    if gain > MIN_REPORTED_FRACTION * total { gain } else { 0.0 }
 }
 
-/// What it made and what springs and motion hold after [J].
-fn balance(substep: &Substep<'_>) -> [f64; 2] {
-    let all = parts(substep.mass.len(), |eights| wide::run(Account { substep, eights }));
+/// Energy gain, and the energy of springs and motion after the substep [J].
+fn energy_balance(substep: &Substep<'_>) -> [f64; 2] {
+    let all = map_chunks(substep.mass.len(), |eights| wide::run(BalanceChunk { substep, eights }));
     all.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]])
 }
 
-/// Of some eights what they make, and what they hold after, of motion and half of each spring: each is asked from both ends.
-struct Account<'a> {
+/// Energy gain of some eights, and their energy after the substep: that of motion and half of each spring,
+/// since both ends count it.
+struct BalanceChunk<'a> {
     substep: &'a Substep<'a>,
     eights: Range<usize>,
 }
 
-impl Job for Account<'_> {
+impl Job for BalanceChunk<'_> {
     type Out = [f64; 2];
 
     #[inline(always)]
     fn run(self) -> [f64; 2] {
         let Substep { springs, x, mass, before, after, dt } = *self.substep;
         let (all, all_v, dt) = (x.flat(), after.flat(), f64::from(dt));
-        let (mut made, mut whole) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let (mut gain, mut total) = ([0.0; WIDTH], [0.0; WIDTH]);
         for at in self.eights {
-            let (own, own_v, was) = (x.eight(at), after.eight(at), before.eight(at));
+            let (own, own_v, previous) = (x.eight(at), after.eight(at), before.eight(at));
             for lane in 0..WIDTH {
                 let m = 0.5 * f64::from(mass[at][lane]);
-                let (is, was) = (vector(&own_v, lane), vector(&was, lane));
-                let more = [is[0] - was[0], is[1] - was[1], is[2] - was[2]];
-                made[lane] -= m * dot(&more, &more);
-                whole[lane] += m * dot(&is, &is);
+                let (is, previous) = (vector(&own_v, lane), vector(&previous, lane));
+                let change = [is[0] - previous[0], is[1] - previous[1], is[2] - previous[2]];
+                gain[lane] -= m * dot(&change, &change);
+                total[lane] += m * dot(&is, &is);
             }
             for slot in springs.of(at).0 {
                 let (far, far_v) = (fetch(&all, slot, at), fetch(&all_v, slot, at));
@@ -79,21 +81,22 @@ impl Job for Account<'_> {
                     let along = dot(&d, &u) / if length > 0.0 { length } else { 1.0 };
                     let across2 = dot(&u, &u) - along * along;
                     let across2 = if across2 > 0.0 { across2 } else { 0.0 };
-                    let longer = length + along - rest;
-                    // |d + u| − (|d| + a), without the difference of what is nearly the same where the spring goes on as it was.
+                    let elongation = length + along - rest;
+                    // |d + u| − (|d| + a), written without the difference of nearly equal lengths where a
+                    // spring keeps its direction.
                     let straight = length + along;
                     let turned = (straight * straight + across2).sqrt();
                     let s = if straight > 0.0 { across2 / (turned + straight) } else { turned - straight };
-                    // As `springs` has it: what has no rest length is taut in one place too.
+                    // As in `springs`: a spring of zero rest length is taut even at zero length.
                     let taut = 1.0 - rest / if length > 1e-15 { length } else { 1e-15 };
                     let taut = if taut > 0.0 { taut } else { 0.0 };
                     // V₁ − V₀ − k (|d| − ℓ) a − k a² − k c b², with V₁ = ½ k (|d| + a − ℓ + s)².
-                    made[lane] += k * ((2.0 * longer + s) * s - along * along - 2.0 * taut * across2);
-                    whole[lane] += k * (longer + s) * (longer + s);
+                    gain[lane] += k * ((2.0 * elongation + s) * s - along * along - 2.0 * taut * across2);
+                    total[lane] += k * (elongation + s) * (elongation + s);
                 }
             }
         }
-        [made.iter().sum(), whole.iter().sum()]
+        [gain.iter().sum(), total.iter().sum()]
     }
 }
 
@@ -109,7 +112,7 @@ fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{super::table::Entry, *};
+    use super::{super::sliced_ellpack::Entry, *};
     use crate::math::Vec3;
 
     const COUNT: usize = 45;
@@ -119,11 +122,12 @@ mod tests {
         Vectors::of(&(0..COUNT).map(|i| Vec3::new(at(i, 0.0), at(i, 1.0), at(i, 2.0))).collect::<Vec<_>>())
     }
 
-    /// By the balance of the module's head, spring by spring, of springs that are taut, loose and in compression.
+    /// Against the balance of the module's documentation, spring by spring, for taut, loose and compressed
+    /// springs.
     #[test]
-    fn what_is_made_is_what_the_balance_lacks_and_little_is_not_told() {
+    fn the_energy_gain_closes_the_balance_and_small_gains_are_not_reported() {
         let x = cloud(0.3);
-        // What turns moves wholly across its springs.
+        // Points that turn move wholly across their springs.
         let turning =
             Vectors::of(&x.to_vec().iter().map(|x| Vec3::new(0.3, 0.5, 1.0).cross(x)).collect::<Vec<_>>());
         let any = [cloud(1.9), cloud(2.0)];
@@ -131,20 +135,20 @@ mod tests {
         let of = |v: &Vectors, i: usize| v.get(i).cast::<f64>();
         let mut mass = vec![[0.0; WIDTH]; COUNT.div_ceil(WIDTH)];
         mass.as_flattened_mut()[..COUNT].iter_mut().enumerate().for_each(|(i, m)| *m = 1.0 + i as f32);
-        // Loose springs give way to what turns them, and pull it back only once it is there.
+        // Loose springs resist turning only at the end of the substep.
         let loose = |_: usize| 0.99;
         let mixed = |k: usize| 0.05 * (k % 40) as f32;
         type Case<'a> = (&'a [Vectors; 2], &'a dyn Fn(usize) -> f32, f32, bool);
         let cases: [Case<'_>; 7] = [
             (&turned, &loose, 3.0, true),
-            (&turned, &loose, 0.3, true),   // 1.2 % of what is there
+            (&turned, &loose, 0.3, true),   // 1.2 % of the energy
             (&turned, &loose, 0.25, false), // 0.6 %
             (&turned, &loose, 0.03, false),
             (&turned, &mixed, 1.0, false),
             (&any, &mixed, 1.0, false),
             (&any, &loose, 0.1, false),
         ];
-        for ([before, after], rest, dt, is_told) in cases {
+        for ([before, after], rest, dt, is_reported) in cases {
             let springs: Vec<Entry> = (0..90)
                 .map(|k| ((k * 7) % COUNT, (k * k * 11 + 3) % COUNT, k))
                 .filter(|(a, b, _)| a != b)
@@ -157,8 +161,8 @@ mod tests {
                 })
                 .collect();
             let both = |e: &Entry| [*e, Entry { of: e.to, to: e.of, ..*e }];
-            let table = Table::new(COUNT, springs.iter().flat_map(both).collect());
-            let (mut expected, mut whole, h) = (0.0, 0.0, f64::from(dt));
+            let table = SlicedEllpack::new(COUNT, springs.iter().flat_map(both).collect());
+            let (mut expected, mut total, h) = (0.0, 0.0, f64::from(dt));
             for e in &springs {
                 let (k, rest, [a, b]) =
                     (f64::from(e.stiffness), f64::from(e.rest), [e.of as usize, e.to as usize]);
@@ -168,18 +172,18 @@ mod tests {
                 let across = (1.0 - rest / length).max(0.0) * (w.norm_squared() - along * along);
                 expected += 0.5 * k * ((then - rest).powi(2) - (length - rest).powi(2));
                 expected -= h * k * (length - rest) * along + h * h * k * (along * along + across);
-                whole += 0.5 * k * (then - rest).powi(2);
+                total += 0.5 * k * (then - rest).powi(2);
             }
             for i in 0..COUNT {
                 let m = f64::from(mass[i / WIDTH][i % WIDTH]);
                 expected -= 0.5 * m * (of(after, i) - of(before, i)).norm_squared();
-                whole += 0.5 * m * of(after, i).norm_squared();
+                total += 0.5 * m * of(after, i).norm_squared();
             }
             let substep = Substep { springs: &table, x: &x, mass: &mass, before, after, dt };
-            let found = balance(&substep);
-            println!("{dt}: {found:?} {expected} {whole}");
-            assert!((found[0] - expected).abs() < 1e-12 * whole && (found[1] - whole).abs() < 1e-12 * whole);
-            assert_eq!(made(&substep), if is_told { found[0] } else { 0.0 });
+            let found = energy_balance(&substep);
+            println!("{dt}: {found:?} {expected} {total}");
+            assert!((found[0] - expected).abs() < 1e-12 * total && (found[1] - total).abs() < 1e-12 * total);
+            assert_eq!(energy_gain(&substep), if is_reported { found[0] } else { 0.0 });
         }
     }
 }

@@ -1,44 +1,46 @@
-//! What a preset can say about sheets.
+//! Parameters of sheets.
 
 use crate::solid::{Interpolation, Keyframe, Shape};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Every sheet of a shot, and what they have in common.
+/// Every sheet of a shot, and the parameters common to all.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SheetsParams {
     /// The sheets.
     pub sheet: Vec<SheetParams>,
-    /// What they have in common.
+    /// Parameters common to all sheets.
     #[serde(default, rename = "sheets")]
     pub common: SheetsCommon,
 }
 
-/// What all sheets have in common: what joins them, how solids meet them and how they are solved.
+/// What all sheets have in common: joints, collisions with solids, contact and the solver.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SheetsCommon {
-    /// What joins points of sheets to each other.
+    /// Joints between points of sheets.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub joint: Vec<Joint>,
-    /// How solids push sheets off before they touch; absent: they only stop what enters them.
+    /// How solids repel sheets before they touch; absent: they only stop points that enter them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub repulsion: Option<Repulsion>,
-    /// How sheets meet each other and themselves; absent: they pass through.
+    /// Contact of sheets with each other and with themselves; absent: they pass through.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contact: Option<Contact>,
-    /// Friction of sheets on solids, Coulomb's coefficient: 0 slides as on ice, 0.3 cloth on wood, 1 clings; absent: none.
+    /// Coulomb friction of sheets on solids: 0 slides as on ice, 0.3 cloth on wood, 1 clings; absent: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0))]
     pub friction: Option<f32>,
-    /// How far off solids points stay [m], which also keeps faces, straight between their points, from cutting into what is round: on a ball of radius R
-    /// a face needs d²/8R, with d its longest diagonal as it lies. Absent: half of the thickness of `contact`, or nothing without it. Too large floats; where solids
-    /// leave less room than twice it, points stay less far off. What starts nearer is moved off in the first substep.
+    /// Distance from solids that points keep [m]. It also prevents faces, straight between their points, from
+    /// cutting into round solids: on a ball of radius R a face needs d²/8R, with d its longest diagonal.
+    /// Absent: half of the thickness of `contact`, or nothing without it. If it is too large, sheets float.
+    /// Between solids less than twice this distance apart, points keep less. Points that start closer are
+    /// moved away in the first substep.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "m", "minimum" = 0.0))]
     pub clearance: Option<f32>,
-    /// How they are advanced in time.
+    /// How sheets advance in time.
     pub solver: SheetSolver,
 }
 
@@ -46,24 +48,25 @@ pub struct SheetsCommon {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SheetParams {
-    /// Its name, which files carry; no two sheets share one.
+    /// Name of the sheet, which also names its files; no two sheets share one.
     pub name: String,
-    /// Where it is at the start, which is also its shape without tension (but see `rest`).
+    /// Shape at the start, which is also the shape without tension (but see `rest`).
     pub shape: SheetShape,
-    /// Mass of a square metre [kg/m²]: silk 0.05, cotton 0.15, rubber 1. Lighter moves faster and takes more substeps.
+    /// Mass of a square metre [kg/m²]: silk 0.05, cotton 0.15, rubber 1. Lighter moves faster and takes more
+    /// substeps.
     #[schemars(extend("unit" = "kg/m²", "exclusiveMinimum" = 0.0))]
     pub density: f32,
-    /// Membrane stiffness along the first and the second direction [N/m]: the tension of a strip of 1 m width at a strain of 1.
-    /// 10 sags like rubber film, 1000 like cloth. Too small stretches without end, large takes more substeps. Of a mesh the first
-    /// direction is `grain`.
+    /// Membrane stiffness along the first and the second direction [N/m]: the tension of a strip of 1 m width
+    /// at a strain of 1. 10 sags like rubber film, 1000 like cloth. If it is too small, the sheet stretches
+    /// without end; if large, it takes more substeps. The first direction of a mesh is `grain`.
     #[schemars(extend("unit" = "N/m"))]
     pub stiffness: [f32; 2],
-    /// Rest length of springs, as a part of their length at the start, by direction. Below 1 the sheet starts taut, above 1 slack;
-    /// 0 is soap film.
+    /// Rest length of springs relative to their length at the start, by direction. Below 1 the sheet starts
+    /// taut, above 1 slack; 0 is soap film.
     #[serde(default = "ones")]
     pub rest: [f32; 2],
-    /// Stiffness against shear [N/m], by springs along the diagonals of quads; absent: quads shear freely, as loose weave does. Triangles
-    /// have it by their edges.
+    /// Stiffness against shear [N/m], by springs along the diagonals of quads; absent: quads shear freely, as
+    /// loose weave does. The edges of triangles resist shear.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "N/m", "minimum" = 0.0))]
     pub shear: Option<f32>,
@@ -71,12 +74,13 @@ pub struct SheetParams {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "N·m", "minimum" = 0.0))]
     pub bending: Option<f32>,
-    /// Rate at which all motion dies [1/s], as in thick air: after 1/rate a third of the speed is left. It slows falling, too; absent: none.
+    /// Rate at which all motion decays [1/s], as in thick air: after 1/rate a third of the speed is left. It
+    /// also slows falling; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
     pub damping: Option<f32>,
-    /// Time within which springs damp their own change of length [s], by direction (shear takes the mean, bending has none): 0.001 calms
-    /// cloth, 0.1 is dough; absent: none. Falling and turning are left alone.
+    /// Time scale of the damping of springs [s], by direction (shear takes the mean, bending has none): 0.001
+    /// calms cloth, 0.1 is dough; absent: none. Rigid motion is not damped.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "s"))]
     pub spring_damping: Option<[f32; 2]>,
@@ -84,13 +88,13 @@ pub struct SheetParams {
     #[serde(default)]
     #[schemars(extend("unit" = "m/s"))]
     pub velocity: [f32; 3],
-    /// The first direction of a mesh's stiffness, in the world at the start; any length but zero.
+    /// First direction of a mesh's stiffness, in the world at the start; any length other than zero.
     #[serde(default = "along_x")]
     pub grain: [f32; 3],
-    /// Parts that differ. Where several hold a point their factors multiply.
+    /// Regions with other material. Where several contain a point their factors multiply.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub region: Vec<Region>,
-    /// What holds points in place or leads them.
+    /// Pins, which hold points in place or lead them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pin: Vec<Pin>,
 }
@@ -101,64 +105,66 @@ pub struct SheetParams {
 pub enum SheetShape {
     /// A rectangular grid of points.
     Grid {
-        /// The corner where both directions begin [m].
+        /// The side along the first direction, from `origin` to the next corner [m].
         #[schemars(extend("unit" = "m"))]
         origin: [f32; 3],
-        /// From there along the first direction to the next corner [m].
+        /// The side along the second direction [m].
         #[schemars(extend("unit" = "m"))]
         first: [f32; 3],
         /// From there along the second direction [m].
         #[schemars(extend("unit" = "m"))]
         second: [f32; 3],
-        /// Cells along both. More shows finer folds and takes longer. With 0 along one direction the sheet is a chain of points along
-        /// the other, as wide as a sheet would be; with 0 along both, one point.
+        /// Number of cells along both directions. More cells show finer folds and take longer. With 0 along
+        /// one direction the sheet is a chain of points along the other, as wide as a sheet would be; with 0
+        /// along both it is one point.
         cells: [u32; 2],
     },
     /// Triangles and quads.
     Mesh(SheetMesh),
 }
 
-/// A mesh, which whoever reads files fills in.
+/// A mesh; its points and faces are read from a file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SheetMesh {
-    /// The file, .ply or .obj, in the preset's folder or below it. What is painted on the vertices of a PLY as properties `stiffness`, `rest` and
-    /// `damping` are factors, as those of a `region`.
+    /// The file, .ply or .obj, in the preset's folder or below it. The vertex properties `stiffness`, `rest`
+    /// and `damping` of a PLY are factors, like those of a `region`.
     pub file: String,
     /// Positions in the world [m].
     #[serde(skip)]
     #[schemars(skip)]
     pub points: Vec<[f32; 3]>,
-    /// Corners of the faces; a triangle names its last twice.
+    /// Corners of the faces; triangles repeat the last.
     #[serde(skip)]
     #[schemars(skip)]
     pub faces: Vec<[u32; 4]>,
-    /// Factors painted on points, as those of a [`Region`]: of stiffness, shear and bending; empty: 1 everywhere.
+    /// Factors of stiffness, shear and bending painted on points, like those of a [`Region`]; empty: 1
+    /// everywhere.
     #[serde(skip)]
     #[schemars(skip)]
     pub stiffness: Vec<f32>,
-    /// The same of rest lengths, …
+    /// Painted factors of rest lengths; empty: 1 everywhere.
     #[serde(skip)]
     #[schemars(skip)]
     pub rest: Vec<f32>,
-    /// … and of both kinds of damping.
+    /// Painted factors of both kinds of damping; empty: 1 everywhere.
     #[serde(skip)]
     #[schemars(skip)]
     pub damping: Vec<f32>,
 }
 
-/// A part of a sheet that differs.
+/// A region of a sheet with other material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
-    /// Where it is at the start: the points within this shape.
+    /// The region at the start: the points inside this shape.
     pub shape: Shape,
     /// Factor of stiffness, shear and bending.
     #[serde(default = "one")]
     #[schemars(extend("minimum" = 0.0))]
     pub stiffness: f32,
-    /// Factor of the rest lengths of springs, those against shear too: below 1 it draws together, as a hem with elastic, above 1 it is slack
-    /// and ruffles. A spring takes the mean of its ends, as of every factor.
+    /// Factor of the rest lengths of springs, diagonals included: below 1 the region contracts, like a hem
+    /// with elastic; above 1 it is slack and ruffles. A spring takes the mean of every factor at its ends.
     #[serde(default = "one", skip_serializing_if = "is_one")]
     #[schemars(extend("minimum" = 0.0))]
     pub rest: f32,
@@ -172,7 +178,7 @@ pub struct Region {
     pub density: f32,
 }
 
-/// Which points of a sheet are meant.
+/// Selection of points of a sheet.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Select {
@@ -182,36 +188,36 @@ pub enum Select {
     Center,
     /// The point nearest to a place in the world at the start [m].
     Nearest([f32; 3]),
-    /// All points within a shape at the start.
+    /// All points inside a shape at the start.
     Inside(Shape),
     /// Points by their numbers.
     Points(Vec<u32>),
 }
 
-/// What holds points in place or leads them.
+/// A pin, which holds points in place or leads them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Pin {
-    /// The points.
+    /// The pinned points.
     pub at: Select,
-    /// Stiffness of the spring that pulls each to its place [N/m]; absent: it is there exactly.
+    /// Stiffness of the spring that pulls each point to its place [N/m]; absent: the pin is exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "N/m", "exclusiveMinimum" = 0.0))]
     pub stiffness: Option<f32>,
-    /// Where the places go, as for colliders; without any they stay.
+    /// Motion of the places, as for colliders; without keyframes they stay.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub keyframes: Vec<Keyframe>,
-    /// How they move from keyframe to keyframe.
+    /// Interpolation between keyframes.
     #[serde(default)]
     pub interpolation: Interpolation,
-    /// The collider, counted from 0, that the places move with, in place of `keyframes`.
+    /// The collider, counted from 0, that the places move with, instead of `keyframes`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub collider: Option<u32>,
-    /// The place that the points are led along, in the axes of the keyframes [m]; absent: each point's own at the start.
+    /// The place of the points, in the axes of the keyframes [m]; absent: each point's own at the start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "m"))]
     pub place: Option<[f32; 3]>,
-    /// The frame at which it lets go; absent: never.
+    /// The frame at which the pin lets go; absent: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub release: Option<u32>,
 }
@@ -224,65 +230,70 @@ pub struct Joint {
     pub sheets: [String; 2],
     /// The points of each: as many of one as of the other, joined in order.
     pub at: [Select; 2],
-    /// Stiffness of the spring that draws them there [N/m]; absent: they are there exactly, and have to be at the start.
+    /// Stiffness of the spring that pulls the points together [N/m]; absent: the joint is exact, and the
+    /// points must coincide at the start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "N/m", "exclusiveMinimum" = 0.0))]
     pub stiffness: Option<f32>,
-    /// The direction in the world that the second is kept in as seen from the first, however far; any length but zero. Absent: they are
-    /// kept together.
+    /// The direction in the world from the first point to the second, at any distance; any length other than
+    /// zero. Absent: the points are held together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f32; 3]>,
-    /// The frame at which it lets go; absent: never.
+    /// The frame at which the joint lets go; absent: never.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub release: Option<u32>,
 }
 
-/// How solids push sheets off: a potential c·exp(−f/ξ) of the distance f.
+/// Repulsion of sheets by solids: a potential c·exp(−f/ξ) of the distance f.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Repulsion {
-    /// c [J/m²]: a sheet of density ρ rests at the distance where c/ξ·exp(−f/ξ) = ρ g, and falls onto the solid if c/ξ is below.
+    /// c [J/m²]: a sheet of density ρ rests at the distance where c/ξ·exp(−f/ξ) = ρ g, and falls onto the
+    /// solid if c/ξ is below.
     #[schemars(extend("unit" = "J/m²", "exclusiveMinimum" = 0.0))]
     pub energy: f32,
-    /// ξ [m], over which the push grows by e. Smaller is a harder touch and takes more substeps.
+    /// ξ [m], the distance over which the force grows by e. Smaller makes a harder contact and takes more
+    /// substeps.
     #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
     pub range: f32,
 }
 
-/// How sheets meet each other and themselves.
+/// Contact of sheets with each other and with themselves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Contact {
-    /// How far apart the middles of two layers are kept [m]: that of the cloth, or more, since faster motion takes more substeps the smaller it is (half
-    /// of it is the furthest that layers approach in one). Best below the size of cells: what is closer than that at the start, within a
-    /// sheet, is kept apart by 0.7 of what it was.
+    /// Distance that the middles of two layers keep [m]: the thickness of the cloth, or more. Smaller values
+    /// take more substeps where motion is fast, as layers approach by at most half of it in one substep. It
+    /// is best below the size of cells: parts of a sheet that are closer at the start keep 0.7 of that
+    /// distance.
     #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
     pub thickness: f32,
-    /// Friction of layers on each other, Coulomb's coefficient: 0.3 silk, 0.6 cotton; absent: none.
+    /// Coulomb friction between layers: 0.3 silk, 0.6 cotton; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("minimum" = 0.0))]
     pub friction: Option<f32>,
 }
 
-/// How sheets are advanced in time.
+/// How sheets advance in time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SheetSolver {
-    /// Which way.
+    /// The time integrator.
     pub integrator: Integrator,
-    /// Substep of the symplectic integrator, as a part of the longest stable one. Smaller follows fast waves better.
+    /// Substep of the symplectic integrator relative to the longest stable one. Smaller follows fast waves
+    /// better.
     #[schemars(range(min = 0.01, max = 0.95))]
     pub courant: f32,
-    /// Substeps of a frame of the implicit integrator. More damps less and costs in proportion.
+    /// Substeps of a frame with the implicit integrator. More substeps damp less and cost in proportion.
     #[schemars(range(min = 1, max = 100_000))]
     pub substeps: u32,
-    /// Substeps of a frame at most: what needs more stops, and says so.
+    /// Largest number of substeps of a frame; a frame that needs more is an error.
     #[schemars(range(min = 1, max = 10_000_000))]
     pub max_substeps: u32,
-    /// Residual at which the conjugate gradients stop, as a part of the right side. Larger lets stiff sheets stretch.
+    /// Relative residual at which the conjugate gradients stop. Larger lets stiff sheets stretch.
     #[schemars(range(min = 1e-7, max = 0.5))]
     pub tolerance: f32,
-    /// Rounds of the conjugate gradients at most.
+    /// Largest number of iterations of the conjugate gradients.
     #[schemars(range(min = 1, max = 100_000))]
     pub max_iterations: u32,
 }
@@ -300,19 +311,19 @@ impl Default for SheetSolver {
     }
 }
 
-/// A way to advance in time.
+/// Time integrator of sheets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Integrator {
-    /// Semi-implicit Euler: keeps energy, in substeps that follow from stiffness and mass.
+    /// Semi-implicit Euler: conserves energy, in substeps that follow from stiffness and mass.
     #[default]
     Symplectic,
-    /// Implicit Euler: any substep, and damps what is faster than it.
+    /// Implicit Euler: stable for any substep; damps what is faster than it.
     Implicit,
 }
 
 impl Select {
-    /// Its shape, if it has one.
+    /// The shape of the selection, if it has one.
     pub fn shape(&self) -> Option<&Shape> {
         match self {
             Select::Inside(shape) => Some(shape),
@@ -329,7 +340,7 @@ impl Select {
 }
 
 impl SheetShape {
-    /// Points of it, without building it; of a mesh that is not read yet 0.
+    /// Number of points, without building them; 0 for a mesh that was not read yet.
     pub fn points(&self) -> f64 {
         match self {
             SheetShape::Grid { cells, .. } => cells.iter().map(|&n| f64::from(n) + 1.0).product(),
@@ -339,20 +350,20 @@ impl SheetShape {
 }
 
 impl SheetsCommon {
-    /// How far off solids points stay [m].
-    pub(super) fn off(&self) -> f32 {
+    /// Distance from solids that points keep [m].
+    pub(super) fn solid_clearance(&self) -> f32 {
         let layer = || self.contact.as_ref().map_or(0.0, |contact| 0.5 * contact.thickness);
         self.clearance.unwrap_or_else(layer)
     }
 
-    /// The shapes that are named, to be filled.
+    /// The shapes of selections, to be filled from files.
     pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
         self.joint.iter_mut().flat_map(|joint| &mut joint.at).filter_map(Select::shape_mut)
     }
 }
 
 impl SheetParams {
-    /// The shapes that are named, to be filled.
+    /// The shapes of regions and pins, to be filled from files.
     pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
         let regions = self.region.iter_mut().map(|region| &mut region.shape);
         let pins = self.pin.iter_mut().filter_map(|pin| pin.at.shape_mut());
@@ -364,7 +375,7 @@ fn one() -> f32 {
     1.0
 }
 
-/// For the keys of shots that were made before there was such a factor.
+/// Omits the default, so that hashes of shots from before this factor stay the same.
 fn is_one(factor: &f32) -> bool {
     *factor == one()
 }

@@ -1,20 +1,23 @@
-//! Solids: what pushes sheets off before they touch, and what puts back those that slip through.
+//! Collisions of sheets with solids: repulsion before they touch, and projection out of solids.
 //!
-//! *Method*: [gudukbay97] Eq. 9 with the potential c·exp(−f/ξ) of a square metre, f the signed distance, so that |∇f| = 1 at every solid.
-//! The force −∇ of it is (c/ξ) exp(−f/ξ) ∇f, of which only the part along the sheet's normal n acts. What is left inside after a substep is
-//! put to the surface, and its speed into the solid ends. Friction takes up to μ times what either took from the speed along the solid, once
-//! forces have acted: what rests stays where it is.
-//! *Departs from the paper*: the sign, which Eq. 9 and its prose give differently (force outwards is meant); friction; solids move; where a
-//! fold leaves a point without a normal ∇f takes its place.
+//! *Method*: [gudukbay97] Eq. 9 with the potential c·exp(−f/ξ) per square metre, f the signed distance, so
+//! that |∇f| = 1 at every solid. Its force −∇ is (c/ξ) exp(−f/ξ) ∇f, of which only the part along the sheet's
+//! normal n acts. A point inside a solid after a substep is projected to the surface, and its velocity into
+//! the solid is removed. Friction removes up to μ times the change of normal velocity from the velocity along
+//! the solid, after forces have acted. Points at rest therefore stay at rest.
+//! *Departs from the paper*: the sign, which Eq. 9 and its prose give differently (an outward force is
+//! meant); friction; solids move; ∇f replaces n where a fold leaves a point without a normal.
 //!
 //! Symbols: f → `distance` [m], c → `energy` [J/m²], ξ → `range` [m].
-//! Limits: points are kept out, and `clearance` off, not the faces between them: in a ball of radius R the middle of a square face of width w lies w²/4R deeper
-//! than its points, and half of that at its edges. What is thinner than a cell pokes through. Faces are counted where one of the places that `cut` asks is inside;
-//! what comes through between these is not told. An edge-on sheet is not pushed (n ⊥ ∇f), only put back.
+//! Limits: points keep out of solids and `clearance` off, but not the faces between them. In a ball of radius
+//! R the middle of a square face of width w lies w²/4R deeper than its points, and half of that at its edges.
+//! A solid thinner than a cell pokes through. Faces count as cut where one of the sample places of `cut` is
+//! inside; a penetration between these is not reported. An edge-on sheet is not repelled (n ⊥ ∇f), only
+//! projected.
 
 use super::{
-    lanes::{Vectors, chunk},
     params::Repulsion,
+    vectors::{Vectors, chunk_len},
 };
 use crate::{
     math::{
@@ -25,38 +28,41 @@ use crate::{
     solid::{Pose, Shape, Solid},
 };
 
-/// Beyond so many ξ the push is below a ten millionth of that at the surface, which is what single precision keeps of a sum.
-const FAR: f32 = 16.0;
+/// Range of repulsion in ξ: beyond it the force is below a ten millionth of that at the surface, the
+/// precision of a sum in single precision.
+const REPULSION_RANGE: f32 = 16.0;
 
-/// Rounds over all solids in which a point is put back: in a corner of three each undoes part of the others', and at the rounded corner of a sampled
-/// mesh, where the distance grows by half of the way, half of it is left. Of 8, micrometres were left there.
-const ROUNDS: usize = 32;
+/// Passes over all solids in which a point is projected out. In a corner of three solids each projection
+/// undoes part of the others. At the rounded corner of a sampled mesh, where the distance grows by half the
+/// displacement, half the depth is left. With 8 passes, micrometres were left there.
+const MAX_PROJECTION_PASSES: usize = 32;
 
-/// How far outside a point is put back to, in parts of its largest coordinate: what rounding takes. Within twice as much it still touches: it
-/// would else slide without friction until it has fallen in again, and creep down a slope.
-const SKIN: f32 = 1e-6;
+/// Distance outside a solid to which a point is projected, relative to its largest coordinate: the rounding
+/// error. Up to twice this distance it still is in contact. Otherwise it would slide without friction until
+/// it falls in again, and creep down a slope.
+const SKIN_FRACTION: f32 = 1e-6;
 
 /// A solid at both ends of a substep.
-pub(super) struct Placed<'a> {
+pub(super) struct PlacedSolid<'a> {
     shape: &'a Shape,
-    /// How far off it is kept out of [m].
+    /// Distance from the solid to keep [m].
     clearance: f32,
     poses: Option<[Pose; 2]>,
 }
 
-/// The solids between two times [s], larger by a `clearance` [m].
-pub(super) fn placed(solids: &[Solid], clearance: f32, from: f64, to: f64) -> Vec<Placed<'_>> {
+/// The solids at two times [s], enlarged by a `clearance` [m].
+pub(super) fn place_solids(solids: &[Solid], clearance: f32, from: f64, to: f64) -> Vec<PlacedSolid<'_>> {
     let poses = |solid: &Solid| solid.motion.as_ref().map(|motion| [motion.pose(from), motion.pose(to)]);
-    solids.iter().map(|solid| Placed { shape: &solid.shape, clearance, poses: poses(solid) }).collect()
+    solids.iter().map(|solid| PlacedSolid { shape: &solid.shape, clearance, poses: poses(solid) }).collect()
 }
 
-impl Placed<'_> {
-    /// Distance from where its clearance ends, and normal, at one end of the substep.
+impl PlacedSolid<'_> {
+    /// Distance from the solid's clearance, and normal, at one end of the substep.
     pub(super) fn contact(&self, x: Vec3, end: usize) -> (f32, Vec3) {
         self.contact_off(x, end, 1.0)
     }
 
-    /// The same of a part of its clearance.
+    /// Distance from a part of the solid's clearance, and normal.
     fn contact_off(&self, x: Vec3, end: usize, part: f32) -> (f32, Vec3) {
         let (distance, n) = match &self.poses {
             None => self.shape.contact(x),
@@ -68,7 +74,7 @@ impl Placed<'_> {
         (distance - part * self.clearance, n)
     }
 
-    /// The solid's own way during the substep at a place [m].
+    /// Displacement of the solid during the substep, at a place at its end [m].
     pub(super) fn displacement(&self, x: Vec3) -> Vec3 {
         self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| {
             let local = to.to_local(x);
@@ -76,21 +82,21 @@ impl Placed<'_> {
         })
     }
 
-    /// The same of what is at a place when the substep begins [m].
+    /// Displacement of the solid during the substep, at a place at its start [m].
     fn displacement_from(&self, x: Vec3) -> Vec3 {
         self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| to.to_world(from.to_local(x)) - x)
     }
 }
 
-/// Faces around points, for normals: the two neighbours of a point in each.
+/// Faces around points, for normals: the two neighbours of a point in each face.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Around {
+pub(super) struct VertexFaces {
     start: Vec<u32>,
     pairs: Vec<[u32; 2]>,
 }
 
-impl Around {
-    /// Of `count` points.
+impl VertexFaces {
+    /// The faces around `count` points.
     pub(super) fn new(count: usize, faces: &[[u32; 4]]) -> Self {
         let mut all = Vec::with_capacity(4 * faces.len());
         for &[a, b, c, d] in faces {
@@ -107,7 +113,7 @@ impl Around {
         Self { start, pairs: all.into_iter().map(|(_, pair)| pair).collect() }
     }
 
-    /// The unit normal at a point; `None` where faces cancel or there are none.
+    /// Unit normal at a point; `None` where faces cancel or there are none.
     pub(super) fn normal(&self, x: &Vectors, i: usize) -> Option<Vec3> {
         let own = x.get(i);
         let pairs = &self.pairs[self.start[i] as usize..self.start[i + 1] as usize];
@@ -118,9 +124,9 @@ impl Around {
     }
 }
 
-/// A push on a point.
+/// Repulsion of a point by a solid.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Push {
+pub(super) struct RepulsionForce {
     pub(super) point: u32,
     /// Force [N].
     pub(super) force: Vec3,
@@ -128,51 +134,59 @@ pub(super) struct Push {
     pub(super) stiffness: f32,
     /// The sheet's unit normal.
     pub(super) normal: Vec3,
-    /// That of the solid, …
-    out: Vec3,
-    /// … and its speed there [m/s].
-    own: Vec3,
+    /// Normal of the solid.
+    solid_normal: Vec3,
+    /// Velocity of the solid there [m/s].
+    solid_velocity: Vec3,
 }
 
-impl Push {
-    /// Friction once the point has the speed `v` [m/s], at the end of a substep of `dt` [s]: what it takes from it. A push that was `solved` has
-    /// become less as the point moved away.
-    fn rub(&self, friction: f32, v: Vec3, mobility: f32, dt: f32, solved: bool) -> Vec3 {
+impl RepulsionForce {
+    /// Velocity that friction removes from `v` [m/s] at the end of a substep of `dt` [s]. With the implicit
+    /// integrator (`solved`) the force has decreased as the point moved away.
+    fn friction_change(&self, friction: f32, v: Vec3, mobility: f32, dt: f32, solved: bool) -> Vec3 {
         let at_start = self.force.dot(&self.normal);
-        let less = if solved { self.stiffness * dt * self.normal.dot(&v) } else { 0.0 };
-        let pressed = ((at_start - less) * at_start.signum()).max(0.0);
-        let slip = v - self.own;
-        let slip = slip - self.out * self.out.dot(&slip);
+        let decrease = if solved { self.stiffness * dt * self.normal.dot(&v) } else { 0.0 };
+        let normal_force = ((at_start - decrease) * at_start.signum()).max(0.0);
+        let slip = v - self.solid_velocity;
+        let slip = slip - self.solid_normal * self.solid_normal.dot(&slip);
         let speed = slip.norm();
-        if speed > 0.0 { slip * (friction * pressed * dt * mobility / speed).min(1.0) } else { slip }
+        if speed > 0.0 { slip * (friction * normal_force * dt * mobility / speed).min(1.0) } else { slip }
     }
 }
 
-/// What the solids, as they are at one `end` of a substep of `dt` [s], push.
-pub(super) fn pushes(
+/// Repulsion of points by the solids at one `end` of a substep of `dt` [s].
+pub(super) fn repulsion_forces(
     repulsion: &Repulsion,
-    (solids, end): (&[Placed<'_>], usize),
-    around: &Around,
+    (solids, end): (&[PlacedSolid<'_>], usize),
+    vertex_faces: &VertexFaces,
     (x, area): (&Vectors, &[f32]),
     dt: f32,
-) -> Vec<Push> {
+) -> Vec<RepulsionForce> {
     let Repulsion { energy, range } = *repulsion;
     let parts = par::map_chunks(x.len(), par::CHUNK, |points| {
         let mut found = Vec::new();
         for i in points {
             for solid in solids {
-                let (distance, out) = solid.contact(x.get(i), end);
-                if distance >= FAR * range {
+                let (distance, solid_normal) = solid.contact(x.get(i), end);
+                if distance >= REPULSION_RANGE * range {
                     continue;
                 }
-                let normal = around.normal(x, i).unwrap_or(out);
+                let normal = vertex_faces.normal(x, i).unwrap_or(solid_normal);
                 let at_point = area[i] * energy / range * (-distance.max(0.0) / range).exp();
-                let along = out.dot(&normal);
+                let along = solid_normal.dot(&normal);
                 let force = normal * (at_point * along); // [gudukbay97] Eq. 9
                 let stiffness = at_point / range * along * along;
-                // The point is where it is as the substep begins: by the way that ends there it would creep off a circle, by ω² r Δt.
-                let own = solid.displacement_from(x.get(i)) / dt;
-                found.push(Push { point: i as u32, force, stiffness, normal, out, own });
+                // The point is where it is at the start of the substep. With the solid's displacement that
+                // ends there it would creep off a circle, by ω² r Δt.
+                let solid_velocity = solid.displacement_from(x.get(i)) / dt;
+                found.push(RepulsionForce {
+                    point: i as u32,
+                    force,
+                    stiffness,
+                    normal,
+                    solid_normal,
+                    solid_velocity,
+                });
             }
         }
         found
@@ -180,7 +194,7 @@ pub(super) fn pushes(
     parts.into_iter().flatten().collect()
 }
 
-/// A point in motion, and what rounding took from its place.
+/// A moving point, and the rounding error of its position.
 #[derive(Clone, Copy)]
 struct Moving {
     x: Vec3,
@@ -189,16 +203,17 @@ struct Moving {
 }
 
 impl Moving {
-    /// Moves it. Rounding would else let go of the way back, and not of the way there: what rests would stray.
+    /// Moves the point. Without the rounding error, projections would be rounded away and motion into the
+    /// solid would not: points at rest would drift.
     fn shift(&mut self, by: Vec3) {
-        let (way, before) = (by + self.low, self.x);
-        self.x += way;
-        self.low = way - (self.x - before);
+        let (displacement, before) = (by + self.low, self.x);
+        self.x += displacement;
+        self.low = displacement - (self.x - before);
     }
 }
 
-/// Calls `f` on points; `points` are asked for those of a range. It returns `None` where it left one alone, and else whether it counts.
-/// Returns how many count.
+/// Calls `f` on the points that `points` selects from each range. `f` returns `None` if it left the point
+/// unchanged, and otherwise whether to count it. Returns the count.
 fn move_each<I: Iterator<Item = usize>>(
     [x, v, low]: [&mut Vectors; 3],
     points: impl Fn(std::ops::Range<usize>) -> I + Sync,
@@ -207,8 +222,8 @@ fn move_each<I: Iterator<Item = usize>>(
     let (len, eights) = (x.len(), x.axes[0].len());
     let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
     let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
-    // Solids cost more than what few points cost elsewhere.
-    let counts = par::map_chunks_mut(all, chunk(eights), |start, parts: [&mut [Wide]; 9]| {
+    // Solids cost more per point than other passes, so the chunks are short.
+    let counts = par::map_chunks_mut(all, chunk_len(eights), |start, parts: [&mut [Wide]; 9]| {
         let mut count = 0;
         for i in points(start * WIDTH..len.min((start + parts[0].len()) * WIDTH)) {
             let (at, lane) = (i / WIDTH - start, i % WIDTH);
@@ -225,9 +240,10 @@ fn move_each<I: Iterator<Item = usize>>(
     counts.into_iter().sum()
 }
 
-/// Lets what was pushed rub, at the end of a substep of `dt` [s]; see [`Push::rub`].
-pub(super) fn rub(
-    pushes: &[Push],
+/// Applies friction to repelled points at the end of a substep of `dt` [s]; see
+/// [`RepulsionForce::friction_change`].
+pub(super) fn apply_friction(
+    forces: &[RepulsionForce],
     friction: f32,
     mobility: &[f32],
     sheet: [&mut Vectors; 3],
@@ -235,78 +251,84 @@ pub(super) fn rub(
 ) {
     let of = |points: std::ops::Range<usize>| {
         let [first, end] = [points.start, points.end]
-            .map(|point| pushes.partition_point(|push| (push.point as usize) < point));
-        pushes[first..end].chunk_by(|a, b| a.point == b.point)
+            .map(|point| forces.partition_point(|force| (force.point as usize) < point));
+        forces[first..end].chunk_by(|a, b| a.point == b.point)
     };
     move_each(
         sheet,
-        |points| of(points).map(|pushes| pushes[0].point as usize),
+        |points| of(points).map(|forces| forces[0].point as usize),
         |i, moving| {
-            for push in of(i..i + 1).flatten() {
-                let taken = push.rub(friction, moving.v, mobility[i], dt, solved);
-                // It has slid too far already: else what rests on a slope would creep.
-                moving.shift(-taken * dt);
-                moving.v -= taken;
+            for force in of(i..i + 1).flatten() {
+                let change = force.friction_change(friction, moving.v, mobility[i], dt, solved);
+                // The point has already slid too far: without this, points at rest on a slope would creep.
+                moving.shift(-change * dt);
+                moving.v -= change;
             }
             Some(false)
         },
     );
 }
 
-/// Puts points that are inside solids at the end of a substep of `dt` [s] back to their surfaces. Points of no mobility stay. Returns
-/// how many were.
-pub(super) fn put_back(
-    solids: &[Placed<'_>],
+/// Projects points that are inside solids at the end of a substep of `dt` [s] to their surfaces. Points of
+/// zero mobility stay. Returns the number of points.
+pub(super) fn project_out(
+    solids: &[PlacedSolid<'_>],
     friction: Option<f32>,
     mobility: &[f32],
     sheet: [&mut Vectors; 3],
     dt: f32,
 ) -> u64 {
     let mobile = |points: std::ops::Range<usize>| points.filter(|&i| mobility[i] != 0.0);
-    move_each(sheet, mobile, |_, moving| outside(solids, friction, moving, dt))
+    move_each(sheet, mobile, |_, moving| project_point(solids, friction, moving, dt))
 }
 
-/// Puts a point that is inside a solid, or its clearance, to the surface, and stops one that touches. Whether it was inside any; `None` if it did neither. Between
-/// solids that leave less room than their clearances these give way, round by round: no point may end in a solid for the sake of another's clearance.
-fn outside(solids: &[Placed<'_>], friction: Option<f32>, point: &mut Moving, dt: f32) -> Option<bool> {
-    let (mut caught, mut met) = (false, false);
-    for round in 0..ROUNDS {
+/// Projects a point inside a solid, or its clearance, to the surface, and stops it if it touches. Returns
+/// whether it was inside; `None` if it did not touch either. Clearances shrink pass by pass between solids
+/// that are too close for them: no point may end inside one solid for the clearance of another.
+fn project_point(
+    solids: &[PlacedSolid<'_>],
+    friction: Option<f32>,
+    point: &mut Moving,
+    dt: f32,
+) -> Option<bool> {
+    let (mut was_inside, mut touched) = (false, false);
+    for pass in 0..MAX_PROJECTION_PASSES {
         let mut again = false;
-        let part = (1.5 - 0.25 * round as f32).clamp(0.0, 1.0);
+        let part = (1.5 - 0.25 * pass as f32).clamp(0.0, 1.0);
         for solid in solids {
             let (distance, n) = solid.contact_off(point.x, 1, part);
-            let skin = SKIN * (1.0 + point.x.amax());
-            if distance >= if round == 0 { 2.0 * skin } else { 0.0 } {
+            let skin = SKIN_FRACTION * (1.0 + point.x.amax());
+            if distance >= if pass == 0 { 2.0 * skin } else { 0.0 } {
                 continue;
             }
-            let own = solid.displacement(point.x) / dt;
-            let relative = point.v - own;
+            let solid_velocity = solid.displacement(point.x) / dt;
+            let relative = point.v - solid_velocity;
             let inwards = relative.dot(&n);
             if distance >= 0.0 && inwards >= 0.0 {
                 continue;
             }
-            caught |= distance < 0.0;
-            (met, again) = (true, true);
+            was_inside |= distance < 0.0;
+            (touched, again) = (true, true);
             point.shift(n * (skin - distance));
             let mut slip = relative - n * inwards;
             if let (Some(friction), true) = (friction, inwards < 0.0) {
                 let (speed, before) = (slip.norm(), slip);
                 slip *= if speed > 0.0 { 1.0 - (-friction * inwards / speed).min(1.0) } else { 0.0 };
-                // It has slid too far already: else what rests on a slope would creep.
+                // The point has already slid too far: without this, points at rest on a slope would creep.
                 point.shift((slip - before) * dt);
             }
-            point.v = own + slip + n * inwards.max(0.0);
+            point.v = solid_velocity + slip + n * inwards.max(0.0);
         }
         if !again {
             break;
         }
     }
-    met.then_some(caught)
+    touched.then_some(was_inside)
 }
 
-/// Points inside solids at a time [s], but for those that are held exactly.
-pub(super) fn inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &[f32]) -> u64 {
-    let solids = placed(solids, 0.0, time, time);
+/// Number of points inside solids at a time [s], without those that are held exactly.
+pub(super) fn count_inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &[f32]) -> u64 {
+    let solids = place_solids(solids, 0.0, time, time);
     let count = |range: std::ops::Range<usize>| {
         range
             .filter(|&i| mobility[i] > 0.0 && solids.iter().any(|solid| solid.contact(x.get(i), 1).0 < 0.0))
@@ -315,16 +337,16 @@ pub(super) fn inside(solids: &[Solid], time: f64, x: &Vectors, mobility: &[f32])
     par::map_chunks(x.len(), par::CHUNK, count).into_iter().sum()
 }
 
-/// Faces that are inside solids at a time [s], by more than rounding, where they are asked, and how deep the deepest of these places is [m]: at the middles of
-/// edges and diagonals, and of triangles. `faces`: of each sheet, and its first point. Faces with corners that are held exactly do not count: they go where
-/// they are led.
-pub(super) fn cut<'a>(
+/// Number of faces inside solids at a time [s] by more than rounding, and their largest depth [m], tested at
+/// the middles of edges and diagonals, and of triangles. `faces`: the faces of each sheet, and its first
+/// point. Faces with exactly held corners do not count, as pins move them.
+pub(super) fn cut_faces<'a>(
     solids: &[Solid],
     time: f64,
     (x, mobility): (&Vectors, &[f32]),
     faces: impl Iterator<Item = (&'a [[u32; 4]], u32)>,
 ) -> (u64, f64) {
-    let solids = placed(solids, 0.0, time, time);
+    let solids = place_solids(solids, 0.0, time, time);
     if solids.is_empty() {
         return (0, 0.0);
     }
@@ -340,23 +362,24 @@ pub(super) fn cut<'a>(
         let middle = if is_triangle { (a + b + c) / 3.0 } else { 0.25 * (a + b + c + d) };
         let last = if is_triangle { middle } else { 0.5 * (b + d) };
         let places = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (a + c), 0.5 * (a + d), 0.5 * (c + d), last];
-        // Distances differ by no more than the way, and by less than half more where they are sampled.
+        // A distance changes by no more than the displacement, and by half more where the solid is sampled.
         let farthest = places.iter().map(|place| (place - middle).norm()).fold(0.0, f32::max);
         if nearest(middle) > 1.5 * farthest {
             return 0.0;
         }
         places.into_iter().fold(0.0_f32, |deepest, place| {
-            let (skin, distance) = (2.0 * SKIN * (1.0 + place.amax()), nearest(place));
+            let (skin, distance) = (2.0 * SKIN_FRACTION * (1.0 + place.amax()), nearest(place));
             if distance < -skin { deepest.max(-distance) } else { deepest }
         })
     };
-    let both = |(count, deepest): (u64, f64), (more, depth): (u64, f64)| (count + more, deepest.max(depth));
+    let combine =
+        |(count, deepest): (u64, f64), (more, depth): (u64, f64)| (count + more, deepest.max(depth));
     let of_sheet = |(faces, start): (&[[u32; 4]], u32)| {
         let parts = par::map_chunks(faces.len(), par::CHUNK, |range| {
             let depths = faces[range].iter().map(|face| depth(face.map(|i| i + start)));
-            depths.map(|depth| (u64::from(depth > 0.0), f64::from(depth))).fold((0, 0.0), both)
+            depths.map(|depth| (u64::from(depth > 0.0), f64::from(depth))).fold((0, 0.0), combine)
         });
-        parts.into_iter().fold((0, 0.0), both)
+        parts.into_iter().fold((0, 0.0), combine)
     };
-    faces.map(of_sheet).fold((0, 0.0), both)
+    faces.map(of_sheet).fold((0, 0.0), combine)
 }

@@ -1,30 +1,33 @@
-//! What springs and plates do to points: forces, and how forces change.
+//! Springs and plates: forces, and their derivatives.
 //!
-//! *Method*: [gudukbay97] Eq. 6 and 7: each point gathers k [(x_j − x_i) − ℓ (x_j − x_i)/|x_j − x_i|] from its neighbours j, here in the direction
-//! of the force. Plates are linear: Σ k_ij (x_j − x_i). The derivative is that of [baraff98] section 4, split along and across the spring,
-//! with the part across left out where it is negative (a spring in compression).
-//! *Departs from the paper*: any number of neighbours, each with its own k and ℓ; springs may damp the speed of their own length.
+//! *Method*: [gudukbay97] Eq. 6 and 7: each point gathers k [(x_j − x_i) − ℓ (x_j − x_i)/|x_j − x_i|] from
+//! its neighbours j, here in the direction of the force. Plates are linear: Σ k_ij (x_j − x_i). The
+//! derivative is that of [baraff98] section 4, split into the parts along and across the spring. The part
+//! across is left out where it is negative (a spring in compression).
+//! *Departs from the paper*: any number of neighbours, each with its own k and ℓ; springs may damp the rate
+//! of their own length.
 //!
-//! Symbols: d → x_j − x_i [m]; k → `stiffness` [N/m]; ℓ → `rest` [m]. The two ends of a spring compute the same
-//! numbers with opposite signs, so that forces cancel to the last digit before they are summed.
-//! Limits: a spring of length zero has no direction and pulls only if its rest length is zero; such springs are counted by the record.
+//! Symbols: d → x_j − x_i [m]; k → `stiffness` [N/m]; ℓ → `rest` [m]. The two ends of a spring compute the
+//! same numbers with opposite signs, so that forces cancel to the last digit before they are summed.
+//! Limits: a spring of length zero has no direction and pulls only if its rest length is zero; the record
+//! counts such springs.
 
 use super::{
-    lanes::{Dot, Eight, Flat, Vectors, chunk, in_chunks},
-    table::{Slot, Table},
+    sliced_ellpack::{SlicedEllpack, Slot},
+    vectors::{Dot, Eight, Flat, Vectors, chunk_len, in_chunks},
 };
 use crate::{
     math::wide::{self, Job, WIDTH, Wide},
     par,
 };
 
-/// Squares of lengths below it count as it [m²]: far below what positions resolve, and its root does not vanish.
-const TINY: f32 = 1e-30;
+/// Smallest squared length [m²]: far below the resolution of positions, and its root is not zero.
+const MIN_SQUARED_LENGTH: f32 = 1e-30;
 
 /// Symmetric 3×3 matrices of eight points: xx, yy, zz, xy, xz, yz.
 pub(super) type Blocks = [Wide; 6];
 
-/// Neighbours of a slot of the eight whose number is `at`.
+/// Vectors of the neighbours in a slot; `at` is the number of the eight.
 #[inline(always)]
 pub(super) fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
@@ -41,7 +44,7 @@ pub(super) fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
 }
 
 #[inline(always)]
-fn minus(a: &Eight, b: &Eight) -> Eight {
+fn difference(a: &Eight, b: &Eight) -> Eight {
     let mut out = [[0.0; WIDTH]; 3];
     for axis in 0..3 {
         for lane in 0..WIDTH {
@@ -62,7 +65,7 @@ fn dot(a: &Eight, b: &Eight) -> Wide {
 
 /// `sum` + `weight` `v`.
 #[inline(always)]
-fn plus(sum: &mut Eight, weight: &Wide, v: &Eight) {
+fn add_weighted(sum: &mut Eight, weight: &Wide, v: &Eight) {
     for axis in 0..3 {
         for lane in 0..WIDTH {
             sum[axis][lane] += weight[lane] * v[axis][lane];
@@ -75,54 +78,54 @@ fn plus(sum: &mut Eight, weight: &Wide, v: &Eight) {
 fn inverse_length(d: &Eight) -> Wide {
     let mut out = dot(d, d);
     for r in &mut out {
-        *r = 1.0 / (if *r > TINY { *r } else { TINY }).sqrt();
+        *r = 1.0 / (if *r > MIN_SQUARED_LENGTH { *r } else { MIN_SQUARED_LENGTH }).sqrt();
     }
     out
 }
 
-/// What makes one vector of each point.
+/// A sum over the neighbours of each point.
 pub(super) trait Gather: Sync {
-    /// The vectors of eight points. To be inlined always.
+    /// The sums of eight points. Implementations must be `#[inline(always)]`.
     fn eight(&self, at: usize) -> Eight;
 }
 
-struct Run<'a, G> {
+struct AddSums<'a, G> {
     gather: &'a G,
     start: usize,
     out: [&'a mut [Wide]; 3],
 }
 
-impl<G: Gather> Job for Run<'_, G> {
+impl<G: Gather> Job for AddSums<'_, G> {
     type Out = ();
 
     #[inline(always)]
     fn run(self) {
         let [x, y, z] = self.out;
         for k in 0..x.len() {
-            let found = self.gather.eight(self.start + k);
+            let sums = self.gather.eight(self.start + k);
             for lane in 0..WIDTH {
-                x[k][lane] += found[0][lane];
-                y[k][lane] += found[1][lane];
-                z[k][lane] += found[2][lane];
+                x[k][lane] += sums[0][lane];
+                y[k][lane] += sums[1][lane];
+                z[k][lane] += sums[2][lane];
             }
         }
     }
 }
 
-/// Adds what `gather` finds to `out`.
+/// Adds the sums of `gather` to `out`.
 fn add<G: Gather>(out: &mut Vectors, gather: &G) {
     let [x, y, z] = &mut out.axes;
-    in_chunks([x, y, z], |start, out| wide::run(Run { gather, start, out }));
+    in_chunks([x, y, z], |start, out| wide::run(AddSums { gather, start, out }));
 }
 
-struct Write<'a, G> {
+struct WriteSums<'a, G> {
     gather: &'a G,
     with: &'a Vectors,
     start: usize,
     out: [&'a mut [Wide]; 3],
 }
 
-impl<G: Gather> Job for Write<'_, G> {
+impl<G: Gather> Job for WriteSums<'_, G> {
     type Out = f64;
 
     #[inline(always)]
@@ -130,28 +133,28 @@ impl<G: Gather> Job for Write<'_, G> {
         let [x, y, z] = self.out;
         let mut sum = Dot::default();
         for k in 0..x.len() {
-            let found = self.gather.eight(self.start + k);
-            sum.add(&self.with.eight(self.start + k), &found);
-            [x[k], y[k], z[k]] = found;
+            let sums = self.gather.eight(self.start + k);
+            sum.add(&self.with.eight(self.start + k), &sums);
+            [x[k], y[k], z[k]] = sums;
         }
         sum.total()
     }
 }
 
-/// Writes what `gather` finds to `out`, and returns its product with `with`, as [`Vectors::dot`] has it.
+/// Writes the sums of `gather` to `out`, and returns their product with `with`, as by [`Vectors::dot`].
 pub(super) fn write<G: Gather>(out: &mut Vectors, gather: &G, with: &Vectors) -> f64 {
     let [x, y, z] = &mut out.axes;
-    in_chunks([x, y, z], |start, out| wide::run(Write { gather, with, start, out })).into_iter().sum()
+    in_chunks([x, y, z], |start, out| wide::run(WriteSums { gather, with, start, out })).into_iter().sum()
 }
 
-/// Forces of springs [N]; with `DAMPED` those of their damping, too.
-pub(super) struct Forces<'a, const DAMPED: bool> {
-    pub(super) table: &'a Table,
+/// Forces of springs [N]; with `DAMPED` also those of their damping.
+pub(super) struct SpringForces<'a, const DAMPED: bool> {
+    pub(super) table: &'a SlicedEllpack,
     pub(super) x: &'a Vectors,
     pub(super) v: &'a Vectors,
 }
 
-impl<const DAMPED: bool> Gather for Forces<'_, DAMPED> {
+impl<const DAMPED: bool> Gather for SpringForces<'_, DAMPED> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let own = self.x.eight(at);
@@ -161,85 +164,85 @@ impl<const DAMPED: bool> Gather for Forces<'_, DAMPED> {
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
-            let d = minus(&fetch(&all, slot, at), &own);
+            let d = difference(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
-            let mut pull = [0.0; WIDTH];
+            let mut coefficient = [0.0; WIDTH];
             for lane in 0..WIDTH {
-                pull[lane] = slot.stiffness[lane] * (1.0 - slot.rest[lane] * inverse[lane]); // [gudukbay97] Eq. 6
+                coefficient[lane] = slot.stiffness[lane] * (1.0 - slot.rest[lane] * inverse[lane]); // [gudukbay97] Eq. 6
             }
             if DAMPED {
-                let w = dot(&minus(&fetch(&all_v, slot, at), &own_v), &d);
+                let w = dot(&difference(&fetch(&all_v, slot, at), &own_v), &d);
                 for lane in 0..WIDTH {
-                    pull[lane] += damping[k][lane] * w[lane] * (inverse[lane] * inverse[lane]);
+                    coefficient[lane] += damping[k][lane] * w[lane] * (inverse[lane] * inverse[lane]);
                 }
             }
-            plus(&mut sum, &pull, &d); // [gudukbay97] Eq. 7
+            add_weighted(&mut sum, &coefficient, &d); // [gudukbay97] Eq. 7
         }
         sum
     }
 }
 
 /// Adds the forces of springs at `x` to `out` [N], without their damping.
-pub(super) fn add_forces(table: &Table, x: &Vectors, out: &mut Vectors) {
-    add(out, &Forces::<false> { table, x, v: x });
+pub(super) fn add_forces(table: &SlicedEllpack, x: &Vectors, out: &mut Vectors) {
+    add(out, &SpringForces::<false> { table, x, v: x });
 }
 
 /// `factor` Σ k_ij (y_j − y_i).
-pub(super) struct Linear<'a> {
-    pub(super) table: &'a Table,
+pub(super) struct LinearTerms<'a> {
+    pub(super) table: &'a SlicedEllpack,
     pub(super) y: &'a Vectors,
     pub(super) factor: f32,
 }
 
-/// The sum of what springs, plates and all else do.
-pub(super) struct Sum<'a, S> {
+/// Sum of the forces of springs, of plates and of everything else.
+pub(super) struct ForceSum<'a, S> {
     pub(super) springs: S,
-    pub(super) plates: Option<Linear<'a>>,
-    pub(super) rest: Option<&'a Vectors>,
+    pub(super) plates: Option<LinearTerms<'a>>,
+    pub(super) other: Option<&'a Vectors>,
 }
 
-impl<S: Gather> Gather for Sum<'_, S> {
+impl<S: Gather> Gather for ForceSum<'_, S> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let mut sum = self.springs.eight(at);
         if let Some(plates) = &self.plates {
-            plus(&mut sum, &[1.0; WIDTH], &plates.eight(at));
+            add_weighted(&mut sum, &[1.0; WIDTH], &plates.eight(at));
         }
-        if let Some(rest) = self.rest {
-            plus(&mut sum, &[1.0; WIDTH], &rest.eight(at));
+        if let Some(other) = self.other {
+            add_weighted(&mut sum, &[1.0; WIDTH], &other.eight(at));
         }
         sum
     }
 }
 
-impl Gather for Linear<'_> {
+impl Gather for LinearTerms<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let (own, all) = (self.y.eight(at), self.y.flat());
         let mut sum = [[0.0; WIDTH]; 3];
         let (slots, _) = self.table.of(at);
         for slot in slots {
-            let d = minus(&fetch(&all, slot, at), &own);
-            plus(&mut sum, &slot.stiffness.map(|stiffness| stiffness * self.factor), &d);
+            let d = difference(&fetch(&all, slot, at), &own);
+            add_weighted(&mut sum, &slot.stiffness.map(|stiffness| stiffness * self.factor), &d);
         }
         sum
     }
 }
 
 /// Adds `factor` Σ stiffness (y_j − y_i) to `out`.
-pub(super) fn add_linear(table: &Table, y: &Vectors, factor: f32, out: &mut Vectors) {
-    add(out, &Linear { table, y, factor });
+pub(super) fn add_linear(table: &SlicedEllpack, y: &Vectors, factor: f32, out: &mut Vectors) {
+    add(out, &LinearTerms { table, y, factor });
 }
 
-/// (Δt² K + Δt C) p of springs at `x`: how they answer to a change, along and across each.
-pub(super) struct Change<'a> {
-    pub(super) table: &'a Table,
+/// (Δt² K + Δt C) p of springs at `x`: the derivative of their forces, split along and across each.
+pub(super) struct SpringProduct<'a> {
+    pub(super) table: &'a SlicedEllpack,
     pub(super) x: &'a Vectors,
     pub(super) p: &'a Vectors,
     pub(super) dt: f32,
 }
 
-/// What a spring has along itself and across, less than zero left out, and the square of its inverse length.
+/// Stiffness of a spring along itself and across, the latter at least zero.
 #[inline(always)]
 fn along_and_across(slot: &Slot, damping: Option<&Wide>, inverse: &Wide, dt: f32) -> [Wide; 2] {
     let mut out = [[0.0; WIDTH]; 2];
@@ -256,7 +259,7 @@ fn along_and_across(slot: &Slot, damping: Option<&Wide>, inverse: &Wide, dt: f32
     out
 }
 
-impl Gather for Change<'_> {
+impl Gather for SpringProduct<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let (own, own_p) = (self.x.eight(at), self.p.eight(at));
@@ -265,8 +268,8 @@ impl Gather for Change<'_> {
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
-            let d = minus(&fetch(&all, slot, at), &own);
-            let q = minus(&own_p, &fetch(&all_p, slot, at));
+            let d = difference(&fetch(&all, slot, at), &own);
+            let q = difference(&own_p, &fetch(&all_p, slot, at));
             let inverse = inverse_length(&d);
             let [along, across] = along_and_across(
                 slot,
@@ -279,8 +282,8 @@ impl Gather for Change<'_> {
             for lane in 0..WIDTH {
                 part[lane] = (along[lane] - across[lane]) * w[lane] * (inverse[lane] * inverse[lane]);
             }
-            plus(&mut sum, &across, &q);
-            plus(&mut sum, &part, &d);
+            add_weighted(&mut sum, &across, &q);
+            add_weighted(&mut sum, &part, &d);
         }
         sum
     }
@@ -288,19 +291,19 @@ impl Gather for Change<'_> {
 
 /// Calls `f(number of the eight, its blocks)` for each.
 pub(super) fn update_blocks(blocks: &mut [Blocks], f: impl Fn(usize, &mut Blocks) + Sync) {
-    let len = chunk(blocks.len());
+    let len = chunk_len(blocks.len());
     par::for_chunks(blocks, len, |start, part| {
         part.iter_mut().enumerate().for_each(|(k, block)| f(start + k, block));
     });
 }
 
 /// Adds the diagonal blocks of Δt² K + Δt C of springs at `x` to `out`.
-pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]) {
+pub(super) fn add_blocks(table: &SlicedEllpack, x: &Vectors, dt: f32, out: &mut [Blocks]) {
     update_blocks(out, |at, out| {
         let (own, all) = (x.eight(at), x.flat());
         let (slots, damping) = table.of(at);
         for (k, slot) in slots.iter().enumerate() {
-            let d = minus(&fetch(&all, slot, at), &own);
+            let d = difference(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
             let [along, across] = along_and_across(slot, damping.get(k), &inverse, dt);
             for lane in 0..WIDTH {
@@ -317,7 +320,7 @@ pub(super) fn add_blocks(table: &Table, x: &Vectors, dt: f32, out: &mut [Blocks]
 }
 
 /// Adds the diagonal of a linear table to `out`.
-pub(super) fn add_linear_blocks(table: &Table, factor: f32, out: &mut [Blocks]) {
+pub(super) fn add_linear_blocks(table: &SlicedEllpack, factor: f32, out: &mut [Blocks]) {
     update_blocks(out, |at, out| {
         let (slots, _) = table.of(at);
         for slot in slots {
@@ -331,12 +334,12 @@ pub(super) fn add_linear_blocks(table: &Table, factor: f32, out: &mut [Blocks]) 
 
 #[cfg(test)]
 mod tests {
-    use super::{super::table::Entry, *};
+    use super::{super::sliced_ellpack::Entry, *};
     use crate::math::Vec3;
 
     const COUNT: usize = 45;
 
-    /// Springs without order between some points, and others as on a grid.
+    /// Random springs between some points, or those of a grid.
     fn entries(grid: bool, damping: f32) -> Vec<Entry> {
         let pairs: Vec<[u32; 2]> = if grid {
             let row = (0..COUNT as u32 - 1).filter(|i| i % 9 != 8).map(|i| [i, i + 1]);
@@ -357,29 +360,29 @@ mod tests {
         Vectors::of(&(0..COUNT).map(|i| Vec3::new(at(i, 0.0), at(i, 1.0), at(i, 2.0))).collect::<Vec<_>>())
     }
 
-    /// The readable form: entry by entry, in double precision.
+    /// Reference: entry by entry, in double precision.
     fn expected(entries: &[Entry], x: &Vectors, v: &Vectors) -> Vec<nalgebra::Vector3<f64>> {
         let mut out = vec![nalgebra::Vector3::zeros(); COUNT];
         for e in entries {
             let [of, to] = [e.of as usize, e.to as usize];
             let d = x.get(to).cast::<f64>() - x.get(of).cast();
             let w = (v.get(to).cast::<f64>() - v.get(of).cast()).dot(&d) / d.norm_squared();
-            let pull = f64::from(e.stiffness) * (1.0 - f64::from(e.rest) / d.norm());
-            out[of] += d * (pull + f64::from(e.damping) * w);
+            let coefficient = f64::from(e.stiffness) * (1.0 - f64::from(e.rest) / d.norm());
+            out[of] += d * (coefficient + f64::from(e.damping) * w);
         }
         out
     }
 
     #[test]
-    fn forces_are_those_of_every_entry_and_both_forms_have_the_same_bits() {
+    fn forces_are_the_sum_over_entries_and_both_lane_types_give_the_same_bits() {
         let (x, v) = (cloud(0.3), cloud(1.9));
         for (grid, damping) in [(true, 0.0), (true, 0.5), (false, 0.0), (false, 0.5)] {
             let entries = entries(grid, damping);
-            let table = Table::new(COUNT, entries.clone());
+            let table = SlicedEllpack::new(COUNT, entries.clone());
             assert_eq!((0..COUNT / 8).any(|e| table.of(e).0.iter().all(|slot| slot.in_row)), grid);
             let mut wide = Vectors::zeros(COUNT);
             if damping > 0.0 {
-                add(&mut wide, &Forces::<true> { table: &table, x: &x, v: &v });
+                add(&mut wide, &SpringForces::<true> { table: &table, x: &x, v: &v });
             } else {
                 add_forces(&table, &x, &mut wide);
             }
@@ -392,24 +395,32 @@ mod tests {
             let mut plain = Vectors::zeros(COUNT);
             let [a, b, c] = &mut plain.axes;
             if damping > 0.0 {
-                Run { gather: &Forces::<true> { table: &table, x: &x, v: &v }, start: 0, out: [a, b, c] }
-                    .run();
+                AddSums {
+                    gather: &SpringForces::<true> { table: &table, x: &x, v: &v },
+                    start: 0,
+                    out: [a, b, c],
+                }
+                .run();
             } else {
-                Run { gather: &Forces::<false> { table: &table, x: &x, v: &x }, start: 0, out: [a, b, c] }
-                    .run();
+                AddSums {
+                    gather: &SpringForces::<false> { table: &table, x: &x, v: &x },
+                    start: 0,
+                    out: [a, b, c],
+                }
+                .run();
             }
             assert_eq!(plain, wide);
         }
     }
 
     #[test]
-    fn the_change_is_the_derivative_of_the_force_of_taut_springs_and_never_negative() {
+    fn the_matrix_product_is_the_derivative_of_taut_springs_and_positive() {
         let (x, p) = (cloud(0.3), cloud(4.1));
         let entries: Vec<Entry> =
             entries(false, 0.0).iter().map(|e| Entry { rest: 1e-3 * e.rest, ..*e }).collect();
-        let table = Table::new(COUNT, entries.clone());
+        let table = SlicedEllpack::new(COUNT, entries.clone());
         let mut change = Vectors::zeros(COUNT);
-        add(&mut change, &Change { table: &table, x: &x, p: &p, dt: 1.0 });
+        add(&mut change, &SpringProduct { table: &table, x: &x, p: &p, dt: 1.0 });
         let moved = |by: f32| {
             let all: Vec<Vec3> = (0..COUNT).map(|i| x.get(i) + p.get(i) * by).collect();
             expected(&entries, &Vectors::of(&all), &x)
@@ -419,20 +430,23 @@ mod tests {
             let slope = (b - a) / (2.0 * f64::from(step));
             assert!((change.get(i).cast() - slope).norm() < 1e-2 * (1.0 + slope.norm()), "{i}");
         }
-        // The blocks are what a single moved point feels itself.
+        // The diagonal blocks are the derivative by the point's own position.
         let mut blocks = vec![[[0.0; WIDTH]; 6]; COUNT.div_ceil(WIDTH)];
         add_blocks(&table, &x, 1.0, &mut blocks);
         for i in 0..COUNT {
-            let (mut one, mut found) = (Vectors::zeros(COUNT), Vectors::zeros(COUNT));
+            let (mut one, mut sums) = (Vectors::zeros(COUNT), Vectors::zeros(COUNT));
             one.set(i, Vec3::x());
-            add(&mut found, &Change { table: &table, x: &x, p: &one, dt: 1.0 });
+            add(&mut sums, &SpringProduct { table: &table, x: &x, p: &one, dt: 1.0 });
             let block = [0, 3, 4].map(|part| blocks[i / WIDTH][part][i % WIDTH]);
-            assert!((found.get(i) - Vec3::from(block)).norm() < 1e-4 * (1.0 + found.get(i).norm()));
+            assert!((sums.get(i) - Vec3::from(block)).norm() < 1e-4 * (1.0 + sums.get(i).norm()));
         }
-        // In compression nothing is left across a spring, and the form is not negative.
-        let pressed: Vec<Entry> = entries.iter().map(|e| Entry { rest: 9.0, ..*e }).collect();
+        // In compression the part across a spring is zero, and the quadratic form is positive.
+        let compressed: Vec<Entry> = entries.iter().map(|e| Entry { rest: 9.0, ..*e }).collect();
         let mut change = Vectors::zeros(COUNT);
-        add(&mut change, &Change { table: &Table::new(COUNT, pressed), x: &x, p: &p, dt: 1.0 });
+        add(
+            &mut change,
+            &SpringProduct { table: &SlicedEllpack::new(COUNT, compressed), x: &x, p: &p, dt: 1.0 },
+        );
         assert!(change.dot(&p) > 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Sheets as streams of a frame, and back.
+//! State of sheets as streams of a frame, and back.
 
 use super::{NAME, SheetError, Sheets, Shot};
 use crate::{
@@ -7,8 +7,8 @@ use crate::{
     sim::World,
 };
 
-/// The channels of the corners of faces.
-pub const CORNERS: [&str; 4] = ["a", "b", "c", "d"];
+/// Channels of the corners of faces.
+pub const CORNER_CHANNELS: [&str; 4] = ["a", "b", "c", "d"];
 
 /// The name of a sheet's stream.
 pub fn stream(sheet: &str) -> String {
@@ -25,21 +25,23 @@ pub fn sheet_of(stream: &str) -> Option<&str> {
     stream.strip_prefix(NAME)?.strip_prefix('.').filter(|name| !name.contains('.'))
 }
 
-/// Whether a stream is of sheets.
-pub fn is_part(stream: &str) -> bool {
+/// Whether a stream belongs to a sheet.
+pub fn is_sheet_stream(stream: &str) -> bool {
     stream.strip_prefix(NAME).is_some_and(|rest| rest.starts_with('.'))
 }
 
 impl Sheets {
-    /// The state: a stream `sheet.NAME` a sheet with `position` [m] and `velocity` [m/s], in the order of its points, and as `spacing`
-    /// [m] the edge of the square that a point stands for; a stream `sheet.NAME.faces` with the corners `a`, `b`, `c` and `d` of its
-    /// faces, of triangles the last twice.
+    /// The state as streams. Each sheet has a stream `sheet.NAME` with `position` [m] and `velocity` [m/s] in
+    /// the order of its points; its `spacing` [m] is the edge of the square of the mean area of a point. A
+    /// stream `sheet.NAME.faces` has the corners `a`, `b`, `c` and `d` of its faces; triangles repeat the
+    /// last.
     pub fn streams(&self) -> Vec<Stream> {
         let sheets = self.params.sheet.iter().zip(&self.ranges).zip(&self.faces);
         sheets
             .flat_map(|((sheet, range), faces)| {
-                let of =
-                    |from: &super::lanes::Vectors| range.clone().map(|i| from.get(i)).collect::<Vec<Vec3>>();
+                let of = |from: &super::vectors::Vectors| {
+                    range.clone().map(|i| from.get(i)).collect::<Vec<Vec3>>()
+                };
                 let area: f64 = range.clone().map(|i| f64::from(self.area[i])).sum();
                 let name = stream(&sheet.name);
                 let mut points = Stream::new(&name, StreamKind::MeshPoints, range.len())
@@ -49,7 +51,7 @@ impl Sheets {
                 let corners = faces_stream(&name);
                 let corner = |k: usize| faces.iter().map(|face| face[k]).collect::<Vec<u32>>();
                 let corners = (0..4)
-                    .zip(CORNERS)
+                    .zip(CORNER_CHANNELS)
                     .fold(Stream::new(corners, StreamKind::MeshFaces, faces.len()), |stream, (k, name)| {
                         stream.with(name, corner(k))
                     });
@@ -58,10 +60,11 @@ impl Sheets {
             .collect()
     }
 
-    /// Takes the state from the streams of a frame at `time` [s]. What follows has the same bits as in the run that gave it.
+    /// Restores the state from the streams of a frame at `time` [s]. What follows has the same bits as in the
+    /// run that wrote it.
     ///
     /// # Errors
-    /// If the parameters have no meaning or the frame lacks a part.
+    /// If parameters are out of range or the frame lacks a stream.
     pub fn restore(shot: Shot, world: &World, streams: &[Stream], time: f64) -> Result<Self, SheetError> {
         let mut sheets = Self::new(shot, world)?;
         for (sheet, range) in sheets.params.sheet.iter().zip(&sheets.ranges) {
@@ -76,7 +79,7 @@ impl Sheets {
         if let Some(contact) = &mut sheets.contact {
             contact.forget_tangles();
         }
-        sheets.settle(time);
+        sheets.update_holds(time);
         Ok(sheets)
     }
 }

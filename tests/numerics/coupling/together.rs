@@ -108,7 +108,7 @@ fn liquid_smoke_a_solid_and_another_sheet_meet_on_one_sheet() {
         let last = records.last().unwrap();
         let (dry, told) = (last.sheets.as_ref().unwrap(), last.coupling.as_ref().unwrap());
         assert!(
-            dry.caught > 100 && dry.contact.as_ref().unwrap().pairs > 100,
+            dry.projected_out > 100 && dry.contact.as_ref().unwrap().pairs > 100,
             "they lie on each other: {dry:?}"
         );
         let (wet, air) = (told.liquid.as_ref().unwrap(), told.smoke.as_ref().unwrap());

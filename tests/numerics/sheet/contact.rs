@@ -30,7 +30,7 @@ fn told(records: &[SheetRecord]) -> ContactRecord {
             pairs: all.pairs + one.pairs,
             searches: all.searches + one.searches,
             renewed: all.renewed + one.renewed,
-            held: all.held + one.held,
+            in_impact_zones: all.in_impact_zones + one.in_impact_zones,
             unseparated: all.unseparated + one.unseparated,
             crossings: all.crossings + one.crossings,
         }
@@ -142,7 +142,8 @@ fn sheets_of_masses_that_differ_by_ten_thousand_do_not_pass() {
     }
 }
 
-/// A small sheet on a larger one that is held, both tilted about y: it stays where tan θ < μ, and slides where not.
+/// A small sheet on a larger one that is held, both tilted about y: it stays where tan θ < μ, and slides
+/// where not.
 #[test]
 fn friction_between_layers_holds_below_its_angle_and_lets_go_above() {
     let (sin, cos) = 20_f32.to_radians().sin_cos();

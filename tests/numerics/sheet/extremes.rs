@@ -44,7 +44,8 @@ fn stiffness_from_a_thousandth_to_a_thousand_million() {
     let world = world(9.81, vec![]);
     for power in -3..=9 {
         let stiffness = 10_f32.powi(power);
-        // What hangs on the softest springs falls freely: ½ g t² (1 + 1/n) in n substeps, of half a second. The corners stay.
+        // What hangs on the softest springs falls freely: ½ g t² (1 + 1/n) in n substeps, of half a second.
+        // The corners stay.
         let fallen = 0.5 * 9.81 * 0.25 * (1.0 + 1.0 / 96.0);
         survive("implicit", &hung([6, 6], stiffness, "implicit"), &world, 12, 1.001 * fallen);
         if power <= 6 {
@@ -74,7 +75,7 @@ fn the_bound_holds_and_not_far_beyond_it_a_sheet_is_lost_and_says_so() {
         let rough = |i: usize| 1e-5 * Vec3::new((i as f32 * 1.7).sin(), (i as f32 * 2.3).sin(), 0.0);
         let mut sheets =
             placed(&square([12; 2], 0.0, &terms), &world(0.0, vec![]), |i, x, v| (x + rough(i), v));
-        let dt = sheets.longest_stable() * courant;
+        let dt = sheets.max_stable_step() * courant;
         (0..4000).try_for_each(|k| sheets.step(f64::from(k) * dt, dt).map(|_| ())).map(|()| sheets)
     };
     for terms in
@@ -143,7 +144,8 @@ fn a_mass_ratio_of_a_million() {
             .replace("pin =", &format!("{region}\npin ="));
         let mut sheets = sheets(&text, &world(9.81, vec![]));
         let records = run(&mut sheets, 0, 6).unwrap();
-        // What is heavy falls as if nothing held it, in n substeps, and what is light hangs between it and the corners.
+        // What is heavy falls as if nothing held it, in n substeps, and what is light hangs between it and
+        // the corners.
         let substeps: u32 = records.iter().map(|record| record.substeps).sum();
         let fallen = 0.5 * 9.81 * 0.0625 * (1.0 + 1.0 / substeps as f32);
         let z = || sheets.positions().into_iter().map(|x| x.z);
@@ -174,7 +176,7 @@ fn a_substep_a_hundred_times_too_long() {
         let text = hung([8, 8], 500.0, way).replace("pin =", "shear = 50.0\npin =");
         let rough = |i: usize| 1e-4 * Vec3::new((i as f32 * 1.7).sin(), (i as f32 * 2.3).sin(), 0.0);
         let mut sheets = placed(&text, &world, |i, x, v| (x + rough(i), v));
-        let dt = times * sheets.longest_stable();
+        let dt = times * sheets.max_stable_step();
         (0..100).try_for_each(|k| sheets.step(f64::from(k) * dt, dt).map(|_| ())).map(|()| sheets.positions())
     };
     // One of them goes on, the other says which point is lost.
@@ -235,8 +237,9 @@ fn a_pin_that_teleports() {
             );
             let text = hung([6, 6], 200.0, way).replace("pin = [{ at = 'corners' }]", &pin);
             let records = survive(way, &text, &world(9.81, vec![]), 24, 250.0);
-            // The corner hangs on two springs of 100 N/m. What draws it through d = 100 m does ½ k d² at most, as if all else stayed where it was;
-            // with a spring of its own that and the corner's are in a row, and it may overshoot to twice the way.
+            // The corner hangs on two springs of 100 N/m. What draws it through d = 100 m does ½ k d² at
+            // most, as if all else stayed where it was; with a spring of its own that and the corner's are in
+            // a row, and it may overshoot to twice the way.
             let k = if stiffness.is_empty() { 200.0 } else { 500.0 };
             let total: Vec<f64> =
                 records.iter().map(|r| r.kinetic_energy + r.elastic_energy + r.potential_energy).collect();
@@ -267,8 +270,8 @@ fn an_obstacle_that_starts_inside_the_sheet_or_wider_than_its_hole_is() {
             );
             let world = world(9.81, vec![shape.clone()]);
             let mut sheets = sheets(&text, &world);
-            // What is inside is put to the surface at once: that draws springs, and what they then have is all there is, with the potential c of
-            // repulsion over all of the sheet.
+            // What is inside is put to the surface at once: that draws springs, and what they then have is
+            // all there is, with the potential c of repulsion over all of the sheet.
             let out = |_, x, v| {
                 let (distance, out) = shape.contact(x);
                 (x - out * distance.min(0.0), v)

@@ -81,7 +81,8 @@ fn two(joint: &str, solver: &str) -> String {
     two_at(1.5, joint, solver)
 }
 
-/// Sheets of 1 m, the second of which begins at `x`; point 5 of the first and 3 of the second are the middles of the sides that face each other.
+/// Sheets of 1 m, the second of which begins at `x`; point 5 of the first and 3 of the second are the middles
+/// of the sides that face each other.
 fn two_at(x: f32, joint: &str, solver: &str) -> String {
     let sheet = |name: &str, x: f32, mass: f32| {
         grid(
@@ -218,7 +219,8 @@ fn a_pair_that_keeps_a_direction_exactly_only_grows() {
     };
     for solver in SOLVERS {
         let mut sheets = sheets(&format!("{}{solver}", text("direction = [2, 0, 0]")), &world(9.81, vec![]));
-        // What one end gives the other keeps: together they swing to twice where the spring carries both, and no farther.
+        // What one end gives the other keeps: together they swing to twice where the spring carries both, and
+        // no farther.
         let deepest = 2.0 * (sheets.mass(0) + sheets.mass(1)) * 9.81 / 40.0;
         for k in 0..24 {
             run(&mut sheets, k, 1).unwrap();
@@ -256,7 +258,8 @@ fn a_pair_that_kept_a_direction_swings_once_it_is_let_go() {
                 let end = sheets.positions()[1];
                 assert!(end.z.abs() <= low && (end.x - 1.0).abs() < 0.01, "{solver} {joint} {k}: {end:?}");
             }
-            // Nothing else carries a level spring: it falls, at first freely, by ½ g t² (1 + 1/n) in n substeps.
+            // Nothing else carries a level spring: it falls, at first freely, by ½ g t² (1 + 1/n) in n
+            // substeps.
             let substeps: u32 = run(&mut sheets, 12, 3).unwrap().iter().map(|record| record.substeps).sum();
             let fallen = 0.5 * 9.81 * (3.0 / 24.0_f32).powi(2) * (1.0 + 1.0 / substeps as f32);
             let fallen = sheets.positions()[1].z + fallen;

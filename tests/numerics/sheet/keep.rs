@@ -53,13 +53,14 @@ fn a_spring_has_its_period_and_keeps_its_energy_over_a_thousand_of_them() {
     }
 }
 
-/// Of a linear spring the implicit rule makes z ← z/(1 − iωΔt), with z = ωx − iv: |z|² falls by 1 + ω²Δt² a substep, and z turns by
-/// atan ωΔt.
+/// Of a linear spring the implicit rule makes z ← z/(1 − iωΔt), with z = ωx − iv: |z|² falls by 1 + ω²Δt² a
+/// substep, and z turns by atan ωΔt.
 #[test]
 fn the_implicit_rule_damps_and_slows_as_it_must_over_a_thousand_periods() {
     let per = 512;
     let dt = 1.0 / f64::from(per);
-    // About the origin and without rest length it is linear, and has all its digits when hardly any of its swing is left.
+    // About the origin and without rest length it is linear, and has all its digits when hardly any of its
+    // swing is left.
     let stiffness = TAU * TAU / 2.0;
     let terms = format!(
         "density = 2.0\nstiffness = [{stiffness}, 0.0]\nrest = [0.0, 1.0]\n\
@@ -190,7 +191,7 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
         let mut resumed = Sheets::restore(shot(&text), &world, &streams, 4.0 * FRAME).unwrap();
         let records = [run(&mut whole, 4, 8).unwrap(), run(&mut resumed, 4, 8).unwrap()];
         assert!(whole.streams() == resumed.streams() && records[0] == records[1], "{integrator}");
-        assert!(records[0].iter().any(|record| record.caught > 0), "{integrator}: it touches");
+        assert!(records[0].iter().any(|record| record.projected_out > 0), "{integrator}: it touches");
         assert!(whole.streams() != streams);
         let other = meniscus::frame::Stream::new("sheet.cloth", meniscus::frame::StreamKind::MeshPoints, 3);
         assert!(Sheets::restore(shot(&text), &world, &[other], 0.0).is_err());

@@ -141,8 +141,8 @@ fn regions_and_paint_change_drag() {
     }
 }
 
-/// A strip of columns without weft, as a file has it with paint, hangs by its own weight, its lower half three times as dense: each row carries what is
-/// below, on what it was painted to be.
+/// A strip of columns without weft, as a file has it with paint, hangs by its own weight, its lower half
+/// three times as dense: each row carries what is below, on what it was painted to be.
 #[test]
 fn a_painted_mesh_from_a_file_hangs_as_it_is_painted() {
     let (columns, rows, h) = (4_u32, 10_u32, 0.1_f64);
@@ -284,7 +284,7 @@ fn a_strip_of_equilateral_triangles_has_the_strain_of_its_load() {
         let force = (load * share * 0.75_f64.sqrt() * h) as f32;
         (forces[at(0, j)].x, forces[at(columns, j)].x) = (-force, force);
     }
-    sheets.set_outside(forces);
+    sheets.set_external_forces(forces);
     run(&mut sheets, 0, 200).unwrap();
     let x = sheets.positions();
     let strain =

@@ -1,4 +1,5 @@
-//! Sheets that lie on solids which slide and turn under them: carried where friction suffices, and slipping as it must where not.
+//! Sheets that lie on solids which slide and turn under them: carried where friction suffices, and slipping
+//! as it must where not.
 
 use super::*;
 use crate::solids::cuboid;
@@ -85,7 +86,8 @@ fn a_sliding_plate_carries_a_sheet_below_its_friction_and_slips_under_it_above()
                 "{solver}{terms}: {way} {expected}, {v} {speed}"
             );
         }
-        // Twice what friction holds. It slips with μ g until half the time, sticks, and slips on from three quarters to 9/8 of it.
+        // Twice what friction holds. It slips with μ g until half the time, sticks, and slips on from three
+        // quarters to 9/8 of it.
         let x = 2.0 * held / 6.0;
         let t: f64 = 10.0 / 24.0;
         for (frames, expected, speed) in [
@@ -104,7 +106,8 @@ fn a_sliding_plate_carries_a_sheet_below_its_friction_and_slips_under_it_above()
     }
 }
 
-/// Four points in the middle of a plate that turns from the start with ω: friction turns them with μ g/r until they go with it.
+/// Four points in the middle of a plate that turns from the start with ω: friction turns them with μ g/r
+/// until they go with it.
 #[test]
 fn a_turning_plate_spins_a_sheet_up_as_fast_as_friction_can() {
     let (friction, omega, side) = (0.1, 3.0_f64, 0.2_f64);
@@ -165,7 +168,8 @@ fn a_turning_plate_keeps_a_sheet_on_its_circle_below_its_friction_and_throws_it_
     }
 }
 
-/// Where a point is after `time` [s] that starts with the disc under it, which turns with `omega` [1/s] and holds it with up to `held` [m/s²].
+/// Where a point is after `time` [s] that starts with the disc under it, which turns with `omega` [1/s] and
+/// holds it with up to `held` [m/s²].
 fn rubbed(radius: f64, omega: f64, held: f64, time: f64) -> nalgebra::Vector2<f64> {
     let (steps, mut x) = (200_000, nalgebra::Vector2::new(radius, 0.0));
     let mut v = nalgebra::Vector2::new(0.0, omega * radius);

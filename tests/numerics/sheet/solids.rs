@@ -75,8 +75,8 @@ fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
     }
 }
 
-/// Whether sheets are outside of what the mesh is made of: its samples are a hundredth of a voxel off on faces, and round edges by a
-/// voxel, of 12.5 mm.
+/// Whether sheets are outside of what the mesh is made of: its samples are a hundredth of a voxel off on
+/// faces, and round edges by a voxel, of 12.5 mm.
 fn lies_on_the_block(sheets: &Sheets, touches: bool) {
     let block = Shape::Box { min: BLOCK[0], max: BLOCK[1] };
     let (sin, cos) = TURNED.to_radians().sin_cos();
@@ -94,7 +94,8 @@ fn lies_on_the_block(sheets: &Sheets, touches: bool) {
     );
 }
 
-/// The force at a point is A (c/ξ) exp(−f/ξ) (n·∇f) n, [gudukbay97] Eq. 9: along the sheet's normal, whichever way it faces, and none edge-on.
+/// The force at a point is A (c/ξ) exp(−f/ξ) (n·∇f) n, [gudukbay97] Eq. 9: along the sheet's normal,
+/// whichever way it faces, and none edge-on.
 #[test]
 fn repulsion_acts_along_the_normal_of_the_sheet_alone() {
     let (energy, range, density, dt) = (0.06, 0.02, 0.2_f64, 1e-5);
@@ -165,12 +166,12 @@ fn repulsion_carries_a_sheet_where_it_equals_its_weight() {
         let records = run(&mut sheets, 0, 96).unwrap();
         let z = sheets.positions()[0].z;
         assert!((z - expected).abs() < 2e-4, "{z} {expected}");
-        assert_eq!(records.iter().map(|r| r.caught).sum::<u64>(), 0, "it never touches");
+        assert_eq!(records.iter().map(|r| r.projected_out).sum::<u64>(), 0, "it never touches");
     }
 }
 
-/// A plane of 20 degrees under a stiff sheet that lies on it, some metres from the origin: it slides below tan 20° of friction, and stays where
-/// it is above, however short substeps are.
+/// A plane of 20 degrees under a stiff sheet that lies on it, some metres from the origin: it slides below
+/// tan 20° of friction, and stays where it is above, however short substeps are.
 #[test]
 fn friction_holds_a_sheet_on_a_slope() {
     let (sin, cos) = 20_f32.to_radians().sin_cos();
@@ -227,7 +228,7 @@ fn a_moving_solid_carries_a_sheet_along() {
         let mut sheets =
             sheets(&format!("{}[sheets.solver]\nintegrator = '{integrator}'", above(0.05, 6, "")), &lift);
         let records = run(&mut sheets, 0, 24).unwrap();
-        assert!(records.iter().all(|r| r.inside_solids == 0) && records.iter().any(|r| r.caught > 0));
+        assert!(records.iter().all(|r| r.inside_solids == 0) && records.iter().any(|r| r.projected_out > 0));
         let lowest = sheets.positions().iter().map(|x| x.z).fold(f32::MAX, f32::min);
         assert!((1.0 - off..1.2).contains(&lowest), "{integrator}: {lowest}");
     }
@@ -240,12 +241,12 @@ fn fast_points_do_not_fly_through_a_thin_solid() {
     let mut sheets =
         sheets(&text, &world(9.81, vec![Shape::Box { min: [-2.0, -2.0, -0.01], max: [2.0, 2.0, 0.01] }]));
     let records = run(&mut sheets, 0, 2).unwrap();
-    assert!(records.iter().map(|r| r.caught).sum::<u64>() >= 25);
+    assert!(records.iter().map(|r| r.projected_out).sum::<u64>() >= 25);
     assert!(sheets.positions().iter().all(|x| x.z >= 0.01), "{:?}", sheets.positions()[0]);
 }
 
-/// Faces are straight between their points: in a ball those of width w lie up to w²/4R deep. A clearance of that keeps them out, and that of layers
-/// is half of their thickness.
+/// Faces are straight between their points: in a ball those of width w lie up to w²/4R deep. A clearance of
+/// that keeps them out, and that of layers is half of their thickness.
 #[test]
 fn a_clearance_keeps_faces_out_of_a_ball() {
     let (radius, width) = (0.3, 1.0 / 16.0);
@@ -263,7 +264,7 @@ fn a_clearance_keeps_faces_out_of_a_ball() {
             let records = run(&mut sheets, 0, 24).unwrap();
             let nearest =
                 sheets.positions().iter().map(|x| ball.signed_distance(*x)).fold(f32::MAX, f32::min);
-            assert!(records.iter().all(|record| record.inside_solids == 0) && records[23].caught > 0);
+            assert!(records.iter().all(|record| record.inside_solids == 0) && records[23].projected_out > 0);
             (records, nearest)
         };
         let (records, nearest) = fall("", "");
@@ -289,7 +290,8 @@ fn a_clearance_keeps_faces_out_of_a_ball() {
     }
 }
 
-/// A rod through the middle of an edge of the second of two sheets: no point is inside, and of faces that one place. Likewise through a triangle's middle.
+/// A rod through the middle of an edge of the second of two sheets: no point is inside, and of faces that one
+/// place. Likewise through a triangle's middle.
 #[test]
 fn faces_are_told_by_each_place_that_is_asked_of_any_sheet() {
     let terms = "density = 0.2\nstiffness = [1.0, 1.0]";

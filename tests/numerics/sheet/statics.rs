@@ -14,7 +14,8 @@ fn settled(text: &str, world: &World, frames: u32) -> Sheets {
     sheets
 }
 
-/// Span 1 m, length 1.3 m, weight W, tension per strain `ea`: the sag of an elastic catenary, by integration along it.
+/// Span 1 m, length 1.3 m, weight W, tension per strain `ea`: the sag of an elastic catenary, by integration
+/// along it.
 fn catenary_sag(weight: f64, ea: f64) -> f64 {
     let (length, steps) = (1.3, 20_000);
     let along = |h: f64| {
@@ -97,7 +98,7 @@ fn pulled(cells: [u32; 2], terms: &str, load: f32) -> f64 {
         let share = if j == 0 || j == m - 1 { 0.5 } else { 1.0 } / (m - 1) as f32;
         forces[(n - 1 + n * j) as usize].x = load * share;
     }
-    sheets.set_outside(forces);
+    sheets.set_external_forces(forces);
     run(&mut sheets, 0, 240).unwrap();
     let x = sheets.positions();
     f64::from(x[(n - 1 + n * (m / 2)) as usize].x) - 1.0

@@ -16,7 +16,7 @@ use super::{
     bvh::{self, Bvh, MovingPoint, SweptBox},
     collision_mesh::{CollisionMesh, FeaturePair},
 };
-use crate::{math::Vec3, par, sim::sheet::lanes::Vectors};
+use crate::{math::Vec3, par, sim::sheet::vectors::Vectors};
 
 /// Candidate pairs that may come into contact within a span of time.
 #[derive(Debug)]

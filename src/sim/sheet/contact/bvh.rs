@@ -10,7 +10,7 @@
 //! between triangles that were neighbours.
 
 use super::collision_mesh::CollisionMesh;
-use crate::{math::Vec3, par, sim::sheet::lanes::Vectors};
+use crate::{math::Vec3, par, sim::sheet::vectors::Vectors};
 
 /// Triangles of a leaf.
 const LEAF_SIZE: usize = 4;

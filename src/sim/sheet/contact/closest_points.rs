@@ -125,26 +125,26 @@ mod tests {
         std::array::from_fn(|i| Double::from_fn(|axis, _| at(3 * i as u64 + axis as u64)))
     }
 
-    fn mixed(weights: [f64; 3], corners: [Double; 3]) -> Double {
+    fn weighted(weights: [f64; 3], corners: [Double; 3]) -> Double {
         corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2]
     }
 
-    fn is_mean(weights: [f64; 3]) -> bool {
+    fn is_convex(weights: [f64; 3]) -> bool {
         weights.iter().all(|&w| w >= -1e-12) && (weights.iter().sum::<f64>() - 1.0).abs() < 1e-12
     }
 
     /// The smallest distance of `p` to sample points of the triangle, and the spacing of the samples.
-    fn tried(p: Double, corners: [Double; 3]) -> (f64, f64) {
+    fn sampled_distance(p: Double, corners: [Double; 3]) -> (f64, f64) {
         let n = 60;
-        let mut least = f64::INFINITY;
+        let mut shortest = f64::INFINITY;
         for i in 0..=n {
             for j in 0..=n - i {
                 let weights = [i, j, n - i - j].map(|k| f64::from(k) / f64::from(n));
-                least = least.min((mixed(weights, corners) - p).norm());
+                shortest = shortest.min((weighted(weights, corners) - p).norm());
             }
         }
         let longest = (0..3).map(|k| (corners[k] - corners[(k + 1) % 3]).norm()).fold(0.0, f64::max);
-        (least, longest / f64::from(n))
+        (shortest, longest / f64::from(n))
     }
 
     #[test]
@@ -162,10 +162,10 @@ mod tests {
                 [a, a, a],
             ] {
                 let weights = on_triangle(p, corners);
-                let (least, step) = tried(p, corners);
-                let found = (mixed(weights, corners) - p).norm();
-                assert!(is_mean(weights) && found <= least + 1e-9, "{number}: {found} {least}");
-                assert!(least - found <= step, "{number}: {found} {least}");
+                let (shortest, step) = sampled_distance(p, corners);
+                let found = (weighted(weights, corners) - p).norm();
+                assert!(is_convex(weights) && found <= shortest + 1e-9, "{number}: {found} {shortest}");
+                assert!(shortest - found <= step, "{number}: {found} {shortest}");
             }
         }
     }
@@ -184,14 +184,14 @@ mod tests {
                 ([p, p], [r, r]),
             ] {
                 let [s, t] = on_segments(a, b);
-                let apart = |s: f64, t: f64| (a[0] + (a[1] - a[0]) * s - b[0] - (b[1] - b[0]) * t).norm();
+                let distance = |s: f64, t: f64| (a[0] + (a[1] - a[0]) * s - b[0] - (b[1] - b[0]) * t).norm();
                 let n = 80;
                 let all = (0..=n).flat_map(|i| (0..=n).map(move |j| (i, j)));
-                let least = all
-                    .map(|(i, j)| apart(f64::from(i) / f64::from(n), f64::from(j) / f64::from(n)))
+                let shortest = all
+                    .map(|(i, j)| distance(f64::from(i) / f64::from(n), f64::from(j) / f64::from(n)))
                     .fold(f64::INFINITY, f64::min);
                 assert!((0.0..=1.0).contains(&s) && (0.0..=1.0).contains(&t));
-                assert!(apart(s, t) <= least + 1e-6, "{number}: {} {least}", apart(s, t));
+                assert!(distance(s, t) <= shortest + 1e-6, "{number}: {} {shortest}", distance(s, t));
             }
         }
     }

@@ -15,8 +15,8 @@ use crate::{
     math::Vec3,
     par::{self, Forest},
     sim::sheet::{
-        lanes::Vectors,
         model::{Model, Spring},
+        vectors::Vectors,
     },
 };
 use std::{

@@ -10,7 +10,7 @@
 //! start and at the end exceeds their relative displacement.
 //! A pair that meets none of the three conditions may not have collided either; it joins a zone all the same.
 //!
-//! Limits: a zone cannot be rigid if its points of zero mobility move in different ways.
+//! Limits: a zone cannot be rigid if its points of zero mobility move in different directions.
 
 use super::{
     closest_points::Double,
@@ -57,8 +57,8 @@ pub(super) fn resolve(
         merged.extend(unseparated.iter().map(|&k| constraints[k].bodies));
         points = move_zones(&merged, bodies, dt);
         unseparated = unseparated_pairs(constraints, bodies, thickness);
-        let bodies = |k: &usize| constraints[*k].bodies;
-        if unseparated.iter().all(|k| merged.contains(&bodies(k))) {
+        let members = |k: &usize| constraints[*k].bodies;
+        if unseparated.iter().all(|k| merged.contains(&members(k))) {
             break;
         }
     }

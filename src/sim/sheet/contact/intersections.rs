@@ -9,7 +9,7 @@ use super::{
     closest_points,
     collision_mesh::CollisionMesh,
 };
-use crate::{math::Vec3, sim::sheet::lanes::Vectors};
+use crate::{math::Vec3, sim::sheet::vectors::Vectors};
 
 /// Edges that go through triangles, as pairs of triangles: the owner of the edge and the other.
 pub(super) fn crossings(mesh: &CollisionMesh, bvh: &Bvh, x: &Vectors) -> Vec<[u32; 2]> {

@@ -30,11 +30,11 @@ mod narrow_phase;
 mod substep;
 
 use super::{
-    lanes::Vectors,
     model::Model,
     params::{Contact as Params, SheetsParams},
     record::ContactRecord,
-    solids::Placed,
+    solids::PlacedSolid,
+    vectors::Vectors,
 };
 use crate::par;
 use broad_phase::{BroadPhase, CandidateList};
@@ -93,7 +93,7 @@ pub(super) struct IntegratedStep<'a> {
     pub(super) v: &'a mut Vectors,
     pub(super) mobility: &'a [f32],
     /// Solids, and the coefficient of friction on them.
-    pub(super) solids: &'a [Placed<'a>],
+    pub(super) solids: &'a [PlacedSolid<'a>],
     pub(super) friction: f64,
     pub(super) now: f64,
     pub(super) dt: f64,
@@ -267,7 +267,7 @@ impl SheetContact {
             impulses::solve(&mut constraints, &mut bodies, friction, step.dt, thickness);
             let zones = impact_zones::resolve(&constraints, &mut bodies, step.dt, thickness);
             record.pairs += constraints.iter().filter(|constraint| constraint.is_pushing()).count() as u64;
-            record.held += zones.points;
+            record.in_impact_zones += zones.points;
             record.unseparated += zones.unseparated;
             if self.write_back(&before, &bodies, step) <= RECHECK_DISPLACEMENT * thickness {
                 return true;

@@ -12,7 +12,7 @@ use super::{
     closest_points::Double,
     collision_mesh::{CollisionMesh, FeaturePair, sum},
 };
-use crate::{par, sim::sheet::lanes::Vectors};
+use crate::{par, sim::sheet::vectors::Vectors};
 
 /// A pair of features that is close in a substep.
 #[derive(Clone, Copy, Debug)]

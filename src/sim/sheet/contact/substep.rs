@@ -47,7 +47,7 @@ impl Sheets {
     ) -> bool {
         let Self { contact, x, v, inverse, solids, params, .. } = self;
         let (Some(contact), Some(record)) = (contact, &mut record.contact) else { return false };
-        let placed = solids::placed(solids, params.common.off(), now, now + dt);
+        let placed = solids::place_solids(solids, params.common.solid_clearance(), now, now + dt);
         let friction = f64::from(params.common.friction.unwrap_or(0.0));
         let mobility = inverse.as_flattened();
         let mut step = IntegratedStep { x, v, mobility, solids: &placed, friction, now, dt };
@@ -58,7 +58,7 @@ impl Sheets {
     /// Sets which points joints hold together at a time [s].
     pub(in crate::sim::sheet) fn set_contact_seams(&mut self, time: f64) {
         if let Some(contact) = &mut self.contact {
-            let held = self.joined.iter().filter(|joint| joint.direction.is_none() && joint.holds(time));
+            let held = self.joints.iter().filter(|joint| joint.direction.is_none() && joint.holds(time));
             contact.set_seams(&held.map(|joint| joint.ends).collect::<Vec<[u32; 2]>>());
         }
     }

@@ -1,10 +1,12 @@
-//! Who pulls at whom: neighbours of every point, eight points at a time.
+//! Neighbours of every point in sliced ELLPACK format, eight points at a time.
 //!
-//! *Method*: compressed rows, cut into pieces of eight rows whose entries stand side by side [kreutzer14]. A slot holds one neighbour
-//! of each of eight points in a row. Neighbours of a row are in ascending order. Where the eight have neighbours at the same
-//! distances in memory, as on a grid, a slot takes those at one distance, and is eight neighbours in a row: then one wide load fetches them.
-//! Slots say how far away neighbours are, and eights that have the same slots share them: nearly all of a grid do, whose table then stays in
-//! the fastest cache. Before, it was two thirds of all that a substep of a million points read.
+//! *Method*: compressed rows, cut into slices of eight rows whose entries are stored column by column
+//! [kreutzer14]. A slot holds one neighbour of each of eight consecutive points. Neighbours of a row are in
+//! ascending order. Where eight points have neighbours at the same distances in memory, as on a grid, a slot
+//! takes those at one distance. It then holds eight consecutive neighbours, which one wide load fetches.
+//! Slots store relative indices, and eights with equal slots share them. Nearly all eights of a grid do, so
+//! its table stays in the fastest cache. Without sharing it was two thirds of all data that a substep of a
+//! million points read.
 
 use crate::{
     math::wide::{WIDTH, Wide},
@@ -13,12 +15,12 @@ use crate::{
 use std::collections::HashMap;
 use xxhash_rust::xxh3::Xxh3Default;
 
-/// What one point has from another.
+/// A spring or plate term of one point with another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Entry {
     /// The point.
     pub(super) of: u32,
-    /// The other.
+    /// The neighbour of the point.
     pub(super) to: u32,
     /// Stiffness [N/m].
     pub(super) stiffness: f32,
@@ -28,37 +30,37 @@ pub(super) struct Entry {
     pub(super) damping: f32,
 }
 
-/// Entries of all points.
+/// The entries of all points.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Table {
-    /// From where to where in `slots` are those of the points 8e to 8e + 7. Several may be in the same place.
+pub(super) struct SlicedEllpack {
+    /// Range in `slots` of the points 8e to 8e + 7. Several eights may share a range.
     ranges: Vec<[u32; 2]>,
     slots: Vec<Slot>,
     /// Damping of each slot; empty if there is none.
     damping: Vec<Wide>,
 }
 
-/// One neighbour of each of eight points; where one has none its stiffness is zero.
+/// One neighbour of each of eight points; without a neighbour the stiffness is zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Slot {
-    /// Their numbers less that of the first of the eight points.
+    /// Indices of the neighbours relative to the first of the eight points.
     away: [i32; WIDTH],
     pub(super) stiffness: Wide,
     pub(super) rest: Wide,
-    /// Whether they are eight in a row.
+    /// Whether the neighbours are eight consecutive points.
     pub(super) in_row: bool,
 }
 
 impl Slot {
-    /// The neighbour of a point of the eight whose number is `eight`.
+    /// The neighbour of the point in a lane of the eight with number `eight`.
     #[inline(always)]
     pub(super) fn to(&self, eight: usize, lane: usize) -> usize {
         (eight * WIDTH).wrapping_add_signed(self.away[lane] as isize)
     }
 }
 
-impl Table {
-    /// The table of `count` points. Of entries with the same two points each counts.
+impl SlicedEllpack {
+    /// The table of `count` points. Several entries with the same two points all count.
     pub(super) fn new(count: usize, mut entries: Vec<Entry>) -> Self {
         par::sort_by_key(&mut entries, |e| {
             (e.of, e.to, e.rest.to_bits(), e.stiffness.to_bits(), e.damping.to_bits())
@@ -81,13 +83,15 @@ impl Table {
         table
     }
 
-    /// Where the slots of an eight are: those of an earlier one if it has the same. `seen` is where those with a hash were put first.
+    /// Range of the slots of an eight: that of an earlier one with the same slots, if any. `seen` has the
+    /// first range with a hash.
     fn place(&mut self, slots: Vec<Slot>, damping: Vec<Wide>, seen: &mut HashMap<u64, [u32; 2]>) -> [u32; 2] {
         let start = self.slots.len() as u32;
         let new = [start, start + slots.len() as u32];
         let first = *seen.entry(hash(&slots, &damping)).or_insert(new);
         let [from, to] = first.map(|end| end as usize);
-        // Two that differ may have one hash: the second then has a place of its own, and so has every further one.
+        // Different slots may have one hash: the second set then gets its own range, and so does every
+        // further one.
         if first != new
             && self.slots[from..to] == slots
             && (damping.is_empty() || self.damping[from..to] == damping)
@@ -113,7 +117,7 @@ impl Table {
 }
 
 /// Σ |stiffness|, Σ stiffness and Σ damping of every point.
-pub(super) fn row_sums(table: &Table, count: usize) -> Vec<[f64; 3]> {
+pub(super) fn row_sums(table: &SlicedEllpack, count: usize) -> Vec<[f64; 3]> {
     let mut sums = vec![[0.0; 3]; count];
     par::fill(&mut sums, |i| {
         let (slots, damping) = table.of(i / WIDTH);
@@ -129,7 +133,7 @@ pub(super) fn row_sums(table: &Table, count: usize) -> Vec<[f64; 3]> {
     sums
 }
 
-/// A number that is the same for the same slots.
+/// Hash of slots and damping.
 fn hash(slots: &[Slot], damping: &[Wide]) -> u64 {
     let mut hasher = Xxh3Default::new();
     for slot in slots {
@@ -143,7 +147,7 @@ fn hash(slots: &[Slot], damping: &[Wide]) -> u64 {
 
 /// The entries of eight points from `first` on, as slots.
 fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, Wide)> {
-    // How far away neighbours are, and the how many-th entry of such a pair it is.
+    // Distance of the neighbour, and the rank of the entry among those of the same two points.
     let mut away: Vec<(i64, usize)> = Vec::new();
     let mut lane_counts = [0; WIDTH];
     let key = |k: usize| {
@@ -189,7 +193,7 @@ fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, Wide)> {
 mod tests {
     use super::*;
 
-    /// Springs of a grid of `n` × `n` points, of which those at `soft` are half as stiff.
+    /// Springs of a grid of `n` × `n` points; those at `soft` are half as stiff.
     fn grid(n: u32, soft: Option<u32>) -> Vec<Entry> {
         let all = (0..n * n).flat_map(|i| [(i, i + 1, i % n + 1 < n), (i, i + n, i + n < n * n)]);
         let both = |(a, b, _): (u32, u32, bool)| {
@@ -197,11 +201,11 @@ mod tests {
             let entry = |of, to| Entry { of, to, stiffness, rest: 0.5, damping: 0.1 * stiffness };
             [entry(a, b), entry(b, a)]
         };
-        all.filter(|&(.., is_there)| is_there).flat_map(both).collect()
+        all.filter(|&(.., exists)| exists).flat_map(both).collect()
     }
 
-    /// What the table says, entry by entry, in its order.
-    fn told(table: &Table, count: usize) -> Vec<Entry> {
+    /// All entries of a table, in its order.
+    fn entries_of(table: &SlicedEllpack, count: usize) -> Vec<Entry> {
         let of = |i: usize| {
             let (slots, damping) = table.of(i / WIDTH);
             let lane = i % WIDTH;
@@ -222,15 +226,16 @@ mod tests {
     fn eights_with_the_same_neighbours_share_their_slots_and_no_others_do() {
         for (n, soft) in [(64, None), (64, Some(1000)), (61, None), (7, Some(3)), (1, None)] {
             let count = (n * n) as usize;
-            let table = Table::new(count, grid(n, soft));
+            let table = SlicedEllpack::new(count, grid(n, soft));
             let mut expected = grid(n, soft);
             expected.sort_by_key(|e| (e.of, e.to));
-            assert_eq!(told(&table, count), expected, "{n}");
-            // Rows of eights: three kinds within a row, at the two borders and between; rows of no eights have more.
-            let most = if n == 64 { 9 * 5 + if soft.is_some() { 3 * 5 } else { 0 } } else { usize::MAX };
-            assert!(table.slots.len() <= most, "{} slots", table.slots.len());
+            assert_eq!(entries_of(&table, count), expected, "{n}");
+            // Eights within a row have three kinds of neighbours: at the two borders and between. Eights
+            // across rows have more.
+            let max_slots = if n == 64 { 9 * 5 + if soft.is_some() { 3 * 5 } else { 0 } } else { usize::MAX };
+            assert!(table.slots.len() <= max_slots, "{} slots", table.slots.len());
         }
-        // Where the hash is the same they are kept apart if the neighbours are not, or the damping alone.
+        // With equal hashes, ranges are still separate if the neighbours differ, or only the damping.
         let of = |soft| -> (Vec<Slot>, Vec<Wide>) { slots(0, &grid(8, soft)[..3], 64).into_iter().unzip() };
         let ((a, damping), (b, other)) = (of(None), of(Some(0)));
         for [(a, da), (b, db)] in [
@@ -238,7 +243,7 @@ mod tests {
             [(&a, damping.clone()), (&a, other)],
             [(&a, damping.clone()), (&b, damping)],
         ] {
-            let (mut table, mut seen) = (Table::default(), HashMap::new());
+            let (mut table, mut seen) = (SlicedEllpack::default(), HashMap::new());
             let first = table.place(a.clone(), da.clone(), &mut seen);
             seen.insert(hash(b, &db), first);
             let second = table.place(b.clone(), db, &mut seen);

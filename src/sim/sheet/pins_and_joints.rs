@@ -1,18 +1,20 @@
-//! What holds points: pins, leads and joints.
+//! Pins and joints of sheets.
 //!
-//! *Method*: [gudukbay97] Eq. 8, f = k (p − x) at the one point that is named: the delta function makes a force of it that does not depend on
-//! the resolution, and the springs around the point pass it on. A pin without stiffness is exact: the point goes where it says, with the speed
-//! of its way there. A joint with a direction n pulls at the ends of d = x_b − x_a
-//! by k (n |d| − d (n·d)/|d|), which is across d: it turns the pair and leaves its length alone. A joint without stiffness is exact (`bonds.rs`).
-//! *Departs from the paper*: places move by keyframes or with colliders; everything may let go at a frame.
+//! *Method*: [gudukbay97] Eq. 8, f = k (p − x) at the one named point. The delta function makes this a force
+//! that does not depend on the resolution, and the springs around the point pass it on. A pin without
+//! stiffness is exact: the point is at its place, with the velocity of its path. A joint with a direction n
+//! pulls at the ends of d = x_b − x_a by k (n |d| − d (n·d)/|d|). This force is across d: it turns the pair
+//! and leaves its length alone. A joint without stiffness is exact (`exact_joints.rs`).
+//! *Departs from the paper*: places move by keyframes or with colliders; pins and joints may let go at a
+//! frame.
 //!
-//! Limits: an exact pin drives what hangs on it with any speed its keyframes ask for.
+//! Limits: an exact pin moves its point with any speed of its keyframes.
 
 use super::{
-    SheetError, bonds,
-    lanes::Vectors,
+    SheetError, exact_joints,
     model::Model,
     params::{Pin, Select, SheetShape, SheetsParams},
+    vectors::Vectors,
 };
 use crate::{
     math::Vec3,
@@ -20,65 +22,65 @@ use crate::{
 };
 use std::ops::Range;
 
-/// How far from each other points may start that are joined exactly, in parts of 1 m and their largest coordinate: what rounding makes of one
-/// place that two sheets state each in their own way.
-const MEETS: f32 = 1e-5;
+/// Largest distance at the start of points that are joined exactly, in parts of 1 m and of their largest
+/// coordinate. It covers the rounding errors of one place that two sheets state differently.
+const MAX_EXACT_JOINT_GAP: f32 = 1e-5;
 
-/// A point that is held.
+/// A pinned point.
 #[derive(Clone, Debug)]
-pub(super) struct Held {
+pub(super) struct PinnedPoint {
     pub(super) point: u32,
     /// `None`: exactly.
     pub(super) stiffness: Option<f32>,
     place: Vec3,
     motion: Option<Motion>,
-    /// Until then [s].
+    /// End of the pin [s].
     until: f64,
 }
 
-/// Two points that are joined.
+/// Two joined points.
 #[derive(Clone, Debug)]
-pub(super) struct Joined {
+pub(super) struct JointPair {
     pub(super) ends: [u32; 2],
-    /// `None`: exactly, see `bonds.rs`.
+    /// `None`: exactly, see `exact_joints.rs`.
     pub(super) stiffness: Option<f32>,
     /// Unit vector.
     pub(super) direction: Option<Vec3>,
     until: f64,
 }
 
-impl Held {
-    /// Whether it still holds.
+impl PinnedPoint {
+    /// Whether the pin still holds.
     pub(super) fn holds(&self, time: f64) -> bool {
         time < self.until
     }
 
-    /// Where the point is to be.
+    /// Where the pin holds the point.
     pub(super) fn place(&self, time: f64) -> Vec3 {
         self.motion.as_ref().map_or(self.place, |motion| motion.pose(time).to_world(self.place))
     }
 }
 
-impl Joined {
-    /// Whether it still holds.
+impl JointPair {
+    /// Whether the joint still holds.
     pub(super) fn holds(&self, time: f64) -> bool {
         time < self.until
     }
 }
 
-/// The time of a frame, a hair before it, so that rounding does not move it into the next.
+/// The time of a frame, slightly earlier, so that rounding does not move it into the next frame.
 fn release(frame: Option<u32>, fps: f64, first: u32) -> f64 {
     frame.map_or(f64::INFINITY, |frame| (f64::from(frame) - f64::from(first) - 1e-6) / fps)
 }
 
-/// Every pin, of sheets that have the points of these ranges.
-pub(super) fn held(
+/// All pinned points; `ranges` holds the points of each sheet.
+pub(super) fn pinned_points(
     params: &SheetsParams,
     models: &[Model],
     ranges: &[Range<usize>],
     solids: &[Solid],
     [fps, first]: [f64; 2],
-) -> Result<Vec<Held>, SheetError> {
+) -> Result<Vec<PinnedPoint>, SheetError> {
     let mut out = Vec::new();
     for (i, sheet) in params.sheet.iter().enumerate() {
         for (k, pin) in sheet.pin.iter().enumerate() {
@@ -87,12 +89,12 @@ pub(super) fn held(
             let motion = motion(pin, solids, key, [fps, first])?;
             for point in points {
                 let own = models[i].points[point as usize];
-                // With a collider it keeps the place that it has in its axes at the start.
+                // With a collider the point keeps its place in the collider's axes at the start.
                 let start = match (&motion, pin.collider) {
                     (Some(motion), Some(_)) => motion.pose(0.0).to_local(own),
                     _ => own,
                 };
-                out.push(Held {
+                out.push(PinnedPoint {
                     point: ranges[i].start as u32 + point,
                     stiffness: pin.stiffness,
                     place: pin.place.map_or(start, Vec3::from),
@@ -114,24 +116,24 @@ fn motion(
     let Some(number) = pin.collider else {
         return Ok(Motion::new(&pin.keyframes, pin.interpolation, fps, first as u32));
     };
-    let none = SheetError::Name { key: format!("{key}.collider"), name: number.to_string() };
-    solids.get(number as usize).map(|solid| solid.motion.clone()).ok_or(none)
+    let unknown = SheetError::Name { key: format!("{key}.collider"), name: number.to_string() };
+    solids.get(number as usize).map(|solid| solid.motion.clone()).ok_or(unknown)
 }
 
-/// Every joint.
-pub(super) fn joined(
+/// All joined points.
+pub(super) fn joint_pairs(
     params: &SheetsParams,
     models: &[Model],
     ranges: &[Range<usize>],
     [fps, first]: [f64; 2],
-) -> Result<Vec<Joined>, SheetError> {
+) -> Result<Vec<JointPair>, SheetError> {
     let mut out = Vec::new();
     for (i, joint) in params.common.joint.iter().enumerate() {
         let mut points = [Vec::new(), Vec::new()];
         for (side, found) in points.iter_mut().enumerate() {
             let name = &joint.sheets[side];
-            let none = SheetError::Name { key: format!("sheets.joint.{i}.sheets"), name: name.clone() };
-            let sheet = params.sheet.iter().position(|sheet| sheet.name == *name).ok_or(none)?;
+            let unknown = SheetError::Name { key: format!("sheets.joint.{i}.sheets"), name: name.clone() };
+            let sheet = params.sheet.iter().position(|sheet| sheet.name == *name).ok_or(unknown)?;
             let key = format!("sheets.joint.{i}.at");
             let selected = select(&joint.at[side], &models[sheet], &params.sheet[sheet].shape, key)?;
             *found = selected.into_iter().map(|point| ranges[sheet].start as u32 + point).collect();
@@ -143,66 +145,70 @@ pub(super) fn joined(
         for ends in points[0].iter().zip(&points[1]).map(|(&a, &b)| [a, b]).filter(|[a, b]| a != b) {
             let direction = joint.direction.map(|n| Vec3::from(n).normalize());
             if joint.stiffness.is_none() {
-                meets(ends.map(|i| place(models, ranges, i)), direction, i)?;
+                check_joint_gap(ends.map(|i| place(models, ranges, i)), direction, i)?;
             }
             let until = release(joint.release, fps, first as u32);
-            out.push(Joined { ends, stiffness: joint.stiffness, direction, until });
+            out.push(JointPair { ends, stiffness: joint.stiffness, direction, until });
         }
     }
     Ok(out)
 }
 
-/// Where a point of all is at the start.
+/// Position of a point at the start, by its number among all.
 fn place(models: &[Model], ranges: &[Range<usize>], point: u32) -> Vec3 {
     let sheet = ranges.partition_point(|range| range.end <= point as usize);
     models[sheet].points[point as usize - ranges[sheet].start]
 }
 
-/// Whether the ends of a joint are where it would hold them exactly.
-fn meets([a, b]: [Vec3; 2], direction: Option<Vec3>, joint: usize) -> Result<(), SheetError> {
+/// Checks that the ends of an exact joint are at the start where it will hold them.
+fn check_joint_gap([a, b]: [Vec3; 2], direction: Option<Vec3>, joint: usize) -> Result<(), SheetError> {
     let d = b - a;
-    let off = direction.map_or(d, |n| d - n * n.dot(&d).max(0.0)).norm();
-    if off > MEETS * (1.0 + a.amax().max(b.amax())) {
+    let gap = direction.map_or(d, |n| d - n * n.dot(&d).max(0.0)).norm();
+    if gap > MAX_EXACT_JOINT_GAP * (1.0 + a.amax().max(b.amax())) {
         let what = if direction.is_some() { "off its direction" } else { "apart" };
-        return Err(SheetError::Apart { key: format!("sheets.joint.{joint}"), off, what });
+        return Err(SheetError::Apart { key: format!("sheets.joint.{joint}"), distance: gap, what });
     }
     Ok(())
 }
 
-/// Whether each point is held exactly in one way at most.
+/// Checks that each point is held exactly at most once.
 ///
 /// # Errors
-/// The first that two things would each want elsewhere.
-pub(super) fn once(held: &[Held], joined: &[Joined], ranges: &[Range<usize>]) -> Result<(), SheetError> {
-    let twice = |point: u32, expected| {
+/// The first point that two pins or joints hold at different places.
+pub(super) fn check_held_once(
+    pins: &[PinnedPoint],
+    joints: &[JointPair],
+    ranges: &[Range<usize>],
+) -> Result<(), SheetError> {
+    let error = |point: u32, expected| {
         let sheet = ranges.partition_point(|range| range.end <= point as usize);
         Err(SheetError::Selection { key: format!("sheet.{sheet}.pin"), found: 2, expected })
     };
     let mut pinned: Vec<u32> =
-        held.iter().filter(|pin| pin.stiffness.is_none()).map(|pin| pin.point).collect();
+        pins.iter().filter(|pin| pin.stiffness.is_none()).map(|pin| pin.point).collect();
     pinned.sort_unstable();
     if let Some(pair) = pinned.windows(2).find(|pair| pair[0] == pair[1]) {
-        return twice(pair[0], "each point is held exactly by one pin at most");
+        return error(pair[0], "each point is held exactly by one pin at most");
     }
     let is_pinned = |point: &u32| pinned.binary_search(point).is_ok();
-    let exact = || joined.iter().filter(|joint| joint.stiffness.is_none());
-    let as_one = exact().filter(|joint| joint.direction.is_none()).map(|joint| joint.ends);
-    for group in bonds::groups(as_one) {
+    let exact = || joints.iter().filter(|joint| joint.stiffness.is_none());
+    let without_direction = exact().filter(|joint| joint.direction.is_none()).map(|joint| joint.ends);
+    for group in exact_joints::groups(without_direction) {
         if group.iter().filter(|&point| is_pinned(point)).count() > 1 {
-            return twice(group[0], "points that are joined exactly are held exactly by one pin at most");
+            return error(group[0], "points that are joined exactly are held exactly by one pin at most");
         }
     }
     for (k, joint) in exact().enumerate().filter(|(_, joint)| joint.direction.is_some()) {
         let shared =
             |point: &&u32| exact().enumerate().any(|(other, joint)| other != k && joint.ends.contains(point));
         if let Some(&point) = joint.ends.iter().find(shared) {
-            return twice(
+            return error(
                 point,
                 "a point that keeps a direction exactly has no other exact joint; give one a stiffness",
             );
         }
         if joint.ends.iter().all(is_pinned) {
-            return twice(
+            return error(
                 joint.ends[0],
                 "of a pair that keeps a direction exactly one point is held exactly at most",
             );
@@ -211,7 +217,7 @@ pub(super) fn once(held: &[Held], joined: &[Joined], ranges: &[Range<usize>]) ->
     Ok(())
 }
 
-/// The points that are meant, each once, ascending but for those named by number.
+/// The selected points, each once, in ascending order unless they are named by number.
 fn select(at: &Select, model: &Model, shape: &SheetShape, key: String) -> Result<Vec<u32>, SheetError> {
     let points = &model.points;
     let all = 0..points.len() as u32;
@@ -248,27 +254,27 @@ fn select(at: &Select, model: &Model, shape: &SheetShape, key: String) -> Result
     if found.is_empty() { Err(SheetError::Selection { key, found: 0, expected }) } else { Ok(found) }
 }
 
-/// Adds the forces of soft pins and joints that hold at `time` [s], pins as they stand at `place` [s].
+/// Adds the forces of soft pins and joints that hold at `time` [s], with the places of pins at `place` [s].
 pub(super) fn add_forces(
-    held: &[Held],
-    joined: &[Joined],
+    pins: &[PinnedPoint],
+    joints: &[JointPair],
     [time, place]: [f64; 2],
     x: &Vectors,
     out: &mut Vectors,
 ) {
-    for pin in held.iter().filter(|pin| pin.holds(time)) {
+    for pin in pins.iter().filter(|pin| pin.holds(time)) {
         if let Some(stiffness) = pin.stiffness {
             let i = pin.point as usize;
             out.add(i, (pin.place(place) - x.get(i)) * stiffness); // [gudukbay97] Eq. 8
         }
     }
-    for joint in joined.iter().filter(|joint| joint.holds(time)) {
+    for joint in joints.iter().filter(|joint| joint.holds(time)) {
         let Some(stiffness) = joint.stiffness else { continue };
         let [a, b] = joint.ends.map(|i| i as usize);
         let d = x.get(b) - x.get(a);
         let mut force = d * stiffness;
         if let Some(n) = joint.direction {
-            // Across the pair, towards the direction, as far as it is off.
+            // Across the pair, towards the direction, in proportion to the deviation.
             let length = d.norm().max(f32::MIN_POSITIVE);
             force = (d * (n.dot(&d) / length) - n * length) * stiffness;
         }

@@ -9,43 +9,45 @@ use crate::{
 };
 use std::ops::Range;
 
-/// Eights of all that a task handles, and of which sums have parts. With 256 for any number, ten thousand points were five tasks, and two threads 1.6 times
-/// as fast as one; with less than 32, tasks of some forces begin to cost as much as what they do, and beyond 64 nothing is gained.
-pub(super) fn chunk(eights: usize) -> usize {
+/// Number of eights of a task and of a partial sum. With 256 at all sizes, ten thousand points were five
+/// tasks, and two threads were 1.6 times as fast as one. Below 32, the tasks of some forces begin to cost as
+/// much as their work; beyond 64 chunks nothing is gained.
+pub(super) fn chunk_len(eights: usize) -> usize {
     (eights / 64).clamp(32, 256)
 }
 
-/// So few eights one thread handles alone: a pass over 4096 points takes 5 to 60 µs, and to wake another thread some 10 (`cargo bench --bench sheet -- threads`).
-const FEW: usize = 512;
+/// Up to this number of eights one thread is used: a pass over 4096 points takes 5 to 60 µs, and waking
+/// another thread takes some 10 µs (`cargo bench --bench sheet -- threads`).
+const PARALLEL_THRESHOLD: usize = 512;
 
-/// Cuts slices of equal length into chunks, calls `f(number of the first eight, a chunk of each)` and returns the results in their order. Where it cuts does
-/// not depend on the threads.
+/// Cuts slices of equal length into chunks, calls `f(number of the first eight, a chunk of each)` and returns
+/// the results in order. The chunks do not depend on the threads.
 pub(super) fn in_chunks<T: Send, const N: usize>(
     slices: [&mut [Wide]; N],
     f: impl Fn(usize, [&mut [Wide]; N]) -> T + Sync,
 ) -> Vec<T> {
     let len = slices[0].len();
     assert!(slices.iter().all(|slice| slice.len() == len), "all are cut in the same places");
-    let chunk = chunk(len);
-    if len > FEW {
+    let chunk = chunk_len(len);
+    if len > PARALLEL_THRESHOLD {
         return par::map_chunks_mut(slices, chunk, f);
     }
-    let mut rest = slices.map(|slice| slice.chunks_mut(chunk));
+    let mut chunks = slices.map(|slice| slice.chunks_mut(chunk));
     (0..len.div_ceil(chunk))
-        .map(|k| f(k * chunk, std::array::from_fn(|s| rest[s].next().expect("all have as many chunks"))))
+        .map(|k| f(k * chunk, std::array::from_fn(|s| chunks[s].next().expect("all have as many chunks"))))
         .collect()
 }
 
-/// Calls `f` on ranges of so many eights, and returns the results in their order, as [`in_chunks`] does.
-pub(super) fn parts<T: Send>(eights: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
-    let chunk = chunk(eights);
-    if eights > FEW {
+/// Calls `f` on ranges of eights, cut as by [`in_chunks`], and returns the results in order.
+pub(super) fn map_chunks<T: Send>(eights: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
+    let chunk = chunk_len(eights);
+    if eights > PARALLEL_THRESHOLD {
         return par::map_chunks(eights, chunk, f);
     }
     (0..eights.div_ceil(chunk)).map(|k| f(k * chunk..((k + 1) * chunk).min(eights))).collect()
 }
 
-/// Σ a · b over eights in double precision, in the order in which they come.
+/// Σ a · b over eights in double precision, in their order.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Dot([f64; WIDTH]);
 
@@ -68,10 +70,10 @@ impl Dot {
 /// x, y and z of eight points.
 pub(super) type Eight = [Wide; 3];
 
-/// x, y and z of all points, one by one.
+/// x, y and z of all points, point by point.
 pub(super) type Flat<'a> = [&'a [f32]; 3];
 
-/// Vectors, eight to a piece; what fills up the last piece is zero.
+/// Vectors by eights of points; the padding of the last eight is zero.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct Vectors {
     len: usize,
@@ -91,12 +93,12 @@ impl Vectors {
         Self { len, axes: std::array::from_fn(|_| par::repeated([0.0; WIDTH], len.div_ceil(WIDTH))) }
     }
 
-    /// Makes all zero.
+    /// Sets all vectors to zero.
     pub(super) fn clear(&mut self) {
         self.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; WIDTH]));
     }
 
-    /// These vectors.
+    /// Copies these vectors.
     pub(super) fn of(values: &[Vec3]) -> Self {
         let mut out = Self::zeros(values.len());
         for (i, v) in values.iter().enumerate() {
@@ -127,24 +129,24 @@ impl Vectors {
         self.set(i, self.get(i) + v);
     }
 
-    /// Eight points.
+    /// The vectors of eight points.
     #[inline(always)]
     pub(super) fn eight(&self, at: usize) -> Eight {
         [self.axes[0][at], self.axes[1][at], self.axes[2][at]]
     }
 
-    /// Axis by axis, what fills up the last piece included.
+    /// The axes as slices, padding included.
     #[inline(always)]
     pub(super) fn flat(&self) -> Flat<'_> {
         [self.axes[0].as_flattened(), self.axes[1].as_flattened(), self.axes[2].as_flattened()]
     }
 
-    /// As a list.
+    /// The vectors as a list.
     pub(super) fn to_vec(&self) -> Vec<Vec3> {
         (0..self.len).map(|i| self.get(i)).collect()
     }
 
-    /// Calls `f(number of the eight, its vectors)` for each.
+    /// Calls `f(number of the eight, its vectors)` for each eight.
     pub(super) fn update(&mut self, f: impl Fn(usize, [&mut Wide; 3]) + Sync) {
         let [x, y, z] = &mut self.axes;
         in_chunks([x, y, z], |start, [x, y, z]: [&mut [Wide]; 3]| {
@@ -162,6 +164,6 @@ impl Vectors {
             range.for_each(|at| sum.add(&self.eight(at), &other.eight(at)));
             sum.total()
         };
-        parts(len, part).into_iter().sum()
+        map_chunks(len, part).into_iter().sum()
     }
 }

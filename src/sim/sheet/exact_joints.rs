@@ -1,15 +1,17 @@
-//! Points that joints hold exactly: those that move as one, and pairs that keep a direction.
+//! Joints without stiffness: points that move as one, and pairs that keep a direction.
 //!
-//! *Method*: projections. What moved apart in a substep is put together at the mean by mass, positions and velocities alike, which keeps
-//! momentum; of pairs with a direction n only the part across n is. The conjugate gradients are kept among motions that bonds
-//! allow by a projection, too, as [baraff98] section 5.3 does it for single points; there all points weigh the same, so that it is orthogonal.
+//! *Method*: projections. Joined points that separated in a substep are moved to their mean by mass,
+//! positions and velocities alike, which conserves momentum. For pairs with a direction n only the part
+//! across n is. The conjugate gradients stay in the space of motions that exact joints allow, also by a
+//! projection, as [baraff98] section 5.3 does for single points. There all points have the same weight, so
+//! that the projection is orthogonal.
 //!
-//! Limits: a point has one bond with a direction, and then no other; what solids do to one end of such a pair turns it
-//! until the next substep.
+//! Limits: a point has at most one joint with a direction, and then no other exact joint. If a solid moves
+//! one end of such a pair, the pair is turned until the next substep.
 
 use super::{
-    hold::{Held, Joined},
-    lanes::Vectors,
+    pins_and_joints::{JointPair, PinnedPoint},
+    vectors::Vectors,
 };
 use crate::math::{
     Vec3,
@@ -18,20 +20,20 @@ use crate::math::{
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// The bonds that hold at a time.
+/// The exact joints that hold at a time.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Bonds {
-    groups: Vec<Group>,
-    pairs: Vec<Pair>,
+pub(super) struct ExactJoints {
+    groups: Vec<JointGroup>,
+    pairs: Vec<DirectionPair>,
 }
 
-/// Vectors and what rounding took from them, if that is kept.
-pub(super) struct Whole<'a> {
+/// Vectors and their rounding errors, if these are kept.
+pub(super) struct CompensatedVectors<'a> {
     pub(super) value: &'a mut Vectors,
     pub(super) low: Option<&'a mut Vectors>,
 }
 
-impl Whole<'_> {
+impl CompensatedVectors<'_> {
     fn get(&self, i: usize) -> Vector3<f64> {
         let low = self.low.as_ref().map_or(Vec3::zeros(), |low| low.get(i));
         self.value.get(i).cast::<f64>() + low.cast()
@@ -48,41 +50,42 @@ impl Whole<'_> {
 
 /// Points that move as one.
 #[derive(Clone, Debug)]
-struct Group {
+struct JointGroup {
     points: Vec<u32>,
-    /// The one that a pin holds exactly, if there is one: the others go with it.
-    led: Option<u32>,
+    /// The point that a pin holds exactly, if there is one; the others follow it.
+    pinned: Option<u32>,
 }
 
-/// Points whose difference is along `n`.
+/// Two points whose difference is along `n`.
 #[derive(Clone, Debug)]
-struct Pair {
+struct DirectionPair {
     ends: [u32; 2],
     /// Unit vector.
     n: Vec3,
 }
 
-/// A vector without its part along another.
+/// A vector without its component along `n`.
 fn across(d: Vector3<f64>, n: Vec3) -> Vector3<f64> {
     let n = n.cast();
     d - n * n.dot(&d)
 }
 
-impl Bonds {
-    /// Those of joints without stiffness, as they are at `time` [s].
-    pub(super) fn new(joined: &[Joined], held: &[Held], time: f64) -> Self {
-        let exact = || joined.iter().filter(|joint| joint.stiffness.is_none() && joint.holds(time));
-        let pairs =
-            exact().filter_map(|joint| joint.direction.map(|n| Pair { ends: joint.ends, n })).collect();
+impl ExactJoints {
+    /// The joints without stiffness that hold at `time` [s].
+    pub(super) fn new(joints: &[JointPair], pins: &[PinnedPoint], time: f64) -> Self {
+        let exact = || joints.iter().filter(|joint| joint.stiffness.is_none() && joint.holds(time));
+        let pairs = exact()
+            .filter_map(|joint| joint.direction.map(|n| DirectionPair { ends: joint.ends, n }))
+            .collect();
         let groups = groups(exact().filter(|joint| joint.direction.is_none()).map(|joint| joint.ends));
-        let pinned: Vec<u32> = held
+        let pinned_points: Vec<u32> = pins
             .iter()
             .filter(|pin| pin.stiffness.is_none() && pin.holds(time))
             .map(|pin| pin.point)
             .collect();
         let group = |points: Vec<u32>| {
-            let led = points.iter().copied().find(|point| pinned.contains(point));
-            Group { points, led }
+            let pinned = points.iter().copied().find(|point| pinned_points.contains(point));
+            JointGroup { points, pinned }
         };
         Self { groups: groups.into_iter().map(group).collect(), pairs }
     }
@@ -91,18 +94,19 @@ impl Bonds {
         self.groups.is_empty() && self.pairs.is_empty()
     }
 
-    /// The points that go where a pin leads another.
-    pub(super) fn led(&self) -> impl Iterator<Item = usize> {
-        let groups = self.groups.iter().filter(|group| group.led.is_some());
+    /// The points that follow a pinned point.
+    pub(super) fn followers(&self) -> impl Iterator<Item = usize> {
+        let groups = self.groups.iter().filter(|group| group.pinned.is_some());
         groups.flat_map(|group| &group.points).map(|&i| i as usize)
     }
 
-    /// Makes vectors of points, velocities or positions, such as the bonds allow. `inverse`: 1/mass, zero of points that do not give way.
-    pub(super) fn unite(&self, inverse: &[Wide], of: &mut Whole<'_>) {
+    /// Projects positions or velocities to those that the joints allow. `inverse`: 1/mass, zero for points
+    /// that cannot move.
+    pub(super) fn project(&self, inverse: &[Wide], of: &mut CompensatedVectors<'_>) {
         let weight = |i: u32| f64::from(inverse[i as usize / WIDTH][i as usize % WIDTH]);
-        for Group { points, led } in &self.groups {
-            let value = match led {
-                Some(led) => of.get(*led as usize),
+        for JointGroup { points, pinned } in &self.groups {
+            let value = match pinned {
+                Some(pinned) => of.get(*pinned as usize),
                 None => {
                     let mass: f64 = points.iter().map(|&i| 1.0 / weight(i)).sum();
                     points.iter().map(|&i| of.get(i as usize) / weight(i)).sum::<Vector3<f64>>() / mass
@@ -110,26 +114,27 @@ impl Bonds {
             };
             points.iter().for_each(|&i| of.set(i as usize, value));
         }
-        for Pair { ends, n } in &self.pairs {
+        for DirectionPair { ends, n } in &self.pairs {
             let [a, b] = ends.map(|i| i as usize);
             let weights = ends.map(weight);
             let sum = weights[0] + weights[1];
             if sum > 0.0 {
-                let off = across(of.get(b) - of.get(a), *n) / sum;
-                of.set(a, of.get(a) + off * weights[0]);
-                of.set(b, of.get(b) - off * weights[1]);
+                let correction = across(of.get(b) - of.get(a), *n) / sum;
+                of.set(a, of.get(a) + correction * weights[0]);
+                of.set(b, of.get(b) - correction * weights[1]);
             }
         }
     }
 
-    /// Takes from `out` what the bonds do not allow; orthogonal. `inverse`: zero of points that do not move.
+    /// Removes from `out` what the joints do not allow, by an orthogonal projection. `inverse`: zero for
+    /// points that cannot move.
     pub(super) fn filter(&self, inverse: &[Wide], out: &mut Vectors) {
-        for group in self.groups.iter().filter(|group| group.led.is_none()) {
+        for group in self.groups.iter().filter(|group| group.pinned.is_none()) {
             let sum: Vector3<f64> = group.points.iter().map(|&i| out.get(i as usize).cast::<f64>()).sum();
             let mean = (sum / group.points.len() as f64).cast();
             group.points.iter().for_each(|&i| out.set(i as usize, mean));
         }
-        for Pair { ends, n } in &self.pairs {
+        for DirectionPair { ends, n } in &self.pairs {
             let [a, b] = ends.map(|i| i as usize);
             let moves = ends.map(|i| inverse[i as usize / WIDTH][i as usize % WIDTH] > 0.0);
             let parts = [a, b].map(|i| across(out.get(i).cast(), *n));
@@ -141,7 +146,7 @@ impl Bonds {
     }
 }
 
-/// The sets of points that chains of pairs connect, each ascending, by their first.
+/// Sets of points that chains of pairs connect, each in ascending order, by their first point.
 pub(super) fn groups(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<u32>> {
     let mut parent: BTreeMap<u32, u32> = BTreeMap::new();
     fn root(parent: &BTreeMap<u32, u32>, mut i: u32) -> u32 {
@@ -155,7 +160,7 @@ pub(super) fn groups(pairs: impl Iterator<Item = [u32; 2]>) -> Vec<Vec<u32>> {
             parent.entry(i).or_insert(i);
             root(&parent, i)
         });
-        // The least is the root, so that the order of joints does not matter.
+        // The lowest point is the root, so that the order of joints does not matter.
         parent.insert(roots[0].max(roots[1]), roots[0].min(roots[1]));
     }
     let mut sets: BTreeMap<u32, Vec<u32>> = BTreeMap::new();

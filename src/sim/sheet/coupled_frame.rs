@@ -1,4 +1,4 @@
-//! Sheets whose substeps are driven from outside, together with those of another system.
+//! Frames of sheets whose substeps another system drives.
 
 use super::{SheetRecord, Sheets};
 use crate::{
@@ -9,18 +9,19 @@ use crate::{
 
 impl Sheets {
     /// Begins a frame.
-    pub(in crate::sim) fn begin(&mut self) -> SheetRecord {
-        // A frame holds the whole state: what rounding took is not carried over.
+    pub(in crate::sim) fn begin_frame(&mut self) -> SheetRecord {
+        // A frame stores the whole state: rounding errors do not continue into the next.
         self.low.clear();
         let mut record = SheetRecord { points: self.len() as u64, ..SheetRecord::default() };
         self.begin_contact(&mut record);
         record
     }
 
-    /// How many equal substeps the sheets ask for in the rest of a frame of `seconds`: `left` [s], from `now` [s] on.
+    /// Number of equal substeps that the sheets need for the rest of a frame of `seconds`: `left` [s], from
+    /// `now` [s] on.
     ///
     /// # Errors
-    /// If they are more than are allowed, `done` counted.
+    /// If, with `done` substeps, they exceed the limit.
     pub(in crate::sim) fn substeps_left(
         &mut self,
         now: f64,
@@ -28,30 +29,30 @@ impl Sheets {
         seconds: f64,
         done: u32,
     ) -> Result<u32, Diverged> {
-        self.settle(now);
-        // The search of a frame's first list is nobody's.
+        self.update_holds(now);
+        // The time of a frame's first search counts for no pass.
         let mut clock = Clock::new(&self.passes());
         let contact = self.contact.is_some().then(Default::default);
         let mut record = SheetRecord { substeps: done, contact, ..SheetRecord::default() };
-        Ok((left / self.substep_length(now, left, seconds, &mut clock, &mut record)?).round() as u32)
+        Ok((left / self.next_substep(now, left, seconds, &mut clock, &mut record)?).round() as u32)
     }
 
     /// The speed of the fastest point [m/s].
-    pub(in crate::sim) fn fastest(&self) -> f64 {
+    pub(in crate::sim) fn max_speed(&self) -> f64 {
         par::max(self.len(), |i| self.v.get(i).norm_squared())
             .map_or(0.0, |(_, square)| f64::from(square).sqrt())
     }
 
-    /// Holds the points that are held at `now` [s].
-    pub(in crate::sim) fn hold_still(&mut self, now: f64) {
-        self.settle(now);
+    /// Updates which points are held at `now` [s].
+    pub(in crate::sim) fn update_pins_and_joints(&mut self, now: f64) {
+        self.update_holds(now);
     }
 
-    /// A substep from `now` [s] of `dt` [s].
+    /// Advances by a substep from `now` [s] of `dt` [s].
     ///
     /// # Errors
-    /// If a point leaves what can be computed.
-    pub(in crate::sim) fn go(
+    /// If a point diverges.
+    pub(in crate::sim) fn advance_substep(
         &mut self,
         now: f64,
         dt: f64,
@@ -62,15 +63,15 @@ impl Sheets {
         self.substep(now, dt, clock, record)
     }
 
-    /// The names of the sheets, by number.
+    /// The names of the sheets, in their order.
     pub(in crate::sim) fn names(&self) -> Vec<&str> {
         self.params.sheet.iter().map(|sheet| sheet.name.as_str()).collect()
     }
 
-    /// What the record tells of the end of a frame, at `time` [s].
-    pub(in crate::sim) fn end(&mut self, time: f64, record: &mut SheetRecord) {
+    /// Completes the record of the frame that ends at `time` [s].
+    pub(in crate::sim) fn end_frame(&mut self, time: f64, record: &mut SheetRecord) {
         self.end_contact(&mut Clock::new(&self.passes()), record);
-        self.account(time, record);
+        self.complete_record(time, record);
     }
 
     /// The faces of a sheet as triangles of points of all sheets; quads are cut from their first corner.
@@ -93,8 +94,8 @@ impl Sheets {
         self.inverse.as_flattened()[i]
     }
 
-    /// Adds to a velocity [m/s].
-    pub(in crate::sim) fn kick(&mut self, i: usize, change: Vec3) {
+    /// Changes a velocity [m/s].
+    pub(in crate::sim) fn add_velocity(&mut self, i: usize, change: Vec3) {
         self.v.add(i, change);
     }
 }
