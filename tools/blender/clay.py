@@ -3,7 +3,7 @@
 
     python tools/blender/clay.py surface.ply -o picture.png [--turn 30] [--tilt 35] [--zoom 1] [--size 360x270]
 
-The interpreter needs bpy 4.5 and numpy. The camera is orthographic and looks at the middle of the mesh; --zoom shows a part
+The interpreter needs bpy (4.5 to 5.2) and numpy. The camera is orthographic and looks at the middle of the mesh; --zoom shows a part
 of it that much larger. Several meshes with as many pictures are rendered one after the other, all from the place of the first.
 """
 

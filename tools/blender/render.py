@@ -3,7 +3,7 @@
 
     python tools/blender/render.py SHOT_DIR --frame N -o picture.png [--samples 64] [--size 1280x720]
 
-The interpreter needs bpy 4.5 and numpy. The water is what the extension imports; base, camera and lights are
+The interpreter needs bpy (4.5 to 5.2) and numpy. The water is what the extension imports; base, camera and lights are
 set up around the bounding box of the meshes over the sequence, so every frame of a shot is seen from the same
 place. Balls, ellipsoids and tori among the colliders stand below sheets. Options turn the view (--azimuth, --elevation), switch motion blur off (--sharp) and keep the scene
 (--blend)."""
@@ -192,7 +192,9 @@ def add_lights(low: np.ndarray, high: np.ndarray) -> None:
     world.use_nodes = True
     nodes, links = world.node_tree.nodes, world.node_tree.links
     sky = nodes.new("ShaderNodeTexSky")
-    sky.sky_type, sky.sun_disc = "NISHITA", False
+    # Blender 5.0 renamed the Nishita sky.
+    sky.sky_type = "SINGLE_SCATTERING" if bpy.app.version >= (5, 0) else "NISHITA"
+    sky.sun_disc = False
     sky.sun_elevation, sky.sun_rotation = radians(38.0), radians(140.0)
     nodes["Background"].inputs["Strength"].default_value = 0.07
     links.new(sky.outputs["Color"], nodes["Background"].inputs["Color"])

@@ -44,7 +44,15 @@ def set_inputs(modifier: bpy.types.NodesModifier, values: dict[str, object]) -> 
     """Sets group inputs of a modifier by their names."""
     for item in modifier.node_group.interface.items_tree:
         if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.name in values:
-            modifier[item.identifier] = values[item.name]
+            set_input(modifier, item.identifier, values[item.name])
+
+
+def set_input(modifier: bpy.types.NodesModifier, identifier: str, value: object) -> None:
+    """Sets one group input; Blender 5.2 keeps them in `properties`, earlier versions in custom properties."""
+    if hasattr(modifier, "properties"):
+        getattr(modifier.properties.inputs, identifier).value = value
+    else:
+        modifier[identifier] = value
 
 
 class Builder:

@@ -3,7 +3,7 @@
 
     python tools/blender/tests/run.py SHOT_DIR [VOLUMES_DIR [SMOKE_DIR [PLUME_DIR]]] [--keep DIR]
 
-The interpreter needs bpy 4.5 and numpy. The zip is built, and every stage of stages.py runs in a Blender
+The interpreter needs bpy (4.5 to 5.2) and numpy. The zip is built, and every stage of stages.py runs in a Blender
 process of its own with user folders made for the test; the shot is copied first, the given folder is not
 touched. The last line is `N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a
 synthetic shot stands in for it; without VOLUMES_DIR, a folder of `meniscus volume`, no volume is opened; without SMOKE_DIR, a shot of `smoke-ring`,
