@@ -6,7 +6,12 @@
 //! Meshing particles takes three lines:
 //!
 //! ```
-//! use meniscus::{export::ply, frame::Stream, math::Vec3, mesh::{self, SurfaceParams}};
+//! use meniscus::{
+//!     export::ply,
+//!     frame::{Stream, StreamKind},
+//!     math::Vec3,
+//!     mesh::{self, SurfaceParams},
+//! };
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! // A block of 10 × 10 × 10 particles, 5 cm apart.
@@ -14,7 +19,7 @@
 //! let positions: Vec<Vec3> = (0..n * n * n)
 //!     .map(|i| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / (n * n)) as f32) * spacing)
 //!     .collect();
-//! let particles = Stream::new("particles", positions.len()).with("position", positions);
+//! let particles = Stream::new("particles", StreamKind::Particles, positions.len()).with("position", positions);
 //!
 //! let surface = mesh::reconstruct(&particles, spacing, &SurfaceParams::default(), &|| true)?;
 //! assert!(surface.check.is_sound(), "closed, manifold, oriented outwards");

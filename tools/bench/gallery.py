@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Runs every built-in preset in every tier and prints the README's table of presets.
+"""Runs every built-in preset in every tier and prints the table of presets of docs/gallery.md.
 
     tools/bench/gallery.py                        everything: simulate, mesh, write volumes and sheets, about an hour on two cores
     tools/bench/gallery.py dam-break --tiers draft,preview
