@@ -1,7 +1,9 @@
-//! Times sheets: a substep of grids and meshes of 1e3 to 1e6 points, by what they have, and the implicit substep.
+//! Benchmarks of sheets: a substep of grids and meshes of 1e3 to 1e6 points with various terms, and the
+//! implicit substep.
 //!
-//! `cargo bench --bench sheet`; `MENISCUS_THREADS=1` sets the threads. With `-- threads` one thread beside two by turns, and nothing else. What counts as an element is a spring with its two ends, once a
-//! substep: structural ones and diagonals, not the pulls of plates, and none twice although both ends compute it.
+//! `cargo bench --bench sheet`; `MENISCUS_THREADS=1` sets the threads. With `-- threads` it only compares one
+//! thread with two, in alternation. Criterion's elements are springs, counted once a substep: structural ones
+//! and diagonals, not the terms of plates, although both ends of a spring compute it.
 
 use criterion::{Criterion, Throughput};
 use meniscus::{
@@ -14,7 +16,7 @@ use meniscus::{
 };
 use std::time::{Duration, Instant};
 
-/// What the sheets of a group have.
+/// Terms of the sheets of a group.
 struct Case {
     name: &'static str,
     terms: &'static str,
@@ -35,7 +37,7 @@ const CASES: [Case; 5] = [
     Case { name: "triangles", terms: "", shear: false, mesh: true },
 ];
 
-/// A square of `side`² points with corners held.
+/// A square of `side`² points, pinned at two corners.
 fn sheets(side: u32, terms: &str, mesh: bool) -> Sheets {
     let text = format!(
         "[[sheet]]\nname = 'cloth'\ndensity = 0.2\nstiffness = [50.0, 50.0]\npin = [{{ at = {{ points = [0, {}] }} }}]\n\
@@ -48,10 +50,10 @@ fn sheets(side: u32, terms: &str, mesh: bool) -> Sheets {
         params.sheet[0].shape = SheetShape::Mesh(triangles(side));
     }
     let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids: Vec::new() };
-    Sheets::new(Shot { params, fps: 24.0, first: 1 }, &world).expect("the preset has a meaning")
+    Sheets::new(Shot { params, fps: 24.0, first: 1 }, &world).expect("the sheets are valid")
 }
 
-/// The same square of triangles, row by row.
+/// A square of triangles, row by row.
 fn triangles(side: u32) -> SheetMesh {
     let step = 1.0 / (side - 1) as f32;
     let at = |i: u32, j: u32| i + side * j;
@@ -70,12 +72,13 @@ fn triangles(side: u32) -> SheetMesh {
 
 const IMPLICIT: &str = "[sheets.solver]\nintegrator = \"implicit\"\nsubsteps = 1";
 
-/// Turns of one and of two threads: short ones, and many, so that some are not disturbed.
-const TURNS: usize = 100;
+/// Measurements with one and with two threads: short and many, so that some are undisturbed.
+const MEASUREMENTS: usize = 100;
 
-/// Prints how much faster two threads are: medians of pairs of which each is one turn of either, and the ratio of their best.
+/// Prints the speed-up by two threads: the ratio of the best measurements, and the median over pairs of one
+/// measurement each.
 fn by_threads() {
-    println!("| what | points | 1 thread, ms | 2 threads, ms | of the best | median of pairs |");
+    println!("| terms | points | 1 thread, ms | 2 threads, ms | ratio of the best | median of pairs |");
     println!("|---|--:|--:|--:|--:|--:|");
     for case in CASES {
         for side in [32, 65, 100, 178, 316, 562, 1000] {
@@ -85,34 +88,36 @@ fn by_threads() {
         }
     }
     for side in [65, 100, 316, 1000] {
-        // As long as eight of the symplectic rule's, so that rounds are as many whatever the points.
+        // As long as eight substeps of the symplectic integrator, so that the number of iterations does not
+        // depend on the points.
         let dt = 8.0 * 0.4 * sheets(side, "", false).max_stable_step();
-        row("implicit, a round", side, 50_000 / side.pow(2), sheets(side, IMPLICIT, false), dt);
+        row("implicit, an iteration", side, 50_000 / side.pow(2), sheets(side, IMPLICIT, false), dt);
     }
 }
 
-/// A row, of seconds a substep, or a round of the conjugate gradients where there are some. Each has the first turn as often.
+/// Prints a row: milliseconds a substep, or an iteration of the conjugate gradients. Either number of threads
+/// is measured first equally often.
 fn row(name: &str, side: u32, steps: u32, mut sheets: Sheets, dt: f64) {
     let steps = steps.clamp(1, 500);
-    let mut turn = |threads: usize| {
+    let mut measure = |threads: usize| {
         par::with_threads(threads, || {
             let mut step = || sheets.step(0.0, dt).expect("it is stable");
             step();
             let start = Instant::now();
-            let rounds: u32 = (0..steps).map(|_| step().iterations.max(1)).sum();
-            1e3 * start.elapsed().as_secs_f64() / f64::from(rounds)
+            let iterations: u32 = (0..steps).map(|_| step().iterations.max(1)).sum();
+            1e3 * start.elapsed().as_secs_f64() / f64::from(iterations)
         })
     };
-    let mut turns: Vec<[f64; 2]> = (0..TURNS)
+    let mut pairs: Vec<[f64; 2]> = (0..MEASUREMENTS)
         .map(|k| {
-            let first = turn(1 + k % 2);
-            let second = turn(2 - k % 2);
+            let first = measure(1 + k % 2);
+            let second = measure(2 - k % 2);
             if k % 2 == 0 { [first, second] } else { [second, first] }
         })
         .collect();
-    let [one, two] = [0, 1].map(|k| turns.iter().map(|turn| turn[k]).fold(f64::INFINITY, f64::min));
-    turns.sort_by(|a, b| (a[0] / a[1]).total_cmp(&(b[0] / b[1])));
-    let [a, b] = turns[TURNS / 2];
+    let [one, two] = [0, 1].map(|k| pairs.iter().map(|pair| pair[k]).fold(f64::INFINITY, f64::min));
+    pairs.sort_by(|a, b| (a[0] / a[1]).total_cmp(&(b[0] / b[1])));
+    let [a, b] = pairs[MEASUREMENTS / 2];
     println!("| {name} | {} | {one:.3} | {two:.3} | {:.2}× | {:.2}× |", side * side, one / two, a / b);
 }
 
@@ -137,10 +142,10 @@ fn steps(criterion: &mut Criterion) {
             let structural = 2 * n * (n - 1) + if case.mesh { (n - 1).pow(2) } else { 0 };
             let springs = structural + if case.shear { 2 * (n - 1).pow(2) } else { 0 };
             group.throughput(Throughput::Elements(springs));
-            // Made only if it is asked for: a million points take seconds.
-            let mut made = None;
+            // Built only if the filter selects it: a million points take seconds.
+            let mut built = None;
             group.bench_function(format!("{}, {side}² points", case.name), |b| {
-                let (sheets, dt) = made.get_or_insert_with(|| {
+                let (sheets, dt) = built.get_or_insert_with(|| {
                     let sheets = sheets(side, case.terms, case.mesh);
                     let dt = 0.4 * sheets.max_stable_step();
                     (sheets, dt)
@@ -149,9 +154,9 @@ fn steps(criterion: &mut Criterion) {
             });
         }
     }
-    let mut made = None;
+    let mut built = None;
     group.bench_function("implicit, 316² points", |b| {
-        let sheets = made.get_or_insert_with(|| sheets(316, IMPLICIT, false));
+        let sheets = built.get_or_insert_with(|| sheets(316, IMPLICIT, false));
         b.iter(|| sheets.step(0.0, 1.0 / 192.0).expect("it is stable"));
     });
     group.finish();

@@ -1,16 +1,16 @@
-//! The built-in shots of sheets, as drafts of a second: what each is there to show.
+//! The built-in shots of sheets, as drafts of a second: each shows the phenomenon it is built for.
 
 use super::{sheets::samples, *};
 use meniscus::{math::Vec3, solid::Shape};
 
-/// A shot that ran: its log, a line a frame but the first.
+/// A completed shot: its log has a line for each frame after the first.
 struct Scene {
     desk: Desk,
     name: &'static str,
     log: Vec<serde_json::Value>,
 }
 
-/// The points of a sheet in all frames. Its cells are as many along both sides.
+/// The points of a square sheet in all frames; it has as many cells along both sides.
 struct Cloth {
     frames: Vec<Vec<Vec3>>,
     side: usize,
@@ -67,36 +67,36 @@ impl Cloth {
         self.frames[frame].iter().map(|x| x.z).fold(f32::MIN, f32::max)
     }
 
-    /// How far the points of a frame are from a solid, the nearest first.
+    /// Distances of the points of a frame from a solid, in ascending order.
     fn distances(&self, frame: usize, solid: &Shape) -> Vec<f32> {
         let mut out: Vec<f32> = self.frames[frame].iter().map(|x| solid.signed_distance(*x)).collect();
         out.sort_by(f32::total_cmp);
         out
     }
 
-    /// How much longer than at the start an edge is, from a point to the next of its row.
+    /// Length of the edge from a point to the next in its row, relative to its length at the start.
     fn drawn(&self, frame: usize, point: usize) -> f32 {
         let length = |frame: usize| (self.frames[frame][point + 1] - self.frames[frame][point]).norm();
         length(frame) / length(0)
     }
 
-    /// Whether it neither turned nor went to a side: the scenes are symmetrical.
+    /// Whether it neither turned nor moved sideways: the scenes are symmetrical.
     fn stays_in_the_middle(&self) -> bool {
         let sum: Vec3 = self.frames[23].iter().sum();
         (sum / self.frames[23].len() as f32).xy().norm() < 0.01
     }
 }
 
-/// Height that a free fall from rest has lost after a time [s], with a drag of `rate` [1/s].
+/// Height lost by free fall from rest after a time [s], with a drag of `rate` [1/s].
 fn fallen(time: f32, rate: f32) -> f32 {
     9.81 / rate.powi(2) * ((-rate * time).exp() - 1.0 + rate * time)
 }
 
 const FIVE: [&str; 5] = ["steel", "canvas", "cotton", "jersey", "rubber"];
 
-/// Figures 5 and 6: the stiffer, the less a sheet has sagged at the same frame.
+/// Figures 5 and 6: a stiffer sheet has sagged less at the same frame.
 #[test]
-fn the_stiffer_of_five_sheets_sags_less() {
+fn stiffer_sheets_sag_less() {
     for (name, from_corners) in [("sheet-corners", true), ("sheet-center", false)] {
         let scene = scene(name);
         let mut sags = Vec::new();
@@ -105,7 +105,7 @@ fn the_stiffer_of_five_sheets_sags_less() {
             let (corners, middle) = (cloth.corners().to_vec(), vec![cloth.middle()]);
             let (held, free) = if from_corners { (corners, middle) } else { (middle, corners) };
             assert!(held.iter().all(|&i| cloth.frames.iter().all(|frame| frame[i] == cloth.frames[0][i])));
-            // Until threads from the pins are there, every sheet falls alike: for a quarter of a second.
+            // For a quarter of a second, until waves from the pins arrive, all sheets fall alike.
             let fall = cloth.heights(free[0])[6];
             assert!((fall / -fallen(0.25, 1.0) - 1.0).abs() < 0.02, "{name} {sheet}: {fall}");
             let deepest = (0..24).map(|frame| cloth.lowest(frame)).fold(0.0, f32::min);
@@ -115,14 +115,14 @@ fn the_stiffer_of_five_sheets_sags_less() {
         for pair in sags.windows(2) {
             assert!(pair[1].0 < pair[0].0 - 0.03 && pair[1].1 <= pair[0].1, "{name}: {sags:?}");
         }
-        // A sheet that hardly stretches hangs as far as it is long.
+        // A sheet that hardly stretches hangs as low as its length allows.
         assert!(sags[0].1 > -0.9 && sags[4].1 < -1.3, "{name}: {sags:?}");
     }
 }
 
-/// Figures 7 and 8: it is drawn out at its pins, and swings back.
+/// Figures 7 and 8: the sheet stretches at its pins, and swings back.
 #[test]
-fn a_stretchy_sheet_is_drawn_out_at_its_pins_and_swings_back() {
+fn a_soft_sheet_stretches_at_its_pins_and_swings_back() {
     for (name, from_corners) in [("stretchy-corners", true), ("stretchy-center", false)] {
         let cloth = scene(name).cloth("sheet");
         let low: Vec<f32> = (0..24).map(|frame| cloth.lowest(frame)).collect();
@@ -146,12 +146,12 @@ fn the_cloth_lies_on_the_ellipsoid() {
     let (cloth, solid) =
         (scene.cloth("cloth"), Shape::Ellipsoid { center: [0.0; 3], radii: [0.5, 0.3, 0.3] });
     let top = cloth.heights(cloth.middle());
-    // Repulsion carries a loose cloth at 4 mm ln(125/1.96) = 17 mm, and one under tension nearer.
+    // Repulsion supports loose cloth at 4 mm ln(125/1.96) = 17 mm, and cloth under tension closer.
     assert!(top[6..].iter().all(|z| (0.3..0.317).contains(z)), "{top:?}");
     let near = cloth.distances(23, &solid);
     println!("{} {} {}", near[0], near[1000], top[23]);
     assert!(near[0] >= 0.0 && near[1000] < 0.02, "{} {}", near[0], near[1000]);
-    // All that is above the middle of it lies on it.
+    // All points above the middle of the ellipsoid lie on it.
     let over =
         cloth.frames[23].iter().filter(|x| (x.x / 0.5).powi(2) + (x.y / 0.3).powi(2) < 0.5 && x.z > 0.0);
     let highest = over.map(|x| solid.signed_distance(*x)).fold(0.0, f32::max);
@@ -160,7 +160,7 @@ fn the_cloth_lies_on_the_ellipsoid() {
     assert!(cloth.stays_in_the_middle());
 }
 
-/// Figure 10: the sheet is carried by the ring, and sags into it and around it.
+/// Figure 10: the ring supports the sheet, which sags into the hole and around the ring.
 #[test]
 fn the_sheet_lies_on_the_torus_and_sags_into_it() {
     let scene = scene("sheet-over-torus");
@@ -203,7 +203,7 @@ fn the_small_sheet_falls_through_the_torus() {
     let touching = (0..24).filter(|&frame| cloth.distances(frame, &solid)[100] < 0.02).count();
     println!("{touching} {} {}", cloth.highest(10), cloth.highest(23));
     assert!(touching > 0 && scene.sum("caught") > 0.0, "it touches");
-    // Through the hole, and not around the ring: while it passes it is within.
+    // Through the hole, and not around the ring: it stays inside the ring while it passes.
     for frame in &cloth.frames[..12] {
         assert!(frame.iter().all(|x| x.z.abs() > 0.12 || x.xy().norm() < 0.4));
     }
@@ -214,8 +214,8 @@ fn torus(radius: f32, tube: f32) -> Shape {
     Shape::Torus { center: [0.0; 3], axis: [0.0, 0.0, 1.0], radius, tube }
 }
 
-/// The built-in shots of sheets with solids, but for those that are coupled, whole and as written: no point is inside a solid at any frame's end, and no face
-/// where it is asked.
+/// The built-in shots of sheets with solids and without couplings, complete and as written: at the end of
+/// each frame no point and no tested place of a face is inside a solid.
 #[test]
 fn presets_as_written_keep_points_and_faces_out_of_solids() {
     let desk = Desk::new();
@@ -240,18 +240,18 @@ fn presets_as_written_keep_points_and_faces_out_of_solids() {
 }
 
 #[test]
-fn three_cloths_that_fall_on_a_ball_never_cross() {
+fn three_cloths_that_fall_on_a_ball_never_intersect() {
     let scene = scene("falling-sheets");
     assert!(scene.log.iter().all(|line| line["sheets"]["contact"]["crossings"] == 0), "{:?}", scene.log);
     assert!(scene.log.iter().any(|line| line["sheets"]["contact"]["pairs"].as_u64() > Some(1000)));
-    // Nothing that meets makes energy, in drafts' long substeps either.
+    // Contact does not add energy, even with the long substeps of drafts.
     let energy = |line: &serde_json::Value| -> f64 {
         let parts = ["kinetic_energy", "elastic_energy", "potential_energy"];
         parts.iter().map(|part| line["sheets"][part].as_f64().unwrap()).sum()
     };
     let energies: Vec<f64> = scene.log.iter().map(energy).collect();
     assert!(energies.windows(2).all(|pair| pair[1] < pair[0]), "{energies:?}");
-    // The lowest lies half of the thickness off the ball.
+    // The lowest sheet lies half of the thickness off the ball.
     let ball = Shape::Sphere { center: [0.0; 3], radius: 0.22 };
     let near = scene.cloth("first").distances(23, &ball);
     assert!((0.00299..0.0032).contains(&near[0]) && near[50] < 0.0032, "{} {}", near[0], near[50]);

@@ -1,4 +1,4 @@
-//! Shots of sheets: from preset to point caches and meshes, resumed, kept, and with frames that are damaged.
+//! Shots of sheets: from preset to point caches and meshes, resumed, repeated, and with damaged frames.
 
 use super::{meshing::read_ply, *};
 use meniscus::{math::Vec3, mesh::Mesh};
@@ -65,7 +65,7 @@ fn one_command_goes_from_sheets_to_point_caches() {
     assert_eq!(desk.names("shot/sheet"), ["cloth.pc2", "cloth.ply", "flag.pc2", "flag.ply"]);
     let cloth = samples(&desk.path("shot/sheet/cloth.pc2"));
     assert_eq!((cloth.len(), cloth[0].len(), cloth[0][0]), (9, 169, [-0.3, -0.3, 0.22]));
-    // It falls, and the ball holds its middle; no point is inside.
+    // It falls, and the ball supports its middle; no point is inside.
     assert!(cloth[8][0][2] < 0.1 && cloth[8][84][2] > 0.199, "{:?}", cloth[8]);
     let depth = |x: &[f32; 3]| 0.2 - x.iter().map(|c| c * c).sum::<f32>().sqrt();
     assert!(cloth.iter().flatten().all(|x| depth(x) < 1e-5));
@@ -83,7 +83,7 @@ fn one_command_goes_from_sheets_to_point_caches() {
     );
     assert_eq!(output["frames"], serde_json::json!({ "first": 1, "last": 9, "step": 1 }));
 
-    // What is there is kept, another selection is written anew, and nothing of it takes part in meshing.
+    // Existing frames are kept, another selection is written anew, and sheets are not meshed as a liquid.
     let again = desk.run("shot cloth.toml -o shot", 0).0;
     assert!(
         again.contains("9 were there")
@@ -96,8 +96,8 @@ fn one_command_goes_from_sheets_to_point_caches() {
     assert_eq!(samples(&desk.path("shot/sheet/cloth.pc2"))[1], cloth[2]);
     let none = desk.run("mesh shot", 2).1;
     assert!(none.contains("no liquid in this cache"), "{none}");
-    let told = desk.run("info shot", 0).0;
-    assert!(told.contains("sheet/cloth.pc2"), "{told}");
+    let message = desk.run("info shot", 0).0;
+    assert!(message.contains("sheet/cloth.pc2"), "{message}");
 }
 
 #[test]
@@ -132,7 +132,7 @@ fn meshes_a_frame_have_velocities_and_a_thickness() {
     assert!(fs::read_to_string(desk.path("shot/sheet/flag_0003.obj")).unwrap().contains("f "));
 }
 
-/// Unit normals that go with the faces around each point.
+/// Asserts that each point has the unit normal of the faces around it.
 fn assert_normals(path: &Path) -> Mesh {
     let mesh = read_ply(path);
     assert_eq!(mesh.normals.len(), mesh.positions.len(), "{}", path.display());
@@ -151,14 +151,14 @@ fn assert_normals(path: &Path) -> Mesh {
 fn written_sheets_have_the_normals_of_their_faces() {
     let desk = desk();
     desk.run("shot cloth.toml -o shot", 0);
-    // As it begins it is level, and its faces look up.
+    // At the start it is level, and its normals point up.
     let rest = assert_normals(&desk.path("shot/sheet/cloth.ply"));
     assert!(rest.normals.iter().all(|n| (n - Vec3::z()).norm() < 1e-6));
     desk.run("export shot --format ply", 0);
     for sheet in ["cloth", "flag"] {
         assert_normals(&desk.path(&format!("shot/sheet/{sheet}_0009.ply")));
     }
-    // A body of 1 cm: one side looks up, the other down.
+    // As a shell of 1 cm: one side points up, the other down.
     desk.run("export shot --format ply --thickness 0.01", 0);
     let mesh = assert_normals(&desk.path("shot/sheet/cloth_0001.ply"));
     let level = mesh.normals.iter().map(|n| n.z).filter(|z| z.abs() > 0.99);
@@ -166,9 +166,9 @@ fn written_sheets_have_the_normals_of_their_faces() {
     assert!(up.len() > 100 && up.len() == down.len(), "{} {}", up.len(), down.len());
 }
 
-/// What is painted on the vertices of a file reaches the simulation: a half that wants to be shorter draws itself together, and takes the rest along.
+/// Vertex properties of a file reach the simulation: a half with shorter rest lengths contracts.
 #[test]
-fn paint_on_a_file_shapes_its_sheet() {
+fn vertex_properties_of_a_file_shape_its_sheet() {
     let desk = Desk::new();
     let (columns, h) = (10_u32, 0.1_f32);
     let rest = |i: u32| if i < 5 { 0.8_f32 } else { 1.0 };
@@ -205,9 +205,9 @@ fn paint_on_a_file_shapes_its_sheet() {
 }
 
 #[test]
-fn meshes_that_cannot_be_sheets_are_refused_with_their_fault() {
+fn invalid_sheet_meshes_are_refused_with_the_reason() {
     let desk = desk();
-    for (file, told) in [
+    for (file, message) in [
         (FLAG.replace("v 1.4 0 0\n", "v 1 0 0\n"), "an edge without length at point 0"),
         (FLAG.replace("f 2 5 3\n", ""), "no face at point 4"),
         (FLAG.replace("f 2 5 3\n", "f 2 5 5\n"), "an edge without length at point 4"),
@@ -218,15 +218,15 @@ fn meshes_that_cannot_be_sheets_are_refused_with_their_fault() {
         let output = desk.tool("simulate cloth.toml -o wrong").output().unwrap();
         let talk = String::from_utf8_lossy(&output.stderr);
         println!("{:?} {talk}", output.status.code());
-        assert!(!output.status.success() && talk.contains(told), "{told}: {talk}");
+        assert!(!output.status.success() && talk.contains(message), "{message}: {talk}");
         assert!(!desk.path("wrong/cache/frame_0002.mcf").exists());
     }
 }
 
 #[test]
-fn a_sheet_that_is_lost_ends_its_shot_with_a_code_of_its_own_and_its_name() {
+fn a_diverged_sheet_ends_the_shot_with_its_own_exit_code_and_is_named() {
     let desk = desk();
-    // More substeps than are allowed, of the second sheet.
+    // The second sheet needs more substeps than are allowed.
     desk.write("stiff.toml", CLOTH.replace("stiffness = [40, 40]", "stiffness = [4e12, 4e12]"));
     let talk = desk.run("simulate stiff.toml -o stiff", 20).1;
     assert!(
@@ -235,15 +235,15 @@ fn a_sheet_that_is_lost_ends_its_shot_with_a_code_of_its_own_and_its_name() {
             && talk.contains("sheets.solver.max_substeps"),
         "{talk}"
     );
-    assert!(desk.path("stiff/cache/frame_0001.mcf").exists(), "what was there stays");
-    // A pin that takes it away so fast that no substeps would do beside a solid.
+    assert!(desk.path("stiff/cache/frame_0001.mcf").exists(), "earlier frames stay");
+    // A pin moves so fast that no number of substeps suffices next to a solid.
     desk.write("far.toml", CLOTH.replace("position = [0.2, 0, 0]", "position = [9e9, 0, 0]"));
     let talk = desk.run("simulate far.toml -o far", 20).1;
     assert!(talk.contains("sheet 'flag'") && talk.contains("to not pass through solids"), "{talk}");
 }
 
 #[test]
-fn a_damaged_frame_is_named_and_the_one_before_stands_in_its_place() {
+fn a_damaged_frame_is_named_and_the_frame_before_replaces_it() {
     let desk = desk();
     desk.run("simulate cloth.toml -o shot --frames 1-5", 0);
     let path = desk.path("shot/cache/frame_0003.mcf");
@@ -258,9 +258,9 @@ fn a_damaged_frame_is_named_and_the_one_before_stands_in_its_place() {
 }
 
 #[test]
-fn mistakes_about_sheets_are_shown_in_their_place() {
+fn errors_in_sheet_parameters_name_their_key() {
     let desk = desk();
-    for (from, to, told) in [
+    for (from, to, message) in [
         ("name = \"flag\"", "name = \"cloth\"", "sheet.1.name"),
         ("name = \"flag\"", "name = \"a b\"", "cannot be the name of a file"),
         ("stiffness = [60, 60]", "stiffness = [60, -1]", "sheet.0.stiffness"),
@@ -273,13 +273,13 @@ fn mistakes_about_sheets_are_shown_in_their_place() {
         assert_ne!(text, CLOTH, "{from}");
         desk.write("wrong.toml", &text);
         let talk = desk.run("simulate wrong.toml -o wrong", 2).1;
-        assert!(talk.contains(told), "{to}: {talk}");
+        assert!(talk.contains(message), "{to}: {talk}");
         assert!(!desk.path("wrong/cache/frame_0002.mcf").exists());
     }
 }
 
 #[test]
-fn only_what_is_named_is_there() {
+fn only_the_passes_of_present_systems_are_listed() {
     let desk = desk();
     let cloth = desk.run("shot cloth.toml --dry-run", 0).0;
     assert!(
@@ -295,14 +295,14 @@ fn only_what_is_named_is_there() {
 }
 
 #[test]
-fn files_that_a_shot_cannot_have_are_refused_before_it_is_simulated() {
+fn outputs_that_a_shot_cannot_have_are_refused_before_it_is_simulated() {
     let desk = desk();
-    for (output, told) in
+    for (output, message) in
         [("mesh = [\"ply\"]", "sheets are not meshed"), ("volume = [\"density\"]", "sheets have no volume")]
     {
         desk.write("wrong.toml", CLOTH.replace("sheet = [\"pc2\"]", output));
         let talk = desk.run("shot wrong.toml -o wrong", 2).1;
-        assert!(talk.contains(told) && talk.contains("[output]"), "{talk}");
+        assert!(talk.contains(message) && talk.contains("[output]"), "{talk}");
     }
     desk.write("wrong.toml", SMALL.replace("mesh = [\"ply\"]", "sheet = [\"pc2\"]"));
     let talk = desk.run("shot wrong.toml -o wrong", 2).1;

@@ -1,11 +1,11 @@
-//! Sheets that meet each other and themselves.
+//! Contact of sheets with each other and with themselves.
 
 use super::*;
 use meniscus::{par, sim::sheet::ContactRecord};
 
 const INTEGRATORS: [&str; 2] = ["symplectic", "implicit"];
 
-/// A square sheet of a name and a side, about a middle.
+/// A square sheet with a name and a side, about a centre.
 fn cloth(name: &str, middle: [f32; 3], side: f32, cells: u32, terms: &str) -> String {
     let origin = [middle[0] - 0.5 * side, middle[1] - 0.5 * side, middle[2]];
     let text = grid(origin, [side, 0.0, 0.0], [0.0, side, 0.0], [cells; 2], terms);
@@ -23,8 +23,8 @@ fn common(thickness: f32, friction: Option<f32>, integrator: &str) -> String {
     )
 }
 
-/// What contact told in all frames.
-fn told(records: &[SheetRecord]) -> ContactRecord {
+/// Contact record summed over all frames.
+fn total_contact(records: &[SheetRecord]) -> ContactRecord {
     records.iter().filter_map(|record| record.contact.clone()).fold(ContactRecord::default(), |all, one| {
         ContactRecord {
             pairs: all.pairs + one.pairs,
@@ -48,7 +48,7 @@ fn points(sheets: &Sheets, sheet: usize) -> Vec<Vec3> {
 #[test]
 fn a_sheet_that_falls_on_a_pinned_one_rests_at_the_thickness() {
     for integrator in INTEGRATORS {
-        // All points of the lower are held, those of the upper do not lie above them.
+        // All points of the lower sheet are pinned; those of the upper one are not above them.
         let lower = cloth(
             "lower",
             [0.0; 3],
@@ -62,11 +62,14 @@ fn a_sheet_that_falls_on_a_pinned_one_rests_at_the_thickness() {
         let text = format!("{lower}{upper}{}", common(0.01, None, integrator));
         let mut sheets = sheets(&text, &world(9.81, vec![]));
         let records = run(&mut sheets, 0, 18).unwrap();
-        let told = told(&records);
-        assert!(told.pairs > 0 && told.crossings == 0 && told.unseparated == 0, "{told:?}");
+        let contact_record = total_contact(&records);
+        assert!(
+            contact_record.pairs > 0 && contact_record.crossings == 0 && contact_record.unseparated == 0,
+            "{contact_record:?}"
+        );
         let z = points(&sheets, 1).into_iter().map(|x| x.z);
         let (low, high) = z.fold((f32::MAX, f32::MIN), |(low, high), z| (low.min(z), high.max(z)));
-        println!("{integrator}: {low} {high} {told:?}");
+        println!("{integrator}: {low} {high} {contact_record:?}");
         assert!((0.01 - 2e-4..0.01 + 2e-4).contains(&low) && high < 0.0115, "{integrator}: {low} {high}");
     }
 }
@@ -85,16 +88,23 @@ fn a_strip_dropped_on_its_edge_folds_on_itself() {
         let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
         let mut sheets = sheets(&text, &world(9.81, vec![floor]));
         let records = run(&mut sheets, 0, 24).unwrap();
-        let told = told(&records);
-        println!("{integrator}: {told:?}");
+        let contact_record = total_contact(&records);
+        println!("{integrator}: {contact_record:?}");
         let highest = sheets.positions().iter().map(|x| x.z).fold(f32::MIN, f32::max);
-        assert!(told.pairs > 1000 && highest < 0.3, "it lies in folds: {told:?}, {highest}");
-        assert_eq!((told.crossings, told.unseparated), (0, 0), "{integrator}: {told:?}");
+        assert!(
+            contact_record.pairs > 1000 && highest < 0.3,
+            "it lies in folds: {contact_record:?}, {highest}"
+        );
+        assert_eq!(
+            (contact_record.crossings, contact_record.unseparated),
+            (0, 0),
+            "{integrator}: {contact_record:?}"
+        );
         assert!(records.iter().all(|record| record.inside_solids == 0));
     }
 }
 
-/// Two free sheets that meet at 20 m/s, one across the other and not in the middle.
+/// Two free sheets that collide at 20 m/s, off centre and rotated.
 fn meeting(integrator: &str, ratio: f32) -> String {
     let one = cloth("one", [0.05, 0.03, 0.0], 0.5, 14, &format!("{FAST}velocity = [0.0, 0.0, 10.0]\n"));
     let two = cloth("two", [-0.04, 0.0, 0.11], 0.4, 9, &format!("{FAST}velocity = [1.0, 0.0, -10.0]\n"))
@@ -103,8 +113,8 @@ fn meeting(integrator: &str, ratio: f32) -> String {
 }
 
 #[test]
-fn sheets_that_meet_at_20_metres_a_second_do_not_pass_and_keep_their_momenta() {
-    // The implicit rule damps turning.
+fn sheets_that_collide_at_20_metres_a_second_do_not_pass_and_conserve_momentum() {
+    // Implicit Euler damps rotation.
     for (integrator, bounds) in [("symplectic", [1e-5, 1e-5]), ("implicit", [1e-5, 0.05])] {
         let text = meeting(integrator, 1.0);
         let mut sheets = sheets(&text, &world(0.0, vec![]));
@@ -112,40 +122,47 @@ fn sheets_that_meet_at_20_metres_a_second_do_not_pass_and_keep_their_momenta() {
         let first =
             0.5 * (0..sheets.len()).map(|i| f64::from(sheets.mass(i) * start[i].norm_squared())).sum::<f64>();
         let records = run(&mut sheets, 0, 6).unwrap();
-        let told = told(&records);
-        println!("{integrator}: {told:?}");
-        assert!(told.pairs > 100 && told.crossings == 0 && told.unseparated == 0, "{told:?}");
+        let contact_record = total_contact(&records);
+        println!("{integrator}: {contact_record:?}");
+        assert!(
+            contact_record.pairs > 100 && contact_record.crossings == 0 && contact_record.unseparated == 0,
+            "{contact_record:?}"
+        );
         for ((after, before), bound) in momenta(&sheets).iter().zip(before).zip(bounds) {
             let change = (after.0 - before.0).norm() / before.1;
             println!("{integrator}: {change}");
             assert!(change < bound, "{integrator}: {change}");
         }
-        let mut most = first;
+        let mut largest = first;
         for record in &records {
-            assert!(energy(record) < most * (1.0 + 2e-3), "{integrator}: {} {most}", energy(record));
-            most = energy(record);
+            assert!(energy(record) < largest * (1.0 + 2e-3), "{integrator}: {} {largest}", energy(record));
+            largest = energy(record);
         }
-        assert!(most < 0.9 * first, "it is not elastic");
+        assert!(largest < 0.9 * first, "the collision is inelastic");
     }
 }
 
 #[test]
-fn sheets_of_masses_that_differ_by_ten_thousand_do_not_pass() {
+fn sheets_with_a_mass_ratio_of_ten_thousand_do_not_pass_through_each_other() {
     for integrator in INTEGRATORS {
         for ratio in [1e4, 1e-4] {
             let text = meeting(integrator, ratio);
             let mut sheets = sheets(&text, &world(0.0, vec![]));
-            let told = told(&run(&mut sheets, 0, 3).unwrap());
-            println!("{integrator} {ratio}: {told:?}");
-            assert!(told.pairs > 100 && told.crossings == 0 && told.unseparated == 0, "{ratio}: {told:?}");
+            let contact_record = total_contact(&run(&mut sheets, 0, 3).unwrap());
+            println!("{integrator} {ratio}: {contact_record:?}");
+            assert!(
+                contact_record.pairs > 100
+                    && contact_record.crossings == 0
+                    && contact_record.unseparated == 0,
+                "{ratio}: {contact_record:?}"
+            );
         }
     }
 }
 
-/// A small sheet on a larger one that is held, both tilted about y: it stays where tan θ < μ, and slides
-/// where not.
+/// A small sheet on a larger pinned one, both tilted about y: it rests where tan θ < μ, and slides otherwise.
 #[test]
-fn friction_between_layers_holds_below_its_angle_and_lets_go_above() {
+fn friction_between_layers_holds_below_its_angle_and_slips_above() {
     let (sin, cos) = 20_f32.to_radians().sin_cos();
     for integrator in INTEGRATORS {
         let slid = |friction: f32| {
@@ -164,7 +181,7 @@ fn friction_between_layers_holds_below_its_angle_and_lets_go_above() {
             let text = format!("{lower}{upper}{}", common(0.01, Some(friction), integrator));
             let mut sheets = sheets(&text, &world(9.81, vec![]));
             let records = run(&mut sheets, 0, 12).unwrap();
-            assert_eq!(told(&records).crossings, 0);
+            assert_eq!(total_contact(&records).crossings, 0);
             let upper = sheets.ranges()[1].clone();
             let v = sheets.velocities()[upper.clone()].to_vec();
             v.iter().map(|v| v.x * cos - v.z * sin).sum::<f32>() / upper.len() as f32
@@ -178,27 +195,30 @@ fn friction_between_layers_holds_below_its_angle_and_lets_go_above() {
 }
 
 #[test]
-fn sheets_that_begin_in_one_place_part_without_energy() {
+fn coincident_sheets_separate_without_energy() {
     for integrator in INTEGRATORS {
         let one = cloth("one", [0.0; 3], 0.4, 10, FAST);
-        // The other is turned over.
+        // The second is turned over.
         let two = grid([-0.2, -0.2, 0.0], [0.0, 0.4, 0.0], [0.4, 0.0, 0.0], [10; 2], FAST)
             .replace("'cloth'", "'two'");
         let text = format!("{one}{two}{}", common(0.01, None, integrator));
         let mut sheets = sheets(&text, &world(0.0, vec![]));
         assert_eq!(sheets.crossings(), 0);
         let records = run(&mut sheets, 0, 24).unwrap();
-        let told = told(&records);
+        let contact_record = total_contact(&records);
         let gap = points(&sheets, 0)[60].z - points(&sheets, 1)[60].z;
-        println!("{integrator}: {told:?} {gap} {}", energy(&records[23]));
-        assert!(told.crossings == 0 && (gap.abs() - 0.01).abs() < 5e-4, "{told:?}, {gap}");
+        println!("{integrator}: {contact_record:?} {gap} {}", energy(&records[23]));
+        assert!(
+            contact_record.crossings == 0 && (gap.abs() - 0.01).abs() < 5e-4,
+            "{contact_record:?}, {gap}"
+        );
         // Half of the thickness at 1 mm a frame would be 1e-5 J.
         assert!(records.iter().all(|record| energy(record) < 1e-6), "{}", energy(&records[23]));
     }
 }
 
 #[test]
-fn sheets_that_cross_at_the_start_are_told_and_make_no_energy() {
+fn sheets_that_intersect_at_the_start_are_reported_and_gain_no_energy() {
     for integrator in INTEGRATORS {
         let one = cloth("one", [0.0; 3], 0.4, 10, FAST);
         let two = grid([-0.13, 0.003, -0.21], [0.29, 0.0, 0.0], [0.0, 0.05, 0.4], [9; 2], FAST)
@@ -207,16 +227,17 @@ fn sheets_that_cross_at_the_start_are_told_and_make_no_energy() {
         let mut sheets = sheets(&text, &world(0.0, vec![]));
         assert!(sheets.crossings() > 10, "{}", sheets.crossings());
         let records = run(&mut sheets, 0, 24).unwrap();
-        println!("{integrator}: {:?} {}", told(&records), energy(&records[23]));
+        println!("{integrator}: {:?} {}", total_contact(&records), energy(&records[23]));
         assert!(records.iter().all(|record| energy(record) < 1e-6), "{}", energy(&records[23]));
-        assert!(records[23].contact.as_ref().unwrap().crossings > 0, "they stay as they are");
+        assert!(records[23].contact.as_ref().unwrap().crossings > 0, "they stay tangled");
     }
 }
 
 #[test]
-fn joined_sheets_lie_at_their_seam() {
+fn joined_sheets_touch_at_their_seam() {
     for integrator in INTEGRATORS {
-        // Two sheets side by side with a gap, joined along it; the cells are smaller than the thickness.
+        // Two sheets next to each other with a gap, joined along it; the cells are smaller than the
+        // thickness.
         let terms = "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 15.0\ndamping = 20.0\n";
         let one = grid([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [10; 2], terms);
         let two = grid([0.001, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [10; 2], terms)
@@ -231,18 +252,18 @@ fn joined_sheets_lie_at_their_seam() {
         let mut sheets = sheets(&text, &world(0.0, vec![]));
         let records = run(&mut sheets, 0, 16).unwrap();
         let (one, two) = (points(&sheets, 0), points(&sheets, 1));
-        let apart = (0..11).map(|j| (one[11 * j + 10] - two[11 * j]).norm()).fold(0.0, f32::max);
-        println!("{integrator}: {apart} {:?} {}", told(&records), records[15].strain_max);
+        let gap = (0..11).map(|j| (one[11 * j + 10] - two[11 * j]).norm()).fold(0.0, f32::max);
+        println!("{integrator}: {gap} {:?} {}", total_contact(&records), records[15].strain_max);
         assert!(
-            apart < 2e-4 && records[15].strain_max < 0.02,
-            "{integrator}: {apart}, {}",
+            gap < 2e-4 && records[15].strain_max < 0.02,
+            "{integrator}: {gap}, {}",
             records[15].strain_max
         );
     }
 }
 
 #[test]
-fn chains_and_meshes_of_triangles_and_quads_meet_too() {
+fn chains_and_meshes_of_triangles_and_quads_have_contact() {
     for integrator in INTEGRATORS {
         let chain = grid(
             [-0.3, 0.011, 0.05],
@@ -282,12 +303,15 @@ fn chains_and_meshes_of_triangles_and_quads_meet_too() {
         shot.params.sheet.push(mesh);
         let mut sheets = Sheets::new(shot, &world(9.81, vec![])).unwrap();
         let records = run(&mut sheets, 0, 16).unwrap();
-        let told = told(&records);
-        println!("{integrator}: {told:?}");
-        assert!(told.pairs > 100 && told.crossings == 0 && told.unseparated == 0, "{told:?}");
+        let contact_record = total_contact(&records);
+        println!("{integrator}: {contact_record:?}");
+        assert!(
+            contact_record.pairs > 100 && contact_record.crossings == 0 && contact_record.unseparated == 0,
+            "{contact_record:?}"
+        );
         let lowest = |sheet: usize| self::points(&sheets, sheet).iter().map(|x| x.z).fold(f32::MAX, f32::min);
         let fallen = -0.5 * 9.81 * (16.0_f32 / 24.0).powi(2);
-        assert!(lowest(2) > 0.5 * fallen, "the mesh is carried: {} {fallen}", lowest(2));
+        assert!(lowest(2) > 0.5 * fallen, "the mesh is supported: {} {fallen}", lowest(2));
     }
 }
 
@@ -304,7 +328,11 @@ fn contact_has_the_same_bytes_for_any_threads_and_resumed() {
             (sheets.streams(), records)
         };
         let whole = par::with_threads(1, go);
-        assert!(told(&whole.1).pairs > 1000 && told(&whole.1).crossings == 0, "{:?}", told(&whole.1));
+        assert!(
+            total_contact(&whole.1).pairs > 1000 && total_contact(&whole.1).crossings == 0,
+            "{:?}",
+            total_contact(&whole.1)
+        );
         for threads in [2, 3] {
             assert!(whole == par::with_threads(threads, go), "{integrator}, {threads} threads");
         }
@@ -317,7 +345,7 @@ fn contact_has_the_same_bytes_for_any_threads_and_resumed() {
 }
 
 #[test]
-fn what_would_take_too_many_substeps_says_so() {
+fn contact_that_needs_too_many_substeps_is_an_error() {
     let text = meeting("implicit", 1.0).replace("[sheets.solver]", "[sheets.solver]\nmax_substeps = 16");
     let mut sheets = sheets(&text, &world(0.0, vec![]));
     let error = run(&mut sheets, 0, 6).unwrap_err();

@@ -1,4 +1,4 @@
-//! Pins, leads and joints.
+//! Pins and joints.
 
 use super::*;
 
@@ -8,9 +8,9 @@ fn point(terms: &str) -> String {
 }
 
 #[test]
-fn a_pin_with_a_spring_gives_way_as_eq_8_says_at_any_resolution() {
+fn a_soft_pin_yields_by_eq_8_at_any_resolution() {
     for cells in [[0, 0], [1, 1], [4, 4]] {
-        // Every point is held, so that each carries its own weight: k per point.
+        // All points are pinned, so each pin supports the weight of one point: k per point.
         let count = ((cells[0] + 1) * (cells[1] + 1)) as f32;
         let all: Vec<u32> = (0..count as u32).collect();
         let terms = format!(
@@ -38,7 +38,7 @@ fn an_exact_pin_follows_its_keyframes_and_lets_go() {
         assert!((sheets.positions()[0] - Vec3::new(0.5, 0.0, 0.0)).norm() < 1e-6, "{:?}", sheets.positions());
         run(&mut sheets, 6, 6).unwrap();
         assert!((sheets.positions()[0] - Vec3::new(1.0, 0.0, 0.0)).norm() < 1e-6);
-        // Let go, it flies on with the speed of its way: 2 m/s.
+        // Released, the point keeps the speed of its path: 2 m/s.
         run(&mut sheets, 12, 12).unwrap();
         let x = sheets.positions()[0];
         assert!((x.x - 2.0).abs() < 1e-4 && (x.z + 0.5 * 9.81 * 0.25).abs() < 0.15, "{integrator}: {x:?}");
@@ -81,7 +81,7 @@ fn two(joint: &str, solver: &str) -> String {
     two_at(1.5, joint, solver)
 }
 
-/// Sheets of 1 m, the second of which begins at `x`; point 5 of the first and 3 of the second are the middles
+/// Sheets of 1 m, the second of which starts at `x`. Point 5 of the first and 3 of the second are the middles
 /// of the sides that face each other.
 fn two_at(x: f32, joint: &str, solver: &str) -> String {
     let sheet = |name: &str, x: f32, mass: f32| {
@@ -104,7 +104,7 @@ fn two_at(x: f32, joint: &str, solver: &str) -> String {
 }
 
 #[test]
-fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
+fn a_joint_pulls_points_of_two_sheets_together_and_conserves_momentum() {
     for (solver, bound) in [("", 1e-5), ("[sheets.solver]\nintegrator = 'implicit'\ntolerance = 1e-6", 1e-4)]
     {
         let text = two("stiffness = 30.0", solver).replace("spring_damping", "damping = 0.0\nspring_damping");
@@ -116,12 +116,12 @@ fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
         let before = center(&sheets);
         let gap = |sheets: &Sheets| (sheets.positions()[9 + 3] - sheets.positions()[5]).norm();
         assert!((gap(&sheets) - 0.5).abs() < 1e-6);
-        let mut least = gap(&sheets);
+        let mut closest = gap(&sheets);
         for k in 0..48 {
             run(&mut sheets, k, 1).unwrap();
-            least = least.min(gap(&sheets));
+            closest = closest.min(gap(&sheets));
         }
-        assert!(least < 0.1, "{least}");
+        assert!(closest < 0.1, "{closest}");
         assert!((center(&sheets) - before).norm() < bound, "{:?}", center(&sheets) - before);
     }
     let let_go = two("stiffness = 30.0\nrelease = 1", "");
@@ -131,7 +131,7 @@ fn a_joint_draws_points_of_two_sheets_together_and_keeps_momentum() {
 }
 
 #[test]
-fn a_joint_with_a_direction_turns_an_edge_there() {
+fn a_joint_with_a_direction_turns_an_edge_into_it() {
     let text = format!(
         "{}[[sheets.joint]]\nsheets = ['cloth', 'cloth']\nat = [{{ points = [0] }}, {{ points = [1] }}]\nstiffness = 5.0\ndirection = [0, 1, 1]\n",
         square([1, 0], 0.0, "density = 0.5\nstiffness = [500.0, 0.0]\ndamping = 5.0")
@@ -158,7 +158,7 @@ fn center(sheets: &Sheets) -> Vec3 {
 const SOLVERS: [&str; 2] = ["", "[sheets.solver]\nintegrator = 'implicit'\ntolerance = 1e-6"];
 
 #[test]
-fn points_that_are_joined_exactly_move_as_one_and_keep_momentum() {
+fn exactly_joined_points_move_as_one_and_conserve_momentum() {
     for solver in SOLVERS {
         let text = two_at(1.0, "release = 25", solver).replacen(
             "stiffness = [50",
@@ -179,7 +179,7 @@ fn points_that_are_joined_exactly_move_as_one_and_keep_momentum() {
         }
         let off = center(&sheets) - start - first;
         assert!((speed(&sheets) - first).norm() < 2e-5 && off.norm() < 2e-5, "{solver} {off:?}");
-        // The one that flew is held back by the other.
+        // The point that moved is slowed by the other.
         assert!(sheets.velocities()[9 + 4].norm() > 0.2, "{solver} {:?}", sheets.velocities()[9 + 4]);
         run(&mut sheets, 24, 6).unwrap();
         let x = sheets.positions();
@@ -188,7 +188,7 @@ fn points_that_are_joined_exactly_move_as_one_and_keep_momentum() {
 }
 
 #[test]
-fn what_is_joined_exactly_to_a_led_point_goes_with_it() {
+fn points_joined_exactly_to_a_pinned_point_follow_it() {
     let pin = "pin = [{ at = { points = [5] }, keyframes = [{ frame = 1 }, { frame = 13, position = [0.0, 0.5, 0.2] }] }]\n\
                density = 0.2";
     for solver in SOLVERS {
@@ -205,8 +205,8 @@ fn what_is_joined_exactly_to_a_led_point_goes_with_it() {
 }
 
 #[test]
-fn a_pair_that_keeps_a_direction_exactly_only_grows() {
-    // One end hangs on a spring; the other would swing down about it.
+fn a_pair_with_an_exact_direction_only_changes_length() {
+    // One end hangs on a spring; without the joint the other would swing down about it.
     let text = |joint: &str| {
         format!(
             "{}[[sheets.joint]]\nsheets = ['cloth', 'cloth']\nat = [{{ points = [0] }}, {{ points = [1] }}]\n{joint}\n",
@@ -219,8 +219,8 @@ fn a_pair_that_keeps_a_direction_exactly_only_grows() {
     };
     for solver in SOLVERS {
         let mut sheets = sheets(&format!("{}{solver}", text("direction = [2, 0, 0]")), &world(9.81, vec![]));
-        // What one end gives the other keeps: together they swing to twice where the spring carries both, and
-        // no farther.
+        // The joint conserves the momentum of both ends. They swing together, to at most twice the
+        // equilibrium of the spring.
         let deepest = 2.0 * (sheets.mass(0) + sheets.mass(1)) * 9.81 / 40.0;
         for k in 0..24 {
             run(&mut sheets, k, 1).unwrap();
@@ -229,18 +229,21 @@ fn a_pair_that_keeps_a_direction_exactly_only_grows() {
             assert!(edge.yz().norm() < 1e-6 && edge.x > 0.5, "{solver} {edge:?}");
             assert!(x[0].z > -1.02 * deepest, "{solver} {} {deepest}", x[0].z);
         }
-        // It carries the weight of both.
+        // The spring supports the weight of both.
         let lowest = sheets.positions()[0].z;
         assert!(lowest < -0.02, "{solver} {lowest}");
     }
     let mut loose = sheets(&text("stiffness = 1e-3\ndirection = [2, 0, 0]"), &world(9.81, vec![]));
     run(&mut loose, 0, 24).unwrap();
-    assert!((loose.positions()[1] - loose.positions()[0]).z.abs() > 0.1, "the bond is what keeps it");
+    assert!(
+        (loose.positions()[1] - loose.positions()[0]).z.abs() > 0.1,
+        "only the joint keeps the direction"
+    );
 }
 
 #[test]
-fn a_pair_that_kept_a_direction_swings_once_it_is_let_go() {
-    // One end is held, the other would swing down about it.
+fn a_pair_swings_once_its_direction_joint_lets_go() {
+    // One end is pinned; without the joint the other would swing down about it.
     let text = |joint: &str, solver: &str| {
         let terms = "density = 0.5\nstiffness = [20.0, 0.0]\npin = [{ at = { points = [0] } }]";
         format!(
@@ -249,7 +252,7 @@ fn a_pair_that_kept_a_direction_swings_once_it_is_let_go() {
         )
     };
     for solver in SOLVERS {
-        // By a spring it hangs m g/k lower.
+        // With a spring it hangs m g/k lower.
         for (joint, low) in [("", 1e-6), ("stiffness = 1000.0\n", 2.5 * 0.25 * 9.81 / 1000.0)] {
             let joint = format!("{joint}direction = [1, 0, 0]\nrelease = 13");
             let mut sheets = sheets(&text(&joint, solver), &world(9.81, vec![]));
@@ -258,23 +261,23 @@ fn a_pair_that_kept_a_direction_swings_once_it_is_let_go() {
                 let end = sheets.positions()[1];
                 assert!(end.z.abs() <= low && (end.x - 1.0).abs() < 0.01, "{solver} {joint} {k}: {end:?}");
             }
-            // Nothing else carries a level spring: it falls, at first freely, by ½ g t² (1 + 1/n) in n
+            // Nothing else supports a level spring: the end falls, at first freely, by ½ g t² (1 + 1/n) in n
             // substeps.
             let substeps: u32 = run(&mut sheets, 12, 3).unwrap().iter().map(|record| record.substeps).sum();
             let fallen = 0.5 * 9.81 * (3.0 / 24.0_f32).powi(2) * (1.0 + 1.0 / substeps as f32);
             let fallen = sheets.positions()[1].z + fallen;
             println!("{solver} {joint}: {fallen}");
-            // A spring of 20 N/m gives way to it, and draws it back by a tenth.
+            // A spring of 20 N/m stretches and reduces the fall by a tenth.
             assert!(fallen.abs() < 0.01, "{solver} {joint}: {fallen}");
         }
     }
 }
 
 #[test]
-fn what_cannot_be_held_exactly_is_refused() {
+fn contradicting_exact_pins_and_joints_are_refused() {
     let refused = |text: &str, part: &str| {
-        let told = try_sheets(text, &world(0.0, vec![])).expect_err(part).to_string();
-        assert!(told.contains(part), "{told}");
+        let error = try_sheets(text, &world(0.0, vec![])).expect_err(part).to_string();
+        assert!(error.contains(part), "{error}");
     };
     refused(&two_at(1.5, "", ""), "5.00e-1 m apart");
     refused(
@@ -303,7 +306,7 @@ fn what_cannot_be_held_exactly_is_refused() {
 }
 
 #[test]
-fn the_implicit_rule_sees_pins_where_they_will_be() {
+fn the_implicit_integrator_takes_pins_at_the_end_of_the_substep() {
     let pin = "keyframes = [{ frame = 1 }, { frame = 25, position = [2.0, 0.0, 0.0] }]";
     let solver = "[sheets.solver]\nintegrator = 'implicit'";
     let soft = format!("[[sheet.pin]]\nat = 'center'\nstiffness = 1e6\n{pin}\n");
@@ -311,7 +314,7 @@ fn the_implicit_rule_sees_pins_where_they_will_be() {
     run(&mut led, 0, 12).unwrap();
     assert!((led.positions()[0].x - 1.0).abs() < 1e-4, "{:?}", led.positions());
 
-    // A pin alone moves all of it: no force, no speed, and so no right side.
+    // A pin alone moves the point: there is no force and no velocity, and so the right side is zero.
     let exact = format!(
         "{}[[sheet.pin]]\nat = 'corners'\n{pin}\n{solver}",
         square([4, 4], 0.0, "density = 0.2\nstiffness = [50.0, 50.0]")

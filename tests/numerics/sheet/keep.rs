@@ -1,4 +1,4 @@
-//! Motion: periods, energy, momentum, and the same bytes.
+//! Motion: periods, energy, momentum, and reproducibility.
 
 use super::*;
 use meniscus::{
@@ -19,7 +19,8 @@ fn length(sheets: &Sheets) -> f64 {
     f64::from((x[1] - x[0]).norm())
 }
 
-/// Mean energy over frames of a period, and the period as crossings of the rest length tell it.
+/// Mean energy over the frames of a period, and the period from the times at which the spring has its rest
+/// length.
 fn swing(sheets: &mut Sheets, periods: u32, frame: f64, per: u32) -> (Vec<f64>, f64) {
     let (mut energies, mut crossings) = (Vec::new(), Vec::new());
     let mut before = length(sheets) - 0.9;
@@ -41,7 +42,7 @@ fn swing(sheets: &mut Sheets, periods: u32, frame: f64, per: u32) -> (Vec<f64>, 
 }
 
 #[test]
-fn a_spring_has_its_period_and_keeps_its_energy_over_a_thousand_of_them() {
+fn a_spring_has_its_period_and_conserves_energy_over_a_thousand_periods() {
     for per in [16, 32] {
         let frame = 1.0 / f64::from(per);
         let (energies, period) = swing(&mut pair("[sheets.solver]\ncourant = 0.95"), 1000, frame, per);
@@ -53,14 +54,14 @@ fn a_spring_has_its_period_and_keeps_its_energy_over_a_thousand_of_them() {
     }
 }
 
-/// Of a linear spring the implicit rule makes z ← z/(1 − iωΔt), with z = ωx − iv: |z|² falls by 1 + ω²Δt² a
+/// For a linear spring implicit Euler gives z ← z/(1 − iωΔt), with z = ωx − iv: |z|² decreases by 1 + ω²Δt² a
 /// substep, and z turns by atan ωΔt.
 #[test]
-fn the_implicit_rule_damps_and_slows_as_it_must_over_a_thousand_periods() {
+fn implicit_euler_damps_and_delays_a_spring_as_predicted_over_a_thousand_periods() {
     let per = 512;
     let dt = 1.0 / f64::from(per);
-    // About the origin and without rest length it is linear, and has all its digits when hardly any of its
-    // swing is left.
+    // About the origin and without rest length the spring is linear, and keeps its relative precision even
+    // when the amplitude is small.
     let stiffness = TAU * TAU / 2.0;
     let terms = format!(
         "density = 2.0\nstiffness = [{stiffness}, 0.0]\nrest = [0.0, 1.0]\n\
@@ -77,17 +78,18 @@ fn the_implicit_rule_damps_and_slows_as_it_must_over_a_thousand_periods() {
         let (damped, expected) = (-part.ln(), substeps * (TAU * dt).powi(2).ln_1p());
         let [a, b] = [0, 1].map(|i| (f64::from(pair.positions()[i].x), f64::from(pair.velocities()[i].x)));
         let turned = (a.1 - b.1).atan2(TAU * (b.0 - a.0));
-        // It is behind the spring itself by this: 0.3 rad after a thousand.
+        // It lags behind the exact spring by this angle: 0.3 rad after a thousand periods.
         let behind = substeps * (TAU * dt - (TAU * dt).atan());
         let off = (turned + behind).rem_euclid(TAU);
         println!("{periods}: ln E −{damped} −{expected}, {turned} −{behind}");
-        // The first swing is known to 6e-8 of ln E = −0.08, the last after half a million roundings.
+        // ln E = −0.08 after the first period is known to 6e-8, and the last one after half a million
+        // roundings.
         assert!((damped / expected - 1.0).abs() < 1e-4, "{periods}: {damped} {expected}");
         assert!(off.min(TAU - off) < 1e-3, "{periods}: {turned} {behind}");
     }
 }
 
-/// Energy falls as exp(−τ ω² t), τ that of the direction in which the spring lies.
+/// Energy decays as exp(−τ ω² t), with τ of the spring's direction.
 #[test]
 fn each_direction_has_its_own_damping() {
     let stiffness = TAU * TAU / 2.0;
@@ -105,7 +107,7 @@ fn each_direction_has_its_own_damping() {
     }
 }
 
-/// A sheet with every term, in a motion of its own: it turns, is stretched and bent.
+/// A sheet with every term, which turns, stretches and bends.
 fn free(terms: &str) -> Sheets {
     let terms = format!(
         "density = 0.3\nstiffness = [40.0, 25.0]\nrest = [0.95, 1.02]\nshear = 8.0\nbending = 0.002\n\
@@ -119,8 +121,8 @@ fn free(terms: &str) -> Sheets {
 }
 
 #[test]
-fn free_flight_keeps_momentum_and_angular_momentum() {
-    // What the implicit rule takes from turning is the next test's.
+fn free_flight_conserves_momentum_and_angular_momentum() {
+    // The next test measures the rotation that implicit Euler damps.
     for (integrator, bounds) in [("symplectic", &[2e-6, 5e-6][..]), ("implicit", &[2e-6])] {
         let mut sheets = free(&format!("[sheets.solver]\nintegrator = '{integrator}'"));
         let before = momenta(&sheets);
@@ -133,7 +135,7 @@ fn free_flight_keeps_momentum_and_angular_momentum() {
 }
 
 #[test]
-fn what_the_implicit_rule_takes_from_turning_goes_with_its_substep() {
+fn the_rotation_that_implicit_euler_damps_is_proportional_to_the_substep() {
     let taken = |substeps: u32| {
         let solver =
             format!("[sheets.solver]\nintegrator = 'implicit'\nsubsteps = {substeps}\ntolerance = 1e-6");
@@ -178,7 +180,7 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
                      [[sheet.pin]]\nat = 'corners'\nrelease = 7\n\
                      [[sheet.pin]]\nat = 'center'\nstiffness = 3.0\nkeyframes = [{ frame = 1 }, { frame = 9, position = [0.0, 0.0, 0.4] }]\n";
         let text = format!("{}[sheets.solver]\nintegrator = '{integrator}'\n", square([20, 20], 0.0, terms));
-        // A ball comes from below, pushes before it touches, and then touches.
+        // A ball comes from below, repels the sheet before it touches, and then touches.
         let text =
             format!("sheets.friction = 0.3\n{text}[sheets.repulsion]\nenergy = 0.004\nrange = 0.004\n");
         let mut world = world(9.81, vec![Shape::Sphere { center: [0.5, 0.4, -0.35], radius: 0.2 }]);
@@ -199,7 +201,7 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
 }
 
 #[test]
-fn damping_of_springs_leaves_falling_and_turning_alone_and_drag_does_not() {
+fn spring_damping_does_not_slow_rigid_motion_and_drag_does() {
     let go = |terms: &str| {
         let terms = format!("density = 0.2\nstiffness = [50.0, 50.0]\nvelocity = [2.0, 0.0, 0.0]\n{terms}");
         let mut sheets = sheets(&square([6, 6], 0.0, &terms), &world(0.0, vec![]));

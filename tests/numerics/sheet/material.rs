@@ -1,4 +1,4 @@
-//! Materials: parts that differ, what is painted on meshes, directions, triangles.
+//! Materials: regions, painted meshes, directions, triangles.
 
 use super::{
     statics::{mesh, with_mesh},
@@ -20,10 +20,11 @@ fn terms(more: &str) -> String {
     )
 }
 
-/// Factors of stiffness, rest length and damping of a column of points.
+/// Factors of stiffness, rest length and damping in a column of points.
 type Factors = fn(u32) -> [f64; 3];
 
-/// Springs of the square by hand: the ends' columns, how they lie in cells, stiffness, rest length, damping.
+/// Reference springs of the square: the columns of the ends, the direction in cells, stiffness, rest length,
+/// damping.
 fn springs(is_mesh: bool, factors: Factors) -> Vec<([f64; 2], [f64; 3])> {
     let ([[y1, y2], [r1, r2], [t1, t2]], h) = (YARN, 1.0 / f64::from(CELLS));
     let slack = if is_mesh { 0.5 * 2.0_f64.sqrt() * (r1 + r2) } else { r1.hypot(r2) };
@@ -37,23 +38,23 @@ fn springs(is_mesh: bool, factors: Factors) -> Vec<([f64; 2], [f64; 3])> {
             let shear = |from, to, side| (from, ([side, 1.0], to, SHEAR, slack, 0.5 * (t1 + t2)));
             let diagonals = [shear(i, i + 1, 1.0), shear(i + 1, i, -1.0)].into_iter().filter(|_| both);
             let straight = [along, across].into_iter().flatten().map(|spring| (i, spring));
-            for (from, (way, to, k, rest, time)) in straight.chain(diagonals) {
+            for (from, (direction, to, k, rest, time)) in straight.chain(diagonals) {
                 let [a, b] = [factors(from), factors(to)];
                 let mean: [f64; 3] = std::array::from_fn(|what| 0.5 * (a[what] + b[what]));
                 let k = k * mean[0];
-                out.push((way.map(|w| w * h), [k, rest * mean[1] * h, time * k * mean[2]]));
+                out.push((direction.map(|w| w * h), [k, rest * mean[1] * h, time * k * mean[2]]));
             }
         }
     }
     out
 }
 
-/// As a region of the half x ≤ ½ says it: here, there.
+/// Factors as a region of the half x ≤ ½: inside, outside.
 const HALVES: Factors = |i| if i <= CELLS / 2 { [3.0, 0.8, 2.5] } else { [1.0; 3] };
 
 const REGION: &str = "region = [{ shape = { box = { min = [-1, -1, -1], max = [0.51, 2, 1] } }, stiffness = 3, rest = 0.8, damping = 2.5 }]";
 
-/// As it is painted: from column to column.
+/// Factors as painted: from column to column.
 const PAINT: Factors = |i| [1.0 + 0.25 * i as f64, 1.1 - 0.04 * i as f64, 0.5 + 0.1 * i as f64];
 
 fn painted(factors: Factors) -> SheetMesh {
@@ -80,7 +81,7 @@ fn shots(more: &str) -> [(&'static str, Shot, bool, Factors); 3] {
 fn regions_and_paint_change_stiffness_and_rest_lengths() {
     let world = world(0.0, vec![]);
     for (name, shot, is_mesh, factors) in shots("") {
-        // Stretched along x and pressed along y.
+        // Stretched along x and compressed along y.
         let by = [1.1, 0.95];
         let place = |_, x: Vec3, v| (Vec3::new(x.x * by[0] as f32, x.y * by[1] as f32, x.z), v);
         let mut sheets = placed_shot(&shot, &world, place);
@@ -94,7 +95,7 @@ fn regions_and_paint_change_stiffness_and_rest_lengths() {
     }
 }
 
-/// Springs take from a steady stretching what their dampers do: Σ c (change of length)² a second.
+/// Springs dissipate the power of their dampers in a steady stretch: Σ c (rate of length)².
 #[test]
 fn regions_paint_and_directions_change_the_damping_of_springs() {
     let world = world(0.0, vec![]);
@@ -102,7 +103,7 @@ fn regions_paint_and_directions_change_the_damping_of_springs() {
         for rate in [[1.0, 0.0], [0.0, 1.0], [0.6, -0.8]] {
             let mut shot = shot.clone();
             let mut yarn = springs(is_mesh, factors);
-            // Springs at rest do nothing else.
+            // Springs at rest length exert no other force.
             shot.params.sheet[0].rest = [1.0; 2];
             shot.params.sheet[0].region.iter_mut().for_each(|region| region.rest = 1.0);
             if let meniscus::sim::sheet::SheetShape::Mesh(mesh) = &mut shot.params.sheet[0].shape {
@@ -117,7 +118,7 @@ fn regions_paint_and_directions_change_the_damping_of_springs() {
             let dt = 1e-5;
             let after = run_at(&mut sheets, 0, 1, dt).unwrap()[0].kinetic_energy;
             let longer = |[x, y]: [f64; 2]| (x * x * rate[0] + y * y * rate[1]) / x.hypot(y);
-            let power: f64 = yarn.drain(..).map(|(way, [_, _, c])| c * longer(way).powi(2)).sum();
+            let power: f64 = yarn.drain(..).map(|(direction, [_, _, c])| c * longer(direction).powi(2)).sum();
             let found = (before - after) / dt;
             println!("{name} {rate:?}: {found} W, {power} W");
             assert!((found / power - 1.0).abs() < 5e-3, "{name} {rate:?}: {found}, {power}");
@@ -125,7 +126,7 @@ fn regions_paint_and_directions_change_the_damping_of_springs() {
     }
 }
 
-/// v ← v/(1 + Δt c) a substep, of which a sheet without springs takes one a frame.
+/// v ← v/(1 + Δt c) a substep; a sheet without springs takes one substep a frame.
 #[test]
 fn regions_and_paint_change_drag() {
     for (name, mut shot, _, factors) in shots("damping = 1.5\nvelocity = [2.0, 0.0, 0.0]") {
@@ -141,10 +142,10 @@ fn regions_and_paint_change_drag() {
     }
 }
 
-/// A strip of columns without weft, as a file has it with paint, hangs by its own weight, its lower half
-/// three times as dense: each row carries what is below, on what it was painted to be.
+/// A strip of columns without weft, from a painted file, hangs by its own weight; its lower half is three
+/// times as dense. Each row supports what is below it, with its painted properties.
 #[test]
-fn a_painted_mesh_from_a_file_hangs_as_it_is_painted() {
+fn a_painted_mesh_from_a_file_hangs_by_its_painted_properties() {
     let (columns, rows, h) = (4_u32, 10_u32, 0.1_f64);
     let factors = |j: u32| [1.0 + 0.1 * f64::from(j), 1.2 - 0.03 * f64::from(j), 1.0 + f64::from(j % 2)];
     let mut text = format!(
@@ -191,28 +192,28 @@ fn a_painted_mesh_from_a_file_hangs_as_it_is_painted() {
             let found = f64::from(sheets.positions()[(i + (columns + 1) * j) as usize].z);
             assert!((found - z).abs() < 1e-4, "{i} {j}: {found} m, {z} m");
         }
-        let carried: f64 = (j + 1..=rows).map(weight).sum();
+        let supported: f64 = (j + 1..=rows).map(weight).sum();
         let mean: Vec<f64> = (0..3).map(|what| 0.5 * (factors(j)[what] + factors(j + 1)[what])).collect();
-        z -= h * (mean[1] + carried / (y * mean[0]));
+        z -= h * (mean[1] + supported / (y * mean[0]));
     }
     println!("the lowest row hangs {z} m down");
 }
 
 #[test]
-fn paint_that_has_no_meaning_is_refused() {
-    let told = |change: &dyn Fn(&mut SheetMesh)| {
+fn invalid_painted_factors_are_refused() {
+    let error = |change: &dyn Fn(&mut SheetMesh)| {
         let mut mesh = painted(PAINT);
         change(&mut mesh);
         Sheets::new(with_mesh(mesh, &terms("")), &world(0.0, vec![])).map(|_| ()).unwrap_err().to_string()
     };
-    assert!(told(&|mesh| mesh.rest[7] = f32::NAN).contains("sheet.0.shape.mesh.rest is NaN"));
-    assert!(told(&|mesh| mesh.damping[0] = -1.0).contains("sheet.0.shape.mesh.damping is -1"));
+    assert!(error(&|mesh| mesh.rest[7] = f32::NAN).contains("sheet.0.shape.mesh.rest is NaN"));
+    assert!(error(&|mesh| mesh.damping[0] = -1.0).contains("sheet.0.shape.mesh.damping is -1"));
     assert!(
-        told(&|mesh| mesh.stiffness.truncate(3)).contains("sheet.0.shape.mesh.stiffness selects 3 points")
+        error(&|mesh| mesh.stiffness.truncate(3)).contains("sheet.0.shape.mesh.stiffness selects 3 points")
     );
     let wrong = terms(&REGION.replace("rest = 0.8", "rest = nan"));
-    let told = try_sheets(&square([1, 1], 0.0, &wrong), &world(0.0, vec![])).map(|_| ()).unwrap_err();
-    assert!(told.to_string().contains("sheet.0.region.0.rest is NaN"), "{told}");
+    let error = try_sheets(&square([1, 1], 0.0, &wrong), &world(0.0, vec![])).map(|_| ()).unwrap_err();
+    assert!(error.to_string().contains("sheet.0.region.0.rest is NaN"), "{error}");
 }
 
 /// Rows of equilateral triangles of the edge `h`, every other row half an edge to the right.
@@ -236,7 +237,7 @@ fn equilateral(columns: u32, rows: u32, h: f64) -> SheetMesh {
     mesh
 }
 
-/// Energy over ½ ε² A of a flat sheet stretched by ε at an angle to x, without what is odd in ε.
+/// Energy over ½ ε² A of a flat sheet stretched by ε at an angle to x, without the part odd in ε.
 fn modulus(shot: &Shot, area: f64, degrees: f32) -> f64 {
     let (sin, cos) = degrees.to_radians().sin_cos();
     let n = Vec3::new(cos, sin, 0.0);
@@ -266,7 +267,8 @@ fn equilateral_triangles_are_a_membrane_of_the_stated_stiffness() {
     }
 }
 
-/// A strip of them, free but for a load at both ends: strain = load/Y, and a third of it across.
+/// A strip of equilateral triangles, free apart from a load at both ends: strain = load/Y, and a third of it
+/// across.
 #[test]
 fn a_strip_of_equilateral_triangles_has_the_strain_of_its_load() {
     let (columns, rows, h, y, load) = (12_u32, 6_u32, 0.05_f64, 30.0, 0.15);
@@ -279,7 +281,7 @@ fn a_strip_of_equilateral_triangles_has_the_strain_of_its_load() {
     let (start, at) = (sheets.positions(), |i: u32, j: u32| (i + (columns + 1) * j) as usize);
     let mut forces = vec![Vec3::zeros(); start.len()];
     for j in 0..=rows {
-        // What a uniform stress does to the zigzag of the end.
+        // Nodal forces of a uniform stress at the zigzag of the end.
         let share = if j == 0 || j == rows { 0.5 } else { 1.0 };
         let force = (load * share * 0.75_f64.sqrt() * h) as f32;
         (forces[at(0, j)].x, forces[at(columns, j)].x) = (-force, force);
@@ -291,7 +293,7 @@ fn a_strip_of_equilateral_triangles_has_the_strain_of_its_load() {
         |a: usize, b: usize, axis: usize| f64::from((x[b] - x[a])[axis] / (start[b] - start[a])[axis]) - 1.0;
     for (a, b) in [(at(0, 3), at(columns, 3)), (at(4, 0), at(5, 0)), (at(1, 6), at(2, 6))] {
         let found = strain(a, b, 0);
-        // Springs turn a little: of second order in a strain of 0.005.
+        // Springs turn a little: an effect of second order in a strain of 0.005.
         assert!((found / (load / y) - 1.0).abs() < 0.01, "{a} {b}: {found}");
     }
     let across = strain(at(6, 0), at(6, 6), 1);
@@ -299,7 +301,7 @@ fn a_strip_of_equilateral_triangles_has_the_strain_of_its_load() {
     assert!((across / (-load / y / 3.0) - 1.0).abs() < 0.03, "{across}");
 }
 
-/// Springs at an angle θ to the grain have Y₁ cos²θ + Y₂ sin²θ.
+/// Springs at an angle θ to the grain have the stiffness Y₁ cos²θ + Y₂ sin²θ.
 #[test]
 fn stiffness_and_rest_lengths_of_meshes_follow_the_grain() {
     let (y1, y2) = (40.0, 7.0);
@@ -309,7 +311,7 @@ fn stiffness_and_rest_lengths_of_meshes_follow_the_grain() {
     let quads = |grain: &str| with_mesh(mesh(6, false), &terms(grain, ""));
     let triangles = |grain: &str| with_mesh(equilateral(10, 7, 0.1), &terms(grain, ""));
     let area = 140.0 * 0.75_f64.sqrt() / 2.0 * 0.01;
-    // Of equilateral triangles a class of edges has Y(θ) cos⁴ of its angle to the stretch.
+    // In equilateral triangles a class of edges contributes Y(θ) cos⁴ of its angle to the stretch.
     for (name, shot, area, along, across) in [
         ("quads", quads("[5, 0, 0]"), 1.0, y1, y2),
         ("quads, turned", quads("[0, -0.1, 0]"), 1.0, y2, y1),
@@ -335,7 +337,7 @@ fn stiffness_and_rest_lengths_of_meshes_follow_the_grain() {
             assert!((found / expected - 1.0).abs() < 2e-3, "{name} {degrees}: {found} {expected}");
         }
     }
-    // Taut by a tenth along the grain alone: ½ Y₁ 0.1².
+    // Rest lengths a tenth shorter along the grain alone: ½ Y₁ 0.1².
     for grain in ["[1, 0, 0]", "[0, 1, 0]"] {
         let shot = with_mesh(mesh(6, false), &terms(grain, "rest = [0.9, 1.0]"));
         let mut sheets = Sheets::new(shot, &world(0.0, vec![])).unwrap();

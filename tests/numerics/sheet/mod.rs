@@ -1,4 +1,4 @@
-//! Sheets: closed forms, what motion keeps, refinement, the same bytes every time, and the extremes.
+//! Sheets: closed forms, conservation, refinement, reproducibility, and extremes.
 
 mod contact;
 mod extremes;
@@ -30,7 +30,7 @@ fn world(gravity: f32, shapes: Vec<Shape>) -> World {
 }
 
 fn sheets(text: &str, world: &World) -> Sheets {
-    try_sheets(text, world).expect("the sheets have a meaning")
+    try_sheets(text, world).expect("the sheets are valid")
 }
 
 fn try_sheets(text: &str, world: &World) -> Result<Sheets, SheetError> {
@@ -58,7 +58,7 @@ fn run_at(sheets: &mut Sheets, from: u32, frames: u32, frame: f64) -> Result<Vec
         .map(|k| match sheets.advance(f64::from(k) * frame, frame, &mut Unwatched) {
             Ok((record, _)) => Ok(record),
             Err(Stop::Diverged(found)) => Err(found),
-            Err(Stop::Interrupted) => unreachable!("nobody interrupts"),
+            Err(Stop::Interrupted) => unreachable!("this watch never interrupts"),
         })
         .collect()
 }
@@ -69,7 +69,7 @@ fn placed(text: &str, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3
 }
 
 fn placed_shot(shot: &Shot, world: &World, change: impl Fn(usize, Vec3, Vec3) -> (Vec3, Vec3)) -> Sheets {
-    let start = Sheets::new(shot.clone(), world).expect("the sheets have a meaning");
+    let start = Sheets::new(shot.clone(), world).expect("the sheets are valid");
     let points = start.streams().into_iter().filter(|stream| stream.vec3("position").is_some());
     let streams = points.map(|stream| {
         let (x, v) = (stream.vec3("position").unwrap(), stream.vec3("velocity").unwrap());
@@ -80,10 +80,10 @@ fn placed_shot(shot: &Shot, world: &World, change: impl Fn(usize, Vec3, Vec3) ->
             .with("velocity", v)
     });
     let streams: Vec<_> = streams.collect();
-    Sheets::restore(shot.clone(), world, &streams, 0.0).expect("the streams are whole")
+    Sheets::restore(shot.clone(), world, &streams, 0.0).expect("the streams are complete")
 }
 
-/// Σ m v and Σ m x × v, with the sums of their sizes.
+/// Σ m v and Σ m x × v, each with the sum of the magnitudes.
 fn momenta(sheets: &Sheets) -> [(nalgebra::Vector3<f64>, f64); 2] {
     let (x, v) = (sheets.positions(), sheets.velocities());
     let mut out = [(nalgebra::Vector3::zeros(), 0.0); 2];

@@ -1,5 +1,5 @@
-//! Sheets that lie on solids which slide and turn under them: carried where friction suffices, and slipping
-//! as it must where not.
+//! Sheets on sliding and turning solids: friction holds them below its limit, and they slip as predicted
+//! above it.
 
 use super::*;
 use crate::solids::cuboid;
@@ -7,8 +7,8 @@ use meniscus::solid::{Interpolation, Keyframe, Motion};
 
 const GRAVITY: f64 = 9.81;
 
-/// Ways to lie on a plate: with what holds it off, and how far [m].
-fn ways() -> [(&'static str, f32); 2] {
+/// Supports of a sheet on a plate: terms of the preset, and the distance from the plate [m].
+fn supports() -> [(&'static str, f32); 2] {
     // ξ ln(c/(ξ ρ g)) of a sheet of 1 kg/m².
     let off = 0.02 * (50.0 / GRAVITY as f32).ln();
     [("", 0.0), ("[sheets.repulsion]\nenergy = 1.0\nrange = 0.02\n", off)]
@@ -23,18 +23,18 @@ fn plates() -> [Shape; 2] {
 const SOLVERS: [&str; 2] =
     ["integrator = 'symplectic'\ncourant = 0.1", "integrator = 'implicit'\nsubsteps = 40\ntolerance = 1e-6"];
 
-/// Every way, on every plate, with each integrator.
+/// Every support, on every plate, with each integrator.
 fn cases() -> Vec<(Shape, &'static str, f32, &'static str)> {
     let mut out = Vec::new();
     for shape in plates() {
-        for (terms, off) in ways() {
+        for (terms, off) in supports() {
             out.extend(SOLVERS.map(|solver| (shape.clone(), terms, off, solver)));
         }
     }
     out
 }
 
-/// A sheet of 1 kg/m² and these sides and cells on a plate, in the middle `x` of which it lies.
+/// A sheet of 1 kg/m² with these sides and cells, centred at `x` on a plate.
 fn lying(x: f32, side: f32, cells: u32, friction: f64, terms: &str, off: f32, solver: &str) -> String {
     let sheet = grid(
         [x - 0.5 * side, -0.5 * side, off],
@@ -46,7 +46,7 @@ fn lying(x: f32, side: f32, cells: u32, friction: f64, terms: &str, off: f32, so
     format!("sheets.friction = {friction}\n{sheet}\n[sheets.solver]\n{solver}\n{terms}")
 }
 
-/// A world in which the plate goes from rest to `x` [m] or turns by `degrees` in a time [frames].
+/// A world in which the plate moves from rest by `x` [m] or turns by `degrees` in a time [frames].
 fn plate(shape: Shape, interpolation: Interpolation, frames: u32, x: f32, degrees: f32) -> World {
     let key = |frame, x, turn| Keyframe {
         frame,
@@ -64,9 +64,9 @@ fn mean(of: &[Vec3]) -> nalgebra::Vector3<f64> {
     of.iter().map(|x| x.cast::<f64>()).sum::<nalgebra::Vector3<f64>>() / of.len() as f64
 }
 
-/// X (3 p² − 2 p³), p = t/T: the plate's acceleration begins at 6 X/T² and ends at the opposite.
+/// X (3 p² − 2 p³), p = t/T: the plate's acceleration starts at 6 X/T² and ends at −6 X/T².
 #[test]
-fn a_sliding_plate_carries_a_sheet_below_its_friction_and_slips_under_it_above() {
+fn a_sliding_plate_takes_a_sheet_along_below_its_friction_and_slips_above() {
     let friction = 0.3;
     let held = friction * GRAVITY;
     for (shape, terms, off, solver) in cases() {
@@ -76,18 +76,18 @@ fn a_sliding_plate_carries_a_sheet_below_its_friction_and_slips_under_it_above()
             run(&mut sheets, 0, frames).unwrap();
             [mean(&sheets.positions()).x, mean(&sheets.velocities()).x]
         };
-        // A fifth less than friction holds: it goes with the plate, half way and at the end.
+        // A fifth less than friction holds: the sheet moves with the plate, halfway and at the end.
         let x = 0.8 * held / 6.0;
         for (frames, expected, speed) in [(12, 0.5 * x, 1.5 * x), (28, x, 0.0)] {
-            let [way, v] = slid(x, frames);
-            println!("carried: {way} {expected}, {v} {speed}");
+            let [displacement, v] = slid(x, frames);
+            println!("displacement: {displacement} {expected}, {v} {speed}");
             assert!(
-                (way - expected).abs() < 1e-3 * x && (v - speed).abs() < 1e-2 * x,
-                "{solver}{terms}: {way} {expected}, {v} {speed}"
+                (displacement - expected).abs() < 1e-3 * x && (v - speed).abs() < 1e-2 * x,
+                "{solver}{terms}: {displacement} {expected}, {v} {speed}"
             );
         }
-        // Twice what friction holds. It slips with μ g until half the time, sticks, and slips on from three
-        // quarters to 9/8 of it.
+        // Twice what friction holds. The sheet slips with μ g until half the time, sticks, and slips on from
+        // three quarters to 9/8 of it.
         let x = 2.0 * held / 6.0;
         let t: f64 = 10.0 / 24.0;
         for (frames, expected, speed) in [
@@ -95,19 +95,19 @@ fn a_sliding_plate_carries_a_sheet_below_its_friction_and_slips_under_it_above()
             (16, x * (0.375 - 0.5 + 4.0 / 3.0 - 16.0 / 27.0), 6.0 * x * (2.0 / 9.0)),
             (30, x * (0.375 + 0.34375 + 0.2109375), 0.0),
         ] {
-            let [way, v] = slid(x, frames);
-            println!("slipping: {way} {expected}, {v} {speed}");
-            // A substep of 1 ms, of the second in which it speeds up and slows down.
+            let [displacement, v] = slid(x, frames);
+            println!("slipping: {displacement} {expected}, {v} {speed}");
+            // For a substep of 1 ms, of the second in which the plate accelerates and brakes.
             assert!(
-                (way / expected - 1.0).abs() < 0.01 && (v - speed).abs() < 0.01 * x,
-                "{solver}{terms}: {way} {expected}, {v} {speed}"
+                (displacement / expected - 1.0).abs() < 0.01 && (v - speed).abs() < 0.01 * x,
+                "{solver}{terms}: {displacement} {expected}, {v} {speed}"
             );
         }
     }
 }
 
-/// Four points in the middle of a plate that turns from the start with ω: friction turns them with μ g/r
-/// until they go with it.
+/// Four points in the middle of a plate that turns with ω from the start: friction accelerates them with μ
+/// g/r until they turn with it.
 #[test]
 fn a_turning_plate_spins_a_sheet_up_as_fast_as_friction_can() {
     let (friction, omega, side) = (0.1, 3.0_f64, 0.2_f64);
@@ -132,7 +132,7 @@ fn a_turning_plate_spins_a_sheet_up_as_fast_as_friction_can() {
     }
 }
 
-/// A sheet off the axis, that turns with the plate from the start: friction holds it while ω² r < μ g.
+/// A sheet off the axis that turns with the plate from the start: friction holds it while ω² r < μ g.
 #[test]
 fn a_turning_plate_keeps_a_sheet_on_its_circle_below_its_friction_and_throws_it_off_above() {
     let (friction, radius) = (0.4, 0.5_f64);
@@ -147,18 +147,18 @@ fn a_turning_plate_keeps_a_sheet_on_its_circle_below_its_friction_and_throws_it_
                 (x, Vec3::new(0.0, omega as f32 * x.x, 0.0))
             };
             let mut sheets = placed(&text, &world, turning);
-            // A point has no springs that ask for substeps.
+            // A point has no springs that limit substeps.
             run_at(&mut sheets, 0, 20 * frames, FRAME / 20.0).unwrap();
             (sheets.positions()[0].cast::<f64>(), omega)
         };
-        // Nine tenths of it: a second, on the circle.
+        // Nine tenths of it: one second, on the circle.
         let (found, omega) = thrown(0.9, 24);
         let expected = nalgebra::Vector2::new(omega.cos(), omega.sin()) * radius;
         println!("held: {found} {expected}");
         assert!((found.xy() - expected).norm() < 2e-3, "{solver}{terms}: {found} {expected}");
-        // A fifth more: outwards, as a point does that rubs on a disc.
+        // A fifth more: outwards, like a point with friction on a disc.
         let (found, omega) = thrown(1.2, 12);
-        let expected = rubbed(radius, omega, friction * GRAVITY, 0.5);
+        let expected = with_friction(radius, omega, friction * GRAVITY, 0.5);
         println!("thrown: {found} {expected}, from {radius}");
         assert!(expected.norm() > radius + 0.05, "{expected}");
         assert!(
@@ -168,17 +168,17 @@ fn a_turning_plate_keeps_a_sheet_on_its_circle_below_its_friction_and_throws_it_
     }
 }
 
-/// Where a point is after `time` [s] that starts with the disc under it, which turns with `omega` [1/s] and
-/// holds it with up to `held` [m/s²].
-fn rubbed(radius: f64, omega: f64, held: f64, time: f64) -> nalgebra::Vector2<f64> {
+/// Position after `time` [s] of a point that starts with the disc under it. The disc turns with `omega` [1/s]
+/// and its friction exerts up to `held` [m/s²].
+fn with_friction(radius: f64, omega: f64, held: f64, time: f64) -> nalgebra::Vector2<f64> {
     let (steps, mut x) = (200_000, nalgebra::Vector2::new(radius, 0.0));
     let mut v = nalgebra::Vector2::new(0.0, omega * radius);
     let dt = time / f64::from(steps);
     for _ in 0..steps {
         let slip = v - nalgebra::Vector2::new(-x.y, x.x) * omega;
-        // At the start it slips outwards; there friction is μ g inwards.
-        let way = slip.try_normalize(1e-12).unwrap_or_else(|| x.normalize());
-        v -= way * (held * dt);
+        // At the start it slips outwards; friction is then μ g inwards.
+        let displacement = slip.try_normalize(1e-12).unwrap_or_else(|| x.normalize());
+        v -= displacement * (held * dt);
         x += v * dt;
     }
     x

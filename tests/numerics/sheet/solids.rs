@@ -1,4 +1,4 @@
-//! Sheets and solids.
+//! Collisions of sheets with solids.
 
 use super::*;
 use crate::solids::{cuboid, filled};
@@ -20,7 +20,7 @@ fn above(height: f32, cells: u32, terms: &str) -> String {
     )
 }
 
-/// The corners of a box, and how far a mesh of it is turned about z.
+/// The corners of a box, and the angle by which a mesh of it is turned about z.
 const BLOCK: [[f32; 3]; 2] = [[-0.3; 3], [0.3, 0.3, 0.1]];
 const TURNED: f32 = 30.0;
 
@@ -64,7 +64,7 @@ fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
                 let nearest =
                     sheets.positions().iter().map(|x| shape.signed_distance(*x)).fold(f32::MAX, f32::min);
                 assert!((0.0..0.06).contains(&nearest), "{name}, {integrator}, {terms}: {nearest}");
-                // Something carries it: in free fall it would be 11 m down.
+                // Something supports it: in free fall it would be 11 m down.
                 let highest = sheets.positions().iter().map(|x| x.z).fold(f32::MIN, f32::max);
                 assert!(highest > -1.0, "{name}, {integrator}: {highest}");
                 if name == "mesh" {
@@ -75,14 +75,14 @@ fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
     }
 }
 
-/// Whether sheets are outside of what the mesh is made of: its samples are a hundredth of a voxel off on
-/// faces, and round edges by a voxel, of 12.5 mm.
+/// Asserts that sheets are outside the mesh's block. Its samples deviate by a hundredth of a voxel on faces,
+/// and round edges by a voxel, of 12.5 mm.
 fn lies_on_the_block(sheets: &Sheets, touches: bool) {
     let block = Shape::Box { min: BLOCK[0], max: BLOCK[1] };
     let (sin, cos) = TURNED.to_radians().sin_cos();
     let own = |x: &Vec3| Vec3::new(cos * x.x + sin * x.y, cos * x.y - sin * x.x, x.z);
     let deepest = sheets.positions().iter().map(|x| block.signed_distance(own(x))).fold(f32::MAX, f32::min);
-    // Repulsion carries it at ξ ln(c/(ξ ρ g)) = 7 mm, cloth that is drawn down at the edges below.
+    // Repulsion supports it at ξ ln(c/(ξ ρ g)) = 7 mm, and closer where cloth is pulled down at the edges.
     let top = 0.1 + if touches { 0.0 } else { 0.01 * (4.0_f32 / (0.2 * 9.81)).ln() };
     let over = sheets.positions().into_iter().filter(|x| own(x).xy().amax() < 0.25);
     let lowest = over.map(|x| x.z).fold(f32::MAX, f32::min);
@@ -95,9 +95,9 @@ fn lies_on_the_block(sheets: &Sheets, touches: bool) {
 }
 
 /// The force at a point is A (c/ξ) exp(−f/ξ) (n·∇f) n, [gudukbay97] Eq. 9: along the sheet's normal,
-/// whichever way it faces, and none edge-on.
+/// whichever side it faces, and zero edge-on.
 #[test]
-fn repulsion_acts_along_the_normal_of_the_sheet_alone() {
+fn repulsion_acts_only_along_the_normal_of_the_sheet() {
     let (energy, range, density, dt) = (0.06, 0.02, 0.2_f64, 1e-5);
     let plane = || Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
     for integrator in ["symplectic", "implicit"] {
@@ -129,7 +129,7 @@ fn repulsion_acts_along_the_normal_of_the_sheet_alone() {
                 );
             }
         }
-        // On its edge, within the range.
+        // Edge-on, within the range.
         let text = format!(
             "{}[sheets.repulsion]\nenergy = {energy}\nrange = {range}\n[sheets.solver]\nintegrator = '{integrator}'",
             grid(
@@ -142,7 +142,7 @@ fn repulsion_acts_along_the_normal_of_the_sheet_alone() {
         );
         let mut on_edge = sheets(&text, &world(0.0, vec![plane()]));
         on_edge.step(0.0, dt).unwrap();
-        // Springs round to 1e-10 m/s; what stood level would have 1e-4 m/s.
+        // Springs round to 1e-10 m/s; a level sheet would have 1e-4 m/s.
         assert!(
             on_edge.velocities().iter().all(|v| v.norm() < 1e-8),
             "{integrator}: {:?}",
@@ -152,7 +152,7 @@ fn repulsion_acts_along_the_normal_of_the_sheet_alone() {
 }
 
 #[test]
-fn repulsion_carries_a_sheet_where_it_equals_its_weight() {
+fn repulsion_supports_a_sheet_where_it_equals_its_weight() {
     // c/ξ exp(−f/ξ) = ρ g.
     let (energy, range) = (0.06_f32, 0.02_f32);
     let expected = range * (energy / range / (0.2 * 9.81)).ln();
@@ -170,14 +170,14 @@ fn repulsion_carries_a_sheet_where_it_equals_its_weight() {
     }
 }
 
-/// A plane of 20 degrees under a stiff sheet that lies on it, some metres from the origin: it slides below
-/// tan 20° of friction, and stays where it is above, however short substeps are.
+/// A plane of 20 degrees under a stiff sheet that lies on it, some metres from the origin. The sheet slides
+/// below a friction of tan 20°, and rests above it, however short substeps are.
 #[test]
 fn friction_holds_a_sheet_on_a_slope() {
     let (sin, cos) = 20_f32.to_radians().sin_cos();
     let text = |friction: f32, terms: &str, solver: &str, stiffness: f32| {
         let side = Vec3::new(cos, 0.0, -sin);
-        // With repulsion, where it carries the weight.
+        // With repulsion, where it supports the weight.
         let off = if terms.is_empty() { 0.0 } else { 0.02 * (50.0 / (9.81 * cos)).ln() };
         let origin = Vec3::new(sin, 0.0, cos) * off + side * 2.3;
         let sheet = grid(
@@ -199,29 +199,29 @@ fn friction_holds_a_sheet_on_a_slope() {
     for (solver, stiffness) in solvers {
         for terms in ["", "[sheets.repulsion]\nenergy = 1.0\nrange = 0.02"] {
             let down = |of: Vec<Vec3>| of.iter().map(|v| v.x * cos - v.z * sin).sum::<f32>() / 25.0;
-            let slid = |friction: f32| {
+            let slide = |friction: f32| {
                 let mut sheets = sheets(&text(friction, terms, solver, stiffness), &slope());
                 let before = down(sheets.positions());
                 run(&mut sheets, 0, 24).unwrap();
                 [down(sheets.positions()) - before, down(sheets.velocities())]
             };
-            let [way, speed] = slid(0.5);
-            println!("{solver} {terms}: {way:.1e} m, {speed:.1e} m/s");
-            assert!(way.abs() < 1e-5 && speed.abs() < 1e-5, "{solver} {terms}: {way} m, {speed} m/s");
-            let (expected, [_, speed]) = (9.81 * (sin - 0.1 * cos), slid(0.1));
+            let [slid, speed] = slide(0.5);
+            println!("{solver} {terms}: {slid:.1e} m, {speed:.1e} m/s");
+            assert!(slid.abs() < 1e-5 && speed.abs() < 1e-5, "{solver} {terms}: {slid} m, {speed} m/s");
+            let (expected, [_, speed]) = (9.81 * (sin - 0.1 * cos), slide(0.1));
             assert!((speed / expected - 1.0).abs() < 0.02, "{solver} {terms}: {speed} {expected}");
         }
     }
 }
 
 #[test]
-fn a_moving_solid_carries_a_sheet_along() {
+fn a_moving_solid_takes_a_sheet_along() {
     let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
     let (low, high) = ([-1.0, -1.0, -0.2], [1.0, 1.0, 0.0]);
     let shapes = [(Shape::Box { min: low, max: high }, 1e-5), (Shape::Mesh(cuboid(low, high, 40)), 5e-4)];
-    // A hundredth of a voxel, of 5 cm, is what samples are off.
+    // Samples deviate by a hundredth of a voxel, of 5 cm.
     for (integrator, (shape, off)) in
-        ["symplectic", "implicit"].into_iter().flat_map(|way| shapes.clone().map(|shape| (way, shape)))
+        ["symplectic", "implicit"].into_iter().flat_map(|slid| shapes.clone().map(|shape| (slid, shape)))
     {
         let mut lift = world(9.81, vec![shape]);
         lift.solids[0].motion = Motion::new(&[key(1, 0.0), key(25, 1.0)], Interpolation::Smooth, 24.0, 1);
@@ -235,7 +235,7 @@ fn a_moving_solid_carries_a_sheet_along() {
 }
 
 #[test]
-fn fast_points_do_not_fly_through_a_thin_solid() {
+fn fast_points_do_not_pass_through_a_thin_solid() {
     let text = above(3.0, 4, "velocity = [0.0, 0.0, -300.0]")
         .replace("stiffness = [100.0, 100.0]", "stiffness = [0.1, 0.1]");
     let mut sheets =
@@ -246,7 +246,7 @@ fn fast_points_do_not_fly_through_a_thin_solid() {
 }
 
 /// Faces are straight between their points: in a ball those of width w lie up to w²/4R deep. A clearance of
-/// that keeps them out, and that of layers is half of their thickness.
+/// that distance keeps them out. The default clearance is half of the thickness of contact.
 #[test]
 fn a_clearance_keeps_faces_out_of_a_ball() {
     let (radius, width) = (0.3, 1.0 / 16.0);
@@ -286,14 +286,17 @@ fn a_clearance_keeps_faces_out_of_a_ball() {
             assert!((f64::from(nearest) - enough).abs() < 1e-5, "{integrator}: {nearest} {enough}");
         }
         let (records, nearest) = fall("sheets.clearance = 0", &thickness);
-        assert!(records[23].cut_faces > 0 && nearest < 1e-5, "{integrator}: what is said counts: {nearest}");
+        assert!(
+            records[23].cut_faces > 0 && nearest < 1e-5,
+            "{integrator}: the clearance of the preset counts: {nearest}"
+        );
     }
 }
 
-/// A rod through the middle of an edge of the second of two sheets: no point is inside, and of faces that one
-/// place. Likewise through a triangle's middle.
+/// A rod through the middle of an edge of the second of two sheets: no point is inside, and only this tested
+/// place of the faces. Likewise through the middle of a triangle.
 #[test]
-fn faces_are_told_by_each_place_that_is_asked_of_any_sheet() {
+fn cut_faces_are_counted_at_each_tested_place_of_any_sheet() {
     let terms = "density = 0.2\nstiffness = [1.0, 1.0]";
     let one = |z: f32| grid([0.0, 0.0, z], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1; 2], terms);
     let rod = |x: f32, y: f32, radius: f32| Shape::Capsule { from: [x, y, 1.0], to: [x, y, 3.0], radius };
@@ -322,7 +325,7 @@ fn faces_are_told_by_each_place_that_is_asked_of_any_sheet() {
     assert_eq!(record(&two, rod(0.5, 0.5, 0.1), None, false), (1, 1000.0), "the middle");
     assert_eq!(record(&two, rod(0.67, 0.33, 0.1), None, true), (1, 953.0), "the middle of a triangle");
     assert_eq!(record(&two, rod(0.5, 0.5, 0.1), None, true), (2, 1000.0), "the edge between two");
-    // A rod that is elsewhere at the frame's end; and faces that are held.
+    // A rod that is elsewhere at the frame's end, and faces that are pinned.
     let key = |frame, x| Keyframe { frame, position: [x, 0.0, 0.0], rotation: [0.0; 3], quaternion: None };
     let leaves = Motion::new(&[key(1, 0.0), key(2, 9.0)], Interpolation::Linear, 24.0, 1);
     assert_eq!(record(&two, rod(0.5, 0.5, 0.1), leaves, false), (0, 0.0), "it has gone");
@@ -330,18 +333,19 @@ fn faces_are_told_by_each_place_that_is_asked_of_any_sheet() {
         + &one(2.0)
             .replace("'cloth'", "'other'")
             .replace(terms, &format!("{terms}\npin = [{{ at = {{ points = [3] }} }}]"));
-    assert_eq!(record(&pinned, rod(0.5, 0.5, 0.1), None, false), (0, 0.0), "it goes where it is led");
+    assert_eq!(record(&pinned, rod(0.5, 0.5, 0.1), None, false), (0, 0.0), "pinned faces do not count");
 }
 
-/// Solids that leave less room than clearances ask for: between two boxes, and under a ball on the floor.
+/// Solids that are closer together than twice the clearance: between two boxes, and under a ball on the
+/// floor.
 #[test]
-fn clearances_give_way_where_solids_leave_no_room() {
+fn clearances_shrink_between_close_solids() {
     let slab = |low: f32, high: f32| Shape::Box { min: [-1.0, low, -1.0], max: [1.0, high, 1.0] };
     let ball = Shape::Sphere { center: [0.0, 0.0, 0.22], radius: 0.22 };
     let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
     for clearance in [0.0, 0.003, 0.02] {
         for gap in [0.002, 0.005] {
-            // A strip stands in the slit.
+            // A strip is upright in the slit.
             let strip = grid(
                 [-0.3, 0.5 * gap, -0.3],
                 [0.6, 0.0, 0.0],
@@ -354,7 +358,7 @@ fn clearances_give_way_where_solids_leave_no_room() {
             let records = run(&mut sheets, 0, 6).unwrap();
             assert!(records.iter().all(|record| record.inside_solids == 0), "{clearance} {gap}");
         }
-        // Cloth whose border lies on the floor reaches under the ball.
+        // Cloth whose border lies on the floor extends under the ball.
         let cloth = grid(
             [0.01, -0.2, 1e-4],
             [0.3, 0.0, 0.0],

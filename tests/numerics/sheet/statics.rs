@@ -3,7 +3,7 @@
 use super::*;
 use meniscus::sim::sheet::{SheetMesh, SheetParams, SheetShape};
 
-/// Lets a sheet come to rest by the implicit rule in long substeps.
+/// Lets a sheet come to rest with implicit Euler in long substeps.
 fn settled(text: &str, world: &World, frames: u32) -> Sheets {
     let text = format!(
         "{text}\n[sheets.solver]\nintegrator = 'implicit'\nsubsteps = 2\ntolerance = 1e-6\nmax_iterations = 3000\n"
@@ -14,8 +14,8 @@ fn settled(text: &str, world: &World, frames: u32) -> Sheets {
     sheets
 }
 
-/// Span 1 m, length 1.3 m, weight W, tension per strain `ea`: the sag of an elastic catenary, by integration
-/// along it.
+/// Sag of an elastic catenary, by integration along it: span 1 m, length 1.3 m, weight W, tension per strain
+/// `ea`.
 fn catenary_sag(weight: f64, ea: f64) -> f64 {
     let (length, steps) = (1.3, 20_000);
     let along = |h: f64| {
@@ -47,7 +47,7 @@ fn a_chain_hangs_as_the_elastic_catenary() {
             "density = 0.1\nstiffness = [{stiffness}, 0.0]\nrest = [1.3, 1.0]\ndamping = 4.0\n\
              pin = [{{ at = 'corners' }}]"
         );
-        // A bend tells the slack chain where down is.
+        // A bend gives the slack chain an initial downward direction.
         let sheets = settled(&square([cells, 0], 0.0, &terms), &world(9.81, vec![]), 400);
         let lowest = sheets.positions().iter().map(|x| x.z).fold(0.0, f32::min);
         (f64::from(-lowest) / expected - 1.0).abs()
@@ -59,7 +59,7 @@ fn a_chain_hangs_as_the_elastic_catenary() {
 
 #[test]
 fn the_sag_of_a_sheet_converges_as_it_is_refined() {
-    // Patches of fixed size hold the corners: points would be drawn through ever finer sheets.
+    // Patches of fixed size hold the corners: a single point would pull through an ever finer sheet.
     let sag = |cells: u32| {
         let mut pins = String::new();
         for (x, y) in [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)] {
@@ -78,7 +78,7 @@ fn the_sag_of_a_sheet_converges_as_it_is_refined() {
     assert!((c - b).abs() < 0.65 * (b - a).abs(), "{a} {b} {c}");
 }
 
-/// A strip of 1 m by `width` hung by its first column, loaded at its last with `load` [N].
+/// A strip of 1 m by `width`, pinned at its first column and loaded at its last with `load` [N].
 fn pulled(cells: [u32; 2], terms: &str, load: f32) -> f64 {
     let width = 0.5_f32;
     let text = grid(
@@ -116,9 +116,9 @@ fn strain_is_load_over_stiffness_at_any_resolution() {
     assert!((strain / expected - 1.0).abs() < 0.03, "{strain} {expected}");
 }
 
-/// Two points of every face's corners moved, one substep: what Eq. 7 gives by hand.
+/// Two corners of every face moved, one substep: Eq. 7 evaluated by hand.
 #[test]
-fn grid_points_feel_their_four_three_or_two_neighbours() {
+fn grid_points_have_spring_forces_of_their_four_three_or_two_neighbours() {
     let terms = "density = 1.0\nstiffness = [3.0, 5.0]\nrest = [0.8, 1.1]";
     let cells = [10_u32, 4];
     let bend = |i: usize, x: Vec3| {
@@ -208,7 +208,7 @@ fn bending_energy_is_that_of_the_curvature_at_any_resolution() {
             let make = || Sheets::new(shot.clone(), &world).unwrap();
             rolled(&make, &|streams| Sheets::restore(shot.clone(), &world, streams, 0.0).unwrap())
         });
-        // A border without curvature of its own is a cell wide.
+        // A border without curvature of its own is one cell wide.
         assert!(
             (fine - 1.0).abs() < 0.08 && (fine - 1.0).abs() < 0.7 * (coarse - 1.0).abs(),
             "{name}: {coarse} {fine}"
@@ -217,7 +217,7 @@ fn bending_energy_is_that_of_the_curvature_at_any_resolution() {
 }
 
 #[test]
-fn meshes_weigh_and_stretch_as_grids_do() {
+fn meshes_have_the_mass_and_stiffness_of_grids() {
     let terms = "density = 0.4\nstiffness = [30.0, 30.0]";
     let world = world(0.0, vec![]);
     for triangles in [true, false] {
@@ -239,7 +239,7 @@ fn meshes_weigh_and_stretch_as_grids_do() {
 }
 
 #[test]
-fn both_integrators_find_the_same_rest() {
+fn both_integrators_find_the_same_equilibrium() {
     let terms =
         "density = 0.2\nstiffness = [60.0, 60.0]\nshear = 20.0\ndamping = 3.0\npin = [{ at = 'corners' }]";
     let text = square([10, 10], 0.0, terms);
@@ -247,6 +247,6 @@ fn both_integrators_find_the_same_rest() {
     let mut symplectic = sheets(&text, &world(9.81, vec![]));
     run(&mut symplectic, 0, 250).unwrap();
     let pairs = implicit.positions().into_iter().zip(symplectic.positions());
-    let apart = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f32::max);
-    assert!(apart < 1e-3, "{apart} m");
+    let difference = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f32::max);
+    assert!(difference < 1e-3, "{difference} m");
 }
