@@ -97,6 +97,7 @@ GENUINE = [
     ("*", r"\"[\w ]+\" ?:", "keys of records on disk stay"),
     ("*", r"\.get\(\"[^\"]*\"", "keys of records on disk stay"),
     ("tests/*", r"\.sum\(\"[^\"]*\"", "keys of records on disk stay"),
+    ("docs/*", r"`(?:caught|put back|told|rounds|lost)`", "keys of records on disk stay"),
     ("*", r"(?:one|two|three|four)[- ]way", "one-way and two-way coupling are the field's words"),
     ("*", r"by way of|under way|half ?-?way|all the way|(?:give|gives|gave|given|giving|make|makes) way|either way|the other way(?: round| about)?", "ordinary idiom"),
     ("*", r"(?:in|the) same way|(?:in|by) (?:this|that|which|some|any|no) way|in the way|out of the way|on the way|on (?:its|their) way|a long way", "ordinary idiom"),
