@@ -16,7 +16,8 @@
 use super::{
     density::{Decide, Residual, Unknown, Verdict},
     lanes::Lanes,
-    solve::{Setup, Solver},
+    setup::Setup,
+    solve::Solver,
 };
 use crate::par;
 

@@ -8,7 +8,7 @@ use super::{
     lanes::{self, LANES, Lanes, Node},
     pair::Pair,
     pass::Pass,
-    solve::Setup,
+    setup::Setup,
 };
 use crate::{math::Vec3, space::Neighbours};
 

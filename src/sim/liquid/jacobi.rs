@@ -6,7 +6,8 @@ use super::{
     Constraint,
     density::{Decide, Residual, Unknown, Verdict},
     lanes::Lanes,
-    solve::{self, Setup, Solver},
+    setup::Setup,
+    solve::{self, Solver},
 };
 
 /// The fraction of λ taken under the equality constraint. At 1 the Jacobi iteration diverges: a filled tank at rest

@@ -27,6 +27,7 @@ mod pass;
 mod repulsion;
 mod rest;
 mod seed;
+mod setup;
 mod solve;
 mod viscosity;
 mod vorticity;
@@ -53,7 +54,8 @@ use lanes::Node;
 use neighbourhood::Neighbourhood;
 use repulsion::Repulsion;
 use rest::Rest;
-use solve::{Crowd, Setup, Solver};
+use setup::Setup;
+use solve::{Crowd, Solver};
 use vorticity::Confinement;
 use walls::Walls;
 

@@ -10,22 +10,19 @@
 //! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²].
 
 use super::{
-    Constraint, Particles,
+    Particles,
     correction::{CorrectionPass, Moved},
     density::{Chunk, Decide, DensityPass, Residual, Unknown, Unknowns, Verdict},
     lanes::{Lanes, Node},
     pass,
     rest::Rest,
-    walls::Walls,
+    setup::{SKIN, Setup},
 };
 use crate::{
     math::Vec3,
     par,
     space::{CellGrid, Neighbours},
 };
-
-/// How far lists reach beyond h, as a fraction of h.
-const SKIN: f32 = 0.1;
 
 /// A cell with this many times the particles of the lattice is refused: where thousands share one place, their lists
 /// grow with the square of their number (10 000 particles: 400 MB). With it a list is at most about as many times as
@@ -81,40 +78,6 @@ pub(super) struct Crowd {
     pub(super) particle: usize,
     /// How many there are.
     pub(super) count: usize,
-}
-
-/// What the solver needs to know besides the particles.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Setup<'a> {
-    pub(super) rest: &'a Rest,
-    pub(super) walls: &'a Walls,
-    pub(super) constraint: Constraint,
-    /// ε [1/m²].
-    pub(super) softening: f32,
-}
-
-impl Setup<'_> {
-    /// The least C_i that counts, and the least κ_i: nothing pulls under the compression constraint.
-    pub(super) fn least(&self) -> f32 {
-        match self.constraint {
-            Constraint::Compression => 0.0,
-            Constraint::Equality => f32::NEG_INFINITY,
-        }
-    }
-
-    /// How far from a solid its share of density may reach, for particles that move within the lists' skin [m].
-    #[inline(always)]
-    pub(super) fn share_reach(&self) -> f32 {
-        self.rest.support + self.rest.wall_shift.abs() + SKIN * self.rest.support
-    }
-
-    /// Σ_k |∇_k C_i|² + ε [1/m²]; infinite without neighbours, where nothing can be corrected, and at ε = 0
-    /// nothing may be divided.
-    #[inline(always)]
-    pub(super) fn denominator(&self, gradient2: f32) -> f32 {
-        let denominator = gradient2 + self.softening;
-        if denominator <= 1e-6 * self.rest.lattice_gradient2 { f32::INFINITY } else { denominator }
-    }
 }
 
 /// Decides nothing.
@@ -261,7 +224,7 @@ impl Solver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::liquid::{Kernel, jacobi};
+    use crate::sim::liquid::{Constraint, Kernel, jacobi, walls::Walls};
 
     fn evaluated(rest: &Rest, constraint: Constraint, p: Vec<Vec3>) -> Solver {
         let walls = Walls::new(&[], rest);

@@ -10,7 +10,7 @@
 //! one end of such a pair, the pair is turned until the next substep.
 
 use super::{
-    pins_and_joints::{JointPair, PinnedPoint},
+    constraints::{JointPair, PinnedPoint},
     vectors::Vectors,
 };
 use crate::math::{

@@ -9,16 +9,17 @@
 //! Limits: parts are sheets and what joints connect. A mesh of several connected components is one part: if
 //! one component is held exactly, none is moved.
 
-use super::{implicit::Matrix, pins_and_joints::JointPair, vectors::Vectors};
+use super::{
+    constraints::JointPair,
+    implicit::{FreePart, Matrix},
+    vectors::Vectors,
+};
 use crate::{
     math::wide::{WIDTH, Wide},
     par::{self, Forest},
 };
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
-
-/// The points of a part, as ranges of sheets.
-pub(super) type FreePart = Vec<Range<usize>>;
 
 /// The parts without a point that is held exactly, of sheets with these ranges of points and these joints.
 pub(super) fn free_parts<'a>(

@@ -13,9 +13,8 @@
 //! precision, so residuals below 1e-7 are not reached.
 
 use super::{
+    constraints::JointPair,
     exact_joints::ExactJoints,
-    free_translation::FreePart,
-    pins_and_joints::JointPair,
     sliced_ellpack::SlicedEllpack,
     springs::{self, Blocks, Gather, LinearTerms, SpringProduct, update_blocks},
     vectors::{Dot, Eight, Vectors, in_chunks},
@@ -27,6 +26,9 @@ use crate::{
     },
     par,
 };
+
+/// The points of a part, as ranges of sheets.
+pub(super) type FreePart = Vec<std::ops::Range<usize>>;
 
 /// Left side of the implicit equation.
 pub(super) struct Matrix<'a> {

@@ -12,6 +12,7 @@
 //! the origin is resolved to 6e-5.
 
 mod check;
+mod constraints;
 mod contact;
 mod coupled_frame;
 mod error;
@@ -57,9 +58,9 @@ use crate::{
     par,
     solid::Solid,
 };
+use constraints::{JointPair, PinnedPoint};
 use exact_joints::ExactJoints;
 use model::Model;
-use pins_and_joints::{JointPair, PinnedPoint};
 use sliced_ellpack::{Entry, SlicedEllpack};
 use solids::VertexFaces;
 use stable_step::RowSums;
@@ -114,7 +115,7 @@ pub struct Sheets {
     /// The exact joints that hold now.
     exact_joints: ExactJoints,
     /// The parts that no pin holds now.
-    free_parts: Vec<free_translation::FreePart>,
+    free_parts: Vec<implicit::FreePart>,
     /// Faces around points, for repulsion; `None` without it.
     vertex_faces: Option<VertexFaces>,
     /// `None`: sheets pass through each other.

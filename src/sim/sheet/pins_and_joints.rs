@@ -11,7 +11,9 @@
 //! Limits: an exact pin moves its point with any speed of its keyframes.
 
 use super::{
-    SheetError, exact_joints,
+    SheetError,
+    constraints::{JointPair, PinnedPoint},
+    exact_joints,
     model::Model,
     params::{Pin, Select, SheetShape, SheetsParams},
     vectors::Vectors,
@@ -25,48 +27,6 @@ use std::ops::Range;
 /// Largest distance at the start of points that are joined exactly, in parts of 1 m and of their largest
 /// coordinate. It covers the rounding errors of one place that two sheets state differently.
 const MAX_EXACT_JOINT_GAP: f32 = 1e-5;
-
-/// A pinned point.
-#[derive(Clone, Debug)]
-pub(super) struct PinnedPoint {
-    pub(super) point: u32,
-    /// `None`: exactly.
-    pub(super) stiffness: Option<f32>,
-    place: Vec3,
-    motion: Option<Motion>,
-    /// End of the pin [s].
-    until: f64,
-}
-
-/// Two joined points.
-#[derive(Clone, Debug)]
-pub(super) struct JointPair {
-    pub(super) ends: [u32; 2],
-    /// `None`: exactly, see `exact_joints.rs`.
-    pub(super) stiffness: Option<f32>,
-    /// Unit vector.
-    pub(super) direction: Option<Vec3>,
-    until: f64,
-}
-
-impl PinnedPoint {
-    /// Whether the pin still holds.
-    pub(super) fn holds(&self, time: f64) -> bool {
-        time < self.until
-    }
-
-    /// Where the pin holds the point.
-    pub(super) fn place(&self, time: f64) -> Vec3 {
-        self.motion.as_ref().map_or(self.place, |motion| motion.pose(time).to_world(self.place))
-    }
-}
-
-impl JointPair {
-    /// Whether the joint still holds.
-    pub(super) fn holds(&self, time: f64) -> bool {
-        time < self.until
-    }
-}
 
 /// The time of a frame, slightly earlier, so that rounding does not move it into the next frame.
 fn release(frame: Option<u32>, fps: f64, first: u32) -> f64 {

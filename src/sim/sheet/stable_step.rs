@@ -11,8 +11,8 @@
 //! Symbols: k_ij → entries of the tables, m_i → `mass`.
 
 use super::{
+    constraints::{JointPair, PinnedPoint},
     params::Repulsion,
-    pins_and_joints::{JointPair, PinnedPoint},
     sliced_ellpack::{self, SlicedEllpack},
 };
 use crate::par;
