@@ -101,6 +101,8 @@ pub mod job;
 
 pub mod sim;
 
+pub mod product;
+
 pub mod scene;
 
 pub mod run;

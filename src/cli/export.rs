@@ -1,9 +1,11 @@
 //! `meniscus export`.
 
-use super::{args::ExportArgs, mesh, output::print};
+use super::{args::ExportArgs, mesh};
 use crate::{
-    export::SheetFormat,
-    run::{self, Control, Job, RunError, SheetSettings, ShotFolder, Source},
+    cache,
+    export::{MeshFormat, SheetFormat},
+    frame::StreamKind,
+    run::{self, BatchRequest, Control, RunError, ShotFolder, Source},
     scene::{self, Overrides, Scene},
 };
 
@@ -18,20 +20,18 @@ pub(super) fn export(args: &ExportArgs, control: Control) -> Result<(), RunError
     } else {
         None
     };
-    let job = Job {
+    let request = BatchRequest {
         selection: args.frames.clone(),
         force: args.force,
         max_memory: None,
-        side_by_side: true,
+        concurrent: true,
         fps: mesh::fps(None)?,
     };
-    let has_sheets = run::has_sheets(&source)?;
+    let has_sheets = has_sheets(&source)?;
     let wants_sheets = !args.format.is_empty() || args.thickness.is_some();
     if has_sheets || wants_sheets {
         let formats = if args.format.is_empty() { vec![SheetFormat::Pc2] } else { args.format.clone() };
-        let settings = SheetSettings { formats, thickness: args.thickness };
-        let done = run::sheets(&source, &out, &settings, &job, control)?;
-        done.lines().iter().try_for_each(|line| print(line))?;
+        sheets(&source, &out, &formats, args.thickness, &request, control)?;
         // Tracers beside them, if nothing was asked for by name.
         if wants_sheets || scene.as_ref().is_none_or(|scene| scene.smoke.is_none()) {
             return Ok(());
@@ -41,6 +41,37 @@ pub(super) fn export(args: &ExportArgs, control: Control) -> Result<(), RunError
         Some(scene) => run::surroundings(scene, &source, control)?,
         None => None,
     };
-    let done = run::points(Source::Cache(&source), &out, smoke.as_ref(), &job, control)?;
+    let done = run::points(Source::Cache(&source), &out, smoke.as_ref(), &request, control)?;
     mesh::summary(&done)
+}
+
+/// Whether the first cached frame that can be read has sheets.
+fn has_sheets(shot: &ShotFolder) -> Result<bool, RunError> {
+    let source = Source::Cache(shot);
+    let streams = cache::list(&shot.cache())?.iter().find_map(|(_, path)| source.streams(path));
+    Ok(streams.is_some_and(|streams| streams.iter().any(|&(_, kind)| kind == StreamKind::MeshPoints)))
+}
+
+/// Writes sheets in every format, meshes first. Frames that fail as meshes do not keep the point caches from being written.
+pub(super) fn sheets(
+    shot: &ShotFolder,
+    out: &ShotFolder,
+    formats: &[SheetFormat],
+    thickness: Option<f32>,
+    request: &BatchRequest,
+    control: Control,
+) -> Result<(), RunError> {
+    let mut failed = None;
+    let meshes: Vec<MeshFormat> = formats.iter().filter_map(|format| format.of_frames()).collect();
+    if !meshes.is_empty() {
+        match run::sheet_meshes(Source::Cache(shot), out, &meshes, thickness, request, control) {
+            Ok(done) => mesh::summary(&done)?,
+            Err(why @ RunError::SomeFailed { .. }) => failed = Some(why),
+            Err(why) => return Err(why),
+        }
+    }
+    if formats.contains(&SheetFormat::Pc2) {
+        mesh::summary(&run::point_caches(shot, out, thickness, request, control)?)?;
+    }
+    failed.map_or(Ok(()), Err)
 }

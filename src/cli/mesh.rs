@@ -4,7 +4,7 @@ use super::{args::MeshArgs, output::print};
 use crate::{
     import::{self, Sequence},
     mesh::SurfaceParams,
-    run::{self, Control, Done, Job, RunError, ShotFolder, Source, SurfaceSettings},
+    run::{self, BatchRequest, BatchSummary, Control, RunError, ShotFolder, Source, SurfaceSettings},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -25,11 +25,11 @@ pub(super) fn is_folder(input: &str) -> bool {
 }
 
 /// What was written.
-pub(super) fn summary(done: &Done) -> Result<(), RunError> {
-    done.lines().iter().try_for_each(|line| print(line))
+pub(super) fn summary(done: &BatchSummary) -> Result<(), RunError> {
+    done.lines.iter().try_for_each(|line| print(line))
 }
 
-fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Done, RunError> {
+fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<BatchSummary, RunError> {
     let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
     if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
         return Err(RunError::Request(format!(
@@ -54,7 +54,7 @@ fn cache(args: &MeshArgs, folder: &Path, control: Control) -> Result<Done, RunEr
     run::surface(Source::Cache(&source), &out, &made(args, params), &job(args)?, control)
 }
 
-fn files(args: &MeshArgs, control: Control) -> Result<Done, RunError> {
+fn files(args: &MeshArgs, control: Control) -> Result<BatchSummary, RunError> {
     let sequence = import::expand(&args.inputs)?;
     if sequence.files().iter().any(|file| is_volume(file)) {
         return level_sets(args, &sequence, control);
@@ -72,12 +72,12 @@ fn made(args: &MeshArgs, params: SurfaceParams) -> SurfaceSettings {
     SurfaceSettings { params, formats: args.format.clone() }
 }
 
-fn job(args: &MeshArgs) -> Result<Job, RunError> {
-    Ok(Job {
+fn job(args: &MeshArgs) -> Result<BatchRequest, RunError> {
+    Ok(BatchRequest {
         selection: args.frames.clone(),
         force: args.force,
         max_memory: args.max_memory,
-        side_by_side: true,
+        concurrent: true,
         fps: fps(args.fps)?,
     })
 }
@@ -88,7 +88,7 @@ fn is_volume(file: &Path) -> bool {
 }
 
 /// Meshes level sets, which are surfaces already.
-fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<Done, RunError> {
+fn level_sets(args: &MeshArgs, sequence: &Sequence, control: Control) -> Result<BatchSummary, RunError> {
     if let Some(other) = sequence.files().iter().find(|file| !is_volume(file)) {
         return Err(RunError::Request(format!(
             "{}: found particles among volumes, expected one kind of file; mesh them one after the other",

@@ -5,7 +5,7 @@ use super::{
     output::print,
 };
 use crate::{
-    run::{self, Control, Job, Outline, RunError, SheetSettings, ShotFolder, Source, SurfaceSettings},
+    run::{self, BatchRequest, Control, Outline, RunError, ShotFolder, Source, SurfaceSettings},
     scene::{self, Frames, Output, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
@@ -20,11 +20,11 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
              `meniscus mesh`, `meniscus volume` or `meniscus export` on the folder",
         );
     }
-    let job = Job {
+    let request = BatchRequest {
         selection: Some(selection),
         force: args.force,
         max_memory: args.max_memory,
-        side_by_side: false,
+        concurrent: false,
         fps: f64::from(scene.fps),
     };
     let source = Source::Cache(&folder);
@@ -32,7 +32,7 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     let mut failed = None;
     if !mesh.is_empty() {
         let settings = SurfaceSettings { params: scene.surface.clone(), formats: mesh.clone() };
-        match run::surface(source, &folder, &settings, &job, control) {
+        match run::surface(source, &folder, &settings, &request, control) {
             Ok(done) => super::mesh::summary(&done)?,
             Err(why @ RunError::SomeFailed { .. }) => failed = Some(why),
             Err(why) => return Err(why),
@@ -41,18 +41,15 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     if !volume.is_empty() {
         let mut settings = super::volume::of_scene(&scene);
         settings.smoke = run::surroundings(&scene, &folder, control)?;
-        match run::volume(source, &folder, &settings, &job, control) {
+        match run::volume(source, &folder, &settings, &request, control) {
             Ok(done) => super::mesh::summary(&done)?,
             Err(why @ RunError::SomeFailed { .. }) => failed = failed.or(Some(why)),
             Err(why) => return Err(failed.unwrap_or(why)),
         }
     }
     if !sheet.is_empty() {
-        let settings = SheetSettings { formats: sheet.clone(), thickness: *thickness };
-        match run::sheets(&folder, &folder, &settings, &job, control) {
-            Ok(done) => done.lines().iter().try_for_each(|line| print(line))?,
-            Err(why) => return Err(failed.unwrap_or(why)),
-        }
+        super::export::sheets(&folder, &folder, sheet, *thickness, &request, control)
+            .map_err(|why| failed.take().unwrap_or(why))?;
     }
     match failed {
         Some(why) => Err(why),
@@ -87,7 +84,7 @@ fn simulated(
     let folder = ShotFolder::new(args.output.clone().unwrap_or_else(|| default_folder(&preset)));
     let done = run::simulate(&scene, &folder, &selection, args.force, control)?;
     print(&format!(
-        "{}: {} frames simulated ({:.1} MiB), {} were there",
+        "{}: {} frames simulated ({:.1} MiB), {} up to date",
         folder.cache().display(),
         done.computed,
         done.bytes as f64 / f64::from(1 << 20),

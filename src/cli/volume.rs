@@ -7,7 +7,7 @@ use super::{
 use crate::{
     export::vdb::VolumeGrid,
     import,
-    run::{self, Control, Done, Job, Retime, RunError, ShotFolder, Source, VolumeSettings},
+    run::{self, BatchRequest, BatchSummary, Control, Retime, RunError, ShotFolder, Source, VolumeSettings},
     scene::{self, Overrides, Scene},
 };
 use std::path::Path;
@@ -21,7 +21,7 @@ pub(super) fn volume(args: &VolumeArgs, control: Control) -> Result<(), RunError
     mesh::summary(&done)
 }
 
-fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, RunError> {
+fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<BatchSummary, RunError> {
     let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
     if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
         return Err(RunError::Request(format!(
@@ -51,8 +51,8 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, Run
     } else {
         alone(args)?
     };
-    let fresh = args.set.iter().any(|argument| argument.trim_start().starts_with(TRACERS));
-    if args.retime.is_none() && !fresh {
+    let reseed = args.set.iter().any(|argument| argument.trim_start().starts_with(TRACERS));
+    if args.retime.is_none() && !reseed {
         return run::volume(Source::Cache(&source), &out, &settings, &job(args)?, control);
     }
     let factor = args.retime.unwrap_or(1.0);
@@ -68,13 +68,13 @@ fn cache(args: &VolumeArgs, folder: &Path, control: Control) -> Result<Done, Run
                 .into(),
         ));
     }
-    run::retime(&source, &out, &settings, Retime { factor, fresh }, &job(args)?, control)
+    run::retime(&source, &out, &settings, Retime { factor, reseed }, &job(args)?, control)
 }
 
 /// The only key of smoke that changes volumes alone.
 const TRACERS: &str = "smoke.tracers";
 
-fn files(args: &VolumeArgs, control: Control) -> Result<Done, RunError> {
+fn files(args: &VolumeArgs, control: Control) -> Result<BatchSummary, RunError> {
     if args.retime.is_some() {
         return Err(RunError::Request("--retime is for the cache of a shot of smoke. Leave it out".into()));
     }
@@ -87,12 +87,12 @@ fn files(args: &VolumeArgs, control: Control) -> Result<Done, RunError> {
     run::volume(source, &ShotFolder::new(output), &alone(args)?, &job(args)?, control)
 }
 
-fn job(args: &VolumeArgs) -> Result<Job, RunError> {
-    Ok(Job {
+fn job(args: &VolumeArgs) -> Result<BatchRequest, RunError> {
+    Ok(BatchRequest {
         selection: args.frames.clone(),
         force: args.force,
         max_memory: args.max_memory,
-        side_by_side: true,
+        concurrent: true,
         fps: mesh::fps(args.fps)?,
     })
 }

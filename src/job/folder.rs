@@ -4,7 +4,7 @@ use super::RunError;
 use crate::cache::write_atomically;
 use std::path::{Path, PathBuf};
 
-/// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, `mesh/`, `volume/`.
+/// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, and a folder for every product that was made.
 #[derive(Clone, Debug)]
 pub struct ShotFolder {
     root: PathBuf,
@@ -35,24 +35,9 @@ impl ShotFolder {
         self.root.join("cache")
     }
 
-    /// The folder of the meshes.
-    pub fn meshes(&self) -> PathBuf {
-        self.root.join("mesh")
-    }
-
-    /// The folder of the volumes.
-    pub fn volumes(&self) -> PathBuf {
-        self.root.join("volume")
-    }
-
-    /// The folder of tracers as points.
-    pub fn points(&self) -> PathBuf {
-        self.root.join("points")
-    }
-
-    /// The folder of the sheets.
-    pub fn sheets(&self) -> PathBuf {
-        self.root.join("sheet")
+    /// The folder of the files of a product.
+    pub fn subfolder(&self, product: &str) -> PathBuf {
+        self.root.join(product)
     }
 
     /// The folder of the sampled meshes.
@@ -73,11 +58,6 @@ impl ShotFolder {
     /// One line a simulated frame.
     pub fn log(&self) -> PathBuf {
         self.root.join("log.jsonl")
-    }
-
-    /// One line a meshed frame.
-    pub fn mesh_log(&self) -> PathBuf {
-        self.root.join("mesh.jsonl")
     }
 
     /// Replaces the text file at `path`, whole or not at all.

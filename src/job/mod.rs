@@ -1,11 +1,16 @@
 //! What every job shares: errors, the shot folder, reports of progress, measured cost.
 
+pub mod batch;
 mod error;
 mod folder;
+mod manifest;
+pub(crate) mod memory;
 mod report;
 pub(crate) mod scratch;
 pub(crate) mod usage;
 
 pub use error::{FailedFrame, Failure, RunError};
 pub use folder::ShotFolder;
+pub use manifest::{FrameSpan, Manifest, OutputFiles};
 pub use report::{Control, Reporter};
+pub(crate) use report::{Progress, nonzero};

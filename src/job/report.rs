@@ -1,5 +1,7 @@
 //! How a job reports progress and learns of cancellation.
 
+use crate::control::Watch;
+
 /// What a job tells while it works. Implemented by the command line.
 pub trait Reporter: Sync {
     /// A job of `frames` frames begins.
@@ -28,4 +30,28 @@ pub struct Control<'a> {
     pub reporter: &'a dyn Reporter,
     /// Asked between steps; `true` stops the job, with everything finished so far kept.
     pub interrupted: &'a (dyn Fn() -> bool + Sync),
+}
+
+/// Reports the progress of a part of a job and passes on its cancellation.
+pub(crate) struct Progress<'a> {
+    pub(crate) control: Control<'a>,
+    /// Frames that were done before.
+    pub(crate) base: f64,
+    /// Frames that are done with this part.
+    pub(crate) scale: f64,
+}
+
+impl Watch for Progress<'_> {
+    fn keep_going(&mut self) -> bool {
+        !(self.control.interrupted)()
+    }
+
+    fn substep(&mut self, done: f64) {
+        self.control.reporter.progress(self.base + self.scale * done);
+    }
+}
+
+/// The counts that are not zero, each followed by what it counts.
+pub(crate) fn nonzero(counts: &[(u64, &str)]) -> Vec<String> {
+    counts.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect()
 }

@@ -1,12 +1,12 @@
 //! What is in a shot folder.
 
 use super::{
-    Failure, FrameSpan, Jump, Manifest, MeshRecord, OutputFiles, RunError, ShotFolder, Totals, mesh_log,
-    totals,
+    Failure, FrameSpan, Jump, Manifest, MeshRecord, OutputFiles, RunError, ShotFolder, Totals, totals,
 };
 use crate::{
     cache::{self, CacheError},
     frame::FrameIndex,
+    product::surface::{mesh_jumps, read_mesh_log},
 };
 use serde::Serialize;
 use std::path::Path;
@@ -102,8 +102,8 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         place.is_ok_and(|place| frames[place].fault.is_none())
     };
     let totals = totals::read(folder, sound)?;
-    let meshes = mesh_log::read(folder)?;
-    let jumps = mesh_log::jumps(&meshes);
+    let meshes = read_mesh_log(folder)?;
+    let jumps = mesh_jumps(&meshes);
     Ok(Info {
         title: manifest
             .as_ref()

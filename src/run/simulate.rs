@@ -4,8 +4,9 @@ use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, lattices::Lattic
 use crate::{
     cache::{self, CacheError, Lock},
     frame::{FrameIndex, Stream},
+    job::Progress,
     scene::{Frames, Scene},
-    sim::{FrameRecord, Simulation, Stop, Watch, World},
+    sim::{FrameRecord, Simulation, Stop, World},
 };
 use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 
@@ -230,25 +231,6 @@ fn begin(scene: &Scene, control: Control) -> Result<(FrameIndex, Simulation), Ru
         control.reporter.note(&line);
     }
     Ok((scene.frames.first(), simulation))
-}
-
-/// Passes the simulation's progress on, and the user's wish to stop back.
-pub(super) struct Progress<'a> {
-    pub(super) control: Control<'a>,
-    /// Frames that were done before.
-    pub(super) base: f64,
-    /// Frames that are done with what is watched.
-    pub(super) scale: f64,
-}
-
-impl Watch for Progress<'_> {
-    fn keep_going(&mut self) -> bool {
-        !(self.control.interrupted)()
-    }
-
-    fn substep(&mut self, done: f64) {
-        self.control.reporter.progress(self.base + self.scale * done);
-    }
 }
 
 /// The simulation's own view of what surrounds it.

@@ -12,9 +12,9 @@ use std::{
 };
 
 /// The modules, in the order in which data flows through them.
-const ORDER: [&str; 19] = [
+const ORDER: [&str; 20] = [
     "par", "math", "frame", "control", "space", "grid", "sdf", "solid", "cache", "field", "mesh", "import",
-    "export", "preset", "job", "sim", "scene", "run", "cli",
+    "export", "preset", "job", "sim", "product", "scene", "run", "cli",
 ];
 
 #[test]

@@ -50,7 +50,7 @@ fn age_and_source_are_carried_where_they_are_named_and_nowhere_else() {
 
     let attributes = "--set surface.attributes=[\"source\",\"age\"]";
     // The second time the meshes are there, and tell what they carry.
-    for there in ["0 were there", "2 were there"] {
+    for there in ["0 up to date", "2 up to date"] {
         let (out, _) = desk.run(&format!("mesh kept {attributes} --frames 1,3"), 0);
         assert!(out.contains(there), "{out}");
         let manifest: serde_json::Value =

@@ -66,7 +66,7 @@ fn a_number_far_from_the_others_is_no_burden() {
     let line = "mesh splash_####.xyz --spacing 0.1 -o out";
     // Were each number between them looked for, this test would not come to its end.
     desk.run(line, 0);
-    assert!(told(&desk, line).contains("3 were there"));
+    assert!(told(&desk, line).contains("3 up to date"));
     assert_eq!(named(&desk, "out"), [0, 4_294_967_295]);
     let (out, _) = desk.run("info out", 0);
     assert!(out.contains("3 ply files, 4294967293 missing"), "{out}");
@@ -101,7 +101,7 @@ fn unchanged_frames_are_kept_and_changed_ones_made_again() {
     desk.write("splash_0003.xyz", drop_at(33.0));
     fs::File::options().write(true).open(desk.path("splash_0003.xyz")).unwrap().set_modified(before).unwrap();
     let out = told(&desk, line);
-    assert!(out.contains("1 frames meshed") && out.contains("3 were there"), "{out}");
+    assert!(out.contains("1 frames meshed") && out.contains("3 up to date"), "{out}");
     let second = desk.bytes("out/mesh");
     assert_eq!((&first[0], &first[1], &first[3]), (&second[0], &second[1], &second[3]));
     assert_ne!(first[2], second[2]);
@@ -153,9 +153,9 @@ fn a_bad_frame_is_named_at_the_end_and_the_others_are_made() {
         desk.write(&format!("splash_{frame:04}.xyz"), drop_at(frame as f32));
     }
     let out = told(&desk, "mesh splash_####.xyz --spacing 0.1 -o out1");
-    assert!(out.contains("3 frames meshed") && out.contains("3 were there"), "{out}");
+    assert!(out.contains("3 frames meshed") && out.contains("3 up to date"), "{out}");
     let out = told(&desk, "volume splash_####.xyz --spacing 0.1 -o out1");
-    assert!(out.contains("3 volumes written") && out.contains("3 were there"), "{out}");
+    assert!(out.contains("3 volumes written") && out.contains("3 up to date"), "{out}");
 }
 
 #[test]
@@ -171,7 +171,7 @@ fn bytes_and_talk_do_not_depend_on_how_many_frames_run_at_once() {
             let lines: Vec<String> = (talk + &more)
                 .lines()
                 .filter(|line| !line.starts_with("Progress"))
-                .map(|line| line.split("pieces").next().unwrap().split("MiB").next().unwrap().to_owned())
+                .map(|line| line.split("components").next().unwrap().split("MiB").next().unwrap().to_owned())
                 .collect();
             (lines, desk.bytes(&format!("{out}/{verb}")), desk.bytes(&format!("{out}/cache/{verb}")))
         };
@@ -319,6 +319,6 @@ fn an_interrupt_keeps_the_meshes_that_are_finished() {
     assert!((3..300).contains(&kept.len()), "{} meshes", kept.len());
     assert_eq!(named(&desk, "out"), [1, kept.len() as u64], "every finished frame is named");
     let out = told(&desk, "mesh splash_####.xyz --spacing 0.1 -o out --voxel 0.1 --frames 1-40");
-    assert!(out.contains(&format!("{} were there", kept.len().min(40))), "{out}");
+    assert!(out.contains(&format!("{} up to date", kept.len().min(40))), "{out}");
     assert!(desk.bytes("out/mesh").starts_with(&kept[..3]));
 }

@@ -106,7 +106,7 @@ fn a_cache_is_meshed_again_only_where_asked() {
     desk.run("mesh small --frames 2-3", 0);
     assert_eq!(desk.names("small/mesh"), ["liquid_0002.ply", "liquid_0003.ply"]);
     let (out, _) = desk.run("mesh small", 0);
-    assert!(out.contains("3 frames meshed") && out.contains("2 were there"), "{out}");
+    assert!(out.contains("3 frames meshed") && out.contains("2 up to date"), "{out}");
     let (out, _) = desk.run("mesh small/cache -o elsewhere --voxel 0.8 --format obj", 0);
     assert!(out.contains("5 frames meshed"), "{out}");
     assert!(desk.path("elsewhere/shot.json").exists());

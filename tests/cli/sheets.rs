@@ -86,16 +86,16 @@ fn one_command_goes_from_sheets_to_point_caches() {
     // Existing frames are kept, another selection is written anew, and sheets are not meshed as a liquid.
     let again = desk.run("shot cloth.toml -o shot", 0).0;
     assert!(
-        again.contains("9 were there")
+        again.contains("9 up to date")
             && again.contains("0 sheets of 9 frames written")
-            && again.contains("2 were there"),
+            && again.contains("2 up to date"),
         "{again}"
     );
     let few = desk.run("export shot --frames 1-9x2", 0).0;
     assert!(few.contains("2 sheets of 5 frames written"), "{few}");
     assert_eq!(samples(&desk.path("shot/sheet/cloth.pc2"))[1], cloth[2]);
     let none = desk.run("mesh shot", 2).1;
-    assert!(none.contains("no liquid in this cache"), "{none}");
+    assert!(none.contains("no particles in this cache"), "{none}");
     let message = desk.run("info shot", 0).0;
     assert!(message.contains("sheet/cloth.pc2"), "{message}");
 }

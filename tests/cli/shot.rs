@@ -28,7 +28,7 @@ fn one_command_goes_from_preset_to_meshes() {
 
     // The preset as run makes the same shot again.
     let (out, _) = desk.run("shot small/preset.toml -o small", 0);
-    assert!(out.contains("5 were there"), "{out}");
+    assert!(out.contains("5 up to date"), "{out}");
 }
 
 #[test]

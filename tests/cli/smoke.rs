@@ -138,7 +138,7 @@ fn one_command_goes_from_a_ring_to_volumes() {
 
     // What is there is kept, found and valid.
     let (out, _) = desk.run("shot ring.toml --set volume.precision=float", 0);
-    assert!(out.contains("0 frames simulated") && out.contains("5 were there"), "{out}");
+    assert!(out.contains("0 frames simulated") && out.contains("5 up to date"), "{out}");
     let (out, _) = desk.run("info ring", 0);
     assert!(out.contains("5 present") && out.contains("5 vdb files"), "{out}");
     desk.run("verify ring", 0);
@@ -271,7 +271,7 @@ fn a_cache_is_played_again_without_simulating() {
         assert!((b - 0.5 * (a + c)).abs() < 0.1 * (c - a), "{a} {b} {c}");
     }
     let (out, _) = desk.run(&format!("volume ring -o slow --retime 2 {float}"), 0);
-    assert!(out.contains("0 volumes written") && out.contains("9 were there"), "{out}");
+    assert!(out.contains("0 volumes written") && out.contains("9 up to date"), "{out}");
 
     // More tracers of the same smoke are as much of it, at the same place.
     desk.run(&format!("volume ring -o fine --set smoke.tracers=0.25 --voxel 2 {float}"), 0);
@@ -302,7 +302,7 @@ fn tracers_become_points_that_move() {
         assert!(head.contains(&format!(" {property}\n")), "{head}");
     }
     let (out, _) = desk.run("export ring", 0);
-    assert!(out.contains("3 frames of points written") && out.contains("2 were there"), "{out}");
+    assert!(out.contains("3 frames of points written") && out.contains("2 up to date"), "{out}");
     desk.run("simulate small.toml", 0);
     let (_, talk) = desk.run("export small", 2);
     assert!(talk.contains("no tracers"), "{talk}");

@@ -101,7 +101,7 @@ fn a_frame_that_cannot_be_computed_is_named_and_the_others_are_made() {
 fn what_smoke_does_not_have_is_refused_and_what_does_is_named() {
     let desk = ring();
     for (line, words) in [
-        ("mesh ring", ["no liquid", "meniscus volume"]),
+        ("mesh ring", ["no particles", "meniscus volume"]),
         ("volume ring --grid surface", ["surface", "temperature"]),
     ] {
         let (_, talk) = desk.run(line, 2);

@@ -67,7 +67,7 @@ fn grids_a_tenth_of_the_spacing_and_five_times_it() {
     // What is between all nodes is counted.
     desk.write("lost.xyz", xyz(&[[0.25, 0.25, 0.25]]));
     let (_, talk) = desk.run("mesh lost.xyz --spacing 0.1 -o lost --voxel 5", 0);
-    assert!(talk.contains("1 particles between grid nodes, not seen (voxel)"), "{talk}");
+    assert!(talk.contains("1 particles between grid nodes, without effect (surface.voxel)"), "{talk}");
 }
 
 #[test]

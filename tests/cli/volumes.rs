@@ -93,7 +93,7 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
     assert_eq!(desk.names("small/volume"), ["liquid_0002.vdb", "liquid_0003.vdb"]);
     assert_eq!(grids(&desk.path("small/volume/liquid_0002.vdb")), ["density", "surface", "velocity"]);
     let (out, _) = desk.run("volume small", 0);
-    assert!(out.contains("3 volumes written") && out.contains("2 were there"), "{out}");
+    assert!(out.contains("3 volumes written") && out.contains("2 up to date"), "{out}");
     let (out, _) = desk.run("volume small --force", 0);
     assert!(out.contains("5 volumes written"), "{out}");
     let whole = desk.bytes("small/volume");
@@ -116,7 +116,7 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
     // How a mesh is cleaned up is no matter of volumes.
     desk.run("volume small", 0);
     let (out, _) = desk.run("volume small --set surface.smoothing={} --set surface.attributes=[\"id\"]", 0);
-    assert!(out.contains("5 were there"), "{out}");
+    assert!(out.contains("5 up to date"), "{out}");
     for change in ["surface.anisotropy={}", "surface.kernel_radius=1.8", "surface.distance.band=4"] {
         desk.run("volume small -o other --frames 2", 0);
         let (out, _) = desk.run(&format!("volume small -o other --frames 2 --set {change}"), 0);
@@ -165,7 +165,7 @@ fn volumes_of_files_are_kept_while_their_files_are_the_same() {
     assert_ne!(key(1), key(2), "the key tells what a volume was made of");
     assert!(desk.run(&format!("{line} --force --frames 2,5"), 0).0.contains("2 volumes written"));
     let (_, talk) = desk.run(&format!("{line} --frames 3,5"), 3);
-    assert!(talk.contains("frame 0003: no file") && talk.contains("1 were there"), "{talk}");
+    assert!(talk.contains("frame 0003: no file") && talk.contains("1 up to date"), "{talk}");
 }
 
 #[test]
@@ -217,13 +217,13 @@ fn a_shot_writes_the_volumes_that_its_preset_names() {
     let outputs = manifest(&desk, "foggy")["outputs"].as_array().unwrap().clone();
     assert_eq!((outputs.len(), &outputs[1]["kind"]), (2, &"volume".into()));
     let (out, _) = desk.run("shot foggy.toml --frames 1-3", 0);
-    assert!(out.contains("0 volumes written") && out.contains("3 were there"), "{out}");
+    assert!(out.contains("0 volumes written") && out.contains("3 up to date"), "{out}");
     let (out, _) = desk.run("info foggy", 0);
     assert!(out.contains("volume/liquid_{:04}.vdb"), "{out}");
 
     // The verb makes what the preset names, too.
     let (out, _) = desk.run("volume foggy", 0);
-    assert!(out.contains("3 were there"), "{out}");
+    assert!(out.contains("3 up to date"), "{out}");
     let (told, _) = desk.run("plan foggy.toml --frames 1-3", 0);
     assert!(told.contains("without the volumes"), "{told}");
     desk.run("volume foggy --grid density", 0);
@@ -238,7 +238,7 @@ fn level_sets_of_any_program_become_meshes() {
     fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_3.vdb")).unwrap();
     fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_5.vdb")).unwrap();
     let (out, talk) = desk.run("mesh ball_#.vdb -o meshes --format ply,obj --fps 30", 0);
-    assert!(out.contains("2 frames meshed") && talk.contains("1 pieces"), "{out}{talk}");
+    assert!(out.contains("2 frames meshed") && talk.contains("1 components"), "{out}{talk}");
     let names = ["surface_0003.obj", "surface_0003.ply", "surface_0005.obj", "surface_0005.ply"];
     assert_eq!(desk.names("meshes/mesh"), names);
     assert_eq!(manifest(&desk, "meshes")["outputs"][0]["frames"]["last"], 5);
@@ -264,7 +264,7 @@ fn level_sets_of_any_program_become_meshes() {
     fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_3.vdb")).unwrap();
     fs::copy(desk.path("out/volume/particles_0001.vdb"), desk.path("ball_4.vdb")).unwrap();
     let (out, _) = desk.run(line, 0);
-    assert!(out.contains("2 frames meshed") && out.contains("1 were there"), "{out}");
+    assert!(out.contains("2 frames meshed") && out.contains("1 up to date"), "{out}");
     assert_ne!(faces("meshes/mesh/surface_0005.obj").len(), of_particles.len());
     assert!(desk.run(&format!("{line} --force --frames 3"), 0).0.contains("1 frames meshed"));
     let (out, _) = desk.run(&line.replace("-o meshes", "-o alone").replace('4', "1"), 0);

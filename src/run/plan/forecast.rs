@@ -10,11 +10,10 @@
 //! Limits: spray that only the shot resolves is not seen, and neither is a cost a particle that rises only there.
 
 use super::{
-    memory::Grids,
     pilot::{Pilot, PilotFrame, PilotSurface},
     sample::Sample,
 };
-use crate::sim::liquid::LiquidParams;
+use crate::{job::memory::Grids, sim::liquid::LiquidParams};
 
 /// What the pilots say of the shot.
 #[derive(Clone, Copy, Debug, PartialEq)]

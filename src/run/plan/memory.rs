@@ -4,15 +4,13 @@
 //! compare the model with the peak of a real run, and its bound with those of every built-in preset and tier.
 
 use crate::{
-    grid::BRICK,
+    job::memory::{BASE_MEMORY, Grids},
     mesh::SurfaceParams,
+    product::{surface::surface_memory, volume::particle_volume_memory},
     scene::Scene,
     solid::{MeshShape, Shape},
 };
 use std::collections::BTreeMap;
-
-/// The program, its threads and the frame being packed: 6 to 7 MiB before there is a particle, 9 MiB with them.
-const BASE: f64 = 10e6;
 
 /// Memory of the simulation, a particle, at `kernel_radius` 2 and the densest state of a shot. Less would let a farm
 /// kill the job, more refuses a shot that would have run. Shots of 30 000 to 130 000 particles are met within 7 %; five
@@ -25,53 +23,12 @@ const LISTS: f64 = 230.0;
 /// The bound of the simulation over its estimate: what was measured lies up to 6 % above that.
 const MARGIN: f64 = 1.1;
 
-/// Memory of a surface as it is cut, until its normals are found: a brick of the density …
-const NODES: f64 = 2165.0;
-
-/// … and a vertex …
-const PLACED: f64 = 18.0;
-
-/// … and when it is checked, when the density is gone: a vertex, its triangles included. Peaks of one frame each of seven presets
-/// in three tiers are told between 8 % low and 7 % high; of a splash of 945 000 particles at voxel 0.25 a fifth high.
-const CHECKED: f64 = 105.0;
-
-/// Memory of a surface that is cleaned up or cut from distances, a brick of the density …
-const BRICK_BYTES: f64 = 2950.0;
-
-/// … and a vertex of the mesh, its triangles included …
-const VERTEX: f64 = 67.0;
-
-/// … and more where it is smoothed: 99 to 126 were measured.
-const SMOOTHED: f64 = 125.0;
-
-/// … or decimated, after that: 1.22 GB were measured with 3.1 million vertices.
-const DECIMATED: f64 = 245.0;
-
-/// Memory of surfacing, a brick of the signed distance: its nodes twice, and what the sweeps know.
-const DISTANCE_BRICK: f64 = 6000.0;
-
-/// Vertices a brick where nobody has counted them: dam breaks have 45 to 63, liquid poured over a figure 103.
-const VERTICES: f64 = 100.0;
-
-/// Memory of surfacing, a particle: the frame, its order in cells, its weight …
-const SURFACED: f64 = 64.0;
-
-/// … and more where kernels are stretched: 28 to 95 were measured.
-const STRETCHED: f64 = 70.0;
-
 /// The part of the simulation's peak that the process still holds while it makes surfaces: the allocator keeps freed
 /// memory, and the longer the sequence, the more. Over seven shots it was 0.2 to 0.6, and 1.2 in one.
 const KEPT: f64 = 0.6;
 
 /// The same for the bound.
 const KEPT_AT_MOST: f64 = 1.2;
-
-/// Memory of making every grid of a volume, a brick of the density: nodes of density, distance and velocity, and the
-/// bytes of the file. 17 800 were measured (32 768 particles at voxel 0.5, floats, not packed).
-const VOLUME_BRICK: f64 = 20000.0;
-
-/// The same, a particle.
-const VOLUME_PARTICLE: f64 = 150.0;
 
 /// Memory of sampling a mesh, a node, while it is made: 26 to 36 were measured on four meshes.
 const SAMPLING: f64 = 34.0;
@@ -128,37 +85,6 @@ impl Solids {
     }
 }
 
-/// What surfacing works on in a frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Grids {
-    /// Bricks of the density.
-    pub(super) bricks: f64,
-    /// Vertices of the mesh.
-    pub(super) vertices: f64,
-}
-
-impl Grids {
-    /// So many bricks, of whose vertices nothing is known.
-    pub(super) fn of_bricks(bricks: f64) -> Self {
-        Self { bricks, vertices: bricks * VERTICES }
-    }
-
-    /// The most that `particles` cover at a voxel of `voxel` [spacings], before anything is known of how they lie: what
-    /// `double-dam-break` has when it is most spread, 0.095 bricks a particle with 10 000 at voxel 0.5 and 0.058 with
-    /// 117 000. The other presets have 0.56 to 0.82 times as many.
-    pub(super) fn at_most(particles: usize, voxel: f32) -> Self {
-        Self::of_bricks(SPREAD * (particles as f64).powf(0.8) / f64::from(voxel).powf(2.3))
-    }
-}
-
-impl Grids {
-    /// The same with the bricks inside the liquid, which volumes have too.
-    pub(super) fn with_inside(self, particles: usize, voxel: f32) -> Self {
-        let inside = particles as f64 / (BRICK as f64 * f64::from(voxel)).powi(3);
-        Self { bricks: self.bricks + inside, ..self }
-    }
-}
-
 /// What is known of a shot that is to be simulated.
 #[derive(Clone, Debug)]
 pub(super) struct Known<'a> {
@@ -177,12 +103,12 @@ impl Known<'_> {
         let lists = LISTS * (f64::from(self.kernel_radius) / 2.0).powi(3);
         let particles = self.particles as f64 * (PARTICLE - LISTS + lists);
         let margin = if self.grids.is_some() { 1.0 } else { MARGIN };
-        (margin * (BASE + self.solids.making.max(self.solids.held + particles))) as u64
+        (margin * (BASE_MEMORY + self.solids.making.max(self.solids.held + particles))) as u64
     }
 
     /// Peak memory of surfacing after that, in the same process [bytes].
     pub(super) fn surfaces(&self) -> u64 {
-        surface(self.particles, self.grids(), self.surface) + self.kept()
+        surface_memory(self.particles, self.grids(), self.surface) + self.kept()
     }
 
     /// Peak memory of making volumes after that [bytes].
@@ -191,7 +117,7 @@ impl Known<'_> {
         // Nobody counts bricks where a shot makes no meshes.
         let counted = self.grids.filter(|grids| grids.bricks > 0.0);
         let near = counted.unwrap_or_else(|| Grids::at_most(self.particles, voxel));
-        volume(self.particles, near.with_inside(self.particles, voxel)) + self.kept()
+        particle_volume_memory(self.particles, near.with_inside(self.particles, voxel)) + self.kept()
     }
 
     fn grids(&self) -> Grids {
@@ -200,28 +126,8 @@ impl Known<'_> {
 
     fn kept(&self) -> u64 {
         let part = if self.grids.is_some() { KEPT } else { KEPT_AT_MOST };
-        (part * (self.simulation() as f64 - BASE)) as u64
+        (part * (self.simulation() as f64 - BASE_MEMORY)) as u64
     }
-}
-
-/// Peak memory of surfacing `particles` [bytes].
-pub(super) fn surface(particles: usize, grids: Grids, params: &SurfaceParams) -> u64 {
-    let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
-    let particle = SURFACED + named(params.anisotropy.is_some(), STRETCHED);
-    let held = if params.is_as_cut() && params.distance.is_none() {
-        (grids.bricks * NODES + grids.vertices * PLACED).max(grids.vertices * CHECKED)
-    } else {
-        let brick = BRICK_BYTES + named(params.distance.is_some(), DISTANCE_BRICK);
-        let cleaned =
-            named(params.smoothing.is_some(), SMOOTHED).max(named(params.decimation.is_some(), DECIMATED));
-        grids.bricks * brick + grids.vertices * (VERTEX + cleaned)
-    };
-    (BASE + particles as f64 * particle + held) as u64
-}
-
-/// Peak memory of making volumes of `particles` [bytes].
-pub(super) fn volume(particles: usize, grids: Grids) -> u64 {
-    (BASE + particles as f64 * VOLUME_PARTICLE + grids.bricks * VOLUME_BRICK) as u64
 }
 
 /// Memory of simulating smoke, a vorton: columns, rates and the tree that sums them …
@@ -230,17 +136,9 @@ const VORTON: f64 = 900.0;
 /// … and a tracer.
 const TRACER: f64 = 230.0;
 
-/// Memory of a volume of smoke, a brick that tracers meet: velocities reach beyond those.
-const SMOKE_BRICK: f64 = 60000.0;
-
 /// Peak memory of simulating smoke [bytes].
 pub(super) fn smoke(vortons: f64, tracers: f64) -> u64 {
-    (BASE + vortons * VORTON + tracers * TRACER) as u64
-}
-
-/// Peak memory of making a volume of smoke [bytes].
-pub(super) fn smoke_volume(tracers: f64, bricks: f64) -> u64 {
-    (BASE + tracers * VOLUME_PARTICLE + bricks * SMOKE_BRICK) as u64
+    (BASE_MEMORY + vortons * VORTON + tracers * TRACER) as u64
 }
 
 /// Memory of simulating sheets, a point, and of the mesh of a frame that is written: 360 to 410 were seen on grids of 160 000 and a million
@@ -257,13 +155,8 @@ const MEETING: f64 = 6500.0;
 pub(super) fn sheets(points: usize, [bend, meet]: [bool; 2]) -> u64 {
     let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
     let point = POINT + named(bend, BENT) + named(meet, MEETING);
-    if points == 0 { 0 } else { (BASE + points as f64 * point) as u64 }
+    if points == 0 { 0 } else { (BASE_MEMORY + points as f64 * point) as u64 }
 }
-
-/// Bricks at a voxel of one spacing over particles^0.8: larger shots have less surface a particle. The power of the voxel, 2.3,
-/// lies between that of a surface and that of a volume. Smaller, and a splash takes more than it was told to be the most;
-/// larger, and more shots calibrate before they start, and fewer frames are meshed at once.
-const SPREAD: f64 = 0.122;
 
 #[cfg(test)]
 mod tests {
@@ -355,34 +248,11 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_alone_takes_what_its_passes_name() {
-        // Particles, bricks, vertices, and the peaks of `meniscus mesh --frames N` [MiB]: plain, with kernels, smoothed.
-        use crate::{field::Anisotropy, mesh::SmoothingParams};
-        for (particles, bricks, vertices, found) in [
-            (103_823, 4_165.0, 270_096.0, [43.5, 49.3, 73.0]),
-            (116_640, 6_472.0, 332_018.0, [52.6, 60.3, 91.0]),
-            (127_493, 7_424.0, 772_682.0, [89.4, 92.8, 179.6]),
-            (54_460, 2_117.0, 93_508.0, [24.0, 26.7, 32.8]),
-            (92_875, 8_364.0, 376_784.0, [44.0, 45.0, 91.0]),
-            (945_220, 67_159.0, 3_123_674.0, [317.7, 318.0, 701.0]),
-            (52_098, 95_602.0, 2_808_524.0, [277.0, 287.0, 741.0]),
-        ] {
-            let plain = SurfaceParams::default();
-            let kernels = SurfaceParams { anisotropy: Some(Anisotropy::default()), ..plain.clone() };
-            let smoothed = SurfaceParams { smoothing: Some(SmoothingParams::default()), ..plain.clone() };
-            for (params, found) in [plain, kernels, smoothed].iter().zip(found) {
-                let told = mib(surface(particles, Grids { bricks, vertices }, params));
-                assert!((0.9..1.45).contains(&(told / found)), "{particles}: {told} MiB, found {found}");
-            }
-        }
-    }
-
-    #[test]
     fn volumes_count_what_no_mesh_counts() {
         let params = SurfaceParams { voxel: 0.25, ..SurfaceParams::default() };
         let told = |grids| shot(NONE, 8_000_000, grids, &params).volumes();
         // A million bricks are inside.
-        assert!(told(Some(Grids::default())) as f64 > 2e6 * 0.9 * VOLUME_BRICK);
+        assert!(told(Some(Grids::default())) as f64 > 2e6 * 0.9 * 20_000.0);
         assert_eq!(told(Some(Grids::default())), told(Some(Grids::at_most(8_000_000, 0.25))));
     }
 

@@ -4,28 +4,25 @@
 //! come from calibration: two coarse pilots of all frames (`pilot`), the shot's own start (`sample`),
 //! and what they say together (`forecast`). Nothing rests on figures of another machine.
 
-mod bricks;
 mod deadline;
 mod forecast;
 mod memory;
 mod pilot;
-mod product;
 mod sample;
 mod sheets;
 mod smoke;
 
-pub(super) use product::{Product, level_set_memory, most_memory, refuse_memory, stream_memory};
-
 use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
 use crate::{
     export::MeshFormat,
+    job::memory::{Grids, refuse_memory},
     math::Vec3,
     par,
     scene::{Frames, Scene},
     sim::{SetupError, Simulation, SmokeSeeds},
 };
 use forecast::{Forecast, Job, forecast};
-use memory::{Grids, Known, Solids};
+use memory::{Known, Solids};
 use pilot::{near_factor, pilot_at};
 use serde::Serialize;
 use sheets::SheetsPlan;

@@ -6,16 +6,15 @@
 //! Limits: what only fine smoke does after its own frames, more swirls and shorter steps, is not seen; the time of a shot that ends
 //! in turbulence is told too short.
 
-use super::{Control, RunError, bricks::bricks_around, deadline::Deadline, memory};
+use super::{Control, RunError, deadline::Deadline, memory};
 use crate::{
     cache,
     frame::{Frame, FrameIndex},
-    run::{
-        scratch::Scratch,
-        simulate::world,
-        usage::Meter,
-        volume::{Surroundings, VolumeSettings, try_smoke},
+    product::{
+        surface::bricks_around,
+        volume::{Surroundings, VolumeSettings, tracer_volume_memory, try_tracers},
     },
+    run::{scratch::Scratch, simulate::world, usage::Meter},
     scene::{Frames, Scene},
     sim::{Simulation, Stop, Systems, smoke},
 };
@@ -107,7 +106,7 @@ pub(super) fn plan(
         substeps: sum(&|seen| seen.substeps),
         memory: [
             memory::smoke(vortons.max(own_start.vortons), tracers.max(own_start.tracers)),
-            if with_volumes { memory::smoke_volume(tracers, bricks) } else { 0 },
+            if with_volumes { tracer_volume_memory(tracers, bricks) } else { 0 },
         ],
         cache: sum(&|seen| seen.bytes) * stored,
         volumes: sum(&|seen| seen.volume[0]) * stored,
@@ -250,7 +249,7 @@ fn volume_of(
     scratch: &Scratch,
     control: Control,
 ) -> Result<[f64; 3], RunError> {
-    let Some(tried) = try_smoke(frame, settings, scratch.path(), control)? else { return Ok([0.0; 3]) };
+    let Some(tried) = try_tracers(frame, settings, scratch.path(), control)? else { return Ok([0.0; 3]) };
     let around = settings.smoke.as_ref().expect("what was tried is of smoke");
     let tracers = frame.stream(smoke::TRACERS).and_then(|stream| stream.vec3("position")).unwrap_or_default();
     let spacing = around.smoke.params.tracer_spacing();

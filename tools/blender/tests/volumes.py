@@ -131,7 +131,7 @@ def check_import(openvdb, folder, meniscus):
     openvdb.write(str(path), grids=[sphere])
     command = [meniscus, "mesh", str(path), "-o", str(folder / "meshed"), "--force", "--progress", "plain"]
     run = subprocess.run(command, capture_output=True, encoding="utf-8")
-    figures = re.search(r"volume ([0-9.]+) m³  1 pieces", run.stderr)
+    figures = re.search(r"volume ([0-9.]+) m³  1 components", run.stderr)
     exact = 4.0 / 3.0 * math.pi * 1.5**3
     if run.returncode != 0 or not figures or abs(float(figures[1]) / exact - 1.0) > 0.005:
         return f"exit code {run.returncode}, volume of {exact:.4f} m³ expected: {run.stderr}"

@@ -7,11 +7,11 @@ use crate::{
     frame::Frame,
     grid::SparseGrid,
     math::Vec3,
+    product::volume::{VolumeSettings, try_tracers},
     run::{
-        Control, RunError, ShotFolder,
+        Control, RunError, ShotFolder, surroundings,
         tradeoff::runs::{Place, Row},
         usage::Peak,
-        volume::{VolumeSettings, surroundings, try_smoke},
     },
 };
 use serde::{Deserialize, Serialize};
@@ -52,7 +52,7 @@ pub(super) fn complete<F>(
             return Err(RunError::Interrupted);
         }
         let (peak, scratch) = (Peak::since_now(), place.folder.join("volume"));
-        let Some(tried) = try_smoke(&frame, &settings, &scratch, control)? else { return Ok(None) };
+        let Some(tried) = try_tracers(&frame, &settings, &scratch, control)? else { return Ok(None) };
         let memory = peak.bytes();
         // Only its size was wanted; what cannot be removed only takes room.
         let _ = std::fs::remove_dir_all(&scratch);

@@ -25,14 +25,13 @@ use super::{
 };
 use crate::{
     cache::Lock,
+    job::memory::refuse_memory,
     mesh::{
         SurfaceParams,
         apart::{Distance, Target},
     },
-    run::{
-        Control, RunError, ShotFolder, Source,
-        plan::{Product, most_memory, refuse_memory, stream_memory},
-    },
+    product::surface::{max_surface_memory, stream_memory},
+    run::{Control, RunError, ShotFolder, Source},
     scene::Scene,
 };
 use row::{Place, Row};
@@ -175,7 +174,7 @@ pub struct Job {
 
 /// About the most memory that a setting needs on a frame of `particles`, before anything is known of how they lie [bytes].
 pub fn memory_at_most(particles: usize, params: &SurfaceParams) -> u64 {
-    most_memory(Product::Meshes, particles, params)
+    max_surface_memory(particles, params)
 }
 
 /// The reference, its refinement, then the rows.
@@ -224,10 +223,7 @@ fn refuse_what_needs_more(
     for sample in samples {
         let particles = sample.read()?;
         for (_, scene) in settings {
-            refuse_memory(
-                stream_memory(Product::Meshes, &particles, sample.spacing, &scene.surface, allowed),
-                allowed,
-            )?;
+            refuse_memory(stream_memory(&particles, sample.spacing, &scene.surface, allowed), allowed)?;
         }
     }
     Ok(())

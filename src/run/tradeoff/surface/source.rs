@@ -4,7 +4,8 @@ use crate::{
     cache,
     frame::{FrameIndex, Stream},
     import::ParticleFile,
-    run::{RunError, Source, source::state_key},
+    job::batch::state_key,
+    run::{RunError, Source},
     scene::Frames,
 };
 use std::path::PathBuf;

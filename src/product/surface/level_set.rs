@@ -1,18 +1,19 @@
-//! The job that turns level sets of other programs into meshes.
+//! Meshes of level sets that other programs wrote.
 
-use super::{
-    Control, Failure, RunError, ShotFolder,
-    job::{self, Batch, Fit, Job, Target},
-    ledger::{Done, Work},
-    plan::{Product, level_set_memory},
-    source::{NO_FILE, choose, numbered, size},
-    surface::{MeshFiles, complain},
-};
+use super::{SurfaceFolder, memory::level_set_memory, writer::report_faults};
 use crate::{
     export::MeshFormat,
     import::{LevelSet, LevelSetFile, Sequence},
+    job::{
+        Control, Failure, RunError, ShotFolder,
+        batch::{
+            BatchRequest, BatchSummary, FileTarget, FrameBatch, MemoryCheck, NO_FILE, ProductFolder, Written,
+            choose, file_size, numbered_files, process_frames,
+        },
+    },
     mesh::{self, Mesh},
     par,
+    product::mesh_files::MeshFiles,
 };
 use std::path::Path;
 
@@ -22,64 +23,68 @@ const NAME: &str = "surface";
 /// Raised whenever a change cuts another mesh from the same level set.
 const CUT_VERSION: u64 = 1;
 
-/// Bytes of a leaf in a file, of which there may be as many as that: a leaf whose values are packed well. More, and level
-/// sets are read twice, the second time alone, as they hold more than was guessed; less, and fewer are meshed at once.
-const LEAST_LEAF: u64 = 256;
+/// Bytes of a leaf in a file, from which the number of leaves is estimated: a leaf whose values are packed well. Larger, and
+/// level sets are read twice, the second time alone, as they hold more than was estimated; smaller, and fewer are meshed at
+/// once.
+const MIN_LEAF_BYTES: u64 = 256;
 
 /// Meshes the level set of every OpenVDB file of a sequence into `out`, in every format, several at once where memory
 /// allows. Files keep their numbers, and meshes of the same bytes are kept, as for particle files.
 ///
 /// # Errors
-/// As [`surface`](super::surface::surface) of particle files; a level set whose band is too narrow is meshed and named.
+/// As [`surface`](super::surface) of particle files; a level set whose band is too narrow is meshed and reported.
 pub fn mesh_level_sets(
     sequence: &Sequence,
     out: &ShotFolder,
     formats: &[MeshFormat],
-    job: &Job,
+    request: &BatchRequest,
     control: Control,
-) -> Result<Done, RunError> {
-    let wanted = choose(&numbered(sequence), job.selection.as_ref())?;
-    let sole = wanted.len() == 1;
-    let batch = Batch { wanted: &wanted, absent: NO_FILE, sole, title: "Level set", fps: job.fps };
-    let files = MeshFiles { out, folder: "mesh", formats, points: false };
-    let cost = |path: &Path| level_set_memory((size(path) / LEAST_LEAF) as usize);
-    job::each(Product::Meshes, out, &batch, job, control, cost, |path, allowance, made| {
+) -> Result<BatchSummary, RunError> {
+    let frames = choose(&numbered_files(sequence), request.selection.as_ref())?;
+    let is_single_file = frames.len() == 1;
+    let (title, fps) = ("Level set", request.fps);
+    let batch = FrameBatch { frames: &frames, absent: NO_FILE, is_single_file, title, fps };
+    let files = MeshFiles { out, folder: SurfaceFolder.name(), formats, points: false };
+    let estimate = |path: &Path| level_set_memory((file_size(path) / MIN_LEAF_BYTES) as usize);
+    process_frames(&SurfaceFolder, out, &batch, request, control, estimate, |path, reserved, outcome| {
         let file = LevelSetFile::open(path)?;
         let key = file.content_key(CUT_VERSION);
-        let mut target = Target { index: made.index, name: NAME.into(), key };
-        if let Some(piece) = files.kept(&target).filter(|_| !job.force) {
-            made.pieces.push(piece);
-            return Ok(Fit::Yes);
+        let mut target = FileTarget { index: outcome.index, name: NAME.into(), key };
+        if let Some(files) = files.up_to_date(&target).filter(|_| !request.force) {
+            outcome.files.push(files);
+            return Ok(MemoryCheck::Fits);
         }
         let level_set = file.level_set()?;
         drop(file);
-        if job.fit(allowance, |_| level_set_memory(level_set.grid.bricks.len()))? == Fit::No {
-            return Ok(Fit::No);
+        let needed = |_| level_set_memory(level_set.grid.bricks.len());
+        if request.check_memory(reserved, needed)? == MemoryCheck::NeedsMore {
+            return Ok(MemoryCheck::NeedsMore);
         }
-        let (mesh, cut) = contour(&level_set);
+        let (mesh, cut_cells) = contour(&level_set);
         let check = mesh::check(&mesh);
         let figures = format!(
-            "frame {}  {} triangles  volume {:.4} m³  {} pieces  of the grid {}",
-            made.index,
+            "frame {}  {} triangles  volume {:.4} m³  {} components  of the grid {}",
+            outcome.index,
             mesh.triangles.len(),
             check.volume,
             check.components,
             level_set.name
         );
-        if cut > 0 {
-            // Its file is that of nothing, so that it is named again.
+        if cut_cells > 0 {
+            // Without a key the file is never up to date, so that the frame is reported again.
             target.key = 0;
             let why = format!(
-                "{}: the mesh is written, but it is open: {cut} cells of the level set cross its surface and lack nodes; \
+                "{}: the mesh is written, but it is open: {cut_cells} cells of the level set cross its surface and lack nodes; \
                  save it with a band of at least two voxels",
                 path.display()
             );
-            made.fail(why, Failure::Other);
+            outcome.fail(why, Failure::Other);
         } else {
-            complain(made, &mesh, &check, level_set.grid.voxel);
+            report_faults(outcome, &mesh, &check, level_set.grid.voxel);
         }
-        made.pieces.push(files.write(&mesh, None, &target, Work::on(&mesh, figures, None))?);
-        Ok(Fit::Yes)
+        let written = Written { figures, ..Written::default() };
+        outcome.files.push(files.write(&mesh, None, &target, written)?);
+        Ok(MemoryCheck::Fits)
     })
 }
 
@@ -100,7 +105,7 @@ mod tests {
     };
 
     #[test]
-    fn a_mesh_stands_where_its_level_set_does() {
+    fn a_mesh_is_where_its_level_set_is() {
         let corners = (0..8).map(|i| [i & 1, i >> 1 & 1, i >> 2].map(|v| v - 1)).collect();
         let mut grid = SparseGrid::new(0.5, Bricks::new(corners), 9.0);
         for brick in 0..grid.bricks.len() {

@@ -16,7 +16,7 @@ pub struct Manifest {
     pub title: String,
     /// Frames a second.
     pub fps: f64,
-    /// The frames that were asked for.
+    /// The requested frames.
     pub frames: FrameSpan,
     /// The axis that points up.
     pub up: String,
@@ -77,15 +77,15 @@ fn gcd(a: u32, b: u32) -> u32 {
 /// A sequence of files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OutputFiles {
-    /// "mesh", "points", "volume" or "sheet".
+    /// The kind of the files, such as "mesh".
     pub kind: String,
-    /// The system it shows ("liquid").
+    /// What it shows: a system ("liquid") or one of its objects.
     pub name: String,
-    /// "ply", "obj", "vdb" or "pc2".
+    /// The extension of the files, such as "ply".
     pub format: String,
-    /// File name with the frame number as `{:04}`, relative to the folder; of a sheet the file of all frames.
+    /// File name with the frame number as `{:04}`, relative to the folder; or the file of all frames.
     pub pattern: String,
-    /// The mesh whose points the file of a sheet moves.
+    /// The mesh whose points a file of all frames moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest: Option<String>,
     /// Which frames are there.
@@ -100,7 +100,7 @@ pub struct OutputFiles {
 
 impl OutputFiles {
     /// The files `NAME_0001.FORMAT` of a kind in a folder of the shot folder, with the frame `index` alone.
-    pub(super) fn of(kind: &str, folder: &str, name: &str, format: &str, index: FrameIndex) -> Self {
+    pub(crate) fn of(kind: &str, folder: &str, name: &str, format: &str, index: FrameIndex) -> Self {
         Self {
             kind: kind.into(),
             name: name.into(),
@@ -113,15 +113,8 @@ impl OutputFiles {
         }
     }
 
-    /// The point cache `NAME.pc2` of a sheet and its mesh `NAME.ply`, in a folder of the shot folder.
-    pub(super) fn sheet(folder: &str, name: &str, frames: FrameSpan) -> Self {
-        let pattern = format!("{folder}/{name}.pc2");
-        let rest = Some(format!("{folder}/{name}.ply"));
-        Self { pattern, rest, frames, ..Self::of("sheet", folder, name, "pc2", FrameIndex(0)) }
-    }
-
-    /// Whether the files are those of `other`, be it of other frames.
-    pub(super) fn is_same(&self, other: &Self) -> bool {
+    /// Whether the files are those of `other`, whatever the frames.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
         self.name == other.name && self.format == other.format && self.pattern == other.pattern
     }
 
@@ -203,12 +196,12 @@ impl Manifest {
         ShotFolder::write(folder.manifest(), &text)
     }
 
-    /// The right to change the folder's manifest, held until dropped: jobs that write different files share it. Waits
-    /// for whoever has it.
+    /// Locks the folder's manifest until the lock is dropped: jobs that write different files share it. Waits for another
+    /// process that holds the lock.
     ///
     /// # Errors
     /// If the folder cannot be written.
-    pub(super) fn lock(folder: &ShotFolder) -> Result<Lock, RunError> {
+    pub(crate) fn lock(folder: &ShotFolder) -> Result<Lock, RunError> {
         Ok(Lock::wait(folder.root())?)
     }
 
@@ -290,13 +283,13 @@ mod tests {
             grids: Vec::new(),
         };
         assert_eq!(output.present(&folder), [0; 0], "no folder");
-        std::fs::create_dir(folder.meshes()).unwrap();
+        std::fs::create_dir(folder.subfolder("mesh")).unwrap();
         for frame in [7, 0, u32::MAX, 12345] {
             std::fs::write(output.file(&folder, frame), "").unwrap();
         }
         for other in ["liquid_7.ply", "liquid_00007.ply", "liquid_x.ply", "liquid_0008.obj", "foam_0008.ply"]
         {
-            std::fs::write(folder.meshes().join(other), "").unwrap();
+            std::fs::write(folder.subfolder("mesh").join(other), "").unwrap();
         }
         assert_eq!(output.present(&folder), [0, 7, 12345, u32::MAX]);
         let mut manifest = Manifest::new("Odd", 24.0, all);
@@ -329,7 +322,7 @@ mod tests {
         manifest.put(OutputFiles { format: "obj".into(), ..output }, &[1, 2, 3, 4, 5], &folder);
         assert_eq!(manifest.outputs.len(), 2);
         assert_eq!(manifest.outputs[0].frames.last, 3, "files that are not there are not named");
-        std::fs::create_dir(folder.meshes()).unwrap();
+        std::fs::create_dir(folder.subfolder("mesh")).unwrap();
         for frame in [1, 3] {
             std::fs::write(few.file(&folder, frame), "").unwrap();
         }

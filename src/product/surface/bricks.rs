@@ -1,4 +1,4 @@
-//! The bricks of a density, counted before there are any.
+//! The bricks of a density, counted before they are made.
 
 use crate::{
     grid::{BRICK, Bricks},
@@ -8,8 +8,8 @@ use crate::{
 };
 use std::ops::Range;
 
-/// The bricks of the density of particles at `positions` [m], at most: every brick that the box around a kernel meets.
-pub(super) fn bricks_around(positions: &[Vec3], spacing: f32, params: &SurfaceParams) -> usize {
+/// An upper bound of the bricks of the density of particles at `positions` [m]: every brick that the box around a kernel meets.
+pub(crate) fn bricks_around(positions: &[Vec3], spacing: f32, params: &SurfaceParams) -> usize {
     let voxel = params.voxel * spacing;
     let reach = params.kernel_radius * spacing;
     // The first and the last node of each axis that a kernel reaches, and their bricks.
@@ -23,7 +23,7 @@ pub(super) fn bricks_around(positions: &[Vec3], spacing: f32, params: &SurfacePa
         let mut bounds: Vec<[(i32, i32); 3]> = bounds.collect();
         bounds.sort_unstable();
         bounds.dedup();
-        let (mut bricks, mut full) = (Vec::new(), LIST);
+        let (mut bricks, mut full) = (Vec::new(), LIST_CAPACITY);
         for [x, y, z] in bounds {
             for k in z.0..=z.1 {
                 for j in y.0..=y.1 {
@@ -34,23 +34,23 @@ pub(super) fn bricks_around(positions: &[Vec3], spacing: f32, params: &SurfacePa
             if bricks.len() > full {
                 bricks.sort_unstable();
                 bricks.dedup();
-                full = bricks.len().max(LIST) + LIST;
+                full = bricks.len().max(LIST_CAPACITY) + LIST_CAPACITY;
             }
         }
         bricks.sort_unstable();
         bricks.dedup();
         bricks
     };
-    Bricks::new(par::map_chunks(positions.len(), CHUNK, of_chunk).concat()).len()
+    Bricks::new(par::map_chunks(positions.len(), PARTICLES_PER_CHUNK, of_chunk).concat()).len()
 }
 
-/// Particles whose bricks are sought together. Larger, and fewer threads have work; smaller, and a brick is found by more
+/// Particles whose bricks are found together. Larger, and fewer threads have work; smaller, and a brick is found by more
 /// chunks.
-const CHUNK: usize = 4096;
+const PARTICLES_PER_CHUNK: usize = 4096;
 
-/// Bricks that are listed before doubles are taken out. Larger, and the list takes more memory than it is to tell of;
+/// Bricks that are listed before duplicates are removed. Larger, and the list takes more memory than it estimates;
 /// smaller, and it is sorted more often.
-const LIST: usize = 1 << 20;
+const LIST_CAPACITY: usize = 1 << 20;
 
 #[cfg(test)]
 mod tests {

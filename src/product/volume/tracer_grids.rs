@@ -1,12 +1,12 @@
-//! From the tracers and vortons of a frame to the grids of a volume file.
+//! Grids of tracers: density, temperature and the velocity of the air.
 
-use super::volume::SmokeFrame;
 use crate::{
     export::{
         ExportError,
         vdb::{self, Class, Grid, VolumeGrid, VolumeParams},
     },
     field::{Carried, CarriedParams, carried},
+    frame::Stream,
     grid::{BRICK_NODES, is_set, node_of},
     math::Vec3,
     mesh::SurfaceParams,
@@ -14,72 +14,84 @@ use crate::{
 };
 use std::path::Path;
 
-/// Nodes that velocities reach beyond the smoke at most: faster smoke is blurred no farther.
-const MOST_PADDING: f32 = 48.0;
+/// The largest number of nodes that velocities reach beyond the smoke: faster smoke is blurred no farther.
+const MAX_PADDING: f32 = 48.0;
 
-/// The grids of the smoke of a frame.
-pub(super) struct SmokeGrids {
+/// The tracers of a frame.
+pub(super) struct TracerFrame<'a> {
+    pub(super) tracers: &'a Stream,
+    pub(super) air: Option<&'a FrameAir>,
+    /// Distance at which the tracers were seeded [m].
+    pub(super) spacing: f32,
+    /// The requested grids.
+    pub(super) grids: &'a [VolumeGrid],
+    /// Time as shown over time as simulated [–].
+    pub(super) slowdown: f64,
+}
+
+/// The grids of the tracers of a frame.
+pub(super) struct TracerGrids {
     voxel: f32,
-    wanted: Vec<VolumeGrid>,
+    names: Vec<VolumeGrid>,
     carried: Carried<2>,
     /// 512 a brick [m/s]; empty if not wanted.
     velocity: Vec<Vec3>,
-    pub(super) stats: SmokeStats,
+    pub(super) stats: TracerGridStats,
 }
 
-/// What happened on the way.
+/// What the grids lack of the tracers.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct SmokeStats {
+pub(super) struct TracerGridStats {
     /// Bricks of all grids.
     pub(super) bricks: usize,
     /// Tracers that no brick can hold, left out.
     pub(super) too_far: usize,
     /// Whether smoke moves farther in a frame than velocities reach beyond it.
-    pub(super) short: bool,
+    pub(super) truncated: bool,
 }
 
 /// Why the grids of a frame cannot be made.
 #[derive(Debug)]
-pub(super) enum NoGrids {
-    /// A channel is not there.
+pub(super) enum TracerGridError {
+    /// A channel is missing.
     Missing(&'static str),
-    /// The air's velocity cannot be found.
+    /// The air's velocity cannot be computed.
     OutOfRange(OutOfRange),
-    /// The user stops the job.
+    /// The job is cancelled.
     Interrupted,
 }
 
-impl SmokeGrids {
-    /// The grids of the `smoke` of a frame, which is shown for `shutter` [s] of its own time at most. `keep_going` is asked after
-    /// every pass.
+impl TracerGrids {
+    /// The grids of the tracers of a `frame`, which is shown for at most `shutter` [s] of its own time. `keep_going` is called
+    /// after every pass and ends the work by returning false.
     ///
     /// # Errors
-    /// [`NoGrids`].
+    /// [`TracerGridError`].
     pub(super) fn new(
-        smoke: &SmokeFrame<'_>,
+        frame: &TracerFrame<'_>,
         shutter: f32,
         params: &SurfaceParams,
         keep_going: &dyn Fn() -> bool,
-    ) -> Result<Self, NoGrids> {
-        let SmokeFrame { tracers, air, spacing, wanted, slower } = *smoke;
-        let go_on = || if keep_going() { Ok(()) } else { Err(NoGrids::Interrupted) };
-        let positions = tracers.vec3("position").ok_or(NoGrids::Missing("position"))?;
+    ) -> Result<Self, TracerGridError> {
+        let TracerFrame { tracers, air, spacing, grids, slowdown } = *frame;
+        let go_on = || if keep_going() { Ok(()) } else { Err(TracerGridError::Interrupted) };
+        let positions = tracers.vec3("position").ok_or(TracerGridError::Missing("position"))?;
         let [density, temperature] =
-            ["density", "temperature"].map(|name| tracers.f32(name).ok_or(NoGrids::Missing(name)));
+            ["density", "temperature"].map(|name| tracers.f32(name).ok_or(TracerGridError::Missing(name)));
         let voxel = params.voxel * spacing;
-        let air = air.filter(|_| wanted.contains(&VolumeGrid::Velocity));
-        let wanted: Vec<VolumeGrid> =
-            wanted.iter().copied().filter(|&grid| grid != VolumeGrid::Velocity || air.is_some()).collect();
+        let air = air.filter(|_| grids.contains(&VolumeGrid::Velocity));
+        let names: Vec<VolumeGrid> =
+            grids.iter().copied().filter(|&grid| grid != VolumeGrid::Velocity || air.is_some()).collect();
 
         // As far as the fastest smoke moves while the shutter is open, velocities reach beyond it.
-        let mut stats = SmokeStats::default();
+        let mut stats = TracerGridStats::default();
         let mut padding = 0;
         if let Some(air) = air {
-            let speeds = air.velocity(positions).map_err(NoGrids::OutOfRange)?;
+            let speeds = air.velocity(positions).map_err(TracerGridError::OutOfRange)?;
             let fastest = speeds.iter().map(|v| v.norm()).fold(0.0, f32::max);
             let nodes = (fastest * shutter / voxel).ceil() + 1.0;
-            stats.short = nodes > MOST_PADDING;
-            padding = nodes.min(MOST_PADDING) as u32;
+            stats.truncated = nodes > MAX_PADDING;
+            padding = nodes.min(MAX_PADDING) as u32;
         }
         go_on()?;
         let radius = params.kernel_radius * spacing;
@@ -87,16 +99,18 @@ impl SmokeGrids {
         let carried = carried(positions, [density?, temperature?], &fields);
         go_on()?;
         let velocity = match air {
-            Some(air) => velocities(&carried, voxel, air, slower as f32).map_err(NoGrids::OutOfRange)?,
+            Some(air) => {
+                velocities(&carried, voxel, air, slowdown as f32).map_err(TracerGridError::OutOfRange)?
+            }
             None => Vec::new(),
         };
         (stats.bricks, stats.too_far) = (carried.bricks.len(), carried.too_far);
-        Ok(Self { voxel, wanted, carried, velocity, stats })
+        Ok(Self { voxel, names, carried, velocity, stats })
     }
 
-    /// Which grids there are.
+    /// The grids that were made.
     pub(super) fn names(&self) -> &[VolumeGrid] {
-        &self.wanted
+        &self.names
     }
 
     /// Writes the grids to `path` with a key; returns the file's size [bytes].
@@ -114,17 +128,17 @@ impl SmokeGrids {
             };
             Grid { name: which.name(), class, voxel: self.voxel, bricks, active }
         };
-        let grids: Vec<Grid> = self.wanted.iter().map(grid).collect();
+        let grids: Vec<Grid> = self.names.iter().map(grid).collect();
         vdb::write(&grids, path, params, key)
     }
 }
 
-/// The air's velocity over `slower` at the nodes near smoke, zero elsewhere.
+/// The air's velocity over `slowdown` at the nodes near smoke, zero elsewhere.
 fn velocities(
     carried: &Carried<2>,
     voxel: f32,
     air: &FrameAir,
-    slower: f32,
+    slowdown: f32,
 ) -> Result<Vec<Vec3>, OutOfRange> {
     let near = (0..carried.bricks.len()).flat_map(|brick| {
         let mask = carried.near[brick];
@@ -137,7 +151,7 @@ fn velocities(
     let found = air.velocity(&near.iter().map(at).collect::<Vec<_>>())?;
     let mut values = vec![Vec3::zeros(); carried.bricks.len() * BRICK_NODES];
     for ((brick, place), velocity) in near.into_iter().zip(found) {
-        values[brick * BRICK_NODES + place] = velocity / slower;
+        values[brick * BRICK_NODES + place] = velocity / slowdown;
     }
     Ok(values)
 }

@@ -1,4 +1,4 @@
-//! From particles to the grids of a volume file.
+//! Grids of particles: density as fog, level set, velocity.
 
 use crate::{
     export::{
@@ -15,28 +15,28 @@ use crate::{
 use std::path::Path;
 
 /// The grids of one stream of particles.
-pub(super) struct VolumeGrids {
+pub(super) struct ParticleGrids {
     /// Distance between nodes [m].
     voxel: f32,
     /// The bricks of the density.
     bricks: Bricks,
-    /// How much is there [–], 0 to 1, and where.
+    /// The density as a fraction of filled space [–], 0 to 1, and its active nodes.
     fog: Option<(Vec<f32>, Vec<NodeMask>)>,
     /// The distance to the surface [m], where it was found, and bricks that lie deeper inside.
     surface: Option<(SignedDistance, Vec<NodeMask>, Vec<[i32; 3]>)>,
     /// The velocities on the bricks of the density.
     velocity: Option<Velocity>,
-    pub(super) stats: VolumeStats,
+    pub(super) stats: ParticleGridStats,
 }
 
-/// What happened on the way.
+/// What the grids lack of the particles.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct VolumeStats {
+pub(super) struct ParticleGridStats {
     /// Bricks of the density.
     pub(super) bricks: usize,
     /// Particles that no brick can hold, left out.
     pub(super) too_far: usize,
-    /// Particles between the nodes.
+    /// Particles between the nodes, without effect.
     pub(super) unseen: usize,
     /// Nodes where the density was above 1.
     pub(super) over_one: usize,
@@ -44,17 +44,17 @@ pub(super) struct VolumeStats {
     pub(super) without_velocity: usize,
 }
 
-impl VolumeGrids {
-    /// The `wanted` grids of `particles` that stand `spacing` [m] apart at rest. `keep_going` is asked after every pass
-    /// and ends the work by returning false. Without velocities there is no such grid.
+impl ParticleGrids {
+    /// The `requested` grids of `particles` that are `spacing` [m] apart at rest. `keep_going` is called after every pass
+    /// and ends the work by returning false. Without velocities there is no velocity grid.
     ///
     /// # Errors
-    /// If asked to stop, or if positions are missing or not finite.
+    /// If cancelled, or if positions are missing or not finite.
     pub(super) fn new(
         particles: &Stream,
         spacing: f32,
         params: &SurfaceParams,
-        wanted: &[VolumeGrid],
+        requested: &[VolumeGrid],
         keep_going: &dyn Fn() -> bool,
     ) -> Result<Self, SurfaceError> {
         let go_on = || if keep_going() { Ok(()) } else { Err(SurfaceError::Interrupted) };
@@ -62,36 +62,36 @@ impl VolumeGrids {
         let SurfaceParams { voxel, kernel_radius, anisotropy, distance, .. } = *params;
         let distance = SdfParams::from(distance.unwrap_or_default());
         // A level set needs what is near the surface, the others everything.
-        let whole = wanted.iter().any(|&grid| grid != VolumeGrid::Surface);
+        let whole = requested.iter().any(|&grid| grid != VolumeGrid::Surface);
         let params = DensityParams { spacing, kernel_radius, voxel, anisotropy, whole };
         let mut field = density(positions, &params);
         go_on()?;
-        let mut stats = VolumeStats {
+        let mut stats = ParticleGridStats {
             bricks: field.grid.bricks.len(),
             too_far: field.too_far,
             unseen: field.unseen,
-            ..VolumeStats::default()
+            ..ParticleGridStats::default()
         };
 
-        let surface = wanted.contains(&VolumeGrid::Surface).then(|| surface(&field, &distance));
+        let surface = requested.contains(&VolumeGrid::Surface).then(|| surface(&field, &distance));
         go_on()?;
         let is_dense = masks(&field.grid.values, |&v| v > 0.0);
-        let velocities = particles.vec3("velocity").filter(|_| wanted.contains(&VolumeGrid::Velocity));
+        let velocities = particles.vec3("velocity").filter(|_| requested.contains(&VolumeGrid::Velocity));
         let velocity = velocities.map(|velocities| {
             let found = velocity(positions, velocities, &params, &field.grid.bricks);
             stats.without_velocity = count(&is_dense, &found.reached);
             found
         });
         go_on()?;
-        if wanted.contains(&VolumeGrid::Density) {
-            stats.over_one = cap(&mut field.grid.values);
+        if requested.contains(&VolumeGrid::Density) {
+            stats.over_one = clamp_to_one(&mut field.grid.values);
         }
         let SparseGrid { voxel, bricks, values, .. } = field.grid;
-        let fog = wanted.contains(&VolumeGrid::Density).then_some((values, is_dense));
+        let fog = requested.contains(&VolumeGrid::Density).then_some((values, is_dense));
         Ok(Self { voxel, bricks, fog, surface, velocity, stats })
     }
 
-    /// Which grids there are.
+    /// The grids that were made.
     pub(super) fn names(&self) -> Vec<VolumeGrid> {
         let there = |grid: &VolumeGrid| match grid {
             VolumeGrid::Density => self.fog.is_some(),
@@ -159,8 +159,8 @@ fn count(a: &[NodeMask], b: &[NodeMask]) -> usize {
     words.map(|(a, b)| (a & !b).count_ones() as usize).sum()
 }
 
-/// Holds values to 1, and counts those that were above.
-fn cap(values: &mut [f32]) -> usize {
+/// Limits values to 1, and counts those that were above.
+fn clamp_to_one(values: &mut [f32]) -> usize {
     let over = par::map_chunks(values.len(), par::CHUNK, |range| {
         values[range].iter().filter(|&&value| value > 1.0).count()
     });
@@ -173,7 +173,7 @@ mod tests {
     use super::*;
     use crate::{frame::StreamKind, math::Vec3};
 
-    /// A block of 24³ particles 0.1 m apart, whose middle lies deep inside.
+    /// A block of 24³ particles 0.1 m apart, whose centre lies deep inside.
     fn block() -> Stream {
         let n = 24;
         let point = |i: i32| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * 0.1;
@@ -182,11 +182,12 @@ mod tests {
     }
 
     #[test]
-    fn a_level_set_knows_the_bricks_that_lie_deeper_inside() {
+    fn a_level_set_lists_the_bricks_deeper_inside() {
         let particles = block();
         let params = SurfaceParams::default();
-        let grids =
-            |wanted: &[VolumeGrid]| VolumeGrids::new(&particles, 0.1, &params, wanted, &|| true).unwrap();
+        let grids = |requested: &[VolumeGrid]| {
+            ParticleGrids::new(&particles, 0.1, &params, requested, &|| true).unwrap()
+        };
         let alone = grids(&[VolumeGrid::Surface]);
         let all = grids(&[VolumeGrid::Density, VolumeGrid::Surface]);
         let (distance, _, mut inside) = alone.surface.unwrap();
@@ -195,10 +196,10 @@ mod tests {
         same_inside.sort_unstable();
         assert!(!inside.is_empty() && inside == same_inside, "{inside:?} {same_inside:?}");
         assert!(distance.grid.bricks.coords() == same.grid.bricks.coords());
-        // The middle stands 1.15 m from the origin, a brick is 0.4 m wide.
+        // The centre is 1.15 m from the origin, a brick is 0.4 m wide.
         assert!(inside.contains(&[2, 2, 2]), "{inside:?}");
 
-        // With every brick of the density at hand: each is in the band, or inside exactly if its nodes are.
+        // With every brick of the density: each is in the band, or inside exactly if its nodes are.
         let whole = DensityParams {
             spacing: 0.1,
             kernel_radius: params.kernel_radius,

@@ -1,24 +1,30 @@
-//! `mesh.jsonl`: one line a meshed frame, and the frames that jump.
+//! `mesh.jsonl`: one line a meshed frame, and the frames whose mesh jumps.
 //!
 //! A surface that is cut anew in every frame may pop: a droplet falls between the nodes, a hole opens for one frame.
-//! Volume, area and pieces of neighbouring frames tell: a change that is several times what changes around it are is
-//! named. It may be real (liquid poured in, a splash that breaks up), so it is a remark and no fault.
+//! Volume, area and components of consecutive frames show it: a change that is several times the changes around it is
+//! reported. It may be real (liquid poured in, a splash that breaks up), so it is a remark and no fault.
 
-use super::{RunError, ShotFolder};
 use crate::{
     export::MeshFormat,
     frame::FrameIndex,
+    job::{RunError, ShotFolder},
     mesh::{MeshCheck, Surface, SurfaceStats},
 };
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, fmt, fs::OpenOptions, io::ErrorKind, io::Write};
+use std::{collections::BTreeMap, fmt, io::ErrorKind, path::PathBuf};
+
+/// The name of the folder of the meshes.
+pub(super) const MESH_FOLDER: &str = "mesh";
+
+/// The name of the log.
+pub(super) const LOG_FILE: &str = "mesh.jsonl";
 
 /// The figures of one mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshRecord {
     /// The frame.
     pub frame: FrameIndex,
-    /// The system it shows.
+    /// The stream it shows.
     pub name: String,
     /// What the mesh was made from, as its file says.
     pub key: String,
@@ -26,13 +32,14 @@ pub struct MeshRecord {
     pub volume: f64,
     /// Area [m²].
     pub area: f64,
-    /// Pieces that share no vertex.
-    pub pieces: usize,
+    /// Connected components.
+    #[serde(rename = "pieces")]
+    pub components: usize,
 }
 
-/// One line of the log: the figures, and all that the reconstruction counted.
+/// One line of the log: the figures, and the statistics of the reconstruction.
 #[derive(Serialize)]
-struct Line<'a> {
+struct LogLine<'a> {
     #[serde(flatten)]
     record: &'a MeshRecord,
     #[serde(flatten)]
@@ -44,22 +51,22 @@ struct Line<'a> {
 pub struct Jump {
     /// The frame that differs from the one before.
     pub frame: FrameIndex,
-    /// The system.
+    /// The stream.
     pub name: String,
-    /// "volume", "area" or "pieces".
+    /// "volume", "area" or "components".
     pub what: &'static str,
     /// In the frame before.
     pub before: f64,
     /// In this frame.
     pub after: f64,
-    /// The middle one of the changes around.
+    /// The median of the changes around.
     pub usual: f64,
 }
 
 impl fmt::Display for Jump {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { frame, name, what, before, after, usual } = self;
-        let digits = if *what == "pieces" { 0 } else { 4 };
+        let digits = if *what == "components" { 0 } else { 4 };
         write!(
             f,
             "frame {frame} of {name}: {what} goes from {before:.digits$} to {after:.digits$}, by {:.digits$} where \
@@ -71,47 +78,52 @@ impl fmt::Display for Jump {
 
 impl MeshRecord {
     /// The figures of a surface.
-    pub(super) fn of(name: &str, frame: FrameIndex, key: u64, surface: &Surface) -> Self {
+    pub(super) fn new(name: &str, frame: FrameIndex, key: u64, surface: &Surface) -> Self {
         let (name, key) = (name.into(), format!("{key:016x}"));
-        let MeshCheck { volume, area, components: pieces, .. } = surface.check;
-        Self { frame, name, key, volume, area, pieces }
+        let MeshCheck { volume, area, components, .. } = surface.check;
+        Self { frame, name, key, volume, area, components }
+    }
+
+    /// The line of the log about the mesh.
+    pub(super) fn line(&self, stats: &SurfaceStats) -> String {
+        serde_json::to_string(&LogLine { record: self, stats }).expect("figures are plain data")
     }
 
     /// Whether the mesh is still in the folder.
-    fn is_there(&self, folder: &ShotFolder) -> bool {
+    fn is_present(&self, folder: &ShotFolder) -> bool {
         let key = u64::from_str_radix(&self.key, 16).ok();
         key.is_some()
-            && [MeshFormat::Ply, MeshFormat::Obj].into_iter().any(|format| {
+            && MeshFormat::ALL.into_iter().any(|format| {
                 let file = format!("{}_{}.{}", self.name, self.frame, format.extension());
-                format.key_in(&folder.meshes().join(file)) == key
+                format.key_in(&folder.subfolder(MESH_FOLDER).join(file)) == key
             })
     }
 }
 
-/// Adds the line of a frame.
-pub(super) fn append(folder: &ShotFolder, record: &MeshRecord, stats: &SurfaceStats) -> Result<(), RunError> {
-    let mut line = serde_json::to_vec(&Line { record, stats }).expect("figures are plain data");
-    line.push(b'\n');
-    let written = OpenOptions::new().create(true).append(true).open(folder.mesh_log());
-    written.and_then(|mut file| file.write_all(&line)).map_err(|source| fail(folder, source))
+fn log_path(folder: &ShotFolder) -> PathBuf {
+    folder.root().join(LOG_FILE)
 }
 
-/// The last line about every mesh that is still in the folder, by system and frame; none if there is no log. A line that a
-/// crash cut short is passed over.
-pub(super) fn read(folder: &ShotFolder) -> Result<Vec<MeshRecord>, RunError> {
-    let text = match std::fs::read_to_string(folder.mesh_log()) {
+/// The last line about every mesh that is still in the folder, by stream and frame; none if there is no log. A line that a
+/// crash cut short is skipped.
+pub(crate) fn read(folder: &ShotFolder) -> Result<Vec<MeshRecord>, RunError> {
+    let text = match std::fs::read_to_string(log_path(folder)) {
         Err(absent) if absent.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        read => read.map_err(|source| fail(folder, source))?,
+        read => read.map_err(|source| RunError::File {
+            path: log_path(folder),
+            source,
+            next: "check that the folder can be read",
+        })?,
     };
     let records = text.lines().filter_map(|line| serde_json::from_str::<MeshRecord>(line).ok());
     let last: BTreeMap<(String, FrameIndex), MeshRecord> =
         records.map(|record| ((record.name.clone(), record.frame), record)).collect();
-    Ok(last.into_values().filter(|record| record.is_there(folder)).collect())
+    Ok(last.into_values().filter(|record| record.is_present(folder)).collect())
 }
 
-/// Keeps only the last line about every frame: meshing again does not let the log grow without end.
-pub(super) fn tidy(folder: &ShotFolder) -> Result<(), RunError> {
-    let Ok(text) = std::fs::read_to_string(folder.mesh_log()) else { return Ok(()) };
+/// Keeps only the last line about every frame, so that the log does not grow each time a frame is meshed.
+pub(super) fn compact(folder: &ShotFolder) -> Result<(), RunError> {
+    let Ok(text) = std::fs::read_to_string(log_path(folder)) else { return Ok(()) };
     let mut last = BTreeMap::new();
     for line in text.lines() {
         if let Ok(MeshRecord { frame, name, .. }) = serde_json::from_str(line) {
@@ -119,32 +131,32 @@ pub(super) fn tidy(folder: &ShotFolder) -> Result<(), RunError> {
         }
     }
     let kept: String = last.into_values().map(|line| format!("{line}\n")).collect();
-    if kept == text { Ok(()) } else { ShotFolder::write(folder.mesh_log(), &kept) }
+    if kept == text { Ok(()) } else { ShotFolder::write(log_path(folder), &kept) }
 }
 
-/// How many changes on either side tell what is usual. Fewer, and the jump itself makes the middle one; more, and the
-/// calm before a splash makes every frame of it a jump.
-const AROUND: usize = 4;
+/// Changes on either side whose median is the usual one. Fewer, and the jump itself is the median; more, and the calm
+/// before a splash makes every frame of it a jump.
+const NEIGHBOUR_CHANGES: usize = 4;
 
-/// How many times the usual change is a jump. Smaller names the first frames of every splash.
-const FACTOR: f64 = 4.0;
+/// The smallest jump, over the usual change. Smaller reports the first frames of every splash.
+const MIN_JUMP_OVER_USUAL: f64 = 4.0;
 
-/// What never is a jump: this part of the larger value …
-const PART: [(&str, f64); 3] = [("volume", 0.01), ("area", 0.05), ("pieces", 0.25)];
+/// The smallest jump as a fraction of the larger value …
+const MIN_JUMP_FRACTION: [(&str, f64); 3] = [("volume", 0.01), ("area", 0.05), ("components", 0.25)];
 
-/// … and, of pieces, as many.
-const FEW: f64 = 3.0;
+/// … and as a number of components.
+const MIN_JUMP_COMPONENTS: f64 = 3.0;
 
-/// The jumps between consecutive records of the same system, which are sorted. Gaps in the frames are not bridged: a
-/// change over several frames counts by the frame.
-pub(super) fn jumps(records: &[MeshRecord]) -> Vec<Jump> {
+/// The jumps between consecutive records of the same stream, which are sorted. Gaps in the frames are not bridged: a
+/// change over several frames is divided by their number.
+pub(crate) fn jumps(records: &[MeshRecord]) -> Vec<Jump> {
     let mut found = Vec::new();
     for series in records.chunk_by(|a, b| a.name == b.name) {
-        for (what, part) in PART {
+        for (what, fraction) in MIN_JUMP_FRACTION {
             let value = |record: &MeshRecord| match what {
                 "volume" => record.volume,
                 "area" => record.area,
-                _ => record.pieces as f64,
+                _ => record.components as f64,
             };
             let change = |pair: &[MeshRecord]| {
                 let frames = f64::from(pair[1].frame.0 - pair[0].frame.0);
@@ -152,13 +164,15 @@ pub(super) fn jumps(records: &[MeshRecord]) -> Vec<Jump> {
             };
             let changes: Vec<f64> = series.windows(2).map(change).collect();
             for (i, pair) in series.windows(2).enumerate() {
-                let range = i.saturating_sub(AROUND)..(i + AROUND + 1).min(changes.len());
+                let range =
+                    i.saturating_sub(NEIGHBOUR_CHANGES)..(i + NEIGHBOUR_CHANGES + 1).min(changes.len());
                 let mut others: Vec<f64> = range.filter(|&j| j != i).map(|j| changes[j]).collect();
                 others.sort_unstable_by(f64::total_cmp);
                 let Some(&usual) = others.get(others.len() / 2) else { continue };
                 let (before, after) = (value(&pair[0]), value(&pair[1]));
-                let floor = part * before.abs().max(after.abs()) + if what == "pieces" { FEW } else { 0.0 };
-                if changes[i] > FACTOR * usual + floor {
+                let components = if what == "components" { MIN_JUMP_COMPONENTS } else { 0.0 };
+                let floor = fraction * before.abs().max(after.abs()) + components;
+                if changes[i] > MIN_JUMP_OVER_USUAL * usual + floor {
                     let name = pair[1].name.clone();
                     found.push(Jump { frame: pair[1].frame, name, what, before, after, usual });
                 }
@@ -169,18 +183,11 @@ pub(super) fn jumps(records: &[MeshRecord]) -> Vec<Jump> {
     found
 }
 
-fn fail(folder: &ShotFolder, source: std::io::Error) -> RunError {
-    RunError::File {
-        path: folder.mesh_log(),
-        source,
-        next: "check that the folder can be written and the disk has room",
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::mesh::Mesh;
+    use std::{fs::OpenOptions, io::Write};
 
     fn series(volumes: &[f64]) -> Vec<MeshRecord> {
         let record = |(frame, &volume): (u32, &f64)| MeshRecord {
@@ -189,13 +196,13 @@ mod tests {
             key: format!("{frame:016x}"),
             volume,
             area: 6.0,
-            pieces: 2,
+            components: 2,
         };
         (1..).zip(volumes).map(record).collect()
     }
 
     #[test]
-    fn a_frame_that_pops_is_told_and_steady_change_is_not() {
+    fn a_frame_that_pops_is_reported_and_steady_change_is_not() {
         let steady: Vec<f64> = (0..20).map(|i| 1.0 + 0.02 * f64::from(i)).collect();
         assert_eq!(jumps(&series(&steady)), []);
         let mut popping = steady.clone();
@@ -205,7 +212,7 @@ mod tests {
         assert!(found.iter().all(|jump| jump.what == "volume" && (jump.usual - 0.02).abs() < 1e-9));
         assert!(found[0].to_string().contains("frame 0010 of liquid: volume goes from 1.1600 to 1.3800"));
 
-        // Small ones, those of a short sequence, and those of another system are none.
+        // Small ones, those of a short sequence, and those of another stream are none.
         assert_eq!(jumps(&series(&[1.0, 1.0, 1.0, 1.009, 1.0, 1.0])), []);
         assert_eq!(jumps(&series(&[1.0, 2.0])), []);
         let mut two = series(&[1.0; 6]);
@@ -214,17 +221,17 @@ mod tests {
     }
 
     #[test]
-    fn pieces_that_come_for_one_frame_are_told() {
+    fn components_that_come_for_one_frame_are_reported() {
         let mut records = series(&[1.0; 12]);
-        records[6].pieces = 40;
+        records[6].components = 40;
         let found = jumps(&records);
         assert_eq!(
             found.iter().map(|jump| (jump.what, jump.frame.0)).collect::<Vec<_>>(),
-            [("pieces", 7), ("pieces", 8)]
+            [("components", 7), ("components", 8)]
         );
-        // A gap does not make one: 8 pieces over 8 frames.
+        // A gap does not make one: 8 components over 8 frames.
         records = series(&[1.0; 6]);
-        records[5] = MeshRecord { frame: FrameIndex(13), pieces: 8, ..records[5].clone() };
+        records[5] = MeshRecord { frame: FrameIndex(13), components: 8, ..records[5].clone() };
         assert_eq!(jumps(&records), []);
     }
 
@@ -234,24 +241,28 @@ mod tests {
         let folder = ShotFolder::new(dir.path());
         assert_eq!(read(&folder).unwrap(), []);
         let records = series(&[1.0, 2.0, 3.0, 4.0]);
-        std::fs::create_dir(folder.meshes()).unwrap();
+        std::fs::create_dir(folder.subfolder("mesh")).unwrap();
         for frame in 1..=3 {
-            let path = folder.meshes().join(format!("liquid_{frame:04}.obj"));
+            let path = folder.subfolder("mesh").join(format!("liquid_{frame:04}.obj"));
             MeshFormat::Obj.write(&Mesh::default(), &path, frame).unwrap();
         }
+        let append = |line: &str| {
+            let mut file = OpenOptions::new().create(true).append(true).open(log_path(&folder)).unwrap();
+            file.write_all(line.as_bytes()).unwrap();
+        };
+        let line = |record: &MeshRecord| record.line(&SurfaceStats::default()) + "\n";
         for record in [&records[2], &records[0], &records[3], &records[1], &records[0]] {
-            append(&folder, record, &SurfaceStats::default()).unwrap();
+            append(&line(record));
         }
         let newer = MeshRecord { volume: 7.0, ..records[1].clone() };
-        append(&folder, &newer, &SurfaceStats::default()).unwrap();
-        let mut file = OpenOptions::new().append(true).open(folder.mesh_log()).unwrap();
-        file.write_all(b"{\"frame\":3,\"na").unwrap();
+        append(&line(&newer));
+        append("{\"frame\":3,\"na");
         let expected = [records[0].clone(), newer, records[2].clone()];
         assert_eq!(read(&folder).unwrap(), expected);
-        tidy(&folder).unwrap();
+        compact(&folder).unwrap();
         assert_eq!(read(&folder).unwrap(), expected);
-        let text = std::fs::read_to_string(folder.mesh_log()).unwrap();
-        assert_eq!(text.lines().count(), 4, "the fourth mesh is not there, but its line harms nobody");
+        let text = std::fs::read_to_string(log_path(&folder)).unwrap();
+        assert_eq!(text.lines().count(), 4, "the fourth mesh is missing, but its line does no harm");
         assert!(text.contains("\"unseen_particles\":0"), "{text}");
     }
 }

@@ -1,0 +1,244 @@
+//! The account of a batch: what was made, which files the manifest names, and what failed.
+
+use crate::{
+    cache::{self, Lock},
+    frame::FrameIndex,
+    job::{Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder},
+};
+use std::{fs::OpenOptions, io::Write, path::PathBuf};
+
+/// The sub-folder of a shot folder that holds a product's files, and what is reported about them.
+pub(crate) trait ProductFolder: Sync {
+    /// The product's name in reports, which is also the sub-folder's.
+    fn name(&self) -> &'static str;
+
+    /// What a batch did, in one line.
+    fn summary(&self, batch: &BatchSummary) -> String;
+
+    /// The file of the shot folder that gets a line for every frame made.
+    fn log_file(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Completes the folder after a batch, and returns what the user should know of its files.
+    ///
+    /// # Errors
+    /// What a folder or disk refuses.
+    fn finish(&self, _out: &ShotFolder) -> Result<Vec<String>, RunError> {
+        Ok(Vec::new())
+    }
+}
+
+/// What a batch did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BatchSummary {
+    /// Files that were up to date: made from the same particles with the same settings.
+    pub kept: usize,
+    /// Files made.
+    pub made: usize,
+    /// Triangles written.
+    pub triangles: u64,
+    /// Bytes written.
+    pub bytes: u64,
+    /// Where the files are.
+    pub folder: PathBuf,
+    /// The same in words, a line each, with what the user should know of the files.
+    pub lines: Vec<String>,
+}
+
+impl BatchSummary {
+    /// What was written [MiB].
+    pub(crate) fn mebibytes(&self) -> f64 {
+        self.bytes as f64 / f64::from(1 << 20)
+    }
+}
+
+/// What became of one frame.
+pub(crate) struct FrameOutcome {
+    pub(crate) index: FrameIndex,
+    /// What the user should know of it.
+    pub(crate) notes: Vec<String>,
+    /// The files that are present now.
+    pub(crate) files: Vec<FrameFiles>,
+    failed: Vec<FailedFrame>,
+}
+
+/// The files of one stream of a frame.
+pub(crate) struct FrameFiles {
+    /// The outputs that they belong to, with this frame alone.
+    pub(crate) outputs: Vec<OutputFiles>,
+    /// What was written; `None`: the files were up to date.
+    pub(crate) written: Option<Written>,
+    /// Outputs that this batch does not write and whose file of the frame shows something else, with this frame alone.
+    pub(crate) stale: Vec<OutputFiles>,
+}
+
+/// The account of the files written for one stream of a frame.
+#[derive(Default)]
+pub(crate) struct Written {
+    pub(crate) bytes: u64,
+    pub(crate) triangles: u64,
+    /// One line about the frame.
+    pub(crate) figures: String,
+    /// The line for the product's log.
+    pub(crate) log_line: Option<String>,
+}
+
+impl FrameOutcome {
+    /// A frame of which nothing is made yet.
+    pub(crate) fn new(index: FrameIndex) -> Self {
+        Self { index, notes: Vec::new(), files: Vec::new(), failed: Vec::new() }
+    }
+
+    /// Records that something could not be made; the batch continues.
+    pub(crate) fn fail(&mut self, why: String, kind: Failure) {
+        self.failed.push(FailedFrame { name: format!("frame {}", self.index), why, kind });
+    }
+}
+
+/// The account of a batch that writes to a shot folder.
+pub(crate) struct Ledger<'a> {
+    out: &'a ShotFolder,
+    product: &'a dyn ProductFolder,
+    summary: BatchSummary,
+    /// The outputs whose files are present, and of which frames.
+    written: Vec<(OutputFiles, Vec<u32>)>,
+    failed: Vec<FailedFrame>,
+    /// Outputs to be removed from the manifest.
+    stale: Vec<OutputFiles>,
+    /// Why the log could not be written.
+    log_error: Option<RunError>,
+    /// No other process may write the files, or remove what looks like the temporary of a crashed run.
+    _lock: Lock,
+}
+
+impl<'a> Ledger<'a> {
+    /// Prepares the product's folder for writing.
+    ///
+    /// # Errors
+    /// If it cannot be written, or another process writes to it.
+    pub(crate) fn new(out: &'a ShotFolder, product: &'a dyn ProductFolder) -> Result<Self, RunError> {
+        let folder = out.subfolder(product.name());
+        ShotFolder::create(&folder)?;
+        let lock = Lock::acquire(&folder)?;
+        cache::remove_temporaries(&folder).map_err(|source| RunError::File {
+            path: folder.clone(),
+            source,
+            next: "check that the folder can be read and written",
+        })?;
+        let summary = BatchSummary { folder, ..BatchSummary::default() };
+        let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
+        Ok(Self { out, product, summary, written, failed, stale, log_error: None, _lock: lock })
+    }
+
+    /// Records and reports what became of a frame. Frames come in ascending order.
+    pub(crate) fn add_frame(&mut self, outcome: FrameOutcome, control: Control) {
+        outcome.notes.iter().for_each(|note| control.reporter.note(note));
+        for FrameFiles { outputs, written, stale } in outcome.files {
+            self.stale.extend(stale);
+            outputs.into_iter().for_each(|output| self.add_output(output));
+            let Some(written) = written else {
+                self.summary.kept += 1;
+                continue;
+            };
+            self.summary.made += 1;
+            self.summary.bytes += written.bytes;
+            self.summary.triangles += written.triangles;
+            control.reporter.frame(&written.figures);
+            if let (Some(file), Some(line)) = (self.product.log_file(), written.log_line) {
+                let logged = append_line(self.out, file, line);
+                self.log_error = self.log_error.take().or(logged.err());
+            }
+        }
+        self.failed.extend(outcome.failed);
+    }
+
+    /// Adds an output that has one frame.
+    fn add_output(&mut self, output: OutputFiles) {
+        let frame = output.frames.first;
+        match self.written.iter_mut().find(|(known, _)| known.is_same(&output)) {
+            None => self.written.push((output, vec![frame])),
+            Some((known, frames)) => {
+                frames.push(frame);
+                known.attributes.extend(output.attributes);
+                let grids = output.grids.into_iter();
+                let new: Vec<String> = grids.filter(|grid| !known.grids.contains(grid)).collect();
+                known.grids.extend(new);
+            }
+        }
+    }
+
+    /// Adds an output that has the frames `frames`, all in the files of one record.
+    pub(crate) fn add_sequence(&mut self, output: OutputFiles, frames: &[u32], written: Option<u64>) {
+        self.written.push((output, frames.to_vec()));
+        match written {
+            Some(bytes) => {
+                self.summary.made += 1;
+                self.summary.bytes += bytes;
+            }
+            None => self.summary.kept += 1,
+        }
+    }
+
+    /// Records a frame that failed.
+    pub(crate) fn add_failed(&mut self, failed: FailedFrame) {
+        self.failed.push(failed);
+    }
+
+    /// Names the written files in the manifest, however the batch ended, and sums it up. `frames` ascend.
+    ///
+    /// # Errors
+    /// What ended the batch; else what could not be written; else the frames that failed.
+    pub(crate) fn finish(
+        mut self,
+        title: &str,
+        fps: f64,
+        frames: &[u32],
+        outcome: Result<(), RunError>,
+        control: Control,
+    ) -> Result<BatchSummary, RunError> {
+        let named = self.update_manifest(title, fps, frames);
+        // What ended the batch comes before what went wrong because of it.
+        outcome?;
+        named?;
+        self.log_error.map_or(Ok(()), Err)?;
+        let notes = self.product.finish(self.out)?;
+        self.summary.lines = [self.product.summary(&self.summary)].into_iter().chain(notes).collect();
+        match self.failed {
+            failed if failed.is_empty() => Ok(self.summary),
+            failed => {
+                // The frames that were made are reported as well.
+                self.summary.lines.iter().for_each(|line| control.reporter.note(line));
+                Err(RunError::SomeFailed { failed, asked: frames.len() })
+            }
+        }
+    }
+
+    /// Adds the written outputs to the folder's manifest.
+    fn update_manifest(&mut self, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
+        let Some(all) = FrameSpan::of(frames).filter(|_| !self.written.is_empty()) else { return Ok(()) };
+        let _lock = Manifest::lock(self.out)?;
+        let mut manifest = match Manifest::read(self.out)? {
+            Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
+            None => Manifest::new(title, fps, all),
+        };
+        manifest.outputs.retain(|output| !self.stale.iter().any(|stale| stale.is_same(output)));
+        for (mut output, numbers) in std::mem::take(&mut self.written) {
+            output.frames = FrameSpan::of(&numbers).expect("an output has a frame");
+            manifest.put(output, &numbers, self.out);
+        }
+        manifest.write(self.out)
+    }
+}
+
+/// Adds a line to a file of a shot folder.
+fn append_line(out: &ShotFolder, file: &str, line: String) -> Result<(), RunError> {
+    let path = out.root().join(file);
+    let opened = OpenOptions::new().create(true).append(true).open(&path);
+    let written = opened.and_then(|mut file| file.write_all((line + "\n").as_bytes()));
+    written.map_err(|source| RunError::File {
+        path,
+        source,
+        next: "check that the folder can be written and the disk has room",
+    })
+}

@@ -1,0 +1,143 @@
+//! Files made of single streams of frames: skipped if up to date, else checked against the memory limit and written.
+
+use super::{
+    frames::{FrameBatch, process_frames},
+    ledger::{BatchSummary, FrameFiles, FrameOutcome, ProductFolder},
+    request::{BatchRequest, MemoryCheck},
+    schedule::FRAME_MEMORY_RESERVE,
+    source::{Source, StreamHeader},
+};
+use crate::{
+    frame::{FrameIndex, Stream, StreamKind},
+    import::ImportError,
+    job::{Control, Failure, RunError, ShotFolder},
+};
+use std::path::Path;
+
+/// Identifies the files that are made of a stream of a frame.
+pub(crate) struct FileTarget {
+    pub(crate) index: FrameIndex,
+    /// What they show; part of their names.
+    pub(crate) name: String,
+    /// Identifies their content.
+    pub(crate) key: u64,
+}
+
+/// A stream of a frame.
+#[derive(Clone, Copy)]
+pub(crate) struct StreamInput<'a> {
+    pub(crate) stream: &'a Stream,
+    /// All streams of the frame, this one among them.
+    pub(crate) streams: &'a [Stream],
+    /// Distance between its particles at rest [m].
+    pub(crate) spacing: f32,
+    /// Time since the shot's start [s]; 0 of a file.
+    pub(crate) time: f64,
+}
+
+/// Writes the files of a product that is made of single streams, with the settings of one batch.
+pub(crate) trait StreamWriter: Sync {
+    /// Where the files go.
+    fn folder(&self) -> &dyn ProductFolder;
+
+    /// Whether files are made of streams of this kind.
+    fn accepts(&self, kind: StreamKind) -> bool;
+
+    /// Why a cache of which no stream is accepted has nothing to write, and what to do.
+    fn no_stream(&self) -> String;
+
+    /// Identifies the files made of a stream whose particles are `spacing` apart at rest [m].
+    fn key(&self, stream: &StreamHeader, spacing: f32) -> u64;
+
+    /// The files of a target, if all are present and have its key.
+    fn up_to_date(&self, target: &FileTarget) -> Option<FrameFiles>;
+
+    /// The largest memory that writing a stream of so many entries was seen to take [bytes].
+    fn max_memory(&self, entries: usize) -> u64;
+
+    /// The memory that writing `stream` needs [bytes]: a bound if that is at most `enough`, else an estimate, which takes longer.
+    fn memory(&self, stream: &Stream, spacing: f32, enough: u64) -> u64;
+
+    /// Writes the files of a target. What cannot be made of the stream is recorded in `outcome`.
+    ///
+    /// # Errors
+    /// What a folder or disk refuses; [`RunError::Interrupted`].
+    fn write(
+        &self,
+        input: StreamInput<'_>,
+        target: &FileTarget,
+        outcome: &mut FrameOutcome,
+        control: Control,
+    ) -> Result<(), RunError>;
+}
+
+/// Writes to `out` what `writer` makes of the frames of `source`.
+///
+/// # Errors
+/// As [`process_frames`]; [`RunError::Request`] if the writer accepts no stream of the cache.
+pub(crate) fn process_streams(
+    source: Source,
+    out: &ShotFolder,
+    writer: &dyn StreamWriter,
+    request: &BatchRequest,
+    control: Control,
+) -> Result<BatchSummary, RunError> {
+    let frames = source.frames(request.selection.as_ref())?;
+    // All frames of a cache have the streams of the first that can be read.
+    let streams = frames.iter().find_map(|(_, path)| source.streams(path.as_deref()?));
+    if streams.is_some_and(|streams| !streams.iter().any(|&(_, kind)| writer.accepts(kind))) {
+        return Err(RunError::Request(writer.no_stream()));
+    }
+    let (title, fps) = source.title(out, request.fps)?;
+    let estimate =
+        |path: &Path| writer.max_memory(source.max_entries(path)).saturating_add(FRAME_MEMORY_RESERVE);
+    let is_single_file = matches!(source, Source::Files { .. }) && frames.len() == 1;
+    let batch = FrameBatch { frames: &frames, absent: source.absent(), is_single_file, title: &title, fps };
+    process_frames(writer.folder(), out, &batch, request, control, estimate, |path, reserved, outcome| {
+        let opened = source.open(path, outcome.index)?;
+        let mut pending = Vec::new();
+        for (place, header) in opened.headers.iter().enumerate() {
+            if !writer.accepts(header.kind) {
+                continue;
+            }
+            let Some(spacing) = header.spacing else {
+                let why = format!("the stream {} has no spacing; simulate the shot again", header.name);
+                outcome.fail(why, Failure::Other);
+                continue;
+            };
+            let (name, key) = (header.subject().to_owned(), writer.key(header, spacing));
+            let target = FileTarget { index: outcome.index, name, key };
+            match writer.up_to_date(&target).filter(|_| !request.force) {
+                Some(files) => outcome.files.push(files),
+                None => pending.push((place, spacing, target)),
+            }
+        }
+        if pending.is_empty() {
+            return Ok(MemoryCheck::Fits);
+        }
+        let time = opened.time;
+        let (streams, notes) = opened.unpack()?;
+        // The memory of every stream is checked before the first is written: a second attempt writes all of them.
+        for &(place, spacing, _) in &pending {
+            let stream = &streams[place];
+            if is_single_file && stream.is_empty() {
+                return Err(ImportError::NoParticles { path: path.into() }.into());
+            }
+            let estimate = |enough| writer.memory(stream, spacing, enough);
+            if request.check_memory(reserved, estimate)? == MemoryCheck::NeedsMore {
+                return Ok(MemoryCheck::NeedsMore);
+            }
+        }
+        for (place, spacing, target) in &pending {
+            let stream = &streams[*place];
+            let input = StreamInput { stream, streams: &streams, spacing: *spacing, time };
+            writer.write(input, target, outcome, control)?;
+            if stream.is_empty() {
+                let product = writer.folder().name();
+                outcome.notes.push(format!("{}: no particles, so its {product} is empty", path.display()));
+            }
+        }
+        outcome.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
+        Ok(MemoryCheck::Fits)
+    })
+}

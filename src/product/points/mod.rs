@@ -1,0 +1,5 @@
+//! Point files: tracers as points with a radius and a velocity.
+
+mod writer;
+
+pub use writer::points;

@@ -1,0 +1,105 @@
+//! Mesh files of sheets, one a frame.
+
+use super::mesh::{MISSING_PARTS, NO_SHEETS, SHEET_VERSION, sheet_mesh};
+use crate::{
+    export::MeshFormat,
+    frame::{Stream, StreamKind},
+    job::{
+        Control, Failure, RunError, ShotFolder,
+        batch::{
+            BatchRequest, BatchSummary, FileTarget, FrameFiles, FrameOutcome, ProductFolder, Source,
+            StreamHeader, StreamInput, StreamWriter, Written, process_streams,
+        },
+        memory::BASE_MEMORY,
+    },
+    product::mesh_files::{MeshFiles, mesh_summary},
+};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// Memory of writing the mesh of a sheet [bytes/point]: 360 to 410 were measured with the simulation's own on grids of
+/// 160 000 and a million points.
+const POINT_BYTES: f64 = 410.0;
+
+/// Writes the sheets of the frames of `source` to `out`, a mesh a frame in each of the formats.
+///
+/// # Errors
+/// As [`surface`](crate::product::surface()).
+pub fn sheet_meshes(
+    source: Source,
+    out: &ShotFolder,
+    formats: &[MeshFormat],
+    thickness: Option<f32>,
+    request: &BatchRequest,
+    control: Control,
+) -> Result<BatchSummary, RunError> {
+    let files = MeshFiles { out, folder: SheetFolder.name(), formats, points: false };
+    process_streams(source, out, &SheetMeshWriter { files, thickness }, request, control)
+}
+
+/// The folder of the files of sheets.
+struct SheetFolder;
+
+impl ProductFolder for SheetFolder {
+    fn name(&self) -> &'static str {
+        "sheet"
+    }
+
+    fn summary(&self, batch: &BatchSummary) -> String {
+        mesh_summary(batch)
+    }
+}
+
+/// Writes the meshes of sheets.
+struct SheetMeshWriter<'a> {
+    files: MeshFiles<'a>,
+    /// Thickness of the sheets [m]; `None`: surfaces without a thickness.
+    thickness: Option<f32>,
+}
+
+impl StreamWriter for SheetMeshWriter<'_> {
+    fn folder(&self) -> &dyn ProductFolder {
+        &SheetFolder
+    }
+
+    fn accepts(&self, kind: StreamKind) -> bool {
+        kind == StreamKind::MeshPoints
+    }
+
+    fn no_stream(&self) -> String {
+        NO_SHEETS.into()
+    }
+
+    fn key(&self, stream: &StreamHeader, _: f32) -> u64 {
+        let state = stream.state;
+        xxh3_64(format!("sheet {SHEET_VERSION} {state:016x} {:?}", self.thickness).as_bytes())
+    }
+
+    fn up_to_date(&self, target: &FileTarget) -> Option<FrameFiles> {
+        self.files.up_to_date(target)
+    }
+
+    fn max_memory(&self, points: usize) -> u64 {
+        if points == 0 { 0 } else { (BASE_MEMORY + points as f64 * POINT_BYTES) as u64 }
+    }
+
+    fn memory(&self, stream: &Stream, _: f32, _: u64) -> u64 {
+        self.max_memory(stream.len())
+    }
+
+    fn write(
+        &self,
+        input: StreamInput<'_>,
+        target: &FileTarget,
+        outcome: &mut FrameOutcome,
+        _: Control,
+    ) -> Result<(), RunError> {
+        let Some(mesh) = sheet_mesh(input.stream, input.streams, self.thickness) else {
+            outcome.fail(MISSING_PARTS.into(), Failure::Other);
+            return Ok(());
+        };
+        let figures = format!("frame {}  {}  {} triangles", target.index, target.name, mesh.triangles.len());
+        let written = Written { figures, ..Written::default() };
+        outcome.files.push(self.files.write(&mesh, None, target, written)?);
+        Ok(())
+    }
+}

@@ -1,0 +1,33 @@
+//! The folder of surface meshes.
+
+use super::log::{self, LOG_FILE, MESH_FOLDER};
+use crate::{
+    job::{
+        RunError, ShotFolder,
+        batch::{BatchSummary, ProductFolder},
+    },
+    product::mesh_files::mesh_summary,
+};
+
+/// The folder of surface meshes.
+pub(super) struct SurfaceFolder;
+
+impl ProductFolder for SurfaceFolder {
+    fn name(&self) -> &'static str {
+        MESH_FOLDER
+    }
+
+    fn summary(&self, batch: &BatchSummary) -> String {
+        mesh_summary(batch)
+    }
+
+    fn log_file(&self) -> Option<&'static str> {
+        Some(LOG_FILE)
+    }
+
+    fn finish(&self, out: &ShotFolder) -> Result<Vec<String>, RunError> {
+        log::compact(out)?;
+        let jumps = log::jumps(&log::read(out)?);
+        Ok(jumps.iter().map(|jump| format!("jump: {jump}")).collect())
+    }
+}

@@ -1,0 +1,126 @@
+//! Memory of making surface meshes.
+
+use super::bricks::bricks_around;
+use crate::{
+    field::{DensityParams, bricks_near_surface, coarse_step},
+    frame::Stream,
+    grid::BRICK_NODES,
+    job::memory::{BASE_MEMORY, Grids},
+    mesh::{DistanceParams, SurfaceParams},
+};
+
+/// Memory of a surface as it is cut, until its normals are found [bytes/brick of the density] …
+const CUT_BRICK_BYTES: f64 = 2165.0;
+
+/// … and [bytes/vertex] …
+const CUT_VERTEX_BYTES: f64 = 18.0;
+
+/// … and when it is checked, after the density is freed [bytes/vertex], its triangles included. Estimated peaks of one frame
+/// each of seven presets in three tiers are 8 % low to 7 % high; of a splash of 945 000 particles at voxel 0.25 a fifth high.
+const CHECKED_VERTEX_BYTES: f64 = 105.0;
+
+/// Memory of a surface that is cleaned up or cut from distances [bytes/brick of the density] …
+const BRICK_BYTES: f64 = 2950.0;
+
+/// … and of its mesh [bytes/vertex], its triangles included …
+const VERTEX_BYTES: f64 = 67.0;
+
+/// … and more where it is smoothed: 99 to 126 were measured.
+const SMOOTHED_VERTEX_BYTES: f64 = 125.0;
+
+/// … or decimated, after that: 1.22 GB were measured with 3.1 million vertices.
+const DECIMATED_VERTEX_BYTES: f64 = 245.0;
+
+/// Memory of the signed distance [bytes/brick]: its nodes twice, and the state of the sweeps.
+const DISTANCE_BRICK_BYTES: f64 = 6000.0;
+
+/// Memory of the frame, the particles' order in cells and their weights [bytes/particle] …
+const PARTICLE_BYTES: f64 = 64.0;
+
+/// … and more where kernels are anisotropic: 28 to 95 were measured.
+const ANISOTROPIC_PARTICLE_BYTES: f64 = 70.0;
+
+/// Bricks that are computed over those found near the surface at first: 1.00 to 1.05 on splashes and sprays.
+const OPENED_BRICKS: f64 = 1.05;
+
+/// Peak memory of meshing so many particles [bytes].
+pub(crate) fn surface_memory(particles: usize, grids: Grids, params: &SurfaceParams) -> u64 {
+    let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
+    let particle = PARTICLE_BYTES + named(params.anisotropy.is_some(), ANISOTROPIC_PARTICLE_BYTES);
+    let held = if params.is_as_cut() && params.distance.is_none() {
+        (grids.bricks * CUT_BRICK_BYTES + grids.vertices * CUT_VERTEX_BYTES)
+            .max(grids.vertices * CHECKED_VERTEX_BYTES)
+    } else {
+        let brick = BRICK_BYTES + named(params.distance.is_some(), DISTANCE_BRICK_BYTES);
+        let cleaned = named(params.smoothing.is_some(), SMOOTHED_VERTEX_BYTES)
+            .max(named(params.decimation.is_some(), DECIMATED_VERTEX_BYTES));
+        grids.bricks * brick + grids.vertices * (VERTEX_BYTES + cleaned)
+    };
+    (BASE_MEMORY + particles as f64 * particle + held) as u64
+}
+
+/// The largest memory that meshing so many particles was seen to take [bytes].
+pub(crate) fn max_surface_memory(particles: usize, params: &SurfaceParams) -> u64 {
+    surface_memory(particles, Grids::at_most(particles, params.voxel), params)
+}
+
+/// The memory that meshing a stream needs, by where its particles are [bytes]: a bound if that is at most `enough`, else an
+/// estimate, which takes longer.
+pub(crate) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams, enough: u64) -> u64 {
+    let positions = stream.vec3("position").unwrap_or_default();
+    let bricks = bricks_around(positions, spacing, params);
+    let bound = surface_memory(stream.len(), Grids::of_bricks(bricks as f64), params);
+    if bound <= enough {
+        return bound;
+    }
+    let SurfaceParams { voxel, kernel_radius, .. } = *params;
+    let density = DensityParams { spacing, kernel_radius, voxel, anisotropy: None, whole: false };
+    // Surfacing samples the density on coarse bricks first: if those do not fit, nothing does.
+    let coarse = SurfaceParams { voxel: voxel * coarse_step(&density) as f32, ..params.clone() };
+    let coarse = bricks_around(positions, spacing, &coarse) * BRICK_NODES * size_of::<f32>();
+    if coarse as u64 > enough {
+        return bound;
+    }
+    let bricks = bricks as f64;
+    let near = bricks_near_surface(positions, &density).map_or(bricks, |near| near as f64 * OPENED_BRICKS);
+    surface_memory(stream.len(), Grids::of_bricks(near.min(bricks)), params)
+}
+
+/// The largest memory that reading and meshing a level set of so many bricks takes [bytes]: that of a surface by distances,
+/// whose density and distance take as much as the file and its tree.
+pub(super) fn level_set_memory(bricks: usize) -> u64 {
+    let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
+    surface_memory(0, Grids::of_bricks(bricks as f64), &params)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_of_a_single_frame_follows_its_passes() {
+        // Particles, bricks, vertices, and the peaks of `meniscus mesh --frames N` [MiB]: plain, with kernels, smoothed.
+        use crate::{field::Anisotropy, mesh::SmoothingParams};
+        for (particles, bricks, vertices, found) in [
+            (103_823, 4_165.0, 270_096.0, [43.5, 49.3, 73.0]),
+            (116_640, 6_472.0, 332_018.0, [52.6, 60.3, 91.0]),
+            (127_493, 7_424.0, 772_682.0, [89.4, 92.8, 179.6]),
+            (54_460, 2_117.0, 93_508.0, [24.0, 26.7, 32.8]),
+            (92_875, 8_364.0, 376_784.0, [44.0, 45.0, 91.0]),
+            (945_220, 67_159.0, 3_123_674.0, [317.7, 318.0, 701.0]),
+            (52_098, 95_602.0, 2_808_524.0, [277.0, 287.0, 741.0]),
+        ] {
+            let plain = SurfaceParams::default();
+            let kernels = SurfaceParams { anisotropy: Some(Anisotropy::default()), ..plain.clone() };
+            let smoothed = SurfaceParams { smoothing: Some(SmoothingParams::default()), ..plain.clone() };
+            for (params, found) in [plain, kernels, smoothed].iter().zip(found) {
+                let estimate =
+                    surface_memory(particles, Grids { bricks, vertices }, params) as f64 / f64::from(1 << 20);
+                assert!(
+                    (0.9..1.45).contains(&(estimate / found)),
+                    "{particles}: {estimate} MiB, found {found}"
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Meshes of particles: the surface of every stream of particles, reconstructed and written in every requested format.
+
+use super::{
+    SurfaceFolder,
+    log::MeshRecord,
+    memory::{max_surface_memory, stream_memory},
+};
+use crate::{
+    export::MeshFormat,
+    frame::{FrameIndex, Stream, StreamKind},
+    job::{
+        Control, Failure, RunError, ShotFolder,
+        batch::{
+            BatchRequest, BatchSummary, FileTarget, FrameFiles, FrameOutcome, ProductFolder, Source,
+            StreamHeader, StreamInput, StreamWriter, Written, process_streams,
+        },
+        nonzero,
+    },
+    mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams, SurfaceStats},
+    par,
+    product::mesh_files::MeshFiles,
+};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// How particles become meshes.
+#[derive(Clone, Debug)]
+pub struct SurfaceSettings {
+    /// How particles become a surface.
+    pub params: SurfaceParams,
+    /// The files to write.
+    pub formats: Vec<MeshFormat>,
+}
+
+/// Meshes the frames of `source` into `out`, several at once where memory allows.
+///
+/// A frame whose files were made from the same particles with the same settings is kept, unless the request forces it: the
+/// same state of a simulation, or the same bytes of a file. Frames that are missing between the first and the last are
+/// reported. Files of a sequence keep their numbers; one without particles gives an empty mesh, since a sequence may start
+/// before its liquid does.
+///
+/// # Errors
+/// Frames that cannot be read or meshed, need more memory than the request allows, or are missing, are left out and reported
+/// together at the end ([`RunError::SomeFailed`]). Errors of a single file, also that it has no particles, are the batch's
+/// error; a folder or disk that refuses to be written ends the batch at once.
+pub fn surface(
+    source: Source,
+    out: &ShotFolder,
+    settings: &SurfaceSettings,
+    request: &BatchRequest,
+    control: Control,
+) -> Result<BatchSummary, RunError> {
+    let SurfaceSettings { params, formats } = settings;
+    let files = MeshFiles { out, folder: SurfaceFolder.name(), formats, points: params.components.is_some() };
+    let text = serde_json::to_string(params).expect("settings are plain data");
+    process_streams(source, out, &SurfaceWriter { files, params, text }, request, control)
+}
+
+/// Writes the surfaces of streams of particles.
+struct SurfaceWriter<'a> {
+    files: MeshFiles<'a>,
+    params: &'a SurfaceParams,
+    /// The parameters as text, for the key.
+    text: String,
+}
+
+impl StreamWriter for SurfaceWriter<'_> {
+    fn folder(&self) -> &dyn ProductFolder {
+        &SurfaceFolder
+    }
+
+    fn accepts(&self, kind: StreamKind) -> bool {
+        kind == StreamKind::Particles
+    }
+
+    fn no_stream(&self) -> String {
+        "no particles in this cache, and only particles have a surface to mesh: `meniscus volume` makes volumes of tracers, \
+         `meniscus export` writes tracers as points and sheets as meshes"
+            .into()
+    }
+
+    fn key(&self, stream: &StreamHeader, spacing: f32) -> u64 {
+        let (version, state) = (mesh::SURFACE_VERSION, stream.state);
+        xxh3_64(format!("{version} {state:016x} {spacing} {}", self.text).as_bytes())
+    }
+
+    fn up_to_date(&self, target: &FileTarget) -> Option<FrameFiles> {
+        self.files.up_to_date(target)
+    }
+
+    fn max_memory(&self, particles: usize) -> u64 {
+        max_surface_memory(particles, self.params)
+    }
+
+    fn memory(&self, stream: &Stream, spacing: f32, enough: u64) -> u64 {
+        stream_memory(stream, spacing, self.params, enough)
+    }
+
+    fn write(
+        &self,
+        input: StreamInput<'_>,
+        target: &FileTarget,
+        outcome: &mut FrameOutcome,
+        control: Control,
+    ) -> Result<(), RunError> {
+        let keep_going = || !(control.interrupted)();
+        let surface = match mesh::reconstruct(input.stream, input.spacing, self.params, &keep_going) {
+            Ok(surface) => surface,
+            Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
+            Err(why) => {
+                outcome.fail(why.to_string(), Failure::Other);
+                return Ok(());
+            }
+        };
+        let record = MeshRecord::new(&target.name, target.index, target.key, &surface);
+        let log_line = Some(record.line(&surface.stats));
+        let figures = figures(target.index, &surface);
+        let Surface { mesh, points, distance, check, .. } = surface;
+        drop(distance);
+        report_faults(outcome, &mesh, &check, self.params.voxel * input.spacing);
+        let written = Written { figures, log_line, ..Written::default() };
+        outcome.files.push(self.files.write(&mesh, points.as_ref(), target, written)?);
+        Ok(())
+    }
+}
+
+/// Distance of coordinates, over the voxel, from which triangles without area are put down to rounding. Smaller, and a
+/// fault of the surfacer near the origin is taken for it; larger, and sound meshes of wide scenes count as failed: spray
+/// 10 km wide at voxel 0.05 m, 0.024, has 89 such triangles in a thousand drops.
+const MIN_ROUNDING_OVER_VOXEL: f32 = 1e-3;
+
+/// Reports a mesh of cells of `voxel` [m] that is not closed, manifold and oriented; it is written all the same.
+///
+/// Far from the origin, vertices that differ round to the same single-precision numbers. That is reported, and is no fault
+/// of the mesh.
+pub(super) fn report_faults(outcome: &mut FrameOutcome, mesh: &Mesh, check: &MeshCheck, voxel: f32) {
+    let reach = par::max(mesh.positions.len(), |vertex| mesh.positions[vertex].amax())
+        .map_or(0.0, |(_, reach)| reach);
+    let rounding = reach * f32::EPSILON;
+    let degenerate = check.degenerate_triangles;
+    if rounding > MIN_ROUNDING_OVER_VOXEL * voxel
+        && (MeshCheck { degenerate_triangles: 0, ..*check }).is_sound()
+    {
+        if degenerate > 0 {
+            outcome.notes.push(format!(
+                "frame {}: {degenerate} triangles have no area: {reach:.0} m from the origin, coordinates are {rounding:.1e} m \
+                 apart; move the particles nearer to it",
+                outcome.index
+            ));
+        }
+        return;
+    }
+    if let Some(fault) = check.first_fault {
+        let why = format!(
+            "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: please \
+             report this with the frame",
+            fault.what, fault.at, fault.vertex
+        );
+        outcome.fail(why, Failure::Other);
+    }
+}
+
+/// One line about the surface of a frame.
+fn figures(index: FrameIndex, surface: &Surface) -> String {
+    let seconds: f64 = surface.stats.seconds.iter().map(|(_, seconds)| seconds).sum();
+    let mut line = format!(
+        "frame {index}  {} triangles  volume {:.4} m³  {} components  {seconds:.2} s",
+        surface.mesh.triangles.len(),
+        surface.check.volume,
+        surface.check.components,
+    );
+    for remark in remarks(&surface.stats) {
+        line += &format!("  {remark}");
+    }
+    line
+}
+
+/// What a surface lacks or has beside the isosurface of the density.
+fn remarks(stats: &SurfaceStats) -> Vec<String> {
+    let components = stats.components.unwrap_or_default();
+    let smoothing = stats.smoothing.unwrap_or_default();
+    let decimation = stats.decimation.unwrap_or_default();
+    nonzero(&[
+        (components.points as u64, "small components replaced by points"),
+        (components.bubbles as u64, "small bubbles filled"),
+        (smoothing.restored_vertices as u64, "vertices left unsmoothed because triangles would fold"),
+        (decimation.unsuitable.into(), "open mesh not decimated"),
+        (decimation.over_target as u64, "triangles above the target of the decimation"),
+        (stats.too_far_particles as u64, "particles too far from the origin, left out"),
+        (stats.unseen_particles as u64, "particles between grid nodes, without effect (surface.voxel)"),
+        (stats.contour.unbounded_vertices as u64, "vertices next to values that are not finite"),
+        (stats.contour.cut_cells as u64, "cells cut off by missing bricks"),
+        (stats.normals_from_faces as u64, "normals from faces"),
+        (stats.attributes_from_nearest as u64, "attributes from the nearest particle"),
+    ])
+}

@@ -1,0 +1,18 @@
+//! The folder of volume files.
+
+use crate::job::batch::{BatchSummary, ProductFolder};
+
+/// The folder of volume files.
+pub(super) struct VolumeFolder;
+
+impl ProductFolder for VolumeFolder {
+    fn name(&self) -> &'static str {
+        "volume"
+    }
+
+    fn summary(&self, batch: &BatchSummary) -> String {
+        let BatchSummary { folder, made, kept, .. } = batch;
+        let (folder, mib) = (folder.display(), batch.mebibytes());
+        format!("{folder}: {made} volumes written ({mib:.1} MiB), {kept} up to date")
+    }
+}

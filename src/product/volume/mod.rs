@@ -1,0 +1,18 @@
+//! Volume files: fog, level set, velocity and temperature grids of particles and of tracers, also retimed.
+
+mod file;
+mod folder;
+mod memory;
+mod particle_grids;
+mod retime;
+mod settings;
+mod tracer_grids;
+mod tracers;
+mod writer;
+
+pub(crate) use memory::{particle_volume_memory, tracer_volume_memory};
+pub use retime::{Retime, retime};
+pub use settings::{Surroundings, VolumeSettings};
+pub(in crate::product) use tracers::no_velocity;
+pub(crate) use tracers::try_tracers;
+pub use writer::volume;

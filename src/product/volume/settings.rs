@@ -1,0 +1,68 @@
+//! What volumes are made with.
+
+use crate::{
+    export::vdb::{VolumeGrid, VolumeParams},
+    mesh::SurfaceParams,
+    sim::{
+        World,
+        smoke::{ShotAir, Smoke},
+    },
+};
+
+/// How particles and tracers become volumes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VolumeSettings {
+    /// How particles become a density.
+    pub surface: SurfaceParams,
+    /// How grids are stored.
+    pub volume: VolumeParams,
+    /// Which grids a file has; at least one.
+    pub grids: Vec<VolumeGrid>,
+    /// What moves the smoke of the shot, if it has any: without it, smoke has no velocities.
+    pub smoke: Option<Surroundings>,
+}
+
+/// What moves smoke beside its vortons.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Surroundings {
+    /// What the preset says of it.
+    pub smoke: Smoke,
+    /// What is around it.
+    pub world: World,
+}
+
+impl Surroundings {
+    /// What moves the air beside vortons, for all frames.
+    pub(in crate::product) fn air(&self) -> ShotAir {
+        ShotAir::new(&self.smoke, &self.world)
+    }
+}
+
+impl VolumeSettings {
+    /// The air of the shot; `None` if no velocity is requested, which alone needs it.
+    pub(super) fn air(&self) -> Option<ShotAir> {
+        let around = self.smoke.as_ref().filter(|_| self.grids.contains(&VolumeGrid::Velocity));
+        around.map(Surroundings::air)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Vec3;
+
+    #[test]
+    fn walls_and_air_are_made_for_velocities_alone() {
+        let params = toml::from_str("spacing = 0.1").unwrap();
+        let smoke = Smoke { params, fps: 24.0, first: 1 };
+        let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
+        let settings = |grids: &[VolumeGrid]| VolumeSettings {
+            surface: SurfaceParams::default(),
+            volume: VolumeParams::default(),
+            grids: grids.to_vec(),
+            smoke: Some(Surroundings { smoke: smoke.clone(), world: world.clone() }),
+        };
+        assert!(settings(&[VolumeGrid::Density, VolumeGrid::Temperature]).air().is_none());
+        assert!(settings(&[VolumeGrid::Density, VolumeGrid::Velocity]).air().is_some());
+    }
+}

@@ -1,0 +1,137 @@
+//! Volumes of tracers.
+
+use super::{
+    file::{figures, write_file},
+    folder::VolumeFolder,
+    settings::{Surroundings, VolumeSettings},
+    tracer_grids::{TracerFrame, TracerGridError, TracerGridStats, TracerGrids},
+};
+use crate::{
+    export::vdb::VolumeGrid,
+    frame::{Frame, StreamKind},
+    job::{
+        Control, Failure, RunError, ShotFolder,
+        batch::{FileTarget, FrameFiles, FrameOutcome, ProductFolder, Written},
+        nonzero,
+    },
+    mesh::SurfaceParams,
+    sim::SetupError,
+};
+use std::{path::Path, time::Instant};
+use xxhash_rust::xxh3::xxh3_64;
+
+/// Raised whenever a change of what a volume holds gives the same tracers and settings another file.
+const TRACER_VOLUME_VERSION: u32 = 3;
+
+/// Identifies the volume that is made of the tracers of `state`.
+pub(super) fn tracer_key(settings: &VolumeSettings, grids: &[VolumeGrid], state: u64) -> u64 {
+    let VolumeSettings { surface: SurfaceParams { voxel, kernel_radius, .. }, volume, .. } = settings;
+    let air = settings.smoke.is_some();
+    xxh3_64(
+        format!(
+            "smoke {TRACER_VOLUME_VERSION} {state:016x} {voxel} {kernel_radius} {volume:?} {grids:?} {air}"
+        )
+        .as_bytes(),
+    )
+}
+
+/// Makes and writes the volume of the tracers of a frame. What cannot be made is recorded in `outcome`.
+///
+/// # Errors
+/// What a folder or disk refuses; [`RunError::Interrupted`].
+pub(super) fn write_tracers(
+    out: &ShotFolder,
+    settings: &VolumeSettings,
+    frame: TracerFrame<'_>,
+    target: &FileTarget,
+    outcome: &mut FrameOutcome,
+    control: Control,
+) -> Result<(), RunError> {
+    let start = Instant::now();
+    let keep_going = || !(control.interrupted)();
+    let shutter = settings.smoke.as_ref().map_or(0.0, |around| 1.0 / around.smoke.fps) as f32;
+    let shutter = shutter / frame.slowdown as f32;
+    let grids = match TracerGrids::new(&frame, shutter, &settings.surface, &keep_going) {
+        Ok(grids) => grids,
+        Err(TracerGridError::Interrupted) => return Err(RunError::Interrupted),
+        Err(TracerGridError::Missing(what)) => {
+            outcome.fail(format!("the tracers have no {what}; simulate the shot again"), Failure::Other);
+            return Ok(());
+        }
+        Err(TracerGridError::OutOfRange(error)) => {
+            outcome.fail(no_velocity(&SetupError::from(error)), Failure::Other);
+            return Ok(());
+        }
+    };
+    let written = write_file(out, target, outcome, grids.names(), |path| {
+        grids.write(path, &settings.volume, target.key)
+    })?;
+    let Some((files, bytes)) = written else { return Ok(()) };
+    let remarks = remarks(&grids.stats);
+    let figures = figures(target.index, grids.names(), grids.stats.bricks, bytes, start, &remarks);
+    outcome
+        .files
+        .push(FrameFiles { written: Some(Written { bytes, figures, ..Written::default() }), ..files });
+    Ok(())
+}
+
+/// What a volume lacks of its tracers.
+fn remarks(stats: &TracerGridStats) -> Vec<String> {
+    let truncated = stats
+        .truncated
+        .then(|| "velocities end before the distance that the smoke moves in a frame".to_owned());
+    nonzero(&[(stats.too_far as u64, "tracers too far from the origin, left out")])
+        .into_iter()
+        .chain(truncated)
+        .collect()
+}
+
+/// Why the velocity of the air in a cached frame cannot be computed.
+pub(in crate::product) fn no_velocity(why: &(dyn std::error::Error + 'static)) -> String {
+    match why.downcast_ref() {
+        Some(SetupError::OutOfRange(error)) => {
+            format!("the air's velocity cannot be computed: {error}; simulate the shot again")
+        }
+        _ => why.to_string(),
+    }
+}
+
+/// What the volume of a frame took.
+pub(crate) struct VolumeTrial {
+    /// The file [bytes].
+    pub(crate) bytes: u64,
+    /// Wall-clock time [s].
+    pub(crate) seconds: f64,
+}
+
+/// Makes the volume of the tracers of a frame below `folder`, to measure it. `None` if there is none to make.
+///
+/// # Errors
+/// As [`write_tracers`].
+pub(crate) fn try_tracers(
+    frame: &Frame,
+    settings: &VolumeSettings,
+    folder: &Path,
+    control: Control,
+) -> Result<Option<VolumeTrial>, RunError> {
+    let grids: Vec<_> =
+        settings.grids.iter().copied().filter(|grid| VolumeGrid::SMOKE.contains(grid)).collect();
+    let tracers = frame.streams.iter().find(|stream| stream.kind == StreamKind::Tracers);
+    let (Some(Surroundings { smoke, .. }), Some(tracers), false) =
+        (&settings.smoke, tracers, grids.is_empty())
+    else {
+        return Ok(None);
+    };
+    let start = Instant::now();
+    let air = settings.air().map(|air| air.frame(&frame.streams, frame.time)).transpose()?;
+    let spacing = smoke.params.tracer_spacing();
+    let shown = TracerFrame { tracers, air: air.as_ref(), spacing, grids: &grids, slowdown: 1.0 };
+    let out = ShotFolder::new(folder);
+    ShotFolder::create(&out.subfolder(VolumeFolder.name()))?;
+    let target = FileTarget { index: frame.index, name: "trial".into(), key: 0 };
+    let mut outcome = FrameOutcome::new(frame.index);
+    write_tracers(&out, settings, shown, &target, &mut outcome, control)?;
+    let bytes =
+        outcome.files.iter().filter_map(|files| files.written.as_ref()).map(|written| written.bytes).sum();
+    Ok(Some(VolumeTrial { bytes, seconds: start.elapsed().as_secs_f64() }))
+}
