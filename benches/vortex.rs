@@ -16,8 +16,8 @@ use meniscus::{
     math::Vec3,
     par,
     sim::vortex::{
-        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, boundary_values, grid_errors, induced,
-        lattice, poisson, sampled_error,
+        Kernel, Method, Quantity, Targets, UniformGrid, VectorField, Vortons, boundary_values, choose_grid,
+        grid_errors, induced, poisson, sampled_error,
     },
 };
 use reference::{multigrid, paper_grid, paper_grid::Scheme, tree_rule};
@@ -223,9 +223,9 @@ fn crossovers() {
             let mut cells = format!("| {name} | {kernel:?} | {count} | {pairs} ");
             for error in [1e-2, 1e-3] {
                 let tree = seconds(Method::Tree { error });
-                let (grid, taken) = match lattice(&vortons, count, kernel, error) {
-                    Some(lattice) => {
-                        (seconds(Method::Grid { error }), lattice.cells.map(|n| n.to_string()).join("×"))
+                let (grid, taken) = match choose_grid(&vortons, count, kernel, error) {
+                    Some(grid) => {
+                        (seconds(Method::Grid { error }), grid.cells.map(|n| n.to_string()).join("×"))
                     }
                     None => ("".into(), "the tree serves".into()),
                 };
@@ -243,15 +243,16 @@ fn equations() {
     );
     for n in [64, 128, 256] {
         let low = Vec3::new(-1.8, -1.8, -1.8);
-        let lattice = Lattice { low, spacing: 3.6 / n as f32, cells: [n; 3] };
+        let grid = UniformGrid { low, spacing: 3.6 / n as f32, cells: [n; 3] };
         let (large, small) = (cloud("ring", 100_000), wide_ring());
-        let mut field = Field::new(lattice);
+        let mut field = VectorField::new(grid);
         let (_, boundary) = repeated(|| {
             boundary_values(&mut field, &large, Kernel::default(), 1e-4).expect("they are fit");
         });
         fill(&mut field, &small);
         boundary_values(&mut field, &small, Kernel::default(), 1e-4).expect("they are fit");
-        let solvers: [(&str, fn(&mut Field)); 2] = [("sines", poisson), ("multigrid", multigrid::poisson)];
+        let solvers: [(&str, fn(&mut VectorField)); 2] =
+            [("sines", poisson), ("multigrid", multigrid::poisson)];
         for (solver, solve) in solvers {
             // Every run starts from the same field; its copy is timed too.
             let (solved, seconds) = repeated(|| {
@@ -261,7 +262,7 @@ fn equations() {
             });
             let nodes: Vec<[usize; 3]> =
                 (0..400).map(|i| [3, 5, 7].map(|k| 1 + (noise(k * i) * (n - 1) as f64) as usize)).collect();
-            let points: Vec<Vec3> = nodes.iter().map(|&at| lattice.node(at)).collect();
+            let points: Vec<Vec3> = nodes.iter().map(|&at| grid.node(at)).collect();
             let at = Targets::Points(&points);
             let exact = induced(&small, at, Quantity::Potential, Kernel::default(), Method::Direct)
                 .expect("they are fit");
@@ -290,12 +291,12 @@ fn wide_ring() -> Vortons {
 }
 
 /// The vorticity of Winckelmans and Leonard's cores at every node: 15/(8π σ³) (ρ² + 1)^-7/2.
-fn fill(field: &mut Field, vortons: &Vortons) {
-    let lattice = field.lattice;
-    for z in 0..=lattice.cells[2] {
-        for y in 0..=lattice.cells[1] {
-            for x in 0..=lattice.cells[0] {
-                let at = lattice.node([x, y, z]);
+fn fill(field: &mut VectorField, vortons: &Vortons) {
+    let grid = field.grid;
+    for z in 0..=grid.cells[2] {
+        for y in 0..=grid.cells[1] {
+            for x in 0..=grid.cells[0] {
+                let at = grid.node([x, y, z]);
                 let vorticity = (0..vortons.len()).map(|i| {
                     let s2 = vortons.core[i].powi(2);
                     let q = 1.0 / ((at - vortons.position[i]).norm_squared() / s2 + 1.0);

@@ -6,18 +6,18 @@ use meniscus::{
     math::Vec3,
     par,
     sim::vortex::{
-        Field, Kernel, Lattice, Method, Quantity, Targets, Vortons, boundary_values, induced, induced_both,
-        lattice, poisson, sampled_error,
+        Kernel, Method, Quantity, Targets, UniformGrid, VectorField, Vortons, boundary_values, choose_grid,
+        induced, induced_both, poisson, sampled_error,
     },
 };
 
 use std::f64::consts::PI;
 
 /// Calls `f` with every node.
-fn nodes(lattice: Lattice, mut f: impl FnMut([usize; 3])) {
-    for z in 0..=lattice.cells[2] {
-        for y in 0..=lattice.cells[1] {
-            for x in 0..=lattice.cells[0] {
+fn nodes(grid: UniformGrid, mut f: impl FnMut([usize; 3])) {
+    for z in 0..=grid.cells[2] {
+        for y in 0..=grid.cells[1] {
+            for x in 0..=grid.cells[0] {
                 f([x, y, z]);
             }
         }
@@ -25,18 +25,18 @@ fn nodes(lattice: Lattice, mut f: impl FnMut([usize; 3])) {
 }
 
 /// A box of 1.2 m × 1.5 m × 0.9 m in cells of 0.3 m over `fine`.
-fn lattice_of(fine: usize) -> Lattice {
+fn lattice_of(fine: usize) -> UniformGrid {
     let cells = [4, 5, 3].map(|n| n * fine);
-    Lattice { low: Vec3::new(-0.3, 0.2, 5.0), spacing: 0.3 / fine as f32, cells }
+    UniformGrid { low: Vec3::new(-0.3, 0.2, 5.0), spacing: 0.3 / fine as f32, cells }
 }
 
 /// The largest error of A on a box whose boundary is given, over the largest A, with ∇²A = −ω made by hand.
-fn error_of_solution(solve: fn(&mut Field), fine: usize) -> f64 {
-    let lattice = lattice_of(fine);
+fn error_of_solution(solve: fn(&mut VectorField), fine: usize) -> f64 {
+    let grid = lattice_of(fine);
     let size = [1.2, 1.5, 0.9];
     // A product of sin³(πx/L), whose source is 0 on the boundary, and a harmonic function.
     let at = |node: [usize; 3]| {
-        let x = lattice.node(node) - lattice.low;
+        let x = grid.node(node) - grid.low;
         let [(f, fs), (g, gs), (h, hs)] = [0, 1, 2].map(|k| {
             let turn = PI / size[k];
             let (s, c) = (turn * f64::from(x[k])).sin_cos();
@@ -48,15 +48,15 @@ fn error_of_solution(solve: fn(&mut Field), fine: usize) -> f64 {
         let source = Vec3::from_fn(|k, _| ((k + 1) as f64 * (fs * g * h + f * gs * h + f * g * hs)) as f32);
         (potential, source)
     };
-    let mut field = Field::new(lattice);
-    nodes(lattice, |node| {
-        let outside = (0..3).any(|k| node[k] == 0 || node[k] == lattice.cells[k]);
+    let mut field = VectorField::new(grid);
+    nodes(grid, |node| {
+        let outside = (0..3).any(|k| node[k] == 0 || node[k] == grid.cells[k]);
         let (potential, source) = at(node);
         field.set(node, if outside { potential } else { source });
     });
     solve(&mut field);
     let (mut missed, mut whole) = (0.0_f64, 0.0_f64);
-    nodes(lattice, |node| {
+    nodes(grid, |node| {
         let a = at(node).0;
         missed = missed.max(f64::from((field.at(node) - a).amax()));
         whole = whole.max(f64::from(a.amax()));
@@ -66,7 +66,7 @@ fn error_of_solution(solve: fn(&mut Field), fine: usize) -> f64 {
 
 #[test]
 fn solvers_of_the_poisson_equation_are_of_their_order() {
-    let solvers: [(_, fn(&mut Field), _, _); 2] =
+    let solvers: [(_, fn(&mut VectorField), _, _); 2] =
         [("sines", poisson, 4.0, 2), ("multigrid", multigrid::poisson, 2.0, 4)];
     for (solver, solve, order, fine) in solvers {
         let found = [1, 2, 4].map(|times| error_of_solution(solve, fine * times));
@@ -82,7 +82,7 @@ fn solvers_of_the_poisson_equation_are_of_their_order() {
 #[test]
 fn multigrid_leaves_a_hundredth_of_the_residual() {
     for cells in [[16, 16, 16], [48, 40, 8], [12, 6, 10], [2, 3, 5]] {
-        let mut field = Field::new(Lattice { low: Vec3::zeros(), spacing: 0.1, cells });
+        let mut field = VectorField::new(UniformGrid { low: Vec3::zeros(), spacing: 0.1, cells });
         for (k, values) in field.values.iter_mut().enumerate() {
             let value = |i: usize| ((i * 7919 + k) % 1009) as f32 / 1009.0 - 0.5;
             values.iter_mut().enumerate().for_each(|(i, v)| *v = value(i));
@@ -90,7 +90,7 @@ fn multigrid_leaves_a_hundredth_of_the_residual() {
         let source = field.clone();
         multigrid::solve(&mut field);
         let (mut residual, mut whole) = (0.0, 0.0);
-        nodes(field.lattice, |node| {
+        nodes(field.grid, |node| {
             if (0..3).any(|k| node[k] == 0 || node[k] == cells[k]) {
                 assert_eq!(field.at(node), source.at(node), "the boundary values stay");
                 return;
@@ -124,7 +124,7 @@ fn a_length_of_factor_seven_is_refused() {
 
 /// What a lattice reaches.
 fn reached(vortons: &Vortons, kernel: Kernel, error: f32) -> f64 {
-    assert!(lattice(vortons, vortons.len(), kernel, error).is_some(), "the tree: {kernel:?} {error}");
+    assert!(choose_grid(vortons, vortons.len(), kernel, error).is_some(), "the tree: {kernel:?} {error}");
     let method = Method::Grid { error };
     let found = induced(vortons, Targets::Vortons, Quantity::Velocity, kernel, method).unwrap().velocity;
     sampled_error(vortons, Targets::Vortons, kernel, &found, 300).unwrap()
@@ -212,7 +212,7 @@ fn the_papers_grid_loses_accuracy_by_its_shares_and_differences() {
 #[test]
 fn a_stray_costs_the_lattice_nothing() {
     let mut vortons = cloud(Shape::Cube, 12_000, false);
-    let of = |vortons: &Vortons| lattice(vortons, vortons.len(), Kernel::Gaussian, 1e-2).unwrap();
+    let of = |vortons: &Vortons| choose_grid(vortons, vortons.len(), Kernel::Gaussian, 1e-2).unwrap();
     let alone = of(&vortons);
     vortons.position.extend([Vec3::repeat(1e6), Vec3::new(4.0, 0.5, 0.5)]);
     vortons.strength.extend([Vec3::new(1e-2, 0.0, 0.0), Vec3::new(0.0, 0.0, 1e-2)]);
@@ -241,7 +241,7 @@ fn the_lattices_velocity_is_the_curl_of_its_potential() {
     let around = |x: &Vec3| [0, 1, 2, 3, 4, 5].map(|k| x + Vec3::ith(k / 2, if k % 2 == 0 { h } else { -h }));
     let points: Vec<Vec3> = middles.iter().flat_map(around).collect();
     let method = Method::Grid { error: 1e-2 };
-    assert!(lattice(&vortons, points.len(), Kernel::Gaussian, 1e-2).is_some());
+    assert!(choose_grid(&vortons, points.len(), Kernel::Gaussian, 1e-2).is_some());
     let find = |points: &[Vec3], quantity| {
         induced(&vortons, Targets::Points(points), quantity, Kernel::Gaussian, method).unwrap()
     };
@@ -261,8 +261,8 @@ fn the_lattices_velocity_is_the_curl_of_its_potential() {
 #[test]
 fn boundary_values_are_the_potential() {
     let vortons = cloud(Shape::Ring, 6000, false);
-    let around = Lattice { low: Vec3::new(-1.4, -1.4, -0.4), spacing: 0.025, cells: [112, 112, 32] };
-    let mut field = Field::new(around);
+    let around = UniformGrid { low: Vec3::new(-1.4, -1.4, -0.4), spacing: 0.025, cells: [112, 112, 32] };
+    let mut field = VectorField::new(around);
     boundary_values(&mut field, &vortons, Kernel::default(), 1e-4).unwrap();
     let mut at = Vec::new();
     nodes(around, |node| {
@@ -309,7 +309,7 @@ fn one_solution_serves_vortons_and_points() {
         .collect();
     let kernel = Kernel::default();
     let method = Method::Grid { error: 1e-3 };
-    assert!(lattice(&vortons, vortons.len() + points.len(), kernel, 1e-3).is_some());
+    assert!(choose_grid(&vortons, vortons.len() + points.len(), kernel, 1e-3).is_some());
     let (found, along) = induced_both(&vortons, Targets::Vortons, &points, kernel, method).unwrap();
     let missed = sampled_error(&vortons, Targets::Vortons, kernel, &found.velocity, 300).unwrap();
     assert!(missed < 1e-3, "{missed}");

@@ -16,7 +16,7 @@ use meniscus::{
         wide::{self, Job},
     },
     par,
-    sim::vortex::{Field, Lattice},
+    sim::vortex::{UniformGrid, VectorField},
 };
 
 /// V-cycles per level. One leaves a tenth of the discretisation error, two a hundredth.
@@ -28,7 +28,7 @@ const SWEEPS_AFTER: usize = 1;
 
 /// One component on one grid.
 struct Level {
-    lattice: Lattice,
+    grid: UniformGrid,
     u: Vec<f32>,
     /// The output of sweeps, and the residual.
     spare: Vec<f32>,
@@ -38,29 +38,29 @@ struct Level {
 
 impl Level {
     fn new(cells: [usize; 3]) -> Self {
-        let lattice = Lattice { low: Vec3::zeros(), spacing: 1.0, cells };
-        let zero = || par::repeated(0.0, lattice.plane() * (cells[2] + 1));
-        Self { lattice, u: zero(), spare: zero(), f: zero() }
+        let grid = UniformGrid { low: Vec3::zeros(), spacing: 1.0, cells };
+        let zero = || par::repeated(0.0, grid.plane() * (cells[2] + 1));
+        Self { grid, u: zero(), spare: zero(), f: zero() }
     }
 
     fn coarser(&self) -> Option<Self> {
-        let halves = self.lattice.cells.iter().all(|n| n.is_multiple_of(2) && *n >= 4);
-        halves.then(|| Self::new(self.lattice.cells.map(|n| n / 2)))
+        let halves = self.grid.cells.iter().all(|n| n.is_multiple_of(2) && *n >= 4);
+        halves.then(|| Self::new(self.grid.cells.map(|n| n / 2)))
     }
 
     /// Writes to the spare array: the boundary values, and for each row inside `row(own place, parity of the row, out)`.
     fn rows(&mut self, row: impl Fn(&Self, usize, usize, &mut [f32]) + Sync) {
         let mut out = std::mem::take(&mut self.spare);
-        let (lattice, this) = (self.lattice, &*self);
-        par::for_chunks(&mut out, lattice.plane(), |first, plane| {
-            let z = first / lattice.plane();
-            let inside = |at: usize, axis: usize| at > 0 && at < lattice.cells[axis];
-            for (y, out) in plane.chunks_exact_mut(lattice.row()).enumerate() {
-                let place = first + y * lattice.row();
+        let (grid, this) = (self.grid, &*self);
+        par::for_chunks(&mut out, grid.plane(), |first, plane| {
+            let z = first / grid.plane();
+            let inside = |at: usize, axis: usize| at > 0 && at < grid.cells[axis];
+            for (y, out) in plane.chunks_exact_mut(grid.row()).enumerate() {
+                let place = first + y * grid.row();
                 if inside(z, 2) && inside(y, 1) {
                     row(this, place, (y + z) % 2, out);
                 } else {
-                    out.copy_from_slice(&this.u[place..place + lattice.row()]);
+                    out.copy_from_slice(&this.u[place..place + grid.row()]);
                 }
             }
         });
@@ -80,14 +80,14 @@ impl Level {
     /// Writes the residual to the spare array. It is 0 on the boundary.
     fn residual(&mut self) {
         self.rows(|level, place, _, out| wide::run(Update { level, place, colour: None, out }));
-        let lattice = self.lattice;
-        par::for_chunks(&mut self.spare, lattice.plane(), |first, plane| {
-            let z = first / lattice.plane();
-            if z == 0 || z == lattice.cells[2] {
+        let grid = self.grid;
+        par::for_chunks(&mut self.spare, grid.plane(), |first, plane| {
+            let z = first / grid.plane();
+            if z == 0 || z == grid.cells[2] {
                 plane.fill(0.0);
             }
-            for (y, row) in plane.chunks_exact_mut(lattice.row()).enumerate() {
-                if y == 0 || y == lattice.cells[1] {
+            for (y, row) in plane.chunks_exact_mut(grid.row()).enumerate() {
+                if y == 0 || y == grid.cells[1] {
                     row.fill(0.0);
                 }
             }
@@ -96,27 +96,25 @@ impl Level {
 
     /// Prolongs the solution of the coarser level: adds it, interpolated, to every node inside.
     fn prolong(&mut self, coarse: &Self) {
-        let lattice = self.lattice;
-        par::for_chunks(&mut self.u, lattice.plane(), |first, plane| {
-            let z = first / lattice.plane();
-            if z == 0 || z == lattice.cells[2] {
+        let grid = self.grid;
+        par::for_chunks(&mut self.u, grid.plane(), |first, plane| {
+            let z = first / grid.plane();
+            if z == 0 || z == grid.cells[2] {
                 return;
             }
-            let mut sum = vec![0.0; coarse.lattice.row()];
-            for (y, row) in
-                plane.chunks_exact_mut(lattice.row()).enumerate().skip(1).take(lattice.cells[1] - 1)
-            {
+            let mut sum = vec![0.0; coarse.grid.row()];
+            for (y, row) in plane.chunks_exact_mut(grid.row()).enumerate().skip(1).take(grid.cells[1] - 1) {
                 let rows = [
                     [y / 2, z / 2],
                     [y.div_ceil(2), z / 2],
                     [y / 2, z.div_ceil(2)],
                     [y.div_ceil(2), z.div_ceil(2)],
                 ];
-                let from = rows.map(|[y, z]| &coarse.u[coarse.lattice.place([0, y, z])..][..sum.len()]);
+                let from = rows.map(|[y, z]| &coarse.u[coarse.grid.index([0, y, z])..][..sum.len()]);
                 for i in 0..sum.len() {
                     sum[i] = 0.25 * ((from[0][i] + from[1][i]) + (from[2][i] + from[3][i]));
                 }
-                for x in 1..lattice.cells[0] {
+                for x in 1..grid.cells[0] {
                     row[x] += 0.5 * (sum[x / 2] + sum[x.div_ceil(2)]);
                 }
             }
@@ -125,7 +123,7 @@ impl Level {
 }
 
 /// Restriction: Σ over the 27 nodes around every node of a coarser grid with weights 8, 4, 2 and 1 over 64, times 4 for h².
-fn restrict(fine: Lattice, from: &[f32], coarse: Lattice, to: &mut [f32]) {
+fn restrict(fine: UniformGrid, from: &[f32], coarse: UniformGrid, to: &mut [f32]) {
     par::for_chunks(to, coarse.plane(), |first, plane| {
         let z = first / coarse.plane();
         if z == 0 || z == coarse.cells[2] {
@@ -133,7 +131,7 @@ fn restrict(fine: Lattice, from: &[f32], coarse: Lattice, to: &mut [f32]) {
         }
         let mut sum = vec![0.0; fine.row()];
         for (y, row) in plane.chunks_exact_mut(coarse.row()).enumerate().skip(1).take(coarse.cells[1] - 1) {
-            wide::run(Weigh { fine, from, place: fine.place([0, 2 * y, 2 * z]), sum: &mut sum });
+            wide::run(Weigh { fine, from, place: fine.index([0, 2 * y, 2 * z]), sum: &mut sum });
             for (x, value) in row.iter_mut().enumerate().skip(1).take(coarse.cells[0] - 1) {
                 *value = 0.25 * (sum[2 * x - 1] + sum[2 * x + 1]) + 0.5 * sum[2 * x];
             }
@@ -143,7 +141,7 @@ fn restrict(fine: Lattice, from: &[f32], coarse: Lattice, to: &mut [f32]) {
 
 /// The weighted sum of nine rows around one, four times as large.
 struct Weigh<'a> {
-    fine: Lattice,
+    fine: UniformGrid,
     from: &'a [f32],
     place: usize,
     sum: &'a mut [f32],
@@ -181,8 +179,8 @@ impl Job for Update<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { level: Level { lattice, u, f, .. }, place, colour, out } = self;
-        let (row, plane, n) = (lattice.row(), lattice.plane(), lattice.cells[0]);
+        let Self { level: Level { grid, u, f, .. }, place, colour, out } = self;
+        let (row, plane, n) = (grid.row(), grid.plane(), grid.cells[0]);
         // Nodes 1..n; the slices begin where they are read.
         let count = n - 1;
         let (own, source) = (&u[place + 1..][..count], &f[place + 1..][..count]);
@@ -204,15 +202,15 @@ impl Job for Update<'_> {
 }
 
 /// Replaces the source h² ω inside `field` by the potential, whose boundary values `field` holds.
-pub(crate) fn solve(field: &mut Field) {
-    let mut levels = vec![Level::new(field.lattice.cells)];
+pub(crate) fn solve(field: &mut VectorField) {
+    let mut levels = vec![Level::new(field.grid.cells)];
     while let Some(coarser) = levels[levels.len() - 1].coarser() {
         levels.push(coarser);
     }
     for values in &mut field.values {
         levels[0].f = values.clone();
         levels[0].u = values.clone();
-        for_each_inside(field.lattice, &mut levels[0].u, |value| *value = 0.0);
+        for_each_inside(field.grid, &mut levels[0].u, |value| *value = 0.0);
         full(&mut levels);
         *values = levels[0].u.clone();
     }
@@ -220,20 +218,20 @@ pub(crate) fn solve(field: &mut Field) {
 
 /// Solves ∇²A = −ω on a box to second order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and then A
 /// everywhere.
-pub(crate) fn poisson(field: &mut Field) {
-    let lattice = field.lattice;
+pub(crate) fn poisson(field: &mut VectorField) {
+    let grid = field.grid;
     for values in &mut field.values {
-        for_each_inside(lattice, values, |value| *value *= lattice.spacing * lattice.spacing);
+        for_each_inside(grid, values, |value| *value *= grid.spacing * grid.spacing);
     }
     solve(field);
 }
 
 /// Calls `f` with the value of every node inside.
-fn for_each_inside(lattice: Lattice, values: &mut [f32], f: impl Fn(&mut f32)) {
-    for z in 1..lattice.cells[2] {
-        for y in 1..lattice.cells[1] {
-            let first = lattice.place([1, y, z]);
-            values[first..first + lattice.cells[0] - 1].iter_mut().for_each(&f);
+fn for_each_inside(grid: UniformGrid, values: &mut [f32], f: impl Fn(&mut f32)) {
+    for z in 1..grid.cells[2] {
+        for y in 1..grid.cells[1] {
+            let first = grid.index([1, y, z]);
+            values[first..first + grid.cells[0] - 1].iter_mut().for_each(&f);
         }
     }
 }
@@ -244,7 +242,7 @@ fn full(levels: &mut [Level]) {
     for l in 0..last {
         let (fine, coarse) = levels.split_at_mut(l + 1);
         let (fine, coarse) = (&fine[l], &mut coarse[0]);
-        restrict(fine.lattice, &fine.f, coarse.lattice, &mut coarse.f);
+        restrict(fine.grid, &fine.f, coarse.grid, &mut coarse.f);
         inject(fine, coarse);
     }
     relax(&mut levels[last]);
@@ -259,7 +257,7 @@ fn full(levels: &mut [Level]) {
 
 /// The boundary values on a coarser level, and 0 inside.
 fn inject(fine: &Level, coarse: &mut Level) {
-    let (from, to) = (fine.lattice, coarse.lattice);
+    let (from, to) = (fine.grid, coarse.grid);
     let u = &fine.u;
     par::for_chunks(&mut coarse.u, to.plane(), |first, plane| {
         let z = first / to.plane();
@@ -267,7 +265,7 @@ fn inject(fine: &Level, coarse: &mut Level) {
             for (x, value) in row.iter_mut().enumerate().take(to.cells[0] + 1) {
                 let at = [x, y, z];
                 let outside = (0..3).any(|k| at[k] == 0 || at[k] == to.cells[k]);
-                *value = if outside { u[from.place(at.map(|i| 2 * i))] } else { 0.0 };
+                *value = if outside { u[from.index(at.map(|i| 2 * i))] } else { 0.0 };
             }
         }
     });
@@ -283,7 +281,7 @@ fn cycle(levels: &mut [Level]) {
         fine.sweep();
     }
     fine.residual();
-    restrict(fine.lattice, &fine.spare, coarse.lattice, &mut coarse.f);
+    restrict(fine.grid, &fine.spare, coarse.grid, &mut coarse.f);
     coarse.u.fill(0.0);
     cycle(coarser);
     fine.prolong(&coarser[0]);
@@ -294,7 +292,7 @@ fn cycle(levels: &mut [Level]) {
 
 /// Sweeps until a millionth of the residual is left on the coarsest level: one leaves e^(−π²/3 Σ 1/n²) of the slowest wave.
 fn relax(level: &mut Level) {
-    let slowest: f64 = level.lattice.cells.iter().map(|&n| 1.0 / (n * n) as f64).sum();
+    let slowest: f64 = level.grid.cells.iter().map(|&n| 1.0 / (n * n) as f64).sum();
     for _ in 0..(4.2 / slowest).ceil() as usize {
         level.sweep();
     }

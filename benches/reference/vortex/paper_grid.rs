@@ -10,7 +10,7 @@ use super::multigrid;
 use meniscus::{
     math::Vec3,
     par,
-    sim::vortex::{Field, Kernel, Lattice, Vortons, boundary_values},
+    sim::vortex::{Kernel, UniformGrid, VectorField, Vortons, boundary_values},
 };
 
 /// How vortons are shared out to nodes, and how differences are taken.
@@ -52,8 +52,8 @@ const MARGIN_IN_CORES: f32 = 3.0;
 pub(crate) fn velocity(vortons: &Vortons, scheme: Scheme, spacings_per_core: f32) -> Vec<Vec3> {
     let core = vortons.core[0];
     assert!(vortons.core.iter().all(|&other| other == core), "the grid carries cores of one size");
-    let lattice = grid(&vortons.position, core / spacings_per_core, spacings_per_core);
-    let mut field = Field::new(lattice);
+    let grid = grid_around(&vortons.position, core / spacings_per_core, spacings_per_core);
+    let mut field = VectorField::new(grid);
     deposit(&mut field, vortons, scheme);
     spread(&mut field, spacings_per_core);
     boundary_values(&mut field, vortons, Kernel::Gaussian, 1e-2).expect("the vortons are in range");
@@ -62,14 +62,14 @@ pub(crate) fn velocity(vortons: &Vortons, scheme: Scheme, spacings_per_core: f32
     let mut out = vec![Vec3::zeros(); vortons.len()];
     par::fill(&mut out, |i| {
         let mut u = Vec3::zeros();
-        for_each_share(&lattice, vortons.position[i], scheme, |node, w| u += velocity.at(node) * w);
+        for_each_share(&grid, vortons.position[i], scheme, |node, w| u += velocity.at(node) * w);
         u
     });
     out
 }
 
 /// The box around the vortons, with a number of cells that can be halved until twelve or fewer are left.
-fn grid(points: &[Vec3], spacing: f32, spacings_per_core: f32) -> Lattice {
+fn grid_around(points: &[Vec3], spacing: f32, spacings_per_core: f32) -> UniformGrid {
     let low = points.iter().fold(Vec3::repeat(f32::INFINITY), |a, b| a.inf(b));
     let high = points.iter().fold(Vec3::repeat(f32::NEG_INFINITY), |a, b| a.sup(b));
     let margin = MIN_MARGIN.max((MARGIN_IN_CORES * spacings_per_core).ceil() as usize);
@@ -79,12 +79,12 @@ fn grid(points: &[Vec3], spacing: f32, spacings_per_core: f32) -> Lattice {
         wanted.div_ceil(1 << halvings) << halvings
     });
     let half = Vec3::from_fn(|k, _| cells[k] as f32) * (0.5 * spacing);
-    Lattice { low: (low + high) * 0.5 - half, spacing, cells }
+    UniformGrid { low: (low + high) * 0.5 - half, spacing, cells }
 }
 
 /// Calls `f(node, weight)` for the 64 nodes around a point.
-fn for_each_share(lattice: &Lattice, x: Vec3, scheme: Scheme, mut f: impl FnMut([usize; 3], f32)) {
-    let t = (x - lattice.low) / lattice.spacing;
+fn for_each_share(grid: &UniformGrid, x: Vec3, scheme: Scheme, mut f: impl FnMut([usize; 3], f32)) {
+    let t = (x - grid.low) / grid.spacing;
     let first: [usize; 3] = std::array::from_fn(|k| t[k] as usize - 1);
     let weights: [[f32; 4]; 3] = std::array::from_fn(|k| scheme.shares(t[k].fract()));
     for n in 0..64 {
@@ -95,45 +95,45 @@ fn for_each_share(lattice: &Lattice, x: Vec3, scheme: Scheme, mut f: impl FnMut(
 }
 
 /// Writes h² ω, that is Γ over the spacing, to the nodes around every vorton.
-fn deposit(field: &mut Field, vortons: &Vortons, scheme: Scheme) {
-    let lattice = field.lattice;
+fn deposit(field: &mut VectorField, vortons: &Vortons, scheme: Scheme) {
+    let grid = field.grid;
     for (&x, strength) in vortons.position.iter().zip(&vortons.strength) {
-        for_each_share(&lattice, x, scheme, |node, weight| {
-            let place = lattice.place(node);
+        for_each_share(&grid, x, scheme, |node, weight| {
+            let place = grid.index(node);
             for (values, g) in field.values.iter_mut().zip(strength.iter()) {
-                values[place] += weight * g / lattice.spacing;
+                values[place] += weight * g / grid.spacing;
             }
         });
     }
 }
 
 /// Convolves with a Gaussian core of so many spacings along each axis.
-fn spread(field: &mut Field, spacings_per_core: f32) {
-    let lattice = field.lattice;
+fn spread(field: &mut VectorField, spacings_per_core: f32) {
+    let grid = field.grid;
     let reach = (5.0 * spacings_per_core).ceil() as usize;
     let tap = |k: usize| (-0.5 * (k as f32 / spacings_per_core).powi(2)).exp();
     let sum = tap(0) + 2.0 * (1..=reach).map(tap).sum::<f32>();
     let taps: Vec<f32> = (0..=reach).map(|k| tap(k) / sum).collect();
-    let plane = lattice.plane();
+    let plane = grid.plane();
     for values in &mut field.values {
         for axis in 0..3 {
             let source = values.clone();
             par::for_chunks(values, plane, |first, values| {
-                for y in 0..=lattice.cells[1] {
-                    for x in 0..=lattice.cells[0] {
+                for y in 0..=grid.cells[1] {
+                    for x in 0..=grid.cells[0] {
                         let node = [x, y, first / plane];
                         let value = |at: usize| {
                             let mut node = node;
                             node[axis] = at;
-                            source[lattice.place(node)]
+                            source[grid.index(node)]
                         };
                         let mut sum = taps[0] * value(node[axis]);
                         for (k, tap) in taps.iter().enumerate().skip(1) {
                             sum += tap * if k <= node[axis] { value(node[axis] - k) } else { 0.0 };
                             let ahead = node[axis] + k;
-                            sum += tap * if ahead <= lattice.cells[axis] { value(ahead) } else { 0.0 };
+                            sum += tap * if ahead <= grid.cells[axis] { value(ahead) } else { 0.0 };
                         }
-                        values[lattice.place([x, y, 0])] = sum;
+                        values[grid.index([x, y, 0])] = sum;
                     }
                 }
             });
@@ -142,25 +142,25 @@ fn spread(field: &mut Field, spacings_per_core: f32) {
 }
 
 /// ∇ × A; zero within three nodes of the boundary.
-fn curl(field: &Field, differences: [f32; 3]) -> Field {
-    let lattice = field.lattice;
-    let strides = [1, lattice.row(), lattice.plane()];
+fn curl(field: &VectorField, differences: [f32; 3]) -> VectorField {
+    let grid = field.grid;
+    let strides = [1, grid.row(), grid.plane()];
     let slope = |place: usize, component: usize, axis: usize| -> f32 {
         let value = &field.values[component];
         let pair = |k: usize| value[place + k * strides[axis]] - value[place - k * strides[axis]];
-        (1..=3).map(|k| differences[k - 1] * pair(k)).sum::<f32>() / lattice.spacing
+        (1..=3).map(|k| differences[k - 1] * pair(k)).sum::<f32>() / grid.spacing
     };
-    let mut out = Field::new(lattice);
+    let mut out = VectorField::new(grid);
     for (k, values) in out.values.iter_mut().enumerate() {
         let (b, c) = ((k + 1) % 3, (k + 2) % 3);
         par::for_chunks(values, strides[2], |first, values| {
             let z = first / strides[2];
-            if z < 3 || z + 3 > lattice.cells[2] {
+            if z < 3 || z + 3 > grid.cells[2] {
                 return;
             }
-            for y in 3..=lattice.cells[1] - 3 {
-                for x in 3..=lattice.cells[0] - 3 {
-                    let place = lattice.place([x, y, z]);
+            for y in 3..=grid.cells[1] - 3 {
+                for x in 3..=grid.cells[0] - 3 {
+                    let place = grid.index([x, y, z]);
                     values[place - first] = slope(place, c, b) - slope(place, b, c);
                 }
             }

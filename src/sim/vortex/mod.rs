@@ -45,14 +45,14 @@ mod vortons;
 mod walk;
 
 pub use accuracy::{ERRORS, sampled_error};
-pub use grid::{Field, Lattice, boundary_values, grid_errors, lattice, poisson};
+pub use grid::{UniformGrid, VectorField, boundary_values, choose_grid, grid_errors, poisson};
 pub use invariants::{Invariants, invariants};
 pub use reach::beyond;
 pub use vortons::{ElementKind, LARGEST, OutOfRange, SMALLEST_CORE, Vortons};
 
 use crate::math::Vec3;
 use chain::{Ball, Gaussian, RosenheadMoore, WinckelmansLeonard};
-use grid::Spread;
+use grid::GridKernel;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -191,7 +191,7 @@ fn check(vortons: &Vortons, targets: Targets<'_>, kernel: Kernel, method: Method
     Ok(())
 }
 
-fn with_kernel<K: Spread>(
+fn with_kernel<K: GridKernel>(
     vortons: &Vortons,
     targets: Targets<'_>,
     quantity: Quantity,
@@ -211,7 +211,7 @@ fn with_kernel<K: Spread>(
     }
 }
 
-fn both_with_kernel<K: Spread>(
+fn both_with_kernel<K: GridKernel>(
     vortons: &Vortons,
     targets: Targets<'_>,
     points: &[Vec3],
@@ -247,7 +247,7 @@ const VELOCITY: usize = 1;
 const GRADIENT: usize = 2;
 
 /// The quantity `Q` as `N` vectors a target: A, u, or u and the rows of ∇u.
-fn rows<K: Spread, const Q: usize, const N: usize>(
+fn rows<K: GridKernel, const Q: usize, const N: usize>(
     vortons: &Vortons,
     targets: Targets<'_>,
     method: Method,

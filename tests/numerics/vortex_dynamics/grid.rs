@@ -1,7 +1,7 @@
 //! Motion by velocities of a lattice.
 
 use super::*;
-use meniscus::sim::vortex::{Kernel, lattice};
+use meniscus::sim::vortex::{Kernel, choose_grid};
 
 /// Lines of vortons around a circle, a body that a lattice serves.
 fn body(kernel: Kernel, error: f32) -> Vortons {
@@ -11,7 +11,7 @@ fn body(kernel: Kernel, error: f32) -> Vortons {
         let strength = 0.01 * (-(i * i + j * j) / 13.0).exp();
         joined(all, &ring(120, 1.0 + 0.04 * i, 0.04 * j, strength, 0.08))
     });
-    assert!(lattice(&body, body.len(), kernel, error).is_some(), "a lattice serves");
+    assert!(choose_grid(&body, body.len(), kernel, error).is_some(), "a grid serves");
     body
 }
 
@@ -65,7 +65,7 @@ fn strays_cost_no_lattice_and_what_is_out_of_reach_is_named() {
         strayed.strength.push(Vec3::new(0.0, 0.0, 1e-3));
         strayed.core.push(0.08);
     }
-    let around = lattice(&strayed, strayed.len(), Kernel::default(), 1e-3).unwrap();
+    let around = choose_grid(&strayed, strayed.len(), Kernel::default(), 1e-3).unwrap();
     assert!(around.nodes() < 3_000_000, "{around:?}");
     let params = FlowParams { sum: Sum::Grid, max_substeps: 2, ..FlowParams::default() };
     let mut flow = flow(params, &strayed, 1e-4);

@@ -1,31 +1,31 @@
-//! The potential on the boundary of a box: found on a coarse lattice, and interpolated between.
+//! The potential on the boundary of a box: sampled at the nodes of a coarse grid, and interpolated between them.
 //!
-//! *Method*: [gourlay19]'s integral boundary values. The potential is smooth where there is no vorticity, so every few cells a value
-//! of the tree will do, and a product of two cubics through four of them is the rest.
+//! *Method*: [gourlay19]'s integral boundary values. The potential is smooth where there is no vorticity. So a value of the
+//! tree every few cells is enough, with a product of two cubics through four of them in between.
 
 use super::{
-    lattice::{Field, Lattice, ROW},
-    sine::others,
+    sine::face_axes,
+    uniform::{ROW_MULTIPLE, UniformGrid, VectorField},
 };
 use crate::{math::Vec3, par};
 
-/// Numbers on one face of a box; its axes are those that are left, in their order.
+/// A number at every node of one face of a box. The axes of the face are the other two, in ascending order.
 #[derive(Clone, Debug)]
-pub(super) struct Plane {
+pub(super) struct FaceValues {
     pub(super) cells: [usize; 2],
-    /// Rows along the first axis, filled up to sixteens.
+    /// Rows along the first axis, padded like those of a grid.
     pub(super) values: Vec<f32>,
 }
 
-impl Plane {
+impl FaceValues {
     pub(super) fn new(cells: [usize; 2]) -> Self {
-        let row = (cells[0] + 1).next_multiple_of(ROW);
+        let row = (cells[0] + 1).next_multiple_of(ROW_MULTIPLE);
         Self { cells, values: vec![0.0; row * (cells[1] + 1)] }
     }
 
     #[inline(always)]
     pub(super) fn row(&self) -> usize {
-        (self.cells[0] + 1).next_multiple_of(ROW)
+        (self.cells[0] + 1).next_multiple_of(ROW_MULTIPLE)
     }
 
     #[inline(always)]
@@ -42,45 +42,45 @@ impl Plane {
 
 /// The potential on the six faces.
 #[derive(Clone, Debug)]
-pub(super) struct Faces {
+pub(super) struct BoundaryValues {
     /// By axis, side and component.
-    pub(super) values: [[[Plane; 3]; 2]; 3],
+    pub(super) faces: [[[FaceValues; 3]; 2]; 3],
 }
 
-/// How values between those of the coarse lattice are made.
+/// How values between the nodes of the coarse grid are found.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Between {
-    /// By a cubic through four.
+pub(super) enum Interpolation {
+    /// By a cubic through four nodes.
     Cubic,
-    /// By the nearest.
+    /// By the nearest node.
     #[cfg(test)]
-    Copied,
+    Nearest,
 }
 
-/// The coarse lattice along one axis of a face: where its nodes are, in cells, and for every node of the fine one the first
-/// of its four and their weights.
-struct Coarse {
+/// The coarse grid along one axis of a face: the positions of its nodes, in cells, and for every node of the fine grid the
+/// first of four coarse nodes and their weights.
+struct CoarseAxis {
     nodes: Vec<f32>,
     weights: Vec<(usize, [f32; 4])>,
 }
 
-impl Coarse {
-    /// Every `step` cells, or a little closer so that ends meet; at least three intervals.
-    fn new(cells: usize, step: usize, between: Between) -> Self {
+impl CoarseAxis {
+    /// A node every `step` cells, or a little closer so that the last is on the edge; at least three intervals.
+    fn new(cells: usize, step: usize, interpolation: Interpolation) -> Self {
         let intervals = cells.div_ceil(step).max(3);
         let ratio = cells as f32 / intervals as f32;
         let weight = |i: usize| {
             let t = i as f32 / ratio;
             let first = (t as usize).clamp(1, intervals - 2) - 1;
             let t = t - first as f32;
-            let weights: [f32; 4] = match between {
-                // Lagrange's.
-                Between::Cubic => std::array::from_fn(|k| {
+            let weights: [f32; 4] = match interpolation {
+                // Lagrange polynomials.
+                Interpolation::Cubic => std::array::from_fn(|k| {
                     let factors = (0..4).filter(|&j| j != k);
                     factors.map(|j| (t - j as f32) / (k as f32 - j as f32)).product()
                 }),
                 #[cfg(test)]
-                Between::Copied => std::array::from_fn(|k| f32::from(u8::from(t.round() == k as f32))),
+                Interpolation::Nearest => std::array::from_fn(|k| f32::from(u8::from(t.round() == k as f32))),
             };
             (first, weights)
         };
@@ -91,41 +91,41 @@ impl Coarse {
     }
 }
 
-impl Faces {
+impl BoundaryValues {
     /// 0 everywhere.
-    pub(super) fn zero(lattice: Lattice) -> Self {
-        let plane = |axis: usize| Plane::new(others(axis).map(|k| lattice.cells[k]));
-        Self { values: [0, 1, 2].map(|axis| [0, 1].map(|_| [0, 1, 2].map(|_| plane(axis)))) }
+    pub(super) fn zero(grid: UniformGrid) -> Self {
+        let face = |axis: usize| FaceValues::new(face_axes(axis).map(|k| grid.cells[k]));
+        Self { faces: [0, 1, 2].map(|axis| [0, 1].map(|_| [0, 1, 2].map(|_| face(axis)))) }
     }
 
-    /// What a field has there.
-    pub(super) fn read(field: &Field) -> Self {
-        let mut faces = Self::zero(field.lattice);
-        faces.for_each_node(field.lattice, |k, place, value| *value = field.values[k][place]);
-        faces
+    /// The values of a field on its boundary.
+    pub(super) fn read(field: &VectorField) -> Self {
+        let mut boundary = Self::zero(field.grid);
+        boundary.for_each_node(field.grid, |k, index, value| *value = field.values[k][index]);
+        boundary
     }
 
-    /// Writes them to a field.
-    pub(super) fn write(&self, field: &mut Field) {
-        let lattice = field.lattice;
-        let [nx, ny, nz] = lattice.cells;
-        let row = lattice.row();
+    /// Writes the values to the boundary of a field.
+    pub(super) fn write(&self, field: &mut VectorField) {
+        let grid = field.grid;
+        let [nx, ny, nz] = grid.cells;
+        let row = grid.row();
         for (k, values) in field.values.iter_mut().enumerate() {
-            // Nodes that faces share are of the last of these.
-            par::for_chunks(values, lattice.plane(), |first, plane| {
-                let z = first / lattice.plane();
+            // The last of these faces sets the nodes that faces share.
+            par::for_chunks(values, grid.plane(), |first, plane| {
+                let z = first / grid.plane();
                 for side in 0..2 {
-                    let face = &self.values[0][side][k];
+                    let face = &self.faces[0][side][k];
                     for y in 0..=ny {
                         plane[y * row + side * nx] = face.at(y, z);
                     }
                 }
                 for side in 0..2 {
-                    let face = &self.values[1][side][k];
+                    let face = &self.faces[1][side][k];
                     plane[side * ny * row..][..=nx].copy_from_slice(&face.values[z * face.row()..][..=nx]);
                 }
                 for side in (0..2).filter(|side| z == side * nz) {
-                    let face = &self.values[2][side][k];
+                    let face = &self.faces[2][side][k];
                     for (out, row) in plane.chunks_exact_mut(row).zip(face.values.chunks_exact(face.row())) {
                         out[..=nx].copy_from_slice(&row[..=nx]);
                     }
@@ -134,18 +134,18 @@ impl Faces {
         }
     }
 
-    fn for_each_node(&mut self, lattice: Lattice, mut f: impl FnMut(usize, usize, &mut f32)) {
+    fn for_each_node(&mut self, grid: UniformGrid, mut f: impl FnMut(usize, usize, &mut f32)) {
         for axis in 0..3 {
-            let [b, c] = others(axis);
+            let [b, c] = face_axes(axis);
             for side in 0..2 {
                 for k in 0..3 {
-                    let plane = &mut self.values[axis][side][k];
-                    let row = plane.row();
-                    for j in 0..=lattice.cells[c] {
-                        for i in 0..=lattice.cells[b] {
-                            let mut at = [side * lattice.cells[axis]; 3];
+                    let face = &mut self.faces[axis][side][k];
+                    let row = face.row();
+                    for j in 0..=grid.cells[c] {
+                        for i in 0..=grid.cells[b] {
+                            let mut at = [side * grid.cells[axis]; 3];
                             (at[b], at[c]) = (i, j);
-                            f(k, lattice.place(at), &mut plane.values[j * row + i]);
+                            f(k, grid.index(at), &mut face.values[j * row + i]);
                         }
                     }
                 }
@@ -153,50 +153,49 @@ impl Faces {
         }
     }
 
-    /// Asks `find` for the potential at points every `step` cells, and fills in between.
-    pub(super) fn found(
-        lattice: Lattice,
+    /// Samples the potential by `find` at points every `step` cells, and interpolates between them.
+    pub(super) fn sampled(
+        grid: UniformGrid,
         step: usize,
-        between: Between,
+        interpolation: Interpolation,
         find: impl FnOnce(&[Vec3]) -> Vec<Vec3>,
     ) -> Self {
-        let coarse = lattice.cells.map(|cells| Coarse::new(cells, step, between));
+        let coarse = grid.cells.map(|cells| CoarseAxis::new(cells, step, interpolation));
         let mut points = Vec::new();
         for axis in 0..3 {
-            let [b, c] = others(axis);
+            let [b, c] = face_axes(axis);
             for side in 0..2 {
                 for &v in &coarse[c].nodes {
                     for &u in &coarse[b].nodes {
-                        let mut t = Vec3::repeat((side * lattice.cells[axis]) as f32);
+                        let mut t = Vec3::repeat((side * grid.cells[axis]) as f32);
                         (t[b], t[c]) = (u, v);
-                        points.push(lattice.low + t * lattice.spacing);
+                        points.push(grid.low + t * grid.spacing);
                     }
                 }
             }
         }
         let potential = find(&points);
-        // Where the nodes of every axis begin, and how many a side has.
+        // The samples per face of each axis, and the index of the first.
         let count =
-            [0, 1, 2].map(|axis| others(axis).map(|k| coarse[k].nodes.len()).iter().product::<usize>());
+            [0, 1, 2].map(|axis| face_axes(axis).map(|k| coarse[k].nodes.len()).iter().product::<usize>());
         let first = [0, 2 * count[0], 2 * (count[0] + count[1])];
-        let mut planes = par::map(18, |n| {
+        let mut faces = par::map(18, |n| {
             let (axis, side, k) = (n / 6, n / 3 % 2, n % 3);
-            let [b, c] = others(axis);
+            let [b, c] = face_axes(axis);
             let (row, first) = (coarse[b].nodes.len(), first[axis] + side * count[axis]);
-            let mut plane = Plane::new([b, c].map(|k| lattice.cells[k]));
-            fill(&mut plane, &coarse[b], &coarse[c], |i, j| potential[first + j * row + i][k]);
-            Some(plane)
+            let mut face = FaceValues::new([b, c].map(|k| grid.cells[k]));
+            fill(&mut face, &coarse[b], &coarse[c], |i, j| potential[first + j * row + i][k]);
+            Some(face)
         });
-        let mut taken = |n: usize| planes[n].take().expect("one each");
+        let mut taken = |n: usize| faces[n].take().expect("one each");
         Self {
-            values: [0, 1, 2]
-                .map(|axis| [0, 1].map(|side| [0, 1, 2].map(|k| taken(6 * axis + 3 * side + k)))),
+            faces: [0, 1, 2].map(|axis| [0, 1].map(|side| [0, 1, 2].map(|k| taken(6 * axis + 3 * side + k)))),
         }
     }
 }
 
-/// Fills a plane from the values of its coarse lattice, along the first axis and then along the second.
-fn fill(plane: &mut Plane, along: &Coarse, across: &Coarse, value: impl Fn(usize, usize) -> f32) {
+/// Interpolates the values of the coarse grid to a face, along the first axis and then along the second.
+fn fill(face: &mut FaceValues, along: &CoarseAxis, across: &CoarseAxis, value: impl Fn(usize, usize) -> f32) {
     let width = along.weights.len();
     let mut rows = vec![0.0; width * across.nodes.len()];
     for j in 0..across.nodes.len() {
@@ -206,7 +205,7 @@ fn fill(plane: &mut Plane, along: &Coarse, across: &Coarse, value: impl Fn(usize
     }
     for (j, (first, weights)) in across.weights.iter().enumerate() {
         for i in 0..width {
-            plane.set(i, j, (0..4).map(|k| weights[k] * rows[(first + k) * width + i]).sum());
+            face.set(i, j, (0..4).map(|k| weights[k] * rows[(first + k) * width + i]).sum());
         }
     }
 }

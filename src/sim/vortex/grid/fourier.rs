@@ -1,20 +1,20 @@
-//! Sine transforms of sixteen lines at a time.
+//! Discrete sine transforms of sixteen lines at a time.
 //!
 //! *Method*: S_k = Σ f_j sin(πjk/n) over 0 < j < n. With y_j = sin(πj/n)(f_j + f_(n−j)) + ½(f_j − f_(n−j)) and its Fourier
-//! transform R + iI, S_2k = I_k and S_(2k+1) = S_(2k−1) + R_k [cooley70]. Two real lines make one complex one; its
-//! transform is Stockham's, of radices 4, 2, 3 and 5 [vanloan92].
+//! transform R + iI, S_2k = I_k and S_(2k+1) = S_(2k−1) + R_k [cooley70]. Two real lines are transformed as one complex line,
+//! by Stockham's FFT of radices 4, 2, 3 and 5 [vanloan92].
 //!
-//! *Limits*: single precision; the running sum of odd coefficients adds about √n roundings of the largest.
+//! *Limits*: single precision. The cumulative sum of odd coefficients adds about √n roundings of the largest.
 
 use crate::sim::vortex::lanes::{Lanes, splat};
 use std::f64::consts::PI;
 
-/// Two lines of eight: real and imaginary part.
+/// Two lines of eight, as real and imaginary part.
 pub(super) type Complex<L> = [L; 2];
 
-/// What transforms of one length need.
+/// The sine transform of one length.
 #[derive(Clone, Debug)]
-pub(super) struct Sine {
+pub(super) struct SineTransform {
     n: usize,
     radices: Vec<usize>,
     /// e^(2πik/n).
@@ -23,7 +23,7 @@ pub(super) struct Sine {
     sines: Vec<f32>,
 }
 
-/// The factors 4, 2, 3 and 5 of a number, if it has no others.
+/// The factors 4, 2, 3 and 5 of a number; `None` if it has others.
 fn factors(mut n: usize) -> Option<Vec<usize>> {
     let mut found = Vec::new();
     for radix in [4, 2, 3, 5] {
@@ -36,15 +36,15 @@ fn factors(mut n: usize) -> Option<Vec<usize>> {
 }
 
 /// Whether lines of `n` cells can be transformed: 2ᵃ 3ᵇ 5ᶜ, at least 2.
-pub(super) fn serves(n: usize) -> bool {
+pub(super) fn is_supported(n: usize) -> bool {
     n > 1 && factors(n).is_some()
 }
 
-impl Sine {
-    /// For lines of `n` cells.
+impl SineTransform {
+    /// The transform of lines of `n` cells.
     ///
     /// # Panics
-    /// If [`serves`] is false of `n`.
+    /// If [`is_supported`] is false for `n`.
     pub(super) fn new(n: usize) -> Self {
         let radices = factors(n).filter(|_| n > 1).expect("a length of factors 2, 3 and 5");
         let angle = |k: usize| 2.0 * PI * k as f64 / n as f64;
@@ -66,15 +66,15 @@ impl Sine {
         self.sines[k]
     }
 
-    /// Replaces f_j by S_j; `line` and `work` are `n` long. The first of the line is taken for 0.
+    /// Replaces f_j by S_j; `line` and `work` are `n` long. The first number of the line is assumed to be 0.
     #[inline(always)]
-    pub(super) fn transform<L: Lanes>(&self, line: &mut [Complex<L>], work: &mut [Complex<L>]) {
+    pub(super) fn run<L: Lanes>(&self, line: &mut [Complex<L>], work: &mut [Complex<L>]) {
         let n = self.n;
         let half = splat::<L>(0.5);
         let (line, work) = (&mut line[..n], &mut work[..n]);
         let odd_passes = self.radices.len() % 2 == 1;
 
-        // The line whose Fourier transform holds the sines, where an even number of passes ends in `work`.
+        // The line y whose Fourier transform contains the sine transform, in the array from which the passes end in `work`.
         work[0] = [splat(0.0); 2];
         line[0] = [splat(0.0); 2];
         for j in 1..=n / 2 {
@@ -102,7 +102,7 @@ impl Sine {
             (from, to) = (to, from);
         }
 
-        // The transforms of both lines, and from them the sines.
+        // The Fourier transforms of both lines, and the sine transform from them.
         let mut sum = [splat::<L>(0.0); 2];
         for k in 0..=(n - 1) / 2 {
             let (z, w) = (work[k], work[if k == 0 { 0 } else { n - k }]);
@@ -117,14 +117,14 @@ impl Sine {
         }
     }
 
-    /// One pass of radix `R` over sequences that stand `stride` apart.
+    /// One pass of radix `R` over sequences with a distance of `stride` between numbers.
     #[inline(always)]
     fn pass<L: Lanes, const R: usize>(&self, stride: usize, from: &[Complex<L>], to: &mut [Complex<L>]) {
         let parts = self.n / (stride * R);
         for p in 0..parts {
-            let mut turns = [[splat::<L>(1.0), splat::<L>(0.0)]; R];
-            for (k, turn) in turns.iter_mut().enumerate().skip(1) {
-                *turn = self.roots[p * k * stride].map(splat);
+            let mut twiddles = [[splat::<L>(1.0), splat::<L>(0.0)]; R];
+            for (k, twiddle) in twiddles.iter_mut().enumerate().skip(1) {
+                *twiddle = self.roots[p * k * stride].map(splat);
             }
             for q in 0..stride {
                 let mut a = [[splat::<L>(0.0); 2]; R];
@@ -135,7 +135,7 @@ impl Sine {
                 let to = &mut to[stride * R * p + q..];
                 to[0] = b[0];
                 for k in 1..R {
-                    to[stride * k] = times(b[k], turns[k]);
+                    to[stride * k] = times(b[k], twiddles[k]);
                 }
             }
         }
@@ -159,7 +159,7 @@ fn times<L: Lanes>(a: Complex<L>, b: Complex<L>) -> Complex<L> {
 
 /// i a.
 #[inline(always)]
-fn turned<L: Lanes>(a: Complex<L>) -> Complex<L> {
+fn times_i<L: Lanes>(a: Complex<L>) -> Complex<L> {
     [-a[1], a[0]]
 }
 
@@ -181,12 +181,12 @@ fn butterfly<L: Lanes, const R: usize>(a: [Complex<L>; R]) -> [Complex<L>; R] {
         3 => {
             let sum = plus(a[1], a[2]);
             let middle = minus(a[0], scaled(sum, 0.5));
-            let side = turned(scaled(minus(a[1], a[2]), 0.75_f64.sqrt()));
+            let side = times_i(scaled(minus(a[1], a[2]), 0.75_f64.sqrt()));
             (b[0], b[1], b[2]) = (plus(a[0], sum), plus(middle, side), minus(middle, side));
         }
         4 => {
             let (even, odd) = (plus(a[0], a[2]), minus(a[0], a[2]));
-            let (sum, side) = (plus(a[1], a[3]), turned(minus(a[1], a[3])));
+            let (sum, side) = (plus(a[1], a[3]), times_i(minus(a[1], a[3])));
             (b[0], b[1], b[2], b[3]) = (plus(even, sum), plus(odd, side), minus(even, sum), minus(odd, side));
         }
         _ => {
@@ -194,8 +194,8 @@ fn butterfly<L: Lanes, const R: usize>(a: [Complex<L>; R]) -> [Complex<L>; R] {
             let (side1, side2) = (minus(a[1], a[4]), minus(a[2], a[3]));
             let even1 = plus(a[0], plus(scaled(sum1, COS[0]), scaled(sum2, COS[1])));
             let even2 = plus(a[0], plus(scaled(sum1, COS[1]), scaled(sum2, COS[0])));
-            let odd1 = turned(plus(scaled(side1, SIN[0]), scaled(side2, SIN[1])));
-            let odd2 = turned(minus(scaled(side1, SIN[1]), scaled(side2, SIN[0])));
+            let odd1 = times_i(plus(scaled(side1, SIN[0]), scaled(side2, SIN[1])));
+            let odd2 = times_i(minus(scaled(side1, SIN[1]), scaled(side2, SIN[0])));
             b[0] = plus(a[0], plus(sum1, sum2));
             (b[1], b[4]) = (plus(even1, odd1), minus(even1, odd1));
             (b[2], b[3]) = (plus(even2, odd2), minus(even2, odd2));
@@ -209,19 +209,19 @@ mod tests {
     use super::*;
     use crate::sim::vortex::lanes::{self, LANES, Pass};
 
-    /// Transforms lines of numbers without order.
-    struct Lines(usize);
+    /// Transforms sixteen lines of noise.
+    struct NoiseLines(usize);
 
     fn noise(i: usize) -> f32 {
         ((i * 7919 + 13) % 10_007) as f32 / 10_007.0 - 0.5
     }
 
-    impl Pass for Lines {
+    impl Pass for NoiseLines {
         type Out = Vec<[[f32; LANES]; 2]>;
 
         #[inline(always)]
         fn run<L: Lanes>(self) -> Self::Out {
-            let sine = Sine::new(self.0);
+            let transform = SineTransform::new(self.0);
             let mut work = vec![[splat::<L>(0.0); 2]; self.0];
             let mut line = work.clone();
             for (j, both) in line.iter_mut().enumerate() {
@@ -229,7 +229,7 @@ mod tests {
                     *eight = L::load(&std::array::from_fn(|lane| noise(16 * j + 8 * c + lane)));
                 }
             }
-            sine.transform(&mut line, &mut work);
+            transform.run(&mut line, &mut work);
             line.iter().map(|both| both.map(L::row)).collect()
         }
     }
@@ -237,7 +237,7 @@ mod tests {
     #[test]
     fn sixteen_lines_at_once_are_sixteen_sums_of_sines() {
         for n in [2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 16, 25, 27, 30, 32, 60, 64, 90, 128, 135, 240] {
-            let found = lanes::run(Lines(n));
+            let found = lanes::run(NoiseLines(n));
             for k in 1..n {
                 for (c, lane) in [(0, 0), (0, 5), (1, 3), (1, 7)] {
                     let exact: f64 = (1..n)
@@ -250,6 +250,6 @@ mod tests {
                 }
             }
         }
-        assert!(!serves(1) && !serves(7) && !serves(22));
+        assert!(!is_supported(1) && !is_supported(7) && !is_supported(22));
     }
 }

@@ -1,35 +1,36 @@
-//! The sum by way of a lattice: what the source text announces as its next step.
+//! Induced velocity by a Poisson equation on a grid: a vortex-in-cell method.
 //!
-//! *Method*: [gourlay19], part 20 as announced there: the vector potential on a box, ∇²A = −ω, with boundary values by the
-//! integral. Strengths are shared out to the nodes of a lattice (`weights.rs`); what the sum over them lacks of a core is
-//! multiplied into their transform (`spread.rs`), which is solved with boundary values of the tree on a coarse lattice
-//! (`boundary.rs`) by sines (`sine.rs`); differences give the velocity and its gradient (`slopes.rs`), which points gather.
+//! *Method*: [gourlay19], announced there for part 20: the vector potential on a box, ∇²A = −ω, with boundary values by the
+//! integral. Each vorton deposits its strength on the nodes around it (`weights.rs`). The transform of the core is multiplied
+//! into that of the deposited strengths (`transforms.rs`). The equation is solved by sine transforms (`sine.rs`) with boundary
+//! values that the tree finds at a few nodes (`boundary.rs`). Finite differences give the velocity and its gradient
+//! (`differences.rs`), which are interpolated at the points.
 //!
-//! *Which core*: shares and gathering together are a core of their own, of about one spacing, which depends on where a vorton
-//! stands between nodes. Its mean over places is known as a transform, and divided out; a core S of at least a
-//! spacing is multiplied in. So the lattice carries the vortons' own kernel, with S = σ where it can; where cores differ, or are
-//! finer than the lattice, pairs add the difference (`near.rs`). `plan.rs` chooses S and the spacing.
+//! *Effective core*: deposit and interpolation together smear like a core of about one spacing, which depends on the position
+//! of a vorton between nodes. The transform of its mean over positions is known and divided out. A core S of at least a
+//! spacing is multiplied in. So the grid represents the kernel of the vortons itself, with S = σ where it can. Where cores
+//! differ, or are finer than the grid, pairs add the difference (`near_correction.rs`). `plan.rs` chooses S and the spacing.
 //!
-//! *Departs from the paper*: the paper solves by multigrid, with linear shares and differences of the second order. Those are
+//! *Departs from the paper*: the paper solves by multigrid, with linear weights and differences of second order. Those are
 //! in `benches/reference/vortex/`.
 //!
-//! *Limits*: strays, and points outside the box or within a few cells of its boundary, are the tree's. Where a lattice would cost
-//! more than all pairs, all is.
+//! *Limits*: the tree serves stray vortons, and points outside the box or within a few cells of its boundary. Where a grid
+//! would cost more than all pairs, the tree serves all points.
 
 mod boundary;
+mod differences;
 mod fourier;
-mod lattice;
-mod near;
+mod near_correction;
 mod plan;
 mod sine;
-mod slopes;
-mod spread;
 #[cfg(test)]
 mod tests;
+mod transforms;
+mod uniform;
 mod weights;
 
-pub use lattice::{Field, Lattice};
-pub(super) use spread::Spread;
+pub(super) use transforms::GridKernel;
+pub use uniform::{UniformGrid, VectorField};
 
 use super::{
     GRADIENT, Kernel, OutOfRange, POTENTIAL, Targets, Vortons, accuracy,
@@ -37,11 +38,11 @@ use super::{
     coherence, walk,
 };
 use crate::{math::Vec3, par};
-use boundary::{Between, Faces};
-use near::Near;
-use plan::{Plan, Setting};
-use spread::Table;
+use boundary::{BoundaryValues, Interpolation};
+use near_correction::NearCorrection;
+use plan::{GridSettings, Plan};
 use std::ops::RangeInclusive;
+use transforms::TransformTable;
 
 /// The relative L2 errors of the velocity at the vortons that [`Method::Grid`](super::Method::Grid) accepts. A smaller one
 /// takes a grid that is too large, or is below what the kernel spreads beyond any box.
@@ -55,22 +56,22 @@ pub(super) fn assert_error(kernel: Kernel, error: f32) {
     assert!(errors.contains(&error), "the grid with {kernel:?} accepts errors {errors:?}, not {error}");
 }
 
-/// What `vortons` induce at `targets`, by a lattice for `error`.
-pub(super) fn rows<K: Spread, const Q: usize, const N: usize>(
+/// The quantity `Q` that `vortons` induce at `targets`, by a grid for `error`.
+pub(super) fn rows<K: GridKernel, const Q: usize, const N: usize>(
     vortons: &Vortons,
     targets: Targets<'_>,
     error: f32,
 ) -> Vec<[Vec3; N]> {
     let count = targets.positions(vortons).len();
-    let setting = setting::<K>(vortons, error);
-    match Solved::new::<K, Q>(vortons, count, setting) {
+    let settings = settings::<K>(vortons, error);
+    match SolvedGrid::new::<K, Q>(vortons, count, settings) {
         Some(solved) => solved.rows::<K, Q, N>(targets),
-        None => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(setting.error)),
+        None => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(settings.error)),
     }
 }
 
-/// The velocity and its gradient at `targets`, and the velocity at `points`, of one solution.
-pub(super) fn both<K: Spread>(
+/// The velocity and its gradient at `targets`, and the velocity at `points`, from one solution.
+pub(super) fn both<K: GridKernel>(
     vortons: &Vortons,
     targets: Targets<'_>,
     points: &[Vec3],
@@ -78,65 +79,69 @@ pub(super) fn both<K: Spread>(
 ) -> (Vec<[Vec3; 4]>, Vec<[Vec3; 1]>) {
     let count = targets.positions(vortons).len() + points.len();
     let points = Targets::Points(points);
-    let setting = setting::<K>(vortons, error);
-    match Solved::new::<K, GRADIENT>(vortons, count, setting) {
+    let settings = settings::<K>(vortons, error);
+    match SolvedGrid::new::<K, GRADIENT>(vortons, count, settings) {
         Some(solved) => {
             (solved.rows::<K, GRADIENT, 4>(targets), solved.rows::<K, { super::VELOCITY }, 1>(points))
         }
         None => {
-            let tree = accuracy::setting(setting.error);
+            let tree = accuracy::setting(settings.error);
             let found = walk::rows::<K, GRADIENT, 4>(vortons, targets, tree);
             (found, walk::rows::<K, { super::VELOCITY }, 1>(vortons, points, tree))
         }
     }
 }
 
-/// The setting for these vortons to miss `error` at most.
-fn setting<K: Spread>(vortons: &Vortons, error: f32) -> Setting {
-    Setting::new::<K>(error, coherence::eased(vortons, error))
+/// The settings with which the error of these vortons is at most `error`.
+fn settings<K: GridKernel>(vortons: &Vortons, error: f32) -> GridSettings {
+    GridSettings::new::<K>(error, coherence::eased(vortons, error))
 }
 
-/// A lattice that is solved, from which any points can gather.
-struct Solved<'a> {
+/// A solved grid, from which the quantity can be interpolated at any point.
+struct SolvedGrid<'a> {
     vortons: &'a Vortons,
     plan: Plan,
-    setting: Setting,
-    /// The quantity as rows, as many as it has.
-    fields: Vec<Field>,
-    /// Cells from the boundary at which points gather.
+    settings: GridSettings,
+    /// One field for each row of the quantity.
+    fields: Vec<VectorField>,
+    /// Cells from the boundary within which the grid does not serve points.
     margin: usize,
 }
 
-impl<'a> Solved<'a> {
-    /// For the quantity `Q` at `count` points; `None` where the tree serves.
-    fn new<K: Spread, const Q: usize>(vortons: &'a Vortons, count: usize, setting: Setting) -> Option<Self> {
-        let plan = Plan::new::<K>(vortons, count, Q, &setting)?;
-        let potential = potential::<K>(&plan, &setting);
+impl<'a> SolvedGrid<'a> {
+    /// Solves for the quantity `Q` at `count` points; `None` where the tree serves.
+    fn new<K: GridKernel, const Q: usize>(
+        vortons: &'a Vortons,
+        count: usize,
+        settings: GridSettings,
+    ) -> Option<Self> {
+        let plan = Plan::new::<K>(vortons, count, Q, &settings)?;
+        let potential = potential::<K>(&plan, &settings);
         let mut fields = Vec::new();
         if Q == POTENTIAL {
             fields.push(potential);
         } else {
-            fields.push(slopes::curl(&potential));
+            fields.push(differences::curl(&potential));
             if Q == GRADIENT {
-                fields.extend(slopes::gradient(&fields[0]));
+                fields.extend(differences::gradient(&fields[0]));
             }
         }
-        Some(Self { vortons, plan, setting, fields, margin: plan::margin(Q) })
+        Some(Self { vortons, plan, settings, fields, margin: plan::margin(Q) })
     }
 
-    /// The quantity `Q`, the solved one or the first row of it, at `targets`.
-    fn rows<K: Spread, const Q: usize, const N: usize>(&self, targets: Targets<'_>) -> Vec<[Vec3; N]> {
+    /// The quantity `Q` at `targets`: the solved one or its first row.
+    fn rows<K: GridKernel, const Q: usize, const N: usize>(&self, targets: Targets<'_>) -> Vec<[Vec3; N]> {
         let Self { vortons, plan, .. } = self;
         let points = targets.positions(vortons);
-        let tree = accuracy::setting(self.setting.error);
-        let is_inside = |x: Vec3| plan.lattice.holds(x, self.margin);
-        // Most often all points are.
+        let tree = accuracy::setting(self.settings.error);
+        let is_inside = |x: Vec3| plan.grid.contains(x, self.margin);
+        // All points inside is the frequent case.
         let mut outside: Vec<usize> = par::map_chunks(points.len(), par::CHUNK, |part| {
             part.filter(|&i| !is_inside(points[i])).collect::<Vec<_>>()
         })
         .concat();
         if outside.is_empty() {
-            return self.inside::<K, Q, N>(points);
+            return self.rows_inside::<K, Q, N>(points);
         }
         let mut out = vec![[Vec3::zeros(); N]; points.len()];
         let mut write = |chosen: &[usize], find: &dyn Fn(&[Vec3]) -> Vec<[Vec3; N]>| {
@@ -145,36 +150,37 @@ impl<'a> Solved<'a> {
                 out[i] = row;
             }
         };
-        // Outside: the tree.
+        // The tree serves points outside.
         write(&outside, &|at| walk::rows::<K, Q, N>(vortons, Targets::Points(at), tree));
         outside.reverse();
         let inside: Vec<usize> =
             (0..points.len()).filter(|i| outside.pop_if(|outer| outer == i).is_none()).collect();
-        write(&inside, &|at| self.inside::<K, Q, N>(at));
+        write(&inside, &|at| self.rows_inside::<K, Q, N>(at));
         out
     }
 
-    /// The same at points inside: the lattice, what cores differ near by, and the strays.
-    fn inside<K: Spread, const Q: usize, const N: usize>(&self, points: &[Vec3]) -> Vec<[Vec3; N]> {
-        let Self { plan, setting, .. } = self;
-        let mut found = self.gathered(points);
-        if plan.near {
-            Near::new::<K>(&plan.inner, plan.smooth, setting.near).add::<K, Q, N>(points, &mut found);
+    /// The quantity `Q` at points inside: the grid, the near correction where cores differ, and stray vortons.
+    fn rows_inside<K: GridKernel, const Q: usize, const N: usize>(&self, points: &[Vec3]) -> Vec<[Vec3; N]> {
+        let Self { plan, settings, .. } = self;
+        let mut found = self.interpolated(points);
+        if plan.needs_correction {
+            NearCorrection::new::<K>(&plan.bulk, plan.grid_core, settings.near_error)
+                .add::<K, Q, N>(points, &mut found);
         }
-        if !plan.outer.is_empty() {
-            let tree = accuracy::setting(self.setting.error);
-            let strays = walk::rows::<K, Q, N>(&plan.outer, Targets::Points(points), tree);
+        if !plan.strays.is_empty() {
+            let tree = accuracy::setting(self.settings.error);
+            let strays = walk::rows::<K, Q, N>(&plan.strays, Targets::Points(points), tree);
             par::update(&mut found, |i, row| (0..N).for_each(|n| row[n] += strays[i][n]));
         }
         found
     }
 
-    /// What the lattice gives at points inside it.
-    fn gathered<const N: usize>(&self, points: &[Vec3]) -> Vec<[Vec3; N]> {
-        let lattice = &self.plan.lattice;
-        let fields: &[Field; N] = self.fields[..N].try_into().expect("a field for every row");
-        let planes = weights::by_plane(lattice, points);
-        let sorted = weights::gather(fields, points, &planes);
+    /// The solved fields, interpolated at points inside.
+    fn interpolated<const N: usize>(&self, points: &[Vec3]) -> Vec<[Vec3; N]> {
+        let grid = &self.plan.grid;
+        let fields: &[VectorField; N] = self.fields[..N].try_into().expect("a field for every row");
+        let planes = weights::by_plane(grid, points);
+        let sorted = weights::interpolate(fields, points, &planes);
         let mut inverse = par::Inverse::default();
         inverse.rebuild(planes.all());
         let mut out = par::repeated([Vec3::zeros(); N], points.len());
@@ -183,17 +189,17 @@ impl<'a> Solved<'a> {
     }
 }
 
-/// The lattice that [`Method::Grid`](super::Method::Grid) would take for the velocity at so many targets; `None` where the tree
+/// The grid on which [`Method::Grid`](super::Method::Grid) solves for the velocity at so many targets; `None` where the tree
 /// serves.
 ///
 /// # Panics
 /// If the error is outside [`grid_errors`].
-pub fn lattice(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32) -> Option<Lattice> {
+pub fn choose_grid(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32) -> Option<UniformGrid> {
     assert_error(kernel, error);
-    fn of<K: Spread>(vortons: &Vortons, targets: usize, error: f32) -> Option<Lattice> {
-        let setting = setting::<K>(vortons, error);
-        let plan = Plan::new::<K>(vortons, targets, super::VELOCITY, &setting);
-        plan.map(|plan| plan.lattice)
+    fn of<K: GridKernel>(vortons: &Vortons, targets: usize, error: f32) -> Option<UniformGrid> {
+        let settings = settings::<K>(vortons, error);
+        let plan = Plan::new::<K>(vortons, targets, super::VELOCITY, &settings);
+        plan.map(|plan| plan.grid)
     }
     match kernel {
         Kernel::Ball => of::<Ball>(vortons, targets, error),
@@ -204,44 +210,51 @@ pub fn lattice(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32) ->
 }
 
 /// The potential at the nodes.
-fn potential<K: Spread>(plan: &Plan, setting: &Setting) -> Field {
-    let Plan { lattice, smooth, inner, .. } = plan;
+fn potential<K: GridKernel>(plan: &Plan, settings: &GridSettings) -> VectorField {
+    let Plan { grid, grid_core, bulk, .. } = plan;
     let even = Vortons {
-        position: inner.position.clone(),
-        strength: inner.strength.clone(),
-        core: vec![*smooth; inner.len()],
+        position: bulk.position.clone(),
+        strength: bulk.strength.clone(),
+        core: vec![*grid_core; bulk.len()],
     };
-    let faces = faces::<K::Smooth>(&even, *lattice, setting);
-    let mut field = Field::new(*lattice);
-    weights::deposit(&mut field, &inner.position, &inner.strength);
+    let boundary = boundary_by_tree::<K::Smooth>(&even, *grid, settings);
+    let mut field = VectorField::new(*grid);
+    weights::deposit(&mut field, &bulk.position, &bulk.strength);
 
-    // The transform of the core, over that of shares and gathering, and of ω h² = ΣΓW/h.
-    let core = Table::new::<K::Smooth>();
-    let divided = |i: usize| weights::transform(std::f64::consts::PI * i as f64 / SHARES as f64).powi(-2);
-    let shares: Vec<f32> = (0..=SHARES).map(|i| divided(i) as f32).collect();
-    let shared = |theta: f32| shares[(theta * (SHARES as f32 / std::f32::consts::PI) + 0.5) as usize];
-    let (ratio, inverse) = (smooth / lattice.spacing, 1.0 / lattice.spacing);
-    let spread = |theta: [f32; 3], square: f32| {
-        core.at(ratio * square.sqrt()) * inverse * (shared(theta[0]) * shared(theta[1]) * shared(theta[2]))
+    // The transform of the core, divided by that of deposit and interpolation, times ω h² = ΣΓW/h.
+    let core = TransformTable::new::<K::Smooth>();
+    let divided = |i: usize| weights::transform(std::f64::consts::PI * i as f64 / ANGLES as f64).powi(-2);
+    let deconvolution: Vec<f32> = (0..=ANGLES).map(|i| divided(i) as f32).collect();
+    let deconvolved =
+        |theta: f32| deconvolution[(theta * (ANGLES as f32 / std::f32::consts::PI) + 0.5) as usize];
+    let (ratio, inverse) = (grid_core / grid.spacing, 1.0 / grid.spacing);
+    let vorticity = |theta: [f32; 3], square: f32| {
+        core.at(ratio * square.sqrt())
+            * inverse
+            * (deconvolved(theta[0]) * deconvolved(theta[1]) * deconvolved(theta[2]))
     };
-    sine::solve(&mut field, &faces, &|theta, _| {
+    sine::solve(&mut field, &boundary, &|theta, _| {
         let square = theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2];
-        spread(theta, square) / square
+        vorticity(theta, square) / square
     });
     field
 }
 
-/// The potential on the boundary of a lattice, by the tree.
-fn faces<K: Chain>(vortons: &Vortons, lattice: Lattice, setting: &Setting) -> Faces {
-    Faces::found(lattice, setting.step, Between::Cubic, |points| {
-        let tree = accuracy::setting(setting.boundary);
+/// The potential on the boundary of a grid, by the tree.
+fn boundary_by_tree<K: Chain>(
+    vortons: &Vortons,
+    grid: UniformGrid,
+    settings: &GridSettings,
+) -> BoundaryValues {
+    BoundaryValues::sampled(grid, settings.boundary_step, Interpolation::Cubic, |points| {
+        let tree = accuracy::setting(settings.boundary_error);
         let rows = walk::rows::<K, POTENTIAL, 1>(vortons, Targets::Points(points), tree);
         rows.into_iter().map(|[a]| a).collect()
     })
 }
 
-/// Writes the potential of vortons to the boundary of a field, as a lattice for that `error` of the velocity needs it: by the
-/// tree at every fourth node, and by cubics between.
+/// Writes the potential of vortons to the boundary of a field, as accurately as a grid for that `error` of the velocity
+/// needs it: by the tree at every fourth node, and by cubic interpolation between.
 ///
 /// # Errors
 /// [`OutOfRange`] if a vorton is outside what the sums can hold.
@@ -249,36 +262,36 @@ fn faces<K: Chain>(vortons: &Vortons, lattice: Lattice, setting: &Setting) -> Fa
 /// # Panics
 /// If the error is outside [`grid_errors`].
 pub fn boundary_values(
-    field: &mut Field,
+    field: &mut VectorField,
     vortons: &Vortons,
     kernel: Kernel,
     error: f32,
 ) -> Result<(), OutOfRange> {
     vortons.check()?;
     assert_error(kernel, error);
-    fn of<K: Spread>(vortons: &Vortons, lattice: Lattice, error: f32) -> Faces {
-        faces::<K>(vortons, lattice, &Setting::new::<K>(error, error))
+    fn of<K: GridKernel>(vortons: &Vortons, grid: UniformGrid, error: f32) -> BoundaryValues {
+        boundary_by_tree::<K>(vortons, grid, &GridSettings::new::<K>(error, error))
     }
-    let faces = match kernel {
-        Kernel::Ball => of::<Ball>(vortons, field.lattice, error),
-        Kernel::RosenheadMoore => of::<RosenheadMoore>(vortons, field.lattice, error),
-        Kernel::WinckelmansLeonard => of::<WinckelmansLeonard>(vortons, field.lattice, error),
-        Kernel::Gaussian => of::<Gaussian>(vortons, field.lattice, error),
+    let boundary = match kernel {
+        Kernel::Ball => of::<Ball>(vortons, field.grid, error),
+        Kernel::RosenheadMoore => of::<RosenheadMoore>(vortons, field.grid, error),
+        Kernel::WinckelmansLeonard => of::<WinckelmansLeonard>(vortons, field.grid, error),
+        Kernel::Gaussian => of::<Gaussian>(vortons, field.grid, error),
     };
-    faces.write(field);
+    boundary.write(field);
     Ok(())
 }
 
-/// Entries of the table of shares' transforms.
-const SHARES: usize = 4096;
+/// Intervals of θ in 0..π in the table of the transform of deposit and interpolation.
+const ANGLES: usize = 4096;
 
 /// Solves ∇²A = −ω on a box to fourth order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and then A
-/// everywhere. ω is taken for 0 on the boundary.
+/// everywhere. ω is assumed to be 0 on the boundary.
 ///
 /// # Panics
 /// If the number of cells along an axis is not 2ᵃ 3ᵇ 5ᶜ.
-pub fn poisson(field: &mut Field) {
-    let square = field.lattice.spacing * field.lattice.spacing;
-    let faces = Faces::read(field);
-    sine::solve(field, &faces, &|_, p| square * sine::quotient(p));
+pub fn poisson(field: &mut VectorField) {
+    let square = field.grid.spacing * field.grid.spacing;
+    let boundary = BoundaryValues::read(field);
+    sine::solve(field, &boundary, &|_, p| square * sine::greens_function(p));
 }

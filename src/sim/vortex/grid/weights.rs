@@ -1,20 +1,20 @@
-//! Vortons onto the nodes of a lattice, and nodes' numbers to points.
+//! Deposit of vortons on the nodes of a grid, and interpolation from nodes to points.
 //!
-//! *Method*: [essmann95]'s cubic splines over four nodes an axis. They keep the strength and the impulse of what they spread, and
-//! the transform of the shares is divided out. [monaghan85]'s M₄′ keeps the angular impulse too, but waves of more than half a
-//! turn a node, which no lattice can tell from slower ones, are weaker by a power with splines.
+//! *Method*: [essmann95]'s cubic splines over four nodes along each axis. They keep the strength and the impulse of the
+//! vortons, and their transform is divided out. [monaghan85]'s M₄′ keeps the angular impulse too, but its aliasing error is
+//! larger: splines damp waves above the Nyquist frequency of the grid by one power more.
 //!
-//! Vortons are sorted by the plane of z below them; a plane of nodes takes its shares from the four planes of vortons around it, in
-//! their order, so threads leave no trace.
+//! Vortons are sorted by the plane of nodes below them along z. A plane of nodes adds the deposits of the four planes of
+//! vortons around it in their order, so the number of threads does not change the result.
 
-use super::lattice::{Field, Lattice};
+use super::uniform::{UniformGrid, VectorField};
 use crate::{
     math::Vec3,
     par::{self, Groups},
 };
 
-/// Points a task gathers for: a plane of nodes may hold most of them.
-const TASK: usize = 1 << 10;
+/// Points per interpolation task: most of them may be next to one plane of nodes.
+const POINTS_PER_TASK: usize = 1 << 10;
 
 /// The weights of the nodes −1, 0, 1, 2 of a point between nodes 0 and 1.
 #[inline(always)]
@@ -24,33 +24,33 @@ fn weights(t: f32) -> [f32; 4] {
     [far(1.0 + t), near(t), near(1.0 - t), far(2.0 - t)]
 }
 
-/// The transform of the weights at θ: what is deposited and gathered is multiplied by its square, for each axis.
+/// The transform of the weights at θ: deposit and interpolation multiply by its square, for each axis.
 pub(super) fn transform(theta: f64) -> f64 {
     let u = theta / 2.0;
     let s = if u == 0.0 { 1.0 } else { u.sin() / u };
     s.powi(4)
 }
 
-/// Points sorted by the plane of nodes below them.
-pub(super) fn by_plane(lattice: &Lattice, points: &[Vec3]) -> Groups {
-    Groups::new(points.len(), lattice.cells[2], |i| [lattice.cell(points[i]).0[2] as u32])
+/// Groups points by the plane of nodes below them.
+pub(super) fn by_plane(grid: &UniformGrid, points: &[Vec3]) -> Groups {
+    Groups::new(points.len(), grid.cells[2], |i| [grid.cell(points[i]).0[2] as u32])
 }
 
-/// Adds the strengths of vortons, each at least two cells from the boundary, to the nodes around them.
-pub(super) fn deposit(field: &mut Field, position: &[Vec3], strength: &[Vec3]) {
-    let lattice = field.lattice;
-    let planes = by_plane(&lattice, position);
+/// Adds the strengths of vortons to the nodes around them. Every vorton is at least two cells from the boundary.
+pub(super) fn deposit(field: &mut VectorField, position: &[Vec3], strength: &[Vec3]) {
+    let grid = field.grid;
+    let planes = by_plane(&grid, position);
     let [x, y, z] = &mut field.values;
-    par::map_chunks_mut([x, y, z].map(|v| &mut v[..]), lattice.plane(), |first, mut values| {
-        let plane = first / lattice.plane();
-        for below in plane.saturating_sub(2)..=(plane + 1).min(lattice.cells[2] - 1) {
+    par::map_chunks_mut([x, y, z].map(|v| &mut v[..]), grid.plane(), |first, mut values| {
+        let plane = first / grid.plane();
+        for below in plane.saturating_sub(2)..=(plane + 1).min(grid.cells[2] - 1) {
             let k = plane + 1 - below;
             for &i in planes.of(below) {
-                let (at, t) = lattice.cell(position[i as usize]);
+                let (at, t) = grid.cell(position[i as usize]);
                 let [wx, wy, wz] = t.map(weights);
                 let g = strength[i as usize] * wz[k];
                 for (j, wy) in wy.iter().enumerate() {
-                    let from = (at[1] + j - 1) * lattice.row() + at[0] - 1;
+                    let from = (at[1] + j - 1) * grid.row() + at[0] - 1;
                     for (values, g) in values.iter_mut().zip(g.iter()) {
                         for (value, wx) in values[from..from + 4].iter_mut().zip(wx) {
                             *value += wx * (wy * g);
@@ -62,21 +62,21 @@ pub(super) fn deposit(field: &mut Field, position: &[Vec3], strength: &[Vec3]) {
     });
 }
 
-/// The numbers of `fields` at points, each at least two cells from the boundary, in the order of `planes`.
-pub(super) fn gather<const N: usize>(
-    fields: &[Field; N],
+/// Interpolates `fields` at points, each at least two cells from the boundary, in the order of `planes`.
+pub(super) fn interpolate<const N: usize>(
+    fields: &[VectorField; N],
     points: &[Vec3],
     planes: &Groups,
 ) -> Vec<[Vec3; N]> {
-    let lattice = fields[0].lattice;
+    let grid = fields[0].grid;
     let mut out = par::repeated([Vec3::zeros(); N], planes.len());
-    par::for_chunks(&mut out, TASK, |first, out| {
+    par::for_chunks(&mut out, POINTS_PER_TASK, |first, out| {
         for (&i, out) in planes.all()[first..].iter().zip(out) {
-            let (at, t) = lattice.cell(points[i as usize]);
+            let (at, t) = grid.cell(points[i as usize]);
             let [wx, wy, wz] = t.map(weights);
             for (k, wz) in wz.iter().enumerate() {
                 for (j, wy) in wy.iter().enumerate() {
-                    let from = lattice.place([at[0] - 1, at[1] + j - 1, at[2] + k - 1]);
+                    let from = grid.index([at[0] - 1, at[1] + j - 1, at[2] + k - 1]);
                     let w = wz * wy;
                     for (field, out) in fields.iter().zip(out.iter_mut()) {
                         for (values, out) in field.values.iter().zip(out.iter_mut()) {
@@ -96,8 +96,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn shares_keep_their_moments() {
-        // The second is the first that is not kept: it is ⅓ everywhere.
+    fn weights_keep_their_first_two_moments() {
+        // The second moment is not kept: it is ⅓ everywhere.
         for t in [0.0, 0.1, 0.37, 0.5, 0.93] {
             let w = weights(t);
             for (power, expected) in [(0, 1.0), (1, 0.0), (2, 1.0 / 3.0)] {
@@ -108,9 +108,9 @@ mod tests {
     }
 
     #[test]
-    fn the_transform_of_shares_is_their_sum_over_waves() {
+    fn the_transform_of_the_weights_is_their_sum_over_waves() {
         for theta in [0.0_f64, 0.3, 1.0, 2.0, 3.1] {
-            // ∫ W cos θt dt: cells of the weights at 0 <= t < 1, by the middle rule.
+            // ∫ W cos θt dt: cells of the weights at 0 <= t < 1, by the midpoint rule.
             let n = 2000;
             let cell = |i: usize| {
                 let t = (i as f64 + 0.5) / n as f64;
@@ -123,32 +123,32 @@ mod tests {
     }
 
     #[test]
-    fn deposits_keep_strength_and_impulse_and_linear_fields_are_gathered_exactly() {
-        let lattice = Lattice { low: Vec3::new(-1.0, 2.0, 0.5), spacing: 0.25, cells: [9, 11, 8] };
+    fn deposit_keeps_strength_and_impulse_and_linear_fields_are_interpolated_exactly() {
+        let grid = UniformGrid { low: Vec3::new(-1.0, 2.0, 0.5), spacing: 0.25, cells: [9, 11, 8] };
         let position: Vec<Vec3> = (0..40)
-            .map(|i| lattice.low + Vec3::from_fn(|k, _| 0.5 + 0.031 * ((i * (7 + k)) % 29) as f32))
+            .map(|i| grid.low + Vec3::from_fn(|k, _| 0.5 + 0.031 * ((i * (7 + k)) % 29) as f32))
             .collect();
         let strength: Vec<Vec3> = (0..40).map(|i| Vec3::new(1.0, (i % 3) as f32, -0.1 * i as f32)).collect();
-        let mut field = Field::new(lattice);
+        let mut field = VectorField::new(grid);
         deposit(&mut field, &position, &strength);
         let (mut sum, mut impulse) = (Vec3::zeros(), Vec3::zeros());
-        let mut wave = Field::new(lattice);
+        let mut wave = VectorField::new(grid);
         let linear = |x: Vec3| Vec3::new(x.x - x.y, 1.0 + x.z, x.x - 2.0 * x.y);
         for z in 0..=8 {
             for y in 0..=11 {
                 for x in 0..=9 {
                     let at = [x, y, z];
                     sum += field.at(at);
-                    impulse += lattice.node(at).cross(&field.at(at));
-                    wave.set(at, linear(lattice.node(at)));
+                    impulse += grid.node(at).cross(&field.at(at));
+                    wave.set(at, linear(grid.node(at)));
                 }
             }
         }
         let whole: Vec3 = strength.iter().sum();
-        let turned: Vec3 = position.iter().zip(&strength).map(|(x, g)| x.cross(g)).sum();
-        assert!((sum - whole).norm() < 1e-4 && (impulse - turned).norm() < 1e-3);
-        let planes = by_plane(&lattice, &position);
-        let found = gather(&[wave], &position, &planes);
+        let exact: Vec3 = position.iter().zip(&strength).map(|(x, g)| x.cross(g)).sum();
+        assert!((sum - whole).norm() < 1e-4 && (impulse - exact).norm() < 1e-3);
+        let planes = by_plane(&grid, &position);
+        let found = interpolate(&[wave], &position, &planes);
         for (&i, [found]) in planes.all().iter().zip(&found) {
             assert!((found - linear(position[i as usize])).norm() < 1e-4);
         }
