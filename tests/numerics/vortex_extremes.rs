@@ -3,7 +3,7 @@
 use crate::vortex::{KERNELS, Shape, apart, cloud, velocity};
 use meniscus::{
     math::Vec3,
-    sim::vortex::{Induced, Kernel, Method, OutOfRange, Quantity, SMALLEST_CORE, Targets, Vortons, induced},
+    sim::vortex::{Induced, Kernel, MIN_CORE, Method, OutOfRange, Quantity, Targets, Vortons, induced},
 };
 
 /// Everything at the vortons and at a few points; all of it has to be finite.
@@ -81,7 +81,7 @@ fn degenerate_clouds_are_summed() {
     agree("coplanar", &with(|_, x, _, _| x.z = 0.0), 2e-4);
     agree("strengths over twelve decades", &with(|i, _, g, _| *g *= 10.0_f32.powi(i as i32 % 13 - 6)), 2e-4);
     agree("cores over three decades", &with(|i, _, _, s| *s *= 10.0_f32.powi(i as i32 % 4 - 3)), 2e-4);
-    agree("the smallest cores", &with(|_, _, _, s| *s = SMALLEST_CORE), 2e-4);
+    agree("the smallest cores", &with(|_, _, _, s| *s = MIN_CORE), 2e-4);
     agree(
         "a stray",
         &with(|i, x, _, _| {

@@ -18,7 +18,7 @@ use super::{
 use crate::{
     math::Vec3,
     par,
-    sim::vortex::{OutOfRange, Vortons, beyond},
+    sim::vortex::{OutOfRange, Vortons, fraction_beyond_plane},
     space::CellGrid,
 };
 use nalgebra::Matrix3;
@@ -106,7 +106,7 @@ impl System {
                 return None;
             }
             let nearest = cells.nearest_within(at, position[i], reach, |j| of[j] == solid);
-            nearest.map(|j| (j, parts[j] * beyond(kernel, height.max(0.0) / core[i])))
+            nearest.map(|j| (j, parts[j] * fraction_beyond_plane(kernel, height.max(0.0) / core[i])))
         });
         for (strength, (j, part)) in
             strength.iter_mut().zip(taken).filter_map(|(strength, taken)| Some((strength, taken?)))

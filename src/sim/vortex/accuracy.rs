@@ -1,76 +1,82 @@
-//! How exact the tree is: from the error that is wanted to orders and angles, and the error that was reached.
+//! The accuracy of the tree: orders and acceptance angles for a requested error, and the measured error.
 //!
-//! *Method*: the velocity of an expansion of order q over an angle θ = (r_A + r_B)/R misses about (SHRINK · θ)^q of itself, so
-//! one number τ = (SHRINK · θ)^q gives every order its largest angle. [`TABLE`] has the highest order and its angle for every
-//! error.
+//! *Method*: the acceptance criterion of an expansion between cells of radii r_A and r_B at distance R is a largest angle
+//! θ = (r_A + r_B)/R. The relative error of the velocity at order q is about τ = (EFFECTIVE_OFFSET · θ)^q. So one τ gives the
+//! largest angle of every order. [`ACCURACY_TABLE`] has the highest order and its angle for every error.
 
 use super::{Kernel, Method, OutOfRange, Quantity, Targets, Vortons, index::MAX_ORDER, induced};
 use crate::math::Vec3;
 use std::ops::RangeInclusive;
 
-/// The relative L2 errors of the velocity that can be asked for. Single precision ends below; above it, the text's own rule would do.
+/// The relative L2 errors of the velocity that the tree accepts. Smaller ones exceed single precision; larger ones would save
+/// hardly any time.
 pub const ERRORS: RangeInclusive<f32> = 1e-5..=0.1;
 
-/// How much smaller than the largest the offsets in cells are, as far as the error goes: measured on a cube of vortons of random
-/// directions, where at θ = ½ each order more leaves 0.41 of the error.
-const SHRINK: f32 = 0.82;
+/// The ratio of the offset in a cell that determines the error to the radius of the cell. Measured on a cube of vortons of
+/// random directions, where one order more at θ = ½ reduces the error to 0.41.
+const EFFECTIVE_OFFSET: f32 = 0.82;
 
-/// From the largest error to the smallest: an order, and its largest angle at both ends of the errors that it serves. Measured on
-/// the worst of the four clouds of `benches/vortex.rs`, and set so that no step to a higher order raises the error;
-/// larger angles miss what is asked for, smaller ones cost time. Between the ends the angle follows the error's power.
-const TABLE: [([f32; 2], usize, [f32; 2]); 4] = [
+/// From the largest error to the smallest: the range of errors, the order, and its largest angle at both ends of the range.
+/// Measured on the worst of the four clouds of `benches/vortex.rs`, and set so that no step to a higher order increases the
+/// error. Larger angles exceed the requested error, smaller ones cost time. Within the range the angle is a power of the error.
+const ACCURACY_TABLE: [([f32; 2], usize, [f32; 2]); 4] = [
     ([1e-1, 1e-2], 4, [0.80, 0.55]),
     ([1e-2, 2e-3], 4, [0.55, 0.37]),
     ([2e-3, 3e-4], 6, [0.55, 0.40]),
     ([3e-4, 1e-5], 8, [0.52, 0.36]),
 ];
 
-/// Vortons of a leaf at most. On 100 000 vortons in a cube, 32 cost a tenth more and 128 the same.
-const LEAF: usize = 64;
+/// Vortons per leaf at most. On 100 000 vortons in a cube, 32 cost a tenth more and 128 the same.
+const MAX_LEAF_POINTS: usize = 64;
 
-/// How the tree sums.
+/// The settings of the tree.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Setting {
-    /// The error wanted.
+pub(super) struct TreeSettings {
+    /// The requested error.
     pub(super) error: f32,
     /// The highest order of expansions.
     pub(super) order: usize,
-    /// The squares of the largest angles of each order; 0 where it is not used.
+    /// The squared acceptance angle of each order; 0 for orders that are not used.
     pub(super) squared_angles: [f32; MAX_ORDER + 1],
     /// Pairs that cost as much as an expansion of each order.
-    pub(super) few: [usize; MAX_ORDER + 1],
-    /// Points of a leaf at most.
-    pub(super) leaf: usize,
+    pub(super) break_even_pairs: [usize; MAX_ORDER + 1],
+    /// Points per leaf at most.
+    pub(super) max_leaf_points: usize,
 }
 
-/// The setting for an error.
+/// The settings for an error.
 ///
 /// # Panics
 /// If the error is outside [`ERRORS`].
-pub(super) fn setting(error: f32) -> Setting {
-    assert!(ERRORS.contains(&error), "an error of {error} cannot be asked for");
+pub(super) fn tree_settings(error: f32) -> TreeSettings {
+    assert!(ERRORS.contains(&error), "the tree accepts errors {ERRORS:?}, not {error}");
     let ([high, low], order, [wide, narrow]) =
-        *TABLE.iter().find(|row| row.0[1] <= error).expect("the last row ends where errors do");
+        *ACCURACY_TABLE.iter().find(|row| row.0[1] <= error).expect("the last row ends where errors do");
     let along = (high / error).ln() / (high / low).ln();
-    with(error, order, wide * (narrow / wide).powf(along))
+    with_order(error, order, wide * (narrow / wide).powf(along))
 }
 
-/// The setting with expansions up to `order`, of the highest of which `angle` is the largest.
-fn with(error: f32, order: usize, angle: f32) -> Setting {
-    let tau = (SHRINK * angle).powi(order as i32);
-    let mut setting =
-        Setting { error, order, squared_angles: [0.0; MAX_ORDER + 1], few: [0; MAX_ORDER + 1], leaf: LEAF };
+/// The settings with expansions up to `order` and the largest `angle` of that order.
+fn with_order(error: f32, order: usize, angle: f32) -> TreeSettings {
+    let tau = (EFFECTIVE_OFFSET * angle).powi(order as i32);
+    let mut settings = TreeSettings {
+        error,
+        order,
+        squared_angles: [0.0; MAX_ORDER + 1],
+        break_even_pairs: [0; MAX_ORDER + 1],
+        max_leaf_points: MAX_LEAF_POINTS,
+    };
     for q in 2..=order {
-        setting.squared_angles[q] = (tau.powf(1.0 / q as f32) / SHRINK).powi(2);
+        settings.squared_angles[q] = (tau.powf(1.0 / q as f32) / EFFECTIVE_OFFSET).powi(2);
         // Pairs take 1.75 cycles each, an expansion 100 and 0.4 for each of its (q + 6 over 6) products of three.
         let products = (1..=6).fold(1, |product, k| product * (q + k) / k);
-        setting.few[q] = 60 + products * 23 / 100;
+        settings.break_even_pairs[q] = 60 + products * 23 / 100;
     }
-    setting
+    settings
 }
 
-/// The relative L2 error of the velocities `found` at `targets`, sampled at up to `samples` of them and taken against the sum over
-/// all pairs; 0 where nothing moves. Costs `samples` times the number of vortons.
+/// The relative L2 error of the velocities `found` at `targets`, compared with the sum over all pairs at up to `samples` of
+/// them; 0 where all velocities are. The time is proportional to `samples` times the number of vortons.
 ///
 /// # Errors
 /// [`OutOfRange`] as of [`induced`].
@@ -86,15 +92,15 @@ pub fn sampled_error(
 ) -> Result<f64, OutOfRange> {
     let points = targets.positions(vortons);
     assert_eq!(points.len(), found.len(), "a velocity for every target");
-    // Evenly through the targets.
+    // The samples are distributed evenly over the targets.
     let samples = samples.min(points.len());
     let chosen: Vec<usize> = (0..samples).map(|k| k * points.len() / samples).collect();
     let at: Vec<Vec3> = chosen.iter().map(|&i| points[i]).collect();
     let exact = induced(vortons, Targets::Points(&at), Quantity::Velocity, kernel, Method::Direct)?.velocity;
-    let (mut missed, mut whole) = (0.0, 0.0);
+    let (mut error, mut whole) = (0.0, 0.0);
     for (&i, exact) in chosen.iter().zip(&exact) {
-        missed += f64::from((found[i] - exact).norm()).powi(2);
+        error += f64::from((found[i] - exact).norm()).powi(2);
         whole += f64::from(exact.norm()).powi(2);
     }
-    Ok(if missed > 0.0 { (missed / whole).sqrt() } else { 0.0 })
+    Ok(if error > 0.0 { (error / whole).sqrt() } else { 0.0 })
 }

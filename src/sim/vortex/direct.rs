@@ -1,43 +1,43 @@
-//! The sum over all pairs.
+//! Direct summation over all pairs.
 
 use super::{
     Vortons,
-    chain::Chain,
+    kernels::RadialKernel,
     lanes::{self, LANES, Lanes, Pass, splat},
     pairs::{self, SUMS, Source, Sums},
 };
 use crate::{math::Vec3, par};
 use std::marker::PhantomData;
 
-/// Targets a task works on.
-const TASK: usize = 64;
+/// Targets per task.
+const TARGETS_PER_TASK: usize = 64;
 
-/// Vortons that are summed in single precision before the sums are added up in double: the fewer, the exacter, at the cost of
-/// a conversion each.
-const BLOCK: usize = 512;
+/// Vortons that are summed in single precision before the sums are added up in double precision. Smaller blocks are more
+/// accurate, at the cost of a conversion each.
+const SOURCES_PER_BLOCK: usize = 512;
 
-/// What `vortons` induce at `points`.
-pub(super) fn rows<K: Chain, const Q: usize, const N: usize>(
+/// The quantity `Q` that `vortons` induce at `points`.
+pub(super) fn rows<K: RadialKernel, const Q: usize, const N: usize>(
     vortons: &Vortons,
     points: &[Vec3],
 ) -> Vec<[Vec3; N]> {
     let sources: Vec<Source> = (0..vortons.len()).map(|i| Source::new(vortons, i)).collect();
     let mut out = vec![[Vec3::zeros(); N]; points.len()];
-    par::for_chunks(&mut out, TASK, |first, out| {
+    par::for_chunks(&mut out, TARGETS_PER_TASK, |first, out| {
         let points = &points[first..first + out.len()];
-        lanes::run(Direct::<K, Q, N> { points, sources: &sources, out, kernel: PhantomData });
+        lanes::run(DirectSum::<K, Q, N> { points, sources: &sources, out, kernel: PhantomData });
     });
     out
 }
 
-struct Direct<'a, K, const Q: usize, const N: usize> {
+struct DirectSum<'a, K, const Q: usize, const N: usize> {
     points: &'a [Vec3],
     sources: &'a [Source],
     out: &'a mut [[Vec3; N]],
     kernel: PhantomData<K>,
 }
 
-impl<K: Chain, const Q: usize, const N: usize> Pass for Direct<'_, K, Q, N> {
+impl<K: RadialKernel, const Q: usize, const N: usize> Pass for DirectSum<'_, K, Q, N> {
     type Out = ();
 
     #[inline(always)]
@@ -45,7 +45,7 @@ impl<K: Chain, const Q: usize, const N: usize> Pass for Direct<'_, K, Q, N> {
         for (points, out) in self.points.chunks(LANES).zip(self.out.chunks_mut(LANES)) {
             let x = pairs::columns::<L>(|lane| points[lane.min(points.len() - 1)]);
             let mut totals = [[0.0_f64; LANES]; SUMS];
-            for sources in self.sources.chunks(BLOCK) {
+            for sources in self.sources.chunks(SOURCES_PER_BLOCK) {
                 let mut sums: Sums<L> = [splat(0.0); SUMS];
                 pairs::add_pairs::<L, K, Q>(x, sources, &mut sums);
                 for k in 0..SUMS {

@@ -1,4 +1,5 @@
-//! Taylor expansions of the kernel, and how they move.
+//! Cartesian Taylor expansions of the kernel, and their translations: moments (multipole expansions) of source cells, and
+//! local expansions of target cells.
 //!
 //! *Method*: [dehnen02], with vectors for masses and any kernel for 1/r. Sources at x_q = c_B + b, targets at x = c_A + a,
 //! d = c_A − c_B, and D_γ = ∂^γ G(|d|):
@@ -7,36 +8,36 @@
 //! A(x) = Σ_β L_β a^β/β!      L_β = Σ_α D_(α+β) M_α      M_α = Σ_q Γ_q (−b)^α/α!
 //! ```
 //!
-//! An expansion of order p keeps |α| + |β| ≤ p: its first omitted term is ((a − b)·∇)^(p+1) G, of which the velocity sees one
-//! order less. No coefficient uses that 1/r is harmonic, so the core is expanded too. The D follow from the chain of the
-//! kernel (`chain.rs`) by D_(α+e)⁽ⁿ⁾ = d_e D_α⁽ⁿ⁺¹⁾ + α_e D_(α−e)⁽ⁿ⁺¹⁾, D_0⁽ⁿ⁾ = Gₙ [mcmurchie78].
+//! An expansion of order p keeps |α| + |β| ≤ p: its first omitted term is ((a − b)·∇)^(p+1) G, one order less for the
+//! velocity. No coefficient uses that 1/r is harmonic, so the core is expanded too. The D follow from the chain of the kernel
+//! (`kernels.rs`) by D_(α+e)⁽ⁿ⁾ = d_e D_α⁽ⁿ⁺¹⁾ + α_e D_(α−e)⁽ⁿ⁺¹⁾, D_0⁽ⁿ⁾ = Gₙ [mcmurchie78].
 //!
-//! Everything is kept without units, so that no power of a length leaves single precision: M_α over radius^|α| of its cell,
-//! L_β times unit^|β| of its own, and d, D of a distance of 1.
+//! All coefficients are dimensionless, so that no power of a length overflows single precision: M_α is stored over
+//! radius^|α| of its cell, L_β times unit^|β| of its own, and d, D for a distance of 1.
 //!
-//! Coefficients of a vector are x, y, z after each other.
+//! The coefficients of a vector are x, y, z in sequence.
 
 use super::{
-    chain::{Chain, Chained},
-    index::{ADD, COEFS, MAX_ORDER, STEPS, before, coefs},
+    index::{ADD, MAX_COEFS, MAX_ORDER, STEPS, before, coefs},
+    kernels::{Derivatives, RadialKernel},
     lanes::{LANES, Lanes, splat},
 };
 
-/// Numbers of an expansion of `order`, filled up to eights.
+/// The length of an expansion of `order` in an array, padded to a multiple of eight.
 pub(super) fn stride(order: usize) -> usize {
     (3 * coefs(order)).next_multiple_of(LANES)
 }
 
-/// Eight expansions, and what follows the last one's end.
-pub(super) type Expansions<L> = [L; 3 * COEFS + LANES];
+/// Eight expansions, with padding.
+pub(super) type Expansions<L> = [L; 3 * MAX_COEFS + LANES];
 
-/// Room for the derivatives of eight pairs of cells, of two steps of the recurrence. A place is a `u8`, so that none is
-/// checked.
-pub(super) type Derivatives<L> = [[L; 256]; 2];
+/// The derivatives D of eight pairs of cells, for two steps of the recurrence. An index is a `u8`, so that none is
+/// bounds-checked.
+pub(super) type CellDerivatives<L> = [[L; 256]; 2];
 
 /// x^α/α! of every multi-index up to `order`.
 #[inline(always)]
-pub(super) fn monomials<L: Lanes>(x: [L; 3], order: usize, out: &mut [L; COEFS]) {
+pub(super) fn monomials<L: Lanes>(x: [L; 3], order: usize, out: &mut [L; MAX_COEFS]) {
     out[0] = splat(1.0);
     for a in 1..coefs(order) {
         let step = STEPS[a];
@@ -45,9 +46,9 @@ pub(super) fn monomials<L: Lanes>(x: [L; 3], order: usize, out: &mut [L; COEFS])
     }
 }
 
-/// The same of one point.
-fn monomials_of_one(x: [f32; 3], order: usize) -> [f32; COEFS] {
-    let mut out = [1.0; COEFS];
+/// x^α/α! of every multi-index up to `order`, for one point.
+fn monomials_of_one(x: [f32; 3], order: usize) -> [f32; MAX_COEFS] {
+    let mut out = [1.0; MAX_COEFS];
     for a in 1..coefs(order) {
         let step = STEPS[a];
         out[a] = out[usize::from(step.parent)] * x[usize::from(step.axis)] / (f32::from(step.exponent) + 1.0);
@@ -55,9 +56,15 @@ fn monomials_of_one(x: [f32; 3], order: usize) -> [f32; COEFS] {
     out
 }
 
-/// Adds the moments of a child to its parent's. `shift` leads from the parent's centre to the child's and `ratio` is the
-/// child's radius, both over the parent's radius.
-pub(super) fn to_parent(child: &[f32], shift: [f32; 3], ratio: f32, order: usize, parent: &mut [f32]) {
+/// Multipole-to-multipole translation (M2M): adds the moments of a child to those of its parent. `shift` is the offset of the
+/// centre of the child, `ratio` its radius, both over the radius of the parent.
+pub(super) fn add_moments_to_parent(
+    child: &[f32],
+    shift: [f32; 3],
+    ratio: f32,
+    order: usize,
+    parent: &mut [f32],
+) {
     let powers = monomials_of_one(shift.map(|t| -t), order);
     let mut scale = 1.0;
     for degree in 0..=order {
@@ -74,9 +81,9 @@ pub(super) fn to_parent(child: &[f32], shift: [f32; 3], ratio: f32, order: usize
     }
 }
 
-/// Writes the local expansion of a child from its parent's. `shift` leads from the parent's centre to the child's and
-/// `ratio` is the child's unit, both over the parent's unit.
-pub(super) fn to_child(parent: &[f32], shift: [f32; 3], ratio: f32, order: usize, child: &mut [f32]) {
+/// Local-to-local translation (L2L): writes the local expansion of a child from that of its parent. `shift` is the offset of
+/// the centre of the child, `ratio` its unit, both over the unit of the parent.
+pub(super) fn local_of_child(parent: &[f32], shift: [f32; 3], ratio: f32, order: usize, child: &mut [f32]) {
     let powers = monomials_of_one(shift, order);
     let mut scale = 1.0;
     for degree in 0..=order {
@@ -96,9 +103,9 @@ pub(super) fn to_child(parent: &[f32], shift: [f32; 3], ratio: f32, order: usize
     }
 }
 
-/// Eight cells of sources as one cell of targets sees them.
-pub(super) struct Senders<L> {
-    /// From their centres to the targets' [m].
+/// Eight source cells of one target cell.
+pub(super) struct SourceCells<L> {
+    /// The offset of the centre of the targets from theirs [m].
     pub(super) d: [L; 3],
     /// Squared cores [m²].
     pub(super) s2: L,
@@ -106,25 +113,25 @@ pub(super) struct Senders<L> {
     pub(super) radius: L,
 }
 
-/// Adds what eight cells send to the local expansion of one of `unit` [m], from degree `from` on. `moments` is scaled in
-/// place. Every D_γ of |γ| ≤ `order` is made once.
+/// Multipole-to-local translation (M2L): adds eight source cells to a local expansion of `unit` [m], from degree `from` on.
+/// `moments` is scaled in place. Every D_γ of |γ| ≤ `order` is computed once.
 #[inline(always)]
-pub(super) fn add_local<L: Lanes, K: Chain>(
-    senders: &Senders<L>,
+pub(super) fn add_moments_to_local<L: Lanes, K: RadialKernel>(
+    cells: &SourceCells<L>,
     moments: &mut Expansions<L>,
     unit: f32,
     order: usize,
     from: usize,
-    derivatives: &mut Derivatives<L>,
+    derivatives: &mut CellDerivatives<L>,
     local: &mut Expansions<L>,
 ) {
-    let d = senders.d;
+    let d = cells.d;
     let inverse = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).inverse_root();
     let d = [d[0] * inverse, d[1] * inverse, d[2] * inverse];
-    derive::<L, K>(d, senders.s2 * (inverse * inverse), order, derivatives);
+    derive::<L, K>(d, cells.s2 * (inverse * inverse), order, derivatives);
 
     // Moments in units of the distance.
-    let ratio = senders.radius * inverse;
+    let ratio = cells.radius * inverse;
     let mut scale = ratio;
     for degree in 1..=order {
         for m in &mut moments[3 * before(degree)..3 * coefs(degree)] {
@@ -133,7 +140,7 @@ pub(super) fn add_local<L: Lanes, K: Chain>(
         scale = scale * ratio;
     }
 
-    // L_β = Σ_α D_(α+β) M_α, two of a degree at once: they share the moments.
+    // L_β = Σ_α D_(α+β) M_α, for two β of a degree at once, which share the moments.
     let ratio = splat::<L>(unit) * inverse;
     let mut scale = if from == 0 { inverse } else { inverse * ratio };
     for degree in from..=order {
@@ -151,10 +158,10 @@ pub(super) fn add_local<L: Lanes, K: Chain>(
     }
 }
 
-/// `local` += `scale` Σ_α D_(α+β) M_α of `N` neighbouring β, whose sums with every α are in `add`.
+/// Adds `scale` Σ_α D_(α+β) M_α to `local`, for `N` consecutive β, whose sums with every α are in `add`.
 #[inline(always)]
 fn contract<L: Lanes, const N: usize>(
-    add: [&[u8; COEFS]; N],
+    add: [&[u8; MAX_COEFS]; N],
     moments: &[L],
     derivatives: &[L; 256],
     scale: L,
@@ -179,13 +186,13 @@ fn contract<L: Lanes, const N: usize>(
 
 /// Writes every D_γ of |γ| ≤ `order` at `d`, of length 1, to the first of `derivatives`.
 #[inline(always)]
-fn derive<L: Lanes, K: Chain>(d: [L; 3], s2: L, order: usize, derivatives: &mut Derivatives<L>) {
-    let mut chain: Chained<L> = [splat(0.0); MAX_ORDER + 1];
-    K::chain(splat(1.0), s2, order, &mut chain);
+fn derive<L: Lanes, K: RadialKernel>(d: [L; 3], s2: L, order: usize, derivatives: &mut CellDerivatives<L>) {
+    let mut radial: Derivatives<L> = [splat(0.0); MAX_ORDER + 1];
+    K::derivatives(splat(1.0), s2, order, &mut radial);
     let [even, odd] = derivatives;
     for n in (0..=order).rev() {
         let (now, last) = if n % 2 == 0 { (&mut *even, &*odd) } else { (&mut *odd, &*even) };
-        now[0] = chain[n];
+        now[0] = radial[n];
         for a in 1..coefs(order - n) {
             let step = STEPS[a];
             let mut value = d[usize::from(step.axis)] * last[usize::from(step.parent)];

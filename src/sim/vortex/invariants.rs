@@ -1,7 +1,7 @@
-//! What motion keeps, or should.
+//! The invariants of vortex motion.
 //!
-//! *Method*: [winckelmans93]; sums in double precision. ΣΓ is kept by transpose stretching, the impulse and the angular impulse by
-//! any exact motion without walls; the energy and the helicity where nothing is viscous.
+//! *Method*: [winckelmans93]; sums in double precision. ΣΓ is conserved by stretching in the transpose form, the impulse and
+//! the angular impulse by any exact motion without walls, the energy and the helicity by inviscid motion.
 
 use super::{Kernel, Method, OutOfRange, Quantity, Targets, Vortons, induced};
 use crate::par;
@@ -16,13 +16,13 @@ pub struct Invariants {
     pub impulse: [f64; 3],
     /// L = ⅓ Σ x × (x × Γ) [m⁵/s].
     pub angular_impulse: [f64; 3],
-    /// E = ½ Σ Γ·A [m⁵/s²]: (1/8π) ΣΣ Γ_p·Γ_q G, each vorton's own part included.
+    /// E = ½ Σ Γ·A [m⁵/s²]: (1/8π) ΣΣ Γ_p·Γ_q G, including p = q.
     pub energy: f64,
     /// H = Σ Γ·u [m⁴/s²].
     pub helicity: f64,
 }
 
-/// Finds the invariants; the potential and the velocity that they need are found by `method`.
+/// The invariants of `vortons`, with the potential and the velocity by `method`.
 ///
 /// # Errors
 /// [`OutOfRange`] as of [`induced`].

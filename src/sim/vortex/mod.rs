@@ -1,7 +1,7 @@
-//! Vortons: smoke and air as moving pieces of vorticity.
+//! The velocity that vortex particles (vortons) induce.
 //!
-//! This is the base of the vortex particle method: one evaluator of what a set of vortons induces, the vector potential,
-//! the velocity and its gradient, at the vortons themselves or at any points.
+//! This is the base of the vortex particle method: one evaluator of the vector potential, the velocity and its gradient
+//! that a set of vortons induces, at the vortons themselves or at any points.
 //!
 //! *Method*: [gourlay19]'s sum of vector potentials over mollified vortons, as in [winckelmans93]. With d = x − x_q,
 //! r = |d| and a kernel G (see [`Kernel`]):
@@ -11,22 +11,21 @@
 //! ∂u_i/∂x_j = (1/4π) Σ [ H d_j (Γ × d)_i + K ε_ikj Γ_k ]
 //! ```
 //!
-//! The sum is taken over all pairs ([`Method::Direct`]), or with Taylor expansions of the kernel between the cells of
-//! octrees ([`Method::Tree`], `walk.rs`), or by a Poisson equation on a lattice with boundary values of the tree
-//! ([`Method::Grid`], `grid/`); the knob of both is the error of the velocity. The paper's own tree rule and grid are kept
-//! for comparison in `benches/reference/vortex/`.
+//! The sum is taken over all pairs ([`Method::Direct`]), with multipole expansions between the cells of octrees
+//! ([`Method::Tree`], `traversal.rs`), or by a Poisson equation on a grid with boundary values of the tree
+//! ([`Method::Grid`], `grid/`). The accuracy parameter of both is the error of the velocity. The tree rule and the grid of
+//! the paper are kept for comparison in `benches/reference/vortex/`.
 //!
-//! *Departs from the paper*: a vorton carries its strength Γ = ω V and its core, not an angular velocity and a size; the
-//! potential inside a core is the ball's, where the text's eq. 5 has a curl that turns the wrong way; sums over cells are
-//! of strengths, about the centre of |Γ|; the kernel of each vorton is expanded, not that of a point.
+//! *Departs from the paper*: a vorton has a strength Γ = ω V and a core, not an angular velocity and a size. The potential
+//! inside a core is that of the ball, because the curl of the paper's eq. 5 has the wrong sign. Sums over cells are of
+//! strengths, about the centre of |Γ|. The kernel of each vorton is expanded, not that of a point.
 //!
 //! *Symbols*: Γ → `strength` [m³/s], σ → `core` [m], A → `potential` [m²/s], u → `velocity` [m/s], ∇u → `gradient` [1/s].
 //!
-//! *Limits*: single precision: about 1e-6 of the velocity. More vortons than a leaf holds at exactly one place are summed
-//! pair by pair.
+//! *Limits*: single precision: about 1e-6 of the velocity. Coincident vortons of different cores, more than a leaf holds,
+//! are summed pair by pair.
 
 mod accuracy;
-mod chain;
 mod coherence;
 mod direct;
 mod expansion;
@@ -34,6 +33,7 @@ pub mod flow;
 mod grid;
 mod index;
 mod invariants;
+mod kernels;
 mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_avx2;
@@ -41,83 +41,83 @@ mod moments;
 mod octree;
 mod pairs;
 mod reach;
+mod traversal;
 mod vortons;
-mod walk;
 
 pub use accuracy::{ERRORS, sampled_error};
 pub use grid::{UniformGrid, VectorField, boundary_values, choose_grid, grid_errors, poisson};
 pub use invariants::{Invariants, invariants};
-pub use reach::beyond;
-pub use vortons::{ElementKind, LARGEST, OutOfRange, SMALLEST_CORE, Vortons};
+pub use reach::fraction_beyond_plane;
+pub use vortons::{ElementKind, MAX_MAGNITUDE, MIN_CORE, OutOfRange, Vortons};
 
 use crate::math::Vec3;
-use chain::{Ball, Gaussian, RosenheadMoore, WinckelmansLeonard};
 use grid::GridKernel;
+use kernels::{Ball, Gaussian, RosenheadMoore, WinckelmansLeonard};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// ∇u: the row is the component of the velocity, the column the direction of the derivative.
+/// The velocity gradient ∇u: the row is the component of the velocity, the column the direction of the derivative.
 pub type Gradient = nalgebra::Matrix3<f32>;
 
-/// How the vorticity of a vorton is spread over its core σ; ρ = r/σ.
+/// The distribution of the vorticity of a vorton over its core σ; ρ = r/σ.
 ///
-/// The constant C is that of a thin ring of vortons of circulation Γ_c, which moves at Γ_c/(4πR) · (ln(8R/σ) − C).
+/// C is the constant in the speed of a thin vortex ring of circulation Γ_c: Γ_c/(4πR) · (ln(8R/σ) − C).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
-    /// Even inside a ball of radius σ, and that of a point outside; C = ln 2 − 1/3. What the source text meant. Its
-    /// gradient jumps at the core's edge.
+    /// Uniform inside a ball of radius σ, and zero outside; C = ln 2 − 1/3. The kernel that [gourlay19] describes. Its
+    /// velocity gradient is discontinuous at the edge of the core.
     Ball,
-    /// G = (r² + σ²)^-½; C = 1. Differs from a point by 1.5/ρ² in velocity, so cores are felt from afar.
+    /// G = (r² + σ²)^-½; C = 1. Differs from a point by 1.5/ρ² in velocity, so the core has an effect far away.
     RosenheadMoore,
     /// G = (r² + 1.5 σ²)/(r² + σ²)^3/2; C = ½. Fourth order: differs from a point by 1.9/ρ⁴.
     #[default]
     WinckelmansLeonard,
-    /// G = erf(ρ/√2)/r; C = 1 + (ln 2 − γ)/2. The core that viscosity makes. Pairs take three times as long.
+    /// G = erf(ρ/√2)/r; C = 1 + (ln 2 − γ)/2. The core that viscosity produces. Pairs take three times as long.
     Gaussian,
 }
 
-/// How the sum is taken.
+/// The method of summation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// Over all pairs: exact to single precision; time grows with the product of the numbers.
+    /// Over all pairs: exact to single precision. The time grows with the product of the numbers of vortons and targets.
     Direct,
-    /// By expansions between cells of octrees, with a relative L2 error of the velocity at the vortons of at most about
-    /// `error`, which is in [`ERRORS`]. Faster than [`Method::Direct`] from about 2000 vortons on.
+    /// By multipole expansions between cells of octrees (a fast multipole method). The relative L2 error of the velocity at
+    /// the vortons is at most about `error`, one of [`ERRORS`]. Faster than [`Method::Direct`] from about 2000 vortons on.
     Tree {
-        /// The relative L2 error wanted.
+        /// The requested relative L2 error.
         error: f32,
     },
-    /// By a Poisson equation on a lattice, with boundary values of the tree, to the same error, which is in
-    /// [`grid_errors`]; the gradient's is up to twelve times that. Where a lattice would cost more than all pairs, as for
-    /// fewer than some thousand vortons, or far from it, the tree serves.
+    /// By a Poisson equation on a grid with boundary values of the tree, to an error of [`grid_errors`]. The error of the
+    /// gradient is up to twelve times as large. Where a grid would cost more than all pairs, as for fewer than some thousand
+    /// vortons, and far from the bulk of the vortons, the tree serves.
     Grid {
-        /// The relative L2 error wanted.
+        /// The requested relative L2 error.
         error: f32,
     },
 }
 
-/// What to find.
+/// The induced quantity to evaluate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// The vector potential.
     Potential,
     /// The velocity.
     Velocity,
-    /// The velocity and its gradient, at about twice the time of the velocity.
+    /// The velocity and its gradient, in about twice the time of the velocity.
     VelocityAndGradient,
 }
 
-/// Where to find it.
+/// The points at which an induced quantity is evaluated.
 #[derive(Clone, Copy, Debug)]
 pub enum Targets<'a> {
-    /// At the vortons, each of which is part of the sum at its own place.
+    /// The vortons. Each is part of the sum at its own position.
     Vortons,
-    /// At points [m]: tracers, or the nodes of a grid.
+    /// Any points [m]: tracers, or the nodes of a grid.
     Points(&'a [Vec3]),
 }
 
-/// What vortons induce, in the order of the targets; what was not asked for is empty.
+/// Induced quantities, in the order of the targets. Those that were not requested are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Induced {
     /// A [m²/s].
@@ -128,10 +128,10 @@ pub struct Induced {
     pub gradient: Vec<Gradient>,
 }
 
-/// Finds what `vortons` induce at `targets`. The same bits for any number of threads.
+/// Evaluates the quantity that `vortons` induce at `targets`. The result has the same bits for any number of threads.
 ///
 /// # Errors
-/// [`OutOfRange`] if a vorton or a point is outside what the sums can hold.
+/// [`OutOfRange`] if a vorton or a point is out of range.
 ///
 /// # Panics
 /// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`], or that of
@@ -152,8 +152,8 @@ pub fn induced(
     })
 }
 
-/// As [`induced`], the velocity and its gradient at `targets`, and besides the velocity at `points` [m/s]. [`Method::Grid`] solves one
-/// lattice for both; the others take as long as two calls.
+/// Evaluates the velocity and its gradient at `targets`, and the velocity at `points` [m/s], as [`induced`] does.
+/// [`Method::Grid`] solves one grid for both; the other methods take as long as two calls.
 ///
 /// # Errors
 /// As [`induced`].
@@ -179,7 +179,7 @@ pub fn induced_both(
     })
 }
 
-/// Whether the sums can hold all, and the method can be asked for its error.
+/// Checks that vortons and points are in range, and that the method accepts its error.
 fn check(vortons: &Vortons, targets: Targets<'_>, kernel: Kernel, method: Method) -> Result<(), OutOfRange> {
     vortons.check()?;
     if let Targets::Points(points) = targets {
@@ -217,21 +217,21 @@ fn both_with_kernel<K: GridKernel>(
     points: &[Vec3],
     method: Method,
 ) -> (Induced, Vec<Vec3>) {
-    let (found, along) = match method {
+    let (found, at_points) = match method {
         Method::Grid { error } if !points.is_empty() => grid::both::<K>(vortons, targets, points, error),
         _ => {
             let found = rows::<K, GRADIENT, 4>(vortons, targets, method);
-            let along = match points {
+            let at_points = match points {
                 [] => Vec::new(),
                 points => rows::<K, VELOCITY, 1>(vortons, Targets::Points(points), method),
             };
-            (found, along)
+            (found, at_points)
         }
     };
-    (with_gradient(found), along.into_iter().map(|[v]| v).collect())
+    (with_gradient(found), at_points.into_iter().map(|[v]| v).collect())
 }
 
-/// The velocity, and the rows of its gradient.
+/// The velocity and its gradient from their rows.
 fn with_gradient(rows: Vec<[Vec3; 4]>) -> Induced {
     let gradient = |row: &[Vec3; 4]| Gradient::from_rows(&[row[1], row[2], row[3]].map(|v| v.transpose()));
     Induced {
@@ -241,12 +241,12 @@ fn with_gradient(rows: Vec<[Vec3; 4]>) -> Induced {
     }
 }
 
-/// The quantities as numbers that loops are compiled for: how often the kernel is differentiated.
+/// The quantities as constants for which loops are compiled: how often the kernel is differentiated.
 const POTENTIAL: usize = 0;
 const VELOCITY: usize = 1;
 const GRADIENT: usize = 2;
 
-/// The quantity `Q` as `N` vectors a target: A, u, or u and the rows of ∇u.
+/// The quantity `Q` as `N` vectors per target: A, u, or u and the rows of ∇u.
 fn rows<K: GridKernel, const Q: usize, const N: usize>(
     vortons: &Vortons,
     targets: Targets<'_>,
@@ -256,7 +256,7 @@ fn rows<K: GridKernel, const Q: usize, const N: usize>(
         Method::Direct => direct::rows::<K, Q, N>(vortons, targets.positions(vortons)),
         Method::Tree { error } => {
             let error = coherence::eased(vortons, error);
-            walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(error))
+            traversal::rows::<K, Q, N>(vortons, targets, accuracy::tree_settings(error))
         }
         Method::Grid { error } => grid::rows::<K, Q, N>(vortons, targets, error),
     }

@@ -1,9 +1,9 @@
 //! Points sorted along a Morton curve, and the cells of the octree over them.
 //!
-//! *Method*: points are sorted by the interleaved bits of their coordinates inside their bounding cube; a cell is a stretch of
-//! that order, and its children are the stretches that differ in the highest bits that differ at all. Where one sort has no more
-//! bits, the stretch is sorted anew by its own bounds, so a stray point, or a million in what was one cell, cost one more
-//! sort. Cells of a level stand together, parents before children.
+//! *Method*: points are sorted by the interleaved bits of their coordinates inside their bounding cube. A cell is a range of
+//! that order, and its children are the ranges with equal bits up to the highest that differ. Where one sort has no more bits,
+//! the range is sorted again by its own bounds. So a stray point, or a million points in one cell, cost one more sort. The
+//! cells of a level are adjacent, parents before children.
 
 use crate::{
     math::Vec3,
@@ -11,23 +11,23 @@ use crate::{
 };
 use std::ops::Range;
 
-/// The most levels that one sort resolves: three bits each beside a number of 32.
-const LEVELS: u32 = 10;
+/// Levels that one sort resolves at most: three bits each, next to an index of 32 bits.
+const MAX_LEVELS_PER_SORT: u32 = 10;
 
-/// Points closer together than this [m] are at one place: squares of less leave single precision.
-const TOGETHER: f32 = 1e-18;
+/// Points closer together than this [m] are coincident: a smaller distance squared underflows single precision.
+const MIN_DISTANCE: f32 = 1e-18;
 
-/// Cells a task works on.
-const TASK: usize = 64;
+/// Cells per task.
+const CELLS_PER_TASK: usize = 64;
 
-/// A stretch of the order.
+/// A range of the order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
-    /// The middle of its points' bounds [m].
+    /// The centre of the bounds of the points [m].
     pub(super) center: Vec3,
-    /// How far its points are from there at most [m].
+    /// The largest distance of a point from the centre [m].
     pub(super) radius: f32,
-    /// What offsets in it are measured in [m]: its radius, or its parent's if that is zero.
+    /// The unit of offsets in local expansions [m]: the radius, or that of the parent if it is zero.
     pub(super) unit: f32,
     start: u32,
     end: u32,
@@ -48,25 +48,25 @@ impl Cell {
         }
     }
 
-    /// Its points, as places of the order.
+    /// The points, as a range of the order.
     #[inline]
     pub(super) fn places(&self) -> Range<usize> {
         self.start as usize..self.end as usize
     }
 
-    /// How many points it has.
+    /// The number of points.
     #[inline]
     pub(super) fn count(&self) -> usize {
         self.places().len()
     }
 
-    /// Its children, as numbers of cells.
+    /// The children, as indices of cells.
     #[inline]
     pub(super) fn children(&self) -> Range<usize> {
         self.child as usize..(self.child + self.children) as usize
     }
 
-    /// Whether it has no children.
+    /// Whether the cell has no children.
     #[inline]
     pub(super) fn is_leaf(&self) -> bool {
         self.children == 0
@@ -76,20 +76,20 @@ impl Cell {
 /// The octree over points. Empty if there are none.
 #[derive(Debug, Default)]
 pub(super) struct Octree {
-    /// The points in their order.
+    /// The indices of the points in their order.
     pub(super) order: Vec<u32>,
-    /// The root first, a level after the other.
+    /// The cells, level by level from the root.
     pub(super) cells: Vec<Cell>,
-    /// Where each level ends.
+    /// The end of each level in `cells`.
     pub(super) ends: Vec<usize>,
 }
 
 impl Octree {
-    /// The octree over `points`, finite, whose leaves hold `leaf` of them at most, or those of one place.
-    pub(super) fn new(points: &[Vec3], leaf: usize) -> Self {
+    /// The octree over finite `points`. A leaf holds at most `max_leaf_points`, or coincident points.
+    pub(super) fn new(points: &[Vec3], max_leaf_points: usize) -> Self {
         let mut sorter = Sorter {
             points,
-            leaf,
+            max_leaf_points,
             order: (0..points.len() as u32).collect(),
             keys: vec![0; points.len()],
             radix: Radix::default(),
@@ -107,8 +107,8 @@ impl Octree {
             first = end;
         }
         let mut tree = Self { order: sorter.order, cells, ends };
-        tree.bound(points);
-        tree.measure();
+        tree.set_bounds(points);
+        tree.set_units();
         tree
     }
 
@@ -117,26 +117,26 @@ impl Octree {
         (0..self.ends.len()).rev().map(|k| if k == 0 { 0 } else { self.ends[k - 1] }..self.ends[k])
     }
 
-    /// Puts points of one place beside each other that have the same core, and names the stretches of more than `leaf` of them, along
-    /// the order: heaps, whose sum is that of one.
-    pub(super) fn heap(&mut self, core: &[f32], leaf: usize) -> Vec<Range<usize>> {
-        let places = self.cells.iter().filter(|cell| cell.is_leaf() && cell.count() > leaf).map(Cell::places);
-        let mut heaps = Vec::new();
-        for places in places {
+    /// Sorts coincident points by core, and returns the ranges of more than `max_leaf_points` with one core, in ascending
+    /// order. One source can represent such a range.
+    pub(super) fn group_coincident(&mut self, core: &[f32], max_leaf_points: usize) -> Vec<Range<usize>> {
+        let is_coincident = |cell: &&Cell| cell.is_leaf() && cell.count() > max_leaf_points;
+        let mut coincident = Vec::new();
+        for places in self.cells.iter().filter(is_coincident).map(Cell::places) {
             let order = &mut self.order[places.clone()];
             order.sort_unstable_by_key(|&i| (core[i as usize].to_bits(), i));
             let mut at = places.start;
             for same in order.chunk_by(|&a, &b| core[a as usize].to_bits() == core[b as usize].to_bits()) {
-                heaps.extend((same.len() > leaf).then(|| at..at + same.len()));
+                coincident.extend((same.len() > max_leaf_points).then(|| at..at + same.len()));
                 at += same.len();
             }
         }
-        heaps.sort_unstable_by_key(|heap| heap.start);
-        heaps
+        coincident.sort_unstable_by_key(|range| range.start);
+        coincident
     }
 
-    /// A number of every cell: of leaves `fold` of their points' `own`, of others of their children's, from `start`.
-    pub(super) fn upwards(
+    /// Reduces a number over every cell: the `own` numbers of the points of leaves, those of the children of other cells.
+    pub(super) fn reduce_up(
         &self,
         start: f32,
         fold: impl Fn(f32, f32) -> f32 + Sync,
@@ -155,7 +155,7 @@ impl Octree {
         found
     }
 
-    /// The leaves along the order, and where each ends in it.
+    /// The leaves along the order, and the end of each in it.
     pub(super) fn leaves(&self) -> (Vec<u32>, Vec<usize>) {
         let mut leaves: Vec<u32> =
             (0..self.cells.len() as u32).filter(|&c| self.cells[c as usize].is_leaf()).collect();
@@ -164,15 +164,15 @@ impl Octree {
         (leaves, ends)
     }
 
-    /// Centres and radii, from the leaves up.
-    fn bound(&mut self, points: &[Vec3]) {
-        let mut boxes = vec![NOWHERE; self.cells.len()];
+    /// Sets centres and radii, from the leaves up.
+    fn set_bounds(&mut self, points: &[Vec3]) {
+        let mut boxes = vec![EMPTY; self.cells.len()];
         let levels: Vec<Range<usize>> = self.levels_up().collect();
         for level in levels {
             let (cells, order, known) = (&self.cells, &self.order, &boxes);
-            let found = par::map_chunks(level.len(), TASK, |part| {
-                let bounds = |k| bounds_of(&cells[level.start + k], cells, known, order, points);
-                part.map(bounds).collect::<Vec<_>>()
+            let found = par::map_chunks(level.len(), CELLS_PER_TASK, |range| {
+                let bounds = |k| bounds_of_cell(&cells[level.start + k], cells, known, order, points);
+                range.map(bounds).collect::<Vec<_>>()
             });
             for (i, (bounds, center, radius)) in level.zip(found.into_iter().flatten()) {
                 boxes[i] = bounds;
@@ -181,8 +181,8 @@ impl Octree {
         }
     }
 
-    /// Units, from the root down.
-    fn measure(&mut self) {
+    /// Sets units, from the root down.
+    fn set_units(&mut self) {
         for i in 0..self.cells.len() {
             let Cell { radius, unit, .. } = self.cells[i];
             let unit = if radius > 0.0 { radius } else { unit };
@@ -194,23 +194,23 @@ impl Octree {
     }
 }
 
-/// What is left of `places` if every heap among `heaps`, which ascend, is its first place alone.
-pub(super) fn standing(places: Range<usize>, heaps: &[Range<usize>]) -> Vec<Range<usize>> {
-    let first = heaps.partition_point(|heap| heap.end <= places.start);
-    let (mut left, mut from) = (Vec::new(), places.start);
-    for heap in heaps[first..].iter().take_while(|heap| heap.start < places.end) {
-        left.push(from..heap.start + 1);
-        from = heap.end;
+/// The ranges of `places` in which the first point of every range of `coincident`, which is ascending, represents all of it.
+pub(super) fn representatives(places: Range<usize>, coincident: &[Range<usize>]) -> Vec<Range<usize>> {
+    let first = coincident.partition_point(|range| range.end <= places.start);
+    let (mut ranges, mut from) = (Vec::new(), places.start);
+    for range in coincident[first..].iter().take_while(|range| range.start < places.end) {
+        ranges.push(from..range.start + 1);
+        from = range.end;
     }
-    left.push(from..places.end);
-    left.retain(|part| !part.is_empty());
-    left
+    ranges.push(from..places.end);
+    ranges.retain(|range| !range.is_empty());
+    ranges
 }
 
 /// Lowest and highest coordinates.
 type Bounds = [Vec3; 2];
 
-const NOWHERE: Bounds = [
+const EMPTY: Bounds = [
     Vec3::new(f32::INFINITY, f32::INFINITY, f32::INFINITY),
     Vec3::new(-f32::INFINITY, -f32::INFINITY, -f32::INFINITY),
 ];
@@ -219,12 +219,12 @@ fn joined(a: Bounds, b: Bounds) -> Bounds {
     [a[0].inf(&b[0]), a[1].sup(&b[1])]
 }
 
-fn around(order: &[u32], points: &[Vec3]) -> Bounds {
-    order.iter().fold(NOWHERE, |bounds, &i| joined(bounds, [points[i as usize]; 2]))
+fn bounds_of_points(order: &[u32], points: &[Vec3]) -> Bounds {
+    order.iter().fold(EMPTY, |bounds, &i| joined(bounds, [points[i as usize]; 2]))
 }
 
-/// A cell's bounds, centre and radius, if those of its children are known.
-fn bounds_of(
+/// The bounds, centre and radius of a cell, from those of its children.
+fn bounds_of_cell(
     cell: &Cell,
     cells: &[Cell],
     known: &[Bounds],
@@ -233,8 +233,8 @@ fn bounds_of(
 ) -> (Bounds, Vec3, f32) {
     let order = &order[cell.places()];
     let bounds = match cell.is_leaf() {
-        true => around(order, points),
-        false => known[cell.children()].iter().copied().fold(NOWHERE, joined),
+        true => bounds_of_points(order, points),
+        false => known[cell.children()].iter().copied().fold(EMPTY, joined),
     };
     if order.is_empty() {
         return (bounds, Vec3::zeros(), 0.0);
@@ -248,23 +248,23 @@ fn bounds_of(
             spheres.fold(0.0, f32::max).min(reach(bounds[0]).max(reach(bounds[1])))
         }
     };
-    (bounds, center, if radius < TOGETHER { 0.0 } else { radius })
+    (bounds, center, if radius < MIN_DISTANCE { 0.0 } else { radius })
 }
 
-/// Points on their way into an order.
+/// The sort of points into the order of an octree.
 struct Sorter<'a> {
     points: &'a [Vec3],
-    leaf: usize,
+    max_leaf_points: usize,
     order: Vec<u32>,
-    /// The bits of the point at each place of the order, of the last sort of the stretch that it is in.
+    /// The Morton key of each point of the order, from the last sort of its range.
     keys: Vec<u32>,
     radix: Radix,
 }
 
 impl Sorter<'_> {
-    /// Adds the children of the stretch `places` to `cells`: none if it is small or all in one place.
+    /// Adds the children of the range `places` to `cells`: none if it is small or coincident.
     fn divide(&mut self, places: Range<usize>, cells: &mut Vec<Cell>) {
-        if places.len() <= self.leaf {
+        if places.len() <= self.max_leaf_points {
             return;
         }
         if self.keys[places.start] == self.keys[places.end - 1] && !self.sort(places.clone()) {
@@ -282,25 +282,26 @@ impl Sorter<'_> {
         }
     }
 
-    /// Sorts a stretch by the Morton keys of its own bounds; false if all its points are in one place.
+    /// Sorts a range by the Morton keys of its own bounds; false if all its points are coincident.
     fn sort(&mut self, places: Range<usize>) -> bool {
-        let Self { points, leaf, order, keys, radix } = self;
+        let Self { points, max_leaf_points, order, keys, radix } = self;
         let order = &mut order[places.clone()];
-        let [low, high] = par::map_chunks(order.len(), 1 << 14, |part| around(&order[part], points))
-            .into_iter()
-            .fold(NOWHERE, joined);
+        let [low, high] =
+            par::map_chunks(order.len(), 1 << 14, |range| bounds_of_points(&order[range], points))
+                .into_iter()
+                .fold(EMPTY, joined);
         let edge = (high - low).max();
-        if edge < TOGETHER {
+        if edge < MIN_DISTANCE {
             return false;
         }
         // Four levels more than an even cloud would have.
-        let levels = ((order.len() / *leaf).ilog2() / 3 + 4).min(LEVELS);
+        let levels = ((order.len() / *max_leaf_points).ilog2() / 3 + 4).min(MAX_LEVELS_PER_SORT);
         let last = (1_u32 << levels) - 1;
         let scale = (last + 1) as f32 / edge;
         let before: &[u32] = order;
         radix.sort(before.len(), 32, 3 * levels, |at| {
             let cell = (points[before[at] as usize] - low) * scale;
-            let key = cell.map(|c| spread((c as u32).min(last)));
+            let key = cell.map(|c| interleaved((c as u32).min(last)));
             u64::from(key.x << 2 | key.y << 1 | key.z) << 32 | u64::from(before[at])
         });
         par::fill(order, |at| radix.get(at) as u32);
@@ -309,8 +310,8 @@ impl Sorter<'_> {
     }
 }
 
-/// The lowest ten bits, two zeros between each.
-fn spread(x: u32) -> u32 {
+/// The lowest ten bits, with two zeros between each.
+fn interleaved(x: u32) -> u32 {
     let x = (x | x << 16) & 0x0300_00ff;
     let x = (x | x << 8) & 0x0300_f00f;
     let x = (x | x << 4) & 0x030c_30c3;
@@ -331,9 +332,9 @@ mod tests {
         (0..count).map(|i| Vec3::new(noise(3 * i), noise(3 * i + 1), noise(3 * i + 2))).collect()
     }
 
-    /// Every point is in one leaf, children are their parent, and radii reach every point.
-    fn check(points: &[Vec3], leaf: usize) -> Octree {
-        let tree = Octree::new(points, leaf);
+    /// Checks that every point is in one leaf, that children make up their parent, and that radii reach every point.
+    fn check(points: &[Vec3], max_leaf_points: usize) -> Octree {
+        let tree = Octree::new(points, max_leaf_points);
         let mut seen = tree.order.clone();
         seen.sort_unstable();
         assert!(seen.iter().enumerate().all(|(k, &i)| k == i as usize));
@@ -341,7 +342,7 @@ mod tests {
         for cell in &tree.cells {
             for &i in &tree.order[cell.places()] {
                 let far = (points[i as usize] - cell.center).norm();
-                assert!(far <= cell.radius * (1.0 + 1e-5) + TOGETHER, "{far} {}", cell.radius);
+                assert!(far <= cell.radius * (1.0 + 1e-5) + MIN_DISTANCE, "{far} {}", cell.radius);
             }
             let mut at = cell.places().start;
             for child in &tree.cells[cell.children()] {
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn points_of_one_place_are_one_leaf() {
+    fn coincident_points_are_one_leaf() {
         let tree = check(&vec![Vec3::new(1.0, 2.0, 3.0); 100], 8);
         assert_eq!(tree.cells.len(), 1);
         let two: Vec<Vec3> = (0..100).map(|i| Vec3::repeat((i % 2) as f32)).collect();
@@ -397,8 +398,8 @@ mod tests {
     }
 
     #[test]
-    fn vortons_of_one_place_and_core_are_one_heap() {
-        // Thousands in one place, of two cores and a few others, among others.
+    fn coincident_vortons_of_one_core_are_one_range() {
+        // Thousands of coincident points with two cores and a few other cores, in a cloud.
         let mut points = points(9000);
         points[1000..8000].fill(Vec3::new(0.3, 0.4, 0.5));
         let core = |i: usize| {
@@ -412,22 +413,22 @@ mod tests {
         };
         let core: Vec<f32> = (0..points.len()).map(core).collect();
         let mut tree = Octree::new(&points, 16);
-        let heaps = tree.heap(&core, 16);
-        assert_eq!(heaps.iter().map(Range::len).collect::<Vec<_>>(), [4000, 2990]);
-        for heap in &heaps {
-            let order = &tree.order[heap.clone()];
+        let coincident = tree.group_coincident(&core, 16);
+        assert_eq!(coincident.iter().map(Range::len).collect::<Vec<_>>(), [4000, 2990]);
+        for range in &coincident {
+            let order = &tree.order[range.clone()];
             let first = order[0] as usize;
             assert!(
                 order.iter().all(|&i| points[i as usize] == points[first] && core[i as usize] == core[first])
             );
         }
-        // What stands for all: everything else, and one of each.
-        let left = standing(0..points.len(), &heaps);
-        assert_eq!(left.iter().map(Range::len).sum::<usize>(), 9000 - 4000 - 2990 + 2);
+        // One vorton represents each range; all others represent themselves.
+        let ranges = representatives(0..points.len(), &coincident);
+        assert_eq!(ranges.iter().map(Range::len).sum::<usize>(), 9000 - 4000 - 2990 + 2);
         let leaf = tree.cells.iter().find(|cell| cell.is_leaf() && cell.count() > 16).unwrap();
-        let there: usize = standing(leaf.places(), &heaps).iter().map(Range::len).sum();
-        assert_eq!(there, 2 + 10);
-        let all = standing(5..9, &[]);
+        let in_leaf: usize = representatives(leaf.places(), &coincident).iter().map(Range::len).sum();
+        assert_eq!(in_leaf, 2 + 10);
+        let all = representatives(5..9, &[]);
         assert!(all.len() == 1 && all[0] == (5..9), "{all:?}");
     }
 }

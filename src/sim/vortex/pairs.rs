@@ -1,47 +1,48 @@
-//! Sums over pairs: eight targets at a time, one vorton after the other.
+//! Sums over pairs: eight targets at a time with one vorton after the other.
 
 use super::{
     GRADIENT, POTENTIAL, Vortons,
-    chain::{Chain, Chained},
     index::MAX_ORDER,
+    kernels::{Derivatives, RadialKernel},
     lanes::{LANES, Lanes, splat},
 };
 use crate::math::Vec3;
 use std::f64::consts::PI;
 
-/// A vorton as its targets read it: position [m], Γ/4π [m³/s], σ² [m²].
+/// A vorton as a source: position [m], Γ/4π [m³/s], σ² [m²].
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C, align(32))]
 pub(super) struct Source(pub(super) [f32; 8]);
 
 impl Source {
-    /// Vorton `i`.
+    /// The source of vorton `i`.
     pub(super) fn new(vortons: &Vortons, i: usize) -> Self {
         let (x, s) = (vortons.position[i], vortons.core[i]);
         let g = vortons.strength[i] * (0.25 / PI) as f32;
         Self([x.x, x.y, x.z, g.x, g.y, g.z, s * s, 0.0])
     }
 
-    /// Makes the first of `heap`, all of one place and core, the sum of all, and the others nothing.
-    pub(super) fn gather(heap: &mut [Self]) {
-        let sum = |k: usize| heap.iter().map(|Self(q)| f64::from(q[k])).sum::<f64>() as f32;
+    /// Merges coincident sources of one core: the first gets the strength of all, the others none.
+    pub(super) fn merge(coincident: &mut [Self]) {
+        let sum = |k: usize| coincident.iter().map(|Self(q)| f64::from(q[k])).sum::<f64>() as f32;
         let sums = [3, 4, 5].map(sum);
-        for Self(q) in heap.iter_mut() {
+        for Self(q) in coincident.iter_mut() {
             q[3..6].fill(0.0);
         }
-        heap[0].0[3..6].copy_from_slice(&sums);
+        coincident[0].0[3..6].copy_from_slice(&sums);
     }
 }
 
-/// Numbers that are summed: a vector, and for the gradient Σ KΓ and Σ H (Γ × d) dᵀ but its last, which the trace gives.
+/// Numbers that are summed: a vector, and for the gradient Σ KΓ and Σ H (Γ × d) dᵀ except its last, which follows from the
+/// trace.
 pub(super) const SUMS: usize = 14;
 
-/// Sums of eight targets.
+/// The sums at eight targets.
 pub(super) type Sums<L> = [L; SUMS];
 
-/// Adds what `sources` induce at `x` for the quantity `Q`.
+/// Adds the sums over `sources` at `x` for the quantity `Q`.
 #[inline(always)]
-pub(super) fn add_pairs<L: Lanes, K: Chain, const Q: usize>(
+pub(super) fn add_pairs<L: Lanes, K: RadialKernel, const Q: usize>(
     x: [L; 3],
     sources: &[Source],
     sums: &mut Sums<L>,
@@ -51,11 +52,11 @@ pub(super) fn add_pairs<L: Lanes, K: Chain, const Q: usize>(
         let d = [x[0] - splat(q[0]), x[1] - splat(q[1]), x[2] - splat(q[2])];
         let r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
         let g: [L; 3] = [splat(q[3]), splat(q[4]), splat(q[5])];
-        let mut chain: Chained<L> = [splat(0.0); MAX_ORDER + 1];
-        K::chain(r2, splat(q[6]), Q, &mut chain);
+        let mut derivatives: Derivatives<L> = [splat(0.0); MAX_ORDER + 1];
+        K::derivatives(r2, splat(q[6]), Q, &mut derivatives);
         if Q == POTENTIAL {
             for k in 0..3 {
-                s[k] += g[k] * chain[0];
+                s[k] += g[k] * derivatives[0];
             }
             continue;
         }
@@ -63,16 +64,16 @@ pub(super) fn add_pairs<L: Lanes, K: Chain, const Q: usize>(
         // K Γ × d, K = −G₁.
         let c = [g[1] * d[2] - g[2] * d[1], g[2] * d[0] - g[0] * d[2], g[0] * d[1] - g[1] * d[0]];
         for k in 0..3 {
-            s[k] = s[k] - chain[1] * c[k];
+            s[k] = s[k] - derivatives[1] * c[k];
         }
 
         // K Γ, whose cross product with a direction is half of the gradient, and H (Γ × d) dᵀ, H = −G₂.
         if Q == GRADIENT {
             for k in 0..3 {
-                s[3 + k] = s[3 + k] - chain[1] * g[k];
+                s[3 + k] = s[3 + k] - derivatives[1] * g[k];
             }
             for i in 0..3 {
-                let h = chain[2] * c[i];
+                let h = derivatives[2] * c[i];
                 for j in 0..3 {
                     if 3 * i + j < 8 {
                         s[6 + 3 * i + j] = s[6 + 3 * i + j] - h * d[j];
@@ -84,7 +85,7 @@ pub(super) fn add_pairs<L: Lanes, K: Chain, const Q: usize>(
     *sums = s;
 }
 
-/// The vectors that sums of a target stand for: A, u, or u and the rows of ∇u.
+/// The vectors of the sums at a target: A, u, or u and the rows of ∇u.
 #[inline(always)]
 pub(super) fn vectors<const Q: usize, const N: usize>(s: [f32; SUMS]) -> [Vec3; N] {
     let mut out = [Vec3::new(s[0], s[1], s[2]); N];
@@ -97,7 +98,7 @@ pub(super) fn vectors<const Q: usize, const N: usize>(s: [f32; SUMS]) -> [Vec3; 
     out
 }
 
-/// Up to eight positions as columns, the last repeated.
+/// Eight positions as columns.
 #[inline(always)]
 pub(super) fn columns<L: Lanes>(positions: impl Fn(usize) -> Vec3) -> [L; 3] {
     let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);

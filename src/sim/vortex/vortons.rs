@@ -1,21 +1,21 @@
-//! A set of vortons, and what of it the sums can hold.
+//! A set of vortons, and the range of their properties.
 
 use crate::{math::Vec3, par, sim::Diverged};
 
-/// The smallest core [m]. Smaller ones would leave single precision where vortons come close.
-pub const SMALLEST_CORE: f32 = 1e-6;
+/// The smallest core [m]. Sums over smaller cores would overflow single precision where vortons come close.
+pub const MIN_CORE: f32 = 1e-6;
 
-/// The largest coordinate and core [m], and the largest strength [m³/s], that are taken for meant.
-pub const LARGEST: f32 = 1e9;
+/// The largest coordinate and core [m], and the largest strength [m³/s]. Larger values are considered a mistake.
+pub const MAX_MAGNITUDE: f32 = 1e9;
 
-/// Pieces of vorticity, one column a property, all of one length.
+/// Vortex particles, one column per property, all of one length.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Vortons {
-    /// Where they are [m].
+    /// The positions [m].
     pub position: Vec<Vec3>,
     /// Γ = ω V: vorticity times volume [m³/s].
     pub strength: Vec<Vec3>,
-    /// σ: the size of the core [m], at least [`SMALLEST_CORE`].
+    /// σ: the size of the core [m], at least [`MIN_CORE`].
     pub core: Vec<f32>,
 }
 
@@ -78,21 +78,21 @@ impl OutOfRange {
 }
 
 impl Vortons {
-    /// How many there are.
+    /// The number of vortons.
     pub fn len(&self) -> usize {
         self.position.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no vortons.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
     }
 
-    /// Finds the first vorton that the sums cannot hold.
+    /// Checks that every vorton is in range.
     ///
     /// # Errors
-    /// [`OutOfRange`]: a coordinate or a strength that is no number or beyond [`LARGEST`], or a core that is not between
-    /// [`SMALLEST_CORE`] and that.
+    /// [`OutOfRange`], for the first vorton with a coordinate or a strength that is NaN or larger than [`MAX_MAGNITUDE`],
+    /// or with a core that is not between [`MIN_CORE`] and that.
     ///
     /// # Panics
     /// If the columns differ in length.
@@ -106,15 +106,15 @@ impl Vortons {
         if let Some(index) = first(count, |i| !within(self.strength[i])) {
             return refuse(index, outside("strength", self.strength[index], "m³/s"));
         }
-        if let Some(index) = first(count, |i| !(SMALLEST_CORE..=LARGEST).contains(&self.core[i])) {
-            let what = format!("a core of {} m, not in {SMALLEST_CORE:e}..{LARGEST:e} m", self.core[index]);
+        if let Some(index) = first(count, |i| !(MIN_CORE..=MAX_MAGNITUDE).contains(&self.core[i])) {
+            let what = format!("a core of {} m, not in {MIN_CORE:e}..{MAX_MAGNITUDE:e} m", self.core[index]);
             return refuse(index, what);
         }
         Ok(())
     }
 }
 
-/// Finds the first point that the sums cannot hold.
+/// Checks that every point is in range.
 pub(super) fn check_points(points: &[Vec3]) -> Result<(), OutOfRange> {
     first(points.len(), |i| !within(points[i])).map_or(Ok(()), |index| {
         Err(OutOfRange { kind: ElementKind::Points, index, what: outside("position", points[index], "m") })
@@ -122,11 +122,11 @@ pub(super) fn check_points(points: &[Vec3]) -> Result<(), OutOfRange> {
 }
 
 fn within(v: Vec3) -> bool {
-    v.iter().all(|c| c.abs() <= LARGEST)
+    v.iter().all(|c| c.abs() <= MAX_MAGNITUDE)
 }
 
 fn outside(name: &str, v: Vec3, unit: &str) -> String {
-    format!("the {name} ({}, {}, {}) {unit}, beyond {LARGEST:e}", v.x, v.y, v.z)
+    format!("the {name} ({}, {}, {}) {unit}, beyond {MAX_MAGNITUDE:e}", v.x, v.y, v.z)
 }
 
 /// First index for which `is_out_of_range` holds.
@@ -142,7 +142,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_no_number_or_out_of_range_is_named() {
+    fn nan_and_values_out_of_range_are_reported() {
         let fit = Vortons {
             position: vec![Vec3::zeros(); 3],
             strength: vec![Vec3::zeros(); 3],
@@ -156,7 +156,7 @@ mod tests {
         };
         let named = |index: usize, name: &str| Err((index, name.to_owned()));
         assert_eq!(spoiled(|v| v.position[1].y = f32::NAN), named(1, "position"));
-        assert_eq!(spoiled(|v| v.position[0].y = 2.0 * LARGEST), named(0, "position"));
+        assert_eq!(spoiled(|v| v.position[0].y = 2.0 * MAX_MAGNITUDE), named(0, "position"));
         assert_eq!(spoiled(|v| v.strength[2].z = f32::INFINITY), named(2, "strength"));
         assert_eq!(spoiled(|v| v.core[2] = f32::NAN), named(2, "core"));
         assert_eq!(spoiled(|v| v.core[1] = 0.0), named(1, "core"));

@@ -8,7 +8,7 @@
 use super::super::{
     Vortons,
     lanes::{self, LANES, Lanes, Pass, splat},
-    octree::{Octree, standing},
+    octree::{Octree, representatives},
     pairs,
 };
 use crate::{math::Vec3, par};
@@ -61,9 +61,9 @@ impl Near {
     /// Orders vortons.
     pub(super) fn new(vortons: &Vortons) -> Self {
         let mut tree = Octree::new(&vortons.position, LEAF);
-        let heaps = tree.heap(&vortons.core, LEAF);
+        let heaps = tree.group_coincident(&vortons.core, LEAF);
         let (leaves, ends) = tree.leaves();
-        let widest = tree.upwards(0.0, f32::max, |i| vortons.core[i]);
+        let widest = tree.reduce_up(0.0, f32::max, |i| vortons.core[i]);
         let mut places = vec![[0.0; 4]; vortons.len()];
         par::fill(&mut places, |at| {
             let i = tree.order[at] as usize;
@@ -117,7 +117,7 @@ impl Near {
             }
             match cell.is_leaf() {
                 true if self.heaps.is_empty() => near.push(cell.places()),
-                true => near.extend(standing(cell.places(), &self.heaps)),
+                true => near.extend(representatives(cell.places(), &self.heaps)),
                 false => open.extend(cell.children().rev()),
             }
         }

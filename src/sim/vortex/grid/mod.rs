@@ -33,9 +33,9 @@ pub(super) use transforms::GridKernel;
 pub use uniform::{UniformGrid, VectorField};
 
 use super::{
-    GRADIENT, Kernel, OutOfRange, POTENTIAL, Targets, Vortons, accuracy,
-    chain::{Ball, Chain, Gaussian, RosenheadMoore, WinckelmansLeonard},
-    coherence, walk,
+    GRADIENT, Kernel, OutOfRange, POTENTIAL, Targets, Vortons, accuracy, coherence,
+    kernels::{Ball, Gaussian, RadialKernel, RosenheadMoore, WinckelmansLeonard},
+    traversal,
 };
 use crate::{math::Vec3, par};
 use boundary::{BoundaryValues, Interpolation};
@@ -66,7 +66,7 @@ pub(super) fn rows<K: GridKernel, const Q: usize, const N: usize>(
     let settings = settings::<K>(vortons, error);
     match SolvedGrid::new::<K, Q>(vortons, count, settings) {
         Some(solved) => solved.rows::<K, Q, N>(targets),
-        None => walk::rows::<K, Q, N>(vortons, targets, accuracy::setting(settings.error)),
+        None => traversal::rows::<K, Q, N>(vortons, targets, accuracy::tree_settings(settings.error)),
     }
 }
 
@@ -85,9 +85,9 @@ pub(super) fn both<K: GridKernel>(
             (solved.rows::<K, GRADIENT, 4>(targets), solved.rows::<K, { super::VELOCITY }, 1>(points))
         }
         None => {
-            let tree = accuracy::setting(settings.error);
-            let found = walk::rows::<K, GRADIENT, 4>(vortons, targets, tree);
-            (found, walk::rows::<K, { super::VELOCITY }, 1>(vortons, points, tree))
+            let tree = accuracy::tree_settings(settings.error);
+            let found = traversal::rows::<K, GRADIENT, 4>(vortons, targets, tree);
+            (found, traversal::rows::<K, { super::VELOCITY }, 1>(vortons, points, tree))
         }
     }
 }
@@ -133,7 +133,7 @@ impl<'a> SolvedGrid<'a> {
     fn rows<K: GridKernel, const Q: usize, const N: usize>(&self, targets: Targets<'_>) -> Vec<[Vec3; N]> {
         let Self { vortons, plan, .. } = self;
         let points = targets.positions(vortons);
-        let tree = accuracy::setting(self.settings.error);
+        let tree = accuracy::tree_settings(self.settings.error);
         let is_inside = |x: Vec3| plan.grid.contains(x, self.margin);
         // All points inside is the frequent case.
         let mut outside: Vec<usize> = par::map_chunks(points.len(), par::CHUNK, |part| {
@@ -151,7 +151,7 @@ impl<'a> SolvedGrid<'a> {
             }
         };
         // The tree serves points outside.
-        write(&outside, &|at| walk::rows::<K, Q, N>(vortons, Targets::Points(at), tree));
+        write(&outside, &|at| traversal::rows::<K, Q, N>(vortons, Targets::Points(at), tree));
         outside.reverse();
         let inside: Vec<usize> =
             (0..points.len()).filter(|i| outside.pop_if(|outer| outer == i).is_none()).collect();
@@ -168,8 +168,8 @@ impl<'a> SolvedGrid<'a> {
                 .add::<K, Q, N>(points, &mut found);
         }
         if !plan.strays.is_empty() {
-            let tree = accuracy::setting(self.settings.error);
-            let strays = walk::rows::<K, Q, N>(&plan.strays, Targets::Points(points), tree);
+            let tree = accuracy::tree_settings(self.settings.error);
+            let strays = traversal::rows::<K, Q, N>(&plan.strays, Targets::Points(points), tree);
             par::update(&mut found, |i, row| (0..N).for_each(|n| row[n] += strays[i][n]));
         }
         found
@@ -241,14 +241,14 @@ fn potential<K: GridKernel>(plan: &Plan, settings: &GridSettings) -> VectorField
 }
 
 /// The potential on the boundary of a grid, by the tree.
-fn boundary_by_tree<K: Chain>(
+fn boundary_by_tree<K: RadialKernel>(
     vortons: &Vortons,
     grid: UniformGrid,
     settings: &GridSettings,
 ) -> BoundaryValues {
     BoundaryValues::sampled(grid, settings.boundary_step, Interpolation::Cubic, |points| {
-        let tree = accuracy::setting(settings.boundary_error);
-        let rows = walk::rows::<K, POTENTIAL, 1>(vortons, Targets::Points(points), tree);
+        let tree = accuracy::tree_settings(settings.boundary_error);
+        let rows = traversal::rows::<K, POTENTIAL, 1>(vortons, Targets::Points(points), tree);
         rows.into_iter().map(|[a]| a).collect()
     })
 }

@@ -11,7 +11,7 @@ use crate::{
     sim::vortex::{
         Vortons,
         lanes::{self, LANES, Lanes, Pass, splat},
-        octree::{Octree, standing},
+        octree::{Octree, representatives},
         pairs::{self, SUMS, Source, Sums},
     },
 };
@@ -41,7 +41,7 @@ impl<'a> NearCorrection<'a> {
     /// For a grid that represents cores of `grid_core` [m].
     pub(super) fn new<K: GridKernel>(vortons: &'a Vortons, grid_core: f32, error: f32) -> Self {
         let mut tree = Octree::new(&vortons.position, MAX_LEAF_POINTS);
-        let coincident = tree.heap(&vortons.core, MAX_LEAF_POINTS);
+        let coincident = tree.group_coincident(&vortons.core, MAX_LEAF_POINTS);
         let source = |at: usize| Source::new(vortons, tree.order[at] as usize);
         let (mut exact, mut on_grid) =
             (vec![Source::default(); vortons.len()], vec![Source::default(); vortons.len()]);
@@ -51,14 +51,14 @@ impl<'a> NearCorrection<'a> {
             Source([x, y, z, -gx, -gy, -gz, grid_core * grid_core, 0.0])
         });
         for range in &coincident {
-            Source::gather(&mut exact[range.clone()]);
-            Source::gather(&mut on_grid[range.clone()]);
+            Source::merge(&mut exact[range.clone()]);
+            Source::merge(&mut on_grid[range.clone()]);
         }
         let far = |core: f32| match K::IS_SMOOTH && core == grid_core {
             true => 0.0,
             false => K::reach(core, grid_core, error),
         };
-        let reach = tree.upwards(0.0, f32::max, |i| far(vortons.core[i]));
+        let reach = tree.reduce_up(0.0, f32::max, |i| far(vortons.core[i]));
         Self { points: &vortons.position, tree, coincident, exact, on_grid, reach }
     }
 
@@ -103,7 +103,7 @@ impl<'a> NearCorrection<'a> {
                 continue;
             }
             if cell.is_leaf() {
-                for places in standing(cell.places(), &self.coincident) {
+                for places in representatives(cell.places(), &self.coincident) {
                     match ranges.last_mut() {
                         Some(last) if last[1] == places.start => last[1] = places.end,
                         _ => ranges.push([places.start, places.end]),

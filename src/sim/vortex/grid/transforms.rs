@@ -5,10 +5,10 @@
 //! ζ̂ = x K₁ + ½x² K₀ = ½x² K₂(x). The Gaussian has e^(−x²/2). K_ν(x) = ∫ e^(−x cosh t) cosh νt dt over t > 0, by trapezoids
 //! [abramowitz72] 9.6.24.
 
-use crate::sim::vortex::chain::{Ball, Chain, Gaussian, RosenheadMoore, WinckelmansLeonard};
+use crate::sim::vortex::kernels::{Ball, Gaussian, RadialKernel, RosenheadMoore, WinckelmansLeonard};
 
 /// A kernel, and the one whose vorticity a grid represents for it.
-pub(in crate::sim::vortex) trait GridKernel: Chain {
+pub(in crate::sim::vortex) trait GridKernel: RadialKernel {
     /// The kernel that the grid represents; pairs add the difference to it. The transform of a ball decays too slowly for a
     /// grid.
     type Smooth: SmoothKernel;
@@ -37,7 +37,7 @@ const GAUSSIAN_CORE_IN_SPACINGS: &[[f32; 2]] =
     &[[0.1, 1.0], [0.03, 1.1], [0.01, 1.4], [3e-3, 1.8], [1e-3, 2.2], [3e-4, 2.8], [1e-4, 3.6]];
 
 /// A kernel with a smooth vorticity.
-pub(in crate::sim::vortex) trait SmoothKernel: Chain {
+pub(in crate::sim::vortex) trait SmoothKernel: RadialKernel {
     /// ζ̂(x).
     fn transform(x: f64) -> f64;
 }
@@ -84,7 +84,11 @@ impl GridKernel for RosenheadMoore {
         // Inside the cores two kernels differ, no matter how soon they agree outside.
         // The omitted difference decays with the squared distance only, and has one sign: it is twice that of single
         // cells of mixed cores.
-        if high - low < 0.1 * error * high { 0.0 } else { Self::gap(low, high, 0.5 * error).max(2.0 * high) }
+        if high - low < 0.1 * error * high {
+            0.0
+        } else {
+            Self::min_gap(low, high, 0.5 * error).max(2.0 * high)
+        }
     }
 }
 
@@ -99,7 +103,7 @@ impl GridKernel for WinckelmansLeonard {
     fn reach(core: f32, grid_core: f32, error: f32) -> f32 {
         let (low, high) = (core.min(grid_core), core.max(grid_core));
         // Inside the cores two kernels differ, no matter how soon they agree outside.
-        if high - low < 0.1 * error * high { 0.0 } else { Self::gap(low, high, error).max(2.0 * high) }
+        if high - low < 0.1 * error * high { 0.0 } else { Self::min_gap(low, high, error).max(2.0 * high) }
     }
 }
 

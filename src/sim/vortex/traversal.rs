@@ -1,22 +1,22 @@
-//! The sum over cells: expansions between what is far apart, pairs between what is near.
+//! The fast multipole method: expansions between well-separated cells, pairs between near ones.
 //!
-//! *Method*: [dehnen02]'s walk of two trees, from the targets' side. A cell of targets inherits the cells of sources its
-//! parent was near. One whose radii together are less than θ of the distance sends its moments; else the larger of the two is
-//! divided, until leaves are left, whose pairs are summed. What a cell received is handed down to its children and evaluated at
-//! its points.
+//! *Method*: [dehnen02]'s dual tree traversal, from the targets' side. A target cell inherits the source cells that were near
+//! its parent. The acceptance criterion of a source cell is that the sum of both radii is less than θ of the distance. An
+//! accepted cell adds its moments to the local expansion. Otherwise the larger of the two cells is divided, down to leaves,
+//! whose pairs are summed. The local expansion of a cell is translated to its children and evaluated at the points of leaves.
 //!
-//! The order of an expansion is the lowest that serves the distance (`accuracy.rs`), and a leaf takes the pairs where those cost
-//! less. Cells are walked in a fixed order by one task each, so threads leave no trace in the result.
+//! The order of an expansion is the lowest that is accurate enough at the distance (`accuracy.rs`). A leaf sums pairs where
+//! that costs less. Each task traverses its cells in a fixed order, so the number of threads does not change the result.
 
 use super::{
     GRADIENT, POTENTIAL, Targets, Vortons,
-    accuracy::Setting,
-    chain::Chain,
-    expansion::{self, Expansions, Senders, monomials, stride},
-    index::{ADD, COEFS, MAX_ORDER, coefs},
+    accuracy::TreeSettings,
+    expansion::{self, Expansions, SourceCells, monomials, stride},
+    index::{ADD, MAX_COEFS, MAX_ORDER, coefs},
+    kernels::RadialKernel,
     lanes::{self, LANES, Lanes, Pass, splat},
     moments::Sources,
-    octree::{Cell, Octree, standing},
+    octree::{Cell, Octree, representatives},
     pairs::{self, SUMS, Sums},
 };
 use crate::{
@@ -25,29 +25,32 @@ use crate::{
 };
 use std::{marker::PhantomData, ops::Range};
 
-/// Targets of a task: of many targets this share, and of few this number. Fewer spread better over threads, but what is above
-/// a task's cell is done by one.
-const SHARE: usize = 128;
-const FEWEST: usize = 512;
+/// Tasks into which the targets are divided, about. More tasks balance threads better, but one thread visits all cells above
+/// those of the tasks.
+const TASKS: usize = 128;
 
-/// What `vortons` induce at `targets`, with expansions as `setting` says.
-pub(super) fn rows<K: Chain, const Q: usize, const N: usize>(
+/// Targets per task at least, unless there are fewer.
+const MIN_TARGETS_PER_TASK: usize = 512;
+
+/// The quantity `Q` that `vortons` induce at `targets`.
+pub(super) fn rows<K: RadialKernel, const Q: usize, const N: usize>(
     vortons: &Vortons,
     targets: Targets<'_>,
-    setting: Setting,
+    settings: TreeSettings,
 ) -> Vec<[Vec3; N]> {
     let points = targets.positions(vortons);
     if points.is_empty() || vortons.is_empty() {
         return vec![[Vec3::zeros(); N]; points.len()];
     }
-    let sources = Sources::new::<K>(vortons, &setting);
+    let sources = Sources::new::<K>(vortons, &settings);
     let own = match targets {
         Targets::Vortons => None,
-        Targets::Points(points) => Some(Octree::new(points, setting.leaf)),
+        Targets::Points(points) => Some(Octree::new(points, settings.max_leaf_points)),
     };
     let targets = own.as_ref().unwrap_or(&sources.tree);
-    let walk = Walk::<K, Q, N> { sources: &sources, targets, points, setting, kernel: PhantomData };
-    let sorted = walk.all();
+    let traversal =
+        Traversal::<K, Q, N> { sources: &sources, targets, points, settings, kernel: PhantomData };
+    let sorted = traversal.rows();
     let mut inverse = Inverse::default();
     inverse.rebuild(&targets.order);
     let mut out = vec![[Vec3::zeros(); N]; points.len()];
@@ -55,38 +58,39 @@ pub(super) fn rows<K: Chain, const Q: usize, const N: usize>(
     out
 }
 
-struct Walk<'a, K, const Q: usize, const N: usize> {
+struct Traversal<'a, K, const Q: usize, const N: usize> {
     sources: &'a Sources,
     targets: &'a Octree,
     points: &'a [Vec3],
-    setting: Setting,
+    settings: TreeSettings,
     kernel: PhantomData<K>,
 }
 
-/// A cell of targets from above: the local expansion of its parent, with its centre and unit, and the cells its parent is near.
+/// The state of a target cell that its children inherit: its local expansion, with centre and unit, and the source cells near
+/// it.
 #[derive(Clone)]
-struct Inherited {
+struct CellState {
     local: Vec<f32>,
     center: Vec3,
     unit: f32,
     near: Vec<u32>,
 }
 
-/// Cells whose expansions serve a cell, by order.
-type Far = [Vec<u32>; MAX_ORDER + 1];
+/// Source cells whose expansions a target cell accepts, by order.
+type AcceptedCells = [Vec<u32>; MAX_ORDER + 1];
 
-impl<K: Chain, const Q: usize, const N: usize> Walk<'_, K, Q, N> {
-    /// The sums of all targets, in the order of their tree.
-    fn all(&self) -> Vec<[Vec3; N]> {
+impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
+    /// The sums at all targets, in the order of their tree.
+    fn rows(&self) -> Vec<[Vec3; N]> {
         let root = &self.targets.cells[0];
-        let above = Inherited {
-            local: vec![0.0; stride(self.setting.order)],
+        let above = CellState {
+            local: vec![0.0; stride(self.settings.order)],
             center: root.center,
             unit: root.unit,
             near: vec![0],
         };
         let mut tasks = Vec::new();
-        self.cut(root, above, (self.points.len() / SHARE).max(FEWEST), &mut tasks);
+        self.split(root, above, (self.points.len() / TASKS).max(MIN_TARGETS_PER_TASK), &mut tasks);
         let ends: Vec<usize> = tasks.iter().map(|(cell, _)| cell.places().end).collect();
         let mut out = vec![[Vec3::zeros(); N]; self.points.len()];
         par::for_parts(&mut out, &ends, 1, |task, out| {
@@ -96,60 +100,62 @@ impl<K: Chain, const Q: usize, const N: usize> Walk<'_, K, Q, N> {
         out
     }
 
-    /// Walks what is above cells of at most `most` targets, and lists those with what they inherit.
-    fn cut<'s>(
+    /// Visits the cells above those of at most `max_targets` targets, and lists the latter with the state of their parents.
+    fn split<'s>(
         &'s self,
         cell: &'s Cell,
-        above: Inherited,
-        most: usize,
-        tasks: &mut Vec<(&'s Cell, Inherited)>,
+        above: CellState,
+        max_targets: usize,
+        tasks: &mut Vec<(&'s Cell, CellState)>,
     ) {
-        if cell.count() <= most || cell.is_leaf() {
+        if cell.count() <= max_targets || cell.is_leaf() {
             tasks.push((cell, above));
             return;
         }
-        let here = self.receive(cell, &above);
+        let state = self.state(cell, &above);
         for child in &self.targets.cells[cell.children()] {
-            self.cut(child, here.clone(), most, tasks);
+            self.split(child, state.clone(), max_targets, tasks);
         }
     }
 
-    /// Sums at the targets of a cell; `out` begins with the target at place `first`.
-    fn visit(&self, cell: &Cell, above: &Inherited, first: usize, out: &mut [[Vec3; N]]) {
-        let here = self.receive(cell, above);
+    /// Sums at the targets of a cell; `out` starts with the target `first` of the order.
+    fn visit(&self, cell: &Cell, above: &CellState, first: usize, out: &mut [[Vec3; N]]) {
+        let state = self.state(cell, above);
         if cell.is_leaf() {
             let out = &mut out[cell.places().start - first..cell.places().end - first];
-            lanes::run(Leaf { walk: self, cell, here: &here, out });
+            lanes::run(LeafTargets { traversal: self, cell, state: &state, out });
         }
         for child in &self.targets.cells[cell.children()] {
-            self.visit(child, &here, first, out);
+            self.visit(child, &state, first, out);
         }
     }
 
-    /// The local expansion of a cell and the cells it is near.
-    fn receive(&self, cell: &Cell, above: &Inherited) -> Inherited {
-        let mut far = Far::default();
+    /// The local expansion of a cell and the source cells near it.
+    fn state(&self, cell: &Cell, above: &CellState) -> CellState {
+        let mut accepted = AcceptedCells::default();
         let mut near = Vec::with_capacity(2 * above.near.len());
-        self.sort(cell, &above.near, &mut far, &mut near);
-        let mut local = vec![0.0; stride(self.setting.order)];
+        self.separate(cell, &above.near, &mut accepted, &mut near);
+        let order = self.settings.order;
+        let mut local = vec![0.0; stride(order)];
         let shift = (cell.center - above.center) / above.unit;
         let ratio = cell.unit / above.unit;
-        expansion::to_child(&above.local, shift.into(), ratio, self.setting.order, &mut local);
-        if far.iter().any(|list| !list.is_empty()) {
-            lanes::run(Receive { walk: self, cell, far: &far, local: &mut local });
+        expansion::local_of_child(&above.local, shift.into(), ratio, order, &mut local);
+        if accepted.iter().any(|list| !list.is_empty()) {
+            lanes::run(AddAccepted { traversal: self, cell, accepted: &accepted, local: &mut local });
         }
-        Inherited { local, center: cell.center, unit: cell.unit, near }
+        CellState { local, center: cell.center, unit: cell.unit, near }
     }
 
-    /// Sorts the cells of sources that a cell's parent is near into those whose expansions serve it and those it is near.
-    fn sort(&self, cell: &Cell, candidates: &[u32], far: &mut Far, near: &mut Vec<u32>) {
+    /// Separates the source cells near the parent of a cell into those whose expansions it accepts and those near it.
+    fn separate(&self, cell: &Cell, candidates: &[u32], accepted: &mut AcceptedCells, near: &mut Vec<u32>) {
+        let break_even_pairs = &self.settings.break_even_pairs;
         let mut stack: Vec<u32> = candidates.iter().rev().copied().collect();
         while let Some(c) = stack.pop() {
             let source = &self.sources.tree.cells[c as usize];
-            let order = self.order(cell, source, self.sources.cores(c as usize).gap);
+            let order = self.accepted_order(cell, source, self.sources.core(c as usize).gap);
             match order {
-                Some(order) if !cell.is_leaf() || source.count() * cell.count() > self.setting.few[order] => {
-                    far[order].push(c);
+                Some(order) if !cell.is_leaf() || source.count() * cell.count() > break_even_pairs[order] => {
+                    accepted[order].push(c);
                 }
                 None if !source.is_leaf() && (cell.is_leaf() || source.radius > cell.radius) => {
                     stack.extend(source.children().rev().map(|child| child as u32));
@@ -159,77 +165,77 @@ impl<K: Chain, const Q: usize, const N: usize> Walk<'_, K, Q, N> {
         }
     }
 
-    /// The lowest order of an expansion of `source` that serves `cell`, if any does.
+    /// The acceptance criterion: the lowest order with which `cell` accepts the expansion of `source`, if any.
     #[inline(always)]
-    fn order(&self, cell: &Cell, source: &Cell, gap: f32) -> Option<usize> {
-        let squared = |order: usize| self.setting.squared_angles[order];
+    fn accepted_order(&self, cell: &Cell, source: &Cell, gap: f32) -> Option<usize> {
+        let squared = |order: usize| self.settings.squared_angles[order];
         let distance2 = (cell.center - source.center).norm_squared();
         let radii = cell.radius + source.radius;
-        let highest = self.setting.order;
-        let serves = |order| radii * radii < squared(order) * distance2;
-        if !serves(highest) || distance2 < (radii + gap) * (radii + gap) {
+        let highest = self.settings.order;
+        let accepts = |order| radii * radii < squared(order) * distance2;
+        if !accepts(highest) || distance2 < (radii + gap) * (radii + gap) {
             return None;
         }
         let mut order = highest;
-        while serves(order - 1) {
+        while accepts(order - 1) {
             order -= 1;
         }
         Some(order)
     }
 }
 
-/// Adds to a local expansion what far cells send, eight of one order at a time.
-struct Receive<'a, K, const Q: usize, const N: usize> {
-    walk: &'a Walk<'a, K, Q, N>,
+/// Adds accepted source cells to a local expansion, eight of one order at a time.
+struct AddAccepted<'a, K, const Q: usize, const N: usize> {
+    traversal: &'a Traversal<'a, K, Q, N>,
     cell: &'a Cell,
-    far: &'a Far,
+    accepted: &'a AcceptedCells,
     local: &'a mut [f32],
 }
 
-impl<K: Chain, const Q: usize, const N: usize> Pass for Receive<'_, K, Q, N> {
+impl<K: RadialKernel, const Q: usize, const N: usize> Pass for AddAccepted<'_, K, Q, N> {
     type Out = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (sources, highest) = (self.walk.sources, self.walk.setting.order);
+        let (sources, highest) = (self.traversal.sources, self.traversal.settings.order);
         let zero = splat::<L>(0.0);
         let from = usize::from(Q != POTENTIAL);
-        let mut sums: Expansions<L> = [zero; 3 * COEFS + LANES];
-        let mut moments: Expansions<L> = [zero; 3 * COEFS + LANES];
+        let mut sums: Expansions<L> = [zero; 3 * MAX_COEFS + LANES];
+        let mut moments: Expansions<L> = [zero; 3 * MAX_COEFS + LANES];
         let mut derivatives = [[zero; 256]; 2];
-        let lists = self.far.iter().enumerate();
+        let lists = self.accepted.iter().enumerate();
         for (order, list) in lists.flat_map(|(order, list)| list.chunks(LANES).map(move |list| (order, list)))
         {
-            // The last eight are filled up with the first cell, which then has no moments.
+            // The last eight are padded with the first cell, without its moments.
             let mut cells = [list[0] as usize; LANES];
-            let mut meant = [0.0; LANES];
+            let mut weights = [0.0; LANES];
             for (lane, &c) in list.iter().enumerate() {
-                (cells[lane], meant[lane]) = (c as usize, 1.0);
+                (cells[lane], weights[lane]) = (c as usize, 1.0);
             }
             let d = pairs::columns::<L>(|lane| self.cell.center - sources.tree.cells[cells[lane]].center);
             let (mut s2, mut radius) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..LANES {
-                s2[lane] = sources.cores(cells[lane]).s2;
+                s2[lane] = sources.core(cells[lane]).s2;
                 radius[lane] = sources.tree.cells[cells[lane]].radius;
             }
-            let senders = Senders { d, s2: L::load(&s2), radius: L::load(&radius) };
+            let source_cells = SourceCells { d, s2: L::load(&s2), radius: L::load(&radius) };
             let count = 3 * coefs(order);
             for first in (0..count).step_by(LANES) {
                 let row = |lane: usize| -> &[f32; LANES] {
-                    sources.moments(cells[lane])[first..].first_chunk().expect("filled up to eights")
+                    sources.moments(cells[lane])[first..].first_chunk().expect("padded to eight")
                 };
                 let eight = L::columns([row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)]);
                 moments[first..first + LANES].copy_from_slice(&eight);
             }
             if list.len() < LANES {
-                let meant = L::load(&meant);
+                let weights = L::load(&weights);
                 for m in &mut moments[..count] {
-                    *m = *m * meant;
+                    *m = *m * weights;
                 }
             }
             let unit = self.cell.unit;
-            expansion::add_local::<L, K>(
-                &senders,
+            expansion::add_moments_to_local::<L, K>(
+                &source_cells,
                 &mut moments,
                 unit,
                 order,
@@ -239,7 +245,7 @@ impl<K: Chain, const Q: usize, const N: usize> Pass for Receive<'_, K, Q, N> {
             );
         }
 
-        // Points all at the centre read no more than the second derivative, and units may overflow what is beyond.
+        // Points that are all at the centre need the first two derivatives only, and units may overflow the others.
         let read = if self.cell.radius > 0.0 { highest } else { highest.min(GRADIENT) };
         for (local, sum) in self.local.iter_mut().zip(&sums[..3 * coefs(read)]) {
             *local += sum.sum();
@@ -247,38 +253,38 @@ impl<K: Chain, const Q: usize, const N: usize> Pass for Receive<'_, K, Q, N> {
     }
 }
 
-/// Evaluates the local expansion of a leaf at its targets, eight at a time, and adds the pairs with what is near.
-struct Leaf<'a, K, const Q: usize, const N: usize> {
-    walk: &'a Walk<'a, K, Q, N>,
+/// Evaluates the local expansion of a leaf at its targets, eight at a time, and adds the pairs with near cells.
+struct LeafTargets<'a, K, const Q: usize, const N: usize> {
+    traversal: &'a Traversal<'a, K, Q, N>,
     cell: &'a Cell,
-    here: &'a Inherited,
+    state: &'a CellState,
     out: &'a mut [[Vec3; N]],
 }
 
-impl<K: Chain, const Q: usize, const N: usize> Pass for Leaf<'_, K, Q, N> {
+impl<K: RadialKernel, const Q: usize, const N: usize> Pass for LeafTargets<'_, K, Q, N> {
     type Out = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Walk { sources, targets, points, setting, .. } = self.walk;
+        let Traversal { sources, targets, points, settings, .. } = self.traversal;
         let order = &targets.order[self.cell.places()];
-        let stretches = stretches(sources, &self.here.near);
+        let ranges = source_ranges(sources, &self.state.near);
         let scale = splat::<L>(1.0 / self.cell.unit);
-        let mut powers = [splat::<L>(0.0); COEFS];
+        let mut powers = [splat::<L>(0.0); MAX_COEFS];
         for (order, out) in order.chunks(LANES).zip(self.out.chunks_mut(LANES)) {
             let x = pairs::columns::<L>(|lane| points[order[lane.min(order.len() - 1)] as usize]);
 
-            // What is far.
+            // The local expansion.
             let mut a = [splat::<L>(0.0); 3];
             for k in 0..3 {
                 a[k] = (x[k] - splat(self.cell.center[k])) * scale;
             }
-            monomials(a, setting.order, &mut powers);
-            let far = evaluate::<L, Q, N>(&self.here.local, &powers, setting.order, scale);
+            monomials(a, settings.order, &mut powers);
+            let far = evaluate::<L, Q, N>(&self.state.local, &powers, settings.order, scale);
 
-            // What is near.
+            // The pairs with near cells.
             let mut sums: Sums<L> = [splat(0.0); SUMS];
-            for &[start, end] in &stretches {
+            for &[start, end] in &ranges {
                 pairs::add_pairs::<L, K, Q>(x, &sources.sources[start as usize..end as usize], &mut sums);
             }
 
@@ -304,8 +310,8 @@ impl<K: Chain, const Q: usize, const N: usize> Pass for Leaf<'_, K, Q, N> {
     }
 }
 
-/// The stretches of places of the cells `near`, those that follow one another as one; of a heap its first.
-fn stretches(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
+/// The ranges of the order that the cells `near` hold, with adjacent ranges joined and coincident vortons represented.
+fn source_ranges(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
     let mut out: Vec<[u32; 2]> = Vec::with_capacity(near.len());
     let mut add = |places: Range<usize>| {
         let (start, end) = (places.start as u32, places.end as u32);
@@ -316,19 +322,19 @@ fn stretches(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
     };
     for &c in near {
         let places = sources.tree.cells[c as usize].places();
-        match sources.heaps.is_empty() {
+        match sources.coincident.is_empty() {
             true => add(places),
-            false => standing(places, &sources.heaps).into_iter().for_each(&mut add),
+            false => representatives(places, &sources.coincident).into_iter().for_each(&mut add),
         }
     }
     out
 }
 
-/// A, u, or u and the rows of ∇u of a local expansion, from the powers of the offset; `scale` is one over its unit.
+/// Evaluates A, u, or u and the rows of ∇u from a local expansion and the powers of the offset; `scale` is one over its unit.
 #[inline(always)]
 fn evaluate<L: Lanes, const Q: usize, const N: usize>(
     local: &[f32],
-    powers: &[L; COEFS],
+    powers: &[L; MAX_COEFS],
     order: usize,
     scale: L,
 ) -> [[L; 3]; N] {
@@ -370,7 +376,7 @@ fn evaluate<L: Lanes, const Q: usize, const N: usize>(
     out
 }
 
-/// The coefficient of ∇ × A at the multi-index of place `b`.
+/// The coefficient of ∇ × A at the multi-index with index `b`.
 #[inline(always)]
 fn curl(local: &[f32], b: usize) -> [f32; 3] {
     let along = |axis: usize, k: usize| local[3 * usize::from(ADD[b][1 + axis]) + k];
@@ -397,7 +403,7 @@ mod tests {
         for kernel in [Kernel::Ball, Kernel::RosenheadMoore, Kernel::WinckelmansLeonard, Kernel::Gaussian] {
             for method in [Method::Direct, Method::Tree { error: 1e-2 }] {
                 for quantity in [Quantity::Potential, Quantity::VelocityAndGradient] {
-                    // On a pool of one thread, which then is the thread of every pass.
+                    // On a pool of one thread, so that the thread-local switch applies to every pass.
                     let find = |reference_only| {
                         par::with_threads(1, || {
                             REFERENCE_ONLY.set(reference_only);
