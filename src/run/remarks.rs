@@ -68,10 +68,10 @@ fn of_coupling(record: &CouplingRecord) -> Vec<String> {
     let liquid = record.liquid.clone().unwrap_or_default();
     let smoke = record.smoke.clone().unwrap_or_default();
     nonzero(&[
-        (liquid.crossed, "particles got through a sheet"),
-        (liquid.put_back, "particles put back to their side of a sheet"),
-        (liquid.unfinished, "rounds of contact ended by their number"),
-        (smoke.cut, "drags of faces cut (longer substeps than the air allows)"),
+        (liquid.crossed, "particles crossed a sheet"),
+        (liquid.projected_back, "particles projected back to their side of a sheet"),
+        (liquid.unconverged, "contact solves reached their iteration limit"),
+        (smoke.limited, "drag forces on faces limited (substeps too long for the air)"),
     ])
 }
 

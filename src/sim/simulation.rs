@@ -1,8 +1,11 @@
-//! The systems of a shot, advanced together.
+//! Simulation of all systems of a shot, advanced together frame by frame.
 
 use super::{
     FrameRecord, SeedReport, Stop, Watch,
-    coupling::{self, Blown, Bound, Coupling, CouplingRecord, Outside, Resolved, There, Together, Wind},
+    coupling::{
+        self, CoupledSheets, Coupling, CouplingRecord, ExternalForces, FrameWind, LiquidSheetCoupling,
+        PresentSystems, ResolvedCouplings, WindCoupling,
+    },
     liquid::{self, Liquid, LiquidParams},
     record::{Clock, Seconds},
     setup::{SetupError, World},
@@ -12,7 +15,7 @@ use super::{
 };
 use crate::frame::{Frame, FrameIndex};
 
-/// What is simulated; `None` = absent.
+/// Parameters of the systems to simulate; an absent system is `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Systems {
     /// The liquid.
@@ -21,7 +24,7 @@ pub struct Systems {
     pub smoke: Option<Smoke>,
     /// The sheets.
     pub sheets: Option<sheet::Shot>,
-    /// Which of them feel each other.
+    /// Couplings between them.
     pub couplings: Vec<Coupling>,
 }
 
@@ -31,16 +34,16 @@ impl From<Option<LiquidParams>> for Systems {
     }
 }
 
-/// The systems of a shot and their state at one instant.
+/// The systems of a shot and their current state.
 #[derive(Debug)]
 pub struct Simulation {
     liquid: Option<Liquid>,
     smoke: Option<smoke::System>,
     sheets: Option<Sheets>,
-    /// The liquid with sheets.
-    wet: Option<Bound>,
-    /// Sheets in the smoke.
-    blown: Option<Blown>,
+    /// Contact of the liquid with sheets.
+    liquid_sheets: Option<LiquidSheetCoupling>,
+    /// Drag of the smoke's air on sheets.
+    wind: Option<WindCoupling>,
     time: f64,
 }
 
@@ -55,11 +58,12 @@ impl Simulation {
         let liquid = liquid.map(|params| Liquid::seed(params, &world)).transpose()?;
         let smoke = smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?;
         let sheets = sheets.map(|sheets| Sheets::new(sheets, &world)).transpose()?;
-        Self { liquid, smoke, sheets, wet: None, blown: None, time: 0.0 }.coupled(&couplings, density)
+        Self { liquid, smoke, sheets, liquid_sheets: None, wind: None, time: 0.0 }
+            .coupled(&couplings, density)
     }
 
-    /// Takes the state from a frame that [`Simulation::frame`] gave. What follows has the same bits as in the
-    /// run that gave it.
+    /// Restores the state from a frame of [`Simulation::frame`]. The following frames have the same bits as in the run that
+    /// wrote it.
     ///
     /// # Errors
     /// If there is no system, or the frame lacks its state.
@@ -74,24 +78,26 @@ impl Simulation {
         let smoke = smoke.map(|smoke| smoke::System::restore(smoke, &world, &frame.streams));
         let sheets = sheets.map(|sheets| Sheets::restore(sheets, &world, &frame.streams, frame.time));
         let (liquid, smoke, sheets) = (liquid.transpose()?, smoke.transpose()?, sheets.transpose()?);
-        Self { liquid, smoke, sheets, wet: None, blown: None, time: frame.time }.coupled(&couplings, density)
+        Self { liquid, smoke, sheets, liquid_sheets: None, wind: None, time: frame.time }
+            .coupled(&couplings, density)
     }
 
-    /// With couplings, of a liquid of this spacing and density.
+    /// Adds the couplings, with the spacing and density of the liquid.
     fn coupled(mut self, couplings: &[Coupling], density: Option<[f32; 2]>) -> Result<Self, SetupError> {
         let names = self.sheets.as_ref().map(Sheets::names).unwrap_or_default();
-        let there = There { liquid: self.liquid.is_some(), smoke: self.smoke.is_some(), sheets: names };
-        let Resolved { liquid, smoke } = coupling::resolve(couplings, &there)?;
+        let present =
+            PresentSystems { liquid: self.liquid.is_some(), smoke: self.smoke.is_some(), sheets: names };
+        let ResolvedCouplings { liquid, smoke } = coupling::resolve(couplings, &present)?;
         if let (Some([spacing, density]), Some(sheets), false) = (density, &self.sheets, liquid.is_empty()) {
-            self.wet = Some(Bound::new(sheets, &liquid, spacing, density));
+            self.liquid_sheets = Some(LiquidSheetCoupling::new(sheets, &liquid, spacing, density));
         }
         if let (Some(sheets), false) = (&self.sheets, smoke.is_empty()) {
-            self.blown = Some(Blown::new(sheets, &smoke));
+            self.wind = Some(WindCoupling::new(sheets, &smoke));
         }
         Ok(self)
     }
 
-    /// What seeding did.
+    /// Report of the seeding.
     pub fn seeded(&self) -> SeedReport {
         let smoke = self.smoke.as_ref().map(smoke::System::seeded);
         let points = self.sheets.as_ref().map_or(0, |sheets| sheets.len() as u32);
@@ -104,15 +110,17 @@ impl Simulation {
         }
     }
 
-    /// The solids of the world, by number, that are too small for the smoke's spacing to keep air out.
+    /// Indices of the solids that are too small for source panels at the smoke's spacing, so that air leaks through them.
     pub fn sourceless(&self) -> Vec<usize> {
         self.smoke.as_ref().map_or_else(Vec::new, smoke::System::sourceless)
     }
 
-    /// The state as a frame, in memory order: stream "liquid" with `position` [m], `velocity` [m/s], `id` and the channels that the
-    /// preset names; streams "smoke" with the vortons' `position` [m], `strength` [m³/s], `core` [m], `volume` [m³] and `id`, and
-    /// "smoke_tracers" with `position` [m], `density`, `temperature` [K] and `id`; of every sheet a stream "sheet.NAME" with `position`
-    /// [m] and `velocity` [m/s], and "sheet.NAME.faces" with the corners `a`, `b`, `c`, `d` of its faces.
+    /// The state as a frame, in memory order.
+    ///
+    /// Stream "liquid" has `position` [m], `velocity` [m/s], `id` and the channels that the preset names. Stream "smoke" has the
+    /// vortons' `position` [m], `strength` [m³/s], `core` [m], `volume` [m³] and `id`, stream "smoke_tracers" has `position` [m],
+    /// `density`, `temperature` [K] and `id`. Each sheet has a stream "sheet.NAME" with `position` [m] and `velocity` [m/s], and
+    /// "sheet.NAME.faces" with the corners `a`, `b`, `c`, `d` of its faces.
     pub fn frame(&self, index: FrameIndex) -> Frame {
         let liquid = self.liquid.iter().map(|liquid| liquid.stream(self.time));
         let smoke = self.smoke.iter().flat_map(smoke::System::streams);
@@ -120,66 +128,68 @@ impl Simulation {
         Frame { index, time: self.time, streams: liquid.chain(smoke).chain(sheets).collect() }
     }
 
-    /// Advances by `frame_seconds` [s] (> 0) and tells what happened.
+    /// Advances by a frame of `frame_seconds` [s] (> 0) and returns its record.
     ///
     /// # Errors
-    /// [`Stop`]; the state is then somewhere inside the frame and good only to look at.
+    /// [`Stop`]; the state is then inside the frame and not to be continued from.
     pub fn advance(&mut self, frame_seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
         let systems = [self.liquid.is_some(), self.smoke.is_some(), self.sheets.is_some()];
-        let share = 1.0 / systems.into_iter().filter(|&is_there| is_there).count() as f64;
+        let share = 1.0 / systems.into_iter().filter(|&is_present| is_present).count() as f64;
         let span = [self.time, frame_seconds];
         let mut from = 0.0;
-        let mut part = |share: f64| {
+        let mut next_part = |share: f64| {
             from += share;
             (from - share, share)
         };
 
-        // Smoke feels nothing of the others, and goes ahead: they may ask for its air.
-        let mut airs = self.blown.as_ref().map(|_| Vec::new());
-        let mut smoky = None;
+        // The smoke is advanced first, because it does not depend on the others and they may need its air.
+        let mut air_steps = self.wind.as_ref().map(|_| Vec::new());
+        let mut smoke_frame = None;
         if let Some(smoke) = &mut self.smoke {
-            let (from, share) = part(share);
-            let mut part = Part { watch: &mut *watch, from, share };
-            smoky = Some(smoke.advance(self.time, frame_seconds, airs.as_mut(), &mut part)?);
+            let (from, share) = next_part(share);
+            let mut part = PartialProgress { watch: &mut *watch, from, share };
+            smoke_frame = Some(smoke.advance(self.time, frame_seconds, air_steps.as_mut(), &mut part)?);
         }
-        let mut wind = self.blown.as_ref().zip(airs).map(|(blown, airs)| Wind::new(blown, airs));
-        let outside = wind.as_mut().map(|wind| wind as &mut dyn Outside);
+        let mut wind =
+            self.wind.as_ref().zip(air_steps).map(|(coupling, steps)| FrameWind::new(coupling, steps));
+        let external = wind.as_mut().map(|wind| wind as &mut dyn ExternalForces);
 
         // The liquid and the sheets, together if they are coupled.
-        let (mut record, mut dry) = (FrameRecord::default(), None);
-        match (&mut self.liquid, &mut self.sheets, &self.wet) {
-            (Some(liquid), Some(sheets), Some(bound)) => {
-                let (from, share) = part(2.0 * share);
-                record = wet(liquid, sheets, bound, outside, span, &mut Part { watch, from, share })?;
+        let (mut record, mut sheet_frame) = (FrameRecord::default(), None);
+        match (&mut self.liquid, &mut self.sheets, &self.liquid_sheets) {
+            (Some(liquid), Some(sheets), Some(coupling)) => {
+                let (from, share) = next_part(2.0 * share);
+                let mut part = PartialProgress { watch, from, share };
+                record = advance_coupled(liquid, sheets, coupling, external, span, &mut part)?;
             }
             (liquid, sheets, _) => {
                 if let Some(liquid) = liquid {
-                    let (from, share) = part(share);
-                    let mut part = Part { watch: &mut *watch, from, share };
+                    let (from, share) = next_part(share);
+                    let mut part = PartialProgress { watch: &mut *watch, from, share };
                     record = liquid.advance(self.time, frame_seconds, &mut part)?;
                 }
                 if let Some(sheets) = sheets {
-                    let (from, share) = part(share);
-                    let mut part = Part { watch, from, share };
-                    dry = Some(match outside {
-                        Some(outside) => blown(sheets, outside, span, &mut part)?,
+                    let (from, share) = next_part(share);
+                    let mut part = PartialProgress { watch, from, share };
+                    sheet_frame = Some(match external {
+                        Some(external) => advance_with_wind(sheets, external, span, &mut part)?,
                         None => sheets.advance(self.time, frame_seconds, &mut part)?,
                     });
                 }
             }
         }
 
-        // The account, in order of the passes.
-        if let Some((told, seconds)) = smoky {
-            record.smoke = Some(told);
+        // The record, in order of the passes.
+        if let Some((smoke, seconds)) = smoke_frame {
+            record.smoke = Some(smoke);
             record.seconds.extend(seconds);
         }
-        if let Some((told, seconds)) = dry {
-            record.sheets = Some(told);
+        if let Some((sheets, seconds)) = sheet_frame {
+            record.sheets = Some(sheets);
             record.seconds.extend(seconds);
         }
         if let Some(wind) = wind {
-            record.coupling.get_or_insert_default().smoke = Some(wind.told);
+            record.coupling.get_or_insert_default().smoke = Some(wind.record);
         }
         self.time += frame_seconds;
         Ok(record)
@@ -190,51 +200,51 @@ impl Simulation {
         let liquid = self.liquid.as_ref().map(Liquid::passes).unwrap_or_default();
         let smoke = self.smoke.as_ref().map(smoke::System::passes).unwrap_or_default();
         let sheets = self.sheets.as_ref().map(Sheets::passes).unwrap_or_default();
-        let between = between(self.wet.is_some(), self.blown.is_some());
-        liquid.into_iter().chain(smoke).chain(sheets).chain(between).collect()
+        let coupling = coupling_passes(self.liquid_sheets.is_some(), self.wind.is_some());
+        liquid.into_iter().chain(smoke).chain(sheets).chain(coupling).collect()
     }
 }
 
-/// The passes of couplings between sheets and what is around them.
-fn between(wet: bool, blown: bool) -> Vec<&'static str> {
-    let wet = if wet { &coupling::PASSES[..] } else { &[] };
-    blown.then_some(coupling::AIR).into_iter().chain(wet.iter().copied()).collect()
+/// The passes of the couplings that are present.
+fn coupling_passes(liquid_sheets: bool, wind: bool) -> Vec<&'static str> {
+    let contact = if liquid_sheets { &coupling::LIQUID_PASSES[..] } else { &[] };
+    wind.then_some(coupling::WIND_PASS).into_iter().chain(contact.iter().copied()).collect()
 }
 
-/// A frame of a liquid and sheets that share their substeps: the start and the length [s].
-fn wet<'a>(
+/// Advances a liquid and sheets that share their substeps by a frame; `start` and `seconds` are its time and length [s].
+fn advance_coupled<'a>(
     liquid: &mut Liquid,
     sheets: &'a mut Sheets,
-    bound: &'a Bound,
-    outside: Option<&'a mut (dyn Outside + 'a)>,
+    coupling: &'a LiquidSheetCoupling,
+    external: Option<&'a mut (dyn ExternalForces + 'a)>,
     [start, seconds]: [f64; 2],
     watch: &mut dyn Watch,
 ) -> Result<FrameRecord, Stop> {
-    let passes = [liquid.passes(), sheets.passes(), between(true, outside.is_some())].concat();
+    let passes = [liquid.passes(), sheets.passes(), coupling_passes(true, external.is_some())].concat();
     let mut clock = Clock::new(&passes);
-    let mut both = Together::new(bound, sheets, outside);
-    let mut record = liquid.advance_with(Some(&mut both), [start, seconds], &mut clock, watch)?;
-    let Together { sheets, record: mut told, told: coupled, .. } = both;
-    clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut told));
-    record.sheets = Some(told);
-    record.coupling = Some(CouplingRecord { liquid: Some(coupled), smoke: None });
+    let mut coupled = CoupledSheets::new(coupling, sheets, external);
+    let mut record = liquid.advance_with(Some(&mut coupled), [start, seconds], &mut clock, watch)?;
+    let CoupledSheets { sheets, mut sheet_record, record: contact, .. } = coupled;
+    clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut sheet_record));
+    record.sheets = Some(sheet_record);
+    record.coupling = Some(CouplingRecord { liquid: Some(contact), smoke: None });
     record.seconds = clock.into_totals();
     Ok(record)
 }
 
-/// A frame of sheets on which something acts from outside.
-fn blown(
+/// Advances sheets with the wind as an external force by a frame.
+fn advance_with_wind(
     sheets: &mut Sheets,
-    outside: &mut dyn Outside,
+    wind: &mut dyn ExternalForces,
     [start, seconds]: [f64; 2],
     watch: &mut dyn Watch,
 ) -> Result<(SheetRecord, Seconds), Stop> {
-    let mut clock = Clock::new(&[sheets.passes(), between(false, true)].concat());
+    let mut clock = Clock::new(&[sheets.passes(), coupling_passes(false, true)].concat());
     let mut record = sheets.begin_frame();
     advance_frame([start, seconds], watch, |progress, _| {
         let (now, left) = (progress.now(), progress.left);
         let dt = left / f64::from(sheets.substeps_left(now, left, seconds, record.substeps)?);
-        outside.act(sheets, now, dt, &mut clock)?;
+        wind.apply(sheets, now, dt, &mut clock)?;
         sheets.advance_substep(now, dt, &mut clock, &mut record)?;
         Ok(dt)
     })?;
@@ -247,14 +257,14 @@ fn present(systems: Systems) -> Result<Systems, SetupError> {
     if systems == Systems::default() { Err(SetupError::NoSystem) } else { Ok(systems) }
 }
 
-/// One system's part of a frame.
-struct Part<'a> {
+/// Reports the progress of one system as its part of the frame's.
+struct PartialProgress<'a> {
     watch: &'a mut dyn Watch,
     from: f64,
     share: f64,
 }
 
-impl Watch for Part<'_> {
+impl Watch for PartialProgress<'_> {
     fn keep_going(&mut self) -> bool {
         self.watch.keep_going()
     }

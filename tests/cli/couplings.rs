@@ -101,7 +101,7 @@ fn mistakes_about_couplings_are_shown_in_their_place() {
         ("[\"liquid\", \"cloth\"]\ndrag = {}", "coupling.0.drag"),
         (
             "[\"liquid\", \"cloth\"]\n[[coupling]]\nbetween = [\"cloth\", \"liquid\"]",
-            "are coupled by `coupling.0` already",
+            "are already coupled by `coupling.0`",
         ),
         ("[\"liquid\"]", "a list of 2"),
     ] {
@@ -174,10 +174,10 @@ fn what_coupling_left_over_is_told() {
     let left = |line: &serde_json::Value| line["coupling"]["liquid"]["unfinished"].as_u64().unwrap();
     assert!(lines.iter().map(left).sum::<u64>() > 0, "{talk}");
     for line in lines.iter().filter(|line| left(line) > 0) {
-        let told = format!("{} rounds of contact ended by their number", left(line));
+        let remark = format!("{} contact solves reached their iteration limit", left(line));
         let of_frame = talk
             .lines()
-            .find(|said| said.starts_with(&format!("frame {:04}", line["frame"].as_u64().unwrap())));
-        assert!(of_frame.is_some_and(|said| said.contains(&told)), "{told}: {talk}");
+            .find(|shown| shown.starts_with(&format!("frame {:04}", line["frame"].as_u64().unwrap())));
+        assert!(of_frame.is_some_and(|shown| shown.contains(&remark)), "{remark}: {talk}");
     }
 }

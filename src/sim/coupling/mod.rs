@@ -1,26 +1,27 @@
-//! What couples systems: liquid and sheets push each other (`liquid.rs`), smoke blows sheets about (`air.rs`).
+//! Couplings between systems: two-way contact of liquid and sheets (`liquid_sheet.rs`), and wind, the one-way drag of the smoke's air on
+//! sheets (`wind.rs`).
 //!
-//! A coupling exists where the preset names both sides, and nowhere else. The order in which they are named, and in which couplings stand,
-//! does not matter.
+//! The preset names both systems of a coupling; systems that are not coupled do not interact. The order of the names and of the
+//! couplings does not matter.
 
-mod air;
+mod contact;
 pub(crate) mod job;
-mod liquid;
-mod meet;
+mod liquid_sheet;
 mod params;
 mod record;
 mod resolve;
 mod triangle;
+mod wind;
 
 pub use params::{Coupling, Drag};
-pub use record::{CouplingRecord, LiquidOnSheets, SmokeOnSheets};
-pub use resolve::{CouplingError, Resolved, There, resolve};
+pub use record::{CouplingRecord, LiquidSheetRecord, WindRecord};
+pub use resolve::{CouplingError, PresentSystems, ResolvedCouplings, resolve};
 
-pub(super) use air::{Blown, Wind};
-pub(super) use liquid::{Bound, Outside, Together};
+pub(super) use liquid_sheet::{CoupledSheets, ExternalForces, LiquidSheetCoupling};
+pub(super) use wind::{FrameWind, WindCoupling};
 
 /// The passes of a substep that liquid and sheets share.
-pub(super) const PASSES: [&str; 2] = ["coupling_search", "coupling"];
+pub(super) const LIQUID_PASSES: [&str; 2] = ["coupling_search", "coupling"];
 
-/// The pass in which sheets feel the air.
-pub(super) const AIR: &str = "coupling_air";
+/// The pass that computes the drag of the air.
+pub(super) const WIND_PASS: &str = "coupling_air";

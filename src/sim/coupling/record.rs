@@ -1,46 +1,50 @@
-//! What couplings tell of a frame.
+//! What happened between coupled systems in a frame.
 
 use serde::Serialize;
 
-/// What happened between coupled systems in a frame. The same on every run and for any thread count.
+/// Record of all couplings over a frame. It is the same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct CouplingRecord {
     /// Between liquid and sheets, if they are coupled.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub liquid: Option<LiquidOnSheets>,
+    pub liquid: Option<LiquidSheetRecord>,
     /// Between smoke and sheets, if they are coupled.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub smoke: Option<SmokeOnSheets>,
+    pub smoke: Option<WindRecord>,
 }
 
-/// What liquid and sheets did to each other.
+/// Contact between liquid and sheets over a frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct LiquidOnSheets {
-    /// Pairs of a particle and a face that pushed each other in the last substep.
+pub struct LiquidSheetRecord {
+    /// Contacts with an impulse in the last substep, each of a particle and a face.
     pub contacts: u64,
-    /// What the liquid gave the sheets [N·s], contact alone; the liquid lost as much.
+    /// Impulse of contacts on the sheets [N·s]; the liquid receives the opposite.
     pub impulse: [f64; 3],
-    /// Work of sheets on the liquid [J], below zero where they yield: what the liquid's energy may rise by.
+    /// Work of sheets on the liquid [J], negative where they yield. The liquid's energy may rise by it.
     pub work: f64,
-    /// Rounds of contact that ended by their number of iterations or sweeps, over all substeps; what was left was for
-    /// the next round, if there was one, and else shows in `crossed` and `put_back`.
-    pub unfinished: u64,
-    /// Particles that were put back to their side of a sheet alone, because nothing else kept them there, over all substeps: what these
-    /// were pushed by, no sheet took.
-    pub put_back: u64,
-    /// Particles that got to the other side of a sheet, through a face.
+    /// Contact solves that reached their iteration limit, over all substeps. The next solve reduces the remaining error; after
+    /// the last one it shows in `crossed` and `projected_back`.
+    #[serde(rename = "unfinished")]
+    pub unconverged: u64,
+    /// Particles that were projected back to their side of a sheet alone, over all substeps. No sheet received the opposite
+    /// impulse.
+    #[serde(rename = "put_back")]
+    pub projected_back: u64,
+    /// Particles that crossed a face to the other side of a sheet.
     pub crossed: u64,
 }
 
-/// What smoke did to sheets.
+/// Drag of the air on sheets over a frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct SmokeOnSheets {
-    /// Faces that felt the air.
+pub struct WindRecord {
+    /// Faces that feel the air.
     pub faces: u64,
-    /// What the air gave the sheets [N·s].
+    /// Impulse of the air on the sheets [N·s].
     pub impulse: [f64; 3],
-    /// The fastest air at a face [m/s].
-    pub fastest: f64,
-    /// Times a face's drag was cut, because it would have turned the motion round within a substep.
-    pub cut: u64,
+    /// Speed of the fastest air at a face [m/s].
+    #[serde(rename = "fastest")]
+    pub max_speed: f64,
+    /// Faces whose drag was limited, because it would have reversed their motion within a substep, over all substeps.
+    #[serde(rename = "cut")]
+    pub limited: u64,
 }

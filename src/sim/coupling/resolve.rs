@@ -1,11 +1,11 @@
-//! Which systems couplings mean.
+//! Resolution of the names in couplings to systems.
 
 use super::{Coupling, Drag};
 use crate::sim::{liquid, smoke};
 
-/// What can be coupled in a shot.
+/// The systems of a shot that can be coupled.
 #[derive(Clone, Debug, Default)]
-pub struct There<'a> {
+pub struct PresentSystems<'a> {
     /// Whether there is a liquid.
     pub liquid: bool,
     /// Whether there is smoke.
@@ -14,62 +14,62 @@ pub struct There<'a> {
     pub sheets: Vec<&'a str>,
 }
 
-/// Couplings, in one order whatever the preset's.
+/// Couplings by system, in an order that does not depend on the preset's.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Resolved {
-    /// The sheets that are coupled with the liquid, ascending by number, and its friction on them.
+pub struct ResolvedCouplings {
+    /// Index of each sheet that is coupled with the liquid, ascending, and the coefficient of friction.
     pub liquid: Vec<(usize, Option<f32>)>,
-    /// The sheets that are coupled with the smoke, ascending by number, and its drag.
+    /// Index of each sheet that is coupled with the smoke, ascending, and the drag.
     pub smoke: Vec<(usize, Drag)>,
 }
 
-/// Why a coupling has no meaning.
+/// Why a coupling is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CouplingError {
-    /// A name is that of no system and no sheet.
+    /// There is no system or sheet of this name.
     #[error("`{key}`: there is no system or sheet '{name}'; {known}")]
-    Name {
+    UnknownName {
         /// The key.
         key: String,
         /// The name.
         name: String,
-        /// What there is, as a sentence.
+        /// The systems and sheets of the shot, as a sentence.
         known: String,
     },
-    /// Two that cannot be coupled.
+    /// These two systems cannot be coupled.
     #[error("`{key}`: '{}' and '{}' cannot be coupled; a liquid and a sheet can, and smoke and a sheet", .names[0], .names[1])]
-    Pair {
+    UnsupportedPair {
         /// The key.
         key: String,
-        /// The two.
+        /// The names of both.
         names: [String; 2],
     },
-    /// Two that are coupled already.
-    #[error("`{key}`: '{}' and '{}' are coupled by `coupling.{before}` already", .names[0], .names[1])]
-    Twice {
+    /// An earlier coupling has the same two systems.
+    #[error("`{key}`: '{}' and '{}' are already coupled by `coupling.{before}`", .names[0], .names[1])]
+    Duplicate {
         /// The key.
         key: String,
-        /// The two.
+        /// The names of both.
         names: [String; 2],
-        /// The number of the coupling before.
+        /// Index of the earlier coupling.
         before: usize,
     },
-    /// A parameter of another kind of coupling.
-    #[error("`{key}` has no meaning between '{}' and '{}'", .names[0], .names[1])]
-    Foreign {
+    /// A parameter that this kind of coupling does not have.
+    #[error("`{key}` does not apply to a coupling of '{}' and '{}'", .names[0], .names[1])]
+    Inapplicable {
         /// The key.
         key: String,
-        /// The two.
+        /// The names of both.
         names: [String; 2],
     },
-    /// A number out of its range.
+    /// A value is out of its range.
     #[error("`{key}` is {value}, expected {expected}")]
     OutOfRange {
         /// The key.
         key: String,
-        /// What was found.
+        /// The value.
         value: f32,
-        /// What was expected.
+        /// The valid range.
         expected: &'static str,
     },
 }
@@ -78,10 +78,10 @@ impl CouplingError {
     /// The key at fault.
     pub fn key(&self) -> &str {
         match self {
-            Self::Name { key, .. }
-            | Self::Pair { key, .. }
-            | Self::Twice { key, .. }
-            | Self::Foreign { key, .. }
+            Self::UnknownName { key, .. }
+            | Self::UnsupportedPair { key, .. }
+            | Self::Duplicate { key, .. }
+            | Self::Inapplicable { key, .. }
             | Self::OutOfRange { key, .. } => key,
         }
     }
@@ -89,7 +89,7 @@ impl CouplingError {
 
 /// One side of a coupling.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Side {
+enum Participant {
     Liquid,
     Smoke,
     Sheet(usize),
@@ -98,42 +98,45 @@ enum Side {
 /// Finds the systems that couplings name.
 ///
 /// # Errors
-/// The first that has no meaning.
-pub fn resolve(couplings: &[Coupling], there: &There<'_>) -> Result<Resolved, CouplingError> {
-    let mut resolved = Resolved::default();
-    let mut seen: Vec<(Side, usize)> = Vec::new();
+/// The first invalid coupling.
+pub fn resolve(
+    couplings: &[Coupling],
+    present: &PresentSystems<'_>,
+) -> Result<ResolvedCouplings, CouplingError> {
+    let mut resolved = ResolvedCouplings::default();
+    let mut seen: Vec<(Participant, usize)> = Vec::new();
     for (index, coupling) in couplings.iter().enumerate() {
         let key = |name: &str| format!("coupling.{index}.{name}");
         let names = coupling.between.clone();
-        let mut sides = [Side::Liquid; 2];
-        for (side, name) in sides.iter_mut().zip(&names) {
-            *side = there.side(name).ok_or_else(|| CouplingError::Name {
+        let mut participants = [Participant::Liquid; 2];
+        for (participant, name) in participants.iter_mut().zip(&names) {
+            *participant = present.participant(name).ok_or_else(|| CouplingError::UnknownName {
                 key: key("between"),
                 name: name.clone(),
-                known: there.names(),
+                known: present.names(),
             })?;
         }
-        let (system, sheet) = match sides {
-            [Side::Sheet(_), Side::Sheet(_)] => {
-                return Err(CouplingError::Pair { key: key("between"), names });
+        let (system, sheet) = match participants {
+            [Participant::Sheet(_), Participant::Sheet(_)] => {
+                return Err(CouplingError::UnsupportedPair { key: key("between"), names });
             }
-            [system, Side::Sheet(sheet)] | [Side::Sheet(sheet), system] => (system, sheet),
-            _ => return Err(CouplingError::Pair { key: key("between"), names }),
+            [system, Participant::Sheet(sheet)] | [Participant::Sheet(sheet), system] => (system, sheet),
+            _ => return Err(CouplingError::UnsupportedPair { key: key("between"), names }),
         };
         if let Some(before) = seen.iter().position(|&other| other == (system, sheet)) {
-            return Err(CouplingError::Twice { key: key("between"), names, before });
+            return Err(CouplingError::Duplicate { key: key("between"), names, before });
         }
         seen.push((system, sheet));
-        let foreign = |name: &str| CouplingError::Foreign { key: key(name), names: names.clone() };
-        if system == Side::Liquid {
+        let inapplicable = |name: &str| CouplingError::Inapplicable { key: key(name), names: names.clone() };
+        if system == Participant::Liquid {
             if coupling.drag.is_some() {
-                return Err(foreign("drag"));
+                return Err(inapplicable("drag"));
             }
             coupling.friction.map_or(Ok(()), |value| number(value, 0.0, key("friction")))?;
             resolved.liquid.push((sheet, coupling.friction));
         } else {
             if coupling.friction.is_some() {
-                return Err(foreign("friction"));
+                return Err(inapplicable("friction"));
             }
             let drag = coupling.drag.unwrap_or_default();
             number(drag.density, f32::MIN_POSITIVE, key("drag.density"))?;
@@ -147,27 +150,28 @@ pub fn resolve(couplings: &[Coupling], there: &There<'_>) -> Result<Resolved, Co
     Ok(resolved)
 }
 
-fn number(value: f32, least: f32, key: String) -> Result<(), CouplingError> {
-    if value.is_finite() && value >= least {
+fn number(value: f32, min: f32, key: String) -> Result<(), CouplingError> {
+    if value.is_finite() && value >= min {
         return Ok(());
     }
-    let expected = if least > 0.0 { "a finite number above zero" } else { "a finite number, zero or above" };
+    let expected = if min > 0.0 { "a finite number above zero" } else { "a finite number, zero or above" };
     Err(CouplingError::OutOfRange { key, value, expected })
 }
 
-impl There<'_> {
-    /// A sheet that is called like a system is not meant by its name.
-    fn side(&self, name: &str) -> Option<Side> {
+impl PresentSystems<'_> {
+    /// The participant of this name; a system comes before a sheet of the same name.
+    fn participant(&self, name: &str) -> Option<Participant> {
         match name {
-            liquid::NAME => self.liquid.then_some(Side::Liquid),
-            smoke::NAME => self.smoke.then_some(Side::Smoke),
-            _ => self.sheets.iter().position(|sheet| *sheet == name).map(Side::Sheet),
+            liquid::NAME => self.liquid.then_some(Participant::Liquid),
+            smoke::NAME => self.smoke.then_some(Participant::Smoke),
+            _ => self.sheets.iter().position(|sheet| *sheet == name).map(Participant::Sheet),
         }
     }
 
+    /// The names of all participants, as a sentence.
     fn names(&self) -> String {
         let systems = [(self.liquid, liquid::NAME), (self.smoke, smoke::NAME)];
-        let systems = systems.iter().filter(|(is_there, _)| *is_there).map(|(_, name)| *name);
+        let systems = systems.iter().filter(|(is_present, _)| *is_present).map(|(_, name)| *name);
         let all: Vec<String> =
             systems.chain(self.sheets.iter().copied()).map(|name| format!("'{name}'")).collect();
         if all.is_empty() { "there is none".to_owned() } else { format!("there is {}", all.join(", ")) }
@@ -183,32 +187,34 @@ mod tests {
     }
 
     #[test]
-    fn neither_order_matters() {
-        let there = There { liquid: true, smoke: true, sheets: vec!["a", "b", "c"] };
-        let rubs = Coupling { friction: Some(0.2), ..coupling("c", "liquid") };
+    fn the_order_of_names_and_couplings_does_not_matter() {
+        let present = PresentSystems { liquid: true, smoke: true, sheets: vec!["a", "b", "c"] };
+        let with_friction = Coupling { friction: Some(0.2), ..coupling("c", "liquid") };
         let first =
-            resolve(&[coupling("liquid", "a"), rubs.clone(), coupling("smoke", "b")], &there).unwrap();
-        let other = resolve(&[coupling("b", "smoke"), rubs, coupling("a", "liquid")], &there).unwrap();
+            resolve(&[coupling("liquid", "a"), with_friction.clone(), coupling("smoke", "b")], &present)
+                .unwrap();
+        let other =
+            resolve(&[coupling("b", "smoke"), with_friction, coupling("a", "liquid")], &present).unwrap();
         assert_eq!(first, other);
         assert_eq!(first.liquid, [(0, None), (2, Some(0.2))]);
         assert_eq!(first.smoke, [(1, Drag::default())]);
     }
 
     #[test]
-    fn what_has_no_meaning_is_refused() {
-        let there = There { liquid: true, smoke: false, sheets: vec!["a", "b"] };
-        let refused = |list: &[Coupling]| resolve(list, &there).unwrap_err();
+    fn invalid_couplings_are_refused() {
+        let present = PresentSystems { liquid: true, smoke: false, sheets: vec!["a", "b"] };
+        let refused = |list: &[Coupling]| resolve(list, &present).unwrap_err();
         let name = refused(&[coupling("liquid", "cloth")]);
         assert!(name.to_string().contains("'liquid', 'a', 'b'"), "{name}");
-        assert!(matches!(refused(&[coupling("smoke", "a")]), CouplingError::Name { .. }));
+        assert!(matches!(refused(&[coupling("smoke", "a")]), CouplingError::UnknownName { .. }));
         for (a, b) in [("a", "b"), ("liquid", "liquid"), ("a", "a")] {
-            assert!(matches!(refused(&[coupling(a, b)]), CouplingError::Pair { .. }), "{a} {b}");
+            assert!(matches!(refused(&[coupling(a, b)]), CouplingError::UnsupportedPair { .. }), "{a} {b}");
         }
-        let twice = refused(&[coupling("liquid", "b"), coupling("liquid", "a"), coupling("a", "liquid")]);
-        assert!(matches!(twice, CouplingError::Twice { before: 1, .. }), "{twice}");
-        let drags = Coupling { drag: Some(Drag::default()), ..coupling("liquid", "a") };
-        assert_eq!(refused(&[drags]).key(), "coupling.0.drag");
-        let rubs = Coupling { friction: Some(-0.1), ..coupling("liquid", "a") };
-        assert_eq!(refused(&[coupling("liquid", "b"), rubs]).key(), "coupling.1.friction");
+        let duplicate = refused(&[coupling("liquid", "b"), coupling("liquid", "a"), coupling("a", "liquid")]);
+        assert!(matches!(duplicate, CouplingError::Duplicate { before: 1, .. }), "{duplicate}");
+        let with_drag = Coupling { drag: Some(Drag::default()), ..coupling("liquid", "a") };
+        assert_eq!(refused(&[with_drag]).key(), "coupling.0.drag");
+        let with_friction = Coupling { friction: Some(-0.1), ..coupling("liquid", "a") };
+        assert_eq!(refused(&[coupling("liquid", "b"), with_friction]).key(), "coupling.1.friction");
     }
 }

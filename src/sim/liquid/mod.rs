@@ -10,8 +10,8 @@
 //! (at 1 km, 0.06 mm).
 
 mod accelerated;
-mod company;
 mod correction;
+mod coupled;
 mod density;
 mod displaced;
 mod energy;
@@ -33,7 +33,7 @@ mod viscosity;
 mod vorticity;
 mod walls;
 
-pub(super) use company::{Company, Particles};
+pub(super) use coupled::{CoupledSystem, SubstepParticles};
 pub use params::{
     ArtificialPressure, Constraint, Kernel, LiquidChannel, LiquidParams, LiquidSource, SolverKind,
     VorticityConfinement, Xsph,
@@ -236,7 +236,7 @@ impl Liquid {
     /// The same together with what shares the substeps; the seconds of passes are the clock's.
     pub(super) fn advance_with(
         &mut self,
-        mut company: Option<&mut dyn Company>,
+        mut coupled: Option<&mut dyn CoupledSystem>,
         span: [f64; 2],
         clock: &mut Clock,
         watch: &mut dyn Watch,
@@ -247,18 +247,18 @@ impl Liquid {
         self.check_state(0)?;
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
-            let [wanted, mut remaining] = self.substeps_left(left, company.as_deref(), record.substeps);
-            if let Some(company) = &mut company {
-                remaining = remaining.max(company.substeps_left(now, left, seconds, record.substeps)?);
+            let [wanted, mut remaining] = self.substeps_left(left, coupled.as_deref(), record.substeps);
+            if let Some(coupled) = &mut coupled {
+                remaining = remaining.max(coupled.substeps_left(now, left, seconds, record.substeps)?);
             }
             record.cfl_capped += u32::from(wanted > remaining);
             let dt = left / f64::from(remaining);
             record.substeps += 1;
             self.walls.move_to(progress.after(dt));
-            if let Some(company) = &mut company {
-                company.advance_alone(now, dt, clock)?;
+            if let Some(coupled) = &mut coupled {
+                coupled.advance_uncoupled(now, dt, clock)?;
             }
-            self.substep(dt as f32, &mut company, clock, &mut record, watch)?;
+            self.substep(dt as f32, &mut coupled, clock, &mut record, watch)?;
             self.check_state(record.substeps)?;
             Ok(dt)
         })?;
@@ -270,7 +270,7 @@ impl Liquid {
     fn substep(
         &mut self,
         dt: f32,
-        company: &mut Option<&mut dyn Company>,
+        coupled: &mut Option<&mut dyn CoupledSystem>,
         clock: &mut Clock,
         record: &mut FrameRecord,
         watch: &mut dyn Watch,
@@ -289,20 +289,20 @@ impl Liquid {
                 shortened
             });
         }
-        if let Some(company) = company {
-            let free = |from, to| self.walls.step(from, to).0;
-            company.meet(&self.solver.particles(&self.x, &free), clock);
+        if let Some(coupled) = coupled {
+            let collide = |from, to| self.walls.step(from, to).0;
+            coupled.detect_contacts(&self.solver.particles(&self.x, &collide), clock);
         }
-        press(company, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
-        clock.around("solve", |clock| self.solve(dt, company, clock, record, watch))?;
-        if let Some(company) = company {
-            let free = |from, to| self.walls.step(from, to).0;
-            self.first_energy += company.part(&mut self.solver.particles(&self.x, &free), clock);
+        project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
+        clock.around("solve", |clock| self.solve(dt, coupled, clock, record, watch))?;
+        if let Some(coupled) = coupled {
+            let collide = |from, to| self.walls.step(from, to).0;
+            self.first_energy += coupled.end_substep(&mut self.solver.particles(&self.x, &collide), clock);
             self.solver.notice_moves(&self.rest);
         }
         clock.time("velocity", || self.update_velocities(dt));
-        if let Some(company) = company {
-            company.rub(&mut self.v, clock);
+        if let Some(coupled) = coupled {
+            coupled.apply_friction(&mut self.v, clock);
         }
         self.grant_work(dt, record);
         if self.confinement.is_some() || self.params.viscosity.is_some() {
@@ -365,7 +365,7 @@ impl Liquid {
     fn solve(
         &mut self,
         dt: f32,
-        company: &mut Option<&mut dyn Company>,
+        coupled: &mut Option<&mut dyn CoupledSystem>,
         clock: &mut Clock,
         record: &mut FrameRecord,
         watch: &mut dyn Watch,
@@ -402,7 +402,7 @@ impl Liquid {
                 break;
             }
             self.solver.correct(&setup);
-            press(company, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
+            project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
             record.iterations += 1;
         }
         Ok(())
@@ -443,10 +443,10 @@ impl Liquid {
     }
 
     /// How many equal substeps the rest of the frame, `left` [s], is to take at the present speeds, and how many it may take after `done`.
-    fn substeps_left(&self, left: f64, company: Option<&dyn Company>, done: u32) -> [u32; 2] {
+    fn substeps_left(&self, left: f64, coupled: Option<&dyn CoupledSystem>, done: u32) -> [u32; 2] {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
-        let company = company.map_or(0.0, Company::fastest);
-        let fastest = fastest + self.walls.fastest(left).max(company);
+        let coupled = coupled.map_or(0.0, CoupledSystem::max_speed);
+        let fastest = fastest + self.walls.fastest(left).max(coupled);
         let gravity = f64::from(self.gravity.norm());
         let allowed = f64::from(self.params.cfl) * f64::from(self.params.spacing);
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
@@ -568,17 +568,17 @@ fn neighbourhood<'a>(rest: &'a Rest, solver: &'a Solver, motion: &'a [Node]) -> 
 }
 
 /// Lets what shares the substep push particles and be pushed.
-fn press(
-    company: &mut Option<&mut dyn Company>,
+fn project_contacts(
+    coupled: &mut Option<&mut dyn CoupledSystem>,
     x: &[Vec3],
     solver: &mut Solver,
     walls: &Walls,
     rest: &Rest,
     clock: &mut Clock,
 ) {
-    let free = |from, to| walls.step(from, to).0;
-    if let Some(company) = company
-        && company.press(&mut solver.particles(x, &free), clock)
+    let collide = |from, to| walls.step(from, to).0;
+    if let Some(coupled) = coupled
+        && coupled.project_contacts(&mut solver.particles(x, &collide), clock)
     {
         solver.notice_moves(rest);
     }

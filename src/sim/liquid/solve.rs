@@ -10,7 +10,7 @@
 //! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²].
 
 use super::{
-    Particles,
+    SubstepParticles,
     correction::{CorrectionPass, Moved},
     density::{Chunk, Decide, DensityPass, Residual, Unknown, Unknowns, Verdict},
     lanes::{Lanes, Node},
@@ -54,7 +54,7 @@ pub(super) struct Solver {
     pub(super) rebuilds: u32,
     /// Corrections shortened.
     pub(super) shortened: u64,
-    /// Particles that still touched a solid after the last round.
+    /// SubstepParticles that still touched a solid after the last round.
     pub(super) stuck: u64,
     /// What moving solids did in this substep, by mass over dt² [m²].
     pub(super) work: f64,
@@ -196,11 +196,11 @@ impl Solver {
     /// The particles, which began the substep at `from`, for what shares it.
     pub(super) fn particles<'a>(
         &'a mut self,
-        from: &'a [Vec3],
-        free: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
-    ) -> Particles<'a> {
+        start: &'a [Vec3],
+        collide: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+    ) -> SubstepParticles<'a> {
         let Self { p, grid, built_at, .. } = self;
-        Particles { from, to: p, grid, sorted_at: built_at, free }
+        SubstepParticles { start, predicted: p, grid, sorted_at: built_at, collide }
     }
 
     /// Moves every particle by its Δp and out of the solids.

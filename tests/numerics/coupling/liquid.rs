@@ -35,9 +35,9 @@ fn what_meets_in_free_flight_keeps_its_momentum() {
         let (before, wet, _) = all(&shot);
         let records = advance(&mut shot, 4);
         let (after, then, dry) = all(&shot);
-        let told: Vec<_> =
+        let couplings: Vec<_> =
             records.iter().map(|record| record.coupling.clone().unwrap().liquid.unwrap()).collect();
-        assert!(told.iter().all(|told| told.crossed == 0 && told.put_back == 0), "{told:?}");
+        assert!(couplings.iter().all(|couplings| couplings.crossed == 0 && couplings.projected_back == 0), "{couplings:?}");
         let gone = (after[0] - before[0]).norm() / before[0].norm();
         let turned = (after[1] - before[1]).norm() / before[0].norm() / 0.1;
         println!(
@@ -103,10 +103,10 @@ fn a_held_sheet_catches_a_block_and_carries_it() {
         let mut records = advance(&mut shot, 24);
         let middle = state(&shot);
         records.extend(advance(&mut shot, 24));
-        let told: Vec<_> =
+        let couplings: Vec<_> =
             records.iter().map(|record| record.coupling.clone().unwrap().liquid.unwrap()).collect();
-        let put_back: u64 = told.iter().map(|told| told.put_back).sum();
-        assert!(told.iter().all(|told| told.crossed == 0), "{integrator}: nothing goes through");
+        let projected_back: u64 = couplings.iter().map(|couplings| couplings.projected_back).sum();
+        assert!(couplings.iter().all(|couplings| couplings.crossed == 0), "{integrator}: nothing goes through");
         let frame = state(&shot);
         assert_eq!(below(&frame, HELD as usize, 0.5), 0, "{integrator}");
         let x = channel(&frame, "liquid", "position");
@@ -120,7 +120,7 @@ fn a_held_sheet_catches_a_block_and_carries_it() {
         let wet = |frame: &Frame| up(frame, "liquid", &|_| mass);
         let weight = 9.81 * mass * x.len() as f64;
         let expected = weight + wet(&frame) - wet(&middle);
-        let force = told[24..].iter().map(|told| -told.impulse[2]).sum::<f64>();
+        let force = couplings[24..].iter().map(|couplings| -couplings.impulse[2]).sum::<f64>();
 
         // What the pins carry, over the third.
         let points = point_mass(1.0, HELD, 0.5);
@@ -135,7 +135,7 @@ fn a_held_sheet_catches_a_block_and_carries_it() {
         let gained = |frame: &Frame| wet(frame) + up(frame, "sheet.cloth", &points);
         let held = weight + free + gained(&state(&shot)) - gained(&frame);
         println!(
-            "{integrator}: contact {force:.1} of {expected:.1} N, pins {pins:.1} of {held:.1} N, lowest {lowest:.4}, put back {put_back}"
+            "{integrator}: contact {force:.1} of {expected:.1} N, pins {pins:.1} of {held:.1} N, lowest {lowest:.4}, put back {projected_back}"
         );
         assert!((force / expected - 1.0).abs() < 0.02, "{integrator}: {force} of {expected}");
         assert!((pins / held - 1.0).abs() < 0.02, "{integrator}: {pins} of {held}");
@@ -197,9 +197,9 @@ fn a_fast_jet_does_not_pass() {
     let mut capped = 0;
     for frame in 0..8 {
         let record = advance(&mut shot, 1).remove(0);
-        let told = record.coupling.clone().unwrap().liquid.unwrap();
+        let couplings = record.coupling.clone().unwrap().liquid.unwrap();
         capped += record.cfl_capped;
-        assert_eq!(told.crossed, 0, "frame {frame}");
+        assert_eq!(couplings.crossed, 0, "frame {frame}");
         assert_eq!(below(&state(&shot), 16, 0.4), 0, "frame {frame}");
     }
     assert!(capped > 0, "the jet is faster than the substeps are meant for");
@@ -246,11 +246,11 @@ fn nothing_depends_on_threads_order_or_restarts() {
             advance(&mut shot, 3);
             let middle = state(&shot);
             let records = advance(&mut shot, 3);
-            let told = records.iter().map(|record| record.coupling.clone()).collect::<Vec<_>>();
-            (middle, state(&shot), told)
+            let couplings = records.iter().map(|record| record.coupling.clone()).collect::<Vec<_>>();
+            (middle, state(&shot), couplings)
         };
         let one = meniscus::par::with_threads(1, || run("as is"));
-        assert!(one.2.iter().flatten().any(|told| told.liquid.as_ref().unwrap().contacts > 0), "they meet");
+        assert!(one.2.iter().flatten().any(|couplings| couplings.liquid.as_ref().unwrap().contacts > 0), "they meet");
         for threads in [2, 3] {
             assert!(
                 meniscus::par::with_threads(threads, || run("as is")) == one,
@@ -297,11 +297,11 @@ fn rounds_that_end_by_their_number_are_counted() {
     // Sweeps go on for long where the sheet is lighter than what falls on it, conjugate gradients where its springs are stiff.
     for (integrator, density, stiffness) in [("symplectic", 4e-3, 50.0), ("implicit", 0.5, 5e4)] {
         let mut shot = simulation(world(0.0, Vec::new()), &thrown_at(density, stiffness, integrator));
-        let told: Vec<_> = advance(&mut shot, 3)
+        let couplings: Vec<_> = advance(&mut shot, 3)
             .into_iter()
             .map(|record| record.coupling.unwrap().liquid.unwrap())
             .collect();
-        assert!(told.iter().map(|told| told.unfinished).sum::<u64>() > 0, "{integrator}: {told:?}");
-        assert!(told.iter().all(|told| told.crossed == 0), "{integrator}: {told:?}");
+        assert!(couplings.iter().map(|couplings| couplings.unconverged).sum::<u64>() > 0, "{integrator}: {couplings:?}");
+        assert!(couplings.iter().all(|couplings| couplings.crossed == 0), "{integrator}: {couplings:?}");
     }
 }

@@ -6,7 +6,7 @@ use crate::{
         problem::Finding,
     },
     sim::{
-        coupling::{self, CouplingError, There},
+        coupling::{self, CouplingError, PresentSystems},
         liquid,
         scene::Scene,
         smoke,
@@ -15,37 +15,37 @@ use crate::{
 
 /// Everything about the couplings that has no meaning.
 pub(super) fn check_couplings(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
-    let there = There {
+    let present = PresentSystems {
         liquid: scene.liquid.is_some(),
         smoke: scene.smoke.is_some(),
         sheets: scene.sheet.iter().map(|sheet| sheet.name.as_str()).collect(),
     };
-    if let Err(error) = coupling::resolve(&scene.coupling, &there) {
-        let help = help(&error, &there);
+    if let Err(error) = coupling::resolve(&scene.coupling, &present) {
+        let help = help(&error, &present);
         let key = error.key().to_owned();
         findings.push(Finding::new(places.of(&key), &key, error.to_string(), "found here").with_help(help));
     }
 }
 
-fn help(error: &CouplingError, there: &There<'_>) -> String {
+fn help(error: &CouplingError, present: &PresentSystems<'_>) -> String {
     match error {
-        CouplingError::Name { name, .. } if name == liquid::NAME && !there.liquid => {
+        CouplingError::UnknownName { name, .. } if name == liquid::NAME && !present.liquid => {
             "add a `[liquid]` with a source, or take the coupling out".into()
         }
-        CouplingError::Name { name, .. } if name == smoke::NAME && !there.smoke => {
+        CouplingError::UnknownName { name, .. } if name == smoke::NAME && !present.smoke => {
             "add a `[smoke]`, or take the coupling out".into()
         }
-        CouplingError::Name { name, .. } => {
-            match nearest(name, there.sheets.iter().copied().chain([liquid::NAME, smoke::NAME])) {
+        CouplingError::UnknownName { name, .. } => {
+            match nearest(name, present.sheets.iter().copied().chain([liquid::NAME, smoke::NAME])) {
                 Some(meant) => format!("did you mean \"{meant}\"?"),
                 None => "write `between = [\"liquid\", \"NAME\"]` with the `name` of a `[[sheet]]`".into(),
             }
         }
-        CouplingError::Pair { .. } => {
+        CouplingError::UnsupportedPair { .. } => {
             "write `between = [\"liquid\", \"NAME\"]` or `[\"smoke\", \"NAME\"]`".into()
         }
-        CouplingError::Twice { .. } => "keep one of them".into(),
-        CouplingError::Foreign { .. } => {
+        CouplingError::Duplicate { .. } => "keep one of them".into(),
+        CouplingError::Inapplicable { .. } => {
             "`friction` is between a liquid and a sheet, `drag` between smoke and a sheet".into()
         }
         CouplingError::OutOfRange { .. } => "docs/parameters.md has the ranges".into(),

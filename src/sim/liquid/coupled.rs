@@ -1,0 +1,51 @@
+//! Interface of a system that shares the liquid's substeps and exchanges impulses with its particles.
+
+use crate::{
+    math::Vec3,
+    sim::{Diverged, record::Clock},
+    space::CellGrid,
+};
+
+/// The liquid's particles in a substep.
+pub(in crate::sim) struct SubstepParticles<'a> {
+    /// Positions at the start of the substep [m].
+    pub(in crate::sim) start: &'a [Vec3],
+    /// Predicted positions at its end, x* [m].
+    pub(in crate::sim) predicted: &'a mut [Vec3],
+    /// Cells of the neighbour search.
+    pub(in crate::sim) grid: &'a CellGrid,
+    /// Positions for which the cells were filled [m].
+    pub(in crate::sim) sorted_at: &'a [Vec3],
+    /// End of a particle's path from one position to another, with collisions against solids.
+    pub(in crate::sim) collide: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+}
+
+/// A system coupled with the liquid.
+pub(in crate::sim) trait CoupledSystem {
+    /// Speed of the fastest point [m/s].
+    fn max_speed(&self) -> f64;
+
+    /// Number of equal substeps that the system needs for the `left` [s] that are left of a frame of `seconds`, from `now` [s] on.
+    ///
+    /// # Errors
+    /// If these and the `done` substeps of the frame are more than the system's limit.
+    fn substeps_left(&mut self, now: f64, left: f64, seconds: f64, done: u32) -> Result<u32, Diverged>;
+
+    /// Advances from `now` [s] by `dt` [s] without contact.
+    ///
+    /// # Errors
+    /// If the state diverges.
+    fn advance_uncoupled(&mut self, now: f64, dt: f64, clock: &mut Clock) -> Result<(), Diverged>;
+
+    /// Finds the pairs that may be in contact during the substep.
+    fn detect_contacts(&mut self, particles: &SubstepParticles<'_>, clock: &mut Clock);
+
+    /// Projects violated contact constraints, on both sides. Returns whether any was violated.
+    fn project_contacts(&mut self, particles: &mut SubstepParticles<'_>, clock: &mut Clock) -> bool;
+
+    /// Ends the substep: projects contacts for the last time and resolves crossings. Returns the work on the liquid [J].
+    fn end_substep(&mut self, particles: &mut SubstepParticles<'_>, clock: &mut Clock) -> f64;
+
+    /// Applies friction to the liquid's velocities [m/s] and to the system.
+    fn apply_friction(&mut self, v: &mut [Vec3], clock: &mut Clock);
+}
