@@ -37,7 +37,10 @@ fn what_meets_in_free_flight_keeps_its_momentum() {
         let (after, then, dry) = all(&shot);
         let couplings: Vec<_> =
             records.iter().map(|record| record.coupling.clone().unwrap().liquid.unwrap()).collect();
-        assert!(couplings.iter().all(|couplings| couplings.crossed == 0 && couplings.projected_back == 0), "{couplings:?}");
+        assert!(
+            couplings.iter().all(|couplings| couplings.crossed == 0 && couplings.projected_back == 0),
+            "{couplings:?}"
+        );
         let gone = (after[0] - before[0]).norm() / before[0].norm();
         let turned = (after[1] - before[1]).norm() / before[0].norm() / 0.1;
         println!(
@@ -250,7 +253,10 @@ fn nothing_depends_on_threads_order_or_restarts() {
             (middle, state(&shot), couplings)
         };
         let one = meniscus::par::with_threads(1, || run("as is"));
-        assert!(one.2.iter().flatten().any(|couplings| couplings.liquid.as_ref().unwrap().contacts > 0), "they meet");
+        assert!(
+            one.2.iter().flatten().any(|couplings| couplings.liquid.as_ref().unwrap().contacts > 0),
+            "they meet"
+        );
         for threads in [2, 3] {
             assert!(
                 meniscus::par::with_threads(threads, || run("as is")) == one,
@@ -301,7 +307,10 @@ fn rounds_that_end_by_their_number_are_counted() {
             .into_iter()
             .map(|record| record.coupling.unwrap().liquid.unwrap())
             .collect();
-        assert!(couplings.iter().map(|couplings| couplings.unconverged).sum::<u64>() > 0, "{integrator}: {couplings:?}");
+        assert!(
+            couplings.iter().map(|couplings| couplings.unconverged).sum::<u64>() > 0,
+            "{integrator}: {couplings:?}"
+        );
         assert!(couplings.iter().all(|couplings| couplings.crossed == 0), "{integrator}: {couplings:?}");
     }
 }

@@ -24,7 +24,10 @@ fn a_falling_sheet_reaches_the_speed_at_which_drag_carries_it() {
         for v in channel(&state(&shot), "sheet.cloth", "velocity") {
             assert!((v.z / -speed - 1.0).abs() < 0.01, "{integrator}: {v:?}, balance {speed}");
         }
-        assert!((couplings.impulse[2] / (0.2 * 9.81 * FRAME) - 1.0).abs() < 0.01 && couplings.limited == 0, "{couplings:?}");
+        assert!(
+            (couplings.impulse[2] / (0.2 * 9.81 * FRAME) - 1.0).abs() < 0.01 && couplings.limited == 0,
+            "{couplings:?}"
+        );
         assert_eq!(couplings.faces, 16);
     }
 }
