@@ -1,17 +1,17 @@
-//! Shots whose systems feel each other.
+//! Shots with coupled systems, from the preset to log, report and cache.
 
 use super::*;
 use meniscus::{cache::read_frame, frame::Frame, math::Vec3};
 
-/// Particles below every face of the sheet "cloth" over which they are, and particles over none of its faces.
-fn below_and_beside(frame: &Frame) -> [usize; 2] {
+/// Number of particles below all faces of the sheet "cloth" at their x and y, and of those outside of its outline.
+fn below_and_outside(frame: &Frame) -> [usize; 2] {
     let of = |stream: &str| frame.stream(stream).unwrap_or_else(|| panic!("there is a {stream}"));
     let x = of("liquid").vec3("position").unwrap();
     let y = of("sheet.cloth").vec3("position").unwrap();
     let faces = of("sheet.cloth.faces");
     let [a, b, c, d] = ["a", "b", "c", "d"].map(|corner| faces.u32(corner).unwrap());
     let mut lowest = vec![f32::INFINITY; x.len()];
-    // As the coupling cuts them.
+    // Quads are cut as in the coupling.
     for [p, q, r] in (0..a.len()).flat_map(|f| [[a[f], b[f], c[f]], [a[f], c[f], d[f]]]) {
         let [p, q, r] = [p, q, r].map(|i| y[i as usize]);
         let (low, high) = (p.inf(&q).inf(&r), p.sup(&q).sup(&r));
@@ -25,7 +25,7 @@ fn below_and_beside(frame: &Frame) -> [usize; 2] {
     [below.count(), lowest.iter().filter(|lowest| lowest.is_infinite()).count()]
 }
 
-/// The height of a triangle along z where a point is over or under it.
+/// Height of a triangle at the x and y of a point; `None` outside of its outline.
 fn height(x: Vec3, [p, q, r]: [Vec3; 3]) -> Option<f32> {
     let (u, v, d) = (q - p, r - p, x - p);
     let area = u.x * v.y - u.y * v.x;
@@ -54,7 +54,7 @@ fn small(from: &str, to: &str) -> String {
 }
 
 #[test]
-fn a_coupled_shot_tells_what_passed_between() {
+fn a_coupled_shot_logs_and_reports_contact() {
     let desk = Desk::new();
     desk.write("small.toml", small("", ""));
     let passes = desk.run("shot small.toml --dry-run", 0).0;
@@ -66,35 +66,35 @@ fn a_coupled_shot_tells_what_passed_between() {
     assert_eq!(lines.len(), 11);
     assert!(lines.iter().all(|line| line["coupling"]["liquid"]["crossed"] == 0), "{lines:?}");
     assert!(lines.iter().any(|line| line["coupling"]["liquid"]["contacts"].as_u64() > Some(0)), "{lines:?}");
-    assert_eq!(below_and_beside(&frame(&desk, "small", 12))[0], 0);
+    assert_eq!(below_and_outside(&frame(&desk, "small", 12))[0], 0);
 
-    // And what is there is told again, in sum: a frame that is not there is none of it.
+    // `info` reports the sums over frames that exist.
     let sum =
         |key: &str| lines.iter().map(|line| line["coupling"]["liquid"][key].as_u64().unwrap()).sum::<u64>();
-    let told = desk.run("info small", 0).0;
-    assert!(told.contains("coupling   liquid: 0 particles through sheets, 0 put back alone"), "{told}");
-    assert!(told.contains(&format!("{} rounds unfinished, in 11 frames", sum("unfinished"))), "{told}");
-    assert!(told.contains("sheets     strained by ") && !told.contains("smoke"), "{told}");
+    let report = desk.run("info small", 0).0;
+    assert!(report.contains("coupling   liquid: 0 particles through sheets, 0 put back alone"), "{report}");
+    assert!(report.contains(&format!("{} rounds unfinished, in 11 frames", sum("unfinished"))), "{report}");
+    assert!(report.contains("sheets     strained by ") && !report.contains("smoke"), "{report}");
     fs::remove_file(desk.path("small/cache/frame_0007.mcf")).unwrap();
-    let told: serde_json::Value = serde_json::from_str(&desk.run("info small --json", 0).0).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&desk.run("info small --json", 0).0).unwrap();
     assert_eq!(
-        (&told["liquid_on_sheets"]["frames"], &told["liquid_on_sheets"]["crossed"]),
+        (&report["liquid_on_sheets"]["frames"], &report["liquid_on_sheets"]["crossed"]),
         (&10.into(), &0.into())
     );
     let strain = lines
         .iter()
         .filter(|line| line["frame"] != 7)
         .map(|line| line["sheets"]["strain_max"].as_f64().unwrap());
-    assert_eq!(told["sheets"]["strain_max"].as_f64(), strain.reduce(f64::max));
+    assert_eq!(report["sheets"]["strain_max"].as_f64(), strain.reduce(f64::max));
 
     desk.write("alone.toml", small("[[coupling]]\nbetween = [\"liquid\", \"cloth\"]\nfriction = 0.2\n", ""));
     assert!(!desk.run("shot alone.toml --dry-run", 0).0.contains("coupling"));
 }
 
 #[test]
-fn mistakes_about_couplings_are_shown_in_their_place() {
+fn mistakes_about_couplings_are_shown_with_their_place() {
     let desk = Desk::new();
-    for (to, told) in [
+    for (to, report) in [
         ("[\"liquid\", \"cloths\"]", "did you mean \"cloth\"?"),
         ("[\"smoke\", \"cloth\"]", "add a `[smoke]`"),
         ("[\"cloth\", \"cloth\"]", "cannot be coupled"),
@@ -107,30 +107,30 @@ fn mistakes_about_couplings_are_shown_in_their_place() {
     ] {
         desk.write("wrong.toml", small("[\"liquid\", \"cloth\"]", to));
         let talk = desk.run("simulate wrong.toml -o wrong", 2).1;
-        assert!(talk.contains(told), "{to}: {talk}");
+        assert!(talk.contains(report), "{to}: {talk}");
     }
 }
 
 #[test]
-fn water_on_cloth_is_caught_and_held() {
-    // Until the cloth is at its lowest and throws the water up again: the largest forces of the shot are among these.
+fn cloth_stops_and_holds_water() {
+    // Until the cloth is lowest and accelerates the water upwards: these frames have the largest forces of the shot.
     let desk = Desk::new();
-    desk.run("simulate water-on-cloth --quality draft --frames 1-15 -o wet", 0);
-    let lines = log(&desk, "wet");
+    desk.run("simulate water-on-cloth --quality draft --frames 1-15 -o water", 0);
+    let lines = log(&desk, "water");
     assert_eq!(lines.len(), 14);
     for line in &lines {
-        let told = &line["coupling"]["liquid"];
-        assert!(told["crossed"] == 0 && told["put_back"] == 0, "{told}");
+        let report = &line["coupling"]["liquid"];
+        assert!(report["crossed"] == 0 && report["put_back"] == 0, "{report}");
     }
     let mut up = Vec::new();
     for number in 1..=15 {
-        let frame = frame(&desk, "wet", number);
-        let [below, beside] = below_and_beside(&frame);
+        let frame = frame(&desk, "water", number);
+        let [below, beside] = below_and_outside(&frame);
         assert_eq!([below, beside], [0, 0], "frame {number}: below the cloth, and over the border");
         let v = frame.stream("liquid").unwrap().vec3("velocity").unwrap();
         up.push(v.iter().map(|v| v.z).sum::<f32>() / v.len() as f32);
     }
-    // It has fallen for 0.25 s at least, and has turned round.
+    // It has fallen for at least 0.25 s, and has reversed its motion.
     assert!(up[6] < -2.4 && up[14] > 0.0, "{up:?}");
 }
 
@@ -142,18 +142,18 @@ fn a_flag_in_smoke_waves_and_strains_little() {
     assert_eq!(lines.len(), 8);
     for line in &lines {
         let (air, sheets) = (&line["coupling"]["smoke"], &line["sheets"]);
-        // 42 × 28 faces; the wind and its gusts, of 3.5 and 1.2 m/s in the mean; what is not finite is null.
+        // 42 × 28 faces; the wind and its gusts, of 3.5 and 1.2 m/s in the mean; NaN would be null.
         assert!(air["faces"] == 42 * 28 && air["cut"] == 0, "{air}");
         let fastest = air["fastest"].as_f64().unwrap();
         assert!(fastest > 3.5 && fastest < 3.5 + 3.0 * 1.2, "{fastest}");
-        // Draft, all frames: 11 % at most, where it flaps.
+        // The maximum over all frames of the draft is 11 %.
         let strain = sheets["strain_max"].as_f64().unwrap();
         assert!(strain < 0.12, "{strain}");
         let energies =
             ["kinetic_energy", "elastic_energy", "potential_energy"].map(|key| sheets[key].as_f64());
         assert!(energies.iter().all(Option::is_some), "{sheets}");
     }
-    // No point is further from the hoist than the cloth is long, and it has left its plane.
+    // No point is farther from the hoist than the length of the cloth, and the cloth has left its plane.
     let frame = frame(&desk, "flag", 9);
     let y = frame.stream("sheet.flag").unwrap().vec3("position").unwrap();
     assert!(y.iter().all(|y| y.x.hypot(y.y) < 1.2 * 1.12), "it hangs at its hoist");
@@ -161,8 +161,8 @@ fn a_flag_in_smoke_waves_and_strains_little() {
 }
 
 #[test]
-fn what_coupling_left_over_is_told() {
-    // Springs so stiff that conjugate gradients end by their number.
+fn contact_solves_at_their_limit_are_reported() {
+    // Springs so stiff that conjugate gradients reach their limit.
     let desk = Desk::new();
     desk.write(
         "stiff.toml",

@@ -135,7 +135,8 @@ impl<'a> CoupledSheets<'a> {
         let (sheets, distance) = (&*self.sheets, self.contact_distance());
         let penetration = |k: usize| {
             let (contact, face_contact) = (&contacts.list[k], &contacts.face_contacts.list[k]);
-            let offset = particles.predicted[contact.particle as usize] - face_contact.contact_point(|i| sheets.point(i)[0]);
+            let offset = particles.predicted[contact.particle as usize]
+                - face_contact.contact_point(|i| sheets.point(i)[0]);
             let depth = contact.distance - contact.normal.dot(&offset);
             if depth > PENETRATION_TOLERANCE * distance { depth } else { 0.0 }
         };
@@ -169,7 +170,9 @@ impl<'a> CoupledSheets<'a> {
         lambda: &[f32],
     ) -> f64 {
         let mut work = 0.0;
-        for ((contact, face_contact), &l) in list.iter().zip(&face_contacts.list).zip(lambda).filter(|(_, l)| **l > 0.0) {
+        for ((contact, face_contact), &l) in
+            list.iter().zip(&face_contacts.list).zip(lambda).filter(|(_, l)| **l > 0.0)
+        {
             let displacement = face_contact.contact_point(|i| self.sheets.point(i)[0] - step.before[i]);
             work += f64::from(l) * f64::from(contact.normal.dot(&displacement)) / step.dt.powi(2);
             for axis in 0..3 {
@@ -297,7 +300,8 @@ impl CoupledSystem for CoupledSheets<'_> {
         }
         let (predicted, face_contacts) = ([Vec::new(), Vec::new()], FaceContacts::default());
         let (pairs, contacts, lambda) = (Vec::new(), Vec::new(), Vec::new());
-        self.step = Some(SubstepState { dt, coupled, before, predicted, pairs, contacts, face_contacts, lambda });
+        self.step =
+            Some(SubstepState { dt, coupled, before, predicted, pairs, contacts, face_contacts, lambda });
         Ok(())
     }
 
@@ -405,7 +409,8 @@ impl CoupledSystem for CoupledSheets<'_> {
 impl CoupledSheets<'_> {
     /// One iteration over the contacts of the substep. Returns whether any was violated.
     fn project_all(&mut self, step: &mut SubstepState, particles: &mut SubstepParticles<'_>) -> bool {
-        let (contacts, face_contacts) = (std::mem::take(&mut step.contacts), std::mem::take(&mut step.face_contacts));
+        let (contacts, face_contacts) =
+            (std::mem::take(&mut step.contacts), std::mem::take(&mut step.face_contacts));
         let set = ContactSet { list: &contacts, face_contacts: &face_contacts };
         let found = self.project_once(step, &set, particles);
         if let Some(lambda) = &found {

@@ -1,10 +1,10 @@
-//! Liquid and sheets.
+//! Contact between liquid and sheets.
 
 use super::*;
 
 const SPACING: f64 = 0.025;
 
-fn hit(integrator: &str) -> String {
+fn colliding_block(integrator: &str) -> String {
     let cloth = sheet(
         "cloth",
         0.6,
@@ -20,42 +20,42 @@ fn hit(integrator: &str) -> String {
 }
 
 #[test]
-fn what_meets_in_free_flight_keeps_its_momentum() {
+fn a_collision_in_free_flight_conserves_momentum() {
     for integrator in ["symplectic", "implicit"] {
-        let mut shot = simulation(world(0.0, Vec::new()), &hit(integrator));
+        let mut shot = simulation(world(0.0, Vec::new()), &colliding_block(integrator));
         let all = |shot: &Simulation| {
             let frame = state(shot);
             let of = |stream, name| channel(&frame, stream, name);
-            let wet =
+            let liquid =
                 momenta(|_| 1000.0 * SPACING.powi(3), &of("liquid", "position"), &of("liquid", "velocity"));
             let points = [of("sheet.cloth", "position"), of("sheet.cloth", "velocity")];
-            let dry = momenta(point_mass(0.6, 24, 4.0), &points[0], &points[1]);
-            ([wet[0] + dry[0], wet[1] + dry[1]], wet[0], dry[0])
+            let sheets = momenta(point_mass(0.6, 24, 4.0), &points[0], &points[1]);
+            ([liquid[0] + sheets[0], liquid[1] + sheets[1]], liquid[0], sheets[0])
         };
-        let (before, wet, _) = all(&shot);
+        let (before, liquid, _) = all(&shot);
         let records = advance(&mut shot, 4);
-        let (after, then, dry) = all(&shot);
+        let (after, then, sheets) = all(&shot);
         let couplings: Vec<_> =
             records.iter().map(|record| record.coupling.clone().unwrap().liquid.unwrap()).collect();
         assert!(
-            couplings.iter().all(|couplings| couplings.crossed == 0 && couplings.projected_back == 0),
+            couplings.iter().all(|coupling| coupling.crossed == 0 && coupling.projected_back == 0),
             "{couplings:?}"
         );
-        let gone = (after[0] - before[0]).norm() / before[0].norm();
-        let turned = (after[1] - before[1]).norm() / before[0].norm() / 0.1;
+        let lost = (after[0] - before[0]).norm() / before[0].norm();
+        let angular = (after[1] - before[1]).norm() / before[0].norm() / 0.1;
         println!(
-            "{integrator}: momentum {gone:.1e}, angular {turned:.1e} of 0.1 m times it; {wet:?} to {then:?} and {dry:?}"
+            "{integrator}: momentum {lost:.1e}, angular {angular:.1e} of 0.1 m times it; {liquid:?} to {then:?} and {sheets:?}"
         );
-        assert!((then - wet).norm() > 0.05 * wet.norm(), "they met");
-        assert!(gone < 1e-5, "{integrator}: {gone}");
-        // Pushes act along the direction of a substep's start, from which the two slide meanwhile.
-        assert!(turned < 1e-2, "{integrator}: {turned}");
+        assert!((then - liquid).norm() > 0.05 * liquid.norm(), "they touched");
+        assert!(lost < 1e-5, "{integrator}: {lost}");
+        // Contacts act along the normal at the start of a substep, and both sides slide meanwhile.
+        assert!(angular < 1e-2, "{integrator}: {angular}");
     }
 }
 
 const HELD: u32 = 12;
 
-fn caught(integrator: &str) -> String {
+fn block_on_held_sheet(integrator: &str) -> String {
     let cloth = sheet(
         "cloth",
         1.0,
@@ -74,8 +74,8 @@ fn caught(integrator: &str) -> String {
     )
 }
 
-/// What the springs of the grid of [`caught`] pull its pins down with [N].
-fn carried(x: &[Double]) -> f64 {
+/// Force of the springs of the grid of [`block_on_held_sheet`] on its pins, downwards [N].
+fn pin_force(x: &[Double]) -> f64 {
     let (n, h) = (HELD + 1, 1.0 / f64::from(HELD));
     let pinned = border(HELD);
     let mut sum = 0.0;
@@ -100,55 +100,55 @@ fn carried(x: &[Double]) -> f64 {
 }
 
 #[test]
-fn a_held_sheet_catches_a_block_and_carries_it() {
+fn a_held_sheet_stops_a_block_and_supports_its_weight() {
     let lowest = ["symplectic", "implicit"].map(|integrator| {
-        let mut shot = simulation(world(9.81, Vec::new()), &caught(integrator));
+        let mut shot = simulation(world(9.81, Vec::new()), &block_on_held_sheet(integrator));
         let mut records = advance(&mut shot, 24);
         let middle = state(&shot);
         records.extend(advance(&mut shot, 24));
         let couplings: Vec<_> =
             records.iter().map(|record| record.coupling.clone().unwrap().liquid.unwrap()).collect();
-        let projected_back: u64 = couplings.iter().map(|couplings| couplings.projected_back).sum();
-        assert!(couplings.iter().all(|couplings| couplings.crossed == 0), "{integrator}: nothing goes through");
+        let projected_back: u64 = couplings.iter().map(|coupling| coupling.projected_back).sum();
+        assert!(couplings.iter().all(|coupling| coupling.crossed == 0), "{integrator}: nothing crosses the sheet");
         let frame = state(&shot);
         assert_eq!(below(&frame, HELD as usize, 0.5), 0, "{integrator}");
         let x = channel(&frame, "liquid", "position");
         assert!(x.iter().all(|x| x.x.abs() < 0.5 && x.y.abs() < 0.5), "{integrator}: none ran over the border");
 
-        // What pushes, over the second second: weight, and what changes the momentum, for it still bounces.
+        // Contact force over the second second: weight, and change of momentum, for it still bounces.
         let mass = 1000.0 * 0.04_f64.powi(3);
         let up = |frame: &Frame, stream: &str, mass: &dyn Fn(usize) -> f64| {
             momenta(mass, &channel(frame, stream, "position"), &channel(frame, stream, "velocity"))[0].z
         };
-        let wet = |frame: &Frame| up(frame, "liquid", &|_| mass);
+        let liquid = |frame: &Frame| up(frame, "liquid", &|_| mass);
         let weight = 9.81 * mass * x.len() as f64;
-        let expected = weight + wet(&frame) - wet(&middle);
-        let force = couplings[24..].iter().map(|couplings| -couplings.impulse[2]).sum::<f64>();
+        let expected = weight + liquid(&frame) - liquid(&middle);
+        let force = couplings[24..].iter().map(|coupling| -coupling.impulse[2]).sum::<f64>();
 
-        // What the pins carry, over the third.
+        // Force on the pins over the third second.
         let points = point_mass(1.0, HELD, 0.5);
         let free = 9.81 * 0.5 * (1.0 - 1.0 / f64::from(HELD)).powi(2);
         let (mut pins, mut lowest) = (0.0, 0.0);
         for _ in 0..48 {
             shot.advance(FRAME / 2.0, &mut Unwatched).expect("it rests");
             let points = channel(&state(&shot), "sheet.cloth", "position");
-            pins += carried(&points) / 48.0;
+            pins += pin_force(&points) / 48.0;
             lowest += points.iter().map(|y| y.z).fold(0.0, f64::min) / 48.0;
         }
-        let gained = |frame: &Frame| wet(frame) + up(frame, "sheet.cloth", &points);
+        let gained = |frame: &Frame| liquid(frame) + up(frame, "sheet.cloth", &points);
         let held = weight + free + gained(&state(&shot)) - gained(&frame);
         println!(
-            "{integrator}: contact {force:.1} of {expected:.1} N, pins {pins:.1} of {held:.1} N, lowest {lowest:.4}, put back {projected_back}"
+            "{integrator}: contact {force:.1} of {expected:.1} N, pins {pins:.1} of {held:.1} N, lowest {lowest:.4}, projected back {projected_back}"
         );
         assert!((force / expected - 1.0).abs() < 0.02, "{integrator}: {force} of {expected}");
         assert!((pins / held - 1.0).abs() < 0.02, "{integrator}: {pins} of {held}");
         lowest
     });
-    assert!((lowest[0] / lowest[1] - 1.0).abs() < 0.08, "both integrators hang through alike: {lowest:?}");
+    assert!((lowest[0] / lowest[1] - 1.0).abs() < 0.08, "both integrators sag equally: {lowest:?}");
 }
 
-/// Water of 6 × 6 × 3 particles thrown at a sheet wider than it.
-fn thrown_at(density: f32, stiffness: f32, integrator: &str) -> String {
+/// A block of 6 × 6 × 3 particles that moves towards a wider sheet.
+fn moving_block(density: f32, stiffness: f32, integrator: &str) -> String {
     let terms = format!("density = {density}\nstiffness = [{stiffness}, {stiffness}]\nshear = 10");
     format!(
         "[liquid]\nspacing = 0.02\n{}{}[sheets.solver]\nintegrator = '{integrator}'\n\
@@ -158,9 +158,9 @@ fn thrown_at(density: f32, stiffness: f32, integrator: &str) -> String {
     )
 }
 
-/// Mean velocities of both along z after that.
-fn thrown(density: f32) -> [f64; 2] {
-    let mut shot = simulation(world(0.0, Vec::new()), &thrown_at(density, 50.0, "symplectic"));
+/// Mean velocities of liquid and sheet along z after the collision.
+fn collision_velocities(density: f32) -> [f64; 2] {
+    let mut shot = simulation(world(0.0, Vec::new()), &moving_block(density, 50.0, "symplectic"));
     advance(&mut shot, 3);
     let frame = state(&shot);
     ["liquid", "sheet.cloth"].map(|stream| {
@@ -170,17 +170,17 @@ fn thrown(density: f32) -> [f64; 2] {
 }
 
 #[test]
-fn a_heavy_sheet_is_a_wall_and_a_light_one_is_carried_along() {
+fn a_heavy_sheet_stops_the_liquid_and_a_light_one_moves_with_it() {
     // 1.6 kg of water; sheets of 40 g/m² and 400 t/m²: 1e-3 and 1e4 times as heavy.
-    let [wet, dry] = thrown(4e5);
-    assert!(wet > -0.05 && dry.abs() < 1e-3, "a wall stops it: {wet}, {dry}");
-    let [wet, dry] = thrown(4e-3);
-    assert!((wet + 1.0).abs() < 0.02, "nothing stops it: {wet}");
-    assert!(dry < -0.2, "what it hits goes with it: {dry}");
+    let [liquid, sheets] = collision_velocities(4e5);
+    assert!(liquid > -0.05 && sheets.abs() < 1e-3, "a heavy sheet stops the liquid: {liquid}, {sheets}");
+    let [liquid, sheets] = collision_velocities(4e-3);
+    assert!((liquid + 1.0).abs() < 0.02, "a light sheet does not slow it: {liquid}");
+    assert!(sheets < -0.2, "the light sheet moves with the liquid: {sheets}");
 }
 
 #[test]
-fn a_fast_jet_does_not_pass() {
+fn a_fast_jet_does_not_cross_a_sheet() {
     let cloth = sheet(
         "cloth",
         0.8,
@@ -205,7 +205,7 @@ fn a_fast_jet_does_not_pass() {
         assert_eq!(couplings.crossed, 0, "frame {frame}");
         assert_eq!(below(&state(&shot), 16, 0.4), 0, "frame {frame}");
     }
-    assert!(capped > 0, "the jet is faster than the substeps are meant for");
+    assert!(capped > 0, "the jet exceeds the CFL limit");
 }
 
 /// Particles under a sheet that is a square grid about the origin, pinned at its border: below its lowest corner in the cell that they are in
@@ -218,7 +218,7 @@ fn below(frame: &Frame, cells: usize, half: f64) -> usize {
         if x.x.abs() > half || x.y.abs() > half {
             return false;
         }
-        // The points nearby hold it from below; a cell may have moved aside by its own width.
+        // A cell may have moved sideways by its own width, so its neighbours count too.
         let near = |y: &&Double| (y.x - x.x).hypot(y.y - x.y) < 3.0 * half / cells as f64;
         let floor = y.iter().filter(near).map(|y| y.z).fold(f64::INFINITY, f64::min);
         x.z < if floor.is_finite() { floor } else { lowest }
@@ -228,14 +228,14 @@ fn below(frame: &Frame, cells: usize, half: f64) -> usize {
 }
 
 #[test]
-fn nothing_depends_on_threads_order_or_restarts() {
+fn results_do_not_depend_on_threads_order_or_restarts() {
     let both = |order: &str, integrator: &str| {
-        let text = hit(integrator);
+        let text = colliding_block(integrator);
         let other = sheet("other", 0.3, -0.1, 6, "density = 0.2\nstiffness = [50, 50]");
         let coupled = "[[coupling]]\nbetween = ['other', 'liquid']\n";
         match order {
             "as is" => format!("{text}{coupled}{other}"),
-            "turned" => {
+            "reordered" => {
                 let text = text.replace("['liquid', 'cloth']", "['cloth', 'liquid']");
                 let (before, after) = text.split_once("[[coupling]]").unwrap();
                 format!("{before}{coupled}[[coupling]]{after}{other}")
@@ -254,8 +254,8 @@ fn nothing_depends_on_threads_order_or_restarts() {
         };
         let one = meniscus::par::with_threads(1, || run("as is"));
         assert!(
-            one.2.iter().flatten().any(|couplings| couplings.liquid.as_ref().unwrap().contacts > 0),
-            "they meet"
+            one.2.iter().flatten().any(|coupling| coupling.liquid.as_ref().unwrap().contacts > 0),
+            "they touch"
         );
         for threads in [2, 3] {
             assert!(
@@ -263,7 +263,7 @@ fn nothing_depends_on_threads_order_or_restarts() {
                 "{integrator}, {threads} threads"
             );
         }
-        assert!(run("turned") == one, "{integrator}: the order of couplings and of their sides");
+        assert!(run("reordered") == one, "{integrator}: the order of couplings and of their sides");
         let systems = systems(&both("as is", integrator));
         let mut resumed = Simulation::restore(world(9.81, Vec::new()), systems, &one.0).unwrap();
         advance(&mut resumed, 3);
@@ -272,8 +272,8 @@ fn nothing_depends_on_threads_order_or_restarts() {
 }
 
 #[test]
-fn without_a_coupling_each_is_alone() {
-    let text = hit("symplectic");
+fn without_a_coupling_systems_do_not_interact() {
+    let text = colliding_block("symplectic");
     let (alone, _) = text.split_once("[[coupling]]").unwrap();
     let run = |systems: Systems| {
         let mut shot = Simulation::new(world(9.81, Vec::new()), systems).unwrap();
@@ -281,36 +281,36 @@ fn without_a_coupling_each_is_alone() {
         assert!(records.iter().all(|record| record.coupling.is_none()));
         (shot.passes(), state(&shot))
     };
-    let (passes, together) = run(systems(alone));
-    let (wet, liquid) = run(Systems { sheets: None, ..systems(alone) });
-    let (dry, cloth) = run(Systems { liquid: None, ..systems(alone) });
-    assert_eq!(passes, [wet, dry].concat());
+    let (passes, both) = run(systems(alone));
+    let (liquid_passes, liquid) = run(Systems { sheets: None, ..systems(alone) });
+    let (sheet_passes, cloth) = run(Systems { liquid: None, ..systems(alone) });
+    assert_eq!(passes, [liquid_passes, sheet_passes].concat());
     assert!(!passes.iter().any(|pass| pass.starts_with("coupling")));
-    assert!(together.streams == [liquid.streams, cloth.streams].concat());
+    assert!(both.streams == [liquid.streams, cloth.streams].concat());
     let coupled = simulation(world(9.81, Vec::new()), &text);
     assert_eq!(coupled.passes()[passes.len()..], ["coupling_search", "coupling"]);
 }
 
 #[test]
-fn a_coupling_that_has_no_meaning_is_refused() {
-    let text = hit("symplectic").replace("['liquid', 'cloth']", "['liquid', 'cloths']");
+fn an_invalid_coupling_is_refused() {
+    let text = colliding_block("symplectic").replace("['liquid', 'cloth']", "['liquid', 'cloths']");
     let error = Simulation::new(world(0.0, Vec::new()), systems(&text)).unwrap_err();
     assert!(error.to_string().contains("no system or sheet 'cloths'; there is 'liquid', 'cloth'"), "{error}");
 }
 
 #[test]
-fn rounds_that_end_by_their_number_are_counted() {
-    // Sweeps go on for long where the sheet is lighter than what falls on it, conjugate gradients where its springs are stiff.
+fn contact_solves_at_their_iteration_limit_are_counted() {
+    // Sweeps converge slowly where the sheet is lighter than the liquid, conjugate gradients where its springs are stiff.
     for (integrator, density, stiffness) in [("symplectic", 4e-3, 50.0), ("implicit", 0.5, 5e4)] {
-        let mut shot = simulation(world(0.0, Vec::new()), &thrown_at(density, stiffness, integrator));
+        let mut shot = simulation(world(0.0, Vec::new()), &moving_block(density, stiffness, integrator));
         let couplings: Vec<_> = advance(&mut shot, 3)
             .into_iter()
             .map(|record| record.coupling.unwrap().liquid.unwrap())
             .collect();
         assert!(
-            couplings.iter().map(|couplings| couplings.unconverged).sum::<u64>() > 0,
+            couplings.iter().map(|coupling| coupling.unconverged).sum::<u64>() > 0,
             "{integrator}: {couplings:?}"
         );
-        assert!(couplings.iter().all(|couplings| couplings.crossed == 0), "{integrator}: {couplings:?}");
+        assert!(couplings.iter().all(|coupling| coupling.crossed == 0), "{integrator}: {couplings:?}");
     }
 }

@@ -1,8 +1,8 @@
-//! Couplings: what both sides keep, what neither lets through, and that nothing depends on order, threads or restarts.
+//! Couplings: conservation of momentum, no crossings, and independence of order, threads and restarts.
 
+mod combined;
 mod liquid;
 mod smoke;
-mod together;
 
 use meniscus::{
     frame::{Frame, FrameIndex},
@@ -83,7 +83,7 @@ fn sheet(name: &str, side: f32, height: f32, cells: u32, terms: &str) -> String 
     )
 }
 
-/// The numbers of the points on the border of a grid.
+/// Indices of the points on the border of a grid.
 fn border(cells: u32) -> Vec<u32> {
     let n = cells + 1;
     (0..n * n).filter(|i| i % n == 0 || i % n == cells || i / n == 0 || i / n == cells).collect()

@@ -1,9 +1,9 @@
-//! Sheets in the air of smoke.
+//! Sheets in the wind of smoke.
 
 use super::*;
 use meniscus::frame::Stream;
 
-/// Smoke far away that hardly moves, so that only the wind does.
+/// Smoke too far away and with too little circulation to act, so that only the wind does.
 fn air(wind: [f32; 3]) -> String {
     format!(
         "[smoke]\nspacing = 0.2\nwind = {wind:?}\n[[smoke.source]]\nshape = {{ sphere = {{ center = [50, 50, 50], radius = 0.3 }} }}\n"
@@ -11,7 +11,7 @@ fn air(wind: [f32; 3]) -> String {
 }
 
 #[test]
-fn a_falling_sheet_reaches_the_speed_at_which_drag_carries_it() {
+fn a_falling_sheet_reaches_terminal_velocity() {
     for integrator in ["symplectic", "implicit"] {
         let cloth = sheet("cloth", 1.0, 0.0, 4, "density = 0.2\nstiffness = [20, 20]");
         let text = format!(
@@ -33,8 +33,8 @@ fn a_falling_sheet_reaches_the_speed_at_which_drag_carries_it() {
 }
 
 #[test]
-fn a_flag_in_the_wind_hangs_at_the_angle_of_drag_and_weight() {
-    // Stiff, damped and held along its upper edge, it is a plate that swings: m g sin a = ½ ρ C w² cos² a.
+fn a_flag_in_the_wind_is_inclined_by_drag_and_weight() {
+    // A stiff, damped flag held along its upper edge is a plate that swings: m g sin a = ½ ρ C w² cos² a.
     let (cells, wind) = (8, 3.0);
     let n = cells + 1;
     let held: Vec<u32> = (0..n).collect();
@@ -57,18 +57,18 @@ fn a_flag_in_the_wind_hangs_at_the_angle_of_drag_and_weight() {
     assert!((found / a - 1.0).abs() < 0.05, "{found}, balance {a}");
 }
 
-/// A ring of smoke that flies at a cloth.
-fn ring(coupled: bool, turned: bool) -> String {
+/// A smoke ring that moves towards a cloth.
+fn ring(coupled: bool, reordered: bool) -> String {
     let smoke = "[smoke]\nspacing = 0.06\n[[smoke.ring]]\ncenter = [0, 0, -0.3]\nradius = 0.2\nthickness = 0.08\ncirculation = 1.5\ndirection = [0, 0, 1]\n";
     let cloth = sheet("cloth", 0.6, 0.0, 10, "density = 0.05\nstiffness = [50, 50]\nshear = 10");
-    let sides = if turned { "'smoke', 'cloth'" } else { "'cloth', 'smoke'" };
+    let sides = if reordered { "'smoke', 'cloth'" } else { "'cloth', 'smoke'" };
     let coupling = format!("[[coupling]]\nbetween = [{sides}]\n");
     let coupling = if coupled { coupling.as_str() } else { "" };
-    if turned { format!("{cloth}{coupling}{smoke}") } else { format!("{smoke}{cloth}{coupling}") }
+    if reordered { format!("{cloth}{coupling}{smoke}") } else { format!("{smoke}{cloth}{coupling}") }
 }
 
 #[test]
-fn a_ring_blows_at_a_cloth_and_does_not_feel_it() {
+fn a_ring_pushes_a_cloth_and_is_not_affected() {
     let run = |text: &str| {
         let mut shot = simulation(world(0.0, Vec::new()), text);
         advance(&mut shot, 3);
@@ -86,7 +86,7 @@ fn a_ring_blows_at_a_cloth_and_does_not_feel_it() {
     advance(&mut resumed, 3);
     assert!(state(&resumed) == one.1, "resumed");
 
-    // The cloth went with the air, and the smoke is what it is without a cloth.
+    // The air moved the cloth; the smoke is the same as without a cloth.
     let fastest = channel(&one.1, "sheet.cloth", "velocity").iter().map(|v| v.z).fold(0.0, f64::max);
     assert!(fastest > 0.05, "{fastest}");
     let alone = run(&ring(false, false));
