@@ -1,24 +1,25 @@
-//! The 256 cases of marching cubes, derived instead of typed.
+//! The 256 cases of marching cubes, derived by a rule.
 //!
-//! *Method*: the cell division of [lorensen87], with its table made by one rule. Walk around each face of the
-//! cell, counter-clockwise seen from outside the cell. Wherever the walk enters a run of inside corners through
-//! edge p and leaves it through edge q, the surface crosses the face from p to q. Every crossed edge lies in two
-//! faces, which walk along it in opposite directions: it is entered in one and left in the other, so the
-//! segments link into closed loops. Each loop is filled with triangles.
-//! *Departs from the paper*: on a face whose inside corners lie diagonally, [lorensen87] leaves holes, because
-//! its table mirrors cases. Here the rule looks at the face alone and always parts the two inside corners, so
-//! both cells beside the face draw the same two segments.
+//! *Method*: the cell subdivision of [lorensen87], with its table derived from one rule. Walk around each
+//! face of the cell, counter-clockwise seen from outside the cell. Where the walk enters a run of inside
+//! corners through edge p and leaves it through edge q, the surface crosses the face from p to q. Every
+//! crossed edge lies in two faces, whose walks pass it in opposite directions: one enters there and the other
+//! leaves, so the segments form closed loops. Each loop is filled with triangles.
+//! *Departs from the paper*: where the inside corners of a face are diagonal, [lorensen87] leaves holes,
+//! because its table mirrors cases. Here the rule depends on the face alone and always separates the two
+//! inside corners, so both cells at the face have the same two segments.
 //!
-//! Why the mesh is a closed 2-manifold: a face segment belongs to one loop in each of its two cells, which gives
-//! its edge two triangles of opposite direction. A diagonal of a loop never joins two vertices of one face, so
-//! no other cell has it; it has the two triangles beside it. The four cells around a vertex each hold one fan
-//! of triangles from one face to the next, which makes one cycle. Three vertices of a triangle lie on three
-//! edges of a convex cell and not in one face, so they are not collinear as long as they stay off the corners.
+//! Why the mesh is a closed 2-manifold: a face segment belongs to one loop in each of its two cells, which
+//! gives its edge two triangles of opposite direction. A diagonal of a loop never joins two vertices of one
+//! face, so no other cell has it; it has the two triangles next to it. The four cells around a vertex each
+//! hold one fan of triangles from one face to the next, which form one cycle. Three vertices of a triangle
+//! lie on three edges of a convex cell and not in one face, so they are not collinear as long as they stay
+//! off the corners.
 //!
-//! Numbering: corner c stands at (c & 1, c >> 1 & 1, c >> 2); bit c of a mask is set if corner c is inside.
-//! Edge 4·axis + n runs along `axis` from the corner that has n's two bits in the other two coordinates.
+//! Numbering: corner c is at (c & 1, c >> 1 & 1, c >> 2); bit c of a mask is set if corner c is inside. Edge
+//! 4·axis + n runs along `axis` from the corner that has n's two bits in the other two coordinates.
 
-/// No edge follows.
+/// Marks an edge that no other follows.
 const NONE: u8 = u8::MAX;
 
 /// The triangles of every corner mask.
@@ -51,7 +52,7 @@ impl Cases {
     }
 }
 
-/// The lower corner of an edge, and the axis it runs along.
+/// The lower corner of an edge, and its axis.
 pub(super) const fn edge(edge: u8) -> (u8, u8) {
     let (axis, n) = (edge / 4, edge % 4);
     let corner = match axis {
@@ -88,7 +89,7 @@ fn faces() -> [[u8; 4]; 6] {
     })
 }
 
-/// The segments that `mask` draws on a face, as (edge entered, edge left).
+/// The segments of `mask` on a face, as (edge entered, edge left).
 fn segments(mask: u8, face: [u8; 4]) -> Vec<(u8, u8)> {
     let inside = |i: usize| mask >> face[i % 4] & 1 == 1;
     let edge_after = |i: usize| edge_between(face[i % 4], face[(i + 1) % 4]);
@@ -101,7 +102,7 @@ fn segments(mask: u8, face: [u8; 4]) -> Vec<(u8, u8)> {
         .collect()
 }
 
-/// The closed loops in which the surface meets the faces of the cell, as edges.
+/// The closed loops in which the surface intersects the faces of the cell, as edges.
 fn loops(mask: u8) -> Vec<Vec<u8>> {
     let mut next = [NONE; 12];
     for face in faces() {
@@ -135,7 +136,7 @@ fn share_face(a: u8, b: u8) -> bool {
     })
 }
 
-/// The squared distance between the middles of two edges, in half edges.
+/// Squared distance between the middles of two edges, in half edges.
 fn length(a: u8, b: u8) -> i32 {
     let middle = |e: u8| -> [i32; 3] {
         let (corner, axis) = edge(e);
@@ -144,7 +145,8 @@ fn length(a: u8, b: u8) -> i32 {
     std::iter::zip(middle(a), middle(b)).map(|(a, b)| (a - b) * (a - b)).sum()
 }
 
-/// Fills a loop with triangles: the shortest diagonals in sum, none of them in a face. `None` if there are none.
+/// Fills a loop with triangles, with the smallest sum of diagonals, none of them in a face. `None` if that is
+/// impossible.
 fn fill(outline: &[u8]) -> Option<(i32, Vec<[u8; 3]>)> {
     let last = outline.len() - 1;
     if last < 2 {
@@ -231,7 +233,8 @@ mod tests {
         }
     }
 
-    /// Two cells side by side agree on the face between them, in opposite directions, for all pairs of masks.
+    /// Two adjacent cells have the same segments on their common face, in opposite directions, for all pairs
+    /// of masks.
     #[test]
     fn neighbouring_cells_agree_on_their_common_face() {
         for axis in 0..3_u8 {
@@ -258,8 +261,8 @@ mod tests {
         }
     }
 
-    /// A mask and its complement cut every face along the same lines, unless its inside corners lie diagonally;
-    /// then each parts its own inside corners.
+    /// A mask and its complement have the same lines on every face, unless its inside corners are diagonal;
+    /// then each separates its own inside corners.
     #[test]
     fn a_mask_and_its_complement_agree_on_every_face() {
         for mask in 0..=255_u8 {
@@ -282,7 +285,7 @@ mod tests {
         }
     }
 
-    /// One inside corner gives a triangle that looks away from it.
+    /// One inside corner gives a triangle that faces away from it.
     #[test]
     fn triangles_look_away_from_the_inside() {
         let cases = Cases::derive();

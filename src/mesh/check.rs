@@ -1,35 +1,36 @@
-//! Whether a mesh is what a renderer or a solver may rely on: closed, manifold, oriented, without slivers.
+//! Checks that a mesh is closed, manifold, oriented and free of slivers, as renderers and solvers require.
 //!
-//! *Method*: every vertex lists its corners, that is the triangles around it, by a counting sort. Sorted by the
-//! vertex they lead to, the sides at a vertex show how many triangles each edge has and in which direction; the
-//! corners that share an edge form fans, and a manifold vertex has one fan. Each vertex is judged alone.
-//! Volume by the divergence theorem, V = ⅙ Σ a·(b × c); Euler characteristic V − E + F over the vertices in use.
+//! *Method*: a counting sort lists the corners of every vertex, that is the triangles around it. Sorted by
+//! the vertex at their other end, the sides at a vertex give the number of triangles of each edge and their
+//! directions. Corners that share an edge form fans, and a manifold vertex has one fan. Each vertex is
+//! checked on its own. Volume by the divergence theorem, V = ⅙ Σ a·(b × c); Euler characteristic V − E + F
+//! over the vertices in use.
 //!
-//! Limits: self-intersection is not looked for.
+//! Limits: self-intersections are not detected.
 
-use super::{Mesh, links::Links, pieces::Pieces};
+use super::{Mesh, components::Components, half_edges::HalfEdges};
 use crate::{math::Vec3, par};
 
 /// A triangle is degenerate if twice its area is at most this part of its longest side squared: its height is
-/// then below one millionth of its length, where a normal computed in single precision means nothing.
-const FLAT: f64 = 1e-6;
+/// then below one millionth of its length, where a normal in single precision is meaningless.
+const DEGENERATE_RATIO: f64 = 1e-6;
 
-/// The same of a triangle that is sound beyond doubt. Less, and rounding in single precision comes into it; more, and
-/// more triangles are computed twice.
-const FAR_FROM_FLAT: f32 = 1e-3;
+/// The same ratio above which a triangle is certainly not degenerate. If it is smaller, rounding in single
+/// precision matters; if larger, more triangles are computed twice.
+const CERTAINLY_SOUND_RATIO: f32 = 1e-3;
 
-/// The first thing found wrong with a mesh.
+/// The first fault of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Fault {
-    /// What it is.
+    /// Kind of fault.
     pub what: &'static str,
     /// The vertex, or the first vertex of the edge or triangle.
     pub vertex: u32,
-    /// Where that is [m].
+    /// Position of that vertex [m].
     pub at: [f32; 3],
 }
 
-/// What [`check`] found.
+/// Result of [`check`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct MeshCheck {
     /// Whether every edge has two triangles or more.
@@ -48,21 +49,21 @@ pub struct MeshCheck {
     pub misoriented_edges: usize,
     /// Triangles with a repeated vertex or with a height below one millionth of their longest side.
     pub degenerate_triangles: usize,
-    /// Triangles that name a vertex the mesh does not have; nothing else is said about them.
+    /// Triangles that name a vertex the mesh does not have; they take no part in other counts.
     pub out_of_range_triangles: usize,
-    /// Vertices with an infinite coordinate or one that is not a number.
+    /// Vertices with an infinite or NaN coordinate.
     pub non_finite_vertices: usize,
     /// Vertices that no triangle uses.
     pub unused_vertices: usize,
-    /// Pieces that share no vertex.
+    /// Connected components, which share no vertex.
     pub components: usize,
-    /// Vertices in use − edges + triangles: 2 for each closed piece, less 2 for each hole through it.
+    /// Vertices in use − edges + triangles: 2 for each closed component, less 2 for each handle.
     pub euler: i64,
-    /// Enclosed volume [m³], positive if faces look outward; means nothing for an open mesh.
+    /// Enclosed volume [m³], positive if faces point outwards; meaningless for an open mesh.
     pub volume: f64,
     /// Area [m²].
     pub area: f64,
-    /// The first offending place: of a triangle, else of a vertex or edge in order of the vertices.
+    /// The first fault: of a triangle, or else of a vertex or edge in order of the vertices.
     pub first_fault: Option<Fault>,
 }
 
@@ -78,16 +79,16 @@ impl MeshCheck {
     }
 }
 
-/// Judges a mesh. An empty mesh is sound, with volume and area zero.
+/// Checks a mesh. An empty mesh is sound, with volume and area zero.
 pub fn check(mesh: &Mesh) -> MeshCheck {
-    check_linked(mesh, None)
+    check_with_half_edges(mesh, None)
 }
 
-/// [`check`] of a mesh of which maybe all half-edges are known.
-pub(super) fn check_linked(mesh: &Mesh, links: Option<Links>) -> MeshCheck {
+/// [`check`] of a mesh whose half-edges may be known.
+pub(super) fn check_with_half_edges(mesh: &Mesh, half_edges: Option<HalfEdges>) -> MeshCheck {
     let mut result = MeshCheck::default();
 
-    // Judge every triangle alone; those with a repeated or missing vertex take no part in the edges.
+    // Check every triangle alone; those with a repeated or missing vertex take no part in the edges.
     let shape: Vec<Shape> = {
         let mut shape = vec![Shape::Sound; mesh.triangles.len()];
         par::fill(&mut shape, |t| Shape::of(mesh, t));
@@ -108,57 +109,57 @@ pub(super) fn check_linked(mesh: &Mesh, links: Option<Links>) -> MeshCheck {
                 "degenerate triangle"
             }
         };
-        result.note(mesh, fault, mesh.triangles[t][0]);
+        result.record_fault(mesh, fault, mesh.triangles[t][0]);
     }
-    let linked = |t: usize| matches!(shape[t], Shape::Sound | Shape::Flat);
-    let left_out = faulty.iter().filter(|&&t| !linked(t)).count();
+    let has_edges = |t: usize| matches!(shape[t], Shape::Sound | Shape::Flat);
+    let without_edges = faulty.iter().filter(|&&t| !has_edges(t)).count();
 
-    // Judge every vertex with the triangles around it.
-    let links = links.filter(|_| left_out == 0);
-    let (links, (pieces, sizes)) = par::join(
-        || links.unwrap_or_else(|| Links::new(mesh, linked)),
-        || (Pieces::of_triangles(mesh, linked).first.len(), volume_and_area(mesh, &shape)),
+    // Check every vertex with the triangles around it.
+    let half_edges = half_edges.filter(|_| without_edges == 0);
+    let (half_edges, (components, sizes)) = par::join(
+        || half_edges.unwrap_or_else(|| HalfEdges::new(mesh, has_edges)),
+        || (Components::of_triangles(mesh, has_edges).first.len(), volume_and_area(mesh, &shape)),
     );
-    for around in par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
+    for faults in par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
         let mut scratch = Scratch::default();
-        let mut sum = Around::default();
+        let mut sum = VertexFaults::default();
         for v in range {
-            sum.add(mesh, &links, v as u32, &mut scratch);
+            sum.add(mesh, &half_edges, v as u32, &mut scratch);
         }
         sum
     }) {
-        result.boundary_edges += around.boundary;
-        result.non_manifold_edges += around.crowded;
-        result.misoriented_edges += around.misoriented;
-        result.non_manifold_vertices += around.pinched;
-        result.unused_vertices += around.unused;
-        result.non_finite_vertices += around.non_finite;
-        result.euler += around.euler;
-        if let Some((what, vertex)) = around.fault {
-            result.note(mesh, what, vertex);
+        result.boundary_edges += faults.boundary;
+        result.non_manifold_edges += faults.non_manifold;
+        result.misoriented_edges += faults.misoriented;
+        result.non_manifold_vertices += faults.pinched;
+        result.unused_vertices += faults.unused;
+        result.non_finite_vertices += faults.non_finite;
+        result.euler += faults.euler;
+        if let Some((what, vertex)) = faults.fault {
+            result.record_fault(mesh, what, vertex);
         }
     }
-    drop(links);
+    drop(half_edges);
     result.closed = result.boundary_edges == 0;
     result.manifold = result.non_manifold_edges == 0 && result.non_manifold_vertices == 0;
     result.oriented = result.misoriented_edges == 0;
 
-    // Measure it as a whole.
-    result.euler += (mesh.triangles.len() - left_out) as i64;
-    result.components = pieces - result.unused_vertices;
+    // Measure the whole mesh.
+    result.euler += (mesh.triangles.len() - without_edges) as i64;
+    result.components = components - result.unused_vertices;
     (result.volume, result.area) = sizes;
     result
 }
 
 impl MeshCheck {
-    /// Keeps the first fault.
-    fn note(&mut self, mesh: &Mesh, what: &'static str, vertex: u32) {
+    /// Records the first fault.
+    fn record_fault(&mut self, mesh: &Mesh, what: &'static str, vertex: u32) {
         let at = mesh.positions.get(vertex as usize).map_or([f32::NAN; 3], |&x| x.into());
         self.first_fault.get_or_insert(Fault { what, vertex, at });
     }
 }
 
-/// What a triangle is on its own.
+/// Validity of a triangle on its own.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Shape {
     Sound,
@@ -176,36 +177,37 @@ impl Shape {
         if a == b || b == c || c == a {
             return Self::Repeated;
         }
-        // What is far from flat shows in single precision too.
+        // Triangles far from degenerate are recognised in single precision.
         let [a, b, c] = [a, b, c].map(|v| mesh.positions[v as usize]);
         let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
-        if (b - a).cross(&(c - a)).norm_squared() > (FAR_FROM_FLAT * longest).powi(2) {
+        if (b - a).cross(&(c - a)).norm_squared() > (CERTAINLY_SOUND_RATIO * longest).powi(2) {
             return Self::Sound;
         }
         let [a, b, c] = [a, b, c].map(|x| x.cast::<f64>());
         let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
         let double_area = (b - a).cross(&(c - a)).norm();
-        // Not a number is not larger, so that it counts as flat.
-        if double_area > FLAT * longest { Self::Sound } else { Self::Flat }
+        // NaN is not larger, so it counts as degenerate.
+        if double_area > DEGENERATE_RATIO * longest { Self::Sound } else { Self::Flat }
     }
 }
 
-/// Memory that the vertices of a chunk share.
+/// Buffers that the vertices of a chunk share.
 #[derive(Default)]
 struct Scratch {
     /// The next and the previous vertex at each corner.
     corners: Vec<[u32; 2]>,
-    /// The sides at a vertex: (vertex they lead to, corner they belong to, whether they leave the vertex).
+    /// The sides at a vertex: (vertex at the other end, corner they belong to, whether they leave the
+    /// vertex).
     sides: Vec<(u32, u32, bool)>,
     /// The fan of every corner, as a union-find forest.
     fans: Vec<u32>,
 }
 
-/// What a run of vertices shows; edges are counted at their lower vertex.
+/// Faults of a range of vertices; edges are counted at their lower vertex.
 #[derive(Default)]
-struct Around {
+struct VertexFaults {
     boundary: usize,
-    crowded: usize,
+    non_manifold: usize,
     misoriented: usize,
     pinched: usize,
     unused: usize,
@@ -215,19 +217,19 @@ struct Around {
     fault: Option<(&'static str, u32)>,
 }
 
-impl Around {
-    fn add(&mut self, mesh: &Mesh, links: &Links, v: u32, scratch: &mut Scratch) {
+impl VertexFaults {
+    fn add(&mut self, mesh: &Mesh, half_edges: &HalfEdges, v: u32, scratch: &mut Scratch) {
         if !mesh.positions[v as usize].iter().all(|x| x.is_finite()) {
             self.non_finite += 1;
             self.fault.get_or_insert(("vertex that is not finite", v));
         }
-        let Scratch { corners: around, sides, fans } = scratch;
-        around.clear();
-        around.extend(links.of(v as usize).iter().map(|&h| {
+        let Scratch { corners: faults, sides, fans } = scratch;
+        faults.clear();
+        faults.extend(half_edges.of(v as usize).iter().map(|&h| {
             let (triangle, k) = (mesh.triangles[h as usize / 3], h as usize % 3);
             [triangle[(k + 1) % 3], triangle[(k + 2) % 3]]
         }));
-        let corners = around.as_slice();
+        let corners = faults.as_slice();
         if corners.is_empty() {
             self.unused += 1;
             return;
@@ -238,7 +240,7 @@ impl Around {
             return;
         }
 
-        // Sort the sides by where they lead, so that those of one edge stand together.
+        // Sort the sides by the vertex at their other end, so that those of one edge are consecutive.
         sides.clear();
         fans.clear();
         for (corner, &[next, previous]) in (0..).zip(corners) {
@@ -248,11 +250,11 @@ impl Around {
         }
         sides.sort_unstable();
 
-        let mut pieces = corners.len();
+        let mut components = corners.len();
         for edge in sides.chunk_by(|a, b| a.0 == b.0) {
             // Join the corners that share this edge to one fan.
             for pair in edge.windows(2) {
-                pieces -= usize::from(join(fans, pair[0].1, pair[1].1));
+                components -= usize::from(join(fans, pair[0].1, pair[1].1));
             }
             if edge[0].0 < v {
                 continue;
@@ -264,23 +266,24 @@ impl Around {
                 (1, _) => (&mut self.boundary, "edge with one triangle"),
                 (2, 1) => continue,
                 (2, _) => (&mut self.misoriented, "edge whose triangles run the same way"),
-                _ => (&mut self.crowded, "edge with more than two triangles"),
+                _ => (&mut self.non_manifold, "edge with more than two triangles"),
             };
             *count += 1;
             self.fault.get_or_insert((what, v));
         }
-        if pieces > 1 {
+        if components > 1 {
             self.pinched += 1;
             self.fault.get_or_insert(("vertex whose triangles form more than one fan", v));
         }
     }
 }
 
-/// How many edges lead from `v` to later vertices, if its corners are one closed fan that runs one way; most are.
+/// Number of edges from `v` to later vertices, if its corners are one closed and consistently oriented fan;
+/// most are.
 fn closed_fan(v: u32, corners: &[[u32; 2]]) -> Option<i64> {
     let [first, mut last] = corners[0];
-    // The corner that follows begins where this one ends. A side that two corners share is found but once, so that the
-    // fan closes too early.
+    // The next corner begins where this one ends. A side that two corners share is found only once, so that
+    // the fan closes too early.
     for _ in 1..corners.len() {
         if last == first {
             return None;
@@ -291,7 +294,7 @@ fn closed_fan(v: u32, corners: &[[u32; 2]]) -> Option<i64> {
     (last == first).then_some(later as i64)
 }
 
-/// Joins the trees of `a` and `b`; whether they were apart.
+/// Joins the trees of `a` and `b`; whether they were separate.
 fn join(forest: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (root(forest, a), root(forest, b));
     forest[a.max(b) as usize] = a.min(b);
@@ -308,7 +311,7 @@ fn root(forest: &mut [u32], mut a: u32) -> u32 {
     a
 }
 
-/// The enclosed volume [m³] and the area [m²].
+/// Enclosed volume [m³] and area [m²].
 fn volume_and_area(mesh: &Mesh, shape: &[Shape]) -> (f64, f64) {
     // Measure from a vertex, so that a small mesh far from the origin loses no digits.
     let origin = mesh.positions.first().map_or(nalgebra::Vector3::zeros(), |x| x.cast::<f64>());
@@ -325,8 +328,9 @@ fn volume_and_area(mesh: &Mesh, shape: &[Shape]) -> (f64, f64) {
     sums.into_iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
 }
 
-/// The area-weighted normals of the faces around every vertex, not normalised [m²]: what [`Links::normals`] finds, on one
-/// thread and without a list of half-edges, which takes more memory than all else at this stage.
+/// Area-weighted normals of the faces around every vertex, not normalised [m²]: equal to
+/// [`HalfEdges::normals`], on one thread and without half-edges, which take more memory than everything else
+/// at this stage.
 pub(super) fn face_normals(mesh: &Mesh) -> Vec<Vec3> {
     let mut sums = vec![Vec3::zeros(); mesh.positions.len()];
     for triangle in &mesh.triangles {
@@ -338,7 +342,7 @@ pub(super) fn face_normals(mesh: &Mesh) -> Vec<Vec3> {
     sums
 }
 
-/// The normal of a face, twice its area long [m²].
+/// Normal of a face, of length twice its area [m²].
 #[inline]
 pub(super) fn area_normal(mesh: &Mesh, triangle: &[u32; 3]) -> Vec3 {
     let [a, b, c] = triangle.map(|v| mesh.positions[v as usize]);
@@ -369,10 +373,10 @@ mod tests {
     }
 
     #[test]
-    fn both_ways_to_sum_normals_give_the_same_bits() {
+    fn both_sums_of_normals_give_the_same_bits() {
         let mut mesh = cube();
         mesh.positions.iter_mut().for_each(|x| *x = *x * 0.37 + Vec3::new(0.1 * x.y, x.z.sin(), 0.3));
-        assert_eq!(Links::new(&mesh, |_| true).normals(&mesh), face_normals(&mesh));
+        assert_eq!(HalfEdges::new(&mesh, |_| true).normals(&mesh), face_normals(&mesh));
     }
 
     #[test]
@@ -434,7 +438,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_triangles_does_not_change_the_verdict() {
+    fn the_order_of_triangles_does_not_change_the_result() {
         let mut mesh = cube();
         let before = check(&mesh);
         mesh.triangles.reverse();

@@ -1,29 +1,29 @@
-//! The field and the level that a surface is cut from.
+//! The scalar field and the level whose isosurface is extracted.
 
 use crate::{field::Density, grid::SparseGrid};
 
-/// A field on bricks, and which of its values are inside.
+/// An isosurface of a field on bricks: its level, and which side of it is inside.
 #[derive(Clone, Copy, Debug)]
 pub struct Contour<'a> {
     /// The values.
     pub grid: &'a SparseGrid,
     /// The value on the surface.
     pub level: f32,
-    /// Which side of the surface is inside.
+    /// The side of the surface that is inside.
     pub inside: Side,
 }
 
 /// A side of a level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
-    /// Values below the level; the level itself is outside. Distances are so.
+    /// Values below the level; the level itself is outside. Signed distances use this side.
     Below,
-    /// Values above the level; the level itself is inside. Densities are so.
+    /// Values above the level; the level itself is inside. Densities use this side.
     Above,
 }
 
 impl Contour<'_> {
-    /// Whether a node with this value is inside. What is not a number is outside.
+    /// Whether a node with this value is inside. NaN is outside.
     #[inline(always)]
     pub(super) fn is_inside(&self, value: f32) -> bool {
         match self.inside {
@@ -32,7 +32,7 @@ impl Contour<'_> {
         }
     }
 
-    /// The sign of the slope outwards.
+    /// The sign of the outward derivative.
     pub(super) fn outward(&self) -> f32 {
         match self.inside {
             Side::Below => 1.0,
@@ -41,7 +41,7 @@ impl Contour<'_> {
     }
 }
 
-/// A grid alone holds signed distances.
+/// A grid alone holds signed distances, whose surface is the level set of zero.
 impl<'a> From<&'a SparseGrid> for Contour<'a> {
     fn from(grid: &'a SparseGrid) -> Self {
         Self { grid, level: 0.0, inside: Side::Below }

@@ -1,24 +1,27 @@
-//! Marching cubes on sparse bricks.
+//! Marching cubes on sparse bricks: the isosurface of a sampled field as a triangle mesh.
 //!
-//! *Method* [lorensen87]: a vertex on every grid edge with one end inside, by linear interpolation; triangles by the
-//! cases of `cases`.
-//! *Departs from the paper*: the case table (see `cases`); vertices are shared by the edge they lie on, which its
-//! lower node owns; a vertex stays [`MARGIN`] of an edge away from the nodes, so that no triangle has zero area.
+//! *Method* [lorensen87]: a vertex on every grid edge with one end inside, by linear interpolation; triangles
+//! by the cases of `cases`.
+//! *Departs from the paper*: the case table (see `cases`). Vertices are shared by the edge they lie on, which
+//! its lower node owns. A vertex stays [`MARGIN`] of an edge away from the nodes, so that no triangle has
+//! zero area.
 //!
-//! Four passes over the bricks, each brick alone: first the sides of its nodes, which tell the bricks that the surface
-//! does not touch; then how many vertices and triangles it has, so that all of them have their places; then its vertices; then
-//! its triangles, of which the sides alone tell, so that nothing needs the values any more. Triangles are joined in windows of
-//! whole layers of bricks: what a brick knows of its edges is kept for a short time only. Brick order and node order decide
-//! the numbering, so the mesh does not depend on threads or on bricks without surface. Every vertex is used: the
-//! ends of its edge lie in one brick or in two that share a face, and so do all nodes of one of its four cells.
+//! There are four passes over the bricks, each brick alone. The first computes the signs of its nodes, which
+//! exclude bricks without surface. The second counts its vertices and triangles, so that all of them have
+//! their positions in the arrays. The third computes its vertices. The fourth computes its triangles from the
+//! signs alone, so that the field's values can be freed before. Triangles are written in windows of whole
+//! layers of bricks, so that the edges of a brick are stored for a short time only. Brick order and node
+//! order decide the numbering, so the mesh depends neither on threads nor on bricks without surface. Every
+//! vertex is used: the ends of its edge lie in one brick or in two that share a face, and so do all nodes of
+//! one of its four cells.
 //!
-//! Symbols: a, b → values at an edge's ends; t → place of the vertex on the edge [0..1].
-//! Limits: second order in the voxel where the field is smooth; features thinner than a voxel may vanish. Fewer
-//! than 2³² vertices.
+//! Symbols: a, b → values at an edge's ends; t → position of the vertex on the edge [0..1].
+//! Limits: second order in the voxel where the field is smooth; features thinner than a voxel may vanish.
+//! Fewer than 2³² vertices.
 
 use super::{
     Contour, Mesh, cases,
-    sides::{Sides, Signs, around, bits, neighbour},
+    node_signs::{BrickSigns, PaddedSigns, around, bits, neighbour},
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, offset},
@@ -27,78 +30,79 @@ use crate::{
 };
 use std::ops::Range;
 
-/// How near a vertex may come to a grid node, as a part of the edge.
+/// Smallest distance of a vertex from a grid node, as a part of the edge.
 ///
-/// Smaller, and far from the origin (N voxels away, where positions are exact to N·2⁻²⁴ voxels) the triangles
-/// around a node collapse: at 1/256 they keep their shape up to N = 8000. Larger, and the surface shows steps
-/// where it passes close to nodes: 1/256 moves it by 0.4 % of a voxel at most.
+/// If it is smaller, the triangles around a node collapse far from the origin (N voxels away, where positions
+/// are exact to N·2⁻²⁴ voxels): at 1/256 they keep their shape up to N = 8000. If it is larger, the surface
+/// has steps where it passes close to nodes: 1/256 moves it by at most 0.4 % of a voxel.
 pub const MARGIN: f64 = 1.0 / 256.0;
 
-/// Bricks a task holds: enough work to be worth a task, few enough to share out a small surface.
-const TASK: usize = 16;
+/// Bricks of a task: enough work for a task, few enough to distribute a small surface.
+const BRICKS_PER_TASK: usize = 16;
 
-/// Bricks whose vertices are kept at a time, but for whole layers: enough to share out, few beside the surface.
-const WINDOW: usize = 4096;
+/// Smallest number of bricks whose edges are stored at a time, in whole layers: enough to distribute, few
+/// compared with the surface.
+const MIN_WINDOW_BRICKS: usize = 4096;
 
-/// What [`marching_cubes`] had to do beside extracting.
+/// What [`marching_cubes`] had to adjust.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct ContourStats {
     /// Vertices moved along their edge to stay [`MARGIN`] away from a node.
     pub moved_vertices: usize,
-    /// Vertices put in the middle of their edge because an end is infinite or not a number.
+    /// Vertices put in the middle of their edge because an end is infinite or NaN.
     pub unbounded_vertices: usize,
-    /// Cells left out although the surface crosses them, because the brick of any corner is missing: the mesh is
-    /// open there.
+    /// Cells left out although the surface crosses them, because the brick of a corner is missing: the mesh
+    /// is open there.
     pub cut_cells: usize,
 }
 
-/// The surface of a contour as an indexed mesh that faces the outside, and what was special.
+/// The isosurface of a contour as an indexed mesh that faces the outside, and the adjustments made.
 ///
-/// Cells with a node in a missing brick are left out; if the surface crosses none of them, the mesh is closed and
-/// manifold. No normals, no attributes.
+/// Cells with a node in a missing brick are left out; if the surface crosses none of them, the mesh is closed
+/// and manifold. No normals, no attributes.
 ///
 /// # Panics
 /// If the surface has 2³² vertices or more.
 pub fn marching_cubes<'a>(contour: impl Into<Contour<'a>>) -> (Mesh, ContourStats) {
     let contour = contour.into();
-    let cut = Cut::new(&contour);
-    let (positions, stats) = cut.vertices(&contour);
-    let triangles = cut.triangles(&contour.grid.bricks);
+    let extraction = Extraction::new(&contour);
+    let (positions, stats) = extraction.vertices(&contour);
+    let triangles = extraction.triangles(&contour.grid.bricks);
     (Mesh { positions, triangles, ..Mesh::default() }, stats)
 }
 
-/// All of a surface but where exactly its vertices are.
-pub(super) struct Cut {
-    signs: Vec<Signs>,
-    places: Places,
+/// The topology of a surface: everything but the positions of its vertices.
+pub(super) struct Extraction {
+    signs: Vec<BrickSigns>,
+    offsets: Offsets,
     cut_cells: usize,
     table: cases::Cases,
 }
 
-impl Cut {
+impl Extraction {
     /// Counts the vertices and triangles of a contour.
     ///
     /// # Panics
     /// If the surface has 2³² vertices or more.
     pub(super) fn new(contour: &Contour) -> Self {
         let bricks = &contour.grid.bricks;
-        let mut signs = vec![Signs::default(); bricks.len()];
-        par::for_chunks(&mut signs, TASK, |start, signs| {
+        let mut signs = vec![BrickSigns::default(); bricks.len()];
+        par::for_chunks(&mut signs, BRICKS_PER_TASK, |start, signs| {
             for (b, signs) in (start..).zip(signs) {
-                *signs = Signs::of(contour, b);
+                *signs = BrickSigns::of(contour, b);
             }
         });
         let table = cases::Cases::derive();
-        let (places, cut_cells) = Places::of(bricks, &signs, &table);
-        Self { signs, places, cut_cells, table }
+        let (offsets, cut_cells) = Offsets::of(bricks, &signs, &table);
+        Self { signs, offsets, cut_cells, table }
     }
 
-    /// The vertices, and what was special; of the same contour.
+    /// The vertices, and the adjustments made, of the same contour.
     pub(super) fn vertices(&self, contour: &Contour) -> (Vec<Vec3>, ContourStats) {
-        let ends = &self.places.vertices;
+        let ends = &self.offsets.vertices;
         let mut positions = par::repeated(Vec3::zeros(), ends.last().copied().unwrap_or(0));
-        let counts = par::map_parts(&mut positions, ends, TASK, |brick, vertices| {
-            if vertices.is_empty() { [0; 2] } else { put_vertices(contour, &self.signs, brick, vertices) }
+        let counts = par::map_parts(&mut positions, ends, BRICKS_PER_TASK, |brick, vertices| {
+            if vertices.is_empty() { [0; 2] } else { write_vertices(contour, &self.signs, brick, vertices) }
         });
         let [moved_vertices, unbounded_vertices] =
             counts.iter().fold([0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]]);
@@ -107,62 +111,63 @@ impl Cut {
 
     /// The triangles; `bricks` are those of the contour.
     pub(super) fn triangles(&self, bricks: &Bricks) -> Vec<[u32; 3]> {
-        let mut triangles = par::repeated([0; 3], self.places.triangles.last().copied().unwrap_or(0));
-        // A window has all neighbours that its triangles need in itself and the next.
+        let mut triangles = par::repeated([0; 3], self.offsets.triangles.last().copied().unwrap_or(0));
+        // A window and the next contain all neighbours that its triangles need.
         let mut before = Window::default();
         for range in windows(bricks) {
-            let window = Window::cut(self, bricks, range);
-            before.join(&window, self, &mut triangles);
+            let window = Window::extraction(self, bricks, range);
+            before.write(&window, self, &mut triangles);
             before = window;
         }
-        before.join(&Window::default(), self, &mut triangles);
+        before.write(&Window::default(), self, &mut triangles);
         triangles
     }
 }
 
-/// Where the vertices and triangles of each brick end.
-struct Places {
+/// Ends of the vertices and triangles of each brick in their arrays.
+struct Offsets {
     vertices: Vec<usize>,
     triangles: Vec<usize>,
 }
 
-/// What a brick has of each.
+/// Numbers of vertices, triangles and cut cells of a brick.
 #[derive(Default)]
-struct Tally {
+struct BrickCounts {
     vertices: usize,
     triangles: usize,
     cut_cells: usize,
 }
 
-impl Places {
-    /// Counts them, and the cells that are cut off.
-    fn of(bricks: &Bricks, signs: &[Signs], table: &cases::Cases) -> (Self, usize) {
-        let parts = par::map_chunks(signs.len(), TASK, |part| {
+impl Offsets {
+    /// Counts vertices and triangles, and the cells that are cut off.
+    fn of(bricks: &Bricks, signs: &[BrickSigns], table: &cases::Cases) -> (Self, usize) {
+        let parts = par::map_chunks(signs.len(), BRICKS_PER_TASK, |part| {
             let mut missing = Vec::new();
-            let tallies: Vec<_> = part.map(|b| Tally::of(bricks, signs, table, b, &mut missing)).collect();
-            (tallies, missing)
+            let counts: Vec<_> =
+                part.map(|b| BrickCounts::of(bricks, signs, table, b, &mut missing)).collect();
+            (counts, missing)
         });
-        let mut places =
+        let mut offsets =
             Self { vertices: Vec::with_capacity(signs.len()), triangles: Vec::with_capacity(signs.len()) };
-        let (mut sum, mut missing) = (Tally::default(), Vec::new());
-        for (tallies, some) in parts {
+        let (mut sum, mut missing) = (BrickCounts::default(), Vec::new());
+        for (counts, some) in parts {
             missing.extend(some);
-            for tally in tallies {
-                sum.vertices += tally.vertices;
-                sum.triangles += tally.triangles;
-                sum.cut_cells += tally.cut_cells;
-                places.vertices.push(sum.vertices);
-                places.triangles.push(sum.triangles);
+            for counts in counts {
+                sum.vertices += counts.vertices;
+                sum.triangles += counts.triangles;
+                sum.cut_cells += counts.cut_cells;
+                offsets.vertices.push(sum.vertices);
+                offsets.triangles.push(sum.triangles);
             }
         }
         assert!(u32::try_from(sum.vertices).is_ok(), "a surface has fewer than 2³² vertices");
         missing.sort_unstable();
         missing.dedup();
         sum.cut_cells += missing.into_iter().map(|coord| cut_below(bricks, signs, coord)).sum::<usize>();
-        (places, sum.cut_cells)
+        (offsets, sum.cut_cells)
     }
 
-    /// The number of the first vertex of a brick.
+    /// The index of the first vertex of a brick.
     fn first_vertex(&self, brick: usize) -> u32 {
         start_of(&self.vertices, brick) as u32
     }
@@ -173,30 +178,31 @@ impl Places {
     }
 }
 
-impl Tally {
-    /// What brick `brick` has; adds to `missing` the lower neighbours that are not there and hold the lowest corners of cells
-    /// that the surface may cross.
+impl BrickCounts {
+    /// Counts for brick `brick`. Adds to `missing` the absent lower neighbours that hold the lowest corners
+    /// of cells which the surface may cross.
     fn of(
         bricks: &Bricks,
-        signs: &[Signs],
+        signs: &[BrickSigns],
         table: &cases::Cases,
         brick: usize,
         missing: &mut Vec<[i32; 3]>,
     ) -> Self {
-        let Some(sides) = Sides::crossed(bricks, signs, brick) else { return Self::default() };
-        let mut tally = Self::default();
+        let Some(sides) = PaddedSigns::crossed(bricks, signs, brick) else { return Self::default() };
+        let mut counts = Self::default();
         for z in 0..BRICK {
             for y in 0..BRICK {
-                tally.vertices +=
+                counts.vertices +=
                     sides.edges(y, z).map(|edges| edges.count_ones() as usize).iter().sum::<usize>();
                 let (crossed, complete) = sides.cells(y, z);
-                tally.cut_cells += (crossed & !complete).count_ones() as usize;
+                counts.cut_cells += (crossed & !complete).count_ones() as usize;
                 for x in bits(crossed & complete) {
-                    tally.triangles += table.of(sides.mask([x, y, z])).len();
+                    counts.triangles += table.of(sides.mask([x, y, z])).len();
                 }
             }
         }
-        // A cell whose lowest corner is in a lower neighbour has its other corners in this brick's lowest layers.
+        // A cell whose lowest corner is in a lower neighbour has its other corners in this brick's lowest
+        // layers.
         let (coord, lowest) = (bricks.coords()[brick], sides.crossed_layers());
         for side in (1..8).filter(|side| (0..3).all(|axis| side >> axis & 1 == 0 || lowest[axis])) {
             let below = std::array::from_fn(|axis| coord[axis] - (side >> axis & 1));
@@ -204,25 +210,25 @@ impl Tally {
                 missing.push(below);
             }
         }
-        tally
+        counts
     }
 }
 
-/// How many cells the surface crosses whose lowest corner is in the missing brick at `coord`.
-fn cut_below(bricks: &Bricks, signs: &[Signs], coord: [i32; 3]) -> usize {
-    let sides = Sides::of(signs, around(bricks, coord));
+/// Number of crossed cells whose lowest corner is in the missing brick at `coord`.
+fn cut_below(bricks: &Bricks, signs: &[BrickSigns], coord: [i32; 3]) -> usize {
+    let sides = PaddedSigns::of(signs, around(bricks, coord));
     let rows = (0..BRICK * BRICK).map(|row| sides.cells(row % BRICK, row / BRICK));
     rows.map(|(crossed, _)| crossed.count_ones() as usize).sum()
 }
 
-/// The bricks in runs of whole layers along z of [`WINDOW`] bricks or more, so that a brick's neighbours are in its own run or
-/// the next.
+/// Ranges of bricks in whole layers along z, of [`MIN_WINDOW_BRICKS`] bricks or more, so that a brick's
+/// neighbours are in its own range or the next.
 fn windows(bricks: &Bricks) -> Vec<Range<usize>> {
     let mut windows = Vec::new();
     let (mut start, mut end) = (0, 0);
     for layer in bricks.coords().chunk_by(|a, b| a[2] == b[2]) {
         end += layer.len();
-        if end - start >= WINDOW {
+        if end - start >= MIN_WINDOW_BRICKS {
             windows.push(start..end);
             start = end;
         }
@@ -231,22 +237,22 @@ fn windows(bricks: &Bricks) -> Vec<Range<usize>> {
     windows
 }
 
-/// A run of bricks.
+/// A range of bricks with their edges.
 #[derive(Default)]
 struct Window {
     range: Range<usize>,
-    bricks: Vec<Option<Box<BrickCut>>>,
+    bricks: Vec<Option<Box<BrickEdges>>>,
 }
 
 impl Window {
-    /// The edges of some bricks.
-    fn cut(cut: &Cut, bricks: &Bricks, range: Range<usize>) -> Self {
-        let found = par::map_chunks(range.len(), TASK, |part| {
+    /// The edges of the bricks of a range.
+    fn extraction(extraction: &Extraction, bricks: &Bricks, range: Range<usize>) -> Self {
+        let found = par::map_chunks(range.len(), BRICKS_PER_TASK, |part| {
             let brick = |b: usize| {
                 let brick = range.start + b;
-                cut.places.is_crossed(brick).then(|| {
+                extraction.offsets.is_crossed(brick).then(|| {
                     let around = around(bricks, bricks.coords()[brick]);
-                    Box::new(BrickCut::of(Sides::of(&cut.signs, around)))
+                    Box::new(BrickEdges::of(PaddedSigns::of(&extraction.signs, around)))
                 })
             };
             part.map(brick).collect::<Vec<_>>()
@@ -254,50 +260,55 @@ impl Window {
         Self { range, bricks: found.into_iter().flatten().collect() }
     }
 
-    /// Writes the triangles of its bricks to their places; `next` is the window after this one.
-    fn join(&self, next: &Self, Cut { places, table, .. }: &Cut, triangles: &mut [[u32; 3]]) {
-        let (part, ends) = part_of(&places.triangles, self.range.clone());
+    /// Writes the triangles of the window's bricks to their positions; `next` is the following window.
+    fn write(&self, next: &Self, Extraction { offsets, table, .. }: &Extraction, triangles: &mut [[u32; 3]]) {
+        let (part, ends) = range_of(&offsets.triangles, self.range.clone());
         let at = |brick: usize| {
             let found = self.at(brick).or_else(|| next.at(brick))?;
-            Some((found, places.first_vertex(brick)))
+            Some((found, offsets.first_vertex(brick)))
         };
-        par::for_parts(&mut triangles[part], &ends, TASK, |b, triangles| {
+        par::for_parts(&mut triangles[part], &ends, BRICKS_PER_TASK, |b, triangles| {
             if !triangles.is_empty() {
-                join(self.range.start + b, at, table, triangles);
+                write_triangles(self.range.start + b, at, table, triangles);
             }
         });
     }
 
     /// A brick of this window that the surface crosses.
-    fn at(&self, brick: usize) -> Option<&BrickCut> {
+    fn at(&self, brick: usize) -> Option<&BrickEdges> {
         self.range.contains(&brick).then(|| self.bricks[brick - self.range.start].as_deref())?
     }
 }
 
-/// Where the items of brick `brick` start, of which `ends` tells where those of each brick end.
+/// Start of the items of brick `brick`; `ends` holds the ends of those of each brick.
 fn start_of(ends: &[usize], brick: usize) -> usize {
     brick.checked_sub(1).map_or(0, |before| ends[before])
 }
 
-/// Where the items of some bricks are, and where in there those of each brick end.
-fn part_of(ends: &[usize], bricks: Range<usize>) -> (Range<usize>, Vec<usize>) {
+/// The range of the items of some bricks, and the ends of those of each brick within it.
+fn range_of(ends: &[usize], bricks: Range<usize>) -> (Range<usize>, Vec<usize>) {
     let start = start_of(ends, bricks.start);
     let within: Vec<usize> = ends[bricks].iter().map(|end| end - start).collect();
     (start..start + within.last().copied().unwrap_or(0), within)
 }
 
-/// One brick that the surface crosses.
-struct BrickCut {
-    sides: Sides,
+/// The crossed edges of one brick.
+struct BrickEdges {
+    sides: PaddedSigns,
     /// For every node of the brick: 8 × (vertices on edges of earlier nodes) + (bits of its crossed edges).
     marks: [u16; BRICK_NODES],
 }
 
-/// Writes the vertices of brick `brick`; gives how many were moved and how many were unbounded.
-fn put_vertices(contour: &Contour, signs: &[Signs], brick: usize, vertices: &mut [Vec3]) -> [usize; 2] {
+/// Writes the vertices of brick `brick`; returns how many were moved and how many were unbounded.
+fn write_vertices(
+    contour: &Contour,
+    signs: &[BrickSigns],
+    brick: usize,
+    vertices: &mut [Vec3],
+) -> [usize; 2] {
     let Contour { grid, level, .. } = *contour;
     let coord = grid.bricks.coords()[brick];
-    let sides = Sides::of(signs, around(&grid.bricks, coord));
+    let sides = PaddedSigns::of(signs, around(&grid.bricks, coord));
     let own = grid.brick(brick);
     let beyond = |node: [usize; 3]| {
         let brick = sides.around[neighbour(node)] as usize;
@@ -324,9 +335,9 @@ fn put_vertices(contour: &Contour, signs: &[Signs], brick: usize, vertices: &mut
     stats
 }
 
-/// Where on an edge with the values `a` and `b` at its ends the surface of a level crosses it [0..1]; counts the vertices that
-/// it moves and those that are unbounded.
-fn place(a: f32, b: f32, level: f32, [moved, unbounded]: &mut [usize; 2]) -> f64 {
+/// Position [0..1] at which the surface of a level crosses an edge with the values `a` and `b` at its ends.
+/// Counts the vertices that it moves and those that are unbounded.
+fn place(a: f32, b: f32, level: f32, [displaced, unbounded]: &mut [usize; 2]) -> f64 {
     if !(a.is_finite() && b.is_finite()) {
         *unbounded += 1;
         return 0.5;
@@ -334,7 +345,7 @@ fn place(a: f32, b: f32, level: f32, [moved, unbounded]: &mut [usize; 2]) -> f64
     let (a, b, level) = (f64::from(a), f64::from(b), f64::from(level));
     let t = (a - level) / (a - b);
     let kept = t.clamp(MARGIN, 1.0 - MARGIN);
-    *moved += usize::from(kept != t);
+    *displaced += usize::from(kept != t);
     kept
 }
 
@@ -346,9 +357,9 @@ fn point(node: [i32; 3], axis: usize, t: f64, voxel: f32) -> Vec3 {
     })
 }
 
-impl BrickCut {
+impl BrickEdges {
     /// Counts the vertices before each node.
-    fn of(sides: Sides) -> Self {
+    fn of(sides: PaddedSigns) -> Self {
         let (mut marks, mut count) = ([0; BRICK_NODES], 0);
         for z in 0..BRICK {
             for y in 0..BRICK {
@@ -361,7 +372,8 @@ impl BrickCut {
         Self { sides, marks }
     }
 
-    /// The number of the vertex on the edge that leaves the node at `place` along `axis`, from the brick's first.
+    /// The index of the vertex on the edge that leaves the node at `place` along `axis`, relative to the
+    /// brick's first.
     #[inline]
     fn vertex(&self, place: usize, axis: u8) -> u32 {
         let mark = self.marks[place];
@@ -369,11 +381,11 @@ impl BrickCut {
     }
 }
 
-/// Writes the triangles of the cells whose lowest corner is in brick `brick`; `at` gives bricks and the numbers of their first
-/// vertices.
-fn join<'a>(
+/// Writes the triangles of the cells whose lowest corner is in brick `brick`; `at` returns bricks and the
+/// indices of their first vertices.
+fn write_triangles<'a>(
     brick: usize,
-    at: impl Fn(usize) -> Option<(&'a BrickCut, u32)>,
+    at: impl Fn(usize) -> Option<(&'a BrickEdges, u32)>,
     table: &cases::Cases,
     triangles: &mut [[u32; 3]],
 ) {
@@ -409,7 +421,7 @@ fn join<'a>(
     debug_assert!(to.next().is_none(), "as many triangles as were counted");
 }
 
-/// Where the lower node of each edge of a cell stands from the cell's own, in a brick, and the edge's axis.
+/// Offset in a brick of the lower node of each edge of a cell from the cell's own, and the edge's axis.
 const EDGES: [(usize, u8); 12] = {
     let mut edges = [(0, 0); 12];
     let mut e = 0;

@@ -1,51 +1,52 @@
-//! Surfaces as triangle meshes: extraction from a field, clean-up, attributes, checks, and the whole way
-//! from particles to a mesh.
+//! Surfaces as triangle meshes: isosurface extraction, clean-up, attributes, checks, and the reconstruction
+//! of a mesh from particles.
 
-pub mod apart;
+mod attributes;
 mod cases;
 mod check;
+mod components;
 mod contour;
 mod decimate;
-mod links;
+mod displaced;
+mod half_edges;
 mod low_pass;
 mod marching_cubes;
-mod moved;
+mod node_signs;
 mod normals;
 mod params;
-mod pieces;
 mod reconstruct;
-mod sides;
+mod shell;
 mod smooth;
-mod thicken;
-mod transfer;
+pub mod surface_distance;
 mod umbrella;
 
+pub use attributes::transfer;
 pub use check::{Fault, MeshCheck, check};
+pub use components::{ComponentStats, Points, remove_small};
 pub use contour::{Contour, Side};
 pub use decimate::{DecimationStats, decimate};
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use normals::{normals_from_faces, normals_from_field};
 pub use params::{ComponentParams, DecimationParams, DistanceParams, SmoothingParams, SurfaceParams};
-pub use pieces::{ComponentStats, Points, remove_small};
 pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
+pub use shell::shell;
 pub use smooth::{SmoothingStats, smooth};
-pub use thicken::thicken;
-pub use transfer::transfer;
 
 use crate::{frame::Channel, math::Vec3};
 
-/// Raised whenever a change gives the same particles and settings another mesh, so that old meshes are made again.
+/// Increases with every change that gives the same particles and settings a different mesh, so that old
+/// meshes are made again.
 pub const SURFACE_VERSION: u32 = 4;
 
-/// An indexed triangle mesh. Faces wind counter-clockwise seen from outside.
+/// An indexed triangle mesh. Faces are counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
     /// Vertex positions [m].
     pub positions: Vec<Vec3>,
-    /// Three vertices a triangle.
+    /// Three vertices per triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Unit outward normals, one a vertex; empty if there are none.
+    /// Unit outward normals, one per vertex; empty if there are none.
     pub normals: Vec<Vec3>,
-    /// Further values, one a vertex: `velocity` [m/s] and others.
+    /// Further attributes, one value per vertex: `velocity` [m/s] and others.
     pub attributes: Vec<Channel>,
 }

@@ -1,7 +1,7 @@
-//! The normals of a surface.
+//! Normals of a surface.
 //!
-//! *Method*: the gradient of the field that the surface was cut from, central differences at the grid nodes
-//! and trilinear between them.
+//! *Method*: the gradient of the field that the isosurface belongs to, by central differences at the grid
+//! nodes and trilinear interpolation between them.
 //!
 //! Limits: second order in the voxel away from the field's kinks.
 
@@ -15,27 +15,28 @@ use crate::{
     par,
 };
 
-/// Nearer than this to a node, in voxels, a vertex is taken to lie on it: vertices lie on grid edges, and
-/// the two coordinates across the edge are exact up to rounding only. Smaller reads nodes that have no weight.
-const SNAP: f64 = 1e-4;
+/// A vertex nearer than this to a node, in voxels, counts as lying on it. Vertices lie on grid edges, and the
+/// two coordinates across the edge are exact only up to rounding. If it is smaller, nodes without weight are
+/// read.
+const SNAP_DISTANCE: f64 = 1e-4;
 
-/// Unit outward normals at the vertices of `mesh` by the gradient of the field that it was cut from, and how many
-/// vertices had no usable gradient there (zero, not finite, or against the faces around) and carry the area-weighted
-/// normal of their faces instead: +Z if that is none. What has a usable gradient and no face keeps it.
+/// Unit outward normals at the vertices of `mesh` by the gradient of its field, and how many vertices had no
+/// usable gradient (zero, not finite, or opposed to the faces around). These have the area-weighted normal of
+/// their faces instead, or +Z if that is zero. A vertex with a usable gradient and no face keeps it.
 pub fn normals_from_field<'a>(mesh: &Mesh, contour: impl Into<Contour<'a>>) -> (Vec<Vec3>, usize) {
-    Directions::of(&mesh.positions, &contour.into()).settle(mesh)
+    Directions::of(&mesh.positions, &contour.into()).check_against_faces(mesh)
 }
 
-/// The normals that a field gives by itself.
+/// The normals by the field alone.
 pub(super) struct Directions {
-    /// Of unit length; zero where there is none.
+    /// Unit normals; zero where there is none.
     normals: Vec<Vec3>,
-    /// Where there is none.
+    /// The vertices without a normal.
     without: Vec<u32>,
 }
 
 impl Directions {
-    /// Those at `positions` [m].
+    /// The normals at `positions` [m].
     pub(super) fn of(positions: &[Vec3], contour: &Contour) -> Self {
         let mut normals = par::repeated(Vec3::zeros(), positions.len());
         let without = par::map_chunks_mut([&mut normals], par::CHUNK, |start, [normals]| {
@@ -52,15 +53,16 @@ impl Directions {
         Self { normals, without: without.concat() }
     }
 
-    /// Those at the vertices of `mesh` that are not against its faces, the faces' own elsewhere, and how many these are.
-    pub(super) fn settle(self, mesh: &Mesh) -> (Vec<Vec3>, usize) {
+    /// The normals at the vertices of `mesh`, with those of the faces where the field's oppose them, and how
+    /// many these are.
+    pub(super) fn check_against_faces(self, mesh: &Mesh) -> (Vec<Vec3>, usize) {
         let Self { mut normals, without } = self;
-        // What goes with every single face goes with their sum; only others need the sum.
+        // A normal on the side of every single face is on the side of their sum; only others need the sum.
         let against = par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| {
             let mut against = Vec::new();
             for triangle in &mesh.triangles[range] {
                 let face = area_normal(mesh, triangle);
-                against.extend(triangle.iter().filter(|&&v| !goes_with(&normals[v as usize], &face)));
+                against.extend(triangle.iter().filter(|&&v| !agrees_with(&normals[v as usize], &face)));
             }
             against.sort_unstable();
             against.dedup();
@@ -72,7 +74,7 @@ impl Directions {
         let mut replaced = 0;
         for (&v, face) in doubtful.iter().zip(sums_at(mesh, &doubtful)) {
             let normal = &mut normals[v as usize];
-            if !goes_with(normal, &face) {
+            if !agrees_with(normal, &face) {
                 *normal = unit(&face);
                 replaced += 1;
             }
@@ -81,7 +83,7 @@ impl Directions {
     }
 }
 
-/// The area-weighted normals of the faces around some vertices, which ascend; not normalised [m²].
+/// Area-weighted normals of the faces around some vertices, in ascending order; not normalised [m²].
 fn sums_at(mesh: &Mesh, vertices: &[u32]) -> Vec<Vec3> {
     if vertices.is_empty() {
         return Vec::new();
@@ -104,50 +106,53 @@ fn sums_at(mesh: &Mesh, vertices: &[u32]) -> Vec<Vec3> {
     sums
 }
 
-/// The normals of some vertices that have faces, as [`normals_from_field`] has them, from the area-weighted normals of the faces.
+/// The normals of some vertices that have faces, as by [`normals_from_field`], given the area-weighted
+/// normals of the faces.
 pub(super) fn some_from_field(mesh: &Mesh, contour: Contour, faces: &[Vec3], vertices: &[u32]) -> Vec<Vec3> {
     par::map_chunks(vertices.len(), par::CHUNK, |range| {
         let mut reader = Reader::new(contour.grid);
         let normal = |&v: &u32| {
             let (x, face) = (mesh.positions[v as usize], &faces[v as usize]);
-            reader.direction(&contour, x).filter(|n| goes_with(n, face)).unwrap_or_else(|| unit(face))
+            reader.direction(&contour, x).filter(|n| agrees_with(n, face)).unwrap_or_else(|| unit(face))
         };
         vertices[range].iter().map(normal).collect::<Vec<_>>()
     })
     .concat()
 }
 
-/// Unit outward normals at the vertices of `mesh` by the area-weighted normals of the faces around them; +Z where these
-/// cancel.
+/// Unit outward normals at the vertices of `mesh` by the area-weighted normals of the faces around them; +Z
+/// where these cancel.
 pub fn normals_from_faces(mesh: &Mesh) -> Vec<Vec3> {
     let mut normals = face_normals(mesh);
     par::update(&mut normals, |_, n| *n = unit(n));
     normals
 }
 
-/// The direction of a normal; +Z if it has none.
+/// The unit vector of a normal; +Z if it is zero.
 pub(super) fn unit(normal: &Vec3) -> Vec3 {
-    normal.try_normalize(0.0).filter(usable).unwrap_or_else(Vec3::z)
+    normal.try_normalize(0.0).filter(is_usable).unwrap_or_else(Vec3::z)
 }
 
-/// Whether a normal is on the side of a face's; what is not a number is not.
-fn goes_with(normal: &Vec3, face: &Vec3) -> bool {
+/// Whether a normal is on the side of a face's normal; false for NaN.
+fn agrees_with(normal: &Vec3, face: &Vec3) -> bool {
     normal.dot(face) > 0.0
 }
 
 /// Whether a normal is finite and of unit length.
-fn usable(normal: &Vec3) -> bool {
+fn is_usable(normal: &Vec3) -> bool {
     (normal.norm_squared() - 1.0).abs() < 1e-3
 }
 
-/// Nodes along an edge of a brick, with one below and two above: all that gradients between its nodes and the next need.
+/// Nodes along an edge of a brick with its rim, one below and two above: all that gradients between its nodes
+/// and the next need.
 const WITH_RIM: usize = BRICK + 3;
 
-/// Reads gradients of a grid; remembers the last brick with its rim, because vertices mostly come brick by brick.
+/// Reads gradients of a grid. It keeps the last brick with its rim, because vertices mostly come brick by
+/// brick.
 struct Reader<'a> {
     grid: &'a SparseGrid,
     coord: [i32; 3],
-    /// Nodes from −1 to 9 along each axis; not a number where there is none or an infinite one.
+    /// Nodes from −1 to 9 along each axis; NaN for missing or infinite ones.
     nodes: Box<[f32; WITH_RIM.pow(3)]>,
 }
 
@@ -156,7 +161,7 @@ impl<'a> Reader<'a> {
         Self { grid, coord: [i32::MIN; 3], nodes: Box::new([f32::NAN; WITH_RIM.pow(3)]) }
     }
 
-    /// Goes to the brick at `coord`.
+    /// Loads the brick at `coord`.
     fn visit(&mut self, coord: [i32; 3]) {
         if self.coord == coord {
             return;
@@ -164,10 +169,10 @@ impl<'a> Reader<'a> {
         self.coord = coord;
         let around: [Option<&[f32]>; 27] = std::array::from_fn(|i| {
             let step = [i % 3, i / 3 % 3, i / 9].map(|s| s as i32 - 1);
-            let beside = std::array::from_fn(|axis| coord[axis].wrapping_add(step[axis]));
-            self.grid.bricks.find(beside).map(|brick| self.grid.brick(brick))
+            let neighbour = std::array::from_fn(|axis| coord[axis].wrapping_add(step[axis]));
+            self.grid.bricks.find(neighbour).map(|brick| self.grid.brick(brick))
         });
-        // Which of three bricks a node is in, and where.
+        // The brick of three that holds a node, and its index there.
         let within = |i: usize| {
             let from_first = i + BRICK - 1;
             (from_first / BRICK, from_first % BRICK)
@@ -191,14 +196,14 @@ impl<'a> Reader<'a> {
                 }
             }
         }
-        // What is infinite becomes not a number.
+        // Infinite values become NaN.
         for value in self.nodes.iter_mut() {
             *value = if value.is_finite() { *value } else { f32::NAN };
         }
     }
 
-    /// The gradient at a node 0..=8 of the brick visited, in the grid's unit a voxel: central differences, one-sided at the
-    /// rim.
+    /// The gradient at a node 0..=8 of the loaded brick, in the grid's unit per voxel: central differences,
+    /// one-sided at the rim.
     fn at_node(&self, node: [usize; 3]) -> Vec3 {
         let place = node[0] + 1 + WITH_RIM * (node[1] + 1 + WITH_RIM * (node[2] + 1));
         let here = self.nodes[place];
@@ -218,7 +223,7 @@ impl<'a> Reader<'a> {
     /// The unit normal of the contour at `x`, if there is a usable one.
     fn direction(&mut self, contour: &Contour, x: Vec3) -> Option<Vec3> {
         let gradient = self.gradient(x) * contour.outward();
-        gradient.try_normalize(0.0).filter(usable)
+        gradient.try_normalize(0.0).filter(is_usable)
     }
 
     /// The gradient at `x`, trilinear between the nodes' gradients.
@@ -228,7 +233,7 @@ impl<'a> Reader<'a> {
         for axis in 0..3 {
             let at = f64::from(x[axis]) / f64::from(self.grid.voxel);
             // Positions are exact to their own digits.
-            let snap = SNAP.max(at.abs() * f64::from(f32::EPSILON)).min(0.5);
+            let snap = SNAP_DISTANCE.max(at.abs() * f64::from(f32::EPSILON)).min(0.5);
             let below = (at + snap).floor();
             node[axis] = below as i32;
             t[axis] = if at - below < snap { 0.0 } else { (at - below) as f32 };
@@ -253,15 +258,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_normal_goes_with_the_sum_of_its_faces_and_not_with_each() {
-        // Around vertex 0: two faces of area ½ that look up, and a small one that looks down.
+    fn a_normal_must_agree_with_the_sum_of_its_faces_but_not_with_each() {
+        // Around vertex 0: two faces of area ½ that face upwards, and a small one that faces down.
         let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.1, 0.0], [0.0, 0.1]];
         let positions = corners.map(|[x, y]| Vec3::new(x, y, 0.0)).to_vec();
         let triangles = vec![[0, 1, 2], [0, 2, 3], [0, 5, 4]];
         let mesh = Mesh { positions, triangles, ..Mesh::default() };
         let normals = |directions: [f32; 6], without: Vec<u32>| {
             let normals = directions.map(|z| Vec3::new(0.0, 0.0, z)).to_vec();
-            let (normals, replaced) = Directions { normals, without }.settle(&mesh);
+            let (normals, replaced) = Directions { normals, without }.check_against_faces(&mesh);
             (normals.iter().map(|n| n.z).collect::<Vec<_>>(), replaced)
         };
         let right = [1.0, 1.0, 1.0, 1.0, -1.0, -1.0];

@@ -1,29 +1,30 @@
-//! From particles to a surface.
+//! Surface reconstruction: from particles to a triangle mesh.
 //!
-//! *Method*: the density of the particles on sparse bricks ([`crate::field`]), if named the signed distance to its level
-//! set ([`crate::sdf`]), marching cubes of either, what the parameters name of removal of small pieces, smoothing and
-//! decimation, normals by the field's gradient, and what the vertices take from the particles.
+//! *Method*: the density of the particles on sparse bricks ([`crate::field`]); optionally the signed distance
+//! to its level set ([`crate::sdf`]); marching cubes of either; the removal of small components, smoothing
+//! and decimation that the parameters request; normals by the field's gradient; vertex attributes from the
+//! particles.
 //!
-//! Where smoothing moved it, a surface has the normals of its own faces: those of the field show the bumps that it no longer
-//! has.
+//! Where smoothing moved it, a surface has the normals of its own faces: those of the field show the bumps
+//! that were smoothed.
 //!
-//! Normals by the density's gradient: on a ball of 20 spacings they lean 12.0° on average (particles
-//! moved by up to a quarter spacing: 16.1°), the distance's 9.9° (13.9°), and on 30 frames of a splash 101 of
-//! 630 000 vertices found no usable gradient instead of 68.
+//! Normals by the density's gradient deviate by 12.0° on average on a ball of 20 spacings (particles
+//! displaced by up to a quarter spacing: 16.1°), those by the distance by 9.9° (13.9°). On 30 frames of a
+//! splash 101 of 630 000 vertices had no usable gradient instead of 68.
 //! *Departs from the paper*: see the modules named.
-//! Limits: those of the passes; what is thinner than a voxel may vanish.
+//! Limits: those of the passes; features thinner than a voxel may vanish.
 
 use super::{
     ComponentStats, Contour, ContourStats, DecimationStats, Mesh, MeshCheck, Points, SmoothingStats,
     SurfaceParams,
-    check::check_linked,
+    check::check_with_half_edges,
     decimate,
-    links::Links,
+    half_edges::HalfEdges,
     marching_cubes,
-    marching_cubes::Cut,
+    marching_cubes::Extraction,
     normals::{Directions, some_from_field, unit},
     normals_from_faces, normals_from_field, remove_small,
-    smooth::{Smoothed, depth_weights, smooth_linked},
+    smooth::{Smoothed, depth_weights, smooth_with_half_edges},
     transfer,
 };
 use crate::{
@@ -38,93 +39,93 @@ use std::time::Instant;
 /// The surface of one stream of particles.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    /// Triangles, normals and the attributes asked for; if nothing was asked, `velocity` [m/s] if the particles have it.
+    /// Triangles, normals and the requested attributes; by default `velocity` [m/s] if the particles have it.
     pub mesh: Mesh,
-    /// The pieces that were too small to stay, if small pieces were to go.
+    /// The small components that were removed, if this was requested.
     pub points: Option<Points>,
-    /// The signed distance that the mesh was cut from, before any clean-up; none if it was cut from the density.
+    /// The signed distance that was meshed, before any clean-up; `None` if the density was.
     pub distance: Option<SignedDistance>,
-    /// Whether the mesh is sound, and its volume and area.
+    /// Soundness, volume and area of the mesh.
     pub check: MeshCheck,
-    /// What it took.
+    /// Statistics of the reconstruction.
     pub stats: SurfaceStats,
 }
 
-/// What a reconstruction took, and every place where it departed from the rule.
+/// Statistics of a reconstruction, including all adjustments.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct SurfaceStats {
-    /// Particles given.
+    /// Number of particles.
     pub particles: usize,
-    /// Particles too far from the origin for the grid: left out.
+    /// Particles too far from the origin for the grid, which are left out.
     pub too_far_particles: usize,
-    /// Particles that fall between the nodes of a coarse grid and do not show.
+    /// Particles that fall between the nodes of a coarse grid and leave no trace.
     pub unseen_particles: usize,
     /// Bricks of the density and of the signed distance.
     pub bricks: [usize; 2],
-    /// Nodes of the signed distance that the band did not reach.
+    /// Nodes of the signed distance outside the band.
     pub unreached_nodes: usize,
-    /// Nodes on the surface, moved off it by a millionth of a voxel.
+    /// Nodes on the surface, displaced by a millionth of a voxel.
     pub nodes_on_surface: usize,
     /// Vertices of the mesh.
     pub vertices: usize,
     /// Triangles of the mesh.
     pub triangles: usize,
-    /// What marching cubes had to do beside extracting.
+    /// Adjustments of marching cubes.
     pub contour: ContourStats,
-    /// What the removal of small pieces did.
+    /// Removal of small components.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub components: Option<ComponentStats>,
-    /// What smoothing did.
+    /// Smoothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<SmoothingStats>,
-    /// What decimation did.
+    /// Decimation.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decimation: Option<DecimationStats>,
-    /// Vertices whose normal is that of the faces, because the field has no usable gradient there; none are counted
+    /// Vertices with the normal of their faces, because the field has no usable gradient there; not counted
     /// on a smoothed surface.
     pub normals_from_faces: usize,
-    /// Vertices and points whose attributes are those of the nearest particle, because none is within the kernel.
+    /// Vertices and points with the attributes of the nearest particle, because none is within the kernel.
     pub attributes_from_nearest: usize,
-    /// Seconds a pass, in the order first run: marching cubes and normals may take turns.
+    /// Seconds per pass, in the order of their first run; marching cubes and normals may alternate.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Why there is no surface.
+/// Errors of a reconstruction.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum SurfaceError {
-    /// The caller asked to stop.
-    #[error("interrupted while the surface was made")]
+    /// The caller interrupted the reconstruction.
+    #[error("interrupted during surface reconstruction")]
     Interrupted,
-    /// The stream holds no vectors named `position`.
+    /// The stream has no vectors named `position`.
     #[error("the particles have no channel of vectors named `position`; expected one to make a surface of")]
     NoPositions,
-    /// A position is infinite or not a number.
+    /// A position is infinite or NaN.
     #[error(
         "the position of particle {particle} is not finite; simulate the frame again or check its source"
     )]
     NotFinite {
-        /// Its place in the stream.
+        /// Index of the particle in the stream.
         particle: usize,
     },
-    /// The particles lack a channel that the vertices should carry.
+    /// The particles lack a channel for the vertex attributes.
     #[error(
-        "the particles have no channel `{name}` for the vertices; they have {there}: change surface.attributes"
+        "the particles have no channel `{name}` for the vertices; they have {existing}: change surface.attributes"
     )]
     NoChannel {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// The names that are there.
-        there: String,
+        /// The existing names.
+        existing: String,
     },
 }
 
-/// The surface of `particles` (channel `position` [m], maybe `velocity` [m/s]) that stand `spacing` [m] apart at
-/// rest. `keep_going` is asked after every pass and ends the work by returning false.
+/// Reconstructs the surface of `particles` (channel `position` [m], optionally `velocity` [m/s]) with a rest
+/// spacing of `spacing` [m]. `keep_going` is called after every pass and interrupts by returning false.
 ///
 /// The result depends on the particles and parameters alone, not on threads.
 ///
 /// # Errors
-/// If asked to stop, or if positions are missing or not finite.
+/// If interrupted, or if positions are missing or not finite.
 ///
 /// # Panics
 /// If `spacing` or a parameter is out of its range.
@@ -157,69 +158,71 @@ pub fn reconstruct(
         nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
         ..SurfaceStats::default()
     };
-    let Made { mut mesh, mut points, links } = if params.is_as_cut() {
-        as_cut(field, distance.as_ref(), &mut clock, &mut stats)?
+    let CleanedMesh { mut mesh, mut points, half_edges } = if params.has_no_cleanup() {
+        without_cleanup(field, distance.as_ref(), &mut clock, &mut stats)?
     } else {
-        cleaned(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
+        with_cleanup(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
     };
     (stats.vertices, stats.triangles) = (mesh.positions.len(), mesh.triangles.len());
-    stats.attributes_from_nearest =
-        clock.time("attributes", || carry(particles, params, spacing, &mut mesh, points.as_mut()))??;
-    let check = clock.time("check", || check_linked(&mesh, links))?;
+    stats.attributes_from_nearest = clock.time("attributes", || {
+        transfer_attributes(particles, params, spacing, &mut mesh, points.as_mut())
+    })??;
+    let check = clock.time("check", || check_with_half_edges(&mesh, half_edges))?;
     stats.seconds = clock.seconds;
     Ok(Surface { mesh, points, distance, check, stats })
 }
 
 /// A mesh with normals.
-struct Made {
+struct CleanedMesh {
     mesh: Mesh,
     points: Option<Points>,
-    /// Its half-edges, if somebody needed them.
-    links: Option<Links>,
+    /// Its half-edges, if a pass needed them.
+    half_edges: Option<HalfEdges>,
 }
 
-/// What the surface is the contour of.
+/// The contour whose isosurface is extracted.
 fn contour_of<'a>(field: &'a Density, distance: Option<&'a SignedDistance>) -> Contour<'a> {
     distance.map_or_else(|| Contour::from(field), |distance| Contour::from(&distance.grid))
 }
 
-/// The surface as it is cut.
-fn as_cut(
+/// The surface of marching cubes, without clean-up.
+fn without_cleanup(
     mut field: Density,
     distance: Option<&SignedDistance>,
     clock: &mut Clock,
     stats: &mut SurfaceStats,
-) -> Result<Made, SurfaceError> {
+) -> Result<CleanedMesh, SurfaceError> {
     if distance.is_some() {
         field.grid.values = Vec::new();
     }
     let contour = contour_of(&field, distance);
-    let (cut, (positions, contour_stats)) = clock.time("marching cubes", || {
-        let cut = Cut::new(&contour);
-        let vertices = cut.vertices(&contour);
-        (cut, vertices)
+    let (extraction, (positions, contour_stats)) = clock.time("marching cubes", || {
+        let extraction = Extraction::new(&contour);
+        let vertices = extraction.vertices(&contour);
+        (extraction, vertices)
     })?;
     stats.contour = contour_stats;
     let directions = clock.time("normals", || Directions::of(&positions, &contour))?;
 
-    // The density is most of the memory, and triangles do not need it.
+    // The density takes most of the memory, and triangles do not need it.
     field.grid.values = Vec::new();
     let bricks = distance.map_or(&field.grid.bricks, |distance| &distance.grid.bricks);
-    let triangles = clock.time("marching cubes", || cut.triangles(bricks))?;
+    let triangles = clock.time("marching cubes", || extraction.triangles(bricks))?;
     let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
-    (mesh.normals, stats.normals_from_faces) = clock.time("normals", || directions.settle(&mesh))?;
-    Ok(Made { mesh, points: None, links: None })
+    (mesh.normals, stats.normals_from_faces) =
+        clock.time("normals", || directions.check_against_faces(&mesh))?;
+    Ok(CleanedMesh { mesh, points: None, half_edges: None })
 }
 
-/// The surface, cleaned up as far as the parameters say.
-fn cleaned(
+/// The surface, with the clean-up of the parameters.
+fn with_cleanup(
     field: Density,
     distance: Option<&SignedDistance>,
     params: &SurfaceParams,
     spacing: f32,
     clock: &mut Clock,
     stats: &mut SurfaceStats,
-) -> Result<Made, SurfaceError> {
+) -> Result<CleanedMesh, SurfaceError> {
     let contour = contour_of(&field, distance);
     let mut mesh;
     (mesh, stats.contour) = clock.time("marching cubes", || marching_cubes(contour))?;
@@ -228,25 +231,25 @@ fn cleaned(
         let (removed, found) = clock.time("components", || remove_small(&mut mesh, components, spacing))?;
         (points, stats.components) = (Some(removed), Some(found));
     }
-    let (mut links, mut smoothed) = (None, None);
+    let (mut half_edges, mut smoothed) = (None, None);
     if let Some(smoothing) = &params.smoothing {
         smoothed = Some(clock.time("smoothing", || {
-            let links = links.insert(Links::new(&mesh, |_| true));
-            let weights = depth_weights(&mesh, links, &field, smoothing.thin, spacing);
-            smooth_linked(&mut mesh, links, &weights, smoothing, spacing)
+            let half_edges = half_edges.insert(HalfEdges::new(&mesh, |_| true));
+            let weights = depth_weights(&mesh, half_edges, &field, smoothing.thin, spacing);
+            smooth_with_half_edges(&mut mesh, half_edges, &weights, smoothing, spacing)
         })?);
     }
     stats.smoothing = smoothed.as_ref().map(|smoothed| smoothed.stats);
     if let Some(decimation) = &params.decimation {
-        (links, smoothed) = (None, None);
+        (half_edges, smoothed) = (None, None);
         stats.decimation = Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?);
     }
     (mesh.normals, stats.normals_from_faces) = clock.time("normals", || match smoothed {
-        Some(Smoothed { normals, still, .. }) => (smoothed_normals(&mesh, contour, normals, &still), 0),
+        Some(Smoothed { normals, unmoved, .. }) => (smoothed_normals(&mesh, contour, normals, &unmoved), 0),
         None if params.smoothing.is_some() => (normals_from_faces(&mesh), 0),
         None => normals_from_field(&mesh, contour),
     })?;
-    Ok(Made { mesh, points, links })
+    Ok(CleanedMesh { mesh, points, half_edges })
 }
 
 /// The positions of the particles, all finite.
@@ -261,18 +264,19 @@ pub fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
     }
 }
 
-/// The normals of a smoothed mesh: those of its `faces`, and those of the field where vertices stood `still`.
-fn smoothed_normals(mesh: &Mesh, contour: Contour, mut faces: Vec<Vec3>, still: &[u32]) -> Vec<Vec3> {
-    let of_field = some_from_field(mesh, contour, &faces, still);
+/// The normals of a smoothed mesh: those of its `faces`, and those of the field where vertices did not move.
+fn smoothed_normals(mesh: &Mesh, contour: Contour, mut faces: Vec<Vec3>, unmoved: &[u32]) -> Vec<Vec3> {
+    let of_field = some_from_field(mesh, contour, &faces, unmoved);
     par::update(&mut faces, |_, normal| *normal = unit(normal));
-    for (&v, normal) in still.iter().zip(of_field) {
+    for (&v, normal) in unmoved.iter().zip(of_field) {
         faces[v as usize] = normal;
     }
     faces
 }
 
-/// Gives vertices and points what they take from the particles; returns how many took it from the nearest.
-fn carry(
+/// Transfers attributes from the particles to vertices and points; returns how many came from the nearest
+/// particle.
+fn transfer_attributes(
     particles: &Stream,
     params: &SurfaceParams,
     spacing: f32,
@@ -293,13 +297,13 @@ fn carry(
     Ok(from_nearest)
 }
 
-/// Says which channels there are instead.
+/// The error that lists the existing channels.
 fn no_channel(name: String, particles: &Stream) -> SurfaceError {
-    let there: Vec<&str> = particles.channels().iter().map(|channel| channel.name.as_str()).collect();
-    SurfaceError::NoChannel { name, there: there.join(", ") }
+    let names: Vec<&str> = particles.channels().iter().map(|channel| channel.name.as_str()).collect();
+    SurfaceError::NoChannel { name, existing: names.join(", ") }
 }
 
-/// Runs passes one after the other, with their times, until told to stop. A pass may come in parts.
+/// Runs passes and measures their times, until interrupted. A pass may have several parts.
 struct Clock<'a> {
     keep_going: &'a (dyn Fn() -> bool + Sync),
     seconds: Vec<(&'static str, f64)>,

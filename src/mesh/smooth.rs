@@ -1,92 +1,100 @@
-//! Smoothing that keeps volume, edges, and what is thin.
+//! Mesh smoothing that preserves volume, edges and thin parts.
 //!
-//! *Method* [taubin96]: the vertices are filtered by a low pass ([`super::low_pass`]) of the umbrella operator M
-//! ([`super::umbrella`]). Waves longer than asked for pass, shorter ones vanish: what repeated averaging would shrink stays.
-//! *Departs from the paper*: w_i is less where the liquid behind the vertex is thin; edges are kept as below; what volume still
-//! changes is given back, piece by piece, by one offset along the normals.
+//! *Method* [taubin96]: the vertices are filtered by a low pass ([`super::low_pass`]) of the umbrella
+//! operator M ([`super::umbrella`]). Waves longer than the wavelength pass and shorter ones
+//! vanish, whereas repeated averaging also shrinks long waves.
+//! *Departs from the paper*: w_i is smaller where the liquid behind the vertex is thin. Edges are preserved
+//! as described below. The remaining change of volume is corrected, component by component, by an offset
+//! along the normals.
 //!
-//! Edges: as cut, an edge of a box of particles is spread over vertices that lean apart no more than single particles make
-//! them do. As filtered, it is spread over half a wavelength, and the particles are gone. So the bend of the surface is
-//! measured after the filter, on normals that no longer show the particles, as [zheng11] filters the normals before the
-//! places: κ = √(2 Σ_j |n_j − n_i|²/Σ_j |x_j − x_i|²). Where κ Λ/2 is more than `crease`, the vertices get a filter of a
-//! shorter wavelength instead, which costs little beside the long one: its terms are the first of the same. An edge of the
+//! Edges: before filtering, an edge of a box of particles is spread over vertices whose normals deviate no
+//! more than single particles make them do. After filtering, it is spread over half a wavelength, and the
+//! particles are gone. So the bend of the surface is measured after the filter, on normals that no longer
+//! show the particles, as [zheng11] filters the normals before the positions: κ = √(2 Σ_j |n_j − n_i|²/Σ_j
+//! |x_j − x_i|²). Where κ Λ/2 exceeds `crease`, the vertices get a filter of a shorter wavelength instead,
+//! which costs little in addition to the long one: its terms are the first of the same series. An edge of the
 //! angle φ that the filter has rounded bends by κ Λ/2 ≈ 2 tan(φ/2), 115° for a right angle.
 //!
 //! Symbols: Λ → `wavelength` [m]; w → `weights` [0..1]; κ → `bend` [rad/m].
-//! Limits: a vertex whose triangles would fold or collapse goes back to where it was, and is counted; so do pieces that
-//! would lose a third of their volume, or would have to move far to get it back. What is round within a wavelength, droplets
-//! and threads, counts as an edge.
+//! Limits: a vertex whose triangles would fold or collapse is restored to its original position, and counted.
+//! So are components that would lose a third of their volume, or would have to move far to regain it. Shapes
+//! rounder than a wavelength, droplets and threads, count as edges.
 
 use super::{
     Mesh, SmoothingParams,
-    links::Links,
-    low_pass::{pass, response},
-    moved::{Moved, change, narrow, select},
+    components::Components,
+    displaced::{DisplacedMesh, retain, select, update_at},
+    half_edges::HalfEdges,
+    low_pass::{cutoff, response},
     normals::unit,
-    pieces::Pieces,
     umbrella::{Four, Umbrella},
 };
 use crate::{field::Density, grid::Probe, math::Vec3, par};
 
-/// How deep below the surface the liquid is looked for [spacings]. A layer of one particle ends one spacing below, two
-/// layers end at two: between them, both are told apart from either side.
-const DEPTH: f32 = 1.5;
+/// Depth below the surface at which the liquid is sampled [spacings]. A layer of one particle ends one
+/// spacing below, two layers end at two: between them, both can be distinguished from either side.
+const PROBE_DEPTH: f32 = 1.5;
 
-/// The wavelength at edges, as a part of the other. Larger rounds them, smaller leaves more of the particles on them. At the
-/// usual six spacings it is two, below which the density has little.
-const EDGE: f64 = 1.0 / 3.0;
+/// The wavelength at edges, relative to the other. Larger makes them rounder, smaller leaves more of the particles
+/// on them. At the usual six spacings it is two, below which the density has little content.
+const CREASE_WAVELENGTH_FRACTION: f64 = 1.0 / 3.0;
 
-/// Where the surface bends by this part of what an edge does, it begins to be one. Less, and what is left
-/// of disordered particles counts: at a half, some of a ball did. More, and edges begin suddenly.
-const NO_EDGE: f32 = 0.7;
+/// Bend at which an edge begins, relative to that of a full edge. If it is smaller, remains of disordered
+/// particles count: at a half, some of a ball did. If it is larger, edges begin suddenly.
+const CREASE_START_FRACTION: f32 = 0.7;
 
-/// How often normals are averaged with their neighbours before their bend is measured. Less, and what is an edge depends on how
-/// the grid happens to cut it: unaveraged, the area of a still ball that moves by parts of a voxel varied by 0.6 %.
-const CALM: usize = 2;
+/// Passes of averaging normals with their neighbours before their bend is measured. If there are fewer, edges
+/// depend on how the grid happens to cut them: without averaging, the area of a still ball that moves by
+/// parts of a voxel varied by 0.6 %.
+const NORMAL_AVERAGING_PASSES: usize = 2;
 
-/// From this crease on nothing is an edge [deg].
-const FLAT: f32 = 180.0;
+/// From this crease on, nothing is an edge [deg].
+const NO_CREASE_ANGLE: f32 = 180.0;
 
-/// A piece that keeps less than this part of its volume is not smoothed: what offsets along its normals make of the rest
-/// is not its shape.
-const KEPT: f64 = 0.7;
+/// A component that keeps less than this part of its volume is not smoothed: offsets along its normals would
+/// not restore its shape.
+const MIN_VOLUME_FRACTION: f64 = 0.7;
 
-/// Volume is given back to a piece until this part of it is wrong: single precision places it no better …
-const EXACT: f64 = 1e-6;
+/// Relative error of a component's volume that is accepted: single precision allows no better.
+const VOLUME_TOLERANCE: f64 = 1e-6;
 
-/// … or this often. One offset does it, but for pieces of which vertices were put back.
-const OFFSETS: usize = 8;
+/// Offsets of a component at most. One suffices, except for components with restored vertices.
+const MAX_OFFSETS: usize = 8;
 
-/// A piece of less than this part of the whole counts as that large: one that rounding has flattened has no volume to
-/// compare with. Larger, and the error of droplets in a large splash goes unseen.
-const LEAST: f64 = 1e-9;
+/// Smallest volume of a component relative to the whole that enters relative errors: a component flattened by
+/// rounding has no volume to compare with. If it is larger, the error of droplets in a large splash goes
+/// unnoticed.
+const MIN_COMPONENT_FRACTION: f64 = 1e-9;
 
-/// What smoothing did.
+/// Result of smoothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct SmoothingStats {
-    /// Degree of the filter: how often every vertex looked at its neighbours.
+    /// Degree of the filter: how often every vertex reads its neighbours.
     pub degree: usize,
-    /// Vertices in thin parts: nearer to the part of it that `thin` names than to all of it.
+    /// Vertices in thin parts: nearer to the fraction `thin` of the smoothing than to all of it.
     pub thin_vertices: usize,
-    /// Vertices at edges, which were smoothed less, and some of them hardly less.
+    /// Vertices at edges, which were smoothed less, some of them hardly less.
     pub crease_vertices: usize,
-    /// Vertices put back because their triangles would have folded or collapsed, or their piece have shrunk away.
+    /// Vertices restored because their triangles would have folded or collapsed, or their component would
+    /// have shrunk.
     pub restored_vertices: usize,
-    /// How much volume the filter changed, Σ over the pieces of |change| over Σ |volume|, before it was given back …
+    /// Change of volume by the filter, Σ over the components of |change| over Σ |volume|, before the
+    /// correction …
     pub volume_change: f64,
     /// … and after.
     pub volume_error: f64,
-    /// The most that a single piece's volume is wrong after it, as a part of its own.
-    pub worst_piece: f64,
-    /// The longest way of a vertex [m].
+    /// Largest error of a single component's volume after the correction, relative to its own.
+    #[serde(rename = "worst_piece")]
+    pub worst_component: f64,
+    /// Largest displacement of a vertex [m].
     pub longest_move: f32,
 }
 
-/// How much of the smoothing each vertex gets: `thin` where the liquid is one particle thick, 1 in the bulk. `field` is the
-/// density that the surface was cut from.
+/// The weight of smoothing at each vertex: `thin` where the liquid is one particle thick, 1 in the bulk.
+/// `field` is the density of the surface.
 pub(super) fn depth_weights(
     mesh: &Mesh,
-    links: &Links,
+    half_edges: &HalfEdges,
     field: &Density,
     thin: f32,
     spacing: f32,
@@ -95,7 +103,7 @@ pub(super) fn depth_weights(
     par::for_chunks(&mut weights, par::CHUNK, |start, weights| {
         let mut probe = Probe::new(&field.grid);
         for (v, weight) in (start..).zip(weights) {
-            let inward = unit(&links.normal(mesh, v)) * (DEPTH * spacing);
+            let inward = unit(&half_edges.normal(mesh, v)) * (PROBE_DEPTH * spacing);
             let behind = probe.trilinear(mesh.positions[v] - inward) / field.threshold;
             let t = (behind - 0.5).clamp(0.0, 1.0);
             *weight = thin + (1.0 - thin) * t * t * (3.0 - 2.0 * t);
@@ -106,26 +114,26 @@ pub(super) fn depth_weights(
 
 /// Smooths the positions of `mesh`, each vertex by its weight [0..1].
 ///
-/// The mesh is closed: at a rim a vertex has a neighbour that does not have it, and the filter is not bounded. The result
-/// does not depend on threads. Triangles stay as they are.
+/// The mesh is closed: at a boundary a vertex would have a neighbour of which it is no neighbour, and the
+/// filter would be unbounded. The result does not depend on threads. The triangles do not change.
 pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacing: f32) -> SmoothingStats {
-    let links = Links::new(mesh, |_| true);
-    smooth_linked(mesh, &links, weights, params, spacing).stats
+    let half_edges = HalfEdges::new(mesh, |_| true);
+    smooth_with_half_edges(mesh, &half_edges, weights, params, spacing).stats
 }
 
-/// What smoothing leaves.
+/// Result of smoothing, with the normals and unmoved vertices.
 pub(super) struct Smoothed {
     pub(super) stats: SmoothingStats,
     /// The area-weighted normals of the faces around the vertices, not normalised [m²].
     pub(super) normals: Vec<Vec3>,
-    /// The vertices that are where they were.
-    pub(super) still: Vec<u32>,
+    /// The vertices that did not move.
+    pub(super) unmoved: Vec<u32>,
 }
 
-/// [`smooth`] of a mesh whose half-edges are known.
-pub(super) fn smooth_linked(
+/// [`smooth`] of a mesh with known half-edges.
+pub(super) fn smooth_with_half_edges(
     mesh: &mut Mesh,
-    links: &Links,
+    half_edges: &HalfEdges,
     weights: &[f32],
     params: &SmoothingParams,
     spacing: f32,
@@ -135,145 +143,165 @@ pub(super) fn smooth_linked(
         thin_vertices: count(weights.len(), |v| is_thin(weights[v])),
         ..SmoothingStats::default()
     };
-    let umbrella = Umbrella::new(mesh, links, weights);
+    let umbrella = Umbrella::new(mesh, half_edges, weights);
     if umbrella.edge.is_nan() || umbrella.edge <= 0.0 {
-        // All vertices stand in one place, or in none.
-        let still = select(weights.len(), |_| true);
-        return Smoothed { stats, normals: links.normals(mesh), still };
+        // All vertices coincide, or there are none.
+        let unmoved = select(weights.len(), |_| true);
+        return Smoothed { stats, normals: half_edges.normals(mesh), unmoved };
     }
-    let pieces = Pieces::new(mesh);
+    let components = Components::new(mesh);
     let triangles: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
-    let target = pieces.volumes(mesh, &triangles);
+    let target = components.volumes(mesh, &triangles);
 
-    // Filter, but less where the surface would lose an edge, and take back what folded.
+    // Filter, but less at edges, and restore folded triangles.
     let wavelength = f64::from(params.wavelength) * f64::from(spacing);
-    let long = response(pass(umbrella.edge, wavelength));
-    let short = (params.crease < FLAT).then(|| response(pass(umbrella.edge, EDGE * wavelength)));
+    let long = response(cutoff(umbrella.edge, wavelength));
+    let short = (params.crease < NO_CREASE_ANGLE)
+        .then(|| response(cutoff(umbrella.edge, CREASE_WAVELENGTH_FRACTION * wavelength)));
     stats.degree = long.len();
-    let [moves, at_edges] = umbrella.filter(&mesh.positions, &long, short.as_deref().unwrap_or_default());
+    let [displacements, at_creases] =
+        umbrella.filter(&mesh.positions, &long, short.as_deref().unwrap_or_default());
     let before = mesh.positions.clone();
-    par::update(&mut mesh.positions, |v, x| *x += vector(moves[v]));
-    let mut moved = Moved::new(mesh, links, before);
+    par::update(&mut mesh.positions, |v, x| *x += vector(displacements[v]));
+    let mut displaced = DisplacedMesh::new(mesh, half_edges, before);
     if short.is_some() {
         let limit = params.crease.to_radians() / (0.5 * wavelength) as f32;
-        stats.crease_vertices = keep_edges(&mut moved, &umbrella, [moves, at_edges], limit);
+        stats.crease_vertices =
+            restore_creases(&mut displaced, &umbrella, [displacements, at_creases], limit);
     }
     drop(umbrella);
-    moved.restore(&triangles);
+    displaced.restore(&triangles);
 
-    // Pieces that are short beside the wavelength shrink to nothing: they stay as they were.
-    let mut now = pieces.volumes(moved.mesh, &triangles);
+    // Components shorter than the wavelength shrink to nothing: they are restored.
+    let mut now = components.volumes(displaced.mesh, &triangles);
     let shrank: Vec<bool> =
-        now.iter().zip(&target).map(|(now, before)| now.abs() < KEPT * before.abs()).collect();
-    let back = select(weights.len(), |v| shrank[pieces.of[v] as usize]);
-    moved.put_back(&back);
-    moved.refresh(&back);
+        now.iter().zip(&target).map(|(now, before)| now.abs() < MIN_VOLUME_FRACTION * before.abs()).collect();
+    let back = select(weights.len(), |v| shrank[components.of[v] as usize]);
+    displaced.restore_vertices(&back);
+    displaced.refresh(&back);
     for i in (0..now.len()).filter(|&i| shrank[i]) {
         now[i] = target[i];
     }
 
-    give_back(&mut moved, weights, &pieces, [&target, &now], triangles, f64::from(spacing), &mut stats);
-    let Moved { before, normals, restored, .. } = moved;
+    correct_volumes(
+        &mut displaced,
+        weights,
+        &components,
+        [&target, &now],
+        triangles,
+        f64::from(spacing),
+        &mut stats,
+    );
+    let DisplacedMesh { before, normals, restored, .. } = displaced;
     stats.restored_vertices = count(weights.len(), |v| restored[v] && weights[v] > 0.0);
     stats.longest_move = par::max(before.len(), |v| (mesh.positions[v] - before[v]).norm())
         .map_or(0.0, |(_, longest)| longest);
-    let still = select(before.len(), |v| mesh.positions[v] == before[v]);
-    Smoothed { stats, normals, still }
+    let unmoved = select(before.len(), |v| mesh.positions[v] == before[v]);
+    Smoothed { stats, normals, unmoved }
 }
 
-/// Moves the vertices at edges from where the long filter put them towards where the short one does, and returns how many.
-/// `moves` are what both did.
-fn keep_edges(moved: &mut Moved, umbrella: &Umbrella, moves: [Vec<Four>; 2], limit: f32) -> usize {
-    let [long, short] = &moves;
-    let shares = crease_shares(moved, umbrella, limit);
+/// Moves the vertices at edges from the result of the long filter towards that of the short one, and returns
+/// their number. `displacements` are the displacements of both.
+fn restore_creases(
+    displaced: &mut DisplacedMesh,
+    umbrella: &Umbrella,
+    displacements: [Vec<Four>; 2],
+    limit: f32,
+) -> usize {
+    let [long, short] = &displacements;
+    let shares = crease_shares(displaced, umbrella, limit);
     let creased = select(shares.len(), |v| shares[v] > 0.0);
-    change(&creased, &mut moved.mesh.positions, |v, x| {
+    update_at(&creased, &mut displaced.mesh.positions, |v, x| {
         *x += (vector(short[v]) - vector(long[v])) * shares[v];
     });
     let mut near = vec![false; shares.len()];
     umbrella.fill(&mut near, |v, neighbours| {
         shares[v] > 0.0 || neighbours.iter().any(|&j| shares[j as usize] > 0.0)
     });
-    moved.refresh(&select(near.len(), |v| near[v]));
+    displaced.refresh(&select(near.len(), |v| near[v]));
     creased.len()
 }
 
-/// Gives every piece its volume in `target` back, which it has `now`, by an offset of every
-/// piece that is still wrong. `triangles` are all.
-fn give_back(
-    moved: &mut Moved,
+/// Corrects the volume of every component from `now` to `target`, by offsets of the components that still
+/// have an error. `triangles` are all.
+fn correct_volumes(
+    displaced: &mut DisplacedMesh,
     weights: &[f32],
-    pieces: &Pieces,
+    components: &Components,
     [target, now]: [&[f64]; 2],
     mut triangles: Vec<u32>,
     spacing: f64,
     stats: &mut SmoothingStats,
 ) {
     let total: f64 = target.iter().map(|volume| volume.abs()).sum();
-    let sizes: Vec<f64> =
-        target.iter().map(|volume| volume.abs().max(LEAST * total).max(f64::MIN_POSITIVE)).collect();
+    let sizes: Vec<f64> = target
+        .iter()
+        .map(|volume| volume.abs().max(MIN_COMPONENT_FRACTION * total).max(f64::MIN_POSITIVE))
+        .collect();
     let relative =
-        |left: &[f64]| left.iter().map(|left| left.abs()).sum::<f64>() / total.max(f64::MIN_POSITIVE);
-    let mut left: Vec<f64> = now.iter().zip(target).map(|(now, before)| now - before).collect();
+        |error: &[f64]| error.iter().map(|error| error.abs()).sum::<f64>() / total.max(f64::MIN_POSITIVE);
+    let mut error: Vec<f64> = now.iter().zip(target).map(|(now, before)| now - before).collect();
     let mut vertices = select(weights.len(), |_| true);
-    let mut rests = vec![false; sizes.len()];
-    stats.volume_change = relative(&left);
-    for round in 0..OFFSETS {
+    let mut is_exact = vec![false; sizes.len()];
+    stats.volume_change = relative(&error);
+    for iteration in 0..MAX_OFFSETS {
         let surplus: Vec<f64> = (0..sizes.len())
-            .map(|i| if rests[i] || left[i].abs() < EXACT * sizes[i] { 0.0 } else { left[i] })
+            .map(|i| if is_exact[i] || error[i].abs() < VOLUME_TOLERANCE * sizes[i] { 0.0 } else { error[i] })
             .collect();
         if surplus.iter().all(|&surplus| surplus == 0.0) {
             break;
         }
-        // What is right stays so: from round to round there is less to do.
-        vertices = narrow(&vertices, |v| surplus[pieces.of[v] as usize] != 0.0);
-        triangles = narrow(&triangles, |t| surplus[pieces.of_triangle(moved.mesh, t)] != 0.0);
-        moved.offset(weights, pieces, [&vertices, &triangles], &surplus, spacing);
-        moved.restore(&triangles);
-        let now = pieces.volumes(moved.mesh, &triangles);
-        // The first step may go too far; a piece that later ones bring no nearer is as near as rounding lets it.
+        // Corrected components stay so: each iteration has less to do.
+        vertices = retain(&vertices, |v| surplus[components.of[v] as usize] != 0.0);
+        triangles = retain(&triangles, |t| surplus[components.of_triangle(displaced.mesh, t)] != 0.0);
+        displaced.offset(weights, components, [&vertices, &triangles], &surplus, spacing);
+        displaced.restore(&triangles);
+        let now = components.volumes(displaced.mesh, &triangles);
+        // The first step may go too far. A component that later steps bring no nearer is as near as rounding
+        // allows.
         for i in (0..sizes.len()).filter(|&i| surplus[i] != 0.0) {
             let now = now[i] - target[i];
-            rests[i] |= round > 0 && now.abs() > 0.5 * left[i].abs();
-            left[i] = now;
+            is_exact[i] |= iteration > 0 && now.abs() > 0.5 * error[i].abs();
+            error[i] = now;
         }
     }
-    stats.volume_error = relative(&left);
-    stats.worst_piece = left.iter().zip(&sizes).map(|(left, size)| left.abs() / size).fold(0.0, f64::max);
+    stats.volume_error = relative(&error);
+    stats.worst_component =
+        error.iter().zip(&sizes).map(|(error, size)| error.abs() / size).fold(0.0, f64::max);
 }
 
-/// How much of the edges' own filter every vertex gets instead of the whole: all where the surface as the whole filter
-/// leaves it bends by `limit` [rad/m], none where by [`NO_EDGE`] of it.
-fn crease_shares(moved: &Moved, umbrella: &Umbrella, limit: f32) -> Vec<f32> {
-    let mesh = &*moved.mesh;
-    let mut normals = moved.normals.clone();
+/// The share of the short filter at every vertex: 1 where the surface after the long filter bends by `limit`
+/// [rad/m], 0 where by [`CREASE_START_FRACTION`] of it.
+fn crease_shares(displaced: &DisplacedMesh, umbrella: &Umbrella, limit: f32) -> Vec<f32> {
+    let mesh = &*displaced.mesh;
+    let mut normals = displaced.normals.clone();
     let direction = |n: Vec3| n.try_normalize(0.0).unwrap_or_else(Vec3::zeros);
     par::update(&mut normals, |_, n| *n = direction(*n));
-    let mut calmed = vec![Vec3::zeros(); normals.len()];
-    for _ in 0..CALM {
-        umbrella.fill(&mut calmed, |v, neighbours| {
+    let mut averaged = vec![Vec3::zeros(); normals.len()];
+    for _ in 0..NORMAL_AVERAGING_PASSES {
+        umbrella.fill(&mut averaged, |v, neighbours| {
             direction(neighbours.iter().fold(normals[v], |sum, &j| sum + normals[j as usize]))
         });
-        std::mem::swap(&mut normals, &mut calmed);
+        std::mem::swap(&mut normals, &mut averaged);
     }
-    drop(calmed);
+    drop(averaged);
 
-    // How much the normals turn along the edges of every vertex, and how long these are.
-    let mut turns = vec![[0.0; 2]; mesh.positions.len()];
-    umbrella.fill(&mut turns, |v, neighbours| {
+    // How much the normals turn along the edges of every vertex, and the lengths of these edges.
+    let mut bends = vec![[0.0; 2]; mesh.positions.len()];
+    umbrella.fill(&mut bends, |v, neighbours| {
         neighbours.iter().fold([0.0; 2], |[turn, length], &j| {
-            let turned = (normals[j as usize] - normals[v]).norm_squared();
-            [turn + turned, length + (mesh.positions[j as usize] - mesh.positions[v]).norm_squared()]
+            let difference = (normals[j as usize] - normals[v]).norm_squared();
+            [turn + difference, length + (mesh.positions[j as usize] - mesh.positions[v]).norm_squared()]
         })
     });
-    let mut shares = vec![0.0; turns.len()];
+    let mut shares = vec![0.0; bends.len()];
     umbrella.fill(&mut shares, |v, neighbours| {
-        // A single vertex says little: small triangles lean as they please.
-        let around = neighbours.iter().map(|&j| turns[j as usize]);
-        let [turn, length] = around.fold(turns[v], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
+        // A single vertex is unreliable: small triangles have noisy normals.
+        let around = neighbours.iter().map(|&j| bends[j as usize]);
+        let [turn, length] = around.fold(bends[v], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
         // A neighbour along an edge does not turn: on average half of the square is seen.
         let bend = (2.0 * turn / length).sqrt();
-        let t = ((bend / limit - NO_EDGE) / (1.0 - NO_EDGE)).clamp(0.0, 1.0);
+        let t = ((bend / limit - CREASE_START_FRACTION) / (1.0 - CREASE_START_FRACTION)).clamp(0.0, 1.0);
         if t.is_nan() { 0.0 } else { t * t * (3.0 - 2.0 * t) }
     });
     shares
@@ -283,7 +311,7 @@ fn vector([x, y, z, _]: Four) -> Vec3 {
     Vec3::new(x, y, z)
 }
 
-/// How many indices below `count` are as asked.
+/// Number of indices below `count` that `is` selects.
 fn count(count: usize, is: impl Fn(usize) -> bool + Sync) -> usize {
     par::map_chunks(count, par::CHUNK, |range| range.filter(|&i| is(i)).count()).into_iter().sum()
 }

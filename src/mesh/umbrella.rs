@@ -1,42 +1,43 @@
-//! The umbrella operator of a mesh, and polynomials of it.
+//! The umbrella operator (discrete Laplacian) of a mesh, and polynomials of it.
 //!
-//! *Method* [taubin96]: M x_i = x_i + w_i (Σ_j x_j/n_i − x_i) over the n_i neighbours j of vertex i; R(M)(M − 1) x by
-//! T_{k+1} = 2 M T_k − T_{k−1}.
+//! *Method* [taubin96]: M x_i = x_i + w_i (Σ_j x_j/n_i − x_i) over the n_i neighbours j of vertex i; R(M)(M −
+//! 1) x by T_{k+1} = 2 M T_k − T_{k−1}.
 //! *Departs from the paper*: none.
 //!
-//! M is similar to a symmetric matrix with eigenvalues in [−1, 1] for weights w in 0..=1 on a closed mesh, so that every T_k
-//! stays bounded.
+//! M is similar to a symmetric matrix with eigenvalues in [−1, 1] for weights w in 0..=1 on a closed mesh, so
+//! that every T_k stays bounded.
 //!
-//! A filter reads every neighbour of every vertex some dozens of times: its time is that of these reads. Within each chunk
-//! vertices are taken by the number of their neighbours, so that the loop over them has a length that is known.
+//! A filter reads every neighbour of every vertex some dozens of times, and these reads take its time. Within
+//! each chunk vertices are sorted by the number of their neighbours, so that the loop over them has a known
+//! length.
 
-use super::{Mesh, links::Links};
+use super::{Mesh, half_edges::HalfEdges};
 use crate::{math::Vec3, par};
 
-/// A vector and a zero: one instruction does four numbers.
+/// A vector and a zero, so that one instruction handles four numbers.
 pub(super) type Four = [f32; 4];
 
-/// M of a mesh.
+/// The operator M of a mesh.
 pub(super) struct Umbrella<'a> {
-    parts: Vec<Part>,
+    chunks: Vec<VertexChunk>,
     weights: &'a [f32],
-    /// ℓ [m].
+    /// Root mean square edge length ℓ [m].
     pub(super) edge: f64,
 }
 
-/// A chunk of vertices.
-struct Part {
+/// The neighbours of a chunk of vertices.
+struct VertexChunk {
     /// Numbers of neighbours, and how many vertices have each.
     runs: Vec<(usize, usize)>,
-    /// The vertices by their number of neighbours, counted from the chunk's first.
+    /// The vertices sorted by their number of neighbours, counted from the chunk's first.
     order: Vec<u16>,
-    /// The neighbours of one vertex after the other, in this order.
+    /// The neighbours of the vertices, in this order.
     neighbours: Vec<u32>,
 }
 
-impl Part {
-    fn new(mesh: &Mesh, links: &Links, range: std::ops::Range<usize>) -> Self {
-        let counts: Vec<usize> = range.clone().map(|v| links.of(v).len()).collect();
+impl VertexChunk {
+    fn new(mesh: &Mesh, half_edges: &HalfEdges, range: std::ops::Range<usize>) -> Self {
+        let counts: Vec<usize> = range.clone().map(|v| half_edges.of(v).len()).collect();
         let (mut runs, mut order) = (Vec::new(), Vec::with_capacity(counts.len()));
         let mut each = counts.iter().copied().min();
         while let Some(now) = each {
@@ -47,7 +48,7 @@ impl Part {
         }
         let mut neighbours = Vec::with_capacity(counts.iter().sum());
         for &v in &order {
-            neighbours.extend(links.neighbours(mesh, range.start + v as usize));
+            neighbours.extend(half_edges.neighbours(mesh, range.start + v as usize));
         }
         Self { runs, order, neighbours }
     }
@@ -62,30 +63,32 @@ impl Part {
     fn visit(&self, mut visit: impl Visit) {
         let (mut order, mut neighbours) = (self.order.as_slice(), self.neighbours.as_slice());
         for &(each, count) in &self.runs {
-            let (vertices, links);
+            let (vertices, half_edges);
             (vertices, order) = order.split_at(count);
-            (links, neighbours) = neighbours.split_at(count * each);
+            (half_edges, neighbours) = neighbours.split_at(count * each);
             match each {
-                4 => run::<4>(vertices, links, &mut visit),
-                5 => run::<5>(vertices, links, &mut visit),
-                6 => run::<6>(vertices, links, &mut visit),
-                7 => run::<7>(vertices, links, &mut visit),
-                8 => run::<8>(vertices, links, &mut visit),
-                _ => {
-                    vertices.iter().zip(links.chunks(each.max(1))).for_each(|(&v, j)| visit.at(v as usize, j))
-                }
+                4 => run::<4>(vertices, half_edges, &mut visit),
+                5 => run::<5>(vertices, half_edges, &mut visit),
+                6 => run::<6>(vertices, half_edges, &mut visit),
+                7 => run::<7>(vertices, half_edges, &mut visit),
+                8 => run::<8>(vertices, half_edges, &mut visit),
+                _ => vertices
+                    .iter()
+                    .zip(half_edges.chunks(each.max(1)))
+                    .for_each(|(&v, j)| visit.at(v as usize, j)),
             }
         }
     }
 }
 
-/// What is done at every vertex. To be inlined always: a closure is not, and does not know the number of neighbours then.
+/// An operation on every vertex. Implementations must be inlined: a closure is not, and then does not know
+/// the number of neighbours.
 trait Visit {
     /// `v` is counted from the chunk's first.
     fn at(&mut self, v: usize, neighbours: &[u32]);
 }
 
-/// Calls a function.
+/// Calls a function for every vertex.
 struct Call<F>(F);
 
 impl<F: FnMut(usize, &[u32])> Visit for Call<F> {
@@ -95,42 +98,42 @@ impl<F: FnMut(usize, &[u32])> Visit for Call<F> {
     }
 }
 
-/// A run of vertices with `N` neighbours each.
+/// Visits consecutive vertices with `N` neighbours each.
 #[inline(always)]
-fn run<const N: usize>(vertices: &[u16], links: &[u32], visit: &mut impl Visit) {
-    for (&v, neighbours) in vertices.iter().zip(links.as_chunks::<N>().0) {
+fn run<const N: usize>(vertices: &[u16], half_edges: &[u32], visit: &mut impl Visit) {
+    for (&v, neighbours) in vertices.iter().zip(half_edges.as_chunks::<N>().0) {
         visit.at(v as usize, neighbours);
     }
 }
 
 impl<'a> Umbrella<'a> {
-    /// The operator of `mesh` with a weight [0..1] a vertex.
-    pub(super) fn new(mesh: &Mesh, links: &Links, weights: &'a [f32]) -> Self {
-        let parts = par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
-            let part = Part::new(mesh, links, range.clone());
+    /// The operator of `mesh` with one weight [0..1] per vertex.
+    pub(super) fn new(mesh: &Mesh, half_edges: &HalfEdges, weights: &'a [f32]) -> Self {
+        let chunks = par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
+            let chunk = VertexChunk::new(mesh, half_edges, range.clone());
             let mut squares = 0.0;
-            part.for_each(|v, neighbours| {
+            chunk.for_each(|v, neighbours| {
                 let x = mesh.positions[range.start + v];
                 for &j in neighbours {
                     squares += f64::from((mesh.positions[j as usize] - x).norm_squared());
                 }
             });
-            (part, squares)
+            (chunk, squares)
         });
-        let squares: f64 = parts.iter().map(|part| part.1).sum();
-        let parts = parts.into_iter().map(|part| part.0).collect();
-        Self { parts, weights, edge: (squares / links.len() as f64).sqrt() }
+        let squares: f64 = chunks.iter().map(|chunk| chunk.1).sum();
+        let chunks = chunks.into_iter().map(|chunk| chunk.0).collect();
+        Self { chunks, weights, edge: (squares / half_edges.len() as f64).sqrt() }
     }
 
     /// Writes `f(i, neighbours of i)` into `out[i]` of every vertex that has neighbours.
     pub(super) fn fill<T: Send>(&self, out: &mut [T], f: impl Fn(usize, &[u32]) -> T + Sync) {
         par::for_chunks(out, par::CHUNK, |start, out| {
-            self.parts[start / par::CHUNK].for_each(|v, neighbours| out[v] = f(start + v, neighbours));
+            self.chunks[start / par::CHUNK].for_each(|v, neighbours| out[v] = f(start + v, neighbours));
         });
     }
 
-    /// Σ r_k T_k(M)(M − 1) x, where each vertex is moved, for two responses r of even length, the second no longer than the
-    /// first, and nothing for one without coefficients.
+    /// The displacements Σ r_k T_k(M)(M − 1) x for two responses r of even length, the second no longer than
+    /// the first; empty for one without coefficients.
     pub(super) fn filter(&self, x: &[Vec3], long: &[f32], short: &[f32]) -> [Vec<Four>; 2] {
         let mut now: Vec<Four> = vec![[0.0; 4]; x.len()];
         self.fill(&mut now, |i, neighbours| {
@@ -142,27 +145,34 @@ impl<'a> Umbrella<'a> {
         let [mut to_long, mut to_short] =
             [long, short].map(|r| par::repeated([0.0; 4], if r.is_empty() { 0 } else { x.len() }));
         for k in 1..long.len() {
-            // Two terms at a time, which spares every second way to the sums.
-            let both = |r: &[f32]| [r[k - 1], r[k]];
+            // Two terms at a time, which halves the number of passes over the sums.
+            let pair = |r: &[f32]| [r[k - 1], r[k]];
             // T_1 = M T_0, and T_k = 2 M T_{k−1} − T_{k−2}
-            let twice = if k == 1 { 1.0 } else { 2.0 };
-            let advance = |start: usize, last: &mut [Four], sums: [Option<Sum>; 2]| {
-                let here = start..start + last.len();
-                let (weights, here) = (&self.weights[here.clone()], &now[here]);
-                self.parts[start / par::CHUNK].visit(Advance { now: &now, here, last, weights, twice, sums });
+            let factor = if k == 1 { 1.0 } else { 2.0 };
+            let advance = |start: usize, last: &mut [Four], sums: [Option<WeightedSum>; 2]| {
+                let own = start..start + last.len();
+                let (weights, own) = (&self.weights[own.clone()], &now[own]);
+                self.chunks[start / par::CHUNK].visit(Advance {
+                    now: &now,
+                    own,
+                    last,
+                    weights,
+                    factor,
+                    sums,
+                });
             };
             match (k % 2 == 1, k < short.len()) {
                 (false, _) => {
                     par::for_chunks(&mut last, par::CHUNK, |start, last| advance(start, last, [None, None]));
                 }
                 (true, false) => {
-                    let r = both(long);
+                    let r = pair(long);
                     par::map_chunks_mut([&mut last, &mut to_long], par::CHUNK, |start, [last, to_long]| {
                         advance(start, last, [Some((to_long, r)), None]);
                     });
                 }
                 (true, true) => {
-                    let (r, s) = (both(long), both(short));
+                    let (r, s) = (pair(long), pair(short));
                     let sums = [&mut last[..], &mut to_long, &mut to_short];
                     par::map_chunks_mut(sums, par::CHUNK, |start, [last, to_long, to_short]| {
                         advance(start, last, [Some((to_long, r)), Some((to_short, s))]);
@@ -176,30 +186,31 @@ impl<'a> Umbrella<'a> {
 }
 
 /// The sum of a chunk, and the coefficients of the two terms that are added.
-type Sum<'a> = (&'a mut [Four], [f32; 2]);
+type WeightedSum<'a> = (&'a mut [Four], [f32; 2]);
 
-/// Makes T_k of T_{k−1} in `now` and of T_{k−2} in `last`, where it is then, and adds both to sums with their coefficients.
+/// Computes T_k from T_{k−1} in `now` and from T_{k−2} in `last`, which it replaces, and adds both to the
+/// sums with their coefficients.
 struct Advance<'a> {
     now: &'a [Four],
-    /// What of `now` belongs to the chunk.
-    here: &'a [Four],
+    /// The chunk's part of `now`.
+    own: &'a [Four],
     last: &'a mut [Four],
     weights: &'a [f32],
-    twice: f32,
-    sums: [Option<Sum<'a>>; 2],
+    factor: f32,
+    sums: [Option<WeightedSum<'a>>; 2],
 }
 
 impl Visit for Advance<'_> {
     #[inline(always)]
     fn at(&mut self, v: usize, neighbours: &[u32]) {
-        let here = self.here[v];
+        let here = self.own[v];
         let mut sum = [0.0; 4];
         for &j in neighbours {
-            let there = self.now[j as usize];
-            (0..4).for_each(|d| sum[d] += there[d]);
+            let value = self.now[j as usize];
+            (0..4).for_each(|d| sum[d] += value[d]);
         }
-        let weight = self.twice * self.weights[v];
-        let (own, share) = (self.twice - weight, weight * (1.0 / neighbours.len() as f32));
+        let weight = self.factor * self.weights[v];
+        let (own, share) = (self.factor - weight, weight * (1.0 / neighbours.len() as f32));
         let mut next = self.last[v];
         (0..4).for_each(|d| next[d] = here[d] * own + sum[d] * share - next[d]);
         self.last[v] = next;

@@ -165,7 +165,7 @@ fn smoothing_keeps_the_volume_of_every_piece() {
         let worst = errors.iter().copied().fold(0.0, f64::max);
         assert!(stats.longest_move < SPACING, "no vertex makes up for a whole piece: {}", stats.longest_move);
         assert!(worst < 1e-5, "{errors:?}");
-        assert!((worst - stats.worst_piece).abs() < 1e-6, "{worst} is told as {}", stats.worst_piece);
+        assert!((worst - stats.worst_component).abs() < 1e-6, "{worst} is told as {}", stats.worst_component);
         assert!(stats.volume_change > 1e-4);
     }
 }

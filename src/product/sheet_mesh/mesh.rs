@@ -2,7 +2,7 @@
 
 use crate::{
     frame::{Channel, ChannelData, Stream},
-    mesh::{Mesh, normals_from_faces, thicken},
+    mesh::{Mesh, normals_from_faces, shell},
     sim::sheet::{CORNER_CHANNELS, faces_stream},
 };
 
@@ -43,7 +43,7 @@ pub(in crate::product) fn sheet_mesh(
         Channel { name: "velocity".into(), data: ChannelData::Vec3(stream.vec3("velocity")?.to_vec()) };
     let mut mesh = Mesh { positions, triangles, attributes: vec![velocity], ..Mesh::default() };
     match thickness {
-        Some(thickness) => Some(thicken(&mesh, thickness)),
+        Some(thickness) => Some(shell(&mesh, thickness)),
         None => {
             mesh.normals = normals_from_faces(&mesh);
             Some(mesh)

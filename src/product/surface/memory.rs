@@ -47,7 +47,7 @@ const OPENED_BRICKS: f64 = 1.05;
 pub(crate) fn surface_memory(particles: usize, grids: Grids, params: &SurfaceParams) -> u64 {
     let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
     let particle = PARTICLE_BYTES + named(params.anisotropy.is_some(), ANISOTROPIC_PARTICLE_BYTES);
-    let held = if params.is_as_cut() && params.distance.is_none() {
+    let held = if params.has_no_cleanup() && params.distance.is_none() {
         (grids.bricks * CUT_BRICK_BYTES + grids.vertices * CUT_VERTEX_BYTES)
             .max(grids.vertices * CHECKED_VERTEX_BYTES)
     } else {

@@ -2,7 +2,7 @@
 //!
 //! *Method*: particles that are there, of a cache or of any solver's files, are surfaced with every setting of a sweep
 //! (`row`). Each surface is compared with that of the reference, a finer voxel of the same particles: distances both ways
-//! ([`crate::mesh::apart`]), normals, volume; and the reference with its own refinement, which tells how small an error
+//! ([`crate::mesh::surface_distance`]), normals, volume; and the reference with its own refinement, which tells how small an error
 //! can be seen at all. The signed distance is also judged by itself, against the exact distance to its own zero: orders,
 //! bands and blocks change it without moving the surface.
 //!
@@ -28,7 +28,7 @@ use crate::{
     job::memory::refuse_memory,
     mesh::{
         SurfaceParams,
-        apart::{Distance, Target},
+        surface_distance::{Distance, Target},
     },
     product::surface::{max_surface_memory, stream_memory},
     run::{Control, RunError, ShotFolder, Source},

@@ -5,9 +5,8 @@ use crate::{
     cache,
     frame::{Frame, FrameIndex, Stream, StreamKind},
     mesh::{
-        self, Mesh, SURFACE_VERSION, Surface, SurfaceParams,
-        apart::{Distance, Target, distance},
-        marching_cubes,
+        self, Mesh, SURFACE_VERSION, Surface, SurfaceParams, marching_cubes,
+        surface_distance::{Distance, Target, distance},
     },
     par,
     run::{

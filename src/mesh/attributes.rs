@@ -1,14 +1,14 @@
-//! What the vertices of a surface take from the particles.
+//! Attribute transfer: interpolation of particle channels to the vertices of a surface.
 //!
-//! *Method*: numbers and vectors by a normalised kernel sum [shepard68], A(x) = Σ w_j A_j / Σ w_j with
-//! w_j = (1 − (r_j/R)²)³; whole numbers from the nearest particle; vorticity as the curl of the linear velocity that fits
-//! the particles around best, by squares weighted with w_j: G = (Σ w dv dxᵀ)(Σ w dx dxᵀ)⁻¹ with dx, dv from the weighted
-//! means, so that a rigid turn comes back exactly from one side too.
-//! *Departs from the paper*: the weight has compact support instead of growing towards the samples, so that a
-//! single particle does not print through.
+//! *Method*: numbers and vectors by a normalised kernel sum [shepard68], A(x) = Σ w_j A_j / Σ w_j with w_j =
+//! (1 − (r_j/R)²)³; integers from the nearest particle; vorticity as the curl of the linear velocity field
+//! that fits the particles around best, by least squares weighted with w_j: G = (Σ w dv dxᵀ)(Σ w dx dxᵀ)⁻¹
+//! with dx, dv from the weighted means, so that rigid rotation is exact from one side too.
+//! *Departs from the paper*: the weight has compact support instead of a singularity at the samples, so that
+//! single particles do not show.
 //!
 //! Symbols: R → `radius` [m]; r_j → distance to particle j [m]; G → velocity gradient [1/s].
-//! Limits: where the particles around lie in a plane or a line, G knows the motion along it only.
+//! Limits: where the particles around lie in a plane or on a line, G contains only the motion along it.
 
 use crate::{
     frame::{Channel, ChannelData, Stream},
@@ -17,11 +17,12 @@ use crate::{
     space::CellGrid,
 };
 
-/// How much of its trace is added to Σ w dx dxᵀ, which makes it invertible where all particles lie in a plane.
-/// Smaller, and rounding of the particles' places shows; larger, and thin layers turn too slowly.
-const FLAT: f64 = 1e-5;
+/// The part of its trace added to Σ w dx dxᵀ, which makes it invertible where all particles lie in a plane.
+/// If it is smaller, rounding of the particles' positions shows; if larger, the vorticity of thin layers is
+/// too small.
+const REGULARISATION: f64 = 1e-5;
 
-/// What is taken from the particles.
+/// Source of an attribute.
 #[derive(Clone, Copy)]
 enum Source<'a> {
     Vectors(&'a [Vec3]),
@@ -31,13 +32,14 @@ enum Source<'a> {
     Curl(&'a [Vec3]),
 }
 
-/// The channels of `particles` (with `position` [m], all finite) called `names` at `vertices`, from the particles within
-/// `radius` [m], and how many vertices had none that near and carry the nearest particle's values instead. Without names:
-/// `velocity`, if it is there. `vorticity` is made from `velocity` where there is no such channel. Without particles, and
-/// at vertices that are not finite, values are zero, counted as well.
+/// The channels of `particles` (with `position` [m], all finite) called `names` at `vertices`, from the
+/// particles within `radius` [m], and how many vertices had none that near and got the values of the nearest
+/// particle. Without names: `velocity`, if it exists. `vorticity` is computed from `velocity` if there is no
+/// such channel. Without particles, and at vertices that are not finite, values are zero, and counted as
+/// well.
 ///
 /// # Errors
-/// The first name that is not there.
+/// The first name that does not exist.
 ///
 /// # Panics
 /// If there are no positions.
@@ -47,8 +49,8 @@ pub fn transfer(
     vertices: &[Vec3],
     radius: f32,
 ) -> Result<(Vec<Channel>, usize), String> {
-    let usual: Vec<String> = particles.vec3("velocity").iter().map(|_| "velocity".to_owned()).collect();
-    let names = names.unwrap_or(&usual);
+    let default: Vec<String> = particles.vec3("velocity").iter().map(|_| "velocity".to_owned()).collect();
+    let names = names.unwrap_or(&default);
     let sources: Vec<Source> = names
         .iter()
         .map(|name| source(particles, name).ok_or_else(|| name.clone()))
@@ -62,7 +64,7 @@ pub fn transfer(
     Ok((named.map(|(name, data)| Channel { name: name.clone(), data }).collect(), missing))
 }
 
-/// Where the values of that name come from.
+/// The source of an attribute of that name.
 fn source<'a>(particles: &'a Stream, name: &str) -> Option<Source<'a>> {
     match particles.channel(name) {
         Some(ChannelData::Vec3(values)) => Some(Source::Vectors(values)),
@@ -73,7 +75,7 @@ fn source<'a>(particles: &'a Stream, name: &str) -> Option<Source<'a>> {
     }
 }
 
-/// One column a source, and how many vertices take the nearest particle's values.
+/// One column per source, and the number of vertices with the nearest particle's values.
 fn interpolate(
     vertices: &[Vec3],
     particles: &[Vec3],
@@ -84,22 +86,25 @@ fn interpolate(
     let parts = par::map_chunks(vertices.len(), par::CHUNK, |range| {
         let mut columns: Vec<ChannelData> = sources.iter().map(|source| source.column(range.len())).collect();
         let mut missing = Vec::new();
-        let mut around = Vec::new();
+        let mut neighbours = Vec::new();
         for v in range {
             // Gather once for all columns.
-            around.clear();
+            neighbours.clear();
             let x = vertices[v];
             let mut weights = 0.0;
             if x.iter().all(|x| x.is_finite()) {
                 cells.for_each_within(particles, x, radius, |j, r2| {
                     let w = (1.0 - r2 / (radius * radius)).powi(3);
                     weights += w;
-                    around.push((j as u32, r2, w));
+                    neighbours.push((j as u32, r2, w));
                 });
             }
             if weights > f32::MIN_POSITIVE {
-                let around = Around { list: &around, weights, particles };
-                sources.iter().zip(&mut columns).for_each(|(source, column)| source.mean(&around, column));
+                let neighbours = Neighbours { list: &neighbours, weights, particles };
+                sources
+                    .iter()
+                    .zip(&mut columns)
+                    .for_each(|(source, column)| source.mean(&neighbours, column));
             } else {
                 missing.push(v);
                 sources.iter().zip(&mut columns).for_each(|(source, column)| source.of(None, column));
@@ -108,7 +113,7 @@ fn interpolate(
         (columns, missing)
     });
 
-    // Join the parts, and fill what is missing.
+    // Join the parts, and fill missing values.
     let mut columns: Vec<ChannelData> = sources.iter().map(|source| source.column(vertices.len())).collect();
     let mut missing = Vec::new();
     for (part, without) in parts {
@@ -118,12 +123,12 @@ fn interpolate(
     let nearest = nearest(&missing, vertices, particles, radius);
     for (&v, &j) in missing.iter().zip(&nearest) {
         for (source, column) in sources.iter().zip(&mut columns) {
-            let mut one = source.column(1);
-            source.of(j, &mut one);
-            match (column, one) {
-                (ChannelData::Vec3(column), ChannelData::Vec3(one)) => column[v] = one[0],
-                (ChannelData::F32(column), ChannelData::F32(one)) => column[v] = one[0],
-                (ChannelData::U32(column), ChannelData::U32(one)) => column[v] = one[0],
+            let mut value = source.column(1);
+            source.of(j, &mut value);
+            match (column, value) {
+                (ChannelData::Vec3(column), ChannelData::Vec3(value)) => column[v] = value[0],
+                (ChannelData::F32(column), ChannelData::F32(value)) => column[v] = value[0],
+                (ChannelData::U32(column), ChannelData::U32(value)) => column[v] = value[0],
                 _ => unreachable!("a source has one kind of column"),
             }
         }
@@ -131,7 +136,7 @@ fn interpolate(
     (columns, missing.len())
 }
 
-/// Puts `part` behind `column`.
+/// Appends `part` to `column`.
 fn append(column: &mut ChannelData, part: ChannelData) {
     match (column, part) {
         (ChannelData::Vec3(column), ChannelData::Vec3(part)) => column.extend(part),
@@ -142,14 +147,14 @@ fn append(column: &mut ChannelData, part: ChannelData) {
 }
 
 /// The particles around a vertex: (index, squared distance, w_j), and Σ w_j.
-struct Around<'a> {
+struct Neighbours<'a> {
     list: &'a [(u32, f32, f32)],
     weights: f32,
     particles: &'a [Vec3],
 }
 
 impl Source<'_> {
-    /// An empty column with room for `len` values.
+    /// An empty column with capacity for `len` values.
     fn column(self, len: usize) -> ChannelData {
         match self {
             Self::Vectors(_) | Self::Curl(_) => ChannelData::Vec3(Vec::with_capacity(len)),
@@ -158,7 +163,7 @@ impl Source<'_> {
         }
     }
 
-    /// Adds the value of particle `j` to the column, or zero; a lone particle does not turn.
+    /// Adds the value of particle `j`, or zero, to the column; a single particle has no vorticity.
     fn of(self, j: Option<u32>, column: &mut ChannelData) {
         let j = j.map(|j| j as usize);
         match (self, column) {
@@ -170,49 +175,50 @@ impl Source<'_> {
         }
     }
 
-    /// Adds the value that the particles around give.
-    fn mean(self, around: &Around, column: &mut ChannelData) {
+    /// Adds the mean over the particles around.
+    fn mean(self, neighbours: &Neighbours, column: &mut ChannelData) {
         match (self, column) {
             (Self::Vectors(values), ChannelData::Vec3(to)) => {
                 let mut sum = Vec3::zeros();
-                around.list.iter().for_each(|&(j, _, w)| sum += values[j as usize] * w);
-                to.push(sum / around.weights); // A(x), [shepard68]
+                neighbours.list.iter().for_each(|&(j, _, w)| sum += values[j as usize] * w);
+                to.push(sum / neighbours.weights); // A(x), [shepard68]
             }
             (Self::Numbers(values), ChannelData::F32(to)) => {
-                let sum: f32 = around.list.iter().map(|&(j, _, w)| values[j as usize] * w).sum();
-                to.push(sum / around.weights);
+                let sum: f32 = neighbours.list.iter().map(|&(j, _, w)| values[j as usize] * w).sum();
+                to.push(sum / neighbours.weights);
             }
             (Self::Integers(values), ChannelData::U32(to)) => {
                 let nearer =
                     |a: &&(u32, f32, f32), b: &&(u32, f32, f32)| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0));
-                to.push(around.list.iter().min_by(nearer).map_or(0, |&(j, ..)| values[j as usize]));
+                to.push(neighbours.list.iter().min_by(nearer).map_or(0, |&(j, ..)| values[j as usize]));
             }
-            (Self::Curl(values), ChannelData::Vec3(to)) => to.push(curl(around, values)),
+            (Self::Curl(values), ChannelData::Vec3(to)) => to.push(curl(neighbours, values)),
             _ => unreachable!("a source has one kind of column"),
         }
     }
 }
 
-/// The curl of the linear velocity that fits best.
-fn curl(around: &Around, velocities: &[Vec3]) -> Vec3 {
+/// The curl of the best linear fit of velocities.
+fn curl(neighbours: &Neighbours, velocities: &[Vec3]) -> Vec3 {
     type Vector = nalgebra::Vector3<f64>;
     type Matrix = nalgebra::Matrix3<f64>;
     let mean = |values: &[Vec3]| {
-        let sum = around
+        let sum = neighbours
             .list
             .iter()
             .fold(Vector::zeros(), |sum, &(j, _, w)| sum + values[j as usize].cast::<f64>() * f64::from(w));
-        sum / f64::from(around.weights)
+        sum / f64::from(neighbours.weights)
     };
-    let (x_mean, v_mean) = (mean(around.particles), mean(velocities));
+    let (x_mean, v_mean) = (mean(neighbours.particles), mean(velocities));
     let (mut spread, mut drift) = (Matrix::zeros(), Matrix::zeros());
-    for &(j, _, w) in around.list {
-        let dx = around.particles[j as usize].cast::<f64>() - x_mean;
+    for &(j, _, w) in neighbours.list {
+        let dx = neighbours.particles[j as usize].cast::<f64>() - x_mean;
         let dv = velocities[j as usize].cast::<f64>() - v_mean;
         spread += dx * dx.transpose() * f64::from(w);
         drift += dv * dx.transpose() * f64::from(w);
     }
-    let Some(inverse) = (spread + Matrix::identity() * (FLAT * spread.trace())).try_inverse() else {
+    let Some(inverse) = (spread + Matrix::identity() * (REGULARISATION * spread.trace())).try_inverse()
+    else {
         return Vec3::zeros();
     };
     let g = drift * inverse; // G
@@ -220,7 +226,7 @@ fn curl(around: &Around, velocities: &[Vec3]) -> Vec3 {
     curl.cast()
 }
 
-/// The particle nearest to each of some vertices (the first of equals), in widening circles.
+/// The particle nearest to each of some vertices (the first of equals), in growing radii.
 fn nearest(missing: &[usize], vertices: &[Vec3], particles: &[Vec3], radius: f32) -> Vec<Option<u32>> {
     let mut found = vec![None; missing.len()];
     let mut radius = radius;
@@ -233,7 +239,7 @@ fn nearest(missing: &[usize], vertices: &[Vec3], particles: &[Vec3], radius: f32
                 return;
             }
             let best = cells.nearest_within(particles, vertices[missing[i]], radius, |_| true);
-            // Circles wider than any number reach everything: the search ends.
+            // A radius beyond all numbers reaches everything: the search ends.
             *slot = best.map(|j| j as u32).or((!radius.is_finite()).then_some(0));
         });
     }

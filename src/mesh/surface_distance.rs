@@ -1,17 +1,19 @@
-//! How far one surface is from another.
+//! Surface distance: RMS distance, Hausdorff distance and angle of normals between two meshes.
 //!
-//! *Method*: [cignoni98]'s measures, from exact distances to the nearest triangle: the mean square of the distance and of
-//! the angle between normals over the area, from a triangle's corners and middle, which integrate squares of linear
-//! functions exactly; the largest distance, one half of Hausdorff's, by [tang09]'s bounds: the distance to a single triangle is
-//! convex, so over a triangle it is at most what it is at the corners. Triangles that may hold more than was found are
-//! quartered until none can.
-//! *Departs from the papers*: no random samples; where to look further is decided from the distances at all vertices, so
-//! that the result does not depend on the order of work.
+//! *Method*: the measures of [cignoni98], from exact distances to the nearest triangle. The mean squares of
+//! the distance and of the angle between normals over the area come from a triangle's corners and middle,
+//! which integrate squares of linear functions exactly. The largest distance, the one-sided Hausdorff
+//! distance, follows from the bounds of [tang09]: the distance to a single triangle is convex, so over a
+//! triangle it is at most the value at its corners. Triangles that may exceed the largest distance found are
+//! subdivided into quarters until none can.
+//! *Departs from the papers*: no random samples. The distances at all vertices decide which triangles to
+//! subdivide, so that the result does not depend on the order of work.
 //!
 //! Symbols: d distance [m]; θ angle between the normals [rad].
 //!
-//! Limits: the largest distance is short by at most 1 % and [`SLACK`] of the step; the means see nothing finer than the
-//! step. Where one surface has no counterpart (a droplet that the other lost), the angle is that to whatever is nearest.
+//! Limits: the largest distance is short by at most 1 % and [`STEP_TOLERANCE`] of the step; the means resolve
+//! nothing finer than the step. Where one surface has no counterpart (a droplet that the other lost), the
+//! angle is that to the nearest surface.
 
 use super::{Mesh, normals_from_faces};
 use crate::{
@@ -20,14 +22,14 @@ use crate::{
     sdf::{TriangleTree, Triangles, closest_point},
 };
 
-/// How much larger than what was found the largest distance may be [steps]: beside one part in a hundred.
-pub const SLACK: f32 = 1e-3;
+/// Absolute tolerance of the largest distance [steps], in addition to one part in a hundred.
+pub const STEP_TOLERANCE: f32 = 1e-3;
 
-/// The part of the largest distance that it may be short by.
-const SHORT: f32 = 0.01;
+/// Relative tolerance of the largest distance.
+const RELATIVE_TOLERANCE: f32 = 0.01;
 
-/// How often a triangle is quartered at most. The bounds meet long before: a triangle's size halves each time.
-const DEEPEST: u32 = 12;
+/// Subdivisions of a triangle at most. The bounds converge long before: a triangle's size halves each time.
+const MAX_SUBDIVISIONS: u32 = 12;
 
 /// A surface to measure distances to.
 #[derive(Debug)]
@@ -37,21 +39,21 @@ pub struct Target<'a> {
     tree: TriangleTree,
 }
 
-/// How far a surface is from another one, seen from its own points.
+/// Integrals of the distance from one surface to another, over the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Distance {
-    /// The surface's area [m²].
+    /// Area of the surface [m²].
     pub area: f64,
-    /// ∫ d² over it [m⁴].
+    /// ∫ d² over the surface [m⁴].
     pub square: f64,
     /// The largest d [m].
     pub largest: f64,
-    /// ∫ θ² over it [rad² m²].
+    /// ∫ θ² over the surface [rad² m²].
     pub angle_square: f64,
 }
 
 impl<'a> Target<'a> {
-    /// Makes a mesh ready to be measured against; `None` if it has no triangle.
+    /// Builds the search tree of a mesh; `None` if it has no triangle.
     pub fn new(mesh: &'a Mesh) -> Option<Self> {
         if mesh.triangles.is_empty() {
             return None;
@@ -62,27 +64,28 @@ impl<'a> Target<'a> {
         Some(Self { mesh, normals: normals(mesh), tree })
     }
 
-    /// The nearest triangle and the distance to it [m]. The search is shorter if `guess` is a triangle close by.
+    /// The nearest triangle and the distance to it [m]. The search is shorter if `guess` is a triangle close
+    /// by.
     ///
     /// # Panics
     /// If there is no triangle `guess`.
     pub fn nearest(&self, q: Vec3, guess: u32) -> (u32, f32) {
-        let known = self.distance_to(guess, q);
-        // Room for rounding, so that the guess itself is found if it is the nearest.
-        let found = self.tree.nearest(q, known * known * 1.0001 + f32::MIN_POSITIVE);
-        found.map_or((guess, known), |found| (found.triangle, found.distance2.sqrt()))
+        let guessed = self.distance_to(guess, q);
+        // The tolerance covers rounding, so that the guess itself is found if it is the nearest.
+        let found = self.tree.nearest(q, guessed * guessed * 1.0001 + f32::MIN_POSITIVE);
+        found.map_or((guess, guessed), |found| (found.triangle, found.distance2.sqrt()))
     }
 
     fn corners(&self, triangle: u32) -> [Vec3; 3] {
         self.mesh.triangles[triangle as usize].map(|v| self.mesh.positions[v as usize])
     }
 
-    /// The distance to one triangle [m].
+    /// Distance to one triangle [m].
     fn distance_to(&self, triangle: u32, q: Vec3) -> f32 {
         (q - closest_point(&self.corners(triangle), q)).norm()
     }
 
-    /// The normal at the point of a triangle that is nearest to `q`, between those of its corners.
+    /// The interpolated normal at the point of a triangle that is nearest to `q`.
     fn normal_near(&self, triangle: u32, q: Vec3) -> Vec3 {
         let corners = self.corners(triangle);
         let at = closest_point(&corners, q);
@@ -99,7 +102,7 @@ fn normals(mesh: &Mesh) -> Vec<Vec3> {
     if mesh.normals.is_empty() { normals_from_faces(mesh) } else { mesh.normals.clone() }
 }
 
-/// How far `mesh` is from `target`. Triangles longer than `step` [m] are looked at in parts of that size.
+/// Distance from `mesh` to `target`. Triangles longer than `step` [m] are sampled in parts of that size.
 ///
 /// # Panics
 /// If `step` is not above zero or a vertex is not finite.
@@ -108,13 +111,13 @@ pub fn distance(mesh: &Mesh, target: &Target<'_>, step: f32) -> Distance {
     let normals = normals(mesh);
     let at = |t: usize| mesh.triangles[t].map(|v| mesh.positions[v as usize]);
 
-    // Look from every vertex; those beside each other mostly see the same triangle.
-    let mut near = vec![Seen::default(); mesh.positions.len()];
+    // Find the nearest point of every vertex; consecutive vertices mostly have the same nearest triangle.
+    let mut near = vec![NearestPoint::default(); mesh.positions.len()];
     par::for_chunks(&mut near, CHUNK, |start, near| {
         let mut guess = 0;
-        for (seen, v) in near.iter_mut().zip(start..) {
-            *seen = Seen::from(target, mesh.positions[v], normals[v], guess);
-            guess = seen.triangle;
+        for (nearest, v) in near.iter_mut().zip(start..) {
+            *nearest = NearestPoint::from(target, mesh.positions[v], normals[v], guess);
+            guess = nearest.triangle;
         }
     });
 
@@ -123,19 +126,19 @@ pub fn distance(mesh: &Mesh, target: &Target<'_>, step: f32) -> Distance {
         let mut sum = Distance::default();
         for t in range {
             let normals = mesh.triangles[t].map(|v| normals[v as usize]);
-            let seen = mesh.triangles[t].map(|v| near[v as usize]);
-            sum.add(target, &at(t), &normals, &seen, step);
+            let nearest = mesh.triangles[t].map(|v| near[v as usize]);
+            sum.add(target, &at(t), &normals, &nearest, step);
         }
         sum
     });
     let mut sum = parts.into_iter().fold(Distance::default(), Distance::joined);
 
-    // The largest distance may be inside a triangle, between what was looked at.
+    // The largest distance may be inside a triangle, between the samples.
     let found = sum.largest as f32;
     let inner = par::map_chunks(mesh.triangles.len(), CHUNK, |range| {
-        let search = Search { target, slack: SLACK * step };
+        let search = Search { target, slack: STEP_TOLERANCE * step };
         let corner = |v: u32| (near[v as usize].triangle, near[v as usize].distance);
-        range.fold(found, |most, t| search.largest(&at(t), &mesh.triangles[t].map(corner), most, 0))
+        range.fold(found, |largest, t| search.largest(&at(t), &mesh.triangles[t].map(corner), largest, 0))
     });
     sum.largest = f64::from(inner.into_iter().fold(found, f32::max));
     sum
@@ -144,19 +147,19 @@ pub fn distance(mesh: &Mesh, target: &Target<'_>, step: f32) -> Distance {
 /// Triangles that a thread takes at a time.
 const CHUNK: usize = 1024;
 
-/// What a point sees.
+/// The nearest point of a target, as seen from a point of the surface.
 #[derive(Clone, Copy, Debug, Default)]
-struct Seen {
-    /// The nearest triangle.
+struct NearestPoint {
+    /// The nearest triangle of the target.
     triangle: u32,
-    /// The distance to it [m].
+    /// Distance to it [m].
     distance: f32,
-    /// The angle to its normal [rad].
+    /// Angle to its normal [rad].
     angle: f32,
 }
 
-impl Seen {
-    /// What the point `x` with this normal sees of `target`.
+impl NearestPoint {
+    /// The nearest point of `target` to the point `x` with this normal.
     fn from(target: &Target<'_>, x: Vec3, normal: Vec3, guess: u32) -> Self {
         let (triangle, distance) = target.nearest(x, guess);
         let other = target.normal_near(triangle, x);
@@ -164,21 +167,21 @@ impl Seen {
     }
 }
 
-/// The weights of a triangle's corners and of its middle: squares of linear functions are integrated exactly.
+/// Quadrature weights of a triangle's corners and of its middle, exact for squares of linear functions.
 const WEIGHTS: [f64; 4] = [1.0 / 12.0, 1.0 / 12.0, 1.0 / 12.0, 0.75];
 
 impl Distance {
-    /// The root of the mean square of the distance [m]; 0 for a surface without area.
+    /// Root mean square (RMS) distance [m]; 0 for a surface without area.
     pub fn rms(&self) -> f64 {
         if self.area > 0.0 { (self.square / self.area).sqrt() } else { 0.0 }
     }
 
-    /// The root of the mean square of the angle between the normals [rad]; 0 for a surface without area.
+    /// Root mean square angle between the normals [rad]; 0 for a surface without area.
     pub fn angle(&self) -> f64 {
         if self.area > 0.0 { (self.angle_square / self.area).sqrt() } else { 0.0 }
     }
 
-    /// Both surfaces, or both directions, as one.
+    /// The sum of both surfaces, or of both directions.
     #[must_use]
     pub fn joined(self, other: Self) -> Self {
         Self {
@@ -189,13 +192,13 @@ impl Distance {
         }
     }
 
-    /// Adds a triangle whose corners see `seen`, in n² parts no longer than `step`.
+    /// Adds a triangle whose corners have the nearest points `nearest`, in n² parts no longer than `step`.
     fn add(
         &mut self,
         target: &Target<'_>,
         corners: &[Vec3; 3],
         normals: &[Vec3; 3],
-        seen: &[Seen; 3],
+        nearest: &[NearestPoint; 3],
         step: f32,
     ) {
         let [a, b, c] = *corners;
@@ -205,29 +208,29 @@ impl Distance {
         let from = |[s, t]: [f32; 2]| {
             let x = a + (b - a) * s + (c - a) * t;
             let normal = normals[0] * (1.0 - s - t) + normals[1] * s + normals[2] * t;
-            Seen::from(target, x, normal, seen[0].triangle)
+            NearestPoint::from(target, x, normal, nearest[0].triangle)
         };
         for part in parts(n) {
             let [p, q, r] = part;
             let middle = [0, 1].map(|i| (p[i] + q[i] + r[i]) / 3.0);
-            let seen = if n == 1 { *seen } else { part.map(from) };
-            for (seen, share) in seen.into_iter().chain([from(middle)]).zip(WEIGHTS) {
+            let nearest = if n == 1 { *nearest } else { part.map(from) };
+            for (nearest, share) in nearest.into_iter().chain([from(middle)]).zip(WEIGHTS) {
                 let weight = area * share / (n * n) as f64;
-                self.largest = self.largest.max(f64::from(seen.distance));
-                self.square += weight * f64::from(seen.distance).powi(2);
-                self.angle_square += weight * f64::from(seen.angle).powi(2);
+                self.largest = self.largest.max(f64::from(nearest.distance));
+                self.square += weight * f64::from(nearest.distance).powi(2);
+                self.angle_square += weight * f64::from(nearest.angle).powi(2);
             }
         }
         self.area += area;
     }
 }
 
-/// The length of the longest side [m].
+/// Length of the longest side [m].
 fn longest([a, b, c]: &[Vec3; 3]) -> f32 {
     (b - a).norm().max((c - b).norm()).max((a - c).norm())
 }
 
-/// The corners of a triangle's n² parts, as shares of its second and third corner.
+/// The corners of a triangle's n² parts, as barycentric coordinates of its second and third corner.
 fn parts(n: usize) -> impl Iterator<Item = [[f32; 2]; 3]> {
     let at = move |column: usize, row: usize| [column as f32 / n as f32, row as f32 / n as f32];
     (0..n).flat_map(move |row| {
@@ -244,22 +247,23 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The larger of `most` and the largest distance in a triangle, whose corners have these nearest triangles.
-    fn largest(&self, corners: &[Vec3; 3], near: &[(u32, f32); 3], most: f32, depth: u32) -> f32 {
-        let most = near.iter().fold(most, |most, (_, d)| most.max(*d));
-        let enough = most * (1.0 + SHORT) + self.slack;
+    /// The larger of `largest` and the largest distance in a triangle, whose corners have these nearest
+    /// triangles.
+    fn largest(&self, corners: &[Vec3; 3], near: &[(u32, f32); 3], largest: f32, depth: u32) -> f32 {
+        let largest = near.iter().fold(largest, |largest, (_, d)| largest.max(*d));
+        let limit = largest * (1.0 + RELATIVE_TOLERANCE) + self.slack;
         // No point of a triangle is farther than its longest side over √3 from all of its corners.
         let nearer = near.iter().fold(0.0, |far: f32, (_, d)| far.max(*d)) + 0.578 * longest(corners);
-        if nearer <= enough {
-            return most;
+        if nearer <= limit {
+            return largest;
         }
         // Nowhere in the triangle is the distance to one triangle larger than at the corners.
         let bound = |&(triangle, _): &(u32, f32)| {
             corners.iter().map(|&x| self.target.distance_to(triangle, x)).fold(0.0, f32::max)
         };
-        let bounded = near.iter().any(|found| bound(found) <= enough);
-        if bounded || depth == DEEPEST {
-            return most;
+        let bounded = near.iter().any(|found| bound(found) <= limit);
+        if bounded || depth == MAX_SUBDIVISIONS {
+            return largest;
         }
         let [a, b, c] = *corners;
         let middles = [(a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5];
@@ -271,7 +275,9 @@ impl Search<'_> {
             ([ca, bc, c], [n_ca, n_bc, near[2]]),
             ([ab, bc, ca], [n_ab, n_bc, n_ca]),
         ];
-        quarters.iter().fold(most, |most, (corners, near)| self.largest(corners, near, most, depth + 1))
+        quarters
+            .iter()
+            .fold(largest, |largest, (corners, near)| self.largest(corners, near, largest, depth + 1))
     }
 }
 
@@ -287,7 +293,7 @@ mod tests {
         mesh
     }
 
-    /// A unit cube of twelve triangles, moved.
+    /// A unit cube of twelve triangles, translated.
     fn cube(by: Vec3) -> Mesh {
         let corner = |i: u32| Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2 & 1) as f32) + by;
         let faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -300,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn concentric_balls_are_their_radii_apart() {
+    fn the_distance_of_concentric_balls_is_the_difference_of_their_radii() {
         let (small, large) = (ball(1.0, 0.05), ball(1.2, 0.05));
         for found in between(&small, &large, 0.1) {
             // Chords of the voxel lie below the sphere by an eighth of its square over the radius.
@@ -316,11 +322,11 @@ mod tests {
     }
 
     #[test]
-    fn a_cube_moved_along_an_edge_is_as_far_as_the_integral_says() {
+    fn the_distance_of_a_translated_cube_matches_the_integral() {
         for by in [Vec3::new(0.3, 0.0, 0.0), Vec3::new(0.0, 0.0, -0.3)] {
             for found in between(&cube(Vec3::zeros()), &cube(by), 0.01) {
-                // One face is 0.3 away everywhere; the opposite one inside, 0.3 or the distance to its rim: 0.0342; four
-                // strips stand out: 0.009 each.
+                // One face is 0.3 away everywhere. The opposite one is inside, at 0.3 or the distance to its
+                // rim: 0.0342. Four strips protrude: 0.009 each.
                 let square = 0.09 + 0.0342 + 4.0 * 0.009;
                 assert!((found.square - square).abs() < 2e-4, "{found:?}");
                 assert!((found.area - 6.0).abs() < 1e-5 && (found.largest - 0.3).abs() < 1e-6, "{found:?}");
@@ -329,8 +335,8 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_distance_is_found_between_the_vertices() {
-        // Two triangles, so that every vertex of the flat one lies on the roof: only its inside is far.
+    fn the_hausdorff_distance_is_found_between_the_vertices() {
+        // Every vertex of the flat triangle lies on the roof: only its interior is far from it.
         let corners = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [1.0, 2.0, 0.0]].map(Vec3::from);
         let top = Vec3::new(1.4, 0.4, 0.8);
         let flat = Mesh { positions: corners.to_vec(), triangles: vec![[0, 1, 2]], ..Mesh::default() };
@@ -349,17 +355,17 @@ mod tests {
         }
         let found = found as f32;
         let middle = target.nearest(corners.iter().sum::<Vec3>() / 3.0, 0).1;
-        assert!(middle < 0.95 * exact, "the middle alone would do: {middle} of {exact}");
-        assert!(found <= exact * 1.0001 && found > exact * 0.99 - SLACK * 3.0, "{found} of {exact}");
+        assert!(middle < 0.95 * exact, "the middle alone would suffice: {middle} of {exact}");
+        assert!(found <= exact * 1.0001 && found > exact * 0.99 - STEP_TOLERANCE * 3.0, "{found} of {exact}");
     }
 
     #[test]
-    fn tilted_normals_and_the_same_surface_show_as_such() {
+    fn tilted_normals_have_their_angle_and_equal_surfaces_no_distance() {
         let ball = ball(1.0, 0.1);
         let target = Target::new(&ball).unwrap();
         let same = distance(&ball, &target, 0.2);
-        // Nearest points on slivers are known to a few millionths of their length.
-        assert!(same.rms() < 1e-6 && same.largest < f64::from(SLACK) * 0.2, "{same:?}");
+        // Nearest points on slivers are accurate to a few millionths of their length.
+        assert!(same.rms() < 1e-6 && same.largest < f64::from(STEP_TOLERANCE) * 0.2, "{same:?}");
         assert!(same.angle() < 1e-3, "{same:?}");
         // All turned by ten degrees, each about an axis across it.
         let mut turned = ball.clone();

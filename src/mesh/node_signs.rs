@@ -1,18 +1,18 @@
-//! On which side of a surface the nodes of a brick are, as bits: what marching cubes needs to know of a brick and of those that
-//! follow it.
+//! Signs of the nodes of a brick and of its upper neighbours, as bits: all that the topology of marching
+//! cubes needs.
 
 use super::Contour;
 use crate::grid::{BRICK, Bricks, NodeMask, mask_of};
 
-/// No brick is there.
+/// Index of a missing brick.
 const MISSING: u32 = u32::MAX;
 
-/// The nodes of a brick that are inside.
+/// The inside nodes of a brick.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Signs(NodeMask);
+pub(super) struct BrickSigns(NodeMask);
 
-impl Signs {
-    /// Those of brick `brick`.
+impl BrickSigns {
+    /// The signs of brick `brick`.
     pub(super) fn of(contour: &Contour, brick: usize) -> Self {
         Self(mask_of(contour.grid.brick(brick), |&value| contour.is_inside(value)))
     }
@@ -23,14 +23,14 @@ impl Signs {
     }
 
     /// Whether all nodes are inside (`Some(true)`) or outside (`Some(false)`).
-    fn side(&self) -> Option<bool> {
+    fn corner(&self) -> Option<bool> {
         let all = |word: u64| self.0.iter().all(|&other| other == word);
         if all(u64::MAX) { Some(true) } else { all(0).then_some(false) }
     }
 }
 
-/// The nodes of a brick and those of its upper neighbours that its cells touch: 9³.
-pub(super) struct Sides {
+/// Signs of the nodes of a brick and of those of its upper neighbours that its cells touch: 9³.
+pub(super) struct PaddedSigns {
     /// This brick and its upper neighbours, by [`neighbour`].
     pub(super) around: [u32; 8],
     /// Rows of nodes along x: bit x of row y + 9·z is set if node (x, y, z) is inside …
@@ -39,40 +39,41 @@ pub(super) struct Sides {
     present: [u16; 81],
 }
 
-/// Which of a brick and its upper neighbours holds a node, 0..=8 along each axis: bit 0 is set for those along x, bit 1 for y,
-/// bit 2 for z.
+/// Index of the upper neighbour that holds a node 0..=8 along each axis: bit 0 is set for those along x, bit
+/// 1 for y, bit 2 for z.
 pub(super) fn neighbour(node: [usize; 3]) -> usize {
     (0..3).map(|axis| (node[axis] / BRICK) << axis).sum()
 }
 
-/// The brick at `coord` and its upper neighbours, by [`neighbour`]; what is not there is a number that no brick has.
+/// The brick at `coord` and its upper neighbours, by [`neighbour`]; missing ones have an index that no brick
+/// has.
 pub(super) fn around(bricks: &Bricks, coord: [i32; 3]) -> [u32; 8] {
     let coords = bricks.coords();
     let mut around = [MISSING; 8];
-    for side in [0, 2, 4, 6] {
-        let beside: [i32; 3] = std::array::from_fn(|axis| coord[axis] + (side >> axis & 1) as i32);
-        let next = [beside[0] + 1, beside[1], beside[2]];
-        let found = bricks.find(beside);
-        // Bricks stand in order of z, y, x: the next along x is the next one, if it is there.
+    for corner in [0, 2, 4, 6] {
+        let neighbour_coord: [i32; 3] = std::array::from_fn(|axis| coord[axis] + (corner >> axis & 1) as i32);
+        let next = [neighbour_coord[0] + 1, neighbour_coord[1], neighbour_coord[2]];
+        let found = bricks.find(neighbour_coord);
+        // Bricks are in order of z, y, x: the next along x follows directly, if it exists.
         let after = match found {
             Some(found) => coords.get(found + 1).is_some_and(|&coord| coord == next).then_some(found + 1),
             None => bricks.find(next),
         };
-        around[side] = found.map_or(MISSING, |found| found as u32);
-        around[side + 1] = after.map_or(MISSING, |found| found as u32);
+        around[corner] = found.map_or(MISSING, |found| found as u32);
+        around[corner + 1] = after.map_or(MISSING, |found| found as u32);
     }
     around
 }
 
-impl Sides {
-    /// The sides of `around`.
-    pub(super) fn of(signs: &[Signs], around: [u32; 8]) -> Self {
+impl PaddedSigns {
+    /// The signs of the bricks `around`.
+    pub(super) fn of(signs: &[BrickSigns], around: [u32; 8]) -> Self {
         let (mut inside, mut present) = ([0; 81], [0; 81]);
         for z in 0..=BRICK {
             for y in 0..=BRICK {
-                let side = neighbour([0, y, z]);
+                let corner = neighbour([0, y, z]);
                 let row = |brick: u32| signs.get(brick as usize).map(|signs| signs.row(y % BRICK, z % BRICK));
-                let (own, next) = (row(around[side]), row(around[side | 1]).map(|row| row & 1));
+                let (own, next) = (row(around[corner]), row(around[corner | 1]).map(|row| row & 1));
                 inside[y + 9 * z] = own.unwrap_or(0) | next.unwrap_or(0) << BRICK;
                 present[y + 9 * z] = own.map_or(0, |_| 0xff) | next.map_or(0, |_| 1) << BRICK;
             }
@@ -80,12 +81,12 @@ impl Sides {
         Self { around, inside, present }
     }
 
-    /// The sides of brick `brick`; `None` if it and its upper neighbours are on one side.
-    pub(super) fn crossed(bricks: &Bricks, signs: &[Signs], brick: usize) -> Option<Self> {
+    /// The signs of brick `brick`; `None` if it and its upper neighbours are on one side.
+    pub(super) fn crossed(bricks: &Bricks, signs: &[BrickSigns], brick: usize) -> Option<Self> {
         let around = around(bricks, bricks.coords()[brick]);
-        let own = signs[brick].side();
-        let alike = |&other: &u32| other == MISSING || signs[other as usize].side() == own;
-        (own.is_none() || !around.iter().all(alike)).then(|| Self::of(signs, around))
+        let own = signs[brick].corner();
+        let same_side = |&other: &u32| other == MISSING || signs[other as usize].corner() == own;
+        (own.is_none() || !around.iter().all(same_side)).then(|| Self::of(signs, around))
     }
 
     /// The nodes of row y of layer z whose edges along x, y and z the surface crosses.
@@ -100,7 +101,7 @@ impl Sides {
         })
     }
 
-    /// The nodes x of row y of layer z of which the surface crosses any edge, with these edges: bit 0 along x, 1 y, 2 z.
+    /// The nodes x of row y of layer z with a crossed edge, with these edges: bit 0 along x, 1 y, 2 z.
     #[inline]
     pub(super) fn crossed_edges(&self, y: usize, z: usize) -> impl Iterator<Item = (usize, u16)> + use<> {
         let edges = self.edges(y, z);
@@ -108,7 +109,7 @@ impl Sides {
         bits(edges[0] | edges[1] | edges[2]).map(move |x| (x, of(x)))
     }
 
-    /// The cells of row y of layer z that have corners on both sides, and those that have all corners.
+    /// The cells of row y of layer z with corners on both sides, and those with all corners.
     #[inline]
     pub(super) fn cells(&self, y: usize, z: usize) -> (u16, u16) {
         let [mut any_inside, mut any_outside, mut all_present] = [0, 0, u16::MAX];
@@ -121,8 +122,8 @@ impl Sides {
         (crossed, all_present & all_present >> 1)
     }
 
-    /// Whether the lowest layers of nodes across x, y and z have nodes on both sides, those of the upper neighbours
-    /// included.
+    /// Whether the lowest layers of nodes across x, y and z, with those of the upper neighbours, have nodes
+    /// on both sides.
     pub(super) fn crossed_layers(&self) -> [bool; 3] {
         let crossed = |step: usize, count: usize, mask: u16| {
             let rows = || (0..count).map(|i| step * i);
@@ -132,7 +133,7 @@ impl Sides {
         [crossed(1, 81, 1), crossed(9, 9, u16::MAX), crossed(1, 9, u16::MAX)]
     }
 
-    /// The corners of a cell that are inside.
+    /// The inside corners of a cell.
     #[inline]
     pub(super) fn mask(&self, [x, y, z]: [usize; 3]) -> u8 {
         let corners = |i: usize, step: usize| (self.inside[y + 9 * z + step] >> x & 3) << (2 * i);
@@ -140,13 +141,13 @@ impl Sides {
     }
 }
 
-/// The places of the set bits, from the lowest.
+/// The positions of the set bits, from the lowest.
 #[inline]
 pub(super) fn bits(mut word: u16) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let place = word.trailing_zeros() as usize;
-        let more = word != 0;
+        let is_set = word != 0;
         word &= word.wrapping_sub(1);
-        more.then_some(place)
+        is_set.then_some(place)
     })
 }

@@ -1,8 +1,8 @@
-//! A sheet made into a body of some thickness.
+//! Offset of a sheet to a closed shell of some thickness.
 //!
-//! *Method*: every vertex goes half the thickness along its normal and half against it; between the two copies of every edge that
-//! has a triangle on one side only stands a strip. A sheet whose edges have at most two triangles, of one orientation, gives a closed
-//! and oriented body.
+//! *Method*: every vertex is offset by half the thickness along its normal and by half against it. A strip
+//! joins the two copies of every boundary edge, which has a triangle on one side only. A sheet whose edges
+//! have at most two triangles, consistently oriented, gives a closed and oriented shell.
 //!
 //! Limits: where a sheet bends more sharply than its thickness the inner side folds over itself.
 
@@ -10,9 +10,9 @@ use super::{Mesh, normals_from_faces};
 use crate::frame::{Channel, ChannelData};
 use std::collections::BTreeMap;
 
-/// `sheet` as a body `thickness` [m] thick around it. Vertex v of the sheet becomes v on the side that normals point to and
-/// v + (vertices of the sheet) on the other; attributes are those of the sheet, on both sides.
-pub fn thicken(sheet: &Mesh, thickness: f32) -> Mesh {
+/// The shell of `thickness` [m] around `sheet`. Vertex v of the sheet becomes v on the side that normals
+/// point to and v + (vertices of the sheet) on the other; attributes are those of the sheet, on both sides.
+pub fn shell(sheet: &Mesh, thickness: f32) -> Mesh {
     let normals = normals_from_faces(sheet);
     let side = |sign: f32| {
         let half = 0.5 * sign * thickness;
@@ -20,7 +20,7 @@ pub fn thicken(sheet: &Mesh, thickness: f32) -> Mesh {
     };
     let count = sheet.positions.len() as u32;
     let below = sheet.triangles.iter().map(|&[a, b, c]| [a, c, b].map(|v| v + count));
-    // A border runs along its triangle; the strip has to run against it.
+    // A boundary edge runs along its triangle; the strip has to run against it.
     let strips = borders(sheet).into_iter().flat_map(|[a, b]| [[b, a, a + count], [b, a + count, b + count]]);
     let mut body = Mesh {
         positions: side(1.0).chain(side(-1.0)).collect(),
@@ -32,7 +32,7 @@ pub fn thicken(sheet: &Mesh, thickness: f32) -> Mesh {
     body
 }
 
-/// The edges that have a triangle on one side only, as it runs along them.
+/// The boundary edges, in the direction of their triangle.
 fn borders(sheet: &Mesh) -> Vec<[u32; 2]> {
     let mut sides = BTreeMap::<[u32; 2], i32>::new();
     for &[a, b, c] in &sheet.triangles {
@@ -61,7 +61,8 @@ mod tests {
     use super::*;
     use crate::{math::Vec3, mesh::check};
 
-    /// A sheet of `n` × `n` squares over the unit square, as high as `height` says, without the squares that `is_hole` names.
+    /// A sheet of `n` × `n` squares over the unit square, with this height, without the squares that
+    /// `is_hole` selects.
     fn sheet(n: u32, height: impl Fn(f32, f32) -> f32, is_hole: impl Fn(u32, u32) -> bool) -> Mesh {
         let at = |i: u32| i as f32 / n as f32;
         let points = (0..(n + 1).pow(2)).map(|v| (at(v % (n + 1)), at(v / (n + 1))));
@@ -78,8 +79,8 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_sheet_becomes_a_plate() {
-        let body = thicken(&sheet(4, |_, _| 0.0, |_, _| false), 0.1);
+    fn the_shell_of_a_flat_sheet_is_a_plate() {
+        let body = shell(&sheet(4, |_, _| 0.0, |_, _| false), 0.1);
         let found = check(&body);
         assert!(found.is_sound(), "{found:?}");
         assert!((found.volume - 0.1).abs() < 1e-6 && (found.area - 2.4).abs() < 1e-5, "{found:?}");
@@ -87,16 +88,17 @@ mod tests {
     }
 
     #[test]
-    fn waves_and_holes_stay_closed_and_hold_area_times_thickness() {
+    fn shells_with_waves_and_holes_are_closed_and_have_area_times_thickness() {
         let waves = |x: f32, y: f32| 0.1 * (6.0 * x).sin() * (5.0 * y).cos();
         let thin = sheet(64, waves, |i, j| (20..30).contains(&i) && (20..30).contains(&j));
-        let mut carried = thin.clone();
+        let mut with_heat = thin.clone();
         let heat = (0..thin.positions.len()).map(|v| v as f32).collect::<Vec<_>>();
-        carried.attributes = vec![Channel { name: "heat".into(), data: heat.into() }];
-        let body = thicken(&carried, 0.01);
+        with_heat.attributes = vec![Channel { name: "heat".into(), data: heat.into() }];
+        let body = shell(&with_heat, 0.01);
         let found = check(&body);
         assert!(found.is_sound(), "{found:?}");
-        // A layer of a sheet that does not bend sharply holds its area times its thickness, up to the square of curvature times that.
+        // The volume of a shell that does not bend sharply is area times thickness, to second order in
+        // curvature times thickness.
         let area = check(&thin).area;
         assert!((found.volume / (0.01 * area) - 1.0).abs() < 1e-3, "{} {}", found.volume, 0.01 * area);
         let ChannelData::F32(heat) = &body.attributes[0].data else { panic!("it was f32") };
@@ -104,7 +106,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_stays_nothing() {
-        assert_eq!(thicken(&Mesh::default(), 0.1), Mesh::default());
+    fn the_shell_of_an_empty_sheet_is_empty() {
+        assert_eq!(shell(&Mesh::default(), 0.1), Mesh::default());
     }
 }

@@ -1,4 +1,4 @@
-//! Which half-edges leave each vertex.
+//! Half-edges of a mesh, by the vertex they leave.
 //!
 //! Half-edge 3·t + k runs in triangle t from its vertex k to the next one.
 
@@ -18,10 +18,10 @@ pub(super) fn previous(h: u32) -> u32 {
 }
 
 /// The half-edges that leave every vertex, in the order of the triangles.
-pub(super) struct Links(par::Groups);
+pub(super) struct HalfEdges(par::Groups);
 
-impl Links {
-    /// The half-edges of the triangles of `mesh` that `counts`.
+impl HalfEdges {
+    /// The half-edges of the triangles of `mesh` that `counts` selects.
     ///
     /// # Panics
     /// If there are 2³² half-edges or more.
@@ -36,18 +36,18 @@ impl Links {
         self.0.of(v)
     }
 
-    /// How many half-edges there are.
+    /// Number of half-edges.
     pub(super) fn len(&self) -> usize {
         self.0.len()
     }
 
-    /// The vertices that the half-edges of `v` lead to.
+    /// The vertices at the other ends of the half-edges of `v`.
     #[inline]
     pub(super) fn neighbours<'a>(&'a self, mesh: &'a Mesh, v: usize) -> impl Iterator<Item = u32> + 'a {
         self.of(v).iter().map(|&h| mesh.triangles[h as usize / 3][next(h) as usize % 3])
     }
 
-    /// The area-weighted normal of the faces around `v`, not normalised [m²].
+    /// Area-weighted normal of the faces around `v`, not normalised [m²].
     #[inline]
     pub(super) fn normal(&self, mesh: &Mesh, v: usize) -> Vec3 {
         self.of(v).iter().fold(Vec3::zeros(), |sum, &h| {
@@ -56,7 +56,7 @@ impl Links {
         })
     }
 
-    /// [`Links::normal`] of every vertex.
+    /// [`HalfEdges::normal`] of every vertex.
     pub(super) fn normals(&self, mesh: &Mesh) -> Vec<Vec3> {
         let mut normals = vec![Vec3::zeros(); mesh.positions.len()];
         par::fill(&mut normals, |v| self.normal(mesh, v));

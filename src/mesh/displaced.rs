@@ -1,0 +1,186 @@
+//! A mesh with displaced vertices, which restores the vertices of folded triangles.
+//!
+//! Only the first check covers the whole mesh. Later iterations work on lists of what has changed, so that a
+//! large surface with some late corrections costs little.
+
+use super::{Mesh, check::Shape, components::Components, half_edges::HalfEdges};
+use crate::{math::Vec3, par};
+
+/// A mesh whose vertices are displaced.
+pub(super) struct DisplacedMesh<'a> {
+    pub(super) mesh: &'a mut Mesh,
+    pub(super) half_edges: &'a HalfEdges,
+    /// Original positions of the vertices [m].
+    pub(super) before: Vec<Vec3>,
+    /// Area-weighted normals of the faces around the vertices at their present positions, not normalised
+    /// [m²].
+    pub(super) normals: Vec<Vec3>,
+    /// The vertices restored to their original positions.
+    pub(super) restored: Vec<bool>,
+}
+
+impl<'a> DisplacedMesh<'a> {
+    /// A mesh whose vertices were at `before`.
+    pub(super) fn new(mesh: &'a mut Mesh, half_edges: &'a HalfEdges, before: Vec<Vec3>) -> Self {
+        let normals = half_edges.normals(mesh);
+        let restored = vec![false; before.len()];
+        Self { mesh, half_edges, before, normals, restored }
+    }
+
+    /// Computes the normals of some vertices again.
+    pub(super) fn refresh(&mut self, vertices: &[u32]) {
+        update_at(vertices, &mut self.normals, |v, normal| *normal = self.half_edges.normal(self.mesh, v));
+    }
+
+    /// Some vertices and their neighbours.
+    pub(super) fn with_neighbours(&self, vertices: &[u32]) -> Vec<u32> {
+        let around = |&v: &u32| self.half_edges.neighbours(self.mesh, v as usize).chain([v]);
+        sorted(par::map_chunks(vertices.len(), par::CHUNK, |range| {
+            vertices[range].iter().flat_map(around).collect::<Vec<_>>()
+        }))
+    }
+
+    /// Restores the vertices of triangles that collapsed or are flipped relative to the surface around them,
+    /// until there are none. In the worst case the mesh is the original one. Only `triangles` are checked at
+    /// first.
+    pub(super) fn restore(&mut self, triangles: &[u32]) {
+        let mut folded = self.folded(triangles);
+        while !folded.is_empty() {
+            let restored_now =
+                sorted(vec![folded.iter().flat_map(|&t| self.mesh.triangles[t as usize]).collect()]);
+            self.restore_vertices(&restored_now);
+            // The check of a triangle depends on the normals at its corners, and these on the neighbouring
+            // vertices.
+            let near = self.with_neighbours(&restored_now);
+            self.refresh(&near);
+            let half_edges = self.half_edges;
+            let around = sorted(par::map_chunks(near.len(), par::CHUNK, |range| {
+                near[range].iter().flat_map(|&v| half_edges.of(v as usize)).map(|h| h / 3).collect()
+            }));
+            folded = self.folded(&around);
+        }
+    }
+
+    /// Restores vertices to their original positions; their normals have to be computed again.
+    pub(super) fn restore_vertices(&mut self, vertices: &[u32]) {
+        for &v in vertices {
+            self.mesh.positions[v as usize] = self.before[v as usize];
+            self.restored[v as usize] = true;
+        }
+    }
+
+    /// Those of some triangles that collapsed or are flipped relative to the surface around them, without
+    /// those that are already restored.
+    fn folded(&self, triangles: &[u32]) -> Vec<u32> {
+        retain(triangles, |t| {
+            let triangle = self.mesh.triangles[t].map(|v| v as usize);
+            let [a, b, c] = triangle.map(|v| self.mesh.positions[v]);
+            let normal = (b - a).cross(&(c - a));
+            let around = triangle.iter().fold(Vec3::zeros(), |sum, &v| sum + self.normals[v]);
+            (normal.dot(&around) <= 0.0 || Shape::of(self.mesh, t) != Shape::Sound)
+                && !triangle.iter().all(|&v| self.restored[v])
+        })
+    }
+
+    /// Offsets every component along its normals so that its volume decreases by `surplus`, each vertex by
+    /// its weight; restored vertices stay. A component that would have to move further than `longest`,
+    /// because few of its vertices can move or little of it is left, is restored completely. `vertices` and
+    /// `triangles` are those of all components with a surplus.
+    pub(super) fn offset(
+        &mut self,
+        weights: &[f32],
+        components: &Components,
+        [vertices, triangles]: [&[u32]; 2],
+        surplus: &[f64],
+        longest: f64,
+    ) {
+        // The normals become the displacements of the vertices for a step of one.
+        update_at(vertices, &mut self.normals, |v, displacement| {
+            let normal = displacement.try_normalize(0.0).filter(|_| !self.restored[v]);
+            *displacement = normal.map_or(Vec3::zeros(), |normal| normal * weights[v]);
+        });
+        let displacements = &self.normals;
+        let component = |i: usize| components.of[vertices[i] as usize] as usize;
+        let mut largest_displacement = vec![0.0_f32; surplus.len()];
+        let parts = components.gather(vertices.len(), component, |i, largest: &mut f32, _| {
+            *largest = largest.max(displacements[vertices[i] as usize].norm());
+        });
+        parts.for_each(|(component, largest)| {
+            largest_displacement[component] = largest_displacement[component].max(largest)
+        });
+
+        // The volume is a cubic of the step s. Its slope is −⅙ Σ (e − s de) × (f − s df) · (da + db + dc)
+        // over the triangles with the corners a, b, c, the sides e and f that leave a, and the displacements
+        // d.
+        let mut cubics = vec![[0.0; 3]; surplus.len()];
+        let triangle = |i: usize| triangles[i] as usize;
+        let of = |i: usize| components.of_triangle(self.mesh, triangle(i));
+        let parts = components.gather(triangles.len(), of, |i, cubic: &mut [f64; 3], _| {
+            let triangle = self.mesh.triangles[triangle(i)].map(|v| v as usize);
+            let ([a, b, c], [da, db, dc]) =
+                (triangle.map(|v| self.mesh.positions[v]), triangle.map(|v| displacements[v]));
+            let (e, f, de, df, displacement) = (b - a, c - a, db - da, dc - da, da + db + dc);
+            cubic[0] -= f64::from(e.cross(&f).dot(&displacement));
+            cubic[1] += f64::from((de.cross(&f) + e.cross(&df)).dot(&displacement));
+            cubic[2] -= f64::from(de.cross(&df).dot(&displacement));
+        });
+        for (component, part) in parts {
+            (0..3).for_each(|k| cubics[component][k] += part[k] / (6 * (k + 1)) as f64);
+        }
+        let step = |i: usize| {
+            let step = if surplus[i] == 0.0 { 0.0 } else { root(surplus[i], cubics[i]) };
+            (step == 0.0 || step.abs() * f64::from(largest_displacement[i]) <= longest).then_some(step)
+        };
+        let steps: Vec<Option<f64>> = (0..surplus.len()).map(step).collect();
+
+        // Take the step, or restore the component.
+        let step = |v: usize| steps[components.of[v] as usize];
+        update_at(vertices, &mut self.restored, |v, restored| *restored |= step(v).is_none());
+        update_at(vertices, &mut self.mesh.positions, |v, x| match step(v) {
+            None => *x = self.before[v],
+            Some(step) => *x -= self.normals[v] * step as f32,
+        });
+        self.refresh(vertices);
+    }
+}
+
+/// The root of a + b s + c s² + d s³ by Newton's method from the linear one; NaN if there is none near.
+fn root(a: f64, [b, c, d]: [f64; 3]) -> f64 {
+    (0..4).fold(-a / b, |s, _| s - (a + s * (b + s * (c + s * d))) / (b + s * (2.0 * c + s * 3.0 * d)))
+}
+
+/// The indices below `count` that `keep` selects.
+pub(super) fn select(count: usize, keep: impl Fn(usize) -> bool + Sync) -> Vec<u32> {
+    let chunk =
+        |range: std::ops::Range<usize>| range.filter(|&i| keep(i)).map(|i| i as u32).collect::<Vec<_>>();
+    par::map_chunks(count, par::CHUNK, chunk).concat()
+}
+
+/// The entries of a list that `keep` selects.
+pub(super) fn retain(list: &[u32], keep: impl Fn(usize) -> bool + Sync) -> Vec<u32> {
+    par::map_chunks(list.len(), par::CHUNK, |range| {
+        list[range].iter().copied().filter(|&i| keep(i as usize)).collect::<Vec<_>>()
+    })
+    .concat()
+}
+
+/// Calls `f(i, &mut to[i])` for every `i` of an ascending list.
+pub(super) fn update_at<T: Send>(list: &[u32], to: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
+    let chunks = list.len().div_ceil(par::CHUNK);
+    let first = |chunk: usize| if chunk == 0 { 0 } else { list[chunk * par::CHUNK] as usize };
+    let mut ends: Vec<usize> = (1..chunks).map(first).collect();
+    ends.push(to.len());
+    par::for_parts(to, &ends, 1, |chunk, part| {
+        for &i in list.iter().skip(chunk * par::CHUNK).take(par::CHUNK) {
+            f(i as usize, &mut part[i as usize - first(chunk)]);
+        }
+    });
+}
+
+/// The union of some lists, in ascending order.
+fn sorted(lists: Vec<Vec<u32>>) -> Vec<u32> {
+    let mut all = lists.concat();
+    par::sort_by_key(&mut all, |&i| i);
+    all.dedup();
+    all
+}
