@@ -10,7 +10,7 @@
 //! Limits: bubbles and drops that no coarse node feels are not found. A drop of one particle is felt, at 0.36 or more; a
 //! gap between particles that leaves every coarse node around it deep inside is not a bubble.
 
-use super::{DensityParams, blob::Blobs, cloud::Cloud, density::compute};
+use super::{DensityParams, blob::Blobs, cloud::Cloud, fill::compute};
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of, offset},
     par,
@@ -53,7 +53,7 @@ impl Coarse {
         (step > 1).then(|| {
             let bricks = reached(cloud, balls, voxel);
             let mut grid = SparseGrid::new(voxel, bricks.clone(), 0.0);
-            compute(&mut grid, &bricks, cloud, balls, None);
+            compute(&mut grid, &bricks, cloud, balls, &|_, _| u64::MAX);
             let (deep, faint) = (threshold + DEEP * (1.0 - threshold), FAINT * threshold);
             Self { grid, step, deep, faint }
         })

@@ -16,10 +16,10 @@
 //! Limits: particles with few neighbours, and thus filaments and droplets, are as without.
 
 use super::{
-    DensityParams,
+    Anisotropy, DensityParams,
     blob::{Blob, Blobs},
     cloud::{Cloud, Moments, Vectors, Weight},
-    density::weights,
+    kernel::weights,
     threshold::PLANES,
 };
 use crate::{
@@ -30,27 +30,6 @@ use crate::{
     },
     par,
 };
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-/// How kernels follow their neighbourhoods.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct Anisotropy {
-    /// How far kernels move from their particle to the mean of its neighbours: 0 not at all, 1 all the way. More is
-    /// smoother, and rounds edges.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub smoothing: f32,
-    /// The longest axis of a kernel over its shortest. More makes flat sheets flatter.
-    #[schemars(range(min = 1.0, max = 16.0))]
-    pub ratio: f32,
-}
-
-impl Default for Anisotropy {
-    fn default() -> Self {
-        Self { smoothing: 0.9, ratio: 4.0 }
-    }
-}
 
 /// R/h.
 const REACH: f32 = 2.0;

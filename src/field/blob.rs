@@ -1,6 +1,6 @@
 //! What a particle adds to the density: a kernel over an ellipsoid.
 
-use super::{cloud::Cloud, density::kernel};
+use super::{cloud::Cloud, kernel::kernel};
 use crate::math::{Vec3, symmetric::Symmetric};
 
 /// One particle's kernel: φ += `weight` K(√(dᵀ M d)) with d from `center`.

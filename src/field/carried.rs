@@ -12,7 +12,8 @@
 
 use super::{
     cloud::Cloud,
-    density::{around, kernel, rows},
+    fill::{around, rows},
+    kernel::kernel,
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, NodeMask},

@@ -16,36 +16,20 @@
 //! Limits: cost grows with the particles inside one kernel, so many particles in one place (not a liquid) are slow.
 
 use super::{
+    DensityParams,
     active::{Active, Coarse},
-    anisotropy::{self, Anisotropy, Shaper},
-    blob::{Blob, Blobs},
-    cloud::{Cloud, Moments, Weight},
+    anisotropy::{self, Shaper},
+    blob::Blobs,
+    cloud::Cloud,
+    fill::compute,
+    kernel::weights,
     threshold::surface_threshold,
 };
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, SparseGrid},
-    math::{
-        Vec3,
-        wide::{self, Job, WIDTH, Wide},
-    },
+    grid::{BRICK, Bricks, MAX_BRICK, SparseGrid},
+    math::Vec3,
     par,
 };
-use std::ops::Range;
-
-/// How particles become a density.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DensityParams {
-    /// Distance between particles at rest [m].
-    pub spacing: f32,
-    /// Support h of the kernel [spacings], 1 to 8.
-    pub kernel_radius: f32,
-    /// Distance between nodes [spacings].
-    pub voxel: f32,
-    /// How kernels follow their neighbourhoods; none: they are balls.
-    pub anisotropy: Option<Anisotropy>,
-    /// Whether filled bricks are computed as well, as a fog volume needs; a surface is the same without them.
-    pub whole: bool,
-}
 
 /// A density of particles on bricks.
 #[derive(Clone, Debug)]
@@ -108,7 +92,9 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
         if let Some(shaper) = &mut shaper {
             shaper.shape(&cloud, &mut kernels, &anisotropy::near(&cloud, &due, voxel, radius));
         }
-        compute(&mut grid, &due, &cloud, &kernels, coarse.as_ref());
+        let settle =
+            |coord, sums: &mut _| coarse.as_ref().map_or(u64::MAX, |coarse| coarse.settle(coord, sums));
+        compute(&mut grid, &due, &cloud, &kernels, &settle);
         coarse = None;
         let contradicted = active.contradicted(&grid, threshold, &due);
         active.open(&contradicted);
@@ -130,29 +116,6 @@ pub fn bricks_near_surface(positions: &[Vec3], params: &DensityParams) -> Option
     let balls = Blobs::Round { radius, weights: weights(&cloud, radius) };
     let coarse = Coarse::new(&cloud, &balls, surface_threshold(params.kernel_radius), params)?;
     Some(coarse.active().computed.len())
-}
-
-/// V_j W(0, h) of every particle, in the cells' order.
-pub(super) fn weights(cloud: &Cloud, radius: f32) -> Vec<f32> {
-    cloud.moments::<Spline, false, _>(radius, |_| true, |_, moments: &Moments| 1.0 / moments.zeroth)
-}
-
-/// The kernel K.
-struct Spline;
-
-impl Weight for Spline {
-    #[inline(always)]
-    fn of(q: f32) -> f32 {
-        kernel(q)
-    }
-}
-
-/// K(q) = W(r, h)/W(0, h) of the cubic spline.
-#[inline(always)]
-pub(super) fn kernel(q: f32) -> f32 {
-    let a = (1.0 - q).max(0.0);
-    let b = (0.5 - q).max(0.0);
-    2.0 * a * a * a - 8.0 * b * b * b
 }
 
 /// The positions that bricks can hold, if those are not all, and how many others there are.
@@ -179,176 +142,9 @@ fn unseen(cloud: &Cloud, grid: &SparseGrid, threshold: f32) -> usize {
     counts.into_iter().sum()
 }
 
-/// Computes the bricks of `grid` that are `due`, but for the rows that `coarse` settles.
-pub(super) fn compute(
-    grid: &mut SparseGrid,
-    due: &Bricks,
-    cloud: &Cloud,
-    blobs: &Blobs,
-    coarse: Option<&Coarse>,
-) {
-    let (bricks, voxel) = (&grid.bricks, grid.voxel);
-    let reach = blobs.reach();
-    par::for_chunks(&mut grid.values, BRICK_NODES, |start, values| {
-        let coord = bricks.coords()[start / BRICK_NODES];
-        if due.find(coord).is_none() {
-            return;
-        }
-        // Summed up beside the grid: reading pages that were never written maps them twice, and each time stops all threads.
-        let mut sums = [0.0; BRICK_NODES];
-        let rows = coarse.map_or(u64::MAX, |coarse| coarse.settle(coord, &mut sums));
-        let mut stretches = Vec::new();
-        let (low, high) = around(coord, voxel, reach);
-        cloud.cells.for_each_stretch(low, high, |places| stretches.push(places));
-        wide::run(Fill { cloud, blobs, stretches: &stretches, coord, voxel, rows, values: &mut sums });
-        values.copy_from_slice(&sums);
-    });
-}
-
-/// The box of a brick's nodes and what is within `reach` of it [m].
-pub(super) fn around(coord: [i32; 3], voxel: f32, reach: f32) -> (Vec3, Vec3) {
-    let node =
-        |axis: usize, step: usize| (f64::from(coord[axis]) * BRICK as f64 + step as f64) * f64::from(voxel);
-    let low = Vec3::from_fn(|axis, _| (node(axis, 0) - f64::from(reach)) as f32);
-    let high = Vec3::from_fn(|axis, _| (node(axis, BRICK - 1) + f64::from(reach)) as f32);
-    (low.map(f32::next_down), high.map(f32::next_up))
-}
-
-/// The values of one brick.
-struct Fill<'a> {
-    cloud: &'a Cloud,
-    blobs: &'a Blobs,
-    stretches: &'a [Range<usize>],
-    coord: [i32; 3],
-    voxel: f32,
-    /// Which rows along x are computed, bit y + 8 z.
-    rows: u64,
-    values: &'a mut [f32; BRICK_NODES],
-}
-
-impl Job for Fill<'_> {
-    type Out = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let inverse = 1.0 / f64::from(self.voxel);
-        let first = self.coord.map(|c| f64::from(c) * BRICK as f64);
-        // In double precision: a particle far out keeps all of its own digits.
-        let local = |x: &Vec3| [0, 1, 2].map(|axis| (f64::from(x[axis]) * inverse - first[axis]) as f32);
-        for stretch in self.stretches {
-            for place in stretch.clone() {
-                match self.blobs {
-                    Blobs::Round { radius, weights } => {
-                        let p = local(&self.cloud.at(place));
-                        add_ball(p, radius / self.voxel, weights[place], self.rows, self.values);
-                    }
-                    Blobs::Ellipsoids { blobs, .. } => {
-                        let blob = &blobs[place];
-                        add_ellipsoid(local(&blob.center), blob, self.voxel, self.values);
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Adds a ball at `p` of radius `reach` [voxels from the brick's first node] to the `rows` meant.
-#[inline(always)]
-fn add_ball(p: [f32; 3], reach: f32, weight: f32, rows_meant: u64, values: &mut [f32; BRICK_NODES]) {
-    const LAST: f32 = (BRICK - 1) as f32;
-    let inverse = 1.0 / reach;
-    // How far the brick's box of nodes is along x [h], squared.
-    let far = ((p[0] - p[0].clamp(0.0, LAST)) * inverse).powi(2);
-    if far >= 1.0 || p[1] + reach < 0.0 || p[1] - reach > LAST || p[2] + reach < 0.0 || p[2] - reach > LAST {
-        return;
-    }
-    let mut dx2: Wide = [0.0; WIDTH];
-    for (x, d2) in dx2.iter_mut().enumerate() {
-        *d2 = ((x as f32 - p[0]) * inverse).powi(2);
-    }
-    let (first_z, last_z) = rows(p[2], reach);
-    for z in first_z..last_z {
-        let meant = (rows_meant >> (BRICK * z)) as u8;
-        let dz2 = ((z as f32 - p[2]) * inverse).powi(2);
-        let left = 1.0 - far - dz2;
-        if meant == 0 || left <= 0.0 {
-            continue;
-        }
-        let (first_y, last_y) = rows(p[1], left.sqrt() * reach);
-        for y in first_y..last_y {
-            if meant >> y & 1 == 0 {
-                continue;
-            }
-            let row2 = ((y as f32 - p[1]) * inverse).powi(2) + dz2;
-            let start = BRICK * (y + BRICK * z);
-            let row: &mut Wide = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
-            for lane in 0..WIDTH {
-                row[lane] += weight * kernel((dx2[lane] + row2).sqrt()); // φ += V_j W
-            }
-        }
-    }
-}
-
-/// Adds an ellipsoid at `p` [voxels from the brick's first node].
-#[inline(always)]
-fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_NODES]) {
-    const LAST: f32 = (BRICK - 1) as f32;
-    let inverse = 1.0 / voxel;
-    let (ex, ey, ez) = (blob.extents.x * inverse, blob.extents.y * inverse, blob.extents.z * inverse);
-    // A particle whose box misses the brick's box of nodes gives nothing.
-    if p[0] + ex < 0.0
-        || p[0] - ex > LAST
-        || p[1] + ey < 0.0
-        || p[1] - ey > LAST
-        || p[2] + ez < 0.0
-        || p[2] - ez > LAST
-    {
-        return;
-    }
-    let mut m = blob.matrix;
-    for part in &mut m {
-        *part *= voxel * voxel;
-    }
-    let [xx, yy, zz, xy, xz, yz] = m;
-    let mut dx: Wide = [0.0; WIDTH];
-    for (x, d) in dx.iter_mut().enumerate() {
-        *d = x as f32 - p[0];
-    }
-    let half = -0.5 / xx;
-    let (first_z, last_z) = rows(p[2], ez);
-    let (first_y, last_y) = rows(p[1], ey);
-    for z in first_z..last_z {
-        let dz = z as f32 - p[2];
-        for y in first_y..last_y {
-            let dy = y as f32 - p[1];
-            // q² along the row: (xx dx + b) dx + c. Rows that the ellipsoid meets are done whole: eight nodes without a
-            // branch cost less than testing each.
-            let b = 2.0 * (xy * dy + xz * dz);
-            let c = yy * dy * dy + zz * dz * dz + 2.0 * yz * dy * dz;
-            let nearest = (half * b).clamp(dx[0], dx[BRICK - 1]);
-            if (xx * nearest + b) * nearest + c >= 1.0 {
-                continue;
-            }
-            let start = BRICK * (y + BRICK * z);
-            let row: &mut Wide = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
-            for lane in 0..WIDTH {
-                let q2 = ((xx * dx[lane] + b) * dx[lane] + c).max(0.0);
-                row[lane] += blob.weight * kernel(q2.sqrt()); // φ += V_j W
-            }
-        }
-    }
-}
-
-/// The range of rows 0..8 within `reach` of `p`.
-#[inline(always)]
-pub(super) fn rows(p: f32, reach: f32) -> (usize, usize) {
-    let first = (p - reach).ceil().max(0.0) as usize;
-    let last = (p + reach).floor().clamp(-1.0, (BRICK - 1) as f32) as i32;
-    (first, (last + 1) as usize)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::{Anisotropy, kernel::kernel};
     use super::*;
     use crate::math::kernel::CubicSpline;
 

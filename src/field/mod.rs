@@ -9,12 +9,15 @@ mod blob;
 mod carried;
 mod cloud;
 mod density;
+mod fill;
+mod kernel;
+mod params;
 mod threshold;
 mod velocity;
 
 pub use active::coarse_step;
-pub use anisotropy::Anisotropy;
 pub use carried::{Carried, CarriedParams, carried, carried_at};
-pub use density::{Density, DensityParams, bricks_near_surface, density};
+pub use density::{Density, bricks_near_surface, density};
+pub use params::{Anisotropy, DensityParams};
 pub use threshold::surface_threshold;
 pub use velocity::{Velocity, velocity};

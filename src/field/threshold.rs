@@ -7,7 +7,7 @@
 //! as most of a splash is. For a kernel of two spacings the level of the first alone makes a ball 0.06 spacings too large,
 //! that of the second alone 0.04 too small.
 
-use super::density::kernel;
+use super::kernel::kernel;
 use nalgebra::Vector3;
 use std::f64::consts::FRAC_1_SQRT_2;
 

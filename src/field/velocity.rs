@@ -11,7 +11,8 @@
 use super::{
     DensityParams,
     cloud::Cloud,
-    density::{around, kernel, rows},
+    fill::{around, rows},
+    kernel::kernel,
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, NodeMask, mask_of},
