@@ -5,6 +5,7 @@
 //! couplings does not matter.
 
 mod contact;
+mod error;
 pub(crate) mod job;
 mod liquid_sheet;
 mod params;
@@ -13,9 +14,10 @@ mod resolve;
 mod triangle;
 mod wind;
 
+pub use error::CouplingError;
 pub use params::{Coupling, Drag};
 pub use record::{CouplingRecord, LiquidSheetRecord, WindRecord};
-pub use resolve::{CouplingError, PresentSystems, ResolvedCouplings, resolve};
+pub use resolve::{PresentSystems, ResolvedCouplings, resolve};
 
 pub(super) use liquid_sheet::{CoupledSheets, ExternalForces, LiquidSheetCoupling};
 pub(super) use wind::{FrameWind, WindCoupling};
