@@ -73,6 +73,8 @@ pub mod par;
 
 pub mod math;
 
+pub mod simd;
+
 pub mod frame;
 
 pub mod control;

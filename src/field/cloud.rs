@@ -1,12 +1,9 @@
 //! Particles in the order of their cells, and weighted moments of what is around each.
 
 use crate::{
-    math::{
-        Vec3,
-        symmetric::Symmetric,
-        wide::{self, Job, WIDTH, Wide},
-    },
+    math::{Vec3, symmetric::Symmetric},
     par,
+    simd::{self, F32x8, LANES, Lanes, Pass},
     space::{CellGrid, ONE_EDGE, TWO_EDGES},
 };
 use std::ops::Range;
@@ -78,7 +75,7 @@ impl Cloud {
         let cells = CellGrid::new(positions, edge);
         let order = cells.order();
         let axes = std::array::from_fn(|axis| {
-            let mut values = vec![0.0; order.len() + WIDTH];
+            let mut values = vec![0.0; order.len() + LANES];
             par::fill(&mut values, |place| order.get(place).map_or(0.0, |&i| positions[i as usize][axis]));
             values
         });
@@ -124,7 +121,7 @@ impl Cloud {
             let groups = self.groups(range, radius, &wanted);
             let inverse = 1.0 / radius;
             let weight = std::marker::PhantomData::<W>;
-            let found = wide::run(Around::<W, ALL> { axes, groups: &groups, inverse, weight });
+            let found = simd::dispatch(Around::<W, ALL> { axes, groups: &groups, inverse, weight });
             groups
                 .places
                 .iter()
@@ -145,7 +142,7 @@ pub(super) struct Vectors {
 impl Vectors {
     /// All zero.
     pub(super) fn new(cloud: &Cloud) -> Self {
-        Self { axes: [(); 3].map(|()| vec![0.0; cloud.len() + WIDTH]) }
+        Self { axes: [(); 3].map(|()| vec![0.0; cloud.len() + LANES]) }
     }
 
     pub(super) fn at(&self, place: usize) -> Vec3 {
@@ -176,7 +173,7 @@ impl Cloud {
         par::map_chunks(self.len(), TASK, |range| {
             let groups = self.groups(range, radius, &wanted);
             let weight = std::marker::PhantomData::<W>;
-            wide::run(Across { axes, vectors, groups: &groups, inverse, thin, weight })
+            simd::dispatch(Across { axes, vectors, groups: &groups, inverse, thin, weight })
         })
         .concat()
     }
@@ -194,11 +191,11 @@ struct Across<'a, W> {
     weight: std::marker::PhantomData<W>,
 }
 
-impl<W: Weight> Job for Across<'_, W> {
+impl<W: Weight> Pass for Across<'_, W> {
     type Out = Vec<Vec3>;
 
     #[inline(always)]
-    fn run(self) -> Vec<Vec3> {
+    fn run<L: Lanes>(self) -> Vec<Vec3> {
         let mut means = Vec::with_capacity(self.groups.places.len());
         for (place, stretches) in self.groups.iter() {
             let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
@@ -206,15 +203,15 @@ impl<W: Weight> Job for Across<'_, W> {
             let length = (vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]).sqrt();
             let scale = if length > 0.0 { self.thin / length } else { 0.0 };
             let normal = vector.map(|v| v * scale);
-            let mut sums = [[0.0; WIDTH]; 4];
+            let mut sums = [[0.0; LANES]; 4];
             for &[from, to] in stretches {
                 let (mut at, to) = (from as usize, to as usize);
                 while at < to {
                     self.eight(own, normal, at, to - at, &mut sums);
-                    at += WIDTH;
+                    at += LANES;
                 }
             }
-            let [w, x, y, z] = sums.map(wide::sum);
+            let [w, x, y, z] = sums.map(simd::sum);
             means.push(Vec3::new(x, y, z) / w);
         }
         means
@@ -224,12 +221,12 @@ impl<W: Weight> Job for Across<'_, W> {
 impl<W: Weight> Across<'_, W> {
     /// Adds eight candidates from place `at` on, of which the first `left` are meant; `normal` is radius/half long.
     #[inline(always)]
-    fn eight(&self, own: [f32; 3], normal: [f32; 3], at: usize, left: usize, sums: &mut [Wide; 4]) {
-        let rows: [&Wide; 3] = [row(self.axes[0], at), row(self.axes[1], at), row(self.axes[2], at)];
-        let values: [&Wide; 3] =
+    fn eight(&self, own: [f32; 3], normal: [f32; 3], at: usize, left: usize, sums: &mut [F32x8; 4]) {
+        let rows: [&F32x8; 3] = [row(self.axes[0], at), row(self.axes[1], at), row(self.axes[2], at)];
+        let values: [&F32x8; 3] =
             [row(self.vectors[0], at), row(self.vectors[1], at), row(self.vectors[2], at)];
-        let meant = &MEANT[left.min(WIDTH)];
-        for lane in 0..WIDTH {
+        let meant = &MEANT[left.min(LANES)];
+        for lane in 0..LANES {
             let dx = (rows[0][lane] - own[0]) * self.inverse;
             let dy = (rows[1][lane] - own[1]) * self.inverse;
             let dz = (rows[2][lane] - own[2]) * self.inverse;
@@ -253,29 +250,29 @@ struct Around<'a, W, const ALL: bool> {
     weight: std::marker::PhantomData<W>,
 }
 
-impl<W: Weight, const ALL: bool> Job for Around<'_, W, ALL> {
+impl<W: Weight, const ALL: bool> Pass for Around<'_, W, ALL> {
     type Out = Vec<Moments>;
 
     #[inline(always)]
-    fn run(self) -> Vec<Moments> {
+    fn run<L: Lanes>(self) -> Vec<Moments> {
         let mut found = Vec::with_capacity(self.groups.places.len());
         for (place, stretches) in self.groups.iter() {
             let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
-            let mut sums = [[0.0; WIDTH]; 11];
+            let mut sums = [[0.0; LANES]; 11];
             for &[from, to] in stretches {
                 let (mut at, to) = (from as usize, to as usize);
                 while at < to {
                     eight::<W, ALL>(&self.axes, own, self.inverse, at, to - at, &mut sums);
-                    at += WIDTH;
+                    at += LANES;
                 }
             }
-            let mut moments = Moments { zeroth: wide::sum(sums[0]), ..Moments::default() };
+            let mut moments = Moments { zeroth: simd::sum(sums[0]), ..Moments::default() };
             if ALL {
-                moments.first = Vec3::new(wide::sum(sums[1]), wide::sum(sums[2]), wide::sum(sums[3]));
+                moments.first = Vec3::new(simd::sum(sums[1]), simd::sum(sums[2]), simd::sum(sums[3]));
                 for part in 0..6 {
-                    moments.second[part] = wide::sum(sums[4 + part]);
+                    moments.second[part] = simd::sum(sums[4 + part]);
                 }
-                moments.count = wide::sum(sums[10]);
+                moments.count = simd::sum(sums[10]);
             }
             found.push(moments);
         }
@@ -291,19 +288,19 @@ fn eight<W: Weight, const ALL: bool>(
     inverse: f32,
     at: usize,
     left: usize,
-    sums: &mut [Wide; 11],
+    sums: &mut [F32x8; 11],
 ) {
-    let rows: [&Wide; 3] = [row(axes[0], at), row(axes[1], at), row(axes[2], at)];
-    let meant = &MEANT[left.min(WIDTH)];
-    let (mut d, mut w) = ([[0.0; WIDTH]; 3], [0.0; WIDTH]);
-    for lane in 0..WIDTH {
+    let rows: [&F32x8; 3] = [row(axes[0], at), row(axes[1], at), row(axes[2], at)];
+    let meant = &MEANT[left.min(LANES)];
+    let (mut d, mut w) = ([[0.0; LANES]; 3], [0.0; LANES]);
+    for lane in 0..LANES {
         let x = (rows[0][lane] - own[0]) * inverse;
         let y = (rows[1][lane] - own[1]) * inverse;
         let z = (rows[2][lane] - own[2]) * inverse;
         w[lane] = W::of((x * x + y * y + z * z).sqrt().min(1.0)) * meant[lane];
         (d[0][lane], d[1][lane], d[2][lane]) = (x, y, z);
     }
-    for lane in 0..WIDTH {
+    for lane in 0..LANES {
         let (w, x, y, z) = (w[lane], d[0][lane], d[1][lane], d[2][lane]);
         sums[0][lane] += w;
         if ALL {
@@ -323,10 +320,10 @@ fn eight<W: Weight, const ALL: bool>(
 }
 
 /// 1 for the first so many of eight candidates, 0 for the others.
-const MEANT: [Wide; WIDTH + 1] = {
-    let mut meant = [[0.0; WIDTH]; WIDTH + 1];
+const MEANT: [F32x8; LANES + 1] = {
+    let mut meant = [[0.0; LANES]; LANES + 1];
     let mut count = 1;
-    while count <= WIDTH {
+    while count <= LANES {
         meant[count] = meant[count - 1];
         meant[count][count - 1] = 1.0;
         count += 1;
@@ -336,7 +333,7 @@ const MEANT: [Wide; WIDTH + 1] = {
 
 /// Eight numbers from `at` on.
 #[inline(always)]
-fn row(values: &[f32], at: usize) -> &Wide {
+fn row(values: &[f32], at: usize) -> &F32x8 {
     values[at..].first_chunk().expect("eight numbers follow the last particle")
 }
 

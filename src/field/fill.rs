@@ -7,11 +7,9 @@ use super::{
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid},
-    math::{
-        Vec3,
-        wide::{self, Job, WIDTH, Wide},
-    },
+    math::Vec3,
     par,
+    simd::{self, F32x8, LANES, Lanes, Pass},
 };
 use std::ops::Range;
 
@@ -36,7 +34,7 @@ pub(super) fn compute(
         let mut stretches = Vec::new();
         let (low, high) = around(coord, voxel, reach);
         cloud.cells.for_each_stretch(low, high, |places| stretches.push(places));
-        wide::run(Fill { cloud, blobs, stretches: &stretches, coord, voxel, rows, values: &mut sums });
+        simd::dispatch(Fill { cloud, blobs, stretches: &stretches, coord, voxel, rows, values: &mut sums });
         values.copy_from_slice(&sums);
     });
 }
@@ -62,11 +60,11 @@ struct Fill<'a> {
     values: &'a mut [f32; BRICK_NODES],
 }
 
-impl Job for Fill<'_> {
+impl Pass for Fill<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self) {
         let inverse = 1.0 / f64::from(self.voxel);
         let first = self.coord.map(|c| f64::from(c) * BRICK as f64);
         // In double precision: a particle far out keeps all of its own digits.
@@ -98,7 +96,7 @@ fn add_ball(p: [f32; 3], reach: f32, weight: f32, rows_meant: u64, values: &mut 
     if far >= 1.0 || p[1] + reach < 0.0 || p[1] - reach > LAST || p[2] + reach < 0.0 || p[2] - reach > LAST {
         return;
     }
-    let mut dx2: Wide = [0.0; WIDTH];
+    let mut dx2: F32x8 = [0.0; LANES];
     for (x, d2) in dx2.iter_mut().enumerate() {
         *d2 = ((x as f32 - p[0]) * inverse).powi(2);
     }
@@ -117,8 +115,8 @@ fn add_ball(p: [f32; 3], reach: f32, weight: f32, rows_meant: u64, values: &mut 
             }
             let row2 = ((y as f32 - p[1]) * inverse).powi(2) + dz2;
             let start = BRICK * (y + BRICK * z);
-            let row: &mut Wide = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
-            for lane in 0..WIDTH {
+            let row: &mut F32x8 = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
+            for lane in 0..LANES {
                 row[lane] += weight * kernel((dx2[lane] + row2).sqrt()); // φ += V_j W
             }
         }
@@ -146,7 +144,7 @@ fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_
         *part *= voxel * voxel;
     }
     let [xx, yy, zz, xy, xz, yz] = m;
-    let mut dx: Wide = [0.0; WIDTH];
+    let mut dx: F32x8 = [0.0; LANES];
     for (x, d) in dx.iter_mut().enumerate() {
         *d = x as f32 - p[0];
     }
@@ -166,8 +164,8 @@ fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_
                 continue;
             }
             let start = BRICK * (y + BRICK * z);
-            let row: &mut Wide = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
-            for lane in 0..WIDTH {
+            let row: &mut F32x8 = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
+            for lane in 0..LANES {
                 let q2 = ((xx * dx[lane] + b) * dx[lane] + c).max(0.0);
                 row[lane] += blob.weight * kernel(q2.sqrt()); // φ += V_j W
             }

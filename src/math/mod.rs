@@ -4,7 +4,6 @@ mod gmres;
 pub mod kernel;
 mod random;
 pub mod symmetric;
-pub mod wide;
 
 pub use gmres::gmres;
 pub use random::Random;

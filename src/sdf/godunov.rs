@@ -5,6 +5,8 @@
 //!
 //! Symbols: u distance [voxels]; a ≤ b ≤ c the smaller neighbour of each axis.
 
+use crate::simd::Lanes;
+
 /// The directions of the sweeps along x, y and z, in the order of [gourlay17].
 pub(super) const ORDERS: [[i32; 3]; 8] =
     [[-1, -1, -1], [1, -1, -1], [-1, 1, -1], [1, 1, -1], [-1, -1, 1], [1, -1, 1], [-1, 1, 1], [1, 1, 1]];
@@ -63,6 +65,40 @@ pub(super) fn godunov(nearest: [f32; 3]) -> f32 {
         }
     }
     a + u
+}
+
+/// [`update`] for eight nodes: their new distances, if any of them is lowered.
+///
+/// Both sides of the equation's cases are computed and selected from, in the order of operations of [`godunov`], so the bits
+/// are the same. Where no lane is lowered, nothing is solved.
+#[inline(always)]
+pub(super) fn update_lanes<L: Lanes>(own: L, [x, y, z]: [L; 3], band: f32) -> Option<L> {
+    let (zero, one) = (L::splat(0.0), L::splat(1.0));
+    let most = own.min(L::splat(smaller(band, 1e18)));
+    let (slope_x, slope_y, slope_z) = ((most - x).max(zero), (most - y).max(zero), (most - z).max(zero));
+    let lowered = one.less(slope_x * slope_x + slope_y * slope_y + slope_z * slope_z);
+    if L::bits(lowered) == 0 {
+        return None;
+    }
+
+    let (low, high) = (x.min(y), x.max(y));
+    let (a, middle) = (low.min(z), low.max(z));
+    let (b, c) = (middle.min(high) - a, middle.max(high) - a);
+    let (half, three) = (L::splat(0.5), L::splat(3.0));
+    let of_two = half * (b + (L::splat(2.0) - b * b).sqrt());
+    let (s, q) = (b + c, b * b + c * c);
+    let of_three = (s + (s * s - three * (q - one)).max(zero).sqrt()) / three;
+    let takes_two = b.less(one);
+    let u = L::select(takes_two, of_two, one);
+    let takes_three = L::and(takes_two, c.less(u));
+    let u = a + L::select(takes_three, of_three, u);
+
+    let below = L::and(u.less(own), u.less(L::splat(band)));
+    let lowers = L::and(below, lowered);
+    if L::bits(lowers) == 0 {
+        return None;
+    }
+    Some(L::select(lowers, u, own))
 }
 
 #[cfg(test)]

@@ -2,12 +2,14 @@
 
 use super::{
     CellGrid, ONE_EDGE,
-    gather::{self, Gather, Scratch, Sorted},
+    gather::{Gather, Scratch, Sorted},
 };
 use crate::{
     math::Vec3,
     par::{self, Inverse},
+    simd::{self, IndexList, IndexRows, Lanes},
 };
+use std::ops::Range;
 
 /// Particles whose lists share one piece of memory, and which a task lists at once. Fewer repeat the candidates
 /// of cells that the end cuts through; more leave threads idle in small shots.
@@ -21,9 +23,6 @@ const GROUP: i32 = 2;
 ///
 /// Lists lie in the grid's order, in pieces of 256 particles: none has to be moved when another grows, and all keep
 /// their memory from one build to the next.
-///
-/// Every listed number is below [`Neighbours::count`]: they are elements of an order that [`Inverse::rebuild`] has
-/// checked, and vector code reads by them unchecked.
 #[derive(Debug, Default)]
 pub struct Neighbours {
     /// A particle's place in the grid's order.
@@ -38,7 +37,7 @@ pub struct Neighbours {
 struct Chunk {
     /// `list[start[k]..start[k + 1]]` are the neighbours of the chunk's particle `k`.
     start: [u32; CHUNK + 1],
-    list: Vec<u32>,
+    list: IndexList,
 }
 
 impl Neighbours {
@@ -52,16 +51,12 @@ impl Neighbours {
 
     /// Does what [`Neighbours::build`] does, in the memory of the lists before.
     pub fn rebuild(&mut self, grid: &CellGrid, positions: &[Vec3], radius: f32) {
-        self.rebuild_by(gather::fastest(), grid, positions, radius);
-    }
-
-    fn rebuild_by(&mut self, gather: Gather, grid: &CellGrid, positions: &[Vec3], radius: f32) {
         debug_assert!(radius <= grid.cell());
         let order = grid.order();
         self.place.rebuild(order);
         self.sorted.rebuild(order, positions);
         let sorted = &self.sorted;
-        let empty = || Chunk { start: [0; CHUNK + 1], list: Vec::new() };
+        let empty = || Chunk { start: [0; CHUNK + 1], list: IndexList::default() };
         self.chunks.resize_with(order.len().div_ceil(CHUNK), empty);
         par::for_chunks_with(&mut self.chunks, 1, Scratch::default, |scratch, index, chunk| {
             let [Chunk { start, list }] = chunk else { unreachable!("chunks of one") };
@@ -70,13 +65,16 @@ impl Neighbours {
             let range = first..order.len().min(first + CHUNK);
             grid.for_each_group(range, GROUP, &ONE_EDGE, |places, stretches| {
                 let ends = &mut start[places.start - first + 1..=places.end - first];
-                gather(sorted, order, stretches, places, radius * radius, scratch, ends);
+                let radius2 = radius * radius;
+                simd::dispatch(Gather { sorted, order, stretches, places, radius2, scratch, ends });
             });
-            keep(list, &scratch.hits[..scratch.found]);
+            let mut memory = std::mem::take(list).into_vec();
+            keep(&mut memory, &scratch.hits[..scratch.found]);
+            *list = IndexList::new(memory, order.len());
         });
     }
 
-    /// How many particles have lists. Every listed number is below it: unsafe code relies on that.
+    /// How many particles have lists.
     #[inline]
     pub fn count(&self) -> usize {
         self.place.len()
@@ -85,10 +83,24 @@ impl Neighbours {
     /// The neighbours of particle `i`.
     #[inline]
     pub fn of(&self, i: usize) -> &[u32] {
+        let (list, range) = self.place_of(i);
+        &list.as_slice()[range]
+    }
+
+    /// The neighbours of particle `i` by eights; the last eight are filled up with `i`.
+    #[inline(always)]
+    pub fn rows<L: Lanes>(&self, i: usize) -> IndexRows<'_> {
+        let (list, range) = self.place_of(i);
+        list.rows::<L>(range, i)
+    }
+
+    /// The piece of memory that holds the list of particle `i`, and where it lies in it.
+    #[inline(always)]
+    fn place_of(&self, i: usize) -> (&IndexList, Range<usize>) {
         let place = self.place.of(i);
         let Chunk { start, list } = &self.chunks[place / CHUNK];
         let k = place % CHUNK;
-        &list[start[k] as usize..start[k + 1] as usize]
+        (list, start[k] as usize..start[k + 1] as usize)
     }
 }
 
@@ -107,6 +119,7 @@ fn keep(list: &mut Vec<u32>, hits: &[u32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::simd::tests::in_both_forms;
     use proptest::prelude::*;
 
     /// Every list by trying all pairs.
@@ -117,17 +130,15 @@ mod tests {
         all.clone().map(|i| all.clone().filter(|&j| near(i, j)).map(|j| j as u32).collect()).collect()
     }
 
-    /// Checks lists, of both forms, and queries against all pairs.
+    /// Checks lists, with both forms of lanes, and queries against all pairs.
     fn check(positions: &[Vec3], cell: f32, radius: f32) {
-        for form in [gather::gather, gather::fastest()] {
-            check_form(form, positions, cell, radius);
+        let grid = CellGrid::new(positions, cell);
+        for lists in in_both_forms(|| Neighbours::build(&grid, positions, radius)) {
+            check_lists(&lists, &grid, positions, radius);
         }
     }
 
-    fn check_form(form: Gather, positions: &[Vec3], cell: f32, radius: f32) {
-        let grid = CellGrid::new(positions, cell);
-        let mut lists = Neighbours::default();
-        lists.rebuild_by(form, &grid, positions, radius);
+    fn check_lists(lists: &Neighbours, grid: &CellGrid, positions: &[Vec3], radius: f32) {
         for (i, expected) in brute(positions, radius).into_iter().enumerate() {
             let sorted = |mut list: Vec<u32>| {
                 list.sort_unstable();
@@ -215,11 +226,7 @@ mod tests {
         positions.iter_mut().for_each(|x| *x = x.normalize() * cell);
         positions[0] = Vec3::zeros();
         let grid = CellGrid::new(&positions, cell);
-        let [scalar, fastest] = [gather::gather, gather::fastest()].map(|form: Gather| {
-            let mut lists = Neighbours::default();
-            lists.rebuild_by(form, &grid, &positions, cell);
-            lists
-        });
+        let [scalar, fastest] = in_both_forms(|| Neighbours::build(&grid, &positions, cell));
         let inside = scalar.of(0).len();
         assert!((500..4500).contains(&inside), "{inside} of 5000");
         assert!(same(positions.len(), &scalar, &fastest));

@@ -7,8 +7,6 @@
 
 mod cells;
 mod gather;
-#[cfg(target_arch = "x86_64")]
-mod gather_avx2;
 mod lists;
 
 pub use cells::{CellGrid, ONE_EDGE, Reach, TWO_EDGES};

@@ -1,7 +1,7 @@
 //! The order of the modules, as a test: data flows one way.
 //!
-//! `src/lib.rs` lists the modules; a module uses only modules above it. Only `par` knows threads. What
-//! `ARCHITECTURE.md` names exists, and it names every module.
+//! `src/lib.rs` lists the modules; a module uses only modules above it. Only `par` knows threads, and only `simd` is
+//! unsafe. What `ARCHITECTURE.md` names exists, and it names every module.
 
 mod imports;
 
@@ -12,9 +12,9 @@ use std::{
 };
 
 /// The modules, in the order in which data flows through them.
-const ORDER: [&str; 20] = [
-    "par", "math", "frame", "control", "space", "grid", "sdf", "solid", "cache", "field", "mesh", "import",
-    "export", "preset", "job", "sim", "product", "scene", "run", "cli",
+const ORDER: [&str; 21] = [
+    "par", "math", "simd", "frame", "control", "space", "grid", "sdf", "solid", "cache", "field", "mesh",
+    "import", "export", "preset", "job", "sim", "product", "scene", "run", "cli",
 ];
 
 #[test]
@@ -58,6 +58,35 @@ fn only_par_knows_threads() {
         .map(|(path, _)| path.clone())
         .collect();
     assert_eq!(offenders, Vec::<String>::new());
+}
+
+#[test]
+fn only_simd_is_unsafe() {
+    assert_eq!(unsafe_files(&sources()), Vec::<String>::new());
+}
+
+#[test]
+fn unsafe_code_and_target_features_outside_simd_are_found() {
+    let planted = |path: &str, text: &str| {
+        let mut sources = sources();
+        sources.insert(path.into(), text.into());
+        unsafe_files(&sources).len()
+    };
+    assert_eq!(planted("src/space/planted.rs", "fn f() { unsafe { g() } }"), 1);
+    assert_eq!(planted("src/space/planted.rs", "#[target_feature(enable = \"avx2\")]\nfn f() {}"), 1);
+    assert_eq!(planted("src/space/planted.rs", "#![allow(unsafe_code)]"), 1);
+    assert_eq!(planted("src/space/planted.rs", "use std::arch::x86_64::*;"), 1);
+    assert_eq!(planted("src/space/planted.rs", "// unsafe\nlet unsafe_pairs = 0;"), 0);
+    assert_eq!(planted("src/simd/planted.rs", "fn f() { unsafe { g() } }"), 0);
+}
+
+/// Files outside `simd` with unsafe code, vector instructions or functions for some processors only.
+fn unsafe_files(sources: &Sources) -> Vec<String> {
+    let words = ["unsafe", "unsafe_code", "target_feature", "arch"];
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let has_word = |text: &str| code(text).split(|c| !is_part(c)).any(|word| words.contains(&word));
+    let outside = sources.iter().filter(|(path, _)| module_of(path) != Some("simd"));
+    outside.filter(|(_, text)| has_word(text)).map(|(path, _)| path.clone()).collect()
 }
 
 /// Files outside `par` that may start a thread, because what they do is waiting and not computing.

@@ -11,12 +11,10 @@
 //! sweeps alone.
 
 use meniscus::{
-    math::{
-        Vec3,
-        wide::{self, Job},
-    },
+    math::Vec3,
     par,
     sim::vortex::{UniformGrid, VectorField},
+    simd::{self, Lanes, Pass},
 };
 
 /// V-cycles per level. One leaves a tenth of the discretisation error, two a hundredth.
@@ -71,7 +69,7 @@ impl Level {
     fn sweep(&mut self) {
         for colour in 0..2 {
             self.rows(|level, place, parity, out| {
-                wide::run(Update { level, place, colour: Some((colour + parity) % 2), out });
+                simd::dispatch(Update { level, place, colour: Some((colour + parity) % 2), out });
             });
             std::mem::swap(&mut self.u, &mut self.spare);
         }
@@ -79,7 +77,7 @@ impl Level {
 
     /// Writes the residual to the spare array. It is 0 on the boundary.
     fn residual(&mut self) {
-        self.rows(|level, place, _, out| wide::run(Update { level, place, colour: None, out }));
+        self.rows(|level, place, _, out| simd::dispatch(Update { level, place, colour: None, out }));
         let grid = self.grid;
         par::for_chunks(&mut self.spare, grid.plane(), |first, plane| {
             let z = first / grid.plane();
@@ -131,7 +129,7 @@ fn restrict(fine: UniformGrid, from: &[f32], coarse: UniformGrid, to: &mut [f32]
         }
         let mut sum = vec![0.0; fine.row()];
         for (y, row) in plane.chunks_exact_mut(coarse.row()).enumerate().skip(1).take(coarse.cells[1] - 1) {
-            wide::run(Weigh { fine, from, place: fine.index([0, 2 * y, 2 * z]), sum: &mut sum });
+            simd::dispatch(Weigh { fine, from, place: fine.index([0, 2 * y, 2 * z]), sum: &mut sum });
             for (x, value) in row.iter_mut().enumerate().skip(1).take(coarse.cells[0] - 1) {
                 *value = 0.25 * (sum[2 * x - 1] + sum[2 * x + 1]) + 0.5 * sum[2 * x];
             }
@@ -147,11 +145,11 @@ struct Weigh<'a> {
     sum: &'a mut [f32],
 }
 
-impl Job for Weigh<'_> {
+impl Pass for Weigh<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self) {
         let Self { fine, from, place, sum } = self;
         let count = sum.len();
         let (row, plane) = (fine.row(), fine.plane());
@@ -174,11 +172,11 @@ struct Update<'a> {
     out: &'a mut [f32],
 }
 
-impl Job for Update<'_> {
+impl Pass for Update<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self) {
         let Self { level: Level { grid, u, f, .. }, place, colour, out } = self;
         let (row, plane, n) = (grid.row(), grid.plane(), grid.cells[0]);
         // Nodes 1..n; the slices begin where they are read.

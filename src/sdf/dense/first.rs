@@ -7,10 +7,7 @@
 //! pass would find every node as it left it. To begin with, those are at rest that neither hold nor touch a block with
 //! a pinned node: all that they read is ∞.
 
-use super::{
-    layout::Layout,
-    skewed::{self, Relax, Skewed},
-};
+use super::{layout::Layout, skewed::Skewed};
 use crate::{
     par,
     sdf::{
@@ -23,15 +20,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 pub(super) const NO_PANIC: &str = "a pass over a block does not panic";
 
-/// The twin for this processor, else the reference.
-pub(super) fn relax() -> Relax {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(twin) = super::skewed_avx2::available() {
-        return twin;
-    }
-    skewed::relax
-}
-
 /// The blocks during the sweeps.
 ///
 /// No two threads ever want the same lock for writing, and none reads while another writes: the wavefront keeps face
@@ -42,16 +30,15 @@ pub(super) struct Blocks {
     /// Whether a pass over the block could change anything.
     awake: Vec<AtomicBool>,
     band: f32,
-    relax: Relax,
 }
 
 impl Blocks {
-    pub(super) fn new(layout: Layout, seeds: &[f32], band: f32, relax: Relax) -> Self {
+    pub(super) fn new(layout: Layout, seeds: &[f32], band: f32) -> Self {
         let values = layout.split(seeds);
         let holds: Vec<bool> = par::map(values.len(), |block| values[block].iter().any(|v| v.is_finite()));
         let touches = |block: usize| layout.around(block).into_iter().flatten().any(|other| holds[other]);
         let awake = (0..holds.len()).map(|block| AtomicBool::new(holds[block] || touches(block))).collect();
-        Self { layout, values: values.into_iter().map(RwLock::new).collect(), awake, band, relax }
+        Self { layout, values: values.into_iter().map(RwLock::new).collect(), awake, band }
     }
 
     /// Whether no pass would change anything.
@@ -85,7 +72,7 @@ impl Blocks {
             });
             Skewed::gather(&own, size, order, around)
         };
-        let changed = (self.relax)(&mut skewed, self.band);
+        let changed = skewed.relax(self.band);
         self.awake[block].store(changed, Ordering::Relaxed);
         if !changed {
             return;
@@ -110,7 +97,7 @@ impl Blocks {
 /// # Panics
 /// If `seeds` has another length than the box, or a block has no node.
 pub fn sweep(nodes: [usize; 3], seeds: &[f32], band: f32, block: [usize; 3]) -> Swept {
-    let blocks = Blocks::new(Layout::new(nodes, block), seeds, band, relax());
+    let blocks = Blocks::new(Layout::new(nodes, block), seeds, band);
     let sweeps = until_rest(|| blocks.at_rest(), |order| blocks.sweep(order));
     Swept::new(blocks.distances(), sweeps)
 }
@@ -168,6 +155,7 @@ pub(super) fn one_sweep_in_order(
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::simd::tests::in_both_forms;
 
     /// White noise in 0..1 that depends on the number alone.
     pub(crate) fn noise(i: usize) -> f32 {
@@ -210,37 +198,42 @@ pub(super) mod tests {
         values.iter().map(|v| v.to_bits()).collect()
     }
 
-    /// Every form that passes over a block.
-    fn forms() -> Vec<(&'static str, Relax)> {
-        let mut forms: Vec<(&str, Relax)> = vec![("reference", skewed::relax)];
-        #[cfg(target_arch = "x86_64")]
-        forms.extend(super::super::skewed_avx2::available().map(|twin| ("AVX2", twin)));
-        forms
-    }
-
     #[test]
     fn every_sweep_has_the_bits_of_the_sequential_one() {
         // Once all is at rest the order no longer shows, so the numbers on the way there are compared too.
         for (name, nodes, seeds) in cases() {
             for band in [f32::INFINITY, 4.5] {
-                for (form, relax) in forms() {
-                    let runs: Vec<_> = BLOCKS
-                        .into_iter()
-                        .flat_map(|block| [1, 2, 5].map(|threads| (block, threads)))
-                        .map(|(block, threads)| {
-                            (block, threads, Blocks::new(Layout::new(nodes, block), &seeds, band, relax))
-                        })
-                        .collect();
-                    let mut reference = seeds.clone();
-                    for (sweep, order) in ORDERS.into_iter().cycle().take(11).enumerate() {
-                        one_sweep_in_order(nodes, &mut reference, order, band);
-                        for (block, threads, blocks) in &runs {
-                            par::with_threads(*threads, || blocks.sweep(order));
-                            let same = bits(&blocks.distances()) == bits(&reference);
-                            assert!(same, "{name}, {form}, {block:?}, {threads} threads, sweep {sweep}");
-                        }
+                let new = |block| Blocks::new(Layout::new(nodes, block), &seeds, band);
+                let runs: Vec<_> = BLOCKS
+                    .into_iter()
+                    .flat_map(|block| [1, 2, 5].map(|threads| (block, threads, new(block))))
+                    .collect();
+                let mut reference = seeds.clone();
+                for (sweep, order) in ORDERS.into_iter().cycle().take(11).enumerate() {
+                    one_sweep_in_order(nodes, &mut reference, order, band);
+                    for (block, threads, blocks) in &runs {
+                        par::with_threads(*threads, || blocks.sweep(order));
+                        let same = bits(&blocks.distances()) == bits(&reference);
+                        assert!(same, "{name}, {block:?}, {threads} threads, sweep {sweep}");
                     }
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn every_sweep_has_the_same_bits_in_both_forms_of_lanes() {
+        for (name, nodes, seeds) in cases() {
+            for (block, band) in BLOCKS.into_iter().zip([f32::INFINITY, 4.5].into_iter().cycle()) {
+                let [scalar, fastest] = in_both_forms(|| {
+                    let blocks = Blocks::new(Layout::new(nodes, block), &seeds, band);
+                    let sweeps = ORDERS.into_iter().cycle().take(11).map(|order| {
+                        blocks.sweep(order);
+                        bits(&blocks.distances())
+                    });
+                    sweeps.collect::<Vec<_>>()
+                });
+                assert!(scalar == fastest, "{name}, {block:?}");
             }
         }
     }
@@ -252,7 +245,7 @@ pub(super) mod tests {
         let mut seeds = vec![f32::INFINITY; nodes.iter().product()];
         seeds[middle[0] + nodes[0] * (middle[1] + nodes[1] * middle[2])] = -1e-6;
         for order in ORDERS {
-            let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY, relax());
+            let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY);
             blocks.sweep(order);
             for (i, &distance) in blocks.distances().iter().enumerate() {
                 let node = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
@@ -262,7 +255,7 @@ pub(super) mod tests {
                 assert_eq!(distance.is_finite(), behind <= 1, "{node:?} {order:?}");
             }
         }
-        let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY, relax());
+        let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY);
         ORDERS.into_iter().for_each(|order| blocks.sweep(order));
         // Further sweeps change last digits alone.
         let end = sweep_in_order(nodes, &seeds, f32::INFINITY).distance;

@@ -12,13 +12,10 @@
 //! The block is mirrored so that every sweep ascends. Nodes that must not change hold negative numbers, of which
 //! neighbours read the size: pinned nodes, the facing layers of the neighbouring blocks, and −∞ where there is none.
 
-use crate::sdf::godunov::{smaller, update};
-
-/// Rows side by side.
-pub(super) const LANES: usize = 8;
-
-/// Lowers the free distances of a block by one ascending pass; says whether any changed.
-pub(super) type Relax = fn(&mut Skewed, f32) -> bool;
+use crate::{
+    sdf::godunov::update_lanes,
+    simd::{self, F32x8, LANES, Lanes, Pass},
+};
 
 /// A block, mirrored and skewed.
 pub(super) struct Skewed {
@@ -29,23 +26,23 @@ pub(super) struct Skewed {
     /// Vectors a group of rows takes.
     steps: usize,
     /// The vectors of layer z + 1 and of its groups, one after the other; layers are made an even number by an empty one.
-    cells: Vec<[f32; LANES]>,
+    cells: Vec<F32x8>,
     /// For each layer the rows before the first and behind the last, where lane 0 and lane 7 read them.
     low: Vec<f32>,
     high: Vec<f32>,
 }
 
 /// What the vectors of one group of rows, in two layers, read and write.
-pub(super) struct Rows<'a> {
+struct Rows<'a> {
     /// The layer before the two.
-    pub(super) before: &'a [[f32; LANES]],
-    pub(super) own: [&'a mut [[f32; LANES]]; 2],
+    before: &'a [F32x8],
+    own: [&'a mut [F32x8]; 2],
     /// The layer behind them.
-    pub(super) behind: &'a [[f32; LANES]],
+    behind: &'a [F32x8],
     /// The row before the first of each layer, as lane 0 reads it at each step.
-    pub(super) low: [&'a [f32]; 2],
+    low: [&'a [f32]; 2],
     /// The row behind the last of each layer, as lane 7 reads it at each step.
-    pub(super) high: [&'a [f32]; 2],
+    high: [&'a [f32]; 2],
 }
 
 /// Steps from a row's first node to the end of its group's vectors.
@@ -181,9 +178,14 @@ impl Skewed {
         ((layer * self.groups + y / LANES) * self.steps + 1 + lane) * LANES + lane
     }
 
-    /// Calls `f` for all groups of rows in ascending order, two layers at a time; says whether any call said so.
+    /// Lowers the free distances by one ascending pass; returns whether any changed.
+    pub(super) fn relax(&mut self, band: f32) -> bool {
+        self.for_each_group(|rows| simd::dispatch(Relax { rows, band }))
+    }
+
+    /// Calls `f` for all groups of rows in ascending order, two layers at a time; returns whether any call returned true.
     #[inline(always)]
-    pub(super) fn for_each_group(&mut self, mut f: impl FnMut(Rows<'_>) -> bool) -> bool {
+    fn for_each_group(&mut self, mut f: impl FnMut(Rows<'_>) -> bool) -> bool {
         let Self { size: [sx, _, sz], groups, steps, ref mut cells, ref low, ref high } = *self;
         let layer = groups * steps;
         let mut low_rows = [vec![f32::INFINITY; steps], vec![f32::INFINITY; steps]];
@@ -226,39 +228,59 @@ impl Skewed {
     }
 }
 
-/// One ascending pass in plain code: what every twin is tested against, and what runs where there is none.
-pub(super) fn relax(block: &mut Skewed, band: f32) -> bool {
-    block.for_each_group(|rows| {
-        let Rows { before, own: [lower, upper], behind, low, high } = rows;
-        let changed = relax_layer(before, lower, upper, [low[0], high[0]], band);
-        relax_layer(lower, upper, behind, [low[1], high[1]], band) | changed
-    })
+/// One ascending pass over a group of rows in two layers.
+struct Relax<'a> {
+    rows: Rows<'a>,
+    band: f32,
 }
 
-/// [`relax`] for the rows of one layer.
-fn relax_layer(
-    before: &[[f32; LANES]],
-    own: &mut [[f32; LANES]],
-    behind: &[[f32; LANES]],
-    [low, high]: [&[f32]; 2],
-    band: f32,
-) -> bool {
-    let mut changed = false;
-    for step in 1..own.len() - 1 {
-        let (previous, here, next) = (own[step - 1], own[step], own[step + 1]);
-        for lane in 0..LANES {
-            let y_low = if lane == 0 { low[step] } else { previous[lane - 1].abs() };
-            let y_high = if lane == LANES - 1 { high[step] } else { next[lane + 1].abs() };
-            let nearest = [
-                smaller(previous[lane].abs(), next[lane].abs()),
-                smaller(y_low, y_high),
-                smaller(before[step][lane].abs(), behind[step][lane].abs()),
-            ];
-            if let Some(distance) = update(here[lane], nearest, band) {
-                own[step][lane] = distance;
-                changed = true;
+impl Pass for Relax<'_> {
+    type Out = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> bool {
+        let Self { rows: Rows { before, own: [lower, upper], behind, low, high }, band } = self;
+        let steps = before.len();
+        assert!([lower.len(), upper.len(), behind.len()] == [steps; 3], "layers are alike");
+        assert!(low.iter().chain(&high).all(|row| row.len() == steps), "rows are alike");
+        let mut changed = false;
+        // Of each layer the magnitudes of the step before, and the step that is next.
+        let mut previous = [L::load(&lower[0]).abs(), L::load(&upper[0]).abs()];
+        let mut here = [L::load(&lower[1]), L::load(&upper[1])];
+        for step in 1..steps {
+            let mut new = here[0];
+            if step + 1 < steps {
+                let next = L::load(&lower[step + 1]);
+                let z = L::load(&before[step]).abs().min(L::load(&upper[step]).abs());
+                let nearest = nearest(previous[0], next.abs(), low[0][step], high[0][step], z);
+                if let Some(lowered) = update_lanes(here[0], nearest, band) {
+                    lower[step] = lowered.to_array();
+                    (new, changed) = (lowered, true);
+                }
+                here[0] = next;
             }
+            // The upper layer is a step behind: `previous` is what the lower one holds there.
+            if step > 1 {
+                let step = step - 1;
+                let next = L::load(&upper[step + 1]);
+                let z = previous[0].min(L::load(&behind[step]).abs());
+                let nearest = nearest(previous[1], next.abs(), low[1][step], high[1][step], z);
+                let mut new = here[1];
+                if let Some(lowered) = update_lanes(here[1], nearest, band) {
+                    upper[step] = lowered.to_array();
+                    (new, changed) = (lowered, true);
+                }
+                previous[1] = new.abs();
+                here[1] = next;
+            }
+            previous[0] = new.abs();
         }
+        changed
     }
-    changed
+}
+
+/// The smaller neighbour of each axis, of magnitudes: `low` and `high` are what the outer lanes read.
+#[inline(always)]
+fn nearest<L: Lanes>(previous: L, next: L, low: f32, high: f32, z: L) -> [L; 3] {
+    [previous.min(next), previous.shifted_up(low).min(next.shifted_down(high)), z]
 }

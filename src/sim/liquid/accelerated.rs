@@ -15,11 +15,10 @@
 
 use super::{
     density::{Decide, Residual, Unknown, Verdict},
-    lanes::Lanes,
     setup::Setup,
     solve::Solver,
 };
-use crate::par;
+use crate::{par, simd::Lanes};
 
 /// ω. With momentum, 0.7 throws a 64-layer column apart within half a second; 0.3 takes 1.3 times the iterations.
 const RELAXATION: f32 = 0.5;
@@ -113,10 +112,10 @@ impl Decide for Step {
     fn decide<L: Lanes>(&self, ratio: L, unknown: Unknown<L>) -> (Unknown<L>, Verdict<L>) {
         let Unknown { applied, last, denominator, .. } = unknown;
         let (least, relaxation) = (L::splat(self.least), L::splat(self.relaxation));
-        let kappa = least.larger(applied + relaxation * (ratio - L::splat(1.0)) / denominator);
-        let ahead = least.larger(kappa + L::splat(self.beta) * (kappa - last));
+        let kappa = least.max(applied + relaxation * (ratio - L::splat(1.0)) / denominator);
+        let ahead = least.max(kappa + L::splat(self.beta) * (kappa - last));
         // Where nothing can be corrected κ does not change, and zero times infinity is no number.
-        let weight = denominator.smaller(L::splat(f32::MAX));
+        let weight = denominator.min(L::splat(f32::MAX));
         let verdict = Verdict {
             error: (kappa - applied) * weight * L::splat(1.0 / self.relaxation),
             uphill: (applied - kappa) * (kappa - last) * weight,

@@ -4,13 +4,11 @@
 //! spacing, and every one that was shortened is counted; coincident particles are pushed apart along a direction made
 //! from their places, since no gradient separates them.
 
-use super::{
-    density::Chunk,
-    lanes::{self, LANES, Lanes},
-    pair::Pair,
-    pass::Pass,
+use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
+use crate::{
+    math::Vec3,
+    simd::{LANES, Lanes},
 };
-use crate::math::Vec3;
 
 /// Longest correction of one iteration, in spacings: beyond it the linearised constraint and the lists mean
 /// nothing. 0.1 slows the stop of a block that hits a floor; 1 lets it throw particles through their neighbours.
@@ -35,7 +33,7 @@ pub(super) struct CorrectionPass<'a> {
     pub(super) built_at: &'a [Vec3],
 }
 
-impl Pass for CorrectionPass<'_> {
+impl NeighbourPass for CorrectionPass<'_> {
     type Out = Moved;
 
     #[inline(always)]
@@ -82,15 +80,15 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
     for k in 0..p.len() {
         let i = first + k;
         let own = lanes::spread::<L>(at.nodes[i]);
-        let mut neighbours = lanes::eights::<L>(at.lists, i);
-        padded[k] = neighbours.padded();
+        let mut neighbours = at.lists.rows::<L>(i);
+        padded[k] = neighbours.padding() as f32;
         let (mut sum, mut in_one_place) = ([zero; 3], zero);
         while let Some(index) = neighbours.next() {
-            let other = L::gather(at.nodes, index);
+            let other = lanes::gather::<L>(at.nodes, index);
             let (d, q2) = lanes::offset(own, other);
             let weight = (own[3] + other[3]) * P::slope(q2.sqrt());
             sum = lanes::plus(sum, d, weight);
-            in_one_place = in_one_place + q2.is_zero();
+            in_one_place = in_one_place + q2.zero_indicator();
         }
         coincident[k] = in_one_place;
         [delta[0][k], delta[1][k], delta[2][k]] = sum;

@@ -5,12 +5,16 @@
 //! Symbols: ρ_i/ρ₀ → `ratio` [1]; κ, λ → see [`Unknown`] [m²].
 
 use super::{
-    lanes::{self, LANES, Lanes, Node},
+    lanes::{self, Node},
     pair::Pair,
-    pass::Pass,
+    pass::NeighbourPass,
     setup::Setup,
 };
-use crate::{math::Vec3, space::Neighbours};
+use crate::{
+    math::Vec3,
+    simd::{LANES, Lanes},
+    space::Neighbours,
+};
 
 /// A neighbourhood counts as filled when |∇_i C_i| is below this fraction of its value on a flat free surface.
 const FILLED: f32 = 0.2;
@@ -107,7 +111,7 @@ impl Partial {
     /// Counts the first `count` of the verdicts.
     #[inline(always)]
     fn add<L: Lanes>(&mut self, verdict: Verdict<L>, count: usize) {
-        let (mut error, mut uphill) = (verdict.error.row(), verdict.uphill.row());
+        let (mut error, mut uphill) = (verdict.error.to_array(), verdict.uphill.to_array());
         error[count..].fill(0.0);
         uphill[count..].fill(0.0);
         for lane in 0..LANES {
@@ -152,7 +156,7 @@ pub(super) struct DensityPass<'a, D, const GRADIENTS: bool> {
     pub(super) decide: &'a D,
 }
 
-impl<D: Decide, const GRADIENTS: bool> Pass for DensityPass<'_, D, GRADIENTS> {
+impl<D: Decide, const GRADIENTS: bool> NeighbourPass for DensityPass<'_, D, GRADIENTS> {
     type Out = Partial;
 
     #[inline(always)]
@@ -199,10 +203,10 @@ fn read<L: Lanes>(from: &[f32], first: usize) -> L {
 #[inline(always)]
 fn write<L: Lanes>(to: &mut [f32], first: usize, values: L) {
     if let Some(row) = to[first..].first_chunk_mut() {
-        *row = values.row();
+        *row = values.to_array();
     } else {
         let count = to.len() - first;
-        to[first..].copy_from_slice(&values.row()[..count]);
+        to[first..].copy_from_slice(&values.to_array()[..count]);
     }
 }
 
@@ -231,11 +235,11 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     for k in 0..count {
         let i = first + k;
         let own = lanes::spread::<L>(at.nodes[i]);
-        let mut neighbours = lanes::eights::<L>(at.lists, i);
-        itself[k] -= neighbours.padded();
+        let mut neighbours = at.lists.rows::<L>(i);
+        itself[k] -= neighbours.padding() as f32;
         let (mut sum, mut slopes, mut slopes2) = (zero, [zero; 3], zero);
         while let Some(index) = neighbours.next() {
-            let (d, q2) = lanes::offset(own, L::gather(at.nodes, index));
+            let (d, q2) = lanes::offset(own, lanes::gather::<L>(at.nodes, index));
             let q = q2.sqrt();
             sum = sum + P::density(q2, q);
             if GRADIENTS {

@@ -5,10 +5,10 @@
 use super::{
     Constraint,
     density::{Decide, Residual, Unknown, Verdict},
-    lanes::Lanes,
     setup::Setup,
     solve::{self, Solver},
 };
+use crate::simd::Lanes;
 
 /// The fraction of λ taken under the equality constraint. At 1 the Jacobi iteration diverges: a filled tank at rest
 /// shakes itself to its energy bound. Compression needs none, since what is pushed too far is not pulled back, and

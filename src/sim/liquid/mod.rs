@@ -18,8 +18,6 @@ mod energy;
 mod jacobi;
 pub(crate) mod job;
 mod lanes;
-#[cfg(target_arch = "x86_64")]
-mod lanes_avx2;
 mod neighbourhood;
 mod pair;
 mod params;

@@ -1,10 +1,13 @@
 //! What the terms that act on velocities read of a particle's neighbours.
 
 use super::{
-    lanes::{self, Index, Lanes, Node},
+    lanes::{self, Node},
     rest::Rest,
 };
-use crate::space::Neighbours;
+use crate::{
+    simd::{IndexRow, Lanes},
+    space::Neighbours,
+};
 
 /// Positions, densities, velocities and the lists that belong to them.
 #[derive(Clone, Copy)]
@@ -31,8 +34,8 @@ pub(super) struct Pairs<L> {
 impl Neighbourhood<'_> {
     /// Particle `i` and those at `index`.
     #[inline(always)]
-    pub(super) fn pairs<L: Lanes>(&self, i: usize, index: Index<'_>) -> Pairs<L> {
-        let (own, other) = (lanes::spread::<L>(self.nodes[i]), L::gather(self.nodes, index));
+    pub(super) fn pairs<L: Lanes>(&self, i: usize, index: IndexRow<'_>) -> Pairs<L> {
+        let (own, other) = (lanes::spread::<L>(self.nodes[i]), lanes::gather::<L>(self.nodes, index));
         let (d, q2) = lanes::offset(own, other);
         Pairs { d, q2, q: q2.sqrt(), weight: L::splat(2.0) / (own[3] + other[3]) }
     }

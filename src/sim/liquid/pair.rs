@@ -4,7 +4,7 @@
 //! whose slope is its own. Everything is a function of q = r/h, so that no power of h leaves the range of single
 //! precision, and W is 1 at the centre.
 
-use super::lanes::Lanes;
+use crate::simd::Lanes;
 
 /// A kernel pair. `slope` is s(q) in ∇_i W(x_i − x_j) ∝ −s(q) (x_i − x_j)/h.
 pub(super) trait Pair: Copy + Send + Sync {
@@ -21,14 +21,14 @@ pub(super) struct Poly6Spiky;
 impl Pair for Poly6Spiky {
     #[inline(always)]
     fn density<L: Lanes>(q2: L, _: L) -> L {
-        let w = (L::splat(1.0) - q2).positive();
+        let w = (L::splat(1.0) - q2).positive_part();
         w * w * w // [mcg03] Eq. 20
     }
 
     #[inline(always)]
     fn slope<L: Lanes>(q: L) -> L {
-        let t = (L::splat(1.0) - q).positive();
-        t * t / q.larger(L::splat(1e-12)) // [mcg03] Eq. 21, differentiated
+        let t = (L::splat(1.0) - q).positive_part();
+        t * t / q.max(L::splat(1e-12)) // [mcg03] Eq. 21, differentiated
     }
 }
 
@@ -39,14 +39,14 @@ pub(super) struct Wendland;
 impl Pair for Wendland {
     #[inline(always)]
     fn density<L: Lanes>(_: L, q: L) -> L {
-        let t = (L::splat(1.0) - q).positive();
+        let t = (L::splat(1.0) - q).positive_part();
         let t2 = t * t;
         t2 * t2 * (L::splat(1.0) + L::splat(4.0) * q) // [dehnen12] Table 1, C2 in three dimensions
     }
 
     #[inline(always)]
     fn slope<L: Lanes>(q: L) -> L {
-        let t = (L::splat(1.0) - q).positive();
+        let t = (L::splat(1.0) - q).positive_part();
         t * t * t
     }
 }

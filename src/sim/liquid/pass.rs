@@ -2,36 +2,37 @@
 
 use super::{
     Kernel,
-    lanes::{Eight, Lanes},
     pair::{Pair, Poly6Spiky, Wendland},
 };
+use crate::simd::{self, Lanes, Pass};
+use std::marker::PhantomData;
 
 /// The work of one chunk.
-pub(super) trait Pass {
-    /// What it finds.
+pub(super) trait NeighbourPass {
+    /// What the pass returns.
     type Out;
-    /// Does the work. To be inlined always, so that the form's instructions reach every line of it.
+    /// Runs the pass. To be inlined always, so that the form's instructions reach every line of it.
     fn run<L: Lanes, P: Pair>(self) -> Self::Out;
 }
 
-/// Does `pass` with the kernel pair, in the fastest form that the processor runs.
-pub(super) fn run<W: Pass>(kernel: Kernel, pass: W) -> W::Out {
+/// Runs `pass` with the kernel pair, in the fastest form that the processor supports.
+pub(super) fn run<W: NeighbourPass>(kernel: Kernel, pass: W) -> W::Out {
     match kernel {
-        Kernel::Poly6Spiky => run_with::<W, Poly6Spiky>(pass),
-        Kernel::Wendland => run_with::<W, Wendland>(pass),
+        Kernel::Poly6Spiky => simd::dispatch(WithKernel::<W, Poly6Spiky>(pass, PhantomData)),
+        Kernel::Wendland => simd::dispatch(WithKernel::<W, Wendland>(pass, PhantomData)),
     }
 }
 
-fn run_with<W: Pass, P: Pair>(pass: W) -> W::Out {
-    #[cfg(test)]
-    if tests::REFERENCE_ONLY.get() {
-        return pass.run::<Eight, P>();
+/// A pass with its kernel pair.
+struct WithKernel<W, P>(W, PhantomData<P>);
+
+impl<W: NeighbourPass, P: Pair> Pass for WithKernel<W, P> {
+    type Out = W::Out;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> W::Out {
+        self.0.run::<L, P>()
     }
-    #[cfg(target_arch = "x86_64")]
-    if super::lanes_avx2::available() {
-        return super::lanes_avx2::run::<W, P>(pass);
-    }
-    pass.run::<Eight, P>()
 }
 
 #[cfg(test)]
@@ -39,40 +40,30 @@ mod tests {
     use crate::{
         frame::FrameIndex,
         math::Vec3,
-        par,
         sim::{Simulation, Unwatched, World, liquid::LiquidParams},
+        simd::tests::in_both_forms,
         solid::{Shape, Solid},
     };
-    use std::cell::Cell;
-
-    thread_local! {
-        /// Whether passes on this thread take the reference form.
-        pub(super) static REFERENCE_ONLY: Cell<bool> = const { Cell::new(false) };
-    }
 
     /// The bits of every position, velocity and gain of energy after two blocks fell on each other and a ball.
-    fn bits(params: &LiquidParams, reference_only: bool) -> Vec<u32> {
-        // On a pool of one thread, which then is the thread of every pass.
-        par::with_threads(1, || {
-            REFERENCE_ONLY.set(reference_only);
-            let tank = Shape::Tank { min: [0.0; 3], max: [0.6, 0.4, 1.0] };
-            let ball = Shape::Sphere { center: [0.2, 0.2, 0.0], radius: 0.15 };
-            let solids = vec![Solid::fixed(tank), Solid::fixed(ball)];
-            let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids };
-            let mut simulation = Simulation::new(world, Some(params.clone())).expect("there are particles");
-            let mut bits = Vec::new();
-            for _ in 0..3 {
-                let record = simulation.advance(1.0 / 24.0, &mut Unwatched).expect("it stays finite");
-                bits.extend([record.iterations, record.list_rebuilds]);
-                bits.push((record.confinement_energy as f32).to_bits());
-            }
-            let frame = simulation.frame(FrameIndex(0));
-            for name in ["position", "velocity"] {
-                let values = frame.streams[0].vec3(name).expect("liquids have it");
-                bits.extend(values.iter().flat_map(|v| v.iter().map(|c| c.to_bits())));
-            }
-            bits
-        })
+    fn bits(params: &LiquidParams) -> Vec<u32> {
+        let tank = Shape::Tank { min: [0.0; 3], max: [0.6, 0.4, 1.0] };
+        let ball = Shape::Sphere { center: [0.2, 0.2, 0.0], radius: 0.15 };
+        let solids = vec![Solid::fixed(tank), Solid::fixed(ball)];
+        let world = World { gravity: Vec3::new(0.0, 0.0, -9.81), solids };
+        let mut simulation = Simulation::new(world, Some(params.clone())).expect("there are particles");
+        let mut bits = Vec::new();
+        for _ in 0..3 {
+            let record = simulation.advance(1.0 / 24.0, &mut Unwatched).expect("it stays finite");
+            bits.extend([record.iterations, record.list_rebuilds]);
+            bits.push((record.confinement_energy as f32).to_bits());
+        }
+        let frame = simulation.frame(FrameIndex(0));
+        for name in ["position", "velocity"] {
+            let values = frame.streams[0].vec3(name).expect("liquids have it");
+            bits.extend(values.iter().flat_map(|v| v.iter().map(|c| c.to_bits())));
+        }
+        bits
     }
 
     #[test]
@@ -86,7 +77,8 @@ mod tests {
                  shape = {{ box = {{ min = [0.32, 0.05, 0.3], max = [0.56, 0.35, 0.6] }} }}"
             );
             let params: LiquidParams = toml::from_str(&text).expect("it is a liquid");
-            assert!(bits(&params, true) == bits(&params, false), "{solver}, {kernel}");
+            let [scalar, fastest] = in_both_forms(|| bits(&params));
+            assert!(scalar == fastest, "{solver}, {kernel}");
         }
     }
 }

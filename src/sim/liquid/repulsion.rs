@@ -11,12 +11,12 @@
 use super::{
     ArtificialPressure, Kernel,
     correction::limit,
-    lanes::{self, Lanes, Node},
+    lanes::{self, Node},
     pair::{Pair, Poly6Spiky},
-    pass::{self, Pass},
+    pass::{self, NeighbourPass},
     rest::Rest,
 };
-use crate::{math::Vec3, par, space::Neighbours};
+use crate::{math::Vec3, par, simd::Lanes, space::Neighbours};
 
 /// Acceleration that stands for strength 1 [m/s²]. With it, two particles half a spacing apart part with about ten g
 /// at the paper's k = 0.1. A tenth of it leaves an equality-constrained dam break clumping and gaining energy in
@@ -77,7 +77,7 @@ struct Push<'a> {
     push: &'a mut [Vec3],
 }
 
-impl Pass for Push<'_> {
+impl NeighbourPass for Push<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -87,10 +87,10 @@ impl Pass for Push<'_> {
             let i = self.start + offset;
             let own = lanes::spread::<L>(self.nodes[i]);
             let mut sum = [L::splat(0.0); 3];
-            let mut neighbours = lanes::eights::<L>(self.lists, i);
+            let mut neighbours = self.lists.rows::<L>(i);
             while let Some(index) = neighbours.next() {
-                let (d, q2) = lanes::offset(own, L::gather(self.nodes, index));
-                let w = (L::splat(1.0) - q2).positive() * inv_w;
+                let (d, q2) = lanes::offset(own, lanes::gather::<L>(self.nodes, index));
+                let w = (L::splat(1.0) - q2).positive_part() * inv_w;
                 let s_corr = power(w, self.power); // s_corr over its strength, [pbf] Eq. 13
                 sum = lanes::plus(sum, d, s_corr * Poly6Spiky::slope(q2.sqrt()));
             }

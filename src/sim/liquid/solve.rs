@@ -13,7 +13,7 @@ use super::{
     SubstepParticles,
     correction::{CorrectionPass, Moved},
     density::{Chunk, Decide, DensityPass, Residual, Unknown, Unknowns, Verdict},
-    lanes::{Lanes, Node},
+    lanes::Node,
     pass,
     rest::Rest,
     setup::{SKIN, Setup},
@@ -21,6 +21,7 @@ use super::{
 use crate::{
     math::Vec3,
     par,
+    simd::Lanes,
     space::{CellGrid, Neighbours},
 };
 
@@ -95,7 +96,7 @@ impl Decide for Measure {
 /// C_i, as far as it is to be corrected: at least `least`. Lets a NaN through, so that it is found.
 #[inline(always)]
 pub(super) fn error<L: Lanes>(ratio: L, least: f32) -> L {
-    L::splat(least).larger(ratio - L::splat(1.0)) // C_i, [pbf] Eq. 1
+    L::splat(least).max(ratio - L::splat(1.0)) // C_i, [pbf] Eq. 1
 }
 
 impl Solver {

@@ -4,13 +4,12 @@
 //! ρ̄_ij = (ρ_i + ρ_j)/2, so that c is a fraction and the term keeps momentum exactly.
 
 use super::{
-    Xsph,
-    lanes::{self, Lanes},
+    Xsph, lanes,
     neighbourhood::{Neighbourhood, Pairs},
     pair::Pair,
-    pass::{self, Pass},
+    pass::{self, NeighbourPass},
 };
-use crate::{math::Vec3, par};
+use crate::{math::Vec3, par, simd::Lanes};
 
 /// Smooths `v` once; `at` holds the velocities before.
 pub(super) fn apply(params: &Xsph, at: Neighbourhood<'_>, v: &mut [Vec3]) {
@@ -27,7 +26,7 @@ struct Smooth<'a> {
     v: &'a mut [Vec3],
 }
 
-impl Pass for Smooth<'_> {
+impl NeighbourPass for Smooth<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -37,10 +36,10 @@ impl Pass for Smooth<'_> {
             let i = self.start + offset;
             let own = lanes::spread::<L>(self.at.motion[i]);
             let mut sum = [L::splat(0.0); 3];
-            let mut neighbours = lanes::eights::<L>(self.at.lists, i);
+            let mut neighbours = self.at.lists.rows::<L>(i);
             while let Some(index) = neighbours.next() {
                 let Pairs { q2, q, weight, .. } = self.at.pairs::<L>(i, index);
-                let other = L::gather(self.at.motion, index);
+                let other = lanes::gather::<L>(self.at.motion, index);
                 let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
                 sum = lanes::plus(sum, u, weight * P::density(q2, q));
             }

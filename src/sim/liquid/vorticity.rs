@@ -10,12 +10,12 @@
 
 use super::{
     VorticityConfinement,
-    lanes::{self, Lanes, Node},
+    lanes::{self, Node},
     neighbourhood::{Neighbourhood, Pairs},
     pair::Pair,
-    pass::{self, Pass},
+    pass::{self, NeighbourPass},
 };
-use crate::{math::Vec3, par};
+use crate::{math::Vec3, par, simd::Lanes};
 
 /// g₀, the acceleration that makes ε dimensionless [m/s²].
 const STANDARD_GRAVITY: f32 = 9.81;
@@ -78,7 +78,7 @@ struct Curl<'a> {
     omega: &'a mut [Node],
 }
 
-impl Pass for Curl<'_> {
+impl NeighbourPass for Curl<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -87,10 +87,10 @@ impl Pass for Curl<'_> {
             let i = self.start + offset;
             let own = lanes::spread::<L>(self.at.motion[i]);
             let mut sum = [L::splat(0.0); 3];
-            let mut neighbours = lanes::eights::<L>(self.at.lists, i);
+            let mut neighbours = self.at.lists.rows::<L>(i);
             while let Some(index) = neighbours.next() {
                 let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
-                let other = L::gather(self.at.motion, index);
+                let other = lanes::gather::<L>(self.at.motion, index);
                 let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
                 let cross = [u[1] * d[2] - u[2] * d[1], u[2] * d[0] - u[0] * d[2], u[0] * d[1] - u[1] * d[0]];
                 sum = lanes::plus(sum, cross, weight * P::slope(q));
@@ -111,7 +111,7 @@ struct Kick<'a> {
     kick: &'a mut [Vec3],
 }
 
-impl Pass for Kick<'_> {
+impl NeighbourPass for Kick<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -121,10 +121,10 @@ impl Pass for Kick<'_> {
             let own = self.omega[i];
             let size = L::splat(own.value());
             let mut eta = [L::splat(0.0); 3];
-            let mut neighbours = lanes::eights::<L>(self.at.lists, i);
+            let mut neighbours = self.at.lists.rows::<L>(i);
             while let Some(index) = neighbours.next() {
                 let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
-                let [_, _, _, other] = L::gather(self.omega, index);
+                let [_, _, _, other] = lanes::gather::<L>(self.omega, index);
                 eta = lanes::plus(eta, d, weight * P::slope(q) * (size - other));
             }
             let eta = lanes::total(eta) * self.at.rest.gradient_scale;

@@ -13,9 +13,9 @@ use super::{
     constraints::{JointPair, PinnedPoint},
     vectors::Vectors,
 };
-use crate::math::{
-    Vec3,
-    wide::{WIDTH, Wide},
+use crate::{
+    math::Vec3,
+    simd::{F32x8, LANES},
 };
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -102,8 +102,8 @@ impl ExactJoints {
 
     /// Projects positions or velocities to those that the joints allow. `inverse`: 1/mass, zero for points
     /// that cannot move.
-    pub(super) fn project(&self, inverse: &[Wide], of: &mut CompensatedVectors<'_>) {
-        let weight = |i: u32| f64::from(inverse[i as usize / WIDTH][i as usize % WIDTH]);
+    pub(super) fn project(&self, inverse: &[F32x8], of: &mut CompensatedVectors<'_>) {
+        let weight = |i: u32| f64::from(inverse[i as usize / LANES][i as usize % LANES]);
         for JointGroup { points, pinned } in &self.groups {
             let value = match pinned {
                 Some(pinned) => of.get(*pinned as usize),
@@ -128,7 +128,7 @@ impl ExactJoints {
 
     /// Removes from `out` what the joints do not allow, by an orthogonal projection. `inverse`: zero for
     /// points that cannot move.
-    pub(super) fn filter(&self, inverse: &[Wide], out: &mut Vectors) {
+    pub(super) fn filter(&self, inverse: &[F32x8], out: &mut Vectors) {
         for group in self.groups.iter().filter(|group| group.pinned.is_none()) {
             let sum: Vector3<f64> = group.points.iter().map(|&i| out.get(i as usize).cast::<f64>()).sum();
             let mean = (sum / group.points.len() as f64).cast();
@@ -136,7 +136,7 @@ impl ExactJoints {
         }
         for DirectionPair { ends, n } in &self.pairs {
             let [a, b] = ends.map(|i| i as usize);
-            let moves = ends.map(|i| inverse[i as usize / WIDTH][i as usize % WIDTH] > 0.0);
+            let moves = ends.map(|i| inverse[i as usize / LANES][i as usize % LANES] > 0.0);
             let parts = [a, b].map(|i| across(out.get(i).cast(), *n));
             let common = if moves == [true, true] { (parts[0] + parts[1]) / 2.0 } else { Vector3::zeros() };
             for ((i, part), _) in [a, b].into_iter().zip(parts).zip(moves).filter(|(_, moves)| *moves) {

@@ -18,15 +18,15 @@ use super::{
     springs::Gather,
     vectors::{Eight, Vectors, in_chunks},
 };
-use crate::math::{
-    Vec3,
-    wide::{self, Job, WIDTH, Wide},
+use crate::{
+    math::Vec3,
+    simd::{self, F32x8, LANES, Lanes, Pass},
 };
 
 /// What advances points apart from forces.
 pub(super) struct StepInput<'a> {
-    pub(super) inverse: &'a [Wide],
-    pub(super) drag: Option<&'a [Wide]>,
+    pub(super) inverse: &'a [F32x8],
+    pub(super) drag: Option<&'a [F32x8]>,
     pub(super) gravity: Vec3,
     pub(super) dt: f32,
     /// Positions before [m].
@@ -42,7 +42,7 @@ pub(super) struct NoForce;
 impl Gather for NoForce {
     #[inline(always)]
     fn eight(&self, _: usize) -> Eight {
-        [[0.0; WIDTH]; 3]
+        [[0.0; LANES]; 3]
     }
 }
 
@@ -50,35 +50,35 @@ struct Advance<'a, 'b, G> {
     input: &'b StepInput<'a>,
     forces: &'b G,
     start: usize,
-    x: [&'b mut [Wide]; 3],
-    v: [&'b mut [Wide]; 3],
-    low: [&'b mut [Wide]; 3],
+    x: [&'b mut [F32x8]; 3],
+    v: [&'b mut [F32x8]; 3],
+    low: [&'b mut [F32x8]; 3],
 }
 
-impl<G: Gather> Job for Advance<'_, '_, G> {
+impl<G: Gather> Pass for Advance<'_, '_, G> {
     /// The first eight points of which one diverged.
     type Out = Option<usize>;
 
     #[inline(always)]
-    fn run(self) -> Option<usize> {
+    fn run<L: Lanes>(self) -> Option<usize> {
         let StepInput { inverse, drag, gravity, dt, x: old, v: old_v } = *self.input;
         let mut diverged = None;
         for k in 0..self.x[0].len() {
             let at = self.start + k;
             let (f, w, old) = (self.forces.eight(at), inverse[at], old.eight(at));
-            let mut slow = [1.0; WIDTH];
+            let mut slow = [1.0; LANES];
             if let Some(drag) = drag {
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     slow[lane] = 1.0 / (1.0 + dt * drag[at][lane]);
                 }
             }
             let free = w.map(|w| if w > 0.0 { 1.0 } else { 0.0 });
-            let mut largest = [0.0_f32; WIDTH];
+            let mut largest = [0.0_f32; LANES];
             for axis in 0..3 {
                 // Copies: the compiler vectorizes only if old and new cannot alias.
                 let mut v = old_v.map_or(self.v[axis][k], |old_v| old_v.axes[axis][at]);
                 let (mut x, mut low) = (old[axis], self.low[axis][k]);
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     let a = f[axis][lane] * w[lane] + gravity[axis] * free[lane]; // [gudukbay97] Eq. 4
                     v[lane] = (v[lane] + dt * a) * slow[lane];
                     // The rounding error of the displacement is added to the next one ([kahan65]).
@@ -112,9 +112,9 @@ pub(super) fn advance<G: Gather>(
     low: &mut Vectors,
 ) -> Option<usize> {
     let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
-    let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
+    let all: [&mut [F32x8]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
     let diverged = in_chunks(all, |start, [x0, x1, x2, v0, v1, v2, l0, l1, l2]| {
-        wide::run(Advance { input, forces, start, x: [x0, x1, x2], v: [v0, v1, v2], low: [l0, l1, l2] })
+        simd::dispatch(Advance { input, forces, start, x: [x0, x1, x2], v: [v0, v1, v2], low: [l0, l1, l2] })
     });
     diverged.into_iter().flatten().next()
 }

@@ -14,9 +14,10 @@
 
 use super::{Integrator, SheetRecord, Sheets, implicit, springs::Blocks, vectors::Vectors};
 use crate::{
-    math::{Vec3, wide::WIDTH},
+    math::Vec3,
     par::{self, Groups},
     sim::{Diverged, record::Clock},
+    simd::LANES,
 };
 
 /// Tolerance of the conjugate gradients of one solve, relative to the largest right side of the substep, and
@@ -68,15 +69,15 @@ impl FaceContacts {
     /// Contacts on sheets with `points` points.
     pub(in crate::sim) fn new(list: Vec<FaceContact>, points: usize) -> Self {
         // The padding of the last eight points has none.
-        let at = Groups::new(list.len(), points.next_multiple_of(WIDTH), |i| list[i].points);
+        let at = Groups::new(list.len(), points.next_multiple_of(LANES), |i| list[i].points);
         Self { list, at }
     }
 
     /// Adds Σ s w n over contacts to the points: Jᵀ s.
     fn scatter(&self, s: &[f32], out: &mut Vectors) {
         out.update(|at, [x, y, z]| {
-            for lane in 0..WIDTH {
-                for &entry in self.at.of(at * WIDTH + lane) {
+            for lane in 0..LANES {
+                for &entry in self.at.of(at * LANES + lane) {
                     let (contact, corner) = (entry as usize / 3, entry as usize % 3);
                     let d = self.list[contact].normal * (self.list[contact].weights[corner] * s[contact]);
                     (x[lane], y[lane], z[lane]) = (x[lane] + d.x, y[lane] + d.y, z[lane] + d.z);
@@ -99,8 +100,8 @@ impl FaceContacts {
     /// Adds the diagonal blocks Σ s w² n nᵀ of the points.
     fn add_blocks(&self, s: &[f32], blocks: &mut [Blocks]) {
         par::update(blocks, |at, block| {
-            for lane in 0..WIDTH {
-                for &entry in self.at.of(at * WIDTH + lane) {
+            for lane in 0..LANES {
+                for &entry in self.at.of(at * LANES + lane) {
                     let (contact, corner) = (entry as usize / 3, entry as usize % 3);
                     let w = self.list[contact].weights[corner];
                     implicit::add_to_block(block, lane, s[contact] * w * w, self.list[contact].normal);
@@ -350,7 +351,7 @@ impl Sheets {
         x.update(|at, axes| {
             let (without_contacts, given) = (substep.without_contacts.eight(at), substep.given.eight(at));
             for (axis, out) in axes.into_iter().enumerate() {
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     // Points without contact keep their bits.
                     if given[axis][lane] != 0.0 {
                         out[lane] = without_contacts[axis][lane] + given[axis][lane] * inverse[at][lane];
@@ -376,7 +377,7 @@ impl Sheets {
                 change.update(|at, axes| {
                     let given = substep.given.eight(at);
                     for (axis, out) in axes.into_iter().enumerate() {
-                        for lane in 0..WIDTH {
+                        for lane in 0..LANES {
                             out[lane] = given[axis][lane] * inverse[at][lane] / dt;
                         }
                     }

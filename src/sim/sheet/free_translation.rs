@@ -15,8 +15,8 @@ use super::{
     vectors::Vectors,
 };
 use crate::{
-    math::wide::{WIDTH, Wide},
     par::{self, Forest},
+    simd::{F32x8, LANES},
 };
 use nalgebra::{Matrix3, Vector3};
 use std::ops::Range;
@@ -25,7 +25,7 @@ use std::ops::Range;
 pub(super) fn free_parts<'a>(
     ranges: &[Range<usize>],
     joints: impl Iterator<Item = &'a JointPair>,
-    inverse: &[Wide],
+    inverse: &[F32x8],
 ) -> Vec<FreePart> {
     let sheets = Forest::new(ranges.len());
     let of = |point: u32| ranges.partition_point(|range| range.end <= point as usize) as u32;
@@ -66,9 +66,9 @@ impl Matrix<'_> {
     /// Sum of a row of A: inertia, and the stiffness of pins.
     fn row_sum(&self, i: usize) -> Matrix3<f64> {
         let [xx, yy, zz, xy, xz, yz] = std::array::from_fn(|k| {
-            self.blocks.get(i / WIDTH).map_or(0.0, |block| f64::from(block[k][i % WIDTH]))
+            self.blocks.get(i / LANES).map_or(0.0, |block| f64::from(block[k][i % LANES]))
         });
-        let inertia = f64::from(self.inertia(i / WIDTH)[i % WIDTH]);
+        let inertia = f64::from(self.inertia(i / LANES)[i % LANES]);
         Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) + Matrix3::from_diagonal_element(inertia)
     }
 }

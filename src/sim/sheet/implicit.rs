@@ -20,11 +20,9 @@ use super::{
     vectors::{Dot, Eight, Vectors, in_chunks},
 };
 use crate::{
-    math::{
-        Vec3,
-        wide::{self, Job, WIDTH, Wide},
-    },
+    math::Vec3,
     par,
+    simd::{self, F32x8, LANES, Lanes, Pass},
 };
 
 /// The points of a part, as ranges of sheets.
@@ -36,9 +34,9 @@ pub(super) struct Matrix<'a> {
     pub(super) plates: Option<&'a SlicedEllpack>,
     /// Positions at which forces are linearised.
     pub(super) x: &'a Vectors,
-    pub(super) mass: &'a [Wide],
-    pub(super) inverse: &'a [Wide],
-    pub(super) drag: Option<&'a [Wide]>,
+    pub(super) mass: &'a [F32x8],
+    pub(super) inverse: &'a [F32x8],
+    pub(super) drag: Option<&'a [F32x8]>,
     /// Δt² times the stiffness of soft pins and repulsion; empty if there are none.
     pub(super) blocks: Vec<Blocks>,
     pub(super) joints: Vec<&'a JointPair>,
@@ -60,10 +58,10 @@ pub(super) struct SolveReport {
 impl Matrix<'_> {
     /// M (1 + Δt c) of eight points.
     #[inline(always)]
-    pub(super) fn inertia(&self, at: usize) -> Wide {
+    pub(super) fn inertia(&self, at: usize) -> F32x8 {
         let mut out = self.mass[at];
         if let Some(drag) = self.drag {
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 out[lane] *= 1.0 + self.dt * drag[at][lane];
             }
         }
@@ -106,14 +104,14 @@ impl Matrix<'_> {
     /// Diagonal blocks of A.
     pub(super) fn diagonal(&self) -> Vec<Blocks> {
         let mut blocks = if self.blocks.is_empty() {
-            par::repeated([[0.0; WIDTH]; 6], self.mass.len())
+            par::repeated([[0.0; LANES]; 6], self.mass.len())
         } else {
             par::copied(&self.blocks)
         };
         update_blocks(&mut blocks, |at, block| {
             let m = self.inertia(at);
             for part in &mut block[..3] {
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     part[lane] += m[lane];
                 }
             }
@@ -195,18 +193,18 @@ impl Gather for Product<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let (p, m) = (self.p.eight(at), self.matrix.inertia(at));
-        let mut sum = [[0.0; WIDTH]; 3];
+        let mut sum = [[0.0; LANES]; 3];
         if let Some(blocks) = self.matrix.blocks.get(at) {
             sum = multiply_symmetric(blocks, &p);
         }
         let springs = self.springs.eight(at);
-        let mut plates = [[0.0; WIDTH]; 3];
+        let mut plates = [[0.0; LANES]; 3];
         if let Some(table) = &self.plates {
             plates = table.eight(at);
         }
         let inverse = self.matrix.inverse[at];
         for axis in 0..3 {
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 let own = m[lane] * p[axis][lane] + sum[axis][lane];
                 let all = own + springs[axis][lane] + plates[axis][lane];
                 sum[axis][lane] = if inverse[lane] == 0.0 { 0.0 } else { all };
@@ -229,9 +227,9 @@ impl Iteration<'_> {
     fn step(&self, v: &mut Vectors, residual: &mut Vectors, preconditioned: &mut Vectors) -> f64 {
         let ([v0, v1, v2], [r0, r1, r2], [z0, z1, z2]) =
             (&mut v.axes, &mut residual.axes, &mut preconditioned.axes);
-        let all: [&mut [Wide]; 9] = [v0, v1, v2, r0, r1, r2, z0, z1, z2];
+        let all: [&mut [F32x8]; 9] = [v0, v1, v2, r0, r1, r2, z0, z1, z2];
         let sums = in_chunks(all, |start, [v0, v1, v2, r0, r1, r2, z0, z1, z2]| {
-            wide::run(IterationChunk {
+            simd::dispatch(IterationChunk {
                 iteration: self,
                 start,
                 v: [v0, v1, v2],
@@ -246,25 +244,25 @@ impl Iteration<'_> {
 struct IterationChunk<'a> {
     iteration: &'a Iteration<'a>,
     start: usize,
-    v: [&'a mut [Wide]; 3],
-    r: [&'a mut [Wide]; 3],
-    z: [&'a mut [Wide]; 3],
+    v: [&'a mut [F32x8]; 3],
+    r: [&'a mut [F32x8]; 3],
+    z: [&'a mut [F32x8]; 3],
 }
 
-impl Job for IterationChunk<'_> {
+impl Pass for IterationChunk<'_> {
     type Out = f64;
 
     #[inline(always)]
-    fn run(mut self) -> f64 {
+    fn run<L: Lanes>(mut self) -> f64 {
         let Iteration { alpha, direction, product, preconditioner } = *self.iteration;
         let mut sum = Dot::default();
         for k in 0..self.v[0].len() {
             let at = self.start + k;
             let (direction, product) = (direction.eight(at), product.eight(at));
-            let mut residual = [[0.0; WIDTH]; 3];
+            let mut residual = [[0.0; LANES]; 3];
             for axis in 0..3 {
                 let (mut v, r) = (self.v[axis][k], self.r[axis][k]);
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     v[lane] += alpha * direction[axis][lane];
                     residual[axis][lane] = r[lane] - alpha * product[axis][lane];
                 }
@@ -290,7 +288,7 @@ pub(super) fn precondition(blocks: &[Blocks], r: &Vectors, z: &mut Vectors) {
 /// Inverts every block.
 pub(super) fn invert_all(blocks: &mut [Blocks]) {
     update_blocks(blocks, |_, block| {
-        for lane in 0..WIDTH {
+        for lane in 0..LANES {
             let inverted = invert(std::array::from_fn(|part| block[part][lane]));
             block.iter_mut().zip(inverted).for_each(|(part, value)| part[lane] = value);
         }
@@ -301,7 +299,7 @@ pub(super) fn invert_all(blocks: &mut [Blocks]) {
 pub(super) fn combine(a: &mut Vectors, f: f32, b: &Vectors, g: f32) {
     a.update(|at, out| {
         for (out, b) in out.into_iter().zip(b.eight(at)) {
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 out[lane] = f * out[lane] + g * b[lane];
             }
         }
@@ -311,9 +309,9 @@ pub(super) fn combine(a: &mut Vectors, f: f32, b: &Vectors, g: f32) {
 /// Symmetric matrices times vectors.
 #[inline(always)]
 fn multiply_symmetric(m: &Blocks, p: &Eight) -> Eight {
-    let mut out = [[0.0; WIDTH]; 3];
+    let mut out = [[0.0; LANES]; 3];
     for (axis, parts) in [[0, 3, 4], [3, 1, 5], [4, 5, 2]].into_iter().enumerate() {
-        for lane in 0..WIDTH {
+        for lane in 0..LANES {
             out[axis][lane] = m[parts[0]][lane] * p[0][lane]
                 + m[parts[1]][lane] * p[1][lane]
                 + m[parts[2]][lane] * p[2][lane];
@@ -334,7 +332,7 @@ fn invert(m: [f32; 6]) -> [f32; 6] {
 
 /// Adds k n nᵀ to the block of a point.
 pub(super) fn add_along(blocks: &mut [Blocks], i: usize, k: f32, n: Vec3) {
-    add_to_block(&mut blocks[i / WIDTH], i % WIDTH, k, n);
+    add_to_block(&mut blocks[i / LANES], i % LANES, k, n);
 }
 
 /// Adds k n nᵀ to the block of one of eight points.
@@ -346,7 +344,7 @@ pub(super) fn add_to_block(block: &mut Blocks, lane: usize, k: f32, n: Vec3) {
 
 /// Adds k 1 to the block of a point.
 pub(super) fn add_all(blocks: &mut [Blocks], i: usize, k: f32) {
-    blocks[i / WIDTH][..3].iter_mut().for_each(|part| part[i % WIDTH] += k);
+    blocks[i / LANES][..3].iter_mut().for_each(|part| part[i % LANES] += k);
 }
 
 #[cfg(test)]
@@ -404,7 +402,7 @@ mod tests {
         let of = |v: &Vectors, i: usize| v.get(i).cast::<f64>();
         let mut out = Vec::new();
         for i in 0..p.len() {
-            let (at, lane) = (i / WIDTH, i % WIDTH);
+            let (at, lane) = (i / LANES, i % LANES);
             let drag = 1.0 + DT * f64::from(matrix.drag.unwrap()[at][lane]);
             let [xx, yy, zz, xy, xz, yz] = matrix.blocks[at].map(|part| f64::from(part[lane]));
             let block = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);

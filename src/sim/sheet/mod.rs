@@ -51,11 +51,9 @@ use super::{
     substep::advance_frame,
 };
 use crate::{
-    math::{
-        Vec3,
-        wide::{WIDTH, Wide},
-    },
+    math::Vec3,
     par,
+    simd::{F32x8, LANES},
     solid::Solid,
 };
 use constraints::{JointPair, PinnedPoint};
@@ -103,11 +101,11 @@ pub struct Sheets {
     /// Rounding errors of positions since the frame began [m].
     low: Vectors,
     area: Vec<f32>,
-    mass: Vec<Wide>,
+    mass: Vec<F32x8>,
     /// 1/mass, zero for points that are held exactly.
-    inverse: Vec<Wide>,
+    inverse: Vec<F32x8>,
     /// `None`: no sheet is damped.
-    drag: Option<Vec<Wide>>,
+    drag: Option<Vec<F32x8>>,
     springs: SlicedEllpack,
     plates: Option<SlicedEllpack>,
     pins: Vec<PinnedPoint>,
@@ -241,7 +239,7 @@ impl Sheets {
 
     /// Mass of a point [kg].
     pub fn mass(&self, point: usize) -> f32 {
-        self.mass[point / WIDTH][point % WIDTH]
+        self.mass[point / LANES][point % LANES]
     }
 
     /// The longest stable time step [s]; infinite without springs.
@@ -396,11 +394,11 @@ impl Sheets {
             *value = if i < len { 1.0 / *value } else { 0.0 };
         }
         for pin in self.pins.iter().filter(|pin| pin.stiffness.is_none() && pin.holds(time)) {
-            self.inverse[pin.point as usize / WIDTH][pin.point as usize % WIDTH] = 0.0;
+            self.inverse[pin.point as usize / LANES][pin.point as usize % LANES] = 0.0;
         }
         self.exact_joints = ExactJoints::new(&self.joints, &self.pins, time);
         for i in self.exact_joints.followers() {
-            self.inverse[i / WIDTH][i % WIDTH] = 0.0;
+            self.inverse[i / LANES][i % LANES] = 0.0;
         }
         let holds = self.joints.iter().filter(|joint| joint.holds(time));
         self.free_parts = free_translation::free_parts(&self.ranges, holds, &self.inverse);
@@ -428,7 +426,7 @@ impl Sheets {
 fn point_masses(
     params: &SheetsParams,
     models: &[Model],
-) -> Result<(Vec<Wide>, Option<Vec<Wide>>), SheetError> {
+) -> Result<(Vec<F32x8>, Option<Vec<F32x8>>), SheetError> {
     let (mut mass, mut drag) = (Vec::new(), Vec::new());
     for (i, (sheet, model)) in params.sheet.iter().zip(models).enumerate() {
         let dense = model::densities(sheet, &model.points);
@@ -446,9 +444,9 @@ fn point_masses(
     Ok((eights(&mass, 1.0), drags.then(|| eights(&drag, 0.0))))
 }
 
-fn eights(values: &[f32], filler: f32) -> Vec<Wide> {
+fn eights(values: &[f32], filler: f32) -> Vec<F32x8> {
     let wide = |part: &[f32]| std::array::from_fn(|lane| part.get(lane).copied().unwrap_or(filler));
-    values.chunks(WIDTH).map(wide).collect()
+    values.chunks(LANES).map(wide).collect()
 }
 
 fn spring_entries(models: &[Model], ranges: &[Range<usize>]) -> Vec<Entry> {

@@ -14,7 +14,7 @@ use super::{
     springs::fetch,
     vectors::{Eight, Vectors, map_chunks},
 };
-use crate::math::wide::{self, Job, WIDTH, Wide};
+use crate::simd::{self, F32x8, LANES, Lanes, Pass};
 use std::ops::Range;
 
 /// Smallest gain that is reported, relative to the energy of springs and motion.
@@ -25,7 +25,7 @@ pub(super) struct Substep<'a> {
     pub(super) springs: &'a SlicedEllpack,
     /// Positions at its start.
     pub(super) x: &'a Vectors,
-    pub(super) mass: &'a [Wide],
+    pub(super) mass: &'a [F32x8],
     /// Velocities before and after.
     pub(super) before: &'a Vectors,
     pub(super) after: &'a Vectors,
@@ -40,7 +40,7 @@ pub(super) fn energy_gain(substep: &Substep<'_>) -> f64 {
 
 /// Energy gain, and the energy of springs and motion after the substep [J].
 fn energy_balance(substep: &Substep<'_>) -> [f64; 2] {
-    let all = map_chunks(substep.mass.len(), |eights| wide::run(BalanceChunk { substep, eights }));
+    let all = map_chunks(substep.mass.len(), |eights| simd::dispatch(BalanceChunk { substep, eights }));
     all.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]])
 }
 
@@ -51,17 +51,17 @@ struct BalanceChunk<'a> {
     eights: Range<usize>,
 }
 
-impl Job for BalanceChunk<'_> {
+impl Pass for BalanceChunk<'_> {
     type Out = [f64; 2];
 
     #[inline(always)]
-    fn run(self) -> [f64; 2] {
+    fn run<L: Lanes>(self) -> [f64; 2] {
         let Substep { springs, x, mass, before, after, dt } = *self.substep;
         let (all, all_v, dt) = (x.flat(), after.flat(), f64::from(dt));
-        let (mut gain, mut total) = ([0.0; WIDTH], [0.0; WIDTH]);
+        let (mut gain, mut total) = ([0.0; LANES], [0.0; LANES]);
         for at in self.eights {
             let (own, own_v, previous) = (x.eight(at), after.eight(at), before.eight(at));
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 let m = 0.5 * f64::from(mass[at][lane]);
                 let (is, previous) = (vector(&own_v, lane), vector(&previous, lane));
                 let change = [is[0] - previous[0], is[1] - previous[1], is[2] - previous[2]];
@@ -70,7 +70,7 @@ impl Job for BalanceChunk<'_> {
             }
             for slot in springs.of(at).0 {
                 let (far, far_v) = (fetch(&all, slot, at), fetch(&all_v, slot, at));
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     let (x, v) = (vector(&own, lane), vector(&own_v, lane));
                     let (y, w) = (vector(&far, lane), vector(&far_v, lane));
                     let d = [y[0] - x[0], y[1] - x[1], y[2] - x[2]];
@@ -133,7 +133,7 @@ mod tests {
         let any = [cloud(1.9), cloud(2.0)];
         let turned = [turning.clone(), turning];
         let of = |v: &Vectors, i: usize| v.get(i).cast::<f64>();
-        let mut mass = vec![[0.0; WIDTH]; COUNT.div_ceil(WIDTH)];
+        let mut mass = vec![[0.0; LANES]; COUNT.div_ceil(LANES)];
         mass.as_flattened_mut()[..COUNT].iter_mut().enumerate().for_each(|(i, m)| *m = 1.0 + i as f32);
         // Loose springs resist turning only at the end of the substep.
         let loose = |_: usize| 0.99;
@@ -175,7 +175,7 @@ mod tests {
                 total += 0.5 * k * (then - rest).powi(2);
             }
             for i in 0..COUNT {
-                let m = f64::from(mass[i / WIDTH][i % WIDTH]);
+                let m = f64::from(mass[i / LANES][i % LANES]);
                 expected -= 0.5 * m * (of(after, i) - of(before, i)).norm_squared();
                 total += 0.5 * m * of(after, i).norm_squared();
             }

@@ -9,8 +9,8 @@
 //! million points read.
 
 use crate::{
-    math::wide::{WIDTH, Wide},
     par,
+    simd::{F32x8, LANES},
 };
 use std::collections::HashMap;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -37,16 +37,16 @@ pub(super) struct SlicedEllpack {
     ranges: Vec<[u32; 2]>,
     slots: Vec<Slot>,
     /// Damping of each slot; empty if there is none.
-    damping: Vec<Wide>,
+    damping: Vec<F32x8>,
 }
 
 /// One neighbour of each of eight points; without a neighbour the stiffness is zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Slot {
     /// Indices of the neighbours relative to the first of the eight points.
-    away: [i32; WIDTH],
-    pub(super) stiffness: Wide,
-    pub(super) rest: Wide,
+    away: [i32; LANES],
+    pub(super) stiffness: F32x8,
+    pub(super) rest: F32x8,
     /// Whether the neighbours are eight consecutive points.
     pub(super) in_row: bool,
 }
@@ -55,7 +55,7 @@ impl Slot {
     /// The neighbour of the point in a lane of the eight with number `eight`.
     #[inline(always)]
     pub(super) fn to(&self, eight: usize, lane: usize) -> usize {
-        (eight * WIDTH).wrapping_add_signed(self.away[lane] as isize)
+        (eight * LANES).wrapping_add_signed(self.away[lane] as isize)
     }
 }
 
@@ -67,13 +67,13 @@ impl SlicedEllpack {
         });
         let damped = entries.iter().any(|e| e.damping != 0.0);
         let (mut table, mut rest) = (Self::default(), &entries[..]);
-        let padded = count.next_multiple_of(WIDTH) as u32;
+        let padded = count.next_multiple_of(LANES) as u32;
         let mut seen = HashMap::new();
-        for eight in 0..count.div_ceil(WIDTH) as u32 {
-            let first = eight * WIDTH as u32;
-            let (own, after) = rest.split_at(rest.partition_point(|e| e.of < first + WIDTH as u32));
+        for eight in 0..count.div_ceil(LANES) as u32 {
+            let first = eight * LANES as u32;
+            let (own, after) = rest.split_at(rest.partition_point(|e| e.of < first + LANES as u32));
             rest = after;
-            let (slots, mut damping): (Vec<Slot>, Vec<Wide>) = slots(first, own, padded).into_iter().unzip();
+            let (slots, mut damping): (Vec<Slot>, Vec<F32x8>) = slots(first, own, padded).into_iter().unzip();
             if !damped {
                 damping.clear();
             }
@@ -85,7 +85,12 @@ impl SlicedEllpack {
 
     /// Range of the slots of an eight: that of an earlier one with the same slots, if any. `seen` has the
     /// first range with a hash.
-    fn place(&mut self, slots: Vec<Slot>, damping: Vec<Wide>, seen: &mut HashMap<u64, [u32; 2]>) -> [u32; 2] {
+    fn place(
+        &mut self,
+        slots: Vec<Slot>,
+        damping: Vec<F32x8>,
+        seen: &mut HashMap<u64, [u32; 2]>,
+    ) -> [u32; 2] {
         let start = self.slots.len() as u32;
         let new = [start, start + slots.len() as u32];
         let first = *seen.entry(hash(&slots, &damping)).or_insert(new);
@@ -105,7 +110,7 @@ impl SlicedEllpack {
 
     /// The slots of an eight, and their damping.
     #[inline(always)]
-    pub(super) fn of(&self, eight: usize) -> (&[Slot], &[Wide]) {
+    pub(super) fn of(&self, eight: usize) -> (&[Slot], &[F32x8]) {
         let [from, to] = self.ranges[eight];
         let range = from as usize..to as usize;
         (&self.slots[range.clone()], if self.damping.is_empty() { &[] } else { &self.damping[range] })
@@ -120,13 +125,13 @@ impl SlicedEllpack {
 pub(super) fn row_sums(table: &SlicedEllpack, count: usize) -> Vec<[f64; 3]> {
     let mut sums = vec![[0.0; 3]; count];
     par::fill(&mut sums, |i| {
-        let (slots, damping) = table.of(i / WIDTH);
+        let (slots, damping) = table.of(i / LANES);
         let mut sum = [0.0; 3];
         for (k, slot) in slots.iter().enumerate() {
-            let stiffness = f64::from(slot.stiffness[i % WIDTH]);
+            let stiffness = f64::from(slot.stiffness[i % LANES]);
             sum[0] += stiffness.abs();
             sum[1] += stiffness;
-            sum[2] += damping.get(k).map_or(0.0, |d| f64::from(d[i % WIDTH]).abs());
+            sum[2] += damping.get(k).map_or(0.0, |d| f64::from(d[i % LANES]).abs());
         }
         sum
     });
@@ -134,7 +139,7 @@ pub(super) fn row_sums(table: &SlicedEllpack, count: usize) -> Vec<[f64; 3]> {
 }
 
 /// Hash of slots and damping.
-fn hash(slots: &[Slot], damping: &[Wide]) -> u64 {
+fn hash(slots: &[Slot], damping: &[F32x8]) -> u64 {
     let mut hasher = Xxh3Default::new();
     for slot in slots {
         hasher.update(bytemuck::bytes_of(&slot.away));
@@ -146,10 +151,10 @@ fn hash(slots: &[Slot], damping: &[Wide]) -> u64 {
 }
 
 /// The entries of eight points from `first` on, as slots.
-fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, Wide)> {
+fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, F32x8)> {
     // Distance of the neighbour, and the rank of the entry among those of the same two points.
     let mut away: Vec<(i64, usize)> = Vec::new();
-    let mut lane_counts = [0; WIDTH];
+    let mut lane_counts = [0; LANES];
     let key = |k: usize| {
         let e = &entries[k];
         let before = entries[..k].iter().rev().take_while(|b| (b.of, b.to) == (e.of, e.to)).count();
@@ -165,19 +170,19 @@ fn slots(first: u32, entries: &[Entry], padded: u32) -> Vec<(Slot, Wide)> {
     let longest = lane_counts.into_iter().max().unwrap_or(0);
     let fits = |&(offset, _): &(i64, usize)| {
         let low = i64::from(first) + offset;
-        low >= 0 && low + WIDTH as i64 <= i64::from(padded)
+        low >= 0 && low + LANES as i64 <= i64::from(padded)
     };
     let in_rows = places.len() <= longest + 2 && places.iter().all(fits);
 
-    let own: [i32; WIDTH] = std::array::from_fn(|lane| lane as i32);
+    let own: [i32; LANES] = std::array::from_fn(|lane| lane as i32);
     let empty =
-        |away| (Slot { away, stiffness: [0.0; WIDTH], rest: [0.0; WIDTH], in_row: in_rows }, [0.0; WIDTH]);
-    let mut out: Vec<(Slot, Wide)> = if in_rows {
+        |away| (Slot { away, stiffness: [0.0; LANES], rest: [0.0; LANES], in_row: in_rows }, [0.0; LANES]);
+    let mut out: Vec<(Slot, F32x8)> = if in_rows {
         places.iter().map(|&(offset, _)| empty(own.map(|lane| lane + offset as i32))).collect()
     } else {
         vec![empty(own); longest]
     };
-    let mut filled = [0; WIDTH];
+    let mut filled = [0; LANES];
     for (entry, away) in entries.iter().zip(&away) {
         let lane = (entry.of - first) as usize;
         let place = if in_rows { places.binary_search(away).unwrap_or(0) } else { filled[lane] };
@@ -207,12 +212,12 @@ mod tests {
     /// All entries of a table, in its order.
     fn entries_of(table: &SlicedEllpack, count: usize) -> Vec<Entry> {
         let of = |i: usize| {
-            let (slots, damping) = table.of(i / WIDTH);
-            let lane = i % WIDTH;
+            let (slots, damping) = table.of(i / LANES);
+            let lane = i % LANES;
             slots.iter().zip(damping).filter(move |(slot, _)| slot.stiffness[lane] != 0.0).map(
                 move |(slot, d)| Entry {
                     of: i as u32,
-                    to: slot.to(i / WIDTH, lane) as u32,
+                    to: slot.to(i / LANES, lane) as u32,
                     stiffness: slot.stiffness[lane],
                     rest: slot.rest[lane],
                     damping: d[lane],
@@ -236,7 +241,7 @@ mod tests {
             assert!(table.slots.len() <= max_slots, "{} slots", table.slots.len());
         }
         // With equal hashes, ranges are still separate if the neighbours differ, or only the damping.
-        let of = |soft| -> (Vec<Slot>, Vec<Wide>) { slots(0, &grid(8, soft)[..3], 64).into_iter().unzip() };
+        let of = |soft| -> (Vec<Slot>, Vec<F32x8>) { slots(0, &grid(8, soft)[..3], 64).into_iter().unzip() };
         let ((a, damping), (b, other)) = (of(None), of(Some(0)));
         for [(a, da), (b, db)] in [
             [(&a, vec![]), (&b, vec![])],

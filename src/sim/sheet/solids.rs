@@ -20,11 +20,9 @@ use super::{
     vectors::{Vectors, chunk_len},
 };
 use crate::{
-    math::{
-        Vec3,
-        wide::{WIDTH, Wide},
-    },
+    math::Vec3,
     par,
+    simd::{F32x8, LANES},
     solid::{Pose, Shape, Solid},
 };
 
@@ -221,12 +219,12 @@ fn move_each<I: Iterator<Item = usize>>(
 ) -> u64 {
     let (len, eights) = (x.len(), x.axes[0].len());
     let ([x0, x1, x2], [v0, v1, v2], [l0, l1, l2]) = (&mut x.axes, &mut v.axes, &mut low.axes);
-    let all: [&mut [Wide]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
+    let all: [&mut [F32x8]; 9] = [x0, x1, x2, v0, v1, v2, l0, l1, l2];
     // Solids cost more per point than other passes, so the chunks are short.
-    let counts = par::map_chunks_mut(all, chunk_len(eights), |start, parts: [&mut [Wide]; 9]| {
+    let counts = par::map_chunks_mut(all, chunk_len(eights), |start, parts: [&mut [F32x8]; 9]| {
         let mut count = 0;
-        for i in points(start * WIDTH..len.min((start + parts[0].len()) * WIDTH)) {
-            let (at, lane) = (i / WIDTH - start, i % WIDTH);
+        for i in points(start * LANES..len.min((start + parts[0].len()) * LANES)) {
+            let (at, lane) = (i / LANES - start, i % LANES);
             let [x, v, low] = [0, 3, 6].map(|of| Vec3::from_fn(|axis, _| parts[of + axis][at][lane]));
             let mut moving = Moving { x, v, low };
             let Some(counts) = f(i, &mut moving) else { continue };

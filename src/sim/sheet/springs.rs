@@ -17,25 +17,25 @@ use super::{
     vectors::{Dot, Eight, Flat, Vectors, chunk_len, in_chunks},
 };
 use crate::{
-    math::wide::{self, Job, WIDTH, Wide},
     par,
+    simd::{self, F32x8, LANES, Lanes, Pass},
 };
 
 /// Smallest squared length [m²]: far below the resolution of positions, and its root is not zero.
 const MIN_SQUARED_LENGTH: f32 = 1e-30;
 
 /// Symmetric 3×3 matrices of eight points: xx, yy, zz, xy, xz, yz.
-pub(super) type Blocks = [Wide; 6];
+pub(super) type Blocks = [F32x8; 6];
 
 /// Vectors of the neighbours in a slot; `at` is the number of the eight.
 #[inline(always)]
 pub(super) fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
-    let mut out = [[0.0; WIDTH]; 3];
+    let mut out = [[0.0; LANES]; 3];
     for axis in 0..3 {
         if slot.in_row {
             out[axis] = *of[axis][slot.to(at, 0)..].first_chunk().expect("they are all there");
         } else {
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 out[axis][lane] = of[axis][slot.to(at, lane)];
             }
         }
@@ -45,9 +45,9 @@ pub(super) fn fetch(of: &Flat<'_>, slot: &Slot, at: usize) -> Eight {
 
 #[inline(always)]
 fn difference(a: &Eight, b: &Eight) -> Eight {
-    let mut out = [[0.0; WIDTH]; 3];
+    let mut out = [[0.0; LANES]; 3];
     for axis in 0..3 {
-        for lane in 0..WIDTH {
+        for lane in 0..LANES {
             out[axis][lane] = a[axis][lane] - b[axis][lane];
         }
     }
@@ -55,9 +55,9 @@ fn difference(a: &Eight, b: &Eight) -> Eight {
 }
 
 #[inline(always)]
-fn dot(a: &Eight, b: &Eight) -> Wide {
-    let mut out = [0.0; WIDTH];
-    for lane in 0..WIDTH {
+fn dot(a: &Eight, b: &Eight) -> F32x8 {
+    let mut out = [0.0; LANES];
+    for lane in 0..LANES {
         out[lane] = a[0][lane] * b[0][lane] + a[1][lane] * b[1][lane] + a[2][lane] * b[2][lane];
     }
     out
@@ -65,9 +65,9 @@ fn dot(a: &Eight, b: &Eight) -> Wide {
 
 /// `sum` + `weight` `v`.
 #[inline(always)]
-fn add_weighted(sum: &mut Eight, weight: &Wide, v: &Eight) {
+fn add_weighted(sum: &mut Eight, weight: &F32x8, v: &Eight) {
     for axis in 0..3 {
-        for lane in 0..WIDTH {
+        for lane in 0..LANES {
             sum[axis][lane] += weight[lane] * v[axis][lane];
         }
     }
@@ -75,7 +75,7 @@ fn add_weighted(sum: &mut Eight, weight: &Wide, v: &Eight) {
 
 /// 1/|d|.
 #[inline(always)]
-fn inverse_length(d: &Eight) -> Wide {
+fn inverse_length(d: &Eight) -> F32x8 {
     let mut out = dot(d, d);
     for r in &mut out {
         *r = 1.0 / (if *r > MIN_SQUARED_LENGTH { *r } else { MIN_SQUARED_LENGTH }).sqrt();
@@ -92,18 +92,18 @@ pub(super) trait Gather: Sync {
 struct AddSums<'a, G> {
     gather: &'a G,
     start: usize,
-    out: [&'a mut [Wide]; 3],
+    out: [&'a mut [F32x8]; 3],
 }
 
-impl<G: Gather> Job for AddSums<'_, G> {
+impl<G: Gather> Pass for AddSums<'_, G> {
     type Out = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self) {
         let [x, y, z] = self.out;
         for k in 0..x.len() {
             let sums = self.gather.eight(self.start + k);
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 x[k][lane] += sums[0][lane];
                 y[k][lane] += sums[1][lane];
                 z[k][lane] += sums[2][lane];
@@ -115,21 +115,21 @@ impl<G: Gather> Job for AddSums<'_, G> {
 /// Adds the sums of `gather` to `out`.
 fn add<G: Gather>(out: &mut Vectors, gather: &G) {
     let [x, y, z] = &mut out.axes;
-    in_chunks([x, y, z], |start, out| wide::run(AddSums { gather, start, out }));
+    in_chunks([x, y, z], |start, out| simd::dispatch(AddSums { gather, start, out }));
 }
 
 struct WriteSums<'a, G> {
     gather: &'a G,
     with: &'a Vectors,
     start: usize,
-    out: [&'a mut [Wide]; 3],
+    out: [&'a mut [F32x8]; 3],
 }
 
-impl<G: Gather> Job for WriteSums<'_, G> {
+impl<G: Gather> Pass for WriteSums<'_, G> {
     type Out = f64;
 
     #[inline(always)]
-    fn run(self) -> f64 {
+    fn run<L: Lanes>(self) -> f64 {
         let [x, y, z] = self.out;
         let mut sum = Dot::default();
         for k in 0..x.len() {
@@ -144,7 +144,9 @@ impl<G: Gather> Job for WriteSums<'_, G> {
 /// Writes the sums of `gather` to `out`, and returns their product with `with`, as by [`Vectors::dot`].
 pub(super) fn write<G: Gather>(out: &mut Vectors, gather: &G, with: &Vectors) -> f64 {
     let [x, y, z] = &mut out.axes;
-    in_chunks([x, y, z], |start, out| wide::run(WriteSums { gather, with, start, out })).into_iter().sum()
+    in_chunks([x, y, z], |start, out| simd::dispatch(WriteSums { gather, with, start, out }))
+        .into_iter()
+        .sum()
 }
 
 /// Forces of springs [N]; with `DAMPED` also those of their damping.
@@ -160,19 +162,19 @@ impl<const DAMPED: bool> Gather for SpringForces<'_, DAMPED> {
         let own = self.x.eight(at);
         let own_v = if DAMPED { self.v.eight(at) } else { own };
         let (all, all_v) = (self.x.flat(), self.v.flat());
-        let mut sum = [[0.0; WIDTH]; 3];
+        let mut sum = [[0.0; LANES]; 3];
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
             let d = difference(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
-            let mut coefficient = [0.0; WIDTH];
-            for lane in 0..WIDTH {
+            let mut coefficient = [0.0; LANES];
+            for lane in 0..LANES {
                 coefficient[lane] = slot.stiffness[lane] * (1.0 - slot.rest[lane] * inverse[lane]); // [gudukbay97] Eq. 6
             }
             if DAMPED {
                 let w = dot(&difference(&fetch(&all_v, slot, at), &own_v), &d);
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     coefficient[lane] += damping[k][lane] * w[lane] * (inverse[lane] * inverse[lane]);
                 }
             }
@@ -206,10 +208,10 @@ impl<S: Gather> Gather for ForceSum<'_, S> {
     fn eight(&self, at: usize) -> Eight {
         let mut sum = self.springs.eight(at);
         if let Some(plates) = &self.plates {
-            add_weighted(&mut sum, &[1.0; WIDTH], &plates.eight(at));
+            add_weighted(&mut sum, &[1.0; LANES], &plates.eight(at));
         }
         if let Some(other) = self.other {
-            add_weighted(&mut sum, &[1.0; WIDTH], &other.eight(at));
+            add_weighted(&mut sum, &[1.0; LANES], &other.eight(at));
         }
         sum
     }
@@ -219,7 +221,7 @@ impl Gather for LinearTerms<'_> {
     #[inline(always)]
     fn eight(&self, at: usize) -> Eight {
         let (own, all) = (self.y.eight(at), self.y.flat());
-        let mut sum = [[0.0; WIDTH]; 3];
+        let mut sum = [[0.0; LANES]; 3];
         let (slots, _) = self.table.of(at);
         for slot in slots {
             let d = difference(&fetch(&all, slot, at), &own);
@@ -244,15 +246,15 @@ pub(super) struct SpringProduct<'a> {
 
 /// Stiffness of a spring along itself and across, the latter at least zero.
 #[inline(always)]
-fn along_and_across(slot: &Slot, damping: Option<&Wide>, inverse: &Wide, dt: f32) -> [Wide; 2] {
-    let mut out = [[0.0; WIDTH]; 2];
-    for lane in 0..WIDTH {
+fn along_and_across(slot: &Slot, damping: Option<&F32x8>, inverse: &F32x8, dt: f32) -> [F32x8; 2] {
+    let mut out = [[0.0; LANES]; 2];
+    for lane in 0..LANES {
         let taut = 1.0 - slot.rest[lane] * inverse[lane];
         out[0][lane] = dt * dt * slot.stiffness[lane];
         out[1][lane] = dt * dt * slot.stiffness[lane] * if taut > 0.0 { taut } else { 0.0 };
     }
     if let Some(damping) = damping {
-        for lane in 0..WIDTH {
+        for lane in 0..LANES {
             out[0][lane] += dt * damping[lane];
         }
     }
@@ -264,7 +266,7 @@ impl Gather for SpringProduct<'_> {
     fn eight(&self, at: usize) -> Eight {
         let (own, own_p) = (self.x.eight(at), self.p.eight(at));
         let (all, all_p) = (self.x.flat(), self.p.flat());
-        let mut sum = [[0.0; WIDTH]; 3];
+        let mut sum = [[0.0; LANES]; 3];
         let (slots, damping) = self.table.of(at);
         for k in 0..slots.len() {
             let slot = &slots[k];
@@ -278,8 +280,8 @@ impl Gather for SpringProduct<'_> {
                 self.dt,
             );
             let w = dot(&q, &d);
-            let mut part = [0.0; WIDTH];
-            for lane in 0..WIDTH {
+            let mut part = [0.0; LANES];
+            for lane in 0..LANES {
                 part[lane] = (along[lane] - across[lane]) * w[lane] * (inverse[lane] * inverse[lane]);
             }
             add_weighted(&mut sum, &across, &q);
@@ -306,7 +308,7 @@ pub(super) fn add_blocks(table: &SlicedEllpack, x: &Vectors, dt: f32, out: &mut 
             let d = difference(&fetch(&all, slot, at), &own);
             let inverse = inverse_length(&d);
             let [along, across] = along_and_across(slot, damping.get(k), &inverse, dt);
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 let n: [f32; 3] = std::array::from_fn(|axis| d[axis][lane] * inverse[lane]);
                 let part = along[lane] - across[lane];
                 for (block, (a, b)) in
@@ -324,7 +326,7 @@ pub(super) fn add_linear_blocks(table: &SlicedEllpack, factor: f32, out: &mut [B
     update_blocks(out, |at, out| {
         let (slots, _) = table.of(at);
         for slot in slots {
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 let weight = factor * slot.stiffness[lane];
                 out[..3].iter_mut().for_each(|block| block[lane] += weight);
             }
@@ -335,7 +337,7 @@ pub(super) fn add_linear_blocks(table: &SlicedEllpack, factor: f32, out: &mut [B
 #[cfg(test)]
 mod tests {
     use super::{super::sliced_ellpack::Entry, *};
-    use crate::math::Vec3;
+    use crate::{math::Vec3, simd::ScalarLanes};
 
     const COUNT: usize = 45;
 
@@ -400,14 +402,14 @@ mod tests {
                     start: 0,
                     out: [a, b, c],
                 }
-                .run();
+                .run::<ScalarLanes>();
             } else {
                 AddSums {
                     gather: &SpringForces::<false> { table: &table, x: &x, v: &x },
                     start: 0,
                     out: [a, b, c],
                 }
-                .run();
+                .run::<ScalarLanes>();
             }
             assert_eq!(plain, wide);
         }
@@ -431,13 +433,13 @@ mod tests {
             assert!((change.get(i).cast() - slope).norm() < 1e-2 * (1.0 + slope.norm()), "{i}");
         }
         // The diagonal blocks are the derivative by the point's own position.
-        let mut blocks = vec![[[0.0; WIDTH]; 6]; COUNT.div_ceil(WIDTH)];
+        let mut blocks = vec![[[0.0; LANES]; 6]; COUNT.div_ceil(LANES)];
         add_blocks(&table, &x, 1.0, &mut blocks);
         for i in 0..COUNT {
             let (mut one, mut sums) = (Vectors::zeros(COUNT), Vectors::zeros(COUNT));
             one.set(i, Vec3::x());
             add(&mut sums, &SpringProduct { table: &table, x: &x, p: &one, dt: 1.0 });
-            let block = [0, 3, 4].map(|part| blocks[i / WIDTH][part][i % WIDTH]);
+            let block = [0, 3, 4].map(|part| blocks[i / LANES][part][i % LANES]);
             assert!((sums.get(i) - Vec3::from(block)).norm() < 1e-4 * (1.0 + sums.get(i).norm()));
         }
         // In compression the part across a spring is zero, and the quadratic form is positive.

@@ -12,9 +12,9 @@ use super::{
     vectors::Vectors,
 };
 use crate::{
-    math::wide::WIDTH,
     par,
     sim::{Diverged, record::Clock},
+    simd::LANES,
 };
 
 impl Sheets {
@@ -40,7 +40,7 @@ impl Sheets {
                     && self.x.get(*i).sum().is_finite()
                     && self.v.get(*i).sum().is_finite()
             };
-            let points = eight * WIDTH..self.len().min((eight + 1) * WIDTH);
+            let points = eight * LANES..self.len().min((eight + 1) * LANES);
             let point = points.clone().find(|i| !is_finite(i)).unwrap_or(points.start);
             let what = format!("is at {:?} with {:?} m/s", self.x.get(point), self.v.get(point));
             let try_next =
@@ -232,7 +232,7 @@ impl Sheets {
         force.update(|at, axes| {
             let v = v.eight(at);
             for (axis, out) in axes.into_iter().enumerate() {
-                for lane in 0..WIDTH {
+                for lane in 0..LANES {
                     out[lane] = mass[at][lane] * (v[axis][lane] + h * gravity[axis]) + h * out[lane];
                 }
             }
@@ -291,7 +291,7 @@ impl Sheets {
     }
 
     fn zero_blocks(&self) -> Vec<Blocks> {
-        par::repeated([[0.0; WIDTH]; 6], self.mass.len())
+        par::repeated([[0.0; LANES]; 6], self.mass.len())
     }
 
     /// Left side of the implicit equation at the positions `x`.
@@ -366,9 +366,9 @@ impl SpringState {
 
 fn spring_state(table: &SlicedEllpack, x: &Vectors, i: usize) -> SpringState {
     let mut out = SpringState::default();
-    for slot in table.of(i / WIDTH).0 {
+    for slot in table.of(i / LANES).0 {
         let (j, k, rest) =
-            (slot.to(i / WIDTH, i % WIDTH), f64::from(slot.stiffness[i % WIDTH]), slot.rest[i % WIDTH]);
+            (slot.to(i / LANES, i % LANES), f64::from(slot.stiffness[i % LANES]), slot.rest[i % LANES]);
         if k == 0.0 {
             continue;
         }
@@ -386,8 +386,8 @@ fn spring_state(table: &SlicedEllpack, x: &Vectors, i: usize) -> SpringState {
 /// Energy of plates at a point: ½ xᵀ Q x = ¼ Σ k_ij |x_i − x_j|².
 fn plate_energy(table: &SlicedEllpack, x: &Vectors, i: usize) -> f64 {
     let share = |slot: &super::sliced_ellpack::Slot| {
-        let d = x.get(slot.to(i / WIDTH, i % WIDTH)).cast::<f64>() - x.get(i).cast();
-        0.25 * f64::from(slot.stiffness[i % WIDTH]) * d.norm_squared()
+        let d = x.get(slot.to(i / LANES, i % LANES)).cast::<f64>() - x.get(i).cast();
+        0.25 * f64::from(slot.stiffness[i % LANES]) * d.norm_squared()
     };
-    table.of(i / WIDTH).0.iter().map(share).sum()
+    table.of(i / LANES).0.iter().map(share).sum()
 }

@@ -1,11 +1,9 @@
 //! Vectors of all points, eight at a time.
 
 use crate::{
-    math::{
-        Vec3,
-        wide::{WIDTH, Wide},
-    },
+    math::Vec3,
     par,
+    simd::{F32x8, LANES},
 };
 use std::ops::Range;
 
@@ -23,8 +21,8 @@ const PARALLEL_THRESHOLD: usize = 512;
 /// Cuts slices of equal length into chunks, calls `f(number of the first eight, a chunk of each)` and returns
 /// the results in order. The chunks do not depend on the threads.
 pub(super) fn in_chunks<T: Send, const N: usize>(
-    slices: [&mut [Wide]; N],
-    f: impl Fn(usize, [&mut [Wide]; N]) -> T + Sync,
+    slices: [&mut [F32x8]; N],
+    f: impl Fn(usize, [&mut [F32x8]; N]) -> T + Sync,
 ) -> Vec<T> {
     let len = slices[0].len();
     assert!(slices.iter().all(|slice| slice.len() == len), "all are cut in the same places");
@@ -49,13 +47,13 @@ pub(super) fn map_chunks<T: Send>(eights: usize, f: impl Fn(Range<usize>) -> T +
 
 /// Σ a · b over eights in double precision, in their order.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Dot([f64; WIDTH]);
+pub(super) struct Dot([f64; LANES]);
 
 impl Dot {
     #[inline(always)]
     pub(super) fn add(&mut self, a: &Eight, b: &Eight) {
         for axis in 0..3 {
-            for lane in 0..WIDTH {
+            for lane in 0..LANES {
                 self.0[lane] += f64::from(a[axis][lane]) * f64::from(b[axis][lane]);
             }
         }
@@ -68,7 +66,7 @@ impl Dot {
 }
 
 /// x, y and z of eight points.
-pub(super) type Eight = [Wide; 3];
+pub(super) type Eight = [F32x8; 3];
 
 /// x, y and z of all points, point by point.
 pub(super) type Flat<'a> = [&'a [f32]; 3];
@@ -78,7 +76,7 @@ pub(super) type Flat<'a> = [&'a [f32]; 3];
 pub(super) struct Vectors {
     len: usize,
     /// Each axis by eights.
-    pub(super) axes: [Vec<Wide>; 3],
+    pub(super) axes: [Vec<F32x8>; 3],
 }
 
 impl Clone for Vectors {
@@ -90,12 +88,12 @@ impl Clone for Vectors {
 impl Vectors {
     /// `len` zeros.
     pub(super) fn zeros(len: usize) -> Self {
-        Self { len, axes: std::array::from_fn(|_| par::repeated([0.0; WIDTH], len.div_ceil(WIDTH))) }
+        Self { len, axes: std::array::from_fn(|_| par::repeated([0.0; LANES], len.div_ceil(LANES))) }
     }
 
     /// Sets all vectors to zero.
     pub(super) fn clear(&mut self) {
-        self.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; WIDTH]));
+        self.update(|_, axes| axes.into_iter().for_each(|axis| *axis = [0.0; LANES]));
     }
 
     /// Copies these vectors.
@@ -114,13 +112,13 @@ impl Vectors {
     #[inline]
     pub(super) fn get(&self, i: usize) -> Vec3 {
         let [x, y, z] = &self.axes;
-        Vec3::new(x[i / WIDTH][i % WIDTH], y[i / WIDTH][i % WIDTH], z[i / WIDTH][i % WIDTH])
+        Vec3::new(x[i / LANES][i % LANES], y[i / LANES][i % LANES], z[i / LANES][i % LANES])
     }
 
     #[inline]
     pub(super) fn set(&mut self, i: usize, v: Vec3) {
         for (axis, value) in self.axes.iter_mut().zip(v.iter()) {
-            axis[i / WIDTH][i % WIDTH] = *value;
+            axis[i / LANES][i % LANES] = *value;
         }
     }
 
@@ -147,9 +145,9 @@ impl Vectors {
     }
 
     /// Calls `f(number of the eight, its vectors)` for each eight.
-    pub(super) fn update(&mut self, f: impl Fn(usize, [&mut Wide; 3]) + Sync) {
+    pub(super) fn update(&mut self, f: impl Fn(usize, [&mut F32x8; 3]) + Sync) {
         let [x, y, z] = &mut self.axes;
-        in_chunks([x, y, z], |start, [x, y, z]: [&mut [Wide]; 3]| {
+        in_chunks([x, y, z], |start, [x, y, z]: [&mut [F32x8]; 3]| {
             for (k, ((x, y), z)) in x.iter_mut().zip(y).zip(z).enumerate() {
                 f(start + k, [x, y, z]);
             }

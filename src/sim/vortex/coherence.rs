@@ -10,10 +10,13 @@ use super::{
     ERRORS, Vortons,
     index::MAX_ORDER,
     kernels::{Ball, Derivatives, RadialKernel},
-    lanes::{self, LANES, Lanes, Pass, splat},
     pairs::{self, Source},
 };
-use crate::{math::Vec3, par};
+use crate::{
+    math::Vec3,
+    par,
+    simd::{self, LANES, Lanes, Pass, splat},
+};
 
 /// Vortons at which coherence is sampled, at most.
 const MAX_SAMPLES: usize = 64;
@@ -48,7 +51,7 @@ fn coherence(vortons: &Vortons) -> f32 {
     let samples = MAX_SAMPLES.min(count);
     let sums = par::map_chunks(samples, LANES, |range| {
         let points = range.map(|k| vortons.position[k * count / samples]).collect();
-        lanes::run(Contributions { points, sources: &sources })
+        simd::dispatch(Contributions { points, sources: &sources })
     });
     let [whole, single] = sums.iter().fold([0.0_f64; 2], |sum, more| [sum[0] + more[0], sum[1] + more[1]]);
     (whole / single).sqrt() as f32
@@ -103,7 +106,7 @@ impl Pass for Contributions<'_> {
                 squares += contribution * contribution;
             }
         }
-        let (velocity, squares) = (velocity.map(L::row), squares.row());
+        let (velocity, squares) = (velocity.map(L::to_array), squares.to_array());
         (0..=last).fold([0.0; 2], |[whole, single], lane| {
             let square: f64 = velocity.iter().map(|row| f64::from(row[lane]).powi(2)).sum();
             [whole + square, single + f64::from(squares[lane])]

@@ -3,10 +3,13 @@
 use super::{
     Vortons,
     kernels::RadialKernel,
-    lanes::{self, LANES, Lanes, Pass, splat},
     pairs::{self, SUMS, Source, Sums},
 };
-use crate::{math::Vec3, par};
+use crate::{
+    math::Vec3,
+    par,
+    simd::{self, LANES, Lanes, Pass, splat},
+};
 use std::marker::PhantomData;
 
 /// Targets per task.
@@ -25,7 +28,7 @@ pub(super) fn rows<K: RadialKernel, const Q: usize, const N: usize>(
     let mut out = vec![[Vec3::zeros(); N]; points.len()];
     par::for_chunks(&mut out, TARGETS_PER_TASK, |first, out| {
         let points = &points[first..first + out.len()];
-        lanes::run(DirectSum::<K, Q, N> { points, sources: &sources, out, kernel: PhantomData });
+        simd::dispatch(DirectSum::<K, Q, N> { points, sources: &sources, out, kernel: PhantomData });
     });
     out
 }
@@ -49,7 +52,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for DirectSum<'_, K, 
                 let mut sums: Sums<L> = [splat(0.0); SUMS];
                 pairs::add_pairs::<L, K, Q>(x, sources, &mut sums);
                 for k in 0..SUMS {
-                    let row = sums[k].row();
+                    let row = sums[k].to_array();
                     for lane in 0..LANES {
                         totals[k][lane] += f64::from(row[lane]);
                     }

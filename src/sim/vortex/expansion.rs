@@ -20,8 +20,8 @@
 use super::{
     index::{ADD, MAX_COEFS, MAX_ORDER, STEPS, before, coefs},
     kernels::{Derivatives, RadialKernel},
-    lanes::{LANES, Lanes, splat},
 };
+use crate::simd::{LANES, Lanes, splat};
 
 /// The length of an expansion of `order` in an array, padded to a multiple of eight.
 pub(super) fn stride(order: usize) -> usize {
@@ -126,7 +126,7 @@ pub(super) fn add_moments_to_local<L: Lanes, K: RadialKernel>(
     local: &mut Expansions<L>,
 ) {
     let d = cells.d;
-    let inverse = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).inverse_root();
+    let inverse = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).inverse_sqrt();
     let d = [d[0] * inverse, d[1] * inverse, d[2] * inverse];
     derive::<L, K>(d, cells.s2 * (inverse * inverse), order, derivatives);
 

@@ -5,10 +5,8 @@
 //! core the same with r² + σ². The Winckelmans–Leonard kernel is T₀ + ½σ² T₀³, whose chain is Tₙ − ½σ² Tₙ₊₁. The Gaussian's
 //! chain consists of Boys functions: Gₙ = (−1)ⁿ √(2/π) σ^-(2n+1) Fₙ(ρ²/2), Fₙ(x) = ∫₀¹ t²ⁿ e^(−xt²) dt.
 
-use super::{
-    index::MAX_ORDER,
-    lanes::{Lanes, splat},
-};
+use super::index::MAX_ORDER;
+use crate::simd::{Lanes, splat};
 
 /// The radial derivatives Gₙ of a kernel, up to the highest order.
 pub(super) type Derivatives<L> = [L; MAX_ORDER + 1];
@@ -43,7 +41,7 @@ impl RadialKernel for RosenheadMoore {
 
     #[inline(always)]
     fn derivatives<L: Lanes>(r2: L, s2: L, order: usize, out: &mut Derivatives<L>) {
-        point((r2 + s2).inverse_root(), order, out);
+        point((r2 + s2).inverse_sqrt(), order, out);
     }
 
     fn min_gap(low: f32, high: f32, error: f32) -> f32 {
@@ -70,7 +68,7 @@ impl RadialKernel for WinckelmansLeonard {
 
     #[inline(always)]
     fn derivatives<L: Lanes>(r2: L, s2: L, order: usize, out: &mut Derivatives<L>) {
-        let s = (r2 + s2).inverse_root();
+        let s = (r2 + s2).inverse_sqrt();
         let h = s2 * (s * s);
         point(s, order, out);
         for (n, g) in out.iter_mut().enumerate().take(order + 1) {
@@ -93,7 +91,7 @@ impl RadialKernel for Ball {
 
     #[inline(always)]
     fn derivatives<L: Lanes>(r2: L, s2: L, order: usize, out: &mut Derivatives<L>) {
-        let s = r2.below(s2, s2, r2).inverse_root();
+        let s = L::select(r2.less(s2), s2, r2).inverse_sqrt();
         let zero = splat::<L>(0.0);
         point(s, order, out);
         for (n, g) in out.iter_mut().enumerate().take(order + 1) {
@@ -102,7 +100,7 @@ impl RadialKernel for Ball {
                 1 => -(s * (s * s)),
                 _ => zero,
             };
-            *g = r2.below(s2, inside, *g);
+            *g = L::select(r2.less(s2), inside, *g);
         }
     }
 
@@ -125,13 +123,13 @@ impl RadialKernel for Gaussian {
     #[inline(always)]
     fn derivatives<L: Lanes>(r2: L, s2: L, order: usize, out: &mut Derivatives<L>) {
         let one = splat::<L>(1.0);
-        let is = s2.inverse_root();
+        let is = s2.inverse_sqrt();
         let is2 = is * is;
         let rho2 = r2 * is2;
         let e = (splat::<L>(-0.5) * rho2).exp();
 
         // For ρ < 1: the series of the highest function, and downward recurrence.
-        let twice = rho2.below(one, rho2, one);
+        let twice = L::select(rho2.less(one), rho2, one);
         let mut boys = splat::<L>(0.0);
         for k in (0..7).rev() {
             boys = (one + twice * boys) * splat::<L>(1.0 / (2 * order + 2 * k + 1) as f32);
@@ -146,8 +144,8 @@ impl RadialKernel for Gaussian {
         }
 
         // For ρ ≥ 1: upward recurrence from the error function, [abramowitz72] 7.1.26, to 1.5e-7.
-        let far = r2.below(s2, s2, r2);
-        let i = far.inverse_root();
+        let far = L::select(r2.less(s2), s2, r2);
+        let i = far.inverse_sqrt();
         let rho = (far * i) * is;
         let t = one / (one + splat::<L>(0.327_591_1 * std::f32::consts::FRAC_1_SQRT_2) * rho);
         let mut p = splat::<L>(1.061_405_4);
@@ -159,7 +157,7 @@ impl RadialKernel for Gaussian {
         // Its own recurrence, because the scale overflows where e^(−ρ²/2) is 0.
         let mut tail = scale * e;
         for n in 0..=order {
-            out[n] = r2.below(s2, scale * near[n], g);
+            out[n] = L::select(r2.less(s2), scale * near[n], g);
             // Gₙ₊₁ = −[(2n + 1) Gₙ − (−1)ⁿ √(2/π) σ^-(2n+1) e^(−ρ²/2)]/r².
             g = -(splat::<L>((2 * n + 1) as f32) * g - tail) * (i * i);
             (scale, tail) = (-(scale * is2), -(tail * is2));

@@ -34,9 +34,6 @@ mod grid;
 mod index;
 mod invariants;
 mod kernels;
-mod lanes;
-#[cfg(target_arch = "x86_64")]
-mod lanes_avx2;
 mod moments;
 mod octree;
 mod pairs;

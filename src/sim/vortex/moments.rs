@@ -6,11 +6,14 @@ use super::{
     expansion::{self, Expansions, monomials, stride},
     index::{MAX_COEFS, coefs},
     kernels::RadialKernel,
-    lanes::{self, LANES, Lanes, Pass, splat},
     octree::{Cell, Octree},
     pairs::{self, Source},
 };
-use crate::{math::Vec3, par};
+use crate::{
+    math::Vec3,
+    par,
+    simd::{self, LANES, Lanes, Pass, splat},
+};
 use std::ops::Range;
 
 /// Cells per task.
@@ -81,7 +84,7 @@ fn moments(tree: &Octree, sources: &[Source], order: usize, stride: usize) -> Ve
             let first = level.start + first / stride;
             for (cell, out) in tree.cells[first..].iter().zip(chunk.chunks_exact_mut(stride)) {
                 if cell.is_leaf() {
-                    lanes::run(LeafMoments { sources: &sources[cell.places()], cell, order, out });
+                    simd::dispatch(LeafMoments { sources: &sources[cell.places()], cell, order, out });
                 }
                 let inverse = inverse(cell.radius);
                 for c in cell.children() {

@@ -4,9 +4,11 @@ use super::{
     GRADIENT, POTENTIAL, Vortons,
     index::MAX_ORDER,
     kernels::{Derivatives, RadialKernel},
-    lanes::{LANES, Lanes, splat},
 };
-use crate::math::Vec3;
+use crate::{
+    math::Vec3,
+    simd::{LANES, Lanes, splat},
+};
 use std::f64::consts::PI;
 
 /// A vorton as a source: position [m], Γ/4π [m³/s], σ² [m²].

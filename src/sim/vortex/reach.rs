@@ -4,8 +4,8 @@ use super::{
     Kernel,
     index::MAX_ORDER,
     kernels::{Ball, Gaussian, RadialKernel, RosenheadMoore, WinckelmansLeonard},
-    lanes::{Eight, Lanes, splat},
 };
+use crate::simd::{Lanes, ScalarLanes, splat};
 
 /// The fraction of the vorticity of a core that lies beyond a plane at a distance of `t` cores: ½ at 0, 0 far away.
 ///
@@ -22,9 +22,9 @@ pub fn fraction_beyond_plane(kernel: Kernel, t: f32) -> f32 {
 
 /// G for a core of 1.
 fn potential<K: RadialKernel>(t: f32) -> f32 {
-    let mut derivatives = [splat::<Eight>(0.0); MAX_ORDER + 1];
-    K::derivatives(splat::<Eight>(t * t), splat::<Eight>(1.0), 0, &mut derivatives);
-    derivatives[0].row()[0]
+    let mut derivatives = [splat::<ScalarLanes>(0.0); MAX_ORDER + 1];
+    K::derivatives(splat::<ScalarLanes>(t * t), splat::<ScalarLanes>(1.0), 0, &mut derivatives);
+    derivatives[0].to_array()[0]
 }
 
 #[cfg(test)]

@@ -14,7 +14,6 @@ use super::{
     expansion::{self, Expansions, SourceCells, monomials, stride},
     index::{ADD, MAX_COEFS, MAX_ORDER, coefs},
     kernels::RadialKernel,
-    lanes::{self, LANES, Lanes, Pass, splat},
     moments::Sources,
     octree::{Cell, Octree, representatives},
     pairs::{self, SUMS, Sums},
@@ -22,6 +21,7 @@ use super::{
 use crate::{
     math::Vec3,
     par::{self, Inverse},
+    simd::{self, LANES, Lanes, Pass, splat},
 };
 use std::{marker::PhantomData, ops::Range};
 
@@ -123,7 +123,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
         let state = self.state(cell, above);
         if cell.is_leaf() {
             let out = &mut out[cell.places().start - first..cell.places().end - first];
-            lanes::run(LeafTargets { traversal: self, cell, state: &state, out });
+            simd::dispatch(LeafTargets { traversal: self, cell, state: &state, out });
         }
         for child in &self.targets.cells[cell.children()] {
             self.visit(child, &state, first, out);
@@ -141,7 +141,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
         let ratio = cell.unit / above.unit;
         expansion::local_of_child(&above.local, shift.into(), ratio, order, &mut local);
         if accepted.iter().any(|list| !list.is_empty()) {
-            lanes::run(AddAccepted { traversal: self, cell, accepted: &accepted, local: &mut local });
+            simd::dispatch(AddAccepted { traversal: self, cell, accepted: &accepted, local: &mut local });
         }
         CellState { local, center: cell.center, unit: cell.unit, near }
     }
@@ -224,7 +224,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for AddAccepted<'_, K
                 let row = |lane: usize| -> &[f32; LANES] {
                     sources.moments(cells[lane])[first..].first_chunk().expect("padded to eight")
                 };
-                let eight = L::columns([row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)]);
+                let eight = L::transpose([row(0), row(1), row(2), row(3), row(4), row(5), row(6), row(7)]);
                 moments[first..first + LANES].copy_from_slice(&eight);
             }
             if list.len() < LANES {
@@ -290,7 +290,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for LeafTargets<'_, K
 
             let mut rows = [[0.0; SUMS]; LANES];
             for k in 0..SUMS {
-                let row = sums[k].row();
+                let row = sums[k].to_array();
                 for lane in 0..LANES {
                     rows[lane][k] = row[lane];
                 }
@@ -300,7 +300,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for LeafTargets<'_, K
             }
             for n in 0..N {
                 for k in 0..3 {
-                    let row = far[n][k].row();
+                    let row = far[n][k].to_array();
                     for (out, far) in out.iter_mut().zip(row) {
                         out[n][k] += far;
                     }
@@ -387,8 +387,8 @@ fn curl(local: &[f32], b: usize) -> [f32; 3] {
 mod tests {
     use crate::{
         math::Vec3,
-        par,
-        sim::vortex::{Kernel, Method, Quantity, Targets, Vortons, induced, lanes::tests::REFERENCE_ONLY},
+        sim::vortex::{Kernel, Method, Quantity, Targets, Vortons, induced},
+        simd::tests::in_both_forms,
     };
 
     #[test]
@@ -403,14 +403,10 @@ mod tests {
         for kernel in [Kernel::Ball, Kernel::RosenheadMoore, Kernel::WinckelmansLeonard, Kernel::Gaussian] {
             for method in [Method::Direct, Method::Tree { error: 1e-2 }] {
                 for quantity in [Quantity::Potential, Quantity::VelocityAndGradient] {
-                    // On a pool of one thread, so that the thread-local switch applies to every pass.
-                    let find = |reference_only| {
-                        par::with_threads(1, || {
-                            REFERENCE_ONLY.set(reference_only);
-                            induced(&vortons, Targets::Vortons, quantity, kernel, method).expect("it is fit")
-                        })
-                    };
-                    assert!(find(true) == find(false), "{kernel:?} {method:?} {quantity:?}");
+                    let [scalar, fastest] = in_both_forms(|| {
+                        induced(&vortons, Targets::Vortons, quantity, kernel, method).expect("it is fit")
+                    });
+                    assert!(scalar == fastest, "{kernel:?} {method:?} {quantity:?}");
                 }
             }
         }

@@ -7,11 +7,14 @@
 
 use super::super::{
     Vortons,
-    lanes::{self, LANES, Lanes, Pass, splat},
     octree::{Octree, representatives},
     pairs,
 };
-use crate::{math::Vec3, par};
+use crate::{
+    math::Vec3,
+    par,
+    simd::{self, LANES, Lanes, Pass, splat},
+};
 use std::{f32::consts::PI, ops::Range};
 
 /// Where the Gaussian ends, in standard deviations. At 3 the edge is one per cent of the middle and lattices show in what
@@ -96,7 +99,7 @@ impl Near {
             let near = self.around(self.leaves[leaf] as usize);
             let start = self.ends[leaf] - out.len();
             let targets = &self.places[start..self.ends[leaf]];
-            lanes::run(Around { targets, near: &near, sources: &sources, weight, out });
+            simd::dispatch(Around { targets, near: &near, sources: &sources, weight, out });
         });
         let mut inverse = par::Inverse::default();
         inverse.rebuild(&self.tree.order);
@@ -163,16 +166,16 @@ impl Pass for Around<'_> {
                 let r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
                 // The larger 1/s² is that of the smaller core.
                 let other = splat::<L>(q[3]);
-                let inverse = own.below(other, other, own);
+                let inverse = L::select(own.less(other), other, own);
                 let rho2 = r2 * inverse;
                 let zeta = (unit * inverse) * (inverse.sqrt() * (half * rho2).exp());
                 let full = if self.weight == Weight::Diffusion { zeta * inverse } else { zeta };
-                let weight = rho2.below(reach2, full, zero);
+                let weight = L::select(rho2.less(reach2), full, zero);
                 for k in 0..4 {
                     sums[k] += weight * splat(q[4 + k]);
                 }
             }
-            let rows = sums.map(L::row);
+            let rows = sums.map(L::to_array);
             for (lane, out) in out.iter_mut().enumerate() {
                 *out = std::array::from_fn(|k| rows[k][lane]);
             }

@@ -4,8 +4,8 @@
 
 use super::uniform::VectorField;
 use crate::{
-    math::wide::{self, Job},
     par,
+    simd::{self, Lanes, Pass},
 };
 
 /// Nodes that a difference needs on each side.
@@ -51,7 +51,7 @@ fn add_differences(field: &VectorField, terms: &[(&[f32], usize, f32)], out: &mu
             for &(f, axis, sign) in terms {
                 let step = [1, grid.row(), grid.plane()][axis];
                 let weights = WEIGHTS.map(|w| w * sign / grid.spacing);
-                wide::run(Differences { f, from, step, weights, row });
+                simd::dispatch(Differences { f, from, step, weights, row });
             }
         }
     });
@@ -66,11 +66,11 @@ struct Differences<'a> {
     row: &'a mut [f32],
 }
 
-impl Job for Differences<'_> {
+impl Pass for Differences<'_> {
     type Out = ();
 
     #[inline(always)]
-    fn run(self) {
+    fn run<L: Lanes>(self) {
         let Self { f, from, step, weights, row } = self;
         let count = row.len();
         for (k, weight) in weights.into_iter().enumerate() {

@@ -6,7 +6,7 @@
 //!
 //! *Limits*: single precision. The cumulative sum of odd coefficients adds about √n roundings of the largest.
 
-use crate::sim::vortex::lanes::{Lanes, splat};
+use crate::simd::{Lanes, splat};
 use std::f64::consts::PI;
 
 /// Two lines of eight, as real and imaginary part.
@@ -207,7 +207,7 @@ fn butterfly<L: Lanes, const R: usize>(a: [Complex<L>; R]) -> [Complex<L>; R] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::vortex::lanes::{self, LANES, Pass};
+    use crate::simd::{self, LANES, Pass};
 
     /// Transforms sixteen lines of noise.
     struct NoiseLines(usize);
@@ -230,14 +230,14 @@ mod tests {
                 }
             }
             transform.run(&mut line, &mut work);
-            line.iter().map(|both| both.map(L::row)).collect()
+            line.iter().map(|both| both.map(L::to_array)).collect()
         }
     }
 
     #[test]
     fn sixteen_lines_at_once_are_sixteen_sums_of_sines() {
         for n in [2, 3, 4, 5, 6, 8, 9, 10, 12, 15, 16, 25, 27, 30, 32, 60, 64, 90, 128, 135, 240] {
-            let found = lanes::run(NoiseLines(n));
+            let found = simd::dispatch(NoiseLines(n));
             for k in 1..n {
                 for (c, lane) in [(0, 0), (0, 5), (1, 3), (1, 7)] {
                     let exact: f64 = (1..n)

@@ -10,10 +10,10 @@ use crate::{
     par,
     sim::vortex::{
         Vortons,
-        lanes::{self, LANES, Lanes, Pass, splat},
         octree::{Octree, representatives},
         pairs::{self, SUMS, Source, Sums},
     },
+    simd::{self, LANES, Lanes, Pass, splat},
 };
 use std::{marker::PhantomData, ops::Range};
 
@@ -76,7 +76,7 @@ impl<'a> NearCorrection<'a> {
             let cell = &targets.cells[leaves[leaf] as usize];
             let ranges = &self.ranges_near(cell.center, cell.radius);
             let order = &targets.order[cell.places()];
-            lanes::run(LeafCorrection::<K, Q, N> {
+            simd::dispatch(LeafCorrection::<K, Q, N> {
                 vortons: self,
                 ranges,
                 order,
@@ -140,7 +140,7 @@ impl<K: GridKernel, const Q: usize, const N: usize> Pass for LeafCorrection<'_, 
                 pairs::add_pairs::<L, K, Q>(x, &self.vortons.exact[start..end], &mut sums);
                 pairs::add_pairs::<L, K::Smooth, Q>(x, &self.vortons.on_grid[start..end], &mut sums);
             }
-            let rows = sums.map(L::row);
+            let rows = sums.map(L::to_array);
             for (lane, out) in out.iter_mut().enumerate() {
                 *out = pairs::vectors::<Q, N>(rows.map(|row| row[lane]));
             }

@@ -20,7 +20,7 @@ use super::{
 };
 use crate::{
     par,
-    sim::vortex::lanes::{self, LANES, Lanes, Pass, splat},
+    simd::{self, LANES, Lanes, Pass, splat},
 };
 
 /// A Green's function: the transform of the potential over that of its source, as a function of θ and p of the three axes.
@@ -56,7 +56,7 @@ pub(super) fn solve(field: &mut VectorField, boundary: &BoundaryValues, green: G
         par::for_chunks(values, grid.plane(), |first, plane| {
             let z = first / grid.plane();
             if z > 0 && z < grid.cells[2] {
-                lanes::run(PlaneTransform { sines: [&sines[0], &sines[1]], row: grid.row(), plane });
+                simd::dispatch(PlaneTransform { sines: [&sines[0], &sines[1]], row: grid.row(), plane });
             }
         });
     }
@@ -68,7 +68,7 @@ pub(super) fn solve(field: &mut VectorField, boundary: &BoundaryValues, green: G
     par::for_chunks(&mut transposed, 3 * slab, |first, out| {
         let y = first / (3 * slab);
         if y > 0 && y < grid.cells[1] {
-            lanes::run(LineSolve {
+            simd::dispatch(LineSolve {
                 grid,
                 sines: &sines,
                 modes: &modes,
@@ -89,7 +89,7 @@ pub(super) fn solve(field: &mut VectorField, boundary: &BoundaryValues, green: G
                     let from = 3 * slab * y + k * slab + row * z;
                     values.copy_from_slice(&transposed[from..from + row]);
                 }
-                lanes::run(PlaneTransform { sines: [&sines[0], &sines[1]], row, plane });
+                simd::dispatch(PlaneTransform { sines: [&sines[0], &sines[1]], row, plane });
             }
         });
     }
@@ -126,7 +126,7 @@ fn face_terms(face: &FaceValues, axis: usize, sines: &[SineTransform; 3]) -> Fac
         }
     }
     let row = out.row();
-    lanes::run(PlaneTransform { sines: [&sines[b], &sines[c]], row, plane: &mut out.values });
+    simd::dispatch(PlaneTransform { sines: [&sines[b], &sines[c]], row, plane: &mut out.values });
     out
 }
 
@@ -158,7 +158,7 @@ impl Pass for PlaneTransform<'_> {
             for x in (0..row).step_by(LANES) {
                 for c in 0..2 {
                     let values = |lane| eight(&plane[index(c, lane, x)..]);
-                    let columns = L::columns(std::array::from_fn(values));
+                    let columns = L::transpose(std::array::from_fn(values));
                     for k in 0..LANES {
                         line[x + k][c] = columns[k];
                     }
@@ -167,11 +167,11 @@ impl Pass for PlaneTransform<'_> {
             along.run(&mut line, &mut work);
             for x in (0..row).step_by(LANES) {
                 for c in 0..2 {
-                    let rows_of: [[f32; LANES]; LANES] = std::array::from_fn(|k| line[x + k][c].row());
-                    let columns = L::columns(std::array::from_fn(|k| &rows_of[k]));
+                    let rows_of: [[f32; LANES]; LANES] = std::array::from_fn(|k| line[x + k][c].to_array());
+                    let columns = L::transpose(std::array::from_fn(|k| &rows_of[k]));
                     for lane in 0..LANES {
                         if first + LANES * c + lane < rows {
-                            plane[index(c, lane, x)..][..LANES].copy_from_slice(&columns[lane].row());
+                            plane[index(c, lane, x)..][..LANES].copy_from_slice(&columns[lane].to_array());
                         }
                     }
                 }
@@ -186,8 +186,8 @@ impl Pass for PlaneTransform<'_> {
             across.run(&mut line, &mut work);
             for y in 1..rows {
                 let at = &mut plane[y * row + x..][..ROW_MULTIPLE];
-                at[..LANES].copy_from_slice(&line[y][0].row());
-                at[LANES..].copy_from_slice(&line[y][1].row());
+                at[..LANES].copy_from_slice(&line[y][0].to_array());
+                at[LANES..].copy_from_slice(&line[y][1].to_array());
             }
         }
     }
@@ -280,8 +280,8 @@ impl Pass for LineSolve<'_> {
                 self.sines[2].run(&mut line, &mut work);
                 for (z, both) in line.iter().enumerate().skip(1) {
                     let at = &mut self.out[k * slab + z * row + x..][..ROW_MULTIPLE];
-                    at[..LANES].copy_from_slice(&both[0].row());
-                    at[LANES..].copy_from_slice(&both[1].row());
+                    at[..LANES].copy_from_slice(&both[0].to_array());
+                    at[LANES..].copy_from_slice(&both[1].to_array());
                 }
             }
         }
