@@ -119,7 +119,7 @@ GENUINE = [
 # Terms of the field and the files of which at least one must contain each: who greps for it is led there.
 TERMS = [
     ("advect(?:s|ed|ion)", ["src/sim/vortex/flow/*.rs", "src/sim/smoke/*.rs"]),
-    ("BVH", ["src/sim/sheet/contact/*.rs", "src/sdf/tree.rs"]),
+    ("BVH", ["src/sim/sheet/contact/*.rs", "src/sdf/*.rs"]),
     ("broad phase", ["src/sim/sheet/contact/*.rs"]),
     ("narrow phase", ["src/sim/sheet/contact/*.rs"]),
     ("impact zone", ["src/sim/sheet/contact/*.rs"]),

@@ -19,7 +19,7 @@ use super::{Mesh, normals_from_faces};
 use crate::{
     math::Vec3,
     par,
-    sdf::{TriangleTree, Triangles, closest_point},
+    sdf::{TriangleBvh, Triangles, closest_point},
 };
 
 /// Absolute tolerance of the largest distance [steps], in addition to one part in a hundred.
@@ -36,7 +36,7 @@ const MAX_SUBDIVISIONS: u32 = 12;
 pub struct Target<'a> {
     mesh: &'a Mesh,
     normals: Vec<Vec3>,
-    tree: TriangleTree,
+    tree: TriangleBvh,
 }
 
 /// Integrals of the distance from one surface to another, over the first.
@@ -60,7 +60,7 @@ impl<'a> Target<'a> {
         }
         let Mesh { positions, triangles, .. } = mesh;
         let tree =
-            TriangleTree::new(&Triangles { positions: positions.clone(), triangles: triangles.clone() });
+            TriangleBvh::new(&Triangles { positions: positions.clone(), triangles: triangles.clone() });
         Some(Self { mesh, normals: normals(mesh), tree })
     }
 

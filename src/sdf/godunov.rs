@@ -1,7 +1,8 @@
-//! The Eikonal equation |∇u| = 1 at one node, and the eight orders that nodes are visited in.
+//! The Eikonal equation |∇u| = 1 at one node, and the eight orders of fast sweeping.
 //!
-//! *Method* [zhao05] §2: Godunov's upwind difference. *Departs from the paper*: the equation is solved relative to the
-//! smallest neighbour, which keeps single precision accurate far out.
+//! *Method* [zhao05] §2: Godunov upwind differences.
+//! *Departs from the paper*: the equation is solved relative to the smallest neighbour, which keeps single
+//! precision accurate far from the surface.
 //!
 //! Symbols: u distance [voxels]; a ≤ b ≤ c the smaller neighbour of each axis.
 
@@ -11,34 +12,34 @@ use crate::simd::Lanes;
 pub(super) const ORDERS: [[i32; 3]; 8] =
     [[-1, -1, -1], [1, -1, -1], [-1, 1, -1], [1, 1, -1], [-1, -1, 1], [1, -1, 1], [-1, 1, 1], [1, 1, 1]];
 
-/// Sweeps in one order after another until all is at rest; returns how many sweeps it took.
-pub(super) fn until_rest(at_rest: impl Fn() -> bool, sweep: impl Fn([i32; 3])) -> usize {
+/// Sweeps in one order after another until the distances have converged; returns the number of sweeps.
+pub(super) fn until_converged(converged: impl Fn() -> bool, sweep: impl Fn([i32; 3])) -> usize {
     let mut sweeps = 0;
-    while !at_rest() {
+    while !converged() {
         sweep(ORDERS[sweeps % ORDERS.len()]);
         sweeps += 1;
     }
     sweeps
 }
 
-/// The smaller of two numbers that are not NaN, in one instruction.
+/// The minimum of two numbers that are not NaN, in one instruction.
 #[inline]
 pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
-/// Whether the neighbours imply a distance below both `own` and `band`: the Eikonal equation's left side at the
-/// lesser of the two is above 1. Never for a pinned node, whose number is negative.
+/// Whether the neighbours imply a distance below both `own` and `band`: the left side of the Eikonal equation
+/// at the smaller of the two is above 1. Never for a pinned node, whose number is negative.
 #[inline]
 pub(super) fn lowered(own: f32, nearest: [f32; 3], band: f32) -> bool {
-    // ∞ − ∞ would be NaN; a large number does as well.
-    let most = smaller(smaller(own, band), 1e18);
-    let slope = |x: f32| if most > x { most - x } else { 0.0 };
+    // ∞ − ∞ would be NaN; a large finite number gives the same result.
+    let bound = smaller(smaller(own, band), 1e18);
+    let slope = |x: f32| if bound > x { bound - x } else { 0.0 };
     let [x, y, z] = nearest.map(slope);
     x * x + y * y + z * z > 1.0 // Σ ((u − u_min)⁺)² = h², [zhao05] §2
 }
 
-/// The new distance of a node that holds `own`, if its neighbours lower it.
+/// The new distance of a node whose distance is `own`, if its neighbours lower it.
 #[inline]
 pub(super) fn update(own: f32, nearest: [f32; 3], band: f32) -> Option<f32> {
     if !lowered(own, nearest, band) {
@@ -48,7 +49,7 @@ pub(super) fn update(own: f32, nearest: [f32; 3], band: f32) -> Option<f32> {
     (distance < own && distance < band).then_some(distance)
 }
 
-/// The distance that the smaller neighbours of the three axes imply [voxels]; above the smallest of them.
+/// Godunov's upwind solution from the smaller neighbour of each axis [voxels]; above the smallest of them.
 pub(super) fn godunov(nearest: [f32; 3]) -> f32 {
     // The neighbours in ascending order, the larger two relative to the smallest.
     let [x, y, z] = nearest;
@@ -69,13 +70,13 @@ pub(super) fn godunov(nearest: [f32; 3]) -> f32 {
 
 /// [`update`] for eight nodes: their new distances, if any of them is lowered.
 ///
-/// Both sides of the equation's cases are computed and selected from, in the order of operations of [`godunov`], so the bits
-/// are the same. Where no lane is lowered, nothing is solved.
+/// Both sides of the equation's cases are computed and selected from, in the order of operations of
+/// [`godunov`], so the bits are the same. Where no lane is lowered, nothing is solved.
 #[inline(always)]
 pub(super) fn update_lanes<L: Lanes>(own: L, [x, y, z]: [L; 3], band: f32) -> Option<L> {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
-    let most = own.min(L::splat(smaller(band, 1e18)));
-    let (slope_x, slope_y, slope_z) = ((most - x).max(zero), (most - y).max(zero), (most - z).max(zero));
+    let bound = own.min(L::splat(smaller(band, 1e18)));
+    let (slope_x, slope_y, slope_z) = ((bound - x).max(zero), (bound - y).max(zero), (bound - z).max(zero));
     let lowered = one.less(slope_x * slope_x + slope_y * slope_y + slope_z * slope_z);
     if L::bits(lowered) == 0 {
         return None;
@@ -107,11 +108,11 @@ mod tests {
     use crate::math::Vec3;
 
     #[test]
-    fn godunov_solves_planes_exactly_and_ignores_what_lies_ahead() {
+    fn godunov_solves_planes_exactly_and_ignores_downwind_neighbours() {
         for n in [Vec3::new(1.0, 2.0, 3.0), Vec3::new(-4.0, 1.0, 0.5), Vec3::new(0.0, 3.0, 1.0)] {
             let n = n.normalize();
             for far in [0.0, 5.0, 4000.0] {
-                // Behind the node along each axis the plane u = n·x is lower by |n| of that axis.
+                // Upwind of the node along each axis the plane u = n·x is lower by |n| of that axis.
                 let u = godunov([far - n.x.abs(), far - n.y.abs(), far - n.z.abs()]);
                 assert!((u - far).abs() < 4.0 * f32::EPSILON * far.max(1.0), "{u} {far}");
             }

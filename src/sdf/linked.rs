@@ -1,18 +1,18 @@
-//! Bricks as the second-order solve sees them.
+//! Bricks as the second-order solve reads them.
 
-use super::{groups::Groups, second::Nodes};
+use super::{brick_blocks::BrickBlocks, second::Nodes};
 use crate::grid::{BRICK, BRICK_NODES, Bricks};
 
-/// Bricks with their face neighbours. Nodes of missing bricks are not there.
+/// Bricks linked to their face neighbours. Missing bricks have no nodes.
 pub(super) struct LinkedBricks {
-    groups: Groups,
+    blocks: BrickBlocks,
     neighbours: Vec<[Option<u32>; 6]>,
 }
 
 impl LinkedBricks {
-    /// The bricks, swept in cubes of `block`³.
+    /// Links the bricks, to be swept in blocks of `block`³ bricks.
     pub(super) fn new(bricks: &Bricks, block: usize) -> Self {
-        Self { groups: Groups::new(bricks, block), neighbours: bricks.neighbours() }
+        Self { blocks: BrickBlocks::new(bricks, block), neighbours: bricks.neighbours() }
     }
 }
 
@@ -28,7 +28,7 @@ impl Nodes for LinkedBricks {
     }
 
     fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
-        self.groups.wavefront(order, work);
+        self.blocks.wavefront(order, work);
     }
 
     fn for_each_near(&self, brick: usize, mut f: impl FnMut(usize)) {
@@ -66,6 +66,6 @@ impl Nodes for LinkedBricks {
 
     #[inline(always)]
     fn step(&self, slot: usize, face: usize) -> usize {
-        self.next(slot, face).expect("a node that is looked at is there")
+        self.next(slot, face).expect("a node of the stencil exists")
     }
 }

@@ -1,36 +1,39 @@
-//! Signed distance to the surface that a field implies, or that triangles make.
+//! Signed distance to an isosurface of a field (a level set), or to a triangle mesh.
 //!
-//! [`from_triangles`] samples the distance to a mesh on a dense grid, [`Sampled`]; what follows is about fields.
+//! [`from_triangles`] samples the distance to a mesh on a dense grid, [`Sampled`]; what follows is about
+//! fields.
 //!
-//! *Method* [gourlay17], [zhao05]: a threshold turns the field into an indicator (inside or outside); where two
-//! neighbouring nodes differ, the field's values say where along the edge the surface crosses; from the crossings
-//! the nodes beside the surface get their distance at once and are pinned; the Eikonal equation |∇u| = 1 carries
-//! the distance on, by Gauss–Seidel sweeps in eight orders that run as a wavefront over bricks.
+//! *Method* [gourlay17], [zhao05]: a threshold turns the field into an indicator (inside or outside). Where
+//! two neighbouring nodes differ, the field's values give the place along the edge where the surface crosses.
+//! From the crossings the nodes next to the surface get their distance at once and are pinned. The Eikonal
+//! equation |∇u| = 1 extends the distance from there, by fast sweeping: Gauss–Seidel sweeps in eight orders,
+//! which run as a wavefront over bricks.
 //!
-//! *Departs from the paper*: pinned values use the plane through up to three crossings ([`SeedRule`]); the sweeps
-//! are repeated until nothing changes and stop at a band; bricks at rest are passed over, which changes no bit;
-//! differences of second order ([`Order`]) may follow. On dense grids the first-order sweeps are in [`dense`].
+//! *Departs from the paper*: pinned values use the plane through up to three crossings ([`SeedRule`]). The
+//! sweeps are repeated until nothing changes, and stop at a narrow band. Converged bricks are skipped, which
+//! changes no bit. Differences of second order ([`Order`]) may follow. On dense grids the
+//! first-order sweeps are in [`dense`].
 //!
 //! Symbols: φ field, t threshold, u distance [voxels, then m].
 //!
-//! Limits: of the order chosen, in the voxel, away from edges of the surface; first order behind them. A feature thinner than a voxel
-//! between two nodes of the same side is not seen.
+//! Limits: the order of accuracy in the voxel is the chosen one away from edges of the surface, and the first
+//! behind them. A feature thinner than a voxel between two nodes of the same side is not resolved.
 
+mod brick_blocks;
+mod bvh;
 pub mod dense;
 mod from_triangles;
 mod godunov;
-mod groups;
 mod linked;
 mod sampled;
 mod second;
 mod seed;
 mod sweep;
-mod tree;
 mod triangles;
 
+pub use bvh::{Nearest, TriangleBvh, closest_point};
 pub use from_triangles::{SAMPLED_VERSION, Solidified, from_triangles};
 pub use sampled::Sampled;
-pub use tree::{Nearest, TriangleTree, closest_point};
 pub use triangles::Triangles;
 
 pub use second::{Nodes, Order, refine};
@@ -44,14 +47,15 @@ use linked::LinkedBricks;
 /// How distance is found from a field.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SdfParams {
-    /// How nodes beside the surface get their distance.
+    /// How nodes next to the surface get their distance.
     pub seed: SeedRule,
-    /// How far from the surface distances are found [voxels], from 1 to 10⁷. Infinite: at every node of the field's
-    /// bricks. Cost and memory grow with it.
+    /// How far from the surface distances are found [voxels], from 1 to 10⁷. Infinite: at every node of the
+    /// field's bricks. Cost and memory grow with it.
     pub band: f32,
     /// The order of the differences.
     pub order: Order,
-    /// Bricks along the edge of the blocks that threads take at a time, at least 1. Changes the time, never the result.
+    /// Bricks along the edge of the blocks that threads take at a time, at least 1. Changes the time, never
+    /// the result.
     pub block: usize,
 }
 
@@ -65,8 +69,8 @@ impl Default for SdfParams {
 ///
 /// Invariants:
 /// - A node is inside (negative) exactly if the field there is at or above the threshold.
-/// - Every grid cell with nodes on both sides has all eight nodes in existing bricks. Bricks that the band does
-///   not reach are left out, so a missing brick means that no surface crosses there.
+/// - Every grid cell with nodes on both sides has all eight nodes in existing bricks. Bricks that the band
+///   does not reach are left out, so a missing brick means that no surface crosses there.
 /// - Nodes that the band does not reach hold ±`band`; they are counted in `unreached`.
 #[derive(Clone, Debug)]
 pub struct SignedDistance {
@@ -74,9 +78,10 @@ pub struct SignedDistance {
     pub grid: SparseGrid,
     /// The largest magnitude in `grid` [m]; infinite after a full solve.
     pub band: f32,
-    /// Nodes that got their distance straight from crossings.
+    /// Nodes whose distance comes directly from crossings.
     pub pinned: usize,
-    /// Pinned nodes nearer than 10⁻⁶ voxel to the surface, among them all exactly on it: set to that distance.
+    /// Pinned nodes nearer than 10⁻⁶ voxel to the surface, among them all exactly on it: set to that
+    /// distance.
     pub on_surface: usize,
     /// Nodes without a distance of their own: they hold ±`band`, which is ±∞ after a full solve.
     pub unreached: usize,
@@ -84,12 +89,12 @@ pub struct SignedDistance {
     pub sweeps: usize,
 }
 
-/// The signed distance to the surface where `field` crosses `threshold` from below (outside) to above (inside). Where it
-/// has no brick it is zero; no edge between two bricks without values crosses the surface.
+/// The signed distance to the surface where `field` crosses `threshold` from below (outside) to above
+/// (inside). Where it has no brick it is zero; no edge between two bricks without values crosses the surface.
 ///
 /// # Panics
-/// If `threshold` is not above zero, or not below 1 while bricks are filled, if the band is out of its range or a block has
-/// no brick.
+/// If `threshold` is not above zero, or not below 1 while bricks are filled, if the band is out of its range
+/// or a block has no brick.
 pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> SignedDistance {
     assert!(threshold > 0.0, "a missing brick is outside, so the threshold is above zero");
     assert!(
@@ -176,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn the_sign_is_the_indicators_and_the_size_within_the_band() {
+    fn the_sign_is_that_of_the_indicator_and_the_magnitude_within_the_band() {
         let field = steps();
         let sdf = from_density(&field, 2.0, &SdfParams { band: 2.5, ..SdfParams::default() });
         let mut counts = [0; 2];
@@ -199,7 +204,7 @@ mod tests {
         let thin = SparseGrid::new(0.1, Bricks::new(vec![[0, 0, 0]]), 0.4);
         assert!(from_density(&thin, 0.5, &params).grid.bricks.is_empty());
 
-        // A full solve keeps the field's bricks, and says that no node has a distance.
+        // A full solve keeps the field's bricks, and counts that no node has a distance.
         let full = from_density(&thin, 0.5, &SdfParams { band: f32::INFINITY, ..SdfParams::default() });
         assert_eq!(full.unreached, BRICK_NODES);
         assert!(full.grid.values.iter().all(|&v| v == f32::INFINITY));
@@ -212,7 +217,7 @@ mod tests {
     }
 
     #[test]
-    fn no_field_gives_a_distance_that_is_not_a_number() {
+    fn no_field_gives_a_distance_that_is_nan() {
         let wild = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, 2.0, 0.0, 1e-40];
         for seed in [SeedRule::Plane, SeedRule::NearestEdge] {
             let mut field = steps();

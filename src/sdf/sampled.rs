@@ -1,14 +1,14 @@
-//! A signed distance sampled on a dense grid, and how it is asked.
+//! Signed distance sampled on a dense grid, and its interpolation.
 
 use crate::math::Vec3;
 
 /// Signed distance on a grid of nodes about one closed surface: negative inside.
 ///
-/// Node (i, j, k) stands at `origin` + (i, j, k) · `voxel`; x runs fastest. Invariants: every axis has at least two
-/// nodes, every value is finite, and every node on the grid's outside lies outside the surface.
+/// Node (i, j, k) lies at `origin` + (i, j, k) · `voxel`; x runs fastest. Invariants: every axis has at least
+/// two nodes, every value is finite, and every node on the grid's outside lies outside the surface.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampled {
-    /// Where the first node stands.
+    /// Position of the first node.
     pub origin: Vec3,
     /// Distance between nodes, above 0.
     pub voxel: f32,
@@ -19,16 +19,15 @@ pub struct Sampled {
 }
 
 impl Sampled {
-    /// Where the last node stands.
+    /// Position of the last node.
     pub fn end(&self) -> Vec3 {
         self.origin + Vec3::from(self.nodes.map(|n| (n - 1) as f32)) * self.voxel
     }
 
-    /// Distance and its gradient at `x`, which is a unit vector where the distance is smooth and [`Vec3::z`] where
-    /// there is none.
+    /// Signed distance at `x` and its normalised gradient; the gradient is [`Vec3::z`] where it vanishes.
     ///
-    /// On the grid both are those of the trilinear interpolation. Off the grid they belong to the surface point that
-    /// is nearest to where `x` meets the grid: exact on that ray, else an upper bound.
+    /// On the grid both are those of the trilinear interpolation. Off the grid they belong to the surface
+    /// point nearest to the projection of `x` onto the grid's box: exact on that ray, else an upper bound.
     #[inline]
     pub fn sample(&self, x: Vec3) -> (f32, Vec3) {
         let held = x.sup(&self.origin).inf(&self.end());
@@ -39,13 +38,13 @@ impl Sampled {
             return (d, n);
         }
         let away = beyond + n * d;
-        // Scaled, so that the squares neither overflow nor vanish.
+        // Scaled, so that the squares neither overflow nor underflow.
         let scale = away.amax();
         let length = (away / scale).norm();
         if length.is_finite() { (scale * length, away / scale / length) } else { (d, n) }
     }
 
-    /// The distance at `x`; off the grid a lower bound of it.
+    /// Signed distance at `x`; off the grid a lower bound of it.
     #[inline]
     pub fn distance(&self, x: Vec3) -> f32 {
         let held = x.sup(&self.origin).inf(&self.end());
@@ -54,7 +53,8 @@ impl Sampled {
         if beyond > 0.0 { d.max(beyond) } else { d }
     }
 
-    /// The value and gradient of the cell that holds `x`, a point on the grid.
+    /// Trilinear interpolation of the value and its gradient in the cell that contains `x`, a point on the
+    /// grid.
     #[inline]
     fn trilinear(&self, x: Vec3) -> (f32, Vec3) {
         let at = (x - self.origin) / self.voxel;
@@ -67,7 +67,7 @@ impl Sampled {
         let pair = |row: usize| (self.values[first + row], self.values[first + row + 1]);
         let mix = |a: f32, b: f32, t: f32| a + (b - a) * t;
 
-        // Along x, then y, then z; the slopes come along.
+        // Along x, then y, then z, with the slopes.
         let rows = [pair(0), pair(nx), pair(nx * ny), pair(nx * ny + nx)];
         let value_x = rows.map(|(a, b)| mix(a, b, u));
         let slope_x = rows.map(|(a, b)| b - a);
@@ -114,7 +114,7 @@ mod tests {
     }
 
     #[test]
-    fn any_query_has_a_unit_normal() {
+    fn every_query_has_a_unit_normal() {
         let ball = ball();
         for x in [Vec3::repeat(f32::NAN), Vec3::repeat(1e30), Vec3::zeros(), ball.end(), ball.origin] {
             assert!((ball.sample(x).1.norm() - 1.0).abs() < 1e-4, "{x:?}");

@@ -1,19 +1,22 @@
-//! Second order: the distances of the first-order sweeps say where each node looks, and one more solve with differences
-//! of second order gives it a better distance.
+//! Second-order Eikonal solve: the first-order distances give each node's upwind stencil, and one more solve
+//! with differences of second order improves its distance.
 //!
-//! *Method* [sethian99]: one-sided differences of second order where two nodes stand upwind in a row, of first order
-//! where one does. Along each axis a node looks toward its nearer neighbour of first order, and one node farther if that
-//! is nearer still. Every node looks at nearer ones alone, so each has its distance exactly once all it looks at have
-//! theirs: sweeps in eight orders over blocks, as at first order, find those, and no node is computed twice. The result
-//! does not depend on the order in which that happens.
+//! *Method* [sethian99]: one-sided differences of second order where two upwind nodes lie in a row, of first
+//! order where one does. Along each axis the stencil holds the neighbour with the smaller first-order
+//! distance, and the node behind it if that is nearer still. Every stencil holds only nearer nodes, so a
+//! node's distance follows once those of its stencil are known. Sweeps in eight orders over blocks, as at
+//! first order, find such nodes, and no node is computed twice. The result does not depend on the order in
+//! which that happens.
 //!
-//! *Departs from the papers*: the first-order distance takes the place of the order of acceptance; across the surface
-//! a pinned distance counts as negative, so that nodes just behind one layer of pinned nodes have second order too. An
-//! axis along which the solution would not ascend is left out, the one with the farthest neighbour first.
+//! *Departs from the papers*: the first-order distance replaces the order of acceptance. Across the surface a
+//! pinned distance counts as negative, so that nodes just behind one layer of pinned nodes have second order
+//! too. An axis along which the solution would not ascend is dropped, the one with the farthest neighbour
+//! first.
 //!
 //! Symbols: u distance of second, v of first order [voxels]; u₁, u₂ the first and second node upwind.
 //!
-//! Limits: first order where fronts meet and behind sharp edges, whose distance has a kink; second order elsewhere.
+//! Limits: first order where fronts collide and behind sharp edges, whose distance has a kink; second order
+//! elsewhere.
 
 use super::{Swept, godunov::ORDERS};
 use crate::par;
@@ -21,9 +24,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 
-/// How nodes hang together, and the blocks they are swept in.
+/// How nodes are connected, and the blocks they are swept in.
 pub trait Nodes: Sync {
-    /// A node where its neighbours are asked for.
+    /// A node's place, from which its neighbours are found.
     type At: Copy;
 
     /// How many blocks there are.
@@ -41,13 +44,13 @@ pub trait Nodes: Sync {
     /// Calls `f(place in the block, node)` for every node of a block in the order of the sweep.
     fn for_each(&self, block: usize, order: [i32; 3], f: impl FnMut(usize, Self::At));
 
-    /// The place of a node among all.
+    /// The index of a node among all.
     fn slot(&self, at: Self::At) -> usize;
 
     /// The next node beyond a face (−x, +x, −y, +y, −z, +z), if there is one.
     fn next(&self, at: Self::At, face: usize) -> Option<Self::At>;
 
-    /// The place of a next node that is known to be there.
+    /// The index of a next node that is known to exist.
     fn step(&self, slot: usize, face: usize) -> usize;
 }
 
@@ -55,16 +58,17 @@ pub trait Nodes: Sync {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
-    /// First order: the distance errs by a few tenths of a voxel far from the surface.
+    /// First order: the error is a few tenths of a voxel far from the surface.
     #[default]
     First,
-    /// Second order: an order of magnitude closer, at a few times the cost.
+    /// Second order: a tenth of the error, at a few times the cost.
     Second,
 }
 
 impl Order {
-    /// How far the sweeps of first order must come [voxels] so that every node within `band` is reached. At second order
-    /// more: a node's distance of first order is larger by a few tenths of a voxel, by one for tiny balls.
+    /// The band of the first-order sweeps [voxels] that reaches every node within `band`. At second order it
+    /// is wider: a node's first-order distance is larger by a few tenths of a voxel, and by one for tiny
+    /// balls.
     pub fn reach(self, band: f32) -> f32 {
         match self {
             Self::First => band,
@@ -73,31 +77,31 @@ impl Order {
     }
 }
 
-/// Second-order distances below `band` from what the sweeps of first order gave; `inside` is the indicator.
+/// Second-order distances below `band` from the first-order ones; `inside` is the indicator.
 pub fn refine<N: Nodes>(nodes: &N, first: Swept, band: f32, inside: impl Fn(usize) -> bool + Sync) -> Swept {
     let Swept { distance: first, sweeps: mut total, .. } = first;
-    // Where each node looks, and how many of a block's nodes wait for a distance.
+    // The stencil of each node, and how many of a block's nodes wait for a distance.
     let stencils: Vec<Vec<AtomicU16>> = par::map(nodes.blocks(), |block| {
         let mut stencils = vec![0; nodes.size(block)];
         nodes.for_each(block, [1; 3], |place, at| stencils[place] = stencil(nodes, &first, &inside, at));
         stencils.into_iter().map(AtomicU16::new).collect()
     });
-    let left = |block: usize| stencils[block].iter().filter(|s| s.load(Ordering::Relaxed) != 0).count();
-    let waiting: Vec<AtomicU32> = par::map(nodes.blocks(), |block| AtomicU32::new(left(block) as u32));
+    let unsolved = |block: usize| stencils[block].iter().filter(|s| s.load(Ordering::Relaxed) != 0).count();
+    let waiting: Vec<AtomicU32> = par::map(nodes.blocks(), |block| AtomicU32::new(unsolved(block) as u32));
 
-    // Numbers are written once, ∞ until then; whoever reads a node in another block is kept in order by the wavefront.
+    // Distances are written once, ∞ until then; the wavefront orders reads of nodes in other blocks.
     let known = |v: f32| AtomicU32::new(if v < 0.0 { -v } else { f32::INFINITY }.to_bits());
     let mut distance: Vec<AtomicU32> = (0..first.len()).map(|_| AtomicU32::new(0)).collect();
     par::fill(&mut distance, |slot| known(first[slot]));
-    let awake: Vec<AtomicBool> = (0..nodes.blocks()).map(|_| AtomicBool::new(true)).collect();
+    let active: Vec<AtomicBool> = (0..nodes.blocks()).map(|_| AtomicBool::new(true)).collect();
     let mut sweeps = 0;
     while (0..nodes.blocks())
-        .any(|block| awake[block].load(Ordering::Relaxed) && waiting[block].load(Ordering::Relaxed) > 0)
+        .any(|block| active[block].load(Ordering::Relaxed) && waiting[block].load(Ordering::Relaxed) > 0)
     {
         let order = ORDERS[sweeps % ORDERS.len()];
         nodes.wavefront(order, |block| {
             let before = waiting[block].load(Ordering::Relaxed);
-            if before == 0 || !awake[block].load(Ordering::Relaxed) {
+            if before == 0 || !active[block].load(Ordering::Relaxed) {
                 return;
             }
             let mut found = 0;
@@ -113,18 +117,18 @@ pub fn refine<N: Nodes>(nodes: &N, first: Swept, band: f32, inside: impl Fn(usiz
                     found += 1;
                 }
             });
-            // What was not ready stays so, in any order, until a node near it has its distance.
+            // A node that is not ready stays so, in any order, until a node near it has its distance.
             waiting[block].store(before - found, Ordering::Relaxed);
-            awake[block].store(found > 0, Ordering::Relaxed);
+            active[block].store(found > 0, Ordering::Relaxed);
             if found > 0 {
-                nodes.for_each_near(block, |other| awake[other].store(true, Ordering::Relaxed));
+                nodes.for_each_near(block, |other| active[other].store(true, Ordering::Relaxed));
             }
         });
         sweeps += 1;
     }
     total += sweeps;
     let waits = waiting.iter().any(|waiting| waiting.load(Ordering::Relaxed) > 0);
-    assert!(!waits, "every node looks at nearer ones alone, so none waits for itself");
+    assert!(!waits, "a stencil holds only nearer nodes, so none waits for itself");
 
     let mut refined = first;
     par::update(&mut refined, |slot, v| {
@@ -136,28 +140,30 @@ pub fn refine<N: Nodes>(nodes: &N, first: Swept, band: f32, inside: impl Fn(usiz
     Swept::new(refined, total)
 }
 
-/// Along an axis a node looks at nothing (0), at one node (`ONE`), at two (`TWO`), or at two with the surface between
-/// them (`ACROSS`); plus `HIGH` where they are the higher ones. Three bits an axis.
+/// A stencil has three bits per axis: no node (0), one (`ONE`), two (`TWO`), or two with the surface between
+/// them (`ACROSS`); plus `HIGH` where they are the higher neighbours.
 const ONE: u16 = 1;
 const TWO: u16 = 2;
 const ACROSS: u16 = 3;
 const HIGH: u16 = 4;
 
-/// Where a node looks; 0 for one that is pinned or that no front reached.
+/// The upwind stencil of a node; 0 for one that is pinned or that no front reached.
 #[inline]
 fn stencil<N: Nodes>(nodes: &N, first: &[f32], inside: &(impl Fn(usize) -> bool + Sync), at: N::At) -> u16 {
     let own = first[nodes.slot(at)];
     if !(own >= 0.0 && own.is_finite()) {
         return 0;
     }
-    let size = |at: Option<N::At>| at.map_or(f32::INFINITY, |at| first[nodes.slot(at)].abs());
+    let magnitude = |at: Option<N::At>| at.map_or(f32::INFINITY, |at| first[nodes.slot(at)].abs());
     let mut all = 0;
     for axis in 0..3 {
         let sides = [nodes.next(at, 2 * axis), nodes.next(at, 2 * axis + 1)];
-        let (low, high) = (size(sides[0]), size(sides[1]));
+        let (low, high) = (magnitude(sides[0]), magnitude(sides[1]));
         let side = usize::from(high < low);
-        let (Some(near), near_size) = (sides[side], if side == 1 { high } else { low }) else { continue };
-        if near_size >= own {
+        let (Some(near), near_magnitude) = (sides[side], if side == 1 { high } else { low }) else {
+            continue;
+        };
+        if near_magnitude >= own {
             continue;
         }
         let far = nodes.next(near, 2 * axis + side);
@@ -167,7 +173,7 @@ fn stencil<N: Nodes>(nodes: &N, first: &[f32], inside: &(impl Fn(usize) -> bool 
         });
         let kind = match () {
             () if across => ACROSS,
-            () if size(far) < near_size => TWO,
+            () if magnitude(far) < near_magnitude => TWO,
             () => ONE,
         };
         all |= (kind | if side == 1 { HIGH } else { 0 }) << (3 * axis);
@@ -175,12 +181,12 @@ fn stencil<N: Nodes>(nodes: &N, first: &[f32], inside: &(impl Fn(usize) -> bool 
     all
 }
 
-/// The distance of a node, if all that it looks at have theirs.
+/// The distance of a node, if those of its stencil are known.
 #[inline]
 fn distance_at<N: Nodes>(nodes: &N, distance: &[AtomicU32], slot: usize, stencil: u16) -> Option<f32> {
     let read = |slot: usize| f32::from_bits(distance[slot].load(Ordering::Relaxed));
     let mut near = [f32::INFINITY; 3];
-    // The slope between the two nodes that an axis looks at; below zero where there is no second one.
+    // The slope between the two nodes of an axis; below zero where there is no second one.
     let mut slope = [-1.0; 3];
     for axis in 0..3 {
         let code = stencil >> (3 * axis);
@@ -204,12 +210,12 @@ fn distance_at<N: Nodes>(nodes: &N, distance: &[AtomicU32], slot: usize, stencil
     Some(upwind(near, slope))
 }
 
-/// The root of Σ (∂u)² = 1 with one-sided differences: (u − u₁), or (3u − 4u₁ + u₂)/2 where `slope` = u₁ − u₂ ≥ 0.
-/// `near` is u₁, ∞ for an axis without; one is finite.
+/// The root of Σ (∂u)² = 1 with one-sided differences: (u − u₁), or (3u − 4u₁ + u₂)/2 where `slope` = u₁ − u₂
+/// ≥ 0. `near` is u₁, ∞ for an axis without a node; at least one is finite.
 #[inline]
 fn upwind(near: [f32; 3], slope: [f32; 3]) -> f32 {
-    // Everything relative to the lowest neighbour: each axis is w (u − t)², w = 9/4 and t = u₁ + (u₁ − u₂)/3 at second
-    // order, w = 1 and t = u₁ at first.
+    // Everything relative to the lowest neighbour: each axis is w (u − t)², w = 9/4 and t = u₁ + (u₁ − u₂)/3
+    // at second order, w = 1 and t = u₁ at first.
     let base = near[0].min(near[1]).min(near[2]);
     let mut axes = [0, 1, 2].map(|axis| {
         let second = slope[axis] >= 0.0;
@@ -311,9 +317,9 @@ mod tests {
                 }
             }
         }
-        // u = x²/4 + … has slope 1 at x = 2 and is met without error: u₁ = 1/4, u₂ = 0.
+        // u = x²/4 + … has slope 1 at x = 2 and is exact there: u₁ = 1/4, u₂ = 0.
         assert!((upwind([0.25, f32::INFINITY, f32::INFINITY], [0.25, -1.0, -1.0]) - 1.0).abs() < 1e-6);
-        // An axis along which the solution would descend is left out.
+        // An axis along which the solution would descend is dropped.
         assert_eq!(upwind([2.0, 9.0, f32::INFINITY], [-1.0, -1.0, -1.0]), 3.0);
     }
 }

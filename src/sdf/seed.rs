@@ -1,22 +1,22 @@
-//! Distances of the nodes beside the surface, straight from the field.
+//! Distances of the nodes next to the surface, directly from the field.
 //!
 //! *Method* [gourlay17], "Finding Surfaces Using the Indicator Function" and "Signed Distance Function".
-//! *Departs from the paper*: the plane through the crossings of all axes instead of the nearest crossing alone
-//! (which stays as [`SeedRule::NearestEdge`]); the indicator is kept as one bit a node, so that crossings are
-//! found 64 nodes at a time.
+//! *Departs from the paper*: the plane through the crossings of all axes replaces the nearest crossing alone,
+//! which remains as [`SeedRule::NearestEdge`]. The indicator is stored as one bit per node, so that crossings
+//! are found 64 nodes at a time.
 //!
-//! An axis without a crossing within a voxel takes the place where the field's slope would cross: without that the
-//! plane is tilted, and on a sphere of radius 10 voxels the worst error was 0.41 voxel instead of 0.04, the mean
-//! 0.043 instead of 0.014 (nearest crossing alone: 0.41 and 0.079).
+//! An axis without a crossing within a voxel takes the place where the field's slope would cross. Without
+//! that the plane is tilted: on a sphere of radius 10 voxels the worst error was 0.41 voxel instead of 0.04,
+//! and the mean 0.043 instead of 0.014 (nearest crossing alone: 0.41 and 0.079).
 //!
-//! Limits: exact for a plane in a field that is linear across it; on a surface of curvature κ off by κ/2 voxels at
-//! most. Where another surface is within a voxel, the plane mixes the two.
+//! Limits: exact for a plane in a field that is linear across it. On a surface of curvature κ the error is at
+//! most κ/2 voxels. Where another surface is within a voxel, the plane mixes the two.
 
 use super::SdfParams;
 use crate::grid::{BRICK, BRICK_NODES, Bricks, FACES, NodeMask, SparseGrid, beside, mask_of};
 use crate::par;
 
-/// How a node beside the surface gets its distance from the crossings on its edges.
+/// How a node next to the surface gets its distance from the crossings on its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SeedRule {
     /// The distance to the plane through the nearest crossing of each axis, on or beyond the node's edges.
@@ -28,42 +28,42 @@ pub enum SeedRule {
 
 /// The smallest distance of a pinned node [voxels].
 ///
-/// It keeps every value on its own side of zero. Below 1e-7 it would be lost when a mesh vertex is put between
-/// two nodes; at 1e-3 a surface that passes exactly through nodes would show steps.
-pub(super) const NEAREST: f32 = 1e-6;
+/// It keeps every value on its own side of zero. Below 1e-7 it would be lost to rounding when a mesh vertex
+/// is placed between two nodes; at 1e-3 a surface that passes exactly through nodes would show steps.
+pub(super) const MIN_DISTANCE: f32 = 1e-6;
 
-/// The nodes beside a surface and their distances, on the bricks within a band of it.
+/// The nodes next to a surface and their distances, on the bricks within a band of it.
 #[derive(Clone, Debug)]
 pub struct Seeds {
     /// Every brick within the band.
     pub bricks: Bricks,
-    /// 512 numbers a brick [voxels]: pinned distances as negative numbers, ∞ at all other nodes.
+    /// 512 numbers per brick [voxels]: pinned distances as negative numbers, ∞ at all other nodes.
     pub distance: Vec<f32>,
     /// The indicator of every brick: the nodes inside.
     pub inside: Vec<NodeMask>,
     /// How many nodes are pinned.
     pub pinned: usize,
-    /// How many of them were nearer to the surface than the smallest distance stored.
+    /// How many of them were nearer to the surface than the smallest stored distance.
     pub on_surface: usize,
 }
 
-/// Pins the nodes beside the surface where `field` crosses `threshold`; `params` as for
+/// Pins the nodes next to the surface where `field` crosses `threshold`; `params` as for
 /// [`from_density`](super::from_density).
 ///
 /// # Panics
 /// If the band is below one voxel, or finite and above 10⁸.
 pub fn seeds(field: &SparseGrid, threshold: f32, params: &SdfParams) -> Seeds {
-    assert!(params.band >= 1.0, "the band holds the nodes beside the surface");
-    assert!(params.band <= 1e8 || params.band.is_infinite(), "what is farther is the whole domain");
+    assert!(params.band >= 1.0, "the band holds the nodes next to the surface");
+    assert!(params.band <= 1e8 || params.band.is_infinite(), "a band beyond 10⁸ voxels is infinite");
     let indicator = Indicator { field, masks: indicator(field, threshold) };
     let bricks = bricks_in_band(&indicator, params.band);
 
     // Every brick of the band gets its indicator and its pinned distances.
     let mut distance = vec![f32::INFINITY; bricks.len() * BRICK_NODES];
     par::for_chunks(&mut distance, BRICK_NODES, |start, values| {
-        let near = indicator.near(bricks.coords()[start / BRICK_NODES]);
-        for_each_bit(&near.beside(), |place| {
-            values[place] = -near.distance(place, threshold, params.seed).max(NEAREST);
+        let stencil = indicator.stencil(bricks.coords()[start / BRICK_NODES]);
+        for_each_bit(&stencil.adjacent(), |place| {
+            values[place] = -stencil.distance(place, threshold, params.seed).max(MIN_DISTANCE);
         });
     });
     let mut inside = vec![NodeMask::default(); bricks.len()];
@@ -72,15 +72,15 @@ pub fn seeds(field: &SparseGrid, threshold: f32, params: &SdfParams) -> Seeds {
     Seeds { bricks, distance, inside, pinned, on_surface }
 }
 
-/// How many nodes are pinned, and how many of these are as near to the surface as it gets.
+/// How many nodes are pinned, and how many of these have the smallest distance.
 pub(super) fn count(distance: &[f32]) -> [usize; 2] {
-    let count = |what: fn(f32) -> bool| {
+    let count = |condition: fn(f32) -> bool| {
         let counts = par::map_chunks(distance.len(), par::CHUNK, |range| {
-            distance[range].iter().filter(|&&d| what(d)).count()
+            distance[range].iter().filter(|&&d| condition(d)).count()
         });
         counts.into_iter().sum()
     };
-    [count(|d| d < 0.0), count(|d| d == -NEAREST)]
+    [count(|d| d < 0.0), count(|d| d == -MIN_DISTANCE)]
 }
 
 /// The indicator of every brick of `field`: inside is at or above the threshold.
@@ -90,18 +90,18 @@ fn indicator(field: &SparseGrid, threshold: f32) -> Vec<NodeMask> {
     masks
 }
 
-/// The bricks that the band around the surface reaches; for an infinite band the field's own and those that the
-/// cells on the surface reach.
+/// The bricks that the narrow band around the surface reaches. For an infinite band: the field's own and
+/// those that the cells on the surface reach.
 ///
-/// Every cell on the surface has a node in a brick of the field, so these are enough to start from: a node closer than the
-/// band to the surface is at most ⌈band⌉ nodes from such a node along each axis.
+/// Every cell on the surface has a node in a brick of the field, so the field's bricks are enough to start
+/// from. A node closer to the surface than the band is at most ⌈band⌉ nodes from such a node along each axis.
 fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
     let bricks = &indicator.field.bricks;
     let reach = if band.is_finite() { band.ceil() as i32 } else { 1 };
     let mut coords: Vec<[i32; 3]> = par::map_chunks(bricks.len(), 64, |range| {
         let mut reached = Vec::new();
         for coord in bricks.coords()[range].iter().copied() {
-            let Some((low, high)) = indicator.near(coord).extent() else { continue };
+            let Some((low, high)) = indicator.stencil(coord).extent() else { continue };
             let first = low.map(|v| (v - reach).div_euclid(BRICK as i32));
             let last = high.map(|v| (v + reach).div_euclid(BRICK as i32));
             for z in first[2]..=last[2] {
@@ -110,7 +110,7 @@ fn bricks_in_band(indicator: &Indicator, band: f32) -> Bricks {
                 }
             }
         }
-        // Bricks side by side reach the same ones: most repeats go here, on all threads.
+        // Neighbouring bricks reach the same ones: most duplicates are removed here, on all threads.
         reached.sort_unstable();
         reached.dedup();
         reached
@@ -139,10 +139,10 @@ impl Indicator<'_> {
     }
 
     /// The field in and around the brick at `coord`.
-    fn near(&self, coord: [i32; 3]) -> Near<'_> {
+    fn stencil(&self, coord: [i32; 3]) -> BrickStencil<'_> {
         let around = FACES.map(|step| std::array::from_fn(|axis| coord[axis] + step[axis]));
         let values = |coord: [i32; 3]| self.field.bricks.find(coord).map(|brick| self.field.brick(brick));
-        Near {
+        BrickStencil {
             own: values(coord),
             around: around.map(values),
             inside: self.mask(coord),
@@ -152,7 +152,7 @@ impl Indicator<'_> {
 }
 
 /// One brick of a field and its six neighbours; a missing one is 1 everywhere if it is filled, else zero.
-struct Near<'a> {
+struct BrickStencil<'a> {
     own: Option<&'a [f32]>,
     around: [Option<&'a [f32]>; 6],
     inside: NodeMask,
@@ -162,7 +162,7 @@ struct Near<'a> {
 /// The bits of a mask word with x = 0.
 const X_LOW: u64 = 0x0101_0101_0101_0101;
 
-impl Near<'_> {
+impl BrickStencil<'_> {
     /// The nodes whose neighbour across `face` lies on the other side of the threshold.
     fn crossed(&self, face: usize) -> NodeMask {
         let (own, other) = (&self.inside, &self.inside_around[face]);
@@ -181,17 +181,17 @@ impl Near<'_> {
         })
     }
 
-    /// The nodes with a neighbour on the other side.
-    fn beside(&self) -> NodeMask {
+    /// The nodes with a neighbour on the other side of the threshold.
+    fn adjacent(&self) -> NodeMask {
         (0..6)
             .map(|face| self.crossed(face))
             .fold(NodeMask::default(), |a, b| std::array::from_fn(|z| a[z] | b[z]))
     }
 
-    /// The lowest and highest node beside the surface, in nodes from the brick's first.
+    /// The lowest and highest node next to the surface, in nodes from the brick's first.
     fn extent(&self) -> Option<([i32; 3], [i32; 3])> {
         let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
-        for_each_bit(&self.beside(), |place| {
+        for_each_bit(&self.adjacent(), |place| {
             for (axis, v) in [place % 8, place / 8 % 8, place / 64].into_iter().enumerate() {
                 low[axis] = low[axis].min(v as i32);
                 high[axis] = high[axis].max(v as i32);
@@ -214,20 +214,20 @@ impl Near<'_> {
         (own, other)
     }
 
-    /// The distance of a node beside the surface [voxels].
+    /// The distance of a node next to the surface [voxels].
     fn distance(&self, place: usize, threshold: f32, rule: SeedRule) -> f32 {
         rule.distance(std::array::from_fn(|face| self.pair(place, face)), threshold)
     }
 }
 
 impl SeedRule {
-    /// The distance [voxels] of a node beside the surface, from the field there and at its neighbour beyond each of
-    /// the faces −x, +x, −y, +y, −z, +z. A neighbour that is not there has the node's own value.
+    /// The distance [voxels] of a node next to the surface, from the field there and at its neighbour beyond
+    /// each of the faces −x, +x, −y, +y, −z, +z. A missing neighbour has the node's own value.
     pub fn distance(self, pairs: [(f32, f32); 6], threshold: f32) -> f32 {
         // Along each axis the nearest crossing, and where the field would cross beyond the neighbour.
         let (mut crossing, mut beyond) = ([f32::INFINITY; 3], [f32::INFINITY; 3]);
         for (face, (own, other)) in pairs.into_iter().enumerate() {
-            let along = ((threshold - own) / (other - own)).max(NEAREST); // x, [gourlay17] Figure 3
+            let along = ((threshold - own) / (other - own)).max(MIN_DISTANCE); // x, [gourlay17] Figure 3
             if (own >= threshold) != (other >= threshold) {
                 crossing[face / 2] = along.min(crossing[face / 2]);
             } else if along >= 1.0 {

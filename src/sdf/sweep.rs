@@ -1,41 +1,42 @@
-//! The Eikonal equation |∇u| = 1 on bricks, from pinned distances, by sweeps in eight orders.
+//! Fast sweeping on bricks: the Eikonal equation |∇u| = 1 from pinned distances, in eight sweep orders.
 //!
-//! *Method* [zhao05]: Godunov's upwind difference and Gauss–Seidel sweeps in eight orders; [gourlay17]: blocks run
-//! in a wavefront as their predecessors in the sweep's direction finish. A node reads its six neighbours; those
-//! before it in the sweep are done, those after it wait for it, so the wavefront gives the bits of the sequential
-//! sweep ([`sweep_in_order`]), whatever the number of threads.
+//! *Method* [zhao05]: Godunov upwind differences and Gauss–Seidel sweeps in eight orders; [gourlay17]: blocks
+//! run in a wavefront as their predecessors in the sweep's direction finish. A node reads its six neighbours.
+//! Those before it in the sweep are done, those after it wait for it, so the wavefront gives the bits of the
+//! sequential sweep ([`sweep_in_order`]) for any number of threads.
 //!
-//! *Departs from the paper*: sweeps are repeated until nothing changes. A brick whose last pass changed nothing and
-//! whose neighbours' facing layers stayed as they were is at rest: a pass would change nothing, so it is left out.
-//! The equation is solved relative to the smallest neighbour, which keeps single precision accurate far out.
+//! *Departs from the paper*: sweeps are repeated until nothing changes. A brick has converged if its last
+//! pass changed nothing and the facing layers of its neighbours have not changed since. A pass would change
+//! nothing, so it is skipped. The equation is solved relative to the smallest neighbour, which keeps single
+//! precision accurate far from the surface.
 //!
 //! Symbols: u distance [voxels]; a ≤ b ≤ c the smaller neighbour of each axis.
 //!
 //! Limits: first order; the error grows as h log 1/h with the distance from a point source.
 
 use super::{
-    godunov::{ORDERS, lowered, smaller, until_rest, update},
-    groups::Groups,
+    brick_blocks::BrickBlocks,
+    godunov::{ORDERS, lowered, smaller, until_converged, update},
 };
 use crate::grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, node_of};
 use crate::par;
 use std::sync::RwLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What sweeping gave.
+/// Distances after sweeping.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Swept {
-    /// One number a node, in the order of the seeds given [voxels]: pinned distances as negative numbers, unchanged;
-    /// distances below the band; ∞ at nodes that no front reached within the band.
+    /// One number per node, in the order of the seeds [voxels]: pinned distances as negative numbers,
+    /// unchanged; distances below the band; ∞ at nodes that no front reached within the band.
     pub distance: Vec<f32>,
     /// How many nodes hold ∞.
     pub unreached: usize,
-    /// Sweeps run until nothing changed, the last ones, which found that, included.
+    /// Sweeps run until nothing changed, including the last ones that changed nothing.
     pub sweeps: usize,
 }
 
 impl Swept {
-    /// These distances, with the nodes counted that were not reached.
+    /// Counts the nodes of `distance` that were not reached.
     pub(super) fn new(distance: Vec<f32>, sweeps: usize) -> Self {
         let unreached = par::map_chunks(distance.len(), par::CHUNK, |range| {
             distance[range].iter().filter(|d| d.is_infinite()).count()
@@ -44,33 +45,34 @@ impl Swept {
     }
 }
 
-/// Carries pinned distances on until nothing changes.
+/// Extends pinned distances to all nodes by fast sweeping until nothing changes.
 ///
-/// `seeds` has 512 numbers a brick [voxels]: pinned distances as negative numbers, ∞ at all other nodes. Distances
-/// of `band` and more are not written. Missing bricks hold no distance. A thread takes cubes of `block`³ bricks at a time,
-/// which changes the time and never the result.
+/// `seeds` has 512 numbers per brick [voxels]: pinned distances as negative numbers, ∞ at all other nodes.
+/// Distances of `band` and more are not written. Missing bricks hold no distance. A thread takes blocks of
+/// `block`³ bricks at a time, which changes the time and never the result.
 ///
 /// # Panics
 /// If `seeds` has another length, or `block` is 0.
 pub fn sweep(bricks: &Bricks, seeds: &[f32], band: f32, block: usize) -> Swept {
-    let blocks = Blocks::new(bricks, seeds, band, block);
-    let sweeps = until_rest(|| blocks.at_rest(), |order| blocks.sweep(order));
-    Swept::new(blocks.distances(), sweeps)
+    let swept = SweptBricks::new(bricks, seeds, band, block);
+    let sweeps = until_converged(|| swept.converged(), |order| swept.sweep(order));
+    Swept::new(swept.distances(), sweeps)
 }
 
 const NO_PANIC: &str = "a pass over a block does not panic";
 
-/// The bricks during a sweep.
+/// The bricks during the sweeps.
 ///
-/// No two threads ever want the same lock for writing, and none reads while another writes: the wavefront keeps
-/// face neighbours apart. The locks let the compiler see that, and cost one uncontended operation each; atomic
-/// numbers in their place were no faster (two full solves of 256³ on one thread: 2.89 s, with locks 2.85 s).
-struct Blocks {
-    groups: Groups,
+/// No two threads ever request the same lock for writing, and none reads while another writes: the wavefront
+/// never runs face neighbours at once. The locks prove that to the compiler, and cost one uncontended
+/// operation each. Atomic numbers in their place were no faster (two full solves of 256³ on one thread: 2.89
+/// s, with locks 2.85 s).
+struct SweptBricks {
+    blocks: BrickBlocks,
     neighbours: Vec<[Option<u32>; 6]>,
     values: Vec<RwLock<[f32; BRICK_NODES]>>,
     /// Whether a pass over the brick could change anything.
-    awake: Vec<AtomicBool>,
+    active: Vec<AtomicBool>,
     band: f32,
 }
 
@@ -85,29 +87,35 @@ fn padded(row: usize) -> usize {
     1 + EDGE * (row % BRICK + 1) + EDGE * EDGE * (row / BRICK + 1)
 }
 
-impl Blocks {
+impl SweptBricks {
     fn new(bricks: &Bricks, seeds: &[f32], band: f32, block: usize) -> Self {
-        assert_eq!(seeds.len(), bricks.len() * BRICK_NODES, "one number a node");
+        assert_eq!(seeds.len(), bricks.len() * BRICK_NODES, "one number per node");
         let values = par::map(bricks.len(), |brick| {
             let mut values = [0.0; BRICK_NODES];
             values.copy_from_slice(&seeds[brick * BRICK_NODES..(brick + 1) * BRICK_NODES]);
             RwLock::new(values)
         });
-        let awake = (0..bricks.len()).map(|_| AtomicBool::new(true)).collect();
-        Self { groups: Groups::new(bricks, block), neighbours: bricks.neighbours(), values, awake, band }
+        let active = (0..bricks.len()).map(|_| AtomicBool::new(true)).collect();
+        Self {
+            blocks: BrickBlocks::new(bricks, block),
+            neighbours: bricks.neighbours(),
+            values,
+            active,
+            band,
+        }
     }
 
     /// Whether no pass would change anything.
-    fn at_rest(&self) -> bool {
-        !self.awake.iter().any(|awake| awake.load(Ordering::Relaxed))
+    fn converged(&self) -> bool {
+        !self.active.iter().any(|active| active.load(Ordering::Relaxed))
     }
 
     /// One sweep over all bricks in the given order, as a wavefront.
     fn sweep(&self, order: [i32; 3]) {
-        self.groups.wavefront(order, |brick| self.pass(brick, order));
+        self.blocks.wavefront(order, |brick| self.pass(brick, order));
     }
 
-    /// The bricks' numbers in one list.
+    /// The distances of all bricks.
     fn distances(&self) -> Vec<f32> {
         let mut distance = vec![0.0; self.values.len() * BRICK_NODES];
         par::for_chunks(&mut distance, BRICK_NODES, |start, out| {
@@ -118,20 +126,20 @@ impl Blocks {
 
     /// One Gauss–Seidel pass over a brick in the given order.
     fn pass(&self, brick: usize, order: [i32; 3]) {
-        if !self.awake[brick].load(Ordering::Relaxed) {
+        if !self.active[brick].load(Ordering::Relaxed) {
             return;
         }
         let mut own = *self.values[brick].read().expect(NO_PANIC);
         let u = self.gather(brick, &own);
         let changed = relax(&mut own, u, order, self.band);
-        self.awake[brick].store(changed.is_some(), Ordering::Relaxed);
+        self.active[brick].store(changed.is_some(), Ordering::Relaxed);
         let Some(faces) = changed else { return };
 
-        // Neighbours wake up if the layer they read has changed.
+        // Neighbours become active if the layer they read has changed.
         *self.values[brick].write().expect(NO_PANIC) = own;
         for (other, _) in self.neighbours[brick].iter().zip(faces).filter(|(_, changed)| *changed) {
             if let Some(other) = *other {
-                self.awake[other as usize].store(true, Ordering::Relaxed);
+                self.active[other as usize].store(true, Ordering::Relaxed);
             }
         }
     }
@@ -169,8 +177,8 @@ impl Blocks {
     }
 }
 
-/// Lowers the free distances of a brick in the given order; says which of its faces changed, or `None` if nothing
-/// did.
+/// Lowers the free distances of a brick in the given order; returns which of its faces changed, or `None` if
+/// nothing changed.
 fn relax(own: &mut [f32; BRICK_NODES], mut u: Padded, order: [i32; 3], band: f32) -> Option<[bool; 6]> {
     let run =
         |direction: i32| if direction > 0 { [0, 1, 2, 3, 4, 5, 6, 7] } else { [7, 6, 5, 4, 3, 2, 1, 0] };
@@ -191,7 +199,7 @@ fn relax(own: &mut [f32; BRICK_NODES], mut u: Padded, order: [i32; 3], band: f32
                 ]
             };
 
-            // A row that no neighbour lowers stays as it is: found for eight nodes at once.
+            // A row that no neighbour lowers does not change: tested for eight nodes at once.
             let mut lowers = [false; BRICK];
             for x in 0..BRICK {
                 lowers[x] = lowered(values[x], nearest(&u, x), band);
@@ -217,8 +225,8 @@ fn relax(own: &mut [f32; BRICK_NODES], mut u: Padded, order: [i32; 3], band: f32
     any.then_some(faces)
 }
 
-/// [`sweep`] without blocks and threads: every node of the grid in the order of the sweep, one after the other. The
-/// reference that `sweep` is tested against, bit for bit; `sweeps` counts whole rounds of eight.
+/// [`sweep`] without blocks and threads: every node of the grid in the order of the sweep, one after the
+/// other. The reference that `sweep` is tested against, bit for bit; `sweeps` is a multiple of eight.
 pub fn sweep_in_order(bricks: &Bricks, seeds: &[f32], band: f32) -> Swept {
     let mut grid = SparseGrid::of(1.0, bricks.clone(), seeds.to_vec());
     let mut sweeps = 0;
@@ -233,7 +241,7 @@ pub fn sweep_in_order(bricks: &Bricks, seeds: &[f32], band: f32) -> Swept {
     Swept::new(grid.values, sweeps)
 }
 
-/// One sweep over all nodes in the given order; says whether anything changed.
+/// One sweep over all nodes in the given order; returns whether anything changed.
 fn one_sweep_in_order(grid: &mut SparseGrid, order: [i32; 3], band: f32) -> bool {
     let node = |slot: usize| node_of(grid.bricks.coords()[slot / BRICK_NODES], slot % BRICK_NODES);
     let mut nodes: Vec<([i32; 3], usize)> = (0..grid.values.len()).map(|slot| (node(slot), slot)).collect();
@@ -316,19 +324,20 @@ mod tests {
 
     #[test]
     fn every_single_sweep_has_the_bits_of_the_sequential_one() {
-        // Once all is at rest the order no longer shows, so the numbers on the way there are compared too.
+        // The converged result does not depend on the order, so the distances after every sweep are compared
+        // too.
         for (name, field) in fields() {
             let Seeds { bricks, distance, .. } =
                 seeds(&field, 1.0, &SdfParams { band: f32::INFINITY, ..SdfParams::default() });
             let mut reference = SparseGrid::of(1.0, bricks, distance.clone());
             let runs = [(1, 1), (2, 1), (3, 1), (8, 1), (1, 2), (8, 2), (3, 3)].map(|(threads, block)| {
-                (threads, Blocks::new(&reference.bricks, &distance, f32::INFINITY, block))
+                (threads, SweptBricks::new(&reference.bricks, &distance, f32::INFINITY, block))
             });
             for (sweep, order) in ORDERS.into_iter().cycle().take(12).enumerate() {
                 one_sweep_in_order(&mut reference, order, f32::INFINITY);
-                for (threads, blocks) in &runs {
-                    par::with_threads(*threads, || blocks.sweep(order));
-                    let same = bits(&blocks.distances()) == bits(&reference.values);
+                for (threads, swept) in &runs {
+                    par::with_threads(*threads, || swept.sweep(order));
+                    let same = bits(&swept.distances()) == bits(&reference.values);
                     assert!(same, "{name}, sweep {sweep}, {threads} threads");
                 }
             }
@@ -348,7 +357,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_without_a_front_are_counted() {
+    fn unreached_nodes_are_counted() {
         // One pinned node; the second brick touches nothing that holds a distance.
         let bricks = Bricks::new(vec![[0, 0, 0], [2, 0, 0]]);
         let mut seeds = vec![f32::INFINITY; 2 * BRICK_NODES];

@@ -2,14 +2,14 @@
 
 use crate::math::Vec3;
 
-/// A triangle mesh: any soup will do, closed or not.
+/// A triangle mesh, closed or not: a triangle soup is accepted.
 ///
 /// Invariant: every index is below the number of positions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Triangles {
     /// Corner positions, in the mesh's own units.
     pub positions: Vec<Vec3>,
-    /// Three places in `positions` a triangle, counter-clockwise seen from outside.
+    /// Three indices into `positions` per triangle, counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 

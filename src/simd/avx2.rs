@@ -1,7 +1,7 @@
 //! The AVX2 form of [`Lanes`].
 //!
-//! *Method*: one register holds eight numbers. No fused operations, and sums in the reference's order, so the bits are those of
-//! `scalar.rs`.
+//! *Method*: one register holds eight numbers. No fused operations, and sums in the reference's order, so the
+//! bits are those of `scalar.rs`.
 #![allow(unsafe_code)] // Vector instructions, and the call into code for processors that have AVX2.
 
 use super::{F32x8, IndexRow, LANES, Lanes, Pass};
@@ -26,8 +26,8 @@ fn with_avx2<P: Pass>(pass: P) -> P::Out {
     pass.run::<Avx2Lanes>()
 }
 
-/// Eight numbers in a register. Only passes under [`with_avx2`] can name this type, as their parameter `L`, so every use
-/// runs on a processor that has AVX2.
+/// Eight numbers in a register. Only passes under [`with_avx2`] can name this type, as their parameter `L`,
+/// so every use runs on a processor that has AVX2.
 #[derive(Clone, Copy)]
 struct Avx2Lanes(__m256);
 

@@ -1,4 +1,5 @@
-//! Lists of indices that are checked once, when they are made, so that vector code may gather by them unchecked.
+//! Lists of indices that are checked once, when they are made, so that vector code may gather by them
+//! unchecked.
 
 use super::{LANES, Lanes, Pass, dispatch};
 use std::ops::Range;
@@ -67,8 +68,8 @@ impl Pass for Largest<'_> {
 
 /// A range of an [`IndexList`] by eights.
 ///
-/// A loop over it stays in the function that it is written in. A closure would be a function of its own, compiled without
-/// the form's instructions, and 5 times slower.
+/// A loop over it stays in the function that it is written in. A closure would be a function of its own,
+/// compiled without the form's instructions, and 5 times slower.
 pub struct IndexRows<'a> {
     list: &'a [u32],
     next: usize,
@@ -85,8 +86,8 @@ impl IndexRows<'_> {
         self.list.len().next_multiple_of(LANES) - self.list.len()
     }
 
-    /// The next eight. They are borrowed, so that each index is read from memory where it is used: copied, eight of them
-    /// become one register that they have to be taken out of again, at twice the instructions.
+    /// The next eight. They are borrowed, so that each index is read from memory where it is used: copied,
+    /// eight of them become one register that they have to be taken out of again, at twice the instructions.
     #[inline(always)]
     #[expect(clippy::should_implement_trait, reason = "an iterator cannot lend what it owns")]
     pub fn next(&mut self) -> Option<IndexRow<'_>> {

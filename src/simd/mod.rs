@@ -1,12 +1,13 @@
 //! Eight numbers at a time: the one place for vector instructions, and the only one with `unsafe`.
 //!
-//! A [`Pass`] is a loop written once. [`dispatch`] compiles it twice, with [`ScalarLanes`] for any processor and with AVX2
-//! for those that have it, and runs the faster form that the processor supports. A pass can use lanes in two ways:
+//! A [`Pass`] is a loop written once. [`dispatch`] compiles it twice, with [`ScalarLanes`] for any processor
+//! and with AVX2 for those that have it, and runs the faster form that the processor supports. A pass can use
+//! lanes in two ways:
 //! - by the operations of [`Lanes`], which become one instruction each;
 //! - by plain loops over [`F32x8`], which the compiler vectorises with the instructions of the form.
 //!
-//! Both forms give the same bits: there are no fused multiply-adds, no reordered sums and no approximate reciprocals,
-//! and [`ScalarLanes`] is the readable reference of every operation.
+//! Both forms give the same bits: there are no fused multiply-adds, no reordered sums and no approximate
+//! reciprocals, and [`ScalarLanes`] is the readable reference of every operation.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -28,8 +29,8 @@ pub type F32x8 = [f32; LANES];
 pub trait Pass {
     /// What the pass returns.
     type Out;
-    /// Runs the pass. Implementations are `#[inline(always)]`, with all that they call: a closure or a function of its
-    /// own is compiled without the form's instructions.
+    /// Runs the pass. Implementations are `#[inline(always)]`, with all that they call: a closure or a
+    /// function of its own is compiled without the form's instructions.
     fn run<L: Lanes>(self) -> Self::Out;
 }
 
@@ -60,7 +61,7 @@ pub trait Lanes:
     /// A truth value for each lane.
     type Mask: Copy;
 
-    /// The same number in every lane.
+    /// One number in every lane.
     fn splat(value: f32) -> Self;
     /// Reads eight numbers.
     fn load(row: &F32x8) -> Self;
@@ -113,8 +114,8 @@ pub trait Lanes:
     fn gather(table: &[[f32; 4]], index: IndexRow<'_>) -> [Self; 4];
     /// `list`, shorter than [`LANES`], with `fill` after its end.
     fn padded(list: &[u32], fill: u32) -> [u32; LANES];
-    /// Moves those of `row` where the mask is set to the front of `out`, in their order, and returns how many there are.
-    /// What follows them in `out` is unspecified.
+    /// Moves those of `row` where the mask is set to the front of `out`, in their order, and returns how many
+    /// there are. What follows them in `out` is unspecified.
     fn compress(mask: Self::Mask, row: &[u32; LANES], out: &mut [u32; LANES]) -> usize;
 
     /// 1/√ of each lane.
@@ -143,7 +144,7 @@ pub trait Lanes:
     }
 }
 
-/// The same number in every lane.
+/// One number in every lane.
 #[inline(always)]
 pub fn splat<L: Lanes>(value: f32) -> L {
     L::splat(value)

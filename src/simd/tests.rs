@@ -20,7 +20,8 @@ pub(crate) fn in_both_forms<T: Send>(job: impl Fn() -> T + Sync) -> [T; 2] {
     })
 }
 
-/// Eight rows of ordinary numbers, and rows of zeros of both signs, subnormal and huge numbers, infinities and NaN.
+/// Eight rows of ordinary numbers, and rows of zeros of both signs, subnormal and huge numbers, infinities
+/// and NaN.
 fn rows() -> Vec<F32x8> {
     let mut x = 0.37_f32;
     let mut next = || {
@@ -137,7 +138,7 @@ impl Pass for Moves {
 }
 
 #[test]
-fn lanes_are_moved_as_the_reference_says() {
+fn lanes_are_moved_as_documented() {
     in_both_forms(|| dispatch(Moves));
 }
 

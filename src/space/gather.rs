@@ -1,7 +1,8 @@
 //! The particles close to those of a few cells, eight candidates at a time.
 //!
-//! *Method*: the candidates of a group of cells are packed side by side, so that each of its particles tests them in whole
-//! vectors; the indices of the hits are moved to the front and stored, and the next store begins behind them.
+//! *Method*: the candidates of a group of cells are packed side by side, so that each of its particles tests
+//! them in whole vectors; the indices of the hits are moved to the front and stored, and the next store
+//! begins behind them.
 
 use crate::{
     math::Vec3,
@@ -64,8 +65,8 @@ impl Scratch {
     }
 }
 
-/// Appends, for each particle at `places` of the order, all others closer than √`radius2` in the nine `stretches` to
-/// `scratch.hits`, and writes where its list ends to `ends`.
+/// Appends, for each particle at `places` of the order, all others closer than √`radius2` in the nine
+/// `stretches` to `scratch.hits`, and writes where its list ends to `ends`.
 pub(super) struct Gather<'a> {
     pub(super) sorted: &'a Sorted,
     pub(super) order: &'a [u32],
@@ -110,8 +111,8 @@ impl Pass for Gather<'_> {
     }
 }
 
-/// Packs the particles in `stretches` side by side and returns how many they are. Behind the last come seven or more that
-/// are infinitely far.
+/// Packs the particles in `stretches` side by side and returns how many they are. Behind the last come seven
+/// or more that are infinitely far.
 #[inline(always)]
 fn pack(sorted: &Sorted, order: &[u32], stretches: &[[u32; 2]; 9], candidates: &mut Candidates) -> usize {
     let count: usize = stretches.iter().map(|[first, last]| (last - first) as usize).sum();
@@ -137,8 +138,8 @@ fn pack(sorted: &Sorted, order: &[u32], stretches: &[[u32; 2]; 9], candidates: &
     count
 }
 
-/// Copies `range` of `from` to the front of `to`, which holds eight more: in steps of eight, which for a few dozen numbers
-/// cost a tenth of a call.
+/// Copies `range` of `from` to the front of `to`, which holds eight more: in steps of eight, which for a few
+/// dozen numbers cost a tenth of a call.
 #[inline(always)]
 fn copy<T: Copy>(from: &[T], range: Range<usize>, to: &mut [T]) {
     let steps = range.len().div_ceil(LANES);

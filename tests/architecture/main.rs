@@ -1,7 +1,7 @@
 //! The order of the modules, as a test: data flows one way.
 //!
-//! `src/lib.rs` lists the modules; a module uses only modules above it. Only `par` knows threads, and only `simd` is
-//! unsafe. What `ARCHITECTURE.md` names exists, and it names every module.
+//! `src/lib.rs` lists the modules; a module uses only modules above it. Only `par` knows threads, and only
+//! `simd` is unsafe. What `ARCHITECTURE.md` names exists, and it names every module.
 
 mod imports;
 

@@ -1,18 +1,19 @@
-//! First order: sweeps in eight orders over blocks, until nothing changes.
+//! First-order fast sweeping on a dense grid: sweeps in eight orders over blocks, until nothing changes.
 //!
-//! *Method* [zhao05], [gourlay17]: as on bricks (`sdf/sweep.rs`): blocks run in a wavefront as their predecessors in
-//! the sweep's direction finish, so the bits are those of the sequential sweep ([`sweep_in_order`]) for any size of
-//! blocks and any number of threads. *Departs from the papers*: a block at rest is passed over, which changes no bit:
-//! its last pass changed nothing and the layers that it reads of its neighbours have stayed as they were, so that a
-//! pass would find every node as it left it. To begin with, those are at rest that neither hold nor touch a block with
-//! a pinned node: all that they read is ∞.
+//! *Method* [zhao05], [gourlay17]: as on bricks (`sdf/sweep.rs`), blocks run in a wavefront as their
+//! predecessors in the sweep's direction finish, so the bits are those of the sequential sweep
+//! ([`sweep_in_order`]) for any size of blocks and any number of threads.
+//! *Departs from the papers*: a converged block is skipped, which changes no bit: its last pass changed
+//! nothing and the layers that it reads of its neighbours have not changed since, so another pass would
+//! change nothing. At the start a block counts as converged if neither it nor a neighbour has a pinned node:
+//! all that it reads is ∞.
 
 use super::{layout::Layout, skewed::Skewed};
 use crate::{
     par,
     sdf::{
         Swept,
-        godunov::{ORDERS, smaller, until_rest, update},
+        godunov::{ORDERS, smaller, until_converged, update},
     },
 };
 use std::sync::RwLock;
@@ -22,28 +23,29 @@ pub(super) const NO_PANIC: &str = "a pass over a block does not panic";
 
 /// The blocks during the sweeps.
 ///
-/// No two threads ever want the same lock for writing, and none reads while another writes: the wavefront keeps face
-/// neighbours apart.
-pub(super) struct Blocks {
+/// No two threads ever request the same lock for writing, and none reads while another writes: the wavefront
+/// never runs face neighbours at once.
+pub(super) struct SweptBlocks {
     layout: Layout,
     values: Vec<RwLock<Vec<f32>>>,
     /// Whether a pass over the block could change anything.
-    awake: Vec<AtomicBool>,
+    active: Vec<AtomicBool>,
     band: f32,
 }
 
-impl Blocks {
+impl SweptBlocks {
     pub(super) fn new(layout: Layout, seeds: &[f32], band: f32) -> Self {
         let values = layout.split(seeds);
-        let holds: Vec<bool> = par::map(values.len(), |block| values[block].iter().any(|v| v.is_finite()));
-        let touches = |block: usize| layout.around(block).into_iter().flatten().any(|other| holds[other]);
-        let awake = (0..holds.len()).map(|block| AtomicBool::new(holds[block] || touches(block))).collect();
-        Self { layout, values: values.into_iter().map(RwLock::new).collect(), awake, band }
+        let has_pins: Vec<bool> = par::map(values.len(), |block| values[block].iter().any(|v| v.is_finite()));
+        let touches = |block: usize| layout.around(block).into_iter().flatten().any(|other| has_pins[other]);
+        let active =
+            (0..has_pins.len()).map(|block| AtomicBool::new(has_pins[block] || touches(block))).collect();
+        Self { layout, values: values.into_iter().map(RwLock::new).collect(), active, band }
     }
 
     /// Whether no pass would change anything.
-    pub(super) fn at_rest(&self) -> bool {
-        !self.awake.iter().any(|awake| awake.load(Ordering::Relaxed))
+    pub(super) fn converged(&self) -> bool {
+        !self.active.iter().any(|active| active.load(Ordering::Relaxed))
     }
 
     /// One sweep over all blocks in the given order, as a wavefront.
@@ -51,14 +53,14 @@ impl Blocks {
         self.layout.wavefront(order, |block| self.pass(block, order));
     }
 
-    /// The numbers of the whole box.
+    /// The distances of the whole box.
     pub(super) fn distances(&self) -> Vec<f32> {
         self.layout.join(|block, read| read(&self.values[block].read().expect(NO_PANIC)))
     }
 
     /// One Gauss–Seidel pass over a block in the given order.
     fn pass(&self, block: usize, order: [i32; 3]) {
-        if !self.awake[block].load(Ordering::Relaxed) {
+        if !self.active[block].load(Ordering::Relaxed) {
             return;
         }
         let size = self.layout.size(block);
@@ -73,37 +75,37 @@ impl Blocks {
             Skewed::gather(&own, size, order, around)
         };
         let changed = skewed.relax(self.band);
-        self.awake[block].store(changed, Ordering::Relaxed);
+        self.active[block].store(changed, Ordering::Relaxed);
         if !changed {
             return;
         }
 
-        // Neighbours wake up if the layer they read has changed.
+        // Neighbours become active if the layer they read has changed.
         let changed = skewed.scatter(&mut self.values[block].write().expect(NO_PANIC), order);
         for (other, _) in faces.iter().zip(changed).filter(|(_, changed)| *changed) {
             if let Some(other) = *other {
-                self.awake[other].store(true, Ordering::Relaxed);
+                self.active[other].store(true, Ordering::Relaxed);
             }
         }
     }
 }
 
-/// Carries pinned distances on to every node of a box, first order, until nothing changes.
+/// Extends pinned distances to every node of a box by fast sweeping of first order, until nothing changes.
 ///
-/// `seeds` has one number a node [voxels], x fastest: pinned distances as negative numbers, ∞ at all other nodes.
-/// Distances of `band` and more are not written. `block` is the nodes of a block along each axis; it changes the
-/// time, never the result.
+/// `seeds` has one number per node [voxels], x fastest: pinned distances as negative numbers, ∞ at all other
+/// nodes. Distances of `band` and more are not written. `block` is the number of nodes of a block along each
+/// axis; it changes the time, never the result.
 ///
 /// # Panics
 /// If `seeds` has another length than the box, or a block has no node.
 pub fn sweep(nodes: [usize; 3], seeds: &[f32], band: f32, block: [usize; 3]) -> Swept {
-    let blocks = Blocks::new(Layout::new(nodes, block), seeds, band);
-    let sweeps = until_rest(|| blocks.at_rest(), |order| blocks.sweep(order));
+    let blocks = SweptBlocks::new(Layout::new(nodes, block), seeds, band);
+    let sweeps = until_converged(|| blocks.converged(), |order| blocks.sweep(order));
     Swept::new(blocks.distances(), sweeps)
 }
 
-/// [`sweep`] without blocks and threads: every node in the order of the sweep, one after the other. The reference that
-/// `sweep` is tested against bit for bit, and what it is timed beside; `sweeps` counts whole rounds of eight.
+/// [`sweep`] without blocks and threads: every node in the order of the sweep, one after the other. The
+/// reference that `sweep` is tested against bit for bit, and timed against; `sweeps` is a multiple of eight.
 pub fn sweep_in_order(nodes: [usize; 3], seeds: &[f32], band: f32) -> Swept {
     let mut distance = seeds.to_vec();
     let mut sweeps = 0;
@@ -118,7 +120,7 @@ pub fn sweep_in_order(nodes: [usize; 3], seeds: &[f32], band: f32) -> Swept {
     Swept::new(distance, sweeps)
 }
 
-/// One sweep over all nodes in the given order; says whether anything changed.
+/// One sweep over all nodes in the given order; returns whether anything changed.
 pub(super) fn one_sweep_in_order(
     nodes: [usize; 3],
     distance: &mut [f32],
@@ -164,8 +166,8 @@ pub(super) mod tests {
         (mixed >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// Boxes of nodes with pinned distances: about a ball, about single nodes, noise, one node in a corner, none, and
-    /// boxes without depth.
+    /// Boxes of nodes with pinned distances: about a ball, about single nodes, noise, one node in a corner,
+    /// none, and boxes without depth.
     pub(crate) fn cases() -> Vec<(&'static str, [usize; 3], Vec<f32>)> {
         let pinned = |nodes: [usize; 3], pin: &dyn Fn([f32; 3], usize) -> Option<f32>| -> Vec<f32> {
             (0..nodes.iter().product())
@@ -200,10 +202,11 @@ pub(super) mod tests {
 
     #[test]
     fn every_sweep_has_the_bits_of_the_sequential_one() {
-        // Once all is at rest the order no longer shows, so the numbers on the way there are compared too.
+        // The converged result does not depend on the order, so the distances after every sweep are compared
+        // too.
         for (name, nodes, seeds) in cases() {
             for band in [f32::INFINITY, 4.5] {
-                let new = |block| Blocks::new(Layout::new(nodes, block), &seeds, band);
+                let new = |block| SweptBlocks::new(Layout::new(nodes, block), &seeds, band);
                 let runs: Vec<_> = BLOCKS
                     .into_iter()
                     .flat_map(|block| [1, 2, 5].map(|threads| (block, threads, new(block))))
@@ -226,7 +229,7 @@ pub(super) mod tests {
         for (name, nodes, seeds) in cases() {
             for (block, band) in BLOCKS.into_iter().zip([f32::INFINITY, 4.5].into_iter().cycle()) {
                 let [scalar, fastest] = in_both_forms(|| {
-                    let blocks = Blocks::new(Layout::new(nodes, block), &seeds, band);
+                    let blocks = SweptBlocks::new(Layout::new(nodes, block), &seeds, band);
                     let sweeps = ORDERS.into_iter().cycle().take(11).map(|order| {
                         blocks.sweep(order);
                         bits(&blocks.distances())
@@ -245,17 +248,18 @@ pub(super) mod tests {
         let mut seeds = vec![f32::INFINITY; nodes.iter().product()];
         seeds[middle[0] + nodes[0] * (middle[1] + nodes[1] * middle[2])] = -1e-6;
         for order in ORDERS {
-            let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY);
+            let blocks = SweptBlocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY);
             blocks.sweep(order);
             for (i, &distance) in blocks.distances().iter().enumerate() {
                 let node = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
-                // A node beside the pinned one reads it in any order, so one step behind the octant is reached too.
+                // A neighbour of the pinned node reads it in any order, so one step behind the octant is
+                // reached too.
                 let behind: i32 =
                     (0..3).map(|axis| ((middle[axis] as i32 - node[axis] as i32) * order[axis]).max(0)).sum();
                 assert_eq!(distance.is_finite(), behind <= 1, "{node:?} {order:?}");
             }
         }
-        let blocks = Blocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY);
+        let blocks = SweptBlocks::new(Layout::new(nodes, [4; 3]), &seeds, f32::INFINITY);
         ORDERS.into_iter().for_each(|order| blocks.sweep(order));
         // Further sweeps change last digits alone.
         let end = sweep_in_order(nodes, &seeds, f32::INFINITY).distance;

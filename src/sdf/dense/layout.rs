@@ -1,9 +1,9 @@
-//! How a box of nodes is cut into blocks, and the wavefront over them.
+//! Decomposition of a dense grid into blocks, and the wavefront over them.
 
 use crate::par;
 
-/// A box of nodes cut into blocks of one size; those at the far ends may be smaller. Blocks are numbered like nodes,
-/// x fastest; inside a block too x runs fastest.
+/// A box of nodes cut into blocks of one size; those at the far ends may be smaller. Blocks are numbered like
+/// nodes, x fastest, and so are the nodes of a block.
 #[derive(Clone, Copy, Debug)]
 pub struct Layout {
     /// The nodes of the box along each axis.
@@ -18,11 +18,11 @@ impl Layout {
     /// # Panics
     /// If a block has no node.
     pub fn new(nodes: [usize; 3], block: [usize; 3]) -> Self {
-        assert!(block.iter().all(|&n| n > 0), "a block holds nodes");
+        assert!(block.iter().all(|&n| n > 0), "a block has at least one node");
         Self { nodes, block, counts: std::array::from_fn(|axis| nodes[axis].div_ceil(block[axis])) }
     }
 
-    /// How many blocks there are.
+    /// Number of blocks.
     pub fn len(&self) -> usize {
         self.counts.iter().product()
     }
@@ -58,16 +58,21 @@ impl Layout {
 
     /// Calls `work` for every block, after its predecessors in the direction of the sweep: [gourlay17].
     pub fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
-        let beside = |block: usize, ahead: bool| {
+        let adjacent = |block: usize, ahead: bool| {
             let faces = self.around(block);
             (0..3).filter_map(move |axis| faces[2 * axis + usize::from((order[axis] > 0) == ahead)])
         };
-        par::wavefront(self.len(), |block| beside(block, false).count(), |block| beside(block, true), work);
+        par::wavefront(
+            self.len(),
+            |block| adjacent(block, false).count(),
+            |block| adjacent(block, true),
+            work,
+        );
     }
 
-    /// The numbers of every block on their own.
+    /// The values of every block, one vector each.
     pub(super) fn split<T: Copy + Send + Sync>(&self, values: &[T]) -> Vec<Vec<T>> {
-        assert_eq!(values.len(), self.nodes.iter().product::<usize>(), "one number a node");
+        assert_eq!(values.len(), self.nodes.iter().product::<usize>(), "one number per node");
         par::map(self.len(), |block| {
             let ([fx, fy, fz], [sx, sy, sz]) = (self.first(block), self.size(block));
             let mut own = Vec::with_capacity(sx * sy * sz);
@@ -81,21 +86,21 @@ impl Layout {
         })
     }
 
-    /// The inverse of [`Layout::split`]; `read` hands a block's numbers to its argument.
+    /// The inverse of [`Layout::split`]; `read` passes a block's values to its argument.
     pub(super) fn join(&self, read: impl Fn(usize, &mut dyn FnMut(&[f32])) + Sync) -> Vec<f32> {
         let [nx, ny, nz] = self.nodes;
         let mut values = vec![0.0; nx * ny * nz];
-        let thick = self.block[2];
-        // One slab of blocks at a time, so that each block is read once a layer.
+        let depth = self.block[2];
+        // One slab of blocks at a time, so that each block is read once per layer.
         par::for_chunks(&mut values, (nx * ny).max(1), |start, layer| {
             let z = start / (nx * ny);
             let slab = self.counts[0] * self.counts[1];
-            for block in z / thick * slab..(z / thick + 1) * slab {
+            for block in z / depth * slab..(z / depth + 1) * slab {
                 let ([fx, fy, _], [sx, sy, _]) = (self.first(block), self.size(block));
                 read(block, &mut |own| {
                     for y in 0..sy {
                         let to = fx + nx * (fy + y);
-                        let from = sx * (y + sy * (z % thick));
+                        let from = sx * (y + sy * (z % depth));
                         layer[to..to + sx].copy_from_slice(&own[from..from + sx]);
                     }
                 });
@@ -110,7 +115,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn blocks_hold_every_node_once_and_know_their_neighbours() {
+    fn blocks_contain_every_node_once_and_know_their_neighbours() {
         for (nodes, block) in [([7, 5, 9], [3, 2, 4]), ([8, 8, 8], [8, 4, 16]), ([1, 1, 1], [5, 5, 5])] {
             let layout = Layout::new(nodes, block);
             let values: Vec<f32> = (0..nodes.iter().product::<usize>()).map(|i| i as f32).collect();

@@ -1,16 +1,17 @@
-//! One block in the layout that lets eight rows advance together.
+//! One block in a skewed layout that lets a sweep advance eight rows together, one vector at a time.
 //!
-//! *Method*: a node of a Gauss–Seidel sweep reads new numbers before it and old ones behind it along every axis. If
-//! row j runs j steps behind row 0, the nodes of eight rows at one step do not read each other: what they read before
-//! them in x and y is the step before, what they read behind is the step after. So eight rows are stored skewed,
-//! node x of row j at step x + 1 + j in lane j, and a step is one vector. This changes the time at which a node is
-//! visited, not what it reads: the bits are those of the sequential sweep.
+//! *Method*: a node of a Gauss–Seidel sweep reads new distances before it and old ones after it along every
+//! axis. If row j runs j steps behind row 0, the nodes of eight rows at one step do not read each other:
+//! their predecessors in x and y belong to the previous step, their successors to the next one. So eight rows
+//! are stored skewed, node x of row j at step x + 1 + j in lane j, and a step is one vector. This changes the
+//! time at which a node is visited, not what it reads: the bits are those of the sequential sweep.
 //!
-//! A step waits for the one before it. So two layers go together, the upper one a step behind the lower: their steps do
-//! not wait for each other, and the processor works on both.
+//! A step depends on the one before it. So two layers advance together, the upper one a step behind the
+//! lower: their steps are independent, and the processor works on both.
 //!
-//! The block is mirrored so that every sweep ascends. Nodes that must not change hold negative numbers, of which
-//! neighbours read the size: pinned nodes, the facing layers of the neighbouring blocks, and −∞ where there is none.
+//! The block is mirrored so that every sweep ascends. Nodes that must not change hold negative numbers, whose
+//! magnitude neighbours read: pinned nodes, the facing layers of the neighbouring blocks, and −∞ where there
+//! is none.
 
 use crate::{
     sdf::godunov::update_lanes,
@@ -21,36 +22,37 @@ use crate::{
 pub(super) struct Skewed {
     /// Nodes along each axis.
     size: [usize; 3],
-    /// Eights of rows, the last perhaps partly empty.
+    /// Groups of eight rows, the last perhaps partly empty.
     groups: usize,
-    /// Vectors a group of rows takes.
+    /// Vectors per group of rows.
     steps: usize,
-    /// The vectors of layer z + 1 and of its groups, one after the other; layers are made an even number by an empty one.
+    /// The vectors of layer z + 1 and of its groups, one after the other; an empty layer makes their number
+    /// even.
     cells: Vec<F32x8>,
-    /// For each layer the rows before the first and behind the last, where lane 0 and lane 7 read them.
+    /// For each layer the rows before the first and after the last, which lane 0 and lane 7 read.
     low: Vec<f32>,
     high: Vec<f32>,
 }
 
-/// What the vectors of one group of rows, in two layers, read and write.
+/// The vectors that one group of rows, in two layers, reads and writes.
 struct Rows<'a> {
     /// The layer before the two.
     before: &'a [F32x8],
     own: [&'a mut [F32x8]; 2],
-    /// The layer behind them.
+    /// The layer after the two.
     behind: &'a [F32x8],
     /// The row before the first of each layer, as lane 0 reads it at each step.
     low: [&'a [f32]; 2],
-    /// The row behind the last of each layer, as lane 7 reads it at each step.
+    /// The row after the last of each layer, as lane 7 reads it at each step.
     high: [&'a [f32]; 2],
 }
 
-/// Steps from a row's first node to the end of its group's vectors.
-const SLACK: usize = LANES + 1;
+/// Vectors of a group of rows beyond the number of nodes of a row.
+const SKEW_STEPS: usize = LANES + 1;
 
 impl Skewed {
-    /// The block at `size` with its numbers, seen in the `order` of the sweep; `around` are the numbers and sizes of
-    /// the blocks beyond its six faces.
+    /// Skews a block of `size` for a sweep in `order`; `around` are the distances and sizes of the blocks
+    /// beyond its six faces.
     pub(super) fn gather(
         own: &[f32],
         size: [usize; 3],
@@ -58,7 +60,7 @@ impl Skewed {
         around: [Option<(&[f32], [usize; 3])>; 6],
     ) -> Self {
         let [sx, sy, sz] = size;
-        let (groups, steps) = (sy.div_ceil(LANES), sx + SLACK);
+        let (groups, steps) = (sy.div_ceil(LANES), sx + SKEW_STEPS);
         let layers = sz.next_multiple_of(2);
         let mut skewed = Self {
             size,
@@ -92,7 +94,7 @@ impl Skewed {
                 // The neighbour's layer that faces this block.
                 let layer = if face % 2 == 0 { other_size[axis] - 1 } else { 0 };
                 let [ox, oy, _] = other_size;
-                let size_of = |x: usize, y: usize, z: usize| other[x + ox * (y + oy * z)].abs();
+                let magnitude = |x: usize, y: usize, z: usize| other[x + ox * (y + oy * z)].abs();
                 match axis {
                     0 => {
                         for z in 0..sz {
@@ -100,14 +102,14 @@ impl Skewed {
                                 let at = skewed.place(z + 1, y);
                                 let at = if behind { at + LANES * sx } else { at - LANES };
                                 skewed.cells.as_flattened_mut()[at] =
-                                    -size_of(layer, mirrored(1, y), mirrored(2, z));
+                                    -magnitude(layer, mirrored(1, y), mirrored(2, z));
                             }
                         }
                     }
                     1 => {
                         for z in 0..sz {
                             for x in 0..sx {
-                                let value = size_of(mirrored(0, x), layer, mirrored(2, z));
+                                let value = magnitude(mirrored(0, x), layer, mirrored(2, z));
                                 if !behind {
                                     skewed.low[z * steps + x + 1] = value;
                                 } else if sy.is_multiple_of(LANES) {
@@ -124,7 +126,7 @@ impl Skewed {
                             let at = skewed.place(if behind { sz + 1 } else { 0 }, y);
                             for x in 0..sx {
                                 skewed.cells.as_flattened_mut()[at + LANES * x] =
-                                    -size_of(mirrored(0, x), mirrored(1, y), layer);
+                                    -magnitude(mirrored(0, x), mirrored(1, y), layer);
                             }
                         }
                     }
@@ -134,7 +136,7 @@ impl Skewed {
         skewed
     }
 
-    /// Writes the numbers back to where [`Skewed::gather`] took them from; says which faces' layers changed.
+    /// Writes the distances to where [`Skewed::gather`] read them; returns which faces' layers changed.
     pub(super) fn scatter(&self, own: &mut [f32], order: [i32; 3]) -> [bool; 6] {
         let [sx, sy, sz] = self.size;
         let mirrored = |axis: usize, i: usize| if order[axis] > 0 { i } else { self.size[axis] - 1 - i };
@@ -171,7 +173,7 @@ impl Skewed {
         faces
     }
 
-    /// The place among all numbers of the first node of row `y` in `layer`, which is z + 1.
+    /// The index among all distances of the first node of row `y` in `layer`, which is z + 1.
     #[inline]
     fn place(&self, layer: usize, y: usize) -> usize {
         let lane = y % LANES;
@@ -183,7 +185,8 @@ impl Skewed {
         self.for_each_group(|rows| simd::dispatch(Relax { rows, band }))
     }
 
-    /// Calls `f` for all groups of rows in ascending order, two layers at a time; returns whether any call returned true.
+    /// Calls `f` for all groups of rows in ascending order, two layers at a time; returns whether any call
+    /// returned true.
     #[inline(always)]
     fn for_each_group(&mut self, mut f: impl FnMut(Rows<'_>) -> bool) -> bool {
         let Self { size: [sx, _, sz], groups, steps, ref mut cells, ref low, ref high } = *self;
@@ -194,7 +197,7 @@ impl Skewed {
         for z in (0..sz).step_by(2) {
             for group in 0..groups {
                 let start = ((z + 1) * groups + group) * steps;
-                // The neighbouring rows stand in the neighbouring groups.
+                // The neighbouring rows belong to the neighbouring groups.
                 for (above, (low_row, high_row)) in low_rows.iter_mut().zip(&mut high_rows).enumerate() {
                     let (z, start) = (z + above, start + above * layer);
                     if group == 0 {

@@ -1,11 +1,12 @@
-//! A tree over triangles: boxes for the nearest point, dipoles for the winding number.
+//! Bounding volume hierarchy (BVH) over triangles: boxes for the nearest point, dipoles for the winding
+//! number.
 //!
-//! *Method*: triangles are sorted along a Morton curve; four neighbours on it are a leaf, eight leaves a node, eight
-//! nodes a node of the next level. Every node keeps its eight children's boxes, and for each the sum of area vectors
-//! about the centre of area, [barill18] Eq. 12 (first term).
-//! *Departs from the paper*: the tree is implicit, so that it is built level by level and in parallel; the dipole is
-//! the only moment kept, with the paper's β = 2: about a torus of 8192 triangles the winding number is then within
-//! 0.03 of the exact sum, and the question asked is on which side of ½ it lies.
+//! *Method*: triangles are sorted along a Morton curve; four neighbours on it are a leaf, eight leaves a
+//! node, eight nodes a node of the next level. Every node stores the boxes of its eight children, and for
+//! each the sum of area vectors about the centre of area, [barill18] Eq. 12 (first term).
+//! *Departs from the paper*: the tree is implicit, so that it is built level by level and in parallel. The
+//! dipole is the only moment, with the paper's β = 2: about a torus of 8192 triangles the winding number is
+//! then within 0.03 of the exact sum, and it is only compared with ½.
 //!
 //! Symbols: q query point; p̃ → `center`; Σ a n → `dipole`; r̃ → `radius`; w winding number [1].
 
@@ -19,11 +20,11 @@ const LEAF: usize = 4;
 /// Children of a node.
 const WIDTH: usize = 8;
 
-/// How many radii away a child counts as a dipole, squared: [barill18] section 4.
+/// Distance from which a child counts as a dipole [its radii], squared: β² of [barill18] section 4.
 const BETA2: f32 = 4.0;
 
-/// Eight children, side by side so that the loops over lanes vectorise. A lane without a child has an empty box at
-/// infinity and no dipole.
+/// Eight children, as arrays over lanes so that the loops vectorise. A lane without a child has an empty box
+/// at infinity and no dipole.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     low: [[f32; WIDTH]; 3],
@@ -33,9 +34,9 @@ struct Node {
     radius2: [f32; WIDTH],
 }
 
-/// What is known of the triangles below one child.
+/// Bounding box, centre of area, dipole and radius of the triangles below one child.
 #[derive(Clone, Copy, Debug)]
-struct Part {
+struct Cluster {
     low: Vec3,
     high: Vec3,
     center: Vec3,
@@ -44,33 +45,34 @@ struct Part {
     radius: f32,
 }
 
-/// The nearest point of a mesh.
+/// Nearest point of a mesh to a query.
 #[derive(Clone, Copy, Debug)]
 pub struct Nearest {
-    /// Squared distance to it.
+    /// Squared distance to the point.
     pub distance2: f32,
-    /// How far the query lies above the plane of the triangle, as a fraction of the distance: its sign tells the side.
+    /// Height of the query above the plane of the triangle, as a fraction of the distance: its sign gives the
+    /// side.
     pub side: f32,
-    /// The triangle it is on. Of several within rounding, the one that faces the query most.
+    /// The triangle of the point. Of several within rounding, the one that faces the query most.
     pub triangle: u32,
 }
 
-/// A mesh's triangles, to ask what is near and on which side a point is.
+/// BVH of a mesh's triangles, for nearest-point and winding-number queries.
 #[derive(Debug)]
-pub struct TriangleTree {
-    /// In the order of the curve.
+pub struct TriangleBvh {
+    /// Corners of the triangles, in the order of the curve.
     corners: Vec<[Vec3; 3]>,
-    /// Their places in the mesh.
+    /// Index in the mesh of each of them.
     triangles: Vec<u32>,
     /// From the leaves' parents to the root, which is alone on its level.
     levels: Vec<Vec<Node>>,
 }
 
-impl TriangleTree {
-    /// The tree over all triangles of `mesh`.
+impl TriangleBvh {
+    /// Builds the tree over all triangles of `mesh`.
     ///
     /// # Panics
-    /// If there is none.
+    /// If the mesh has no triangle.
     pub fn new(mesh: &Triangles) -> Self {
         let (low, high) = mesh.bounds().expect("a mesh to sample has triangles");
         let scale = 1023.0 / (high - low).amax().max(f32::MIN_POSITIVE);
@@ -87,20 +89,21 @@ impl TriangleTree {
         let mut corners = vec![[Vec3::zeros(); 3]; keys.len()];
         par::fill(&mut corners, |i| mesh.corners(triangles[i] as usize));
 
-        let mut parts = par::map_chunks(corners.len(), LEAF, |range| Part::of_triangles(&corners[range]));
+        let mut clusters =
+            par::map_chunks(corners.len(), LEAF, |range| Cluster::of_triangles(&corners[range]));
         let mut levels = Vec::new();
         loop {
-            levels.push(par::map_chunks(parts.len(), WIDTH, |range| Node::new(&parts[range])));
-            if parts.len() <= WIDTH {
+            levels.push(par::map_chunks(clusters.len(), WIDTH, |range| Node::new(&clusters[range])));
+            if clusters.len() <= WIDTH {
                 return Self { corners, triangles, levels };
             }
-            parts = par::map_chunks(parts.len(), WIDTH, |range| Part::of_parts(&parts[range]));
+            clusters = par::map_chunks(clusters.len(), WIDTH, |range| Cluster::of_clusters(&clusters[range]));
         }
     }
 
-    /// Calls `leaf` or goes on below every child of which `enter` says so, the last lane first.
+    /// Descends into every child whose bit `enter` sets, the last lane first, and calls `leaf` for leaves.
     #[inline]
-    fn walk(&self, mut enter: impl FnMut(&Node) -> u8, mut leaf: impl FnMut(&[[Vec3; 3]])) {
+    fn traverse(&self, mut enter: impl FnMut(&Node) -> u8, mut leaf: impl FnMut(&[[Vec3; 3]])) {
         let mut stack = [(0_u8, 0_u32); 96];
         let mut top = 1;
         stack[0] = ((self.levels.len() - 1) as u8, 0);
@@ -125,7 +128,7 @@ impl TriangleTree {
     /// The winding number about `q`: 1 inside a closed mesh whose faces wind outward, 0 outside it.
     pub fn winding(&self, q: Vec3) -> f32 {
         let (mut far_sum, mut near_sum) = ([0.0_f32; WIDTH], 0.0_f32);
-        self.walk(
+        self.traverse(
             |node| {
                 let mut near = [false; WIDTH];
                 for l in 0..WIDTH {
@@ -156,7 +159,7 @@ impl TriangleTree {
             if distance2 > best.distance2 {
                 continue;
             }
-            // The children within reach, the nearest last, so that it is taken up first.
+            // The children within reach, the nearest last, so that it is visited first.
             let node = &self.levels[level as usize][place as usize];
             let distances = node.distances(q);
             let first = top;
@@ -191,8 +194,8 @@ impl TriangleTree {
 }
 
 impl Nearest {
-    /// Takes the triangle's nearest point if it is nearer. Of triangles that share it, the one that faces the query
-    /// most tells the side.
+    /// Takes the triangle's nearest point if it is nearer. Of triangles that share the point, the one that
+    /// faces the query most gives the side.
     #[inline]
     fn take(&mut self, corners: &[Vec3; 3], triangle: u32, q: Vec3) -> bool {
         let away = q - closest_point(corners, q);
@@ -213,7 +216,7 @@ impl Nearest {
 }
 
 impl Node {
-    fn new(parts: &[Part]) -> Self {
+    fn new(clusters: &[Cluster]) -> Self {
         let mut node = Self {
             low: [[f32::INFINITY; WIDTH]; 3],
             high: [[f32::NEG_INFINITY; WIDTH]; 3],
@@ -221,14 +224,14 @@ impl Node {
             dipole: [[0.0; WIDTH]; 3],
             radius2: [-1.0; WIDTH],
         };
-        for (l, part) in parts.iter().enumerate() {
+        for (l, cluster) in clusters.iter().enumerate() {
             for axis in 0..3 {
-                node.low[axis][l] = part.low[axis];
-                node.high[axis][l] = part.high[axis];
-                node.center[axis][l] = part.center[axis];
-                node.dipole[axis][l] = part.dipole[axis];
+                node.low[axis][l] = cluster.low[axis];
+                node.high[axis][l] = cluster.high[axis];
+                node.center[axis][l] = cluster.center[axis];
+                node.dipole[axis][l] = cluster.dipole[axis];
             }
-            node.radius2[l] = part.radius * part.radius;
+            node.radius2[l] = cluster.radius * cluster.radius;
         }
         node
     }
@@ -248,37 +251,37 @@ impl Node {
     }
 }
 
-impl Part {
+impl Cluster {
     fn of_triangles(triangles: &[[Vec3; 3]]) -> Self {
-        let mut part = Self::empty();
+        let mut cluster = Self::empty();
         for [a, b, c] in triangles {
             let area_vector = (b - a).cross(&(c - a)) * 0.5;
             let area = area_vector.norm();
-            part.low = part.low.inf(&a.inf(b).inf(c));
-            part.high = part.high.sup(&a.sup(b).sup(c));
-            part.center += (a + b + c) / 3.0 * area;
-            part.dipole += area_vector;
-            part.area += area;
+            cluster.low = cluster.low.inf(&a.inf(b).inf(c));
+            cluster.high = cluster.high.sup(&a.sup(b).sup(c));
+            cluster.center += (a + b + c) / 3.0 * area;
+            cluster.dipole += area_vector;
+            cluster.area += area;
         }
-        part.settle();
-        let farthest = triangles.iter().flatten().map(|x| (x - part.center).norm());
-        part.radius = farthest.fold(0.0, f32::max);
-        part
+        cluster.normalise_center();
+        let farthest = triangles.iter().flatten().map(|x| (x - cluster.center).norm());
+        cluster.radius = farthest.fold(0.0, f32::max);
+        cluster
     }
 
-    fn of_parts(parts: &[Self]) -> Self {
-        let mut part = Self::empty();
-        for child in parts {
-            part.low = part.low.inf(&child.low);
-            part.high = part.high.sup(&child.high);
-            part.center += child.center * child.area;
-            part.dipole += child.dipole;
-            part.area += child.area;
+    fn of_clusters(children: &[Self]) -> Self {
+        let mut cluster = Self::empty();
+        for child in children {
+            cluster.low = cluster.low.inf(&child.low);
+            cluster.high = cluster.high.sup(&child.high);
+            cluster.center += child.center * child.area;
+            cluster.dipole += child.dipole;
+            cluster.area += child.area;
         }
-        part.settle();
-        let farthest = parts.iter().map(|child| (child.center - part.center).norm() + child.radius);
-        part.radius = farthest.fold(0.0, f32::max);
-        part
+        cluster.normalise_center();
+        let farthest = children.iter().map(|child| (child.center - cluster.center).norm() + child.radius);
+        cluster.radius = farthest.fold(0.0, f32::max);
+        cluster
     }
 
     fn empty() -> Self {
@@ -286,28 +289,31 @@ impl Part {
         Self { low, high, center: Vec3::zeros(), dipole: Vec3::zeros(), area: 0.0, radius: 0.0 }
     }
 
-    /// Makes the centre of area from its sum; triangles without area have the middle of their box.
-    fn settle(&mut self) {
+    /// Divides the sum of centres by the area; triangles without area get the centre of their box.
+    fn normalise_center(&mut self) {
         let center = self.center / self.area;
         self.center =
             if center.iter().all(|c| c.is_finite()) { center } else { (self.low + self.high) * 0.5 };
     }
 }
 
-/// The low ten bits of `v`, three places apart.
+/// The low ten bits of `v`, spread to every third bit.
 fn spread(v: u32) -> u64 {
     (0..10).map(|bit| u64::from(v >> bit & 1) << (3 * bit)).sum()
 }
 
+/// The truth values of lanes as bits, lane 0 in the lowest.
 fn mask(lanes: [bool; WIDTH]) -> u8 {
     lanes.iter().enumerate().map(|(l, &set)| u8::from(set) << l).sum()
 }
 
-/// Where a point is in the plane of a triangle, to rounding: its volume with it, over the product of its distances from the corners.
+/// A point is in the plane of a triangle, to rounding, if the volume of both over the product of its
+/// distances from the corners is below this.
 const IN_PLANE: f32 = 1e-6;
 
-/// The solid angle of a triangle seen from `q` [sr], [oosterom83] Eq. 8; positive from behind, and 0, the mean of both sides, from on it: rounding would
-/// else say half a sphere or its opposite, and on an edge that two triangles share the sum of two such.
+/// Solid angle of a triangle seen from `q` [sr], [oosterom83] Eq. 8: positive from behind, and 0 on the
+/// triangle, the mean of both sides. Otherwise rounding would give half a sphere or its negative there, and
+/// the sum of two such on an edge that two triangles share.
 fn solid_angle(corners: &[Vec3; 3], q: Vec3) -> f32 {
     let [a, b, c] = corners.map(|x| x - q);
     let (la, lb, lc) = (a.norm(), b.norm(), c.norm());
@@ -319,7 +325,7 @@ fn solid_angle(corners: &[Vec3; 3], q: Vec3) -> f32 {
     2.0 * numerator.atan2(denominator)
 }
 
-/// The point of a triangle that is closest to `q`, by the region of the triangle's plane it falls in.
+/// Closest point of a triangle to `q`, by the Voronoi region of the triangle's plane that contains `q`.
 pub fn closest_point(&[a, b, c]: &[Vec3; 3], q: Vec3) -> Vec3 {
     let (ab, ac, aq) = (b - a, c - a, q - a);
     let (d1, d2) = (ab.dot(&aq), ac.dot(&aq));
@@ -352,7 +358,7 @@ pub fn closest_point(&[a, b, c]: &[Vec3; 3], q: Vec3) -> Vec3 {
     a + ab * share(vb, sum) + ac * share(vc, sum)
 }
 
-/// `part / whole`, 0 where a degenerate triangle leaves nothing to divide by.
+/// `part / whole`, 0 where a degenerate triangle gives a denominator of 0.
 fn share(part: f32, whole: f32) -> f32 {
     if whole > 0.0 { part / whole } else { 0.0 }
 }
@@ -379,14 +385,14 @@ mod tests {
     }
 
     #[test]
-    fn the_tree_finds_what_the_sum_over_all_triangles_gives() {
+    fn the_tree_agrees_with_the_sum_over_all_triangles() {
         let (mesh, points) = torus();
-        let tree = TriangleTree::new(&mesh);
+        let tree = TriangleBvh::new(&mesh);
         let all = || (0..mesh.triangles.len()).map(|i| mesh.corners(i));
-        let mut most = 0.0_f32;
+        let mut largest_error = 0.0_f32;
         for &q in &points {
             let exact = all().map(|corners| solid_angle(&corners, q)).sum::<f32>() / (4.0 * PI);
-            most = most.max((tree.winding(q) - exact).abs());
+            largest_error = largest_error.max((tree.winding(q) - exact).abs());
             let nearest = all().map(|corners| (q - closest_point(&corners, q)).norm()).fold(9.0, f32::min);
             let found = tree.nearest(q, f32::INFINITY).unwrap();
             assert!((found.distance2.sqrt() - nearest).abs() < 1e-5, "{q:?}");
@@ -395,7 +401,7 @@ mod tests {
             assert!(((q - named).norm() - nearest).abs() < 1e-5, "{q:?}");
             assert!(tree.nearest(q, 0.9 * nearest * nearest).is_none());
         }
-        println!("winding number off by {most} at most");
-        assert!(most < 0.03, "{most}");
+        println!("largest error of the winding number: {largest_error}");
+        assert!(largest_error < 0.03, "{largest_error}");
     }
 }
