@@ -300,23 +300,19 @@ pub(super) enum Tier {
     Final,
 }
 
-/// Arguments of `mesh`.
-#[derive(Debug, Args)]
-pub(super) struct MeshArgs {
+/// Where the frames of a product come from, and where its files go.
+#[derive(Clone, Debug, Default, Args)]
+pub(super) struct InputArgs {
     /// A shot folder or its cache, or particle files (PLY, XYZ, VTK, VTU, NPY, NPZ, BGEO): names, globs, or
-    /// `frame_####.vtk`, where # are the digits of the frame; or OpenVDB level sets
+    /// `frame_####.vtk`, where # are the digits of the frame; `mesh` takes OpenVDB level sets too
     #[arg(required = true, value_name = "CACHE|FILES")]
     pub(super) inputs: Vec<String>,
 
-    /// The folder that gets `mesh/` and `shot.json`; by default the shot folder itself
+    /// The folder that gets the files and `shot.json`; by default the shot folder itself
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
 
-    /// File formats
-    #[arg(long, value_name = "FORMAT", value_delimiter = ',', default_value = "ply", value_parser = mesh_format)]
-    pub(super) format: Vec<MeshFormat>,
-
-    /// The frames to mesh: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    /// The frames to use: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are present
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
@@ -328,7 +324,7 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub(super) fps: Option<f64>,
 
-    /// Change a key of the surface: `--set surface.voxel=0.25`. May be repeated
+    /// Change a key of the surface or the volume: `--set surface.voxel=0.25`. May be repeated
     #[arg(long, value_name = "KEY=VALUE")]
     pub(super) set: Vec<String>,
 
@@ -336,13 +332,24 @@ pub(super) struct MeshArgs {
     #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
     pub(super) voxel: Option<String>,
 
-    /// Mesh so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
+    /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 
-    /// Mesh again what is there already
+    /// Make files again that are up to date
     #[arg(long)]
     pub(super) force: bool,
+}
+
+/// Arguments of `mesh`.
+#[derive(Debug, Args)]
+pub(super) struct MeshArgs {
+    #[command(flatten)]
+    pub(super) input: InputArgs,
+
+    /// File formats
+    #[arg(long, value_name = "FORMAT", value_delimiter = ',', default_value = "ply", value_parser = mesh_format)]
+    pub(super) format: Vec<MeshFormat>,
 }
 
 /// Arguments of `export`.
@@ -376,13 +383,8 @@ pub(super) struct ExportArgs {
 /// Arguments of `volume`.
 #[derive(Debug, Args)]
 pub(super) struct VolumeArgs {
-    /// A shot folder or its cache, or particle files (PLY, XYZ, legacy VTK, VTU, VTP, NPY, NPZ, BGEO): names, globs, or `frame_####.vtk`
-    #[arg(required = true, value_name = "CACHE|FILES")]
-    pub(super) inputs: Vec<String>,
-
-    /// The folder that gets `volume/` and `shot.json`; by default the shot folder itself
-    #[arg(short, long, value_name = "DIR")]
-    pub(super) output: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) input: InputArgs,
 
     /// Grids: `density` (fog), `surface` (level set), `velocity`, `temperature` (of smoke). By default those of the preset, or all
     #[arg(long = "grid", value_name = "GRID", value_delimiter = ',', value_parser = volume_grid)]
@@ -396,38 +398,10 @@ pub(super) struct VolumeArgs {
     #[arg(long, value_name = "HOW")]
     pub(super) compression: Option<String>,
 
-    /// The frames to use: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
-    #[arg(long, value_name = "LIST", value_parser = frames)]
-    pub(super) frames: Option<Frames>,
-
-    /// Distance between particles at rest in particle files, in metres; twice the particle radius
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
-    pub(super) spacing: Option<f32>,
-
-    /// Frames a second of a sequence of particle files, 24 if not given
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) fps: Option<f64>,
-
     /// Play cached smoke so many times slower (or faster, below 1) without simulating again: into another folder, -o. Other
-    /// tracers, too, only drift in the cached air: --set smoke.tracers=…
+    /// tracers, too, are only advected by the cached air: --set smoke.tracers=…
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub(super) retime: Option<f64>,
-
-    /// Change a key of the surface or the volume: `--set surface.kernel_radius=1.5`. May be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub(super) set: Vec<String>,
-
-    /// Grid cell in particle spacings, short for `--set surface.voxel=…`
-    #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
-    pub(super) voxel: Option<String>,
-
-    /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
-    #[arg(long, value_name = "SIZE", value_parser = size)]
-    pub(super) max_memory: Option<u64>,
-
-    /// Write again what is there already
-    #[arg(long)]
-    pub(super) force: bool,
 }
 
 /// Arguments of `info` and `verify`.

@@ -66,16 +66,7 @@ fn describe(info: &Info, whole: bool) -> String {
             output.kind, output.present, output.format, output.missing, output.pattern
         ));
     }
-    let volumes = || info.meshes.iter().map(|mesh| mesh.volume);
-    if !info.meshes.is_empty() {
-        lines.push(format!(
-            "volume     {:.4} to {:.4} m³ of {} meshes",
-            volumes().fold(f64::INFINITY, f64::min),
-            volumes().fold(f64::NEG_INFINITY, f64::max),
-            info.meshes.len()
-        ));
-    }
-    lines.extend(info.jumps.iter().map(|jump| format!("jump       {jump}")));
+    lines.extend(info.product_lines.iter().cloned());
     lines.join("\n")
 }
 

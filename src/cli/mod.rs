@@ -9,6 +9,7 @@ mod mesh;
 mod output;
 mod plan;
 mod presets;
+mod product;
 mod progress;
 mod shot;
 mod tradeoff;

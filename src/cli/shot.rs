@@ -5,58 +5,43 @@ use super::{
     output::print,
 };
 use crate::{
-    run::{self, BatchRequest, Control, Outline, RunError, ShotFolder, Source, SurfaceSettings},
-    scene::{self, Frames, Output, Overrides, Preset, Quality, Scene},
+    run::{
+        self, BatchRequest, Control, Outline, ProductInput, ProductRequest, ProductSelection,
+        ProductSettings, RunError, ShotFolder, Source,
+    },
+    scene::{self, Frames, Overrides, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
 
 /// Simulates, then writes every output the preset names.
 pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     let Some((scene, folder, selection)) = simulated(args, control, true)? else { return Ok(()) };
-    let Output { mesh, volume, sheet, thickness } = &scene.output;
-    if mesh.is_empty() && volume.is_empty() && sheet.is_empty() {
+    let settings = &ProductSettings::of(&scene);
+    if !run::is_any_requested(settings) {
         return print(
             "no output is named: add `mesh = [\"ply\"]`, `volume = [\"density\"]` or `sheet = [\"pc2\"]` under [output], or run \
              `meniscus mesh`, `meniscus volume` or `meniscus export` on the folder",
         );
     }
-    let request = BatchRequest {
+    let batch = BatchRequest {
         selection: Some(selection),
         force: args.force,
         max_memory: args.max_memory,
         concurrent: false,
         fps: f64::from(scene.fps),
     };
-    let source = Source::Cache(&folder);
-    // Frames that fail in one output do not keep the others from being written.
-    let mut failed = None;
-    if !mesh.is_empty() {
-        let settings = SurfaceSettings { params: scene.surface.clone(), formats: mesh.clone() };
-        match run::surface(source, &folder, &settings, &request, control) {
-            Ok(done) => super::mesh::summary(&done)?,
-            Err(why @ RunError::SomeFailed { .. }) => failed = Some(why),
-            Err(why) => return Err(why),
-        }
-    }
-    if !volume.is_empty() {
-        let mut settings = super::volume::of_scene(&scene);
-        settings.smoke = run::surroundings(&scene, &folder, control)?;
-        match run::volume(source, &folder, &settings, &request, control) {
-            Ok(done) => super::mesh::summary(&done)?,
-            Err(why @ RunError::SomeFailed { .. }) => failed = failed.or(Some(why)),
-            Err(why) => return Err(failed.unwrap_or(why)),
-        }
-    }
-    if !sheet.is_empty() {
-        super::export::sheets(&folder, &folder, sheet, *thickness, &request, control)
-            .map_err(|why| failed.take().unwrap_or(why))?;
-    }
-    match failed {
-        Some(why) => Err(why),
-        None => {
-            print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()))
-        }
-    }
+    let request = ProductRequest {
+        input: ProductInput::Frames(Source::Cache(&folder)),
+        out: &folder,
+        settings,
+        scene: Some(&scene),
+        retime: None,
+        batch: &batch,
+    };
+    run::make_products(ProductSelection::Requested, &request, control, &mut |summary| {
+        summary.lines.iter().try_for_each(|line| print(line))
+    })?;
+    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()))
 }
 
 /// Fills the cache.

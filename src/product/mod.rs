@@ -1,8 +1,22 @@
 //! The products: what is made of the frames of a cache or of a sequence of files. Each is one folder.
 
+mod check;
+mod interface;
+mod make;
 mod mesh_files;
-pub mod point_cache;
-pub mod points;
-pub mod sheet_mesh;
-pub mod surface;
-pub mod volume;
+mod point_cache;
+mod points;
+mod registry;
+mod request;
+mod sheet_mesh;
+pub(crate) mod surface;
+pub(crate) mod volume;
+
+#[cfg(test)]
+mod tests;
+
+pub(crate) use check::check;
+pub(crate) use make::make;
+pub use make::{ProductSelection, is_any_requested};
+pub(crate) use registry::ALL;
+pub use request::{ProductInput, ProductRequest, ProductSettings, Retime};

@@ -1,14 +1,13 @@
 //! What is in a shot folder.
 
-use super::{
-    Failure, FrameSpan, Jump, Manifest, MeshRecord, OutputFiles, RunError, ShotFolder, Totals, totals,
-};
+use super::{Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, Totals, totals};
 use crate::{
     cache::{self, CacheError},
     frame::FrameIndex,
-    product::surface::{mesh_jumps, read_mesh_log},
+    product,
 };
 use serde::Serialize;
+use serde_json::{Map, Value};
 use std::path::Path;
 
 /// What a shot folder holds.
@@ -31,10 +30,12 @@ pub struct Info {
     pub totals: Totals,
     /// The files that were made of them.
     pub outputs: Vec<OutputInfo>,
-    /// The figures of the meshes that were made.
-    pub meshes: Vec<MeshRecord>,
-    /// Changes between these that their neighbours do not suggest.
-    pub jumps: Vec<Jump>,
+    /// What the products know of their files beyond the manifest, for programs.
+    #[serde(flatten)]
+    pub products: Map<String, Value>,
+    /// The same for people, a line each.
+    #[serde(skip)]
+    pub product_lines: Vec<String>,
 }
 
 /// One cached frame.
@@ -102,8 +103,12 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         place.is_ok_and(|place| frames[place].fault.is_none())
     };
     let totals = totals::read(folder, sound)?;
-    let meshes = read_mesh_log(folder)?;
-    let jumps = mesh_jumps(&meshes);
+    let (mut products, mut product_lines) = (Map::new(), Vec::new());
+    for product in product::ALL {
+        let info = product.info(folder)?;
+        products.extend(info.values);
+        product_lines.extend(info.lines);
+    }
     Ok(Info {
         title: manifest
             .as_ref()
@@ -115,8 +120,8 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         frames,
         missing,
         missing_count,
-        meshes,
-        jumps,
+        products,
+        product_lines,
     })
 }
 

@@ -7,10 +7,10 @@ mod info;
 mod lattices;
 mod log;
 mod plan;
+mod products;
 mod remarks;
 mod simulate;
 mod solids;
-mod surroundings;
 mod totals;
 pub mod tradeoff;
 
@@ -20,16 +20,10 @@ pub use crate::{
         Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, Reporter, RunError, ShotFolder,
         batch::{BatchRequest, BatchSummary, Source},
     },
-    product::{
-        point_cache::point_caches,
-        points::points,
-        sheet_mesh::sheet_meshes,
-        surface::{Jump, MeshRecord, SurfaceSettings, mesh_level_sets, surface},
-        volume::{Retime, Surroundings, VolumeSettings, retime, volume},
-    },
+    product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
 };
 pub use info::{FrameState, Info, OutputInfo, info};
 pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
+pub use products::make_products;
 pub use simulate::{Simulated, simulate};
-pub use surroundings::surroundings;
 pub use totals::{LiquidTotals, SheetTotals, SmokeTotals, Totals};

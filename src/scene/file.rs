@@ -10,6 +10,7 @@ use crate::{
         problem::{Finding, SceneError, Source, Span, locate},
         tree::{self, Entry, Node, Value},
     },
+    product::{self, ProductSettings},
     sim::{
         registry::{ALL, mesh_files},
         scene_check,
@@ -176,11 +177,11 @@ pub fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
     alone(set).map(|Alone { surface }| surface)
 }
 
-/// The surface and volume settings that `--set` arguments make without a preset.
+/// The settings of products that `key=value` arguments alone describe, for frames without a preset.
 ///
 /// # Errors
 /// [`SceneError::Invalid`] with every problem found.
-pub fn volume_alone(set: &[String]) -> Result<(SurfaceParams, VolumeParams), SceneError> {
+pub fn product_settings(set: &[String]) -> Result<ProductSettings, SceneError> {
     #[derive(Deserialize, JsonSchema)]
     #[serde(deny_unknown_fields)]
     struct Alone {
@@ -189,7 +190,11 @@ pub fn volume_alone(set: &[String]) -> Result<(SurfaceParams, VolumeParams), Sce
         #[serde(default)]
         volume: VolumeParams,
     }
-    alone(set).map(|Alone { surface, volume }| (surface, volume))
+    alone(set).map(|Alone { surface, volume }| ProductSettings {
+        surface,
+        volume,
+        ..ProductSettings::default()
+    })
 }
 
 /// The tables that `--set` arguments make without a preset.
@@ -222,6 +227,7 @@ fn interpret(root: &Node, model: &model::Field, home: &Home, findings: &mut Vec<
         serde_json::from_value(checked.values).expect("values that fit the schema of Scene make a Scene");
     ALL.iter().for_each(|system| system.complete(&mut scene));
     let mut wrong = scene_check::check(&scene, &checked.places);
+    product::check(&scene, &checked.places, &mut wrong);
     wrong.extend(assets::check(&mesh_files(&scene), home, &checked.places));
     let fine = wrong.is_empty();
     findings.extend(wrong);

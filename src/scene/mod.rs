@@ -11,5 +11,5 @@ pub use crate::{
     preset::{Asset, Assets, Frames, FramesError, Home, Problem, SceneError, builtin},
     sim::scene::{Output, Scene, Tradeoff, World, choices},
 };
-pub use file::{Overrides, Preset, load, surface_alone, volume_alone};
+pub use file::{Overrides, Preset, load, product_settings, surface_alone};
 pub use quality::{Quality, UnknownQuality};

@@ -5,6 +5,7 @@
 
 use super::scene::Scene;
 use crate::{
+    frame::StreamKind,
     preset::{check::Places, problem::Finding},
     solid::Shape,
 };
@@ -13,6 +14,11 @@ use crate::{
 pub(crate) trait System: Sync {
     /// Whether the preset names the system.
     fn is_present(&self, scene: &Scene) -> bool;
+
+    /// The kinds of the streams that it has in frames.
+    fn stream_kinds(&self) -> &'static [StreamKind] {
+        &[]
+    }
 
     /// Reports everything about the system that contradicts itself or cannot be simulated.
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>);

@@ -298,7 +298,7 @@ fn only_the_passes_of_present_systems_are_listed() {
 fn outputs_that_a_shot_cannot_have_are_refused_before_it_is_simulated() {
     let desk = desk();
     for (output, message) in
-        [("mesh = [\"ply\"]", "sheets are not meshed"), ("volume = [\"density\"]", "sheets have no volume")]
+        [("mesh = [\"ply\"]", "`output.mesh` needs particles"), ("volume = [\"density\"]", "`output.volume` needs particles or tracers")]
     {
         desk.write("wrong.toml", CLOTH.replace("sheet = [\"pc2\"]", output));
         let talk = desk.run("shot wrong.toml -o wrong", 2).1;
@@ -306,6 +306,6 @@ fn outputs_that_a_shot_cannot_have_are_refused_before_it_is_simulated() {
     }
     desk.write("wrong.toml", SMALL.replace("mesh = [\"ply\"]", "sheet = [\"pc2\"]"));
     let talk = desk.run("shot wrong.toml -o wrong", 2).1;
-    assert!(talk.contains("there are no sheets to write"), "{talk}");
+    assert!(talk.contains("`output.sheet` needs sheets"), "{talk}");
     assert!(!desk.path("wrong/cache").exists());
 }

@@ -230,7 +230,7 @@ fn what_makes_no_smoke_is_refused_where_it_stands() {
     refused("--set smoke.ring=[]", &["nothing that it begins with"]);
     refused(
         "--set output.mesh=[\"ply\"]",
-        &["output.mesh", "no surface to mesh", "found meshes", "write `volume"],
+        &["output.mesh", "needs particles", "expected none", "write `volume"],
     );
     refused(
         "--set output.volume=[\"surface\"]",
@@ -305,7 +305,7 @@ fn tracers_become_points_that_move() {
     assert!(out.contains("3 frames of points written") && out.contains("2 up to date"), "{out}");
     desk.run("simulate small.toml", 0);
     let (_, talk) = desk.run("export small", 2);
-    assert!(talk.contains("no tracers"), "{talk}");
+    assert!(talk.contains("no sheets or tracers"), "{talk}");
 }
 
 #[test]

@@ -7,9 +7,9 @@ use super::{
 use crate::{
     cli::{
         args::{Judge, TradeoffArgs},
-        mesh,
         output::print,
         plan::duration,
+        product,
         shot::quality,
     },
     import::{self, Sequence},
@@ -99,12 +99,12 @@ impl Input {
                 let preset = preset.exists().then(|| scene::load(&preset.to_string_lossy())).transpose()?;
                 return Ok(Self::Shot(shot, preset));
             }
-            if input.ends_with(".toml") || mesh::is_folder(input) {
+            if input.ends_with(".toml") || product::is_folder(input) {
                 return Ok(Self::Preset(scene::load(input)?));
             }
         }
         let sequence = import::expand(&args.inputs)?;
-        let spacing = mesh::spacing(args.spacing)?;
+        let spacing = product::spacing(args.spacing)?;
         let title = sequence.files().first().and_then(|file| file.file_stem()).unwrap_or_default();
         let scene = Box::new(bare(&title.to_string_lossy()));
         Ok(Self::Files { sequence, spacing, scene })

@@ -55,11 +55,11 @@ impl VolumeGrid {
     /// Every grid, in the order written.
     pub const ALL: [Self; 4] = [Self::Density, Self::Surface, Self::Velocity, Self::Temperature];
 
-    /// Those that a liquid has.
-    pub const LIQUID: [Self; 3] = [Self::Density, Self::Surface, Self::Velocity];
+    /// The grids of particles.
+    pub const OF_PARTICLES: [Self; 3] = [Self::Density, Self::Surface, Self::Velocity];
 
-    /// Those that smoke has.
-    pub const SMOKE: [Self; 3] = [Self::Density, Self::Velocity, Self::Temperature];
+    /// The grids of tracers.
+    pub const OF_TRACERS: [Self; 3] = [Self::Density, Self::Velocity, Self::Temperature];
 
     /// Its name in a file.
     pub fn name(self) -> &'static str {

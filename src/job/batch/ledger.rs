@@ -36,6 +36,8 @@ pub struct BatchSummary {
     pub kept: usize,
     /// Files made.
     pub made: usize,
+    /// Frames of the batch.
+    pub frames: usize,
     /// Triangles written.
     pub triangles: u64,
     /// Bytes written.
@@ -203,6 +205,7 @@ impl<'a> Ledger<'a> {
         named?;
         self.log_error.map_or(Ok(()), Err)?;
         let notes = self.product.finish(self.out)?;
+        self.summary.frames = frames.len();
         self.summary.lines = [self.product.summary(&self.summary)].into_iter().chain(notes).collect();
         match self.failed {
             failed if failed.is_empty() => Ok(self.summary),

@@ -43,8 +43,10 @@ pub(crate) trait StreamWriter: Sync {
     /// Whether files are made of streams of this kind.
     fn accepts(&self, kind: StreamKind) -> bool;
 
-    /// Why a cache of which no stream is accepted has nothing to write, and what to do.
-    fn no_stream(&self) -> String;
+    /// Why there is nothing to write of a cache of which no stream is accepted.
+    fn no_stream(&self) -> String {
+        format!("no stream of this cache can become a file in `{}`", self.folder().name())
+    }
 
     /// Identifies the files made of a stream whose particles are `spacing` apart at rest [m].
     fn key(&self, stream: &StreamHeader, spacing: f32) -> u64;

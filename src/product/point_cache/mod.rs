@@ -2,4 +2,4 @@
 
 mod writer;
 
-pub use writer::point_caches;
+pub(super) use writer::PointCache;

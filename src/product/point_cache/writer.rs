@@ -6,7 +6,7 @@
 use crate::{
     cache,
     export::{
-        MeshFormat,
+        MeshFormat, SheetFormat,
         pc2::{self, Head, Pc2Error},
     },
     frame::{FrameIndex, StreamKind},
@@ -16,25 +16,59 @@ use crate::{
     },
     math::Vec3,
     mesh::Mesh,
-    product::sheet_mesh::{MISSING_PARTS, NO_SHEETS, SHEET_VERSION, sheet_mesh},
+    product::{
+        interface::Product,
+        request::{ProductRequest, ProductSettings},
+        sheet_mesh::{MISSING_PARTS, SHEET_VERSION, sheet_mesh},
+    },
 };
 use std::{collections::BTreeMap, path::PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
-/// The folder of the files of sheets, for point caches of so many frames.
-struct PointCacheFolder {
-    frames: usize,
-}
+/// Why nothing is made of a cache without sheets.
+const NO_SHEETS: &str = "no sheets in this cache";
 
-impl ProductFolder for PointCacheFolder {
+/// Point caches of sheets, as jobs see them.
+pub(in crate::product) struct PointCache;
+
+impl ProductFolder for PointCache {
     fn name(&self) -> &'static str {
         "sheet"
     }
 
     fn summary(&self, batch: &BatchSummary) -> String {
-        let BatchSummary { folder, made, kept, .. } = batch;
-        let (folder, mib, frames) = (folder.display(), batch.mebibytes(), self.frames);
+        let BatchSummary { folder, frames, made, kept, .. } = batch;
+        let (folder, mib) = (folder.display(), batch.mebibytes());
         format!("{folder}: {made} sheets of {frames} frames written ({mib:.1} MiB), {kept} up to date")
+    }
+}
+
+impl Product for PointCache {
+    fn verb(&self) -> &'static str {
+        "export"
+    }
+
+    fn input(&self) -> &'static str {
+        "sheets"
+    }
+
+    fn accepts(&self, kind: StreamKind) -> bool {
+        kind == StreamKind::MeshPoints
+    }
+
+    fn is_requested(&self, settings: &ProductSettings) -> bool {
+        settings.output.sheet.contains(&SheetFormat::Pc2)
+    }
+
+    fn preset_key(&self) -> Option<(&'static str, &'static str)> {
+        Some(("output.sheet", "sheet = [\"pc2\"]"))
+    }
+
+    fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
+        let Source::Cache(cache) = request.frames()? else {
+            return Err(RunError::Request("point caches are made of the cache of a shot alone".into()));
+        };
+        point_caches(cache, request.out, request.settings.output.thickness, request.batch, control)
     }
 }
 
@@ -45,7 +79,7 @@ impl ProductFolder for PointCacheFolder {
 /// # Errors
 /// [`RunError::Request`] if the cache has no sheets. Frames that are missing or damaged are reported together at the end
 /// ([`RunError::SomeFailed`]); a folder or disk that refuses ends the batch at once.
-pub fn point_caches(
+fn point_caches(
     shot: &ShotFolder,
     out: &ShotFolder,
     thickness: Option<f32>,
@@ -56,8 +90,7 @@ pub fn point_caches(
     let (frames, failed) = SheetFrames::find(&source, shot, request)?;
     let (title, fps) = source.title(out, request.fps)?;
     let numbers: Vec<u32> = frames.span.numbers().collect();
-    let folder = PointCacheFolder { frames: numbers.len() };
-    let mut ledger = Ledger::new(out, &folder)?;
+    let mut ledger = Ledger::new(out, &PointCache)?;
     let ended = write_caches(&frames, &numbers, out, thickness, request.force, &mut ledger, control);
     failed.into_iter().for_each(|failed| ledger.add_failed(failed));
     ledger.finish(&title, fps, &numbers, ended, control)
@@ -142,7 +175,7 @@ fn write_caches(
     control: Control,
 ) -> Result<(), RunError> {
     let key = frames.key(thickness);
-    control.reporter.begin("sheet", frames.streams.len() * numbers.len());
+    control.reporter.begin(PointCache.name(), frames.streams.len() * numbers.len());
     for (place, stream) in frames.streams.iter().enumerate() {
         let CacheFiles { output, points, rest } = CacheFiles::new(stream, frames.span, out);
         let first = frames.mesh(stream, frames.span.first, thickness)?;
@@ -190,7 +223,7 @@ impl CacheFiles {
     /// The files of the sheet whose points are in the stream of this name.
     fn new(stream: &str, frames: FrameSpan, out: &ShotFolder) -> Self {
         let sheet = stream.rsplit_once('.').map_or(stream, |(_, sheet)| sheet);
-        let folder = "sheet";
+        let folder = PointCache.name();
         let (pattern, rest) = (format!("{folder}/{sheet}.pc2"), format!("{folder}/{sheet}.ply"));
         let (points, mesh) = (out.root().join(&pattern), out.root().join(&rest));
         let frame = FrameIndex(frames.first);

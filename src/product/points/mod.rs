@@ -2,4 +2,4 @@
 
 mod writer;
 
-pub use writer::points;
+pub(super) use writer::TracerPoints;

@@ -12,7 +12,11 @@ use crate::{
         memory::BASE_MEMORY,
     },
     mesh::Points,
-    product::volume::{Surroundings, no_velocity},
+    product::{
+        interface::Product,
+        request::{ProductRequest, ProductSettings},
+        volume::{Surroundings, no_velocity},
+    },
     sim::smoke::ShotAir,
 };
 use std::time::Instant;
@@ -26,25 +30,25 @@ const TRACER_BYTES: f64 = 230.0;
 
 /// Writes the tracers of the frames of `source` to `out` as PLY points: positions, `radius`, `velocity`, `density`, `temperature` and `id`.
 ///
-/// Frames are numbered, kept, left out and reported as by [`volume`](crate::product::volume()). Frames without tracers give no file.
+/// Frames are numbered, kept, left out and reported as for volumes. Frames without tracers give no file.
 ///
 /// # Errors
-/// As [`volume`](crate::product::volume()).
-pub fn points(
+/// As [`Product::make`].
+fn points(
     source: Source,
     out: &ShotFolder,
-    smoke: Option<&Surroundings>,
+    smoke: Option<Surroundings>,
     request: &BatchRequest,
     control: Control,
 ) -> Result<BatchSummary, RunError> {
-    let air = smoke.map(Surroundings::air);
+    let air = smoke.as_ref().map(Surroundings::air);
     process_streams(source, out, &PointsWriter { out, air }, request, control)
 }
 
-/// The folder of point files.
-struct PointsFolder;
+/// Point files of tracers, as jobs see them.
+pub(in crate::product) struct TracerPoints;
 
-impl ProductFolder for PointsFolder {
+impl ProductFolder for TracerPoints {
     fn name(&self) -> &'static str {
         "points"
     }
@@ -53,6 +57,29 @@ impl ProductFolder for PointsFolder {
         let BatchSummary { folder, made, kept, .. } = batch;
         let (folder, mib) = (folder.display(), batch.mebibytes());
         format!("{folder}: {made} frames of points written ({mib:.1} MiB), {kept} up to date")
+    }
+}
+
+impl Product for TracerPoints {
+    fn verb(&self) -> &'static str {
+        "export"
+    }
+
+    fn input(&self) -> &'static str {
+        "tracers"
+    }
+
+    fn accepts(&self, kind: StreamKind) -> bool {
+        kind == StreamKind::Tracers
+    }
+
+    fn is_requested(&self, settings: &ProductSettings) -> bool {
+        settings.points
+    }
+
+    fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
+        let smoke = request.scene.and_then(Surroundings::of);
+        points(request.frames()?, request.out, smoke, request.batch, control)
     }
 }
 
@@ -65,15 +92,11 @@ struct PointsWriter<'a> {
 
 impl StreamWriter for PointsWriter<'_> {
     fn folder(&self) -> &dyn ProductFolder {
-        &PointsFolder
+        &TracerPoints
     }
 
     fn accepts(&self, kind: StreamKind) -> bool {
         kind == StreamKind::Tracers
-    }
-
-    fn no_stream(&self) -> String {
-        "no tracers in this cache, which only smoke has: `meniscus mesh` makes surfaces of particles".into()
     }
 
     fn key(&self, stream: &StreamHeader, spacing: f32) -> u64 {
@@ -143,5 +166,5 @@ impl StreamWriter for PointsWriter<'_> {
 
 /// The output that the file of a target belongs to, with its frame alone.
 fn output(target: &FileTarget) -> OutputFiles {
-    OutputFiles::of("points", PointsFolder.name(), &target.name, "ply", target.index)
+    OutputFiles::of("points", TracerPoints.name(), &target.name, "ply", target.index)
 }

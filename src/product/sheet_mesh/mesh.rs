@@ -9,9 +9,6 @@ use crate::{
 /// Raised whenever a change of what a file holds gives the same sheet another one.
 pub(in crate::product) const SHEET_VERSION: u32 = 1;
 
-/// Why nothing is made of a cache without sheets.
-pub(in crate::product) const NO_SHEETS: &str = "no sheets in this cache: `meniscus mesh` makes surfaces of particles, `meniscus volume` volumes of tracers";
-
 /// Why nothing is made of a frame.
 pub(in crate::product) const MISSING_PARTS: &str =
     "the sheet has no positions or faces; simulate the shot again";

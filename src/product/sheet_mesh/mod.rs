@@ -3,5 +3,5 @@
 mod mesh;
 mod writer;
 
-pub(in crate::product) use mesh::{MISSING_PARTS, NO_SHEETS, SHEET_VERSION, sheet_mesh};
-pub use writer::sheet_meshes;
+pub(in crate::product) use mesh::{MISSING_PARTS, SHEET_VERSION, sheet_mesh};
+pub(super) use writer::SheetMesh;

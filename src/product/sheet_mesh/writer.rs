@@ -1,6 +1,6 @@
 //! Mesh files of sheets, one a frame.
 
-use super::mesh::{MISSING_PARTS, NO_SHEETS, SHEET_VERSION, sheet_mesh};
+use super::mesh::{MISSING_PARTS, SHEET_VERSION, sheet_mesh};
 use crate::{
     export::MeshFormat,
     frame::{Stream, StreamKind},
@@ -12,7 +12,12 @@ use crate::{
         },
         memory::BASE_MEMORY,
     },
-    product::mesh_files::{MeshFiles, mesh_summary},
+    product::{
+        interface::Product,
+        mesh_files::{MeshFiles, mesh_summary},
+        request::{ProductRequest, ProductSettings},
+    },
+    sim::scene::Output,
 };
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -23,8 +28,8 @@ const POINT_BYTES: f64 = 410.0;
 /// Writes the sheets of the frames of `source` to `out`, a mesh a frame in each of the formats.
 ///
 /// # Errors
-/// As [`surface`](crate::product::surface()).
-pub fn sheet_meshes(
+/// As [`Product::make`].
+fn sheet_meshes(
     source: Source,
     out: &ShotFolder,
     formats: &[MeshFormat],
@@ -32,20 +37,48 @@ pub fn sheet_meshes(
     request: &BatchRequest,
     control: Control,
 ) -> Result<BatchSummary, RunError> {
-    let files = MeshFiles { out, folder: SheetFolder.name(), formats, points: false };
+    let files = MeshFiles { out, folder: SheetMesh.name(), formats, points: false };
     process_streams(source, out, &SheetMeshWriter { files, thickness }, request, control)
 }
 
-/// The folder of the files of sheets.
-struct SheetFolder;
+/// Sheets as meshes, as jobs see them.
+pub(in crate::product) struct SheetMesh;
 
-impl ProductFolder for SheetFolder {
+impl ProductFolder for SheetMesh {
     fn name(&self) -> &'static str {
         "sheet"
     }
 
     fn summary(&self, batch: &BatchSummary) -> String {
         mesh_summary(batch)
+    }
+}
+
+impl Product for SheetMesh {
+    fn verb(&self) -> &'static str {
+        "export"
+    }
+
+    fn input(&self) -> &'static str {
+        "sheets"
+    }
+
+    fn accepts(&self, kind: StreamKind) -> bool {
+        kind == StreamKind::MeshPoints
+    }
+
+    fn is_requested(&self, settings: &ProductSettings) -> bool {
+        settings.output.sheet.iter().any(|format| format.of_frames().is_some())
+    }
+
+    fn preset_key(&self) -> Option<(&'static str, &'static str)> {
+        Some(("output.sheet", "sheet = [\"ply\"]"))
+    }
+
+    fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
+        let Output { sheet, thickness, .. } = &request.settings.output;
+        let formats: Vec<MeshFormat> = sheet.iter().filter_map(|format| format.of_frames()).collect();
+        sheet_meshes(request.frames()?, request.out, &formats, *thickness, request.batch, control)
     }
 }
 
@@ -58,15 +91,11 @@ struct SheetMeshWriter<'a> {
 
 impl StreamWriter for SheetMeshWriter<'_> {
     fn folder(&self) -> &dyn ProductFolder {
-        &SheetFolder
+        &SheetMesh
     }
 
     fn accepts(&self, kind: StreamKind) -> bool {
         kind == StreamKind::MeshPoints
-    }
-
-    fn no_stream(&self) -> String {
-        NO_SHEETS.into()
     }
 
     fn key(&self, stream: &StreamHeader, _: f32) -> u64 {

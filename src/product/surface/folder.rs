@@ -9,10 +9,10 @@ use crate::{
     product::mesh_files::mesh_summary,
 };
 
-/// The folder of surface meshes.
-pub(super) struct SurfaceFolder;
+/// The surface mesh, as jobs see it.
+pub(in crate::product) struct SurfaceMesh;
 
-impl ProductFolder for SurfaceFolder {
+impl ProductFolder for SurfaceMesh {
     fn name(&self) -> &'static str {
         MESH_FOLDER
     }

@@ -1,6 +1,6 @@
 //! Meshes of level sets that other programs wrote.
 
-use super::{SurfaceFolder, memory::level_set_memory, writer::report_faults};
+use super::{SurfaceMesh, memory::level_set_memory, writer::report_faults};
 use crate::{
     export::MeshFormat,
     import::{LevelSet, LevelSetFile, Sequence},
@@ -32,8 +32,8 @@ const MIN_LEAF_BYTES: u64 = 256;
 /// allows. Files keep their numbers, and meshes of the same bytes are kept, as for particle files.
 ///
 /// # Errors
-/// As [`surface`](super::surface) of particle files; a level set whose band is too narrow is meshed and reported.
-pub fn mesh_level_sets(
+/// As [`surface`](super::writer::surface) of particle files; a level set whose band is too narrow is meshed and reported.
+pub(super) fn mesh_level_sets(
     sequence: &Sequence,
     out: &ShotFolder,
     formats: &[MeshFormat],
@@ -44,9 +44,9 @@ pub fn mesh_level_sets(
     let is_single_file = frames.len() == 1;
     let (title, fps) = ("Level set", request.fps);
     let batch = FrameBatch { frames: &frames, absent: NO_FILE, is_single_file, title, fps };
-    let files = MeshFiles { out, folder: SurfaceFolder.name(), formats, points: false };
+    let files = MeshFiles { out, folder: SurfaceMesh.name(), formats, points: false };
     let estimate = |path: &Path| level_set_memory((file_size(path) / MIN_LEAF_BYTES) as usize);
-    process_frames(&SurfaceFolder, out, &batch, request, control, estimate, |path, reserved, outcome| {
+    process_frames(&SurfaceMesh, out, &batch, request, control, estimate, |path, reserved, outcome| {
         let file = LevelSetFile::open(path)?;
         let key = file.content_key(CUT_VERSION);
         let mut target = FileTarget { index: outcome.index, name: NAME.into(), key };

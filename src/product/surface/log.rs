@@ -21,7 +21,7 @@ pub(super) const LOG_FILE: &str = "mesh.jsonl";
 
 /// The figures of one mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MeshRecord {
+pub(super) struct MeshRecord {
     /// The frame.
     pub frame: FrameIndex,
     /// The stream it shows.
@@ -48,7 +48,7 @@ struct LogLine<'a> {
 
 /// A change from one frame to the next that the changes around it do not suggest.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Jump {
+pub(super) struct Jump {
     /// The frame that differs from the one before.
     pub frame: FrameIndex,
     /// The stream.
@@ -106,7 +106,7 @@ fn log_path(folder: &ShotFolder) -> PathBuf {
 
 /// The last line about every mesh that is still in the folder, by stream and frame; none if there is no log. A line that a
 /// crash cut short is skipped.
-pub(crate) fn read(folder: &ShotFolder) -> Result<Vec<MeshRecord>, RunError> {
+pub(super) fn read(folder: &ShotFolder) -> Result<Vec<MeshRecord>, RunError> {
     let text = match std::fs::read_to_string(log_path(folder)) {
         Err(absent) if absent.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
         read => read.map_err(|source| RunError::File {
@@ -149,7 +149,7 @@ const MIN_JUMP_COMPONENTS: f64 = 3.0;
 
 /// The jumps between consecutive records of the same stream, which are sorted. Gaps in the frames are not bridged: a
 /// change over several frames is divided by their number.
-pub(crate) fn jumps(records: &[MeshRecord]) -> Vec<Jump> {
+pub(super) fn jumps(records: &[MeshRecord]) -> Vec<Jump> {
     let mut found = Vec::new();
     for series in records.chunk_by(|a, b| a.name == b.name) {
         for (what, fraction) in MIN_JUMP_FRACTION {

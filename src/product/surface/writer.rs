@@ -1,7 +1,7 @@
 //! Meshes of particles: the surface of every stream of particles, reconstructed and written in every requested format.
 
 use super::{
-    SurfaceFolder,
+    SurfaceMesh,
     log::MeshRecord,
     memory::{max_surface_memory, stream_memory},
 };
@@ -22,15 +22,6 @@ use crate::{
 };
 use xxhash_rust::xxh3::xxh3_64;
 
-/// How particles become meshes.
-#[derive(Clone, Debug)]
-pub struct SurfaceSettings {
-    /// How particles become a surface.
-    pub params: SurfaceParams,
-    /// The files to write.
-    pub formats: Vec<MeshFormat>,
-}
-
 /// Meshes the frames of `source` into `out`, several at once where memory allows.
 ///
 /// A frame whose files were made from the same particles with the same settings is kept, unless the request forces it: the
@@ -42,15 +33,15 @@ pub struct SurfaceSettings {
 /// Frames that cannot be read or meshed, need more memory than the request allows, or are missing, are left out and reported
 /// together at the end ([`RunError::SomeFailed`]). Errors of a single file, also that it has no particles, are the batch's
 /// error; a folder or disk that refuses to be written ends the batch at once.
-pub fn surface(
+pub(super) fn surface(
     source: Source,
     out: &ShotFolder,
-    settings: &SurfaceSettings,
+    params: &SurfaceParams,
+    formats: &[MeshFormat],
     request: &BatchRequest,
     control: Control,
 ) -> Result<BatchSummary, RunError> {
-    let SurfaceSettings { params, formats } = settings;
-    let files = MeshFiles { out, folder: SurfaceFolder.name(), formats, points: params.components.is_some() };
+    let files = MeshFiles { out, folder: SurfaceMesh.name(), formats, points: params.components.is_some() };
     let text = serde_json::to_string(params).expect("settings are plain data");
     process_streams(source, out, &SurfaceWriter { files, params, text }, request, control)
 }
@@ -65,17 +56,11 @@ struct SurfaceWriter<'a> {
 
 impl StreamWriter for SurfaceWriter<'_> {
     fn folder(&self) -> &dyn ProductFolder {
-        &SurfaceFolder
+        &SurfaceMesh
     }
 
     fn accepts(&self, kind: StreamKind) -> bool {
         kind == StreamKind::Particles
-    }
-
-    fn no_stream(&self) -> String {
-        "no particles in this cache, and only particles have a surface to mesh: `meniscus volume` makes volumes of tracers, \
-         `meniscus export` writes tracers as points and sheets as meshes"
-            .into()
     }
 
     fn key(&self, stream: &StreamHeader, spacing: f32) -> u64 {

@@ -2,10 +2,10 @@
 
 use crate::job::batch::{BatchSummary, ProductFolder};
 
-/// The folder of volume files.
-pub(super) struct VolumeFolder;
+/// The volume file, as jobs see it.
+pub(in crate::product) struct Volume;
 
-impl ProductFolder for VolumeFolder {
+impl ProductFolder for Volume {
     fn name(&self) -> &'static str {
         "volume"
     }

@@ -4,15 +4,15 @@ mod file;
 mod folder;
 mod memory;
 mod particle_grids;
+mod product;
 mod retime;
 mod settings;
 mod tracer_grids;
 mod tracers;
 mod writer;
 
+pub(super) use folder::Volume;
 pub(crate) use memory::{particle_volume_memory, tracer_volume_memory};
-pub use retime::{Retime, retime};
-pub use settings::{Surroundings, VolumeSettings};
+pub(crate) use settings::{Surroundings, VolumeSettings};
 pub(in crate::product) use tracers::no_velocity;
 pub(crate) use tracers::try_tracers;
-pub use writer::volume;

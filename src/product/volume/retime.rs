@@ -2,7 +2,7 @@
 
 use super::{
     file::{names, up_to_date},
-    folder::VolumeFolder,
+    folder::Volume,
     memory::stream_memory,
     settings::{Surroundings, VolumeSettings},
     tracer_grids::TracerFrame,
@@ -19,6 +19,7 @@ use crate::{
         },
         nonzero,
     },
+    product::request::Retime,
     sim::smoke::{self, DriftReport, Drifting, FrameAir, KeyedAir, Replay},
 };
 use std::{collections::BTreeMap, ops::ControlFlow, path::PathBuf};
@@ -26,15 +27,6 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Times that differ by less than this are equal [frames].
 const TIME_EPSILON: f64 = 1e-6;
-
-/// How a cache is retimed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Retime {
-    /// Frames made of one [–], above 0: 2 is half as fast.
-    pub factor: f64,
-    /// Whether tracers are seeded as the settings say and advected from the start; else those of the cache are used.
-    pub reseed: bool,
-}
 
 /// The volumes to make.
 struct RetimedVolumes<'a> {
@@ -58,9 +50,9 @@ impl RetimedVolumes<'_> {
 /// by the factor.
 ///
 /// # Errors
-/// As [`volume`](super::volume); [`RunError::Request`] if frames are missing in between. A damaged frame makes those fail that
+/// As [`volume`](super::writer::volume); [`RunError::Request`] if frames are missing in between. A damaged frame makes those fail that
 /// are computed from it: its neighbours', and, if tracers are reseeded, all later ones.
-pub fn retime(
+pub(super) fn retime(
     folder: &ShotFolder,
     out: &ShotFolder,
     settings: &VolumeSettings,
@@ -98,9 +90,9 @@ pub fn retime(
         .filter(|&n| request.selection.as_ref().is_none_or(|selection| selection.contains(FrameIndex(n))))
         .collect();
     let grids: Vec<VolumeGrid> =
-        settings.grids.iter().copied().filter(|grid| VolumeGrid::SMOKE.contains(grid)).collect();
+        settings.grids.iter().copied().filter(|grid| VolumeGrid::OF_TRACERS.contains(grid)).collect();
     if grids.is_empty() {
-        let expected = names(&VolumeGrid::SMOKE);
+        let expected = names(&VolumeGrid::OF_TRACERS);
         return Err(RunError::Request(format!("smoke has none of the requested grids; expected {expected}")));
     }
     let volumes = RetimedVolumes { out, settings, retime, request, grids };
@@ -108,8 +100,8 @@ pub fn retime(
     let drifting = retime.reseed.then(|| (replay.seeded(), 0.0));
     let mut player = Player { present: &present, replay, loaded: BTreeMap::new(), drifting };
     let (title, fps) = Source::Cache(folder).title(out, smoke.fps)?;
-    let mut ledger = Ledger::new(out, &VolumeFolder)?;
-    control.reporter.begin(VolumeFolder.name(), numbers.len());
+    let mut ledger = Ledger::new(out, &Volume)?;
+    control.reporter.begin(Volume.name(), numbers.len());
     let mut ended = Ok(());
     for (place, &number) in numbers.iter().enumerate() {
         if (control.interrupted)() {

@@ -3,35 +3,42 @@
 use crate::{
     export::vdb::{VolumeGrid, VolumeParams},
     mesh::SurfaceParams,
+    product::request::ProductSettings,
     sim::{
         World,
+        scene::Scene,
         smoke::{ShotAir, Smoke},
     },
 };
 
 /// How particles and tracers become volumes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct VolumeSettings {
+pub(crate) struct VolumeSettings {
     /// How particles become a density.
-    pub surface: SurfaceParams,
+    pub(crate) surface: SurfaceParams,
     /// How grids are stored.
-    pub volume: VolumeParams,
+    pub(crate) volume: VolumeParams,
     /// Which grids a file has; at least one.
-    pub grids: Vec<VolumeGrid>,
+    pub(crate) grids: Vec<VolumeGrid>,
     /// What moves the smoke of the shot, if it has any: without it, smoke has no velocities.
-    pub smoke: Option<Surroundings>,
+    pub(crate) smoke: Option<Surroundings>,
 }
 
 /// What moves smoke beside its vortons.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Surroundings {
+pub(crate) struct Surroundings {
     /// What the preset says of it.
-    pub smoke: Smoke,
+    pub(crate) smoke: Smoke,
     /// What is around it.
-    pub world: World,
+    pub(crate) world: World,
 }
 
 impl Surroundings {
+    /// What moves the smoke of a scene whose meshes are sampled; `None` if it has none.
+    pub(crate) fn of(scene: &Scene) -> Option<Self> {
+        scene.systems().smoke.map(|smoke| Self { smoke, world: scene.surroundings() })
+    }
+
     /// What moves the air beside vortons, for all frames.
     pub(in crate::product) fn air(&self) -> ShotAir {
         ShotAir::new(&self.smoke, &self.world)
@@ -39,6 +46,21 @@ impl Surroundings {
 }
 
 impl VolumeSettings {
+    /// The settings of a scene whose meshes are sampled.
+    pub(crate) fn of(scene: &Scene) -> Self {
+        Self::new(&ProductSettings::of(scene), Some(scene))
+    }
+
+    /// These settings for frames of a scene whose meshes are sampled, if it is known.
+    pub(super) fn new(settings: &ProductSettings, scene: Option<&Scene>) -> Self {
+        let ProductSettings { surface, volume, output, .. } = settings;
+        let mut grids = output.volume.clone();
+        grids.sort_unstable();
+        grids.dedup();
+        let smoke = scene.and_then(Surroundings::of);
+        Self { surface: surface.clone(), volume: volume.clone(), grids, smoke }
+    }
+
     /// The air of the shot; `None` if no velocity is requested, which alone needs it.
     pub(super) fn air(&self) -> Option<ShotAir> {
         let around = self.smoke.as_ref().filter(|_| self.grids.contains(&VolumeGrid::Velocity));

@@ -2,7 +2,7 @@
 
 use super::{
     file::{figures, write_file},
-    folder::VolumeFolder,
+    folder::Volume,
     settings::{Surroundings, VolumeSettings},
     tracer_grids::{TracerFrame, TracerGridError, TracerGridStats, TracerGrids},
 };
@@ -115,7 +115,7 @@ pub(crate) fn try_tracers(
     control: Control,
 ) -> Result<Option<VolumeTrial>, RunError> {
     let grids: Vec<_> =
-        settings.grids.iter().copied().filter(|grid| VolumeGrid::SMOKE.contains(grid)).collect();
+        settings.grids.iter().copied().filter(|grid| VolumeGrid::OF_TRACERS.contains(grid)).collect();
     let tracers = frame.streams.iter().find(|stream| stream.kind == StreamKind::Tracers);
     let (Some(Surroundings { smoke, .. }), Some(tracers), false) =
         (&settings.smoke, tracers, grids.is_empty())
@@ -127,7 +127,7 @@ pub(crate) fn try_tracers(
     let spacing = smoke.params.tracer_spacing();
     let shown = TracerFrame { tracers, air: air.as_ref(), spacing, grids: &grids, slowdown: 1.0 };
     let out = ShotFolder::new(folder);
-    ShotFolder::create(&out.subfolder(VolumeFolder.name()))?;
+    ShotFolder::create(&out.subfolder(Volume.name()))?;
     let target = FileTarget { index: frame.index, name: "trial".into(), key: 0 };
     let mut outcome = FrameOutcome::new(frame.index);
     write_tracers(&out, settings, shown, &target, &mut outcome, control)?;

@@ -2,7 +2,7 @@
 
 use super::{
     file::{figures, names, up_to_date, write_file},
-    folder::VolumeFolder,
+    folder::Volume,
     memory::{max_volume_memory, stream_memory},
     particle_grids::{ParticleGridStats, ParticleGrids},
     settings::VolumeSettings,
@@ -34,12 +34,12 @@ const VOLUME_VERSION: u32 = 2;
 
 /// Makes volumes of the frames of `source` in `out`, several at once where memory allows.
 ///
-/// Frames are numbered, kept, left out and reported as by [`surface`](crate::product::surface()); one without particles gives
+/// Frames are numbered, kept, left out and reported as by meshes; one without particles gives
 /// a file with empty grids.
 ///
 /// # Errors
-/// As [`surface`](crate::product::surface()).
-pub fn volume(
+/// As [`Product::make`](crate::product::interface::Product::make).
+pub(super) fn volume(
     source: Source,
     out: &ShotFolder,
     settings: &VolumeSettings,
@@ -49,12 +49,12 @@ pub fn volume(
     let requested = |available: &[VolumeGrid]| -> Vec<VolumeGrid> {
         settings.grids.iter().copied().filter(|grid| available.contains(grid)).collect()
     };
-    let particles = requested(&VolumeGrid::LIQUID);
-    let tracers = requested(&VolumeGrid::SMOKE);
+    let particles = requested(&VolumeGrid::OF_PARTICLES);
+    let tracers = requested(&VolumeGrid::OF_TRACERS);
     if particles.is_empty() && (tracers.is_empty() || settings.smoke.is_none()) {
         return Err(RunError::Request(format!(
             "particles have none of the requested grids; expected {}, or a shot of smoke",
-            names(&VolumeGrid::LIQUID)
+            names(&VolumeGrid::OF_PARTICLES)
         )));
     }
     let text = content_text(settings, &particles);
@@ -101,7 +101,7 @@ struct VolumeWriter<'a> {
 
 impl StreamWriter for VolumeWriter<'_> {
     fn folder(&self) -> &dyn ProductFolder {
-        &VolumeFolder
+        &Volume
     }
 
     fn accepts(&self, kind: StreamKind) -> bool {
@@ -116,8 +116,8 @@ impl StreamWriter for VolumeWriter<'_> {
         format!(
             "no stream of this cache has any of the requested grids ({}); expected {} of tracers, or {} of particles",
             names(&self.settings.grids),
-            names(&VolumeGrid::SMOKE),
-            names(&VolumeGrid::LIQUID)
+            names(&VolumeGrid::OF_TRACERS),
+            names(&VolumeGrid::OF_PARTICLES)
         )
     }
 

@@ -12,7 +12,7 @@ use crate::{
     frame::{Frame, FrameIndex},
     product::{
         surface::bricks_around,
-        volume::{Surroundings, VolumeSettings, tracer_volume_memory, try_tracers},
+        volume::{VolumeSettings, tracer_volume_memory, try_tracers},
     },
     run::{scratch::Scratch, simulate::world, usage::Meter},
     scene::{Frames, Scene},
@@ -193,17 +193,11 @@ fn course(
     control: Control,
 ) -> Result<(Seen, Vec<Seen>), RunError> {
     let systems = Systems { smoke: scene.systems().smoke, ..Systems::default() };
-    let around = systems.smoke.clone().map(|smoke| Surroundings { smoke, world: world(scene) });
     let mut simulation = Simulation::new(world(scene), systems)?;
     let counts = simulation.seeded().smoke.unwrap_or_default();
     let start = Seen { vortons: counts.vortons.into(), tracers: counts.tracers.into(), ..Seen::default() };
     let scratch = Scratch::new()?;
-    let settings = VolumeSettings {
-        surface: scene.surface.clone(),
-        volume: scene.volume.clone(),
-        grids: scene.output.volume.clone(),
-        smoke: around,
-    };
+    let settings = VolumeSettings::of(scene);
     let clock = Meter::new();
     let mut course = Vec::new();
     for number in 1..=frames {

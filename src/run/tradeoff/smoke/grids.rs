@@ -9,7 +9,7 @@ use crate::{
     math::Vec3,
     product::volume::{VolumeSettings, try_tracers},
     run::{
-        Control, RunError, ShotFolder, surroundings,
+        Control, RunError, ShotFolder, solids,
         tradeoff::runs::{Place, Row},
         usage::Peak,
     },
@@ -42,7 +42,7 @@ pub(super) fn complete<F>(
     control: Control,
 ) -> Result<Option<Grids>, RunError> {
     let settings = settings(place, control)?;
-    let wanted = settings.grids.iter().any(|grid| VolumeGrid::SMOKE.contains(grid));
+    let wanted = settings.grids.iter().any(|grid| VolumeGrid::OF_TRACERS.contains(grid));
     let Some(frame) = last(place)?.filter(|_| wanted && row.diverged.is_none()) else { return Ok(None) };
     let path = place.folder.join(format!("volume-{:016x}.json", key(&settings)));
     let text = std::fs::read_to_string(&path).ok();
@@ -72,13 +72,8 @@ pub(super) fn complete<F>(
 }
 
 fn settings(place: &Place<'_>, control: Control) -> Result<VolumeSettings, RunError> {
-    let scene = place.scene;
-    Ok(VolumeSettings {
-        surface: scene.surface.clone(),
-        volume: scene.volume.clone(),
-        grids: scene.output.volume.clone(),
-        smoke: surroundings(scene, &ShotFolder::new(&place.folder), control)?,
-    })
+    let scene = solids::fill(place.scene, Some(&ShotFolder::new(&place.folder)), control.reporter)?;
+    Ok(VolumeSettings::of(&scene))
 }
 
 fn key(settings: &VolumeSettings) -> u64 {

@@ -4,6 +4,7 @@ pub(crate) mod check;
 
 use super::LiquidParams;
 use crate::{
+    frame::StreamKind,
     preset::{check::Places, problem::Finding},
     sim::{
         scene::Scene,
@@ -17,6 +18,10 @@ pub(crate) struct Liquid;
 impl System for Liquid {
     fn is_present(&self, scene: &Scene) -> bool {
         scene.liquid.is_some()
+    }
+
+    fn stream_kinds(&self) -> &'static [StreamKind] {
+        &[StreamKind::Particles]
     }
 
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {

@@ -4,6 +4,7 @@ pub(crate) mod check;
 
 use super::SheetShape;
 use crate::{
+    frame::StreamKind,
     preset::{check::Places, problem::Finding},
     sim::{
         scene::Scene,
@@ -17,6 +18,10 @@ pub(crate) struct Sheets;
 impl System for Sheets {
     fn is_present(&self, scene: &Scene) -> bool {
         !scene.sheet.is_empty()
+    }
+
+    fn stream_kinds(&self) -> &'static [StreamKind] {
+        &[StreamKind::MeshPoints, StreamKind::MeshFaces]
     }
 
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {

@@ -3,6 +3,7 @@
 pub(crate) mod check;
 
 use crate::{
+    frame::StreamKind,
     preset::{check::Places, problem::Finding},
     sim::{
         scene::Scene,
@@ -16,6 +17,10 @@ pub(crate) struct Smoke;
 impl System for Smoke {
     fn is_present(&self, scene: &Scene) -> bool {
         scene.smoke.is_some()
+    }
+
+    fn stream_kinds(&self) -> &'static [StreamKind] {
+        &[StreamKind::Vortons, StreamKind::Tracers]
     }
 
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {

@@ -1,0 +1,188 @@
+//! What the verbs that make products share: where their frames come from, and where the files go.
+
+use super::{args::InputArgs, output::print};
+use crate::{
+    import::{self, Sequence},
+    run::{
+        self, BatchRequest, Control, ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime,
+        RunError, ShotFolder, Source,
+    },
+    scene::{self, Overrides, Scene},
+};
+use std::path::Path;
+
+/// Frames a second of a sequence of files, unless given.
+const DEFAULT_FPS: f64 = 24.0;
+
+/// A verb that makes products.
+pub(super) struct ProductVerb {
+    /// Its name.
+    pub(super) name: &'static str,
+    /// What it makes ("a mesh").
+    pub(super) makes: &'static str,
+    /// Whether it takes particle files, and not only caches.
+    pub(super) takes_files: bool,
+    /// The beginnings of the preset's keys that can be set.
+    pub(super) keys: &'static [&'static str],
+}
+
+impl ProductVerb {
+    /// Makes the products of the verb, with the settings of the preset and of the command line as `adjust` completes them.
+    pub(super) fn run(
+        &self,
+        args: &InputArgs,
+        retime: Option<Retime>,
+        adjust: impl FnOnce(&mut ProductSettings),
+        control: Control,
+    ) -> Result<(), RunError> {
+        let set: Vec<String> = args
+            .set
+            .iter()
+            .cloned()
+            .chain(args.voxel.iter().map(|voxel| format!("surface.voxel={voxel}")))
+            .collect();
+        let batch = BatchRequest {
+            selection: args.frames.clone(),
+            force: args.force,
+            max_memory: args.max_memory,
+            concurrent: true,
+            fps: fps(args.fps)?,
+        };
+        if let [folder] = &args.inputs[..]
+            && (!self.takes_files || is_folder(folder))
+        {
+            self.check_cache_arguments(args)?;
+            let cache = ShotFolder::around(Path::new(folder));
+            let out = args.output.as_ref().map_or_else(|| cache.clone(), ShotFolder::new);
+            if retime.is_some() && is_same(out.root(), cache.root()) {
+                return Err(RunError::Request(
+                    "a retimed shot has other frames than its cache: name a folder for them with -o".into(),
+                ));
+            }
+            let scene = cached_scene(&cache, &set)?;
+            let mut settings = match &scene {
+                Some(scene) => ProductSettings::of(scene),
+                None => scene::product_settings(&set)?,
+            };
+            adjust(&mut settings);
+            let input = ProductInput::Frames(Source::Cache(&cache));
+            let (scene, settings) = (scene.as_ref(), &settings);
+            let request = ProductRequest { input, out: &out, settings, scene, retime, batch: &batch };
+            return self.make(&request, control);
+        }
+        if retime.is_some() {
+            return Err(RunError::Request("--retime is for the cache of a shot. Leave it out".into()));
+        }
+        let sequence = import::expand(&args.inputs)?;
+        let input = if sequence.files().iter().any(|file| is_volume(file)) {
+            check_level_sets(args, &sequence)?;
+            ProductInput::LevelSets(&sequence)
+        } else {
+            ProductInput::Frames(Source::Files { sequence: &sequence, spacing: spacing(args.spacing)? })
+        };
+        let Some(output) = &args.output else {
+            return Err(RunError::Request("no folder for the files is given: add -o DIR".into()));
+        };
+        let mut settings = scene::product_settings(&set)?;
+        adjust(&mut settings);
+        let (out, settings) = (&ShotFolder::new(output), &settings);
+        self.make(&ProductRequest { input, out, settings, scene: None, retime, batch: &batch }, control)
+    }
+
+    fn make(&self, request: &ProductRequest, control: Control) -> Result<(), RunError> {
+        run::make_products(ProductSelection::Verb(self.name), request, control, &mut |summary| {
+            summary.lines.iter().try_for_each(|line| print(line))
+        })
+    }
+
+    /// Refuses arguments that a cache answers itself.
+    fn check_cache_arguments(&self, args: &InputArgs) -> Result<(), RunError> {
+        let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
+        if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
+            return Err(RunError::Request(format!(
+                "{flag} is for particle files; a cache has its own. Leave it out"
+            )));
+        }
+        let has_effect =
+            |argument: &&String| self.keys.iter().any(|key| argument.trim_start().starts_with(key));
+        match args.set.iter().find(|argument| !has_effect(argument)) {
+            Some(argument) => Err(RunError::Request(format!(
+                "--set {argument}: found a key that does not change {}, expected one of {}…; the frames are simulated \
+                 already: `meniscus simulate` changes the other keys",
+                self.makes,
+                self.keys.join("…, ")
+            ))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The preset of a cache with some keys changed; `None` if the folder has none.
+fn cached_scene(cache: &ShotFolder, set: &[String]) -> Result<Option<Scene>, RunError> {
+    let preset = cache.preset();
+    if !preset.exists() {
+        return Ok(None);
+    }
+    let preset = scene::load(&preset.to_string_lossy())?;
+    Ok(Some(Scene::from_preset(&preset, &Overrides { quality: None, set: set.to_vec() })?))
+}
+
+/// Whether an input is a folder, or names one that does not exist: particle files have an extension.
+pub(super) fn is_folder(input: &str) -> bool {
+    let path = Path::new(input);
+    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#', '?', '['])
+}
+
+/// Whether two paths lead to the same folder.
+fn is_same(a: &Path, b: &Path) -> bool {
+    a == b || a.canonicalize().ok().zip(b.canonicalize().ok()).is_some_and(|(a, b)| a == b)
+}
+
+/// Whether a file is an OpenVDB volume, by its name.
+fn is_volume(file: &Path) -> bool {
+    file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"))
+}
+
+/// Refuses particle files among level sets, and arguments that only particles need.
+fn check_level_sets(args: &InputArgs, sequence: &Sequence) -> Result<(), RunError> {
+    if let Some(other) = sequence.files().iter().find(|file| !is_volume(file)) {
+        return Err(RunError::Request(format!(
+            "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
+            other.display()
+        )));
+    }
+    let for_particles = [
+        ("--spacing", args.spacing.is_some()),
+        ("--voxel", args.voxel.is_some()),
+        ("--set", !args.set.is_empty()),
+    ];
+    match for_particles.iter().find(|(_, given)| *given) {
+        Some((flag, _)) => {
+            Err(RunError::Request(format!("{flag} is for particles; a level set has its grid. Leave it out")))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The spacing of particles at rest [m], which their files do not have.
+pub(super) fn spacing(given: Option<f32>) -> Result<f32, RunError> {
+    match given {
+        Some(spacing) if spacing.is_finite() && spacing > 0.0 => Ok(spacing),
+        Some(spacing) => {
+            Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")))
+        }
+        None => Err(RunError::Request(
+            "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
+             radius; 0.05 for a radius of 0.025)"
+                .into(),
+        )),
+    }
+}
+
+/// The frames a second of a sequence of files.
+pub(super) fn fps(given: Option<f64>) -> Result<f64, RunError> {
+    match given.unwrap_or(DEFAULT_FPS) {
+        fps if fps.is_finite() && fps > 0.0 => Ok(fps),
+        fps => Err(RunError::Request(format!("--fps {fps}: expected a number above 0, such as 24"))),
+    }
+}

@@ -1,0 +1,54 @@
+//! What jobs need to know of a product.
+//!
+//! A product is one folder below `src/product/`. Jobs and the command line name no product; they loop over
+//! [`ALL`](super::registry::ALL).
+
+use super::request::{ProductInfo, ProductRequest, ProductSettings};
+use crate::{
+    frame::StreamKind,
+    job::{
+        Control, RunError, ShotFolder,
+        batch::{BatchSummary, ProductFolder},
+    },
+    preset::{check::Places, problem::Finding},
+};
+
+/// Something that is made of frames, as jobs see it.
+pub(crate) trait Product: ProductFolder {
+    /// The verb of the command line that makes it.
+    fn verb(&self) -> &'static str;
+
+    /// What it is made of, for messages ("particles").
+    fn input(&self) -> &'static str;
+
+    /// Whether it is made of streams of this kind.
+    fn accepts(&self, kind: StreamKind) -> bool;
+
+    /// Whether these settings request it.
+    fn is_requested(&self, settings: &ProductSettings) -> bool;
+
+    /// The key with which a preset requests it, and an example of that; `None`: presets cannot request it.
+    fn preset_key(&self) -> Option<(&'static str, &'static str)> {
+        None
+    }
+
+    /// Reports settings that cannot be met with streams of these `kinds`, of which it accepts some.
+    fn check(&self, _: &ProductSettings, _kinds: &[StreamKind], _: &Places, _: &mut Vec<Finding>) {}
+
+    /// Makes it.
+    ///
+    /// # Errors
+    /// Frames that cannot be read or made, need more memory than the request allows, or are missing, are left out and reported
+    /// together at the end ([`RunError::SomeFailed`]). Errors of a single file, also that it has no particles, are the
+    /// batch's error; a folder or disk that refuses to be written ends the batch at once. [`RunError::Request`] if it
+    /// cannot be made of the input.
+    fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError>;
+
+    /// What is known of its files in a shot folder beyond the manifest.
+    ///
+    /// # Errors
+    /// If its log cannot be read.
+    fn info(&self, _: &ShotFolder) -> Result<ProductInfo, RunError> {
+        Ok(ProductInfo::default())
+    }
+}

@@ -1,0 +1,82 @@
+//! Makes products: those of a preset, or those of a verb of the command line.
+
+use super::{
+    interface::Product,
+    registry::ALL,
+    request::{ProductInput, ProductRequest, ProductSettings},
+};
+use crate::job::{Control, RunError, batch::BatchSummary};
+
+/// Which products are made.
+#[derive(Clone, Copy, Debug)]
+pub enum ProductSelection {
+    /// All that the settings request.
+    Requested,
+    /// Those of a verb of the command line that the settings request and that accept a stream of the input.
+    Verb(&'static str),
+}
+
+/// Whether these settings request any product.
+pub fn is_any_requested(settings: &ProductSettings) -> bool {
+    ALL.into_iter().any(|product| product.is_requested(settings))
+}
+
+/// Makes products one after the other, and passes what was made of each to `done`. Frames that fail in one product do not keep
+/// the others from being made.
+///
+/// # Errors
+/// The first failure of a product; [`RunError::Request`] if no product of a verb accepts a stream of the input.
+pub(crate) fn make(
+    selection: ProductSelection,
+    request: &ProductRequest,
+    control: Control,
+    done: &mut dyn FnMut(&BatchSummary) -> Result<(), RunError>,
+) -> Result<(), RunError> {
+    let requested = ALL.into_iter().filter(|product| product.is_requested(request.settings));
+    let products: Vec<&dyn Product> = match selection {
+        ProductSelection::Requested => requested.collect(),
+        ProductSelection::Verb(verb) => {
+            accepting(verb, requested.filter(|product| product.verb() == verb).collect(), request)?
+        }
+    };
+    let mut failed = None;
+    for product in products {
+        match product.make(request, control) {
+            Ok(summary) => done(&summary)?,
+            Err(why @ RunError::SomeFailed { .. }) => failed = failed.or(Some(why)),
+            Err(why) => return Err(failed.unwrap_or(why)),
+        }
+    }
+    failed.map_or(Ok(()), Err)
+}
+
+/// The products that accept a stream of the input; all where that cannot be known before frames are read.
+///
+/// # Errors
+/// If there are none.
+fn accepting<'a>(
+    verb: &str,
+    products: Vec<&'a dyn Product>,
+    request: &ProductRequest,
+) -> Result<Vec<&'a dyn Product>, RunError> {
+    let ProductInput::Frames(source) = request.input else { return Ok(products) };
+    let frames = source.frames(request.batch.selection.as_ref())?;
+    // All frames of a cache have the streams of the first that can be read.
+    let Some(streams) = frames.iter().find_map(|(_, path)| source.streams(path.as_deref()?)) else {
+        return Ok(products);
+    };
+    let accepts = |product: &dyn Product| streams.iter().any(|&(_, kind)| product.accepts(kind));
+    let accepting: Vec<&dyn Product> = products.iter().copied().filter(|&product| accepts(product)).collect();
+    if !accepting.is_empty() {
+        return Ok(accepting);
+    }
+    let list = |mut words: Vec<String>| {
+        words.dedup();
+        words.join(" or ")
+    };
+    let inputs = list(products.iter().map(|product| product.input().to_owned()).collect());
+    let others = ALL.into_iter().filter(|&other| accepts(other));
+    let others = list(others.map(|other| format!("`meniscus {}`", other.verb())).collect());
+    let next = if others.is_empty() { String::new() } else { format!("; try {others}") };
+    Err(RunError::Request(format!("no {inputs} in this cache, which `meniscus {verb}` needs{next}")))
+}

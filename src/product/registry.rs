@@ -1,0 +1,9 @@
+//! The registry: every product of the tool.
+
+use super::{
+    interface::Product, point_cache::PointCache, points::TracerPoints, sheet_mesh::SheetMesh,
+    surface::SurfaceMesh, volume::Volume,
+};
+
+/// Every product, in the order in which they are made.
+pub(crate) static ALL: [&dyn Product; 5] = [&SurfaceMesh, &Volume, &SheetMesh, &PointCache, &TracerPoints];

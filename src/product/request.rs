@@ -1,0 +1,93 @@
+//! What is requested of products.
+
+use crate::{
+    export::vdb::VolumeParams,
+    import::Sequence,
+    job::{
+        RunError, ShotFolder,
+        batch::{BatchRequest, Source},
+    },
+    mesh::SurfaceParams,
+    sim::scene::{Output, Scene},
+};
+use serde_json::{Map, Value};
+
+/// The settings of all products.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ProductSettings {
+    /// How particles become a surface.
+    pub surface: SurfaceParams,
+    /// How frames become volumes.
+    pub volume: VolumeParams,
+    /// The files to write.
+    pub output: Output,
+    /// Whether tracers are written as points, which presets cannot request.
+    pub points: bool,
+}
+
+impl ProductSettings {
+    /// The settings of a preset.
+    pub fn of(scene: &Scene) -> Self {
+        let Scene { surface, volume, output, .. } = scene;
+        Self { surface: surface.clone(), volume: volume.clone(), output: output.clone(), points: false }
+    }
+}
+
+/// How a cache is retimed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Retime {
+    /// Frames made of one [–], above 0: 2 is half as fast.
+    pub factor: f64,
+    /// Whether tracers are seeded as the preset says and advected from the start; else those of the cache are used.
+    pub reseed: bool,
+}
+
+/// What products are made of.
+#[derive(Clone, Copy, Debug)]
+pub enum ProductInput<'a> {
+    /// Frames.
+    Frames(Source<'a>),
+    /// Level sets that other programs wrote.
+    LevelSets(&'a Sequence),
+}
+
+/// A request of products.
+#[derive(Clone, Copy, Debug)]
+pub struct ProductRequest<'a> {
+    /// What they are made of.
+    pub input: ProductInput<'a>,
+    /// The shot folder that gets their files.
+    pub out: &'a ShotFolder,
+    /// Their settings.
+    pub settings: &'a ProductSettings,
+    /// The preset of the input, if it is known.
+    pub scene: Option<&'a Scene>,
+    /// How the input is retimed; `None`: its frames are used as they are.
+    pub retime: Option<Retime>,
+    /// The frames to use, and how.
+    pub batch: &'a BatchRequest,
+}
+
+impl<'a> ProductRequest<'a> {
+    /// The frames of the request.
+    ///
+    /// # Errors
+    /// If the input has none.
+    pub(super) fn frames(&self) -> Result<Source<'a>, RunError> {
+        match self.input {
+            ProductInput::Frames(source) => Ok(source),
+            ProductInput::LevelSets(_) => {
+                Err(RunError::Request("found level sets, expected particle files or a cache".into()))
+            }
+        }
+    }
+}
+
+/// What is known of a product's files beyond the manifest.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ProductInfo {
+    /// For programs.
+    pub(crate) values: Map<String, Value>,
+    /// For people, a line each.
+    pub(crate) lines: Vec<String>,
+}

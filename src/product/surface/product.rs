@@ -1,0 +1,69 @@
+//! The surface mesh, as jobs see it.
+
+use super::{
+    folder::SurfaceMesh,
+    level_set::mesh_level_sets,
+    log::{MeshRecord, jumps, read},
+    writer::surface,
+};
+use crate::{
+    frame::StreamKind,
+    job::{Control, RunError, ShotFolder, batch::BatchSummary},
+    product::{
+        interface::Product,
+        request::{ProductInfo, ProductInput, ProductRequest, ProductSettings},
+    },
+};
+use serde_json::json;
+
+impl Product for SurfaceMesh {
+    fn verb(&self) -> &'static str {
+        "mesh"
+    }
+
+    fn input(&self) -> &'static str {
+        "particles"
+    }
+
+    fn accepts(&self, kind: StreamKind) -> bool {
+        kind == StreamKind::Particles
+    }
+
+    fn is_requested(&self, settings: &ProductSettings) -> bool {
+        !settings.output.mesh.is_empty()
+    }
+
+    fn preset_key(&self) -> Option<(&'static str, &'static str)> {
+        Some(("output.mesh", "mesh = [\"ply\"]"))
+    }
+
+    fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
+        let ProductRequest { input, out, settings, batch, .. } = *request;
+        let formats = &settings.output.mesh;
+        match input {
+            ProductInput::Frames(source) => surface(source, out, &settings.surface, formats, batch, control),
+            ProductInput::LevelSets(sequence) => mesh_level_sets(sequence, out, formats, batch, control),
+        }
+    }
+
+    fn info(&self, folder: &ShotFolder) -> Result<ProductInfo, RunError> {
+        let meshes = read(folder)?;
+        let jumps = jumps(&meshes);
+        let mut lines = Vec::new();
+        if !meshes.is_empty() {
+            let volumes = || meshes.iter().map(|mesh: &MeshRecord| mesh.volume);
+            lines.push(format!(
+                "volume     {:.4} to {:.4} m³ of {} meshes",
+                volumes().fold(f64::INFINITY, f64::min),
+                volumes().fold(f64::NEG_INFINITY, f64::max),
+                meshes.len()
+            ));
+        }
+        lines.extend(jumps.iter().map(|jump| format!("jump       {jump}")));
+        let values = [("meshes", json!(meshes)), ("jumps", json!(jumps))];
+        Ok(ProductInfo {
+            values: values.map(|(key, value)| (key.to_owned(), value)).into_iter().collect(),
+            lines,
+        })
+    }
+}
