@@ -297,9 +297,10 @@ fn only_the_passes_of_present_systems_are_listed() {
 #[test]
 fn outputs_that_a_shot_cannot_have_are_refused_before_it_is_simulated() {
     let desk = desk();
-    for (output, message) in
-        [("mesh = [\"ply\"]", "`output.mesh` needs particles"), ("volume = [\"density\"]", "`output.volume` needs particles or tracers")]
-    {
+    for (output, message) in [
+        ("mesh = [\"ply\"]", "`output.mesh` needs particles"),
+        ("volume = [\"density\"]", "`output.volume` needs particles or tracers"),
+    ] {
         desk.write("wrong.toml", CLOTH.replace("sheet = [\"pc2\"]", output));
         let talk = desk.run("shot wrong.toml -o wrong", 2).1;
         assert!(talk.contains(message) && talk.contains("[output]"), "{talk}");
