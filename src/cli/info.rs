@@ -1,7 +1,7 @@
 //! `meniscus info` and `meniscus verify`.
 
 use super::{args::InfoArgs, output::print};
-use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder, Totals};
+use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder};
 
 /// Tells what is in a shot folder; `whole` reads every frame to its last byte.
 pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
@@ -49,17 +49,7 @@ fn describe(info: &Info, whole: bool) -> String {
         lines.push(format!("particles  {} in frame {}", last.particles, last.frame));
     }
     lines.push(format!("cache      {:.1} MiB", bytes as f64 / f64::from(1 << 20)));
-    let deviations = || sound.iter().filter_map(|frame| frame.density_dev_avg);
-    if deviations().next().is_some() {
-        let mean = deviations().sum::<f64>() / deviations().count() as f64;
-        let most = sound.iter().filter_map(|frame| frame.density_dev_max).fold(0.0, f64::max);
-        lines.push(format!(
-            "density    deviates by {:.3}% on average, {:.2}% at most",
-            100.0 * mean,
-            100.0 * most
-        ));
-    }
-    lines.extend(between(&info.totals));
+    lines.extend(info.totals.iter().map(|total| format!("{:<10} {}", total.heading, total.text)));
     for output in &info.outputs {
         lines.push(format!(
             "{:<10} {} {} files, {} missing: {}",
@@ -68,29 +58,6 @@ fn describe(info: &Info, whole: bool) -> String {
     }
     lines.extend(info.product_lines.iter().cloned());
     lines.join("\n")
-}
-
-/// What the log tells of sheets and couplings, a line each.
-fn between(Totals { sheets, liquid_on_sheets, smoke_on_sheets }: &Totals) -> Vec<String> {
-    let sheets = sheets.as_ref().map(|sum| {
-        let cut = sum.cut_faces.map_or_else(String::new, |faces| format!(" and {faces} faces cut into them"));
-        let (strain, inside) = (100.0 * sum.strain_max, sum.inside_solids);
-        let frames = sum.frames;
-        format!("sheets     strained by {strain:.1}%, {inside} points inside solids{cut} at most, in {frames} frames")
-    });
-    let liquid = liquid_on_sheets.as_ref().map(|sum| {
-        format!(
-            "coupling   liquid: {} particles through sheets, {} put back alone, {} rounds unfinished, in {} frames",
-            sum.crossed, sum.put_back, sum.unfinished, sum.frames
-        )
-    });
-    let smoke = smoke_on_sheets.as_ref().map(|sum| {
-        format!(
-            "coupling   smoke: {:.1} m/s of air at most, drag of faces cut {} times, in {} frames",
-            sum.fastest, sum.cut, sum.frames
-        )
-    });
-    [sheets, liquid, smoke].into_iter().flatten().collect()
 }
 
 /// Ascending frame numbers as `--frames` takes them: `3,5-9`.

@@ -2,7 +2,7 @@
 
 use crate::{
     cache::CacheError, control::Diverged, export::ExportError, frame::FrameIndex, import::ImportError,
-    preset::SceneError,
+    mesh::SurfaceError, preset::SceneError,
 };
 use std::path::PathBuf;
 
@@ -76,6 +76,15 @@ pub enum RunError {
     /// The request makes no sense with what is there.
     #[error("{0}")]
     Request(String),
+}
+
+impl From<SurfaceError> for RunError {
+    fn from(why: SurfaceError) -> Self {
+        match why {
+            SurfaceError::Interrupted => Self::Interrupted,
+            why => Self::Request(why.to_string()),
+        }
+    }
 }
 
 /// A frame that could not be made.

@@ -3,10 +3,12 @@
 pub mod batch;
 mod error;
 mod folder;
+pub(crate) mod log;
 mod manifest;
 pub(crate) mod memory;
 mod report;
 pub(crate) mod scratch;
+mod summary;
 pub(crate) mod usage;
 
 pub use error::{FailedFrame, Failure, RunError};
@@ -14,3 +16,4 @@ pub use folder::ShotFolder;
 pub use manifest::{FrameSpan, Manifest, OutputFiles};
 pub use report::{Control, Reporter};
 pub(crate) use report::{Progress, nonzero};
+pub use summary::Total;

@@ -1,11 +1,13 @@
 //! Small mathematics that several modules share.
 
 mod gmres;
+mod json;
 pub mod kernel;
 mod random;
 pub mod symmetric;
 
 pub use gmres::gmres;
+pub use json::nan_if_null;
 pub use random::Random;
 
 /// A point or vector in space, single precision, world axes (Z up).

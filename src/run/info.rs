@@ -1,14 +1,16 @@
 //! What is in a shot folder.
 
-use super::{Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, Totals, totals};
+use super::{Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, Total};
 use crate::{
-    cache::{self, CacheError},
+    cache::{self, CacheError, StreamInfo},
     frame::FrameIndex,
+    job::log,
     product,
+    sim::{FrameRecord, registry, system::CachedFrame},
 };
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use serde_json::{Map, Value};
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 /// What a shot folder holds.
 #[derive(Clone, Debug, Serialize)]
@@ -25,9 +27,9 @@ pub struct Info {
     pub missing: Vec<u32>,
     /// How many these are.
     pub missing_count: u64,
-    /// What the log tells of sheets and couplings over the frames that are there and sound.
-    #[serde(flatten)]
-    pub totals: Totals,
+    /// Sums and extremes of each system over the frames that are present and sound.
+    #[serde(flatten, serialize_with = "by_key")]
+    pub totals: Vec<Total>,
     /// The files that were made of them.
     pub outputs: Vec<OutputInfo>,
     /// What the products know of their files beyond the manifest, for programs.
@@ -49,12 +51,9 @@ pub struct FrameState {
     pub particles: u64,
     /// Size on disk.
     pub bytes: u64,
-    /// Average density deviation of the liquid, as a fraction.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub density_dev_avg: Option<f64>,
-    /// Largest density deviation of the liquid, as a fraction.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub density_dev_max: Option<f64>,
+    /// Named numbers of the systems.
+    #[serde(flatten)]
+    pub figures: BTreeMap<&'static str, f64>,
     /// What is wrong with it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<String>,
@@ -91,18 +90,18 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
         Err(CacheError::NotFound { .. }) if manifest.is_some() => Vec::new(),
         listed => listed?,
     };
-    let frames: Vec<FrameState> = present
-        .into_iter()
-        .map(|(index, path)| frame_state(index, &path, whole))
-        .collect::<Result<_, _>>()?;
+    let mut log = log::read::<FrameRecord>(folder)?;
+    let (mut frames, mut cached) = (Vec::new(), Vec::new());
+    for (index, path) in present {
+        let (state, streams) = frame_state(index, &path, whole)?;
+        if state.fault.is_none() {
+            cached.push(CachedFrame { streams, record: log.remove(&index).map(|line| line.record) });
+        }
+        frames.push(state);
+    }
     let span = manifest.as_ref().map(|manifest| manifest.frames);
     let (missing, missing_count) = span.map_or_else(Default::default, |span| lacking(span, &frames));
     let outputs = manifest.iter().flat_map(|manifest| &manifest.outputs);
-    let sound = |index: FrameIndex| {
-        let place = frames.binary_search_by_key(&index.0, |frame| frame.frame);
-        place.is_ok_and(|place| frames[place].fault.is_none())
-    };
-    let totals = totals::read(folder, sound)?;
     let (mut products, mut product_lines) = (Map::new(), Vec::new());
     for product in product::ALL {
         let info = product.info(folder)?;
@@ -115,7 +114,7 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
             .map_or_else(|| "Cache without shot.json".into(), |known| known.title.clone()),
         fps: manifest.as_ref().map_or(0.0, |known| known.fps),
         span,
-        totals,
+        totals: registry::ALL.iter().flat_map(|system| system.totals(&cached)).collect(),
         outputs: outputs.map(|output| output_info(output, folder)).collect(),
         frames,
         missing,
@@ -128,29 +127,36 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
 /// Missing frames that are listed.
 const MOST_MISSING: usize = 1000;
 
-/// What the header of a frame tells, or all of it if `whole`.
-fn frame_state(index: FrameIndex, path: &Path, whole: bool) -> Result<FrameState, RunError> {
+/// The totals as a map.
+fn by_key<S: Serializer>(totals: &[Total], serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map(totals.iter().map(|total| (total.key, &total.value)))
+}
+
+/// The state of a frame and the streams in its header; if `whole`, the frame is read to its last byte.
+fn frame_state(
+    index: FrameIndex,
+    path: &Path,
+    whole: bool,
+) -> Result<(FrameState, Vec<StreamInfo>), RunError> {
     let mut state = FrameState {
         frame: index.0,
         time: 0.0,
         particles: 0,
         bytes: 0,
-        density_dev_avg: None,
-        density_dev_max: None,
+        figures: BTreeMap::new(),
         fault: None,
         failure: None,
     };
+    let mut streams = Vec::new();
     match if whole { cache::verify_frame(path) } else { cache::read_header(path) } {
         Ok(info) => {
             state.time = info.time;
             state.bytes = info.bytes;
             let points = info.streams.iter().filter(|stream| stream.kind.has_positions());
             state.particles = points.map(|stream| stream.len).sum();
-            let scalars = info.streams.iter().flat_map(|stream| stream.scalars.iter());
-            let scalar =
-                |wanted: &str| scalars.clone().find(|(name, _)| name == wanted).map(|&(_, value)| value);
-            state.density_dev_avg = scalar("density_dev_avg");
-            state.density_dev_max = scalar("density_dev_max");
+            let figures = registry::ALL.iter().flat_map(|system| system.frame_figures(&info.streams));
+            state.figures = figures.collect();
+            streams = info.streams;
         }
         Err(damage @ (CacheError::Corrupt { .. } | CacheError::Version { .. })) => {
             state.fault = Some(damage.to_string());
@@ -158,7 +164,7 @@ fn frame_state(index: FrameIndex, path: &Path, whole: bool) -> Result<FrameState
         }
         Err(other) => return Err(other.into()),
     }
-    Ok(state)
+    Ok((state, streams))
 }
 
 /// The first of the frames that a span has and that are not there, and how many these are; none where there is no frame at all.

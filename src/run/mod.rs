@@ -4,20 +4,17 @@
 //! part. Jobs say what happens through a [`Reporter`] and ask between steps whether to go on.
 
 mod info;
-mod lattices;
-mod log;
 mod plan;
 mod products;
-mod remarks;
 mod simulate;
 mod solids;
-mod totals;
 pub mod tradeoff;
 
 use crate::job::{scratch, usage};
 pub use crate::{
     job::{
         Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, Reporter, RunError, ShotFolder,
+        Total,
         batch::{BatchRequest, BatchSummary, Source},
     },
     product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
@@ -26,4 +23,3 @@ pub use info::{FrameState, Info, OutputInfo, info};
 pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub use products::make_products;
 pub use simulate::{Simulated, simulate};
-pub use totals::{LiquidTotals, SheetTotals, SmokeTotals, Totals};

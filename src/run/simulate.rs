@@ -1,12 +1,15 @@
 //! The job that fills the cache.
 
-use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, lattices::Lattices, log, remarks, solids};
+use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, solids};
 use crate::{
     cache::{self, CacheError, Lock},
     frame::{FrameIndex, Stream},
-    job::Progress,
+    job::{
+        Progress,
+        log::{self, LogLine},
+    },
     scene::{Frames, Scene},
-    sim::{FrameRecord, Simulation, Stop, World},
+    sim::{FrameRecord, Simulation, Stop, World, registry},
 };
 use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 
@@ -54,12 +57,13 @@ pub fn simulate(
     write_manifest(scene, folder, selection, &valid)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
 
-    let lattices = Lattices::of_log(folder)?;
-    let mut job = Job { scene, folder, key, state, done: Simulated::default(), lattices, control };
+    let records = log::read(folder)?.into_values().map(|line| line.record).collect();
+    let mut job = Job { scene, folder, key, state, done: Simulated::default(), records, control };
     control.reporter.begin("simulate", selection.count() as usize);
     let outcome = job.run(selection, &valid);
     // However it ended.
-    job.lattices.remarks().iter().for_each(|line| control.reporter.note(line));
+    let warnings = registry::ALL.iter().flat_map(|system| system.shot_warnings(&job.records));
+    warnings.for_each(|line| control.reporter.note(&line));
     outcome?;
     control.reporter.end();
     Ok(job.done)
@@ -130,8 +134,8 @@ struct Job<'a> {
     /// The newest state in memory and the frame it stands at.
     state: Option<(FrameIndex, Simulation)>,
     done: Simulated,
-    /// What lattices did in the frames that are in the log, and in those that were computed.
-    lattices: Lattices,
+    /// The records of the frames in the log and of those that were computed.
+    records: Vec<FrameRecord>,
     control: Control<'a>,
 }
 
@@ -182,12 +186,11 @@ impl Job<'_> {
                 Stop::Diverged(diverged) => RunError::Diverged { frame: at, diverged },
             })?;
             let seconds = clock.elapsed().as_secs_f64();
-            record.smoke.iter().for_each(|smoke| self.lattices.book(&smoke.flow));
-            let liquid = self.scene.liquid.is_some();
-            self.control.reporter.frame(&figures(at, liquid, &record, seconds));
+            self.control.reporter.frame(&figures(at, &record, seconds));
             if selection.contains(at) {
                 self.store(at, &simulation, Some(&record))?;
             }
+            self.records.push(record);
         }
         self.state = Some((at, simulation));
         Ok(())
@@ -197,9 +200,7 @@ impl Job<'_> {
         let (frame, _) = cache::read_frame(&cache::frame_path(&self.folder.cache(), index))?;
         self.control.reporter.note(&format!("continuing after frame {index}"));
         let simulation = Simulation::restore(world(self.scene), self.scene.systems(), &frame)?;
-        remarks::of_sourceless(&simulation.sourceless())
-            .iter()
-            .for_each(|line| self.control.reporter.note(line));
+        warn_of_seeding(&simulation, self.control);
         Ok(simulation)
     }
 
@@ -212,10 +213,10 @@ impl Job<'_> {
         let frame = simulation.frame(index);
         let bytes = cache::write_frame(&self.folder.cache(), &frame, self.key)?;
         if let Some(record) = record {
-            let particles =
-                frame.streams.iter().filter(|stream| stream.kind.has_positions()).map(Stream::len).sum();
-            let liquid = self.scene.liquid.is_some();
-            log::append(self.folder, index, bytes, particles, liquid, record)?;
+            let points = frame.streams.iter().filter(|stream| stream.kind.has_positions());
+            let particles = points.map(Stream::len).sum();
+            let line = LogLine { frame: index, bytes, particles, record: record.clone() };
+            log::append(self.folder, &line)?;
         }
         self.done.computed += 1;
         self.done.bytes += bytes;
@@ -226,11 +227,13 @@ impl Job<'_> {
 /// The initial state.
 fn begin(scene: &Scene, control: Control) -> Result<(FrameIndex, Simulation), RunError> {
     let simulation = Simulation::new(world(scene), scene.systems())?;
-    let sourceless = remarks::of_sourceless(&simulation.sourceless());
-    for line in remarks::of_seeding(&simulation.seeded()).into_iter().chain(sourceless) {
-        control.reporter.note(&line);
-    }
+    warn_of_seeding(&simulation, control);
     Ok((scene.frames.first(), simulation))
+}
+
+/// Reports what seeding left out or could not do.
+fn warn_of_seeding(simulation: &Simulation, control: Control) {
+    registry::seeding_warnings(&simulation.seeded()).iter().for_each(|line| control.reporter.note(line));
 }
 
 /// The simulation's own view of what surrounds it.
@@ -238,39 +241,13 @@ pub(super) fn world(scene: &Scene) -> World {
     scene.surroundings()
 }
 
-fn figures(index: FrameIndex, liquid: bool, record: &FrameRecord, seconds: f64) -> String {
-    let mut line = format!("frame {index}");
-    if liquid {
-        line += &format!(
-            "  substeps {}  iterations {}  density_dev {:.3}% (max {:.2}%)",
-            record.substeps,
-            record.iterations,
-            100.0 * record.density_dev_avg,
-            100.0 * record.density_dev_max,
-        );
-    }
-    if let Some(smoke) = &record.smoke {
-        line += &format!(
-            "  substeps {}  vortons {}  tracers {}",
-            smoke.flow.substeps, smoke.vortons, smoke.tracers
-        );
-    }
-    if let Some(sheets) = &record.sheets {
-        line += &format!("  substeps {}", sheets.substeps);
-        if sheets.iterations > 0 {
-            line += &format!("  iterations {}", sheets.iterations);
-        }
-        line += &format!("  strain at most {:.1}%", 100.0 * sheets.strain_max);
-    }
-    if let Some(liquid) = record.coupling.as_ref().and_then(|coupling| coupling.liquid.as_ref()) {
-        let [x, y, z] = liquid.impulse;
-        line += &format!("  contacts {}  impulse {:.3} N·s", liquid.contacts, x.hypot(y).hypot(z));
-    }
-    line += &format!("  {seconds:.2} s");
-    for remark in remarks::of_frame(record) {
-        line += &format!("  {remark}");
-    }
-    line
+/// The progress line of a frame that took `seconds`.
+fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {
+    let progress = registry::ALL.iter().filter_map(|system| system.progress(record));
+    let warnings = registry::ALL.iter().flat_map(|system| system.warnings(record));
+    let parts = [format!("frame {index}")].into_iter().chain(progress);
+    let parts = parts.chain([format!("{seconds:.2} s")]).chain(warnings);
+    parts.collect::<Vec<_>>().join("  ")
 }
 
 /// Names the frames asked for and those that are there. Meshes made earlier stay named if frames of this simulation

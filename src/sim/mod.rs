@@ -7,6 +7,7 @@
 /// Raised whenever a change gives the same preset other bits, so that a resumed cache never mixes two solvers.
 pub const STATE_VERSION: u32 = 11;
 
+mod clock;
 pub mod coupling;
 pub mod liquid;
 mod observe;
@@ -24,7 +25,8 @@ pub(crate) mod system;
 pub mod vortex;
 
 pub use crate::control::{Diverged, Stop, Unwatched, Watch};
+pub use clock::Seconds;
 pub use observe::Observable;
-pub use record::{Clamps, FrameRecord, SeedReport, SmokeSeeds};
+pub use record::{FrameRecord, SeedReport};
 pub use setup::{SetupError, World};
 pub use simulation::{Simulation, Systems};

@@ -3,6 +3,7 @@
 use super::{
     coupling::job::Couplings,
     liquid::job::Liquid,
+    record::SeedReport,
     scene::Scene,
     sheet::job::Sheets,
     smoke::job::Smoke,
@@ -11,6 +12,11 @@ use super::{
 
 /// Every system, in the order in which they are checked and reported.
 pub(crate) static ALL: [&dyn System; 4] = [&Liquid, &Smoke, &Sheets, &Couplings];
+
+/// What seeding left out or could not do, as warnings.
+pub(crate) fn seeding_warnings(seeds: &SeedReport) -> Vec<String> {
+    ALL.iter().flat_map(|system| system.seeding_warnings(seeds)).collect()
+}
 
 /// The file of every mesh of a scene, with the dotted key of the mesh.
 pub(crate) fn mesh_files(scene: &Scene) -> Vec<(String, &str)> {

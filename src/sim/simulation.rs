@@ -2,12 +2,12 @@
 
 use super::{
     FrameRecord, SeedReport, Stop, Watch,
+    clock::{Clock, Seconds},
     coupling::{
         self, CoupledSheets, Coupling, CouplingRecord, ExternalForces, FrameWind, LiquidSheetCoupling,
         PresentSystems, ResolvedCouplings, WindCoupling,
     },
     liquid::{self, Liquid, LiquidParams},
-    record::{Clock, Seconds},
     setup::{SetupError, World},
     sheet::{self, SheetRecord, Sheets},
     smoke::{self, Smoke},
@@ -99,20 +99,11 @@ impl Simulation {
 
     /// Report of the seeding.
     pub fn seeded(&self) -> SeedReport {
-        let smoke = self.smoke.as_ref().map(smoke::System::seeded);
-        let points = self.sheets.as_ref().map_or(0, |sheets| sheets.len() as u32);
-        let crossings = self.sheets.as_ref().map_or(0, Sheets::crossings);
         SeedReport {
-            smoke,
-            points,
-            crossings,
-            ..self.liquid.as_ref().map(Liquid::seeded).unwrap_or_default()
+            liquid: self.liquid.as_ref().map(Liquid::seeded),
+            smoke: self.smoke.as_ref().map(smoke::System::seeded),
+            sheets: self.sheets.as_ref().map(Sheets::seeded),
         }
-    }
-
-    /// Indices of the solids that are too small for source panels at the smoke's spacing, so that air leaks through them.
-    pub fn sourceless(&self) -> Vec<usize> {
-        self.smoke.as_ref().map_or_else(Vec::new, smoke::System::sourceless)
     }
 
     /// The state as a frame, in memory order.
@@ -166,7 +157,8 @@ impl Simulation {
                 if let Some(liquid) = liquid {
                     let (from, share) = next_part(share);
                     let mut part = PartialProgress { watch: &mut *watch, from, share };
-                    record = liquid.advance(self.time, frame_seconds, &mut part)?;
+                    let (found, seconds) = liquid.advance(self.time, frame_seconds, &mut part)?;
+                    (record.liquid, record.seconds) = (Some(found), seconds);
                 }
                 if let Some(sheets) = sheets {
                     let (from, share) = next_part(share);
@@ -223,13 +215,16 @@ fn advance_coupled<'a>(
     let passes = [liquid.passes(), sheets.passes(), coupling_passes(true, external.is_some())].concat();
     let mut clock = Clock::new(&passes);
     let mut coupled = CoupledSheets::new(coupling, sheets, external);
-    let mut record = liquid.advance_with(Some(&mut coupled), [start, seconds], &mut clock, watch)?;
+    let liquid = liquid.advance_with(Some(&mut coupled), [start, seconds], &mut clock, watch)?;
     let CoupledSheets { sheets, mut sheet_record, record: contact, .. } = coupled;
     clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut sheet_record));
-    record.sheets = Some(sheet_record);
-    record.coupling = Some(CouplingRecord { liquid: Some(contact), smoke: None });
-    record.seconds = clock.into_totals();
-    Ok(record)
+    Ok(FrameRecord {
+        liquid: Some(liquid),
+        smoke: None,
+        sheets: Some(sheet_record),
+        coupling: Some(CouplingRecord { liquid: Some(contact), smoke: None }),
+        seconds: clock.into_totals(),
+    })
 }
 
 /// Advances sheets with the wind as an external force by a frame.

@@ -3,9 +3,14 @@
 //! A system is one folder below `src/sim/`: its solver in the folder itself, and in `job/` what jobs need to know of it. Jobs,
 //! scenes and the command line name no system; they loop over [`ALL`](super::registry::ALL).
 
-use super::scene::Scene;
+use super::{
+    record::{FrameRecord, SeedReport},
+    scene::Scene,
+};
 use crate::{
+    cache::StreamInfo,
     frame::StreamKind,
+    job::Total,
     preset::{check::Places, problem::Finding},
     solid::Shape,
 };
@@ -30,6 +35,41 @@ pub(crate) trait System: Sync {
     fn mesh_files<'a>(&self, _scene: &'a Scene) -> Vec<(String, &'a str)> {
         Vec::new()
     }
+
+    /// What seeding left out or could not do, as warnings.
+    fn seeding_warnings(&self, _seeds: &SeedReport) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// What the progress line of a simulated frame shows of the system; `None` if the frame has nothing of it.
+    fn progress(&self, record: &FrameRecord) -> Option<String>;
+
+    /// The limits that changed a frame, as warnings.
+    fn warnings(&self, record: &FrameRecord) -> Vec<String>;
+
+    /// Warnings that need all frames of a shot together.
+    fn shot_warnings(&self, _records: &[FrameRecord]) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Named numbers that the header of a cached frame holds, for `info`.
+    fn frame_figures(&self, _streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {
+        Vec::new()
+    }
+
+    /// Sums and extremes over cached frames, for `info`.
+    fn totals(&self, _frames: &[CachedFrame]) -> Vec<Total> {
+        Vec::new()
+    }
+}
+
+/// What is known of a cached frame without its channels.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct CachedFrame {
+    /// The streams in its header.
+    pub(crate) streams: Vec<StreamInfo>,
+    /// Its record in the log; `None` of a frame that is not logged, as the first.
+    pub(crate) record: Option<FrameRecord>,
 }
 
 /// The file of a shape, if it is a mesh, with the dotted key of the mesh.

@@ -72,8 +72,11 @@ fn a_coupled_shot_logs_and_reports_contact() {
     let sum =
         |key: &str| lines.iter().map(|line| line["coupling"]["liquid"][key].as_u64().unwrap()).sum::<u64>();
     let report = desk.run("info small", 0).0;
-    assert!(report.contains("coupling   liquid: 0 particles through sheets, 0 put back alone"), "{report}");
-    assert!(report.contains(&format!("{} rounds unfinished, in 11 frames", sum("unfinished"))), "{report}");
+    assert!(report.contains("coupling   liquid: 0 particles through sheets, 0 projected back"), "{report}");
+    assert!(
+        report.contains(&format!("{} contact solves at their limit, in 11 frames", sum("unfinished"))),
+        "{report}"
+    );
     assert!(report.contains("sheets     strained by ") && !report.contains("smoke"), "{report}");
     fs::remove_file(desk.path("small/cache/frame_0007.mcf")).unwrap();
     let report: serde_json::Value = serde_json::from_str(&desk.run("info small --json", 0).0).unwrap();

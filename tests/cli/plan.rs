@@ -25,7 +25,7 @@ fn a_plan_tells_what_the_shot_then_takes() {
     let log = fs::read_to_string(desk.path("shot/log.jsonl")).unwrap();
     let sum = |key: &str| {
         log.lines()
-            .map(|line| serde_json::from_str::<Value>(line).unwrap()[key].as_f64().unwrap())
+            .map(|line| serde_json::from_str::<Value>(line).unwrap()["liquid"][key].as_f64().unwrap())
             .sum::<f64>()
     };
     near("substeps", sum("substeps"), 0.25);

@@ -147,7 +147,7 @@ fn one_command_goes_from_a_ring_to_volumes() {
     let log = fs::read_to_string(desk.path("ring/log.jsonl")).unwrap();
     for line in log.lines() {
         let line: serde_json::Value = serde_json::from_str(line).unwrap();
-        assert!(line.get("density_dev_avg").is_none(), "{line}");
+        assert!(line.get("liquid").is_none(), "{line}");
         let impulse = line["smoke"]["invariants"]["impulse"][2].as_f64().unwrap();
         assert!((impulse / (std::f64::consts::PI * 0.09) - 1.0).abs() < 0.1, "{impulse}");
     }

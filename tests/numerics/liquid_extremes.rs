@@ -3,7 +3,10 @@
 use meniscus::{
     frame::{Frame, FrameIndex, Stream, StreamKind},
     math::Vec3,
-    sim::{Diverged, FrameRecord, Simulation, Stop, Unwatched, World, liquid::LiquidParams},
+    sim::{
+        Diverged, Simulation, Stop, Unwatched, World,
+        liquid::{LiquidParams, LiquidRecord},
+    },
     solid::{Collider, Interpolation, Keyframe, Shape, Solid},
 };
 
@@ -90,14 +93,14 @@ fn survive(
     simulation: &mut Simulation,
     frame: f64,
     frames: u32,
-) -> Result<Vec<FrameRecord>, Diverged> {
+) -> Result<Vec<LiquidRecord>, Diverged> {
     let start = state(simulation);
     let count = start.streams[0].len();
     let first = start.streams[0].scalar("first_energy").unwrap();
     let (mut records, mut work) = (Vec::new(), 0.0);
     for _ in 0..frames {
         let record = match simulation.advance(frame, &mut Unwatched) {
-            Ok(record) => record,
+            Ok(record) => record.liquid.expect("there is a liquid"),
             Err(Stop::Diverged(found)) => return Err(found),
             Err(Stop::Interrupted) => unreachable!("nobody interrupts"),
         };
@@ -221,7 +224,7 @@ fn a_lid_that_closes_on_the_liquid_leaves_it_bounded_and_says_so() {
             let records =
                 survive(&name, &mut simulation, FRAME, 6).unwrap_or_else(|found| panic!("{name}: {found}"));
             let told =
-                |r: &FrameRecord| r.unconverged > 0 && r.clamps.corrections > 0 && r.density_dev_max > 0.3;
+                |r: &LiquidRecord| r.unconverged > 0 && r.clamps.corrections > 0 && r.density_dev_max > 0.3;
             assert!(records.iter().any(told), "{name}: {records:?}");
         }
     }

@@ -5,7 +5,10 @@ use meniscus::{
     math::Vec3,
     par,
     sdf::{Triangles, from_triangles},
-    sim::{FrameRecord, Simulation, Unwatched, World, liquid::LiquidParams},
+    sim::{
+        Simulation, Unwatched, World,
+        liquid::{LiquidParams, LiquidRecord},
+    },
     solid::{Collider, Interpolation, Keyframe, MeshShape, Shape, Solid},
 };
 use std::sync::Arc;
@@ -39,8 +42,9 @@ fn simulation(world: World, params: LiquidParams) -> Simulation {
     Simulation::new(world, Some(params)).expect("the sources hold particles")
 }
 
-fn advance(simulation: &mut Simulation, frames: u32) -> Vec<FrameRecord> {
-    (0..frames).map(|_| simulation.advance(1.0 / FPS, &mut Unwatched).expect("it stays finite")).collect()
+fn advance(simulation: &mut Simulation, frames: u32) -> Vec<LiquidRecord> {
+    let frame = |_| simulation.advance(1.0 / FPS, &mut Unwatched).expect("it stays finite");
+    (0..frames).map(frame).map(|record| record.liquid.expect("there is a liquid")).collect()
 }
 
 fn state(simulation: &Simulation) -> Frame {

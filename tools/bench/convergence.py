@@ -72,14 +72,15 @@ def measure(options, name, settings, folder):
     if done.returncode != 0:
         sys.exit(done.stderr)
     log = [json.loads(line) for line in (shot / "log.jsonl").read_text().splitlines()]
+    liquid = [record["liquid"] for record in log]
     stream = meniscus_cache.read(shot / "cache" / f"frame_{FRAMES + 1:04}.mcf")["streams"]["liquid"]["channels"]
     position, velocity = stream["position"].astype(np.float64), stream["velocity"].astype(np.float64)
     cells = [
         f"{sum(seconds for record in log for _, seconds in record['seconds']):.1f}",
-        str(sum(record["iterations"] for record in log)),
-        str(sum(record["substeps"] for record in log)),
-        f"{100 * statistics.fmean(record['density_dev_avg'] for record in log):.3f} %",
-        f"{100 * statistics.fmean(record['density_dev_max'] for record in log):.2f} %",
+        str(sum(record["iterations"] for record in liquid)),
+        str(sum(record["substeps"] for record in liquid)),
+        f"{100 * statistics.fmean(record['density_dev_avg'] for record in liquid):.3f} %",
+        f"{100 * statistics.fmean(record['density_dev_max'] for record in liquid):.2f} %",
     ]
     if name == "column":
         speed = np.sqrt((velocity**2).sum(axis=1).mean())

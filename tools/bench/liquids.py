@@ -158,21 +158,22 @@ def meniscus(scene, keys, frames, threads, options, folder):
         for name, value in record["seconds"]:
             seconds[name] = seconds.get(name, 0.0) + value
     wall = sum(seconds.values())
-    iterations = sum(r["iterations"] for r in records)
+    liquid = [record["liquid"] for record in records]
+    iterations = sum(r["iterations"] for r in liquid)
     simulated = frames / options.fps
     figures = {
         "particles": particles,
         "wall": wall / simulated,
         "cpu": (cpu - start_cpu) / simulated,
-        "steps": sum(r["substeps"] for r in records) / simulated,
+        "steps": sum(r["substeps"] for r in liquid) / simulated,
         "iterations": iterations / simulated,
-        "unconverged": sum(r["unconverged"] for r in records) / simulated,
+        "unconverged": sum(r["unconverged"] for r in liquid) / simulated,
         "iteration_ns": 1e9 * seconds["solve"] / (iterations * particles),
         "search_share": seconds["search"] / wall,
         "memory": memory,
         "bytes": memory / particles,
-        "own_average": statistics.fmean(r["density_dev_avg"] for r in records),
-        "own_max": statistics.fmean(r["density_dev_max"] for r in records),
+        "own_average": statistics.fmean(r["density_dev_avg"] for r in liquid),
+        "own_max": statistics.fmean(r["density_dev_max"] for r in liquid),
         "passes": seconds,
     }
     files = [folder / f"shot/cache/frame_{frame + 1:04}.mcf" for frame in range(1, frames + 1)]

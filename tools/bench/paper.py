@@ -131,11 +131,11 @@ def fig4(bench, images):
         log, _ = bench.run("figure-drop", "1-150", settings, "draft")
         lines.append(command("figure-drop", "1-150", settings, "draft"))
         times = [(r["frame"] - 1) / 62.5 for r in log]
-        bulk = [100 * r["bulk_dev_avg"] for r in log]
+        bulk = [100 * r["liquid"]["bulk_dev_avg"] for r in log]
         curves.append((name, times, bulk))
         rows.append([name, f"{statistics.fmean(bulk):.2f} %", f"{max(bulk):.2f} %",
-                     f"{100 * statistics.fmean(r['density_dev_avg'] for r in log):.2f} %",
-                     f"{100 * max(r['density_dev_max'] for r in log):.1f} %", sum(r["clamps"]["energy"] for r in log)])
+                     f"{100 * statistics.fmean(r['liquid']['density_dev_avg'] for r in log):.2f} %",
+                     f"{100 * max(r['liquid']['density_dev_max'] for r in log):.1f} %", sum(r["liquid"]["clamps"]["energy"] for r in log)])
     plot(images / "paper-fig4.svg", "Mean |ρ/ρ₀ − 1| in the bulk, figure-drop", "time [s]", "deviation [%]", curves)
     return (
         "## Figure 4: density over the drop of a figure\n\n"
@@ -160,11 +160,11 @@ def fig5(bench, images):
         log, _ = bench.run("dam-break", "1-145", extra, "draft")
         lines.append(command("dam-break", "1-145", extra, "draft"))
         times = [(r["frame"] - 1) / 24 for r in log]
-        energy = [r["kinetic_energy"] for r in log]
+        energy = [r["liquid"]["kinetic_energy"] for r in log]
         curves.append((f"confinement {name}", times, energy))
         at = {t: statistics.fmean(e for s, e in zip(times, energy) if abs(s - t) < 0.1) for t in (1, 2, 4, 5.9)}
-        added = sum(r["confinement_energy"] for r in log)
-        rows.append([name, *(f"{e:.0f}" for e in at.values()), f"{added:.0f}", sum(r["clamps"]["confinement"] for r in log)])
+        added = sum(r["liquid"]["confinement_energy"] for r in log)
+        rows.append([name, *(f"{e:.0f}" for e in at.values()), f"{added:.0f}", sum(r["liquid"]["clamps"]["confinement"] for r in log)])
     plot(images / "paper-fig5.svg", "Kinetic energy, dam-break", "time [s]", "energy [J]", curves)
     return (
         "## Figure 5: vorticity confinement\n\n"
@@ -215,14 +215,14 @@ def tables(bench, _):
         ):
             log, _ = bench.run(preset, frames, settings)
             lines.append(command(preset, frames, settings))
-            substeps = sum(r["substeps"] for r in log)
+            substeps = sum(r["liquid"]["substeps"] for r in log)
             seconds = {}
             for record in log:
                 for what, value in record["seconds"]:
                     seconds[what] = seconds.get(what, 0) + value
             total = sum(seconds.values())
             rows.append([f"{preset}, {name}", number(log[-1]["particles"]), f"{substeps / len(log):.1f}",
-                         f"{sum(r['iterations'] for r in log) / substeps:.1f}", f"{1000 * total / substeps:.0f}",
+                         f"{sum(r['liquid']['iterations'] for r in log) / substeps:.1f}", f"{1000 * total / substeps:.0f}",
                          f"{theirs}" if name == "paper's" else "–"])
             shares[f"{preset}, {name}"] = {what: 100 * value / total for what, value in seconds.items()}
     passes = list(dict.fromkeys(what for share in shares.values() for what in share))

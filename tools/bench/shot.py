@@ -53,6 +53,8 @@ def measure(binary, preset, frames, threads, extra, folder):
     common = ["--threads", threads, "--progress", "none"]
     wall, cpu, memory = run([binary, "simulate", preset, "--frames", frames, "-o", shot, *extra, *common])
     records = [json.loads(line) for line in (shot / "log.jsonl").read_text().splitlines()]
+    # Builds before November 2026 log the liquid's figures at the top of a record.
+    records = [{**record, **record.get("liquid", {})} for record in records]
     mesh_wall, _, mesh_memory = run([binary, "mesh", shot, *common])
     meshes = list((shot / "mesh").iterdir())
 

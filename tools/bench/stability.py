@@ -90,19 +90,19 @@ def verdict(tool, text):
         (path / "shot.toml").write_text(text)
         ran = subprocess.run([tool, "simulate", "shot.toml", "-o", "out"], cwd=path, capture_output=True, text=True)
         log = path / "out" / "log.jsonl"
-        frames = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
+        lines = [json.loads(line) for line in log.read_text().splitlines()] if log.exists() else []
     words = " ".join(ran.stderr.split())
     if ran.returncode == 20:
         return "refused", words[words.rindex("error: ") + 7:].replace("|", "/")
     if ran.returncode != 0:
         raise SystemExit(f"exit {ran.returncode}: {words}\n{text}")
-    return judge(frames)
+    assert all(line["particles"] == 512 for line in lines), lines
+    return judge([line["liquid"] for line in lines])
 
 
 def judge(frames):
     """Stable if nothing was limited and every frame is near its target; else what was not so."""
     assert len(frames) == 8, frames
-    assert all(frame["particles"] == 512 for frame in frames)
     total = lambda read: sum(read(frame) for frame in frames)
     steps = total(lambda frame: frame["substeps"])
     how = []

@@ -174,17 +174,17 @@ def judge(frames, change, through):
     tell(total("coupling", "liquid", "put_back"), "particles put back alone")
     tell(total("coupling", "liquid", "unfinished"), "rounds of contact unfinished")
     tell(total("coupling", "smoke", "cut"), "drags of faces cut")
-    share(total("cfl_capped"), "longer than the CFL rule")
-    share(total("unconverged"), "above `density_dev`")
-    share(total("clamps", "energy"), "had energy taken")
-    tell(total("clamps", "corrections"), "corrections shortened")
+    share(total("liquid", "cfl_capped"), "longer than the CFL rule")
+    share(total("liquid", "unconverged"), "above `density_dev`")
+    share(total("liquid", "clamps", "energy"), "had energy taken")
+    tell(total("liquid", "clamps", "corrections"), "corrections shortened")
     share(total("sheets", "unconverged"), "above `tolerance` of the sheets")
     if total("sheets", "overshot"):
         how.append(f"{total('sheets', 'overshot')} linearisations of sheets gained {total('sheets', 'overshot_energy'):.2g} J")
     tell(total("smoke", "capped"), "steps of smoke too long")
     tell(through, "particles below the sheet")
     last = frames[-1]
-    parts = [last.get("kinetic_energy", 0), last.get("potential_energy", 0)]
+    parts = [last.get("liquid", {}).get(key, 0) for key in ("kinetic_energy", "potential_energy")]
     parts += [last["sheets"][key] for key in ("kinetic_energy", "elastic_energy", "potential_energy")]
     assert all(abs(part) < 1e300 for part in parts), frames
     figures = [f"{steps / len(frames):.0f}", f"{100 * last['sheets']['strain_max']:.2g} %", f"{sum(parts):.2g}"]

@@ -12,14 +12,14 @@ mod sample;
 mod sheets;
 mod smoke;
 
-use super::{Control, RunError, remarks, simulate, solids, usage::Meter};
+use super::{Control, RunError, simulate, solids, usage::Meter};
 use crate::{
     export::MeshFormat,
     job::memory::{Grids, refuse_memory},
     math::Vec3,
     par,
     scene::{Frames, Scene},
-    sim::{SetupError, Simulation, SmokeSeeds},
+    sim::{SetupError, Simulation, registry, smoke::SmokeSeeds},
 };
 use forecast::{Forecast, Job, forecast};
 use memory::{Known, Solids};
@@ -112,17 +112,18 @@ const LEAST_UNCERTAINTY: f64 = 0.25;
 pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Outline, RunError> {
     let scene = &solids::fill(scene, None, control.reporter)?;
     let simulation = Simulation::new(simulate::world(scene), scene.systems())?;
-    let particles = simulation.seeded().particles as usize;
-    let seeds = simulation.seeded().smoke;
+    let seeds = simulation.seeded();
+    let particles = seeds.liquid.map_or(0, |liquid| liquid.particles as usize);
+    let points = seeds.sheets.map_or(0, |sheets| sheets.points);
     Ok(Outline {
         particles,
-        smoke: seeds.map(|seeds| [seeds.vortons, seeds.tracers]),
-        points: simulation.seeded().points,
+        smoke: seeds.smoke.as_ref().map(|seeds| [seeds.vortons, seeds.tracers]),
+        points,
         passes: passes(&simulation, scene, with_outputs),
         memory: peak_memory(scene, particles, None, with_outputs)
-            + smoke_bound(scene, seeds)
-            + memory::sheets(simulation.seeded().points as usize, sheets::terms(scene)),
-        remarks: remarks::of_seeding(&simulation.seeded()),
+            + smoke_bound(scene, seeds.smoke.as_ref())
+            + memory::sheets(points as usize, sheets::terms(scene)),
+        remarks: registry::seeding_warnings(&seeds),
     })
 }
 
@@ -189,9 +190,9 @@ fn plan_within(
         beside.leave_sheets_to_pilots();
     }
     let simulation = Simulation::new(simulate::world(scene), systems)?;
-    let particles = simulation.seeded().particles as usize;
+    let particles = simulation.seeded().liquid.map_or(0, |liquid| liquid.particles as usize);
     let formats = formats(scene, with_outputs);
-    let mut told = remarks::of_seeding(&simulation.seeded());
+    let mut told = registry::seeding_warnings(&simulation.seeded());
 
     // Two coarse pilots of all frames; then it is known whether the memory suffices.
     let near = pilot_at(scene, selection, formats, near_factor(particles), control)?;
@@ -325,7 +326,7 @@ fn dry(scene: &Scene, selection: &Frames, beside: Beside, passes: Vec<String>, c
 const SMOKE_UNCERTAINTY: f64 = 0.5;
 
 /// A guess, on the safe side, of what smoke takes beside the rest, by what it begins with and what emitters add [bytes].
-fn smoke_bound(scene: &Scene, seeds: Option<SmokeSeeds>) -> u64 {
+fn smoke_bound(scene: &Scene, seeds: Option<&SmokeSeeds>) -> u64 {
     let (Some(seeds), Some(smoke)) = (seeds, &scene.smoke) else { return 0 };
     let seconds = f64::from(scene.frames.last().0 - scene.frames.first().0) / f64::from(scene.fps);
     let given = smoke.emitter.iter().map(|emitter| {

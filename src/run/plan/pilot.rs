@@ -6,7 +6,7 @@ use crate::{
     export::MeshFormat,
     frame::{Frame, FrameIndex, Stream},
     mesh,
-    run::{Control, RunError, remarks, scratch::Scratch, simulate::world, usage::Meter},
+    run::{Control, RunError, scratch::Scratch, simulate::world, usage::Meter},
     scene::{Frames, Scene},
     sim::{FrameRecord, SetupError, Simulation, Stop, Systems, Watch, liquid::NAME},
 };
@@ -106,7 +106,7 @@ pub(super) fn run(
     let clock = Meter::new();
     let (first, last) = (scene.frames.first().0, selection.last().0);
     let every = ((last - first) as usize).div_ceil(SURFACES).max(1) as u32;
-    let particles = simulation.seeded().particles as usize;
+    let particles = simulation.seeded().liquid.unwrap_or_default().particles as usize;
     let (frames, surfaces) = (Vec::new(), Vec::new());
     let mut pilot = Pilot { factor, limits, particles, frames, surfaces, remarks: Vec::new() };
     for index in first..=last {
@@ -151,15 +151,16 @@ pub(super) fn run(
 }
 
 fn entry(record: &FrameRecord, work: f64, frame: &Frame, bytes: u64) -> PilotFrame {
-    let total: f64 = record.seconds.iter().map(|(_, seconds)| seconds).sum();
+    let total = record.total_seconds();
+    let liquid = record.liquid.as_ref();
     let solving: f64 = record.seconds.iter().filter(|(name, _)| *name == "solve").map(|(_, s)| s).sum();
     let velocities = frame.streams.iter().filter_map(|stream| stream.vec3("velocity")).flatten();
     PilotFrame {
         seconds: work,
         clock: total,
         solving: if total > 0.0 { work * solving / total } else { 0.0 },
-        substeps: record.substeps,
-        iterations: record.iterations,
+        substeps: liquid.map_or(0, |liquid| liquid.substeps),
+        iterations: liquid.map_or(0, |liquid| liquid.iterations),
         fastest: velocities.map(|v| f64::from(v.norm())).fold(0.0, f64::max),
         bytes,
     }
@@ -175,8 +176,7 @@ pub(super) fn surface(
     control: Control,
 ) -> Result<PilotSurface, RunError> {
     let meter = Meter::new();
-    let surface = mesh::reconstruct(stream, spacing, &scene.surface, &|| !(control.interrupted)())
-        .map_err(remarks::no_surface)?;
+    let surface = mesh::reconstruct(stream, spacing, &scene.surface, &|| !(control.interrupted)())?;
     let mut bytes = 0;
     for format in formats {
         let path = scratch.path().join(format!("surface.{}", format.extension()));

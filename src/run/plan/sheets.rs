@@ -64,7 +64,7 @@ pub(super) fn plan(
     let frames = (selection.last().0 - scene.frames.first().0) as usize;
     let systems = Systems { sheets: scene.systems().sheets, ..Systems::default() };
     let mut simulation = Simulation::new(world(scene), systems)?;
-    let points = f64::from(simulation.seeded().points);
+    let points = f64::from(simulation.seeded().sheets.unwrap_or_default().points);
     let scratch = Scratch::new()?;
     let clock = Meter::new();
     let mut seen: Vec<Seen> = Vec::new();

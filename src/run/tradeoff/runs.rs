@@ -4,12 +4,14 @@ use super::{Spread, sweep::Setting};
 use crate::{
     cache,
     frame::FrameIndex,
+    job::log,
     par,
     run::{
-        Control, Reporter, RunError, ShotFolder, log, simulate,
+        Control, Reporter, RunError, ShotFolder, simulate,
         usage::{Meter, Peak},
     },
     scene::{Frames, Scene},
+    sim::FrameRecord,
 };
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use std::path::{Path, PathBuf};
@@ -127,7 +129,7 @@ impl<'a> Place<'a> {
         let whole = done.is_some_and(|done| done.kept == 0);
         let row = Row {
             found: how.measure(self, &shot, control)?,
-            seconds: vec![log::seconds(&shot)?],
+            seconds: vec![seconds(&shot)?],
             cpu_seconds: cpu.filter(|_| whole).into_iter().collect(),
             memory,
             diverged,
@@ -144,7 +146,7 @@ impl<'a> Place<'a> {
         let meter = Meter::new();
         self.simulate(&shot, true, control)?;
         row.cpu_seconds.extend(meter.cpu());
-        row.seconds.push(log::seconds(&shot)?);
+        row.seconds.push(seconds(&shot)?);
         if last_frame(&shot)? != row.last_frame {
             return Err(RunError::Request(format!(
                 "{}: a second run gave other bytes than the first; expected the same: please report this with the \
@@ -210,6 +212,11 @@ pub(super) fn complete<'a, M: Measure>(
     }
     control.reporter.end();
     Ok(runs)
+}
+
+/// Wall-clock time of the passes of all logged frames [s].
+fn seconds(shot: &ShotFolder) -> Result<f64, RunError> {
+    Ok(log::read::<FrameRecord>(shot)?.values().map(|line| line.record.total_seconds()).sum())
 }
 
 fn last_frame(shot: &ShotFolder) -> Result<u64, RunError> {

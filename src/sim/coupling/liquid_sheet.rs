@@ -23,8 +23,8 @@ use crate::{
     par,
     sim::{
         Diverged,
+        clock::Clock,
         liquid::{CoupledSystem, SubstepParticles},
-        record::Clock,
         sheet::{CoupledSubstep, FaceContact, FaceContacts, SheetRecord, Sheets},
     },
 };

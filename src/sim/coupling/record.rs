@@ -1,9 +1,10 @@
 //! What happened between coupled systems in a frame.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Record of all couplings over a frame. It is the same on every run and for any thread count.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct CouplingRecord {
     /// Between liquid and sheets, if they are coupled.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -14,7 +15,8 @@ pub struct CouplingRecord {
 }
 
 /// Contact between liquid and sheets over a frame.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct LiquidSheetRecord {
     /// Contacts with an impulse in the last substep, each of a particle and a face.
     pub contacts: u64,
@@ -35,7 +37,8 @@ pub struct LiquidSheetRecord {
 }
 
 /// Drag of the air on sheets over a frame.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct WindRecord {
     /// Faces that feel the air.
     pub faces: u64,

@@ -16,7 +16,7 @@ use crate::{
     par,
     sim::{
         Diverged,
-        record::Clock,
+        clock::Clock,
         sheet::{self, Sheets},
         smoke::FrameAir,
     },

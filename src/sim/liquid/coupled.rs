@@ -2,7 +2,7 @@
 
 use crate::{
     math::Vec3,
-    sim::{Diverged, record::Clock},
+    sim::{Diverged, clock::Clock},
     space::CellGrid,
 };
 

@@ -22,6 +22,7 @@ mod neighbourhood;
 mod pair;
 mod params;
 mod pass;
+mod record;
 mod repulsion;
 mod rest;
 mod seed;
@@ -36,9 +37,12 @@ pub use params::{
     ArtificialPressure, Constraint, Kernel, LiquidChannel, LiquidParams, LiquidSource, SolverKind,
     VorticityConfinement, Xsph,
 };
+pub use record::{Clamps, LiquidRecord, LiquidSeeds};
 
 use super::{
-    Diverged, FrameRecord, SeedReport, SetupError, Stop, Watch, World, record::Clock, substep::advance_frame,
+    Diverged, SetupError, Stop, Watch, World,
+    clock::{Clock, Seconds},
+    substep::advance_frame,
 };
 use crate::{
     frame::{Stream, StreamKind},
@@ -81,7 +85,7 @@ pub(super) struct Liquid {
     first_energy: f64,
     /// Average and largest constraint error when the last frame ended; `None` before the first has.
     deviation: Option<[f64; 2]>,
-    seeded: SeedReport,
+    seeded: LiquidSeeds,
     /// The first id beyond those of each source; empty unless frames have the channel `source`.
     ends: Vec<u32>,
     id: Vec<u32>,
@@ -128,13 +132,10 @@ impl Liquid {
         }
         liquid.first_energy = stream.scalar("first_energy").ok_or(missing("first_energy"))?;
         let count = |name| stream.scalar(name).map(|value| value as u32).ok_or(missing(name));
-        liquid.seeded = SeedReport {
+        liquid.seeded = LiquidSeeds {
             particles: liquid.x.len() as u32,
             skipped_in_solids: count("skipped_in_solids")?,
             skipped_overlapping: count("skipped_overlapping")?,
-            smoke: None,
-            points: 0,
-            crossings: 0,
         };
         let deviation = |name| stream.scalar(name);
         liquid.deviation = deviation("density_dev_avg")
@@ -152,7 +153,7 @@ impl Liquid {
             mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
             first_energy: 0.0,
             deviation: None,
-            seeded: SeedReport::default(),
+            seeded: LiquidSeeds::default(),
             ends: Vec::new(),
             id: Vec::new(),
             x: Vec::new(),
@@ -196,7 +197,7 @@ impl Liquid {
     }
 
     /// What seeding did.
-    pub(super) fn seeded(&self) -> SeedReport {
+    pub(super) fn seeded(&self) -> LiquidSeeds {
         self.seeded
     }
 
@@ -224,11 +225,10 @@ impl Liquid {
         start: f64,
         seconds: f64,
         watch: &mut dyn Watch,
-    ) -> Result<FrameRecord, Stop> {
+    ) -> Result<(LiquidRecord, Seconds), Stop> {
         let mut clock = Clock::new(&self.passes());
-        let mut record = self.advance_with(None, [start, seconds], &mut clock, watch)?;
-        record.seconds = clock.into_totals();
-        Ok(record)
+        let record = self.advance_with(None, [start, seconds], &mut clock, watch)?;
+        Ok((record, clock.into_totals()))
     }
 
     /// The same together with what shares the substeps; the seconds of passes are the clock's.
@@ -238,8 +238,8 @@ impl Liquid {
         span: [f64; 2],
         clock: &mut Clock,
         watch: &mut dyn Watch,
-    ) -> Result<FrameRecord, Stop> {
-        let mut record = FrameRecord::default();
+    ) -> Result<LiquidRecord, Stop> {
+        let mut record = LiquidRecord::default();
         (self.solver.rebuilds, self.solver.shortened, self.solver.stuck) = (0, 0, 0);
         self.momentum.forget();
         self.check_state(0)?;
@@ -270,7 +270,7 @@ impl Liquid {
         dt: f32,
         coupled: &mut Option<&mut dyn CoupledSystem>,
         clock: &mut Clock,
-        record: &mut FrameRecord,
+        record: &mut LiquidRecord,
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
         clock.time("predict", || self.predict(dt));
@@ -365,7 +365,7 @@ impl Liquid {
         dt: f32,
         coupled: &mut Option<&mut dyn CoupledSystem>,
         clock: &mut Clock,
-        record: &mut FrameRecord,
+        record: &mut LiquidRecord,
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
         let setup = setup(&self.params, &self.rest, &self.walls);
@@ -413,7 +413,7 @@ impl Liquid {
     }
 
     /// [pbf] Alg. 1, line 22, confinement.
-    fn confine(&mut self, dt: f32, record: &mut FrameRecord) {
+    fn confine(&mut self, dt: f32, record: &mut LiquidRecord) {
         let Some(confinement) = &mut self.confinement else { return };
         publish(&mut self.motion, &self.v);
         let lost = self.first_energy - energy(&self.v, &self.solver.p, self.gravity, self.mass);
@@ -424,14 +424,14 @@ impl Liquid {
     }
 
     /// Adds to the energy that the liquid may have what moving solids did in this substep.
-    fn grant_work(&mut self, dt: f32, record: &mut FrameRecord) {
+    fn grant_work(&mut self, dt: f32, record: &mut LiquidRecord) {
         let work = self.mass * self.solver.work / f64::from(dt).powi(2);
         self.first_energy += work;
         record.solid_work += work;
     }
 
     /// Takes back energy that the solver made.
-    fn bound_energy(&mut self, record: &mut FrameRecord) {
+    fn bound_energy(&mut self, record: &mut LiquidRecord) {
         let most = self.first_energy + energy::slack(self.v.len(), self.mass, self.rest.spacing);
         let excess = energy(&self.v, &self.solver.p, self.gravity, self.mass) - most;
         if excess > 0.0 {
@@ -456,7 +456,7 @@ impl Liquid {
     }
 
     /// Fills in what the record says about the frame's end.
-    fn measure(&mut self, clock: &mut Clock, record: &mut FrameRecord) -> Result<(), Diverged> {
+    fn measure(&mut self, clock: &mut Clock, record: &mut LiquidRecord) -> Result<(), Diverged> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         self.solver.p.clone_from(&self.x);
         let lists = clock.time("solve", || self.solver.ensure_lists(&setup));

@@ -1,12 +1,7 @@
 //! Filling sources with particles on the cubic lattice.
 
-use super::{LiquidParams, rest::Rest, walls::Walls};
-use crate::{
-    math::Vec3,
-    sim::{SeedReport, SetupError},
-    solid::Shape,
-    space::CellGrid,
-};
+use super::{LiquidParams, record::LiquidSeeds, rest::Rest, walls::Walls};
+use crate::{math::Vec3, sim::SetupError, solid::Shape, space::CellGrid};
 use nalgebra::Vector3;
 
 /// A particle is left out where an earlier source has one closer than this many spacings: lattices that meet
@@ -24,7 +19,7 @@ pub(super) struct Seeds {
     pub(super) velocities: Vec<Vec3>,
     /// The first id beyond those of each source.
     pub(super) ends: Vec<u32>,
-    pub(super) report: SeedReport,
+    pub(super) report: LiquidSeeds,
 }
 
 /// Fills every source in order; the ids are the places in the result.
@@ -143,7 +138,7 @@ mod tests {
     fn a_box_holds_one_particle_a_cell_half_a_spacing_inside() {
         let seeds =
             seeds(&sources(&[CUBE]), vec![Shape::Tank { min: [0.0; 3], max: [1.0, 0.1, 1.0] }]).unwrap();
-        assert_eq!(seeds.report, SeedReport { particles: 150, ..SeedReport::default() });
+        assert_eq!(seeds.report, LiquidSeeds { particles: 150, ..LiquidSeeds::default() });
         assert!((seeds.positions[0] - Vec3::repeat(0.01)).norm() < 1e-7);
         assert!((seeds.positions[149] - Vec3::new(0.19, 0.09, 0.05)).norm() < 1e-6);
     }

@@ -4,7 +4,7 @@ use super::{SheetRecord, Sheets};
 use crate::{
     math::Vec3,
     par,
-    sim::{Diverged, record::Clock},
+    sim::{Diverged, clock::Clock},
 };
 
 impl Sheets {

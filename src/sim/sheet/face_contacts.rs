@@ -16,7 +16,7 @@ use super::{Integrator, SheetRecord, Sheets, implicit, springs::Blocks, vectors:
 use crate::{
     math::Vec3,
     par::{self, Groups},
-    sim::{Diverged, record::Clock},
+    sim::{Diverged, clock::Clock},
     simd::LANES,
 };
 

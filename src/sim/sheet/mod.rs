@@ -42,12 +42,12 @@ pub use params::{
     Contact, Integrator, Joint, Pin, Region, Repulsion, Select, SheetMesh, SheetParams, SheetShape,
     SheetSolver, SheetsCommon, SheetsParams,
 };
-pub use record::{ContactRecord, SheetRecord};
+pub use record::{ContactRecord, SheetRecord, SheetSeeds};
 pub use state::{CORNER_CHANNELS, faces_stream, is_sheet_stream, sheet_of, stream};
 
 use super::{
     Diverged, Stop, Watch, World,
-    record::{Clock, Seconds},
+    clock::{Clock, Seconds},
     substep::advance_frame,
 };
 use crate::{
@@ -198,6 +198,11 @@ impl Sheets {
         };
         sheets.update_holds(0.0);
         Ok(sheets)
+    }
+
+    /// What seeding did.
+    pub(in crate::sim) fn seeded(&self) -> SheetSeeds {
+        SheetSeeds { points: self.len() as u32, crossings: self.crossings() }
     }
 
     /// Points of all sheets.

@@ -1,9 +1,19 @@
-//! Record of the sheets in a frame.
+//! Records of the sheets: of their seeding and of a frame.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+/// What seeding the sheets did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SheetSeeds {
+    /// Points of all sheets.
+    pub points: u32,
+    /// Edges that go through faces of sheets; 0 without contact between sheets.
+    pub crossings: u64,
+}
 
 /// What happened to the sheets in a frame. The same on every run and for any thread count.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct SheetRecord {
     /// Points of all sheets.
     pub points: u64,
@@ -48,7 +58,8 @@ pub struct SheetRecord {
 }
 
 /// Contact between sheets in a frame.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ContactRecord {
     /// Pairs of features that contact impulses kept apart, over all substeps.
     pub pairs: u64,

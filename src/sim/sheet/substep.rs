@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     par,
-    sim::{Diverged, record::Clock},
+    sim::{Diverged, clock::Clock},
     simd::LANES,
 };
 

@@ -33,13 +33,13 @@ mod widths;
 pub(in crate::sim) use estimate::{MAX_TRACERS_AND_VORTONS, estimate, refuse_too_much};
 pub use field::{FrameAir, ShotAir};
 pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
-pub use record::SmokeRecord;
+pub use record::{SmokeRecord, SmokeSeeds};
 pub use replay::{DriftReport, Drifting, KeyedAir, Replay};
 pub use tracers::TRACERS;
 
 use super::{
     SetupError, Stop, Watch, World,
-    record::{Clock, Seconds, SmokeSeeds},
+    clock::{Clock, Seconds},
     substep::advance_frame,
     vortex::{
         OutOfRange, Vortons,
@@ -151,12 +151,8 @@ impl System {
             tracers: self.tracers.len() as u32,
             skipped_in_solids: self.skipped_in_solids,
             wind_across: self.air.across,
+            sourceless: self.air.walls.as_ref().map_or_else(Vec::new, |walls| walls.sourceless()),
         }
-    }
-
-    /// The solids, by number, that have no room for sources, so that the air goes through them.
-    pub(super) fn sourceless(&self) -> Vec<usize> {
-        self.air.walls.as_ref().map_or_else(Vec::new, |walls| walls.sourceless())
     }
 
     /// The passes of a step, in order.

@@ -1,10 +1,26 @@
-//! What smoke tells of a frame.
+//! What smoke reports of its seeding and of a frame.
 
 use crate::sim::vortex::flow::{Account, FlowReport};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
+
+/// What seeding smoke did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SmokeSeeds {
+    /// Vortons.
+    pub vortons: u32,
+    /// Tracers.
+    pub tracers: u32,
+    /// Tracers left out because they lay in a solid.
+    pub skipped_in_solids: u32,
+    /// The part of the wind that blows at a plane and was left out [m/s].
+    pub wind_across: f32,
+    /// The solids of the world, by number, that are too small for the smoke's spacing to keep air out.
+    pub sourceless: Vec<usize>,
+}
 
 /// What happened to the smoke in a frame. The same on every run and for any thread count.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct SmokeRecord {
     /// How the vortons moved.
     #[serde(flatten)]

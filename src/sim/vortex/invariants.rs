@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 /// The invariants of a set of vortons, for a density of 1 kg/m³.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Invariants {
     /// ΣΓ [m³/s].
     pub strength: [f64; 3],

@@ -75,9 +75,9 @@ fn largest_distance(one: &Frame, other: &Frame) -> f32 {
 
 /// Energy of liquid and sheets [J].
 fn energy(record: &FrameRecord) -> f64 {
-    let sheets = record.sheets.as_ref().unwrap();
-    record.kinetic_energy
-        + record.potential_energy
+    let (liquid, sheets) = (record.liquid.as_ref().unwrap(), record.sheets.as_ref().unwrap());
+    liquid.kinetic_energy
+        + liquid.potential_energy
         + sheets.kinetic_energy
         + sheets.elastic_energy
         + sheets.potential_energy
@@ -95,7 +95,7 @@ fn one_sheet_touches_liquid_smoke_a_solid_and_another_sheet() {
             println!("{integrator} {k}: {:.3} J, {contact:?}, {liquid:?}, {air:?}", energy(record));
             assert_eq!([liquid.crossed, contact.crossings, contact.unseparated], [0; 3], "{integrator} {k}");
             assert_eq!(
-                [sheets.inside_solids, record.particles_inside_solids.into()],
+                [sheets.inside_solids, record.liquid.as_ref().unwrap().particles_inside_solids.into()],
                 [0; 2],
                 "{integrator} {k}"
             );

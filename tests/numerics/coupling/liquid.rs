@@ -201,7 +201,7 @@ fn a_fast_jet_does_not_cross_a_sheet() {
     for frame in 0..8 {
         let record = advance(&mut shot, 1).remove(0);
         let couplings = record.coupling.clone().unwrap().liquid.unwrap();
-        capped += record.cfl_capped;
+        capped += record.liquid.unwrap().cfl_capped;
         assert_eq!(couplings.crossed, 0, "frame {frame}");
         assert_eq!(below(&state(&shot), 16, 0.4), 0, "frame {frame}");
     }

@@ -24,9 +24,10 @@ use super::{
 };
 use crate::{
     cache::Lock,
-    run::{Control, RunError, ShotFolder, log, simulate},
+    frame::FrameIndex,
+    run::{Control, RunError, ShotFolder, simulate},
     scene::Frames,
-    sim::Observable,
+    sim::{Observable, liquid::LiquidRecord},
 };
 use compare::{curves, horizon, position};
 use row::{Figures, Particles, Row, show_the_same};
@@ -171,9 +172,12 @@ fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run<'_, Figures>], by: By
 
 /// What a run alone says, without the reference.
 fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line {
-    let logged: Vec<_> = row.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
-    let judged: Vec<_> = logged.iter().filter(|line| selection.contains(line.frame)).collect();
-    let mean = |value: &dyn Fn(&log::Logged) -> f64| {
+    let logged = || row.found.frames.iter().filter_map(|seen| Some((seen.frame, seen.logged.as_ref()?)));
+    let judged: Vec<&LiquidRecord> = logged()
+        .filter(|(frame, _)| selection.contains(FrameIndex(*frame)))
+        .map(|(_, record)| record)
+        .collect();
+    let mean = |value: &dyn Fn(&LiquidRecord) -> f64| {
         judged.iter().map(|line| value(line)).sum::<f64>() / judged.len().max(1) as f64
     };
     let first = sweep.base.frames.first().0;
@@ -184,7 +188,7 @@ fn line(setting: &Setting, row: &Row, sweep: &Sweep, selection: &Frames) -> Line
         particles: row.found.particles,
         substeps: mean(&|line| f64::from(line.substeps)),
         iterations: mean(&|line| f64::from(line.iterations)),
-        unconverged: logged.iter().map(|line| line.unconverged).sum(),
+        unconverged: logged().map(|(_, record)| record.unconverged).sum(),
         density_dev_avg: mean(&|line| line.density_dev_avg),
         density_dev_max: mean(&|line| line.density_dev_max),
         density_dev_largest: judged.iter().map(|line| line.density_dev_max).fold(0.0, f64::max),

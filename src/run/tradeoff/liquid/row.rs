@@ -3,12 +3,13 @@
 use crate::{
     cache,
     frame::{Frame, FrameIndex, Stream},
+    job::log,
     mesh,
     run::{
-        Control, RunError, ShotFolder, log, remarks,
+        Control, RunError, ShotFolder,
         tradeoff::runs::{self, Measure, Place},
     },
-    sim::Observable,
+    sim::{FrameRecord, Observable, liquid::LiquidRecord},
 };
 use serde::{Deserialize, Serialize};
 
@@ -36,7 +37,7 @@ pub(super) struct Seen {
     /// Every observable, in the order of [`Observable::ALL`].
     pub observables: Vec<f64>,
     /// What the simulation's log says; the first frame has none.
-    pub logged: Option<log::Logged>,
+    pub logged: Option<LiquidRecord>,
 }
 
 /// Whether every observable has the same values to the last digit in all frames of both, as it has if they show the same
@@ -64,7 +65,7 @@ impl Measure for Particles {
     fn measure(&self, place: &Place<'_>, shot: &ShotFolder, control: Control) -> Result<Figures, RunError> {
         let samples = place.folder.join("sample");
         ShotFolder::create(&samples)?;
-        let logged: Vec<log::Logged> = log::read(shot)?;
+        let mut log = log::read::<FrameRecord>(shot)?;
         let mut found = Figures {
             particles: 0,
             spacing: place.scene.liquid.as_ref().map_or(0.0, |liquid| liquid.spacing),
@@ -78,8 +79,8 @@ impl Measure for Particles {
             let Some(stream) = frame.streams.first() else { continue };
             found.particles = stream.len();
             let observables = Observable::ALL.iter().filter_map(|what| what.of(stream)).collect();
-            let line = logged.iter().find(|line| line.frame == *index).cloned();
-            found.frames.push(Seen { frame: index.0, observables, logged: line });
+            let logged = log.remove(index).and_then(|line| line.record.liquid);
+            found.frames.push(Seen { frame: index.0, observables, logged });
             cache::write_frame(&samples, &sample(&frame, stream), 0)?;
             if number == 0 || number + 1 == present.len() {
                 volumes.push(volume(place, stream, found.spacing, control)?);
@@ -97,7 +98,7 @@ fn volume(place: &Place<'_>, stream: &Stream, spacing: f32, control: Control) ->
     let keep_going = || !(control.interrupted)();
     mesh::reconstruct(stream, spacing, &place.scene.surface, &keep_going)
         .map(|surface| surface.check.volume)
-        .map_err(remarks::no_surface)
+        .map_err(RunError::from)
 }
 
 /// The kept particles of a frame, in order of their ids.

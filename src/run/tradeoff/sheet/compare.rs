@@ -3,7 +3,8 @@
 use super::row::{Row, Seen, sampled};
 use crate::{
     frame::Frame,
-    run::{RunError, log, tradeoff::runs::Place},
+    run::{RunError, tradeoff::runs::Place},
+    sim::sheet::SheetRecord,
 };
 use serde::Serialize;
 
@@ -31,8 +32,8 @@ fn pairs<'a>(
 
 /// Energy of `row` against `reference`, over the frames that both have and `wanted` holds.
 pub(super) fn energy(row: &Row, reference: &Row, wanted: &dyn Fn(u32) -> bool) -> Option<f64> {
-    let inner = |line: &log::Sheets| line.kinetic_energy + line.elastic_energy;
-    let whole = |line: &log::Sheets| inner(line) + line.potential_energy;
+    let inner = |line: &SheetRecord| line.kinetic_energy + line.elastic_energy;
+    let whole = |line: &SheetRecord| inner(line) + line.potential_energy;
     let most = reference.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).map(inner);
     let most = most.fold(0.0, f64::max);
     let (mut sum, mut count) = (0.0, 0_usize);

@@ -27,8 +27,9 @@ use super::{
 use crate::{
     cache::Lock,
     frame::FrameIndex,
-    run::{Control, RunError, ShotFolder, log, simulate},
+    run::{Control, RunError, ShotFolder, simulate},
     scene::{Frames, Scene},
+    sim::sheet::SheetRecord,
 };
 use compare::{energy, places};
 use row::{Figures, Woven};
@@ -184,8 +185,8 @@ fn tabulate(sweep: &Sweep, selection: &Frames, runs: &[Run<'_, Figures>], by: By
 
 /// What a run alone says, without the reference.
 fn line(Run { setting, row, .. }: &Run<'_, Figures>, sweep: &Sweep, selection: &Frames) -> Line {
-    let logged: Vec<&log::Sheets> = row.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
-    let mean = |of: fn(&log::Sheets) -> u32| {
+    let logged: Vec<&SheetRecord> = row.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
+    let mean = |of: fn(&SheetRecord) -> u32| {
         logged.iter().map(|line| f64::from(of(line))).sum::<f64>() / logged.len().max(1) as f64
     };
     let first = sweep.base.frames.first().0;
@@ -199,7 +200,7 @@ fn line(Run { setting, row, .. }: &Run<'_, Figures>, sweep: &Sweep, selection: &
         unconverged: logged.iter().map(|line| line.unconverged).sum(),
         overshot: logged.iter().map(|line| line.overshot).sum(),
         strain: logged.iter().map(|line| line.strain_max).fold(0.0, f64::max),
-        caught: logged.iter().map(|line| line.caught).sum(),
+        caught: logged.iter().map(|line| line.projected_out).sum(),
         inside: logged.iter().map(|line| line.inside_solids).sum(),
         memory: row.memory,
     };

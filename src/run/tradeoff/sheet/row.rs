@@ -3,13 +3,17 @@
 use crate::{
     cache,
     frame::{Frame, FrameIndex, Stream, StreamKind},
+    job::log,
     math::Vec3,
     run::{
-        Control, RunError, ShotFolder, log,
+        Control, RunError, ShotFolder,
         tradeoff::runs::{self, Measure, Place},
     },
     scene::Scene,
-    sim::sheet::{SheetShape, sheet_of, stream},
+    sim::{
+        FrameRecord,
+        sheet::{SheetRecord, SheetShape, stream},
+    },
 };
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -37,7 +41,7 @@ pub(super) struct Seen {
     /// A hash of where all points are.
     pub places: u64,
     /// What the simulation's log says; the first frame has none.
-    pub logged: Option<log::Sheets>,
+    pub logged: Option<SheetRecord>,
 }
 
 /// Whether all frames of both have the same points at the same places.
@@ -133,11 +137,11 @@ impl Measure for Woven {
     fn measure(&self, place: &Place<'_>, shot: &ShotFolder, _: Control) -> Result<Figures, RunError> {
         let samples = place.folder.join("sample");
         ShotFolder::create(&samples)?;
-        let logged: Vec<log::LoggedSheets> = log::read(shot)?;
+        let mut log = log::read::<FrameRecord>(shot)?;
         let mut found = Figures { points: 0, spacing: 0.0, frames: Vec::new() };
         for (index, path) in cache::list(&shot.cache())? {
             let (frame, _) = cache::read_frame(&path)?;
-            let sheets = || frame.streams.iter().filter(|stream| sheet_of(&stream.name).is_some());
+            let sheets = || frame.streams.iter().filter(|stream| stream.kind == StreamKind::MeshPoints);
             let area =
                 |stream: &Stream| stream.len() as f64 * stream.scalar("spacing").unwrap_or(0.0).powi(2);
             let count: usize = sheets().map(Stream::len).sum();
@@ -145,9 +149,9 @@ impl Measure for Woven {
             found.spacing = (sheets().map(area).sum::<f64>() / count.max(1) as f64).sqrt();
             let places = sheets().filter_map(|stream| stream.vec3("position"));
             let hashes: Vec<u64> = places.map(|places| xxh3_64(bytemuck::cast_slice(places))).collect();
-            let line = logged.iter().find(|line| line.frame == index).map(|line| line.sheets.clone());
+            let logged = log.remove(&index).and_then(|line| line.record.sheets);
             let places = xxh3_64(bytemuck::cast_slice(&hashes));
-            found.frames.push(Seen { frame: index.0, places, logged: line });
+            found.frames.push(Seen { frame: index.0, places, logged });
             cache::write_frame(&samples, &self.sample(place.scene, &frame), 0)?;
         }
         Ok(found)

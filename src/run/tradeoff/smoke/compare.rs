@@ -46,7 +46,7 @@ pub(super) fn drift(row: &Row) -> Drift {
 }
 
 fn invariants(seen: &Seen) -> Option<&Invariants> {
-    seen.logged.as_ref().map(|logged| &logged.invariants)
+    seen.logged.as_ref().map(|logged| &logged.account.invariants)
 }
 
 fn between(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -28,8 +28,9 @@ use super::{
 };
 use crate::{
     cache::Lock,
-    run::{Control, RunError, ShotFolder, log, simulate},
+    run::{Control, RunError, ShotFolder, simulate},
     scene::{Frames, Scene},
+    sim::smoke::SmokeRecord,
 };
 use compare::{curves, density, drift};
 use grids::Grids;
@@ -246,10 +247,10 @@ fn tabulate(
 /// What a run alone says, without the reference.
 fn line(Made { run, grids }: &Made<'_>, sweep: &Sweep, selection: &Frames) -> Line {
     let Run { setting, row, .. } = run;
-    let logged: Vec<&log::Smoke> = row.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
+    let logged: Vec<&SmokeRecord> = row.found.frames.iter().filter_map(|seen| seen.logged.as_ref()).collect();
     let chosen =
         row.found.frames.iter().filter(|seen| selection.contains(crate::frame::FrameIndex(seen.frame)));
-    let errors = chosen.filter_map(|seen| seen.logged.as_ref()?.error);
+    let errors = chosen.filter_map(|seen| seen.logged.as_ref()?.account.error);
     let first = sweep.base.frames.first().0;
     let [slice, shot] = [selection.last(), sweep.base.frames.last()].map(|last| f64::from(last.0 - first));
     let [seconds, cpu_seconds] = [&row.seconds, &row.cpu_seconds].map(|times| Spread::of(times));
@@ -264,10 +265,10 @@ fn line(Made { run, grids }: &Made<'_>, sweep: &Sweep, selection: &Frames) -> Li
         volume: grids.as_ref().map(|grids| grids.bytes),
         vortons: counts[0],
         tracers: counts[1],
-        substeps: logged.iter().map(|line| f64::from(line.substeps)).sum::<f64>()
+        substeps: logged.iter().map(|line| f64::from(line.flow.substeps)).sum::<f64>()
             / logged.len().max(1) as f64,
-        capped: logged.iter().map(|line| line.capped).sum(),
-        clamped: logged.iter().map(|line| line.clamped).sum(),
+        capped: logged.iter().map(|line| line.flow.capped).sum(),
+        clamped: logged.iter().map(|line| line.flow.clamped).sum(),
         velocity: errors.reduce(f64::max),
         voxel: grids.as_ref().and_then(|grids| grids.error),
         drift: drift(row),

@@ -5,13 +5,17 @@ use crate::{
     field::{Carried, CarriedParams, carried},
     frame::{Frame, FrameIndex, Stream, StreamKind},
     grid::{BRICK_NODES, node_of},
+    job::log,
     math::Vec3,
     par,
     run::{
-        Control, RunError, ShotFolder, log,
+        Control, RunError, ShotFolder,
         tradeoff::runs::{self, Measure, Place},
     },
-    sim::smoke,
+    sim::{
+        FrameRecord,
+        smoke::{self, SmokeRecord},
+    },
 };
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +43,7 @@ pub(super) struct Seen {
     /// ½ Σ |x − c| |Γ| about the centre of |Γ| [m⁴/s]: what the impulse would be if all vortons pushed one way.
     pub push: f64,
     /// What the simulation's log says; the first frame has none.
-    pub logged: Option<log::Smoke>,
+    pub logged: Option<SmokeRecord>,
 }
 
 /// Where smoke is.
@@ -68,13 +72,13 @@ impl Measure for Smoky {
     fn measure(&self, place: &Place<'_>, shot: &ShotFolder, _: Control) -> Result<Figures, RunError> {
         let samples = place.folder.join("sample");
         ShotFolder::create(&samples)?;
-        let logged: Vec<log::LoggedSmoke> = log::read(shot)?;
+        let mut log = log::read::<FrameRecord>(shot)?;
         let present = cache::list(&shot.cache())?;
-        let mut found = Figures { frames: Vec::new(), cache: logged.iter().map(|line| line.bytes).sum() };
+        let mut found = Figures { frames: Vec::new(), cache: log.values().map(|line| line.bytes).sum() };
         for (number, (index, path)) in present.iter().enumerate() {
             let (frame, _) = cache::read_frame(path)?;
-            let line = logged.iter().find(|line| line.frame == *index);
-            found.frames.push(seen(&frame, line.map(|line| line.smoke.clone())));
+            let logged = log.remove(index).and_then(|line| line.record.smoke);
+            found.frames.push(seen(&frame, logged));
             cache::write_frame(&samples, &self.lattice(&frame), 0)?;
             if number + 1 == present.len() {
                 // Volumes of it may be asked for later.
@@ -150,7 +154,7 @@ pub(super) fn tracers(frame: &Frame) -> Option<(&[Vec3], &[f32], f32)> {
     Some((stream.vec3("position")?, stream.f32("density")?, spacing))
 }
 
-fn seen(frame: &Frame, logged: Option<log::Smoke>) -> Seen {
+fn seen(frame: &Frame, logged: Option<SmokeRecord>) -> Seen {
     let count = |name: &str| frame.stream(name).map_or(0, Stream::len);
     let body = tracers(frame).and_then(|(positions, density, _)| {
         let weight = |i: usize| f64::from(density[i]);

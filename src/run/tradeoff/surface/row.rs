@@ -10,7 +10,7 @@ use crate::{
     },
     par,
     run::{
-        Control, RunError, ShotFolder, remarks,
+        Control, RunError, ShotFolder,
         usage::{Meter, Peak},
     },
     sdf::SignedDistance,
@@ -140,8 +140,7 @@ impl<'a> Place<'a> {
         let particles = self.sample.read()?;
         let keep_going = || !(control.interrupted)();
         let meter = Meter::new();
-        let surface = mesh::reconstruct(&particles, self.sample.spacing, self.params, &keep_going)
-            .map_err(remarks::no_surface)?;
+        let surface = mesh::reconstruct(&particles, self.sample.spacing, self.params, &keep_going)?;
         Ok((surface, Cost { cpu: meter.cpu(), memory: peak.bytes() }))
     }
 

@@ -1,10 +1,16 @@
 //! What jobs need to know of the couplings.
 
 pub(crate) mod check;
+mod report;
 
 use crate::{
+    job::Total,
     preset::{check::Places, problem::Finding},
-    sim::{scene::Scene, system::System},
+    sim::{
+        FrameRecord,
+        scene::Scene,
+        system::{CachedFrame, System},
+    },
 };
 
 /// The couplings, as jobs see them.
@@ -17,5 +23,17 @@ impl System for Couplings {
 
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
         check::check_couplings(scene, places, findings);
+    }
+
+    fn progress(&self, record: &FrameRecord) -> Option<String> {
+        record.coupling.as_ref().and_then(report::progress)
+    }
+
+    fn warnings(&self, record: &FrameRecord) -> Vec<String> {
+        record.coupling.as_ref().map(report::warnings).unwrap_or_default()
+    }
+
+    fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {
+        report::totals(frames)
     }
 }

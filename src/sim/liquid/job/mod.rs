@@ -1,14 +1,18 @@
 //! What jobs need to know of the liquid.
 
 pub(crate) mod check;
+mod report;
 
 use super::LiquidParams;
 use crate::{
+    cache::StreamInfo,
     frame::StreamKind,
+    job::Total,
     preset::{check::Places, problem::Finding},
     sim::{
+        FrameRecord, SeedReport,
         scene::Scene,
-        system::{System, mesh_file},
+        system::{CachedFrame, System, mesh_file},
     },
 };
 
@@ -44,5 +48,25 @@ impl System for Liquid {
         let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
         let shapes = sources.map(|(i, source)| (format!("liquid.source.{i}.shape"), &source.shape));
         shapes.filter_map(mesh_file).collect()
+    }
+
+    fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {
+        seeds.liquid.as_ref().map(report::seeding_warnings).unwrap_or_default()
+    }
+
+    fn progress(&self, record: &FrameRecord) -> Option<String> {
+        record.liquid.as_ref().map(report::progress)
+    }
+
+    fn warnings(&self, record: &FrameRecord) -> Vec<String> {
+        record.liquid.as_ref().map(report::warnings).unwrap_or_default()
+    }
+
+    fn frame_figures(&self, streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {
+        report::frame_figures(streams)
+    }
+
+    fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {
+        report::totals(frames).into_iter().collect()
     }
 }

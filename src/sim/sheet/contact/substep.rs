@@ -2,7 +2,7 @@
 
 use super::IntegratedStep;
 use crate::sim::{
-    record::Clock,
+    clock::Clock,
     sheet::{ContactRecord, SheetRecord, Sheets, solids},
 };
 

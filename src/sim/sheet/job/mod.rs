@@ -1,14 +1,17 @@
 //! What jobs need to know of the sheets.
 
 pub(crate) mod check;
+mod report;
 
 use super::SheetShape;
 use crate::{
     frame::StreamKind,
+    job::Total,
     preset::{check::Places, problem::Finding},
     sim::{
+        FrameRecord, SeedReport,
         scene::Scene,
-        system::{System, mesh_file},
+        system::{CachedFrame, System, mesh_file},
     },
 };
 
@@ -34,5 +37,21 @@ impl System for Sheets {
             SheetShape::Grid { .. } => None,
         });
         check::shapes(scene).filter_map(mesh_file).chain(sheets).collect()
+    }
+
+    fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {
+        seeds.sheets.as_ref().map(report::seeding_warnings).unwrap_or_default()
+    }
+
+    fn progress(&self, record: &FrameRecord) -> Option<String> {
+        record.sheets.as_ref().map(report::progress)
+    }
+
+    fn warnings(&self, record: &FrameRecord) -> Vec<String> {
+        record.sheets.as_ref().map(report::warnings).unwrap_or_default()
+    }
+
+    fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {
+        report::totals(frames).into_iter().collect()
     }
 }

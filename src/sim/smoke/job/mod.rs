@@ -1,11 +1,14 @@
 //! What jobs need to know of the smoke.
 
 pub(crate) mod check;
+mod remeshing;
+mod report;
 
 use crate::{
     frame::StreamKind,
     preset::{check::Places, problem::Finding},
     sim::{
+        FrameRecord, SeedReport,
         scene::Scene,
         system::{System, mesh_file},
     },
@@ -38,5 +41,21 @@ impl System for Smoke {
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
         let shapes = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
         shapes.map(|(path, shape)| (format!("smoke.{path}.shape"), shape)).filter_map(mesh_file).collect()
+    }
+
+    fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {
+        seeds.smoke.as_ref().map(report::seeding_warnings).unwrap_or_default()
+    }
+
+    fn progress(&self, record: &FrameRecord) -> Option<String> {
+        record.smoke.as_ref().map(report::progress)
+    }
+
+    fn warnings(&self, record: &FrameRecord) -> Vec<String> {
+        record.smoke.as_ref().map(report::warnings).unwrap_or_default()
+    }
+
+    fn shot_warnings(&self, records: &[FrameRecord]) -> Vec<String> {
+        remeshing::warnings(records.iter().filter_map(|record| record.smoke.as_ref()))
     }
 }

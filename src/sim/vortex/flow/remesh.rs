@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, node_of, offset},
-    math::Vec3,
+    math::{Vec3, nan_if_null},
     par,
     sim::Diverged,
 };
@@ -56,19 +56,24 @@ pub struct RemeshReport {
     /// Weak nodes, and nodes inside solids, that handed their strength on.
     pub dropped: u32,
     /// What they had, of Σ|Γ|, 0..1; of several lattices the sum.
+    #[serde(deserialize_with = "nan_if_null")]
     pub handed: f64,
     /// The size of the impulse Σ x × Γ that they lost and no node could take back [m⁴/s].
+    #[serde(deserialize_with = "nan_if_null")]
     pub lost: f64,
     /// The part of all strength that had divergence and went, in the mean of squares, 0..1; of several lattices the largest.
+    #[serde(deserialize_with = "nan_if_null")]
     pub divergence: f64,
     /// Vortons left alone, because their cores are more than 2.2 times as wide as the lattice's.
     pub wide: u32,
     /// The size of the change of the impulse Σ x × Γ by which no vortex line ends at a solid [m⁴/s]; 0 but for rounding without one.
+    #[serde(deserialize_with = "nan_if_null")]
     pub turned: f64,
     /// Lattices of which more than a thousandth of that divergence was left after all rounds.
     pub unsolved: u32,
     /// The largest impulse that the strengths could have, Σ |x − x̄| |Γ| about their middle [m⁴/s]: what `lost` and `turned` are held
     /// against; of several lattices the largest.
+    #[serde(deserialize_with = "nan_if_null")]
     pub reach: f64,
 }
 

@@ -2,7 +2,7 @@
 
 use super::super::Invariants;
 use super::RemeshReport;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// What happened in a substep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -22,7 +22,8 @@ pub struct StepReport {
 }
 
 /// What happened in a frame. The same on every run and for any number of threads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct FlowReport {
     /// Substeps taken.
     pub substeps: u32,
@@ -72,7 +73,8 @@ impl FlowReport {
 }
 
 /// What the flow holds, and how exactly it is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Account {
     /// The invariants.
     pub invariants: Invariants,
