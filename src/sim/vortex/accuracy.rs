@@ -1,11 +1,10 @@
-//! The accuracy of the tree: orders and acceptance angles for a requested error, and the measured error.
+//! The accuracy of the tree: orders and acceptance angles for a requested error.
 //!
 //! *Method*: the acceptance criterion of an expansion between cells of radii r_A and r_B at distance R is a largest angle
 //! θ = (r_A + r_B)/R. The relative error of the velocity at order q is about τ = (EFFECTIVE_OFFSET · θ)^q. So one τ gives the
 //! largest angle of every order. [`ACCURACY_TABLE`] has the highest order and its angle for every error.
 
-use super::{Kernel, Method, OutOfRange, Quantity, Targets, Vortons, index::MAX_ORDER, induced};
-use crate::math::Vec3;
+use super::index::MAX_ORDER;
 use std::ops::RangeInclusive;
 
 /// The relative L2 errors of the velocity that the tree accepts. Smaller ones exceed single precision; larger ones would save
@@ -73,34 +72,4 @@ fn with_order(error: f32, order: usize, angle: f32) -> TreeSettings {
         settings.break_even_pairs[q] = 60 + products * 23 / 100;
     }
     settings
-}
-
-/// The relative L2 error of the velocities `found` at `targets`, compared with the sum over all pairs at up to `samples` of
-/// them; 0 where all velocities are. The time is proportional to `samples` times the number of vortons.
-///
-/// # Errors
-/// [`OutOfRange`] as of [`induced`].
-///
-/// # Panics
-/// If there are not as many velocities as targets.
-pub fn sampled_error(
-    vortons: &Vortons,
-    targets: Targets<'_>,
-    kernel: Kernel,
-    found: &[Vec3],
-    samples: usize,
-) -> Result<f64, OutOfRange> {
-    let points = targets.positions(vortons);
-    assert_eq!(points.len(), found.len(), "a velocity for every target");
-    // The samples are distributed evenly over the targets.
-    let samples = samples.min(points.len());
-    let chosen: Vec<usize> = (0..samples).map(|k| k * points.len() / samples).collect();
-    let at: Vec<Vec3> = chosen.iter().map(|&i| points[i]).collect();
-    let exact = induced(vortons, Targets::Points(&at), Quantity::Velocity, kernel, Method::Direct)?.velocity;
-    let (mut error, mut whole) = (0.0, 0.0);
-    for (&i, exact) in chosen.iter().zip(&exact) {
-        error += f64::from((found[i] - exact).norm()).powi(2);
-        whole += f64::from(exact.norm()).powi(2);
-    }
-    Ok(if error > 0.0 { (error / whole).sqrt() } else { 0.0 })
 }

@@ -1,9 +1,10 @@
 //! Sums over pairs: eight targets at a time with one vorton after the other.
 
 use super::{
-    GRADIENT, POTENTIAL, Vortons,
+    Vortons,
     index::MAX_ORDER,
     kernels::{Derivatives, RadialKernel},
+    quantities::{GRADIENT, POTENTIAL},
 };
 use crate::{
     math::Vec3,

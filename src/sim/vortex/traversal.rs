@@ -9,7 +9,7 @@
 //! that costs less. Each task traverses its cells in a fixed order, so the number of threads does not change the result.
 
 use super::{
-    GRADIENT, POTENTIAL, Targets, Vortons,
+    Targets, Vortons,
     accuracy::TreeSettings,
     expansion::{self, Expansions, SourceCells, monomials, stride},
     index::{ADD, MAX_COEFS, MAX_ORDER, coefs},
@@ -17,6 +17,7 @@ use super::{
     moments::Sources,
     octree::{Cell, Octree, representatives},
     pairs::{self, SUMS, Sums},
+    quantities::{GRADIENT, POTENTIAL},
 };
 use crate::{
     math::Vec3,

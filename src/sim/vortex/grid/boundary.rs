@@ -3,10 +3,7 @@
 //! *Method*: [gourlay19]'s integral boundary values. The potential is smooth where there is no vorticity. So a value of the
 //! tree every few cells is enough, with a product of two cubics through four of them in between.
 
-use super::{
-    sine::face_axes,
-    uniform::{ROW_MULTIPLE, UniformGrid, VectorField},
-};
+use super::uniform::{ROW_MULTIPLE, UniformGrid, VectorField};
 use crate::{math::Vec3, par};
 
 /// A number at every node of one face of a box. The axes of the face are the other two, in ascending order.
@@ -208,4 +205,9 @@ fn fill(face: &mut FaceValues, along: &CoarseAxis, across: &CoarseAxis, value: i
             face.set(i, j, (0..4).map(|k| weights[k] * rows[(first + k) * width + i]).sum());
         }
     }
+}
+
+/// The axes of a face that is normal to `axis`.
+pub(super) fn face_axes(axis: usize) -> [usize; 2] {
+    [[1, 2], [0, 2], [0, 1]][axis]
 }

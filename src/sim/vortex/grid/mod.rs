@@ -33,8 +33,9 @@ pub(super) use transforms::GridKernel;
 pub use uniform::{UniformGrid, VectorField};
 
 use super::{
-    GRADIENT, Kernel, OutOfRange, POTENTIAL, Targets, Vortons, accuracy, coherence,
+    Kernel, OutOfRange, Targets, Vortons, accuracy, coherence,
     kernels::{Ball, Gaussian, RadialKernel, RosenheadMoore, WinckelmansLeonard},
+    quantities::{GRADIENT, POTENTIAL, VELOCITY},
     traversal,
 };
 use crate::{math::Vec3, par};
@@ -81,13 +82,11 @@ pub(super) fn both<K: GridKernel>(
     let points = Targets::Points(points);
     let settings = settings::<K>(vortons, error);
     match SolvedGrid::new::<K, GRADIENT>(vortons, count, settings) {
-        Some(solved) => {
-            (solved.rows::<K, GRADIENT, 4>(targets), solved.rows::<K, { super::VELOCITY }, 1>(points))
-        }
+        Some(solved) => (solved.rows::<K, GRADIENT, 4>(targets), solved.rows::<K, VELOCITY, 1>(points)),
         None => {
             let tree = accuracy::tree_settings(settings.error);
             let found = traversal::rows::<K, GRADIENT, 4>(vortons, targets, tree);
-            (found, traversal::rows::<K, { super::VELOCITY }, 1>(vortons, points, tree))
+            (found, traversal::rows::<K, VELOCITY, 1>(vortons, points, tree))
         }
     }
 }
@@ -198,7 +197,7 @@ pub fn choose_grid(vortons: &Vortons, targets: usize, kernel: Kernel, error: f32
     assert_error(kernel, error);
     fn of<K: GridKernel>(vortons: &Vortons, targets: usize, error: f32) -> Option<UniformGrid> {
         let settings = settings::<K>(vortons, error);
-        let plan = Plan::new::<K>(vortons, targets, super::VELOCITY, &settings);
+        let plan = Plan::new::<K>(vortons, targets, VELOCITY, &settings);
         plan.map(|plan| plan.grid)
     }
     match kernel {

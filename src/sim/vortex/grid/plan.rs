@@ -9,7 +9,7 @@ use super::{differences::STENCIL_REACH, fourier, transforms::GridKernel, uniform
 use crate::{
     math::Vec3,
     par,
-    sim::vortex::{ERRORS, GRADIENT, Vortons},
+    sim::vortex::{ERRORS, Vortons, quantities::GRADIENT},
 };
 
 /// Nodes of a grid at most: about 1.2 GB for velocities, and twice that with gradients.

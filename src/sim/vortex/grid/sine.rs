@@ -14,7 +14,7 @@
 //! planes of constant y; columns and rows back.
 
 use super::{
-    boundary::{BoundaryValues, FaceValues},
+    boundary::{BoundaryValues, FaceValues, face_axes},
     fourier::{Complex, SineTransform},
     uniform::{ROW_MULTIPLE, UniformGrid, VectorField},
 };
@@ -128,11 +128,6 @@ fn face_terms(face: &FaceValues, axis: usize, sines: &[SineTransform; 3]) -> Fac
     let row = out.row();
     simd::dispatch(PlaneTransform { sines: [&sines[b], &sines[c]], row, plane: &mut out.values });
     out
-}
-
-/// The axes of a face that is normal to `axis`.
-pub(super) fn face_axes(axis: usize) -> [usize; 2] {
-    [[1, 2], [0, 2], [0, 1]][axis]
 }
 
 /// Transforms the rows and then the columns of a plane, except those on its edges.
