@@ -1,28 +1,29 @@
-//! Particles → density on sparse bricks.
+//! Density of particles on sparse bricks.
 //!
-//! *Method* the weighted sum of [mcg03] with each particle's own volume: V_j = m/ρ_j, ρ_j = m Σ_k W(x_j − x_k, h)
-//! with k = j included, φ(x) = Σ_j V_j W(x − x_j, h). The particle mass cancels. Filled space has φ ≈ 1; a
-//! droplet that has no neighbour has V = 1/W(0), thus φ = 1 at its centre, and does not vanish. With
+//! *Method* the weighted sum of [mcg03] with each particle's own volume: V_j = m/ρ_j, ρ_j = m Σ_k W(x_j −
+//! x_k, h) with k = j included, φ(x) = Σ_j V_j W(x − x_j, h). The particle mass cancels. Filled space has φ ≈
+//! 1. A droplet without neighbours has V = 1/W(0), thus φ = 1 at its centre, and does not vanish. With
 //! [`Anisotropy`] each W is stretched along its neighbourhood ([`super::anisotropy`]); without, G = I/h.
-//! Kernel: the cubic spline of [monaghan92], written as 2(1−q)₊³ − 8(½−q)₊³, which is the same polynomial without
-//! a branch.
-//! *Departs from the paper*: bricks that are surely filled are not computed, and rows of nodes that are deep or faint
-//! are interpolated, see [`super::active`].
+//! Kernel: the cubic spline of [monaghan92], written as 2(1−q)₊³ − 8(½−q)₊³, which is the same polynomial
+//! without a branch.
+//! *Departs from the paper*: bricks that are certainly filled are not computed, and rows of nodes that are
+//! deep or faint are interpolated, see [`super::active`].
 //!
 //! Every brick gathers the particles around it in a fixed order, so the bytes do not depend on threads.
 //!
 //! Symbols: q = ‖G(x − x̄_j)‖ [–], K(q) = W/W(0) [–], w_j = 1/Σ_k K(q_jk) = V_j W(0, h) [–].
 //!
-//! Limits: cost grows with the particles inside one kernel, so many particles in one place (not a liquid) are slow.
+//! Limits: cost grows with the number of particles inside one kernel, so clusters of many particles (not a
+//! liquid) are slow.
 
 use super::{
     DensityParams,
     active::{Active, Coarse},
-    anisotropy::{self, Shaper},
-    blob::Blobs,
-    cloud::Cloud,
+    anisotropy::{self, KernelShaper},
     fill::compute,
     kernel::weights,
+    particle_kernel::ParticleKernels,
+    sorted_particles::SortedParticles,
     threshold::surface_threshold,
 };
 use crate::{
@@ -34,15 +35,16 @@ use crate::{
 /// A density of particles on bricks.
 #[derive(Clone, Debug)]
 pub struct Density {
-    /// φ [–]: 0 outside, about 1 inside. Its filled bricks were not computed, since they are inside; no edge between two
-    /// bricks without values crosses the surface.
+    /// φ [–]: 0 outside, about 1 inside. Its filled bricks were not computed, since they are inside; no edge
+    /// between two bricks without values crosses the surface.
     pub grid: SparseGrid,
-    /// The φ of the surface.
+    /// The φ of the isosurface.
     pub threshold: f32,
-    /// Particles further than 2³⁰ voxels from the origin along an axis, which no brick can hold: left out.
+    /// Particles further than 2³⁰ voxels from the origin along an axis, too far for any brick, which are left
+    /// out.
     pub too_far: usize,
-    /// Particles that show in no node: all eight around them are below the threshold. None at voxels up to half a
-    /// spacing; above that droplets may fall between the nodes.
+    /// Particles without trace: all eight nodes around them are below the threshold. There are none at voxels
+    /// up to half a spacing; above that droplets may fall between the nodes.
     pub unseen: usize,
 }
 
@@ -58,67 +60,74 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     let positions = near.as_deref().unwrap_or(positions);
 
     let radius = params.kernel_radius * params.spacing;
-    let cloud = Cloud::new(positions, radius);
-    let balls = Blobs::Round { radius, weights: weights(&cloud, radius) };
-    let round_threshold = surface_threshold(params.kernel_radius);
-    let coarse = if params.whole { None } else { Coarse::new(&cloud, &balls, round_threshold, params) };
+    let particles = SortedParticles::new(positions, radius);
+    let isotropic_kernels = ParticleKernels::Isotropic { radius, weights: weights(&particles, radius) };
+    let isotropic_threshold = surface_threshold(params.kernel_radius);
+    let coarse = if params.whole {
+        None
+    } else {
+        Coarse::new(&particles, &isotropic_kernels, isotropic_threshold, params)
+    };
     let mut active = match &coarse {
         Some(coarse) => coarse.active(),
-        None => Active::everywhere(&cloud, &balls, voxel),
+        None => Active::all_in_reach(&particles, &isotropic_kernels, voxel),
     };
-    let (threshold, mut kernels, mut shaper) = match (&params.anisotropy, balls) {
-        (Some(anisotropy), Blobs::Round { weights, .. }) => {
-            let shaper = Shaper::new(&cloud, anisotropy, params);
-            let balls = shaper.balls(&cloud, &weights);
-            (anisotropy::threshold(anisotropy, params.kernel_radius), balls, Some(shaper))
+    let (threshold, mut kernels, mut shaper) = match (&params.anisotropy, isotropic_kernels) {
+        (Some(anisotropy), ParticleKernels::Isotropic { weights, .. }) => {
+            let shaper = KernelShaper::new(&particles, anisotropy, params);
+            let isotropic_kernels = shaper.isotropic_kernels(&particles, &weights);
+            (anisotropy::threshold(anisotropy, params.kernel_radius), isotropic_kernels, Some(shaper))
         }
-        (_, balls) => (round_threshold, balls, None),
+        (_, isotropic_kernels) => (isotropic_threshold, isotropic_kernels, None),
     };
 
-    // Ellipsoids reach further than the balls that chose the bricks; where all of it is wanted, so are those.
+    // Ellipsoids reach further than the isotropic kernels that selected the bricks; with `whole` all bricks
+    // in their reach are computed.
     if params.whole
         && let Some(shaper) = &mut shaper
     {
-        shaper.shape(&cloud, &mut kernels, &vec![true; cloud.len()]);
-        active = Active::everywhere(&cloud, &kernels, voxel);
+        shaper.shape(&particles, &mut kernels, &vec![true; particles.len()]);
+        active = Active::all_in_reach(&particles, &kernels, voxel);
     }
 
-    // Compute bricks, and those that they contradict, until none is left.
+    // Compute the bricks, and those whose classification they contradict, until none is left.
     let mut grid = SparseGrid::new(voxel, std::mem::take(&mut active.computed), 0.0);
     let mut due = grid.bricks.clone();
     // Ellipsoids give other values than the coarse nodes have.
     let mut coarse = coarse.filter(|_| shaper.is_none());
     while !due.is_empty() {
         if let Some(shaper) = &mut shaper {
-            shaper.shape(&cloud, &mut kernels, &anisotropy::near(&cloud, &due, voxel, radius));
+            shaper.shape(&particles, &mut kernels, &anisotropy::near(&particles, &due, voxel, radius));
         }
-        let settle =
-            |coord, sums: &mut _| coarse.as_ref().map_or(u64::MAX, |coarse| coarse.settle(coord, sums));
-        compute(&mut grid, &due, &cloud, &kernels, &settle);
+        let interpolate_rows = |coord, sums: &mut _| {
+            coarse.as_ref().map_or(u64::MAX, |coarse| coarse.interpolate_rows(coord, sums))
+        };
+        compute(&mut grid, &due, &particles, &kernels, &interpolate_rows);
         coarse = None;
         let contradicted = active.contradicted(&grid, threshold, &due);
-        active.open(&contradicted);
+        active.remove_filled(&contradicted);
         grid.insert(&contradicted, 0.0);
         due = Bricks::new(contradicted);
     }
     grid.filled = active.filled;
-    let unseen = unseen(&cloud, &grid, threshold);
+    let unseen = unseen(&particles, &grid, threshold);
     Density { grid, threshold, too_far, unseen }
 }
 
-/// About how many bricks [`density`] computes where not all are wanted, in a fifth of its time or less; `None` if that is all
-/// that particles reach. Positions as there; what is too far is left out.
+/// Approximate number of bricks that [`density`] computes without `whole`, in a fifth of its time or less;
+/// `None` if these are all bricks in reach. Positions as there; those too far away are left out.
 pub fn bricks_near_surface(positions: &[Vec3], params: &DensityParams) -> Option<usize> {
     let voxel = params.voxel * params.spacing;
     let (near, _) = within_bricks(positions, voxel);
     let radius = params.kernel_radius * params.spacing;
-    let cloud = Cloud::new(near.as_deref().unwrap_or(positions), radius);
-    let balls = Blobs::Round { radius, weights: weights(&cloud, radius) };
-    let coarse = Coarse::new(&cloud, &balls, surface_threshold(params.kernel_radius), params)?;
+    let particles = SortedParticles::new(near.as_deref().unwrap_or(positions), radius);
+    let isotropic_kernels = ParticleKernels::Isotropic { radius, weights: weights(&particles, radius) };
+    let coarse =
+        Coarse::new(&particles, &isotropic_kernels, surface_threshold(params.kernel_radius), params)?;
     Some(coarse.active().computed.len())
 }
 
-/// The positions that bricks can hold, if those are not all, and how many others there are.
+/// The positions that bricks can hold, if some are too far, and the number of the others.
 fn within_bricks(positions: &[Vec3], voxel: f32) -> (Option<Vec<Vec3>>, usize) {
     let limit = f64::from(MAX_BRICK) * BRICK as f64 * f64::from(voxel);
     let near = |x: &Vec3| x.iter().all(|&v| f64::from(v).abs() < limit);
@@ -129,11 +138,11 @@ fn within_bricks(positions: &[Vec3], voxel: f32) -> (Option<Vec<Vec3>>, usize) {
     (Some(positions.iter().copied().filter(near).collect()), too_far)
 }
 
-/// How many particles have no node at or above the threshold among the eight around them.
-fn unseen(cloud: &Cloud, grid: &SparseGrid, threshold: f32) -> usize {
-    let counts = par::map_chunks(cloud.len(), par::CHUNK, |range| {
+/// Number of particles without a node at or above the threshold among the eight around them.
+fn unseen(particles: &SortedParticles, grid: &SparseGrid, threshold: f32) -> usize {
+    let counts = par::map_chunks(particles.len(), par::CHUNK, |range| {
         let shows = |&place: &usize| {
-            let x = cloud.at(place);
+            let x = particles.at(place);
             let first = [0, 1, 2].map(|axis| (f64::from(x[axis]) / f64::from(grid.voxel)).floor() as i32);
             (0..8).any(|corner| grid.value([0, 1, 2].map(|d| first[d] + (corner >> d & 1))) >= threshold)
         };
@@ -151,8 +160,8 @@ mod tests {
     const PARAMS: DensityParams =
         DensityParams { spacing: 0.1, kernel_radius: 2.0, voxel: 0.5, anisotropy: None, whole: true };
 
-    /// Particles on a lattice, each moved by up to `jitter` spacings along each axis.
-    fn lattice(n: [i32; 3], jitter: f32) -> Vec<Vec3> {
+    /// Particles on a seeding lattice, each displaced by up to `jitter` spacings along each axis.
+    fn seeding_lattice(n: [i32; 3], jitter: f32) -> Vec<Vec3> {
         let mut state = 1_u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -184,7 +193,7 @@ mod tests {
         let h = PARAMS.kernel_radius * PARAMS.spacing;
         let spline = CubicSpline::new(h);
         let positions: Vec<Vec3> =
-            lattice([6, 5, 4], 0.4).into_iter().map(|x| x - Vec3::new(0.23, 0.31, 0.17)).collect();
+            seeding_lattice([6, 5, 4], 0.4).into_iter().map(|x| x - Vec3::new(0.23, 0.31, 0.17)).collect();
         let volumes: Vec<f32> = positions
             .iter()
             .map(|x| 1.0 / positions.iter().map(|y| spline.value((x - y).norm())).sum::<f32>())
@@ -208,7 +217,7 @@ mod tests {
 
     /// A block with a bubble and a notch, a sheet one particle thick, a filament and drops.
     fn splash(jitter: f32) -> Vec<Vec3> {
-        let mut positions = lattice([22, 20, 18], jitter);
+        let mut positions = seeding_lattice([22, 20, 18], jitter);
         let s = PARAMS.spacing;
         positions.retain(|x| {
             let bubble = (x - Vec3::new(11.0, 10.0, 9.0) * s).norm() > 1.6 * s;
@@ -239,13 +248,14 @@ mod tests {
             for (brick, &coord) in whole.grid.bricks.coords().iter().enumerate() {
                 let values = whole.grid.brick(brick);
                 if let Some(at) = part.grid.bricks.find(coord) {
-                    let apart = values.iter().zip(part.grid.brick(at)).map(|(a, b)| (a - b).abs());
-                    let farthest = apart.fold(0.0, f32::max);
+                    let difference = values.iter().zip(part.grid.brick(at)).map(|(a, b)| (a - b).abs());
+                    let farthest = difference.fold(0.0, f32::max);
                     let agrees = values.iter().zip(part.grid.brick(at));
                     assert!(
                         agrees.into_iter().all(|(&a, &b)| (a >= whole.threshold) == (b >= part.threshold))
                     );
-                    // Rows that lie deep or faint are interpolated, kernels far from the surface are balls.
+                    // Rows that are deep or faint are interpolated, and kernels far from the surface are
+                    // isotropic.
                     assert!(farthest < 0.2, "{farthest}");
                     continue;
                 }
@@ -270,7 +280,7 @@ mod tests {
         assert!(none.grid.bricks.is_empty() && none.threshold == found.threshold);
     }
 
-    /// A ball of the lattice as large as its particles fill, and its volume by the nodes inside.
+    /// A ball of the seeding lattice, and its volume by the number of inside nodes.
     #[test]
     fn a_ball_has_the_volume_that_its_particles_fill() {
         for (kernel_radius, anisotropy, bound) in [
@@ -279,7 +289,7 @@ mod tests {
             (3.0, None, 0.004),
             (2.0, Some(Anisotropy::default()), 0.006),
         ] {
-            let mut positions = lattice([41; 3], 0.15);
+            let mut positions = seeding_lattice([41; 3], 0.15);
             let centre = Vec3::repeat(20.5 * PARAMS.spacing);
             positions.retain(|x| (x - centre).norm() < 20.0 * PARAMS.spacing);
             let params = DensityParams { kernel_radius, voxel: 0.25, anisotropy, ..PARAMS };
@@ -298,7 +308,7 @@ mod tests {
 
     #[test]
     fn particles_between_coarse_nodes_are_counted() {
-        // Drops ten spacings apart, everywhere between the nodes.
+        // Drops ten spacings apart, at all positions relative to the nodes.
         let drops: Vec<Vec3> = (0..1000)
             .map(|i| [i % 10, i / 10 % 10, i / 100].map(|v| v as f32 * 1.037))
             .map(Vec3::from)
@@ -306,7 +316,7 @@ mod tests {
         let unseen =
             |positions: &[Vec3], voxel: f32| density(positions, &DensityParams { voxel, ..PARAMS }).unseen;
         let drops_lost = [0.25, 0.5, 1.0, 2.0, 5.0].map(|voxel| unseen(&drops, voxel));
-        let filled_lost = [0.5, 1.0, 2.0].map(|voxel| unseen(&lattice([9, 9, 9], 0.3), voxel));
+        let filled_lost = [0.5, 1.0, 2.0].map(|voxel| unseen(&seeding_lattice([9, 9, 9], 0.3), voxel));
         println!("unseen: {drops_lost:?} of 1000 drops, {filled_lost:?} of 729 in a block");
         assert_eq!(drops_lost[..2], [0, 0]);
         assert!(drops_lost[3] > 500 && drops_lost[4] > 900);
@@ -314,8 +324,8 @@ mod tests {
     }
 
     #[test]
-    fn memory_follows_the_particles() {
-        // Spray over 10 km, drops at 1000 km, and one that no brick can hold.
+    fn memory_is_proportional_to_the_particles() {
+        // Spray over 10 km, drops at 1000 km, and one too far for any brick.
         let mut positions: Vec<Vec3> = (0..500)
             .map(|i| {
                 Vec3::new((i * 7919 % 10_007) as f32, (i * 104_729 % 10_007) as f32, (i * 31 % 997) as f32)
@@ -327,7 +337,7 @@ mod tests {
         assert!(found.grid.bricks.len() <= 27 * positions.len());
         assert_eq!(found.too_far, 1);
 
-        // Every drop is alone and stands where it was put, to the digits of its own position.
+        // Every drop is alone and at its position, to the digits of its coordinates.
         let voxel = f64::from(found.grid.voxel);
         for x in &positions[..520] {
             let nodes = [0, 1, 2].map(|axis| f64::from(x[axis]) / voxel);
@@ -344,7 +354,7 @@ mod tests {
 
     #[test]
     fn bytes_do_not_depend_on_threads() {
-        let positions = lattice([17, 16, 15], 0.45);
+        let positions = seeding_lattice([17, 16, 15], 0.45);
         let run = |threads: usize| par::with_threads(threads, || density(&positions, &PARAMS));
         let one = run(1);
         let bits = |found: &Density| found.grid.values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();

@@ -1,9 +1,9 @@
 //! The density of particles on the nodes of bricks.
 
 use super::{
-    blob::{Blob, Blobs},
-    cloud::Cloud,
     kernel::kernel,
+    particle_kernel::{ParticleKernel, ParticleKernels},
+    sorted_particles::SortedParticles,
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid},
@@ -13,33 +13,35 @@ use crate::{
 };
 use std::ops::Range;
 
-/// Computes the bricks of `grid` that are `due`, but for the rows that `settle` sets: it returns a mask of the others.
+/// Computes the bricks of `grid` that are `due`, without the rows that `interpolate_rows` sets: it returns a
+/// mask of the others.
 pub(super) fn compute(
     grid: &mut SparseGrid,
     due: &Bricks,
-    cloud: &Cloud,
-    blobs: &Blobs,
-    settle: &(impl Fn([i32; 3], &mut [f32; BRICK_NODES]) -> u64 + Sync),
+    particles: &SortedParticles,
+    kernels: &ParticleKernels,
+    interpolate_rows: &(impl Fn([i32; 3], &mut [f32; BRICK_NODES]) -> u64 + Sync),
 ) {
     let (bricks, voxel) = (&grid.bricks, grid.voxel);
-    let reach = blobs.reach();
+    let reach = kernels.reach();
     par::for_chunks(&mut grid.values, BRICK_NODES, |start, values| {
         let coord = bricks.coords()[start / BRICK_NODES];
         if due.find(coord).is_none() {
             return;
         }
-        // Summed up beside the grid: reading pages that were never written maps them twice, and each time stops all threads.
+        // Sums are accumulated outside the grid: reading pages that were never written maps them twice, and
+        // each time stops all threads.
         let mut sums = [0.0; BRICK_NODES];
-        let rows = settle(coord, &mut sums);
-        let mut stretches = Vec::new();
+        let rows = interpolate_rows(coord, &mut sums);
+        let mut ranges = Vec::new();
         let (low, high) = around(coord, voxel, reach);
-        cloud.cells.for_each_stretch(low, high, |places| stretches.push(places));
-        simd::dispatch(Fill { cloud, blobs, stretches: &stretches, coord, voxel, rows, values: &mut sums });
+        particles.cells.for_each_stretch(low, high, |places| ranges.push(places));
+        simd::dispatch(Fill { particles, kernels, ranges: &ranges, coord, voxel, rows, values: &mut sums });
         values.copy_from_slice(&sums);
     });
 }
 
-/// The box of a brick's nodes and what is within `reach` of it [m].
+/// The box of a brick's nodes, extended by `reach` [m].
 pub(super) fn around(coord: [i32; 3], voxel: f32, reach: f32) -> (Vec3, Vec3) {
     let node =
         |axis: usize, step: usize| (f64::from(coord[axis]) * BRICK as f64 + step as f64) * f64::from(voxel);
@@ -48,14 +50,14 @@ pub(super) fn around(coord: [i32; 3], voxel: f32, reach: f32) -> (Vec3, Vec3) {
     (low.map(f32::next_down), high.map(f32::next_up))
 }
 
-/// The values of one brick.
+/// Computes the values of one brick.
 struct Fill<'a> {
-    cloud: &'a Cloud,
-    blobs: &'a Blobs,
-    stretches: &'a [Range<usize>],
+    particles: &'a SortedParticles,
+    kernels: &'a ParticleKernels,
+    ranges: &'a [Range<usize>],
     coord: [i32; 3],
     voxel: f32,
-    /// Which rows along x are computed, bit y + 8 z.
+    /// The rows along x to compute, bit y + 8 z.
     rows: u64,
     values: &'a mut [f32; BRICK_NODES],
 }
@@ -67,18 +69,18 @@ impl Pass for Fill<'_> {
     fn run<L: Lanes>(self) {
         let inverse = 1.0 / f64::from(self.voxel);
         let first = self.coord.map(|c| f64::from(c) * BRICK as f64);
-        // In double precision: a particle far out keeps all of its own digits.
+        // In double precision, so that a particle far out keeps all of its own digits.
         let local = |x: &Vec3| [0, 1, 2].map(|axis| (f64::from(x[axis]) * inverse - first[axis]) as f32);
-        for stretch in self.stretches {
-            for place in stretch.clone() {
-                match self.blobs {
-                    Blobs::Round { radius, weights } => {
-                        let p = local(&self.cloud.at(place));
-                        add_ball(p, radius / self.voxel, weights[place], self.rows, self.values);
+        for range in self.ranges {
+            for place in range.clone() {
+                match self.kernels {
+                    ParticleKernels::Isotropic { radius, weights } => {
+                        let p = local(&self.particles.at(place));
+                        add_isotropic(p, radius / self.voxel, weights[place], self.rows, self.values);
                     }
-                    Blobs::Ellipsoids { blobs, .. } => {
-                        let blob = &blobs[place];
-                        add_ellipsoid(local(&blob.center), blob, self.voxel, self.values);
+                    ParticleKernels::Ellipsoids { kernels, .. } => {
+                        let ellipsoid = &kernels[place];
+                        add_ellipsoid(local(&ellipsoid.center), ellipsoid, self.voxel, self.values);
                     }
                 }
             }
@@ -86,12 +88,13 @@ impl Pass for Fill<'_> {
     }
 }
 
-/// Adds a ball at `p` of radius `reach` [voxels from the brick's first node] to the `rows` meant.
+/// Adds an isotropic kernel at `p` of radius `reach` [voxels from the brick's first node] to the selected
+/// rows.
 #[inline(always)]
-fn add_ball(p: [f32; 3], reach: f32, weight: f32, rows_meant: u64, values: &mut [f32; BRICK_NODES]) {
+fn add_isotropic(p: [f32; 3], reach: f32, weight: f32, row_masks: u64, values: &mut [f32; BRICK_NODES]) {
     const LAST: f32 = (BRICK - 1) as f32;
     let inverse = 1.0 / reach;
-    // How far the brick's box of nodes is along x [h], squared.
+    // Squared distance of the brick's box of nodes along x [h].
     let far = ((p[0] - p[0].clamp(0.0, LAST)) * inverse).powi(2);
     if far >= 1.0 || p[1] + reach < 0.0 || p[1] - reach > LAST || p[2] + reach < 0.0 || p[2] - reach > LAST {
         return;
@@ -102,15 +105,15 @@ fn add_ball(p: [f32; 3], reach: f32, weight: f32, rows_meant: u64, values: &mut 
     }
     let (first_z, last_z) = rows(p[2], reach);
     for z in first_z..last_z {
-        let meant = (rows_meant >> (BRICK * z)) as u8;
+        let row_mask = (row_masks >> (BRICK * z)) as u8;
         let dz2 = ((z as f32 - p[2]) * inverse).powi(2);
         let left = 1.0 - far - dz2;
-        if meant == 0 || left <= 0.0 {
+        if row_mask == 0 || left <= 0.0 {
             continue;
         }
         let (first_y, last_y) = rows(p[1], left.sqrt() * reach);
         for y in first_y..last_y {
-            if meant >> y & 1 == 0 {
+            if row_mask >> y & 1 == 0 {
                 continue;
             }
             let row2 = ((y as f32 - p[1]) * inverse).powi(2) + dz2;
@@ -125,11 +128,12 @@ fn add_ball(p: [f32; 3], reach: f32, weight: f32, rows_meant: u64, values: &mut 
 
 /// Adds an ellipsoid at `p` [voxels from the brick's first node].
 #[inline(always)]
-fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_NODES]) {
+fn add_ellipsoid(p: [f32; 3], ellipsoid: &ParticleKernel, voxel: f32, values: &mut [f32; BRICK_NODES]) {
     const LAST: f32 = (BRICK - 1) as f32;
     let inverse = 1.0 / voxel;
-    let (ex, ey, ez) = (blob.extents.x * inverse, blob.extents.y * inverse, blob.extents.z * inverse);
-    // A particle whose box misses the brick's box of nodes gives nothing.
+    let (ex, ey, ez) =
+        (ellipsoid.extents.x * inverse, ellipsoid.extents.y * inverse, ellipsoid.extents.z * inverse);
+    // A particle whose box misses the brick's box of nodes contributes nothing.
     if p[0] + ex < 0.0
         || p[0] - ex > LAST
         || p[1] + ey < 0.0
@@ -139,7 +143,7 @@ fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_
     {
         return;
     }
-    let mut m = blob.matrix;
+    let mut m = ellipsoid.matrix;
     for part in &mut m {
         *part *= voxel * voxel;
     }
@@ -155,8 +159,8 @@ fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_
         let dz = z as f32 - p[2];
         for y in first_y..last_y {
             let dy = y as f32 - p[1];
-            // q² along the row: (xx dx + b) dx + c. Rows that the ellipsoid meets are done whole: eight nodes without a
-            // branch cost less than testing each.
+            // q² along the row: (xx dx + b) dx + c. Rows that the ellipsoid overlaps are computed completely:
+            // eight nodes without a branch cost less than a test of each.
             let b = 2.0 * (xy * dy + xz * dz);
             let c = yy * dy * dy + zz * dz * dz + 2.0 * yz * dy * dz;
             let nearest = (half * b).clamp(dx[0], dx[BRICK - 1]);
@@ -167,7 +171,7 @@ fn add_ellipsoid(p: [f32; 3], blob: &Blob, voxel: f32, values: &mut [f32; BRICK_
             let row: &mut F32x8 = (&mut values[start..start + BRICK]).try_into().expect("a row of eight");
             for lane in 0..LANES {
                 let q2 = ((xx * dx[lane] + b) * dx[lane] + c).max(0.0);
-                row[lane] += blob.weight * kernel(q2.sqrt()); // φ += V_j W
+                row[lane] += ellipsoid.weight * kernel(q2.sqrt()); // φ += V_j W
             }
         }
     }

@@ -1,10 +1,10 @@
 //! The kernel of the density: a cubic spline.
 
-use super::cloud::{Cloud, Moments, Weight};
+use super::sorted_particles::{Moments, SortedParticles, Weight};
 
 /// V_j W(0, h) of every particle, in the cells' order.
-pub(super) fn weights(cloud: &Cloud, radius: f32) -> Vec<f32> {
-    cloud.moments::<Spline, false, _>(radius, |_| true, |_, moments: &Moments| 1.0 / moments.zeroth)
+pub(super) fn weights(particles: &SortedParticles, radius: f32) -> Vec<f32> {
+    particles.moments::<Spline, false, _>(radius, |_| true, |_, moments: &Moments| 1.0 / moments.zeroth)
 }
 
 /// The kernel K.

@@ -1,23 +1,24 @@
-//! Fields on grids from particles.
+//! Scalar and vector fields on grids, sampled from particles.
 //!
 //! [`density`] turns particles into a smooth dimensionless density on sparse bricks; its level set at
-//! [`Density::threshold`] is the surface of the liquid. [`velocity`] carries the particles' velocities to the same bricks.
+//! [`Density::threshold`] is the surface of the liquid. [`velocity`] interpolates the particles' velocities
+//! to the same bricks, and [`tracer_fields`] the values of smoke tracers.
 
 mod active;
 mod anisotropy;
-mod blob;
-mod carried;
-mod cloud;
 mod density;
 mod fill;
 mod kernel;
 mod params;
+mod particle_kernel;
+mod sorted_particles;
 mod threshold;
+mod tracer_fields;
 mod velocity;
 
 pub use active::coarse_step;
-pub use carried::{Carried, CarriedParams, carried, carried_at};
 pub use density::{Density, bricks_near_surface, density};
 pub use params::{Anisotropy, DensityParams};
 pub use threshold::surface_threshold;
+pub use tracer_fields::{TracerFieldParams, TracerFields, tracer_fields, tracer_fields_at};
 pub use velocity::{Velocity, velocity};

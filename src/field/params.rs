@@ -1,9 +1,9 @@
-//! What decides how particles become a density.
+//! Parameters of the density of particles.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How particles become a density.
+/// Parameters of the density of particles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityParams {
     /// Distance between particles at rest [m].
@@ -12,21 +12,22 @@ pub struct DensityParams {
     pub kernel_radius: f32,
     /// Distance between nodes [spacings].
     pub voxel: f32,
-    /// How kernels follow their neighbourhoods; none: they are balls.
+    /// Shape of anisotropic kernels; `None`: isotropic kernels.
     pub anisotropy: Option<Anisotropy>,
-    /// Whether filled bricks are computed as well, as a fog volume needs; a surface is the same without them.
+    /// Whether filled bricks are computed as well, as a fog volume requires; a surface is the same without
+    /// them.
     pub whole: bool,
 }
 
-/// How kernels follow their neighbourhoods.
+/// Anisotropic kernels, shaped by the neighbourhoods of particles.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Anisotropy {
-    /// How far kernels move from their particle to the mean of its neighbours: 0 not at all, 1 all the way. More is
-    /// smoother, and rounds edges.
+    /// How far kernels move from their particle to the mean of its neighbours: 0 not at all, 1 completely.
+    /// More is smoother, and makes edges rounder.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub smoothing: f32,
-    /// The longest axis of a kernel over its shortest. More makes flat sheets flatter.
+    /// Ratio of the longest to the shortest axis of a kernel. More makes flat sheets flatter.
     #[schemars(range(min = 1.0, max = 16.0))]
     pub ratio: f32,
 }

@@ -1,8 +1,8 @@
 //! Velocities of particles on the nodes of a density's bricks.
 //!
-//! *Method*: the normalised kernel sum [shepard68], v(x) = Σ_j W_j v_j / Σ_j W_j with the density's kernel, so that a
-//! node has a velocity where it has a density.
-//! *Departs from the paper*: the weight has compact support instead of growing towards the samples.
+//! *Method*: the normalised kernel sum [shepard68], v(x) = Σ_j W_j v_j / Σ_j W_j with the density's kernel,
+//! so that a node has a velocity where it has a density.
+//! *Departs from the paper*: the weight has compact support instead of a singularity at the samples.
 //!
 //! Symbols: v_j → `velocities` [m/s]; W_j = K(|x − x_j|/h) [–].
 //!
@@ -10,9 +10,9 @@
 
 use super::{
     DensityParams,
-    cloud::Cloud,
     fill::{around, rows},
     kernel::kernel,
+    sorted_particles::SortedParticles,
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, NodeMask, mask_of},
@@ -23,13 +23,13 @@ use crate::{
 /// Velocities on bricks.
 #[derive(Clone, Debug)]
 pub struct Velocity {
-    /// 512 a brick [m/s]; zero where no particle is in reach.
+    /// 512 values per brick [m/s]; zero where no particle is in reach.
     pub values: Vec<Vec3>,
-    /// The nodes with a particle in reach, a mask a brick.
+    /// The nodes with a particle in reach, one mask per brick.
     pub reached: Vec<NodeMask>,
 }
 
-/// The velocities at the nodes of `bricks`, of particles at `positions` [m] that move with `velocities` [m/s].
+/// The velocities at the nodes of `bricks`, of particles at `positions` [m] with `velocities` [m/s].
 ///
 /// # Panics
 /// If there are not as many velocities as positions, or a parameter is not above zero and finite.
@@ -43,7 +43,7 @@ pub fn velocity(
     let valid = |v: f32| v > 0.0 && v.is_finite();
     assert!(valid(params.spacing) && valid(params.kernel_radius) && valid(params.voxel), "valid {params:?}");
     let sampling = Sampling {
-        cloud: Cloud::new(positions, params.kernel_radius * params.spacing),
+        particles: SortedParticles::new(positions, params.kernel_radius * params.spacing),
         voxel: params.voxel * params.spacing,
         reach: params.kernel_radius / params.voxel,
         velocities,
@@ -58,9 +58,9 @@ pub fn velocity(
     Velocity { values, reached }
 }
 
-/// Particles to take velocities from.
+/// Particles whose velocities are interpolated.
 struct Sampling<'a> {
-    cloud: Cloud,
+    particles: SortedParticles,
     /// Distance between nodes [m].
     voxel: f32,
     /// h [voxels].
@@ -75,14 +75,14 @@ impl Sampling<'_> {
         // Σ W and Σ W v, component by component.
         let mut sums = [[0.0; BRICK_NODES]; 4];
         let (low, high) = around(coord, self.voxel, self.reach * self.voxel);
-        self.cloud.cells.for_each_stretch(low, high, |places| {
+        self.particles.cells.for_each_stretch(low, high, |places| {
             for place in places {
-                let x = self.cloud.at(place);
+                let x = self.particles.at(place);
                 let p = [0, 1, 2].map(|axis| {
                     (f64::from(x[axis]) / f64::from(self.voxel) - f64::from(coord[axis]) * BRICK as f64)
                         as f32
                 });
-                let particle = self.cloud.cells.order()[place] as usize;
+                let particle = self.particles.cells.order()[place] as usize;
                 splat(p, self.velocities[particle], self.reach, &mut sums);
             }
         });
@@ -99,14 +99,14 @@ impl Sampling<'_> {
 /// Adds one particle at `p` [voxels from the brick's first node] that moves with `v`.
 #[inline]
 fn splat(p: [f32; 3], v: Vec3, reach: f32, sums: &mut [[f32; BRICK_NODES]; 4]) {
-    // A particle whose sphere misses the brick's box of nodes gives nothing.
+    // A particle whose sphere misses the brick's box of nodes contributes nothing.
     let far = p.map(|v| v - v.clamp(0.0, (BRICK - 1) as f32));
     let reach2 = reach * reach;
     if far[0] * far[0] + far[1] * far[1] + far[2] * far[2] >= reach2 {
         return;
     }
 
-    // Rows that the sphere meets are done whole, as for the density.
+    // Rows that the sphere overlaps are computed completely, as for the density.
     let inverse = 1.0 / reach;
     let dx2: [f32; BRICK] = std::array::from_fn(|x| (x as f32 - p[0]).powi(2));
     let (first_z, last_z) = rows(p[2], reach);
@@ -162,7 +162,7 @@ mod tests {
                 weights += weight;
             }
             assert_eq!(is_set(&found.reached[brick], place), field.values[index] > 0.0);
-            // At the rim a weight is rounding only.
+            // At the rim the weight is only rounding.
             if weights > 1e-6 {
                 assert!((value - sum / weights).norm() < 2e-3, "{value} for {}", sum / weights);
             }
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_as_one_has_one_velocity() {
+    fn uniform_motion_gives_a_uniform_velocity() {
         let positions = block();
         let all = Vec3::new(0.7, -120.0, 1e-3);
         let field = density(&positions, &PARAMS).grid;

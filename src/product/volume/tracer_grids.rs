@@ -5,7 +5,7 @@ use crate::{
         ExportError,
         vdb::{self, Class, Grid, VolumeGrid, VolumeParams},
     },
-    field::{Carried, CarriedParams, carried},
+    field::{TracerFieldParams, TracerFields, tracer_fields},
     frame::Stream,
     grid::{BRICK_NODES, is_set, node_of},
     math::Vec3,
@@ -33,7 +33,7 @@ pub(super) struct TracerFrame<'a> {
 pub(super) struct TracerGrids {
     voxel: f32,
     names: Vec<VolumeGrid>,
-    carried: Carried<2>,
+    carried: TracerFields<2>,
     /// 512 a brick [m/s]; empty if not wanted.
     velocity: Vec<Vec3>,
     pub(super) stats: TracerGridStats,
@@ -95,8 +95,8 @@ impl TracerGrids {
         }
         go_on()?;
         let radius = params.kernel_radius * spacing;
-        let fields = CarriedParams { spacing, radius, voxel, padding };
-        let carried = carried(positions, [density?, temperature?], &fields);
+        let fields = TracerFieldParams { spacing, radius, voxel, padding };
+        let carried = tracer_fields(positions, [density?, temperature?], &fields);
         go_on()?;
         let velocity = match air {
             Some(air) => {
@@ -118,7 +118,7 @@ impl TracerGrids {
     /// # Errors
     /// As [`vdb::write`].
     pub(super) fn write(&self, path: &Path, params: &VolumeParams, key: u64) -> Result<u64, ExportError> {
-        let Carried { bricks, values: [density, temperature], reached, near, .. } = &self.carried;
+        let TracerFields { bricks, values: [density, temperature], reached, near, .. } = &self.carried;
         let grid = |&which: &VolumeGrid| {
             let (class, active) = match which {
                 VolumeGrid::Density => (Class::FogVolume(density), reached),
@@ -135,7 +135,7 @@ impl TracerGrids {
 
 /// The air's velocity over `slowdown` at the nodes near smoke, zero elsewhere.
 fn velocities(
-    carried: &Carried<2>,
+    carried: &TracerFields<2>,
     voxel: f32,
     air: &FrameAir,
     slowdown: f32,

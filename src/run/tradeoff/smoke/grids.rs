@@ -3,7 +3,7 @@
 use super::row::{last, tracers};
 use crate::{
     export::vdb::VolumeGrid,
-    field::{Carried, CarriedParams, carried, carried_at},
+    field::{TracerFieldParams, TracerFields, tracer_fields, tracer_fields_at},
     frame::Frame,
     grid::SparseGrid,
     math::Vec3,
@@ -90,11 +90,11 @@ const SEEN: usize = 4096;
 fn voxel_error(frame: &Frame, settings: &VolumeSettings) -> Option<f64> {
     let (positions, density, spacing) = tracers(frame)?;
     let (voxel, radius) = (settings.surface.voxel * spacing, settings.surface.kernel_radius * spacing);
-    let params = CarriedParams { spacing, radius, voxel, padding: 0 };
-    let Carried { bricks, values: [values], .. } = carried(positions, [density], &params);
+    let params = TracerFieldParams { spacing, radius, voxel, padding: 0 };
+    let TracerFields { bricks, values: [values], .. } = tracer_fields(positions, [density], &params);
     let grid = SparseGrid::of(voxel, bricks, values);
     let points: Vec<Vec3> = positions.iter().step_by(positions.len().div_ceil(SEEN)).copied().collect();
-    let exact = carried_at(&points, positions, density, spacing, radius);
+    let exact = tracer_fields_at(&points, positions, density, spacing, radius);
     let off = points.iter().zip(&exact).map(|(&x, &exact)| f64::from((grid.trilinear(x) - exact).abs()));
     let (off, whole) = (off.sum::<f64>(), exact.iter().map(|&v| f64::from(v)).sum::<f64>());
     (whole > 0.0).then(|| off / whole)

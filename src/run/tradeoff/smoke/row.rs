@@ -2,7 +2,7 @@
 
 use crate::{
     cache,
-    field::{Carried, CarriedParams, carried},
+    field::{TracerFieldParams, TracerFields, tracer_fields},
     frame::{Frame, FrameIndex, Stream, StreamKind},
     grid::{BRICK_NODES, node_of},
     job::log,
@@ -131,8 +131,8 @@ impl Smoky {
         let mut nodes: Vec<Node> = Vec::new();
         if let Some((positions, density, spacing)) = tracers(frame) {
             let Self { cell } = *self;
-            let params = CarriedParams { spacing, radius: REACH * cell, voxel: cell, padding: 0 };
-            let Carried { bricks, values: [values], .. } = carried(positions, [density], &params);
+            let params = TracerFieldParams { spacing, radius: REACH * cell, voxel: cell, padding: 0 };
+            let TracerFields { bricks, values: [values], .. } = tracer_fields(positions, [density], &params);
             let node = |slot: usize| node_of(bricks.coords()[slot / BRICK_NODES], slot % BRICK_NODES);
             let filled = values.iter().enumerate().filter(|(_, value)| **value > 0.0);
             nodes.extend(filled.map(|(slot, &value)| (node(slot), value)));

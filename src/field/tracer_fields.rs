@@ -1,8 +1,8 @@
-//! What tracers carry, on bricks.
+//! Fields of smoke tracers on bricks.
 //!
-//! *Method*: f(x) = Σ_j f_j s³ W(x − x_j, h), the sum of [mcg03] with one volume s³ for all: tracers that part make thin smoke, and those
-//! that crowd dense smoke. Filled as it was seeded, s apart, smoke shows the number that its tracers carry. W is the cubic spline of
-//! [monaghan92] that the density of liquids has.
+//! *Method*: f(x) = Σ_j f_j s³ W(x − x_j, h), the sum of [mcg03] with one volume s³ for all: diverging
+//! tracers make thin smoke, and converging ones dense smoke. Filled as it was seeded, s apart, the field is
+//! the tracers' value. W is the cubic spline of [monaghan92], as for the density of liquids.
 //!
 //! Every brick gathers the tracers around it in a fixed order, so the bytes do not depend on threads.
 //!
@@ -11,9 +11,9 @@
 //! Limits: where tracers lie farther apart than h there are gaps between them.
 
 use super::{
-    cloud::Cloud,
     fill::{around, rows},
     kernel::kernel,
+    sorted_particles::SortedParticles,
 };
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, NodeMask},
@@ -22,47 +22,47 @@ use crate::{
 };
 use std::{collections::BTreeSet, f64::consts::PI};
 
-/// How tracers become fields.
+/// Parameters of the fields of tracers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CarriedParams {
+pub struct TracerFieldParams {
     /// Distance at which tracers were seeded [m].
     pub spacing: f32,
     /// Support of the kernel [m].
     pub radius: f32,
     /// Distance between nodes [m].
     pub voxel: f32,
-    /// Nodes along each axis beyond the kernel that [`Carried::near`] reaches.
+    /// Nodes along each axis beyond the kernel that [`TracerFields::near`] reaches.
     pub padding: u32,
 }
 
 /// Fields on bricks, 512 nodes each.
 #[derive(Clone, Debug)]
-pub struct Carried<const N: usize> {
-    /// The bricks that the padded kernels meet.
+pub struct TracerFields<const N: usize> {
+    /// The bricks that the padded kernels overlap.
     pub bricks: Bricks,
-    /// What is there, field by field.
+    /// The values at the nodes, field by field.
     pub values: [Vec<f32>; N],
     /// The nodes that a kernel reaches.
     pub reached: Vec<NodeMask>,
     /// The nodes in the box of a padded kernel.
     pub near: Vec<NodeMask>,
-    /// Tracers that no brick can hold, left out.
+    /// Tracers too far from the origin for any brick, which are left out.
     pub too_far: usize,
 }
 
-/// The fields of tracers at `positions` [m] that carry `values`.
+/// The fields of tracers at `positions` [m] with these `values`.
 ///
 /// # Panics
 /// If there are not as many values as positions, or a length of `params` is not above zero and finite.
-pub fn carried<const N: usize>(
+pub fn tracer_fields<const N: usize>(
     positions: &[Vec3],
     values: [&[f32]; N],
-    params: &CarriedParams,
-) -> Carried<N> {
-    let CarriedParams { spacing, radius, voxel, padding } = *params;
+    params: &TracerFieldParams,
+) -> TracerFields<N> {
+    let TracerFieldParams { spacing, radius, voxel, padding } = *params;
     assert!([spacing, radius, voxel].iter().all(|v| *v > 0.0 && v.is_finite()), "valid {params:?}");
     assert!(values.iter().all(|values| values.len() == positions.len()), "values for every tracer");
-    // What is too far away counts for nothing, where it is would overflow.
+    // Tracers too far away are left out: their brick coordinates would overflow.
     let limit = f64::from(MAX_BRICK) * BRICK as f64 * f64::from(voxel);
     let kept: Vec<usize> =
         (0..positions.len()).filter(|&i| positions[i].iter().all(|&v| f64::from(v).abs() < limit)).collect();
@@ -71,15 +71,15 @@ pub fn carried<const N: usize>(
     let values = values.map(|values| kept.iter().map(|&i| values[i]).collect::<Vec<f32>>());
 
     let reach = radius / voxel;
-    let bricks = met(&positions, voxel, reach + padding as f32);
-    let full = f64::from(spacing).powi(3) * 8.0 / (PI * f64::from(radius).powi(3));
+    let bricks = bricks_in_reach(&positions, voxel, reach + padding as f32);
+    let peak = f64::from(spacing).powi(3) * 8.0 / (PI * f64::from(radius).powi(3));
     let gather = Gather {
-        cloud: Cloud::new(&positions, radius.max(voxel)),
+        particles: SortedParticles::new(&positions, radius.max(voxel)),
         values: &values,
         voxel,
         reach,
         padding: padding as f32,
-        full: full as f32,
+        peak: peak as f32,
     };
     let mut fields = std::array::from_fn(|_| vec![0.0; bricks.len() * BRICK_NODES]);
     let made = par::map(bricks.len(), |brick| gather.brick(bricks.coords()[brick]));
@@ -92,15 +92,15 @@ pub fn carried<const N: usize>(
         masks[1].push(near);
     }
     let [reached, near] = masks;
-    Carried { bricks, values: fields, reached, near, too_far }
+    TracerFields { bricks, values: fields, reached, near, too_far }
 }
 
-/// What [`carried`] gives on ever finer voxels, at `points` [m] themselves: the sum over tracers at `positions` [m], seeded `spacing`
-/// [m] apart, that carry `values`, with a kernel of `radius` [m].
+/// The limit of [`tracer_fields`] for ever finer voxels, at `points` [m] themselves: the sum over tracers at
+/// `positions` [m], seeded `spacing` [m] apart, with `values` and a kernel of `radius` [m].
 ///
 /// # Panics
 /// If there are not as many values as positions, or a length is not above zero.
-pub fn carried_at(
+pub fn tracer_fields_at(
     points: &[Vec3],
     positions: &[Vec3],
     values: &[f32],
@@ -108,15 +108,15 @@ pub fn carried_at(
     radius: f32,
 ) -> Vec<f32> {
     assert!(spacing > 0.0 && radius > 0.0 && positions.len() == values.len(), "valid tracers");
-    let cloud = Cloud::new(positions, radius);
-    let full = (f64::from(spacing).powi(3) * 8.0 / (PI * f64::from(radius).powi(3))) as f32;
+    let particles = SortedParticles::new(positions, radius);
+    let peak = (f64::from(spacing).powi(3) * 8.0 / (PI * f64::from(radius).powi(3))) as f32;
     par::map(points.len(), |i| {
         let (x, reach) = (points[i], Vec3::repeat(radius));
         let mut sum = 0.0;
-        cloud.cells.for_each_stretch(x - reach, x + reach, |places| {
+        particles.cells.for_each_stretch(x - reach, x + reach, |places| {
             for place in places {
-                let value = values[cloud.cells.order()[place] as usize];
-                sum += full * value * kernel((cloud.at(place) - x).norm() / radius);
+                let value = values[particles.cells.order()[place] as usize];
+                sum += peak * value * kernel((particles.at(place) - x).norm() / radius);
             }
         });
         sum
@@ -124,7 +124,7 @@ pub fn carried_at(
 }
 
 /// The bricks with a node within `reach` voxels of a point along every axis.
-fn met(positions: &[Vec3], voxel: f32, reach: f32) -> Bricks {
+fn bricks_in_reach(positions: &[Vec3], voxel: f32, reach: f32) -> Bricks {
     let found = par::map_chunks(positions.len(), 1 << 14, |range| {
         let mut coords = BTreeSet::new();
         for x in &positions[range] {
@@ -142,15 +142,15 @@ fn met(positions: &[Vec3], voxel: f32, reach: f32) -> Bricks {
 }
 
 struct Gather<'a, const N: usize> {
-    cloud: Cloud,
+    particles: SortedParticles,
     values: &'a [Vec<f32>; N],
     voxel: f32,
     /// h [voxels].
     reach: f32,
     /// [voxels].
     padding: f32,
-    /// What a tracer that carries 1 adds at its own place.
-    full: f32,
+    /// Contribution of a tracer with value 1 at its own position.
+    peak: f32,
 }
 
 /// A brick's fields, and its nodes that are reached, and near.
@@ -161,17 +161,17 @@ impl<const N: usize> Gather<'_, N> {
         let mut sums = Box::new([[0.0; BRICK_NODES]; N]);
         let (mut reached, mut near) = (NodeMask::default(), NodeMask::default());
         let (low, high) = around(coord, self.voxel, (self.reach + self.padding) * self.voxel);
-        self.cloud.cells.for_each_stretch(low, high, |places| {
+        self.particles.cells.for_each_stretch(low, high, |places| {
             for place in places {
-                let x = self.cloud.at(place);
+                let x = self.particles.at(place);
                 let p = [0, 1, 2].map(|axis| {
                     (f64::from(x[axis]) / f64::from(self.voxel) - f64::from(coord[axis]) * BRICK as f64)
                         as f32
                 });
                 cover(p, self.reach + self.padding, &mut near);
-                let tracer = self.cloud.cells.order()[place] as usize;
-                let carried = std::array::from_fn(|field| self.full * self.values[field][tracer]);
-                self.splat(p, carried, &mut sums, &mut reached);
+                let tracer = self.particles.cells.order()[place] as usize;
+                let value = std::array::from_fn(|field| self.peak * self.values[field][tracer]);
+                self.splat(p, value, &mut sums, &mut reached);
             }
         });
         (sums, reached, near)
@@ -181,7 +181,7 @@ impl<const N: usize> Gather<'_, N> {
     fn splat(
         &self,
         p: [f32; 3],
-        carried: [f32; N],
+        value: [f32; N],
         sums: &mut [[f32; BRICK_NODES]; N],
         reached: &mut NodeMask,
     ) {
@@ -195,9 +195,9 @@ impl<const N: usize> Gather<'_, N> {
                 let row2 = dz2 + (y as f32 - p[1]).powi(2);
                 let weights = dx2.map(|d2| kernel((d2 + row2).sqrt() * inverse));
                 let start = BRICK * (y + BRICK * z);
-                for (sums, carried) in sums.iter_mut().zip(carried) {
+                for (sums, value) in sums.iter_mut().zip(value) {
                     for (sum, weight) in sums[start..start + BRICK].iter_mut().zip(weights) {
-                        *sum += weight * carried;
+                        *sum += weight * value;
                     }
                 }
                 let row = weights.iter().enumerate().map(|(x, &w)| u64::from(w > 0.0) << x).sum::<u64>();
@@ -220,7 +220,8 @@ mod tests {
     use super::*;
     use crate::grid::{SparseGrid, is_set, node_of};
 
-    const PARAMS: CarriedParams = CarriedParams { spacing: 0.1, radius: 0.2, voxel: 0.05, padding: 5 };
+    const PARAMS: TracerFieldParams =
+        TracerFieldParams { spacing: 0.1, radius: 0.2, voxel: 0.05, padding: 5 };
 
     fn block() -> Vec<Vec3> {
         (0..1000)
@@ -230,10 +231,10 @@ mod tests {
     }
 
     #[test]
-    fn smoke_as_it_was_seeded_shows_its_number_and_keeps_its_sum() {
+    fn smoke_as_seeded_has_the_tracers_value_and_conserves_its_sum() {
         let positions = block();
         let values: Vec<f32> = vec![0.7; positions.len()];
-        let found = carried(&positions, [&values], &PARAMS);
+        let found = tracer_fields(&positions, [&values], &PARAMS);
         let sum: f64 = found.values[0].iter().map(|&v| f64::from(v) * f64::from(PARAMS.voxel).powi(3)).sum();
         assert!((sum / 0.7 - 1.0).abs() < 1e-3, "{sum}");
         let grid = SparseGrid::of(PARAMS.voxel, found.bricks.clone(), found.values[0].clone());
@@ -241,34 +242,34 @@ mod tests {
         assert!((middle / 0.7 - 1.0).abs() < 0.03, "{middle}");
         // Twice as far apart, an eighth as dense.
         let far: Vec<Vec3> = positions.iter().map(|x| x * 2.0).collect();
-        let thin = carried(&far, [&values], &CarriedParams { radius: 0.4, ..PARAMS });
+        let thin = tracer_fields(&far, [&values], &TracerFieldParams { radius: 0.4, ..PARAMS });
         let grid = SparseGrid::of(PARAMS.voxel, thin.bricks, thin.values[0].clone());
         assert!((grid.trilinear(Vec3::repeat(0.16)) * 8.0 / 0.7 - 1.0).abs() < 0.03);
     }
 
     #[test]
-    fn finer_voxels_come_to_the_sums_at_points_themselves() {
+    fn finer_voxels_converge_to_the_sums_at_points() {
         let positions = block();
         let values: Vec<f32> = (0..positions.len()).map(|i| (i % 7) as f32).collect();
-        // Nowhere between nodes more often than elsewhere.
+        // No position relative to the nodes is more frequent than others.
         let off = |i: usize| Vec3::from([0.0137, 0.0211, 0.0293].map(|step| (step * i as f32) % 0.1));
         let points: Vec<Vec3> = positions.iter().enumerate().step_by(7).map(|(i, x)| x + off(i)).collect();
-        let exact = carried_at(&points, &positions, &values, PARAMS.spacing, PARAMS.radius);
-        let missed = [0.1, 0.05, 0.025].map(|voxel| {
-            let found = carried(&positions, [&values], &CarriedParams { voxel, ..PARAMS });
+        let exact = tracer_fields_at(&points, &positions, &values, PARAMS.spacing, PARAMS.radius);
+        let error = [0.1, 0.05, 0.025].map(|voxel| {
+            let found = tracer_fields(&positions, [&values], &TracerFieldParams { voxel, ..PARAMS });
             let [field] = found.values;
             let grid = SparseGrid::of(voxel, found.bricks, field);
             let off = points.iter().zip(&exact).map(|(&x, &exact)| (grid.trilinear(x) - exact).abs());
             off.sum::<f32>() / exact.iter().sum::<f32>()
         });
-        // A quarter for each halving.
-        assert!(missed[0] < 0.2 && missed[1] < 0.4 * missed[0] && missed[2] < 0.4 * missed[1], "{missed:?}");
+        // A quarter for each halving of the voxel.
+        assert!(error[0] < 0.2 && error[1] < 0.4 * error[0] && error[2] < 0.4 * error[1], "{error:?}");
     }
 
     #[test]
-    fn masks_hold_what_a_kernel_reaches_and_what_is_near() {
+    fn masks_hold_the_nodes_in_reach_and_near() {
         let positions = [Vec3::new(0.013, -0.22, 0.4), Vec3::new(1.0, 0.02, -0.3)];
-        let found = carried(&positions, [&[1.0, 2.0][..], &[3.0, 0.0]], &PARAMS);
+        let found = tracer_fields(&positions, [&[1.0, 2.0][..], &[3.0, 0.0]], &PARAMS);
         let (mut reached, mut near) = (0, 0);
         for (brick, &coord) in found.bricks.coords().iter().enumerate() {
             for place in 0..BRICK_NODES {
@@ -278,9 +279,9 @@ mod tests {
                     .zip([1.0, 2.0])
                     .map(|(p, v)| v * kernel((x - p).norm() / PARAMS.radius) / PI as f32)
                     .sum();
-                let there = found.values[0][brick * BRICK_NODES + place];
-                assert!((there - exact).abs() < 1e-5, "{there} {exact}");
-                assert_eq!(is_set(&found.reached[brick], place), there > 0.0);
+                let found_here = found.values[0][brick * BRICK_NODES + place];
+                assert!((found_here - exact).abs() < 1e-5, "{found_here} {exact}");
+                assert_eq!(is_set(&found.reached[brick], place), found_here > 0.0);
                 let box_distance = positions.iter().map(|p| (x - p).amax()).fold(f32::MAX, f32::min);
                 if (box_distance - 0.45).abs() > 1e-5 {
                     assert_eq!(is_set(&found.near[brick], place), box_distance < 0.45, "{x}");

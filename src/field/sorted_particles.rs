@@ -1,4 +1,4 @@
-//! Particles in the order of their cells, and weighted moments of what is around each.
+//! Particles sorted into cells, and weighted moments of the neighbours of each.
 
 use crate::{
     math::{Vec3, symmetric::Symmetric},
@@ -8,59 +8,60 @@ use crate::{
 };
 use std::ops::Range;
 
-/// Particles a task works on.
-const TASK: usize = 1024;
+/// Particles of a task.
+const PARTICLES_PER_TASK: usize = 1024;
 
-/// The widest group of cells along x that shares its candidates.
-const SPAN: i32 = 2;
+/// Largest group of cells along x that shares its candidates.
+const GROUP_SPAN: i32 = 2;
 
-/// Groups of particles that share their candidates.
+/// Groups of particles that share their neighbour candidates.
 #[derive(Default)]
 struct Groups {
-    /// Where the places of each group and the stretches of places that hold all that may be near them end.
+    /// Ends, for each group, of its places and of the ranges of places that hold all candidates.
     ends: Vec<(usize, usize)>,
     places: Vec<u32>,
-    stretches: Vec<[u32; 2]>,
+    ranges: Vec<[u32; 2]>,
 }
 
 impl Groups {
     /// Adds the group of those `places` that are wanted.
-    fn push(&mut self, places: impl Iterator<Item = usize>, stretches: &[[u32; 2]]) {
+    fn push(&mut self, places: impl Iterator<Item = usize>, ranges: &[[u32; 2]]) {
         let before = self.places.len();
         self.places.extend(places.map(|place| place as u32));
         if self.places.len() > before {
-            self.stretches.extend(stretches.iter().filter(|[from, to]| from < to));
-            self.ends.push((self.places.len(), self.stretches.len()));
+            self.ranges.extend(ranges.iter().filter(|[from, to]| from < to));
+            self.ends.push((self.places.len(), self.ranges.len()));
         }
     }
 
-    /// Every place in turn, with its stretches.
+    /// Every place in turn, with its candidate ranges.
     fn iter(&self) -> impl Iterator<Item = (usize, &[[u32; 2]])> {
         let mut start = (0, 0);
         self.ends.iter().flat_map(move |&end| {
-            let stretches = &self.stretches[start.1..end.1];
+            let ranges = &self.ranges[start.1..end.1];
             let places = &self.places[start.0..end.0];
             start = end;
-            places.iter().map(move |&place| (place as usize, stretches))
+            places.iter().map(move |&place| (place as usize, ranges))
         })
     }
 }
 
 /// Particles sorted into cells.
-pub(super) struct Cloud {
+pub(super) struct SortedParticles {
     pub(super) cells: CellGrid,
-    /// Coordinates in the cells' order, one array an axis; eight more numbers than particles.
+    /// Coordinates in the cells' order, one array per axis; eight more numbers than particles.
     axes: [Vec<f32>; 3],
 }
 
-/// Σ w, Σ w d and Σ w d dᵀ over the particles within a radius of one, itself included; d from the particle [radii].
+/// Σ w, Σ w d and Σ w d dᵀ over the particles within a radius of one, itself included; d from the particle
+/// [radii].
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Moments {
     pub(super) zeroth: f32,
-    /// Zero, like what follows, where only the zeroth is asked for.
+    /// Zero, like the following, if only the zeroth moment is requested.
     pub(super) first: Vec3,
     pub(super) second: Symmetric,
-    /// How many particles have a weight.
+    /// Number of particles with a weight.
     pub(super) count: f32,
 }
 
@@ -69,7 +70,7 @@ pub(super) trait Weight: Sync {
     fn of(q: f32) -> f32;
 }
 
-impl Cloud {
+impl SortedParticles {
     /// Sorts `positions`, finite, into cells of `edge` [m].
     pub(super) fn new(positions: &[Vec3], edge: f32) -> Self {
         let cells = CellGrid::new(positions, edge);
@@ -92,24 +93,24 @@ impl Cloud {
         Vec3::new(self.axes[0][place], self.axes[1][place], self.axes[2][place])
     }
 
-    /// The groups of those of a range of places that are `wanted`, with all that is closer to them than `radius` [m], at most
-    /// two of the cells' edges.
+    /// The groups of those of a range of places that are `wanted`, with all particles closer to them than
+    /// `radius` [m], at most two of the cells' edges.
     fn groups(&self, range: Range<usize>, radius: f32, wanted: impl Fn(usize) -> bool) -> Groups {
         let mut groups = Groups::default();
-        let mut push = |places: Range<usize>, stretches: &[_]| {
-            groups.push(places.filter(|&place| wanted(place)), stretches)
-        };
+        let mut push =
+            |places: Range<usize>, ranges: &[_]| groups.push(places.filter(|&place| wanted(place)), ranges);
         if radius <= self.cells.cell() {
-            self.cells.for_each_group(range, SPAN, &ONE_EDGE, |places, stretches| push(places, stretches));
+            self.cells.for_each_group(range, GROUP_SPAN, &ONE_EDGE, |places, ranges| push(places, ranges));
         } else {
             assert!(radius <= 2.0 * self.cells.cell(), "at most two edges");
-            self.cells.for_each_group(range, SPAN, &TWO_EDGES, |places, stretches| push(places, stretches));
+            self.cells.for_each_group(range, GROUP_SPAN, &TWO_EDGES, |places, ranges| push(places, ranges));
         }
         groups
     }
 
-    /// What `then` makes of the moments around every place that is `wanted`, in their order, of what is closer than `radius`
-    /// [m], at most two of the cells' edges. With `ALL` there are all of them, else only the zeroth.
+    /// Calls `then` with the moments around every place that is `wanted`, in their order, over the particles
+    /// closer than `radius` [m], at most two of the cells' edges, and returns the results. With `ALL` all
+    /// moments are computed, else only the zeroth.
     pub(super) fn moments<W: Weight, const ALL: bool, T: Send + Clone>(
         &self,
         radius: f32,
@@ -117,11 +118,11 @@ impl Cloud {
         then: impl Fn(usize, &Moments) -> T + Sync,
     ) -> Vec<T> {
         let axes = [&*self.axes[0], &*self.axes[1], &*self.axes[2]];
-        par::map_chunks(self.len(), TASK, |range| {
+        par::map_chunks(self.len(), PARTICLES_PER_TASK, |range| {
             let groups = self.groups(range, radius, &wanted);
             let inverse = 1.0 / radius;
             let weight = std::marker::PhantomData::<W>;
-            let found = simd::dispatch(Around::<W, ALL> { axes, groups: &groups, inverse, weight });
+            let found = simd::dispatch(NeighbourMoments::<W, ALL> { axes, groups: &groups, inverse, weight });
             groups
                 .places
                 .iter()
@@ -133,16 +134,16 @@ impl Cloud {
     }
 }
 
-/// Vectors of particles, in the order of a [`Cloud`].
+/// Vectors of particles, in the order of a [`SortedParticles`].
 pub(super) struct Vectors {
-    /// One array an axis; eight more numbers than particles.
+    /// One array per axis; eight more numbers than particles.
     axes: [Vec<f32>; 3],
 }
 
 impl Vectors {
     /// All zero.
-    pub(super) fn new(cloud: &Cloud) -> Self {
-        Self { axes: [(); 3].map(|()| vec![0.0; cloud.len() + LANES]) }
+    pub(super) fn new(particles: &SortedParticles) -> Self {
+        Self { axes: [(); 3].map(|()| vec![0.0; particles.len() + LANES]) }
     }
 
     pub(super) fn at(&self, place: usize) -> Vec3 {
@@ -156,11 +157,11 @@ impl Vectors {
     }
 }
 
-impl Cloud {
-    /// The weighted means of `vectors` over the particles within `radius` [m], at most two of the cells' edges, that lie less than
-    /// `half` [m] before or behind the plane through a particle across its own vector; for every place that is `wanted`, in
-    /// their order.
-    pub(super) fn means_across<W: Weight>(
+impl SortedParticles {
+    /// Weighted means of `vectors` over the particles of a layer: within `radius` [m], at most two of the
+    /// cells' edges, and less than `half` [m] from the plane through a particle across its own vector; for
+    /// every place that is `wanted`, in their order.
+    pub(super) fn layer_means<W: Weight>(
         &self,
         radius: f32,
         half: f32,
@@ -169,42 +170,42 @@ impl Cloud {
     ) -> Vec<Vec3> {
         let axes = [&*self.axes[0], &*self.axes[1], &*self.axes[2]];
         let vectors = [&*vectors.axes[0], &*vectors.axes[1], &*vectors.axes[2]];
-        let (inverse, thin) = (1.0 / radius, radius / half);
-        par::map_chunks(self.len(), TASK, |range| {
+        let (inverse, inverse_half) = (1.0 / radius, radius / half);
+        par::map_chunks(self.len(), PARTICLES_PER_TASK, |range| {
             let groups = self.groups(range, radius, &wanted);
             let weight = std::marker::PhantomData::<W>;
-            simd::dispatch(Across { axes, vectors, groups: &groups, inverse, thin, weight })
+            simd::dispatch(LayerMeans { axes, vectors, groups: &groups, inverse, inverse_half, weight })
         })
         .concat()
     }
 }
 
-/// The means around some particles.
-struct Across<'a, W> {
+/// The layer means around some particles.
+struct LayerMeans<'a, W> {
     axes: [&'a [f32]; 3],
     vectors: [&'a [f32]; 3],
     groups: &'a Groups,
     /// 1/radius [1/m].
     inverse: f32,
     /// radius/half.
-    thin: f32,
+    inverse_half: f32,
     weight: std::marker::PhantomData<W>,
 }
 
-impl<W: Weight> Pass for Across<'_, W> {
+impl<W: Weight> Pass for LayerMeans<'_, W> {
     type Out = Vec<Vec3>;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Vec<Vec3> {
         let mut means = Vec::with_capacity(self.groups.places.len());
-        for (place, stretches) in self.groups.iter() {
+        for (place, ranges) in self.groups.iter() {
             let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
             let vector = [self.vectors[0][place], self.vectors[1][place], self.vectors[2][place]];
             let length = (vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]).sqrt();
-            let scale = if length > 0.0 { self.thin / length } else { 0.0 };
+            let scale = if length > 0.0 { self.inverse_half / length } else { 0.0 };
             let normal = vector.map(|v| v * scale);
             let mut sums = [[0.0; LANES]; 4];
-            for &[from, to] in stretches {
+            for &[from, to] in ranges {
                 let (mut at, to) = (from as usize, to as usize);
                 while at < to {
                     self.eight(own, normal, at, to - at, &mut sums);
@@ -218,21 +219,22 @@ impl<W: Weight> Pass for Across<'_, W> {
     }
 }
 
-impl<W: Weight> Across<'_, W> {
-    /// Adds eight candidates from place `at` on, of which the first `left` are meant; `normal` is radius/half long.
+impl<W: Weight> LayerMeans<'_, W> {
+    /// Adds eight candidates from place `at` on, of which the first `left` count; `normal` is radius/half
+    /// long.
     #[inline(always)]
     fn eight(&self, own: [f32; 3], normal: [f32; 3], at: usize, left: usize, sums: &mut [F32x8; 4]) {
         let rows: [&F32x8; 3] = [row(self.axes[0], at), row(self.axes[1], at), row(self.axes[2], at)];
         let values: [&F32x8; 3] =
             [row(self.vectors[0], at), row(self.vectors[1], at), row(self.vectors[2], at)];
-        let meant = &MEANT[left.min(LANES)];
+        let mask = &LANE_MASKS[left.min(LANES)];
         for lane in 0..LANES {
             let dx = (rows[0][lane] - own[0]) * self.inverse;
             let dy = (rows[1][lane] - own[1]) * self.inverse;
             let dz = (rows[2][lane] - own[2]) * self.inverse;
             let q = (dx * dx + dy * dy + dz * dz).sqrt().min(1.0);
-            let away = dx * normal[0] + dy * normal[1] + dz * normal[2];
-            let w = W::of(q) * (1.0 - away * away).max(0.0) * meant[lane];
+            let distance = dx * normal[0] + dy * normal[1] + dz * normal[2];
+            let w = W::of(q) * (1.0 - distance * distance).max(0.0) * mask[lane];
             sums[0][lane] += w;
             sums[1][lane] += w * values[0][lane];
             sums[2][lane] += w * values[1][lane];
@@ -242,7 +244,7 @@ impl<W: Weight> Across<'_, W> {
 }
 
 /// The moments around some particles.
-struct Around<'a, W, const ALL: bool> {
+struct NeighbourMoments<'a, W, const ALL: bool> {
     axes: [&'a [f32]; 3],
     groups: &'a Groups,
     /// 1/radius [1/m].
@@ -250,16 +252,16 @@ struct Around<'a, W, const ALL: bool> {
     weight: std::marker::PhantomData<W>,
 }
 
-impl<W: Weight, const ALL: bool> Pass for Around<'_, W, ALL> {
+impl<W: Weight, const ALL: bool> Pass for NeighbourMoments<'_, W, ALL> {
     type Out = Vec<Moments>;
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Vec<Moments> {
         let mut found = Vec::with_capacity(self.groups.places.len());
-        for (place, stretches) in self.groups.iter() {
+        for (place, ranges) in self.groups.iter() {
             let own = [self.axes[0][place], self.axes[1][place], self.axes[2][place]];
             let mut sums = [[0.0; LANES]; 11];
-            for &[from, to] in stretches {
+            for &[from, to] in ranges {
                 let (mut at, to) = (from as usize, to as usize);
                 while at < to {
                     eight::<W, ALL>(&self.axes, own, self.inverse, at, to - at, &mut sums);
@@ -280,7 +282,7 @@ impl<W: Weight, const ALL: bool> Pass for Around<'_, W, ALL> {
     }
 }
 
-/// Adds eight candidates from place `at` on, of which the first `left` are meant.
+/// Adds eight candidates from place `at` on, of which the first `left` count.
 #[inline(always)]
 fn eight<W: Weight, const ALL: bool>(
     axes: &[&[f32]; 3],
@@ -291,13 +293,13 @@ fn eight<W: Weight, const ALL: bool>(
     sums: &mut [F32x8; 11],
 ) {
     let rows: [&F32x8; 3] = [row(axes[0], at), row(axes[1], at), row(axes[2], at)];
-    let meant = &MEANT[left.min(LANES)];
+    let mask = &LANE_MASKS[left.min(LANES)];
     let (mut d, mut w) = ([[0.0; LANES]; 3], [0.0; LANES]);
     for lane in 0..LANES {
         let x = (rows[0][lane] - own[0]) * inverse;
         let y = (rows[1][lane] - own[1]) * inverse;
         let z = (rows[2][lane] - own[2]) * inverse;
-        w[lane] = W::of((x * x + y * y + z * z).sqrt().min(1.0)) * meant[lane];
+        w[lane] = W::of((x * x + y * y + z * z).sqrt().min(1.0)) * mask[lane];
         (d[0][lane], d[1][lane], d[2][lane]) = (x, y, z);
     }
     for lane in 0..LANES {
@@ -319,16 +321,16 @@ fn eight<W: Weight, const ALL: bool>(
     }
 }
 
-/// 1 for the first so many of eight candidates, 0 for the others.
-const MEANT: [F32x8; LANES + 1] = {
-    let mut meant = [[0.0; LANES]; LANES + 1];
+/// Masks with 1 for the first lanes of eight, 0 for the others, by the number of lanes.
+const LANE_MASKS: [F32x8; LANES + 1] = {
+    let mut mask = [[0.0; LANES]; LANES + 1];
     let mut count = 1;
     while count <= LANES {
-        meant[count] = meant[count - 1];
-        meant[count][count - 1] = 1.0;
+        mask[count] = mask[count - 1];
+        mask[count][count - 1] = 1.0;
         count += 1;
     }
-    meant
+    mask
 };
 
 /// Eight numbers from `at` on.
@@ -341,7 +343,7 @@ fn row(values: &[f32], at: usize) -> &F32x8 {
 mod tests {
     use super::*;
 
-    /// 1 − q.
+    /// The weight 1 − q.
     struct Cone;
 
     impl Weight for Cone {
@@ -351,25 +353,25 @@ mod tests {
         }
     }
 
-    /// Points without order in a box of 4 × 3 × 2 m.
-    fn scattered(count: u64) -> Cloud {
+    /// Random points in a box of 4 × 3 × 2 m.
+    fn scattered(count: u64) -> SortedParticles {
         let at = |i: u64| ((i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1 << 24) as f32;
         let point = |i: u64| Vec3::new(4.0 * at(3 * i), 3.0 * at(3 * i + 1), 2.0 * at(3 * i + 2) - 1.0);
-        Cloud::new(&(0..count).map(point).collect::<Vec<_>>(), 0.5)
+        SortedParticles::new(&(0..count).map(point).collect::<Vec<_>>(), 0.5)
     }
 
     #[test]
     fn moments_are_the_sums_over_all_within_one_or_two_edges() {
-        let cloud = scattered(3000);
+        let particles = scattered(3000);
         for radius in [0.31_f32, 0.5, 0.83, 1.0] {
             let odd = |place: usize| place % 2 == 1;
-            let found = cloud.moments::<Cone, true, _>(radius, odd, |place, moments| (place, *moments));
+            let found = particles.moments::<Cone, true, _>(radius, odd, |place, moments| (place, *moments));
             assert!(found.iter().map(|(place, _)| *place).eq((0..3000).filter(|&place| odd(place))));
-            let alone = cloud.moments::<Cone, false, _>(radius, odd, |_, moments| moments.zeroth);
+            let alone = particles.moments::<Cone, false, _>(radius, odd, |_, moments| moments.zeroth);
             for (&(place, moments), alone) in found.iter().zip(alone) {
                 let (mut sum, mut first, mut second, mut count) = (0.0, nalgebra::Vector3::zeros(), 0.0, 0.0);
-                for other in 0..cloud.len() {
-                    let d = (cloud.at(other) - cloud.at(place)).cast::<f64>() / f64::from(radius);
+                for other in 0..particles.len() {
+                    let d = (particles.at(other) - particles.at(place)).cast::<f64>() / f64::from(radius);
                     let w = (1.0 - d.norm()).max(0.0);
                     (sum, first, second) = (sum + w, first + d * w, second + d.x * d.z * w);
                     count += f64::from(u8::from(w > 0.0));
@@ -383,19 +385,19 @@ mod tests {
     }
 
     #[test]
-    fn means_are_of_those_in_the_layer_of_a_vector() {
-        let cloud = scattered(2000);
-        let mut vectors = Vectors::new(&cloud);
-        (0..cloud.len()).for_each(|place| vectors.set(place, Vec3::new(0.0, 0.1, cloud.at(place).z)));
+    fn layer_means_cover_the_particles_in_the_layer_across_a_vector() {
+        let particles = scattered(2000);
+        let mut vectors = Vectors::new(&particles);
+        (0..particles.len()).for_each(|place| vectors.set(place, Vec3::new(0.0, 0.1, particles.at(place).z)));
         let (radius, half) = (0.9_f32, 0.3_f32);
-        let found = cloud.means_across::<Cone>(radius, half, &vectors, |_| true);
+        let found = particles.layer_means::<Cone>(radius, half, &vectors, |_| true);
         for (place, found) in found.iter().enumerate() {
             let normal = vectors.at(place).normalize();
             let (mut sum, mut mean) = (0.0, Vec3::zeros());
-            for other in 0..cloud.len() {
-                let d = cloud.at(other) - cloud.at(place);
-                let away = d.dot(&normal) / half;
-                let w = (1.0 - d.norm() / radius).max(0.0) * (1.0 - away * away).max(0.0);
+            for other in 0..particles.len() {
+                let d = particles.at(other) - particles.at(place);
+                let distance = d.dot(&normal) / half;
+                let w = (1.0 - d.norm() / radius).max(0.0) * (1.0 - distance * distance).max(0.0);
                 (sum, mean) = (sum + w, mean + vectors.at(other) * w);
             }
             assert!((mean / sum - found).norm() < 1e-4, "{place}");
