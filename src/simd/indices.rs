@@ -1,7 +1,7 @@
 //! Lists of indices that are checked once, when they are made, so that vector code may gather by them
 //! unchecked.
 
-use super::{LANES, Lanes, Pass, dispatch};
+use super::{IndexRow, LANES, Lanes, Pass, dispatch};
 use std::ops::Range;
 
 /// Indices that are all below a bound.
@@ -96,23 +96,6 @@ impl IndexRows<'_> {
         }
         let row = self.list[self.next..].first_chunk().unwrap_or(&self.last);
         self.next += LANES;
-        Some(IndexRow { row, bound: self.bound })
-    }
-}
-
-/// Eight indices below a bound.
-#[derive(Clone, Copy)]
-pub struct IndexRow<'a> {
-    row: &'a [u32; LANES],
-    /// Every index is below it.
-    bound: usize,
-}
-
-impl<'a> IndexRow<'a> {
-    /// The indices, after a check that each is below `len`.
-    #[inline(always)]
-    pub(super) fn within(self, len: usize) -> &'a [u32; LANES] {
-        assert!(self.bound <= len, "indices lie within the table");
-        self.row
+        Some(IndexRow::new(row, self.bound))
     }
 }
