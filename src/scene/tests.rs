@@ -146,7 +146,7 @@ fn each_mistake_is_shown_where_it_stands() {
             "box = { min = [0, 0, 0], max = [\"100 cm\", 1, 1] }",
             "torus = { center = [0, 0, 0], axis = [0, 0, 1], radius = 1, tube = 2 }",
             13,
-            75,
+            71,
             &["`tube` is not above zero, or not below `radius`"],
             None,
         ),

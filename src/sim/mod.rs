@@ -1,10 +1,9 @@
-//! Simulation: the systems, their sources and forces, composed from what the preset names.
+//! Simulation: the systems of a shot, their sources and forces, as the preset composes them.
 //!
-//! A [`Simulation`] is advanced frame by frame and read out as a [`Frame`](crate::frame::Frame). It is
-//! interrupted and observed through [`Watch`], ends in [`Stop`] where it cannot go on, and tells of every frame
-//! in a [`FrameRecord`].
+//! A [`Simulation`] advances frame by frame, and gives its state as a [`Frame`](crate::frame::Frame). A [`Watch`]
+//! observes and interrupts it. [`Stop`] is the error that ends it, and a [`FrameRecord`] describes every frame.
 
-/// Raised whenever a change gives the same preset other bits, so that a resumed cache never mixes two solvers.
+/// Version of the simulated state, raised with every change of its bits, so that a resumed cache never mixes two solvers.
 pub const STATE_VERSION: u32 = 11;
 
 mod clock;

@@ -1,21 +1,21 @@
-//! Numbers by which two runs of one shot are compared.
+//! Observables: numbers that compare two runs of one shot.
 //!
 //! Each is a property of the whole liquid, defined at any spacing, and steadier than the path of a particle: splashing
-//! liquid is chaotic, its bulk is not. Extents are percentiles, since the outermost particle is a matter of luck.
+//! liquid is chaotic, its bulk is not. Extents are percentiles, since the outermost particle is random.
 
 use crate::{frame::Stream, math::Vec3, par};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What is looked at.
+/// A property of the liquid that is compared between runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Observable {
-    /// How far the liquid has come along +x: the 99.9th percentile of its particles [m].
+    /// Extent along +x: the 99.9th percentile of the particles [m].
     FrontX,
-    /// The same along +y [m].
+    /// Extent along +y: the 99.9th percentile of the particles [m].
     FrontY,
-    /// The same along +z: the top of splashes [m].
+    /// Extent along +z, the top of splashes: the 99.9th percentile of the particles [m].
     FrontZ,
     /// Height of the bulk: the 95th percentile of z [m].
     #[default]
@@ -31,7 +31,7 @@ pub enum Observable {
 }
 
 impl Observable {
-    /// Every one.
+    /// All observables.
     pub const ALL: [Self; 8] = [
         Self::FrontX,
         Self::FrontY,
@@ -43,7 +43,7 @@ impl Observable {
         Self::KineticEnergy,
     ];
 
-    /// Its name in presets.
+    /// Name of the observable in presets.
     pub fn name(self) -> &'static str {
         match self {
             Self::FrontX => "front_x",
@@ -57,12 +57,12 @@ impl Observable {
         }
     }
 
-    /// Its unit.
+    /// Unit of the observable.
     pub fn unit(self) -> &'static str {
         if self == Self::KineticEnergy { "J/kg" } else { "m" }
     }
 
-    /// Its value for the particles of `stream`; `None` without particles or without the channels it needs.
+    /// Value for the particles of `stream`; `None` without particles or without the channels it needs.
     pub fn of(self, stream: &Stream) -> Option<f64> {
         let x = stream.vec3("position").filter(|x| !x.is_empty())?;
         Some(match self {
@@ -98,16 +98,16 @@ mod tests {
     use crate::frame::StreamKind;
 
     #[test]
-    fn each_sees_what_it_says() {
+    fn observables_have_their_defined_values() {
         let x: Vec<Vec3> = (1..=1000).map(|i| Vec3::new(i as f32, -2.0, i as f32 / 10.0)).collect();
         let v = vec![Vec3::new(0.0, 3.0, 4.0); 1000];
         let stream =
             Stream::new("liquid", StreamKind::Particles, 1000).with("position", x).with("velocity", v);
-        let found = Observable::ALL.map(|what| what.of(&stream).unwrap() as f32);
+        let found = Observable::ALL.map(|observable| observable.of(&stream).unwrap() as f32);
         assert_eq!(found, [999.0, -2.0, 99.9, 95.0, 500.5, -2.0, 50.05, 12.5]);
-        for what in Observable::ALL {
-            assert_eq!(what.of(&Stream::new("liquid", StreamKind::Particles, 0)), None);
-            assert_eq!(serde_json::to_value(what).unwrap(), what.name());
+        for observable in Observable::ALL {
+            assert_eq!(observable.of(&Stream::new("liquid", StreamKind::Particles, 0)), None);
+            assert_eq!(serde_json::to_value(observable).unwrap(), observable.name());
         }
         let alone =
             Stream::new("liquid", StreamKind::Particles, 1).with("position", vec![Vec3::new(1.0, 2.0, 3.0)]);

@@ -1,4 +1,4 @@
-//! What a simulation reports of its start and of every frame, system by system.
+//! Records of a simulation, system by system: its start, and every frame.
 
 use super::{
     clock::Seconds,
@@ -9,7 +9,7 @@ use super::{
 };
 use serde::{Deserialize, Serialize};
 
-/// What seeding did to each system that is present.
+/// Report of the seeding, for each system that is present.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SeedReport {
     /// The liquid.
@@ -20,7 +20,7 @@ pub struct SeedReport {
     pub sheets: Option<SheetSeeds>,
 }
 
-/// What happened in a frame to each system that is present. Everything but `seconds` is the same on every run and for any
+/// Record of a frame, for each system that is present. Everything except for `seconds` is the same on every run and for any
 /// thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -34,11 +34,10 @@ pub struct FrameRecord {
     /// The sheets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sheets: Option<SheetRecord>,
-    /// What coupled systems did to each other.
+    /// The couplings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coupling: Option<CouplingRecord>,
-    /// Wall-clock time of every pass that ran [s], in order of the passes. Lists rebuilt between iterations count
-    /// as "solve".
+    /// Wall-clock time of every pass [s], in order of the passes. Rebuilding lists between iterations counts as "solve".
     pub seconds: Seconds,
 }
 

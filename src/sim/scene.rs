@@ -20,7 +20,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// A whole shot, as its preset says.
+/// A whole shot: the content of a preset.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scene {
@@ -41,49 +41,49 @@ pub struct Scene {
     /// The smoke; absent: none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smoke: Option<SmokeParams>,
-    /// The sheets; none: there are none.
+    /// The sheets; empty: none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sheet: Vec<SheetParams>,
-    /// What all sheets have in common; absent: nothing joins them, solids stop them, and the defaults of the solver.
+    /// Parameters of all sheets; absent: no joints, collisions with solids, and the solver's defaults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheets: Option<SheetsCommon>,
-    /// Which systems feel each other; none: each is alone.
+    /// Couplings of systems; empty: they do not interact.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub coupling: Vec<Coupling>,
-    /// How frames are meshed.
+    /// Surface reconstruction.
     #[serde(default)]
     pub surface: SurfaceParams,
-    /// How frames become volumes.
+    /// Volumes.
     #[serde(default)]
     pub volume: VolumeParams,
-    /// What `shot` writes besides the cache.
+    /// Files that `shot` writes in addition to the cache.
     #[serde(default)]
     pub output: Output,
-    /// What `tradeoff` compares; absent: the bulk's height.
+    /// Observable of `tradeoff`; absent: the bulk's height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tradeoff: Option<Tradeoff>,
-    /// The files that the world and the liquid name; not part of the preset's text.
+    /// Content of the files that the preset names; not part of its text.
     #[serde(skip)]
     #[schemars(skip)]
     pub assets: Assets,
 }
 
-/// What `tradeoff` compares beside densities and energy.
+/// What `tradeoff` compares in addition to densities and energy.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tradeoff {
-    /// The number that the picture hangs on; see docs/tradeoff.md.
+    /// The observable that matters for the picture; see docs/tradeoff.md.
     pub observable: Observable,
 }
 
-/// What surrounds the systems.
+/// Surroundings of the systems.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct World {
-    /// Acceleration on everything [m/s²].
+    /// Acceleration of gravity [m/s²].
     #[schemars(extend("unit" = "m/s²"))]
     pub gravity: [f32; 3],
-    /// What keeps the systems out.
+    /// Solid obstacles.
     pub collider: Vec<Collider>,
 }
 
@@ -93,17 +93,18 @@ impl Default for World {
     }
 }
 
-/// What `shot` writes besides the cache.
+/// Files that `shot` writes in addition to the cache.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Output {
     /// Formats of the surface meshes.
     pub mesh: Vec<MeshFormat>,
-    /// Grids of the volume files; none: no volumes.
+    /// Grids of the volume files; empty: no volumes.
     pub volume: Vec<VolumeGrid>,
-    /// Files of the sheets: "pc2" is a mesh and one cache of all frames, which Blender plays, "ply" and "obj" a mesh a frame.
+    /// Files of the sheets: "pc2" is a mesh and a point cache of all frames, which Blender plays; "ply" and "obj" are a mesh per
+    /// frame.
     pub sheet: Vec<SheetFormat>,
-    /// How thick sheets are in files [m]; absent: surfaces without a thickness.
+    /// Thickness of sheets in files [m]; absent: surfaces without thickness.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
     pub thickness: Option<f32>,
@@ -119,14 +120,14 @@ impl Scene {
         toml::to_string(self).expect("a scene has only values that TOML can hold")
     }
 
-    /// Gravity and the colliders, as the simulation takes them. Meshes among the colliders have to be sampled before.
+    /// Gravity and colliders in the form of the simulation. Meshes of colliders must be sampled before.
     pub fn surroundings(&self) -> super::World {
         let (fps, first) = (f64::from(self.fps), self.frames.first().0);
         let solids = self.world.collider.iter().map(|collider| collider.solid(fps, first)).collect();
         super::World { gravity: self.world.gravity.into(), solids }
     }
 
-    /// The systems, as the simulation takes them.
+    /// The systems in the form of the simulation.
     pub fn systems(&self) -> Systems {
         let (fps, first) = (f64::from(self.fps), self.frames.first().0);
         let smoke = self.smoke.clone().map(|params| Smoke { params, fps, first });
@@ -136,13 +137,13 @@ impl Scene {
         Systems { liquid: self.liquid.clone(), smoke, sheets, couplings: self.coupling.clone() }
     }
 
-    /// The time from the first frame to the last [s].
+    /// Time from the first to the last frame [s].
     pub(in crate::sim) fn seconds(&self) -> f64 {
         f64::from(self.frames.last().0.saturating_sub(self.frames.first().0)) / f64::from(self.fps)
     }
 
-    /// Refuses smoke of too many vortons and tracers, once the meshes it comes from are filled. What presets alone can tell was
-    /// refused when the scene was made.
+    /// Refuses smoke with too many vortons and tracers, once its meshes are sampled. The check of the preset refuses what does
+    /// not depend on meshes.
     ///
     /// # Errors
     /// [`SetupError::TooMuchSmoke`].
@@ -150,11 +151,11 @@ impl Scene {
         self.smoke.as_ref().map_or(Ok(()), |params| smoke::refuse_too_much(params, self.seconds()))
     }
 
-    /// A hash of what decides the simulated state: frame rate, first frame, world, systems, the bytes of the files that
-    /// these name, and the solvers' version.
+    /// Hash of everything that determines the simulated state: frame rate, first frame, world, systems, the bytes of the files
+    /// that these name, and the solvers' version.
     ///
-    /// The title, the frames after the first, the surface, the volume, the output and the tradeoff do not change it. Caches keep it, so
-    /// that frames of another scene are recognised as stale.
+    /// The title, the frames after the first, the surface, the volume, the output and the tradeoff do not change it. Caches store it,
+    /// so that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         #[derive(Serialize)]
         struct Decisive<'a> {
@@ -194,11 +195,11 @@ impl Scene {
         let solvers = super::STATE_VERSION;
         let mut liquid = liquid.clone();
         if let Some(LiquidParams { channels, .. }) = &mut liquid {
-            // A cache keeps them in their own order, each once.
+            // Frames have channels in a fixed order, each once.
             channels.sort_unstable();
             channels.dedup();
         }
-        // Neither their order nor that of their sides matters.
+        // Neither the order of couplings nor that of their systems matters.
         let mut coupling = coupling.clone();
         coupling.iter_mut().for_each(|coupling| coupling.between.sort());
         coupling.sort_by(|a, b| a.between.cmp(&b.between));

@@ -1,11 +1,11 @@
-//! Questions about a scene by key, for jobs that work with any key of a preset.
+//! Queries of a scene by key, for jobs that work with any key of a preset.
 
 use super::{scene::Scene, smoke::estimate};
 use crate::preset::model::{self, Field, Key, Kind};
 use serde_json::Value as Json;
 
 impl Scene {
-    /// The optional tables that the scene does not have ("liquid.vorticity"): what they would add does not run.
+    /// Optional tables that the scene does not have ("liquid.vorticity"), whose passes do not run.
     pub fn absent_tables(&self) -> Vec<String> {
         let values = serde_json::to_value(self).expect("a scene has only values that JSON can hold");
         let mut found = Vec::new();
@@ -15,8 +15,7 @@ impl Scene {
         found
     }
 
-    /// Whether the smoke begins with at most so many vortons and tracers, as far as the preset tells; smoke of emitters and meshes
-    /// is not counted.
+    /// Whether the smoke starts with at most so many vortons and tracers; smoke from emitters and meshes is not counted.
     pub fn few_vortons(&self, most: f64) -> bool {
         self.smoke.as_ref().is_some_and(|smoke| estimate(smoke, 0.0) <= most)
     }
@@ -29,7 +28,7 @@ impl Scene {
     }
 }
 
-/// The words that the key may be set to; empty if it is not such a key.
+/// Words that are valid values of the key; empty if its values are no words.
 pub fn choices(key: &str) -> Vec<String> {
     let mut field = model::of::<Scene>();
     for word in key.split('.') {
@@ -57,7 +56,7 @@ fn absent(keys: &[Key], values: &Json, path: &str, found: &mut Vec<String>) {
     }
 }
 
-/// Whether the table names something that is computed for the picture, and is no system of its own.
+/// Whether the table adds a pass, and is no system of its own.
 fn has_a_pass(path: &str) -> bool {
     !["tradeoff", "liquid", "smoke", "sheets"].contains(&path)
 }

@@ -1,14 +1,14 @@
-//! What a simulation starts from, and why it cannot start.
+//! Surroundings of a simulation, and errors of its setup.
 
 use super::{coupling::CouplingError, sheet::SheetError, vortex::OutOfRange};
 use crate::{job::RunError, math::Vec3, solid::Solid};
 
-/// What surrounds the systems.
+/// Surroundings of the systems.
 #[derive(Clone, Debug, PartialEq)]
 pub struct World {
-    /// Acceleration on everything [m/s²].
+    /// Acceleration of gravity [m/s²].
     pub gravity: Vec3,
-    /// What keeps the systems out.
+    /// Solid obstacles.
     pub solids: Vec<Solid>,
 }
 
@@ -23,37 +23,37 @@ pub enum SetupError {
         "no particles: the sources are smaller than the spacing, or inside solids; enlarge a source or lower liquid.spacing"
     )]
     NoParticles,
-    /// The sources ask for more particles than can be counted.
-    #[error("the sources ask for {asked:.1e} particles, more than 2³¹; raise liquid.spacing")]
+    /// The sources hold more particles than the solver can index.
+    #[error("the sources hold {count:.1e} particles, more than 2³¹; raise liquid.spacing")]
     TooMany {
-        /// Lattice points in all sources.
-        asked: f64,
+        /// Points of the seeding lattices of all sources.
+        count: f64,
     },
-    /// There is neither a vorton nor a tracer, and nothing that would give off any.
+    /// There are no vortons, tracers or emitters.
     #[error(
         "no smoke: rings, tubes, turbulence and sources are empty or inside solids, and there is no emitter; enlarge one or \
          lower smoke.spacing"
     )]
     NoSmoke,
-    /// Rings, sources and emitters ask for more vortons and tracers than can be counted.
+    /// Rings, sources and emitters need more vortons and tracers than the solver can index.
     #[error(
-        "the smoke would have about {asked:.1e} tracers and vortons, more than 2³¹; raise smoke.spacing or smoke.tracers, or \
+        "the smoke would have about {count:.1e} tracers and vortons, more than 2³¹; raise smoke.spacing or smoke.tracers, or \
          make the meshes smaller"
     )]
     TooMuchSmoke {
         /// Vortons and tracers at the end of the shot.
-        asked: f64,
+        count: f64,
     },
-    /// Vortons at the start are outside what can be computed.
+    /// A vorton of the start is out of range.
     #[error("the smoke cannot start: {0}; check the rings, tubes and the turbulence")]
     OutOfRange(#[from] OutOfRange),
-    /// The sheets cannot be what the preset says.
+    /// The sheets of the preset are invalid.
     #[error(transparent)]
     Sheets(#[from] SheetError),
-    /// A coupling has no meaning.
+    /// A coupling is invalid.
     #[error(transparent)]
     Coupling(#[from] CouplingError),
-    /// The frame to restore from lacks a part.
+    /// The frame to restore from is incomplete.
     #[error("the frame's stream '{stream}' has no '{what}'; simulate it again")]
     Missing {
         /// The stream's name.

@@ -75,7 +75,7 @@ mod tests {
         let mut end = 0.0;
         advance_frame([2.0, 0.5], &mut watch, |progress, _| {
             starts.push(progress.now());
-            // Not quite the rest: rounding errors do not ask for a fifth substep.
+            // Not quite the rest: rounding errors do not cause a fifth substep.
             let dt = if starts.len() == 4 { progress.left * (1.0 - 1e-12) } else { 0.125 };
             end = progress.after(dt);
             Ok(dt)

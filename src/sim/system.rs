@@ -1,6 +1,6 @@
-//! What jobs need to know of a system.
+//! The interface between a system and jobs.
 //!
-//! A system is one folder below `src/sim/`: its solver in the folder itself, and in `job/` what jobs need to know of it. Jobs,
+//! A system is one folder below `src/sim/`: its solver in the folder itself, and in `job/` everything that jobs need of it. Jobs,
 //! scenes and the command line name no system; they loop over [`ALL`](super::registry::ALL).
 
 use super::{

@@ -184,8 +184,8 @@ impl CellGrid {
         Some((self.order[self.start[cell] as usize] as usize, inside(cell) as usize))
     }
 
-    /// How many particles a cell of edge `cell` [m] holds on the cubic lattice of `spacing` [m].
-    pub fn lattice_share(cell: f32, spacing: f32) -> f32 {
+    /// Particles in a cell with edge `cell` [m] on a cubic seeding lattice of `spacing` [m].
+    pub fn particles_per_cell(cell: f32, spacing: f32) -> f32 {
         (cell / spacing).powi(3) / ALONG_X as f32
     }
 

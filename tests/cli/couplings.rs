@@ -128,8 +128,8 @@ fn cloth_stops_and_holds_water() {
     let mut up = Vec::new();
     for number in 1..=15 {
         let frame = frame(&desk, "water", number);
-        let [below, beside] = below_and_outside(&frame);
-        assert_eq!([below, beside], [0, 0], "frame {number}: below the cloth, and over the border");
+        let [below, outside] = below_and_outside(&frame);
+        assert_eq!([below, outside], [0, 0], "frame {number}: below the cloth, and over the border");
         let v = frame.stream("liquid").unwrap().vec3("velocity").unwrap();
         up.push(v.iter().map(|v| v.z).sum::<f32>() / v.len() as f32);
     }

@@ -163,7 +163,6 @@ fn corners(face: &Face) -> &[u32] {
 }
 
 /// Mean over the corners of a face.
-
 fn mean(face: Face, of: impl Fn(usize) -> Vec3) -> Vec3 {
     let corners = corners(&face);
     corners.iter().map(|&i| of(i as usize)).sum::<Vec3>() / corners.len() as f32

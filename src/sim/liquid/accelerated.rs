@@ -1,72 +1,73 @@
-//! The accelerated solver: multipliers that are carried, may fall again, and have momentum.
+//! The accelerated solver: projected Jacobi iterations with momentum and a warm start.
 //!
 //! *Method*: the substep is a complementarity problem: find pressures κ ≥ 0 that leave no compression, with κ = 0 where
-//! the liquid is below rest density. Its projected Jacobi iteration is κ ← max(0, κ + ω C/D), D the paper's
-//! denominator ([pbf] Eq. 11); [nesterov83]'s momentum carries it on, and starts again whenever it leads uphill
-//! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), at the
-//! present gradients. A substep starts from half of what the last one ended with.
-//! *Departs from the paper*: its λ only pushes, and an overshoot stays; here what was pushed too far is let back as
-//! long as κ > 0. D is evaluated once a substep, since it only sets the step.
-//! See docs/decisions/006 for what other schemes gave.
+//! the liquid is below rest density. Its projected Jacobi iteration is κ ← max(0, κ + ω C/D), with the paper's
+//! denominator D ([pbf] Eq. 11). [nesterov83]'s momentum extrapolates κ; it restarts whenever it points uphill
+//! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), with the
+//! current gradients. A substep starts from half of the last one's final pressures.
+//! *Departs from the paper*: there λ only pushes, and an overshoot stays; here an overshoot is reversed as long as
+//! κ > 0. D is evaluated once a substep, since it only scales the step.
+//! See docs/decisions/006 for measurements of other schemes.
 //!
 //! Symbols: κ_i → −λ summed over the substep [m²]; its extrapolation → `applied`; ω → [`RELAXATION`].
-//! Limits: the first substep of every frame starts from zero. A particle without neighbours at the substep's start is not
-//! corrected within that substep.
+//! Limits: the first substep of every frame starts from zero. A particle without neighbours at the start of the substep
+//! is not corrected in that substep.
 
 use super::{
-    density::{Decide, Residual, Unknown, Verdict},
-    setup::Setup,
+    density::{ConstraintError, Multiplier, MultiplierUpdate, Residual},
+    setup::SolverSetup,
     solve::Solver,
 };
 use crate::{par, simd::Lanes};
 
-/// ω. With momentum, 0.7 throws a 64-layer column apart within half a second; 0.3 takes 1.3 times the iterations.
+/// Relaxation factor ω. With momentum, 0.7 throws a 64-layer column apart within half a second; 0.3 takes 1.3 times the
+/// iterations.
 const RELAXATION: f32 = 0.5;
 
-/// The part of the last substep's pressures that a substep starts with. At 0 it takes 1.7 times the iterations; above
-/// 0.5 errors of the last substep come back and columns at rest jitter (0.7: 0.11 m/s against 0.05; 0.9 blows up).
+/// Fraction of the last substep's pressures with which a substep starts. At 0 it takes 1.7 times the iterations; above
+/// 0.5 errors of the last substep return and columns at rest jitter (0.7: 0.11 m/s against 0.05; 0.9 diverges).
 const WARM_START: f32 = 0.5;
 
-/// An iteration whose largest error is this many times the smallest so far runs away: momentum stops, and ω becomes
-/// [`CALMER`] of itself, down to [`CALMEST`]. Regular lattices have modes that momentum amplifies by 1.6 an iteration;
-/// unnoticed, one throws a falling block apart within ten iterations.
-const GROWN: f64 = 1.5;
-const CALMER: f32 = 0.7;
-const CALMEST: f32 = 0.1;
+/// Growth of the largest error over the smallest so far at which an iteration is diverging. Momentum then restarts, and ω
+/// is multiplied by [`RELAXATION_REDUCTION`], down to [`MIN_RELAXATION`]. Regularly spaced particles have modes that
+/// momentum amplifies by 1.6 an iteration; undetected, one throws a falling block apart within ten iterations.
+const DIVERGENCE_GROWTH: f64 = 1.5;
+const RELAXATION_REDUCTION: f32 = 0.7;
+const MIN_RELAXATION: f32 = 0.1;
 
-/// Errors below this are rounding, and no sign of anything when they grow. Larger, and a mode that grows is noticed an
-/// iteration or two later; at 0 every substep of many iterations is calmed dozens of times.
-const ROUNDING: f64 = 1e-5;
+/// Errors below this are rounding errors, and their growth is ignored. If larger, a growing mode is detected an iteration
+/// or two later; at 0 every substep with many iterations is slowed dozens of times.
+const MIN_SIGNIFICANT_ERROR: f64 = 1e-5;
 
-/// The momentum of the iteration, and what the next substep must know of this one.
+/// State of the momentum, within a substep and from one to the next.
 #[derive(Debug, Default)]
 pub(super) struct Momentum {
-    /// Iterations since the momentum was last zero.
+    /// Iterations since the last restart.
     age: u32,
     /// ω of this substep.
     relaxation: f32,
-    /// The smallest of the largest errors in this substep that are not rounding.
-    least: f64,
-    /// How often the iteration was calmed in this frame.
-    pub(super) calmed: u32,
-    /// Length of the last substep [s]; 0 when there was none in this frame.
+    /// Smallest of the largest errors in this substep that are above rounding.
+    smallest: f64,
+    /// Number of times that the iteration was slowed in this frame.
+    pub(super) slowed: u32,
+    /// Length of the last substep [s]; 0 in the first substep of a frame.
     dt: f32,
 }
 
 impl Momentum {
-    /// Forgets the last substep: what follows depends on positions and velocities alone, so that a frame can be
-    /// computed from the one before.
-    pub(super) fn forget(&mut self) {
-        (self.dt, self.calmed) = (0.0, 0);
+    /// Resets the warm start: the next frame then depends on positions and velocities alone, and can be computed from the
+    /// last stored frame.
+    pub(super) fn reset(&mut self) {
+        (self.dt, self.slowed) = (0.0, 0);
     }
 
     /// Starts a substep of `dt` [s] from the last one's pressures.
-    pub(super) fn start(&mut self, solver: &mut Solver, setup: &Setup<'_>, dt: f32) {
+    pub(super) fn start(&mut self, solver: &mut Solver, setup: &SolverSetup<'_>, dt: f32) {
         let scale = if self.dt > 0.0 { WARM_START * (dt / self.dt).powi(2) } else { 0.0 };
         (self.age, self.dt) = (0, dt);
-        (self.relaxation, self.least) = (RELAXATION, f64::INFINITY);
-        solver.unknowns.resize(solver.p.len());
-        let Unknown { lambda, applied, last, .. } = &mut solver.unknowns.0;
+        (self.relaxation, self.smallest) = (RELAXATION, f64::INFINITY);
+        solver.multipliers.resize(solver.p.len());
+        let Multiplier { lambda, applied, last, .. } = &mut solver.multipliers.0;
         par::update(applied, |_, kappa| *kappa = if scale > 0.0 { *kappa * scale } else { 0.0 });
         last.clone_from(applied);
         par::fill(lambda, |i| -last[i]);
@@ -76,50 +77,50 @@ impl Momentum {
         }
     }
 
-    /// Evaluates every constraint and its change of pressure. The residual counts what a step without momentum
-    /// would change, so that dilation under pressure is an error like compression.
-    pub(super) fn evaluate(&mut self, solver: &mut Solver, setup: &Setup<'_>, first: bool) -> Residual {
+    /// Evaluates every constraint and its change of pressure. The residual is the change of a step without momentum, so
+    /// that dilation under pressure is an error like compression.
+    pub(super) fn evaluate(&mut self, solver: &mut Solver, setup: &SolverSetup<'_>, first: bool) -> Residual {
         let beta = self.age as f32 / (self.age + 3) as f32; // [nesterov83], as [odonoghue15] Eq. 4 has it
-        let step = Step { beta, relaxation: self.relaxation, least: setup.least() };
+        let step = AcceleratedUpdate { beta, relaxation: self.relaxation, smallest: setup.lower_bound() };
         let residual = if first {
             solver.evaluate::<true>(setup, &step)
         } else {
             solver.evaluate::<false>(setup, &step)
         };
         self.age = if residual.uphill > 0.0 { 0 } else { self.age + 1 };
-        self.least = self.least.min(residual.largest).max(ROUNDING);
-        if residual.largest > GROWN * self.least {
-            (self.age, self.least) = (0, residual.largest);
-            self.relaxation = (CALMER * self.relaxation).max(CALMEST);
-            self.calmed += 1;
+        self.smallest = self.smallest.min(residual.largest).max(MIN_SIGNIFICANT_ERROR);
+        if residual.largest > DIVERGENCE_GROWTH * self.smallest {
+            (self.age, self.smallest) = (0, residual.largest);
+            self.relaxation = (RELAXATION_REDUCTION * self.relaxation).max(MIN_RELAXATION);
+            self.slowed += 1;
         }
         residual
     }
 }
 
-/// One step of the iteration.
-struct Step {
-    /// How much of the last change momentum adds.
+/// One iteration of the accelerated solver.
+struct AcceleratedUpdate {
+    /// Part of the last change that momentum adds.
     beta: f32,
-    /// ω.
+    /// ω of this substep.
     relaxation: f32,
-    /// The least κ.
-    least: f32,
+    /// Lower bound of κ.
+    smallest: f32,
 }
 
-impl Decide for Step {
+impl MultiplierUpdate for AcceleratedUpdate {
     #[inline(always)]
-    fn decide<L: Lanes>(&self, ratio: L, unknown: Unknown<L>) -> (Unknown<L>, Verdict<L>) {
-        let Unknown { applied, last, denominator, .. } = unknown;
-        let (least, relaxation) = (L::splat(self.least), L::splat(self.relaxation));
-        let kappa = least.max(applied + relaxation * (ratio - L::splat(1.0)) / denominator);
-        let ahead = least.max(kappa + L::splat(self.beta) * (kappa - last));
-        // Where nothing can be corrected κ does not change, and zero times infinity is no number.
+    fn update<L: Lanes>(&self, ratio: L, multiplier: Multiplier<L>) -> (Multiplier<L>, ConstraintError<L>) {
+        let Multiplier { applied, last, denominator, .. } = multiplier;
+        let (smallest, relaxation) = (L::splat(self.smallest), L::splat(self.relaxation));
+        let kappa = smallest.max(applied + relaxation * (ratio - L::splat(1.0)) / denominator);
+        let ahead = smallest.max(kappa + L::splat(self.beta) * (kappa - last));
+        // Where nothing can be corrected κ does not change, and zero times infinity is NaN.
         let weight = denominator.min(L::splat(f32::MAX));
-        let verdict = Verdict {
+        let found = ConstraintError {
             error: (kappa - applied) * weight * L::splat(1.0 / self.relaxation),
             uphill: (applied - kappa) * (kappa - last) * weight,
         };
-        (Unknown { lambda: applied - ahead, applied: ahead, last: kappa, denominator }, verdict)
+        (Multiplier { lambda: applied - ahead, applied: ahead, last: kappa, denominator }, found)
     }
 }

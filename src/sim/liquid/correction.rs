@@ -1,8 +1,8 @@
-//! Moves particles by their Δp and out of the solids, eight particles at a time.
+//! Position corrections Δp and collisions with the solids, eight particles at a time.
 //!
 //! *Method*: [pbf] Eq. 12 and Algorithm 1, lines 14 and 17. *Departs from the paper*: a correction is at most half a
-//! spacing, and every one that was shortened is counted; coincident particles are pushed apart along a direction made
-//! from their places, since no gradient separates them.
+//! spacing, and every shortened one is counted. Coincident particles are separated along a direction derived from their
+//! indices, since no gradient separates them.
 
 use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
 use crate::{
@@ -10,23 +10,23 @@ use crate::{
     simd::{LANES, Lanes},
 };
 
-/// Longest correction of one iteration, in spacings: beyond it the linearised constraint and the lists mean
-/// nothing. 0.1 slows the stop of a block that hits a floor; 1 lets it throw particles through their neighbours.
-const LONGEST_CORRECTION: f32 = 0.5;
+/// Largest correction of one iteration, in spacings: beyond it the linearised constraint and the lists are invalid. 0.1
+/// slows the stop of a block that hits a floor; 1 lets it throw particles through their neighbours.
+const MAX_CORRECTION: f32 = 0.5;
 
-/// What a chunk's corrections did.
+/// Result of the corrections of a chunk.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Moved {
-    /// The longest way from where the lists were built, squared [m²].
+pub(super) struct CorrectionSummary {
+    /// Largest squared displacement since the lists were built [m²].
     pub(super) farthest2: f32,
     pub(super) shortened: u64,
-    /// Particles that still touched a solid after the last round.
-    pub(super) stuck: u64,
-    /// What moving solids did, by mass over dt² [m²].
+    /// Particles still in contact with a solid after the last iteration.
+    pub(super) unresolved_contacts: u64,
+    /// Work of moving solids, by mass over dt² [m²].
     pub(super) work: f64,
 }
 
-/// Moves a chunk of particles.
+/// Correction of a chunk of particles.
 pub(super) struct CorrectionPass<'a> {
     pub(super) at: Chunk<'a>,
     pub(super) p: &'a mut [Vec3],
@@ -34,12 +34,12 @@ pub(super) struct CorrectionPass<'a> {
 }
 
 impl NeighbourPass for CorrectionPass<'_> {
-    type Out = Moved;
+    type Out = CorrectionSummary;
 
     #[inline(always)]
-    fn run<L: Lanes, P: Pair>(self) -> Moved {
-        let (mut total, setup) = (Moved::default(), self.at.setup);
-        let (contact, any_move) = (0.5 * setup.rest.spacing, setup.walls.any_move());
+    fn run<L: Lanes, P: Pair>(self) -> CorrectionSummary {
+        let (mut total, setup) = (CorrectionSummary::default(), self.at.setup);
+        let (contact, has_moving_solids) = (0.5 * setup.rest.spacing, setup.walls.has_moving_solids());
         let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
         for (block, (p, built_at)) in blocks {
             let first = self.at.start + block * LANES;
@@ -48,22 +48,22 @@ impl NeighbourPass for CorrectionPass<'_> {
                 let i = first + k;
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
                 let mut moved = *x + delta; // x* + Δp, [pbf] Alg. 1, line 17
-                let mut way2 = (moved - built_at).norm_squared();
-                let room = self.at.clearance[i] - contact;
-                if room <= 0.0 || way2 >= room * room {
-                    let (free, touching) = setup.walls.step(*x, moved); // [pbf] Alg. 1, line 14
-                    if any_move {
+                let mut displacement2 = (moved - built_at).norm_squared();
+                let clearance = self.at.clearance[i] - contact;
+                if clearance <= 0.0 || displacement2 >= clearance * clearance {
+                    let (free, touching) = setup.walls.collide(*x, moved); // [pbf] Alg. 1, line 14
+                    if has_moving_solids {
                         total.work += setup.walls.work(moved, free);
                     }
                     moved = free;
-                    way2 = (moved - built_at).norm_squared();
-                    total.stuck += u64::from(touching);
+                    displacement2 = (moved - built_at).norm_squared();
+                    total.unresolved_contacts += u64::from(touching);
                 }
-                if any_move {
-                    total.work += setup.walls.pressing(*x, self.at.nodes[i].value());
+                if has_moving_solids {
+                    total.work += setup.walls.pressure_work(*x, self.at.nodes[i].value());
                 }
                 *x = moved;
-                total.farthest2 = total.farthest2.max(way2);
+                total.farthest2 = total.farthest2.max(displacement2);
                 total.shortened += u64::from(short);
             }
         }
@@ -71,7 +71,7 @@ impl NeighbourPass for CorrectionPass<'_> {
     }
 }
 
-/// Δp of the particles at `p`, up to eight, whose indices begin at `first`.
+/// Δp of up to eight particles with consecutive indices from `first`, whose positions are `p`.
 #[inline(always)]
 fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [Vec3; LANES] {
     let zero = L::splat(0.0);
@@ -101,34 +101,34 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
         let i = first + k;
         let mut sum = -Vec3::new(x[k], y[k], z[k]);
         if coincident[k] > padded[k] {
-            sum += parted(at, i);
+            sum += coincident_sum(at, i);
         }
         deltas[k] = sum * scale; // Δp_i, [pbf] Eq. 12
         let lambda = at.nodes[i].value();
         if lambda != 0.0 {
-            deltas[k] += at.share(i, p[k]).1 * lambda;
+            deltas[k] += at.boundary_density(i, p[k]).1 * lambda;
         }
     }
     deltas
 }
 
-/// What the neighbours in the particle's very place add to the sum of [`corrections`].
+/// Contribution of coincident neighbours to the sum of [`corrections`].
 #[cold]
-fn parted(at: &Chunk<'_>, i: usize) -> Vec3 {
+fn coincident_sum(at: &Chunk<'_>, i: usize) -> Vec3 {
     let own = at.nodes[i];
     let mut sum = Vec3::zeros();
     for &j in at.lists.of(i) {
         let other = at.nodes[j as usize];
         let d = own.vector() - other.vector();
         if d.norm_squared() == 0.0 {
-            sum -= parting(i as u32, j) * (own.value() + other.value());
+            sum -= separation_direction(i as u32, j) * (own.value() + other.value());
         }
     }
     sum
 }
 
-/// The unit direction in which particle `i` leaves a coincident `j`; opposite for the other of the pair.
-fn parting(i: u32, j: u32) -> Vec3 {
+/// Unit direction in which particle `i` separates from a coincident `j`; opposite for the other of the pair.
+fn separation_direction(i: u32, j: u32) -> Vec3 {
     let (low, high) = (i.min(j), i.max(j));
     let mut bits = (u64::from(low) << 32 | u64::from(high)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     bits ^= bits >> 29;
@@ -138,10 +138,10 @@ fn parting(i: u32, j: u32) -> Vec3 {
     if i < j { direction } else { -direction }
 }
 
-/// `delta` at most [`LONGEST_CORRECTION`] long, and whether it had to be shortened.
+/// `delta` shortened to at most [`MAX_CORRECTION`], and whether it was longer.
 #[inline]
 pub(super) fn limit(delta: Vec3, spacing: f32) -> (Vec3, bool) {
-    let longest = LONGEST_CORRECTION * spacing;
+    let longest = MAX_CORRECTION * spacing;
     let length2 = delta.norm_squared();
     if length2 > longest * longest { (delta * (longest / length2.sqrt()), true) } else { (delta, false) }
 }
@@ -151,9 +151,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_pair_in_one_place_parts_in_opposite_directions() {
-        assert_eq!(parting(3, 8), -parting(8, 3));
-        assert!((parting(0, 1).norm() - 1.0).abs() < 1e-6);
+    fn coincident_particles_separate_in_opposite_directions() {
+        assert_eq!(separation_direction(3, 8), -separation_direction(8, 3));
+        assert!((separation_direction(0, 1).norm() - 1.0).abs() < 1e-6);
     }
 
     #[test]

@@ -1,14 +1,14 @@
-//! Evaluates constraints: density, its gradients, and what a solver makes of them, eight particles at a time.
+//! Density constraints: densities, their gradients and the update of the multipliers, eight particles at a time.
 //!
-//! *Method*: [pbf] Eqs. 1, 2 and 8. Each particle's sums run over eight neighbours at a time; then the sums of eight
-//! particles are folded and decided upon together, so that no step is done for one number alone.
-//! Symbols: ρ_i/ρ₀ → `ratio` [1]; κ, λ → see [`Unknown`] [m²].
+//! *Method*: [pbf] Eqs. 1, 2 and 8. The sums of each particle run over eight neighbours at a time. Then the sums of eight
+//! particles are reduced and their multipliers updated together, so that every step is vectorised.
+//! Symbols: ρ_i/ρ₀ → `ratio` [1]; κ, λ → see [`Multiplier`] [m²].
 
 use super::{
     lanes::{self, Node},
     pair::Pair,
     pass::NeighbourPass,
-    setup::Setup,
+    setup::SolverSetup,
 };
 use crate::{
     math::Vec3,
@@ -16,19 +16,19 @@ use crate::{
     space::Neighbours,
 };
 
-/// A neighbourhood counts as filled when |∇_i C_i| is below this fraction of its value on a flat free surface.
+/// A neighbourhood is filled if |∇_i C_i| is below this fraction of its value on a flat free surface.
 const FILLED: f32 = 0.2;
 
-/// The multipliers of all particles.
+/// The Lagrange multipliers of all particles.
 #[derive(Debug, Default)]
-pub(super) struct Unknowns(pub(super) Unknown<Vec<f32>>);
+pub(super) struct MultiplierColumns(pub(super) Multiplier<Vec<f32>>);
 
-/// A multiplier, as its solver keeps it.
+/// Lagrange multiplier of a density constraint, as the solvers store it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Unknown<T> {
-    /// The change of λ that the last evaluation decided [m²].
+pub(super) struct Multiplier<T> {
+    /// Change of λ by the last evaluation [m²].
     pub(super) lambda: T,
-    /// κ that positions have been moved by [m²]; the accelerated solver's, like the following.
+    /// κ by which positions have been moved [m²]; this and the following belong to the accelerated solver.
     pub(super) applied: T,
     /// κ before extrapolation [m²].
     pub(super) last: T,
@@ -36,37 +36,37 @@ pub(super) struct Unknown<T> {
     pub(super) denominator: T,
 }
 
-/// What a solver says of one constraint, or of several.
+/// Error of one constraint, or of several.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Verdict<T> {
-    /// The constraint's error [1].
+pub(super) struct ConstraintError<T> {
+    /// Value of the constraint [1].
     pub(super) error: T,
-    /// How far momentum leads uphill: the part of the sum whose sign asks for a restart.
+    /// Uphill component of the momentum; the sign of its sum decides about a restart.
     pub(super) uphill: T,
 }
 
-/// What turns densities into changes of multipliers.
-pub(super) trait Decide: Sync {
-    /// The multipliers that follow from ρ/ρ₀. To be inlined always.
-    fn decide<L: Lanes>(&self, ratio: L, unknown: Unknown<L>) -> (Unknown<L>, Verdict<L>);
+/// Update of multipliers from densities.
+pub(super) trait MultiplierUpdate: Sync {
+    /// The new multipliers for ρ/ρ₀, and the error. Must be inlined.
+    fn update<L: Lanes>(&self, ratio: L, multiplier: Multiplier<L>) -> (Multiplier<L>, ConstraintError<L>);
 }
 
-/// What one evaluation of the constraints found.
+/// Residual of the density constraints.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Residual {
     /// Mean constraint error.
     pub(super) average: f64,
     /// Largest constraint error.
     pub(super) largest: f64,
-    /// Mean |C| where the neighbourhood is filled; of evaluations with gradients.
+    /// Mean |C| over filled neighbourhoods; only from evaluations with gradients.
     pub(super) bulk: f64,
-    /// Σ of [`Verdict::uphill`].
+    /// Sum of [`ConstraintError::uphill`].
     pub(super) uphill: f64,
 }
 
-/// Partial sums of a [`Residual`] over one chunk: by lanes, so that eight are added at once.
+/// Partial sums of a [`Residual`] over one chunk, by lanes.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Partial {
+pub(super) struct PartialResidual {
     error: [f64; LANES],
     uphill: [f64; LANES],
     largest: [f32; LANES],
@@ -74,8 +74,8 @@ pub(super) struct Partial {
     bulk: u64,
 }
 
-impl Unknowns {
-    /// Makes them as many as there are particles.
+impl MultiplierColumns {
+    /// Resizes to the number of particles.
     pub(super) fn resize(&mut self, count: usize) {
         for slice in self.slices_mut() {
             slice.resize(count, 0.0);
@@ -87,14 +87,14 @@ impl Unknowns {
     }
 
     pub(super) fn slices_mut(&mut self) -> [&mut Vec<f32>; 4] {
-        let Unknown { lambda, applied, last, denominator } = &mut self.0;
+        let Multiplier { lambda, applied, last, denominator } = &mut self.0;
         [lambda, applied, last, denominator]
     }
 }
 
 impl Residual {
-    /// The sum of the chunks, in their order.
-    pub(super) fn of(partials: &[Partial], count: usize) -> Self {
+    /// Sum over chunks, in their order.
+    pub(super) fn of(partials: &[PartialResidual], count: usize) -> Self {
         let (mut total, mut sum, mut bulk) = (Self::default(), 0.0, 0);
         for partial in partials {
             sum += partial.error.iter().sum::<f64>();
@@ -107,11 +107,11 @@ impl Residual {
     }
 }
 
-impl Partial {
-    /// Counts the first `count` of the verdicts.
+impl PartialResidual {
+    /// Adds the first `count` lanes.
     #[inline(always)]
-    fn add<L: Lanes>(&mut self, verdict: Verdict<L>, count: usize) {
-        let (mut error, mut uphill) = (verdict.error.to_array(), verdict.uphill.to_array());
+    fn add<L: Lanes>(&mut self, found: ConstraintError<L>, count: usize) {
+        let (mut error, mut uphill) = (found.error.to_array(), found.uphill.to_array());
         error[count..].fill(0.0);
         uphill[count..].fill(0.0);
         for lane in 0..LANES {
@@ -123,72 +123,72 @@ impl Partial {
     }
 }
 
-/// The particles that a chunk's passes read.
+/// What the passes over a chunk of particles read.
 #[derive(Clone, Copy)]
 pub(super) struct Chunk<'a> {
-    pub(super) setup: &'a Setup<'a>,
+    pub(super) setup: &'a SolverSetup<'a>,
     pub(super) nodes: &'a [Node],
     pub(super) lists: &'a Neighbours,
     /// Distances to the nearest solid when the lists were built [m].
     pub(super) clearance: &'a [f32],
-    /// Index of the chunk's first particle.
+    /// Index of the first particle of the chunk.
     pub(super) start: usize,
 }
 
 impl Chunk<'_> {
-    /// The solids' share at `x`, where the lists do not rule it out.
+    /// Density contributed by the solids at `x` and its gradient; skipped where `clearance` excludes it.
     #[inline(always)]
-    pub(super) fn share(&self, i: usize, x: Vec3) -> (f32, Vec3) {
-        if self.clearance[i] > self.setup.share_reach() {
+    pub(super) fn boundary_density(&self, i: usize, x: Vec3) -> (f32, Vec3) {
+        if self.clearance[i] > self.setup.boundary_reach() {
             (0.0, Vec3::zeros())
         } else {
-            self.setup.walls.share(x)
+            self.setup.walls.boundary_density(x)
         }
     }
 }
 
-/// Evaluates a chunk of constraints, with or without their gradients.
+/// Evaluation of a chunk of constraints, with or without gradients.
 pub(super) struct DensityPass<'a, D, const GRADIENTS: bool> {
     pub(super) at: Chunk<'a>,
     /// ρ/ρ₀.
     pub(super) ratio: &'a mut [f32],
-    pub(super) unknown: Unknown<&'a mut [f32]>,
-    pub(super) decide: &'a D,
+    pub(super) multiplier: Multiplier<&'a mut [f32]>,
+    pub(super) update: &'a D,
 }
 
-impl<D: Decide, const GRADIENTS: bool> NeighbourPass for DensityPass<'_, D, GRADIENTS> {
-    type Out = Partial;
+impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'_, D, GRADIENTS> {
+    type Out = PartialResidual;
 
     #[inline(always)]
-    fn run<L: Lanes, P: Pair>(self) -> Partial {
-        let mut partial = Partial::default();
-        let Self { at, ratio, unknown, decide } = self;
+    fn run<L: Lanes, P: Pair>(self) -> PartialResidual {
+        let mut partial = PartialResidual::default();
+        let Self { at, ratio, multiplier, update } = self;
         for first in (0..ratio.len()).step_by(LANES) {
             let count = LANES.min(ratio.len() - first);
             let densities = densities::<L, P, GRADIENTS>(&at, at.start + first, count, &mut partial);
-            let before = Unknown {
-                lambda: read(unknown.lambda, first),
-                applied: read(unknown.applied, first),
-                last: read(unknown.last, first),
+            let before = Multiplier {
+                lambda: read(multiplier.lambda, first),
+                applied: read(multiplier.applied, first),
+                last: read(multiplier.last, first),
                 denominator: if GRADIENTS {
                     L::load(&densities.denominator)
                 } else {
-                    read(unknown.denominator, first)
+                    read(multiplier.denominator, first)
                 },
             };
-            let (after, verdict) = decide.decide(L::load(&densities.ratio), before);
-            partial.add(verdict, count);
+            let (after, found) = update.update(L::load(&densities.ratio), before);
+            partial.add(found, count);
             write(ratio, first, L::load(&densities.ratio));
-            write(unknown.lambda, first, after.lambda);
-            write(unknown.applied, first, after.applied);
-            write(unknown.last, first, after.last);
-            write(unknown.denominator, first, after.denominator);
+            write(multiplier.lambda, first, after.lambda);
+            write(multiplier.applied, first, after.applied);
+            write(multiplier.last, first, after.last);
+            write(multiplier.denominator, first, after.denominator);
         }
         partial
     }
 }
 
-/// Eight numbers from `first` on, filled up with ones, by which can be divided.
+/// Eight values from `first` on, padded with ones, which are valid divisors.
 #[inline(always)]
 fn read<L: Lanes>(from: &[f32], first: usize) -> L {
     if let Some(row) = from[first..].first_chunk() {
@@ -199,7 +199,7 @@ fn read<L: Lanes>(from: &[f32], first: usize) -> L {
     L::load(&row)
 }
 
-/// Writes what [`read`] has read.
+/// Writes values back to where [`read`] read them.
 #[inline(always)]
 fn write<L: Lanes>(to: &mut [f32], first: usize, values: L) {
     if let Some(row) = to[first..].first_chunk_mut() {
@@ -218,19 +218,19 @@ struct Densities {
     denominator: [f32; LANES],
 }
 
-/// Evaluates `count` particles from `first` on; with gradients, counts what is filled. The remaining ratios and
-/// denominators are 1.
+/// Evaluates `count` particles from `first` on; with gradients, also the residual of filled neighbourhoods. The remaining
+/// ratios and denominators are 1.
 #[inline(always)]
 fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     at: &Chunk<'_>,
     first: usize,
     count: usize,
-    partial: &mut Partial,
+    partial: &mut PartialResidual,
 ) -> Densities {
     let (rest, setup, zero) = (at.setup.rest, at.setup, L::splat(0.0));
     let mut density = [zero; LANES];
     let (mut gradient, mut gradient2) = ([[zero; LANES]; 3], [zero; LANES]);
-    // What fills up the last eight neighbours counts as 1 each, like the particle itself.
+    // The padding of the last eight neighbours counts as 1 each, like the particle itself.
     let mut itself = [1.0; LANES];
     for k in 0..count {
         let i = first + k;
@@ -256,17 +256,17 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     }
     let sums = L::sums(&density);
     let mut out = Densities { ratio: [1.0; LANES], denominator: [1.0; LANES] };
-    let mut shares = [(0.0, Vec3::zeros()); LANES];
+    let mut boundary = [(0.0, Vec3::zeros()); LANES];
     for k in 0..count {
-        shares[k] = at.share(first + k, at.nodes[first + k].vector() * rest.support);
-        out.ratio[k] = rest.density_scale * (sums[k] + itself[k]) + shares[k].0; // ρ_i/ρ₀, [pbf] Eq. 2
+        boundary[k] = at.boundary_density(first + k, at.nodes[first + k].vector() * rest.support);
+        out.ratio[k] = rest.density_scale * (sums[k] + itself[k]) + boundary[k].0; // ρ_i/ρ₀, [pbf] Eq. 2
     }
     if GRADIENTS {
         let [x, y, z] = [L::sums(&gradient[0]), L::sums(&gradient[1]), L::sums(&gradient[2])];
         let gradient2 = L::sums(&gradient2);
         let (g, surface) = (rest.gradient_scale, FILLED * 1.5 * rest.inv_support);
         for k in 0..count {
-            let own_gradient = Vec3::new(x[k], y[k], z[k]) * -g + shares[k].1; // [pbf] Eq. 8, k = i
+            let own_gradient = Vec3::new(x[k], y[k], z[k]) * -g + boundary[k].1; // [pbf] Eq. 8, k = i
             let all = own_gradient.norm_squared() + g * g * gradient2[k]; // Σ_k |∇_k C_i|²
             out.denominator[k] = setup.denominator(all);
             if own_gradient.norm() < surface {

@@ -1,33 +1,32 @@
-//! The liquid's mechanical energy, and the bound that keeps it from rising.
+//! Mechanical energy of the liquid, and its upper bound.
 //!
-//! *Method*: none of the paper's. A position correction that undoes an error left over from earlier substeps
-//! counts as velocity, so that a solve which is far from converged feeds energy in: 32 layers at three
-//! iterations and 21 ms reached 2.7 times their energy and a fountain of three times their height. The true
-//! motion gains no energy but what moving solids give it. Each contact with one is an impulse, m δ/dt for a push by
-//! δ, and the surface's velocity times the impulse is its work, to which both sides of an inelastic contact agree:
-//! what the liquid does not gain of it is lost. Whatever exceeds the shot's first energy and that work, plus what
-//! lifts everything by one spacing, is taken from the velocities relative to the mean, and momentum stays, unless
-//! a whole column has been thrown: then from the mean too.
+//! *Method*: not from the paper. A position correction that removes an error of earlier substeps counts as velocity, so a
+//! solve far from convergence adds energy: 32 layers at three iterations and 21 ms reached 2.7 times their energy and a
+//! fountain of three times their height. The true motion gains only the work of moving solids. Each contact with one is an
+//! impulse, m δ/dt for a projection by δ, and its work is the impulse times the surface's velocity. In an inelastic contact
+//! the liquid gains at most this work. Energy above the shot's first energy, that work, and the energy that lifts everything
+//! by one spacing is removed from the velocities relative to the mean, which conserves momentum. Only if these are too small
+//! it is removed from the mean, as when a whole column has been thrown.
 
 use crate::{math::Vec3, par};
 
-/// g₀ [m/s²], for the slack.
+/// g₀ [m/s²], for the slack of the bound.
 const STANDARD_GRAVITY: f64 = 9.81;
 
-/// Σ m (½ v² − g·x) [J]; without velocities, the potential part alone.
+/// Mechanical energy Σ m (½ v² − g·x) [J]; without velocities, the potential energy.
 pub(super) fn energy(v: &[Vec3], x: &[Vec3], gravity: Vec3, mass: f64) -> f64 {
     let kinetic = par::sum(v.len(), |i| 0.5 * f64::from(v[i].norm_squared()));
     let dot = |x: Vec3| (0..3).map(|axis| f64::from(gravity[axis]) * f64::from(x[axis])).sum::<f64>();
     mass * (kinetic - par::sum(x.len(), |i| dot(x[i])))
 }
 
-/// What `count` particles of `mass` [kg] may exceed their first energy by [J]: surfaces that contract and
-/// lattices that settle release a little, and without slack a drop at rest in zero gravity could never move.
+/// Energy by which `count` particles of `mass` [kg] may exceed their first energy [J]: contracting surfaces and settling
+/// seeding lattices release a little, and without slack a drop at rest in zero gravity could never move.
 pub(super) fn slack(count: usize, mass: f64, spacing: f32) -> f64 {
     count as f64 * mass * STANDARD_GRAVITY * f64::from(spacing)
 }
 
-/// Takes `excess` [J] from the velocities relative to the mean; what these do not have, from the mean.
+/// Removes `excess` [J] from the velocities relative to the mean, and what remains from the mean.
 pub(super) fn take(excess: f64, v: &mut [Vec3], mass: f64) {
     let count = v.len() as f64;
     let velocities = &*v;
@@ -48,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn taking_energy_keeps_momentum_as_long_as_it_can() {
+    fn removing_energy_conserves_momentum_while_it_can() {
         let mut v: Vec<Vec3> = (0..50).map(|i| Vec3::new(i as f32, 3.0, (i % 7) as f32)).collect();
         let sum = |v: &[Vec3]| v.iter().sum::<Vec3>();
         let (momentum, before) = (sum(&v), energy(&v, &[], Vec3::zeros(), 2.0));

@@ -1,19 +1,20 @@
 //! Position based fluid ([pbf]).
 //!
-//! *Method*: [pbf] Algorithm 1, one substep a run of it; `substep` below reads as the paper's listing.
-//! *Departs from the paper*: see the files of the parts (`rest`, `solve`, `walls`, `repulsion`, `vorticity`,
-//! `viscosity`); substeps follow a CFL rule; predicted positions are pushed out of the solids before the search,
-//! so that the lists hold the neighbours a particle has where it lands.
+//! *Method*: [pbf] Algorithm 1, once per time step; `substep` below reads as the paper's listing.
+//! *Departs from the paper*: see the files of the parts (`calibration`, `solve`, `walls`, `repulsion`, `vorticity`,
+//! `viscosity`). The length of a time step follows a CFL rule. Predicted positions are projected out of the solids
+//! before the search, so that the lists hold a particle's neighbours at its final position.
 //!
 //! Symbols: x_i → `x` [m]; v_i → `v` [m/s]; x* → `Solver::p` [m]; Δt → `dt` [s].
 //! Limits: first order in time; positions are single precision, so the motion loses digits far from the origin
 //! (at 1 km, 0.06 mm).
 
 mod accelerated;
+mod calibration;
 mod correction;
 mod coupled;
 mod density;
-mod displaced;
+mod density_map;
 mod energy;
 mod jacobi;
 pub(crate) mod job;
@@ -24,7 +25,6 @@ mod params;
 mod pass;
 mod record;
 mod repulsion;
-mod rest;
 mod seed;
 mod setup;
 mod solve;
@@ -51,42 +51,41 @@ use crate::{
     space::CellGrid,
 };
 use accelerated::Momentum;
+use calibration::RestState;
 use energy::energy;
 use lanes::Node;
 use neighbourhood::Neighbourhood;
 use repulsion::Repulsion;
-use rest::Rest;
-use setup::Setup;
-use solve::{Crowd, Solver};
+use setup::SolverSetup;
+use solve::{OvercrowdedCell, Solver};
 use vorticity::Confinement;
 use walls::Walls;
 
-/// Its name as a system and as a stream.
+/// Name of the system and of its stream.
 pub const NAME: &str = "liquid";
 
-/// Beyond this coordinate [m] or speed [m/s] a state is called diverged: positions there resolve 8 m.
-const ABSURD: f32 = 1e8;
+/// Largest valid coordinate [m] or speed [m/s]; beyond it the state has diverged, since positions there resolve 8 m.
+const MAX_MAGNITUDE: f32 = 1e8;
 
-/// Iterations that a substep takes even where the target is met. With 0, errors below the target pile up until one substep
-/// undoes them at once and throws the liquid apart; with 1, a dam break still gains 1 to 5 % of energy.
-const FEWEST_ITERATIONS: u32 = 2;
+/// Fewest iterations of a substep, even if the target is met. With 0, errors below the target accumulate until one substep
+/// corrects them at once and throws the liquid apart; with 1, a dam break still gains 1 to 5 % of energy.
+const MIN_ITERATIONS: u32 = 2;
 
-/// A liquid and its state.
+/// A liquid and its current state.
 #[derive(Debug)]
 pub(super) struct Liquid {
     params: LiquidParams,
-    rest: Rest,
+    rest: RestState,
     walls: Walls,
     gravity: Vec3,
-    /// Of one particle [kg].
+    /// Mass of a particle [kg].
     mass: f64,
-    /// Mechanical energy at the start of the shot and the work of moving solids since [J]: what confinement may
-    /// restore.
+    /// Mechanical energy at the start of the shot and the work of moving solids since [J], which confinement may restore.
     first_energy: f64,
-    /// Average and largest constraint error when the last frame ended; `None` before the first has.
+    /// Average and largest constraint error at the end of the last frame; `None` in the first.
     deviation: Option<[f64; 2]>,
     seeded: LiquidSeeds,
-    /// The first id beyond those of each source; empty unless frames have the channel `source`.
+    /// One past the last id of each source; empty unless frames have the channel `source`.
     ends: Vec<u32>,
     id: Vec<u32>,
     x: Vec<Vec3>,
@@ -95,12 +94,12 @@ pub(super) struct Liquid {
     momentum: Momentum,
     repulsion: Option<Repulsion>,
     confinement: Option<Confinement>,
-    /// Velocities as neighbours read them; empty without a term that asks for them.
+    /// Velocities in the layout of neighbour sums; empty unless a term needs them.
     motion: Vec<Node>,
 }
 
 impl Liquid {
-    /// Fills the sources.
+    /// Fills the sources with particles.
     pub(super) fn seed(params: LiquidParams, world: &World) -> Result<Self, SetupError> {
         let mut liquid = Self::empty(params, world);
         let seeds = seed::seed(&liquid.params, &liquid.rest, &liquid.walls)?;
@@ -113,7 +112,7 @@ impl Liquid {
         Ok(liquid)
     }
 
-    /// Takes the state from a frame's stream; `time` since the shot's start [s].
+    /// Restores the state from a frame's stream, at `time` since the shot's start [s].
     pub(super) fn restore(
         params: LiquidParams,
         world: &World,
@@ -140,12 +139,12 @@ impl Liquid {
         let deviation = |name| stream.scalar(name);
         liquid.deviation = deviation("density_dev_avg")
             .zip(deviation("density_dev_max"))
-            .map(|(average, most)| [average, most]);
+            .map(|(average, largest)| [average, largest]);
         if liquid.x.is_empty() { Err(SetupError::NoParticles) } else { Ok(liquid) }
     }
 
     fn empty(params: LiquidParams, world: &World) -> Self {
-        let rest = Rest::new(params.kernel, params.spacing, params.kernel_radius);
+        let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
         Self {
             rest,
             walls: Walls::new(&world.solids, &rest),
@@ -167,7 +166,7 @@ impl Liquid {
         }
     }
 
-    /// The state at `time` since the shot's start [s] as named columns, with all that [`Liquid::restore`] needs.
+    /// The state at `time` since the shot's start [s] as named columns, with everything that [`Liquid::restore`] needs.
     pub(super) fn stream(&self, time: f64) -> Stream {
         let mut stream = Stream::new(NAME, StreamKind::Particles, self.x.len())
             .with("position", self.x.clone())
@@ -196,7 +195,7 @@ impl Liquid {
         stream
     }
 
-    /// What seeding did.
+    /// Report of the seeding.
     pub(super) fn seeded(&self) -> LiquidSeeds {
         self.seeded
     }
@@ -231,7 +230,7 @@ impl Liquid {
         Ok((record, clock.into_totals()))
     }
 
-    /// The same together with what shares the substeps; the seconds of passes are the clock's.
+    /// Advances by one frame together with a coupled system; `clock` receives the seconds of the passes.
     pub(super) fn advance_with(
         &mut self,
         mut coupled: Option<&mut dyn CoupledSystem>,
@@ -240,8 +239,8 @@ impl Liquid {
         watch: &mut dyn Watch,
     ) -> Result<LiquidRecord, Stop> {
         let mut record = LiquidRecord::default();
-        (self.solver.rebuilds, self.solver.shortened, self.solver.stuck) = (0, 0, 0);
-        self.momentum.forget();
+        (self.solver.rebuilds, self.solver.shortened, self.solver.unresolved_contacts) = (0, 0, 0);
+        self.momentum.reset();
         self.check_state(0)?;
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
@@ -264,7 +263,7 @@ impl Liquid {
         Ok(record)
     }
 
-    /// One run of [pbf] Algorithm 1.
+    /// One time step: [pbf] Algorithm 1.
     fn substep(
         &mut self,
         dt: f32,
@@ -275,38 +274,38 @@ impl Liquid {
     ) -> Result<(), Stop> {
         clock.time("predict", || self.predict(dt));
         let cells = clock.time("search", || self.solver.find_cells(&self.rest));
-        cells.map_err(|crowd| self.crowded(record.substeps, crowd))?;
+        cells.map_err(|cell| self.overcrowded(record.substeps, cell))?;
         clock.time("sort", || self.sort());
-        clock.time("search", || self.solver.list(&setup(&self.params, &self.rest, &self.walls)));
+        clock.time("search", || self.solver.build_lists(&setup(&self.params, &self.rest, &self.walls)));
         if let Some(repulsion) = &mut self.repulsion {
             record.clamps.corrections += clock.time("artificial_pressure", || {
                 self.solver.publish_positions(self.rest.inv_support);
                 let Solver { p, lists, nodes, .. } = &mut self.solver;
                 let shortened = repulsion.apply(&self.rest, lists, nodes, p, dt);
-                self.solver.notice_moves(&self.rest);
+                self.solver.check_skin(&self.rest);
                 shortened
             });
         }
         if let Some(coupled) = coupled {
-            let collide = |from, to| self.walls.step(from, to).0;
+            let collide = |from, to| self.walls.collide(from, to).0;
             coupled.detect_contacts(&self.solver.particles(&self.x, &collide), clock);
         }
         project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
         clock.around("solve", |clock| self.solve(dt, coupled, clock, record, watch))?;
         if let Some(coupled) = coupled {
-            let collide = |from, to| self.walls.step(from, to).0;
+            let collide = |from, to| self.walls.collide(from, to).0;
             self.first_energy += coupled.end_substep(&mut self.solver.particles(&self.x, &collide), clock);
-            self.solver.notice_moves(&self.rest);
+            self.solver.check_skin(&self.rest);
         }
         clock.time("velocity", || self.update_velocities(dt));
         if let Some(coupled) = coupled {
             coupled.apply_friction(&mut self.v, clock);
         }
-        self.grant_work(dt, record);
+        self.add_solid_work(dt, record);
         if self.confinement.is_some() || self.params.viscosity.is_some() {
             let setup = setup(&self.params, &self.rest, &self.walls);
             let lists = clock.time("search", || self.solver.ensure_lists(&setup));
-            lists.map_err(|crowd| self.crowded(record.substeps, crowd))?;
+            lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
             clock.time("search", || self.solver.publish_ratio(self.rest.inv_support));
         }
         if self.confinement.is_some() {
@@ -327,10 +326,10 @@ impl Liquid {
         Ok(())
     }
 
-    /// Puts particles that are close in space close in memory, in the order of the cells and of the lists to come:
-    /// what the passes read then streams. Out of order, an iteration takes nearly twice as long.
+    /// Sorts particles by the cells of the neighbour search, so that neighbours are close in memory. Unsorted, an iteration
+    /// takes nearly twice as long.
     fn sort(&mut self) {
-        let Solver { grid, p, spare, unknowns, ratio, .. } = &mut self.solver;
+        let Solver { grid, p, spare, multipliers, ratio, .. } = &mut self.solver;
         let order = grid.order();
         for values in [&mut self.x, &mut self.v, p] {
             spare.resize(values.len(), Vec3::zeros());
@@ -338,28 +337,31 @@ impl Liquid {
             std::mem::swap(values, spare);
         }
         self.id = order.iter().map(|&i| self.id[i as usize]).collect();
-        if unknowns.len() == order.len() {
+        if multipliers.len() == order.len() {
             ratio.resize(order.len(), 0.0);
-            let applied = &mut unknowns.0.applied;
+            let applied = &mut multipliers.0.applied;
             par::fill(ratio, |i| applied[order[i] as usize]);
             std::mem::swap(applied, ratio);
         }
         grid.settle();
     }
 
-    /// [pbf] Alg. 1, lines 1–4.
+    /// Advection: velocities after gravity, and predicted positions, [pbf] Alg. 1, lines 1–4.
     fn predict(&mut self, dt: f32) {
         let (x, walls, gain) = (&self.x, &self.walls, self.gravity * dt);
         par::update(&mut self.v, |_, v| *v += gain);
         let v = &self.v;
         self.solver.p.resize(x.len(), Vec3::zeros());
-        par::fill(&mut self.solver.p, |i| walls.carry(x[i], x[i] + v[i] * dt).0);
+        par::fill(&mut self.solver.p, |i| walls.collide_moving(x[i], x[i] + v[i] * dt).0);
         let p = &self.solver.p;
-        self.solver.work =
-            if walls.any_move() { par::sum(p.len(), |i| walls.work(x[i] + v[i] * dt, p[i])) } else { 0.0 };
+        self.solver.work = if walls.has_moving_solids() {
+            par::sum(p.len(), |i| walls.work(x[i] + v[i] * dt, p[i]))
+        } else {
+            0.0
+        };
     }
 
-    /// [pbf] Alg. 1, lines 8–19.
+    /// Solves the density constraints, [pbf] Alg. 1, lines 8–19.
     fn solve(
         &mut self,
         dt: f32,
@@ -370,32 +372,32 @@ impl Liquid {
     ) -> Result<(), Stop> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
-        self.solver.ensure_lists(&setup).map_err(|crowd| self.crowded(record.substeps, crowd))?;
+        self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
         if kind == SolverKind::Accelerated {
             self.momentum.start(&mut self.solver, &setup, dt);
         }
         let target = self.params.target();
-        let most = self.params.iterations.unwrap_or(self.params.max_iterations);
-        let fewest = FEWEST_ITERATIONS.min(most);
-        for done in 0..=most {
+        let max_iterations = self.params.iterations.unwrap_or(self.params.max_iterations);
+        let min_iterations = MIN_ITERATIONS.min(max_iterations);
+        for done in 0..=max_iterations {
             if !watch.keep_going() {
                 return Err(Stop::Interrupted);
             }
-            if done == most && target.is_none() {
+            if done == max_iterations && target.is_none() {
                 break;
             }
-            self.solver.ensure_lists(&setup).map_err(|crowd| self.crowded(record.substeps, crowd))?;
+            self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
             let residual = match kind {
                 SolverKind::Accelerated => self.momentum.evaluate(&mut self.solver, &setup, done == 0),
                 SolverKind::Jacobi => jacobi::evaluate(&mut self.solver, &setup),
             };
             if !residual.average.is_finite() {
-                return Err(self.lost(record.substeps).into());
+                return Err(self.undefined_constraint(record.substeps).into());
             }
-            if done >= fewest && target.is_some_and(|target| residual.average <= target) {
+            if done >= min_iterations && target.is_some_and(|target| residual.average <= target) {
                 break;
             }
-            if done == most {
+            if done == max_iterations {
                 record.unconverged += 1;
                 break;
             }
@@ -406,13 +408,13 @@ impl Liquid {
         Ok(())
     }
 
-    /// [pbf] Alg. 1, line 21.
+    /// Velocities from positions, [pbf] Alg. 1, line 21.
     fn update_velocities(&mut self, dt: f32) {
         let (x, p) = (&self.x, &self.solver.p);
         par::fill(&mut self.v, |i| (p[i] - x[i]) / dt);
     }
 
-    /// [pbf] Alg. 1, line 22, confinement.
+    /// Vorticity confinement, [pbf] Alg. 1, line 22.
     fn confine(&mut self, dt: f32, record: &mut LiquidRecord) {
         let Some(confinement) = &mut self.confinement else { return };
         publish(&mut self.motion, &self.v);
@@ -423,44 +425,45 @@ impl Liquid {
         record.clamps.confinement += u64::from(bounded);
     }
 
-    /// Adds to the energy that the liquid may have what moving solids did in this substep.
-    fn grant_work(&mut self, dt: f32, record: &mut LiquidRecord) {
+    /// Adds the work of moving solids in this substep to the energy that the liquid may have.
+    fn add_solid_work(&mut self, dt: f32, record: &mut LiquidRecord) {
         let work = self.mass * self.solver.work / f64::from(dt).powi(2);
         self.first_energy += work;
         record.solid_work += work;
     }
 
-    /// Takes back energy that the solver made.
+    /// Removes energy that the solver added.
     fn bound_energy(&mut self, record: &mut LiquidRecord) {
-        let most = self.first_energy + energy::slack(self.v.len(), self.mass, self.rest.spacing);
-        let excess = energy(&self.v, &self.solver.p, self.gravity, self.mass) - most;
+        let limit = self.first_energy + energy::slack(self.v.len(), self.mass, self.rest.spacing);
+        let excess = energy(&self.v, &self.solver.p, self.gravity, self.mass) - limit;
         if excess > 0.0 {
             energy::take(excess, &mut self.v, self.mass);
             record.clamps.energy += 1;
         }
     }
 
-    /// How many equal substeps the rest of the frame, `left` [s], is to take at the present speeds, and how many it may take after `done`.
+    /// Number of equal substeps that the CFL rule wants for the `left` [s] of the frame, and the number within the limits of
+    /// the preset after `done` substeps.
     fn substeps_left(&self, left: f64, coupled: Option<&dyn CoupledSystem>, done: u32) -> [u32; 2] {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
         let coupled = coupled.map_or(0.0, CoupledSystem::max_speed);
-        let fastest = fastest + self.walls.fastest(left).max(coupled);
+        let fastest = fastest + self.walls.max_speed(left).max(coupled);
         let gravity = f64::from(self.gravity.norm());
         let allowed = f64::from(self.params.cfl) * f64::from(self.params.spacing);
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
         let root = fastest + (fastest * fastest + 4.0 * gravity * allowed).sqrt();
         let wanted = (left * root / (2.0 * allowed) - 1e-6).ceil().clamp(1.0, 4e9) as u32;
-        let fewest = self.params.min_substeps.saturating_sub(done).max(1);
-        let most = self.params.max_substeps.saturating_sub(done).max(1);
-        [wanted, wanted.max(fewest).min(most)]
+        let min_substeps = self.params.min_substeps.saturating_sub(done).max(1);
+        let max_substeps = self.params.max_substeps.saturating_sub(done).max(1);
+        [wanted, wanted.max(min_substeps).min(max_substeps)]
     }
 
-    /// Fills in what the record says about the frame's end.
+    /// Fills in the record of the frame's end.
     fn measure(&mut self, clock: &mut Clock, record: &mut LiquidRecord) -> Result<(), Diverged> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         self.solver.p.clone_from(&self.x);
         let lists = clock.time("solve", || self.solver.ensure_lists(&setup));
-        lists.map_err(|crowd| self.crowded(record.substeps, crowd))?;
+        lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
         let residual = clock.time("solve", || self.solver.measure(&setup));
         record.density_dev_avg = residual.average;
         record.density_dev_max = residual.largest;
@@ -470,19 +473,19 @@ impl Liquid {
         record.potential_energy = self.potential_energy();
         record.list_rebuilds = self.solver.rebuilds;
         record.clamps.corrections += self.solver.shortened;
-        record.clamps.contacts += self.solver.stuck;
-        record.clamps.momentum = self.momentum.calmed;
+        record.clamps.contacts += self.solver.unresolved_contacts;
+        record.clamps.momentum = self.momentum.slowed;
         let inside = |i: usize| f64::from(u8::from(self.walls.distance(self.x[i]) < 0.0));
         record.particles_inside_solids = par::sum(self.x.len(), inside) as u32;
         Ok(())
     }
 
-    /// Refuses a state that is not finite or far beyond anything meant.
+    /// Refuses a state with NaN or with values beyond [`MAX_MAGNITUDE`].
     fn check_state(&self, substep: u32) -> Result<(), Diverged> {
-        let found = [(suspect(&self.x), "position", "m"), (suspect(&self.v), "velocity", "m/s")]
+        let found = [(invalid_value(&self.x), "position", "m"), (invalid_value(&self.v), "velocity", "m/s")]
             .into_iter()
             .find_map(|(found, what, unit)| {
-                found.map(|(i, most)| (i, format!("has a {what} of {most} {unit}")))
+                found.map(|(i, value)| (i, format!("has a {what} of {value} {unit}")))
             });
         match found {
             None => Ok(()),
@@ -490,25 +493,25 @@ impl Liquid {
         }
     }
 
-    /// Names a particle among too many in one place: or the one that left all bounds, where it took others along.
-    fn crowded(&self, substep: u32, Crowd { particle, count }: Crowd) -> Diverged {
-        if let Some((i, most)) = suspect(&self.solver.p) {
-            return self.diverged(substep, i, format!("has a position of {most} m"));
+    /// The error for an overcrowded cell; if a particle is beyond all bounds, the error names it instead.
+    fn overcrowded(&self, substep: u32, OvercrowdedCell { particle, count }: OvercrowdedCell) -> Diverged {
+        if let Some((i, value)) = invalid_value(&self.solver.p) {
+            return self.diverged(substep, i, format!("has a position of {value} m"));
         }
-        let usual = CellGrid::lattice_share(self.solver.grid.cell(), self.rest.spacing);
+        let usual = CellGrid::particles_per_cell(self.solver.grid.cell(), self.rest.spacing);
         let what = format!(
-            "has {} others within {:.1} spacings, where about {usual:.0} are meant to be",
+            "has {} others within {:.1} spacings, where about {usual:.0} are expected",
             count - 1,
             self.solver.grid.cell() / self.rest.spacing * 3.0_f32.sqrt(),
         );
         let try_next =
-            "a larger liquid.max_substeps, a larger liquid.spacing or more room between the colliders";
+            "a larger liquid.max_substeps, a larger liquid.spacing or more space between the colliders";
         Diverged { try_next, ..self.diverged(substep, particle, what) }
     }
 
-    /// Names the particle whose constraint could not be evaluated.
-    fn lost(&self, substep: u32) -> Diverged {
-        let (ratio, lambda) = (&self.solver.ratio, &self.solver.unknowns.0.lambda);
+    /// The error for a particle whose constraint is not finite.
+    fn undefined_constraint(&self, substep: u32) -> Diverged {
+        let (ratio, lambda) = (&self.solver.ratio, &self.solver.multipliers.0.lambda);
         let first = |values: &[f32]| {
             let worst = par::max(values.len(), |i| if values[i].is_finite() { 0.0 } else { f32::NAN });
             worst.filter(|(_, worst)| worst.is_nan()).map(|(i, _)| i)
@@ -525,7 +528,7 @@ impl Liquid {
 
     fn diverged(&self, substep: u32, i: usize, what: String) -> Diverged {
         let try_next = if substep == 0 {
-            "a start state of plain numbers, near the origin"
+            "finite values near the origin as the start state"
         } else {
             "a smaller liquid.cfl, a larger liquid.max_substeps or a larger liquid.softening"
         };
@@ -542,7 +545,7 @@ impl Liquid {
 }
 
 impl LiquidParams {
-    /// The average deviation at which to stop iterating; `None`: a fixed number of iterations.
+    /// The average deviation at which the iteration stops; `None`: a fixed number of iterations.
     fn target(&self) -> Option<f64> {
         match (self.iterations, self.density_dev) {
             (Some(_), _) => None,
@@ -551,38 +554,43 @@ impl LiquidParams {
     }
 }
 
-/// The first value that is not a number, or the largest if it is beyond [`ABSURD`].
-fn suspect(values: &[Vec3]) -> Option<(usize, f32)> {
+/// The first NaN, or the largest value if it is beyond [`MAX_MAGNITUDE`].
+fn invalid_value(values: &[Vec3]) -> Option<(usize, f32)> {
     let size = |v: Vec3| if v.iter().any(|c| c.is_nan()) { f32::NAN } else { v.amax() };
-    par::max(values.len(), |i| size(values[i])).filter(|(_, most)| most.is_nan() || *most > ABSURD)
+    par::max(values.len(), |i| size(values[i])).filter(|(_, value)| value.is_nan() || *value > MAX_MAGNITUDE)
 }
 
-fn setup<'a>(params: &LiquidParams, rest: &'a Rest, walls: &'a Walls) -> Setup<'a> {
-    Setup { rest, walls, constraint: params.constraint, softening: params.softening * rest.lattice_gradient2 }
+fn setup<'a>(params: &LiquidParams, rest: &'a RestState, walls: &'a Walls) -> SolverSetup<'a> {
+    SolverSetup {
+        rest,
+        walls,
+        constraint: params.constraint,
+        softening: params.softening * rest.rest_gradient2,
+    }
 }
 
-fn neighbourhood<'a>(rest: &'a Rest, solver: &'a Solver, motion: &'a [Node]) -> Neighbourhood<'a> {
+fn neighbourhood<'a>(rest: &'a RestState, solver: &'a Solver, motion: &'a [Node]) -> Neighbourhood<'a> {
     Neighbourhood { rest, nodes: &solver.nodes, motion, lists: &solver.lists }
 }
 
-/// Lets what shares the substep push particles and be pushed.
+/// Projects the contacts with a coupled system.
 fn project_contacts(
     coupled: &mut Option<&mut dyn CoupledSystem>,
     x: &[Vec3],
     solver: &mut Solver,
     walls: &Walls,
-    rest: &Rest,
+    rest: &RestState,
     clock: &mut Clock,
 ) {
-    let collide = |from, to| walls.step(from, to).0;
+    let collide = |from, to| walls.collide(from, to).0;
     if let Some(coupled) = coupled
         && coupled.project_contacts(&mut solver.particles(x, &collide), clock)
     {
-        solver.notice_moves(rest);
+        solver.check_skin(rest);
     }
 }
 
-/// Lets neighbours read velocities.
+/// Copies velocities into the layout of neighbour sums.
 fn publish(motion: &mut Vec<Node>, v: &[Vec3]) {
     motion.resize(v.len(), Node::default());
     par::fill(motion, |i| Node::new(v[i], 0.0));

@@ -1,18 +1,18 @@
-//! What the terms that act on velocities read of a particle's neighbours.
+//! Neighbour sums of the terms that act on velocities.
 
 use super::{
+    calibration::RestState,
     lanes::{self, Node},
-    rest::Rest,
 };
 use crate::{
     simd::{IndexRow, Lanes},
     space::Neighbours,
 };
 
-/// Positions, densities, velocities and the lists that belong to them.
+/// Positions, densities, velocities and their neighbour lists.
 #[derive(Clone, Copy)]
 pub(super) struct Neighbourhood<'a> {
-    pub(super) rest: &'a Rest,
+    pub(super) rest: &'a RestState,
     /// Positions over h and ρ/ρ₀.
     pub(super) nodes: &'a [Node],
     /// Velocities [m/s].
@@ -20,9 +20,8 @@ pub(super) struct Neighbourhood<'a> {
     pub(super) lists: &'a Neighbours,
 }
 
-/// A particle and eight of its neighbours. Where fewer are left, the particle itself stands in, at no distance and with
-/// no other velocity.
-pub(super) struct Pairs<L> {
+/// A particle with eight of its neighbours. Padding repeats the particle itself, at distance zero and with the same velocity.
+pub(super) struct NeighbourPairs<L> {
     /// (x_i − x_j)/h.
     pub(super) d: [L; 3],
     pub(super) q2: L,
@@ -32,11 +31,11 @@ pub(super) struct Pairs<L> {
 }
 
 impl Neighbourhood<'_> {
-    /// Particle `i` and those at `index`.
+    /// Particle `i` with the neighbours at `index`.
     #[inline(always)]
-    pub(super) fn pairs<L: Lanes>(&self, i: usize, index: IndexRow<'_>) -> Pairs<L> {
+    pub(super) fn pairs<L: Lanes>(&self, i: usize, index: IndexRow<'_>) -> NeighbourPairs<L> {
         let (own, other) = (lanes::spread::<L>(self.nodes[i]), lanes::gather::<L>(self.nodes, index));
         let (d, q2) = lanes::offset(own, other);
-        Pairs { d, q2, q: q2.sqrt(), weight: L::splat(2.0) / (own[3] + other[3]) }
+        NeighbourPairs { d, q2, q: q2.sqrt(), weight: L::splat(2.0) / (own[3] + other[3]) }
     }
 }

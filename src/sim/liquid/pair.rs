@@ -1,20 +1,20 @@
-//! The kernel pairs: what weighs densities, and the slope that weighs gradients.
+//! Kernel pairs: the density kernel, and the slope of the gradient kernel.
 //!
-//! *Method*: Poly6 with Spiky's gradient as [pbf] section 3 takes from [mcg03]; Wendland's C2 ([dehnen12] Table 1),
-//! whose slope is its own. Everything is a function of q = r/h, so that no power of h leaves the range of single
-//! precision, and W is 1 at the centre.
+//! *Method*: Poly6 with Spiky's gradient as [pbf] section 3 takes from [mcg03]; Wendland's C2 ([dehnen12] Table 1) with its
+//! own gradient. Everything is a function of q = r/h, so that no power of h leaves the range of single precision, and W is
+//! 1 at the centre.
 
 use crate::simd::Lanes;
 
-/// A kernel pair. `slope` is s(q) in ∇_i W(x_i − x_j) ∝ −s(q) (x_i − x_j)/h.
+/// A pair of kernels. `slope` is s(q) in ∇_i W(x_i − x_j) ∝ −s(q) (x_i − x_j)/h.
 pub(super) trait Pair: Copy + Send + Sync {
-    /// W(q), with q² beside q.
+    /// Density kernel W(q), given q² and q.
     fn density<L: Lanes>(q2: L, q: L) -> L;
-    /// s(q).
+    /// Slope s(q) of the gradient kernel.
     fn slope<L: Lanes>(q: L) -> L;
 }
 
-/// Poly6 and Spiky.
+/// Poly6 with the gradient of Spiky.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Poly6Spiky;
 
@@ -32,7 +32,7 @@ impl Pair for Poly6Spiky {
     }
 }
 
-/// Wendland's C2.
+/// Wendland's C2 with its own gradient.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wendland;
 

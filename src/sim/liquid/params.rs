@@ -1,110 +1,109 @@
-//! What a preset can say about a liquid.
+//! Parameters of a liquid.
 
 use crate::solid::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A liquid made of particles, kept at rest density by position corrections ([pbf] Algorithm 1).
+/// A liquid of particles, kept at rest density by position corrections ([pbf] Algorithm 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LiquidParams {
-    /// Distance between particles at rest [m]: half as much gives eight times the particles and finer splashes.
+    /// Distance between particles at rest [m]: half the distance gives eight times the particles and finer splashes.
     #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
     pub spacing: f32,
-    /// Rest density ρ₀ [kg/m³]. It scales energies and coupling forces, not the motion.
+    /// Rest density ρ₀ [kg/m³]. It scales energies and coupling forces, but does not change the motion.
     #[serde(default = "defaults::density")]
     #[schemars(extend("unit" = "kg/m³", "exclusiveMinimum" = 0.0))]
     pub density: f32,
-    /// Support h of the smoothing kernels, in spacings. Below 1.6 neighbours are too few to hold a lattice;
-    /// above 3 detail blurs and cost grows with its cube.
+    /// Support h of the smoothing kernels, in spacings. Below 1.6 neighbours are too few to keep particles in order;
+    /// above 3 detail blurs. The cost grows with its cube.
     #[serde(default = "defaults::kernel_radius")]
     #[schemars(range(min = 1.2, max = 4.0))]
     pub kernel_radius: f32,
-    /// Stop iterating when the average density deviation falls below this fraction ("0.5 %"). Excludes
-    /// `iterations`; with neither in the preset it is 0.3 %. With `compression`, the deviation is the mean of
-    /// max(ρ/ρ₀ − 1, 0) over all particles, with `equality` that of |ρ/ρ₀ − 1|. Larger is faster and bouncier;
-    /// the shot visibly loses volume above a few per cent.
+    /// Average density deviation at which the iteration stops ("0.5 %"). Excludes `iterations`; with neither in the preset
+    /// it is 0.3 %. With `compression`, the deviation is the mean of max(ρ/ρ₀ − 1, 0) over all particles, with `equality`
+    /// that of |ρ/ρ₀ − 1|. A larger value is faster and bouncier; above a few per cent the liquid visibly loses volume.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "1", "exclusiveMinimum" = 0.0, "maximum" = 1.0))]
     pub density_dev: Option<f32>,
-    /// Iterations a substep may spend on reaching `density_dev`; it takes 2 in any case, if allowed. Too few and deep water
+    /// Most iterations of a substep to reach `density_dev`; it takes at least 2, if this allows them. With too few, deep water
     /// bounces; the frame's record counts the substeps that ended above the target.
     #[serde(default = "defaults::max_iterations")]
     #[schemars(range(min = 1, max = 100000))]
     pub max_iterations: u32,
-    /// A fixed number of iterations a substep, as the paper does (2–10), instead of `density_dev`.
+    /// Fixed number of iterations of a substep, as in the paper (2–10), instead of `density_dev`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 100000))]
     pub iterations: Option<u32>,
-    /// Substeps are chosen so that no particle moves farther than this many spacings in one. Larger is faster;
-    /// above 1 thin colliders leak and splashes scatter.
+    /// CFL number: largest displacement of a particle in a substep, in spacings. A larger value is faster; above 1 thin
+    /// colliders leak and splashes scatter.
     #[serde(default = "defaults::cfl")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10.0))]
     pub cfl: f32,
-    /// Fewest substeps a frame. More cost time and keep deep water from bouncing: 32 layers sag by 2 % and surge
+    /// Fewest substeps of a frame. More substeps cost time and keep deep water from bouncing: 32 layers sag by 2 % and surge
     /// at 20 ms a substep, and hardly at 5 ms.
     #[serde(default = "defaults::min_substeps")]
     #[schemars(range(min = 1, max = 10000))]
     pub min_substeps: u32,
-    /// Most substeps a frame; when the CFL rule asks for more, the frame's record says so.
+    /// Most substeps of a frame; if the CFL rule needs more, the frame's record counts them in `cfl_capped`.
     #[serde(default = "defaults::max_substeps")]
     #[schemars(range(min = 1, max = 10000))]
     pub max_substeps: u32,
-    /// How the density constraints are solved.
+    /// Solver of the density constraints.
     #[serde(default)]
     pub solver: SolverKind,
-    /// Which kernels weigh densities and gradients.
+    /// Kernels of densities and gradients.
     #[serde(default)]
     pub kernel: Kernel,
-    /// Which density errors are corrected.
+    /// Density errors that are corrected.
     #[serde(default)]
     pub constraint: Constraint,
-    /// Constraint softening ε of [pbf] Eq. 11, as a fraction of Σ|∇C|² on the filled lattice. Larger is calmer
-    /// and less converged; 0 jitters where particles part.
+    /// Constraint softening ε of [pbf] Eq. 11, as a fraction of Σ|∇C|² on the filled seeding lattice. A larger value is calmer
+    /// and converges less; with 0 particles jitter where they separate.
     #[serde(default = "defaults::softening")]
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub softening: f32,
-    /// What cached particles carry beside `position`, `velocity` and `id`, for `surface.attributes` and other tools; empty:
-    /// nothing more. It moves no particle, but a cache without them has to be simulated again to get them.
+    /// Channels of cached particles in addition to `position`, `velocity` and `id`, for `surface.attributes` and other tools;
+    /// empty: no more. They do not change the motion, but a cache without them must be simulated again to get them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub channels: Vec<LiquidChannel>,
     /// Artificial pressure, against clumping at the surface; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub artificial_pressure: Option<ArtificialPressure>,
-    /// Vorticity confinement, gives swirls back the energy the solver loses; absent: not applied.
+    /// Vorticity confinement, returns energy that the solver dissipated to vortices; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vorticity: Option<VorticityConfinement>,
-    /// XSPH viscosity, makes neighbours move together; absent: not applied.
+    /// XSPH viscosity, smooths velocities over neighbours; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<Xsph>,
-    /// Where the liquid starts. At least one.
+    /// Volumes of liquid at the start; at least one.
     #[serde(default)]
     pub source: Vec<LiquidSource>,
 }
 
 impl LiquidParams {
-    /// The average density deviation to reach where a preset gives neither `density_dev` nor `iterations`.
+    /// Average density deviation at which the iteration stops if a preset gives neither `density_dev` nor `iterations`.
     ///
     /// At 1 % a metre of water sags by a centimetre and bounces back; 0.1 % takes twice the iterations for a picture that
     /// hardly differs. See docs/decisions/006.
     pub const DEFAULT_DENSITY_DEV: f32 = 0.003;
 }
 
-/// A channel that cached particles carry only where it is named.
+/// A channel that cached particles have only if the preset names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LiquidChannel {
-    /// Seconds since the particle was seeded: the shot's time, as sources fill when it starts.
+    /// Seconds since the particle was seeded, which is the time since the start of the shot.
     Age,
-    /// Which `[[liquid.source]]` the particle came from, counted from 0: a whole number.
+    /// Index of the particle's `[[liquid.source]]`, from 0.
     Source,
 }
 
 impl LiquidChannel {
-    /// All of them, in the order in which frames have them.
+    /// All channels, in the order of frames.
     pub const ALL: [Self; 2] = [Self::Age, Self::Source];
 
-    /// Its name, in presets and in frames.
+    /// Name of the channel in presets and in frames.
     pub fn name(self) -> &'static str {
         match self {
             Self::Age => "age",
@@ -113,37 +112,37 @@ impl LiquidChannel {
     }
 }
 
-/// How the density constraints are solved.
+/// Solver of the density constraints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SolverKind {
-    /// Projected, with momentum and a warm start: deep water takes a third of the iterations, or less.
+    /// Projected Jacobi iterations with momentum and a warm start: deep water takes at most a third of the iterations.
     #[default]
     Accelerated,
-    /// The paper's.
+    /// The paper's Jacobi iterations.
     Jacobi,
 }
 
-/// The kernel pair.
+/// Pair of a density kernel and a gradient kernel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
-    /// Wendland's C2 for both: corrections follow the density's own gradient, and water at rest stays at rest.
+    /// Wendland's C2 for both: corrections follow the gradient of the density, and water at rest stays at rest.
     #[default]
     Wendland,
-    /// Poly6 for densities and Spiky for gradients, as in the paper: disordered water packs a few per cent too
-    /// dense, and jitters.
+    /// Poly6 for densities and Spiky for gradients, as in the paper: disordered water is a few per cent too dense, and
+    /// jitters.
     Poly6Spiky,
 }
 
-/// Which density errors the solver corrects.
+/// Density errors that the solver corrects.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Constraint {
-    /// Compression only (C ≥ 0): splashes part freely and volume is kept.
+    /// Compression only (C ≥ 0): splashes separate freely and volume is conserved.
     #[default]
     Compression,
-    /// Compression and dilation (C = 0), as in the paper: the surface pulls itself together.
+    /// Compression and dilation (C = 0), as in the paper: the surface contracts.
     Equality,
 }
 
@@ -151,14 +150,14 @@ pub enum Constraint {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ArtificialPressure {
-    /// The paper's k, as an acceleration: at 0.1, two particles half a spacing apart repel with about ten g.
-    /// Smaller lets surfaces clump under `constraint = "equality"`; near 1 the liquid boils.
+    /// The paper's k, as an acceleration: at 0.1, two particles half a spacing apart repel with about ten g. A smaller value
+    /// lets surfaces clump under `constraint = "equality"`; near 1 the liquid boils.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub strength: f32,
-    /// The paper's |Δq|/h, where the term reaches `strength`.
+    /// The paper's |Δq|/h, the distance at which the term reaches `strength`.
     #[schemars(range(min = 0.0, max = 0.9))]
     pub reference: f32,
-    /// The paper's n.
+    /// The paper's exponent n.
     #[schemars(range(min = 1, max = 12))]
     pub exponent: u32,
 }
@@ -173,9 +172,9 @@ impl Default for ArtificialPressure {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct VorticityConfinement {
-    /// The paper's ε over √(g₀ · spacing), with g₀ = 9.81 m/s². Larger whips splashes up: on a dam break, 0.05 adds
-    /// 0.03 % of the energy a frame, which nobody sees, 0.5 adds 0.2 %, 2 adds 2 % and frays the surface. The term
-    /// never gives back more energy than the liquid has lost since the start.
+    /// The paper's ε over √(g₀ · spacing), with g₀ = 9.81 m/s². A larger value whips splashes up: on a dam break, 0.05 adds
+    /// 0.03 % of the energy per frame, which is invisible, 0.5 adds 0.2 %, 2 adds 2 % and frays the surface. The term
+    /// never returns more energy than the liquid has lost since the start.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub strength: f32,
 }
@@ -190,7 +189,7 @@ impl Default for VorticityConfinement {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Xsph {
-    /// The paper's c: the share of its neighbours' mean velocity that a particle takes on each substep.
+    /// The paper's c: fraction by which a particle's velocity approaches the mean of its neighbours in each substep.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub strength: f32,
 }

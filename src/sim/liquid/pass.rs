@@ -1,4 +1,4 @@
-//! Passes over neighbour lists, written once for every kernel pair and every form of lanes.
+//! Passes over neighbour lists, generic over kernel pairs and lane types.
 
 use super::{
     Kernel,
@@ -7,15 +7,15 @@ use super::{
 use crate::simd::{self, Lanes, Pass};
 use std::marker::PhantomData;
 
-/// The work of one chunk.
+/// A pass over one chunk of particles.
 pub(super) trait NeighbourPass {
-    /// What the pass returns.
+    /// Result of the pass.
     type Out;
-    /// Runs the pass. To be inlined always, so that the form's instructions reach every line of it.
+    /// Runs the pass. Must be inlined, so that every line of it uses the instructions of the lane type.
     fn run<L: Lanes, P: Pair>(self) -> Self::Out;
 }
 
-/// Runs `pass` with the kernel pair, in the fastest form that the processor supports.
+/// Runs `pass` with a kernel pair, on the fastest lane type of the processor.
 pub(super) fn run<W: NeighbourPass>(kernel: Kernel, pass: W) -> W::Out {
     match kernel {
         Kernel::Poly6Spiky => simd::dispatch(WithKernel::<W, Poly6Spiky>(pass, PhantomData)),
@@ -45,7 +45,7 @@ mod tests {
         solid::{Shape, Solid},
     };
 
-    /// The bits of every position, velocity and gain of energy after two blocks fell on each other and a ball.
+    /// Bits of all positions, velocities and confinement energies after two blocks fell on each other and on a ball.
     fn bits(params: &LiquidParams) -> Vec<u32> {
         let tank = Shape::Tank { min: [0.0; 3], max: [0.6, 0.4, 1.0] };
         let ball = Shape::Sphere { center: [0.2, 0.2, 0.0], radius: 0.15 };
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn whole_runs_have_the_same_bits_in_both_forms() {
+    fn whole_runs_have_the_same_bits_on_both_lane_types() {
         for (solver, kernel) in [("accelerated", "wendland"), ("jacobi", "poly6_spiky")] {
             let text = format!(
                 "spacing = 0.04\nsolver = '{solver}'\nkernel = '{kernel}'\n\

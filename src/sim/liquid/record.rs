@@ -1,16 +1,16 @@
-//! What the liquid reports of its seeding and of a frame.
+//! Records of the liquid: its seeding, and every frame.
 
 use serde::{Deserialize, Serialize};
 
-/// What seeding the liquid did.
+/// Report of the liquid's seeding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LiquidSeeds {
-    /// Particles.
+    /// Number of particles.
     pub particles: u32,
-    /// Particles left out because they lay in a solid, or closer to one than half a spacing.
+    /// Particles skipped because they were in a solid, or closer to one than half a spacing.
     pub skipped_in_solids: u32,
-    /// Particles left out because an earlier source had already put one closer than 0.9 spacings.
+    /// Particles skipped because a particle of an earlier source was closer than 0.9 spacings.
     pub skipped_overlapping: u32,
 }
 
@@ -20,22 +20,22 @@ pub struct LiquidSeeds {
 pub struct Clamps {
     /// Particle corrections shortened to half a spacing, over all iterations.
     pub corrections: u64,
-    /// Substeps after which velocities were scaled down because the mechanical energy exceeded the shot's first and the
-    /// work of moving solids.
+    /// Substeps after which velocities were scaled down because the mechanical energy exceeded the shot's first energy and
+    /// the work of moving solids.
     pub energy: u64,
-    /// Substeps in which vorticity confinement was scaled down to stay bounded.
+    /// Substeps in which vorticity confinement was scaled down to its bound.
     pub confinement: u64,
-    /// Times the accelerated solver found its iteration running away and slowed it.
+    /// Number of times that the accelerated solver detected a diverging iteration and slowed it.
     pub momentum: u32,
-    /// Particles that still touched a solid after the last collision pass, over all iterations.
+    /// Particles still in contact with a solid after the last projection, over all iterations.
     pub contacts: u64,
 }
 
-/// What happened to the liquid in a frame. The same on every run and for any thread count.
+/// Record of the liquid over a frame. It is the same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LiquidRecord {
-    /// Substeps taken.
+    /// Number of substeps.
     pub substeps: u32,
     /// Solver iterations, over all substeps.
     pub iterations: u32,
@@ -48,17 +48,17 @@ pub struct LiquidRecord {
     pub density_dev_max: f64,
     /// Mean of |C|, dilation and compression alike, over the particles whose neighbourhood is filled [1].
     pub bulk_dev_avg: f64,
-    /// ½ Σ m v² at the frame's end [J].
+    /// Kinetic energy ½ Σ m v² at the frame's end [J].
     pub kinetic_energy: f64,
-    /// −Σ m g·x at the frame's end [J]; the zero is at the world's origin.
+    /// Potential energy −Σ m g·x at the frame's end [J]; zero at the world's origin.
     pub potential_energy: f64,
     /// Energy that vorticity confinement added during the frame [J].
     pub confinement_energy: f64,
-    /// Work of moving solids on the liquid during the frame [J]: what the liquid's energy may rise by.
+    /// Work of moving solids on the liquid during the frame [J]. The liquid's energy may rise by it.
     pub solid_work: f64,
     /// Limits that changed a result.
     pub clamps: Clamps,
-    /// Neighbour lists built again within a substep because particles had moved farther than the skin.
+    /// Neighbour lists rebuilt within a substep because particles had moved farther than the skin.
     pub list_rebuilds: u32,
     /// Substeps longer than the CFL rule allows, because of `max_substeps`.
     pub cfl_capped: u32,

@@ -1,51 +1,51 @@
-//! Artificial pressure: particles that come too close repel each other.
+//! Artificial pressure: repulsion of particles that are too close.
 //!
-//! *Method*: s_corr of [pbf] Eq. 13 in the sum of Eq. 14. *Departs from the paper*: there the term joins every
-//! iteration, so that its effect grows with their number and, as a displacement, with 1/Δt². Here it is an
-//! acceleration, applied once a substep before the density solve: what it does in a second depends neither on
-//! the iterations nor on the substeps, and relative to gravity not on the spacing either. s_corr is measured in
-//! the λ that would undo C = 1 on the filled lattice, over τ² with τ = √(spacing/[`SCALE`]).
+//! *Method*: s_corr of [pbf] Eq. 13 in the sum of Eq. 14. *Departs from the paper*: there the term is part of every
+//! iteration, so that its effect grows with their number and, as a displacement, with 1/Δt². Here it is an acceleration,
+//! applied once a substep before the density solve: its effect per second depends neither on iterations nor on substeps, and
+//! relative to gravity not on the spacing. The unit of s_corr is the λ that corrects C = 1 on the filled seeding lattice, over
+//! τ² with τ = √(spacing/[`UNIT_ACCELERATION`]).
 //!
-//! Limits: explicit; a substep moves a particle by at most half a spacing, counted when it would be more.
+//! Limits: explicit; a substep moves a particle by at most half a spacing, and shortened displacements are counted.
 
 use super::{
     ArtificialPressure, Kernel,
+    calibration::RestState,
     correction::limit,
     lanes::{self, Node},
     pair::{Pair, Poly6Spiky},
     pass::{self, NeighbourPass},
-    rest::Rest,
 };
 use crate::{math::Vec3, par, simd::Lanes, space::Neighbours};
 
-/// Acceleration that stands for strength 1 [m/s²]. With it, two particles half a spacing apart part with about ten g
-/// at the paper's k = 0.1. A tenth of it leaves an equality-constrained dam break clumping and gaining energy in
-/// every substep; ten times as much boils.
-const SCALE: f32 = 981.0;
+/// Acceleration at strength 1 [m/s²]. With it, two particles half a spacing apart separate with about ten g at the paper's
+/// k = 0.1. A tenth of it leaves an equality-constrained dam break clumping and gaining energy in every substep; ten times
+/// as much boils.
+const UNIT_ACCELERATION: f32 = 981.0;
 
-/// The term and its buffer.
+/// Artificial pressure and its buffer.
 #[derive(Debug)]
 pub(super) struct Repulsion {
     params: ArtificialPressure,
-    /// Push per Δt² for s_corr over its strength = 1 and a slope of 1 [m/s²].
+    /// Displacement per Δt² for s_corr over its strength = 1 and a slope of 1 [m/s²].
     scale: f32,
     /// Displacements [m].
     push: Vec<Vec3>,
 }
 
 impl Repulsion {
-    /// The term for `rest`, measured with the paper's kernels whatever the solver's are.
-    pub(super) fn new(params: ArtificialPressure, rest: &Rest) -> Self {
-        let paper = Rest::new(Kernel::Poly6Spiky, rest.spacing, rest.support / rest.spacing);
-        let lambda = params.strength * SCALE / paper.spacing / paper.lattice_gradient2;
+    /// Artificial pressure for `rest`, measured with the paper's kernels regardless of the solver's.
+    pub(super) fn new(params: ArtificialPressure, rest: &RestState) -> Self {
+        let paper = RestState::new(Kernel::Poly6Spiky, rest.spacing, rest.support / rest.spacing);
+        let lambda = params.strength * UNIT_ACCELERATION / paper.spacing / paper.rest_gradient2;
         Self { params, scale: lambda * paper.gradient_scale, push: Vec::new() }
     }
 
-    /// Moves the predicted positions `p`, which `nodes` hold too, apart for a substep of `dt` [s]; returns how many
-    /// pushes were cut short.
+    /// Moves the predicted positions `p`, which are also in `nodes`, by the repulsion over `dt` [s]. Returns the number of
+    /// shortened displacements.
     pub(super) fn apply(
         &mut self,
-        rest: &Rest,
+        rest: &RestState,
         lists: &Neighbours,
         nodes: &[Node],
         p: &mut [Vec3],
@@ -55,7 +55,10 @@ impl Repulsion {
         let inv_w_reference = 1.0 / (1.0 - self.params.reference.powi(2));
         let (power, scale) = (3 * self.params.exponent, self.scale * dt * dt);
         par::for_chunks(&mut self.push, par::CHUNK, |start, push| {
-            pass::run(rest.kernel, Push { lists, nodes, start, inv_w_reference, power, scale, push });
+            pass::run(
+                rest.kernel,
+                RepulsionPass { lists, nodes, start, inv_w_reference, power, scale, push },
+            );
         });
         let push = &self.push;
         let shortened = par::sum(p.len(), |i| f64::from(u8::from(limit(push[i], rest.spacing).1)));
@@ -64,8 +67,8 @@ impl Repulsion {
     }
 }
 
-/// The pushes on a chunk of particles.
-struct Push<'a> {
+/// Displacements of a chunk of particles.
+struct RepulsionPass<'a> {
     lists: &'a Neighbours,
     nodes: &'a [Node],
     start: usize,
@@ -77,7 +80,7 @@ struct Push<'a> {
     push: &'a mut [Vec3],
 }
 
-impl NeighbourPass for Push<'_> {
+impl NeighbourPass for RepulsionPass<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -99,7 +102,7 @@ impl NeighbourPass for Push<'_> {
     }
 }
 
-/// `base` to the `exponent`, at least 1.
+/// `base` raised to `exponent`, which is at least 1.
 #[inline(always)]
 fn power<L: Lanes>(base: L, exponent: u32) -> L {
     let (mut result, mut square, mut left) = (L::splat(1.0), base, exponent);

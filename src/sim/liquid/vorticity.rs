@@ -1,46 +1,45 @@
-//! Vorticity confinement: gives swirls back energy that the solver lost.
+//! Vorticity confinement: returns energy that the solver dissipated to vortices.
 //!
-//! *Method*: [pbf] Eqs. 15–16. *Departs from the paper*: sums carry the volume weight m/ρ̄_ij, so that ω is a
-//! curl in 1/s; ε is `strength` · √(g₀ · spacing) [m/s], so that the acceleration is one and vanishes as the
-//! spacing does; and the term is bounded twice. In one substep it changes a velocity by at most a tenth of the
-//! swirl speed ω · spacing, and over the shot it gives back at most the mechanical energy that the liquid has
-//! lost since the start: it can prolong motion but never wind it up.
+//! *Method*: [pbf] Eqs. 15–16. *Departs from the paper*: sums have the volume weight m/ρ̄_ij, so that ω is a curl in 1/s; ε is
+//! `strength` · √(g₀ · spacing) [m/s], so that the term is an acceleration and vanishes with the spacing. The term has two
+//! bounds. In one substep it changes a velocity by at most a tenth of the rotation speed ω · spacing. Over the shot it returns
+//! at most the mechanical energy that the liquid has lost since the start: it prolongs motion without amplifying it.
 //!
 //! Symbols: ω_i → `omega` [1/s]; η → `eta` [1/(m s)]; ε → `epsilon` [m/s].
 
 use super::{
     VorticityConfinement,
     lanes::{self, Node},
-    neighbourhood::{Neighbourhood, Pairs},
+    neighbourhood::{NeighbourPairs, Neighbourhood},
     pair::Pair,
     pass::{self, NeighbourPass},
 };
 use crate::{math::Vec3, par, simd::Lanes};
 
-/// g₀, the acceleration that makes ε dimensionless [m/s²].
+/// g₀, which makes ε dimensionless [m/s²].
 const STANDARD_GRAVITY: f32 = 9.81;
 
-/// Largest change of a velocity in one substep, as a fraction of ω · spacing. At 1 a swirl doubles in a
-/// substep and tears its surroundings.
-const LARGEST_KICK: f32 = 0.1;
+/// Largest change of a velocity in one substep, as a fraction of ω · spacing. At 1 a vortex doubles its speed in a substep
+/// and tears its surroundings.
+const MAX_VELOCITY_CHANGE: f32 = 0.1;
 
-/// The term and its buffers.
+/// Vorticity confinement and its buffers.
 #[derive(Debug)]
 pub(super) struct Confinement {
     strength: f32,
-    /// ω [1/s], and |ω| beside it.
+    /// Vorticity ω and its norm [1/s].
     omega: Vec<Node>,
     /// Velocity changes [m/s].
-    kick: Vec<Vec3>,
+    change: Vec<Vec3>,
 }
 
 impl Confinement {
     pub(super) fn new(params: &VorticityConfinement) -> Self {
-        Self { strength: params.strength, omega: Vec::new(), kick: Vec::new() }
+        Self { strength: params.strength, omega: Vec::new(), change: Vec::new() }
     }
 
-    /// Changes `v` over `dt` [s], adding at most `budget` [J] with particles of `mass` [kg]; returns the energy
-    /// added [J] and whether a bound cut it.
+    /// Changes `v` over `dt` [s], adding at most `budget` [J] with particles of `mass` [kg]. Returns the added energy [J] and
+    /// whether a bound reduced it.
     pub(super) fn apply(
         &mut self,
         at: Neighbourhood<'_>,
@@ -50,35 +49,35 @@ impl Confinement {
         budget: f64,
     ) -> (f64, bool) {
         self.omega.resize(v.len(), Node::default());
-        self.kick.resize(v.len(), Vec3::zeros());
+        self.change.resize(v.len(), Vec3::zeros());
         let kernel = at.rest.kernel;
         par::for_chunks(&mut self.omega, par::CHUNK, |start, omega| {
-            pass::run(kernel, Curl { at, start, omega });
+            pass::run(kernel, CurlPass { at, start, omega });
         });
         let epsilon = self.strength * (STANDARD_GRAVITY * at.rest.spacing).sqrt();
         let wanted = epsilon * dt;
-        let step = wanted.min(LARGEST_KICK * at.rest.spacing);
+        let step = wanted.min(MAX_VELOCITY_CHANGE * at.rest.spacing);
         let omega = &*self.omega;
-        par::for_chunks(&mut self.kick, par::CHUNK, |start, kick| {
-            pass::run(kernel, Kick { at, start, omega, step, kick });
+        par::for_chunks(&mut self.change, par::CHUNK, |start, change| {
+            pass::run(kernel, ConfinementPass { at, start, omega, step, change });
         });
-        let (kick, velocities) = (&self.kick, &*v);
-        let linear = mass * par::sum(v.len(), |i| f64::from(velocities[i].dot(&kick[i])));
-        let square = 0.5 * mass * par::sum(v.len(), |i| f64::from(kick[i].norm_squared()));
-        let share = affordable(linear, square, budget.max(0.0));
-        par::update(v, |i, v| *v += kick[i] * share as f32);
+        let (change, velocities) = (&self.change, &*v);
+        let linear = mass * par::sum(v.len(), |i| f64::from(velocities[i].dot(&change[i])));
+        let square = 0.5 * mass * par::sum(v.len(), |i| f64::from(change[i].norm_squared()));
+        let share = largest_share(linear, square, budget.max(0.0));
+        par::update(v, |i, v| *v += change[i] * share as f32);
         (share * (linear + share * square), step < wanted || share < 1.0)
     }
 }
 
-/// ω of a chunk of particles.
-struct Curl<'a> {
+/// Vorticity of a chunk of particles.
+struct CurlPass<'a> {
     at: Neighbourhood<'a>,
     start: usize,
     omega: &'a mut [Node],
 }
 
-impl NeighbourPass for Curl<'_> {
+impl NeighbourPass for CurlPass<'_> {
     type Out = ();
 
     #[inline(always)]
@@ -89,7 +88,7 @@ impl NeighbourPass for Curl<'_> {
             let mut sum = [L::splat(0.0); 3];
             let mut neighbours = self.at.lists.rows::<L>(i);
             while let Some(index) = neighbours.next() {
-                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
+                let NeighbourPairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
                 let other = lanes::gather::<L>(self.at.motion, index);
                 let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
                 let cross = [u[1] * d[2] - u[2] * d[1], u[2] * d[0] - u[0] * d[2], u[0] * d[1] - u[1] * d[0]];
@@ -101,36 +100,36 @@ impl NeighbourPass for Curl<'_> {
     }
 }
 
-/// Changes of velocity of a chunk of particles.
-struct Kick<'a> {
+/// Velocity changes of a chunk of particles.
+struct ConfinementPass<'a> {
     at: Neighbourhood<'a>,
     start: usize,
     omega: &'a [Node],
     /// ε Δt [m].
     step: f32,
-    kick: &'a mut [Vec3],
+    change: &'a mut [Vec3],
 }
 
-impl NeighbourPass for Kick<'_> {
+impl NeighbourPass for ConfinementPass<'_> {
     type Out = ();
 
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) {
-        for (offset, kick) in self.kick.iter_mut().enumerate() {
+        for (offset, change) in self.change.iter_mut().enumerate() {
             let i = self.start + offset;
             let own = self.omega[i];
             let size = L::splat(own.value());
             let mut eta = [L::splat(0.0); 3];
             let mut neighbours = self.at.lists.rows::<L>(i);
             while let Some(index) = neighbours.next() {
-                let Pairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
+                let NeighbourPairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
                 let [_, _, _, other] = lanes::gather::<L>(self.omega, index);
                 eta = lanes::plus(eta, d, weight * P::slope(q) * (size - other));
             }
             let eta = lanes::total(eta) * self.at.rest.gradient_scale;
             let length = eta.norm();
-            // Where |ω| is level, N has no direction.
-            *kick = if length * self.at.rest.support <= 1e-6 * own.value() {
+            // Where |ω| is constant, N has no direction.
+            *change = if length * self.at.rest.support <= 1e-6 * own.value() {
                 Vec3::zeros()
             } else {
                 (eta / length).cross(&own.vector()) * self.step // Δt f, [pbf] Eq. 16
@@ -139,8 +138,8 @@ impl NeighbourPass for Kick<'_> {
     }
 }
 
-/// The largest s ≤ 1 with s·linear + s²·square ≤ budget.
-fn affordable(linear: f64, square: f64, budget: f64) -> f64 {
+/// Largest s ≤ 1 with s·linear + s²·square ≤ budget.
+fn largest_share(linear: f64, square: f64, budget: f64) -> f64 {
     if linear + square <= budget || square <= 0.0 {
         return 1.0;
     }
@@ -154,31 +153,31 @@ fn affordable(linear: f64, square: f64, budget: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::{
-        sim::liquid::{Kernel, rest::Rest},
+        sim::liquid::{Kernel, calibration::RestState},
         space::{CellGrid, Neighbours},
     };
 
     #[test]
-    fn the_share_spends_the_budget_and_no_more() {
+    fn the_share_uses_exactly_the_budget() {
         for (linear, square, budget) in [(1.0, 2.0, 0.5), (-1.0, 3.0, 0.1), (5.0, 0.1, 0.0), (1e6, 1e-3, 1.0)]
         {
-            let s = affordable(linear, square, budget);
+            let s = largest_share(linear, square, budget);
             assert!((0.0..1.0).contains(&s));
             assert!((s * linear + s * s * square - budget).abs() < 1e-9 * budget.max(1.0), "{s}");
         }
-        assert_eq!(affordable(1.0, 1.0, 2.5), 1.0);
-        assert_eq!(affordable(0.0, 0.0, 0.0), 1.0);
+        assert_eq!(largest_share(1.0, 1.0, 2.5), 1.0);
+        assert_eq!(largest_share(0.0, 0.0, 0.0), 1.0);
     }
 
     #[test]
     fn a_vortex_gains_what_is_reported_and_what_the_budget_allows() {
-        let rest = Rest::new(Kernel::Poly6Spiky, 0.1, 2.0);
+        let rest = RestState::new(Kernel::Poly6Spiky, 0.1, 2.0);
         let at =
             |k: usize| Vec3::new((k % 11) as f32 - 5.0, (k / 11 % 11) as f32 - 5.0, (k / 121) as f32) * 0.1;
         let p: Vec<Vec3> = (0..11 * 11 * 5).map(at).collect();
         let lists = Neighbours::build(&CellGrid::new(&p, 0.2), &p, 0.2);
         let nodes: Vec<Node> = p.iter().map(|&x| Node::new(x * rest.inv_support, 1.0)).collect();
-        // A column that turns like a rigid body inside and slower outside.
+        // A column that rotates rigidly inside and slower outside.
         let turning = |x: &Vec3| Vec3::new(-x.y, x.x, 0.0) * 3.0 * (-4.0 * (x.x * x.x + x.y * x.y)).exp();
         let still: Vec<Vec3> = p.iter().map(turning).collect();
         let motion: Vec<Node> = still.iter().map(|&v| Node::new(v, 0.0)).collect();
@@ -193,7 +192,8 @@ mod tests {
         };
         let (free, bounded, omega) = gain(f64::INFINITY, 0.5);
         assert!(free > 0.0 && !bounded, "{free}");
-        // Twice the angular velocity, less what a sum over a kernel smooths.
+        // Twice the angular velocity, reduced by the smoothing of the kernel.
+
         assert!((omega.z / 6.0 - 1.0).abs() < 0.12 && omega.xy().norm() < 1e-3, "{omega:?}");
         let (half, bounded, _) = gain(0.5 * free, 0.5);
         assert!(bounded && (half - 0.5 * free).abs() < 1e-6 * free);

@@ -11,8 +11,8 @@ pub(in crate::sim) const MAX_TRACERS_AND_VORTONS: f64 = 2_147_483_648.0;
 /// # Errors
 /// [`SetupError::TooMuchSmoke`].
 pub(in crate::sim) fn refuse_too_much(smoke: &SmokeParams, seconds: f64) -> Result<(), SetupError> {
-    let asked = estimate(smoke, seconds);
-    if asked > MAX_TRACERS_AND_VORTONS { Err(SetupError::TooMuchSmoke { asked }) } else { Ok(()) }
+    let count = estimate(smoke, seconds);
+    if count > MAX_TRACERS_AND_VORTONS { Err(SetupError::TooMuchSmoke { count }) } else { Ok(()) }
 }
 
 /// About how many vortons and tracers the smoke has after some seconds, at most; meshes that are not filled are not counted.

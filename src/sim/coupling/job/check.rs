@@ -1,4 +1,4 @@
-//! Checks of what a preset says about couplings, once every value is valid on its own.
+//! Checks of the couplings in a preset, once every value is valid on its own.
 
 use crate::{
     preset::{
@@ -13,7 +13,7 @@ use crate::{
     },
 };
 
-/// Everything about the couplings that has no meaning.
+/// Reports invalid couplings.
 pub(super) fn check_couplings(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     let present = PresentSystems {
         liquid: scene.liquid.is_some(),

@@ -1,4 +1,4 @@
-//! What jobs need to know of the couplings.
+//! The couplings as jobs see them.
 
 pub(crate) mod check;
 mod report;

@@ -1,4 +1,4 @@
-//! What jobs report of couplings: progress, warnings, totals.
+//! Reports of couplings: progress, warnings, totals.
 
 use crate::{
     job::{Total, nonzero},
@@ -9,13 +9,13 @@ use crate::{
 };
 use serde_json::json;
 
-/// What a frame's progress line shows.
+/// Progress line of a frame.
 pub(super) fn progress(record: &CouplingRecord) -> Option<String> {
     let LiquidSheetRecord { contacts, impulse: [x, y, z], .. } = record.liquid.as_ref()?;
     Some(format!("contacts {contacts}  impulse {:.3} N·s", x.hypot(*y).hypot(*z)))
 }
 
-/// The limits that changed a frame.
+/// Limits that changed a frame.
 pub(super) fn warnings(record: &CouplingRecord) -> Vec<String> {
     let liquid = record.liquid.clone().unwrap_or_default();
     let smoke = record.smoke.clone().unwrap_or_default();

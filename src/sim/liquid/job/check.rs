@@ -1,4 +1,4 @@
-//! Checks of what a preset says about the liquid, once every value is valid on its own.
+//! Checks of the liquid in a preset, once every value is valid on its own.
 
 use crate::{
     preset::{check::Places, problem::Finding, shapes::source_finding},
@@ -9,10 +9,10 @@ use crate::{
     solid::Shape,
 };
 
-/// Particles that the 32-bit neighbour lists can tell apart.
+/// Largest number of particles that 32-bit neighbour lists can index.
 const MAX_PARTICLES: f64 = 2_147_483_648.0;
 
-/// Everything about the liquid that contradicts itself or cannot be simulated.
+/// Reports contradictions in the liquid, and what cannot be simulated.
 pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mut Vec<Finding>) {
     if liquid.iterations.is_some() && liquid.density_dev.is_some() {
         findings.push(
@@ -26,7 +26,7 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
         );
     }
     if liquid.min_substeps > liquid.max_substeps {
-        let (least, most) = (liquid.min_substeps, liquid.max_substeps);
+        let (min, max) = (liquid.min_substeps, liquid.max_substeps);
         // The later of the two keys is the one that broke the order.
         let key = ["liquid.min_substeps", "liquid.max_substeps"].into_iter().max_by_key(|key| places.of(key));
         let key = key.unwrap_or("liquid.min_substeps");
@@ -34,8 +34,8 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
             Finding::new(
                 places.of(key),
                 key,
-                format!("`min_substeps` ({least}) is above `max_substeps` ({most})"),
-                format!("found {least} to {most} substeps a frame, expected the smaller number first"),
+                format!("`min_substeps` ({min}) is above `max_substeps` ({max})"),
+                format!("found {min} to {max} substeps a frame, expected the smaller number first"),
             )
             .with_help("raise `max_substeps` or lower `min_substeps`; both have defaults"),
         );
@@ -69,7 +69,7 @@ fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut V
             Finding::new(
                 places.of(key),
                 key,
-                format!("the sources hold about {count:.3e} particles, more than the {MAX_PARTICLES} that can be told apart"),
+                format!("the sources hold about {count:.3e} particles, more than the solver can index ({MAX_PARTICLES})"),
                 format!("found {} m between particles, for {volume:.3} m³ of liquid", liquid.spacing),
             )
             .with_help(format!("make `liquid.spacing` larger than {needed:.2e} m, or the sources smaller")),
@@ -77,8 +77,8 @@ fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut V
     }
 }
 
-/// The sources' volume in particles; sources that overlap count twice, meshes, whose volume is in their file, not
-/// at all.
+/// Estimate of the number of particles by volume; overlapping sources count twice, and meshes, whose volume is in their file,
+/// do not count.
 pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
     let volume: f64 = liquid.source.iter().map(|source| volume(&source.shape)).sum();
     volume / f64::from(liquid.spacing).powi(3)
@@ -105,7 +105,7 @@ fn volume(shape: &Shape) -> f64 {
     }
 }
 
-/// Whether the particles will have what the surface is to carry, as far as that is up to the preset.
+/// Whether the particles have the channels that the surface is to have as attributes.
 pub(super) fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     let Some(liquid) = &scene.liquid else { return };
     let wanted = |name: &str| scene.surface.attributes.iter().flatten().any(|attribute| attribute == name);
@@ -119,11 +119,11 @@ pub(super) fn check_attributes(scene: &Scene, places: &Places, findings: &mut Ve
                 Finding::new(
                     places.of("surface.attributes"),
                     "surface.attributes",
-                    format!("the particles have no `{name}` to carry"),
+                    format!("the particles have no channel `{name}`"),
                     format!("found `{name}`, which `liquid.channels` does not name"),
                 )
                 .with_help(format!(
-                    "write `channels = [{}]` in `[liquid]`; a shot that is simulated already has to be simulated again",
+                    "write `channels = [{}]` in `[liquid]`; an existing cache must be simulated again",
                     needed.join(", ")
                 )),
             );

@@ -1,4 +1,4 @@
-//! What jobs need to know of the liquid.
+//! The liquid as jobs see it.
 
 pub(crate) mod check;
 mod report;

@@ -1,4 +1,4 @@
-//! What jobs report of the liquid: progress, warnings, totals.
+//! Reports of the liquid: progress, warnings, totals.
 
 use crate::{
     cache::StreamInfo,
@@ -14,21 +14,21 @@ use serde_json::json;
 const DENSITY_DEV_AVG: &str = "density_dev_avg";
 const DENSITY_DEV_MAX: &str = "density_dev_max";
 
-/// What seeding left out.
+/// Particles that seeding skipped.
 pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
     nonzero(&[
         (
             seeds.skipped_in_solids.into(),
-            "particles of the sources were left out: they lay inside solids or touched them",
+            "particles of the sources were skipped: they were inside solids or touched them",
         ),
         (
             seeds.skipped_overlapping.into(),
-            "particles of the sources were left out: another source had filled their place",
+            "particles of the sources were skipped: another source had already filled their position",
         ),
     ])
 }
 
-/// What a frame's progress line shows.
+/// Progress line of a frame.
 pub(super) fn progress(record: &LiquidRecord) -> String {
     format!(
         "substeps {}  iterations {}  density_dev {:.3}% (max {:.2}%)",
@@ -39,7 +39,7 @@ pub(super) fn progress(record: &LiquidRecord) -> String {
     )
 }
 
-/// The limits that changed a frame.
+/// Limits that changed a frame.
 pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
     let clamps = &record.clamps;
     nonzero(&[
@@ -54,7 +54,7 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
     ])
 }
 
-/// The density deviations that a frame's header holds.
+/// Density deviations in a frame's header.
 pub(super) fn frame_figures(streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {
     let scalars = streams.iter().filter(|stream| stream.name == NAME).flat_map(|stream| &stream.scalars);
     let named =

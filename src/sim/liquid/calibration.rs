@@ -1,17 +1,17 @@
-//! The kernels, scaled so that the seeding lattice is at rest.
+//! Calibration of the kernels, so that the seeding lattice is at rest density.
 //!
 //! *Method*: the pairs of `pair.rs`, and their integrals over a half space in closed form.
-//! *Departs from the paper*: the particle mass is calibrated so that C = 0 on the filled cubic lattice, instead
-//! of being dropped; the softening ε is relative to Σ|∇C|² there, so that it keeps its meaning at any spacing.
+//! *Departs from the paper*: the particle mass is calibrated so that C = 0 on the filled seeding lattice, instead of being
+//! dropped. The softening ε is relative to Σ|∇C|² there, so that its meaning does not depend on the spacing.
 //!
 //! Symbols: h → `support` [m]; m W(0, h)/ρ₀ → `density_scale` [1]; m |∇W(0, h)|/ρ₀ → `gradient_scale` [1/m].
 //! Everything is a function of q = r/h, so that no power of h leaves the range of single precision.
 
 use super::Kernel;
 
-/// The calibrated kernels.
+/// Kernels calibrated for the rest state.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Rest {
+pub(super) struct RestState {
     /// The kernel pair.
     pub(super) kernel: Kernel,
     /// Distance between particles at rest [m].
@@ -20,19 +20,19 @@ pub(super) struct Rest {
     pub(super) support: f32,
     /// 1/h [1/m].
     pub(super) inv_support: f32,
-    /// The share of ρ₀ that a particle contributes at its own centre.
+    /// Density that a particle contributes at its own centre, over ρ₀.
     pub(super) density_scale: f32,
-    /// What slopes times offsets over h are to be multiplied by to give ∇C [1/m].
+    /// Factor from slopes times offsets over h to ∇C [1/m].
     pub(super) gradient_scale: f32,
-    /// Σ_k |∇_k C|² on the filled lattice [1/m²].
-    pub(super) lattice_gradient2: f32,
-    /// What to add to a distance before asking for the solid's share, so that the first layer, half a
-    /// spacing from a wall, is at rest [m].
+    /// Σ_k |∇_k C|² on the filled seeding lattice [1/m²].
+    pub(super) rest_gradient2: f32,
+    /// Offset of the distance to a solid in its density, so that the first layer of particles, half a spacing from a wall,
+    /// is at rest density [m].
     pub(super) wall_shift: f32,
 }
 
-impl Rest {
-    /// Calibrates on the cubic lattice of `spacing` [m] with a support of `radius` spacings.
+impl RestState {
+    /// Calibrates on the seeding lattice of `spacing` [m], with a support of `radius` spacings.
     pub(super) fn new(kernel: Kernel, spacing: f32, radius: f32) -> Self {
         let (mut full, mut half, mut gradient2) = (0.0, 0.0, 0.0);
         let reach = radius.ceil() as i32;
@@ -56,19 +56,19 @@ impl Rest {
             inv_support: (1.0 / h) as f32,
             density_scale: density_scale as f32,
             gradient_scale: gradient_scale as f32,
-            lattice_gradient2: (gradient_scale * gradient_scale * gradient2) as f32,
+            rest_gradient2: (gradient_scale * gradient_scale * gradient2) as f32,
             wall_shift: 0.0,
         };
         rest.wall_shift = (rest.shift_for(1.0 - half / full, 0.5 / f64::from(radius)) * h) as f32;
         rest
     }
 
-    /// What to add to q so that the planar solid's share there is `deficit`, by bisection.
+    /// Offset of q with which the density of a half space is `deficit`, by bisection.
     fn shift_for(&self, deficit: f64, q: f64) -> f64 {
         let (mut low, mut high) = (-1.0, 1.0);
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
-            if f64::from(self.solid_share(middle as f32)) > deficit {
+            if f64::from(self.half_space_density(middle as f32)) > deficit {
                 low = middle;
             } else {
                 high = middle;
@@ -77,8 +77,8 @@ impl Rest {
         0.5 * (low + high) - q
     }
 
-    /// The share of ρ₀ that a planar solid contributes at distance q·h: W integrated over the solid.
-    pub(super) fn solid_share(&self, q: f32) -> f32 {
+    /// Density that a half space contributes at distance q·h, over ρ₀: the integral of W over the half space.
+    pub(super) fn half_space_density(&self, q: f32) -> f32 {
         let a = q.abs().min(1.0);
         let a2 = a * a;
         let odd = match self.kernel {
@@ -93,8 +93,8 @@ impl Rest {
         if q < 0.0 { 1.0 - share } else { share }
     }
 
-    /// h times the slope with which the planar solid's share falls off: the gradient integrated over the solid.
-    pub(super) fn solid_slope(&self, q: f32) -> f32 {
+    /// Slope with which the density of a half space decreases, times h: the integral of the gradient over the half space.
+    pub(super) fn half_space_slope(&self, q: f32) -> f32 {
         let a = q.abs().min(1.0);
         let a2 = a * a;
         match self.kernel {
@@ -108,7 +108,7 @@ impl Rest {
 }
 
 impl Kernel {
-    /// W over its value at the centre, as [`Pair::density`](super::pair::Pair::density) in double precision.
+    /// W over its value at the centre; [`Pair::density`](super::pair::Pair::density) in double precision.
     pub(super) fn density(self, q: f64) -> f64 {
         match self {
             Self::Poly6Spiky => (1.0 - q * q).powi(3),
@@ -116,7 +116,7 @@ impl Kernel {
         }
     }
 
-    /// As [`Pair::slope`](super::pair::Pair::slope).
+    /// Slope of the kernel; [`Pair::slope`](super::pair::Pair::slope) in double precision.
     fn slope(self, q: f64) -> f64 {
         match self {
             Self::Poly6Spiky => (1.0 - q).powi(2) / q,
@@ -124,8 +124,7 @@ impl Kernel {
         }
     }
 
-    /// h times the gradient that belongs to a slope of 1, for a density of 1 at the centre: the ratio of the
-    /// normalised kernels.
+    /// Gradient, times h, for a slope of 1 and a density of 1 at the centre: the ratio of the normalised kernels.
     fn gradient_per_density(self) -> f64 {
         match self {
             // Spiky's 45/π over Poly6's 315/64π.
@@ -147,9 +146,9 @@ mod tests {
     const KERNELS: [Kernel; 2] = [Kernel::Poly6Spiky, Kernel::Wendland];
 
     #[test]
-    fn scales_agree_with_the_kernels_they_stand_for() {
+    fn scales_agree_with_the_kernels() {
         for (spacing, radius) in [(0.02_f32, 2.0), (1.0, 2.6), (1e-3, 1.7)] {
-            let rest = Rest::new(Kernel::Poly6Spiky, spacing, radius);
+            let rest = RestState::new(Kernel::Poly6Spiky, spacing, radius);
             let mass = rest.density_scale / Poly6::new(rest.support).value(0.0);
             let volume = spacing.powi(3);
             assert!((mass / volume - 1.0).abs() < 0.06, "mass {mass} of {volume}");
@@ -172,7 +171,7 @@ mod tests {
     #[test]
     fn half_spaces_are_the_kernels_integrals() {
         for kernel in KERNELS {
-            let rest = Rest::new(kernel, 1.0, 2.0);
+            let rest = RestState::new(kernel, 1.0, 2.0);
             // W over the plane at distance z, and over all of space: midpoint sums of 2πr W dr.
             let steps = 400;
             let at = |k: i32| (f64::from(k) + 0.5) / f64::from(steps);
@@ -188,13 +187,13 @@ mod tests {
                 |q: f64| (0..steps).map(at).filter(|&z| z > q).map(plane).sum::<f64>() / f64::from(steps);
             let whole = 2.0 * beyond(0.0);
             for q in [0.1, 0.25, 0.5, 0.8] {
-                let share = f64::from(rest.solid_share(q as f32));
+                let share = f64::from(rest.half_space_density(q as f32));
                 assert!((share - beyond(q) / whole).abs() < 4e-3, "{kernel:?} at {q}: {share}");
             }
-            // The slope is the gradient kernel's; for Wendland, whose gradient is its own, the share's own slope.
+            // The slope is that of the gradient kernel; Wendland's gradient is the derivative of its density.
             if kernel == Kernel::Wendland {
-                let slope = (rest.solid_share(0.401) - rest.solid_share(0.399)) / -0.002;
-                assert!((slope / rest.solid_slope(0.4) - 1.0).abs() < 1e-3, "{slope}");
+                let slope = (rest.half_space_density(0.401) - rest.half_space_density(0.399)) / -0.002;
+                assert!((slope / rest.half_space_slope(0.4) - 1.0).abs() < 1e-3, "{slope}");
             }
         }
     }
@@ -211,7 +210,7 @@ mod tests {
             (Kernel::Wendland, 2.5, 0.012),
             (Kernel::Wendland, 3.0, 0.01),
         ] {
-            let rest = Rest::new(kernel, 1.0, radius);
+            let rest = RestState::new(kernel, 1.0, radius);
             for layer in 0..3_i32 {
                 let mut c = -1.0;
                 for z in -layer..=4 {
@@ -220,7 +219,7 @@ mod tests {
                         c += rest.density_scale * kernel.density(q.min(1.0)) as f32;
                     }
                 }
-                c += rest.solid_share((layer as f32 + 0.5 + rest.wall_shift) / radius);
+                c += rest.half_space_density((layer as f32 + 0.5 + rest.wall_shift) / radius);
                 let allowed = if layer == 0 { 1e-4 } else { bound };
                 assert!(c.abs() < allowed, "{kernel:?}, radius {radius}, layer {layer}: C = {c}");
             }
@@ -228,10 +227,10 @@ mod tests {
     }
 
     #[test]
-    fn the_solid_fills_half_of_a_point_on_its_surface() {
+    fn a_half_space_contributes_half_the_density_on_its_surface() {
         for kernel in KERNELS {
-            let rest = Rest::new(kernel, 1.0, 2.0);
-            let (share, slope) = (|q| rest.solid_share(q), |q| rest.solid_slope(q));
+            let rest = RestState::new(kernel, 1.0, 2.0);
+            let (share, slope) = (|q| rest.half_space_density(q), |q| rest.half_space_slope(q));
             assert!((share(0.0) - 0.5).abs() < 1e-6 && share(1.0) < 1e-6);
             assert!((share(-1.0) - 1.0).abs() < 1e-6 && slope(1.0) < 1e-5);
             assert!((slope(0.0) - 1.5).abs() < 1e-6);

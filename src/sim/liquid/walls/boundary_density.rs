@@ -1,47 +1,47 @@
-//! The density that solids displace.
+//! Density that solids contribute to the liquid near them.
 //!
-//! *Departs from [pbf]*: near a solid the density lacks the share of a kernel that lies inside it, and particles stack in
-//! layers (its section 9). That share is added as if the solid were a slab behind its nearest point: the kernels
-//! integrated over a half space have closed forms, and a slab is the difference of two. Boxes are the product of three
-//! slabs, which holds at their edges too; for meshes the kernel is integrated on a grid (`displaced.rs`). Several solids
-//! combine as independent: the part left open is the product of the parts that each leaves open, which for two or three
-//! perpendicular walls keeps the corner near rest.
+//! *Method*: without it, a kernel that reaches into a solid lacks density, and particles stack in layers ([pbf] section 9).
+//! It is added as if the solid were a slab behind its nearest point: the integrals of the kernels over a half space have
+//! closed forms, and a slab is the difference of two half spaces. A box is the product of three slabs, which also holds at
+//! its edges. For meshes a density map has the integral (`density_map.rs`). Several solids combine as if independent: the
+//! open part is the product of their open parts, which for two or three perpendicular walls keeps a corner near rest.
+//! *Departs from [pbf]*: the paper has neither boundary particles nor such a term, and names stacking as a limitation.
 //!
-//! Limits: the curvature of balls and capsules is neglected: where it is touched, a ball of radius h displaces 0.65 of
-//! what is assumed, one of 3 h 0.87. A mesh whose voxels are larger than 0.4 h is taken as flat: its edges then displace
-//! 0.4, its inner edges 1.8 of what is assumed (test `the_share_beside_bodies_is_near_the_kernels_integral`).
+//! Limits: the curvature of spheres and capsules is neglected: at contact, a sphere of radius h contributes 0.65 of the
+//! assumed density, one of 3 h 0.87. A mesh with voxels larger than 0.4 h is taken as flat: its convex edges then contribute
+//! 0.4, its concave edges 1.8 of the assumed density (test `the_density_near_bodies_approximates_the_kernels_integral`).
 
-use super::{Body, Mover, Walls};
+use super::{Body, MovingSolid, Walls};
 use crate::{math::Vec3, solid::Shape};
 
 impl Walls {
-    /// What moving solids did through their share of the density in one correction of a particle at `x` with the
-    /// multiplier `lambda` [m²]; see [`Walls::work`].
+    /// Work of moving solids through their density in one correction of a particle at `x` with the multiplier `lambda` [m²];
+    /// see [`Walls::work`].
     #[inline]
-    pub(in crate::sim::liquid) fn pressing(&self, x: Vec3, lambda: f32) -> f64 {
+    pub(in crate::sim::liquid) fn pressure_work(&self, x: Vec3, lambda: f32) -> f64 {
         if lambda == 0.0 {
             return 0.0;
         }
         let planes = self.planes.iter().filter_map(|plane| {
             let d = plane.n.dot(&x) - plane.offset;
             let near = plane.mover.filter(|_| d < self.support);
-            near.map(|mover| (mover, plane.n * self.slope(d)))
+            near.map(|mover| (mover, plane.n * self.half_space_slope(d)))
         });
         let bodies = self.bodies.iter().filter_map(|body| {
             let near = body.mover.filter(|_| self.body_distance(body, x) < self.support);
-            near.map(|mover| (mover, self.body_share(body, x).1))
+            near.map(|mover| (mover, self.body_density(body, x).1))
         });
         let did = planes.chain(bodies).map(|(mover, falls)| {
-            let Mover { before, now, .. } = &self.movers[mover];
-            let way = x - before.to_world(now.to_local(x));
-            f64::from(falls.dot(&way)) * f64::from(-lambda)
+            let MovingSolid { before, now, .. } = &self.movers[mover];
+            let displacement = x - before.to_world(now.to_local(x));
+            f64::from(falls.dot(&displacement)) * f64::from(-lambda)
         });
         did.sum()
     }
 
-    /// The solids' share of ρ₀ at `x` and its gradient [1/m].
+    /// Density of the solids at `x`, over ρ₀, and its gradient [1/m].
     #[inline]
-    pub(in crate::sim::liquid) fn share(&self, x: Vec3) -> (f32, Vec3) {
+    pub(in crate::sim::liquid) fn boundary_density(&self, x: Vec3) -> (f32, Vec3) {
         let (mut open, mut open_gradient) = (1.0_f32, Vec3::zeros());
         let mut add = |left: f32, slope: Vec3| {
             open_gradient = open_gradient * left + slope * open;
@@ -50,61 +50,61 @@ impl Walls {
         for plane in &self.planes {
             let d = plane.n.dot(&x) - plane.offset;
             if d < self.support {
-                add(1.0 - self.half_space(d), plane.n * self.slope(d));
+                add(1.0 - self.half_space_density(d), plane.n * self.half_space_slope(d));
             }
         }
         for body in &self.bodies {
             if self.body_distance(body, x) < self.support {
-                let (share, slope) = self.body_share(body, x);
+                let (share, slope) = self.body_density(body, x);
                 add(1.0 - share, slope);
             }
         }
         (1.0 - open, -open_gradient)
     }
 
-    /// The share of a half space at distance `d` [m].
+    /// Density of a half space at distance `d` [m].
     #[inline]
-    fn half_space(&self, d: f32) -> f32 {
-        self.rest.solid_share((d + self.shift) * self.inv_support)
+    fn half_space_density(&self, d: f32) -> f32 {
+        self.rest.half_space_density((d + self.shift) * self.inv_support)
     }
 
-    /// How fast that share falls off [1/m].
+    /// Slope with which the density of a half space decreases at distance `d` [1/m].
     #[inline]
-    fn slope(&self, d: f32) -> f32 {
-        self.rest.solid_slope(d * self.inv_support) * self.inv_support
+    fn half_space_slope(&self, d: f32) -> f32 {
+        self.rest.half_space_slope(d * self.inv_support) * self.inv_support
     }
 
-    /// The share of one body, and how fast it falls off, and in which direction [1/m].
+    /// Density of one body, and its negative gradient [1/m].
     #[inline]
-    fn body_share(&self, body: &Body, x: Vec3) -> (f32, Vec3) {
+    fn body_density(&self, body: &Body, x: Vec3) -> (f32, Vec3) {
         let pose = body.mover.map(|mover| &self.movers[mover].now);
         let own = pose.map_or(x, |pose| pose.to_local(x));
         let turned = |n: Vec3| pose.map_or(n, |pose| pose.rotation * n);
-        if let Some(displaced) = &body.displaced {
-            let (d, n) = displaced.contact(own);
-            return (self.half_space(d), turned(n) * self.slope(d));
+        if let Some(map) = &body.density_map {
+            let (d, n) = map.contact(own);
+            return (self.half_space_density(d), turned(n) * self.half_space_slope(d));
         }
         if let Shape::Box { min, max } = body.shape {
-            let (share, slope) = self.box_share(min, max, own);
+            let (share, slope) = self.box_density(min, max, own);
             return (share, turned(slope));
         }
-        // Where a half space would be h - d deep, a slab is not, and tells its thickness.
+        // The probe at depth h is closer to the opposite face if the body is a slab thinner than h.
         let (d, n) = self.body_contact(body, x);
         let beyond = self.body_distance(body, x - n * self.support);
         let far = -d - (self.support - d - beyond).max(0.0);
-        let share = self.half_space(d) - (1.0 - self.half_space(far));
-        (share.max(0.0), n * (self.slope(d) - self.slope(far)))
+        let share = self.half_space_density(d) - (1.0 - self.half_space_density(far));
+        (share.max(0.0), n * (self.half_space_slope(d) - self.half_space_slope(far)))
     }
 
-    /// The share of a box: three slabs that cut each other.
+    /// Density of a box: the product of three slabs.
     #[inline]
-    fn box_share(&self, min: [f32; 3], max: [f32; 3], x: Vec3) -> (f32, Vec3) {
+    fn box_density(&self, min: [f32; 3], max: [f32; 3], x: Vec3) -> (f32, Vec3) {
         let (mut part, mut falls) = ([0.0; 3], [0.0; 3]);
         for axis in 0..3 {
-            // Distances to the planes of both faces, positive outside the slab.
+            // Distances to both faces, positive outside the slab.
             let (low, high) = (min[axis] - x[axis], x[axis] - max[axis]);
-            part[axis] = (self.half_space(low) - (1.0 - self.half_space(high))).max(0.0);
-            falls[axis] = self.slope(high) - self.slope(low);
+            part[axis] = (self.half_space_density(low) - (1.0 - self.half_space_density(high))).max(0.0);
+            falls[axis] = self.half_space_slope(high) - self.half_space_slope(low);
         }
         let [a, b, c] = part;
         (a * b * c, Vec3::new(falls[0] * b * c, a * falls[1] * c, a * b * falls[2]))
@@ -115,14 +115,14 @@ impl Walls {
 mod tests {
     use super::super::tests::{corner, mesh, walls};
     use super::*;
-    use crate::sim::liquid::{Kernel, rest::Rest};
+    use crate::sim::liquid::{Kernel, calibration::RestState};
 
     #[test]
-    fn the_share_in_edges_and_corners_leaves_the_lattice_near_rest() {
-        let (walls, rest) = (corner(), Rest::new(Kernel::Poly6Spiky, 0.1, 2.0));
+    fn the_density_in_edges_and_corners_leaves_the_seeding_lattice_near_rest() {
+        let (walls, rest) = (corner(), RestState::new(Kernel::Poly6Spiky, 0.1, 2.0));
         for (walls_near, bound) in [(1, 1e-3), (2, 0.03), (3, 0.05)] {
             let x = Vec3::from_fn(|axis, _| if axis < walls_near { 0.05 } else { 0.55 });
-            let mut c = walls.share(x).0 - 1.0;
+            let mut c = walls.boundary_density(x).0 - 1.0;
             for k in 0..1000 {
                 let y = Vec3::new((k % 10) as f32, (k / 10 % 10) as f32, (k / 100) as f32) * 0.1;
                 let q2 = (y + Vec3::repeat(0.05) - x).norm_squared() * rest.inv_support.powi(2);
@@ -132,8 +132,8 @@ mod tests {
         }
     }
 
-    /// Poly6 integrated over the solid, moved inward by the calibration's shift.
-    fn integral(rest: &Rest, x: Vec3, distance: impl Fn(Vec3) -> f32) -> f32 {
+    /// Integral of Poly6 over the solid, moved inward by the calibrated offset.
+    fn integral(rest: &RestState, x: Vec3, distance: impl Fn(Vec3) -> f32) -> f32 {
         let n = 48;
         let (mut inside, mut all) = (0.0, 0.0);
         for k in 0..n * n * n {
@@ -141,7 +141,8 @@ mod tests {
             let q = Vec3::new(at(k % n), at(k / n % n), at(k / n / n));
             let w = (1.0 - q.norm_squared()).max(0.0).powi(3);
             all += w;
-            // The cell's own share: a plane that cuts it is not rounded to its edge.
+            // Solid fraction of the cell, so that a face within it is not rounded to its edge.
+
             let depth = -(distance(x + q * rest.support) + rest.wall_shift) / (2.0 * rest.support / n as f32);
             inside += w * (depth + 0.5).clamp(0.0, 1.0);
         }
@@ -149,8 +150,8 @@ mod tests {
     }
 
     #[test]
-    fn the_share_beside_bodies_is_near_the_kernels_integral() {
-        let rest = Rest::new(Kernel::Poly6Spiky, 0.1, 2.0);
+    fn the_density_near_bodies_approximates_the_kernels_integral() {
+        let rest = RestState::new(Kernel::Poly6Spiky, 0.1, 2.0);
         let cuboid = |half: Vec3| {
             move |x: Vec3| {
                 let q = x.abs() - half;
@@ -189,7 +190,7 @@ mod tests {
             ("mesh from inside, face", mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.0, 0.55), 0.01),
         ];
         for (name, shape, exact, x, bound) in cases {
-            let (share, truth) = (walls(&[shape]).share(x).0, integral(&rest, x, exact));
+            let (share, truth) = (walls(&[shape]).boundary_density(x).0, integral(&rest, x, exact));
             println!("{name}: {share:.3}, integral {truth:.3}");
             assert!((share - truth).abs() < bound, "{name}: {share}, integral {truth}");
         }
@@ -197,12 +198,12 @@ mod tests {
 
     #[test]
     fn the_gradient_points_into_the_solids() {
-        let (share, gradient) = corner().share(Vec3::new(0.05, 0.5, 0.08));
+        let (share, gradient) = corner().boundary_density(Vec3::new(0.05, 0.5, 0.08));
         assert!(share > 0.0 && gradient.x < 0.0 && gradient.z < 0.0 && gradient.y == 0.0);
-        assert_eq!(corner().share(Vec3::repeat(0.5)).0, 0.0);
+        assert_eq!(corner().boundary_density(Vec3::repeat(0.5)).0, 0.0);
         let plate = walls(&[Shape::Box { min: [-1.0, -1.0, -0.05], max: [1.0, 1.0, 0.05] }]);
         for x in [Vec3::new(0.0, 0.0, 0.1), Vec3::new(1.05, 0.0, 0.0), Vec3::new(0.0, -1.02, -0.08)] {
-            let (share, gradient) = plate.share(x);
+            let (share, gradient) = plate.boundary_density(x);
             assert!(share > 0.0 && gradient.dot(&x) < 0.0, "{x:?} {gradient:?}");
         }
     }
