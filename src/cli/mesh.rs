@@ -5,6 +5,6 @@ use crate::run::{Control, RunError};
 
 /// Meshes a cache, particle files of any solver, or level sets.
 pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
-    let verb = ProductVerb { name: "mesh", makes: "a mesh", takes_files: true, keys: &["surface."] };
+    let verb = ProductVerb { name: "mesh", makes: "a mesh", takes_files: true, keys: &["surface"] };
     verb.run(&args.input, None, |settings| settings.output.mesh.clone_from(&args.format), control)
 }

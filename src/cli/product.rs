@@ -107,10 +107,10 @@ impl ProductVerb {
             |argument: &&String| self.keys.iter().any(|key| argument.trim_start().starts_with(key));
         match args.set.iter().find(|argument| !has_effect(argument)) {
             Some(argument) => Err(RunError::Request(format!(
-                "--set {argument}: found a key that does not change {}, expected one of {}…; the frames are simulated \
+                "--set {argument}: found a key that does not change {}, expected one below {}; the frames are simulated \
                  already: `meniscus simulate` changes the other keys",
                 self.makes,
-                self.keys.join("…, ")
+                self.keys.join(", ")
             ))),
             None => Ok(()),
         }
