@@ -1,13 +1,7 @@
 //! Eight numbers at a time, as passes see them.
 
-use super::IndexRow;
+use super::{F32x8, IndexRow, LANES};
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
-
-/// Numbers handled at once.
-pub const LANES: usize = 8;
-
-/// Eight numbers in memory.
-pub type F32x8 = [f32; LANES];
 
 /// A loop that is written once and compiled for every form of lanes.
 pub trait Pass {

@@ -16,12 +16,14 @@ mod index_row;
 mod indices;
 mod lanes;
 mod scalar;
+mod width;
 
 pub use dispatch::dispatch;
 pub use index_row::IndexRow;
 pub use indices::{IndexList, IndexRows};
-pub use lanes::{F32x8, LANES, Lanes, Pass, splat, sum};
+pub use lanes::{Lanes, Pass, splat, sum};
 pub use scalar::ScalarLanes;
+pub use width::{F32x8, LANES};
 
 #[cfg(test)]
 pub(crate) mod tests;
