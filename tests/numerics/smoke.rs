@@ -393,9 +393,9 @@ fn a_ring_that_passes_a_ball_keeps_its_energy_over_lattices_and_tells_what_the_b
         assert!((0.6..1.1).contains(&(energy(record) / first)), "{} of {first}", energy(record));
         assert!(record.through_flow.unwrap() < 0.1, "{record:?}");
         if let Some(sum) = &record.flow.remesh {
-            assert_eq!((sum.unsolved, sum.wide), (0, 0), "{sum:?}");
-            assert!(sum.lost < 1e-3 * sum.reach, "{sum:?}");
-            (turned, reach) = (turned + sum.turned, reach.max(sum.reach));
+            assert_eq!((sum.unconverged, sum.wide), (0, 0), "{sum:?}");
+            assert!(sum.lost_impulse < 1e-3 * sum.impulse_scale, "{sum:?}");
+            (turned, reach) = (turned + sum.impulse_change_at_solids, reach.max(sum.impulse_scale));
         }
     }
     // Without the ball it is rounding.

@@ -12,7 +12,7 @@ use crate::{
         World,
         vortex::{
             ElementKind, Gradient, Kernel, Method, OutOfRange, Quantity, Targets, Vortons,
-            flow::{Moment, Outside, Rates},
+            flow::{ExternalEffects, Rates, Stage},
             induced, induced_both,
         },
     },
@@ -159,7 +159,7 @@ impl Air {
 
     /// Adds what `moving` induces at the vortons and the passengers, whose places these are; or their mirrored places, from which it is `turned`
     /// back.
-    fn add_rates(
+    fn add_induced_rates(
         &self,
         moving: &Vortons,
         [vortons, passengers]: [&[Vec3]; 2],
@@ -175,7 +175,7 @@ impl Air {
         let turn_gradient = |g: &Gradient| turned.map_or(*g, |walls| walls.turn_gradient(g));
         par::update(&mut rates.velocity, |i, v| *v += turn(found.velocity[i]));
         par::update(&mut rates.gradient, |i, g| *g += turn_gradient(&found.gradient[i]));
-        par::update(&mut rates.passengers, |i, v| *v += turn(along[i]));
+        par::update(&mut rates.tracers, |i, v| *v += turn(along[i]));
         Ok(())
     }
 
@@ -239,23 +239,23 @@ impl Air {
     }
 }
 
-impl Outside for Air {
-    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), OutOfRange> {
+impl ExternalEffects for Air {
+    fn add_rates(&mut self, now: Stage<'_>, rates: &mut Rates) -> Result<(), OutOfRange> {
         let vortons = now.vortons;
         self.blow(&mut rates.velocity);
-        self.blow(&mut rates.passengers);
+        self.blow(&mut rates.tracers);
         let Some(walls) = &self.walls else { return Ok(()) };
         let time = self.span[0] + now.seconds;
         let sources = self.sources(vortons, time, Spun::at(self.span[0]))?;
-        self.add_rates(&sources.spin, [&vortons.position, now.passengers], None, rates)?;
-        if let Some((at, along)) = walls.mirrored(&vortons.position).zip(walls.mirrored(now.passengers)) {
+        self.add_induced_rates(&sources.spin, [&vortons.position, now.tracers], None, rates)?;
+        if let Some((at, along)) = walls.mirrored(&vortons.position).zip(walls.mirrored(now.tracers)) {
             for moving in [vortons, &sources.spin] {
-                self.add_rates(moving, [&at, &along], Some(walls), rates)?;
+                self.add_induced_rates(moving, [&at, &along], Some(walls), rates)?;
             }
         }
         sources.add_velocity(&vortons.position, &mut rates.velocity);
         sources.add_gradient(&vortons.position, &mut rates.gradient);
-        sources.add_velocity(now.passengers, &mut rates.passengers);
+        sources.add_velocity(now.tracers, &mut rates.tracers);
         // Air sticks to solids that shed: in their layer it moves along them less and less, and is stretched as
         // little.
         if let Some(layer) = self.layer {
@@ -265,7 +265,7 @@ impl Outside for Air {
         Ok(())
     }
 
-    fn longest(&self) -> f64 {
+    fn max_time_step(&self) -> f64 {
         self.longest.min(self.unjumped(self.span))
     }
 }

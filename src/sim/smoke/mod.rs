@@ -43,7 +43,7 @@ use super::{
     substep::advance_frame,
     vortex::{
         OutOfRange, Vortons,
-        flow::{Flow, Medium, Span},
+        flow::{Flow, Medium, SubstepLimits},
     },
 };
 use crate::{
@@ -196,7 +196,11 @@ impl System {
         let mut record = SmokeRecord::default();
         let shortest = seconds / f64::from(self.params.flow.max_substeps);
         advance_frame([start, seconds], watch, |progress, _| {
-            let span = Span { longest: progress.left, shortest, number: record.flow.substeps + 1 };
+            let span = SubstepLimits {
+                remaining: progress.left,
+                min_time_step: shortest,
+                number: record.flow.substeps + 1,
+            };
             let dt = self.step(progress.now(), span, &mut clock, &mut record)?;
             if let Some(airs) = &mut airs {
                 airs.push(self.air(progress.after(dt))?);
@@ -217,11 +221,11 @@ impl System {
     fn step(
         &mut self,
         now: f64,
-        span: Span,
+        span: SubstepLimits,
         clock: &mut Clock,
         record: &mut SmokeRecord,
     ) -> Result<f64, Diverged> {
-        self.air.span = [now, now + span.longest];
+        self.air.span = [now, now + span.remaining];
         let tracers = &mut self.tracers.position;
         let report = clock.time("smoke_move", || self.flow.step(span, tracers, &mut self.air))?;
         record.flow.add(&report, None);
@@ -248,8 +252,9 @@ impl System {
             clock.time("smoke_fade", || self.tracers.fade(dissolve, cooling, report.seconds));
         }
         let solids = &self.solids;
-        let tended = clock.time("smoke_move", || self.flow.tend(span.number, &|x| medium(solids, x, then)));
-        record.flow.tended(tended?);
+        let tended = clock
+            .time("smoke_move", || self.flow.remesh_if_needed(span.number, &|x| medium(solids, x, then)));
+        record.flow.add_remeshing(tended?);
         Ok(report.seconds)
     }
 

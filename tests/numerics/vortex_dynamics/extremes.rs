@@ -23,7 +23,7 @@ fn survives(name: &str, vortons: &Vortons) {
         let mut flow = flow(params, vortons, 1e-3);
         let mut tracers = [Vec3::zeros(), Vec3::repeat(0.3), Vec3::new(0.0, 0.0, 1e5)];
         for _ in 0..2 {
-            flow.advance(0.04, &mut tracers, &mut Still, &mut Unwatched)
+            flow.advance(0.04, &mut tracers, &mut NoExternalEffects, &mut Unwatched)
                 .unwrap_or_else(|stop| panic!("{name}: {stop}"));
             assert!(is_finite(&flow) && tracers.iter().flatten().all(|c| c.is_finite()), "{name}");
         }
@@ -55,7 +55,7 @@ fn few_vortons_move() {
     let one = Vortons { position: vec![Vec3::zeros()], strength: vec![Vec3::z()], core: vec![0.1] };
     let mut flow = flow(direct(), &one, 1e-3);
     let mut tracer = [Vec3::x() * 0.2];
-    flow.advance(1.0, &mut tracer, &mut Still, &mut Unwatched).unwrap();
+    flow.advance(1.0, &mut tracer, &mut NoExternalEffects, &mut Unwatched).unwrap();
     assert_eq!(flow.vortons, one);
     assert!((tracer[0].norm() - 0.2).abs() < 1e-4 && tracer[0].y != 0.0, "{tracer:?}");
 }
@@ -104,9 +104,9 @@ fn a_hundredfold_step_stays_finite_and_is_counted() {
     for strength in [1.0_f32, 100.0] {
         let vortons = spoiled(1000, |_, _, g, _| *g *= 100.0 * strength);
         let natural = flow(direct(), &vortons, 1e-3).step(
-            Span { longest: 1.0, shortest: 0.0, number: 1 },
+            SubstepLimits { remaining: 1.0, min_time_step: 0.0, number: 1 },
             &mut [],
-            &mut Still,
+            &mut NoExternalEffects,
         );
         let seconds = 100.0 * natural.unwrap().seconds;
         let mut flow = flow(FlowParams { max_substeps: 1, ..direct() }, &vortons, 1e-3);
@@ -129,7 +129,7 @@ fn what_is_no_number_stops_it_by_name() {
         let mut flow = flow(direct(), &cloud(100), 1e-3);
         flow.retain(|i| i >= 10);
         change(&mut flow);
-        match flow.advance(0.1, &mut [], &mut Still, &mut Unwatched) {
+        match flow.advance(0.1, &mut [], &mut NoExternalEffects, &mut Unwatched) {
             Err(Stop::Diverged(diverged)) => diverged,
             other => panic!("{other:?}"),
         }
@@ -142,12 +142,13 @@ fn what_is_no_number_stops_it_by_name() {
     // A tracer is named as one.
     let mut flow = flow(direct(), &cloud(100), 1e-3);
     let mut tracers = [Vec3::zeros(), Vec3::repeat(f32::NAN)];
-    let stop = flow.advance(0.1, &mut tracers, &mut Still, &mut Unwatched).unwrap_err().to_string();
+    let stop =
+        flow.advance(0.1, &mut tracers, &mut NoExternalEffects, &mut Unwatched).unwrap_err().to_string();
     assert!(stop.contains("particle 1 of the tracers"), "{stop}");
     // So is a viscosity that would take for ever, and a vorton beyond the lattice.
     let viscosity = Some(Viscosity { nu: 1e9, scheme: ViscousScheme::Exchange, eddies: None });
     let mut thick = super::flow(FlowParams { viscosity, ..direct() }, &cloud(100), 1e-3);
-    let stop = thick.advance(0.1, &mut [], &mut Still, &mut Unwatched).unwrap_err().to_string();
+    let stop = thick.advance(0.1, &mut [], &mut NoExternalEffects, &mut Unwatched).unwrap_err().to_string();
     assert!(stop.contains("rounds of viscous exchange"), "{stop}");
     let wanted = FlowParams { remesh: Some(Remesh::of(1e-3)), ..direct() };
     let far = super::flow(

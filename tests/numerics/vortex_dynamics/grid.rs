@@ -87,7 +87,7 @@ fn strays_cost_no_lattice_and_what_is_out_of_reach_is_named() {
     // What no sum can hold stops the flow.
     thin.position[17].x = 1e10;
     let mut lost = self::flow(params, &thin, 1e-6);
-    let stop = lost.advance(0.01, &mut [], &mut Still, &mut Unwatched).unwrap_err();
+    let stop = lost.advance(0.01, &mut [], &mut NoExternalEffects, &mut Unwatched).unwrap_err();
     let told = format!("{stop:?}");
     assert!(told.contains("10000000000") && told.contains("beyond") && told.contains("17"), "{told}");
 }

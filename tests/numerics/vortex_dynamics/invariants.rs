@@ -73,7 +73,7 @@ fn the_same_bits_on_any_number_of_threads_and_after_a_pause() {
             let mut flow = flow(everything(), &cloud(3000), 1.0 / 3000.0);
             let mut tracers = cloud(1000).position;
             for _ in 0..3 {
-                let report = flow.advance(0.1, &mut tracers, &mut Still, &mut Unwatched).unwrap();
+                let report = flow.advance(0.1, &mut tracers, &mut NoExternalEffects, &mut Unwatched).unwrap();
                 assert!(report.remesh.is_some() && report.exchanges > 0);
                 if pause {
                     let Flow { params, vortons, volume, id, next_id, strained } = flow;
@@ -90,11 +90,11 @@ fn the_same_bits_on_any_number_of_threads_and_after_a_pause() {
 }
 
 #[test]
-fn passengers_drift_as_vortons_do() {
+fn tracers_drift_as_vortons_do() {
     let vortons = cloud(500);
     let mut tracers = vortons.position.clone();
     let mut flow = flow(direct(), &vortons, 1e-3);
-    flow.advance(0.5, &mut tracers, &mut Still, &mut Unwatched).unwrap();
+    flow.advance(0.5, &mut tracers, &mut NoExternalEffects, &mut Unwatched).unwrap();
     for (x, tracer) in flow.vortons.position.iter().zip(&tracers) {
         assert!((x - tracer).norm() < 1e-5, "{x} {tracer}");
     }
@@ -104,11 +104,11 @@ fn passengers_drift_as_vortons_do() {
 /// A wind that turns with time, and strengths that grow by it.
 struct Wind;
 
-impl Outside for Wind {
-    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), OutOfRange> {
+impl ExternalEffects for Wind {
+    fn add_rates(&mut self, now: Stage<'_>, rates: &mut Rates) -> Result<(), OutOfRange> {
         assert_eq!(now.vortons.len(), now.volume.len());
         let wind = Vec3::new(1.0, (now.seconds as f32).powi(2) * 3.0, 0.0);
-        rates.velocity.iter_mut().chain(&mut rates.passengers).for_each(|u| *u += wind);
+        rates.velocity.iter_mut().chain(&mut rates.tracers).for_each(|u| *u += wind);
         rates.strength.iter_mut().for_each(|rate| *rate += Vec3::new(0.0, 0.0, 2.0 * now.seconds as f32));
         Ok(())
     }
@@ -119,7 +119,7 @@ fn what_acts_from_outside_is_integrated_to_third_order() {
     let one = Vortons { position: vec![Vec3::zeros()], strength: vec![Vec3::zeros()], core: vec![1.0] };
     let mut flow = flow(FlowParams { strain: 100.0, displacement: 100.0, ..direct() }, &one, 1e-3);
     let mut tracer = [Vec3::new(5.0, 0.0, 0.0)];
-    let span = Span { longest: 0.5, shortest: 0.5, number: 1 };
+    let span = SubstepLimits { remaining: 0.5, min_time_step: 0.5, number: 1 };
     flow.step(span, &mut tracer, &mut Wind).unwrap();
     // t², integrated over a half: a scheme of third order is exact.
     let moved = Vec3::new(0.5, 0.125, 0.0);
@@ -138,7 +138,12 @@ fn time_is_integrated_to_third_order() {
         let mut flow = flow(params, &vortons, 1e-3);
         for number in 1..=steps {
             let seconds = 1.0 / f64::from(steps);
-            flow.step(Span { longest: seconds, shortest: seconds, number }, &mut [], &mut Still).unwrap();
+            flow.step(
+                SubstepLimits { remaining: seconds, min_time_step: seconds, number },
+                &mut [],
+                &mut NoExternalEffects,
+            )
+            .unwrap();
         }
         flow.vortons
     };

@@ -14,7 +14,10 @@ use meniscus::{
         Unwatched,
         vortex::{
             Method, OutOfRange, Quantity, Targets, Vortons,
-            flow::{Flow, FlowParams, FlowReport, Medium, Moment, Outside, Rates, Span, Still, Sum},
+            flow::{
+                ExternalEffects, Flow, FlowParams, FlowReport, Medium, NoExternalEffects, Rates, Stage,
+                SubstepLimits, Sum,
+            },
             induced,
         },
     },
@@ -43,7 +46,7 @@ fn flow(params: FlowParams, vortons: &Vortons, volume: f32) -> Flow {
 
 /// Advances without anything outside.
 fn advance(flow: &mut Flow, seconds: f64) -> FlowReport {
-    flow.advance(seconds, &mut [], &mut Still, &mut Unwatched).unwrap()
+    flow.advance(seconds, &mut [], &mut NoExternalEffects, &mut Unwatched).unwrap()
 }
 
 /// A ring about the z axis, one line of vortons.

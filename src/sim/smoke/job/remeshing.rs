@@ -39,15 +39,14 @@ struct RemeshTotals {
 impl RemeshTotals {
     fn add(&mut self, flow: &FlowReport) {
         let Some(sum) = &flow.remesh else { return };
-        let RemeshReport { before, wide, unsolved, handed, lost, turned, reach, .. } = *sum;
         self.count += flow.remeshed;
-        self.remeshed += f64::from(before) * f64::from(flow.remeshed);
-        self.wide += f64::from(wide);
-        self.unsolved += unsolved;
-        self.redistributed += handed;
-        self.lost += lost;
-        self.turned += turned;
-        self.reach = self.reach.max(reach);
+        self.remeshed += f64::from(sum.before) * f64::from(flow.remeshed);
+        self.wide += f64::from(sum.wide);
+        self.unsolved += sum.unconverged;
+        self.redistributed += sum.redistributed;
+        self.lost += sum.lost_impulse;
+        self.turned += sum.impulse_change_at_solids;
+        self.reach = self.reach.max(sum.impulse_scale);
     }
 
     fn warnings(&self) -> Vec<String> {
@@ -114,10 +113,10 @@ mod tests {
     fn small_parts_are_not_reported_and_large_ones_are_by_name() {
         let quiet = RemeshReport {
             before: 1000,
-            handed: 0.005,
-            lost: 1e-4,
-            turned: 1e-3,
-            reach: 1.0,
+            redistributed: 0.005,
+            lost_impulse: 1e-4,
+            impulse_change_at_solids: 1e-3,
+            impulse_scale: 1.0,
             ..RemeshReport::default()
         };
         let record = |remeshed: u32, remesh: Option<RemeshReport>| SmokeRecord {
@@ -134,12 +133,15 @@ mod tests {
             warnings([&first, &record(1, Some(loud))].into_iter())
         };
         for (lines, words) in [
-            (reported(&|sum| sum.lost = 0.02), "2.0 % of the smoke's impulse was lost in 2"),
-            (reported(&|sum| sum.turned = 0.2), "20.1 % of the smoke's impulse was changed"),
-            (reported(&|sum| sum.handed = 0.495), "25.0 % of total circulation was redistributed"),
+            (reported(&|sum| sum.lost_impulse = 0.02), "2.0 % of the smoke's impulse was lost in 2"),
+            (
+                reported(&|sum| sum.impulse_change_at_solids = 0.2),
+                "20.1 % of the smoke's impulse was changed",
+            ),
+            (reported(&|sum| sum.redistributed = 0.495), "25.0 % of total circulation was redistributed"),
             (reported(&|sum| sum.wide = 100), "5.0 % of the vortons were not remeshed"),
-            (reported(&|sum| sum.unsolved = 1), "1 of 2 remeshings kept divergence"),
-            (reported(&|sum| sum.lost = f64::NAN), "NaN % of the smoke's impulse was lost"),
+            (reported(&|sum| sum.unconverged = 1), "1 of 2 remeshings kept divergence"),
+            (reported(&|sum| sum.lost_impulse = f64::NAN), "NaN % of the smoke's impulse was lost"),
         ] {
             assert!(lines.len() == 1 && lines[0].starts_with(words), "{lines:?} for {words}");
         }
@@ -147,7 +149,7 @@ mod tests {
 
     #[test]
     fn a_number_that_is_not_finite_is_read_back_from_a_log() {
-        let remesh = RemeshReport { lost: f64::NAN, reach: 1.0, ..RemeshReport::default() };
+        let remesh = RemeshReport { lost_impulse: f64::NAN, impulse_scale: 1.0, ..RemeshReport::default() };
         let flow = FlowReport { remeshed: 1, remesh: Some(remesh), ..FlowReport::default() };
         let text = serde_json::to_string(&SmokeRecord { flow, ..SmokeRecord::default() }).unwrap();
         let found = warnings([serde_json::from_str(&text).unwrap()].iter());

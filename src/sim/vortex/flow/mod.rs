@@ -1,69 +1,69 @@
-//! Vortons in motion.
+//! Vortex particle method: advection, vortex stretching and diffusion of vortons.
 //!
-//! *Method*: [winckelmans93]. Vortons move with the velocity that all of them induce, and their strengths are stretched by its
-//! gradient, in the transpose form, which keeps ΣΓ:
+//! *Method*: [winckelmans93]. Vortons are advected by the velocity that all of them induce. Vortex stretching changes their
+//! strengths by the velocity gradient, in the transpose form, which conserves ΣΓ:
 //!
 //! ```text
-//! dx_p/dt = u(x_p)        dΓ_p/dt = (∇u)ᵀ Γ_p + viscosity + what acts from outside
+//! dx_p/dt = u(x_p)        dΓ_p/dt = (∇u)ᵀ Γ_p + viscosity + external contributions
 //! ```
 //!
-//! Positions and strengths advance together by [williamson80]'s third-order Runge–Kutta scheme (`step.rs`), and points that
-//! drift along, the passengers, in the same stages. A substep is short enough for the largest gradient and for a vorton to
-//! stay within its core. Viscosity follows, by particle strength exchange (`exchange.rs`) or by growing cores, then
-//! relaxation (`relaxation.rs`). Where the flow has strained what they stand for, or they have parted or crowd (`overlap.rs`), they
-//! are put back onto a lattice (`remesh.rs`).
+//! [williamson80]'s third-order Runge–Kutta scheme advances positions and strengths together (`step.rs`), and advects passive
+//! points, the tracers, in the same stages. The time step is limited by the largest gradient and by the displacement of a
+//! vorton in cores. Diffusion follows, by particle strength exchange (`exchange.rs`) or by core spreading, then relaxation
+//! (`relaxation.rs`). Where strain has deformed the distribution of vortons, or cores overlap too little or too much
+//! (`overlap.rs`), remeshing replaces them by vortons on a grid (`remesh.rs`).
 //!
-//! *Departs from the paper*: viscosity is a step of its own after each substep, at fixed positions: with one order less in time
-//! than the rest, but stable for any ν by rounds of its own. Cores of kernels other than the Gaussian grow by the rate that suits
-//! their second moment.
+//! *Departs from the paper*: viscosity is a step of its own after each substep, at fixed positions. It is of one order less in
+//! time than the other terms, but stable for any ν by substeps of its own. Cores of kernels other than the Gaussian grow at
+//! the rate that gives the correct second moment.
 //!
 //! *Symbols*: ν → `nu` [m²/s], V → `volume` [m³], h → `spacing` [m]; others as in [`vortex`](super).
 //!
-//! *Limits*: no scheme of stretching keeps impulse and angular impulse exactly; their drift is in the record of every frame.
+//! *Limits*: no scheme of stretching conserves impulse and angular impulse exactly; the record of every frame has their drift.
 
 mod exchange;
-mod near;
+mod gaussian_sums;
 mod nodes;
 mod overlap;
 mod params;
+mod population;
 mod rates;
 mod relaxation;
 mod remesh;
 mod report;
 mod solenoidal;
 mod step;
-mod weak;
 
 pub use params::{FlowParams, Relaxation, Remesh, Sum, Viscosity, ViscousScheme};
-pub use rates::{Moment, Outside, Rates, Still};
+pub use rates::{ExternalEffects, NoExternalEffects, Rates, Stage};
 pub use remesh::{Medium, MediumAt, RemeshReport};
 pub use report::{Account, FlowReport, StepReport};
-pub use step::Span;
+pub use step::SubstepLimits;
 
 use super::{OutOfRange, Quantity, Targets, Vortons, induced, invariants, sampled_error};
 use crate::math::Vec3;
 
-/// Vortons that move. All columns are of one length.
+/// The state of moving vortons. All columns are of one length.
 ///
-/// This is the whole state: with the same columns, `next_id`, `strained` and parameters a flow goes on with the same bits.
+/// This is the whole state: with the same columns, `next_id`, `strained` and parameters a flow continues with the same bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flow {
-    /// How they move.
+    /// The parameters of the motion.
     pub params: FlowParams,
     /// The vortons.
     pub vortons: Vortons,
-    /// The volume of each [m³]: what it stands for in particle strength exchange.
+    /// The volume of each vorton in particle strength exchange [m³].
     pub volume: Vec<f32>,
-    /// A number of each that no other ever had. Remeshing makes new vortons.
+    /// A unique id of each vorton. Remeshing makes new vortons.
     pub id: Vec<u32>,
-    /// The next number to give.
+    /// The id of the next new vorton.
     pub next_id: u32,
-    /// The strain since vortons last stood on a lattice, 1: each substep's length times its largest velocity gradient.
+    /// The strain since the last remeshing, 1: the sum of time steps, each times its largest velocity gradient.
     pub strained: f64,
 }
 
 impl Flow {
-    /// Without vortons.
+    /// A flow without vortons.
     pub fn new(params: FlowParams) -> Self {
         Self {
             params,
@@ -75,7 +75,7 @@ impl Flow {
         }
     }
 
-    /// The state that a flow of these parameters had.
+    /// A flow with the stored state of an earlier one.
     ///
     /// # Panics
     /// If the columns differ in length.
@@ -95,7 +95,7 @@ impl Flow {
         Self { params, vortons, volume, id, next_id, strained }
     }
 
-    /// Adds vortons of these volumes [m³] behind those that are there.
+    /// Appends vortons of these volumes [m³].
     ///
     /// # Panics
     /// If the columns differ in length, or there would be 2³² vortons or more.
@@ -107,29 +107,29 @@ impl Flow {
         self.vortons.core.extend(&more.core);
         self.volume.extend(volume);
         assert!(u32::try_from(self.vortons.len()).is_ok(), "fewer than 2³² vortons");
-        // After 2³² numbers they begin again: what had them is gone by then.
+        // Ids wrap around after 2³²: the vortons with the first ids have been removed by then.
         self.id.extend((0..count as u32).map(|n| self.next_id.wrapping_add(n)));
         self.next_id = self.next_id.wrapping_add(count as u32);
     }
 
-    /// Removes those that `keep(index)` refuses; the others keep their order. Returns how many went.
+    /// Removes the vortons for which `keep(index)` is false; the others keep their order. Returns the number removed.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) -> usize {
         let kept: Vec<usize> = (0..self.vortons.len()).filter(|&i| keep(i)).collect();
-        let gone = self.vortons.len() - kept.len();
-        if gone > 0 {
+        let removed = self.vortons.len() - kept.len();
+        if removed > 0 {
             self.vortons.position = kept.iter().map(|&i| self.vortons.position[i]).collect();
             self.vortons.strength = kept.iter().map(|&i| self.vortons.strength[i]).collect();
             self.vortons.core = kept.iter().map(|&i| self.vortons.core[i]).collect();
             self.volume = kept.iter().map(|&i| self.volume[i]).collect();
             self.id = kept.iter().map(|&i| self.id[i]).collect();
         }
-        gone
+        removed
     }
 
     /// The velocity that the vortons induce at points [m/s].
     ///
     /// # Errors
-    /// [`OutOfRange`] if a vorton or a point is outside what the sums can hold.
+    /// [`OutOfRange`] if a vorton or a point is out of range.
     pub fn velocity_at(&self, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
         let FlowParams { kernel, .. } = self.params;
         let found = induced(
@@ -142,10 +142,10 @@ impl Flow {
         Ok(found.velocity)
     }
 
-    /// The invariants, and the evaluator's error at the vortons if `samples` of them are to be summed over all pairs.
+    /// The invariants, and the error of the velocity at the vortons if `samples` of them are to be summed over all pairs.
     ///
     /// # Errors
-    /// [`OutOfRange`] if a vorton is outside what the sums can hold.
+    /// [`OutOfRange`] if a vorton is out of range.
     pub fn account(&self, samples: Option<usize>) -> Result<Account, OutOfRange> {
         let (kernel, method) = (self.params.kernel, self.params.method());
         let error = match samples {

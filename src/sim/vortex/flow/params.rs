@@ -1,38 +1,40 @@
-//! What a preset can say about the motion of vortons.
+//! Parameters of the motion of vortons.
 
 use super::super::{ERRORS, Kernel, Method, grid_errors};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How vortons move. Everything but the limits of the step is physics; what is absent is not applied.
+/// The motion of vortons. All keys except those of the evaluation and the time step are physics; absent terms are not
+/// applied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlowParams {
-    /// How the vorticity of a vorton is spread over its core.
+    /// The distribution of the vorticity of a vorton over its core.
     pub kernel: Kernel,
-    /// How velocities are summed.
+    /// The method by which induced velocities are summed.
     pub sum: Sum,
-    /// The relative error of the velocity that `sum = "tree"` and `"grid"` aim at. Smaller is slower; from 1e-3 on eddies of a
-    /// shot hardly differ, above 1e-2 thin rings wobble.
+    /// The requested relative error of the velocity with `sum = "tree"` and `"grid"`. Smaller is slower; below 1e-3 the eddies
+    /// of a shot hardly change, above 1e-2 thin rings wobble.
     #[schemars(range(min = 1e-5, max = 0.1))]
     pub error: f32,
-    /// Most turn and strain in a substep: its length times the largest velocity gradient. Larger is faster; above about 0.5
-    /// eddies that stretch each other gain energy, above 1 they burst and are clamped.
+    /// Largest rotation and strain in a substep: the time step times the largest velocity gradient. Larger is faster; above
+    /// about 0.5 eddies that stretch each other gain energy, above 1 they become unstable and are clamped.
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub strain: f32,
-    /// Most cores that a vorton moves in a substep. Larger is faster; above 1 eddies jump past what they should turn around.
+    /// Largest displacement of a vorton in a substep, in cores. Larger is faster; above 1 eddies pass each other without
+    /// interaction.
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub displacement: f32,
-    /// Most substeps a frame; when the two limits ask for more, the frame's record says so.
+    /// Largest number of substeps per frame; if the two limits require more, the record of the frame reports it.
     #[schemars(range(min = 1, max = 10000))]
     pub max_substeps: u32,
     /// Viscosity of the air; absent: not applied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<Viscosity>,
-    /// Turns strengths towards the vorticity around them, against the drift of stretching; absent: not applied.
+    /// Rotation of strengths towards the local vorticity, against the drift of vortex stretching; absent: not applied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<Relaxation>,
-    /// Puts vortons back onto a lattice when they part or crowd; absent: not done.
+    /// Remeshing: replacement of vortons by new ones on a grid where they no longer overlap or crowd; absent: not done.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remesh: Option<Remesh>,
 }
@@ -54,7 +56,7 @@ impl Default for FlowParams {
 }
 
 impl FlowParams {
-    /// How the evaluator sums.
+    /// The method of summation, with its error in the accepted range.
     pub(in crate::sim) fn method(&self) -> Method {
         match self.sum {
             Sum::Tree => Method::Tree { error: self.error.clamp(*ERRORS.start(), *ERRORS.end()) },
@@ -67,17 +69,17 @@ impl FlowParams {
     }
 }
 
-/// How velocities are summed.
+/// The method by which induced velocities are summed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Sum {
-    /// By expansions between cells, to `error`.
+    /// Multipole expansions between cells of an octree, to `error`.
     #[default]
     Tree,
-    /// By a lattice around the bulk of the vortons, to `error`, which has to be 1e-4 at least, with the kernel
-    /// `"rosenhead_moore"` 3e-3. What is far from the bulk, or would take too large a lattice, is summed as by `tree`.
+    /// A grid around the bulk of the vortons, to `error`, at least 1e-4, with the kernel `"rosenhead_moore"` 3e-3. Points far
+    /// from the bulk, and clouds that would need too large a grid, are summed as with `tree`.
     Grid,
-    /// Over all pairs: exact, and slow above some thousand vortons.
+    /// All pairs: exact, and slow above some thousand vortons.
     Direct,
 }
 
@@ -85,27 +87,27 @@ pub enum Sum {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Viscosity {
-    /// Kinematic viscosity ν [m²/s]; air has 1.5e-5. Larger blurs eddies sooner: those of size s fade within s²/ν.
+    /// Kinematic viscosity ν [m²/s]; air has 1.5e-5. Larger blurs eddies sooner: those of size s decay within s²/ν.
     #[schemars(extend("unit" = "m²/s", "minimum" = 0.0))]
     pub nu: f32,
-    /// How strength spreads.
+    /// The method of diffusion.
     #[serde(default)]
     pub scheme: ViscousScheme,
-    /// What eddies too fine for the vortons take from those that are not: the constant C of a viscosity (C · core)² |S|,
-    /// [smagorinsky63]; absent: nothing. 0.2 calms wakes and plumes that stir themselves up on coarse lattices; larger blurs.
+    /// The constant C of an eddy viscosity (C · core)² |S|, [smagorinsky63], for eddies smaller than cores; absent: none.
+    /// 0.2 stabilises wakes and plumes at coarse spacings; larger blurs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub eddies: Option<f32>,
 }
 
-/// How strength spreads.
+/// The method of diffusion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ViscousScheme {
-    /// Vortons hand strength to those around them: needs cores that overlap, and `remesh` where smoke is to grow.
+    /// Particle strength exchange between neighbours: needs cores that overlap, and `remesh` where smoke is to grow.
     #[default]
     Exchange,
-    /// Cores grow: costs nothing and needs no neighbours; cores that outgrow the overlap are divided by `remesh`.
+    /// Core spreading: costs nothing and needs no neighbours; `remesh` splits cores that become too wide.
     Spreading,
 }
 
@@ -113,8 +115,8 @@ pub enum ViscousScheme {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Relaxation {
-    /// Seconds τ in which a strength turns to the vorticity around it [s]. Smaller is calmer; shorter than the turn of the
-    /// smallest eddies it damps what ought to twist.
+    /// The time τ in which a strength rotates to the direction of the local vorticity [s]. Smaller is more stable; below the
+    /// turnover time of the smallest eddies it damps their twisting.
     #[schemars(extend("unit" = "s", "exclusiveMinimum" = 0.0))]
     pub time: f32,
 }
@@ -123,7 +125,7 @@ pub struct Relaxation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Remesh {
-    /// The lattice's spacing h [m]; vortons stand there with cores of `core` spacings; absent: `smoke.spacing`. Half as much
+    /// The spacing h of the grid [m]; new vortons have cores of `core` spacings; absent: `smoke.spacing`. Half the spacing
     /// gives eight times the vortons.
     #[serde(default = "defaults::as_seeded")]
     #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0, "default" = null))]
@@ -132,35 +134,36 @@ pub struct Remesh {
     #[serde(default = "defaults::core")]
     #[schemars(range(min = 1.0, max = 2.5))]
     pub core: f32,
-    /// The lattice is made anew after this much strain: the largest velocity gradient, summed over time. Smaller makes it often,
-    /// each time blurring by a little; above 3 rings that collide burst.
+    /// The strain after which vortons are remeshed: the time integral of the largest velocity gradient. Smaller remeshes more
+    /// often, each time blurring a little; above 3 colliding rings become unstable.
     #[serde(default = "defaults::strain")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub strain: f32,
-    /// A vorton around which cores overlap by less than this part of the lattice's overlap has lost its neighbours. On a lattice
-    /// the edges of bodies have 0.8.
+    /// The smallest overlap of cores, as a fraction of that on the grid: a vorton with less has lost its neighbours. After
+    /// remeshing, the edges of bodies have 0.8.
     #[serde(default = "defaults::least")]
     #[schemars(range(min = 0.1, max = 0.75))]
     pub least: f32,
-    /// Above this part they crowd, or cores have grown.
+    /// The largest overlap of cores, as a fraction of that on the grid: above it vortons crowd, or cores have grown.
     #[serde(default = "defaults::most")]
     #[schemars(range(min = 1.25, max = 2.0))]
     pub most: f32,
-    /// The lattice is made anew, too, when vortons that hold more than this share of all strength are outside both. Smaller
-    /// takes thin bodies for lost; larger lets holes grow.
+    /// Vortons are also remeshed when those with an overlap outside these limits hold more than this fraction of all strength.
+    /// Smaller remeshes thin bodies without need; larger lets holes grow.
     #[serde(default = "defaults::share")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub share: f32,
-    /// Vortons weaker than this part of the strongest around them hand their strength to their neighbours and go; of what is
-    /// far the part counts that its distance leaves. At 0 every one stays: bodies swell by two layers each time, of vortons that
-    /// do nothing. Larger is faster, and wears off what is faint.
+    /// Population control: vortons with less than this fraction of the largest circulation around them are removed, and their
+    /// strength is redistributed to their neighbours. The influence of distant vortons decreases with their squared distance.
+    /// At 0 none is removed: every remeshing adds two layers of useless vortons to bodies. Larger is faster, and erodes faint
+    /// bodies.
     #[serde(default = "defaults::weak")]
     #[schemars(range(min = 0.0, max = 0.1))]
     pub weak: f32,
 }
 
 impl Remesh {
-    /// With this spacing [m], and what else presets need not say.
+    /// Remeshing with this spacing [m], and defaults otherwise.
     pub fn of(spacing: f32) -> Self {
         Self {
             spacing,
@@ -175,7 +178,7 @@ impl Remesh {
 }
 
 mod defaults {
-    /// No lattice has this spacing: a preset's own takes its place when it is read.
+    /// Stands for `smoke.spacing`, which replaces it when the preset is read.
     pub(super) fn as_seeded() -> f32 {
         0.0
     }

@@ -1,109 +1,107 @@
-//! How fast everything changes: by what the vortons induce, and by what acts from outside.
+//! Rates of change of vortons and tracers: by induced velocity, and by external effects.
 
 use super::super::{Gradient, Induced, OutOfRange, Targets, Vortons, induced_both};
 use super::FlowParams;
 use crate::{math::Vec3, par};
 use std::f32::consts::PI;
 
-/// What acts on the flow beside the vortons themselves: solids, wind, buoyancy.
-pub trait Outside {
-    /// Adds to `rates`, which hold what the vortons induce, what acts at this moment. It is asked at every stage of a
-    /// substep, with the state of that stage, before stretching is made of the gradients.
+/// External effects on the flow, besides the induced velocity: solids, wind, buoyancy.
+pub trait ExternalEffects {
+    /// Adds the external contributions to `rates`, which contain the induced velocity. Called at every stage of a substep
+    /// with the state of that stage, before the gradients are used for stretching.
     ///
     /// # Errors
-    /// [`OutOfRange`] if it sums what vortons induce itself and cannot.
-    fn act(&mut self, now: Moment<'_>, rates: &mut Rates) -> Result<(), OutOfRange>;
+    /// [`OutOfRange`] if an effect evaluates induced velocities and a vorton or point is out of range.
+    fn add_rates(&mut self, stage: Stage<'_>, rates: &mut Rates) -> Result<(), OutOfRange>;
 
-    /// The longest substep it can follow [s].
-    fn longest(&self) -> f64 {
+    /// The longest time step that resolves the effects [s].
+    fn max_time_step(&self) -> f64 {
         f64::INFINITY
     }
 }
 
-/// Nothing acts from outside.
+/// No external effects.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Still;
+pub struct NoExternalEffects;
 
-impl Outside for Still {
-    fn act(&mut self, _: Moment<'_>, _: &mut Rates) -> Result<(), OutOfRange> {
+impl ExternalEffects for NoExternalEffects {
+    fn add_rates(&mut self, _: Stage<'_>, _: &mut Rates) -> Result<(), OutOfRange> {
         Ok(())
     }
 }
 
-/// A stage of a substep.
+/// The state at a stage of a substep.
 #[derive(Clone, Copy, Debug)]
-pub struct Moment<'a> {
-    /// Since the substep's start [s].
+pub struct Stage<'a> {
+    /// The time since the start of the substep [s].
     pub seconds: f64,
     /// The vortons.
     pub vortons: &'a Vortons,
-    /// The volume of each [m³].
+    /// The volume of each vorton [m³].
     pub volume: &'a [f32],
-    /// Points that drift along [m].
-    pub passengers: &'a [Vec3],
+    /// The positions of the tracers [m].
+    pub tracers: &'a [Vec3],
 }
 
-/// How fast everything changes.
+/// Rates of change.
 #[derive(Clone, Debug, Default)]
 pub struct Rates {
     /// The velocity of every vorton [m/s].
     pub velocity: Vec<Vec3>,
-    /// Its gradient there [1/s], that of what acts from outside included: it stretches.
+    /// The velocity gradient at every vorton [1/s], including external velocities, for stretching.
     pub gradient: Vec<Gradient>,
-    /// dΓ/dt of every vorton [m³/s²] beside stretching: from outside, 0 at first.
+    /// dΓ/dt of every vorton without stretching [m³/s²]: external contributions only.
     pub strength: Vec<Vec3>,
-    /// The velocity of every passenger [m/s].
-    pub passengers: Vec<Vec3>,
+    /// The velocity of every tracer [m/s].
+    pub tracers: Vec<Vec3>,
 }
 
 impl Rates {
-    /// All rates at this moment but that of stretching.
+    /// All rates at a stage, without stretching.
     pub(super) fn at(
-        now: Moment<'_>,
+        stage: Stage<'_>,
         params: &FlowParams,
-        outside: &mut dyn Outside,
+        external: &mut dyn ExternalEffects,
     ) -> Result<Self, OutOfRange> {
         let (kernel, method) = (params.kernel, params.method());
-        let (found, passengers) =
-            induced_both(now.vortons, Targets::Vortons, now.passengers, kernel, method)?;
+        let (found, tracers) = induced_both(stage.vortons, Targets::Vortons, stage.tracers, kernel, method)?;
         let Induced { velocity, gradient, .. } = found;
         let mut rates =
-            Self { velocity, gradient, strength: vec![Vec3::zeros(); now.vortons.len()], passengers };
-        outside.act(now, &mut rates)?;
+            Self { velocity, gradient, strength: vec![Vec3::zeros(); stage.vortons.len()], tracers };
+        external.add_rates(stage, &mut rates)?;
         Ok(rates)
     }
 
-    /// Adds stretching to the rates of strengths.
+    /// Adds vortex stretching to the rates of strengths.
     ///
-    /// The transpose of the gradient and not the gradient itself: what two vortons give each other is then opposite, and ΣΓ
-    /// stays.
-    pub(super) fn stretch(&mut self, vortons: &Vortons) {
+    /// The transpose form is used because two vortons then change each other's strengths by opposite amounts, which conserves
+    /// ΣΓ.
+    pub(super) fn add_stretching(&mut self, vortons: &Vortons) {
         let gradient = &self.gradient;
         par::update(&mut self.strength, |i, rate| {
             *rate += gradient[i].tr_mul(&vortons.strength[i]); // (∇u)ᵀ Γ, [winckelmans93]
         });
     }
 
-    /// The largest rates, of a kernel whose K(0) σ³ is `middle`.
-    pub(super) fn largest(&self, vortons: &Vortons, middle: f32) -> Largest {
-        let most =
-            |f: &(dyn Fn(usize) -> f32 + Sync)| par::max(vortons.len(), f).map_or(0.0, |(_, most)| most);
+    /// The largest rates, for a kernel whose K(0) σ³ is `center`.
+    pub(super) fn max(&self, vortons: &Vortons, center: f32) -> MaxRates {
+        let max = |f: &(dyn Fn(usize) -> f32 + Sync)| par::max(vortons.len(), f).map_or(0.0, |(_, max)| max);
         let core = &vortons.core;
-        Largest {
-            gradient: most(&|i| self.gradient[i].norm()),
-            cores: most(&|i| self.velocity[i].norm() / core[i]),
-            spin_up: middle / (4.0 * PI) * most(&|i| self.strength[i].norm() / core[i].powi(3)),
+        MaxRates {
+            gradient: max(&|i| self.gradient[i].norm()),
+            cores: max(&|i| self.velocity[i].norm() / core[i]),
+            spin_up: center / (4.0 * PI) * max(&|i| self.strength[i].norm() / core[i].powi(3)),
         }
     }
 }
 
-/// The largest rates of all vortons: what the length of a substep depends on.
+/// The largest rates of all vortons, which limit the time step.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Largest {
-    /// |∇u| [1/s], Frobenius' norm.
+pub(super) struct MaxRates {
+    /// |∇u|, Frobenius norm [1/s].
     pub(super) gradient: f32,
     /// Velocity over core [1/s].
     pub(super) cores: f32,
-    /// How fast a vorton turns faster by itself [1/s²].
+    /// The angular acceleration of a core by itself [1/s²].
     pub(super) spin_up: f32,
 }

@@ -1,4 +1,4 @@
-//! Turning strengths towards the vorticity around them.
+//! Relaxation: rotation of strengths towards the local vorticity.
 //!
 //! *Method*: [pedrizzetti92] with [alvarez24]'s correction: Γ ← [(1 − f) Γ + f |Γ| ω̂]/√b₂, f = 1 − e^(−dt/τ) and
 //! b₂ = 1 − 2f(1 − f)(1 − cos) of the angle between Γ and ω, so that |Γ| stays.
@@ -6,22 +6,22 @@
 use super::super::Gradient;
 use crate::{math::Vec3, par};
 
-/// Below this b₂, Γ and ω are opposite and f is a half: nothing tells which way to turn.
-const UNDECIDED: f32 = 1e-6;
+/// Below this b₂, Γ and ω are opposite and f is a half: the direction of rotation is undetermined.
+const MIN_B2: f32 = 1e-6;
 
-/// Turns every strength by the fraction `f` towards the vorticity of its velocity gradient.
+/// Rotates every strength by the fraction `f` towards the vorticity of its velocity gradient.
 pub(super) fn relax(strength: &mut [Vec3], gradient: &[Gradient], f: f32) {
     par::update(strength, |i, strength| {
         let omega = curl(&gradient[i]);
-        let (size, turned) = (strength.norm(), omega.norm());
-        // Nothing, or nothing to turn to.
-        if size == 0.0 || turned == 0.0 {
+        let (size, vorticity) = (strength.norm(), omega.norm());
+        // The direction of a zero vector is undefined.
+        if size == 0.0 || vorticity == 0.0 {
             return;
         }
-        let cos = (*strength / size).dot(&(omega / turned));
+        let cos = (*strength / size).dot(&(omega / vorticity));
         let b2 = 1.0 - 2.0 * f * (1.0 - f) * (1.0 - cos);
-        if b2 > UNDECIDED {
-            *strength = (*strength * (1.0 - f) + omega * (f * size / turned)) / b2.sqrt(); // [alvarez24]
+        if b2 > MIN_B2 {
+            *strength = (*strength * (1.0 - f) + omega * (f * size / vorticity)) / b2.sqrt(); // [alvarez24]
         }
     });
 }
@@ -36,8 +36,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn strengths_turn_and_keep_their_size() {
-        // Turns about z: ω = (0, 0, 2).
+    fn strengths_rotate_and_keep_their_size() {
+        // A rotation about z: ω = (0, 0, 2).
         let gradient = [Gradient::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0); 3];
         for f in [0.0, 0.1, 0.5, 1.0] {
             let mut strength = [Vec3::new(0.3, 0.4, 0.0), Vec3::new(0.0, 3.0, -4.0), Vec3::zeros()];

@@ -1,51 +1,51 @@
-//! What a substep and a frame tell of themselves.
+//! Reports on a substep and on a frame.
 
 use super::super::Invariants;
 use super::RemeshReport;
 use serde::{Deserialize, Serialize};
 
-/// What happened in a substep.
+/// The report on a substep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct StepReport {
-    /// Its length [s].
+    /// The time step [s].
     pub seconds: f64,
-    /// The largest velocity gradient at a vorton at its start [1/s].
+    /// The largest velocity gradient at a vorton at the start of the substep [1/s].
     pub gradient: f32,
-    /// The most cores a second that a vorton moved at its start [1/s].
+    /// The largest velocity of a vorton at the start of the substep, in cores [1/s].
     pub cores: f32,
-    /// Whether the limits asked for a shorter one than was allowed.
+    /// Whether the limits required a shorter time step than was allowed.
     pub capped: bool,
-    /// Strengths that were cut because their vortons would have spun farther in the substep than it can resolve.
+    /// Strengths that were clamped because their vortons would have rotated farther in the substep than it resolves.
     pub clamped: u32,
-    /// Rounds of particle strength exchange.
+    /// Steps of particle strength exchange.
     pub exchanges: u32,
 }
 
-/// What happened in a frame. The same on every run and for any number of threads.
+/// The report on a frame. It is the same on every run and for any number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FlowReport {
     /// Substeps taken.
     pub substeps: u32,
-    /// The largest velocity gradient at a vorton at a substep's start [1/s].
+    /// The largest velocity gradient at a vorton at the start of a substep [1/s].
     pub gradient: f32,
-    /// Substeps longer than the limits ask for, because of `max_substeps`.
+    /// Substeps longer than the limits require, because of `max_substeps`.
     pub capped: u32,
-    /// Strengths cut, over all substeps.
+    /// Strengths clamped, over all substeps.
     pub clamped: u64,
-    /// Rounds of particle strength exchange.
+    /// Steps of particle strength exchange.
     pub exchanges: u32,
-    /// Times that the vortons were put onto the lattice.
+    /// The number of remeshings.
     pub remeshed: u32,
-    /// What that did in all: how many vortons there were before the first time and after the last, the largest part of divergence and
-    /// the largest `reach`, and sums of the rest.
+    /// The report on all remeshings: vortons before the first and after the last, the largest `divergence` and
+    /// `impulse_scale`, and the sums of the other numbers.
     pub remesh: Option<RemeshReport>,
 }
 
 impl FlowReport {
-    /// Books a substep and what [`Flow::tend`](super::Flow::tend) did after it.
+    /// Adds a substep, and the remeshing after it.
     pub fn add(&mut self, step: &StepReport, remesh: Option<RemeshReport>) {
-        self.tended(remesh);
+        self.add_remeshing(remesh);
         self.substeps += 1;
         self.gradient = self.gradient.max(step.gradient);
         self.capped += u32::from(step.capped);
@@ -53,31 +53,31 @@ impl FlowReport {
         self.exchanges += step.exchanges;
     }
 
-    /// Books what [`Flow::tend`](super::Flow::tend) did.
-    pub fn tended(&mut self, remesh: Option<RemeshReport>) {
+    /// Adds the report of [`Flow::remesh_if_needed`](super::Flow::remesh_if_needed).
+    pub fn add_remeshing(&mut self, remesh: Option<RemeshReport>) {
         let Some(now) = remesh else { return };
         self.remeshed += 1;
         self.remesh = Some(self.remesh.map_or(now, |sum| RemeshReport {
             before: sum.before,
             after: now.after,
-            dropped: sum.dropped.saturating_add(now.dropped),
-            handed: sum.handed + now.handed,
-            lost: sum.lost + now.lost,
+            removed: sum.removed.saturating_add(now.removed),
+            redistributed: sum.redistributed + now.redistributed,
+            lost_impulse: sum.lost_impulse + now.lost_impulse,
             divergence: sum.divergence.max(now.divergence),
             wide: sum.wide.saturating_add(now.wide),
-            turned: sum.turned + now.turned,
-            unsolved: sum.unsolved + now.unsolved,
-            reach: sum.reach.max(now.reach),
+            impulse_change_at_solids: sum.impulse_change_at_solids + now.impulse_change_at_solids,
+            unconverged: sum.unconverged + now.unconverged,
+            impulse_scale: sum.impulse_scale.max(now.impulse_scale),
         }));
     }
 }
 
-/// What the flow holds, and how exactly it is known.
+/// The invariants of the flow, and the error of its velocity.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Account {
     /// The invariants.
     pub invariants: Invariants,
-    /// The relative L2 error of the evaluator's velocity against the sum over all pairs, where it was sampled.
+    /// The relative L2 error of the velocity compared with the sum over all pairs, if it was sampled.
     pub error: Option<f64>,
 }
