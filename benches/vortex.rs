@@ -1,12 +1,14 @@
-//! Seconds and errors of what vortons induce. `cargo bench --bench vortex`; with `-- threads` the last table alone, with `-- kept`
-//! what is missed of the errors asked for, with `-- fields` what a ring induces in two planes, for `tools/bench/vortex_figure.py`.
+//! Seconds and errors of what vortons induce. `cargo bench --bench vortex`; with `-- threads` the last table
+//! alone, with `-- kept` what is missed of the errors asked for, with `-- fields` what a ring induces in two
+//! planes, for `tools/bench/vortex_figure.py`.
 //!
-//! Four clouds of vortons whose cores are one and a half spacings: a ring of radius 1 m and a tenth of that thick; a cube of
-//! random strengths, the worst case, because little is left of what is far; a thin wavy sheet; thirty blobs, dense in the middle.
-//! Before criterion measures, tables are printed of the error that was asked for, the one reached (relative L2 of the velocity at
-//! 400 vortons against the sum over all pairs), and the time: each row is the least mean of up to five batches of as many
-//! evaluations as fill a fifth of a second, in CPU time of the whole process on one thread. Then the time against the number of vortons, the Poisson equation by itself, and wall
-//! seconds by number of threads.
+//! Four clouds of vortons whose cores are one and a half spacings: a ring of radius 1 m and a tenth of that
+//! thick; a cube of random strengths, the worst case, because little is left of what is far; a thin wavy
+//! sheet; thirty blobs, dense in the middle. Before criterion measures, tables are printed of the error that
+//! was asked for, the one reached (relative L2 of the velocity at 400 vortons against the sum over all
+//! pairs), and the time: each row is the least mean of up to five batches of as many evaluations as fill a
+//! fifth of a second, in CPU time of the whole process on one thread. Then the time against the number of
+//! vortons, the Poisson equation by itself, and wall seconds by number of threads.
 
 #[path = "reference/vortex/mod.rs"]
 mod reference;
@@ -83,8 +85,8 @@ fn cpu_seconds(start: Instant) -> f64 {
     if nanoseconds > 0 { nanoseconds as f64 * 1e-9 } else { start.elapsed().as_secs_f64() }
 }
 
-/// What a job finds, and its CPU seconds: the least of five batches of as many runs as the system's clock, of some milliseconds, tells well;
-/// of fewer where they fill a second.
+/// What a job finds, and its CPU seconds: the least of five batches of as many runs as the system's clock, of
+/// some milliseconds, tells well; of fewer where they fill a second.
 fn repeated<T>(mut job: impl FnMut() -> T) -> (T, f64) {
     let start = Instant::now();
     let (mut found, mut runs) = (None, 1);
@@ -236,7 +238,8 @@ fn crossovers() {
     }
 }
 
-/// Prints the time of the Poisson equation with boundary values of a ring of 100 000 vortons, and its error on a ring of 48.
+/// Prints the time of the Poisson equation with boundary values of a ring of 100 000 vortons, and its error
+/// on a ring of 48.
 fn equations() {
     println!(
         "\n| cells | solver | boundary values, CPU s | equation, CPU s | A missed |\n|---|---|--:|--:|--:|"
@@ -336,8 +339,8 @@ fn by_threads() {
     }
 }
 
-/// Prints vorticity, potential and velocity of a ring in the plane of the ring and in one through its axis: the plane's number,
-/// two coordinates, and nine components.
+/// Prints vorticity, potential and velocity of a ring in the plane of the ring and in one through its axis:
+/// the plane's number, two coordinates, and nine components.
 fn fields() {
     let ring = cloud("ring", 20_000);
     let mut points = Vec::new();

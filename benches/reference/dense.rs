@@ -1,12 +1,13 @@
 //! Signed distance from a field on a dense grid, for comparison with the bricks of `meniscus::sdf`.
 //!
-//! *Method* [gourlay17], [zhao05]: the indicator ([`indicator`]) says where the surface crosses. Nodes next to it get
-//! immediate distances and are pinned ([`pin_surface`]; [`pin_band`] takes a known band). Fast sweeping in eight orders
-//! propagates them, as a wavefront over blocks of any size; [`Order::Second`] then gives every node a distance of second
-//! order. The sweeps and the second order are those of the library.
+//! *Method* [gourlay17], [zhao05]: the indicator ([`indicator`]) says where the surface crosses. Nodes next
+//! to it get immediate distances and are pinned ([`pin_surface`]; [`pin_band`] takes a known band). Fast
+//! sweeping in eight orders propagates them, as a wavefront over blocks of any size; [`Order::Second`] then
+//! gives every node a distance of second order. The sweeps and the second order are those of the library.
 //!
-//! Limits: memory follows the box, not the surface: 8 bytes per node at first order and 10 at second, besides the field and
-//! the pins (9 bytes per node). Where the surface fills a small part of a box, bricks are the better grid.
+//! Limits: memory follows the box, not the surface: 8 bytes per node at first order and 10 at second, besides
+//! the field and the pins (9 bytes per node). Where the surface fills a small part of a box, bricks are the
+//! better grid.
 
 use meniscus::{
     grid::DenseGrid,
@@ -68,8 +69,8 @@ pub(crate) fn indicator(field: &DenseGrid, threshold: f32) -> Vec<bool> {
     inside
 }
 
-/// Pins the nodes next to the surface where `field` crosses `threshold`, at their immediate distances by `rule`. Outside the
-/// grid lies the side of its last nodes: no surface is found there.
+/// Pins the nodes next to the surface where `field` crosses `threshold`, at their immediate distances by
+/// `rule`. Outside the grid lies the side of its last nodes: no surface is found there.
 pub(crate) fn pin_surface(field: &DenseGrid, threshold: f32, rule: SeedRule) -> Pins {
     let inside = indicator(field, threshold);
     let strides = [1, field.nodes[0], field.nodes[0] * field.nodes[1]];
@@ -96,8 +97,8 @@ pub(crate) fn pin_surface(field: &DenseGrid, threshold: f32, rule: SeedRule) -> 
     Pins { distance, inside }
 }
 
-/// Pins the nodes within `width` [voxels] of the surface, where `level`, negative inside, holds the distance [m]. A NaN is
-/// outside and not pinned.
+/// Pins the nodes within `width` [voxels] of the surface, where `level`, negative inside, holds the distance
+/// [m]. A NaN is outside and not pinned.
 pub(crate) fn pin_band(level: &DenseGrid, width: f32) -> Pins {
     let mut distance = vec![f32::INFINITY; level.values.len()];
     par::fill(&mut distance, |i| {

@@ -1,14 +1,15 @@
 //! The Poisson equation on a box by full multigrid, as in [gourlay19].
 //!
-//! *Method*: [gourlay19], [briggs00]: 6u − Σ of the six neighbours = h² ω. Gauss–Seidel sweeps go over red and then over black
-//! nodes. The residual is restricted to a grid of twice the spacing, and its solution is prolonged by linear interpolation.
-//! The solution begins on the coarsest grid; each finer one starts from the last and takes [`CYCLES`] V-cycles.
+//! *Method*: [gourlay19], [briggs00]: 6u − Σ of the six neighbours = h² ω. Gauss–Seidel sweeps go over red
+//! and then over black nodes. The residual is restricted to a grid of twice the spacing, and its solution is
+//! prolonged by linear interpolation. The solution begins on the coarsest grid; each finer one starts from
+//! the last and takes [`CYCLES`] V-cycles.
 //!
-//! The neighbours of a red node are all black, and a sweep writes to another array than it reads, so the number of threads
-//! does not change the result.
+//! The neighbours of a red node are all black, and a sweep writes to another array than it reads, so the
+//! number of threads does not change the result.
 //!
-//! *Order*: the second. *Limits*: the numbers of cells should be even many times, because the coarsest grid is solved by
-//! sweeps alone.
+//! *Order*: the second. *Limits*: the numbers of cells should be even many times, because the coarsest grid
+//! is solved by sweeps alone.
 
 use meniscus::{
     math::Vec3,
@@ -46,7 +47,8 @@ impl Level {
         halves.then(|| Self::new(self.grid.cells.map(|n| n / 2)))
     }
 
-    /// Writes to the spare array: the boundary values, and for each row inside `row(own place, parity of the row, out)`.
+    /// Writes to the spare array: the boundary values, and for each row inside `row(own place, parity of the
+    /// row, out)`.
     fn rows(&mut self, row: impl Fn(&Self, usize, usize, &mut [f32]) + Sync) {
         let mut out = std::mem::take(&mut self.spare);
         let (grid, this) = (self.grid, &*self);
@@ -120,7 +122,8 @@ impl Level {
     }
 }
 
-/// Restriction: Σ over the 27 nodes around every node of a coarser grid with weights 8, 4, 2 and 1 over 64, times 4 for h².
+/// Restriction: Σ over the 27 nodes around every node of a coarser grid with weights 8, 4, 2 and 1 over 64,
+/// times 4 for h².
 fn restrict(fine: UniformGrid, from: &[f32], coarse: UniformGrid, to: &mut [f32]) {
     par::for_chunks(to, coarse.plane(), |first, plane| {
         let z = first / coarse.plane();
@@ -214,8 +217,8 @@ pub(crate) fn solve(field: &mut VectorField) {
     }
 }
 
-/// Solves ∇²A = −ω on a box to second order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and then A
-/// everywhere.
+/// Solves ∇²A = −ω on a box to second order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and
+/// then A everywhere.
 pub(crate) fn poisson(field: &mut VectorField) {
     let grid = field.grid;
     for values in &mut field.values {
@@ -288,7 +291,8 @@ fn cycle(levels: &mut [Level]) {
     }
 }
 
-/// Sweeps until a millionth of the residual is left on the coarsest level: one leaves e^(−π²/3 Σ 1/n²) of the slowest wave.
+/// Sweeps until a millionth of the residual is left on the coarsest level: one leaves e^(−π²/3 Σ 1/n²) of the
+/// slowest wave.
 fn relax(level: &mut Level) {
     let slowest: f64 = level.grid.cells.iter().map(|&n| 1.0 / (n * n) as f64).sum();
     for _ in 0..(4.2 / slowest).ceil() as usize {

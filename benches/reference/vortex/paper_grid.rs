@@ -1,10 +1,10 @@
 //! The grid of [gourlay19], for comparison: multigrid between shares and differences of low order.
 //!
-//! *Method*: [gourlay19], part 20: the vorticity of vortons on the nodes of a grid, ∇²A = −ω by multigrid with boundary
-//! values by the integral, and the velocity as differences of A, gathered at the vortons.
+//! *Method*: [gourlay19], part 20: the vorticity of vortons on the nodes of a grid, ∇²A = −ω by multigrid
+//! with boundary values by the integral, and the velocity as differences of A, gathered at the vortons.
 //!
-//! *Departs from the paper*: the cores are Gaussian, all of one size, and are spread over the nodes by a convolution along
-//! each axis. Boundary values are those of the library's tree.
+//! *Departs from the paper*: the cores are Gaussian, all of one size, and are spread over the nodes by a
+//! convolution along each axis. Boundary values are those of the library's tree.
 
 use super::multigrid;
 use meniscus::{

@@ -1,12 +1,12 @@
 //! The tree rule of [gourlay19], for comparison: about half of the velocity is error.
 //!
-//! *Method*: [gourlay19]. Layers of a uniform grid, the finest with about one vorton per cell, each coarser one with half as
-//! many cells along each axis. Every cell is a vorton of its own. A point descends from the one cell of the coarsest layer
-//! into the cell that holds it. All other children count as one vorton each, and the children of the last step as the
-//! vortons in them.
+//! *Method*: [gourlay19]. Layers of a uniform grid, the finest with about one vorton per cell, each coarser
+//! one with half as many cells along each axis. Every cell is a vorton of its own. A point descends from the
+//! one cell of the coarsest layer into the cell that holds it. All other children count as one vorton each,
+//! and the children of the last step as the vortons in them.
 //!
-//! *Departs from the paper*: the strength of a cell is the sum over its vortons, its position their centre of |Γ|, its
-//! squared core their mean by |Γ|. A point outside the grid descends towards the nearest cell.
+//! *Departs from the paper*: the strength of a cell is the sum over its vortons, its position their centre of
+//! |Γ|, its squared core their mean by |Γ|. A point outside the grid descends towards the nearest cell.
 
 use meniscus::{
     math::Vec3,

@@ -1,10 +1,10 @@
-//! The coherence of an induced velocity: where the contributions of all vortons add up, the same settings have a smaller
-//! relative error.
+//! The coherence of an induced velocity: where the contributions of all vortons add up, the same settings
+//! have a smaller relative error.
 //!
-//! *Method*: at some of the vortons, c² = |Σ u_q|²/Σ |u_q|² over the contributions u_q of the others. It is 1 if they are
-//! random, and their number if all are equal. The errors of expansions and grids are nearly random, so compared with the
-//! velocity they are smaller by about c. Cores are balls here for every kernel: they matter only nearby, where no
-//! contribution is approximated.
+//! *Method*: at some of the vortons, c² = |Σ u_q|²/Σ |u_q|² over the contributions u_q of the others. It is 1
+//! if they are random, and their number if all are equal. The errors of expansions and grids are nearly
+//! random, so compared with the velocity they are smaller by about c. Cores are balls here for every kernel:
+//! they matter only nearby, where no contribution is approximated.
 
 use super::{
     ERRORS, Vortons,
@@ -21,12 +21,13 @@ use crate::{
 /// Vortons at which coherence is sampled, at most.
 const MAX_SAMPLES: usize = 64;
 
-/// Vortons whose contributions are summed at each sample, at most. The time is proportional to the product of both.
+/// Vortons whose contributions are summed at each sample, at most. The time is proportional to the product of
+/// both.
 const MAX_SOURCES: usize = 8192;
 
-/// The fraction of c by which the error may be increased. c is 0.9 on a cube of strengths of all directions, 5 on a sheet and
-/// 8 on a ring. With the same settings their errors are 0.8, 0.2 and 0.06 of the one that the settings are for, with 8000
-/// vortons as with 300 000 (`cargo bench --bench vortex -- kept`).
+/// The fraction of c by which the error may be increased. c is 0.9 on a cube of strengths of all directions,
+/// 5 on a sheet and 8 on a ring. With the same settings their errors are 0.8, 0.2 and 0.06 of the one that
+/// the settings are for, with 8000 vortons as with 300 000 (`cargo bench --bench vortex -- kept`).
 const USED_FRACTION: f32 = 0.8;
 
 /// The largest factor by which the error may be increased.
@@ -57,9 +58,9 @@ fn coherence(vortons: &Vortons) -> f32 {
     (whole / single).sqrt() as f32
 }
 
-/// All vortons, or a sample of them. A sample is distributed evenly but incommensurably over the indices. Its cores are wider
-/// in proportion to the spacing of the sample, so that c does not grow with the number of vortons. The error of expansions
-/// does not decrease with the number either.
+/// All vortons, or a sample of them. A sample is distributed evenly but incommensurably over the indices. Its
+/// cores are wider in proportion to the spacing of the sample, so that c does not grow with the number of
+/// vortons. The error of expansions does not decrease with the number either.
 fn sampled_sources(vortons: &Vortons) -> Vec<Source> {
     let count = vortons.len();
     if count <= MAX_SOURCES {

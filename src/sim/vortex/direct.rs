@@ -15,8 +15,8 @@ use std::marker::PhantomData;
 /// Targets per task.
 const TARGETS_PER_TASK: usize = 64;
 
-/// Vortons that are summed in single precision before the sums are added up in double precision. Smaller blocks are more
-/// accurate, at the cost of a conversion each.
+/// Vortons that are summed in single precision before the sums are added up in double precision. Smaller
+/// blocks are more accurate, at the cost of a conversion each.
 const SOURCES_PER_BLOCK: usize = 512;
 
 /// The quantity `Q` that `vortons` induce at `points`.

@@ -1,19 +1,20 @@
-//! Cartesian Taylor expansions of the kernel, and their translations: moments (multipole expansions) of source cells, and
-//! local expansions of target cells.
+//! Cartesian Taylor expansions of the kernel, and their translations: moments (multipole expansions) of
+//! source cells, and local expansions of target cells.
 //!
-//! *Method*: [dehnen02], with vectors for masses and any kernel for 1/r. Sources at x_q = c_B + b, targets at x = c_A + a,
-//! d = c_A − c_B, and D_γ = ∂^γ G(|d|):
+//! *Method*: [dehnen02], with vectors for masses and any kernel for 1/r. Sources at x_q = c_B + b, targets at
+//! x = c_A + a, d = c_A − c_B, and D_γ = ∂^γ G(|d|):
 //!
 //! ```text
 //! A(x) = Σ_β L_β a^β/β!      L_β = Σ_α D_(α+β) M_α      M_α = Σ_q Γ_q (−b)^α/α!
 //! ```
 //!
-//! An expansion of order p keeps |α| + |β| ≤ p: its first omitted term is ((a − b)·∇)^(p+1) G, one order less for the
-//! velocity. No coefficient uses that 1/r is harmonic, so the core is expanded too. The D follow from the chain of the kernel
-//! (`kernels.rs`) by D_(α+e)⁽ⁿ⁾ = d_e D_α⁽ⁿ⁺¹⁾ + α_e D_(α−e)⁽ⁿ⁺¹⁾, D_0⁽ⁿ⁾ = Gₙ [mcmurchie78].
+//! An expansion of order p keeps |α| + |β| ≤ p: its first omitted term is ((a − b)·∇)^(p+1) G, one order less
+//! for the velocity. No coefficient uses that 1/r is harmonic, so the core is expanded too. The D follow from
+//! the chain of the kernel (`kernels.rs`) by D_(α+e)⁽ⁿ⁾ = d_e D_α⁽ⁿ⁺¹⁾ + α_e D_(α−e)⁽ⁿ⁺¹⁾, D_0⁽ⁿ⁾ = Gₙ
+//! [mcmurchie78].
 //!
-//! All coefficients are dimensionless, so that no power of a length overflows single precision: M_α is stored over
-//! radius^|α| of its cell, L_β times unit^|β| of its own, and d, D for a distance of 1.
+//! All coefficients are dimensionless, so that no power of a length overflows single precision: M_α is stored
+//! over radius^|α| of its cell, L_β times unit^|β| of its own, and d, D for a distance of 1.
 //!
 //! The coefficients of a vector are x, y, z in sequence.
 
@@ -31,8 +32,8 @@ pub(super) fn stride(order: usize) -> usize {
 /// Eight expansions, with padding.
 pub(super) type Expansions<L> = [L; 3 * MAX_COEFS + LANES];
 
-/// The derivatives D of eight pairs of cells, for two steps of the recurrence. An index is a `u8`, so that none is
-/// bounds-checked.
+/// The derivatives D of eight pairs of cells, for two steps of the recurrence. An index is a `u8`, so that
+/// none is bounds-checked.
 pub(super) type CellDerivatives<L> = [[L; 256]; 2];
 
 /// x^α/α! of every multi-index up to `order`.
@@ -56,8 +57,8 @@ fn monomials_of_one(x: [f32; 3], order: usize) -> [f32; MAX_COEFS] {
     out
 }
 
-/// Multipole-to-multipole translation (M2M): adds the moments of a child to those of its parent. `shift` is the offset of the
-/// centre of the child, `ratio` its radius, both over the radius of the parent.
+/// Multipole-to-multipole translation (M2M): adds the moments of a child to those of its parent. `shift` is
+/// the offset of the centre of the child, `ratio` its radius, both over the radius of the parent.
 pub(super) fn add_moments_to_parent(
     child: &[f32],
     shift: [f32; 3],
@@ -81,8 +82,8 @@ pub(super) fn add_moments_to_parent(
     }
 }
 
-/// Local-to-local translation (L2L): writes the local expansion of a child from that of its parent. `shift` is the offset of
-/// the centre of the child, `ratio` its unit, both over the unit of the parent.
+/// Local-to-local translation (L2L): writes the local expansion of a child from that of its parent. `shift`
+/// is the offset of the centre of the child, `ratio` its unit, both over the unit of the parent.
 pub(super) fn local_of_child(parent: &[f32], shift: [f32; 3], ratio: f32, order: usize, child: &mut [f32]) {
     let powers = monomials_of_one(shift, order);
     let mut scale = 1.0;
@@ -113,8 +114,8 @@ pub(super) struct SourceCells<L> {
     pub(super) radius: L,
 }
 
-/// Multipole-to-local translation (M2L): adds eight source cells to a local expansion of `unit` [m], from degree `from` on.
-/// `moments` is scaled in place. Every D_γ of |γ| ≤ `order` is computed once.
+/// Multipole-to-local translation (M2L): adds eight source cells to a local expansion of `unit` [m], from
+/// degree `from` on. `moments` is scaled in place. Every D_γ of |γ| ≤ `order` is computed once.
 #[inline(always)]
 pub(super) fn add_moments_to_local<L: Lanes, K: RadialKernel>(
     cells: &SourceCells<L>,

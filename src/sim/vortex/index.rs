@@ -1,7 +1,7 @@
 //! Multi-indices α of three exponents, in the order in which expansions store their coefficients.
 //!
-//! They are ordered by degree |α| = α_x + α_y + α_z, then by descending α_x, then by descending α_y. So the first
-//! coefficients of an expansion are those of the expansion of a lower order.
+//! They are ordered by degree |α| = α_x + α_y + α_z, then by descending α_x, then by descending α_y. So the
+//! first coefficients of an expansion are those of the expansion of a lower order.
 
 /// The highest order of an expansion.
 pub(super) const MAX_ORDER: usize = 8;
@@ -31,7 +31,8 @@ pub(super) struct Step {
     pub(super) grandparent: u8,
 }
 
-/// The index of every sum: `ADD[a][b]` is that of α + β, or 0 where the degree of the sum is above [`MAX_ORDER`].
+/// The index of every sum: `ADD[a][b]` is that of α + β, or 0 where the degree of the sum is above
+/// [`MAX_ORDER`].
 pub(super) static ADD: [[u8; MAX_COEFS]; MAX_COEFS] = sums();
 
 /// The step to every multi-index except the first.

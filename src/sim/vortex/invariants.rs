@@ -1,7 +1,8 @@
 //! The invariants of vortex motion.
 //!
-//! *Method*: [winckelmans93]; sums in double precision. ΣΓ is conserved by stretching in the transpose form, the impulse and
-//! the angular impulse by any exact motion without walls, the energy and the helicity by inviscid motion.
+//! *Method*: [winckelmans93]; sums in double precision. ΣΓ is conserved by stretching in the transpose form,
+//! the impulse and the angular impulse by any exact motion without walls, the energy and the helicity by
+//! inviscid motion.
 
 use super::{Kernel, Method, OutOfRange, Quantity, Targets, Vortons, induced};
 use crate::par;

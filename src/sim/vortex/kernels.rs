@@ -1,9 +1,10 @@
 //! The kernels and their radial derivatives, which sums over pairs and expansions need.
 //!
-//! *Method*: with the chain G₀ = G, Gₙ₊₁ = Gₙ′/r, every derivative of G(|d|) is a polynomial in d over the chain. Sums over
-//! pairs need K = −G₁ and H = −G₂; an expansion of order p needs p derivatives. For a point Tₙ₊₁ = −(2n + 1) Tₙ/r², and for a
-//! core the same with r² + σ². The Winckelmans–Leonard kernel is T₀ + ½σ² T₀³, whose chain is Tₙ − ½σ² Tₙ₊₁. The Gaussian's
-//! chain consists of Boys functions: Gₙ = (−1)ⁿ √(2/π) σ^-(2n+1) Fₙ(ρ²/2), Fₙ(x) = ∫₀¹ t²ⁿ e^(−xt²) dt.
+//! *Method*: with the chain G₀ = G, Gₙ₊₁ = Gₙ′/r, every derivative of G(|d|) is a polynomial in d over the
+//! chain. Sums over pairs need K = −G₁ and H = −G₂; an expansion of order p needs p derivatives. For a point
+//! Tₙ₊₁ = −(2n + 1) Tₙ/r², and for a core the same with r² + σ². The Winckelmans–Leonard kernel is T₀ + ½σ²
+//! T₀³, whose chain is Tₙ − ½σ² Tₙ₊₁. The Gaussian's chain consists of Boys functions: Gₙ = (−1)ⁿ √(2/π)
+//! σ^-(2n+1) Fₙ(ρ²/2), Fₙ(x) = ∫₀¹ t²ⁿ e^(−xt²) dt.
 
 use super::index::MAX_ORDER;
 use crate::simd::{Lanes, splat};
@@ -16,17 +17,17 @@ pub(super) trait RadialKernel: Copy + Send + Sync + 'static {
     /// Writes Gₙ of 0..=`order` at squared distances `r2` and squared cores `s2`.
     fn derivatives<L: Lanes>(r2: L, s2: L, order: usize, out: &mut Derivatives<L>);
 
-    /// The power m of σ in the leading effect of the core at a distance. Vortons of different cores in a cell count as one
-    /// with the mean σᵐ.
+    /// The power m of σ in the leading effect of the core at a distance. Vortons of different cores in a cell
+    /// count as one with the mean σᵐ.
     const CORE_POWER: i32;
 
-    /// The smallest distance from the vortons of a cell at which its expansion is valid [m], if their cores are between `low`
-    /// and `high` [m], for an `error` of the velocity.
+    /// The smallest distance from the vortons of a cell at which its expansion is valid [m], if their cores
+    /// are between `low` and `high` [m], for an `error` of the velocity.
     fn min_gap(low: f32, high: f32, error: f32) -> f32;
 }
 
-/// The gap of smooth kernels: only the deviation of cores from their mean is omitted, which is `c` (σᵐ − σ̄ᵐ)/rᵐ of the
-/// velocity.
+/// The gap of smooth kernels: only the deviation of cores from their mean is omitted, which is `c` (σᵐ −
+/// σ̄ᵐ)/rᵐ of the velocity.
 fn gap_of_uneven_cores(c: f32, power: i32, low: f32, high: f32, error: f32) -> f32 {
     let ratio = low / high;
     high * ((1.0 - ratio.powi(power)) * c / error).powf(1.0 / power as f32)
@@ -164,7 +165,8 @@ impl RadialKernel for Gaussian {
         }
     }
 
-    /// Below three cores derivatives of high order cancel. Where cores differ, the difference has to have decayed.
+    /// Below three cores derivatives of high order cancel. Where cores differ, the difference has to have
+    /// decayed.
     fn min_gap(low: f32, high: f32, _: f32) -> f32 {
         if low == high { 3.0 * high } else { 5.0 * high }
     }

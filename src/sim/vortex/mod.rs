@@ -1,29 +1,31 @@
 //! The velocity that vortex particles (vortons) induce.
 //!
-//! This is the base of the vortex particle method: one evaluator of the vector potential, the velocity and its gradient
-//! that a set of vortons induces, at the vortons themselves or at any points.
+//! This is the base of the vortex particle method: one evaluator of the vector potential, the velocity and
+//! its gradient that a set of vortons induces, at the vortons themselves or at any points.
 //!
-//! *Method*: [gourlay19]'s sum of vector potentials over mollified vortons, as in [winckelmans93]. With d = x − x_q,
-//! r = |d| and a kernel G (see [`Kernel`]):
+//! *Method*: [gourlay19]'s sum of vector potentials over mollified vortons, as in [winckelmans93]. With d = x
+//! − x_q, r = |d| and a kernel G (see [`Kernel`]):
 //!
 //! ```text
 //! A(x) = (1/4π) Σ Γ_q G(r)      u(x) = ∇ × A = (1/4π) Σ K(r) Γ_q × d      K = −G′/r,  H = K′/r
 //! ∂u_i/∂x_j = (1/4π) Σ [ H d_j (Γ × d)_i + K ε_ikj Γ_k ]
 //! ```
 //!
-//! The sum is taken over all pairs ([`Method::Direct`]), with multipole expansions between the cells of octrees
-//! ([`Method::Tree`], `traversal.rs`), or by a Poisson equation on a grid with boundary values of the tree
-//! ([`Method::Grid`], `grid/`). The accuracy parameter of both is the error of the velocity. The tree rule and the grid of
-//! the paper are kept for comparison in `benches/reference/vortex/`.
+//! The sum is taken over all pairs ([`Method::Direct`]), with multipole expansions between the cells of
+//! octrees ([`Method::Tree`], `traversal.rs`), or by a Poisson equation on a grid with boundary values of the
+//! tree ([`Method::Grid`], `grid/`). The accuracy parameter of both is the error of the velocity. The tree
+//! rule and the grid of the paper are kept for comparison in `benches/reference/vortex/`.
 //!
-//! *Departs from the paper*: a vorton has a strength Γ = ω V and a core, not an angular velocity and a size. The potential
-//! inside a core is that of the ball, because the curl of the paper's eq. 5 has the wrong sign. Sums over cells are of
-//! strengths, about the centre of |Γ|. The kernel of each vorton is expanded, not that of a point.
+//! *Departs from the paper*: a vorton has a strength Γ = ω V and a core, not an angular velocity and a size.
+//! The potential inside a core is that of the ball, because the curl of the paper's eq. 5 has the wrong sign.
+//! Sums over cells are of strengths, about the centre of |Γ|. The kernel of each vorton is expanded, not that
+//! of a point.
 //!
-//! *Symbols*: Γ → `strength` [m³/s], σ → `core` [m], A → `potential` [m²/s], u → `velocity` [m/s], ∇u → `gradient` [1/s].
+//! *Symbols*: Γ → `strength` [m³/s], σ → `core` [m], A → `potential` [m²/s], u → `velocity` [m/s], ∇u →
+//! `gradient` [1/s].
 //!
-//! *Limits*: single precision: about 1e-6 of the velocity. Coincident vortons of different cores, more than a leaf holds,
-//! are summed pair by pair.
+//! *Limits*: single precision: about 1e-6 of the velocity. Coincident vortons of different cores, more than a
+//! leaf holds, are summed pair by pair.
 
 mod accuracy;
 mod coherence;
@@ -54,16 +56,99 @@ pub use vortons::{ElementKind, MAX_MAGNITUDE, MIN_CORE, OutOfRange, Vortons};
 use crate::math::Vec3;
 use grid::GridKernel;
 use kernels::{Ball, Gaussian, RosenheadMoore, WinckelmansLeonard};
+<<<<<<< HEAD
 use quantities::{GRADIENT, POTENTIAL, VELOCITY};
+=======
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-/// Evaluates the quantity that `vortons` induce at `targets`. The result has the same bits for any number of threads.
+/// The velocity gradient ∇u: the row is the component of the velocity, the column the direction of the
+/// derivative.
+pub type Gradient = nalgebra::Matrix3<f32>;
+
+/// The distribution of the vorticity of a vorton over its core σ; ρ = r/σ.
+///
+/// C is the constant in the speed of a thin vortex ring of circulation Γ_c: Γ_c/(4πR) · (ln(8R/σ) − C).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Kernel {
+    /// Uniform inside a ball of radius σ, and zero outside; C = ln 2 − 1/3. The kernel that [gourlay19]
+    /// describes. Its velocity gradient is discontinuous at the edge of the core.
+    Ball,
+    /// G = (r² + σ²)^-½; C = 1. Differs from a point by 1.5/ρ² in velocity, so the core has an effect far
+    /// away.
+    RosenheadMoore,
+    /// G = (r² + 1.5 σ²)/(r² + σ²)^3/2; C = ½. Fourth order: differs from a point by 1.9/ρ⁴.
+    #[default]
+    WinckelmansLeonard,
+    /// G = erf(ρ/√2)/r; C = 1 + (ln 2 − γ)/2. The core that viscosity produces. Pairs take three times as
+    /// long.
+    Gaussian,
+}
+
+/// The method of summation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Method {
+    /// Over all pairs: exact to single precision. The time grows with the product of the numbers of vortons
+    /// and targets.
+    Direct,
+    /// By multipole expansions between cells of octrees (a fast multipole method). The relative L2 error of
+    /// the velocity at the vortons is at most about `error`, one of [`ERRORS`]. Faster than
+    /// [`Method::Direct`] from about 2000 vortons on.
+    Tree {
+        /// The requested relative L2 error.
+        error: f32,
+    },
+    /// By a Poisson equation on a grid with boundary values of the tree, to an error of [`grid_errors`]. The
+    /// error of the gradient is up to twelve times as large. Where a grid would cost more than all pairs, as
+    /// for fewer than some thousand vortons, and far from the bulk of the vortons, the tree serves.
+    Grid {
+        /// The requested relative L2 error.
+        error: f32,
+    },
+}
+
+/// The induced quantity to evaluate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// The vector potential.
+    Potential,
+    /// The velocity.
+    Velocity,
+    /// The velocity and its gradient, in about twice the time of the velocity.
+    VelocityAndGradient,
+}
+
+/// The points at which an induced quantity is evaluated.
+#[derive(Clone, Copy, Debug)]
+pub enum Targets<'a> {
+    /// The vortons. Each is part of the sum at its own position.
+    Vortons,
+    /// Any points [m]: tracers, or the nodes of a grid.
+    Points(&'a [Vec3]),
+}
+
+/// Induced quantities, in the order of the targets. Those that were not requested are empty.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Induced {
+    /// A [m²/s].
+    pub potential: Vec<Vec3>,
+    /// u [m/s].
+    pub velocity: Vec<Vec3>,
+    /// ∇u [1/s].
+    pub gradient: Vec<Gradient>,
+}
+>>>>>>> 491f1df (vortex: comments at 110 columns, defaults by what they limit)
+
+/// Evaluates the quantity that `vortons` induce at `targets`. The result has the same bits for any number of
+/// threads.
 ///
 /// # Errors
 /// [`OutOfRange`] if a vorton or a point is out of range.
 ///
 /// # Panics
-/// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`], or that of
-/// [`Method::Grid`] outside [`grid_errors`].
+/// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`], or
+/// that of [`Method::Grid`] outside [`grid_errors`].
 pub fn induced(
     vortons: &Vortons,
     targets: Targets<'_>,
@@ -80,8 +165,8 @@ pub fn induced(
     })
 }
 
-/// Evaluates the velocity and its gradient at `targets`, and the velocity at `points` [m/s], as [`induced`] does.
-/// [`Method::Grid`] solves one grid for both; the other methods take as long as two calls.
+/// Evaluates the velocity and its gradient at `targets`, and the velocity at `points` [m/s], as [`induced`]
+/// does. [`Method::Grid`] solves one grid for both; the other methods take as long as two calls.
 ///
 /// # Errors
 /// As [`induced`].

@@ -1,9 +1,10 @@
 //! Points sorted along a Morton curve, and the cells of the octree over them.
 //!
-//! *Method*: points are sorted by the interleaved bits of their coordinates inside their bounding cube. A cell is a range of
-//! that order, and its children are the ranges with equal bits up to the highest that differ. Where one sort has no more bits,
-//! the range is sorted again by its own bounds. So a stray point, or a million points in one cell, cost one more sort. The
-//! cells of a level are adjacent, parents before children.
+//! *Method*: points are sorted by the interleaved bits of their coordinates inside their bounding cube. A
+//! cell is a range of that order, and its children are the ranges with equal bits up to the highest that
+//! differ. Where one sort has no more bits, the range is sorted again by its own bounds. So a stray point, or
+//! a million points in one cell, cost one more sort. The cells of a level are adjacent, parents before
+//! children.
 
 use crate::{
     math::Vec3,
@@ -14,7 +15,8 @@ use std::ops::Range;
 /// Levels that one sort resolves at most: three bits each, next to an index of 32 bits.
 const MAX_LEVELS_PER_SORT: u32 = 10;
 
-/// Points closer together than this [m] are coincident: a smaller distance squared underflows single precision.
+/// Points closer together than this [m] are coincident: a smaller distance squared underflows single
+/// precision.
 const MIN_DISTANCE: f32 = 1e-18;
 
 /// Cells per task.
@@ -117,8 +119,8 @@ impl Octree {
         (0..self.ends.len()).rev().map(|k| if k == 0 { 0 } else { self.ends[k - 1] }..self.ends[k])
     }
 
-    /// Sorts coincident points by core, and returns the ranges of more than `max_leaf_points` with one core, in ascending
-    /// order. One source can represent such a range.
+    /// Sorts coincident points by core, and returns the ranges of more than `max_leaf_points` with one core,
+    /// in ascending order. One source can represent such a range.
     pub(super) fn group_coincident(&mut self, core: &[f32], max_leaf_points: usize) -> Vec<Range<usize>> {
         let is_coincident = |cell: &&Cell| cell.is_leaf() && cell.count() > max_leaf_points;
         let mut coincident = Vec::new();
@@ -135,7 +137,8 @@ impl Octree {
         coincident
     }
 
-    /// Reduces a number over every cell: the `own` numbers of the points of leaves, those of the children of other cells.
+    /// Reduces a number over every cell: the `own` numbers of the points of leaves, those of the children of
+    /// other cells.
     pub(super) fn reduce_up(
         &self,
         start: f32,
@@ -194,7 +197,8 @@ impl Octree {
     }
 }
 
-/// The ranges of `places` in which the first point of every range of `coincident`, which is ascending, represents all of it.
+/// The ranges of `places` in which the first point of every range of `coincident`, which is ascending,
+/// represents all of it.
 pub(super) fn representatives(places: Range<usize>, coincident: &[Range<usize>]) -> Vec<Range<usize>> {
     let first = coincident.partition_point(|range| range.end <= places.start);
     let (mut ranges, mut from) = (Vec::new(), places.start);
@@ -332,7 +336,8 @@ mod tests {
         (0..count).map(|i| Vec3::new(noise(3 * i), noise(3 * i + 1), noise(3 * i + 2))).collect()
     }
 
-    /// Checks that every point is in one leaf, that children make up their parent, and that radii reach every point.
+    /// Checks that every point is in one leaf, that children make up their parent, and that radii reach every
+    /// point.
     fn check(points: &[Vec3], max_leaf_points: usize) -> Octree {
         let tree = Octree::new(points, max_leaf_points);
         let mut seen = tree.order.clone();

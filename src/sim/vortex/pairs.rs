@@ -36,8 +36,8 @@ impl Source {
     }
 }
 
-/// Numbers that are summed: a vector, and for the gradient Σ KΓ and Σ H (Γ × d) dᵀ except its last, which follows from the
-/// trace.
+/// Numbers that are summed: a vector, and for the gradient Σ KΓ and Σ H (Γ × d) dᵀ except its last, which
+/// follows from the trace.
 pub(super) const SUMS: usize = 14;
 
 /// The sums at eight targets.

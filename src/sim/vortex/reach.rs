@@ -7,7 +7,8 @@ use super::{
 };
 use crate::simd::{Lanes, ScalarLanes, splat};
 
-/// The fraction of the vorticity of a core that lies beyond a plane at a distance of `t` cores: ½ at 0, 0 far away.
+/// The fraction of the vorticity of a core that lies beyond a plane at a distance of `t` cores: ½ at 0, 0 far
+/// away.
 ///
 /// A plane layer of vortons induces t G(t) of the velocity of a vortex sheet, so this is (1 − t G(t))/2.
 pub fn fraction_beyond_plane(kernel: Kernel, t: f32) -> f32 {

@@ -1,12 +1,14 @@
 //! The fast multipole method: expansions between well-separated cells, pairs between near ones.
 //!
-//! *Method*: [dehnen02]'s dual tree traversal, from the targets' side. A target cell inherits the source cells that were near
-//! its parent. The acceptance criterion of a source cell is that the sum of both radii is less than θ of the distance. An
-//! accepted cell adds its moments to the local expansion. Otherwise the larger of the two cells is divided, down to leaves,
-//! whose pairs are summed. The local expansion of a cell is translated to its children and evaluated at the points of leaves.
+//! *Method*: [dehnen02]'s dual tree traversal, from the targets' side. A target cell inherits the source
+//! cells that were near its parent. The acceptance criterion of a source cell is that the sum of both radii
+//! is less than θ of the distance. An accepted cell adds its moments to the local expansion. Otherwise the
+//! larger of the two cells is divided, down to leaves, whose pairs are summed. The local expansion of a cell
+//! is translated to its children and evaluated at the points of leaves.
 //!
-//! The order of an expansion is the lowest that is accurate enough at the distance (`accuracy.rs`). A leaf sums pairs where
-//! that costs less. Each task traverses its cells in a fixed order, so the number of threads does not change the result.
+//! The order of an expansion is the lowest that is accurate enough at the distance (`accuracy.rs`). A leaf
+//! sums pairs where that costs less. Each task traverses its cells in a fixed order, so the number of threads
+//! does not change the result.
 
 use super::{
     Targets, Vortons,
@@ -26,8 +28,8 @@ use crate::{
 };
 use std::{marker::PhantomData, ops::Range};
 
-/// Tasks into which the targets are divided, about. More tasks balance threads better, but one thread visits all cells above
-/// those of the tasks.
+/// Tasks into which the targets are divided, about. More tasks balance threads better, but one thread visits
+/// all cells above those of the tasks.
 const TASKS: usize = 128;
 
 /// Targets per task at least, unless there are fewer.
@@ -67,8 +69,8 @@ struct Traversal<'a, K, const Q: usize, const N: usize> {
     kernel: PhantomData<K>,
 }
 
-/// The state of a target cell that its children inherit: its local expansion, with centre and unit, and the source cells near
-/// it.
+/// The state of a target cell that its children inherit: its local expansion, with centre and unit, and the
+/// source cells near it.
 #[derive(Clone)]
 struct CellState {
     local: Vec<f32>,
@@ -101,7 +103,8 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
         out
     }
 
-    /// Visits the cells above those of at most `max_targets` targets, and lists the latter with the state of their parents.
+    /// Visits the cells above those of at most `max_targets` targets, and lists the latter with the state of
+    /// their parents.
     fn split<'s>(
         &'s self,
         cell: &'s Cell,
@@ -147,7 +150,8 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
         CellState { local, center: cell.center, unit: cell.unit, near }
     }
 
-    /// Separates the source cells near the parent of a cell into those whose expansions it accepts and those near it.
+    /// Separates the source cells near the parent of a cell into those whose expansions it accepts and those
+    /// near it.
     fn separate(&self, cell: &Cell, candidates: &[u32], accepted: &mut AcceptedCells, near: &mut Vec<u32>) {
         let break_even_pairs = &self.settings.break_even_pairs;
         let mut stack: Vec<u32> = candidates.iter().rev().copied().collect();
@@ -166,7 +170,8 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
         }
     }
 
-    /// The acceptance criterion: the lowest order with which `cell` accepts the expansion of `source`, if any.
+    /// The acceptance criterion: the lowest order with which `cell` accepts the expansion of `source`, if
+    /// any.
     #[inline(always)]
     fn accepted_order(&self, cell: &Cell, source: &Cell, gap: f32) -> Option<usize> {
         let squared = |order: usize| self.settings.squared_angles[order];
@@ -246,7 +251,8 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for AddAccepted<'_, K
             );
         }
 
-        // Points that are all at the centre need the first two derivatives only, and units may overflow the others.
+        // Points that are all at the centre need the first two derivatives only, and units may overflow the
+        // others.
         let read = if self.cell.radius > 0.0 { highest } else { highest.min(GRADIENT) };
         for (local, sum) in self.local.iter_mut().zip(&sums[..3 * coefs(read)]) {
             *local += sum.sum();
@@ -254,7 +260,8 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for AddAccepted<'_, K
     }
 }
 
-/// Evaluates the local expansion of a leaf at its targets, eight at a time, and adds the pairs with near cells.
+/// Evaluates the local expansion of a leaf at its targets, eight at a time, and adds the pairs with near
+/// cells.
 struct LeafTargets<'a, K, const Q: usize, const N: usize> {
     traversal: &'a Traversal<'a, K, Q, N>,
     cell: &'a Cell,
@@ -311,7 +318,8 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for LeafTargets<'_, K
     }
 }
 
-/// The ranges of the order that the cells `near` hold, with adjacent ranges joined and coincident vortons represented.
+/// The ranges of the order that the cells `near` hold, with adjacent ranges joined and coincident vortons
+/// represented.
 fn source_ranges(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
     let mut out: Vec<[u32; 2]> = Vec::with_capacity(near.len());
     let mut add = |places: Range<usize>| {
@@ -331,7 +339,8 @@ fn source_ranges(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
     out
 }
 
-/// Evaluates A, u, or u and the rows of ∇u from a local expansion and the powers of the offset; `scale` is one over its unit.
+/// Evaluates A, u, or u and the rows of ∇u from a local expansion and the powers of the offset; `scale` is
+/// one over its unit.
 #[inline(always)]
 fn evaluate<L: Lanes, const Q: usize, const N: usize>(
     local: &[f32],

@@ -5,7 +5,8 @@ use crate::{math::Vec3, par, sim::Diverged};
 /// The smallest core [m]. Sums over smaller cores would overflow single precision where vortons come close.
 pub const MIN_CORE: f32 = 1e-6;
 
-/// The largest coordinate and core [m], and the largest strength [m³/s]. Larger values are considered a mistake.
+/// The largest coordinate and core [m], and the largest strength [m³/s]. Larger values are considered a
+/// mistake.
 pub const MAX_MAGNITUDE: f32 = 1e9;
 
 /// Vortex particles, one column per property, all of one length.
@@ -53,8 +54,8 @@ impl ElementKind {
 }
 
 impl OutOfRange {
-    /// The error that ends a substep of smoke. Vortons have these `ids`, the message calls points `points`, and `limits` are the
-    /// settings to change, except for panels.
+    /// The error that ends a substep of smoke. Vortons have these `ids`, the message calls points `points`,
+    /// and `limits` are the settings to change, except for panels.
     pub(in crate::sim) fn diverged(
         &self,
         substep: u32,
@@ -91,8 +92,8 @@ impl Vortons {
     /// Checks that every vorton is in range.
     ///
     /// # Errors
-    /// [`OutOfRange`], for the first vorton with a coordinate or a strength that is NaN or larger than [`MAX_MAGNITUDE`],
-    /// or with a core that is not between [`MIN_CORE`] and that.
+    /// [`OutOfRange`], for the first vorton with a coordinate or a strength that is NaN or larger than
+    /// [`MAX_MAGNITUDE`], or with a core that is not between [`MIN_CORE`] and that.
     ///
     /// # Panics
     /// If the columns differ in length.

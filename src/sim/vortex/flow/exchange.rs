@@ -1,14 +1,15 @@
 //! Diffusion by particle strength exchange and by core spreading.
 //!
-//! *Method*: particle strength exchange, [degond89]: dΓ_p/dt = (2ν/s²) Σ_q (V_p Γ_q − V_q Γ_p) ζ_s(x_p − x_q), ζ a Gaussian
-//! whose standard deviation s along each axis is the core. Each pair conserves ΣΓ. Heun's method integrates it in steps that
-//! are stable for the fastest exchange: ν dt/s² ≤ ½ on a uniform grid. Core spreading, [leonard80]: dσ²/dt = 2ν for Gaussian
-//! cores.
+//! *Method*: particle strength exchange, [degond89]: dΓ_p/dt = (2ν/s²) Σ_q (V_p Γ_q − V_q Γ_p) ζ_s(x_p −
+//! x_q), ζ a Gaussian whose standard deviation s along each axis is the core. Each pair conserves ΣΓ. Heun's
+//! method integrates it in steps that are stable for the fastest exchange: ν dt/s² ≤ ½ on a uniform grid.
+//! Core spreading, [leonard80]: dσ²/dt = 2ν for Gaussian cores.
 //!
 //! An eddy viscosity may be added to ν, by [smagorinsky63] with the core as the filter width.
 //!
-//! *Departs from the paper*: the smaller of two cores applies to both. The Gaussian is cut off at four standard deviations,
-//! and ν is corrected for the second moment beyond. Volumes that overlap count as if they just filled space.
+//! *Departs from the paper*: the smaller of two cores applies to both. The Gaussian is cut off at four
+//! standard deviations, and ν is corrected for the second moment beyond. Volumes that overlap count as if
+//! they just filled space.
 
 use super::super::{Gradient, Kernel, Vortons};
 use super::{
@@ -21,8 +22,8 @@ use crate::{math::Vec3, par, sim::Diverged};
 const MAX_EXCHANGE_STEPS: f64 = 1e4;
 
 impl Flow {
-    /// Diffuses strengths for `seconds` [s] by exchange with the viscosity `nu` of each vorton [m²/s]. Returns the number of
-    /// exchange steps.
+    /// Diffuses strengths for `seconds` [s] by exchange with the viscosity `nu` of each vorton [m²/s].
+    /// Returns the number of exchange steps.
     ///
     /// # Errors
     /// [`Diverged`] if that exceeds [`MAX_EXCHANGE_STEPS`].
@@ -84,8 +85,8 @@ impl Flow {
 struct Exchange<'a> {
     neighbours: NeighbourSums,
     volume: &'a [f32],
-    /// √ν/√max(1, Σ V ζ) [m/√s]: pairs exchange by the geometric mean of both viscosities. Volumes that overlap count as if
-    /// they just filled space.
+    /// √ν/√max(1, Σ V ζ) [m/√s]: pairs exchange by the geometric mean of both viscosities. Volumes that
+    /// overlap count as if they just filled space.
     root_nu: Vec<f32>,
 }
 
@@ -125,8 +126,8 @@ impl<'a> Exchange<'a> {
     }
 }
 
-/// dσ²/dt over ν, with which the mean square radius of the vorticity grows by 6ν. That of the Rosenhead–Moore kernel is
-/// infinite: its cores grow like Gaussian cores that give thin rings the same speed.
+/// dσ²/dt over ν, with which the mean square radius of the vorticity grows by 6ν. That of the Rosenhead–Moore
+/// kernel is infinite: its cores grow like Gaussian cores that give thin rings the same speed.
 pub(super) fn core_spreading_rate(kernel: Kernel) -> f32 {
     match kernel {
         Kernel::Gaussian => 2.0,

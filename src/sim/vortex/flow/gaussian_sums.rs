@@ -1,9 +1,9 @@
 //! Sums over the neighbours of vortons, weighted by a Gaussian.
 //!
-//! *Method*: Σ_q ζ_s(x_p − x_q) a_q, with ζ_s the Gaussian of standard deviation s along each axis and s the smaller core of a
-//! pair. Pairs at a larger distance than [`CUTOFF`] · s are omitted. Leaves of the octree search leaves within the cutoff of
-//! the smaller of both widest cores. So cores of any size and strays cost no more than their neighbours. Coincident vortons of
-//! one core are one source.
+//! *Method*: Σ_q ζ_s(x_p − x_q) a_q, with ζ_s the Gaussian of standard deviation s along each axis and s the
+//! smaller core of a pair. Pairs at a larger distance than [`CUTOFF`] · s are omitted. Leaves of the octree
+//! search leaves within the cutoff of the smaller of both widest cores. So cores of any size and strays cost
+//! no more than their neighbours. Coincident vortons of one core are one source.
 
 use super::super::{
     Vortons,
@@ -17,14 +17,16 @@ use crate::{
 };
 use std::{f32::consts::PI, ops::Range};
 
-/// The cutoff of the Gaussian, in standard deviations. At 3 the value there is one per cent of the maximum, and the grid of
-/// vortons becomes visible in their diffusion; at 5 there are twice the pairs.
+/// The cutoff of the Gaussian, in standard deviations. At 3 the value there is one per cent of the maximum,
+/// and the grid of vortons becomes visible in their diffusion; at 5 there are twice the pairs.
 pub(super) const CUTOFF: f32 = 4.0;
 
-/// The fraction of the second moment of the Gaussian within [`CUTOFF`]: for a sphere, erf(4/√2) − √(2/π)(4 + 4³/3) e⁻⁸.
+/// The fraction of the second moment of the Gaussian within [`CUTOFF`]: for a sphere, erf(4/√2) − √(2/π)(4 +
+/// 4³/3) e⁻⁸.
 pub(super) const SECOND_MOMENT_WITHIN_CUTOFF: f32 = 0.993_155_9;
 
-/// Points per leaf at most: two rows of eight. Four times as many test twice the pairs; half as many cost as much in cells.
+/// Points per leaf at most: two rows of eight. Four times as many test twice the pairs; half as many cost as
+/// much in cells.
 const MAX_LEAF_POINTS: usize = 16;
 
 /// Leaves per task.
@@ -242,7 +244,8 @@ mod tests {
             }
         });
         assert_agrees_with_all_pairs(&mixed);
-        // Two leaves of three have a wide core and search each other's surroundings; the others search as far as before.
+        // Two leaves of three have a wide core and search each other's surroundings; the others search as far
+        // as before.
         let few = cloud(|i, _, core| {
             if i % 400 == 0 {
                 *core = 0.3;

@@ -1,25 +1,27 @@
 //! Vortex particle method: advection, vortex stretching and diffusion of vortons.
 //!
-//! *Method*: [winckelmans93]. Vortons are advected by the velocity that all of them induce. Vortex stretching changes their
-//! strengths by the velocity gradient, in the transpose form, which conserves ΣΓ:
+//! *Method*: [winckelmans93]. Vortons are advected by the velocity that all of them induce. Vortex stretching
+//! changes their strengths by the velocity gradient, in the transpose form, which conserves ΣΓ:
 //!
 //! ```text
 //! dx_p/dt = u(x_p)        dΓ_p/dt = (∇u)ᵀ Γ_p + viscosity + external contributions
 //! ```
 //!
-//! [williamson80]'s third-order Runge–Kutta scheme advances positions and strengths together (`step.rs`), and advects passive
-//! points, the tracers, in the same stages. The time step is limited by the largest gradient and by the displacement of a
-//! vorton in cores. Diffusion follows, by particle strength exchange (`exchange.rs`) or by core spreading, then relaxation
-//! (`relaxation.rs`). Where strain has deformed the distribution of vortons, or cores overlap too little or too much
-//! (`overlap.rs`), remeshing replaces them by vortons on a grid (`remesh.rs`).
+//! [williamson80]'s third-order Runge–Kutta scheme advances positions and strengths together (`step.rs`), and
+//! advects passive points, the tracers, in the same stages. The time step is limited by the largest gradient
+//! and by the displacement of a vorton in cores. Diffusion follows, by particle strength exchange
+//! (`exchange.rs`) or by core spreading, then relaxation (`relaxation.rs`). Where strain has deformed the
+//! distribution of vortons, or cores overlap too little or too much (`overlap.rs`), remeshing replaces them
+//! by vortons on a grid (`remesh.rs`).
 //!
-//! *Departs from the paper*: viscosity is a step of its own after each substep, at fixed positions. It is of one order less in
-//! time than the other terms, but stable for any ν by substeps of its own. Cores of kernels other than the Gaussian grow at
-//! the rate that gives the correct second moment.
+//! *Departs from the paper*: viscosity is a step of its own after each substep, at fixed positions. It is of
+//! one order less in time than the other terms, but stable for any ν by substeps of its own. Cores of kernels
+//! other than the Gaussian grow at the rate that gives the correct second moment.
 //!
 //! *Symbols*: ν → `nu` [m²/s], V → `volume` [m³], h → `spacing` [m]; others as in [`vortex`](super).
 //!
-//! *Limits*: no scheme of stretching conserves impulse and angular impulse exactly; the record of every frame has their drift.
+//! *Limits*: no scheme of stretching conserves impulse and angular impulse exactly; the record of every frame
+//! has their drift.
 
 mod exchange;
 mod gaussian_sums;
@@ -45,7 +47,8 @@ use crate::math::Vec3;
 
 /// The state of moving vortons. All columns are of one length.
 ///
-/// This is the whole state: with the same columns, `next_id`, `strained` and parameters a flow continues with the same bits.
+/// This is the whole state: with the same columns, `next_id`, `strained` and parameters a flow continues with
+/// the same bits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flow {
     /// The parameters of the motion.
@@ -58,7 +61,8 @@ pub struct Flow {
     pub id: Vec<u32>,
     /// The id of the next new vorton.
     pub next_id: u32,
-    /// The strain since the last remeshing, 1: the sum of time steps, each times its largest velocity gradient.
+    /// The strain since the last remeshing, 1: the sum of time steps, each times its largest velocity
+    /// gradient.
     pub strained: f64,
 }
 
@@ -112,7 +116,8 @@ impl Flow {
         self.next_id = self.next_id.wrapping_add(count as u32);
     }
 
-    /// Removes the vortons for which `keep(index)` is false; the others keep their order. Returns the number removed.
+    /// Removes the vortons for which `keep(index)` is false; the others keep their order. Returns the number
+    /// removed.
     pub fn retain(&mut self, keep: impl Fn(usize) -> bool) -> usize {
         let kept: Vec<usize> = (0..self.vortons.len()).filter(|&i| keep(i)).collect();
         let removed = self.vortons.len() - kept.len();
@@ -142,7 +147,8 @@ impl Flow {
         Ok(found.velocity)
     }
 
-    /// The invariants, and the error of the velocity at the vortons if `samples` of them are to be summed over all pairs.
+    /// The invariants, and the error of the velocity at the vortons if `samples` of them are to be summed
+    /// over all pairs.
     ///
     /// # Errors
     /// [`OutOfRange`] if a vorton is out of range.

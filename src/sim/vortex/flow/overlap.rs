@@ -1,8 +1,8 @@
 //! The overlap of cores.
 //!
-//! *Method*: the number density n of vortons around each, weighted by a Gaussian of its core, is that of a grid of spacing
-//! n^(-⅓). The overlap is σ over that spacing. On the edge of a body half the neighbours are missing, which reduces it by a
-//! fifth; an isolated vorton has 0.4.
+//! *Method*: the number density n of vortons around each, weighted by a Gaussian of its core, is that of a
+//! grid of spacing n^(-⅓). The overlap is σ over that spacing. On the edge of a body half the neighbours are
+//! missing, which reduces it by a fifth; an isolated vorton has 0.4.
 
 use super::{
     Flow, Remesh,

@@ -4,8 +4,8 @@ use super::super::{ERRORS, Kernel, Method, grid_errors};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// The motion of vortons. All keys except those of the evaluation and the time step are physics; absent terms are not
-/// applied.
+/// The motion of vortons. All keys except those of the evaluation and the time step are physics; absent terms
+/// are not applied.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct FlowParams {
@@ -13,28 +13,32 @@ pub struct FlowParams {
     pub kernel: Kernel,
     /// The method by which induced velocities are summed.
     pub sum: Sum,
-    /// The requested relative error of the velocity with `sum = "tree"` and `"grid"`. Smaller is slower; below 1e-3 the eddies
-    /// of a shot hardly change, above 1e-2 thin rings wobble.
+    /// The requested relative error of the velocity with `sum = "tree"` and `"grid"`. Smaller is slower;
+    /// below 1e-3 the eddies of a shot hardly change, above 1e-2 thin rings wobble.
     #[schemars(range(min = 1e-5, max = 0.1))]
     pub error: f32,
-    /// Largest rotation and strain in a substep: the time step times the largest velocity gradient. Larger is faster; above
-    /// about 0.5 eddies that stretch each other gain energy, above 1 they become unstable and are clamped.
+    /// Largest rotation and strain in a substep: the time step times the largest velocity gradient. Larger is
+    /// faster; above about 0.5 eddies that stretch each other gain energy, above 1 they become unstable and
+    /// are clamped.
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub strain: f32,
-    /// Largest displacement of a vorton in a substep, in cores. Larger is faster; above 1 eddies pass each other without
-    /// interaction.
+    /// Largest displacement of a vorton in a substep, in cores. Larger is faster; above 1 eddies pass each
+    /// other without interaction.
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub displacement: f32,
-    /// Largest number of substeps per frame; if the two limits require more, the record of the frame reports it.
+    /// Largest number of substeps per frame; if the two limits require more, the record of the frame reports
+    /// it.
     #[schemars(range(min = 1, max = 10000))]
     pub max_substeps: u32,
     /// Viscosity of the air; absent: not applied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<Viscosity>,
-    /// Rotation of strengths towards the local vorticity, against the drift of vortex stretching; absent: not applied.
+    /// Rotation of strengths towards the local vorticity, against the drift of vortex stretching; absent: not
+    /// applied.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relaxation: Option<Relaxation>,
-    /// Remeshing: replacement of vortons by new ones on a grid where they no longer overlap or crowd; absent: not done.
+    /// Remeshing: replacement of vortons by new ones on a grid where they no longer overlap or crowd; absent:
+    /// not done.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub remesh: Option<Remesh>,
 }
@@ -76,8 +80,9 @@ pub enum Sum {
     /// Multipole expansions between cells of an octree, to `error`.
     #[default]
     Tree,
-    /// A grid around the bulk of the vortons, to `error`, at least 1e-4, with the kernel `"rosenhead_moore"` 3e-3. Points far
-    /// from the bulk, and clouds that would need too large a grid, are summed as with `tree`.
+    /// A grid around the bulk of the vortons, to `error`, at least 1e-4, with the kernel `"rosenhead_moore"`
+    /// 3e-3. Points far from the bulk, and clouds that would need too large a grid, are summed as with
+    /// `tree`.
     Grid,
     /// All pairs: exact, and slow above some thousand vortons.
     Direct,
@@ -87,14 +92,15 @@ pub enum Sum {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Viscosity {
-    /// Kinematic viscosity ν [m²/s]; air has 1.5e-5. Larger blurs eddies sooner: those of size s decay within s²/ν.
+    /// Kinematic viscosity ν [m²/s]; air has 1.5e-5. Larger blurs eddies sooner: those of size s decay within
+    /// s²/ν.
     #[schemars(extend("unit" = "m²/s", "minimum" = 0.0))]
     pub nu: f32,
     /// The method of diffusion.
     #[serde(default)]
     pub scheme: ViscousScheme,
-    /// The constant C of an eddy viscosity (C · core)² |S|, [smagorinsky63], for eddies smaller than cores; absent: none.
-    /// 0.2 stabilises wakes and plumes at coarse spacings; larger blurs.
+    /// The constant C of an eddy viscosity (C · core)² |S|, [smagorinsky63], for eddies smaller than cores;
+    /// absent: none. 0.2 stabilises wakes and plumes at coarse spacings; larger blurs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub eddies: Option<f32>,
@@ -104,7 +110,8 @@ pub struct Viscosity {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ViscousScheme {
-    /// Particle strength exchange between neighbours: needs cores that overlap, and `remesh` where smoke is to grow.
+    /// Particle strength exchange between neighbours: needs cores that overlap, and `remesh` where smoke is
+    /// to grow.
     #[default]
     Exchange,
     /// Core spreading: costs nothing and needs no neighbours; `remesh` splits cores that become too wide.
@@ -115,8 +122,8 @@ pub enum ViscousScheme {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Relaxation {
-    /// The time τ in which a strength rotates to the direction of the local vorticity [s]. Smaller is more stable; below the
-    /// turnover time of the smallest eddies it damps their twisting.
+    /// The time τ in which a strength rotates to the direction of the local vorticity [s]. Smaller is more
+    /// stable; below the turnover time of the smallest eddies it damps their twisting.
     #[schemars(extend("unit" = "s", "exclusiveMinimum" = 0.0))]
     pub time: f32,
 }
@@ -125,8 +132,8 @@ pub struct Relaxation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Remesh {
-    /// The spacing h of the grid [m]; new vortons have cores of `core` spacings; absent: `smoke.spacing`. Half the spacing
-    /// gives eight times the vortons.
+    /// The spacing h of the grid [m]; new vortons have cores of `core` spacings; absent: `smoke.spacing`.
+    /// Half the spacing gives eight times the vortons.
     #[serde(default = "defaults::as_seeded")]
     #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0, "default" = null))]
     pub spacing: f32,
@@ -134,30 +141,31 @@ pub struct Remesh {
     #[serde(default = "defaults::core")]
     #[schemars(range(min = 1.0, max = 2.5))]
     pub core: f32,
-    /// The strain after which vortons are remeshed: the time integral of the largest velocity gradient. Smaller remeshes more
-    /// often, each time blurring a little; above 3 colliding rings become unstable.
+    /// The strain after which vortons are remeshed: the time integral of the largest velocity gradient.
+    /// Smaller remeshes more often, each time blurring a little; above 3 colliding rings become unstable.
     #[serde(default = "defaults::strain")]
     #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub strain: f32,
-    /// The smallest overlap of cores, as a fraction of that on the grid: a vorton with less has lost its neighbours. After
-    /// remeshing, the edges of bodies have 0.8.
-    #[serde(default = "defaults::least")]
+    /// The smallest overlap of cores, as a fraction of that on the grid: a vorton with less has lost its
+    /// neighbours. After remeshing, the edges of bodies have 0.8.
+    #[serde(default = "defaults::min_overlap")]
     #[schemars(range(min = 0.1, max = 0.75))]
     pub least: f32,
-    /// The largest overlap of cores, as a fraction of that on the grid: above it vortons crowd, or cores have grown.
-    #[serde(default = "defaults::most")]
+    /// The largest overlap of cores, as a fraction of that on the grid: above it vortons crowd, or cores have
+    /// grown.
+    #[serde(default = "defaults::max_overlap")]
     #[schemars(range(min = 1.25, max = 2.0))]
     pub most: f32,
-    /// Vortons are also remeshed when those with an overlap outside these limits hold more than this fraction of all strength.
-    /// Smaller remeshes thin bodies without need; larger lets holes grow.
-    #[serde(default = "defaults::share")]
+    /// Vortons are also remeshed when those with an overlap outside these limits hold more than this fraction
+    /// of all strength. Smaller remeshes thin bodies without need; larger lets holes grow.
+    #[serde(default = "defaults::max_fraction_outside")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub share: f32,
-    /// Population control: vortons with less than this fraction of the largest circulation around them are removed, and their
-    /// strength is redistributed to their neighbours. The influence of distant vortons decreases with their squared distance.
-    /// At 0 none is removed: every remeshing adds two layers of useless vortons to bodies. Larger is faster, and erodes faint
-    /// bodies.
-    #[serde(default = "defaults::weak")]
+    /// Population control: vortons with less than this fraction of the largest circulation around them are
+    /// removed, and their strength is redistributed to their neighbours. The influence of distant vortons
+    /// decreases with their squared distance. At 0 none is removed: every remeshing adds two layers of
+    /// useless vortons to bodies. Larger is faster, and erodes faint bodies.
+    #[serde(default = "defaults::min_circulation")]
     #[schemars(range(min = 0.0, max = 0.1))]
     pub weak: f32,
 }
@@ -169,10 +177,10 @@ impl Remesh {
             spacing,
             core: defaults::core(),
             strain: defaults::strain(),
-            least: defaults::least(),
-            most: defaults::most(),
-            share: defaults::share(),
-            weak: defaults::weak(),
+            least: defaults::min_overlap(),
+            most: defaults::max_overlap(),
+            share: defaults::max_fraction_outside(),
+            weak: defaults::min_circulation(),
         }
     }
 }
@@ -188,16 +196,16 @@ mod defaults {
     pub(super) fn strain() -> f32 {
         1.5
     }
-    pub(super) fn least() -> f32 {
+    pub(super) fn min_overlap() -> f32 {
         0.67
     }
-    pub(super) fn most() -> f32 {
+    pub(super) fn max_overlap() -> f32 {
         1.67
     }
-    pub(super) fn share() -> f32 {
+    pub(super) fn max_fraction_outside() -> f32 {
         0.25
     }
-    pub(super) fn weak() -> f32 {
+    pub(super) fn min_circulation() -> f32 {
         3e-3
     }
 }

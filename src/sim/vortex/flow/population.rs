@@ -1,17 +1,20 @@
 //! Population control: redistribution of the strength of low-circulation nodes.
 //!
-//! *Method*: a node has low circulation if the velocity it induces is negligible compared with that of other nodes at its
-//! position. For a cube of nodes 2^l bricks wide, the influence is the largest strength Γ' in it and in its 26 neighbours,
-//! times 1/4^l because velocity decays with the squared distance. A node with less than a given fraction of the influence, for
-//! any l, transfers its strength to the nearest other nodes, in proportion to theirs. If no such receiver is within three
-//! spacings, the dominant node receives it. So the fringe that every remeshing adds is removed, and a small separate body
-//! remains, even near a much stronger one. A node keeps its strength where too much of one direction would be transferred
-//! to one distant receiver.
+//! *Method*: a node has low circulation if the velocity it induces is negligible compared with that of other
+//! nodes at its position. For a cube of nodes 2^l bricks wide, the influence is the largest strength Γ' in it
+//! and in its 26 neighbours, times 1/4^l because velocity decays with the squared distance. A node with less
+//! than a given fraction of the influence, for any l, transfers its strength to the nearest other nodes, in
+//! proportion to theirs. If no such receiver is within three spacings, the dominant node receives it. So the
+//! fringe that every remeshing adds is removed, and a small separate body remains, even near one of much
+//! higher circulation. A node keeps its strength where too much of one direction would be transferred to one
+//! distant receiver.
 //!
-//! The impulse that transfers lose is restored at the nodes of the cube that receives, as a rotation about their centre:
-//! δΓ = |Γ| a × r, which adds nothing to ΣΓ. If the nodes of a cube cannot take it, the cube of twice the edge around it does.
+//! The impulse that transfers lose is restored at the nodes of the cube that receives, as a rotation about
+//! their centre: δΓ = |Γ| a × r, which adds nothing to ΣΓ. If the nodes of a cube cannot take it, the cube of
+//! twice the edge around it does.
 //!
-//! *Source*: none. Other particle methods drop nodes below a fraction of the largest vorticity, and lose their moments.
+//! *Source*: none. Other particle methods drop nodes below a fraction of the largest vorticity, and lose
+//! their moments.
 
 use super::nodes::{Node, NodeIndex};
 use crate::{
@@ -21,23 +24,25 @@ use crate::{
 use nalgebra::{Matrix3, Vector3};
 use std::collections::BTreeMap;
 
-/// The largest distance of a receiver along each axis [spacings]; the nearest receivers are preferred. M4′ widens a body by
-/// two.
+/// The largest distance of a receiver along each axis [spacings]; the nearest receivers are preferred. M4′
+/// widens a body by two.
 const MAX_RECEIVER_DISTANCE: i32 = 3;
 
-/// Nodes along the edge of the smallest cubes in which impulse is restored. With smaller cubes, more of them cannot take it and
-/// pass it to the next larger. With larger ones distant nodes take part, and a stray vorton with its long lever arm would take
-/// all of it. The effect is small. With 4 the draft ring keeps 0.15 % more energy over 36 frames and 80 remeshings, and its
-/// impulse drifts by 0.08 % instead of 0.07 %; 64 is like 16; none loses impulse.
+/// Nodes along the edge of the smallest cubes in which impulse is restored. With smaller cubes, more of them
+/// cannot take it and pass it to the next larger. With larger ones distant nodes take part, and a stray
+/// vorton with its long lever arm would take all of it. The effect is small. With 4 the draft ring keeps 0.15
+/// % more energy over 36 frames and 80 remeshings, and its impulse drifts by 0.08 % instead of 0.07 %; 64 is
+/// like 16; none loses impulse.
 const CUBE_NODES: i32 = 16;
 
-/// The largest relative change of a strength by restored impulse. Smaller, and more impulse is lost; larger, and few vortons
-/// take the impulse of many. Strengths of bodies change by less than a thousandth: on the draft ring, over 80 remeshings,
-/// 0.001 loses nothing either, and the energy differs by 0.01 %.
+/// The largest relative change of a strength by restored impulse. Smaller, and more impulse is lost; larger,
+/// and few vortons take the impulse of many. Strengths of bodies change by less than a thousandth: on the
+/// draft ring, over 80 remeshings, 0.001 loses nothing either, and the energy differs by 0.01 %.
 const MAX_RELATIVE_CHANGE: f64 = 0.05;
 
-/// The largest sum of transfers to a node from beyond [`MAX_RECEIVER_DISTANCE`], as a vector, relative to its strength. The
-/// strengths of fringes cancel. Those of a broad low-circulation body do not, and a larger limit would let one node absorb it.
+/// The largest sum of transfers to a node from beyond [`MAX_RECEIVER_DISTANCE`], as a vector, relative to its
+/// strength. The strengths of fringes cancel. Those of a broad low-circulation body do not, and a larger
+/// limit would let one node absorb it.
 const MAX_DISTANT_TRANSFER: f64 = 0.05;
 
 /// The nodes after redistribution.
@@ -52,8 +57,8 @@ pub(super) struct Redistributed {
     pub(super) lost_impulse: f64,
 }
 
-/// Removes low-circulation nodes, those below `fraction` of the influence at their position, and nodes inside solids, and
-/// redistributes their strength. A node inside a solid stays if it has no receiver.
+/// Removes low-circulation nodes, those below `fraction` of the influence at their position, and nodes inside
+/// solids, and redistributes their strength. A node inside a solid stays if it has no receiver.
 pub(super) fn redistribute(
     nodes: Vec<Node>,
     fraction: f64,
@@ -107,8 +112,9 @@ pub(super) fn redistribute(
     Redistributed { nodes: remaining, removed: transfers.len() as u32, fraction, lost_impulse }
 }
 
-/// The transfers that keep the limit [`MAX_DISTANT_TRANSFER`] of every distant receiver. The smallest take precedence, so that
-/// fringes are removed even where their body stays. Transfers from solids are not limited.
+/// The transfers that keep the limit [`MAX_DISTANT_TRANSFER`] of every distant receiver. The smallest take
+/// precedence, so that fringes are removed even where their body stays. Transfers from solids are not
+/// limited.
 fn limit_distant_transfers(nodes: &[Node], solid: &[bool], mut transfers: Vec<Transfer>) -> Vec<Transfer> {
     let size = |transfer: &Transfer| nodes[transfer.from].strength.norm();
     let mut order: Vec<usize> =
@@ -130,7 +136,8 @@ fn limit_distant_transfers(nodes: &[Node], solid: &[bool], mut transfers: Vec<Tr
     transfers
 }
 
-/// The dominant node of a low-circulation node: the end of the chain of dominating nodes, each stronger than the last.
+/// The dominant node of a low-circulation node: the end of the chain of dominating nodes, each stronger than
+/// the last.
 fn dominant_node(dominating: &[Option<u32>], mut i: usize) -> u32 {
     while let Some(next) = dominating[i] {
         i = next as usize;
@@ -227,7 +234,8 @@ impl Transfer {
     }
 }
 
-/// Restores the impulses that cubes have `lost` at the remaining nodes in them. Returns the size of what could not be restored.
+/// Restores the impulses that cubes have `lost` at the remaining nodes in them. Returns the size of what
+/// could not be restored.
 fn restore_impulse(
     nodes: &[Node],
     remains: impl Fn(usize) -> bool,
@@ -261,8 +269,8 @@ fn restore_impulse(
     lost.values().sum::<Vector3<f64>>().norm()
 }
 
-/// The changes of the strengths of `members` that add `impulse` to Σ x × Γ and nothing to ΣΓ. `None` if the nodes are nearly
-/// on a line, or if a strength would change by more than [`MAX_RELATIVE_CHANGE`].
+/// The changes of the strengths of `members` that add `impulse` to Σ x × Γ and nothing to ΣΓ. `None` if the
+/// nodes are nearly on a line, or if a strength would change by more than [`MAX_RELATIVE_CHANGE`].
 fn changes_for_impulse(
     nodes: &[Node],
     members: &[usize],
@@ -284,7 +292,8 @@ fn changes_for_impulse(
     (is_exact && is_small).then(|| each().map(|(x, size)| rotation.cross(&(x - center)) * size).collect())
 }
 
-/// The receivers of the strength of node `i` among those of `index`, and their proportions; empty if none is near.
+/// The receivers of the strength of node `i` among those of `index`, and their proportions; empty if none is
+/// near.
 fn receivers(nodes: &[Node], index: &NodeIndex, i: usize) -> Vec<(u32, f64)> {
     let within = |distance: i32| {
         let side = 2 * distance + 1;
@@ -329,7 +338,8 @@ mod tests {
     #[test]
     fn redistribution_keeps_strength_and_impulse() {
         let mut all = block([0; 3], 1.0);
-        // Two layers on the block; a node without receivers within reach, in a cube without others; and a distant node.
+        // Two layers on the block; a node without receivers within reach, in a cube without others; and a
+        // distant node.
         all.extend(&block([0, 0, 4], 1e-4)[..32]);
         all.extend(nodes(&[[-12, 0, 0], [100_000, 0, 0]], 1e-4));
         let Redistributed { nodes: remaining, removed, lost_impulse, fraction } =
@@ -357,15 +367,17 @@ mod tests {
 
     #[test]
     fn one_dominant_node_does_not_absorb_a_broad_body() {
-        // A body of 16³ nodes, and next to it one of 400 times their circulation, which dominates the nearer half of them.
+        // A body of 16³ nodes, and next to it one of 400 times their circulation, which dominates the nearer
+        // half of them.
         let at = |k: i32| [k % 16, k / 16 % 16, k / 256];
         let body = nodes(&(0..4096).map(at).collect::<Vec<_>>(), 2.5e-3);
         let mut all = body.clone();
         all.extend(nodes(&[[-1, 8, 8]], 1.0));
         let remaining = redistribute(all.clone(), 3e-3, |_| false).nodes;
         assert_moments_kept(&remaining, &all);
-        // Removed: the nodes within reach of the dominant one (7 × 7 × 3) and of the other half (3 × 16 × 16). Of the
-        // others of the nearer half, only as many as sum up to a twentieth of the dominant one: 20 of 2.5e-3.
+        // Removed: the nodes within reach of the dominant one (7 × 7 × 3) and of the other half (3 × 16 ×
+        // 16). Of the others of the nearer half, only as many as sum up to a twentieth of the dominant one:
+        // 20 of 2.5e-3.
         let count = remaining.len();
         assert!((4097 - 147 - 768 - 20..4097 - 147 - 768 - 15).contains(&count), "{count}");
         assert!(remaining.iter().all(|node| node.strength.norm() < 2.0 * 1.25_f64.sqrt()));

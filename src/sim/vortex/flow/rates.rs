@@ -7,8 +7,8 @@ use std::f32::consts::PI;
 
 /// External effects on the flow, besides the induced velocity: solids, wind, buoyancy.
 pub trait ExternalEffects {
-    /// Adds the external contributions to `rates`, which contain the induced velocity. Called at every stage of a substep
-    /// with the state of that stage, before the gradients are used for stretching.
+    /// Adds the external contributions to `rates`, which contain the induced velocity. Called at every stage
+    /// of a substep with the state of that stage, before the gradients are used for stretching.
     ///
     /// # Errors
     /// [`OutOfRange`] if an effect evaluates induced velocities and a vorton or point is out of range.
@@ -74,8 +74,8 @@ impl Rates {
 
     /// Adds vortex stretching to the rates of strengths.
     ///
-    /// The transpose form is used because two vortons then change each other's strengths by opposite amounts, which conserves
-    /// ΣΓ.
+    /// The transpose form is used because two vortons then change each other's strengths by opposite amounts,
+    /// which conserves ΣΓ.
     pub(super) fn add_stretching(&mut self, vortons: &Vortons) {
         let gradient = &self.gradient;
         par::update(&mut self.strength, |i, rate| {

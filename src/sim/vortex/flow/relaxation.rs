@@ -1,7 +1,7 @@
 //! Relaxation: rotation of strengths towards the local vorticity.
 //!
-//! *Method*: [pedrizzetti92] with [alvarez24]'s correction: Γ ← [(1 − f) Γ + f |Γ| ω̂]/√b₂, f = 1 − e^(−dt/τ) and
-//! b₂ = 1 − 2f(1 − f)(1 − cos) of the angle between Γ and ω, so that |Γ| stays.
+//! *Method*: [pedrizzetti92] with [alvarez24]'s correction: Γ ← [(1 − f) Γ + f |Γ| ω̂]/√b₂, f = 1 − e^(−dt/τ)
+//! and b₂ = 1 − 2f(1 − f)(1 − cos) of the angle between Γ and ω, so that |Γ| stays.
 
 use super::super::Gradient;
 use crate::{math::Vec3, par};

@@ -1,13 +1,14 @@
 //! Remeshing: replacement of vortons by new ones on the nodes of a grid.
 //!
-//! *Method*: [monaghan85]'s kernel M4′: the strength of every vorton is distributed to the 64 nodes around it, with weights
-//! that conserve ΣΓ and Σ x × Γ. Nodes with strength become the new vortons, at multiples of the spacing in the world. Wider
-//! cores than the new ones are split first (`split`). Redistribution removes low-circulation nodes and those inside solids
-//! (`population.rs`), and solenoidal projection removes divergence (`solenoidal.rs`). Only bricks that a vorton reaches exist,
-//! and only their nodes with strength are kept, so a stray costs no more than any vorton.
+//! *Method*: [monaghan85]'s kernel M4′: the strength of every vorton is distributed to the 64 nodes around
+//! it, with weights that conserve ΣΓ and Σ x × Γ. Nodes with strength become the new vortons, at multiples of
+//! the spacing in the world. Wider cores than the new ones are split first (`split`). Redistribution removes
+//! low-circulation nodes and those inside solids (`population.rs`), and solenoidal projection removes
+//! divergence (`solenoidal.rs`). Only bricks that a vorton reaches exist, and only their nodes with strength
+//! are kept, so a stray costs no more than any vorton.
 //!
-//! *Departs from the paper*: the weights conserve the angular impulse Σ x × (x × Γ) too; redistribution and projection
-//! conserve ΣΓ and Σ x × Γ only.
+//! *Departs from the paper*: the weights conserve the angular impulse Σ x × (x × Γ) too; redistribution and
+//! projection conserve ΣΓ and Σ x × Γ only.
 
 use super::super::Vortons;
 use super::{
@@ -25,8 +26,8 @@ use crate::{
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-/// Vortons with cores this many times as wide as new ones are not remeshed: 27 parts of one would be too far apart to overlap.
-/// Cores that grow are split before.
+/// Vortons with cores this many times as wide as new ones are not remeshed: 27 parts of one would be too far
+/// apart to overlap. Cores that grow are split before.
 const MAX_CORE_RATIO: f32 = 2.2;
 
 /// The medium at a position.
@@ -34,7 +35,8 @@ const MAX_CORE_RATIO: f32 = 2.2;
 pub enum Medium {
     /// Air, where vorticity can be.
     Air,
-    /// A solid, without vorticity: strength is redistributed from nodes inside, and no vortex line ends at its surface.
+    /// A solid, without vorticity: strength is redistributed from nodes inside, and no vortex line ends at
+    /// its surface.
     Solid,
     /// The space beyond a plane of symmetry, without vorticity: vortex lines continue as their mirror images.
     Mirror,
@@ -63,6 +65,7 @@ pub struct RemeshReport {
     /// The size of the impulse Σ x × Γ that redistribution lost [m⁴/s].
     #[serde(rename = "lost", deserialize_with = "nan_if_null")]
     pub lost_impulse: f64,
+<<<<<<< HEAD
     /// The fraction of all strength that had divergence and was removed, as root mean squares, 0..1; the largest of several
     /// remeshings.
     #[serde(deserialize_with = "nan_if_null")]
@@ -71,13 +74,29 @@ pub struct RemeshReport {
     pub wide: u32,
     /// The size of the change of the impulse Σ x × Γ by the projection at solids [m⁴/s]; 0 except for rounding without solids.
     #[serde(rename = "turned", deserialize_with = "nan_if_null")]
+=======
+    /// The fraction of all strength that had divergence and was removed, as root mean squares, 0..1; the
+    /// largest of several remeshings.
+    pub divergence: f64,
+    /// Vortons that were not remeshed, because their cores are more than 2.2 times as wide as new ones.
+    pub wide: u32,
+    /// The size of the change of the impulse Σ x × Γ by the projection at solids [m⁴/s]; 0 except for
+    /// rounding without solids.
+    #[serde(rename = "turned")]
+>>>>>>> 491f1df (vortex: comments at 110 columns, defaults by what they limit)
     pub impulse_change_at_solids: f64,
     /// Remeshings whose projection did not converge: more than a thousandth of that divergence remained.
     #[serde(rename = "unsolved")]
     pub unconverged: u32,
+<<<<<<< HEAD
     /// The largest possible impulse of the strengths, Σ |x − x̄| |Γ| about their centre [m⁴/s]: the scale for `lost_impulse`
     /// and `impulse_change_at_solids`; the largest of several remeshings.
     #[serde(rename = "reach", deserialize_with = "nan_if_null")]
+=======
+    /// The largest possible impulse of the strengths, Σ |x − x̄| |Γ| about their centre [m⁴/s]: the scale for
+    /// `lost_impulse` and `impulse_change_at_solids`; the largest of several remeshings.
+    #[serde(rename = "reach")]
+>>>>>>> 491f1df (vortex: comments at 110 columns, defaults by what they limit)
     pub impulse_scale: f64,
 }
 
@@ -90,8 +109,8 @@ struct PointStrength {
 }
 
 impl Flow {
-    /// Remeshes if the parameters request it, and if the strain has reached its limit or too much strength has lost its
-    /// overlap. To be called after every substep.
+    /// Remeshes if the parameters request it, and if the strain has reached its limit or too much strength
+    /// has lost its overlap. To be called after every substep.
     ///
     /// # Errors
     /// [`Diverged`] if a vorton is too far away for the grid; `substep` is for the message.
@@ -156,8 +175,9 @@ impl Flow {
         })
     }
 
-    /// The vortons as point strengths. Those with wider cores than new ones are split into 27: along each axis the three points
-    /// of Gauss–Hermite quadrature, ⅙, ⅔, ⅙ at −√3, 0, √3 standard deviations of the excess of their vorticity.
+    /// The vortons as point strengths. Those with wider cores than new ones are split into 27: along each
+    /// axis the three points of Gauss–Hermite quadrature, ⅙, ⅔, ⅙ at −√3, 0, √3 standard deviations of the
+    /// excess of their vorticity.
     fn split(&self, params: &Remesh) -> Vec<PointStrength> {
         let (spacing, core) = (params.spacing, params.core * params.spacing);
         let per_variance = 2.0 / f64::from(core_spreading_rate(self.params.kernel));

@@ -15,7 +15,8 @@ pub struct StepReport {
     pub cores: f32,
     /// Whether the limits required a shorter time step than was allowed.
     pub capped: bool,
-    /// Strengths that were clamped because their vortons would have rotated farther in the substep than it resolves.
+    /// Strengths that were clamped because their vortons would have rotated farther in the substep than it
+    /// resolves.
     pub clamped: u32,
     /// Steps of particle strength exchange.
     pub exchanges: u32,
@@ -37,8 +38,8 @@ pub struct FlowReport {
     pub exchanges: u32,
     /// The number of remeshings.
     pub remeshed: u32,
-    /// The report on all remeshings: vortons before the first and after the last, the largest `divergence` and
-    /// `impulse_scale`, and the sums of the other numbers.
+    /// The report on all remeshings: vortons before the first and after the last, the largest `divergence`
+    /// and `impulse_scale`, and the sums of the other numbers.
     pub remesh: Option<RemeshReport>,
 }
 

@@ -1,18 +1,19 @@
 //! Solenoidal projection: removal of the divergence of strengths.
 //!
-//! *Why*: vorticity is a curl, so vortex lines do not end. Vortex stretching, external effects and removed vortons create ends
-//! of vortex lines. The transpose form then converts the part with divergence into energy, faster the finer it is, and eddies
-//! that stretch each other become unstable.
+//! *Why*: vorticity is a curl, so vortex lines do not end. Vortex stretching, external effects and removed
+//! vortons create ends of vortex lines. The transpose form then converts the part with divergence into
+//! energy, faster the finer it is, and eddies that stretch each other become unstable.
 //!
-//! *Method*: the divergence in a cell of eight nodes is the sum of the outward strengths of its corners, DΓ. The smallest
-//! change that removes it is −Dᵀλ, where (D Dᵀ + ε²) λ = DΓ. ε screens scales longer than 1/ε spacings, so that a line that
-//! ends on purpose, or at the edge of a body, is not removed from its end on. The method of conjugate gradients solves this
-//! in about fifteen iterations. Only cells with all eight nodes are included: their changes then conserve ΣΓ and Σ x × Γ. At a
-//! solid, corners inside count as nodes without strength: no vortex line ends there either, otherwise vorticity along the
-//! solid becomes unstable. There ΣΓ and Σ x × Γ do change.
+//! *Method*: the divergence in a cell of eight nodes is the sum of the outward strengths of its corners, DΓ.
+//! The smallest change that removes it is −Dᵀλ, where (D Dᵀ + ε²) λ = DΓ. ε screens scales longer than 1/ε
+//! spacings, so that a line that ends on purpose, or at the edge of a body, is not removed from its end on.
+//! The method of conjugate gradients solves this in about fifteen iterations. Only cells with all eight nodes
+//! are included: their changes then conserve ΣΓ and Σ x × Γ. At a solid, corners inside count as nodes
+//! without strength: no vortex line ends there either, otherwise vorticity along the solid becomes unstable.
+//! There ΣΓ and Σ x × Γ do change.
 //!
-//! *Source*: none. Least squares replace the Poisson equation that [winckelmans93] proposes for the same purpose, so that
-//! no vorticity appears at other nodes.
+//! *Source*: none. Least squares replace the Poisson equation that [winckelmans93] proposes for the same
+//! purpose, so that no vorticity appears at other nodes.
 //!
 //! Symbols: λ → `potential`, ε → [`SCREENING`].
 
@@ -20,8 +21,8 @@ use super::nodes::{Node, NodeIndex, center};
 use crate::par;
 use nalgebra::Vector3;
 
-/// ε [1/spacings]. With 0.1 to 0.8, turbulence that would be unstable otherwise keeps its energy; 0.1 takes three times as many
-/// iterations.
+/// ε [1/spacings]. With 0.1 to 0.8, turbulence that would be unstable otherwise keeps its energy; 0.1 takes
+/// three times as many iterations.
 const SCREENING: f64 = 0.4;
 
 /// The tolerance of the residual, relative to its start, as root mean squares.
@@ -85,7 +86,8 @@ fn squared_norm(values: &[f64]) -> f64 {
     par::sum(values.len(), |c| values[c] * values[c])
 }
 
-/// The cells all of whose corners are nodes or inside solids. Corner k of a cell is at (k & 1, k >> 1 & 1, k >> 2).
+/// The cells all of whose corners are nodes or inside solids. Corner k of a cell is at (k & 1, k >> 1 & 1, k
+/// >> 2).
 struct Cells {
     /// The nodes at the corners, or [`NONE`].
     corners: Vec<[u32; 8]>,
@@ -97,7 +99,8 @@ impl Cells {
     fn new(nodes: &[Node], is_solid: impl Fn([i32; 3]) -> bool + Sync) -> Self {
         let index = NodeIndex::new(nodes, |_| true);
         let found = par::map_chunks(nodes.len(), par::CHUNK, |range| {
-            // The cell of which node i is corner `own`, unless an earlier corner is a node, which then finds the cell.
+            // The cell of which node i is corner `own`, unless an earlier corner is a node, which then finds
+            // the cell.
             let cell = |i: usize, own: usize| {
                 let mut corners = [NONE; 8];
                 for (k, corner) in corners.iter_mut().enumerate() {
@@ -146,7 +149,8 @@ impl Cells {
     }
 }
 
-/// The weights of corner k in the divergence of a cell: differences along an edge, the mean of four [1/spacing].
+/// The weights of corner k in the divergence of a cell: differences along an edge, the mean of four
+/// [1/spacing].
 fn outward(k: usize) -> Vector3<f64> {
     Vector3::from([k & 1, k >> 1 & 1, k >> 2].map(|upper| if upper == 1 { 0.25 } else { -0.25 }))
 }

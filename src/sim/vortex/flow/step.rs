@@ -1,7 +1,8 @@
 //! Time integration: one substep, and a frame of them.
 //!
-//! *Method*: [williamson80]'s third-order Runge–Kutta scheme in two copies of the state, case 7: for each of three stages
-//! q ← a q + dt · rate, y ← y + b q. The time step follows from the largest velocity gradient and velocity.
+//! *Method*: [williamson80]'s third-order Runge–Kutta scheme in two copies of the state, case 7: for each of
+//! three stages q ← a q + dt · rate, y ← y + b q. The time step follows from the largest velocity gradient
+//! and velocity.
 
 use super::super::{Gradient, Kernel, OutOfRange, Vortons, vortons::check_points};
 use super::{
@@ -18,10 +19,10 @@ use crate::{
 const STAGES: [(f32, f32, f64); 3] =
     [(0.0, 1.0 / 3.0, 0.0), (-5.0 / 9.0, 15.0 / 16.0, 1.0 / 3.0), (-153.0 / 128.0, 8.0 / 15.0, 0.75)];
 
-/// The largest angle by which a vorton may rotate by itself in a substep [rad] before its strength is clamped. Time steps
-/// within the limits are several times smaller: strengths are clamped only where `max_substeps` prevents those, and are then
-/// bounded under any stretching. Larger, and an instability moves vortons farther before it ends; smaller, and strengths are
-/// clamped without need.
+/// The largest angle by which a vorton may rotate by itself in a substep [rad] before its strength is
+/// clamped. Time steps within the limits are several times smaller: strengths are clamped only where
+/// `max_substeps` prevents those, and are then bounded under any stretching. Larger, and an instability moves
+/// vortons farther before it ends; smaller, and strengths are clamped without need.
 const MAX_ROTATION: f32 = 2.0;
 
 /// The limits of a substep.
@@ -100,8 +101,8 @@ impl Flow {
         Ok(())
     }
 
-    /// Advances by a frame of `seconds` [s] (> 0) in as many substeps as necessary, and remeshes, in air without solids, when
-    /// needed.
+    /// Advances by a frame of `seconds` [s] (> 0) in as many substeps as necessary, and remeshes, in air
+    /// without solids, when needed.
     ///
     /// # Errors
     /// [`Stop`]: as of [`Flow::step`], or if the watch cancels.
@@ -143,8 +144,8 @@ impl Flow {
         (seconds, wanted < seconds * (1.0 - 1e-6))
     }
 
-    /// The largest strength that each vorton may have after a substep [m³/s]: its own, or that which rotates it by
-    /// [`MAX_ROTATION`].
+    /// The largest strength that each vorton may have after a substep [m³/s]: its own, or that which rotates
+    /// it by [`MAX_ROTATION`].
     fn max_strength(&self, seconds: f64) -> Vec<f32> {
         let unit = MAX_ROTATION * 4.0 * std::f32::consts::PI / (center(self.params.kernel) * seconds as f32);
         let Vortons { strength, core, .. } = &self.vortons;

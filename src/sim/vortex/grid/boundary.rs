@@ -1,7 +1,9 @@
-//! The potential on the boundary of a box: sampled at the nodes of a coarse grid, and interpolated between them.
+//! The potential on the boundary of a box: sampled at the nodes of a coarse grid, and interpolated between
+//! them.
 //!
-//! *Method*: [gourlay19]'s integral boundary values. The potential is smooth where there is no vorticity. So a value of the
-//! tree every few cells is enough, with a product of two cubics through four of them in between.
+//! *Method*: [gourlay19]'s integral boundary values. The potential is smooth where there is no vorticity. So
+//! a value of the tree every few cells is enough, with a product of two cubics through four of them in
+//! between.
 
 use super::uniform::{ROW_MULTIPLE, UniformGrid, VectorField};
 use crate::{math::Vec3, par};
@@ -54,15 +56,16 @@ pub(super) enum Interpolation {
     Nearest,
 }
 
-/// The coarse grid along one axis of a face: the positions of its nodes, in cells, and for every node of the fine grid the
-/// first of four coarse nodes and their weights.
+/// The coarse grid along one axis of a face: the positions of its nodes, in cells, and for every node of the
+/// fine grid the first of four coarse nodes and their weights.
 struct CoarseAxis {
     nodes: Vec<f32>,
     weights: Vec<(usize, [f32; 4])>,
 }
 
 impl CoarseAxis {
-    /// A node every `step` cells, or a little closer so that the last is on the edge; at least three intervals.
+    /// A node every `step` cells, or a little closer so that the last is on the edge; at least three
+    /// intervals.
     fn new(cells: usize, step: usize, interpolation: Interpolation) -> Self {
         let intervals = cells.div_ceil(step).max(3);
         let ratio = cells as f32 / intervals as f32;

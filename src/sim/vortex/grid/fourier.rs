@@ -1,8 +1,8 @@
 //! Discrete sine transforms of sixteen lines at a time.
 //!
-//! *Method*: S_k = Σ f_j sin(πjk/n) over 0 < j < n. With y_j = sin(πj/n)(f_j + f_(n−j)) + ½(f_j − f_(n−j)) and its Fourier
-//! transform R + iI, S_2k = I_k and S_(2k+1) = S_(2k−1) + R_k [cooley70]. Two real lines are transformed as one complex line,
-//! by Stockham's FFT of radices 4, 2, 3 and 5 [vanloan92].
+//! *Method*: S_k = Σ f_j sin(πjk/n) over 0 < j < n. With y_j = sin(πj/n)(f_j + f_(n−j)) + ½(f_j − f_(n−j))
+//! and its Fourier transform R + iI, S_2k = I_k and S_(2k+1) = S_(2k−1) + R_k [cooley70]. Two real lines are
+//! transformed as one complex line, by Stockham's FFT of radices 4, 2, 3 and 5 [vanloan92].
 //!
 //! *Limits*: single precision. The cumulative sum of odd coefficients adds about √n roundings of the largest.
 
@@ -74,7 +74,8 @@ impl SineTransform {
         let (line, work) = (&mut line[..n], &mut work[..n]);
         let odd_passes = self.radices.len() % 2 == 1;
 
-        // The line y whose Fourier transform contains the sine transform, in the array from which the passes end in `work`.
+        // The line y whose Fourier transform contains the sine transform, in the array from which the passes
+        // end in `work`.
         work[0] = [splat(0.0); 2];
         line[0] = [splat(0.0); 2];
         for j in 1..=n / 2 {

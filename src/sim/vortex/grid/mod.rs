@@ -1,21 +1,23 @@
 //! Induced velocity by a Poisson equation on a grid: a vortex-in-cell method.
 //!
-//! *Method*: [gourlay19], announced there for part 20: the vector potential on a box, ∇²A = −ω, with boundary values by the
-//! integral. Each vorton deposits its strength on the nodes around it (`weights.rs`). The transform of the core is multiplied
-//! into that of the deposited strengths (`transforms.rs`). The equation is solved by sine transforms (`sine.rs`) with boundary
-//! values that the tree finds at a few nodes (`boundary.rs`). Finite differences give the velocity and its gradient
-//! (`differences.rs`), which are interpolated at the points.
+//! *Method*: [gourlay19], announced there for part 20: the vector potential on a box, ∇²A = −ω, with boundary
+//! values by the integral. Each vorton deposits its strength on the nodes around it (`weights.rs`). The
+//! transform of the core is multiplied into that of the deposited strengths (`transforms.rs`). The equation
+//! is solved by sine transforms (`sine.rs`) with boundary values that the tree finds at a few nodes
+//! (`boundary.rs`). Finite differences give the velocity and its gradient (`differences.rs`), which are
+//! interpolated at the points.
 //!
-//! *Effective core*: deposit and interpolation together smear like a core of about one spacing, which depends on the position
-//! of a vorton between nodes. The transform of its mean over positions is known and divided out. A core S of at least a
-//! spacing is multiplied in. So the grid represents the kernel of the vortons itself, with S = σ where it can. Where cores
-//! differ, or are finer than the grid, pairs add the difference (`near_correction.rs`). `plan.rs` chooses S and the spacing.
+//! *Effective core*: deposit and interpolation together smear like a core of about one spacing, which depends
+//! on the position of a vorton between nodes. The transform of its mean over positions is known and divided
+//! out. A core S of at least a spacing is multiplied in. So the grid represents the kernel of the vortons
+//! itself, with S = σ where it can. Where cores differ, or are finer than the grid, pairs add the difference
+//! (`near_correction.rs`). `plan.rs` chooses S and the spacing.
 //!
-//! *Departs from the paper*: the paper solves by multigrid, with linear weights and differences of second order. Those are
-//! in `benches/reference/vortex/`.
+//! *Departs from the paper*: the paper solves by multigrid, with linear weights and differences of second
+//! order. Those are in `benches/reference/vortex/`.
 //!
-//! *Limits*: the tree serves stray vortons, and points outside the box or within a few cells of its boundary. Where a grid
-//! would cost more than all pairs, the tree serves all points.
+//! *Limits*: the tree serves stray vortons, and points outside the box or within a few cells of its boundary.
+//! Where a grid would cost more than all pairs, the tree serves all points.
 
 mod boundary;
 mod differences;
@@ -45,8 +47,8 @@ use plan::{GridSettings, Plan};
 use std::ops::RangeInclusive;
 use transforms::TransformTable;
 
-/// The relative L2 errors of the velocity at the vortons that [`Method::Grid`](super::Method::Grid) accepts. A smaller one
-/// takes a grid that is too large, or is below what the kernel spreads beyond any box.
+/// The relative L2 errors of the velocity at the vortons that [`Method::Grid`](super::Method::Grid) accepts.
+/// A smaller one takes a grid that is too large, or is below what the kernel spreads beyond any box.
 pub fn grid_errors(kernel: Kernel) -> RangeInclusive<f32> {
     if kernel == Kernel::RosenheadMoore { 3e-3..=0.1 } else { 1e-4..=0.1 }
 }
@@ -158,7 +160,8 @@ impl<'a> SolvedGrid<'a> {
         out
     }
 
-    /// The quantity `Q` at points inside: the grid, the near correction where cores differ, and stray vortons.
+    /// The quantity `Q` at points inside: the grid, the near correction where cores differ, and stray
+    /// vortons.
     fn rows_inside<K: GridKernel, const Q: usize, const N: usize>(&self, points: &[Vec3]) -> Vec<[Vec3; N]> {
         let Self { plan, settings, .. } = self;
         let mut found = self.interpolated(points);
@@ -188,8 +191,8 @@ impl<'a> SolvedGrid<'a> {
     }
 }
 
-/// The grid on which [`Method::Grid`](super::Method::Grid) solves for the velocity at so many targets; `None` where the tree
-/// serves.
+/// The grid on which [`Method::Grid`](super::Method::Grid) solves for the velocity at so many targets; `None`
+/// where the tree serves.
 ///
 /// # Panics
 /// If the error is outside [`grid_errors`].
@@ -252,8 +255,8 @@ fn boundary_by_tree<K: RadialKernel>(
     })
 }
 
-/// Writes the potential of vortons to the boundary of a field, as accurately as a grid for that `error` of the velocity
-/// needs it: by the tree at every fourth node, and by cubic interpolation between.
+/// Writes the potential of vortons to the boundary of a field, as accurately as a grid for that `error` of
+/// the velocity needs it: by the tree at every fourth node, and by cubic interpolation between.
 ///
 /// # Errors
 /// [`OutOfRange`] if a vorton is outside what the sums can hold.
@@ -284,8 +287,8 @@ pub fn boundary_values(
 /// Intervals of θ in 0..π in the table of the transform of deposit and interpolation.
 const ANGLES: usize = 4096;
 
-/// Solves ∇²A = −ω on a box to fourth order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and then A
-/// everywhere. ω is assumed to be 0 on the boundary.
+/// Solves ∇²A = −ω on a box to fourth order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and
+/// then A everywhere. ω is assumed to be 0 on the boundary.
 ///
 /// # Panics
 /// If the number of cells along an axis is not 2ᵃ 3ᵇ 5ᶜ.

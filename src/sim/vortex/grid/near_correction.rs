@@ -1,8 +1,9 @@
-//! Near correction of the grid: the difference between the kernel of a vorton and the one that the grid represents.
+//! Near correction of the grid: the difference between the kernel of a vorton and the one that the grid
+//! represents.
 //!
-//! *Method*: particle–particle, particle–mesh (P³M) [hockney88]: every leaf of targets sums pairs with the leaves of vortons
-//! that are closer than the reach of the difference. It sums once with the kernel and core of the vortons, and once with
-//! those of the grid and the opposite strength.
+//! *Method*: particle–particle, particle–mesh (P³M) [hockney88]: every leaf of targets sums pairs with the
+//! leaves of vortons that are closer than the reach of the difference. It sums once with the kernel and core
+//! of the vortons, and once with those of the grid and the opposite strength.
 
 use super::transforms::GridKernel;
 use crate::{

@@ -1,9 +1,10 @@
 //! The choice of a grid for a set of vortons.
 //!
-//! *Method*: the grid represents cores of one size S, and its spacing is S over a ratio that follows from the error. Where all
-//! vortons have one core that the grid can represent, S is that core. Otherwise S minimises the cost of nodes and pairs
-//! together (`near_correction.rs`). The box contains the vortons except strays, which are far from nearly all others. Its
-//! margin has space for the stencils of differences and deposit, and for the vorticity of the cores.
+//! *Method*: the grid represents cores of one size S, and its spacing is S over a ratio that follows from the
+//! error. Where all vortons have one core that the grid can represent, S is that core. Otherwise S minimises
+//! the cost of nodes and pairs together (`near_correction.rs`). The box contains the vortons except strays,
+//! which are far from nearly all others. Its margin has space for the stencils of differences and deposit,
+//! and for the vorticity of the cores.
 
 use super::{differences::STENCIL_REACH, fourier, transforms::GridKernel, uniform::UniformGrid};
 use crate::{
@@ -15,8 +16,8 @@ use crate::{
 /// Nodes of a grid at most: about 1.2 GB for velocities, and twice that with gradients.
 const MAX_NODES: usize = 1 << 25;
 
-/// The cost of a node that the choice of a grid assumes [ns]. Known to a factor of two, which is enough: the cost is flat
-/// around the minimum.
+/// The cost of a node that the choice of a grid assumes [ns]. Known to a factor of two, which is enough: the
+/// cost is flat around the minimum.
 const NODE_NANOSECONDS: f64 = 50.0;
 
 /// Positions that are sampled to find the bulk of a cloud.
@@ -40,11 +41,12 @@ pub(super) struct GridSettings {
 }
 
 impl GridSettings {
-    /// The settings of a kernel for a `requested` error of [`grid_errors`](super::grid_errors), and for the `error` that
-    /// [`eased`](crate::sim::vortex::coherence::eased) makes of it.
+    /// The settings of a kernel for a `requested` error of [`grid_errors`](super::grid_errors), and for the
+    /// `error` that [`eased`](crate::sim::vortex::coherence::eased) makes of it.
     pub(super) fn new<K: GridKernel>(requested: f32, error: f32) -> Self {
         let core_in_spacings = interpolated(K::CORE_IN_SPACINGS, error);
-        // Boundary values of five times the error, and a cubic through nodes four cells apart, add less than a tenth of it.
+        // Boundary values of five times the error, and a cubic through nodes four cells apart, add less than
+        // a tenth of it.
         let boundary_error = (5.0 * error).min(*ERRORS.end());
         // The omitted pairs have one sign, and add up as the whole velocity does.
         let near_error = requested / 3.0;
@@ -73,7 +75,8 @@ pub(super) struct Plan {
     pub(super) strays: Vortons,
 }
 
-/// Cells from the boundary within which no point is interpolated: splines reach two nodes, and each difference three.
+/// Cells from the boundary within which no point is interpolated: splines reach two nodes, and each
+/// difference three.
 pub(super) fn margin(quantity: usize) -> usize {
     1 + STENCIL_REACH * quantity.min(GRADIENT)
 }
@@ -118,7 +121,8 @@ impl Plan {
     }
 }
 
-/// A grid around a box. `None` if it would be too large, or if the spacing is below the precision of coordinates.
+/// A grid around a box. `None` if it would be too large, or if the spacing is below the precision of
+/// coordinates.
 fn grid_around(
     low: Vec3,
     high: Vec3,
@@ -144,8 +148,8 @@ fn grid_around(
     (!coarse && grid.nodes() <= MAX_NODES).then_some(grid)
 }
 
-/// The vortons of the bulk, and the strays: those farther from the middle 96 % of coordinates than the largest extent of
-/// these.
+/// The vortons of the bulk, and the strays: those farther from the middle 96 % of coordinates than the
+/// largest extent of these.
 fn split_strays(vortons: &Vortons) -> (Vortons, Vortons) {
     let points = &vortons.position;
     let samples = points.len().min(MAX_BULK_SAMPLES);

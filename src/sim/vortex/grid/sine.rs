@@ -1,17 +1,18 @@
 //! The Poisson equation on a box, by sine transforms.
 //!
-//! *Method*: ∇²A = −ω with A given on the boundary. The 19-point operator [spotz96] has sines as eigenvectors on a box: with
-//! p = sin²(θ/2) of each axis, θ = πk/n, P = Σp and Q = Σ p p′, its eigenvalue is −(4P − ⁸⁄₃Q)/h². The right-hand side is
-//! (1 + h²∇²/12) ω, whose eigenvalue is 1 − P/3. The boundary values in the equations next to the boundary are known: they go
-//! to the right-hand side. Their transform in three dimensions is a product of a sine and the transform of a face in two.
+//! *Method*: ∇²A = −ω with A given on the boundary. The 19-point operator [spotz96] has sines as eigenvectors
+//! on a box: with p = sin²(θ/2) of each axis, θ = πk/n, P = Σp and Q = Σ p p′, its eigenvalue is −(4P −
+//! ⁸⁄₃Q)/h². The right-hand side is (1 + h²∇²/12) ω, whose eigenvalue is 1 − P/3. The boundary values in the
+//! equations next to the boundary are known: they go to the right-hand side. Their transform in three
+//! dimensions is a product of a sine and the transform of a face in two.
 //!
-//! For vorticity in the cores of a kernel the exact solution is known. Then a [`Green`]'s function replaces the quotient of
-//! the operator, except for the boundary values.
+//! For vorticity in the cores of a kernel the exact solution is known. Then a [`Green`]'s function replaces
+//! the quotient of the operator, except for the boundary values.
 //!
 //! *Order*: the fourth, and the sixth where ω = 0.
 //!
-//! Passes: rows and columns of planes of constant z forward; lines along z forward, the solution, lines along z back, into
-//! planes of constant y; columns and rows back.
+//! Passes: rows and columns of planes of constant z forward; lines along z forward, the solution, lines along
+//! z back, into planes of constant y; columns and rows back.
 
 use super::{
     boundary::{BoundaryValues, FaceValues, face_axes},
@@ -23,7 +24,8 @@ use crate::{
     simd::{self, LANES, Lanes, Pass, splat},
 };
 
-/// A Green's function: the transform of the potential over that of its source, as a function of θ and p of the three axes.
+/// A Green's function: the transform of the potential over that of its source, as a function of θ and p of
+/// the three axes.
 pub(super) type Green<'a> = &'a (dyn Fn([f32; 3], [f32; 3]) -> f32 + Sync);
 
 /// The Green's function of the 19-point operator, over h².
@@ -96,8 +98,9 @@ pub(super) fn solve(field: &mut VectorField, boundary: &BoundaryValues, green: G
     boundary.write(field);
 }
 
-/// The transforms of the terms that the boundary adds to the equations next to it, by axis, side and component: h² times
-/// the weights of the operator, ⅓ of the nearest node and ⅙ of its four neighbours on the face.
+/// The transforms of the terms that the boundary adds to the equations next to it, by axis, side and
+/// component: h² times the weights of the operator, ⅓ of the nearest node and ⅙ of its four neighbours on the
+/// face.
 type BoundaryTerms = [[[FaceValues; 3]; 2]; 3];
 
 fn boundary_terms(boundary: &BoundaryValues, sines: &[SineTransform; 3]) -> BoundaryTerms {

@@ -1,20 +1,20 @@
 //! The kernels on the grid: the Fourier transform of their vorticity, and how far two cores differ.
 //!
-//! *Method*: a kernel's vorticity ζ has a transform ζ̂ of x = kσ alone. Rosenhead and Moore's potential is that of
-//! (r² + σ²)^-½, whose transform has Bessel's K₁: ζ̂ = x K₁(x). Winckelmans and Leonard's adds ½σ² (r² + σ²)^-3/2, hence
-//! ζ̂ = x K₁ + ½x² K₀ = ½x² K₂(x). The Gaussian has e^(−x²/2). K_ν(x) = ∫ e^(−x cosh t) cosh νt dt over t > 0, by trapezoids
-//! [abramowitz72] 9.6.24.
+//! *Method*: a kernel's vorticity ζ has a transform ζ̂ of x = kσ alone. Rosenhead and Moore's potential is
+//! that of (r² + σ²)^-½, whose transform has Bessel's K₁: ζ̂ = x K₁(x). Winckelmans and Leonard's adds ½σ²
+//! (r² + σ²)^-3/2, hence ζ̂ = x K₁ + ½x² K₀ = ½x² K₂(x). The Gaussian has e^(−x²/2). K_ν(x) = ∫ e^(−x cosh t)
+//! cosh νt dt over t > 0, by trapezoids [abramowitz72] 9.6.24.
 
 use crate::sim::vortex::kernels::{Ball, Gaussian, RadialKernel, RosenheadMoore, WinckelmansLeonard};
 
 /// A kernel, and the one whose vorticity a grid represents for it.
 pub(in crate::sim::vortex) trait GridKernel: RadialKernel {
-    /// The kernel that the grid represents; pairs add the difference to it. The transform of a ball decays too slowly for a
-    /// grid.
+    /// The kernel that the grid represents; pairs add the difference to it. The transform of a ball decays
+    /// too slowly for a grid.
     type Smooth: SmoothKernel;
 
-    /// The distance to which the difference of two velocities has to be summed for an `error` [m]: that of this kernel with
-    /// `core` and that of [`GridKernel::Smooth`] with `grid_core` [m].
+    /// The distance to which the difference of two velocities has to be summed for an `error` [m]: that of
+    /// this kernel with `core` and that of [`GridKernel::Smooth`] with `grid_core` [m].
     fn reach(core: f32, grid_core: f32, error: f32) -> f32;
 
     /// The cost of the difference of a pair that the choice of a grid assumes [ns].
@@ -23,16 +23,19 @@ pub(in crate::sim::vortex) trait GridKernel: RadialKernel {
     /// Whether the grid represents the kernel itself.
     const IS_SMOOTH: bool;
 
-    /// Errors of the velocity, descending, and the core in spacings with which the grid keeps them. Set by the worst of the
-    /// four clouds of `benches/vortex.rs`, which is the one of dense blobs; a ring of even strengths has a tenth of its
-    /// error. Smaller cores exceed the requested error, larger ones cost their third power.
+    /// Errors of the velocity, descending, and the core in spacings with which the grid keeps them. Set by
+    /// the worst of the four clouds of `benches/vortex.rs`, which is the one of dense blobs; a ring of even
+    /// strengths has a tenth of its error. Smaller cores exceed the requested error, larger ones cost their
+    /// third power.
     const CORE_IN_SPACINGS: &'static [[f32; 2]];
 
-    /// The margin from the vortons to the boundary [cores]. The vorticity of a core beyond it is reflected there.
+    /// The margin from the vortons to the boundary [cores]. The vorticity of a core beyond it is reflected
+    /// there.
     const MARGIN: f32;
 }
 
-/// Cores in spacings for the Gaussian. Its transform decays fastest, so the spacing can be as large as the core.
+/// Cores in spacings for the Gaussian. Its transform decays fastest, so the spacing can be as large as the
+/// core.
 const GAUSSIAN_CORE_IN_SPACINGS: &[[f32; 2]] =
     &[[0.1, 1.0], [0.03, 1.1], [0.01, 1.4], [3e-3, 1.8], [1e-3, 2.2], [3e-4, 2.8], [1e-4, 3.6]];
 
@@ -81,9 +84,9 @@ impl GridKernel for RosenheadMoore {
 
     fn reach(core: f32, grid_core: f32, error: f32) -> f32 {
         let (low, high) = (core.min(grid_core), core.max(grid_core));
-        // Inside the cores two kernels differ, no matter how soon they agree outside.
-        // The omitted difference decays with the squared distance only, and has one sign: it is twice that of single
-        // cells of mixed cores.
+        // Inside the cores two kernels differ, no matter how soon they agree outside. The omitted difference
+        // decays with the squared distance only, and has one sign: it is twice that of single cells of mixed
+        // cores.
         if high - low < 0.1 * error * high {
             0.0
         } else {

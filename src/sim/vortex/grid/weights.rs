@@ -1,11 +1,12 @@
 //! Deposit of vortons on the nodes of a grid, and interpolation from nodes to points.
 //!
-//! *Method*: [essmann95]'s cubic splines over four nodes along each axis. They keep the strength and the impulse of the
-//! vortons, and their transform is divided out. [monaghan85]'s M₄′ keeps the angular impulse too, but its aliasing error is
-//! larger: splines damp waves above the Nyquist frequency of the grid by one power more.
+//! *Method*: [essmann95]'s cubic splines over four nodes along each axis. They keep the strength and the
+//! impulse of the vortons, and their transform is divided out. [monaghan85]'s M₄′ keeps the angular impulse
+//! too, but its aliasing error is larger: splines damp waves above the Nyquist frequency of the grid by one
+//! power more.
 //!
-//! Vortons are sorted by the plane of nodes below them along z. A plane of nodes adds the deposits of the four planes of
-//! vortons around it in their order, so the number of threads does not change the result.
+//! Vortons are sorted by the plane of nodes below them along z. A plane of nodes adds the deposits of the
+//! four planes of vortons around it in their order, so the number of threads does not change the result.
 
 use super::uniform::{UniformGrid, VectorField};
 use crate::{
@@ -36,7 +37,8 @@ pub(super) fn by_plane(grid: &UniformGrid, points: &[Vec3]) -> Groups {
     Groups::new(points.len(), grid.cells[2], |i| [grid.cell(points[i]).0[2] as u32])
 }
 
-/// Adds the strengths of vortons to the nodes around them. Every vorton is at least two cells from the boundary.
+/// Adds the strengths of vortons to the nodes around them. Every vorton is at least two cells from the
+/// boundary.
 pub(super) fn deposit(field: &mut VectorField, position: &[Vec3], strength: &[Vec3]) {
     let grid = field.grid;
     let planes = by_plane(&grid, position);
