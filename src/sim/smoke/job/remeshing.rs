@@ -1,9 +1,6 @@
 //! What remeshing did to the vortons of a shot, in sum, and what of it is reported.
 
-use crate::sim::{
-    smoke::SmokeRecord,
-    vortex::flow::{FlowReport, RemeshReport},
-};
+use crate::sim::{smoke::SmokeRecord, vortex::flow::FlowReport};
 
 /// The impulse lost in remeshing, as a part of what the strengths could have, above which it is reported. Below, a ring is
 /// slower or faster by no more than this; built-in shots lose less than a thousandth.
@@ -108,6 +105,7 @@ pub(super) fn warnings<'a>(records: impl Iterator<Item = &'a SmokeRecord>) -> Ve
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::vortex::flow::RemeshReport;
 
     #[test]
     fn small_parts_are_not_reported_and_large_ones_are_by_name() {

@@ -65,38 +65,22 @@ pub struct RemeshReport {
     /// The size of the impulse Σ x × Γ that redistribution lost [m⁴/s].
     #[serde(rename = "lost", deserialize_with = "nan_if_null")]
     pub lost_impulse: f64,
-<<<<<<< HEAD
-    /// The fraction of all strength that had divergence and was removed, as root mean squares, 0..1; the largest of several
-    /// remeshings.
-    #[serde(deserialize_with = "nan_if_null")]
-    pub divergence: f64,
-    /// Vortons that were not remeshed, because their cores are more than 2.2 times as wide as new ones.
-    pub wide: u32,
-    /// The size of the change of the impulse Σ x × Γ by the projection at solids [m⁴/s]; 0 except for rounding without solids.
-    #[serde(rename = "turned", deserialize_with = "nan_if_null")]
-=======
     /// The fraction of all strength that had divergence and was removed, as root mean squares, 0..1; the
     /// largest of several remeshings.
+    #[serde(deserialize_with = "nan_if_null")]
     pub divergence: f64,
     /// Vortons that were not remeshed, because their cores are more than 2.2 times as wide as new ones.
     pub wide: u32,
     /// The size of the change of the impulse Σ x × Γ by the projection at solids [m⁴/s]; 0 except for
     /// rounding without solids.
-    #[serde(rename = "turned")]
->>>>>>> 491f1df (vortex: comments at 110 columns, defaults by what they limit)
+    #[serde(rename = "turned", deserialize_with = "nan_if_null")]
     pub impulse_change_at_solids: f64,
     /// Remeshings whose projection did not converge: more than a thousandth of that divergence remained.
     #[serde(rename = "unsolved")]
     pub unconverged: u32,
-<<<<<<< HEAD
-    /// The largest possible impulse of the strengths, Σ |x − x̄| |Γ| about their centre [m⁴/s]: the scale for `lost_impulse`
-    /// and `impulse_change_at_solids`; the largest of several remeshings.
-    #[serde(rename = "reach", deserialize_with = "nan_if_null")]
-=======
     /// The largest possible impulse of the strengths, Σ |x − x̄| |Γ| about their centre [m⁴/s]: the scale for
     /// `lost_impulse` and `impulse_change_at_solids`; the largest of several remeshings.
-    #[serde(rename = "reach")]
->>>>>>> 491f1df (vortex: comments at 110 columns, defaults by what they limit)
+    #[serde(rename = "reach", deserialize_with = "nan_if_null")]
     pub impulse_scale: f64,
 }
 
