@@ -91,7 +91,7 @@ TESTS = [
     ("no vorton, one, two in one place and 1e-7 m apart", "tests/numerics/vortex_extremes.rs"),
     (
         "coincident, in heaps of two cores, collinear, coplanar, a million metres off; heaps are one source however many they are",
-        "tests/numerics/vortex_extremes.rs`, `src/sim/vortex/octree.rs`, `src/sim/vortex/flow/near.rs",
+        "tests/numerics/vortex_extremes.rs`, `src/sim/vortex/octree.rs`, `src/sim/vortex/flow/gaussian_sums.rs",
     ),
     ("the same in motion, with every term", "tests/numerics/vortex_dynamics/extremes.rs"),
     ("strengths over twelve decades, cores over three", "tests/numerics/vortex_extremes.rs"),
