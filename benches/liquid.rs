@@ -30,7 +30,7 @@ fn params(iterations: u32) -> LiquidParams {
     toml::from_str(&text).expect("the preset is valid")
 }
 
-/// The dam break after four frames, when it is no lattice any more.
+/// The dam break after four frames, after it has left the seeding lattice.
 fn broken() -> meniscus::frame::Frame {
     let mut simulation = Simulation::new(world(), Some(params(4))).expect("the sources hold particles");
     for _ in 0..4 {

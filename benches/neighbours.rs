@@ -1,6 +1,6 @@
 //! Times the neighbour search on disordered blocks of 100 000 and of 1 000 000 particles, on 1 and on 2 threads.
 //!
-//! `cargo bench --bench neighbours`. Particles are jittered off a lattice, sorted as the solver sorts them once a
+//! `cargo bench --bench neighbours`. Particles are jittered from a regular arrangement, sorted as the solver sorts them once a
 //! frame, and moved a little since; lists reach 1.1 h, h = 2 spacings, which gives about 42 entries a particle.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
@@ -28,10 +28,10 @@ fn block(n: usize) -> Vec<Vec3> {
         let at = [k % n, k / n % n, k / (n * n)];
         Vec3::from_fn(|axis, _| (at[axis] as f32 + 0.5 + 0.4 * noise((3 * k + axis) as u64)) * SPACING)
     };
-    let lattice: Vec<Vec3> = (0..n * n * n).map(jittered).collect();
-    let grid = CellGrid::new(&lattice, 2.0 * SPACING);
+    let positions: Vec<Vec3> = (0..n * n * n).map(jittered).collect();
+    let grid = CellGrid::new(&positions, 2.0 * SPACING);
     let moved = |(k, &i): (usize, &u32)| {
-        lattice[i as usize]
+        positions[i as usize]
             .map_with_location(|axis, _, x| x + 0.15 * SPACING * noise(7_000_000_000 + (3 * k + axis) as u64))
     };
     grid.order().iter().enumerate().map(moved).collect()

@@ -2,7 +2,7 @@
 //!
 //! Simulation writes frames, the cache keeps them, and everything after reads nothing else. A [`Frame`] holds
 //! the [`Stream`]s of all systems, a stream holds [`Channel`]s of equal length (one entry a particle) and
-//! scalars. A stream's [`StreamKind`] says what its entries are; its name says whose they are. Channel names in
+//! scalars. A stream's [`StreamKind`] defines its entries; its name, the system they belong to. Channel names in
 //! use: `position` [m], `velocity` [m/s], `id` (stable over time), `age` [s], `source` (its number, from 0),
 //! `density` [kg/m³].
 
@@ -26,7 +26,7 @@ impl std::fmt::Display for FrameIndex {
 /// One instant of every system in the shot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Its number.
+    /// Number of the frame.
     pub index: FrameIndex,
     /// Time since the start of the shot [s].
     pub time: f64,
@@ -128,7 +128,7 @@ impl Stream {
 /// One named column.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Its name.
+    /// Name of the stream.
     pub name: String,
     /// Its values, one an entry of the stream.
     pub data: ChannelData,

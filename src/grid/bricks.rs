@@ -1,6 +1,6 @@
 //! Sparse grids: cubes of 8³ nodes, stored only where something is.
 //!
-//! Node (i, j, k) stands at (i, j, k) · voxel in world space, in every frame, so that surfaces do not crawl.
+//! Node (i, j, k) is at (i, j, k) · voxel in world space, in every frame, so that surfaces do not crawl.
 //! Brick (a, b, c) holds the nodes 8a..8a+8, 8b..8b+8, 8c..8c+8; inside a brick x runs fastest, then y, then z.
 
 use crate::{math::Vec3, par};
@@ -235,7 +235,7 @@ pub fn node_of(coord: [i32; 3], place: usize) -> [i32; 3] {
 }
 
 /// The neighbour of the node at `place` (0..512) across `face`, as numbered in [`FACES`]: its own place, and whether that
-/// is in the brick beside.
+/// is in the neighbouring brick.
 #[inline]
 pub fn beside(place: usize, face: usize) -> (usize, bool) {
     let stride = [1, BRICK, BRICK * BRICK][face / 2];
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn nodes_beside_a_node_are_one_step_away() {
+    fn neighbouring_nodes_are_one_step_away() {
         for place in 0..BRICK_NODES {
             for (face, step) in FACES.into_iter().enumerate() {
                 let (other, is_beyond) = beside(place, face);

@@ -4,7 +4,7 @@ use crate::{math::Vec3, par};
 
 /// One number a node, in a box of nodes; x runs fastest, then y, then z.
 ///
-/// Node (i, j, k) of the box stands at (`first` + (i, j, k)) · voxel in world space, so a dense grid and bricks of the
+/// Node (i, j, k) of the box is at (`first` + (i, j, k)) · voxel in world space, so a dense grid and bricks of the
 /// same voxel share their nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DenseGrid {

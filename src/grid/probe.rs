@@ -38,14 +38,13 @@ impl<'a> Probe<'a> {
         let values = self.brick(coord);
         let inner = local.iter().all(|&i| i + 1 < BRICK);
         (0..8).fold(0.0, |sum, corner| {
-            let beside = [0, 1, 2].map(|axis| corner >> axis & 1);
+            let upper = [0, 1, 2].map(|axis| corner >> axis & 1);
             let weight: f32 =
-                [0, 1, 2].map(|d| if beside[d] == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
+                [0, 1, 2].map(|d| if upper[d] == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
             let value = if inner {
-                values
-                    .map_or_else(|all| all, |values| values[offset([0, 1, 2].map(|d| local[d] + beside[d]))])
+                values.map_or_else(|all| all, |values| values[offset([0, 1, 2].map(|d| local[d] + upper[d]))])
             } else {
-                let node: [i32; 3] = std::array::from_fn(|d| node[d].saturating_add(beside[d] as i32));
+                let node: [i32; 3] = std::array::from_fn(|d| node[d].saturating_add(upper[d] as i32));
                 let place = offset(node.map(|i| i.rem_euclid(BRICK as i32) as usize));
                 self.brick(node.map(|i| i.div_euclid(BRICK as i32)))
                     .map_or_else(|all| all, |values| values[place])
@@ -72,7 +71,7 @@ mod tests {
     use crate::grid::Bricks;
 
     #[test]
-    fn a_probe_reads_what_the_grid_says() {
+    fn a_probe_has_the_values_of_the_grid() {
         let (low, high) = (Vec3::new(-3.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 1.0));
         let mut grid = SparseGrid::sample(0.25, low, high, |x| (x.x * 3.1 + x.y - 2.0 * x.z).sin());
         grid.filled = Bricks::new(vec![[1, 0, 0], [1, 1, 0], [0, 0, 2]]);

@@ -16,9 +16,9 @@ pub fn gmres(
         return (vec![0.0; right.len()], if norm == 0.0 { 0.0 } else { f64::NAN });
     }
     let mut basis = vec![right.iter().map(|b| b / norm).collect::<Vec<f64>>()];
-    let (mut upper, mut turns): (Vec<Vec<f64>>, Vec<[f64; 2]>) = (Vec::new(), Vec::new());
-    let mut rest = vec![norm];
-    while upper.len() < most && rest[upper.len()].abs() > tolerance * norm {
+    let (mut upper, mut rotations): (Vec<Vec<f64>>, Vec<[f64; 2]>) = (Vec::new(), Vec::new());
+    let mut residual = vec![norm];
+    while upper.len() < most && residual[upper.len()].abs() > tolerance * norm {
         // The next direction, orthogonal to those before.
         let mut next = apply(&basis[upper.len()]);
         let mut column = Vec::with_capacity(basis.len() + 1);
@@ -30,7 +30,7 @@ pub fn gmres(
         let length = dot(&next, &next).sqrt();
 
         // The column is turned as those before were, and then so that nothing is left below the diagonal.
-        for (i, [cos, sin]) in turns.iter().enumerate() {
+        for (i, [cos, sin]) in rotations.iter().enumerate() {
             let (a, b) = (column[i], column[i + 1]);
             (column[i], column[i + 1]) = (cos * a + sin * b, cos * b - sin * a);
         }
@@ -41,11 +41,11 @@ pub fn gmres(
         }
         let turn = [column[last] / size, length / size];
         column[last] = size;
-        let left = rest[last];
-        rest[last] = turn[0] * left;
-        rest.push(-turn[1] * left);
+        let left = residual[last];
+        residual[last] = turn[0] * left;
+        residual.push(-turn[1] * left);
         upper.push(column);
-        turns.push(turn);
+        rotations.push(turn);
         if length <= 1e-14 * size {
             break;
         }
@@ -53,18 +53,18 @@ pub fn gmres(
         basis.push(next);
     }
 
-    // R y = rest, from below, and x = Q y.
+    // R y = residual, from below, and x = Q y.
     let count = upper.len();
     let mut y = vec![0.0; count];
     for i in (0..count).rev() {
         let known: f64 = (i + 1..count).map(|j| upper[j][i] * y[j]).sum();
-        y[i] = (rest[i] - known) / upper[i][i];
+        y[i] = (residual[i] - known) / upper[i][i];
     }
     let mut x = vec![0.0; right.len()];
     for (q, y) in basis.iter().zip(&y) {
         x.iter_mut().zip(q).for_each(|(x, q)| *x += y * q);
     }
-    (x, rest[count].abs() / norm)
+    (x, residual[count].abs() / norm)
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Random numbers by counting: a number depends on its place alone, never on what was asked before.
+//! Counter-based random numbers: a number depends on its index alone, not on earlier calls.
 //!
 //! *Method*: the finaliser of [steele14]'s SplitMix64 over a mixed key. Symbols: none. Limits: not for secrets.
 
@@ -48,9 +48,10 @@ mod tests {
             let n = 40_000_u64;
             let mean = (0..n).map(|i| f64::from(random.at(i))).sum::<f64>() / n as f64;
             let square = (0..n).map(|i| f64::from(random.at(i)).powi(2)).sum::<f64>() / n as f64;
-            let beside = (0..n).map(|i| f64::from(random.at(i) * random.at(i + 1))).sum::<f64>() / n as f64;
+            let neighbours =
+                (0..n).map(|i| f64::from(random.at(i) * random.at(i + 1))).sum::<f64>() / n as f64;
             assert!((mean - 0.5).abs() < 0.005 && (square - 1.0 / 3.0).abs() < 0.005, "{mean} {square}");
-            assert!((beside - 0.25).abs() < 0.005, "{beside}");
+            assert!((neighbours - 0.25).abs() < 0.005, "{neighbours}");
             assert!((0..n).all(|i| (0.0..1.0).contains(&random.at(i))));
         }
         assert_ne!(Random::new([1, 2, 3]).at(0), Random::new([2, 1, 3]).at(0));

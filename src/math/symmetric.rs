@@ -8,7 +8,7 @@ use super::Vec3;
 /// The upper triangle: xx, yy, zz, xy, xz, yz.
 pub type Symmetric = [f32; 6];
 
-/// Rotations that vanish beside the diagonal end the iteration; it takes four to six sweeps at most.
+/// Limit of Jacobi sweeps; off-diagonal elements vanish after four to six.
 const SWEEPS: usize = 12;
 
 /// The eigenvalues, descending, and their unit eigenvectors, a right-handed or left-handed basis.
@@ -19,9 +19,9 @@ pub fn eigen(matrix: &Symmetric) -> ([f32; 3], [Vec3; 3]) {
     let mut a = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     let mut v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     for _ in 0..SWEEPS {
-        let beside = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
+        let off_diagonal = a[0][1].abs() + a[0][2].abs() + a[1][2].abs();
         let along = a[0][0].abs() + a[1][1].abs() + a[2][2].abs();
-        if beside <= 1e-12 * along || beside.is_nan() {
+        if off_diagonal <= 1e-12 * along || off_diagonal.is_nan() {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {

@@ -1,6 +1,6 @@
 //! Things by the group they belong to.
 //!
-//! *Method*: two rounds of counting. Tasks of constant length count how many of their things fall into each of some
+//! *Method*: two counting passes. Tasks of constant length count how many of their things fall into each of some
 //! hundred runs of groups, and move them there; then every run is sorted by its groups alone, in the caches. Things of a group
 //! keep their order, so any number of threads gives the same lists. On one or two threads a plain counting sort does it.
 //!
@@ -21,12 +21,12 @@ const TASK: usize = 1 << 13;
 /// a run leave the second.
 const RUNS: usize = 1 << 10;
 
-/// With fewer threads one round of counting on a single one is as fast: things that come in about the order of their groups,
+/// With fewer threads one counting pass on a single one is as fast: things that come in about the order of their groups,
 /// as the corners of a surface do, stay in the caches without runs.
-const FEW: usize = 3;
+const MIN_THREADS: usize = 3;
 
-/// Groups in a run at least, as a power of two.
-const LEAST: u32 = 10;
+/// Fewest groups in a run, as a power of two.
+const MIN_RUN_BITS: u32 = 10;
 
 /// The things of every group, one list after another.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,10 +43,10 @@ impl Groups {
     /// If there are 2³² things or more.
     pub fn new<const K: usize>(rows: usize, groups: usize, of: impl Fn(usize) -> [u32; K] + Sync) -> Self {
         assert!(rows < u32::MAX as usize / K, "fewer than 2³² things");
-        if super::threads() < FEW {
+        if super::threads() < MIN_THREADS {
             return Self::counted(rows, groups, of);
         }
-        let mut shift = LEAST;
+        let mut shift = MIN_RUN_BITS;
         while groups >> shift >= RUNS {
             shift += 1;
         }
@@ -118,7 +118,7 @@ impl Groups {
         Self { start, list }
     }
 
-    /// Does what [`Groups::new`] does, by one round of counting on one thread.
+    /// Does what [`Groups::new`] does, by one counting pass on one thread.
     fn counted<const K: usize>(rows: usize, groups: usize, of: impl Fn(usize) -> [u32; K]) -> Self {
         let mut start = vec![0; groups + 1];
         for group in (0..rows).flat_map(&of) {

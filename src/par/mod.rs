@@ -151,7 +151,7 @@ pub fn sort(keys: &mut [u128]) {
     keys.par_sort_unstable();
 }
 
-/// Collects `f(i)` for `i` in `0..count`, one task an index: for few, large pieces of work.
+/// Collects `f(i)` for `i` in `0..count`, one task an index: for few, large tasks.
 pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
     (0..count).into_par_iter().with_max_len(1).map(&f).collect()
 }
@@ -183,7 +183,7 @@ pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> 
     rayon::join(a, b)
 }
 
-/// Runs `work`; when this calls what it is given, `job` runs on a thread of its own that is no worker, beside it: for what waits
+/// Runs `work`; when this calls what it is given, `job` runs on a thread of its own that is no worker, at the same time: for a job that waits
 /// for the system more than it computes. A call while another waits is the same call. Without a further thread, or after a failure,
 /// calls do nothing.
 ///
@@ -202,7 +202,7 @@ pub fn aside<R, E: Send>(
                 thread = std::thread::Builder::new().spawn_scoped(scope, run).ok();
                 calls
             });
-            // It fails where a call waits already, or nobody listens: both are said above.
+            // It fails if a call is already waiting, or if there is no receiver: both are documented above.
             let _ = calls.try_send(());
         };
         let result = work(&mut call);
@@ -219,7 +219,7 @@ mod tests {
     use std::sync::atomic::Ordering::Relaxed;
 
     #[test]
-    fn a_job_aside_has_ended_when_the_work_has_and_its_failure_is_told() {
+    fn a_job_aside_ends_with_the_work_and_reports_its_failure() {
         let done = std::sync::atomic::AtomicUsize::new(0);
         let count = |limit: usize| {
             let job = || if done.fetch_add(1, Relaxed) < limit { Ok(()) } else { Err("too many") };
@@ -229,7 +229,7 @@ mod tests {
         assert!((1..=500).contains(&done.load(Relaxed)), "calls that wait are one");
         assert_eq!(count(0), ((), Err("too many")));
         let before = done.load(Relaxed);
-        assert_eq!(aside(|| Err(done.fetch_add(1, Relaxed)), |_| 7), (7, Ok(())), "nobody called");
+        assert_eq!(aside(|| Err(done.fetch_add(1, Relaxed)), |_| 7), (7, Ok(())), "no call");
         assert_eq!(done.load(Relaxed), before);
     }
 

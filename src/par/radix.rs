@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_sorted_by_the_bits_asked_for_and_keep_their_order_otherwise() {
+    fn numbers_are_sorted_stably_by_the_requested_bits() {
         let mut radix = Radix::default();
         for (count, low, bits) in [(0, 0, 5), (1, 3, 40), (50_000, 7, 0), (50_000, 20, 44), (30_000, 9, 23)] {
             let mut expected: Vec<u64> = (0..count).map(mixed).collect();

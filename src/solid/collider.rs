@@ -1,4 +1,4 @@
-//! Colliders as a preset says them, and as the systems take them.
+//! Colliders of a preset, and solids in the form of the systems.
 
 use super::{Interpolation, Keyframe, Motion, Shape};
 use schemars::JsonSchema;

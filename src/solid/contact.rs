@@ -336,7 +336,7 @@ mod tests {
         [plane(), cuboid(), sphere(), capsule(), tank(), torus(), ellipsoid()]
     }
 
-    /// Points of a lattice over [-1.2, 1.2]³ that favours no symmetry plane.
+    /// Points of a regular grid over [-1.2, 1.2]³ that favours no symmetry plane.
     fn queries(n: usize) -> impl Iterator<Item = Vec3> {
         let at = move |i: usize| 2.4 * (i as f32 + 0.37) / n as f32 - 1.2;
         (0..n * n * n).map(move |i| Vec3::new(at(i % n), at(i / n % n), at(i / n / n)))
@@ -500,11 +500,11 @@ mod tests {
             assert!((d - expected).abs() < 1e-6, "{shape:?} {x:?} {d}");
             assert!((n.norm() - 1.0).abs() < 1e-6, "{shape:?} {x:?} {n:?}");
         }
-        // On a capsule's axis the way out is across it.
+        // On the axis of a capsule the normal is perpendicular to it.
         let Shape::Capsule { from, to, .. } = capsule() else { unreachable!() };
         let along = (vec3(&to) - vec3(&from)).normalize();
         assert!(capsule().contact(axis).1.dot(&along).abs() < 1e-5);
-        // At a tank's corner the way out of the wall leads inwards.
+        // At the corner of a tank the normal points inwards.
         let n = tank().contact(vec3(&[-0.5, -0.3, 0.1])).1;
         assert!(tank().signed_distance(vec3(&[-0.5, -0.3, 0.1]) + n * 0.01) >= 0.0);
     }

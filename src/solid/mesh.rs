@@ -80,7 +80,7 @@ impl MeshShape {
     /// If the shape was not filled: a fault of the program, not of the preset.
     #[inline]
     fn placed(&self) -> &Placed {
-        self.field.as_deref().expect("mesh shapes are filled before they are asked")
+        self.field.as_deref().expect("mesh shapes are sampled before they are queried")
     }
 
     /// The distances, in the file's units and axes.

@@ -1,7 +1,7 @@
 //! Where a moving solid is: poses between keyframes.
 //!
 //! *Method*: position and rotation are interpolated key by key. Angles are interpolated one by one, as animation
-//! programs do, so that 0 to 720 degrees is two turns; quaternions by slerp the shorter way.
+//! programs do, so that 0 to 720 degrees is two turns; quaternions by slerp along the shorter arc.
 //!
 //! Symbols: x_world = R x + p, with R → `rotation`, p → `position` [m]; t time since the shot's start [s].
 //! Times and poses are double precision, so that a pose depends on the time alone and not on what came before.
@@ -86,7 +86,7 @@ struct Key {
     turn: Turn,
 }
 
-/// A rotation, the way it is interpolated.
+/// A rotation in the form in which it is interpolated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Turn {
     /// Angles about X, Y, Z [rad].
@@ -132,7 +132,7 @@ impl Motion {
         let turn = match (a.turn, b.turn) {
             (Turn::Angles(a), Turn::Angles(b)) => Turn::Angles(a + (b - a) * part),
             (Turn::Quaternion(a), Turn::Quaternion(b)) => {
-                // Half a turn has no shorter way; the positive one is as good as the other.
+                // Half a turn has no shorter arc; the positive one is chosen.
                 Turn::Quaternion(a.try_slerp(&b, part, 1e-9).unwrap_or(if part < 0.5 { a } else { b }))
             }
             (_, turn) => turn,
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_turn_as_often_as_they_say_and_quaternions_the_shorter_way() {
+    fn angles_keep_full_turns_and_quaternions_take_the_shorter_arc() {
         let spin = [key(0, [0.0; 3], [0.0; 3]), key(8, [0.0; 3], [0.0, 0.0, 720.0])];
         let motion = Motion::new(&spin, Interpolation::Linear, 1.0, 0).unwrap();
         assert!((motion.pose(1.0).to_world(Vec3::x()) - Vec3::y()).norm() < 1e-5);

@@ -9,11 +9,11 @@
 use crate::math::Vec3;
 use nalgebra::Vector3;
 
-/// Rounds of Newton's iteration at most: from the pole each multiplies the distance to it by 3/2 at least, and 1e-12 has 68 such
+/// Most iterations of Newton's method: from the pole each multiplies the distance to it by 3/2 at least, and 1e-12 has 68 such
 /// steps to 1.
-const ROUNDS: usize = 100;
+const MAX_NEWTON_ITERATIONS: usize = 100;
 
-/// A component of a query below this part of its radius counts as that part: who stands on the medial plane leaves it to the upper
+/// A component of a query below this part of its radius counts as that part: a point on the medial plane is moved to the upper
 /// side.
 const OFF_PLANE: f64 = 1e-12;
 
@@ -42,7 +42,7 @@ pub(super) fn ellipsoid(x: Vec3, center: Vec3, radii: Vec3) -> (f32, Vec3) {
     // t is counted from the pole of the shortest axis, where it would lose its digits.
     let beyond = a.map(|c| c * c - a.min() * a.min());
     let mut t = (0..3).map(|i| a[i] * p[i] - beyond[i]).fold(0.0, f64::max);
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_NEWTON_ITERATIONS {
         let terms = Vector3::from_fn(|i, _| a[i] * p[i] / (t + beyond[i]));
         let value = terms.norm_squared() - 1.0;
         let slope = -2.0 * (0..3).map(|i| terms[i] * terms[i] / (t + beyond[i])).sum::<f64>();

@@ -8,14 +8,14 @@ use std::ops::Range;
 
 /// Particles sorted into cells; only occupied cells are stored.
 ///
-/// Cells are as long as asked for along y and z, and a quarter of it along x: a query then reads nine stretches
+/// Cells have the requested edge along y and z, and a quarter of it along x: a query then reads nine stretches
 /// of 2¼ edges instead of 3, and a quarter fewer particles. Cells that differ only in x form a row, so a query
 /// looks for nine rows and for two cells in each.
 #[derive(Debug, Default)]
 pub struct CellGrid {
     cell: f32,
     /// Occupied rows, ascending.
-    rows: Vec<Row>,
+    rows: Vec<CellRow>,
     /// The x of every occupied cell, row after row, ascending within a row.
     cells: Vec<i32>,
     /// `order[start[c]..start[c + 1]]` are the particles of cell `c`; empty until the first build.
@@ -26,7 +26,7 @@ pub struct CellGrid {
 
 /// The occupied cells of one z and one y.
 #[derive(Clone, Copy, Debug)]
-struct Row {
+struct CellRow {
     z: i32,
     y: i32,
     /// Its first cell; it ends where the next row begins.
@@ -36,7 +36,7 @@ struct Row {
 /// A cell's (z, y, x).
 type Coordinates = [i32; 3];
 
-/// A row beside that of a cell, and how far it matters.
+/// A row of cells near that of a cell, and the range of it that matters.
 #[derive(Clone, Copy, Debug)]
 pub struct Reach {
     z: i32,
@@ -142,7 +142,7 @@ impl CellGrid {
                 if last != Some(now) {
                     let [z, y, x] = now;
                     if last.is_none_or(|[before_z, before_y, _]| [before_z, before_y] != [z, y]) {
-                        rows.push(Row { z, y, first: cells.len() as u32 });
+                        rows.push(CellRow { z, y, first: cells.len() as u32 });
                     }
                     cells.push(x);
                     start.push(place as u32);
@@ -159,14 +159,14 @@ impl CellGrid {
         start.reserve_exact(cells.capacity() + 1);
         for (part_rows, part_cells, part_start) in parts {
             let before = cells.len() as u32;
-            rows.extend(part_rows.into_iter().map(|row| Row { first: row.first + before, ..row }));
+            rows.extend(part_rows.into_iter().map(|row| CellRow { first: row.first + before, ..row }));
             cells.extend(part_cells);
             start.extend(part_start);
         }
         start.push(count as u32);
     }
 
-    /// Tells that the particles have been put into the grid's order: from now on it is their own.
+    /// Notes that the particles have been sorted into the grid's order, which then becomes the identity.
     pub fn settle(&mut self) {
         par::fill(&mut self.order, |place| place as u32);
     }

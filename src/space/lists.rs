@@ -21,7 +21,7 @@ const GROUP: i32 = 2;
 
 /// Every particle's neighbours.
 ///
-/// Lists lie in the grid's order, in pieces of 256 particles: none has to be moved when another grows, and all keep
+/// Lists lie in the grid's order, in blocks of 256 particles: none has to be moved when another grows, and all keep
 /// their memory from one build to the next.
 #[derive(Debug, Default)]
 pub struct Neighbours {
@@ -106,8 +106,8 @@ impl Neighbours {
 
 /// Replaces the content of `list`, whose memory stays unless it is too small or an eighth too large.
 fn keep(list: &mut Vec<u32>, hits: &[u32]) {
-    let room = list.capacity();
-    if room < hits.len() || room > hits.len() + hits.len() / 8 {
+    let capacity = list.capacity();
+    if capacity < hits.len() || capacity > hits.len() + hits.len() / 8 {
         // The old memory goes before the new one comes.
         *list = Vec::new();
         list.reserve_exact(hits.len() + hits.len() / 64);
@@ -173,11 +173,11 @@ mod tests {
     }
 
     #[test]
-    fn lattices_whose_neighbours_lie_on_the_radius_are_exact() {
-        let lattice: Vec<Vec3> = (0..1000)
+    fn regular_grids_with_neighbours_on_the_radius_are_exact() {
+        let grid: Vec<Vec3> = (0..1000)
             .map(|k| Vec3::new((k % 10) as f32, (k / 10 % 10) as f32, (k / 100) as f32) * 0.02)
             .collect();
-        check(&lattice, 0.04, 0.04);
+        check(&grid, 0.04, 0.04);
     }
 
     #[test]
@@ -220,7 +220,7 @@ mod tests {
     #[test]
     fn both_forms_round_alike() {
         // A sphere around the first particle, on its radius give or take the last digit: a fused product or another
-        // order of the sum would tell the forms apart.
+        // order of the sum would distinguish the forms.
         let cell = 0.1_f32;
         let mut positions = cloud(5000, 1.0);
         positions.iter_mut().for_each(|x| *x = x.normalize() * cell);

@@ -66,7 +66,7 @@ fn a_filled_tank_without_gravity_stays_where_it_is() {
     let ids = frame.streams[0].u32("id").unwrap();
     let moved = |(&id, x): (&u32, &Vec3)| f64::from((x - before[id as usize]).norm());
     let mean = ids.iter().zip(&channel(&frame, "position")).map(moved).sum::<f64>() / ids.len() as f64;
-    // The wall's share is planar: in edges and corners it is up to 5 % off, and the lattice gives a little.
+    // The wall's share is planar: in edges and corners it is up to 5 % off, and the particles yield a little.
     assert!(mean < 0.05 * 0.05, "moved by {mean} m in the mean");
     assert!(record.density_dev_max < 0.05, "{}", record.density_dev_max);
 }
@@ -84,7 +84,7 @@ fn a_drop_in_free_space_keeps_its_momentum() {
             let values = channel(&state(simulation), name);
             values.iter().map(|v| v.cast::<f64>()).sum::<nalgebra::Vector3<f64>>() / values.len() as f64
         };
-        // The lattice's own surface is under rest density, and with equality contracts hard at first.
+        // The surface of the seeding lattice is under rest density, and with equality contracts hard at first.
         advance(&mut simulation, 1);
         let (v, x) = (mean(&simulation, "velocity"), mean(&simulation, "position"));
         let shortened: u64 = advance(&mut simulation, 6).iter().map(|r| r.clamps.corrections).sum();
@@ -184,7 +184,7 @@ fn artificial_pressure_does_not_depend_on_iterations_or_substeps() {
             "iterations = {iterations}\nmin_substeps = {substeps}\nmax_substeps = {substeps}\n\
              artificial_pressure = {{ strength = 0.1 }}"
         );
-        // Two pairs too close for the lattice and too few to be compressed: only the repulsion acts.
+        // Two pairs too close, and too few to be compressed: only the repulsion acts.
         let text = format!(
             "spacing = 0.1\n{terms}\n[[source]]\nshape = {{ box = {{ min = [0, 0, 0], max = [0.1, 0.1, 0.1] }} }}\n\
              [[source]]\nshape = {{ box = {{ min = [0.092, 0, 0], max = [0.192, 0.1, 0.1] }} }}"
@@ -223,15 +223,15 @@ fn settled(solver: &str) -> (u32, u32, f64, f64) {
 fn the_accelerated_solver_reaches_a_tight_target_in_fewer_iterations() {
     let (jacobi, accelerated) = (settled("jacobi"), settled("accelerated"));
     assert_eq!((jacobi.1, accelerated.1), (0, 0), "substeps above the target");
-    let told = format!("{accelerated:?}, Jacobi {jacobi:?}");
-    assert!(3 * accelerated.0 < 2 * jacobi.0, "{told}");
-    assert!((accelerated.2 - 0.5).abs() < 0.005 && (accelerated.2 - jacobi.2).abs() < 0.005, "{told}");
-    assert!(accelerated.3 < 1.5 * jacobi.3 + 0.02, "{told}");
+    let found = format!("{accelerated:?}, Jacobi {jacobi:?}");
+    assert!(3 * accelerated.0 < 2 * jacobi.0, "{found}");
+    assert!((accelerated.2 - 0.5).abs() < 0.005 && (accelerated.2 - jacobi.2).abs() < 0.005, "{found}");
+    assert!(accelerated.3 < 1.5 * jacobi.3 + 0.02, "{found}");
 }
 
 #[test]
 fn momentum_that_runs_away_is_calmed_before_it_throws_a_falling_block_apart() {
-    // A lattice that falls to the floor from wall to wall: unguarded, thousands of corrections were cut short.
+    // A seeding lattice that falls to the floor from wall to wall: unguarded, thousands of corrections were cut short.
     for terms in ["kernel = 'poly6_spiky'\ndensity_dev = 0.01", "kernel_radius = 2.5\ndensity_dev = 0.001"] {
         let params = block(0.05, [0.0, 0.0, 0.3], [1.0, 1.0, 0.9], terms);
         let records = advance(&mut simulation(tank(9.81, [1.0, 1.0, 3.0]), params), 7);
@@ -260,7 +260,7 @@ fn a_solve_far_from_converged_makes_no_fountain() {
         // What moves all together is momentum, and is left alone.
         assert!(record.kinetic_energy + record.potential_energy < most * 1.01, "{record:?}");
     }
-    assert!(records.iter().any(|record| record.clamps.energy > 0), "the bound was needed and says so");
+    assert!(records.iter().any(|record| record.clamps.energy > 0), "the bound was needed and is counted");
 }
 
 #[test]
@@ -325,7 +325,7 @@ fn a_watch_stops_the_run_between_iterations() {
     let mut simulation =
         simulation(tank(9.81, [0.4; 3]), block(0.05, [0.0; 3], [0.2, 0.4, 0.4], "iterations = 5"));
     let mut patient = Patience(u32::MAX, 0.0);
-    simulation.advance(FRAME, &mut patient).expect("nobody stops it");
+    simulation.advance(FRAME, &mut patient).expect("it is not interrupted");
     assert_eq!(patient.1, 1.0);
     assert_eq!(simulation.advance(FRAME, &mut Patience(4, 0.0)).unwrap_err(), Stop::Interrupted);
 }
@@ -462,7 +462,7 @@ fn outflow(spacing: f32) -> f64 {
 
 /// A jet out of a slot of four spacings is 15 % too slow, out of one of eight 8 %: the error is of first order.
 #[test]
-fn water_flows_out_as_fast_as_torricelli_says() {
+fn water_flows_out_by_torricellis_law() {
     let (coarse, fine) = (outflow(0.02), outflow(0.01));
     println!("{coarse:.3} with four particles in the slot, {fine:.3} with eight");
     assert!((0.8..1.0).contains(&coarse) && (0.89..1.0).contains(&fine), "{coarse:.3}, {fine:.3}");

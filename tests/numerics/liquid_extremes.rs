@@ -1,4 +1,4 @@
-//! The liquid at its limits: every case ends finite and bounded with all its particles, or says what is wrong.
+//! The liquid at its limits: every case ends finite and bounded with all its particles, or reports the error.
 
 use meniscus::{
     frame::{Frame, FrameIndex, Stream, StreamKind},
@@ -102,7 +102,7 @@ fn survive(
         let record = match simulation.advance(frame, &mut Unwatched) {
             Ok(record) => record.liquid.expect("there is a liquid"),
             Err(Stop::Diverged(found)) => return Err(found),
-            Err(Stop::Interrupted) => unreachable!("nobody interrupts"),
+            Err(Stop::Interrupted) => unreachable!("it is not interrupted"),
         };
         let now = state(simulation);
         let mut ids = now.streams[0].u32("id").unwrap().to_vec();
@@ -200,7 +200,7 @@ fn a_block_at_500_m_per_s_stops_at_the_plate() {
 }
 
 /// A box of 512 particles under a lid that comes down to `height` [m] in four frames.
-fn press(height: f32) -> World {
+fn piston(height: f32) -> World {
     let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
     let shape = Shape::Box { min: [-1.0, -1.0, 0.0], max: [1.8, 1.8, 1.0] };
     let lid = Collider {
@@ -214,18 +214,18 @@ fn press(height: f32) -> World {
 }
 
 #[test]
-fn a_lid_that_closes_on_the_liquid_leaves_it_bounded_and_says_so() {
+fn a_lid_that_closes_on_the_liquid_leaves_it_bounded_and_is_reported() {
     for solver in SOLVERS {
         // Onto half the liquid's height, and through the floor.
         for height in [0.3, -0.5] {
             let name = format!("a lid at {height} m, {solver}");
             let text = block(0.1, [0.0; 3], [0.8, 0.8, 0.6], "max_iterations = 10\nmax_substeps = 40");
-            let mut simulation = Simulation::new(press(height), Some(params(solver, &text))).unwrap();
+            let mut simulation = Simulation::new(piston(height), Some(params(solver, &text))).unwrap();
             let records =
                 survive(&name, &mut simulation, FRAME, 6).unwrap_or_else(|found| panic!("{name}: {found}"));
-            let told =
+            let reports =
                 |r: &LiquidRecord| r.unconverged > 0 && r.clamps.corrections > 0 && r.density_dev_max > 0.3;
-            assert!(records.iter().any(told), "{name}: {records:?}");
+            assert!(records.iter().any(reports), "{name}: {records:?}");
         }
     }
 }
@@ -264,13 +264,13 @@ fn hundreds_in_one_place_part_and_thousands_are_refused() {
 }
 
 #[test]
-fn particles_far_outside_are_carried_along_or_named() {
+fn particles_far_outside_are_simulated_or_named() {
     for solver in SOLVERS {
         let cube = || params(solver, &cube(""));
         for far in [1e3, 1e5, 1e7] {
             let away = Vec3::new(far, -far, far);
             let mut simulation = changed(plate(9.81), cube(), |x, _| x[5] = away);
-            survive(&format!("{far} m, {solver}"), &mut simulation, FRAME, 3).expect("it is carried along");
+            survive(&format!("{far} m, {solver}"), &mut simulation, FRAME, 3).expect("it is simulated");
         }
         let mut beyond = changed(plate(9.81), cube(), |x, _| x[5].x = 1e12);
         let found = survive("beyond", &mut beyond, FRAME, 1).expect_err("it is refused");
@@ -291,7 +291,7 @@ fn what_leaves_all_bounds_is_named_with_the_knob_to_turn() {
             let text = found.to_string();
             assert!(text.contains("has a position of") && text.contains("liquid.max_substeps"), "{text}");
         }
-        // A plate holds it; the record says that no step was short enough.
+        // A plate holds it; the record counts substeps that are too long.
         for gravity in [1e30, 3e38] {
             let mut simulation = Simulation::new(plate(gravity), Some(params(solver, &cube("")))).unwrap();
             let records =

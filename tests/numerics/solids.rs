@@ -123,7 +123,7 @@ fn no_plate_is_too_fast_to_hold_the_water() {
 }
 
 #[test]
-fn a_closing_piston_squeezes_the_water_out_beside_it() {
+fn a_closing_piston_squeezes_the_water_out_next_to_it() {
     let (min, max) = ([0.1, 0.1, 0.0], [0.5, 0.5, 0.5]);
     for (name, piston) in [("box", Shape::Box { min, max }), ("mesh", Shape::Mesh(cuboid(min, max, 32)))] {
         // It comes down on the pool until half a spacing is left between it and the floor.
