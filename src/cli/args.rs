@@ -10,15 +10,15 @@ use std::path::PathBuf;
 
 /// Liquid, smoke and sheets from a text preset to sequences in Blender.
 ///
-/// A shot is a short TOML preset. `meniscus shot dam-break` simulates the built-in dam break into the folder
-/// `dam-break/`, meshes every frame, and leaves a `shot.json` there that the Blender extension opens.
+/// A shot is a short TOML preset. `meniscus shot dam-break --quality draft` simulates the built-in dam break into the
+/// folder `dam-break-draft/`, meshes every frame, and leaves a `shot.json` there that the Blender extension opens.
 #[derive(Debug, Parser)]
 #[command(
     name = "meniscus",
     version,
     propagate_version = true,
     max_term_width = 100,
-    after_help = "First shot:  meniscus shot dam-break\nEvery preset: meniscus presets\n\n\
+    after_help = "First shot:   meniscus shot dam-break --quality draft\nEvery preset: meniscus presets\n\n\
         Exit codes: 0 done · 1 failed · 2 usage or preset · 3 some frames failed · 10 no such cache · 11 locked by \
         another process · 12 corrupt · 13 other version · 14 stale · 20 diverged · 28 disk full · 33 over the memory \
         budget · 130 interrupted (finished frames are kept)"
@@ -43,7 +43,7 @@ pub(super) enum ProgressStyle {
     Auto,
     /// A bar with the time left
     Bar,
-    /// Lines such as `Progress: 34%`, at least one every 10 s
+    /// A line a frame, and lines such as `Progress: 34%`, at least one every 10 s
     Plain,
     /// One JSON object a line
     Json,
@@ -84,7 +84,7 @@ pub(super) struct ShotArgs {
     /// A preset file, or the name of a built-in preset (see `meniscus presets`)
     pub(super) preset: String,
 
-    /// The shot's folder; by default the preset's name, in the current folder
+    /// The shot's folder; by default `NAME`, or `NAME-TIER` with --quality, in the current folder
     #[arg(short, long, value_name = "DIR")]
     pub(super) output: Option<PathBuf>,
 
@@ -104,7 +104,7 @@ pub(super) struct ShotArgs {
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 
-    /// Start over, whatever is in the folder; without it a cache of other settings is refused
+    /// Delete the folder's cached frames and start over; without it a cache of other settings is refused
     #[arg(long)]
     pub(super) force: bool,
 

@@ -18,7 +18,7 @@ pub(super) fn code(error: &RunError) -> ExitCode {
             CacheError::Locked { .. } => 11,
             CacheError::Corrupt { .. } => 12,
             CacheError::Version { .. } => 13,
-            CacheError::Stale { .. } => 14,
+            CacheError::Stale { .. } => OTHER_SETTINGS,
             CacheError::Full { .. } => DISK_FULL,
             CacheError::Io { .. } => 1,
         },
@@ -31,6 +31,7 @@ pub(super) fn code(error: &RunError) -> ExitCode {
                 _ => 3,
             }
         }
+        RunError::OtherSettings { .. } => OTHER_SETTINGS,
         RunError::Diverged { .. } => 20,
         RunError::OverMemory { .. } => OVER_MEMORY,
         RunError::Interrupted => INTERRUPTED,
@@ -39,6 +40,9 @@ pub(super) fn code(error: &RunError) -> ExitCode {
         RunError::Export(_) | RunError::Import(_) | RunError::NoSetting { .. } => 1,
     })
 }
+
+/// The cached frames were made with other settings.
+const OTHER_SETTINGS: u8 = 14;
 
 /// The disk is full.
 const DISK_FULL: u8 = 28;

@@ -174,7 +174,8 @@ impl Reporter for Lines {
         let percent = 100.0 * frames_done / (job.frames.max(1) as f64);
         let whole = percent.floor() > job.percent.floor();
         job.percent = percent;
-        if whole {
+        // Plain lines have one a frame; percents follow by the clock.
+        if whole && self.talk.form != Form::Plain {
             self.talk.say(job);
         }
     }
@@ -189,7 +190,7 @@ impl Reporter for Lines {
 
     fn end(&self) {
         let job = &mut *lock(&self.talk.job);
-        let finished = job.percent >= 100.0;
+        let finished = job.percent >= 100.0 && self.talk.form != Form::Plain;
         job.percent = 100.0;
         job.running = false;
         if !finished {

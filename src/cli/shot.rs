@@ -66,7 +66,10 @@ fn simulated(
         describe(&scene, &selection, &run::outline(&scene, with_outputs, control)?)?;
         return Ok(None);
     }
-    let folder = ShotFolder::new(args.output.clone().unwrap_or_else(|| default_folder(&preset)));
+    let folder = ShotFolder::new(match &args.output {
+        Some(folder) => folder.clone(),
+        None => default_folder(&preset, &scene, &overrides)?,
+    });
     let done = run::simulate(&scene, &folder, &selection, args.force, control)?;
     print(&format!(
         "{}: {} frames simulated ({:.1} MiB), {} up to date",
@@ -78,9 +81,17 @@ fn simulated(
     Ok(Some((scene, folder, selection)))
 }
 
-/// The preset's name, in the current folder.
-fn default_folder(preset: &Preset) -> PathBuf {
-    Path::new(&preset.name).file_stem().map_or_else(|| PathBuf::from("shot"), PathBuf::from)
+/// The preset's name, in the current folder; with the tier's name behind it, unless the tier is the preset as written.
+fn default_folder(preset: &Preset, scene: &Scene, overrides: &Overrides) -> Result<PathBuf, RunError> {
+    let mut name = Path::new(&preset.name).file_stem().unwrap_or("shot".as_ref()).to_owned();
+    match overrides.quality {
+        Some(Quality::Final)
+            if *scene
+                == Scene::from_preset(preset, &Overrides { quality: None, ..overrides.clone() })? => {}
+        Some(tier) => name.push(format!("-{tier}")),
+        None => {}
+    }
+    Ok(name.into())
 }
 
 /// The preset's tier that the command line names.

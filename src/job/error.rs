@@ -4,7 +4,7 @@ use crate::{
     cache::CacheError, control::Diverged, export::ExportError, frame::FrameIndex, import::ImportError,
     mesh::SurfaceError, preset::SceneError,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Why a job stopped. Everything finished before is kept.
 #[derive(Debug, thiserror::Error)]
@@ -42,6 +42,17 @@ pub enum RunError {
         failed: Vec<FailedFrame>,
         /// How many were asked for.
         asked: usize,
+    },
+    /// The folder holds frames of other settings.
+    #[error(
+        "{}: the cached frames were made with other settings{}",
+        folder.display(), explain_settings(folder, differences.as_deref())
+    )]
+    OtherSettings {
+        /// The shot folder.
+        folder: PathBuf,
+        /// A line for each setting that differs; `None` if the folder does not hold the settings of its frames.
+        differences: Option<Vec<String>>,
     },
     /// More memory would be needed than allowed.
     #[error(
@@ -120,6 +131,30 @@ impl Failure {
             _ => Self::Other,
         }
     }
+}
+
+/// Differing settings that a message lists at most.
+const MAX_LISTED_DIFFERENCES: usize = 12;
+
+/// The settings that differ, and what each remedy does.
+fn explain_settings(folder: &Path, differences: Option<&[String]>) -> String {
+    let folder = folder.display();
+    let remedies = "\n--force deletes these frames and simulates again with the settings given now\
+                    \n-o DIR keeps these frames and simulates into the folder DIR";
+    let Some(differences) = differences else {
+        return format!(
+            ", which its preset.toml does not hold: another version of meniscus made them, or preset.toml was edited{remedies}"
+        );
+    };
+    let mut lines: Vec<_> =
+        differences.iter().take(MAX_LISTED_DIFFERENCES).map(|line| format!("\n  {line}")).collect();
+    if let Some(more @ 1..) = differences.len().checked_sub(MAX_LISTED_DIFFERENCES) {
+        lines.push(format!("\n  and {more} more"));
+    }
+    format!(
+        ":{}{remedies}\n`meniscus shot {folder}/preset.toml -o {folder}` continues with the folder's own settings",
+        lines.concat()
+    )
 }
 
 fn list(failed: &[FailedFrame]) -> String {

@@ -8,6 +8,7 @@ mod plan;
 mod products;
 mod simulate;
 mod solids;
+mod stale;
 pub mod tradeoff;
 
 use crate::job::{scratch, usage};

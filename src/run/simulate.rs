@@ -1,6 +1,6 @@
 //! The job that fills the cache.
 
-use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, solids};
+use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, solids, stale};
 use crate::{
     cache::{self, CacheError, Lock},
     frame::{FrameIndex, Stream},
@@ -30,7 +30,7 @@ pub struct Simulated {
 /// the same bytes as if it had never stopped. `force` starts over, whatever is there.
 ///
 /// # Errors
-/// See [`RunError`]; a cache of other settings is [`CacheError::Stale`]. Whatever happens, frames that were
+/// See [`RunError`]; a cache of other settings is [`RunError::OtherSettings`]. Whatever happens, frames that were
 /// finished stay.
 pub fn simulate(
     scene: &Scene,
@@ -40,9 +40,11 @@ pub fn simulate(
     control: Control,
 ) -> Result<Simulated, RunError> {
     check_selection(scene, selection)?;
+    refuse_foreign_preset(folder)?;
     ShotFolder::create(&folder.cache())?;
     let _lock = Lock::acquire(&folder.cache())?;
     let key = scene.simulation_key();
+    let requested = scene;
     let scene = &solids::fill(scene, Some(folder), control.reporter)?;
     let mut state = None;
     if force {
@@ -51,8 +53,11 @@ pub fn simulate(
         start_over(folder)?;
     }
     cache::remove_temporaries(&folder.cache()).map_err(|source| cannot_clean(folder.cache(), source))?;
-    let valid = survey(folder, key, selection, control)?;
-    ShotFolder::write(folder.preset(), &scene.to_toml())?;
+    let valid = survey(folder, key, selection, control).map_err(|why| match why {
+        RunError::Cache(CacheError::Stale { found, .. }) => stale::explain(folder, requested, found),
+        other => other,
+    })?;
+    ShotFolder::write(folder.preset(), &(RECORD.to_owned() + &scene.to_toml()))?;
     solids::keep_assets(scene, folder)?;
     write_manifest(scene, folder, selection, &valid)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
@@ -67,6 +72,21 @@ pub fn simulate(
     outcome?;
     control.reporter.end();
     Ok(job.done)
+}
+
+/// The first line of the preset that a shot folder keeps: a file without it is the user's own.
+const RECORD: &str = "# The preset as it was run, with every default. Written by meniscus.\n";
+
+/// Refuses to replace a `preset.toml` that no job has written.
+fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError> {
+    match std::fs::read(folder.preset()) {
+        Ok(bytes) if !bytes.starts_with(RECORD.as_bytes()) => Err(RunError::Request(format!(
+            "{}: this preset is not a record of meniscus, and the shot's record would replace it; name another folder \
+             with -o, or rename the file",
+            folder.preset().display()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Refuses frames before the shot's first.

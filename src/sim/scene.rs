@@ -157,6 +157,16 @@ impl Scene {
     /// The title, the frames after the first, the surface, the volume, the output and the tradeoff do not change it. Caches store it,
     /// so that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
+        xxhash_rust::xxh3::xxh3_64(self.decisive().as_bytes())
+    }
+
+    /// What [`Self::simulation_key`] is a hash of, by the keys of presets, with every default.
+    pub fn simulation_settings(&self) -> serde_json::Value {
+        serde_json::from_str(&self.decisive()).expect("it was written as JSON")
+    }
+
+    /// What decides the simulated state, as JSON.
+    fn decisive(&self) -> String {
         #[derive(Serialize)]
         struct Decisive<'a> {
             fps: f32,
@@ -215,8 +225,7 @@ impl Scene {
             coupling,
             files,
         };
-        let text = serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold");
-        xxhash_rust::xxh3::xxh3_64(text.as_bytes())
+        serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold")
     }
 }
 

@@ -168,3 +168,90 @@ fn a_reader_of_the_log_that_goes_away_does_not_stop_the_job() {
         assert_eq!(desk.names(&format!("{style}/cache")).len(), 5);
     }
 }
+
+/// The small preset with a coarse tier.
+fn with_draft(desk: &Desk) {
+    desk.write("small.toml", SMALL.to_owned() + "\n[quality.draft]\nliquid.spacing = 0.2\n");
+}
+
+#[test]
+fn quality_tiers_have_folders_of_their_own() {
+    let desk = Desk::new();
+    with_draft(&desk);
+    desk.run("shot small.toml", 0);
+    let (out, _) = desk.run("shot small.toml --quality draft", 0);
+    assert!(out.contains("small-draft/shot.json"), "{out}");
+    assert_eq!(desk.names("small-draft/mesh").len(), 5);
+    assert_ne!(desk.bytes("small/cache"), desk.bytes("small-draft/cache"));
+    // Without a table `[quality.final]` that tier is the preset as written.
+    let (out, _) = desk.run("shot small.toml --quality final", 0);
+    assert!(out.contains("5 were there") && !desk.path("small-final").exists(), "{out}");
+    desk.write("small.toml", SMALL.to_owned() + "\n[quality.final]\nliquid.spacing = 0.2\n");
+    desk.run("simulate small.toml --quality final --frames 1", 0);
+    assert_eq!(desk.names("small-final/cache").len(), 1);
+}
+
+#[test]
+fn a_cache_of_other_settings_is_refused_with_what_differs_and_remedies() {
+    let desk = Desk::new();
+    with_draft(&desk);
+    desk.run("simulate small.toml --frames 1-2", 0);
+    let before = desk.bytes("small/cache");
+    let other = "simulate small.toml --frames 1-2 --set liquid.spacing=0.2 --set liquid.vorticity=none";
+    let (_, talk) = desk.run(other, 14);
+    for part in [
+        "small: the cached frames were made with other settings",
+        "\n  liquid.spacing: 0.1 in the folder, 0.2 now\n",
+        "\n  liquid.vorticity: present in the folder, absent now\n",
+        "--force deletes these frames",
+        "-o DIR keeps these frames",
+        "`meniscus shot small/preset.toml -o small` continues",
+    ] {
+        assert!(talk.contains(part), "{part}:\n{talk}");
+    }
+    assert_eq!(talk.matches(" in the folder, ").count(), 2, "only these two differ:\n{talk}");
+    assert_eq!(desk.bytes("small/cache"), before);
+
+    // What the message says of its remedies is so.
+    let (out, _) = desk.run("shot small/preset.toml -o small --frames 1-2", 0);
+    assert!(out.contains("2 were there"), "{out}");
+    desk.run(&format!("{other} -o elsewhere"), 0);
+    assert_eq!(desk.bytes("small/cache"), before);
+    desk.run(&format!("{other} --force"), 0);
+    assert_eq!(desk.bytes("small/cache"), desk.bytes("elsewhere/cache"));
+
+    // A record that is not of these frames is not compared.
+    let record = fs::read_to_string(desk.path("small/preset.toml")).unwrap();
+    desk.write("small/preset.toml", record.replace("gravity", "garvity"));
+    let (_, talk) = desk.run("simulate small.toml --frames 1-2", 14);
+    assert!(talk.contains("does not hold") && !talk.contains("in the folder,"), "{talk}");
+}
+
+#[test]
+fn a_preset_of_the_users_own_is_not_replaced() {
+    let desk = Desk::new();
+    desk.write("preset.toml", SMALL);
+    let before = desk.names(".");
+    for line in ["shot preset.toml -o .", "shot small.toml -o . --force"] {
+        let (_, talk) = desk.run(line, 2);
+        assert!(talk.contains("preset.toml: this preset is not a record of meniscus"), "{talk}");
+        assert_eq!(fs::read_to_string(desk.path("preset.toml")).unwrap(), SMALL);
+        assert_eq!(desk.names("."), before);
+    }
+    // Where there is none, the current folder is as good as any other, also a second time.
+    fs::remove_file(desk.path("preset.toml")).unwrap();
+    desk.run("simulate small.toml -o . --frames 1-2", 0);
+    let (out, _) = desk.run("simulate preset.toml -o . --frames 1-2", 0);
+    assert!(out.contains("2 were there"), "{out}");
+}
+
+#[test]
+fn plain_progress_is_a_line_a_frame() {
+    let desk = Desk::new();
+    let (_, talk) = desk.run("shot small.toml --progress plain", 0);
+    let count = |start: &str| talk.lines().filter(|line| line.starts_with(start)).count();
+    assert_eq!(count("frame 0002"), 2, "one simulated, one meshed:\n{talk}");
+    // A job ends with one; between there are as many as eight seconds of silence.
+    assert!((2..6).contains(&count("Progress: ")), "{talk}");
+    assert_eq!(count("Progress: 100%"), 2, "{talk}");
+}

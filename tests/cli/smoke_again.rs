@@ -105,7 +105,7 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
     let line = "volume ring -o fresh --set smoke.tracers=0.15 --frames 2,24";
     let mut child = Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
         .args(line.split(' '))
-        .args(["--progress", "plain"])
+        .args(["--progress", "json"])
         .current_dir(desk.path("."))
         .stdout(Stdio::null())
         .stderr(fs::File::create(desk.path("talk")).unwrap())
@@ -123,13 +123,16 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
     assert_eq!(desk.names("fresh/volume"), ["smoke_0002.vdb"]);
     // It was on its way when it stopped, not at its end.
     let talk = fs::read_to_string(desk.path("talk")).unwrap();
-    let part = |line: &str| line.strip_prefix("Progress: ")?.strip_suffix('%')?.parse::<u32>().ok();
+    let part = |line: &str| {
+        let event: serde_json::Value = serde_json::from_str(line).unwrap();
+        event["data"]["percent"].as_f64().map(|percent| percent as u32)
+    };
     let last = talk.lines().filter_map(part).max().unwrap();
     assert!((50..95).contains(&last), "{talk}");
     let told = fs::read_to_string(desk.path("fresh/shot.json")).unwrap();
     assert!(told.contains("volume/smoke_{:04}.vdb"), "what was finished is named: {told}");
     // It goes on, here to an earlier frame: all the way takes long.
-    let (out, talk) = desk.run(&format!("{} --progress plain", line.replace("2,24", "2,5")), 0);
+    let (out, talk) = desk.run(&format!("{} --progress json", line.replace("2,24", "2,5")), 0);
     let parts: std::collections::BTreeSet<u32> = talk.lines().filter_map(part).collect();
     assert!(parts.range(51..99).count() >= 5, "drifting shows: {talk}");
     assert!(out.contains("1 volumes written") && out.contains("1 up to date"), "{out}");
