@@ -1,4 +1,4 @@
-//! Clean-up of surfaces: removal of pieces, smoothing, and what vertices take from particles.
+//! Clean-up of surfaces: removal of small components, smoothing, and attribute transfer.
 
 use super::mesh::{distance, hash, noise};
 use meniscus::{
@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 
 pub(super) const SPACING: f32 = 0.1;
 
-/// Particles on a lattice, each moved by up to `jitter` spacings along each axis, where `keep` says so [spacings].
+/// Particles on a seeding lattice where `keep` holds, each displaced by up to `jitter` spacings along each axis.
 pub(super) fn particles(half: [i32; 3], jitter: f32, at: Vec3, keep: impl Fn(Vec3) -> bool) -> Stream {
     let mut positions = Vec::new();
     let mut i = 0;
@@ -95,7 +95,7 @@ fn smoothing_keeps_sheets_threads_and_droplets() {
             surface(&stream, &SurfaceParams { smoothing: Some(SmoothingParams::default()), ..params });
         let ratio = found.check.volume / plain.check.volume;
         println!(
-            "{name}: {} -> {} pieces, volume x {ratio:.6}, {:?}",
+            "{name}: {} -> {} components, volume x {ratio:.6}, {:?}",
             plain.check.components, found.check.components, found.stats.smoothing
         );
         assert_eq!((found.check.components, found.check.euler), (plain.check.components, plain.check.euler));
@@ -113,7 +113,7 @@ fn smoothing_keeps_sheets_threads_and_droplets() {
 }
 
 /// The volume of every piece, in the order of their first vertices.
-fn volumes_of_pieces(mesh: &Mesh) -> Vec<f64> {
+fn component_volumes(mesh: &Mesh) -> Vec<f64> {
     let mut piece: Vec<usize> = (0..mesh.positions.len()).collect();
     loop {
         let mut changed = false;
@@ -153,10 +153,10 @@ fn smoothing_keeps_the_volume_of_every_piece() {
     let stream = Stream::new("liquid", StreamKind::Particles, all.len()).with("position", all);
     for thin in [0.2, 1.0] {
         let smoothing = SmoothingParams { thin, ..SmoothingParams::default() };
-        let plain = volumes_of_pieces(&surface(&stream, &SurfaceParams::default()).mesh);
+        let plain = component_volumes(&surface(&stream, &SurfaceParams::default()).mesh);
         let found =
             surface(&stream, &SurfaceParams { smoothing: Some(smoothing), ..SurfaceParams::default() });
-        let now = volumes_of_pieces(&found.mesh);
+        let now = component_volumes(&found.mesh);
         assert_eq!((plain.len(), now.len()), (7, 7));
         let errors: Vec<f64> =
             plain.iter().zip(&now).map(|(before, now)| (now / before - 1.0).abs()).collect();
@@ -165,7 +165,11 @@ fn smoothing_keeps_the_volume_of_every_piece() {
         let worst = errors.iter().copied().fold(0.0, f64::max);
         assert!(stats.longest_move < SPACING, "no vertex makes up for a whole piece: {}", stats.longest_move);
         assert!(worst < 1e-5, "{errors:?}");
-        assert!((worst - stats.worst_component).abs() < 1e-6, "{worst} is told as {}", stats.worst_component);
+        assert!(
+            (worst - stats.worst_component).abs() < 1e-6,
+            "{worst} is reported as {}",
+            stats.worst_component
+        );
         assert!(stats.volume_change > 1e-4);
     }
 }
@@ -292,7 +296,7 @@ fn rounded_edges(mesh: &Mesh, half: f64) -> f64 {
     sum / f64::from(count)
 }
 
-/// Single particles lean as much as the edges do where they are cut: only what they leave when smoothed tells them apart.
+/// Before smoothing single particles bend the surface as much as edges do; only after smoothing can they be distinguished.
 #[test]
 fn smoothing_keeps_the_edges_of_a_box_of_particles() {
     let cube = particles([9; 3], 0.15, Vec3::zeros(), |_| true);
@@ -324,7 +328,7 @@ fn smoothing_keeps_the_edges_of_a_box_of_particles() {
 }
 
 #[test]
-fn pieces_without_volume_become_points_and_bubbles_are_filled() {
+fn components_without_volume_become_points_and_bubbles_are_filled() {
     let corners = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]].map(Vec3::from);
     let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
     let mut mesh = Mesh::default();
@@ -345,7 +349,7 @@ fn pieces_without_volume_become_points_and_bubbles_are_filled() {
 }
 
 #[test]
-fn small_pieces_become_points_of_their_volume() {
+fn small_components_become_points_of_their_volume() {
     // A ball of 1000 particles with a hole, and lone particles and pairs around it.
     let mut positions = particles([8; 3], 0.0, Vec3::zeros(), |x| x.norm() < 7.0 && x.norm() > 1.8);
     let lone = [[1.5, 0.0, 0.0], [-1.5, 0.03, 0.2], [0.0, 1.61, 0.0], [0.0, 1.69, 0.0]];
@@ -420,8 +424,8 @@ fn attributes_are_taken_by_name() {
         .with("id", (0..x.len() as u32).map(|i| i * 7).collect::<Vec<_>>());
     let vertices: Vec<Vec3> = surface(&ball, &SurfaceParams::default()).mesh.positions;
     let names = |names: &[&str]| Some(names.iter().map(|&name| name.to_owned()).collect::<Vec<_>>());
-    let asked = names(&["vorticity", "age", "id", "velocity"]);
-    let (found, missing) = transfer(&ball, asked.as_deref(), &vertices, 2.0 * SPACING).unwrap();
+    let requested = names(&["vorticity", "age", "id", "velocity"]);
+    let (found, missing) = transfer(&ball, requested.as_deref(), &vertices, 2.0 * SPACING).unwrap();
     assert_eq!(missing, 0);
     let [
         ChannelData::Vec3(vorticity),
@@ -440,7 +444,7 @@ fn attributes_are_taken_by_name() {
             (0..x.len()).min_by(|&i, &j| (x[i] - at).norm_squared().total_cmp(&(x[j] - at).norm_squared()));
         assert_eq!(id[v], 7 * nearest.unwrap() as u32);
     }
-    // Nothing asked is velocity alone; an empty list is nothing; a name that is not there is told.
+    // The default is velocity alone; an empty list gives no attributes; a missing name is an error.
     let plain = transfer(&ball, None, &vertices, 2.0 * SPACING).unwrap().0;
     assert!(plain.len() == 1 && plain[0] == found[3]);
     assert!(transfer(&ball, Some(&[]), &vertices, 2.0 * SPACING).unwrap().0.is_empty());
@@ -504,8 +508,8 @@ fn a_still_ball_moved_by_less_than_a_voxel_keeps_volume_and_area() {
             values().fold(f64::MIN, f64::max) / values().fold(f64::MAX, f64::min) - 1.0
         };
         println!("{name}: volume varies by {:.4} %, area by {:.4} %", 100.0 * spread(0), 100.0 * spread(1));
-        let most = if name == "coarse" { [6e-3, 1.5e-2] } else { [3e-3, 3e-3] };
-        assert!(spread(0) < most[0] && spread(1) < most[1], "{name}");
+        let bounds = if name == "coarse" { [6e-3, 1.5e-2] } else { [3e-3, 3e-3] };
+        assert!(spread(0) < bounds[0] && spread(1) < bounds[1], "{name}");
     }
 }
 

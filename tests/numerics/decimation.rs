@@ -87,7 +87,7 @@ fn decimation_stays_near_the_surface_and_halves_with_its_error() {
 }
 
 #[test]
-fn a_target_that_cannot_be_reached_is_told() {
+fn an_unreachable_target_is_reported() {
     let droplets: Vec<Vec3> =
         (0..30).map(|i| Vec3::new((i % 6) as f32, (i / 6) as f32, 0.03) * 0.5).collect();
     let stream = Stream::new("liquid", StreamKind::Particles, droplets.len()).with("position", droplets);

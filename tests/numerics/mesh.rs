@@ -137,7 +137,7 @@ fn a_torus_has_one_hole_and_converges() {
 }
 
 #[test]
-fn shells_and_pairs_of_balls_have_the_right_pieces() {
+fn shells_and_pairs_of_balls_have_the_right_components() {
     let voxel = 0.05;
     let shell = distance(voxel, 0.9, |x| {
         let r = ball(0.0, CENTRE)(x);
@@ -148,14 +148,14 @@ fn shells_and_pairs_of_balls_have_the_right_pieces() {
     let exact = 4.0 / 3.0 * PI * (0.8_f64.powi(3) - 0.5_f64.powi(3) + 0.3_f64.powi(3));
     assert!((found.volume / exact - 1.0).abs() < 0.02, "{}", found.volume / exact);
 
-    for (gap, pieces) in [(-0.1, Some(1)), (0.0, None), (0.1, Some(2))] {
+    for (gap, components) in [(-0.1, Some(1)), (0.0, None), (0.1, Some(2))] {
         for slant in [[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.48, 0.6, 0.64]] {
             let centre =
                 |side: f64| std::array::from_fn(|d| CENTRE[d] + side * (0.35 + gap / 2.0) * slant[d]);
             let (a, b) = (ball(0.35, centre(-1.0)), ball(0.35, centre(1.0)));
             let (_, found) = extract(&distance(voxel, 0.9, |x| a(x).min(b(x))));
             assert_eq!(found.euler, 2 * found.components as i64, "no hole between the balls");
-            assert!(pieces.is_none_or(|pieces| pieces == found.components), "gap {gap}: {found:?}");
+            assert!(components.is_none_or(|expected| expected == found.components), "gap {gap}: {found:?}");
         }
     }
 }
@@ -192,7 +192,7 @@ fn noise_at(seed: u64, voxel: f32, low: [i32; 3], value: impl Fn(u64) -> f32) ->
     )
 }
 
-/// Five voxel sizes, from beside the origin to 8000 voxels away from it.
+/// Five voxel sizes, from near the origin to 8000 voxels away from it.
 #[test]
 fn a_thousand_random_fields_give_sound_meshes() {
     let mut triangles = 0;
@@ -308,9 +308,9 @@ fn a_missing_brick_is_counted_and_leaves_no_stray_vertex() {
     assert!(found.manifold && found.oriented && found.degenerate_triangles == 0, "{found:?}");
 }
 
-/// Wherever bricks are missing, above, below or beside: every cell with known corners on both sides that lacks one.
+/// Wherever bricks are missing, above, below or at a side: every cell with known corners on both sides that lacks one.
 #[test]
-fn every_cell_beside_a_missing_brick_is_counted() {
+fn every_cell_next_to_a_missing_brick_is_counted() {
     let inside = |node: [i32; 3]| ball(0.5, CENTRE)(node.map(|i| f64::from(i) * 0.05)) as f32;
     let cut_cells = |keep: &dyn Fn([i32; 3]) -> bool| {
         let grid = sampled(0.05, [-16; 3], [15; 3], keep, inside);
@@ -345,7 +345,7 @@ fn unreached_nodes_are_counted() {
 }
 
 #[test]
-fn faces_decide_where_the_distance_says_nothing_usable() {
+fn faces_decide_where_the_distance_has_no_usable_gradient() {
     let grid = distance(0.05, 0.8, ball(0.5, CENTRE));
     let (mesh, _) = extract(&grid);
     let (expected, replaced) = normals_from_field(&mesh, &grid);
@@ -407,8 +407,8 @@ fn interpolation_reproduces_constants_and_smooths_the_rest() {
     assert_eq!(interpolate(&far, &[], &[]), (vec![Vec3::zeros(); 3], 3));
 }
 
-/// Particles on a lattice of spacing 1/10 m, jittered, where `keep` says so, turning around the z axis.
-fn lattice(keep: impl Fn(Vec3) -> bool) -> Stream {
+/// Jittered particles on a seeding lattice of spacing 1/10 m where `keep` holds, turning around the z axis.
+fn seeding_lattice(keep: impl Fn(Vec3) -> bool) -> Stream {
     let jitter = |i: u64| ((hash(11, i) >> 40) as f32 / (1 << 24) as f32 - 0.5) * 0.03;
     let n = 12_u64;
     let mut positions = Vec::new();
@@ -433,7 +433,7 @@ fn turning(x: Vec3) -> Vec3 {
 #[test]
 fn particles_become_a_sound_surface_of_their_volume() {
     let params = SurfaceParams::default();
-    let ball = lattice(|x| x.norm() < 0.8);
+    let ball = seeding_lattice(|x| x.norm() < 0.8);
     let surface = reconstruct(&ball, 0.1, &params, &|| true).unwrap();
     let (mesh, check, stats) = (&surface.mesh, &surface.check, &surface.stats);
     assert!(check.is_sound() && check.first_fault.is_none(), "{check:?}");
@@ -510,13 +510,13 @@ fn no_particle_one_particle_and_broken_particles() {
 #[test]
 fn an_interrupted_reconstruction_ends_after_the_pass() {
     use std::sync::atomic::{AtomicUsize, Ordering};
-    let ball = lattice(|x| x.norm() < 0.3);
+    let ball = seeding_lattice(|x| x.norm() < 0.3);
     for passes in 0..8 {
-        let asked = AtomicUsize::new(0);
-        let keep_going = || asked.fetch_add(1, Ordering::Relaxed) < passes;
+        let calls = AtomicUsize::new(0);
+        let keep_going = || calls.fetch_add(1, Ordering::Relaxed) < passes;
         let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
         let ended = reconstruct(&ball, 0.1, &params, &keep_going);
         assert!(ended.is_err_and(|why| why == SurfaceError::Interrupted));
-        assert_eq!(asked.into_inner(), passes + 1);
+        assert_eq!(calls.into_inner(), passes + 1);
     }
 }

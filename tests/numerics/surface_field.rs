@@ -156,7 +156,7 @@ fn a_ball_that_moves_by_less_than_a_voxel_keeps_its_volume() {
 }
 
 #[test]
-fn the_way_from_particles_to_distance_has_the_same_bytes_on_any_number_of_threads() {
+fn density_and_distance_have_the_same_bytes_on_any_number_of_threads() {
     let positions = ball(9.0, 0.4, Vec3::new(100.0, -3.0, 0.7));
     let run = |threads: usize| {
         with_threads(threads, || {
@@ -182,7 +182,7 @@ fn anisotropic(positions: Vec<Vec3>) -> Surface {
     reconstruct(&stream, 1.0, &params, &|| true).unwrap()
 }
 
-/// A block of the lattice, each particle moved by up to 0.15 spacings along each axis, turned so that no plane of it lies
+/// A block of the seeding lattice, each particle moved by up to 0.15 spacings along each axis, turned so that no plane of it lies
 /// along the grid.
 fn turned_block(counts: [i32; 3]) -> Vec<Vec3> {
     let mut state = 3_u64;
@@ -208,7 +208,7 @@ fn anisotropic_sheets_filaments_and_drops_stay_in_one_piece() {
     ] {
         let found = anisotropic(turned_block(counts));
         let share = found.check.volume / f64::from(counts.iter().product::<i32>());
-        println!("{name}: {} pieces, volume × {share:.3}", found.check.components);
+        println!("{name}: {} components, volume × {share:.3}", found.check.components);
         assert!(found.check.is_sound(), "{name}: {:?}", found.check);
         assert_eq!((found.check.components, found.check.euler), (1, 2), "{name}");
         assert!(volume.contains(&share), "{name}: {share}");
