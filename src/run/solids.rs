@@ -6,7 +6,7 @@ use crate::{
     import::{self, ImportError},
     scene::{Asset, Scene},
     sdf::{self, SAMPLED_VERSION, Sampled},
-    sim::sheet::{SheetMesh, SheetParams, SheetShape, SheetsCommon},
+    sim::registry,
     solid::{MeshShape, Shape},
 };
 use std::{collections::BTreeMap, path::Path, sync::Arc};
@@ -15,60 +15,35 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 /// there.
 ///
 /// # Errors
-/// If a mesh is no closed surface, or is broken, or the samples cannot be written; if smoke from them is more than can be counted.
+/// If a mesh is no closed surface, or is broken, or the samples cannot be written; if a system refuses what it gets.
 pub(super) fn fill(
     scene: &Scene,
     folder: Option<&ShotFolder>,
     reporter: &dyn Reporter,
 ) -> Result<Scene, RunError> {
     let mut scene = scene.clone();
-    let mut made = BTreeMap::<(String, u32), Arc<Sampled>>::new();
-    let colliders = scene.world.collider.iter_mut().filter_map(|collider| match &mut collider.shape {
-        Shape::Mesh(mesh) => Some(mesh),
-        _ => None,
-    });
-    let sources = scene.liquid.iter_mut().flat_map(|liquid| &mut liquid.source);
-    let sources = sources.filter_map(|source| match &mut source.shape {
-        Shape::Mesh(mesh) => Some(mesh),
-        _ => None,
-    });
-    let smoke = scene.smoke.iter_mut().flat_map(|smoke| smoke.shapes_mut());
-    let smoke = smoke.filter_map(|shape| match shape {
-        Shape::Mesh(mesh) => Some(mesh),
-        _ => None,
-    });
-    let joints = scene.sheets.iter_mut().flat_map(SheetsCommon::shapes_mut);
-    let parts =
-        scene.sheet.iter_mut().flat_map(SheetParams::shapes_mut).chain(joints).filter_map(
-            |shape| match shape {
-                Shape::Mesh(mesh) => Some(mesh),
-                _ => None,
-            },
-        );
-    for mesh in colliders.chain(sources).chain(smoke).chain(parts) {
-        let name = (mesh.file.clone(), mesh.resolution);
-        if !made.contains_key(&name) {
-            let asset = &scene.assets[&mesh.file];
-            made.insert(name.clone(), Arc::new(field(mesh, asset, folder, reporter)?));
+    let assets = scene.assets.clone();
+    let mut sampled = BTreeMap::<(String, u32), Arc<Sampled>>::new();
+    let mut fill_shapes = |shapes: Vec<&mut Shape>| -> Result<(), RunError> {
+        for shape in shapes {
+            let Shape::Mesh(mesh) = shape else { continue };
+            let name = (mesh.file.clone(), mesh.resolution);
+            if !sampled.contains_key(&name) {
+                let field = field(mesh, &assets[&mesh.file], folder, reporter)?;
+                sampled.insert(name.clone(), Arc::new(field));
+            }
+            mesh.fill(sampled[&name].clone());
         }
-        mesh.fill(made[&name].clone());
+        Ok(())
+    };
+    fill_shapes(scene.world.collider.iter_mut().map(|collider| &mut collider.shape).collect())?;
+    for system in registry::ALL {
+        fill_shapes(system.shapes_mut(&mut scene))?;
     }
-    for sheet in &mut scene.sheet {
-        if let SheetShape::Mesh(mesh) = &mut sheet.shape {
-            fill_sheet(mesh, &scene.assets[&mesh.file])?;
-        }
+    for system in registry::ALL {
+        system.finish_meshes(&mut scene)?;
     }
-    scene.refuse_too_much_smoke()?;
     Ok(scene)
-}
-
-/// Puts the points and faces of a file into the mesh of a sheet.
-fn fill_sheet(mesh: &mut SheetMesh, asset: &Asset) -> Result<(), RunError> {
-    let found = import::parse_sheet(Path::new(&mesh.file), &asset.bytes)?;
-    mesh.points = found.positions.iter().map(|&x| x.into()).collect();
-    mesh.faces = found.faces;
-    [mesh.stiffness, mesh.rest, mesh.damping] = found.painted;
-    Ok(())
 }
 
 /// Copies the files that the scene names beside the preset as run, so that it can be run again from there.

@@ -10,7 +10,7 @@ use super::{
 use crate::{
     cache::StreamInfo,
     frame::StreamKind,
-    job::Total,
+    job::{RunError, Total},
     preset::{check::Places, problem::Finding},
     solid::Shape,
 };
@@ -34,6 +34,19 @@ pub(crate) trait System: Sync {
     /// The mesh files that the system's tables name, each with the dotted key of its mesh.
     fn mesh_files<'a>(&self, _scene: &'a Scene) -> Vec<(String, &'a str)> {
         Vec::new()
+    }
+
+    /// The shapes of the system's tables, whose meshes are to be filled with sampled distances.
+    fn shapes_mut<'a>(&self, _scene: &'a mut Scene) -> Vec<&'a mut Shape> {
+        Vec::new()
+    }
+
+    /// Reads files that are not shapes, and checks what can only be checked once the shapes are filled.
+    ///
+    /// # Errors
+    /// If a file cannot be read, or the system cannot be simulated.
+    fn finish_meshes(&self, _scene: &mut Scene) -> Result<(), RunError> {
+        Ok(())
     }
 
     /// What seeding left out or could not do, as warnings.

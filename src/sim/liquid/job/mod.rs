@@ -14,6 +14,7 @@ use crate::{
         scene::Scene,
         system::{CachedFrame, System, mesh_file},
     },
+    solid::Shape,
 };
 
 /// The liquid, as jobs see it.
@@ -48,6 +49,11 @@ impl System for Liquid {
         let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
         let shapes = sources.map(|(i, source)| (format!("liquid.source.{i}.shape"), &source.shape));
         shapes.filter_map(mesh_file).collect()
+    }
+
+    fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {
+        let sources = scene.liquid.iter_mut().flat_map(|liquid| &mut liquid.source);
+        sources.map(|source| &mut source.shape).collect()
     }
 
     fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {

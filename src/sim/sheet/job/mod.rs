@@ -3,17 +3,20 @@
 pub(crate) mod check;
 mod report;
 
-use super::SheetShape;
+use super::{SheetParams, SheetShape, SheetsCommon};
 use crate::{
     frame::StreamKind,
-    job::Total,
+    import,
+    job::{RunError, Total},
     preset::{check::Places, problem::Finding},
     sim::{
         FrameRecord, SeedReport,
         scene::Scene,
         system::{CachedFrame, System, mesh_file},
     },
+    solid::Shape,
 };
+use std::path::Path;
 
 /// The sheets, as jobs see them.
 pub(crate) struct Sheets;
@@ -37,6 +40,23 @@ impl System for Sheets {
             SheetShape::Grid { .. } => None,
         });
         check::shapes(scene).filter_map(mesh_file).chain(sheets).collect()
+    }
+
+    fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {
+        let joints = scene.sheets.iter_mut().flat_map(SheetsCommon::shapes_mut);
+        scene.sheet.iter_mut().flat_map(SheetParams::shapes_mut).chain(joints).collect()
+    }
+
+    fn finish_meshes(&self, scene: &mut Scene) -> Result<(), RunError> {
+        for sheet in &mut scene.sheet {
+            if let SheetShape::Mesh(mesh) = &mut sheet.shape {
+                let found = import::parse_sheet(Path::new(&mesh.file), &scene.assets[&mesh.file].bytes)?;
+                mesh.points = found.positions.iter().map(|&x| x.into()).collect();
+                mesh.faces = found.faces;
+                [mesh.stiffness, mesh.rest, mesh.damping] = found.painted;
+            }
+        }
+        Ok(())
     }
 
     fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {

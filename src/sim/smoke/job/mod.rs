@@ -6,12 +6,14 @@ mod report;
 
 use crate::{
     frame::StreamKind,
+    job::RunError,
     preset::{check::Places, problem::Finding},
     sim::{
         FrameRecord, SeedReport,
         scene::Scene,
         system::{System, mesh_file},
     },
+    solid::Shape,
 };
 
 /// The smoke, as jobs see it.
@@ -41,6 +43,14 @@ impl System for Smoke {
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
         let shapes = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
         shapes.map(|(path, shape)| (format!("smoke.{path}.shape"), shape)).filter_map(mesh_file).collect()
+    }
+
+    fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {
+        scene.smoke.iter_mut().flat_map(|smoke| smoke.shapes_mut()).collect()
+    }
+
+    fn finish_meshes(&self, scene: &mut Scene) -> Result<(), RunError> {
+        Ok(scene.refuse_too_much_smoke()?)
     }
 
     fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {
