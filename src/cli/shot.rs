@@ -86,8 +86,7 @@ fn default_folder(preset: &Preset, scene: &Scene, overrides: &Overrides) -> Resu
     let mut name = Path::new(&preset.name).file_stem().unwrap_or("shot".as_ref()).to_owned();
     match overrides.quality {
         Some(Quality::Final)
-            if *scene
-                == Scene::from_preset(preset, &Overrides { quality: None, ..overrides.clone() })? => {}
+            if *scene == Scene::from_preset(preset, &Overrides { quality: None, ..overrides.clone() })? => {}
         Some(tier) => name.push(format!("-{tier}")),
         None => {}
     }
