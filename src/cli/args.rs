@@ -2,10 +2,13 @@
 
 use crate::{
     export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
-    run::tradeoff::Vary,
+    run::tradeoff::{ColumnInfo, Vary, subjects},
     scene::Frames,
 };
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{
+    Args, Parser, Subcommand, ValueEnum,
+    builder::{PossibleValue, PossibleValuesParser},
+};
 use std::path::PathBuf;
 
 /// Liquid, smoke and sheets from a text preset to sequences in Blender.
@@ -148,8 +151,8 @@ pub(super) struct PlanArgs {
         than all of them. The table shows for each setting how long it took and how far its result is from exact. \
         Settings that are slower and worse than another need not be looked at; the rest form the front, and its knee is \
         where more time stops paying.\n\n\
-        With --surface it is surfaces that are compared: of the particles of a shot folder, of any solver's files, or of a \
-        preset, whose first second is then simulated once.\n\n\
+        With --of surface it compares surfaces of the same particles: of a shot folder, of any solver's files, or of a preset, \
+        whose first second is then simulated once.\n\n\
         Every run is kept in the output folder: the same command goes on where it stopped, and a further --vary only \
         runs what is new. docs/tradeoff.md explains the columns.",
     after_help = "Examples:\n  \
@@ -159,26 +162,19 @@ pub(super) struct PlanArgs {
         meniscus tradeoff shot.toml --dev 0.5%                    the fastest that is exact to 0.5 %\n  \
         meniscus tradeoff smoke-ring --quality draft              smoke: error, method, steps, cores, voxel\n  \
         meniscus tradeoff sheet-corners                           sheets: integrator, steps, tolerance, cells\n  \
-        meniscus tradeoff my-shot --surface --vary surface.voxel=0.25,0.5,1 --vary 'surface.smoothing=none,{}'\n  \
-        meniscus tradeoff 'frame_####.bgeo' --surface --spacing 0.05 --frames 40,80"
+        meniscus tradeoff my-shot --of surface --vary surface.voxel=0.25,0.5,1 --vary 'surface.smoothing=none,{}'\n  \
+        meniscus tradeoff 'frame_####.bgeo' --of surface --spacing 0.05 --frames 40,80"
 )]
 pub(super) struct TradeoffArgs {
-    /// A preset file, or the name of a built-in preset (see `meniscus presets`); with --surface also a shot folder, or
-    /// particle files
+    /// A preset file, or the name of a built-in preset (see `meniscus presets`); of surfaces also a shot folder, or particle
+    /// files
     #[arg(required = true, value_name = "PRESET|CACHE|FILES")]
     pub(super) inputs: Vec<String>,
 
-    /// Compare surfaces of the same particles instead of simulations
-    #[arg(long)]
-    pub(super) surface: bool,
-
-    /// Compare the smoke of a shot that has a liquid too; shots of smoke alone need not say so
-    #[arg(long, conflicts_with = "surface")]
-    pub(super) smoke: bool,
-
-    /// Compare the sheets of a shot that has a liquid or smoke too; shots of sheets alone need not say so
-    #[arg(long, conflicts_with_all = ["surface", "smoke"])]
-    pub(super) sheet: bool,
+    /// What to compare: the simulation of a system, by default of the first that the preset has, or surfaces of the same
+    /// particles
+    #[arg(long, value_name = "WHAT", value_parser = PossibleValuesParser::new(subjects().map(|subject| subject.name)))]
+    pub(super) of: Option<String>,
 
     /// The folder for runs, table and plot; by default the input's name with -tradeoff, in the current folder
     #[arg(short, long, value_name = "DIR")]
@@ -186,9 +182,7 @@ pub(super) struct TradeoffArgs {
 
     /// A key of the preset and the values to try: `liquid.cfl=0.2,0.4`. Repeated: every combination. Keys joined by +
     /// vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. A table comes and goes: `surface.smoothing=none,{}`.
-    /// By default the solver's accuracy and the length of its steps; of surfaces the voxel and the order of the distance; of
-    /// smoke the error, the method, the steps, the cores and the voxel, one by one; of sheets the integrator with its steps, its
-    /// tolerance and the cells, one by one
+    /// By default what docs/tradeoff.md lists; `--dry-run` shows it
     #[arg(long, value_name = "KEY=A,B,…")]
     pub(super) vary: Vec<Vary>,
 
@@ -201,17 +195,16 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
-    /// The error that decides which settings are worth their time: by default density, of surfaces and sheets distance
-    #[arg(long, value_name = "ERROR")]
-    pub(super) by: Option<Judge>,
+    /// The error that decides which settings are worth their time
+    #[arg(long, value_name = "ERROR", value_parser = PossibleValuesParser::new(criteria()))]
+    pub(super) by: Option<String>,
 
     /// Choose the most exact setting that takes at most this long for the whole shot: `90s`, `10min`, `2h`
     #[arg(long, value_name = "TIME", value_parser = time)]
     pub(super) time: Option<f64>,
 
-    /// Choose the fastest setting whose density deviates by at most this on average: `0.5%`; of smoke, at most this share of which
-    /// is elsewhere than the reference's; of surfaces, that is off by at most this part of a particle spacing (RMS); of sheets, whose
-    /// points are off by at most this part of the distance between them (RMS)
+    /// Choose the fastest setting whose error is at most this: `0.5%`. Of the liquid the mean density deviation, of smoke the
+    /// displaced fraction, of sheets and surfaces the RMS distance in spacings
     #[arg(long, value_name = "DEVIATION", value_parser = fraction)]
     pub(super) dev: Option<f64>,
 
@@ -256,37 +249,20 @@ pub(super) struct TradeoffArgs {
     pub(super) json: bool,
 }
 
-/// The error that decides.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Judge {
-    /// How far from incompressible; of smoke: the share that is elsewhere than the reference's
-    Density,
-    /// Energy against the reference
-    Energy,
-    /// What the preset's [tradeoff] names, against the reference
-    Observable,
-    /// Of smoke: its centre against the reference's
-    Center,
-    /// Of smoke: its size against the reference's
-    Extent,
-    /// Of smoke: impulse of the air against the reference
-    Impulse,
-    /// Of smoke: the velocity against the sum over all pairs
-    Velocity,
-    /// Of smoke: the volume's density between nodes, for the time that volumes take alone
-    Voxel,
-    /// Of surfaces: distance from the reference's, RMS; of sheets: distance of points from the reference's, RMS
-    Distance,
-    /// Of surfaces: largest distance from the reference's
-    Hausdorff,
-    /// Of surfaces: normals against the reference's
-    Normals,
-    /// Of surfaces: volume against the reference's
-    Volume,
-    /// Of sheets: the largest distance of a point from the reference's
-    Farthest,
-    /// Of surfaces: the signed distance against the exact one, for the time that it takes alone
-    Field,
+/// The errors that `--by` can name, each with what it means.
+fn criteria() -> Vec<PossibleValue> {
+    let mut meanings: Vec<(&str, Vec<String>)> = Vec::new();
+    for subject in subjects() {
+        for ColumnInfo { criterion, meaning, .. } in (subject.columns)() {
+            let Some(name) = criterion else { continue };
+            let help = format!("{}: {meaning}", subject.name);
+            match meanings.iter_mut().find(|(known, _)| *known == name) {
+                Some((_, known)) => known.push(help),
+                None => meanings.push((name, vec![help])),
+            }
+        }
+    }
+    meanings.into_iter().map(|(name, help)| PossibleValue::new(name).help(help.join("; "))).collect()
 }
 
 /// A quality tier of a preset.

@@ -2,6 +2,7 @@
 
 use super::{args::PlanArgs, output::print, shot::quality};
 use crate::{
+    job::usage::duration,
     run::{self, Control, Plan, RunError},
     scene::{self, Overrides, Scene},
 };
@@ -99,26 +100,4 @@ fn describe(plan: &Plan, fps: f32) -> String {
         row("note", remark.clone());
     }
     lines.join("\n")
-}
-
-/// A time as people say it: "12 s", "3 min 20 s", "7 h 05 min".
-pub(super) fn duration(seconds: f64) -> String {
-    let whole = seconds.round() as u64;
-    match whole {
-        0..10 => format!("{seconds:.1} s"),
-        10..60 => format!("{whole} s"),
-        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
-        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::duration;
-
-    #[test]
-    fn times_read_as_people_say_them() {
-        let said = [0.04, 9.96, 59.4, 59.6, 3599.6, 25_500.0].map(duration);
-        assert_eq!(said, ["0.0 s", "10 s", "59 s", "1 min 00 s", "1 h 00 min", "7 h 05 min"]);
-    }
 }

@@ -9,6 +9,7 @@ pub(crate) mod memory;
 mod report;
 pub(crate) mod scratch;
 mod summary;
+pub(crate) mod tradeoff;
 pub(crate) mod usage;
 
 pub use error::{FailedFrame, Failure, RunError};

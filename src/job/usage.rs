@@ -2,6 +2,17 @@
 
 use std::time::Instant;
 
+/// A time in words: "12 s", "3 min 20 s", "7 h 05 min".
+pub(crate) fn duration(seconds: f64) -> String {
+    let whole = seconds.round() as u64;
+    match whole {
+        0..10 => format!("{seconds:.1} s"),
+        10..60 => format!("{whole} s"),
+        60..3600 => format!("{} min {:02} s", whole / 60, whole % 60),
+        _ => format!("{} h {:02} min", whole / 3600, whole % 3600 / 60),
+    }
+}
+
 /// Processor time of all threads so far [s], in steps of 10 ms; `None` where the system does not say.
 pub(crate) fn cpu_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
@@ -72,6 +83,14 @@ const TICKS_PER_SECOND: f64 = 100.0;
 
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
+    use super::duration;
+
+    #[test]
+    fn times_read_as_people_say_them() {
+        let said = [0.04, 9.96, 59.4, 59.6, 3599.6, 25_500.0].map(duration);
+        assert_eq!(said, ["0.0 s", "10 s", "59 s", "1 min 00 s", "1 h 00 min", "7 h 05 min"]);
+    }
+
     #[test]
     fn memory_that_is_held_shows_in_the_peak() {
         let peak = super::Peak::since_now();

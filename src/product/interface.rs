@@ -5,13 +5,15 @@
 
 use super::request::{ProductInfo, ProductRequest, ProductSettings};
 use crate::{
-    frame::StreamKind,
+    frame::{Frame, StreamKind},
     job::{
         Control, RunError, ShotFolder,
         batch::{BatchSummary, ProductFolder},
     },
     preset::{check::Places, problem::Finding},
+    sim::{scene::Scene, tradeoff::Subject},
 };
+use std::path::Path;
 
 /// Something that is made of frames, as jobs see it.
 pub(crate) trait Product: ProductFolder {
@@ -43,6 +45,26 @@ pub(crate) trait Product: ProductFolder {
     /// batch's error; a folder or disk that refuses to be written ends the batch at once. [`RunError::Request`] if it
     /// cannot be made of the input.
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError>;
+
+    /// Makes what settings request of a single frame in `folder`, and returns its time [s] and size [bytes]; `None` if that is nothing,
+    /// or not to be tried alone.
+    ///
+    /// # Errors
+    /// Whatever stops the making.
+    fn try_frame(
+        &self,
+        _: &Scene,
+        _: &Frame,
+        _folder: &Path,
+        _: Control,
+    ) -> Result<Option<(f64, u64)>, RunError> {
+        Ok(None)
+    }
+
+    /// What `tradeoff` compares of it; `None`: nothing.
+    fn tradeoff(&self) -> Option<&'static Subject> {
+        None
+    }
 
     /// What is known of its files in a shot folder beyond the manifest.
     ///

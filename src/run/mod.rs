@@ -9,7 +9,7 @@ mod products;
 mod simulate;
 mod solids;
 mod stale;
-pub mod tradeoff;
+pub(crate) mod tradeoff;
 
 use crate::job::{scratch, usage};
 pub use crate::{

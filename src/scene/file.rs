@@ -31,6 +31,14 @@ pub struct Preset {
     pub home: Home,
 }
 
+impl Preset {
+    /// The quality tiers that it has tables for; none if its text cannot be read.
+    pub fn tiers(&self) -> Vec<Quality> {
+        let Ok(mut root) = tree::parse(0, &self.text) else { return Vec::new() };
+        take_tiers(&mut root, &mut Vec::new()).into_iter().map(|(tier, _)| tier).collect()
+    }
+}
+
 /// What the command line changes in a preset.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
@@ -270,10 +278,7 @@ fn take_tiers(root: &mut Node, findings: &mut Vec<Finding>) -> Vec<(Quality, Nod
 }
 
 fn missing_tier(quality: Quality, source: usize, preset: &Preset) -> Finding {
-    let mut there: Vec<String> = Vec::new();
-    if let Ok(mut root) = tree::parse(0, &preset.text) {
-        there.extend(take_tiers(&mut root, &mut Vec::new()).iter().map(|(tier, _)| format!("`{tier}`")));
-    }
+    let mut there: Vec<String> = preset.tiers().iter().map(|tier| format!("`{tier}`")).collect();
     if !there.iter().any(|tier| tier == "`final`") {
         there.push("`final` (the preset as written)".to_owned());
     }

@@ -21,6 +21,7 @@ mod simulation;
 pub mod smoke;
 mod substep;
 pub(crate) mod system;
+pub(crate) mod tradeoff;
 pub mod vortex;
 
 pub use crate::control::{Diverged, Stop, Unwatched, Watch};

@@ -6,6 +6,7 @@
 use super::{
     record::{FrameRecord, SeedReport},
     scene::Scene,
+    tradeoff::Subject,
 };
 use crate::{
     cache::StreamInfo,
@@ -19,6 +20,11 @@ use crate::{
 pub(crate) trait System: Sync {
     /// Whether the preset names the system.
     fn is_present(&self, scene: &Scene) -> bool;
+
+    /// What `tradeoff` compares of it; `None`: nothing.
+    fn tradeoff(&self) -> Option<&'static Subject> {
+        None
+    }
 
     /// The kinds of the streams that it has in frames.
     fn stream_kinds(&self) -> &'static [StreamKind] {

@@ -67,7 +67,7 @@ fn a_table_a_plot_and_a_preset_come_out_of_sheets() {
     assert!(fs::read_to_string(desk.path("t/tradeoff.html")).unwrap().contains("<svg"));
     desk.run("simulate best.toml --frames 1-2", 0);
     let best = fs::read_to_string(desk.path("best.toml")).unwrap();
-    assert!(best.contains("courant") && best.contains("Points "), "{best}");
+    assert!(best.contains("courant") && best.contains("distance "), "{best}");
 
     // What is kept gives the same table to the last digit, and a further value runs alone.
     let first = table(&desk, LINE);
@@ -142,10 +142,9 @@ fn every_knob_is_swept_by_itself_if_none_is_named() {
     for (line, word) in [
         ("tradeoff hung.toml --vary surface.voxel=0.5", "does not change a sheet"),
         ("tradeoff hung.toml --by density", "distance, farthest or energy"),
-        ("tradeoff hung.toml --smoke", "no smoke"),
-        ("tradeoff small.toml --sheet", "no sheet"),
+        ("tradeoff hung.toml --of smoke", "no smoke"),
+        ("tradeoff small.toml --of sheets", "no sheets"),
         ("tradeoff small.toml --by farthest", "density, energy"),
-        ("tradeoff hung.toml --sheet --surface", "cannot be used with"),
     ] {
         let (_, talk) = desk.run(line, 2);
         assert!(talk.contains(word), "{line}: {talk}");
@@ -157,7 +156,7 @@ fn a_shot_with_a_liquid_compares_its_sheets_if_told_to() {
     let desk = desk();
     let sheet = &HUNG[HUNG.find("[[sheet]]").unwrap()..HUNG.find("[output]").unwrap()];
     desk.write("both.toml", SMALL.replace("[output]", &format!("{sheet}\n[output]")));
-    let line = "tradeoff both.toml --sheet --vary sheets.solver.courant=0.9 --frames 1-2 -o t";
+    let line = "tradeoff both.toml --of sheets --vary sheets.solver.courant=0.9 --frames 1-2 -o t";
     let (out, _) = desk.run(&format!("{line} --write new.toml --dev 100%"), 0);
     assert!(out.contains("strain") && out.contains("courant=0.9"), "{out}");
     assert!(fs::read_to_string(desk.path("new.toml")).unwrap().contains("[liquid]"));

@@ -69,7 +69,7 @@ fn a_table_a_plot_and_a_preset_come_out_of_smoke() {
     desk.run("simulate best.toml --frames 1-2", 0);
     let best = fs::read_to_string(desk.path("best.toml")).unwrap();
     assert!(best.contains("sample_every = 10"), "the preset's own");
-    assert_eq!(best.matches("\nspacing = 0.06\n").count(), 2, "the lattice follows the smoke\n{best}");
+    assert_eq!(best.matches("\nspacing = 0.06\n").count(), 2, "the grid follows the smoke\n{best}");
 
     // What is kept gives the same table to the last digit, and another voxel simulates nothing.
     let first = table(&desk, LINE);
@@ -131,9 +131,9 @@ fn every_knob_is_swept_by_itself_if_none_is_named() {
         ("tradeoff ring.toml --vary smoke.flow.sum=grid --set smoke.flow.error=5e-5", "0.0001"),
         ("tradeoff ring.toml --vary liquid.cfl=0.2", "does not change the smoke"),
         ("tradeoff ring.toml --by hausdorff", "velocity"),
-        ("tradeoff small.toml --smoke", "no smoke"),
+        ("tradeoff small.toml --of smoke", "no smoke"),
         ("tradeoff small.toml --by voxel", "density, energy"),
-        ("tradeoff ring.toml --smoke --surface", "cannot be used with"),
+        ("tradeoff ring.toml --of cloud", "possible values: liquid, smoke, sheets, surface"),
     ] {
         let (_, talk) = desk.run(line, 2);
         assert!(talk.contains(word), "{line}: {talk}");
@@ -147,7 +147,7 @@ fn the_smoke_of_a_shot_with_both_is_compared_alone() {
     let both = SMALL.replace("[output]", &format!("{smoke}\n[output]"));
     desk.write("both.toml", &both);
     let (out, _) = desk.run(
-        "tradeoff both.toml --smoke --vary smoke.overlap=1.2 --frames 1-2 -o t --write new.toml --dev 100%",
+        "tradeoff both.toml --of smoke --vary smoke.overlap=1.2 --frames 1-2 -o t --write new.toml --dev 100%",
         0,
     );
     assert!(out.contains("vortons") && out.contains("overlap=1.2"), "{out}");

@@ -1,80 +1,114 @@
 //! `meniscus tradeoff`.
 
-mod liquid;
-mod sheet;
-mod smoke;
-mod surface;
-mod tell;
+mod product;
+mod text;
 
-use super::{
-    args::{Judge, TradeoffArgs},
-    output::print,
-    shot::quality,
-};
+use super::{args::TradeoffArgs, output::print, shot::quality};
 use crate::{
     frame::FrameIndex,
-    run::{
-        Control, RunError, ShotFolder,
-        tradeoff::{Request, Sweep, Table},
+    job::{Control, RunError, ShotFolder},
+    run::tradeoff::{
+        Origin, Request, RunJobs, Runs, Subject, Sweep, Table, TradeoffJob, subjects, systems, write,
     },
     scene::{self, Frames, Overrides, Scene},
 };
 use std::path::{Path, PathBuf};
-use tell::{Tell, advice, comment, describe};
 
 /// Compares settings on the user's own shot.
 pub(super) fn tradeoff(args: &TradeoffArgs, control: Control) -> Result<(), RunError> {
-    if args.surface {
-        return surface::tradeoff(args, control);
+    let named = subjects().find(|subject| args.of.as_deref() == Some(subject.name));
+    match named.map(|subject| (subject, &subject.runs)) {
+        Some((subject, Runs::Product(product))) => product::tradeoff(args, subject, product, control),
+        _ => simulations(args, named, control),
     }
+}
+
+/// Compares simulations of a system: the named one, or the first that the preset has.
+fn simulations(args: &TradeoffArgs, named: Option<&Subject>, control: Control) -> Result<(), RunError> {
     let name = preset_name(args)?;
     let preset = scene::load(name)?;
-    let base = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
-    let scene = Scene::from_preset(&preset, &base)?;
-    let (liquid, smoke, sheets) = (scene.liquid.is_some(), scene.smoke.is_some(), !scene.sheet.is_empty());
-    let asked = [("--smoke", args.smoke, smoke, "smoke"), ("--sheet", args.sheet, sheets, "sheet")];
-    if let Some((flag, .., what)) = asked.iter().find(|(_, asked, there, _)| *asked && !there) {
-        let other = if liquid { "liquid" } else { "simulation" };
+    let scene = Scene::from_preset(&preset, &base(args))?;
+    let found = systems(&scene).find(|subject| named.is_none_or(|named| named.name == subject.name));
+    let Some(subject @ Subject { runs: Runs::System(system), .. }) = found else {
+        let name = named.map_or("system", |subject| subject.name);
         return Err(RunError::Request(format!(
-            "{flag}: found no {what} in {}; leave it out to compare the {other}",
+            "--of {name}: found no {name} in {}; leave it out to compare what the preset has",
             preset.name
         )));
+    };
+    let sweep = request(args).sweep(subject, Origin::Preset(&preset))?;
+    let frames = frames(args, &sweep.base)?;
+    let by = criterion(args, subject)?;
+    if args.dry_run {
+        let runs = format!("frames {frames}: {} runs", sweep.rows.len() + 2);
+        return dry_run(&sweep, &runs, |scene| format!("  ({})", (system.size)(scene)));
     }
-    // What was asked for, or the first that is there.
-    if args.sheet || (sheets && !args.smoke && !liquid && !smoke) {
-        sheet::tradeoff(args, name, &preset, base, control)
-    } else if args.smoke || (smoke && !liquid) {
-        smoke::tradeoff(args, name, &preset, base, control)
-    } else {
-        liquid::tradeoff(args, name, &preset, base, control)
-    }
+    let folder = folder(args, &preset.name)?;
+    let job = job(args, &frames, &folder, by);
+    let table = (system.run)(&sweep, &job, control)?;
+    conclude(args, &sweep, &table, &folder, &format!("shot {name}"))
 }
 
 /// The one preset that was named.
 fn preset_name(args: &TradeoffArgs) -> Result<&String, RunError> {
-    let for_surfaces = [("--spacing", args.spacing.is_some()), ("--max-memory", args.max_memory.is_some())];
-    if let Some((flag, _)) = for_surfaces.iter().find(|(_, given)| *given) {
+    let for_products = [("--spacing", args.spacing.is_some()), ("--max-memory", args.max_memory.is_some())];
+    if let Some((flag, _)) = for_products.iter().find(|(_, given)| *given) {
         return Err(RunError::Request(format!(
-            "{flag}: found no --surface, which it is for; add it or leave it out"
+            "{flag}: found no {} that it is for; add it or leave it out",
+            product_flags()
         )));
     }
+    let add = format!("add {} to compare what is made of particles", product_flags());
     match &args.inputs[..] {
         [folder] if Path::new(folder).is_dir() && scene::builtin::get(folder).is_none() => {
-            Err(RunError::Request(format!(
-                "{folder}: found a folder, expected a preset; add --surface to compare surfaces of the particles in it"
-            )))
+            Err(RunError::Request(format!("{folder}: found a folder, expected a preset; {add}")))
         }
         [preset] => Ok(preset),
-        several => Err(RunError::Request(format!(
-            "found {} inputs, expected one preset; add --surface to compare surfaces of particle files",
-            several.len()
-        ))),
+        several => {
+            Err(RunError::Request(format!("found {} inputs, expected one preset; {add}", several.len())))
+        }
     }
 }
 
-/// The runs that were asked for.
-fn request(args: &TradeoffArgs, base: Overrides) -> Request {
-    Request { base, vary: args.vary.clone(), reference: args.reference.clone(), tiers: args.tiers }
+/// The flags that compare what is made of particles.
+fn product_flags() -> String {
+    let products = subjects().filter(|subject| matches!(subject.runs, Runs::Product(_)));
+    products.map(|subject| format!("--of {}", subject.name)).collect::<Vec<_>>().join(" or ")
+}
+
+/// The tier and settings that all runs share.
+fn base(args: &TradeoffArgs) -> Overrides {
+    Overrides { quality: args.quality.map(quality), set: args.set.clone() }
+}
+
+/// The requested runs.
+fn request(args: &TradeoffArgs) -> Request {
+    Request {
+        base: base(args),
+        vary: args.vary.clone(),
+        reference: args.reference.clone(),
+        tiers: args.tiers,
+    }
+}
+
+fn job<'a>(args: &TradeoffArgs, frames: &'a Frames, folder: &'a Path, by: &'static str) -> TradeoffJob<'a> {
+    TradeoffJob { frames, folder, repeats: args.repeats.get() as usize, by, jobs: &RunJobs }
+}
+
+/// The criterion of `--by`, which has to be one of the subject's.
+fn criterion(args: &TradeoffArgs, subject: &Subject) -> Result<&'static str, RunError> {
+    let Some(name) = args.by.as_deref() else { return Ok(subject.wording.criterion) };
+    let criteria = |subject: &Subject| (subject.columns)().into_iter().filter_map(|info| info.criterion);
+    criteria(subject).find(|known| *known == name).ok_or_else(|| {
+        let others = subjects().filter(|other| criteria(other).any(|known| known == name));
+        let others: Vec<String> = others.map(|other| format!("--of {}", other.name)).collect();
+        RunError::Request(format!(
+            "--by {name}: expected {} for {}; {name} is for {}",
+            criteria(subject).collect::<Vec<_>>().join(", "),
+            subject.name,
+            others.join(" and ")
+        ))
+    })
 }
 
 /// The frames to compare: those named, or one second, or what the shot has.
@@ -82,106 +116,81 @@ fn frames(args: &TradeoffArgs, scene: &Scene) -> Result<Frames, RunError> {
     let first = scene.frames.first();
     let second = first.0.saturating_add(scene.fps.ceil() as u32 - 1).max(first.0 + 1);
     let last = scene.frames.last().0.min(second);
-    let selection = match &args.frames {
+    let frames = match &args.frames {
         Some(frames) => frames.clone(),
         None => Frames::from_first_to_last(first, FrameIndex(last)).expect("a second has frames"),
     };
-    if selection.last() <= first {
+    if frames.first() < first || frames.last() <= first {
         return Err(RunError::Request(format!(
-            "--frames {selection}: found no frame after the first, {first}; expected some to compare, such as 1-24"
+            "--frames {frames}: expected frames from the first, {first}, on, and some after it, such as 1-24"
         )));
     }
-    Ok(selection)
+    Ok(frames)
 }
 
-/// Lists the runs of a simulation; `size` tells how fine a scene is.
-fn dry_run(sweep: &Sweep, selection: &Frames, size: impl Fn(&Scene) -> String) -> Result<(), RunError> {
-    print(&format!("{}, frames {selection}: {} runs", sweep.base.title, sweep.rows.len() + 2))?;
-    references(sweep).iter().try_for_each(|line| print(line))?;
+/// Lists the runs; `size` says how large a scene is.
+fn dry_run(sweep: &Sweep, runs: &str, size: impl Fn(&Scene) -> String) -> Result<(), RunError> {
+    print(&format!("{}, {runs}", sweep.base.title))?;
+    for (setting, scene) in [&sweep.reference, &sweep.refined] {
+        print(&format!("     {}: {}{}", setting.label, setting.set.join(" "), size(scene)))?;
+    }
     for (place, (setting, scene)) in sweep.rows.iter().enumerate() {
-        print(&format!("{:>3}  {}  ({})", place + 1, setting.label, size(scene)))?;
+        print(&format!("{:>3}  {}{}", place + 1, setting.label, size(scene)))?;
     }
     Ok(())
 }
 
-/// The folder of runs, table and plot; by default named after what is compared.
-fn folder(args: &TradeoffArgs, name: &str) -> PathBuf {
-    args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{}-tradeoff", stem(name))))
+/// The folder of runs, table and plot, by default named after what is compared.
+fn output(args: &TradeoffArgs, name: &str) -> PathBuf {
+    let stem = Path::new(name).file_stem().map_or("shot".into(), |stem| stem.to_string_lossy());
+    args.output.clone().unwrap_or_else(|| PathBuf::from(format!("{stem}-tradeoff")))
 }
 
-fn stem(name: &str) -> String {
-    Path::new(name).file_stem().map_or_else(|| "shot".into(), |stem| stem.to_string_lossy().into_owned())
-}
-
-/// Refuses to write over a preset, before anything runs.
-fn refuse_to_replace(args: &TradeoffArgs) -> Result<(), RunError> {
-    match args.write.as_deref().filter(|path| path.exists()) {
-        Some(path) => Err(already_there(path)),
-        None => Ok(()),
+/// That folder, without the rows of earlier runs if everything is to run again. Refuses to write over a preset.
+fn folder(args: &TradeoffArgs, name: &str) -> Result<PathBuf, RunError> {
+    if let Some(path) = args.write.as_deref().filter(|path| path.exists()) {
+        return Err(already_there(path));
     }
-}
-
-/// Refuses an error that the table does not have.
-fn not_judged(judge: Judge, expected: &str) -> RunError {
-    use clap::ValueEnum;
-    let name = judge.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned());
-    RunError::Request(format!("--by {name}: expected {expected}"))
-}
-
-/// Forgets the rows of earlier runs.
-fn start_over(folder: &Path) -> Result<(), RunError> {
+    let folder = output(args, name);
     let rows = folder.join("rows");
-    match std::fs::remove_dir_all(&rows) {
-        Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-            Err(RunError::File { path: rows, source, next: "check that the folder can be written" })
-        }
-        _ => Ok(()),
+    if args.force && rows.exists() {
+        let next = "check that the folder can be written";
+        std::fs::remove_dir_all(&rows).map_err(|source| RunError::File { path: rows, source, next })?;
     }
+    Ok(folder)
 }
 
-/// What makes the references, as `--set` takes it.
-fn references(sweep: &Sweep) -> Vec<String> {
-    let named = [&sweep.reference.0, &sweep.refined.0];
-    named.map(|setting| format!("     {}: {}", setting.label, setting.overrides.set.join(" "))).to_vec()
-}
-
-/// Tells the table, writes the files, and names the setting to use, as a flag of `command`.
-fn conclude<C: Tell>(
+/// Prints the table, writes the files, and names the setting to use, as flags of `command`.
+fn conclude(
     args: &TradeoffArgs,
     sweep: &Sweep,
-    table: &Table<C>,
+    table: &Table,
     folder: &Path,
     command: &str,
 ) -> Result<(), RunError> {
-    let files = C::write(table, folder)?;
+    let files = write(table, folder)?;
     if args.json {
-        print(&serde_json::to_string_pretty(table).expect("a table is plain data"))?;
+        print(&serde_json::to_string_pretty(&table.json()).expect("a table is plain data"))?;
     } else {
-        print(&describe(table))?;
+        print(&text::describe(table))?;
         print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
     }
     let chosen = table.choose(args.time, args.dev)?;
     if let Some(place) = chosen.filter(|_| !args.json) {
-        print(&advice(table, place, args, command))?;
+        print(&text::advice(table, place, args, command))?;
     }
     let Some(path) = &args.write else { return Ok(()) };
-    let place = chosen.ok_or_else(no_knee)?;
-    write_preset(path, &comment(table, place), &sweep.rows[place].1.to_toml())?;
-    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
-}
-
-/// Writes the chosen setting as a preset of its own, below lines that say where it comes from.
-fn write_preset(path: &Path, comment: &str, preset: &str) -> Result<(), RunError> {
+    let place = chosen.ok_or_else(|| {
+        let no_knee =
+            "--write: the table has no knee, so no setting stands out; name a limit with --time or --dev";
+        RunError::Request(no_knee.into())
+    })?;
     if path.exists() {
         return Err(already_there(path));
     }
-    ShotFolder::write(path.into(), &format!("{comment}\n\n{preset}"))
-}
-
-fn no_knee() -> RunError {
-    RunError::Request(
-        "--write: the table has no knee, so no setting stands out; name a limit with --time or --dev".into(),
-    )
+    let comment = text::comment(table, place);
+    ShotFolder::write(path.into(), &format!("{comment}\n\n{}", sweep.rows[place].1.to_toml()))?;
+    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
 }
 
 fn already_there(path: &Path) -> RunError {

@@ -19,5 +19,5 @@ pub(crate) use request::MemoryCheck;
 #[cfg(test)]
 pub(crate) use schedule::FRAME_MEMORY_RESERVE;
 pub use source::Source;
-pub(crate) use source::{MAX_FRAMES, NO_FILE, StreamHeader, choose, file_size, numbered_files, state_key};
+pub(crate) use source::{MAX_FRAMES, NO_FILE, StreamHeader, choose, file_size, numbered_files};
 pub(crate) use streams::{FileTarget, StreamInput, StreamWriter, process_streams};

@@ -97,7 +97,7 @@ impl Source<'_> {
     ///
     /// # Errors
     /// If it cannot be read.
-    pub(super) fn open(&self, path: &Path, index: FrameIndex) -> Result<OpenedFrame, RunError> {
+    pub(crate) fn open(&self, path: &Path, index: FrameIndex) -> Result<OpenedFrame, RunError> {
         match *self {
             Self::Cache(_) => {
                 let (frame, info) = cache::read_frame(path)?;
@@ -125,9 +125,9 @@ impl Source<'_> {
 }
 
 /// A frame whose bytes are read.
-pub(super) struct OpenedFrame {
+pub(crate) struct OpenedFrame {
     /// The headers of its streams.
-    pub(super) headers: Vec<StreamHeader>,
+    pub(crate) headers: Vec<StreamHeader>,
     /// Time since the shot's start [s]; 0 of a file.
     pub(super) time: f64,
     content: Content,
@@ -161,7 +161,7 @@ impl OpenedFrame {
     ///
     /// # Errors
     /// If they cannot be unpacked.
-    pub(super) fn unpack(self) -> Result<(Vec<Stream>, Vec<String>), ImportError> {
+    pub(crate) fn unpack(self) -> Result<(Vec<Stream>, Vec<String>), ImportError> {
         match self.content {
             Content::Frame(frame) => Ok((frame.streams, Vec::new())),
             Content::File(file) => {

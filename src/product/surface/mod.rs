@@ -4,10 +4,11 @@ mod bricks;
 mod folder;
 mod level_set;
 mod log;
-mod memory;
+pub(super) mod memory;
 mod product;
+mod tradeoff;
 mod writer;
 
 pub(crate) use bricks::bricks_around;
 pub(super) use folder::SurfaceMesh;
-pub(crate) use memory::{max_surface_memory, stream_memory, surface_memory};
+pub(crate) use memory::surface_memory;

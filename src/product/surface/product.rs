@@ -4,6 +4,7 @@ use super::{
     folder::SurfaceMesh,
     level_set::mesh_level_sets,
     log::{MeshRecord, jumps, read},
+    tradeoff,
     writer::surface,
 };
 use crate::{
@@ -13,6 +14,7 @@ use crate::{
         interface::Product,
         request::{ProductInfo, ProductInput, ProductRequest, ProductSettings},
     },
+    sim::tradeoff::Subject,
 };
 use serde_json::json;
 
@@ -35,6 +37,10 @@ impl Product for SurfaceMesh {
 
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         Some(("output.mesh", "mesh = [\"ply\"]"))
+    }
+
+    fn tradeoff(&self) -> Option<&'static Subject> {
+        Some(&tradeoff::SUBJECT)
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {

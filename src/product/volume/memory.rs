@@ -66,10 +66,12 @@ mod tests {
             let stream = Stream::new("particles", StreamKind::Particles, count).with("position", positions);
             for voxel in [0.5, 1.0] {
                 let params = SurfaceParams { voxel, ..SurfaceParams::default() };
-                let mesh = surface::stream_memory(&stream, 0.1, &params, u64::MAX);
+                let mesh = surface::memory::stream_memory(&stream, 0.1, &params, u64::MAX);
                 let volume = stream_memory(&stream, 0.1, &params);
-                let bounds =
-                    [surface::max_surface_memory(entries, &params), max_volume_memory(entries, &params)];
+                let bounds = [
+                    surface::memory::max_surface_memory(entries, &params),
+                    max_volume_memory(entries, &params),
+                ];
                 for (needed, bound) in [mesh, volume].into_iter().zip(bounds) {
                     let bound = bound + FRAME_MEMORY_RESERVE;
                     assert!(needed <= bound, "{count} particles at {voxel}: {needed} of {bound} bytes");

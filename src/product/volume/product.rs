@@ -1,9 +1,12 @@
 //! The volume file, as jobs see it.
 
-use super::{file::names, folder::Volume, retime::retime, settings::VolumeSettings, writer::volume};
+use super::{
+    file::names, folder::Volume, retime::retime, settings::VolumeSettings, tracers::try_tracers,
+    writer::volume,
+};
 use crate::{
     export::vdb::VolumeGrid,
-    frame::StreamKind,
+    frame::{Frame, StreamKind},
     job::{
         Control, RunError,
         batch::{BatchSummary, Source},
@@ -13,7 +16,9 @@ use crate::{
         interface::Product,
         request::{ProductRequest, ProductSettings},
     },
+    sim::scene::Scene,
 };
+use std::path::Path;
 
 impl Product for Volume {
     fn verb(&self) -> &'static str {
@@ -61,6 +66,17 @@ impl Product for Volume {
                 Finding::new(places.of("output.volume"), "output.volume", message, label).with_help(help),
             );
         }
+    }
+
+    fn try_frame(
+        &self,
+        scene: &Scene,
+        frame: &Frame,
+        folder: &Path,
+        control: Control,
+    ) -> Result<Option<(f64, u64)>, RunError> {
+        let trial = try_tracers(frame, &VolumeSettings::of(scene), folder, control)?;
+        Ok(trial.map(|trial| (trial.seconds, trial.bytes)))
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {

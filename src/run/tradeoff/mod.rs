@@ -1,62 +1,84 @@
-//! Work against precision on the user's own shot: which settings are worth their time.
+//! Time against accuracy on the user's own shot: which settings are worth their time.
 //!
 //! *Method*: every setting of a sweep (`sweep`) is run on the same frames, and so is a reference that is finer than all
-//! of them (`knobs`) and a refinement of that. The Pareto front and its knee ([`pareto`]) name the settings to consider.
-//! What is run and compared is the simulation of a liquid ([`liquid`]), of smoke ([`smoke`]) or of sheets ([`sheet`]), whose runs are kept by `runs`, or
-//! the surfaces of particles that are there ([`surface`]).
+//! of them ([`crate::sim::tradeoff`]) and a refinement of that, which tells how small an error can be seen at all. The Pareto
+//! front and its knee ([`crate::job::tradeoff`]) name the settings to consider. What is varied, run and compared is said by the
+//! systems and products.
 
-mod cells;
-mod knobs;
-pub mod liquid;
-mod page;
-pub mod pareto;
-mod plot;
-mod runs;
-pub mod sheet;
-pub mod smoke;
-pub mod surface;
 mod sweep;
-mod table;
 
-pub use knobs::Subject;
-pub use page::rows;
-pub use sweep::{Ground, Request, Setting, Sweep, Vary};
-pub use table::{Compared, Line, Table};
+pub(crate) use crate::{
+    job::tradeoff::{ColumnInfo, Setting, Shown, Table, write},
+    sim::tradeoff::{ProductRuns, ProductSource, Runs, Subject, Sweep, TradeoffJob},
+};
+pub(crate) use sweep::{Origin, Request, Vary};
 
-use serde::Serialize;
+use super::{simulate, solids};
+use crate::{
+    frame::Frame,
+    job::{Control, RunError, ShotFolder},
+    preset::Frames,
+    product,
+    sim::{registry, scene::Scene, tradeoff::Jobs},
+};
+use std::path::Path;
 
-/// A middle and its range.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Spread {
-    /// The median.
-    pub median: f64,
-    /// The smallest.
-    pub min: f64,
-    /// The largest.
-    pub max: f64,
+/// Everything that can be compared: systems, then products.
+pub(crate) fn subjects() -> impl Iterator<Item = &'static Subject> {
+    let systems = registry::ALL.iter().filter_map(|system| system.tradeoff());
+    systems.chain(product::ALL.iter().filter_map(|product| product.tradeoff()))
 }
 
-impl Spread {
-    /// Of some values; `None` of none.
-    pub fn of(values: &[f64]) -> Option<Self> {
-        let mut sorted = values.to_vec();
-        sorted.sort_by(f64::total_cmp);
-        let (&min, &max) = (sorted.first()?, sorted.last()?);
-        let half = sorted.len() / 2;
-        let median =
-            if sorted.len() % 2 == 1 { sorted[half] } else { 0.5 * (sorted[half - 1] + sorted[half]) };
-        Some(Self { median, min, max })
+/// The systems of a scene that can be compared.
+pub(crate) fn systems(scene: &Scene) -> impl Iterator<Item = &'static Subject> {
+    let present = registry::ALL.iter().filter(|system| system.is_present(scene));
+    present.filter_map(|system| system.tradeoff())
+}
+
+/// The jobs that a tradeoff's runs are made of.
+pub(crate) struct RunJobs;
+
+impl Jobs for RunJobs {
+    fn simulate(
+        &self,
+        scene: &Scene,
+        shot: &ShotFolder,
+        frames: &Frames,
+        force: bool,
+        control: Control,
+    ) -> Result<usize, RunError> {
+        simulate::simulate(scene, shot, frames, force, control).map(|done| done.kept)
+    }
+
+    fn try_product(
+        &self,
+        scene: &Scene,
+        frame: &Frame,
+        folder: &Path,
+        control: Control,
+    ) -> Result<Option<(f64, u64)>, RunError> {
+        let shot = folder.parent().map(ShotFolder::new);
+        let scene = solids::fill(scene, shot.as_ref(), control.reporter)?;
+        for product in product::ALL {
+            if let Some(made) = product.try_frame(&scene, frame, folder, control)? {
+                return Ok(Some(made));
+            }
+        }
+        Ok(None)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Spread;
-
     #[test]
-    fn spreads_have_the_middle_value() {
-        assert_eq!(Spread::of(&[]), None);
-        assert_eq!(Spread::of(&[3.0, 1.0, 2.0]), Some(Spread { median: 2.0, min: 1.0, max: 3.0 }));
-        assert_eq!(Spread::of(&[4.0, 1.0]).unwrap().median, 2.5);
+    fn the_guide_lists_every_column() {
+        let guide = include_str!("../../../docs/tradeoff.md");
+        for subject in super::subjects() {
+            for info in (subject.columns)().iter().filter(|info| !info.meaning.is_empty()) {
+                let by = info.criterion.map_or_else(String::new, |name| format!("`{name}`"));
+                let line = format!("| {} | {} | {by} |", info.heading, info.meaning.replace('|', "\\|"));
+                assert!(guide.contains(&line), "docs/tradeoff.md lacks, of {}:\n{line}", subject.name);
+            }
+        }
     }
 }

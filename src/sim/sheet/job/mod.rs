@@ -2,6 +2,7 @@
 
 pub(crate) mod check;
 mod report;
+mod tradeoff;
 
 use super::{SheetParams, SheetShape, SheetsCommon};
 use crate::{
@@ -13,6 +14,7 @@ use crate::{
         FrameRecord, SeedReport,
         scene::Scene,
         system::{CachedFrame, System, mesh_file},
+        tradeoff::Subject,
     },
     solid::Shape,
 };
@@ -28,6 +30,10 @@ impl System for Sheets {
 
     fn stream_kinds(&self) -> &'static [StreamKind] {
         &[StreamKind::MeshPoints, StreamKind::MeshFaces]
+    }
+
+    fn tradeoff(&self) -> Option<&'static Subject> {
+        Some(&tradeoff::SUBJECT)
     }
 
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {

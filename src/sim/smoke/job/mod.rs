@@ -3,6 +3,7 @@
 pub(crate) mod check;
 mod remeshing;
 mod report;
+mod tradeoff;
 
 use crate::{
     frame::StreamKind,
@@ -12,6 +13,7 @@ use crate::{
         FrameRecord, SeedReport,
         scene::Scene,
         system::{System, mesh_file},
+        tradeoff::Subject,
     },
     solid::Shape,
 };
@@ -26,6 +28,10 @@ impl System for Smoke {
 
     fn stream_kinds(&self) -> &'static [StreamKind] {
         &[StreamKind::Vortons, StreamKind::Tracers]
+    }
+
+    fn tradeoff(&self) -> Option<&'static Subject> {
+        Some(&tradeoff::SUBJECT)
     }
 
     fn check(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {

@@ -2,7 +2,7 @@
 
 /// The indices of the points that no other beats: of those that cost no more, none has a smaller error. Ascending
 /// in cost. A point is (cost, error); `None`, infinite and undefined points take no part.
-pub fn front(points: &[Option<(f64, f64)>]) -> Vec<usize> {
+pub(crate) fn front(points: &[Option<(f64, f64)>]) -> Vec<usize> {
     let mut order: Vec<(usize, (f64, f64))> = points
         .iter()
         .enumerate()
@@ -22,8 +22,8 @@ pub fn front(points: &[Option<(f64, f64)>]) -> Vec<usize> {
 
 /// The place in `front` (points ascending in cost, descending in error) after which more time buys little: the one
 /// farthest below the straight line between the ends, both axes logarithmic. `None` if no point lies below it.
-pub fn knee(front: &[(f64, f64)]) -> Option<usize> {
-    let log = |(cost, error): (f64, f64)| (cost.max(TINY).ln(), error.max(TINY).ln());
+pub(crate) fn knee(front: &[(f64, f64)]) -> Option<usize> {
+    let log = |(cost, error): (f64, f64)| (cost.max(MIN_LOGARITHM).ln(), error.max(MIN_LOGARITHM).ln());
     let (first, last) = (log(*front.first()?), log(*front.last()?));
     let (width, height) = (last.0 - first.0, first.1 - last.1);
     if width <= 0.0 || height <= 0.0 {
@@ -34,56 +34,20 @@ pub fn knee(front: &[(f64, f64)]) -> Option<usize> {
         1.0 - (x - first.0) / width - (y - last.1) / height
     };
     let deepest = (0..front.len()).max_by(|&a, &b| below(front[a]).total_cmp(&below(front[b])))?;
-    (below(front[deepest]) > CLEARLY).then_some(deepest)
+    (below(front[deepest]) > MIN_BEND).then_some(deepest)
 }
 
 /// The knee of a front of `points`, as a place among them.
-pub fn knee_of(points: &[Option<(f64, f64)>], front: &[usize]) -> Option<usize> {
+pub(crate) fn knee_of(points: &[Option<(f64, f64)>], front: &[usize]) -> Option<usize> {
     let held: Vec<_> = front.iter().map(|&i| points[i].expect("points on the front are there")).collect();
     knee(&held).map(|place| front[place])
 }
 
-/// What a choice among settings looks at.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Candidate {
-    /// What it costs.
-    pub cost: f64,
-    /// The time of the whole shot [s].
-    pub whole: f64,
-    /// The error that decides; `None`: not known.
-    pub error: Option<f64>,
-    /// The deviation that a limit is about; `None`: the setting gave no result.
-    pub dev: Option<f64>,
-}
-
-/// The place of the candidate to use: the most exact that takes at most `time` [s] for the whole shot; if `dev` is given,
-/// the cheapest that deviates by at most that. `None` if no candidate keeps the limits.
-pub fn choose(
-    candidates: impl IntoIterator<Item = Candidate>,
-    time: Option<f64>,
-    dev: Option<f64>,
-) -> Option<usize> {
-    let within = |c: &Candidate| {
-        let deviates = |found: f64| dev.is_none_or(|most| found <= most);
-        let is_judged = dev.is_some() || c.error.is_some();
-        is_judged && time.is_none_or(|most| c.whole <= most) && c.dev.is_some_and(deviates)
-    };
-    let rank = |c: &Candidate| match dev {
-        Some(_) => (c.cost, 0.0),
-        None => (c.error.unwrap_or(f64::INFINITY), c.cost),
-    };
-    let fitting = candidates.into_iter().enumerate().filter(|(_, candidate)| within(candidate));
-    let best = fitting
-        .map(|(place, candidate)| (place, rank(&candidate)))
-        .min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    best.map(|(place, _)| place)
-}
-
-/// Stands for zero where a logarithm is taken.
-const TINY: f64 = 1e-12;
+/// The smallest number whose logarithm is taken: stands for zero.
+const MIN_LOGARITHM: f64 = 1e-12;
 
 /// A bend smaller than this, as a part of the axes' length, is measuring noise.
-const CLEARLY: f64 = 0.02;
+const MIN_BEND: f64 = 0.02;
 
 #[cfg(test)]
 mod tests {

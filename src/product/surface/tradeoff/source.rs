@@ -1,0 +1,62 @@
+//! The particles that surfaces are compared on.
+
+use crate::{
+    cache,
+    frame::{FrameIndex, Stream, StreamKind},
+    import::ParticleFile,
+    job::{RunError, batch::Source},
+    preset::Frames,
+};
+use std::path::PathBuf;
+
+/// One stream of one frame. Its particles are read whenever they are needed, as `mesh` reads them.
+#[derive(Clone, Debug)]
+pub(crate) struct Sample {
+    /// The frame.
+    pub(crate) frame: FrameIndex,
+    /// Number of its particles.
+    pub(crate) particles: usize,
+    /// Distance between them at rest [m].
+    pub(crate) spacing: f32,
+    /// Identifies them.
+    pub(crate) state: u64,
+    /// The frame's file.
+    pub(crate) path: PathBuf,
+    /// The stream's place in a cached frame; `None` of a particle file.
+    pub(crate) stream: Option<usize>,
+}
+
+/// The particles of some frames that are there, stream by stream.
+pub(super) fn samples(source: &Source<'_>, frames: &Frames) -> Result<Vec<Sample>, RunError> {
+    let mut samples = Vec::new();
+    for (frame, path) in source.frames(Some(frames))? {
+        let Some(path) = path else { continue };
+        let mut opened = source.open(&path, frame)?;
+        let headers = std::mem::take(&mut opened.headers);
+        let (streams, _) = opened.unpack()?;
+        for (place, (stream, known)) in streams.iter().zip(headers).enumerate() {
+            if stream.kind != StreamKind::Particles {
+                continue;
+            }
+            let spacing = known.spacing.ok_or_else(|| {
+                let name = &stream.name;
+                let lacks = "does not say its spacing; simulate it again";
+                RunError::Request(format!("frame {frame}: the stream {name} {lacks}"))
+            })?;
+            let (particles, state, path) = (stream.len(), known.state, path.clone());
+            let stream = matches!(source, Source::Cache(_)).then_some(place);
+            samples.push(Sample { frame, particles, spacing, state, path, stream });
+        }
+    }
+    Ok(samples)
+}
+
+impl Sample {
+    /// Its particles.
+    pub(super) fn read(&self) -> Result<Stream, RunError> {
+        match self.stream {
+            Some(place) => Ok(cache::read_frame(&self.path)?.0.streams.swap_remove(place)),
+            None => Ok(ParticleFile::open(&self.path)?.particles()?.stream),
+        }
+    }
+}
