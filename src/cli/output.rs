@@ -37,6 +37,10 @@ pub(crate) fn diagnostic(error: &SceneError) -> String {
     let fancy = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let renderer = if fancy { Renderer::styled() } else { Renderer::plain() };
     let mut texts = Vec::new();
+    if error.problems().len() > 1 {
+        let title = error.to_string();
+        texts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(&title))]));
+    }
     for problem in error.problems() {
         let (text, bytes) = problem.source();
         let place = AnnotationKind::Primary.span(bytes).label(&problem.label);
