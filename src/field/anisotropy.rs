@@ -5,15 +5,15 @@
 //! mean. w = 1 − (r/R)³ within R = 2h.
 //! *Departs from the paper*:
 //! - At a surface all particles move inwards, by half a spacing and more, and the liquid shrinks. The mean
-//! shift of the neighbours at equal depth is therefore subtracted: only the disorder is smoothed.
+//!   shift of the neighbours at equal depth is therefore subtracted: only the disorder is smoothed.
 //! - Half axes are proportional to standard deviations, not to variances: with variances the outermost layers
-//! are so thin that the density vanishes between them.
+//!   are so thin that the density vanishes between them.
 //! - With few neighbours the kernel keeps its radius, k_n = 1: with one half, filaments turn to beads.
 //! - Every axis is long enough to bridge the gap between two layers: a sheet of two layers would become two
-//! sheets.
+//!   sheets.
 //! - k_s is that of the filled seeding lattice, so that no constant depends on units.
 //! - Particles far from the surface keep the isotropic kernel, which they would have anyway up to the
-//! liquid's disorder.
+//!   liquid's disorder.
 //!
 //! Symbols: C → covariance [R²]; Σ̃ → `scale` [–]; G = R Σ̃⁻¹ Rᵀ/h [1/m]; λ → `smoothing`; k_r → `ratio`.
 //! Limits: particles with few neighbours, and thus filaments and droplets, have isotropic kernels.

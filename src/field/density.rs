@@ -1,8 +1,8 @@
 //! Density of particles on sparse bricks.
 //!
 //! *Method* the weighted sum of [mcg03] with each particle's own volume: V_j = m/ρ_j, ρ_j = m Σ_k W(x_j −
-//! x_k, h) with k = j included, φ(x) = Σ_j V_j W(x − x_j, h). The particle mass cancels. Filled space has φ ≈
-//! 1. A droplet without neighbours has V = 1/W(0), thus φ = 1 at its centre, and does not vanish. With
+//! x_k, h) with k = j included, φ(x) = Σ_j V_j W(x − x_j, h). The particle mass cancels. Filled space has
+//! φ ≈ 1. A droplet without neighbours has V = 1/W(0), thus φ = 1 at its centre, and does not vanish. With
 //! [`Anisotropy`] each W is stretched along its neighbourhood ([`super::anisotropy`]); without, G = I/h.
 //! Kernel: the cubic spline of [monaghan92], written as 2(1−q)₊³ − 8(½−q)₊³, which is the same polynomial
 //! without a branch.

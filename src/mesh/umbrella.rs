@@ -1,7 +1,7 @@
 //! The umbrella operator (discrete Laplacian) of a mesh, and polynomials of it.
 //!
-//! *Method* [taubin96]: M x_i = x_i + w_i (Σ_j x_j/n_i − x_i) over the n_i neighbours j of vertex i; R(M)(M −
-//! 1) x by T_{k+1} = 2 M T_k − T_{k−1}.
+//! *Method* [taubin96]: M x_i = x_i + w_i (Σ_j x_j/n_i − x_i) over the n_i neighbours j of vertex i;
+//! R(M)(M − 1) x by T_{k+1} = 2 M T_k − T_{k−1}.
 //! *Departs from the paper*: none.
 //!
 //! M is similar to a symmetric matrix with eigenvalues in [−1, 1] for weights w in 0..=1 on a closed mesh, so

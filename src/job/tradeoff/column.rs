@@ -216,7 +216,7 @@ impl<V> Column<V> {
     }
 
     /// Says that it is a distance from the reference.
-    pub(crate) const fn from_reference(mut self) -> Self {
+    pub(crate) const fn against_reference(mut self) -> Self {
         self.info.needs_reference = true;
         self
     }

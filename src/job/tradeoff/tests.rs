@@ -16,7 +16,7 @@ const COLUMNS: [TestColumn; 5] = [
         .criterion("own")
         .meaning("a & b"),
     TestColumn::new("distance", "distance", Unit::Spacings, |errors| Some((*errors)?[1]))
-        .from_reference()
+        .against_reference()
         .criterion("distance"),
     TestColumn::new("part.error", "part", Unit::Voxels, |errors| Some((*errors)?[2]))
         .criterion("part")

@@ -23,7 +23,7 @@ impl Layout {
     }
 
     /// Number of blocks.
-    pub fn len(&self) -> usize {
+    pub fn block_count(&self) -> usize {
         self.counts.iter().product()
     }
 
@@ -63,7 +63,7 @@ impl Layout {
             (0..3).filter_map(move |axis| faces[2 * axis + usize::from((order[axis] > 0) == ahead)])
         };
         par::wavefront(
-            self.len(),
+            self.block_count(),
             |block| adjacent(block, false).count(),
             |block| adjacent(block, true),
             work,
@@ -73,7 +73,7 @@ impl Layout {
     /// The values of every block, one vector each.
     pub(super) fn split<T: Copy + Send + Sync>(&self, values: &[T]) -> Vec<Vec<T>> {
         assert_eq!(values.len(), self.nodes.iter().product::<usize>(), "one number per node");
-        par::map(self.len(), |block| {
+        par::map(self.block_count(), |block| {
             let ([fx, fy, fz], [sx, sy, sz]) = (self.first(block), self.size(block));
             let mut own = Vec::with_capacity(sx * sy * sz);
             for z in fz..fz + sz {

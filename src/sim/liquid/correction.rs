@@ -88,7 +88,7 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [
             let (d, q2) = lanes::offset(own, other);
             let weight = (own[3] + other[3]) * P::slope(q2.sqrt());
             sum = lanes::plus(sum, d, weight);
-            in_one_place = in_one_place + q2.zero_indicator();
+            in_one_place += q2.zero_indicator();
         }
         coincident[k] = in_one_place;
         [delta[0][k], delta[1][k], delta[2][k]] = sum;

@@ -241,10 +241,10 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
         while let Some(index) = neighbours.next() {
             let (d, q2) = lanes::offset(own, lanes::gather::<L>(at.nodes, index));
             let q = q2.sqrt();
-            sum = sum + P::density(q2, q);
+            sum += P::density(q2, q);
             if GRADIENTS {
                 let slope = P::slope(q);
-                slopes2 = slopes2 + slope * slope * q2;
+                slopes2 += slope * slope * q2;
                 slopes = lanes::plus(slopes, d, slope);
             }
         }

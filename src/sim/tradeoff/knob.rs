@@ -3,13 +3,16 @@
 use crate::sim::scene::Scene;
 use std::rc::Rc;
 
+/// Writes a value into a scene.
+type Edit = Rc<dyn Fn(&mut Scene)>;
+
 /// A change of a scene, as `--set` takes it: `liquid.cfl=0.2`.
 #[derive(Clone)]
 pub(crate) struct Change {
     /// The dotted key and the value.
     pub text: String,
     /// Writes the value; `None` if it is the user's text, which has to be read and checked first.
-    pub apply: Option<Rc<dyn Fn(&mut Scene)>>,
+    pub apply: Option<Edit>,
 }
 
 /// Settings that vary together, and the alternatives to try.

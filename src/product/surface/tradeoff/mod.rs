@@ -88,24 +88,24 @@ const COLUMNS: [SurfaceColumn; 15] = [
     .remark("meshes are not closed, manifold and oriented"),
     SurfaceColumn::new("distance", "rms", Unit::Spacings, |run| Some(both(run)?.rms()))
         .meaning("distance between the surface and the reference's, both ways, in particle spacings: RMS")
-        .from_reference()
+        .against_reference()
         .criterion("distance"),
     SurfaceColumn::new("hausdorff", "largest", Unit::Spacings, |run| Some(both(run)?.largest))
         .meaning("largest of these distances (Hausdorff distance)")
-        .from_reference()
+        .against_reference()
         .criterion("hausdorff"),
-    SurfaceColumn::data("beyond", Unit::Spacings, |run| Some(run.distance?[0].largest)).from_reference(),
-    SurfaceColumn::data("missing", Unit::Spacings, |run| Some(run.distance?[1].largest)).from_reference(),
+    SurfaceColumn::data("beyond", Unit::Spacings, |run| Some(run.distance?[0].largest)).against_reference(),
+    SurfaceColumn::data("missing", Unit::Spacings, |run| Some(run.distance?[1].largest)).against_reference(),
     SurfaceColumn::new("normals", "normals", Unit::Degrees, |run| Some(both(run)?.angle().to_degrees()))
         .meaning("angle between the normals of nearest points: RMS over both surfaces")
-        .from_reference()
+        .against_reference()
         .criterion("normals"),
     SurfaceColumn::new("volume", "volume", Unit::Change, |run| {
         let reference = Some(volume(run.reference.as_ref()?)).filter(|&volume| volume > 0.0)?;
         Some(volume(&run.run) / reference - 1.0)
     })
     .meaning("volume of all frames together, against the reference's")
-    .from_reference()
+    .against_reference()
     .criterion("volume"),
     SurfaceColumn::new("field.mean", "field", Unit::Voxels, |run| {
         let errors: Vec<f64> = run.logged().filter_map(|surface| Some(surface.field?.mean)).collect();

@@ -86,18 +86,18 @@ const COLUMNS: [LiquidColumn; 11] = [
         Some(run.rms(|a, b| Some(mechanical(a)? - mechanical(b)?))? / scale)
     })
     .meaning("mechanical energy: RMS over the frames, relative to the reference's largest kinetic energy")
-    .from_reference()
+    .against_reference()
     .criterion("energy"),
     LiquidColumn::new("observable", "observable", Unit::Of("m"), |run| {
         let place = Observable::ALL.iter().position(|known| *known == run.measure.observable)?;
         run.rms(|a, b| Some(a.sample.observables.get(place)? - b.sample.observables.get(place)?))
     })
     .meaning("what the preset's [tradeoff] names: RMS over the frames")
-    .from_reference()
+    .against_reference()
     .criterion("observable"),
     LiquidColumn::new("position", "positions", Unit::Of("m"), |run| run.distance)
         .meaning("distance of particles of the same number: RMS over the frames up to the horizon")
-        .from_reference(),
+        .against_reference(),
 ];
 
 const MAX_ITERATIONS: &str = "liquid.max_iterations";

@@ -79,25 +79,25 @@ const COLUMNS: [SheetColumn; 11] = [
         .remark("points were inside solids at the ends of frames"),
     SheetColumn::new("distance", "distance", Unit::Millimetres, |run| run.distance[0])
         .meaning("between the same points of the cloth and the reference's: RMS over points and frames")
-        .from_reference()
+        .against_reference()
         .criterion("distance"),
     SheetColumn::new("farthest", "farthest", Unit::Millimetres, |run| run.distance[1])
         .meaning("largest of these distances")
-        .from_reference()
+        .against_reference()
         .criterion("farthest"),
     SheetColumn::new("energy", "energy", Unit::Percent, |run| {
         let inner = |line: &SheetRecord| line.kinetic_energy + line.elastic_energy;
         let whole = |sample: &FrameSample<SheetRuns>| {
             sample.logged.as_ref().map(|line| inner(line) + line.potential_energy)
         };
-        let scale = run.reference_max(|sample| sample.logged.as_ref().map(|line| inner(line)))?;
+        let scale = run.reference_max(|sample| sample.logged.as_ref().map(inner))?;
         Some(run.rms(|a, b| Some(whole(a)? - whole(b)?))? / scale)
     })
     .meaning(
         "kinetic, elastic and potential energy: RMS over the frames, relative to the reference's largest kinetic and elastic \
          energy",
     )
-    .from_reference()
+    .against_reference()
     .criterion("energy"),
 ];
 

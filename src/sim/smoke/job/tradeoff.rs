@@ -104,7 +104,7 @@ const COLUMNS: [SmokeColumn; 17] = [
     .criterion("velocity"),
     SmokeColumn::new("density", "density", Unit::Percent, |run| run.distance)
         .meaning("displaced fraction of the smoke: Σ|ρ − ρ′| / Σ(ρ + ρ′) on the comparison grid, mean of the frames")
-        .from_reference()
+        .against_reference()
         .criterion("density"),
     SmokeColumn::new("center", "centre", Unit::Percent, |run| {
         run.rms(|a, b| {
@@ -113,7 +113,7 @@ const COLUMNS: [SmokeColumn; 17] = [
         })
     })
     .meaning("between the centres of the smoke, in its sizes: RMS over the frames")
-    .from_reference()
+    .against_reference()
     .criterion("center"),
     SmokeColumn::new("extent", "extent", Unit::Percent, |run| {
         run.rms(|a, b| {
@@ -122,21 +122,21 @@ const COLUMNS: [SmokeColumn; 17] = [
         })
     })
     .meaning("size of the smoke: RMS over the frames")
-    .from_reference()
+    .against_reference()
     .criterion("extent"),
     SmokeColumn::new("energy", "energy", Unit::Percent, |run| {
         let scale = run.reference_max(|sample| Some(invariants(sample)?.energy))?;
         Some(run.rms(|a, b| Some(invariants(a)?.energy - invariants(b)?.energy))? / scale)
     })
     .meaning("kinetic energy of the air: RMS over the frames, relative to the reference's largest")
-    .from_reference()
+    .against_reference()
     .criterion("energy"),
     SmokeColumn::new("impulse", "impulse", Unit::Percent, |run| {
         let scale = run.reference_max(|sample| Some(sample.sample.push))?;
         Some(run.rms(|a, b| Some(distance(invariants(a)?.impulse, invariants(b)?.impulse)))? / scale)
     })
     .meaning("impulse of the air: RMS over the frames, relative to that of vortons which all push one way")
-    .from_reference()
+    .against_reference()
     .criterion("impulse"),
     SmokeColumn::new("voxel", "voxel", Unit::Percent, |run| run.run.product.as_ref()?.error)
         .meaning("the volume's density between its nodes against the sum over tracers, mean")
