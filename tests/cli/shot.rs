@@ -185,7 +185,7 @@ fn quality_tiers_have_folders_of_their_own() {
     assert_ne!(desk.bytes("small/cache"), desk.bytes("small-draft/cache"));
     // Without a table `[quality.final]` that tier is the preset as written.
     let (out, _) = desk.run("shot small.toml --quality final", 0);
-    assert!(out.contains("5 were there") && !desk.path("small-final").exists(), "{out}");
+    assert!(out.contains("5 up to date") && !desk.path("small-final").exists(), "{out}");
     desk.write("small.toml", SMALL.to_owned() + "\n[quality.final]\nliquid.spacing = 0.2\n");
     desk.run("simulate small.toml --quality final --frames 1", 0);
     assert_eq!(desk.names("small-final/cache").len(), 1);
@@ -214,7 +214,7 @@ fn a_cache_of_other_settings_is_refused_with_what_differs_and_remedies() {
 
     // What the message says of its remedies is so.
     let (out, _) = desk.run("shot small/preset.toml -o small --frames 1-2", 0);
-    assert!(out.contains("2 were there"), "{out}");
+    assert!(out.contains("2 up to date"), "{out}");
     desk.run(&format!("{other} -o elsewhere"), 0);
     assert_eq!(desk.bytes("small/cache"), before);
     desk.run(&format!("{other} --force"), 0);
@@ -242,7 +242,7 @@ fn a_preset_of_the_users_own_is_not_replaced() {
     fs::remove_file(desk.path("preset.toml")).unwrap();
     desk.run("simulate small.toml -o . --frames 1-2", 0);
     let (out, _) = desk.run("simulate preset.toml -o . --frames 1-2", 0);
-    assert!(out.contains("2 were there"), "{out}");
+    assert!(out.contains("2 up to date"), "{out}");
 }
 
 #[test]
