@@ -107,7 +107,7 @@ fn table(_: &mut Criterion) {
         |found| judge(found, FULL),
     );
     let dense = |name: &str, pins: &Pins, order: Order, block: [usize; 3], band: f32, threads: usize| {
-        let params = DenseParams { order, block, band, ..DenseParams::default() };
+        let params = DenseParams { order, block, band };
         row(
             &format!("dense, {order:?}, {name}, {block:?}, {threads}"),
             band,

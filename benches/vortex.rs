@@ -254,8 +254,8 @@ fn equations() {
         });
         fill(&mut field, &small);
         boundary_values(&mut field, &small, Kernel::default(), 1e-4).expect("they are fit");
-        let solvers: [(&str, fn(&mut VectorField)); 2] =
-            [("sines", poisson), ("multigrid", multigrid::poisson)];
+        type NamedSolver = (&'static str, fn(&mut VectorField));
+        let solvers: [NamedSolver; 2] = [("sines", poisson), ("multigrid", multigrid::poisson)];
         for (solver, solve) in solvers {
             // Every run starts from the same field; its copy is timed too.
             let (solved, seconds) = repeated(|| {

@@ -117,7 +117,7 @@ impl Nodes for Blocks {
     type At = (usize, [usize; 3]);
 
     fn blocks(&self) -> usize {
-        self.0.len()
+        self.0.block_count()
     }
 
     fn size(&self, block: usize) -> usize {
