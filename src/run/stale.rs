@@ -76,8 +76,8 @@ mod tests {
             ),
             [
                 "fps: 24.0 in the folder, 25.0 now",
-                "liquid.source.0.shape.sphere.radius: 1.0 in the folder, 2.0 now",
                 "liquid.viscosity: present in the folder, absent now",
+                "liquid.source.0.shape.sphere.radius: 1.0 in the folder, 2.0 now",
             ]
         );
         assert_eq!(
