@@ -141,7 +141,7 @@ fn every_knob_is_swept_by_itself_if_none_is_named() {
     assert!(!desk.run("tradeoff hung.toml --dry-run", 0).0.contains("cells="));
     for (line, word) in [
         ("tradeoff hung.toml --vary surface.voxel=0.5", "does not change a sheet"),
-        ("tradeoff hung.toml --by density", "distance, farthest or energy"),
+        ("tradeoff hung.toml --by density", "distance, farthest, energy"),
         ("tradeoff hung.toml --of smoke", "no smoke"),
         ("tradeoff small.toml --of sheets", "no sheets"),
         ("tradeoff small.toml --by farthest", "density, energy"),
