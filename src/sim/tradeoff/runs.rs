@@ -275,6 +275,10 @@ impl RunFolder {
                 shot.root().display()
             )));
         }
+        if !is_repeat {
+            // A run that was cut off before its record was written may have left frames.
+            remove(&self.path.join(KEPT));
+        }
         if !self.path.join(KEPT).exists() {
             for (number, (index, path)) in present.iter().enumerate() {
                 let (frame, _) = cache::read_frame(path)?;
