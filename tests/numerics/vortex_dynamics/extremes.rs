@@ -149,7 +149,7 @@ fn what_is_no_number_stops_it_by_name() {
     let viscosity = Some(Viscosity { nu: 1e9, scheme: ViscousScheme::Exchange, eddies: None });
     let mut thick = super::flow(FlowParams { viscosity, ..direct() }, &cloud(100), 1e-3);
     let stop = thick.advance(0.1, &mut [], &mut NoExternalEffects, &mut Unwatched).unwrap_err().to_string();
-    assert!(stop.contains("rounds of viscous exchange"), "{stop}");
+    assert!(stop.contains("steps of particle strength exchange"), "{stop}");
     let wanted = FlowParams { remesh: Some(Remesh::of(1e-3)), ..direct() };
     let far = super::flow(
         wanted,
