@@ -61,7 +61,8 @@ pub(crate) fn tradeoff<M: Measure>(
         let own = Control { reporter: &reporter, ..control };
         let repeats = if place < reference { job.repeats } else { 1 };
         let needs_frames = lacks_distance[place] || (place == reference && lacks_distance.contains(&true));
-        let loaded = records[place].take();
+        // Settings that differ in nothing simulated share a run.
+        let loaded = records[place].take().or_else(|| folder.load());
         let (record, was_there) = folder.complete(loaded, repeats, needs_frames, &measure, own)?;
         let product = match record.diverged {
             None => measure.product(&folder, repeats, own)?,
