@@ -164,7 +164,9 @@ mod tests {
         for (shape, expected) in cases {
             let positions = seeds(&sources(&[shape]), vec![]).unwrap().positions;
             let volume = positions.len() as f32 * 0.02_f32.powi(3);
-            assert!((volume / expected - 1.0).abs() < 0.03, "{shape}: {volume} of {expected}");
+            // A capsule of few particles across is 2.4 % off.
+            let bound = if shape.starts_with("sphere") { 0.02 } else { 0.03 };
+            assert!((volume / expected - 1.0).abs() < bound, "{shape}: {volume} of {expected}");
             let mean = positions.iter().sum::<Vec3>() / positions.len() as f32;
             assert!((mean - Vec3::new(5.0, 0.0, 0.3)).amax() < 1e-4, "{shape}: {mean:?}");
         }
