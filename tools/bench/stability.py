@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Drives the liquid, then smoke (stability_smoke.py), sheets (stability_sheets.py) and couplings (stability_couplings.py), through their
-settings, one at a time, and writes what became of them: docs/stability.md.
+"""Writes docs/stability.md: at which values of each setting a shot is stable, degraded or refused.
 
     cargo build --release
     python3 tools/bench/stability.py target/release/meniscus > docs/stability.md
-    python3 tools/bench/stability.py target/release/meniscus sheets     that part alone; couplings need numpy, zstandard
+    python3 tools/bench/stability.py target/release/meniscus sheets     one system alone; couplings need numpy, zstandard
 
-A block of 512 particles falls onto the floor of a tank, eight frames long, with every value of every setting and both
-solvers. Nothing in the table depends on the clock.
+Systems: liquid (here), smoke (stability_smoke.py), sheets (stability_sheets.py), couplings (stability_couplings.py). One
+setting changes at a time. Of the liquid, a block of 512 particles falls onto the floor of a tank for eight frames, with
+both solvers. No row depends on wall-clock time.
 """
 import json
 import pathlib
@@ -60,7 +60,7 @@ def substeps(value):
 # (heading, unit, values, how a value changes the shot)
 SWEEPS = [
     ("Substeps a frame of 1/24 s (`min_substeps` = `max_substeps`)", "", [1, 2, 4, 8, 16, 64, 256], substeps),
-    ("Most substeps (`max_substeps`, at 50 m/s)", "", [8, 32, 100, 1000],
+    ("Maximum number of substeps (`max_substeps`, at 50 m/s)", "", [8, 32, 100, 1000],
      lambda value: {"speed": -50, "terms": {"max_substeps": value}}),
     ("Spacing", "m", [1e-4, 1e-3, 1e-2, 0.1, 1, 10], lambda value: {"spacing": value}),
     ("Speed at the start", "m/s", [0, 1, 10, 100, 500, 1e4, 1e6, 1e9], lambda value: {"speed": -value}),
@@ -84,7 +84,7 @@ def preset(change, solver):
 
 
 def verdict(tool, text):
-    """(word, how) of one shot."""
+    """(verdict, reason) of one shot."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder)
         (path / "shot.toml").write_text(text)
@@ -101,7 +101,7 @@ def verdict(tool, text):
 
 
 def judge(frames):
-    """Stable if nothing was limited and every frame is near its target; else what was not so."""
+    """Stable if nothing was limited and every frame is near its target; else degraded, with the reasons."""
     assert len(frames) == 8, frames
     total = lambda read: sum(read(frame) for frame in frames)
     steps = total(lambda frame: frame["substeps"])
@@ -109,7 +109,7 @@ def judge(frames):
     share = lambda count, what: how.append(f"{count} of {steps} substeps {what}") if count else None
     share(total(lambda frame: frame["cfl_capped"]), "longer than the CFL rule")
     share(total(lambda frame: frame["unconverged"]), "above `density_dev`")
-    share(total(lambda frame: frame["clamps"]["energy"]), "had energy taken")
+    share(total(lambda frame: frame["clamps"]["energy"]), "had energy removed")
     share(total(lambda frame: frame["clamps"]["confinement"]), "limited confinement")
     shortened = total(lambda frame: frame["clamps"]["corrections"])
     if shortened:
@@ -140,20 +140,21 @@ def main():
 
 def write(tool):
     """Writes the tables of the liquid."""
-    print("# What the liquid stands\n")
-    print("Made by `tools/bench/stability.py`; do not edit. To make it again:\n")
-    print("    cargo build --release\n    python3 tools/bench/stability.py target/release/meniscus > docs/stability.md\n")
+    print("# Stability: liquid\n")
+    print("Look up a setting of [smoke](#stability-smoke), [sheets](#stability-sheets), [couplings](#stability-couplings), or of\n"
+          "the liquid below. Written by `tools/bench/stability.py`; do not edit:\n")
+    print("```sh\ncargo build --release\npython3 tools/bench/stability.py target/release/meniscus > docs/stability.md\n```\n")
     print(
         "A block of 8 × 8 × 8 particles falls by two spacings onto the floor of a tank twice as wide, for eight frames\n"
         "of 1/24 s. One setting changes at a time; the others are the defaults, with a spacing of 0.1 m. All lengths\n"
         "scale with the spacing.\n\n"
         "- **stable**: nothing was limited, and the mean compression stayed within 1 % in every frame;\n"
-        "- **degraded**: the shot is finite and complete, and its log tells what was limited;\n"
+        "- **degraded**: the shot is finite and complete, and its log reports what was limited;\n"
         "- **refused**: exit 20, with this message; the frames before it are kept.\n"
     )
     for heading, unit, values, change in SWEEPS:
         print(f"## {heading}\n")
-        print(f"| value{f' [{unit}]' if unit else ''} | solver | | how |\n|---|---|---|---|")
+        print(f"| value{f' [{unit}]' if unit else ''} | solver | | reason |\n|---|---|---|---|")
         for value in values:
             for solver in SOLVERS:
                 word, how = verdict(tool, preset(change(value), solver))

@@ -1,5 +1,6 @@
-"""What becomes of sheets with liquid on them and with smoke around them at the ends of their settings: the last part of docs/stability.md
-(stability.py). Needs numpy and zstandard, to see where particles are."""
+"""Sheets coupled with liquid and with smoke at the ends of their settings: a part of docs/stability.md (stability.py).
+
+Needs numpy and zstandard, to read where particles are."""
 
 import json
 import pathlib
@@ -42,13 +43,13 @@ SPACING = 0.05
 LIQUID = """
 [liquid]
 spacing = {spacing}
-density = {wet!r}
+density = {rest_density!r}
 [[liquid.source]]
 shape = {{ box = {{ min = [-0.15, -0.15, 0.05], max = [0.15, 0.15, 0.35] }} }}
 velocity = [0, 0, {speed!r}]
 """
 
-# A ring that comes up at the sheet, in a wind along x.
+# A ring that rises to the sheet, in a wind along x.
 SMOKE = """
 [smoke]
 spacing = 0.1
@@ -61,7 +62,7 @@ circulation = 1.0
 direction = [0, 0, 1]
 """
 
-# A second sheet that comes down on the water, which is between the two then.
+# A second sheet that falls onto the water, which is then between the two.
 LID = """
 [[sheet]]
 name = "lid"
@@ -81,26 +82,34 @@ def drags(pair):
 
 
 # (heading, unit, values, how a value changes the shot)
-WET = [
-    ("Density of the sheet, on which 300 kg/m² of water come", "kg/m²", [1e-4, 1e-2, 0.5, 1e3, 1e6], lambda value: {"density": value}),
-    ("Density of the liquid, on 0.5 kg/m² of sheet", "kg/m³", [1e-3, 1.0, 1e3, 2e4, 1e9], lambda value: {"wet": value}),
+LIQUID_SWEEPS = [
+    ("Density of the sheet, under 300 kg/m² of water", "kg/m²", [1e-4, 1e-2, 0.5, 1e3, 1e6], lambda value: {"density": value}),
+    ("Density of the liquid, on a sheet of 0.5 kg/m²", "kg/m³", [1e-3, 1.0, 1e3, 2e4, 1e9], lambda value: {"rest_density": value}),
     ("Speed of the water", "m/s", [0.0, 2.0, 20.0, 200.0, 2e3, 1e6], lambda value: {"speed": -value}),
-    ("Stiffness of the springs, shear a fifth of it", "N/m", [1.0, 1e2, 1e4, 1e6],
+    ("Stiffness of the springs, with a fifth of it against shear", "N/m", [1.0, 1e2, 1e4, 1e6],
      lambda value: {"stiffness": value, "shear": 0.2 * value}),
-    ("Spacing of the liquid, for cells of 0.083 m", "m", [0.15, 0.1, 0.05, 0.03, 0.02], lambda value: {"spacing": value}),
-    ("Cells along a side, for a spacing of 0.05 m: they are as long as the sheet, and a sixth of a spacing", "", [1, 2, 4, 40, 120],
+    ("Spacing of the liquid, with cells of 0.083 m", "m", [0.15, 0.1, 0.05, 0.03, 0.02], lambda value: {"spacing": value}),
+    ("Cells along a side, with a spacing of 0.05 m: from the length of the sheet to a sixth of a spacing", "", [1, 2, 4, 40, 120],
      lambda value: {"cells": value}),
     ("Friction", "", [0.1, 1.0, 100.0, 1e9], lambda value: {"terms": f"friction = {value!r}"}),
     ("Gravity", "m/s²", [0.0, 98.1, 981.0, 1e5], lambda value: {"gravity": -value}),
-    ("Frames so many times as long", "", [1, 10, 100], lambda value: {"fps": 24 / value}),
-    ("A second sheet that comes down on the water as fast", "m/s", [0.0, 10.0, 100.0, 1e3],
+    ("Length of frames, times 1/24 s", "", [1, 10, 100], lambda value: {"fps": 24 / value}),
+    ("Speed of a second sheet that falls onto the water", "m/s", [0.0, 10.0, 100.0, 1e3],
      lambda value: {"more": LID.format(speed=-value)}),
 ]
-BLOWN = [
-    ("Drag across the faces (`drag.across`) × wind along the sheet, half of it upwards", "m/s", [
+SMOKE_SWEEPS = [
+    ("Drag across the faces (`drag.across`) × wind along the sheet, with half of it upwards", "m/s", [
         (1.2, 0.0), (1.2, 10.0), (1.2, 100.0), (1.2, 1e3), (100.0, 10.0), (100.0, 100.0), (1e4, 10.0), (1e4, 1e3), (1e9, 1e3)], drags),
     ("Density of the sheet, in a wind of 30 m/s", "kg/m²", [1e-6, 1e-3, 1.0, 1e3], lambda value: {**drags((1.2, 30.0)), "density": value}),
 ]
+
+
+# Counts in a frame's record of the coupling with liquid, and how they are reported.
+CONTACT = {
+    "crossed": "particles crossed",
+    "put_back": "particles projected without the sheet",
+    "unfinished": "contact solves at their limit of iterations",
+}
 
 
 def border(cells):
@@ -111,14 +120,14 @@ def border(cells):
 def preset(change, integrator, system):
     values = {
         "fps": 24, "gravity": -9.81, "density": 0.5, "stiffness": 2000.0, "shear": 400.0, "cells": CELLS, "terms": "", "more": "",
-        "spacing": SPACING, "wet": 1000.0, "speed": -2.0, "wind": 0.0, "lift": 0.0, "integrator": integrator, "system": system, **change,
+        "spacing": SPACING, "rest_density": 1000.0, "speed": -2.0, "wind": 0.0, "lift": 0.0, "integrator": integrator, "system": system, **change,
     }
     fluid = (LIQUID if system == "liquid" else SMOKE).format(**values)
     return PRESET.format(**values, fluid=fluid, border=border(values["cells"]))
 
 
 def below(path):
-    """Particles below every face of the cloth over which they are, and the lowest place of the cloth, in the last frame."""
+    """The number of particles in the last frame that are below the lowest face of the cloth on their vertical line."""
     import numpy
 
     sys.path.insert(0, str(ROOT / "tools/python"))
@@ -146,7 +155,7 @@ def below(path):
 
 
 def verdict(tool, change, integrator, system):
-    """(word, figures, how) of one shot."""
+    """(verdict, figures, reason) of one shot."""
     text = preset(change, integrator, system)
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder)
@@ -163,26 +172,25 @@ def verdict(tool, change, integrator, system):
 
 
 def judge(frames, change, through):
-    """Stable if nothing was limited or went through, and no energy came from nowhere; else what was."""
+    """Stable if nothing was limited or got through, and the energy did not grow; else degraded, with the reasons."""
     assert len(frames) == 8, frames
     how = []
     total = lambda *keys: sum(value(frame, keys) for frame in frames)
     steps = total("sheets", "substeps")
-    tell = lambda count, what: how.append(f"{count:g} {what}") if count else None
+    report = lambda count, what: how.append(f"{count:g} {what}") if count else None
     share = lambda count, what: how.append(f"{count} of {steps} substeps {what}") if count else None
-    tell(total("coupling", "liquid", "crossed"), "particles crossed")
-    tell(total("coupling", "liquid", "put_back"), "particles put back alone")
-    tell(total("coupling", "liquid", "unfinished"), "rounds of contact unfinished")
-    tell(total("coupling", "smoke", "cut"), "drags of faces cut")
+    for key, what in CONTACT.items():
+        report(total("coupling", "liquid", key), what)
+    report(total("coupling", "smoke", "cut"), "drags of faces cut")
     share(total("liquid", "cfl_capped"), "longer than the CFL rule")
     share(total("liquid", "unconverged"), "above `density_dev`")
-    share(total("liquid", "clamps", "energy"), "had energy taken")
-    tell(total("liquid", "clamps", "corrections"), "corrections shortened")
+    share(total("liquid", "clamps", "energy"), "had energy removed")
+    report(total("liquid", "clamps", "corrections"), "corrections shortened")
     share(total("sheets", "unconverged"), "above `tolerance` of the sheets")
     if total("sheets", "overshot"):
         how.append(f"{total('sheets', 'overshot')} linearisations of sheets gained {total('sheets', 'overshot_energy'):.2g} J")
-    tell(total("smoke", "capped"), "steps of smoke too long")
-    tell(through, "particles below the sheet")
+    report(total("smoke", "capped"), "steps of smoke too long")
+    report(through, "particles below the sheet")
     last = frames[-1]
     parts = [last.get("liquid", {}).get(key, 0) for key in ("kinetic_energy", "potential_energy")]
     parts += [last["sheets"][key] for key in ("kinetic_energy", "elastic_energy", "potential_energy")]
@@ -191,9 +199,9 @@ def judge(frames, change, through):
     if "liquid" in last["coupling"]:
         begun = at_start(last["particles"], change)
         figures[2] = f"{begun:.2g} → {figures[2]}"
-        # What both had, and what gravity adds between the frames that are told.
+        # One per cent allows for the work of gravity between the frames in the log.
         if sum(parts) > begun + 0.01 * (abs(begun) + sum(abs(part) for part in parts)):
-            how.append("energy came from nowhere")
+            how.append("energy gained")
     return ("degraded" if how else "stable"), figures, "; ".join(how)
 
 
@@ -205,10 +213,10 @@ def value(frame, keys):
 
 def at_start(particles, change):
     """Energy of the first frame [J]: all of the liquid's, and of the second sheet's motion."""
-    spacing, wet = change.get("spacing", SPACING), change.get("wet", 1000.0)
+    spacing, rest_density = change.get("spacing", SPACING), change.get("rest_density", 1000.0)
     lid = "lid" in change.get("more", "")
     points = (change.get("cells", CELLS) + 1) ** 2 + (121 if lid else 0)
-    mass = (particles - points) * wet * spacing**3
+    mass = (particles - points) * rest_density * spacing**3
     g = -change.get("gravity", -9.81)
     energy = mass * (0.5 * change.get("speed", -2.0) ** 2 + g * 0.2)
     if lid:
@@ -219,21 +227,21 @@ def at_start(particles, change):
 
 def write(tool):
     """Writes the tables of couplings."""
-    print("# What couplings stand\n")
+    print("# Stability: couplings\n")
     print(
-        "A sheet of 1 m of 12 × 12 cells, 0.5 kg/m² and 2000 N/m, held at its border. With liquid: 27 kg of water, 216 particles, come down on\n"
-        "it with 2 m/s. With smoke: a ring of swirls comes up at it, in a wind. Eight frames of 1/24 s; one setting changes at a time, and\n"
-        "every value is run by both integrators.\n\n"
-        "- **stable**: nothing was limited, nothing is below the sheet, and no energy came from nowhere;\n"
-        "- **degraded**: the shot is finite and complete, and this was limited, or told;\n"
+        "A sheet of 1 m of 12 × 12 cells, 0.5 kg/m² and 2000 N/m, is held at its border. With liquid, 27 kg of water (216\n"
+        "particles) fall onto it with 2 m/s. With smoke, a vortex ring rises to it in a wind. Shots have eight frames of 1/24 s.\n"
+        "One setting changes at a time; every value is run by both integrators.\n\n"
+        "- **stable**: nothing was limited, no particle is below the sheet, and the energy did not grow;\n"
+        "- **degraded**: the shot is finite and complete, and its log reports what was limited, or particles got through;\n"
         "- **refused**: exit 2 or 20, with this message; the frames before it are kept.\n\n"
-        "*Below the sheet* is seen from where particles are at the end, not from what the shot tells. Strain is the largest of a spring at the\n"
-        "end; energy is of the liquid and of sheets together, at the start and at the end.\n"
+        "*Below the sheet* is computed from the particles' positions in the last frame. Strain is the largest of a spring at the\n"
+        "end. Energy is of liquid and sheets together, at the start and at the end.\n"
     )
-    for system, sweeps in (("liquid", WET), ("smoke", BLOWN)):
+    for system, sweeps in (("liquid", LIQUID_SWEEPS), ("smoke", SMOKE_SWEEPS)):
         for heading, unit, values, change in sweeps:
             print(f"## {'Liquid' if system == 'liquid' else 'Smoke'}: {heading[0].lower()}{heading[1:]}\n")
-            print(f"| value{f' [{unit}]' if unit else ''} | integrator | | substeps a frame | strain | energy [J] | how |")
+            print(f"| value{f' [{unit}]' if unit else ''} | integrator | | substeps a frame | strain | energy [J] | reason |")
             print("|---|---|---|--:|--:|---|---|")
             for value in values:
                 for integrator in INTEGRATORS:

@@ -1,4 +1,4 @@
-"""What becomes of smoke at the ends of its settings: the second half of docs/stability.md (stability.py)."""
+"""Smoke at the ends of its settings: a part of docs/stability.md (stability.py)."""
 
 import json
 import pathlib
@@ -52,26 +52,26 @@ def flown(speed):
 
 # (heading, unit, values, how a value changes the shot)
 SWEEPS = [
-    ("Steps of more than the strain allows (`flow.strain` and `flow.displacement`, times)", "", [1, 3, 10, 30, 100],
+    ("Step limits (`flow.strain` and `flow.displacement`), times the default", "", [1, 3, 10, 30, 100],
      lambda value: {"flow": f"strain = {min(0.3 * value, 100)}\ndisplacement = {min(value, 100)}\n"}),
-    ("Most steps (`flow.max_substeps`, with a circulation of 10 m²/s)", "", [1, 10, 200],
+    ("Maximum number of steps (`flow.max_substeps`, with a circulation of 10 m²/s)", "", [1, 10, 200],
      lambda value: {"flow": f"max_substeps = {value}\n", "bodies": ring(circulation=10)}),
-    ("Viscosity ν in shares of σ²/Δt, by exchange", "", [0, 0.1, 0.5, 10, 1000],
+    ("Viscosity ν in units of σ²/Δt, by particle strength exchange", "", [0, 0.1, 0.5, 10, 1000],
      lambda value: {"flow": VISCOSITY.format(value * 0.075**2 * 24, "exchange") + REMESH}),
-    ("Viscosity ν, by exchange", "m²/s", [1e-5, 1e9],
+    ("Viscosity ν, by particle strength exchange", "m²/s", [1e-5, 1e9],
      lambda value: {"flow": VISCOSITY.format(value, "exchange")}),
-    ("Viscosity ν, by growing cores", "m²/s", [1e-5, 1, 1e9],
+    ("Viscosity ν, by core spreading", "m²/s", [1e-5, 1, 1e9],
      lambda value: {"flow": VISCOSITY.format(value, "spreading")}),
     ("Circulation of the ring", "m²/s", [0, 1e-20, 1, 100, 1e4, 1e6, 1e30],
      lambda value: {"bodies": ring(circulation=value)}),
-    ("A stray ring of a tenth the size, so far off", "m", [10, 1e3, 1e5, 1e6, 1e9],
+    ("Distance of a stray ring of a tenth the size", "m", [10, 1e3, 1e5, 1e6, 1e9],
      lambda value: {"bodies": ring() + ring(x=value, radius=0.03, thickness=0.01), "flow": REMESH}),
-    ("A twin of the ring in its own place, so many times", "", [1, 3, 10],
+    ("Number of coincident copies of the ring", "", [1, 3, 10],
      lambda value: {"bodies": ring() * (value + 1), "flow": REMESH}),
-    ("Cores σ of so many spacings (`overlap`)", "", [0.8, 1.5, 4], lambda value: {"smoke": f"overlap = {value}\n"}),
-    ("The spacing of the remeshing over that of the vortons", "", [0.1, 0.5, 1, 4, 10, 100],
+    ("Cores σ in spacings (`overlap`)", "", [0.8, 1.5, 4], lambda value: {"smoke": f"overlap = {value}\n"}),
+    ("Spacing of the remeshing grid, relative to that of the vortons", "", [0.1, 0.5, 1, 4, 10, 100],
      lambda value: {"flow": f"remesh = {{ spacing = {0.05 * value} }}\n"}),
-    ("Heat of a ball of smoke", "K", [-1e6, -293, 0, 300, 1e6],
+    ("Temperature of a ball of smoke above the air's", "K", [-1e6, -293, 0, 300, 1e6],
      lambda value: {"bodies": SOURCE.format(value), "smoke": "[smoke.buoyancy]"}),
     ("Rate of dissolving and cooling", "1/s", [0.1, 24, 1e6], lambda value: {"smoke": f"dissolve = {value}\ncooling = {value}"}),
     ("Wind at a ball that sheds", "m/s", [0.1, 1, 10, 30],
@@ -80,30 +80,39 @@ SWEEPS = [
      lambda value: {"smoke": "wind = [3, 0, 0]\n[smoke.shedding]", "collider": ball(value * 0.05), "flow": WAKE}),
     ("Layer in which a wire of a radius of 0.9 spacings sheds, in spacings", "", [0.25, 1, 4],
      lambda value: {"smoke": f"wind = [3, 0, 0]\n[smoke.shedding]\nlayer = {value}", "collider": WIRE, "flow": WAKE}),
-    ("A ball around an emitter of a radius of 0.1 m", "m", [0.05, 0.1, 0.4],
+    ("Radius of a ball around an emitter of a radius of 0.1 m", "m", [0.05, 0.1, 0.4],
      lambda value: {"bodies": EMITTER, "collider": ball(value)}),
-    ("A ball that flies through a ring", "m/s", [1, 10, 100], lambda value: {"collider": flown(value)}),
+    ("Speed of a ball that flies through a ring", "m/s", [1, 10, 100], lambda value: {"collider": flown(value)}),
 ]
 
 
-# What no preset can say, and where it is tested.
+# Extremes that need no preset or several, and where they are tested.
 TESTS = [
     ("no vorton, one, two in one place and 1e-7 m apart", "tests/numerics/vortex_extremes.rs"),
     (
-        "coincident, in heaps of two cores, collinear, coplanar, a million metres off; heaps are one source however many they are",
+        "vortons that coincide, in heaps of two cores, collinear, coplanar, a million metres off; a heap is one source",
         "tests/numerics/vortex_extremes.rs`, `src/sim/vortex/octree.rs`, `src/sim/vortex/flow/gaussian_sums.rs",
     ),
-    ("the same in motion, with every term", "tests/numerics/vortex_dynamics/extremes.rs"),
+    ("all of these in motion, with every term", "tests/numerics/vortex_dynamics/extremes.rs"),
     ("strengths over twelve decades, cores over three", "tests/numerics/vortex_extremes.rs"),
     ("thousands in one cell, strays at 1e6 m", "tests/numerics/vortex_dynamics/extremes.rs"),
     ("a step a hundred times too long", "tests/numerics/vortex_dynamics/extremes.rs"),
     ("ν = 0 and ν Δt/s² = 10", "tests/numerics/vortex_dynamics/viscosity.rs"),
-    ("smoke so hot that ρ → 0, and colder than nothing", "tests/numerics/smoke.rs"),
+    ("smoke so hot that ρ → 0, and below 0 K", "tests/numerics/smoke.rs"),
     ("rate · Δt > 1", "src/sim/smoke/tracers.rs"),
     ("an obstacle around the emitter", "tests/numerics/smoke.rs"),
-    ("what is no number in a state, beyond the lattice", "tests/numerics/vortex_dynamics/extremes.rs"),
-    ("what is no number in a preset", "tests/cli/smoke.rs"),
+    ("NaN in a state, and positions beyond the remeshing grid", "tests/numerics/vortex_dynamics/extremes.rs"),
+    ("NaN in a preset", "tests/cli/smoke.rs"),
 ]
+
+# Counts in a frame's record that make it degraded, and how they are reported.
+LIMITED = {
+    "capped": "steps longer than the limits",
+    "clamped": "strengths cut",
+    "smothered": "tracers not emitted, inside solids",
+    "returned_vortons": "vortons projected out of solids",
+    "returned_tracers": "tracers projected out of solids",
+}
 
 
 def preset(change):
@@ -112,7 +121,7 @@ def preset(change):
 
 
 def verdict(tool, text):
-    """(word, how) of one shot."""
+    """(verdict, reason) of one shot."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder)
         (path / "shot.toml").write_text(text)
@@ -128,43 +137,42 @@ def verdict(tool, text):
 
 
 def judge(frames):
-    """Stable if nothing was limited and the velocity kept its error; else what was not so."""
+    """Stable if nothing was limited and the velocity kept its error; else degraded, with the reasons."""
     assert len(frames) == 8, frames
     total = lambda key: sum(frame[key] for frame in frames)
     steps, how = total("substeps"), []
-    for key, what in (("capped", "steps longer than asked for"), ("clamped", "strengths cut"), ("smothered", "tracers smothered"),
-                      ("returned_vortons", "vortons put out of solids"), ("returned_tracers", "tracers put out of solids")):
+    for key, what in LIMITED.items():
         if total(key):
             how.append(f"{total(key)} {what}" if key != "capped" else f"{total(key)} of {steps} {what}")
-    # What is next to nothing has no relative error.
+    # Velocities next to zero have no relative error.
     error = max((frame.get("error") or 0) for frame in frames)
     if error > 5e-3:
         how.append(f"velocities off by {100 * error:.2g} %")
-    for key, least, what in (("through_flow", 0.5, "of the flow at solids goes through"), ("unsolved", 0.01, "unsolved")):
+    for key, limit, what in (("through_flow", 0.5, "leakage of solids"), ("unsolved", 0.01, "of the flow through panels left")):
         part = max((frame.get(key) or 0) for frame in frames)
-        if part > least:
+        if part > limit:
             how.append(f"{100 * part:.0f} % {what}")
-    strongest = [abs(component) for frame in frames for component in frame["invariants"]["impulse"]]
-    assert all(value < 1e300 for value in strongest), frames
+    impulses = [abs(component) for frame in frames for component in frame["invariants"]["impulse"]]
+    assert all(value < 1e300 for value in impulses), frames
     return ("degraded" if how else "stable"), "; ".join(how)
 
 
 def write(tool):
     """Writes the tables of smoke."""
-    print("# What smoke stands\n")
+    print("# Stability: smoke\n")
     print(
         "A ring of a radius of 0.3 m and a circulation of 1 m²/s in vortons 0.05 m apart flies for eight frames of 1/24 s. One\n"
         "setting changes at a time.\n\n"
-        "- **stable**: nothing was limited, and velocities kept within 0.5 % of the sum over all pairs;\n"
-        "- **degraded**: the shot is finite and complete, and its log tells what was limited, or what solids smothered and put\n"
-        "  out;\n"
+        "- **stable**: nothing was limited, and velocities are within 0.5 % of the sum over all pairs;\n"
+        "- **degraded**: the shot is finite and complete, and its log reports what was limited, or what was projected out of\n"
+        "  solids;\n"
         "- **refused**: exit 2 or 20, with this message; the frames before it are kept.\n\n"
-        "What no preset can say is a test:\n\n"
+        "Further extremes are tests:\n\n"
         "| extreme | test |\n|---|---|\n" + "\n".join(f"| {what} | `{test}` |" for what, test in TESTS) + "\n"
     )
     for heading, unit, values, change in SWEEPS:
         print(f"## {heading}\n")
-        print(f"| value{f' [{unit}]' if unit else ''} | | how |\n|---|---|---|")
+        print(f"| value{f' [{unit}]' if unit else ''} | | reason |\n|---|---|---|")
         for value in values:
             word, how = verdict(tool, preset(change(value)))
             print(f"| {value:g} | {word} | {how} |", flush=True)
