@@ -10,8 +10,8 @@
 *Rows* differ in solver, kernels and steps. `steps` is many small substeps with one iteration each and no target: its
 work is set by the number of substeps, so it has a row for each.
 
-*Columns*: seconds of the passes on one thread; iterations and substeps in all; what the log says of the average and the largest
-deviation of its own kernel, mean over the frames; for the column, twice the height of the centre of mass over the rest
+*Columns*: seconds of the passes on one thread; iterations and substeps in all; the average and the largest deviation
+of its own kernel that the log reports, mean over the frames; for the column, twice the height of the centre of mass over the rest
 height and the RMS speed in the last frame. A row that expands a column or leaves it jittering has not converged.
 Needs the release binary, numpy and zstandard.
 """

@@ -40,7 +40,7 @@ def row(binary, preset, tier, frames, folder):
     wall, _, memory = run([binary, "shot", preset, "--quality", tier, *chosen, "-o", shot, "--progress", "none"])
     records = [json.loads(line) for line in (shot / "log.jsonl").read_text().splitlines()]
     record = max(records, key=lambda record: record.get("frame", 0))
-    most = max(record.get("particles", 0) for record in records)
+    peak_particles = max(record.get("particles", 0) for record in records)
     sizes = [size(shot / "cache"), sum(size(shot / kind) for kind in ("mesh", "volume", "sheet"))]
     picture = PICTURE.format(preset)
     shown = tier == TIERS[0] and (ROOT / picture).exists()
@@ -48,7 +48,7 @@ def row(binary, preset, tier, frames, folder):
         f"`{preset}`" if tier == TIERS[0] else "",
         f"![]({picture})" if shown else "",
         "as written" if tier == "final" else tier,
-        f"{most:,}".replace(",", " "),
+        f"{peak_particles:,}".replace(",", " "),
         str(record["frame"]),
         f"{wall:.{int(wall < 9.95)}f} s" if wall < 99.5 else f"{round(wall) // 60} min {round(wall) % 60} s",
         f"{memory / 2**20:.0f} MiB",

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Isotropic and anisotropic surfaces side by side, in figures and pictures: writes docs/kernels.md and docs/images/kernels-*.png.
+"""Compares isotropic and anisotropic surfaces in figures and pictures: writes docs/kernels.md and docs/images/kernels-*.png.
 
-    tools/bench/kernels.py --bpy path/to/python        all of it, some minutes
+    tools/bench/kernels.py --bpy path/to/python        everything, some minutes
     tools/bench/kernels.py --no-pictures -o /dev/stdout
 
 Needs a release binary, numpy and scipy, and for the pictures an interpreter with bpy 4.5 (tools/test makes one). The scenes
@@ -22,8 +22,8 @@ from surface_judge import judge
 VOXEL = "surface.voxel=0.25"
 SMOOTH, SMOOTHER = "surface.smoothing={}", "surface.smoothing.wavelength=12"
 ANISOTROPIC = "surface.anisotropy={}"
-# Columns: name, what the preset says. The first four have pictures.
-WAYS = [
+# Columns: name, settings of the preset. The first four have pictures.
+VARIANTS = [
     ("isotropic", []),
     ("isotropic, smoothed", [SMOOTH]),
     ("anisotropic", [ANISOTROPIC]),
@@ -31,7 +31,7 @@ WAYS = [
     ("isotropic, wavelength 12", [SMOOTHER]),
     ("anisotropic, wavelength 12", [ANISOTROPIC, SMOOTHER]),
 ]
-# Rows: name, title, how the camera looks.
+# Rows: name, title, options of the camera.
 SCENES = [
     ("sheet1", "sheet, one particle thick", ["--zoom", "3"]),
     ("sheet2", "sheet, two particles thick", ["--zoom", "3"]),
@@ -45,7 +45,7 @@ FRAME = 25
 
 
 def meshes(options, scratch):
-    """Every scene's mesh in every way: {scene: [(mesh, what is known, the mesh's log), …]}."""
+    """Every scene's mesh in every variant: {scene: [(mesh, known figures, the mesh's log), …]}."""
     shot = scratch / "dam-break"
     meniscus(options, "simulate", "dam-break", "--quality", "preview", "--frames", f"1-{FRAME}", "-o", shot)
     made = {}
@@ -55,9 +55,9 @@ def meshes(options, scratch):
         if name != "splash":
             known = surface_scenes.write(name, particles)
         made[name] = []
-        for place, (_, keys) in enumerate(WAYS):
+        for column, (_, keys) in enumerate(VARIANTS):
             words = [word for key in [VOXEL, *keys] for word in ("--set", key)]
-            out = scratch / f"{name}-{place}"
+            out = scratch / f"{name}-{column}"
             if name == "splash":
                 meniscus(options, "mesh", shot, "--frames", FRAME, "--force", *words)
                 out.mkdir()
@@ -81,29 +81,30 @@ def tables(made):
     """The figures of every scene, a table each."""
     lines = []
     for name, title, _ in SCENES:
-        found = [(way, judged(mesh, known, log)) for (way, _), (mesh, known, log) in zip(WAYS, made[name])]
+        found = [(variant, judged(mesh, known, log)) for (variant, _), (mesh, known, log) in zip(VARIANTS, made[name])]
         columns = list(found[0][1])
         lines += [f"### {title[0].upper()}{title[1:]}", "", "| | " + " | ".join(columns) + " |"]
         lines += ["|---|" + "--:|" * len(columns)]
-        lines += [f"| {way} | " + " | ".join(figures.values()) + " |" for way, figures in found]
+        lines += [f"| {variant} | " + " | ".join(figures.values()) + " |" for variant, figures in found]
         lines += [""]
     return lines
 
 
 def judged(mesh, known, log):
-    """What is shown of a mesh: title → figure."""
+    """The figures that are shown of a mesh: title → figure."""
+    components = str(log["pieces"])
     if known["name"] == "splash":
-        return {"pieces": str(log["pieces"]), "triangles": f"{log['triangles']:,}", "volume [m³]": f"{log['volume']:.3f}"}
+        return {"components": components, "triangles": f"{log['triangles']:,}", "volume [m³]": f"{log['volume']:.3f}"}
     found = judge(mesh, known)
-    shown = {"pieces": str(log["pieces"]), "volume off by": f"{100 * found['volume_error']:+.1f} %"}
+    shown = {"components": components, "volume error": f"{100 * found['volume_error']:+.1f} %"}
     if "thickness" in found:
         shown["thickness [spacings]"] = f"{found['thickness']:.2f}"
         shown["thinnest, thickest"] = f"{found['thinnest']:.2f}, {found['thickest']:.2f}"
         shown["roughness [radii]"] = f"{found['sheet_roughness']:.3f}"
     if "roughness" in found:
-        shown["volume off by"] = f"{100 * found['volume_error']:+.2f} %"
+        shown["volume error"] = f"{100 * found['volume_error']:+.2f} %"
         shown["roughness [radii]"] = f"{found['roughness']:.3f}"
-        shown["normals off by"] = f"{found['file_normals']:.2f}°"
+        shown["normals, error"] = f"{found['file_normals']:.2f}°"
         shown["Hausdorff [spacings]"] = f"{max(found['from_mesh'], found['to_mesh']):.2f}"
     if "round" in found:
         shown["radius varies by"] = f"{100 * found['round']:.1f} %"
@@ -111,39 +112,42 @@ def judged(mesh, known, log):
 
 
 def pictures(made, options):
-    """Renders what is pictured; returns the table."""
-    ways = WAYS[:4]
-    lines = ["| | " + " | ".join(way for way, _ in ways) + " |", "|---|" + "---|" * len(ways)]
+    """Renders the pictures; returns their table."""
+    variants = VARIANTS[:4]
+    lines = ["| | " + " | ".join(variant for variant, _ in variants) + " |", "|---|" + "---|" * len(variants)]
     for name, title, camera in SCENES:
         if name not in PICTURED:
             continue
-        files = [ROOT / f"docs/images/kernels-{name}-{place}.png" for place in range(len(ways))]
+        files = [ROOT / f"docs/images/kernels-{name}-{column}.png" for column in range(len(variants))]
         outputs = [word for file in files for word in ("-o", file)]
         line = [options.bpy, ROOT / "tools/blender/clay.py", *[mesh for mesh, _, _ in made[name][:4]], *outputs, *camera]
         subprocess.run(list(map(str, line)), check=True, stdout=subprocess.DEVNULL)
-        cells = [f"![{title}, {way}](images/{file.name})" for file, (way, _) in zip(files, ways)]
+        cells = [f"![{title}, {variant}](images/{file.name})" for file, (variant, _) in zip(files, variants)]
         lines.append(f"| {title} | " + " | ".join(cells) + " |")
     return [*lines, ""]
 
 
-INTRODUCTION = f"""# What kernels and smoothing do to a surface
+INTRODUCTION = f"""# Kernels and smoothing: their effect on a surface
 
-Written by `tools/bench/kernels.py`; do not edit. Voxels of a quarter of a spacing, particles moved off their lattice by up to
-{surface_scenes.JITTER} spacings, which a liquid's are too. *Isotropic* is a preset's surface as it is; *anisotropic* has
-`[surface.anisotropy]`, *smoothed* has `[surface.smoothing]`, both with their defaults, *wavelength 12* smooths twice as far.
+```sh
+meniscus mesh my-shot --set surface.anisotropy={{}} --set surface.smoothing={{}}     # the smoothest surface
+```
 
-"""
+- **Thin sheets**: use `[surface.anisotropy]`. A sheet of one layer is then flat, as thick as the layer, and keeps its rim.
+  One of two layers loses a tenth of its volume, twice as much as without.
+- **A bulk of liquid**: `[surface.anisotropy]` removes a fifth of the bumps, `[surface.smoothing]` nearly all; together they
+  are the smoothest. Smoothing removes all detail shorter than its wavelength; small droplets are left as they are.
+- **Filaments and droplets** have too few neighbours for anisotropy. They gain a sixth of volume with it, since the level is
+  lower.
 
-READING = """## What to take
+Steps of the seeding lattice, as on the ball, are longer than the kernels' support. Particles of a simulation have none.
+The surface's level is between those for planes along and across the seeding lattice, so that bodies have their volume to
+some tenths of a per cent. A plane along the seeding lattice is 0.05 spacings too deep (`src/field/threshold.rs`).
 
-- A sheet of one layer is flat with anisotropic kernels, as thick as the layer, and keeps its rim; one of two layers loses a
-  tenth of its volume, twice what it loses without. Filaments and droplets have too few neighbours to shape anything; they
-  are fuller by a sixth, since the level is lower.
-- On a bulk of liquid the kernels take a fifth of the bumps away, smoothing nearly all; together they make the calmest
-  picture. What smoothing takes is everything shorter than its wavelength; droplets that it would wear away stay as they are.
-- Steps of the lattice, as on the ball, are longer than kernels reach. Particles that come from a simulation have none.
-- The surface's level lies between those that planes along and across the lattice need, so that bodies have their volume to
-  some tenths of a percent; a plane along the lattice lies 0.05 spacings too deep, see `src/field/threshold.rs`.
+Written by `tools/bench/kernels.py`; do not edit. Voxels are a quarter of a spacing. Particles are displaced from their
+seeding lattice by up to {surface_scenes.JITTER} spacings, as those of a liquid are. *Isotropic* is a preset's default surface;
+*anisotropic* has `[surface.anisotropy]` and *smoothed* has `[surface.smoothing]`, both with their defaults. *Wavelength 12*
+smooths twice as far.
 
 """
 
@@ -158,7 +162,7 @@ def main():
     with tempfile.TemporaryDirectory() as scratch:
         made = meshes(options, pathlib.Path(scratch))
         shown = [] if options.no_pictures else pictures(made, options)
-        text = INTRODUCTION + "\n".join(shown) + "\n" + READING + "## Figures\n\n" + "\n".join(tables(made))
+        text = INTRODUCTION + "\n".join(shown) + "\n## Figures\n\n" + "\n".join(tables(made))
     options.output.write_text(text.rstrip() + "\n")
 
 

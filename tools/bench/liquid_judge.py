@@ -1,12 +1,12 @@
 """Judges particles, whoever wrote them: `python liquid_judge.py JOB.json` prints JSON.
 
 Both programs go through this file alone. ρ/ρ₀ of a particle is V · Σ W(r, h) over itself and its neighbours, V being
-the rest volume that the program gives a particle, with s = V^(1/3) and the sum scaled to 1 on the cubic lattice of
-spacing s. Two kernels: the cubic spline with h = 2 s, and Wendland's C2 with h = 3 s ("wide"). Neither is neutral. On a
+the rest volume that the program gives a particle, with s = V^(1/3) and the sum scaled to 1 on the cubic seeding lattice
+of spacing s. Two kernels: the cubic spline with h = 2 s, and Wendland's C2 with h = 3 s ("wide"). Neither is neutral. On a
 disordered liquid of one and the same number density kernels differ by a per cent or more: the first is the very
 constraint that the peer solves, so it favours the peer; the second is a wider one of the family that Meniscus solves by
-default (Wendland's C2 with h = 2 s), so it may favour Meniscus, though it reads number density with less regard to how
-particles lie. Height and volume ask no kernel at all.
+default (Wendland's C2 with h = 2 s), so it may favour Meniscus, though it depends less on the arrangement of particles.
+Height and volume need no kernel at all.
 
 Walls add nothing: near them ρ is too low, so
 - the *bulk* is what lies farther than h from every wall and from every empty place, empty places being cells of 1.5 s
@@ -43,8 +43,8 @@ KERNELS = [("", spline, 2), ("wide_", wendland, 3)]
 PAIRS = 1 << 22
 
 
-def lattice_sum(kernel, support):
-    """Σ W of a particle of the filled lattice."""
+def rest_sum(kernel, support):
+    """Σ W of a particle inside a filled seeding lattice."""
     steps = numpy.arange(-support, support + 1)
     q = numpy.sqrt(sum(a * a for a in numpy.meshgrid(steps, steps, steps))) / support
     return kernel(q[q <= 1]).sum()
@@ -62,7 +62,7 @@ def densities(x, spacing):
             near = r < support
             w = kernel(r[near] / support)
             total += numpy.bincount(i[near], w, len(x)) + numpy.bincount(j[near], w, len(x))
-    return [total / lattice_sum(kernel, support) for total, (_, kernel, support) in zip(totals, KERNELS)]
+    return [total / rest_sum(kernel, support) for total, (_, kernel, support) in zip(totals, KERNELS)]
 
 
 def bulk(x, spacing, tank, support):
@@ -86,7 +86,7 @@ def column(x, spacing, tank):
     place = [numpy.clip((x[:, a] / tank[a] * bins[a]).astype(int), 0, bins[a] - 1) for a in range(2)]
     top = numpy.full(bins, -numpy.inf)
     numpy.maximum.at(top, tuple(place), x[:, 2])
-    # Where the outermost particles stand is where the walls are for this program; a thousandth may stray.
+    # The outermost particles mark the walls of this program; a thousandth may stray.
     low, high = numpy.quantile(x, [0.001, 0.999], axis=0)
     footprint = numpy.prod(high[:2] - low[:2] + spacing)
     surface = numpy.median(top) + spacing / 2

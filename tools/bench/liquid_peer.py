@@ -9,8 +9,8 @@ this file spends on writing frames. The first step is left out, with its 1 ms of
 boundary's volume map hides in it. The peak of the memory is taken from there on too.
 
 Facts about the peer that decide what is compared:
-- A particle of radius r carries (2r)³ of rest volume, the support is 4r and the kernel a cubic spline. (Versions up
-  to 2.16 carried 0.8 (2r)³: figures of theirs are of another liquid.)
+- A particle of radius r has (2r)³ of rest volume, the support is 4r and the kernel a cubic spline. (Up to version 2.16
+  it had 0.8 (2r)³: their figures are of another liquid.)
 - The wheel is built with AVX2 and FMA, which its solvers use throughout, and computes in single precision.
 - PBF holds its tolerance while it iterates, not in the positions that it leaves: their mean compression is far above
   0.1 %, their largest above 10 %, at either tolerance. On two threads its positions differ from run to run.
@@ -18,8 +18,8 @@ Facts about the peer that decide what is compared:
   DFSPH that of the density predicted from the velocities, not that of the positions. `maxErrorV` is per cent a step.
 - At `maxIterations` a step ends above its target in silence; such steps are counted here.
 - Walls are meshes whose surface stands for a layer of particle centres, so the mesh must lie outside of the tank.
-  A block that starts too near is thrown apart before the first frame (at r/2 + 2r with 37 m/s): `wall` says by how
-  many radii the mesh is moved out. 1.5 with boundary particles and 2.5 with volume maps are the least that start
+  A block that starts too near is thrown apart before the first frame (at r/2 + 2r with 37 m/s): `wall` is the number of
+  radii by which the mesh is moved out. 1.5 with boundary particles and 2.5 with volume maps are the smallest that start
   calm; the liquid then reaches about half a spacing beyond the tank on every side.
 - Step size: min(cflMaxTimeStepSize, cflFactor · 0.4 · 2r / fastest speed). With its default of 5 ms, DFSPH throws a
   column of 49 layers apart after 0.1 s (27 m/s) without ever reaching its iteration limit; with 2 ms the column rests,
@@ -94,7 +94,7 @@ def scene(job):
                 "mapResolution": cells,
             }
         ],
-        # The block's lattice starts and ends one diameter inside of what is named here.
+        # The block's seeding lattice starts and ends one diameter inside of these corners.
         "FluidBlocks": [{"denseMode": 0, "start": [-radius] * 3, "end": [(2 * n + 1) * radius for n in job["counts"]]}],
     }
 
@@ -121,7 +121,7 @@ def main():
     import pysplishsplash
 
     base = pysplishsplash.Exec.SimulatorBase()
-    # Volume maps are kept beside the scene file, for the next run.
+    # Volume maps are kept next to the scene file, for the next run.
     base.init(useGui=False, sceneFile=str(path), outputDir=str(folder / "out"), initialPause=False, useCache=True)
     bare = status("VmRSS")
     base.initSimulation()
@@ -150,7 +150,7 @@ def main():
         return numpy.array(fluid.getFieldBuffer(name), copy=False)[:particles]
 
     for name in ("position", "position0"):
-        # The same lattice as the other program's, whatever the radius.
+        # The same seeding lattice as the other program's, whatever the radius.
         axes = [(numpy.arange(n) + 0.5) * job["spacing"] for n in job["counts"]]
         field(name)[:] = numpy.stack(numpy.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 

@@ -9,24 +9,24 @@ machine that does nothing else. Every run is a process of its own, on 1 and on 2
 
 *Scenes*: a block of water of 0.8 × 1 × 1 m at one end of a tank of 3.2 × 1 × 2 m (x, y, z; z is up), and a column of
 0.5 × 0.5 × 1 m that fills its tank's floor and should stay where it is (small: half a metre deep). Spacings divide the
-metre, so both programs start from the same lattice with the same number of particles: `small` 1/18 m, 4 536 particles;
+metre, so both programs start from the same seeding lattice with the same number of particles: `small` 1/18 m, 4 536 particles;
 `100k` 1/49 m, 93 639; `1M` 1/108 m, 1 003 104. The columns have the scene's spacing, that of `1M` the spacing of `100k`.
 
 *Settings*: no artificial pressure, no vorticity confinement; XSPH viscosity with c = --xsph (0.01) in both, applied
 once a step in both. Steps follow the programs' own rules: no particle moves farther than 0.8 spacings in Meniscus and 0.4
 in the peer, and a step is at most 5.2 ms in Meniscus (8 substeps a frame at 24 fps), and 0.1 s/m · spacing but no more than
 5 ms in the peer, whose deep columns burst with longer ones. Everything else as the programs have it by default; the
-rows stand in `MENISCUS` and `PEERS` below.
+rows are `MENISCUS` and `PEERS` below.
 
 *Quality* is judged for both programs by liquid_judge.py alone, from positions and velocities, and is never one
 average: rows compare only where mean compression, two-sided deviation, the mean over the frames of the largest
-compression, and the column's compression, height, volume and leftover speed are alike together. What the programs say of themselves
-stands beside it.
+compression, and the column's compression, height, volume and leftover speed are alike together. The errors that the
+programs report themselves are shown next to it.
 
 *Cost*: wall and CPU seconds a simulated second. Meniscus: wall is what its log books on passes, without start-up and
 files; CPU is the process's user and system time, less that of a run of the first frame alone, so packing and writing
 the other frames is in it. Peer: both are those of the steps, without start-up, the first step and files
-(liquid_peer.py). Memory: the peak of the process; for the peer that of the steps alone where the system tells, and
+(liquid_peer.py). Memory: the peak of the process; for the peer that of the steps alone where the system reports it, and
 what Python and its modules take before there is a scene is taken off in "bytes a particle".
 """
 
@@ -58,7 +58,7 @@ PEERS = [
     ("SPlisHSPlasH PBF, 1 %", "PBF", 1.0),
     ("SPlisHSPlasH PBF, 0.1 %", "PBF", 0.1),
 ]
-# Not measured here. Another method is another game: grids and markers, no density to hold.
+# Not measured here: another method, with grids and markers, and no density constraint.
 QUOTED = "Quoted, not measured: Blender's Mantaflow (FLIP) bakes 24 frames at a 100k fill in 5.8 s and at a 1M fill in 140 s."
 
 # Name: particles a metre, particles of the block along x, particles a metre of its resting column.
@@ -66,7 +66,7 @@ SCENES = {"small": (18, 14, 18), "100k": (49, 39, 49), "1M": (108, 86, 49)}
 TANK = [3.2, 1.0, 2.0]
 # Which frames are judged: of a million particles one takes ten seconds and 1.3 GiB.
 JUDGED = {"small": 1, "100k": 1, "1M": 2}
-# Radii that the peer's walls lie outside of the tank, by how it models them; liquid_peer.py says why.
+# Radii that the peer's walls lie outside of the tank, by how it models them; liquid_peer.py gives the reason.
 WALLS = {"particles": 1.5, "volume-map": 2.5}
 
 
@@ -99,7 +99,7 @@ def environment(folder):
         subprocess.run(install, check=True)
     if importable(python):
         return python
-    # The wheel brings a libGLdispatch of its own, which crashes beside the system's other GL libraries.
+    # The wheel brings a libGLdispatch of its own, which crashes together with the system's other GL libraries.
     bundled = list(folder.glob("lib/python*/site-packages/pysplishsplash.libs/libGLdispatch-*"))
     systems = [
         path
@@ -236,7 +236,7 @@ def judge(files, volume, tank, options, folder):
 
 
 def mean(frames, key):
-    """The mean over the frames that have this figure; None if none has (no bulk left, or nothing said)."""
+    """The mean over the frames that have this figure; None if none has (no bulk left, or nothing reported)."""
     values = [frame[key] for frame in frames if key in frame]
     return statistics.fmean(values) if values else None
 
@@ -263,7 +263,7 @@ def rest_quality(frames, fps):
 
 
 def measure(row, scene_name, threads, options):
-    """One row on one number of threads: the dam break, and the column where it is asked for."""
+    """One row on one number of threads: the dam break, and the column where it is requested."""
     name, *settings = row
     kind = meniscus if len(settings) == 1 else peer
     result = {"row": name, "scene": scene_name, "threads": threads}
@@ -317,8 +317,8 @@ DAM = [
     ("two-sided, wide", "wide_two_sided", percent(3)),
     ("largest, wide", "wide_max_bulk", percent(2)),
     ("share judged", "bulk_share", percent(0)),
-    ("says: mean", "own_average", percent(3)),
-    ("says: largest", "own_max", percent(2)),
+    ("reported: mean", "own_average", percent(3)),
+    ("reported: largest", "own_max", percent(2)),
     ("left the tank", "outside", "{}".format),
 ]
 REST = [
@@ -358,7 +358,7 @@ def table(title, columns, results, part, ratios=()):
     return lines
 
 
-# What has to be alike before two rows compare: title, part, key, and what of the figure is to be small.
+# Figures that must be alike before two rows compare: title, part, key, and the value of the figure that should be small.
 GATE = [
     ("mean compression", "dam", "compression", abs),
     ("two-sided", "dam", "two_sided", abs),
@@ -446,7 +446,7 @@ def arguments():
         "--rows", action="append", metavar="TEXT", help="only rows whose name contains it; may be repeated"
     )
     parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="handed on to every Meniscus row"
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="passed to every Meniscus row"
     )
     parser.add_argument("--xsph", type=float, default=0.01, help="viscosity of both programs, 0: none (0.01)")
     parser.add_argument(

@@ -102,7 +102,7 @@ def fig2(bench, images):
     return (
         "## Figure 2: artificial pressure\n\n"
         f"`figure-splash` as a draft ({size} particles), two steps of three Jacobi iterations a frame of 16 ms, one second "
-        "after the figure is let go. Distances from each particle to its nearest neighbour, in spacings; 1 is the lattice.\n\n"
+        "after the figure is let go. Distances from each particle to its nearest neighbour, in spacings; 1 is the seeding lattice.\n\n"
         + table(["constraint, artificial pressure", "1 % below", "10 % below", "median", "under half a spacing"], rows)
         + "\n![](images/paper-fig2.svg)\n\n" + commands(lines)
     )
@@ -240,14 +240,19 @@ def tables(bench, _):
 
 PARTS = {"fig2": fig2, "fig4": fig4, "fig5": fig5, "fig6": fig6, "tables": tables}
 
-HEAD = """# Beside the paper
+HEAD = """# Comparison with [pbf]
 
-Written by `tools/bench/paper.py`, which ran every shot below in {seconds:.0f} s on {threads} threads, with {cpu:.0f} s of CPU
-time; do not edit.
+```sh
+tools/bench/paper.py                    # runs every shot below and writes this page
+tools/bench/paper.py --only fig4        # one part
+```
 
-The figures and tables of [pbf] (see [references.md](references.md)) on the built-in presets. **The figures are of drafts, about
-10 000 particles**, a tenth of the paper's; the tables are of the presets as written. Where the CPU time is well
-below threads × seconds, the machine did other work too, and the times in the tables are too long; everything else is the same on every run.
+The figures and tables of [pbf] ([references.md](references.md)) on the built-in presets. **The figures are of drafts, about
+10 000 particles**, a tenth of the paper's; the tables are of the presets as written. Each part ends with its commands.
+
+Written by `tools/bench/paper.py` in {seconds:.0f} s on {threads} threads, with {cpu:.0f} s of CPU time; do not edit. Where the CPU
+time is well below threads × seconds, other programs ran, and the times in the tables are too long. Everything else is the
+same in every run.
 """
 
 

@@ -8,9 +8,9 @@ COLOURS = ["#c0392b", "#2c6fbb", "#2e8b57", "#8e6bbf"]
 
 
 def plot(path, title, x_name, y_name, curves, log=(False, False), legend_top=40):
-    """Curves (name, xs, ys) as an SVG with axes, ticks and a legend; `log` says which axes are logarithmic.
+    """Curves (name, xs, ys) as an SVG with axes, ticks and a legend; `log` selects the logarithmic axes.
 
-    `legend_top` is the legend's place from above, of 400: where no curve runs."""
+    `legend_top` is the legend's distance from the top, of 400: a place without curves."""
     wide, high, left, right, top, bottom = 720, 400, 70, 20, 40, 50
     spans, marks = [], []
     for axis in (0, 1):

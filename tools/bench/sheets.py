@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What sheets cost and how exact that is, as tables in Markdown.
+"""Cost and accuracy of sheets, as tables in Markdown.
 
     tools/bench/sheets.py cost                       seconds a substep from 1e3 to 1e6 points, about two minutes
     tools/bench/sheets.py cost --plot docs/images/sheets-cost.svg
@@ -8,14 +8,14 @@
     tools/bench/sheets.py precision --stiffness 1e2,1e4 --frames 13
 
 *Cost*: a square of 1 m, held at its corners, in frames of sixteen symplectic substeps, so that they are as long as the
-points are far apart. A substep of the implicit integrator is four of these; it is told by rounds of its conjugate gradients,
-of which it needs as many whatever the points. Wall seconds of the pass `sheet_step` of the tool's log on one thread, best of the frames; by
-threads `cargo bench --bench sheet -- threads` has them.
+points are far apart. A substep of the implicit integrator is four of these; its cost is given for an iteration of the conjugate
+gradients, since their number does not depend on the points. Wall seconds of the pass `sheet_step` of the tool's log on one
+thread, best of the frames; `cargo bench --bench sheet -- threads` has them by threads.
 
 *Precision*: a cloth of 64 × 64 cells, level at the start, hung at two corners, by stiffness, integrator and steps. Errors are
 root mean squares of the distances of its points from those of a symplectic run with an eighth of the longest stable
-substep, and *certain* is how far that run is from one of a quarter. CPU seconds of the process on one thread, so other work on the
-machine shows little.
+substep, and *certain* is the distance of that run from one with a quarter. CPU seconds of the process on one thread, so other
+work on the machine shows little.
 
 Needs the release binary, Python's standard library, and a machine that does nothing else.
 """
@@ -67,7 +67,7 @@ def preset(**changes):
 
 
 def simulate(options, text, threads=1):
-    """The log's records, the places of the points in the last frame, and CPU seconds."""
+    """The log's records, the positions of the points in the last frame, and CPU seconds."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder)
         (path / "sheet.toml").write_text(text)
@@ -86,13 +86,13 @@ def simulate(options, text, threads=1):
         return records, places, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def a_step(records):
+def substep_seconds(records):
     """Wall seconds of a substep, best of the frames."""
     return min(dict(record["seconds"])["sheet_step"] / record["sheets"]["substeps"] for record in records)
 
 
-def a_round(records):
-    """Wall seconds of a round of the conjugate gradients, best of the frames, and rounds a substep."""
+def iteration_seconds(records):
+    """Wall seconds of an iteration of the conjugate gradients, best of the frames, and iterations a substep."""
     counted = [record for record in records if record["sheets"]["iterations"]]
     best = min(dict(record["seconds"])["sheet_step"] / record["sheets"]["iterations"] for record in counted)
     return best, counted[-1]["sheets"]["iterations"] / counted[-1]["sheets"]["substeps"]
@@ -103,14 +103,14 @@ def count(number):
 
 
 def cost(options):
-    """Seconds a substep by points, and how far that is from a straight line through the origin."""
+    """Prints seconds a substep by points, and the deviation from a straight line through the origin."""
     points = [int(side) ** 2 for side in options.sides.split(",")]
     curves = []
     for kind, terms in KINDS.items():
         print(f"\n{kind[0].upper() + kind[1:]}:\n")
-        print("| points | symplectic, ms a substep | ns a point | implicit, ms a substep | rounds | ns a point and round |")
+        print("| points | symplectic, ms a substep | ns a point | implicit, ms a substep | iterations | ns a point and iteration |")
         print("|--:|--:|--:|--:|--:|--:|")
-        substeps, rounds = [], []
+        substeps, iterations = [], []
         for number in points:
             cells = math.isqrt(number) - 1
             # The longest stable substep of the bare grid at courant 0.5: frames of sixteen.
@@ -118,24 +118,24 @@ def cost(options):
             fps = 1 / (SUBSTEPS * 0.5 * longest)
             last = 3 if number > 3e5 else 5 if number > 3e4 else 17
             common = {"cells": cells, "fps": fps, "terms": terms, "last": last}
-            substeps.append(a_step(simulate(options, preset(**common))[0]))
+            substeps.append(substep_seconds(simulate(options, preset(**common))[0]))
             records, *_ = simulate(options, preset(**common, solver="integrator = 'implicit'\nsubsteps = 4"))
-            best, per_substep = a_round(records)
-            rounds.append(best)
+            best, per_substep = iteration_seconds(records)
+            iterations.append(best)
             row = [count(number), f"{1e3 * substeps[-1]:.3g}", f"{1e9 * substeps[-1] / number:.1f}"]
-            row += [f"{1e3 * a_step(records):.3g}", f"{per_substep:.1f}", f"{1e9 * best / number:.1f}"]
+            row += [f"{1e3 * substep_seconds(records):.3g}", f"{per_substep:.1f}", f"{1e9 * best / number:.1f}"]
             print("| " + " | ".join(row) + " |", flush=True)
-        lines = [[one / n for one, n in zip(seconds, points)] for seconds in (substeps, rounds)]
+        lines = [[one / n for one, n in zip(seconds, points)] for seconds in (substeps, iterations)]
         spread = [f"{max(ns) / min(ns):.2f}" for ns in lines]
-        print(f"\nLinear within a factor of {spread[0]} (symplectic) and {spread[1]} (implicit, a round).")
+        print(f"\nLinear within a factor of {spread[0]} (symplectic) and {spread[1]} (implicit, an iteration).")
         curves += [(f"{what}, {kind}", points, [1e3 * value for value in seconds])
-                   for what, seconds in (("substep", substeps), ("implicit round", rounds))]
+                   for what, seconds in (("substep", substeps), ("iteration", iterations))]
     if options.plot:
-        plot(options.plot, "What a sheet costs, one thread", "points", "milliseconds", curves, (True, True), legend_top=260)
+        plot(options.plot, "Cost of a sheet, one thread", "points", "milliseconds", curves, (True, True), legend_top=260)
 
 
-def apart(a, b):
-    """Root mean square of the distances [m]."""
+def rms_distance(a, b):
+    """Root mean square of the distances of points of the same number [m]."""
     return math.sqrt(sum((x - y) ** 2 for x, y in zip(a, b)) / (len(a) / 3))
 
 
@@ -159,17 +159,17 @@ def precision(options):
         for substeps in (1, 2, 4, 8, 16, 32, 64):
             solver = f"integrator = 'implicit'\nsubsteps = {substeps}\ntolerance = {options.tolerance}"
             found.append((f"implicit, {substeps}", *run(solver)))
-        rows[stiffness] = [(name, cpu, apart(places, exact)) for name, _, places, cpu in found]
-        print(f"\n{stiffness:g} N/m, certain to {1e3 * apart(exact, nearly):.2g} mm:\n")
-        print("| integrator | substeps a frame | rounds a substep | CPU s | error [mm] | strain | energy at the end [J] |")
+        rows[stiffness] = [(name, cpu, rms_distance(places, exact)) for name, _, places, cpu in found]
+        print(f"\n{stiffness:g} N/m, certain to {1e3 * rms_distance(exact, nearly):.2g} mm:\n")
+        print("| integrator | substeps a frame | iterations a substep | CPU s | error [mm] | strain | energy at the end [J] |")
         print("|---|--:|--:|--:|--:|--:|--:|")
         for name, records, places, cpu in found + [("reference", finest, exact, longest)]:
             last = records[-1]["sheets"]
             steps = sum(record["sheets"]["substeps"] for record in records)
-            rounds = sum(record["sheets"]["iterations"] for record in records)
+            iterations = sum(record["sheets"]["iterations"] for record in records)
             energy = last["kinetic_energy"] + last["elastic_energy"] + last["potential_energy"]
-            far = "" if places is exact else f"{1e3 * apart(places, exact):.2g}"
-            cells = [name, f"{steps / len(records):.0f}", f"{rounds / steps:.0f}" if rounds else "", f"{cpu:.3g}"]
+            far = "" if places is exact else f"{1e3 * rms_distance(places, exact):.2g}"
+            cells = [name, f"{steps / len(records):.0f}", f"{iterations / steps:.0f}" if iterations else "", f"{cpu:.3g}"]
             cells += [far, f"{100 * last['strain_max']:.2g} %", f"{energy:.4f}"]
             print("| " + " | ".join(cells) + " |", flush=True)
     limits = [1e-3, 3e-3, 1e-2, 3e-2]

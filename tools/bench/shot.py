@@ -34,16 +34,16 @@ def run(arguments):
         wall = time.perf_counter() - start
         usage = resource.getrusage(resource.RUSAGE_CHILDREN)
         figures = [wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024]
-        said = done.stderr.decode(errors="replace")[-2000:]
+        errors = done.stderr.decode(errors="replace")[-2000:]
         with os.fdopen(write_end, "w") as out:
-            json.dump({"code": done.returncode, "said": said, "figures": figures}, out)
+            json.dump({"code": done.returncode, "errors": errors, "figures": figures}, out)
         os._exit(0)
     os.close(write_end)
     with os.fdopen(read_end) as answer:
         result = json.load(answer)
     os.waitpid(child, 0)
     if result["code"] != 0:
-        sys.exit(f"{' '.join(map(str, arguments))} ended with {result['code']}:\n{result['said']}")
+        sys.exit(f"{' '.join(map(str, arguments))} ended with {result['code']}:\n{result['errors']}")
     return result["figures"]
 
 
@@ -96,8 +96,8 @@ def main():
     parser.add_argument("preset")
     parser.add_argument("--frames", default="1-48")
     parser.add_argument("--threads", default="1,2", help="numbers of threads, with commas (default 1,2)")
-    parser.add_argument("--set", action="append", default=[], help="handed on to the tool")
-    parser.add_argument("--quality", help="handed on to the tool")
+    parser.add_argument("--set", action="append", default=[], help="passed to the tool")
+    parser.add_argument("--quality", help="passed to the tool")
     parser.add_argument("--binary", default=ROOT / "target/release/meniscus")
     options = parser.parse_args()
     extra = [word for key in options.set for word in ("--set", key)]

@@ -8,7 +8,7 @@ Every program's files go through this file alone. Of any mesh:
   side. *Slivers*: a smallest angle below one degree.
 - *grid*: distance of the planes that many vertices share [m], which marching cubes leaves behind and smoothing wipes
   out: it shows that two programs used the same voxel.
-- *pieces* that share no vertex, *handles* through them (genus, of a closed manifold mesh), volume [m³] by the
+- *components* that share no vertex, *handles* through them (genus, of a closed manifold mesh), volume [m³] by the
   divergence theorem, its error against the particles' own N · spacing³, and area [m²].
 
 Of shapes that are known, in double precision:
@@ -115,7 +115,7 @@ def grid(x):
         return None
     planes = values[shared]
     steps = numpy.diff(planes)
-    # One plane may be rounded both ways, and each by half a millionth: the whole width says the step more exactly.
+    # A plane may be rounded up and down, each by half a millionth: the whole width gives the step more exactly.
     steps = steps[steps > 5e-6]
     if len(steps) <= 10:
         return None
@@ -124,7 +124,7 @@ def grid(x):
 
 
 def topology(n, triangles):
-    """Edges, fans and pieces."""
+    """Edges, fans and connected components."""
     start, stop = triangles.reshape(-1), triangles[:, [1, 2, 0]].reshape(-1)
     # Each corner owns the side that starts there; sides of one edge come together.
     low, high = numpy.minimum(start, stop), numpy.maximum(start, stop)
@@ -139,14 +139,14 @@ def topology(n, triangles):
     # Corners at one vertex that share an edge belong to one fan; a corner's side ends at the triangle's next corner.
     following = numpy.arange(len(start)).reshape(-1, 3)[:, [1, 2, 0]].reshape(-1)
     p, q = p[~turned], q[~turned]
-    fans, fan = pieces(len(start), numpy.concatenate([p, following[p]]), numpy.concatenate([following[q], q]))
+    fans, fan = components(len(start), numpy.concatenate([p, following[p]]), numpy.concatenate([following[q], q]))
     of_fan = numpy.empty(fans, numpy.int64)
     of_fan[fan] = start
     around = numpy.bincount(of_fan, minlength=n)
     pinched = int((around > 1).sum())
     used = int((around > 0).sum())
 
-    parts = pieces(n, start, stop)[0] - (n - used)
+    parts = components(n, start, stop)[0] - (n - used)
     euler = used - len(first) + len(triangles)
     closed = not ((count == 1).any() or (count > 2).any() or turned.any() or pinched)
     return {
@@ -154,14 +154,14 @@ def topology(n, triangles):
         "crowded": int((count > 2).sum()),
         "turned": int(turned.sum()),
         "pinched": pinched,
-        "pieces": int(parts),
+        "components": int(parts),
         "handles": int(parts - euler // 2) if closed else None,
         "unused": n - used,
     }
 
 
-def pieces(n, rows, columns):
-    """How many connected pieces n nodes form, and the piece of each."""
+def components(n, rows, columns):
+    """The number of connected components of n nodes, and the component of each."""
     graph = coo_matrix((numpy.ones(len(rows), bool), (rows, columns)), (n, n))
     return connected_components(graph, directed=False)
 

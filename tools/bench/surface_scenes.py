@@ -1,13 +1,13 @@
 """Particles to be surfaced, made from nothing but their names: `surface_scenes.py splash-100k out.xyz`.
 
-Every scene sits on a cubic lattice and is jittered: each particle moves by up to JITTER spacings along each axis, drawn
-from a generator with a fixed seed. Files hold raw little-endian single-precision triples without a header, which both
+Every scene starts on a cubic seeding lattice and is jittered: each particle moves by up to JITTER spacings along each axis,
+drawn from a generator with a fixed seed. Files hold raw little-endian single-precision triples without a header, which both
 programs read as `.xyz`.
 
 - `splash-100k`, `splash-1M`, `splash-4M`, and `splash-10M`, `splash-20M` to see how far it goes: a pool a metre deep
-  with waves, and over each patch of it a crown, a thin curved sheet and spray. A larger one is a wider pool with more of them, not a magnified one, so the share of its
-  particles near the surface is about the same: a cube of 95 000 particles has 13 % of them in its outermost layer, one
-  of four million 4 %.
+  with waves, and over each patch of it a crown, a thin curved sheet and spray. A larger one is a wider pool with more of
+  them, not a magnified one, so the share of its particles near the surface is about the same: a cube of 95 000 particles
+  has 13 % of them in its outermost layer, one of four million 4 %.
 - `spray`: droplets of one to a few dozen particles, hardly any interior.
 - `ball`: radius 40 spacings. `sheet1`, `sheet2`: 60 × 60 spacings, one and two particles thick. `filament`: 80
   particles in a row. `droplet`: one particle. `drop`: radius 2.5 spacings. These five have a spacing of 0.05 m too, and
@@ -24,7 +24,7 @@ from scipy import ndimage
 SPACING = 0.05  # m
 JITTER = 0.15  # spacings
 SEED = 20130201
-# The lattice does not lie on grid nodes: voxels divide the spacing.
+# Keeps the seeding lattice off grid nodes, since voxels divide the spacing.
 SHIFT = numpy.array([0.137, 0.291, 0.433])
 
 # Name: cells along the pool's sides (x, y), depth in cells, patches with a crown along x and y.
@@ -39,7 +39,7 @@ SPLASHES = {
 
 
 def splash(name, time=0.0):
-    """Which cells of the lattice are filled: the pool, and what flies above it. `time` [frames] moves all of it."""
+    """The filled cells of the seeding lattice: the pool, and the splashes above it. `time` [frames] moves all of it."""
     (nx, ny), depth, (px, py) = SPLASHES[name]
     random = numpy.random.default_rng(SEED)
     height = 2 * depth + 24
@@ -126,7 +126,7 @@ def outermost(filled):
 
 
 def jittered(cells, seed, turned=False):
-    """Positions [m] of particles at lattice places `cells`, moved by up to JITTER."""
+    """Positions [m] of particles at the sites `cells` of the seeding lattice, moved by up to JITTER."""
     random = numpy.random.default_rng(seed)
     cells = cells + SHIFT + random.uniform(-JITTER, JITTER, cells.shape)
     if turned:
@@ -144,14 +144,14 @@ def rotation(axis, degrees):
 ROTATION = rotation([1, 2, 3], 29)
 
 
-def lattice(counts):
-    """Places of a block of the lattice, centred on the origin."""
+def seeding_lattice(counts):
+    """Sites of a block of the seeding lattice, centred on the origin."""
     axes = [numpy.arange(n) - (n - 1) / 2 for n in counts]
     return numpy.stack(numpy.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
 
 def ball(radius):
-    cells = lattice([2 * math.ceil(radius) + 1] * 3)
+    cells = seeding_lattice([2 * math.ceil(radius) + 1] * 3)
     return cells[(cells**2).sum(1) <= radius**2]
 
 
@@ -159,10 +159,10 @@ def ball(radius):
 SHAPES = {
     "ball": lambda: ball(40),
     "small-ball": lambda: ball(12),
-    "sheet1": lambda: lattice([60, 60, 1]),
-    "sheet2": lambda: lattice([60, 60, 2]),
-    "filament": lambda: lattice([80, 1, 1]),
-    "droplet": lambda: lattice([1, 1, 1]),
+    "sheet1": lambda: seeding_lattice([60, 60, 1]),
+    "sheet2": lambda: seeding_lattice([60, 60, 2]),
+    "filament": lambda: seeding_lattice([80, 1, 1]),
+    "droplet": lambda: seeding_lattice([1, 1, 1]),
     "drop": lambda: ball(2.5),
 }
 NAMES = [*SPLASHES, "spray", *SHAPES]

@@ -25,7 +25,7 @@ Both normalise by the density at each particle, so the mass cancels. The level a
 program's own: 0.6 as recommended there, here the level half a spacing beyond a filled half-space (0.586).
 
 *Cost*: wall and CPU seconds (user and system) and peak memory of the whole process, from file to file. Rows take turns,
-and every figure is the median over the repeats; the spread of wall is beside it.
+and every figure is the median over the repeats; the spread of wall is next to it.
 """
 
 import argparse
@@ -67,7 +67,7 @@ SEQUENCE = 10  # frames
 
 
 def environment(folder, packages=PACKAGES, modules="numpy, scipy"):
-    """The Python of the virtual environment, with `packages` in it; their `modules` tell whether they are there."""
+    """The Python of the virtual environment, with `packages` in it; they are installed if importing their `modules` fails."""
     python = folder / "bin/python"
     if not python.exists():
         subprocess.run([sys.executable, "-m", "venv", folder], check=True)
@@ -231,7 +231,7 @@ SOUND = [
     ("open, crowded, turned edges, pinched", None, None),
     ("degenerate", "degenerate", thousands),
     ("slivers", "slivers", thousands),
-    ("pieces", "pieces", thousands),
+    ("components", "components", thousands),
     ("handles", "handles", thousands),
     ("volume m³", "volume", "{:.5g}".format),
     ("area m²", "area", "{:.5g}".format),

@@ -2,7 +2,7 @@
  * better one has to beat. Called by eikonal.py through ctypes.
  *
  * sweep(d, pinned, n): d holds seeds where pinned is set, large numbers elsewhere; distances in voxels, all positive.
- * Rounds of eight sweeps until one changes nothing; returns the number of sweeps. */
+ * Repeats the eight sweeps until they change nothing; returns the number of sweeps. */
 #include <math.h>
 #include <stdint.h>
 

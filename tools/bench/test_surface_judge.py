@@ -46,7 +46,7 @@ def torus(n=12):
 class Sound(unittest.TestCase):
     def expect(self, x, triangles, **figures):
         found = judge.sound(numpy.asarray(x, float), numpy.asarray(triangles))
-        wanted = {"open": 0, "crowded": 0, "turned": 0, "pinched": 0, "degenerate": 0, "pieces": 1, "unused": 0}
+        wanted = {"open": 0, "crowded": 0, "turned": 0, "pinched": 0, "degenerate": 0, "components": 1, "unused": 0}
         self.assertEqual({key: found[key] for key in {**wanted, **figures}}, {**wanted, **figures})
         return found
 
@@ -63,8 +63,8 @@ class Sound(unittest.TestCase):
         self.expect(CORNERS, TETRAHEDRON[:3], open=3)
         # A turned triangle disagrees with all three neighbours.
         self.expect(CORNERS, [*TETRAHEDRON[:3], TETRAHEDRON[3][::-1]], turned=3, pinched=3)
-        apart = [*CORNERS, *(CORNERS + 5)]
-        self.expect(apart, [*TETRAHEDRON, *(TETRAHEDRON + 4)], pieces=2, handles=0)
+        separate = [*CORNERS, *(CORNERS + 5)]
+        self.expect(separate, [*TETRAHEDRON, *(TETRAHEDRON + 4)], components=2, handles=0)
         at_vertex = [*CORNERS, *(CORNERS[1:] * -1)]
         mirrored = numpy.array([0, 4, 5, 6])[TETRAHEDRON[:, ::-1]]
         self.expect(at_vertex, [*TETRAHEDRON, *mirrored], pinched=1)
@@ -130,7 +130,7 @@ class Shapes(unittest.TestCase):
 
 
 class Files(unittest.TestCase):
-    def test_both_programs_ways_of_writing_are_read(self):
+    def test_files_of_both_programs_are_read(self):
         x = CORNERS.astype("<f4")
         for kind, order, place in [("int", "little", "<"), ("uint", "big", ">")]:
             header = f"ply\nformat binary_{order}_endian 1.0\ncomment none\nelement vertex 4\n"

@@ -6,7 +6,7 @@
     tools/bench/tiers.py --again                          the rows that were disturbed, once more
 
 Runs `meniscus tradeoff PRESET --tiers` with the release binary. What was measured is kept in target/tiers, so that the
-same command goes on where it stopped; --force measures all of it again, which is needed after a change of the code, since
+same command continues where it stopped; --force measures all of it again, which is needed after a change of the code, since
 rows are kept by the version alone. Needs only Python's standard library, and a machine that does nothing else: rows
 whose threads got clearly less than a processor each are marked as disturbed.
 """
@@ -22,7 +22,7 @@ import sys
 import tomllib
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-# Beside the tiers, which differ in spacing and target. All that the tool varies by itself takes a quarter of an hour a preset.
+# Varied in addition to the tiers, which differ in spacing and target. The tool's own variations take a quarter of an hour a preset.
 VARIED = {
     "liquid": ["liquid.density_dev=0.1%,0.3%,1%"],
     "smoke": ["smoke.flow.error=3e-3,1e-3,3e-4"],
@@ -30,16 +30,16 @@ VARIED = {
         "sheets.solver.integrator+sheets.solver.courant=symplectic+0.9,symplectic+0.5,symplectic+0.25",
     ],
 }
-# The error that front and knee go by: densities of liquids of different spacings cannot be compared, those of smoke can.
+# The error that decides front and knee: densities of liquids of different spacings cannot be compared, those of smoke can.
 JUDGE = {"liquid": "observable", "smoke": "density", "sheets": "distance"}
-# The tables of a preset that tell what it is of.
+# The tables of a preset by which its kind is known.
 KEYS = {"liquid": "liquid", "smoke": "smoke", "sheets": "sheet"}
 # CPU seconds over wall seconds and threads: 0.9 to 1 on an idle machine, so below this other work was under way.
 BUSY = 0.85
 
 
 def disturbed(line, threads):
-    """Whether a row's threads had to share their processors; no if the system does not tell."""
+    """Whether a row's threads had to share their processors; no if the system does not report CPU time."""
     cpu = line["cpu_seconds"]
     return cpu is not None and cpu["median"] < BUSY * threads * line["seconds"]["median"]
 
@@ -58,7 +58,7 @@ def measured(binary, preset, options):
 
 
 def table(binary, preset, options, force):
-    """The table of a preset, as far as its rows are not there or `force` asks for them anew."""
+    """The table of a preset; rows that are kept are not run again unless `force`."""
     kind = system(binary, preset)
     line = [binary, "tradeoff", preset, "--tiers", "--by", JUDGE[kind], "--json", "--output", options.rows / preset]
     line += ["--frames", options.frames, "--repeats", options.repeats, "--threads", options.threads]
@@ -72,7 +72,7 @@ def table(binary, preset, options, force):
 
 
 def system(binary, preset):
-    """What the tiers of a preset are of."""
+    """The system whose tiers a preset has."""
     shown = subprocess.run([binary, "presets", "show", preset], stdout=subprocess.PIPE, text=True, check=True).stdout
     # The tool compares the first of these that is there.
     return next(kind for kind, key in KEYS.items() if key in tomllib.loads(shown))
@@ -116,7 +116,7 @@ def count(number):
 
 
 def liquid(found):
-    """How far the reference is from its refinement, the columns, and the cells of a line."""
+    """The distance of the reference from its refinement, the columns, and the cells of a line."""
     unit = "J/kg" if found["observable"] == "kinetic_energy" else "m"
     known = found["uncertainty"]
 
@@ -133,8 +133,8 @@ def liquid(found):
         ]
 
     heads = ["particles", "seconds", "CPU", "whole shot", "density, mean", "density, largest", "volume", "energy"]
-    apart = f"energy {percent(known['energy'])}, {found['observable']} {figure(known['observable'])} {unit}"
-    return apart, [*heads, f"{found['observable']} [{unit}]"], cells
+    uncertainty = f"energy {percent(known['energy'])}, {found['observable']} {figure(known['observable'])} {unit}"
+    return uncertainty, [*heads, f"{found['observable']} [{unit}]"], cells
 
 
 def smoke(found):
@@ -179,9 +179,10 @@ def sheets(found):
             percent(line["apart"]["energy"], known["energy"]),
         ]
 
-    heads = ["points", "seconds", "CPU", "whole shot", "MiB", "substeps", "rounds", "strain", "distance [mm]", "farthest [mm]", "energy"]
-    apart = f"distance {length(known['distance'])} mm, farthest {length(known['farthest'])} mm, energy {percent(known['energy'])}"
-    return apart, heads, cells
+    heads = ["points", "seconds", "CPU", "whole shot", "MiB", "substeps", "iterations", "strain", "distance [mm]", "farthest [mm]", "energy"]
+    uncertainty = (f"distance {length(known['distance'])} mm, farthest {length(known['farthest'])} mm, "
+                   f"energy {percent(known['energy'])}")
+    return uncertainty, heads, cells
 
 
 def figure(value, floor=None):
@@ -204,8 +205,8 @@ def main():
     parser.add_argument("--frames", default="1-24")
     parser.add_argument("--repeats", default=1, type=int)
     parser.add_argument("--threads", default=os.cpu_count(), type=int)
-    parser.add_argument("--vary", action="append", help="handed on to the tool; default: density_dev alone, of smoke the error, of sheets the length of substeps")
-    parser.add_argument("--set", action="append", default=[], help="handed on to the tool")
+    parser.add_argument("--vary", action="append", help="passed to the tool; default: density_dev alone, of smoke the error, of sheets the length of substeps")
+    parser.add_argument("--set", action="append", default=[], help="passed to the tool")
     parser.add_argument("--rows", default=ROOT / "target/tiers", type=pathlib.Path, help="where runs are kept")
     parser.add_argument("--force", action="store_true", help="measure everything again")
     parser.add_argument("--again", action="store_true", help="measure the disturbed rows again, once")
@@ -215,13 +216,18 @@ def main():
     listed = subprocess.run([options.binary, "presets"], stdout=subprocess.PIPE, text=True, check=True).stdout
     presets = options.preset or [line.split()[0] for line in listed.splitlines()]
     parts = [
-        "# What the tiers cost, and how exact they are\n\n"
-        "Written by `tools/bench/tiers.py`; do not edit. How to read it: [tradeoff.md](tradeoff.md). Tiers are bold; front and\n"
-        "knee go by the observable, since densities of different spacings cannot be compared; of smoke by the share that is elsewhere\n"
-        "than the reference's, of sheets by the distance of points from it. Whole shots of smoke are with their volumes, and told from these frames: smoke that grows takes several\n"
-        "times as long. Seconds are wall clock of the\n"
-        "passes; CPU is that of the whole process, start and files included. *Disturbed*: less CPU than "
-        f"{100 * BUSY:.0f} % of the\nthreads' time, so other work was under way and the seconds are too many.\n"
+        "# Quality tiers: time and error\n\n"
+        "```sh\nmeniscus shot dam-break --quality draft     # to block the shot: seconds\n"
+        "meniscus shot dam-break                     # as written: the tier `final`\n"
+        "meniscus tradeoff dam-break --tiers         # this table, on your machine\n```\n\n"
+        "Each table compares the tiers (bold) of a preset with other settings; [tradeoff.md](tradeoff.md) explains the columns.\n"
+        "Written by `tools/bench/tiers.py`; do not edit.\n\n"
+        "- Front and knee are by the observable for liquids, since densities of different spacings cannot be compared. For smoke\n"
+        "  they are by the displaced fraction, for sheets by the distance of points from the reference's.\n"
+        "- The time of whole shots of smoke includes volumes, and is extrapolated from these frames: growing smoke takes several\n"
+        "  times as long.\n"
+        "- Seconds are wall-clock time of the passes. CPU is that of the whole process, with start-up and files.\n"
+        f"- *Disturbed*: less CPU than {100 * BUSY:.0f} % of the threads' time, so other programs ran and the seconds are too many.\n"
     ]
     parts += [markdown(preset, measured(options.binary, preset, options)) for preset in presets]
     options.output.write_text("\n".join(parts))

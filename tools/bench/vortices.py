@@ -52,7 +52,7 @@ def curl(gradient):
     g = np.asarray(gradient)
     return np.array([g[2, 1] - g[1, 2], g[0, 2] - g[2, 0], g[1, 0] - g[0, 1]])
 
-print("| cloud | vortons | program | asked | CPU s | error |\\n|---|--:|---|--:|--:|--:|")
+print("| cloud | vortons | program | requested | CPU s | error |\\n|---|--:|---|--:|--:|--:|")
 for name, count, runs in [("ring", 100_000, 3), ("cube", 100_000, 3), ("cube", 1_000_000, 1)]:
     if count > 100_000 and sys.argv[1] == "no-million":
         continue
@@ -60,14 +60,14 @@ for name, count, runs in [("ring", 100_000, 3), ("cube", 100_000, 3), ("cube", 1
     chosen = np.arange(400) * count // 400
     direct = fmm3dpy.l3ddir(sources=x, charges=strength, targets=x[:, chosen], pgt=2, nd=3, thresh=1e-12)
     exact = curl(direct.gradtarg)
-    for asked in [1e-2, 1e-3, 1e-4]:
+    for requested in [1e-2, 1e-3, 1e-4]:
         best = np.inf
         for _ in range(runs):
             start = time.process_time()
-            found = fmm3dpy.lfmm3d(eps=asked, sources=x, charges=strength, pg=2, nd=3)
+            found = fmm3dpy.lfmm3d(eps=requested, sources=x, charges=strength, pg=2, nd=3)
             best = min(best, time.process_time() - start)
         error = np.linalg.norm(curl(found.grad)[:, chosen] - exact) / np.linalg.norm(exact)
-        print(f"| {name} | {count} | fmm3dpy | {asked:.0e} | {best:.3f} | {error:.1e} |", flush=True)
+        print(f"| {name} | {count} | fmm3dpy | {requested:.0e} | {best:.3f} | {error:.1e} |", flush=True)
 '''
 
 
