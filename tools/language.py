@@ -114,6 +114,7 @@ GENUINE = [
     ("*", r"caught (?:by|in) (?:this|the|a) (?:test|check)|is caught by (?:a|the) (?:test|check)", "a test catches a fault"),
     ("*", r"it rounds|rounds (?:to|up|down|half|away|towards?|alike|differently|it)", "rounding of numbers"),
     ("*", r"least squares", "the method"),
+    ("tools/blender/*", r"data\.texts", "Blender's API"),
     ("*", r"link condition|link[- ]time", "terms of mesh collapse and of compilers"),
     ("*", r"square roots?|per square|square metres?", "arithmetic"),
 ]

@@ -48,7 +48,7 @@ def studio(options: argparse.Namespace) -> bpy.types.Material:
     sun = bpy.data.lights.new("sun", "SUN")
     sun.energy, sun.angle = 3.0, radians(2)
     lamp = bpy.data.objects.new("sun", sun)
-    # Low beside the camera: bumps throw shades.
+    # Low and next to the camera: bumps cast shadows.
     lamp.rotation_euler = (radians(62), 0, radians(options.turn + 75))
     scene.collection.objects.link(lamp)
     clay = bpy.data.materials.new("clay")

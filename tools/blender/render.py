@@ -63,8 +63,8 @@ def smoke_box(shown: bpy.types.Object, frames: range) -> tuple[np.ndarray, np.nd
 
 
 def add_night(low: np.ndarray, high: np.ndarray, given: argparse.Namespace) -> None:
-    """Darkness, a strong light from behind on the left, a weak one from the right: smoke is seen by its rims. Solids of the
-    shot that --ball names stand in it as matte bodies."""
+    """Darkness, a bright light from behind on the left, a dim one from the right, which shows the rims of smoke. Solids of
+    the shot that --ball names are matte bodies."""
     middle, size = Vector((low + high) / 2.0), float(np.linalg.norm(high - low))
     world = bpy.data.worlds.new("Night")
     bpy.context.scene.world = world
@@ -217,7 +217,7 @@ def add_lights(low: np.ndarray, high: np.ndarray) -> None:
 
 
 def add_camera(low: np.ndarray, high: np.ndarray, azimuth: float, elevation: float) -> None:
-    """A 60 mm lens that sees the whole box with some room around it."""
+    """A 60 mm lens that sees the whole box with a margin."""
     scene = bpy.context.scene
     made = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(made)
@@ -229,7 +229,7 @@ def add_camera(low: np.ndarray, high: np.ndarray, azimuth: float, elevation: flo
     made.location = Vector(middle) + 5.0 * size * toward
     aim(made, Vector(middle))
     bpy.context.view_layer.update()
-    # The base belongs to the picture: room for it on every side and below.
+    # The base belongs to the picture: a margin for it on every side and below.
     low, high = low - np.array([0.05, 0.05, 0.06]) * size, high + np.array([0.05, 0.05, 0.02]) * size
     middle, half = (low + high) / 2.0, (high - low) / 2.0 * 1.04
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
@@ -291,7 +291,7 @@ def picture(given: argparse.Namespace) -> None:
 
 
 def frame_size(text: str) -> tuple[int, int]:
-    """WIDTHxHEIGHT as two numbers; ValueError makes argparse say what was given."""
+    """WIDTHxHEIGHT as two numbers; after a ValueError argparse prints the text."""
     width, height = map(int, text.lower().split("x"))
     if width < 4 or height < 4:
         raise ValueError(text)
@@ -299,7 +299,7 @@ def frame_size(text: str) -> tuple[int, int]:
 
 
 def ball_of(text: str) -> tuple[float, ...]:
-    """X,Y,Z,R as four numbers; ValueError makes argparse say what was given."""
+    """X,Y,Z,R as four numbers; after a ValueError argparse prints the text."""
     x, y, z, radius = map(float, text.split(","))
     return x, y, z, radius
 

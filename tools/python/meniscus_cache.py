@@ -30,7 +30,7 @@ class CacheError(Exception):
 
 
 def read_header(path):
-    """What the frame's header says, without the columns."""
+    """The fields of the frame's header, without the columns."""
     with open(path, "rb") as file:
         return _header(path, file.read())[0]
 

@@ -1,4 +1,4 @@
-"""Tests the reader on frames that the tool wrote, and against what the tool says of them.
+"""Tests the reader on frames that the tool wrote, and compares them with the tool's own report.
 
     MENISCUS=target/release/meniscus MENISCUS_SHOT=dam-break python -m unittest discover tools/python
 
@@ -41,7 +41,7 @@ class Given(unittest.TestCase):
 @unittest.skipUnless(FRAMES, "neither MENISCUS_SHOT nor MENISCUS_CACHE names a frame")
 class Reader(unittest.TestCase):
     def setUp(self):
-        # The last frame: its chunks are the least regular.
+        # The last frame, since its chunks are irregular.
         self.path = FRAMES[-1]
         self.data = self.path.read_bytes()
         self.folder = tempfile.TemporaryDirectory()
@@ -67,7 +67,7 @@ class Reader(unittest.TestCase):
                 if ids is not None:
                     self.assertEqual(len(numpy.unique(ids)), len(ids))
 
-    def test_the_header_alone_says_the_same(self):
+    def test_the_header_alone_has_the_same_fields(self):
         for path in FRAMES:
             frame, header = meniscus_cache.read(path), meniscus_cache.read_header(path)
             for field in ["key", "frame", "time", "tool"]:
@@ -99,20 +99,20 @@ class Reader(unittest.TestCase):
 
 @unittest.skipUnless(MENISCUS and SHOT, "MENISCUS and MENISCUS_SHOT do not name a binary and a shot folder")
 class Binary(unittest.TestCase):
-    def test_frames_are_what_info_says(self):
-        told = subprocess.run([MENISCUS, "info", SHOT, "--json"], check=True, capture_output=True, text=True)
-        info = json.loads(told.stdout)
+    def test_frames_are_as_info_reports(self):
+        done = subprocess.run([MENISCUS, "info", SHOT, "--json"], check=True, capture_output=True, text=True)
+        info = json.loads(done.stdout)
         self.assertEqual(len(info["frames"]), len(FRAMES))
-        for said, path in zip(info["frames"], FRAMES):
+        for reported, path in zip(info["frames"], FRAMES):
             frame = meniscus_cache.read(path)
             streams = frame["streams"].values()
-            self.assertEqual((said["frame"], said["time"]), (frame["frame"], frame["time"]))
-            self.assertEqual(said["bytes"], path.stat().st_size)
+            self.assertEqual((reported["frame"], reported["time"]), (frame["frame"], frame["time"]))
+            self.assertEqual(reported["bytes"], path.stat().st_size)
             for channel in ["position", "velocity"]:
-                self.assertEqual(said["particles"], sum(len(stream["channels"][channel]) for stream in streams))
+                self.assertEqual(reported["particles"], sum(len(stream["channels"][channel]) for stream in streams))
             scalars = {name: value for stream in streams for name, value in stream["scalars"].items()}
             for name in ["density_dev_avg", "density_dev_max"]:
-                self.assertEqual(said.get(name), scalars.get(name))
+                self.assertEqual(reported.get(name), scalars.get(name))
 
 
 if __name__ == "__main__":

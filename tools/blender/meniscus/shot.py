@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Reads shot.json, the file at the top of a Meniscus shot folder. No Blender in here.
 
-Whatever does not fit is refused with a ShotError that says what was found, where, and what to do next.
+An invalid file is refused with a ShotError that names what was found, where, and what to do next.
 """
 
 import json

@@ -53,7 +53,7 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
 
 
 def write(path: Path, columns: dict[str, np.ndarray], triangles: np.ndarray) -> None:
-    """Writes vertex columns and triangles the way the Meniscus exporter lays them out."""
+    """Writes vertex columns and triangles in the layout of the Meniscus exporter."""
     vertices = np.zeros(len(columns["x"]), [(name, "<f4") for name in columns])
     for name, values in columns.items():
         vertices[name] = values

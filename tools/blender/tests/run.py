@@ -62,8 +62,8 @@ class Tally:
         done = run.returncode == 0 and lines[-1:] == [f"done {read}"]
         self.check(done, f"stage {name} ran to its end", f"exit code {run.returncode}, {read} lines read")
         if self.failed > failed:
-            told = [line for line in talk.splitlines() if not line.startswith(("Fra:", "ok\t"))]
-            print("   | " + "\n   | ".join(told[-60:]), flush=True)
+            printed = [line for line in talk.splitlines() if not line.startswith(("Fra:", "ok\t"))]
+            print("   | " + "\n   | ".join(printed[-60:]), flush=True)
 
 
 def check_build(tally: Tally, work: Path) -> Path:

@@ -23,22 +23,22 @@ ADDON = "bl_ext.user_default.meniscus"
 SIZE = (128, 64)
 
 
-said = 0
+reported = 0
 
 
-def say(line: str) -> None:
+def report(line: str) -> None:
     """Prints a line for run.py, on a line of its own even where Blender left one unfinished."""
-    global said
-    said += 1
+    global reported
+    reported += 1
     print("\n" + line.replace("\n", " "), flush=True)
 
 
 def check(good: bool, name: str, detail: object = "") -> None:
-    say(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}")
+    report(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}")
 
 
 def expect(text: str) -> None:
-    say(f"expect\t{text}")
+    report(f"expect\t{text}")
 
 
 def use_addon() -> None:
@@ -115,7 +115,7 @@ def strange_normals(mesh: bpy.types.Mesh, table: dict[str, np.ndarray], corners:
 
 
 def frame_camera(low: np.ndarray, high: np.ndarray) -> None:
-    """An orthographic camera that looks along +Y at a box with room around it, a sun and a clear film."""
+    """An orthographic camera that looks along +Y at a box with a margin, a sun and a clear film."""
     scene = bpy.context.scene
     middle, extent = (low + high) / 2.0, high - low
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -171,7 +171,7 @@ def stage_install(archive: Path) -> None:
 
 
 def stage_shot(shot: Path) -> None:
-    """Imports the shot, compares every frame with its file, renders one, saves beside shot.json."""
+    """Imports the shot, compares every frame with its file, renders one, saves next to shot.json."""
     use_addon()
     data, files = sequence(shot)
     bpy.ops.wm.save_as_mainfile(filepath=str(shot / "scene.blend"))
@@ -204,7 +204,7 @@ def stage_farm(shot: Path) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.wm.open_mainfile(filepath=str(shot / "scene.blend"), use_scripts=False)
     check(not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the add-on is not there")
-    check(not bpy.app.autoexec_fail and not bpy.data.texts, "the file asks for no scripts")
+    check(not bpy.app.autoexec_fail and not bpy.data.texts, "the file has no scripts")
     alpha, before = render_alpha(shot / "second.exr"), np.load(shot / "alpha.npy")
     check(np.array_equal(alpha, before), "the frame renders the same", np.abs(alpha - before).max())
 
@@ -291,7 +291,7 @@ def refused(name: str, path: Path, *parts: str, **options: str) -> None:
 
 
 def stage_messages(work: Path) -> None:
-    """What is wrong with a shot is said with its place and the next step."""
+    """Errors in a shot are reported with their place and the next step."""
     use_addon()
     refused("no file", work / "nowhere" / "shot.json", "nowhere", "no such file", "meniscus shot")
     refused(
@@ -361,7 +361,7 @@ def stage_blur(work: Path) -> None:
 
     grown = width(True) - width(False)
     wanted = synthetic.DRIFT[0] / 24.0
-    check(abs(grown - wanted) < 3.0 * pixel, "blur is as long as the velocity says", f"{grown}, not {wanted}")
+    check(abs(grown - wanted) < 3.0 * pixel, "blur has the length given by the velocity", f"{grown}, not {wanted}")
     sys.modules[f"{ADDON}.nodes"].set_inputs(shown.modifiers[0], {"Velocity": False})
     shown.update_tag()
     # A shorter shutter: half a frame away the next file is read, and shape blurs into shape.
@@ -482,7 +482,7 @@ def point_cache(path: Path) -> tuple[dict, np.ndarray]:
 
 
 def stage_sheet(shot: Path) -> None:
-    """Imports every sheet of a shot: each point is where the cache says, to the last bit, and the first sheet renders."""
+    """Imports every sheet of a shot: each point is where the cache has it, to the last bit, and the first sheet renders."""
     use_addon()
     bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
     data = json.loads((shot / "shot.json").read_text(encoding="utf-8"))
@@ -538,7 +538,7 @@ if __name__ == "__main__":
     code = 1
     try:
         globals()[f"stage_{sys.argv[1]}"](*map(Path, sys.argv[2:]))
-        print(f"\ndone {said}")
+        print(f"\ndone {reported}")
         code = 0
     except Exception:
         traceback.print_exc(file=sys.stdout)

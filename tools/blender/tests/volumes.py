@@ -46,7 +46,7 @@ def stored(value, half):
 
 
 def bits(value):
-    """A value as the bits of its numbers: tells zero from minus zero."""
+    """A value as the bits of its numbers, which distinguishes zero from minus zero."""
     numbers = value if isinstance(value, (tuple, list)) else [value]
     return tuple(int(numpy.float32(number).view(numpy.uint32)) for number in numbers)
 
