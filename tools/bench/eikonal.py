@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""Meniscus, scikit-fmm and the plainest sweep in C on the same ball, in one table: CPU nanoseconds a node and error.
+"""Meniscus, scikit-fmm and a plain sweep in C on the same ball, in one table: CPU nanoseconds a node and error.
 
-    tools/bench/eikonal.py                 all, at 256³
+    tools/bench/eikonal.py                 everything, at 256³
     tools/bench/eikonal.py --no-peer       Meniscus alone: error against time for orders, bands and blocks
 
 Needs cargo; for the others a C compiler, and a network for the first run (pip fills a virtual environment, see --venv).
 
 *Case*: a ball of a fifth of the side in a box of 256³ nodes, its middle on no node. Meniscus: `benches/eikonal.rs`, from an
-exact band of three voxels or from a field. scikit-fmm starts from the same distance, clipped to three voxels; it takes its
-own start from the crossings between nodes. The C sweep (sweep.c: one array, no blocks) starts from the exact band that
-Meniscus starts from. Errors of all are those of |distance| over all nodes.
+exact band of three voxels or from a field. scikit-fmm gets the same distance, clipped to three voxels, and computes its
+seeds from the crossings between nodes. The C sweep (sweep.c: one array, no blocks) starts from the exact band that Meniscus
+starts from. Errors are those of |distance| over all nodes.
 
 *Cost*: CPU seconds of the process, so other work on the machine shows little. scikit-fmm and the C sweep run on one thread,
-best of three. The C sweep's own build and the laying out of its arrays are not in its time.
+best of three. The time of the C sweep excludes its build and the allocation of its arrays.
 """
 
 import argparse

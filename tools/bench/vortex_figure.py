@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Draws vorticity, vector potential and velocity of a vortex ring, as figure 1 of the source text has them.
+"""Draws vorticity, vector potential and velocity of a vortex ring, as figure 1 of [gourlay19].
 
     tools/bench/vortex_figure.py docs/images/vortex-ring.png
 
 Needs cargo, and a network for the first run (pip fills a virtual environment, see --venv). The numbers are those of
 `cargo bench --bench vortex -- fields`: a ring of 20 000 vortons in its plane (above) and in a plane through its axis (below).
-Arrows are what lies in the plane, drawn by the square roots of their lengths; colour is what points out of it, or where
-little does, how long the arrows are.
+Arrows are the components in the plane, with lengths as their square roots. Colour is the component normal to the plane, or
+where that is small, the magnitude.
 """
 
 import argparse
