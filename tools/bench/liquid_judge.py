@@ -9,9 +9,8 @@ default (Wendland's C2 with h = 2 s), so it may favour Meniscus, though it depen
 Height and volume need no kernel at all.
 
 Walls add nothing: near them ρ is too low, so
-- the *bulk* is what lies farther than h from every wall and from every empty place, empty places being cells of 1.5 s
-  without a particle. Its particles alone give the mean compression max(ρ/ρ₀ − 1, 0), the two-sided deviation
-  |ρ/ρ₀ − 1|, the signed mean and the largest compression;
+- the *bulk* are the particles farther than h from every wall and from every empty cell; cells are 1.5 s wide. They alone
+  give the mean compression max(ρ/ρ₀ − 1, 0), the two-sided deviation |ρ/ρ₀ − 1|, the signed mean and the largest compression;
 - the largest compression over *all* particles is a lower bound: walls could only add to it.
 """
 

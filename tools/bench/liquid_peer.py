@@ -16,8 +16,8 @@ Facts about the peer that decide what is compared:
   0.1 %, their largest above 10 %, at either tolerance. On two threads its positions differ from run to run.
 - `maxError` is in per cent of the rest density, and bounds the mean of max(ρ/ρ₀ − 1, 0) over all particles; for
   DFSPH that of the density predicted from the velocities, not that of the positions. `maxErrorV` is per cent a step.
-- At `maxIterations` a step ends above its target in silence; such steps are counted here.
-- Walls are meshes whose surface stands for a layer of particle centres, so the mesh must lie outside of the tank.
+- At `maxIterations` a step ends above its target without a message; such steps are counted here.
+- Walls are meshes whose surface represents a layer of particle centres, so the mesh must lie outside of the tank.
   A block that starts too near is thrown apart before the first frame (at r/2 + 2r with 37 m/s): `wall` is the number of
   radii by which the mesh is moved out. 1.5 with boundary particles and 2.5 with volume maps are the smallest that start
   calm; the liquid then reaches about half a spacing beyond the tank on every side.
@@ -128,7 +128,7 @@ def main():
     simulation = pysplishsplash.Simulation.getCurrent()
     fluid = simulation.getFluidModel(0)
     steps = simulation.getTimeStep()
-    # A key that the peer does not know is passed over in silence, so what it took is compared.
+    # The peer ignores unknown keys without a message, so the values that it took are compared.
     taken = {
         "method": steps.getMethodName(),
         "tolerance": steps.getValueFloat(steps.MAX_ERROR),

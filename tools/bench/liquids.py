@@ -23,11 +23,11 @@ average: rows compare only where mean compression, two-sided deviation, the mean
 compression, and the column's compression, height, volume and leftover speed are alike together. The errors that the
 programs report themselves are shown next to it.
 
-*Cost*: wall and CPU seconds a simulated second. Meniscus: wall is what its log books on passes, without start-up and
+*Cost*: wall and CPU seconds a simulated second. Meniscus: wall is the sum of the passes in its log, without start-up and
 files; CPU is the process's user and system time, less that of a run of the first frame alone, so packing and writing
 the other frames is in it. Peer: both are those of the steps, without start-up, the first step and files
 (liquid_peer.py). Memory: the peak of the process; for the peer that of the steps alone where the system reports it, and
-what Python and its modules take before there is a scene is taken off in "bytes a particle".
+"bytes a particle" excludes the memory of Python and its modules before the scene.
 """
 
 import argparse

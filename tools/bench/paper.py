@@ -169,14 +169,14 @@ def fig5(bench, images):
     return (
         "## Figure 5: vorticity confinement\n\n"
         f"`dam-break` as a draft ({number(log[-1]['particles'])} particles) for six seconds, 24 frames a second. Kinetic energy in joules, a mean over "
-        "0.2 s about each time; *added* is what confinement put in by the program's own account, over all frames.\n\n"
+        "0.2 s about each time; *added* is the energy that confinement added over all frames, as the log reports it.\n\n"
         + table(["strength", "1 s", "2 s", "4 s", "5.9 s", "added", "substeps scaled down"], rows)
         + "\n![](images/paper-fig5.svg)\n\n" + commands(lines)
     )
 
 
 def fig6(bench, images):
-    """Convergence: what is left of the density error after so many iterations a step."""
+    """Convergence: the density error by iterations a step."""
     counts, rows, curves, lines = (1, 2, 4, 8, 16, 32), [], [], []
     variants = (
         ("Jacobi, poly6 and spiky", JACOBI),

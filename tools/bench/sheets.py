@@ -187,7 +187,7 @@ def precision(options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["cost", "precision"])
+    parser.add_argument("study", choices=["cost", "precision"])
     parser.add_argument("--sides", default="32,56,100,178,316,562,1000", help="points along a side")
     parser.add_argument("--plot", type=pathlib.Path, help="of costs, as SVG")
     parser.add_argument("--stiffness", default="1e1,1e2,1e3,1e4,1e5,1e6", help="of structural springs [N/m]; shear has a fifth")
@@ -196,7 +196,7 @@ def main():
     parser.add_argument("--tolerance", default="1e-4", help="of the conjugate gradients")
     parser.add_argument("--binary", default=ROOT / "target/release/meniscus", type=pathlib.Path)
     options = parser.parse_args()
-    cost(options) if options.what == "cost" else precision(options)
+    cost(options) if options.study == "cost" else precision(options)
 
 
 if __name__ == "__main__":

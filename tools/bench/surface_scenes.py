@@ -4,7 +4,7 @@ Every scene starts on a cubic seeding lattice and is jittered: each particle mov
 drawn from a generator with a fixed seed. Files hold raw little-endian single-precision triples without a header, which both
 programs read as `.xyz`.
 
-- `splash-100k`, `splash-1M`, `splash-4M`, and `splash-10M`, `splash-20M` to see how far it goes: a pool a metre deep
+- `splash-100k`, `splash-1M`, `splash-4M`, and `splash-10M`, `splash-20M` for the limits of size: a pool a metre deep
   with waves, and over each patch of it a crown, a thin curved sheet and spray. A larger one is a wider pool with more of
   them, not a magnified one, so the share of its particles near the surface is about the same: a cube of 95 000 particles
   has 13 % of them in its outermost layer, one of four million 4 %.
@@ -169,7 +169,7 @@ NAMES = [*SPLASHES, "spray", *SHAPES]
 
 
 def make(name, time=0.0):
-    """Positions [m] as float32, and what is known of the scene."""
+    """Positions [m] as float32, and the known figures of the scene."""
     if name in SHAPES:
         cells = SHAPES[name]()
         positions = jittered(cells, SEED + 2, turned=True)
@@ -184,7 +184,7 @@ def make(name, time=0.0):
 
 
 def write(name, path, time=0.0):
-    """Writes a scene as raw triples; returns what is known of it."""
+    """Writes a scene as raw triples; returns its known figures."""
     positions, known = make(name, time)
     positions.tofile(path)
     return known

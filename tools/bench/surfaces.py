@@ -93,7 +93,7 @@ print(json.dumps([surface_scenes.write(*job) for job in json.load(sys.stdin)]))"
 
 
 def scene(name, options, folder):
-    """Makes the files of a scene; returns what is known of it."""
+    """Makes the files of a scene; returns its known figures."""
     if name == "sequence":
         of = "splash-10k" if options.small else "splash-100k"
         jobs = [(of, str(folder / f"frame_{k + 1:04}.xyz"), float(k)) for k in range(SEQUENCE)]
@@ -194,7 +194,7 @@ def cost(name, results):
     title += f" a frame, {SEQUENCE} frames" if name == "sequence" else ""
     if "outermost" in known:
         title += f", {percent(known['outermost'])} in the outermost layer"
-        title += f", {percent(known['within_kernel'])} within a kernel of what is empty"
+        title += f", {percent(known['within_kernel'])} within a kernel of an empty site"
     lines = ["", f"**{title}**", ""]
     lines.append("| row | threads | wall s (from–to) | × | CPU s | × | peak MiB | × | speed-up by threads | same bytes |")
     lines.append("|---|---|---|---|---|---|---|---|---|---|")
@@ -254,7 +254,7 @@ SHAPE = [
 
 
 def quality(results, columns, title):
-    """A table of what the judge found, a row for each that was judged."""
+    """A table of the judge's figures, a row for each result."""
     judged = [result for result in results if "quality" in result]
     columns = [c for c in columns if c[1] is None or any(r["quality"].get(c[1]) is not None for r in judged)]
     if not judged or not columns:

@@ -3,7 +3,7 @@
 
     tools/bench/tiers.py                                  one second of every built-in preset
     tools/bench/tiers.py dam-break --frames 1-6 -o /dev/stdout
-    tools/bench/tiers.py --again                          the rows that were disturbed, once more
+    tools/bench/tiers.py --again                          measures the disturbed rows again
 
 Runs `meniscus tradeoff PRESET --tiers` with the release binary. What was measured is kept in target/tiers, so that the
 same command continues where it stopped; --force measures all of it again, which is needed after a change of the code, since
@@ -45,7 +45,7 @@ def disturbed(line, threads):
 
 
 def measured(binary, preset, options):
-    """The table of a preset; with --again, after its disturbed rows were measured once more."""
+    """The table of a preset; with --again, after its disturbed rows were measured again."""
     found = table(binary, preset, options, options.force)
     lines = [line for line in found["lines"] + [found["reference"]] if disturbed(line, found["threads"])]
     if not options.again or not lines:

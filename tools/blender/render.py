@@ -5,7 +5,7 @@
 
 The interpreter needs bpy (4.5 to 5.2) and numpy. The water is what the extension imports; base, camera and lights are
 set up around the bounding box of the meshes over the sequence, so every frame of a shot is seen from the same
-place. Balls, ellipsoids and tori among the colliders stand below sheets. Options turn the view (--azimuth, --elevation), switch motion blur off (--sharp) and keep the scene
+place. Balls, ellipsoids and tori among the colliders are shown below sheets. Options turn the view (--azimuth, --elevation), switch motion blur off (--sharp) and keep the scene
 (--blend)."""
 
 import argparse
@@ -81,7 +81,7 @@ def add_night(low: np.ndarray, high: np.ndarray, given: argparse.Namespace) -> N
 
 
 def add_colliders(shot: Path) -> None:
-    """The balls, ellipsoids and tori among the colliders of a shot that stand still, as pale bodies."""
+    """The balls, ellipsoids and tori among the colliders of a shot that do not move, as pale bodies."""
     preset = (shot if shot.is_dir() else shot.parent) / "preset.toml"
     if not preset.is_file():
         return
@@ -317,7 +317,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--close", action="store_true", help=near)
     parser.add_argument("--sharp", action="store_true", help="no motion blur")
     ball = {"type": ball_of, "action": "append", "default": [], "metavar": "X,Y,Z,R"}
-    parser.add_argument("--ball", **ball, help="a ball that stands in smoke; may be repeated")
+    parser.add_argument("--ball", **ball, help="a ball in the smoke; may be repeated")
     parser.add_argument("--blend", type=Path, help="also save the scene")
     return parser.parse_args()
 

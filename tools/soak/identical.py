@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Compares what two builds write: every built-in preset's draft tier, byte for byte in its data.
+"""Compares the files of two builds: every built-in preset's draft tier, byte for byte in its data.
 
     tools/soak/identical.py record  --meniscus BINARY [FILE]   writes hashes of the data
     tools/soak/identical.py compare --meniscus BINARY [FILE]   fails where they differ, and prints where first
@@ -7,10 +7,10 @@
 FILE is tools/soak/identical.json unless given; BINARY is target/release/meniscus unless given. `--only NAME...` takes
 some presets. A whole run takes about five minutes on two cores and 300 MB of disk.
 
-Every preset runs all frames of its draft tier with the outputs it names. What it does not name is made of its last
-frames: EXTRA_FRAMES volumes of liquid, points of smoke, meshes of sheets with a thickness, and one OBJ mesh.
+Every preset runs all frames of its draft tier with the outputs it names. Other products are made of its last frames:
+EXTRA_FRAMES volumes of liquid, points of smoke, meshes of sheets with a thickness, and one OBJ mesh.
 
-Data is what a picture is made of: time, scalars and channels of cached frames; elements, properties and bodies of PLY;
+Data is the content that a picture shows: time, scalars and channels of cached frames; elements, properties and bodies of PLY;
 vertices, normals and faces of OBJ; transforms, trees and values of VDB grids; point caches whole. Keys, comments, versions
 and metadata are left out, and so are logs, manifests and anything that holds a time of day.
 

@@ -12,7 +12,7 @@ NAME = "Cloth"
 STAMP = "meniscus_cloth"
 COLOUR = (0.55, 0.08, 0.07, 1.0)
 ROUGHNESS = 0.75
-# Light along the threads that stand up from the weave.
+# Sheen of the fibres that rise from the weave.
 SHEEN = 0.3
 
 

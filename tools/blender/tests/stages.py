@@ -166,7 +166,7 @@ def stage_install(archive: Path) -> None:
     check(hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator is registered")
     bpy.ops.preferences.addon_disable(module=ADDON)
     check(
-        not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator goes when it is switched off"
+        not hasattr(bpy.types, "IMPORT_SCENE_OT_meniscus_shot"), "the operator is unregistered when it is switched off"
     )
 
 
@@ -455,11 +455,11 @@ def stage_smoke(shot: Path) -> None:
 
 
 def stage_plume(shot: Path) -> None:
-    """Imports a shot whose first frame has no smoke yet: the material goes by the first that has."""
+    """Imports a shot whose first frame has no smoke yet: the material is scaled by the first frame with smoke."""
     use_addon()
     bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
     shown, scene = bpy.context.object, bpy.context.scene
-    check(not [o for o in bpy.data.objects if o.type == "VOLUME" and o != shown], "nothing else is left behind")
+    check(not [o for o in bpy.data.objects if o.type == "VOLUME" and o != shown], "no other object remains")
     sizes = []
     for frame in (1, 2):
         scene.frame_set(frame)
@@ -523,7 +523,7 @@ def stage_sheet(shot: Path) -> None:
 
 
 def stage_sheets(work: Path) -> None:
-    """Sheets whose frames have steps, and what is wrong with one."""
+    """Sheets whose frames have steps, and the errors of a damaged one."""
     path = synthetic.write_sheet(work / "steps", first=7, last=15, step=2)
     stage_sheet(path.parent)
     gone = synthetic.write_sheet(work / "gone")

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Reads volume files back with OpenVDB and compares every value and the tree with what was written.
+"""Reads volume files back with OpenVDB and compares every value and the tree with the written ones.
 
     MENISCUS_VDB_DIR=DIR cargo test --lib export::vdb::tests::every_case_reads_back
     python tools/blender/tests/volumes.py DIR
 
-The test writes each case in every precision and compression, and `CASE.json` with what went in. OpenVDB is the module
+The test writes each case in every precision and compression, and `CASE.json` with the input. OpenVDB is the module
 in bpy, or `openvdb` or `pyopenvdb` of the system. Compared for each grid: type, class, precision, vector type,
 background, transform and metadata; every active node and its value, bit for bit; the leaves, the tiles that are
 inside and all other inactive values. With MENISCUS set to the binary, a sphere that OpenVDB wrote is meshed; with
@@ -124,7 +124,7 @@ def compare_tree(grid, wanted, half):
 
 
 def check_import(openvdb, folder, meniscus):
-    """A sphere that OpenVDB writes becomes a closed mesh of the right volume; returns what is wrong."""
+    """A sphere that OpenVDB writes becomes a closed mesh of the right volume; returns the errors."""
     sphere = openvdb.createLevelSetSphere(1.5, (0.25, -0.5, 1.0), 0.1, 3.0)
     sphere.name = "ball"
     path = folder / "sphere.vdb"
@@ -149,7 +149,7 @@ def everything(grid):
 
 
 def check_shot(openvdb, folder, meniscus, shot):
-    """The volumes of a frame are the same however they are packed; returns how many grids are, and what is wrong."""
+    """The volumes of a frame are the same for every compression; returns the number of grids, and the errors."""
     wrong, equal, plain = [], 0, {}
     for precision, compression in product(("float", "half"), ("none", "zip", "blosc")):
         out = folder / f"shot_{precision}_{compression}"
