@@ -95,6 +95,8 @@ GENUINE = [
     ("*", r"serde ?\([^)]*\b(?:rename|alias) = \"[^\"]*\"", "on-disk names stay"),
     ("*", r"\[\"[^\"]*\"\]", "keys of records on disk stay"),
     ("*", r"\"[\w ]+\" ?:", "keys of records on disk stay"),
+    ("*", r"stream::new ?\(\"[^\"]*\"", "names of streams on disk stay"),
+    ("*", r"smoke\.flow\.remesh\.weak|remesh\.weak", "a preset's key"),
     ("*", r"\.get\(\"[^\"]*\"", "keys of records on disk stay"),
     ("tests/*", r"\.sum\(\"[^\"]*\"", "keys of records on disk stay"),
     ("docs/*", r"`(?:caught|put back|told|rounds|lost)`", "keys of records on disk stay"),

@@ -227,7 +227,7 @@ fn what_makes_no_smoke_is_refused_where_it_stands() {
     refused("--set smoke.spacing=nan", &["smoke.spacing"]);
     refused("--set smoke.ring.0.circulation=inf", &["circulation"]);
     refused("--set smoke.spacing=1e-6", &["2³¹"]);
-    refused("--set smoke.ring=[]", &["nothing that it begins with"]);
+    refused("--set smoke.ring=[]", &["nothing seeds or emits smoke"]);
     refused(
         "--set output.mesh=[\"ply\"]",
         &["output.mesh", "needs particles", "expected none", "write `volume"],

@@ -125,7 +125,7 @@ fn what_solids_do_not_keep_out_is_told() {
     };
     desk.write("plate.toml", wind(plate, "[1, 0, 0]"));
     let (_, talk) = desk.run("simulate plate.toml --frames 1-2", 0);
-    assert!(talk.contains("at world.collider.0 goes through it (smoke.spacing)"), "{talk}");
+    assert!(talk.contains("at world.collider.0 leaks through it (lower smoke.spacing)"), "{talk}");
     desk.write("plane.toml", wind(plane, "[1, 0, -0.5]"));
     let (_, talk) = desk.run("simulate plane.toml --frames 1-2", 0);
     assert!(talk.contains("0.500 m/s") && talk.contains("plane"), "{talk}");

@@ -151,7 +151,7 @@ fn an_obstacle_that_swallows_the_emitter_smothers_it() {
     let mut simulation = Simulation::new(world(DOWN, vec![ball]), smoke(text)).unwrap();
     let records = advance(&mut simulation, 3);
     assert!(records.iter().all(|record| record.emitted == 0 && record.vortons == 0 && record.tracers == 0));
-    assert!(records.iter().map(|record| record.smothered).sum::<u64>() > 10);
+    assert!(records.iter().map(|record| record.rejected).sum::<u64>() > 10);
 }
 
 #[test]

@@ -301,11 +301,11 @@ impl Player<'_> {
 
 /// What happened to tracers on the way to the frame `index` of retimed smoke.
 fn drift_remark(index: FrameIndex, report: &DriftReport) -> Option<String> {
-    let DriftReport { steps, capped, returned, smothered } = *report;
+    let DriftReport { steps, capped, returned, rejected } = *report;
     let counts = nonzero(&[
         (capped, &format!("of {steps} steps longer than air and solids allow (cache more frames a second)")),
         (returned, "tracers projected out of solids"),
-        (smothered, "tracers not emitted, inside solids"),
+        (rejected, "tracers not emitted, inside solids"),
     ]);
     (!counts.is_empty()).then(|| format!("frame {index}: {}", counts.join(", ")))
 }

@@ -1,4 +1,4 @@
-//! What moves the air beside the vortons: the wind, and solids that it cannot enter.
+//! Air velocity of a shot: vortons, wind, and solids without normal flow.
 
 use super::{
     params::SmokeParams,
@@ -19,62 +19,62 @@ use crate::{
 };
 use std::sync::Arc;
 
-/// What moves the air beside the vortons.
+/// Wind and solids of a shot, and how induced velocities are summed.
 #[derive(Clone, Debug)]
 pub(super) struct Air {
     wind: Vec3,
-    /// The part of the wind that a plane keeps out [m/s].
+    /// Component of the wind normal to a plane, which is removed [m/s].
     pub(super) across: f32,
     kernel: Kernel,
     method: Method,
-    /// The same for all frames, whose poses they take.
+    /// Solids; they are the same for all frames, at other poses.
     pub(super) walls: Option<Arc<Walls>>,
-    /// When the step began, and when it ends at the latest [s].
+    /// Start of the step, and its end at the latest [s].
     pub(super) span: [f64; 2],
-    /// The longest step in which the wind carries nothing past a vorton [s].
+    /// Longest step in which the wind does not advect a vorton past another [s].
     longest: f64,
-    /// How far a solid may move in a step [m].
+    /// Largest displacement of a solid in a step [m].
     stride: f32,
-    /// Of new vortons [m].
+    /// Core of new vortons [m].
     core: f32,
-    /// The layer in which air slips along solids that shed [m].
+    /// Thickness of the layer in which air slips along solids that shed [m].
     pub(super) layer: Option<f32>,
 }
 
-/// The air at an instant: vortons, and the sources in solids that go with them.
+/// Vortons at an instant, and the sources in solids for them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Instant<'a> {
     pub(super) vortons: &'a Vortons,
     pub(super) sources: &'a Sources,
 }
 
-/// How much goes through a solid: root mean squares of the air's speed along its normals.
+/// Leakage of a solid: RMS of the air's normal velocity at its surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leak {
-    /// The solid's number.
+    /// Index of the solid.
     pub(super) body: usize,
-    /// Without sources [m/s].
+    /// RMS without sources [m/s].
     free: f64,
-    /// What is left of that.
+    /// RMS with sources, as a fraction of `free`.
     pub(super) part: f64,
 }
 
-/// The air at a solid hardly moves if it does so by less than this part of what it does at the busiest. Smaller, and what is told is the
-/// rest that the equations leave, 1e-4 of all; larger, and a leak where the air is slow is not seen.
-const FAINT: f64 = 0.01;
+/// Fraction of the largest normal velocity of any solid below which a solid's leakage is not reported. Smaller, and the figure is the
+/// residual of the equations, 1e-4 of all; larger, and leakage where the air is slow is not seen.
+const MIN_NORMAL_FLOW: f64 = 0.01;
 
 impl Air {
     pub(super) fn new(params: &SmokeParams, world: &World) -> Self {
         let walls = Walls::new(&world.solids, params.spacing).map(Arc::new);
-        let blows = params.wind.map_or(Vec3::zeros(), Vec3::from);
-        let wind = walls.as_ref().map_or(blows, |walls| walls.along(blows));
-        // Rounding is no wind.
+        let given = params.wind.map_or(Vec3::zeros(), Vec3::from);
+        let wind = walls.as_ref().map_or(given, |walls| walls.along(given));
+        // A rounding error is no wind.
         let across =
-            Some((blows - wind).norm()).filter(|across| *across > 1e-5 * blows.norm()).unwrap_or(0.0);
+            Some((given - wind).norm()).filter(|across| *across > 1e-5 * given.norm()).unwrap_or(0.0);
         let flow = &params.flow;
         let method = flow.method();
         let longest = f64::from(params.core()) / f64::from(wind.norm());
-        let stride = walls.as_ref().map_or(f32::INFINITY, |walls| walls.stride(params.core()));
+        let stride = walls.as_ref().map_or(f32::INFINITY, |walls| walls.max_displacement(params.core()));
         let sheds = params.shedding.as_ref().filter(|shedding| shedding.strength > 0.0 && walls.is_some());
         Self {
             wind,
@@ -90,15 +90,15 @@ impl Air {
         }
     }
 
-    /// The longest step between two times [s] in which no solid jumps past smoke [s].
-    pub(super) fn unjumped(&self, [from, to]: [f64; 2]) -> f64 {
+    /// The longest step between two times [s] in which no solid passes over smoke [s].
+    pub(super) fn max_step_for_solids(&self, [from, to]: [f64; 2]) -> f64 {
         let fastest = self.walls.as_ref().map_or(0.0, |walls| walls.fastest(from, to));
-        // What stands still allows any length.
+        // Infinite without a moving solid.
         f64::from(self.stride) / fastest
     }
 
-    /// The sources in solids, where they are at `time` [s], that go with `vortons`. `spun` is the turning whose opposite is
-    /// among them; the solids' own vorticity is of that: one without the other would turn all the air.
+    /// The sources in solids at `time` [s] for `vortons`, which contain the opposite of the angular velocity `spun`. The sources include
+    /// the solids' own vorticity for `spun`: one without the other would turn all the air.
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
@@ -113,7 +113,7 @@ impl Air {
         Ok(Sources { spin, ..walls.solve(&panels, &free) })
     }
 
-    /// The velocity at points [m/s].
+    /// The velocity of the air at points [m/s].
     ///
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
@@ -124,16 +124,16 @@ impl Air {
         Ok(velocity)
     }
 
-    /// The part of it that does not come from sources.
+    /// The velocity without that of sources [m/s].
     fn free(&self, vortons: &Vortons, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
         let mut velocity = vec![Vec3::zeros(); points.len()];
         self.add(vortons, points, &mut velocity)?;
-        self.blow(&mut velocity);
+        self.add_wind(&mut velocity);
         Ok(velocity)
     }
 
-    /// The vorticity of solids that turned by `spun`, where they are at `time` [s], as vortons on their panels: of the sheet n × (Ω × r), which moves
-    /// the air outside as the 2Ω inside does, but for what the sources take care of. None where nothing is shed: air slips along then.
+    /// Vorticity of solids with the angular velocity of `spun` at `time` [s], as vortons on their panels. The vortex sheet n × (Ω × r)
+    /// induces outside what the 2Ω inside does, except for what the sources cancel. None without shedding: air slips along then.
     fn spin(&self, time: f64, spun: Spun) -> Vortons {
         let mut spin = Vortons::default();
         let (Some(walls), Some(layer)) = (&self.walls, self.layer) else { return spin };
@@ -147,23 +147,23 @@ impl Air {
         spin
     }
 
-    /// Adds what `vortons` and their mirrored twins induce at points.
+    /// Adds the velocity that `vortons` and their mirror images induce at points.
     fn add(&self, vortons: &Vortons, points: &[Vec3], velocity: &mut [Vec3]) -> Result<(), OutOfRange> {
         if vortons.is_empty() || points.is_empty() {
             return Ok(());
         }
         let found = self.induced(vortons, points)?;
         par::update(velocity, |i, v| *v += found[i]);
-        self.mirror(vortons, points, velocity)
+        self.add_images(vortons, points, velocity)
     }
 
-    /// Adds what `moving` induces at the vortons and the passengers, whose places these are; or their mirrored places, from which it is `turned`
-    /// back.
+    /// Adds velocity and gradient that `moving` induces at vortons and tracers. With `mirror` the positions are mirror images, and what is
+    /// induced there is reflected.
     fn add_induced_rates(
         &self,
         moving: &Vortons,
         [vortons, passengers]: [&[Vec3]; 2],
-        turned: Option<&Walls>,
+        mirror: Option<&Walls>,
         rates: &mut Rates,
     ) -> Result<(), OutOfRange> {
         if moving.is_empty() {
@@ -171,11 +171,11 @@ impl Air {
         }
         let at = Targets::Points(vortons);
         let (found, along) = induced_both(moving, at, passengers, self.kernel, self.method)?;
-        let turn = |v: Vec3| turned.map_or(v, |walls| walls.turn(v));
-        let turn_gradient = |g: &Gradient| turned.map_or(*g, |walls| walls.turn_gradient(g));
-        par::update(&mut rates.velocity, |i, v| *v += turn(found.velocity[i]));
-        par::update(&mut rates.gradient, |i, g| *g += turn_gradient(&found.gradient[i]));
-        par::update(&mut rates.tracers, |i, v| *v += turn(along[i]));
+        let reflect = |v: Vec3| mirror.map_or(v, |walls| walls.reflect(v));
+        let reflect_gradient = |g: &Gradient| mirror.map_or(*g, |walls| walls.reflect_gradient(g));
+        par::update(&mut rates.velocity, |i, v| *v += reflect(found.velocity[i]));
+        par::update(&mut rates.gradient, |i, g| *g += reflect_gradient(&found.gradient[i]));
+        par::update(&mut rates.tracers, |i, v| *v += reflect(along[i]));
         Ok(())
     }
 
@@ -183,41 +183,47 @@ impl Air {
         Ok(induced(vortons, Targets::Points(points), Quantity::Velocity, self.kernel, self.method)?.velocity)
     }
 
-    /// Adds what the mirrored vortons induce at points.
-    fn mirror(&self, vortons: &Vortons, points: &[Vec3], velocity: &mut [Vec3]) -> Result<(), OutOfRange> {
+    /// Adds the velocity that the mirror images of `vortons` induce at points: the velocity at mirrored points, reflected.
+    fn add_images(
+        &self,
+        vortons: &Vortons,
+        points: &[Vec3],
+        velocity: &mut [Vec3],
+    ) -> Result<(), OutOfRange> {
         let walls = self.walls.as_ref();
         if let Some((walls, mirrored)) = walls.and_then(|walls| Some((walls, walls.mirrored(points)?))) {
             let found = self.induced(vortons, &mirrored)?;
-            par::update(velocity, |i, v| *v += walls.turn(found[i]));
+            par::update(velocity, |i, v| *v += walls.reflect(found[i]));
         }
         Ok(())
     }
 
-    fn blow(&self, velocity: &mut [Vec3]) {
+    fn add_wind(&self, velocity: &mut [Vec3]) {
         let wind = self.wind;
         if wind != Vec3::zeros() {
             par::update(velocity, |_, v| *v += wind);
         }
     }
 
-    /// How much of the air's speed along the normals of a solid is left between its panels, where that is most. `None` without solids,
-    /// or if nothing would go through any. Solids at which the air hardly moves do not count.
+    /// The largest leakage of any solid, relative to the normal flow without sources. `None` without solids, or without normal flow. Solids
+    /// with a small normal flow do not count.
     ///
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
-    pub(super) fn through(&self, instant: Instant<'_>, time: f64) -> Result<Option<Leak>, OutOfRange> {
+    pub(super) fn max_leakage(&self, instant: Instant<'_>, time: f64) -> Result<Option<Leak>, OutOfRange> {
         let found = self.leaks(instant, time)?;
-        let most = found.iter().map(|leak| leak.free).fold(0.0, f64::max);
-        // What is no number counts, and is the worst.
-        let asked = found.into_iter().filter(|leak| leak.free.is_nan() || leak.free > FAINT * most);
+        let largest = found.iter().map(|leak| leak.free).fold(0.0, f64::max);
+        // NaN counts, as the largest leakage.
+        let relevant =
+            found.into_iter().filter(|leak| leak.free.is_nan() || leak.free > MIN_NORMAL_FLOW * largest);
         let badness = |leak: &Leak| if leak.part.is_nan() { f64::INFINITY } else { leak.part };
-        Ok(asked.max_by(|a, b| badness(a).total_cmp(&badness(b))))
+        Ok(relevant.max_by(|a, b| badness(a).total_cmp(&badness(b))))
     }
 
-    /// The same of every solid with panels.
+    /// The leakage of every solid with panels.
     fn leaks(&self, instant: Instant<'_>, time: f64) -> Result<Vec<Leak>, OutOfRange> {
         let Some(walls) = &self.walls else { return Ok(Vec::new()) };
-        let witnesses = walls.witnesses(time);
+        let witnesses = walls.leakage_points(time);
         let at: Vec<Vec3> = witnesses.iter().flatten().map(|placed| placed.panel.x).collect();
         let (mut free, left) = (self.free(instant.vortons, &at)?, self.velocity(instant, &at)?);
         self.add(&instant.sources.spin, &at, &mut free)?;
@@ -242,8 +248,8 @@ impl Air {
 impl ExternalEffects for Air {
     fn add_rates(&mut self, now: Stage<'_>, rates: &mut Rates) -> Result<(), OutOfRange> {
         let vortons = now.vortons;
-        self.blow(&mut rates.velocity);
-        self.blow(&mut rates.tracers);
+        self.add_wind(&mut rates.velocity);
+        self.add_wind(&mut rates.tracers);
         let Some(walls) = &self.walls else { return Ok(()) };
         let time = self.span[0] + now.seconds;
         let sources = self.sources(vortons, time, Spun::at(self.span[0]))?;
@@ -256,8 +262,8 @@ impl ExternalEffects for Air {
         sources.add_velocity(&vortons.position, &mut rates.velocity);
         sources.add_gradient(&vortons.position, &mut rates.gradient);
         sources.add_velocity(now.tracers, &mut rates.tracers);
-        // Air sticks to solids that shed: in their layer it moves along them less and less, and is stretched as
-        // little.
+        // Air sticks to solids that shed: towards the surface of their layer, stretching goes to zero as the
+        // velocity along the solid does.
         if let Some(layer) = self.layer {
             let heights = walls.heights(&vortons.position, layer, time);
             par::update(&mut rates.gradient, |i, g| *g *= (heights[i].0 / layer).max(0.0));
@@ -266,7 +272,7 @@ impl ExternalEffects for Air {
     }
 
     fn max_time_step(&self) -> f64 {
-        self.longest.min(self.unjumped(self.span))
+        self.longest.min(self.max_step_for_solids(self.span))
     }
 }
 
@@ -278,31 +284,31 @@ mod tests {
         solid::{MeshShape, Shape, Solid},
     };
 
-    /// What goes through each of some solids in wind, and which of them is told.
+    /// Leakage of each of some solids in wind, and the one that is reported.
     fn leaks(shapes: &[Shape], spacing: f32) -> (Vec<Leak>, Leak) {
-        leaks_beside(&Vortons::default(), shapes, spacing)
+        leaks_with(&Vortons::default(), shapes, spacing)
     }
 
-    fn leaks_beside(vortons: &Vortons, shapes: &[Shape], spacing: f32) -> (Vec<Leak>, Leak) {
+    fn leaks_with(vortons: &Vortons, shapes: &[Shape], spacing: f32) -> (Vec<Leak>, Leak) {
         let solids = shapes.iter().map(|shape| Solid::fixed(shape.clone())).collect();
         let params = toml::from_str(&format!("spacing = {spacing}\nwind = [1, 0.5, 0]")).unwrap();
         let air = Air::new(&params, &World { gravity: Vec3::zeros(), solids });
         let sources = air.sources(vortons, 0.0, Spun::at(0.0)).unwrap();
         assert!(sources.residual < 0.01, "{}", sources.residual);
         let instant = Instant { vortons, sources: &sources };
-        (air.leaks(instant, 0.0).unwrap(), air.through(instant, 0.0).unwrap().unwrap())
+        (air.leaks(instant, 0.0).unwrap(), air.max_leakage(instant, 0.0).unwrap().unwrap())
     }
 
     #[test]
-    fn a_small_ball_beside_a_large_box_keeps_air_out() {
+    fn a_small_ball_next_to_a_large_box_keeps_air_out() {
         let floor = Shape::Box { min: [-10.0, -10.0, -20.0], max: [10.0, 10.0, 0.0] };
         let ball = Shape::Sphere { center: [0.0, 0.0, 1.0], radius: 0.1 };
         let (alone, _) = leaks(std::slice::from_ref(&ball), 0.025);
-        let (both, told) = leaks(&[ball, floor], 0.025);
+        let (both, reported) = leaks(&[ball, floor], 0.025);
         assert!(alone[0].part < 0.01, "{alone:?}");
-        // Beside it the air is not even: the box turns it, and blows through between its panels, each as wide as six such balls.
+        // Next to the box the air is not uniform: the box turns it, and leaks between its panels, each as wide as six such balls.
         assert!(both[0].part < 0.05, "{both:?}");
-        assert_eq!((told.body, told.part), (1, both[1].part), "the edges of the box are the worst");
+        assert_eq!((reported.body, reported.part), (1, both[1].part), "the edges of the box are the worst");
     }
 
     /// A ring of vortons about the z axis.
@@ -321,7 +327,7 @@ mod tests {
         let large = Shape::Box { min: [-10.0, -10.0, -20.0], max: [10.0, 10.0, 0.0] };
         for spacing in [0.06, 1.1, 1.36, 1.5, 2.5, 5.0] {
             for vortons in [Vortons::default(), ring(3.0)] {
-                let (found, _) = leaks_beside(&vortons, std::slice::from_ref(&large), spacing);
+                let (found, _) = leaks_with(&vortons, std::slice::from_ref(&large), spacing);
                 let allowed = if spacing < 4.0 { 0.35 } else { 0.5 };
                 assert!(found[0].part < allowed, "{spacing}: {found:?}");
             }
@@ -334,7 +340,7 @@ mod tests {
         }
     }
 
-    /// Samples of boxes together, 0.25 m apart, as a mesh of them has.
+    /// Samples of the union of boxes, 0.25 m apart, as a mesh of them has.
     fn sampled(boxes: &[Shape], rotate: [f32; 3]) -> Shape {
         let (nodes, voxel, origin) = ([53_u32, 37, 37], 0.25, Vec3::repeat(-4.5));
         let at = |n: u32| Vec3::new((n % 53) as f32, (n / 53 % 37) as f32, (n / 53 / 37) as f32);
@@ -363,10 +369,10 @@ mod tests {
     }
 
     #[test]
-    fn fins_of_meshes_let_less_through_than_none() {
+    fn fins_of_meshes_leak_less_than_without_sources() {
         let cuboid = Shape::Box { min: [-4.0; 3], max: [4.0; 3] };
         for thick in [0.45, 0.5, 0.55, 0.6, 0.8, 1.2, 2.0] {
-            // Where the lattice falls tells which panels have sources.
+            // The grid's position determines which panels have sources.
             for aside in [0.0, 0.15, 0.45] {
                 let (low, high) = (aside - 0.5 * thick, aside + 0.5 * thick);
                 let fin = Shape::Box { min: [3.9, low, -3.0], max: [7.5, high, 3.0] };

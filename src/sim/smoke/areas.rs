@@ -1,8 +1,8 @@
 //! The areas of shapes.
 //!
-//! *Method*: in closed form; an ellipsoid by [thomsen04]'s formula, which is off by 1.1 % at most. Of a mesh its samples are asked: those
-//! nearer to the surface than a voxel h stand for h² (1 − |d|/h) each, which sums to its area.
-//! *Limits*: parts of a mesh thinner than a voxel are not in its samples.
+//! *Method*: in closed form; an ellipsoid by the formula of [thomsen04], whose error is at most 1.1 %. A mesh by its samples: each
+//! sample nearer to the surface than a voxel h counts as h² (1 − |d|/h), which sums to the area.
+//! *Limits*: the samples do not resolve parts of a mesh thinner than a voxel.
 
 use crate::{
     math::Vec3,
@@ -10,7 +10,7 @@ use crate::{
 };
 use std::f32::consts::PI;
 
-/// The power of [thomsen04]'s mean.
+/// Exponent of the mean of [thomsen04].
 const POWER: f32 = 1.6075;
 
 /// The area of a shape [m²]; 0 for a plane.

@@ -1,7 +1,7 @@
-//! Where tracers come from: sources at the start, emitters while the shot runs.
+//! Seeding and emission of tracers: sources at the start, emitters while the shot runs.
 //!
-//! *Method*: an emitter throws points into the box around its shape, evenly in space and time, and keeps those that fall into the
-//! shape. Which points fall when depends on the time alone, so a shot that is resumed emits the same.
+//! *Method*: an emitter samples points in the box around its shape, evenly in space and time, and keeps those inside the shape.
+//! The samples depend on the time alone, so a resumed shot emits the same.
 //!
 //! Symbols: t → time since the shot's start [s].
 
@@ -32,7 +32,7 @@ pub(super) fn fill(source: &SmokeSource, spacing: f32, key: u32, out: &mut Seeds
     }
 }
 
-/// How many points the box around a shape takes to be full; 0 if it has none.
+/// Points that fill the box around a shape; 0 if it has none.
 pub(super) fn points(shape: &Shape, spacing: f32) -> f64 {
     shape.bounds().map_or(0.0, |(low, high)| {
         let sides = high - low;
@@ -40,31 +40,31 @@ pub(super) fn points(shape: &Shape, spacing: f32) -> f64 {
     })
 }
 
-/// An emitter at work.
+/// An emitter with its motion and rate.
 #[derive(Debug)]
 pub(super) struct Source {
     params: Emitter,
     motion: Option<Motion>,
-    /// When it begins and ends [s].
+    /// Start and end of the emission [s].
     span: [f64; 2],
-    /// Points it throws a second.
+    /// Points sampled a second [1/s].
     rate: f64,
     key: u32,
 }
 
-/// What an emitter gave off in a step.
+/// Tracers emitted in a step.
 #[derive(Debug, Default)]
 pub(super) struct Emitted {
     pub(super) seeds: Seeds,
-    /// The velocity each was blown out with [m/s], if it drags the air along.
-    pub(super) blown: Vec<Option<Vec3>>,
+    /// Velocity of emission [m/s], if it drags the air along.
+    pub(super) velocity: Vec<Option<Vec3>>,
 }
 
 impl Emitted {
-    /// Keeps those whose places `keep` accepts; returns how many were left out.
+    /// Keeps those whose positions `keep` accepts; returns how many were rejected.
     pub(super) fn retain(&mut self, keep: impl Fn(Vec3) -> bool) -> u32 {
         let mut places = self.seeds.position.iter();
-        self.blown.retain(|_| keep(*places.next().expect("a place each")));
+        self.velocity.retain(|_| keep(*places.next().expect("a place each")));
         self.seeds.retain(keep)
     }
 }
@@ -80,7 +80,7 @@ impl Source {
         Self { params: params.clone(), motion, span, rate, key }
     }
 
-    /// Adds what it gives off from `from` to `to` [s].
+    /// Adds the tracers emitted from `from` to `to` [s].
     pub(super) fn emit(&self, from: f64, to: f64, out: &mut Emitted) {
         let [start, end] = self.span;
         let Some((low, high)) = self.params.shape.bounds().filter(|_| end > start && self.rate > 0.0) else {
@@ -96,25 +96,26 @@ impl Source {
             }
             let t = (start + (n as f64 + 1.0) / self.rate).min(to);
             let mut x = self.place(local, t);
-            let blown = self.params.velocity.map(|v| Vec3::from(v) + self.speed(local, t));
-            // It has drifted since it came.
-            x += blown.unwrap_or_default() * (to - t) as f32;
+            let velocity = self.params.velocity.map(|v| Vec3::from(v) + self.speed(local, t));
+            // It has drifted since it was emitted.
+            x += velocity.unwrap_or_default() * (to - t) as f32;
             out.seeds.add(x, [self.params.density, self.params.temperature]);
-            out.blown.push(blown);
+            out.velocity.push(velocity);
         }
     }
 
-    /// Where the point `local` of the shape is at time `t` [s].
+    /// Position of the shape's point `local` at time `t` [m].
     fn place(&self, local: Vec3, t: f64) -> Vec3 {
         self.motion.as_ref().map_or(local, |motion| motion.pose(t).to_world(local))
     }
 
-    /// How fast the point `local` of the shape moves at time `t` [m/s].
+    /// Velocity of the shape's point `local` at time `t` [m/s].
     fn speed(&self, local: Vec3, t: f64) -> Vec3 {
-        (self.place(local, t + BESIDE) - self.place(local, t - BESIDE)) / (2.0 * BESIDE) as f32
+        (self.place(local, t + VELOCITY_TIME_STEP) - self.place(local, t - VELOCITY_TIME_STEP))
+            / (2.0 * VELOCITY_TIME_STEP) as f32
     }
 }
 
-/// How far apart times are by whose places speeds are found [s]: shorter, and single precision shows; longer, and a speed is
-/// a mean over a frame.
-pub(super) const BESIDE: f64 = 2e-3;
+/// Time step of the central differences that give velocities of shapes [s]. Shorter, and single precision shows; longer, and a
+/// velocity is a mean over a frame.
+pub(super) const VELOCITY_TIME_STEP: f64 = 2e-3;

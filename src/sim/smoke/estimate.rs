@@ -1,12 +1,12 @@
-//! How many vortons and tracers a shot's smoke will have, by its parameters alone.
+//! Estimate of a shot's vortons and tracers from its parameters alone.
 
 use super::SmokeParams;
 use crate::{sim::SetupError, solid::Shape};
 
-/// Tracers and vortons that their 32-bit numbers can tell apart.
+/// Limit of tracers and vortons: their ids have 32 bits.
 pub(in crate::sim) const MAX_TRACERS_AND_VORTONS: f64 = 2_147_483_648.0;
 
-/// Refuses smoke of too many vortons and tracers, once the meshes it comes from are filled.
+/// Refuses smoke of too many vortons and tracers, once its meshes are filled.
 ///
 /// # Errors
 /// [`SetupError::TooMuchSmoke`].
@@ -15,7 +15,7 @@ pub(in crate::sim) fn refuse_too_much(smoke: &SmokeParams, seconds: f64) -> Resu
     if count > MAX_TRACERS_AND_VORTONS { Err(SetupError::TooMuchSmoke { count }) } else { Ok(()) }
 }
 
-/// About how many vortons and tracers the smoke has after some seconds, at most; meshes that are not filled are not counted.
+/// Upper estimate of vortons and tracers after some seconds; meshes that are not filled are not counted.
 pub(in crate::sim) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
     let (h, s) = (f64::from(smoke.spacing), f64::from(smoke.tracer_spacing()));
     let core = |length: f64, thickness: f32, density: f32| {
@@ -28,8 +28,8 @@ pub(in crate::sim) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
         .iter()
         .map(|ring| core(std::f64::consts::TAU * f64::from(ring.radius), ring.thickness, ring.density));
     let tubes = smoke.tube.iter().map(|tube| {
-        let way = [0, 1, 2].map(|axis| f64::from(tube.to[axis]) - f64::from(tube.from[axis]));
-        core(way.iter().map(|c| c * c).sum::<f64>().sqrt(), tube.thickness, tube.density)
+        let axis = [0, 1, 2].map(|axis| f64::from(tube.to[axis]) - f64::from(tube.from[axis]));
+        core(axis.iter().map(|c| c * c).sum::<f64>().sqrt(), tube.thickness, tube.density)
     });
     let turbulence = smoke.turbulence.iter().map(|t| points(&t.shape, h));
     let sources = smoke.source.iter().map(|source| points(&source.shape, s));
@@ -38,7 +38,7 @@ pub(in crate::sim) fn estimate(smoke: &SmokeParams, seconds: f64) -> f64 {
     rings.chain(tubes).chain(turbulence).chain(sources).chain(emitters).sum()
 }
 
-/// How many points `spacing` [m] apart fill the box around a shape, or a mesh; 0 if it has no end or is in a file.
+/// Points of this `spacing` [m] in the box around a shape, or in a mesh; 0 for an unbounded shape and a mesh in a file.
 fn points(shape: &Shape, spacing: f64) -> f64 {
     if let Shape::Mesh(mesh) = shape {
         return mesh.volume().map_or(0.0, |volume| volume / spacing.powi(3));

@@ -16,24 +16,24 @@ use crate::{
     },
 };
 
-/// What moves the air of a shot beside its vortons: made once, asked for every frame.
+/// Wind and solids of a shot, from which the air of every frame is made.
 #[derive(Clone, Debug)]
 pub struct ShotAir {
     air: Air,
 }
 
-/// The air of a frame: its velocity anywhere.
+/// Air of a frame: its velocity at any point.
 #[derive(Debug)]
 pub struct FrameAir {
     vortons: Vortons,
     sources: Sources,
     air: Air,
-    /// Since the shot's start [s].
+    /// Time since the shot's start [s].
     time: f64,
 }
 
 impl ShotAir {
-    /// Of the `smoke` of a shot in its `world`.
+    /// The air of a shot with this `smoke` in its `world`.
     pub fn new(smoke: &Smoke, world: &World) -> Self {
         Self { air: Air::new(&smoke.params, world) }
     }
@@ -50,7 +50,7 @@ impl ShotAir {
         self.around(state::vortons_of(state::find(streams, NAME)?)?, time, Spun::at(time))
     }
 
-    /// The air of `vortons` at `time` [s], among which is the opposite of the turning `spun`.
+    /// The air of `vortons` at `time` [s], which contain the opposite of the angular velocity `spun`.
     ///
     /// # Errors
     /// If a vorton is outside what can be computed.
@@ -59,14 +59,14 @@ impl ShotAir {
         Ok(self.air.around(vortons, time, spun)?)
     }
 
-    /// The longest step between two times [s] in which no solid jumps past smoke [s].
-    pub(super) fn unjumped(&self, span: [f64; 2]) -> f64 {
-        self.air.unjumped(span)
+    /// The longest step between two times [s] in which no solid passes over smoke [s].
+    pub(super) fn max_step_for_solids(&self, span: [f64; 2]) -> f64 {
+        self.air.max_step_for_solids(span)
     }
 }
 
 impl Air {
-    /// The air of `vortons` at `time` [s], among which is the opposite of the turning `spun`.
+    /// The air of `vortons` at `time` [s], which contain the opposite of the angular velocity `spun`.
     ///
     /// # Errors
     /// If a vorton or a panel is outside what the sums can hold.
@@ -85,12 +85,12 @@ impl FrameAir {
         ShotAir::new(smoke, world).frame(streams, time)
     }
 
-    /// Since the shot's start [s].
+    /// Time since the shot's start [s].
     pub fn time(&self) -> f64 {
         self.time
     }
 
-    /// The velocity at points [m/s]: of the air, and inside a solid that of the solid.
+    /// Velocity at points [m/s]: of the air, and inside a solid that of the solid.
     ///
     /// # Errors
     /// If a vorton or a point is outside what the sums can hold.
@@ -98,7 +98,7 @@ impl FrameAir {
         let instant = Instant { vortons: &self.vortons, sources: &self.sources };
         let mut velocity = self.air.velocity(instant, points)?;
         if let Some(walls) = &self.air.walls {
-            walls.carry(points, &mut velocity, self.time);
+            walls.set_solid_velocity(points, &mut velocity, self.time);
         }
         Ok(velocity)
     }

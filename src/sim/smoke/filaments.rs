@@ -1,8 +1,8 @@
 //! Vortons and tracers of rings and tubes.
 //!
-//! *Method*: a bundle of thin lines fills the core: the middle one, and circles of 6, 12, 18 … lines one distance apart. Each
-//! carries the circulation of its part of a Gaussian core ω = Γ_c/(πa²) e^(−r²/a²), [winckelmans93], cut off at 2a and scaled so that
-//! the lines sum to Γ_c exactly; each is cut into pieces of about one distance, Γ = Γ_line · Δs along the line.
+//! *Method*: a bundle of vortex filaments fills the core: one on the axis and circles of 6, 12, 18 … filaments one spacing apart.
+//! Each has the circulation of its part of a Gaussian core ω = Γ_c/(πa²) e^(−r²/a²), [winckelmans93], cut off at 2a and scaled so
+//! that the filaments sum to Γ_c exactly. Each is divided into segments of about one spacing, Γ = Γ_filament · Δs.
 //!
 //! Symbols: Γ_c → `circulation` [m²/s], a → `thickness` [m], R → `radius` [m].
 
@@ -16,86 +16,86 @@ use crate::{
 };
 use std::f32::consts::{PI, TAU};
 
-/// Waves along a ring that wobbles: what rings of the usual thickness break up into.
+/// Number of waves along a ring with `wobble`: that of the instability of rings of the usual thickness.
 const WAVES: f32 = 7.0;
 
-/// Where the vorticity ends, in core radii: e⁻⁴ of the middle's is left.
+/// Radius at which the vorticity is cut off, in core radii: e⁻⁴ of that on the axis is left.
 const CUT: f32 = 2.0;
 
-/// A line of a bundle: where it passes through the cross-section [m], and its part of the area.
-struct Line {
+/// A filament of a bundle: where it passes through the cross-section [m], and its part of the area [m²].
+struct Filament {
     offset: [f32; 2],
     area: f32,
 }
 
-/// Lines about `distance` apart that fill a disc of `radius`; at least the middle one.
-fn bundle(radius: f32, distance: f32) -> Vec<Line> {
+/// Filaments about `distance` apart that fill a disc of `radius`; at least the one on the axis.
+fn bundle(radius: f32, distance: f32) -> Vec<Filament> {
     let circles = (radius / distance - 0.5).round().max(0.0) as usize;
     let distance = radius / (circles as f32 + 0.5);
-    let mut lines = vec![Line { offset: [0.0; 2], area: PI * (0.5 * distance).powi(2) }];
+    let mut filaments = vec![Filament { offset: [0.0; 2], area: PI * (0.5 * distance).powi(2) }];
     for circle in 1..=circles {
         let (r, count) = (circle as f32 * distance, 6 * circle);
         let area = TAU * r * distance / count as f32;
-        lines.extend((0..count).map(|k| {
-            // Circles are turned against each other, so that lines do not stand in rows.
+        filaments.extend((0..count).map(|k| {
+            // Circles are rotated against each other, so that filaments do not line up.
             let angle = TAU * (k as f32 + 0.5 * (circle % 2) as f32) / count as f32;
-            Line { offset: [r * angle.cos(), r * angle.sin()], area }
+            Filament { offset: [r * angle.cos(), r * angle.sin()], area }
         }));
     }
-    lines
+    filaments
 }
 
-/// The lines of a core with their parts of its circulation, which sum to one.
-fn shares(thickness: f32, spacing: f32) -> Vec<(Line, f32)> {
-    let lines = bundle(CUT * thickness, spacing);
-    let weight = |line: &Line| {
-        let r2 = line.offset[0].powi(2) + line.offset[1].powi(2);
-        f64::from(line.area) * f64::from(-r2 / thickness.powi(2)).exp()
+/// Filaments of a core with their parts of its circulation, which sum to one.
+fn shares(thickness: f32, spacing: f32) -> Vec<(Filament, f32)> {
+    let filaments = bundle(CUT * thickness, spacing);
+    let weight = |filament: &Filament| {
+        let r2 = filament.offset[0].powi(2) + filament.offset[1].powi(2);
+        f64::from(filament.area) * f64::from(-r2 / thickness.powi(2)).exp()
     };
-    let sum: f64 = lines.iter().map(weight).sum();
-    lines
+    let sum: f64 = filaments.iter().map(weight).sum();
+    filaments
         .into_iter()
-        .map(|line| {
-            let share = (weight(&line) / sum) as f32;
-            (line, share)
+        .map(|filament| {
+            let share = (weight(&filament) / sum) as f32;
+            (filament, share)
         })
         .collect()
 }
 
-/// A curve with a cross-section: where a point of it is, and the way along it [m per turn, or m].
+/// A curve with a cross-section.
 struct Path<'a> {
-    /// At the part `t` of the curve, 0 to 1, at an offset in the cross-section: position, and its derivative by t.
+    /// Position [m] at parameter `t`, 0 to 1, and at an offset in the cross-section; and its derivative by t.
     at: &'a (dyn Fn(f32, [f32; 2]) -> (Vec3, Vec3) + Sync),
-    /// Length of the middle line [m].
+    /// Length of the axis [m].
     length: f32,
 }
 
 /// Adds the vortons of a core along `path`.
 fn add_vortons(path: &Path, thickness: f32, circulation: f32, spacing: f32, core: f32, out: &mut Vortons) {
-    let pieces = (path.length / spacing).ceil().max(4.0) as usize;
-    for (line, share) in shares(thickness, spacing) {
-        for piece in 0..pieces {
-            let (x, along) = (path.at)((piece as f32 + 0.5) / pieces as f32, line.offset);
+    let segments = (path.length / spacing).ceil().max(4.0) as usize;
+    for (filament, share) in shares(thickness, spacing) {
+        for segment in 0..segments {
+            let (x, along) = (path.at)((segment as f32 + 0.5) / segments as f32, filament.offset);
             out.position.push(x);
-            out.strength.push(along * (circulation * share / pieces as f32));
+            out.strength.push(along * (circulation * share / segments as f32));
             out.core.push(core);
         }
     }
 }
 
-/// Adds the tracers that fill a core along `path`, each moved by up to half a distance so that no pattern shows.
+/// Adds the tracers that fill a core along `path`, each moved at random by up to half a spacing against patterns.
 fn add_tracers(path: &Path, thickness: f32, spacing: f32, smoke: [f32; 2], key: u32, out: &mut Seeds) {
     let random = Random::new([key, 1, 0]);
-    let pieces = (path.length / spacing).ceil().max(4.0) as usize;
-    let (lines, mut number) = (bundle(thickness, spacing), 0);
-    for line in &lines {
-        // What it stands for, over what a tracer is counted for.
-        let share = line.area * path.length / pieces as f32 / spacing.powi(3);
-        for piece in 0..pieces {
+    let segments = (path.length / spacing).ceil().max(4.0) as usize;
+    let (filaments, mut number) = (bundle(thickness, spacing), 0);
+    for filament in &filaments {
+        // Volume of a segment over that of a tracer.
+        let share = filament.area * path.length / segments as f32 / spacing.powi(3);
+        for segment in 0..segments {
             let v = random.vector(number) - Vec3::repeat(0.5);
-            let offset = [line.offset[0] + spacing * v.x, line.offset[1] + spacing * v.y];
-            let (x, _) = (path.at)((piece as f32 + 0.5 + v.z) / pieces as f32, offset);
-            out.add(x, smoke.map(|carried| carried * share));
+            let offset = [filament.offset[0] + spacing * v.x, filament.offset[1] + spacing * v.y];
+            let (x, _) = (path.at)((segment as f32 + 0.5 + v.z) / segments as f32, offset);
+            out.add(x, smoke.map(|value| value * share));
             number += 1;
         }
     }
@@ -106,7 +106,7 @@ pub(super) fn ring(ring: &Ring, setting: Setting, key: u32, vortons: &mut Vorton
     let axis = Vec3::from(ring.direction).normalize();
     let (u, v) = across(axis);
     let center = Vec3::from(ring.center);
-    // The offset is measured outwards and along the axis; lines keep their way around with the wave.
+    // The offset is measured outwards and along the axis; the wave does not rotate filaments around the core.
     let at = |t: f32, offset: [f32; 2]| {
         let (sin, cos) = (TAU * t).sin_cos();
         let (out, around) = (u * cos + v * sin, v * cos - u * sin);
@@ -125,24 +125,24 @@ pub(super) fn ring(ring: &Ring, setting: Setting, key: u32, vortons: &mut Vorton
 /// Seeds a tube; `key` is its number.
 pub(super) fn tube(tube: &Tube, setting: Setting, key: u32, vortons: &mut Vortons, seeds: &mut Seeds) {
     let (from, to) = (Vec3::from(tube.from), Vec3::from(tube.to));
-    let way = to - from;
-    let (u, v) = across(way.normalize());
-    let at = |t: f32, [a, b]: [f32; 2]| (from + way * t + u * a + v * b, way);
-    let path = Path { at: &at, length: way.norm() };
+    let axis = to - from;
+    let (u, v) = across(axis.normalize());
+    let at = |t: f32, [a, b]: [f32; 2]| (from + axis * t + u * a + v * b, axis);
+    let path = Path { at: &at, length: axis.norm() };
     add_vortons(&path, tube.thickness, tube.circulation, setting.spacing, setting.core, vortons);
     if tube.density > 0.0 {
         add_tracers(&path, tube.thickness, setting.tracers, [tube.density, tube.temperature], key, seeds);
     }
 }
 
-/// What seeding goes by [m].
+/// Spacings and core of the seeding [m].
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Setting {
-    /// Between vortons.
+    /// Spacing of vortons.
     pub(super) spacing: f32,
-    /// σ of each.
+    /// Core σ of each vorton.
     pub(super) core: f32,
-    /// Between tracers.
+    /// Spacing of tracers.
     pub(super) tracers: f32,
 }
 
@@ -168,7 +168,7 @@ mod tests {
             ring(&params, setting, 0, &mut vortons, &mut seeds);
             let sum: Vec3 = vortons.strength.iter().sum();
             assert!(sum.norm() < 1e-4, "{sum}");
-            // ½ Σ (x − c) × Γ = Γ_c π (R² + ⟨r²⟩/2), along its way.
+            // ½ Σ (x − c) × Γ = Γ_c π (R² + ⟨r²⟩/2), along its direction.
             let x = vortons.position.iter().map(|x| x - Vec3::from(params.center));
             let impulse: Vec3 = x.zip(&vortons.strength).map(|(x, g)| x.cross(g) * 0.5).sum();
             let exact = 2.0 * PI * (0.16 + 0.5 * 0.06 * 0.06 * 0.93);

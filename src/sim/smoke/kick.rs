@@ -1,13 +1,13 @@
-//! From what pushes the air to vorticity.
+//! Vorticity from impulses that act on the air.
 //!
-//! *Method*: everything that pushes is a change of velocity J on a lattice: of heat and weight over a step J = Δt ln(ρ/ρ₀) g, whose
-//! curl is [gourlay19]'s baroclinic term Δt (1/ρ) ∇ρ × g; of smoke that is blown out, the velocity it still lacks, times its part of the
-//! volume. The vorticity that comes of it is ∇ × J by central differences: its sum is zero and its impulse is that of the push.
+//! *Method*: each is a change of velocity J on a grid. For heat and weight over a step J = Δt ln(ρ/ρ₀) g, whose curl is the
+//! baroclinic term Δt (1/ρ) ∇ρ × g of [gourlay19]. For smoke emitted with a velocity it is the velocity that the air lacks, times
+//! the smoke's volume fraction. The vorticity is ∇ × J by central differences: its sum is zero, and its impulse that of J.
 //! *Departs from the paper*: g is the physical vector, which points down, so that hot smoke rises; ρ₀/ρ = T/T₀ as in an ideal gas
 //! keeps ln ρ finite for any heat.
 //!
 //! Symbols: J → `push` [m/s], h → `spacing` [m], ω → `omega` [1/s].
-//! Limits: first order in time; differences over 2 h see nothing finer.
+//! Limits: first order in time; differences over 2 h do not resolve anything finer.
 
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, node_of},
@@ -16,22 +16,22 @@ use crate::{
     space::CellGrid,
 };
 
-/// Nodes whose vorticity is below this part of the largest are left alone: each would become a vorton that moves next to nothing.
-const LEAST: f32 = 2e-3;
+/// Part of the largest vorticity below which a node is left out: it would become a vorton that induces next to nothing.
+const MIN_VORTICITY: f32 = 2e-3;
 
-/// Sums of points on the nodes of a lattice.
-pub(super) struct Lattice {
+/// Values at the nodes of a sparse grid, summed from points.
+pub(super) struct Grid {
     spacing: f32,
     bricks: Bricks,
-    /// 512 a brick.
+    /// [`BRICK_NODES`] a brick.
     values: Vec<Vec3>,
 }
 
-/// The cubic B-spline's reach, and one node more for differences [nodes].
+/// Support of the cubic B-spline, and one node more for differences [nodes].
 const REACH: i32 = 3;
 
-impl Lattice {
-    /// A lattice `spacing` [m] wide around points, with zeros.
+impl Grid {
+    /// A grid of `spacing` [m] around points, with zeros.
     pub(super) fn around(points: &[&[Vec3]], spacing: f32) -> Self {
         let mut coords: Vec<[i32; 3]> = Vec::new();
         for x in points.iter().copied().flatten() {
@@ -44,7 +44,7 @@ impl Lattice {
                     coords.extend((low.x..=high.x).map(|x| [x, y, z]));
                 }
             }
-            // The points of a neighbourhood meet the same few bricks.
+            // Points of a neighbourhood are in the same few bricks.
             if coords.len() > 1 << 20 {
                 coords.sort_unstable();
                 coords.dedup();
@@ -90,19 +90,19 @@ impl Lattice {
         })
     }
 
-    /// The nodes with vorticity, and its strength ω h³ [m³/s], where J is what the lattice holds.
+    /// Nodes with vorticity, and its strength ω h³ [m³/s], where the grid holds J.
     pub(super) fn curl(&self) -> Vec<(Vec3, Vec3)> {
         let found = par::map_chunks(self.bricks.len(), 1, |range| {
             let coord = self.bricks.coords()[range.start];
             let strength = |place: usize| {
                 let node = node_of(coord, place);
                 let slope = |axis: usize| {
-                    let beside = |by: i32| {
+                    let neighbour = |by: i32| {
                         let mut other = node;
                         other[axis] += by;
                         self.at(other)
                     };
-                    (beside(1) - beside(-1)) * (0.5 / self.spacing)
+                    (neighbour(1) - neighbour(-1)) * (0.5 / self.spacing)
                 };
                 let (dx, dy, dz) = (slope(0), slope(1), slope(2));
                 let omega = Vec3::new(dy.z - dz.y, dz.x - dx.z, dx.y - dy.x); // ω = ∇ × J
@@ -112,14 +112,14 @@ impl Lattice {
             (0..BRICK_NODES).map(strength).filter(|(_, g)| *g != Vec3::zeros()).collect::<Vec<_>>()
         });
         let all: Vec<(Vec3, Vec3)> = found.into_iter().flatten().collect();
-        let most = par::max(all.len(), |i| all[i].1.norm()).map_or(0.0, |(_, most)| most);
-        // What is no number stays, to be found when the vortons move.
-        let is_little = |strength: &Vec3| strength.norm() < LEAST * most;
-        all.into_iter().filter(|(_, strength)| !is_little(strength)).collect()
+        let max = par::max(all.len(), |i| all[i].1.norm()).map_or(0.0, |(_, max)| max);
+        // NaN stays, and is reported when the vortons move.
+        let is_small = |strength: &Vec3| strength.norm() < MIN_VORTICITY * max;
+        all.into_iter().filter(|(_, strength)| !is_small(strength)).collect()
     }
 }
 
-/// Adds `value` to the nodes of the brick that begins at `first` which the B-spline around `p` [nodes] reaches.
+/// Adds `value` to the nodes in the support of the B-spline around `p` [nodes], in the brick that begins at `first`.
 fn splat(p: Vec3, first: [i32; 3], value: Vec3, nodes: &mut [Vec3]) {
     let base: [f32; 3] = [p.x.floor(), p.y.floor(), p.z.floor()];
     let weights: [[f32; 4]; 3] = std::array::from_fn(|axis| spline(p[axis] - base[axis]));
@@ -150,31 +150,31 @@ fn spline(t: f32) -> [f32; 4] {
     ]
 }
 
-/// Where strengths go: added to vortons that are there, or new ones.
+/// Strengths assigned to existing and to new vortons.
 #[derive(Debug, Default)]
-pub(super) struct Given {
-    /// Vortons and what is added to their strength.
+pub(super) struct Assigned {
+    /// Indices of existing vortons and what is added to their strength.
     pub(super) added: Vec<(u32, Vec3)>,
     /// New vortons: position and strength.
     pub(super) new: Vec<(Vec3, Vec3)>,
 }
 
-/// Gives strengths at points to the nearest of the vortons at `positions` within half a cell's diagonal, or to a new one.
-pub(super) fn give(sources: &[(Vec3, Vec3)], positions: &[Vec3], spacing: f32) -> Given {
+/// Assigns each strength to the nearest of the vortons at `positions` within half a cell's diagonal, or to a new vorton.
+pub(super) fn assign(sources: &[(Vec3, Vec3)], positions: &[Vec3], spacing: f32) -> Assigned {
     let cells = CellGrid::new(positions, spacing);
     let radius = 0.866 * spacing;
     let nearest = par::map_chunks(sources.len(), 256, |range| {
         let find = |i: usize| cells.nearest_within(positions, sources[i].0, radius, |_| true);
         range.map(find).collect::<Vec<_>>()
     });
-    let mut given = Given::default();
+    let mut assigned = Assigned::default();
     for (&(x, strength), nearest) in sources.iter().zip(nearest.into_iter().flatten()) {
         match nearest {
-            Some(j) => given.added.push((j as u32, strength)),
-            None => given.new.push((x, strength)),
+            Some(j) => assigned.added.push((j as u32, strength)),
+            None => assigned.new.push((x, strength)),
         }
     }
-    given
+    assigned
 }
 
 #[cfg(test)]
@@ -182,12 +182,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_push_becomes_vorticity_of_zero_sum_and_of_its_impulse() {
+    fn an_impulse_becomes_vorticity_of_zero_sum_and_of_that_impulse() {
         let (h, push) = (0.1, Vec3::new(0.3, -0.2, 2.0));
         let position = [Vec3::new(0.431, -0.777, 0.05), Vec3::new(0.6, -0.7, 0.0)];
-        let mut lattice = Lattice::around(&[&position], h);
-        lattice.deposit(&position, &[push, push], 0.002);
-        let sources = lattice.curl();
+        let mut grid = Grid::around(&[&position], h);
+        grid.deposit(&position, &[push, push], 0.002);
+        let sources = grid.curl();
         let sum: Vec3 = sources.iter().map(|(_, g)| g).sum();
         let impulse: Vec3 = sources.iter().map(|(x, g)| x.cross(g) * 0.5).sum();
         // What was left out is small.
@@ -207,10 +207,10 @@ mod tests {
 
     #[test]
     fn strengths_go_to_the_nearest_vorton_or_make_one() {
-        let there = [Vec3::zeros(), Vec3::new(0.05, 0.0, 0.0)];
+        let existing = [Vec3::zeros(), Vec3::new(0.05, 0.0, 0.0)];
         let at = |x: f32| (Vec3::new(x, 0.0, 0.0), Vec3::z());
-        let given = give(&[at(0.04), at(-0.02), at(0.3)], &there, 0.1);
-        assert_eq!(given.added, [(1, Vec3::z()), (0, Vec3::z())]);
-        assert_eq!(given.new, [at(0.3)]);
+        let assigned = assign(&[at(0.04), at(-0.02), at(0.3)], &existing, 0.1);
+        assert_eq!(assigned.added, [(1, Vec3::z()), (0, Vec3::z())]);
+        assert_eq!(assigned.new, [at(0.3)]);
     }
 }

@@ -1,12 +1,13 @@
 //! Smoke from vortons ([gourlay19]).
 //!
-//! *Method*: vortons carry the vorticity of the air and move each other ([`flow`](super::vortex::flow)); tracers drift with the air and
-//! carry what is seen. A step moves both, lets emitters give off tracers (`emit.rs`), turns what pushes the air into vorticity
-//! (`kick.rs`) and lets smoke fade. Air far away is still, or moves with the wind.
+//! *Method*: vortons discretise the vorticity of the air and induce its velocity, which advects them
+//! ([`flow`](super::vortex::flow)). The same velocity advects tracers, which have density and temperature. A step advects both,
+//! emits tracers (`emit.rs`), turns impulses into vorticity (`kick.rs`) and lets smoke fade. Air far away is still, or moves with
+//! the wind.
 //! *Departs from the paper*: tracers are no vortons; see the files of the parts.
 //!
 //! Symbols: Γ → `strength` [m³/s], σ → `core` [m], u → `velocity` [m/s].
-//! Limits: pushes are first order in time.
+//! Limits: impulses are first order in time.
 
 mod air;
 mod areas;
@@ -57,13 +58,13 @@ use filaments::Setting;
 use tracers::{Seeds, Tracers};
 use walls::Spun;
 
-/// Its name as a system, and the stream of its vortons.
+/// Name of the system, and of the stream of its vortons.
 pub const NAME: &str = "smoke";
 
-/// Smoke as a preset says it, and what frames mean to its emitters.
+/// Parameters of smoke, and the times of its frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Smoke {
-    /// What the preset says.
+    /// Parameters of the preset.
     pub params: SmokeParams,
     /// Frames a second.
     pub fps: f64,
@@ -71,10 +72,10 @@ pub struct Smoke {
     pub first: u32,
 }
 
-/// Vortons at which the velocity's error is sampled.
+/// Number of vortons at which the velocity's error is sampled.
 const SAMPLES: usize = 200;
 
-/// Smoke and its state.
+/// Smoke, its state and its surroundings.
 #[derive(Debug)]
 pub(super) struct System {
     params: SmokeParams,
@@ -90,7 +91,7 @@ pub(super) struct System {
 }
 
 impl System {
-    /// Fills rings, tubes, turbulence and sources.
+    /// Seeds rings, tubes, turbulence and sources.
     pub(super) fn seed(smoke: Smoke, world: &World) -> Result<Self, SetupError> {
         let mut system = Self::empty(smoke, world);
         let params = &system.params;
@@ -138,13 +139,13 @@ impl System {
         }
     }
 
-    /// Adds vortons that each stand for a cell of the lattice.
+    /// Adds vortons whose volume is a cell of the seeding lattice.
     fn add(&mut self, vortons: Vortons) {
         let volume = vec![self.params.spacing.powi(3); vortons.len()];
         self.flow.add(&vortons, &volume);
     }
 
-    /// What seeding did.
+    /// The record of the seeding.
     pub(super) fn seeded(&self) -> SmokeSeeds {
         SmokeSeeds {
             vortons: self.flow.vortons.len() as u32,
@@ -181,7 +182,7 @@ impl System {
         air.map_err(|error| self.diverged(0, &error))
     }
 
-    /// Advances from `start` [s] by one frame of `seconds`; leaves the air at its start and after every step, if asked to.
+    /// Advances from `start` [s] by one frame of `seconds`; adds the air at its start and after every step to `airs`, if given.
     pub(super) fn advance(
         &mut self,
         start: f64,
@@ -217,7 +218,7 @@ impl System {
         Ok((record, clock.into_totals()))
     }
 
-    /// A step that begins at `now` [s]; returns its length.
+    /// One step that begins at `now` [s]; returns its length [s].
     fn step(
         &mut self,
         now: f64,
@@ -242,7 +243,7 @@ impl System {
         self.tracers.add(emitted.seeds);
         if self.air.walls.is_some() {
             let shed = clock.time("smoke_walls", || {
-                self.put_out(then, record);
+                self.project_out(then, record);
                 self.shed(now, then, record)
             });
             shed.map_err(|error| self.diverged(span.number, &error))?;
@@ -258,35 +259,35 @@ impl System {
         Ok(report.seconds)
     }
 
-    /// What the record tells of the end of a frame, at `time` [s].
+    /// Fills the record's figures of the end of a frame, at `time` [s].
     fn account(&self, samples: Option<usize>, time: f64, record: &mut SmokeRecord) -> Result<(), OutOfRange> {
         record.account = self.flow.account(samples)?;
         if self.air.walls.is_some() {
             let sources = self.air.sources(&self.flow.vortons, time, Spun::at(time))?;
             let instant = Instant { vortons: &self.flow.vortons, sources: &sources };
             record.unsolved = Some(sources.residual);
-            if let Some(leak) = self.air.through(instant, time)? {
+            if let Some(leak) = self.air.max_leakage(instant, time)? {
                 (record.through_flow, record.leakiest) = (Some(leak.part), Some(leak.body as u32));
             }
         }
         Ok(())
     }
 
-    /// Lets emitters give off tracers; those that would begin inside a solid do not.
+    /// Emits tracers; those inside a solid are rejected.
     fn emit(&self, now: f64, then: f64, emitted: &mut Emitted, record: &mut SmokeRecord) {
         self.emitters.iter().for_each(|emitter| emitter.emit(now, then, emitted));
-        record.smothered += u64::from(emitted.retain(|x| !is_inside(&self.solids, x, then)));
+        record.rejected += u64::from(emitted.retain(|x| !is_inside(&self.solids, x, then)));
         record.emitted += emitted.seeds.position.len() as u64;
     }
 
-    /// Says which vorton or point left what can be computed.
+    /// The error for a vorton or point that left the range of what can be computed.
     fn diverged(&self, substep: u32, error: &OutOfRange) -> Diverged {
         let limits = "a smaller smoke.flow.strain or a larger smoke.flow.max_substeps";
         error.diverged(substep, &self.flow.id, "points that drift along", limits)
     }
 }
 
-/// What is at a point at `time` [s]. Beyond a plane the air is mirrored.
+/// What a point at `time` [s] is in. Beyond a plane are mirror images.
 fn medium(solids: &[Solid], x: Vec3, time: f64) -> Medium {
     let holds = |solid: &&Solid| is_inside(std::slice::from_ref(*solid), x, time);
     let is_plane = |solid: &&Solid| matches!(solid.shape, Shape::Plane { .. });

@@ -1,11 +1,11 @@
-//! The surfaces of solids as panels.
+//! Source panels on the surfaces of solids.
 //!
-//! *Method*: nodes of a lattice that are nearer to a surface than a lattice step p are moved onto it along the normal, each with the
-//! area p² (1 − |d|/p), which over a smooth surface sums to its area, to which they are scaled (`areas.rs`).
-//! Those that fall into one cell become one panel. A panel's source stands inside the solid, about one and a half steps below it, or
-//! less where that is thin: its field is smooth on the surface. In solids with edges it is a square just below the panel
-//! instead, and boxes have rectangles on their faces (`tiles.rs`). Nodes are found
-//! by halving blocks of the lattice: one whose middle is farther from the surface than its corners from the middle holds none.
+//! *Method*: grid nodes nearer to a surface than the grid step p are projected onto it along the normal, each with the area
+//! p² (1 − |d|/p). Over a smooth surface these areas sum to its area, to which they are scaled (`areas.rs`). The nodes that
+//! fall into one cell become one panel. A panel's source is a point inside the solid, about one and a half steps below the
+//! panel and less deep in thin parts: its field is smooth on the surface. In solids with edges the source is a square source
+//! panel just below the surface. Boxes have rectangular source panels on their faces (`tiles.rs`). Nodes are found by
+//! halving blocks of the grid: a block whose centre is farther from the surface than its corners from its centre has none.
 
 use super::{
     areas::area,
@@ -16,65 +16,70 @@ use crate::{math::Vec3, solid::Shape, space::CellGrid};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
 
-/// How deep a source stands below its panel, in lattice steps. Nearer, the air between panels feels single sources; deeper, the
-/// equations for them can hardly be told apart, and take more iterations.
-const DEPTH: f32 = 1.5;
+/// Depth of a point source below its panel, in grid steps. Nearer, the air between panels feels single sources. Deeper, the
+/// equations become ill-conditioned and take more iterations.
+const POINT_DEPTH: f32 = 1.5;
 
-/// How deep a source stands at most over the radius of the largest ball that fits in the solid below its panel. In the ball's middle the sources
-/// of all sides are one, and GMRES finds none that keep the air out: between the panels of a ball of a radius of 0.9 steps three times the
-/// wind was left, of a wire of 0.7 steps three hundred times. With 0.6, 0.16 and 0.6 times the wind; with 0.3, 0.6 and 0.8 (a prototype in double precision).
-const ASIDE: f32 = 0.6;
+/// Largest depth of a point source over the radius of the largest ball that fits in the solid below its panel. At the ball's
+/// centre the sources of all sides coincide, and GMRES finds none that keep the air out: between the panels of a ball of radius
+/// 0.9 steps three times the wind was left, of a wire of 0.7 steps three hundred times. With 0.6, 0.16 and 0.6 times the wind
+/// were left, with 0.3, 0.6 and 0.8 times (a prototype in double precision).
+const MAX_DEPTH_OVER_RADIUS: f32 = 0.6;
 
-/// How deep the squares in solids with edges are [steps]. On the surface a half of the wind is left all over boxes of 6 to 16 steps, half a step deep the
-/// air turns around edges twice as fast; here 0.3 to 0.5 is left, of which 0.15 on faces. Points, at any depth, leave 0.7 to 1 (a prototype in double precision).
-const SUNK: f32 = 0.25;
+/// Depth of square source panels in solids with edges, in grid steps. On the surface half of the wind is left all over boxes of
+/// 6 to 16 steps. Half a step deep the air flows around edges twice as fast. Here 0.3 to 0.5 is left, of which 0.15 on faces.
+/// Points at any depth leave 0.7 to 1 (a prototype in double precision).
+const TILE_DEPTH: f32 = 0.25;
 
-/// How far the edges of such a square are taken to be at least [steps]. A fifth more is left with 0.3, which is best for rectangles on faces that
-/// they cover without gaps (`tiles.rs`); larger was not tried.
-const SOFT_SQUARE: f32 = 0.5;
+/// Smallest distance to the edges of such a panel in its integrals, in grid steps. With 0.3, which is best for panels that cover
+/// faces without gaps (`tiles.rs`), a fifth more is left; larger values were not tried.
+const TILE_SOFTENING: f32 = 0.5;
 
-/// The least thickness below a square, in its depths. The squares of two faces that are nearer to each other are one to the equations: with 2, up to three times the wind is
-/// left on fins 0.55 steps thick by where the lattice falls, with 1 hundreds of times, and with 4 three quarters at most; more, and fins that keep some air out have none.
-const ROOM: f32 = 4.0;
+/// Smallest thickness below a square source panel, in its depths. Panels of two faces nearer to each other make the equations
+/// nearly singular. With 2, up to three times the wind is left on fins 0.55 steps thick, depending on the grid's position; with 1
+/// hundreds of times; with 4 at most three quarters. With more, fins that keep some air out have no sources.
+const MIN_LOCAL_THICKNESS: f32 = 4.0;
 
-/// In solids with edges, a panel nearer than this to one before [steps] is a part of it: their equations would be nearly the same, and their sources as strong
-/// as they cancel. Without, up to four times the wind is left by where the lattice falls; with half a step a tenth more than with these.
-const TWINS: f32 = 0.4;
+/// In solids with edges, panels nearer to each other than this are merged [steps]: their equations would be nearly the same, and
+/// their sources would cancel. Without merging, up to four times the wind is left, depending on the grid's position; with half a
+/// step a tenth more than with this.
+const MERGE_DISTANCE: f32 = 0.4;
 
-/// The least inner radius of a solid with sources [steps]. Panels of thinner ones stand on this side or that of it by where the lattice falls, and more is left than
-/// without (a prototype); of a radius of 0.7 steps 0.3 to 0.7 is left.
-const THIN: f32 = 0.5;
+/// Smallest inner radius of a solid with sources [steps]. In thinner ones the grid's position decides on which side panels lie, and
+/// more is left than without sources (a prototype). With a radius of 0.7 steps 0.3 to 0.7 is left.
+const MIN_INNER_RADIUS: f32 = 0.5;
 
-/// Panels that lean to one side by more than this part of their area do not stand for a solid, as of a ball as small as a step, or a mesh whose samples are
-/// coarse. Balls of a radius of 0.7 steps lean by 0.36 at most.
-const OPEN: f32 = 0.5;
+/// Largest vector area of a solid's panels over their area. Panels above it do not enclose a solid: a ball as small as a step, or a
+/// mesh whose samples are coarse. Balls of a radius of 0.7 steps have 0.36 at most.
+const MAX_VECTOR_AREA: f32 = 0.5;
 
-/// The least inner radius of a solid whose edges are told from its thinness [steps].
-const THICK: f32 = 2.0;
+/// Smallest inner radius of a solid whose edges are distinguished from its thinness [steps].
+const MIN_EDGED_INNER_RADIUS: f32 = 2.0;
 
-/// How far below a panel another face is looked for to tell an edge [steps]. Deeper than about one, and no edge is found in solids as thin as `THICK` allows.
-const BELOW: f32 = 0.9;
+/// Depth below a panel at which an edge is detected by another face [steps]. Deeper than about one, no edge is found in solids as
+/// thin as [`MIN_EDGED_INNER_RADIUS`] allows.
+const EDGE_PROBE_DEPTH: f32 = 0.9;
 
-/// Where the lattice stands [steps].
+/// Offset of the grid [steps].
 const OFFSET: Vec3 = Vec3::new(0.37, 0.29, 0.43);
 
-/// A piece of a surface, about the solid's own origin.
+/// A part of a surface, in the solid's own coordinates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Panel {
-    /// Its middle [m].
+    /// Centre [m].
     pub(super) x: Vec3,
-    /// Out of the solid.
+    /// Unit normal, out of the solid.
     pub(super) normal: Vec3,
     /// [m²].
     pub(super) area: f32,
     /// About how wide it is [m].
     pub(super) width: f32,
-    /// In thin parts, and right on an edge, it may have none; in solids thinner than its width none has.
+    /// `None` in solids thinner than the panel's width, and possibly in thin parts and right on an edge.
     pub(super) source: Option<Source>,
 }
 
-/// How much steeper than a distance samples of one may be.
-const STEEPEST: f32 = 1.25;
+/// Largest slope of a sampled distance.
+const MAX_SLOPE: f32 = 1.25;
 
 /// The longest side of the box around a shape [m]; 0 for a plane.
 pub(super) fn longest(shape: &Shape) -> f32 {
@@ -88,8 +93,8 @@ fn bounds(shape: &Shape) -> Option<(Vec3, Vec3)> {
     }
 }
 
-/// Where a node of the lattice stands [m]: off the origin, so that it does not fall into the faces of shapes of round numbers.
-fn place(node: Vec3, step: f32) -> Vec3 {
+/// Position of a grid node [m]: off the origin, so that nodes do not fall onto faces at round numbers.
+fn node_position(node: Vec3, step: f32) -> Vec3 {
     (node + OFFSET) * step
 }
 
@@ -101,10 +106,10 @@ fn near(shape: &Shape, step: f32) -> Vec<[i64; 3]> {
     let mut found = Vec::new();
     let mut blocks = vec![(first, ((last - first).max() as u64 + 1).next_power_of_two() as i64)];
     while let Some((corner, side)) = blocks.pop() {
-        // From its middle to its corners [steps].
+        // From its centre to its corners [steps].
         let half = 0.5 * (side - 1) as f32;
-        let middle = place(corner.map(|v| v as f32).add_scalar(half), step);
-        if shape.signed_distance(middle).abs() > STEEPEST * step * (1.0 + 3.0_f32.sqrt() * half) {
+        let middle = node_position(corner.map(|v| v as f32).add_scalar(half), step);
+        if shape.signed_distance(middle).abs() > MAX_SLOPE * step * (1.0 + 3.0_f32.sqrt() * half) {
             continue;
         }
         if side == 1 {
@@ -126,41 +131,42 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
     if let Shape::Box { min, max } = shape {
         return tiles::panels(Vec3::from(*min), Vec3::from(*max), step);
     }
-    sunken(shape, step)
+    with_sources(shape, step)
 }
 
 /// Panels with sources below them.
-fn sunken(shape: &Shape, step: f32) -> Vec<Panel> {
-    let mut made = gathered(shape, step);
-    // Nodes as far apart as a part is thin stand for more than its surface, or less.
+fn with_sources(shape: &Shape, step: f32) -> Vec<Panel> {
+    let mut made = project_nodes(shape, step);
+    // In thin parts the areas of the nodes do not sum to that of the surface.
     let whole = area(shape);
     let scale = whole / made.iter().map(|panel| panel.area).sum::<f32>();
     made.iter_mut().for_each(|panel| panel.area *= scale);
-    // What is too thin for its panels has no sources.
-    let leaning: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
-    if shape.inner_radius() < THIN * step || leaning.norm() > OPEN * whole {
+    // A solid too thin for its panels has no sources.
+    let vector_area: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
+    if shape.inner_radius() < MIN_INNER_RADIUS * step || vector_area.norm() > MAX_VECTOR_AREA * whole {
         return made;
     }
-    // An ellipsoid is sharp at its ends and has no edge: points leave a seventh to two thirds of what squares do (a prototype).
-    let may_have_edges = shape.inner_radius() >= THICK * step && !matches!(shape, Shape::Ellipsoid { .. });
+    // An ellipsoid is sharp at its ends but has no edge: points leave a seventh to two thirds of what square panels do (a prototype).
+    let may_have_edges =
+        shape.inner_radius() >= MIN_EDGED_INNER_RADIUS * step && !matches!(shape, Shape::Ellipsoid { .. });
     let edged = may_have_edges && made.iter().any(|panel| is_at_edge(shape, panel, step));
     if edged {
-        made = merged(&made, TWINS * step);
+        made = merged(&made, MERGE_DISTANCE * step);
     }
     for panel in &mut made {
-        panel.source = if edged { square(shape, panel, step) } else { point(shape, panel, step) };
+        panel.source = if edged { tile(shape, panel, step) } else { point(shape, panel, step) };
     }
     made
 }
 
-/// The panels, of which one nearer than `least` [m] to one before adds its area to that, whose place and normal stand for both: a mean of two faces' would be
-/// neither's, and at an edge in the solid.
-fn merged(panels: &[Panel], least: f32) -> Vec<Panel> {
+/// Panels of which those nearer than `distance` [m] are merged into the first of them. Its position and normal are kept: the mean of
+/// two faces' would belong to neither, and at an edge lie in the solid.
+fn merged(panels: &[Panel], distance: f32) -> Vec<Panel> {
     let at: Vec<Vec3> = panels.iter().map(|panel| panel.x).collect();
-    let cells = CellGrid::new(&at, least);
+    let cells = CellGrid::new(&at, distance);
     let mut kept: Vec<Option<Panel>> = vec![None; panels.len()];
     for (i, panel) in panels.iter().enumerate() {
-        match cells.nearest_within(&at, panel.x, least, |j| kept[j].is_some()) {
+        match cells.nearest_within(&at, panel.x, distance, |j| kept[j].is_some()) {
             Some(j) => kept[j].iter_mut().for_each(|other| other.area += panel.area),
             None => kept[i] = Some(*panel),
         }
@@ -169,26 +175,27 @@ fn merged(panels: &[Panel], least: f32) -> Vec<Panel> {
 }
 
 /// The source of a panel in a solid with edges; none in its thin parts.
-fn square(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
-    let has_room = shape.signed_distance(panel.x - panel.normal * (ROOM * SUNK * step)) < 0.0;
-    has_room.then(|| Source::Tile(Tile::square(panel, SUNK * step, SOFT_SQUARE * step)))
+fn tile(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
+    let is_thick_enough =
+        shape.signed_distance(panel.x - panel.normal * (MIN_LOCAL_THICKNESS * TILE_DEPTH * step)) < 0.0;
+    is_thick_enough.then(|| Source::Tile(Tile::square(panel, TILE_DEPTH * step, TILE_SOFTENING * step)))
 }
 
 /// The source of a panel in a smooth solid.
 fn point(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
-    let most = DEPTH * step;
-    let depth = most.min(ASIDE * room(shape, panel, most / ASIDE));
+    let max = POINT_DEPTH * step;
+    let depth = max.min(MAX_DEPTH_OVER_RADIUS * inscribed_radius(shape, panel, max / MAX_DEPTH_OVER_RADIUS));
     let place = panel.x - panel.normal * depth;
-    // In a mesh, parts thinner than its samples may have no inside; a source in the air would blow all away.
+    // In a mesh, parts thinner than its samples may have no inside; a source in the air would be singular there.
     (shape.signed_distance(place) < 0.0).then_some(Source::Point(place))
 }
 
-/// The panels without sources, of the area that the nodes stand for.
-fn gathered(shape: &Shape, step: f32) -> Vec<Panel> {
-    // Area and middle by cell.
+/// Panels without sources; their areas are those of the nodes.
+fn project_nodes(shape: &Shape, step: f32) -> Vec<Panel> {
+    // Area and first moment of each cell.
     let mut cells: BTreeMap<[i64; 3], (f32, Vec3)> = BTreeMap::new();
     for [k, j, i] in near(shape, step) {
-        let node = place(Vec3::new(i as f32, j as f32, k as f32), step);
+        let node = node_position(Vec3::new(i as f32, j as f32, k as f32), step);
         let (distance, normal) = shape.contact(node);
         if distance.abs() >= step {
             continue;
@@ -202,7 +209,7 @@ fn gathered(shape: &Shape, step: f32) -> Vec<Panel> {
     }
     let panel = |(area, sum): (f32, Vec3)| {
         let middle = sum / area;
-        // The nearest point of the middle; its normal is asked from outside, where it has one at edges too.
+        // The surface point nearest to the centre; its normal is evaluated from outside, where it is defined at edges too.
         let (distance, out) = shape.contact(middle);
         let x = middle - out * distance;
         let (_, normal) = shape.contact(x + out * (0.05 * step));
@@ -211,15 +218,15 @@ fn gathered(shape: &Shape, step: f32) -> Vec<Panel> {
     cells.into_values().filter(|(area, _)| *area > 0.1 * step * step).map(panel).collect()
 }
 
-/// The radius of the largest ball in the solid that touches the surface at a panel [m], up to `most`.
-fn room(shape: &Shape, panel: &Panel, most: f32) -> f32 {
-    let mut radius = most;
+/// The radius of the largest ball in the solid that touches the surface at a panel [m], up to `max`.
+fn inscribed_radius(shape: &Shape, panel: &Panel, max: f32) -> f32 {
+    let mut radius = max;
     for _ in 0..6 {
         let inside = -shape.signed_distance(panel.x - panel.normal * radius);
         if inside > 0.9 * radius {
             break;
         }
-        // Between two faces, and in a ball, half the sum is the answer at once; beside an edge it halves the rest.
+        // Between two faces and in a ball the mean is the answer at once; next to an edge it halves the difference.
         radius = 0.5 * (radius + inside);
     }
     radius
@@ -228,17 +235,17 @@ fn room(shape: &Shape, panel: &Panel, most: f32) -> f32 {
 /// Whether another face of a thick part is near the place below a panel.
 fn is_at_edge(shape: &Shape, panel: &Panel, step: f32) -> bool {
     let below = |depth: f32| panel.x - panel.normal * depth;
-    if shape.signed_distance(below(DEPTH * step)) < -0.9 * DEPTH * step {
+    if shape.signed_distance(below(POINT_DEPTH * step)) < -0.9 * POINT_DEPTH * step {
         return false;
     }
-    // In a thick part there is room aside.
-    let mut x = below(BELOW * step);
+    // A thick part has a point of this depth near by.
+    let mut x = below(EDGE_PROBE_DEPTH * step);
     for _ in 0..6 {
         let (distance, out) = shape.contact(x);
-        if distance < -0.9 * BELOW * step {
+        if distance < -0.9 * EDGE_PROBE_DEPTH * step {
             return true;
         }
-        x -= out * (BELOW * step + distance);
+        x -= out * (EDGE_PROBE_DEPTH * step + distance);
     }
     false
 }
@@ -263,7 +270,7 @@ mod tests {
             assert!((sum / area - 1.0).abs() < 1e-4, "{shape:?}: {sum} for {area}");
             let closed: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
             assert!(closed.norm() < flux * area, "{shape:?}: {closed}");
-            // Edges have no single normal, and panels there lean either way.
+            // Edges have no single normal: that of panels there is either face's.
             let smooth = matches!(shape, Shape::Sphere { .. });
             for panel in made.iter().filter(|_| smooth) {
                 assert!(shape.signed_distance(panel.x).abs() < 1e-4, "{shape:?} {panel:?}");
@@ -275,7 +282,7 @@ mod tests {
         assert!(panels(&Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] }, step).is_empty());
     }
 
-    /// Spheres, boxes and samples of a ball in a mesh's place.
+    /// Spheres, boxes, and a mesh whose samples are those of a ball.
     fn shapes() -> Vec<Shape> {
         let ball = Shape::Sphere { center: [0.0; 3], radius: 0.4 };
         let (nodes, voxel) = ([26_u32; 3], 0.04);
@@ -296,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn no_node_near_a_surface_is_passed_over() {
+    fn every_node_near_a_surface_is_found() {
         for (shape, step) in
             shapes().into_iter().flat_map(|shape| [0.03, 0.07].map(|step| (shape.clone(), step)))
         {
@@ -308,7 +315,7 @@ mod tests {
             for (k, j, i) in
                 range(2).flat_map(|k| range(1).flat_map(move |j| range(0).map(move |i| (k, j, i))))
             {
-                let node = place(Vec3::new(i as f32, j as f32, k as f32), step);
+                let node = node_position(Vec3::new(i as f32, j as f32, k as f32), step);
                 let near = shape.contact(node).0.abs() < step;
                 missed += usize::from(near && found.binary_search(&[k, j, i]).is_err());
             }
@@ -329,30 +336,34 @@ mod tests {
     }
 
     #[test]
-    fn no_two_panels_beside_an_edge_share_a_place() {
+    fn panels_near_an_edge_do_not_coincide() {
         let cuboid = Shape::Box { min: [-10.0, -10.0, -20.0], max: [10.0, 10.0, 0.0] };
         for step in [1.22, 1.3, 1.32, 1.36, 1.5] {
-            let made = sunken(&cuboid, step);
+            let made = with_sources(&cuboid, step);
             let near =
                 |i: usize| (0..i).map(|j| (made[i].x - made[j].x).norm()).fold(f32::INFINITY, f32::min);
-            let least = (1..made.len()).map(near).fold(f32::INFINITY, f32::min);
-            assert!(least >= TWINS * step, "{step}: {least}");
+            let min = (1..made.len()).map(near).fold(f32::INFINITY, f32::min);
+            assert!(min >= MERGE_DISTANCE * step, "{step}: {min}");
             let sum: f32 = made.iter().map(|panel| panel.area).sum();
             assert!((sum / 2400.0 - 1.0).abs() < 1e-3, "{step}: {sum}");
-            let leaning: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
-            assert!(leaning.norm() < 0.05 * sum, "{step}: {leaning}");
+            let vector_area: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
+            assert!(vector_area.norm() < 0.05 * sum, "{step}: {vector_area}");
             let sources = made.iter().filter(|panel| panel.source.is_some()).count();
-            // Those right on an edge have none.
+            // Panels right on an edge have none.
             assert!(sources > made.len() * 9 / 10, "{step}: {sources} of {}", made.len());
         }
     }
 
     #[test]
     fn large_solids_take_time_by_their_surface() {
-        // A million nodes in its bounds, 60 000 squares on its surface.
+        // A million nodes in its bounds, its surface is 60 000 cells.
         let cuboid = Shape::Box { min: [0.0, 0.0, 0.0], max: [2.0, 2.0, 2.0] };
         let found = near(&cuboid, 0.02);
         let surface = 24.0 / (0.02 * 0.02);
-        assert!((found.len() as f32) < 4.0 * surface, "{} nodes for {surface} squares", found.len());
+        assert!(
+            (found.len() as f32) < 4.0 * surface,
+            "{} nodes for {surface} cells of the surface",
+            found.len()
+        );
     }
 }

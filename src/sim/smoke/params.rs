@@ -1,4 +1,4 @@
-//! What a preset can say about smoke.
+//! Parameters of smoke in a preset.
 
 use crate::{
     sim::vortex::flow::FlowParams,
@@ -7,8 +7,8 @@ use crate::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Smoke in air that is made of vortons: pieces of vorticity that move each other. Tracers drift along and carry what is
-/// seen.
+/// Smoke in air of vortons, which are particles of vorticity that induce the air's velocity. It advects tracers, whose density and
+/// temperature are seen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SmokeParams {
@@ -87,16 +87,16 @@ impl Default for Buoyancy {
     }
 }
 
-/// How colliders shed vorticity: what slips along a surface is released into the air as vortons.
+/// Vorticity shed by colliders: the slip along a surface is released into the air as vortons.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Shedding {
     /// Part of the slip along a surface that is released, 0 to 1: 1 is a rough body with a full wake, 0.2 a smooth one.
-    /// 0 sheds nothing; above it, what a body that turns takes along is the same for any.
+    /// 0 sheds nothing; above it, the air that a turning body takes along does not depend on it.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub strength: f32,
-    /// Thickness of the layer that slips, in spacings: vortons are released in its middle. Thinner ones touch the body
-    /// and are pushed out. In it air sticks to the body, and vortons are stretched the less the nearer they are.
+    /// Thickness of the layer in which air slips, in spacings: vortons are released in its middle. Thinner, and they touch the
+    /// body and are projected out of it. Air sticks to the body: the nearer vortons in the layer are, the less they are stretched.
     #[schemars(range(min = 0.25, max = 4.0))]
     pub layer: f32,
 }
@@ -128,7 +128,7 @@ pub struct Turbulence {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ring {
-    /// Its centre [m].
+    /// Centre of the ring [m].
     #[schemars(extend("unit" = "m"))]
     pub center: [f32; 3],
     /// Where it flies to; any length but zero.
@@ -224,7 +224,7 @@ pub struct Emitter {
     #[serde(default)]
     #[schemars(extend("unit" = "K"))]
     pub temperature: f32,
-    /// The velocity with which smoke is blown out, beside that of the shape [m/s]: it drags the air along; absent: smoke
+    /// Velocity with which smoke is emitted, in addition to that of the shape [m/s]: it drags the air along; absent: smoke
     /// appears in the air as that moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(extend("unit" = "m/s"))]
@@ -241,7 +241,7 @@ pub struct Emitter {
 }
 
 impl SmokeParams {
-    /// Gives the lattice of [`Remesh`](crate::sim::vortex::flow::Remesh) the spacing of the smoke if a preset names none.
+    /// Sets the grid spacing of [`Remesh`](crate::sim::vortex::flow::Remesh) to that of the smoke if a preset names none.
     pub fn settle(&mut self) {
         if let Some(remesh) = self.flow.remesh.as_mut().filter(|remesh| remesh.spacing == 0.0) {
             remesh.spacing = self.spacing;
@@ -253,7 +253,7 @@ impl SmokeParams {
         self.overlap * self.spacing
     }
 
-    /// The shapes that are named, with the keys below `smoke` at which they stand.
+    /// Shapes in the parameters, with their keys below `smoke`.
     pub fn shapes(&self) -> Vec<(String, &Shape)> {
         let turbulence = self.turbulence.iter().map(|t| ("turbulence".to_owned(), &t.shape));
         let sources = self.source.iter().enumerate().map(|(i, s)| (format!("source.{i}"), &s.shape));
@@ -261,7 +261,7 @@ impl SmokeParams {
         turbulence.chain(sources).chain(emitters).collect()
     }
 
-    /// The same, to be filled.
+    /// Shapes in the parameters, to be filled.
     pub fn shapes_mut(&mut self) -> impl Iterator<Item = &mut Shape> {
         let turbulence = self.turbulence.iter_mut().map(|t| &mut t.shape);
         let sources = self.source.iter_mut().map(|s| &mut s.shape);

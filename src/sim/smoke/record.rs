@@ -1,9 +1,9 @@
-//! What smoke reports of its seeding and of a frame.
+//! Records of the seeding of smoke and of a frame.
 
 use crate::sim::vortex::flow::{Account, FlowReport};
 use serde::{Deserialize, Serialize};
 
-/// What seeding smoke did.
+/// Record of the seeding.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SmokeSeeds {
     /// Vortons.
@@ -12,13 +12,13 @@ pub struct SmokeSeeds {
     pub tracers: u32,
     /// Tracers left out because they lay in a solid.
     pub skipped_in_solids: u32,
-    /// The part of the wind that blows at a plane and was left out [m/s].
+    /// Component of the wind normal to a plane, which is removed [m/s].
     pub wind_across: f32,
-    /// The solids of the world, by number, that are too small for the smoke's spacing to keep air out.
+    /// Indices of the solids that are too small for the smoke's spacing to keep air out.
     pub sourceless: Vec<usize>,
 }
 
-/// What happened to the smoke in a frame. The same on every run and for any thread count.
+/// Record of a frame, the same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct SmokeRecord {
@@ -29,27 +29,28 @@ pub struct SmokeRecord {
     pub vortons: u64,
     /// Tracers at the frame's end.
     pub tracers: u64,
-    /// Tracers given off.
+    /// Tracers emitted.
     pub emitted: u64,
-    /// Tracers that were to be given off inside a solid, and were not.
-    pub smothered: u64,
-    /// Vortons that pushes and shedding made.
+    /// Tracers rejected because they would have been emitted inside a solid.
+    #[serde(rename = "smothered")]
+    pub rejected: u64,
+    /// Vortons made by impulses and by shedding.
     pub made: u64,
-    /// Vortons and tracers that slipped into solids and were put back to their surfaces, over all steps.
+    /// Vortons projected out of solids, over all steps.
     pub returned_vortons: u64,
-    /// See `returned_vortons`.
+    /// Tracers projected out of solids, over all steps.
     pub returned_tracers: u64,
-    /// What is left of the flow through the panels of solids, as a part of what there would be; `None` without solids.
+    /// Residual of the normal flow at the panels of solids, relative to that without sources; `None` without solids.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub unsolved: Option<f64>,
-    /// The same between the panels, where nothing was asked to vanish, of the solid where that is most. Solids at which the air
-    /// hardly moves do not count.
+    /// Leakage between the panels, relative to the normal flow without sources: the largest of all solids. Solids with a small normal
+    /// flow do not count.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub through_flow: Option<f64>,
-    /// Which solid that is, from 0 in the order of the preset.
+    /// Index of that solid, in the order of the preset.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub leakiest: Option<u32>,
-    /// What motion keeps, and the sampled error of the velocity, at the frame's end.
+    /// Invariants of the motion, and the sampled error of the velocity, at the frame's end.
     #[serde(flatten)]
     pub account: Account,
 }

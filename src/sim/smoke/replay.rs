@@ -1,13 +1,13 @@
 //! Smoke between cached frames, and other tracers in the air of cached frames, without simulating.
 //!
-//! *Method*: a vorton that two frames share moves between them on the cubic that has its places and velocities in both (Hermite), and its
-//! strength and core change evenly. One that only the first has moves on with its velocity there and fades; one that only the
-//! second has comes as it would go. Tracers drift in the air of these vortons by the midpoint rule, from where a cached frame, or the
-//! shot's start, has them; emitters and fading go on meanwhile. A step is short enough for the fastest air and for solids that move.
-//! The vorticity of solids that turn and shed cross-fades as what they shed does. At a cached frame all is as that frame has it.
+//! *Method*: a vorton that both frames contain moves on the cubic Hermite interpolant of its positions and velocities, and its
+//! strength and core change linearly. One of the first frame only moves with its velocity there and fades out; one of the second
+//! only fades in. Tracers are advected in the air of these vortons by the midpoint rule, from their positions in a cached frame or
+//! at the shot's start; emission and fading go on meanwhile. The step suits the fastest air and the fastest solid. The vorticity of
+//! solids that turn and shed cross-fades as what they shed does. At a cached frame everything is as in that frame.
 //!
 //! Symbols: s → `part`, 0 at the first frame and 1 at the second.
-//! Limits: second order in the distance of frames; where vortons were put back onto a lattice in between, the two sets cross-fade.
+//! Limits: second order in the distance of frames. Where vortons were remeshed in between, the two sets cross-fade.
 
 use super::{
     FrameAir, NAME, ShotAir, Smoke, System, TRACERS,
@@ -23,26 +23,26 @@ use crate::{
 };
 use std::{collections::HashMap, ops::ControlFlow};
 
-/// Parts of a core that a tracer drifts in one step at most.
-const STRIDE: f32 = 0.5;
+/// Largest displacement of a tracer in a step, in cores.
+const MAX_DISPLACEMENT: f32 = 0.5;
 
-/// Steps of one drift at most; how many would be longer than they should is told.
-const MOST: f64 = 256.0;
+/// Limit of steps between two frames; the record counts steps that were longer than they should be.
+const MAX_STEPS: f64 = 256.0;
 
-/// Smoke that is played again.
+/// A shot's smoke between its cached frames.
 #[derive(Debug)]
 pub struct Replay {
     smoke: Smoke,
     air: ShotAir,
     emitters: Vec<Source>,
-    /// What knows the solids, and how the shot starts.
+    /// The solids, and the shot's start.
     start: System,
 }
 
-/// The vortons of a cached frame and how they move.
+/// Vortons of a cached frame, with their ids and velocities.
 #[derive(Debug)]
 pub struct KeyedAir {
-    /// Since the shot's start [s].
+    /// Time since the shot's start [s].
     pub time: f64,
     vortons: Vortons,
     id: Vec<u32>,
@@ -52,25 +52,25 @@ pub struct KeyedAir {
 /// Tracers at a time of the replay.
 #[derive(Clone, Debug)]
 pub struct Drifting {
-    /// Since the shot's start [s].
+    /// Time since the shot's start [s].
     pub time: f64,
     tracers: Tracers,
     spacing: f32,
-    /// What happened on the way since it was last taken.
+    /// What happened since it was last taken.
     pub report: DriftReport,
 }
 
-/// What happened to tracers while they drifted.
+/// Record of the advection of tracers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DriftReport {
     /// Steps.
     pub steps: u64,
     /// Steps in which the air or a solid moved farther than it should.
     pub capped: u64,
-    /// Tracers that slipped into solids and were put back to their surfaces, over all steps.
+    /// Tracers projected out of solids, over all steps.
     pub returned: u64,
-    /// Tracers that were to be given off inside a solid, and were not.
-    pub smothered: u64,
+    /// Tracers rejected because they would have been emitted inside a solid.
+    pub rejected: u64,
 }
 
 impl Drifting {
@@ -81,7 +81,7 @@ impl Drifting {
 }
 
 impl Replay {
-    /// Of the `smoke` of a shot in its `world`; its distance between tracers may be another one than that of the cache.
+    /// The replay of a shot with this `smoke` in its `world`; its tracer spacing may differ from the cache's.
     ///
     /// # Errors
     /// If the shot could not start.
@@ -133,12 +133,12 @@ impl Replay {
     /// If it cannot be computed.
     pub fn air(&self, a: &KeyedAir, b: &KeyedAir, time: f64) -> Result<FrameAir, SetupError> {
         // The solids' own vorticity fades in as what they shed does.
-        let spun = Spun { times: [a.time, b.time], part: part(a, b, time) };
+        let spun = Spun { times: [a.time, b.time], part: fraction(a, b, time) };
         self.air.around(between(a, b, time), time, spun)
     }
 
-    /// Lets tracers drift to the time `to` [s]; that and their own are between `a` and `b`. If `watch` stops them on the way, they are
-    /// whole and at their new time, and can go on.
+    /// Advects tracers to the time `to` [s]; both times are between `a` and `b`. If `watch` stops it, the tracers are consistent at the time
+    /// they have reached, and can go on.
     ///
     /// # Errors
     /// If the air cannot be computed.
@@ -156,10 +156,10 @@ impl Replay {
         }
         let wind = self.smoke.params.wind.map_or(0.0, |wind| Vec3::from(wind).norm());
         let fastest = a.velocity.iter().chain(&b.velocity).map(|v| v.norm()).fold(wind, f32::max);
-        let carried = f64::from(STRIDE * self.smoke.params.core()) / f64::from(fastest);
-        let longest = carried.min(self.air.unjumped([drifting.time, to]));
+        let by_air = f64::from(MAX_DISPLACEMENT * self.smoke.params.core()) / f64::from(fastest);
+        let longest = by_air.min(self.air.max_step_for_solids([drifting.time, to]));
         let wanted = (span / longest).ceil().max(1.0);
-        let strides = wanted.min(MOST);
+        let strides = wanted.min(MAX_STEPS);
         let (from, dt) = (drifting.time, span / strides);
         for step in 0..strides as u32 {
             if !watch.keep_going() {
@@ -176,7 +176,7 @@ impl Replay {
         Ok(ControlFlow::Continue(()))
     }
 
-    /// One step of the midpoint rule, and what happens to tracers meanwhile.
+    /// One step of the midpoint rule, with emission and fading.
     fn stride(
         &self,
         a: &KeyedAir,
@@ -197,9 +197,9 @@ impl Replay {
         let mut emitted = Emitted::default();
         self.emitters.iter().for_each(|emitter| emitter.emit(now, then, &mut emitted));
         let solids = &self.start.solids;
-        report.smothered += u64::from(emitted.retain(|x| !super::is_inside(solids, x, then)));
+        report.rejected += u64::from(emitted.retain(|x| !super::is_inside(solids, x, then)));
         tracers.add(emitted.seeds);
-        report.returned += self.start.put_tracers_out(&mut tracers.position, then);
+        report.returned += self.start.project_tracers_out(&mut tracers.position, then);
         let params = &self.smoke.params;
         tracers.fade(params.dissolve, params.cooling, then - now);
         Ok(())
@@ -207,14 +207,14 @@ impl Replay {
 }
 
 /// Where `time` [s] is between `a` and `b`: 0 at the first, 1 at the second.
-fn part(a: &KeyedAir, b: &KeyedAir, time: f64) -> f32 {
+fn fraction(a: &KeyedAir, b: &KeyedAir, time: f64) -> f32 {
     let span = b.time - a.time;
     if span <= 0.0 { 0.0 } else { ((time - a.time) / span).clamp(0.0, 1.0) as f32 }
 }
 
 /// The vortons at `time` [s], which is between `a` and `b`.
 fn between(a: &KeyedAir, b: &KeyedAir, time: f64) -> Vortons {
-    let part = part(a, b, time);
+    let part = fraction(a, b, time);
     if part == 0.0 {
         return a.vortons.clone();
     }
@@ -292,7 +292,7 @@ mod tests {
     }
 
     #[test]
-    fn between_frames_is_as_if_it_had_been_simulated() {
+    fn between_frames_vortons_and_tracers_are_as_if_simulated() {
         let replay = Replay::new(ring(), still()).unwrap();
         let (coarse, fine) = (frames(24.0, 3), frames(48.0, 4));
         let keyed: Vec<KeyedAir> =
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn a_solid_that_is_fast_between_frames_meets_what_drifts_there() {
+    fn a_solid_that_is_fast_between_frames_displaces_tracers() {
         let text = "spacing = 0.08\ntracers = 0.5\n[[source]]\nshape = { box = { min = [-0.06, -0.06, -0.06], max = [0.06, 0.06, 0.06] } }";
         let smoke = Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 };
         let key = |frame: u32, x: f32| Keyframe {
@@ -334,8 +334,8 @@ mod tests {
         drift(&replay, [&empty(0.0), &empty(1.0 / 24.0)], &mut drifting, 1.0 / 24.0);
         let DriftReport { steps, capped, .. } = drifting.report;
         assert!(steps >= 25 && capped == 0, "{:?}", drifting.report);
-        let carried = drifting.tracers.position.iter().map(|x| x.x).sum::<f32>() / count as f32;
-        assert!((0.03..0.25).contains(&carried), "Darwin's drift: {carried} m");
+        let drift = drifting.tracers.position.iter().map(|x| x.x).sum::<f32>() / count as f32;
+        assert!((0.03..0.25).contains(&drift), "Darwin's drift: {drift} m");
     }
 
     #[test]
@@ -362,7 +362,7 @@ mod tests {
             let frame = simulation.frame(crate::frame::FrameIndex(index));
             replay.keyed(&frame.streams, frame.time).unwrap()
         });
-        // By its own vorticity alone, 2Ω, the air a radius off would go with two thirds R³/r² Ω = 0.56 m/s.
+        // Its own vorticity alone, 2Ω, would induce two thirds R³/r² Ω = 0.56 m/s a radius off.
         let around = |part: f64| {
             let air = replay.air(&a, &b, part * b.time).unwrap();
             air.velocity(&[Vec3::new(0.8, 0.0, 0.0)]).unwrap()[0].y
@@ -372,7 +372,7 @@ mod tests {
         }
     }
 
-    /// Stops what it watches after so many steps.
+    /// Stops after so many steps.
     struct After(u32);
 
     impl Watch for After {
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stopped_on_its_way_is_whole_and_goes_on() {
+    fn an_interrupted_drift_is_consistent_and_goes_on() {
         let replay = Replay::new(ring(), still()).unwrap();
         let frames = frames(6.0, 2);
         let [a, b] = [0, 1].map(|i| replay.keyed(&frames[i].streams, frames[i].time).unwrap());

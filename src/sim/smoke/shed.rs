@@ -1,15 +1,16 @@
-//! What solids give to the air: vorticity from the layer that slips along them.
+//! Shedding: vorticity released from the layer in which air slips along solids.
 //!
-//! *Method*: air that moves along a surface with the slip s, relative to it, is a vortex sheet of strength γ = n × s a square metre
-//! ([koumoutsakos95], after Lighthill). The part 1 − e^(−Δt|s|/δ) of it, as much as the slip carries through a layer of thickness δ
-//! in a step, is released in the layer's middle, and the same part of what of vortons' cores is inside the solid is taken from
-//! them: on a panel they count as slip. What was released takes from the slip that is left, so it ends by itself. No vorticity arises on the whole
+//! *Method*: air that moves along a surface with the relative slip velocity s is a vortex sheet of strength γ = n × s a square
+//! metre ([koumoutsakos95], after Lighthill). In a step the part 1 − e^(−Δt|s|/δ) of it, which the slip advects through a layer of
+//! thickness δ, is released in the layer's middle. The same part of vortons' cores that is inside the solid is absorbed: on a panel
+//! it counts as slip. Released vorticity reduces the slip, so shedding ends by itself. The total vorticity does not change
 //! ([`closed`]). A solid that turns has vorticity 2Ω itself (`air.rs`) and sheds the opposite when it begins to.
 //!
 //! Symbols: δ → `layer` [m], γ → `sheet` [m/s], s → `slip` [m/s], Ω → `spin` [1/s].
-//! *Departs from the paper*: a part is released and not all, cores that reach inside are taken for half-spaces deep, and air that sticks is not
-//! stretched along the wall (`air.rs`).
-//! Limits: of solids thinner than a core less is inside than is taken; what stands in a layer does not turn with its solid; the layer is as thick as the vortons allow, not as the air's viscosity has it.
+//! *Departs from the paper*: a part is released and not all; the solid counts as a half-space for cores that reach inside; air that
+//! sticks is not stretched along the wall (`air.rs`).
+//! Limits: of solids thinner than a core more is absorbed than is inside. Vortons in a layer do not turn with the solid. The layer
+//! is as thick as the vortons' spacing requires, not as viscosity does.
 
 use super::{
     Instant, SmokeRecord, System,
@@ -23,34 +24,35 @@ use crate::{
 };
 use nalgebra::Matrix3;
 
-/// Vortons and tracers are kept this far from surfaces, in spacings.
+/// Distance from surfaces that vortons and tracers are kept at, in spacings.
 const GAP: f32 = 0.05;
 
-/// Cores this many of their sizes above a solid do not count as reaching into it: of the default kernel 0.2 % would, of Rosenhead and Moore's
-/// 2.6 %. Larger, and more of the wake is looked at for nothing.
+/// Height above a solid, in cores, from which a core does not reach into it: with the default kernel 0.2 % of it would, with
+/// Rosenhead and Moore's 2.6 %. Larger, and more of the wake is searched for nothing.
 const REACH: f32 = 3.0;
 
-/// How far the panels' Σ A n × (Ω × r) may be from 2V Ω to be undone: the norm of the matrix times that of its inverse, 3 of an even surface. On
-/// needles thinner than half a spacing it goes to 64, and little would be undone by strong sheets of opposite signs.
-const SKEW: f32 = 10.0;
+/// Largest condition number of the panels' Σ A n × (Ω × r), which for a closed surface is 2V Ω, at which it is inverted: that of an
+/// even surface is 3. On needles thinner than half a spacing it reaches 64; little would be cancelled by large sheets of opposite
+/// signs.
+const MAX_CONDITION: f32 = 10.0;
 
 impl System {
-    /// Puts out what slipped into solids, where they are at `then` [s].
-    pub(super) fn put_out(&mut self, then: f64, record: &mut SmokeRecord) {
+    /// Projects vortons and tracers out of solids at `then` [s].
+    pub(super) fn project_out(&mut self, then: f64, record: &mut SmokeRecord) {
         if let Some(walls) = &self.air.walls {
             let gap = GAP * self.params.spacing;
-            record.returned_vortons += walls.put_out(&mut self.flow.vortons.position, gap, then);
-            record.returned_tracers += walls.put_out(&mut self.tracers.position, gap, then);
+            record.returned_vortons += walls.project_out(&mut self.flow.vortons.position, gap, then);
+            record.returned_tracers += walls.project_out(&mut self.tracers.position, gap, then);
         }
     }
 
-    /// Puts tracers out of solids where they are at `time` [s]; returns how many were inside.
-    pub(super) fn put_tracers_out(&self, tracers: &mut [Vec3], time: f64) -> u64 {
+    /// Projects tracers out of solids at `time` [s]; returns how many were inside.
+    pub(super) fn project_tracers_out(&self, tracers: &mut [Vec3], time: f64) -> u64 {
         let gap = GAP * self.params.spacing;
-        self.air.walls.as_ref().map_or(0, |walls| walls.put_out(tracers, gap, time))
+        self.air.walls.as_ref().map_or(0, |walls| walls.project_out(tracers, gap, time))
     }
 
-    /// Releases what slips along solids in a step from `now` to `then` [s], where they are at its end.
+    /// Releases the slip along solids in a step from `now` to `then` [s], with their poses at its end.
     pub(super) fn shed(&mut self, now: f64, then: f64, record: &mut SmokeRecord) -> Result<(), OutOfRange> {
         let (Some(walls), Some(layer)) = (&self.air.walls, self.air.layer) else { return Ok(()) };
         let solids = walls.turning(then, Spun::at(now), 0.5 * layer);
@@ -61,7 +63,7 @@ impl System {
         let air = self.air.velocity(Instant { vortons: &self.flow.vortons, sources: &sources }, &at)?;
         let slip = |((Turning { before, spin, .. }, placed), air): ((&Turning, &Placed), Vec3)| {
             let Placed { panel, velocity, arm } = placed;
-            // What turns faster is shed below. Of the solid's own vorticity half of what it does is blurred away here.
+            // A change of the angular velocity is shed below. Of the solid's own vorticity half is blurred away at the panel.
             let solid = velocity - (spin - before).cross(arm);
             let slip = air + before.cross(arm) * 0.5 - solid;
             slip - panel.normal * panel.normal.dot(&slip)
@@ -73,8 +75,8 @@ impl System {
         let parts: Vec<f32> = slips.iter().map(part).collect();
         let of =
             solids.iter().enumerate().flat_map(|(number, solid)| solid.panels.iter().map(move |_| number));
-        let beside = Beside { at: &at, of: of.collect(), parts: &parts };
-        let absorbed = self.absorb(&beside, then);
+        let shedding = ShedPanels { at: &at, of: of.collect(), parts: &parts };
+        let absorbed = self.absorb(&shedding, then);
 
         let mut released = Vec::with_capacity(at.len());
         let mut first = 0;
@@ -85,14 +87,14 @@ impl System {
             first += solid.panels.len();
         }
         released.retain(|(_, strength)| *strength != Vec3::zeros());
-        self.hand_over(&released, record);
+        self.add_strengths(&released, record);
         Ok(())
     }
 
-    /// Takes from vortons what of their cores is inside solids at `then` [s], in the part that is released of the slip on the panel
-    /// beside them; returns how much, by panel [m³/s].
-    fn absorb(&mut self, beside: &Beside<'_>, then: f64) -> Vec<Vec3> {
-        let Beside { at, of, parts } = beside;
+    /// Absorbs what of the vortons' cores is inside solids at `then` [s], in the part that the nearest panel releases; returns the absorbed
+    /// strength by panel [m³/s].
+    fn absorb(&mut self, shedding: &ShedPanels<'_>, then: f64) -> Vec<Vec3> {
+        let ShedPanels { at, of, parts } = shedding;
         let mut absorbed = vec![Vec3::zeros(); at.len()];
         let Some(walls) = &self.air.walls else { return absorbed };
         let (kernel, widest) = (self.params.flow.kernel, walls.widest());
@@ -118,19 +120,19 @@ impl System {
     }
 }
 
-/// Panels beside vortons.
-struct Beside<'a> {
-    /// Where they are [m].
+/// Panels of the solids that shed.
+struct ShedPanels<'a> {
+    /// Positions [m].
     at: &'a [Vec3],
-    /// The number of the solid of each.
+    /// Index of each panel's solid.
     of: Vec<usize>,
-    /// Which part of the slip each releases.
+    /// Part of the slip that each panel releases.
     parts: &'a [f32],
 }
 
-/// What a solid releases of the `slips` [m/s] on its panels, `height` [m] above them. No vorticity arises on the whole: what it sheds,
-/// less what it `absorbed` [m³/s], and what it holds by turning faster have the sum zero; along the mirror's normal if that cuts
-/// through it, as the mirror reverses the rest.
+/// What a solid releases of the `slips` [m/s] on its panels, `height` [m] above them. The total vorticity does not change: what is
+/// shed, less the `absorbed` [m³/s], and the change of the solid's own vorticity sum to zero. If the mirror cuts through the solid,
+/// only their component along its normal does, as images cancel the rest.
 fn closed(
     solid: &Turning,
     slips: impl Iterator<Item = Vec3>,
@@ -143,9 +145,10 @@ fn closed(
     let shed: Vec<Vec3> = panels.iter().zip(slips).map(sheet).collect();
     let excess = shed.iter().sum::<Vec3>() - absorbed;
     let excess = cut.map_or(excess, |n| n * n.dot(&excess));
-    // Σ A n × (Ω × r) = 2V Ω of a whole surface; of a cut one, or where panels are as wide as the solid, the excess is shared out by area.
+    // Σ A n × (Ω × r) = 2V Ω of a closed surface; of a cut one, or where panels are as wide as the solid, the excess is distributed by area.
     let twice = Matrix3::from_columns(&[0, 1, 2].map(|axis| turn(Vec3::ith(axis, 1.0)).sum::<Vec3>()));
-    let inverse = twice.try_inverse().filter(|inverse| cut.is_none() && twice.norm() * inverse.norm() < SKEW);
+    let inverse =
+        twice.try_inverse().filter(|inverse| cut.is_none() && twice.norm() * inverse.norm() < MAX_CONDITION);
     let by_turn = inverse.map_or(Vec3::zeros(), |inverse| inverse * excess);
     let area: f32 = panels.iter().map(|placed| placed.panel.area).sum();
     let by_area = if inverse.is_some() { Vec3::zeros() } else { excess / area };
@@ -162,8 +165,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_released_and_absorbed_and_turns_has_no_sum() {
-        // A box of which one face has no panel, so that nothing is even; and a needle, whose panels are all on one side.
+    fn released_and_absorbed_and_own_vorticity_sum_to_zero() {
+        // A box without a panel on one face, which is not symmetric; and a needle, whose panels are all on one side.
         let cube: Vec<Vec3> = (0..5).map(|n| Vec3::ith(n % 3, if n < 3 { 1.0 } else { -1.0 })).collect();
         for (normals, skew) in [(cube, 0.1), (vec![Vec3::x()], 0.0)] {
             let placed = |(n, normal): (usize, &Vec3)| {
@@ -188,7 +191,7 @@ mod tests {
                 .sum();
             let left = sum(&solid) - absorbed + turned;
             assert!(left.norm() < 1e-5, "{left}");
-            // A mirror across z reverses what is not along z: only that has no sum.
+            // Mirror images across z cancel what is not along z: only that component has a zero sum.
             solid.cut = Some(Vec3::z());
             let left = sum(&solid) - absorbed + turned;
             assert!(left.z.abs() < 1e-5 && left.norm() > 0.1, "{left}");

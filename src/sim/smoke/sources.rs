@@ -1,11 +1,11 @@
-//! Sources, and how they move the air.
+//! Sources in solids and the velocity that they induce.
 //!
-//! *Method*: a point that gives off q moves the air by q d/(4π r³), a rectangle as its points do (`tiles.rs`); with a mirror, its
-//! twin beyond it does the same.
+//! *Method*: a point source of strength q induces q d/(4π r³), a source panel the integral of that (`tiles.rs`). With a plane,
+//! the mirror image of each source is added (method of images).
 //!
 //! Symbols: q → `strength` [m³/s], d → offset from the source [m].
-//! Limits: a point is singular where it stands; points stand in solids, where nothing is asked of them, rectangles on faces or just below;
-//! beside an edge corners of those below may be in the air.
+//! Limits: point sources are singular; they lie in solids, where the velocity is not needed. Source panels lie on faces or just
+//! below; next to an edge corners of those below may be in the air.
 
 use super::tiles::Tile;
 use crate::{
@@ -15,17 +15,17 @@ use crate::{
     solid::Pose,
 };
 
-/// Where a source is.
+/// A point source or a source panel.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
     /// At a point [m].
     Point(Vec3),
-    /// On a rectangle.
+    /// A rectangular source panel.
     Tile(Tile),
 }
 
 impl Source {
-    /// The same where a solid is.
+    /// This source in a solid's pose.
     pub(super) fn placed(&self, pose: &Pose) -> Self {
         match self {
             Self::Point(y) => Self::Point(pose.to_world(*y)),
@@ -33,7 +33,7 @@ impl Source {
         }
     }
 
-    /// How it moves the air at `x`, with its mirrored twin: a point of 4π m³/s [1/m²], a rectangle of 4π m/s [1].
+    /// Velocity that it and its mirror image induce at `x`: a point of 4π m³/s [1/m²], a panel of 4π m/s [1].
     #[inline]
     pub(super) fn flow(&self, x: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
         match self {
@@ -45,22 +45,22 @@ impl Source {
     }
 }
 
-/// Sources that keep the air out.
+/// Sources that keep the air out of solids.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sources {
     /// Points [m], and their q/4π [m³/s].
     pub(super) points: Vec<(Vec3, f32)>,
-    /// Rectangles, and their density over 4π [m/s].
+    /// Source panels, and their density over 4π [m/s].
     pub(super) tiles: Vec<(Tile, f32)>,
     pub(super) mirror: Option<(Vec3, f32)>,
-    /// The vorticity of solids that turn and shed, which moves the air as vortons do.
+    /// Vorticity of solids that turn and shed, as vortons.
     pub(super) spin: Vortons,
-    /// What is left of the flow through the panels, over what there was.
+    /// Normal flow that is left at the panels, relative to that without sources.
     pub(super) residual: f64,
 }
 
 impl Sources {
-    /// Adds what they make the air move at `points` [m/s].
+    /// Adds the induced velocity at `points` [m/s].
     pub(super) fn add_velocity(&self, points: &[Vec3], velocity: &mut [Vec3]) {
         if !self.points.is_empty() {
             par::update(velocity, |i, v| {
@@ -69,7 +69,7 @@ impl Sources {
                 }
             });
         }
-        let tiles = self.with_twins();
+        let tiles = self.with_images();
         if !tiles.is_empty() {
             par::update(velocity, |i, v| {
                 for (tile, q) in &tiles {
@@ -79,7 +79,7 @@ impl Sources {
         }
     }
 
-    /// Adds its gradient at `points` [1/s].
+    /// Adds the gradient of the induced velocity at `points` [1/s].
     pub(super) fn add_gradient(&self, points: &[Vec3], gradient: &mut [Gradient]) {
         if !self.points.is_empty() {
             par::update(gradient, |i, gradient| {
@@ -91,7 +91,7 @@ impl Sources {
                 }
             });
         }
-        let tiles = self.with_twins();
+        let tiles = self.with_images();
         if !tiles.is_empty() {
             par::update(gradient, |i, gradient| {
                 for (tile, q) in &tiles {
@@ -101,17 +101,17 @@ impl Sources {
         }
     }
 
-    /// The rectangles, and those that a plane mirrors.
-    fn with_twins(&self) -> Vec<(Tile, f32)> {
-        let twins = self
+    /// Source panels and their mirror images.
+    fn with_images(&self) -> Vec<(Tile, f32)> {
+        let images = self
             .mirror
             .iter()
             .flat_map(|mirror| self.tiles.iter().map(|&(tile, q)| (mirrored(&tile, *mirror), q)));
-        self.tiles.iter().copied().chain(twins).collect()
+        self.tiles.iter().copied().chain(images).collect()
     }
 }
 
-/// How a source of 4π at `y` moves the air at `x` [1/m²], with its mirrored twin.
+/// Velocity that a point source of 4π at `y` and its mirror image induce at `x` [1/m²].
 #[inline]
 fn flow(x: Vec3, y: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
     let one = |d: Vec3| {
@@ -121,12 +121,12 @@ fn flow(x: Vec3, y: Vec3, mirror: Option<(Vec3, f32)>) -> Vec3 {
     one(x - y) + mirror.map_or(Vec3::zeros(), |mirror| one(x - reflect(y, mirror)))
 }
 
-/// A rectangle as a plane mirrors it.
+/// The mirror image of a source panel.
 fn mirrored(tile: &Tile, mirror: (Vec3, f32)) -> Tile {
     tile.turned(|x| reflect(x, mirror), |v| v - mirror.0 * (2.0 * mirror.0.dot(&v)))
 }
 
-/// The gradient of that at an offset `d` from the source.
+/// Velocity gradient at an offset `d` from a point source of 4π [1/m³].
 #[inline]
 pub(super) fn strain(d: Vec3) -> Gradient {
     let r2 = d.norm_squared();
@@ -134,7 +134,7 @@ pub(super) fn strain(d: Vec3) -> Gradient {
     (Gradient::identity() - d * d.transpose() * (3.0 / r2)) * inverse
 }
 
-/// A point mirrored by a plane of this normal and offset [m].
+/// The mirror image of a point in a plane of this normal and offset [m].
 pub(super) fn reflect(x: Vec3, (n, offset): (Vec3, f32)) -> Vec3 {
     x - n * (2.0 * (n.dot(&x) - offset))
 }
@@ -172,6 +172,6 @@ mod tests {
             let slope = (at(x + step) - at(x - step)) / (2.0 * e);
             assert!((gradient[0].column(axis) - slope).norm() < 2e-3 * slope.norm(), "{axis}");
         }
-        assert!(at(Vec3::new(0.3, 0.2, 0.0)).z.abs() < 1e-6, "nothing goes through the mirror");
+        assert!(at(Vec3::new(0.3, 0.2, 0.0)).z.abs() < 1e-6, "no flow through the plane");
     }
 }

@@ -1,35 +1,34 @@
-//! Rectangles that give off air: the sources of boxes and of other solids with edges.
+//! Rectangular source panels of constant density: the sources of boxes and of other solids with edges.
 //!
-//! *Method*: a rectangle of even source density moves the air in closed form ([hess67]): along its normal by the solid angle
-//! it is seen under, along its sides by the integrals of 1/r over the other two, which are inverse hyperbolic sines. The faces of a box
-//! are ruled into rectangles, each with its panel's middle for its own; then every equation is mostly about its own rectangle, and a
-//! handful of iterations solve them all, where sources below the faces crowd at the edges.
-//! *Departs from the paper*: the integrals along an edge have no bound at it. They are those of a line `soft` away at least, so that
-//! speeds and gradients stay those of air a part of a panel off. Far away a rectangle is a point.
+//! *Method*: the induced velocity has a closed form ([hess67]): along the normal the solid angle of the panel, along its sides
+//! the integrals of 1/r over the other two sides, which are inverse hyperbolic sines. The faces of a box are divided into source
+//! panels whose collocation points are their centres. Each equation is then dominated by its own panel, and GMRES needs a
+//! handful of iterations. Point sources below the faces crowd at edges instead.
+//! *Departs from the paper*: the integrals along an edge are unbounded there. Here their distance from an edge is at least
+//! `soft`, so that velocities and gradients are those a fraction of a panel off. Far away a panel is a point source.
 //!
-//! Symbols: a, b → offsets from the borders along the two sides [m], z → height above it, h² → a² + z² + soft² [m²].
-//! Limits: what goes through between the middles is a few per cent on faces, and more at edges, where density ought to rise without
-//! bound.
+//! Symbols: a, b → offsets from the borders along the two sides [m], z → height above the panel, h² → a² + z² + soft² [m²].
+//! Limits: leakage between the centres is a few per cent on faces and more at edges, where the density ought to be unbounded.
 
 use super::panels::Panel;
 use crate::{math::Vec3, sim::vortex::Gradient, solid::Pose};
 
-/// How far edges are taken to be at least, over the width of a panel. Smaller, and air at edges is as fast as the logarithm has it: with
-/// 0.05 twice as much of the wind is left on a box of 16 panels an edge; larger, and the field near borders, where panels differ,
-/// is less that of sources.
-const SOFT: f32 = 0.3;
+/// Smallest distance from an edge in the integrals, over the width of a panel. Smaller, and the logarithm makes air at edges fast:
+/// with 0.05 twice as much of the wind is left on a box of 16 panels an edge. Larger, and the field near borders between panels
+/// departs from that of sources.
+const SOFTENING: f32 = 0.3;
 
-/// From how many times its longer side on a rectangle is a point: what that misses of it is less than 1 %.
-const FAR: f32 = 4.0;
+/// Distance from which a panel counts as a point source, over its longer side: the error is less than 1 %.
+const MIN_POINT_DISTANCE: f32 = 4.0;
 
-/// So deep below it, over its width, a place still counts as on the outside: rounding puts some of those on a face there.
-const GRAZE: f32 = 1e-3;
+/// Depth below a panel down to which a point still counts as outside, over its width: rounding puts some points of a face there.
+const SURFACE_TOLERANCE: f32 = 1e-3;
 
-/// The least thickness of a box over the width of its panels, for which it has sources: in thinner ones the two faces are one to
-/// the equations, and twice the wind is left on them.
-const THINNEST: f32 = 0.5;
+/// Smallest thickness of a box with sources, over the width of its panels. In thinner ones the panels of both faces make the
+/// equations nearly singular, and twice the wind is left.
+const MIN_THICKNESS: f32 = 0.5;
 
-/// A rectangle of even source density.
+/// A rectangular source panel of constant density.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tile {
     middle: Vec3,
@@ -37,7 +36,7 @@ pub(super) struct Tile {
     axes: [Vec3; 3],
     /// Half its sides [m].
     half: [f32; 2],
-    /// How far its edges are at least [m].
+    /// Smallest distance from its edges in the integrals [m].
     soft: f32,
 }
 
@@ -45,7 +44,7 @@ pub(super) struct Tile {
 pub(super) fn panels(min: Vec3, max: Vec3, step: f32) -> Vec<Panel> {
     let size = max - min;
     let counts = size.map(|side| (side / step).round().max(1.0) as usize);
-    let has_room = size.min() >= THINNEST * step;
+    let is_thick_enough = size.min() >= MIN_THICKNESS * step;
     let mut made = Vec::new();
     for (axis, up) in (0..3).flat_map(|axis| [(axis, false), (axis, true)]) {
         let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
@@ -57,8 +56,8 @@ pub(super) fn panels(min: Vec3, max: Vec3, step: f32) -> Vec<Panel> {
             x[v] = min[v] + half[1] * (2 * j + 1) as f32;
             let area = 4.0 * half[0] * half[1];
             let axes = [Vec3::ith(u, 1.0), Vec3::ith(v, 1.0), normal];
-            let tile = Tile { middle: x, axes, half, soft: SOFT * step };
-            let source = has_room.then_some(super::sources::Source::Tile(tile));
+            let tile = Tile { middle: x, axes, half, soft: SOFTENING * step };
+            let source = is_thick_enough.then_some(super::sources::Source::Tile(tile));
             made.push(Panel { x, normal, area, width: area.sqrt(), source });
         }
     }
@@ -66,8 +65,8 @@ pub(super) fn panels(min: Vec3, max: Vec3, step: f32) -> Vec<Panel> {
 }
 
 impl Tile {
-    /// A square of a panel's area, but no wider than that, `depth` [m] below it, whose edges are taken to be `soft` [m] off at least. It is not turned to edges of the
-    /// solid, and beside them a corner of it may stand in the air.
+    /// A square source panel of a panel's area, but no wider than that, `depth` [m] below it; `soft` [m] is the smallest distance from its
+    /// edges. It is not aligned with edges of the solid, and next to them a corner of it may be in the air.
     pub(super) fn square(panel: &Panel, depth: f32, soft: f32) -> Self {
         let normal = panel.normal;
         let along = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
@@ -76,17 +75,17 @@ impl Tile {
         Self { middle, axes: [along, normal.cross(&along), normal], half: [half; 2], soft }
     }
 
-    /// The same where a solid is.
+    /// This panel in a solid's pose.
     pub(super) fn placed(&self, pose: &Pose) -> Self {
         Self { middle: pose.to_world(self.middle), axes: self.axes.map(|axis| pose.rotation * axis), ..*self }
     }
 
-    /// The same as another sees it that turns places and directions over.
+    /// This panel under a reflection of positions and directions.
     pub(super) fn turned(&self, place: impl Fn(Vec3) -> Vec3, direction: impl Fn(Vec3) -> Vec3) -> Self {
         Self { middle: place(self.middle), axes: self.axes.map(direction), ..*self }
     }
 
-    /// A place on it near the border that `number` says.
+    /// A point on the panel near one of its borders, which `number` selects.
     pub(super) fn near_border(&self, number: usize) -> Vec3 {
         let side = number % 2;
         let along = if (number / 2).is_multiple_of(2) { 0.8 } else { -0.8 };
@@ -97,15 +96,15 @@ impl Tile {
         4.0 * self.half[0] * self.half[1]
     }
 
-    /// The offset of `x`, if the rectangle is a point there.
+    /// The offset of `x` from the centre: `Ok` where the panel counts as a point.
     #[inline]
     fn far(&self, x: Vec3) -> Result<Vec3, Vec3> {
         let d = x - self.middle;
-        let reach = 2.0 * FAR * self.half[0].max(self.half[1]);
+        let reach = 2.0 * MIN_POINT_DISTANCE * self.half[0].max(self.half[1]);
         if d.norm_squared() > reach * reach { Ok(d) } else { Err(d) }
     }
 
-    /// How a density of 4π moves the air at `x` [1].
+    /// Velocity that a density of 4π induces at `x` [1].
     pub(super) fn flow(&self, x: Vec3) -> Vec3 {
         let d = match self.far(x) {
             Ok(d) => return d * (self.area() / d.norm().powi(3)),
@@ -114,10 +113,10 @@ impl Tile {
         let near = Near::new(self, d);
         let [a, b] = [near.a, near.b];
         // The solid angle [hess67], of a corner: the arc tangent of ab/zr.
-        let z = near.z.abs().max(GRAZE * self.soft);
+        let z = near.z.abs().max(SURFACE_TOLERANCE * self.soft);
         let corner = |a: f32, b: f32| (a * b / (z * (a * a + b * b + z * z).sqrt())).atan();
         let angle = corner(a[0], b[0]) - corner(a[0], b[1]) - corner(a[1], b[0]) + corner(a[1], b[1]);
-        let outside = near.z >= -GRAZE * self.half[0].min(self.half[1]);
+        let outside = near.z >= -SURFACE_TOLERANCE * self.half[0].min(self.half[1]);
         let line = |h2: f32, ends: [f32; 2]| {
             let h = h2.sqrt();
             (ends[0] / h).asinh() - (ends[1] / h).asinh()
@@ -128,7 +127,7 @@ impl Tile {
             + self.axes[2] * if outside { angle } else { -angle }
     }
 
-    /// The gradient of that [1/m].
+    /// Velocity gradient that a density of 4π induces at `x` [1/m].
     pub(super) fn strain(&self, x: Vec3) -> Gradient {
         let d = match self.far(x) {
             Ok(d) => return super::sources::strain(d) * self.area(),
@@ -137,7 +136,7 @@ impl Tile {
         let near = Near::new(self, d);
         let [a, b] = [near.a, near.b];
         let [ha, hb] = near.squares(self.soft);
-        // Of a line: along it, and by half its squared distance.
+        // Of a line: the ends, and the derivative by half its squared distance.
         let ends = |h2: f32, ends: [f32; 2]| ends.map(|end| 1.0 / (end * end + h2).sqrt());
         let slope = |h2: f32, at: [f32; 2]| {
             let inverse = ends(h2, at);
@@ -158,7 +157,7 @@ impl Tile {
     }
 }
 
-/// A place as a rectangle sees it.
+/// A point in a panel's coordinates.
 struct Near {
     /// Offsets from the lower and the upper border along each side [m].
     a: [f32; 2],
@@ -189,7 +188,7 @@ mod tests {
         Tile { middle: Vec3::new(0.3, -0.2, 0.5), axes, half: [0.5, 0.3], soft: 1e-3 }
     }
 
-    /// The sum over many points of it.
+    /// The sum over many point sources on the panel.
     fn summed(tile: &Tile, x: Vec3) -> Vec3 {
         let n = 200;
         let at = |i: usize| (2 * i + 1) as f32 / n as f32 - 1.0;
@@ -203,18 +202,18 @@ mod tests {
     }
 
     #[test]
-    fn a_rectangle_moves_the_air_as_its_points_do() {
+    fn a_source_panel_induces_what_its_points_do() {
         let tile = tile();
         for local in
             [[0.1, 0.2, 0.2], [0.7, -0.1, 0.1], [0.6, 0.5, -0.3], [-0.4, 0.25, 0.15], [3.0, 2.0, 2.5]]
         {
             let x = tile.middle + (0..3).map(|axis| tile.axes[axis] * local[axis]).sum::<Vec3>();
             let (found, exact) = (tile.flow(x), summed(&tile, x));
-            // Far away it is a point.
+            // Far away the panel is a point source.
             let allowed = if local[0] > 2.0 { 1e-2 } else { 5e-3 };
             assert!((found - exact).norm() < allowed * exact.norm(), "{local:?}: {found} for {exact}");
         }
-        // On it, and a rounding below: half of what it gives off goes to either side.
+        // On the panel, and a rounding error below: half of the flux goes to either side.
         for below in [0.0, 1e-6] {
             let out = tile.flow(tile.middle - tile.axes[2] * below).dot(&tile.axes[2]);
             assert!((out / (2.0 * std::f32::consts::PI) - 1.0).abs() < 1e-2, "{out}");
@@ -222,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn its_gradient_is_that_of_its_flow() {
+    fn the_gradient_is_that_of_the_velocity() {
         for soft in [1e-3, 0.2] {
             let tile = Tile { soft, ..tile() };
             let e = 1e-2;
@@ -230,7 +229,7 @@ mod tests {
                 let found = tile.strain(x);
                 for (row, side) in tile.axes.iter().enumerate() {
                     let slope = (tile.flow(x + side * e) - tile.flow(x - side * e)) / (2.0 * e);
-                    // Softened edges leave the part along the normal as it is; the gradient is that of the others, without divergence.
+                    // Softening leaves the normal component as it is; the gradient is that of the others, without divergence.
                     for other in tile.axes.iter().take(if soft < 0.1 { 3 } else { 2 }) {
                         let (found, exact) = (other.dot(&(found * side)), other.dot(&slope));
                         let allowed = 0.02 * found.abs().max(0.1 * slope.norm());

@@ -1,4 +1,4 @@
-//! Tracers: points that drift with the air and carry what is seen.
+//! Tracers: points that the air advects, with the density and temperature that are seen.
 
 use crate::{
     frame::{Stream, StreamKind},
@@ -14,17 +14,17 @@ pub const TRACERS: &str = "smoke_tracers";
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Tracers {
     pub(super) id: Vec<u32>,
-    /// [m].
+    /// Positions [m].
     pub(super) position: Vec<Vec3>,
-    /// How much smoke, 1 where it was seeded full [–].
+    /// Amount of smoke, 1 where it was seeded full [–].
     pub(super) density: Vec<f32>,
-    /// Above that of the air [K].
+    /// Temperature above that of the air [K].
     pub(super) temperature: Vec<f32>,
-    /// The id of the next one.
+    /// Id of the next tracer.
     pub(super) next: u32,
 }
 
-/// Tracers to be.
+/// Positions and values of tracers to be added.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seeds {
     pub(super) position: Vec<Vec3>,
@@ -39,7 +39,7 @@ impl Seeds {
         self.smoke.push(smoke);
     }
 
-    /// Keeps those whose places `keep` accepts; returns how many were left out.
+    /// Keeps those whose positions `keep` accepts; returns how many were rejected.
     pub(super) fn retain(&mut self, keep: impl Fn(Vec3) -> bool) -> u32 {
         let before = self.position.len();
         let kept: Vec<bool> = self.position.iter().map(|&x| keep(x)).collect();
@@ -62,14 +62,14 @@ impl Tracers {
         self.position.is_empty()
     }
 
-    /// Adds what was seeded.
+    /// Adds seeds as tracers with new ids.
     ///
     /// # Panics
     /// If there would be 2³² tracers or more.
     pub(super) fn add(&mut self, seeds: Seeds) {
         for (x, [density, temperature]) in seeds.position.into_iter().zip(seeds.smoke) {
             self.id.push(self.next);
-            // After 2³² numbers they begin again: what had them first is long gone.
+            // After 2³² ids they begin again: the first tracers are long gone.
             self.next = self.next.wrapping_add(1);
             self.position.push(x);
             self.density.push(density);
@@ -100,7 +100,7 @@ impl Tracers {
         stream
     }
 
-    /// Takes them from a frame's stream.
+    /// Reads tracers from a frame's stream.
     ///
     /// # Errors
     /// If it lacks a column.

@@ -1,8 +1,8 @@
-//! Random swirls.
+//! Random turbulence.
 //!
-//! *Method*: ω = ∇ × (w P): a potential P of random waves, all with wavelengths about `scale`, under a window w that falls to
-//! zero at the shape's surface. As a curl it has no divergence, whatever the window. Vortons stand on a lattice; their
-//! strengths are then scaled so that the root mean square of the velocity that they induce at themselves is what was asked for.
+//! *Method*: ω = ∇ × (w P): a potential P of random waves with wavelengths about `scale`, under a window w that falls to zero at
+//! the shape's surface. As a curl it has no divergence, whatever the window. Vortons lie on a seeding lattice; their strengths
+//! are scaled so that the RMS of the velocity they induce at themselves is the requested one.
 //!
 //! Symbols: k → `wave` [1/m], P → `potential` [m²/s, before scaling], w → `window` [–].
 
@@ -14,10 +14,10 @@ use crate::{
 };
 use std::f32::consts::TAU;
 
-/// Waves that are summed. A few tens look random; fewer show stripes.
+/// Number of waves in the sum. A few tens look random; fewer show stripes.
 const WAVES: u64 = 48;
 
-/// The window rises over this part of `scale` from the surface inwards.
+/// Width of the window's rise from the surface inwards, as a part of `scale`.
 const RIM: f32 = 0.5;
 
 /// A wave of the potential: a sin(k·x + φ).
@@ -27,7 +27,7 @@ struct Wave {
     phase: f32,
 }
 
-/// Adds the vortons of `turbulence` on the lattice of smoke that `params` describe.
+/// Adds the vortons of `turbulence` on the seeding lattice of `params`.
 ///
 /// # Errors
 /// If the velocities that the vortons induce cannot be found.
@@ -57,7 +57,7 @@ pub(super) fn seed(
     let volume = vec![spacing.powi(3); position.len()];
     made.add(&Vortons { position, strength, core }, &volume);
 
-    // Scaled to the speed that was asked for.
+    // Scale to the requested speed.
     let velocity = made.velocity_at(&made.vortons.position)?;
     let square = par::sum(velocity.len(), |i| f64::from(velocity[i].norm_squared()));
     if square > 0.0 {
@@ -82,7 +82,7 @@ fn wave(turbulence: &Turbulence, k: u64) -> Wave {
     Wave { amplitude: on_sphere(0), wave: on_sphere(4) * (TAU / length), phase: TAU * random.at(8) }
 }
 
-/// ∇ × (w P) at `x` but for its scale; `None` outside the shape.
+/// ∇ × (w P) at `x`, not scaled; `None` outside the shape.
 fn vorticity(turbulence: &Turbulence, waves: &[Wave], x: Vec3) -> Option<Vec3> {
     let (distance, normal) = turbulence.shape.contact(x);
     if distance >= 0.0 {

@@ -1,22 +1,22 @@
-//! What solids do to the air: none of it goes through them.
+//! Solids as boundaries of the air: no flow through their surfaces.
 //!
-//! *Method*: sources inside the solids, on the faces of boxes, just below those of other solids with edges (`panels.rs`), are made as strong
-//! as it takes for the air on the panels to move with the solid along
-//! its normal: Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid), by GMRES, with strengths over the square of the panel's width
-//! as unknowns, so that wide and narrow panels weigh the same. Their field has no vorticity, and no sources in the
-//! air but of squares whose corners stick out beside edges (`tiles.rs`). A plane is a mirror instead: what is beyond it moves the air as the mirrored of what is before it, which is exact.
-//! Between panels a little goes through: the frame's record says how much. What slips into a solid all the same is put back
-//! to its surface, and counted; steps are short enough ([`Walls::stride`]) that a solid that moves does not jump past it. Inside
-//! solids there is no air: what is asked for there moves with the solid.
+//! *Method*: a source panel method for bodies, the method of images for a plane. The strengths of sources inside the solids, or
+//! on the faces of boxes (`panels.rs`), solve Σ_j q_j n_i·(x_i − y_j)/(4π r³) = −n_i·(u − u_solid) by GMRES: at each panel's
+//! centre the air moves with the solid along its normal. Unknowns are strengths over squared panel widths, so that
+//! wide and narrow panels weigh the same. The sources induce no vorticity. None is in the air, except corners of square panels
+//! at edges (`tiles.rs`). A plane is exact: vortons and sources have mirror images beyond it.
+//! There is leakage between panels; the frame's record has it. Vortons and tracers that get into a solid are projected out of it
+//! and counted. Steps are short enough ([`Walls::max_displacement`]) that a moving solid does not pass over smoke. Inside a solid
+//! the velocity is the solid's.
 //!
 //! Symbols: q → `strength` [m³/s], x → `panel`, y → `source` [m], n → `normal`.
-//! Limits: panels are at least one spacing wide, and there are 1600 at most (`widths.rs`); a plane is taken to stand still.
+//! Limits: panels are at least one spacing wide, and at most 1600 in all (`widths.rs`); a plane is taken to stand still.
 
 use super::{
-    emit::BESIDE,
+    emit::VELOCITY_TIME_STEP,
     panels::Panel,
     sources::{Source, Sources, reflect},
-    widths::shared_out,
+    widths::distribute_panels,
 };
 use crate::{
     math::{Vec3, gmres},
@@ -25,16 +25,16 @@ use crate::{
     solid::{Motion, Pose, Shape, Solid},
 };
 
-/// What is left of the flow through the panels when the equations count as solved.
+/// Residual of the normal flow at the panels at which the equations count as solved.
 const RESIDUAL: f64 = 1e-4;
 
-/// What is as near to the mirror as this part of a panel's width is taken for on it.
-const ROUNDING: f32 = 1e-4;
+/// Distance from the mirror at which a point counts as on it, over a panel's width.
+const MIRROR_TOLERANCE: f32 = 1e-4;
 
-/// Iterations at most. What is left then is told with the frame (`unsolved`).
-const ITERATIONS: usize = 60;
+/// Limit of GMRES iterations. The residual that is left is in the frame's record (`unsolved`).
+const MAX_ITERATIONS: usize = 60;
 
-/// Solids as the air feels them.
+/// Solids as boundaries of the air.
 #[derive(Debug)]
 pub(super) struct Walls {
     bodies: Vec<Body>,
@@ -47,50 +47,50 @@ struct Body {
     shape: Shape,
     motion: Option<Motion>,
     panels: Vec<Panel>,
-    /// The middle of its surface [m].
+    /// Centre of its surface [m].
     middle: Vec3,
 }
 
-/// A panel where it is at a time.
+/// A panel in its solid's pose at a time.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placed {
     pub(super) panel: Panel,
-    /// Of the solid there [m/s].
+    /// Velocity of the solid there [m/s].
     pub(super) velocity: Vec3,
-    /// From the middle of the solid's surface [m].
+    /// Offset from the centre of the solid's surface [m].
     pub(super) arm: Vec3,
 }
 
-/// The turning whose opposite is among the vortons: a mix of how solids turned at two times.
+/// Angular velocity of solids whose opposite the vortons contain: a blend of two times.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spun {
-    /// [s].
+    /// The two times [s].
     pub(super) times: [f64; 2],
-    /// Of the second's turning, 0 to 1.
+    /// Weight of the second time's angular velocity, 0 to 1.
     pub(super) part: f32,
 }
 
 impl Spun {
-    /// That of `time` [s].
+    /// The angular velocity at `time` [s].
     pub(super) fn at(time: f64) -> Self {
         Self { times: [time; 2], part: 0.0 }
     }
 }
 
-/// A solid that may turn, at a time.
+/// A solid and its angular velocity at a time.
 #[derive(Debug)]
 pub(super) struct Turning {
     pub(super) panels: Vec<Placed>,
-    /// The normal of the mirror, if that cuts through it.
+    /// Normal of the mirror, if that cuts through the solid.
     pub(super) cut: Option<Vec3>,
-    /// How fast it turned when what is among the vortons was shed [1/s].
+    /// Angular velocity whose opposite the vortons contain [1/s].
     pub(super) before: Vec3,
-    /// How fast it turns [1/s].
+    /// Angular velocity [1/s].
     pub(super) spin: Vec3,
 }
 
 impl Walls {
-    /// The walls that `solids` are for vortons `spacing` [m] apart; `None` without solids.
+    /// Walls of `solids` for vortons `spacing` [m] apart; `None` without solids.
     pub(super) fn new(solids: &[Solid], spacing: f32) -> Option<Self> {
         if solids.is_empty() {
             return None;
@@ -110,29 +110,29 @@ impl Walls {
             middle: middle(&panels),
             panels,
         };
-        let bodies = solids.iter().zip(shared_out(&shapes, spacing)).map(body).collect();
+        let bodies = solids.iter().zip(distribute_panels(&shapes, spacing)).map(body).collect();
         Some(Self { bodies, mirror })
     }
 
-    /// The solids without a source, by number: through them the air goes as if they were not there. A plane needs none.
+    /// Indices of the solids without a source, which let the air through. A plane needs none.
     pub(super) fn sourceless(&self) -> Vec<usize> {
-        let is_bare = |body: &Body| !matches!(body.shape, Shape::Plane { .. }) && !body.keeps_out();
+        let is_bare = |body: &Body| !matches!(body.shape, Shape::Plane { .. }) && !body.has_sources();
         (0..self.bodies.len()).filter(|&number| is_bare(&self.bodies[number])).collect()
     }
 
-    /// The panels that have a source, where they are at `time` [s].
+    /// Panels with a source, at `time` [s].
     pub(super) fn sourced(&self, time: f64) -> Vec<Placed> {
         let mut panels = self.placed(time);
         panels.retain(|placed| placed.panel.source.is_some());
         panels
     }
 
-    /// The panels where they are at `time` [s].
+    /// All panels at `time` [s].
     pub(super) fn placed(&self, time: f64) -> Vec<Placed> {
         self.bodies.iter().flat_map(|body| body.placed(&body.panels, time)).collect()
     }
 
-    /// The sources that keep air that moves with `air` [m/s] on the `panels`, which have one each, from going through them.
+    /// Solves for the sources that cancel the normal flow of `air` [m/s] at `panels`, which have one source each.
     pub(super) fn solve(&self, panels: &[Placed], air: &[Vec3]) -> Sources {
         let mirror = self.mirror;
         if panels.is_empty() {
@@ -142,13 +142,13 @@ impl Walls {
             |(placed, air): (&Placed, &Vec3)| -f64::from(placed.panel.normal.dot(&(air - placed.velocity)));
         let right: Vec<f64> = panels.iter().zip(air).map(entering).collect();
         let count = panels.len();
-        // A point gives off what its panel's square does.
+        // The unknown of a point is its strength over its panel's squared width.
         let at = panels.iter().map(|placed| match placed.panel.source.expect("a source each") {
             point @ Source::Point(_) => (point, placed.panel.width.powi(2)),
             tile @ Source::Tile(_) => (tile, 1.0),
         });
         let at: Vec<(Source, f32)> = at.collect();
-        // Row i: what a source of 4π a square metre at every place makes the air move along the normal of panel i.
+        // Row i: normal velocity at panel i that each source of unit density, times 4π, induces.
         let mut rows = vec![0.0_f32; count * count];
         par::for_chunks(&mut rows, count, |start, row| {
             let Panel { x, normal, .. } = panels[start / count].panel;
@@ -166,7 +166,7 @@ impl Walls {
             });
             out
         };
-        let (q, residual) = gmres(&right, RESIDUAL, ITERATIONS, apply);
+        let (q, residual) = gmres(&right, RESIDUAL, MAX_ITERATIONS, apply);
         let mut sources = Sources { mirror, residual, ..Sources::default() };
         for ((source, square), q) in at.into_iter().zip(q) {
             match source {
@@ -177,59 +177,59 @@ impl Walls {
         sources
     }
 
-    /// The solids that keep air out, as they are at `time` [s], and how they turned by `spun`. Panels that would shed, `height` [m] above them, beyond the
-    /// mirror are left out, as those on which a solid stands: the mirror has them.
+    /// Solids with sources at `time` [s], and their angular velocity at the times of `spun`. Panels whose vorticity would be shed beyond
+    /// the mirror, `height` [m] above them, are left out, as are those on which a solid stands.
     pub(super) fn turning(&self, time: f64, spun: Spun, height: f32) -> Vec<Turning> {
         let is_before = |placed: &Placed| {
             let Panel { x, normal, width, .. } = placed.panel;
             self.mirror.is_none_or(|(n, offset)| {
-                n.dot(&x) + (n.dot(&normal) * height).min(0.0) > offset + ROUNDING * width
+                n.dot(&x) + (n.dot(&normal) * height).min(0.0) > offset + MIRROR_TOLERANCE * width
             })
         };
         let turned = |body: &Body| {
             let mut panels = body.placed(&body.panels, time);
             panels.retain(is_before);
             let cut = self.mirror.filter(|_| panels.len() < body.panels.len()).map(|(n, _)| n);
-            // Before the shot nothing turned.
+            // At the start of the shot no vorticity has been shed.
             let [first, second] =
                 spun.times.map(|time| if time == 0.0 { Vec3::zeros() } else { body.spin(time) });
             let before = first * (1.0 - spun.part) + second * spun.part;
             Turning { panels, cut, before, spin: body.spin(time) }
         };
-        self.keeping_out().map(turned).collect()
+        self.with_sources().map(turned).collect()
     }
 
     /// The solids with sources.
-    fn keeping_out(&self) -> impl Iterator<Item = &Body> {
-        self.bodies.iter().filter(|body| body.keeps_out())
+    fn with_sources(&self) -> impl Iterator<Item = &Body> {
+        self.bodies.iter().filter(|body| body.has_sources())
     }
 
-    /// Points mirrored by the plane, if there is one.
+    /// Mirror images of points, if there is a plane.
     pub(super) fn mirrored(&self, points: &[Vec3]) -> Option<Vec<Vec3>> {
         let mirror = self.mirror?;
         Some(points.iter().map(|&x| reflect(x, mirror)).collect())
     }
 
-    /// A velocity turned by the mirror.
-    pub(super) fn turn(&self, v: Vec3) -> Vec3 {
+    /// A velocity reflected in the plane.
+    pub(super) fn reflect(&self, v: Vec3) -> Vec3 {
         self.mirror.map_or(v, |(n, _)| v - n * (2.0 * n.dot(&v)))
     }
 
-    /// A velocity gradient turned by the mirror.
-    pub(super) fn turn_gradient(&self, gradient: &Gradient) -> Gradient {
+    /// A velocity gradient reflected in the plane.
+    pub(super) fn reflect_gradient(&self, gradient: &Gradient) -> Gradient {
         self.mirror.map_or(*gradient, |(n, _)| {
             let m = Gradient::identity() - n * n.transpose() * 2.0;
             m * gradient * m
         })
     }
 
-    /// A wind that blows along the mirror.
+    /// The component of a wind along the plane.
     pub(super) fn along(&self, wind: Vec3) -> Vec3 {
         self.mirror.map_or(wind, |(n, _)| wind - n * n.dot(&wind))
     }
 
-    /// Puts points that are nearer to a solid than `gap` [m], or inside, to where they are that far; returns how many were inside.
-    pub(super) fn put_out(&self, points: &mut [Vec3], gap: f32, time: f64) -> u64 {
+    /// Projects points that are inside a solid, or nearer to one than `gap` [m], to that distance; returns how many were inside.
+    pub(super) fn project_out(&self, points: &mut [Vec3], gap: f32, time: f64) -> u64 {
         let poses: Vec<Option<Pose>> = self.bodies.iter().map(|body| body.pose(time)).collect();
         let counts = par::map_chunks_mut([points], par::CHUNK, |_, [points]| {
             let mut inside = 0;
@@ -250,12 +250,12 @@ impl Walls {
         counts.into_iter().sum()
     }
 
-    /// How high points are above the nearest of the solids that keep air out, where they are at `time` [s], up to `most` [m]; and which of
-    /// those it is, 0 for none.
-    pub(super) fn heights(&self, points: &[Vec3], most: f32, time: f64) -> Vec<(f32, usize)> {
+    /// Distance of points from the nearest solid with sources at `time` [s], up to `max` [m], and that solid's index among them; 0 for
+    /// none.
+    pub(super) fn heights(&self, points: &[Vec3], max: f32, time: f64) -> Vec<(f32, usize)> {
         let bodies: Vec<(&Body, Option<Pose>)> =
-            self.keeping_out().map(|body| (body, body.pose(time))).collect();
-        let mut heights = vec![(most, 0); points.len()];
+            self.with_sources().map(|body| (body, body.pose(time))).collect();
+        let mut heights = vec![(max, 0); points.len()];
         par::update(&mut heights, |i, nearest| {
             for (number, (body, pose)) in bodies.iter().enumerate() {
                 let local = pose.map_or(points[i], |pose| pose.to_local(points[i]));
@@ -268,9 +268,8 @@ impl Walls {
         heights
     }
 
-    /// Gives points inside solids the velocity of the solid there at `time` [m/s]: sources stand there, and what they induce beside
-    /// them means nothing.
-    pub(super) fn carry(&self, points: &[Vec3], velocity: &mut [Vec3], time: f64) {
+    /// Sets the velocity of points inside solids to that of the solid at `time` [m/s]: what the sources induce there means nothing.
+    pub(super) fn set_solid_velocity(&self, points: &[Vec3], velocity: &mut [Vec3], time: f64) {
         for body in &self.bodies {
             let moving = body.motion.as_ref().map(|motion| Moving::new(motion, time));
             par::update(velocity, |i, v| {
@@ -282,19 +281,19 @@ impl Walls {
         }
     }
 
-    /// The largest speed of any point of a solid from one time to another [s], or a bound of it [m/s].
+    /// Upper bound of the speed of any point of a solid between two times [s] [m/s].
     pub(super) fn fastest(&self, from: f64, to: f64) -> f64 {
         let speed = |body: &Body| {
             let reach = body.shape.reach();
-            // A plane stands still.
+            // A plane does not move.
             body.motion.as_ref().filter(|_| reach.is_finite()).map_or(0.0, |m| m.fastest(from, to, reach))
         };
         self.bodies.iter().map(speed).fold(0.0, f64::max)
     }
 
-    /// How far a solid may move in a step beside vortons of this core [m]: a core, a panel, or the radius of the largest ball in
-    /// the smallest solid that moves. Farther, and what it met in between is behind it as if it had not been there.
-    pub(super) fn stride(&self, core: f32) -> f32 {
+    /// Largest displacement of a solid in a step, for vortons of this core [m]: a core, a panel, or the radius of the largest ball in the
+    /// smallest solid that moves. Farther, and it passes over smoke without moving it.
+    pub(super) fn max_displacement(&self, core: f32) -> f32 {
         let moving = self.bodies.iter().filter(|body| body.motion.is_some());
         let widths = self.bodies.iter().flat_map(|body| body.panels.first()).map(|panel| panel.width);
         moving.map(|body| body.shape.inner_radius()).chain(widths).fold(core, f32::min)
@@ -305,16 +304,16 @@ impl Walls {
         self.bodies.iter().flat_map(|body| &body.panels).map(|panel| panel.width).fold(0.0, f32::max)
     }
 
-    /// Points on the surface of each solid that lie between its panels, to see what goes through there.
-    pub(super) fn witnesses(&self, time: f64) -> Vec<Vec<Placed>> {
+    /// Points on the surface of each solid between its panels, at which leakage is measured.
+    pub(super) fn leakage_points(&self, time: f64) -> Vec<Vec<Placed>> {
         let mut numbers = 0..;
         let mut between = |body: &Body| {
-            let beside = |panel: &Panel| {
+            let witness = |panel: &Panel| {
                 let number = numbers.next()?;
                 if let (Some(Source::Tile(tile)), Shape::Box { .. }) = (panel.source, &body.shape) {
                     return Some(Panel { x: tile.near_border(number), ..*panel });
                 }
-                // Half a panel aside, each to another side.
+                // Half a panel off its centre, in directions that vary.
                 let aside = panel.normal.cross(&Vec3::ith(number % 3, 1.0));
                 if aside.norm() < 0.3 {
                     return None;
@@ -323,42 +322,46 @@ impl Walls {
                 let (distance, normal) = body.shape.contact(x);
                 Some(Panel { x: x - normal * distance, normal, ..*panel })
             };
-            let found: Vec<Panel> = body.panels.iter().filter_map(beside).collect();
+            let found: Vec<Panel> = body.panels.iter().filter_map(witness).collect();
             body.placed(&found, time)
         };
         self.bodies.iter().map(&mut between).collect()
     }
 }
 
-/// A solid that moves, at a time.
+/// A moving solid at a time.
 struct Moving {
     pose: Pose,
-    /// The poses [`BESIDE`] seconds before and after.
-    beside: [Pose; 2],
+    /// Poses [`VELOCITY_TIME_STEP`] seconds before and after.
+    before_after: [Pose; 2],
 }
 
 impl Moving {
     fn new(motion: &Motion, time: f64) -> Self {
-        Self { pose: motion.pose(time), beside: [time - BESIDE, time + BESIDE].map(|time| motion.pose(time)) }
+        Self {
+            pose: motion.pose(time),
+            before_after: [time - VELOCITY_TIME_STEP, time + VELOCITY_TIME_STEP]
+                .map(|time| motion.pose(time)),
+        }
     }
 
-    /// The velocity of the solid's own point `local` [m/s].
+    /// Velocity of the solid's point `local` [m/s].
     fn velocity(&self, local: Vec3) -> Vec3 {
-        let [before, after] = &self.beside;
-        (after.to_world(local) - before.to_world(local)) / (2.0 * BESIDE) as f32
+        let [before, after] = &self.before_after;
+        (after.to_world(local) - before.to_world(local)) / (2.0 * VELOCITY_TIME_STEP) as f32
     }
 
-    /// How fast it turns [1/s]: exactly 0 if it only travels.
+    /// Angular velocity [1/s]: exactly 0 for a translation.
     fn spin(&self) -> Vec3 {
-        let [before, after] = self.beside.map(|pose| pose.rotation);
-        let change = (after - before) / (2.0 * BESIDE) as f32;
+        let [before, after] = self.before_after.map(|pose| pose.rotation);
+        let change = (after - before) / (2.0 * VELOCITY_TIME_STEP) as f32;
         // Σ e × (Ω × e) = 2Ω of its three axes.
         let axis = |axis: usize| self.pose.rotation.column(axis).cross(&change.column(axis)) * 0.5;
         axis(0) + axis(1) + axis(2)
     }
 }
 
-/// The middle of the surface that panels stand for [m].
+/// Area-weighted centre of panels [m].
 fn middle(panels: &[Panel]) -> Vec3 {
     let area: f32 = panels.iter().map(|panel| panel.area).sum();
     if area == 0.0 {
@@ -369,21 +372,21 @@ fn middle(panels: &[Panel]) -> Vec3 {
 
 impl Body {
     /// Whether it has a source.
-    fn keeps_out(&self) -> bool {
+    fn has_sources(&self) -> bool {
         self.panels.iter().any(|panel| panel.source.is_some())
     }
 
-    /// Where it is at `time` [s], if it moves.
+    /// Pose at `time` [s], if it moves.
     fn pose(&self, time: f64) -> Option<Pose> {
         self.motion.as_ref().map(|motion| motion.pose(time))
     }
 
-    /// How fast it turns at `time` [1/s].
+    /// Angular velocity at `time` [1/s].
     fn spin(&self, time: f64) -> Vec3 {
         self.motion.as_ref().map_or(Vec3::zeros(), |motion| Moving::new(motion, time).spin())
     }
 
-    /// Some of its panels where they are at `time` [s].
+    /// `panels` of the solid at `time` [s].
     fn placed(&self, panels: &[Panel], time: f64) -> Vec<Placed> {
         let Some(motion) = &self.motion else {
             let still =
@@ -412,7 +415,7 @@ mod tests {
     use crate::solid::{Interpolation, Keyframe};
 
     #[test]
-    fn wind_flows_around_a_sphere_as_the_potential_says() {
+    fn wind_flows_around_a_sphere_as_potential_flow() {
         let (radius, wind) = (0.3, Vec3::new(2.0, 0.0, 0.0));
         let sphere = Solid::fixed(Shape::Sphere { center: [0.0; 3], radius });
         for (spacing, allowed) in [(0.06, 0.02), (0.03, 0.004)] {
@@ -436,7 +439,7 @@ mod tests {
     }
 
     #[test]
-    fn inside_a_solid_all_moves_with_it() {
+    fn the_velocity_inside_a_solid_is_the_solids() {
         let turn = |frame: u32, angle: f32| Keyframe {
             frame,
             position: [0.5 * frame as f32, 0.0, 0.0],
@@ -453,29 +456,29 @@ mod tests {
         let points = points.map(Vec3::from);
         let wild = Vec3::new(9.0, 9.0, 9.0);
         let mut velocity = [wild; 5];
-        walls.carry(&points, &mut velocity, 1.0);
+        walls.set_solid_velocity(&points, &mut velocity, 1.0);
         let spin = |r: f32| Vec3::new(0.5 - std::f32::consts::FRAC_PI_4 * r, 0.0, 0.0);
         let expected = [spin(0.1), spin(0.25), wild, Vec3::zeros(), Vec3::zeros()];
         for (found, expected) in velocity.iter().zip(expected) {
             assert!((found - expected).norm() < 1e-3, "{found} for {expected}");
         }
-        // No faster than its corners, and not past a core, a panel or half its width.
+        // The bound is the speed of the corners; the displacement that of a core, a panel or half the width.
         let fastest = walls.fastest(0.0, 2.0);
         assert!((fastest - (0.5 + 0.12_f64.sqrt() * std::f64::consts::FRAC_PI_4)).abs() < 1e-4, "{fastest}");
         assert_eq!(walls.fastest(2.0, 3.0), 0.0);
-        assert_eq!((walls.stride(0.05), walls.stride(9.0)), (0.05, 0.1));
+        assert_eq!((walls.max_displacement(0.05), walls.max_displacement(9.0)), (0.05, 0.1));
         let mut walls = walls;
         walls.bodies.iter_mut().flat_map(|body| &mut body.panels).for_each(|panel| panel.width = 9.0);
-        assert_eq!(walls.stride(9.0), 0.2);
+        assert_eq!(walls.max_displacement(9.0), 0.2);
     }
 
     #[test]
-    fn thin_solids_let_less_through_than_no_solid_or_have_no_sources() {
+    fn thin_solids_leak_less_than_the_wind_or_have_no_sources() {
         let wind = Vec3::new(3.0, 0.4, 0.2);
         let ball = |radius| Shape::Sphere { center: [0.1, 0.0, 0.0], radius };
         let wire = |radius| Shape::Capsule { from: [0.0, 0.0, -0.5], to: [0.0, 0.1, 0.5], radius };
         let slanted = |radius| Shape::Capsule { from: [-0.3, -0.25, -0.3], to: [0.3, 0.25, 0.3], radius };
-        // Whether there are sources, and what may go through at most.
+        // Whether there are sources, and the largest leakage.
         let cases = [
             (ball(0.005), false, 0.0),
             (wire(0.005), false, 0.0),
@@ -504,7 +507,7 @@ mod tests {
             }
             let sources = walls.solve(&panels, &vec![wind; panels.len()]);
             assert!(sources.residual < 0.01, "{shape:?}: {}", sources.residual);
-            // All over the surface, as near to it as vortons come.
+            // All over the surface, as near to it as vortons can be.
             let gap = 0.05 * 0.05;
             let around = panels.iter().flat_map(|placed| (0..40).map(move |n| (placed.panel, n)));
             let place = |(panel, n): (Panel, u32)| {
@@ -540,10 +543,10 @@ mod tests {
             let panels = walls.sourced(0.0);
             let sources = walls.solve(&panels, &vec![wind; panels.len()]);
             assert!(sources.residual < 0.01, "{spacing}: {}", sources.residual);
-            // Between the panels, two of them from any edge.
+            // Between the panels, at least two of them from any edge.
             let square = |along: &[f32]| along.iter().map(|v| v * v).sum::<f32>().sqrt();
             let inner =
-                walls.witnesses(0.0).concat().into_iter().map(|placed| placed.panel).filter(|panel| {
+                walls.leakage_points(0.0).concat().into_iter().map(|placed| placed.panel).filter(|panel| {
                     let aside = |axis: usize| {
                         panel.normal[axis].abs() > 0.5
                             || (panel.x[axis] - low[axis]).min(high[axis] - panel.x[axis]) > 2.0 * panel.width

@@ -1,4 +1,4 @@
-//! Checks of what a preset says about smoke, once every value is valid on its own.
+//! Checks of a preset's smoke, once every value is valid on its own.
 
 use crate::{
     preset::{
@@ -20,7 +20,7 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
     if nothing && smoke.source.is_empty() && smoke.emitter.is_empty() {
         let label = "no ring, tube, turbulence, source or emitter";
         let help = "add `[[smoke.ring]]` with a center, radius, thickness and circulation, or `[[smoke.emitter]]` with a shape";
-        let message = "the smoke has nothing that it begins with";
+        let message = "nothing seeds or emits smoke";
         findings.push(Finding::new(places.of("smoke"), "smoke", message, label).with_help(help));
     }
     let count = estimate(smoke, scene.seconds());
@@ -46,8 +46,8 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
         }
     }
     for (index, tube) in smoke.tube.iter().enumerate() {
-        let way = [0, 1, 2].map(|axis| tube.to[axis] - tube.from[axis]);
-        direction(&way, &format!("smoke.tube.{index}.to"), places, findings);
+        let axis = [0, 1, 2].map(|axis| tube.to[axis] - tube.from[axis]);
+        direction(&axis, &format!("smoke.tube.{index}.to"), places, findings);
     }
     for (path, shape) in smoke.shapes() {
         findings.extend(source_finding(&format!("smoke.{path}"), shape, places));
@@ -69,20 +69,19 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
     check_planes(scene, places, findings);
 }
 
-/// Whether the lattice can be asked for the error.
+/// Checks that the grid sum can keep the requested error.
 fn check_sum(smoke: &SmokeParams, places: &Places, findings: &mut Vec<Finding>) {
     let (flow, key) = (&smoke.flow, "smoke.flow.error");
     let errors = grid_errors(flow.kernel);
     if flow.sum != Sum::Grid || errors.contains(&flow.error) {
         return;
     }
-    let message =
-        format!("`sum = \"grid\"` with this kernel cannot be asked for an error below {}", errors.start());
+    let message = format!("`sum = \"grid\"` with this kernel cannot reach an error below {}", errors.start());
     let finding = Finding::new(places.of(key), key, message, format!("found {}", flow.error));
-    findings.push(finding.with_help("ask for a larger `error`, or write `sum = \"tree\"`"));
+    findings.push(finding.with_help("raise `error`, or write `sum = \"tree\"`"));
 }
 
-/// Whether air can be kept out of the planes among the colliders.
+/// Checks that there is at most one plane among the colliders, and that it does not move.
 fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     let planes = scene.world.collider.iter().enumerate();
     let mut planes = planes.filter(|(_, collider)| matches!(collider.shape, Shape::Plane { .. }));
@@ -90,7 +89,7 @@ fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
         && !collider.keyframes.is_empty()
     {
         let key = format!("world.collider.{index}.keyframes");
-        let message = "beside smoke a plane stands still: it mirrors the air";
+        let message = "a plane next to smoke must stand still: its mirror images do not move";
         findings.push(
             Finding::new(places.of(&key), &key, message, "found keyframes")
                 .with_help("use a box with its face where the plane is"),
@@ -102,7 +101,7 @@ fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
             Finding::new(
                 places.of(&key),
                 &key,
-                "smoke knows one plane only, which mirrors the air",
+                "smoke supports one plane only, by mirror images",
                 "found another plane",
             )
             .with_help("use a box with its face where the plane is"),
@@ -110,8 +109,8 @@ fn check_planes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     }
 }
 
-fn direction(way: &[f32; 3], key: &str, places: &Places, findings: &mut Vec<Finding>) {
-    let length = way.iter().map(|&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
+fn direction(axis: &[f32; 3], key: &str, places: &Places, findings: &mut Vec<Finding>) {
+    let length = axis.iter().map(|&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
     if length < 1e-9 {
         let message = format!("`{key}` gives no direction");
         let finding = Finding::new(places.of(key), key, message, "a vector of length zero");

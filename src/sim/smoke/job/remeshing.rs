@@ -6,8 +6,8 @@ use crate::sim::{smoke::SmokeRecord, vortex::flow::FlowReport};
 /// slower or faster by no more than this; built-in shots lose less than a thousandth.
 const MAX_IMPULSE_LOSS: f64 = 0.01;
 
-/// The same that was changed so that no vortex line ends at a solid. A solid pushes the air as well; where remeshing does
-/// as much as this, what is left of a swirl next to one is made by the grid.
+/// Impulse changed so that no vortex line ends at a solid, above which it is reported. A solid changes the air's impulse as well;
+/// where remeshing does as much as this, what is left of an eddy next to one is made by the grid.
 const MAX_IMPULSE_CHANGE: f64 = 0.1;
 
 /// The part of total circulation that a remeshing redistributes, on average, above which it is reported: fringes of built-in

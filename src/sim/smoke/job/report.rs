@@ -5,9 +5,9 @@ use crate::{
     sim::smoke::{SmokeRecord, SmokeSeeds},
 };
 
-/// The part of the flow through a solid above which it is reported. A ball of ten spacings leaves 0.05 to 3 %, a box of
-/// ten a tenth on its faces and a quarter to a half with its edges: that is what panels of a spacing do. Beyond, as on
-/// plates and bodies thinner than a spacing, the solid hardly keeps air out, and smoke alone is pushed from it.
+/// The leakage of a solid above which it is reported. A ball of ten spacings leaves 0.05 to 3 %, a box of ten a tenth on its
+/// faces and a quarter to a half with its edges: that is the accuracy of panels of a spacing. Beyond, as on plates and bodies
+/// thinner than a spacing, the solid hardly keeps air out, and only the smoke is projected out of it.
 const MAX_LEAKAGE: f64 = 0.5;
 
 /// The part of the flow through the panels themselves above which it is reported: the equations are solved to a
@@ -55,7 +55,7 @@ pub(super) fn warnings(record: &SmokeRecord) -> Vec<String> {
         part.filter(|part| part.is_nan() || *part > limit).map(|part| format!("{:.0} % {what}", 100.0 * part))
     };
     let solid = record.leakiest.map_or_else(String::new, collider);
-    let leakage = &format!("of the air's flow at {solid} goes through it (smoke.spacing)");
+    let leakage = &format!("of the normal flow at {solid} leaks through it (lower smoke.spacing)");
     let residual = "of the flow through panels of solids is left (they are too thin or too close)";
     let counts = nonzero(&[
         (
@@ -63,7 +63,7 @@ pub(super) fn warnings(record: &SmokeRecord) -> Vec<String> {
             "steps longer than strain, displacement, wind and solids allow (max_substeps)",
         ),
         (record.flow.clamped, "strengths cut"),
-        (record.smothered, "tracers not emitted, inside solids"),
+        (record.rejected, "tracers not emitted, inside solids"),
         (record.returned_vortons, "vortons projected out of solids"),
         (record.returned_tracers, "tracers projected out of solids"),
     ]);

@@ -158,7 +158,7 @@ const COLUMNS: [SmokeColumn; 17] = [
     .shown(Shown::Page),
 ];
 
-/// The first and the last frame that the log tells of.
+/// First and last frame of the log.
 fn ends(run: &ComparedRun<SmokeRuns>) -> Option<(&FrameSample<SmokeRuns>, &FrameSample<SmokeRuns>)> {
     let mut logged = run.run.record.frames.iter().filter(|sample| sample.logged.is_some());
     let first = logged.next()?;
@@ -262,7 +262,7 @@ struct SmokeSample {
 /// Where smoke is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Body {
-    /// Its centre, by density [m].
+    /// Centre, weighted by density [m].
     center: [f64; 3],
     /// Root mean square of the distance to the centre, by density [m].
     size: f64,
