@@ -41,7 +41,7 @@ pub fn write_atomically(
             writer.flush()
         },
     );
-    // The system tells of a failure once: at the end it would be forgotten.
+    // The system reports a failure once: at the end it would be lost.
     written.and(synced)?;
     file.sync_all()?;
     let bytes = file.metadata()?.len();
@@ -78,8 +78,8 @@ impl<W: Write> Write for Early<'_, W> {
 
 /// Removes the temporaries that crashed runs left in `dir` and returns their paths, sorted.
 ///
-/// It cannot tell a crashed run from a live one (process numbers repeat between machines and containers), so
-/// the caller holds the folder's [`Lock`](super::Lock), or knows otherwise that nobody writes there.
+/// It cannot distinguish a crashed run from a live one, since process numbers repeat between machines and containers. So
+/// the caller holds the folder's [`Lock`](super::Lock), or knows otherwise that no process writes there.
 ///
 /// # Errors
 /// If the folder cannot be listed or a temporary cannot be removed.
@@ -123,7 +123,7 @@ impl Drop for Temporary {
     }
 }
 
-/// Opens a fresh temporary beside `path`.
+/// Opens a fresh temporary next to `path`.
 fn create_temporary(path: &Path) -> io::Result<(File, Temporary)> {
     let Some(name) = path.file_name() else {
         let message = format!("{}: expected the name of a file at the end of the path", path.display());
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn temporaries_are_told_from_other_files() {
+    fn temporaries_are_distinguished_from_other_files() {
         let dir = tempfile::tempdir().unwrap();
         let (_file, temporary) = create_temporary(&dir.path().join("frame.mcf")).unwrap();
         let (_second, other) = create_temporary(&dir.path().join("frame.mcf")).unwrap();

@@ -18,7 +18,7 @@ pub enum CacheError {
     },
     /// Another process writes this cache.
     #[error(
-        "{path}: locked by process {pid}, expected nobody else to write this folder; \
+        "{path}: locked by process {pid}, expected no other process to write this folder; \
          wait for that process or stop it, then run the same command again",
         path = path.display()
     )]
@@ -72,9 +72,9 @@ pub enum CacheError {
         /// The key of the settings given.
         expected: u64,
     },
-    /// The disk or the quota has no room.
+    /// The disk or the quota is full.
     #[error(
-        "{path}: no room on the disk ({source}), expected room for the whole frame; no partial frame was left: \
+        "{path}: disk full ({source}), expected space for the whole frame; no partial frame was left: \
          free some space and run the same command again to resume",
         path = path.display()
     )]

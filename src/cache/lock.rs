@@ -83,7 +83,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_second_holder_is_refused_and_told_who_holds_it() {
+    fn a_second_holder_is_refused_and_the_first_is_named() {
         let dir = tempfile::tempdir().unwrap();
         let folder = dir.path().join("shot").join("cache");
         let first = Lock::acquire(&folder).unwrap();

@@ -4,7 +4,7 @@
 //! them; only then is memory taken for columns, and each chunk's checksum is compared before it is unpacked.
 
 use super::CacheError;
-use super::chunks::{Seal, most_stored, unpack, words_mut};
+use super::chunks::{Seal, max_stored, unpack, words_mut};
 use super::error::Damage;
 use super::folder::index_of;
 use super::format::{
@@ -19,7 +19,7 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::path::Path;
 use xxhash_rust::xxh3::xxh3_64;
 
-/// Chunks read and unpacked at once; bounds the memory beside the columns themselves.
+/// Chunks read and unpacked at once; bounds the memory in addition to that of the columns.
 const BATCH: usize = 64;
 
 /// Reads a frame and verifies every checksum.
@@ -30,7 +30,7 @@ pub fn read_frame(path: &Path) -> Result<(Frame, FrameInfo), CacheError> {
     Source::open(path)?.frame()
 }
 
-/// Reads what a frame's header says, without its columns; verifies the header and that the file is complete.
+/// Reads a frame's header without its columns; verifies the header and that the file is complete.
 ///
 /// # Errors
 /// As [`read_frame`].
@@ -138,9 +138,9 @@ impl<'a, R: Read + Seek> Source<'a, R> {
             return Err(CacheError::Version { path, found: version, expected: FORMAT_VERSION });
         }
         let length = u64::from(word(&prologue, 12));
-        let least = (PROLOGUE + TRAILER) as u64 + length;
-        if self.bytes < least {
-            let expected = format!("at least {least}: the file was cut short");
+        let min = (PROLOGUE + TRAILER) as u64 + length;
+        if self.bytes < min {
+            let expected = format!("at least {min}: the file was cut short");
             return Err(self.corrupt("length of the file", format!("{} bytes", self.bytes), expected));
         }
 
@@ -168,7 +168,11 @@ impl<'a, R: Read + Seek> Source<'a, R> {
         let expected = long(&trailer, 0);
         if expected != self.bytes {
             let found = format!("{} bytes", self.bytes);
-            return Err(self.corrupt("length of the file", found, format!("{expected}, as its end says")));
+            return Err(self.corrupt(
+                "length of the file",
+                found,
+                format!("{expected}, as its trailer states"),
+            ));
         }
         Ok(())
     }
@@ -188,8 +192,8 @@ impl<'a, R: Read + Seek> Source<'a, R> {
     fn columns<'h>(&mut self, head: &'h Head) -> Result<Vec<ColumnPlace<'h>>, CacheError> {
         let end = self.bytes - TRAILER as u64;
         let there = end - head.columns;
-        if head.least_bytes() > u128::from(there) {
-            let expected = format!("at least {} for the entries that the header names", head.least_bytes());
+        if head.min_bytes() > u128::from(there) {
+            let expected = format!("at least {} for the entries that the header names", head.min_bytes());
             return Err(self.corrupt("length of the columns", format!("{there} bytes"), expected));
         }
         let mut at = head.columns;
@@ -237,9 +241,9 @@ impl<'a, R: Read + Seek> Source<'a, R> {
         seal.add(&head);
         let stored = word(&head, 0) as usize;
         let start = *at + CHUNK_HEAD as u64;
-        let most = (most_stored(entries * kind.words() * 4) as u64).min(end - start);
-        if stored < MIN_STORED || stored as u64 > most {
-            let expected = format!("{MIN_STORED} to {most} bytes");
+        let max = (max_stored(entries * kind.words() * 4) as u64).min(end - start);
+        if stored < MIN_STORED || stored as u64 > max {
+            let expected = format!("{MIN_STORED} to {max} bytes");
             return Err(self.corrupt(place, format!("a stored length of {stored}"), expected));
         }
         *at = start + stored as u64;

@@ -46,7 +46,7 @@ fn verify(bytes: &[u8]) -> Result<FrameInfo, CacheError> {
     Source::new(Cursor::new(bytes), Path::new("test.mcf"), bytes.len() as u64).verify()
 }
 
-/// Whether both ways of reading refuse the bytes as corrupt or of another version.
+/// Whether both readers refuse the bytes as corrupt or of another version.
 fn refused(bytes: &[u8]) -> bool {
     let refusal =
         |error: CacheError| matches!(error, CacheError::Corrupt { .. } | CacheError::Version { .. });
@@ -286,18 +286,18 @@ fn a_frame_under_another_number_is_refused() {
     assert!(read_frame(&free).is_ok());
 }
 
-/// Takes `room` bytes, then reports a full disk.
+/// Takes `space` bytes, then reports a full disk.
 struct Failing<'a> {
     out: &'a mut dyn Write,
-    room: usize,
+    space: usize,
 }
 
 impl Write for Failing<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        if bytes.len() > self.room {
+        if bytes.len() > self.space {
             return Err(io::ErrorKind::StorageFull.into());
         }
-        self.room -= bytes.len();
+        self.space -= bytes.len();
         self.out.write(bytes)
     }
 
@@ -313,13 +313,13 @@ fn a_full_disk_keeps_the_old_frame_and_leaves_no_part() {
     let path = frame_path(dir.path(), FrameIndex(1));
     let old = fs::read(&path).unwrap();
     let whole = bytes_of(&frame(1, 20)).len();
-    for room in [0, 10, 100, whole - 1] {
-        let result = write_through(&path, |out| encode(&mut Failing { out, room }, &frame(1, 20), KEY));
+    for space in [0, 10, 100, whole - 1] {
+        let result = write_through(&path, |out| encode(&mut Failing { out, space }, &frame(1, 20), KEY));
         assert!(matches!(&result, Err(CacheError::Full { path: place, .. }) if *place == path), "{result:?}");
         assert_eq!(fs::read(&path).unwrap(), old);
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
-    let result = write_through(&path, |out| encode(&mut Failing { out, room: whole }, &frame(1, 20), KEY));
+    let result = write_through(&path, |out| encode(&mut Failing { out, space: whole }, &frame(1, 20), KEY));
     assert_eq!(result.unwrap(), whole as u64);
 }
 

@@ -2,10 +2,10 @@
 
 /// Observes a run from the thread that runs it.
 pub trait Watch {
-    /// Whether to go on; asked before every substep and every iteration.
+    /// Whether to go on; called before every substep and every iteration.
     fn keep_going(&mut self) -> bool;
 
-    /// Told after every substep; `done` is the finished fraction of the frame.
+    /// Called after every substep; `done` is the finished fraction of the frame.
     fn substep(&mut self, done: f64) {
         let _ = done;
     }
@@ -25,7 +25,7 @@ impl Watch for Unwatched {
 /// it from the last finished frame.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Stop {
-    /// The watch asked to stop.
+    /// The watch requested a stop.
     #[error("interrupted")]
     Interrupted,
     /// The state became meaningless.

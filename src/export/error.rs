@@ -15,7 +15,7 @@ pub enum ExportError {
     Write {
         /// The file.
         path: PathBuf,
-        /// What the system said; [`io::ErrorKind::StorageFull`] is a full disk.
+        /// The error of the system; [`io::ErrorKind::StorageFull`] is a full disk.
         source: io::Error,
     },
     /// The mesh cannot be written in this format.

@@ -1,4 +1,4 @@
-//! The mesh formats by name, and what a file tells of itself: its key and its attributes.
+//! The mesh formats by name, and the key and attributes in a file's header.
 
 use super::{
     ExportError,
@@ -26,7 +26,7 @@ pub enum MeshFormat {
     Obj,
 }
 
-/// A way to write sheets.
+/// Format of sheet files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum SheetFormat {
@@ -42,7 +42,7 @@ impl SheetFormat {
     /// Every format.
     pub const ALL: [Self; 3] = [Self::Pc2, Self::Ply, Self::Obj];
 
-    /// Its name.
+    /// Name of the format.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pc2 => "pc2",
@@ -78,7 +78,7 @@ impl MeshFormat {
         Self::ALL.into_iter().find(|format| format.extension() == text)
     }
 
-    /// Writes `mesh` to `path` with a key that tells what it was made from; returns the file's size [bytes].
+    /// Writes `mesh` to `path` with a key of what it was made from; returns the file's size [bytes].
     ///
     /// # Errors
     /// As [`ply::write`] and [`obj::write`].
@@ -124,8 +124,8 @@ fn header_of(path: &Path) -> Result<String> {
     Ok(header)
 }
 
-/// The attributes in the header of a PLY file, by the names that [`property_names`] gives. Three numbers in a row that are named as
-/// the components of a vector are told as one.
+/// The attributes in the header of a PLY file, by the names that [`property_names`] gives. Three numbers in a row with the names of a
+/// vector's components are one attribute.
 fn attributes(header: &str) -> BTreeMap<String, Vec<String>> {
     let vertex = header.lines().skip_while(|line| !line.starts_with("element vertex")).skip(1);
     let names: Vec<&str> =

@@ -44,8 +44,8 @@ pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, Expor
         .map_err(|error| ExportError::write(path, error))
 }
 
-/// Writes `points` to `path` with a key that tells what they were made from, and returns the file's size [bytes]: places,
-/// `radius`, attributes, no normals and no faces.
+/// Writes `points` to `path` with a key of what they were made from, and returns the file's size [bytes]: positions, `radius`,
+/// attributes, no normals and no faces.
 ///
 /// # Errors
 /// As [`write`].
@@ -155,8 +155,8 @@ fn columns(mesh: &Mesh) -> Vec<(String, Column<'_>)> {
     columns
 }
 
-/// The key under which the writer asks for column `index`: a character of that number, which is cheaper to read
-/// back than a name. The name itself only stands in the header.
+/// The key by which the writer requests column `index`: a character of that number, which is cheaper to read back than a name.
+/// The name itself is only in the header.
 fn key(index: usize) -> String {
     char::from_u32(index as u32).expect("a mesh has fewer than 55 296 properties").to_string()
 }
@@ -330,7 +330,7 @@ mod tests {
     }
 
     #[test]
-    fn a_large_mesh_survives_the_hand_over_of_blocks() {
+    fn a_large_mesh_is_written_whole_in_blocks() {
         let n = 2 * AT_ONCE as u32 + 1_001;
         let mesh = Mesh {
             positions: (0..n).map(|i| Vec3::new(i as f32, 0.5, -(i as f32))).collect(),
@@ -395,7 +395,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_tell_path_cause_and_next_step_and_leave_nothing() {
+    fn errors_name_path_cause_and_next_step_and_leave_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let missing = folder.path().join("not_there/a.ply");
         let message = write(&mesh(), &missing, &[]).unwrap_err().to_string();

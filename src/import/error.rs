@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Characters of a finding that a message shows.
-const MOST_FOUND: usize = 200;
+const MAX_FOUND: usize = 200;
 
 /// Why particles could not be imported.
 #[derive(Debug, thiserror::Error)]
@@ -41,7 +41,7 @@ pub enum ImportError {
     NoLevelSet {
         /// The file.
         path: PathBuf,
-        /// Its grids.
+        /// The grids of the file.
         found: String,
         /// What is read.
         expected: String,
@@ -61,7 +61,7 @@ pub enum ImportError {
         /// What should be there.
         expected: String,
     },
-    /// A position or velocity is no number.
+    /// A position or velocity is not finite.
     #[error(
         "{path}: particle {particle}: found {found} as {channel}, expected finite numbers; \
          remove this particle, or look at the step of the solver that made it",
@@ -77,7 +77,7 @@ pub enum ImportError {
         /// The value.
         found: String,
     },
-    /// The file has no bytes: whoever wrote it was stopped, or had no room.
+    /// The file has no bytes: its writer was stopped, or the disk was full.
     #[error(
         "{path}: found an empty file, expected particles or at least a header; write the file again, or leave it out",
         path = path.display()
@@ -139,7 +139,7 @@ impl ImportError {
     ) -> Self {
         let (place, mut found, expected) = (place.into(), found.into(), expected.into());
         // A binary file read as text can have a "word" of any length.
-        if let Some((end, _)) = found.char_indices().nth(MOST_FOUND) {
+        if let Some((end, _)) = found.char_indices().nth(MAX_FOUND) {
             found.truncate(end);
             found.push('…');
         }

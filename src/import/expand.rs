@@ -79,7 +79,7 @@ fn matching(path: &Path) -> Result<Vec<(PathBuf, Option<u32>)>, ImportError> {
 
 /// A part of a pattern.
 #[derive(Clone, Debug, PartialEq)]
-enum Part {
+enum Token {
     /// This character.
     Char(char),
     /// Any one character.
@@ -94,7 +94,7 @@ enum Part {
 
 /// What names of files look like.
 struct Pattern {
-    parts: Vec<Part>,
+    parts: Vec<Token>,
     with_hidden: bool,
 }
 
@@ -105,14 +105,14 @@ impl Pattern {
         while at < characters.len() {
             let rest = &characters[at..];
             let (part, length) = match rest[0] {
-                '*' => (Part::Any, 1),
-                '?' => (Part::One, 1),
+                '*' => (Token::Any, 1),
+                '?' => (Token::One, 1),
                 '#' => {
                     let run = rest.iter().take_while(|&&character| character == '#').count();
-                    (Part::Digits(run), run)
+                    (Token::Digits(run), run)
                 }
-                '[' => set(rest).unwrap_or((Part::Char('['), 1)),
-                other => (Part::Char(other), 1),
+                '[' => set(rest).unwrap_or((Token::Char('['), 1)),
+                other => (Token::Char(other), 1),
             };
             parts.push(part);
             at += length;
@@ -122,8 +122,8 @@ impl Pattern {
 
     /// Whether a file's name fits.
     ///
-    /// Part by part: `reach[i]` says whether the pattern so far can end before character i of the name. A search with
-    /// backtracking would take exponential time on `*a*a*a*`.
+    /// Token by token: `reach[i]` holds whether the pattern so far can end before character i of the name. A search with backtracking
+    /// would take exponential time on `*a*a*a*`.
     fn fits(&self, name: &str) -> bool {
         if name.starts_with('.') && !self.with_hidden {
             return false;
@@ -136,8 +136,8 @@ impl Pattern {
             for start in (0..=name.len()).filter(|&start| reach[start]) {
                 let rest = &name[start..];
                 match part {
-                    Part::Any => next[start..].fill(true),
-                    Part::Digits(least) => {
+                    Token::Any => next[start..].fill(true),
+                    Token::Digits(least) => {
                         let digits = rest.iter().take_while(|character| character.is_ascii_digit()).count();
                         (*least..=digits).for_each(|length| next[start + length] = true);
                     }
@@ -155,9 +155,9 @@ impl Pattern {
 
     /// What the one run of `#` stands for in a name that fits; `None` if that is not certain.
     fn number(&self, name: &str) -> Option<u32> {
-        let mut places = (0..self.parts.len()).filter(|&place| matches!(self.parts[place], Part::Digits(_)));
+        let mut places = (0..self.parts.len()).filter(|&place| matches!(self.parts[place], Token::Digits(_)));
         let (Some(place), None) = (places.next(), places.next()) else { return None };
-        if self.parts.contains(&Part::Any) {
+        if self.parts.contains(&Token::Any) {
             return None;
         }
         // All other parts are one character each.
@@ -167,7 +167,7 @@ impl Pattern {
     }
 }
 
-impl Part {
+impl Token {
     /// Whether a part of one character is this one.
     fn takes(&self, character: char) -> bool {
         match self {
@@ -181,7 +181,7 @@ impl Part {
 }
 
 /// The set at the front of `text`, which starts with `[`, and its length; `None` if it has no end.
-fn set(text: &[char]) -> Option<(Part, usize)> {
+fn set(text: &[char]) -> Option<(Token, usize)> {
     let outside = matches!(text.get(1), Some('!' | '^'));
     let first = if outside { 2 } else { 1 };
     // A bracket right at the start is one of the characters.
@@ -196,7 +196,7 @@ fn set(text: &[char]) -> Option<(Part, usize)> {
         ranges.push(range);
         inside = rest;
     }
-    Some((Part::Of { ranges, outside }, first + length + 1))
+    Some((Token::Of { ranges, outside }, first + length + 1))
 }
 
 #[cfg(test)]

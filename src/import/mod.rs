@@ -71,8 +71,8 @@ impl Format {
         }
     }
 
-    /// What a file's first bytes say it is; XYZ has no mark of its own. Marks are three bytes and more: raw floats start
-    /// with any two once in 65 536 files.
+    /// The format by a file's first bytes; XYZ has no mark of its own. Marks are three bytes and more: raw floats start with any two
+    /// once in 65 536 files.
     fn of_content(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
             Some(Self::Ply)
@@ -164,7 +164,7 @@ fn parse(path: &Path, format: Format, bytes: &[u8]) -> Result<Imported, ImportEr
             Some(other) => format!("the start of a {} file", other.name()),
             None => format!("a start of {:?}", String::from_utf8_lossy(&bytes[..bytes.len().min(12)])),
         };
-        return Err(ImportError::unsupported(path, found, format!("{}, as the name says", format.name())));
+        return Err(ImportError::unsupported(path, found, format!("{}, by its name", format.name())));
     }
     match format {
         Format::Ply => ply::read(path, bytes),

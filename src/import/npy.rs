@@ -8,7 +8,7 @@ use std::path::Path;
 /// The first bytes of a file.
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// What the header of an array says.
+/// The header of an array.
 #[derive(Debug, PartialEq)]
 pub(super) struct Header {
     /// Lengths of the axes, the slowest first.
@@ -39,7 +39,7 @@ impl Header {
         self.kind().is_none().then(|| format!("type {}", self.descr))
     }
 
-    /// Type of the numbers, and whether the most significant byte comes first.
+    /// Type of the numbers, and whether they are big-endian.
     fn kind(&self) -> Option<(Kind, bool)> {
         let (order, kind) = self.descr.split_at_checked(1)?;
         let big = match order {
@@ -75,7 +75,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     }
 }
 
-/// Reads the header of an array; `member` says in messages where in the file the array is.
+/// Reads the header of an array; `member` is its place in the file for messages.
 pub(super) fn header(path: &Path, member: &str, bytes: &[u8]) -> Result<Header, ImportError> {
     let malformed = |found: &str, expected: &str| {
         Err(ImportError::malformed(path, format!("{member}header"), found, expected))

@@ -17,7 +17,7 @@ pub(super) enum Number {
     Unsigned,
 }
 
-/// The numbers of `block`, whose length is a multiple of their size; `big`: the most significant byte comes first.
+/// The numbers of `block`, whose length is a multiple of their size; `big`: big-endian.
 pub(super) fn values(block: &[u8], kind: Kind, big: bool) -> Values {
     match (kind.number, kind.size) {
         (Number::Float, 4) => {
@@ -36,8 +36,8 @@ pub(super) fn values(block: &[u8], kind: Kind, big: bool) -> Values {
 
 /// An integer; beyond the range the largest that fits.
 fn integer(bytes: &[u8], number: Number, big: bool) -> i64 {
-    let most_significant = if big { bytes[0] } else { bytes[bytes.len() - 1] };
-    let mut wide = [if number == Number::Signed && most_significant >= 128 { 0xff } else { 0 }; 16];
+    let high_byte = if big { bytes[0] } else { bytes[bytes.len() - 1] };
+    let mut wide = [if number == Number::Signed && high_byte >= 128 { 0xff } else { 0 }; 16];
     let wide = if big {
         wide[16 - bytes.len()..].copy_from_slice(bytes);
         i128::from_be_bytes(wide)

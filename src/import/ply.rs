@@ -10,9 +10,9 @@ use std::path::Path;
 
 /// The scalars of one vertex, in the order of the header; lists are passed over. Doubles hold every scalar
 /// type of the format exactly.
-struct Row(Vec<f64>);
+struct EntryValues(Vec<f64>);
 
-impl PropertyAccess for Row {
+impl PropertyAccess for EntryValues {
     fn new() -> Self {
         Self(Vec::new())
     }
@@ -34,7 +34,7 @@ impl PropertyAccess for Row {
     }
 }
 
-/// A scalar property of the vertices and its place in a [`Row`].
+/// A scalar property of the vertices and its place in a [`EntryValues`].
 struct Column<'a> {
     name: &'a str,
     is_float: bool,
@@ -46,7 +46,7 @@ const VECTORS: [([&str; 3], &str); 3] =
     [(["x", "y", "z"], "position"), (["vx", "vy", "vz"], "velocity"), (["nx", "ny", "nz"], "normal")];
 
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
-    let parser = Parser::<Row>::new();
+    let parser = Parser::<EntryValues>::new();
     let mut reader = Reader::new(bytes);
     let header = parser.read_header(&mut reader).map_err(|error| {
         let place = format!("header, line {}", error.line().unwrap_or(reader.line()));
@@ -96,17 +96,17 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
 /// Reads the vertices; elements before them are read and passed over.
 fn vertices(
     path: &Path,
-    parser: &Parser<Row>,
+    parser: &Parser<EntryValues>,
     reader: &mut Reader<&[u8]>,
     header: &Header,
-) -> Result<Vec<Row>, ImportError> {
+) -> Result<Vec<EntryValues>, ImportError> {
     let mut line = reader.line() - 1;
     for (name, element) in &header.elements {
         let left = reader.get_ref().len();
-        let least = least_bytes(element, header.encoding);
-        if least as u128 * element.count as u128 > left as u128 {
+        let min = min_bytes(element, header.encoding);
+        if min as u128 * element.count as u128 > left as u128 {
             let found = format!("{left} bytes");
-            let expected = format!("at least {least} for each of {} entries", element.count);
+            let expected = format!("at least {min} for each of {} entries", element.count);
             return Err(ImportError::malformed(path, format!("element {name}"), found, expected));
         }
         let rows = if header.encoding == Encoding::Ascii {
@@ -130,9 +130,9 @@ fn vertices(
     Ok(Vec::new())
 }
 
-/// Reads the line of one entry, or says what is there and what should be. The parser's own reader of lines knows
-/// neither `nan` nor `inf`, which some solvers write and which must be named by particle.
-fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<Row, (String, &'static str)> {
+/// Reads the line of one entry; the error has what was found and what was expected. The parser's own reader of lines knows neither
+/// `nan` nor `inf`, which some solvers write and which must be reported by particle.
+fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<EntryValues, (String, &'static str)> {
     if rest.is_empty() {
         return Err(("the end of the file".into(), "a line for every entry"));
     }
@@ -144,7 +144,7 @@ fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<Row, (String, &'s
         let word = words.next().unwrap_or("the end of the line");
         word.parse::<f64>().map_err(|_| (word.to_owned(), what))
     };
-    let mut row = Row::new();
+    let mut row = EntryValues::new();
     for (_, property) in &element.properties {
         match property.data_type {
             PropertyType::Scalar(ref kind) => {
@@ -168,9 +168,9 @@ fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<Row, (String, &'s
     }
 }
 
-/// The least bytes of an entry; one at least, so that entries without properties cannot be counted forever.
-fn least_bytes(element: &ElementDef, encoding: Encoding) -> usize {
-    let least = |kind: &PropertyType| match (encoding, kind) {
+/// Minimum size of an entry [bytes]; one at least, so that entries without properties cannot be counted forever.
+fn min_bytes(element: &ElementDef, encoding: Encoding) -> usize {
+    let min = |kind: &PropertyType| match (encoding, kind) {
         // A digit and the space or line end behind it, which the last line may lack.
         (Encoding::Ascii, _) => 1,
         (_, PropertyType::Scalar(scalar) | PropertyType::List(scalar, _)) => match scalar {
@@ -180,7 +180,7 @@ fn least_bytes(element: &ElementDef, encoding: Encoding) -> usize {
             ScalarType::Double => 8,
         },
     };
-    element.properties.iter().map(|(_, property)| least(&property.data_type)).sum::<usize>().max(1)
+    element.properties.iter().map(|(_, property)| min(&property.data_type)).sum::<usize>().max(1)
 }
 
 fn is_float(kind: &ScalarType) -> bool {
@@ -196,7 +196,7 @@ fn columns(vertex: &ElementDef) -> Vec<Column<'_>> {
 }
 
 /// The values of some columns, vertex by vertex, in single precision.
-fn floats(rows: &[Row], columns: &[&Column]) -> Vec<f32> {
+fn floats(rows: &[EntryValues], columns: &[&Column]) -> Vec<f32> {
     rows.iter().flat_map(|row| columns.iter().map(|column| row.0[column.index] as f32)).collect()
 }
 

@@ -15,8 +15,8 @@ pub struct Sequence {
 impl Sequence {
     /// Sorts files by the numbers in their names, each once, and numbers them.
     ///
-    /// The number of a frame is what the pattern's `#` stand for (given beside the file), or the one number in the names
-    /// that differs from file to file, or else 1, 2, 3, …: where two files would share a number, all are numbered so.
+    /// The number of a frame is that in place of the pattern's `#`, which comes with each file, or the one number in the names that
+    /// differs from file to file, or else 1, 2, 3, …: where two files would share a number, all are numbered so.
     pub(super) fn new(mut found: Vec<(PathBuf, Option<u32>)>) -> Self {
         found.sort_by(|(a, _), (b, _)| {
             natural(&a.to_string_lossy(), &b.to_string_lossy()).then_with(|| a.cmp(b))

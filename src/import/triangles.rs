@@ -1,7 +1,7 @@
 //! Meshes: PLY, ASCII or binary of either byte order, and OBJ.
 //!
-//! Taken are the positions and the faces, which are cut into fans of triangles, or, if asked for, stay quads where they are. Of a PLY
-//! the vertices' [`PAINTED`] factors, too, may be asked for. Everything else in the file is passed over.
+//! Positions and faces are read. Faces are cut into fans of triangles, or quads are kept on request. Of a PLY file the vertices'
+//! [`PAINTED`] factors can be requested as well. Everything else is passed over.
 
 use super::ImportError;
 use crate::{math::Vec3, sdf::Triangles};
@@ -11,7 +11,7 @@ use ply_rs_bw::{
 };
 use std::path::Path;
 
-/// The mesh that a file's bytes hold; `path` is named in errors, and says the format by its extension.
+/// Parses the mesh of a file's bytes; the extension of `path` determines the format, and errors name it.
 ///
 /// # Errors
 /// [`ImportError`], with the line, or the entry, at fault. A mesh has at least one face.

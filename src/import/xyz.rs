@@ -4,7 +4,7 @@ use super::gather::{Gather, Values};
 use super::{ImportError, Imported};
 use std::path::Path;
 
-/// Bytes that are looked at to tell text from raw floats.
+/// Number of bytes by which text is distinguished from raw floats.
 const PROBE: usize = 1 << 16;
 
 pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
@@ -49,7 +49,7 @@ fn text(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
         }
     }
     let rows = without_count(path, &mut lines)?;
-    // Without a particle, the line of names alone says which columns there are.
+    // Without a particle, the line of names alone determines the columns.
     let columns = rows.first().map_or(names.len().max(3), |(_, fields)| fields.len());
     let mut values = vec![Vec::with_capacity(rows.len()); columns];
     for (particle, (line, fields)) in rows.iter().enumerate() {

@@ -21,10 +21,10 @@ const FLAGS: u8 = 0x01 | 0x10 | 1 << 5;
 /// Bytes before the packed ones: the header, the place of the only block and its length.
 const OVERHEAD: usize = 16 + 4 + 4;
 
-/// Appends `values` (numbers of `width` bytes, little-endian) to `out`, packed as `compression` says.
+/// Appends `values` (numbers of `width` bytes, little-endian) to `out`, packed by `compression`.
 ///
-/// Packed bytes follow their number as an i64. A number that is not above zero says that so many bytes follow as they
-/// are, because packing would not have made them fewer.
+/// Packed bytes follow their number as an i64. A number not above zero means that as many bytes follow uncompressed, because
+/// packing would not have made them fewer.
 pub(super) fn pack(values: &[u8], width: usize, compression: Compression, out: &mut Vec<u8>) {
     let packed = match compression {
         Compression::None => return out.extend_from_slice(values),

@@ -12,7 +12,7 @@ pub struct Grid<'a> {
     pub name: &'a str,
     /// What it means.
     pub class: Class<'a>,
-    /// Distance between nodes [m]; node (0, 0, 0) stands at the origin.
+    /// Distance between nodes [m]; node (0, 0, 0) is at the origin.
     pub voxel: f32,
     /// Which nodes are stored.
     pub bricks: &'a Bricks,

@@ -19,10 +19,10 @@ const LIBRARY_VERSION: [u32; 2] = [6, 2];
 /// Where other writers have a number that differs in every file. The same bytes should come from the same grids.
 const UUID: &str = "6d656e69-7363-7573-8000-766f6c756d65";
 
-/// The name of the key that tells what a file was made from.
+/// Metadata name of the key of what a file was made from.
 const KEY: &str = "meniscus_key";
 
-/// The name of the key that tells which grids it has.
+/// Metadata name of the list of grids.
 const GRIDS: &str = "meniscus_grids";
 
 /// The largest part of a file that [`made_from`] looks at [bytes].
@@ -39,7 +39,7 @@ pub(super) fn file(key: u64, names: &[&str]) -> Vec<u8> {
     out.extend(MAGIC.to_le_bytes());
     out.extend(FILE_VERSION.to_le_bytes());
     out.extend(LIBRARY_VERSION.iter().flat_map(|part| part.to_le_bytes()));
-    out.push(1); // descriptors tell where grids are
+    out.push(1); // descriptors hold the offsets of grids
     out.extend(UUID.as_bytes());
     let (key, grids) = (format!("{key:016x}"), names.join(" "));
     let entries = [("creator", "Meniscus"), (KEY, &key), (GRIDS, &grids)];

@@ -1,7 +1,7 @@
 //! The values of one node of the tree: which are stored, and as what bytes.
 //!
-//! Only active values are stored. An inactive one is the background or minus it; a code tells which, and a mask where
-//! both occur.
+//! Only active values are stored. An inactive one is the background or minus it: a code states which, and a mask where both
+//! occur.
 
 use super::{Grid, VolumeParams, blosc, params::Precision};
 use crate::grid::{BRICK, BRICK_NODES, NodeMask, is_set};
@@ -14,7 +14,7 @@ pub(super) enum Inactive {
     Background = 0,
     /// All are minus the background.
     Minus = 1,
-    /// A mask tells: set where they are the background.
+    /// Stored with a mask, set where values are the background.
     Mask = 3,
 }
 

@@ -22,7 +22,7 @@ use crate::{
 };
 use std::path::Path;
 
-/// Writes `grids` to `path`, with a key that tells what they were made from; returns the file's size [bytes].
+/// Writes `grids` to `path`, with a key of what they were made from; returns the file's size [bytes].
 ///
 /// # Errors
 /// If the system refuses, or if an active value is not finite or too large for half precision; the message names
@@ -65,7 +65,7 @@ fn check(grid: &Grid, path: &Path, precision: Precision) -> Result<(), ExportErr
     let count = grid.bricks.len();
     assert_eq!(grid.active.len(), count, "a mask a brick");
     assert_eq!(grid.class.len(), count * BRICK_NODES, "512 values a brick");
-    let most = match precision {
+    let largest = match precision {
         Precision::Half => f32::from(half::f16::MAX),
         Precision::Float => f32::MAX,
     };
@@ -76,7 +76,7 @@ fn check(grid: &Grid, path: &Path, precision: Precision) -> Result<(), ExportErr
             .filter(|&(brick, place)| is_set(&grid.active[brick], place))
             .find_map(|(brick, place)| {
                 let mut parts = grid.class.components(brick * BRICK_NODES + place).into_iter().flatten();
-                let fault = parts.find(|part| part.abs() > most || part.is_nan())?;
+                let fault = parts.find(|part| part.abs() > largest || part.is_nan())?;
                 Some((node_of(grid.bricks.coords()[brick], place), fault))
             })
     });

@@ -1,4 +1,4 @@
-//! What a preset can say about volumes.
+//! Parameters of volumes in a preset.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -61,7 +61,7 @@ impl VolumeGrid {
     /// The grids of tracers.
     pub const OF_TRACERS: [Self; 3] = [Self::Density, Self::Velocity, Self::Temperature];
 
-    /// Its name in a file.
+    /// Name of the grid in a file.
     pub fn name(self) -> &'static str {
         match self {
             Self::Density => "density",

@@ -281,7 +281,7 @@ fn a_value_that_cannot_be_stored_is_named() {
 }
 
 #[test]
-fn half_floats_take_half_the_room_and_empty_space_none() {
+fn half_floats_take_half_the_bytes_and_empty_space_none() {
     let solid = &cases()[0];
     let size = |precision, compression| {
         encode(&solid.grids(), &VolumeParams { precision, compression }, 0).len() as f64

@@ -54,15 +54,15 @@ fn damaged() -> impl Strategy<Value = (&'static str, Vec<u8>)> {
 pub(super) fn read(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
     let mut result = None;
     let took = allocation_counter::measure(|| result = Some(import(name, bytes)));
-    let most = FIXED + PER_BYTE * bytes.len() as u64;
-    assert!(took.bytes_max <= most, "{name}: {} bytes taken for a file of {}", took.bytes_max, bytes.len());
+    let limit = FIXED + PER_BYTE * bytes.len() as u64;
+    assert!(took.bytes_max <= limit, "{name}: {} bytes taken for a file of {}", took.bytes_max, bytes.len());
     result.expect("it was read")
 }
 
 /// Memory for a file of a few bytes: inflating takes most, 32 KiB of window and as much of buffers.
 const FIXED: u64 = 256 << 10;
 
-/// A text of single digits is the most: 16 bytes for each of its words, twice while it grows.
+/// Allocated bytes per byte of a file: the maximum is a text of single digits, 16 bytes for each word, twice while it grows.
 const PER_BYTE: u64 = 64;
 
 proptest! {

@@ -395,7 +395,7 @@ fn broken_bgeo_is_refused() {
 }
 
 #[test]
-fn a_position_or_velocity_that_is_no_number_is_named() {
+fn a_position_or_velocity_that_is_not_finite_is_named() {
     let refusal = |name: &str, bytes: &[u8]| match import(name, bytes) {
         Err(ImportError::NotFinite { channel, particle, .. }) => (channel, particle),
         other => panic!("{name}: {other:?}"),
@@ -427,17 +427,17 @@ fn a_position_or_velocity_that_is_no_number_is_named() {
             assert_eq!(refusal("a.vtp", &file.finish("PolyData")), ("position", 5), "{layout:?}");
         }
     }
-    // A double that single precision cannot hold is no number here.
+    // A double that single precision cannot hold is not finite here.
     assert_eq!(refusal("a.xyz", b"1 2 3\n1 2 1e39\n"), ("position", 1));
     let error = import("a.xyz", b"1 2 3\n1 nan 3\n").unwrap_err().to_string();
     assert!(error.contains("a.xyz: particle 1: found (1, NaN, 3) as position"), "{error}");
-    // In an attribute that nothing depends on it costs the attribute, and this is said.
+    // In an attribute that nothing depends on it costs the attribute, and this is reported.
     let imported = import("a.xyz", b"# x y z heat\n1 2 3 4.5\n1 2 3 nan\n").unwrap();
     assert_eq!(imported.ignored, ["heat: particle 1 holds NaN"]);
 }
 
 #[test]
-fn the_content_must_be_what_the_name_says() {
+fn the_content_must_match_the_name() {
     let files = [
         ("a.ply", ply("ascii")),
         ("a.vtk", vtk(true, 4, "POLYDATA")),

@@ -140,11 +140,12 @@ fn positions_are_found_under_many_names() {
     let axis = |data: &[[f32; 3]; 3], axis: usize| {
         npy("<f4", false, "(3,)", &bytes(false, &transposed(data)[3 * axis..3 * axis + 3]))
     };
-    let mut apart: Vec<(&str, Vec<u8>)> =
+    let mut separate: Vec<(&str, Vec<u8>)> =
         ["x.npy", "y.npy", "z.npy"].into_iter().enumerate().map(|(i, name)| (name, axis(&X, i))).collect();
-    apart.extend(["vx.npy", "vy.npy", "vz.npy"].into_iter().enumerate().map(|(i, name)| (name, axis(&V, i))));
-    apart.push(("ids.npy", npy("<i8", false, "(3,)", &bytes(false, &ID.map(i64::from)))));
-    check(&import("a.npz", &npz(&apart, false)).unwrap());
+    separate
+        .extend(["vx.npy", "vy.npy", "vz.npy"].into_iter().enumerate().map(|(i, name)| (name, axis(&V, i))));
+    separate.push(("ids.npy", npy("<i8", false, "(3,)", &bytes(false, &ID.map(i64::from)))));
+    check(&import("a.npz", &npz(&separate, false)).unwrap());
     let message = broken("a.npz", &npz(&[("a.npy", vectors(&X)), ("b.npy", vectors(&V))], false));
     assert!(message.contains("[a [3, 3], b [3, 3]]") && message.contains("position (N × 3)"), "{message}");
     assert!(broken("a.npz", &npz(&[], false)).contains("the arrays []"));
@@ -164,5 +165,5 @@ fn broken_npz_is_refused() {
     let mut flipped = npz(&members(), false);
     let at = flipped.windows(4).position(|window| window == X[0][1].to_le_bytes()).unwrap();
     flipped[at] ^= 1;
-    assert!(broken("a.npz", &flipped).contains("member position.npy"), "the checksum says so");
+    assert!(broken("a.npz", &flipped).contains("member position.npy"), "by its checksum");
 }

@@ -71,7 +71,7 @@ impl Vtu {
         self.text += &head;
         if place == Place::Ascii {
             let words: Vec<String> = values.iter().map(T::to_string).collect();
-            // Newer files say in an array how its values range.
+            // Newer files have the range of an array's values in its element.
             self.text += &format!(
                 "\"ascii\">\n <InformationKey name=\"L2\"><Value index=\"0\">7</Value></InformationKey>\n {}\n</DataArray>\n",
                 words.join("\n ")

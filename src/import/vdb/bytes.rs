@@ -3,7 +3,7 @@
 use super::super::ImportError;
 use std::path::Path;
 
-/// Reads numbers and texts and names the place where the file ends too early.
+/// Reads numbers and strings and names the place where the file ends too early.
 #[derive(Clone, Copy)]
 pub(super) struct Bytes<'a> {
     pub(super) path: &'a Path,
@@ -24,7 +24,7 @@ impl<'a> Bytes<'a> {
     }
 
     fn array<const N: usize>(&mut self, what: &str) -> Result<[u8; N], ImportError> {
-        self.take(N, what).map(|bytes| bytes.try_into().expect("as many as asked for"))
+        self.take(N, what).map(|bytes| bytes.try_into().expect("as many as requested"))
     }
 
     pub(super) fn u32(&mut self, what: &str) -> Result<u32, ImportError> {

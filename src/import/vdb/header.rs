@@ -1,4 +1,4 @@
-//! What a volume file says before its values, checked before any other code sees it.
+//! The header of a volume file, checked before any other code sees it.
 
 use super::super::ImportError;
 use super::bytes::Bytes;
@@ -19,7 +19,7 @@ pub(super) const BLOSC: u32 = 4;
 pub(super) struct Entry {
     /// The name that no other grid of the file has.
     pub(super) name: String,
-    /// The type of its tree, without what tells half floats.
+    /// Type of its tree, without the suffix of half floats.
     kind: String,
     half: bool,
     /// Whether its tree is another grid's.

@@ -1,6 +1,5 @@
-//! The tree of a grid of floats, walked once before any other code reads it: every count, length and code is compared
-//! with the bytes that are there. On the way it notes what the reader of the values does not tell: on which side
-//! inactive nodes are.
+//! The tree of a grid of floats, walked once before any other code reads it: every count, length and code is compared with the
+//! bytes of the file. It also notes what the reader of values does not report: on which side inactive nodes are.
 
 use super::super::ImportError;
 use super::bytes::Bytes;
@@ -15,7 +14,7 @@ const ROOT: i32 = 4096;
 /// A leaf of 8³ nodes. The order of its nodes is that of the file: z runs fastest, then y, then x.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
-    /// Its first node.
+    /// First node of the brick.
     pub(super) origin: [i32; 3],
     /// The nodes whose values count.
     pub(super) active: Vec<u8>,
@@ -146,7 +145,7 @@ impl Nodes {
             };
             let lengths = (word(4), word(12));
             if lengths != (Some(size as u32), Some(packed.len() as u32)) {
-                let found = format!("a Blosc frame that says {lengths:?}");
+                let found = format!("a Blosc frame of lengths {lengths:?}");
                 return Err(bytes.malformed(found, format!("{size} bytes in {}", packed.len())));
             }
         }

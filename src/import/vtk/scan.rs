@@ -90,22 +90,22 @@ impl<'a> Scan<'a> {
     pub(super) fn values(&mut self, kind: Kind, count: usize) -> Result<Values, ImportError> {
         self.mark = self.at;
         let left = self.bytes.len() - self.at;
-        let least = match (self.binary, kind.size) {
+        let min = match (self.binary, kind.size) {
             (true, 0) => count.div_ceil(8),
             (true, size) => count.saturating_mul(size),
             // A digit each, and white space between them.
             (false, _) => count.saturating_mul(2).saturating_sub(1),
         };
-        if least > left {
+        if min > left {
             return Err(
-                self.malformed(format!("{left} bytes left"), format!("{count} numbers in at least {least}"))
+                self.malformed(format!("{left} bytes left"), format!("{count} numbers in at min {min}"))
             );
         }
         if !self.binary {
             return self.words(kind, count);
         }
-        let block = &self.bytes[self.at..self.at + least];
-        self.at += least;
+        let block = &self.bytes[self.at..self.at + min];
+        self.at += min;
         if kind == BIT {
             return Ok(Values::Int((0..count).map(|i| i64::from(block[i / 8] >> (7 - i % 8) & 1)).collect()));
         }

@@ -36,7 +36,7 @@ pub(super) enum Data<'a> {
 /// How numbers are written.
 #[derive(Default)]
 pub(super) struct Coding<'a> {
-    /// Whether the most significant byte comes first.
+    /// Whether numbers are big-endian.
     pub(super) big: bool,
     /// Bytes of a length, 4 or 8.
     pub(super) word: usize,

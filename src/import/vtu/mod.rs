@@ -27,7 +27,7 @@ enum Owner {
     Points,
     PointData,
     Other(&'static str),
-    /// Cells, of which nothing is said: every file has them.
+    /// Cells, which every file has; nothing is reported of them.
     Cells,
 }
 
@@ -73,7 +73,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     }
     let mut gather = Gather::new(path, &positions)?;
     drop(positions);
-    // The first piece with points says which attributes there are; what another one lacks is not taken.
+    // The first piece with points determines the attributes; those that another piece lacks are left out.
     let full: Vec<&Piece> = pieces.iter().filter(|piece| piece.count > 0).collect();
     let first = full.first().copied().or(pieces.first());
     for array in first.map_or(&[][..], |piece| &piece.data[..]) {
@@ -227,7 +227,7 @@ impl<'a> Document<'a> {
                 self.owner = Owner::named(element).unwrap_or(self.owner);
                 if element == "Array" {
                     let name = self.attribute(tag, "Name", at)?.unwrap_or_default();
-                    self.ignored.push((name, "an array of texts"));
+                    self.ignored.push((name, "an array of strings"));
                 }
                 Ok(())
             }
