@@ -46,7 +46,7 @@
 //! # Guarantees
 //!
 //! - The same input gives the same bytes for any number of threads and on any CPU.
-//! - Meshes of [`mesh::reconstruct`] are closed, manifold and oriented outwards, or its report says where they are not.
+//! - Meshes of [`mesh::reconstruct`] are closed, manifold and oriented outwards; its report lists exceptions.
 //! - A frame is the whole state: a simulation restored from one continues with the same bits.
 //! - Files appear under their names whole or not at all.
 //!

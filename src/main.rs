@@ -1,4 +1,4 @@
-//! The `meniscus` binary: hands over to the command line and returns its exit code.
+//! The `meniscus` binary: runs the command line and returns its exit code.
 
 fn main() -> std::process::ExitCode {
     meniscus::cli::main()

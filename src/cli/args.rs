@@ -63,7 +63,7 @@ pub(super) enum Verb {
     Shot(ShotArgs),
     /// Simulate a shot into its cache; the same command again continues
     Simulate(ShotArgs),
-    /// Tell what a shot will need: particles, passes, memory, disk, time
+    /// Estimate what a shot will need: particles, passes, memory, disk, time
     Plan(PlanArgs),
     /// Measure on your own shot what accuracy costs, and name the setting to use
     Tradeoff(TradeoffArgs),
@@ -73,9 +73,9 @@ pub(super) enum Verb {
     Volume(VolumeArgs),
     /// Write the sheets of a cache as meshes with a point cache, or the tracers of smoke as PLY points
     Export(ExportArgs),
-    /// Tell what is in a shot folder
+    /// List what is in a shot folder
     Info(InfoArgs),
-    /// Read every cached frame whole and tell which are valid, missing or corrupt
+    /// Read every cached frame whole and report which are valid, missing or corrupt
     Verify(InfoArgs),
     /// List, show or copy the built-in presets
     Presets(PresetsArgs),
@@ -111,7 +111,7 @@ pub(super) struct ShotArgs {
     #[arg(long)]
     pub(super) force: bool,
 
-    /// Say what would run, with particles and memory, and stop; `meniscus plan` also tells time and disk
+    /// Print what would run, with particles and memory, and stop; `meniscus plan` also estimates time and disk
     #[arg(long)]
     pub(super) dry_run: bool,
 }
@@ -272,7 +272,7 @@ pub(super) enum Tier {
     Draft,
     /// Minutes: to judge motion
     Preview,
-    /// The preset as written, unless it says otherwise
+    /// The preset as written, unless it has a tier of this name
     Final,
 }
 

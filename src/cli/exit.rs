@@ -1,4 +1,4 @@
-//! Exit codes: what a farm wrapper can tell without reading the log.
+//! Exit codes: the result of a command for a farm wrapper that does not read the log.
 
 use crate::{
     cache::CacheError,

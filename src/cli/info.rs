@@ -3,7 +3,7 @@
 use super::{args::InfoArgs, output::print};
 use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder};
 
-/// Tells what is in a shot folder; `whole` reads every frame to its last byte.
+/// Lists what is in a shot folder; `whole` reads every frame to its last byte.
 pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
     let info = run::info(&ShotFolder::around(&args.folder), whole)?;
     if args.json {
@@ -21,7 +21,7 @@ pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
         .collect();
     match failed.is_empty() {
         true => Ok(()),
-        false => Err(RunError::SomeFailed { failed, asked: info.frames.len() }),
+        false => Err(RunError::SomeFailed { failed, requested: info.frames.len() }),
     }
 }
 
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn missing_frames_are_told_as_ranges() {
+    fn missing_frames_are_listed_as_ranges() {
         assert_eq!(ranges(&[1, 3, 4, 5, 9, 10]), "1,3-5,9-10");
         assert_eq!(ranges(&[]), "");
     }

@@ -1,6 +1,6 @@
 //! Ctrl-C and the farm's stop signals: the job stops between two steps, finished frames stay.
 
-use super::{exit, output::say};
+use super::{exit, output::print_line};
 use std::{
     sync::atomic::{AtomicBool, Ordering},
     time::Duration,
@@ -10,7 +10,7 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 /// How long a job may take to come to the next step.
 ///
-/// Every file is written beside its place and renamed, so leaving at any moment loses only the frame under way.
+/// Every file is written next to its place and renamed, so leaving at any moment loses only the frame under way.
 const PATIENCE: Duration = Duration::from_secs(4);
 
 /// Listens for the signals from now on.
@@ -19,18 +19,18 @@ pub(super) fn listen() {
         if INTERRUPTED.swap(true, Ordering::SeqCst) {
             std::process::exit(exit::INTERRUPTED.into());
         }
-        say("\nstopping; finished frames are kept");
+        print_line("\nstopping; finished frames are kept");
         std::thread::spawn(|| {
             std::thread::sleep(PATIENCE);
             std::process::exit(exit::INTERRUPTED.into());
         });
     };
     if let Err(why) = ctrlc::set_handler(handler) {
-        say(&format!("note: Ctrl-C will stop at once, without waiting for the frame ({why})"));
+        print_line(&format!("note: Ctrl-C will stop at once, without waiting for the frame ({why})"));
     }
 }
 
-/// Whether the user asked to stop.
+/// Whether the user requested a stop.
 pub(super) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::SeqCst)
 }

@@ -5,7 +5,7 @@ use crate::{preset::SceneError, run::RunError};
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 /// Prints a line on stderr; write errors on a closed stderr are ignored.
-pub(super) fn say(text: &str) {
+pub(super) fn print_line(text: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stderr(), "{text}");
 }
@@ -15,15 +15,15 @@ pub(super) fn report_error(why: &RunError, style: ProgressStyle) {
     match style {
         ProgressStyle::Json => {
             let data = serde_json::json!({ "text": why.to_string() });
-            return say(&serde_json::json!({ "event": "error", "data": data }).to_string());
+            return print_line(&serde_json::json!({ "event": "error", "data": data }).to_string());
         }
         ProgressStyle::Openjd => open_jd(&format!("openjd_fail: {}", one_line(&why.to_string()))),
         _ => {}
     }
     match why {
-        RunError::Scene(scene) => say(&diagnostic(scene)),
-        RunError::Interrupted => say(&why.to_string()),
-        other => say(&format!("error: {other}")),
+        RunError::Scene(scene) => print_line(&diagnostic(scene)),
+        RunError::Interrupted => print_line(&why.to_string()),
+        other => print_line(&format!("error: {other}")),
     }
 }
 
@@ -36,10 +36,10 @@ pub(crate) fn diagnostic(error: &SceneError) -> String {
     use std::io::IsTerminal;
     let fancy = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let renderer = if fancy { Renderer::styled() } else { Renderer::plain() };
-    let mut texts = Vec::new();
+    let mut blocks = Vec::new();
     if error.problems().len() > 1 {
         let title = error.to_string();
-        texts.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(&title))]));
+        blocks.push(renderer.render(&[Group::with_title(Level::ERROR.primary_title(&title))]));
     }
     for problem in error.problems() {
         let (text, bytes) = problem.source();
@@ -47,15 +47,15 @@ pub(crate) fn diagnostic(error: &SceneError) -> String {
         let snippet = Snippet::source(text).path(&problem.file).annotation(place);
         let mut group = Level::ERROR.primary_title(&problem.message).element(snippet);
         group = group.elements(problem.help.iter().map(|help| Level::HELP.message(help)));
-        texts.push(renderer.render(&[group]));
+        blocks.push(renderer.render(&[group]));
     }
-    if texts.is_empty() {
+    if blocks.is_empty() {
         let (title, help) = (error.to_string(), error.help());
         let group = Level::ERROR.primary_title(&title);
         let group = Group::with_title(group).elements(help.iter().map(|help| Level::HELP.message(help)));
-        texts.push(renderer.render(&[group]));
+        blocks.push(renderer.render(&[group]));
     }
-    texts.join("\n\n")
+    blocks.join("\n\n")
 }
 
 /// Prints a result; a reader that went away (`meniscus info … | head`) is no failure.

@@ -52,7 +52,7 @@ fn copy(name: &str, file: Option<PathBuf>) -> Result<(), RunError> {
     };
     let mut file = OpenOptions::new().write(true).create_new(true).open(&path).map_err(fail)?;
     file.write_all(preset.text.as_bytes()).map_err(|source| {
-        // Half a preset would be refused as an existing file the next time; why it is half is told.
+        // Half a preset would be refused as an existing file the next time; the error is reported.
         let _ = std::fs::remove_file(&path);
         fail(source)
     })?;
@@ -60,11 +60,11 @@ fn copy(name: &str, file: Option<PathBuf>) -> Result<(), RunError> {
     copy_assets(&preset, &path)
 }
 
-/// Copies the files that a built-in preset names beside its copy; those that are there already stay.
-fn copy_assets(preset: &Preset, beside: &Path) -> Result<(), RunError> {
+/// Copies the files that a built-in preset names next to its copy; existing files stay.
+fn copy_assets(preset: &Preset, target: &Path) -> Result<(), RunError> {
     let scene = Scene::from_preset(preset, &Overrides::default())?;
     for (name, asset) in &scene.assets {
-        let path = beside.with_file_name(name);
+        let path = target.with_file_name(name);
         let fail = |source| RunError::File {
             path: path.clone(),
             source,

@@ -16,7 +16,7 @@ const DEFAULT_FPS: f64 = 24.0;
 
 /// A verb that makes products.
 pub(super) struct ProductVerb {
-    /// Its name.
+    /// Name of the product.
     pub(super) name: &'static str,
     /// What it makes ("a mesh").
     pub(super) makes: &'static str,
@@ -172,7 +172,7 @@ pub(super) fn spacing(given: Option<f32>) -> Result<f32, RunError> {
             Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")))
         }
         None => Err(RunError::Request(
-            "particle files do not say how far apart particles rest: add --spacing METRES (twice the particle \
+            "particle files do not state their particle spacing: add --spacing METRES (twice the particle \
              radius; 0.05 for a radius of 0.025)"
                 .into(),
         )),

@@ -2,7 +2,7 @@
 
 use super::{
     args::ProgressStyle,
-    output::{open_jd, say},
+    output::{open_jd, print_line},
 };
 use crate::run::Reporter;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
@@ -65,9 +65,9 @@ impl Reporter for Bar {
     }
 
     fn note(&self, text: &str) {
-        let drawn = lock(&self.bar).as_ref().map(|bar| bar.suspend(|| say(&format!("note: {text}"))));
+        let drawn = lock(&self.bar).as_ref().map(|bar| bar.suspend(|| print_line(&format!("note: {text}"))));
         if drawn.is_none() {
-            say(&format!("note: {text}"));
+            print_line(&format!("note: {text}"));
         }
     }
 
@@ -86,11 +86,11 @@ impl Reporter for Bar {
 
 /// Lines for logs, farms and scripts.
 struct Lines {
-    talk: Arc<Talk>,
+    output: Arc<Output>,
 }
 
-/// What is said, and how.
-struct Talk {
+/// Output form of the lines and the job they report.
+struct Output {
     form: Form,
     job: Mutex<Job>,
 }
@@ -107,7 +107,7 @@ struct Job {
     frames: usize,
     percent: f64,
     running: bool,
-    said: Instant,
+    last_print: Instant,
 }
 
 /// Longest silence. Farms take a silent job for a dead one.
@@ -116,46 +116,47 @@ const SILENCE: Duration = Duration::from_secs(8);
 impl Lines {
     /// A reporter that speaks up by itself when a job is silent for long.
     fn new(form: Form) -> Self {
-        let job = Job { name: String::new(), frames: 0, percent: 0.0, running: false, said: Instant::now() };
-        let talk = Arc::new(Talk { form, job: Mutex::new(job) });
-        let listener = Arc::downgrade(&talk);
+        let job =
+            Job { name: String::new(), frames: 0, percent: 0.0, running: false, last_print: Instant::now() };
+        let output = Arc::new(Output { form, job: Mutex::new(job) });
+        let listener = Arc::downgrade(&output);
         std::thread::spawn(move || {
-            while let Some(talk) = listener.upgrade() {
-                talk.break_silence();
-                drop(talk);
+            while let Some(output) = listener.upgrade() {
+                output.break_silence();
+                drop(output);
                 std::thread::sleep(Duration::from_secs(1));
             }
         });
-        Self { talk }
+        Self { output }
     }
 }
 
-impl Talk {
+impl Output {
     fn break_silence(&self) {
         let job = &mut *lock(&self.job);
-        if job.running && job.said.elapsed() >= SILENCE {
-            self.say(job);
+        if job.running && job.last_print.elapsed() >= SILENCE {
+            self.print_progress(job);
         }
     }
 
-    fn say(&self, job: &mut Job) {
-        job.said = Instant::now();
+    fn print_progress(&self, job: &mut Job) {
+        job.last_print = Instant::now();
         let percent = job.percent;
         match self.form {
-            Form::Plain => say(&format!("Progress: {percent:.0}%")),
+            Form::Plain => print_line(&format!("Progress: {percent:.0}%")),
             Form::Json => self.json("progress", &serde_json::json!({ "job": job.name, "percent": percent })),
             Form::OpenJd => open_jd(&format!("openjd_progress: {percent:.1}")),
         }
     }
 
     fn json(&self, event: &str, body: &serde_json::Value) {
-        say(&serde_json::json!({ "event": event, "data": body }).to_string());
+        print_line(&serde_json::json!({ "event": event, "data": body }).to_string());
     }
 
     fn text(&self, event: &str, text: &str) {
         match self.form {
-            Form::Plain if event == "note" => say(&format!("note: {text}")),
-            Form::Plain => say(text),
+            Form::Plain if event == "note" => print_line(&format!("note: {text}")),
+            Form::Plain => print_line(text),
             Form::Json => self.json(event, &serde_json::json!({ "text": text })),
             Form::OpenJd => open_jd(&format!("openjd_status: {text}")),
         }
@@ -164,46 +165,46 @@ impl Talk {
 
 impl Reporter for Lines {
     fn begin(&self, name: &str, frames: usize) {
-        *lock(&self.talk.job) =
-            Job { name: name.to_owned(), frames, percent: 0.0, running: true, said: Instant::now() };
-        self.talk.text("begin", &format!("{name}: {frames} frames"));
+        *lock(&self.output.job) =
+            Job { name: name.to_owned(), frames, percent: 0.0, running: true, last_print: Instant::now() };
+        self.output.text("begin", &format!("{name}: {frames} frames"));
     }
 
     fn progress(&self, frames_done: f64) {
-        let job = &mut *lock(&self.talk.job);
+        let job = &mut *lock(&self.output.job);
         let percent = 100.0 * frames_done / (job.frames.max(1) as f64);
         let whole = percent.floor() > job.percent.floor();
         job.percent = percent;
         // Plain lines have one a frame; percents follow by the clock.
-        if whole && self.talk.form != Form::Plain {
-            self.talk.say(job);
+        if whole && self.output.form != Form::Plain {
+            self.output.print_progress(job);
         }
     }
 
     fn frame(&self, figures: &str) {
-        self.talk.text("frame", figures);
+        self.output.text("frame", figures);
     }
 
     fn note(&self, text: &str) {
-        self.talk.text("note", text);
+        self.output.text("note", text);
     }
 
     fn end(&self) {
-        let job = &mut *lock(&self.talk.job);
-        let finished = job.percent >= 100.0 && self.talk.form != Form::Plain;
+        let job = &mut *lock(&self.output.job);
+        let finished = job.percent >= 100.0 && self.output.form != Form::Plain;
         job.percent = 100.0;
         job.running = false;
         if !finished {
-            self.talk.say(job);
+            self.output.print_progress(job);
         }
     }
 
     fn stop(&self) {
-        lock(&self.talk.job).running = false;
+        lock(&self.output.job).running = false;
     }
 }
 
-/// Says nothing.
+/// Prints nothing.
 struct Quiet;
 
 impl Reporter for Quiet {

@@ -115,7 +115,7 @@ fn counts(scene: &Scene, outline: &Outline) -> String {
 fn describe(scene: &Scene, selection: &Frames, outline: &Outline) -> Result<(), RunError> {
     print(&format!(
         "{}\nframes     {selection} at {} fps\n{}passes     {}\nmemory     at most about {:.0} MiB\n\
-         time       `meniscus plan` tells it, and the disk",
+         time       `meniscus plan` estimates it, and the disk space",
         scene.title,
         scene.fps,
         counts(scene, outline),

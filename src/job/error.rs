@@ -12,7 +12,7 @@ pub enum RunError {
     /// The preset, or one of the settings, is not right.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// The systems cannot start as the preset says.
+    /// The systems of the preset cannot start.
     #[error(transparent)]
     Setup(Box<dyn std::error::Error + Send + Sync>),
     /// The cache cannot be read or written.
@@ -36,12 +36,12 @@ pub enum RunError {
     #[error("interrupted; finished frames are kept, the same command continues")]
     Interrupted,
     /// Some frames could not be made; the others are there.
-    #[error("{} of {asked} frames failed:\n{}", failed.len(), list(failed))]
+    #[error("{} of {requested} frames failed:\n{}", failed.len(), list(failed))]
     SomeFailed {
         /// Which, and why.
         failed: Vec<FailedFrame>,
-        /// How many were asked for.
-        asked: usize,
+        /// Number of requested frames.
+        requested: usize,
     },
     /// The folder holds frames of other settings.
     #[error(
@@ -74,12 +74,12 @@ pub enum RunError {
         /// The limits, in words.
         wanted: String,
     },
-    /// A file beside the cache cannot be read or written.
+    /// A file next to the cache cannot be read or written.
     #[error("{}: {source}; {next}", path.display())]
     File {
         /// Which.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
         /// What to do about it.
         next: &'static str,
@@ -109,7 +109,7 @@ pub struct FailedFrame {
     pub kind: Failure,
 }
 
-/// Why a frame could not be made, as far as exit codes tell.
+/// Why a frame could not be made, as exit codes distinguish it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
     /// Its bytes in the cache are damaged.

@@ -69,7 +69,7 @@ impl ShotFolder {
             RunError::File {
                 path,
                 source,
-                next: "check that the folder can be written and the disk has room",
+                next: "check that the folder can be written and the disk has free space",
             }
         })
     }

@@ -54,7 +54,7 @@ pub(crate) fn append<R: Serialize>(folder: &ShotFolder, line: &LogLine<R>) -> Re
     written.and_then(|mut file| file.write_all(&line)).map_err(|source| RunError::File {
         path: folder.log(),
         source,
-        next: "check that the folder can be written and the disk has room",
+        next: "check that the folder can be written and the disk has free space",
     })
 }
 
@@ -89,7 +89,7 @@ mod tests {
     }
 
     #[test]
-    fn the_last_line_about_a_frame_counts_and_what_is_no_line_is_skipped() {
+    fn the_last_line_of_a_frame_counts_and_invalid_lines_are_skipped() {
         let line = |frame: u32, substeps: u32| LogLine {
             frame: FrameIndex(frame),
             bytes: 10,

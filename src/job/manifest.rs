@@ -215,7 +215,7 @@ impl Manifest {
             if there.iter().any(|frame| frames.binary_search(frame).is_err()) {
                 output.grids.retain(|grid| old.grids.contains(grid));
                 if output.attributes.is_empty() {
-                    // Frames without particles carry nothing, and say nothing of the others.
+                    // Frames without particles have no attributes; those of the others stay.
                     output.attributes = old.attributes;
                 } else {
                     output.attributes.retain(|name, properties| old.attributes.get(name) == Some(properties));

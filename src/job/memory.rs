@@ -1,7 +1,7 @@
 //! The parts of the memory model that systems and products share.
 //!
-//! *Method*: peaks of resident memory of whole runs, by particles, bricks and vertices. Each system and each product has its
-//! own constants beside its code.
+//! *Method*: peaks of resident memory of whole runs, by particles, bricks and vertices. The constants of each system and each product
+//! are in its own folder.
 
 use super::RunError;
 use crate::grid::BRICK;

@@ -2,7 +2,7 @@
 
 use crate::control::Watch;
 
-/// What a job tells while it works. Implemented by the command line.
+/// Progress and messages of a job. Implemented by the command line.
 pub trait Reporter: Sync {
     /// A job of `frames` frames begins.
     fn begin(&self, job: &str, frames: usize);
@@ -19,16 +19,16 @@ pub trait Reporter: Sync {
     /// The job is done.
     fn end(&self);
 
-    /// The job, if one was under way, ended early; the reason is told elsewhere.
+    /// The job, if one was running, ended early; the reason is reported elsewhere.
     fn stop(&self);
 }
 
 /// How a job talks to whoever started it.
 #[derive(Clone, Copy)]
 pub struct Control<'a> {
-    /// Told what happens.
+    /// Receiver of progress and messages.
     pub reporter: &'a dyn Reporter,
-    /// Asked between steps; `true` stops the job, with everything finished so far kept.
+    /// Called between steps; `true` stops the job, with everything finished so far kept.
     pub interrupted: &'a (dyn Fn() -> bool + Sync),
 }
 

@@ -13,7 +13,7 @@ pub(crate) struct Scratch {
 }
 
 impl Scratch {
-    /// Makes one that nobody else uses.
+    /// Makes a scratch folder that no other process uses.
     ///
     /// # Errors
     /// If it cannot be made.

@@ -5,7 +5,7 @@ use serde_json::Value;
 /// Sums and extremes of a system, or of a coupling, over the frames of a shot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Total {
-    /// Its key where it is JSON.
+    /// Key in JSON.
     pub key: &'static str,
     /// The numbers as JSON.
     pub value: Value,

@@ -1,4 +1,4 @@
-//! What this process has cost so far, where the system tells: Linux, by `/proc`.
+//! Resources used by this process so far, where the system reports them: on Linux, by `/proc`.
 
 use std::time::Instant;
 
@@ -13,7 +13,7 @@ pub(crate) fn duration(seconds: f64) -> String {
     }
 }
 
-/// Processor time of all threads so far [s], in steps of 10 ms; `None` where the system does not say.
+/// Processor time of all threads so far [s], in steps of 10 ms; `None` where the system does not report it.
 pub(crate) fn cpu_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     // The program's name comes first, in brackets, and may hold anything.
@@ -22,7 +22,7 @@ pub(crate) fn cpu_seconds() -> Option<f64> {
     Some((ticks(USER)? + ticks(SYSTEM)?) / TICKS_PER_SECOND)
 }
 
-/// Measures work: processor time where the system tells it, since that is the same on a busy machine; else time.
+/// Measures work by processor time where the system reports it, since that is the same on a busy machine; else by time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Meter {
     start: Instant,
@@ -51,7 +51,7 @@ impl Meter {
     }
 }
 
-/// The most memory that this process has held since a moment.
+/// Peak of the resident memory of this process since a moment.
 ///
 /// What the allocator keeps of freed memory is held too: up to some ten MiB a thread of what ran before.
 #[derive(Clone, Copy, Debug)]
@@ -66,7 +66,7 @@ impl Peak {
         Self { is_known: std::fs::write("/proc/self/clear_refs", "5").is_ok() }
     }
 
-    /// Resident memory at its highest since then [bytes]; `None` where the system does not say.
+    /// Peak of resident memory since then [bytes]; `None` where the system does not report it.
     pub(crate) fn bytes(&self) -> Option<u64> {
         let status = std::fs::read_to_string("/proc/self/status").ok().filter(|_| self.is_known)?;
         let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
@@ -86,9 +86,9 @@ mod tests {
     use super::duration;
 
     #[test]
-    fn times_read_as_people_say_them() {
-        let said = [0.04, 9.96, 59.4, 59.6, 3599.6, 25_500.0].map(duration);
-        assert_eq!(said, ["0.0 s", "10 s", "59 s", "1 min 00 s", "1 h 00 min", "7 h 05 min"]);
+    fn durations_are_readable() {
+        let printed = [0.04, 9.96, 59.4, 59.6, 3599.6, 25_500.0].map(duration);
+        assert_eq!(printed, ["0.0 s", "10 s", "59 s", "1 min 00 s", "1 h 00 min", "7 h 05 min"]);
     }
 
     #[test]

@@ -38,7 +38,7 @@ impl ProductSettings {
 pub struct Retime {
     /// Frames made of one [–], above 0: 2 is half as fast.
     pub factor: f64,
-    /// Whether tracers are seeded as the preset says and advected from the start; else those of the cache are used.
+    /// Whether tracers are seeded by the preset and advected from the start; else those of the cache are used.
     pub reseed: bool,
 }
 
@@ -58,7 +58,7 @@ pub struct ProductRequest<'a> {
     pub input: ProductInput<'a>,
     /// The shot folder that gets their files.
     pub out: &'a ShotFolder,
-    /// Their settings.
+    /// Settings of the products.
     pub settings: &'a ProductSettings,
     /// The preset of the input, if it is known.
     pub scene: Option<&'a Scene>,

@@ -26,8 +26,8 @@ impl Reporter for Silent {
 
 /// A ball of particles 0.1 m apart.
 fn ball(name: &str, kind: StreamKind) -> Stream {
-    let lattice = (0..1000).map(|i| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 0.1);
-    let positions: Vec<Vec3> = lattice.filter(|x| (x - Vec3::repeat(0.45)).norm() < 0.3).collect();
+    let nodes = (0..1000).map(|i| Vec3::new((i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32) * 0.1);
+    let positions: Vec<Vec3> = nodes.filter(|x| (x - Vec3::repeat(0.45)).norm() < 0.3).collect();
     let mut stream = Stream::new(name, kind, positions.len()).with("position", positions);
     stream.scalars = vec![("spacing".into(), 0.1)];
     stream

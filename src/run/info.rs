@@ -19,11 +19,11 @@ pub struct Info {
     pub title: String,
     /// Frames a second; 0 if the folder has no manifest.
     pub fps: f64,
-    /// The frames that were asked for, if the folder has a manifest.
+    /// The requested frames, if the folder has a manifest.
     pub span: Option<FrameSpan>,
     /// The frames that are there.
     pub frames: Vec<FrameState>,
-    /// The frames that were asked for and are not there, in ascending order; the first thousand of more.
+    /// Requested frames that are missing, in ascending order; the first thousand of more.
     pub missing: Vec<u32>,
     /// How many these are.
     pub missing_count: u64,
@@ -35,7 +35,7 @@ pub struct Info {
     /// What the products know of their files beyond the manifest, for programs.
     #[serde(flatten)]
     pub products: Map<String, Value>,
-    /// The same for people, a line each.
+    /// Products as text, a line each.
     #[serde(skip)]
     pub product_lines: Vec<String>,
 }
@@ -43,7 +43,7 @@ pub struct Info {
 /// One cached frame.
 #[derive(Clone, Debug, Serialize)]
 pub struct FrameState {
-    /// Its number.
+    /// Frame number.
     pub frame: u32,
     /// Time since the start of the shot [s].
     pub time: f64,
@@ -125,7 +125,7 @@ pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
 }
 
 /// Missing frames that are listed.
-const MOST_MISSING: usize = 1000;
+const MAX_LISTED_MISSING: usize = 1000;
 
 /// The totals as a map.
 fn by_key<S: Serializer>(totals: &[Total], serializer: S) -> Result<S::Ok, S::Error> {
@@ -175,7 +175,7 @@ fn lacking(span: FrameSpan, frames: &[FrameState]) -> (Vec<u32>, u64) {
     // A span may have a frame for each of 2³² numbers.
     let is_lacking = |number: &u32| frames.binary_search_by_key(number, |frame| frame.frame).is_err();
     let present = frames.iter().filter(|frame| span.contains(frame.frame)).count() as u64;
-    (span.numbers().filter(is_lacking).take(MOST_MISSING).collect(), span.count() - present)
+    (span.numbers().filter(is_lacking).take(MAX_LISTED_MISSING).collect(), span.count() - present)
 }
 
 /// What is there of an output.

@@ -1,7 +1,7 @@
 //! The jobs: what the verbs of the command line do, without the command line.
 //!
-//! This is the only layer that sees a whole [`Scene`](crate::scene::Scene): it takes it apart and hands each module its own
-//! part. Jobs say what happens through a [`Reporter`] and ask between steps whether to go on.
+//! This is the only layer that sees a whole [`Scene`](crate::scene::Scene): it passes each module its own part. Jobs report through
+//! a [`Reporter`] and check between steps whether to go on.
 
 mod info;
 mod plan;

@@ -151,7 +151,7 @@ struct Job<'a> {
     scene: &'a Scene,
     folder: &'a ShotFolder,
     key: u64,
-    /// The newest state in memory and the frame it stands at.
+    /// The newest state in memory and its frame.
     state: Option<(FrameIndex, Simulation)>,
     done: Simulated,
     /// The records of the frames in the log and of those that were computed.
@@ -270,8 +270,8 @@ fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {
     parts.collect::<Vec<_>>().join("  ")
 }
 
-/// Names the frames asked for and those that are there. Meshes made earlier stay named if frames of this simulation
-/// are there, since otherwise they may show another one; a manifest that cannot be read is replaced.
+/// Lists the requested and the existing frames. Meshes made earlier stay listed if frames of this simulation exist, since
+/// otherwise they may show another one; a manifest that cannot be read is replaced.
 fn write_manifest(
     scene: &Scene,
     folder: &ShotFolder,
@@ -279,9 +279,9 @@ fn write_manifest(
     valid: &BTreeSet<FrameIndex>,
 ) -> Result<(), RunError> {
     // Range by range: a selection may name more frames than memory holds numbers.
-    let asked = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
+    let requested = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
     let there = valid.iter().map(|&FrameIndex(frame)| FrameSpan { first: frame, last: frame, step: 1 });
-    let Some(span) = asked.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
+    let Some(span) = requested.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
     let _lock = Manifest::lock(folder)?;
     let old = if valid.is_empty() { None } else { Manifest::read(folder).ok().flatten() };
     let outputs = old.map(|old| old.outputs).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! From the meshes that a scene names to shapes that can be asked: read, sampled, kept on disk.
+//! From the meshes that a scene names to shapes with distances: read, sampled, kept on disk.
 
 use super::{Reporter, RunError, ShotFolder};
 use crate::{
@@ -46,7 +46,7 @@ pub(super) fn fill(
     Ok(scene)
 }
 
-/// Copies the files that the scene names beside the preset as run, so that it can be run again from there.
+/// Copies the files that the scene names next to the preset as run, so that it can be run again from there.
 ///
 /// # Errors
 /// If one cannot be written.
@@ -60,7 +60,7 @@ pub(super) fn keep_assets(scene: &Scene, folder: &ShotFolder) -> Result<(), RunE
             ShotFolder::create(parent)?;
         }
         cache::write_atomically(&path, |out| out.write_all(&asset.bytes)).map_err(|source| {
-            let next = "check that the folder can be written and the disk has room";
+            let next = "check that the folder can be written and the disk has free space";
             RunError::File { path, source, next }
         })?;
     }

@@ -128,7 +128,7 @@ fn frames(args: &TradeoffArgs, scene: &Scene) -> Result<Frames, RunError> {
     Ok(frames)
 }
 
-/// Lists the runs; `size` says how large a scene is.
+/// Lists the runs; `size` describes how large a scene is.
 fn dry_run(sweep: &Sweep, runs: &str, size: impl Fn(&Scene) -> String) -> Result<(), RunError> {
     print(&format!("{}, {runs}", sweep.base.title))?;
     for (setting, scene) in [&sweep.reference, &sweep.refined] {

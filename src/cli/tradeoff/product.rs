@@ -52,7 +52,7 @@ pub(super) fn tradeoff(
     let numbers: Vec<u32> = present.iter().map(|(index, _)| index.0).collect();
     let frames = if is_preset { slice(&sweep.base, args) } else { chosen(&numbers, args)? };
     if args.dry_run {
-        // Only headers of a cache tell how many particles there are.
+        // Only headers of a cache state how many particles there are.
         let is_cached = !matches!(input, Input::Files(..));
         let paths = present.iter().filter(|(index, _)| is_cached && frames.contains(*index));
         let particles = paths.filter_map(|(_, path)| Some(source.max_entries(path.as_deref()?))).max();

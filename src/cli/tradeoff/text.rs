@@ -19,27 +19,27 @@ pub(super) fn describe(table: &Table) -> String {
         table.threads,
         aligned(&lines)
     );
-    let mut say = |heading: &str, words: &str| text += &format!("\n{heading:<11} {words}");
-    table.legend(Shown::Everywhere, DIGITS).iter().for_each(|(heading, words)| say(heading, words));
+    let mut add_line = |heading: &str, words: &str| text += &format!("\n{heading:<11} {words}");
+    table.legend(Shown::Everywhere, DIGITS).iter().for_each(|(heading, words)| add_line(heading, words));
     for (name, row) in [("reference", &table.reference), ("refined reference", &table.refined)] {
         if let Some(why) = &row.diverged {
-            say("note", &format!("the {name} diverged, so nothing is compared with it: {why}"));
+            add_line("note", &format!("the {name} diverged, so nothing is compared with it: {why}"));
         }
     }
     for first in 0..table.rows.len() {
         let same = table.rows.iter().enumerate().filter(|(_, row)| row.same_as == Some(first));
         let same: Vec<String> = same.map(|(place, _)| (place + 1).to_string()).collect();
         if !same.is_empty() {
-            say("same", &format!("{} {}: {}", table.wording.same, first + 1, same.join(", ")));
+            add_line("same", &format!("{} {}: {}", table.wording.same, first + 1, same.join(", ")));
         }
     }
     for (place, row) in (1..).zip(&table.rows) {
-        row.diverged.iter().for_each(|why| say("diverged", &format!("{place}: {why}")));
-        table.incomparable(row).iter().for_each(|why| say("note", &format!("{place}: {why}")));
+        row.diverged.iter().for_each(|why| add_line("diverged", &format!("{place}: {why}")));
+        table.incomparable(row).iter().for_each(|why| add_line("note", &format!("{place}: {why}")));
         for (info, cell) in table.columns.iter().zip(&row.cells).filter(|(info, _)| !info.remark.is_empty()) {
             let count = cell.map_or(0.0, |spread| spread.median);
             if count > 0.0 {
-                say("note", &format!("{place}: {count} {}", info.remark));
+                add_line("note", &format!("{place}: {count} {}", info.remark));
             }
         }
     }

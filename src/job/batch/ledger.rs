@@ -212,7 +212,7 @@ impl<'a> Ledger<'a> {
             failed => {
                 // The frames that were made are reported as well.
                 self.summary.lines.iter().for_each(|line| control.reporter.note(line));
-                Err(RunError::SomeFailed { failed, asked: frames.len() })
+                Err(RunError::SomeFailed { failed, requested: frames.len() })
             }
         }
     }
@@ -242,6 +242,6 @@ fn append_line(out: &ShotFolder, file: &str, line: String) -> Result<(), RunErro
     written.map_err(|source| RunError::File {
         path,
         source,
-        next: "check that the folder can be written and the disk has room",
+        next: "check that the folder can be written and the disk has free space",
     })
 }

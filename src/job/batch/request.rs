@@ -23,7 +23,7 @@ pub struct BatchRequest {
     pub max_memory: Option<u64>,
     /// Whether several frames may be in progress at once. The memory that a plan of a shot forecasts is that of one.
     pub concurrent: bool,
-    /// Frames a second, where the source does not say.
+    /// Frames a second, where the source has no manifest.
     pub fps: f64,
 }
 
@@ -59,9 +59,9 @@ impl BatchRequest {
 /// Whether a frame fits in the memory that was reserved for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MemoryCheck {
-    /// It does.
+    /// The frame fits.
     Fits,
-    /// It must run again, alone.
+    /// The frame must run again, alone.
     NeedsMore,
 }
 

@@ -16,11 +16,11 @@ use std::sync::Mutex;
 /// them run at once on many threads.
 pub(crate) const FRAME_MEMORY_RESERVE: u64 = 16 << 20;
 
-/// Runs `work(place, alone)` for every place of `estimates`, and hands its results to `done` in order.
+/// Runs `work(place, alone)` for every place of `estimates`, and passes its results to `done` in order.
 ///
-/// `estimates` are of the memory that each frame needs, `budget` is what frames in progress share [bytes]; `work` returns
-/// `None` if the frame needs more than its estimate and is not `alone`. Frames that are finished when another one or the
-/// user ends the batch are handed over too.
+/// `estimates` are of the memory that each frame needs, `budget` is what frames in progress share [bytes]; `work` returns `None`
+/// if the frame needs more than its estimate and is not `alone`. If another frame or the user ends the batch, the results of
+/// finished frames are still passed.
 ///
 /// # Errors
 /// The first error of `work`; [`RunError::Interrupted`] if the user stops the batch.

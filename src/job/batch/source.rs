@@ -19,7 +19,7 @@ pub enum Source<'a> {
     Files {
         /// The files.
         sequence: &'a Sequence,
-        /// Distance between particles at rest [m], which files do not say.
+        /// Distance between particles at rest [m], which files lack.
         spacing: f32,
     },
 }
@@ -51,7 +51,7 @@ impl Source<'_> {
         }
     }
 
-    /// The title of what is made in `out`, and its frames a second: `fps` where no manifest says.
+    /// The title of what is made in `out`, and its frames a second: `fps` without a manifest.
     ///
     /// # Errors
     /// If there is a manifest that cannot be read.
@@ -139,7 +139,7 @@ pub(crate) struct StreamHeader {
     pub(crate) kind: StreamKind,
     /// Identifies the state that its entries are.
     pub(crate) state: u64,
-    /// Distance between particles at rest [m]; `None`: the frame does not say.
+    /// Distance between particles at rest [m]; `None` if the frame lacks it.
     pub(crate) spacing: Option<f32>,
 }
 

@@ -140,16 +140,16 @@ pub(crate) enum Shown {
     Data,
 }
 
-/// What a column is, without the way it is measured.
+/// Description of a column, without its measurement.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ColumnInfo {
     /// Its name in JSON, where a dot opens a group, and in CSV.
     pub key: &'static str,
-    /// Its heading.
+    /// Heading in the table.
     pub heading: &'static str,
-    /// Its unit.
+    /// Unit of the values.
     pub unit: Unit,
-    /// What it says, in a line.
+    /// Meaning, in a line.
     pub meaning: &'static str,
     /// Where it is shown.
     pub shown: Shown,
@@ -203,19 +203,19 @@ impl<V> Column<V> {
         Self::new(key, "", unit, value).shown(Shown::Data)
     }
 
-    /// Says where it is shown.
+    /// Sets where it is shown.
     pub(crate) const fn shown(mut self, shown: Shown) -> Self {
         self.info.shown = shown;
         self
     }
 
-    /// Says what it means.
+    /// Sets its meaning.
     pub(crate) const fn meaning(mut self, meaning: &'static str) -> Self {
         self.info.meaning = meaning;
         self
     }
 
-    /// Says that it is a distance from the reference.
+    /// Marks it as a distance from the reference.
     pub(crate) const fn against_reference(mut self) -> Self {
         self.info.needs_reference = true;
         self
@@ -267,11 +267,11 @@ const fn info(key: &'static str, heading: &'static str, unit: Unit) -> ColumnInf
 pub(crate) struct Costs {
     /// Wall-clock time of the work that is compared [s].
     pub seconds: Spread,
-    /// Processor time of the same, over all threads [s]; `None` where the system does not say.
+    /// Processor time of the same, over all threads [s]; `None` where the system does not report it.
     pub cpu_seconds: Option<Spread>,
     /// Wall-clock time of the whole shot, if its other frames cost as much [s].
     pub shot_seconds: f64,
-    /// Peak memory of the process [bytes]; `None` where the system does not say.
+    /// Peak memory of the process [bytes]; `None` where the system does not report it.
     pub memory: Option<u64>,
 }
 

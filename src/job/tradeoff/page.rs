@@ -51,7 +51,7 @@ fn html(table: &Table) -> String {
          td:nth-child(2),th:nth-child(2){{text-align:left}}.knee{{background:#fff0e0}}.front{{background:#eafaf2}}\
          .reference{{color:#777}}p,dl{{max-width:60em}}dt{{font-weight:600}}</style><h1>{title}</h1>\
          <p>{}, {} threads. Every point is a setting; lower is more exact, left is faster. No other setting is both faster and \
-         more exact than a green one. After the ringed one, more time buys little. Errors in the tinted band cannot be told \
+         more exact than a green one. After the ringed one, more time buys little. Errors in the tinted band cannot be distinguished \
          from the reference, which differs from its own refinement by {}. A setting with an error or a time of exactly 0 \
          has no place on these axes and stands in the table alone.</p>{}<table>{head}{rows}</table><dl>{legend}</dl></html>\n",
         capitalised(&escaped(&table.about.frames)),

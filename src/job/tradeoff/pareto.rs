@@ -13,9 +13,9 @@ pub(crate) fn front(points: &[Option<(f64, f64)>]) -> Vec<usize> {
     order.sort_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let mut best = f64::INFINITY;
     order.retain(|&(_, (_, error))| {
-        let better = error < best;
+        let improves = error < best;
         best = best.min(error);
-        better
+        improves
     });
     order.into_iter().map(|(i, _)| i).collect()
 }
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn the_knee_is_where_the_curve_bends() {
         assert_eq!(knee(&[(1.0, 100.0), (2.0, 4.0), (40.0, 2.0), (100.0, 1.0)]), Some(1));
-        // A straight line, two points, one point and a bulge the wrong way have none.
+        // A straight line, two points, one point and a concave front have none.
         assert_eq!(knee(&[(1.0, 100.0), (10.0, 10.0), (100.0, 1.0)]), None);
         assert_eq!(knee(&[(1.0, 2.0), (2.0, 1.0)]), None);
         assert_eq!(knee(&[(1.0, 2.0)]), None);

@@ -24,14 +24,14 @@ pub(crate) struct Wording {
     pub incomparable: Option<&'static str>,
 }
 
-/// What a table says besides its rows.
+/// What a table has in addition to its rows.
 #[derive(Clone, Debug)]
 pub(crate) struct About {
     /// The shot's name.
     pub title: String,
     /// The compared frames, in words.
     pub frames: String,
-    /// What JSON says of them.
+    /// Facts by their JSON keys.
     pub facts: Vec<(&'static str, Json)>,
     /// Distance between particles at rest [m], where limits are in spacings; else 1.
     pub spacing: f64,
@@ -57,7 +57,7 @@ pub(crate) struct TableRow {
     pub setting: Setting,
     /// A value per column.
     pub cells: Vec<Option<Spread>>,
-    /// Passes and their times [s], where the table tells them.
+    /// Passes and their times [s], where the table lists them.
     pub passes: Vec<(String, f64)>,
     /// Why and where the run ended early.
     pub diverged: Option<String>,
@@ -85,7 +85,7 @@ impl TableRow {
 /// The result of a tradeoff.
 #[derive(Clone, Debug)]
 pub(crate) struct Table {
-    /// What it says besides the rows.
+    /// Everything but the rows.
     pub about: About,
     /// What is compared.
     pub wording: &'static Wording,

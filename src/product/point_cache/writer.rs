@@ -137,7 +137,7 @@ impl SheetFrames {
         let points = streams.into_iter().filter(|&(_, kind)| kind == StreamKind::MeshPoints);
         let streams: Vec<String> = points.map(|(name, _)| name).collect();
         match (files.is_empty(), streams.is_empty()) {
-            (true, _) => Err(RunError::SomeFailed { asked: failed.len(), failed }),
+            (true, _) => Err(RunError::SomeFailed { requested: failed.len(), failed }),
             (_, true) => Err(RunError::Request(NO_SHEETS.into())),
             _ => Ok((Self { span, files, streams }, failed)),
         }

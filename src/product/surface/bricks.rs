@@ -60,12 +60,12 @@ mod tests {
     #[test]
     fn bricks_are_counted_before_they_are_made() {
         let spacing = 0.1;
-        let lattice = |n: i32, apart: f32| -> Vec<Vec3> {
-            let point = |i: i32| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * apart;
+        let grid = |n: i32, step: f32| -> Vec<Vec3> {
+            let point = |i: i32| Vec3::new((i % n) as f32, (i / n % n) as f32, (i / n / n) as f32) * step;
             (0..n * n * n).map(point).collect()
         };
         for (positions, voxel) in
-            [(lattice(20, 0.1), 0.5), (lattice(20, 0.1), 0.2), (lattice(12, 1.37), 0.5), (Vec::new(), 0.5)]
+            [(grid(20, 0.1), 0.5), (grid(20, 0.1), 0.2), (grid(12, 1.37), 0.5), (Vec::new(), 0.5)]
         {
             let params = SurfaceParams { voxel, ..SurfaceParams::default() };
             let kernel_radius = params.kernel_radius;

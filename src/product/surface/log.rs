@@ -26,7 +26,7 @@ pub(super) struct MeshRecord {
     pub frame: FrameIndex,
     /// The stream it shows.
     pub name: String,
-    /// What the mesh was made from, as its file says.
+    /// Key of what the mesh was made from, as in its file.
     pub key: String,
     /// Enclosed volume [m³].
     pub volume: f64,

@@ -159,7 +159,7 @@ fn figures(index: FrameIndex, surface: &Surface) -> String {
     line
 }
 
-/// What a surface lacks or has beside the isosurface of the density.
+/// Differences of a surface from the isosurface of the density.
 fn remarks(stats: &SurfaceStats) -> Vec<String> {
     let components = stats.components.unwrap_or_default();
     let smoothing = stats.smoothing.unwrap_or_default();

@@ -24,10 +24,10 @@ pub(crate) struct VolumeSettings {
     pub(crate) smoke: Option<Surroundings>,
 }
 
-/// What moves smoke beside its vortons.
+/// Smoke and solids of a shot, which determine its air in addition to vortons.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Surroundings {
-    /// What the preset says of it.
+    /// Parameters of the smoke.
     pub(crate) smoke: Smoke,
     /// What is around it.
     pub(crate) world: World,
@@ -39,7 +39,7 @@ impl Surroundings {
         scene.systems().smoke.map(|smoke| Self { smoke, world: scene.surroundings() })
     }
 
-    /// What moves the air beside vortons, for all frames.
+    /// Wind and solids of the shot, from which the air of every frame is made.
     pub(in crate::product) fn air(&self) -> ShotAir {
         ShotAir::new(&self.smoke, &self.world)
     }

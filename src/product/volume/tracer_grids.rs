@@ -33,7 +33,7 @@ pub(super) struct TracerFrame<'a> {
 pub(super) struct TracerGrids {
     voxel: f32,
     names: Vec<VolumeGrid>,
-    carried: TracerFields<2>,
+    fields: TracerFields<2>,
     /// 512 a brick [m/s]; empty if not wanted.
     velocity: Vec<Vec3>,
     pub(super) stats: TracerGridStats,
@@ -96,16 +96,16 @@ impl TracerGrids {
         go_on()?;
         let radius = params.kernel_radius * spacing;
         let fields = TracerFieldParams { spacing, radius, voxel, padding };
-        let carried = tracer_fields(positions, [density?, temperature?], &fields);
+        let fields = tracer_fields(positions, [density?, temperature?], &fields);
         go_on()?;
         let velocity = match air {
             Some(air) => {
-                velocities(&carried, voxel, air, slowdown as f32).map_err(TracerGridError::OutOfRange)?
+                velocities(&fields, voxel, air, slowdown as f32).map_err(TracerGridError::OutOfRange)?
             }
             None => Vec::new(),
         };
-        (stats.bricks, stats.too_far) = (carried.bricks.len(), carried.too_far);
-        Ok(Self { voxel, names, carried, velocity, stats })
+        (stats.bricks, stats.too_far) = (fields.bricks.len(), fields.too_far);
+        Ok(Self { voxel, names, fields, velocity, stats })
     }
 
     /// The grids that were made.
@@ -118,7 +118,7 @@ impl TracerGrids {
     /// # Errors
     /// As [`vdb::write`].
     pub(super) fn write(&self, path: &Path, params: &VolumeParams, key: u64) -> Result<u64, ExportError> {
-        let TracerFields { bricks, values: [density, temperature], reached, near, .. } = &self.carried;
+        let TracerFields { bricks, values: [density, temperature], reached, near, .. } = &self.fields;
         let grid = |&which: &VolumeGrid| {
             let (class, active) = match which {
                 VolumeGrid::Density => (Class::FogVolume(density), reached),
@@ -135,21 +135,21 @@ impl TracerGrids {
 
 /// The air's velocity over `slowdown` at the nodes near smoke, zero elsewhere.
 fn velocities(
-    carried: &TracerFields<2>,
+    fields: &TracerFields<2>,
     voxel: f32,
     air: &FrameAir,
     slowdown: f32,
 ) -> Result<Vec<Vec3>, OutOfRange> {
-    let near = (0..carried.bricks.len()).flat_map(|brick| {
-        let mask = carried.near[brick];
+    let near = (0..fields.bricks.len()).flat_map(|brick| {
+        let mask = fields.near[brick];
         (0..BRICK_NODES).filter(move |&place| is_set(&mask, place)).map(move |place| (brick, place))
     });
     let near: Vec<(usize, usize)> = near.collect();
     let at = |&(brick, place): &(usize, usize)| {
-        Vec3::from(node_of(carried.bricks.coords()[brick], place).map(|v| v as f32)) * voxel
+        Vec3::from(node_of(fields.bricks.coords()[brick], place).map(|v| v as f32)) * voxel
     };
     let found = air.velocity(&near.iter().map(at).collect::<Vec<_>>())?;
-    let mut values = vec![Vec3::zeros(); carried.bricks.len() * BRICK_NODES];
+    let mut values = vec![Vec3::zeros(); fields.bricks.len() * BRICK_NODES];
     for ((brick, place), velocity) in near.into_iter().zip(found) {
         values[brick * BRICK_NODES + place] = velocity / slowdown;
     }

@@ -1,9 +1,9 @@
 //! Time against accuracy on the user's own shot: which settings are worth their time.
 //!
-//! *Method*: every setting of a sweep (`sweep`) is run on the same frames, and so is a reference that is finer than all
-//! of them ([`crate::sim::tradeoff`]) and a refinement of that, which tells how small an error can be seen at all. The Pareto
-//! front and its knee ([`crate::job::tradeoff`]) name the settings to consider. What is varied, run and compared is said by the
-//! systems and products.
+//! *Method*: every setting of a sweep (`sweep`) is run on the same frames, and so are a reference finer than all of them
+//! ([`crate::sim::tradeoff`]) and a refinement of that, which determines how small an error is visible. The Pareto front
+//! and its knee ([`crate::job::tradeoff`]) name the settings to consider. Systems and products define what is varied, run and
+//! compared.
 
 mod sweep;
 

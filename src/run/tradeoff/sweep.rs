@@ -104,7 +104,7 @@ impl Origin<'_> {
         }
     }
 
-    /// The tiers that it has: the final one is the preset as written if nothing else is said.
+    /// The tiers of the preset; the final tier is the preset as written unless it has one of that name.
     fn tiers(&self) -> Vec<Quality> {
         let written = if let Self::Preset(preset) = self { preset.tiers() } else { Vec::new() };
         Quality::ALL.into_iter().filter(|tier| *tier == Quality::Final || written.contains(tier)).collect()
@@ -151,7 +151,7 @@ impl Request {
         let by_default = self.vary.is_empty();
         let mut axes: Vec<Axis> =
             if by_default { (subject.defaults)(&base) } else { self.vary.iter().map(Vary::axis).collect() };
-        axes.iter_mut().for_each(|axis| axis.dedup_by_key(|changes| texts(changes)));
+        axes.iter_mut().for_each(|axis| axis.dedup_by_key(|changes| change_texts(changes)));
         let keys = keys(&axes);
         for key in keys.iter().map(String::as_str).chain(self.reference.iter().map(|set| set.trim_start())) {
             if let Some(why) = (subject.refuse)(key) {
@@ -167,7 +167,7 @@ impl Request {
         let mut wanted = vec![("as written".to_owned(), self.base.clone(), Vec::new())];
         wanted.extend(combined.into_iter().map(|changes| {
             let mut words: Vec<&str> = changes.iter().map(|change| short(subject, &change.text)).collect();
-            // The same change of several sheets is said once.
+            // The same change of several sheets is printed once.
             words.dedup();
             (words.join(" "), self.base.clone(), changes)
         }));
@@ -230,11 +230,11 @@ fn keys(axes: &[Axis]) -> Vec<String> {
     first.flatten().filter_map(|change| Some(change.text.split_once('=')?.0.trim().to_owned())).collect()
 }
 
-fn texts(changes: &[Change]) -> Vec<String> {
+fn change_texts(changes: &[Change]) -> Vec<String> {
     changes.iter().map(|change| change.text.clone()).collect()
 }
 
-/// A change as labels have it: without its table, or of an entry of a list only its last key.
+/// A change as texts have it: without its table, or of an entry of a list only its last key.
 fn short<'a>(subject: &Subject, change: &'a str) -> &'a str {
     let key = change.split('=').next().unwrap_or_default();
     let is_number = |word: &str| word.parse::<usize>().is_ok();

@@ -1,12 +1,11 @@
 //! The tradeoff of surfaces: which voxel, clean-up and distance are worth their time on the user's own particles.
 //!
-//! *Method*: particles of a cache or of any solver's files are surfaced with every setting of a sweep. Each surface is
-//! compared with that of the reference, a finer voxel of the same particles: distances both ways ([`crate::mesh::surface_distance`]),
+//! *Method*: particles of a cache or of any solver's files are surfaced with every setting of a sweep. Each surface is compared
+//! with that of the reference, a finer voxel of the same particles: symmetric surface distance ([`crate::mesh::surface_distance`]),
 //! normals, volume. The signed distance is also compared with the exact distance to its own zero: orders, bands and
 //! blocks change it without moving the surface.
 //!
-//! Limits: the reference resolves what the preset defines. Whether that definition is the better picture, it does not
-//! say.
+//! Limits: the reference resolves the surface that the preset defines. Whether that surface looks better is not compared.
 
 mod source;
 
@@ -87,7 +86,7 @@ const COLUMNS: [SurfaceColumn; 15] = [
     })
     .remark("meshes are not closed, manifold and oriented"),
     SurfaceColumn::new("distance", "rms", Unit::Spacings, |run| Some(both(run)?.rms()))
-        .meaning("distance between the surface and the reference's, both ways, in particle spacings: RMS")
+        .meaning("symmetric distance between the surface and the reference's, in particle spacings: RMS")
         .against_reference()
         .criterion("distance"),
     SurfaceColumn::new("hausdorff", "largest", Unit::Spacings, |run| Some(both(run)?.largest))
@@ -135,7 +134,7 @@ fn volume(run: &Run<SurfaceRuns>) -> f64 {
     run.record.frames.iter().filter_map(|sample| Some(sample.logged.as_ref()?.volume)).sum()
 }
 
-/// The distance of two surfaces, both ways.
+/// The symmetric distance of two surfaces.
 fn both(run: &ComparedRun<SurfaceRuns>) -> Option<Distance> {
     run.distance.map(|[there, back]| there.joined(back))
 }
@@ -223,7 +222,7 @@ struct SurfaceSample {
     mesh: u64,
 }
 
-/// What making a surface tells.
+/// Record of making a surface.
 #[derive(Serialize, Deserialize)]
 struct LoggedSurface {
     /// Connected components.

@@ -40,7 +40,7 @@ pub(super) fn samples(source: &Source<'_>, frames: &Frames) -> Result<Vec<Sample
             }
             let spacing = known.spacing.ok_or_else(|| {
                 let name = &stream.name;
-                let lacks = "does not say its spacing; simulate it again";
+                let lacks = "has no spacing; simulate it again";
                 RunError::Request(format!("frame {frame}: the stream {name} {lacks}"))
             })?;
             let (particles, state, path) = (stream.len(), known.state, path.clone());
@@ -52,7 +52,7 @@ pub(super) fn samples(source: &Source<'_>, frames: &Frames) -> Result<Vec<Sample
 }
 
 impl Sample {
-    /// Its particles.
+    /// Reads the particles.
     pub(super) fn read(&self) -> Result<Stream, RunError> {
         match self.stream {
             Some(place) => Ok(cache::read_frame(&self.path)?.0.streams.swap_remove(place)),
