@@ -193,14 +193,14 @@ impl SparseGrid {
         let inner = local.iter().all(|&i| i + 1 < BRICK);
         let brick = self.bricks.find(coord).filter(|_| inner);
         (0..8).fold(0.0, |sum, corner| {
-            let beside = |axis: usize| corner >> axis & 1;
+            let offset_of = |axis: usize| corner >> axis & 1;
             let weight: f32 =
-                [0, 1, 2].map(|d| if beside(d) == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
+                [0, 1, 2].map(|d| if offset_of(d) == 1 { t[d] } else { 1.0 - t[d] }).iter().product();
             let value = match brick {
                 Some(brick) => {
-                    self.values[brick * BRICK_NODES + offset([0, 1, 2].map(|d| local[d] + beside(d)))]
+                    self.values[brick * BRICK_NODES + offset([0, 1, 2].map(|d| local[d] + offset_of(d)))]
                 }
-                None => self.value([0, 1, 2].map(|d| node[d].saturating_add(beside(d) as i32))),
+                None => self.value([0, 1, 2].map(|d| node[d].saturating_add(offset_of(d) as i32))),
             };
             sum + weight * value
         })
@@ -237,7 +237,7 @@ pub fn node_of(coord: [i32; 3], place: usize) -> [i32; 3] {
 /// The neighbour of the node at `place` (0..512) across `face`, as numbered in [`FACES`]: its own place, and whether that
 /// is in the neighbouring brick.
 #[inline]
-pub fn beside(place: usize, face: usize) -> (usize, bool) {
+pub fn neighbour(place: usize, face: usize) -> (usize, bool) {
     let stride = [1, BRICK, BRICK * BRICK][face / 2];
     match (face % 2, place / stride % BRICK) {
         (0, 0) => (place + (BRICK - 1) * stride, true),
@@ -342,7 +342,7 @@ mod tests {
     fn neighbouring_nodes_are_one_step_away() {
         for place in 0..BRICK_NODES {
             for (face, step) in FACES.into_iter().enumerate() {
-                let (other, is_beyond) = beside(place, face);
+                let (other, is_beyond) = neighbour(place, face);
                 let coord = if is_beyond { step } else { [0; 3] };
                 let expected: [i32; 3] = std::array::from_fn(|d| node_of([0; 3], place)[d] + step[d]);
                 assert_eq!(node_of(coord, other), expected);

@@ -5,7 +5,7 @@ mod dense;
 mod probe;
 
 pub use bricks::{
-    BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, beside, is_set, mask_of, node_of,
+    BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, is_set, mask_of, neighbour, node_of,
     offset,
 };
 pub use dense::DenseGrid;

@@ -1,12 +1,11 @@
-//! What hangs together, found by many threads at once.
+//! Connected components, by many threads at once.
 //!
-//! *Method*: union-find. Everything points to itself or to something lower; to join two is to point the higher of their
-//! roots to the lower one, if it is still a root then, and to look again if it is not. On the way to a root every second step is
-//! shortened. Whoever comes first, the root of a tree ends up as its lowest member, so the result does not depend on the
-//! threads.
+//! *Method*: union-find. Every element points to itself or to a lower one. Two are joined by pointing the higher of their roots to
+//! the lower, if it is still a root then; otherwise the roots are searched again. Paths are halved during the search. The root
+//! of a component ends up as its lowest member in any order of the joins, so the result does not depend on the threads.
 //!
-//! Why relaxed atomics do: only a root is joined, by an exchange that fails if it is none any more; what is no root never
-//! becomes one again, and shortening points it to something that its tree already has above it.
+//! Relaxed atomics suffice: a root is joined by an exchange that fails if it is no root any more, no element becomes a root
+//! again, and halving points an element to one of its ancestors.
 
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 

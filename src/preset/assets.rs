@@ -1,4 +1,4 @@
-//! Files that a preset names: meshes beside it, or built into the binary with it.
+//! Files that a preset names: meshes in its folder, or built into the binary with it.
 
 use super::{
     builtin,
@@ -26,7 +26,7 @@ pub enum Home {
 pub struct Asset {
     /// All of them.
     pub bytes: Arc<Cow<'static, [u8]>>,
-    /// Their xxh3-64.
+    /// xxh3-64 of the bytes.
     pub hash: u64,
 }
 
@@ -62,7 +62,7 @@ fn fault(file: &str, home: &Home) -> Option<(String, String, String)> {
         return Some((
             format!("`{file}` leads out of the preset's folder"),
             format!("found {file:?}, expected a file in that folder or below it"),
-            "copy the mesh beside the preset and give its name alone, with `/` between folders".to_owned(),
+            "copy the mesh next to the preset and give its name alone, with `/` between folders".to_owned(),
         ));
     }
     match home {
@@ -80,7 +80,7 @@ fn fault(file: &str, home: &Home) -> Option<(String, String, String)> {
             Some((
                 format!("no mesh `{file}` is built in"),
                 format!("expected one of {}", names.join(", ")),
-                format!("{meant}To use a file of yours, copy the preset beside it: `meniscus presets copy`"),
+                format!("{meant}To use a file of yours, copy the preset next to it: `meniscus presets copy`"),
             ))
         }
     }

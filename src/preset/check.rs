@@ -83,7 +83,7 @@ fn table_name(path: &str) -> String {
 }
 
 impl Walk<'_> {
-    /// The value of `node`, whose key (or heading) stands at `place`; `None` if it is wrong or left out.
+    /// The value of `node`, whose key (or heading) is at `place`; `None` if it is wrong or left out.
     fn value(&mut self, node: &Node, place: Span, field: &Field, path: &str) -> Option<Json> {
         self.places.places.insert(path.to_owned(), place);
         if field.optional && matches!(&node.value, Value::Text(text) if text == "none") {
@@ -91,8 +91,8 @@ impl Walk<'_> {
         }
         match (&field.kind, &node.value) {
             (Kind::Table(keys), Value::Table(entries)) => Some(self.table(entries, place, keys, path)),
-            (Kind::List { item, least, most }, Value::List(items)) => {
-                self.list(node, items, (item, *least, *most), field, path)
+            (Kind::List { item, min, max }, Value::List(items)) => {
+                self.list(node, items, (item, *min, *max), field, path)
             }
             (Kind::Choice(variants), _) => self.choice(node, place, variants, field, path),
             (Kind::Number { .. } | Kind::Integer { .. }, _) => self.number(node, field, path),
@@ -184,11 +184,11 @@ impl Walk<'_> {
         &mut self,
         node: &Node,
         items: &[Node],
-        (item, least, most): (&Field, usize, Option<usize>),
+        (item, min, max): (&Field, usize, Option<usize>),
         field: &Field,
         path: &str,
     ) -> Option<Json> {
-        if items.len() < least || most.is_some_and(|most| items.len() > most) {
+        if items.len() < min || max.is_some_and(|max| items.len() > max) {
             return self.wrong_type(node, field, path);
         }
         let values = items

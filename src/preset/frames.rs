@@ -47,9 +47,9 @@ pub enum FramesError {
     /// A range that runs backwards.
     #[error("`{first}-{last}` runs backwards; write `{last}-{first}`")]
     Descending {
-        /// Its first frame.
+        /// First frame.
         first: u32,
-        /// Its last frame.
+        /// Last frame.
         last: u32,
     },
     /// A step of zero.

@@ -1,8 +1,8 @@
-//! What a preset may say, read from the JSON schema of [`Scene`](crate::scene::Scene).
+//! Keys of a preset, read from the JSON schema of [`Scene`](crate::scene::Scene).
 //!
-//! The schema is generated from the parameter structs, so keys, types, ranges, units and descriptions are
-//! written once, beside the code they steer. The model understands the forms that those structs use and
-//! refuses any other when it is built, which a test does.
+//! The schema is generated from the parameter structs, so keys, types, ranges, units and descriptions are written once, with
+//! the code that uses them. The model understands the forms that those structs use and refuses any other when it is built,
+//! which a test does.
 
 use schemars::JsonSchema;
 use serde_json::Value as Json;
@@ -12,7 +12,7 @@ use serde_json::Value as Json;
 pub(crate) struct Field {
     pub(crate) doc: String,
     pub(crate) unit: Option<String>,
-    /// Whether the key may be left out with its own meaning ("absent: not applied"), also said as "none".
+    /// Whether the key may be left out with its own meaning ("absent: not applied"), also written as "none".
     pub(crate) optional: bool,
     pub(crate) default: Option<Json>,
     pub(crate) kind: Kind,
@@ -25,7 +25,7 @@ pub(crate) enum Kind {
     Integer { limits: Limits },
     Boolean,
     Text { format: Option<String> },
-    List { item: Box<Field>, least: usize, most: Option<usize> },
+    List { item: Box<Field>, min: usize, max: Option<usize> },
     Table(Vec<Key>),
     Choice(Vec<Variant>),
 }
@@ -91,7 +91,7 @@ impl Field {
                 "frames in quotes, such as \"1-96\"".to_owned()
             }
             Kind::Text { .. } => "text in quotes".to_owned(),
-            Kind::List { item, least, most } => {
+            Kind::List { item, min, max } => {
                 let what = match &item.kind {
                     Kind::Number { .. } => format!("numbers{}", unit_words(self.unit.as_deref())),
                     Kind::Integer { .. } => "whole numbers".to_owned(),
@@ -99,8 +99,8 @@ impl Field {
                     Kind::Choice(variants) => format!("choices from {}", words(variants)),
                     _ => "values".to_owned(),
                 };
-                match (least, most) {
-                    (least, Some(most)) if least == most => format!("a list of {least} {what}"),
+                match (min, max) {
+                    (min, Some(max)) if min == max => format!("a list of {min} {what}"),
                     _ => format!("a list of {what}"),
                 }
             }
@@ -200,8 +200,8 @@ fn kind(schema: &Json, root: &Json, depth: usize) -> (Kind, bool) {
         "string" => Kind::Text { format: schema["format"].as_str().map(str::to_owned) },
         "array" => Kind::List {
             item: Box::new(field(&schema["items"], root, depth + 1)),
-            least: schema["minItems"].as_u64().unwrap_or(0) as usize,
-            most: schema["maxItems"].as_u64().map(|most| most as usize),
+            min: schema["minItems"].as_u64().unwrap_or(0) as usize,
+            max: schema["maxItems"].as_u64().map(|max| max as usize),
         },
         "object" => Kind::Table(keys(schema, root, depth)),
         _ => panic!("presets have no type {name}"),
@@ -254,7 +254,7 @@ fn limits(schema: &Json) -> Limits {
 
 /// The stated limits, closed by what the integer type can hold.
 fn integer_limits(schema: &Json) -> Limits {
-    let (least, most) = match schema["format"].as_str() {
+    let (min, max) = match schema["format"].as_str() {
         Some("uint8") => (0.0, f64::from(u8::MAX)),
         Some("uint16") => (0.0, f64::from(u16::MAX)),
         Some("uint32") => (0.0, f64::from(u32::MAX)),
@@ -265,7 +265,7 @@ fn integer_limits(schema: &Json) -> Limits {
         other => panic!("presets have no integers of format {other:?}"),
     };
     let stated = limits(schema);
-    Limits { min: stated.min.or(Some(least)), max: stated.max.or(Some(most)), ..stated }
+    Limits { min: stated.min.or(Some(min)), max: stated.max.or(Some(max)), ..stated }
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ pub enum SceneError {
     UnknownPreset {
         /// The name as given.
         name: String,
-        /// The built-in preset with the most similar name.
+        /// The built-in preset whose name is closest.
         nearest: Option<String>,
     },
     /// The preset file cannot be read.
@@ -18,12 +18,12 @@ pub enum SceneError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the operating system says.
+        /// The error of the system.
         cause: std::io::Error,
         /// A built-in preset that may have been meant.
         nearest: Option<String>,
     },
-    /// The preset says something that cannot be simulated; every problem found, in order of the text.
+    /// The preset cannot be simulated as written; every problem found, in order of the text.
     #[error("{}", headline(.0))]
     Invalid(Vec<Problem>),
 }

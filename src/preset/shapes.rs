@@ -44,7 +44,7 @@ pub(crate) fn check_motion(
         if key.quaternion.is_some() != keys[0].quaternion.is_some() {
             report(
                 turned(index),
-                format!("the keyframes of `{path}` turn in different ways"),
+                format!("the keyframes of `{path}` have different kinds of rotation"),
                 "some keyframes have a quaternion and some have not".to_owned(),
                 "give all of them a quaternion, or none",
             );

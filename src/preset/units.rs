@@ -6,10 +6,10 @@
 
 use std::cmp::Ordering;
 
-/// A number read with its unit, converted to the unit that was asked for.
+/// A number read with its unit, converted to the requested unit.
 ///
 /// # Errors
-/// [`UnitError`], which says what was found.
+/// [`UnitError`], with what was found.
 pub(crate) fn convert(text: &str, wanted: Option<&str>) -> Result<f64, UnitError> {
     let (number, rest) = split_number(text.trim()).ok_or(UnitError::NoNumber)?;
     let rest = rest.trim();
@@ -30,12 +30,12 @@ pub(crate) fn is_known(unit: &str) -> bool {
     parse(unit).is_some()
 }
 
-/// Why a string is no number of the unit asked for.
+/// Why a string is not a number of the requested unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum UnitError {
     /// It does not begin with a finite number.
     NoNumber,
-    /// It is a number in quotes.
+    /// A number in quotes without a unit.
     NoUnit,
     /// The unit is not known.
     Unknown(String),

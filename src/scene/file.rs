@@ -74,7 +74,7 @@ pub fn load(preset: &str) -> Result<Preset, SceneError> {
     }
 }
 
-/// The file's bytes as text; some editors put a byte order mark first, which says nothing in UTF-8.
+/// The file's bytes as text, without the byte order mark that some editors put first.
 fn decode(name: &str, bytes: Vec<u8>, home: Home) -> Result<Preset, SceneError> {
     let name = name.to_owned();
     match String::from_utf8(bytes) {
@@ -99,7 +99,7 @@ fn decode(name: &str, bytes: Vec<u8>, home: Home) -> Result<Preset, SceneError> 
 }
 
 impl Scene {
-    /// Reads a preset, applies the overrides, and checks everything it says.
+    /// Reads a preset, applies the overrides, and checks the values.
     ///
     /// Every quality tier that the preset has is checked too, so that a mistake in one is found before the
     /// night it is used.
@@ -133,7 +133,7 @@ fn read(
     let model = model::of::<Scene>();
     let tiers = take_tiers(&mut root, findings);
 
-    // Each tier that is not asked for is checked on top of the preset; only what it adds is its fault.
+    // Each tier that is not requested is checked on top of the preset; only what it adds is its fault.
     let mut known = Vec::new();
     interpret(&root, &model, &preset.home, &mut known);
     for (name, tier) in tiers.iter().filter(|(name, _)| Some(*name) != overrides.quality) {
@@ -146,7 +146,7 @@ fn read(
         }));
     }
 
-    // The shot that was asked for: preset, then tier, then the arguments in order.
+    // The requested shot: preset, then tier, then the arguments in order.
     if let Some(quality) = overrides.quality {
         match tiers.into_iter().find(|(name, _)| *name == quality) {
             Some((_, tier)) => root.overlay(tier),
@@ -224,7 +224,7 @@ fn alone<T: JsonSchema + DeserializeOwned>(set: &[String]) -> Result<T, SceneErr
     Ok(serde_json::from_value(checked.values).expect("values that fit the schema of a table make one"))
 }
 
-/// The scene that a tree describes, or findings that say why it describes none.
+/// The scene of a tree, or findings of what is wrong with it.
 fn interpret(root: &Node, model: &model::Field, home: &Home, findings: &mut Vec<Finding>) -> Option<Scene> {
     let checked = check::check(root, model);
     if !checked.findings.is_empty() {
@@ -289,5 +289,5 @@ fn missing_tier(quality: Quality, source: usize, preset: &Preset) -> Finding {
         format!("the preset {} has no tier `{quality}`", preset.name),
         format!("expected {}", there.join(", ")),
     )
-    .with_help(format!("add a `[quality.{quality}]` table with the keys to change, or ask for another tier"))
+    .with_help(format!("add a `[quality.{quality}]` table with the keys to change, or name another tier"))
 }

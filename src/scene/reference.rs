@@ -11,7 +11,7 @@ pub fn markdown() -> String {
         "# Preset parameters\n\n\
          Generated from the parameter structs by `MENISCUS_BLESS=1 cargo test reference`; do not edit.\n\
          [The preset format](formats/preset.md) explains how presets are written.\n\n\
-         A number may be a text with a unit (`\"2 cm\"`); the unit column says what a bare number means. Keys marked\n\
+         A number may be a text with a unit (`\"2 cm\"`); a bare number is in the unit of the unit column. Keys marked\n\
          *required* have no default. Keys marked *optional* are off when left out, or when set to `\"none\"`.\n",
     );
     let root = model::of::<Scene>();
@@ -98,8 +98,8 @@ fn type_name(kind: &Kind) -> String {
         Kind::Boolean => "true or false".to_owned(),
         Kind::Text { format: Some(format) } => format.clone(),
         Kind::Text { format: None } => "text".to_owned(),
-        Kind::List { item, least, most: Some(most) } if least == most => {
-            format!("list of {least} × {}", type_name(&item.kind))
+        Kind::List { item, min, max: Some(max) } if min == max => {
+            format!("list of {min} × {}", type_name(&item.kind))
         }
         Kind::List { item, .. } => format!("list of {}", type_name(&item.kind)),
         Kind::Table(_) => "table".to_owned(),
@@ -217,7 +217,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// Compares a committed file with what is generated now, or writes it if asked to.
+    /// Compares a committed file with what is generated now, or writes it if `MENISCUS_BLESS` is set.
     fn is_current(path: &str, generated: &str) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
         if std::env::var_os("MENISCUS_BLESS").is_some() {

@@ -284,7 +284,7 @@ fn quality_tiers_change_keys_and_the_command_line_has_the_last_word() {
     let message = rendered(&at(Some(Quality::Preview), &[]).unwrap_err());
     assert!(message.contains("no tier `preview`") && message.contains("`draft`, `final`"), "{message}");
 
-    // A tier that contradicts the preset is found without being asked for, and once.
+    // A tier that contradicts the preset is found without being requested, and once.
     let text = format!("{GOOD}\n[quality.draft]\nliquid.density_dev = 0.1\n");
     let error = read(&text).unwrap_err();
     assert_eq!(error.problems().len(), 1);

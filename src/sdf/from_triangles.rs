@@ -18,7 +18,7 @@
 
 use super::{Sampled, Triangles, bvh::TriangleBvh, dense};
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, beside, node_of},
+    grid::{BRICK, BRICK_NODES, Bricks, neighbour, node_of},
     math::Vec3,
     par,
 };
@@ -253,7 +253,7 @@ fn cap_distance(samples: &[NodeSample], brick: usize, around: &[Option<usize>; 6
     for axis in 0..3 {
         let mut nearest = f32::INFINITY;
         for face in [2 * axis, 2 * axis + 1] {
-            let other = match beside(at, face) {
+            let other = match neighbour(at, face) {
                 (place, true) => around[face].map(|other| other * BRICK_NODES + place),
                 (place, false) => Some(brick * BRICK_NODES + place),
             };

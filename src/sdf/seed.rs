@@ -13,7 +13,7 @@
 //! most κ/2 voxels. Where another surface is within a voxel, the plane mixes the two.
 
 use super::SdfParams;
-use crate::grid::{BRICK, BRICK_NODES, Bricks, FACES, NodeMask, SparseGrid, beside, mask_of};
+use crate::grid::{BRICK, BRICK_NODES, Bricks, FACES, NodeMask, SparseGrid, mask_of, neighbour};
 use crate::par;
 
 /// How a node next to the surface gets its distance from the crossings on its edges.
@@ -207,7 +207,7 @@ impl BrickStencil<'_> {
         };
         let within = |place: usize| value(self.own, &self.inside, place);
         let own = within(place);
-        let other = match beside(place, face) {
+        let other = match neighbour(place, face) {
             (place, true) => value(self.around[face], &self.inside_around[face], place),
             (place, false) => within(place),
         };

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 /// A closed triangle mesh from a PLY or OBJ file.
 ///
-/// The preset says which; whoever reads files calls [`MeshShape::fill`] before the shape is asked for a distance.
+/// The preset names the file; its reader calls [`MeshShape::fill`] before the shape's distance is evaluated.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct MeshShape {

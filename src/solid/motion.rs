@@ -26,8 +26,8 @@ pub struct Keyframe {
     #[serde(default)]
     #[schemars(extend("unit" = "deg"))]
     pub rotation: [f32; 3],
-    /// The turn as a quaternion (w, x, y, z), in place of `rotation`; any length but zero. Interpolated by slerp, the
-    /// shorter way. If one keyframe of a collider has it, all have.
+    /// The turn as a quaternion (w, x, y, z), in place of `rotation`; any length but zero. Interpolated by slerp along the
+    /// shorter arc. If one keyframe of a collider has it, all have.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quaternion: Option<[f32; 4]>,
 }

@@ -51,17 +51,17 @@ pub(crate) struct RunFolder {
     pub jobs: &'static dyn Jobs,
 }
 
-/// What making a run took, and what its log says.
+/// Resources that a run used, and its log.
 pub(crate) struct Made<L> {
     /// Wall-clock times of the passes [s].
     pub passes: Vec<(String, f64)>,
-    /// Processor time of all threads [s], where the system tells.
+    /// Processor time of all threads [s], where the system reports it.
     pub cpu_seconds: Option<f64>,
-    /// Peak memory of the process [bytes], where the system tells.
+    /// Peak memory of the process [bytes], where the system reports it.
     pub memory: Option<u64>,
     /// Why the run ended before its last frame, if it did.
     pub diverged: Option<String>,
-    /// What the log says, by frame.
+    /// Entries of the log, by frame.
     pub logged: BTreeMap<FrameIndex, L>,
 }
 

@@ -29,7 +29,7 @@ impl Change {
 pub(crate) trait Setting {
     /// Its numbers; `None` if it is absent.
     fn get(&self) -> Option<Vec<f64>>;
-    /// Writes them, and returns what a preset would say.
+    /// Writes the values, and returns them as in a preset.
     fn set(&mut self, value: &[f64]) -> String;
 }
 
@@ -96,7 +96,7 @@ pub(crate) struct Knob {
 
 #[derive(Clone, Copy)]
 enum Finer {
-    /// It has no finer direction.
+    /// The knob has no finer direction.
     No,
     /// The finest value of all rows times a factor, and at least this.
     Times(f64, f64),
@@ -157,7 +157,7 @@ impl Knob {
         Self { index, ..self }
     }
 
-    /// Its dotted key.
+    /// Dotted key of the preset.
     pub(crate) fn key(&self) -> String {
         self.key.replace('#', &self.index.to_string())
     }

@@ -17,7 +17,7 @@ use std::{collections::BTreeMap, rc::Rc};
 pub(crate) trait Measure: Sized + 'static {
     /// What is measured of a frame. Runs whose samples are equal gave the same frames.
     type Sample: Clone + PartialEq + Serialize + DeserializeOwned;
-    /// What the log says of a frame.
+    /// A frame's entry in the log.
     type Logged: Serialize + DeserializeOwned;
     /// The distance from the reference, as far as it takes more than samples and log.
     type Distance: Clone + Default + Serialize + DeserializeOwned;
@@ -94,7 +94,7 @@ pub(crate) trait Measure: Sized + 'static {
     /// The columns of the table.
     fn columns(&self) -> Vec<Column<ComparedRun<Self>>>;
 
-    /// Adds what the table says besides the rows. The last runs are the reference and its refinement.
+    /// Adds what the table has in addition to the rows. The last runs are the reference and its refinement.
     fn describe(&self, runs: &[Rc<Run<Self>>], by: &str, about: &mut About);
 }
 
@@ -108,9 +108,9 @@ pub(crate) struct RunRecord<M: Measure> {
     pub bytes: u64,
     /// Wall-clock times of the passes [s], once per repeat.
     pub passes: Vec<Vec<(String, f64)>>,
-    /// Processor time of all threads [s], once per repeat that was not interrupted, where the system tells.
+    /// Processor time of all threads [s], once per repeat that was not interrupted, where the system reports it.
     pub cpu_seconds: Vec<f64>,
-    /// Peak memory of the process [bytes], least of the repeats, where the system tells.
+    /// Peak memory of the process [bytes], minimum of the repeats, where the system reports it.
     pub memory: Option<u64>,
     /// Why the run ended before its last frame, if it did.
     pub diverged: Option<String>,
@@ -124,11 +124,11 @@ pub(crate) struct RunRecord<M: Measure> {
 #[derive(Serialize, Deserialize)]
 #[serde(bound = "")]
 pub(crate) struct FrameSample<M: Measure> {
-    /// Its number.
+    /// Frame number.
     pub frame: u32,
-    /// What the frame tells.
+    /// What is measured of the frame.
     pub sample: M::Sample,
-    /// What the log tells; nothing of a shot's first frame.
+    /// The frame's entry in the log; a shot's first frame has none.
     pub logged: Option<M::Logged>,
 }
 
@@ -139,7 +139,7 @@ pub(crate) struct ProductRecord {
     pub seconds: Vec<f64>,
     /// The file [bytes].
     pub bytes: u64,
-    /// Peak memory of the process [bytes], least of the repeats, where the system tells.
+    /// Peak memory of the process [bytes], minimum of the repeats, where the system reports it.
     pub memory: Option<u64>,
     /// Its error, which needs no reference.
     pub error: Option<f64>,
@@ -177,7 +177,7 @@ impl<M: Measure> ComparedRun<M> {
         self.run.record.frames.iter().filter(|sample| self.frames.contains(FrameIndex(sample.frame)))
     }
 
-    /// What the log says of the compared frames.
+    /// Log entries of the compared frames.
     pub(crate) fn logged(&self) -> impl Iterator<Item = &M::Logged> {
         self.samples().filter_map(|sample| sample.logged.as_ref())
     }

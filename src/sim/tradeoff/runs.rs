@@ -104,7 +104,7 @@ fn tabulate<M: Measure>(
     for place in 0..runs.len() {
         let is_reference = Rc::ptr_eq(&runs[place], &reference);
         let is_refined = place + 1 == runs.len();
-        // A reference that ended early says nothing about the frames after, and so does its refinement.
+        // A reference that ended early has no frames after, and neither does its refinement.
         let is_comparable = !is_reference
             && reference.record.diverged.is_none()
             && !(is_refined && runs[place].record.diverged.is_some());
@@ -315,7 +315,7 @@ impl Reporter for RunReporter<'_> {
     }
     fn frame(&self, _figures: &str) {}
     fn note(&self, text: &str) {
-        // What is true of one run is true of all, and is said once.
+        // What holds for one run holds for all, and is printed once.
         if self.number == 0 {
             self.whole.note(text);
         }

@@ -17,9 +17,9 @@ use std::path::Path;
 
 /// What a tradeoff can be about.
 pub(crate) struct Subject {
-    /// Its name for `--of`.
+    /// Name for `--of`.
     pub name: &'static str,
-    /// What tables say of it.
+    /// Words for its tables.
     pub wording: &'static Wording,
     /// The columns that belong to it.
     pub columns: fn() -> Vec<ColumnInfo>,
@@ -69,7 +69,7 @@ pub(crate) struct Sweep {
     pub rows: Vec<(Setting, Scene)>,
     /// What they are compared with.
     pub reference: (Setting, Scene),
-    /// The reference once more refined, which tells how far it can be trusted.
+    /// The reference refined once more, which shows how far it can be trusted.
     pub refined: (Setting, Scene),
     /// The preset as given.
     pub base: Scene,

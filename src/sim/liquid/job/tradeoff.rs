@@ -172,8 +172,8 @@ fn defaults(scene: &Scene) -> Vec<Axis> {
 #[derive(Debug)]
 struct LiquidRuns {
     observable: Observable,
-    /// The last frame up to which particles of the reference and its refinement stay within a spacing of each other (RMS):
-    /// beyond it their paths have diverged and say nothing about accuracy.
+    /// The last frame up to which particles of the reference and its refinement stay within a spacing of each other (RMS). Beyond it their
+    /// paths have diverged and are no measure of accuracy.
     horizon: Option<u32>,
 }
 

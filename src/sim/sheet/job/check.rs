@@ -1,4 +1,4 @@
-//! Checks of what a preset says about sheets, once every value is valid on its own.
+//! Checks of a preset's sheets, once every value is valid on its own.
 
 use crate::{
     preset::{
