@@ -1,9 +1,8 @@
 //! Nanoseconds a node of the Eikonal solves, and the error that they buy. `cargo bench --bench eikonal`.
 //!
-//! A ball of a fifth of the side in a box of 256³ nodes. Criterion's throughput is in nodes a second; the plain serial
-//! sweep stands beside it. Before that, a table of error against time for orders, seeds, bands and blocks is printed:
-//! each row is the mean of as many solves as fill a second, in CPU time of the whole process, so other work on the machine
-//! hardly shows.
+//! A ball of a fifth of the side in a box of 256³ nodes. Criterion's throughput is in nodes a second, compared with the plain
+//! serial sweep. Before that, a table of error against time for orders, seeds, bands and blocks is printed: each row is the
+//! mean of as many solves as fill a second, in CPU time of the whole process, so other work on the machine hardly shows.
 
 #[path = "reference/dense.rs"]
 mod dense;
@@ -41,7 +40,7 @@ fn sampled(f: fn(Vec3) -> f32) -> DenseGrid {
     DenseGrid::sample(1.0, [-HALF; 3], [NODES; 3], f)
 }
 
-/// CPU seconds of this process, user and system, where the system tells; else wall seconds.
+/// CPU seconds of this process, user and system, where the system reports them; else wall seconds.
 fn cpu_seconds(start: Instant) -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let after_name = stat.rsplit(") ").next().unwrap_or_default();

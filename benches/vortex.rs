@@ -1,14 +1,13 @@
-//! Seconds and errors of what vortons induce. `cargo bench --bench vortex`; with `-- threads` the last table
-//! alone, with `-- kept` what is missed of the errors asked for, with `-- fields` what a ring induces in two
-//! planes, for `tools/bench/vortex_figure.py`.
+//! Seconds and errors of velocities that vortons induce. `cargo bench --bench vortex`; with `-- threads` the last table
+//! alone, with `-- kept` the errors over the requested ones, with `-- fields` what a ring induces in two planes, for
+//! `tools/bench/vortex_figure.py`.
 //!
-//! Four clouds of vortons whose cores are one and a half spacings: a ring of radius 1 m and a tenth of that
-//! thick; a cube of random strengths, the worst case, because little is left of what is far; a thin wavy
-//! sheet; thirty blobs, dense in the middle. Before criterion measures, tables are printed of the error that
-//! was asked for, the one reached (relative L2 of the velocity at 400 vortons against the sum over all
-//! pairs), and the time: each row is the least mean of up to five batches of as many evaluations as fill a
-//! fifth of a second, in CPU time of the whole process on one thread. Then the time against the number of
-//! vortons, the Poisson equation by itself, and wall seconds by number of threads.
+//! Four clouds of vortons whose cores are one and a half spacings: a ring of radius 1 m and a tenth of that thick; a cube of
+//! random strengths, the worst case, because distant contributions cancel; a thin wavy sheet; thirty blobs, dense in the
+//! middle. Before criterion measures, tables are printed of the requested error, the one reached (relative L2 of the
+//! velocity at 400 vortons against the sum over all pairs), and the time: each row is the minimum of up to five batches of
+//! as many evaluations as fill a fifth of a second, in CPU time of the whole process on one thread. Then the time against
+//! the number of vortons, the Poisson equation by itself, and wall seconds by number of threads.
 
 #[path = "reference/vortex/mod.rs"]
 mod reference;
@@ -75,7 +74,7 @@ fn vorton(name: &str, r: impl Fn(usize) -> f64) -> (Double, Double) {
     }
 }
 
-/// CPU seconds of this process, where the system tells; else wall seconds.
+/// CPU seconds of this process, where the system reports them; else wall seconds.
 fn cpu_seconds(start: Instant) -> f64 {
     let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten().flatten();
     let of = |thread: std::fs::DirEntry| -> Option<u64> {
@@ -85,8 +84,8 @@ fn cpu_seconds(start: Instant) -> f64 {
     if nanoseconds > 0 { nanoseconds as f64 * 1e-9 } else { start.elapsed().as_secs_f64() }
 }
 
-/// What a job finds, and its CPU seconds: the least of five batches of as many runs as the system's clock, of
-/// some milliseconds, tells well; of fewer where they fill a second.
+/// The result of a job, and its CPU seconds: the minimum of five batches, each of as many runs as the system's clock of some
+/// milliseconds resolves; of fewer batches where they fill a second.
 fn repeated<T>(mut job: impl FnMut() -> T) -> (T, f64) {
     let start = Instant::now();
     let (mut found, mut runs) = (None, 1);
@@ -95,19 +94,19 @@ fn repeated<T>(mut job: impl FnMut() -> T) -> (T, f64) {
         (0..runs).for_each(|_| found = Some(job()));
         cpu_seconds(start) - before
     };
-    let mut least = batch(runs);
-    while least < 0.2 {
+    let mut fastest = batch(runs);
+    while fastest < 0.2 {
         runs *= 2;
-        least = batch(runs);
+        fastest = batch(runs);
     }
-    let mut whole = least;
+    let mut whole = fastest;
     for _ in 1..5 {
         if whole < 1.0 {
             let spent = batch(runs);
-            (least, whole) = (least.min(spent), whole + spent);
+            (fastest, whole) = (fastest.min(spent), whole + spent);
         }
     }
-    (found.expect("it ran"), least / f64::from(runs))
+    (found.expect("it ran"), fastest / f64::from(runs))
 }
 
 /// The velocities, and their CPU seconds.
@@ -133,10 +132,10 @@ fn print_row(name: &str, vortons: &Vortons, kernel: Kernel, method: &str, found:
     println!("| {name} | {count} | {kernel:?} | {method} | {seconds:.4} | {error:.1e} |");
 }
 
-/// Prints what is missed of the error asked for, by cloud, size, kernel and method.
+/// Prints the reached over the requested error, by cloud, size, kernel and method.
 fn kept() {
     println!(
-        "| cloud | vortons | kernel | tree, 1e-2 | tree, 1e-3 | tree, 1e-4 | tree, 1e-5 | lattice, 1e-2 | lattice, 1e-3 |\n|---|---|---|---|---|---|---|---|---|"
+        "| cloud | vortons | kernel | tree, 1e-2 | tree, 1e-3 | tree, 1e-4 | tree, 1e-5 | grid, 1e-2 | grid, 1e-3 |\n|---|---|---|---|---|---|---|---|---|"
     );
     for count in [8000, 30_000, 100_000, 300_000] {
         for name in ["ring", "cube", "sheet", "blobs"] {
@@ -209,7 +208,7 @@ fn tables() {
 /// Prints the time of the three methods against the number of vortons.
 fn crossovers() {
     println!(
-        "\n| cloud | kernel | vortons | all pairs | tree, 1e-2 | lattice, 1e-2 | cells | tree, 1e-3 | lattice, 1e-3 | cells |"
+        "\n| cloud | kernel | vortons | all pairs | tree, 1e-2 | grid, 1e-2 | cells | tree, 1e-3 | grid, 1e-3 | cells |"
     );
     println!("|---|---|--:|--:|--:|--:|---|--:|--:|---|");
     for (name, kernel) in [
@@ -311,15 +310,15 @@ fn fill(field: &mut VectorField, vortons: &Vortons) {
     }
 }
 
-/// Prints wall seconds by number of threads: the least of five.
+/// Prints wall seconds by number of threads: the minimum of five.
 fn by_threads() {
     let ring = cloud("ring", 100_000);
     println!(
-        "\n| threads | all pairs, 10 000 | potential, tree 1e-3 | velocity, tree 1e-3 | velocity, lattice 1e-2 |"
+        "\n| threads | all pairs, 10 000 | potential, tree 1e-3 | velocity, tree 1e-3 | velocity, grid 1e-2 |"
     );
     println!("|--:|--:|--:|--:|--:|");
     for threads in [1, 2, 4] {
-        let least = |vortons: &Vortons, quantity, method| {
+        let fastest = |vortons: &Vortons, quantity, method| {
             let runs = (0..5).map(|_| {
                 let start = Instant::now();
                 par::with_threads(threads, || {
@@ -331,10 +330,10 @@ fn by_threads() {
             });
             runs.fold(f64::INFINITY, f64::min)
         };
-        let pairs = least(&cloud("ring", 10_000), Quantity::Velocity, Method::Direct);
-        let potential = least(&ring, Quantity::Potential, Method::Tree { error: 1e-3 });
-        let tree = least(&ring, Quantity::Velocity, Method::Tree { error: 1e-3 });
-        let grid = least(&ring, Quantity::Velocity, Method::Grid { error: 1e-2 });
+        let pairs = fastest(&cloud("ring", 10_000), Quantity::Velocity, Method::Direct);
+        let potential = fastest(&ring, Quantity::Potential, Method::Tree { error: 1e-3 });
+        let tree = fastest(&ring, Quantity::Velocity, Method::Tree { error: 1e-3 });
+        let grid = fastest(&ring, Quantity::Velocity, Method::Grid { error: 1e-2 });
         println!("| {threads} | {pairs:.4} | {potential:.4} | {tree:.4} | {grid:.4} |");
     }
 }
@@ -369,14 +368,14 @@ fn fields() {
 }
 
 fn bench(criterion: &mut Criterion) {
-    let asked = |what: &str| std::env::args().any(|word| word == what);
-    if asked("fields") {
+    let has_arg = |what: &str| std::env::args().any(|word| word == what);
+    if has_arg("fields") {
         return fields();
     }
-    if asked("kept") {
+    if has_arg("kept") {
         return kept();
     }
-    if asked("threads") {
+    if has_arg("threads") {
         return by_threads();
     }
     par::with_threads(1, || {

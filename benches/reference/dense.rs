@@ -1,6 +1,6 @@
 //! Signed distance from a field on a dense grid, for comparison with the bricks of `meniscus::sdf`.
 //!
-//! *Method* [gourlay17], [zhao05]: the indicator ([`indicator`]) says where the surface crosses. Nodes next
+//! *Method* [gourlay17], [zhao05]: the indicator ([`indicator`]) marks where the surface crosses. Nodes next
 //! to it get immediate distances and are pinned ([`pin_surface`]; [`pin_band`] takes a known band). Fast
 //! sweeping in eight orders propagates them, as a wavefront over blocks of any size; [`Order::Second`] then
 //! gives every node a distance of second order. The sweeps and the second order are those of the library.

@@ -111,11 +111,11 @@ fn module(path: &str) -> Option<Module> {
     Some(segments)
 }
 
-/// What a file says of other modules.
+/// Uses of other modules in a file.
 struct Uses {
     /// Full paths of `use` items, with the name that each gets here.
     imported: Vec<(Vec<String>, String)>,
-    /// The same of `pub use`.
+    /// `pub use` items, likewise.
     exported: Vec<(Vec<String>, String)>,
     /// Paths in the rest of the text.
     inline: Vec<Vec<String>>,
@@ -207,7 +207,7 @@ fn paths(text: &str) -> Vec<Vec<String>> {
     found
 }
 
-/// All modules and what they say.
+/// All modules and their uses.
 struct Tree<'a> {
     files: &'a BTreeMap<Module, &'a String>,
     uses: &'a BTreeMap<&'a Module, Uses>,

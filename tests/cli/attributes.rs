@@ -1,4 +1,4 @@
-//! What surfaces carry of simulated particles beside their velocity.
+//! Attributes that surfaces take from simulated particles, in addition to their velocity.
 
 use super::*;
 use meniscus::{cache, frame::Frame};
@@ -7,11 +7,11 @@ use ply_rs_bw::{
     ply::{DefaultElement, Property},
 };
 
-/// The small shot with a second source beside the first, whose particles carry what `channels` names.
+/// The small shot with a second source next to the first, whose particles have the attributes of `channels`.
 fn two_sources(channels: &str) -> String {
-    let beside =
+    let second =
         "[[liquid.source]]\nshape = { box = { min = [1.2, 0, 0], max = [1.5, 0.8, 0.4] } }\n\n[output]";
-    SMALL.replace("[output]", beside).replace("[liquid]", &format!("[liquid]\n{channels}"))
+    SMALL.replace("[output]", second).replace("[liquid]", &format!("[liquid]\n{channels}"))
 }
 
 fn frame(desk: &Desk, shot: &str, number: u32) -> Frame {
@@ -19,7 +19,7 @@ fn frame(desk: &Desk, shot: &str, number: u32) -> Frame {
 }
 
 #[test]
-fn age_and_source_are_carried_where_they_are_named_and_nowhere_else() {
+fn age_and_source_are_transferred_where_they_are_named_and_nowhere_else() {
     let desk = Desk::new();
     desk.write("plain.toml", two_sources(""));
     desk.write("kept.toml", two_sources("channels = [\"source\", \"age\"]"));
@@ -49,14 +49,14 @@ fn age_and_source_are_carried_where_they_are_named_and_nowhere_else() {
     desk.run("simulate kept.toml --set liquid.channels=[\"age\"]", 14);
 
     let attributes = "--set surface.attributes=[\"source\",\"age\"]";
-    // The second time the meshes are there, and tell what they carry.
+    // The second time the meshes exist, and their attributes are read from them.
     for there in ["0 up to date", "2 up to date"] {
         let (out, _) = desk.run(&format!("mesh kept {attributes} --frames 1,3"), 0);
         assert!(out.contains(there), "{out}");
         let manifest: serde_json::Value =
             serde_json::from_slice(&fs::read(desk.path("kept/shot.json")).unwrap()).unwrap();
-        let carried = serde_json::json!({ "age": ["age"], "source": ["source"] });
-        assert_eq!(manifest["outputs"][0]["attributes"], carried);
+        let attributes_of = serde_json::json!({ "age": ["age"], "source": ["source"] });
+        assert_eq!(manifest["outputs"][0]["attributes"], attributes_of);
     }
     for (number, age) in [(1, 0.0), (3, 2.0 / 24.0)] {
         let path = desk.path(&format!("kept/mesh/liquid_{number:04}.ply"));
@@ -77,7 +77,7 @@ fn age_and_source_are_carried_where_they_are_named_and_nowhere_else() {
         assert!(vertices.iter().any(|vertex| source(vertex) == 1));
     }
 
-    // A cache without them cannot give them, and says what to do.
+    // A cache without them cannot give them; the message has the remedy.
     let (_, talk) = desk.run(&format!("mesh plain {attributes}"), 2);
     assert!(talk.contains("liquid.channels") && talk.contains("simulated again"), "{talk}");
 }

@@ -86,7 +86,7 @@ fn a_folder_that_cannot_be_written() {
 }
 
 #[test]
-fn a_simulation_that_leaves_all_bounds_says_so_and_keeps_what_was_there() {
+fn a_simulation_that_diverges_is_reported_and_existing_frames_stay() {
     let desk = Desk::new();
     let line = "simulate small.toml --set liquid.source.0.velocity=[1e38,1e38,1e38]";
     expect(&desk, line, 20, &["frame 0002", "liquid", "particle 0", "try"]);
@@ -98,7 +98,7 @@ fn a_simulation_that_leaves_all_bounds_says_so_and_keeps_what_was_there() {
 fn a_fall_that_diverges_keeps_every_frame_before_it_with_either_solver() {
     let desk = Desk::new();
     // Through nothing at 10⁹ m/s²: beyond 10⁸ m/s a tenth of a second later.
-    desk.write("fall.toml", SMALL.replace("tank = { min = [0, 0, 0], max = [1.6, 0.8, 1.2] }", BESIDE));
+    desk.write("fall.toml", SMALL.replace("tank = { min = [0, 0, 0], max = [1.6, 0.8, 1.2] }", FAR_COLLIDER));
     for solver in ["accelerated", "jacobi"] {
         let line = format!(
             "simulate fall.toml -o {solver} --set liquid.solver={solver} --set world.gravity=[0,0,-1e9]"
@@ -113,7 +113,7 @@ fn a_fall_that_diverges_keeps_every_frame_before_it_with_either_solver() {
 }
 
 /// A collider that the liquid does not meet.
-const BESIDE: &str = "box = { min = [100, 0, 0], max = [101, 1, 1] }";
+const FAR_COLLIDER: &str = "box = { min = [100, 0, 0], max = [101, 1, 1] }";
 
 #[test]
 fn particle_files_that_are_not_right() {
@@ -140,7 +140,7 @@ fn particle_files_that_are_not_right() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn results_that_nobody_can_write_down_are_not_passed_over() {
+fn results_that_cannot_be_written_are_not_passed_over() {
     let desk = Desk::new();
     for line in ["shot small.toml --frames 1-2", "info small --json", "verify small", "presets"] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();

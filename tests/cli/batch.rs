@@ -20,8 +20,8 @@ fn meshes(frames: &[u32]) -> Vec<String> {
     frames.iter().map(|frame| format!("particles_{frame:04}.ply")).collect()
 }
 
-/// The tool's line about what it did.
-fn told(desk: &Desk, line: &str) -> String {
+/// The tool's output for a command that succeeds.
+fn output(desk: &Desk, line: &str) -> String {
     desk.run(line, 0).0
 }
 
@@ -38,7 +38,7 @@ fn frames_are_named_by_patterns_and_ranges() {
     assert_eq!(run("splash_####.xyz --frames 2,9-10", "list"), meshes(&[2, 9, 10]));
     assert_eq!(run("splash_000[2-4].xyz", "set"), meshes(&[2, 3, 4]));
     assert_eq!(run("splash_001?.xyz splash_0004.xyz", "two"), meshes(&[4, 10]));
-    // The digits that # stands for are the frame, though no other file tells them apart.
+    // The digits in place of # are the frame, though no other file distinguishes them.
     assert_eq!(run("splash_001#.xyz", "part"), meshes(&[0]));
     assert_eq!(run("splash_####.xyz --frames 7", "one"), meshes(&[7]));
 }
@@ -49,9 +49,9 @@ fn gaps_are_reported_and_do_not_stop() {
     let (_, talk) = desk.run("mesh splash_####.xyz --spacing 0.1 -o out", 0);
     assert!(talk.contains("note: 5 frames are missing between 1 and 9: 3-4,6-8"), "{talk}");
     assert_eq!(desk.names("out/mesh"), meshes(&[1, 2, 5, 9]));
-    let (_, talk) = desk.run("mesh splash_####.xyz --spacing 0.1 -o asked --frames 1-3", 3);
+    let (_, talk) = desk.run("mesh splash_####.xyz --spacing 0.1 -o requested --frames 1-3", 3);
     assert!(talk.contains("1 of 3 frames failed") && talk.contains("frame 0003: no file"), "{talk}");
-    assert_eq!(desk.names("asked/mesh"), meshes(&[1, 2]));
+    assert_eq!(desk.names("requested/mesh"), meshes(&[1, 2]));
     let every_other = sequence(&[1, 3, 5, 7]);
     let (_, talk) = every_other.run("mesh splash_####.xyz --spacing 0.1 -o out", 0);
     assert!(!talk.contains("missing"), "{talk}");
@@ -66,7 +66,7 @@ fn a_number_far_from_the_others_is_no_burden() {
     let line = "mesh splash_####.xyz --spacing 0.1 -o out";
     // Were each number between them looked for, this test would not come to its end.
     desk.run(line, 0);
-    assert!(told(&desk, line).contains("3 up to date"));
+    assert!(output(&desk, line).contains("3 up to date"));
     assert_eq!(named(&desk, "out"), [0, 4_294_967_295]);
     let (out, _) = desk.run("info out", 0);
     assert!(out.contains("3 ply files, 4294967293 missing"), "{out}");
@@ -86,35 +86,35 @@ fn a_number_far_from_the_others_is_no_burden() {
 fn unchanged_frames_are_kept_and_changed_ones_made_again() {
     let desk = sequence(&[1, 2, 3, 4]);
     let line = "mesh splash_####.xyz --spacing 0.1 -o out";
-    assert!(told(&desk, line).contains("4 frames meshed"));
+    assert!(output(&desk, line).contains("4 frames meshed"));
     let first = desk.bytes("out/mesh");
     let age = |name: &str| fs::metadata(desk.path(name)).unwrap().modified().unwrap();
     let made = age("out/mesh/particles_0002.ply");
-    assert!(told(&desk, line).contains("0 frames meshed") && made == age("out/mesh/particles_0002.ply"));
+    assert!(output(&desk, line).contains("0 frames meshed") && made == age("out/mesh/particles_0002.ply"));
     assert_eq!(named(&desk, "out"), [1, 4]);
 
-    // The time of a file says nothing: written again, it is the same.
+    // The time of a file does not count: written again, it is the same.
     desk.write("splash_0002.xyz", drop_at(2.0));
-    assert!(told(&desk, line).contains("0 frames meshed"));
+    assert!(output(&desk, line).contains("0 frames meshed"));
     // One that was changed, with the time that it had, is another.
     let before = age("splash_0003.xyz");
     desk.write("splash_0003.xyz", drop_at(33.0));
     fs::File::options().write(true).open(desk.path("splash_0003.xyz")).unwrap().set_modified(before).unwrap();
-    let out = told(&desk, line);
+    let out = output(&desk, line);
     assert!(out.contains("1 frames meshed") && out.contains("3 up to date"), "{out}");
     let second = desk.bytes("out/mesh");
     assert_eq!((&first[0], &first[1], &first[3]), (&second[0], &second[1], &second[3]));
     assert_ne!(first[2], second[2]);
 
-    // Settings count as well: of the surface, and the spacing that the files do not say.
-    assert!(told(&desk, &format!("{line} --voxel 0.6")).contains("4 frames meshed"));
-    assert!(told(&desk, &line.replace("0.1", "0.12")).contains("4 frames meshed"));
-    assert!(told(&desk, line).contains("4 frames meshed"), "and back");
+    // Settings count as well: of the surface, and the spacing, which files lack.
+    assert!(output(&desk, &format!("{line} --voxel 0.6")).contains("4 frames meshed"));
+    assert!(output(&desk, &line.replace("0.1", "0.12")).contains("4 frames meshed"));
+    assert!(output(&desk, line).contains("4 frames meshed"), "and back");
     assert_eq!(desk.bytes("out/mesh"), second);
-    let out = told(&desk, &format!("{line} --format ply,obj"));
+    let out = output(&desk, &format!("{line} --format ply,obj"));
     assert!(out.contains("4 frames meshed"), "the second format is not there yet: {out}");
-    assert!(told(&desk, &format!("{line} --format ply,obj")).contains("0 frames meshed"));
-    assert!(told(&desk, &format!("{line} --force")).contains("4 frames meshed"));
+    assert!(output(&desk, &format!("{line} --format ply,obj")).contains("0 frames meshed"));
+    assert!(output(&desk, &format!("{line} --force")).contains("4 frames meshed"));
 }
 
 /// First and last frame of the manifest's only output.
@@ -152,9 +152,9 @@ fn a_bad_frame_is_named_at_the_end_and_the_others_are_made() {
     for frame in [2, 4, 5] {
         desk.write(&format!("splash_{frame:04}.xyz"), drop_at(frame as f32));
     }
-    let out = told(&desk, "mesh splash_####.xyz --spacing 0.1 -o out1");
+    let out = output(&desk, "mesh splash_####.xyz --spacing 0.1 -o out1");
     assert!(out.contains("3 frames meshed") && out.contains("3 up to date"), "{out}");
-    let out = told(&desk, "volume splash_####.xyz --spacing 0.1 -o out1");
+    let out = output(&desk, "volume splash_####.xyz --spacing 0.1 -o out1");
     assert!(out.contains("3 volumes written") && out.contains("3 up to date"), "{out}");
 }
 
@@ -167,7 +167,7 @@ fn bytes_and_talk_do_not_depend_on_how_many_frames_run_at_once() {
         let run = |options: &str, out: &str| {
             let (_, talk) = desk.run(&format!("{verb} splash_####.xyz --spacing 0.1 -o {out} {options}"), 0);
             let (_, more) = desk.run(&format!("{verb} small -o {out}/cache {options}"), 0);
-            // Seconds differ, and when which percentage is told.
+            // Seconds differ, and so do the times at which a percentage is printed.
             let lines: Vec<String> = (talk + &more)
                 .lines()
                 .filter(|line| !line.starts_with("Progress"))
@@ -194,7 +194,7 @@ fn memory_that_is_not_allowed_is_not_taken() {
     // What is there already needs none.
     desk.run("mesh splash_####.xyz --spacing 0.1 -o kept", 0);
     desk.run("mesh splash_####.xyz --spacing 0.1 -o kept --max-memory 1MiB", 0);
-    // Among many, a file that holds more than its size tells fails alone.
+    // Among many, a file that announces more than its size fails alone.
     let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (250000, 3)}";
     let start = [b"\x93NUMPY\x01\x00", &[header.len() as u8, 0][..], header.as_bytes()].concat();
     let array = [start, vec![0_u8; 3_000_000]].concat();
@@ -318,7 +318,7 @@ fn an_interrupt_keeps_the_meshes_that_are_finished() {
     let kept = desk.bytes("out/mesh");
     assert!((3..300).contains(&kept.len()), "{} meshes", kept.len());
     assert_eq!(named(&desk, "out"), [1, kept.len() as u64], "every finished frame is named");
-    let out = told(&desk, "mesh splash_####.xyz --spacing 0.1 -o out --voxel 0.1 --frames 1-40");
+    let out = output(&desk, "mesh splash_####.xyz --spacing 0.1 -o out --voxel 0.1 --frames 1-40");
     assert!(out.contains(&format!("{} up to date", kept.len().min(40))), "{out}");
     assert!(desk.bytes("out/mesh").starts_with(&kept[..3]));
 }

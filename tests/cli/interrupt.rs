@@ -61,8 +61,8 @@ fn an_interrupt_keeps_finished_volumes_and_the_job_continues() {
 
     let made = desk.names("small/volume").len();
     assert!((2..12).contains(&made), "{made} volumes");
-    let told = fs::read_to_string(desk.path("small/shot.json")).unwrap();
-    assert!(told.contains("volume/liquid_{:04}.vdb"), "what was finished is named: {told}");
+    let manifest = fs::read_to_string(desk.path("small/shot.json")).unwrap();
+    assert!(manifest.contains("volume/liquid_{:04}.vdb"), "what was finished is named: {manifest}");
     let (out, _) = desk.run("volume small --voxel 0.12", 0);
     assert!(out.contains(&format!("{made} up to date")), "{out}");
     assert_eq!(desk.names("small/volume").len(), 12);

@@ -7,7 +7,7 @@ use ply_rs_bw::{
     ply::{DefaultElement, Property},
 };
 
-/// A ball of particles on a lattice, as text.
+/// A ball of particles on a seeding lattice.
 fn ball(spacing: f32, radius: f32, center: [f32; 3]) -> Vec<[f32; 3]> {
     let n = (radius / spacing).ceil() as i32;
     let axis = || -n..=n;
@@ -100,7 +100,7 @@ fn sequences_keep_their_numbers() {
 }
 
 #[test]
-fn a_cache_is_meshed_again_only_where_asked() {
+fn a_cache_is_meshed_again_only_where_requested() {
     let desk = Desk::new();
     desk.run("simulate small.toml", 0);
     desk.run("mesh small --frames 2-3", 0);
@@ -122,7 +122,7 @@ fn clean_up_runs_where_its_table_is_and_nowhere_else() {
     desk.run("mesh small --frames 2", 0);
     let plain = fs::read(desk.path("small/mesh/liquid_0002.ply")).unwrap();
 
-    // Small pieces go to a file of points that the manifest names, with every attribute asked for.
+    // Small components go to a file of points that the manifest names, with every requested attribute.
     let all = "--set surface.components.smallest=3 --set surface.smoothing={} --set surface.decimation.fraction=0.25 \
                --set surface.attributes=[\"velocity\",\"id\"]";
     let (out, _) = desk.run(&format!("mesh small -o clean {all}"), 0);
@@ -179,13 +179,13 @@ fn clean_up_runs_where_its_table_is_and_nowhere_else() {
     assert!(desk.run("mesh small -o clean --frames 1,2", 0).0.contains("0 frames meshed"));
     assert_eq!(outputs(), named(&[["mesh", "ply"]]));
 
-    // What the particles do not have is told with what they have.
+    // Attributes that particles do not have are reported with those that they have.
     let (_, talk) = desk.run("mesh small --frames 2 --force --set surface.attributes=[\"heat\"]", 3);
     assert!(talk.contains("`heat`") && talk.contains("velocity"), "{talk}");
 }
 
 #[test]
-fn a_mesh_that_pops_is_told() {
+fn a_mesh_that_pops_is_reported() {
     let desk = Desk::new();
     desk.run("simulate small.toml", 0);
     let (out, _) = desk.run("mesh small", 0);
@@ -206,7 +206,7 @@ fn a_mesh_that_pops_is_told() {
 
 /// The same particles as a block, but for one frame as a sheet: more area than the frames around suggest.
 #[test]
-fn an_area_that_jumps_is_told() {
+fn an_area_that_jumps_is_reported() {
     let desk = Desk::new();
     let [block, sheet] = [[6, 6, 6], [18, 12, 1]].map(|[nx, ny, nz]: [i32; 3]| -> Vec<[f32; 3]> {
         let place = |i: i32| [i % nx, i / nx % ny, i / (nx * ny)].map(|i| 0.1 * i as f32);
@@ -251,12 +251,12 @@ fn a_lone_particle_becomes_a_point_in_its_file() {
         bytes[end..].chunks(4).map(|number| f32::from_le_bytes(number.try_into().unwrap())).collect();
     assert_eq!(numbers.len(), 4);
     assert!(lone.iter().zip(&numbers).all(|(a, b)| (a - b).abs() < 0.02), "{numbers:?}");
-    // As much as a particle has room for, or little less.
+    // As much as the particle's volume, or little less.
     let volume = 4.0 / 3.0 * std::f32::consts::PI * numbers[3].powi(3);
     assert!((0.3..2.0).contains(&(volume / 1e-3)), "{numbers:?}");
 }
 
-/// What the manifest in `folder` says of its first output's frames: first, last, step.
+/// Frames of the first output in the manifest of `folder`: first, last, step.
 fn named(desk: &Desk, folder: &str) -> [u64; 3] {
     let text = fs::read(desk.path(&format!("{folder}/shot.json"))).unwrap();
     let manifest: serde_json::Value = serde_json::from_slice(&text).unwrap();

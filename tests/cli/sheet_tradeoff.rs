@@ -41,7 +41,7 @@ fn line(table: &Value, label: &str) -> Value {
     lines.iter().find(|line| line["label"].as_str().unwrap().contains(label)).expect(label).clone()
 }
 
-fn apart(line: &Value, key: &str) -> f64 {
+fn distance(line: &Value, key: &str) -> f64 {
     line["apart"][key].as_f64().unwrap_or_else(|| panic!("{key}: {line}"))
 }
 
@@ -77,21 +77,21 @@ fn a_table_a_plot_and_a_preset_come_out_of_sheets() {
 }
 
 #[test]
-fn what_is_asked_for_shows_in_the_errors() {
+fn errors_grow_with_the_requested_tolerance() {
     let desk = desk();
     let vary = "sheets.solver.integrator+sheets.solver.substeps=symplectic+8,implicit+2,implicit+32";
     let found = table(&desk, &format!("tradeoff hung.toml --vary {vary} --frames 1-6 -o t"));
     let [exact, rough, fine] = ["as written", "substeps=2", "substeps=32"].map(|label| line(&found, label));
     for key in ["distance", "farthest", "energy"] {
         // First order: a sixteenth of the step has clearly less than a quarter of the error.
-        assert!(apart(&fine, key) < 0.25 * apart(&rough, key), "{key}: {fine} {rough}");
-        assert!(apart(&exact, key) < apart(&fine, key), "{key}: {exact} {fine}");
+        assert!(distance(&fine, key) < 0.25 * distance(&rough, key), "{key}: {fine} {rough}");
+        assert!(distance(&exact, key) < distance(&fine, key), "{key}: {exact} {fine}");
     }
-    assert!(apart(&rough, "farthest") > apart(&rough, "distance"));
+    assert!(distance(&rough, "farthest") > distance(&rough, "distance"));
     assert!(rough["iterations"].as_f64().unwrap() > 1.0 && exact["iterations"].as_f64() == Some(0.0));
     let floor = &found["uncertainty"]["distance"].as_f64().unwrap();
-    assert!(*floor < 0.5 * apart(&fine, "distance"), "{floor}");
-    // What the integrator does not read makes no row of its own; what changes nothing is told.
+    assert!(*floor < 0.5 * distance(&fine, "distance"), "{floor}");
+    // What the integrator does not read makes no row of its own; what changes nothing is reported.
     let found = table(&desk, "tradeoff hung.toml --vary sheets.solver.substeps=8,16 --frames 1-2 -o t");
     assert_eq!(found["lines"].as_array().unwrap().len(), 1, "{found}");
     let found =
@@ -110,8 +110,8 @@ fn cells_are_compared_at_the_same_points_of_the_cloth() {
         [&coarse, &middle, &fine].map(|line| line["points"].as_u64()),
         [Some(16), Some(49), Some(169)]
     );
-    // The more the nearer to the reference, which has one and a half times the most.
-    let errors = [&coarse, &middle, &fine].map(|line| apart(line, "distance"));
+    // Finer cells are nearer to the reference, which has one and a half times as many a side as the finest.
+    let errors = [&coarse, &middle, &fine].map(|line| distance(line, "distance"));
     assert!(errors[1] < 0.7 * errors[0] && errors[2] < 0.7 * errors[1], "{errors:?}");
     assert_eq!(found["reference"]["points"].as_u64(), Some(19 * 19));
     assert_eq!(found["refined"]["points"].as_u64(), Some(28 * 28));
@@ -152,7 +152,7 @@ fn every_knob_is_swept_by_itself_if_none_is_named() {
 }
 
 #[test]
-fn a_shot_with_a_liquid_compares_its_sheets_if_told_to() {
+fn a_shot_with_a_liquid_compares_its_sheets_on_request() {
     let desk = desk();
     let sheet = &HUNG[HUNG.find("[[sheet]]").unwrap()..HUNG.find("[output]").unwrap()];
     desk.write("both.toml", SMALL.replace("[output]", &format!("{sheet}\n[output]")));

@@ -1,4 +1,4 @@
-//! From preset to meshes in one command, and what is told on the way.
+//! From preset to meshes in one command, and its messages.
 
 use super::*;
 use meniscus::mesh;
@@ -16,7 +16,10 @@ fn one_command_goes_from_preset_to_meshes() {
     assert_eq!(manifest["outputs"][0]["frames"]["last"], 5);
     assert!(out.contains("5 frames simulated") && out.contains("5 frames meshed"), "{out}");
     assert!(talk.contains("Progress: 100%") && talk.contains("density_dev"), "{talk}");
-    assert!(!talk.to_lowercase().contains("error"), "a healthy log never says error:\n{talk}");
+    assert!(
+        !talk.to_lowercase().contains("error"),
+        "the log of a run without errors has no word error:\n{talk}"
+    );
 
     // The log has one line a computed frame (the first is the start).
     let log = fs::read_to_string(desk.path("small/log.jsonl")).unwrap();
@@ -48,7 +51,7 @@ fn a_second_run_keeps_everything() {
 }
 
 #[test]
-fn only_asked_for_frames_are_stored() {
+fn only_requested_frames_are_stored() {
     let desk = Desk::new();
     desk.run("simulate small.toml -o all", 0);
     desk.run("simulate small.toml -o some --frames 2-5x2", 0);
@@ -58,7 +61,7 @@ fn only_asked_for_frames_are_stored() {
 }
 
 #[test]
-fn a_dry_run_tells_and_writes_nothing() {
+fn a_dry_run_prints_and_writes_nothing() {
     let desk = Desk::new();
     let (out, _) = desk.run("shot small.toml --dry-run", 0);
     assert!(out.contains("512") && out.contains("passes"), "{out}");
@@ -121,7 +124,7 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
 }
 
 #[test]
-fn progress_comes_in_the_form_asked_for() {
+fn progress_comes_in_the_requested_form() {
     let desk = Desk::new();
     let (_, talk) = desk.run("simulate small.toml -o json --progress json", 0);
     let events: Vec<serde_json::Value> =
@@ -134,7 +137,7 @@ fn progress_comes_in_the_form_asked_for() {
 }
 
 #[test]
-fn info_tells_what_is_there() {
+fn info_lists_the_folder() {
     let desk = Desk::new();
     desk.run("shot small.toml", 0);
     fs::remove_file(desk.path("small/cache/frame_0003.mcf")).unwrap();
@@ -212,7 +215,7 @@ fn a_cache_of_other_settings_is_refused_with_what_differs_and_remedies() {
     assert_eq!(talk.matches(" in the folder, ").count(), 2, "only these two differ:\n{talk}");
     assert_eq!(desk.bytes("small/cache"), before);
 
-    // What the message says of its remedies is so.
+    // The remedies in the message work.
     let (out, _) = desk.run("shot small/preset.toml -o small --frames 1-2", 0);
     assert!(out.contains("2 up to date"), "{out}");
     desk.run(&format!("{other} -o elsewhere"), 0);

@@ -143,7 +143,7 @@ fn one_command_goes_from_a_ring_to_volumes() {
     assert!(out.contains("5 present") && out.contains("5 vdb files"), "{out}");
     desk.run("verify ring", 0);
 
-    // Each line of the log tells the invariants; the impulse is that of the ring, Γ π R² with what its core adds.
+    // Each line of the log has the invariants; the impulse is that of the ring, Γ π R² with what its core adds.
     let log = fs::read_to_string(desk.path("ring/log.jsonl")).unwrap();
     for line in log.lines() {
         let line: serde_json::Value = serde_json::from_str(line).unwrap();
@@ -309,7 +309,7 @@ fn tracers_become_points_that_move() {
 }
 
 #[test]
-fn a_plan_tells_what_smoke_needs() {
+fn a_plan_estimates_what_smoke_needs() {
     let desk = desk();
     let (out, _) = desk.run("plan plume.toml", 0);
     for words in ["vortons", "tracers", "smoke_push", "steps of the smoke", "disk", "time"] {
@@ -318,21 +318,21 @@ fn a_plan_tells_what_smoke_needs() {
     assert!(!out.contains("particles") && !out.contains("iterations"), "{out}");
     let (json, _) = desk.run("plan plume.toml --json", 0);
     let plan: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let told = plan["smoke"]["tracers"][1].as_f64().unwrap();
+    let estimate = plan["smoke"]["tracers"][1].as_f64().unwrap();
     desk.run("simulate plume.toml", 0);
     let log = fs::read_to_string(desk.path("plume/log.jsonl")).unwrap();
     let last: serde_json::Value = serde_json::from_str(log.lines().last().unwrap()).unwrap();
     let there = last["smoke"]["tracers"].as_f64().unwrap();
-    assert!((told / there).ln().abs() < 0.5, "{told} told, {there} came");
+    assert!((estimate / there).ln().abs() < 0.5, "estimate {estimate}, found {there}");
     desk.run("plan plume.toml --max-memory 1MiB", 33);
     desk.run("simulate plume.toml --max-memory 1MiB -o never", 33);
 }
 
 #[test]
-fn smoke_that_calibration_runs_to_its_end_takes_what_was_told() {
+fn smoke_that_calibration_runs_to_its_end_takes_what_was_estimated() {
     let desk = desk();
     let (json, _) = desk.run("plan plume.toml --json --progress none", 0);
-    let told: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let estimate: serde_json::Value = serde_json::from_str(&json).unwrap();
     desk.run("shot plume.toml -o plume", 0);
     let records: Vec<serde_json::Value> = fs::read_to_string(desk.path("plume/log.jsonl"))
         .unwrap()
@@ -341,21 +341,21 @@ fn smoke_that_calibration_runs_to_its_end_takes_what_was_told() {
         .collect();
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     let steps: f64 = records.iter().map(|record| number(&record["smoke"]["substeps"])).sum();
-    assert_eq!(number(&told["substeps"]), steps);
+    assert_eq!(number(&estimate["substeps"]), steps);
     let last = &records.last().unwrap()["smoke"];
     for name in ["vortons", "tracers"] {
-        assert_eq!(number(&told["smoke"][name][1]), number(&last[name]), "{name}");
+        assert_eq!(number(&estimate["smoke"][name][1]), number(&last[name]), "{name}");
     }
     let size = |folder: &str| desk.bytes(folder).iter().map(|(_, bytes)| bytes.len() as f64).sum::<f64>();
     // The start is stored too, and only one volume of eight is made.
-    for (told, found, part) in [
-        (number(&told["cache"]), size("plume/cache"), 0.25),
-        (number(&told["smoke"]["volumes"]), size("plume/volume"), 0.6),
+    for (estimate, found, part) in [
+        (number(&estimate["cache"]), size("plume/cache"), 0.25),
+        (number(&estimate["smoke"]["volumes"]), size("plume/volume"), 0.6),
     ] {
-        assert!((told / found - 1.0).abs() < part, "told {told}, found {found}");
+        assert!((estimate / found - 1.0).abs() < part, "estimate {estimate}, found {found}");
     }
     assert!(
-        number(&told["seconds"]) > 0.0 && told["smoke"]["remarks"].as_array().unwrap().is_empty(),
-        "{told}"
+        number(&estimate["seconds"]) > 0.0 && estimate["smoke"]["remarks"].as_array().unwrap().is_empty(),
+        "{estimate}"
     );
 }

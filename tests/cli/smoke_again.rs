@@ -111,7 +111,7 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
         .stderr(fs::File::create(desk.path("talk")).unwrap())
         .spawn()
         .unwrap();
-    // Then 22 cached frames are passed on the way to the next one that is asked for.
+    // Then 22 cached frames are passed until the next requested one.
     let started = Instant::now();
     while !desk.path("fresh/volume/smoke_0002.vdb").exists() {
         assert!(child.try_wait().unwrap().is_none(), "it ended before the first volume");
@@ -129,8 +129,8 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
     };
     let last = talk.lines().filter_map(part).max().unwrap();
     assert!((50..95).contains(&last), "{talk}");
-    let told = fs::read_to_string(desk.path("fresh/shot.json")).unwrap();
-    assert!(told.contains("volume/smoke_{:04}.vdb"), "what was finished is named: {told}");
+    let manifest = fs::read_to_string(desk.path("fresh/shot.json")).unwrap();
+    assert!(manifest.contains("volume/smoke_{:04}.vdb"), "what was finished is named: {manifest}");
     // It goes on, here to an earlier frame: all the way takes long.
     let (out, talk) = desk.run(&format!("{} --progress json", line.replace("2,24", "2,5")), 0);
     let parts: std::collections::BTreeSet<u32> = talk.lines().filter_map(part).collect();

@@ -10,7 +10,7 @@ use meniscus::{
     math::Vec3,
 };
 
-/// A simulated ring beside its preset.
+/// A simulated ring in the folder of its preset.
 fn ring() -> Desk {
     let desk = Desk::new();
     desk.write("ring.toml", RING);
@@ -37,7 +37,7 @@ fn changed(stream: &Stream, change: impl Fn(&str, &ChannelData) -> Option<Channe
     copy
 }
 
-/// Runs what is made of a cache; frame 3 is named with `words`, `made` files are there, and `code` tells.
+/// Runs `line` on a damaged cache: frame 3 is named with `words`, `made` files exist, and the exit code is `code`.
 fn left_out(desk: &Desk, line: &str, code: i32, made: (&str, usize), words: &str) {
     let (_, talk) = desk.run(line, code);
     assert!(talk.contains("frame 0003") && talk.contains(words), "{line}: no `{words}` in\n{talk}");
@@ -55,7 +55,7 @@ fn a_frame_whose_bytes_are_damaged_is_named_and_the_others_are_made() {
     fs::write(&path, bytes).unwrap();
     left_out(&desk, "volume ring", 12, ("ring/volume", 4), "frame_0003.mcf");
     left_out(&desk, "export ring", 12, ("ring/points", 4), "frame_0003.mcf");
-    // Frames beside it are found from it.
+    // Neighbouring frames are made.
     left_out(&desk, "volume ring -o slow --retime 2", 12, ("slow/volume", 6), "frame_0003.mcf");
     assert_eq!(
         desk.names("slow/volume"),
@@ -108,13 +108,13 @@ fn what_smoke_does_not_have_is_refused_and_what_does_is_named() {
         assert!(words.iter().all(|word| talk.contains(word)), "{line}:\n{talk}");
     }
     assert!(!desk.path("ring/mesh").exists() && !desk.path("ring/volume").exists(), "nothing is left behind");
-    // Beside others it is left out, as velocities are that a liquid does not have.
+    // Among other grids it is left out, as velocities are that a liquid does not have.
     let (out, _) = desk.run("volume ring --grid surface --grid density --frames 1", 0);
     assert!(out.contains("1 volumes written"), "{out}");
 }
 
 #[test]
-fn what_solids_do_not_keep_out_is_told() {
+fn leakage_through_solids_is_reported() {
     let desk = Desk::new();
     // A plate thinner than a panel cannot stop the wind; a plane stops it by leaving it out.
     let plate = "[[world.collider]]\nshape = { box = { min = [-0.01, -0.4, -0.4], max = [0.01, 0.4, 0.4] } }";
@@ -139,33 +139,34 @@ fn what_solids_do_not_keep_out_is_told() {
 }
 
 #[test]
-fn what_lattices_lose_and_bodies_that_are_too_small_are_told_once_at_the_end() {
+fn losses_of_remeshing_and_solids_too_small_are_reported_once() {
     let desk = Desk::new();
     let balls = [(1.0, 0.3), (2.0, 0.002)].map(|(x, radius)| {
         format!("[[world.collider]]\nshape = {{ sphere = {{ center = [{x}, 0, 0], radius = {radius} }} }}\n")
     });
-    let lattice = "[smoke.flow.remesh]\nstrain = 0.2\nweak = 0.1\n";
+    let remeshing = "[smoke.flow.remesh]\nstrain = 0.2\nweak = 0.1\n";
     // Coarse and short: it is run eight times.
     let text = RING.replace("[smoke]\n", &format!("{}\n[smoke]\nwind = [1, 0, 0]\n", balls.concat()));
     let text = text.replace("spacing = 0.05", "spacing = 0.07").replace("1-5", "1-3");
-    desk.write("balls.toml", text.replace("[surface]", &format!("{lattice}[surface]")));
-    let told = |line: &str, words: &str| {
+    desk.write("balls.toml", text.replace("[surface]", &format!("{remeshing}[surface]")));
+    let count = |line: &str, words: &str| {
         let (_, talk) = desk.run(line, 0);
         talk.matches(words).count()
     };
-    let (bare, handed) = ("air goes through world.collider.1:", "of total circulation was redistributed");
-    assert_eq!(told("simulate balls.toml", bare), 1);
-    assert_eq!(told("simulate balls.toml --set world.collider.1.shape.sphere.radius=0.2 -o large", bare), 0);
+    let (bare, redistributed) =
+        ("air goes through world.collider.1:", "of total circulation was redistributed");
+    assert_eq!(count("simulate balls.toml", bare), 1);
+    assert_eq!(count("simulate balls.toml --set world.collider.1.shape.sphere.radius=0.2 -o large", bare), 0);
     // The sum over the shot is that of its log, however often it was stopped.
-    assert_eq!(told("simulate balls.toml -o handed", handed), 1);
-    assert_eq!(told("simulate balls.toml -o parts --frames 1-2", handed), 1);
-    assert_eq!(told("simulate balls.toml -o parts", handed), 1);
+    assert_eq!(count("simulate balls.toml -o redistributed", redistributed), 1);
+    assert_eq!(count("simulate balls.toml -o parts --frames 1-2", redistributed), 1);
+    assert_eq!(count("simulate balls.toml -o parts", redistributed), 1);
     let last = |folder: &str| {
         let (_, talk) = desk.run(&format!("simulate balls.toml -o {folder} --frames 1-4"), 0);
-        talk.lines().find(|line| line.contains(handed)).unwrap().to_owned()
+        talk.lines().find(|line| line.contains(redistributed)).unwrap().to_owned()
     };
-    assert_eq!(last("parts"), last("handed"));
-    assert_eq!(told("simulate balls.toml --set smoke.flow.remesh.weak=1e-3 -o fine", handed), 0);
+    assert_eq!(last("parts"), last("redistributed"));
+    assert_eq!(count("simulate balls.toml --set smoke.flow.remesh.weak=1e-3 -o fine", redistributed), 0);
 }
 
 #[test]

@@ -80,7 +80,7 @@ fn a_table_a_plot_and_a_preset_come_out_of_smoke() {
 }
 
 #[test]
-fn what_is_asked_for_shows_in_the_errors() {
+fn errors_grow_with_the_requested_error() {
     let desk = desk();
     let found = table(&desk, "tradeoff ring.toml --vary smoke.flow.error=1e-4,5e-2 --frames 1-6 -o t");
     let [fine, rough] = ["error=1e-4", "error=5e-2"].map(|label| line(&found, label));
@@ -124,7 +124,7 @@ fn every_knob_is_swept_by_itself_if_none_is_named() {
         assert!(out.contains(word), "{word} is missing in\n{out}");
     }
     assert!(!desk.path("ring-tradeoff").exists());
-    // A lattice that cannot be asked for the error is left out, and refused by name.
+    // A grid sum that cannot reach the error is left out, and refused by name.
     let (out, _) = desk.run("tradeoff ring.toml --dry-run --set smoke.flow.error=5e-5", 0);
     assert!(!out.contains("grid") && out.contains("smoke.flow.error=0.00001"), "{out}");
     for (line, word) in [

@@ -32,7 +32,7 @@ fn a_mesh_is_sampled_once_and_its_samples_are_verified() {
     let samples = desk.bytes("mesh/sdf");
     assert_eq!(samples.len(), 1, "one file and one resolution");
 
-    // The next run reads them; damage is named and mended.
+    // The next run reads them; damage is named and fixed.
     let path = desk.path("mesh/sdf").join(&samples[0].0);
     let mut damaged = samples[0].1.clone();
     let middle = damaged.len() / 2;

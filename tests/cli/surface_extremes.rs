@@ -60,7 +60,7 @@ fn grids_a_tenth_of_the_spacing_and_five_times_it() {
     let usual = meshed(&desk, &block(6, 0.0), "");
     assert!(fine.is_sound() && fine.components == 1, "{fine:?}");
     assert!((fine.volume / usual.volume - 1.0).abs() < 0.05, "{} {}", fine.volume, usual.volume);
-    // Nodes stand half a metre apart: those inside of a block of 3 m are enough to tell it.
+    // Nodes are half a metre apart: those inside of a block of 3 m are enough to detect it.
     let coarse = meshed(&desk, &block(30, 0.0), "--voxel 5");
     assert!(coarse.is_sound() && coarse.components == 1, "{coarse:?}");
     assert!((coarse.volume / 27.0 - 1.0).abs() < 0.4, "{}", coarse.volume);
@@ -73,7 +73,7 @@ fn grids_a_tenth_of_the_spacing_and_five_times_it() {
 #[test]
 fn a_thousand_kilometres_from_the_origin() {
     let desk = Desk::new();
-    // Single precision tells 0.0625 m apart there: particles rest a metre apart.
+    // Single precision resolves 0.0625 m there: particles rest a metre apart.
     let far: Vec<[f32; 3]> = block(8, 0.0).iter().map(|x| x.map(|v| 1e6 + 10.0 * v)).collect();
     let here: Vec<[f32; 3]> = far.iter().map(|x| x.map(|v| v - 1e6)).collect();
     desk.write("far.xyz", xyz(&far));

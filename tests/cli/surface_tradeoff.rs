@@ -64,9 +64,10 @@ fn a_finer_voxel_comes_nearer_and_a_higher_order_makes_better_distances() {
         let [fine, coarse] = [fine, coarse].map(|line| line["apart"][key].as_f64().unwrap());
         assert!(fine < 0.8 * coarse, "{key}: {fine} at 0.4, {coarse} at 0.9");
     }
-    let apart = &fine["apart"];
-    let [beyond, missing, both] = ["beyond", "missing", "hausdorff"].map(|key| apart[key].as_f64().unwrap());
-    assert!(beyond.max(missing) == both && apart["distance"].as_f64().unwrap() < both);
+    let distances = &fine["apart"];
+    let [beyond, missing, both] =
+        ["beyond", "missing", "hausdorff"].map(|key| distances[key].as_f64().unwrap());
+    assert!(beyond.max(missing) == both && distances["distance"].as_f64().unwrap() < both);
     assert!(fine["triangles"].as_f64() > coarse["triangles"].as_f64() && fine["unsound"] == 0);
     let second = line(&found, "voxel=0.4 distance.order=second");
     let error = |line: &Value| line["field"]["mean"].as_f64().unwrap();

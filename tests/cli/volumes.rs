@@ -29,7 +29,7 @@ fn manifest(desk: &Desk, folder: &str) -> serde_json::Value {
     serde_json::from_slice(&fs::read(desk.path(&format!("{folder}/shot.json"))).unwrap()).unwrap()
 }
 
-/// A cube of particles on a lattice, half a spacing inside the box from 0 to 1 m.
+/// A cube of particles on a seeding lattice, half a spacing inside the box from 0 to 1 m.
 fn cube() -> String {
     (0..1000)
         .map(|i| [i % 10, i / 10 % 10, i / 100].map(|v| 0.05 + 0.1 * v as f32))
@@ -86,7 +86,7 @@ fn a_cube_of_particles_becomes_fog_and_a_level_set() {
 }
 
 #[test]
-fn a_cache_becomes_volumes_and_only_where_asked() {
+fn a_cache_becomes_volumes_only_where_requested() {
     let desk = Desk::new();
     desk.run("simulate small.toml", 0);
     desk.run("volume small --frames 2-3", 0);
@@ -108,7 +108,7 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
         assert_eq!(manifest(&desk, "small")["outputs"][0]["grids"], serde_json::json!(grids), "{change}");
         assert_ne!(desk.bytes("small/volume"), whole);
     }
-    // What is told is what all of them have.
+    // The manifest lists what all of them have.
     desk.run("volume small -o some --grid surface", 0);
     desk.run("volume small -o some --frames 2", 0);
     assert_eq!(manifest(&desk, "some")["outputs"][0]["grids"], serde_json::json!(["surface"]));
@@ -131,8 +131,8 @@ fn a_cache_becomes_volumes_and_only_where_asked() {
     // Frames that are not there are named, the others stay.
     let (_, talk) = desk.run("volume small --frames 5-7", 3);
     assert!(talk.contains("frame 0006") && talk.contains("frame 0007"), "{talk}");
-    let told = manifest(&desk, "small");
-    assert_eq!(told["outputs"][0]["frames"], serde_json::json!({ "first": 1, "last": 5, "step": 1 }));
+    let written = manifest(&desk, "small");
+    assert_eq!(written["outputs"][0]["frames"], serde_json::json!({ "first": 1, "last": 5, "step": 1 }));
 }
 
 #[test]
@@ -162,7 +162,7 @@ fn volumes_of_files_are_kept_while_their_files_are_the_same() {
     }
     desk.write("cube_2.xyz", cube() + "0.5 0.5 0.5\n");
     assert!(desk.run(line, 0).0.contains("1 volumes written"));
-    assert_ne!(key(1), key(2), "the key tells what a volume was made of");
+    assert_ne!(key(1), key(2), "the key depends on what a volume was made of");
     assert!(desk.run(&format!("{line} --force --frames 2,5"), 0).0.contains("2 volumes written"));
     let (_, talk) = desk.run(&format!("{line} --frames 3,5"), 3);
     assert!(talk.contains("frame 0003: no file") && talk.contains("1 up to date"), "{talk}");
@@ -224,8 +224,8 @@ fn a_shot_writes_the_volumes_that_its_preset_names() {
     // The verb makes what the preset names, too.
     let (out, _) = desk.run("volume foggy", 0);
     assert!(out.contains("3 up to date"), "{out}");
-    let (told, _) = desk.run("plan foggy.toml --frames 1-3", 0);
-    assert!(told.contains("without the volumes"), "{told}");
+    let (out, _) = desk.run("plan foggy.toml --frames 1-3", 0);
+    assert!(out.contains("without the volumes"), "{out}");
     desk.run("volume foggy --grid density", 0);
     assert_eq!(grids(&desk.path("foggy/volume/liquid_0001.vdb")), ["density"]);
 }

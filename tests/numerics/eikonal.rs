@@ -62,7 +62,7 @@ fn from_pins(grid: &DenseGrid, pins: &Pins, params: &DenseParams) -> DenseDistan
 }
 
 /// The distance from the field by the plane rule, and from an exact band of a given width [voxels].
-fn both_ways(shape: Shape, half: usize, width: f32, order: Order) -> [DenseDistance; 2] {
+fn from_field_and_band(shape: Shape, half: usize, width: f32, order: Order) -> [DenseDistance; 2] {
     let params = DenseParams { order, ..DenseParams::default() };
     let exact = sampled(half, shape);
     let pins = pin_band(&exact, width);
@@ -84,21 +84,22 @@ fn both_orders_converge_as_they_should() {
         for order in [Order::First, Order::Second] {
             // A band of the same width in space at every resolution.
             let found = RESOLUTIONS.map(|half| {
-                both_ways(shape, half, 0.2 * half as f32, order).map(|found| {
+                from_field_and_band(shape, half, 0.2 * half as f32, order).map(|found| {
                     assert_eq!(found.unreached, 0);
                     errors(&found.grid, shape)
                 })
             });
             let (of_field, of_band) = expected(name, order);
-            for (way, (from, expected)) in [("field", of_field), ("band", of_band)].into_iter().enumerate() {
+            for (source, (from, expected)) in [("field", of_field), ("band", of_band)].into_iter().enumerate()
+            {
                 for (half, found) in RESOLUTIONS.iter().zip(&found) {
-                    let [l1, worst, outside] = found[way];
+                    let [l1, worst, outside] = found[source];
                     println!(
                         "{name:12} {order:?} from {from:5} h 1/{half:<3} voxels: L1 {l1:.4} L∞ {worst:.3}, outside {outside:.4}"
                     );
                 }
                 // Of the distance, not in voxels: one more.
-                let slope = |k: usize| (found[0][way][k] / found[3][way][k]).log2() / 3.0 + 1.0;
+                let slope = |k: usize| (found[0][source][k] / found[3][source][k]).log2() / 3.0 + 1.0;
                 println!(
                     "{name:12} {order:?} from {from:5} order: L1 {:.2}, L∞ {:.2}, outside {:.2}",
                     slope(0),
@@ -208,8 +209,8 @@ fn the_indicator_is_at_or_above_the_threshold() {
 }
 
 #[test]
-fn a_line_has_its_crossings_where_the_field_says() {
-    // [gourlay17] Figure 3: the surface lies a quarter of the way from outside to inside.
+fn a_line_has_the_crossings_of_its_field() {
+    // [gourlay17] Figure 3: the surface lies a quarter of the source from outside to inside.
     let mut field = DenseGrid::new(1.0, [0; 3], [6, 1, 1], 0.0);
     field.values = vec![0.0, 0.0, 2.0, 2.0, 0.5, 0.0];
     for rule in [SeedRule::Plane, SeedRule::NearestEdge] {

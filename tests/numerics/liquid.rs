@@ -179,7 +179,7 @@ fn same_bits(terms: &str) {
 
 #[test]
 fn artificial_pressure_does_not_depend_on_iterations_or_substeps() {
-    let apart = |iterations: u32, substeps: u32| {
+    let separation = |iterations: u32, substeps: u32| {
         let terms = format!(
             "iterations = {iterations}\nmin_substeps = {substeps}\nmax_substeps = {substeps}\n\
              artificial_pressure = {{ strength = 0.1 }}"
@@ -194,13 +194,13 @@ fn artificial_pressure_does_not_depend_on_iterations_or_substeps() {
         let x = channel(&state(&simulation), "position");
         (x[0] - x[1]).norm() - 0.092
     };
-    let reference = apart(2, 40);
+    let reference = separation(2, 40);
     assert!(reference > 1e-3, "the pair parts by {reference}");
     for iterations in [8, 32] {
-        assert_eq!(apart(iterations, 40), reference, "{iterations} iterations");
+        assert_eq!(separation(iterations, 40), reference, "{iterations} iterations");
     }
     for (substeps, bound) in [(20, 0.02), (80, 0.02)] {
-        let parted = apart(2, substeps);
+        let parted = separation(2, substeps);
         assert!((parted / reference - 1.0).abs() < bound, "{substeps} substeps: {parted} of {reference}");
     }
 }
@@ -254,11 +254,11 @@ fn a_solve_far_from_converged_makes_no_fountain() {
     let params = block(s, [0.0; 3], [0.25, 0.25, 1.0], "iterations = 3\nmin_substeps = 2");
     let mut simulation = simulation(tank(gravity, [0.25, 0.25, 4.0]), params);
     let mass = 1000.0 * 0.0625;
-    let most = mass * f64::from(gravity) * (0.5 + f64::from(s));
+    let largest = mass * f64::from(gravity) * (0.5 + f64::from(s));
     let records = advance(&mut simulation, 16);
     for record in &records {
         // What moves all together is momentum, and is left alone.
-        assert!(record.kinetic_energy + record.potential_energy < most * 1.01, "{record:?}");
+        assert!(record.kinetic_energy + record.potential_energy < largest * 1.01, "{record:?}");
     }
     assert!(records.iter().any(|record| record.clamps.energy > 0), "the bound was needed and is counted");
 }
@@ -378,9 +378,10 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
             let mut there = Simulation::restore(world, Some(params.clone()), &frame).unwrap();
             advance(&mut there, FRAMES);
             let found = by_id(&state(&there));
-            let apart = |(x, y): (&Vec3, &Vec3)| f64::from((place(*x) - y).norm());
-            let mean =
-                expected.iter().zip(&found).map(apart).sum::<f64>() / found.len() as f64 / f64::from(spacing);
+            let distance = |(x, y): (&Vec3, &Vec3)| f64::from((place(*x) - y).norm());
+            let mean = expected.iter().zip(&found).map(distance).sum::<f64>()
+                / found.len() as f64
+                / f64::from(spacing);
             let middle = |x: &[Vec3]| {
                 x.iter().map(|x| x.cast::<f64>()).sum::<nalgebra::Vector3<f64>>() / x.len() as f64
             };

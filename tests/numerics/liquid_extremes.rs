@@ -171,7 +171,7 @@ fn any_spacing_and_number_of_particles() {
 
 #[test]
 fn any_solver_setting() {
-    let strong = "artificial_pressure = { strength = 10, reference = 0.9, exponent = 12 }";
+    let repulsion = "artificial_pressure = { strength = 10, reference = 0.9, exponent = 12 }";
     all_survive(&[
         ("no softening", plate(9.81), cube("softening = 0"), 1.0),
         ("no softening, equality", plate(9.81), cube("softening = 0\nconstraint = 'equality'"), 1.0),
@@ -184,7 +184,7 @@ fn any_solver_setting() {
         ("one iteration", plate(9.81), cube("iterations = 1"), 1.0),
         ("1000 iterations", plate(9.81), small("iterations = 1000"), 1.0),
         ("1000 iterations, equality", plate(9.81), small("iterations = 1000\nconstraint = 'equality'"), 1.0),
-        ("strong repulsion", plate(9.81), cube(strong), 1.0),
+        ("strong repulsion", plate(9.81), cube(repulsion), 1.0),
         ("strong confinement", plate(9.81), cube("vorticity = { strength = 10 }"), 1.0),
     ]);
 }

@@ -22,7 +22,7 @@ fn world(gravity: [f32; 3], shapes: Vec<Shape>) -> World {
 
 const DOWN: [f32; 3] = [0.0, 0.0, -9.81];
 
-/// Advances by frames of 1/24 s and tells of each.
+/// Advances by frames of 1/24 s and returns their records.
 fn advance(simulation: &mut Simulation, frames: u32) -> Vec<SmokeRecord> {
     let record = |record: FrameRecord| record.smoke.expect("there is smoke");
     (0..frames).map(|_| record(simulation.advance(1.0 / 24.0, &mut Unwatched).unwrap())).collect()
@@ -57,7 +57,7 @@ fn hot_smoke_rises_heavy_smoke_sinks_and_either_follows_gravity() {
     };
     let hot = shift(DOWN, 200.0, 0.0);
     // A ball of smoke of weight ρ in air of ρ₀ begins with an acceleration of 2 (ρ₀ − ρ)/(2 ρ + ρ₀) g if it were solid; here
-    // the air inside turns with it, and the lattice blurs its edge.
+    // the air inside turns with it, and the grid blurs its edge.
     let fall = 0.5 * 9.81 * (8.0_f32 / 24.0).powi(2);
     assert!((0.1 * fall..0.7 * fall).contains(&hot.z) && hot.xy().norm() < 0.02, "{hot} of {fall}");
     assert!(shift(DOWN, -100.0, 0.0).z < -0.02, "cold smoke sinks");
@@ -144,7 +144,7 @@ fn a_ring_flies_at_the_floor_and_widens() {
 }
 
 #[test]
-fn an_obstacle_that_swallows_the_emitter_smothers_it() {
+fn tracers_emitted_inside_an_obstacle_are_rejected() {
     let text = "spacing = 0.1\n[[emitter]]\nrate = 20\nvelocity = [0, 0, 1]\n\
                 shape = { sphere = { center = [0, 0, 0], radius = 0.1 } }";
     let ball = Shape::Sphere { center: [0.0; 3], radius: 0.4 };
@@ -155,7 +155,7 @@ fn an_obstacle_that_swallows_the_emitter_smothers_it() {
 }
 
 #[test]
-fn a_state_that_is_no_number_is_named_and_not_computed() {
+fn a_state_that_is_not_finite_is_named_and_not_computed() {
     let text = "spacing = 0.1\n[[ring]]\ncenter = [0, 0, 0]\nradius = 0.3\nthickness = 0.05\ncirculation = 1";
     let simulation = Simulation::new(world([0.0; 3], vec![]), smoke(text)).unwrap();
     let mut frame = tracers(&simulation);
@@ -181,35 +181,35 @@ fn a_state_that_is_no_number_is_named_and_not_computed() {
 }
 
 #[test]
-fn turbulence_has_the_speed_that_was_asked_for_and_no_divergence() {
+fn turbulence_has_the_requested_speed_and_no_divergence() {
     let text = "spacing = 0.04\n[turbulence]\nscale = 0.5\nstrength = 0.3\nseed = 2\n\
                 shape = { box = { min = [0, 0, 0], max = [1.5, 1.2, 1] } }";
     let simulation = Simulation::new(world([0.0; 3], vec![]), smoke(text)).unwrap();
     let frame = tracers(&simulation);
     let stream = frame.stream("smoke").unwrap();
     let (x, strength) = (stream.vec3("position").unwrap(), stream.vec3("strength").unwrap());
-    // The strengths of a curl sum to nothing, but for what the lattice makes of the rim.
+    // The strengths of a curl sum to zero, except for the seeding lattice's error at the rim.
     let sum: Vec3 = strength.iter().sum();
     let all: f32 = strength.iter().map(|g| g.norm()).sum();
     assert!(sum.norm() < 2e-2 * all, "{sum} of {all}");
-    // ∇·ω by differences on the lattice is small against its parts.
+    // ∇·ω by differences on the seeding lattice is small against its parts.
     let at: std::collections::HashMap<[i32; 3], Vec3> =
         x.iter().zip(strength).map(|(x, g)| (x.map(|v| (v / 0.04).round() as i32).into(), *g)).collect();
     let (mut divergence, mut parts) = (0.0, 0.0);
     for node in at.keys() {
-        let beside = |axis: usize, by: i32| {
+        let neighbour = |axis: usize, by: i32| {
             let mut node = *node;
             node[axis] += by;
             at.get(&node).map(|g| g[axis])
         };
-        let slope = |axis: usize| Some(beside(axis, 1)? - beside(axis, -1)?);
+        let slope = |axis: usize| Some(neighbour(axis, 1)? - neighbour(axis, -1)?);
         if let (Some(x), Some(y), Some(z)) = (slope(0), slope(1), slope(2)) {
             divergence += (x + y + z).powi(2);
             parts += x * x + y * y + z * z;
         }
     }
     assert!(divergence < 0.02 * parts, "{divergence} of {parts}");
-    // The air moves, in the root mean square over the vortons, as fast as was asked for.
+    // The RMS speed of the air over the vortons is the requested one.
     let vortons = vortons(&frame);
     let found =
         induced(&vortons, Targets::Vortons, Quantity::Velocity, Kernel::default(), Method::Direct).unwrap();
@@ -257,8 +257,8 @@ fn shedding(wind: f32, more: &str, shape: Shape) -> Simulation {
 
 #[test]
 fn wakes_of_what_is_hardly_resolved_stay_bounded() {
-    // Where the wind meets a solid nothing carries vortons off, and nothing slips: what stretches them there has to be told that air
-    // sticks. Without, the gradient is 40 /s on the ball after 36 frames, and 80 000 /s on the wire after 6.
+    // At a stagnation point nothing advects vortons away, and nothing slips: their stretching is bounded only because air sticks to the
+    // solid. Without, the gradient is 40 /s on the ball after 36 frames, and 80 000 /s on the wire after 6.
     let ball = Shape::Sphere { center: [0.0; 3], radius: 0.2 };
     let wire = Shape::Capsule { from: [0.0, 0.0, -0.5], to: [0.0, 0.0, 0.5], radius: 0.08 };
     for (wind, layer, shape, frames) in
@@ -366,26 +366,26 @@ fn a_small_ball_that_flies_fast_does_not_jump_past_smoke() {
         let x = frame.stream(TRACERS).unwrap().vec3("position").unwrap();
         (record, x.iter().map(|x| x.x).sum::<f32>() / x.len() as f32)
     };
-    let (record, carried) = shot("");
+    let (record, drift) = shot("");
     // A core is 0.12 m, a panel 0.08 m, the ball's radius 0.1 m.
     assert!(record.flow.substeps >= 25 && record.flow.capped == 0, "{:?}", record.flow);
     assert!(record.returned_tracers > 0, "{record:?}");
-    // What a ball passes it leaves carried on: half its volume by Darwin's drift, 0.1 m over the face of this cloud if all is there.
-    assert!((0.03..0.25).contains(&carried), "{carried} m");
-    // What the most substeps do not allow is told.
+    // The ball leaves smoke displaced: half its volume by Darwin's drift, 0.1 m over the face of this cloud if all is there.
+    assert!((0.03..0.25).contains(&drift), "{drift} m");
+    // Steps longer than their limits, when `max_substeps` is too small, are counted.
     let (record, _) = shot("flow.max_substeps = 3\n");
     assert!(record.flow.substeps == 3 && record.flow.capped == 3, "{:?}", record.flow);
 }
 
 #[test]
-fn a_ring_that_passes_a_ball_keeps_its_energy_over_lattices_and_tells_what_the_ball_does_to_them() {
+fn a_ring_that_passes_a_ball_keeps_its_energy_over_remeshings_and_the_balls_effect_is_recorded() {
     let ring = "spacing = 0.05\n[[ring]]\ncenter = [0, 0, -0.2]\nradius = 0.3\nthickness = 0.05\n\
                 circulation = 1\n[flow.remesh]\nspacing = 0.05\nstrain = 0.5";
     let ball = Shape::Sphere { center: [0.0; 3], radius: 0.16 };
     let mut simulation = Simulation::new(world([0.0; 3], vec![ball]), smoke(ring)).unwrap();
     let records = advance(&mut simulation, 10);
-    let lattices: u32 = records.iter().map(|record| record.flow.remeshed).sum();
-    assert!(mean(&simulation).z > 0.05 && lattices >= 5, "{} {lattices}", mean(&simulation));
+    let remeshings: u32 = records.iter().map(|record| record.flow.remeshed).sum();
+    assert!(mean(&simulation).z > 0.05 && remeshings >= 5, "{} {remeshings}", mean(&simulation));
     let energy = |record: &SmokeRecord| record.account.invariants.energy;
     let first = energy(&records[0]);
     let (mut turned, mut reach) = (0.0, 0.0_f64);
@@ -403,14 +403,14 @@ fn a_ring_that_passes_a_ball_keeps_its_energy_over_lattices_and_tells_what_the_b
 }
 
 #[test]
-fn a_tube_that_stands_on_a_plane_keeps_its_circulation_over_lattices() {
+fn a_tube_that_stands_on_a_plane_keeps_its_circulation_over_remeshings() {
     let tube = "spacing = 0.05\n[[tube]]\nfrom = [0, 0, 0]\nto = [0, 0, 1]\nthickness = 0.1\n\
                 circulation = 1\n[flow.remesh]\nspacing = 0.05\nstrain = 0.5";
     let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
     let mut simulation = Simulation::new(world([0.0; 3], vec![floor]), smoke(tube)).unwrap();
-    let mut lattices = 0;
-    while lattices < 5 {
-        lattices += advance(&mut simulation, 1)[0].flow.remeshed;
+    let mut remeshings = 0;
+    while remeshings < 5 {
+        remeshings += advance(&mut simulation, 1)[0].flow.remeshed;
     }
     // Between the plane and the middle of two nodes ∫ Γ_z dz is the circulation times the height; the upper end is open, and parts. If
     // lines ended at the plane as at a solid, there would be half of it in the lower part.

@@ -169,10 +169,10 @@ fn overlapping_and_inside_out_parts_are_solid() {
     let union = |x: Vec3| ((x - a).norm() - 1.0).min((x - b).norm() - 1.0);
     let field = sampled(&joined(&ball(96, a), &other), 48);
     let (near, _, wrong) = errors(&field, 2.0, 0.1, union);
-    // Inside, the union's own formula is off near where the balls meet; the outside tells.
+    // Inside, the union's own formula is off near where the balls meet; the outside decides.
     let outside = nodes(&field).filter(|&(x, _)| union(x) > 0.0);
-    let most = outside.map(|(x, d)| (d - union(x)).abs() / field.voxel).fold(0.0, f32::max);
-    assert!(wrong == 0 && most < 0.7, "{near} {most} {wrong}");
+    let largest = outside.map(|(x, d)| (d - union(x)).abs() / field.voxel).fold(0.0, f32::max);
+    assert!(wrong == 0 && largest < 0.7, "{near} {largest} {wrong}");
     // Within the overlap the buried surfaces are no surfaces.
     let middle = field.sample((a + b) * 0.5).0;
     assert!(middle < -0.6, "the middle of the overlap is {middle} deep");
@@ -181,13 +181,13 @@ fn overlapping_and_inside_out_parts_are_solid() {
     let far = Vec3::new(2.5, 0.0, 0.0);
     other = ball(96, far);
     other.triangles.iter_mut().for_each(|t| t.swap(0, 1));
-    let apart = |x: Vec3| (x.norm() - 1.0).min((x - far).norm() - 1.0);
-    let (near, far, wrong) = errors(&sampled(&joined(&ball(96, a), &other), 64), 2.9, 0.1, apart);
+    let union = |x: Vec3| (x.norm() - 1.0).min((x - far).norm() - 1.0);
+    let (near, far, wrong) = errors(&sampled(&joined(&ball(96, a), &other), 64), 2.9, 0.1, union);
     assert!(near < 0.05 && far < 1.0 && wrong == 0, "{near} {far} {wrong}");
 }
 
 #[test]
-fn meshes_that_enclose_nothing_say_so() {
+fn meshes_that_enclose_nothing_are_refused() {
     assert!(from_triangles(&Triangles::default(), 16).is_none());
     let point = Triangles { positions: vec![Vec3::zeros(); 3], triangles: vec![[0, 1, 2]] };
     assert!(from_triangles(&point, 16).is_none());

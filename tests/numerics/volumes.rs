@@ -180,9 +180,9 @@ fn no_damage_stops_the_program() {
             assert!(!refusal(folder.path(), &good[..length]).is_empty(), "{length} of {} bytes", good.len());
         }
         // Where most bytes are masks without a bit, those that matter are at both ends.
-        for round in 0..600 {
+        for case in 0..600 {
             let mut bad = good.clone();
-            let at = match round % 3 {
+            let at = match case % 3 {
                 0 => random(1500),
                 1 => good.len() - 1 - random(7000),
                 _ => random(good.len()),

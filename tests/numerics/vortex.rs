@@ -143,7 +143,7 @@ pub(crate) fn velocity(vortons: &Vortons, kernel: Kernel, method: Method) -> Vec
 }
 
 /// √(Σ|a − b|²/Σ|b|²).
-pub(crate) fn apart<'a>(a: impl Iterator<Item = &'a f32>, b: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn relative_error<'a>(a: impl Iterator<Item = &'a f32>, b: impl Iterator<Item = f64>) -> f64 {
     let (missed, whole) = a
         .zip(b)
         .fold((0.0, 0.0), |(missed, whole), (&a, b)| (missed + (f64::from(a) - b).powi(2), whole + b * b));
@@ -157,12 +157,15 @@ pub(crate) fn errors(vortons: &Vortons, points: &[Vec3], kernel: Kernel, method:
     assert_eq!(find(Quantity::Velocity).velocity.len(), points.len());
     let exact: Vec<_> = points.iter().map(|x| exact(vortons, x.cast(), kernel)).collect();
     [
-        apart(potential.iter().flatten(), exact.iter().flat_map(|e| e.0.iter().copied().collect::<Vec<_>>())),
-        apart(
+        relative_error(
+            potential.iter().flatten(),
+            exact.iter().flat_map(|e| e.0.iter().copied().collect::<Vec<_>>()),
+        ),
+        relative_error(
             both.velocity.iter().flatten(),
             exact.iter().flat_map(|e| e.1.iter().copied().collect::<Vec<_>>()),
         ),
-        apart(
+        relative_error(
             both.gradient.iter().flatten(),
             exact.iter().flat_map(|e| e.2.iter().copied().collect::<Vec<_>>()),
         ),
@@ -211,8 +214,8 @@ fn kernels_are_what_their_vorticity_induces() {
 }
 
 #[test]
-fn the_texts_core_turns_the_wrong_way() {
-    // Its eq. 5 has A ∝ r² inside the core, where the ball has 3σ² − r² over two; beside a vorton along z, u_y = −∂A_z/∂x.
+fn the_core_of_gourlay19_rotates_in_the_opposite_sense() {
+    // Its eq. 5 has A ∝ r² inside the core, the ball (3σ² − r²)/2; next to a vorton along z, u_y = −∂A_z/∂x.
     let vorton = crate::vortex_extremes::vorton(Vec3::zeros(), Vec3::z() * 4.0 * std::f32::consts::PI, 1.0);
     let find = |x: f32, quantity| {
         let at = [Vec3::new(x, 0.0, 0.0)];
@@ -221,8 +224,11 @@ fn the_texts_core_turns_the_wrong_way() {
     let potential = |x: f32| find(x, Quantity::Potential).potential[0].z;
     let turns = find(0.5, Quantity::Velocity).velocity[0].y;
     let ball = -(potential(0.75) - potential(0.25)) / 0.5;
-    let text = -(0.75_f32.powi(2) - 0.25_f32.powi(2)) / 0.5;
-    assert!((ball / turns - 1.0).abs() < 1e-5 && (text / turns + 2.0).abs() < 1e-5, "{turns} {ball} {text}");
+    let gourlay19 = -(0.75_f32.powi(2) - 0.25_f32.powi(2)) / 0.5;
+    assert!(
+        (ball / turns - 1.0).abs() < 1e-5 && (gourlay19 / turns + 2.0).abs() < 1e-5,
+        "{turns} {ball} {gourlay19}"
+    );
 }
 
 #[test]
@@ -277,7 +283,7 @@ fn the_velocity_is_the_curl_of_the_potential_and_the_gradient_its_slope() {
 }
 
 #[test]
-fn the_tree_keeps_the_error_that_is_asked_for() {
+fn the_tree_keeps_the_requested_error() {
     for shape in [Shape::Ring, Shape::Cube, Shape::Sheet, Shape::Clusters] {
         let vortons = cloud(shape, 20_000, false);
         let mut last = f64::INFINITY;

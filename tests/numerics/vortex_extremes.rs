@@ -1,6 +1,6 @@
 //! What vortons induce at the ends of what they may be: few, in one place, on a line, far apart, of all sizes.
 
-use crate::vortex::{KERNELS, Shape, apart, cloud, velocity};
+use crate::vortex::{KERNELS, Shape, cloud, relative_error, velocity};
 use meniscus::{
     math::Vec3,
     sim::vortex::{Induced, Kernel, MIN_CORE, Method, OutOfRange, Quantity, Targets, Vortons, induced},
@@ -31,7 +31,7 @@ fn agree(name: &str, vortons: &Vortons, tolerance: f64) {
         (everything(name, vortons, Method::Direct), everything(name, vortons, Method::Tree { error: 1e-4 }));
     for (direct, tree) in direct.iter().zip(&tree) {
         for (direct, tree) in [(&direct.potential, &tree.potential), (&direct.velocity, &tree.velocity)] {
-            let error = apart(tree.iter().flatten(), direct.iter().flatten().map(|&c| f64::from(c)));
+            let error = relative_error(tree.iter().flatten(), direct.iter().flatten().map(|&c| f64::from(c)));
             assert!(error.is_nan() && tree == direct || error < tolerance, "{name}: {error}");
         }
     }
@@ -95,7 +95,7 @@ fn degenerate_clouds_are_summed() {
 }
 
 #[test]
-fn what_is_no_number_is_refused() {
+fn numbers_that_are_not_finite_are_refused() {
     let mut vortons = cloud(Shape::Cube, 10, false);
     vortons.strength[7].y = f32::NAN;
     let refused = |vortons: &Vortons, targets| {

@@ -1,7 +1,7 @@
-//! The lattice among the ways to sum what vortons induce: its solvers' orders, and the error it keeps.
+//! The grid sum of induced velocities: orders of its solvers, and the error it keeps.
 
 use crate::reference_vortex::{multigrid, paper_grid, paper_grid::Scheme};
-use crate::vortex::{KERNELS, Shape, apart, cloud, errors, noise};
+use crate::vortex::{KERNELS, Shape, cloud, errors, noise, relative_error};
 use meniscus::{
     math::Vec3,
     par,
@@ -25,14 +25,14 @@ fn nodes(grid: UniformGrid, mut f: impl FnMut([usize; 3])) {
 }
 
 /// A box of 1.2 m × 1.5 m × 0.9 m in cells of 0.3 m over `fine`.
-fn lattice_of(fine: usize) -> UniformGrid {
+fn grid_of(fine: usize) -> UniformGrid {
     let cells = [4, 5, 3].map(|n| n * fine);
     UniformGrid { low: Vec3::new(-0.3, 0.2, 5.0), spacing: 0.3 / fine as f32, cells }
 }
 
 /// The largest error of A on a box whose boundary is given, over the largest A, with ∇²A = −ω made by hand.
 fn error_of_solution(solve: fn(&mut VectorField), fine: usize) -> f64 {
-    let grid = lattice_of(fine);
+    let grid = grid_of(fine);
     let size = [1.2, 1.5, 0.9];
     // A product of sin³(πx/L), whose source is 0 on the boundary, and a harmonic function.
     let at = |node: [usize; 3]| {
@@ -122,7 +122,7 @@ fn a_length_of_factor_seven_is_refused() {
     error_of_solution(poisson, 7);
 }
 
-/// What a lattice reaches.
+/// The error of a grid sum, relative to the sum over pairs.
 fn reached(vortons: &Vortons, kernel: Kernel, error: f32) -> f64 {
     assert!(choose_grid(vortons, vortons.len(), kernel, error).is_some(), "the tree: {kernel:?} {error}");
     let method = Method::Grid { error };
@@ -131,7 +131,7 @@ fn reached(vortons: &Vortons, kernel: Kernel, error: f32) -> f64 {
 }
 
 #[test]
-fn the_lattice_keeps_the_error_that_is_asked_for() {
+fn the_grid_keeps_the_requested_error() {
     for shape in [Shape::Ring, Shape::Cube, Shape::Sheet, Shape::Clusters] {
         let vortons = cloud(shape, 30_000, false);
         let mut last = f64::INFINITY;
@@ -152,11 +152,11 @@ fn the_lattice_keeps_the_error_that_is_asked_for() {
 }
 
 #[test]
-fn every_kernel_and_uneven_cores_keep_the_error_on_a_lattice() {
+fn every_kernel_and_uneven_cores_keep_the_error_on_a_grid() {
     for kernel in KERNELS {
         for (uneven, shape) in [(false, Shape::Ring), (false, Shape::Cube), (true, Shape::Cube)] {
             let vortons = cloud(shape, if uneven { 40_000 } else { 12_000 }, uneven);
-            // Room for what Rosenhead and Moore's kernel spreads makes boxes of rings too large.
+            // The margin for Rosenhead and Moore's long tails makes boxes of rings too large.
             // And pairs of uneven Gaussians cost as much as all of few.
             let errors = match (shape, uneven) {
                 (Shape::Ring, _) => &[0.1, 0.03][..],
@@ -169,7 +169,7 @@ fn every_kernel_and_uneven_cores_keep_the_error_on_a_lattice() {
             }
         }
     }
-    // Here the lattice carries wider cores, and what pairs leave out of the difference adds up all around the ring.
+    // Here the grid has wider cores, and what pairs leave out of the difference adds up all around the ring.
     let vortons = cloud(Shape::Ring, 40_000, false);
     let found = reached(&vortons, Kernel::RosenheadMoore, 0.01);
     assert!(found < 0.01, "wider cores: {found}");
@@ -210,7 +210,7 @@ fn the_papers_grid_loses_accuracy_by_its_shares_and_differences() {
 }
 
 #[test]
-fn a_stray_costs_the_lattice_nothing() {
+fn a_stray_does_not_enlarge_the_grid() {
     let mut vortons = cloud(Shape::Cube, 12_000, false);
     let of = |vortons: &Vortons| choose_grid(vortons, vortons.len(), Kernel::Gaussian, 1e-2).unwrap();
     let alone = of(&vortons);
@@ -219,7 +219,7 @@ fn a_stray_costs_the_lattice_nothing() {
     vortons.core.extend([0.05; 2]);
     assert_eq!(of(&vortons), alone);
     assert!(reached(&vortons, Kernel::Gaussian, 1e-2) < 1e-2);
-    // The one beside the box is felt in it.
+    // The velocity of the stray next to the box is part of that in the box.
     let method = Method::Grid { error: 1e-2 };
     let at = vec![
         Vec3::new(0.95, 0.5, 0.5),
@@ -232,9 +232,9 @@ fn a_stray_costs_the_lattice_nothing() {
 }
 
 #[test]
-fn the_lattices_velocity_is_the_curl_of_its_potential() {
+fn the_grids_velocity_is_the_curl_of_its_potential() {
     let vortons = cloud(Shape::Cube, 12_000, false);
-    // Six points around each of many, so that a lattice pays.
+    // Six points around each of many, so that a grid pays.
     let (h, count) = (4e-3_f32, 2000);
     let middles: Vec<Vec3> =
         (0..count).map(|i| Vec3::from_fn(|k, _| 0.1 + 0.8 * noise(30 * i + k) as f32)).collect();
@@ -274,13 +274,15 @@ fn boundary_values_are_the_potential() {
     let exact =
         induced(&vortons, Targets::Points(&points), Quantity::Potential, Kernel::default(), Method::Direct);
     let found: Vec<Vec3> = at.iter().map(|&node| field.at(node)).collect();
-    let error =
-        apart(found.iter().flatten(), exact.unwrap().potential.iter().flatten().map(|&c| f64::from(c)));
+    let error = relative_error(
+        found.iter().flatten(),
+        exact.unwrap().potential.iter().flatten().map(|&c| f64::from(c)),
+    );
     assert!(error < 5e-4, "{error}");
 }
 
 #[test]
-fn threads_leave_no_trace_on_a_lattice() {
+fn a_grid_sum_does_not_depend_on_threads() {
     let vortons = cloud(Shape::Cube, 9000, true);
     let method = Method::Grid { error: 0.1 };
     let find = |threads| {
@@ -303,7 +305,7 @@ fn an_error_below_the_grids_range_is_refused() {
 #[test]
 fn one_solution_serves_vortons_and_points() {
     let vortons = cloud(Shape::Cube, 30_000, false);
-    // Inside the lattice, beside it and far off.
+    // Inside the grid, next to it and far off.
     let points: Vec<Vec3> = (0..600)
         .map(|i| Vec3::from_fn(|k, _| (if i < 500 { 2.4 } else { 40.0 }) * (noise(90 * i + k) as f32 - 0.5)))
         .collect();
@@ -315,12 +317,13 @@ fn one_solution_serves_vortons_and_points() {
     assert!(missed < 1e-3, "{missed}");
     let exact =
         induced(&vortons, Targets::Points(&points), Quantity::Velocity, kernel, Method::Direct).unwrap();
-    let missed = apart(along.iter().flatten(), exact.velocity.iter().flatten().map(|&v| f64::from(v)));
+    let missed =
+        relative_error(along.iter().flatten(), exact.velocity.iter().flatten().map(|&v| f64::from(v)));
     assert!(missed < 5e-3, "{missed}");
     // The gradient is that of a call of its own to the error of both, twelve times that of the velocity, and without points all is.
     let alone = induced(&vortons, Targets::Vortons, Quantity::VelocityAndGradient, kernel, method).unwrap();
     let gradient = alone.gradient.iter().flatten().map(|&v| f64::from(v));
-    let missed = apart(found.gradient.iter().flatten(), gradient);
+    let missed = relative_error(found.gradient.iter().flatten(), gradient);
     assert!(missed < 2e-2, "{missed}");
     let (none, nowhere) = induced_both(&vortons, Targets::Vortons, &[], kernel, method).unwrap();
     assert!(none == alone && nowhere.is_empty());

@@ -1,4 +1,4 @@
-//! Vortons at their limits: what comes out is finite and bounded, or says what is wrong.
+//! Vortons at their limits: results are finite and bounded, or the error names what is wrong.
 
 use super::*;
 use meniscus::sim::{
@@ -124,7 +124,7 @@ fn a_hundredfold_step_stays_finite_and_is_counted() {
 }
 
 #[test]
-fn what_is_no_number_stops_it_by_name() {
+fn numbers_that_are_not_finite_stop_it_by_name() {
     let stopped = |change: fn(&mut Flow)| -> Diverged {
         let mut flow = flow(direct(), &cloud(100), 1e-3);
         flow.retain(|i| i >= 10);
@@ -145,7 +145,7 @@ fn what_is_no_number_stops_it_by_name() {
     let stop =
         flow.advance(0.1, &mut tracers, &mut NoExternalEffects, &mut Unwatched).unwrap_err().to_string();
     assert!(stop.contains("particle 1 of the tracers"), "{stop}");
-    // So is a viscosity that would take for ever, and a vorton beyond the lattice.
+    // So does a viscosity that would take for ever, and a vorton beyond the grid.
     let viscosity = Some(Viscosity { nu: 1e9, scheme: ViscousScheme::Exchange, eddies: None });
     let mut thick = super::flow(FlowParams { viscosity, ..direct() }, &cloud(100), 1e-3);
     let stop = thick.advance(0.1, &mut [], &mut NoExternalEffects, &mut Unwatched).unwrap_err().to_string();

@@ -1,9 +1,9 @@
-//! Motion by velocities of a lattice.
+//! Motion by velocities of the grid sum.
 
 use super::*;
 use meniscus::sim::vortex::{Kernel, choose_grid};
 
-/// Lines of vortons around a circle, a body that a lattice serves.
+/// Lines of vortons around a circle, a body that fits on a grid.
 fn body(kernel: Kernel, error: f32) -> Vortons {
     let lines = (-6..=6).flat_map(|i| (-6..=6).map(move |j| (f64::from(i), f64::from(j))));
     let lines = lines.filter(|(i, j)| i * i + j * j < 37.0);
@@ -15,17 +15,20 @@ fn body(kernel: Kernel, error: f32) -> Vortons {
     body
 }
 
-/// How far vortons of two flows are apart, as a part of how far they came: root mean squares.
+/// Distance of the vortons of two flows over their displacement: RMS.
 fn missed(found: &Flow, exact: &Flow, start: &Vortons) -> f64 {
     let places = found.vortons.position.iter().zip(&exact.vortons.position).zip(&start.position);
-    let [missed, way] = places.fold([0.0, 0.0], |[missed, way], ((found, exact), start)| {
-        [missed + f64::from((found - exact).norm_squared()), way + f64::from((exact - start).norm_squared())]
+    let [missed, travelled] = places.fold([0.0, 0.0], |[missed, travelled], ((found, exact), start)| {
+        [
+            missed + f64::from((found - exact).norm_squared()),
+            travelled + f64::from((exact - start).norm_squared()),
+        ]
     });
-    (missed / way).sqrt()
+    (missed / travelled).sqrt()
 }
 
 #[test]
-fn a_flow_by_a_lattice_follows_one_by_all_pairs_within_its_error() {
+fn a_flow_by_the_grid_follows_one_by_all_pairs_within_its_error() {
     let start = body(Kernel::default(), 1e-3);
     let run = |sum, error| {
         // Steps of one length, so that only the sums differ.
@@ -37,28 +40,28 @@ fn a_flow_by_a_lattice_follows_one_by_all_pairs_within_its_error() {
         flow
     };
     let exact = run(Sum::Direct, 1e-3);
-    let apart: Vec<f64> = [1e-2, 1e-3]
+    let errors: Vec<f64> = [1e-2, 1e-3]
         .into_iter()
         .map(|error| {
             let found = run(Sum::Grid, error);
-            let apart = missed(&found, &exact, &start);
+            let found_error = missed(&found, &exact, &start);
             println!(
-                "{error}: {apart:.1e} of the way, sampled {:?}",
+                "{error}: {found_error:.1e} of the displacement, sampled {:?}",
                 found.account(Some(200)).unwrap().error
             );
-            assert!(apart < f64::from(error), "{error}: {apart}");
+            assert!(found_error < f64::from(error), "{error}: {found_error}");
             assert!(
                 found.account(Some(200)).unwrap().error.is_some_and(|sampled| sampled < f64::from(error))
             );
-            apart
+            found_error
         })
         .collect();
-    assert!(apart[1] < 0.5 * apart[0] && apart[0] > 0.0, "{apart:?}");
+    assert!(errors[1] < 0.5 * errors[0] && errors[0] > 0.0, "{errors:?}");
 }
 
 #[test]
-fn strays_cost_no_lattice_and_what_is_out_of_reach_is_named() {
-    // Strays a million radii off leave the lattice where the body is: the tree sums them.
+fn strays_do_not_enlarge_the_grid_and_vortons_out_of_range_are_named() {
+    // The grid leaves out strays a million radii off and surrounds the body: the tree sums them.
     let mut strayed = body(Kernel::default(), 1e-3);
     for x in [1e6, -3e5] {
         strayed.position.push(Vec3::new(x, 0.0, 1.0));
@@ -72,7 +75,7 @@ fn strays_cost_no_lattice_and_what_is_out_of_reach_is_named() {
     advance(&mut flow, 0.02);
     assert!(flow.account(Some(200)).unwrap().error.is_some_and(|sampled| sampled < 1e-3));
 
-    // A cloud that is thin everywhere would take too large a lattice: the tree sums it.
+    // A cloud that is thin everywhere would take too large a grid: the tree sums it.
     let thin: Vec<f64> = (0..3 * 4096).map(|i| 1e5 * noise(i)).collect();
     let mut thin = Vortons {
         position: thin.chunks(3).map(|x| Vector3::new(x[0], x[1], x[2]).cast()).collect(),
@@ -88,6 +91,9 @@ fn strays_cost_no_lattice_and_what_is_out_of_reach_is_named() {
     thin.position[17].x = 1e10;
     let mut lost = self::flow(params, &thin, 1e-6);
     let stop = lost.advance(0.01, &mut [], &mut NoExternalEffects, &mut Unwatched).unwrap_err();
-    let told = format!("{stop:?}");
-    assert!(told.contains("10000000000") && told.contains("beyond") && told.contains("17"), "{told}");
+    let message = format!("{stop:?}");
+    assert!(
+        message.contains("10000000000") && message.contains("beyond") && message.contains("17"),
+        "{message}"
+    );
 }

@@ -22,7 +22,7 @@ fn colliding() -> Vortons {
     both
 }
 
-fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     (Vector3::from(a) - Vector3::from(b)).norm()
 }
 
@@ -38,9 +38,9 @@ fn drift(params: FlowParams) -> [f64; 4] {
     }
     let after = flow.account(None).unwrap().invariants;
     [
-        apart(before.strength, after.strength) / size,
-        apart(before.impulse, after.impulse) / (0.5 * size),
-        apart(before.angular_impulse, after.angular_impulse) / (0.5 * size),
+        distance(before.strength, after.strength) / size,
+        distance(before.impulse, after.impulse) / (0.5 * size),
+        distance(before.angular_impulse, after.angular_impulse) / (0.5 * size),
         (after.energy / before.energy - 1.0).abs(),
     ]
 }

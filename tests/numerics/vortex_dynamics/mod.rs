@@ -3,7 +3,7 @@
 mod extremes;
 mod grid;
 mod invariants;
-mod lattice;
+mod remeshing;
 mod rings;
 mod sphere;
 mod viscosity;
@@ -61,7 +61,7 @@ fn ring(count: usize, radius: f64, z: f64, circulation: f64, core: f64) -> Vorto
     ring
 }
 
-/// The same and others.
+/// The vortons of both.
 fn joined(mut a: Vortons, b: &Vortons) -> Vortons {
     a.position.extend(&b.position);
     a.strength.extend(&b.strength);
@@ -80,8 +80,13 @@ fn center(vortons: &Vortons) -> f64 {
     moment / whole
 }
 
-/// Vortons on a lattice of `spacing` in a box of ± `half`, of the vorticity `omega` at each node; all-zero ones too.
-fn lattice(spacing: f64, half: [f64; 3], core: f64, omega: impl Fn(Vector3<f64>) -> Vector3<f64>) -> Vortons {
+/// Vortons on a seeding lattice of `spacing` in a box of ± `half`, of the vorticity `omega` at each node; all-zero ones too.
+fn seeding_lattice(
+    spacing: f64,
+    half: [f64; 3],
+    core: f64,
+    omega: impl Fn(Vector3<f64>) -> Vector3<f64>,
+) -> Vortons {
     let counts = half.map(|h| (h / spacing).round() as i32);
     let mut vortons = Vortons::default();
     for k in -counts[2]..=counts[2] {

@@ -2,10 +2,10 @@
 
 use super::*;
 
-/// Hill's vortex of radius 1 and speed 1: what is inside of each cell of a lattice, its strength integrated over 6³ parts.
+/// Hill's vortex of radius 1 and speed 1: in each cell of a seeding lattice, its strength integrated over 6³ parts.
 fn hill(spacing: f64, core: f64) -> Vortons {
     const PARTS: i32 = 6;
-    let mut vortons = lattice(spacing, [1.0 + spacing; 3], core, |_| Vector3::zeros());
+    let mut vortons = seeding_lattice(spacing, [1.0 + spacing; 3], core, |_| Vector3::zeros());
     for (x, strength) in vortons.position.iter().zip(&mut vortons.strength) {
         let mut sum = Vector3::zeros();
         for part in 0..PARTS.pow(3) {
@@ -37,10 +37,10 @@ fn exact(x: Vector3<f64>) -> Vector3<f64> {
     Vector3::new(1.5 * x.x * x.z, 1.5 * x.y * x.z, 1.0 + 1.5 * (1.0 - 2.0 * rho2 - x.z * x.z))
 }
 
-/// Outside, round cores do not show, and what is left is how well the lattice has the ball's moments.
+/// Outside, round cores do not show, and the error is that of the moments of the ball on the seeding lattice.
 #[test]
 fn hills_field_is_found_with_second_order_inside_and_with_fourth_outside() {
-    // Points in all directions, three cores of the coarsest lattice from the surface or more.
+    // Points in all directions, at least three cores of the coarsest seeding lattice from the surface.
     let at = |r: f64| {
         move |i: u32| {
             let (z, angle) = (f64::from(i) / 20.0 - 0.975, 2.4 * f64::from(i));

@@ -8,7 +8,7 @@ use meniscus::sim::vortex::{
 
 /// A column along z of length 7.875, ω ~ e^(−r²/a²), circulation 1; Gaussian cores add to a².
 fn column(spacing: f64, a: f64, core: f64) -> Vortons {
-    lattice(spacing, [1.25, 1.25, 3.875], core, |x| {
+    seeding_lattice(spacing, [1.25, 1.25, 3.875], core, |x| {
         Vector3::z() * ((-(x.x * x.x + x.y * x.y) / (a * a)).exp() / (PI * a * a))
     })
 }
@@ -53,7 +53,7 @@ fn spun_down(spacing: f64, scheme: ViscousScheme, remesh: Option<Remesh>) -> [f6
 
 #[test]
 fn a_vortex_spins_down_as_lamb_and_oseen_found() {
-    // A lattice of an eighth of a metre is 2.7 to the column's standard deviation.
+    // A seeding lattice of an eighth of a metre is 2.7 to the column's standard deviation.
     let [coarse, fine] = [1.0 / 6.0, 0.125].map(|spacing| spun_down(spacing, ViscousScheme::Exchange, None));
     assert!(fine[0] < 0.04 && fine[1] > 0.25, "exchange: {fine:?}");
     let order = (coarse[0] / fine[0]).ln() / (4.0_f64 / 3.0).ln();
@@ -66,13 +66,13 @@ fn a_vortex_spins_down_as_lamb_and_oseen_found() {
     assert!(error < 0.02 && change > 0.25, "spreading and dividing: {error} {change}");
 }
 
-/// A blob of vorticity e^(−r²/2a²) too weak to move, and its strengths' relative L2 error after diffusion.
+/// A blob of vorticity e^(−r²/2a²) of too little circulation to move, and its strengths' relative L2 error after diffusion.
 fn faded(spacing: f64, substeps: u32) -> f64 {
     let (a, nu, seconds) = (0.3_f64, 0.05, 0.5);
     let omega = |x: Vector3<f64>, variance: f64| {
         Vector3::z() * (1e-6 * (variance / (a * a)).powf(-1.5) * (-x.norm_squared() / (2.0 * variance)).exp())
     };
-    let vortons = lattice(spacing, [1.5; 3], 1.25 * spacing, |x| omega(x, a * a));
+    let vortons = seeding_lattice(spacing, [1.5; 3], 1.25 * spacing, |x| omega(x, a * a));
     let viscosity = Some(Viscosity { nu: nu as f32, scheme: ViscousScheme::Exchange, eddies: None });
     let mut flow = flow(FlowParams { viscosity, ..FlowParams::default() }, &vortons, spacing.powi(3) as f32);
     for _ in 0..substeps {
@@ -99,7 +99,7 @@ fn exchange_converges_with_second_order() {
 
 #[test]
 fn exchange_keeps_the_sum_of_strengths() {
-    // Too weak to stretch, which keeps ΣΓ only among equal cores.
+    // Too little circulation to stretch, which keeps ΣΓ only among equal cores.
     let mut vortons = cloud(4000);
     vortons.strength.iter_mut().for_each(|g| *g *= 1e-6);
     for (i, core) in vortons.core.iter_mut().enumerate() {
@@ -125,7 +125,7 @@ fn far_beyond_the_explicit_limit_rounds_keep_it_bounded() {
     // ν dt/s² = 10 in one substep.
     let (spacing, core) = (0.1, 0.125);
     let vortons =
-        lattice(spacing, [0.5; 3], core, |x| Vector3::x() * if x.norm() < 0.12 { 1e-6 } else { 0.0 });
+        seeding_lattice(spacing, [0.5; 3], core, |x| Vector3::x() * if x.norm() < 0.12 { 1e-6 } else { 0.0 });
     let largest = |flow: &Flow| flow.vortons.strength.iter().map(|g| g.norm()).fold(0.0, f32::max);
     let seconds = 1.0;
     let nu = (10.0 * core * core / seconds) as f32;
@@ -135,7 +135,7 @@ fn far_beyond_the_explicit_limit_rounds_keep_it_bounded() {
     let report = advance(&mut flow, seconds);
     assert!(report.substeps == 1 && (15..30).contains(&report.exchanges), "{report:?}");
     assert!(largest(&flow) < before && flow.vortons.strength.iter().all(|g| g.x >= 0.0));
-    // None is handed around at all.
+    // None is redistributed at all.
     let mut frozen = Flow { params: FlowParams::default(), ..flow.clone() };
     flow.params.viscosity = Some(Viscosity { nu: 0.0, scheme: ViscousScheme::Exchange, eddies: None });
     assert_eq!((advance(&mut flow, seconds).exchanges, advance(&mut frozen, seconds).exchanges), (0, 0));

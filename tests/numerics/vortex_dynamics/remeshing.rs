@@ -1,4 +1,4 @@
-//! Remeshing: what it keeps, and when it is done.
+//! Remeshing: invariants, and when it happens.
 
 use super::*;
 use meniscus::sim::vortex::{
@@ -19,9 +19,9 @@ fn moments(vortons: &Vortons) -> [Vector3<f64>; 3] {
     sums
 }
 
-/// Cloud, cores as the lattice's, and none weak.
-fn remesh(weak: f32) -> Remesh {
-    Remesh { weak, ..Remesh::of(0.1) }
+/// Remeshing of a cloud, with the grid's cores, that redistributes vortons below a part of the circulation.
+fn remesh(min_circulation: f32) -> Remesh {
+    Remesh { weak: min_circulation, ..Remesh::of(0.1) }
 }
 
 #[test]
@@ -30,8 +30,8 @@ fn remeshing_keeps_strength_impulse_and_angular_impulse() {
     vortons.core.fill(0.15);
     let size: f64 = vortons.strength.iter().map(|g| f64::from(g.norm())).sum();
     let before = moments(&vortons);
-    let remeshed = |vortons: &Vortons, weak: f32| {
-        let mut flow = flow(FlowParams { remesh: Some(remesh(weak)), ..direct() }, vortons, 1e-3);
+    let remeshed = |vortons: &Vortons, min_circulation: f32| {
+        let mut flow = flow(FlowParams { remesh: Some(remesh(min_circulation)), ..direct() }, vortons, 1e-3);
         let report = flow.remesh(0, &|_| Medium::Air).unwrap();
         assert_eq!(report.after as usize, flow.vortons.len());
         assert!(flow.id.iter().all(|&id| (2000..flow.next_id).contains(&id)), "new ones, new numbers");
@@ -44,7 +44,7 @@ fn remeshing_keeps_strength_impulse_and_angular_impulse() {
     // What had divergence had second moments of its own.
     assert!(drift(&after, 2) < 0.01, "{}", drift(&after, 2));
     assert_eq!((report.before, report.removed), (2000, 0));
-    // Weak ones hand on strength and impulse; of the second moments they lose little.
+    // Low-circulation vortons redistribute strength and impulse; of the second moments they lose little.
     let (after, thinned) = remeshed(&vortons, 1e-2);
     assert!(drift(&after, 0) < 1e-6 && drift(&after, 1) < 1e-6 && drift(&after, 2) < 0.01, "{after:?}");
     assert!(thinned.removed > report.after / 20, "{thinned:?}");
@@ -60,7 +60,7 @@ fn divided_cores_leave_the_velocity_as_it_was() {
     for kernel in [Kernel::Gaussian, Kernel::WinckelmansLeonard] {
         let spacing = 0.1;
         let omega = |x: Vector3<f64>| Vector3::new(-x.y, x.x, 0.0) * (-x.norm_squared() / 0.18).exp();
-        let vortons = lattice(spacing, [1.2; 3], 0.25, omega);
+        let vortons = seeding_lattice(spacing, [1.2; 3], 0.25, omega);
         let points: Vec<Vec3> =
             (0..200).map(|i| Vec3::from_fn(|k, _| 1.6 * noise(3 * i + k) as f32 - 0.8)).collect();
         let wanted = Some(Remesh { weak: 0.0, ..remesh(0.0) });
@@ -76,22 +76,23 @@ fn divided_cores_leave_the_velocity_as_it_was() {
 }
 
 #[test]
-fn the_overlap_of_a_lattice_is_its_cores_over_its_spacing() {
-    let body = lattice(0.1, [0.8; 3], 0.15, |_| Vector3::z());
+fn the_overlap_on_a_seeding_lattice_is_its_cores_over_its_spacing() {
+    let body = seeding_lattice(0.1, [0.8; 3], 0.15, |_| Vector3::z());
     let flow = flow(direct(), &body, 1e-3);
     let overlap = flow.overlap();
     let middle = flow.vortons.position.iter().position(|x| x.norm() < 1e-3).unwrap();
     assert!((overlap[middle] - 1.5).abs() < 0.01, "{}", overlap[middle]);
-    let least = overlap.iter().copied().fold(f32::INFINITY, f32::min);
-    assert!((0.7..1.2).contains(&least), "a corner has an eighth: {least}");
+    let smallest = overlap.iter().copied().fold(f32::INFINITY, f32::min);
+    assert!((0.7..1.2).contains(&smallest), "a corner has an eighth: {smallest}");
 }
 
 #[test]
-fn lost_overlap_calls_for_a_lattice_and_a_lattice_for_nothing() {
+fn lost_overlap_is_remeshed_and_kept_overlap_is_not() {
     let wanted = remesh(1e-3);
     let params = FlowParams { remesh: Some(wanted), ..direct() };
     let smooth = |stretch: f32| {
-        let mut body = lattice(0.1, [0.8; 3], 0.15, |x| Vector3::z() * (-x.norm_squared() * 8.0).exp());
+        let mut body =
+            seeding_lattice(0.1, [0.8; 3], 0.15, |x| Vector3::z() * (-x.norm_squared() * 8.0).exp());
         body.position.iter_mut().for_each(|x| *x *= stretch);
         body
     };
@@ -107,9 +108,9 @@ fn lost_overlap_calls_for_a_lattice_and_a_lattice_for_nothing() {
     assert_eq!(
         flow(direct(), &smooth(2.0), 1e-3).remesh_if_needed(0, &|_| Medium::Air).unwrap(),
         None,
-        "not asked for"
+        "not requested"
     );
-    // Grown cores too.
+    // Grown cores.
     let viscosity = Some(Viscosity { nu: 0.01, scheme: ViscousScheme::Spreading, eddies: None });
     let kernel = Kernel::Gaussian;
     let mut growing = flow(FlowParams { kernel, viscosity, ..params }, &smooth(1e-0), 1e-3);
@@ -124,15 +125,15 @@ fn turbulence() -> Vortons {
     let waves: Vec<[Vector3<f64>; 2]> = (0..12)
         .map(|w| {
             let of = |k: usize| Vector3::from_fn(|axis, _| 2.0 * noise(100 * w + 10 * k + axis) - 1.0);
-            let way = of(0).normalize() * (2.0 * PI / 0.45);
-            [way, way.cross(&of(1)).normalize() * 4.0]
+            let wave = of(0).normalize() * (2.0 * PI / 0.45);
+            [wave, wave.cross(&of(1)).normalize() * 4.0]
         })
         .collect();
-    lattice(0.1, [0.5; 3], 0.15, |x| waves.iter().map(|[way, size]| size * way.dot(&x).sin()).sum())
+    seeding_lattice(0.1, [0.5; 3], 0.15, |x| waves.iter().map(|[wave, size]| size * wave.dot(&x).sin()).sum())
 }
 
 #[test]
-fn turbulence_on_a_lattice_gains_no_energy() {
+fn turbulence_that_is_remeshed_gains_no_energy() {
     for strain in [0.5, 3.0] {
         let wanted = Remesh { strain, ..Remesh::of(0.1) };
         let params = FlowParams { remesh: Some(wanted), ..FlowParams::default() };
@@ -140,16 +141,20 @@ fn turbulence_on_a_lattice_gains_no_energy() {
         flow.remesh(0, &|_| Medium::Air).unwrap();
         let energy = |flow: &Flow| flow.account(None).unwrap().invariants.energy;
         let (before, count) = (energy(&flow), flow.vortons.len());
-        let (mut most, mut divergence, mut lattices) = (0.0_f64, 0.0_f64, 0);
+        let (mut largest, mut divergence, mut remeshings) = (0.0_f64, 0.0_f64, 0);
         for _ in 0..30 {
             let report = advance(&mut flow, 0.05);
-            most = most.max(energy(&flow) / before);
-            lattices += report.remeshed;
+            largest = largest.max(energy(&flow) / before);
+            remeshings += report.remeshed;
             divergence = divergence.max(report.remesh.map_or(0.0, |remesh| remesh.divergence));
         }
-        assert!(lattices >= 4, "{lattices}");
+        assert!(remeshings >= 4, "{remeshings}");
         // Without taking out divergence it is 1.7e9 after a strain of 0.5.
-        assert!(most < 1.05 && energy(&flow) > 0.5 * before, "{strain}: {most} {}", energy(&flow) / before);
+        assert!(
+            largest < 1.05 && energy(&flow) > 0.5 * before,
+            "{strain}: {largest} {}",
+            energy(&flow) / before
+        );
         assert!(divergence < 0.5 && flow.vortons.len() < 4 * count, "{divergence} {}", flow.vortons.len());
     }
 }
@@ -173,10 +178,10 @@ fn eddies_too_fine_for_the_vortons_take_energy() {
     assert!(grown < 0.99 * free && (1.02..1.3).contains(&(wide / core)), "{free} {grown} {wide} {core}");
 }
 
-/// A ring with a core, as vortons on a lattice.
+/// A ring with a core, as vortons on a seeding lattice.
 fn thick_ring(z: f64, circulation: f64) -> Vortons {
     let (radius, thickness) = (0.5, 0.12);
-    let mut ring = lattice(0.06, [0.9, 0.9, 0.36], 0.09, |x| {
+    let mut ring = seeding_lattice(0.06, [0.9, 0.9, 0.36], 0.09, |x| {
         let r = x.xy().norm();
         let off2 = (r - radius).powi(2) + x.z * x.z;
         let omega = circulation / (PI * thickness * thickness) * (-off2 / (thickness * thickness)).exp();
@@ -187,27 +192,27 @@ fn thick_ring(z: f64, circulation: f64) -> Vortons {
 }
 
 #[test]
-fn a_ring_that_travels_over_thirty_lattices_leaves_no_haze() {
+fn a_ring_that_travels_over_thirty_remeshings_leaves_no_haze() {
     let params =
         FlowParams { remesh: Some(Remesh { strain: 0.5, ..Remesh::of(0.06) }), ..FlowParams::default() };
-    // Far off in what is far weaker nothing moves, but it stays.
+    // A ring of much less circulation far off does not move, but it stays.
     let both = joined(thick_ring(0.0, 1.0), &thick_ring(18.0, 1e-4));
     let mut flow = flow(params, &both, 0.06_f32.powi(3));
     let report = flow.remesh(0, &|_| Medium::Air).unwrap();
-    let weak = |flow: &Flow| {
+    let low = |flow: &Flow| {
         let far = flow.vortons.position.iter().zip(&flow.vortons.strength).filter(|(x, _)| x.z > 15.0);
         far.map(|(_, g)| f64::from(g.norm())).sum::<f64>()
     };
-    let (size, strength) = (weak(&flow), flow.account(None).unwrap().invariants);
-    let (mut lattices, mut lost) = (0, 0.0);
-    while lattices < 30 {
+    let (size, strength) = (low(&flow), flow.account(None).unwrap().invariants);
+    let (mut remeshings, mut lost) = (0, 0.0);
+    while remeshings < 30 {
         let report = advance(&mut flow, 0.1);
-        lattices += report.remeshed;
+        remeshings += report.remeshed;
         lost += report.remesh.map_or(0.0, |remesh| remesh.lost_impulse);
     }
     let count = flow.vortons.len() as f64 / f64::from(report.after);
     assert!(count < 2.5, "{count} times as many");
-    assert!((weak(&flow) / size - 1.0).abs() < 0.01, "{} {size}", weak(&flow));
+    assert!((low(&flow) / size - 1.0).abs() < 0.01, "{} {size}", low(&flow));
     let after = flow.account(None).unwrap().invariants;
     let drift = (Vector3::from(after.impulse) - Vector3::from(strength.impulse)).norm();
     assert!(drift < 0.02 * Vector3::from(strength.impulse).norm() && lost < 1e-6, "{drift} {lost}");
