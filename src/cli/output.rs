@@ -1,7 +1,7 @@
 //! What the command line prints: results on stdout, reports and errors on stderr.
 
 use super::args::ProgressStyle;
-use crate::{preset::SceneError, run::RunError};
+use crate::{preset::SceneError, run::RunError, sim::ElementCount};
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 
 /// Prints a line on stderr; write errors on a closed stderr are ignored.
@@ -25,6 +25,17 @@ pub(super) fn report_error(why: &RunError, style: ProgressStyle) {
         RunError::Interrupted => print_line(&why.to_string()),
         other => print_line(&format!("error: {other}")),
     }
+}
+
+/// The numbers of a system's elements.
+pub(super) fn counts(counts: &[ElementCount]) -> String {
+    let count = |count: &ElementCount| match count {
+        ElementCount { name, start, end, .. } if start == end => format!("{start:.0} {name}"),
+        ElementCount { name, start, end, .. } => {
+            format!("{start:.0} {name} at the start, about {end:.0} at the end")
+        }
+    };
+    counts.iter().map(count).collect::<Vec<_>>().join("; ")
 }
 
 fn one_line(text: &str) -> String {

@@ -2,7 +2,7 @@
 
 use super::{
     args::{ShotArgs, Tier},
-    output::print,
+    output::{counts, print},
 };
 use crate::{
     run::{
@@ -102,25 +102,19 @@ pub(super) fn quality(tier: Tier) -> Quality {
     }
 }
 
-/// How much there is at the start, a line a system.
-fn counts(scene: &Scene, outline: &Outline) -> String {
-    let liquid = scene.liquid.as_ref().map(|_| format!("particles  {}\n", outline.particles));
-    let smoke = outline.smoke.map(|[vortons, tracers]| {
-        format!("smoke      {vortons} vortons and {tracers} tracers at the start\n")
-    });
-    let sheets = (outline.points > 0).then(|| format!("sheets     {} points\n", outline.points));
-    [liquid, smoke, sheets].into_iter().flatten().collect()
-}
-
+/// What a dry run prints.
 fn describe(scene: &Scene, selection: &Frames, outline: &Outline) -> Result<(), RunError> {
-    print(&format!(
-        "{}\nframes     {selection} at {} fps\n{}passes     {}\nmemory     at most about {:.0} MiB\n\
-         time       `meniscus plan` estimates it, and the disk space",
-        scene.title,
-        scene.fps,
-        counts(scene, outline),
-        outline.passes.join(", "),
-        outline.memory as f64 / f64::from(1 << 20),
-    ))?;
-    outline.remarks.iter().try_for_each(|remark| print(&format!("note       {remark}")))
+    let mut lines = vec![scene.title.clone()];
+    let mut row = |name: &str, text: String| lines.push(format!("{name:<10} {text}"));
+    row("frames", format!("{selection} at {} fps", scene.fps));
+    for (system, elements) in outline.counts.iter().filter(|(_, elements)| !elements.is_empty()) {
+        row(system, counts(elements));
+    }
+    row("passes", outline.passes.join(", "));
+    row("memory", format!("at most about {:.0} MiB", outline.memory as f64 / f64::from(1 << 20)));
+    row("time", "`meniscus plan` estimates it, and the disk space".into());
+    for remark in &outline.remarks {
+        row("note", remark.clone());
+    }
+    print(&lines.join("\n"))
 }

@@ -15,6 +15,6 @@ pub(crate) mod usage;
 pub use error::{FailedFrame, Failure, RunError};
 pub use folder::ShotFolder;
 pub use manifest::{FrameSpan, Manifest, OutputFiles};
-pub use report::{Control, Reporter};
+pub use report::{Control, Reporter, Silent};
 pub(crate) use report::{Progress, nonzero};
 pub use summary::Total;

@@ -23,6 +23,19 @@ pub trait Reporter: Sync {
     fn stop(&self);
 }
 
+/// Reports nothing.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Reporter for Silent {
+    fn begin(&self, _job: &str, _frames: usize) {}
+    fn progress(&self, _frames_done: f64) {}
+    fn frame(&self, _figures: &str) {}
+    fn note(&self, _text: &str) {}
+    fn end(&self) {}
+    fn stop(&self) {}
+}
+
 /// How a job talks to whoever started it.
 #[derive(Clone, Copy)]
 pub struct Control<'a> {

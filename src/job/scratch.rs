@@ -2,7 +2,7 @@
 
 use super::{RunError, ShotFolder};
 use std::{
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::atomic::{AtomicU32, Ordering},
 };
 
@@ -25,9 +25,14 @@ impl Scratch {
         Ok(Self { path })
     }
 
-    /// Where it is.
-    pub(crate) fn path(&self) -> &Path {
-        &self.path
+    /// A shot folder in it, with an empty cache.
+    ///
+    /// # Errors
+    /// If the cache cannot be made.
+    pub(crate) fn shot(&self) -> Result<ShotFolder, RunError> {
+        let shot = ShotFolder::new(&self.path);
+        ShotFolder::create(&shot.cache())?;
+        Ok(shot)
     }
 }
 

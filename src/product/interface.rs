@@ -5,15 +5,14 @@
 
 use super::request::{ProductInfo, ProductRequest, ProductSettings};
 use crate::{
-    frame::{Frame, StreamKind},
+    frame::{Stream, StreamKind},
     job::{
         Control, RunError, ShotFolder,
         batch::{BatchSummary, ProductFolder},
     },
     preset::{check::Places, problem::Finding},
-    sim::{scene::Scene, tradeoff::Subject},
+    sim::tradeoff::Subject,
 };
-use std::path::Path;
 
 /// Something that is made of frames, as jobs see it.
 pub(crate) trait Product: ProductFolder {
@@ -46,19 +45,12 @@ pub(crate) trait Product: ProductFolder {
     /// cannot be made of the input.
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError>;
 
-    /// Makes what settings request of a single frame in `folder`, and returns its time [s] and size [bytes]; `None` if that is nothing,
-    /// or not to be tried alone.
-    ///
-    /// # Errors
-    /// Whatever stops the making.
-    fn try_frame(
-        &self,
-        _: &Scene,
-        _: &Frame,
-        _folder: &Path,
-        _: Control,
-    ) -> Result<Option<(f64, u64)>, RunError> {
-        Ok(None)
+    /// The largest memory that making it of a stream of so many entries was seen to take [bytes].
+    fn max_memory(&self, settings: &ProductSettings, kind: StreamKind, entries: usize) -> f64;
+
+    /// The memory that making it of a stream takes, from which `triangles` were made [bytes].
+    fn stream_memory(&self, settings: &ProductSettings, stream: &Stream, _triangles: u64) -> f64 {
+        self.max_memory(settings, stream.kind, stream.len())
     }
 
     /// What `tradeoff` compares of it; `None`: nothing.

@@ -6,23 +6,12 @@ use crate::{
     export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
     frame::{Frame, FrameIndex, Stream, StreamKind},
     job::{
-        Control, Reporter, ShotFolder,
+        Control, ShotFolder, Silent,
         batch::{BatchRequest, Source},
     },
     math::Vec3,
     sim::scene::Output,
 };
-
-struct Silent;
-
-impl Reporter for Silent {
-    fn begin(&self, _job: &str, _frames: usize) {}
-    fn progress(&self, _frames_done: f64) {}
-    fn frame(&self, _figures: &str) {}
-    fn note(&self, _text: &str) {}
-    fn end(&self) {}
-    fn stop(&self) {}
-}
 
 /// A ball of particles 0.1 m apart.
 fn ball(name: &str, kind: StreamKind) -> Stream {

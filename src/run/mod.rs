@@ -11,7 +11,7 @@ mod solids;
 mod stale;
 pub(crate) mod tradeoff;
 
-use crate::job::{scratch, usage};
+use crate::job::usage;
 pub use crate::{
     job::{
         Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, Reporter, RunError, ShotFolder,

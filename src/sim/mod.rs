@@ -8,6 +8,7 @@ pub const STATE_VERSION: u32 = 11;
 
 mod clock;
 pub mod coupling;
+pub(crate) mod forecast;
 pub mod liquid;
 mod observe;
 mod record;
@@ -26,6 +27,7 @@ pub mod vortex;
 
 pub use crate::control::{Diverged, Stop, Unwatched, Watch};
 pub use clock::Seconds;
+pub use forecast::{ElementCount, ProductForecast, SystemForecast};
 pub use observe::Observable;
 pub use record::{FrameRecord, SeedReport};
 pub use setup::{SetupError, World};

@@ -3,7 +3,7 @@
 use super::{
     Observable, SetupError, Systems,
     coupling::Coupling,
-    liquid::LiquidParams,
+    liquid::{self, LiquidParams},
     sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
     smoke::{self, Smoke, SmokeParams},
 };
@@ -135,6 +135,19 @@ impl Scene {
             SheetsParams { sheet: self.sheet.clone(), common: self.sheets.clone().unwrap_or_default() };
         let sheets = (!self.sheet.is_empty()).then_some(Shot { params, fps, first });
         Systems { liquid: self.liquid.clone(), smoke, sheets, couplings: self.coupling.clone() }
+    }
+
+    /// The scene with no system but its smoke.
+    pub(in crate::sim) fn smoke_alone(&self) -> Self {
+        Self { liquid: None, sheet: Vec::new(), sheets: None, coupling: Vec::new(), ..self.clone() }
+    }
+
+    /// The liquid, and the sheets that share its substeps because they are coupled with it.
+    pub(in crate::sim) fn systems_sharing_substeps(&self) -> Systems {
+        let Systems { liquid, sheets, mut couplings, .. } = self.systems();
+        couplings.retain(|coupling| coupling.between.iter().any(|side| side == liquid::NAME));
+        let sheets = sheets.filter(|_| liquid.is_some() && !couplings.is_empty());
+        Systems { liquid, smoke: None, sheets, couplings }
     }
 
     /// Time from the first to the last frame [s].

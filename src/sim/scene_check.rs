@@ -22,18 +22,13 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         system.check(scene, places, &mut findings);
     }
     if !ALL.iter().any(|system| system.is_present(scene)) {
-        findings.push(
-            Finding::new(
-                places.of(""),
-                "liquid",
-                "the preset names nothing to simulate",
-                "no `[liquid]`, no `[smoke]` and no `[[sheet]]` in this preset",
-            )
-            .with_help(
-                "add a `[liquid]` table with a `spacing` and at least one `[[liquid.source]]`, or a `[smoke]` table with a \
-                 `spacing` and a `[[smoke.ring]]`, or a `[[sheet]]` with a `shape`",
-            ),
-        );
+        let tables: Vec<_> = ALL.iter().filter_map(|system| system.preset_table()).collect();
+        let names: Vec<String> = tables.iter().map(|(table, _)| format!("no `{table}`")).collect();
+        let examples: Vec<String> =
+            tables.iter().map(|(table, content)| format!("a `{table}` table with {content}")).collect();
+        let label = format!("{} in this preset", names.join(", "));
+        let finding = Finding::new(places.of(""), "", "the preset names nothing to simulate", label);
+        findings.push(finding.with_help(format!("add {}", examples.join(", or "))));
     }
     findings
 }

@@ -56,9 +56,9 @@ fn absent(keys: &[Key], values: &Json, path: &str, found: &mut Vec<String>) {
     }
 }
 
-/// Whether the table adds a pass, and is no system of its own.
+/// Whether the table adds a pass, as those of a system do; tables of the scene itself are systems or none.
 fn has_a_pass(path: &str) -> bool {
-    !["tradeoff", "liquid", "smoke", "sheets"].contains(&path)
+    path.contains('.')
 }
 
 #[cfg(test)]

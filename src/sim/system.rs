@@ -4,6 +4,7 @@
 //! scenes and the command line name no system; they loop over [`ALL`](super::registry::ALL).
 
 use super::{
+    forecast::{ElementCount, ForecastJob, SystemForecast},
     record::{FrameRecord, SeedReport},
     scene::Scene,
     tradeoff::Subject,
@@ -18,6 +19,14 @@ use crate::{
 
 /// A simulated system, as jobs see it.
 pub(crate) trait System: Sync {
+    /// Its name in presets and reports.
+    fn name(&self) -> &'static str;
+
+    /// The table of presets that adds the system, and what it holds at least; `None`: it needs another system.
+    fn preset_table(&self) -> Option<(&'static str, &'static str)> {
+        None
+    }
+
     /// Whether the preset names the system.
     fn is_present(&self, scene: &Scene) -> bool;
 
@@ -53,6 +62,29 @@ pub(crate) trait System: Sync {
     /// If a file cannot be read, or the system cannot be simulated.
     fn finish_meshes(&self, _scene: &mut Scene) -> Result<(), RunError> {
         Ok(())
+    }
+
+    /// The numbers of its elements, with a bound of those at the shot's end.
+    fn counts(&self, _scene: &Scene, _seeds: &SeedReport) -> Vec<ElementCount> {
+        Vec::new()
+    }
+
+    /// Memory of simulating so many elements, without that of the program and of sampled meshes [bytes].
+    fn memory(&self, _scene: &Scene, _counts: &[ElementCount]) -> f64 {
+        0.0
+    }
+
+    /// Memory that seeding takes at least, known before it starts [bytes].
+    fn seeding_memory(&self, _scene: &Scene) -> f64 {
+        0.0
+    }
+
+    /// Forecasts what the system and the products of its frames need, by calibration; `None`: nothing of its own.
+    ///
+    /// # Errors
+    /// If the system cannot start, diverges in its first frame or needs too much memory; if cancelled.
+    fn forecast(&self, _job: &ForecastJob) -> Result<Option<SystemForecast>, RunError> {
+        Ok(None)
     }
 
     /// What seeding left out or could not do, as warnings.

@@ -17,6 +17,11 @@ pub(crate) type Imports = BTreeMap<String, BTreeSet<String>>;
 
 /// The text without comments, string literals and the tests at its end.
 pub(crate) fn code(text: &str) -> String {
+    strip(text, false)
+}
+
+/// The text without comments and the tests at its end; string literals are kept on request, without escapes.
+pub(crate) fn strip(text: &str, keeps_literals: bool) -> String {
     let text = text.find("#[cfg(test)]\nmod tests {").map_or(text, |end| &text[..end]);
     let bytes: Vec<char> = text.chars().collect();
     let (mut out, mut i) = (String::new(), 0);
@@ -29,11 +34,15 @@ pub(crate) fn code(text: &str) -> String {
             }
             ('"', _) => {
                 i += 1;
+                out.push('"');
                 while i < bytes.len() && bytes[i] != '"' {
+                    if keeps_literals && bytes[i] != '\\' {
+                        out.push(bytes[i]);
+                    }
                     i += if bytes[i] == '\\' { 2 } else { 1 };
                 }
                 i += 1;
-                out.push_str("\"\"");
+                out.push('"');
             }
             // A quotation mark as a character would open a string.
             ('\'', Some('"')) if bytes.get(i + 2) == Some(&'\'') => i += 3,

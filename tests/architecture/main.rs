@@ -4,6 +4,7 @@
 //! `simd` is unsafe. What `ARCHITECTURE.md` names exists, and it names every module.
 
 mod imports;
+mod names;
 
 use imports::{Sources, code, cycles, imports};
 use std::{
@@ -51,6 +52,34 @@ fn a_circle_of_imports_is_found_through_re_exports() {
     };
     assert_eq!(planted("src/a/c.rs", "use super::B;\n"), [["src/a/b.rs", "src/a/c.rs"]]);
     assert_eq!(planted("src/a/b.rs", "use crate::x::Y;\n"), [["src/a/b.rs", "src/a/d.rs", "src/x.rs"]]);
+}
+
+#[test]
+fn systems_and_products_are_named_in_their_folders_and_the_composition_alone() {
+    assert_eq!(names::named_outside(&sources()), Vec::<String>::new());
+    assert_eq!(names::needless_exceptions(&sources()), Vec::<&str>::new());
+}
+
+#[test]
+fn a_system_named_elsewhere_is_found() {
+    let planted = |path: &str, text: &str| {
+        let mut sources = sources();
+        sources.insert(path.into(), text.into());
+        names::named_outside(&sources)
+    };
+    let words =
+        |found: &[&str]| found.iter().map(|word| format!("src/job/planted.rs: {word}")).collect::<Vec<_>>();
+    let job = |text: &str| planted("src/job/planted.rs", text);
+    assert_eq!(job("fn f(scene: &Scene) { scene.liquid.is_some() }"), words(&["liquid"]));
+    assert_eq!(job("struct SmokeReport; fn sheet_count() {}"), words(&["Smoke", "sheet"]));
+    assert_eq!(job("stream.name == \"liquid\" || key == \"smoke.spacing\""), words(&["liquid", "smoke"]));
+    assert_eq!(job("make(SurfaceMesh)"), words(&["SurfaceMesh"]));
+    assert_eq!(job("// smoke\nlet text = \"no liquid in this shot\"; surface_mesh()"), words(&[]));
+    assert_eq!(
+        planted("src/sim/sheet/planted.rs", "fn f() { smoke() }"),
+        ["src/sim/sheet/planted.rs: smoke"]
+    );
+    assert_eq!(planted("src/sim/coupling/planted.rs", "fn f() { smoke(sheets(), liquid()) }"), words(&[]));
 }
 
 #[test]

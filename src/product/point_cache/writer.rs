@@ -13,13 +13,14 @@ use crate::{
     job::{
         Control, FailedFrame, Failure, FrameSpan, OutputFiles, RunError, ShotFolder,
         batch::{BatchRequest, BatchSummary, Ledger, ProductFolder, Source},
+        memory::BASE_MEMORY,
     },
     math::Vec3,
     mesh::Mesh,
     product::{
         interface::Product,
         request::{ProductRequest, ProductSettings},
-        sheet_mesh::{MISSING_PARTS, SHEET_VERSION, sheet_mesh},
+        sheet_mesh::{MISSING_PARTS, POINT_BYTES, SHEET_VERSION, sheet_mesh},
     },
 };
 use std::{collections::BTreeMap, path::PathBuf};
@@ -62,6 +63,10 @@ impl Product for PointCache {
 
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         Some(("output.sheet", "sheet = [\"pc2\"]"))
+    }
+
+    fn max_memory(&self, _: &ProductSettings, _: StreamKind, points: usize) -> f64 {
+        BASE_MEMORY + points as f64 * POINT_BYTES
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {

@@ -77,6 +77,10 @@ impl Product for TracerPoints {
         settings.points
     }
 
+    fn max_memory(&self, _: &ProductSettings, _: StreamKind, tracers: usize) -> f64 {
+        BASE_MEMORY + tracers as f64 * TRACER_BYTES
+    }
+
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
         let smoke = request.scene.and_then(Surroundings::of);
         points(request.frames()?, request.out, smoke, request.batch, control)

@@ -23,7 +23,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Memory of writing the mesh of a sheet [bytes/point]: 360 to 410 were measured with the simulation's own on grids of
 /// 160 000 and a million points.
-const POINT_BYTES: f64 = 410.0;
+pub(in crate::product) const POINT_BYTES: f64 = 410.0;
 
 /// Writes the sheets of the frames of `source` to `out`, a mesh a frame in each of the formats.
 ///
@@ -73,6 +73,10 @@ impl Product for SheetMesh {
 
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         Some(("output.sheet", "sheet = [\"ply\"]"))
+    }
+
+    fn max_memory(&self, _: &ProductSettings, _: StreamKind, points: usize) -> f64 {
+        BASE_MEMORY + points as f64 * POINT_BYTES
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {

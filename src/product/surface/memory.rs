@@ -73,10 +73,9 @@ pub(crate) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParam
     if bound <= enough {
         return bound;
     }
-    let SurfaceParams { voxel, kernel_radius, .. } = *params;
-    let density = DensityParams { spacing, kernel_radius, voxel, anisotropy: None, whole: false };
+    let density = density_params(spacing, params);
     // Surfacing samples the density on coarse bricks first: if those do not fit, nothing does.
-    let coarse = SurfaceParams { voxel: voxel * coarse_step(&density) as f32, ..params.clone() };
+    let coarse = SurfaceParams { voxel: params.voxel * coarse_step(&density) as f32, ..params.clone() };
     let coarse = bricks_around(positions, spacing, &coarse) * BRICK_NODES * size_of::<f32>();
     if coarse as u64 > enough {
         return bound;
@@ -84,6 +83,21 @@ pub(crate) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParam
     let bricks = bricks as f64;
     let near = bricks_near_surface(positions, &density).map_or(bricks, |near| near as f64 * OPENED_BRICKS);
     surface_memory(stream.len(), Grids::of_bricks(near.min(bricks)), params)
+}
+
+/// The memory that meshing a stream takes, from which `triangles` were made [bytes].
+pub(super) fn meshed_memory(stream: &Stream, spacing: f32, params: &SurfaceParams, triangles: u64) -> u64 {
+    let positions = stream.vec3("position").unwrap_or_default();
+    let bricks = bricks_near_surface(positions, &density_params(spacing, params))
+        .unwrap_or_else(|| bricks_around(positions, spacing, params));
+    // A closed mesh has about half as many vertices as triangles.
+    let grids = Grids { bricks: bricks as f64 * OPENED_BRICKS, vertices: triangles as f64 / 2.0 };
+    surface_memory(stream.len(), grids, params)
+}
+
+fn density_params(spacing: f32, params: &SurfaceParams) -> DensityParams {
+    let SurfaceParams { voxel, kernel_radius, .. } = *params;
+    DensityParams { spacing, kernel_radius, voxel, anisotropy: None, whole: false }
 }
 
 /// The largest memory that reading and meshing a level set of so many bricks takes [bytes]: that of a surface by distances,

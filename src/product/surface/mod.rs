@@ -11,4 +11,6 @@ mod writer;
 
 pub(crate) use bricks::bricks_around;
 pub(super) use folder::SurfaceMesh;
+
+#[cfg(test)]
 pub(crate) use memory::surface_memory;

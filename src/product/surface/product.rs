@@ -4,11 +4,12 @@ use super::{
     folder::SurfaceMesh,
     level_set::mesh_level_sets,
     log::{MeshRecord, jumps, read},
+    memory::{max_surface_memory, meshed_memory},
     tradeoff,
     writer::surface,
 };
 use crate::{
-    frame::StreamKind,
+    frame::{Stream, StreamKind},
     job::{Control, RunError, ShotFolder, batch::BatchSummary},
     product::{
         interface::Product,
@@ -37,6 +38,15 @@ impl Product for SurfaceMesh {
 
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         Some(("output.mesh", "mesh = [\"ply\"]"))
+    }
+
+    fn max_memory(&self, settings: &ProductSettings, _: StreamKind, particles: usize) -> f64 {
+        max_surface_memory(particles, &settings.surface) as f64
+    }
+
+    fn stream_memory(&self, settings: &ProductSettings, stream: &Stream, triangles: u64) -> f64 {
+        let memory = |spacing| meshed_memory(stream, spacing as f32, &settings.surface, triangles) as f64;
+        stream.scalar("spacing").map_or(0.0, memory)
     }
 
     fn tradeoff(&self) -> Option<&'static Subject> {

@@ -1,7 +1,7 @@
 //! Memory of making volume files.
 
 use crate::{
-    frame::Stream,
+    frame::{Stream, StreamKind},
     job::memory::{BASE_MEMORY, Grids},
     mesh::SurfaceParams,
     product::surface::bricks_around,
@@ -17,34 +17,29 @@ const PARTICLE_BYTES: f64 = 150.0;
 /// Memory of every grid of tracers [bytes/brick that tracers reach]: velocities reach beyond those.
 const TRACER_BRICK_BYTES: f64 = 60000.0;
 
-/// Peak memory of making volumes of so many particles [bytes].
-pub(crate) fn particle_volume_memory(particles: usize, grids: Grids) -> u64 {
-    (BASE_MEMORY + particles as f64 * PARTICLE_BYTES + grids.bricks * BRICK_BYTES) as u64
+/// Peak memory of making volumes of so many particles or tracers in so many bricks [bytes].
+fn volume_memory(kind: StreamKind, entries: usize, bricks: f64) -> u64 {
+    let brick = if kind == StreamKind::Tracers { TRACER_BRICK_BYTES } else { BRICK_BYTES };
+    (BASE_MEMORY + entries as f64 * PARTICLE_BYTES + bricks * brick) as u64
 }
 
-/// Peak memory of making volumes of so many tracers [bytes].
-pub(crate) fn tracer_volume_memory(tracers: f64, bricks: f64) -> u64 {
-    (BASE_MEMORY + tracers * PARTICLE_BYTES + bricks * TRACER_BRICK_BYTES) as u64
-}
-
-/// The largest memory that making volumes of so many particles was seen to take [bytes].
-pub(super) fn max_volume_memory(particles: usize, params: &SurfaceParams) -> u64 {
-    let grids = Grids::at_most(particles, params.voxel).with_inside(particles, params.voxel);
-    particle_volume_memory(particles, grids)
+/// The largest memory that making volumes of so many particles or tracers was seen to take [bytes].
+pub(super) fn max_volume_memory(kind: StreamKind, entries: usize, params: &SurfaceParams) -> u64 {
+    let grids = Grids::at_most(entries, params.voxel).with_inside(entries, params.voxel);
+    volume_memory(kind, entries, grids.bricks)
 }
 
 /// A bound of the memory that making volumes of a stream takes, by where its particles are [bytes].
 pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
     let bricks = bricks_around(positions, spacing, params);
-    particle_volume_memory(stream.len(), Grids::of_bricks(bricks as f64))
+    volume_memory(stream.kind, stream.len(), bricks as f64)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{
-        frame::StreamKind,
         job::batch::{FRAME_MEMORY_RESERVE, Source},
         math::Vec3,
         product::surface,
@@ -70,7 +65,7 @@ mod tests {
                 let volume = stream_memory(&stream, 0.1, &params);
                 let bounds = [
                     surface::memory::max_surface_memory(entries, &params),
-                    max_volume_memory(entries, &params),
+                    max_volume_memory(StreamKind::Particles, entries, &params),
                 ];
                 for (needed, bound) in [mesh, volume].into_iter().zip(bounds) {
                     let bound = bound + FRAME_MEMORY_RESERVE;

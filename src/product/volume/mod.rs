@@ -12,7 +12,5 @@ mod tracers;
 mod writer;
 
 pub(super) use folder::Volume;
-pub(crate) use memory::{particle_volume_memory, tracer_volume_memory};
-pub(crate) use settings::{Surroundings, VolumeSettings};
+pub(crate) use settings::Surroundings;
 pub(in crate::product) use tracers::no_velocity;
-pub(crate) use tracers::try_tracers;

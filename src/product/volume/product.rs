@@ -1,12 +1,16 @@
 //! The volume file, as jobs see it.
 
 use super::{
-    file::names, folder::Volume, retime::retime, settings::VolumeSettings, tracers::try_tracers,
+    file::names,
+    folder::Volume,
+    memory::{max_volume_memory, stream_memory},
+    retime::retime,
+    settings::VolumeSettings,
     writer::volume,
 };
 use crate::{
     export::vdb::VolumeGrid,
-    frame::{Frame, StreamKind},
+    frame::{Stream, StreamKind},
     job::{
         Control, RunError,
         batch::{BatchSummary, Source},
@@ -16,9 +20,7 @@ use crate::{
         interface::Product,
         request::{ProductRequest, ProductSettings},
     },
-    sim::scene::Scene,
 };
-use std::path::Path;
 
 impl Product for Volume {
     fn verb(&self) -> &'static str {
@@ -68,15 +70,14 @@ impl Product for Volume {
         }
     }
 
-    fn try_frame(
-        &self,
-        scene: &Scene,
-        frame: &Frame,
-        folder: &Path,
-        control: Control,
-    ) -> Result<Option<(f64, u64)>, RunError> {
-        let trial = try_tracers(frame, &VolumeSettings::of(scene), folder, control)?;
-        Ok(trial.map(|trial| (trial.seconds, trial.bytes)))
+    fn max_memory(&self, settings: &ProductSettings, kind: StreamKind, entries: usize) -> f64 {
+        max_volume_memory(kind, entries, &settings.surface) as f64
+    }
+
+    fn stream_memory(&self, settings: &ProductSettings, stream: &Stream, _: u64) -> f64 {
+        stream
+            .scalar("spacing")
+            .map_or(0.0, |spacing| stream_memory(stream, spacing as f32, &settings.surface) as f64)
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {

@@ -46,11 +46,6 @@ impl Surroundings {
 }
 
 impl VolumeSettings {
-    /// The settings of a scene whose meshes are sampled.
-    pub(crate) fn of(scene: &Scene) -> Self {
-        Self::new(&ProductSettings::of(scene), Some(scene))
-    }
-
     /// These settings for frames of a scene whose meshes are sampled, if it is known.
     pub(super) fn new(settings: &ProductSettings, scene: Option<&Scene>) -> Self {
         let ProductSettings { surface, volume, output, .. } = settings;

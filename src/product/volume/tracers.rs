@@ -2,22 +2,20 @@
 
 use super::{
     file::{figures, write_file},
-    folder::Volume,
-    settings::{Surroundings, VolumeSettings},
+    settings::VolumeSettings,
     tracer_grids::{TracerFrame, TracerGridError, TracerGridStats, TracerGrids},
 };
 use crate::{
     export::vdb::VolumeGrid,
-    frame::{Frame, StreamKind},
     job::{
         Control, Failure, RunError, ShotFolder,
-        batch::{FileTarget, FrameFiles, FrameOutcome, ProductFolder, Written},
+        batch::{FileTarget, FrameFiles, FrameOutcome, Written},
         nonzero,
     },
     mesh::SurfaceParams,
     sim::SetupError,
 };
-use std::{path::Path, time::Instant};
+use std::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a volume holds gives the same tracers and settings another file.
@@ -94,44 +92,4 @@ pub(in crate::product) fn no_velocity(why: &(dyn std::error::Error + 'static)) -
         }
         _ => why.to_string(),
     }
-}
-
-/// What the volume of a frame took.
-pub(crate) struct VolumeTrial {
-    /// The file [bytes].
-    pub(crate) bytes: u64,
-    /// Wall-clock time [s].
-    pub(crate) seconds: f64,
-}
-
-/// Makes the volume of the tracers of a frame below `folder`, to measure it. `None` if there is none to make.
-///
-/// # Errors
-/// As [`write_tracers`].
-pub(crate) fn try_tracers(
-    frame: &Frame,
-    settings: &VolumeSettings,
-    folder: &Path,
-    control: Control,
-) -> Result<Option<VolumeTrial>, RunError> {
-    let grids: Vec<_> =
-        settings.grids.iter().copied().filter(|grid| VolumeGrid::OF_TRACERS.contains(grid)).collect();
-    let tracers = frame.streams.iter().find(|stream| stream.kind == StreamKind::Tracers);
-    let (Some(Surroundings { smoke, .. }), Some(tracers), false) =
-        (&settings.smoke, tracers, grids.is_empty())
-    else {
-        return Ok(None);
-    };
-    let start = Instant::now();
-    let air = settings.air().map(|air| air.frame(&frame.streams, frame.time)).transpose()?;
-    let spacing = smoke.params.tracer_spacing();
-    let shown = TracerFrame { tracers, air: air.as_ref(), spacing, grids: &grids, slowdown: 1.0 };
-    let out = ShotFolder::new(folder);
-    ShotFolder::create(&out.subfolder(Volume.name()))?;
-    let target = FileTarget { index: frame.index, name: "trial".into(), key: 0 };
-    let mut outcome = FrameOutcome::new(frame.index);
-    write_tracers(&out, settings, shown, &target, &mut outcome, control)?;
-    let bytes =
-        outcome.files.iter().filter_map(|files| files.written.as_ref()).map(|written| written.bytes).sum();
-    Ok(Some(VolumeTrial { bytes, seconds: start.elapsed().as_secs_f64() }))
 }

@@ -134,7 +134,7 @@ impl StreamWriter for VolumeWriter<'_> {
     }
 
     fn max_memory(&self, particles: usize) -> u64 {
-        max_volume_memory(particles, &self.settings.surface)
+        max_volume_memory(StreamKind::Particles, particles, &self.settings.surface)
     }
 
     fn memory(&self, stream: &Stream, spacing: f32, _: u64) -> u64 {

@@ -15,11 +15,17 @@ pub(crate) use sweep::{Origin, Request, Vary};
 
 use super::{simulate, solids};
 use crate::{
+    cache,
     frame::Frame,
     job::{Control, RunError, ShotFolder},
     preset::Frames,
     product,
-    sim::{registry, scene::Scene, tradeoff::Jobs},
+    sim::{
+        forecast::{ProductSample, ProductSampler},
+        registry,
+        scene::Scene,
+        tradeoff::Jobs,
+    },
 };
 use std::path::Path;
 
@@ -50,21 +56,21 @@ impl Jobs for RunJobs {
         simulate::simulate(scene, shot, frames, force, control).map(|done| done.kept)
     }
 
-    fn try_product(
+    fn sample_products(
         &self,
         scene: &Scene,
         frame: &Frame,
         folder: &Path,
         control: Control,
-    ) -> Result<Option<(f64, u64)>, RunError> {
-        let shot = folder.parent().map(ShotFolder::new);
-        let scene = solids::fill(scene, shot.as_ref(), control.reporter)?;
-        for product in product::ALL {
-            if let Some(made) = product.try_frame(&scene, frame, folder, control)? {
-                return Ok(Some(made));
-            }
-        }
-        Ok(None)
+    ) -> Result<Vec<ProductSample>, RunError> {
+        let around = folder.parent().map(ShotFolder::new);
+        let scene = solids::fill(scene, around.as_ref(), control.reporter)?;
+        let shot = ShotFolder::new(folder);
+        ShotFolder::create(&shot.cache())?;
+        cache::write_frame(&shot.cache(), frame, 0)?;
+        let frames =
+            Frames::from_first_to_last(frame.index, frame.index).expect("a frame is not after itself");
+        product::RequestedProducts.sample(&scene, &shot, &frames, control)
     }
 }
 

@@ -8,7 +8,7 @@ use crate::{
         usage::{Meter, Peak},
     },
     preset::Frames,
-    sim::{FrameRecord, scene::Scene},
+    sim::{FrameRecord, forecast::ProductSample, scene::Scene},
 };
 use std::{
     collections::BTreeMap,
@@ -27,15 +27,14 @@ pub(crate) trait Jobs: Sync {
         control: Control,
     ) -> Result<usize, RunError>;
 
-    /// Makes what the scene requests of the tracers of a frame in `folder`, and returns its time [s] and size [bytes]; `None` if
-    /// nothing is requested.
-    fn try_product(
+    /// Makes the products that the scene requests of a frame in `folder`, and measures them.
+    fn sample_products(
         &self,
         scene: &Scene,
         frame: &Frame,
         folder: &Path,
         control: Control,
-    ) -> Result<Option<(f64, u64)>, RunError>;
+    ) -> Result<Vec<ProductSample>, RunError>;
 }
 
 /// Where a run is kept, and what is run.

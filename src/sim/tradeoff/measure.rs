@@ -234,6 +234,7 @@ pub(crate) fn rms(values: impl Iterator<Item = f64>) -> Option<f64> {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::sim::forecast::ProductSample;
     use serde_json::{Value as Json, json};
     use std::path::{Path, PathBuf};
 
@@ -252,14 +253,14 @@ pub(crate) mod tests {
             Ok(0)
         }
 
-        fn try_product(
+        fn sample_products(
             &self,
             _: &Scene,
             _: &Frame,
             _: &Path,
             _: Control,
-        ) -> Result<Option<(f64, u64)>, RunError> {
-            Ok(None)
+        ) -> Result<Vec<ProductSample>, RunError> {
+            Ok(Vec::new())
         }
     }
 

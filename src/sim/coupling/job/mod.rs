@@ -17,6 +17,10 @@ use crate::{
 pub(crate) struct Couplings;
 
 impl System for Couplings {
+    fn name(&self) -> &'static str {
+        "coupling"
+    }
+
     fn is_present(&self, scene: &Scene) -> bool {
         !scene.coupling.is_empty()
     }

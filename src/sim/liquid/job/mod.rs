@@ -1,17 +1,19 @@
 //! The liquid as jobs see it.
 
 pub(crate) mod check;
+mod forecast;
 mod report;
 mod tradeoff;
 
-use super::LiquidParams;
+use super::{LiquidParams, NAME};
 use crate::{
     cache::StreamInfo,
     frame::StreamKind,
-    job::Total,
+    job::{RunError, Total},
     preset::{check::Places, problem::Finding},
     sim::{
         FrameRecord, SeedReport,
+        forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
         system::{CachedFrame, System, mesh_file},
         tradeoff::Subject,
@@ -23,6 +25,14 @@ use crate::{
 pub(crate) struct Liquid;
 
 impl System for Liquid {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn preset_table(&self) -> Option<(&'static str, &'static str)> {
+        Some(("[liquid]", "a `spacing` and at least one `[[liquid.source]]`"))
+    }
+
     fn is_present(&self, scene: &Scene) -> bool {
         scene.liquid.is_some()
     }
@@ -60,6 +70,19 @@ impl System for Liquid {
     fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {
         let sources = scene.liquid.iter_mut().flat_map(|liquid| &mut liquid.source);
         sources.map(|source| &mut source.shape).collect()
+    }
+
+    fn counts(&self, _: &Scene, seeds: &SeedReport) -> Vec<ElementCount> {
+        forecast::counts(seeds)
+    }
+
+    fn memory(&self, scene: &Scene, counts: &[ElementCount]) -> f64 {
+        let particles = counts.iter().map(ElementCount::max).sum();
+        scene.liquid.as_ref().map_or(0.0, |liquid| forecast::memory(liquid, particles))
+    }
+
+    fn forecast(&self, job: &ForecastJob) -> Result<Option<SystemForecast>, RunError> {
+        job.scene.liquid.as_ref().map(|liquid| forecast::forecast(job, liquid)).transpose()
     }
 
     fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {

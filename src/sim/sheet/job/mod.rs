@@ -1,6 +1,7 @@
 //! What jobs need to know of the sheets.
 
 pub(crate) mod check;
+mod forecast;
 mod report;
 mod tradeoff;
 
@@ -12,6 +13,7 @@ use crate::{
     preset::{check::Places, problem::Finding},
     sim::{
         FrameRecord, SeedReport,
+        forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
         system::{CachedFrame, System, mesh_file},
         tradeoff::Subject,
@@ -24,6 +26,14 @@ use std::path::Path;
 pub(crate) struct Sheets;
 
 impl System for Sheets {
+    fn name(&self) -> &'static str {
+        "sheets"
+    }
+
+    fn preset_table(&self) -> Option<(&'static str, &'static str)> {
+        Some(("[[sheet]]", "a `shape`"))
+    }
+
     fn is_present(&self, scene: &Scene) -> bool {
         !scene.sheet.is_empty()
     }
@@ -63,6 +73,24 @@ impl System for Sheets {
             }
         }
         Ok(())
+    }
+
+    fn counts(&self, _: &Scene, seeds: &SeedReport) -> Vec<ElementCount> {
+        seeds.sheets.as_ref().map(|seeds| forecast::counts(seeds.points)).unwrap_or_default()
+    }
+
+    fn memory(&self, scene: &Scene, counts: &[ElementCount]) -> f64 {
+        forecast::memory(scene, counts.iter().map(ElementCount::max).sum())
+    }
+
+    fn seeding_memory(&self, scene: &Scene) -> f64 {
+        forecast::seeding_memory(scene)
+    }
+
+    fn forecast(&self, job: &ForecastJob) -> Result<Option<SystemForecast>, RunError> {
+        // Sheets that share substeps with another system are part of its calibration.
+        let is_alone = self.is_present(job.scene) && job.scene.systems_sharing_substeps().sheets.is_none();
+        is_alone.then(|| forecast::forecast(job)).transpose()
     }
 
     fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {

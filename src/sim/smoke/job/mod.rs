@@ -1,6 +1,7 @@
 //! What jobs need to know of the smoke.
 
 pub(crate) mod check;
+mod forecast;
 mod remeshing;
 mod report;
 mod tradeoff;
@@ -11,6 +12,7 @@ use crate::{
     preset::{check::Places, problem::Finding},
     sim::{
         FrameRecord, SeedReport,
+        forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
         system::{System, mesh_file},
         tradeoff::Subject,
@@ -22,6 +24,14 @@ use crate::{
 pub(crate) struct Smoke;
 
 impl System for Smoke {
+    fn name(&self) -> &'static str {
+        "smoke"
+    }
+
+    fn preset_table(&self) -> Option<(&'static str, &'static str)> {
+        Some(("[smoke]", "a `spacing` and a `[[smoke.ring]]`"))
+    }
+
     fn is_present(&self, scene: &Scene) -> bool {
         scene.smoke.is_some()
     }
@@ -57,6 +67,18 @@ impl System for Smoke {
 
     fn finish_meshes(&self, scene: &mut Scene) -> Result<(), RunError> {
         Ok(scene.refuse_too_much_smoke()?)
+    }
+
+    fn counts(&self, scene: &Scene, seeds: &SeedReport) -> Vec<ElementCount> {
+        scene.smoke.as_ref().map(|smoke| forecast::counts(scene, smoke, seeds)).unwrap_or_default()
+    }
+
+    fn memory(&self, _: &Scene, counts: &[ElementCount]) -> f64 {
+        forecast::memory(counts)
+    }
+
+    fn forecast(&self, job: &ForecastJob) -> Result<Option<SystemForecast>, RunError> {
+        job.scene.smoke.as_ref().map(|_| forecast::forecast(job)).transpose()
     }
 
     fn seeding_warnings(&self, seeds: &SeedReport) -> Vec<String> {

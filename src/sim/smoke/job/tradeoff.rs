@@ -52,8 +52,10 @@ pub(super) static SUBJECT: Subject = Subject {
     one_by_one: true,
     table: "smoke.",
     refuse: |key| {
-        let why = "does not change the smoke, expected smoke.… or surface.voxel; compare the liquid with --of liquid";
-        key.starts_with("liquid.").then_some(why)
+        let why =
+            "does not change the smoke, expected smoke.… or surface.voxel; compare other systems with --of";
+        let table = key.split(['.', '=']).next().unwrap_or(key);
+        (!["smoke", "surface", "volume", "world", "fps"].contains(&table)).then_some(why)
     },
     key: |scene| {
         let Scene { surface, volume, output, .. } = scene;
@@ -288,7 +290,7 @@ impl Measure for SmokeRuns {
 
     /// The smoke alone, with the error of its velocity sampled in every frame.
     fn scene(&self, scene: &Scene) -> Scene {
-        let mut alone = Scene { liquid: None, ..scene.clone() };
+        let mut alone = scene.smoke_alone();
         alone.smoke.iter_mut().for_each(|smoke| smoke.sample_every = 1);
         alone
     }
@@ -344,8 +346,13 @@ impl Measure for SmokeRuns {
                 return Err(RunError::Interrupted);
             }
             let (peak, scratch) = (Peak::since_now(), folder.path.join("volume"));
-            let tried = folder.jobs.try_product(&folder.scene, &frame, &scratch, control)?;
-            let (Some((seconds, bytes)), memory) = (tried, peak.bytes()) else { return Ok(None) };
+            let made = folder.jobs.sample_products(&folder.scene, &frame, &scratch, control)?;
+            let memory = peak.bytes();
+            if made.is_empty() {
+                return Ok(None);
+            }
+            let seconds: f64 = made.iter().map(|product| product.seconds).sum();
+            let bytes = made.iter().map(|product| product.bytes as u64).sum();
             tradeoff::remove(&scratch);
             let mut now = record.take().unwrap_or_else(|| {
                 let error = voxel_error(&frame, surface);

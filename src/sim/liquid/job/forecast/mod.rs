@@ -1,0 +1,81 @@
+//! Forecast of the liquid: two coarser pilots of all frames, and the shot's own start.
+
+mod pilot;
+mod power_law;
+mod start;
+
+use crate::{
+    frame::StreamKind,
+    job::{RunError, memory::refuse_memory},
+    sim::{
+        SeedReport, Simulation,
+        forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast},
+        liquid::{LiquidParams, NAME},
+    },
+};
+use pilot::{RATIO, near_factor, pilot_at};
+use power_law::{Shot, forecast as extrapolate};
+use start::Start;
+
+/// Memory of simulating [bytes/particle], at `kernel_radius` 2 and the densest state of a shot. Less would let a farm
+/// kill the job, more refuses a shot that would have run. Shots of 30 000 to 130 000 particles are met within 7 %; five
+/// million took 380.
+const PARTICLE_BYTES: f64 = 480.0;
+
+/// The part of it that the neighbour lists take: it grows with the volume of the kernel.
+const NEIGHBOR_BYTES: f64 = 230.0;
+
+/// The smallest uncertainty that is stated: see the figures in docs/plan.md.
+const MIN_UNCERTAINTY: f64 = 0.25;
+
+/// Memory of so many particles [bytes].
+pub(super) fn memory(liquid: &LiquidParams, particles: f64) -> f64 {
+    let neighbors = NEIGHBOR_BYTES * (f64::from(liquid.kernel_radius) / 2.0).powi(3);
+    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors)
+}
+
+/// The particles of a seeded liquid.
+pub(super) fn counts(seeds: &SeedReport) -> Vec<ElementCount> {
+    let count = |particles: u32| ElementCount::constant("particles", StreamKind::Particles, particles.into());
+    seeds.liquid.iter().map(|seeds| count(seeds.particles)).collect()
+}
+
+/// Forecasts a liquid, and what is advanced together with it.
+///
+/// # Errors
+/// As [`System::forecast`](crate::sim::system::System::forecast).
+pub(super) fn forecast(job: &ForecastJob, liquid: &LiquidParams) -> Result<SystemForecast, RunError> {
+    let simulation = Simulation::new(job.scene.surroundings(), job.scene.systems_sharing_substeps())?;
+    let counts = counts(&simulation.seeded());
+    let particles = counts.iter().map(|count| count.end as usize).sum();
+    let shot = Shot::new(job, liquid, particles);
+
+    let near = pilot_at(job, near_factor(particles))?;
+    let far = pilot_at(job, near.factor * RATIO)?;
+    let early = extrapolate(&shot, &near, [&near, &far], &Start::default());
+    if let Some(limit) = job.max_memory {
+        let products = early.products.iter().map(|product| product.memory).fold(0.0, f64::max);
+        refuse_memory(memory(liquid, particles as f64).max(products) as u64, limit)?;
+    }
+
+    let product_seconds = early.products.iter().map(|product| product.seconds).sum::<f64>();
+    let start = start::run(job, simulation, product_seconds / job.stored() as f64)?;
+    let found = extrapolate(&shot, &near, [&near, &far], &start);
+    let check = extrapolate(&shot, &far, [&near, &far], &start);
+    let busy = start.busy.filter(|&busy| busy > 0.0).unwrap_or(1.0);
+    let in_wall_clock_time = |product: ProductForecast| {
+        let seconds = product.seconds / busy;
+        ProductForecast { seconds, ..product }
+    };
+    Ok(SystemForecast {
+        name: NAME,
+        counts,
+        substeps: found.substeps,
+        iterations: found.iterations,
+        cache: found.cache,
+        seconds: found.work / busy,
+        uncertainty: (found.work / check.work).ln().abs().max(MIN_UNCERTAINTY),
+        products: found.products.into_iter().map(in_wall_clock_time).collect(),
+        remarks: near.remarks.into_iter().chain(far.remarks).collect(),
+    })
+}
