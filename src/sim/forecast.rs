@@ -1,6 +1,6 @@
 //! Forecasts: what a system needs in a shot, measured by calibration runs before the shot starts.
 //!
-//! Each system calibrates in its own way ([`System::forecast`](super::system::System::forecast)) with the tools of this
+//! Each system has its own calibration ([`System::forecast`](super::system::System::forecast)) with the tools of this
 //! file: a run of some frames, and samples of the products made of them.
 
 use super::{FrameRecord, Simulation, Stop, Watch, scene::Scene};

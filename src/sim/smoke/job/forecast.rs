@@ -186,7 +186,7 @@ fn run(job: &ForecastJob) -> Result<(FrameCosts, Vec<FrameCosts>), RunError> {
 
 /// Costs of the frames of a shot.
 struct Course {
-    /// Its own first frames.
+    /// First frames of the shot itself.
     own: Vec<FrameCosts>,
     /// Those of the pilot, if the shot's own are not all.
     pilot: Vec<FrameCosts>,
@@ -213,7 +213,7 @@ impl Course {
         }
     }
 
-    /// The same summed over all frames.
+    /// A quantity summed over all frames.
     fn total(&self, of: &dyn Fn(&FrameCosts) -> f64) -> f64 {
         let reached = self.own.len();
         let own: f64 = self.own.iter().map(of).sum();

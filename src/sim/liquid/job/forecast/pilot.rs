@@ -30,11 +30,11 @@ const SECONDS: f64 = 30.0;
 /// A pilot that was run.
 #[derive(Clone, Debug)]
 pub(super) struct Pilot {
-    /// Its spacing over the shot's.
+    /// Spacing of the pilot over the shot's.
     pub(super) factor: f64,
     /// The smallest and the largest number of substeps a frame that it was allowed.
     pub(super) limits: [u32; 2],
-    /// Its particles.
+    /// Number of particles.
     pub(super) particles: usize,
     /// Its simulated frames in order; fewer than the shot's if time ran out or it diverged.
     pub(super) frames: Vec<PilotFrame>,
