@@ -1,7 +1,7 @@
 //! `meniscus tradeoff` of what is made of particles: of a shot that has frames, of particle files, or of a preset whose
 //! first frames are simulated.
 
-use super::{conclude, criterion, dry_run, folder, job, output, request};
+use super::comparison::{conclude, criterion, dry_run, folder, job, output, request};
 use crate::{
     cli::{args::TradeoffArgs, product},
     import::{self, Sequence},

@@ -6,12 +6,11 @@
 //! panel and less deep in thin parts: its field is smooth on the surface. In solids with edges the source is a square source
 //! panel just below the surface. Boxes have rectangular source panels on their faces (`tiles.rs`). Nodes are found by
 //! halving blocks of the grid: a block whose centre is farther from the surface than its corners from its centre has none.
+//!
+//! The faces of a box are divided into source panels whose collocation points are their centres. Each equation is then
+//! dominated by its own panel, and GMRES needs a handful of iterations. Point sources below the faces crowd at edges instead.
 
-use super::{
-    areas::area,
-    sources::Source,
-    tiles::{self, Tile},
-};
+use super::{areas::area, sources::Source, tiles::Tile};
 use crate::{math::Vec3, solid::Shape, space::CellGrid};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -32,8 +31,17 @@ const MAX_DEPTH_OVER_RADIUS: f32 = 0.6;
 const TILE_DEPTH: f32 = 0.25;
 
 /// Smallest distance to the edges of such a panel in its integrals, in grid steps. With 0.3, which is best for panels that cover
-/// faces without gaps (`tiles.rs`), a fifth more is left; larger values were not tried.
+/// faces without gaps (`BOX_SOFTENING`), a fifth more is left; larger values were not tried.
 const TILE_SOFTENING: f32 = 0.5;
+
+/// Smallest distance from an edge in the integrals, over the width of a panel. Smaller, and the logarithm makes air at edges fast:
+/// with 0.05 twice as much of the wind is left on a box of 16 panels an edge. Larger, and the field near borders between panels
+/// departs from that of sources.
+const BOX_SOFTENING: f32 = 0.3;
+
+/// Smallest thickness of a box with sources, over the width of its panels. In thinner ones the panels of both faces make the
+/// equations nearly singular, and twice the wind is left.
+const MIN_BOX_THICKNESS: f32 = 0.5;
 
 /// Smallest thickness below a square source panel, in its depths. Panels of two faces nearer to each other make the equations
 /// nearly singular. With 2, up to three times the wind is left on fins 0.55 steps thick, depending on the grid's position; with 1
@@ -129,7 +137,7 @@ fn near(shape: &Shape, step: f32) -> Vec<[i64; 3]> {
 /// The panels of a shape about `step` [m] wide; none for a plane.
 pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
     if let Shape::Box { min, max } = shape {
-        return tiles::panels(Vec3::from(*min), Vec3::from(*max), step);
+        return box_panels(Vec3::from(*min), Vec3::from(*max), step);
     }
     with_sources(shape, step)
 }
@@ -174,11 +182,46 @@ fn merged(panels: &[Panel], distance: f32) -> Vec<Panel> {
     kept.into_iter().flatten().collect()
 }
 
-/// The source of a panel in a solid with edges; none in its thin parts.
+/// The panels of a box about `step` [m] wide.
+fn box_panels(min: Vec3, max: Vec3, step: f32) -> Vec<Panel> {
+    let size = max - min;
+    let counts = size.map(|side| (side / step).round().max(1.0) as usize);
+    let is_thick_enough = size.min() >= MIN_BOX_THICKNESS * step;
+    let mut made = Vec::new();
+    for (axis, up) in (0..3).flat_map(|axis| [(axis, false), (axis, true)]) {
+        let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
+        let half = [u, v].map(|side| 0.5 * size[side] / counts[side] as f32);
+        let normal = Vec3::ith(axis, if up { 1.0 } else { -1.0 });
+        for (i, j) in (0..counts[v]).flat_map(|j| (0..counts[u]).map(move |i| (i, j))) {
+            let mut x = if up { max } else { min };
+            x[u] = min[u] + half[0] * (2 * i + 1) as f32;
+            x[v] = min[v] + half[1] * (2 * j + 1) as f32;
+            let area = 4.0 * half[0] * half[1];
+            let axes = [Vec3::ith(u, 1.0), Vec3::ith(v, 1.0), normal];
+            let tile = Tile { middle: x, axes, half, soft: BOX_SOFTENING * step };
+            let source = is_thick_enough.then_some(Source::Tile(tile));
+            made.push(Panel { x, normal, area, width: area.sqrt(), source });
+        }
+    }
+    made
+}
+
+/// The source of a panel in a solid with edges, none in thin parts: a square source panel of its area, but no wider than it. It is
+/// not aligned with edges of the solid, and next to them a corner of it may be in the air.
 fn tile(shape: &Shape, panel: &Panel, step: f32) -> Option<Source> {
     let is_thick_enough =
         shape.signed_distance(panel.x - panel.normal * (MIN_LOCAL_THICKNESS * TILE_DEPTH * step)) < 0.0;
-    is_thick_enough.then(|| Source::Tile(Tile::square(panel, TILE_DEPTH * step, TILE_SOFTENING * step)))
+    is_thick_enough.then(|| {
+        let normal = panel.normal;
+        let along = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
+        let half = 0.5 * panel.area.sqrt().min(panel.width);
+        Source::Tile(Tile {
+            middle: panel.x - normal * (TILE_DEPTH * step),
+            axes: [along, normal.cross(&along), normal],
+            half: [half; 2],
+            soft: TILE_SOFTENING * step,
+        })
+    })
 }
 
 /// The source of a panel in a smooth solid.
@@ -365,5 +408,18 @@ mod tests {
             "{} nodes for {surface} cells of the surface",
             found.len()
         );
+    }
+
+    #[test]
+    fn the_panels_of_a_box_are_its_faces() {
+        let (min, max) = (Vec3::new(-1.0, 0.0, 2.0), Vec3::new(1.0, 0.72, 3.2));
+        let made = box_panels(min, max, 0.2);
+        assert_eq!(made.len(), 2 * (10 * 4 + 4 * 6 + 10 * 6));
+        let area: f32 = made.iter().map(|panel| panel.area).sum();
+        assert!((area - 2.0 * (2.0 * 0.72 + 0.72 * 1.2 + 2.0 * 1.2)).abs() < 1e-4, "{area}");
+        let flux: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
+        assert!(flux.norm() < 1e-4 && made.iter().all(|panel| panel.source.is_some()));
+        let thin = box_panels(min, Vec3::new(1.0, 0.09, 3.2), 0.2);
+        assert!(thin.iter().all(|panel| panel.source.is_none()), "too thin for its panels");
     }
 }

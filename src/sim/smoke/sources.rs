@@ -7,7 +7,7 @@
 //! Limits: point sources are singular; they lie in solids, where the velocity is not needed. Source panels lie on faces or just
 //! below; next to an edge corners of those below may be in the air.
 
-use super::tiles::Tile;
+use super::tiles::{Tile, point_strain};
 use crate::{
     math::Vec3,
     par,
@@ -84,9 +84,9 @@ impl Sources {
         if !self.points.is_empty() {
             par::update(gradient, |i, gradient| {
                 for &(y, q) in &self.points {
-                    *gradient += strain(points[i] - y) * q;
+                    *gradient += point_strain(points[i] - y) * q;
                     if let Some(mirror) = self.mirror {
-                        *gradient += strain(points[i] - reflect(y, mirror)) * q;
+                        *gradient += point_strain(points[i] - reflect(y, mirror)) * q;
                     }
                 }
             });
@@ -126,14 +126,6 @@ fn mirrored(tile: &Tile, mirror: (Vec3, f32)) -> Tile {
     tile.turned(|x| reflect(x, mirror), |v| v - mirror.0 * (2.0 * mirror.0.dot(&v)))
 }
 
-/// Velocity gradient at an offset `d` from a point source of 4π [1/m³].
-#[inline]
-pub(super) fn strain(d: Vec3) -> Gradient {
-    let r2 = d.norm_squared();
-    let inverse = 1.0 / (r2 * r2.sqrt());
-    (Gradient::identity() - d * d.transpose() * (3.0 / r2)) * inverse
-}
-
 /// The mirror image of a point in a plane of this normal and offset [m].
 pub(super) fn reflect(x: Vec3, (n, offset): (Vec3, f32)) -> Vec3 {
     x - n * (2.0 * (n.dot(&x) - offset))
@@ -142,11 +134,12 @@ pub(super) fn reflect(x: Vec3, (n, offset): (Vec3, f32)) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{sim::smoke::panels::panels, solid::Shape};
 
     #[test]
     fn gradients_are_those_of_the_velocity() {
-        let min = Vec3::new(-0.1, -0.2, 0.1);
-        let made = super::super::tiles::panels(min, Vec3::new(0.3, 0.2, 0.4), 9.0);
+        let cuboid = Shape::Box { min: [-0.1, -0.2, 0.1], max: [0.3, 0.2, 0.4] };
+        let made = panels(&cuboid, 9.0);
         let tiles =
             made.iter().zip([0.3, -0.2, 0.5, 0.1, -0.4, 0.2]).filter_map(|(panel, q)| match panel.source {
                 Some(Source::Tile(tile)) => Some((tile, q)),

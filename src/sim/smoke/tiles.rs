@@ -1,22 +1,14 @@
 //! Rectangular source panels of constant density: the sources of boxes and of other solids with edges.
 //!
 //! *Method*: the induced velocity has a closed form ([hess67]): along the normal the solid angle of the panel, along its sides
-//! the integrals of 1/r over the other two sides, which are inverse hyperbolic sines. The faces of a box are divided into source
-//! panels whose collocation points are their centres. Each equation is then dominated by its own panel, and GMRES needs a
-//! handful of iterations. Point sources below the faces crowd at edges instead.
+//! the integrals of 1/r over the other two sides, which are inverse hyperbolic sines.
 //! *Departs from the paper*: the integrals along an edge are unbounded there. Here their distance from an edge is at least
 //! `soft`, so that velocities and gradients are those a fraction of a panel off. Far away a panel is a point source.
 //!
 //! Symbols: a, b → offsets from the borders along the two sides [m], z → height above the panel, h² → a² + z² + soft² [m²].
 //! Limits: leakage between the centres is a few per cent on faces and more at edges, where the density ought to be unbounded.
 
-use super::panels::Panel;
 use crate::{math::Vec3, sim::vortex::Gradient, solid::Pose};
-
-/// Smallest distance from an edge in the integrals, over the width of a panel. Smaller, and the logarithm makes air at edges fast:
-/// with 0.05 twice as much of the wind is left on a box of 16 panels an edge. Larger, and the field near borders between panels
-/// departs from that of sources.
-const SOFTENING: f32 = 0.3;
 
 /// Distance from which a panel counts as a point source, over its longer side: the error is less than 1 %.
 const MIN_POINT_DISTANCE: f32 = 4.0;
@@ -24,57 +16,20 @@ const MIN_POINT_DISTANCE: f32 = 4.0;
 /// Depth below a panel down to which a point still counts as outside, over its width: rounding puts some points of a face there.
 const SURFACE_TOLERANCE: f32 = 1e-3;
 
-/// Smallest thickness of a box with sources, over the width of its panels. In thinner ones the panels of both faces make the
-/// equations nearly singular, and twice the wind is left.
-const MIN_THICKNESS: f32 = 0.5;
-
 /// A rectangular source panel of constant density.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tile {
-    middle: Vec3,
+    /// Its centre [m].
+    pub(super) middle: Vec3,
     /// Unit vectors along its sides, and out of the solid.
-    axes: [Vec3; 3],
+    pub(super) axes: [Vec3; 3],
     /// Half its sides [m].
-    half: [f32; 2],
+    pub(super) half: [f32; 2],
     /// Smallest distance from its edges in the integrals [m].
-    soft: f32,
-}
-
-/// The panels of a box about `step` [m] wide.
-pub(super) fn panels(min: Vec3, max: Vec3, step: f32) -> Vec<Panel> {
-    let size = max - min;
-    let counts = size.map(|side| (side / step).round().max(1.0) as usize);
-    let is_thick_enough = size.min() >= MIN_THICKNESS * step;
-    let mut made = Vec::new();
-    for (axis, up) in (0..3).flat_map(|axis| [(axis, false), (axis, true)]) {
-        let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
-        let half = [u, v].map(|side| 0.5 * size[side] / counts[side] as f32);
-        let normal = Vec3::ith(axis, if up { 1.0 } else { -1.0 });
-        for (i, j) in (0..counts[v]).flat_map(|j| (0..counts[u]).map(move |i| (i, j))) {
-            let mut x = if up { max } else { min };
-            x[u] = min[u] + half[0] * (2 * i + 1) as f32;
-            x[v] = min[v] + half[1] * (2 * j + 1) as f32;
-            let area = 4.0 * half[0] * half[1];
-            let axes = [Vec3::ith(u, 1.0), Vec3::ith(v, 1.0), normal];
-            let tile = Tile { middle: x, axes, half, soft: SOFTENING * step };
-            let source = is_thick_enough.then_some(super::sources::Source::Tile(tile));
-            made.push(Panel { x, normal, area, width: area.sqrt(), source });
-        }
-    }
-    made
+    pub(super) soft: f32,
 }
 
 impl Tile {
-    /// A square source panel of a panel's area, but no wider than that, `depth` [m] below it; `soft` [m] is the smallest distance from its
-    /// edges. It is not aligned with edges of the solid, and next to them a corner of it may be in the air.
-    pub(super) fn square(panel: &Panel, depth: f32, soft: f32) -> Self {
-        let normal = panel.normal;
-        let along = normal.cross(&Vec3::ith(normal.iamin(), 1.0)).normalize();
-        let half = 0.5 * panel.area.sqrt().min(panel.width);
-        let middle = panel.x - normal * depth;
-        Self { middle, axes: [along, normal.cross(&along), normal], half: [half; 2], soft }
-    }
-
     /// This panel in a solid's pose.
     pub(super) fn placed(&self, pose: &Pose) -> Self {
         Self { middle: pose.to_world(self.middle), axes: self.axes.map(|axis| pose.rotation * axis), ..*self }
@@ -130,7 +85,7 @@ impl Tile {
     /// Velocity gradient that a density of 4π induces at `x` [1/m].
     pub(super) fn strain(&self, x: Vec3) -> Gradient {
         let d = match self.far(x) {
-            Ok(d) => return super::sources::strain(d) * self.area(),
+            Ok(d) => return point_strain(d) * self.area(),
             Err(d) => d,
         };
         let near = Near::new(self, d);
@@ -176,6 +131,14 @@ impl Near {
     fn squares(&self, soft: f32) -> [[f32; 2]; 2] {
         [self.a, self.b].map(|of| of.map(|offset| offset * offset + self.z * self.z + soft * soft))
     }
+}
+
+/// The velocity gradient of a point source of 4π m³/s at an offset `d` from it [1/m³].
+#[inline]
+pub(super) fn point_strain(d: Vec3) -> Gradient {
+    let r2 = d.norm_squared();
+    let inverse = 1.0 / (r2 * r2.sqrt());
+    (Gradient::identity() - d * d.transpose() * (3.0 / r2)) * inverse
 }
 
 #[cfg(test)]
@@ -239,18 +202,5 @@ mod tests {
                 assert!(found.trace().abs() < 1e-4 * found.norm(), "{x}: {found}");
             }
         }
-    }
-
-    #[test]
-    fn the_panels_of_a_box_are_its_faces() {
-        let (min, max) = (Vec3::new(-1.0, 0.0, 2.0), Vec3::new(1.0, 0.72, 3.2));
-        let made = panels(min, max, 0.2);
-        assert_eq!(made.len(), 2 * (10 * 4 + 4 * 6 + 10 * 6));
-        let area: f32 = made.iter().map(|panel| panel.area).sum();
-        assert!((area - 2.0 * (2.0 * 0.72 + 0.72 * 1.2 + 2.0 * 1.2)).abs() < 1e-4, "{area}");
-        let flux: Vec3 = made.iter().map(|panel| panel.normal * panel.area).sum();
-        assert!(flux.norm() < 1e-4 && made.iter().all(|panel| panel.source.is_some()));
-        let thin = panels(min, Vec3::new(1.0, 0.09, 3.2), 0.2);
-        assert!(thin.iter().all(|panel| panel.source.is_none()), "too thin for its panels");
     }
 }
