@@ -1,6 +1,7 @@
 //! Meshes a particle file of any supported format: `cargo run --example mesh_particles -- FILE SPACING OUT.ply`.
 
 use meniscus::{
+    control::CancelToken,
     export::ply,
     import,
     mesh::{self, SurfaceParams},
@@ -13,7 +14,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err("usage: mesh_particles FILE SPACING OUT.ply".into());
     };
     let particles = import::read_particles(Path::new(file))?.stream;
-    let surface = mesh::reconstruct(&particles, spacing.parse()?, &SurfaceParams::default(), &|| true)?;
+    let surface =
+        mesh::reconstruct(&particles, spacing.parse()?, &SurfaceParams::default(), &CancelToken::new())?;
     let bytes = ply::write(&surface.mesh, Path::new(out), &[])?;
     println!("{} particles, {} triangles, {bytes} bytes", particles.len(), surface.mesh.triangles.len());
     Ok(())

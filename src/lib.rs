@@ -7,6 +7,7 @@
 //!
 //! ```
 //! use meniscus::{
+//!     control::CancelToken,
 //!     export::ply,
 //!     frame::{Stream, StreamKind},
 //!     math::Vec3,
@@ -21,7 +22,7 @@
 //!     .collect();
 //! let particles = Stream::new("particles", StreamKind::Particles, positions.len()).with("position", positions);
 //!
-//! let surface = mesh::reconstruct(&particles, spacing, &SurfaceParams::default(), &|| true)?;
+//! let surface = mesh::reconstruct(&particles, spacing, &SurfaceParams::default(), &CancelToken::new())?;
 //! assert!(surface.check.is_sound(), "closed, manifold, oriented outwards");
 //! # let folder = std::env::temp_dir().join(format!("meniscus-doc-{}", std::process::id()));
 //! # std::fs::create_dir_all(&folder)?;
@@ -40,6 +41,9 @@
 //! | simulate a preset | [`scene::Scene`], [`sim::Simulation`], [`frame::Frame`] |
 //! | read a cache | [`cache::list`], [`cache::read_frame`], [`frame::Stream`] |
 //! | write a volume | [`field::density`], [`export::vdb`] |
+//!
+//! A [`control::CancelToken`], passed as the watch of [`sim::Simulation::advance`] or to [`mesh::reconstruct`], cancels them
+//! from another thread.
 //!
 //! `examples/` holds a program for each of the first three.
 //!

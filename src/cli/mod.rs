@@ -26,9 +26,9 @@ use std::process::ExitCode;
 /// Runs the command line and returns the exit code.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    interrupt::listen();
+    let cancel = interrupt::listen();
     let reporter = progress::reporter(cli.progress);
-    let control = Control { reporter: &*reporter, interrupted: &interrupt::interrupted };
+    let control = Control { reporter: &*reporter, cancel: &cancel };
     let verb = cli.verb;
     let outcome = par::with_threads(cli.threads, || match &verb {
         Verb::Shot(args) => shot::shot(args, control),

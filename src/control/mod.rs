@@ -1,31 +1,84 @@
-//! How a run is observed, and the reasons why it ends early.
+//! How a run is observed and cancelled, and the reasons why it ends early.
+
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Instant,
+};
+
+/// Cancels a run from any thread: clones share one flag.
+///
+/// Simulations, reconstructions and jobs check their token between steps and end with an error of their own; what
+/// they have finished by then stays.
+#[derive(Clone, Debug, Default)]
+pub struct CancelToken {
+    cancelled: Arc<AtomicBool>,
+    deadline: Option<Instant>,
+}
+
+impl CancelToken {
+    /// A token that is not cancelled.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The same token, which counts as cancelled from `deadline` on too.
+    pub fn with_deadline(&self, deadline: Instant) -> Self {
+        let deadline = self.deadline.map_or(deadline, |earlier| earlier.min(deadline));
+        Self { cancelled: self.cancelled.clone(), deadline: Some(deadline) }
+    }
+
+    /// Cancels this token and all its clones.
+    pub fn cancel(&self) {
+        self.cancelled.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether the token was cancelled or its deadline has passed.
+    pub fn is_cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::SeqCst)
+            || self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+}
 
 /// Observes a run from the thread that runs it.
 pub trait Watch {
-    /// Whether to go on; called before every substep and every iteration.
-    fn keep_going(&mut self) -> bool;
+    /// The token that cancels the run; it is read before every substep and every iteration.
+    fn token(&self) -> Option<&CancelToken> {
+        None
+    }
 
-    /// Called after every substep; `done` is the finished fraction of the frame.
+    /// Reports a finished substep; `done` is the finished fraction of the frame.
     fn substep(&mut self, done: f64) {
         let _ = done;
     }
 }
 
-/// Lets a run go on to its end.
+impl dyn Watch + '_ {
+    /// Whether the run is cancelled.
+    pub fn is_cancelled(&self) -> bool {
+        self.token().is_some_and(CancelToken::is_cancelled)
+    }
+}
+
+impl Watch for CancelToken {
+    fn token(&self) -> Option<&CancelToken> {
+        Some(self)
+    }
+}
+
+/// Runs to the end.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Unwatched;
 
-impl Watch for Unwatched {
-    fn keep_going(&mut self) -> bool {
-        true
-    }
-}
+impl Watch for Unwatched {}
 
 /// Why a frame was not finished. The simulation's state is then somewhere inside the frame: to go on, restore
 /// it from the last finished frame.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Stop {
-    /// The watch requested a stop.
+    /// The run was cancelled.
     #[error("interrupted")]
     Interrupted,
     /// The state became meaningless.
@@ -47,4 +100,25 @@ pub struct Diverged {
     pub what: String,
     /// The setting to change.
     pub try_next: &'static str,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn clones_share_their_cancellation_and_not_their_deadline() {
+        let token = CancelToken::new();
+        let now = Instant::now();
+        let late = token.with_deadline(now + Duration::from_secs(1 << 30));
+        let past = late.with_deadline(now);
+        assert!(
+            past.with_deadline(now + Duration::from_secs(1 << 30)).is_cancelled(),
+            "the earlier one holds"
+        );
+        assert_eq!([&token, &late, &past].map(CancelToken::is_cancelled), [false, false, true]);
+        std::thread::scope(|scope| _ = scope.spawn(|| late.clone().cancel()));
+        assert_eq!([&token, &late, &past].map(CancelToken::is_cancelled), [true; 3]);
+    }
 }

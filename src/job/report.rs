@@ -1,6 +1,6 @@
 //! How a job reports progress and learns of cancellation.
 
-use crate::control::Watch;
+use crate::control::{CancelToken, Watch};
 
 /// Progress and messages of a job. Implemented by the command line.
 pub trait Reporter: Sync {
@@ -41,8 +41,8 @@ impl Reporter for Silent {
 pub struct Control<'a> {
     /// Receiver of progress and messages.
     pub reporter: &'a dyn Reporter,
-    /// Called between steps; `true` stops the job, with everything finished so far kept.
-    pub interrupted: &'a (dyn Fn() -> bool + Sync),
+    /// Cancels the job between two steps; everything finished so far is kept.
+    pub cancel: &'a CancelToken,
 }
 
 /// Reports the progress of a part of a job and passes on its cancellation.
@@ -55,8 +55,8 @@ pub(crate) struct Progress<'a> {
 }
 
 impl Watch for Progress<'_> {
-    fn keep_going(&mut self) -> bool {
-        !(self.control.interrupted)()
+    fn token(&self) -> Option<&CancelToken> {
+        Some(self.control.cancel)
     }
 
     fn substep(&mut self, done: f64) {

@@ -1,6 +1,6 @@
 //! Resources used by this process so far, where the system reports them: on Linux, by `/proc`.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A time in words: "12 s", "3 min 20 s", "7 h 05 min".
 pub(crate) fn duration(seconds: f64) -> String {
@@ -38,6 +38,11 @@ impl Meter {
     /// Work since the start [s].
     pub(crate) fn work(&self) -> f64 {
         self.cpu().unwrap_or_else(|| self.wall())
+    }
+
+    /// The time `seconds` [s] after the start.
+    pub(crate) fn after(&self, seconds: f64) -> Instant {
+        self.start + Duration::from_secs_f64(seconds)
     }
 
     /// Wall-clock time since the start [s].

@@ -28,6 +28,7 @@ use super::{
     transfer,
 };
 use crate::{
+    control::CancelToken,
     field::{Density, DensityParams, density},
     frame::Stream,
     math::Vec3,
@@ -120,12 +121,12 @@ pub enum SurfaceError {
 }
 
 /// Reconstructs the surface of `particles` (channel `position` [m], optionally `velocity` [m/s]) with a rest
-/// spacing of `spacing` [m]. `keep_going` is called after every pass and interrupts by returning false.
+/// spacing of `spacing` [m]. `cancel` is checked after every pass.
 ///
 /// The result depends on the particles and parameters alone, not on threads.
 ///
 /// # Errors
-/// If interrupted, or if positions are missing or not finite.
+/// If cancelled, or if positions are missing or not finite.
 ///
 /// # Panics
 /// If `spacing` or a parameter is out of its range.
@@ -133,10 +134,10 @@ pub fn reconstruct(
     particles: &Stream,
     spacing: f32,
     params: &SurfaceParams,
-    keep_going: &(dyn Fn() -> bool + Sync),
+    cancel: &CancelToken,
 ) -> Result<Surface, SurfaceError> {
     let positions = positions(particles)?;
-    let mut clock = Clock { keep_going, seconds: Vec::new() };
+    let mut clock = Clock { cancel, seconds: Vec::new() };
 
     let field = clock.time("density", || {
         let SurfaceParams { voxel, kernel_radius, anisotropy, .. } = *params;
@@ -305,7 +306,7 @@ fn no_channel(name: String, particles: &Stream) -> SurfaceError {
 
 /// Runs passes and measures their times, until interrupted. A pass may have several parts.
 struct Clock<'a> {
-    keep_going: &'a (dyn Fn() -> bool + Sync),
+    cancel: &'a CancelToken,
     seconds: Vec<(&'static str, f64)>,
 }
 
@@ -318,6 +319,6 @@ impl Clock<'_> {
             Some((_, sum)) => *sum += seconds,
             None => self.seconds.push((pass, seconds)),
         }
-        if (self.keep_going)() { Ok(result) } else { Err(SurfaceError::Interrupted) }
+        if self.cancel.is_cancelled() { Err(SurfaceError::Interrupted) } else { Ok(result) }
     }
 }

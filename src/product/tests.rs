@@ -3,6 +3,7 @@
 use super::{ALL, ProductInput, ProductRequest, ProductSettings};
 use crate::{
     cache,
+    control::CancelToken,
     export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
     frame::{Frame, FrameIndex, Stream, StreamKind},
     job::{
@@ -40,7 +41,7 @@ fn make_all(streams: Vec<Stream>) -> Vec<Result<Vec<String>, String>> {
     let input = ProductInput::Frames(Source::Cache(&folder));
     let request =
         ProductRequest { input, out: &folder, settings: &settings, scene: None, retime: None, batch: &batch };
-    let control = Control { reporter: &Silent, interrupted: &|| false };
+    let control = Control { reporter: &Silent, cancel: &CancelToken::new() };
     let make = |product: &&dyn super::interface::Product| {
         assert!(product.is_requested(&settings), "{}", product.name());
         product.make(&request, control).map_err(|why| why.to_string())?;

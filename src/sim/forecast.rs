@@ -3,7 +3,7 @@
 //! Each system has its own calibration ([`System::forecast`](super::system::System::forecast)) with the tools of this
 //! file: a run of some frames, and samples of the products made of them.
 
-use super::{FrameRecord, Simulation, Stop, Watch, scene::Scene};
+use super::{FrameRecord, Simulation, Stop, scene::Scene};
 use crate::{
     cache,
     frame::{Frame, FrameIndex, StreamKind},
@@ -11,6 +11,7 @@ use crate::{
     preset::Frames,
 };
 use serde::Serialize;
+use std::time::{Duration, Instant};
 
 /// The number of a kind of elements at a shot's start and end: particles, vortons, tracers, points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -207,17 +208,17 @@ pub(crate) fn calibrate(
     on_frame: &mut dyn FnMut(CalibrationFrame) -> Result<(), RunError>,
 ) -> Result<Option<EndedEarly>, RunError> {
     let first = job.scene.frames.first().0;
-    let clock = Meter::new();
+    let cancel = job.control.cancel;
+    let limited = cancel.with_deadline(Instant::now() + Duration::from_secs_f64(limits.seconds));
     for number in 0..=job.simulated() {
         let index = FrameIndex(first + number as u32);
         let meter = Meter::new();
         let mut record = FrameRecord::default();
         if number > 0 {
-            let seconds = if number > limits.min_frames { limits.seconds } else { f64::INFINITY };
-            let mut watch = Deadline { control: job.control, clock, seconds };
+            let mut watch = if number > limits.min_frames { limited.clone() } else { cancel.clone() };
             match simulation.advance(job.frame_seconds(), &mut watch) {
                 Ok(found) => record = found,
-                Err(Stop::Interrupted) if (job.control.interrupted)() => return Err(RunError::Interrupted),
+                Err(Stop::Interrupted) if cancel.is_cancelled() => return Err(RunError::Interrupted),
                 Err(Stop::Interrupted) => return Ok(Some(EndedEarly { frame: index, diverged: None })),
                 Err(Stop::Diverged(diverged)) if number == 1 => {
                     return Err(RunError::Diverged { frame: index, diverged });
@@ -237,18 +238,4 @@ pub(crate) fn calibrate(
         }
     }
     Ok(None)
-}
-
-/// Ends a calibration when its time is up, or the user cancels the job.
-struct Deadline<'a> {
-    control: Control<'a>,
-    clock: Meter,
-    /// How long it may take [s].
-    seconds: f64,
-}
-
-impl Watch for Deadline<'_> {
-    fn keep_going(&mut self) -> bool {
-        self.clock.wall() < self.seconds && !(self.control.interrupted)()
-    }
 }

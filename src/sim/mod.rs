@@ -25,7 +25,7 @@ pub(crate) mod system;
 pub(crate) mod tradeoff;
 pub mod vortex;
 
-pub use crate::control::{Diverged, Stop, Unwatched, Watch};
+pub use crate::control::{CancelToken, Diverged, Stop, Unwatched, Watch};
 pub use clock::Seconds;
 pub use forecast::{ElementCount, ProductForecast, SystemForecast};
 pub use observe::Observable;

@@ -1,7 +1,7 @@
 //! Simulation of all systems of a shot, advanced together frame by frame.
 
 use super::{
-    FrameRecord, SeedReport, Stop, Watch,
+    CancelToken, FrameRecord, SeedReport, Stop, Watch,
     clock::{Clock, Seconds},
     coupling::{
         self, CoupledSheets, Coupling, CouplingRecord, ExternalForces, FrameWind, LiquidSheetCoupling,
@@ -260,8 +260,8 @@ struct PartialProgress<'a> {
 }
 
 impl Watch for PartialProgress<'_> {
-    fn keep_going(&mut self) -> bool {
-        self.watch.keep_going()
+    fn token(&self) -> Option<&CancelToken> {
+        self.watch.token()
     }
 
     fn substep(&mut self, done: f64) {

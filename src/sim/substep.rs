@@ -32,7 +32,7 @@ impl FrameProgress {
 /// and returns the length [s].
 ///
 /// # Errors
-/// If the watch interrupts, or `substep` fails.
+/// If the run is cancelled, or `substep` fails.
 pub(super) fn advance_frame(
     [start, seconds]: [f64; 2],
     watch: &mut dyn Watch,
@@ -40,7 +40,7 @@ pub(super) fn advance_frame(
 ) -> Result<(), Stop> {
     let mut progress = FrameProgress { start, seconds, left: seconds };
     while progress.left > END_TOLERANCE * seconds {
-        if !watch.keep_going() {
+        if watch.is_cancelled() {
             return Err(Stop::Interrupted);
         }
         progress.left -= substep(progress, watch)?;
@@ -52,26 +52,32 @@ pub(super) fn advance_frame(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::CancelToken;
 
-    /// Records the reported progress and interrupts after some substeps.
+    /// Records the reported progress and cancels after some substeps.
+    #[derive(Default)]
     struct Recorder {
         reports: Vec<f64>,
         limit: usize,
+        token: CancelToken,
     }
 
     impl Watch for Recorder {
-        fn keep_going(&mut self) -> bool {
-            self.reports.len() < self.limit
+        fn token(&self) -> Option<&CancelToken> {
+            Some(&self.token)
         }
 
         fn substep(&mut self, done: f64) {
             self.reports.push(done);
+            if self.reports.len() == self.limit {
+                self.token.cancel();
+            }
         }
     }
 
     #[test]
     fn substeps_cover_the_frame_and_report_their_progress() {
-        let (mut watch, mut starts) = (Recorder { reports: Vec::new(), limit: 99 }, Vec::new());
+        let (mut watch, mut starts) = (Recorder::default(), Vec::new());
         let mut end = 0.0;
         advance_frame([2.0, 0.5], &mut watch, |progress, _| {
             starts.push(progress.now());
@@ -89,7 +95,7 @@ mod tests {
 
     #[test]
     fn an_interrupted_frame_takes_no_further_substep() {
-        let (mut watch, mut steps) = (Recorder { reports: Vec::new(), limit: 2 }, 0);
+        let (mut watch, mut steps) = (Recorder { limit: 2, ..Recorder::default() }, 0);
         let result = advance_frame([0.0, 1.0], &mut watch, |_, _| {
             steps += 1;
             Ok(0.25)

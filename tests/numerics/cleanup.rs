@@ -2,6 +2,7 @@
 
 use super::mesh::{distance, hash, noise};
 use meniscus::{
+    control::CancelToken,
     frame::{ChannelData, Stream, StreamKind},
     math::Vec3,
     mesh::{
@@ -36,7 +37,7 @@ pub(super) fn particles(half: [i32; 3], jitter: f32, at: Vec3, keep: impl Fn(Vec
 }
 
 pub(super) fn surface(particles: &Stream, params: &SurfaceParams) -> Surface {
-    let found = reconstruct(particles, SPACING, params, &|| true).unwrap();
+    let found = reconstruct(particles, SPACING, params, &CancelToken::new()).unwrap();
     assert!(found.check.is_sound() && found.check.unused_vertices == 0, "{:?}", found.check);
     found
 }
@@ -193,7 +194,7 @@ fn coincident_vertices_pass_through_all_clean_up() {
         ..smoothed()
     };
     for spacing in [0.01, 0.1, 1.0] {
-        let found = reconstruct(&far, spacing, &params, &|| true).unwrap();
+        let found = reconstruct(&far, spacing, &params, &CancelToken::new()).unwrap();
         println!("spacing {spacing}: {:?}, {:?}", found.stats.smoothing, found.check);
         assert_eq!(found.stats.too_far_particles, 0);
         assert!(found.mesh.positions.iter().flatten().all(|x| x.is_finite()));
@@ -449,7 +450,7 @@ fn attributes_are_taken_by_name() {
     assert!(plain.len() == 1 && plain[0] == found[3]);
     assert!(transfer(&ball, Some(&[]), &vertices, 2.0 * SPACING).unwrap().0.is_empty());
     let params = SurfaceParams { attributes: names(&["velocity", "heat"]), ..SurfaceParams::default() };
-    let error = reconstruct(&ball, SPACING, &params, &|| true).unwrap_err();
+    let error = reconstruct(&ball, SPACING, &params, &CancelToken::new()).unwrap_err();
     assert!(matches!(&error, SurfaceError::NoChannel { name, .. } if name == "heat"), "{error}");
     assert!(error.to_string().contains("position, velocity, age, id"), "{error}");
 }

@@ -5,11 +5,13 @@ use meniscus::{
     math::Vec3,
     par,
     sim::{
-        FrameRecord, SetupError, Simulation, Stop, Unwatched, Watch, World,
+        CancelToken, FrameRecord, SetupError, Simulation, Stop, Unwatched, Watch, World,
         liquid::{LiquidParams, LiquidRecord},
     },
     solid::{Shape, Solid},
 };
+
+use std::cell::Cell;
 
 const FRAME: f64 = 1.0 / 24.0;
 
@@ -310,24 +312,40 @@ fn a_frame_without_its_state_is_refused() {
 }
 
 #[test]
-fn a_watch_stops_the_run_between_iterations() {
-    struct Patience(u32, f64);
+fn a_token_cancels_the_run_between_iterations() {
+    /// Cancels when its token is read for the `limit`th time.
+    #[derive(Default)]
+    struct Patience {
+        limit: u32,
+        reads: Cell<u32>,
+        token: CancelToken,
+        done: f64,
+    }
     impl Watch for Patience {
-        fn keep_going(&mut self) -> bool {
-            self.0 = self.0.saturating_sub(1);
-            self.0 > 0
+        fn token(&self) -> Option<&CancelToken> {
+            self.reads.set(self.reads.get() + 1);
+            if self.reads.get() == self.limit {
+                self.token.cancel();
+            }
+            Some(&self.token)
         }
         fn substep(&mut self, done: f64) {
-            assert!(done > self.1 && done <= 1.0);
-            self.1 = done;
+            assert!(done > self.done && done <= 1.0);
+            self.done = done;
         }
     }
     let mut simulation =
         simulation(tank(9.81, [0.4; 3]), block(0.05, [0.0; 3], [0.2, 0.4, 0.4], "iterations = 5"));
-    let mut patient = Patience(u32::MAX, 0.0);
-    simulation.advance(FRAME, &mut patient).expect("it is not interrupted");
-    assert_eq!(patient.1, 1.0);
-    assert_eq!(simulation.advance(FRAME, &mut Patience(4, 0.0)).unwrap_err(), Stop::Interrupted);
+    let mut patient = Patience::default();
+    simulation.advance(FRAME, &mut patient).expect("it is not cancelled");
+    assert_eq!(patient.done, 1.0);
+    let mut impatient = Patience { limit: 4, ..Patience::default() };
+    assert_eq!(simulation.advance(FRAME, &mut impatient).unwrap_err(), Stop::Interrupted);
+    assert_eq!(
+        (impatient.reads.get(), impatient.done),
+        (4, 0.0),
+        "between the iterations of the first substep"
+    );
 }
 
 /// The first stream with other positions and velocities.

@@ -1,6 +1,7 @@
 //! Marching cubes, checks and vertex attributes against closed forms and random fields.
 
 use meniscus::{
+    control::CancelToken,
     frame::{ChannelData, Stream, StreamKind},
     grid::{BRICK, BRICK_NODES, Bricks, SparseGrid, offset},
     math::Vec3,
@@ -10,7 +11,7 @@ use meniscus::{
     },
     par,
 };
-use std::f64::consts::PI;
+use std::{f64::consts::PI, time::Instant};
 
 /// A grid on the bricks `keep` of a box of nodes, with the values of `f` at its nodes [m].
 fn sampled(
@@ -434,7 +435,7 @@ fn turning(x: Vec3) -> Vec3 {
 fn particles_become_a_sound_surface_of_their_volume() {
     let params = SurfaceParams::default();
     let ball = seeding_lattice(|x| x.norm() < 0.8);
-    let surface = reconstruct(&ball, 0.1, &params, &|| true).unwrap();
+    let surface = reconstruct(&ball, 0.1, &params, &CancelToken::new()).unwrap();
     let (mesh, check, stats) = (&surface.mesh, &surface.check, &surface.stats);
     assert!(check.is_sound() && check.first_fault.is_none(), "{check:?}");
     assert_eq!((check.components, check.euler), (1, 2));
@@ -457,7 +458,8 @@ fn particles_become_a_sound_surface_of_their_volume() {
 
     // The same bytes for any number of threads.
     for threads in [1, 2, 3, 8] {
-        let again = par::with_threads(threads, || reconstruct(&ball, 0.1, &params, &|| true).unwrap());
+        let again =
+            par::with_threads(threads, || reconstruct(&ball, 0.1, &params, &CancelToken::new()).unwrap());
         assert!(again.mesh == surface.mesh && again.check == surface.check, "{threads} threads");
     }
 }
@@ -471,7 +473,7 @@ fn sprays_of_particles_give_sound_surfaces() {
             .map(|i| Vec3::from_fn(|d, _| unit(3 * i + d as u64) * [2.0, 1.0, 1.5][d] - 0.3))
             .collect();
         let spray = Stream::new("liquid", StreamKind::Particles, positions.len()).with("position", positions);
-        let surface = reconstruct(&spray, 0.1, &params, &|| true).unwrap();
+        let surface = reconstruct(&spray, 0.1, &params, &CancelToken::new()).unwrap();
         assert!(
             surface.check.is_sound() && surface.stats.contour.cut_cells == 0,
             "{seed}: {:?}",
@@ -489,7 +491,7 @@ fn no_particle_one_particle_and_broken_particles() {
         let stream = Stream::new("liquid", StreamKind::Particles, positions.len())
             .with("position", positions)
             .with("velocity", velocity);
-        reconstruct(&stream, 0.1, &params, &|| true)
+        reconstruct(&stream, 0.1, &params, &CancelToken::new())
     };
     let nothing = at(vec![]).unwrap();
     assert!(
@@ -503,20 +505,27 @@ fn no_particle_one_particle_and_broken_particles() {
 
     let broken = at(vec![Vec3::zeros(), Vec3::new(0.0, f32::NAN, 0.0)]);
     assert_eq!(broken.unwrap_err(), SurfaceError::NotFinite { particle: 1 });
-    let nameless = reconstruct(&Stream::new("liquid", StreamKind::Particles, 0), 0.1, &params, &|| true);
+    let nameless =
+        reconstruct(&Stream::new("liquid", StreamKind::Particles, 0), 0.1, &params, &CancelToken::new());
     assert_eq!(nameless.unwrap_err(), SurfaceError::NoPositions);
 }
 
 #[test]
-fn an_interrupted_reconstruction_ends_after_the_pass() {
-    use std::sync::atomic::{AtomicUsize, Ordering};
+fn a_cancelled_reconstruction_gives_no_surface() {
     let ball = seeding_lattice(|x| x.norm() < 0.3);
-    for passes in 0..8 {
-        let calls = AtomicUsize::new(0);
-        let keep_going = || calls.fetch_add(1, Ordering::Relaxed) < passes;
-        let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
-        let ended = reconstruct(&ball, 0.1, &params, &keep_going);
-        assert!(ended.is_err_and(|why| why == SurfaceError::Interrupted));
-        assert_eq!(calls.into_inner(), passes + 1);
+    let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
+    let (start, token) = (Instant::now(), CancelToken::new());
+    reconstruct(&ball, 0.1, &params, &token).unwrap();
+    let seconds = start.elapsed();
+    // Deadlines fall into every pass; the last ones may be after the end.
+    for part in 0..16 {
+        let deadline = token.with_deadline(Instant::now() + seconds * part / 16);
+        let ended = reconstruct(&ball, 0.1, &params, &deadline);
+        match ended {
+            Ok(_) => assert!(part > 0),
+            Err(why) => assert!(why == SurfaceError::Interrupted && deadline.is_cancelled()),
+        }
     }
+    token.cancel();
+    assert!(reconstruct(&ball, 0.1, &params, &token).is_err_and(|why| why == SurfaceError::Interrupted));
 }

@@ -1,5 +1,6 @@
 //! Particles → density → distance: normals, volume, sameness.
 
+use meniscus::control::CancelToken;
 use meniscus::field::{Anisotropy, DensityParams, density};
 use meniscus::frame::{Stream, StreamKind};
 use meniscus::grid::{BRICK_NODES, SparseGrid, node_of};
@@ -89,7 +90,7 @@ fn normals_point_outward() {
         let stream =
             Stream::new("liquid", StreamKind::Particles, particles.len()).with("position", particles);
         let params = SurfaceParams { distance: Some(DistanceParams::default()), ..SurfaceParams::default() };
-        let mesh = reconstruct(&stream, 1.0, &params, &|| true).unwrap().mesh;
+        let mesh = reconstruct(&stream, 1.0, &params, &CancelToken::new()).unwrap().mesh;
         let angles =
             mesh.positions.iter().zip(&mesh.normals).map(|(x, n)| f64::from(x.angle(n)).to_degrees());
         let mean = angles.sum::<f64>() / mesh.positions.len() as f64;
@@ -179,7 +180,7 @@ fn anisotropic(positions: Vec<Vec3>) -> Surface {
     let stream = Stream::new("liquid", StreamKind::Particles, positions.len()).with("position", positions);
     let params =
         SurfaceParams { voxel: 0.25, anisotropy: Some(Anisotropy::default()), ..SurfaceParams::default() };
-    reconstruct(&stream, 1.0, &params, &|| true).unwrap()
+    reconstruct(&stream, 1.0, &params, &CancelToken::new()).unwrap()
 }
 
 /// A block of the seeding lattice, each particle moved by up to 0.15 spacings along each axis, turned so that no plane of it lies

@@ -35,7 +35,7 @@ pub(super) fn run<T: Send>(
     control.reporter.begin(name, estimates.len());
     let finished = Mutex::new(0.0);
     let attempt = |place: usize, alone: bool| {
-        if (control.interrupted)() {
+        if control.cancel.is_cancelled() {
             return Some(Err(RunError::Interrupted));
         }
         let result = work(place, alone)?;
@@ -85,6 +85,7 @@ fn group_size(estimates: &[u64], budget: u64, max: usize) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::CancelToken;
     use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
 
     /// Keeps the progress that is reported.
@@ -118,7 +119,7 @@ mod tests {
         let needed = |place: usize| estimates[place] * if place.is_multiple_of(3) { 2 } else { 1 };
         let (in_progress, peak) = (AtomicU64::new(0), AtomicU64::new(0));
         let reporter = Progress::default();
-        let control = Control { reporter: &reporter, interrupted: &|| false };
+        let control = Control { reporter: &reporter, cancel: &CancelToken::new() };
         let mut order = Vec::new();
         par::with_threads(4, || {
             let work = |place: usize, alone: bool| {
@@ -139,7 +140,7 @@ mod tests {
 
     #[test]
     fn frames_that_fit_run_at_once() {
-        let control = Control { reporter: &Progress::default(), interrupted: &|| false };
+        let control = Control { reporter: &Progress::default(), cancel: &CancelToken::new() };
         let entered = AtomicU64::new(0);
         let all_entered = par::with_threads(4, || {
             // Each frame waits until all four are in progress, or a minute has passed.
@@ -165,7 +166,7 @@ mod tests {
     #[test]
     fn frames_finished_in_the_group_of_an_error_are_kept() {
         let reporter = Progress::default();
-        let control = Control { reporter: &reporter, interrupted: &|| false };
+        let control = Control { reporter: &reporter, cancel: &CancelToken::new() };
         let mut kept = Vec::new();
         let outcome = par::with_threads(4, || {
             let work = |place: usize, _| {
@@ -175,7 +176,9 @@ mod tests {
         });
         assert!(matches!(outcome, Err(RunError::Request(_))));
         assert_eq!(kept, [0, 1, 2, 3, 4, 6, 7], "the group ran to its end, the next one did not start");
-        let stop = Control { reporter: &reporter, interrupted: &|| true };
+        let cancel = CancelToken::new();
+        cancel.cancel();
+        let stop = Control { reporter: &reporter, cancel: &cancel };
         let outcome = run("test", &[1; 3], u64::MAX, stop, |_, _| Some(Ok(())), |()| ());
         assert!(matches!(outcome, Err(RunError::Interrupted)));
     }

@@ -197,7 +197,7 @@ fn write_caches(
             continue;
         }
         let sample = |number: usize| -> Result<Vec<Vec3>, RunError> {
-            if (control.interrupted)() {
+            if control.cancel.is_cancelled() {
                 return Err(RunError::Interrupted);
             }
             let mesh = frames.mesh(stream, numbers[number], thickness)?;

@@ -87,8 +87,7 @@ impl StreamWriter for SurfaceWriter<'_> {
         outcome: &mut FrameOutcome,
         control: Control,
     ) -> Result<(), RunError> {
-        let keep_going = || !(control.interrupted)();
-        let surface = match mesh::reconstruct(input.stream, input.spacing, self.params, &keep_going) {
+        let surface = match mesh::reconstruct(input.stream, input.spacing, self.params, control.cancel) {
             Ok(surface) => surface,
             Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
             Err(why) => {

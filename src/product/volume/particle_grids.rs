@@ -1,6 +1,7 @@
 //! Grids of particles: density as fog, level set, velocity.
 
 use crate::{
+    control::CancelToken,
     export::{
         ExportError,
         vdb::{self, Class, Grid, VolumeGrid, VolumeParams},
@@ -45,8 +46,8 @@ pub(super) struct ParticleGridStats {
 }
 
 impl ParticleGrids {
-    /// The `requested` grids of `particles` that are `spacing` [m] apart at rest. `keep_going` is called after every pass
-    /// and ends the work by returning false. Without velocities there is no velocity grid.
+    /// The `requested` grids of `particles` that are `spacing` [m] apart at rest. `cancel` is checked after every pass.
+    /// Without velocities there is no velocity grid.
     ///
     /// # Errors
     /// If cancelled, or if positions are missing or not finite.
@@ -55,9 +56,9 @@ impl ParticleGrids {
         spacing: f32,
         params: &SurfaceParams,
         requested: &[VolumeGrid],
-        keep_going: &dyn Fn() -> bool,
+        cancel: &CancelToken,
     ) -> Result<Self, SurfaceError> {
-        let go_on = || if keep_going() { Ok(()) } else { Err(SurfaceError::Interrupted) };
+        let go_on = || if cancel.is_cancelled() { Err(SurfaceError::Interrupted) } else { Ok(()) };
         let positions = positions(particles)?;
         let SurfaceParams { voxel, kernel_radius, anisotropy, distance, .. } = *params;
         let distance = SdfParams::from(distance.unwrap_or_default());
@@ -186,7 +187,7 @@ mod tests {
         let particles = block();
         let params = SurfaceParams::default();
         let grids = |requested: &[VolumeGrid]| {
-            ParticleGrids::new(&particles, 0.1, &params, requested, &|| true).unwrap()
+            ParticleGrids::new(&particles, 0.1, &params, requested, &CancelToken::new()).unwrap()
         };
         let alone = grids(&[VolumeGrid::Surface]);
         let all = grids(&[VolumeGrid::Density, VolumeGrid::Surface]);

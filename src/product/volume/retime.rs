@@ -104,7 +104,7 @@ pub(super) fn retime(
     control.reporter.begin(Volume.name(), numbers.len());
     let mut ended = Ok(());
     for (place, &number) in numbers.iter().enumerate() {
-        if (control.interrupted)() {
+        if control.cancel.is_cancelled() {
             ended = Err(RunError::Interrupted);
             break;
         }

@@ -1,6 +1,7 @@
 //! Grids of tracers: density, temperature and the velocity of the air.
 
 use crate::{
+    control::CancelToken,
     export::{
         ExportError,
         vdb::{self, Class, Grid, VolumeGrid, VolumeParams},
@@ -62,8 +63,8 @@ pub(super) enum TracerGridError {
 }
 
 impl TracerGrids {
-    /// The grids of the tracers of a `frame`, which is shown for at most `shutter` [s] of its own time. `keep_going` is called
-    /// after every pass and ends the work by returning false.
+    /// The grids of the tracers of a `frame`, which is shown for at most `shutter` [s] of its own time. `cancel` is checked
+    /// after every pass.
     ///
     /// # Errors
     /// [`TracerGridError`].
@@ -71,10 +72,10 @@ impl TracerGrids {
         frame: &TracerFrame<'_>,
         shutter: f32,
         params: &SurfaceParams,
-        keep_going: &dyn Fn() -> bool,
+        cancel: &CancelToken,
     ) -> Result<Self, TracerGridError> {
         let TracerFrame { tracers, air, spacing, grids, slowdown } = *frame;
-        let go_on = || if keep_going() { Ok(()) } else { Err(TracerGridError::Interrupted) };
+        let go_on = || if cancel.is_cancelled() { Err(TracerGridError::Interrupted) } else { Ok(()) };
         let positions = tracers.vec3("position").ok_or(TracerGridError::Missing("position"))?;
         let [density, temperature] =
             ["density", "temperature"].map(|name| tracers.f32(name).ok_or(TracerGridError::Missing(name)));

@@ -46,10 +46,9 @@ pub(super) fn write_tracers(
     control: Control,
 ) -> Result<(), RunError> {
     let start = Instant::now();
-    let keep_going = || !(control.interrupted)();
     let shutter = settings.smoke.as_ref().map_or(0.0, |around| 1.0 / around.smoke.fps) as f32;
     let shutter = shutter / frame.slowdown as f32;
-    let grids = match TracerGrids::new(&frame, shutter, &settings.surface, &keep_going) {
+    let grids = match TracerGrids::new(&frame, shutter, &settings.surface, control.cancel) {
         Ok(grids) => grids,
         Err(TracerGridError::Interrupted) => return Err(RunError::Interrupted),
         Err(TracerGridError::Missing(what)) => {

@@ -180,10 +180,9 @@ impl VolumeWriter<'_> {
         control: Control,
     ) -> Result<(), RunError> {
         let start = Instant::now();
-        let keep_going = || !(control.interrupted)();
         let VolumeSettings { surface, volume, .. } = self.settings;
         let requested = &self.particles;
-        let grids = match ParticleGrids::new(stream, spacing, surface, requested, &keep_going) {
+        let grids = match ParticleGrids::new(stream, spacing, surface, requested, control.cancel) {
             Ok(found) if found.names().is_empty() => {
                 let why = "the particles have no velocities, and no other grid is requested";
                 outcome.fail(why.into(), Failure::Other);

@@ -380,7 +380,7 @@ impl Liquid {
         let max_iterations = self.params.iterations.unwrap_or(self.params.max_iterations);
         let min_iterations = MIN_ITERATIONS.min(max_iterations);
         for done in 0..=max_iterations {
-            if !watch.keep_going() {
+            if watch.is_cancelled() {
                 return Err(Stop::Interrupted);
             }
             if done == max_iterations && target.is_none() {

@@ -162,7 +162,7 @@ impl Replay {
         let strides = wanted.min(MAX_STEPS);
         let (from, dt) = (drifting.time, span / strides);
         for step in 0..strides as u32 {
-            if !watch.keep_going() {
+            if watch.is_cancelled() {
                 return Ok(ControlFlow::Break(()));
             }
             let now = from + f64::from(step) * dt;
@@ -259,7 +259,7 @@ fn between(a: &KeyedAir, b: &KeyedAir, time: f64) -> Vortons {
 mod tests {
     use super::*;
     use crate::{
-        sim::{Simulation, Systems, Unwatched},
+        sim::{CancelToken, Simulation, Systems, Unwatched},
         solid::{Interpolation, Keyframe, Motion, Shape, Solid},
     };
 
@@ -372,17 +372,20 @@ mod tests {
         }
     }
 
-    /// Stops after so many steps.
-    struct After(u32);
+    /// Cancels after so many steps.
+    struct After(u32, CancelToken);
 
     impl Watch for After {
-        fn keep_going(&mut self) -> bool {
-            self.0 > 0
+        fn token(&self) -> Option<&CancelToken> {
+            Some(&self.1)
         }
 
         fn substep(&mut self, done: f64) {
             assert!(done > 0.0 && done <= 1.0, "{done}");
             self.0 -= 1;
+            if self.0 == 0 {
+                self.1.cancel();
+            }
         }
     }
 
@@ -392,7 +395,12 @@ mod tests {
         let frames = frames(6.0, 2);
         let [a, b] = [0, 1].map(|i| replay.keyed(&frames[i].streams, frames[i].time).unwrap());
         let mut drifting = replay.seeded();
-        assert!(replay.drift(&a, &b, &mut drifting, b.time, &mut After(3)).unwrap().is_break());
+        assert!(
+            replay
+                .drift(&a, &b, &mut drifting, b.time, &mut After(3, CancelToken::new()))
+                .unwrap()
+                .is_break()
+        );
         assert!(drifting.report.steps == 3 && 0.0 < drifting.time && drifting.time < b.time);
         drift(&replay, [&a, &b], &mut drifting, b.time);
         let mut whole = replay.seeded();

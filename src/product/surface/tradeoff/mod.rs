@@ -280,8 +280,9 @@ impl Measure for SurfaceRuns {
         for (place, sample) in self.samples.iter().enumerate() {
             let index = FrameIndex(place as u32);
             let (peak, particles) = (Peak::since_now(), sample.read()?);
-            let (meter, keep_going) = (Meter::new(), || !(control.interrupted)());
-            let surface = mesh::reconstruct(&particles, sample.spacing, &folder.scene.surface, &keep_going);
+            let meter = Meter::new();
+            let surface =
+                mesh::reconstruct(&particles, sample.spacing, &folder.scene.surface, control.cancel);
             let Surface { mesh, distance, check, stats, .. } = surface.map_err(RunError::from)?;
             made.cpu_seconds = made.cpu_seconds.zip(meter.cpu()).map(|(sum, cpu)| sum + cpu);
             made.memory = made.memory.max(peak.bytes());

@@ -220,8 +220,8 @@ impl Measure for LiquidRuns {
             let sample = LiquidSample { particles: 0, spacing, observables: Vec::new(), volume: None };
             return Ok((sample, Frame { streams: Vec::new(), ..*frame }));
         };
-        let keep_going = || !(control.interrupted)();
-        let surface = is_end.then(|| mesh::reconstruct(stream, spacing, &folder.scene.surface, &keep_going));
+        let surface =
+            is_end.then(|| mesh::reconstruct(stream, spacing, &folder.scene.surface, control.cancel));
         let volume = surface.transpose().map_err(RunError::from)?.map(|surface| surface.check.volume);
         let observables = Observable::ALL.iter().filter_map(|what| what.of(stream)).collect();
         let sample = LiquidSample { particles: stream.len(), spacing, observables, volume };

@@ -342,7 +342,7 @@ impl Measure for SmokeRuns {
         let text = std::fs::read_to_string(&path).ok();
         let mut record: Option<ProductRecord> = text.and_then(|text| serde_json::from_str(&text).ok());
         while record.as_ref().is_none_or(|record| record.seconds.len() < repeats) {
-            if (control.interrupted)() {
+            if control.cancel.is_cancelled() {
                 return Err(RunError::Interrupted);
             }
             let (peak, scratch) = (Peak::since_now(), folder.path.join("volume"));

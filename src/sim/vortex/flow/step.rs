@@ -118,7 +118,7 @@ impl Flow {
         let mut remaining = seconds;
         // The last substep ends the frame up to rounding.
         while remaining > 1e-9 * seconds {
-            if !watch.keep_going() {
+            if watch.is_cancelled() {
                 return Err(Stop::Interrupted);
             }
             let limits = SubstepLimits { remaining, min_time_step, number: report.substeps + 1 };

@@ -3,11 +3,11 @@
 use crate::{
     cache,
     frame::FrameIndex,
-    job::{Control, RunError, scratch::Scratch, usage::Meter},
+    job::{RunError, scratch::Scratch, usage::Meter},
     par,
     preset::Frames,
     sim::{
-        Simulation, Stop, Watch,
+        CancelToken, Simulation, Stop, Watch,
         forecast::{ForecastJob, ProductSample},
     },
 };
@@ -56,11 +56,11 @@ pub(super) fn run(
         None => Vec::new(),
     };
 
-    let mut stopwatch = Stopwatch { control: job.control, meter: Meter::new(), substeps: 0 };
+    let mut stopwatch = Stopwatch { cancel: job.control.cancel.clone(), meter: Meter::new(), substeps: 0 };
     for index in first.0 + 1..=first.0 + 3 {
         match simulation.advance(job.frame_seconds(), &mut stopwatch) {
             Ok(_) => {}
-            Err(Stop::Interrupted) if (job.control.interrupted)() => return Err(RunError::Interrupted),
+            Err(Stop::Interrupted) if job.control.cancel.is_cancelled() => return Err(RunError::Interrupted),
             Err(Stop::Interrupted) => break,
             Err(Stop::Diverged(diverged)) => {
                 return Err(RunError::Diverged { frame: FrameIndex(index), diverged });
@@ -74,16 +74,15 @@ pub(super) fn run(
 }
 
 /// Stops when enough is measured.
-struct Stopwatch<'a> {
-    control: Control<'a>,
+struct Stopwatch {
+    cancel: CancelToken,
     meter: Meter,
     substeps: u32,
 }
 
-impl Watch for Stopwatch<'_> {
-    fn keep_going(&mut self) -> bool {
-        let enough = self.substeps > MIN_SUBSTEPS && self.meter.wall() > SECONDS;
-        !enough && !(self.control.interrupted)()
+impl Watch for Stopwatch {
+    fn token(&self) -> Option<&CancelToken> {
+        Some(&self.cancel)
     }
 
     fn substep(&mut self, _done: f64) {
@@ -92,5 +91,8 @@ impl Watch for Stopwatch<'_> {
             self.meter = Meter::new();
         }
         self.substeps += 1;
+        if self.substeps == MIN_SUBSTEPS + 1 {
+            self.cancel = self.cancel.with_deadline(self.meter.after(SECONDS));
+        }
     }
 }
