@@ -226,7 +226,7 @@ impl VertexFaults {
         let Scratch { corners: faults, sides, fans } = scratch;
         faults.clear();
         faults.extend(half_edges.of(v as usize).iter().map(|&h| {
-            let (triangle, k) = (mesh.triangles[h as usize / 3], h as usize % 3);
+            let (triangle, k) = (mesh.triangles[h.triangle() as usize], h.at() % 3);
             [triangle[(k + 1) % 3], triangle[(k + 2) % 3]]
         }));
         let corners = faults.as_slice();

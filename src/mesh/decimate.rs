@@ -20,7 +20,7 @@
 
 use super::{
     DecimationParams, Mesh,
-    half_edges::{HalfEdges, next, previous},
+    half_edges::{HalfEdge, HalfEdges},
 };
 use crate::par;
 use std::{cmp::Reverse, collections::BinaryHeap};
@@ -40,7 +40,7 @@ const MIN_HEIGHT_RATIO: f64 = 0.02;
 /// quadric's.
 const MIDDLE_WEIGHT: f64 = 1e-3;
 
-/// Index of no half-edge or vertex.
+/// Index of no vertex.
 const NONE: u32 = u32::MAX;
 
 /// Result of a decimation.
@@ -79,7 +79,7 @@ pub fn decimate(mesh: &mut Mesh, params: &DecimationParams, spacing: f32) -> Dec
     // Queue every edge by its cost.
     let mut ages = vec![0_u32; 3 * before];
     let queued = par::map_chunks(3 * before, par::CHUNK, |range| {
-        let edges = range.map(|h| h as u32).filter(|&h| h < shape.twin[h as usize]);
+        let edges = range.map(|h| HalfEdge(h as u32)).filter(|&h| h < shape.twin[h.at()]);
         edges.map(|h| Reverse((shape.candidate(h).cost, h, 0))).collect::<Vec<_>>()
     });
     let mut queue = BinaryHeap::from(queued.concat());
@@ -88,7 +88,7 @@ pub fn decimate(mesh: &mut Mesh, params: &DecimationParams, spacing: f32) -> Dec
     let mut around = Vec::new();
     while stats.after > target {
         let Some(Reverse((_, h, age))) = queue.pop() else { break };
-        if ages[h as usize] != age || !shape.is_edge(h) {
+        if ages[h.at()] != age || !shape.is_edge(h) {
             continue;
         }
         let candidate = shape.candidate(h);
@@ -104,9 +104,9 @@ pub fn decimate(mesh: &mut Mesh, params: &DecimationParams, spacing: f32) -> Dec
         stats.largest_error = stats.largest_error.max(candidate.error);
         shape.half_edges_from(v, &mut around);
         for &h in &around {
-            let edge = h.min(shape.twin[h as usize]);
-            ages[edge as usize] += 1;
-            queue.push(Reverse((shape.candidate(edge).cost, edge, ages[edge as usize])));
+            let edge = h.min(shape.twin[h.at()]);
+            ages[edge.at()] += 1;
+            queue.push(Reverse((shape.candidate(edge).cost, edge, ages[edge.at()])));
         }
     }
     if params.error.is_none() {
@@ -121,9 +121,9 @@ struct Shape {
     /// The vertex each half-edge leaves; `NONE` in removed triangles.
     from: Vec<u32>,
     /// The half-edge in the opposite direction.
-    twin: Vec<u32>,
+    twin: Vec<HalfEdge>,
     /// A half-edge that leaves each vertex; `NONE` for removed vertices.
-    out: Vec<u32>,
+    out: Vec<HalfEdge>,
     /// Vertex positions as they will be written [m].
     positions: Vec<crate::math::Vec3>,
     /// Origin of all distances [m].
@@ -145,23 +145,23 @@ impl Shape {
     fn new(mesh: &Mesh) -> Option<Self> {
         let half_edges = HalfEdges::new(mesh, |_| true);
         let from: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
-        let mut twin = vec![NONE; from.len()];
+        let mut twin = vec![HalfEdge::NONE; from.len()];
         par::fill(&mut twin, |h| {
-            let (a, b) = (from[h], from[next(h as u32) as usize]);
-            let mut back = half_edges.of(b as usize).iter().filter(|&&g| from[next(g) as usize] == a);
-            let twice =
-                half_edges.of(a as usize).iter().filter(|&&g| from[next(g) as usize] == b).count() > 1;
+            let (a, b) = (from[h], from[HalfEdge(h as u32).next().at()]);
+            let mut back = half_edges.of(b as usize).iter().filter(|&&g| from[g.next().at()] == a);
+            let twice = half_edges.of(a as usize).iter().filter(|&&g| from[g.next().at()] == b).count() > 1;
             match (back.next(), back.next()) {
                 (Some(&g), None) if !twice => g,
-                _ => NONE,
+                _ => HalfEdge::NONE,
             }
         });
-        let out: Vec<u32> =
-            (0..mesh.positions.len()).map(|v| half_edges.of(v).first().copied().unwrap_or(NONE)).collect();
+        let out: Vec<HalfEdge> = (0..mesh.positions.len())
+            .map(|v| half_edges.of(v).first().copied().unwrap_or(HalfEdge::NONE))
+            .collect();
         let origin = mesh.positions.first().map_or(Vec3d::zeros(), |x| x.cast());
         let mut shape =
             Self { from, twin, out, positions: mesh.positions.clone(), origin, quadrics: Vec::new() };
-        if shape.twin.contains(&NONE) {
+        if shape.twin.contains(&HalfEdge::NONE) {
             return None;
         }
         // One fan around every vertex.
@@ -169,7 +169,7 @@ impl Shape {
             let mut fan = Vec::new();
             range.all(|v| {
                 fan.clear();
-                if shape.out[v] != NONE {
+                if shape.out[v] != HalfEdge::NONE {
                     shape.half_edges_from(v as u32, &mut fan);
                 }
                 fan.len() == half_edges.of(v).len()
@@ -186,8 +186,8 @@ impl Shape {
         Some(shape)
     }
 
-    fn to(&self, h: u32) -> u32 {
-        self.from[next(h) as usize]
+    fn to(&self, h: HalfEdge) -> u32 {
+        self.from[h.next().at()]
     }
 
     fn at(&self, v: u32) -> Vec3d {
@@ -195,18 +195,18 @@ impl Shape {
     }
 
     /// Whether `h` exists and is the lower half-edge of its edge.
-    fn is_edge(&self, h: u32) -> bool {
-        self.from[h as usize] != NONE && h < self.twin[h as usize]
+    fn is_edge(&self, h: HalfEdge) -> bool {
+        self.from[h.at()] != NONE && h < self.twin[h.at()]
     }
 
     /// The half-edges that leave `v`, in order around it.
-    fn half_edges_from(&self, v: u32, around: &mut Vec<u32>) {
+    fn half_edges_from(&self, v: u32, around: &mut Vec<HalfEdge>) {
         around.clear();
         let first = self.out[v as usize];
         let mut h = first;
         loop {
             around.push(h);
-            h = self.twin[previous(h) as usize];
+            h = self.twin[h.previous().at()];
             if h == first {
                 return;
             }
@@ -214,8 +214,8 @@ impl Shape {
     }
 
     /// The quadric of the triangle of `h`.
-    fn plane(&self, h: u32) -> Quadric {
-        let [a, b, c] = [h, next(h), previous(h)].map(|h| self.at(self.from[h as usize]));
+    fn plane(&self, h: HalfEdge) -> Quadric {
+        let [a, b, c] = [h, h.next(), h.previous()].map(|h| self.at(self.from[h.at()]));
         let normal = (b - a).cross(&(c - a));
         let double_area = normal.norm();
         if double_area > 0.0 {
@@ -226,8 +226,8 @@ impl Shape {
     }
 
     /// The result of collapsing the edge of `h`.
-    fn candidate(&self, h: u32) -> Candidate {
-        let (u, v) = (self.from[h as usize], self.to(h));
+    fn candidate(&self, h: HalfEdge) -> Candidate {
+        let (u, v) = (self.from[h.at()], self.to(h));
         let sum = self.quadrics[u as usize] + self.quadrics[v as usize];
         let middle = (self.at(u) + self.at(v)) * 0.5;
         let best = sum.minimum(middle).unwrap_or(middle);
@@ -242,9 +242,9 @@ impl Shape {
 
     /// Whether the mesh stays manifold and no triangle folds or becomes a sliver if the edge of `h` collapses
     /// to `place`.
-    fn allows(&self, h: u32, place: crate::math::Vec3) -> bool {
-        let g = self.twin[h as usize];
-        let (u, v) = (self.from[h as usize], self.from[g as usize]);
+    fn allows(&self, h: HalfEdge, place: crate::math::Vec3) -> bool {
+        let g = self.twin[h.at()];
+        let (u, v) = (self.from[h.at()], self.from[g.at()]);
         let (mut of_u, mut of_v) = (Vec::with_capacity(16), Vec::with_capacity(16));
         self.half_edges_from(u, &mut of_u);
         self.half_edges_from(v, &mut of_v);
@@ -256,8 +256,8 @@ impl Shape {
         }
         // … and the opposite corners keep three neighbours.
         let mut opposite = Vec::with_capacity(16);
-        for corner in [previous(h), previous(g)] {
-            self.half_edges_from(self.from[corner as usize], &mut opposite);
+        for corner in [h.previous(), g.previous()] {
+            self.half_edges_from(self.from[corner.at()], &mut opposite);
             if opposite.len() < 4 {
                 return false;
             }
@@ -265,9 +265,9 @@ impl Shape {
 
         // Every remaining triangle keeps its orientation and its shape.
         let place = place.cast::<f64>() - self.origin;
-        let remains = |&&i: &&u32| i / 3 != h / 3 && i / 3 != g / 3;
+        let remains = |&&i: &&HalfEdge| i.triangle() != h.triangle() && i.triangle() != g.triangle();
         of_u.iter().chain(&of_v).filter(remains).all(|&i| {
-            let [a, b, c] = [i, next(i), previous(i)].map(|i| self.at(self.from[i as usize]));
+            let [a, b, c] = [i, i.next(), i.previous()].map(|i| self.at(self.from[i.at()]));
             let (old, new) = ((b - a).cross(&(c - a)), (b - place).cross(&(c - place)));
             let longest =
                 |a: Vec3d| (b - a).norm_squared().max((c - a).norm_squared()).max((c - b).norm_squared());
@@ -277,27 +277,27 @@ impl Shape {
     }
 
     /// Joins the ends of `h` at `place`; returns the remaining vertex.
-    fn collapse(&mut self, h: u32, place: crate::math::Vec3) -> u32 {
-        let g = self.twin[h as usize];
-        let (u, v) = (self.from[h as usize], self.from[g as usize]);
+    fn collapse(&mut self, h: HalfEdge, place: crate::math::Vec3) -> u32 {
+        let g = self.twin[h.at()];
+        let (u, v) = (self.from[h.at()], self.from[g.at()]);
         let mut of_u = Vec::with_capacity(16);
         self.half_edges_from(u, &mut of_u);
         for i in of_u {
-            self.from[i as usize] = v;
+            self.from[i.at()] = v;
         }
         for side in [h, g] {
             // The outer sides of a removed triangle become twins of each other.
-            let (after, before) = (self.twin[next(side) as usize], self.twin[previous(side) as usize]);
-            self.twin[after as usize] = before;
-            self.twin[before as usize] = after;
+            let (after, before) = (self.twin[side.next().at()], self.twin[side.previous().at()]);
+            self.twin[after.at()] = before;
+            self.twin[before.at()] = after;
             for i in [after, before] {
-                self.out[self.from[i as usize] as usize] = i;
+                self.out[self.from[i.at()] as usize] = i;
             }
-            for i in [side, next(side), previous(side)] {
-                self.from[i as usize] = NONE;
+            for i in [side, side.next(), side.previous()] {
+                self.from[i.at()] = NONE;
             }
         }
-        self.out[u as usize] = NONE;
+        self.out[u as usize] = HalfEdge::NONE;
         self.positions[v as usize] = place;
         self.quadrics[v as usize] = self.quadrics[v as usize] + self.quadrics[u as usize];
         v
@@ -308,7 +308,7 @@ impl Shape {
         let mut number = vec![NONE; self.out.len()];
         mesh.positions.clear();
         for (v, &out) in self.out.iter().enumerate() {
-            if out != NONE {
+            if out != HalfEdge::NONE {
                 number[v] = mesh.positions.len() as u32;
                 mesh.positions.push(self.positions[v]);
             }

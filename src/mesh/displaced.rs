@@ -55,7 +55,7 @@ impl<'a> DisplacedMesh<'a> {
             self.refresh(&near);
             let half_edges = self.half_edges;
             let around = sorted(par::map_chunks(near.len(), par::CHUNK, |range| {
-                near[range].iter().flat_map(|&v| half_edges.of(v as usize)).map(|h| h / 3).collect()
+                near[range].iter().flat_map(|&v| half_edges.of(v as usize)).map(|h| h.triangle()).collect()
             }));
             folded = self.folded(&around);
         }

@@ -6,7 +6,7 @@ use super::{
     expansion::{self, Expansions, monomials, stride},
     index::{MAX_COEFS, coefs},
     kernels::RadialKernel,
-    octree::{Cell, Octree},
+    octree::{Cell, CellIndex, Octree},
     pairs::{self, Source},
 };
 use crate::{
@@ -59,14 +59,14 @@ impl Sources {
 
     /// The moments of a cell, padded to a multiple of eight.
     #[inline(always)]
-    pub(super) fn moments(&self, cell: usize) -> &[f32] {
-        &self.moments[cell * self.stride..][..self.stride]
+    pub(super) fn moments(&self, cell: CellIndex) -> &[f32] {
+        &self.moments[cell.at() * self.stride..][..self.stride]
     }
 
     /// The core of a cell.
     #[inline(always)]
-    pub(super) fn core(&self, cell: usize) -> CellCore {
-        self.cores[cell]
+    pub(super) fn core(&self, cell: CellIndex) -> CellCore {
+        self.cores[cell.at()]
     }
 }
 

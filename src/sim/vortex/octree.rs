@@ -22,6 +22,22 @@ const MIN_DISTANCE: f32 = 1e-18;
 /// Cells per task.
 const CELLS_PER_TASK: usize = 64;
 
+/// Index of a cell of an octree, not of a point or of a leaf among the leaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(transparent)]
+pub(super) struct CellIndex(pub(super) u32);
+
+impl CellIndex {
+    /// The root of every octree.
+    pub(super) const ROOT: Self = Self(0);
+
+    /// The cell as an index into lists of cells.
+    #[inline(always)]
+    pub(super) fn at(self) -> usize {
+        self.0 as usize
+    }
+}
+
 /// A range of the order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
@@ -66,6 +82,12 @@ impl Cell {
     #[inline]
     pub(super) fn children(&self) -> Range<usize> {
         self.child as usize..(self.child + self.children) as usize
+    }
+
+    /// The children from the last to the first: on a stack the first comes out first.
+    #[inline]
+    pub(super) fn children_reversed(&self) -> impl Iterator<Item = CellIndex> + use<> {
+        (self.child..self.child + self.children).rev().map(CellIndex)
     }
 
     /// Whether the cell has no children.
@@ -159,11 +181,11 @@ impl Octree {
     }
 
     /// The leaves along the order, and the end of each in it.
-    pub(super) fn leaves(&self) -> (Vec<u32>, Vec<usize>) {
-        let mut leaves: Vec<u32> =
-            (0..self.cells.len() as u32).filter(|&c| self.cells[c as usize].is_leaf()).collect();
-        leaves.sort_unstable_by_key(|&c| self.cells[c as usize].start);
-        let ends = leaves.iter().map(|&c| self.cells[c as usize].places().end).collect();
+    pub(super) fn leaves(&self) -> (Vec<CellIndex>, Vec<usize>) {
+        let cells = (0..self.cells.len() as u32).map(CellIndex);
+        let mut leaves: Vec<CellIndex> = cells.filter(|c| self.cells[c.at()].is_leaf()).collect();
+        leaves.sort_unstable_by_key(|c| self.cells[c.at()].start);
+        let ends = leaves.iter().map(|c| self.cells[c.at()].places().end).collect();
         (leaves, ends)
     }
 

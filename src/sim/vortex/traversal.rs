@@ -17,7 +17,7 @@ use super::{
     index::{ADD, MAX_COEFS, MAX_ORDER, coefs},
     kernels::RadialKernel,
     moments::Sources,
-    octree::{Cell, Octree, representatives},
+    octree::{Cell, CellIndex, Octree, representatives},
     pairs::{self, SUMS, Sums},
     quantities::{GRADIENT, POTENTIAL},
 };
@@ -76,11 +76,11 @@ struct CellState {
     local: Vec<f32>,
     center: Vec3,
     unit: f32,
-    near: Vec<u32>,
+    near: Vec<CellIndex>,
 }
 
 /// Source cells whose expansions a target cell accepts, by order.
-type AcceptedCells = [Vec<u32>; MAX_ORDER + 1];
+type AcceptedCells = [Vec<CellIndex>; MAX_ORDER + 1];
 
 impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
     /// The sums at all targets, in the order of their tree.
@@ -90,7 +90,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
             local: vec![0.0; stride(self.settings.order)],
             center: root.center,
             unit: root.unit,
-            near: vec![0],
+            near: vec![CellIndex::ROOT],
         };
         let mut tasks = Vec::new();
         self.split(root, above, (self.points.len() / TASKS).max(MIN_TARGETS_PER_TASK), &mut tasks);
@@ -152,18 +152,24 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Traversal<'_, K, Q, N> {
 
     /// Separates the source cells near the parent of a cell into those whose expansions it accepts and those
     /// near it.
-    fn separate(&self, cell: &Cell, candidates: &[u32], accepted: &mut AcceptedCells, near: &mut Vec<u32>) {
+    fn separate(
+        &self,
+        cell: &Cell,
+        candidates: &[CellIndex],
+        accepted: &mut AcceptedCells,
+        near: &mut Vec<CellIndex>,
+    ) {
         let break_even_pairs = &self.settings.break_even_pairs;
-        let mut stack: Vec<u32> = candidates.iter().rev().copied().collect();
+        let mut stack: Vec<CellIndex> = candidates.iter().rev().copied().collect();
         while let Some(c) = stack.pop() {
-            let source = &self.sources.tree.cells[c as usize];
-            let order = self.accepted_order(cell, source, self.sources.core(c as usize).gap);
+            let source = &self.sources.tree.cells[c.at()];
+            let order = self.accepted_order(cell, source, self.sources.core(c).gap);
             match order {
                 Some(order) if !cell.is_leaf() || source.count() * cell.count() > break_even_pairs[order] => {
                     accepted[order].push(c);
                 }
                 None if !source.is_leaf() && (cell.is_leaf() || source.radius > cell.radius) => {
-                    stack.extend(source.children().rev().map(|child| child as u32));
+                    stack.extend(source.children_reversed());
                 }
                 _ => near.push(c),
             }
@@ -213,16 +219,17 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for AddAccepted<'_, K
         for (order, list) in lists.flat_map(|(order, list)| list.chunks(LANES).map(move |list| (order, list)))
         {
             // The last eight are padded with the first cell, without its moments.
-            let mut cells = [list[0] as usize; LANES];
+            let mut cells = [list[0]; LANES];
             let mut weights = [0.0; LANES];
             for (lane, &c) in list.iter().enumerate() {
-                (cells[lane], weights[lane]) = (c as usize, 1.0);
+                (cells[lane], weights[lane]) = (c, 1.0);
             }
-            let d = pairs::columns::<L>(|lane| self.cell.center - sources.tree.cells[cells[lane]].center);
+            let d =
+                pairs::columns::<L>(|lane| self.cell.center - sources.tree.cells[cells[lane].at()].center);
             let (mut s2, mut radius) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..LANES {
                 s2[lane] = sources.core(cells[lane]).s2;
-                radius[lane] = sources.tree.cells[cells[lane]].radius;
+                radius[lane] = sources.tree.cells[cells[lane].at()].radius;
             }
             let source_cells = SourceCells { d, s2: L::load(&s2), radius: L::load(&radius) };
             let count = 3 * coefs(order);
@@ -320,7 +327,7 @@ impl<K: RadialKernel, const Q: usize, const N: usize> Pass for LeafTargets<'_, K
 
 /// The ranges of the order that the cells `near` hold, with adjacent ranges joined and coincident vortons
 /// represented.
-fn source_ranges(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
+fn source_ranges(sources: &Sources, near: &[CellIndex]) -> Vec<[u32; 2]> {
     let mut out: Vec<[u32; 2]> = Vec::with_capacity(near.len());
     let mut add = |places: Range<usize>| {
         let (start, end) = (places.start as u32, places.end as u32);
@@ -330,7 +337,7 @@ fn source_ranges(sources: &Sources, near: &[u32]) -> Vec<[u32; 2]> {
         }
     };
     for &c in near {
-        let places = sources.tree.cells[c as usize].places();
+        let places = sources.tree.cells[c.at()].places();
         match sources.coincident.is_empty() {
             true => add(places),
             false => representatives(places, &sources.coincident).into_iter().for_each(&mut add),

@@ -14,7 +14,7 @@
 
 use super::{
     bvh::{self, Bvh, MovingPoint, SweptBox},
-    collision_mesh::{CollisionMesh, FeaturePair},
+    collision_mesh::{CollisionMesh, FeaturePair, TriangleIndex},
 };
 use crate::{math::Vec3, par, sim::sheet::vectors::Vectors};
 
@@ -122,7 +122,7 @@ impl BroadPhase<'_> {
         let leaves = selected.map(|_| self.bvh.leaves_with_selected(self.mesh, is_selected));
         let found =
             self.bvh.overlapping_pairs(&boxes, reach, leaves.as_deref(), |found, triangles, boxes| {
-                let mut corners = triangles.iter().flat_map(|&k| self.mesh.triangles[k as usize]);
+                let mut corners = triangles.iter().flat_map(|&triangle| self.mesh.corners(triangle));
                 if !corners.any(is_selected) {
                     return;
                 }
@@ -144,15 +144,15 @@ impl BroadPhase<'_> {
     /// Calls `f` with the pairs of features of two triangles whose boxes overlap.
     fn feature_pairs(
         &self,
-        numbers: [u32; 2],
+        numbers: [TriangleIndex; 2],
         boxes: [&SweptBox; 2],
         reach: f32,
         points: &[MovingPoint],
         mut f: impl FnMut(FeaturePair),
     ) {
         let swept = |i: u32| SweptBox::of_point(points[i as usize]);
-        let triangles = numbers.map(|number| self.mesh.triangles[number as usize]);
-        let owned = numbers.map(|number| self.mesh.owned[number as usize]);
+        let triangles = numbers.map(|number| self.mesh.corners(number));
+        let owned = numbers.map(|number| self.mesh.owned(number));
         let coincide = |a: u32, b: u32| self.mesh.coincide(a, b);
         for side in [0, 1] {
             let [a, b, c] = triangles[1 - side];

@@ -9,7 +9,7 @@
 //! Limits: a sheet that is turned inside out keeps its initial order. Its boxes grow with the distance
 //! between triangles that were neighbours.
 
-use super::collision_mesh::CollisionMesh;
+use super::collision_mesh::{CollisionMesh, TriangleIndex};
 use crate::{math::Vec3, par, sim::sheet::vectors::Vectors};
 
 /// Triangles of a leaf.
@@ -79,7 +79,7 @@ pub(super) fn moving_points(x: &Vectors, displacement: impl Fn(usize) -> Vec3 + 
 #[derive(Debug)]
 pub(super) struct Bvh {
     /// Triangles in the order of the leaves.
-    order: Vec<u32>,
+    order: Vec<TriangleIndex>,
 }
 
 /// The boxes of a hierarchy at a time.
@@ -99,17 +99,15 @@ impl Bvh {
         let low = all.clone().fold(Vec3::repeat(f32::INFINITY), |low, x| low.inf(&x));
         let high = all.fold(Vec3::repeat(f32::NEG_INFINITY), |high, x| high.sup(&x));
         let scale = f64::from(1 << 20) / f64::from((high - low).max()).max(f64::from(f32::MIN_POSITIVE));
-        let mut keys: Vec<(u64, u32)> = Vec::with_capacity(mesh.triangles.len());
-        for (number, corners) in mesh.triangles.iter().enumerate() {
+        let mut keys: Vec<(u64, TriangleIndex)> = Vec::with_capacity(mesh.triangles().len());
+        for triangle in mesh.triangles() {
+            let corners = mesh.corners(triangle);
             let centre = corners.map(|i| mesh.rest_positions[i as usize] - low).iter().sum::<Vec3>() / 3.0;
             let cell = centre.map(|v| (f64::from(v) * scale) as u64);
-            keys.push((
-                spread_bits(cell.x) | spread_bits(cell.y) << 1 | spread_bits(cell.z) << 2,
-                number as u32,
-            ));
+            keys.push((spread_bits(cell.x) | spread_bits(cell.y) << 1 | spread_bits(cell.z) << 2, triangle));
         }
         par::sort_by_key(&mut keys, |&key| key);
-        Self { order: keys.into_iter().map(|(_, number)| number).collect() }
+        Self { order: keys.into_iter().map(|(_, triangle)| triangle).collect() }
     }
 
     /// Refits the boxes to positions and displacements.
@@ -117,7 +115,7 @@ impl Bvh {
         let swept = |i: u32| SweptBox::of_point(points[i as usize]);
         let mut triangles = par::repeated(SweptBox::empty(), self.order.len());
         par::fill(&mut triangles, |k| {
-            let [a, b, c] = mesh.triangles[self.order[k] as usize];
+            let [a, b, c] = mesh.corners(self.order[k]);
             swept(a).union(swept(b)).union(swept(c))
         });
         let leaves = self.order.len().div_ceil(LEAF_SIZE);
@@ -141,7 +139,7 @@ impl Bvh {
         mesh: &CollisionMesh,
         is_selected: impl Fn(u32) -> bool,
     ) -> Vec<bool> {
-        let has = |k: &u32| mesh.triangles[*k as usize].iter().any(|&i| is_selected(i));
+        let has = |&triangle: &TriangleIndex| mesh.corners(triangle).into_iter().any(&is_selected);
         self.order.chunks(LEAF_SIZE).map(|leaf| leaf.iter().any(has)).collect()
     }
 
@@ -153,7 +151,7 @@ impl Bvh {
         boxes: &Boxes,
         reach: f32,
         selected: Option<&[bool]>,
-        f: impl Fn(&mut Vec<T>, [u32; 2], [&SweptBox; 2]) + Sync,
+        f: impl Fn(&mut Vec<T>, [TriangleIndex; 2], [&SweptBox; 2]) + Sync,
     ) -> Vec<Vec<T>> {
         let leaves = boxes.nodes.len() / 2;
         par::map_chunks(self.order.len().div_ceil(LEAF_SIZE), LEAVES_PER_TASK, |range| {
@@ -187,7 +185,7 @@ impl Bvh {
         boxes: &Boxes,
         reach: f32,
         [one, two]: [usize; 2],
-        f: &impl Fn(&mut Vec<T>, [u32; 2], [&SweptBox; 2]),
+        f: &impl Fn(&mut Vec<T>, [TriangleIndex; 2], [&SweptBox; 2]),
         found: &mut Vec<T>,
     ) {
         let of = |leaf: usize| leaf * LEAF_SIZE..self.order.len().min((leaf + 1) * LEAF_SIZE);

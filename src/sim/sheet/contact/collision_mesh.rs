@@ -33,15 +33,19 @@ const REST_DISTANCE_FRACTION: f64 = 0.7;
 /// rounding.
 const FLAT_ANGLE_SINE: f64 = 1e-4;
 
+/// Index of a triangle of all sheets, not of a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(transparent)]
+pub(super) struct TriangleIndex(pub(super) u32);
+
 /// The triangles of all sheets.
 #[derive(Debug)]
 pub(super) struct CollisionMesh {
-    pub(super) triangles: Vec<[u32; 3]>,
-    /// The corners (bits 0, 1, 2) and edges (3, 4, 5: from each corner to the next) that belong to each
-    /// triangle.
-    pub(super) owned: Vec<u8>,
+    triangles: Vec<[u32; 3]>,
+    /// See [`CollisionMesh::owned`].
+    owned: Vec<u8>,
     /// A triangle of each point.
-    pub(super) of_point: Vec<u32>,
+    of_point: Vec<TriangleIndex>,
     /// The points that share an edge with point `i`: `neighbours[neighbour_start[i]..neighbour_start[i +
     /// 1]]`.
     neighbours: Vec<u32>,
@@ -123,7 +127,7 @@ impl CollisionMesh {
         }
         let mut mesh = Self {
             owned: vec![0; triangles.len()],
-            of_point: vec![0; count],
+            of_point: vec![TriangleIndex(0); count],
             neighbours: Vec::new(),
             neighbour_start: vec![0; count + 1],
             triangles,
@@ -139,6 +143,24 @@ impl CollisionMesh {
         mesh
     }
 
+    /// All triangles.
+    pub(super) fn triangles(&self) -> impl ExactSizeIterator<Item = TriangleIndex> + use<> {
+        (0..self.triangles.len() as u32).map(TriangleIndex)
+    }
+
+    /// The points of a triangle.
+    #[inline]
+    pub(super) fn corners(&self, triangle: TriangleIndex) -> [u32; 3] {
+        self.triangles[triangle.0 as usize]
+    }
+
+    /// The corners (bits 0, 1, 2) and edges (3, 4, 5: from each corner to the next) that belong to a
+    /// triangle.
+    #[inline]
+    pub(super) fn owned(&self, triangle: TriangleIndex) -> u8 {
+        self.owned[triangle.0 as usize]
+    }
+
     /// Assigns every point and every edge to the first triangle that has it.
     fn assign_features(&mut self, count: usize) {
         let mut assigned = vec![false; count];
@@ -148,7 +170,7 @@ impl CollisionMesh {
                 let (a, b) = (corners[k], corners[(k + 1) % 3]);
                 if !std::mem::replace(&mut assigned[a as usize], true) {
                     *owned |= 1 << k;
-                    self.of_point[a as usize] = number as u32;
+                    self.of_point[a as usize] = TriangleIndex(number as u32);
                 }
                 if a != b && edges.insert([a.min(b), a.max(b)]) {
                     *owned |= 8 << k;
@@ -286,7 +308,7 @@ impl CollisionMesh {
     ) -> Option<Double> {
         let (first, second) = features.sides();
         let lowest = first.iter().chain(second).min().copied()?;
-        let [a, b, c] = self.triangles[self.of_point[lowest as usize] as usize].map(&at);
+        let [a, b, c] = self.corners(self.of_point[lowest as usize]).map(&at);
         let sign = if first.contains(&lowest) { 1.0 } else { -1.0 };
         (b - a).cross(&(c - a)).try_normalize(0.0).map(|normal| normal * sign)
     }

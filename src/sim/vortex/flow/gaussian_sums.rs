@@ -7,7 +7,7 @@
 
 use super::super::{
     Vortons,
-    octree::{Octree, representatives},
+    octree::{CellIndex, Octree, representatives},
     pairs,
 };
 use crate::{
@@ -35,7 +35,7 @@ const LEAVES_PER_TASK: usize = 16;
 /// Vortons in the order of an octree, for repeated sums over neighbours.
 pub(super) struct NeighbourSums {
     tree: Octree,
-    leaves: Vec<u32>,
+    leaves: Vec<CellIndex>,
     /// The end of each leaf in the order.
     ends: Vec<usize>,
     /// The widest core of every cell [m].
@@ -98,7 +98,7 @@ impl NeighbourSums {
         }
         let mut sorted = vec![[0.0; 4]; count];
         par::for_parts(&mut sorted, &self.ends, LEAVES_PER_TASK, |leaf, out| {
-            let neighbours = self.neighbours(self.leaves[leaf] as usize);
+            let neighbours = self.neighbours(self.leaves[leaf]);
             let start = self.ends[leaf] - out.len();
             let targets = &self.positions[start..self.ends[leaf]];
             simd::dispatch(LeafSums { targets, neighbours: &neighbours, sources: &sources, weight, out });
@@ -111,19 +111,19 @@ impl NeighbourSums {
     }
 
     /// The leaves within the cutoff of a leaf, as ranges of the order, with coincident vortons represented.
-    fn neighbours(&self, leaf: usize) -> Vec<Range<usize>> {
-        let (cells, own) = (&self.tree.cells, &self.tree.cells[leaf]);
-        let (mut ranges, mut open) = (Vec::new(), vec![0_usize]);
+    fn neighbours(&self, leaf: CellIndex) -> Vec<Range<usize>> {
+        let (cells, own) = (&self.tree.cells, &self.tree.cells[leaf.at()]);
+        let (mut ranges, mut open) = (Vec::new(), vec![CellIndex::ROOT]);
         while let Some(c) = open.pop() {
-            let cell = &cells[c];
-            let reach = own.radius + cell.radius + CUTOFF * self.widest[leaf].min(self.widest[c]);
+            let cell = &cells[c.at()];
+            let reach = own.radius + cell.radius + CUTOFF * self.widest[leaf.at()].min(self.widest[c.at()]);
             if (cell.center - own.center).norm() > reach * 1.000_01 {
                 continue;
             }
             match cell.is_leaf() {
                 true if self.coincident.is_empty() => ranges.push(cell.places()),
                 true => ranges.extend(representatives(cell.places(), &self.coincident)),
-                false => open.extend(cell.children().rev()),
+                false => open.extend(cell.children_reversed()),
             }
         }
         ranges
@@ -209,9 +209,9 @@ mod tests {
 
     /// The number of pairs that are tested.
     fn tested_pairs(sums: &NeighbourSums) -> usize {
-        let leaf = |&leaf: &u32| {
-            let targets = sums.tree.cells[leaf as usize].count();
-            targets * sums.neighbours(leaf as usize).iter().map(Range::len).sum::<usize>()
+        let leaf = |&leaf: &CellIndex| {
+            let targets = sums.tree.cells[leaf.at()].count();
+            targets * sums.neighbours(leaf).iter().map(Range::len).sum::<usize>()
         };
         sums.leaves.iter().map(leaf).sum()
     }

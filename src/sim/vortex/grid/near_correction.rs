@@ -11,7 +11,7 @@ use crate::{
     par,
     sim::vortex::{
         Vortons,
-        octree::{Octree, representatives},
+        octree::{CellIndex, Octree, representatives},
         pairs::{self, SUMS, Source, Sums},
     },
     simd::{self, LANES, Lanes, Pass, splat},
@@ -74,7 +74,7 @@ impl<'a> NearCorrection<'a> {
         let (leaves, ends) = targets.leaves();
         let mut sorted = par::repeated([Vec3::zeros(); N], points.len());
         par::for_parts(&mut sorted, &ends, LEAVES_PER_TASK, |leaf, out| {
-            let cell = &targets.cells[leaves[leaf] as usize];
+            let cell = &targets.cells[leaves[leaf].at()];
             let ranges = &self.ranges_near(cell.center, cell.radius);
             let order = &targets.order[cell.places()];
             simd::dispatch(LeafCorrection::<K, Q, N> {
@@ -97,10 +97,10 @@ impl<'a> NearCorrection<'a> {
 
     /// The ranges of vortons in the order of the tree that need a correction somewhere in a ball.
     fn ranges_near(&self, center: Vec3, radius: f32) -> Vec<[usize; 2]> {
-        let (mut ranges, mut stack) = (Vec::<[usize; 2]>::new(), vec![0]);
+        let (mut ranges, mut stack) = (Vec::<[usize; 2]>::new(), vec![CellIndex::ROOT]);
         while let Some(c) = stack.pop() {
-            let cell = &self.tree.cells[c];
-            if self.reach[c] == 0.0 || (cell.center - center).norm() > radius + cell.radius + self.reach[c] {
+            let (cell, reach) = (&self.tree.cells[c.at()], self.reach[c.at()]);
+            if reach == 0.0 || (cell.center - center).norm() > radius + cell.radius + reach {
                 continue;
             }
             if cell.is_leaf() {
@@ -111,7 +111,7 @@ impl<'a> NearCorrection<'a> {
                     }
                 }
             } else {
-                stack.extend(cell.children().rev());
+                stack.extend(cell.children_reversed());
             }
         }
         ranges
