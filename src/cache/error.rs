@@ -11,9 +11,9 @@ pub enum CacheError {
     NotFound {
         /// The folder or file.
         path: PathBuf,
-        /// What is there instead.
+        /// What was found instead.
         found: &'static str,
-        /// What was looked for.
+        /// What was expected.
         expected: &'static str,
     },
     /// Another process writes this cache.
@@ -39,9 +39,9 @@ pub enum CacheError {
         path: PathBuf,
         /// Where in the file: header, trailer, or stream, channel, chunk and byte offset.
         place: String,
-        /// What is there.
+        /// What was found.
         found: String,
-        /// What should be there.
+        /// What was expected.
         expected: String,
     },
     /// The file is of another version of the format.
@@ -114,7 +114,7 @@ impl CacheError {
     }
 }
 
-/// What is wrong with some bytes, before the file they came from is named.
+/// A fault of some bytes, without the name of their file.
 #[derive(Debug)]
 pub(super) struct Damage {
     pub(super) place: String,

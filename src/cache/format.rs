@@ -38,7 +38,7 @@ pub struct FrameInfo {
     pub key: u64,
     /// Version of the container.
     pub version: u32,
-    /// Version of the tool that wrote it.
+    /// Version of the tool that wrote the file.
     pub tool: String,
     /// Size of the file \[bytes\].
     pub bytes: u64,
@@ -49,9 +49,9 @@ pub struct FrameInfo {
 /// One stream of a frame's header.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StreamInfo {
-    /// Its name, which starts with the system's.
+    /// Name of the stream, which starts with the system's.
     pub name: String,
-    /// What its entries are.
+    /// Kind of the entries.
     pub kind: StreamKind,
     /// Entries (particles).
     pub len: u64,

@@ -1,9 +1,8 @@
 //! Frames on disk: a folder of `frame_0001.mcf` files that can be trusted.
 //!
-//! A frame is written to a temporary name, synced and renamed ([`write_atomically`]), so a file with its final
-//! name is whole. Every byte is covered by a checksum, every length is checked before memory is taken, and a
-//! reader refuses what it cannot vouch for with a [`CacheError`] that names place, finding, expectation and the
-//! next step. The container is documented byte by byte in `docs/formats/cache.md`.
+//! A frame is written to a temporary name, synced and renamed ([`write_atomically`]), so a file with its final name is whole.
+//! Every byte is covered by a checksum, and every length is checked before memory is taken. A reader refuses damaged bytes with a
+//! [`CacheError`] that names place, finding, expectation and the next step. `docs/formats/cache.md` documents the container.
 //!
 //! The *key* of a frame is a hash of everything that decided its content (the preset, earlier edits); a frame
 //! with another key is [`CacheError::Stale`].

@@ -405,12 +405,12 @@ pub(super) enum PresetsVerb {
     List,
     /// Print a preset's text
     Show {
-        /// Its name
+        /// Name of the preset
         name: String,
     },
     /// Write a preset to a file, to change it
     Copy {
-        /// Its name
+        /// Name of the preset
         name: String,
         /// The file to write; by default NAME.toml. An existing file is not replaced
         file: Option<PathBuf>,

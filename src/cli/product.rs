@@ -18,7 +18,7 @@ const DEFAULT_FPS: f64 = 24.0;
 pub(super) struct ProductVerb {
     /// Name of the product.
     pub(super) name: &'static str,
-    /// What it makes ("a mesh").
+    /// The product with its article ("a mesh").
     pub(super) makes: &'static str,
     /// Whether it takes particle files, and not only caches.
     pub(super) takes_files: bool,
@@ -27,7 +27,7 @@ pub(super) struct ProductVerb {
 }
 
 impl ProductVerb {
-    /// Makes the products of the verb, with the settings of the preset and of the command line as `adjust` completes them.
+    /// Makes the verb's products with the settings of preset and command line, which `adjust` completes.
     pub(super) fn run(
         &self,
         args: &InputArgs,

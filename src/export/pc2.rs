@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_written_leaves_nothing() {
+    fn a_failed_write_leaves_no_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flag.pc2");
         let lost = write(&path, TWO, |number| if number < 2 { Ok(places(number)) } else { Err("gone") });

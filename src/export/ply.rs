@@ -187,7 +187,7 @@ fn face_definition(mesh: &Mesh) -> ElementDef {
     element
 }
 
-/// One vertex, as the writer sees it.
+/// One vertex with the properties that the writer requests.
 struct Vertex<'a> {
     columns: &'a [(String, Column<'a>)],
     index: usize,
@@ -216,7 +216,7 @@ impl PropertyAccess for Vertex<'_> {
     }
 }
 
-/// One face, as the writer sees it.
+/// One face with the properties that the writer requests.
 struct Face<'a> {
     corners: &'a [u32],
 }

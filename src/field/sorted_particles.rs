@@ -108,9 +108,9 @@ impl SortedParticles {
         groups
     }
 
-    /// Calls `then` with the moments around every place that is `wanted`, in their order, over the particles
-    /// closer than `radius` [m], at most two of the cells' edges, and returns the results. With `ALL` all
-    /// moments are computed, else only the zeroth.
+    /// Moments at each place that is `wanted`, passed to `then`, whose results are returned in the order of the places. They are over the
+    /// particles closer than `radius` [m], at most two of the cells' edges. With `ALL` all moments are computed, else only the
+    /// zeroth.
     pub(super) fn moments<W: Weight, const ALL: bool, T: Send + Clone>(
         &self,
         radius: f32,

@@ -46,9 +46,9 @@ impl Frame {
 /// Invariant: every channel has `len` entries, and no two channels share a name.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stream {
-    /// Its name, which starts with the system's ("liquid").
+    /// Name of the stream, which starts with the system's ("liquid").
     pub name: String,
-    /// What its entries are.
+    /// Kind of the entries.
     pub kind: StreamKind,
     len: usize,
     channels: Vec<Channel>,
@@ -130,7 +130,7 @@ impl Stream {
 pub struct Channel {
     /// Name of the stream.
     pub name: String,
-    /// Its values, one an entry of the stream.
+    /// Values, one an entry of the stream.
     pub data: ChannelData,
 }
 

@@ -12,11 +12,11 @@ pub struct Probe<'a> {
     slots: [Slot<'a>; 8],
 }
 
-/// What is known of a brick.
+/// A brick that was looked up.
 #[derive(Clone, Copy)]
 struct Slot<'a> {
     coord: [i32; 3],
-    /// Its values, or what every node stands for.
+    /// Values of the brick, or the value of every node of a missing one.
     values: Result<&'a [f32; BRICK_NODES], f32>,
 }
 

@@ -115,7 +115,7 @@ fn integers(records: &[u8], record: usize, offset: usize, size: usize) -> Vec<i6
     words(records, record, offset, size).map(|word| i64::from(i32::from_be_bytes(word))).collect()
 }
 
-/// The bytes and the place in them.
+/// Bytes of the file and the position of the reader.
 struct Scan<'a> {
     path: &'a Path,
     bytes: &'a [u8],

@@ -14,9 +14,9 @@ pub enum ImportError {
     NotFound {
         /// The file or pattern, as given.
         path: PathBuf,
-        /// What is there instead.
+        /// What was found instead.
         found: String,
-        /// What was looked for.
+        /// What was expected.
         expected: String,
     },
     /// The kind of file, or something in it, is not read.
@@ -27,9 +27,9 @@ pub enum ImportError {
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What it is.
+        /// What was found.
         found: String,
-        /// What is read instead.
+        /// What is supported.
         expected: String,
     },
     /// A volume file has no level set that is read.
@@ -43,7 +43,7 @@ pub enum ImportError {
         path: PathBuf,
         /// The grids of the file.
         found: String,
-        /// What is read.
+        /// What is supported.
         expected: String,
     },
     /// The file breaks the rules of its format, or is cut short.
@@ -56,9 +56,9 @@ pub enum ImportError {
         path: PathBuf,
         /// Line or byte, and particle where there is one.
         place: String,
-        /// What is there.
+        /// What was found.
         found: String,
-        /// What should be there.
+        /// What was expected.
         expected: String,
     },
     /// A position or velocity is not finite.

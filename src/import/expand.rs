@@ -8,10 +8,10 @@ const WILD: [char; 4] = ['*', '#', '?', '['];
 
 /// The files that `patterns` name, sorted by the numbers in their names, each once.
 ///
-/// A pattern is a path, or a path whose file name holds `*` (any characters), `?` (any one), `[0-4x]` or `[!a-z]` (one of
-/// these, or none of them), or runs of `#` (a number of at least as many digits): `frame_*.vtk`, `frame_####.bgeo`. A
-/// file that is really named so is taken as it is. Hidden files match only a pattern that starts with a dot. A single
-/// run of `#` without any `*` marks the number of the frame.
+/// A pattern is a path, or a path whose file name has wildcards: `*` (any characters), `?` (any one), `[0-4x]` or `[!a-z]` (one of
+/// these, or none of them), or runs of `#` (a number of at least as many digits). Examples: `frame_*.vtk`, `frame_####.bgeo`. An
+/// existing file of exactly this name is taken as it is. Hidden files match only a pattern that starts with a dot. A single run
+/// of `#` without any `*` marks the number of the frame.
 ///
 /// # Errors
 /// [`ImportError::NotFound`] if a path is not there or a pattern matches nothing,
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_looked_for_is_named() {
+    fn the_pattern_searched_for_is_named() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("a.ply"), "").unwrap();
         let message = |name: &str| {

@@ -43,7 +43,7 @@ const ZIP_STARTS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
 /// What an XML file of VTK starts with, after white space.
 const XML_STARTS: [&[u8]; 3] = [b"<?xml", b"<VTKFile", b"<!--"];
 
-/// A format, as the extension names it.
+/// A format by its extension.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Format {
     Ply,

@@ -98,7 +98,7 @@ fn members(
     Ok(members)
 }
 
-/// What is wrong with the archive.
+/// Fault of an archive.
 fn refused(path: &Path, place: &str, error: &ZipError) -> ImportError {
     let found = error.to_string();
     match error {

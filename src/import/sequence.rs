@@ -15,8 +15,8 @@ pub struct Sequence {
 impl Sequence {
     /// Sorts files by the numbers in their names, each once, and numbers them.
     ///
-    /// The number of a frame is that in place of the pattern's `#`, which comes with each file, or the one number in the names that
-    /// differs from file to file, or else 1, 2, 3, …: where two files would share a number, all are numbered so.
+    /// The number of a frame is that in place of the pattern's `#`, which comes with each file. Without it, it is the one number in the
+    /// names that differs from file to file. Where two files would share a number, all are numbered 1, 2, 3, ….
     pub(super) fn new(mut found: Vec<(PathBuf, Option<u32>)>) -> Self {
         found.sort_by(|(a, _), (b, _)| {
             natural(&a.to_string_lossy(), &b.to_string_lossy()).then_with(|| a.cmp(b))
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_pattern_marks_is_the_number() {
+    fn the_digits_that_a_pattern_marks_are_the_number() {
         let of = |found: &[(&str, Option<u32>)]| {
             Sequence::new(found.iter().map(|&(name, number)| (name.into(), number)).collect())
         };

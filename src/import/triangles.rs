@@ -67,7 +67,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
     Ok(mesh)
 }
 
-/// What is there, and what should be.
+/// What was found, and what was expected.
 type Fault = (String, &'static str);
 
 /// A mesh as it is in a file.

@@ -81,7 +81,7 @@ pub enum RunError {
         path: PathBuf,
         /// The error of the system.
         source: std::io::Error,
-        /// What to do about it.
+        /// What to do next.
         next: &'static str,
     },
     /// The request makes no sense with what is there.
@@ -112,11 +112,11 @@ pub struct FailedFrame {
 /// Why a frame could not be made, as exit codes distinguish it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
-    /// Its bytes in the cache are damaged.
+    /// The frame's bytes in the cache are damaged.
     Corrupt,
-    /// It was cached by another version.
+    /// The frame was cached by another version.
     Version,
-    /// It needs more memory than allowed.
+    /// The frame needs more memory than allowed.
     Memory,
     /// Anything else.
     Other,

@@ -79,7 +79,7 @@ fn gcd(a: u32, b: u32) -> u32 {
 pub struct OutputFiles {
     /// The kind of the files, such as "mesh".
     pub kind: String,
-    /// What it shows: a system ("liquid") or one of its objects.
+    /// The system ("liquid") or one of its objects that the files show.
     pub name: String,
     /// The extension of the files, such as "ply".
     pub format: String,

@@ -36,7 +36,7 @@ impl Reporter for Silent {
     fn stop(&self) {}
 }
 
-/// How a job talks to whoever started it.
+/// Connection of a job to its caller.
 #[derive(Clone, Copy)]
 pub struct Control<'a> {
     /// Receiver of progress and messages.

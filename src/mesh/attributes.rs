@@ -32,11 +32,10 @@ enum Source<'a> {
     Curl(&'a [Vec3]),
 }
 
-/// The channels of `particles` (with `position` [m], all finite) called `names` at `vertices`, from the
-/// particles within `radius` [m], and how many vertices had none that near and got the values of the nearest
-/// particle. Without names: `velocity`, if it exists. `vorticity` is computed from `velocity` if there is no
-/// such channel. Without particles, and at vertices that are not finite, values are zero, and counted as
-/// well.
+/// The channels `names` of `particles` at `vertices`, interpolated from the particles within `radius` [m]. Positions are finite. Also
+/// returns how many vertices had no particle within that radius and got the values of the nearest particle. Without names:
+/// `velocity`, if it exists. `vorticity` is computed from `velocity` if there is no such channel. Without particles, and at
+/// vertices that are not finite, values are zero, and counted as well.
 ///
 /// # Errors
 /// The first name that does not exist.

@@ -69,7 +69,7 @@ impl<'a> DisplacedMesh<'a> {
         }
     }
 
-    /// Those of some triangles that collapsed or are flipped relative to the surface around them, without
+    /// Selects triangles that collapsed or are flipped relative to the surface around them, without
     /// those that are already restored.
     fn folded(&self, triangles: &[u32]) -> Vec<u32> {
         retain(triangles, |t| {

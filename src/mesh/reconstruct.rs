@@ -177,7 +177,7 @@ pub fn reconstruct(
 struct CleanedMesh {
     mesh: Mesh,
     points: Option<Points>,
-    /// Its half-edges, if a pass needed them.
+    /// Half-edges, if a pass needed them.
     half_edges: Option<HalfEdges>,
 }
 

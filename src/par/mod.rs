@@ -40,8 +40,8 @@ pub fn threads() -> usize {
     rayon::current_num_threads()
 }
 
-/// `count` times `value`, written by all threads: `vec![value; count]` is written by one, or by none if it is all zeros, and then
-/// the first to read an entry before it is written stops all others while the system maps its page a second time.
+/// `count` times `value`, written by all threads. `vec![value; count]` is written by one thread, or by none if it is all zeros. Then
+/// the first read of an entry before it is written stops all threads while the system maps its page a second time.
 pub fn repeated<T: Copy + Send + Sync>(value: T, count: usize) -> Vec<T> {
     (0..count).into_par_iter().with_min_len(CHUNK).map(|_| value).collect()
 }

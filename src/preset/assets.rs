@@ -24,16 +24,16 @@ pub enum Home {
 /// A file's bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Asset {
-    /// All of them.
+    /// The whole content.
     pub bytes: Arc<Cow<'static, [u8]>>,
     /// xxh3-64 of the bytes.
     pub hash: u64,
 }
 
-/// The files that a scene names, by the name it gives them.
+/// Files that a scene names, by name.
 pub type Assets = BTreeMap<String, Asset>;
 
-/// What is wrong with the files that a scene names, short of reading them.
+/// Findings on the names of a scene's files, which are not read.
 pub(crate) fn check(meshes: &[(String, &str)], home: &Home, places: &Places) -> Vec<Finding> {
     meshes
         .iter()

@@ -38,7 +38,7 @@ impl Places {
 pub(crate) struct Checked {
     /// The values as the parameter structs expect them; complete only if there are no findings.
     pub(crate) values: Json,
-    /// Where they stand.
+    /// Positions of the values in the text.
     pub(crate) places: Places,
     /// Everything that is wrong.
     pub(crate) findings: Vec<Finding>,

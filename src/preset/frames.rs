@@ -60,7 +60,7 @@ pub enum FramesError {
     NotAscending {
         /// The frame that steps back.
         frame: u32,
-        /// The last frame before it.
+        /// Last frame of the range before.
         after: u32,
     },
 }

@@ -100,9 +100,9 @@ impl SceneError {
 /// A text that a preset is put together from: the preset itself, or an argument of the command line.
 #[derive(Clone, Debug)]
 pub(crate) struct Source {
-    /// What messages call it.
+    /// Name in messages.
     pub(crate) name: String,
-    /// All of it.
+    /// The whole text.
     pub(crate) text: Arc<str>,
 }
 

@@ -33,7 +33,7 @@ pub(crate) fn is_known(unit: &str) -> bool {
 /// Why a string is not a number of the requested unit.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum UnitError {
-    /// It does not begin with a finite number.
+    /// No finite number is at the beginning.
     NoNumber,
     /// A number in quotes without a unit.
     NoUnit,

@@ -14,21 +14,21 @@ use crate::{
     sim::tradeoff::Subject,
 };
 
-/// Something that is made of frames, as jobs see it.
+/// A product made of frames, as jobs see it.
 pub(crate) trait Product: ProductFolder {
-    /// The verb of the command line that makes it.
+    /// Verb of the command line that makes the product.
     fn verb(&self) -> &'static str;
 
-    /// What it is made of, for messages ("particles").
+    /// Input of the product, for messages ("particles").
     fn input(&self) -> &'static str;
 
     /// Whether it is made of streams of this kind.
     fn accepts(&self, kind: StreamKind) -> bool;
 
-    /// Whether these settings request it.
+    /// Whether these settings request the product.
     fn is_requested(&self, settings: &ProductSettings) -> bool;
 
-    /// The key with which a preset requests it, and an example of that; `None`: presets cannot request it.
+    /// Key with which a preset requests the product, and an example; `None` if presets cannot request it.
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         None
     }
@@ -36,7 +36,7 @@ pub(crate) trait Product: ProductFolder {
     /// Reports settings that cannot be met with streams of these `kinds`, of which it accepts some.
     fn check(&self, _: &ProductSettings, _kinds: &[StreamKind], _: &Places, _: &mut Vec<Finding>) {}
 
-    /// Makes it.
+    /// Makes the product.
     ///
     /// # Errors
     /// Frames that cannot be read or made, need more memory than the request allows, or are missing, are left out and reported
@@ -58,7 +58,7 @@ pub(crate) trait Product: ProductFolder {
         None
     }
 
-    /// What is known of its files in a shot folder beyond the manifest.
+    /// Figures of the product's files that are not in the manifest.
     ///
     /// # Errors
     /// If its log cannot be read.

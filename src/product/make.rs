@@ -12,7 +12,7 @@ use crate::job::{Control, RunError, batch::BatchSummary};
 pub enum ProductSelection {
     /// All that the settings request.
     Requested,
-    /// Those of a verb of the command line that the settings request and that accept a stream of the input.
+    /// The products of a verb that the settings request and that accept a stream of the input.
     Verb(&'static str),
 }
 

@@ -15,7 +15,7 @@ const POINTS_SUFFIX: &str = "_points";
 /// The files that the mesh of a frame is written to.
 pub(super) struct MeshFiles<'a> {
     pub(super) out: &'a ShotFolder,
-    /// The sub-folder for them.
+    /// Sub-folder of the files.
     pub(super) folder: &'static str,
     pub(super) formats: &'a [MeshFormat],
     /// Whether small components go to a file of points.

@@ -42,7 +42,7 @@ pub struct Retime {
     pub reseed: bool,
 }
 
-/// What products are made of.
+/// Input of products.
 #[derive(Clone, Copy, Debug)]
 pub enum ProductInput<'a> {
     /// Frames.
@@ -54,7 +54,7 @@ pub enum ProductInput<'a> {
 /// A request of products.
 #[derive(Clone, Copy, Debug)]
 pub struct ProductRequest<'a> {
-    /// What they are made of.
+    /// Input of the products.
     pub input: ProductInput<'a>,
     /// The shot folder that gets their files.
     pub out: &'a ShotFolder,
@@ -83,7 +83,7 @@ impl<'a> ProductRequest<'a> {
     }
 }
 
-/// What is known of a product's files beyond the manifest.
+/// Figures of a product's files that are not in the manifest.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ProductInfo {
     /// For programs.

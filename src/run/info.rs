@@ -30,7 +30,7 @@ pub struct Info {
     /// Sums and extremes of each system over the frames that are present and sound.
     #[serde(flatten, serialize_with = "by_key")]
     pub totals: Vec<Total>,
-    /// The files that were made of them.
+    /// Files made of the frames.
     pub outputs: Vec<OutputInfo>,
     /// What the products know of their files beyond the manifest, for programs.
     #[serde(flatten)]
@@ -54,7 +54,7 @@ pub struct FrameState {
     /// Named numbers of the systems.
     #[serde(flatten)]
     pub figures: BTreeMap<&'static str, f64>,
-    /// What is wrong with it.
+    /// Fault of the frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fault: Option<String>,
     /// Which kind of fault that is.
@@ -178,7 +178,7 @@ fn lacking(span: FrameSpan, frames: &[FrameState]) -> (Vec<u32>, u64) {
     (span.numbers().filter(is_lacking).take(MAX_LISTED_MISSING).collect(), span.count() - present)
 }
 
-/// What is there of an output.
+/// Files of an output that exist.
 fn output_info(output: &OutputFiles, folder: &ShotFolder) -> OutputInfo {
     let present = match &output.rest {
         None => output.present(folder).len(),

@@ -256,7 +256,7 @@ fn warn_of_seeding(simulation: &Simulation, control: Control) {
     registry::seeding_warnings(&simulation.seeded()).iter().for_each(|line| control.reporter.note(line));
 }
 
-/// The simulation's own view of what surrounds it.
+/// The world of the simulation.
 pub(super) fn world(scene: &Scene) -> World {
     scene.surroundings()
 }

@@ -429,7 +429,7 @@ fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
 }
 
 #[test]
-fn what_the_surface_is_to_carry_has_to_be_in_the_cache() {
+fn the_cache_must_have_the_attributes_of_the_surface() {
     assert!(!read(GOOD).unwrap().to_toml().contains("channels"), "absent, it is in no key and no preset");
     let wanted = "surface.attributes=[\"velocity\", \"source\"]";
     let error = read_set(GOOD, &[wanted]).unwrap_err();
@@ -505,7 +505,7 @@ proptest! {
     }
 
     #[test]
-    fn what_is_written_reads_as_the_same_scene(
+    fn a_written_preset_reads_as_the_same_scene(
         spacing in 1e-3_f32..10.0, gravity in prop::array::uniform3(-1e4_f32..1e4), fps in 0.1_f32..1000.0,
         title in "\\PC{0,20}", radius in 1e-6_f32..1e6,
     ) {

@@ -24,7 +24,7 @@ pub struct Systems {
     pub smoke: Option<Smoke>,
     /// The sheets.
     pub sheets: Option<sheet::Shot>,
-    /// Couplings between them.
+    /// Couplings between the systems.
     pub couplings: Vec<Coupling>,
 }
 

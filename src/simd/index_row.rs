@@ -6,7 +6,7 @@ use super::LANES;
 #[derive(Clone, Copy)]
 pub struct IndexRow<'a> {
     row: &'a [u32; LANES],
-    /// Every index is below it.
+    /// Upper bound of every index, exclusive.
     bound: usize,
 }
 

@@ -8,7 +8,7 @@ use std::ops::Range;
 #[derive(Debug, Default)]
 pub struct IndexList {
     list: Vec<u32>,
-    /// Every index is below it.
+    /// Upper bound of every index, exclusive.
     bound: usize,
 }
 
@@ -75,7 +75,7 @@ pub struct IndexRows<'a> {
     next: usize,
     /// The eight that begin where less than eight are left.
     last: [u32; LANES],
-    /// Every index is below it.
+    /// Upper bound of every index, exclusive.
     bound: usize,
 }
 

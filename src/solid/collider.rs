@@ -27,9 +27,9 @@ fn is_linear(interpolation: &Interpolation) -> bool {
 /// A collider with its motion in seconds.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
-    /// Its shape, about its own origin.
+    /// Shape about the collider's own origin.
     pub shape: Shape,
-    /// How it moves; `None`: its own origin is the world's.
+    /// Motion; `None`: the collider's origin is the world's.
     pub motion: Option<Motion>,
 }
 

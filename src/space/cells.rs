@@ -29,7 +29,7 @@ pub struct CellGrid {
 struct CellRow {
     z: i32,
     y: i32,
-    /// Its first cell; it ends where the next row begins.
+    /// First cell of the row, which ends where the next row begins.
     first: u32,
 }
 

@@ -94,7 +94,7 @@ impl Neighbours {
         list.rows::<L>(range, i)
     }
 
-    /// The piece of memory that holds the list of particle `i`, and where it lies in it.
+    /// The chunk that holds the list of particle `i`, and its range there.
     #[inline(always)]
     fn place_of(&self, i: usize) -> (&IndexList, Range<usize>) {
         let place = self.place.of(i);

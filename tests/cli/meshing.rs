@@ -288,7 +288,7 @@ fn the_manifest_names_every_mesh_that_is_there_and_no_other() {
 }
 
 #[test]
-fn what_was_meshed_before_the_job_ended_early_is_named() {
+fn frames_meshed_before_an_early_end_are_named() {
     let desk = Desk::new();
     desk.run("simulate small.toml", 0);
     // A folder in the place of the fourth file ends the job.

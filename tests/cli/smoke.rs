@@ -212,7 +212,7 @@ fn only_what_is_named_runs() {
 }
 
 #[test]
-fn what_makes_no_smoke_is_refused_where_it_stands() {
+fn settings_without_smoke_are_refused_at_their_line() {
     let desk = desk();
     let refused = |set: &str, words: &[&str]| {
         let (_, talk) = desk.run(&format!("simulate ring.toml {set} -o bad"), 2);

@@ -35,7 +35,7 @@ fn plume() -> Desk {
 }
 
 #[test]
-fn what_is_played_faster_shows_every_so_many_th_frame() {
+fn faster_retiming_skips_frames() {
     let desk = plume();
     let (out, _) = desk.run("volume plume -o fast --retime 0.5 --set volume.precision=float", 0);
     assert!(out.contains("4 volumes written"), "{out}");

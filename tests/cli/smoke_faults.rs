@@ -98,7 +98,7 @@ fn a_frame_that_cannot_be_computed_is_named_and_the_others_are_made() {
 }
 
 #[test]
-fn what_smoke_does_not_have_is_refused_and_what_does_is_named() {
+fn grids_that_smoke_lacks_are_refused_and_its_own_are_named() {
     let desk = ring();
     for (line, words) in [
         ("mesh ring", ["no particles", "meniscus volume"]),

@@ -213,7 +213,7 @@ fn thin_vertices_are_those_nearer_to_thin_than_to_all() {
 }
 
 #[test]
-fn what_weighs_nothing_does_not_move() {
+fn vertices_of_weight_zero_do_not_move() {
     let (plain, _) = marching_cubes(&noise(1, |bits| (bits >> 40) as f32 / (1 << 23) as f32 - 1.0));
     let mut mesh = plain.clone();
     let stats = smooth(&mut mesh, &vec![0.0; plain.positions.len()], &SmoothingParams::default(), 0.2);

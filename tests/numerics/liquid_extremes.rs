@@ -280,7 +280,7 @@ fn particles_far_outside_are_simulated_or_named() {
 }
 
 #[test]
-fn what_leaves_all_bounds_is_named_with_the_knob_to_turn() {
+fn divergence_is_reported_with_the_setting_to_change() {
     let many = block(0.1, [0.0; 3], [1.0; 3], "");
     for solver in SOLVERS {
         // More particles than a cell may hold end in the outermost one: the distance is the finding, not the crowd.

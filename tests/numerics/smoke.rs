@@ -228,7 +228,7 @@ fn vortons(frame: &Frame) -> Vortons {
 }
 
 #[test]
-fn what_a_ball_sheds_turns_with_the_layer_along_it_and_slows_the_air_behind() {
+fn vorticity_shed_by_a_ball_has_the_sense_of_its_layer_and_slows_the_wake() {
     let text = "spacing = 0.06\nwind = [1, 0, 0]\n[shedding]\n[[emitter]]\nrate = 1\n\
                 shape = { sphere = { center = [-0.9, 0, 0], radius = 0.05 } }";
     let ball = Shape::Sphere { center: [0.0; 3], radius: 0.3 };
@@ -278,7 +278,7 @@ fn wakes_of_what_is_hardly_resolved_stay_bounded() {
 }
 
 #[test]
-fn what_is_shed_has_no_vorticity_on_the_whole_and_the_drag_of_its_body() {
+fn shed_vorticity_sums_to_zero_and_has_the_drag_of_its_body() {
     let block = Shape::Box { min: [-0.22, -0.25, -0.3], max: [0.22, 0.35, 0.3] };
     let mut simulation = shedding(2.0, "", block);
     let records = advance(&mut simulation, 30);

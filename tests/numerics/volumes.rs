@@ -113,7 +113,7 @@ fn replaced(bytes: &[u8], old: &str, new: &str) -> Vec<u8> {
 }
 
 #[test]
-fn what_cannot_be_read_is_refused_in_words() {
+fn unreadable_volumes_are_refused_with_a_message() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.vdb");
     let ball = Surface::ball();

@@ -146,7 +146,7 @@ impl Input {
         }
     }
 
-    /// What uses a setting of it.
+    /// The command that uses a setting of this input.
     fn command(&self, args: &TradeoffArgs) -> String {
         match self {
             Self::Preset(preset) => format!("shot {}", preset.name),

@@ -12,7 +12,7 @@ use std::io::Write;
 /// Version of the container.
 const VERSION: u8 = 2;
 
-/// Version of LZ4 blocks in it.
+/// Version of LZ4 blocks in Blosc frames.
 const LZ4_VERSION: u8 = 1;
 
 /// Flags: shuffled by bytes, one block that is not split, packed by LZ4.
@@ -102,7 +102,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_packed_unpacks() {
+    fn packed_bytes_unpack() {
         let smooth: Vec<u8> = (0..512).flat_map(|i| (i as f32 / 700.0).to_le_bytes()).collect();
         let mut state = 1_u64;
         let noise: Vec<u8> = (0..2048)

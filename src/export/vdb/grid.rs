@@ -8,9 +8,9 @@ use crate::{
 /// A grid of a volume file.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid<'a> {
-    /// Its name; no two grids of a file share one.
+    /// Name of the grid, unique in a file.
     pub name: &'a str,
-    /// What it means.
+    /// Meaning of the values.
     pub class: Class<'a>,
     /// Distance between nodes [m]; node (0, 0, 0) is at the origin.
     pub voxel: f32,

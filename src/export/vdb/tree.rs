@@ -23,14 +23,14 @@ pub(super) struct Tree {
     pub(super) active: u64,
 }
 
-/// Where a brick stands in the tree, and what it is there. Their order is that of a file.
+/// Path of a brick in the tree. The order is that of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Place {
     /// The upper node's coordinate, in upper nodes.
     upper: [i32; 3],
-    /// The place of the lower node in it.
+    /// Index of the lower node in the upper node.
     lower: usize,
-    /// The brick's place in that.
+    /// Index of the brick in the lower node.
     slot: usize,
     /// The brick, or `None` for one that is inside as a whole.
     brick: Option<usize>,

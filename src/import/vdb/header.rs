@@ -168,7 +168,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// What is read of a transform of `scale` that moves by `origin`.
+    /// The voxel and offset of a transform of `scale` that moves by `origin`.
     fn read(origin: [f64; 3], scale: [f64; 3]) -> Result<(f64, [f64; 3]), String> {
         let name = "UniformScaleTranslateMap";
         let mut all = (name.len() as u32).to_le_bytes().to_vec();

@@ -31,7 +31,7 @@ fn named(name: &str) -> Option<Kind> {
     Some(Kind { size, number })
 }
 
-/// The bytes and the place in them.
+/// Bytes of the file and the position of the reader.
 pub(super) struct Scan<'a> {
     pub(super) path: &'a Path,
     bytes: &'a [u8],

@@ -44,21 +44,21 @@ pub struct BatchSummary {
     pub bytes: u64,
     /// Where the files are.
     pub folder: PathBuf,
-    /// The same in words, a line each, with what the user should know of the files.
+    /// These figures as text, a line each, with notes on the files.
     pub lines: Vec<String>,
 }
 
 impl BatchSummary {
-    /// What was written [MiB].
+    /// Bytes written [MiB].
     pub(crate) fn mebibytes(&self) -> f64 {
         self.bytes as f64 / f64::from(1 << 20)
     }
 }
 
-/// What became of one frame.
+/// Result of one frame.
 pub(crate) struct FrameOutcome {
     pub(crate) index: FrameIndex,
-    /// What the user should know of it.
+    /// Notes on the frame for the user.
     pub(crate) notes: Vec<String>,
     /// The files that are present now.
     pub(crate) files: Vec<FrameFiles>,

@@ -1,4 +1,4 @@
-//! What is requested of a batch of frames, whatever it makes.
+//! A request of a batch of frames, for any product.
 
 use crate::{
     job::{RunError, memory::refuse_memory},
@@ -12,7 +12,7 @@ use crate::{
 /// frames of 200 000 particles at voxel 0.5 go one by one, though reading and writing them runs on one thread.
 pub(super) const DEFAULT_CONCURRENT_MEMORY: u64 = 1 << 30;
 
-/// What is requested of a batch of frames, whatever it makes.
+/// A request of a batch of frames, for any product.
 #[derive(Clone, Debug)]
 pub struct BatchRequest {
     /// The frames to use; `None`: all that are present.

@@ -133,7 +133,7 @@ pub(crate) struct OpenedFrame {
     content: Content,
 }
 
-/// What is known of a stream before its entries are unpacked.
+/// Header of a stream, whose entries are not unpacked yet.
 pub(crate) struct StreamHeader {
     pub(crate) name: String,
     pub(crate) kind: StreamKind,
@@ -157,7 +157,7 @@ enum Content {
 }
 
 impl OpenedFrame {
-    /// The streams, unpacked, and what the user should know of them.
+    /// The streams, unpacked, with notes for the user.
     ///
     /// # Errors
     /// If they cannot be unpacked.

@@ -17,9 +17,9 @@ use std::path::Path;
 /// Identifies the files that are made of a stream of a frame.
 pub(crate) struct FileTarget {
     pub(crate) index: FrameIndex,
-    /// What they show; part of their names.
+    /// System or object that the files show; part of their names.
     pub(crate) name: String,
-    /// Identifies their content.
+    /// Key of what the files were made from.
     pub(crate) key: u64,
 }
 

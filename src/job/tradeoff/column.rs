@@ -143,7 +143,7 @@ pub(crate) enum Shown {
 /// Description of a column, without its measurement.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ColumnInfo {
-    /// Its name in JSON, where a dot opens a group, and in CSV.
+    /// Name in JSON, where a dot opens a group, and in CSV.
     pub key: &'static str,
     /// Heading in the table.
     pub heading: &'static str,
@@ -151,11 +151,11 @@ pub(crate) struct ColumnInfo {
     pub unit: Unit,
     /// Meaning, in a line.
     pub meaning: &'static str,
-    /// Where it is shown.
+    /// Tables that show the column.
     pub shown: Shown,
     /// Whether it is a distance from the reference.
     pub needs_reference: bool,
-    /// Its name for `--by`, if front and knee can be found by it: it is an error then.
+    /// Name for `--by` of a column that is an error, by which front and knee can be found.
     pub criterion: Option<&'static str>,
     /// The key of the time that the error is set against.
     pub timed_by: &'static str,
@@ -165,7 +165,7 @@ pub(crate) struct ColumnInfo {
 
 /// A column whose values are measured from a `V`.
 pub(crate) struct Column<V: 'static> {
-    /// What it is.
+    /// Description.
     pub info: ColumnInfo,
     value: Value<V>,
 }

@@ -7,7 +7,7 @@ use super::{
 use crate::{job::RunError, par};
 use serde_json::{Map, Value as Json, json};
 
-/// What is compared, in words; the same for all its tables.
+/// Words of all tables of a subject.
 #[derive(Debug)]
 pub(crate) struct Wording {
     /// What a time limit is for: "the shot".
@@ -42,11 +42,11 @@ pub(crate) struct About {
 /// What a run changes in the preset.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Setting {
-    /// The changed keys, as people read them.
+    /// Label of the changes.
     pub label: String,
     /// The preset's tier, if the setting names one.
     pub quality: Option<&'static str>,
-    /// The changes, as `--set` takes them.
+    /// Arguments of `--set` for the changes.
     pub set: Vec<String>,
 }
 
@@ -87,7 +87,7 @@ impl TableRow {
 pub(crate) struct Table {
     /// Everything but the rows.
     pub about: About,
-    /// What is compared.
+    /// Words of the subject.
     pub wording: &'static Wording,
     /// Threads that computed.
     pub threads: usize,

@@ -11,7 +11,7 @@ use crate::{
 /// the file. 17 800 were measured (32 768 particles at voxel 0.5, floats, not packed).
 const BRICK_BYTES: f64 = 20000.0;
 
-/// The same [bytes/particle or tracer].
+/// Memory of the particles or tracers themselves [bytes each].
 const PARTICLE_BYTES: f64 = 150.0;
 
 /// Memory of every grid of tracers [bytes/brick that tracers reach]: velocities reach beyond those.

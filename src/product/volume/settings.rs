@@ -1,4 +1,4 @@
-//! What volumes are made with.
+//! Settings of volumes.
 
 use crate::{
     export::vdb::{VolumeGrid, VolumeParams},
@@ -29,7 +29,7 @@ pub(crate) struct VolumeSettings {
 pub(crate) struct Surroundings {
     /// Parameters of the smoke.
     pub(crate) smoke: Smoke,
-    /// What is around it.
+    /// Solids and gravity.
     pub(crate) world: World,
 }
 

@@ -1,9 +1,8 @@
 //! Time against accuracy on the user's own shot: which settings are worth their time.
 //!
-//! *Method*: every setting of a sweep (`sweep`) is run on the same frames, and so are a reference finer than all of them
-//! ([`crate::sim::tradeoff`]) and a refinement of that, which determines how small an error is visible. The Pareto front
-//! and its knee ([`crate::job::tradeoff`]) name the settings to consider. Systems and products define what is varied, run and
-//! compared.
+//! *Method*: every setting of a sweep (`sweep`) is run on the same frames. So is a reference finer than all of them
+//! ([`crate::sim::tradeoff`]), and a refinement of that, which determines how small an error is visible. The Pareto front and its
+//! knee ([`crate::job::tradeoff`]) name the settings to consider. Systems and products define what is varied, run and compared.
 
 mod sweep;
 

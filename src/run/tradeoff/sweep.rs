@@ -67,7 +67,7 @@ impl Vary {
     }
 }
 
-/// What settings are changes of.
+/// Base that settings change.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Origin<'a> {
     /// A preset.
@@ -373,7 +373,7 @@ mod tests {
     }
 
     #[test]
-    fn what_knobs_write_is_what_their_text_means() {
+    fn settings_as_text_reproduce_the_scene_of_a_knob() {
         for (name, _) in builtin::all() {
             let preset = load(name).unwrap();
             let base = Scene::from_preset(&preset, &Overrides::default()).unwrap();

@@ -1,12 +1,11 @@
 //! First-order fast sweeping on a dense grid: sweeps in eight orders over blocks, until nothing changes.
 //!
-//! *Method* [zhao05], [gourlay17]: as on bricks (`sdf/sweep.rs`), blocks run in a wavefront as their
-//! predecessors in the sweep's direction finish, so the bits are those of the sequential sweep
-//! ([`sweep_in_order`]) for any size of blocks and any number of threads.
-//! *Departs from the papers*: a converged block is skipped, which changes no bit: its last pass changed
-//! nothing and the layers that it reads of its neighbours have not changed since, so another pass would
-//! change nothing. At the start a block counts as converged if neither it nor a neighbour has a pinned node:
-//! all that it reads is ∞.
+//! *Method* [zhao05], [gourlay17]: as on bricks (`sdf/sweep.rs`), blocks run in a wavefront, each when its predecessors in the
+//! sweep's direction are finished. So the bits are those of the sequential sweep ([`sweep_in_order`]) for any size of blocks and any
+//! number of threads.
+//! *Departs from the papers*: a converged block is skipped, which changes no bit: its last pass changed nothing, and neither have
+//! the layers that it reads of its neighbours since. At the start a block counts as converged if neither it nor a neighbour has a
+//! pinned node: all that it reads is ∞.
 
 use super::{layout::Layout, skewed::Skewed};
 use crate::{

@@ -53,7 +53,7 @@ pub enum SheetError {
         key: String,
         /// Number of points found.
         found: usize,
-        /// What is required.
+        /// Requirement.
         expected: &'static str,
     },
     /// An exact joint whose points are apart at the start.

@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_fades_fast_stays_positive_and_steps_do_not_matter() {
+    fn fading_is_positive_and_independent_of_the_step() {
         let mut seeds = Seeds::default();
         seeds.add(Vec3::zeros(), [1.0, 300.0]);
         let (mut one, mut two) = (Tracers::default(), Tracers::default());

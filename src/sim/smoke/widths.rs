@@ -63,7 +63,7 @@ mod tests {
     }
 
     #[test]
-    fn what_small_solids_leave_is_shared_by_large_ones() {
+    fn large_solids_share_the_panels_that_small_ones_leave() {
         assert_eq!(share(vec![]), MAX_PANELS);
         assert_eq!(share(vec![50, 1500]), MAX_PANELS);
         assert_eq!(share(vec![5000, 100]), 1500);
@@ -87,7 +87,7 @@ mod tests {
     }
 
     #[test]
-    fn however_many_solids_there_are_panels_are_bounded() {
+    fn panels_are_bounded_for_any_number_of_solids() {
         for (count, least) in [(30, MAX_PANELS / 4), (400, 0), (2000, 0)] {
             let balls: Vec<Shape> = (0..count).map(|i| ball(i as f32, 0.2)).collect();
             let found = distribute_panels(&balls.iter().collect::<Vec<_>>(), 0.02);

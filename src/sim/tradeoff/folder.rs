@@ -44,9 +44,9 @@ pub(crate) struct RunFolder {
     pub scene: Scene,
     /// The last frame.
     pub last: FrameIndex,
-    /// The folder of all that belongs to it.
+    /// Folder of the run's files.
     pub path: PathBuf,
-    /// What runs it.
+    /// Jobs that simulate the scene.
     pub jobs: &'static dyn Jobs,
 }
 

@@ -27,7 +27,7 @@ impl Change {
 
 /// A setting that is made of numbers.
 pub(crate) trait Setting {
-    /// Its numbers; `None` if it is absent.
+    /// Numbers of the setting; `None` if it is absent.
     fn get(&self) -> Option<Vec<f64>>;
     /// Writes the values, and returns them as in a preset.
     fn set(&mut self, value: &[f64]) -> String;
@@ -82,13 +82,13 @@ impl Setting for [u32; 2] {
 /// A setting of a scene, and how it becomes finer.
 #[derive(Clone, Copy)]
 pub(crate) struct Knob {
-    /// Its dotted key; `#` stands for `index`.
+    /// Dotted key; `#` stands for `index`.
     key: &'static str,
-    /// Its place in a list of the scene.
+    /// Index in a list of the scene.
     index: usize,
     field: fn(&mut Scene, usize) -> Option<&mut dyn Setting>,
     finer: Finer,
-    /// The key of the limit that has to give way, so that the finer setting does not only run into it.
+    /// Key of the limit that is relaxed so that it does not stop the finer setting.
     opens: &'static str,
     /// Whether the reference refines it whatever is varied.
     always: bool,
@@ -104,7 +104,7 @@ enum Finer {
     Largest,
     /// What this makes of the scene, and returns by its name in presets; `None` if the scene is as fine.
     Choice(fn(&mut Scene) -> Option<&'static str>),
-    /// A limit: at least this where a refined knob may run into it.
+    /// A limit: at least this where a refined knob may reach it.
     Limit(fn(&Scene) -> f64),
 }
 
@@ -162,7 +162,7 @@ impl Knob {
         self.key.replace('#', &self.index.to_string())
     }
 
-    /// Its numbers in a scene; `None` if the scene has no such setting.
+    /// Numbers of the setting in a scene; `None` if the scene has no such setting.
     fn get(&self, scene: &Scene) -> Option<Vec<f64>> {
         (self.field)(&mut scene.clone(), self.index)?.get()
     }

@@ -141,15 +141,15 @@ pub(crate) struct ProductRecord {
     pub bytes: u64,
     /// Peak memory of the process [bytes], minimum of the repeats, where the system reports it.
     pub memory: Option<u64>,
-    /// Its error, which needs no reference.
+    /// Error of the product, which needs no reference.
     pub error: Option<f64>,
 }
 
 /// A finished run.
 pub(crate) struct Run<M: Measure> {
-    /// What it changes in the preset.
+    /// Changes of the preset.
     pub setting: Setting,
-    /// Where it is kept.
+    /// Folder of the run.
     pub folder: RunFolder,
     /// What was measured.
     pub record: RunRecord<M>,
@@ -165,7 +165,7 @@ pub(crate) struct ComparedRun<M: Measure> {
     pub run: Rc<Run<M>>,
     /// The reference; `None` if the run cannot be compared with it, or is the reference itself.
     pub reference: Option<Rc<Run<M>>>,
-    /// The distance from it.
+    /// Distance from the reference.
     pub distance: M::Distance,
     /// The frames that are compared.
     pub frames: Frames,

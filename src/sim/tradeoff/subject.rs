@@ -15,13 +15,13 @@ use crate::{
 };
 use std::path::Path;
 
-/// What a tradeoff can be about.
+/// Subject of a tradeoff.
 pub(crate) struct Subject {
     /// Name for `--of`.
     pub name: &'static str,
     /// Words for its tables.
     pub wording: &'static Wording,
-    /// The columns that belong to it.
+    /// Columns of the subject.
     pub columns: fn() -> Vec<ColumnInfo>,
     /// The settings that a reference can refine.
     pub knobs: fn(&Scene) -> Vec<Knob>,
@@ -67,7 +67,7 @@ pub(crate) struct ProductRuns {
 pub(crate) struct Sweep {
     /// The settings to compare.
     pub rows: Vec<(Setting, Scene)>,
-    /// What they are compared with.
+    /// The reference of the comparison.
     pub reference: (Setting, Scene),
     /// The reference refined once more, which shows how far it can be trusted.
     pub refined: (Setting, Scene),
@@ -86,7 +86,7 @@ pub(crate) struct TradeoffJob<'a> {
     pub repeats: usize,
     /// The criterion that decides.
     pub by: &'static str,
-    /// What runs are made of.
+    /// Jobs that make the runs.
     pub jobs: &'static dyn Jobs,
 }
 

@@ -46,7 +46,7 @@ fn drift(params: FlowParams) -> [f64; 4] {
 }
 
 #[test]
-fn what_should_stay_drifts_within_bounds() {
+fn invariants_drift_within_bounds() {
     let [strength, impulse, angular, energy] = drift(direct());
     // The transpose form keeps ΣΓ pair by pair; nothing keeps the others exactly.
     assert!(strength < 2e-6, "{strength}");
@@ -115,7 +115,7 @@ impl ExternalEffects for Wind {
 }
 
 #[test]
-fn what_acts_from_outside_is_integrated_to_third_order() {
+fn external_effects_are_integrated_to_third_order() {
     let one = Vortons { position: vec![Vec3::zeros()], strength: vec![Vec3::zeros()], core: vec![1.0] };
     let mut flow = flow(FlowParams { strain: 100.0, displacement: 100.0, ..direct() }, &one, 1e-3);
     let mut tracer = [Vec3::new(5.0, 0.0, 0.0)];

@@ -14,11 +14,11 @@ use std::path::PathBuf;
 pub(crate) struct Sample {
     /// The frame.
     pub(crate) frame: FrameIndex,
-    /// Number of its particles.
+    /// Number of particles.
     pub(crate) particles: usize,
-    /// Distance between them at rest [m].
+    /// Distance between particles at rest [m].
     pub(crate) spacing: f32,
-    /// Identifies them.
+    /// Key of the particles' state.
     pub(crate) state: u64,
     /// The frame's file.
     pub(crate) path: PathBuf,

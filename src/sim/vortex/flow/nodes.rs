@@ -6,7 +6,7 @@ use nalgebra::Vector3;
 /// A node of the grid with strength.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
-    /// Its integer coordinates [spacings].
+    /// Integer coordinates [spacings].
     pub(super) at: [i32; 3],
     /// Γ [m³/s].
     pub(super) strength: Vector3<f64>,

@@ -51,7 +51,7 @@ pub(super) struct Redistributed {
     pub(super) nodes: Vec<Node>,
     /// The number of removed nodes.
     pub(super) removed: u32,
-    /// Their strength, as a fraction of Σ|Γ|, 0..1.
+    /// Strength of the removed nodes, as a fraction of Σ|Γ|, 0..1.
     pub(super) fraction: f64,
     /// The size of the impulse Σ x × Γ that could not be restored [spacings · m³/s].
     pub(super) lost_impulse: f64,

@@ -59,7 +59,7 @@ pub struct RemeshReport {
     /// Low-circulation nodes and nodes inside solids, whose strength was redistributed.
     #[serde(rename = "dropped")]
     pub removed: u32,
-    /// Their strength, as a fraction of Σ|Γ|, 0..1; the sum over several remeshings.
+    /// Strength of the removed nodes, as a fraction of Σ|Γ|, 0..1; the sum over several remeshings.
     #[serde(rename = "handed", deserialize_with = "nan_if_null")]
     pub redistributed: f64,
     /// The size of the impulse Σ x × Γ that redistribution lost [m⁴/s].
