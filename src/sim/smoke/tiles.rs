@@ -19,13 +19,13 @@ const SURFACE_TOLERANCE: f32 = 1e-3;
 /// A rectangular source panel of constant density.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tile {
-    /// Its centre [m].
+    /// Centre [m].
     pub(super) middle: Vec3,
-    /// Unit vectors along its sides, and out of the solid.
+    /// Unit vectors along the sides, and out of the solid.
     pub(super) axes: [Vec3; 3],
-    /// Half its sides [m].
+    /// Half lengths of the sides [m].
     pub(super) half: [f32; 2],
-    /// Smallest distance from its edges in the integrals [m].
+    /// Smallest distance from the edges in the integrals [m].
     pub(super) soft: f32,
 }
 
