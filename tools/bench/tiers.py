@@ -219,7 +219,7 @@ def main():
         "# Quality tiers: time and error\n\n"
         "```sh\nmeniscus shot dam-break --quality draft     # to block the shot: seconds\n"
         "meniscus shot dam-break                     # as written: the tier `final`\n"
-        "meniscus tradeoff dam-break --tiers         # this table, on your machine\n```\n\n"
+        "meniscus tradeoff dam-break --tiers         # the tiers among other settings, on your machine\n```\n\n"
         "Each table compares the tiers (bold) of a preset with other settings; [tradeoff.md](tradeoff.md) explains the columns.\n"
         "Written by `tools/bench/tiers.py`; do not edit.\n\n"
         "- Front and knee are by the observable for liquids, since densities of different spacings cannot be compared. For smoke\n"
