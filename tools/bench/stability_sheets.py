@@ -145,12 +145,12 @@ def verdict(tool, text):
 
 
 def refusal(stderr):
-    """The error in one line; without the excerpt, if it is a preset's."""
-    if "error: " in stderr:
+    """The error in one line; of a preset's, with the first label but without the excerpt."""
+    if "-->" not in stderr:
         return " ".join(stderr[stderr.rindex("error: ") + 7 :].split()).replace("|", "/")
-    lines = stderr.strip().splitlines()
-    found = [line.split("--")[-1].strip() for line in lines if "`--" in line and "found" in line]
-    return "; ".join([lines[0].strip().lstrip("x×").strip(), *found[:1]]).replace("|", "/")
+    lines = stderr[stderr.index("error: ") + 7 :].splitlines()
+    labels = [line.split("^ ", 1)[1].strip() for line in lines if "^ " in line]
+    return "; ".join([lines[0].strip(), *labels[:1]]).replace("|", "/")
 
 
 def judge(frames):
