@@ -65,13 +65,16 @@
 //! | feature | adds |
 //! |---|---|
 //! | `cli` (default) | the binary and the module `cli` |
-//! | `presets` (default) | the built-in presets and the meshes that they name |
+//! | `presets` (default) | presets and the jobs that run them: the modules `preset`, `job`, `product`, `scene` and `run` |
 //! | `npz`, `vtk`, `vdb` (default) | readers of NPZ, VTK XML and OpenVDB files |
 //!
 //! # Conventions
 //!
 //! Everything is SI; axes are right-handed with Z up; faces wind counter-clockwise seen from outside. A module uses only
 //! modules above it in the list below, and files do not import each other in a circle (`tests/architecture/`).
+
+// Jobs and the command line use what is dead code without them.
+#![cfg_attr(not(feature = "cli"), allow(dead_code, unused_imports))]
 
 pub mod par;
 
@@ -101,16 +104,21 @@ pub mod import;
 
 pub mod export;
 
+#[cfg(feature = "presets")]
 pub mod preset;
 
+#[cfg(feature = "presets")]
 pub mod job;
 
 pub mod sim;
 
+#[cfg(feature = "presets")]
 pub mod product;
 
+#[cfg(feature = "presets")]
 pub mod scene;
 
+#[cfg(feature = "presets")]
 pub mod run;
 
 #[cfg(feature = "cli")]

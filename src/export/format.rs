@@ -7,7 +7,6 @@ use super::{
     obj, ply,
 };
 use crate::mesh::Mesh;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
@@ -17,7 +16,8 @@ use std::{
 };
 
 /// A mesh file format.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum MeshFormat {
     /// Binary PLY, with velocities.
@@ -27,7 +27,8 @@ pub enum MeshFormat {
 }
 
 /// Format of sheet files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SheetFormat {
     /// A mesh and a PC2 point cache of all frames.

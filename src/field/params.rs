@@ -1,6 +1,5 @@
 //! Parameters of the density of particles.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Parameters of the density of particles.
@@ -20,15 +19,14 @@ pub struct DensityParams {
 }
 
 /// Anisotropic kernels, shaped by the neighbourhoods of particles.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Anisotropy {
     /// How far kernels move from their particle to the mean of its neighbours: 0 not at all, 1 completely.
-    /// More is smoother, and makes edges rounder.
-    #[schemars(range(min = 0.0, max = 1.0))]
+    /// More is smoother, and makes edges rounder. Range: 0 to 1.
     pub smoothing: f32,
-    /// Ratio of the longest to the shortest axis of a kernel. More makes flat sheets flatter.
-    #[schemars(range(min = 1.0, max = 16.0))]
+    /// Ratio of the longest to the shortest axis of a kernel. More makes flat sheets flatter. Range: 1 to 16.
     pub ratio: f32,
 }
 

@@ -4,21 +4,19 @@ use crate::{
     field::Anisotropy,
     sdf::{Order, SdfParams},
 };
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Reconstruction of a surface from particles.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SurfaceParams {
     /// Edge of a grid cell, in particle spacings. Half the edge gives four times the triangles and takes
     /// eight times the memory. From 1 on, single droplets fall between the nodes and flicker: a ninth of them
-    /// at 1, nine tenths at 2.
-    #[schemars(range(min = 0.05, max = 10.0))]
+    /// at 1, nine tenths at 2. Range: 0.05 to 10.
     pub voxel: f32,
     /// Support radius of the density kernel, in particle spacings. Smaller shows single particles, larger
-    /// makes the surface rounder.
-    #[schemars(range(min = 1.0, max = 8.0))]
+    /// makes the surface rounder. Range: 1 to 8.
     pub kernel_radius: f32,
     /// Anisotropic kernels, for flat water and thin sheets; absent: isotropic kernels.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -67,19 +65,18 @@ impl Default for SurfaceParams {
 }
 
 /// Computation of the signed distance.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct DistanceParams {
     /// Width of the band around the surface, in voxels: level sets extend as far. Meshes are the same from 2
-    /// on; at 1 normals deviated by 0.03° more on a splash. Time and memory grow with it.
-    #[schemars(range(min = 1.0, max = 64.0))]
+    /// on; at 1 normals deviated by 0.03° more on a splash. Time and memory grow with it. Range: 1 to 64.
     pub band: f32,
     /// Order of the finite differences. It affects normals and level sets, but not the position of the
     /// surface. On a splash the second order improved normals by 0.1°, for twice the time of the distance.
     pub order: Order,
     /// Edge of the blocks that a thread processes at a time, in bricks of 8³ nodes. It affects the time,
-    /// never the result.
-    #[schemars(range(min = 1, max = 8))]
+    /// never the result. Range: 1 to 8.
     pub block: u32,
 }
 
@@ -98,12 +95,12 @@ impl From<DistanceParams> for SdfParams {
 
 /// Removal of small connected components. Their positions and radii go to a file of points next to the mesh;
 /// bubbles of that size in the liquid are filled.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ComponentParams {
     /// Smallest volume that stays a mesh, in particle volumes (spacing³). Smaller keeps single droplets as
-    /// meshes of a few dozen triangles each; larger turns splashes into points.
-    #[schemars(range(min = 0.0, max = 1e6))]
+    /// meshes of a few dozen triangles each; larger turns splashes into points. Range: 0 to 1000000.
     pub smallest: f32,
 }
 
@@ -114,23 +111,22 @@ impl Default for ComponentParams {
 }
 
 /// Smoothing that preserves volume, edges and thin parts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SmoothingParams {
     /// Shortest wavelength of bumps that remain, in particle spacings; shorter ones vanish. Smaller shows the
     /// particles, larger removes ripples. On a ball of disordered particles normals deviate by 13.7° without
     /// smoothing, 6.0° at 4, 3.6° at 6 and 2.3° at 8. The time grows with it and with one over `voxel`.
-    #[schemars(range(min = 0.5, max = 30.0))]
+    /// Range: 0.5 to 30.
     pub wavelength: f32,
     /// The part of the smoothing for sheets, threads and droplets of one particle. More than 0.5 wears their
-    /// rims away.
-    #[schemars(range(min = 0.0, max = 1.0))]
+    /// rims away. Range: 0 to 1.
     pub thin: f32,
     /// Edges that bend by more than this within half a wavelength after smoothing are preserved: there only
     /// bumps of a third of the wavelength vanish \[deg\]. A right angle bends by 115, and edges begin at
     /// seven tenths of this value. Smaller preserves blunter edges, and below 60 more of the particles; 180
-    /// preserves none, and saves a seventh of the time.
-    #[schemars(range(min = 5.0, max = 180.0), extend("unit" = "deg"))]
+    /// preserves none, and saves a seventh of the time. Range: 5 to 180.
     pub crease: f32,
 }
 
@@ -141,19 +137,18 @@ impl Default for SmoothingParams {
 }
 
 /// Decimation: fewer triangles, flat parts of the surface first. The mesh stays closed and manifold.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct DecimationParams {
-    /// The part of the triangles to keep. With 0, `error` alone decides.
-    #[schemars(range(min = 0.0, max = 1.0))]
+    /// The part of the triangles to keep. With 0, `error` alone decides. Range: 0 to 1.
     pub fraction: f32,
     /// Largest number of triangles to keep, if that is fewer; absent: `fraction` alone decides.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub triangles: Option<u32>,
     /// Largest distance of a vertex from the faces it represents (root mean square distance from their
-    /// planes), in particle spacings; absent: unbounded. 0.02 is invisible, 0.2 shows facets.
+    /// planes), in particle spacings; absent: unbounded. 0.02 is invisible, 0.2 shows facets. Range: 0 to 10.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0, max = 10.0))]
     pub error: Option<f32>,
 }
 

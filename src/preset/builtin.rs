@@ -1,10 +1,7 @@
 //! Presets that are built into the binary: `meniscus shot dam-break` needs no file.
 
-/// Every built-in preset: its name and its text; none without the feature `presets`.
+/// Every built-in preset: its name and its text.
 pub fn all() -> &'static [(&'static str, &'static str)] {
-    #[cfg(not(feature = "presets"))]
-    return &[];
-    #[cfg(feature = "presets")]
     &[
         ("cloth-over-ellipsoid", include_str!("../../presets/cloth-over-ellipsoid.toml")),
         ("colliding-rings", include_str!("../../presets/colliding-rings.toml")),
@@ -34,9 +31,6 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
 
 /// Files that built-in presets name: their names and their bytes.
 pub fn assets() -> &'static [(&'static str, &'static [u8])] {
-    #[cfg(not(feature = "presets"))]
-    return &[];
-    #[cfg(feature = "presets")]
     &[
         ("assets/bear.ply", include_bytes!("../../presets/assets/bear.ply")),
         ("assets/duck.ply", include_bytes!("../../presets/assets/duck.ply")),

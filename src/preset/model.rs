@@ -1,10 +1,10 @@
 //! Keys of a preset, read from the JSON schema of [`Scene`](crate::scene::Scene).
 //!
 //! The schema is generated from the parameter structs, so keys, types, ranges, units and descriptions are written once, with
-//! the code that uses them. The model understands the forms that those structs use and refuses any other when it is built,
-//! which a test does.
+//! the code that uses them. Units and ranges are read from the doc comments. The model understands the forms that those
+//! structs use and refuses any other when it is built, which a test does.
 
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, generate::SchemaSettings, transform::RecursiveTransform};
 use serde_json::Value as Json;
 
 /// One value of a preset: what it may be and what it means.
@@ -141,8 +141,60 @@ pub(crate) fn words(variants: &[Variant]) -> String {
 /// # Panics
 /// If the schema has a form that presets do not use: a fault of the type, not of any preset.
 pub(crate) fn of<T: JsonSchema>() -> Field {
-    let schema = schemars::schema_for!(T).to_value();
+    let schema = schema::<T>();
     field(&schema, &schema, 0)
+}
+
+/// The JSON schema of a type, with the units and ranges that its doc comments name.
+pub(crate) fn schema<T: JsonSchema>() -> Json {
+    let settings = SchemaSettings::default().with_transform(RecursiveTransform(documented));
+    settings.into_generator().into_root_schema_for::<T>().to_value()
+}
+
+/// Moves the range of a number out of its description, and adds the unit that this names first: "… [m] … Range: above 0."
+fn documented(schema: &mut Schema) {
+    let Some(doc) = schema.get("description").and_then(Json::as_str).map(str::to_owned) else { return };
+    if !is_numeric(schema.as_value()) {
+        return;
+    }
+    let bracketed = doc.split('[').skip(1).filter_map(|text| text.split(']').next());
+    let unit = bracketed.map(|text| text.trim_end_matches('\\')).find(|unit| super::units::is_known(unit));
+    if let Some(unit) = unit {
+        schema.insert("unit".into(), unit.into());
+    }
+    let Some((doc, range)) = doc.rsplit_once("Range: ") else { return };
+    schema.insert("description".into(), doc.trim_end().into());
+    let is_integer = schema.as_value()["type"].to_string().contains("integer");
+    let number = |text: &str| -> Json {
+        let value: f64 = text.parse().unwrap_or_else(|_| panic!("a range has numbers: {range}"));
+        if is_integer { (value as i64).into() } else { value.into() }
+    };
+    for part in range.trim_end_matches('.').split(", ") {
+        let limits = match part.split_once(" to ") {
+            Some((min, max)) => vec![("minimum", min), ("maximum", max)],
+            None => {
+                let words = [
+                    ("at least ", "minimum"),
+                    ("above ", "exclusiveMinimum"),
+                    ("at most ", "maximum"),
+                    ("below ", "exclusiveMaximum"),
+                ];
+                let limit = words.iter().find_map(|(word, key)| Some((*key, part.strip_prefix(word)?)));
+                vec![
+                    limit.unwrap_or_else(|| panic!("a range is described as in `Limits::describe`: {range}")),
+                ]
+            }
+        };
+        limits.into_iter().for_each(|(key, text)| _ = schema.insert(key.into(), number(text)));
+    }
+}
+
+/// Whether a schema is that of a number or a list of numbers.
+fn is_numeric(schema: &Json) -> bool {
+    let types = schema["type"].to_string();
+    types.contains("number")
+        || types.contains("integer")
+        || (types.contains("array") && is_numeric(&schema["items"]))
 }
 
 fn field(schema: &Json, root: &Json, depth: usize) -> Field {
@@ -164,7 +216,6 @@ fn field(schema: &Json, root: &Json, depth: usize) -> Field {
         field.doc = doc.replace("\\[", "[").replace("\\]", "]");
     }
     if let Some(unit) = schema["unit"].as_str() {
-        assert!(super::units::is_known(unit), "unit {unit} of the schema is known");
         field.unit = Some(unit.to_owned());
     }
     if let Some(default) = schema.get("default").filter(|default| !default.is_null()) {

@@ -154,7 +154,7 @@ fn paragraph(doc: &str) -> String {
 /// It is the schema of [`Scene`] and, as presets have them, numbers written as text with a unit, `"none"`
 /// for optional keys, and the quality tiers.
 pub fn json_schema() -> String {
-    let mut schema = schemars::schema_for!(Scene).to_value();
+    let mut schema = model::schema::<Scene>();
     as_written(&mut schema);
     schema["title"] = json!("Meniscus preset");
     let tier = |name: &str| {

@@ -20,7 +20,6 @@
 
 use super::{Swept, godunov::ORDERS};
 use crate::par;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
 
@@ -55,7 +54,8 @@ pub trait Nodes: Sync {
 }
 
 /// The order of the differences that the Eikonal equation is solved with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// First order: the error is a few tenths of a voxel far from the surface.

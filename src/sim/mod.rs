@@ -8,25 +8,33 @@ pub const STATE_VERSION: u32 = 11;
 
 mod clock;
 pub mod coupling;
+#[cfg(feature = "presets")]
 pub(crate) mod forecast;
 pub mod liquid;
 mod observe;
 mod record;
+#[cfg(feature = "presets")]
 pub(crate) mod registry;
+#[cfg(feature = "presets")]
 pub mod scene;
+#[cfg(feature = "presets")]
 pub(crate) mod scene_check;
+#[cfg(feature = "presets")]
 mod scene_query;
 mod setup;
 pub mod sheet;
 mod simulation;
 pub mod smoke;
 mod substep;
+#[cfg(feature = "presets")]
 pub(crate) mod system;
+#[cfg(feature = "presets")]
 pub(crate) mod tradeoff;
 pub mod vortex;
 
 pub use crate::control::{CancelToken, Diverged, Stop, Unwatched, Watch};
 pub use clock::Seconds;
+#[cfg(feature = "presets")]
 pub use forecast::{ElementCount, ProductForecast, SystemForecast};
 pub use observe::Observable;
 pub use record::{FrameRecord, SeedReport};

@@ -4,11 +4,11 @@
 //! liquid is chaotic, its bulk is not. Extents are percentiles, since the outermost particle is random.
 
 use crate::{frame::Stream, math::Vec3, par};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A property of the liquid that is compared between runs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Observable {
     /// Extent along +x: the 99.9th percentile of the particles [m].

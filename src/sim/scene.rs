@@ -28,9 +28,8 @@ pub struct Scene {
     pub title: String,
     /// The frames to compute: "1-96", "1-240x2", "1,5,9-12". The first is the initial state.
     pub frames: Frames,
-    /// Frames a second.
+    /// Frames a second. Range: above 0, at most 10000.
     #[serde(default = "default_fps")]
-    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10000.0))]
     pub fps: f32,
     /// Gravity and colliders.
     #[serde(default)]
@@ -64,7 +63,6 @@ pub struct Scene {
     pub tradeoff: Option<Tradeoff>,
     /// Content of the files that the preset names; not part of its text.
     #[serde(skip)]
-    #[schemars(skip)]
     pub assets: Assets,
 }
 
@@ -81,7 +79,6 @@ pub struct Tradeoff {
 #[serde(deny_unknown_fields, default)]
 pub struct World {
     /// Acceleration of gravity [m/s²].
-    #[schemars(extend("unit" = "m/s²"))]
     pub gravity: [f32; 3],
     /// Solid obstacles.
     pub collider: Vec<Collider>,
@@ -104,9 +101,8 @@ pub struct Output {
     /// Files of the sheets: "pc2" is a mesh and a point cache of all frames, which Blender plays; "ply" and "obj" are a mesh per
     /// frame.
     pub sheet: Vec<SheetFormat>,
-    /// Thickness of sheets in files [m]; absent: surfaces without thickness.
+    /// Thickness of sheets in files [m]; absent: surfaces without thickness. Range: above 0.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
     pub thickness: Option<f32>,
 }
 

@@ -1,7 +1,7 @@
 //! Surroundings of a simulation, and errors of its setup.
 
 use super::{coupling::CouplingError, sheet::SheetError, vortex::OutOfRange};
-use crate::{job::RunError, math::Vec3, solid::Solid};
+use crate::{math::Vec3, solid::Solid};
 
 /// Surroundings of the systems.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,10 +61,4 @@ pub enum SetupError {
         /// The channel or scalar, or "particles" if the stream itself is missing.
         what: &'static str,
     },
-}
-
-impl From<SetupError> for RunError {
-    fn from(why: SetupError) -> Self {
-        Self::Setup(Box::new(why))
-    }
 }

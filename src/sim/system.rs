@@ -4,6 +4,7 @@
 //! scenes and the command line name no system; they loop over [`ALL`](super::registry::ALL).
 
 use super::{
+    SetupError,
     forecast::{ElementCount, ForecastJob, SystemForecast},
     record::{FrameRecord, SeedReport},
     scene::Scene,
@@ -121,6 +122,12 @@ pub(crate) struct CachedFrame {
     pub(crate) streams: Vec<StreamInfo>,
     /// Its record in the log; `None` of a frame that is not logged, as the first.
     pub(crate) record: Option<FrameRecord>,
+}
+
+impl From<SetupError> for RunError {
+    fn from(why: SetupError) -> Self {
+        Self::Setup(Box::new(why))
+    }
 }
 
 /// The file of a shape, if it is a mesh, with the dotted key of the mesh.

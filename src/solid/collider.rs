@@ -1,11 +1,11 @@
 //! Colliders of a preset, and solids in the form of the systems.
 
 use super::{Interpolation, Keyframe, Motion, Shape};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// One collider of the world.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Collider {
     /// The shape that keeps everything out (or, for a tank, in).

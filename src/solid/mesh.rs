@@ -3,39 +3,34 @@
 use super::Pose;
 use crate::{math::Vec3, sdf::Sampled};
 use nalgebra::Rotation3;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A closed triangle mesh from a PLY or OBJ file.
 ///
 /// The preset names the file; its reader calls [`MeshShape::fill`] before the shape's distance is evaluated.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct MeshShape {
     /// The file, .ply or .obj, in the preset's folder or below it: "duck.ply", "meshes/duck.obj". Holes are closed and
     /// parts may overlap; a part thinner than a voxel only repels.
     pub file: String,
-    /// Factor from the file's unit to metres.
+    /// Factor from the file's unit to metres. Range: above 0.
     #[serde(default = "one")]
-    #[schemars(extend("exclusiveMinimum" = 0.0))]
     pub scale: f32,
     /// Then turned about the world's X, then Y, then Z axis [deg] (Euler XYZ, as Blender).
     #[serde(default)]
-    #[schemars(extend("unit" = "deg"))]
     pub rotate: [f32; 3],
     /// Then moved [m].
     #[serde(default)]
-    #[schemars(extend("unit" = "m"))]
     pub translate: [f32; 3],
     /// Voxels along the longest side of the mesh. More shows finer detail and costs memory with the cube of it: 8 MB
-    /// at 128. A voxel of about half the liquid's spacing is enough.
+    /// at 128. A voxel of about half the liquid's spacing is enough. Range: 8 to 1024.
     #[serde(default = "resolution")]
-    #[schemars(range(min = 8, max = 1024))]
     pub resolution: u32,
     /// The distances, once they are there.
     #[serde(skip)]
-    #[schemars(skip)]
     field: Option<Arc<Placed>>,
 }
 

@@ -8,23 +8,21 @@
 
 use crate::math::Vec3;
 use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where a collider is at a frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Keyframe {
     /// The frame, as `frames` counts. Keyframes ascend.
     pub frame: u32,
     /// Where the shape's own origin then is [m].
     #[serde(default)]
-    #[schemars(extend("unit" = "m"))]
     pub position: [f32; 3],
     /// Turns about the world's X, then Y, then Z axis through the shape's own origin [deg] (Euler XYZ, as Blender).
     /// Each angle is interpolated by itself: from 0 to 720 the shape turns twice.
     #[serde(default)]
-    #[schemars(extend("unit" = "deg"))]
     pub rotation: [f32; 3],
     /// The turn as a quaternion (w, x, y, z), in place of `rotation`; any length but zero. Interpolated by slerp along the
     /// shorter arc. If one keyframe of a collider has it, all have.
@@ -33,7 +31,8 @@ pub struct Keyframe {
 }
 
 /// How a collider moves from one keyframe to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Interpolation {
     /// At constant speed. Baked animation, a keyframe every frame, wants this.

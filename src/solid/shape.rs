@@ -1,18 +1,17 @@
 //! The shapes of colliders and sources.
 
 use super::MeshShape;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A shape about its own origin: the world's, unless the shape moves. Lengths are in metres; no dimension may be zero or
 /// negative.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Shape {
     /// Everything behind a plane: unbounded, so no source.
     Plane {
         /// A point on the plane [m].
-        #[schemars(extend("unit" = "m"))]
         point: [f32; 3],
         /// Direction out of the solid; any length but zero.
         normal: [f32; 3],
@@ -20,63 +19,49 @@ pub enum Shape {
     /// A box.
     Box {
         /// Lower corner [m].
-        #[schemars(extend("unit" = "m"))]
         min: [f32; 3],
         /// Upper corner [m], above `min` on every axis.
-        #[schemars(extend("unit" = "m"))]
         max: [f32; 3],
     },
     /// A ball.
     Sphere {
         /// Centre [m].
-        #[schemars(extend("unit" = "m"))]
         center: [f32; 3],
-        /// Radius [m].
-        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        /// Radius [m]. Range: above 0.
         radius: f32,
     },
     /// A cylinder with round ends.
     Capsule {
         /// One end of the axis [m].
-        #[schemars(extend("unit" = "m"))]
         from: [f32; 3],
         /// The other end [m].
-        #[schemars(extend("unit" = "m"))]
         to: [f32; 3],
-        /// Radius [m].
-        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        /// Radius [m]. Range: above 0.
         radius: f32,
     },
     /// A ring with a round cross-section.
     Torus {
         /// Centre [m].
-        #[schemars(extend("unit" = "m"))]
         center: [f32; 3],
         /// The axis around which the ring runs; any length but zero.
         axis: [f32; 3],
-        /// From the centre to the middle of the tube [m]; the hole's radius is `radius` less `tube`.
-        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        /// From the centre to the middle of the tube [m]; the hole's radius is `radius` less `tube`. Range: above 0.
         radius: f32,
-        /// Radius of the tube [m], below `radius`.
-        #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+        /// Radius of the tube [m], below `radius`. Range: above 0.
         tube: f32,
     },
     /// A ball stretched along the axes; keyframes turn it.
     Ellipsoid {
         /// Centre [m].
-        #[schemars(extend("unit" = "m"))]
         center: [f32; 3],
         /// Half of its length along x, y and z [m], each above zero.
-        #[schemars(extend("unit" = "m"))]
         radii: [f32; 3],
     },
     /// A closed container, everything outside of a box: unbounded, so no source.
     Tank {
         /// Lower inner corner [m].
-        #[schemars(extend("unit" = "m"))]
         min: [f32; 3],
         /// Upper inner corner [m], above `min` on every axis.
-        #[schemars(extend("unit" = "m"))]
         max: [f32; 3],
     },
     /// The inside of a triangle mesh from a file.

@@ -1,10 +1,10 @@
 //! Parameters of volumes in a preset.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How frames become volumes.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct VolumeParams {
     /// How numbers are stored.
@@ -14,7 +14,8 @@ pub struct VolumeParams {
 }
 
 /// How many digits a stored number has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
     /// 16 bits, about three digits, up to 65504: what renderers need, in half the space.
@@ -25,7 +26,8 @@ pub enum Precision {
 }
 
 /// How stored numbers are packed. Numbers of nodes where nothing is are left out in any case.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Compression {
     /// Blosc with LZ4: fast to write and read.
@@ -38,7 +40,8 @@ pub enum Compression {
 }
 
 /// A grid of a volume file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum VolumeGrid {
     /// Fog: 1 in filled space, 0 outside; of smoke, the density that its tracers carry.

@@ -6,6 +6,7 @@
 
 mod contact;
 mod error;
+#[cfg(feature = "presets")]
 pub(crate) mod job;
 mod liquid_sheet;
 mod params;

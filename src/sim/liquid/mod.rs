@@ -17,6 +17,7 @@ mod density;
 mod density_map;
 mod energy;
 mod jacobi;
+#[cfg(feature = "presets")]
 pub(crate) mod job;
 mod lanes;
 mod neighbourhood;

@@ -1,53 +1,48 @@
 //! Parameters of a liquid.
 
 use crate::solid::Shape;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// A liquid of particles, kept at rest density by position corrections ([pbf] Algorithm 1).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LiquidParams {
     /// Distance between particles at rest [m]: half the distance gives eight times the particles and finer splashes.
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    /// Range: above 0.
     pub spacing: f32,
     /// Rest density ρ₀ [kg/m³]. It scales energies and coupling forces, but does not change the motion.
+    /// Range: above 0.
     #[serde(default = "defaults::density")]
-    #[schemars(extend("unit" = "kg/m³", "exclusiveMinimum" = 0.0))]
     pub density: f32,
     /// Support h of the smoothing kernels, in spacings. Below 1.6 neighbours are too few to keep particles in order;
-    /// above 3 detail blurs. The cost grows with its cube.
+    /// above 3 detail blurs. The cost grows with its cube. Range: 1.2 to 4.
     #[serde(default = "defaults::kernel_radius")]
-    #[schemars(range(min = 1.2, max = 4.0))]
     pub kernel_radius: f32,
-    /// Average density deviation at which the iteration stops ("0.5 %"). Excludes `iterations`; with neither in the preset
+    /// Average density deviation at which the iteration stops [1] ("0.5 %"). Excludes `iterations`; with neither in the preset
     /// it is 0.3 %. With `compression`, the deviation is the mean of max(ρ/ρ₀ − 1, 0) over all particles, with `equality`
     /// that of |ρ/ρ₀ − 1|. A larger value is faster and bouncier; above a few per cent the liquid visibly loses volume.
+    /// Range: above 0, at most 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("unit" = "1", "exclusiveMinimum" = 0.0, "maximum" = 1.0))]
     pub density_dev: Option<f32>,
     /// Most iterations of a substep to reach `density_dev`; it takes at least 2, if this allows them. With too few, deep water
-    /// bounces; the frame's record counts the substeps that ended above the target.
+    /// bounces; the frame's record counts the substeps that ended above the target. Range: 1 to 100000.
     #[serde(default = "defaults::max_iterations")]
-    #[schemars(range(min = 1, max = 100000))]
     pub max_iterations: u32,
-    /// Fixed number of iterations of a substep, as in the paper (2–10), instead of `density_dev`.
+    /// Fixed number of iterations of a substep, as in the paper (2–10), instead of `density_dev`. Range: 1 to 100000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 1, max = 100000))]
     pub iterations: Option<u32>,
     /// CFL number: largest displacement of a particle in a substep, in spacings. A larger value is faster; above 1 thin
-    /// colliders leak and splashes scatter.
+    /// colliders leak and splashes scatter. Range: above 0, at most 10.
     #[serde(default = "defaults::cfl")]
-    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 10.0))]
     pub cfl: f32,
     /// Fewest substeps of a frame. More substeps cost time and keep deep water from bouncing: 32 layers sag by 2 % and surge
-    /// at 20 ms a substep, and hardly at 5 ms.
+    /// at 20 ms a substep, and hardly at 5 ms. Range: 1 to 10000.
     #[serde(default = "defaults::min_substeps")]
-    #[schemars(range(min = 1, max = 10000))]
     pub min_substeps: u32,
     /// Most substeps of a frame; if the CFL rule needs more, the frame's record counts them in `cfl_capped`.
+    /// Range: 1 to 10000.
     #[serde(default = "defaults::max_substeps")]
-    #[schemars(range(min = 1, max = 10000))]
     pub max_substeps: u32,
     /// Solver of the density constraints.
     #[serde(default)]
@@ -59,9 +54,8 @@ pub struct LiquidParams {
     #[serde(default)]
     pub constraint: Constraint,
     /// Constraint softening ε of [pbf] Eq. 11, as a fraction of Σ|∇C|² on the filled seeding lattice. A larger value is calmer
-    /// and converges less; with 0 particles jitter where they separate.
+    /// and converges less; with 0 particles jitter where they separate. Range: 0 to 1000.
     #[serde(default = "defaults::softening")]
-    #[schemars(range(min = 0.0, max = 1000.0))]
     pub softening: f32,
     /// Channels of cached particles in addition to `position`, `velocity` and `id`, for `surface.attributes` and other tools;
     /// empty: no more. They do not change the motion, but a cache without them must be simulated again to get them.
@@ -90,7 +84,8 @@ impl LiquidParams {
 }
 
 /// A channel that cached particles have only if the preset names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum LiquidChannel {
     /// Seconds since the particle was seeded, which is the time since the start of the shot.
@@ -113,7 +108,8 @@ impl LiquidChannel {
 }
 
 /// Solver of the density constraints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum SolverKind {
     /// Projected Jacobi iterations with momentum and a warm start: deep water takes at most a third of the iterations.
@@ -124,7 +120,8 @@ pub enum SolverKind {
 }
 
 /// Pair of a density kernel and a gradient kernel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// Wendland's C2 for both: corrections follow the gradient of the density, and water at rest stays at rest.
@@ -136,7 +133,8 @@ pub enum Kernel {
 }
 
 /// Density errors that the solver corrects.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Constraint {
     /// Compression only (C ≥ 0): splashes separate freely and volume is conserved.
@@ -147,18 +145,16 @@ pub enum Constraint {
 }
 
 /// Artificial pressure s_corr, [pbf] Eq. 13.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct ArtificialPressure {
     /// The paper's k, as an acceleration: at 0.1, two particles half a spacing apart repel with about ten g. A smaller value
-    /// lets surfaces clump under `constraint = "equality"`; near 1 the liquid boils.
-    #[schemars(range(min = 0.0, max = 10.0))]
+    /// lets surfaces clump under `constraint = "equality"`; near 1 the liquid boils. Range: 0 to 10.
     pub strength: f32,
-    /// The paper's |Δq|/h, the distance at which the term reaches `strength`.
-    #[schemars(range(min = 0.0, max = 0.9))]
+    /// The paper's |Δq|/h, the distance at which the term reaches `strength`. Range: 0 to 0.9.
     pub reference: f32,
-    /// The paper's exponent n.
-    #[schemars(range(min = 1, max = 12))]
+    /// The paper's exponent n. Range: 1 to 12.
     pub exponent: u32,
 }
 
@@ -169,13 +165,13 @@ impl Default for ArtificialPressure {
 }
 
 /// Vorticity confinement, [pbf] Eqs. 15–16.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct VorticityConfinement {
     /// The paper's ε over √(g₀ · spacing), with g₀ = 9.81 m/s². A larger value whips splashes up: on a dam break, 0.05 adds
     /// 0.03 % of the energy per frame, which is invisible, 0.5 adds 0.2 %, 2 adds 2 % and frays the surface. The term
-    /// never returns more energy than the liquid has lost since the start.
-    #[schemars(range(min = 0.0, max = 10.0))]
+    /// never returns more energy than the liquid has lost since the start. Range: 0 to 10.
     pub strength: f32,
 }
 
@@ -186,11 +182,12 @@ impl Default for VorticityConfinement {
 }
 
 /// XSPH viscosity, [pbf] Eq. 17.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Xsph {
     /// The paper's c: fraction by which a particle's velocity approaches the mean of its neighbours in each substep.
-    #[schemars(range(min = 0.0, max = 1.0))]
+    /// Range: 0 to 1.
     pub strength: f32,
 }
 
@@ -201,7 +198,8 @@ impl Default for Xsph {
 }
 
 /// A volume filled with liquid when the shot starts.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LiquidSource {
     /// The volume to fill: any shape but `plane` and `tank`, which are unbounded. A box is filled from its lower corner,
@@ -209,7 +207,6 @@ pub struct LiquidSource {
     pub shape: Shape,
     /// Velocity at the start [m/s].
     #[serde(default)]
-    #[schemars(extend("unit" = "m/s"))]
     pub velocity: [f32; 3],
 }
 

@@ -21,6 +21,7 @@ mod explicit;
 mod face_contacts;
 mod free_translation;
 mod implicit;
+#[cfg(feature = "presets")]
 pub(crate) mod job;
 mod model;
 mod overshoot;

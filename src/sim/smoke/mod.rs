@@ -15,6 +15,7 @@ mod emit;
 mod estimate;
 mod field;
 mod filaments;
+#[cfg(feature = "presets")]
 pub(crate) mod job;
 mod kick;
 mod panels;

@@ -4,46 +4,42 @@ use crate::{
     sim::vortex::flow::FlowParams,
     solid::{Interpolation, Keyframe, Shape},
 };
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Smoke in air of vortons, which are particles of vorticity that induce the air's velocity. It advects tracers, whose density and
 /// temperature are seen.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SmokeParams {
     /// Distance between vortons where they are seeded [m]: half as much shows swirls of half the size, and takes eight
-    /// times the vortons.
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    /// times the vortons. Range: above 0.
     pub spacing: f32,
     /// Core σ of a vorton, in spacings. Below 1 vortons part and the air between them is jerky; above 2 swirls blur.
+    /// Range: 0.8 to 4.
     #[serde(default = "defaults::overlap")]
-    #[schemars(range(min = 0.8, max = 4.0))]
     pub overlap: f32,
     /// Distance between tracers where smoke is seeded or emitted, in spacings. Half as much gives eight times the tracers
-    /// and smoother volumes; it does not change how the air moves but through `buoyancy`.
+    /// and smoother volumes; it does not change how the air moves but through `buoyancy`. Range: 0.05 to 4.
     #[serde(default = "defaults::tracers")]
-    #[schemars(range(min = 0.05, max = 4.0))]
     pub tracers: f32,
     /// Frames between two samples of the velocity's error against the sum over all pairs. 1 samples every frame.
+    /// Range: 1 to 100000.
     #[serde(default = "defaults::sample_every")]
-    #[schemars(range(min = 1, max = 100000))]
     pub sample_every: u32,
     /// How vortons move.
     #[serde(default)]
     pub flow: FlowParams,
     /// Velocity of the air far away [m/s]; absent: it is still.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("unit" = "m/s"))]
     pub wind: Option<[f32; 3]>,
     /// Rate at which tracers cool down to the air's temperature [1/s]: after 1/rate a third of the heat is left; absent:
-    /// heat stays.
+    /// heat stays. Range: at least 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
     pub cooling: Option<f32>,
     /// Rate at which smoke thins out [1/s]: after 1/rate a third of the density is left; absent: it stays.
+    /// Range: at least 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
     pub dissolve: Option<f32>,
     /// Hot smoke rises, heavy smoke sinks; absent: smoke only drifts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -69,15 +65,14 @@ pub struct SmokeParams {
 }
 
 /// How the weight of smoke moves the air: Dω/Dt = (1/ρ) ∇ρ × g.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Buoyancy {
-    /// Temperature of the air far away [K]. Smoke hotter by as much weighs half of it.
-    #[schemars(extend("unit" = "K", "exclusiveMinimum" = 0.0))]
+    /// Temperature of the air far away [K]. Smoke hotter by as much weighs half of it. Range: above 0.
     pub ambient: f32,
     /// By which part of the air's weight smoke of density 1 is heavier. 0: density weighs nothing; large enough, and
-    /// hot smoke turns over and falls.
-    #[schemars(range(min = 0.0, max = 1000.0))]
+    /// hot smoke turns over and falls. Range: 0 to 1000.
     pub weight: f32,
 }
 
@@ -88,16 +83,16 @@ impl Default for Buoyancy {
 }
 
 /// Vorticity shed by colliders: the slip along a surface is released into the air as vortons.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Shedding {
     /// Part of the slip along a surface that is released, 0 to 1: 1 is a rough body with a full wake, 0.2 a smooth one.
-    /// 0 sheds nothing; above it, the air that a turning body takes along does not depend on it.
-    #[schemars(range(min = 0.0, max = 1.0))]
+    /// 0 sheds nothing; above it, the air that a turning body takes along does not depend on it. Range: 0 to 1.
     pub strength: f32,
     /// Thickness of the layer in which air slips, in spacings: vortons are released in its middle. Thinner, and they touch the
     /// body and are projected out of it. Air sticks to the body: the nearer vortons in the layer are, the less they are stretched.
-    #[schemars(range(min = 0.25, max = 4.0))]
+    /// Range: 0.25 to 4.
     pub layer: f32,
 }
 
@@ -108,16 +103,15 @@ impl Default for Shedding {
 }
 
 /// Random swirls: the curl of a random potential, so that vorticity has no ends.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Turbulence {
     /// Where they are: they fade to nothing at its surface. A box, a ball or a capsule.
     pub shape: Shape,
-    /// Size of the largest swirls [m]: at least four spacings, or the vortons do not resolve them.
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    /// Size of the largest swirls [m]: at least four spacings, or the vortons do not resolve them. Range: above 0.
     pub scale: f32,
-    /// Root of the mean square of the air's speed where the vortons are [m/s].
-    #[schemars(extend("unit" = "m/s", "minimum" = 0.0))]
+    /// Root of the mean square of the air's speed where the vortons are [m/s]. Range: at least 0.
     pub strength: f32,
     /// Another number gives other swirls.
     #[serde(default)]
@@ -125,83 +119,73 @@ pub struct Turbulence {
 }
 
 /// A vortex ring.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Ring {
     /// Centre of the ring [m].
-    #[schemars(extend("unit" = "m"))]
     pub center: [f32; 3],
     /// Where it flies to; any length but zero.
     #[serde(default = "defaults::up")]
     pub direction: [f32; 3],
-    /// From the centre to the middle of the core [m].
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    /// From the centre to the middle of the core [m]. Range: above 0.
     pub radius: f32,
     /// Radius of the core [m]: vorticity falls off from its middle as a Gaussian and ends at twice this. Below one
-    /// spacing the vortons' own cores are wider.
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    /// spacing the vortons' own cores are wider. Range: above 0.
     pub thickness: f32,
     /// Circulation [m²/s]; it flies with about circulation/(4π radius) · (ln(8 radius/thickness) − ½).
-    #[schemars(extend("unit" = "m²/s"))]
     pub circulation: f32,
     /// How far the radius waves along the ring, as a part of it: a little makes it break up as rings do.
+    /// Range: 0 to 0.5.
     #[serde(default)]
-    #[schemars(range(min = 0.0, max = 0.5))]
     pub wobble: f32,
-    /// Density of the smoke in the core; 0: the ring is not seen.
+    /// Density of the smoke in the core; 0: the ring is not seen. Range: at least 0.
     #[serde(default = "defaults::one")]
-    #[schemars(extend("minimum" = 0.0))]
     pub density: f32,
     /// Temperature of the smoke above that of the air [K].
     #[serde(default)]
-    #[schemars(extend("unit" = "K"))]
     pub temperature: f32,
 }
 
 /// A straight vortex tube. Its ends are free: the air closes the swirl around them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Tube {
     /// One end of the axis [m].
-    #[schemars(extend("unit" = "m"))]
     pub from: [f32; 3],
     /// The other end [m]. Seen from here, the air turns counter-clockwise.
-    #[schemars(extend("unit" = "m"))]
     pub to: [f32; 3],
-    /// Radius of the core [m], as of a ring.
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0))]
+    /// Radius of the core [m], as of a ring. Range: above 0.
     pub thickness: f32,
     /// Circulation [m²/s].
-    #[schemars(extend("unit" = "m²/s"))]
     pub circulation: f32,
-    /// Density of the smoke in the core; 0: the tube is not seen.
+    /// Density of the smoke in the core; 0: the tube is not seen. Range: at least 0.
     #[serde(default = "defaults::one")]
-    #[schemars(extend("minimum" = 0.0))]
     pub density: f32,
     /// Temperature of the smoke above that of the air [K].
     #[serde(default)]
-    #[schemars(extend("unit" = "K"))]
     pub temperature: f32,
 }
 
 /// A volume filled with smoke when the shot starts.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SmokeSource {
     /// The volume: a box, a ball, a capsule or a mesh.
     pub shape: Shape,
-    /// Density of the smoke; 1 is what `density` grids show as full.
+    /// Density of the smoke; 1 is what `density` grids show as full. Range: at least 0.
     #[serde(default = "defaults::one")]
-    #[schemars(extend("minimum" = 0.0))]
     pub density: f32,
     /// Temperature above that of the air [K].
     #[serde(default)]
-    #[schemars(extend("unit" = "K"))]
     pub temperature: f32,
 }
 
 /// A volume that gives off smoke.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Emitter {
     /// The volume: a box, a ball, a capsule or a mesh.
@@ -212,22 +196,18 @@ pub struct Emitter {
     /// How it moves from keyframe to keyframe.
     #[serde(default)]
     pub interpolation: Interpolation,
-    /// How often a second the volume is filled with new smoke [1/s].
+    /// How often a second the volume is filled with new smoke [1/s]. Range: at least 0.
     #[serde(default = "defaults::rate")]
-    #[schemars(extend("unit" = "1/s", "minimum" = 0.0))]
     pub rate: f32,
-    /// Density of the smoke.
+    /// Density of the smoke. Range: at least 0.
     #[serde(default = "defaults::one")]
-    #[schemars(extend("minimum" = 0.0))]
     pub density: f32,
     /// Temperature above that of the air [K].
     #[serde(default)]
-    #[schemars(extend("unit" = "K"))]
     pub temperature: f32,
     /// Velocity with which smoke is emitted, in addition to that of the shape [m/s]: it drags the air along; absent: smoke
     /// appears in the air as that moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(extend("unit" = "m/s"))]
     pub velocity: Option<[f32; 3]>,
     /// The frame at which it begins to give off smoke, which the next one shows; absent: the shot's first.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -2,7 +2,6 @@
 
 use super::Vortons;
 use crate::math::Vec3;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The velocity gradient ∇u: the row is the component of the velocity, the column the direction of the derivative.
@@ -11,7 +10,8 @@ pub type Gradient = nalgebra::Matrix3<f32>;
 /// The distribution of the vorticity of a vorton over its core σ; ρ = r/σ.
 ///
 /// C is the constant in the speed of a thin vortex ring of circulation Γ_c: Γ_c/(4πR) · (ln(8R/σ) − C).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Kernel {
     /// Uniform inside a ball of radius σ, and zero outside; C = ln 2 − 1/3. The kernel that [gourlay19] describes. Its

@@ -1,12 +1,12 @@
 //! Parameters of the motion of vortons.
 
 use super::super::{ERRORS, Kernel, Method, grid_errors};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// The motion of vortons. All keys except those of the evaluation and the time step are physics; absent terms
 /// are not applied.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct FlowParams {
     /// The distribution of the vorticity of a vorton over its core.
@@ -14,21 +14,17 @@ pub struct FlowParams {
     /// The method by which induced velocities are summed.
     pub sum: Sum,
     /// The requested relative error of the velocity with `sum = "tree"` and `"grid"`. Smaller is slower;
-    /// below 1e-3 the eddies of a shot hardly change, above 1e-2 thin rings wobble.
-    #[schemars(range(min = 1e-5, max = 0.1))]
+    /// below 1e-3 the eddies of a shot hardly change, above 1e-2 thin rings wobble. Range: 0.00001 to 0.1.
     pub error: f32,
     /// Largest rotation and strain in a substep: the time step times the largest velocity gradient. Larger is
     /// faster; above about 0.5 eddies that stretch each other gain energy, above 1 they become unstable and
-    /// are clamped.
-    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
+    /// are clamped. Range: above 0, at most 100.
     pub strain: f32,
     /// Largest displacement of a vorton in a substep, in cores. Larger is faster; above 1 eddies pass each
-    /// other without interaction.
-    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
+    /// other without interaction. Range: above 0, at most 100.
     pub displacement: f32,
     /// Largest number of substeps per frame; if the two limits require more, the record of the frame reports
-    /// it.
-    #[schemars(range(min = 1, max = 10000))]
+    /// it. Range: 1 to 10000.
     pub max_substeps: u32,
     /// Viscosity of the air; absent: not applied.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -74,7 +70,8 @@ impl FlowParams {
 }
 
 /// The method by which induced velocities are summed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Sum {
     /// Multipole expansions between cells of an octree, to `error`.
@@ -89,25 +86,25 @@ pub enum Sum {
 }
 
 /// Viscosity.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Viscosity {
     /// Kinematic viscosity ν [m²/s]; air has 1.5e-5. Larger blurs eddies sooner: those of size s decay within
-    /// s²/ν.
-    #[schemars(extend("unit" = "m²/s", "minimum" = 0.0))]
+    /// s²/ν. Range: at least 0.
     pub nu: f32,
     /// The method of diffusion.
     #[serde(default)]
     pub scheme: ViscousScheme,
     /// The constant C of an eddy viscosity (C · core)² |S|, [smagorinsky63], for eddies smaller than cores;
-    /// absent: none. 0.2 stabilises wakes and plumes at coarse spacings; larger blurs.
+    /// absent: none. 0.2 stabilises wakes and plumes at coarse spacings; larger blurs. Range: 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schemars(range(min = 0.0, max = 1.0))]
     pub eddies: Option<f32>,
 }
 
 /// The method of diffusion.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ViscousScheme {
     /// Particle strength exchange between neighbours: needs cores that overlap, and `remesh` where smoke is
@@ -119,54 +116,51 @@ pub enum ViscousScheme {
 }
 
 /// Pedrizzetti's relaxation, corrected so that strengths keep their size, [pedrizzetti92] and [alvarez24].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Relaxation {
     /// The time τ in which a strength rotates to the direction of the local vorticity [s]. Smaller is more
-    /// stable; below the turnover time of the smallest eddies it damps their twisting.
-    #[schemars(extend("unit" = "s", "exclusiveMinimum" = 0.0))]
+    /// stable; below the turnover time of the smallest eddies it damps their twisting. Range: above 0.
     pub time: f32,
 }
 
 /// Remeshing by the M4′ kernel, [monaghan85].
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Remesh {
     /// The spacing h of the grid [m]; new vortons have cores of `core` spacings; absent: `smoke.spacing`.
-    /// Half the spacing gives eight times the vortons.
+    /// Half the spacing gives eight times the vortons. Range: above 0.
     #[serde(default = "defaults::as_seeded")]
-    #[schemars(extend("unit" = "m", "exclusiveMinimum" = 0.0, "default" = null))]
+    #[cfg_attr(feature = "presets", schemars(extend("default" = null)))]
     pub spacing: f32,
     /// Cores of new vortons, in spacings. Below 1 they leave gaps, above 2 detail blurs and pairs cost more.
+    /// Range: 1 to 2.5.
     #[serde(default = "defaults::core")]
-    #[schemars(range(min = 1.0, max = 2.5))]
     pub core: f32,
     /// The strain after which vortons are remeshed: the time integral of the largest velocity gradient.
     /// Smaller remeshes more often, each time blurring a little; above 3 colliding rings become unstable.
+    /// Range: above 0, at most 100.
     #[serde(default = "defaults::strain")]
-    #[schemars(extend("exclusiveMinimum" = 0.0, "maximum" = 100.0))]
     pub strain: f32,
     /// The smallest overlap of cores, as a fraction of that on the grid: a vorton with less has lost its
-    /// neighbours. After remeshing, the edges of bodies have 0.8.
+    /// neighbours. After remeshing, the edges of bodies have 0.8. Range: 0.1 to 0.75.
     #[serde(default = "defaults::min_overlap")]
-    #[schemars(range(min = 0.1, max = 0.75))]
     pub least: f32,
     /// The largest overlap of cores, as a fraction of that on the grid: above it vortons crowd, or cores have
-    /// grown.
+    /// grown. Range: 1.25 to 2.
     #[serde(default = "defaults::max_overlap")]
-    #[schemars(range(min = 1.25, max = 2.0))]
     pub most: f32,
     /// Vortons are also remeshed when those with an overlap outside these limits hold more than this fraction
-    /// of all strength. Smaller remeshes thin bodies without need; larger lets holes grow.
+    /// of all strength. Smaller remeshes thin bodies without need; larger lets holes grow. Range: 0 to 1.
     #[serde(default = "defaults::max_fraction_outside")]
-    #[schemars(range(min = 0.0, max = 1.0))]
     pub share: f32,
     /// Population control: vortons with less than this fraction of the largest circulation around them are
     /// removed, and their strength is redistributed to their neighbours. The influence of distant vortons
     /// decreases with their squared distance. At 0 none is removed: every remeshing adds two layers of
-    /// useless vortons to bodies. Larger is faster, and erodes faint bodies.
+    /// useless vortons to bodies. Larger is faster, and erodes faint bodies. Range: 0 to 0.1.
     #[serde(default = "defaults::min_circulation")]
-    #[schemars(range(min = 0.0, max = 0.1))]
     pub weak: f32,
 }
 
