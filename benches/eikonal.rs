@@ -8,9 +8,9 @@
 mod dense;
 
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
-use dense::{DenseParams, Pins, pin_band, pin_surface, solve};
+use dense::{DenseGrid, DenseParams, Pins, pin_band, pin_surface, solve};
 use meniscus::{
-    grid::{BRICK_NODES, DenseGrid, SparseGrid, node_of},
+    grid::{BRICK_NODES, SparseGrid, node_of},
     math::Vec3,
     par,
     sdf::{

@@ -65,7 +65,7 @@
 //! | feature | adds |
 //! |---|---|
 //! | `cli` (default) | the binary and the module `cli` |
-//! | `presets` (default) | presets and the jobs that run them: the modules `preset`, `job`, `product`, `scene` and `run` |
+//! | `presets` (default) | presets (the module `scene`) and, without an API, the jobs that run them |
 //! | `npz`, `vtk`, `vdb` (default) | readers of NPZ, VTK XML and OpenVDB files |
 //!
 //! # Conventions
@@ -105,21 +105,21 @@ pub mod import;
 pub mod export;
 
 #[cfg(feature = "presets")]
-pub mod preset;
+mod preset;
 
 #[cfg(feature = "presets")]
-pub mod job;
+mod job;
 
 pub mod sim;
 
 #[cfg(feature = "presets")]
-pub mod product;
+mod product;
 
 #[cfg(feature = "presets")]
 pub mod scene;
 
 #[cfg(feature = "presets")]
-pub mod run;
+mod run;
 
 #[cfg(feature = "cli")]
 pub mod cli;

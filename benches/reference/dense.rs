@@ -10,7 +10,7 @@
 //! better grid.
 
 use meniscus::{
-    grid::DenseGrid,
+    math::Vec3,
     par,
     sdf::{
         Nodes, Order, SeedRule, Swept,
@@ -18,6 +18,64 @@ use meniscus::{
         refine,
     },
 };
+
+/// One number a node, in a box of nodes; x runs fastest, then y, then z.
+///
+/// Node (i, j, k) of the box is at (`first` + (i, j, k)) · voxel in world space, so a dense grid and bricks of the
+/// same voxel share their nodes.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct DenseGrid {
+    /// Distance between nodes [m].
+    pub(crate) voxel: f32,
+    /// The world's node that the box begins with.
+    pub(crate) first: [i32; 3],
+    /// Nodes along each axis.
+    pub(crate) nodes: [usize; 3],
+    /// One number a node.
+    pub(crate) values: Vec<f32>,
+}
+
+impl DenseGrid {
+    /// A grid with `value` at every node.
+    pub(crate) fn new(voxel: f32, first: [i32; 3], nodes: [usize; 3], value: f32) -> Self {
+        Self { voxel, first, nodes, values: vec![value; nodes.iter().product()] }
+    }
+
+    /// A grid with `f(position [m])` at every node.
+    pub(crate) fn sample(
+        voxel: f32,
+        first: [i32; 3],
+        nodes: [usize; 3],
+        f: impl Fn(Vec3) -> f32 + Sync,
+    ) -> Self {
+        let mut grid = Self::new(voxel, first, nodes, 0.0);
+        let mut values = std::mem::take(&mut grid.values);
+        par::fill(&mut values, |i| f(grid.position(grid.node(i))));
+        grid.values = values;
+        grid
+    }
+
+    /// The place of a node of the box in `values`.
+    #[allow(dead_code, reason = "tests use it, benches do not")]
+    #[inline]
+    pub(crate) fn index(&self, node: [usize; 3]) -> usize {
+        node[0] + self.nodes[0] * (node[1] + self.nodes[1] * node[2])
+    }
+
+    /// The node of the box at a place in `values`.
+    #[inline]
+    pub(crate) fn node(&self, index: usize) -> [usize; 3] {
+        let [nx, ny, _] = self.nodes;
+        [index % nx, index / nx % ny, index / (nx * ny)]
+    }
+
+    /// Where a node of the box stands [m].
+    pub(crate) fn position(&self, node: [usize; 3]) -> Vec3 {
+        let at =
+            |axis: usize| ((f64::from(self.first[axis]) + node[axis] as f64) * f64::from(self.voxel)) as f32;
+        Vec3::new(at(0), at(1), at(2))
+    }
+}
 
 /// How distance is found on a dense grid.
 #[derive(Clone, Copy, Debug, PartialEq)]

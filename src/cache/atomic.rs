@@ -28,7 +28,7 @@ const SYNCED: usize = 16 << 20;
 ///
 /// # Errors
 /// Whatever `write` or the system reports; a full disk is [`io::ErrorKind::StorageFull`].
-pub fn write_atomically(
+pub(crate) fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
 ) -> io::Result<u64> {
@@ -83,7 +83,7 @@ impl<W: Write> Write for Early<'_, W> {
 ///
 /// # Errors
 /// If the folder cannot be listed or a temporary cannot be removed.
-pub fn remove_temporaries(dir: &Path) -> io::Result<Vec<PathBuf>> {
+pub(crate) fn remove_temporaries(dir: &Path) -> io::Result<Vec<PathBuf>> {
     let mut removed = Vec::new();
     for entry in fs::read_dir(dir)? {
         let entry = entry?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a cache could not be read or written. Each variant has an exit code of its own.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum CacheError {
     /// The folder or file is not there, or holds no frame.
     #[error("{path}: {found}, expected {expected}; check the path, or run `meniscus simulate` first", path = path.display())]

@@ -28,6 +28,7 @@ pub(super) const MIN_STORED: usize = 9;
 
 /// The header of a frame, read without its columns.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct FrameInfo {
     /// The frame's number.
     pub index: FrameIndex,
@@ -48,6 +49,7 @@ pub struct FrameInfo {
 
 /// One stream of a frame's header.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct StreamInfo {
     /// Name of the stream, which starts with the system's.
     pub name: String,
@@ -63,6 +65,7 @@ pub struct StreamInfo {
 
 /// One column of a frame's header.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct ChannelInfo {
     /// The column's name.
     pub name: String,
@@ -73,6 +76,7 @@ pub struct ChannelInfo {
 /// The type of a column's entries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
+#[non_exhaustive]
 pub enum ChannelKind {
     /// One single-precision number.
     F32,

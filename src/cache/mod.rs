@@ -1,6 +1,6 @@
 //! Frames on disk: a folder of `frame_0001.mcf` files that can be trusted.
 //!
-//! A frame is written to a temporary name, synced and renamed ([`write_atomically`]), so a file with its final name is whole.
+//! A frame is written to a temporary name, synced and renamed (`atomic.rs`), so a file with its final name is whole.
 //! Every byte is covered by a checksum, and every length is checked before memory is taken. A reader refuses damaged bytes with a
 //! [`CacheError`] that names place, finding, expectation and the next step. `docs/formats/cache.md` documents the container.
 //!
@@ -20,11 +20,11 @@ mod write;
 #[cfg(test)]
 mod tests;
 
-pub use atomic::{remove_temporaries, write_atomically};
+pub(crate) use atomic::{remove_temporaries, write_atomically};
 pub use error::CacheError;
 pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
 pub use lock::Lock;
 pub use read::{read_frame, read_header, verify_frame};
-pub use samples::{read_samples, samples_path, write_samples};
+pub(crate) use samples::{read_samples, write_samples};
 pub use write::write_frame;

@@ -15,7 +15,7 @@ const MAGIC: &[u8; 8] = b"MCSDF\0\0\x01";
 const HEAD: usize = 8 + 8 + 12 + 4 + 12 + 8;
 
 /// The samples' file in `dir`.
-pub fn samples_path(dir: &Path, key: u64) -> PathBuf {
+pub(crate) fn samples_path(dir: &Path, key: u64) -> PathBuf {
     dir.join(format!("{key:016x}.mcd"))
 }
 
@@ -23,7 +23,7 @@ pub fn samples_path(dir: &Path, key: u64) -> PathBuf {
 ///
 /// # Errors
 /// [`CacheError`] if it cannot be written.
-pub fn write_samples(dir: &Path, key: u64, field: &Sampled) -> Result<(), CacheError> {
+pub(crate) fn write_samples(dir: &Path, key: u64, field: &Sampled) -> Result<(), CacheError> {
     let path = samples_path(dir, key);
     let failed = |error| CacheError::from_io(&path, "write the samples", error);
     let raw: Vec<u8> = field.values.iter().flat_map(|value| value.to_le_bytes()).collect();
@@ -44,7 +44,7 @@ pub fn write_samples(dir: &Path, key: u64, field: &Sampled) -> Result<(), CacheE
 ///
 /// # Errors
 /// [`CacheError::NotFound`] if it is not there, [`CacheError::Corrupt`] if it is not what was written.
-pub fn read_samples(dir: &Path, key: u64) -> Result<Sampled, CacheError> {
+pub(crate) fn read_samples(dir: &Path, key: u64) -> Result<Sampled, CacheError> {
     let path = samples_path(dir, key);
     let bytes =
         std::fs::read(&path).map_err(|error| CacheError::from_io(&path, "read the samples", error))?;

@@ -89,6 +89,7 @@ pub enum Stop {
 /// A system left the numbers that mean anything.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{system} diverged in substep {substep} of the frame: particle {particle} {what}; try {try_next}")]
+#[non_exhaustive]
 pub struct Diverged {
     /// The system's name, as in the preset.
     pub system: &'static str,

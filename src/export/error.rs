@@ -9,6 +9,7 @@ use std::{
 
 /// Why a file could not be written. Nothing is left behind under its name or a temporary one.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ExportError {
     /// The system refused.
     #[error("{}: cannot write: {source}; {}", path.display(), remedy(source.kind()))]

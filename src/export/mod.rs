@@ -1,6 +1,6 @@
 //! Meshes and volumes as files that other tools open.
 //!
-//! A file appears under its name whole or not at all (see [`crate::cache::write_atomically`]); an older file of
+//! A file appears under its name whole or not at all (see `src/cache/atomic.rs`); an older file of
 //! that name stays until then.
 
 mod error;

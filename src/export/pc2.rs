@@ -27,6 +27,7 @@ pub struct Head {
 
 /// Why a cache was not written.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Pc2Error<E> {
     /// The file.
     Export(ExportError),

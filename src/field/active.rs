@@ -217,7 +217,7 @@ impl Active {
 
 /// Voxels between coarse nodes: a power of two, so that they are nodes of the grid, and at most half the
 /// kernel's support.
-pub fn coarse_step(params: &DensityParams) -> usize {
+pub(crate) fn coarse_step(params: &DensityParams) -> usize {
     let largest = 0.5 * params.kernel_radius / params.voxel;
     [8, 4, 2].into_iter().find(|&step| step as f32 <= largest * 1.001).unwrap_or(1)
 }

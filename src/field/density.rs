@@ -34,6 +34,7 @@ use crate::{
 
 /// A density of particles on bricks.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Density {
     /// φ [–]: 0 outside, about 1 inside. Its filled bricks were not computed, since they are inside; no edge
     /// between two bricks without values crosses the surface.
@@ -116,7 +117,7 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
 
 /// Approximate number of bricks that [`density`] computes without `whole`, in a fifth of its time or less;
 /// `None` if these are all bricks in reach. Positions as there; those too far away are left out.
-pub fn bricks_near_surface(positions: &[Vec3], params: &DensityParams) -> Option<usize> {
+pub(crate) fn bricks_near_surface(positions: &[Vec3], params: &DensityParams) -> Option<usize> {
     let voxel = params.voxel * params.spacing;
     let (near, _) = within_bricks(positions, voxel);
     let radius = params.kernel_radius * params.spacing;
@@ -155,7 +156,6 @@ fn unseen(particles: &SortedParticles, grid: &SparseGrid, threshold: f32) -> usi
 mod tests {
     use super::super::{Anisotropy, kernel::kernel};
     use super::*;
-    use crate::math::kernel::CubicSpline;
 
     const PARAMS: DensityParams =
         DensityParams { spacing: 0.1, kernel_radius: 2.0, voxel: 0.5, anisotropy: None, whole: true };
@@ -179,24 +179,29 @@ mod tests {
         positions
     }
 
+    /// The cubic spline of [monaghan92] at the distance `r`, scaled so that its support ends at `h` [1/m³].
+    fn cubic_spline(h: f32, r: f32) -> f32 {
+        let q = (r / h).min(1.0);
+        let w = if q > 0.5 { 2.0 * (1.0 - q).powi(3) } else { 1.0 + 6.0 * q * q * (q - 1.0) };
+        8.0 / (std::f32::consts::PI * h.powi(3)) * w
+    }
+
     #[test]
     fn the_kernel_is_the_cubic_spline() {
-        let spline = CubicSpline::new(1.0);
         for i in 0..=120 {
             let q = i as f32 / 100.0;
-            assert!((kernel(q) - spline.value(q) / spline.value(0.0)).abs() < 1e-6, "q {q}");
+            assert!((kernel(q) - cubic_spline(1.0, q) / cubic_spline(1.0, 0.0)).abs() < 1e-6, "q {q}");
         }
     }
 
     #[test]
     fn every_node_holds_the_sum_over_all_particles() {
         let h = PARAMS.kernel_radius * PARAMS.spacing;
-        let spline = CubicSpline::new(h);
         let positions: Vec<Vec3> =
             seeding_lattice([6, 5, 4], 0.4).into_iter().map(|x| x - Vec3::new(0.23, 0.31, 0.17)).collect();
         let volumes: Vec<f32> = positions
             .iter()
-            .map(|x| 1.0 / positions.iter().map(|y| spline.value((x - y).norm())).sum::<f32>())
+            .map(|x| 1.0 / positions.iter().map(|y| cubic_spline(h, (x - y).norm())).sum::<f32>())
             .collect();
         for voxel in [0.3, 0.5, 1.0, 3.0] {
             let found = density(&positions, &DensityParams { voxel, ..PARAMS });
@@ -206,7 +211,7 @@ mod tests {
                 let node = [0, 1, 2].map(|axis| i / (2 * n + 1).pow(axis) % (2 * n + 1) - n);
                 let x = found.grid.position(node);
                 let exact: f32 =
-                    positions.iter().zip(&volumes).map(|(y, v)| v * spline.value((x - y).norm())).sum();
+                    positions.iter().zip(&volumes).map(|(y, v)| v * cubic_spline(h, (x - y).norm())).sum();
                 let value = found.grid.get(node).unwrap_or(0.0);
                 assert!((value - exact).abs() < 2e-5, "{node:?}: {value} for {exact}");
                 above += usize::from(exact > 0.5);

@@ -16,9 +16,9 @@ mod threshold;
 mod tracer_fields;
 mod velocity;
 
-pub use active::coarse_step;
-pub use density::{Density, bricks_near_surface, density};
+pub(crate) use active::coarse_step;
+pub(crate) use density::bricks_near_surface;
+pub use density::{Density, density};
 pub use params::{Anisotropy, DensityParams};
-pub use threshold::surface_threshold;
-pub use tracer_fields::{TracerFieldParams, TracerFields, tracer_fields, tracer_fields_at};
+pub(crate) use tracer_fields::{TracerFieldParams, TracerFields, tracer_fields, tracer_fields_at};
 pub use velocity::{Velocity, velocity};

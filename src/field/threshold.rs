@@ -34,7 +34,7 @@ const EDGE: f64 = 6.0;
 ///
 /// # Panics
 /// If `kernel_radius` is not above one half: the kernel would not reach the surface.
-pub fn surface_threshold(kernel_radius: f32) -> f32 {
+pub(crate) fn surface_threshold(kernel_radius: f32) -> f32 {
     assert!(kernel_radius > 0.5 && kernel_radius.is_finite(), "the kernel reaches the surface");
     let levels = PLANES.map(|plane| plane.level(f64::from(kernel_radius)));
     (levels.iter().sum::<f64>() / levels.len() as f64) as f32

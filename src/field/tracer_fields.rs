@@ -24,7 +24,7 @@ use std::{collections::BTreeSet, f64::consts::PI};
 
 /// Parameters of the fields of tracers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TracerFieldParams {
+pub(crate) struct TracerFieldParams {
     /// Distance at which tracers were seeded [m].
     pub spacing: f32,
     /// Support of the kernel [m].
@@ -37,7 +37,7 @@ pub struct TracerFieldParams {
 
 /// Fields on bricks, 512 nodes each.
 #[derive(Clone, Debug)]
-pub struct TracerFields<const N: usize> {
+pub(crate) struct TracerFields<const N: usize> {
     /// The bricks that the padded kernels overlap.
     pub bricks: Bricks,
     /// The values at the nodes, field by field.
@@ -54,7 +54,7 @@ pub struct TracerFields<const N: usize> {
 ///
 /// # Panics
 /// If there are not as many values as positions, or a length of `params` is not above zero and finite.
-pub fn tracer_fields<const N: usize>(
+pub(crate) fn tracer_fields<const N: usize>(
     positions: &[Vec3],
     values: [&[f32]; N],
     params: &TracerFieldParams,
@@ -100,7 +100,7 @@ pub fn tracer_fields<const N: usize>(
 ///
 /// # Panics
 /// If there are not as many values as positions, or a length is not above zero.
-pub fn tracer_fields_at(
+pub(crate) fn tracer_fields_at(
     points: &[Vec3],
     positions: &[Vec3],
     values: &[f32],

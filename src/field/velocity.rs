@@ -22,6 +22,7 @@ use crate::{
 
 /// Velocities on bricks.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Velocity {
     /// 512 values per brick [m/s]; zero where no particle is in reach.
     pub values: Vec<Vec3>,

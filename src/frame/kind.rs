@@ -5,6 +5,7 @@ use serde::Serialize;
 /// What the entries of a stream are, which decides what can be made of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum StreamKind {
     /// Particles that fill a volume; `position` [m] and the scalar `spacing` [m]. They have a surface.
     Particles,

@@ -136,6 +136,7 @@ pub struct Channel {
 
 /// The values of a channel.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum ChannelData {
     /// Single-precision numbers.
     F32(Vec<f32>),

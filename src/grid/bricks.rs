@@ -14,7 +14,7 @@ pub const BRICK: usize = 8;
 pub const BRICK_NODES: usize = BRICK * BRICK * BRICK;
 
 /// The largest brick coordinate in use, either sign: sums of node coordinates stay far from overflow.
-pub const MAX_BRICK: i32 = 1 << 27;
+pub(crate) const MAX_BRICK: i32 = 1 << 27;
 
 /// The offsets to a brick's six face neighbours: −x, +x, −y, +y, −z, +z.
 pub const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];

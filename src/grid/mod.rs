@@ -1,12 +1,11 @@
 //! Grids of samples in space.
 
 mod bricks;
-mod dense;
 mod probe;
 
+pub use bricks::FACES;
+pub(crate) use bricks::MAX_BRICK;
 pub use bricks::{
-    BRICK, BRICK_NODES, Bricks, FACES, MAX_BRICK, NodeMask, SparseGrid, is_set, mask_of, neighbour, node_of,
-    offset,
+    BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, is_set, mask_of, neighbour, node_of, offset,
 };
-pub use dense::DenseGrid;
-pub use probe::Probe;
+pub(crate) use probe::Probe;

@@ -7,7 +7,7 @@ use super::{BRICK, BRICK_NODES, SparseGrid, offset};
 use crate::math::Vec3;
 
 /// Reads a grid; remembers the bricks around the last place.
-pub struct Probe<'a> {
+pub(crate) struct Probe<'a> {
     grid: &'a SparseGrid,
     slots: [Slot<'a>; 8],
 }
@@ -22,13 +22,13 @@ struct Slot<'a> {
 
 impl<'a> Probe<'a> {
     /// Nothing is remembered yet.
-    pub fn new(grid: &'a SparseGrid) -> Self {
+    pub(crate) fn new(grid: &'a SparseGrid) -> Self {
         // No node has a coordinate this low.
         Self { grid, slots: [Slot { coord: [i32::MIN; 3], values: Err(0.0) }; 8] }
     }
 
     /// The number at `x` [m], linear between the eight nodes around it: the bits of [`SparseGrid::trilinear`].
-    pub fn trilinear(&mut self, x: Vec3) -> f32 {
+    pub(crate) fn trilinear(&mut self, x: Vec3) -> f32 {
         let at = [0, 1, 2].map(|axis| f64::from(x[axis]) / f64::from(self.grid.voxel));
         let below = at.map(f64::floor);
         let node = below.map(|v| v as i32);

@@ -8,6 +8,7 @@ const MAX_FOUND: usize = 200;
 
 /// Why particles could not be imported.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ImportError {
     /// No file is there, or none matches the pattern.
     #[error("{path}: {found}, expected {expected}; check the path and the frames that the solver wrote", path = path.display())]

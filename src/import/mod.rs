@@ -1,4 +1,4 @@
-//! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids ([`parse_triangles`]);
+//! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids;
 //! level sets of OpenVDB files ([`read_level_set`]).
 //!
 //! [`read_particles`] reads PLY, XYZ, legacy VTK, VTU, NPY, NPZ and classic BGEO by the file's extension and refuses a
@@ -31,8 +31,10 @@ pub use error::ImportError;
 pub use expand::expand;
 pub use imported::Imported;
 pub use sequence::Sequence;
-pub use triangles::{PAINTED, SheetFaces, parse_sheet, parse_triangles};
-pub use vdb::{LevelSet, LevelSetFile, read_level_set};
+pub(crate) use triangles::parse_triangles;
+pub use triangles::{SheetFaces, parse_sheet};
+pub(crate) use vdb::LevelSetFile;
+pub use vdb::{LevelSet, read_level_set};
 
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64_with_seed;

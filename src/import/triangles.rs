@@ -1,7 +1,7 @@
 //! Meshes: PLY, ASCII or binary of either byte order, and OBJ.
 //!
 //! Positions and faces are read. Faces are cut into fans of triangles, or quads are kept on request. Of a PLY file the vertices'
-//! [`PAINTED`] factors can be requested as well. Everything else is passed over.
+//! `PAINTED` factors can be requested as well. Everything else is passed over.
 
 use super::ImportError;
 use crate::{math::Vec3, sdf::Triangles};
@@ -15,12 +15,12 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`ImportError`], with the line, or the entry, at fault. A mesh has at least one face.
-pub fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
+pub(crate) fn parse_triangles(path: &Path, bytes: &[u8]) -> Result<Triangles, ImportError> {
     Ok(parse(path, bytes)?.triangles())
 }
 
 /// The properties of a PLY's vertices that are factors painted on a sheet.
-pub const PAINTED: [&str; 3] = ["stiffness", "rest", "damping"];
+pub(crate) const PAINTED: [&str; 3] = ["stiffness", "rest", "damping"];
 
 /// The mesh of a sheet.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,14 +29,14 @@ pub struct SheetFaces {
     pub positions: Vec<Vec3>,
     /// Corners; a triangle names its last twice.
     pub faces: Vec<[u32; 4]>,
-    /// What the vertices have of the properties [`PAINTED`], in their order; empty if there is none.
+    /// What the vertices have of the properties `PAINTED`, in their order; empty if there is none.
     pub painted: [Vec<f32>; 3],
 }
 
 /// The mesh that a file's bytes hold, with its quads; faces of more corners are cut into fans of triangles.
 ///
 /// # Errors
-/// As [`parse_triangles`].
+/// As `parse_triangles`.
 pub fn parse_sheet(path: &Path, bytes: &[u8]) -> Result<SheetFaces, ImportError> {
     let mesh = parse(path, bytes)?;
     let faces = mesh.faces().flat_map(|corners| match *corners {

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Why a job stopped. Everything finished before is kept.
 #[derive(Debug, thiserror::Error)]
-pub enum RunError {
+pub(crate) enum RunError {
     /// The preset, or one of the settings, is not right.
     #[error(transparent)]
     Scene(#[from] SceneError),
@@ -100,7 +100,7 @@ impl From<SurfaceError> for RunError {
 
 /// A frame that could not be made.
 #[derive(Debug)]
-pub struct FailedFrame {
+pub(crate) struct FailedFrame {
     /// The frame, or the file it would have come from.
     pub name: String,
     /// Why, and what to do.
@@ -111,7 +111,7 @@ pub struct FailedFrame {
 
 /// Why a frame could not be made, as exit codes distinguish it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Failure {
+pub(crate) enum Failure {
     /// The frame's bytes in the cache are damaged.
     Corrupt,
     /// The frame was cached by another version.
@@ -124,7 +124,7 @@ pub enum Failure {
 
 impl Failure {
     /// The kind of a cache's error.
-    pub fn of(error: &CacheError) -> Self {
+    pub(crate) fn of(error: &CacheError) -> Self {
         match error {
             CacheError::Corrupt { .. } => Self::Corrupt,
             CacheError::Version { .. } => Self::Version,

@@ -6,18 +6,18 @@ use std::path::{Path, PathBuf};
 
 /// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, and a folder for every product that was made.
 #[derive(Clone, Debug)]
-pub struct ShotFolder {
+pub(crate) struct ShotFolder {
     root: PathBuf,
 }
 
 impl ShotFolder {
     /// The folder at `root`, which need not exist yet.
-    pub fn new(root: impl Into<PathBuf>) -> Self {
+    pub(crate) fn new(root: impl Into<PathBuf>) -> Self {
         Self { root: root.into() }
     }
 
     /// The shot folder that `path` means: itself, or its parent if it is a shot's `cache`.
-    pub fn around(path: &Path) -> Self {
+    pub(crate) fn around(path: &Path) -> Self {
         let is_cache = path.file_name().is_some_and(|name| name == "cache");
         match path.parent() {
             Some(parent) if is_cache => Self::new(parent),
@@ -26,37 +26,37 @@ impl ShotFolder {
     }
 
     /// The folder itself.
-    pub fn root(&self) -> &Path {
+    pub(crate) fn root(&self) -> &Path {
         &self.root
     }
 
     /// The folder of the cached frames.
-    pub fn cache(&self) -> PathBuf {
+    pub(crate) fn cache(&self) -> PathBuf {
         self.root.join("cache")
     }
 
     /// The folder of the files of a product.
-    pub fn subfolder(&self, product: &str) -> PathBuf {
+    pub(crate) fn subfolder(&self, product: &str) -> PathBuf {
         self.root.join(product)
     }
 
     /// The folder of the sampled meshes.
-    pub fn samples(&self) -> PathBuf {
+    pub(crate) fn samples(&self) -> PathBuf {
         self.root.join("sdf")
     }
 
     /// The manifest that other tools read.
-    pub fn manifest(&self) -> PathBuf {
+    pub(crate) fn manifest(&self) -> PathBuf {
         self.root.join("shot.json")
     }
 
     /// The preset as it was run, with every default.
-    pub fn preset(&self) -> PathBuf {
+    pub(crate) fn preset(&self) -> PathBuf {
         self.root.join("preset.toml")
     }
 
     /// One line a simulated frame.
-    pub fn log(&self) -> PathBuf {
+    pub(crate) fn log(&self) -> PathBuf {
         self.root.join("log.jsonl")
     }
 
@@ -64,7 +64,7 @@ impl ShotFolder {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn write(path: PathBuf, text: &str) -> Result<(), RunError> {
+    pub(crate) fn write(path: PathBuf, text: &str) -> Result<(), RunError> {
         write_atomically(&path, |out| out.write_all(text.as_bytes())).map(|_| ()).map_err(|source| {
             RunError::File {
                 path,
@@ -78,7 +78,7 @@ impl ShotFolder {
     ///
     /// # Errors
     /// If it cannot be made.
-    pub fn create(path: &Path) -> Result<(), RunError> {
+    pub(crate) fn create(path: &Path) -> Result<(), RunError> {
         std::fs::create_dir_all(path).map_err(|source| RunError::File {
             path: path.into(),
             source,

@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, io::ErrorKind, path::PathBuf};
 
 /// The manifest of a shot folder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
+pub(crate) struct Manifest {
     /// Always "meniscus-shot".
     pub format: String,
     /// Version of this format.
@@ -28,7 +28,7 @@ pub struct Manifest {
 
 /// An arithmetic run of frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FrameSpan {
+pub(crate) struct FrameSpan {
     /// First frame.
     pub first: u32,
     /// Last frame.
@@ -39,7 +39,7 @@ pub struct FrameSpan {
 
 impl FrameSpan {
     /// The span that covers `frames`, which ascend; `None` if there are none.
-    pub fn of(frames: &[u32]) -> Option<Self> {
+    pub(crate) fn of(frames: &[u32]) -> Option<Self> {
         let (&first, &last) = (frames.first()?, frames.last()?);
         let step = frames.iter().map(|frame| frame - first).fold(0, gcd);
         Some(Self { first, last, step: step.max(1) })
@@ -47,7 +47,7 @@ impl FrameSpan {
 
     /// The span that covers the frames of both.
     #[must_use]
-    pub fn union(self, other: Self) -> Self {
+    pub(crate) fn union(self, other: Self) -> Self {
         // A single frame has a step, but no distance that the others would have to keep.
         let distance = |span: Self| if span.first == span.last { 0 } else { span.step };
         let step = gcd(gcd(distance(self), distance(other)), self.first.abs_diff(other.first));
@@ -55,17 +55,17 @@ impl FrameSpan {
     }
 
     /// Whether `frame` is one of the span.
-    pub fn contains(self, frame: u32) -> bool {
+    pub(crate) fn contains(self, frame: u32) -> bool {
         (self.first..=self.last).contains(&frame) && (frame - self.first).is_multiple_of(self.step.max(1))
     }
 
     /// How many frames the span has.
-    pub fn count(self) -> u64 {
+    pub(crate) fn count(self) -> u64 {
         self.last.checked_sub(self.first).map_or(0, |length| u64::from(length / self.step.max(1)) + 1)
     }
 
     /// Every frame of the span, in ascending order.
-    pub fn numbers(self) -> impl Iterator<Item = u32> {
+    pub(crate) fn numbers(self) -> impl Iterator<Item = u32> {
         (self.first..=self.last).step_by(self.step.max(1) as usize)
     }
 }
@@ -76,7 +76,7 @@ fn gcd(a: u32, b: u32) -> u32 {
 
 /// A sequence of files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct OutputFiles {
+pub(crate) struct OutputFiles {
     /// The kind of the files, such as "mesh".
     pub kind: String,
     /// The system ("liquid") or one of its objects that the files show.
@@ -119,13 +119,13 @@ impl OutputFiles {
     }
 
     /// Where the file of a frame is.
-    pub fn file(&self, folder: &ShotFolder, frame: u32) -> PathBuf {
+    pub(crate) fn file(&self, folder: &ShotFolder, frame: u32) -> PathBuf {
         folder.root().join(self.pattern.replace(NUMBER, &format!("{frame:04}")))
     }
 
     /// The frames whose files are there, in ascending order. The folder is listed once: a span may have a frame for each
     /// of 2³² numbers.
-    pub fn present(&self, folder: &ShotFolder) -> Vec<u32> {
+    pub(crate) fn present(&self, folder: &ShotFolder) -> Vec<u32> {
         let path = folder.root().join(&self.pattern);
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         let (Some((before, after)), Some(parent)) = (name.split_once(NUMBER), path.parent()) else {
@@ -146,7 +146,7 @@ impl OutputFiles {
 
 impl Manifest {
     /// A manifest without outputs.
-    pub fn new(title: &str, fps: f64, frames: FrameSpan) -> Self {
+    pub(crate) fn new(title: &str, fps: f64, frames: FrameSpan) -> Self {
         Self {
             format: FORMAT.into(),
             version: 1,
@@ -163,7 +163,7 @@ impl Manifest {
     ///
     /// # Errors
     /// If it is there but cannot be read or is not one.
-    pub fn read(folder: &ShotFolder) -> Result<Option<Self>, RunError> {
+    pub(crate) fn read(folder: &ShotFolder) -> Result<Option<Self>, RunError> {
         let path = folder.manifest();
         let fail = |source| RunError::File {
             path: folder.manifest(),
@@ -191,7 +191,7 @@ impl Manifest {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn write(&self, folder: &ShotFolder) -> Result<(), RunError> {
+    pub(crate) fn write(&self, folder: &ShotFolder) -> Result<(), RunError> {
         let text = serde_json::to_string_pretty(self).expect("a manifest is plain data") + "\n";
         ShotFolder::write(folder.manifest(), &text)
     }
@@ -208,7 +208,7 @@ impl Manifest {
     /// Adds an output of which the files of `frames` are new, in place of an earlier one of the same name and format.
     /// What that one named stays named as far as its files are in `folder`, so that meshing a few frames again does not
     /// hide the others; then attributes and grids are those that were named before and are named now.
-    pub fn put(&mut self, mut output: OutputFiles, frames: &[u32], folder: &ShotFolder) {
+    pub(crate) fn put(&mut self, mut output: OutputFiles, frames: &[u32], folder: &ShotFolder) {
         if let Some(place) = self.outputs.iter().position(|old| old.is_same(&output)) {
             let old = self.outputs.remove(place);
             let there = old.present(folder);

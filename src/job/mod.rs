@@ -1,6 +1,6 @@
 //! What every job shares: errors, the shot folder, reports of progress, measured cost.
 
-pub mod batch;
+pub(crate) mod batch;
 mod error;
 mod folder;
 pub(crate) mod log;
@@ -12,9 +12,9 @@ mod summary;
 pub(crate) mod tradeoff;
 pub(crate) mod usage;
 
-pub use error::{FailedFrame, Failure, RunError};
-pub use folder::ShotFolder;
-pub use manifest::{FrameSpan, Manifest, OutputFiles};
-pub use report::{Control, Reporter, Silent};
+pub(crate) use error::{FailedFrame, Failure, RunError};
+pub(crate) use folder::ShotFolder;
+pub(crate) use manifest::{FrameSpan, Manifest, OutputFiles};
+pub(crate) use report::{Control, Reporter, Silent};
 pub(crate) use report::{Progress, nonzero};
-pub use summary::Total;
+pub(crate) use summary::Total;

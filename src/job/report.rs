@@ -3,7 +3,7 @@
 use crate::control::{CancelToken, Watch};
 
 /// Progress and messages of a job. Implemented by the command line.
-pub trait Reporter: Sync {
+pub(crate) trait Reporter: Sync {
     /// A job of `frames` frames begins.
     fn begin(&self, job: &str, frames: usize);
 
@@ -25,7 +25,7 @@ pub trait Reporter: Sync {
 
 /// Reports nothing.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Silent;
+pub(crate) struct Silent;
 
 impl Reporter for Silent {
     fn begin(&self, _job: &str, _frames: usize) {}
@@ -38,7 +38,7 @@ impl Reporter for Silent {
 
 /// Connection of a job to its caller.
 #[derive(Clone, Copy)]
-pub struct Control<'a> {
+pub(crate) struct Control<'a> {
     /// Receiver of progress and messages.
     pub reporter: &'a dyn Reporter,
     /// Cancels the job between two steps; everything finished so far is kept.

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 /// Sums and extremes of a system, or of a coupling, over the frames of a shot.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Total {
+pub(crate) struct Total {
     /// Key in JSON.
     pub key: &'static str,
     /// The numbers as JSON.

@@ -4,7 +4,7 @@
 //! Symbols: A → `apply`, b → `right`, Q → `basis`, R → `upper`. Limits: keeps a vector an iteration.
 
 /// x with |b − A x| ≤ `tolerance` |b|, from zero, in at most `most` iterations; and the relative residual that was reached.
-pub fn gmres(
+pub(crate) fn gmres(
     right: &[f64],
     tolerance: f64,
     most: usize,

@@ -2,12 +2,11 @@
 
 mod gmres;
 mod json;
-pub mod kernel;
 mod random;
 pub mod symmetric;
 
-pub use gmres::gmres;
-pub use json::nan_if_null;
+pub(crate) use gmres::gmres;
+pub(crate) use json::nan_if_null;
 pub use random::Random;
 
 /// A point or vector in space, single precision, world axes (Z up).

@@ -21,6 +21,7 @@ const CERTAINLY_SOUND_RATIO: f32 = 1e-3;
 
 /// The first fault of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Fault {
     /// Kind of fault.
     pub what: &'static str,

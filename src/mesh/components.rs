@@ -30,6 +30,7 @@ pub struct Points {
 
 /// Result of the removal of small components.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct ComponentStats {
     /// Components that became points.
     pub points: usize,

@@ -45,6 +45,7 @@ const NONE: u32 = u32::MAX;
 
 /// Result of a decimation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct DecimationStats {
     /// Triangles before decimation.
     pub before: usize,

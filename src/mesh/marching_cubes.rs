@@ -46,6 +46,7 @@ const MIN_WINDOW_BRICKS: usize = 4096;
 
 /// What [`marching_cubes`] had to adjust.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[non_exhaustive]
 pub struct ContourStats {
     /// Vertices moved along their edge to stay [`MARGIN`] away from a node.
     pub moved_vertices: usize,

@@ -39,6 +39,7 @@ use std::time::Instant;
 
 /// The surface of one stream of particles.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Surface {
     /// Triangles, normals and the requested attributes; by default `velocity` [m/s] if the particles have it.
     pub mesh: Mesh,
@@ -54,6 +55,7 @@ pub struct Surface {
 
 /// Statistics of a reconstruction, including all adjustments.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct SurfaceStats {
     /// Number of particles.
     pub particles: usize,
@@ -93,6 +95,7 @@ pub struct SurfaceStats {
 
 /// Errors of a reconstruction.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SurfaceError {
     /// The caller interrupted the reconstruction.
     #[error("interrupted during surface reconstruction")]

@@ -68,6 +68,7 @@ const MIN_COMPONENT_FRACTION: f64 = 1e-9;
 
 /// Result of smoothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct SmoothingStats {
     /// Degree of the filter: how often every vertex reads its neighbours.
     pub degree: usize,

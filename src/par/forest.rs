@@ -11,17 +11,17 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 /// Things that are joined, numbered from 0.
 #[derive(Debug)]
-pub struct Forest(Vec<AtomicU32>);
+pub(crate) struct Forest(Vec<AtomicU32>);
 
 impl Forest {
     /// `count` things, fewer than 2³², each by itself.
-    pub fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         assert!(u32::try_from(count).is_ok(), "fewer than 2³² things");
         Self((0..count as u32).map(AtomicU32::new).collect())
     }
 
     /// Joins what `a` and `b` belong to.
-    pub fn join(&self, a: u32, b: u32) {
+    pub(crate) fn join(&self, a: u32, b: u32) {
         let (mut a, mut b) = (self.root(a), self.root(b));
         while a != b {
             let (low, high) = (a.min(b), a.max(b));
@@ -34,7 +34,7 @@ impl Forest {
     }
 
     /// The lowest thing that hangs together with each.
-    pub fn roots(self) -> Vec<u32> {
+    pub(crate) fn roots(self) -> Vec<u32> {
         super::map_chunks(self.0.len(), super::CHUNK, |range| {
             range.for_each(|i| self.0[i].store(self.root(i as u32), Relaxed));
         });

@@ -30,7 +30,7 @@ const MIN_RUN_BITS: u32 = 10;
 
 /// The things of every group, one list after another.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Groups {
+pub(crate) struct Groups {
     start: Vec<u32>,
     list: Vec<u32>,
 }
@@ -41,7 +41,11 @@ impl Groups {
     ///
     /// # Panics
     /// If there are 2³² things or more.
-    pub fn new<const K: usize>(rows: usize, groups: usize, of: impl Fn(usize) -> [u32; K] + Sync) -> Self {
+    pub(crate) fn new<const K: usize>(
+        rows: usize,
+        groups: usize,
+        of: impl Fn(usize) -> [u32; K] + Sync,
+    ) -> Self {
         assert!(rows < u32::MAX as usize / K, "fewer than 2³² things");
         if super::threads() < MIN_THREADS {
             return Self::counted(rows, groups, of);
@@ -146,30 +150,25 @@ impl Groups {
 
     /// The things of a group, in ascending order.
     #[inline]
-    pub fn of(&self, group: usize) -> &[u32] {
+    pub(crate) fn of(&self, group: usize) -> &[u32] {
         &self.list[self.range(group)]
     }
 
     /// The things of all groups, one after another.
     #[inline]
-    pub fn all(&self) -> &[u32] {
+    pub(crate) fn all(&self) -> &[u32] {
         &self.list
     }
 
     /// Where those of a group stand among all.
     #[inline]
-    pub fn range(&self, group: usize) -> Range<usize> {
+    pub(crate) fn range(&self, group: usize) -> Range<usize> {
         self.start[group] as usize..self.start[group + 1] as usize
     }
 
     /// How many things are in groups.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.list.len()
-    }
-
-    /// Whether none is.
-    pub fn is_empty(&self) -> bool {
-        self.list.is_empty()
     }
 }
 
@@ -194,7 +193,6 @@ mod tests {
                 let found = with_threads(threads, || Groups::new(rows, groups, of));
                 assert!((0..groups).all(|group| found.of(group) == expected[group]), "{rows} in {groups}");
                 assert_eq!(found.len(), expected.iter().map(Vec::len).sum::<usize>());
-                assert_eq!(found.is_empty(), expected.iter().all(Vec::is_empty));
             }
         }
     }

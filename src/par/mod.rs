@@ -9,9 +9,9 @@ mod groups;
 mod radix;
 mod wavefront;
 
-pub use forest::Forest;
-pub use groups::Groups;
-pub use radix::{Inverse, Radix};
+pub(crate) use forest::Forest;
+pub(crate) use groups::Groups;
+pub(crate) use radix::{Inverse, Radix};
 pub use wavefront::wavefront;
 
 use rayon::prelude::*;

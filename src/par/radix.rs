@@ -19,7 +19,7 @@ const WIDEST: u32 = 12;
 
 /// Numbers sorted by some of their bits.
 #[derive(Debug, Default)]
-pub struct Radix {
+pub(crate) struct Radix {
     keys: Vec<AtomicU64>,
     spare: Vec<AtomicU64>,
     /// One task's counters after another's.
@@ -29,7 +29,7 @@ pub struct Radix {
 impl Radix {
     /// Sorts `key(i)` of `i` in `0..count`, fewer than 2³², by their bits from `low` up, of which only `bits` are
     /// used. Where they are equal the smaller `i` comes first.
-    pub fn sort(&mut self, count: usize, low: u32, bits: u32, key: impl Fn(usize) -> u64 + Sync) {
+    pub(crate) fn sort(&mut self, count: usize, low: u32, bits: u32, key: impl Fn(usize) -> u64 + Sync) {
         self.keys.resize_with(count, AtomicU64::default);
         self.spare.resize_with(count, AtomicU64::default);
         super::update(&mut self.keys, |i, slot| *slot.get_mut() = key(i));
@@ -43,7 +43,7 @@ impl Radix {
 
     /// The number at a place of the order.
     #[inline]
-    pub fn get(&self, place: usize) -> u64 {
+    pub(crate) fn get(&self, place: usize) -> u64 {
         self.keys[place].load(Relaxed)
     }
 
@@ -92,14 +92,14 @@ impl Radix {
 
 /// The inverse of a permutation.
 #[derive(Debug, Default)]
-pub struct Inverse(Vec<AtomicU32>);
+pub(crate) struct Inverse(Vec<AtomicU32>);
 
 impl Inverse {
     /// Inverts `order`, which holds every number of `0..order.len()` once.
     ///
     /// # Panics
     /// If a number is not below `order.len()`: the soundness of lists of neighbours rests on that.
-    pub fn rebuild(&mut self, order: &[u32]) {
+    pub(crate) fn rebuild(&mut self, order: &[u32]) {
         self.0.resize_with(order.len(), AtomicU32::default);
         let slots = &self.0;
         order.par_chunks(TASK).enumerate().for_each(|(task, order)| {
@@ -111,18 +111,8 @@ impl Inverse {
 
     /// The place in the order at which `i` stands.
     #[inline]
-    pub fn of(&self, i: usize) -> usize {
+    pub(crate) fn of(&self, i: usize) -> usize {
         self.0[i].load(Relaxed) as usize
-    }
-
-    /// How many numbers there are.
-    pub fn len(&self) -> usize {
-        self.0.len()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
     }
 }
 
@@ -155,6 +145,5 @@ mod tests {
         let mut inverse = Inverse::default();
         inverse.rebuild(&order);
         assert!(order.iter().enumerate().all(|(place, &i)| inverse.of(i as usize) == place));
-        assert!(inverse.len() == order.len() && !inverse.is_empty());
     }
 }

@@ -26,6 +26,7 @@ pub struct Frames {
 
 /// Why a text is not a list of frames.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum FramesError {
     /// Nothing between commas, or nothing at all.
     #[error("a frame is missing; write frames as `1-96`, `1-240x2` or `1,5,9-12`")]

@@ -4,6 +4,7 @@ use std::{ops::Range, path::PathBuf, sync::Arc};
 
 /// Why there is no scene.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SceneError {
     /// No built-in preset has this name.
     #[error("no preset file or built-in preset is called `{name}`")]

@@ -9,7 +9,7 @@ use crate::job::{Control, RunError, batch::BatchSummary};
 
 /// Which products are made.
 #[derive(Clone, Copy, Debug)]
-pub enum ProductSelection {
+pub(crate) enum ProductSelection {
     /// All that the settings request.
     Requested,
     /// The products of a verb that the settings request and that accept a stream of the input.
@@ -17,7 +17,7 @@ pub enum ProductSelection {
 }
 
 /// Whether these settings request any product.
-pub fn is_any_requested(settings: &ProductSettings) -> bool {
+pub(crate) fn is_any_requested(settings: &ProductSettings) -> bool {
     ALL.into_iter().any(|product| product.is_requested(settings))
 }
 

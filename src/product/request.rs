@@ -14,7 +14,7 @@ use serde_json::{Map, Value};
 
 /// The settings of all products.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ProductSettings {
+pub(crate) struct ProductSettings {
     /// How particles become a surface.
     pub surface: SurfaceParams,
     /// How frames become volumes.
@@ -27,7 +27,7 @@ pub struct ProductSettings {
 
 impl ProductSettings {
     /// The settings of a preset.
-    pub fn of(scene: &Scene) -> Self {
+    pub(crate) fn of(scene: &Scene) -> Self {
         let Scene { surface, volume, output, .. } = scene;
         Self { surface: surface.clone(), volume: volume.clone(), output: output.clone(), points: false }
     }
@@ -35,7 +35,7 @@ impl ProductSettings {
 
 /// How a cache is retimed.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Retime {
+pub(crate) struct Retime {
     /// Frames made of one [–], above 0: 2 is half as fast.
     pub factor: f64,
     /// Whether tracers are seeded by the preset and advected from the start; else those of the cache are used.
@@ -44,7 +44,7 @@ pub struct Retime {
 
 /// Input of products.
 #[derive(Clone, Copy, Debug)]
-pub enum ProductInput<'a> {
+pub(crate) enum ProductInput<'a> {
     /// Frames.
     Frames(Source<'a>),
     /// Level sets that other programs wrote.
@@ -53,7 +53,7 @@ pub enum ProductInput<'a> {
 
 /// A request of products.
 #[derive(Clone, Copy, Debug)]
-pub struct ProductRequest<'a> {
+pub(crate) struct ProductRequest<'a> {
     /// Input of the products.
     pub input: ProductInput<'a>,
     /// The shot folder that gets their files.

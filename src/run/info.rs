@@ -14,7 +14,7 @@ use std::{collections::BTreeMap, path::Path};
 
 /// What a shot folder holds.
 #[derive(Clone, Debug, Serialize)]
-pub struct Info {
+pub(crate) struct Info {
     /// The shot's name.
     pub title: String,
     /// Frames a second; 0 if the folder has no manifest.
@@ -42,7 +42,7 @@ pub struct Info {
 
 /// One cached frame.
 #[derive(Clone, Debug, Serialize)]
-pub struct FrameState {
+pub(crate) struct FrameState {
     /// Frame number.
     pub frame: u32,
     /// Time since the start of the shot [s].
@@ -64,7 +64,7 @@ pub struct FrameState {
 
 /// One sequence of files.
 #[derive(Clone, Debug, Serialize)]
-pub struct OutputInfo {
+pub(crate) struct OutputInfo {
     /// "mesh" or "points".
     pub kind: String,
     /// The system it shows.
@@ -84,7 +84,7 @@ pub struct OutputInfo {
 /// # Errors
 /// If there is neither a cache nor a manifest. Damaged frames, and those of another version, are part of the
 /// result.
-pub fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
+pub(crate) fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
     let manifest = Manifest::read(folder)?;
     let present = match cache::list(&folder.cache()) {
         Err(CacheError::NotFound { .. }) if manifest.is_some() => Vec::new(),

@@ -12,15 +12,15 @@ mod stale;
 pub(crate) mod tradeoff;
 
 use crate::job::usage;
-pub use crate::{
+pub(crate) use crate::{
     job::{
         Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, Reporter, RunError, ShotFolder,
         Total,
-        batch::{BatchRequest, BatchSummary, Source},
+        batch::{BatchRequest, Source},
     },
     product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
 };
-pub use info::{FrameState, Info, OutputInfo, info};
-pub use plan::{Outline, Plan, outline, plan, refuse_over_memory};
-pub use products::make_products;
-pub use simulate::{Simulated, simulate};
+pub(crate) use info::{FrameState, Info, info};
+pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
+pub(crate) use products::make_products;
+pub(crate) use simulate::simulate;

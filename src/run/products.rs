@@ -19,7 +19,7 @@ use crate::{
 /// Frames that cannot be read or made, need more memory than the request allows, or are missing, are left out and reported
 /// together at the end ([`RunError::SomeFailed`]). Errors of a single file, also that it has no particles, are the job's
 /// error; a folder or disk that refuses to be written ends the job at once.
-pub fn make_products(
+pub(crate) fn make_products(
     selection: ProductSelection,
     request: &ProductRequest,
     control: Control,

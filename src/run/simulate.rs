@@ -15,7 +15,7 @@ use std::{collections::BTreeSet, path::PathBuf, time::Instant};
 
 /// What a simulation job did.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Simulated {
+pub(crate) struct Simulated {
     /// Frames that were there already and are valid.
     pub kept: usize,
     /// Frames computed and stored.
@@ -32,7 +32,7 @@ pub struct Simulated {
 /// # Errors
 /// See [`RunError`]; a cache of other settings is [`RunError::OtherSettings`]. Whatever happens, frames that were
 /// finished stay.
-pub fn simulate(
+pub(crate) fn simulate(
     scene: &Scene,
     folder: &ShotFolder,
     selection: &Frames,

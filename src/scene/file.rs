@@ -175,7 +175,7 @@ fn read(
 ///
 /// # Errors
 /// [`SceneError::Invalid`] with every problem found.
-pub fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
+pub(crate) fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
     #[derive(Deserialize, JsonSchema)]
     #[serde(deny_unknown_fields)]
     struct Alone {
@@ -189,7 +189,7 @@ pub fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
 ///
 /// # Errors
 /// [`SceneError::Invalid`] with every problem found.
-pub fn product_settings(set: &[String]) -> Result<ProductSettings, SceneError> {
+pub(crate) fn product_settings(set: &[String]) -> Result<ProductSettings, SceneError> {
     #[derive(Deserialize, JsonSchema)]
     #[serde(deny_unknown_fields)]
     struct Alone {

@@ -9,7 +9,8 @@ mod tests;
 
 pub use crate::{
     preset::{Asset, Assets, Frames, FramesError, Home, Problem, SceneError, builtin},
-    sim::scene::{Output, Scene, Tradeoff, World, choices},
+    sim::scene::{Output, Scene, Tradeoff, World},
 };
-pub use file::{Overrides, Preset, load, product_settings, surface_alone};
+pub use file::{Overrides, Preset, load};
+pub(crate) use file::{product_settings, surface_alone};
 pub use quality::{Quality, UnknownQuality};

@@ -4,6 +4,7 @@ use std::{fmt, str::FromStr};
 
 /// How much of the preset's detail to compute: a tier is a `[quality.NAME]` table of the preset.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Quality {
     /// Seconds: does the shot work at all?
     Draft,

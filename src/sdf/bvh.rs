@@ -47,7 +47,7 @@ struct Cluster {
 
 /// Nearest point of a mesh to a query.
 #[derive(Clone, Copy, Debug)]
-pub struct Nearest {
+pub(crate) struct Nearest {
     /// Squared distance to the point.
     pub distance2: f32,
     /// Height of the query above the plane of the triangle, as a fraction of the distance: its sign gives the
@@ -59,7 +59,7 @@ pub struct Nearest {
 
 /// BVH of a mesh's triangles, for nearest-point and winding-number queries.
 #[derive(Debug)]
-pub struct TriangleBvh {
+pub(crate) struct TriangleBvh {
     /// Corners of the triangles, in the order of the curve.
     corners: Vec<[Vec3; 3]>,
     /// Index in the mesh of each of them.
@@ -73,7 +73,7 @@ impl TriangleBvh {
     ///
     /// # Panics
     /// If the mesh has no triangle.
-    pub fn new(mesh: &Triangles) -> Self {
+    pub(crate) fn new(mesh: &Triangles) -> Self {
         let (low, high) = mesh.bounds().expect("a mesh to sample has triangles");
         let scale = 1023.0 / (high - low).amax().max(f32::MIN_POSITIVE);
         let mut keys = vec![0_u128; mesh.triangles.len()];
@@ -126,7 +126,7 @@ impl TriangleBvh {
     }
 
     /// The winding number about `q`: 1 inside a closed mesh whose faces wind outward, 0 outside it.
-    pub fn winding(&self, q: Vec3) -> f32 {
+    pub(crate) fn winding(&self, q: Vec3) -> f32 {
         let (mut far_sum, mut near_sum) = ([0.0_f32; WIDTH], 0.0_f32);
         self.traverse(
             |node| {
@@ -147,7 +147,7 @@ impl TriangleBvh {
     }
 
     /// The nearest point of the mesh, if one is nearer than the root of `bound2`.
-    pub fn nearest(&self, q: Vec3, bound2: f32) -> Option<Nearest> {
+    pub(crate) fn nearest(&self, q: Vec3, bound2: f32) -> Option<Nearest> {
         let mut best = Nearest { distance2: bound2, side: 0.0, triangle: 0 };
         let mut found = false;
         let mut stack = [(0.0_f32, 0_u8, 0_u32); 96];
@@ -326,7 +326,7 @@ fn solid_angle(corners: &[Vec3; 3], q: Vec3) -> f32 {
 }
 
 /// Closest point of a triangle to `q`, by the Voronoi region of the triangle's plane that contains `q`.
-pub fn closest_point(&[a, b, c]: &[Vec3; 3], q: Vec3) -> Vec3 {
+pub(crate) fn closest_point(&[a, b, c]: &[Vec3; 3], q: Vec3) -> Vec3 {
     let (ab, ac, aq) = (b - a, c - a, q - a);
     let (d1, d2) = (ab.dot(&aq), ac.dot(&aq));
     if d1 <= 0.0 && d2 <= 0.0 {

@@ -31,8 +31,9 @@ mod seed;
 mod sweep;
 mod triangles;
 
-pub use bvh::{Nearest, TriangleBvh, closest_point};
-pub use from_triangles::{SAMPLED_VERSION, Solidified, from_triangles};
+pub(crate) use bvh::{TriangleBvh, closest_point};
+pub(crate) use from_triangles::SAMPLED_VERSION;
+pub use from_triangles::{Solidified, from_triangles};
 pub use sampled::Sampled;
 pub use triangles::Triangles;
 

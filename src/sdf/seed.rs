@@ -34,6 +34,7 @@ pub(super) const MIN_DISTANCE: f32 = 1e-6;
 
 /// The nodes next to a surface and their distances, on the bricks within a band of it.
 #[derive(Clone, Debug)]
+#[non_exhaustive]
 pub struct Seeds {
     /// Every brick within the band.
     pub bricks: Bricks,

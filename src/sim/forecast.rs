@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 /// The number of a kind of elements at a shot's start and end: particles, vortons, tracers, points.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct ElementCount {
+pub(crate) struct ElementCount {
     /// What is counted, in the plural.
     pub name: &'static str,
     /// The kind of the streams that they are in.
@@ -41,7 +41,7 @@ impl ElementCount {
 
 /// Forecast of what a system needs in a shot.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct SystemForecast {
+pub(crate) struct SystemForecast {
     /// The system's name, as in presets.
     pub name: &'static str,
     /// Its elements at the shot's start and end.
@@ -66,7 +66,7 @@ pub struct SystemForecast {
 
 /// Forecast of a product over all stored frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct ProductForecast {
+pub(crate) struct ProductForecast {
     /// The product's name, which is also its folder's.
     pub name: &'static str,
     /// Size of its files [bytes].

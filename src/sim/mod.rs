@@ -35,7 +35,7 @@ pub mod vortex;
 pub use crate::control::{CancelToken, Diverged, Stop, Unwatched, Watch};
 pub use clock::Seconds;
 #[cfg(feature = "presets")]
-pub use forecast::{ElementCount, ProductForecast, SystemForecast};
+pub(crate) use forecast::{ElementCount, ProductForecast, SystemForecast};
 pub use observe::Observable;
 pub use record::{FrameRecord, SeedReport};
 pub use setup::{SetupError, World};

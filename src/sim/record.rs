@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Report of the seeding, for each system that is present.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct SeedReport {
     /// The liquid.
     pub liquid: Option<LiquidSeeds>,
@@ -24,6 +25,7 @@ pub struct SeedReport {
 /// thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct FrameRecord {
     /// The liquid.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -237,5 +237,3 @@ impl Scene {
         serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold")
     }
 }
-
-pub use super::scene_query::choices;

@@ -1,7 +1,7 @@
 //! Queries of a scene by key, for jobs that work with any key of a preset.
 
 use super::{scene::Scene, smoke::estimate};
-use crate::preset::model::{self, Field, Key, Kind};
+use crate::preset::model::{self, Key, Kind};
 use serde_json::Value as Json;
 
 impl Scene {
@@ -18,29 +18,6 @@ impl Scene {
     /// Whether the smoke starts with at most so many vortons and tracers; smoke from emitters and meshes is not counted.
     pub fn few_vortons(&self, most: f64) -> bool {
         self.smoke.as_ref().is_some_and(|smoke| estimate(smoke, 0.0) <= most)
-    }
-
-    /// The value at a dotted key, in SI; `None` if the key is absent or unknown. Lists count from 0.
-    pub fn value(&self, key: &str) -> Option<Json> {
-        let values = serde_json::to_value(self).expect("a scene has only values that JSON can hold");
-        let pointer = format!("/{}", key.replace('.', "/"));
-        values.pointer(&pointer).filter(|value| !value.is_null()).cloned()
-    }
-}
-
-/// Words that are valid values of the key; empty if its values are no words.
-pub fn choices(key: &str) -> Vec<String> {
-    let mut field = model::of::<Scene>();
-    for word in key.split('.') {
-        let Kind::Table(keys) = field.kind else { return Vec::new() };
-        let Some(key) = keys.into_iter().find(|key| key.name == word) else { return Vec::new() };
-        field = key.field;
-    }
-    match field {
-        Field { kind: Kind::Choice(variants), .. } => {
-            variants.into_iter().filter(|variant| variant.content.is_none()).map(|v| v.name).collect()
-        }
-        _ => Vec::new(),
     }
 }
 
@@ -83,11 +60,5 @@ mod tests {
         assert_eq!(scene(&[]).absent_tables(), surface);
         let bare = scene(&["liquid.vorticity=none", "liquid.viscosity=none"]);
         assert_eq!(bare.absent_tables()[..2], ["liquid.vorticity", "liquid.viscosity"]);
-        assert_eq!(bare.value("liquid.max_iterations"), Some(Json::from(60)));
-        assert_eq!(bare.value("liquid.source.0.velocity.1"), Some(Json::from(0.0)));
-        assert_eq!(bare.value("liquid.vorticity.strength"), None);
-        assert_eq!(bare.value("liquid.spacign"), None);
-        assert_eq!(choices("liquid.constraint"), ["compression", "equality"]);
-        assert!(choices("liquid.spacing").is_empty() && choices("liquid.solver.x").is_empty());
     }
 }

@@ -14,6 +14,7 @@ pub struct World {
 
 /// Why a simulation cannot start.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SetupError {
     /// The preset names no system.
     #[error("nothing to simulate: the preset names no system")]

@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// Indices that are all below a bound.
 #[derive(Debug, Default)]
-pub struct IndexList {
+pub(crate) struct IndexList {
     list: Vec<u32>,
     /// Upper bound of every index, exclusive.
     bound: usize,
@@ -17,7 +17,7 @@ impl IndexList {
     ///
     /// # Panics
     /// If an index is not below the bound.
-    pub fn new(list: Vec<u32>, bound: usize) -> Self {
+    pub(crate) fn new(list: Vec<u32>, bound: usize) -> Self {
         assert!(
             dispatch(Largest(&list)).is_none_or(|index| (index as usize) < bound),
             "indices are below {bound}"
@@ -26,18 +26,19 @@ impl IndexList {
     }
 
     /// The memory of the list, to be reused.
-    pub fn into_vec(self) -> Vec<u32> {
+    pub(crate) fn into_vec(self) -> Vec<u32> {
         self.list
     }
 
     /// The indices.
     #[inline]
-    pub fn as_slice(&self) -> &[u32] {
+    pub(crate) fn as_slice(&self) -> &[u32] {
         &self.list
     }
 
     /// How many indices the list has memory for.
-    pub fn capacity(&self) -> usize {
+    #[cfg(test)]
+    pub(crate) fn capacity(&self) -> usize {
         self.list.capacity()
     }
 
@@ -46,7 +47,7 @@ impl IndexList {
     /// # Panics
     /// If the list does not contain the range, or `fill` is not below the bound.
     #[inline(always)]
-    pub fn rows<L: Lanes>(&self, range: Range<usize>, fill: usize) -> IndexRows<'_> {
+    pub(crate) fn rows<L: Lanes>(&self, range: Range<usize>, fill: usize) -> IndexRows<'_> {
         assert!(fill < self.bound, "an index is below the bound");
         let list = &self.list[range];
         let last = L::padded(&list[list.len() / LANES * LANES..], fill as u32);

@@ -19,8 +19,8 @@ mod scalar;
 mod width;
 
 pub use dispatch::dispatch;
-pub use index_row::IndexRow;
-pub use indices::{IndexList, IndexRows};
+pub(crate) use index_row::IndexRow;
+pub(crate) use indices::{IndexList, IndexRows};
 pub use lanes::{Lanes, Pass, splat, sum};
 pub use scalar::ScalarLanes;
 pub use width::{F32x8, LANES};

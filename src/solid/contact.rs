@@ -15,6 +15,7 @@ use crate::math::Vec3;
 
 /// Why a shape cannot stand in a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ShapeError {
     /// A box or tank whose `max` does not lie above its `min`.
     #[error("`max` is not above `min` on the {} axis", ["x", "y", "z"][*axis])]

@@ -34,6 +34,7 @@ pub struct Keyframe {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Interpolation {
     /// At constant speed. Baked animation, a keyframe every frame, wants this.
     #[default]

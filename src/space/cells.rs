@@ -46,10 +46,10 @@ pub struct Reach {
 }
 
 /// The rows that hold all that is no further from a particle than one edge, …
-pub const ONE_EDGE: [Reach; 9] = reaches(1);
+pub(crate) const ONE_EDGE: [Reach; 9] = reaches(1);
 
 /// … and two edges.
-pub const TWO_EDGES: [Reach; 25] = reaches(2);
+pub(crate) const TWO_EDGES: [Reach; 25] = reaches(2);
 
 /// The rows that hold all that is no further from a particle than some `edges`, in order of z and y.
 const fn reaches<const ROWS: usize>(edges: i32) -> [Reach; ROWS] {

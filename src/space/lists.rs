@@ -74,12 +74,6 @@ impl Neighbours {
         });
     }
 
-    /// How many particles have lists.
-    #[inline]
-    pub fn count(&self) -> usize {
-        self.place.len()
-    }
-
     /// The neighbours of particle `i`.
     #[inline]
     pub fn of(&self, i: usize) -> &[u32] {

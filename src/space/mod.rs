@@ -9,5 +9,6 @@ mod cells;
 mod gather;
 mod lists;
 
-pub use cells::{CellGrid, ONE_EDGE, Reach, TWO_EDGES};
+pub use cells::CellGrid;
+pub(crate) use cells::{ONE_EDGE, TWO_EDGES};
 pub use lists::Neighbours;

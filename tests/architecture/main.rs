@@ -185,8 +185,10 @@ fn unlisted(sources: &Sources) -> Vec<String> {
         .collect();
     found.dedup();
     let library = code(&sources["src/lib.rs"]);
-    let declared: Vec<&str> =
-        library.lines().filter_map(|line| line.strip_prefix("pub mod ")?.strip_suffix(';')).collect();
+    fn declaration(line: &str) -> Option<&str> {
+        line.trim_start_matches("pub ").strip_prefix("mod ")?.strip_suffix(';')
+    }
+    let declared: Vec<&str> = library.lines().filter_map(declaration).collect();
     if declared != ORDER {
         found.push(format!("src/lib.rs declares {declared:?}"));
     }

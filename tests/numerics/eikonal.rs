@@ -1,8 +1,10 @@
 //! The Eikonal solves on dense grids and on bricks against exact distances, at either order.
 
-use super::dense::{DenseParams, MIN_PINNED_DISTANCE, Pins, indicator, pin_band, pin_surface, solve};
+use super::dense::{
+    DenseGrid, DenseParams, MIN_PINNED_DISTANCE, Pins, indicator, pin_band, pin_surface, solve,
+};
 use super::sdf::{SHAPES, Shape, sphere};
-use meniscus::grid::{BRICK_NODES, DenseGrid, SparseGrid, node_of};
+use meniscus::grid::{BRICK_NODES, SparseGrid, node_of};
 use meniscus::math::Vec3;
 use meniscus::sdf::{self, Order, SdfParams, SeedRule, dense::sweep, seeds};
 

@@ -33,7 +33,7 @@ pub struct LevelSet {
 
 /// An OpenVDB file whose bytes are read, and not yet understood.
 #[derive(Debug)]
-pub struct LevelSetFile {
+pub(crate) struct LevelSetFile {
     path: PathBuf,
     bytes: Vec<u8>,
 }
@@ -43,14 +43,14 @@ impl LevelSetFile {
     ///
     /// # Errors
     /// [`ImportError`] if it is not there or cannot be read.
-    pub fn open(path: &Path) -> Result<Self, ImportError> {
+    pub(crate) fn open(path: &Path) -> Result<Self, ImportError> {
         let bytes =
             std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
         Ok(Self { path: path.into(), bytes })
     }
 
     /// Identifies what a `version` of the reader's user makes of the file: files of the same bytes have the same.
-    pub fn content_key(&self, version: u64) -> u64 {
+    pub(crate) fn content_key(&self, version: u64) -> u64 {
         xxh3_64_with_seed(&self.bytes, version)
     }
 
@@ -58,7 +58,7 @@ impl LevelSetFile {
     ///
     /// # Errors
     /// As [`read_level_set`].
-    pub fn level_set(&self) -> Result<LevelSet, ImportError> {
+    pub(crate) fn level_set(&self) -> Result<LevelSet, ImportError> {
         if self.bytes.is_empty() {
             return Err(ImportError::EmptyFile { path: self.path.clone() });
         }

@@ -31,7 +31,7 @@ pub(crate) trait ProductFolder: Sync {
 
 /// What a batch did.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct BatchSummary {
+pub(crate) struct BatchSummary {
     /// Files that were up to date: made from the same particles with the same settings.
     pub kept: usize,
     /// Files made.

@@ -14,7 +14,7 @@ pub(super) const DEFAULT_CONCURRENT_MEMORY: u64 = 1 << 30;
 
 /// A request of a batch of frames, for any product.
 #[derive(Clone, Debug)]
-pub struct BatchRequest {
+pub(crate) struct BatchRequest {
     /// The frames to use; `None`: all that are present.
     pub selection: Option<Frames>,
     /// Make files again that are up to date.

@@ -23,7 +23,7 @@ use serde::Serialize;
 
 /// What a shot will need.
 #[derive(Clone, Debug, Serialize)]
-pub struct Plan {
+pub(crate) struct Plan {
     /// The shot's name.
     pub title: String,
     /// The frames to store.
@@ -60,7 +60,7 @@ pub struct Plan {
 
 /// What is known at once, without calibration.
 #[derive(Clone, Debug)]
-pub struct Outline {
+pub(crate) struct Outline {
     /// The elements of each system, with a bound of their numbers at the end.
     pub counts: Vec<(&'static str, Vec<ElementCount>)>,
     /// The passes that will run.
@@ -76,7 +76,7 @@ pub struct Outline {
 ///
 /// # Errors
 /// If the systems cannot start as the preset defines them.
-pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Outline, RunError> {
+pub(crate) fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Outline, RunError> {
     let scene = &solids::fill(scene, None, control.reporter)?;
     let simulation = Simulation::new(scene.surroundings(), scene.systems())?;
     let seeds = simulation.seeded();
@@ -96,7 +96,7 @@ pub fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Result<Ou
 ///
 /// # Errors
 /// [`RunError::OverMemory`], and whatever keeps the shot from starting.
-pub fn refuse_over_memory(
+pub(crate) fn refuse_over_memory(
     scene: &Scene,
     selection: &Frames,
     with_outputs: bool,
@@ -115,7 +115,7 @@ pub fn refuse_over_memory(
 ///
 /// # Errors
 /// If the shot cannot start, needs too much memory or diverges at once; if cancelled.
-pub fn plan(
+pub(crate) fn plan(
     scene: &Scene,
     selection: &Frames,
     max_memory: Option<u64>,

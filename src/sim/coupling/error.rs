@@ -2,6 +2,7 @@
 
 /// Why a coupling is invalid.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CouplingError {
     /// There is no system or sheet of this name.
     #[error("`{key}`: there is no system or sheet '{name}'; {known}")]

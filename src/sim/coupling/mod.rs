@@ -18,7 +18,8 @@ mod wind;
 pub use error::CouplingError;
 pub use params::{Coupling, Drag};
 pub use record::{CouplingRecord, LiquidSheetRecord, WindRecord};
-pub use resolve::{PresentSystems, ResolvedCouplings, resolve};
+pub use resolve::resolve;
+pub(crate) use resolve::{PresentSystems, ResolvedCouplings};
 
 pub(super) use liquid_sheet::{CoupledSheets, ExternalForces, LiquidSheetCoupling};
 pub(super) use wind::{FrameWind, WindCoupling};

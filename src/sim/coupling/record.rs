@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Record of all couplings over a frame. It is the same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct CouplingRecord {
     /// Between liquid and sheets, if they are coupled.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -17,6 +18,7 @@ pub struct CouplingRecord {
 /// Contact between liquid and sheets over a frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct LiquidSheetRecord {
     /// Contacts with an impulse in the last substep, each of a particle and a face.
     pub contacts: u64,
@@ -39,6 +41,7 @@ pub struct LiquidSheetRecord {
 /// Drag of the air on sheets over a frame.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct WindRecord {
     /// Faces that feel the air.
     pub faces: u64,

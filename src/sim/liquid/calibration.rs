@@ -138,10 +138,7 @@ impl Kernel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{
-        Vec3,
-        kernel::{Poly6, SpikyGradient},
-    };
+    use std::f32::consts::PI;
 
     const KERNELS: [Kernel; 2] = [Kernel::Poly6Spiky, Kernel::Wendland];
 
@@ -149,11 +146,11 @@ mod tests {
     fn scales_agree_with_the_kernels() {
         for (spacing, radius) in [(0.02_f32, 2.0), (1.0, 2.6), (1e-3, 1.7)] {
             let rest = RestState::new(Kernel::Poly6Spiky, spacing, radius);
-            let mass = rest.density_scale / Poly6::new(rest.support).value(0.0);
+            // Poly6 at the centre, [mcg03] Eq. 20, and the slope of Spiky next to it, Eq. 21.
+            let mass = rest.density_scale * (64.0 * PI * rest.support.powi(3)) / 315.0;
             let volume = spacing.powi(3);
             assert!((mass / volume - 1.0).abs() < 0.06, "mass {mass} of {volume}");
-            let near = Vec3::new(rest.support * 1e-3, 0.0, 0.0);
-            let slope = mass * SpikyGradient::new(rest.support).value(near).norm();
+            let slope = mass * 45.0 / (PI * rest.support.powi(6)) * (0.999 * rest.support).powi(2);
             assert!((slope / (rest.gradient_scale * 0.999_f32.powi(2)) - 1.0).abs() < 1e-4);
         }
     }

@@ -87,6 +87,7 @@ impl LiquidParams {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum LiquidChannel {
     /// Seconds since the particle was seeded, which is the time since the start of the shot.
     Age,
@@ -111,6 +112,7 @@ impl LiquidChannel {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum SolverKind {
     /// Projected Jacobi iterations with momentum and a warm start: deep water takes at most a third of the iterations.
     #[default]
@@ -123,6 +125,7 @@ pub enum SolverKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Kernel {
     /// Wendland's C2 for both: corrections follow the gradient of the density, and water at rest stays at rest.
     #[default]
@@ -136,6 +139,7 @@ pub enum Kernel {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Constraint {
     /// Compression only (C ≥ 0): splashes separate freely and volume is conserved.
     #[default]

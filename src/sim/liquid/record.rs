@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Report of the liquid's seeding.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct LiquidSeeds {
     /// Number of particles.
     pub particles: u32,
@@ -34,6 +35,7 @@ pub struct Clamps {
 /// Record of the liquid over a frame. It is the same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct LiquidRecord {
     /// Number of substeps.
     pub substeps: u32,

@@ -2,6 +2,7 @@
 
 /// An error in a preset's sheets, or in a frame to continue from.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum SheetError {
     /// A number that is NaN, infinite or out of its range.
     #[error("{key} is {value}: {expected}")]

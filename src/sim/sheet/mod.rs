@@ -44,7 +44,8 @@ pub use params::{
     SheetSolver, SheetsCommon, SheetsParams,
 };
 pub use record::{ContactRecord, SheetRecord, SheetSeeds};
-pub use state::{CORNER_CHANNELS, faces_stream, is_sheet_stream, sheet_of, stream};
+pub use state::stream;
+pub(crate) use state::{CORNER_CHANNELS, faces_stream, sheet_of};
 
 use super::{
     Diverged, Stop, Watch, World,

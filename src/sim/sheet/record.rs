@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What seeding the sheets did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct SheetSeeds {
     /// Points of all sheets.
     pub points: u32,
@@ -14,6 +15,7 @@ pub struct SheetSeeds {
 /// What happened to the sheets in a frame. The same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct SheetRecord {
     /// Points of all sheets.
     pub points: u64,

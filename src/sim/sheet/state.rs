@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// Channels of the corners of faces.
-pub const CORNER_CHANNELS: [&str; 4] = ["a", "b", "c", "d"];
+pub(crate) const CORNER_CHANNELS: [&str; 4] = ["a", "b", "c", "d"];
 
 /// The name of a sheet's stream.
 pub fn stream(sheet: &str) -> String {
@@ -16,18 +16,13 @@ pub fn stream(sheet: &str) -> String {
 }
 
 /// The name of the stream with the faces of the sheet whose points are in the stream `points`.
-pub fn faces_stream(points: &str) -> String {
+pub(crate) fn faces_stream(points: &str) -> String {
     format!("{points}.faces")
 }
 
 /// The name of the sheet whose points are in the stream of this name; `None` if they are not a sheet's.
-pub fn sheet_of(stream: &str) -> Option<&str> {
+pub(crate) fn sheet_of(stream: &str) -> Option<&str> {
     stream.strip_prefix(NAME)?.strip_prefix('.').filter(|name| !name.contains('.'))
-}
-
-/// Whether a stream belongs to a sheet.
-pub fn is_sheet_stream(stream: &str) -> bool {
-    stream.strip_prefix(NAME).is_some_and(|rest| rest.starts_with('.'))
 }
 
 impl Sheets {

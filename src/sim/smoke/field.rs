@@ -18,7 +18,7 @@ use crate::{
 
 /// Wind and solids of a shot, from which the air of every frame is made.
 #[derive(Clone, Debug)]
-pub struct ShotAir {
+pub(crate) struct ShotAir {
     air: Air,
 }
 
@@ -34,7 +34,7 @@ pub struct FrameAir {
 
 impl ShotAir {
     /// The air of a shot with this `smoke` in its `world`.
-    pub fn new(smoke: &Smoke, world: &World) -> Self {
+    pub(crate) fn new(smoke: &Smoke, world: &World) -> Self {
         Self { air: Air::new(&smoke.params, world) }
     }
 
@@ -46,7 +46,7 @@ impl ShotAir {
     ///
     /// # Errors
     /// If there is no stream of vortons, it lacks a column, or a vorton is outside what can be computed.
-    pub fn frame(&self, streams: &[Stream], time: f64) -> Result<FrameAir, SetupError> {
+    pub(crate) fn frame(&self, streams: &[Stream], time: f64) -> Result<FrameAir, SetupError> {
         self.around(state::vortons_of(state::find(streams, NAME)?)?, time, Spun::at(time))
     }
 
@@ -80,7 +80,7 @@ impl FrameAir {
     /// The air of a frame with these streams at `time` [s].
     ///
     /// # Errors
-    /// As [`ShotAir::frame`].
+    /// As `ShotAir::frame`.
     pub fn of(smoke: &Smoke, world: &World, streams: &[Stream], time: f64) -> Result<Self, SetupError> {
         ShotAir::new(smoke, world).frame(streams, time)
     }

@@ -33,10 +33,11 @@ mod walls;
 mod widths;
 
 pub(in crate::sim) use estimate::{MAX_TRACERS_AND_VORTONS, estimate, refuse_too_much};
-pub use field::{FrameAir, ShotAir};
+pub use field::FrameAir;
+pub(crate) use field::ShotAir;
 pub use params::{Buoyancy, Emitter, Ring, Shedding, SmokeParams, SmokeSource, Tube, Turbulence};
 pub use record::{SmokeRecord, SmokeSeeds};
-pub use replay::{DriftReport, Drifting, KeyedAir, Replay};
+pub(crate) use replay::{DriftReport, Drifting, KeyedAir, Replay};
 pub use tracers::TRACERS;
 
 use super::{

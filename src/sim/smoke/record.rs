@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Record of the seeding.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct SmokeSeeds {
     /// Vortons.
     pub vortons: u32,
@@ -21,6 +22,7 @@ pub struct SmokeSeeds {
 /// Record of a frame, the same on every run and for any thread count.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct SmokeRecord {
     /// How the vortons moved.
     #[serde(flatten)]

@@ -31,7 +31,7 @@ const MAX_STEPS: f64 = 256.0;
 
 /// A shot's smoke between its cached frames.
 #[derive(Debug)]
-pub struct Replay {
+pub(crate) struct Replay {
     smoke: Smoke,
     air: ShotAir,
     emitters: Vec<Source>,
@@ -41,7 +41,7 @@ pub struct Replay {
 
 /// Vortons of a cached frame, with their ids and velocities.
 #[derive(Debug)]
-pub struct KeyedAir {
+pub(crate) struct KeyedAir {
     /// Time since the shot's start [s].
     pub time: f64,
     vortons: Vortons,
@@ -51,7 +51,7 @@ pub struct KeyedAir {
 
 /// Tracers at a time of the replay.
 #[derive(Clone, Debug)]
-pub struct Drifting {
+pub(crate) struct Drifting {
     /// Time since the shot's start [s].
     pub time: f64,
     tracers: Tracers,
@@ -62,7 +62,8 @@ pub struct Drifting {
 
 /// Record of the advection of tracers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DriftReport {
+#[non_exhaustive]
+pub(crate) struct DriftReport {
     /// Steps.
     pub steps: u64,
     /// Steps in which the air or a solid moved farther than it should.
@@ -75,7 +76,7 @@ pub struct DriftReport {
 
 impl Drifting {
     /// The columns that a cached frame has.
-    pub fn stream(&self) -> Stream {
+    pub(crate) fn stream(&self) -> Stream {
         self.tracers.stream(self.spacing)
     }
 }
@@ -85,7 +86,7 @@ impl Replay {
     ///
     /// # Errors
     /// If the shot could not start.
-    pub fn new(smoke: Smoke, world: World) -> Result<Self, SetupError> {
+    pub(crate) fn new(smoke: Smoke, world: World) -> Result<Self, SetupError> {
         let spacing = smoke.params.tracer_spacing();
         let emitters = smoke.params.emitter.iter().enumerate();
         let emitters = emitters
@@ -99,7 +100,7 @@ impl Replay {
     ///
     /// # Errors
     /// If the frame lacks a stream or column, or cannot be computed.
-    pub fn keyed(&self, streams: &[Stream], time: f64) -> Result<KeyedAir, SetupError> {
+    pub(crate) fn keyed(&self, streams: &[Stream], time: f64) -> Result<KeyedAir, SetupError> {
         let stream = find(streams, NAME)?;
         let vortons = state::vortons_of(stream)?;
         let missing = SetupError::Missing { stream: NAME, what: "id" };
@@ -113,12 +114,12 @@ impl Replay {
     ///
     /// # Errors
     /// If the frame lacks the stream or a column.
-    pub fn cached(&self, streams: &[Stream], time: f64) -> Result<Drifting, SetupError> {
+    pub(crate) fn cached(&self, streams: &[Stream], time: f64) -> Result<Drifting, SetupError> {
         Ok(self.drifting(Tracers::restore(find(streams, TRACERS)?)?, time))
     }
 
     /// The tracers that the shot starts with.
-    pub fn seeded(&self) -> Drifting {
+    pub(crate) fn seeded(&self) -> Drifting {
         self.drifting(self.start.tracers.clone(), 0.0)
     }
 
@@ -131,7 +132,7 @@ impl Replay {
     ///
     /// # Errors
     /// If it cannot be computed.
-    pub fn air(&self, a: &KeyedAir, b: &KeyedAir, time: f64) -> Result<FrameAir, SetupError> {
+    pub(crate) fn air(&self, a: &KeyedAir, b: &KeyedAir, time: f64) -> Result<FrameAir, SetupError> {
         // The solids' own vorticity fades in as what they shed does.
         let spun = Spun { times: [a.time, b.time], part: fraction(a, b, time) };
         self.air.around(between(a, b, time), time, spun)
@@ -142,7 +143,7 @@ impl Replay {
     ///
     /// # Errors
     /// If the air cannot be computed.
-    pub fn drift(
+    pub(crate) fn drift(
         &self,
         a: &KeyedAir,
         b: &KeyedAir,

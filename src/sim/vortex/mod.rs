@@ -49,7 +49,7 @@ pub use accuracy::ERRORS;
 pub use grid::{UniformGrid, VectorField, boundary_values, choose_grid, grid_errors, poisson};
 pub use invariants::{Invariants, invariants};
 pub use quantities::{Gradient, Induced, Kernel, Method, Quantity, Targets};
-pub use reach::fraction_beyond_plane;
+pub(crate) use reach::fraction_beyond_plane;
 pub use sampled_error::sampled_error;
 pub use vortons::{ElementKind, MAX_MAGNITUDE, MIN_CORE, OutOfRange, Vortons};
 

@@ -11,7 +11,7 @@ use crate::simd::{Lanes, ScalarLanes, splat};
 /// away.
 ///
 /// A plane layer of vortons induces t G(t) of the velocity of a vortex sheet, so this is (1 − t G(t))/2.
-pub fn fraction_beyond_plane(kernel: Kernel, t: f32) -> f32 {
+pub(crate) fn fraction_beyond_plane(kernel: Kernel, t: f32) -> f32 {
     let potential = match kernel {
         Kernel::Ball => potential::<Ball>(t),
         Kernel::RosenheadMoore => potential::<RosenheadMoore>(t),

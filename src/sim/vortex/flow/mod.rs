@@ -38,7 +38,7 @@ mod step;
 
 pub use params::{FlowParams, Relaxation, Remesh, Sum, Viscosity, ViscousScheme};
 pub use rates::{ExternalEffects, NoExternalEffects, Rates, Stage};
-pub use remesh::{Medium, MediumAt, RemeshReport};
+pub use remesh::{Medium, RemeshReport};
 pub use report::{Account, FlowReport, StepReport};
 pub use step::SubstepLimits;
 

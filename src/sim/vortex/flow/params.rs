@@ -73,6 +73,7 @@ impl FlowParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Sum {
     /// Multipole expansions between cells of an octree, to `error`.
     #[default]
@@ -106,6 +107,7 @@ pub struct Viscosity {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ViscousScheme {
     /// Particle strength exchange between neighbours: needs cores that overlap, and `remesh` where smoke is
     /// to grow.

@@ -43,7 +43,7 @@ pub enum Medium {
 }
 
 /// The medium as a function of the position [m].
-pub type MediumAt<'a> = &'a (dyn Fn(Vec3) -> Medium + Sync);
+pub(crate) type MediumAt<'a> = &'a (dyn Fn(Vec3) -> Medium + Sync);
 
 /// Bricks per task.
 const BRICKS_PER_TASK: usize = 16;
@@ -51,6 +51,7 @@ const BRICKS_PER_TASK: usize = 16;
 /// The report on a remeshing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct RemeshReport {
     /// Vortons before.
     pub before: u32,

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// The report on a substep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct StepReport {
     /// The time step [s].
     pub seconds: f64,
@@ -25,6 +26,7 @@ pub struct StepReport {
 /// The report on a frame. It is the same on every run and for any number of threads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
+#[non_exhaustive]
 pub struct FlowReport {
     /// Substeps taken.
     pub substeps: u32,
