@@ -65,13 +65,13 @@ pub(crate) fn check_motion(
 
 /// What is wrong with the shape of the source or emitter at `path`: it is no shape, or it is unbounded.
 pub(crate) fn source_finding(path: &str, shape: &Shape, places: &Places) -> Option<Finding> {
-    let key = format!("{path}.shape.{}", name(shape));
+    let key = format!("{path}.shape.{}", shape.name());
     if let Err(error) = shape.check() {
         return Some(shape_finding(&key, error, places));
     }
     matches!(shape, Shape::Plane { .. } | Shape::Tank { .. }).then(|| {
-        let message = format!("`{path}` cannot be filled: a {} is unbounded", name(shape));
-        let label = format!("found a {}, expected a bounded shape", name(shape));
+        let message = format!("`{path}` cannot be filled: a {} is unbounded", shape.name());
+        let label = format!("found a {}, expected a bounded shape", shape.name());
         Finding::new(places.of(&key), &key, message, label)
             .with_help("use `box`, `sphere`, `capsule`, `torus`, `ellipsoid` or `mesh`")
     })
@@ -94,18 +94,4 @@ pub(crate) fn shape_finding(path: &str, error: ShapeError, places: &Places) -> F
     };
     Finding::new(places.of(&key), &key, format!("`{path}` is not a shape: {error}"), error.to_string())
         .with_help(help)
-}
-
-/// The shape's key in a preset.
-pub(crate) fn name(shape: &Shape) -> &'static str {
-    match shape {
-        Shape::Plane { .. } => "plane",
-        Shape::Box { .. } => "box",
-        Shape::Sphere { .. } => "sphere",
-        Shape::Capsule { .. } => "capsule",
-        Shape::Tank { .. } => "tank",
-        Shape::Torus { .. } => "torus",
-        Shape::Ellipsoid { .. } => "ellipsoid",
-        Shape::Mesh(_) => "mesh",
-    }
 }

@@ -4,14 +4,14 @@ use super::{registry::ALL, scene::Scene};
 use crate::preset::{
     check::Places,
     problem::Finding,
-    shapes::{check_motion, name, shape_finding},
+    shapes::{check_motion, shape_finding},
 };
 
 /// Everything about the scene that contradicts itself or cannot be simulated.
 pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
     let mut findings = Vec::new();
     for (index, collider) in scene.world.collider.iter().enumerate() {
-        let path = format!("world.collider.{index}.shape.{}", name(&collider.shape));
+        let path = format!("world.collider.{index}.shape.{}", collider.shape.name());
         if let Err(error) = collider.shape.check() {
             findings.push(shape_finding(&path, error, places));
         }

@@ -2,6 +2,7 @@
 
 mod collider;
 mod contact;
+mod measures;
 mod mesh;
 mod motion;
 mod round;

@@ -225,3 +225,30 @@ fn collect(folder: &Path, found: &mut Sources) {
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
+
+/// The largest number of existing source files that a new system may change.
+const MAX_CHANGED_FILES: usize = 5;
+
+#[test]
+fn adding_a_system_changes_at_most_five_existing_source_files() {
+    let path = root().join("docs/adding-a-system.patch");
+    let patch = fs::read_to_string(&path).unwrap();
+    let changed: Vec<&str> = patch
+        .lines()
+        .filter_map(|line| line.strip_prefix("--- a/"))
+        .filter(|file| file.starts_with("src/"))
+        .collect();
+    assert!(!changed.is_empty() && changed.len() <= MAX_CHANGED_FILES, "{changed:?}");
+    let guide = fs::read_to_string(root().join("docs/adding-a-system.md")).unwrap();
+    for file in changed {
+        assert!(guide.contains(&format!("| `{file}` |")), "docs/adding-a-system.md does not list {file}");
+    }
+    let applied = std::process::Command::new("git")
+        .args(["apply", "--check"])
+        .arg(&path)
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let why = String::from_utf8_lossy(&applied.stderr).into_owned();
+    assert!(applied.status.success(), "docs/adding-a-system.patch does not apply: {why}");
+}

@@ -94,14 +94,14 @@ fn seeding_lattice(shape: &Shape, spacing: f32) -> ([f64; 3], [f64; 3]) {
             let count = |axis: usize| (f64::from(high[axis]) / s + 0.5 - first(axis)).floor().max(0.0);
             ([0, 1, 2].map(|axis| first(axis) * s), [count(0), count(1), count(2)])
         }
-        Shape::Capsule { .. } | Shape::Torus { .. } | Shape::Ellipsoid { .. } => {
+        Shape::Plane { .. } | Shape::Tank { .. } => ([0.0; 3], [0.0; 3]),
+        _ => {
             let (low, high) =
                 shape.bounds().map_or_else(Default::default, |(low, high)| (low.cast(), high.cast()));
             let half: Vector3<f64> = ((high - low) / (2.0 * s)).map(f64::ceil);
             let first = (low + high) / 2.0 - half.add_scalar(-0.5) * s;
             (first.into(), (half * 2.0).into())
         }
-        Shape::Plane { .. } | Shape::Tank { .. } => ([0.0; 3], [0.0; 3]),
     }
 }
 

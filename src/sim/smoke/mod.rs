@@ -10,7 +10,6 @@
 //! Limits: impulses are first order in time.
 
 mod air;
-mod areas;
 mod emit;
 mod estimate;
 mod field;

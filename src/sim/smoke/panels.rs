@@ -10,7 +10,7 @@
 //! The faces of a box are divided into source panels whose collocation points are their centres. Each equation is then
 //! dominated by its own panel, and GMRES needs a handful of iterations. Point sources below the faces crowd at edges instead.
 
-use super::{areas::area, sources::Source, tiles::Tile};
+use super::{sources::Source, tiles::Tile};
 use crate::{math::Vec3, solid::Shape, space::CellGrid};
 use nalgebra::Vector3;
 use std::collections::BTreeMap;
@@ -146,7 +146,7 @@ pub(super) fn panels(shape: &Shape, step: f32) -> Vec<Panel> {
 fn with_sources(shape: &Shape, step: f32) -> Vec<Panel> {
     let mut made = project_nodes(shape, step);
     // In thin parts the areas of the nodes do not sum to that of the surface.
-    let whole = area(shape);
+    let whole = shape.area();
     let scale = whole / made.iter().map(|panel| panel.area).sum::<f32>();
     made.iter_mut().for_each(|panel| panel.area *= scale);
     // A solid too thin for its panels has no sources.
@@ -374,7 +374,7 @@ mod tests {
             [&capsule, &plate].into_iter().flat_map(|shape| [0.02, 0.05, 0.2].map(|step| (shape, step)))
         {
             let sum: f32 = panels(shape, step).iter().map(|panel| panel.area).sum();
-            assert!((sum / area(shape) - 1.0).abs() < 1e-3, "{shape:?} {step}: {sum}");
+            assert!((sum / shape.area() - 1.0).abs() < 1e-3, "{shape:?} {step}: {sum}");
         }
     }
 

@@ -7,10 +7,7 @@
 //! Limits: panels are at least one spacing wide. A solid that would need panels wider than itself, as among some hundreds of others,
 //! has none.
 
-use super::{
-    areas::area,
-    panels::{Panel, longest, panels},
-};
+use super::panels::{Panel, longest, panels};
 use crate::solid::Shape;
 
 /// Limit of panels of all solids: the matrix then takes 10 MB, and a solve up to 60 products with it.
@@ -23,7 +20,7 @@ const FIRST_ATTEMPT: f32 = 4.0;
 /// Panels of each of `shapes`, `spacing` [m] wide or wider; together at most [`MAX_PANELS`].
 pub(super) fn distribute_panels(shapes: &[&Shape], spacing: f32) -> Vec<Vec<Panel>> {
     let first = |shape: &&Shape| {
-        let step = spacing.max((area(shape) / (FIRST_ATTEMPT * MAX_PANELS as f32)).sqrt());
+        let step = spacing.max((shape.area() / (FIRST_ATTEMPT * MAX_PANELS as f32)).sqrt());
         (step, panels(shape, step))
     };
     let mut tries: Vec<(f32, Vec<Panel>)> = shapes.iter().map(first).collect();

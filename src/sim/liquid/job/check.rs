@@ -6,7 +6,6 @@ use crate::{
         liquid::{LiquidChannel, LiquidParams},
         scene::Scene,
     },
-    solid::Shape,
 };
 
 /// Largest number of particles that 32-bit neighbour lists can index.
@@ -80,29 +79,8 @@ fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut V
 /// Estimate of the number of particles by volume; overlapping sources count twice, and meshes, whose volume is in their file,
 /// do not count.
 pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
-    let volume: f64 = liquid.source.iter().map(|source| volume(&source.shape)).sum();
+    let volume: f64 = liquid.source.iter().map(|source| source.shape.volume()).sum();
     volume / f64::from(liquid.spacing).powi(3)
-}
-
-/// Volume of a source [m³]; zero for meshes and unbounded shapes, not above zero for invalid dimensions.
-fn volume(shape: &Shape) -> f64 {
-    use std::f64::consts::PI;
-    match shape {
-        Shape::Box { min, max } => {
-            (0..3).map(|axis| (f64::from(max[axis]) - f64::from(min[axis])).max(0.0)).product()
-        }
-        Shape::Sphere { radius, .. } => 4.0 / 3.0 * PI * f64::from(*radius).powi(3),
-        Shape::Capsule { from, to, radius } => {
-            let square = |axis: usize| (f64::from(to[axis]) - f64::from(from[axis])).powi(2);
-            let length = (0..3).map(square).sum::<f64>().sqrt();
-            PI * f64::from(*radius).powi(2) * (length + 4.0 / 3.0 * f64::from(*radius))
-        }
-        Shape::Torus { radius, tube, .. } => 2.0 * PI * PI * f64::from(*radius) * f64::from(*tube).powi(2),
-        Shape::Ellipsoid { radii, .. } => {
-            4.0 / 3.0 * PI * radii.iter().map(|&r| f64::from(r)).product::<f64>()
-        }
-        Shape::Plane { .. } | Shape::Tank { .. } | Shape::Mesh(_) => 0.0,
-    }
 }
 
 /// Whether the particles have the channels that the surface is to have as attributes.

@@ -4,7 +4,7 @@ use crate::{
     preset::{
         check::Places,
         problem::Finding,
-        shapes::{check_motion, name, shape_finding},
+        shapes::{check_motion, shape_finding},
     },
     sim::{
         scene::Scene,
@@ -34,7 +34,7 @@ pub(super) fn check_sheets(scene: &Scene, places: &Places, findings: &mut Vec<Fi
     }
     for (key, shape) in shapes(scene) {
         if let Err(error) = shape.check() {
-            findings.push(shape_finding(&format!("{key}.{}", name(shape)), error, places));
+            findings.push(shape_finding(&format!("{key}.{}", shape.name()), error, places));
         }
     }
     if scene.sheets.is_some() && scene.sheet.is_empty() {
