@@ -125,7 +125,8 @@ mod tests {
     fn shot((fields, colliding): (&[usize], usize), particles: usize, factors: [f64; 2]) -> MemoryModel {
         let scene = scene();
         let counts = counts(particles);
-        let systems = registry::ALL.iter().map(|system| system.memory(&scene, &counts)).sum();
+        let present = registry::ALL.iter().filter(|system| system.is_present(&scene));
+        let systems = present.map(|system| system.memory(&scene, &counts)).sum();
         MemoryModel::new(Solids::with(fields, colliding), systems, factors)
     }
 
