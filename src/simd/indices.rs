@@ -90,7 +90,6 @@ impl IndexRows<'_> {
     /// The next eight. They are borrowed, so that each index is read from memory where it is used: copied,
     /// eight of them become one register that they have to be taken out of again, at twice the instructions.
     #[inline(always)]
-    #[expect(clippy::should_implement_trait, reason = "an iterator cannot lend what it owns")]
     pub fn next(&mut self) -> Option<IndexRow<'_>> {
         if self.next >= self.list.len() {
             return None;
