@@ -39,13 +39,14 @@
 //! |---|---|
 //! | mesh particles | [`import::read_particles`], [`mesh::reconstruct`], [`mesh::SurfaceParams`], [`export::ply`] |
 //! | simulate a preset | [`scene::Scene`], [`sim::Simulation`], [`frame::Frame`] |
+//! | simulate without a preset | [`sim::Systems`], [`sim::liquid::LiquidParams::new`], [`sim::World`], [`solid::Shape`] |
 //! | read a cache | [`cache::list`], [`cache::read_frame`], [`frame::Stream`] |
 //! | write a volume | [`field::density`], [`export::vdb`] |
 //!
 //! A [`control::CancelToken`], passed as the watch of [`sim::Simulation::advance`] or to [`mesh::reconstruct`], cancels them
 //! from another thread.
 //!
-//! `examples/` holds a program for each of the first three.
+//! `examples/` holds programs that mesh particles, simulate a preset and read a cache.
 //!
 //! # Guarantees
 //!

@@ -2,6 +2,7 @@
 
 use super::{coupling::CouplingError, sheet::SheetError, vortex::OutOfRange};
 use crate::{math::Vec3, solid::Solid};
+use serde::de::{DeserializeOwned, value::MapDeserializer};
 
 /// Surroundings of the systems.
 #[derive(Clone, Debug, PartialEq)]
@@ -62,4 +63,23 @@ pub enum SetupError {
         /// The channel or scalar, or "particles" if the stream itself is missing.
         what: &'static str,
     },
+}
+
+/// Parameters of which only the spacing [m] has no default.
+pub(super) fn from_spacing<T: DeserializeOwned>(spacing: f32) -> T {
+    let fields = MapDeserializer::<_, serde::de::value::Error>::new([("spacing", spacing)].into_iter());
+    T::deserialize(fields).expect("all other parameters have defaults")
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::sim::{liquid::LiquidParams, smoke::SmokeParams, vortex::flow::Remesh};
+
+    #[test]
+    fn parameters_of_a_spacing_have_the_defaults_of_presets() {
+        let liquid = LiquidParams { density_dev: None, ..LiquidParams::new(0.1) };
+        assert_eq!(liquid, toml::from_str("spacing = 0.1").unwrap());
+        assert_eq!(SmokeParams::new(0.1), toml::from_str("spacing = 0.1").unwrap());
+        assert_eq!(Remesh::of(0.1), toml::from_str("spacing = 0.1").unwrap());
+    }
 }

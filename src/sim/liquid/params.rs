@@ -1,6 +1,6 @@
 //! Parameters of a liquid.
 
-use crate::solid::Shape;
+use crate::{sim::setup::from_spacing, solid::Shape};
 use serde::{Deserialize, Serialize};
 
 /// A liquid of particles, kept at rest density by position corrections ([pbf] Algorithm 1).
@@ -76,6 +76,11 @@ pub struct LiquidParams {
 }
 
 impl LiquidParams {
+    /// A liquid of particles `spacing` [m] apart with the defaults of presets, still without a source.
+    pub fn new(spacing: f32) -> Self {
+        Self { density_dev: Some(Self::DEFAULT_DENSITY_DEV), ..from_spacing(spacing) }
+    }
+
     /// Average density deviation at which the iteration stops if a preset gives neither `density_dev` nor `iterations`.
     ///
     /// At 1 % a metre of water sags by a centimetre and bounces back; 0.1 % takes twice the iterations for a picture that

@@ -1,7 +1,7 @@
 //! Parameters of smoke in a preset.
 
 use crate::{
-    sim::vortex::flow::FlowParams,
+    sim::{setup::from_spacing, vortex::flow::FlowParams},
     solid::{Interpolation, Keyframe, Shape},
 };
 use serde::{Deserialize, Serialize};
@@ -62,6 +62,13 @@ pub struct SmokeParams {
     /// Smoke that comes while the shot runs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub emitter: Vec<Emitter>,
+}
+
+impl SmokeParams {
+    /// Smoke of vortons `spacing` [m] apart with the defaults of presets, still without a source.
+    pub fn new(spacing: f32) -> Self {
+        from_spacing(spacing)
+    }
 }
 
 /// How the weight of smoke moves the air: Dω/Dt = (1/ρ) ∇ρ × g.

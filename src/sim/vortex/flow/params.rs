@@ -1,6 +1,7 @@
 //! Parameters of the motion of vortons.
 
 use super::super::{ERRORS, Kernel, Method, grid_errors};
+use crate::sim::setup::from_spacing;
 use serde::{Deserialize, Serialize};
 
 /// The motion of vortons. All keys except those of the evaluation and the time step are physics; absent terms
@@ -169,15 +170,7 @@ pub struct Remesh {
 impl Remesh {
     /// Remeshing with this spacing [m], and defaults otherwise.
     pub fn of(spacing: f32) -> Self {
-        Self {
-            spacing,
-            core: defaults::core(),
-            strain: defaults::strain(),
-            least: defaults::min_overlap(),
-            most: defaults::max_overlap(),
-            share: defaults::max_fraction_outside(),
-            weak: defaults::min_circulation(),
-        }
+        from_spacing(spacing)
     }
 }
 
