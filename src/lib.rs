@@ -57,7 +57,7 @@
 //!
 //! # Not guaranteed
 //!
-//! - The API may change in any version before 1.0; files of another version of the cache are refused, not converted.
+//! - The API may change in any version before 1.0; files of a later version of the cache are refused.
 //! - Parameters out of their documented ranges panic; [`scene`] reports them as diagnostics instead.
 //! - Bytes may differ between versions.
 //!

@@ -60,7 +60,7 @@ fn a_coupled_shot_logs_and_reports_contact() {
     let passes = desk.run("shot small.toml --dry-run", 0).0;
     assert!(passes.contains("coupling_search, coupling"), "{passes}");
     let plan = desk.run("plan small.toml", 0).0;
-    assert!(plan.contains("81, of sheets"), "{plan}");
+    assert!(plan.contains("81 points"), "{plan}");
     desk.run("simulate small.toml -o small", 0);
     let lines = log(&desk, "small");
     assert_eq!(lines.len(), 11);

@@ -3,19 +3,24 @@
 use super::*;
 use serde_json::Value;
 
-fn plan(desk: &Desk, line: &str) -> Value {
+pub(super) fn plan(desk: &Desk, line: &str) -> Value {
     serde_json::from_str(&desk.run(&format!("plan {line} --json --progress none"), 0).0).unwrap()
 }
 
 /// The system of a plan.
-fn system<'a>(plan: &'a Value, name: &str) -> &'a Value {
+pub(super) fn system<'a>(plan: &'a Value, name: &str) -> &'a Value {
     plan["systems"].as_array().unwrap().iter().find(|system| system["name"] == name).unwrap()
 }
 
 /// Number of elements of a kind in a system, at the start.
 fn count(system: &Value, name: &str) -> f64 {
+    number(system, name, "start")
+}
+
+/// Number of elements of a kind in a system at the shot's `start` or `end`.
+pub(super) fn number(system: &Value, name: &str, when: &str) -> f64 {
     let counts = system["counts"].as_array().unwrap();
-    counts.iter().find(|count| count["name"] == name).unwrap()["start"].as_f64().unwrap()
+    counts.iter().find(|count| count["name"] == name).unwrap()[when].as_f64().unwrap()
 }
 
 #[test]

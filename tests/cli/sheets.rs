@@ -291,7 +291,7 @@ fn only_the_passes_of_present_systems_are_listed() {
     let dam = desk.run("shot small.toml --dry-run", 0).0;
     assert!(!dam.contains("sheet"), "{dam}");
     let plan = desk.run("plan cloth.toml", 0).0;
-    assert!(plan.contains("174, of sheets") && plan.contains("substeps of the sheets"), "{plan}");
+    assert!(plan.contains("174 points") && plan.contains("sheets: about"), "{plan}");
 }
 
 #[test]

@@ -312,13 +312,12 @@ fn tracers_become_points_that_move() {
 fn a_plan_estimates_what_smoke_needs() {
     let desk = desk();
     let (out, _) = desk.run("plan plume.toml", 0);
-    for words in ["vortons", "tracers", "smoke_push", "steps of the smoke", "disk", "time"] {
+    for words in ["vortons", "tracers", "smoke_push", "smoke: about", "disk", "time"] {
         assert!(out.contains(words), "no `{words}` in\n{out}");
     }
     assert!(!out.contains("particles") && !out.contains("iterations"), "{out}");
-    let (json, _) = desk.run("plan plume.toml --json", 0);
-    let plan: serde_json::Value = serde_json::from_str(&json).unwrap();
-    let estimate = plan["smoke"]["tracers"][1].as_f64().unwrap();
+    let plan = super::plan::plan(&desk, "plume.toml");
+    let estimate = super::plan::number(super::plan::system(&plan, "smoke"), "tracers", "end");
     desk.run("simulate plume.toml", 0);
     let log = fs::read_to_string(desk.path("plume/log.jsonl")).unwrap();
     let last: serde_json::Value = serde_json::from_str(log.lines().last().unwrap()).unwrap();
@@ -331,8 +330,8 @@ fn a_plan_estimates_what_smoke_needs() {
 #[test]
 fn smoke_that_calibration_runs_to_its_end_takes_what_was_estimated() {
     let desk = desk();
-    let (json, _) = desk.run("plan plume.toml --json --progress none", 0);
-    let estimate: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let plan = super::plan::plan(&desk, "plume.toml");
+    let smoke = super::plan::system(&plan, "smoke");
     desk.run("shot plume.toml -o plume", 0);
     let records: Vec<serde_json::Value> = fs::read_to_string(desk.path("plume/log.jsonl"))
         .unwrap()
@@ -341,21 +340,18 @@ fn smoke_that_calibration_runs_to_its_end_takes_what_was_estimated() {
         .collect();
     let number = |value: &serde_json::Value| value.as_f64().unwrap();
     let steps: f64 = records.iter().map(|record| number(&record["smoke"]["substeps"])).sum();
-    assert_eq!(number(&estimate["substeps"]), steps);
+    assert_eq!(number(&smoke["substeps"]), steps);
     let last = &records.last().unwrap()["smoke"];
     for name in ["vortons", "tracers"] {
-        assert_eq!(number(&estimate["smoke"][name][1]), number(&last[name]), "{name}");
+        assert_eq!(super::plan::number(smoke, name, "end"), number(&last[name]), "{name}");
     }
     let size = |folder: &str| desk.bytes(folder).iter().map(|(_, bytes)| bytes.len() as f64).sum::<f64>();
     // The start is stored too, and only one volume of eight is made.
     for (estimate, found, part) in [
-        (number(&estimate["cache"]), size("plume/cache"), 0.25),
-        (number(&estimate["smoke"]["volumes"]), size("plume/volume"), 0.6),
+        (number(&plan["cache"]), size("plume/cache"), 0.25),
+        (number(&plan["products"][0]["bytes"]), size("plume/volume"), 0.6),
     ] {
         assert!((estimate / found - 1.0).abs() < part, "estimate {estimate}, found {found}");
     }
-    assert!(
-        number(&estimate["seconds"]) > 0.0 && estimate["smoke"]["remarks"].as_array().unwrap().is_empty(),
-        "{estimate}"
-    );
+    assert!(number(&plan["seconds"]) > 0.0 && plan["remarks"].as_array().unwrap().is_empty(), "{plan}");
 }
