@@ -50,6 +50,11 @@ shape = { box = { min = [0, 0, 0], max = [0.8, 0.8, 0.8] } }
 mesh = ["ply"]
 "#;
 
+/// Whether the long studies run too (`tools/soak/run`): otherwise shots that take long are drafts.
+fn is_soak() -> bool {
+    std::env::var_os("MENISCUS_SOAK").is_some()
+}
+
 /// An empty folder with the small preset in it.
 struct Desk {
     folder: TempDir,

@@ -22,3 +22,8 @@ mod vortex;
 mod vortex_dynamics;
 mod vortex_extremes;
 mod vortex_grid;
+
+/// Whether the long studies run too (`tools/soak/run`): otherwise tests with many similar cases run some of them.
+fn is_soak() -> bool {
+    std::env::var_os("MENISCUS_SOAK").is_some()
+}

@@ -42,9 +42,15 @@ fn obstacles() -> Vec<(&'static str, Shape)> {
 
 #[test]
 fn a_sheet_dropped_on_any_solid_comes_to_rest_outside() {
-    for (name, shape) in obstacles() {
-        for terms in ["", "[sheets.repulsion]\nenergy = 0.04\nrange = 0.01"] {
-            for integrator in ["symplectic", "implicit"] {
+    for (place, (name, shape)) in obstacles().into_iter().enumerate() {
+        for (with_repulsion, terms) in
+            ["", "[sheets.repulsion]\nenergy = 0.04\nrange = 0.01"].into_iter().enumerate()
+        {
+            for (is_implicit, integrator) in ["symplectic", "implicit"].into_iter().enumerate() {
+                // Otherwise each obstacle has one of the four combinations.
+                if !crate::is_soak() && place % 4 != 2 * with_repulsion + is_implicit {
+                    continue;
+                }
                 let sheet = above(0.42, 16, "").replace("damping = 0.5", "damping = 4.0");
                 let text = format!(
                     "sheets.friction = 0.4\n{sheet}{terms}\n[sheets.solver]\nintegrator = '{integrator}'"

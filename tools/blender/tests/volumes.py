@@ -19,6 +19,7 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
 from itertools import product
 from pathlib import Path
 
@@ -196,14 +197,15 @@ def main():
                 print(f"FAIL {file.name}, {grid.name}: {why}", flush=True)
         # Grids outlive their file otherwise, and the module complains about that at exit.
         del grids, grid
-    if meniscus := os.environ.get("MENISCUS"):
-        wrong = check_import(openvdb, folder, meniscus)
-        failed += bool(wrong)
-        print(f"FAIL a level set of OpenVDB: {wrong}" if wrong else "a level set of OpenVDB is meshed", flush=True)
-        if shot := os.environ.get("MENISCUS_SHOT"):
-            of_shot, wrong = check_shot(openvdb, folder, meniscus, shot)
-            equal, failed = equal + of_shot, failed + len(wrong)
-            print("\n".join(f"FAIL {line}" for line in wrong) or f"{of_shot} grids of a shot are the same", flush=True)
+    with tempfile.TemporaryDirectory() as scratch:
+        if meniscus := os.environ.get("MENISCUS"):
+            wrong = check_import(openvdb, Path(scratch), meniscus)
+            failed += bool(wrong)
+            print(f"FAIL a level set of OpenVDB: {wrong}" if wrong else "a level set of OpenVDB is meshed", flush=True)
+            if shot := os.environ.get("MENISCUS_SHOT"):
+                of_shot, wrong = check_shot(openvdb, Path(scratch), meniscus, shot)
+                equal, failed = equal + of_shot, failed + len(wrong)
+                print("\n".join(f"FAIL {line}" for line in wrong) or f"{of_shot} grids of a shot are the same", flush=True)
     version = ".".join(map(str, openvdb.LIBRARY_VERSION))
     print(f"OpenVDB {version}: {failed} grids differ")
     print(f"{equal} grids equal", flush=True)
