@@ -86,7 +86,7 @@ pub enum Stop {
     Diverged(#[from] Diverged),
 }
 
-/// A system left the numbers that mean anything.
+/// Divergence of a system: a state that is not finite or out of range.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{system} diverged in substep {substep} of the frame: particle {particle} {what}; try {try_next}")]
 #[non_exhaustive]

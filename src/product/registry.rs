@@ -2,8 +2,9 @@
 
 use super::{
     interface::Product, point_cache::PointCache, points::TracerPoints, sheet_mesh::SheetMesh,
-    surface::SurfaceMesh, volume::Volume,
+    surface::SurfaceMesh, volume::VolumeFile,
 };
 
 /// Every product, in the order in which they are made.
-pub(crate) static ALL: [&dyn Product; 5] = [&SurfaceMesh, &Volume, &SheetMesh, &PointCache, &TracerPoints];
+pub(crate) static ALL: [&dyn Product; 5] =
+    [&SurfaceMesh, &VolumeFile, &SheetMesh, &PointCache, &TracerPoints];

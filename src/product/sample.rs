@@ -74,17 +74,25 @@ impl ProductSampler for RequestedProducts {
         let control = Control { reporter: &Silent, ..control };
         let sample = |product: &dyn Product| {
             let meter = Meter::new();
-            let made = match product.make(&request, control) {
-                // A frame of which nothing can be made takes next to nothing.
-                Err(RunError::SomeFailed { .. } | RunError::Request(_)) => BatchSummary::default(),
-                made => made?,
+            let (made, failed) = match product.make(&request, control) {
+                Err(why @ (RunError::SomeFailed { .. } | RunError::Request(_))) => {
+                    (BatchSummary::default(), Some(why.to_string()))
+                }
+                made => (made?, None),
             };
             let (work, seconds) = (meter.work(), meter.wall());
             let accepted = last.streams.iter().filter(|stream| product.accepts(stream.kind));
             let memory = accepted
                 .map(|stream| product.stream_memory(settings, stream, made.triangles))
                 .fold(0.0, f64::max);
-            Ok(ProductSample { name: product.name(), work, seconds, bytes: made.bytes as f64, memory })
+            Ok(ProductSample {
+                name: product.name(),
+                work,
+                seconds,
+                bytes: made.bytes as f64,
+                memory,
+                failed,
+            })
         };
         Self::of(settings, &kinds).into_iter().map(sample).collect()
     }

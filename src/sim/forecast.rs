@@ -56,7 +56,7 @@ pub(crate) struct SystemForecast {
     pub seconds: f64,
     /// Relative error that the time may have [–].
     pub uncertainty: f64,
-    /// What is made of its frames.
+    /// Products of the system's frames.
     #[serde(skip)]
     pub products: Vec<ProductForecast>,
     /// Limits of the calibration, as messages.
@@ -90,6 +90,8 @@ pub(crate) struct ProductSample {
     pub(crate) bytes: f64,
     /// Peak memory of making the last of the frames, estimated [bytes].
     pub(crate) memory: f64,
+    /// Why it was not made of some frame.
+    pub(crate) failed: Option<String>,
 }
 
 /// Makes the products of a calibration's frames.
@@ -122,14 +124,14 @@ impl ProductSampler for NoProducts {
     }
 }
 
-/// What is forecast.
+/// Scene, frames and limits of a forecast.
 #[derive(Clone, Copy)]
 pub(crate) struct ForecastJob<'a> {
     /// The scene, whose meshes are sampled.
     pub(crate) scene: &'a Scene,
     /// The frames to store.
     pub(crate) selection: &'a Frames,
-    /// What makes the products that the job makes too.
+    /// Sampler of the job's products.
     pub(crate) products: &'a dyn ProductSampler,
     /// Memory that the shot may take [bytes].
     pub(crate) max_memory: Option<u64>,
@@ -194,6 +196,20 @@ pub(crate) struct EndedEarly {
     pub(crate) frame: FrameIndex,
     /// Why, if it diverged.
     pub(crate) diverged: Option<String>,
+}
+
+/// Reports of products that could not be made of a calibration's frames, each once.
+pub(crate) fn failures<'a>(samples: impl IntoIterator<Item = &'a ProductSample>) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    for ProductSample { name, failed, .. } in samples {
+        let Some(why) = failed else { continue };
+        if !found.iter().any(|known| known.starts_with(&format!("{name}: "))) {
+            found.push(format!(
+                "{name}: not made of a frame of the calibration, so its forecast is too low: {why}"
+            ));
+        }
+    }
+    found
 }
 
 /// Runs a job's frames after the first in the cache of `shot`, and passes each to `on_frame`, the first included.

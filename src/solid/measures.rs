@@ -48,28 +48,33 @@ impl Shape {
         }
     }
 
-    /// Volume inside [m³]; zero for meshes and unbounded shapes, not above zero for invalid dimensions.
+    /// Volume inside [m³]; zero for meshes, unbounded shapes and negative dimensions.
     pub(crate) fn volume(&self) -> f64 {
         use std::f64::consts::PI;
         match self {
             Shape::Box { min, max } => {
                 (0..3).map(|axis| (f64::from(max[axis]) - f64::from(min[axis])).max(0.0)).product()
             }
-            Shape::Sphere { radius, .. } => 4.0 / 3.0 * PI * f64::from(*radius).powi(3),
+            Shape::Sphere { radius, .. } => 4.0 / 3.0 * PI * length_of(*radius).powi(3),
             Shape::Capsule { from, to, radius } => {
                 let square = |axis: usize| (f64::from(to[axis]) - f64::from(from[axis])).powi(2);
                 let length = (0..3).map(square).sum::<f64>().sqrt();
-                PI * f64::from(*radius).powi(2) * (length + 4.0 / 3.0 * f64::from(*radius))
+                PI * length_of(*radius).powi(2) * (length + 4.0 / 3.0 * length_of(*radius))
             }
             Shape::Torus { radius, tube, .. } => {
-                2.0 * PI * PI * f64::from(*radius) * f64::from(*tube).powi(2)
+                2.0 * PI * PI * length_of(*radius) * length_of(*tube).powi(2)
             }
             Shape::Ellipsoid { radii, .. } => {
-                4.0 / 3.0 * PI * radii.iter().map(|&r| f64::from(r)).product::<f64>()
+                4.0 / 3.0 * PI * radii.iter().map(|&radius| length_of(radius)).product::<f64>()
             }
             Shape::Plane { .. } | Shape::Tank { .. } | Shape::Mesh(_) => 0.0,
         }
     }
+}
+
+/// A length that may be negative in a preset that is being checked [m].
+fn length_of(dimension: f32) -> f64 {
+    f64::from(dimension).max(0.0)
 }
 
 fn sampled(mesh: &MeshShape) -> f32 {
@@ -84,6 +89,25 @@ mod tests {
     use super::*;
     use crate::sdf::Sampled;
     use std::sync::Arc;
+
+    #[test]
+    fn shapes_have_their_volumes() {
+        use std::f64::consts::PI;
+        let center = [1.0; 3];
+        for (shape, exact) in [
+            (Shape::Box { min: [0.0; 3], max: [1.0, 2.0, 3.0] }, 6.0),
+            (Shape::Box { min: [0.0; 3], max: [1.0, -2.0, 3.0] }, 0.0),
+            (Shape::Sphere { center, radius: 2.0 }, 32.0 / 3.0 * PI),
+            (Shape::Capsule { from: [0.0; 3], to: [0.0, 3.0, 4.0], radius: 3.0 }, 81.0 * PI),
+            (Shape::Capsule { from: [0.0; 3], to: [0.0, 3.0, 4.0], radius: -0.1 }, 0.0),
+            (Shape::Torus { center, axis: center, radius: 2.0, tube: 0.5 }, PI * PI),
+            (Shape::Torus { center, axis: center, radius: 2.0, tube: -0.5 }, 0.0),
+            (Shape::Ellipsoid { center, radii: [1.0, 2.0, 3.0] }, 8.0 * PI),
+            (Shape::Ellipsoid { center, radii: [-1.0, -2.0, 3.0] }, 0.0),
+        ] {
+            assert!((shape.volume() - exact).abs() < 1e-6, "{shape:?}: {}", shape.volume());
+        }
+    }
 
     #[test]
     fn shapes_have_their_areas() {

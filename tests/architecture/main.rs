@@ -68,7 +68,10 @@ fn a_system_named_elsewhere_is_found() {
     assert_eq!(job("fn f(scene: &Scene) { scene.liquid.is_some() }"), words(&["liquid"]));
     assert_eq!(job("struct SmokeReport; fn sheet_count() {}"), words(&["Smoke", "sheet"]));
     assert_eq!(job("stream.name == \"liquid\" || key == \"smoke.spacing\""), words(&["liquid", "smoke"]));
-    assert_eq!(job("make(SurfaceMesh)"), words(&["SurfaceMesh"]));
+    for product in ["SurfaceMesh", "PointCache", "TracerPoints", "VolumeFile"] {
+        assert_eq!(job(&format!("make({product})")), words(&[product]));
+    }
+    assert_eq!(job("VolumeGrid::Density"), words(&[]));
     assert_eq!(job("// smoke\nlet text = \"no liquid in this shot\"; surface_mesh()"), words(&[]));
     assert_eq!(
         planted("src/sim/sheet/planted.rs", "fn f() { smoke() }"),

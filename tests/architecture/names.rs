@@ -14,7 +14,7 @@ struct Owner {
 }
 
 /// The systems and the products. Surface, volume and points are also words of geometry, so types name those products.
-const OWNERS: [Owner; 7] = [
+const OWNERS: [Owner; 8] = [
     Owner { words: &["liquid"], folders: &["src/sim/liquid/", "src/sim/coupling/"] },
     Owner {
         words: &["smoke", "vorton", "vortons"],
@@ -24,10 +24,8 @@ const OWNERS: [Owner; 7] = [
     Owner { words: &["coupling", "couplings"], folders: &["src/sim/coupling/"] },
     Owner { words: &["SurfaceMesh"], folders: &["src/product/surface/"] },
     Owner { words: &["PointCache"], folders: &["src/product/point_cache/"] },
-    Owner {
-        words: &["TracerPoints", "VolumeWriter"],
-        folders: &["src/product/points/", "src/product/volume/"],
-    },
+    Owner { words: &["TracerPoints"], folders: &["src/product/points/"] },
+    Owner { words: &["VolumeFile"], folders: &["src/product/volume/"] },
 ];
 
 /// The registries and the composition of systems in presets, records and simulations.
@@ -45,9 +43,12 @@ const COMPOSITION: [&str; 10] = [
 ];
 
 /// Other files that may name one, with the reason.
-const ALLOWED: [(&str, &str, &str); 15] = [
+const ALLOWED: [(&str, &str, &str); 18] = [
     ("src/frame/kind.rs", "vortons", "a kind of streams"),
-    ("src/cache/format.rs", "", "caches of version 1 have streams without kinds, which their names imply"),
+    ("src/cache/format.rs", "liquid", "streams of version 1 have no kind, which their names imply"),
+    ("src/cache/format.rs", "smoke", "streams of version 1 have no kind, which their names imply"),
+    ("src/cache/format.rs", "sheet", "streams of version 1 have no kind, which their names imply"),
+    ("src/cache/format.rs", "vortons", "a kind of streams"),
     ("src/import/mod.rs", "sheet", "the importer of meshes with painted values, for sheets"),
     ("src/import/triangles.rs", "sheet", "the importer of meshes with painted values, for sheets"),
     ("src/export/mod.rs", "sheet", "the formats of the product `sheet`"),
@@ -70,16 +71,15 @@ pub(crate) fn named_outside(sources: &Sources) -> Vec<String> {
         if COMPOSITION.contains(&path.as_str()) || path.ends_with("/tests.rs") || path.contains("/tests/") {
             continue;
         }
-        for word in words(&strip(text, true)) {
+        for (word, is_whole) in words(&strip(text, true)) {
             let lower = word.to_lowercase();
-            let owner = OWNERS.iter().find(|owner| {
-                owner.words.iter().any(|&name| name == word || (name == lower && !is_type(name)))
-            });
+            // Systems are named by words, products by their types.
+            let names = |name: &str| if is_type(name) { is_whole && name == word } else { name == lower };
+            let owner = OWNERS.iter().find(|owner| owner.words.iter().any(|name| names(name)));
             let Some(owner) = owner else { continue };
             let is_own = owner.folders.iter().any(|folder| path.starts_with(folder));
-            let is_allowed = ALLOWED.iter().any(|&(place, name, _)| {
-                path.starts_with(place) && (name.is_empty() || lower.starts_with(name))
-            });
+            let is_allowed =
+                ALLOWED.iter().any(|&(place, name, _)| path.starts_with(place) && lower.starts_with(name));
             if !is_own && !is_allowed {
                 found.push(format!("{path}: {word}"));
             }
@@ -94,7 +94,7 @@ pub(crate) fn needless_exceptions(sources: &Sources) -> Vec<&'static str> {
     let names = |path: &str, name: &str| {
         let texts = sources.iter().filter(|(file, _)| file.starts_with(path));
         let mut words = texts.flat_map(|(_, text)| words(&strip(text, true)));
-        words.any(|word| word.to_lowercase().starts_with(name))
+        words.any(|(word, _)| word.to_lowercase().starts_with(name))
     };
     ALLOWED.iter().filter(|(path, name, _)| !names(path, name)).map(|&(path, ..)| path).collect()
 }
@@ -103,8 +103,9 @@ fn is_type(name: &str) -> bool {
     name.starts_with(char::is_uppercase)
 }
 
-/// The words of all identifiers (whole, and split at underscores and capitals) and of literals that are names or keys.
-fn words(code: &str) -> Vec<String> {
+/// All identifiers, and the words that they and literals with names or keys consist of, by underscores and capitals; whether it
+/// is a whole identifier.
+fn words(code: &str) -> Vec<(String, bool)> {
     let mut found = Vec::new();
     for (place, part) in code.split('"').enumerate() {
         let is_literal = place % 2 == 1;
@@ -113,19 +114,19 @@ fn words(code: &str) -> Vec<String> {
             continue;
         }
         for identifier in part.split(|c: char| !(c.is_alphanumeric() || c == '_')) {
-            found.push(identifier.to_owned());
+            found.push((identifier.to_owned(), true));
             let mut word = String::new();
             for c in identifier.chars() {
                 if (c == '_' || c.is_uppercase()) && !word.is_empty() {
-                    found.push(std::mem::take(&mut word));
+                    found.push((std::mem::take(&mut word), false));
                 }
                 if c != '_' {
                     word.push(c);
                 }
             }
-            found.push(word);
+            found.push((word, false));
         }
     }
-    found.retain(|word| !word.is_empty());
+    found.retain(|(word, _)| !word.is_empty());
     found
 }

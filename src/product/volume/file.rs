@@ -1,6 +1,6 @@
 //! The volume file of a frame.
 
-use super::folder::Volume;
+use super::folder::VolumeFile;
 use crate::{
     export::{
         ExportError,
@@ -55,7 +55,7 @@ pub(super) fn up_to_date(out: &ShotFolder, target: &FileTarget) -> Option<FrameF
 
 /// The output that the volume of a target belongs to, with its frame alone.
 fn output(target: &FileTarget) -> OutputFiles {
-    OutputFiles::of("volume", Volume.name(), &target.name, "vdb", target.index)
+    OutputFiles::of("volume", VolumeFile.name(), &target.name, "vdb", target.index)
 }
 
 /// One line about the volume of a frame.

@@ -3,9 +3,9 @@
 use crate::job::batch::{BatchSummary, ProductFolder};
 
 /// The volume file, as jobs see it.
-pub(in crate::product) struct Volume;
+pub(in crate::product) struct VolumeFile;
 
-impl ProductFolder for Volume {
+impl ProductFolder for VolumeFile {
     fn name(&self) -> &'static str {
         "volume"
     }

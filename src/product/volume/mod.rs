@@ -11,6 +11,6 @@ mod tracer_grids;
 mod tracers;
 mod writer;
 
-pub(super) use folder::Volume;
+pub(super) use folder::VolumeFile;
 pub(crate) use settings::Surroundings;
 pub(in crate::product) use tracers::no_velocity;

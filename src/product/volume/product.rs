@@ -2,7 +2,7 @@
 
 use super::{
     file::names,
-    folder::Volume,
+    folder::VolumeFile,
     memory::{max_volume_memory, stream_memory},
     retime::retime,
     settings::VolumeSettings,
@@ -22,7 +22,7 @@ use crate::{
     },
 };
 
-impl Product for Volume {
+impl Product for VolumeFile {
     fn verb(&self) -> &'static str {
         "volume"
     }

@@ -2,7 +2,7 @@
 
 use super::{
     file::{names, up_to_date},
-    folder::Volume,
+    folder::VolumeFile,
     memory::stream_memory,
     settings::{Surroundings, VolumeSettings},
     tracer_grids::TracerFrame,
@@ -100,8 +100,8 @@ pub(super) fn retime(
     let drifting = retime.reseed.then(|| (replay.seeded(), 0.0));
     let mut player = Player { present: &present, replay, loaded: BTreeMap::new(), drifting };
     let (title, fps) = Source::Cache(folder).title(out, smoke.fps)?;
-    let mut ledger = Ledger::new(out, &Volume)?;
-    control.reporter.begin(Volume.name(), numbers.len());
+    let mut ledger = Ledger::new(out, &VolumeFile)?;
+    control.reporter.begin(VolumeFile.name(), numbers.len());
     let mut ended = Ok(());
     for (place, &number) in numbers.iter().enumerate() {
         if control.cancel.is_cancelled() {

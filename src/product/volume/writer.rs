@@ -2,7 +2,7 @@
 
 use super::{
     file::{figures, names, up_to_date, write_file},
-    folder::Volume,
+    folder::VolumeFile,
     memory::{max_volume_memory, stream_memory},
     particle_grids::{ParticleGridStats, ParticleGrids},
     settings::VolumeSettings,
@@ -101,7 +101,7 @@ struct VolumeWriter<'a> {
 
 impl StreamWriter for VolumeWriter<'_> {
     fn folder(&self) -> &dyn ProductFolder {
-        &Volume
+        &VolumeFile
     }
 
     fn accepts(&self, kind: StreamKind) -> bool {

@@ -1,6 +1,6 @@
 //! What a shot will need, before it starts.
 //!
-//! Numbers of elements and passes are exact, by seeding. Everything else is forecast by each system from calibration runs on
+//! Numbers of elements at the start and passes are exact, by seeding. Everything else is forecast by each system from calibration runs on
 //! this machine ([`SystemForecast`]); memory follows a model (`memory`).
 
 mod memory;

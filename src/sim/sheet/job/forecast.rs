@@ -12,7 +12,7 @@ use crate::{
         Simulation, Systems,
         forecast::{
             CalibrationLimits, ElementCount, ForecastJob, ProductForecast, ProductSample, SystemForecast,
-            calibrate,
+            calibrate, failures,
         },
         scene::Scene,
     },
@@ -48,7 +48,7 @@ pub(super) fn seeding_memory(scene: &Scene) -> f64 {
     memory(scene, scene.sheet.iter().map(|sheet| sheet.shape.points()).sum())
 }
 
-/// So many points, which stay as many.
+/// Element counts of sheets, which are constant.
 pub(super) fn counts(points: u32) -> Vec<ElementCount> {
     vec![ElementCount::constant("points", StreamKind::MeshPoints, points.into())]
 }
@@ -65,15 +65,17 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
     let systems = Systems { sheets: job.scene.systems().sheets, ..Systems::default() };
     let mut simulation = Simulation::new(job.scene.surroundings(), systems)?;
     let points = simulation.seeded().sheets.unwrap_or_default().points;
-    let mut costs: Vec<FrameCosts> = Vec::new();
+    let (mut costs, mut first_bytes): (Vec<FrameCosts>, f64) = (Vec::new(), 0.0);
     let (scratch, mut last) = (Scratch::new()?, job.scene.frames.first());
     let shot = scratch.shot()?;
     let limits = CalibrationLimits { seconds: SECONDS, min_frames: 0, keeps_frames: true };
-    calibrate(job, &mut simulation, &shot, limits, &mut |frame| {
+    let ended = calibrate(job, &mut simulation, &shot, limits, &mut |frame| {
         if frame.number > 0 {
             let record = frame.record.sheets.unwrap_or_default();
             let counts = [record.substeps, record.iterations].map(f64::from);
             costs.push([counts[0], counts[1], frame.seconds, frame.bytes]);
+        } else {
+            first_bytes = frame.bytes;
         }
         last = frame.frame.index;
         Ok(())
@@ -82,6 +84,9 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
     let all = Frames::from_first_to_last(job.scene.frames.first(), last).expect("frames ascend");
     let products = job.products.sample(job.scene, &shot, &all, job.control)?;
     let mut remarks = Vec::new();
+    if let Some(why) = ended.and_then(|ended| ended.diverged) {
+        remarks.push(format!("the shot itself diverged in the calibration of the sheets: {why}"));
+    }
     if costs.is_empty() && frames > 0 {
         remarks.push(
             "the first frame takes longer than the calibration; the time and files of the sheets are not known"
@@ -93,6 +98,7 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
             costs.len()
         ));
     }
+    remarks.extend(failures(&products));
     let [substeps, iterations, seconds, bytes] = [0, 1, 2, 3].map(|k| total(&costs, frames, k));
     let stored = job.stored() as f64;
     let sampled = all.count() as f64;
@@ -107,7 +113,7 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
         counts: counts(points),
         substeps,
         iterations,
-        cache: bytes / frames.max(1) as f64 * stored,
+        cache: (first_bytes + bytes) / (frames + 1) as f64 * stored,
         seconds,
         uncertainty: UNCERTAINTY,
         products: products.iter().map(product).collect(),

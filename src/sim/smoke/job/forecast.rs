@@ -14,7 +14,7 @@ use crate::{
         SeedReport, Simulation, Systems,
         forecast::{
             CalibrationLimits, ElementCount, ForecastJob, ProductForecast, ProductSample, SystemForecast,
-            calibrate,
+            calibrate, failures,
         },
         scene::Scene,
         smoke::SmokeParams,
@@ -93,13 +93,17 @@ impl FrameCosts {
 /// As [`System::forecast`](crate::sim::system::System::forecast).
 pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
     let frames = job.simulated();
-    let (own_start, own) = run(job)?;
+    let Run { start: own_start, course: own, diverged } = run(job)?;
     let (start, pilot) = if own.len() < frames {
-        run(&ForecastJob { scene: &coarser(job.scene), ..*job })?
+        let pilot = run(&ForecastJob { scene: &coarser(job.scene), ..*job })?;
+        (pilot.start, pilot.course)
     } else {
         (own_start.clone(), Vec::new())
     };
     let mut remarks = Vec::new();
+    if let Some(why) = diverged {
+        remarks.push(format!("the shot itself diverged in the calibration of the smoke: {why}"));
+    }
     if own.len() < frames && pilot.len() < frames {
         let last = pilot.len().max(own.len()) + 1;
         remarks.push(format!(
@@ -111,16 +115,17 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
             "the first frame takes longer than the calibration; the time of the smoke is a guess".into(),
         );
     }
+    remarks.extend(failures(own_start.products.iter().chain(own.iter().flat_map(|costs| &costs.products))));
     let course = Course { own, pilot, start, frames };
     let ended = |of: &dyn Fn(&FrameCosts) -> f64| course.ended(of);
     let sum = |of: &dyn Fn(&FrameCosts) -> f64| course.total(of);
+    // The first frame is stored too, and has products.
     let stored = job.stored() as f64 / (frames as f64 + 1.0);
-    let names = course.own.iter().chain(&course.pilot).map(|costs| &costs.products);
-    let names = names.max_by_key(|products| products.len()).cloned().unwrap_or_default();
+    let all = |of: &dyn Fn(&FrameCosts) -> f64| (of(&own_start) + sum(of)) * stored;
     let product = |(place, sample): (usize, &ProductSample)| ProductForecast {
         name: sample.name,
-        bytes: sum(&|costs| costs.product(place, |sample| sample.bytes)) * stored,
-        seconds: sum(&|costs| costs.product(place, |sample| sample.seconds)) * stored,
+        bytes: all(&|costs| costs.product(place, |sample| sample.bytes)),
+        seconds: all(&|costs| costs.product(place, |sample| sample.seconds)),
         memory: BASE_MEMORY + ended(&|costs| costs.product(place, |sample| sample.memory - BASE_MEMORY)),
     };
     Ok(SystemForecast {
@@ -131,10 +136,10 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
         ),
         substeps: sum(&|costs| costs.substeps),
         iterations: 0.0,
-        cache: sum(&|costs| costs.bytes) * stored,
+        cache: all(&|costs| costs.bytes),
         seconds: sum(&|costs| costs.seconds),
         uncertainty: UNCERTAINTY,
-        products: names.iter().enumerate().map(product).collect(),
+        products: own_start.products.iter().enumerate().map(product).collect(),
         remarks,
     })
 }
@@ -151,19 +156,30 @@ fn coarser(scene: &Scene) -> Scene {
     coarse
 }
 
+/// A run of the smoke of a scene.
+struct Run {
+    start: FrameCosts,
+    /// The frames after it that were reached.
+    course: Vec<FrameCosts>,
+    /// Why it diverged, if it did.
+    diverged: Option<String>,
+}
+
 /// Runs the smoke of a scene alone; the costs of its start and of the frames that were reached.
-fn run(job: &ForecastJob) -> Result<(FrameCosts, Vec<FrameCosts>), RunError> {
+fn run(job: &ForecastJob) -> Result<Run, RunError> {
     let systems = Systems { smoke: job.scene.systems().smoke, ..Systems::default() };
     let mut simulation = Simulation::new(job.scene.surroundings(), systems)?;
     let seeds = simulation.seeded().smoke.unwrap_or_default();
-    let start =
+    let mut start =
         FrameCosts { vortons: seeds.vortons.into(), tracers: seeds.tracers.into(), ..FrameCosts::default() };
     let mut course: Vec<FrameCosts> = Vec::new();
     let limits = CalibrationLimits { seconds: SECONDS, min_frames: 0, keeps_frames: false };
     let scratch = Scratch::new()?;
     let shot = scratch.shot()?;
-    calibrate(job, &mut simulation, &shot, limits, &mut |frame| {
+    let ended = calibrate(job, &mut simulation, &shot, limits, &mut |frame| {
         if frame.number == 0 {
+            start.bytes = frame.bytes;
+            start.products = job.products.sample(job.scene, &shot, &frame.selection(), job.control)?;
             return Ok(());
         }
         let products = match course.last() {
@@ -181,14 +197,14 @@ fn run(job: &ForecastJob) -> Result<(FrameCosts, Vec<FrameCosts>), RunError> {
         });
         Ok(())
     })?;
-    Ok((start, course))
+    Ok(Run { start, course, diverged: ended.and_then(|ended| ended.diverged) })
 }
 
 /// Costs of the frames of a shot.
 struct Course {
     /// First frames of the shot itself.
     own: Vec<FrameCosts>,
-    /// Those of the pilot, if the shot's own are not all.
+    /// Frames of the pilot; empty if the shot ran to its end.
     pilot: Vec<FrameCosts>,
     /// The pilot's start.
     start: FrameCosts,
@@ -208,6 +224,7 @@ impl Course {
     /// A quantity in the last frame.
     fn ended(&self, of: &dyn Fn(&FrameCosts) -> f64) -> f64 {
         match self.own.last() {
+            None if self.frames == 0 => of(&self.start),
             Some(last) if self.own.len() == self.frames => of(last),
             _ => self.ratio(of) * ended(&self.pilot, &self.start, self.frames, of),
         }
@@ -233,7 +250,7 @@ fn ended(pilot: &[FrameCosts], start: &FrameCosts, frames: usize, of: &dyn Fn(&F
     (of(last) + slope * (frames - pilot.len().min(frames)) as f64).max(0.0)
 }
 
-/// The same summed over `frames` frames.
+/// Sum of a quantity over `frames` frames, extrapolated beyond the pilot.
 fn total(pilot: &[FrameCosts], start: &FrameCosts, frames: usize, of: &dyn Fn(&FrameCosts) -> f64) -> f64 {
     let reached: f64 = pilot.iter().map(of).sum();
     let left = frames - pilot.len().min(frames);
@@ -271,6 +288,9 @@ mod tests {
         assert_eq!((whole.total(&seconds), whole.ended(&seconds)), (22.0, 4.0));
         // Of a shot whose first frame takes too long only the pilot is known.
         let pilot = vec![costs(1.0); 3];
+        // A shot of its first frame alone ends as it starts.
+        let alone = Course { own: Vec::new(), pilot: Vec::new(), start: costs(3.0), frames: 0 };
+        assert_eq!((alone.total(&seconds), alone.ended(&seconds)), (0.0, 3.0));
         let unknown = Course { own: Vec::new(), pilot, start: FrameCosts::default(), frames: 3 };
         assert_eq!(unknown.total(&seconds), 8.0 * 3.0);
     }

@@ -337,7 +337,7 @@ impl Measure for SmokeRuns {
         let Scene { surface, volume, output, .. } = &folder.scene;
         let is_requested = output.volume.iter().any(|grid| VolumeGrid::OF_TRACERS.contains(grid));
         let Some(frame) = folder.read(LAST, folder.last)?.filter(|_| is_requested) else { return Ok(None) };
-        let text = format!("1 {} {} {volume:?} {:?}", surface.voxel, surface.kernel_radius, output.volume);
+        let text = format!("2 {} {} {volume:?} {:?}", surface.voxel, surface.kernel_radius, output.volume);
         let path = folder.path.join(format!("volume-{:016x}.json", xxh3_64(text.as_bytes())));
         let text = std::fs::read_to_string(&path).ok();
         let mut record: Option<ProductRecord> = text.and_then(|text| serde_json::from_str(&text).ok());
@@ -348,12 +348,15 @@ impl Measure for SmokeRuns {
             let (peak, scratch) = (Peak::since_now(), folder.path.join("volume"));
             let made = folder.jobs.sample_products(&folder.scene, &frame, &scratch, control)?;
             let memory = peak.bytes();
+            tradeoff::remove(&scratch);
+            if let Some(why) = made.iter().find_map(|product| product.failed.as_ref()) {
+                return Err(RunError::Request(format!("frame {}: {why}", folder.last)));
+            }
             if made.is_empty() {
                 return Ok(None);
             }
             let seconds: f64 = made.iter().map(|product| product.seconds).sum();
             let bytes = made.iter().map(|product| product.bytes as u64).sum();
-            tradeoff::remove(&scratch);
             let mut now = record.take().unwrap_or_else(|| {
                 let error = voxel_error(&frame, surface);
                 ProductRecord { seconds: Vec::new(), bytes, memory, error }

@@ -9,7 +9,7 @@ use crate::{
     job::{RunError, memory::refuse_memory},
     sim::{
         SeedReport, Simulation,
-        forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast},
+        forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast, failures},
         liquid::{LiquidParams, NAME},
     },
 };
@@ -76,6 +76,6 @@ pub(super) fn forecast(job: &ForecastJob, liquid: &LiquidParams) -> Result<Syste
         seconds: found.work / busy,
         uncertainty: (found.work / check.work).ln().abs().max(MIN_UNCERTAINTY),
         products: found.products.into_iter().map(in_wall_clock_time).collect(),
-        remarks: near.remarks.into_iter().chain(far.remarks).collect(),
+        remarks: [near.remarks, far.remarks, failures(near.products.iter().flatten())].concat(),
     })
 }

@@ -298,6 +298,7 @@ mod tests {
                 seconds: bytes / 200.0,
                 bytes,
                 memory: BASE_MEMORY + 2.0 * bytes,
+                failed: None,
             }]
         };
         let law = PowerLaw { near: 2.0, ratio: 1.5 };

@@ -15,6 +15,9 @@ use crate::{
 /// Longest time for the start, and again for its products [s].
 const SECONDS: f64 = 3.0;
 
+/// The largest number of frames that are run.
+const MAX_FRAMES: usize = 3;
+
 /// The smallest number of substeps that is measured, after the first.
 const MIN_SUBSTEPS: u32 = 3;
 
@@ -57,14 +60,16 @@ pub(super) fn run(
     };
 
     let mut stopwatch = Stopwatch { cancel: job.control.cancel.clone(), meter: Meter::new(), substeps: 0 };
-    for index in first.0 + 1..=first.0 + 3 {
+    for number in 1..=job.simulated().min(MAX_FRAMES) {
         match simulation.advance(job.frame_seconds(), &mut stopwatch) {
             Ok(_) => {}
             Err(Stop::Interrupted) if job.control.cancel.is_cancelled() => return Err(RunError::Interrupted),
             Err(Stop::Interrupted) => break,
-            Err(Stop::Diverged(diverged)) => {
-                return Err(RunError::Diverged { frame: FrameIndex(index), diverged });
+            Err(Stop::Diverged(diverged)) if number == 1 => {
+                return Err(RunError::Diverged { frame: FrameIndex(first.0 + 1), diverged });
             }
+            // Whether the shot comes so far is not measured here.
+            Err(Stop::Diverged(_)) => break,
         }
     }
     let meter = stopwatch.meter;
