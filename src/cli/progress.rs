@@ -4,7 +4,7 @@ use super::{
     args::ProgressStyle,
     output::{open_jd, print_line},
 };
-use crate::run::Reporter;
+use crate::{job::Silent, run::Reporter};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::{
     io::IsTerminal,
@@ -21,7 +21,7 @@ pub(super) fn reporter(style: ProgressStyle) -> Box<dyn Reporter> {
         ProgressStyle::Auto | ProgressStyle::Plain => Box::new(Lines::new(Form::Plain)),
         ProgressStyle::Json => Box::new(Lines::new(Form::Json)),
         ProgressStyle::Openjd => Box::new(Lines::new(Form::OpenJd)),
-        ProgressStyle::None => Box::new(Quiet),
+        ProgressStyle::None => Box::new(Silent),
     }
 }
 
@@ -202,18 +202,6 @@ impl Reporter for Lines {
     fn stop(&self) {
         lock(&self.output.job).running = false;
     }
-}
-
-/// Prints nothing.
-struct Quiet;
-
-impl Reporter for Quiet {
-    fn begin(&self, _job: &str, _frames: usize) {}
-    fn progress(&self, _frames_done: f64) {}
-    fn frame(&self, _figures: &str) {}
-    fn note(&self, _text: &str) {}
-    fn end(&self) {}
-    fn stop(&self) {}
 }
 
 /// Progress is shown even if a job panicked while it held the lock.

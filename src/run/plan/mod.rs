@@ -1,7 +1,7 @@
 //! What a shot will need, before it starts.
 //!
-//! Numbers of elements at the start and passes are exact, by seeding. Everything else is forecast by each system from calibration runs on
-//! this machine ([`SystemForecast`]); memory follows a model (`memory`).
+//! Numbers of elements at the start and passes are exact, by seeding. Everything else is forecast by each system from
+//! calibration runs on this machine ([`SystemForecast`]); memory follows a model (`memory`).
 
 mod memory;
 
@@ -85,7 +85,7 @@ pub(crate) fn outline(scene: &Scene, with_outputs: bool, control: Control) -> Re
     let products = if with_outputs { RequestedProducts::max_memory(scene, &all) } else { Vec::new() };
     let systems = ALL.iter().zip(&counts).map(|(system, (_, counts))| system.memory(scene, counts)).sum();
     Ok(Outline {
-        passes: passes(&simulation, products.iter().map(|&(name, _)| name)),
+        passes: passes(simulation.passes(), products.iter().map(|&(name, _)| name)),
         memory: MemoryModel::bound(scene, systems).peak(products.iter().map(|&(_, memory)| memory)),
         remarks: registry::seeding_warnings(&seeds),
         counts,
@@ -135,12 +135,14 @@ fn plan_within(
     simulate::check_selection(scene, selection)?;
     let scene = &solids::fill(scene, None, control.reporter)?;
     let clock = Meter::new();
+    // Each system calibrates a simulation of its own: this one is not held in memory with them.
     let simulation = Simulation::new(scene.surroundings(), scene.systems())?;
-    let mut remarks = registry::seeding_warnings(&simulation.seeded());
+    let (seeds, system_passes) = (simulation.seeded(), simulation.passes());
+    drop(simulation);
+    let mut remarks = registry::seeding_warnings(&seeds);
     let with_products = with_outputs && is_any_requested(&ProductSettings::of(scene));
     let samples: &dyn ProductSampler = if with_products { &RequestedProducts } else { &NoProducts };
     let job = ForecastJob { scene, selection, products: samples, max_memory, control };
-    let seeds = simulation.seeded();
     control.reporter.begin("calibrate", ALL.len());
     let (mut systems, mut memory) = (Vec::new(), 0.0);
     for (done, system) in ALL.iter().enumerate() {
@@ -171,7 +173,7 @@ fn plan_within(
         frames: selection.clone(),
         frames_simulated: job.simulated() as u64,
         frames_stored: selection.count(),
-        passes: passes(&simulation, products.iter().map(|product| product.name)),
+        passes: passes(system_passes, products.iter().map(|product| product.name)),
         absent: scene.absent_tables(),
         memory,
         cache,
@@ -192,8 +194,8 @@ fn seeding_memory(scene: &Scene) -> u64 {
 }
 
 /// The passes of the simulation, then the products.
-fn passes(simulation: &Simulation, products: impl Iterator<Item = &'static str>) -> Vec<String> {
-    let mut passes: Vec<String> = simulation.passes().into_iter().chain(products).map(String::from).collect();
+fn passes(systems: Vec<&'static str>, products: impl Iterator<Item = &'static str>) -> Vec<String> {
+    let mut passes: Vec<String> = systems.into_iter().chain(products).map(String::from).collect();
     passes.dedup();
     passes
 }
