@@ -49,7 +49,7 @@ fn describe(info: &Info, whole: bool) -> String {
         lines.push(format!("particles  {} in frame {}", last.particles, last.frame));
     }
     lines.push(format!("cache      {:.1} MiB", bytes as f64 / f64::from(1 << 20)));
-    lines.extend(info.totals.iter().map(|total| format!("{:<10} {}", total.heading, total.text)));
+    lines.extend(info.total_lines());
     for output in &info.outputs {
         lines.push(format!(
             "{:<10} {} {} files, {} missing: {}",

@@ -6,7 +6,7 @@ use super::{
     shot::quality,
 };
 use crate::{
-    job::usage::duration,
+    job::{Total, usage::duration},
     run::{self, Control, Plan, RunError},
     scene::{self, Overrides, Scene},
     sim::{ProductForecast, SystemForecast},
@@ -48,6 +48,9 @@ fn describe(plan: &Plan, fps: f32) -> String {
         if *substeps > 0.0 {
             row("work", format!("{name}: about {:.1} substeps{iterations} a frame", substeps / frames));
         }
+    }
+    for Total { heading, text, .. } in plan.systems.iter().flat_map(|system| &system.totals) {
+        row(heading, text.clone());
     }
     if plan.products.is_empty() {
         row("products", "none: [output] requests none".into());

@@ -78,6 +78,7 @@ fn simulated(
         done.bytes as f64 / f64::from(1 << 20),
         done.kept
     ))?;
+    run::info(&folder, false)?.total_lines().try_for_each(|line| print(&line))?;
     Ok(Some((scene, folder, selection)))
 }
 

@@ -13,7 +13,9 @@ pub use kind::StreamKind;
 use crate::math::Vec3;
 
 /// The number of a frame, as the artist counts (frame 1 is usually the first).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
+)]
 #[serde(transparent)]
 pub struct FrameIndex(pub u32);
 

@@ -17,4 +17,4 @@ pub(crate) use folder::ShotFolder;
 pub(crate) use manifest::{FrameSpan, Manifest, OutputFiles};
 pub(crate) use report::{Control, Reporter, Silent};
 pub(crate) use report::{Progress, nonzero};
-pub(crate) use summary::Total;
+pub(crate) use summary::{Total, totals_by_key};

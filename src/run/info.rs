@@ -4,11 +4,11 @@ use super::{Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder, Tot
 use crate::{
     cache::{self, CacheError, StreamInfo},
     frame::FrameIndex,
-    job::log,
+    job::{log, totals_by_key},
     product,
     sim::{FrameRecord, registry, system::CachedFrame},
 };
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 use serde_json::{Map, Value};
 use std::{collections::BTreeMap, path::Path};
 
@@ -28,7 +28,7 @@ pub(crate) struct Info {
     /// How many these are.
     pub missing_count: u64,
     /// Sums and extremes of each system over the frames that are present and sound.
-    #[serde(flatten, serialize_with = "by_key")]
+    #[serde(flatten, serialize_with = "totals_by_key")]
     pub totals: Vec<Total>,
     /// Files made of the frames.
     pub outputs: Vec<OutputInfo>,
@@ -95,7 +95,8 @@ pub(crate) fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
     for (index, path) in present {
         let (state, streams) = frame_state(index, &path, whole)?;
         if state.fault.is_none() {
-            cached.push(CachedFrame { streams, record: log.remove(&index).map(|line| line.record) });
+            let record = log.remove(&index).map(|line| line.record);
+            cached.push(CachedFrame { index, streams, record });
         }
         frames.push(state);
     }
@@ -124,13 +125,15 @@ pub(crate) fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
     })
 }
 
+impl Info {
+    /// The totals as text, a line each.
+    pub(crate) fn total_lines(&self) -> impl Iterator<Item = String> {
+        self.totals.iter().map(Total::line)
+    }
+}
+
 /// Missing frames that are listed.
 const MAX_LISTED_MISSING: usize = 1000;
-
-/// The totals as a map.
-fn by_key<S: Serializer>(totals: &[Total], serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.collect_map(totals.iter().map(|total| (total.key, &total.value)))
-}
 
 /// The state of a frame and the streams in its header; if `whole`, the frame is read to its last byte.
 fn frame_state(

@@ -62,12 +62,12 @@ pub(crate) fn simulate(
     write_manifest(scene, folder, selection, &valid)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
 
-    let records = log::read(folder)?.into_values().map(|line| line.record).collect();
+    let records = log::read(folder)?.into_iter().map(|(index, line)| (index, line.record)).collect();
     let mut job = Job { scene, folder, key, state, done: Simulated::default(), records, control };
     control.reporter.begin("simulate", selection.count() as usize);
     let outcome = job.run(selection, &valid);
     // However it ended.
-    let warnings = registry::ALL.iter().flat_map(|system| system.shot_warnings(&job.records));
+    let warnings = registry::ALL.iter().flat_map(|system| system.shot_warnings(scene, &job.records));
     warnings.for_each(|line| control.reporter.note(&line));
     outcome?;
     control.reporter.end();
@@ -155,7 +155,7 @@ struct Job<'a> {
     state: Option<(FrameIndex, Simulation)>,
     done: Simulated,
     /// The records of the frames in the log and of those that were computed.
-    records: Vec<FrameRecord>,
+    records: Vec<(FrameIndex, FrameRecord)>,
     control: Control<'a>,
 }
 
@@ -210,7 +210,7 @@ impl Job<'_> {
             if selection.contains(at) {
                 self.store(at, &simulation, Some(&record))?;
             }
-            self.records.push(record);
+            self.records.push((at, record));
         }
         self.state = Some((at, simulation));
         Ok(())

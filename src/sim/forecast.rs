@@ -7,7 +7,7 @@ use super::{FrameRecord, Simulation, Stop, scene::Scene};
 use crate::{
     cache,
     frame::{Frame, FrameIndex, StreamKind},
-    job::{Control, RunError, ShotFolder, usage::Meter},
+    job::{Control, RunError, ShotFolder, Total, totals_by_key, usage::Meter},
     preset::Frames,
 };
 use serde::Serialize;
@@ -59,6 +59,9 @@ pub(crate) struct SystemForecast {
     /// Products of the system's frames.
     #[serde(skip)]
     pub products: Vec<ProductForecast>,
+    /// Sums and extremes over the frames of the calibration, as `info` has them of a shot.
+    #[serde(rename = "calibration", serialize_with = "totals_by_key")]
+    pub totals: Vec<Total>,
     /// Limits of the calibration, as messages.
     #[serde(skip)]
     pub remarks: Vec<String>,

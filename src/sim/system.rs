@@ -12,7 +12,7 @@ use super::{
 };
 use crate::{
     cache::StreamInfo,
-    frame::StreamKind,
+    frame::{FrameIndex, StreamKind},
     job::{RunError, Total},
     preset::{check::Places, problem::Finding},
     solid::Shape,
@@ -99,8 +99,8 @@ pub(crate) trait System: Sync {
     /// The limits that changed a frame, as warnings.
     fn warnings(&self, record: &FrameRecord) -> Vec<String>;
 
-    /// Warnings that need all frames of a shot together.
-    fn shot_warnings(&self, _records: &[FrameRecord]) -> Vec<String> {
+    /// Warnings that need all simulated frames of a shot together.
+    fn shot_warnings(&self, _scene: &Scene, _frames: &[(FrameIndex, FrameRecord)]) -> Vec<String> {
         Vec::new()
     }
 
@@ -118,6 +118,8 @@ pub(crate) trait System: Sync {
 /// What is known of a cached frame without its channels.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CachedFrame {
+    /// Number of the frame.
+    pub(crate) index: FrameIndex,
     /// The streams in its header.
     pub(crate) streams: Vec<StreamInfo>,
     /// Its record in the log; `None` of a frame that is not logged, as the first.

@@ -114,7 +114,7 @@ fn one_command_goes_from_a_ring_to_volumes() {
     let (out, talk) = desk.run("shot ring.toml --set volume.precision=float", 0);
     assert!(out.contains("5 frames simulated") && out.contains("5 volumes written"), "{out}");
     assert!(talk.contains("vortons") && !talk.to_lowercase().contains("error"), "{talk}");
-    assert!(!talk.contains("density_dev"), "no liquid, nothing of one:\n{talk}");
+    assert!(!talk.contains("dilation"), "no liquid, nothing of one:\n{talk}");
     let names: Vec<String> = (1..=5).map(|i| format!("smoke_000{i}.vdb")).collect();
     assert_eq!(desk.names("ring/volume"), names);
     let manifest: serde_json::Value =

@@ -131,7 +131,7 @@ def fig4(bench, images):
         log, _ = bench.run("figure-drop", "1-150", settings, "draft")
         lines.append(command("figure-drop", "1-150", settings, "draft"))
         times = [(r["frame"] - 1) / 62.5 for r in log]
-        bulk = [100 * r["liquid"]["bulk_dev_avg"] for r in log]
+        bulk = [100 * (r["liquid"]["compression_avg"] + r["liquid"]["dilation_avg"]) for r in log]
         curves.append((name, times, bulk))
         rows.append([name, f"{statistics.fmean(bulk):.2f} %", f"{max(bulk):.2f} %",
                      f"{100 * statistics.fmean(r['liquid']['density_dev_avg'] for r in log):.2f} %",

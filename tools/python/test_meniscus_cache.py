@@ -111,7 +111,7 @@ class Binary(unittest.TestCase):
             for channel in ["position", "velocity"]:
                 self.assertEqual(reported["particles"], sum(len(stream["channels"][channel]) for stream in streams))
             scalars = {name: value for stream in streams for name, value in stream["scalars"].items()}
-            for name in ["density_dev_avg", "density_dev_max"]:
+            for name in ["density_dev_avg", "density_dev_max", "compression_avg", "dilation_avg", "volume_change"]:
                 self.assertEqual(reported.get(name), scalars.get(name))
 
 

@@ -9,6 +9,6 @@ mod table;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use column::{Column, ColumnInfo, Costs, Shown, Spread, Unit};
+pub(crate) use column::{Column, ColumnInfo, Costs, Shown, Spread, Unit, figure};
 pub(crate) use page::write;
 pub(crate) use table::{About, Setting, Table, TableRow, Wording};

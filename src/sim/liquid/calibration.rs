@@ -117,7 +117,7 @@ impl Kernel {
     }
 
     /// Slope of the kernel; [`Pair::slope`](super::pair::Pair::slope) in double precision.
-    fn slope(self, q: f64) -> f64 {
+    pub(super) fn slope(self, q: f64) -> f64 {
         match self {
             Self::Poly6Spiky => (1.0 - q).powi(2) / q,
             Self::Wendland => (1.0 - q).powi(3),

@@ -16,9 +16,6 @@ use crate::{
     space::Neighbours,
 };
 
-/// A neighbourhood is filled if |∇_i C_i| is below this fraction of its value on a flat free surface.
-const FILLED: f32 = 0.2;
-
 /// The Lagrange multipliers of all particles.
 #[derive(Debug, Default)]
 pub(super) struct MultiplierColumns(pub(super) Multiplier<Vec<f32>>);
@@ -58,8 +55,6 @@ pub(super) struct Residual {
     pub(super) average: f64,
     /// Largest constraint error.
     pub(super) largest: f64,
-    /// Mean |C| over filled neighbourhoods; only from evaluations with gradients.
-    pub(super) bulk: f64,
     /// Sum of [`ConstraintError::uphill`].
     pub(super) uphill: f64,
 }
@@ -70,8 +65,6 @@ pub(super) struct PartialResidual {
     error: [f64; LANES],
     uphill: [f64; LANES],
     largest: [f32; LANES],
-    bulk_sum: f64,
-    bulk: u64,
 }
 
 impl MultiplierColumns {
@@ -95,15 +88,13 @@ impl MultiplierColumns {
 impl Residual {
     /// Sum over chunks, in their order.
     pub(super) fn of(partials: &[PartialResidual], count: usize) -> Self {
-        let (mut total, mut sum, mut bulk) = (Self::default(), 0.0, 0);
+        let (mut total, mut sum) = (Self::default(), 0.0);
         for partial in partials {
             sum += partial.error.iter().sum::<f64>();
             total.uphill += partial.uphill.iter().sum::<f64>();
             total.largest = partial.largest.iter().fold(total.largest, |most, &e| most.max(f64::from(e)));
-            total.bulk += partial.bulk_sum;
-            bulk += partial.bulk;
         }
-        Self { average: sum / count.max(1) as f64, bulk: total.bulk / bulk.max(1) as f64, ..total }
+        Self { average: sum / count.max(1) as f64, ..total }
     }
 }
 
@@ -165,7 +156,7 @@ impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'
         let Self { at, ratio, multiplier, update } = self;
         for first in (0..ratio.len()).step_by(LANES) {
             let count = LANES.min(ratio.len() - first);
-            let densities = densities::<L, P, GRADIENTS>(&at, at.start + first, count, &mut partial);
+            let densities = densities::<L, P, GRADIENTS>(&at, at.start + first, count);
             let before = Multiplier {
                 lambda: read(multiplier.lambda, first),
                 applied: read(multiplier.applied, first),
@@ -218,14 +209,12 @@ struct Densities {
     denominator: [f32; LANES],
 }
 
-/// Evaluates `count` particles from `first` on; with gradients, also the residual of filled neighbourhoods. The remaining
-/// ratios and denominators are 1.
+/// Evaluates `count` particles from `first` on. The remaining ratios and denominators are 1.
 #[inline(always)]
 fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     at: &Chunk<'_>,
     first: usize,
     count: usize,
-    partial: &mut PartialResidual,
 ) -> Densities {
     let (rest, setup, zero) = (at.setup.rest, at.setup, L::splat(0.0));
     let mut density = [zero; LANES];
@@ -264,15 +253,11 @@ fn densities<L: Lanes, P: Pair, const GRADIENTS: bool>(
     if GRADIENTS {
         let [x, y, z] = [L::sums(&gradient[0]), L::sums(&gradient[1]), L::sums(&gradient[2])];
         let gradient2 = L::sums(&gradient2);
-        let (g, surface) = (rest.gradient_scale, FILLED * 1.5 * rest.inv_support);
+        let g = rest.gradient_scale;
         for k in 0..count {
             let own_gradient = Vec3::new(x[k], y[k], z[k]) * -g + boundary[k].1; // [pbf] Eq. 8, k = i
             let all = own_gradient.norm_squared() + g * g * gradient2[k]; // Σ_k |∇_k C_i|²
             out.denominator[k] = setup.denominator(all);
-            if own_gradient.norm() < surface {
-                partial.bulk_sum += f64::from((out.ratio[k] - 1.0).abs());
-                partial.bulk += 1;
-            }
         }
     }
     out

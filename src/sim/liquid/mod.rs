@@ -20,6 +20,7 @@ mod jacobi;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
 mod lanes;
+mod measures;
 mod neighbourhood;
 mod pair;
 mod params;
@@ -55,7 +56,9 @@ use accelerated::Momentum;
 use calibration::RestState;
 use energy::energy;
 use lanes::Node;
+use measures::Particles;
 use neighbourhood::Neighbourhood;
+use record::FRAME_FIGURES;
 use repulsion::Repulsion;
 use setup::SolverSetup;
 use solve::{OvercrowdedCell, Solver};
@@ -83,8 +86,8 @@ pub(super) struct Liquid {
     mass: f64,
     /// Mechanical energy at the start of the shot and the work of moving solids since [J], which confinement may restore.
     first_energy: f64,
-    /// Average and largest constraint error at the end of the last frame; `None` in the first.
-    deviation: Option<[f64; 2]>,
+    /// [`FRAME_FIGURES`] of the last frame; `None` in the first.
+    figures: Option<[f64; FRAME_FIGURES.len()]>,
     seeded: LiquidSeeds,
     /// One past the last id of each source; empty unless frames have the channel `source`.
     ends: Vec<u32>,
@@ -137,10 +140,8 @@ impl Liquid {
             skipped_in_solids: count("skipped_in_solids")?,
             skipped_overlapping: count("skipped_overlapping")?,
         };
-        let deviation = |name| stream.scalar(name);
-        liquid.deviation = deviation("density_dev_avg")
-            .zip(deviation("density_dev_max"))
-            .map(|(average, largest)| [average, largest]);
+        let figures = FRAME_FIGURES.map(|(name, _)| stream.scalar(name));
+        liquid.figures = figures.iter().all(Option::is_some).then(|| figures.map(Option::unwrap_or_default));
         if liquid.x.is_empty() { Err(SetupError::NoParticles) } else { Ok(liquid) }
     }
 
@@ -152,7 +153,7 @@ impl Liquid {
             gravity: world.gravity,
             mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
             first_energy: 0.0,
-            deviation: None,
+            figures: None,
             seeded: LiquidSeeds::default(),
             ends: Vec::new(),
             id: Vec::new(),
@@ -189,10 +190,8 @@ impl Liquid {
             ("skipped_in_solids".into(), f64::from(self.seeded.skipped_in_solids)),
             ("skipped_overlapping".into(), f64::from(self.seeded.skipped_overlapping)),
         ];
-        if let Some([average, largest]) = self.deviation {
-            stream.scalars.push(("density_dev_avg".into(), average));
-            stream.scalars.push(("density_dev_max".into(), largest));
-        }
+        let figures = FRAME_FIGURES.iter().zip(self.figures.iter().flatten());
+        stream.scalars.extend(figures.map(|((name, _), value)| ((*name).into(), *value)));
         stream
     }
 
@@ -468,8 +467,10 @@ impl Liquid {
         let residual = clock.time("solve", || self.solver.measure(&setup));
         record.density_dev_avg = residual.average;
         record.density_dev_max = residual.largest;
-        record.bulk_dev_avg = residual.bulk;
-        self.deviation = Some([residual.average, residual.largest]);
+        let Solver { ratio, lists, .. } = &self.solver;
+        let particles = Particles { rest: &self.rest, walls: &self.walls, x: &self.x, ratio, lists };
+        clock.time("solve", || particles.measure()).fill(record);
+        self.figures = Some(FRAME_FIGURES.map(|(_, value)| value(record)));
         record.kinetic_energy = self.kinetic_energy();
         record.potential_energy = self.potential_energy();
         record.list_rebuilds = self.solver.rebuilds;

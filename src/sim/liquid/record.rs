@@ -48,8 +48,21 @@ pub struct LiquidRecord {
     pub density_dev_avg: f64,
     /// Largest constraint error at the frame's end [1].
     pub density_dev_max: f64,
-    /// Mean of |C|, dilation and compression alike, over the particles whose neighbourhood is filled [1].
-    pub bulk_dev_avg: f64,
+    /// Compression of the bulk: mean of max(C, 0) over the particles whose neighbourhood is filled, at the frame's end [1].
+    pub compression_avg: f64,
+    /// Dilation of the bulk: mean of max(−C, 0) over the same particles [1].
+    pub dilation_avg: f64,
+    /// Particles whose neighbourhood is filled: those of the surface and of splashes are not.
+    pub bulk_particles: u32,
+    /// Volume of the liquid at the frame's end [m³]: spacing³ ρ₀/ρ for a particle of the bulk; for any other the mean of the
+    /// bulk within the kernel's support, or spacing³.
+    pub volume: f64,
+    /// Volume over that of as many particles at rest, less one [1].
+    pub volume_change: f64,
+    /// Particles with fewer than five neighbours within the kernel's support.
+    pub isolated: u32,
+    /// Connected components of the particles that are closer than 1.5 spacings.
+    pub components: u32,
     /// Kinetic energy ½ Σ m v² at the frame's end [J].
     pub kinetic_energy: f64,
     /// Potential energy −Σ m g·x at the frame's end [J]; zero at the world's origin.
@@ -66,4 +79,26 @@ pub struct LiquidRecord {
     pub cfl_capped: u32,
     /// Particles whose centre lies inside a solid at the frame's end.
     pub particles_inside_solids: u32,
+}
+
+/// A figure of a frame: its name in the header of the cached frame, and its value.
+type FrameFigure = (&'static str, fn(&LiquidRecord) -> f64);
+
+/// The figures of a frame's end that the header of the cached frame holds, so that a cache is judged without its log.
+pub(super) const FRAME_FIGURES: [FrameFigure; 8] = [
+    ("density_dev_avg", |record| record.density_dev_avg),
+    ("density_dev_max", |record| record.density_dev_max),
+    ("compression_avg", |record| record.compression_avg),
+    ("dilation_avg", |record| record.dilation_avg),
+    ("volume", |record| record.volume),
+    ("volume_change", |record| record.volume_change),
+    ("isolated", |record| f64::from(record.isolated)),
+    ("components", |record| f64::from(record.components)),
+];
+
+impl LiquidRecord {
+    /// Density deviation of the bulk, compression and dilation together: the mean of |C| [1].
+    pub fn bulk_dev_avg(&self) -> f64 {
+        self.compression_avg + self.dilation_avg
+    }
 }

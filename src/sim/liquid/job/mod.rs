@@ -4,11 +4,12 @@ pub(crate) mod check;
 mod forecast;
 mod report;
 mod tradeoff;
+mod volume;
 
 use super::{LiquidParams, NAME};
 use crate::{
     cache::StreamInfo,
-    frame::StreamKind,
+    frame::{FrameIndex, StreamKind},
     job::{RunError, Total},
     preset::{check::Places, problem::Finding},
     sim::{
@@ -97,11 +98,16 @@ impl System for Liquid {
         record.liquid.as_ref().map(report::warnings).unwrap_or_default()
     }
 
+    fn shot_warnings(&self, scene: &Scene, frames: &[(FrameIndex, FrameRecord)]) -> Vec<String> {
+        let liquid = scene.liquid.as_ref();
+        liquid.and_then(|liquid| volume::warning(liquid, frames)).into_iter().collect()
+    }
+
     fn frame_figures(&self, streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {
         report::frame_figures(streams)
     }
 
     fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {
-        report::totals(frames).into_iter().collect()
+        report::cached_totals(frames)
     }
 }

@@ -2,17 +2,15 @@
 
 use crate::{
     cache::StreamInfo,
-    job::{Total, nonzero},
+    frame::FrameIndex,
+    job::{Total, nonzero, tradeoff::figure},
     sim::{
-        liquid::{LiquidRecord, LiquidSeeds, NAME},
+        FrameRecord,
+        liquid::{LiquidRecord, LiquidSeeds, NAME, record::FRAME_FIGURES},
         system::CachedFrame,
     },
 };
 use serde_json::json;
-
-/// The scalars of the liquid's stream that `info` lists.
-const DENSITY_DEV_AVG: &str = "density_dev_avg";
-const DENSITY_DEV_MAX: &str = "density_dev_max";
 
 /// Particles that seeding skipped.
 pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
@@ -30,12 +28,15 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
 
 /// Progress line of a frame.
 pub(super) fn progress(record: &LiquidRecord) -> String {
+    let percent = |value: f64| format!("{:.2}%", 100.0 * value);
     format!(
-        "substeps {}  iterations {}  density_dev {:.3}% (max {:.2}%)",
+        "substeps {}  iterations {}  compression {} (max {})  dilation {}  volume {:+.1}%",
         record.substeps,
         record.iterations,
-        100.0 * record.density_dev_avg,
-        100.0 * record.density_dev_max,
+        percent(record.compression_avg),
+        percent(record.density_dev_max),
+        percent(record.dilation_avg),
+        100.0 * record.volume_change,
     )
 }
 
@@ -54,25 +55,120 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
     ])
 }
 
-/// Density deviations in a frame's header.
+/// Figures of a frame's end in its header.
 pub(super) fn frame_figures(streams: &[StreamInfo]) -> Vec<(&'static str, f64)> {
     let scalars = streams.iter().filter(|stream| stream.name == NAME).flat_map(|stream| &stream.scalars);
     let named =
         |name: &'static str| scalars.clone().find(|(key, _)| key == name).map(|&(_, value)| (name, value));
-    [DENSITY_DEV_AVG, DENSITY_DEV_MAX].into_iter().filter_map(named).collect()
+    FRAME_FIGURES.iter().filter_map(|(name, _)| named(name)).collect()
 }
 
-/// The density deviations over all frames.
-pub(super) fn totals(frames: &[CachedFrame]) -> Option<Total> {
-    let figures = || frames.iter().flat_map(|frame| frame_figures(&frame.streams));
-    let values = |name: &'static str| figures().filter(move |(key, _)| *key == name).map(|(_, value)| value);
-    let count = values(DENSITY_DEV_AVG).count();
-    let average = values(DENSITY_DEV_AVG).sum::<f64>() / count as f64;
-    let largest = values(DENSITY_DEV_MAX).fold(0.0, f64::max);
-    (count > 0).then(|| Total {
+/// Compression, dilation and volume over all frames, from their headers.
+pub(super) fn cached_totals(frames: &[CachedFrame]) -> Vec<Total> {
+    totals(frames.iter().map(|frame| (frame.index, frame_figures(&frame.streams))))
+}
+
+/// Compression, dilation and volume over all frames, from their records.
+pub(super) fn record_totals(frames: &[(FrameIndex, FrameRecord)]) -> Vec<Total> {
+    let figures =
+        |record: &LiquidRecord| FRAME_FIGURES.iter().map(|(name, value)| (*name, value(record))).collect();
+    totals(frames.iter().filter_map(|(index, record)| Some((*index, figures(record.liquid.as_ref()?)))))
+}
+
+fn totals(frames: impl Iterator<Item = (FrameIndex, Vec<(&'static str, f64)>)>) -> Vec<Total> {
+    // Caches of older versions lack some.
+    let frames: Vec<_> = frames.filter(|(_, figures)| figures.len() == FRAME_FIGURES.len()).collect();
+    let Some((last, _)) = frames.last() else { return Vec::new() };
+    let values = |name: &'static str| {
+        let all =
+            frames.iter().flat_map(|(index, figures)| figures.iter().map(move |figure| (*index, figure)));
+        all.filter(move |(_, (key, _))| *key == name).map(|(index, (_, value))| (index, *value))
+    };
+    let mean = |name| values(name).map(|(_, value)| value).sum::<f64>() / frames.len() as f64;
+    let max = |name| values(name).map(|(_, value)| value).fold(0.0, f64::max);
+    let end = |name| values(name).next_back().map_or(0.0, |(_, value)| value);
+    let largest =
+        |most: (FrameIndex, f64), now: (FrameIndex, f64)| if now.1.abs() > most.1.abs() { now } else { most };
+    let (frame, change) = values("volume_change").fold((*last, 0.0), largest);
+    let percent = |value: f64| format!("{:.2} %", 100.0 * value);
+    let density = Total {
         key: NAME,
-        value: json!({ "frames": count, DENSITY_DEV_AVG: average, DENSITY_DEV_MAX: largest }),
+        value: json!({
+            "frames": frames.len(),
+            "density_dev_avg": mean("density_dev_avg"),
+            "density_dev_max": max("density_dev_max"),
+            "compression_avg": mean("compression_avg"),
+            "compression_max": max("compression_avg"),
+            "dilation_avg": mean("dilation_avg"),
+            "dilation_max": max("dilation_avg"),
+        }),
         heading: "density",
-        text: format!("deviates by {:.3}% on average, {:.2}% at most", 100.0 * average, 100.0 * largest),
-    })
+        text: format!(
+            "compression {}, dilation {} on average; {} and {} in the worst frame; {} at most of a particle",
+            percent(mean("compression_avg")),
+            percent(mean("dilation_avg")),
+            percent(max("compression_avg")),
+            percent(max("dilation_avg")),
+            percent(max("density_dev_max")),
+        ),
+    };
+    let volume = Total {
+        key: "liquid_volume",
+        value: json!({
+            "volume": end("volume"),
+            "change": end("volume_change"),
+            "largest_change": change,
+            "largest_change_frame": frame,
+            "isolated": end("isolated"),
+            "components": end("components"),
+        }),
+        heading: "liquid",
+        text: format!(
+            "{} m³ in frame {last} ({:+.2} %), {:+.2} % at most (frame {frame}); {} component{}, {} isolated particles",
+            figure(end("volume"), 4),
+            100.0 * end("volume_change"),
+            100.0 * change,
+            end("components"),
+            if end("components") == 1.0 { "" } else { "s" },
+            end("isolated"),
+        ),
+    };
+    vec![density, volume]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn totals_are_means_and_extremes_and_the_end_of_the_shot() {
+        let frame = |index: u32, compression_avg: f64, dilation_avg: f64, volume_change: f64| {
+            let liquid = Some(LiquidRecord {
+                compression_avg,
+                dilation_avg,
+                volume_change,
+                volume: 0.00021 * (1.0 + volume_change),
+                isolated: index,
+                components: 2 * index,
+                ..LiquidRecord::default()
+            });
+            (FrameIndex(index), FrameRecord { liquid, ..FrameRecord::default() })
+        };
+        let frames = [frame(2, 0.01, 0.0, 0.02), frame(3, 0.0, 0.04, -0.5), frame(4, 0.002, 0.02, 0.001)];
+        let [density, volume] = <[Total; 2]>::try_from(record_totals(&frames)).unwrap();
+        assert_eq!(
+            density.text,
+            "compression 0.40 %, dilation 2.00 % on average; 1.00 % and 4.00 % in the worst frame; 0.00 % at most of a particle"
+        );
+        assert_eq!(
+            volume.text,
+            "0.0002102 m³ in frame 0004 (+0.10 %), -50.00 % at most (frame 0003); 8 components, 4 isolated particles"
+        );
+        assert_eq!(
+            (&volume.value["largest_change"], &volume.value["largest_change_frame"]),
+            (&json!(-0.5), &json!(3))
+        );
+        assert_eq!(record_totals(&[]), []);
+        assert_eq!(cached_totals(&[CachedFrame::default()]), []);
+    }
 }

@@ -117,6 +117,7 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
         seconds,
         uncertainty: UNCERTAINTY,
         products: products.iter().map(product).collect(),
+        totals: Vec::new(),
         remarks,
     })
 }

@@ -140,6 +140,7 @@ pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
         seconds: sum(&|costs| costs.seconds),
         uncertainty: UNCERTAINTY,
         products: own_start.products.iter().enumerate().map(product).collect(),
+        totals: Vec::new(),
         remarks,
     })
 }

@@ -7,7 +7,7 @@ mod report;
 mod tradeoff;
 
 use crate::{
-    frame::StreamKind,
+    frame::{FrameIndex, StreamKind},
     job::RunError,
     preset::{check::Places, problem::Finding},
     sim::{
@@ -93,7 +93,7 @@ impl System for Smoke {
         record.smoke.as_ref().map(report::warnings).unwrap_or_default()
     }
 
-    fn shot_warnings(&self, records: &[FrameRecord]) -> Vec<String> {
-        remeshing::warnings(records.iter().filter_map(|record| record.smoke.as_ref()))
+    fn shot_warnings(&self, _: &Scene, frames: &[(FrameIndex, FrameRecord)]) -> Vec<String> {
+        remeshing::warnings(frames.iter().filter_map(|(_, record)| record.smoke.as_ref()))
     }
 }

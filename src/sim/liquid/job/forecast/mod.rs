@@ -4,16 +4,17 @@ mod pilot;
 mod power_law;
 mod start;
 
+use super::{report::record_totals, volume};
 use crate::{
     frame::StreamKind,
-    job::{RunError, memory::refuse_memory},
+    job::{RunError, Total, memory::refuse_memory},
     sim::{
         SeedReport, Simulation,
         forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast, failures},
         liquid::{LiquidParams, NAME},
     },
 };
-use pilot::{RATIO, near_factor, pilot_at};
+use pilot::{Pilot, RATIO, near_factor, pilot_at};
 use power_law::{Shot, forecast as extrapolate};
 use start::Start;
 
@@ -76,6 +77,26 @@ pub(super) fn forecast(job: &ForecastJob, liquid: &LiquidParams) -> Result<Syste
         seconds: found.work / busy,
         uncertainty: (found.work / check.work).ln().abs().max(MIN_UNCERTAINTY),
         products: found.products.into_iter().map(in_wall_clock_time).collect(),
-        remarks: [near.remarks, far.remarks, failures(near.products.iter().flatten())].concat(),
+        totals: totals(&near),
+        remarks: [
+            volume::warning(liquid, &near.records)
+                .map(|why| format!("in the calibration, {why}"))
+                .into_iter()
+                .collect(),
+            near.remarks,
+            far.remarks,
+            failures(near.products.iter().flatten()),
+        ]
+        .concat(),
     })
+}
+
+/// Compression, dilation and volume over the frames of a pilot.
+fn totals(pilot: &Pilot) -> Vec<Total> {
+    let place = match pilot.factor {
+        1.0 => "calibration: ".into(),
+        factor => format!("calibration with {factor:.1} times the spacing: "),
+    };
+    let named = |total: Total| Total { text: place.clone() + &total.text, ..total };
+    record_totals(&pilot.records).into_iter().map(named).collect()
 }

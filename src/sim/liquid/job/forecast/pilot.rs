@@ -1,9 +1,10 @@
 //! Pilots: the shot with a larger `liquid.spacing` and fewer substeps in proportion.
 
 use crate::{
+    frame::FrameIndex,
     job::{RunError, scratch::Scratch},
     sim::{
-        SetupError, Simulation,
+        FrameRecord, SetupError, Simulation,
         forecast::{CalibrationFrame, CalibrationLimits, ForecastJob, ProductSample, calibrate},
     },
 };
@@ -38,6 +39,8 @@ pub(super) struct Pilot {
     pub(super) particles: usize,
     /// Its simulated frames in order; fewer than the shot's if time ran out or it diverged.
     pub(super) frames: Vec<PilotFrame>,
+    /// Records of these frames.
+    pub(super) records: Vec<(FrameIndex, FrameRecord)>,
     /// Products of a few frames, spread over those.
     pub(super) products: Vec<Vec<ProductSample>>,
     /// Why it ended early or is finer than usual, as messages.
@@ -99,8 +102,8 @@ fn run(job: &ForecastJob, factor: f64) -> Result<Pilot, RunError> {
     }
     let mut simulation = Simulation::new(job.scene.surroundings(), systems)?;
     let particles = simulation.seeded().liquid.unwrap_or_default().particles as usize;
-    let (frames, products) = (Vec::new(), Vec::new());
-    let mut pilot = Pilot { factor, limits, particles, frames, products, remarks: Vec::new() };
+    let (frames, records, products) = (Vec::new(), Vec::new(), Vec::new());
+    let mut pilot = Pilot { factor, limits, particles, frames, records, products, remarks: Vec::new() };
     let every = job.simulated().div_ceil(SAMPLED_FRAMES).max(1);
     let limits = CalibrationLimits { seconds: SECONDS, min_frames: 1, keeps_frames: false };
     let scratch = Scratch::new()?;
@@ -108,6 +111,7 @@ fn run(job: &ForecastJob, factor: f64) -> Result<Pilot, RunError> {
     let ended = calibrate(job, &mut simulation, &shot, limits, &mut |frame| {
         if frame.number > 0 {
             pilot.frames.push(PilotFrame::new(&frame));
+            pilot.records.push((frame.frame.index, frame.record.clone()));
         }
         if frame.number.is_multiple_of(every) || frame.number == job.simulated() {
             let made = job.products.sample(job.scene, &shot, &frame.selection(), job.control)?;
@@ -170,7 +174,7 @@ fn at_or_nearer(mut factor: f64, run: impl Fn(f64) -> Result<Pilot, RunError>) -
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{frame::FrameIndex, sim::Diverged};
+    use crate::sim::Diverged;
     use std::cell::RefCell;
 
     /// A pilot that diverges in its first frame with more than `max_factor` times the spacing.
@@ -182,8 +186,9 @@ mod tests {
                     Diverged { system: "liquid", substep: 1, particle: 7, what, try_next: "spacing" };
                 return Err(RunError::Diverged { frame: FrameIndex(2), diverged });
             }
-            let (frames, products, remarks) = (Vec::new(), Vec::new(), vec!["its own".into()]);
-            Ok(Pilot { factor, limits: [1, 2], particles: 8, frames, products, remarks })
+            let (frames, records, products) = (Vec::new(), Vec::new(), Vec::new());
+            let remarks = vec!["its own".into()];
+            Ok(Pilot { factor, limits: [1, 2], particles: 8, frames, records, products, remarks })
         }
     }
 

@@ -273,8 +273,16 @@ mod tests {
         };
         let costs = |work: f64| {
             let frames = vec![PilotFrame { work, ..frame.clone() }];
-            let (products, remarks) = (Vec::new(), Vec::new());
-            Costs::of(&Pilot { factor: 1.0, limits: [8, 100], particles: 512, frames, products, remarks })
+            let (records, products, remarks) = (Vec::new(), Vec::new(), Vec::new());
+            Costs::of(&Pilot {
+                factor: 1.0,
+                limits: [8, 100],
+                particles: 512,
+                frames,
+                records,
+                products,
+                remarks,
+            })
         };
         assert_eq!(costs(0.0).of_frame_with(&frame, 16.0, 48.0), 0.008);
         let measured = PilotFrame { work: 0.02, ..frame.clone() };
