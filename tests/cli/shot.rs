@@ -15,7 +15,10 @@ fn one_command_goes_from_preset_to_meshes() {
     assert_eq!(manifest["outputs"][0]["pattern"], "mesh/liquid_{:04}.ply");
     assert_eq!(manifest["outputs"][0]["frames"]["last"], 5);
     assert!(out.contains("5 frames simulated") && out.contains("5 frames meshed"), "{out}");
-    assert!(talk.contains("Progress: 100%") && talk.contains("density_dev"), "{talk}");
+    assert!(
+        talk.contains("Progress: 100%") && talk.contains("compression ") && talk.contains("dilation "),
+        "{talk}"
+    );
     assert!(
         !talk.to_lowercase().contains("error"),
         "the log of a run without errors has no word error:\n{talk}"
@@ -32,6 +35,53 @@ fn one_command_goes_from_preset_to_meshes() {
     // The preset as run makes the same shot again.
     let (out, _) = desk.run("shot small/preset.toml -o small", 0);
     assert!(out.contains("5 up to date"), "{out}");
+}
+
+#[test]
+fn compression_dilation_and_volume_are_reported_everywhere() {
+    let desk = Desk::new();
+    let (out, talk) = desk.run("shot small.toml --set liquid.artificial_pressure=none", 0);
+    let (info, _) = desk.run("info small", 0);
+    for text in [&out, &info] {
+        assert!(text.contains("density    compression 0.") && text.contains(" component"), "{text}");
+    }
+    assert!(info.contains("% against their particles"), "{info}");
+    assert!(
+        talk.contains("compression 0.0") && talk.contains("dilation 0.") && talk.contains("% of particles)"),
+        "{talk}"
+    );
+    assert!(!talk.contains("volume is off") && !talk.contains("note: volume"), "{talk}");
+
+    let log = fs::read_to_string(desk.path("small/log.jsonl")).unwrap();
+    let line: serde_json::Value = serde_json::from_str(log.lines().last().unwrap()).unwrap();
+    let json: serde_json::Value = serde_json::from_str(&desk.run("info small --json", 0).0).unwrap();
+    for key in ["compression_avg", "dilation_avg", "volume", "volume_change", "isolated", "components"] {
+        assert_eq!(json["frames"][4][key].as_f64(), line["liquid"][key].as_f64(), "{key}");
+    }
+    assert!((json["liquid_volume"]["volume"].as_f64().unwrap() - 0.512).abs() < 0.015);
+    let meshes = fs::read_to_string(desk.path("small/mesh.jsonl")).unwrap();
+    let mesh: serde_json::Value = serde_json::from_str(meshes.lines().last().unwrap()).unwrap();
+    assert_eq!(mesh["particle_volume"], line["liquid"]["volume"]);
+
+    let plan = desk.run("plan small.toml", 0).0;
+    assert!(plan.contains("density     calibration: compression 0."), "{plan}");
+}
+
+#[test]
+fn a_liquid_that_changes_its_volume_is_reported_once_with_the_parameter() {
+    let desk = Desk::new();
+    let squeezed = "--set liquid.artificial_pressure=none --set liquid.iterations=1 --set liquid.min_substeps=1 --set liquid.cfl=2";
+    let (_, talk) = desk.run(&format!("simulate small.toml {squeezed}"), 0);
+    let notes: Vec<&str> = talk.lines().filter(|line| line.contains("volume is off by -")).collect();
+    assert_eq!(notes.len(), 1, "{talk}");
+    assert!(
+        notes[0].contains("raise liquid.iterations (1)") && !talk.to_lowercase().contains("error"),
+        "{talk}"
+    );
+    let (_, again) = desk.run(&format!("simulate small.toml {squeezed}"), 0);
+    assert!(again.contains(notes[0]), "a run that keeps all frames reports it too:\n{again}");
+    let (plan, _) = desk.run(&format!("plan small.toml {squeezed}"), 0);
+    assert!(plan.contains("in the calibration, the liquid's volume is off by -"), "{plan}");
 }
 
 #[test]

@@ -27,7 +27,8 @@ impl ProductFolder for SurfaceMesh {
 
     fn finish(&self, out: &ShotFolder) -> Result<Vec<String>, RunError> {
         log::compact(out)?;
-        let jumps = log::jumps(&log::read(out)?);
-        Ok(jumps.iter().map(|jump| format!("jump: {jump}")).collect())
+        let records = log::read(out)?;
+        let jumps = log::jumps(&records).into_iter().map(|jump| format!("jump: {jump}"));
+        Ok(jumps.chain(log::volume_warnings(&records)).collect())
     }
 }

@@ -3,14 +3,14 @@
 use super::{
     folder::SurfaceMesh,
     level_set::mesh_level_sets,
-    log::{MeshRecord, jumps, read},
+    log::{DIGITS, MeshRecord, jumps, read},
     memory::{max_surface_memory, meshed_memory},
     tradeoff,
     writer::surface,
 };
 use crate::{
     frame::{Stream, StreamKind},
-    job::{Control, RunError, ShotFolder, batch::BatchSummary},
+    job::{Control, RunError, ShotFolder, batch::BatchSummary, tradeoff::figure},
     product::{
         interface::Product,
         request::{ProductInfo, ProductInput, ProductRequest, ProductSettings},
@@ -67,13 +67,16 @@ impl Product for SurfaceMesh {
         let jumps = jumps(&meshes);
         let mut lines = Vec::new();
         if !meshes.is_empty() {
-            let volumes = || meshes.iter().map(|mesh: &MeshRecord| mesh.volume);
-            lines.push(format!(
-                "volume     {:.4} to {:.4} m³ of {} meshes",
-                volumes().fold(f64::INFINITY, f64::min),
-                volumes().fold(f64::NEG_INFINITY, f64::max),
-                meshes.len()
-            ));
+            let range = |values: &mut dyn Iterator<Item = f64>| {
+                values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+            };
+            let [low, high] = range(&mut meshes.iter().map(|mesh| mesh.volume)).map(|v| figure(v, DIGITS));
+            let [below, above] = range(&mut meshes.iter().filter_map(MeshRecord::volume_difference));
+            let particles = match below <= above {
+                true => format!(", {:+.1} to {:+.1} % against their particles", 100.0 * below, 100.0 * above),
+                false => String::new(),
+            };
+            lines.push(format!("volume     {low} to {high} m³ of {} meshes{particles}", meshes.len()));
         }
         lines.extend(jumps.iter().map(|jump| format!("jump       {jump}")));
         let values = [("meshes", json!(meshes)), ("jumps", json!(jumps))];

@@ -2,12 +2,12 @@
 
 use super::{
     SurfaceMesh,
-    log::MeshRecord,
+    log::{DIGITS, MeshRecord},
     memory::{max_surface_memory, stream_memory},
 };
 use crate::{
     export::MeshFormat,
-    frame::{FrameIndex, Stream, StreamKind},
+    frame::{Stream, StreamKind},
     job::{
         Control, Failure, RunError, ShotFolder,
         batch::{
@@ -15,6 +15,7 @@ use crate::{
             StreamHeader, StreamInput, StreamWriter, Written, process_streams,
         },
         nonzero,
+        tradeoff::figure,
     },
     mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams, SurfaceStats},
     par,
@@ -95,9 +96,10 @@ impl StreamWriter for SurfaceWriter<'_> {
                 return Ok(());
             }
         };
-        let record = MeshRecord::new(&target.name, target.index, target.key, &surface);
+        let volume = particle_volume(input.stream, input.spacing);
+        let record = MeshRecord::new(&target.name, target.index, target.key, &surface, volume);
         let log_line = Some(record.line(&surface.stats));
-        let figures = figures(target.index, &surface);
+        let figures = figures(&record, &surface);
         let Surface { mesh, points, distance, check, .. } = surface;
         drop(distance);
         report_faults(outcome, &mesh, &check, self.params.voxel * input.spacing);
@@ -143,14 +145,22 @@ pub(super) fn report_faults(outcome: &mut FrameOutcome, mesh: &Mesh, check: &Mes
     }
 }
 
+/// Volume of the particles of a stream [m³]: as the system measured it, or else spacing³ each.
+fn particle_volume(stream: &Stream, spacing: f32) -> f64 {
+    stream.scalar("volume").unwrap_or(stream.len() as f64 * f64::from(spacing).powi(3))
+}
+
 /// One line about the surface of a frame.
-fn figures(index: FrameIndex, surface: &Surface) -> String {
+fn figures(record: &MeshRecord, surface: &Surface) -> String {
     let seconds: f64 = surface.stats.seconds.iter().map(|(_, seconds)| seconds).sum();
+    let difference = record.volume_difference().map(|part| format!(" ({:+.1}% of particles)", 100.0 * part));
     let mut line = format!(
-        "frame {index}  {} triangles  volume {:.4} m³  {} components  {seconds:.2} s",
+        "frame {}  {} triangles  volume {} m³{}  {} components  {seconds:.2} s",
+        record.frame,
         surface.mesh.triangles.len(),
-        surface.check.volume,
-        surface.check.components,
+        figure(record.volume, DIGITS),
+        difference.unwrap_or_default(),
+        record.components,
     );
     for remark in remarks(&surface.stats) {
         line += &format!("  {remark}");
