@@ -195,7 +195,8 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
-    /// The error that decides which settings are worth their time
+    /// The error that decides which settings are worth their time. By default what the preset's `[tradeoff]` table names, else
+    /// the density of a liquid, the displaced fraction of smoke, the distance of sheets and surfaces
     #[arg(long, value_name = "ERROR", value_parser = PossibleValuesParser::new(criteria()))]
     pub(super) by: Option<String>,
 

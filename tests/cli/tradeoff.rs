@@ -80,6 +80,42 @@ fn more_iterations_come_nearer_to_the_reference() {
 }
 
 #[test]
+fn settings_out_of_the_bounds_are_marked_and_not_recommended() {
+    let desk = Desk::new();
+    let line = "tradeoff small.toml --set liquid.artificial_pressure=none --set liquid.min_substeps=1 --set liquid.cfl=2 --frames \
+                1-5 -o t";
+    let (out, _) = desk.run(&format!("{line} --vary liquid.iterations=1,40 --dev 90%"), 0);
+    assert!(out.contains("iterations=1 ") && out.contains("outside     2: density"), "{out}");
+    assert!(out.contains("(±3 %)") && !out.contains("use         2"), "{out}");
+    let lost = format!("{line} --set liquid.iterations=1 --vary liquid.softening=0.01,0.02");
+    let (out, _) = desk.run(&lost, 0);
+    assert!(out.contains("use         none: every setting is out of the bounds"), "{out}");
+    let (_, talk) = desk.run(&format!("{lost} --dev 90%"), 1);
+    assert!(
+        talk.contains("the bounds of the table (density at most 2 %, volume ±3 %, energy at most 10 %)"),
+        "{talk}"
+    );
+    let (_, talk) = desk.run(&format!("{lost} --write best.toml"), 2);
+    assert!(
+        talk.contains("every setting is out of the bounds") && !desk.path("best.toml").exists(),
+        "{talk}"
+    );
+}
+
+#[test]
+fn the_observable_of_the_preset_decides_by_default() {
+    let desk = Desk::new();
+    desk.write("named.toml", SMALL.to_owned() + "[tradeoff]\nobservable = \"front_x\"\n");
+    let by = |line: &str| -> Value {
+        let table = format!("{} --vary liquid.iterations=1,4 --frames 1-3 --json -o t", line);
+        serde_json::from_str::<Value>(&desk.run(&table, 0).0).unwrap()["by"].clone()
+    };
+    assert_eq!(by("tradeoff named.toml"), "observable");
+    assert_eq!(by("tradeoff named.toml --by energy"), "energy");
+    assert_eq!(by("tradeoff small.toml"), "density");
+}
+
+#[test]
 fn diverged_settings_are_rows() {
     let desk = Desk::new();
     let vary = "--vary liquid.source.0.velocity=[0,0,0],[1e38,1e38,1e38]";

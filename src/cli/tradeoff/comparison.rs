@@ -33,10 +33,21 @@ pub(super) fn job<'a>(
     TradeoffJob { frames, folder, repeats: args.repeats.get() as usize, by, jobs: &RunJobs }
 }
 
-/// The criterion of `--by`, which has to be one of the subject's.
-pub(super) fn criterion(args: &TradeoffArgs, subject: &Subject) -> Result<&'static str, RunError> {
-    let Some(name) = args.by.as_deref() else { return Ok(subject.wording.criterion) };
+/// The criterion of what a preset's `[tradeoff]` names.
+const OBSERVABLE: &str = "observable";
+
+/// The criterion of `--by`, which has to be one of the subject's; by default that of the preset's own `[tradeoff]`.
+pub(super) fn criterion(
+    args: &TradeoffArgs,
+    subject: &Subject,
+    scene: Option<&Scene>,
+) -> Result<&'static str, RunError> {
     let criteria = |subject: &Subject| (subject.columns)().into_iter().filter_map(|info| info.criterion);
+    let Some(name) = args.by.as_deref() else {
+        let named = scene.and_then(|scene| scene.tradeoff.as_ref()).map(|_| OBSERVABLE);
+        let own = criteria(subject).find(|known| Some(*known) == named);
+        return Ok(own.unwrap_or(subject.wording.criterion));
+    };
     criteria(subject).find(|known| *known == name).ok_or_else(|| {
         let others = subjects().filter(|other| criteria(other).any(|known| known == name));
         let others: Vec<String> = others.map(|other| format!("--of {}", other.name)).collect();
@@ -100,11 +111,17 @@ pub(super) fn conclude(
     if let Some(place) = chosen.filter(|_| !args.json) {
         print(&text::advice(table, place, args, command))?;
     }
+    if let Some(why) = text::no_advice(table).filter(|_| !args.json) {
+        print(&why)?;
+    }
     let Some(path) = &args.write else { return Ok(()) };
     let place = chosen.ok_or_else(|| {
-        let no_knee =
-            "--write: the table has no knee, so no setting stands out; name a limit with --time or --dev";
-        RunError::Request(no_knee.into())
+        let why = if table.are_all_outside() {
+            "every setting is out of the bounds of the table; vary what causes it"
+        } else {
+            "the table has no knee, so no setting stands out; name a limit with --time or --dev"
+        };
+        RunError::Request(format!("--write: {why}"))
     })?;
     if path.exists() {
         return Err(already_there(path));

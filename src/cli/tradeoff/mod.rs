@@ -38,7 +38,7 @@ fn simulations(args: &TradeoffArgs, named: Option<&Subject>, control: Control) -
     };
     let sweep = request(args).sweep(subject, Origin::Preset(&preset))?;
     let frames = frames(args, &sweep.base)?;
-    let by = criterion(args, subject)?;
+    let by = criterion(args, subject, Some(&sweep.base))?;
     if args.dry_run {
         let runs = format!("frames {frames}: {} runs", sweep.rows.len() + 2);
         return dry_run(&sweep, &runs, |scene| format!("  ({})", (system.size)(scene)));

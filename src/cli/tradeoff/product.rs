@@ -40,7 +40,7 @@ pub(super) fn tradeoff(
     };
     input.check(args, subject, &origin)?;
     let sweep = request(args).sweep(subject, origin)?;
-    let by = criterion(args, subject)?;
+    let by = criterion(args, subject, None)?;
     let simulated = ShotFolder::new(output(args, &input.name()).join("shot"));
     let source = match &input {
         Input::Preset(_) => Source::Cache(&simulated),

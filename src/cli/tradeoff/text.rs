@@ -26,6 +26,16 @@ pub(super) fn describe(table: &Table) -> String {
             add_line("note", &format!("the {name} diverged, so nothing is compared with it: {why}"));
         }
     }
+    for (name, row) in (1..)
+        .map(|place: usize| place.to_string())
+        .zip(&table.rows)
+        .chain([("the reference".into(), &table.reference)])
+    {
+        table
+            .out_of_bounds(row, DIGITS)
+            .iter()
+            .for_each(|why| add_line("outside", &format!("{name}: {why}")));
+    }
     for first in 0..table.rows.len() {
         let same = table.rows.iter().enumerate().filter(|(_, row)| row.same_as == Some(first));
         let same: Vec<String> = same.map(|(place, _)| (place + 1).to_string()).collect();
@@ -57,6 +67,14 @@ pub(super) fn advice(table: &Table, place: usize, args: &TradeoffArgs, command: 
     };
     let flags = flags(&table.rows[place].setting);
     format!("\nuse         {}: {why}\n            meniscus {command} {flags}", place + 1)
+}
+
+/// Why no setting is recommended, if none is within the bounds.
+pub(super) fn no_advice(table: &Table) -> Option<String> {
+    let bounds = table.bounds(DIGITS).filter(|_| table.are_all_outside())?;
+    Some(format!(
+        "\nuse         none: every setting is out of the bounds ({bounds}); `meniscus shot` names the parameter that most likely causes it"
+    ))
 }
 
 /// Where the chosen preset comes from.

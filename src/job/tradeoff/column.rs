@@ -161,6 +161,8 @@ pub(crate) struct ColumnInfo {
     pub timed_by: &'static str,
     /// What to remark of a setting whose value is above zero.
     pub remark: &'static str,
+    /// The largest absolute value with which a setting is recommended.
+    pub bound: Option<f64>,
 }
 
 /// A column whose values are measured from a `V`.
@@ -227,6 +229,12 @@ impl<V> Column<V> {
         self
     }
 
+    /// Sets the largest absolute value with which a setting is recommended.
+    pub(crate) const fn bound(mut self, bound: f64) -> Self {
+        self.info.bound = Some(bound);
+        self
+    }
+
     /// Sets the error against the time of this column.
     pub(crate) const fn timed_by(mut self, key: &'static str) -> Self {
         self.info.timed_by = key;
@@ -259,6 +267,7 @@ const fn info(key: &'static str, heading: &'static str, unit: Unit) -> ColumnInf
         criterion: None,
         timed_by: SECONDS,
         remark: "",
+        bound: None,
     }
 }
 

@@ -49,7 +49,7 @@ fn html(table: &Table) -> String {
          body{{font:15px/1.5 system-ui,sans-serif;margin:2em;color:#222}}svg{{max-width:100%;height:auto}}\
          table{{border-collapse:collapse}}td,th{{padding:.2em .8em;text-align:right;border-bottom:1px solid #ddd}}\
          td:nth-child(2),th:nth-child(2){{text-align:left}}.knee{{background:#fff0e0}}.front{{background:#eafaf2}}\
-         .reference{{color:#777}}p,dl{{max-width:60em}}dt{{font-weight:600}}</style><h1>{title}</h1>\
+         .reference,.outside{{color:#777}}p,dl{{max-width:60em}}dt{{font-weight:600}}</style><h1>{title}</h1>\
          <p>{}, {} threads. Every point is a setting; lower is more exact, left is faster. No other setting is both faster and \
          more exact than a green one. After the ringed one, more time buys little. Errors in the tinted band cannot be distinguished \
          from the reference, which differs from its own refinement by {}. A setting with an error or a time of exactly 0 \

@@ -63,7 +63,8 @@ pub(crate) struct TableRow {
     pub diverged: Option<String>,
     /// The first row that gave the same result, if another did: the keys in which they differ do nothing here.
     pub same_as: Option<usize>,
-    /// "knee" after which more time buys little, "front" if no other row is both faster and more exact, or "".
+    /// "knee" after which more time buys little, "front" if no other row is both faster and more exact, [`OUTSIDE`] if a
+    /// figure is out of its column's bound, or "".
     pub mark: &'static str,
 }
 
@@ -124,6 +125,9 @@ impl Table {
         let by = criterion(&columns, by);
         let threads = par::threads();
         let mut table = Self { about, wording, threads, columns, by, rows, reference, refined, knee: None };
+        for place in 0..table.rows.len() {
+            table.rows[place].mark = if table.is_outside(&table.rows[place]) { OUTSIDE } else { "" };
+        }
         let (points, front) = (table.points(by), table.front(by));
         table.knee = pareto::knee_of(&points, &front);
         front.iter().for_each(|place| table.rows[*place].mark = "front");
@@ -163,15 +167,68 @@ impl Table {
         Some(found.max(self.floor(column).unwrap_or(0.0)))
     }
 
-    /// The front by the error of a column: places of rows, ascending in cost.
+    /// The columns of whose bounds a row is out. A run that diverged has no figures.
+    fn outside(&self, row: &TableRow) -> impl Iterator<Item = usize> {
+        let is_out = |column: &usize| {
+            let value = row.cells[*column].filter(|_| row.diverged.is_none());
+            let bound = self.columns[*column].bound;
+            // NaN is out of every bound.
+            value.zip(bound).is_some_and(|(value, bound)| value.median.is_nan() || value.median.abs() > bound)
+        };
+        (0..self.columns.len()).filter(is_out)
+    }
+
+    /// Whether a figure of a row is out of its column's bound, so that the setting is not recommended.
+    pub(crate) fn is_outside(&self, row: &TableRow) -> bool {
+        self.outside(row).next().is_some()
+    }
+
+    /// The figures of a row that are out of their bounds, in words; `None` if none is.
+    pub(crate) fn out_of_bounds(&self, row: &TableRow, digits: i32) -> Option<String> {
+        let words = |column: usize| {
+            let (heading, bound) = (self.columns[column].heading, self.bound(column, digits));
+            format!("{heading} {} ({bound})", self.cell(row, column, digits))
+        };
+        let words: Vec<String> = self.outside(row).map(words).collect();
+        (!words.is_empty()).then(|| words.join(", "))
+    }
+
+    /// The bounds within which settings are recommended, in words; `None` if there is none.
+    pub(crate) fn bounds(&self, digits: i32) -> Option<String> {
+        let bounded = (0..self.columns.len()).filter(|&column| self.columns[column].bound.is_some());
+        let words =
+            bounded.map(|column| format!("{} {}", self.columns[column].heading, self.bound(column, digits)));
+        let words: Vec<String> = words.collect();
+        (!words.is_empty()).then(|| words.join(", "))
+    }
+
+    /// The bound of a column in words.
+    fn bound(&self, column: usize, digits: i32) -> String {
+        let info = self.columns[column];
+        let sign = if info.unit == Unit::Change { "±" } else { "at most " };
+        let unit = if info.unit == Unit::Change { Unit::Percent } else { info.unit };
+        let bound = info.bound.unwrap_or(f64::INFINITY);
+        format!("{sign}{}", unit.show(bound, digits, self.about.spacing))
+    }
+
+    /// Whether there are settings that did not diverge, and none of them is within the bounds.
+    pub(crate) fn are_all_outside(&self) -> bool {
+        let mut finished = self.rows.iter().filter(|row| row.diverged.is_none()).peekable();
+        finished.peek().is_some() && finished.all(|row| self.is_outside(row))
+    }
+
+    /// The front by the error of a column: places of rows within the bounds, ascending in cost.
     pub(crate) fn front(&self, column: usize) -> Vec<usize> {
         pareto::front(&self.points(column))
     }
 
-    /// Time and error of every row.
+    /// Time and error of every row within the bounds.
     fn points(&self, column: usize) -> Vec<Option<(f64, f64)>> {
         let time = self.time_of(column);
-        let point = |row: &TableRow| Some((row.cells[time]?.median, self.judged(row, column)?));
+        let point = |row: &TableRow| {
+            let point = (row.cells[time]?.median, self.judged(row, column)?);
+            (!self.is_outside(row)).then_some(point)
+        };
         self.rows.iter().map(point).collect()
     }
 
@@ -187,10 +244,10 @@ impl Table {
     }
 
     /// The setting to use: the most exact that takes at most `time` [s] for the whole shot; the cheapest whose limited
-    /// error is at most `dev`; with neither the knee.
+    /// error is at most `dev`; with neither the knee. Never one out of the bounds.
     ///
     /// # Errors
-    /// [`RunError::NoSetting`] if no row keeps the limits; [`RunError::Request`] if nothing can be compared, because the
+    /// [`RunError::NoSetting`] if no row keeps limits and bounds; [`RunError::Request`] if nothing can be compared, because the
     /// reference diverged.
     pub(crate) fn choose(&self, time: Option<f64>, dev: Option<f64>) -> Result<Option<usize>, RunError> {
         if time.is_none() && dev.is_none() {
@@ -212,13 +269,14 @@ impl Table {
             let is_exact = dev.is_none_or(|most| error / self.about.spacing <= most);
             let cost = row.cells[self.time_of(decisive)].or(row.cells[0])?.median;
             let rank = if dev.is_some() { (cost, 0.0) } else { (error, cost) };
-            (is_fast && is_exact).then_some((place, rank))
+            (is_fast && is_exact && !self.is_outside(row)).then_some((place, rank))
         };
         let ranked = self.rows.iter().enumerate().filter_map(rank);
         let best = ranked.min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
         best.map(|(place, _)| Some(place)).ok_or_else(|| {
             let time = time.map(|time| format!("{time} s for {}", self.wording.whole));
-            let limits = [time, dev.map(|dev| self.limit(dev))];
+            let bounds = self.bounds(2).map(|bounds| format!("the bounds of the table ({bounds})"));
+            let limits = [time, dev.map(|dev| self.limit(dev)), bounds];
             RunError::NoSetting { wanted: limits.into_iter().flatten().collect::<Vec<_>>().join(" and ") }
         })
     }
@@ -284,8 +342,11 @@ impl Table {
             self.uncertainty(digits)
         );
         let remarks = self.about.remarks.iter().cloned();
+        let outside =
+            self.bounds(digits).map(|bounds| (OUTSIDE, format!("not recommended; the bounds are {bounds}")));
         [("front", front)]
             .into_iter()
+            .chain(outside)
             .chain(meanings)
             .chain([("certainty", certainty)])
             .chain(remarks)
@@ -314,6 +375,8 @@ impl Table {
         put("refined", self.json_row(&self.refined));
         put("uncertainty", self.json_row(&self.refined)["apart"].take());
         put("knee", json!(self.knee));
+        let bounds = self.columns.iter().filter_map(|info| Some((info.key.to_owned(), json!(info.bound?))));
+        put("bounds", Json::Object(bounds.collect()));
         out.into()
     }
 
@@ -335,7 +398,8 @@ impl Table {
         row.passes.iter().for_each(|(pass, seconds)| out["passes"][pass.replace(' ', "_")] = json!(seconds));
         out["diverged"] = json!(row.diverged);
         out["same_as"] = json!(row.same_as);
-        out["front"] = json!(!row.mark.is_empty());
+        out["outside"] = self.outside(row).map(|column| self.columns[column].key).collect();
+        out["front"] = json!(["front", "knee"].contains(&row.mark));
         out["knee"] = json!(row.mark == "knee");
         out
     }
@@ -377,6 +441,9 @@ fn flat(key: &str, value: &Json) -> Vec<(String, String)> {
         other => vec![(key.into(), other.to_string())],
     }
 }
+
+/// The mark of a row with a figure out of its column's bound.
+const OUTSIDE: &str = "outside";
 
 /// The place of [`Costs::shot_seconds`] among the columns.
 const SHOT_SECONDS: usize = 2;

@@ -88,6 +88,53 @@ fn errors_below_the_uncertainty_of_the_reference_buy_nothing() {
 }
 
 #[test]
+fn rows_out_of_the_bounds_are_never_chosen() {
+    const BOUNDED: [TestColumn; 2] = [
+        TestColumn::new("volume", "volume", Unit::Change, |errors| Some((*errors)?[0])).bound(0.03),
+        TestColumn::new("distance", "distance", Unit::Of("m"), |errors| Some((*errors)?[1]))
+            .against_reference()
+            .criterion("distance"),
+    ];
+    let table = |volumes: [f64; 3]| {
+        let bounded = |place: usize| {
+            let (setting, seconds) = (row("a", 1.0, None).setting, 1.0 + place as f64);
+            let costs = Costs {
+                seconds: Spread::exact(seconds),
+                cpu_seconds: None,
+                shot_seconds: seconds,
+                memory: None,
+            };
+            let errors = Some([volumes[place], 0.1 / seconds.powi(3), 0.0]);
+            TableRow::new(&setting, &costs, &BOUNDED, &errors)
+        };
+        let about = self::table("own", Vec::new()).about;
+        let mut refined = bounded(2);
+        refined.cells[5] = Some(Spread::exact(0.0));
+        let rows = (0..3).map(bounded).collect();
+        Table::new(about, &WORDING, &BOUNDED, "distance", rows, [bounded(2), refined])
+    };
+    let found = table([0.02, -0.031, f64::NAN]);
+    assert_eq!([0, 1, 2].map(|place| found.rows[place].mark), ["front", "outside", "outside"]);
+    assert_eq!(found.choose(Some(100.0), None).unwrap(), Some(0), "row 1 and 2 are nearer to the reference");
+    assert_eq!(found.out_of_bounds(&found.rows[1], 2).unwrap(), "volume -3.10 % (±3 %)");
+    assert_eq!((found.out_of_bounds(&found.rows[0], 2), found.are_all_outside()), (None, false));
+    assert_eq!(found.json()["lines"][1]["outside"], serde_json::json!(["volume"]));
+    assert_eq!(
+        (&found.json()["bounds"]["volume"], &found.json()["lines"][1]["front"]),
+        (&0.03.into(), &false.into())
+    );
+    let lost = table([0.1, 0.2, -0.3]);
+    assert!(lost.are_all_outside() && lost.knee.is_none());
+    let why = lost.choose(Some(100.0), None).unwrap_err().to_string();
+    assert!(why.contains("100 s for the shot and the bounds of the table (volume ±3 %)"), "{why}");
+    let legend = lost.legend(Shown::Everywhere, 2);
+    assert!(
+        legend.contains(&("outside", "not recommended; the bounds are volume ±3 %".into())),
+        "{legend:?}"
+    );
+}
+
+#[test]
 fn files_hold_every_setting_and_are_well_formed() {
     let mut lost = row("x < y, \"z\"", 0.1, None);
     lost.diverged = Some("frame 0002: particle 1".into());
