@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes docs/stability.md: at which values of each setting a shot is stable, degraded or refused.
+"""Writes docs/stability.md: at which values of each setting a shot is stable, degraded, wrong or refused.
 
     cargo build --release
     python3 tools/bench/stability.py target/release/meniscus > docs/stability.md
@@ -100,8 +100,16 @@ def verdict(tool, text):
     return judge([line["liquid"] for line in lines])
 
 
+# Change of volume beyond which a finite result is wrong; `shot` warns at the same.
+MAX_VOLUME_CHANGE = 0.03
+
+# Largest compression and largest dilation of the bulk, mean over the particles, of a stable shot.
+MAX_DEVIATION = 0.0101
+
+
 def judge(frames):
-    """Stable if nothing was limited and every frame is near its target; else degraded, with the reasons."""
+    """Wrong if the volume changed; else stable if nothing was limited and every frame is near rest density; else degraded. With
+    the reasons."""
     assert len(frames) == 8, frames
     total = lambda read: sum(read(frame) for frame in frames)
     steps = total(lambda frame: frame["substeps"])
@@ -124,9 +132,13 @@ def judge(frames):
     inside = max(frame["particles_inside_solids"] for frame in frames)
     if inside:
         how.append(f"{inside} particles inside solids")
-    average = max(frame["density_dev_avg"] for frame in frames)
-    if average > 0.0101:
-        how.append(f"compressed by {100 * average:.2g} % in the mean")
+    for key, word in [("compression_avg", "compressed"), ("dilation_avg", "dilated")]:
+        largest = max(frame[key] for frame in frames)
+        if largest > MAX_DEVIATION:
+            how.append(f"{word} by {100 * largest:.2g} % in the mean")
+    change = max((frame["volume_change"] for frame in frames), key=abs)
+    if not abs(change) <= MAX_VOLUME_CHANGE:
+        return "wrong", "; ".join([f"volume {100 * change:+.2g} %", *how])
     return ("degraded" if how else "stable"), "; ".join(how)
 
 
@@ -148,8 +160,9 @@ def write(tool):
         "A block of 8 × 8 × 8 particles falls by two spacings onto the floor of a tank twice as wide, for eight frames\n"
         "of 1/24 s. One setting changes at a time; the others are the defaults, with a spacing of 0.1 m. All lengths\n"
         "scale with the spacing.\n\n"
-        "- **stable**: nothing was limited, and the mean compression stayed within 1 % in every frame;\n"
+        "- **stable**: nothing was limited, and compression and dilation of the bulk each stayed within 1 % in every frame;\n"
         "- **degraded**: the shot is finite and complete, and its log reports what was limited;\n"
+        "- **wrong**: the shot is finite and complete, but its volume changed by more than 3 % in some frame; the shot warns;\n"
         "- **refused**: exit 20, with this message; the frames before it are kept.\n"
     )
     for heading, unit, values, change in SWEEPS:

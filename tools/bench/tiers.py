@@ -93,6 +93,7 @@ def markdown(preset, found):
         marks = ["reference"] if place == len(found["lines"]) else []
         marks += ["diverged"] if line["diverged"] else []
         marks += ["front"] if line["front"] else []
+        marks += ["outside"] if line["outside"] else []
         marks += ["**knee**"] if place == found["knee"] else []
         marks += ["disturbed"] if disturbed(line, found["threads"]) else []
         is_tier = any(word in ("draft", "preview", "final") for word in line["label"].split(" = "))
@@ -125,14 +126,15 @@ def liquid(found):
         return [
             count(line["particles"]),
             *times(line),
-            percent(line["density_dev_avg"]),
+            percent(line["compression"]),
+            percent(line["dilation"]),
             percent(line["density_dev_largest"]),
             "–" if volume is None else f"{100 * volume:+.1f} %",
             percent(line["apart"]["energy"], known["energy"]),
             figure(line["apart"]["observable"], known["observable"]),
         ]
 
-    heads = ["particles", "seconds", "CPU", "whole shot", "density, mean", "density, largest", "volume", "energy"]
+    heads = ["particles", "seconds", "CPU", "whole shot", "compression", "dilation", "density, largest", "volume", "energy"]
     uncertainty = f"energy {percent(known['energy'])}, {found['observable']} {figure(known['observable'])} {unit}"
     return uncertainty, [*heads, f"{found['observable']} [{unit}]"], cells
 
