@@ -204,8 +204,8 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "TIME", value_parser = time)]
     pub(super) time: Option<f64>,
 
-    /// Choose the fastest setting whose error is at most this: `0.5%`. Of the liquid the mean density deviation, of smoke the
-    /// displaced fraction, of sheets and surfaces the RMS distance in spacings
+    /// Choose the fastest setting whose error is at most this: `0.5%`. Of the liquid compression and dilation of the
+    /// bulk, of smoke the displaced fraction, of sheets and surfaces the RMS distance in spacings
     #[arg(long, value_name = "DEVIATION", value_parser = fraction)]
     pub(super) dev: Option<f64>,
 

@@ -267,13 +267,13 @@ mod tests {
     #[test]
     fn components_and_isolated_particles_are_counted() {
         let mut x = block(5, 1.0);
-        x.extend(block(5, 1.0).iter().map(|x| x + Vec3::new(6.6 * SPACING, 0.0, 0.0)));
-        assert_eq!(measured(x.clone()).components, 2, "2.6 spacings apart");
+        x.extend(block(5, 1.0).iter().map(|x| x + Vec3::new(5.6 * SPACING, 0.0, 0.0)));
+        assert_eq!(measured(x.clone()).components, 2, "1.6 spacings apart");
         x.push(Vec3::new(-1.0, 0.0, 0.0));
         let found = measured(x.clone());
         assert_eq!((found.components, found.isolated), (3, 1));
         // A particle that touches both joins them.
-        x.push(Vec3::new(5.3 * SPACING, 0.0, 0.0));
+        x.push(Vec3::new(4.8 * SPACING, 0.0, 0.0));
         assert_eq!(measured(x).components, 2);
         // Small kernels do not reach 1.5 spacings.
         assert_eq!(measured_at(Kernel::Wendland, 1.2, &[], block(4, 1.0)).components, 1);

@@ -21,8 +21,8 @@ pub struct LiquidParams {
     pub kernel_radius: f32,
     /// Average density deviation at which the iteration stops [1] ("0.5 %"). Excludes `iterations`; with neither in the preset
     /// it is 0.3 %. With `compression`, the deviation is the mean of max(ρ/ρ₀ − 1, 0) over all particles, with `equality`
-    /// that of |ρ/ρ₀ − 1|. A larger value is faster and bouncier; above a few per cent the liquid visibly loses volume.
-    /// Range: above 0, at most 1.
+    /// that of |ρ/ρ₀ − 1|; dilation that `compression` allows is reported, and does not count here. A larger value is faster and
+    /// bouncier; above a few per cent the liquid visibly loses volume. Range: above 0, at most 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density_dev: Option<f32>,
     /// Most iterations of a substep to reach `density_dev`; it takes at least 2, if this allows them. With too few, deep water
