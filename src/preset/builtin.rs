@@ -13,6 +13,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("figure-drop", include_str!("../../presets/figure-drop.toml")),
         ("figure-splash", include_str!("../../presets/figure-splash.toml")),
         ("flag-in-smoke", include_str!("../../presets/flag-in-smoke.toml")),
+        ("honey", include_str!("../../presets/honey.toml")),
         ("leapfrog-rings", include_str!("../../presets/leapfrog-rings.toml")),
         ("plume", include_str!("../../presets/plume.toml")),
         ("sheet-center", include_str!("../../presets/sheet-center.toml")),

@@ -146,8 +146,9 @@ impl Walk<'_> {
                 None => misspelt.extend(self.unknown_key(entry, keys, &path)),
             }
         }
-        // A required key that is there, but misspelt, is one mistake and not two.
-        for key in keys.iter().filter(|key| key.required && !misspelt.contains(&key.name)) {
+        // A required key that is there, but misspelt, is one mistake and not two; so is a table whose keys have moved.
+        let moved = entries.iter().any(|entry| self.moved(&join(path, &entry.key)).is_some());
+        for key in keys.iter().filter(|key| key.required && !moved && !misspelt.contains(&key.name)) {
             if !entries.iter().any(|entry| entry.key == key.name) {
                 let label = format!("`{}` is missing here", key.name);
                 let message = format!("{} needs the key `{}`", table_name(path), key.name);
@@ -159,12 +160,27 @@ impl Walk<'_> {
         Json::Object(values)
     }
 
+    /// Where the key at `path` is now, if earlier versions had it there.
+    fn moved(&self, path: &str) -> Option<String> {
+        let mut found = Vec::new();
+        find_moved(self.model, "", path, &mut found);
+        found.into_iter().next()
+    }
+
     /// Reports a key that the table does not have, and returns the one that may have been meant.
     fn unknown_key(&mut self, entry: &Entry, keys: &[Key], path: &str) -> Option<String> {
         let names = keys.iter().map(|key| key.name.as_str());
         let nearest = nearest(&entry.key, names.clone());
         let list = names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
         let parent = path.strip_suffix(&entry.key).unwrap_or_default().trim_end_matches('.');
+        if let Some(now) = self.moved(path) {
+            let message = format!("unknown key `{}` in {}", entry.key, table_name(parent));
+            let mut finding = Finding::new(entry.key_span, path, message, format!("this is `{now}` now"))
+                .with_help(format!("write `{now}`; valid keys here: {list}"));
+            finding.nearest = Some(now);
+            self.findings.push(finding);
+            return None;
+        }
         let mut elsewhere = Vec::new();
         find_key(self.model, "", &entry.key, &mut elsewhere);
         let advice = match (&nearest, elsewhere.first()) {
@@ -392,6 +408,23 @@ fn keys_of(field: &Field) -> String {
             format!(" with the keys {}", names.join(", "))
         }
         _ => String::new(),
+    }
+}
+
+/// Dotted paths below `field` of the keys that were at `former` in earlier versions.
+fn find_moved(field: &Field, path: &str, former: &str, found: &mut Vec<String>) {
+    match &field.kind {
+        Kind::Table(keys) => {
+            for key in keys {
+                let path = join(path, &key.name);
+                if key.former.as_deref() == Some(former) {
+                    found.push(path.clone());
+                }
+                find_moved(&key.field, &path, former, found);
+            }
+        }
+        Kind::List { item, .. } => find_moved(item, path, former, found),
+        _ => {}
     }
 }
 

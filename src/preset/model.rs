@@ -35,6 +35,8 @@ pub(crate) enum Kind {
 pub(crate) struct Key {
     pub(crate) name: String,
     pub(crate) required: bool,
+    /// Dotted path that the key had in earlier versions.
+    pub(crate) former: Option<String>,
     pub(crate) field: Field,
 }
 
@@ -269,6 +271,7 @@ fn keys(schema: &Json, root: &Json, depth: usize) -> Vec<Key> {
         .map(|(name, schema)| Key {
             name: name.clone(),
             required: required(name),
+            former: schema["former"].as_str().map(str::to_owned),
             field: field(schema, root, depth + 1),
         })
         .collect()

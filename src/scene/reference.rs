@@ -64,7 +64,7 @@ fn choice(out: &mut String, path: &str, doc: &str, variants: &[Variant]) {
 
 fn key_table(out: &mut String, keys: &[Key]) {
     out.push_str("\n| Key | Type | Unit | Range | Default | Meaning |\n|---|---|---|---|---|---|\n");
-    for Key { name, required, field } in keys {
+    for Key { name, required, field, .. } in keys {
         let mut meaning = paragraph(&field.doc);
         if let Kind::Choice(variants) = words_of(&field.kind) {
             for variant in variants.iter().filter(|variant| variant.content.is_none()) {

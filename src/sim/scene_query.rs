@@ -58,7 +58,7 @@ mod tests {
             "surface.decimation",
         ];
         assert_eq!(scene(&[]).absent_tables(), surface);
-        let bare = scene(&["liquid.vorticity=none", "liquid.viscosity=none"]);
-        assert_eq!(bare.absent_tables()[..2], ["liquid.vorticity", "liquid.viscosity"]);
+        let bare = scene(&["liquid.vorticity=none", "liquid.xsph=none"]);
+        assert_eq!(bare.absent_tables()[..2], ["liquid.vorticity", "liquid.xsph"]);
     }
 }

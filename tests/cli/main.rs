@@ -41,7 +41,7 @@ shape = { tank = { min = [0, 0, 0], max = [1.6, 0.8, 1.2] } }
 spacing = 0.1
 iterations = 6
 [liquid.artificial_pressure]
-[liquid.viscosity]
+[liquid.xsph]
 [liquid.vorticity]
 [[liquid.source]]
 shape = { box = { min = [0, 0, 0], max = [0.8, 0.8, 0.8] } }

@@ -125,7 +125,7 @@ fn a_dry_run_prints_and_writes_nothing() {
 fn passes_that_the_preset_does_not_name_do_not_run() {
     let desk = Desk::new();
     let (with, _) = desk.run("shot small.toml --dry-run", 0);
-    desk.write("bare.toml", SMALL.replace("[liquid.vorticity]", "").replace("[liquid.viscosity]", ""));
+    desk.write("bare.toml", SMALL.replace("[liquid.vorticity]", "").replace("[liquid.xsph]", ""));
     let (without, _) = desk.run("shot bare.toml --dry-run", 0);
     let passes =
         |text: &str| text.lines().find(|line| line.starts_with("passes")).unwrap().split(',').count();
@@ -147,6 +147,7 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         "figure-bath",
         "figure-drop",
         "figure-splash",
+        "honey",
         "wave-machine",
     ] {
         assert!(list.contains(name), "{list}");

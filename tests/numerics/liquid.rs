@@ -77,7 +77,7 @@ fn a_filled_tank_without_gravity_stays_where_it_is() {
 fn a_drop_in_free_space_keeps_its_momentum() {
     for constraint in ["compression", "equality"] {
         let text = format!(
-            "spacing = 0.05\nconstraint = '{constraint}'\nartificial_pressure = {{}}\nviscosity = {{ strength = 0.1 }}\n\
+            "spacing = 0.05\nconstraint = '{constraint}'\nartificial_pressure = {{}}\nxsph = {{ strength = 0.1 }}\n\
              [[source]]\nvelocity = [3, 0, 0]\nshape = {{ sphere = {{ center = [0, 0, 0], radius = 0.25 }} }}\n\
              [[source]]\nvelocity = [-1, 0.5, 0]\nshape = {{ box = {{ min = [0.26, -0.2, -0.2], max = [0.66, 0.2, 0.2] }} }}"
         );
@@ -101,7 +101,7 @@ fn a_drop_in_free_space_keeps_its_momentum() {
 #[test]
 fn a_column_rests() {
     let spacing = 0.05;
-    let params = block(spacing, [0.0; 3], [0.4, 0.4, 0.8], "density_dev = 0.005\nviscosity = {}");
+    let params = block(spacing, [0.0; 3], [0.4, 0.4, 0.8], "density_dev = 0.005\nxsph = {}");
     let mut simulation = simulation(tank(9.81, [0.4, 0.4, 2.0]), params);
     let (first, before) =
         (top(&channel(&state(&simulation), "position")), state(&simulation).streams[0].len());
@@ -154,9 +154,7 @@ fn a_dam_breaks_as_fast_as_it_was_measured() {
 #[test]
 fn frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restart() {
     for solver in ["accelerated", "jacobi"] {
-        same_bits(&format!(
-            "solver = '{solver}'\nartificial_pressure = {{}}\nvorticity = {{}}\nviscosity = {{}}"
-        ));
+        same_bits(&format!("solver = '{solver}'\nartificial_pressure = {{}}\nvorticity = {{}}\nxsph = {{}}"));
     }
 }
 
@@ -293,10 +291,10 @@ fn passes_that_the_preset_does_not_name_do_not_run() {
     let names =
         |record: &FrameRecord| record.seconds.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>();
     assert_eq!(names(&frame(&mut plain)), always);
-    let mut all = simulation(space(), box_of("artificial_pressure = {}\nvorticity = {}\nviscosity = {}"));
+    let mut all = simulation(space(), box_of("artificial_pressure = {}\nvorticity = {}\nxsph = {}"));
     let passes = all.passes();
     assert_eq!(passes[3], "artificial_pressure");
-    assert_eq!(passes[6..], ["vorticity", "viscosity"]);
+    assert_eq!(passes[6..], ["vorticity", "xsph"]);
     let record = frame(&mut all);
     assert_eq!(names(&record), passes);
     assert!(record.seconds.iter().all(|(_, seconds)| *seconds > 0.0));

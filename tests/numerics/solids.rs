@@ -147,7 +147,7 @@ fn a_paddle_stirs_a_pool_at_rest_with_the_work_it_does() {
     let paddle = Shape::Box { min: [-0.3, -0.025, -0.15], max: [0.3, 0.025, 0.15] };
     let spin = vec![key(1, [0.5, 0.5, 0.2], [0.0; 3]), key(49, [0.5, 0.5, 0.2], [0.0, 0.0, 720.0])];
     let solids = vec![tank([1.0, 1.0, 1.0]), moving(paddle, spin)];
-    let mut simulation = simulation(world(solids), water(0.05, [0.0; 3], [1.0, 1.0, 0.3], "viscosity = {}"));
+    let mut simulation = simulation(world(solids), water(0.05, [0.0; 3], [1.0, 1.0, 0.3], "xsph = {}"));
     let start = 300.0 * 9.81 * 0.15;
     let records = advance(&mut simulation, 24);
     let work: f64 = records.iter().map(|record| record.solid_work).sum();
@@ -194,7 +194,7 @@ fn moving_solids_give_the_same_bits_on_any_number_of_threads_and_after_a_restart
         key(12, [0.4, 0.3, 0.2], [0.0, 0.0, 400.0]),
     ];
     let world = world(vec![tank([0.8, 0.6, 0.8]), moving(blade, spin)]);
-    let params = water(0.05, [0.0; 3], [0.8, 0.6, 0.25], "vorticity = {}\nviscosity = {}");
+    let params = water(0.05, [0.0; 3], [0.8, 0.6, 0.25], "vorticity = {}\nxsph = {}");
     let run = || {
         let mut simulation = simulation(world.clone(), params.clone());
         advance(&mut simulation, 3);
@@ -239,7 +239,7 @@ fn no_layers_stack_at_walls() {
             solids[0] = Solid::fixed(Shape::Tank { min: [0.0, 0.0, -1.0], max: [0.4, 0.4, 2.0] });
             solids.push(floor);
         }
-        let terms = "density_dev = 0.002\nviscosity = { strength = 0.05 }";
+        let terms = "density_dev = 0.002\nxsph = { strength = 0.05 }";
         let mut simulation = simulation(world(solids), water(spacing, [0.0; 3], [0.4, 0.4, 0.8], terms));
         advance(&mut simulation, 24);
         let mut z: Vec<f32> = positions(&simulation).iter().map(|x| x.z).collect();

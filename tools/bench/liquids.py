@@ -134,7 +134,7 @@ def preset(scene, options):
         f'title = "bench"\nframes = "1-2"\nfps = {options.fps}',
         f"[[world.collider]]\nshape = {{ tank = {{ min = [0, 0, 0], max = {json.dumps(scene['tank'])} }} }}",
         f"[liquid]\nspacing = {scene['spacing']!r}",
-        *([f"[liquid.viscosity]\nstrength = {options.xsph}"] if options.xsph else []),
+        *([f"[liquid.xsph]\nstrength = {options.xsph}"] if options.xsph else []),
         f"[[liquid.source]]\nshape = {{ box = {{ min = [0, 0, 0], max = {json.dumps(block)} }} }}",
     ])  # fmt: skip
 

@@ -37,7 +37,7 @@ const MIN_RELAXATION: f32 = 0.1;
 
 /// Errors below this are rounding errors, and their growth is ignored. If larger, a growing mode is detected an iteration
 /// or two later; at 0 every substep with many iterations is slowed dozens of times.
-const MIN_SIGNIFICANT_ERROR: f64 = 1e-5;
+pub(super) const MIN_SIGNIFICANT_ERROR: f64 = 1e-5;
 
 /// State of the momentum, within a substep and from one to the next.
 #[derive(Debug, Default)]
@@ -59,6 +59,18 @@ impl Momentum {
     /// last stored frame.
     pub(super) fn reset(&mut self) {
         (self.dt, self.slowed) = (0.0, 0);
+    }
+
+    /// Keeps the pressures of this solve in `kept`, from which another solve of the substep takes none.
+    pub(super) fn keep(&mut self, solver: &Solver, kept: &mut Vec<f32>) {
+        kept.clone_from(&solver.multipliers.0.applied);
+        self.dt = 0.0;
+    }
+
+    /// Returns the pressures that [`Momentum::keep`] kept, for the next substep after one of `dt` [s].
+    pub(super) fn give_back(&mut self, solver: &mut Solver, kept: &mut Vec<f32>, dt: f32) {
+        std::mem::swap(&mut solver.multipliers.0.applied, kept);
+        self.dt = dt;
     }
 
     /// Starts a substep of `dt` [s] from the last one's pressures.

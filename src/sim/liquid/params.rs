@@ -67,9 +67,12 @@ pub struct LiquidParams {
     /// Vorticity confinement, returns energy that the solver dissipated to vortices; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vorticity: Option<VorticityConfinement>,
+    /// Viscosity in Pa·s, with liquid that sticks to solids; absent: not applied, and solids are frictionless.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub viscosity: Option<ImplicitViscosity>,
     /// XSPH viscosity, smooths velocities over neighbours; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub viscosity: Option<Xsph>,
+    pub xsph: Option<Xsph>,
     /// Volumes of liquid at the start; at least one.
     #[serde(default)]
     pub source: Vec<LiquidSource>,
@@ -190,13 +193,33 @@ impl Default for VorticityConfinement {
     }
 }
 
+/// Viscosity, solved implicitly ([weiler18]).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct ImplicitViscosity {
+    /// Dynamic viscosity μ [Pa·s]: water 1e-3, olive oil 0.1, glycerine 1, honey 10, peanut butter 250, tar 1e4. A larger value
+    /// flows more slowly, folds and piles up; with a smaller one than the spacing resolves, the picture is that of water.
+    /// The result does not depend on the substep. Range: above 0, at most 1e8.
+    pub dynamic: f32,
+    /// Residual at which the solve stops, relative to the change of velocity by viscosity [1]. A larger value is faster: 0.2 takes
+    /// half of the iterations of the default, with fronts of thick liquids within 0.3 %. Momentum is conserved with any. Range: above 0, at most 0.5.
+    #[serde(default = "defaults::viscosity_tolerance")]
+    pub tolerance: f32,
+    /// Most iterations of a solve. With too few, thick liquids flow as if they were thinner; the frame's record counts the
+    /// solves that stopped above `tolerance`. Range: 1 to 100000.
+    #[serde(default = "defaults::viscosity_iterations")]
+    pub max_iterations: u32,
+}
+
 /// XSPH viscosity, [pbf] Eq. 17.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct Xsph {
-    /// The paper's c: fraction by which a particle's velocity approaches the mean of its neighbours in each substep.
-    /// Range: 0 to 1.
+    /// The paper's c: fraction by which a particle's velocity approaches the mean of its neighbours in each substep. Its
+    /// effect depends on the substep; for honey or oil, see `liquid.viscosity`. Range: 0 to 1.
+    #[cfg_attr(feature = "presets", schemars(extend("former" = "liquid.viscosity.strength")))]
     pub strength: f32,
 }
 
@@ -240,5 +263,11 @@ mod defaults {
     }
     pub(super) fn softening() -> f32 {
         0.01
+    }
+    pub(super) fn viscosity_tolerance() -> f32 {
+        1e-3
+    }
+    pub(super) fn viscosity_iterations() -> u32 {
+        1000
     }
 }

@@ -13,6 +13,12 @@ pub struct LiquidSeeds {
     pub skipped_in_solids: u32,
     /// Particles skipped because a particle of an earlier source was closer than 0.9 spacings.
     pub skipped_overlapping: u32,
+    /// Dynamic viscosity of the preset [Pa·s]; 0 without, and after a restart.
+    pub viscosity: f64,
+    /// Dynamic viscosity with which eddies fade in the solver itself, at the speed of falling through the liquid's height [Pa·s].
+    pub solver_viscosity: f64,
+    /// That speed [m/s].
+    pub speed: f64,
 }
 
 /// How often a limit changed a result, summed over the frame.
@@ -43,6 +49,12 @@ pub struct LiquidRecord {
     pub iterations: u32,
     /// Substeps that ended at `max_iterations` above the target `density_dev`; 0 with fixed `iterations`.
     pub unconverged: u32,
+    /// Iterations of the viscous solve, over all substeps.
+    pub viscosity_iterations: u32,
+    /// Viscous solves that ended at their `max_iterations` above `tolerance`.
+    pub viscosity_unconverged: u32,
+    /// Largest residual of a viscous solve, relative to the change of velocity [1].
+    pub viscosity_residual: f64,
     /// Mean over all particles of the constraint's error at the frame's end [1]: max(C, 0) for
     /// `constraint = "compression"`, |C| for `"equality"`, with C = ρ/ρ₀ − 1. This is what `density_dev` bounds.
     pub density_dev_avg: f64,

@@ -48,7 +48,7 @@ pub(super) struct Solver {
     /// Positions when the lists were built.
     built_at: Vec<Vec3>,
     /// Distances to the nearest solid when the lists were built [m].
-    clearance: Vec<f32>,
+    pub(super) clearance: Vec<f32>,
     pub(super) grid: CellGrid,
     pub(super) lists: Neighbours,
     stale: bool,

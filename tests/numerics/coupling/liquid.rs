@@ -68,7 +68,7 @@ fn block_on_held_sheet(integrator: &str) -> String {
         ),
     );
     format!(
-        "[liquid]\nspacing = 0.04\nviscosity = {{ strength = 0.05 }}\n{}{cloth}[sheets.solver]\nintegrator = '{integrator}'\n\
+        "[liquid]\nspacing = 0.04\nxsph = {{ strength = 0.05 }}\n{}{cloth}[sheets.solver]\nintegrator = '{integrator}'\n\
          [[coupling]]\nbetween = ['cloth', 'liquid']\n",
         block([-0.2, -0.2, 0.06], [0.2, 0.2, 0.3], [0.0, 0.0, 0.0])
     )

@@ -12,9 +12,9 @@ use crate::{
 };
 use serde_json::json;
 
-/// Particles that seeding skipped.
+/// Particles that seeding skipped, and a viscosity that the spacing cannot show.
 pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
-    nonzero(&[
+    let mut warnings = nonzero(&[
         (
             seeds.skipped_in_solids.into(),
             "particles of the sources were skipped: they were inside solids or touched them",
@@ -23,7 +23,16 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
             seeds.skipped_overlapping.into(),
             "particles of the sources were skipped: another source had already filled their position",
         ),
-    ])
+    ]);
+    let LiquidSeeds { viscosity, solver_viscosity, speed, .. } = *seeds;
+    if viscosity > 0.0 && viscosity < solver_viscosity {
+        warnings.push(format!(
+            "liquid.viscosity.dynamic = {viscosity} Pa·s will hardly show in fast motion: at {speed:.1} m/s and this spacing, \
+             eddies fade in the solver as with about {solver_viscosity:.2} Pa·s; slow, thin layers still show it. Lower \
+             liquid.spacing, or leave the table out to save its time"
+        ));
+    }
+    warnings
 }
 
 /// Progress line of a frame.
@@ -45,6 +54,7 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
     let clamps = &record.clamps;
     nonzero(&[
         (record.unconverged.into(), "substeps stopped at max_iterations"),
+        (record.viscosity_unconverged.into(), "viscous solves stopped at liquid.viscosity.max_iterations"),
         (record.cfl_capped.into(), "substeps longer than cfl (max_substeps)"),
         (clamps.corrections, "corrections shortened"),
         (clamps.energy, "velocities held to the energy bound"),
@@ -170,5 +180,22 @@ mod tests {
         );
         assert_eq!(record_totals(&[]), []);
         assert_eq!(cached_totals(&[CachedFrame::default()]), []);
+    }
+
+    #[test]
+    fn a_viscosity_below_that_of_the_solver_is_reported_with_both() {
+        let seeds = |viscosity| LiquidSeeds {
+            viscosity,
+            solver_viscosity: 20.0,
+            speed: 2.0,
+            ..LiquidSeeds::default()
+        };
+        let warnings = seeding_warnings(&seeds(0.001));
+        assert!(
+            warnings.len() == 1 && warnings[0].contains("0.001 Pa·s") && warnings[0].contains("20.00 Pa·s")
+        );
+        assert!(
+            seeding_warnings(&seeds(50.0)).is_empty() && seeding_warnings(&LiquidSeeds::default()).is_empty()
+        );
     }
 }

@@ -2,11 +2,14 @@
 //!
 //! *Method*: contact by projection along the outward normal, within the solver's iteration ([pbf] Algorithm 1, line 14). A
 //! moving solid has its position at the end of the substep. Velocities follow from positions, so a particle takes on the
-//! normal velocity of a solid that pushes it, but no tangential one: there is no friction.
+//! normal velocity of a solid that pushes it, but no tangential one: without viscosity (`no_slip.rs`) there is no friction.
 //! *Departs from the paper*: continuous collision detection traces the path of a particle relative to every body through
 //! the body's distance field (sphere tracing), so that no particle crosses even a thin part at any speed.
 
 mod boundary_density;
+mod no_slip;
+
+pub(super) use no_slip::WallDrag;
 
 use super::{calibration::RestState, density_map};
 use crate::{

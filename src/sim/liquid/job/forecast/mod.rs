@@ -26,13 +26,17 @@ const PARTICLE_BYTES: f64 = 480.0;
 /// The part of it that the neighbour lists take: it grows with the volume of the kernel.
 const NEIGHBOR_BYTES: f64 = 230.0;
 
+/// Buffers of the viscous solve [bytes/particle].
+const VISCOSITY_BYTES: f64 = 100.0;
+
 /// The smallest uncertainty that is stated: see the figures in docs/plan.md.
 const MIN_UNCERTAINTY: f64 = 0.25;
 
 /// Memory of so many particles [bytes].
 pub(super) fn memory(liquid: &LiquidParams, particles: f64) -> f64 {
     let neighbors = NEIGHBOR_BYTES * (f64::from(liquid.kernel_radius) / 2.0).powi(3);
-    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors)
+    let viscosity = if liquid.viscosity.is_some() { VISCOSITY_BYTES } else { 0.0 };
+    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + viscosity)
 }
 
 /// The particles of a seeded liquid.
