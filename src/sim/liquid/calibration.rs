@@ -29,12 +29,16 @@ pub(super) struct RestState {
     /// Offset of the distance to a solid in its density, so that the first layer of particles, half a spacing from a wall,
     /// is at rest density [m].
     pub(super) wall_shift: f32,
+    /// Density that the outermost layer of the seeding lattice lacks at a flat free surface, over ρ₀.
+    pub(super) surface_deficit: f32,
+    /// [`Self::surface_deficit`] over |∇C|² of that layer [m²].
+    pub(super) surface_deficit_scale: f32,
 }
 
 impl RestState {
     /// Calibrates on the seeding lattice of `spacing` [m], with a support of `radius` spacings.
     pub(super) fn new(kernel: Kernel, spacing: f32, radius: f32) -> Self {
-        let (mut full, mut half, mut gradient2) = (0.0, 0.0, 0.0);
+        let (mut full, mut half, mut gradient2, mut surface_gradient) = (0.0, 0.0, 0.0, 0.0);
         let reach = radius.ceil() as i32;
         for z in -reach..=reach {
             for (y, x) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
@@ -42,6 +46,8 @@ impl RestState {
                 if q < 1.0 {
                     full += kernel.density(q);
                     half += if z >= 0 { kernel.density(q) } else { 0.0 };
+                    surface_gradient +=
+                        if z > 0 { kernel.slope(q) * f64::from(z) / f64::from(radius) } else { 0.0 };
                     gradient2 += if q > 0.0 { (kernel.slope(q) * q).powi(2) } else { 0.0 };
                 }
             }
@@ -49,6 +55,7 @@ impl RestState {
         let h = f64::from(spacing) * f64::from(radius);
         let density_scale = 1.0 / full;
         let gradient_scale = density_scale * kernel.gradient_per_density() / h;
+        let surface_deficit = 1.0 - half / full;
         let mut rest = Self {
             kernel,
             spacing,
@@ -58,8 +65,10 @@ impl RestState {
             gradient_scale: gradient_scale as f32,
             rest_gradient2: (gradient_scale * gradient_scale * gradient2) as f32,
             wall_shift: 0.0,
+            surface_deficit: surface_deficit as f32,
+            surface_deficit_scale: (surface_deficit / (gradient_scale * surface_gradient).powi(2)) as f32,
         };
-        rest.wall_shift = (rest.shift_for(1.0 - half / full, 0.5 / f64::from(radius)) * h) as f32;
+        rest.wall_shift = (rest.shift_for(surface_deficit, 0.5 / f64::from(radius)) * h) as f32;
         rest
     }
 

@@ -30,6 +30,7 @@ mod repulsion;
 mod seed;
 mod setup;
 mod solve;
+mod surface_tension;
 mod viscosity;
 mod viscous_kernel;
 mod vorticity;
@@ -39,7 +40,7 @@ mod xsph;
 pub(super) use coupled::{CoupledSystem, SubstepParticles};
 pub use params::{
     ArtificialPressure, Constraint, ImplicitViscosity, Kernel, LiquidChannel, LiquidParams, LiquidSource,
-    SolverKind, VorticityConfinement, Xsph,
+    SolverKind, SurfaceTension, VorticityConfinement, Xsph,
 };
 pub use record::{Clamps, LiquidRecord, LiquidSeeds};
 
@@ -64,6 +65,7 @@ use record::FRAME_FIGURES;
 use repulsion::Repulsion;
 use setup::SolverSetup;
 use solve::{OvercrowdedCell, Solver};
+use surface_tension::Tension;
 use viscosity::{ViscositySolver, ViscousStep};
 use vorticity::Confinement;
 use walls::Walls;
@@ -97,7 +99,8 @@ pub(super) struct Liquid {
     gravity: Vec3,
     /// Mass of a particle [kg].
     mass: f64,
-    /// Mechanical energy at the start of the shot and the work of moving solids since [J], which confinement may restore.
+    /// Mechanical and surface energy at the start of the shot and the work of moving solids since [J], which confinement may
+    /// restore.
     first_energy: f64,
     /// [`FRAME_FIGURES`] of the last frame; `None` in the first.
     figures: Option<[f64; FRAME_FIGURES.len()]>,
@@ -110,6 +113,7 @@ pub(super) struct Liquid {
     solver: Solver,
     momentum: Momentum,
     repulsion: Option<Repulsion>,
+    tension: Option<Tension>,
     viscosity: Option<ViscositySolver>,
     confinement: Option<Confinement>,
     /// Velocities in the layout of neighbour sums; empty unless a term needs them.
@@ -135,6 +139,9 @@ impl Liquid {
                 * EDDY_DISSIPATION
                 * speed
                 * f64::from(liquid.params.spacing);
+        }
+        if let Some(tension) = &mut liquid.tension {
+            liquid.first_energy += tension.energy_at(&liquid.x);
         }
         Ok(liquid)
     }
@@ -179,6 +186,10 @@ impl Liquid {
 
     fn empty(params: LiquidParams, world: &World) -> Self {
         let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
+        let mut solver = Solver::default();
+        if params.surface_tension.is_some() {
+            solver.tension_reach = Tension::support(&params);
+        }
         Self {
             rest,
             walls: Walls::new(&world.solids, &rest),
@@ -191,9 +202,10 @@ impl Liquid {
             id: Vec::new(),
             x: Vec::new(),
             v: Vec::new(),
-            solver: Solver::default(),
+            solver,
             momentum: Momentum::default(),
             repulsion: params.artificial_pressure.clone().map(|params| Repulsion::new(params, &rest)),
+            tension: params.surface_tension.as_ref().map(|tension| Tension::new(tension, &params, world)),
             viscosity: params
                 .viscosity
                 .as_ref()
@@ -243,6 +255,7 @@ impl Liquid {
             Some("sort"),
             Some("predict"),
             Some("search"),
+            optional(self.tension.is_some(), "surface_tension"),
             optional(self.repulsion.is_some(), "artificial_pressure"),
             optional(self.viscosity.is_some(), "viscosity"),
             Some("solve"),
@@ -314,6 +327,9 @@ impl Liquid {
         cells.map_err(|cell| self.overcrowded(record.substeps, cell))?;
         clock.time("sort", || self.sort());
         clock.time("search", || self.solver.build_lists(&setup(&self.params, &self.rest, &self.walls)));
+        if self.tension.is_some() {
+            record.clamps.corrections += clock.time("surface_tension", || self.apply_tension(dt));
+        }
         if let Some(repulsion) = &mut self.repulsion {
             record.clamps.corrections += clock.time("artificial_pressure", || {
                 self.solver.publish_positions(self.rest.inv_support);
@@ -445,6 +461,21 @@ impl Liquid {
         Ok(())
     }
 
+    /// Moves the predicted positions by the surface tension over `dt` [s]. Returns the number of shortened displacements.
+    fn apply_tension(&mut self, dt: f32) -> u64 {
+        let Some(tension) = &mut self.tension else { return 0 };
+        tension.move_to(self.walls.now());
+        let Solver { p, grid, .. } = &mut self.solver;
+        let shortened = tension.apply(grid, p, dt);
+        self.solver.check_skin(&self.rest);
+        shortened
+    }
+
+    /// Surface energy at the predicted positions of the substep, before its corrections [J].
+    fn surface_energy(&self) -> f64 {
+        self.tension.as_ref().map_or(0.0, Tension::energy)
+    }
+
     /// Solves the density constraints, [pbf] Alg. 1, lines 8–19.
     fn solve(
         &mut self,
@@ -500,9 +531,11 @@ impl Liquid {
 
     /// Vorticity confinement, [pbf] Alg. 1, line 22.
     fn confine(&mut self, dt: f32, record: &mut LiquidRecord) {
+        let surface_energy = self.surface_energy();
         let Some(confinement) = &mut self.confinement else { return };
         publish(&mut self.motion, &self.v);
-        let lost = self.first_energy - energy(&self.v, &self.solver.p, self.gravity, self.mass);
+        let lost =
+            self.first_energy - energy(&self.v, &self.solver.p, self.gravity, self.mass) - surface_energy;
         let at = neighbourhood(&self.rest, &self.solver, &self.motion);
         let (added, bounded) = confinement.apply(at, &mut self.v, dt, self.mass, lost);
         record.confinement_energy += added;
@@ -519,7 +552,7 @@ impl Liquid {
     /// Removes energy that the solver added.
     fn bound_energy(&mut self, record: &mut LiquidRecord) {
         let limit = self.first_energy + energy::slack(self.v.len(), self.mass, self.rest.spacing);
-        let excess = energy(&self.v, &self.solver.p, self.gravity, self.mass) - limit;
+        let excess = energy(&self.v, &self.solver.p, self.gravity, self.mass) + self.surface_energy() - limit;
         if excess > 0.0 {
             energy::take(excess, &mut self.v, self.mass);
             record.clamps.energy += 1;
@@ -536,7 +569,9 @@ impl Liquid {
         let allowed = f64::from(self.params.cfl) * f64::from(self.params.spacing);
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
         let root = fastest + (fastest * fastest + 4.0 * gravity * allowed).sqrt();
-        let wanted = (left * root / (2.0 * allowed) - 1e-6).ceil().clamp(1.0, 4e9) as u32;
+        let longest = self.tension.as_ref().map_or(f64::INFINITY, Tension::longest_substep);
+        let wanted = (left * root / (2.0 * allowed)).max(left / longest);
+        let wanted = (wanted - 1e-6).ceil().clamp(1.0, 4e9) as u32;
         let min_substeps = self.params.min_substeps.saturating_sub(done).max(1);
         let max_substeps = self.params.max_substeps.saturating_sub(done).max(1);
         [wanted, wanted.max(min_substeps).min(max_substeps)]
@@ -557,6 +592,7 @@ impl Liquid {
         self.figures = Some(FRAME_FIGURES.map(|(_, value)| value(record)));
         record.kinetic_energy = self.kinetic_energy();
         record.potential_energy = self.potential_energy();
+        record.surface_energy = self.surface_energy();
         record.list_rebuilds = self.solver.rebuilds;
         record.clamps.corrections += self.solver.shortened;
         record.clamps.contacts += self.solver.unresolved_contacts;

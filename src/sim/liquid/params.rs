@@ -64,6 +64,9 @@ pub struct LiquidParams {
     /// Artificial pressure, against clumping at the surface; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub artificial_pressure: Option<ArtificialPressure>,
+    /// Surface tension and wetting; absent: not applied.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub surface_tension: Option<SurfaceTension>,
     /// Vorticity confinement, returns energy that the solver dissipated to vortices; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vorticity: Option<VorticityConfinement>,
@@ -173,6 +176,26 @@ pub struct ArtificialPressure {
 impl Default for ArtificialPressure {
     fn default() -> Self {
         Self { strength: 0.1, reference: 0.2, exponent: 4 }
+    }
+}
+
+/// Surface tension and wetting.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct SurfaceTension {
+    /// Surface tension σ [N/m]: water 0.072, oil 0.03, mercury 0.49. It rounds drops and draws sheets together; what it does
+    /// is visible up to a size of about √(σ/(ρ g)), 3 mm for water. A value far above the liquid's own gives large splashes
+    /// the look of small ones. Substeps become shorter with its square root. Range: 0 to 1000.
+    pub coefficient: f32,
+    /// Contact angle θ of a drop on the colliders [°]: below 90 the liquid wets them and creeps along them, above it beads.
+    /// Range: 0 to 180.
+    pub contact_angle: f32,
+}
+
+impl Default for SurfaceTension {
+    fn default() -> Self {
+        Self { coefficient: 0.072, contact_angle: 90.0 }
     }
 }
 

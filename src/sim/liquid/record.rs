@@ -79,6 +79,8 @@ pub struct LiquidRecord {
     pub kinetic_energy: f64,
     /// Potential energy −Σ m g·x at the frame's end [J]; zero at the world's origin.
     pub potential_energy: f64,
+    /// Energy of the free surface by `surface_tension` [J]; zero where there is none.
+    pub surface_energy: f64,
     /// Energy that vorticity confinement added during the frame [J].
     pub confinement_energy: f64,
     /// Work of moving solids on the liquid during the frame [J]. The liquid's energy may rise by it.

@@ -39,6 +39,8 @@ pub(super) struct Solver {
     pub(super) p: Vec<Vec3>,
     /// ρ_i/ρ₀ at the last evaluation.
     pub(super) ratio: Vec<f32>,
+    /// Density that the free surface lacks, over ρ₀.
+    deficit: Vec<f32>,
     /// Lagrange multipliers.
     pub(super) multipliers: MultiplierColumns,
     /// Positions over h and changes of λ, in the layout of neighbour sums.
@@ -49,6 +51,8 @@ pub(super) struct Solver {
     built_at: Vec<Vec3>,
     /// Distances to the nearest solid when the lists were built [m].
     pub(super) clearance: Vec<f32>,
+    /// Radius of the lists of the surface tension [m]; 0 without it.
+    pub(super) tension_reach: f32,
     pub(super) grid: CellGrid,
     pub(super) lists: Neighbours,
     stale: bool,
@@ -106,7 +110,7 @@ impl Solver {
     /// # Errors
     /// If a cell is overcrowded.
     pub(super) fn find_cells(&mut self, rest: &RestState) -> Result<(), OvercrowdedCell> {
-        self.grid.rebuild(&self.p, reach(rest));
+        self.grid.rebuild(&self.p, reach(rest).max(self.tension_reach));
         let limit = MAX_CELL_OVERCROWDING * CellGrid::particles_per_cell(self.grid.cell(), rest.spacing);
         match self.grid.fullest() {
             Some((particle, count)) if count as f32 > limit => Err(OvercrowdedCell { particle, count }),
@@ -155,15 +159,19 @@ impl Solver {
         self.multipliers.resize(count);
         self.publish_positions(setup.rest.inv_support);
         self.ratio.resize(count, 0.0);
-        let Self { multipliers, ratio, nodes, lists, clearance, .. } = self;
+        self.deficit.resize(count, 0.0);
+        let Self { multipliers, ratio, deficit, nodes, lists, clearance, .. } = self;
         let (list, published, clearance) = (&*lists, &**nodes, &**clearance);
         let [lambda, applied, last, denominator] = multipliers.slices_mut();
-        let slices: [&mut [f32]; 5] = [ratio, lambda, applied, last, denominator];
+        let slices: [&mut [f32]; 6] = [ratio, deficit, lambda, applied, last, denominator];
         let partials = par::map_chunks_mut(slices, par::CHUNK, |start, slices| {
             let at = Chunk { setup, nodes: published, lists: list, clearance, start };
-            let [ratio, lambda, applied, last, denominator] = slices;
+            let [ratio, deficit, lambda, applied, last, denominator] = slices;
             let multiplier = Multiplier { lambda, applied, last, denominator };
-            pass::run(setup.rest.kernel, DensityPass::<_, GRADIENTS> { at, ratio, multiplier, update })
+            pass::run(
+                setup.rest.kernel,
+                DensityPass::<_, GRADIENTS> { at, ratio, deficit, multiplier, update },
+            )
         });
         let lambda = &*multipliers.0.lambda;
         par::update(nodes, |i, node| node.0[3] = lambda[i]);

@@ -156,6 +156,11 @@ impl Walls {
         }
     }
 
+    /// Current time [s].
+    pub(super) fn now(&self) -> f64 {
+        self.now
+    }
+
     /// Whether any solid moves at any time.
     pub(super) fn has_moving_solids(&self) -> bool {
         !self.movers.is_empty()
