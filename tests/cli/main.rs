@@ -40,7 +40,6 @@ shape = { tank = { min = [0, 0, 0], max = [1.6, 0.8, 1.2] } }
 [liquid]
 spacing = 0.1
 iterations = 6
-[liquid.artificial_pressure]
 [liquid.xsph]
 [liquid.vorticity]
 [[liquid.source]]

@@ -40,7 +40,7 @@ fn one_command_goes_from_preset_to_meshes() {
 #[test]
 fn compression_dilation_and_volume_are_reported_everywhere() {
     let desk = Desk::new();
-    let (out, talk) = desk.run("shot small.toml --set liquid.artificial_pressure=none", 0);
+    let (out, talk) = desk.run("shot small.toml", 0);
     let (info, _) = desk.run("info small", 0);
     for text in [&out, &info] {
         assert!(text.contains("density    compression 0.") && text.contains(" component"), "{text}");
@@ -70,7 +70,7 @@ fn compression_dilation_and_volume_are_reported_everywhere() {
 #[test]
 fn a_liquid_that_changes_its_volume_is_reported_once_with_the_parameter() {
     let desk = Desk::new();
-    let squeezed = "--set liquid.artificial_pressure=none --set liquid.iterations=1 --set liquid.min_substeps=1 --set liquid.cfl=2";
+    let squeezed = "--set liquid.iterations=1 --set liquid.min_substeps=1 --set liquid.cfl=2";
     let (_, talk) = desk.run(&format!("simulate small.toml {squeezed}"), 0);
     let notes: Vec<&str> = talk.lines().filter(|line| line.contains("volume is off by -")).collect();
     assert_eq!(notes.len(), 1, "{talk}");

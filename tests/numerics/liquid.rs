@@ -485,3 +485,74 @@ fn water_flows_out_by_torricellis_law() {
     assert!((0.8..1.0).contains(&coarse) && (0.89..1.0).contains(&fine), "{coarse:.3}, {fine:.3}");
     assert!(1.0 - fine < 0.7 * (1.0 - coarse), "{coarse:.3}, {fine:.3}");
 }
+
+/// First percentile of the distances to the nearest neighbour [m].
+fn closest(positions: &[Vec3]) -> f32 {
+    let nearest = |i: usize| {
+        let others = positions.iter().enumerate().filter(|&(j, _)| j != i);
+        others.map(|(_, y)| (y - positions[i]).norm_squared()).fold(f32::INFINITY, f32::min).sqrt()
+    };
+    let mut distances: Vec<f32> = (0..positions.len()).map(nearest).collect();
+    distances.sort_by(f32::total_cmp);
+    distances[distances.len() / 100]
+}
+
+#[test]
+fn particles_at_the_surface_do_not_cluster() {
+    let params = block(0.05, [0.0; 3], [0.3, 0.5, 0.4], "viscosity = {}");
+    let mut simulation = simulation(tank(9.81, [0.6, 0.5, 1.0]), params);
+    advance(&mut simulation, 48);
+    let closest = closest(&channel(&state(&simulation), "position")) / 0.05;
+    assert!(closest > 0.8, "{closest} spacings");
+}
+
+#[test]
+fn colliding_drops_keep_their_volume() {
+    let text = "spacing = 0.05\nviscosity = {}\nvorticity = {}\n\
+         [[source]]\nvelocity = [2, 0, 0]\nshape = { sphere = { center = [0, 0, 0], radius = 0.3 } }\n\
+         [[source]]\nvelocity = [-2, 0, 0]\nshape = { sphere = { center = [0.65, 0.2, 0], radius = 0.3 } }";
+    let mut simulation = simulation(space(), params(text));
+    for record in advance(&mut simulation, 12) {
+        assert!(record.volume_change.abs() < 0.03 && record.dilation_avg < 0.02, "{record:?}");
+    }
+}
+
+/// Ratio of the second moments of the positions along z and x about their mean.
+fn aspect(positions: &[Vec3]) -> f64 {
+    let mean = positions.iter().sum::<Vec3>() / positions.len() as f32;
+    let moment = |axis: usize| positions.iter().map(|x| f64::from((x - mean)[axis]).powi(2)).sum::<f64>();
+    (moment(2) / (0.5 * (moment(0) + moment(1)))).sqrt()
+}
+
+#[test]
+fn a_drop_oscillates_with_the_period_of_its_surface_tension() {
+    let (spacing, sigma, fps) = (0.001_f32, 0.072, 240.0);
+    let radii = [7.6 * spacing, 7.6 * spacing, 8.8 * spacing];
+    let text = format!(
+        "spacing = {spacing}\nkernel_radius = 2.5\nsurface_tension = {{ coefficient = {sigma} }}\n\
+         [[source]]\nshape = {{ ellipsoid = {{ center = [0, 0, 0], radii = {radii:?} }} }}"
+    );
+    let mut simulation = simulation(space(), params(&text));
+    let mut aspects = Vec::new();
+    for _ in 0..80 {
+        simulation.advance(1.0 / fps, &mut Unwatched).expect("it stays finite");
+        aspects.push(aspect(&channel(&state(&simulation), "position")));
+    }
+    let frame = state(&simulation);
+    let (x, v) = (channel(&frame, "position"), channel(&frame, "velocity"));
+    // From the first minimum to the second, [rayleigh79].
+    let minimum = |range: std::ops::Range<usize>| {
+        let lowest = range.min_by(|&a, &b| aspects[a].total_cmp(&aspects[b])).expect("it is not empty");
+        let [a, b, c] = [aspects[lowest - 1], aspects[lowest], aspects[lowest + 1]];
+        lowest as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)
+    };
+    let radius = (0.75 * x.len() as f64 / std::f64::consts::PI).cbrt() * f64::from(spacing);
+    let expected = std::f64::consts::TAU * (1000.0 * radius.powi(3) / (8.0 * sigma)).sqrt();
+    let period = (minimum(50..79) - minimum(10..35)) / fps;
+    assert!((period / expected - 1.0).abs() < 0.05, "{period} s, expected {expected} s: {aspects:?}");
+    // It neither drifts nor spins.
+    let mean = v.iter().sum::<Vec3>() / v.len() as f32;
+    assert!(mean.norm() < 1e-4, "{mean:?}");
+    let spin = x.iter().zip(&v).map(|(x, v)| x.cross(v).cast::<f64>()).sum::<nalgebra::Vector3<f64>>();
+    assert!(spin.norm() / (x.len() as f64) < 1e-3 * radius * radius / expected, "{spin:?}");
+}

@@ -61,7 +61,8 @@ pub struct LiquidParams {
     /// empty: no more. They do not change the motion, but a cache without them must be simulated again to get them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub channels: Vec<LiquidChannel>,
-    /// Artificial pressure, against clumping at the surface; absent: not applied.
+    /// The paper's artificial pressure, against clumping under `constraint = "equality"`, without which it is refused; absent:
+    /// not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub artificial_pressure: Option<ArtificialPressure>,
     /// Surface tension and wetting; absent: not applied.
@@ -152,14 +153,16 @@ pub enum Kernel {
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Constraint {
-    /// Compression only (C ≥ 0): splashes separate freely and volume is conserved.
+    /// Compression only (C ≥ 0): splashes separate freely and volume is conserved. C includes the density that a particle
+    /// lacks at the free surface, which keeps particles there from clustering.
     #[default]
     Compression,
-    /// Compression and dilation (C = 0), as in the paper: the surface contracts.
+    /// Compression and dilation (C = 0), as in the paper, to be used with `artificial_pressure`: the surface contracts, and a
+    /// drop of 15 particles across loses 7 to 12 % of its volume.
     Equality,
 }
 
-/// Artificial pressure s_corr, [pbf] Eq. 13.
+/// Artificial pressure s_corr, [pbf] Eq. 13, for `constraint = "equality"`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]

@@ -3,7 +3,7 @@
 use crate::{
     preset::{check::Places, problem::Finding, shapes::source_finding},
     sim::{
-        liquid::{LiquidChannel, LiquidParams},
+        liquid::{Constraint, LiquidChannel, LiquidParams},
         scene::Scene,
     },
 };
@@ -22,6 +22,21 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
                 "a fixed number of iterations, but `density_dev` is given too",
             )
             .with_help("remove one of them; on the command line, `--set liquid.density_dev=none` does it"),
+        );
+    }
+    if liquid.artificial_pressure.is_some() && liquid.constraint == Constraint::Compression {
+        findings.push(
+            Finding::new(
+                places.of("liquid.artificial_pressure"),
+                "liquid.artificial_pressure",
+                "`liquid.artificial_pressure` needs `constraint = \"equality\"`",
+                "found the constraint \"compression\", under which nothing opposes the repulsion and a free liquid doubles its \
+                 volume",
+            )
+            .with_help(
+                "remove the table: under \"compression\" the surface needs no repulsion; or write `constraint = \"equality\"`, the \
+                 paper's combination, in `[liquid]`",
+            ),
         );
     }
     if liquid.min_substeps > liquid.max_substeps {
