@@ -556,3 +556,49 @@ fn a_drop_oscillates_with_the_period_of_its_surface_tension() {
     let spin = x.iter().zip(&v).map(|(x, v)| x.cross(v).cast::<f64>()).sum::<nalgebra::Vector3<f64>>();
     assert!(spin.norm() / (x.len() as f64) < 1e-3 * radius * radius / expected, "{spin:?}");
 }
+
+/// Contact angle of a spherical cap of `volume` [m³] on the plane z = 0, by the height of its mass centre [m].
+fn contact_angle(volume: f64, height: f64) -> f64 {
+    // [h (4r − h) / (4 (3r − h))] is the height of the mass centre of a cap of height h of a sphere of radius r.
+    let center = |angle: f64| {
+        let c = angle.cos();
+        let r = (3.0 * volume / (std::f64::consts::PI * (2.0 + c) * (1.0 - c).powi(2))).cbrt();
+        let h = r * (1.0 - c);
+        h * (4.0 * r - h) / (4.0 * (3.0 * r - h))
+    };
+    let (mut low, mut high) = (0.05, 3.1);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if center(middle) < height { low = middle } else { high = middle }
+    }
+    low.to_degrees()
+}
+
+#[test]
+fn a_drop_at_rest_has_the_contact_angle() {
+    let spacing = 0.001_f32;
+    let (half, height) = (7.0 * spacing, 7.0 * spacing);
+    for angle in [60.0, 120.0] {
+        let text = format!(
+            "spacing = {spacing}\nkernel_radius = 2.5\nviscosity = {{ strength = 0.02 }}\n\
+             surface_tension = {{ coefficient = 0.072, contact_angle = {angle} }}\n\
+             [[source]]\nshape = {{ box = {{ min = [{}, {}, 0], max = [{half}, {half}, {height}] }} }}",
+            -half, -half
+        );
+        let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        let world = World { gravity: Vec3::zeros(), solids: vec![Solid::fixed(floor)] };
+        let mut simulation = simulation(world, params(&text));
+        // The drop swings about its shape at rest.
+        let mut heights = 0.0;
+        for frame in 0..120 {
+            simulation.advance(1.0 / 240.0, &mut Unwatched).expect("it stays finite");
+            if frame >= 60 {
+                let x = channel(&state(&simulation), "position");
+                heights += x.iter().map(|x| f64::from(x.z)).sum::<f64>() / x.len() as f64 / 60.0;
+            }
+        }
+        let volume = state(&simulation).streams[0].len() as f64 * f64::from(spacing).powi(3);
+        let found = contact_angle(volume, heights);
+        assert!((found - angle).abs() < 5.0, "{found}°, expected {angle}°");
+    }
+}
