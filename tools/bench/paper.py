@@ -31,7 +31,8 @@ import meniscus_cache  # noqa: E402
 
 # The paper's frame of 16 ms. Its steps a frame and iterations a step are given row by row.
 FRAME = ["fps=62.5"]
-PAPER = ["liquid.solver=jacobi", "liquid.kernel=poly6_spiky", "liquid.constraint=equality"]
+PRESSURE = "liquid.artificial_pressure.strength=0.1"
+PAPER = ["liquid.solver=jacobi", "liquid.kernel=poly6_spiky", "liquid.constraint=equality", PRESSURE]
 JACOBI = ["liquid.solver=jacobi", "liquid.kernel=poly6_spiky"]
 
 
@@ -84,18 +85,21 @@ def number(count):
 def fig2(bench, images):
     """Artificial pressure: distances to the nearest neighbour."""
     rows, curves, lines = [], [], []
-    for name, constraint in (("C = 0, as in the paper", "equality"), ("C ≥ 0", "compression")):
-        for term, extra in (("without", ["liquid.artificial_pressure=none"]), ("with", [])):
-            settings = [*JACOBI, f"liquid.constraint={constraint}", *FRAME, *fixed(2, 3), *extra]
-            log, shot = bench.run("figure-splash", "1-64", settings, "draft")
-            lines.append(command("figure-splash", "1-64", settings, "draft"))
-            positions = meniscus_cache.read(shot / "cache/frame_0064.mcf")["streams"]["liquid"]["channels"]["position"]
-            near = nearest(positions.astype(np.float64)) / 0.05
-            quantiles = np.quantile(near, (0.01, 0.1, 0.5))
-            share = (near < 0.5).mean()
-            rows.append([f"{name}, {term}", *(f"{q:.2f}" for q in quantiles), f"{100 * share:.2f} %"])
-            parts = np.linspace(0, 1, 101)
-            curves.append((f"{name}, {term}", np.quantile(near, parts).clip(0, 1.5).tolist(), parts.tolist()))
+    for name, extra in (
+        ("C = 0, without", ["liquid.constraint=equality"]),
+        ("C = 0, with, as in the paper", ["liquid.constraint=equality", PRESSURE]),
+        ("C ≥ 0 with the density at the free surface", []),
+    ):
+        settings = [*JACOBI, *FRAME, *fixed(2, 3), *extra]
+        log, shot = bench.run("figure-splash", "1-64", settings, "draft")
+        lines.append(command("figure-splash", "1-64", settings, "draft"))
+        positions = meniscus_cache.read(shot / "cache/frame_0064.mcf")["streams"]["liquid"]["channels"]["position"]
+        near = nearest(positions.astype(np.float64)) / 0.05
+        quantiles = np.quantile(near, (0.01, 0.1, 0.5))
+        share = (near < 0.5).mean()
+        rows.append([name, *(f"{q:.2f}" for q in quantiles), f"{100 * share:.2f} %"])
+        parts = np.linspace(0, 1, 101)
+        curves.append((name, np.quantile(near, parts).clip(0, 1.5).tolist(), parts.tolist()))
     plot(images / "paper-fig2.svg", "Distance to the nearest neighbour, figure-splash, frame 64",
          "distance [spacings]", "share of particles below", curves, legend_top=240)
     size = number(log[-1]["particles"])
