@@ -25,6 +25,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("stretchy-corners", include_str!("../../presets/stretchy-corners.toml")),
         ("through-torus", include_str!("../../presets/through-torus.toml")),
         ("torus-small-hole", include_str!("../../presets/torus-small-hole.toml")),
+        ("water-drop", include_str!("../../presets/water-drop.toml")),
         ("water-on-cloth", include_str!("../../presets/water-on-cloth.toml")),
         ("wave-machine", include_str!("../../presets/wave-machine.toml")),
     ]

@@ -148,6 +148,7 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         "figure-drop",
         "figure-splash",
         "honey",
+        "water-drop",
         "wave-machine",
     ] {
         assert!(list.contains(name), "{list}");

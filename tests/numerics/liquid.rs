@@ -508,7 +508,7 @@ fn particles_at_the_surface_do_not_cluster() {
 
 #[test]
 fn colliding_drops_keep_their_volume() {
-    let text = "spacing = 0.05\nviscosity = {}\nvorticity = {}\n\
+    let text = "spacing = 0.05\nxsph = {}\nvorticity = {}\n\
          [[source]]\nvelocity = [0.4, 0, 0]\nshape = { sphere = { center = [0, 0, 0], radius = 0.3 } }\n\
          [[source]]\nvelocity = [-0.4, 0, 0]\nshape = { sphere = { center = [0.65, 0.2, 0], radius = 0.3 } }";
     let mut simulation = simulation(space(), params(text));
@@ -580,7 +580,7 @@ fn a_drop_at_rest_has_the_contact_angle() {
     let (half, height) = (7.0 * spacing, 7.0 * spacing);
     for angle in [60.0, 120.0] {
         let text = format!(
-            "spacing = {spacing}\nkernel_radius = 2.5\nviscosity = {{ strength = 0.02 }}\n\
+            "spacing = {spacing}\nkernel_radius = 2.5\nxsph = {{ strength = 0.02 }}\n\
              surface_tension = {{ coefficient = 0.072, contact_angle = {angle} }}\n\
              [[source]]\nshape = {{ box = {{ min = [{}, {}, 0], max = [{half}, {half}, {height}] }} }}",
             -half, -half
