@@ -1,7 +1,7 @@
 //! Surface tension and wetting.
 //!
 //! *Method*: the surface energy σ A, with the area A = 2 Σ V |∇c_i| of the colour function c_i = Σ V W_ij ([brackbill92]): the
-//! gradient of c integrates to ½ over the liquid's side of a flat surface. The force on a particle is the exact negative
+//! gradient of c integrates to ½ over the liquid's side of a flat surface. The force on a particle is the negative
 //! gradient of this sum, so linear and angular momentum are conserved to rounding, and the energy is known. A solid adds
 //! its share to c, so that liquid at a wall has no surface there (contact angle 90°), and the energy −σ cos θ of the wetted
 //! area, which is 2 Σ V |∇c_wall|, makes the contact angle θ by Young's law. A small pairwise cohesion holds droplets and
@@ -328,7 +328,9 @@ mod tests {
                     };
                     let expected = -(moved(2e-5) - moved(-2e-5)) / 4e-5 / scale;
                     let found = f64::from(force[i][axis]);
-                    assert!((found - expected).abs() < 0.02, "{i}, {axis}: {found}, expected {expected}");
+                    // At solids the derivative is a difference.
+                    let bound = if floor { 0.02 + 0.05 * expected.abs() } else { 5e-3 };
+                    assert!((found - expected).abs() < bound, "{i}, {axis}: {found}, expected {expected}");
                 }
             }
         }
