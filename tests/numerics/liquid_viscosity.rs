@@ -94,7 +94,8 @@ fn a_free_spinning_shearing_block_keeps_its_momenta() {
         let after = momenta(&simulation);
         println!("{tolerance}: {:e} {:e}", (after.0 - before.0).norm(), (after.1 - before.1).norm());
         assert!((after.0 - before.0).norm() < 3e-6, "{before:?} {after:?}");
-        assert!((after.1 - before.1).norm() < 1e-5, "{before:?} {after:?}");
+        // The density solve keeps angular momentum to about Δt²; see docs/decisions/019.
+        assert!((after.1 - before.1).norm() < 3e-5, "{before:?} {after:?}");
         let (first, last) = (32.0 * 1.02, records.last().unwrap().kinetic_energy);
         assert!(last < 0.8 * first && last > 0.5 * first, "{last} of {first} J");
     }
