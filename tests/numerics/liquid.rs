@@ -154,7 +154,12 @@ fn a_dam_breaks_as_fast_as_it_was_measured() {
 #[test]
 fn frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restart() {
     for solver in ["accelerated", "jacobi"] {
-        same_bits(&format!("solver = '{solver}'\nartificial_pressure = {{}}\nvorticity = {{}}\nxsph = {{}}"));
+        same_bits(&format!(
+            "solver = '{solver}'\nconstraint = 'equality'\nartificial_pressure = {{}}\nxsph = {{}}"
+        ));
+        same_bits(&format!(
+            "solver = '{solver}'\nsurface_tension = {{ coefficient = 20 }}\nvorticity = {{}}\nxsph = {{}}"
+        ));
     }
 }
 

@@ -218,7 +218,8 @@ struct Densities {
     deficit: [f32; LANES],
 }
 
-/// Largest deficit, over that of a flat surface: what faces more air than a half space is splash, and may contract.
+/// Largest deficit, over that of a flat surface. The gradient of a splash is no measure of what it lacks: it may contract. Edges
+/// and corners of a block lack more (1.9 and 2.7), and round off by a fraction of a spacing.
 const MAX_SURFACE_DEFICIT: f32 = 1.5;
 
 /// Density that a particle lacks at the free surface, from |∇_i C_i|² [1/m²], over ρ₀.
@@ -226,9 +227,10 @@ const MAX_SURFACE_DEFICIT: f32 = 1.5;
 /// The kernel of a particle at the surface reaches into the air. Without this term the outermost layer is below rest
 /// density, and is compressed along the surface and into the liquid until it is not: particles cluster in pairs, and a drop
 /// loses 4 to 7 % of its volume to its own surface tension. A half space of air at the distance of the surface lacks a
-/// density that grows from zero with the gradient. Its square fits the layers of the seeding lattice to 0.01 for all kernels
-/// up to h = 3 spacings, vanishes for the small gradients of the bulk, and is exact for the outermost layer of a flat
-/// surface. Constant during a substep, as ghost particles of air are ([schechter12]).
+/// density that grows from zero with the gradient. Its square fits the layers of the seeding lattice to 0.01 for Wendland's
+/// kernel up to h = 3 spacings (Poly6 and Spiky: 0.03), vanishes for the small gradients of the bulk, and is exact for the outermost layer of a flat
+/// surface. It is evaluated once in a solve of the accelerated solver, like ghost particles
+/// of air ([schechter12]), and in every iteration of the Jacobi solver.
 #[inline(always)]
 fn surface_deficit(setup: &SolverSetup<'_>, gradient2: f32) -> f32 {
     match setup.constraint {

@@ -329,6 +329,9 @@ impl Liquid {
         clock.time("search", || self.solver.build_lists(&setup(&self.params, &self.rest, &self.walls)));
         if self.tension.is_some() {
             record.clamps.corrections += clock.time("surface_tension", || self.apply_tension(dt));
+            let lists = clock
+                .time("search", || self.solver.ensure_lists(&setup(&self.params, &self.rest, &self.walls)));
+            lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
         }
         if let Some(repulsion) = &mut self.repulsion {
             record.clamps.corrections += clock.time("artificial_pressure", || {

@@ -16,12 +16,13 @@ pub struct LiquidParams {
     #[serde(default = "defaults::density")]
     pub density: f32,
     /// Support h of the smoothing kernels, in spacings. Below 1.6 neighbours are too few and free liquid swells (by 13 % at 1.2);
-    /// above 3 particles pair and the liquid boils. 2.5 lets small drops swing under `surface_tension`; it blurs detail, and
+    /// above 3 particles pair and the liquid boils. 2.5 lets small drops oscillate under `surface_tension`; it blurs detail, and
     /// the cost grows with its cube. Range: 1.6 to 3.
     #[serde(default = "defaults::kernel_radius")]
     pub kernel_radius: f32,
     /// Average density deviation at which the iteration stops [1] ("0.5 %"). Excludes `iterations`; with neither in the preset
-    /// it is 0.3 %. With `compression`, the deviation is the mean of max(ρ/ρ₀ − 1, 0) over all particles, with `equality`
+    /// it is 0.3 %. With `compression`, the deviation is the mean of max(C, 0) over all particles, where C is ρ/ρ₀ − 1 plus what a particle lacks at the
+    /// free surface; with `equality`
     /// that of |ρ/ρ₀ − 1|; dilation that `compression` allows is reported, and does not count here. A larger value is faster and
     /// bouncier; above a few per cent the liquid visibly loses volume. Range: above 0, at most 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -56,7 +56,8 @@ pub struct LiquidRecord {
     /// Largest residual of a viscous solve, relative to the change of velocity [1].
     pub viscosity_residual: f64,
     /// Mean over all particles of the constraint's error at the frame's end [1]: max(C, 0) for
-    /// `constraint = "compression"`, |C| for `"equality"`, with C = ρ/ρ₀ − 1. This is what `density_dev` bounds.
+    /// `constraint = "compression"`, |C| for `"equality"`, with C = ρ/ρ₀ − 1, to which
+    /// `"compression"` adds the density that a particle lacks at the free surface. This is what `density_dev` bounds.
     pub density_dev_avg: f64,
     /// Largest constraint error at the frame's end [1].
     pub density_dev_max: f64,
@@ -79,7 +80,8 @@ pub struct LiquidRecord {
     pub kinetic_energy: f64,
     /// Potential energy −Σ m g·x at the frame's end [J]; zero at the world's origin.
     pub potential_energy: f64,
-    /// Energy of the free surface by `surface_tension` [J]; zero where there is none.
+    /// Energy of the free surface, of cohesion and of wetting by `surface_tension` [J], at the predicted positions of the last
+    /// substep; zero without the term. It may be negative.
     pub surface_energy: f64,
     /// Energy that vorticity confinement added during the frame [J].
     pub confinement_energy: f64,

@@ -29,6 +29,9 @@ const NEIGHBOR_BYTES: f64 = 230.0;
 /// Buffers of the viscous solve [bytes/particle].
 const VISCOSITY_BYTES: f64 = 100.0;
 
+/// Lists and buffers of the surface tension [bytes/particle]: its lists reach 2.5 spacings whatever `kernel_radius` is.
+const TENSION_BYTES: f64 = 400.0;
+
 /// The smallest uncertainty that is stated: see the figures in docs/plan.md.
 const MIN_UNCERTAINTY: f64 = 0.25;
 
@@ -36,7 +39,8 @@ const MIN_UNCERTAINTY: f64 = 0.25;
 pub(super) fn memory(liquid: &LiquidParams, particles: f64) -> f64 {
     let neighbors = NEIGHBOR_BYTES * (f64::from(liquid.kernel_radius) / 2.0).powi(3);
     let viscosity = if liquid.viscosity.is_some() { VISCOSITY_BYTES } else { 0.0 };
-    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + viscosity)
+    let tension = if liquid.surface_tension.is_some() { TENSION_BYTES } else { 0.0 };
+    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + viscosity + tension)
 }
 
 /// The particles of a seeded liquid.

@@ -179,11 +179,13 @@ impl Costs {
     }
 }
 
-/// Substeps by the CFL rule at a speed of `max_speed` [m/s]: the positive root of (v + g dt) dt = allowed.
+/// Substeps by the CFL rule at a speed of `max_speed` [m/s], the positive root of (v + g dt) dt = allowed, and by the
+/// capillary time.
 fn cfl_substeps(shot: &Shot<'_>, max_speed: f64, spacing: f64) -> f64 {
     let allowed = f64::from(shot.liquid.cfl) * spacing;
     let root = max_speed + (max_speed * max_speed + 4.0 * shot.gravity * allowed).sqrt();
-    (shot.frame * root / (2.0 * allowed)).max(1.0)
+    let capillary = shot.frame / shot.liquid.longest_capillary_substep(spacing);
+    (shot.frame * root / (2.0 * allowed)).max(capillary).max(1.0)
 }
 
 /// Largest speed of a particle while frame `place` was computed: at its end or at its start.
