@@ -35,22 +35,23 @@ pub(super) struct RestState {
     pub(super) surface_deficit_scale: f32,
 }
 
+/// Layers and distances over h of a particle of the filled seeding lattice and of its neighbours, with h of `radius` spacings.
+pub(super) fn seeding_neighbours(radius: f64) -> impl Iterator<Item = (i32, f64)> {
+    let reach = radius.ceil() as i32;
+    let side = move || -reach..=reach;
+    let all = side().flat_map(move |z| side().flat_map(move |y| side().map(move |x| [x, y, z])));
+    all.map(move |[x, y, z]| (z, f64::from(x * x + y * y + z * z).sqrt() / radius)).filter(|&(_, q)| q < 1.0)
+}
+
 impl RestState {
     /// Calibrates on the seeding lattice of `spacing` [m], with a support of `radius` spacings.
     pub(super) fn new(kernel: Kernel, spacing: f32, radius: f32) -> Self {
         let (mut full, mut half, mut gradient2, mut surface_gradient) = (0.0, 0.0, 0.0, 0.0);
-        let reach = radius.ceil() as i32;
-        for z in -reach..=reach {
-            for (y, x) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
-                let q = f64::from(x * x + y * y + z * z).sqrt() / f64::from(radius);
-                if q < 1.0 {
-                    full += kernel.density(q);
-                    half += if z >= 0 { kernel.density(q) } else { 0.0 };
-                    surface_gradient +=
-                        if z > 0 { kernel.slope(q) * f64::from(z) / f64::from(radius) } else { 0.0 };
-                    gradient2 += if q > 0.0 { (kernel.slope(q) * q).powi(2) } else { 0.0 };
-                }
-            }
+        for (z, q) in seeding_neighbours(f64::from(radius)) {
+            full += kernel.density(q);
+            half += if z >= 0 { kernel.density(q) } else { 0.0 };
+            surface_gradient += if z > 0 { kernel.slope(q) * f64::from(z) / f64::from(radius) } else { 0.0 };
+            gradient2 += if q > 0.0 { (kernel.slope(q) * q).powi(2) } else { 0.0 };
         }
         let h = f64::from(spacing) * f64::from(radius);
         let density_scale = 1.0 / full;

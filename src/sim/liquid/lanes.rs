@@ -2,6 +2,7 @@
 
 use crate::{
     math::Vec3,
+    par,
     simd::{IndexRow, Lanes},
 };
 use bytemuck::{Pod, Zeroable};
@@ -26,6 +27,12 @@ impl Node {
     pub(super) fn value(&self) -> f32 {
         self.0[3]
     }
+}
+
+/// Copies positions over h into the layout of neighbour sums, with the value 0.
+pub(super) fn publish_positions(nodes: &mut Vec<Node>, x: &[Vec3], inv_h: f32) {
+    nodes.resize(x.len(), Node::default());
+    par::fill(nodes, |i| Node::new(x[i] * inv_h, 0.0));
 }
 
 /// The four components of eight nodes.

@@ -16,6 +16,7 @@ mod coupled;
 mod density;
 mod density_map;
 mod energy;
+mod faults;
 mod jacobi;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
@@ -30,6 +31,7 @@ mod repulsion;
 mod seed;
 mod setup;
 mod solve;
+mod state;
 mod surface_tension;
 mod viscosity;
 mod viscous_kernel;
@@ -45,16 +47,11 @@ pub use params::{
 pub use record::{Clamps, LiquidRecord, LiquidSeeds};
 
 use super::{
-    Diverged, SetupError, Stop, Watch, World,
+    Diverged, Stop, Watch,
     clock::{Clock, Seconds},
     substep::advance_frame,
 };
-use crate::{
-    frame::{Stream, StreamKind},
-    math::Vec3,
-    par,
-    space::CellGrid,
-};
+use crate::{math::Vec3, par};
 use accelerated::{MIN_SIGNIFICANT_ERROR, Momentum};
 use calibration::RestState;
 use energy::energy;
@@ -64,7 +61,7 @@ use neighbourhood::Neighbourhood;
 use record::FRAME_FIGURES;
 use repulsion::Repulsion;
 use setup::SolverSetup;
-use solve::{OvercrowdedCell, Solver};
+use solve::Solver;
 use surface_tension::Tension;
 use viscosity::{ViscositySolver, ViscousStep};
 use vorticity::Confinement;
@@ -72,9 +69,6 @@ use walls::Walls;
 
 /// Name of the system and of its stream.
 pub const NAME: &str = "liquid";
-
-/// Largest valid coordinate [m] or speed [m/s]; beyond it the state has diverged, since positions there resolve 8 m.
-const MAX_MAGNITUDE: f32 = 1e8;
 
 /// Fewest iterations of a substep, even if the target is met. With 0, errors below the target accumulate until one substep
 /// corrects them at once and throws the liquid apart; with 1, a dam break still gains 1 to 5 % of energy.
@@ -85,10 +79,6 @@ const MIN_ITERATIONS: u32 = 2;
 /// any pressure; walls then hold the weight by viscosity, and a slumping column is 3 % too high after 0.65 ms substeps. At 0.003
 /// the solve takes 2.2 times the iterations for a picture that hardly differs.
 const PRESSURE_TOLERANCE: f64 = 0.03;
-
-/// Kinematic viscosity with which eddies fade without viscosity, over speed times spacing: 0.5 to 1.1 for four eddies in a
-/// square of 0.4 m at 1 m/s, 1 and 2 cm spacing, after the first 0.1 s (docs/decisions/018).
-const EDDY_DISSIPATION: f64 = 0.5;
 
 /// A liquid and its current state.
 #[derive(Debug)]
@@ -121,128 +111,6 @@ pub(super) struct Liquid {
 }
 
 impl Liquid {
-    /// Fills the sources with particles.
-    pub(super) fn seed(params: LiquidParams, world: &World) -> Result<Self, SetupError> {
-        let mut liquid = Self::empty(params, world);
-        let seeds = seed::seed(&liquid.params, &liquid.rest, &liquid.walls)?;
-        liquid.id = (0..seeds.report.particles).collect();
-        (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
-        if liquid.params.channels.contains(&LiquidChannel::Source) {
-            liquid.ends = seeds.ends;
-        }
-        liquid.first_energy = liquid.kinetic_energy() + liquid.potential_energy();
-        if let Some(viscosity) = &liquid.params.viscosity {
-            let speed = liquid.expected_speed();
-            liquid.seeded.viscosity = f64::from(viscosity.dynamic);
-            liquid.seeded.speed = speed;
-            liquid.seeded.solver_viscosity = f64::from(liquid.params.density)
-                * EDDY_DISSIPATION
-                * speed
-                * f64::from(liquid.params.spacing);
-        }
-        if let Some(tension) = &mut liquid.tension {
-            liquid.first_energy += tension.energy_at(&liquid.x);
-        }
-        Ok(liquid)
-    }
-
-    /// Largest speed of the particles plus that of falling through their height [m/s].
-    fn expected_speed(&self) -> f64 {
-        let (x, v, g) = (&self.x, &self.v, self.gravity);
-        let largest = |f: &(dyn Fn(usize) -> f32 + Sync)| par::max(x.len(), f).map_or(0.0, |(_, most)| most);
-        let fall = largest(&|i| g.dot(&x[i])) + largest(&|i| -g.dot(&x[i]));
-        f64::from(largest(&|i| v[i].norm())) + f64::from(2.0 * fall.max(0.0)).sqrt()
-    }
-
-    /// Restores the state from a frame's stream, at `time` since the shot's start [s].
-    pub(super) fn restore(
-        params: LiquidParams,
-        world: &World,
-        stream: &Stream,
-        time: f64,
-    ) -> Result<Self, SetupError> {
-        let missing = |what| SetupError::Missing { stream: NAME, what };
-        let mut liquid = Self::empty(params, world);
-        liquid.walls.place_at(time);
-        liquid.x = stream.vec3("position").ok_or(missing("position"))?.to_vec();
-        liquid.v = stream.vec3("velocity").ok_or(missing("velocity"))?.to_vec();
-        liquid.id = stream.u32("id").ok_or(missing("id"))?.to_vec();
-        if liquid.params.channels.contains(&LiquidChannel::Source) {
-            let name = LiquidChannel::Source.name();
-            liquid.ends = seed::ends(&liquid.id, stream.u32(name).ok_or(missing(name))?);
-        }
-        liquid.first_energy = stream.scalar("first_energy").ok_or(missing("first_energy"))?;
-        let count = |name| stream.scalar(name).map(|value| value as u32).ok_or(missing(name));
-        liquid.seeded = LiquidSeeds {
-            particles: liquid.x.len() as u32,
-            skipped_in_solids: count("skipped_in_solids")?,
-            skipped_overlapping: count("skipped_overlapping")?,
-            ..LiquidSeeds::default()
-        };
-        let figures = FRAME_FIGURES.map(|(name, _)| stream.scalar(name));
-        liquid.figures = figures.iter().all(Option::is_some).then(|| figures.map(Option::unwrap_or_default));
-        if liquid.x.is_empty() { Err(SetupError::NoParticles) } else { Ok(liquid) }
-    }
-
-    fn empty(params: LiquidParams, world: &World) -> Self {
-        let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
-        let mut solver = Solver::default();
-        if params.surface_tension.is_some() {
-            solver.tension_reach = Tension::support(&params);
-        }
-        Self {
-            rest,
-            walls: Walls::new(&world.solids, &rest),
-            gravity: world.gravity,
-            mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
-            first_energy: 0.0,
-            figures: None,
-            seeded: LiquidSeeds::default(),
-            ends: Vec::new(),
-            id: Vec::new(),
-            x: Vec::new(),
-            v: Vec::new(),
-            solver,
-            momentum: Momentum::default(),
-            repulsion: params.artificial_pressure.clone().map(|params| Repulsion::new(params, &rest)),
-            tension: params.surface_tension.as_ref().map(|tension| Tension::new(tension, &params, world)),
-            viscosity: params
-                .viscosity
-                .as_ref()
-                .map(|viscosity| ViscositySolver::new(viscosity, params.density, &rest)),
-            confinement: params.vorticity.as_ref().map(Confinement::new),
-            motion: Vec::new(),
-            params,
-        }
-    }
-
-    /// The state at `time` since the shot's start [s] as named columns, with everything that [`Liquid::restore`] needs.
-    pub(super) fn stream(&self, time: f64) -> Stream {
-        let mut stream = Stream::new(NAME, StreamKind::Particles, self.x.len())
-            .with("position", self.x.clone())
-            .with("velocity", self.v.clone())
-            .with("id", self.id.clone());
-        for channel in LiquidChannel::ALL.into_iter().filter(|channel| self.params.channels.contains(channel))
-        {
-            stream = match channel {
-                LiquidChannel::Age => stream.with(channel.name(), vec![time as f32; self.x.len()]),
-                LiquidChannel::Source => {
-                    let source = |&id: &u32| self.ends.partition_point(|&end| end <= id) as u32;
-                    stream.with(channel.name(), self.id.iter().map(source).collect::<Vec<u32>>())
-                }
-            };
-        }
-        stream.scalars = vec![
-            ("spacing".into(), f64::from(self.params.spacing)),
-            ("first_energy".into(), self.first_energy),
-            ("skipped_in_solids".into(), f64::from(self.seeded.skipped_in_solids)),
-            ("skipped_overlapping".into(), f64::from(self.seeded.skipped_overlapping)),
-        ];
-        let figures = FRAME_FIGURES.iter().zip(self.figures.iter().flatten());
-        stream.scalars.extend(figures.map(|((name, _), value)| ((*name).into(), *value)));
-        stream
-    }
-
     /// Report of the seeding.
     pub(super) fn seeded(&self) -> LiquidSeeds {
         self.seeded
@@ -329,6 +197,9 @@ impl Liquid {
         clock.time("search", || self.solver.build_lists(&setup(&self.params, &self.rest, &self.walls)));
         if self.tension.is_some() {
             record.clamps.corrections += clock.time("surface_tension", || self.apply_tension(dt));
+        }
+        if self.repulsion.is_some() {
+            // The tension may have moved particles beyond the skin.
             let lists = clock
                 .time("search", || self.solver.ensure_lists(&setup(&self.params, &self.rest, &self.walls)));
             lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
@@ -440,14 +311,16 @@ impl Liquid {
         let limit = (PRESSURE_TOLERANCE * fall).max(MIN_SIGNIFICANT_ERROR);
         let target = self.params.target().map(|target| target.min(limit));
         clock.around("solve", |clock| self.solve(dt, target, &mut None, clock, record, watch))?;
-        record.unconverged = unconverged; // the second solve decides
+        // The second solve decides about the density, this one about the pressure that viscosity acts with.
+        record.pressure_unconverged += record.unconverged - unconverged;
+        record.unconverged = unconverged;
         clock.time("velocity", || self.update_velocities(dt));
         let Some(viscosity) = &mut self.viscosity else { return Ok(()) };
         self.momentum.keep(&self.solver, &mut viscosity.pressures);
         let solve = clock.time("viscosity", || {
             let reach = setup(&self.params, &self.rest, &self.walls).boundary_reach();
             let Solver { nodes, lists, p, clearance, .. } = &mut self.solver;
-            publish_scaled(nodes, &self.x, self.rest.inv_support);
+            lanes::publish_positions(nodes, &self.x, self.rest.inv_support);
             let (rest, walls) = (&self.rest, &self.walls);
             viscosity.apply(ViscousStep { rest, walls, lists, p, clearance, reach, dt }, nodes, &mut self.v)
         });
@@ -605,61 +478,6 @@ impl Liquid {
         Ok(())
     }
 
-    /// Refuses a state with NaN or with values beyond [`MAX_MAGNITUDE`].
-    fn check_state(&self, substep: u32) -> Result<(), Diverged> {
-        let found = [(invalid_value(&self.x), "position", "m"), (invalid_value(&self.v), "velocity", "m/s")]
-            .into_iter()
-            .find_map(|(found, what, unit)| {
-                found.map(|(i, value)| (i, format!("has a {what} of {value} {unit}")))
-            });
-        match found {
-            None => Ok(()),
-            Some((i, what)) => Err(self.diverged(substep, i, what)),
-        }
-    }
-
-    /// The error for an overcrowded cell; if a particle is beyond all bounds, the error names it instead.
-    fn overcrowded(&self, substep: u32, OvercrowdedCell { particle, count }: OvercrowdedCell) -> Diverged {
-        if let Some((i, value)) = invalid_value(&self.solver.p) {
-            return self.diverged(substep, i, format!("has a position of {value} m"));
-        }
-        let usual = CellGrid::particles_per_cell(self.solver.grid.cell(), self.rest.spacing);
-        let what = format!(
-            "has {} others within {:.1} spacings, where about {usual:.0} are expected",
-            count - 1,
-            self.solver.grid.cell() / self.rest.spacing * 3.0_f32.sqrt(),
-        );
-        let try_next =
-            "a larger liquid.max_substeps, a larger liquid.spacing or more space between the colliders";
-        Diverged { try_next, ..self.diverged(substep, particle, what) }
-    }
-
-    /// The error for a particle whose constraint is not finite.
-    fn undefined_constraint(&self, substep: u32) -> Diverged {
-        let (ratio, lambda) = (&self.solver.ratio, &self.solver.multipliers.0.lambda);
-        let first = |values: &[f32]| {
-            let worst = par::max(values.len(), |i| if values[i].is_finite() { 0.0 } else { f32::NAN });
-            worst.filter(|(_, worst)| worst.is_nan()).map(|(i, _)| i)
-        };
-        let (i, what) = match (first(ratio), first(lambda)) {
-            (None, Some(i)) => (i, format!("has a pressure of {} m²", lambda[i])),
-            (found, _) => {
-                let i = found.unwrap_or(0);
-                (i, format!("has a density of {} times rest", ratio[i]))
-            }
-        };
-        self.diverged(substep, i, what)
-    }
-
-    fn diverged(&self, substep: u32, i: usize, what: String) -> Diverged {
-        let try_next = if substep == 0 {
-            "finite values near the origin as the start state"
-        } else {
-            "a smaller liquid.cfl, a larger liquid.max_substeps or a larger liquid.softening"
-        };
-        Diverged { system: NAME, substep, particle: self.id[i], what, try_next }
-    }
-
     fn kinetic_energy(&self) -> f64 {
         energy(&self.v, &self.x, Vec3::zeros(), self.mass)
     }
@@ -677,12 +495,6 @@ impl LiquidParams {
             (None, dev) => Some(f64::from(dev.unwrap_or(Self::DEFAULT_DENSITY_DEV))),
         }
     }
-}
-
-/// The first NaN, or the largest value if it is beyond [`MAX_MAGNITUDE`].
-fn invalid_value(values: &[Vec3]) -> Option<(usize, f32)> {
-    let size = |v: Vec3| if v.iter().any(|c| c.is_nan()) { f32::NAN } else { v.amax() };
-    par::max(values.len(), |i| size(values[i])).filter(|(_, value)| value.is_nan() || *value > MAX_MAGNITUDE)
 }
 
 fn setup<'a>(params: &LiquidParams, rest: &'a RestState, walls: &'a Walls) -> SolverSetup<'a> {
@@ -713,12 +525,6 @@ fn project_contacts(
     {
         solver.check_skin(rest);
     }
-}
-
-/// Copies positions over h into the layout of neighbour sums.
-fn publish_scaled(nodes: &mut Vec<Node>, x: &[Vec3], inv_h: f32) {
-    nodes.resize(x.len(), Node::default());
-    par::fill(nodes, |i| Node::new(x[i] * inv_h, 0.0));
 }
 
 /// Copies velocities into the layout of neighbour sums.

@@ -53,6 +53,8 @@ pub struct LiquidRecord {
     pub viscosity_iterations: u32,
     /// Viscous solves that ended at their `max_iterations` above `tolerance`.
     pub viscosity_unconverged: u32,
+    /// Density solves before the viscous ones that ended at `max_iterations`: walls and viscosity then hold a part of the weight.
+    pub pressure_unconverged: u32,
     /// Largest residual of a viscous solve, relative to the change of velocity [1].
     pub viscosity_residual: f64,
     /// Mean over all particles of the constraint's error at the frame's end [1]: max(C, 0) for

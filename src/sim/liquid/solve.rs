@@ -15,7 +15,7 @@ use super::{
     density::{
         Chunk, ConstraintError, DensityPass, Multiplier, MultiplierColumns, MultiplierUpdate, Residual,
     },
-    lanes::Node,
+    lanes::{self, Node},
     pass,
     setup::{LIST_SKIN, SolverSetup},
 };
@@ -192,9 +192,7 @@ impl Solver {
 
     /// Copies positions into the layout of neighbour sums.
     pub(super) fn publish_positions(&mut self, inv_h: f32) {
-        self.nodes.resize(self.p.len(), Node::default());
-        let p = &self.p;
-        par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, 0.0));
+        lanes::publish_positions(&mut self.nodes, &self.p, inv_h);
     }
 
     /// Copies positions and densities into the layout of neighbour sums.
@@ -271,6 +269,28 @@ mod tests {
             let solver = evaluated(&rest, Constraint::Equality, (0..729).map(position).collect());
             let middle = 4 + 9 * 4 + 81 * 4;
             assert!((solver.ratio[middle] - 1.0).abs() < 1e-3, "{spacing}: {}", solver.ratio[middle]);
+        }
+    }
+
+    #[test]
+    fn flat_free_surfaces_of_the_seeding_lattice_are_at_rest() {
+        for (kernel, radius, bound) in [
+            (Kernel::Wendland, 1.6, 0.011),
+            (Kernel::Wendland, 2.0, 0.011),
+            (Kernel::Wendland, 2.5, 0.011),
+            (Kernel::Wendland, 3.0, 0.011),
+            (Kernel::Poly6Spiky, 2.0, 0.011),
+            (Kernel::Poly6Spiky, 3.0, 0.03),
+        ] {
+            let rest = RestState::new(kernel, 0.02, radius);
+            let position = |k: u32| Vec3::new((k % 9) as f32, (k / 9 % 9) as f32, (k / 81) as f32) * 0.02;
+            let solver = evaluated(&rest, Constraint::Compression, (0..729).map(position).collect());
+            for layer in 4..9 {
+                let i = 4 + 9 * 4 + 81 * layer;
+                let c = solver.ratio[i] + solver.deficit[i] - 1.0;
+                assert!(c.abs() < bound, "{kernel:?}, radius {radius}, layer {layer}: C = {c}");
+            }
+            assert!(solver.deficit[4 + 9 * 4 + 81 * 4] < 1e-6);
         }
     }
 

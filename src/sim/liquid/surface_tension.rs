@@ -16,7 +16,7 @@
 
 use super::{
     Kernel, LiquidParams, SurfaceTension,
-    calibration::RestState,
+    calibration::{RestState, seeding_neighbours},
     correction::limit,
     lanes::{self, Node},
     pair::{Pair, Wendland},
@@ -32,21 +32,22 @@ use crate::{
 };
 
 /// Support of the colour function, in spacings. At 2 the area follows the arrangement of single particles: it traps the
-/// surface in local minima, and a drop hardly oscillates. At 3 a step takes twice the time of 2.5.
+/// surface in local minima, and a drop hardly oscillates. At 3 it has 1.7 times the neighbours of 2.5.
 const KERNEL_RADIUS: f32 = 2.5;
 
 /// |∇c| h below which its direction counts as noise.
 const GRADIENT_NOISE: f32 = 0.1;
 
-/// Share of σ that the cohesion would have if the seeding lattice were cut. At 0.25 a slab of four layers loses a sixth of its
-/// particles to the air; at 1 a drop hardly oscillates.
+/// Share of σ that the cohesion would have if the seeding lattice were cut. At 0.25 a slab of four layers loses 45 % of its
+/// particles to the air within a second; at 2 a drop (support 2) does not oscillate.
 const COHESION: f64 = 0.5;
 
-/// Factor of σ that gives drops of 6 to 11 spacings of radius the period of [rayleigh79]. It makes up for what cohesion and
+/// Factor of σ that gives drops of 8 to 11 spacings of radius the period of [rayleigh79] less 1 to 5 %; at 6 spacings a drop
+/// may be overdamped. It makes up for what cohesion and
 /// the layered arrangement of particles at the surface add.
 const CALIBRATION: f64 = 0.95;
 
-/// Distance below which cohesion repels, in h. At 0.4 the period is 5 to 12 % short; below 0.2 particles pair.
+/// Distance below which cohesion repels, in h. At 0.4 the period is 5 to 12 % short; at -0.3 particles pair (closest 0.57 spacings).
 const COHESION_ZERO: f32 = 0.3;
 
 /// Factor and offset of cos θ that give resting drops of 8 spacings of radius the contact angle: cohesion finds no partners in
@@ -56,7 +57,7 @@ const WETTING: [f32; 2] = [1.33, 0.45];
 /// Step of the numerical derivative of a solid's gradient, in h.
 const DIFFERENCE_STEP: f32 = 0.05;
 
-/// Longest substep, over the capillary time √(ρ Δx³/(2πσ)) of [brackbill92].
+/// Longest substep, over the capillary time √(ρ Δx³/(2πσ)) of [brackbill92]. Drops were measured at 0.35 and below.
 const CAPILLARY_STEP: f64 = 0.4;
 
 /// Surface tension and its buffers.
@@ -150,10 +151,10 @@ impl Tension {
     fn evaluate(&mut self, grid: &CellGrid, p: &[Vec3]) {
         let (count, inv_h) = (p.len(), self.rest.inv_support);
         self.lists.rebuild(grid, p, self.rest.support);
-        for column in [&mut self.nodes, &mut self.gradient, &mut self.force] {
+        lanes::publish_positions(&mut self.nodes, p, inv_h);
+        for column in [&mut self.gradient, &mut self.force] {
             column.resize(count, Node::default());
         }
-        par::fill(&mut self.nodes, |i| Node::new(p[i] * inv_h, 0.0));
         let (lists, nodes, rest, walls) = (&self.lists, &*self.nodes, &self.rest, &self.walls);
         let (scale, cohesion) = (rest.gradient_scale * rest.support, self.cohesion);
         let cos_contact = self.cos_contact;
@@ -188,19 +189,14 @@ impl LiquidParams {
 
 /// Energy that a cohesion of 1 N costs when the seeding lattice is cut in two, over the area of both faces [J/m²].
 fn cut_energy(h: f64, spacing: f64) -> f64 {
-    let (radius, zero) = (f64::from(KERNEL_RADIUS), f64::from(COHESION_ZERO));
-    let reach = radius.ceil() as i32;
-    let mut bonds = 0.0;
-    for z in 1..=reach {
-        for (y, x) in (-reach..=reach).flat_map(|y| (-reach..=reach).map(move |x| (y, x))) {
-            let q = f64::from(x * x + y * y + z * z).sqrt() / radius;
-            if q < 1.0 {
-                let t = 1.0 - q;
-                bonds += f64::from(z) * (t.powi(3) * (1.0 - zero) / 3.0 - t.powi(4) / 4.0);
-            }
-        }
-    }
+    let across = seeding_neighbours(f64::from(KERNEL_RADIUS)).filter(|&(z, _)| z > 0);
+    let bonds: f64 = across.map(|(z, q)| f64::from(z) * pair_potential(q)).sum();
     0.5 * bonds * h / (spacing * spacing)
+}
+
+/// Energy over h that separates a pair at q under a cohesion of 1 N, to where it ends.
+fn pair_potential(q: f64) -> f64 {
+    (1.0 - q).powi(3) * (1.0 - f64::from(COHESION_ZERO)) / 3.0 - (1.0 - q).powi(4) / 4.0
 }
 
 /// ∇c h of the solids at `x`, in units of the kernel.
@@ -381,13 +377,7 @@ mod tests {
 
     /// Sum of the cohesion's energies over the neighbours of a particle inside the seeding lattice.
     fn bulk_pairs() -> f64 {
-        let reach = KERNEL_RADIUS.ceil() as i32;
-        let side = || -reach..=reach;
-        let zero = f64::from(COHESION_ZERO);
-        let all = side().flat_map(|z| side().flat_map(move |y| side().map(move |x| x * x + y * y + z * z)));
-        all.filter(|&r2| r2 > 0)
-            .map(|r2| (1.0 - f64::from(r2).sqrt() / f64::from(KERNEL_RADIUS)).max(0.0))
-            .map(|t| t.powi(3) * (1.0 - zero) / 3.0 - t.powi(4) / 4.0)
-            .sum()
+        let others = seeding_neighbours(f64::from(KERNEL_RADIUS)).filter(|&(_, q)| q > 0.0);
+        others.map(|(_, q)| pair_potential(q)).sum()
     }
 }

@@ -55,6 +55,7 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
     nonzero(&[
         (record.unconverged.into(), "substeps stopped at max_iterations"),
         (record.viscosity_unconverged.into(), "viscous solves stopped at liquid.viscosity.max_iterations"),
+        (record.pressure_unconverged.into(), "density solves before viscosity stopped at max_iterations"),
         (record.cfl_capped.into(), "substeps longer than cfl or surface tension allows (max_substeps)"),
         (clamps.corrections, "corrections shortened"),
         (clamps.energy, "velocities held to the energy bound"),

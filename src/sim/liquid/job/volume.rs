@@ -16,9 +16,6 @@ pub(super) const MAX_VOLUME_CHANGE: f64 = 0.03;
 /// The largest `liquid.kernel_radius` at which water keeps its volume without more iterations.
 const MAX_USUAL_KERNEL_RADIUS: f32 = 2.5;
 
-/// The smallest at which neighbours keep particles in order.
-const MIN_USUAL_KERNEL_RADIUS: f32 = 1.6;
-
 /// The largest `liquid.density_dev` that does not itself allow a visible loss of volume.
 const MAX_USUAL_DENSITY_DEV: f32 = 0.01;
 
@@ -51,12 +48,6 @@ fn why_gained(liquid: &LiquidParams) -> String {
             "liquid.artificial_pressure pushes particles apart where nothing presses them together; lower its strength \
              ({}) or remove the table",
             pressure.strength
-        );
-    }
-    if liquid.kernel_radius < MIN_USUAL_KERNEL_RADIUS {
-        return format!(
-            "liquid.kernel_radius ({}) leaves too few neighbours; set it to {MIN_USUAL_KERNEL_RADIUS} or more",
-            liquid.kernel_radius
         );
     }
     match liquid.constraint {
@@ -154,7 +145,6 @@ mod tests {
         let none = |_: &mut LiquidParams| {};
         for (change, frames, word) in [
             (none as fn(&mut LiquidParams), &gained, "liquid.spacing (0.1 m)"),
-            (|l| l.kernel_radius = 1.3, &gained, "liquid.kernel_radius (1.3)"),
             (|l| l.artificial_pressure = Some(ArtificialPressure::default()), &gained, "strength (0.1)"),
             (
                 |l| {

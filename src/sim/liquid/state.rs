@@ -1,0 +1,140 @@
+//! The liquid's state: seeded, restored from a frame, and written to one.
+
+use super::{
+    Liquid, LiquidChannel, LiquidParams, LiquidSeeds, NAME, accelerated::Momentum, calibration::RestState,
+    record::FRAME_FIGURES, repulsion::Repulsion, seed, solve::Solver, surface_tension::Tension,
+    viscosity::ViscositySolver, vorticity::Confinement, walls::Walls,
+};
+use crate::{
+    frame::{Stream, StreamKind},
+    par,
+    sim::{SetupError, World},
+};
+
+/// Kinematic viscosity with which eddies fade without viscosity, over speed times spacing: 0.5 to 1.1 for four eddies in a
+/// square of 0.4 m at 1 m/s, 1 and 2 cm spacing, after the first 0.1 s (docs/decisions/018).
+const EDDY_DISSIPATION: f64 = 0.5;
+
+impl Liquid {
+    /// Fills the sources with particles.
+    pub(in crate::sim) fn seed(params: LiquidParams, world: &World) -> Result<Self, SetupError> {
+        let mut liquid = Self::empty(params, world);
+        let seeds = seed::seed(&liquid.params, &liquid.rest, &liquid.walls)?;
+        liquid.id = (0..seeds.report.particles).collect();
+        (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
+        if liquid.params.channels.contains(&LiquidChannel::Source) {
+            liquid.ends = seeds.ends;
+        }
+        liquid.first_energy = liquid.kinetic_energy() + liquid.potential_energy();
+        if let Some(viscosity) = &liquid.params.viscosity {
+            let speed = liquid.expected_speed();
+            liquid.seeded.viscosity = f64::from(viscosity.dynamic);
+            liquid.seeded.speed = speed;
+            liquid.seeded.solver_viscosity = f64::from(liquid.params.density)
+                * EDDY_DISSIPATION
+                * speed
+                * f64::from(liquid.params.spacing);
+        }
+        if let Some(tension) = &mut liquid.tension {
+            liquid.first_energy += tension.energy_at(&liquid.x);
+        }
+        Ok(liquid)
+    }
+
+    /// Largest speed of the particles plus that of falling through their height [m/s].
+    fn expected_speed(&self) -> f64 {
+        let (x, v, g) = (&self.x, &self.v, self.gravity);
+        let largest = |f: &(dyn Fn(usize) -> f32 + Sync)| par::max(x.len(), f).map_or(0.0, |(_, most)| most);
+        let fall = largest(&|i| g.dot(&x[i])) + largest(&|i| -g.dot(&x[i]));
+        f64::from(largest(&|i| v[i].norm())) + f64::from(2.0 * fall.max(0.0)).sqrt()
+    }
+
+    /// Restores the state from a frame's stream, at `time` since the shot's start [s].
+    pub(in crate::sim) fn restore(
+        params: LiquidParams,
+        world: &World,
+        stream: &Stream,
+        time: f64,
+    ) -> Result<Self, SetupError> {
+        let missing = |what| SetupError::Missing { stream: NAME, what };
+        let mut liquid = Self::empty(params, world);
+        liquid.walls.place_at(time);
+        liquid.x = stream.vec3("position").ok_or(missing("position"))?.to_vec();
+        liquid.v = stream.vec3("velocity").ok_or(missing("velocity"))?.to_vec();
+        liquid.id = stream.u32("id").ok_or(missing("id"))?.to_vec();
+        if liquid.params.channels.contains(&LiquidChannel::Source) {
+            let name = LiquidChannel::Source.name();
+            liquid.ends = seed::ends(&liquid.id, stream.u32(name).ok_or(missing(name))?);
+        }
+        liquid.first_energy = stream.scalar("first_energy").ok_or(missing("first_energy"))?;
+        let count = |name| stream.scalar(name).map(|value| value as u32).ok_or(missing(name));
+        liquid.seeded = LiquidSeeds {
+            particles: liquid.x.len() as u32,
+            skipped_in_solids: count("skipped_in_solids")?,
+            skipped_overlapping: count("skipped_overlapping")?,
+            ..LiquidSeeds::default()
+        };
+        let figures = FRAME_FIGURES.map(|(name, _)| stream.scalar(name));
+        liquid.figures = figures.iter().all(Option::is_some).then(|| figures.map(Option::unwrap_or_default));
+        if liquid.x.is_empty() { Err(SetupError::NoParticles) } else { Ok(liquid) }
+    }
+
+    fn empty(params: LiquidParams, world: &World) -> Self {
+        let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
+        let mut solver = Solver::default();
+        if params.surface_tension.is_some() {
+            solver.tension_reach = Tension::support(&params);
+        }
+        Self {
+            rest,
+            walls: Walls::new(&world.solids, &rest),
+            gravity: world.gravity,
+            mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
+            first_energy: 0.0,
+            figures: None,
+            seeded: LiquidSeeds::default(),
+            ends: Vec::new(),
+            id: Vec::new(),
+            x: Vec::new(),
+            v: Vec::new(),
+            solver,
+            momentum: Momentum::default(),
+            repulsion: params.artificial_pressure.clone().map(|params| Repulsion::new(params, &rest)),
+            tension: params.surface_tension.as_ref().map(|tension| Tension::new(tension, &params, world)),
+            viscosity: params
+                .viscosity
+                .as_ref()
+                .map(|viscosity| ViscositySolver::new(viscosity, params.density, &rest)),
+            confinement: params.vorticity.as_ref().map(Confinement::new),
+            motion: Vec::new(),
+            params,
+        }
+    }
+
+    /// The state at `time` since the shot's start [s] as named columns, with everything that [`Liquid::restore`] needs.
+    pub(in crate::sim) fn stream(&self, time: f64) -> Stream {
+        let mut stream = Stream::new(NAME, StreamKind::Particles, self.x.len())
+            .with("position", self.x.clone())
+            .with("velocity", self.v.clone())
+            .with("id", self.id.clone());
+        for channel in LiquidChannel::ALL.into_iter().filter(|channel| self.params.channels.contains(channel))
+        {
+            stream = match channel {
+                LiquidChannel::Age => stream.with(channel.name(), vec![time as f32; self.x.len()]),
+                LiquidChannel::Source => {
+                    let source = |&id: &u32| self.ends.partition_point(|&end| end <= id) as u32;
+                    stream.with(channel.name(), self.id.iter().map(source).collect::<Vec<u32>>())
+                }
+            };
+        }
+        stream.scalars = vec![
+            ("spacing".into(), f64::from(self.params.spacing)),
+            ("first_energy".into(), self.first_energy),
+            ("skipped_in_solids".into(), f64::from(self.seeded.skipped_in_solids)),
+            ("skipped_overlapping".into(), f64::from(self.seeded.skipped_overlapping)),
+        ];
+        let figures = FRAME_FIGURES.iter().zip(self.figures.iter().flatten());
+        stream.scalars.extend(figures.map(|((name, _), value)| ((*name).into(), *value)));
+        stream
+    }
+}
