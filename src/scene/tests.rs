@@ -138,6 +138,22 @@ fn each_mistake_is_shown_where_it_stands() {
             &["`point`, `normal`"],
             None,
         ),
+        (
+            "[[world.collider]]",
+            "[[world.collider]]\nfriction = -0.1",
+            7,
+            12,
+            &["out of range", "at least 0"],
+            None,
+        ),
+        (
+            "[[world.collider]]",
+            "[[world.collider]]\nrestitution = 1.1",
+            7,
+            15,
+            &["out of range", "0 to 1"],
+            None,
+        ),
         ("{ plane = { point = [0, 0, 0], normal = [0, 0, 1] } }", "{}", 7, 1, &["an empty table"], None),
         ("normal = [0, 0, 1]", "normal = [0, 0, 0]", 7, 40, &["length zero"], None),
         ("min = [0, 0, 0], max", "min = [0, 2, 0], max", 13, 36, &["not above `min` on the y axis"], None),
@@ -213,6 +229,17 @@ fn all_problems_are_reported_at_once_in_order() {
     // Syntax errors come together too, one a line.
     let error = read("a = \nb = 1\nc = ]\n").unwrap_err();
     assert_eq!(error.problems().iter().map(|problem| problem.line).collect::<Vec<_>>(), [1, 3]);
+}
+
+#[test]
+fn rough_colliders_without_a_liquid_are_refused() {
+    let text = bad("[[world.collider]]", "[[world.collider]]\nfriction = 0.3\nrestitution = 0.2");
+    let collider = read(&text).unwrap().world.collider.remove(0);
+    assert_eq!((collider.friction, collider.restitution), (Some(0.3), Some(0.2)));
+    let smoke = "[smoke]\nspacing = 0.05\n[[smoke.ring]]\ncenter = [0, 0, 1]\nradius = 0.4\nthickness = 0.08\ncirculation = 1.6\n";
+    let without = text.split("[liquid]").next().unwrap().to_owned() + smoke;
+    let message = rendered(&read(&without).unwrap_err());
+    assert!(message.contains("`friction` of a collider acts on liquids"), "{message}");
 }
 
 #[test]

@@ -18,6 +18,14 @@ pub struct Collider {
     /// How it moves from keyframe to keyframe.
     #[serde(default, skip_serializing_if = "is_linear")]
     pub interpolation: Interpolation,
+    /// Coulomb friction μ of the liquid on the surface: 0.1 lets a puddle glide, 0.5 stops it, 1 and more nearly sticks. Sheets
+    /// have their own in `sheets.friction`. Absent: the liquid slips freely. Range: at least 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction: Option<f32>,
+    /// Restitution of the liquid on the surface: the speed of a particle after an impact over that before; 0.3 lets
+    /// drops patter, 1 loses nothing. Absent: none. Range: 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub restitution: Option<f32>,
 }
 
 fn is_linear(interpolation: &Interpolation) -> bool {
@@ -31,19 +39,30 @@ pub struct Solid {
     pub shape: Shape,
     /// Motion; `None`: the collider's origin is the world's.
     pub motion: Option<Motion>,
+    /// Coulomb friction of the liquid; 0: none.
+    pub friction: f32,
+    /// Restitution of the liquid; 0: none.
+    pub restitution: f32,
 }
 
 impl Collider {
+    /// Whether the surface does more to the liquid than to keep it out.
+    #[cfg(feature = "presets")]
+    pub(crate) fn has_friction_or_restitution(&self) -> bool {
+        [self.friction, self.restitution].iter().flatten().any(|&coefficient| coefficient > 0.0)
+    }
+
     /// The collider in a shot of `fps` frames a second, whose frame `first` is at time 0.
     pub fn solid(&self, fps: f64, first: u32) -> Solid {
         let motion = Motion::new(&self.keyframes, self.interpolation, fps, first);
-        Solid { shape: self.shape.clone(), motion }
+        let (friction, restitution) = (self.friction.unwrap_or(0.0), self.restitution.unwrap_or(0.0));
+        Solid { shape: self.shape.clone(), motion, friction, restitution }
     }
 }
 
 impl Solid {
-    /// A shape that stands still.
+    /// A smooth shape that stands still.
     pub fn fixed(shape: Shape) -> Self {
-        Self { shape, motion: None }
+        Self { shape, motion: None, friction: 0.0, restitution: 0.0 }
     }
 }

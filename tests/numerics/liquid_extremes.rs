@@ -207,6 +207,8 @@ fn piston(height: f32) -> World {
         shape,
         keyframes: vec![key(1, 1.0), key(5, height)],
         interpolation: Interpolation::Linear,
+        friction: None,
+        restitution: None,
     };
     let mut world = tank(9.81, [0.8, 0.8, 3.0]);
     world.solids.push(lid.solid(24.0, 1));

@@ -146,7 +146,7 @@ fn couette_flow_starts_like_its_series() {
         quaternion: None,
     };
     let motion = Motion::new(&[key(0), key(48)], Interpolation::Linear, 24.0, 0);
-    let lid = Solid { shape: plane(depth as f32, -1.0), motion };
+    let lid = Solid { motion, ..Solid::fixed(plane(depth as f32, -1.0)) };
     let world = World { gravity: Vec3::zeros(), solids: vec![Solid::fixed(plane(0.0, 1.0)), lid] };
     let mut simulation = simulation(world, viscosity, "", &[([0.0; 3], [0.8, 0.24, depth], [0.0; 3])]);
     let (mut time, mut work) = (0.0, 0.0);
@@ -249,7 +249,7 @@ fn viscous_frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restar
     let motion = Motion::new(&[spin(0, 0.0), spin(24, 360.0)], Interpolation::Linear, 24.0, 0);
     let paddle = Shape::Box { min: [-0.12, -0.02, -0.06], max: [0.12, 0.02, 0.06] };
     let mut world = fixed([0.0, 0.0, -9.81], &[Shape::Tank { min: [0.0; 3], max: [0.4, 0.4, 1.0] }]);
-    world.solids.push(Solid { shape: paddle, motion });
+    world.solids.push(Solid { motion, ..Solid::fixed(paddle) });
     let text = "spacing = 0.02\nviscosity = { dynamic = 5 }\n\
                 [[source]]\nshape = { box = { min = [0, 0, 0], max = [0.4, 0.4, 0.2] } }";
     let params: LiquidParams = toml::from_str(text).unwrap();

@@ -8,6 +8,7 @@ mod dense;
 mod eikonal;
 mod liquid;
 mod liquid_extremes;
+mod liquid_friction;
 mod liquid_viscosity;
 mod mesh;
 #[path = "../../benches/reference/vortex/mod.rs"]

@@ -317,7 +317,7 @@ fn a_ball_that_spins_takes_the_air_along() {
     let keys: Vec<Keyframe> = (0..7).map(|n| key(4 * n, 90.0 * n as f32)).collect();
     let shape = Shape::Sphere { center: [0.0; 3], radius: 0.4 };
     let motion = Motion::new(&keys, Interpolation::Linear, 24.0, 1);
-    let world = World { gravity: Vec3::zeros(), solids: vec![Solid { shape, motion }] };
+    let world = World { gravity: Vec3::zeros(), solids: vec![Solid { motion, ..Solid::fixed(shape) }] };
     let text = "spacing = 0.09\n[shedding]\n[flow]\nviscosity = { nu = 4e-4, eddies = 0.2 }\n[flow.remesh]\n\
                 spacing = 0.09\n[[source]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.6 } }";
     let mut simulation = Simulation::new(world.clone(), smoke(text)).unwrap();
@@ -359,7 +359,7 @@ fn a_small_ball_that_flies_fast_does_not_jump_past_smoke() {
         };
         let motion = Motion::new(&[key(1, -1.0), key(2, 1.0)], Interpolation::Linear, 24.0, 1);
         let shape = Shape::Sphere { center: [0.0; 3], radius: 0.1 };
-        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { shape, motion }] };
+        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { motion, ..Solid::fixed(shape) }] };
         let mut simulation = Simulation::new(world, smoke(&format!("{limit}{text}"))).unwrap();
         let record = advance(&mut simulation, 1).remove(0);
         let frame = tracers(&simulation);

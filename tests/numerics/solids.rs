@@ -20,7 +20,8 @@ fn key(frame: u32, position: [f32; 3], rotation: [f32; 3]) -> Keyframe {
 }
 
 fn moving(shape: Shape, keyframes: Vec<Keyframe>) -> Solid {
-    Collider { shape, keyframes, interpolation: Interpolation::Linear }.solid(FPS, 1)
+    let interpolation = Interpolation::Linear;
+    Collider { shape, keyframes, interpolation, friction: None, restitution: None }.solid(FPS, 1)
 }
 
 fn world(solids: Vec<Solid>) -> World {

@@ -31,6 +31,8 @@ pub(super) struct CorrectionPass<'a> {
     pub(super) at: Chunk<'a>,
     pub(super) p: &'a mut [Vec3],
     pub(super) built_at: &'a [Vec3],
+    /// Sums of the displacements by solids [m]; empty unless a solid has friction or restitution.
+    pub(super) wall_push: &'a mut [Vec3],
 }
 
 impl NeighbourPass for CorrectionPass<'_> {
@@ -55,12 +57,18 @@ impl NeighbourPass for CorrectionPass<'_> {
                     if has_moving_solids {
                         total.work += setup.walls.work(moved, free);
                     }
+                    if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
+                        *push += free - moved;
+                    }
                     moved = free;
                     displacement2 = (moved - built_at).norm_squared();
                     total.unresolved_contacts += u64::from(touching);
                 }
                 if has_moving_solids {
                     total.work += setup.walls.pressure_work(*x, self.at.nodes[i].value());
+                }
+                if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
+                    *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value();
                 }
                 *x = moved;
                 total.farthest2 = total.farthest2.max(displacement2);

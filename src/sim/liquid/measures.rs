@@ -258,8 +258,7 @@ mod tests {
     #[test]
     fn a_liquid_against_walls_is_all_bulk_but_its_surface() {
         let tank = Shape::Tank { min: [-0.5 * SPACING; 3], max: [9.5 * SPACING, 9.5 * SPACING, 1.0] };
-        let found =
-            measured_at(Kernel::Wendland, 2.0, &[Solid { shape: tank, motion: None }], block(10, 1.0));
+        let found = measured_at(Kernel::Wendland, 2.0, &[Solid::fixed(tank)], block(10, 1.0));
         assert_eq!(found.bulk_particles, 900, "{found:?}");
         assert!(change(&found, 1000).abs() < 2e-3, "{found:?}");
     }

@@ -11,6 +11,7 @@
 
 mod accelerated;
 mod calibration;
+mod contact;
 mod correction;
 mod coupled;
 mod density;
@@ -104,6 +105,8 @@ pub(super) struct Liquid {
     momentum: Momentum,
     repulsion: Option<Repulsion>,
     tension: Option<Tension>,
+    /// Velocities before the density solve; `None` unless a solid has friction or restitution.
+    v_before: Option<Vec<Vec3>>,
     viscosity: Option<ViscositySolver>,
     confinement: Option<Confinement>,
     /// Velocities in the layout of neighbour sums; empty unless a term needs them.
@@ -128,6 +131,7 @@ impl Liquid {
             optional(self.viscosity.is_some(), "viscosity"),
             Some("solve"),
             Some("velocity"),
+            optional(self.v_before.is_some(), "friction"),
             optional(self.confinement.is_some(), "vorticity"),
             optional(self.params.xsph.is_some(), "xsph"),
         ]
@@ -194,6 +198,9 @@ impl Liquid {
         let cells = clock.time("search", || self.solver.find_cells(&self.rest));
         cells.map_err(|cell| self.overcrowded(record.substeps, cell))?;
         clock.time("sort", || self.sort());
+        if self.v_before.is_some() {
+            clock.time("friction", || self.start_contacts(dt));
+        }
         clock.time("search", || self.solver.build_lists(&setup(&self.params, &self.rest, &self.walls)));
         if self.tension.is_some() {
             record.clamps.corrections += clock.time("surface_tension", || self.apply_tension(dt));
@@ -232,6 +239,9 @@ impl Liquid {
             self.solver.check_skin(&self.rest);
         }
         clock.time("velocity", || self.update_velocities(dt));
+        if self.v_before.is_some() {
+            clock.time("friction", || self.apply_friction(dt, record));
+        }
         if let Some(coupled) = coupled {
             coupled.apply_friction(&mut self.v, clock);
         }
@@ -333,6 +343,9 @@ impl Liquid {
         let pushed = self.solver.work;
         clock.time("predict", || self.predict_positions(dt));
         self.solver.work += pushed;
+        if self.v_before.is_some() {
+            self.add_predicted_push(dt);
+        }
         self.solver.check_skin(&self.rest);
         Ok(())
     }
@@ -341,8 +354,11 @@ impl Liquid {
     fn apply_tension(&mut self, dt: f32) -> u64 {
         let Some(tension) = &mut self.tension else { return 0 };
         tension.move_to(self.walls.now());
-        let Solver { p, grid, .. } = &mut self.solver;
+        let Solver { p, grid, wall_push, .. } = &mut self.solver;
         let shortened = tension.apply(grid, p, dt);
+        if self.v_before.is_some() {
+            tension.add_wall_push(wall_push, dt);
+        }
         self.solver.check_skin(&self.rest);
         shortened
     }

@@ -89,6 +89,8 @@ pub struct LiquidRecord {
     pub confinement_energy: f64,
     /// Work of moving solids on the liquid during the frame [J]. The liquid's energy may rise by it.
     pub solid_work: f64,
+    /// Energy that friction on solids dissipated during the frame [J].
+    pub friction_dissipation: f64,
     /// Limits that changed a result.
     pub clamps: Clamps,
     /// Neighbour lists rebuilt within a substep because particles had moved farther than the skin.

@@ -62,6 +62,8 @@ pub(super) struct Solver {
     pub(super) shortened: u64,
     /// Particles still in contact with a solid after the last iteration.
     pub(super) unresolved_contacts: u64,
+    /// Displacements by solids in this substep [m]; empty unless a solid has friction or restitution.
+    pub(super) wall_push: Vec<Vec3>,
     /// Work of moving solids in this substep, by mass over dt² [m²].
     pub(super) work: f64,
 }
@@ -213,13 +215,19 @@ impl Solver {
 
     /// Moves every particle by its correction and out of the solids.
     pub(super) fn correct(&mut self, setup: &SolverSetup<'_>) {
-        let Self { p, nodes, lists, built_at, clearance, .. } = self;
+        let Self { p, nodes, lists, built_at, clearance, wall_push, .. } = self;
         let (nodes, lists, clearance) = (&**nodes, &*lists, &**clearance);
-        let partials = par::map_chunks_mut([p.as_mut_slice()], par::CHUNK, |start, [p]| {
+        let correct = |start: usize, p: &mut [Vec3], wall_push: &mut [Vec3]| {
             let built_at = &built_at[start..][..p.len()];
             let at = Chunk { setup, nodes, lists, clearance, start };
-            pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at })
-        });
+            pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at, wall_push })
+        };
+        let partials = if wall_push.is_empty() {
+            par::map_chunks_mut([p.as_mut_slice()], par::CHUNK, |start, [p]| correct(start, p, &mut []))
+        } else {
+            let columns = [p.as_mut_slice(), wall_push.as_mut_slice()];
+            par::map_chunks_mut(columns, par::CHUNK, |start, [p, push]| correct(start, p, push))
+        };
         for CorrectionSummary { farthest2, shortened, unresolved_contacts, work } in partials {
             self.stale |= exceeds_skin(farthest2, setup.rest);
             self.shortened += shortened;

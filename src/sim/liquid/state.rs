@@ -85,9 +85,11 @@ impl Liquid {
         if params.surface_tension.is_some() {
             solver.tension_reach = Tension::support(&params);
         }
+        let walls = Walls::new(&world.solids, &rest);
         Self {
             rest,
-            walls: Walls::new(&world.solids, &rest),
+            v_before: walls.has_friction_or_restitution().then(Vec::new),
+            walls,
             gravity: world.gravity,
             mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
             first_energy: 0.0,

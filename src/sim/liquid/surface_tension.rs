@@ -147,6 +147,18 @@ impl Tension {
         shortened as u64
     }
 
+    /// Adds the displacements by solids in the last [`Tension::apply`] over `dt` [s] to `push`.
+    pub(super) fn add_wall_push(&self, push: &mut [Vec3], dt: f32) {
+        let (rest, walls, scale) = (&self.rest, &self.walls, self.acceleration * dt * dt);
+        par::update(push, |i, push| {
+            let x = self.nodes[i].vector() * rest.support;
+            let wall = wall_gradient(walls, rest, x);
+            if wall != Vec3::zeros() {
+                *push += wall_force(walls, rest, self.cos_contact, x, wall, self.gradient[i]) * scale;
+            }
+        });
+    }
+
     /// Evaluates the forces and the energy of particles at `p`, which are sorted into `grid`.
     fn evaluate(&mut self, grid: &CellGrid, p: &[Vec3]) {
         let (count, inv_h) = (p.len(), self.rest.inv_support);
@@ -203,6 +215,22 @@ fn pair_potential(q: f64) -> f64 {
 #[inline]
 fn wall_gradient(walls: &Walls, rest: &RestState, x: Vec3) -> Vec3 {
     walls.boundary_density(x).1 * rest.support
+}
+
+/// Dimensionless force of the solids on a particle at `x`, where their gradient is `wall` and that of the sum `gradient`.
+#[inline]
+fn wall_force(
+    walls: &Walls,
+    rest: &RestState,
+    cos_contact: f32,
+    x: Vec3,
+    wall: Vec3,
+    gradient: Node,
+) -> Vec3 {
+    let u = gradient.vector() - wall.normalize() * cos_contact;
+    let step = u * (DIFFERENCE_STEP * rest.support);
+    let difference = wall_gradient(walls, rest, x + step) - wall_gradient(walls, rest, x - step);
+    -(difference / (2.0 * DIFFERENCE_STEP))
 }
 
 /// Gradients of the colour function of a chunk of particles.
@@ -286,11 +314,7 @@ impl NeighbourPass for ForcePass<'_> {
             let x = self.nodes[i].vector() * self.rest.support;
             let wall = wall_gradient(self.walls, self.rest, x);
             if wall != Vec3::zeros() {
-                let u = self.gradient[i].vector() - wall.normalize() * self.cos_contact;
-                let step = u * (DIFFERENCE_STEP * self.rest.support);
-                let difference = wall_gradient(self.walls, self.rest, x + step)
-                    - wall_gradient(self.walls, self.rest, x - step);
-                total -= difference / (2.0 * DIFFERENCE_STEP);
+                total += wall_force(self.walls, self.rest, self.cos_contact, x, wall, self.gradient[i]);
             }
             *force = Node::new(total, energy.sum() - neighbours.padding() as f32 * own_energy);
         }

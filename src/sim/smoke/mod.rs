@@ -303,7 +303,7 @@ fn medium(solids: &[Solid], x: Vec3, time: f64) -> Medium {
 
 /// Whether a point lies in a solid at `time` [s].
 fn is_inside(solids: &[Solid], x: Vec3, time: f64) -> bool {
-    solids.iter().any(|Solid { shape, motion }| {
+    solids.iter().any(|Solid { shape, motion, .. }| {
         let local = motion.as_ref().map_or(x, |motion| motion.pose(time).to_local(x));
         shape.signed_distance(local) < 0.0
     })

@@ -326,7 +326,7 @@ mod tests {
         };
         let motion = Motion::new(&[key(1, -1.0), key(2, 1.0)], Interpolation::Linear, 24.0, 1);
         let shape = Shape::Sphere { center: [0.0; 3], radius: 0.1 };
-        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { shape, motion }] };
+        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { motion, ..Solid::fixed(shape) }] };
         let replay = Replay::new(smoke, world).unwrap();
         let empty =
             |time: f64| KeyedAir { time, vortons: Vortons::default(), id: Vec::new(), velocity: Vec::new() };
@@ -352,7 +352,7 @@ mod tests {
         let keys: Vec<Keyframe> = (1..4).map(key).collect();
         let motion = Motion::new(&keys, Interpolation::Linear, 24.0, 1);
         let shape = Shape::Sphere { center: [0.0; 3], radius: 0.4 };
-        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { shape, motion }] };
+        let world = World { gravity: Vec3::zeros(), solids: vec![Solid { motion, ..Solid::fixed(shape) }] };
         let systems = Systems { smoke: Some(smoke.clone()), ..Systems::default() };
         let mut simulation = Simulation::new(world.clone(), systems).unwrap();
         let replay = Replay::new(smoke, world).unwrap();

@@ -450,7 +450,7 @@ mod tests {
         let shape = Shape::Box { min: [-0.2, -0.2, -0.2], max: [0.2, 0.2, 0.2] };
         let still = Solid::fixed(Shape::Sphere { center: [5.0, 0.0, 0.0], radius: 0.5 });
         let floor = Solid::fixed(Shape::Plane { point: [0.0, 0.0, -1.0], normal: [0.0, 0.0, 1.0] });
-        let walls = Walls::new(&[Solid { shape, motion }, still, floor], 0.1).unwrap();
+        let walls = Walls::new(&[Solid { motion, ..Solid::fixed(shape) }, still, floor], 0.1).unwrap();
         // At one second the box is at 0.5 m, an eighth of a turn on; it spins with 45° a second.
         let points = [[0.5, 0.1, 0.05], [0.5, 0.25, 0.0], [0.5, 0.4, 0.0], [5.1, 0.0, 0.0], [3.0, 0.0, -1.5]];
         let points = points.map(Vec3::from);

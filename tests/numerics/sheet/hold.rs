@@ -54,6 +54,8 @@ fn a_pin_moves_with_its_collider_or_along_a_path() {
         shape: Shape::Sphere { center: [9.0, 9.0, 9.0], radius: 0.5 },
         keyframes: vec![key(1, 90.0), key(25, 180.0)],
         interpolation: Interpolation::Linear,
+        friction: None,
+        restitution: None,
     };
     let world = World { gravity: Vec3::zeros(), solids: vec![collider.solid(24.0, 1)] };
     let text = grid(

@@ -98,6 +98,23 @@ pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
     volume / f64::from(liquid.spacing).powi(3)
 }
 
+/// Whether there is a liquid on which colliders with friction or restitution act.
+pub(super) fn check_colliders(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let colliders = scene.world.collider.iter().enumerate().filter(|_| scene.liquid.is_none());
+    for (index, collider) in colliders {
+        for (name, value) in [("friction", collider.friction), ("restitution", collider.restitution)] {
+            if let Some(value) = value {
+                let key = format!("world.collider.{index}.{name}");
+                let message = format!("`{name}` of a collider acts on liquids, and the preset has none");
+                findings.push(
+                    Finding::new(places.of(&key), &key, message, format!("found {value}"))
+                        .with_help("remove it; the friction of sheets on colliders is `sheets.friction`"),
+                );
+            }
+        }
+    }
+}
+
 /// Whether the particles have the channels that the surface is to have as attributes.
 pub(super) fn check_attributes(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
     let Some(liquid) = &scene.liquid else { return };

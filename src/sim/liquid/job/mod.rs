@@ -51,6 +51,7 @@ impl System for Liquid {
             check::check_liquid(liquid, places, findings);
         }
         check::check_attributes(scene, places, findings);
+        check::check_colliders(scene, places, findings);
     }
 
     fn complete(&self, scene: &mut Scene) {
@@ -79,7 +80,7 @@ impl System for Liquid {
 
     fn memory(&self, scene: &Scene, counts: &[ElementCount]) -> f64 {
         let particles = counts.iter().map(ElementCount::max).sum();
-        scene.liquid.as_ref().map_or(0.0, |liquid| forecast::memory(liquid, particles))
+        scene.liquid.as_ref().map_or(0.0, |liquid| forecast::memory(scene, liquid, particles))
     }
 
     fn forecast(&self, job: &ForecastJob) -> Result<Option<SystemForecast>, RunError> {

@@ -2,13 +2,17 @@
 //!
 //! *Method*: contact by projection along the outward normal, within the solver's iteration ([pbf] Algorithm 1, line 14). A
 //! moving solid has its position at the end of the substep. Velocities follow from positions, so a particle takes on the
-//! normal velocity of a solid that pushes it, but no tangential one: without viscosity (`no_slip.rs`) there is no friction.
+//! normal velocity of a solid that pushes it, but no tangential one: that comes from viscosity (`no_slip.rs`) or from Coulomb
+//! friction (`friction.rs`).
 //! *Departs from the paper*: continuous collision detection traces the path of a particle relative to every body through
 //! the body's distance field (sphere tracing), so that no particle crosses even a thin part at any speed.
 
 mod boundary_density;
+mod friction;
 mod no_slip;
+mod surface;
 
+pub(super) use friction::PushedParticle;
 pub(super) use no_slip::WallDrag;
 
 use super::{calibration::RestState, density_map};
@@ -16,6 +20,7 @@ use crate::{
     math::Vec3,
     solid::{MeshShape, Motion, Pose, Shape, Solid},
 };
+use surface::Surface;
 
 /// Most iterations that project a particle out of all solids; after them remaining contacts are counted.
 const MAX_PROJECTION_ITERATIONS: usize = 12;
@@ -61,6 +66,7 @@ struct Plane {
     /// Normal and offset in the solid's own coordinates, and the index of its motion.
     own: (Vec3, f32),
     mover: Option<usize>,
+    surface: Surface,
 }
 
 /// A shape, and the index of its motion.
@@ -70,6 +76,7 @@ struct Body {
     /// Density map of a mesh, as distances of the equivalent half spaces.
     density_map: Option<MeshShape>,
     mover: Option<usize>,
+    surface: Surface,
 }
 
 /// A moving solid, with its poses at the start and at the end of the substep.
@@ -85,7 +92,9 @@ impl Walls {
     /// Splits solids into half spaces and bodies, at their poses at time 0.
     pub(super) fn new(solids: &[Solid], rest: &RestState) -> Self {
         let (mut planes, mut bodies, mut movers) = (Vec::new(), Vec::new(), Vec::new());
-        for Solid { shape, motion } in solids {
+        for solid in solids {
+            let Solid { shape, motion, .. } = solid;
+            let surface = Surface::of(solid);
             let mover = motion.as_ref().map(|motion| {
                 let pose = motion.pose(0.0);
                 movers.push(MovingSolid {
@@ -96,7 +105,9 @@ impl Walls {
                 });
                 movers.len() - 1
             });
-            let mut plane = |n: Vec3, offset: f32| planes.push(Plane { n, offset, own: (n, offset), mover });
+            let mut plane = |n: Vec3, offset: f32| {
+                planes.push(Plane { n, offset, own: (n, offset), mover, surface });
+            };
             match *shape {
                 Shape::Plane { point, normal } => {
                     let n = Vec3::from(normal).normalize();
@@ -114,7 +125,7 @@ impl Walls {
                         Shape::Mesh(mesh) => density_map::equivalent_distances(mesh, rest),
                         _ => None,
                     };
-                    bodies.push(Body { shape: shape.clone(), density_map, mover });
+                    bodies.push(Body { shape: shape.clone(), density_map, mover, surface });
                 }
             }
         }
@@ -370,7 +381,7 @@ mod tests {
             quaternion: None,
         };
         let motion = Motion::new(&[key(0, from), key(1, to)], Interpolation::Linear, 1.0, 0);
-        Solid { shape, motion }
+        Solid { motion, ..Solid::fixed(shape) }
     }
 
     /// A mesh with samples of the given distance on [-1, 1]³.

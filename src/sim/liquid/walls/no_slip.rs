@@ -129,7 +129,7 @@ mod tests {
                 1.0,
                 0,
             );
-            let mut walls = Walls::new(&[Solid { shape, motion }], &rest);
+            let mut walls = Walls::new(&[Solid { motion, ..Solid::fixed(shape) }], &rest);
             walls.move_to(0.01);
             let x = Vec3::new(0.5, 0.0, 1.05);
             let drag = walls.drag(x, 0.01, &kernel);

@@ -12,7 +12,9 @@ use crate::{
         SeedReport, Simulation,
         forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast, failures},
         liquid::{LiquidParams, NAME},
+        scene::Scene,
     },
+    solid::Collider,
 };
 use pilot::{Pilot, RATIO, near_factor, pilot_at};
 use power_law::{Shot, forecast as extrapolate};
@@ -32,15 +34,20 @@ const VISCOSITY_BYTES: f64 = 100.0;
 /// Lists and buffers of the surface tension [bytes/particle]: its lists reach 2.5 spacings whatever `kernel_radius` is.
 const TENSION_BYTES: f64 = 400.0;
 
+/// Displacements by solids and velocities before the density solve [bytes/particle], if a collider has friction or restitution.
+const FRICTION_BYTES: f64 = 24.0;
+
 /// The smallest uncertainty that is stated: see the figures in docs/plan.md.
 const MIN_UNCERTAINTY: f64 = 0.25;
 
 /// Memory of so many particles [bytes].
-pub(super) fn memory(liquid: &LiquidParams, particles: f64) -> f64 {
+pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f64 {
     let neighbors = NEIGHBOR_BYTES * (f64::from(liquid.kernel_radius) / 2.0).powi(3);
     let viscosity = if liquid.viscosity.is_some() { VISCOSITY_BYTES } else { 0.0 };
     let tension = if liquid.surface_tension.is_some() { TENSION_BYTES } else { 0.0 };
-    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + viscosity + tension)
+    let rough = scene.world.collider.iter().any(Collider::has_friction_or_restitution);
+    let friction = if rough { FRICTION_BYTES } else { 0.0 };
+    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + viscosity + tension + friction)
 }
 
 /// The particles of a seeded liquid.
@@ -64,7 +71,7 @@ pub(super) fn forecast(job: &ForecastJob, liquid: &LiquidParams) -> Result<Syste
     let early = extrapolate(&shot, &near, [&near, &far], &Start::default());
     if let Some(limit) = job.max_memory {
         let products = early.products.iter().map(|product| product.memory).fold(0.0, f64::max);
-        refuse_memory(memory(liquid, particles as f64).max(products) as u64, limit)?;
+        refuse_memory(memory(job.scene, liquid, particles as f64).max(products) as u64, limit)?;
     }
 
     let product_seconds = early.products.iter().map(|product| product.seconds).sum::<f64>();
