@@ -4,7 +4,7 @@
 //! the [`Stream`]s of all systems, a stream holds [`Channel`]s of equal length (one entry a particle) and
 //! scalars. A stream's [`StreamKind`] defines its entries; its name, the system they belong to. Channel names in
 //! use: `position` [m], `velocity` [m/s], `id` (stable over time), `age` [s], `source` (its number, from 0),
-//! `density` [kg/m³].
+//! `density` [kg/m³], `microrotation` [1/s].
 
 mod kind;
 

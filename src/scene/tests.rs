@@ -124,6 +124,7 @@ fn each_mistake_is_shown_where_it_stands() {
         ),
         ("iterations = 4", "kernel_radius = \"110 %\"", 11, 17, &["1.6 to 3"], None),
         ("iterations = 4", "density_dev = 0.01\niterations = 4", 12, 1, &["exclude each other"], None),
+        ("iterations = 4", "vorticity = {}\nmicropolar = {}", 12, 1, &["exclude each other"], None),
         ("iterations = 4", "min_substeps = 200", 11, 1, &["above `max_substeps` (100)"], None),
         ("iterations = 4", "min_substeps = 20\nmax_substeps = 10", 12, 1, &["found 20 to 10"], None),
         ("\"36 km/h\", 0, 0", "1, 0", 14, 12, &["a list of 2 values", "a list of 3 numbers in m/s"], None),

@@ -53,6 +53,7 @@ mod tests {
         let absent = [
             "liquid.artificial_pressure",
             "liquid.surface_tension",
+            "liquid.micropolar",
             "liquid.viscosity",
             "surface.anisotropy",
             "surface.distance",

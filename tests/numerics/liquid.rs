@@ -161,6 +161,7 @@ fn frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restart() {
             "solver = '{solver}'\nsurface_tension = {{ coefficient = 20 }}\nvorticity = {{}}\nxsph = {{}}"
         ));
     }
+    same_bits("micropolar = {}\nxsph = {}");
 }
 
 fn same_bits(terms: &str) {

@@ -114,7 +114,7 @@ fn survive(
             record.density_dev_max.is_finite() && record.density_dev_avg.is_finite(),
             "{name}: {record:?}"
         );
-        let energy = record.kinetic_energy + record.potential_energy;
+        let energy = record.kinetic_energy + record.potential_energy + record.microrotation_energy;
         work += record.solid_work + record.confinement_energy;
         let slack = 1e-3 * (first.abs() + record.potential_energy.abs() + work.abs());
         let settle = now.streams[0].scalar("spacing").unwrap().powi(4) * 9.82e3 * count as f64;
@@ -186,6 +186,20 @@ fn any_solver_setting() {
         ("1000 iterations, equality", plate(9.81), small("iterations = 1000\nconstraint = 'equality'"), 1.0),
         ("strong repulsion", plate(9.81), cube(repulsion), 1.0),
         ("strong confinement", plate(9.81), cube("vorticity = { strength = 10 }"), 1.0),
+        ("strong exchange", plate(9.81), cube("micropolar = { transfer = 10, viscosity = 0 }"), 1.0),
+        (
+            "strong exchange, smoothed",
+            plate(9.81),
+            cube("micropolar = { transfer = 10, viscosity = 10 }"),
+            1.0,
+        ),
+        ("no exchange", plate(9.81), cube("micropolar = { transfer = 0, viscosity = 10 }"), 1.0),
+        (
+            "strong exchange in long substeps",
+            plate(9.81),
+            cube("cfl = 10\nmin_substeps = 1\nmicropolar = { transfer = 10, viscosity = 10 }"),
+            4.0,
+        ),
     ]);
 }
 

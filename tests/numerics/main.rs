@@ -9,6 +9,7 @@ mod eikonal;
 mod liquid;
 mod liquid_extremes;
 mod liquid_friction;
+mod liquid_micropolar;
 mod liquid_viscosity;
 mod mesh;
 #[path = "../../benches/reference/vortex/mod.rs"]

@@ -119,6 +119,7 @@ def judge(frames):
     share(total(lambda frame: frame["unconverged"]), "above `density_dev`")
     share(total(lambda frame: frame["clamps"]["energy"]), "had energy removed")
     share(total(lambda frame: frame["clamps"]["confinement"]), "limited confinement")
+    share(total(lambda frame: frame["clamps"]["micropolar"]), "limited the micropolar exchange")
     shortened = total(lambda frame: frame["clamps"]["corrections"])
     if shortened:
         made = 512 * total(lambda frame: frame["iterations"])

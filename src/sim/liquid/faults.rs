@@ -9,11 +9,13 @@ const MAX_MAGNITUDE: f32 = 1e8;
 impl Liquid {
     /// Refuses a state with NaN or with values beyond [`MAX_MAGNITUDE`].
     pub(super) fn check_state(&self, substep: u32) -> Result<(), Diverged> {
-        let found = [(invalid_value(&self.x), "position", "m"), (invalid_value(&self.v), "velocity", "m/s")]
-            .into_iter()
-            .find_map(|(found, what, unit)| {
-                found.map(|(i, value)| (i, format!("has a {what} of {value} {unit}")))
-            });
+        let spin = self.microrotation.as_ref().map_or(&[][..], |microrotation| &microrotation.spin);
+        let columns =
+            [(&*self.x, "position", "m"), (&*self.v, "velocity", "m/s"), (spin, "microrotation", "1/s")];
+        let found =
+            columns.into_iter().map(|(values, what, unit)| (invalid_value(values), what, unit)).find_map(
+                |(found, what, unit)| found.map(|(i, value)| (i, format!("has a {what} of {value} {unit}"))),
+            );
         match found {
             None => Ok(()),
             Some((i, what)) => Err(self.diverged(substep, i, what)),

@@ -2,7 +2,7 @@
 //!
 //! *Method*: [pbf] Algorithm 1, once per time step; `substep` below reads as the paper's listing.
 //! *Departs from the paper*: see the files of the parts (`calibration`, `solve`, `walls`, `repulsion`, `vorticity`,
-//! `xsph`). The length of a time step follows a CFL rule. Predicted positions are projected out of the solids
+//! `micropolar`, `xsph`). The length of a time step follows a CFL rule. Predicted positions are projected out of the solids
 //! before the search, so that the lists hold a particle's neighbours at its final position.
 //!
 //! Symbols: x_i → `x` [m]; v_i → `v` [m/s]; x* → `Solver::p` [m]; Δt → `dt` [s].
@@ -23,6 +23,7 @@ mod jacobi;
 pub(crate) mod job;
 mod lanes;
 mod measures;
+mod micropolar;
 mod neighbourhood;
 mod pair;
 mod params;
@@ -43,7 +44,7 @@ mod xsph;
 pub(super) use coupled::{CoupledSystem, SubstepParticles};
 pub use params::{
     ArtificialPressure, Constraint, ImplicitViscosity, Kernel, LiquidChannel, LiquidParams, LiquidSource,
-    SolverKind, SurfaceTension, VorticityConfinement, Xsph,
+    Micropolar, SolverKind, SurfaceTension, VorticityConfinement, Xsph,
 };
 pub use record::{Clamps, LiquidRecord, LiquidSeeds};
 
@@ -58,6 +59,7 @@ use calibration::RestState;
 use energy::energy;
 use lanes::Node;
 use measures::Particles;
+use micropolar::Microrotation;
 use neighbourhood::Neighbourhood;
 use record::FRAME_FIGURES;
 use repulsion::Repulsion;
@@ -90,8 +92,8 @@ pub(super) struct Liquid {
     gravity: Vec3,
     /// Mass of a particle [kg].
     mass: f64,
-    /// Mechanical and surface energy at the start of the shot and the work of moving solids since [J], which confinement may
-    /// restore.
+    /// Mechanical and surface energy at the start of the shot and the work of moving solids since [J], which confinement or the
+    /// micropolar exchange may restore.
     first_energy: f64,
     /// [`FRAME_FIGURES`] of the last frame; `None` in the first.
     figures: Option<[f64; FRAME_FIGURES.len()]>,
@@ -109,6 +111,7 @@ pub(super) struct Liquid {
     v_before: Option<Vec<Vec3>>,
     viscosity: Option<ViscositySolver>,
     confinement: Option<Confinement>,
+    microrotation: Option<Microrotation>,
     /// Velocities in the layout of neighbour sums; empty unless a term needs them.
     motion: Vec<Node>,
 }
@@ -133,6 +136,7 @@ impl Liquid {
             Some("velocity"),
             optional(self.v_before.is_some(), "friction"),
             optional(self.confinement.is_some(), "vorticity"),
+            optional(self.microrotation.is_some(), "micropolar"),
             optional(self.params.xsph.is_some(), "xsph"),
         ]
         .into_iter()
@@ -246,7 +250,7 @@ impl Liquid {
             coupled.apply_friction(&mut self.v, clock);
         }
         self.add_solid_work(dt, record);
-        if self.confinement.is_some() || self.params.xsph.is_some() {
+        if self.confinement.is_some() || self.microrotation.is_some() || self.params.xsph.is_some() {
             let setup = setup(&self.params, &self.rest, &self.walls);
             let lists = clock.time("search", || self.solver.ensure_lists(&setup));
             lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
@@ -254,6 +258,9 @@ impl Liquid {
         }
         if self.confinement.is_some() {
             clock.time("vorticity", || self.confine(dt, record));
+        }
+        if self.microrotation.is_some() {
+            clock.time("micropolar", || self.exchange_rotation(dt, record));
         }
         if let Some(xsph) = &self.params.xsph {
             clock.time("xsph", || {
@@ -275,6 +282,11 @@ impl Liquid {
             spare.resize(values.len(), Vec3::zeros());
             par::fill(spare, |i| values[order[i] as usize]);
             std::mem::swap(values, spare);
+        }
+        if let Some(Microrotation { spin, .. }) = &mut self.microrotation {
+            spare.resize(spin.len(), Vec3::zeros());
+            par::fill(spare, |i| spin[order[i] as usize]);
+            std::mem::swap(spin, spare);
         }
         self.id = order.iter().map(|&i| self.id[i as usize]).collect();
         if multipliers.len() == order.len() {
@@ -434,6 +446,24 @@ impl Liquid {
         record.clamps.confinement += u64::from(bounded);
     }
 
+    /// Exchange of rotation between the velocities and the microrotation of the particles.
+    fn exchange_rotation(&mut self, dt: f32, record: &mut LiquidRecord) {
+        let (surface, spin) = (self.surface_energy(), self.microrotation_energy());
+        let Some(microrotation) = &mut self.microrotation else { return };
+        publish(&mut self.motion, &self.v);
+        let mechanical = energy(&self.v, &self.solver.p, self.gravity, self.mass);
+        let lost = self.first_energy - mechanical - surface - spin;
+        let at = neighbourhood(&self.rest, &self.solver, &self.motion);
+        let (added, bounded) = microrotation.apply(at, &mut self.v, dt, self.mass, lost);
+        record.micropolar_energy += added;
+        record.clamps.micropolar += u64::from(bounded);
+    }
+
+    /// Kinetic energy of the microrotation [J].
+    fn microrotation_energy(&self) -> f64 {
+        self.microrotation.as_ref().map_or(0.0, |microrotation| microrotation.energy(self.mass))
+    }
+
     /// Adds the work of moving solids in this substep to the energy that the liquid may have.
     fn add_solid_work(&mut self, dt: f32, record: &mut LiquidRecord) {
         let work = self.mass * self.solver.work / f64::from(dt).powi(2);
@@ -444,7 +474,8 @@ impl Liquid {
     /// Removes energy that the solver added.
     fn bound_energy(&mut self, record: &mut LiquidRecord) {
         let limit = self.first_energy + energy::slack(self.v.len(), self.mass, self.rest.spacing);
-        let excess = energy(&self.v, &self.solver.p, self.gravity, self.mass) + self.surface_energy() - limit;
+        let mechanical = energy(&self.v, &self.solver.p, self.gravity, self.mass);
+        let excess = mechanical + self.surface_energy() + self.microrotation_energy() - limit;
         if excess > 0.0 {
             energy::take(excess, &mut self.v, self.mass);
             record.clamps.energy += 1;
@@ -485,6 +516,7 @@ impl Liquid {
         record.kinetic_energy = self.kinetic_energy();
         record.potential_energy = self.potential_energy();
         record.surface_energy = self.surface_energy();
+        record.microrotation_energy = self.microrotation_energy();
         record.list_rebuilds = self.solver.rebuilds;
         record.clamps.corrections += self.solver.shortened;
         record.clamps.contacts += self.solver.unresolved_contacts;

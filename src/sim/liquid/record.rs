@@ -27,11 +27,13 @@ pub struct LiquidSeeds {
 pub struct Clamps {
     /// Particle corrections shortened to half a spacing, over all iterations.
     pub corrections: u64,
-    /// Substeps after which velocities were scaled down because the mechanical energy exceeded the shot's first energy and
+    /// Substeps after which velocities were scaled down because the energy, with that of the microrotation, exceeded the shot's first energy and
     /// the work of moving solids.
     pub energy: u64,
     /// Substeps in which vorticity confinement was scaled down to its bound.
     pub confinement: u64,
+    /// Substeps in which the exchange of the micropolar model was scaled down to its bound.
+    pub micropolar: u64,
     /// Number of times that the accelerated solver detected a diverging iteration and slowed it.
     pub momentum: u32,
     /// Particles still in contact with a solid after the last projection, over all iterations.
@@ -87,6 +89,11 @@ pub struct LiquidRecord {
     pub surface_energy: f64,
     /// Energy that vorticity confinement added during the frame [J].
     pub confinement_energy: f64,
+    /// Kinetic energy ½ Σ m Θ ω² of the microrotation of `micropolar` at the frame's end [J]; zero without the term.
+    pub microrotation_energy: f64,
+    /// Energy that the micropolar exchange added to velocities and microrotation together during the frame [J]; negative if
+    /// it removed some.
+    pub micropolar_energy: f64,
     /// Work of moving solids on the liquid during the frame [J]. The liquid's energy may rise by it.
     pub solid_work: f64,
     /// Energy that friction on solids dissipated during the frame [J].

@@ -2,11 +2,12 @@
 
 use super::{
     Liquid, LiquidChannel, LiquidParams, LiquidSeeds, NAME, accelerated::Momentum, calibration::RestState,
-    record::FRAME_FIGURES, repulsion::Repulsion, seed, solve::Solver, surface_tension::Tension,
-    viscosity::ViscositySolver, vorticity::Confinement, walls::Walls,
+    micropolar::Microrotation, record::FRAME_FIGURES, repulsion::Repulsion, seed, solve::Solver,
+    surface_tension::Tension, viscosity::ViscositySolver, vorticity::Confinement, walls::Walls,
 };
 use crate::{
     frame::{Stream, StreamKind},
+    math::Vec3,
     par,
     sim::{SetupError, World},
 };
@@ -14,6 +15,9 @@ use crate::{
 /// Kinematic viscosity with which eddies fade without viscosity, over speed times spacing: 0.5 to 1.1 for four eddies in a
 /// square of 0.4 m at 1 m/s, 1 and 2 cm spacing, after the first 0.1 s (docs/decisions/018).
 const EDDY_DISSIPATION: f64 = 0.5;
+
+/// Name of the channel of the microrotation.
+const MICROROTATION: &str = "microrotation";
 
 impl Liquid {
     /// Fills the sources with particles.
@@ -24,6 +28,9 @@ impl Liquid {
         (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
         if liquid.params.channels.contains(&LiquidChannel::Source) {
             liquid.ends = seeds.ends;
+        }
+        if let Some(microrotation) = &mut liquid.microrotation {
+            microrotation.spin = vec![Vec3::zeros(); liquid.x.len()];
         }
         liquid.first_energy = liquid.kinetic_energy() + liquid.potential_energy();
         if let Some(viscosity) = &liquid.params.viscosity {
@@ -65,6 +72,9 @@ impl Liquid {
         if liquid.params.channels.contains(&LiquidChannel::Source) {
             let name = LiquidChannel::Source.name();
             liquid.ends = seed::ends(&liquid.id, stream.u32(name).ok_or(missing(name))?);
+        }
+        if let Some(microrotation) = &mut liquid.microrotation {
+            microrotation.spin = stream.vec3(MICROROTATION).ok_or(missing(MICROROTATION))?.to_vec();
         }
         liquid.first_energy = stream.scalar("first_energy").ok_or(missing("first_energy"))?;
         let count = |name| stream.scalar(name).map(|value| value as u32).ok_or(missing(name));
@@ -108,6 +118,7 @@ impl Liquid {
                 .as_ref()
                 .map(|viscosity| ViscositySolver::new(viscosity, params.density, &rest)),
             confinement: params.vorticity.as_ref().map(Confinement::new),
+            microrotation: params.micropolar.as_ref().map(|params| Microrotation::new(params, &rest)),
             motion: Vec::new(),
             params,
         }
@@ -128,6 +139,9 @@ impl Liquid {
                     stream.with(channel.name(), self.id.iter().map(source).collect::<Vec<u32>>())
                 }
             };
+        }
+        if let Some(microrotation) = &self.microrotation {
+            stream = stream.with(MICROROTATION, microrotation.spin.clone());
         }
         stream.scalars = vec![
             ("spacing".into(), f64::from(self.params.spacing)),

@@ -17,7 +17,7 @@ use super::{
 use crate::{math::Vec3, par, simd::Lanes};
 
 /// g₀, which makes ε dimensionless [m/s²].
-const STANDARD_GRAVITY: f32 = 9.81;
+pub(super) const STANDARD_GRAVITY: f32 = 9.81;
 
 /// Largest change of a velocity in one substep, as a fraction of ω · spacing. At 1 a vortex doubles its speed in a substep
 /// and tears its surroundings.
@@ -139,7 +139,7 @@ impl NeighbourPass for ConfinementPass<'_> {
 }
 
 /// Largest s ≤ 1 with s·linear + s²·square ≤ budget.
-fn largest_share(linear: f64, square: f64, budget: f64) -> f64 {
+pub(super) fn largest_share(linear: f64, square: f64, budget: f64) -> f64 {
     if linear + square <= budget || square <= 0.0 {
         return 1.0;
     }

@@ -39,6 +39,22 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
             ),
         );
     }
+    if liquid.vorticity.is_some() && liquid.micropolar.is_some() {
+        // The later of the two tables is the one that was added.
+        let key = ["liquid.vorticity", "liquid.micropolar"].into_iter().max_by_key(|key| places.of(key));
+        let key = key.unwrap_or("liquid.micropolar");
+        findings.push(
+            Finding::new(
+                places.of(key),
+                key,
+                "`liquid.vorticity` and `liquid.micropolar` exclude each other",
+                "both return lost energy to vortices, and would share one budget",
+            )
+            .with_help(
+                "remove one of the tables; on the command line, `--set liquid.vorticity=none` does it",
+            ),
+        );
+    }
     if liquid.min_substeps > liquid.max_substeps {
         let (min, max) = (liquid.min_substeps, liquid.max_substeps);
         // The later of the two keys is the one that broke the order.

@@ -60,6 +60,7 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
         (clamps.corrections, "corrections shortened"),
         (clamps.energy, "velocities held to the energy bound"),
         (clamps.confinement, "confinements scaled down"),
+        (clamps.micropolar, "micropolar exchanges scaled down"),
         (clamps.contacts, "contacts unresolved"),
         (u64::from(clamps.momentum), "iterations slowed down"),
         (record.particles_inside_solids.into(), "particles inside solids"),

@@ -37,6 +37,9 @@ const TENSION_BYTES: f64 = 400.0;
 /// Displacements by solids and velocities before the density solve [bytes/particle], if a collider has friction or restitution.
 const FRICTION_BYTES: f64 = 24.0;
 
+/// Microrotation and buffers of its exchange [bytes/particle].
+const MICROPOLAR_BYTES: f64 = 64.0;
+
 /// The smallest uncertainty that is stated: see the figures in docs/plan.md.
 const MIN_UNCERTAINTY: f64 = 0.25;
 
@@ -45,9 +48,11 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
     let neighbors = NEIGHBOR_BYTES * (f64::from(liquid.kernel_radius) / 2.0).powi(3);
     let viscosity = if liquid.viscosity.is_some() { VISCOSITY_BYTES } else { 0.0 };
     let tension = if liquid.surface_tension.is_some() { TENSION_BYTES } else { 0.0 };
+    let micropolar = if liquid.micropolar.is_some() { MICROPOLAR_BYTES } else { 0.0 };
     let rough = scene.world.collider.iter().any(Collider::has_friction_or_restitution);
     let friction = if rough { FRICTION_BYTES } else { 0.0 };
-    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + viscosity + tension + friction)
+    let terms = viscosity + tension + micropolar + friction;
+    particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + terms)
 }
 
 /// The particles of a seeded liquid.
