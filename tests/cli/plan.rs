@@ -188,3 +188,29 @@ pub(super) fn peak(desk: &Desk, line: &str) -> f64 {
     }
     peak
 }
+
+#[test]
+fn sources_without_particles_are_named_by_plan_and_by_simulate() {
+    let desk = Desk::new();
+    let drop = |x: f64, radius: f64| {
+        format!(
+            "[[liquid.source]]\nshape = {{ sphere = {{ center = [{x}, 0.5, 0.9], radius = {radius} }} }}\n"
+        )
+    };
+    desk.write("shot.toml", format!("{SMALL}{}{}", drop(0.3, 0.07), drop(0.6, 0.03)));
+    let plan = plan(&desk, "shot.toml");
+    let remarks = plan["remarks"].to_string();
+    // The drop of 1.4 particles is one, the drop of a tenth of a particle none.
+    assert!(
+        remarks.contains("liquid.source.2 holds no particle") && !remarks.contains("source.1"),
+        "{remarks}"
+    );
+    assert_eq!(count(system(&plan, "liquid"), "particles"), 513.0);
+    for line in
+        ["simulate shot.toml --dry-run", "shot shot.toml --dry-run", "simulate shot.toml --frames 1-2"]
+    {
+        let (out, messages) = desk.run(line, 0);
+        let named = "liquid.source.2 holds no particle: its volume is that of 0.11 particles";
+        assert!(out.contains(named) || messages.contains(named), "{line}: {out}{messages}");
+    }
+}

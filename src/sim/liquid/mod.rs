@@ -46,7 +46,7 @@ pub use params::{
     ArtificialPressure, Constraint, ImplicitViscosity, Kernel, LiquidChannel, LiquidParams, LiquidSource,
     Micropolar, SolverKind, SurfaceTension, VorticityConfinement, Xsph,
 };
-pub use record::{Clamps, LiquidRecord, LiquidSeeds};
+pub use record::{Clamps, EmptySource, LiquidRecord, LiquidSeeds};
 
 use super::{
     Diverged, Stop, Watch,
@@ -119,7 +119,7 @@ pub(super) struct Liquid {
 impl Liquid {
     /// Report of the seeding.
     pub(super) fn seeded(&self) -> LiquidSeeds {
-        self.seeded
+        self.seeded.clone()
     }
 
     /// The passes of a substep, in order.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Report of the liquid's seeding.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 #[non_exhaustive]
 pub struct LiquidSeeds {
@@ -19,6 +19,23 @@ pub struct LiquidSeeds {
     pub solver_viscosity: f64,
     /// That speed [m/s].
     pub speed: f64,
+    /// The sources without particles, in order; none after a restart.
+    pub empty_sources: Vec<EmptySource>,
+}
+
+/// A source that holds no particle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct EmptySource {
+    /// Index of the source in the preset, from 0.
+    pub index: u32,
+    /// Particles skipped, in solids or because of earlier sources; 0 if the source is too small or too thin.
+    pub skipped: u32,
+    /// Volume of the source, in particles.
+    pub volume: f64,
+    /// Spacing at which the source has particles [m]; `None` if none was found, or if all were skipped.
+    pub sufficient_spacing: Option<f64>,
 }
 
 /// How often a limit changed a result, summed over the frame.

@@ -1,6 +1,18 @@
 //! Seeding: filling sources with particles on cubic seeding lattices.
+//!
+//! *Method*: the seeding lattice of a box starts at its corner, that of a mesh is aligned with the world, and that of other shapes
+//! lies symmetrically about their centre. A source of few particles would get too many or none, depending on how the points
+//! fall in it. It gets one of eight symmetric seeding lattices, with points on its centre or half a spacing off along each axis:
+//! the one whose number of particles is closest to its volume.
+//! *Limits*: a source thinner than a spacing holds no point of such a seeding lattice, or too many. Sources without particles are
+//! reported.
 
-use super::{LiquidParams, calibration::RestState, record::LiquidSeeds, walls::Walls};
+use super::{
+    LiquidParams,
+    calibration::RestState,
+    record::{EmptySource, LiquidSeeds},
+    walls::Walls,
+};
 use crate::{math::Vec3, sim::SetupError, solid::Shape, space::CellGrid};
 use nalgebra::Vector3;
 
@@ -11,6 +23,19 @@ const MIN_SEPARATION: f32 = 0.9;
 /// Smallest distance to a solid, in spacings: closer particles are skipped. The contact distance is half a spacing, and the
 /// hundredth below absorbs rounding.
 const MIN_SOLID_DISTANCE: f32 = 0.49;
+
+/// Volume below which a source gets the seeding lattice whose number of particles matches it best, in particles. At 32, the
+/// ball of two spacings in radius, all of them are within a few per cent of its volume; at 1 they are up to 160 % off.
+const SMALL_SOURCE: f64 = 32.0;
+
+/// Most points of the seeding lattice around a small source; thinner and longer sources keep theirs.
+const MAX_SMALL_POINTS: f64 = 4096.0;
+
+/// Most points of a seeding lattice that is tried to find a spacing at which a source has particles.
+const MAX_TRIED_POINTS: f64 = 1e6;
+
+/// Factor between spacings that are tried.
+const TRIED_RATIO: f64 = 0.9;
 
 /// The particles at the start of a shot.
 #[derive(Debug, Default)]
@@ -24,35 +49,43 @@ pub(super) struct Seeds {
 
 /// Fills every source in order; ids are the indices of the result.
 pub(super) fn seed(params: &LiquidParams, rest: &RestState, walls: &Walls) -> Result<Seeds, SetupError> {
+    let spacing = f64::from(rest.spacing);
     let count: f64 =
-        params.source.iter().map(|s| seeding_lattice(&s.shape, rest.spacing).1.iter().product::<f64>()).sum();
+        params.source.iter().map(|source| SeedingLattice::new(&source.shape, spacing).point_count()).sum();
     if count > f64::from(u32::MAX / 2) {
         return Err(SetupError::TooMany { count });
     }
     let mut seeds = Seeds::default();
-    for source in &params.source {
+    for (index, source) in params.source.iter().enumerate() {
         let earlier = CellGrid::new(&seeds.positions, rest.spacing);
-        let (first, counts) = seeding_lattice(&source.shape, rest.spacing);
-        let [nx, ny, nz] = counts.map(|n| n as u64);
         let mut found = Vec::new();
-        for k in 0..nx * ny * nz {
-            let step = [k % nx, k / nx % ny, k / (nx * ny)];
-            let x =
-                Vec3::from_fn(|axis, _| (first[axis] + step[axis] as f64 * f64::from(rest.spacing)) as f32);
-            if !contains(&source.shape, x) {
-                continue;
-            }
+        let mut skipped = 0;
+        for x in SeedingLattice::fitted(&source.shape, spacing).points(&source.shape) {
             if walls.distance(x) < MIN_SOLID_DISTANCE * rest.spacing {
                 seeds.report.skipped_in_solids += 1;
+                skipped += 1;
                 continue;
             }
             let mut near = false;
             earlier.for_each_within(&seeds.positions, x, MIN_SEPARATION * rest.spacing, |_, _| near = true);
             if near {
                 seeds.report.skipped_overlapping += 1;
+                skipped += 1;
             } else {
                 found.push(x);
             }
+        }
+        if found.is_empty() {
+            seeds.report.empty_sources.push(EmptySource {
+                index: index as u32,
+                skipped,
+                volume: volume(&source.shape, spacing),
+                sufficient_spacing: if skipped == 0 {
+                    sufficient_spacing(&source.shape, spacing)
+                } else {
+                    None
+                },
+            });
         }
         seeds.positions.append(&mut found);
         seeds.velocities.resize(seeds.positions.len(), source.velocity.into());
@@ -76,31 +109,131 @@ pub(super) fn ends(ids: &[u32], sources: &[u32]) -> Vec<u32> {
     ends
 }
 
-/// First point of the seeding lattice of a shape [m], and the number of points along each axis; none for an unbounded shape.
-fn seeding_lattice(shape: &Shape, spacing: f32) -> ([f64; 3], [f64; 3]) {
-    let s = f64::from(spacing);
-    match *shape {
-        Shape::Box { min, max } => {
-            let count = |axis: usize| ((f64::from(max[axis]) - f64::from(min[axis])) / s).round().max(0.0);
-            (min.map(|m| f64::from(m) + 0.5 * s), [count(0), count(1), count(2)])
+/// Points at equal distances along the axes.
+#[derive(Clone, Copy, Debug)]
+struct SeedingLattice {
+    /// First point [m].
+    first: [f64; 3],
+    /// Number of points along each axis.
+    counts: [f64; 3],
+    /// Distance between points [m].
+    spacing: f64,
+}
+
+impl SeedingLattice {
+    /// The seeding lattice of a shape of any size; without points for an unbounded shape.
+    fn new(shape: &Shape, spacing: f64) -> Self {
+        let s = spacing;
+        let (first, counts) = match *shape {
+            Shape::Box { min, max } => {
+                let count =
+                    |axis: usize| ((f64::from(max[axis]) - f64::from(min[axis])) / s).round().max(0.0);
+                (min.map(|m| f64::from(m) + 0.5 * s), [count(0), count(1), count(2)])
+            }
+            Shape::Sphere { center, radius } => {
+                let half = (f64::from(radius) / s).ceil();
+                (center.map(|c| f64::from(c) - (half - 0.5) * s), [2.0 * half; 3])
+            }
+            Shape::Mesh(ref mesh) => {
+                let (low, high) = mesh.bounds();
+                let first = |axis: usize| (f64::from(low[axis]) / s).floor() + 0.5;
+                let count = |axis: usize| (f64::from(high[axis]) / s + 0.5 - first(axis)).floor().max(0.0);
+                ([0, 1, 2].map(|axis| first(axis) * s), [count(0), count(1), count(2)])
+            }
+            Shape::Plane { .. } | Shape::Tank { .. } => ([0.0; 3], [0.0; 3]),
+            _ => {
+                let (low, high) =
+                    shape.bounds().map_or_else(Default::default, |(low, high)| (low.cast(), high.cast()));
+                let half: Vector3<f64> = ((high - low) / (2.0 * s)).map(f64::ceil);
+                let first = (low + high) / 2.0 - half.add_scalar(-0.5) * s;
+                (first.into(), (half * 2.0).into())
+            }
+        };
+        Self { first, counts, spacing }
+    }
+
+    /// The seeding lattice that fills a shape: [`SeedingLattice::new`], or for a small shape the symmetric one whose number of points
+    /// in it is closest to its volume.
+    fn fitted(shape: &Shape, spacing: f64) -> Self {
+        let usual = Self::new(shape, spacing);
+        let volume = volume(shape, spacing);
+        if volume >= SMALL_SOURCE || usual.point_count() > MAX_SMALL_POINTS {
+            return usual;
         }
-        Shape::Sphere { center, radius } => {
-            let half = (f64::from(radius) / s).ceil();
-            (center.map(|c| f64::from(c) - (half - 0.5) * s), [2.0 * half; 3])
+        let Some((low, high)) = shape.bounds() else { return usual };
+        let count = |candidate: &Self| candidate.points(shape).count() as f64;
+        let found = count(&usual);
+        let mut best = (usual, (found - volume).abs());
+        for choice in 0..8 {
+            let candidate = Self::symmetric(shape, [low, high], choice, spacing);
+            let count = count(&candidate);
+            // A source that has particles keeps some, even if it has less than half a particle's volume.
+            if (count > 0.0 || found == 0.0) && (count - volume).abs() < best.1 {
+                best = (candidate, (count - volume).abs());
+            }
         }
-        Shape::Mesh(ref mesh) => {
-            let (low, high) = mesh.bounds();
-            let first = |axis: usize| (f64::from(low[axis]) / s).floor() + 0.5;
-            let count = |axis: usize| (f64::from(high[axis]) / s + 0.5 - first(axis)).floor().max(0.0);
-            ([0, 1, 2].map(|axis| first(axis) * s), [count(0), count(1), count(2)])
+        best.0
+    }
+
+    /// A seeding lattice symmetric about the centre of `bounds`. Bit `axis` of `choice` selects one of two along each axis: a box
+    /// is as long as one point more or fewer, other shapes have points on the centre or half a spacing off.
+    fn symmetric(shape: &Shape, [low, high]: [Vec3; 2], choice: usize, spacing: f64) -> Self {
+        let counts = [0, 1, 2].map(|axis| {
+            let length = (f64::from(high[axis]) - f64::from(low[axis])) / spacing;
+            match (shape, choice >> axis & 1 == 0) {
+                (Shape::Box { .. }, true) => length.floor().max(1.0),
+                (Shape::Box { .. }, false) => length.ceil().max(1.0),
+                (_, true) => 2.0 * (length / 2.0).floor() + 1.0,
+                (_, false) => 2.0 * (length / 2.0).ceil(),
+            }
+        });
+        let first = [0, 1, 2].map(|axis| {
+            let center = (f64::from(low[axis]) + f64::from(high[axis])) / 2.0;
+            center - (counts[axis] - 1.0) / 2.0 * spacing
+        });
+        Self { first, counts, spacing }
+    }
+
+    /// Number of points, in the shape or not.
+    fn point_count(&self) -> f64 {
+        self.counts.iter().product()
+    }
+
+    /// The points that belong to a shape, in order.
+    fn points<'a>(&'a self, shape: &'a Shape) -> impl Iterator<Item = Vec3> + 'a {
+        let [nx, ny, nz] = self.counts.map(|n| n as u64);
+        let point = move |k: u64| {
+            let step = [k % nx, k / nx % ny, k / (nx * ny)];
+            Vec3::from_fn(|axis, _| (self.first[axis] + step[axis] as f64 * self.spacing) as f32)
+        };
+        (0..nx * ny * nz).map(point).filter(|&x| contains(shape, x))
+    }
+}
+
+/// Volume of a shape, in particles; zero for an unbounded one.
+fn volume(shape: &Shape, spacing: f64) -> f64 {
+    let volume = match shape {
+        Shape::Mesh(mesh) => mesh.volume().unwrap_or(0.0),
+        _ => shape.volume(),
+    };
+    volume / spacing.powi(3)
+}
+
+/// A spacing below `spacing` [m], of two digits, at which a shape has particles; `None` if there is none with a seeding lattice
+/// of limited size.
+fn sufficient_spacing(shape: &Shape, spacing: f64) -> Option<f64> {
+    let mut tried = spacing;
+    loop {
+        tried *= TRIED_RATIO;
+        // The message has two digits, and rounding up could lose the particles again.
+        let digit = 10.0_f64.powi(tried.log10().floor() as i32 - 1);
+        tried = (tried / digit).floor() * digit;
+        let candidate = SeedingLattice::fitted(shape, tried);
+        if candidate.point_count() > MAX_TRIED_POINTS || tried < f64::from(f32::EPSILON) * spacing {
+            return None;
         }
-        Shape::Plane { .. } | Shape::Tank { .. } => ([0.0; 3], [0.0; 3]),
-        _ => {
-            let (low, high) =
-                shape.bounds().map_or_else(Default::default, |(low, high)| (low.cast(), high.cast()));
-            let half: Vector3<f64> = ((high - low) / (2.0 * s)).map(f64::ceil);
-            let first = (low + high) / 2.0 - half.add_scalar(-0.5) * s;
-            (first.into(), (half * 2.0).into())
+        if candidate.points(shape).next().is_some() {
+            return Some(tried);
         }
     }
 }
@@ -169,6 +302,59 @@ mod tests {
             assert!((volume / expected - 1.0).abs() < bound, "{shape}: {volume} of {expected}");
             let mean = positions.iter().sum::<Vec3>() / positions.len() as f32;
             assert!((mean - Vec3::new(5.0, 0.0, 0.3)).amax() < 1e-4, "{shape}: {mean:?}");
+        }
+    }
+
+    #[test]
+    fn small_sources_hold_the_particles_of_their_volume_around_their_centre() {
+        let center = Vec3::new(0.013, -0.2, 0.07);
+        let [x, y, z] = [center.x, center.y, center.z];
+        let ball = |radius: f32| format!("sphere = {{ center = [{x}, {y}, {z}], radius = {radius} }}");
+        let block = |size: f32| {
+            let half = size / 2.0;
+            let [min, max] = [-half, half].map(|half| [x + half, y + half, z + half]);
+            format!("box = {{ min = {min:?}, max = {max:?} }}")
+        };
+        // Sizes in spacings of 2 cm, and volumes in particles.
+        for (shape, expected) in [
+            (ball(0.02 * 0.667), 1), // 1.24
+            (ball(0.02 * 0.5), 1),   // 0.52
+            (ball(0.02 * 0.8), 2),   // 2.1
+            (ball(0.02 * 0.9), 4),   // 3.1
+            (ball(0.02 * 1.5), 12),  // 14.1
+            (block(0.02 * 1.5), 4),  // 3.4
+        ] {
+            let seeds = seeds(&sources(&[&shape]), vec![]).unwrap();
+            assert_eq!(seeds.positions.len(), expected, "{shape}");
+            let mean = seeds.positions.iter().sum::<Vec3>() / expected as f32;
+            assert!((mean - center).amax() < 1e-6, "{shape}: {mean:?}");
+            assert_eq!(seeds.report.empty_sources, [], "{shape}");
+        }
+        assert_eq!(seeds(&sources(&[&block(0.02 * 0.8)]), vec![]).unwrap().positions.len(), 1);
+        // The seeding lattice of a source of more particles stays.
+        let seeds = seeds(&sources(&[&ball(0.02 * 2.0)]), vec![]).unwrap();
+        assert_eq!(seeds.positions.len(), 32);
+        assert!((seeds.positions[0] - center - Vec3::new(-0.01, -0.01, -0.03)).amax() < 1e-6);
+    }
+
+    #[test]
+    fn sources_without_particles_are_reported_with_a_spacing_that_gives_them_some() {
+        let drop = "sphere = { center = [1, 1, 1], radius = 0.008 }";
+        let layer = "box = { min = [2, 0, 0], max = [2.004, 1, 1] }";
+        let found = seeds(&sources(&[drop, CUBE, CUBE, layer]), vec![]).unwrap();
+        let empty = &found.report.empty_sources;
+        assert_eq!(empty.iter().map(|source| source.index).collect::<Vec<_>>(), [0, 2, 3]);
+        assert!(
+            (empty[0].volume - 0.268).abs() < 0.001 && (empty[2].volume - 500.0).abs() < 0.1,
+            "{empty:?}"
+        );
+        assert_eq!((empty[0].skipped, empty[1].skipped, empty[2].skipped), (0, 150, 0));
+        assert_eq!(empty[1].sufficient_spacing, None);
+        for (shape, spacing) in [(drop, empty[0].sufficient_spacing), (layer, empty[2].sufficient_spacing)] {
+            let spacing = spacing.unwrap();
+            assert!(spacing > 0.0065 && spacing < 0.02, "{shape}: {spacing}");
+            let text = format!("spacing = {spacing}\nsource = [{{ shape = {{ {shape} }} }}]");
+            assert!(!seeds(&text, vec![]).unwrap().positions.is_empty(), "{shape}");
         }
     }
 

@@ -6,13 +6,16 @@ use crate::{
     job::{Total, nonzero, tradeoff::figure},
     sim::{
         FrameRecord,
-        liquid::{LiquidRecord, LiquidSeeds, NAME, record::FRAME_FIGURES},
+        liquid::{EmptySource, LiquidRecord, LiquidSeeds, NAME, record::FRAME_FIGURES},
         system::CachedFrame,
     },
 };
 use serde_json::json;
 
-/// Particles that seeding skipped, and a viscosity that the spacing cannot show.
+/// Sources without particles that are reported one by one; of others only their number is.
+const MAX_EMPTY_SOURCES: usize = 4;
+
+/// Particles that seeding skipped, sources without any, and a viscosity that the spacing cannot show.
 pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
     let mut warnings = nonzero(&[
         (
@@ -24,6 +27,13 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
             "particles of the sources were skipped: another source had already filled their position",
         ),
     ]);
+    let (listed, more) = seeds.empty_sources.split_at(seeds.empty_sources.len().min(MAX_EMPTY_SOURCES));
+    warnings.extend(listed.iter().map(empty_source_warning));
+    if let Some(last) = more.last() {
+        let count = more.len();
+        warnings
+            .push(format!("{count} more sources hold no particle, the last is liquid.source.{}", last.index));
+    }
     let LiquidSeeds { viscosity, solver_viscosity, speed, .. } = *seeds;
     if viscosity > 0.0 && viscosity < solver_viscosity {
         warnings.push(format!(
@@ -33,6 +43,25 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
         ));
     }
     warnings
+}
+
+fn empty_source_warning(source: &EmptySource) -> String {
+    let EmptySource { index, skipped, volume, sufficient_spacing } = *source;
+    let why = match (skipped, sufficient_spacing) {
+        (0, Some(spacing)) => format!(
+            "its volume is that of {} particles; liquid.spacing = {} gives it some, or enlarge it",
+            figure(volume, 2),
+            figure(spacing, 2)
+        ),
+        (0, None) => format!(
+            "its volume is that of {} particles; enlarge it, or lower liquid.spacing",
+            figure(volume, 2)
+        ),
+        _ => format!(
+            "all {skipped} were skipped, in solids or where another source had already filled their position"
+        ),
+    };
+    format!("liquid.source.{index} holds no particle: {why}")
 }
 
 /// Progress line of a frame.
@@ -182,6 +211,35 @@ mod tests {
         );
         assert_eq!(record_totals(&[]), []);
         assert_eq!(cached_totals(&[CachedFrame::default()]), []);
+    }
+
+    #[test]
+    fn sources_without_particles_are_named_up_to_a_limit() {
+        let empty = |index, skipped, sufficient_spacing| EmptySource {
+            index,
+            skipped,
+            volume: 0.268,
+            sufficient_spacing,
+        };
+        let mut seeds = LiquidSeeds {
+            empty_sources: vec![empty(0, 0, Some(0.0123)), empty(3, 7, None), empty(4, 0, None)],
+            ..LiquidSeeds::default()
+        };
+        let warnings = seeding_warnings(&seeds);
+        assert_eq!(warnings.len(), 3);
+        assert_eq!(
+            warnings[0],
+            "liquid.source.0 holds no particle: its volume is that of 0.27 particles; liquid.spacing = 0.012 gives it some, or enlarge it"
+        );
+        assert!(
+            warnings[1].starts_with("liquid.source.3 holds no particle: all 7 were skipped"),
+            "{warnings:?}"
+        );
+        assert!(warnings[2].contains("liquid.source.4") && warnings[2].contains("lower"), "{warnings:?}");
+        seeds.empty_sources = (0..60).map(|index| empty(index, 0, None)).collect();
+        let warnings = seeding_warnings(&seeds);
+        assert_eq!(warnings.len(), 5);
+        assert_eq!(warnings[4], "56 more sources hold no particle, the last is liquid.source.59");
     }
 
     #[test]
