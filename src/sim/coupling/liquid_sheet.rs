@@ -161,22 +161,30 @@ impl<'a> CoupledSheets<'a> {
         Some(lambda)
     }
 
-    /// Adds the impulses of contacts to the record. Returns their work on the liquid [J].
+    /// Adds the impulses of contacts to the record and returns their work; `v_before` are the particles' velocities without
+    /// contacts and pressure [m/s].
     fn account_impulses(
         &mut self,
         step: &SubstepState,
-        list: &[ParticleContact],
-        face_contacts: &FaceContacts,
+        contacts: &ContactSet<'_>,
         lambda: &[f32],
-    ) -> f64 {
-        let mut work = 0.0;
-        for ((contact, face_contact), &l) in
-            list.iter().zip(&face_contacts.list).zip(lambda).filter(|(_, l)| **l > 0.0)
-        {
-            let displacement = face_contact.contact_point(|i| self.sheets.point(i)[0] - step.before[i]);
-            work += f64::from(l) * f64::from(contact.normal.dot(&displacement)) / step.dt.powi(2);
+        particles: &SubstepParticles<'_>,
+        v_before: &[Vec3],
+    ) -> ContactWork {
+        let mut work = ContactWork::default();
+        let all = contacts.list.iter().zip(&contacts.face_contacts.list).zip(lambda);
+        for ((contact, face_contact), &l) in all.filter(|(_, l)| **l > 0.0) {
+            let (n, i) = (contact.normal, contact.particle as usize);
+            let end = face_contact.contact_point(|i| self.sheets.point(i)[0] - step.before[i]);
+            let free = face_contact.contact_point(|i| step.predicted[1][i] - step.before[i]);
+            let own = particles.predicted[i] - particles.start[i] + v_before[i] * step.dt as f32;
+            let work_along =
+                |displacement: Vec3| f64::from(l) * f64::from(n.dot(&displacement)) / step.dt.powi(2);
+            work.at_end += work_along(end);
+            work.of_sheets += work_along((end + free) * 0.5);
+            work.on_liquid += work_along(own * 0.5);
             for axis in 0..3 {
-                self.record.impulse[axis] -= f64::from(l * contact.normal[axis]) / step.dt;
+                self.record.impulse[axis] -= f64::from(l * n[axis]) / step.dt;
             }
         }
         work
@@ -222,31 +230,32 @@ impl<'a> CoupledSheets<'a> {
         FaceContacts::new(contacts.iter().map(face_contact).collect(), self.sheets.len())
     }
 
-    /// Projects particles that crossed faces back. Returns the work on the liquid [J].
+    /// Projects particles that crossed faces back, and adds the work of the contacts to `work`.
     fn resolve_crossings(
         &mut self,
         step: &mut SubstepState,
         particles: &mut SubstepParticles<'_>,
+        v_before: &[Vec3],
+        work: &mut ContactWork,
         clock: &mut Clock,
-    ) -> f64 {
-        let mut work = 0.0;
+    ) {
         for _ in 0..MAX_CROSSING_ITERATIONS {
             let through = self.find_crossings(step, particles);
             if through.is_empty() {
-                return work;
+                return;
             }
             let face_contacts = self.face_contacts(&through);
             let contacts = ContactSet { list: &through, face_contacts: &face_contacts };
             step.coupled.restart_from(self.sheets);
             if let Some(lambda) = self.project_once(step, &contacts, particles) {
                 self.sheets.end_coupled_substep(&mut step.coupled, clock, &mut self.sheet_record);
-                work += self.account_impulses(step, &through, &face_contacts, &lambda);
+                work.add(self.account_impulses(step, &contacts, &lambda, particles, v_before));
             }
         }
         for _ in 0..MAX_CROSSING_ITERATIONS {
             let through = self.find_crossings(step, particles);
             if through.is_empty() {
-                return work;
+                return;
             }
             self.record.projected_back += through.len() as u64;
             for contact in through {
@@ -260,7 +269,33 @@ impl<'a> CoupledSheets<'a> {
             }
         }
         self.record.crossed += self.find_crossings(step, particles).len() as u64;
-        work
+    }
+}
+
+/// Work of the contacts of a substep on the liquid, each impulse times three displacements [J].
+#[derive(Clone, Copy, Debug, Default)]
+struct ContactWork {
+    /// With that of the face: an inelastic contact, after which the particle has the face's velocity.
+    at_end: f64,
+    /// With the mean of the face's with and without contacts: what the sheets lose.
+    of_sheets: f64,
+    /// With the mean of the particle's with and without contacts: what the liquid gains.
+    on_liquid: f64,
+}
+
+impl ContactWork {
+    fn add(&mut self, other: Self) {
+        self.at_end += other.at_end;
+        self.of_sheets += other.of_sheets;
+        self.on_liquid += other.on_liquid;
+    }
+
+    /// Energy that the liquid may have more, or has less [J]. In inelastic contact `at_end` is the larger, and leaves the loss to
+    /// the solver. But an impulse is a sum over iterations, after which a face may have moved farther than the particle:
+    /// liquid on a face that yields loses no more than `on_liquid`, or it would freeze in mid-air. It gains no more than the
+    /// sheets lose.
+    fn exchanged(self) -> f64 {
+        self.at_end.max(self.on_liquid.min(self.of_sheets.max(0.0)))
     }
 }
 
@@ -339,7 +374,12 @@ impl CoupledSystem for CoupledSheets<'_> {
         pushed
     }
 
-    fn end_substep(&mut self, particles: &mut SubstepParticles<'_>, clock: &mut Clock) -> f64 {
+    fn end_substep(
+        &mut self,
+        particles: &mut SubstepParticles<'_>,
+        v_before: &[Vec3],
+        clock: &mut Clock,
+    ) -> f64 {
         let Some(mut step) = self.step.take() else { return 0.0 };
         let work = clock.around("coupling", |clock| {
             for _ in 0..MAX_FINAL_ITERATIONS {
@@ -364,23 +404,25 @@ impl CoupledSystem for CoupledSheets<'_> {
                 std::mem::take(&mut step.face_contacts),
                 std::mem::take(&mut step.lambda),
             );
-            let mut work = self.account_impulses(&step, &contacts, &face_contacts, &lambda);
-            work += self.resolve_crossings(&mut step, particles, clock);
+            let set = ContactSet { list: &contacts, face_contacts: &face_contacts };
+            let mut work = self.account_impulses(&step, &set, &lambda, particles, v_before);
+            self.resolve_crossings(&mut step, particles, v_before, &mut work, clock);
             self.record.contacts = lambda.iter().filter(|&&l| l > 0.0).count() as u64;
             (step.contacts, step.face_contacts, step.lambda) = (contacts, face_contacts, lambda);
-            work
+            work.exchanged()
         });
         self.record.work += work;
         self.step = Some(step);
         work
     }
 
-    fn apply_friction(&mut self, v: &mut [Vec3], clock: &mut Clock) {
+    fn apply_friction(&mut self, v: &mut [Vec3], clock: &mut Clock) -> f64 {
         let Self { coupling, sheets, step, .. } = self;
         let Some(step) = step.as_ref().filter(|_| coupling.friction.iter().any(Option::is_some)) else {
-            return;
+            return 0.0;
         };
-        clock.time("coupling", || {
+        let work = clock.time("coupling", || {
+            let mut work = 0.0;
             let touching = step.contacts.iter().zip(&step.lambda).filter(|(_, l)| **l > 0.0);
             for (contact, &l) in touching {
                 let Some(friction) = coupling.friction[contact.face as usize] else { continue };
@@ -397,12 +439,16 @@ impl CoupledSystem for CoupledSheets<'_> {
                 if impulse > 0.0 {
                     let change = slip * (impulse / speed);
                     v[i] -= change / coupling.mass;
+                    work -= f64::from(change.dot(&face_velocity));
                     for (&corner, weight) in face.iter().zip(contact.weights) {
                         sheets.add_velocity(corner, change * (weight * sheets.mobility(corner)));
                     }
                 }
             }
+            work
         });
+        self.record.work += work;
+        work
     }
 }
 

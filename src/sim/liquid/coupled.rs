@@ -43,9 +43,15 @@ pub(in crate::sim) trait CoupledSystem {
     /// Projects violated contact constraints, on both sides. Returns whether any was violated.
     fn project_contacts(&mut self, particles: &mut SubstepParticles<'_>, clock: &mut Clock) -> bool;
 
-    /// Ends the substep: projects contacts for the last time and resolves crossings. Returns the work on the liquid [J].
-    fn end_substep(&mut self, particles: &mut SubstepParticles<'_>, clock: &mut Clock) -> f64;
+    /// Ends the substep: projects contacts for the last time and resolves crossings. `v_before` are the particles' velocities
+    /// without contacts and pressure [m/s]. Returns the work on the liquid [J].
+    fn end_substep(
+        &mut self,
+        particles: &mut SubstepParticles<'_>,
+        v_before: &[Vec3],
+        clock: &mut Clock,
+    ) -> f64;
 
-    /// Applies friction to the liquid's velocities [m/s] and to the system.
-    fn apply_friction(&mut self, v: &mut [Vec3], clock: &mut Clock);
+    /// Applies friction to the liquid's velocities [m/s] and to the system. Returns the work on the liquid [J].
+    fn apply_friction(&mut self, v: &mut [Vec3], clock: &mut Clock) -> f64;
 }

@@ -92,7 +92,7 @@ pub(super) struct Liquid {
     gravity: Vec3,
     /// Mass of a particle [kg].
     mass: f64,
-    /// Mechanical and surface energy at the start of the shot and the work of moving solids since [J], which confinement or the
+    /// Mechanical and surface energy at the start of the shot and the work of moving solids and sheets since [J], which confinement or the
     /// micropolar exchange may restore.
     first_energy: f64,
     /// [`FRAME_FIGURES`] of the last frame; `None` in the first.
@@ -239,7 +239,8 @@ impl Liquid {
         }
         if let Some(coupled) = coupled {
             let collide = |from, to| self.walls.collide(from, to).0;
-            self.first_energy += coupled.end_substep(&mut self.solver.particles(&self.x, &collide), clock);
+            let mut particles = self.solver.particles(&self.x, &collide);
+            self.first_energy += coupled.end_substep(&mut particles, &self.v, clock);
             self.solver.check_skin(&self.rest);
         }
         clock.time("velocity", || self.update_velocities(dt));
@@ -247,7 +248,7 @@ impl Liquid {
             clock.time("friction", || self.apply_friction(dt, record));
         }
         if let Some(coupled) = coupled {
-            coupled.apply_friction(&mut self.v, clock);
+            self.first_energy += coupled.apply_friction(&mut self.v, clock);
         }
         self.add_solid_work(dt, record);
         if self.confinement.is_some() || self.microrotation.is_some() || self.params.xsph.is_some() {

@@ -314,3 +314,42 @@ fn contact_solves_at_their_iteration_limit_are_counted() {
         assert!(couplings.iter().all(|coupling| coupling.crossed == 0), "{integrator}: {couplings:?}");
     }
 }
+
+#[test]
+fn an_overloaded_sheet_throws_the_water_back() {
+    // 384 kg on a square metre of 2000 N/m, which sags by a metre.
+    let cells = 16;
+    let cloth = sheet(
+        "cloth",
+        1.0,
+        0.0,
+        cells,
+        &format!(
+            "density = 0.5\nstiffness = [2000, 2000]\nshear = 300\ndamping = 5\n\
+             pin = [{{ at = {{ points = {:?} }} }}]",
+            border(cells)
+        ),
+    );
+    let text = format!(
+        "[liquid]\nspacing = 0.1\n{}{cloth}[sheets.solver]\nintegrator = 'implicit'\n\
+         [[coupling]]\nbetween = ['liquid', 'cloth']\n",
+        block([-0.4, -0.4, 0.3], [0.4, 0.4, 0.9], [0.0; 3])
+    );
+    let mut shot = simulation(world(9.81, Vec::new()), &text);
+    let start = 384.0 * 9.81 * 0.6;
+    let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+    for frame in 1..=40 {
+        let record = advance(&mut shot, 1).remove(0).liquid.unwrap();
+        let state = state(&shot);
+        let mean = |name| channel(&state, "liquid", name).into_iter().sum::<Double>() / 384.0;
+        let speed = channel(&state, "liquid", "velocity").iter().map(|v| v.norm()).sum::<f64>() / 384.0;
+        let energy = record.kinetic_energy + record.potential_energy;
+        assert!(frame < 3 || speed > 0.5, "frame {frame}: the water hangs in mid-air, {speed} m/s");
+        assert!(energy < 1.1 * start, "frame {frame}: {energy} J of {start} J");
+        let height = mean("position").z;
+        lowest = height.min(lowest);
+        highest = if height > lowest { height.max(highest) } else { f64::NEG_INFINITY };
+    }
+    println!("down to {lowest:.3} m and up to {highest:.3} m");
+    assert!(lowest < -0.8 && highest > 0.2, "down to {lowest} m and up to {highest} m");
+}
