@@ -170,6 +170,20 @@ fn a_paddle_stirs_a_pool_at_rest_with_the_work_it_does() {
 }
 
 #[test]
+fn a_smooth_ball_that_spins_in_place_does_no_work() {
+    for speed in [720.0, 1500.0] {
+        let ball = Shape::Sphere { center: [0.0; 3], radius: 0.1 };
+        let spin = vec![key(1, [0.2, 0.2, 0.1], [0.0; 3]), key(25, [0.2, 0.2, 0.1], [0.0, 0.0, speed])];
+        let solids = vec![tank([0.4, 0.4, 1.0]), moving(ball, spin)];
+        let mut simulation = simulation(world(solids), water(0.02, [0.0; 3], [0.4, 0.4, 0.3], ""));
+        let records = advance(&mut simulation, 12);
+        let work = records.iter().map(|record| record.solid_work.abs()).sum::<f64>();
+        println!("{speed} degrees a second: {work:.1e} J");
+        assert!(work < 1e-3, "{speed} degrees a second: {work} J");
+    }
+}
+
+#[test]
 fn a_lifted_tank_lifts_its_water() {
     let lift = vec![key(1, [0.0; 3], [0.0; 3]), key(25, [0.0, 0.0, 1.0], [0.0; 3])];
     let shape = Shape::Tank { min: [0.0; 3], max: [0.4, 0.4, 1.0] };

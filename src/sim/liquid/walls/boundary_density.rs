@@ -11,7 +11,7 @@
 //! assumed density, one of 3 h 0.87. A mesh with voxels larger than 0.4 h is taken as flat: its convex edges then contribute
 //! 0.4, its concave edges 1.8 of the assumed density (test `the_density_near_bodies_approximates_the_kernels_integral`).
 
-use super::{Body, MovingSolid, Walls};
+use super::{Body, Walls};
 use crate::{math::Vec3, solid::Shape};
 
 impl Walls {
@@ -32,9 +32,7 @@ impl Walls {
             near.map(|mover| (mover, self.body_density(body, x).1))
         });
         let did = planes.chain(bodies).map(|(mover, falls)| {
-            let MovingSolid { before, now, .. } = &self.movers[mover];
-            let displacement = x - before.to_world(now.to_local(x));
-            f64::from(falls.dot(&displacement)) * f64::from(-lambda)
+            f64::from(falls.dot(&self.movers[mover].displacement(x))) * f64::from(-lambda)
         });
         did.sum()
     }

@@ -14,7 +14,7 @@
 //! Limits: of several solids that push one particle, each gets the part of the displacement along its normal, which is exact if
 //! they are perpendicular. Impacts slower than two steps of gravity do not bounce.
 
-use super::{MovingSolid, Walls, surface::Surface};
+use super::{Walls, surface::Surface};
 use crate::math::Vec3;
 
 /// Speed below which an impact is resting contact, in speeds that gravity gives in a substep: a particle at rest arrives with
@@ -74,11 +74,7 @@ impl Walls {
                 return;
             }
             push -= n * pushed; // a second solid with this normal did not push once more
-            let u = mover.map_or(Vec3::zeros(), |mover| {
-                let MovingSolid { before, now, .. } = &self.movers[mover];
-                // The central difference has no component along the radius of a turn.
-                (now.to_world(before.to_local(p)) - before.to_world(now.to_local(p))) / (2.0 * dt)
-            });
+            let u = mover.map_or(Vec3::zeros(), |mover| self.movers[mover].displacement(p) / dt);
             let mut impulse = pushed / dt;
             let approach = (u - v_before).dot(&n);
             if surface.restitution > 0.0 && approach > RESTING_STEPS * gravity.norm() * dt {

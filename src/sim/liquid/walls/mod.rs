@@ -88,6 +88,17 @@ struct MovingSolid {
     now: Pose,
 }
 
+impl MovingSolid {
+    /// Displacement over the substep of the part of the solid that is at `x` in the middle of it [m]: a central difference. The
+    /// chord of a turn, from the pose before to the pose now, has a component along the radius, by which a ball that spins in
+    /// place would do work; the central difference has none.
+    #[inline]
+    fn displacement(&self, x: Vec3) -> Vec3 {
+        let Self { before, now, .. } = self;
+        (now.to_world(before.to_local(x)) - before.to_world(now.to_local(x))) / 2.0
+    }
+}
+
 impl Walls {
     /// Splits solids into half spaces and bodies, at their poses at time 0.
     pub(super) fn new(solids: &[Solid], rest: &RestState) -> Self {
@@ -346,9 +357,7 @@ impl Walls {
             touching.map(|(mover, _, n)| (mover, n.dot(&push), n)).filter(|&(_, along, _)| along > 0.0);
         let best = facing.reduce(|a, b| if b.1 > a.1 { b } else { a });
         best.map_or(0.0, |(mover, along, n)| {
-            let MovingSolid { before, now, .. } = &self.movers[mover];
-            let displacement = to - before.to_world(now.to_local(to));
-            f64::from(along) * f64::from(n.dot(&displacement))
+            f64::from(along) * f64::from(n.dot(&self.movers[mover].displacement(to)))
         })
     }
 }
@@ -441,6 +450,40 @@ mod tests {
             assert!((work / (f64::from(swept.z) * 0.8) - 1.0).abs() < 1e-3, "{name}: {work}");
             assert!((walls.max_speed(1.0) - 0.0).abs() < 1e-9, "the motion has ended");
         }
+    }
+
+    #[test]
+    fn a_turn_does_work_by_the_velocity_of_the_surface_and_none_by_the_chord() {
+        let rest = RestState::new(Kernel::Wendland, 0.1, 2.0);
+        let turning = |shape: Shape| {
+            let key = |frame: u32, rotation: f32| Keyframe {
+                frame,
+                position: [2.0, 0.0, 0.0],
+                rotation: [0.0, 0.0, rotation],
+                quaternion: None,
+            };
+            let motion = Motion::new(&[key(0, 0.0), key(1, 9.0)], Interpolation::Linear, 1.0, 0);
+            let mut walls = Walls::new(&[Solid { motion, ..Solid::fixed(shape) }], &rest);
+            walls.move_to(1.0);
+            walls
+        };
+        let ball = turning(Shape::Sphere { center: [0.0; 3], radius: 0.5 });
+        let x = Vec3::new(2.0 + 0.4 * 0.6, 0.4 * 0.8, 0.0);
+        let (out, stuck) = ball.project(x);
+        assert!(!stuck && (out - x).norm() > 0.1, "{out:?}");
+        let bound = 1e-6 * f64::from((out - x).norm());
+        assert!(ball.work(x, out).abs() < bound, "{}", ball.work(x, out));
+        assert!(ball.pressure_work(out, -1.0).abs() < 10.0 * bound, "{}", ball.pressure_work(out, -1.0));
+        // A box of 1.2 m turns its face against a particle 0.5 m from the axis.
+        let paddle = turning(Shape::Box { min: [-0.6, -0.05, -0.6], max: [0.6, 0.05, 0.6] });
+        let angle = 9.0_f32.to_radians();
+        let (along, n) =
+            (Vec3::new(angle.cos(), angle.sin(), 0.0), Vec3::new(-angle.sin(), angle.cos(), 0.0));
+        let x = Vec3::new(2.0, 0.0, 0.0) + along * 0.5 + n * 0.06;
+        let (out, _) = paddle.project(x);
+        let expected = f64::from((out - x).norm() * 0.5 * angle);
+        assert!(expected > 1e-3 && (paddle.work(x, out) / expected - 1.0).abs() < 0.01, "{expected}");
+        assert!(paddle.pressure_work(out, -1.0) > 0.0);
     }
 
     #[test]

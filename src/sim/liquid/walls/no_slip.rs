@@ -6,7 +6,7 @@
 //! Limits: bodies are taken as flat; several solids add up, so corners resist up to twice as much. There the liquid
 //! hardly moves anyway.
 
-use super::{MovingSolid, Walls};
+use super::Walls;
 use crate::{math::Vec3, sim::liquid::viscous_kernel::ViscousKernel};
 
 /// Resistance of the solids to a particle's motion.
@@ -67,10 +67,7 @@ impl Walls {
         let mut out = WallDrag::default();
         let mut add = |d: f32, n: Vec3, mover: Option<usize>| {
             let half_space = kernel.half_space(d * self.inv_support);
-            let u = mover.map_or(Vec3::zeros(), |mover| {
-                let MovingSolid { before, now, .. } = &self.movers[mover];
-                (x - before.to_world(now.to_local(x))) / dt
-            });
+            let u = mover.map_or(Vec3::zeros(), |mover| self.movers[mover].displacement(x) / dt);
             out.sum += half_space.sum;
             out.add(n, half_space.normal, half_space.tangential, u);
         };
