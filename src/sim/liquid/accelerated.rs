@@ -6,7 +6,8 @@
 //! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), with the
 //! current gradients. A substep starts from half of the last one's final pressures.
 //! *Departs from the paper*: there λ only pushes, and an overshoot stays; here an overshoot is reversed as long as
-//! κ > 0. D is evaluated once a substep, since it only scales the step.
+//! κ > 0. D is evaluated once a substep, since it only scales the step. The warm start ignores pressures that lasted for one
+//! substep only, as those of an impact.
 //! See docs/decisions/006 for measurements of other schemes.
 //!
 //! Symbols: κ_i → −λ summed over the substep [m²]; its extrapolation → `applied`; ω → [`RELAXATION`].
@@ -18,7 +19,7 @@ use super::{
     setup::SolverSetup,
     solve::Solver,
 };
-use crate::{par, simd::Lanes};
+use crate::{math::Vec3, par, simd::Lanes};
 
 /// Relaxation factor ω. With momentum, 0.7 throws a 64-layer column apart within half a second; 0.3 takes 1.3 times the
 /// iterations.
@@ -52,6 +53,8 @@ pub(super) struct Momentum {
     pub(super) slowed: u32,
     /// Length of the last substep [s]; 0 in the first substep of a frame.
     dt: f32,
+    /// κ/dt² = p/ρ₀ of the substep before the last [m²/s²]; empty in the first two substeps of a frame.
+    pub(super) pressure: Vec<f32>,
 }
 
 impl Momentum {
@@ -59,6 +62,7 @@ impl Momentum {
     /// last stored frame.
     pub(super) fn reset(&mut self) {
         (self.dt, self.slowed) = (0.0, 0);
+        self.pressure.clear();
     }
 
     /// Keeps the pressures of this solve in `kept`, from which another solve of the substep takes none.
@@ -73,20 +77,40 @@ impl Momentum {
         self.dt = dt;
     }
 
-    /// Starts a substep of `dt` [s] from the last one's pressures.
-    pub(super) fn start(&mut self, solver: &mut Solver, setup: &SolverSetup<'_>, dt: f32) {
-        let scale = if self.dt > 0.0 { WARM_START * (dt / self.dt).powi(2) } else { 0.0 };
-        (self.age, self.dt) = (0, dt);
+    /// Whether this substep's iteration has been slowed because it diverged.
+    pub(super) fn is_slowed(&self) -> bool {
+        self.relaxation < RELAXATION
+    }
+
+    /// Starts a substep of `dt` [s] from the last one's pressures, with directions at x + θ (x* − x).
+    pub(super) fn start(
+        &mut self,
+        solver: &mut Solver,
+        setup: &SolverSetup<'_>,
+        dt: f32,
+        (theta, x): (f32, &[Vec3]),
+    ) {
+        let last_dt = std::mem::replace(&mut self.dt, dt);
+        self.age = 0;
         (self.relaxation, self.smallest) = (RELAXATION, f64::INFINITY);
         solver.multipliers.resize(solver.p.len());
         let Multiplier { lambda, applied, last, .. } = &mut solver.multipliers.0;
-        par::update(applied, |_, kappa| *kappa = if scale > 0.0 { *kappa * scale } else { 0.0 });
-        last.clone_from(applied);
-        par::fill(lambda, |i| -last[i]);
-        if scale > 0.0 {
-            solver.publish(setup.rest.inv_support);
-            solver.correct(setup);
+        if last_dt == 0.0 {
+            applied.fill(0.0);
+            last.fill(0.0);
+            lambda.fill(0.0);
+            return;
         }
+        par::update(applied, |_, kappa| *kappa /= last_dt * last_dt);
+        let before = &self.pressure;
+        let lasting = |i: usize, pressure: f32| before.get(i).map_or(pressure, |before| before.min(pressure));
+        par::fill(last, |i| WARM_START * dt * dt * lasting(i, applied[i]));
+        self.pressure.clone_from(applied);
+        applied.clone_from(last);
+        par::fill(lambda, |i| -last[i]);
+        solver.publish(setup.rest.inv_support);
+        solver.evaluate_directions_at(theta, x, setup.rest);
+        solver.correct(setup);
     }
 
     /// Evaluates every constraint and its change of pressure. The residual is the change of a step without momentum, so

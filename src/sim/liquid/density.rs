@@ -130,6 +130,12 @@ pub(super) struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
+    /// Position of particle `i` in the neighbour sums [m].
+    #[inline(always)]
+    pub(super) fn direction_position(&self, i: usize) -> Vec3 {
+        self.nodes[i].vector() * self.setup.rest.support
+    }
+
     /// Density contributed by the solids at `x` and its gradient; skipped where `clearance` excludes it.
     #[inline(always)]
     pub(super) fn boundary_density(&self, i: usize, x: Vec3) -> (f32, Vec3) {
@@ -218,9 +224,12 @@ struct Densities {
     deficit: [f32; LANES],
 }
 
-/// Largest deficit, over that of a flat surface. The gradient of a splash is no measure of what it lacks: it may contract. Edges
-/// and corners of a block lack more (1.9 and 2.7), and round off by a fraction of a spacing.
-const MAX_SURFACE_DEFICIT: f32 = 1.5;
+/// |∇_i C_i|² from which the deficit is that of a flat surface, over that of the outermost layer of the seeding lattice. The
+/// deficit's own gradient is not part of the corrections, which therefore do work when it changes. With a constant deficit
+/// about a flat surface, water at rest calms down; where the deficit grows up to 1.5 times that of a flat surface, the
+/// topmost layer of a pool jitters at 5 cm/s forever. Edges and corners of a block lack more (1.9 and 2.7 times), and
+/// round off by a fraction of a spacing.
+const FLAT_SURFACE_GRADIENT2: f32 = 0.7;
 
 /// Density that a particle lacks at the free surface, from |∇_i C_i|² [1/m²], over ρ₀.
 ///
@@ -234,8 +243,8 @@ const MAX_SURFACE_DEFICIT: f32 = 1.5;
 #[inline(always)]
 fn surface_deficit(setup: &SolverSetup<'_>, gradient2: f32) -> f32 {
     match setup.constraint {
-        Constraint::Compression => (setup.rest.surface_deficit_scale * gradient2)
-            .min(MAX_SURFACE_DEFICIT * setup.rest.surface_deficit),
+        Constraint::Compression => (setup.rest.surface_deficit_scale / FLAT_SURFACE_GRADIENT2 * gradient2)
+            .min(setup.rest.surface_deficit),
         Constraint::Equality => 0.0,
     }
 }

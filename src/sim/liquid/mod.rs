@@ -77,6 +77,10 @@ pub const NAME: &str = "liquid";
 /// corrects them at once and throws the liquid apart; with 1, a dam break still gains 1 to 5 % of energy.
 const MIN_ITERATIONS: u32 = 2;
 
+/// Iterations of a substep after which directions are those at x*, whatever [`LiquidParams::theta`]. So many are needed by
+/// deep liquid that is stopped after falling: without this limit a column of 100 layers bursts at a deviation of 0.3 %.
+const MAX_THETA_ITERATIONS: u32 = 20;
+
 /// Average deviation at which the first density solve of a viscous substep stops, as a fraction of the distance, in
 /// spacings, by which gravity moves a particle in the substep. Short substeps deviate by less than `density_dev` without
 /// any pressure; walls then hold the weight by viscosity, and a slumping column is 3 % too high after 0.65 ms substeps. At 0.003
@@ -266,7 +270,8 @@ impl Liquid {
         if let Some(xsph) = &self.params.xsph {
             clock.time("xsph", || {
                 publish(&mut self.motion, &self.v);
-                xsph::apply(xsph, neighbourhood(&self.rest, &self.solver, &self.motion), &mut self.v);
+                let at = neighbourhood(&self.rest, &self.solver, &self.motion);
+                xsph::apply(xsph, at, self.gravity.norm() * dt, &mut self.v);
             });
         }
         clock.time("velocity", || self.bound_energy(record));
@@ -295,6 +300,12 @@ impl Liquid {
             let applied = &mut multipliers.0.applied;
             par::fill(ratio, |i| applied[order[i] as usize]);
             std::mem::swap(applied, ratio);
+        }
+        let pressure = &mut self.momentum.pressure;
+        if !pressure.is_empty() {
+            ratio.resize(order.len(), 0.0);
+            par::fill(ratio, |i| pressure[order[i] as usize]);
+            std::mem::swap(pressure, ratio);
         }
         grid.settle();
     }
@@ -393,9 +404,11 @@ impl Liquid {
     ) -> Result<(), Stop> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
+        // The surface tension acts along directions at x*, and would turn drops against earlier ones.
+        let theta = if self.tension.is_some() { 1.0 } else { self.params.theta };
         self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
         if kind == SolverKind::Accelerated {
-            self.momentum.start(&mut self.solver, &setup, dt);
+            self.momentum.start(&mut self.solver, &setup, dt, (theta, &self.x));
         }
         let max_iterations = self.params.iterations.unwrap_or(self.params.max_iterations);
         let min_iterations = MIN_ITERATIONS.min(max_iterations);
@@ -421,6 +434,12 @@ impl Liquid {
                 record.unconverged += 1;
                 break;
             }
+            let is_implicit = match kind {
+                SolverKind::Accelerated => self.momentum.is_slowed() || done >= MAX_THETA_ITERATIONS,
+                SolverKind::Jacobi => true,
+            };
+            let theta = if is_implicit { 1.0 } else { theta };
+            self.solver.evaluate_directions_at(theta, &self.x, &self.rest);
             self.solver.correct(&setup);
             project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
             record.iterations += 1;

@@ -23,7 +23,7 @@ use start::Start;
 /// Memory of simulating [bytes/particle], at `kernel_radius` 2 and the densest state of a shot. Less would let a farm
 /// kill the job, more refuses a shot that would have run. Shots of 30 000 to 130 000 particles are met within 7 %; five
 /// million took 380.
-const PARTICLE_BYTES: f64 = 480.0;
+const PARTICLE_BYTES: f64 = 484.0;
 
 /// The part of it that the neighbour lists take: it grows with the volume of the kernel.
 const NEIGHBOR_BYTES: f64 = 230.0;
