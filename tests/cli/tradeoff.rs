@@ -82,7 +82,7 @@ fn more_iterations_come_nearer_to_the_reference() {
 #[test]
 fn settings_out_of_the_bounds_are_marked_and_not_recommended() {
     let desk = Desk::new();
-    let line = "tradeoff small.toml --set liquid.min_substeps=1 --set liquid.cfl=2 --frames \
+    let line = "tradeoff small.toml --set liquid.min_substeps=2 --set liquid.cfl=2 --frames \
                 1-5 -o t";
     let (out, _) = desk.run(&format!("{line} --vary liquid.iterations=1,40 --dev 90%"), 0);
     assert!(out.contains("iterations=1 ") && out.contains("outside     2: density"), "{out}");

@@ -103,7 +103,10 @@ impl Momentum {
         }
         par::update(applied, |_, kappa| *kappa /= last_dt * last_dt);
         let before = &self.pressure;
-        let lasting = |i: usize, pressure: f32| before.get(i).map_or(pressure, |before| before.min(pressure));
+        // The smaller of both in magnitude, if they have the same sign.
+        let lasting = |i: usize, pressure: f32| {
+            before.get(i).map_or(pressure, |before| pressure.clamp(before.min(0.0), before.max(0.0)))
+        };
         par::fill(last, |i| WARM_START * dt * dt * lasting(i, applied[i]));
         self.pressure.clone_from(applied);
         applied.clone_from(last);
