@@ -3,8 +3,8 @@
 //! *Method*: the substep is a complementarity problem: find pressures κ ≥ 0 that leave no compression, with κ = 0 where
 //! the liquid is below rest density. Its projected Jacobi iteration is κ ← max(0, κ + ω C/D), with the paper's
 //! denominator D ([pbf] Eq. 11). [nesterov83]'s momentum extrapolates κ; it restarts whenever it points uphill
-//! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), with the
-//! current gradients. A substep starts from half of the last one's final pressures.
+//! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), with
+//! gradients at the positions that `theta` names. A substep starts from half of the last one's final pressures.
 //! *Departs from the paper*: there λ only pushes, and an overshoot stays; here an overshoot is reversed as long as
 //! κ > 0. D is evaluated once a substep, since it only scales the step. The warm start ignores pressures that lasted for one
 //! substep only, as those of an impact.

@@ -2,8 +2,8 @@
 //!
 //! *Method*: [pbf] Eq. 12 and Algorithm 1, lines 14 and 17. *Departs from the paper*: a correction is at most half a
 //! spacing, and every shortened one is counted. Coincident particles are separated along a direction derived from their
-//! indices, since no gradient separates them. The directions may be those of earlier positions than x* (see
-//! docs/decisions/022): the neighbour sums have the positions of the directions.
+//! indices, since no gradient separates them. Directions between particles may be those of earlier positions than x*
+//! (docs/decisions/022), which the neighbour sums then have; those of solids, which are at their poses at the end of the substep, are at x*.
 
 use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
 use crate::{
@@ -46,7 +46,7 @@ impl NeighbourPass for CorrectionPass<'_> {
         let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
         for (block, (p, built_at)) in blocks {
             let first = self.at.start + block * LANES;
-            let deltas = corrections::<L, P>(&self.at, first, p.len());
+            let deltas = corrections::<L, P>(&self.at, first, p);
             for (k, (x, built_at)) in p.iter_mut().zip(built_at).enumerate() {
                 let i = first + k;
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
@@ -65,12 +65,11 @@ impl NeighbourPass for CorrectionPass<'_> {
                     displacement2 = (moved - built_at).norm_squared();
                     total.unresolved_contacts += u64::from(touching);
                 }
-                let (at, lambda) = (self.at.direction_position(i), self.at.nodes[i].value());
                 if has_moving_solids {
-                    total.work += setup.walls.pressure_work(at, lambda);
+                    total.work += setup.walls.pressure_work(*x, self.at.nodes[i].value());
                 }
                 if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
-                    *push += self.at.boundary_density(i, at).1 * lambda;
+                    *push += self.at.boundary_density(i, *x).1 * self.at.nodes[i].value();
                 }
                 *x = moved;
                 total.farthest2 = total.farthest2.max(displacement2);
@@ -81,13 +80,13 @@ impl NeighbourPass for CorrectionPass<'_> {
     }
 }
 
-/// Δp of `count` particles, at most eight, with consecutive indices from `first`.
+/// Δp of up to eight particles with consecutive indices from `first`, whose positions are `p`.
 #[inline(always)]
-fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, count: usize) -> [Vec3; LANES] {
+fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, p: &[Vec3]) -> [Vec3; LANES] {
     let zero = L::splat(0.0);
     let (mut delta, mut coincident) = ([[zero; LANES]; 3], [zero; LANES]);
     let mut padded = [0.0; LANES];
-    for k in 0..count {
+    for k in 0..p.len() {
         let i = first + k;
         let own = lanes::spread::<L>(at.nodes[i]);
         let mut neighbours = at.lists.rows::<L>(i);
@@ -107,7 +106,7 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, count: usize) ->
     let coincident = L::sums(&coincident);
     let scale = at.setup.rest.gradient_scale;
     let mut deltas = [Vec3::zeros(); LANES];
-    for k in 0..count {
+    for k in 0..p.len() {
         let i = first + k;
         let mut sum = -Vec3::new(x[k], y[k], z[k]);
         if coincident[k] > padded[k] {
@@ -116,7 +115,7 @@ fn corrections<L: Lanes, P: Pair>(at: &Chunk<'_>, first: usize, count: usize) ->
         deltas[k] = sum * scale; // Δp_i, [pbf] Eq. 12
         let lambda = at.nodes[i].value();
         if lambda != 0.0 {
-            deltas[k] += at.boundary_density(i, at.direction_position(i)).1 * lambda;
+            deltas[k] += at.boundary_density(i, p[k]).1 * lambda;
         }
     }
     deltas

@@ -130,12 +130,6 @@ pub(super) struct Chunk<'a> {
 }
 
 impl Chunk<'_> {
-    /// Position of particle `i` in the neighbour sums [m].
-    #[inline(always)]
-    pub(super) fn direction_position(&self, i: usize) -> Vec3 {
-        self.nodes[i].vector() * self.setup.rest.support
-    }
-
     /// Density contributed by the solids at `x` and its gradient; skipped where `clearance` excludes it.
     #[inline(always)]
     pub(super) fn boundary_density(&self, i: usize, x: Vec3) -> (f32, Vec3) {

@@ -405,7 +405,10 @@ impl Liquid {
         let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
         // The surface tension acts along directions at x*, and would turn drops against earlier ones.
-        let theta = if self.tension.is_some() { 1.0 } else { self.params.theta };
+        let has_late_directions = self.tension.is_some()
+            || kind == SolverKind::Jacobi
+            || self.params.constraint == Constraint::Equality;
+        let theta = if has_late_directions { 1.0 } else { self.params.theta };
         self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
         if kind == SolverKind::Accelerated {
             self.momentum.start(&mut self.solver, &setup, dt, (theta, &self.x));
@@ -434,11 +437,8 @@ impl Liquid {
                 record.unconverged += 1;
                 break;
             }
-            let is_implicit = match kind {
-                SolverKind::Accelerated => self.momentum.is_slowed() || done >= MAX_THETA_ITERATIONS,
-                SolverKind::Jacobi => true,
-            };
-            let theta = if is_implicit { 1.0 } else { theta };
+            let is_late = self.momentum.is_slowed() || done >= MAX_THETA_ITERATIONS;
+            let theta = if is_late { 1.0 } else { theta };
             self.solver.evaluate_directions_at(theta, &self.x, &self.rest);
             self.solver.correct(&setup);
             project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);

@@ -60,10 +60,10 @@ pub struct LiquidParams {
     #[serde(default = "defaults::softening")]
     pub softening: f32,
     /// Where the `accelerated` solver evaluates the directions of corrections, between the positions at the start of a substep
-    /// (0) and the predicted ones (1, as in the paper, and always with `jacobi` or a
+    /// (0) and the predicted ones (1, as in the paper, and always with `jacobi`, `equality` or a
     /// `surface_tension`). With 1 the liquid loses energy in proportion
-    /// to the substep: 13 % of a dam break's in its first second, with 0.1 8 %. With 0 nothing damps the modes of deep water.
-    /// Particles under a pressure that makes the earlier directions unstable take the later ones. Range: 0 to 1.
+    /// to the substep: 13 % of a dam break's in its first second, with 0.1 9 %. With 0 nothing damps the modes of deep water.
+    /// Under high pressure, and in substeps of many iterations, the later ones are used. Range: 0 to 1.
     #[serde(default = "defaults::theta")]
     pub theta: f32,
     /// Channels of cached particles in addition to `position`, `velocity` and `id`, for `surface.attributes` and other tools;
@@ -84,7 +84,7 @@ pub struct LiquidParams {
     /// `vorticity`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub micropolar: Option<Micropolar>,
-    /// Viscosity in Pa·s, with liquid that sticks to solids; absent: not applied, and solids are frictionless.
+    /// Viscosity in Pa·s, with liquid that sticks to solids; absent: not applied, and solids have the friction that they name.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub viscosity: Option<ImplicitViscosity>,
     /// XSPH viscosity, smooths velocities over neighbours; absent: not applied.
@@ -281,8 +281,8 @@ pub struct Xsph {
     /// effect depends on the substep; for honey or oil, see `liquid.viscosity`. Range: 0 to 1.
     #[cfg_attr(feature = "presets", schemars(extend("former" = "liquid.viscosity.strength")))]
     pub strength: f32,
-    /// Fraction added to `strength` for neighbours at rest relative to each other, so that still water is still; it vanishes
-    /// for velocities above two fifths of what gravity adds in a substep, which the solver cannot resolve. Without it a
+    /// Fraction added to `strength` for neighbours at rest relative to each other, so that still water is still; half of it acts
+    /// at two fifths of the velocity that gravity adds in a substep, which the solver cannot resolve; without gravity, none. Without it a
     /// pool jitters at 9 mm/s. Range: 0 to 0.5.
     pub rest: f32,
 }

@@ -406,7 +406,7 @@ impl Sheets {
             }
         };
         implicit::combine(&mut self.v, 1.0, &change, 1.0);
-        // The liquid pushed after contact was reported: without resolving it again, one sheet would pass
+        // The liquid pushed after contacts were resolved: without resolving it again, one sheet would pass
         // through the other.
         self.resolve_collisions(substep.now, substep.dt, clock, record);
     }
