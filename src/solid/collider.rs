@@ -26,6 +26,10 @@ pub struct Collider {
     /// drops patter, 1 loses nothing. Absent: none. Range: 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub restitution: Option<f32>,
+    /// Contact angle of the liquid on the surface [°], which needs `liquid.surface_tension`: below 90 the liquid wets it, above
+    /// it beads. Absent: the `contact_angle` of the surface tension. Range: 0 to 180.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contact_angle: Option<f32>,
 }
 
 fn is_linear(interpolation: &Interpolation) -> bool {
@@ -43,6 +47,8 @@ pub struct Solid {
     pub friction: f32,
     /// Restitution of the liquid; 0: none.
     pub restitution: f32,
+    /// Contact angle of the liquid [°]; `None`: that of its surface tension.
+    pub contact_angle: Option<f32>,
 }
 
 impl Collider {
@@ -56,13 +62,13 @@ impl Collider {
     pub fn solid(&self, fps: f64, first: u32) -> Solid {
         let motion = Motion::new(&self.keyframes, self.interpolation, fps, first);
         let (friction, restitution) = (self.friction.unwrap_or(0.0), self.restitution.unwrap_or(0.0));
-        Solid { shape: self.shape.clone(), motion, friction, restitution }
+        Solid { shape: self.shape.clone(), motion, friction, restitution, contact_angle: self.contact_angle }
     }
 }
 
 impl Solid {
-    /// A smooth shape that stands still.
+    /// A smooth shape that stands still, with the contact angle of the liquid.
     pub fn fixed(shape: Shape) -> Self {
-        Self { shape, motion: None, friction: 0.0, restitution: 0.0 }
+        Self { shape, motion: None, friction: 0.0, restitution: 0.0, contact_angle: None }
     }
 }

@@ -639,31 +639,59 @@ fn contact_angle(volume: f64, height: f64) -> f64 {
     low.to_degrees()
 }
 
-#[test]
-fn a_drop_at_rest_has_the_contact_angle() {
+/// Contact angles of drops that rest on `solids` at x = `middles` in spacings, on a level at z = 0.
+fn resting_contact_angles(angle: f32, solids: Vec<Solid>, middles: &[f32]) -> Vec<f64> {
     let spacing = 0.001_f32;
-    let (half, height) = (7.0 * spacing, 7.0 * spacing);
-    for angle in [60.0, 120.0] {
-        let text = format!(
-            "spacing = {spacing}\nkernel_radius = 2.5\nxsph = {{ strength = 0.02 }}\n\
-             surface_tension = {{ coefficient = 0.072, contact_angle = {angle} }}\n\
-             [[source]]\nshape = {{ box = {{ min = [{}, {}, 0], max = [{half}, {half}, {height}] }} }}",
-            -half, -half
-        );
-        let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
-        let world = World { gravity: Vec3::zeros(), solids: vec![Solid::fixed(floor)] };
-        let mut simulation = simulation(world, params(&text));
-        // The drop swings about its shape at rest.
-        let mut heights = 0.0;
-        for frame in 0..120 {
-            simulation.advance(1.0 / 240.0, &mut Unwatched).expect("it stays finite");
-            if frame >= 60 {
-                let x = channel(&state(&simulation), "position");
-                heights += x.iter().map(|x| f64::from(x.z)).sum::<f64>() / x.len() as f64 / 60.0;
+    let mut text = format!(
+        "spacing = {spacing}\nkernel_radius = 2.5\nxsph = {{ strength = 0.02 }}\n\
+         surface_tension = {{ coefficient = 0.072, contact_angle = {angle} }}\n"
+    );
+    for middle in middles {
+        let (min, max) = ([middle - 7.0, -7.0, 0.0], [middle + 7.0, 7.0, 7.0]);
+        let [min, max] = [min, max].map(|corner| corner.map(|x| x * spacing));
+        text += &format!("[[source]]\nshape = {{ box = {{ min = {min:?}, max = {max:?} }} }}\n");
+    }
+    let mut simulation = simulation(World { gravity: Vec3::zeros(), solids }, params(&text));
+    let drop_of = |x: &Vec3| {
+        let distance = |k: &usize| (x.x - middles[*k] * spacing).abs();
+        (0..middles.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("there is a drop")
+    };
+    // The drops swing about their shapes at rest.
+    let mut sums = vec![[0.0; 2]; middles.len()];
+    for frame in 0..120 {
+        simulation.advance(1.0 / 240.0, &mut Unwatched).expect("it stays finite");
+        if frame >= 60 {
+            for x in channel(&state(&simulation), "position") {
+                let [height, count] = &mut sums[drop_of(&x)];
+                (*height, *count) = (*height + f64::from(x.z), *count + 1.0);
             }
         }
-        let volume = state(&simulation).streams[0].len() as f64 * f64::from(spacing).powi(3);
-        let found = contact_angle(volume, heights);
-        assert!((found - angle).abs() < 5.0, "{found}°, expected {angle}°");
     }
+    let angle =
+        |[height, count]: [f64; 2]| contact_angle(count / 60.0 * f64::from(spacing).powi(3), height / count);
+    sums.into_iter().map(angle).collect()
+}
+
+#[test]
+fn a_drop_at_rest_has_the_contact_angle() {
+    for angle in [60.0, 120.0] {
+        let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        let found = resting_contact_angles(angle, vec![Solid::fixed(floor)], &[0.0])[0];
+        assert!((found - f64::from(angle)).abs() < 5.0, "{found}°, expected {angle}°");
+    }
+}
+
+#[test]
+fn drops_on_two_plates_have_the_contact_angle_of_theirs() {
+    let plate = |min: f32, max: f32, contact_angle| {
+        let shape = Shape::Box { min: [min, -0.03, -0.01], max: [max, 0.03, 0.0] };
+        Solid { contact_angle, ..Solid::fixed(shape) }
+    };
+    let plates = vec![plate(-0.05, -0.002, Some(120.0)), plate(0.002, 0.05, None)];
+    let found = resting_contact_angles(60.0, plates, &[-26.0, 26.0]);
+    println!("{found:?}");
+    assert!(
+        (found[0] - 120.0).abs() < 5.0 && (found[1] - 60.0).abs() < 5.0,
+        "{found:?}, expected 120° and 60°"
+    );
 }

@@ -223,6 +223,7 @@ fn piston(height: f32) -> World {
         interpolation: Interpolation::Linear,
         friction: None,
         restitution: None,
+        contact_angle: None,
     };
     let mut world = tank(9.81, [0.8, 0.8, 3.0]);
     world.solids.push(lid.solid(24.0, 1));

@@ -5,7 +5,8 @@
 //! gradient of this sum: pair forces cancel to rounding, and their torque about the predicted positions vanishes. (What torque the
 //! corrections leave is in docs/decisions/019; shortened displacements break both.) A solid adds
 //! its share to c, so that liquid at a wall has no surface there (contact angle 90°), and the energy −σ cos θ of the wetted
-//! area, which is 2 Σ V |∇c_wall|, makes the contact angle θ by Young's law. A small pairwise cohesion holds droplets and
+//! area, which is 2 Σ V |∇c_wall|, makes the contact angle θ by Young's law; between solids of different θ it has a gradient along them,
+//! too (`walls/wetting.rs`). A small pairwise cohesion holds droplets and
 //! sheets thinner than the kernel together, where |∇c| is no measure of area.
 //! Symbols: ∇c h → `gradient` [1]; σ → `coefficient` [N/m]; q = r/h.
 //! *Departs from the literature*: |∇c| is rounded off below [`GRADIENT_NOISE`], because the direction of the small gradients
@@ -21,7 +22,7 @@ use super::{
     lanes::{self, Node},
     pair::{Pair, Wendland},
     pass::{self, NeighbourPass},
-    walls::Walls,
+    walls::{Walls, Wetting},
 };
 use crate::{
     math::Vec3,
@@ -72,8 +73,8 @@ pub(super) struct Tension {
     /// Cohesion over [`Self::acceleration`], and its energy of a pair over [`Self::unit_energy`].
     cohesion: f32,
     pair_energy: f64,
-    /// cos θ, calibrated.
-    cos_contact: f32,
+    /// cos θ of the solids, calibrated.
+    wetting: Wetting,
     longest_substep: f64,
     lists: Neighbours,
     /// Positions over h.
@@ -97,14 +98,16 @@ impl Tension {
         let (h, spacing) = (f64::from(rest.support), f64::from(rest.spacing));
         let volume = spacing.powi(3);
         let cohesion = COHESION * sigma / cut_energy(h, spacing);
+        let walls = Walls::new(&world.solids, &rest);
+        let cosine = |angle: f32| WETTING[0] * angle.to_radians().cos() + WETTING[1];
         Self {
             acceleration: (2.0 * sigma / (density * h * h)) as f32,
             unit_energy: 2.0 * sigma * volume / h,
             cohesion: if sigma > 0.0 { (cohesion * h * h / (2.0 * sigma * volume)) as f32 } else { 0.0 },
             pair_energy: cohesion * h,
-            cos_contact: WETTING[0] * params.contact_angle.to_radians().cos() + WETTING[1],
+            wetting: Wetting::new(&walls, params.contact_angle, cosine),
             longest_substep: liquid.longest_capillary_substep(spacing),
-            walls: Walls::new(&world.solids, &rest),
+            walls,
             lists: Neighbours::default(),
             nodes: Vec::new(),
             gradient: Vec::new(),
@@ -149,14 +152,18 @@ impl Tension {
 
     /// Adds the displacements by solids in the last [`Tension::apply`] over `dt` [s] to `push`.
     pub(super) fn add_wall_push(&self, push: &mut [Vec3], dt: f32) {
-        let (rest, walls, scale) = (&self.rest, &self.walls, self.acceleration * dt * dt);
+        let (solids, scale) = (self.solids(), self.acceleration * dt * dt);
         par::update(push, |i, push| {
-            let x = self.nodes[i].vector() * rest.support;
-            let wall = wall_gradient(walls, rest, x);
+            let x = self.nodes[i].vector() * self.rest.support;
+            let wall = solids.gradient(x);
             if wall != Vec3::zeros() {
-                *push += wall_force(walls, rest, self.cos_contact, x, wall, self.gradient[i]) * scale;
+                *push += solids.force(x, wall, self.gradient[i]) * scale;
             }
         });
+    }
+
+    fn solids(&self) -> WettedSolids<'_> {
+        WettedSolids { walls: &self.walls, rest: &self.rest, wetting: &self.wetting }
     }
 
     /// Evaluates the forces and the energy of particles at `p`, which are sorted into `grid`.
@@ -167,20 +174,17 @@ impl Tension {
         for column in [&mut self.gradient, &mut self.force] {
             column.resize(count, Node::default());
         }
-        let (lists, nodes, rest, walls) = (&self.lists, &*self.nodes, &self.rest, &self.walls);
-        let (scale, cohesion) = (rest.gradient_scale * rest.support, self.cohesion);
-        let cos_contact = self.cos_contact;
+        let solids = WettedSolids { walls: &self.walls, rest: &self.rest, wetting: &self.wetting };
+        let (lists, nodes) = (&self.lists, &*self.nodes);
+        let (scale, cohesion) = (self.rest.gradient_scale * self.rest.support, self.cohesion);
         par::for_chunks(&mut self.gradient, par::CHUNK, |start, gradient| {
-            pass::run(
-                Kernel::Wendland,
-                GradientPass { lists, nodes, walls, rest, start, cos_contact, gradient },
-            );
+            pass::run(Kernel::Wendland, GradientPass { lists, nodes, solids, start, scale, gradient });
         });
         let gradient = &*self.gradient;
         par::for_chunks(&mut self.force, par::CHUNK, |start, force| {
             pass::run(
                 Kernel::Wendland,
-                ForcePass { lists, nodes, gradient, walls, rest, start, scale, cohesion, cos_contact, force },
+                ForcePass { lists, nodes, gradient, solids, start, scale, cohesion, force },
             );
         });
         let force = &*self.force;
@@ -211,36 +215,53 @@ fn pair_potential(q: f64) -> f64 {
     (1.0 - q).powi(3) * (1.0 - f64::from(COHESION_ZERO)) / 3.0 - (1.0 - q).powi(4) / 4.0
 }
 
-/// ∇c h of the solids at `x`, in units of the kernel.
-#[inline]
-fn wall_gradient(walls: &Walls, rest: &RestState, x: Vec3) -> Vec3 {
-    walls.boundary_density(x).1 * rest.support
+/// The solids and their contact angles.
+#[derive(Clone, Copy)]
+struct WettedSolids<'a> {
+    walls: &'a Walls,
+    rest: &'a RestState,
+    wetting: &'a Wetting,
 }
 
-/// Dimensionless force of the solids on a particle at `x`, where their gradient is `wall` and that of the sum `gradient`.
-#[inline]
-fn wall_force(
-    walls: &Walls,
-    rest: &RestState,
-    cos_contact: f32,
-    x: Vec3,
-    wall: Vec3,
-    gradient: Node,
-) -> Vec3 {
-    let u = gradient.vector() - wall.normalize() * cos_contact;
-    let step = u * (DIFFERENCE_STEP * rest.support);
-    let difference = wall_gradient(walls, rest, x + step) - wall_gradient(walls, rest, x - step);
-    -(difference / (2.0 * DIFFERENCE_STEP))
+impl WettedSolids<'_> {
+    /// ∇c h at `x`, in units of the kernel.
+    #[inline]
+    fn gradient(&self, x: Vec3) -> Vec3 {
+        self.walls.boundary_density(x).1 * self.rest.support
+    }
+
+    /// cos θ at `x`.
+    #[inline]
+    fn cosine(&self, x: Vec3) -> f32 {
+        self.wetting.cosine(self.walls, x)
+    }
+
+    /// Dimensionless force on a particle at `x`, where the gradient of the solids is `wall` and that of the sum `gradient`.
+    #[inline]
+    fn force(&self, x: Vec3, wall: Vec3, gradient: Node) -> Vec3 {
+        let h = self.rest.support;
+        let u = gradient.vector() - wall.normalize() * self.cosine(x);
+        let step = u * (DIFFERENCE_STEP * h);
+        let difference = self.gradient(x + step) - self.gradient(x - step);
+        let mut force = -(difference / (2.0 * DIFFERENCE_STEP));
+        if self.wetting.varies() {
+            for axis in 0..3 {
+                let step = Vec3::ith(axis, DIFFERENCE_STEP * h);
+                let difference = self.cosine(x + step) - self.cosine(x - step);
+                force[axis] += wall.norm() * difference / (2.0 * DIFFERENCE_STEP);
+            }
+        }
+        force
+    }
 }
 
 /// Gradients of the colour function of a chunk of particles.
 struct GradientPass<'a> {
     lists: &'a Neighbours,
     nodes: &'a [Node],
-    walls: &'a Walls,
-    rest: &'a RestState,
+    solids: WettedSolids<'a>,
     start: usize,
-    cos_contact: f32,
+    scale: f32,
     gradient: &'a mut [Node],
 }
 
@@ -249,7 +270,6 @@ impl NeighbourPass for GradientPass<'_> {
 
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) {
-        let scale = self.rest.gradient_scale * self.rest.support;
         for (offset, gradient) in self.gradient.iter_mut().enumerate() {
             let i = self.start + offset;
             let own = lanes::spread::<L>(self.nodes[i]);
@@ -259,11 +279,12 @@ impl NeighbourPass for GradientPass<'_> {
                 let (d, q2) = lanes::offset(own, lanes::gather::<L>(self.nodes, index));
                 sum = lanes::plus(sum, d, Wendland::slope(q2.sqrt()));
             }
-            let x = self.nodes[i].vector() * self.rest.support;
-            let wall = wall_gradient(self.walls, self.rest, x);
-            let n = wall - lanes::total(sum) * scale; // ∇c h
+            let x = self.nodes[i].vector() * self.solids.rest.support;
+            let wall = self.solids.gradient(x);
+            let n = wall - lanes::total(sum) * self.scale; // ∇c h
             let size = (n.norm_squared() + GRADIENT_NOISE * GRADIENT_NOISE).sqrt();
-            *gradient = Node::new(n / size, size - GRADIENT_NOISE - self.cos_contact * wall.norm());
+            let wetted = self.solids.cosine(x) * wall.norm();
+            *gradient = Node::new(n / size, size - GRADIENT_NOISE - wetted);
         }
     }
 }
@@ -273,12 +294,10 @@ struct ForcePass<'a> {
     lists: &'a Neighbours,
     nodes: &'a [Node],
     gradient: &'a [Node],
-    walls: &'a Walls,
-    rest: &'a RestState,
+    solids: WettedSolids<'a>,
     start: usize,
     scale: f32,
     cohesion: f32,
-    cos_contact: f32,
     force: &'a mut [Node],
 }
 
@@ -311,10 +330,10 @@ impl NeighbourPass for ForcePass<'_> {
                 energy += t2 * t * (third - t * quarter);
             }
             let mut total = lanes::total(sum) * self.scale - lanes::total(pairs) * self.cohesion;
-            let x = self.nodes[i].vector() * self.rest.support;
-            let wall = wall_gradient(self.walls, self.rest, x);
+            let x = self.nodes[i].vector() * self.solids.rest.support;
+            let wall = self.solids.gradient(x);
             if wall != Vec3::zeros() {
-                total += wall_force(self.walls, self.rest, self.cos_contact, x, wall, self.gradient[i]);
+                total += self.solids.force(x, wall, self.gradient[i]);
             }
             *force = Node::new(total, energy.sum() - neighbours.padding() as f32 * own_energy);
         }
@@ -326,11 +345,16 @@ mod tests {
     use super::*;
     use crate::solid::{Shape, Solid};
 
-    /// A jittered block of 6 × 6 × 6 particles above a floor, with the tension of a contact angle.
-    fn block(contact_angle: f32, floor: bool) -> (Tension, Vec<Vec3>) {
+    /// A jittered block of 6 × 6 × 6 particles above a floor, with the tension of a contact angle; a plate on one half of the floor
+    /// may have its own.
+    fn block(contact_angle: f32, floor: bool, plate: Option<f32>) -> (Tension, Vec<Vec3>) {
         let liquid = LiquidParams::new(0.01);
         let plane = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
-        let solids = if floor { vec![Solid::fixed(plane)] } else { Vec::new() };
+        let mut solids = if floor { vec![Solid::fixed(plane)] } else { Vec::new() };
+        if let Some(contact_angle) = plate {
+            let shape = Shape::Box { min: [0.025, -1.0, -0.003], max: [1.0, 1.0, 0.003] };
+            solids.push(Solid { contact_angle: Some(contact_angle), ..Solid::fixed(shape) });
+        }
         let world = World { gravity: Vec3::zeros(), solids };
         let tension = Tension::new(&SurfaceTension { coefficient: 0.072, contact_angle }, &liquid, &world);
         let jitter = |k: u32| ((k.wrapping_mul(2_654_435_761) >> 16) as f32 / 65536.0 - 0.5) * 0.003;
@@ -343,13 +367,15 @@ mod tests {
 
     #[test]
     fn forces_are_the_negative_gradient_of_the_energy() {
-        for (contact_angle, floor) in [(90.0, false), (40.0, true), (150.0, true)] {
-            let (mut tension, p) = block(contact_angle, floor);
+        for (contact_angle, floor, plate) in
+            [(90.0, false, None), (40.0, true, None), (150.0, true, None), (40.0, true, Some(150.0))]
+        {
+            let (mut tension, p) = block(contact_angle, floor, plate);
             tension.energy_at(&p);
             let force: Vec<Vec3> = tension.force.iter().map(|force| force.vector()).collect();
             // Acceleration times mass over the unit of energy is the dimensionless force over h.
             let scale = tension.unit_energy * f64::from(tension.rest.inv_support);
-            for i in [0, 17, 100, 130, 215] {
+            for i in [0, 3, 8, 17, 100, 130, 215] {
                 for axis in 0..3 {
                     let mut moved = |step: f32| {
                         let mut p = p.clone();
@@ -368,7 +394,7 @@ mod tests {
 
     #[test]
     fn forces_conserve_linear_and_angular_momentum() {
-        let (mut tension, p) = block(90.0, false);
+        let (mut tension, p) = block(90.0, false, None);
         tension.energy_at(&p);
         let sum = |f: &dyn Fn(usize) -> Vec3| {
             (0..p.len()).map(|i| f(i).cast::<f64>()).sum::<nalgebra::Vector3<f64>>().norm()

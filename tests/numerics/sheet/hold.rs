@@ -56,6 +56,7 @@ fn a_pin_moves_with_its_collider_or_along_a_path() {
         interpolation: Interpolation::Linear,
         friction: None,
         restitution: None,
+        contact_angle: None,
     };
     let world = World { gravity: Vec3::zeros(), solids: vec![collider.solid(24.0, 1)] };
     let text = grid(

@@ -114,8 +114,18 @@ pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
     volume / f64::from(liquid.spacing).powi(3)
 }
 
-/// Whether there is a liquid on which colliders with friction or restitution act.
+/// Whether there is a liquid on which colliders with friction, restitution or a contact angle act.
 pub(super) fn check_colliders(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let has_tension = scene.liquid.as_ref().is_some_and(|liquid| liquid.surface_tension.is_some());
+    for (index, collider) in scene.world.collider.iter().enumerate() {
+        if let Some(angle) = collider.contact_angle.filter(|_| !has_tension) {
+            let key = format!("world.collider.{index}.contact_angle");
+            let message = "`contact_angle` of a collider needs a liquid with surface tension";
+            let found = format!("found {angle}°, and no `[liquid.surface_tension]`");
+            let help = "add `[liquid.surface_tension]` with a `coefficient`, \"0.072 N/m\" for water, or remove the angle";
+            findings.push(Finding::new(places.of(&key), &key, message, found).with_help(help));
+        }
+    }
     let colliders = scene.world.collider.iter().enumerate().filter(|_| scene.liquid.is_none());
     for (index, collider) in colliders {
         for (name, value) in [("friction", collider.friction), ("restitution", collider.restitution)] {

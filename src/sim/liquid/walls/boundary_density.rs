@@ -68,13 +68,13 @@ impl Walls {
 
     /// Slope with which the density of a half space decreases at distance `d` [1/m].
     #[inline]
-    fn half_space_slope(&self, d: f32) -> f32 {
+    pub(super) fn half_space_slope(&self, d: f32) -> f32 {
         self.rest.half_space_slope(d * self.inv_support) * self.inv_support
     }
 
     /// Density of one body, and its negative gradient [1/m].
     #[inline]
-    fn body_density(&self, body: &Body, x: Vec3) -> (f32, Vec3) {
+    pub(super) fn body_density(&self, body: &Body, x: Vec3) -> (f32, Vec3) {
         let pose = body.mover.map(|mover| &self.movers[mover].now);
         let own = pose.map_or(x, |pose| pose.to_local(x));
         let turned = |n: Vec3| pose.map_or(n, |pose| pose.rotation * n);

@@ -11,9 +11,11 @@ mod boundary_density;
 mod friction;
 mod no_slip;
 mod surface;
+mod wetting;
 
 pub(super) use friction::PushedParticle;
 pub(super) use no_slip::WallDrag;
+pub(super) use wetting::Wetting;
 
 use super::{calibration::RestState, density_map};
 use crate::{
