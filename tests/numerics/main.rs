@@ -7,6 +7,7 @@ mod decimation;
 mod dense;
 mod eikonal;
 mod liquid;
+mod liquid_cylinder;
 mod liquid_extremes;
 mod liquid_friction;
 mod liquid_micropolar;
