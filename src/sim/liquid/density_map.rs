@@ -17,19 +17,28 @@ use std::sync::Arc;
 /// Most voxels in h; a finer grid is coarsened: its cost grows with the cube, without a gain.
 const MAX_VOXELS_IN_SUPPORT: f32 = 6.0;
 
-/// Fewest voxels in h: with fewer the sum has too few terms to be better than a half space.
+/// Fewest voxels in h: with fewer the sum has too few terms to be better than a half space. A coarser mesh is sampled between its
+/// nodes.
 const MIN_VOXELS_IN_SUPPORT: f32 = 2.5;
 
-/// The mesh with the distances of the equivalent half spaces; `None` if its voxels are too large.
+/// Most nodes of a grid that is finer than the mesh's: 16 MB.
+const MAX_NODES: f32 = 4e6;
+
+/// The mesh with the distances of the equivalent half spaces; `None` if the grid for a coarse mesh would be too large.
 pub(super) fn equivalent_distances(mesh: &MeshShape, rest: &RestState) -> Option<MeshShape> {
     let (field, scale) = (mesh.samples(), mesh.scale);
     let (support, shift) = (rest.support / scale, rest.wall_shift / scale);
     let finest = support / field.voxel;
-    if finest < MIN_VOXELS_IN_SUPPORT {
+    let voxel = if finest < MIN_VOXELS_IN_SUPPORT {
+        field.voxel / (MIN_VOXELS_IN_SUPPORT / finest).ceil()
+    } else {
+        field.voxel * (finest / MAX_VOXELS_IN_SUPPORT).ceil()
+    };
+    let reach = (support / voxel).ceil() as i32;
+    let size = (field.end() - field.origin) / voxel;
+    if finest < MIN_VOXELS_IN_SUPPORT && size.add_scalar(2.0 * reach as f32 + 1.0).product() > MAX_NODES {
         return None;
     }
-    let voxel = field.voxel * (finest / MAX_VOXELS_IN_SUPPORT).ceil();
-    let reach = (support / voxel).ceil() as i32;
 
     // A grid that contains everything within h of the mesh, and the solid fraction of its cells.
     let origin = field.origin - Vec3::repeat(reach as f32 * voxel);

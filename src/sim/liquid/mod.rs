@@ -46,7 +46,7 @@ pub use params::{
     ArtificialPressure, Constraint, ImplicitViscosity, Kernel, LiquidChannel, LiquidParams, LiquidSource,
     Micropolar, SolverKind, SurfaceTension, VorticityConfinement, Xsph,
 };
-pub use record::{Clamps, EmptySource, LiquidRecord, LiquidSeeds};
+pub use record::{Clamps, EmptySource, LiquidRecord, LiquidSeeds, ThinSolid};
 
 use super::{
     Diverged, Stop, Watch,

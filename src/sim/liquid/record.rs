@@ -21,6 +21,21 @@ pub struct LiquidSeeds {
     pub speed: f64,
     /// The sources without particles, in order; none after a restart.
     pub empty_sources: Vec<EmptySource>,
+    /// Colliders so thin that liquid on one side acts on liquid on the other, in order; none after a restart.
+    pub thin_solids: Vec<ThinSolid>,
+}
+
+/// A collider thinner than the kernel reaches between particles that rest on both of its sides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct ThinSolid {
+    /// Index of the collider in the preset, from 0.
+    pub index: u32,
+    /// Largest thickness of the collider [m].
+    pub thickness: f64,
+    /// Thickness from which on the collider separates liquids [m].
+    pub sufficient_thickness: f64,
 }
 
 /// A source that holds no particle.

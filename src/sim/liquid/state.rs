@@ -1,9 +1,10 @@
 //! The liquid's state: seeded, restored from a frame, and written to one.
 
 use super::{
-    Liquid, LiquidChannel, LiquidParams, LiquidSeeds, NAME, accelerated::Momentum, calibration::RestState,
-    micropolar::Microrotation, record::FRAME_FIGURES, repulsion::Repulsion, seed, solve::Solver,
-    surface_tension::Tension, viscosity::ViscositySolver, vorticity::Confinement, walls::Walls,
+    Liquid, LiquidChannel, LiquidParams, LiquidSeeds, NAME, ThinSolid, accelerated::Momentum,
+    calibration::RestState, micropolar::Microrotation, record::FRAME_FIGURES, repulsion::Repulsion, seed,
+    solve::Solver, surface_tension::Tension, viscosity::ViscositySolver, vorticity::Confinement,
+    walls::Walls,
 };
 use crate::{
     frame::{Stream, StreamKind},
@@ -19,6 +20,19 @@ const EDDY_DISSIPATION: f64 = 0.5;
 /// Name of the channel of the microrotation.
 const MICROROTATION: &str = "microrotation";
 
+/// The solids that are thinner than the kernel reaches between particles half a spacing from both of their sides.
+fn thin_solids(rest: &RestState, world: &World) -> Vec<ThinSolid> {
+    let sufficient = rest.support - rest.spacing;
+    let thickness = world.solids.iter().map(|solid| 2.0 * solid.shape.inner_radius()).enumerate();
+    let thin = thickness.filter(|&(_, thickness)| thickness < 0.999 * sufficient);
+    thin.map(|(index, thickness)| ThinSolid {
+        index: index as u32,
+        thickness: f64::from(thickness),
+        sufficient_thickness: f64::from(sufficient),
+    })
+    .collect()
+}
+
 impl Liquid {
     /// Fills the sources with particles.
     pub(in crate::sim) fn seed(params: LiquidParams, world: &World) -> Result<Self, SetupError> {
@@ -26,6 +40,7 @@ impl Liquid {
         let seeds = seed::seed(&liquid.params, &liquid.rest, &liquid.walls)?;
         liquid.id = (0..seeds.report.particles).collect();
         (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
+        liquid.seeded.thin_solids = thin_solids(&liquid.rest, world);
         if liquid.params.channels.contains(&LiquidChannel::Source) {
             liquid.ends = seeds.ends;
         }
@@ -152,5 +167,29 @@ impl Liquid {
         let figures = FRAME_FIGURES.iter().zip(self.figures.iter().flatten());
         stream.scalars.extend(figures.map(|((name, _), value)| ((*name).into(), *value)));
         stream
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        sim::liquid::Kernel,
+        solid::{Shape, Solid},
+    };
+
+    #[test]
+    fn solids_thinner_than_the_kernel_reaches_are_listed() {
+        let plate = |thickness: f32| Shape::Box { min: [-1.0, -1.0, 0.0], max: [1.0, 1.0, thickness] };
+        let ball = |radius: f32| Shape::Sphere { center: [0.0; 3], radius };
+        let tank = Shape::Tank { min: [0.0; 3], max: [1.0; 3] };
+        let shapes = [tank, plate(0.15), plate(0.05), ball(0.08), ball(0.04)];
+        let world = World { gravity: Vec3::zeros(), solids: shapes.map(Solid::fixed).into() };
+        // Particles rest half a spacing from either side, so that h less a spacing separates them.
+        let rest = RestState::new(Kernel::Wendland, 0.1, 2.5);
+        let thin = thin_solids(&rest, &world);
+        let listed: Vec<_> = thin.iter().map(|solid| (solid.index, solid.thickness as f32)).collect();
+        assert_eq!(listed, [(2, 0.05), (4, 0.08)]);
+        assert!(thin.iter().all(|solid| (solid.sufficient_thickness - 0.15).abs() < 1e-6), "{thin:?}");
     }
 }

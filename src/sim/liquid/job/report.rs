@@ -6,7 +6,7 @@ use crate::{
     job::{Total, nonzero, tradeoff::figure},
     sim::{
         FrameRecord,
-        liquid::{EmptySource, LiquidRecord, LiquidSeeds, NAME, record::FRAME_FIGURES},
+        liquid::{EmptySource, LiquidRecord, LiquidSeeds, NAME, ThinSolid, record::FRAME_FIGURES},
         system::CachedFrame,
     },
 };
@@ -14,6 +14,9 @@ use serde_json::json;
 
 /// Sources without particles that are reported one by one; of others only their number is.
 const MAX_EMPTY_SOURCES: usize = 4;
+
+/// Thin colliders that are reported one by one; of others only their number is.
+const MAX_THIN_SOLIDS: usize = 4;
 
 /// Particles that seeding skipped, sources without any, and a viscosity that the spacing cannot show.
 pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
@@ -33,6 +36,13 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
         let count = more.len();
         warnings
             .push(format!("{count} more sources hold no particle, the last is liquid.source.{}", last.index));
+    }
+    let (listed, more) = seeds.thin_solids.split_at(seeds.thin_solids.len().min(MAX_THIN_SOLIDS));
+    warnings.extend(listed.iter().map(thin_solid_warning));
+    if let Some(last) = more.last() {
+        let count = more.len();
+        warnings
+            .push(format!("{count} more colliders are as thin, the last is world.collider.{}", last.index));
     }
     let LiquidSeeds { viscosity, solver_viscosity, speed, .. } = *seeds;
     if viscosity > 0.0 && viscosity < solver_viscosity {
@@ -62,6 +72,16 @@ fn empty_source_warning(source: &EmptySource) -> String {
         ),
     };
     format!("liquid.source.{index} holds no particle: {why}")
+}
+
+fn thin_solid_warning(solid: &ThinSolid) -> String {
+    let ThinSolid { index, thickness, sufficient_thickness } = *solid;
+    format!(
+        "world.collider.{index} is {} m thick: liquid on one side acts on liquid on the other. If it separates liquids, make it at \
+         least {} m thick, or lower liquid.spacing",
+        figure(thickness, 2),
+        figure(sufficient_thickness, 2)
+    )
 }
 
 /// Progress line of a frame.
@@ -240,6 +260,23 @@ mod tests {
         let warnings = seeding_warnings(&seeds);
         assert_eq!(warnings.len(), 5);
         assert_eq!(warnings[4], "56 more sources hold no particle, the last is liquid.source.59");
+    }
+
+    #[test]
+    fn thin_colliders_are_named_up_to_a_limit() {
+        let thin = |index| ThinSolid { index, thickness: 0.004, sufficient_thickness: 0.02 };
+        let mut seeds = LiquidSeeds { thin_solids: vec![thin(2)], ..LiquidSeeds::default() };
+        assert_eq!(
+            seeding_warnings(&seeds),
+            [
+                "world.collider.2 is 0.004 m thick: liquid on one side acts on liquid on the other. If it separates liquids, make it at \
+              least 0.02 m thick, or lower liquid.spacing"
+            ]
+        );
+        seeds.thin_solids = (0..9).map(thin).collect();
+        let warnings = seeding_warnings(&seeds);
+        assert_eq!(warnings.len(), 5);
+        assert_eq!(warnings[4], "5 more colliders are as thin, the last is world.collider.8");
     }
 
     #[test]

@@ -3,15 +3,15 @@
 //! *Method*: without it, a kernel that reaches into a solid lacks density, and particles stack in layers ([pbf] section 9).
 //! It is added as if the solid were a slab behind its nearest point: the integrals of the kernels over a half space have
 //! closed forms, and a slab is the difference of two half spaces. A box is the product of three slabs, which also holds at
-//! its edges. For meshes a density map has the integral (`density_map.rs`). Several solids combine as if independent: the
+//! its edges. Round solids contribute what a ball of their curvature does (`round_density.rs`). For meshes a density map has
+//! the integral (`density_map.rs`). Several solids combine as if independent: the
 //! open part is the product of their open parts, which for two or three perpendicular walls keeps a corner near rest.
 //! *Departs from [pbf]*: the paper has neither boundary particles nor such a term, and names stacking as a limitation.
 //!
-//! Limits: the curvature of spheres and capsules is neglected: at contact, a sphere of radius h contributes 0.65 of the
-//! assumed density, one of 3 h 0.87. A mesh with voxels larger than 0.4 h is taken as flat: its convex edges then contribute
-//! 0.4, its concave edges 1.8 of the assumed density (test `the_density_near_bodies_approximates_the_kernels_integral`).
+//! Limits: a mesh whose voxels are far larger than h is taken as flat (`density_map.rs`): its convex edges then contribute
+//! 0.4, its concave edges 1.8 of the assumed density.
 
-use super::{Body, Walls};
+use super::{Body, Walls, round_density::mean_curvature};
 use crate::{math::Vec3, solid::Shape};
 
 impl Walls {
@@ -86,8 +86,13 @@ impl Walls {
             let (share, slope) = self.box_density(min, max, own);
             return (share, turned(slope));
         }
+        let (d, n) = body.shape.contact(own);
+        if let Some(curvature) = mean_curvature(&body.shape, own, n, self.support) {
+            let (share, slope) = self.round_density(curvature, d);
+            return (share, turned(n) * slope);
+        }
         // The probe at depth h is closer to the opposite face if the body is a slab thinner than h.
-        let (d, n) = self.body_contact(body, x);
+        let n = turned(n);
         let beyond = self.body_distance(body, x - n * self.support);
         let far = -d - (self.support - d - beyond).max(0.0);
         let share = self.half_space_density(d) - (1.0 - self.half_space_density(far));
@@ -166,23 +171,33 @@ mod tests {
         let face = Vec3::new(0.0, 0.0, 0.65);
         let edge = Vec3::new(0.0, 0.635, 0.635);
         let point = Vec3::repeat(0.63);
-        let cases: [(&str, Shape, Exact<'_>, Vec3, f32); 13] = [
+        let cases: [(&str, Shape, Exact<'_>, Vec3, f32); 17] = [
             ("box, face", shape(thick), &thick_, face, 0.01),
             ("box, edge", shape(thick), &thick_, edge, 0.03),
             ("box, corner", shape(thick), &thick_, point, 0.03),
             ("plate one spacing thick", shape(thin), &thin_, Vec3::new(0.0, 0.0, 0.1), 0.01),
             ("plate, rim", shape(thin), &thin_, Vec3::new(0.0, 0.65, 0.0), 0.03),
-            ("ball of three h", Shape::Sphere { center: [0.0; 3], radius: 0.6 }, &big, face, 0.06),
+            ("ball of three h", Shape::Sphere { center: [0.0; 3], radius: 0.6 }, &big, face, 0.005),
             (
                 "ball of one h",
                 Shape::Sphere { center: [0.0; 3], radius: 0.2 },
                 &small,
                 Vec3::new(0.0, 0.0, 0.25),
-                0.13,
+                0.005,
             ),
             ("mesh of a box, face", mesh(0.05, cuboid(thick)), &thick_, face, 0.01),
             ("mesh of a box, edge", mesh(0.05, cuboid(thick)), &thick_, edge, 0.03),
             ("mesh of a box, corner", mesh(0.05, cuboid(thick)), &thick_, point, 0.03),
+            ("mesh with voxels of h/2, edge", mesh(0.1, cuboid(thick)), &thick_, edge, 0.03),
+            (
+                "mesh with voxels of h/2 from inside, edge",
+                mesh(0.1, bowl),
+                &bowl,
+                Vec3::new(0.0, 0.55, 0.55),
+                0.04,
+            ),
+            ("mesh with voxels of h, edge", mesh(0.2, cuboid(thick)), &thick_, edge, 0.04),
+            ("mesh with voxels of h, face", mesh(0.2, cuboid(thick)), &thick_, face, 0.01),
             ("mesh of a plate", mesh(0.025, cuboid(thin)), &thin_, Vec3::new(0.0, 0.0, 0.1), 0.02),
             ("mesh from inside, edge", mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.55, 0.55), 0.04),
             ("mesh from inside, face", mesh(0.05, bowl), &bowl, Vec3::new(0.0, 0.0, 0.55), 0.01),

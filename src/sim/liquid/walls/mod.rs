@@ -10,6 +10,7 @@
 mod boundary_density;
 mod friction;
 mod no_slip;
+mod round_density;
 mod surface;
 mod wetting;
 
