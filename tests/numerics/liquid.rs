@@ -476,9 +476,8 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
     }
 }
 
-/// A guard against change, not a proof of the frequency: the error depends on the wave's height. At this spacing, first
-/// amplitudes of 0.2, 0.4, 0.7 and 0.9 m/s give periods 12 % and 9 % short, 3 to 4 % and 5 % long; at half the spacing,
-/// 0.2 and 0.4 m/s give 12 % and 4 to 6 % short. Low waves run too fast, which is an open defect.
+/// A guard against change, not a proof of the frequency: the seeding lattice is elastic, so that low waves are up to 14 % too fast with
+/// this kernel radius (docs/liquid.md, "Known errors").
 #[test]
 fn water_sloshes_at_its_first_frequency() {
     use std::f32::consts::PI;
@@ -542,7 +541,7 @@ fn outflow(spacing: f32) -> f64 {
     ratios.iter().sum::<f64>() / ratios.len() as f64
 }
 
-/// A jet out of a slot of four spacings is 15 % too slow, out of one of eight 8 %: the error is of first order.
+/// The error is of first order in the spacing (docs/liquid.md, "Known errors").
 #[test]
 fn water_flows_out_by_torricellis_law() {
     let (coarse, fine) = (outflow(0.02), outflow(0.01));
