@@ -171,7 +171,7 @@ fn jet(finest: usize, terms: &str) -> Result<(), Box<dyn Error>> {
     println!("\nJet out of a slot of 8 cm: speed over Torricelli's, discharge coefficient\n");
     println!("| terms | {} |", spacings(&JET[..finest]));
     println!("|---|{}", "---|".repeat(finest));
-    for row in ["", "kernel_radius = 2.2", "theta = 1"] {
+    for row in ["", "kernel_radius = 2.2", "implicitness = 1"] {
         print(&format!("| {} |", if row.is_empty() { "default" } else { row }))?;
         for spacing in &JET[..finest] {
             let (speed, discharge) = outflow(*spacing, &format!("{row}\n{terms}"))?;

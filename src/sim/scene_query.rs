@@ -52,13 +52,10 @@ mod tests {
         };
         let absent = [
             "liquid.artificial_pressure",
-            "liquid.surface_tension",
             "liquid.micropolar",
             "liquid.viscosity",
-            "surface.anisotropy",
             "surface.distance",
             "surface.components",
-            "surface.smoothing",
             "surface.decimation",
         ];
         assert_eq!(scene(&[]).absent_tables(), absent);

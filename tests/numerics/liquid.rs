@@ -99,6 +99,38 @@ fn a_drop_in_free_space_keeps_its_momentum() {
 }
 
 #[test]
+fn a_common_velocity_changes_nothing() {
+    let relative = |implicitness: f32, velocity: f32| {
+        let text = format!(
+            "spacing = 0.05\ncfl = 10\nmin_substeps = 8\nmax_substeps = 8\nxsph = {{}}\nvorticity = {{}}\n\
+             surface_tension = {{ coefficient = 12 }}\nimplicitness = {implicitness}\n\
+             [[source]]\nvelocity = [{}, 0, 0]\nshape = {{ box = {{ min = [0, 0, 0], max = [0.4, 0.4, 0.4] }} }}\n\
+             [[source]]\nvelocity = [{}, 0, 0]\nshape = {{ box = {{ min = [0.4, 0, 0], max = [0.8, 0.4, 0.4] }} }}",
+            velocity + 2.0,
+            velocity - 2.0
+        );
+        let mut simulation = simulation(space(), params(&text));
+        let first = channel(&state(&simulation), "position");
+        advance(&mut simulation, 1);
+        let frame = state(&simulation);
+        let mut by_id = vec![Vec3::zeros(); first.len()];
+        for (&id, x) in frame.streams[0].u32("id").unwrap().iter().zip(&channel(&frame, "position")) {
+            by_id[id as usize] = x - Vec3::new(velocity * FRAME as f32, 0.0, 0.0);
+        }
+        // Free flight is 2 m/s.
+        let stopped =
+            by_id.iter().zip(&first).filter(|(a, b)| (*a - *b).x.abs() < 1.0 * FRAME as f32).count();
+        assert!(stopped > first.len() / 8, "the blocks collide: {stopped} particles are slow");
+        by_id
+    };
+    for implicitness in [0.1, 1.0] {
+        let (still, moving) = (relative(implicitness, 0.0), relative(implicitness, 16.0));
+        let difference = still.iter().zip(&moving).map(|(a, b)| (a - b).norm()).fold(0.0, f32::max);
+        assert!(difference < 1e-4, "{implicitness}: {difference} m");
+    }
+}
+
+#[test]
 fn a_column_rests() {
     let spacing = 0.05;
     let params = block(spacing, [0.0; 3], [0.4, 0.4, 0.8], "density_dev = 0.005\nxsph = {}");
@@ -165,9 +197,9 @@ fn a_column_of_fifty_layers_rests_at_the_default_deviation() {
 }
 
 /// Fraction of the mechanical energy that a narrow dam break loses within a second.
-fn dam_break_loss(theta: f32) -> f64 {
+fn dam_break_loss(implicitness: f32) -> f64 {
     let (spacing, width) = (1.0 / 24.0, 8.0 / 24.0);
-    let text = format!("density_dev = 0.001\ntheta = {theta}");
+    let text = format!("density_dev = 0.001\nimplicitness = {implicitness}");
     let dam = block(spacing, [0.0; 3], [0.8, width, 1.0], &text);
     let mut simulation = simulation(tank(9.81, [3.2, width, 2.0]), dam);
     let first = channel(&state(&simulation), "position");

@@ -4,7 +4,7 @@
 //! the liquid is below rest density. Its projected Jacobi iteration is κ ← max(0, κ + ω C/D), with the paper's
 //! denominator D ([pbf] Eq. 11). [nesterov83]'s momentum extrapolates κ; it restarts whenever it points uphill
 //! ([odonoghue15] section 3.2, gradient scheme). Changes of κ move particles as the paper's λ does (Eq. 12), with
-//! gradients at the positions that `theta` names. A substep starts from half of the last one's final pressures.
+//! gradients at the positions that [`Directions`] names. A substep starts from half of the last one's final pressures.
 //! *Departs from the paper*: there λ only pushes, and an overshoot stays; here an overshoot is reversed as long as
 //! κ > 0. D is evaluated once a substep, since it only scales the step. The warm start ignores pressures that lasted for one
 //! substep only, as those of an impact.
@@ -17,9 +17,9 @@
 use super::{
     density::{ConstraintError, Multiplier, MultiplierUpdate, Residual},
     setup::SolverSetup,
-    solve::Solver,
+    solve::{Directions, Solver},
 };
-use crate::{math::Vec3, par, simd::Lanes};
+use crate::{par, simd::Lanes};
 
 /// Relaxation factor ω. With momentum, 0.7 throws a 64-layer column apart within half a second; 0.3 takes 1.3 times the
 /// iterations.
@@ -82,13 +82,13 @@ impl Momentum {
         self.relaxation < RELAXATION
     }
 
-    /// Starts a substep of `dt` [s] from the last one's pressures, with directions at x + θ (x* − x).
+    /// Starts a substep of `dt` [s] from the last one's pressures.
     pub(super) fn start(
         &mut self,
         solver: &mut Solver,
         setup: &SolverSetup<'_>,
         dt: f32,
-        (theta, x): (f32, &[Vec3]),
+        directions: Directions<'_>,
     ) {
         let last_dt = std::mem::replace(&mut self.dt, dt);
         self.age = 0;
@@ -112,7 +112,7 @@ impl Momentum {
         applied.clone_from(last);
         par::fill(lambda, |i| -last[i]);
         solver.publish(setup.rest.inv_support);
-        solver.evaluate_directions_at(theta, x, setup.rest);
+        solver.evaluate_directions_at(directions, setup.rest);
         solver.correct(setup);
     }
 
@@ -161,5 +161,40 @@ impl MultiplierUpdate for AcceleratedUpdate {
             uphill: (applied - kappa) * (kappa - last) * weight,
         };
         (Multiplier { lambda: applied - ahead, applied: ahead, last: kappa, denominator }, found)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        math::Vec3,
+        sim::liquid::{Constraint, Kernel, calibration::RestState, walls::Walls},
+    };
+
+    #[test]
+    fn a_substep_starts_from_half_of_the_lesser_of_the_last_two_pressures() {
+        let rest = RestState::new(Kernel::Wendland, 0.1, 2.0);
+        let walls = Walls::new(&[], &rest);
+        let setup =
+            SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Equality, softening: 0.0 };
+        // Particles without neighbours: nothing moves them.
+        let x: Vec<Vec3> = (0..5).map(|i| Vec3::new(i as f32, 0.0, 0.0)).collect();
+        let mut solver = Solver::default();
+        solver.p.clone_from(&x);
+        solver.find_cells(&rest).expect("no crowd");
+        solver.build_lists(&setup);
+        let mut momentum = Momentum::default();
+        let mut start = |dt: f32, ended_with: [f32; 5]| {
+            momentum.start(&mut solver, &setup, dt, Directions { theta: 0.1, x: &x });
+            let started: Vec<f32> = solver.multipliers.0.applied.iter().map(|k| k / (dt * dt)).collect();
+            solver.multipliers.0.applied = ended_with.map(|pressure| pressure * dt * dt).to_vec();
+            started
+        };
+        assert_eq!(start(0.5, [4.0, 2.0, 2.0, 0.0, -2.0]), [0.0; 5], "a frame starts without pressure");
+        assert_eq!(start(0.5, [2.0, 6.0, -8.0, 8.0, -4.0]), [2.0, 1.0, 1.0, 0.0, -1.0], "only one is known");
+        // In a substep of another length the pressures are the same.
+        assert_eq!(start(0.25, [0.0; 5]), [1.0, 1.0, 0.0, 0.0, -1.0]);
+        assert_eq!(start(0.25, [0.0; 5]), [0.0; 5]);
     }
 }

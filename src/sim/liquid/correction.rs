@@ -3,7 +3,8 @@
 //! *Method*: [pbf] Eq. 12 and Algorithm 1, lines 14 and 17. *Departs from the paper*: a correction is at most half a
 //! spacing, and every shortened one is counted. Coincident particles are separated along a direction derived from their
 //! indices, since no gradient separates them. Directions between particles may be those of earlier positions than x*
-//! (docs/decisions/022), which the neighbour sums then have; those of solids, which are at their poses at the end of the substep, are at x*.
+//! (docs/decisions/022), which the neighbour sums then have; those of solids, which are at their poses at the end of the
+//! substep, are at x*.
 
 use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
 use crate::{

@@ -218,27 +218,21 @@ struct Densities {
     deficit: [f32; LANES],
 }
 
-/// |∇_i C_i|² from which the deficit is that of a flat surface, over that of the outermost layer of the seeding lattice. The
-/// deficit's own gradient is not part of the corrections, which therefore do work when it changes. With a constant deficit
-/// about a flat surface, water at rest calms down; where the deficit grows up to 1.5 times that of a flat surface, the
-/// topmost layer of a pool jitters at 5 cm/s forever. Edges and corners of a block lack more (1.9 and 2.7 times), and
-/// round off by a fraction of a spacing.
-const FLAT_SURFACE_GRADIENT2: f32 = 0.7;
-
 /// Density that a particle lacks at the free surface, from |∇_i C_i|² [1/m²], over ρ₀.
 ///
 /// The kernel of a particle at the surface reaches into the air. Without this term the outermost layer is below rest
 /// density, and is compressed along the surface and into the liquid until it is not: particles cluster in pairs, and a drop
 /// loses 4 to 7 % of its volume to its own surface tension. A half space of air at the distance of the surface lacks a
-/// density that grows from zero with the gradient. Its square fits the layers of the seeding lattice to 0.01 for Wendland's
-/// kernel up to h = 3 spacings (Poly6 and Spiky: 0.03), vanishes for the small gradients of the bulk, and is exact for the outermost layer of a flat
-/// surface. It is evaluated once in a solve of the accelerated solver, like ghost particles
-/// of air ([schechter12]), and in every iteration of the Jacobi solver.
+/// density that grows from zero with the gradient. Its square, up to the exact value of the outermost layer of a flat surface,
+/// fits the layers of the seeding lattice to 0.01 for Wendland's kernel up to h = 3 spacings (Poly6 and Spiky: 0.03), and
+/// vanishes for the small gradients of the bulk. It is evaluated once in a solve of the accelerated solver, like ghost
+/// particles of air ([schechter12]), and in every iteration of the Jacobi solver.
 #[inline(always)]
 fn surface_deficit(setup: &SolverSetup<'_>, gradient2: f32) -> f32 {
     match setup.constraint {
-        Constraint::Compression => (setup.rest.surface_deficit_scale / FLAT_SURFACE_GRADIENT2 * gradient2)
-            .min(setup.rest.surface_deficit),
+        Constraint::Compression => {
+            (setup.rest.surface_deficit_scale * gradient2).min(setup.rest.surface_deficit)
+        }
         Constraint::Equality => 0.0,
     }
 }

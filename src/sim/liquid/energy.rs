@@ -4,9 +4,10 @@
 //! solve far from convergence adds energy: 32 layers at three iterations and 21 ms reached 2.7 times their energy and a
 //! fountain of three times their height. The true motion gains only the work of moving solids. Each contact with one is an
 //! impulse, m δ/dt for a projection by δ, and its work is the impulse times the surface's velocity. In an inelastic contact
-//! the liquid gains at most this work. What it exchanges with sheets counts as well (`coupling/liquid_sheet.rs`). Energy above the shot's first energy, that work, and the energy that lifts everything
-//! by one spacing is removed from the velocities relative to the mean, which conserves momentum. Only if these are too small
-//! it is removed from the mean, as when a whole column has been thrown.
+//! the liquid gains at most this work. What it exchanges with sheets counts as well (`coupling/liquid_sheet.rs`). Energy above
+//! the shot's first energy, that work, and the energy that lifts everything by one spacing is removed from the velocities
+//! relative to the mean, which conserves momentum. Only if these are too small it is removed from the mean, as when a whole
+//! column has been thrown.
 
 use crate::{math::Vec3, par};
 

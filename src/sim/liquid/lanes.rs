@@ -65,3 +65,9 @@ pub(super) fn plus<L: Lanes>(sum: [L; 3], v: [L; 3], weight: L) -> [L; 3] {
 pub(super) fn total<L: Lanes>(v: [L; 3]) -> Vec3 {
     Vec3::new(v[0].sum(), v[1].sum(), v[2].sum())
 }
+
+/// a × b.
+#[inline(always)]
+pub(super) fn cross<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}

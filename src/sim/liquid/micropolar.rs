@@ -170,13 +170,13 @@ impl NeighbourPass for TurnPass<'_> {
             while let Some(index) = neighbours.next() {
                 let NeighbourPairs { d, q2, q, weight, .. } = self.at.pairs::<L>(i, index);
                 let other = lanes::gather::<L>(self.at.motion, index);
-                let around = cross(spin, d);
+                let around = lanes::cross(spin, d);
                 let u = [
                     other[0] - own[0] + around[0],
                     other[1] - own[1] + around[1],
                     other[2] - own[2] + around[2],
                 ];
-                slip = lanes::plus(slip, cross(u, d), weight * P::slope(q));
+                slip = lanes::plus(slip, lanes::cross(u, d), weight * P::slope(q));
                 let (apart, _) = lanes::offset(lanes::gather::<L>(self.spin, index), own_spin);
                 mean = lanes::plus(mean, apart, weight * P::density(q2, q));
             }
@@ -209,17 +209,11 @@ impl NeighbourPass for ForcePass<'_> {
             while let Some(index) = neighbours.next() {
                 let NeighbourPairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
                 let (apart, _) = lanes::offset(lanes::gather::<L>(self.spin, index), own);
-                sum = lanes::plus(sum, cross(apart, d), weight * P::slope(q));
+                sum = lanes::plus(sum, lanes::cross(apart, d), weight * P::slope(q));
             }
             *change = lanes::total(sum) * self.exchange; // Δt ν_t ∇×ω
         }
     }
-}
-
-/// a × b.
-#[inline(always)]
-fn cross<L: Lanes>(a: [L; 3], b: [L; 3]) -> [L; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 #[cfg(test)]

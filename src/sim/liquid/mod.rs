@@ -16,6 +16,7 @@ mod correction;
 mod coupled;
 mod density;
 mod density_map;
+mod energies;
 mod energy;
 mod faults;
 mod jacobi;
@@ -64,7 +65,7 @@ use neighbourhood::Neighbourhood;
 use record::FRAME_FIGURES;
 use repulsion::Repulsion;
 use setup::SolverSetup;
-use solve::Solver;
+use solve::{Directions, Solver};
 use surface_tension::Tension;
 use viscosity::{ViscositySolver, ViscousStep};
 use vorticity::Confinement;
@@ -77,9 +78,12 @@ pub const NAME: &str = "liquid";
 /// corrects them at once and throws the liquid apart; with 1, a dam break still gains 1 to 5 % of energy.
 const MIN_ITERATIONS: u32 = 2;
 
-/// Iterations of a substep after which directions are those at x*, whatever [`LiquidParams::theta`]. So many are needed by
-/// deep liquid that is stopped after falling: without this limit a column of 100 layers bursts at a deviation of 0.3 %.
-const MAX_THETA_ITERATIONS: u32 = 20;
+/// [`LiquidParams::implicitness`] if the preset names none, without surface tension.
+const IMPLICITNESS: f32 = 0.1;
+
+/// Iterations of a substep after which directions are those at x*, whatever [`LiquidParams::implicitness`]. So many are
+/// needed by deep liquid that is stopped after falling: without this limit a column of 100 layers bursts at a deviation of 0.3 %.
+const MAX_EARLY_ITERATIONS: u32 = 20;
 
 /// Average deviation at which the first density solve of a viscous substep stops, as a fraction of the distance, in
 /// spacings, by which gravity moves a particle in the substep. Short substeps deviate by less than `density_dev` without
@@ -96,8 +100,8 @@ pub(super) struct Liquid {
     gravity: Vec3,
     /// Mass of a particle [kg].
     mass: f64,
-    /// Mechanical and surface energy at the start of the shot and the work of moving solids and sheets since [J], which confinement or the
-    /// micropolar exchange may restore.
+    /// Mechanical and surface energy at the start of the shot and the work of moving solids and sheets since [J], which
+    /// confinement or the micropolar exchange may restore.
     first_energy: f64,
     /// [`FRAME_FIGURES`] of the last frame; `None` in the first.
     figures: Option<[f64; FRAME_FIGURES.len()]>,
@@ -376,20 +380,17 @@ impl Liquid {
 
     /// Moves the predicted positions by the surface tension over `dt` [s]. Returns the number of shortened displacements.
     fn apply_tension(&mut self, dt: f32) -> u64 {
+        let directions = Directions { theta: self.params.first_theta(), x: &self.x };
         let Some(tension) = &mut self.tension else { return 0 };
-        tension.move_to(self.walls.now());
+        // Solids are where the particles are: a common velocity changes nothing.
+        tension.move_to(self.walls.now() - f64::from((1.0 - directions.theta) * dt));
         let Solver { p, grid, wall_push, .. } = &mut self.solver;
-        let shortened = tension.apply(grid, p, dt);
+        let shortened = tension.apply(grid, p, directions, dt);
         if self.v_before.is_some() {
             tension.add_wall_push(wall_push, dt);
         }
         self.solver.check_skin(&self.rest);
         shortened
-    }
-
-    /// Surface energy at the predicted positions of the substep, before its corrections [J].
-    fn surface_energy(&self) -> f64 {
-        self.tension.as_ref().map_or(0.0, Tension::energy)
     }
 
     /// Solves the density constraints, [pbf] Alg. 1, lines 8–19.
@@ -404,14 +405,11 @@ impl Liquid {
     ) -> Result<(), Stop> {
         let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
-        // The surface tension acts along directions at x*, and would turn drops against earlier ones.
-        let has_late_directions = self.tension.is_some()
-            || kind == SolverKind::Jacobi
-            || self.params.constraint == Constraint::Equality;
-        let theta = if has_late_directions { 1.0 } else { self.params.theta };
+        let theta = self.params.first_theta();
+        let x = &self.x;
         self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
         if kind == SolverKind::Accelerated {
-            self.momentum.start(&mut self.solver, &setup, dt, (theta, &self.x));
+            self.momentum.start(&mut self.solver, &setup, dt, Directions { theta, x });
         }
         let max_iterations = self.params.iterations.unwrap_or(self.params.max_iterations);
         let min_iterations = MIN_ITERATIONS.min(max_iterations);
@@ -437,9 +435,9 @@ impl Liquid {
                 record.unconverged += 1;
                 break;
             }
-            let is_late = self.momentum.is_slowed() || done >= MAX_THETA_ITERATIONS;
+            let is_late = self.momentum.is_slowed() || done >= MAX_EARLY_ITERATIONS;
             let theta = if is_late { 1.0 } else { theta };
-            self.solver.evaluate_directions_at(theta, &self.x, &self.rest);
+            self.solver.evaluate_directions_at(Directions { theta, x }, &self.rest);
             self.solver.correct(&setup);
             project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
             record.iterations += 1;
@@ -477,29 +475,6 @@ impl Liquid {
         let (added, bounded) = microrotation.apply(at, &mut self.v, dt, self.mass, lost);
         record.micropolar_energy += added;
         record.clamps.micropolar += u64::from(bounded);
-    }
-
-    /// Kinetic energy of the microrotation [J].
-    fn microrotation_energy(&self) -> f64 {
-        self.microrotation.as_ref().map_or(0.0, |microrotation| microrotation.energy(self.mass))
-    }
-
-    /// Adds the work of moving solids in this substep to the energy that the liquid may have.
-    fn add_solid_work(&mut self, dt: f32, record: &mut LiquidRecord) {
-        let work = self.mass * self.solver.work / f64::from(dt).powi(2);
-        self.first_energy += work;
-        record.solid_work += work;
-    }
-
-    /// Removes energy that the solver added.
-    fn bound_energy(&mut self, record: &mut LiquidRecord) {
-        let limit = self.first_energy + energy::slack(self.v.len(), self.mass, self.rest.spacing);
-        let mechanical = energy(&self.v, &self.solver.p, self.gravity, self.mass);
-        let excess = mechanical + self.surface_energy() + self.microrotation_energy() - limit;
-        if excess > 0.0 {
-            energy::take(excess, &mut self.v, self.mass);
-            record.clamps.energy += 1;
-        }
     }
 
     /// Number of equal substeps that the CFL rule wants for the `left` [s] of the frame, and the number within the limits of
@@ -545,17 +520,21 @@ impl Liquid {
         record.particles_inside_solids = par::sum(self.x.len(), inside) as u32;
         Ok(())
     }
-
-    fn kinetic_energy(&self) -> f64 {
-        energy(&self.v, &self.x, Vec3::zeros(), self.mass)
-    }
-
-    fn potential_energy(&self) -> f64 {
-        energy(&[], &self.x, self.gravity, self.mass)
-    }
 }
 
 impl LiquidParams {
+    /// θ of the first directions of a substep.
+    fn first_theta(&self) -> f32 {
+        let is_early = self.solver == SolverKind::Accelerated
+            && self.constraint == Constraint::Compression
+            && self.kernel == Kernel::Wendland;
+        if !is_early {
+            return 1.0;
+        }
+        let default = if self.surface_tension.is_some() { 1.0 } else { IMPLICITNESS };
+        self.implicitness.unwrap_or(default)
+    }
+
     /// The average deviation at which the iteration stops; `None`: a fixed number of iterations.
     fn target(&self) -> Option<f64> {
         match (self.iterations, self.density_dev) {

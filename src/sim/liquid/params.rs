@@ -16,9 +16,9 @@ pub struct LiquidParams {
     #[serde(default = "defaults::density")]
     pub density: f32,
     /// Support h of the smoothing kernels, in spacings. Below 1.6 neighbours are too few and free liquid swells (by 13 % at 1.2);
-    /// above 2.7 particles pair, and still water swells (by 5 % at 2.8, 13 % at 3) and boils. With 2, waves lower than a sixth of
-    /// the depth are up to 14 % too fast, with 2.2 4 %. 2.5 lets small drops oscillate under `surface_tension`; it blurs detail, and
-    /// the cost grows with its cube. Range: 1.6 to 3.
+    /// above 2.5 still water swells (by 5 % at 2.8). 2.2 lets low waves run as fast as in theory, with a third more neighbours
+    /// than 2; 2.5 lets small drops oscillate under `surface_tension`. More blurs detail, and the cost grows with its cube.
+    /// Range: 1.6 to 2.5.
     #[serde(default = "defaults::kernel_radius")]
     pub kernel_radius: f32,
     /// Average density deviation at which the iteration stops [1] ("0.5 %"). Excludes `iterations`; with neither in the preset
@@ -60,13 +60,14 @@ pub struct LiquidParams {
     /// and converges less; with 0 particles jitter where they separate. Range: 0 to 1000.
     #[serde(default = "defaults::softening")]
     pub softening: f32,
-    /// Where the `accelerated` solver evaluates the directions of corrections, between the positions at the start of a substep
-    /// (0) and the predicted ones (1, as in the paper, and always with `jacobi`, `equality` or a
-    /// `surface_tension`). With 1 the liquid loses energy in proportion
-    /// to the substep: 13 % of a dam break's in its first second, with 0.1 9 %. With 0 nothing damps the modes of deep water.
-    /// Under high pressure, and in substeps of many iterations, the later ones are used. Range: 0 to 1.
-    #[serde(default = "defaults::theta")]
-    pub theta: f32,
+    /// Implicitness θ of the directions of corrections, which the `accelerated` solver evaluates between the positions at the
+    /// start of a substep (0) and the predicted ones (1, as in the paper, and always with `jacobi`, `equality` or `poly6_spiky`).
+    /// With 1 the
+    /// liquid loses energy in proportion to the substep: 13 % of a dam break's in its first second, with 0.1 9 %. With 0 nothing
+    /// damps the modes of deep water. Under high pressure, and in substeps of many iterations, it rises to 1 by itself. Absent:
+    /// 0.1, and with `surface_tension` 1, since slow drops and threads freeze at 0.1. Range: 0 to 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub implicitness: Option<f32>,
     /// Channels of cached particles in addition to `position`, `velocity` and `id`, for `surface.attributes` and other tools;
     /// empty: no more. They do not change the motion, but a cache without them must be simulated again to get them.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -308,9 +309,6 @@ pub struct LiquidSource {
 }
 
 mod defaults {
-    pub(super) fn theta() -> f32 {
-        0.1
-    }
     pub(super) fn density() -> f32 {
         1000.0
     }

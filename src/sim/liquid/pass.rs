@@ -72,7 +72,8 @@ mod tests {
         for (solver, kernel) in [("accelerated", "wendland"), ("jacobi", "poly6_spiky")] {
             let text = format!(
                 "spacing = 0.04\nsolver = '{solver}'\nkernel = '{kernel}'\n\
-                 artificial_pressure = {{}}\nviscosity = {{ dynamic = 2 }}\nvorticity = {{}}\nmicropolar = {{}}\nxsph = {{ strength = 0.05 }}\nsurface_tension = {{ coefficient = 30 }}\n\
+                 artificial_pressure = {{}}\nviscosity = {{ dynamic = 2 }}\nvorticity = {{}}\nmicropolar = {{}}\n\
+                 xsph = {{ strength = 0.05 }}\nsurface_tension = {{ coefficient = 30 }}\n\
                  [[source]]\nshape = {{ box = {{ min = [0, 0, 0.2], max = [0.3, 0.3, 0.5] }} }}\n\
                  [[source]]\nvelocity = [-3, 0.5, -2]\n\
                  shape = {{ box = {{ min = [0.32, 0.05, 0.3], max = [0.56, 0.35, 0.6] }} }}"

@@ -116,7 +116,7 @@ pub struct LiquidRecord {
     pub kinetic_energy: f64,
     /// Potential energy −Σ m g·x at the frame's end [J]; zero at the world's origin.
     pub potential_energy: f64,
-    /// Energy of the free surface, of cohesion and of wetting by `surface_tension` [J], at the predicted positions of the last
+    /// Energy of the free surface, of cohesion and of wetting by `surface_tension` [J], where it was evaluated in the last
     /// substep; zero without the term. It may be negative.
     pub surface_energy: f64,
     /// Energy that vorticity confinement added during the frame [J].

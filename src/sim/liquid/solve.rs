@@ -4,9 +4,10 @@
 //! particle's multiplier, the other moves particles by their corrections and out of the solids. Both gather, eight
 //! neighbours at a time. The update is that of a solver, in `jacobi.rs` or `accelerated.rs`.
 //! *Departs from the paper*: lists reach a skin beyond h and are rebuilt when a particle has moved half of it
-//! (the paper searches once a step); solids contribute density. The passes are in `density.rs` and `correction.rs`.
+//! (the paper searches once a step); solids contribute density; the directions of corrections are those at positions near the
+//! start of the substep ([`Directions`], docs/decisions/022). The passes are in `density.rs` and `correction.rs`.
 //!
-//! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²].
+//! Symbols: x* → `p` [m]; C_i → `error` [1]; λ_i → `lambda` [m²]; ε → `softening` [1/m²]; θ → `theta` [1].
 
 use super::{
     SubstepParticles,
@@ -32,10 +33,19 @@ use crate::{
 /// block that hits a plate at 500 m/s in one substep stay below even that.
 const MAX_CELL_OVERCROWDING: f32 = 256.0;
 
-/// Mean κ over the squared spacing, which is p dt²/(ρ₀ spacing²), above which directions are evaluated later than given by
-/// `theta`, and from which they are evaluated at x*. A column of 50 layers at rest has 0.35 in substeps of 5.2 ms, and several
+/// Mean κ over the squared spacing, which is p dt²/(ρ₀ spacing²), above which θ is larger than given, and from which it is 1.
+/// A column of 50 layers at rest has 0.35 in substeps of 5.2 ms, and several
 /// times as much when it is stopped after falling freely. With early directions throughout, the column bursts.
 const DIRECTION_PRESSURE: [f32; 2] = [0.15, 0.4];
+
+/// Where the directions of corrections are evaluated: at x + θ (x* − x). With θ = 1 that is x*, as in the paper.
+#[derive(Clone, Copy)]
+pub(super) struct Directions<'a> {
+    /// θ: 0 to 1.
+    pub(super) theta: f32,
+    /// Positions x at the start of the substep [m].
+    pub(super) x: &'a [Vec3],
+}
 
 /// State of the solver within a substep.
 #[derive(Debug, Default)]
@@ -218,10 +228,13 @@ impl Solver {
         SubstepParticles { start, predicted: p, grid, sorted_at: built_at, collide }
     }
 
-    /// Moves the positions of the neighbour sums to x + θ (x* − x), where the directions of the next corrections are
-    /// evaluated; `x` are the positions at the start of the substep. With θ = 1 they stay at x*, as in the paper. θ rises to 1
-    /// with the mean pressure; it is one for all particles, so that a common velocity changes nothing.
-    pub(super) fn evaluate_directions_at(&mut self, theta: f32, x: &[Vec3], rest: &RestState) {
+    /// Moves the positions of the neighbour sums from x* to where the directions of the next corrections are evaluated. θ
+    /// rises to 1 with the mean pressure; it is one for all particles, so that a common velocity changes nothing.
+    pub(super) fn evaluate_directions_at(
+        &mut self,
+        Directions { theta, x }: Directions<'_>,
+        rest: &RestState,
+    ) {
         if theta >= 1.0 {
             return;
         }
@@ -364,7 +377,7 @@ mod tests {
         let torque = |theta: f32| {
             let mut solver = evaluated(&rest, Constraint::Compression, p.clone());
             solver.multipliers.0.applied.fill(0.0);
-            solver.evaluate_directions_at(theta, &x, &rest);
+            solver.evaluate_directions_at(Directions { theta, x: &x }, &rest);
             solver.correct(&setup);
             let moved = |i: usize| (solver.p[i] - p[i]).cast::<f64>();
             let torque: nalgebra::Vector3<f64> = (0..p.len()).map(|i| x[i].cast().cross(&moved(i))).sum();

@@ -2,7 +2,7 @@
 //!
 //! *Method*: the surface energy σ A, with the area A = 2 Σ V |∇c_i| of the colour function c_i = Σ V W_ij ([brackbill92]): the
 //! gradient of c integrates to ½ over the liquid's side of a flat surface. The force on a particle is the negative
-//! gradient of this sum: pair forces cancel to rounding, and their torque about the predicted positions vanishes. (What torque the
+//! gradient of this sum: pair forces cancel to rounding, and their torque about the positions of the evaluation vanishes. (What torque the
 //! corrections leave is in docs/decisions/019; shortened displacements break both.) A solid adds
 //! its share to c, so that liquid at a wall has no surface there (contact angle 90°), and the energy −σ cos θ of the wetted
 //! area, which is 2 Σ V |∇c_wall|, makes the contact angle θ by Young's law; between solids of different θ it has a gradient along them,
@@ -10,8 +10,8 @@
 //! sheets thinner than the kernel together, where |∇c| is no measure of area.
 //! Symbols: ∇c h → `gradient` [1]; σ → `coefficient` [N/m]; q = r/h.
 //! *Departs from the literature*: |∇c| is rounded off below [`GRADIENT_NOISE`], because the direction of the small gradients
-//! of the bulk is noise. The force is evaluated at the predicted positions, as the density constraints are: a pressure that
-//! balances it at other positions would exert a torque, and a resting drop would begin to spin.
+//! of the bulk is noise. The force is evaluated where the density solve evaluates its directions: a pressure that balances it at
+//! other positions would exert a torque, and a resting drop would begin to spin.
 //! Limits: explicit; see [`Tension::longest_substep`]. With `kernel_radius` 2 a drop at rest is stiff, because the density
 //! constraints of few neighbours resist slow deformation; 2.5 is needed for oscillations. See docs/decisions/019.
 
@@ -22,6 +22,7 @@ use super::{
     lanes::{self, Node},
     pair::{Pair, Wendland},
     pass::{self, NeighbourPass},
+    solve::Directions,
     walls::{Walls, Wetting},
 };
 use crate::{
@@ -58,7 +59,8 @@ const WETTING: [f32; 2] = [1.33, 0.45];
 /// Step of the numerical derivative of a solid's gradient, in h.
 const DIFFERENCE_STEP: f32 = 0.05;
 
-/// Longest substep, over the capillary time √(ρ Δx³/(2πσ)) of [brackbill92]. Drops were measured at 0.35 and below.
+/// Longest substep, over the capillary time √(ρ Δx³/(2πσ)) of [brackbill92]. At 0.4 a drop at rest has 14 times the
+/// kinetic energy of one at 0.35, where particles keep their arrangement and threads do not break up.
 const CAPILLARY_STEP: f64 = 0.4;
 
 /// Surface tension and its buffers.
@@ -135,14 +137,27 @@ impl Tension {
     /// Surface energy of particles at `p` [J].
     pub(super) fn energy_at(&mut self, p: &[Vec3]) -> f64 {
         let grid = CellGrid::new(p, self.rest.support);
-        self.evaluate(&grid, p);
+        self.list(&grid, p);
+        self.evaluate();
         self.energy
     }
 
-    /// Moves the positions `p`, sorted into `grid`, by the tension over `dt` [s]. Returns the number of shortened
-    /// displacements.
-    pub(super) fn apply(&mut self, grid: &CellGrid, p: &mut [Vec3], dt: f32) -> u64 {
-        self.evaluate(grid, p);
+    /// Moves the positions `p`, sorted into `grid`, by the tension over `dt` [s], with forces at the positions of
+    /// `directions`. Returns the number of shortened displacements.
+    pub(super) fn apply(
+        &mut self,
+        grid: &CellGrid,
+        p: &mut [Vec3],
+        Directions { theta, x }: Directions<'_>,
+        dt: f32,
+    ) -> u64 {
+        if theta < 1.0 {
+            let at: Vec<Vec3> = (0..p.len()).map(|i| x[i] + (p[i] - x[i]) * theta).collect();
+            self.list(&CellGrid::new(&at, self.rest.support), &at);
+        } else {
+            self.list(grid, p);
+        }
+        self.evaluate();
         let (force, scale, spacing) = (&self.force, self.acceleration * dt * dt, self.rest.spacing);
         let moved = |i: usize| limit(force[i].vector() * scale, spacing);
         let shortened = par::sum(p.len(), |i| f64::from(u8::from(moved(i).1)));
@@ -166,11 +181,15 @@ impl Tension {
         WettedSolids { walls: &self.walls, rest: &self.rest, wetting: &self.wetting }
     }
 
-    /// Evaluates the forces and the energy of particles at `p`, which are sorted into `grid`.
-    fn evaluate(&mut self, grid: &CellGrid, p: &[Vec3]) {
-        let (count, inv_h) = (p.len(), self.rest.inv_support);
-        self.lists.rebuild(grid, p, self.rest.support);
-        lanes::publish_positions(&mut self.nodes, p, inv_h);
+    /// Lists the neighbours of particles at `x`, which are sorted into `grid`.
+    fn list(&mut self, grid: &CellGrid, x: &[Vec3]) {
+        self.lists.rebuild(grid, x, self.rest.support);
+        lanes::publish_positions(&mut self.nodes, x, self.rest.inv_support);
+    }
+
+    /// Evaluates the forces and the energy of the listed particles.
+    fn evaluate(&mut self) {
+        let count = self.nodes.len();
         for column in [&mut self.gradient, &mut self.force] {
             column.resize(count, Node::default());
         }

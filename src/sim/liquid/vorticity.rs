@@ -90,9 +90,8 @@ impl NeighbourPass for CurlPass<'_> {
             while let Some(index) = neighbours.next() {
                 let NeighbourPairs { d, q, weight, .. } = self.at.pairs::<L>(i, index);
                 let other = lanes::gather::<L>(self.at.motion, index);
-                let u = [other[0] - own[0], other[1] - own[1], other[2] - own[2]];
-                let cross = [u[1] * d[2] - u[2] * d[1], u[2] * d[0] - u[0] * d[2], u[0] * d[1] - u[1] * d[0]];
-                sum = lanes::plus(sum, cross, weight * P::slope(q));
+                let (u, _) = lanes::offset(other, own);
+                sum = lanes::plus(sum, lanes::cross(u, d), weight * P::slope(q));
             }
             let curl = lanes::total(sum) * self.at.rest.gradient_scale; // ω_i, [pbf] Eq. 15
             *omega = Node::new(curl, curl.norm());

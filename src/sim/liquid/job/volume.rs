@@ -13,9 +13,6 @@ use crate::{
 /// full glass sinks visibly.
 pub(super) const MAX_VOLUME_CHANGE: f64 = 0.03;
 
-/// The largest `liquid.kernel_radius` at which water keeps its volume without more iterations.
-const MAX_USUAL_KERNEL_RADIUS: f32 = 2.5;
-
 /// The largest `liquid.density_dev` that does not itself allow a visible loss of volume.
 const MAX_USUAL_DENSITY_DEV: f32 = 0.01;
 
@@ -71,12 +68,6 @@ fn why_lost(liquid: &LiquidParams, records: &[(FrameIndex, &LiquidRecord)]) -> S
     }
     if any(|record| record.unconverged) || liquid.iterations.is_some() {
         return more_iterations(liquid);
-    }
-    if liquid.kernel_radius > MAX_USUAL_KERNEL_RADIUS {
-        return format!(
-            "liquid.kernel_radius ({}) is large, so that corrections spread too far; set it to {MAX_USUAL_KERNEL_RADIUS} or less",
-            liquid.kernel_radius
-        );
     }
     match liquid.density_dev {
         Some(dev) if dev > MAX_USUAL_DENSITY_DEV => {
@@ -157,7 +148,6 @@ mod tests {
             (|l| l.constraint = Constraint::Equality, &gained, "liquid.max_iterations (60)"),
             (none, &lost, "liquid.min_substeps (8)"),
             (|l| l.iterations = Some(2), &lost, "liquid.iterations (2)"),
-            (|l| l.kernel_radius = 3.0, &lost, "liquid.kernel_radius (3)"),
             (|l| l.density_dev = Some(0.05), &lost, "liquid.density_dev"),
             (|l| l.constraint = Constraint::Equality, &lost, "\"compression\""),
         ] {
