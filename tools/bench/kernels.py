@@ -22,6 +22,8 @@ from surface_judge import judge
 VOXEL = "surface.voxel=0.25"
 SMOOTH, SMOOTHER = "surface.smoothing={}", "surface.smoothing.wavelength=12"
 ANISOTROPIC = "surface.anisotropy={}"
+# The preset names both tables.
+PLAIN = ["surface.anisotropy=none", "surface.smoothing=none"]
 # Columns: name, settings of the preset. The first four have pictures.
 VARIANTS = [
     ("isotropic", []),
@@ -56,7 +58,7 @@ def meshes(options, scratch):
             known = surface_scenes.write(name, particles)
         made[name] = []
         for column, (_, keys) in enumerate(VARIANTS):
-            words = [word for key in [VOXEL, *keys] for word in ("--set", key)]
+            words = [word for key in [VOXEL, *PLAIN, *keys] for word in ("--set", key)]
             out = scratch / f"{name}-{column}"
             if name == "splash":
                 meniscus(options, "mesh", shot, "--frames", FRAME, "--force", *words)

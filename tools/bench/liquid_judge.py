@@ -6,7 +6,8 @@ of spacing s. Two kernels: the cubic spline with h = 2 s, and Wendland's C2 with
 disordered liquid of one and the same number density kernels differ by a per cent or more: the first is the very
 constraint that the peer solves, so it favours the peer; the second is a wider one of the family that Meniscus solves by
 default (Wendland's C2 with h = 2 s), so it may favour Meniscus, though it depends less on the arrangement of particles.
-Height and volume need no kernel at all.
+Height, volume, mechanical energy, front and top need no kernel at all. The front is that of a thousandth of the
+particles, the top that of a fiftieth of those in the last fifth of the tank, since single ones fly ahead.
 
 Walls add nothing: near them ρ is too low, so
 - the *bulk* are the particles farther than h from every wall and from every empty cell; cells are 1.5 s wide. They alone
@@ -38,6 +39,8 @@ def wendland(q):
 
 # Prefix of the figures, kernel, support in spacings.
 KERNELS = [("", spline, 2), ("wide_", wendland, 3)]
+# [m/s²], along −z in both programs.
+GRAVITY = 9.81
 # Pairs whose kernels are taken at once: a million particles have 60 million.
 PAIRS = 1 << 22
 
@@ -111,9 +114,14 @@ def load(path):
 def judge(path, spacing, tank):
     """The figures of one frame."""
     x, v, own = load(path)
+    far = x[:, 0] > 0.8 * tank[0]
     figures = {
         "rms_speed": numpy.sqrt((v * v).sum(axis=1).mean()),
         "column": column(x, spacing, tank),
+        # Per mass [m²/s²].
+        "energy": (0.5 * (v * v).sum(axis=1) + GRAVITY * x[:, 2]).mean(),
+        "front": numpy.quantile(x[:, 0], 0.999) + spacing / 2,
+        "top": numpy.quantile(x[far, 2], 0.98) + spacing / 2 if far.sum() > 50 else 0.0,
         "outside": int(((x < -spacing) | (x > numpy.asarray(tank) + spacing)).any(axis=1).sum()),
     }
     for rho, (prefix, _, support) in zip(densities(x, spacing), KERNELS):
