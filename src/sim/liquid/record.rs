@@ -23,6 +23,11 @@ pub struct LiquidSeeds {
     pub empty_sources: Vec<EmptySource>,
     /// Colliders so thin that liquid on one side acts on liquid on the other, in order; none after a restart.
     pub thin_solids: Vec<ThinSolid>,
+    /// Largest coordinate of a particle in magnitude, where it is so large that single precision stops slow motion [m]; 0 otherwise and
+    /// after a restart.
+    pub far_from_origin: f64,
+    /// Largest coordinate at which it does not [m].
+    pub precise_distance: f64,
 }
 
 /// A collider thinner than the kernel reaches between particles that rest on both of its sides.

@@ -33,6 +33,10 @@ fn thin_solids(rest: &RestState, world: &World) -> Vec<ThinSolid> {
     .collect()
 }
 
+/// Resolution of positions above which slow motion stops, in spacings: gravity moves a particle at rest by about 0.003 spacings in a
+/// substep of 5 ms at a spacing of 10 cm, and displacements below half of the resolution are lost.
+const MAX_RESOLUTION: f64 = 1e-3;
+
 impl Liquid {
     /// Fills the sources with particles.
     pub(in crate::sim) fn seed(params: LiquidParams, world: &World) -> Result<Self, SetupError> {
@@ -41,6 +45,12 @@ impl Liquid {
         liquid.id = (0..seeds.report.particles).collect();
         (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
         liquid.seeded.thin_solids = thin_solids(&liquid.rest, world);
+        liquid.seeded.precise_distance =
+            MAX_RESOLUTION * f64::from(liquid.rest.spacing) / f64::from(f32::EPSILON);
+        let farthest = par::max(liquid.x.len(), |i| liquid.x[i].amax()).map_or(0.0, |(_, at)| f64::from(at));
+        if farthest > liquid.seeded.precise_distance {
+            liquid.seeded.far_from_origin = farthest;
+        }
         if liquid.params.channels.contains(&LiquidChannel::Source) {
             liquid.ends = seeds.ends;
         }
@@ -174,7 +184,7 @@ impl Liquid {
 mod tests {
     use super::*;
     use crate::{
-        sim::liquid::Kernel,
+        sim::liquid::{Kernel, LiquidSource},
         solid::{Shape, Solid},
     };
 
@@ -191,5 +201,17 @@ mod tests {
         let listed: Vec<_> = thin.iter().map(|solid| (solid.index, solid.thickness as f32)).collect();
         assert_eq!(listed, [(2, 0.05), (4, 0.08)]);
         assert!(thin.iter().all(|solid| (solid.sufficient_thickness - 0.15).abs() < 1e-6), "{thin:?}");
+    }
+
+    #[test]
+    fn liquid_is_far_where_positions_are_coarser_than_a_thousandth_of_the_spacing() {
+        for (at, far) in [(0.0, false), (800.0, false), (-900.0, true), (1e5, true)] {
+            let shape = Shape::Box { min: [at, 0.0, 0.0], max: [at + 0.8, 0.8, 0.8] };
+            let source = LiquidSource { shape, velocity: [0.0; 3] };
+            let params = LiquidParams { source: vec![source], ..LiquidParams::new(0.1) };
+            let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
+            let seeded = Liquid::seed(params, &world).expect("the source holds particles").seeded;
+            assert_eq!(seeded.far_from_origin > 0.0, far, "{at} m: {seeded:?}");
+        }
     }
 }

@@ -44,6 +44,15 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
         warnings
             .push(format!("{count} more colliders are as thin, the last is world.collider.{}", last.index));
     }
+    let LiquidSeeds { far_from_origin, precise_distance, .. } = *seeds;
+    if far_from_origin > 0.0 {
+        warnings.push(format!(
+            "particles are up to {} m from the world's origin, where single precision stops slow motion and may skip sources; \
+             move the scene within {} m of the origin",
+            figure(far_from_origin, 2),
+            figure(precise_distance, 2)
+        ));
+    }
     let LiquidSeeds { viscosity, solver_viscosity, speed, .. } = *seeds;
     if viscosity > 0.0 && viscosity < solver_viscosity {
         warnings.push(format!(
@@ -260,6 +269,15 @@ mod tests {
         let warnings = seeding_warnings(&seeds);
         assert_eq!(warnings.len(), 5);
         assert_eq!(warnings[4], "56 more sources hold no particle, the last is liquid.source.59");
+    }
+
+    #[test]
+    fn liquid_far_from_the_origin_is_reported() {
+        let seeds = LiquidSeeds { far_from_origin: 1e4, precise_distance: 840.0, ..LiquidSeeds::default() };
+        let [warning] = &seeding_warnings(&seeds)[..] else { panic!("one warning") };
+        assert!(warning.contains("10000 m") && warning.contains("within 840 m"), "{warning}");
+        let near = LiquidSeeds { precise_distance: 840.0, ..LiquidSeeds::default() };
+        assert!(seeding_warnings(&near).is_empty());
     }
 
     #[test]
