@@ -85,7 +85,7 @@ SWEEPS = [
      lambda value: {"terms": {"surface_tension": f"{{ coefficient = {value} }}"}}),
     ("Viscosity (`viscosity.dynamic`)", "Pa·s", [1e-3, 1, 100, 1e4], lambda value: {"terms": {"viscosity": f"{{ dynamic = {value} }}"}}),
     ("XSPH (`xsph.strength`)", "", [0, 0.01, 0.1, 0.5, 1], lambda value: {"terms": {"xsph": f"{{ strength = {value} }}"}}),
-    ("Vorticity confinement (`vorticity.strength`)", "", [0, 0.5, 5, 100], lambda value: {"terms": {"vorticity": f"{{ strength = {value} }}"}}),
+    ("Vorticity confinement (`vorticity.strength`)", "", [0, 0.5, 5, 10], lambda value: {"terms": {"vorticity": f"{{ strength = {value} }}"}}),
     ("Drops of water, 0.072 N/m, without gravity: spacing", "m", [1e-4, 1e-3, 1e-2],
      lambda value: {"spacing": value, "gravity": 0, "collider": NOTHING, "terms": {"surface_tension": "{ coefficient = 0.072 }", "kernel_radius": 2.5}}),
     ("Lakes: spacing", "m", [10, 100, 1000], lambda value: {"spacing": value}),
