@@ -122,7 +122,7 @@ fn each_mistake_is_shown_where_it_stands() {
             &["`compression`, `equality`"],
             Some("equality"),
         ),
-        ("iterations = 4", "kernel_radius = \"110 %\"", 11, 17, &["1.6 to 2.5"], None),
+        ("iterations = 4", "kernel_radius = \"110 %\"", 11, 17, &["1.8 to 2.5"], None),
         ("iterations = 4", "density_dev = 0.01\niterations = 4", 12, 1, &["exclude each other"], None),
         ("iterations = 4", "vorticity = {}\nmicropolar = {}", 12, 1, &["exclude each other"], None),
         ("iterations = 4", "min_substeps = 200", 11, 1, &["above `max_substeps` (100)"], None),

@@ -8,6 +8,7 @@ mod dense;
 mod eikonal;
 mod liquid;
 mod liquid_cylinder;
+mod liquid_drops;
 mod liquid_extremes;
 mod liquid_friction;
 mod liquid_micropolar;

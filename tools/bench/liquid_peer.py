@@ -37,6 +37,16 @@ import time
 METHODS = {"PBF": 2, "DFSPH": 4}
 BOUNDARIES = {"particles": 0, "volume-map": 2}
 MAX_ITERATIONS = 100
+# Term of a job: suffix of the fluid's accessors, the peer's number of the method and its name, and the coefficients to set.
+TERMS = {
+    "surface tension": ("SurfaceTension", 2, "Akinci et al. 2013", {}),
+    "viscosity": (
+        "Viscosity",
+        6,
+        "Weiler et al. 2018",
+        {"VISCOSITY_COEFFICIENT": 0.01, "VISCOSITY_COEFFICIENT_BOUNDARY": 0.01},
+    ),
+}
 
 # A cube from −0.5 to 0.5.
 CUBE = """v -0.5 -0.5 -0.5
@@ -99,6 +109,19 @@ def scene(job):
     }
 
 
+def enable(fluid, suffix, number, name, coefficients):
+    """Enables a non-pressure force of the fluid, and checks that it is the intended one with its coefficients."""
+    getattr(fluid, f"set{suffix}Method")(number)
+    method = getattr(fluid, f"get{suffix}Base")()
+    if method.getMethodName() != name:
+        sys.exit(f"the peer's method {number} is {method.getMethodName()!r}, expected {name!r}")
+    for key, value in coefficients.items():
+        method.setValueFloat(getattr(method, key), value)
+        found = method.getValueFloat(getattr(method, key))
+        if abs(found - value) > 1e-6 * value:
+            sys.exit(f"the peer took {key} {found!r}, expected {value!r}")
+
+
 def status(key):
     """A memory figure of this process, from /proc [bytes]; None where the system has none."""
     try:
@@ -128,6 +151,8 @@ def main():
     simulation = pysplishsplash.Simulation.getCurrent()
     fluid = simulation.getFluidModel(0)
     steps = simulation.getTimeStep()
+    if job["term"]:
+        enable(fluid, *TERMS[job["term"]])
     # The peer ignores unknown keys without a message, so the values that it took are compared.
     taken = {
         "method": steps.getMethodName(),

@@ -14,7 +14,9 @@ metre, so both programs start from the same seeding lattice with the same number
 
 *Settings*: no artificial pressure; XSPH viscosity with c = --xsph (0.01) in both, applied once a step in both, and with its
 default `rest` in Meniscus; no vorticity confinement and no surface tension, except in the row "presets", which has both as the
-built-in presets do. Steps follow the programs' own rules: no particle moves farther than 0.8 spacings in Meniscus and 0.4
+built-in presets do. Rows "surface tension" and "viscosity" have that term in both programs: half of density × gravity ×
+spacing², and 10 Pa·s; in the peer the methods of Akinci et al. 2013 with its default coefficient and of Weiler et al. 2018
+with 0.01 m²/s, on the walls too. Steps follow the programs' own rules: no particle moves farther than 0.8 spacings in Meniscus and 0.4
 in the peer, and a step is at most 5.2 ms in Meniscus (8 substeps a frame at 24 fps), and 0.1 s/m · spacing but no more than
 5 ms in the peer, whose deep columns burst with longer ones. Everything else as the programs have it by default; the
 rows are `MENISCUS` and `PEERS` below.
@@ -58,18 +60,27 @@ MENISCUS = [
     ("Meniscus, 0.1 %", {"liquid.density_dev": "0.1 %"}),
     ("Meniscus, 0.1 %, presets", {
         "liquid.density_dev": "0.1 %",
+        "liquid.implicitness": "0.25",
         "liquid.vorticity.strength": "0.5",
         "liquid.surface_tension.coefficient": "{tension:.3g}",
     }),
+    ("Meniscus, 0.1 %, surface tension", {
+        "liquid.density_dev": "0.1 %",
+        "liquid.implicitness": "0.25",
+        "liquid.surface_tension.coefficient": "{tension:.3g}",
+    }),
+    ("Meniscus, 0.1 %, viscosity", {"liquid.density_dev": "0.1 %", "liquid.viscosity.dynamic": "10"}),
 ]  # fmt: skip
 # Surface tension of the built-in presets, over the squared spacing [N/m³]: half of density × gravity.
 TENSION = 0.5 * 1000 * GRAVITY
-# Rows: name, method, tolerance in per cent of the rest density.
+# Rows: name, method, tolerance in per cent of the rest density, term of liquid_peer.py.
 PEERS = [
-    ("SPlisHSPlasH DFSPH, 1 %", "DFSPH", 1.0),
-    ("SPlisHSPlasH DFSPH, 0.1 %", "DFSPH", 0.1),
-    ("SPlisHSPlasH PBF, 1 %", "PBF", 1.0),
-    ("SPlisHSPlasH PBF, 0.1 %", "PBF", 0.1),
+    ("SPlisHSPlasH DFSPH, 1 %", "DFSPH", 1.0, None),
+    ("SPlisHSPlasH DFSPH, 0.1 %", "DFSPH", 0.1, None),
+    ("SPlisHSPlasH DFSPH, 0.1 %, surface tension", "DFSPH", 0.1, "surface tension"),
+    ("SPlisHSPlasH DFSPH, 0.1 %, viscosity", "DFSPH", 0.1, "viscosity"),
+    ("SPlisHSPlasH PBF, 1 %", "PBF", 1.0, None),
+    ("SPlisHSPlasH PBF, 0.1 %", "PBF", 0.1, None),
 ]
 # Not measured here: another method, with grids and markers, and no density constraint.
 QUOTED = "Quoted, not measured: Blender's Mantaflow (FLIP) bakes 24 frames at a 100k fill in 5.8 s and at a 1M fill in 140 s."
@@ -194,7 +205,7 @@ def meniscus(scene, keys, frames, threads, options, folder):
     return figures, files, scene["spacing"] ** 3
 
 
-def peer(scene, method, tolerance, frames, threads, options, folder):
+def peer(scene, method, tolerance, term, frames, threads, options, folder):
     """The same for a row of the peer."""
     job = folder / "job.json"
     (folder / "frames").mkdir()
@@ -202,6 +213,7 @@ def peer(scene, method, tolerance, frames, threads, options, folder):
         **scene,
         "method": method,
         "tolerance": tolerance,
+        "term": term,
         "radius": scene["spacing"] / 2,
         "boundary": options.peer_boundary,
         "wall": WALLS[options.peer_boundary],

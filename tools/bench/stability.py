@@ -20,7 +20,7 @@ import stability_sheets
 import stability_smoke
 
 # Terms of the built-in presets of splashes; the surface tension is in N/m per squared spacing.
-PRESETS = {"implicitness": "0.1", "xsph": "{}", "vorticity": "{ strength = 0.5 }"}
+PRESETS = {"implicitness": "0.25", "xsph": "{}", "vorticity": "{ strength = 0.5 }"}
 TENSION = 0.5 * 9.81
 # Name, solver, whether it has the terms of the presets.
 VARIANTS = [("presets", "accelerated", True), ("accelerated", "accelerated", False), ("jacobi", "jacobi", False)]
@@ -77,10 +77,10 @@ SWEEPS = [
      lambda value: {"gravity": 0, "speed": value, "collider": NOTHING}),
     ("Free fall, frames of 1/24 s with a gravity of", "m/s²", [0.1, 9.81, 98.1], lambda value: {"gravity": -value, "collider": NOTHING}),
     ("Distance of the tank from the origin along x and y", "m", [1, 100, 1e4, 1e5, 1e6], lambda value: {"at": value}),
-    ("Kernel support (`kernel_radius`)", "spacings", [1.6, 1.8, 2, 2.2, 2.5], term("kernel_radius")),
+    ("Kernel support (`kernel_radius`)", "spacings", [1.8, 2, 2.2, 2.5], term("kernel_radius")),
     ("CFL number (`cfl`)", "", [0.01, 0.1, 0.8, 2, 10], term("cfl")),
     ("Density deviation (`density_dev`)", "", [1e-5, 1e-3, 1e-2, 0.1, 1], term("density_dev")),
-    ("Implicitness of directions (`implicitness`)", "", [0, 0.1, 0.5, 1], term("implicitness")),
+    ("Implicitness of directions (`implicitness`)", "", [0, 0.1, 0.25, 0.5, 1], term("implicitness")),
     ("Surface tension (`surface_tension.coefficient`)", "N/m", [0, 0.072, 10, 50, 200, 1000],
      lambda value: {"terms": {"surface_tension": f"{{ coefficient = {value} }}"}}),
     ("Viscosity (`viscosity.dynamic`)", "Pa·s", [1e-3, 1, 100, 1e4], lambda value: {"terms": {"viscosity": f"{{ dynamic = {value} }}"}}),

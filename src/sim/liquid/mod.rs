@@ -16,13 +16,15 @@ mod correction;
 mod coupled;
 mod density;
 mod density_map;
-mod energies;
 mod energy;
+mod energy_bound;
 mod faults;
 mod jacobi;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
 mod lanes;
+#[cfg(test)]
+mod laplace;
 mod measures;
 mod micropolar;
 mod neighbourhood;
@@ -384,8 +386,8 @@ impl Liquid {
         let Some(tension) = &mut self.tension else { return 0 };
         // Solids are where the particles are: a common velocity changes nothing.
         tension.move_to(self.walls.now() - f64::from((1.0 - directions.theta) * dt));
-        let Solver { p, grid, wall_push, .. } = &mut self.solver;
-        let shortened = tension.apply(grid, p, directions, dt);
+        let Solver { p, lists, wall_push, .. } = &mut self.solver;
+        let shortened = tension.apply(lists, p, directions, dt);
         if self.v_before.is_some() {
             tension.add_wall_push(wall_push, dt);
         }

@@ -15,10 +15,10 @@ pub struct LiquidParams {
     /// Range: above 0.
     #[serde(default = "defaults::density")]
     pub density: f32,
-    /// Support h of the smoothing kernels, in spacings. Below 1.6 neighbours are too few and free liquid swells (by 13 % at 1.2);
+    /// Support h of the smoothing kernels, in spacings. Below 1.8 neighbours are too few and free liquid swells (by 13 % at 1.2);
     /// above 2.5 still water swells (by 5 % at 2.8). 2.2 lets low waves run as fast as in theory, with a third more neighbours
     /// than 2; 2.5 lets small drops oscillate under `surface_tension`. More blurs detail, and the cost grows with its cube.
-    /// Range: 1.6 to 2.5.
+    /// Range: 1.8 to 2.5.
     #[serde(default = "defaults::kernel_radius")]
     pub kernel_radius: f32,
     /// Average density deviation at which the iteration stops [1] ("0.5 %"). Excludes `iterations`; with neither in the preset

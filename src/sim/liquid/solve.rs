@@ -66,8 +66,6 @@ pub(super) struct Solver {
     built_at: Vec<Vec3>,
     /// Distances to the nearest solid when the lists were built [m].
     pub(super) clearance: Vec<f32>,
-    /// Radius of the lists of the surface tension [m]; 0 without it.
-    pub(super) tension_reach: f32,
     pub(super) grid: CellGrid,
     pub(super) lists: Neighbours,
     stale: bool,
@@ -127,7 +125,7 @@ impl Solver {
     /// # Errors
     /// If a cell is overcrowded.
     pub(super) fn find_cells(&mut self, rest: &RestState) -> Result<(), OvercrowdedCell> {
-        self.grid.rebuild(&self.p, reach(rest).max(self.tension_reach));
+        self.grid.rebuild(&self.p, reach(rest));
         let limit = MAX_CELL_OVERCROWDING * CellGrid::particles_per_cell(self.grid.cell(), rest.spacing);
         match self.grid.fullest() {
             Some((particle, count)) if count as f32 > limit => Err(OvercrowdedCell { particle, count }),

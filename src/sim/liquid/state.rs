@@ -116,10 +116,6 @@ impl Liquid {
 
     fn empty(params: LiquidParams, world: &World) -> Self {
         let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
-        let mut solver = Solver::default();
-        if params.surface_tension.is_some() {
-            solver.tension_reach = Tension::support(&params);
-        }
         let walls = Walls::new(&world.solids, &rest);
         Self {
             rest,
@@ -134,7 +130,7 @@ impl Liquid {
             id: Vec::new(),
             x: Vec::new(),
             v: Vec::new(),
-            solver,
+            solver: Solver::default(),
             momentum: Momentum::default(),
             repulsion: params.artificial_pressure.clone().map(|params| Repulsion::new(params, &rest)),
             tension: params.surface_tension.as_ref().map(|tension| Tension::new(tension, &params, world)),

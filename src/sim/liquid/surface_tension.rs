@@ -22,6 +22,7 @@ use super::{
     lanes::{self, Node},
     pair::{Pair, Wendland},
     pass::{self, NeighbourPass},
+    setup::LIST_SKIN,
     solve::Directions,
     walls::{Walls, Wetting},
 };
@@ -33,9 +34,9 @@ use crate::{
     space::{CellGrid, Neighbours},
 };
 
-/// Support of the colour function, in spacings. At 2 the area follows the arrangement of single particles: it traps the
-/// surface in local minima, and a drop hardly oscillates. At 3 it has 1.7 times the neighbours of 2.5.
-const KERNEL_RADIUS: f32 = 2.5;
+/// Largest support of the colour function, in spacings. At 2 the area follows the arrangement of single particles: it traps
+/// the surface in local minima, and a drop hardly oscillates. At 3 it has 1.7 times the neighbours of 2.5.
+const MAX_KERNEL_RADIUS: f32 = 2.5;
 
 /// |∇c| h below which its direction counts as noise.
 const GRADIENT_NOISE: f32 = 0.1;
@@ -78,24 +79,20 @@ pub(super) struct Tension {
     /// cos θ of the solids, calibrated.
     wetting: Wetting,
     longest_substep: f64,
-    lists: Neighbours,
     /// Positions over h.
     nodes: Vec<Node>,
     /// Derivative of the rounded |∇c| h by ∇c h; its value, less cos θ |∇c_wall| h.
     gradient: Vec<Node>,
+    /// ∇c h of the solids.
+    wall: Vec<Vec3>,
     /// Dimensionless force and energy.
     force: Vec<Node>,
     energy: f64,
 }
 
 impl Tension {
-    /// Support of the kernel [m].
-    pub(super) fn support(liquid: &LiquidParams) -> f32 {
-        KERNEL_RADIUS * liquid.spacing
-    }
-
     pub(super) fn new(params: &SurfaceTension, liquid: &LiquidParams, world: &World) -> Self {
-        let rest = RestState::new(Kernel::Wendland, liquid.spacing, KERNEL_RADIUS);
+        let rest = RestState::new(Kernel::Wendland, liquid.spacing, kernel_radius(liquid));
         let (sigma, density) = (CALIBRATION * f64::from(params.coefficient), f64::from(liquid.density));
         let (h, spacing) = (f64::from(rest.support), f64::from(rest.spacing));
         let volume = spacing.powi(3);
@@ -110,9 +107,9 @@ impl Tension {
             wetting: Wetting::new(&walls, params.contact_angle, cosine),
             longest_substep: liquid.longest_capillary_substep(spacing),
             walls,
-            lists: Neighbours::default(),
             nodes: Vec::new(),
             gradient: Vec::new(),
+            wall: Vec::new(),
             force: Vec::new(),
             energy: 0.0,
             rest,
@@ -134,30 +131,42 @@ impl Tension {
         self.energy
     }
 
+    /// Acceleration of particle `i` by particle `j`, without solids [m/s²]; the scalar form of [`ForcePass`].
+    #[cfg(test)]
+    pub(super) fn pair_acceleration(&self, i: usize, j: usize) -> Vec3 {
+        let d = self.nodes[i].vector() - self.nodes[j].vector();
+        let (q, u) = (d.norm(), self.gradient[i].vector() - self.gradient[j].vector());
+        if q <= 0.0 || q >= 1.0 {
+            return Vec3::zeros();
+        }
+        let t2 = (1.0 - q).powi(2);
+        let area = (u * (t2 * (1.0 - q)) - d * (3.0 * t2 * u.dot(&d) / q))
+            * (self.rest.gradient_scale * self.rest.support);
+        (area - d * (self.cohesion * t2 * (q - COHESION_ZERO) / q)) * self.acceleration
+    }
+
     /// Surface energy of particles at `p` [J].
     pub(super) fn energy_at(&mut self, p: &[Vec3]) -> f64 {
-        let grid = CellGrid::new(p, self.rest.support);
-        self.list(&grid, p);
-        self.evaluate();
+        let mut lists = Neighbours::default();
+        lists.rebuild(&CellGrid::new(p, self.rest.support), p, self.rest.support);
+        lanes::publish_positions(&mut self.nodes, p, self.rest.inv_support);
+        self.evaluate(&lists);
         self.energy
     }
 
-    /// Moves the positions `p`, sorted into `grid`, by the tension over `dt` [s], with forces at the positions of
+    /// Moves the positions `p` with the neighbours in `lists` by the tension over `dt` [s], with forces at the positions of
     /// `directions`. Returns the number of shortened displacements.
     pub(super) fn apply(
         &mut self,
-        grid: &CellGrid,
+        lists: &Neighbours,
         p: &mut [Vec3],
         Directions { theta, x }: Directions<'_>,
         dt: f32,
     ) -> u64 {
-        if theta < 1.0 {
-            let at: Vec<Vec3> = (0..p.len()).map(|i| x[i] + (p[i] - x[i]) * theta).collect();
-            self.list(&CellGrid::new(&at, self.rest.support), &at);
-        } else {
-            self.list(grid, p);
-        }
-        self.evaluate();
+        self.nodes.resize(p.len(), Node::default());
+        let (at, inv_h) = (&*p, self.rest.inv_support);
+        par::fill(&mut self.nodes, |i| Node::new((x[i] + (at[i] - x[i]) * theta) * inv_h, 0.0));
+        self.evaluate(lists);
         let (force, scale, spacing) = (&self.force, self.acceleration * dt * dt, self.rest.spacing);
         let moved = |i: usize| limit(force[i].vector() * scale, spacing);
         let shortened = par::sum(p.len(), |i| f64::from(u8::from(moved(i).1)));
@@ -169,9 +178,9 @@ impl Tension {
     pub(super) fn add_wall_push(&self, push: &mut [Vec3], dt: f32) {
         let (solids, scale) = (self.solids(), self.acceleration * dt * dt);
         par::update(push, |i, push| {
-            let x = self.nodes[i].vector() * self.rest.support;
-            let wall = solids.gradient(x);
+            let wall = self.wall[i];
             if wall != Vec3::zeros() {
+                let x = self.nodes[i].vector() * self.rest.support;
                 *push += solids.force(x, wall, self.gradient[i]) * scale;
             }
         });
@@ -181,29 +190,26 @@ impl Tension {
         WettedSolids { walls: &self.walls, rest: &self.rest, wetting: &self.wetting }
     }
 
-    /// Lists the neighbours of particles at `x`, which are sorted into `grid`.
-    fn list(&mut self, grid: &CellGrid, x: &[Vec3]) {
-        self.lists.rebuild(grid, x, self.rest.support);
-        lanes::publish_positions(&mut self.nodes, x, self.rest.inv_support);
-    }
-
-    /// Evaluates the forces and the energy of the listed particles.
-    fn evaluate(&mut self) {
+    /// Evaluates the forces and the energy at the published positions.
+    fn evaluate(&mut self, lists: &Neighbours) {
         let count = self.nodes.len();
         for column in [&mut self.gradient, &mut self.force] {
             column.resize(count, Node::default());
         }
         let solids = WettedSolids { walls: &self.walls, rest: &self.rest, wetting: &self.wetting };
-        let (lists, nodes) = (&self.lists, &*self.nodes);
+        let nodes = &*self.nodes;
+        self.wall.resize(count, Vec3::zeros());
+        par::fill(&mut self.wall, |i| solids.gradient(nodes[i].vector() * self.rest.support));
+        let wall = &*self.wall;
         let (scale, cohesion) = (self.rest.gradient_scale * self.rest.support, self.cohesion);
         par::for_chunks(&mut self.gradient, par::CHUNK, |start, gradient| {
-            pass::run(Kernel::Wendland, GradientPass { lists, nodes, solids, start, scale, gradient });
+            pass::run(Kernel::Wendland, GradientPass { lists, nodes, wall, solids, start, scale, gradient });
         });
         let gradient = &*self.gradient;
         par::for_chunks(&mut self.force, par::CHUNK, |start, force| {
             pass::run(
                 Kernel::Wendland,
-                ForcePass { lists, nodes, gradient, solids, start, scale, cohesion, force },
+                ForcePass { lists, nodes, gradient, wall, solids, start, scale, cohesion, force },
             );
         });
         let force = &*self.force;
@@ -222,9 +228,14 @@ impl LiquidParams {
     }
 }
 
+/// Support of the colour function, in spacings: that of the lists of the density solve, which it shares.
+fn kernel_radius(liquid: &LiquidParams) -> f32 {
+    (liquid.kernel_radius * (1.0 + LIST_SKIN)).min(MAX_KERNEL_RADIUS)
+}
+
 /// Energy that a cohesion of 1 N costs when the seeding lattice is cut in two, over the area of both faces [J/m²].
 fn cut_energy(h: f64, spacing: f64) -> f64 {
-    let across = seeding_neighbours(f64::from(KERNEL_RADIUS)).filter(|&(z, _)| z > 0);
+    let across = seeding_neighbours(h / spacing).filter(|&(z, _)| z > 0);
     let bonds: f64 = across.map(|(z, q)| f64::from(z) * pair_potential(q)).sum();
     0.5 * bonds * h / (spacing * spacing)
 }
@@ -278,6 +289,7 @@ impl WettedSolids<'_> {
 struct GradientPass<'a> {
     lists: &'a Neighbours,
     nodes: &'a [Node],
+    wall: &'a [Vec3],
     solids: WettedSolids<'a>,
     start: usize,
     scale: f32,
@@ -298,11 +310,14 @@ impl NeighbourPass for GradientPass<'_> {
                 let (d, q2) = lanes::offset(own, lanes::gather::<L>(self.nodes, index));
                 sum = lanes::plus(sum, d, Wendland::slope(q2.sqrt()));
             }
-            let x = self.nodes[i].vector() * self.solids.rest.support;
-            let wall = self.solids.gradient(x);
+            let wall = self.wall[i];
             let n = wall - lanes::total(sum) * self.scale; // ∇c h
             let size = (n.norm_squared() + GRADIENT_NOISE * GRADIENT_NOISE).sqrt();
-            let wetted = self.solids.cosine(x) * wall.norm();
+            let wetted = if wall == Vec3::zeros() {
+                0.0
+            } else {
+                self.solids.cosine(self.nodes[i].vector() * self.solids.rest.support) * wall.norm()
+            };
             *gradient = Node::new(n / size, size - GRADIENT_NOISE - wetted);
         }
     }
@@ -313,6 +328,7 @@ struct ForcePass<'a> {
     lists: &'a Neighbours,
     nodes: &'a [Node],
     gradient: &'a [Node],
+    wall: &'a [Vec3],
     solids: WettedSolids<'a>,
     start: usize,
     scale: f32,
@@ -349,9 +365,9 @@ impl NeighbourPass for ForcePass<'_> {
                 energy += t2 * t * (third - t * quarter);
             }
             let mut total = lanes::total(sum) * self.scale - lanes::total(pairs) * self.cohesion;
-            let x = self.nodes[i].vector() * self.solids.rest.support;
-            let wall = self.solids.gradient(x);
+            let wall = self.wall[i];
             if wall != Vec3::zeros() {
+                let x = self.nodes[i].vector() * self.solids.rest.support;
                 total += self.solids.force(x, wall, self.gradient[i]);
             }
             *force = Node::new(total, energy.sum() - neighbours.padding() as f32 * own_energy);
@@ -446,7 +462,8 @@ mod tests {
 
     /// Sum of the cohesion's energies over the neighbours of a particle inside the seeding lattice.
     fn bulk_pairs() -> f64 {
-        let others = seeding_neighbours(f64::from(KERNEL_RADIUS)).filter(|&(_, q)| q > 0.0);
+        let others =
+            seeding_neighbours(f64::from(kernel_radius(&LiquidParams::new(0.01)))).filter(|&(_, q)| q > 0.0);
         others.map(|(_, q)| pair_potential(q)).sum()
     }
 }

@@ -31,8 +31,8 @@ const NEIGHBOR_BYTES: f64 = 230.0;
 /// Buffers of the viscous solve [bytes/particle].
 const VISCOSITY_BYTES: f64 = 100.0;
 
-/// Lists and buffers of the surface tension [bytes/particle]: its lists reach 2.5 spacings whatever `kernel_radius` is.
-const TENSION_BYTES: f64 = 400.0;
+/// Buffers of the surface tension [bytes/particle].
+const TENSION_BYTES: f64 = 60.0;
 
 /// Displacements by solids and velocities before the density solve [bytes/particle], if a collider has friction or restitution.
 const FRICTION_BYTES: f64 = 24.0;

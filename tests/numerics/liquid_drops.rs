@@ -1,0 +1,163 @@
+//! Drops with surface tension: oscillation, rest and contact angles.
+
+use super::liquid::{channel, params, simulation, space, state};
+use meniscus::{
+    math::Vec3,
+    sim::{Unwatched, World},
+    solid::{Interpolation, Keyframe, Motion, Shape, Solid},
+};
+
+/// Ratio of the second moments of the positions along z and x about their mean.
+fn aspect(positions: &[Vec3]) -> f64 {
+    let mean = positions.iter().sum::<Vec3>() / positions.len() as f32;
+    let moment = |axis: usize| positions.iter().map(|x| f64::from((x - mean)[axis]).powi(2)).sum::<f64>();
+    (moment(2) / (0.5 * (moment(0) + moment(1)))).sqrt()
+}
+
+#[test]
+fn a_drop_oscillates_with_the_period_of_its_surface_tension() {
+    let (spacing, sigma, fps) = (0.001_f32, 0.072, 240.0);
+    let radii = [7.6 * spacing, 7.6 * spacing, 8.8 * spacing];
+    let text = format!(
+        "spacing = {spacing}\nkernel_radius = 2.5\nsurface_tension = {{ coefficient = {sigma} }}\n\
+         [[source]]\nshape = {{ ellipsoid = {{ center = [0, 0, 0], radii = {radii:?} }} }}"
+    );
+    let mut simulation = simulation(space(), params(&text));
+    let mut aspects = Vec::new();
+    for _ in 0..80 {
+        simulation.advance(1.0 / fps, &mut Unwatched).expect("it stays finite");
+        aspects.push(aspect(&channel(&state(&simulation), "position")));
+    }
+    let frame = state(&simulation);
+    let (x, v) = (channel(&frame, "position"), channel(&frame, "velocity"));
+    // From the first minimum to the second, [rayleigh79].
+    let minimum = |range: std::ops::Range<usize>| {
+        let lowest = range.min_by(|&a, &b| aspects[a].total_cmp(&aspects[b])).expect("it is not empty");
+        let [a, b, c] = [aspects[lowest - 1], aspects[lowest], aspects[lowest + 1]];
+        lowest as f64 + 0.5 * (a - c) / (a - 2.0 * b + c)
+    };
+    let radius = (0.75 * x.len() as f64 / std::f64::consts::PI).cbrt() * f64::from(spacing);
+    let expected = std::f64::consts::TAU * (1000.0 * radius.powi(3) / (8.0 * sigma)).sqrt();
+    let period = (minimum(50..79) - minimum(10..35)) / fps;
+    assert!((period / expected - 1.0).abs() < 0.05, "{period} s, expected {expected} s: {aspects:?}");
+    // It neither drifts nor spins.
+    let mean = v.iter().sum::<Vec3>() / v.len() as f32;
+    assert!(mean.norm() < 1e-4, "{mean:?}");
+    let spin = x.iter().zip(&v).map(|(x, v)| x.cross(v).cast::<f64>()).sum::<nalgebra::Vector3<f64>>();
+    assert!(spin.norm() / (x.len() as f64) < 1e-3 * radius * radius / expected, "{spin:?}");
+}
+
+/// Contact angle of a spherical cap of `volume` [m³] on the plane z = 0, by the height of its mass centre [m].
+fn contact_angle(volume: f64, height: f64) -> f64 {
+    // [h (4r − h) / (4 (3r − h))] is the height of the mass centre of a cap of height h of a sphere of radius r.
+    let center = |angle: f64| {
+        let c = angle.cos();
+        let r = (3.0 * volume / (std::f64::consts::PI * (2.0 + c) * (1.0 - c).powi(2))).cbrt();
+        let h = r * (1.0 - c);
+        h * (4.0 * r - h) / (4.0 * (3.0 * r - h))
+    };
+    let (mut low, mut high) = (0.05, 3.1);
+    for _ in 0..50 {
+        let middle = 0.5 * (low + high);
+        if center(middle) < height { low = middle } else { high = middle }
+    }
+    low.to_degrees()
+}
+
+/// Contact angles of drops that rest on `solids` at x = `middles` in spacings, on a level at z = 0.
+fn resting_contact_angles(angle: f32, solids: Vec<Solid>, middles: &[f32]) -> Vec<f64> {
+    let spacing = 0.001_f32;
+    let mut text = format!(
+        "spacing = {spacing}\nkernel_radius = 2.5\nxsph = {{ strength = 0.02 }}\n\
+         surface_tension = {{ coefficient = 0.072, contact_angle = {angle} }}\n"
+    );
+    for middle in middles {
+        let (min, max) = ([middle - 7.0, -7.0, 0.0], [middle + 7.0, 7.0, 7.0]);
+        let [min, max] = [min, max].map(|corner| corner.map(|x| x * spacing));
+        text += &format!("[[source]]\nshape = {{ box = {{ min = {min:?}, max = {max:?} }} }}\n");
+    }
+    let mut simulation = simulation(World { gravity: Vec3::zeros(), solids }, params(&text));
+    let drop_of = |x: &Vec3| {
+        let distance = |k: &usize| (x.x - middles[*k] * spacing).abs();
+        (0..middles.len()).min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("there is a drop")
+    };
+    // The drops swing about their shapes at rest.
+    let mut sums = vec![[0.0; 2]; middles.len()];
+    for frame in 0..120 {
+        simulation.advance(1.0 / 240.0, &mut Unwatched).expect("it stays finite");
+        if frame >= 60 {
+            for x in channel(&state(&simulation), "position") {
+                let [height, count] = &mut sums[drop_of(&x)];
+                (*height, *count) = (*height + f64::from(x.z), *count + 1.0);
+            }
+        }
+    }
+    let angle =
+        |[height, count]: [f64; 2]| contact_angle(count / 60.0 * f64::from(spacing).powi(3), height / count);
+    sums.into_iter().map(angle).collect()
+}
+
+#[test]
+fn a_drop_at_rest_has_the_contact_angle() {
+    for angle in [60.0, 120.0] {
+        let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+        let found = resting_contact_angles(angle, vec![Solid::fixed(floor)], &[0.0])[0];
+        assert!((found - f64::from(angle)).abs() < 5.0, "{found}°, expected {angle}°");
+    }
+}
+
+#[test]
+fn drops_on_two_plates_have_the_contact_angle_of_theirs() {
+    let plate = |min: f32, max: f32, contact_angle| {
+        let shape = Shape::Box { min: [min, -0.03, -0.01], max: [max, 0.03, 0.0] };
+        Solid { contact_angle, ..Solid::fixed(shape) }
+    };
+    let plates = vec![plate(-0.05, -0.002, Some(120.0)), plate(0.002, 0.05, None)];
+    let found = resting_contact_angles(60.0, plates, &[-26.0, 26.0]);
+    println!("{found:?}");
+    assert!(
+        (found[0] - 120.0).abs() < 5.0 && (found[1] - 60.0).abs() < 5.0,
+        "{found:?}, expected 120° and 60°"
+    );
+}
+
+/// Positions by id, less the motion, after a drop on a plate, with the common `velocity` [m/s] along the normal, has begun to spread.
+fn wetted_plate(velocity: f32) -> Vec<Vec3> {
+    let (spacing, frame, frames) = (0.001_f32, 1.0 / 240.0, 2);
+    let text = format!(
+        "spacing = {spacing}\nkernel_radius = 2.5\nimplicitness = 0.1\ncfl = 10\nmin_substeps = 20\nmax_substeps = 20\n\
+         surface_tension = {{ coefficient = 0.072, contact_angle = 60 }}\n\
+         [[source]]\nvelocity = [0, 0, {velocity}]\n\
+         shape = {{ box = {{ min = [-0.005, -0.005, 0], max = [0.005, 0.005, 0.004] }} }}"
+    );
+    let key = |frame: u32, z: f32| Keyframe {
+        frame,
+        position: [0.0, 0.0, z],
+        rotation: [0.0; 3],
+        quaternion: None,
+    };
+    let keys = [key(0, 0.0), key(240, velocity)];
+    let motion = if velocity == 0.0 { None } else { Motion::new(&keys, Interpolation::Linear, 240.0, 0) };
+    let floor = Shape::Plane { point: [0.0; 3], normal: [0.0, 0.0, 1.0] };
+    let solids = vec![Solid { motion, ..Solid::fixed(floor) }];
+    let mut simulation = simulation(World { gravity: Vec3::zeros(), solids }, params(&text));
+    for _ in 0..frames {
+        simulation.advance(frame, &mut Unwatched).expect("it stays finite");
+    }
+    let end = state(&simulation);
+    let shift = Vec3::new(0.0, 0.0, velocity * (frame * f64::from(frames)) as f32);
+    let mut by_id = vec![Vec3::zeros(); end.streams[0].len()];
+    for (&id, x) in end.streams[0].u32("id").expect("liquids have it").iter().zip(channel(&end, "position")) {
+        by_id[id as usize] = x - shift;
+    }
+    by_id
+}
+
+#[test]
+fn wetting_is_the_same_on_a_plate_that_moves_with_the_drop() {
+    let rest = wetted_plate(0.0);
+    let moving = wetted_plate(1.0);
+    let difference = rest.iter().zip(&moving).map(|(a, b)| f64::from((a - b).norm_squared())).sum::<f64>();
+    let difference = (difference / rest.len() as f64).sqrt() / 0.001;
+    assert!(difference < 1e-3, "{difference} spacings");
+}
