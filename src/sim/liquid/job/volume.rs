@@ -8,9 +8,8 @@ use crate::{
     },
 };
 
-/// Change of volume from which a shot warns, and beyond which `tradeoff` recommends no setting [1]. Without artificial pressure,
-/// drafts of the built-in presets stay within 1.1 %, but for the torn films of figure-bath with 5.2 %; at 3 % the level of a
-/// full glass sinks visibly.
+/// Change of volume from which a shot warns, and beyond which `tradeoff` recommends no setting [1]. Drafts of the built-in presets
+/// of splashes stay within 2.7 %, but for the torn films of figure-bath with 6.7 %; at 3 % the level of a full glass sinks visibly.
 pub(super) const MAX_VOLUME_CHANGE: f64 = 0.03;
 
 /// The largest `liquid.density_dev` that does not itself allow a visible loss of volume.
