@@ -7,7 +7,6 @@
 //! Things are moved through relaxed atomics, which cost what plain stores do: every place is written by one thread,
 //! but which one, only the counts know.
 
-use rayon::prelude::*;
 use std::{
     ops::Range,
     sync::atomic::{AtomicU32, Ordering::Relaxed},
@@ -60,8 +59,8 @@ impl Groups {
 
         // Every task counts its things by runs.
         let mut places = vec![0_u32; rows.div_ceil(TASK) * runs];
-        places.par_chunks_mut(runs).enumerate().for_each(|(number, counts)| {
-            for group in task(number).flat_map(&of).filter(|&group| is_in(group)) {
+        super::for_chunks(&mut places, runs, |first, counts| {
+            for group in task(first / runs).flat_map(&of).filter(|&group| is_in(group)) {
                 counts[(group >> shift) as usize] += 1;
             }
         });
@@ -79,8 +78,8 @@ impl Groups {
         // Every task moves its things.
         let mut list: Vec<AtomicU32> = Vec::new();
         list.resize_with(total as usize, AtomicU32::default);
-        places.par_chunks_mut(runs).enumerate().for_each(|(number, places)| {
-            for i in task(number) {
+        super::for_chunks(&mut places, runs, |first, places| {
+            for i in task(first / runs) {
                 for (k, group) in (0..).zip(of(i)).filter(|&(_, group)| is_in(group)) {
                     let place = &mut places[(group >> shift) as usize];
                     list[*place as usize].store((K * i) as u32 + k, Relaxed);
@@ -97,11 +96,12 @@ impl Groups {
         let (mut list_rest, mut first) = (list.as_mut_slice(), 0);
         for (starts, &end) in start[..groups].chunks_mut(1 << shift).zip(&ends) {
             let (part, rest) = list_rest.split_at_mut(end - first);
-            tasks.push((tasks.len() << shift, first as u32, starts, part));
+            tasks.push((first as u32, starts, part));
             (list_rest, first) = (rest, end);
         }
         let group_of = |thing: u32| of(thing as usize / K)[thing as usize % K] as usize;
-        tasks.into_par_iter().for_each_init(Vec::new, |copy, (lowest, first, starts, part)| {
+        super::map_each(tasks, |run, (first, starts, part): (u32, &mut [u32], &mut [u32])| {
+            let lowest = run << shift;
             for &thing in part.iter() {
                 starts[group_of(thing) - lowest] += 1;
             }
@@ -111,9 +111,7 @@ impl Groups {
                 end += *start;
                 *start = end;
             }
-            copy.clear();
-            copy.extend_from_slice(part);
-            for &thing in copy.iter().rev() {
+            for &thing in part.to_vec().iter().rev() {
                 let start = &mut starts[group_of(thing) - lowest];
                 *start -= 1;
                 part[(*start - first) as usize] = thing;

@@ -3,10 +3,14 @@
 //! Everything here gives the same bytes for any number of threads: work is cut into chunks of a constant
 //! length, every output slot is written by exactly one chunk, and sums fold the chunks' partial results in
 //! chunk order.
+//!
+//! All loops go through [`run`], which is not generic, so that rayon's machinery is compiled once and not for every loop of
+//! the crate (`docs/build.md`).
 
 mod forest;
 mod groups;
 mod radix;
+mod slots;
 mod wavefront;
 
 pub(crate) use forest::Forest;
@@ -15,7 +19,11 @@ pub(crate) use radix::{Inverse, Radix};
 pub use wavefront::wavefront;
 
 use rayon::prelude::*;
-use std::{ops::Range, sync::mpsc};
+use slots::Slots;
+use std::{
+    ops::Range,
+    sync::{Mutex, PoisonError, mpsc},
+};
 
 /// Elements a chunk holds where the caller has no reason to choose otherwise.
 ///
@@ -38,6 +46,24 @@ pub fn with_threads<R: Send>(threads: usize, job: impl FnOnce() -> R + Send) -> 
 /// The number of threads that the current pool runs.
 pub fn threads() -> usize {
     rayon::current_num_threads()
+}
+
+/// Calls `task(i)` for every `i` in `0..count`, in any order. At most `len` tasks in a row stay on one thread while another
+/// has none.
+fn run(count: usize, len: usize, task: &(dyn Fn(usize) + Sync)) {
+    match count {
+        0 => {}
+        1 => task(0),
+        _ => (0..count).into_par_iter().with_max_len(len).for_each(task),
+    }
+}
+
+/// Calls `f(number of the input, input)` for every input and returns the results in their order.
+fn map_each<A: Send, T: Send>(inputs: Vec<A>, f: impl Fn(usize, A) -> T + Sync) -> Vec<T> {
+    let results = Slots::empty(inputs.len());
+    let inputs = Slots::of(inputs);
+    run(results.len(), usize::MAX, &|i| results.put(i, f(i, inputs.take(i))));
+    results.into_values()
 }
 
 /// `count` times `value`, written by all threads. `vec![value; count]` is written by one thread, or by none if it is all zeros. Then
@@ -71,7 +97,8 @@ pub fn update<T: Send>(out: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
 
 /// Cuts `out` into chunks of `len` elements and calls `f(index of the chunk's first element, chunk)`.
 pub fn for_chunks<T: Send>(out: &mut [T], len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
-    out.par_chunks_mut(len).enumerate().for_each(|(index, chunk)| f(index * len, chunk));
+    let chunks = Slots::of(out.chunks_mut(len).collect());
+    run(chunks.len(), usize::MAX, &|i| f(i * len, chunks.take(i)));
 }
 
 /// Does what [`for_chunks`] does with a scratch space at hand: `f(scratch, first index, chunk)`. A chunk may find
@@ -79,20 +106,24 @@ pub fn for_chunks<T: Send>(out: &mut [T], len: usize, f: impl Fn(usize, &mut [T]
 pub fn for_chunks_with<T: Send, S: Send>(
     out: &mut [T],
     len: usize,
-    scratch: impl Fn() -> S + Send + Sync,
+    scratch: impl Fn() -> S + Sync,
     f: impl Fn(&mut S, usize, &mut [T]) + Sync,
 ) {
-    out.par_chunks_mut(len)
-        .enumerate()
-        .for_each_init(scratch, |scratch, (index, chunk)| f(scratch, index * len, chunk));
+    let unused = Mutex::new(Vec::new());
+    let unused = || unused.lock().unwrap_or_else(PoisonError::into_inner);
+    for_chunks(out, len, |start, chunk| {
+        let last = unused().pop();
+        let mut scratch = last.unwrap_or_else(&scratch);
+        f(&mut scratch, start, chunk);
+        unused().push(scratch);
+    });
 }
 
 /// Calls `f` on every range of `len` indices of `0..count` and returns the results in order of the ranges.
 pub fn map_chunks<T: Send>(count: usize, len: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
-    (0..count.div_ceil(len))
-        .into_par_iter()
-        .map(|chunk| f(chunk * len..((chunk + 1) * len).min(count)))
-        .collect()
+    let results = Slots::empty(count.div_ceil(len));
+    run(results.len(), usize::MAX, &|i| results.put(i, f(i * len..((i + 1) * len).min(count))));
+    results.into_values()
 }
 
 /// Cuts slices of equal length into chunks of `len` elements, calls `f(index of the chunks' first elements, a chunk of
@@ -108,7 +139,7 @@ pub fn map_chunks_mut<A: Send, T: Send, const N: usize>(
     let chunks: Vec<[&mut [A]; N]> = (0..count.div_ceil(len))
         .map(|_| std::array::from_fn(|k| rest[k].next().expect("all have as many chunks")))
         .collect();
-    chunks.into_par_iter().enumerate().map(|(index, chunks)| f(index * len, chunks)).collect()
+    map_each(chunks, |index, chunks| f(index * len, chunks))
 }
 
 /// Cuts `out` into parts that end at `ends`, which ascend to its length, and calls `f(number of the part, part)`, `len`
@@ -127,23 +158,22 @@ pub fn map_parts<T: Send, R: Send>(
     assert_eq!(ends.last().copied().unwrap_or(0), out.len(), "the parts are the whole");
     let (mut rest, mut start) = (out, 0);
     let mut tasks = Vec::with_capacity(ends.len().div_ceil(len));
-    for (task, ends) in ends.chunks(len).enumerate() {
+    for ends in ends.chunks(len) {
         let end = ends.last().copied().unwrap_or(start);
         let (part, after) = rest.split_at_mut(end - start);
-        tasks.push((task * len, start, ends, part));
+        tasks.push((start, ends, part));
         (rest, start) = (after, end);
     }
-    let task = |(first, mut start, ends, mut rest): (usize, usize, &[usize], &mut [T])| {
+    let task = |task: usize, (mut start, ends, mut rest): (usize, &[usize], &mut [T])| {
         let mut results = Vec::with_capacity(ends.len());
-        for (part, &end) in (first..).zip(ends) {
+        for (part, &end) in (task * len..).zip(ends) {
             let (now, after) = std::mem::take(&mut rest).split_at_mut(end - start);
             results.push(f(part, now));
             (rest, start) = (after, end);
         }
         results
     };
-    let results: Vec<Vec<R>> = tasks.into_par_iter().map(task).collect();
-    results.into_iter().flatten().collect()
+    map_each(tasks, task).into_iter().flatten().collect()
 }
 
 /// Sorts `keys`. Equal keys are interchangeable, so the result does not depend on the threads.
@@ -153,7 +183,9 @@ pub fn sort(keys: &mut [u128]) {
 
 /// Collects `f(i)` for `i` in `0..count`, one task an index: for few, large tasks.
 pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    (0..count).into_par_iter().with_max_len(1).map(&f).collect()
+    let results = Slots::empty(count);
+    run(count, 1, &|i| results.put(i, f(i)));
+    results.into_values()
 }
 
 /// Σ f(i) over `0..count` in double precision, folded in a fixed order.

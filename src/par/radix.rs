@@ -7,7 +7,6 @@
 //! Numbers are moved through relaxed atomics, which cost what plain stores do: every place is written by one
 //! thread, but which one, only the counts know.
 
-use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// Numbers a task moves. Below it the counters cost more than the numbers; above it 100 000 numbers are too few
@@ -53,12 +52,13 @@ impl Radix {
         let (keys, spare) = (&*keys, &*spare);
         let digits = 1_usize << width;
         let digit = |key: u64| (key >> shift) as usize & (digits - 1);
+        let task = |number: usize| &keys[number * TASK..((number + 1) * TASK).min(keys.len())];
 
         // Every task counts its digits.
         counts.clear();
         counts.resize(keys.len().div_ceil(TASK) * digits, 0);
-        counts.par_chunks_mut(digits).zip(keys.par_chunks(TASK)).for_each(|(counts, keys)| {
-            for key in keys {
+        super::for_chunks(counts, digits, |first, counts| {
+            for key in task(first / digits) {
                 counts[digit(key.load(Relaxed))] += 1;
             }
         });
@@ -76,11 +76,11 @@ impl Radix {
         }
 
         // Every task moves its numbers.
-        counts.par_chunks_mut(digits).zip(keys.par_chunks(TASK)).for_each(|(places, keys)| {
+        super::for_chunks(counts, digits, |start, places| {
             for (place, first) in places.iter_mut().zip(&first) {
                 *place += first;
             }
-            for key in keys {
+            for key in task(start / digits) {
                 let key = key.load(Relaxed);
                 let place = &mut places[digit(key)];
                 spare[*place as usize].store(key, Relaxed);
@@ -102,9 +102,9 @@ impl Inverse {
     pub(crate) fn rebuild(&mut self, order: &[u32]) {
         self.0.resize_with(order.len(), AtomicU32::default);
         let slots = &self.0;
-        order.par_chunks(TASK).enumerate().for_each(|(task, order)| {
-            for (offset, &i) in order.iter().enumerate() {
-                slots[i as usize].store((task * TASK + offset) as u32, Relaxed);
+        super::map_chunks(order.len(), TASK, |places| {
+            for place in places {
+                slots[order[place] as usize].store(place as u32, Relaxed);
             }
         });
     }
