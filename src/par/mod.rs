@@ -4,7 +4,7 @@
 //! length, every output slot is written by exactly one chunk, and sums fold the chunks' partial results in
 //! chunk order.
 //!
-//! All loops go through [`run`], which is not generic, so that rayon's machinery is compiled once and not for every loop of
+//! All loops go through `run`, which is not generic, so that rayon's machinery is compiled once and not for every loop of
 //! the crate (`docs/build.md`).
 
 mod forest;
