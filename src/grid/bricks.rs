@@ -125,7 +125,7 @@ impl SparseGrid {
 
     /// A grid with these numbers, 512 a brick.
     pub fn of(voxel: f32, bricks: Bricks, values: Vec<f32>) -> Self {
-        debug_assert_eq!(values.len(), bricks.len() * BRICK_NODES);
+        assert_eq!(values.len(), bricks.len() * BRICK_NODES);
         Self { voxel, bricks, values, filled: Bricks::default() }
     }
 

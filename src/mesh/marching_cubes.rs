@@ -332,7 +332,7 @@ fn write_vertices(
             }
         }
     }
-    debug_assert!(free.next().is_none(), "as many vertices as were counted");
+    assert!(free.next().is_none(), "as many vertices as were counted");
     stats
 }
 
@@ -419,7 +419,7 @@ fn write_triangles<'a>(
             }
         }
     }
-    debug_assert!(to.next().is_none(), "as many triangles as were counted");
+    assert!(to.next().is_none(), "as many triangles as were counted");
 }
 
 /// Offset in a brick of the lower node of each edge of a cell from the cell's own, and the edge's axis.

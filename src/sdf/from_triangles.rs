@@ -133,7 +133,7 @@ fn place(bricks: &Bricks, counts: [i32; 3], node: [usize; 3]) -> usize {
     let brick = node.map(|n| n / BRICK);
     let [nx, ny, _] = counts.map(|n| n as usize);
     let index = brick[0] + nx * (brick[1] + ny * brick[2]);
-    debug_assert_eq!(bricks.coords()[index], brick.map(|b| b as i32), "bricks ascend with x fastest");
+    assert_eq!(bricks.coords()[index], brick.map(|b| b as i32), "bricks ascend with x fastest");
     let inner = node.map(|n| n % BRICK);
     index * BRICK_NODES + inner[0] + BRICK * (inner[1] + BRICK * inner[2])
 }

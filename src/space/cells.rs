@@ -197,7 +197,7 @@ impl CellGrid {
     /// Calls `f(index, squared distance)` for every particle closer to `x` than `radius` (≤ the cell's edge),
     /// in cell order. `positions` are those that were sorted.
     pub fn for_each_within(&self, positions: &[Vec3], x: Vec3, radius: f32, mut f: impl FnMut(usize, f32)) {
-        debug_assert!(radius <= self.cell);
+        assert!(radius <= self.cell);
         let [z, y, x_cell] = coordinates(x, self.cell);
         for row in self.rows_around(z, y, &ONE_EDGE) {
             let cells = &self.cells[row.clone()];

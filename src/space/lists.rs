@@ -51,7 +51,7 @@ impl Neighbours {
 
     /// Does what [`Neighbours::build`] does, in the memory of the lists before.
     pub fn rebuild(&mut self, grid: &CellGrid, positions: &[Vec3], radius: f32) {
-        debug_assert!(radius <= grid.cell());
+        assert!(radius <= grid.cell());
         let order = grid.order();
         self.place.rebuild(order);
         self.sorted.rebuild(order, positions);

@@ -576,9 +576,15 @@ fn outflow(spacing: f32) -> f64 {
 /// The error is of first order in the spacing (docs/liquid.md, "Known errors").
 #[test]
 fn water_flows_out_by_torricellis_law() {
-    let (coarse, fine) = (outflow(0.02), outflow(0.01));
-    println!("{coarse:.3} with four particles in the slot, {fine:.3} with eight");
-    assert!((0.8..1.0).contains(&coarse) && (0.89..1.0).contains(&fine), "{coarse:.3}, {fine:.3}");
+    let coarse = outflow(0.02);
+    println!("{coarse:.3} with four particles in the slot");
+    assert!((0.92..0.97).contains(&coarse), "{coarse:.3}");
+    if !crate::is_soak() {
+        return;
+    }
+    let fine = outflow(0.01);
+    println!("{fine:.3} with eight");
+    assert!((0.95..1.0).contains(&fine), "{fine:.3}");
     assert!(1.0 - fine < 0.7 * (1.0 - coarse), "{coarse:.3}, {fine:.3}");
 }
 

@@ -126,9 +126,15 @@ fn positions(simulation: &Simulation) -> Vec<Vec3> {
 
 #[test]
 fn the_fastest_wave_on_a_cylinder_has_rayleighs_length() {
-    let waves = [0.5, 0.7, 0.9].map(|ka| Wave::simulate(ka, 170));
-    let [a, b, c] = waves.each_ref().map(|wave| [wave.ka, wave.growth()]);
-    println!("ka and growth: {a:?} {b:?} {c:?}");
+    let [b, c] = [0.7, 0.9].map(|ka| Wave::simulate(ka, 170)).map(|wave| [wave.ka, wave.growth()]);
+    println!("ka and growth: {b:?} {c:?}");
+    // The theory has 0.343 and 0.27.
+    assert!((0.27..0.36).contains(&b[1]) && c[1] < 0.85 * b[1], "{b:?}, {c:?}");
+    if !crate::is_soak() {
+        return;
+    }
+    let long = Wave::simulate(0.5, 170);
+    let a = [long.ka, long.growth()];
     // The maximum of the parabola through the three.
     let slope = |p: [f64; 2], q: [f64; 2]| (q[1] - p[1]) / (q[0] - p[0]);
     let (left, right) = (slope(a, b), slope(b, c));
@@ -136,8 +142,6 @@ fn the_fastest_wave_on_a_cylinder_has_rayleighs_length() {
     let wavelength = TAU / fastest;
     println!("fastest: {wavelength:.2} radii");
     assert!((wavelength / 9.02 - 1.0).abs() < 0.2, "{wavelength} radii");
-    // The theory has 0.343 at 0.7.
-    assert!((0.27..0.36).contains(&b[1]), "{b:?}");
 }
 
 #[test]
