@@ -405,7 +405,7 @@ fn clean_up_has_the_same_bytes_for_any_number_of_threads() {
     };
     let expected = par::with_threads(1, || surface(&ball, &params));
     assert_eq!(expected.mesh.attributes.len(), 3);
-    for threads in [2, 3, 8] {
+    for &threads in crate::thread_counts() {
         let again = par::with_threads(threads, || surface(&ball, &params));
         assert!(again.mesh == expected.mesh && again.points == expected.points, "{threads} threads");
         assert_eq!(again.stats.smoothing, expected.stats.smoothing);

@@ -262,7 +262,7 @@ fn same_bits(terms: &str) {
         (middle, state(&simulation))
     };
     let (middle, end) = par::with_threads(1, run);
-    for threads in [2, 3, 8] {
+    for &threads in crate::thread_counts() {
         assert!(par::with_threads(threads, run) == (middle.clone(), end.clone()), "{threads} threads");
     }
     let mut resumed = Simulation::restore(world, Some(params), &middle).expect("the frame has a state");

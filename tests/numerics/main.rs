@@ -32,3 +32,8 @@ mod vortex_grid;
 fn is_soak() -> bool {
     std::env::var_os("MENISCUS_SOAK").is_some()
 }
+
+/// Numbers of threads whose results are compared with those of one. More than the machine has cores interleave most.
+fn thread_counts() -> &'static [usize] {
+    if is_soak() { &[2, 3, 8] } else { &[3] }
+}

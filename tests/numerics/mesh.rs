@@ -276,7 +276,7 @@ fn threads_and_bricks_without_surface_do_not_change_a_byte() {
         mesh
     };
     let expected = par::with_threads(1, || run(&narrow));
-    for threads in [2, 3, 8] {
+    for &threads in crate::thread_counts() {
         assert!(par::with_threads(threads, || run(&narrow)) == expected, "{threads} threads");
     }
     let other = run(&full);

@@ -207,7 +207,7 @@ fn meshes_that_enclose_nothing_are_refused() {
 fn samples_have_the_same_bits_on_any_number_of_threads() {
     let mesh = torus(48);
     let one = par::with_threads(1, || sampled(&mesh, 40));
-    for threads in [2, 3, 8] {
+    for &threads in crate::thread_counts() {
         assert!(par::with_threads(threads, || sampled(&mesh, 40)) == one, "{threads} threads");
     }
 }

@@ -219,7 +219,7 @@ fn moving_solids_give_the_same_bits_on_any_number_of_threads_and_after_a_restart
         (middle, state(&simulation))
     };
     let (middle, end) = par::with_threads(1, run);
-    for threads in [2, 3] {
+    for &threads in crate::thread_counts() {
         assert!(par::with_threads(threads, run) == (middle.clone(), end.clone()), "{threads} threads");
     }
     let mut resumed = Simulation::restore(world, Some(params), &middle).expect("the frame has a state");

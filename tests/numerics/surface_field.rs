@@ -167,7 +167,7 @@ fn density_and_distance_have_the_same_bytes_on_any_number_of_threads() {
     };
     let one = run(1);
     assert!(one.pinned > 1000 && one.unreached < one.grid.values.len());
-    for threads in [2, 3, 8] {
+    for &threads in crate::thread_counts() {
         let other = run(threads);
         assert_eq!(one.grid.bricks.coords(), other.grid.bricks.coords());
         assert!(one.grid.values.iter().zip(&other.grid.values).all(|(a, b)| a.to_bits() == b.to_bits()));
@@ -241,7 +241,7 @@ fn anisotropic_surfaces_have_the_same_bytes_on_any_number_of_threads() {
     let run = |threads: usize| with_threads(threads, || anisotropic(turned_block([14, 13, 9])).mesh);
     let one = run(1);
     assert!(one.triangles.len() > 5000);
-    for threads in [2, 3, 8] {
+    for &threads in crate::thread_counts() {
         assert!(run(threads) == one, "{threads} threads");
     }
 }

@@ -257,7 +257,7 @@ fn results_do_not_depend_on_threads_order_or_restarts() {
             one.2.iter().flatten().any(|coupling| coupling.liquid.as_ref().unwrap().contacts > 0),
             "they touch"
         );
-        for threads in [2, 3] {
+        for &threads in crate::thread_counts() {
             assert!(
                 meniscus::par::with_threads(threads, || run("as is")) == one,
                 "{integrator}, {threads} threads"

@@ -77,7 +77,7 @@ fn a_ring_pushes_a_cloth_and_is_not_affected() {
         (middle, state(&shot), records.last().unwrap().coupling.clone())
     };
     let one = meniscus::par::with_threads(1, || run(&ring(true, false)));
-    for threads in [2, 3] {
+    for &threads in crate::thread_counts() {
         assert!(meniscus::par::with_threads(threads, || run(&ring(true, false))) == one, "{threads} threads");
     }
     assert!(run(&ring(true, true)) == one, "the order of tables and sides");

@@ -341,7 +341,7 @@ fn contact_has_the_same_bytes_for_any_threads_and_resumed() {
             "{:?}",
             total_contact(&whole.1)
         );
-        for &threads in if crate::is_soak() { &[2, 3][..] } else { &[3] } {
+        for &threads in crate::thread_counts() {
             assert!(whole == par::with_threads(threads, go), "{integrator}, {threads} threads");
         }
         let mut first = sheets(&text, &world);
