@@ -124,8 +124,11 @@ impl SparseGrid {
     }
 
     /// A grid with these numbers, 512 a brick.
+    ///
+    /// # Panics
+    /// If there are more or fewer numbers.
     pub fn of(voxel: f32, bricks: Bricks, values: Vec<f32>) -> Self {
-        assert_eq!(values.len(), bricks.len() * BRICK_NODES);
+        assert_eq!(values.len(), bricks.len() * BRICK_NODES, "512 numbers a brick");
         Self { voxel, bricks, values, filled: Bricks::default() }
     }
 

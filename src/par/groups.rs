@@ -100,8 +100,9 @@ impl Groups {
             (list_rest, first) = (rest, end);
         }
         let group_of = |thing: u32| of(thing as usize / K)[thing as usize % K] as usize;
-        super::map_each(tasks, |run, (first, starts, part): (u32, &mut [u32], &mut [u32])| {
-            let lowest = run << shift;
+        super::for_chunks_with(&mut tasks, 1, Vec::new, |copy, run, task| {
+            let [(first, starts, part)] = task else { return };
+            let (lowest, first) = (run << shift, *first);
             for &thing in part.iter() {
                 starts[group_of(thing) - lowest] += 1;
             }
@@ -111,7 +112,9 @@ impl Groups {
                 end += *start;
                 *start = end;
             }
-            for &thing in part.to_vec().iter().rev() {
+            copy.clear();
+            copy.extend_from_slice(part);
+            for &thing in copy.iter().rev() {
                 let start = &mut starts[group_of(thing) - lowest];
                 *start -= 1;
                 part[(*start - first) as usize] = thing;

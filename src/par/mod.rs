@@ -4,8 +4,8 @@
 //! length, every output slot is written by exactly one chunk, and sums fold the chunks' partial results in
 //! chunk order.
 //!
-//! All loops go through `run`, which is not generic, so that rayon's machinery is compiled once and not for every loop of
-//! the crate (`docs/build.md`).
+//! Loops over chunks, parts and tasks call `run`, which is not generic: rayon's splitting and joining is then compiled once and
+//! not for every loop of the crate (`docs/build.md`). Sorts, copies and the wavefront call rayon themselves.
 
 mod forest;
 mod groups;
@@ -48,22 +48,30 @@ pub fn threads() -> usize {
     rayon::current_num_threads()
 }
 
-/// Calls `task(i)` for every `i` in `0..count`, in any order. At most `len` tasks in a row stay on one thread while another
-/// has none.
-fn run(count: usize, len: usize, task: &(dyn Fn(usize) + Sync)) {
+/// Calls `task(i)` for every `i` in `0..count`, in any order. Rayon splits them into runs of at most `max_len`;
+/// `usize::MAX` leaves the splitting to it.
+fn run(count: usize, max_len: usize, task: &(dyn Fn(usize) + Sync)) {
     match count {
         0 => {}
         1 => task(0),
-        _ => (0..count).into_par_iter().with_max_len(len).for_each(task),
+        _ => (0..count).into_par_iter().with_max_len(max_len).for_each(task),
     }
 }
 
-/// Calls `f(number of the input, input)` for every input and returns the results in their order.
-fn map_each<A: Send, T: Send>(inputs: Vec<A>, f: impl Fn(usize, A) -> T + Sync) -> Vec<T> {
-    let results = Slots::empty(inputs.len());
-    let inputs = Slots::of(inputs);
-    run(results.len(), usize::MAX, &|i| results.put(i, f(i, inputs.take(i))));
+/// Collects `f(i)` for `i` in `0..count`; see [`run`] for `max_len`.
+fn collect<T: Send>(count: usize, max_len: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
+    let results = Slots::empty(count);
+    run(count, max_len, &|i| results.put(i, f(i)));
     results.into_values()
+}
+
+/// Calls `f(number of the input, input)` for every input and returns the results in their order.
+fn map_each<A: Send, T: Send>(
+    inputs: impl IntoIterator<Item = A>,
+    f: impl Fn(usize, A) -> T + Sync,
+) -> Vec<T> {
+    let inputs = Slots::of(inputs);
+    collect(inputs.len(), usize::MAX, |i| f(i, inputs.take(i)))
 }
 
 /// `count` times `value`, written by all threads. `vec![value; count]` is written by one thread, or by none if it is all zeros. Then
@@ -97,7 +105,7 @@ pub fn update<T: Send>(out: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
 
 /// Cuts `out` into chunks of `len` elements and calls `f(index of the chunk's first element, chunk)`.
 pub fn for_chunks<T: Send>(out: &mut [T], len: usize, f: impl Fn(usize, &mut [T]) + Sync) {
-    let chunks = Slots::of(out.chunks_mut(len).collect());
+    let chunks = Slots::of(out.chunks_mut(len));
     run(chunks.len(), usize::MAX, &|i| f(i * len, chunks.take(i)));
 }
 
@@ -109,21 +117,20 @@ pub fn for_chunks_with<T: Send, S: Send>(
     scratch: impl Fn() -> S + Sync,
     f: impl Fn(&mut S, usize, &mut [T]) + Sync,
 ) {
-    let unused = Mutex::new(Vec::new());
-    let unused = || unused.lock().unwrap_or_else(PoisonError::into_inner);
+    let pool = Mutex::new(Vec::new());
+    let lock = || pool.lock().unwrap_or_else(PoisonError::into_inner);
     for_chunks(out, len, |start, chunk| {
-        let last = unused().pop();
+        // A statement of its own: the lock is released before `scratch` runs, which may be a parallel loop.
+        let last = lock().pop();
         let mut scratch = last.unwrap_or_else(&scratch);
         f(&mut scratch, start, chunk);
-        unused().push(scratch);
+        lock().push(scratch);
     });
 }
 
 /// Calls `f` on every range of `len` indices of `0..count` and returns the results in order of the ranges.
 pub fn map_chunks<T: Send>(count: usize, len: usize, f: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
-    let results = Slots::empty(count.div_ceil(len));
-    run(results.len(), usize::MAX, &|i| results.put(i, f(i * len..((i + 1) * len).min(count))));
-    results.into_values()
+    collect(count.div_ceil(len), usize::MAX, |i| f(i * len..((i + 1) * len).min(count)))
 }
 
 /// Cuts slices of equal length into chunks of `len` elements, calls `f(index of the chunks' first elements, a chunk of
@@ -136,9 +143,8 @@ pub fn map_chunks_mut<A: Send, T: Send, const N: usize>(
     let count = slices.first().map_or(0, |slice| slice.len());
     assert!(slices.iter().all(|slice| slice.len() == count), "all are cut in the same places");
     let mut rest = slices.map(|slice| slice.chunks_mut(len));
-    let chunks: Vec<[&mut [A]; N]> = (0..count.div_ceil(len))
-        .map(|_| std::array::from_fn(|k| rest[k].next().expect("all have as many chunks")))
-        .collect();
+    let chunks = (0..count.div_ceil(len))
+        .map(|_| std::array::from_fn(|k| rest[k].next().expect("all have as many chunks")));
     map_each(chunks, |index, chunks| f(index * len, chunks))
 }
 
@@ -183,9 +189,7 @@ pub fn sort(keys: &mut [u128]) {
 
 /// Collects `f(i)` for `i` in `0..count`, one task an index: for few, large tasks.
 pub fn map<T: Send>(count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let results = Slots::empty(count);
-    run(count, 1, &|i| results.put(i, f(i)));
-    results.into_values()
+    collect(count, 1, f)
 }
 
 /// Σ f(i) over `0..count` in double precision, folded in a fixed order.
@@ -309,6 +313,34 @@ mod tests {
             assert!((0..100).all(|i| out[i] == ends.iter().position(|&end| i < end).unwrap() + 1), "{len}");
         }
         for_parts(&mut [0_u8; 0], &[], 4, |_, _| unreachable!("no parts"));
+    }
+
+    #[test]
+    fn loops_nest_and_keep_the_order_of_their_results() {
+        for threads in [1, 3] {
+            let sums = with_threads(threads, || {
+                map(20, |k| {
+                    let mut out = vec![0; 100];
+                    // A scratch space may hold what another chunk has left there.
+                    let scratch = || map(3, |_| usize::MAX);
+                    for_chunks_with(&mut out, 7, scratch, |scratch, start, chunk| {
+                        scratch.fill(k);
+                        chunk.iter_mut().enumerate().for_each(|(i, slot)| *slot = scratch[0] * (start + i));
+                    });
+                    out.into_iter().sum::<usize>()
+                })
+            });
+            assert!(sums.iter().enumerate().all(|(k, &sum)| sum == k * 4950), "{threads} threads: {sums:?}");
+        }
+    }
+
+    #[test]
+    fn a_panic_in_a_task_reaches_the_caller() {
+        for threads in [1, 3] {
+            let run = || with_threads(threads, || map(50, |i| assert!(i != 33, "task {i}")));
+            let panic = std::panic::catch_unwind(run).expect_err("task 33 panics");
+            assert_eq!(panic.downcast_ref::<String>().map(String::as_str), Some("task 33"));
+        }
     }
 
     #[test]

@@ -1,17 +1,20 @@
-//! Values that tasks take or leave by their number.
+//! Inputs and results of parallel tasks, one slot each.
+//!
+//! A slot is a mutex, although it is never contended: memory that tasks write at their own index would need `unsafe`, which is
+//! in `src/simd/` alone.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A place for the input or the result of every task. A task uses its own place alone, so no lock is ever waited for.
+/// The input or the result of every task. A task locks its own slot alone.
 pub(super) struct Slots<T>(Vec<Mutex<Option<T>>>);
 
 impl<T> Slots<T> {
     /// One value for every task.
-    pub(super) fn of(values: Vec<T>) -> Self {
+    pub(super) fn of(values: impl IntoIterator<Item = T>) -> Self {
         Self(values.into_iter().map(|value| Mutex::new(Some(value))).collect())
     }
 
-    /// Places for the results of `count` tasks.
+    /// Empty slots for the results of `count` tasks.
     pub(super) fn empty(count: usize) -> Self {
         Self((0..count).map(|_| Mutex::new(None)).collect())
     }

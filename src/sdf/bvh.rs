@@ -34,6 +34,12 @@ struct Node {
     radius2: [f32; WIDTH],
 }
 
+/// Calls `f` on every `len` elements in a row, 256 calls a task.
+fn map_groups<A: Sync, T: Send>(values: &[A], len: usize, f: impl Fn(&[A]) -> T + Sync) -> Vec<T> {
+    let task = |range: std::ops::Range<usize>| values[range].chunks(len).map(&f).collect::<Vec<_>>();
+    par::map_chunks(values.len(), 256 * len, task).into_iter().flatten().collect()
+}
+
 /// Bounding box, centre of area, dipole and radius of the triangles below one child.
 #[derive(Clone, Copy, Debug)]
 struct Cluster {
@@ -89,15 +95,14 @@ impl TriangleBvh {
         let mut corners = vec![[Vec3::zeros(); 3]; keys.len()];
         par::fill(&mut corners, |i| mesh.corners(triangles[i] as usize));
 
-        let mut clusters =
-            par::map_chunks(corners.len(), LEAF, |range| Cluster::of_triangles(&corners[range]));
+        let mut clusters = map_groups(&corners, LEAF, Cluster::of_triangles);
         let mut levels = Vec::new();
         loop {
-            levels.push(par::map_chunks(clusters.len(), WIDTH, |range| Node::new(&clusters[range])));
+            levels.push(map_groups(&clusters, WIDTH, Node::new));
             if clusters.len() <= WIDTH {
                 return Self { corners, triangles, levels };
             }
-            clusters = par::map_chunks(clusters.len(), WIDTH, |range| Cluster::of_clusters(&clusters[range]));
+            clusters = map_groups(&clusters, WIDTH, Cluster::of_clusters);
         }
     }
 

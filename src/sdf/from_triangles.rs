@@ -97,7 +97,9 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
     let counts = nodes.map(|n| n.div_ceil(BRICK as u32) as i32);
     let all = (0..counts[0] * counts[1] * counts[2])
         .map(|i| [i % counts[0], i / counts[0] % counts[1], i / (counts[0] * counts[1])]);
-    let bricks = Bricks::new(all.collect());
+    let all: Vec<[i32; 3]> = all.collect();
+    let bricks = Bricks::new(all.clone());
+    assert!(bricks.coords() == all, "bricks ascend with x fastest");
     let samples: Vec<NodeSample> =
         par::map(bricks.len(), |brick| sample_brick(&bvh, bricks.coords()[brick])).concat();
 
@@ -108,13 +110,13 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
         [i % nx, i / nx % ny, i / (nx * ny)]
     };
     let mut dense_seeds = vec![0.0; seeds.len()];
-    par::fill(&mut dense_seeds, |i| seeds[place(&bricks, counts, node(i))]);
+    par::fill(&mut dense_seeds, |i| seeds[place(counts, node(i))]);
     let swept = dense::sweep(box_nodes, &dense_seeds, f32::INFINITY, dense::BLOCK).distance;
     let [nx, ny, _] = nodes.map(|n| n as usize);
     let mut values = vec![0.0; nodes.iter().map(|&n| n as usize).product()];
     par::fill(&mut values, |i| {
         let node = [i % nx, i / nx % ny, i / (nx * ny)];
-        let sample = samples[place(&bricks, counts, node)];
+        let sample = samples[place(counts, node)];
         let exact = if sample.separates { sample.distance } else { f32::INFINITY };
         // A mesh without a surface that separates sides leaves every node unreached, and outside.
         let distance = swept[node[0] + box_nodes[0] * (node[1] + box_nodes[1] * node[2])]
@@ -129,11 +131,10 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
 }
 
 /// The index of a dense grid's node among the bricks' nodes.
-fn place(bricks: &Bricks, counts: [i32; 3], node: [usize; 3]) -> usize {
+fn place(counts: [i32; 3], node: [usize; 3]) -> usize {
     let brick = node.map(|n| n / BRICK);
     let [nx, ny, _] = counts.map(|n| n as usize);
     let index = brick[0] + nx * (brick[1] + ny * brick[2]);
-    assert_eq!(bricks.coords()[index], brick.map(|b| b as i32), "bricks ascend with x fastest");
     let inner = node.map(|n| n % BRICK);
     index * BRICK_NODES + inner[0] + BRICK * (inner[1] + BRICK * inner[2])
 }

@@ -196,8 +196,11 @@ impl CellGrid {
 
     /// Calls `f(index, squared distance)` for every particle closer to `x` than `radius` (≤ the cell's edge),
     /// in cell order. `positions` are those that were sorted.
+    ///
+    /// # Panics
+    /// If `radius` is larger than a cell's edge.
     pub fn for_each_within(&self, positions: &[Vec3], x: Vec3, radius: f32, mut f: impl FnMut(usize, f32)) {
-        assert!(radius <= self.cell);
+        assert!(radius <= self.cell, "neighbours are in adjacent cells");
         let [z, y, x_cell] = coordinates(x, self.cell);
         for row in self.rows_around(z, y, &ONE_EDGE) {
             let cells = &self.cells[row.clone()];

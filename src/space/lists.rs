@@ -50,8 +50,11 @@ impl Neighbours {
     }
 
     /// Does what [`Neighbours::build`] does, in the memory of the lists before.
+    ///
+    /// # Panics
+    /// If `radius` is larger than the grid's cell.
     pub fn rebuild(&mut self, grid: &CellGrid, positions: &[Vec3], radius: f32) {
-        assert!(radius <= grid.cell());
+        assert!(radius <= grid.cell(), "neighbours are in adjacent cells");
         let order = grid.order();
         self.place.rebuild(order);
         self.sorted.rebuild(order, positions);

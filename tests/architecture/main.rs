@@ -97,6 +97,20 @@ fn only_par_knows_threads() {
     assert_eq!(offenders, Vec::<String>::new());
 }
 
+/// The tests' profile has no debug assertions: one of our own would never run.
+#[test]
+fn assertions_are_in_every_build() {
+    let with_debug_assertions = |sources: &Sources| -> Vec<String> {
+        let is_ours =
+            |text: &str| code(text).replace("command().debug_assert()", "").contains("debug_assert");
+        sources.iter().filter(|(_, text)| is_ours(text)).map(|(path, _)| path.clone()).collect()
+    };
+    let mut sources = sources();
+    assert_eq!(with_debug_assertions(&sources), Vec::<String>::new());
+    sources.insert("src/planted.rs".into(), "fn f() { debug_assert!(true) }".into());
+    assert_eq!(with_debug_assertions(&sources), ["src/planted.rs"]);
+}
+
 #[test]
 fn only_simd_is_unsafe() {
     assert_eq!(unsafe_files(&sources()), Vec::<String>::new());

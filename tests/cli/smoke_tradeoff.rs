@@ -144,6 +144,7 @@ fn every_knob_is_swept_by_itself_if_none_is_named() {
 fn the_smoke_of_a_shot_with_both_is_compared_alone() {
     let desk = desk();
     let smoke = &RING[RING.find("[smoke]").unwrap()..RING.find("[surface]").unwrap()];
+    // Coarse: only the rows of the table are compared.
     let smoke = smoke.replace("spacing = 0.06", "spacing = 0.12");
     let both = SMALL.replace("[output]", &format!("{smoke}\n[output]"));
     desk.write("both.toml", &both);

@@ -573,7 +573,7 @@ fn outflow(spacing: f32) -> f64 {
     ratios.iter().sum::<f64>() / ratios.len() as f64
 }
 
-/// The error is of first order in the spacing (docs/liquid.md, "Known errors").
+/// The error is of first order in the spacing (docs/liquid.md, "Known errors"): the order is tested in the soak only.
 #[test]
 fn water_flows_out_by_torricellis_law() {
     let coarse = outflow(0.02);

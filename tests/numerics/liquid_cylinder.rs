@@ -125,11 +125,12 @@ fn positions(simulation: &Simulation) -> Vec<Vec3> {
 }
 
 #[test]
-fn the_fastest_wave_on_a_cylinder_has_rayleighs_length() {
+fn waves_on_a_cylinder_grow_as_in_rayleighs_theory() {
     let [b, c] = [0.7, 0.9].map(|ka| Wave::simulate(ka, 170)).map(|wave| [wave.ka, wave.growth()]);
     println!("ka and growth: {b:?} {c:?}");
-    // The theory has 0.343 and 0.27.
-    assert!((0.27..0.36).contains(&b[1]) && c[1] < 0.85 * b[1], "{b:?}, {c:?}");
+    // The theory has 0.343 and 0.27; their ratio shifts with the fastest wave.
+    assert!((0.27..0.36).contains(&b[1]), "{b:?}");
+    assert!((0.6..0.85).contains(&(c[1] / b[1])), "{b:?}, {c:?}");
     if !crate::is_soak() {
         return;
     }

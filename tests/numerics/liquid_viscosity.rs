@@ -192,7 +192,8 @@ fn a_gravity_current_spreads_like_its_similarity_solution() {
 
 #[test]
 fn the_picture_does_not_depend_on_the_substep() {
-    for &viscosity in if crate::is_soak() { &[10.0, 100.0][..] } else { &[10.0] } {
+    let viscosities: &[f64] = if crate::is_soak() { &[10.0, 100.0] } else { &[10.0] };
+    for &viscosity in viscosities {
         let [long, short] = [8, 32].map(|substeps| spread_cube(viscosity, substeps, 16));
         println!("{viscosity} Pa·s: {long:.4} m, {short:.4} m");
         assert!((long / short - 1.0).abs() < 0.03, "{viscosity} Pa·s: {long} and {short} m");

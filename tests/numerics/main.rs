@@ -33,7 +33,8 @@ fn is_soak() -> bool {
     std::env::var_os("MENISCUS_SOAK").is_some()
 }
 
-/// Numbers of threads whose results are compared with those of one. More than the machine has cores interleave most.
+/// Numbers of threads whose results are compared with those of one, in tests that take seconds. From three on, sorting by
+/// groups is parallel too (`src/par/groups.rs`).
 fn thread_counts() -> &'static [usize] {
     if is_soak() { &[2, 3, 8] } else { &[3] }
 }

@@ -82,7 +82,7 @@ pub(super) struct Solver {
 }
 
 /// Radius of the lists [m].
-fn reach(rest: &RestState) -> f32 {
+pub(super) fn reach(rest: &RestState) -> f32 {
     rest.support * (1.0 + LIST_SKIN)
 }
 

@@ -50,7 +50,7 @@ def stored(values, half):
 def bits(value):
     """A value as the bytes of its numbers, which distinguish zero from minus zero."""
     numbers = value if isinstance(value, (tuple, list)) else [value]
-    return struct.pack(f"<{len(numbers)}f", *numbers)
+    return struct.pack(f"={len(numbers)}f", *numbers)
 
 
 def leaf_of(node):
@@ -106,9 +106,10 @@ def compare_tree(grid, wanted, half):
     same(grid.leafCount(), len(leaves), "leaves")
     same(grid.nonLeafCount(), 1 + len(lower) + len(upper), "inner nodes and the root")
     minus = {tuple(node) for node in wanted["minus"]}
+    # Each leaf of the case has a value of its own, so that equal values and an equal number of leaves leave no other leaf.
     same({leaf_of(node[:3]) for node in wanted["active"]} | set(map(leaf_of, minus)), leaves, "leaves with a value")
 
-    # Of millions of inactive values, only those that are not the background's cost more than their bits.
+    # Of millions of inactive values, those of the background are not kept.
     plus_bits, minus_bits = bits(grid.background), bits([-stored(wanted["background"], half)])
     found = {}
     for item in grid.citerOffValues():
