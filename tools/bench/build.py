@@ -22,7 +22,7 @@ import time
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 # Settings of Cargo's profile, as it takes them from the environment.
-PROFILES = ["", "codegen-units=16", "lto=off,codegen-units=16"]
+PROFILES = ["", "codegen-units=4", "lto=off,codegen-units=4", "lto=off"]
 
 PRESET = ["dam-break", "--quality", "preview", "--frames", "1-24"]
 
