@@ -5,7 +5,7 @@
 //! chunk order.
 //!
 //! Loops over chunks, parts and tasks call `run`, which is not generic: rayon's splitting and joining is then compiled once and
-//! not for every loop of the crate (`docs/build.md`). Sorts, copies and the wavefront call rayon themselves.
+//! not for every loop of the crate (`docs/decisions/014-one-folder-per-system.md`). Sorts, copies and the wavefront call rayon themselves.
 
 mod forest;
 mod groups;
