@@ -172,24 +172,31 @@ fn rms(simulation: &Simulation) -> f64 {
 #[test]
 fn a_pool_with_xsph_is_still_after_three_seconds() {
     let spacing = 1.0 / 32.0;
-    let pool = block(spacing, [0.0; 3], [0.5, 0.5, 10.0 * spacing], "xsph = {}");
-    let mut simulation = simulation(tank(9.81, [0.5, 0.5, 1.0]), pool);
-    advance(&mut simulation, 72);
-    // Mostly the whole column within the tolerance of the density: 0.1 to 0.5 cm/s; 2 cm/s with a deficit that varies.
-    assert!(rms(&simulation) < 0.006, "{} m/s", rms(&simulation));
-    // The surface is flat: heights of the particles that have none above them.
-    let x = channel(&state(&simulation), "position");
-    let above = |x: &Vec3, y: &Vec3| y.z > x.z + 0.5 * spacing && (y.xy() - x.xy()).norm() < 0.8 * spacing;
-    let surface = x.iter().filter(|at| !x.iter().any(|other| above(at, other))).map(|x| x.z);
-    let heights: Vec<f64> = surface.map(f64::from).collect();
-    let mean = heights.iter().sum::<f64>() / heights.len() as f64;
-    let deviation = heights.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / heights.len() as f64;
-    assert!(deviation.sqrt() < 0.1 * f64::from(spacing), "{} m", deviation.sqrt());
+    // 0.2 and 0.8 mm/s. Up to 9 mm/s if the last correction is not shortened, or confinement acts on the noise.
+    let presets = "xsph = {}\nimplicitness = 0.25\nvorticity = {}\nsurface_tension = { coefficient = 4.8 }";
+    for terms in ["xsph = {}", presets] {
+        let pool = block(spacing, [0.0; 3], [0.5, 0.5, 10.0 * spacing], terms);
+        let mut simulation = simulation(tank(9.81, [0.5, 0.5, 1.0]), pool);
+        advance(&mut simulation, 72);
+        println!("{:.5} m/s", rms(&simulation));
+        assert!(rms(&simulation) < 0.002, "{} m/s with {terms}", rms(&simulation));
+        // The surface is flat: heights of the particles that have none above them.
+        let x = channel(&state(&simulation), "position");
+        let above =
+            |x: &Vec3, y: &Vec3| y.z > x.z + 0.5 * spacing && (y.xy() - x.xy()).norm() < 0.8 * spacing;
+        let surface = x.iter().filter(|at| !x.iter().any(|other| above(at, other))).map(|x| x.z);
+        let heights: Vec<f64> = surface.map(f64::from).collect();
+        let mean = heights.iter().sum::<f64>() / heights.len() as f64;
+        let deviation = heights.iter().map(|z| (z - mean).powi(2)).sum::<f64>() / heights.len() as f64;
+        println!("flat to {:.3} spacings", deviation.sqrt() / f64::from(spacing));
+        assert!(deviation.sqrt() < 0.1 * f64::from(spacing), "{} m with {terms}", deviation.sqrt());
+    }
 }
 
 #[test]
-fn a_column_of_fifty_layers_rests_at_the_default_deviation() {
-    let column = block(0.02, [0.0; 3], [0.2, 0.2, 1.0], "xsph = {}");
+fn a_column_of_sixty_four_layers_rests_at_the_default_deviation() {
+    // Without the smaller deviations of the first substeps it falls, and is thrown up when it is stopped.
+    let column = block(0.02, [0.0; 3], [0.2, 0.2, 1.28], "xsph = {}");
     let mut simulation = simulation(tank(9.81, [0.2, 0.2, 2.0]), column);
     let records = advance(&mut simulation, 48);
     assert!(records.iter().all(|r| r.clamps.energy == 0 && r.clamps.corrections == 0));
@@ -502,7 +509,7 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
                 .norm()
                 / f64::from(spacing);
             // In spacings: positions 1 km away resolve a thousandth, and a substep takes hundreds of them for velocity.
-            let (each, all) = if name == "1 km away" { (0.1, 0.04) } else { (0.02, 0.006) };
+            let (each, all) = if name == "1 km away" { (0.15, 0.12) } else { (0.02, 0.006) };
             assert!(mean < each && centre < all, "{name}, {solver}: {mean} and {centre} spacings");
         }
     }

@@ -7,11 +7,12 @@
 //! gradients at the positions that [`Directions`] names. A substep starts from half of the last one's final pressures.
 //! *Departs from the paper*: there λ only pushes, and an overshoot stays; here an overshoot is reversed as long as
 //! κ > 0. D is evaluated once a substep, since it only scales the step. The warm start ignores pressures that lasted for one
-//! substep only, as those of an impact.
+//! substep only, as those of an impact. A frame starts with the pressure of the cohesion alone, which is the same everywhere.
 //! See docs/decisions/006 for measurements of other schemes.
 //!
 //! Symbols: κ_i → −λ summed over the substep [m²]; its extrapolation → `applied`; ω → [`RELAXATION`].
-//! Limits: the first substep of every frame starts from zero. A particle without neighbours at the start of the substep
+//! Limits: the first substep of every frame starts from no pressure of the last one, so that a frame can be computed from what is
+//! stored. A particle without neighbours at the start of the substep
 //! is not corrected in that substep.
 
 use super::{
@@ -51,17 +52,26 @@ pub(super) struct Momentum {
     smallest: f64,
     /// Number of times that the iteration was slowed in this frame.
     pub(super) slowed: u32,
-    /// Length of the last substep [s]; 0 in the first substep of a frame.
+    /// Length of the last substep [s]; 0 in the first substep of a frame and in the second solve of a substep.
     dt: f32,
+    /// p/ρ₀ before the first substep of a frame [m²/s²].
+    first_pressure: f32,
+    /// Whether the frame has had a substep.
+    started: bool,
     /// κ/dt² = p/ρ₀ of the substep before the last [m²/s²]; empty in the first two substeps of a frame.
     pub(super) pressure: Vec<f32>,
 }
 
 impl Momentum {
+    /// The momentum of a liquid that has p/ρ₀ = `first_pressure` [m²/s²] before the first substep of a frame.
+    pub(super) fn new(first_pressure: f32) -> Self {
+        Self { first_pressure, ..Self::default() }
+    }
+
     /// Resets the warm start: the next frame then depends on positions and velocities alone, and can be computed from the
     /// last stored frame.
     pub(super) fn reset(&mut self) {
-        (self.dt, self.slowed) = (0.0, 0);
+        (self.dt, self.slowed, self.started) = (0.0, 0, false);
         self.pressure.clear();
     }
 
@@ -95,20 +105,25 @@ impl Momentum {
         (self.relaxation, self.smallest) = (RELAXATION, f64::INFINITY);
         solver.multipliers.resize(solver.p.len());
         let Multiplier { lambda, applied, last, .. } = &mut solver.multipliers.0;
+        let is_first = !std::mem::replace(&mut self.started, true);
         if last_dt == 0.0 {
-            applied.fill(0.0);
-            last.fill(0.0);
-            lambda.fill(0.0);
-            return;
+            let kappa = if is_first { WARM_START * dt * dt * self.first_pressure } else { 0.0 };
+            last.fill(kappa);
+            if kappa == 0.0 {
+                applied.fill(0.0);
+                lambda.fill(0.0);
+                return;
+            }
+        } else {
+            par::update(applied, |_, kappa| *kappa /= last_dt * last_dt);
+            let before = &self.pressure;
+            // The smaller of both in magnitude, if they have the same sign.
+            let lasting = |i: usize, pressure: f32| {
+                before.get(i).map_or(pressure, |before| pressure.clamp(before.min(0.0), before.max(0.0)))
+            };
+            par::fill(last, |i| WARM_START * dt * dt * lasting(i, applied[i]));
+            self.pressure.clone_from(applied);
         }
-        par::update(applied, |_, kappa| *kappa /= last_dt * last_dt);
-        let before = &self.pressure;
-        // The smaller of both in magnitude, if they have the same sign.
-        let lasting = |i: usize, pressure: f32| {
-            before.get(i).map_or(pressure, |before| pressure.clamp(before.min(0.0), before.max(0.0)))
-        };
-        par::fill(last, |i| WARM_START * dt * dt * lasting(i, applied[i]));
-        self.pressure.clone_from(applied);
         applied.clone_from(last);
         par::fill(lambda, |i| -last[i]);
         solver.publish(setup.rest.inv_support);
@@ -184,14 +199,14 @@ mod tests {
         solver.p.clone_from(&x);
         solver.find_cells(&rest).expect("no crowd");
         solver.build_lists(&setup);
-        let mut momentum = Momentum::default();
+        let mut momentum = Momentum::new(3.0);
         let mut start = |dt: f32, ended_with: [f32; 5]| {
             momentum.start(&mut solver, &setup, dt, Directions { theta: 0.1, x: &x });
             let started: Vec<f32> = solver.multipliers.0.applied.iter().map(|k| k / (dt * dt)).collect();
             solver.multipliers.0.applied = ended_with.map(|pressure| pressure * dt * dt).to_vec();
             started
         };
-        assert_eq!(start(0.5, [4.0, 2.0, 2.0, 0.0, -2.0]), [0.0; 5], "a frame starts without pressure");
+        assert_eq!(start(0.5, [4.0, 2.0, 2.0, 0.0, -2.0]), [1.5; 5], "a frame starts with its own pressure");
         assert_eq!(start(0.5, [2.0, 6.0, -8.0, 8.0, -4.0]), [2.0, 1.0, 1.0, 0.0, -1.0], "only one is known");
         // In a substep of another length the pressures are the same.
         assert_eq!(start(0.25, [0.0; 5]), [1.0, 1.0, 0.0, 0.0, -1.0]);

@@ -6,7 +6,7 @@
 //! (docs/decisions/022), which the neighbour sums then have; those of solids, which are at their poses at the end of the
 //! substep, are at x*.
 
-use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
+use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass, solve::is_near_solid};
 use crate::{
     math::Vec3,
     simd::{LANES, Lanes},
@@ -43,7 +43,7 @@ impl NeighbourPass for CorrectionPass<'_> {
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) -> CorrectionSummary {
         let (mut total, setup) = (CorrectionSummary::default(), self.at.setup);
-        let (contact, has_moving_solids) = (0.5 * setup.rest.spacing, setup.walls.has_moving_solids());
+        let has_moving_solids = setup.walls.has_moving_solids();
         let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
         for (block, (p, built_at)) in blocks {
             let first = self.at.start + block * LANES;
@@ -53,8 +53,7 @@ impl NeighbourPass for CorrectionPass<'_> {
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
                 let mut moved = *x + delta; // x* + Δp, [pbf] Alg. 1, line 17
                 let mut displacement2 = (moved - built_at).norm_squared();
-                let clearance = self.at.clearance[i] - contact;
-                if clearance <= 0.0 || displacement2 >= clearance * clearance {
+                if is_near_solid(self.at.clearance[i], displacement2, setup.rest) {
                     let (free, touching) = setup.walls.collide(*x, moved); // [pbf] Alg. 1, line 14
                     if has_moving_solids {
                         total.work += setup.walls.work(moved, free);

@@ -79,6 +79,8 @@ pub(super) struct Solver {
     pub(super) wall_push: Vec<Vec3>,
     /// Work of moving solids in this substep, by mass over dt² [m²].
     pub(super) work: f64,
+    /// [`Self::p`], [`Self::wall_push`] and [`Self::work`] before the last correction.
+    before: (Vec<Vec3>, Vec<Vec3>, f64),
 }
 
 /// Radius of the lists [m].
@@ -90,6 +92,14 @@ pub(super) fn reach(rest: &RestState) -> f32 {
 fn exceeds_skin(displacement2: f32, rest: &RestState) -> bool {
     let skin = LIST_SKIN * rest.support;
     4.0 * displacement2 > skin * skin
+}
+
+/// Whether a particle may touch a solid from which it was `clearance` [m] away when the lists were built, after a displacement
+/// since then, squared [m²].
+#[inline(always)]
+pub(super) fn is_near_solid(clearance: f32, displacement2: f32, rest: &RestState) -> bool {
+    let room = clearance - 0.5 * rest.spacing;
+    room <= 0.0 || displacement2 >= room * room
 }
 
 /// A cell with too many particles to be listed.
@@ -246,6 +256,31 @@ impl Solver {
         });
     }
 
+    /// Keeps the state before a correction, for [`Solver::shorten_correction`].
+    pub(super) fn remember(&mut self) {
+        let (before, push, work) = &mut self.before;
+        for (to, from) in [(before, &self.p), (push, &self.wall_push)] {
+            to.resize(from.len(), Vec3::zeros());
+            par::fill(to, |i| from[i]);
+        }
+        *work = self.work;
+    }
+
+    /// Keeps the part `kept` (0 to 1) of the correction since [`Solver::remember`].
+    pub(super) fn shorten_correction(&mut self, kept: f64, setup: &SolverSetup<'_>) {
+        let Self { p, wall_push, built_at, clearance, before: (before, push, work), .. } = self;
+        let part = kept as f32;
+        let between = |from: Vec3, to: Vec3| from + (to - from) * part;
+        par::update(p, |i, p| {
+            let x = between(before[i], *p);
+            // A straight line between two places outside of a solid may lead through it.
+            let is_near = is_near_solid(clearance[i], (x - built_at[i]).norm_squared(), setup.rest);
+            *p = if is_near { setup.walls.collide(before[i], x).0 } else { x };
+        });
+        par::update(wall_push, |i, total| *total = between(push[i], *total));
+        self.work = *work + (self.work - *work) * kept;
+    }
+
     /// Moves every particle by its correction and out of the solids.
     pub(super) fn correct(&mut self, setup: &SolverSetup<'_>) {
         let Self { p, nodes, lists, built_at, clearance, wall_push, .. } = self;
@@ -273,7 +308,10 @@ impl Solver {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::liquid::{Constraint, Kernel, jacobi, walls::Walls};
+    use crate::{
+        sim::liquid::{Constraint, Kernel, jacobi, walls::Walls},
+        solid::{Shape, Solid},
+    };
 
     fn evaluated(rest: &RestState, constraint: Constraint, p: Vec<Vec3>) -> Solver {
         let walls = Walls::new(&[], rest);
@@ -405,6 +443,37 @@ mod tests {
         assert!((sum(&solver.p) - before).norm() < 1e-5 && solver.shortened == 0, "{}", solver.shortened);
         assert!(solver.measure(&setup).average < 0.1 * first);
         assert!(solver.rebuilds > 0, "a squeezed block moves farther than the skin");
+    }
+
+    #[test]
+    fn a_shortened_correction_keeps_its_part_and_stays_out_of_solids() {
+        let rest = RestState::new(Kernel::Wendland, 0.02, 2.0);
+        let ball = Shape::Sphere { center: [0.055, 0.045, -0.03], radius: 0.03 };
+        let walls = Walls::new(&[Solid::fixed(ball)], &rest);
+        let setup =
+            SolverSetup { rest: &rest, walls: &walls, constraint: Constraint::Compression, softening: 0.0 };
+        let p: Vec<Vec3> = cloud(&rest).iter().map(|x| walls.collide(*x, *x).0).collect();
+        let mut solver = Solver { p, ..Solver::default() };
+        solver.find_cells(&rest).expect("no crowd");
+        solver.build_lists(&setup);
+        jacobi::evaluate(&mut solver, &setup);
+        let before = solver.p.clone();
+        solver.remember();
+        solver.correct(&setup);
+        // One particle goes to the other side of the ball: a part of its way ends inside.
+        let below =
+            (0..before.len()).min_by(|&i, &j| before[i].z.total_cmp(&before[j].z)).expect("it has some");
+        solver.p[below] = Vec3::new(before[below].x, before[below].y, -0.08);
+        let after = solver.p.clone();
+        solver.shorten_correction(0.25, &setup);
+        for i in (0..before.len()).filter(|&i| i != below) {
+            let expected = before[i] + (after[i] - before[i]) * 0.25;
+            let is_free = walls.distance(expected) > 0.51 * rest.spacing;
+            assert!(!is_free || (solver.p[i] - expected).norm() < 1e-7, "{i}");
+        }
+        for x in &solver.p {
+            assert!(walls.distance(*x) > 0.49 * rest.spacing, "{x} at {}", walls.distance(*x));
+        }
     }
 
     #[test]

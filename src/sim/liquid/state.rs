@@ -131,7 +131,10 @@ impl Liquid {
             x: Vec::new(),
             v: Vec::new(),
             solver: Solver::default(),
-            momentum: Momentum::default(),
+            momentum: Momentum::new(match &params.surface_tension {
+                Some(tension) if world.gravity.norm() > 0.0 => tension.internal_pressure(&params),
+                _ => 0.0,
+            }),
             repulsion: params.artificial_pressure.clone().map(|params| Repulsion::new(params, &rest)),
             tension: params.surface_tension.as_ref().map(|tension| Tension::new(tension, &params, world)),
             viscosity: params

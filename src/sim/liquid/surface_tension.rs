@@ -65,6 +65,10 @@ const DIFFERENCE_STEP: f32 = 0.05;
 /// kinetic energy of one at 0.35, where particles keep their arrangement and threads do not break up.
 const CAPILLARY_STEP: f64 = 0.4;
 
+/// Pressure that balances the cohesion of the bulk, over σ/spacing: measured as 1.5 to 2.5 with supports of 2 and 2.5 spacings. With it
+/// as the first guess of a frame, a pool at rest moves by 0.4 mm/s instead of 6.
+const INTERNAL_PRESSURE: f32 = 2.0;
+
 /// Surface tension and its buffers.
 #[derive(Debug)]
 pub(super) struct Tension {
@@ -89,6 +93,13 @@ pub(super) struct Tension {
     /// Dimensionless force and energy.
     force: Vec<Node>,
     energy: f64,
+}
+
+impl SurfaceTension {
+    /// Pressure over density that balances the cohesion of the bulk of `liquid` [m²/s²].
+    pub(super) fn internal_pressure(&self, liquid: &LiquidParams) -> f32 {
+        INTERNAL_PRESSURE * self.coefficient / (liquid.density * liquid.spacing)
+    }
 }
 
 impl Tension {

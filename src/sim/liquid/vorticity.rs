@@ -3,7 +3,9 @@
 //! *Method*: [pbf] Eqs. 15–16. *Departs from the paper*: sums have the volume weight m/ρ̄_ij, so that ω is a curl in 1/s; ε is
 //! `strength` · √(g₀ · spacing) [m/s], so that the term is an acceleration and vanishes with the spacing. The term has two
 //! bounds. In one substep it changes a velocity by at most a tenth of the rotation speed ω · spacing. Over the shot it returns
-//! at most the mechanical energy that the liquid has lost since the start: it prolongs motion without amplifying it.
+//! at most the mechanical energy that the liquid has lost since the start: it prolongs motion without amplifying it. Rotation
+//! that is slow against what gravity adds in a substep is noise of the density solve, which XSPH's `rest` damps: the term has
+//! the weight ω²/(ω² + ω₀²) with ω₀ = [`REST_SPEED`] g Δt/spacing, so that still water stays still.
 //!
 //! Symbols: ω_i → `omega` [1/s]; η → `eta` [1/(m s)]; ε → `epsilon` [m/s].
 
@@ -13,6 +15,7 @@ use super::{
     neighbourhood::{NeighbourPairs, Neighbourhood},
     pair::Pair,
     pass::{self, NeighbourPass},
+    xsph::REST_SPEED,
 };
 use crate::{math::Vec3, par, simd::Lanes};
 
@@ -38,13 +41,13 @@ impl Confinement {
         Self { strength: params.strength, omega: Vec::new(), change: Vec::new() }
     }
 
-    /// Changes `v` over `dt` [s], adding at most `budget` [J] with particles of `mass` [kg]. Returns the added energy [J] and
-    /// whether a bound reduced it.
+    /// Changes `v` over `dt` [s], in which gravity adds `gain` [m/s], adding at most `budget` [J] with particles of `mass` [kg].
+    /// Returns the added energy [J] and whether a bound reduced it.
     pub(super) fn apply(
         &mut self,
         at: Neighbourhood<'_>,
         v: &mut [Vec3],
-        dt: f32,
+        [dt, gain]: [f32; 2],
         mass: f64,
         budget: f64,
     ) -> (f64, bool) {
@@ -57,9 +60,10 @@ impl Confinement {
         let epsilon = self.strength * (STANDARD_GRAVITY * at.rest.spacing).sqrt();
         let wanted = epsilon * dt;
         let step = wanted.min(MAX_VELOCITY_CHANGE * at.rest.spacing);
+        let rest2 = (REST_SPEED * gain / at.rest.spacing).powi(2);
         let omega = &*self.omega;
         par::for_chunks(&mut self.change, par::CHUNK, |start, change| {
-            pass::run(kernel, ConfinementPass { at, start, omega, step, change });
+            pass::run(kernel, ConfinementPass { at, start, omega, step, rest2, change });
         });
         let (change, velocities) = (&self.change, &*v);
         let linear = mass * par::sum(v.len(), |i| f64::from(velocities[i].dot(&change[i])));
@@ -106,6 +110,8 @@ struct ConfinementPass<'a> {
     omega: &'a [Node],
     /// ε Δt [m].
     step: f32,
+    /// ω₀² [1/s²].
+    rest2: f32,
     change: &'a mut [Vec3],
 }
 
@@ -131,7 +137,9 @@ impl NeighbourPass for ConfinementPass<'_> {
             *change = if length * self.at.rest.support <= 1e-6 * own.value() {
                 Vec3::zeros()
             } else {
-                (eta / length).cross(&own.vector()) * self.step // Δt f, [pbf] Eq. 16
+                let omega2 = own.value() * own.value();
+                let weight = omega2 / (omega2 + self.rest2).max(f32::MIN_POSITIVE);
+                (eta / length).cross(&own.vector()) * (self.step * weight) // Δt f, [pbf] Eq. 16
             };
         }
     }
@@ -182,18 +190,22 @@ mod tests {
         let motion: Vec<Node> = still.iter().map(|&v| Node::new(v, 0.0)).collect();
         let at = Neighbourhood { rest: &rest, nodes: &nodes, motion: &motion, lists: &lists };
         let kinetic = |v: &[Vec3]| v.iter().map(|v| f64::from(v.norm_squared())).sum::<f64>();
-        let gain = |budget: f64, strength: f32| {
+        let gain_under = |gravity: f32, budget: f64, strength: f32| {
             let mut term = Confinement::new(&VorticityConfinement { strength });
             let mut v = still.clone();
-            let (added, bounded) = term.apply(at, &mut v, 0.01, 2.0, budget);
+            let (added, bounded) = term.apply(at, &mut v, [0.01, 0.01 * gravity], 2.0, budget);
             assert!((kinetic(&v) - kinetic(&still) - added).abs() < 1e-4 * kinetic(&still), "{added}");
             (added, bounded, term.omega[5 + 5 * 11 + 2 * 121].vector())
         };
+        let gain = |budget: f64, strength: f32| gain_under(0.0, budget, strength);
         let (free, bounded, omega) = gain(f64::INFINITY, 0.5);
         assert!(free > 0.0 && !bounded, "{free}");
         // Twice the angular velocity, reduced by the smoothing of the kernel.
 
         assert!((omega.z / 6.0 - 1.0).abs() < 0.12 && omega.xy().norm() < 1e-3, "{omega:?}");
+        // ω falls from 6/s outwards; ω₀ is 0.4/s, then 400/s.
+        let [weak, strong] = [9.81, 1e4].map(|gravity| gain_under(gravity, f64::INFINITY, 0.5).0);
+        assert!(weak < free && weak > 0.85 * free && strong < 1e-3 * free, "{weak} and {strong} of {free}");
         let (half, bounded, _) = gain(0.5 * free, 0.5);
         assert!(bounded && (half - 0.5 * free).abs() < 1e-6 * free);
         assert!(gain(0.0, 0.5).0.abs() < 1e-9);

@@ -13,7 +13,7 @@ use super::{
 use crate::{math::Vec3, par, simd::Lanes};
 
 /// Relative velocity at which half of [`Xsph::rest`] acts, over the velocity that gravity adds in a substep.
-const REST_SPEED: f32 = 0.4;
+pub(super) const REST_SPEED: f32 = 0.4;
 
 /// Smooths `v` once; `at` has the velocities before, and gravity adds `gain` [m/s] in a substep.
 pub(super) fn apply(params: &Xsph, at: Neighbourhood<'_>, gain: f32, v: &mut [Vec3]) {
