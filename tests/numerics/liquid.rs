@@ -627,6 +627,19 @@ fn colliding_drops_keep_their_volume() {
 }
 
 #[test]
+fn a_ball_without_gravity_or_tension_does_not_drift_apart() {
+    // It dilates by 15 % in two seconds if the corrections at the steps of its surface become velocities.
+    let text =
+        "spacing = 0.02\nxsph = {}\n[[source]]\nshape = { sphere = { center = [0, 0, 0], radius = 0.149 } }";
+    let mut simulation = simulation(space(), params(text));
+    let records = advance(&mut simulation, 48);
+    let last = records.last().expect("there are frames");
+    println!("dilation {:.4}, {:.5} m/s", last.dilation_avg, rms(&simulation));
+    assert!(last.dilation_avg < 0.01 && last.components == 1, "{last:?}");
+    assert!(rms(&simulation) < 5e-4, "{} m/s", rms(&simulation));
+}
+
+#[test]
 fn liquid_at_walls_without_gravity_keeps_its_volume() {
     let mut simulation = simulation(
         tank(0.0, [2.0, 1.0, 1.0]),
