@@ -508,7 +508,8 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
             let centre = (middle(&expected.iter().map(|x| place(*x)).collect::<Vec<_>>()) - middle(&found))
                 .norm()
                 / f64::from(spacing);
-            // In spacings: positions 1 km away resolve a thousandth, and a substep takes hundreds of them for velocity.
+            // In spacings: positions 1 km away resolve a thousandth, and a substep takes hundreds of them for velocity. The
+            // accelerated solver has 0.107 and 0.083, since such positions do not reach the small targets of the first substeps.
             let (each, all) = if name == "1 km away" { (0.15, 0.12) } else { (0.02, 0.006) };
             assert!(mean < each && centre < all, "{name}, {solver}: {mean} and {centre} spacings");
         }
@@ -636,6 +637,19 @@ fn a_ball_without_gravity_or_tension_does_not_drift_apart() {
     let last = records.last().expect("there are frames");
     println!("dilation {:.4}, {:.5} m/s", last.dilation_avg, rms(&simulation));
     assert!(last.dilation_avg < 0.01 && last.components == 1, "{last:?}");
+    // From the seeded frame on it moves as from the seeds on, on any number of threads.
+    let run = |frame: Option<&Frame>| {
+        let world = space();
+        let mut ball = match frame {
+            Some(frame) => Simulation::restore(world, Some(params(text)), frame).expect("it has a state"),
+            None => Simulation::new(world, Some(params(text))).expect("it has particles"),
+        };
+        let seeded = state(&ball);
+        advance(&mut ball, 2);
+        (seeded, state(&ball))
+    };
+    let (seeded, end) = par::with_threads(1, || run(None));
+    assert!(par::with_threads(3, || run(Some(&seeded))).1 == end);
     assert!(rms(&simulation) < 5e-4, "{} m/s", rms(&simulation));
 }
 

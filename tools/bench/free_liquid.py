@@ -9,7 +9,7 @@ the built-in presets (`TERMS`); tension is that of the presets, half of density 
 are varied one at a time from 2 cm, the default number of substeps and 1 728 particles, and once for 27 000 particles.
 
 Printed for each row, over its frames and shapes, as the difference farthest from zero: the mean density of the bulk against rest density, the volume
-inside the mesh against the first frame's, and the largest number of connected components of the mesh. Exits with 1 if density leaves ±1 %, the
+inside the mesh against the fourth frame's, and the largest number of connected components of the mesh. Exits with 1 if density leaves ±1 %, the
 mesh ±2 %, or the liquid one component. Splash tensions draw sharp corners round at once, so meshes are compared with the first
 frame after a tenth of a second.
 
@@ -79,7 +79,7 @@ def farthest(values):
 
 
 def body(binary, text, sets, folder):
-    """Differences of density and of the mesh's volume that are farthest from zero, and the most components."""
+    """Differences of density and of the mesh's volume that are farthest from zero, and the largest number of components."""
     path = folder / "free.toml"
     path.write_text(text)
     words = [word for given in sets for word in ("--set", f"liquid.{given}")]

@@ -7,7 +7,8 @@
 //! gradients at the positions that [`Directions`] names. A substep starts from half of the last one's final pressures.
 //! *Departs from the paper*: there λ only pushes, and an overshoot stays; here an overshoot is reversed as long as
 //! κ > 0. D is evaluated once a substep, since it only scales the step. The warm start ignores pressures that lasted for one
-//! substep only, as those of an impact. A frame starts with the pressure of the cohesion alone, which is the same everywhere.
+//! substep only, as those of an impact. A frame starts with half of the
+//! pressure that balances the cohesion, which is the same everywhere.
 //! See docs/decisions/006 for measurements of other schemes.
 //!
 //! Symbols: κ_i → −λ summed over the substep [m²]; its extrapolation → `applied`; ω → [`RELAXATION`].
@@ -54,7 +55,7 @@ pub(super) struct Momentum {
     pub(super) slowed: u32,
     /// Length of the last substep [s]; 0 in the first substep of a frame and in the second solve of a substep.
     dt: f32,
-    /// p/ρ₀ before the first substep of a frame [m²/s²].
+    /// p/ρ₀ that counts as that of the substep before the first of a frame [m²/s²].
     first_pressure: f32,
     /// Whether the frame has had a substep.
     started: bool,
@@ -206,7 +207,11 @@ mod tests {
             solver.multipliers.0.applied = ended_with.map(|pressure| pressure * dt * dt).to_vec();
             started
         };
-        assert_eq!(start(0.5, [4.0, 2.0, 2.0, 0.0, -2.0]), [1.5; 5], "a frame starts with its own pressure");
+        assert_eq!(
+            start(0.5, [4.0, 2.0, 2.0, 0.0, -2.0]),
+            [1.5; 5],
+            "a frame starts with half of its own pressure"
+        );
         assert_eq!(start(0.5, [2.0, 6.0, -8.0, 8.0, -4.0]), [2.0, 1.0, 1.0, 0.0, -1.0], "only one is known");
         // In a substep of another length the pressures are the same.
         assert_eq!(start(0.25, [0.0; 5]), [1.0, 1.0, 0.0, 0.0, -1.0]);

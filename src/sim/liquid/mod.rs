@@ -3,7 +3,9 @@
 //! *Method*: [pbf] Algorithm 1, once per time step; `substep` below reads as the paper's listing.
 //! *Departs from the paper*: see the files of the parts (`calibration`, `solve`, `walls`, `repulsion`, `vorticity`,
 //! `micropolar`, `xsph`). The length of a time step follows a CFL rule. Predicted positions are projected out of the solids
-//! before the search, so that the lists hold a particle's neighbours at its final position.
+//! before the search, so that the lists hold a particle's neighbours at its final position. Under gravity the last correction is
+//! shortened so that the deviation ends at its target, which grows in the first substeps of a shot; without gravity and tension the
+//! deviations of the seeded positions are corrected first (docs/decisions/022).
 //!
 //! Symbols: x_i → `x` [m]; v_i → `v` [m/s]; x* → `Solver::p` [m]; Δt → `dt` [s].
 //! Limits: first order in time; positions are single precision, so the motion loses digits far from the origin
@@ -99,19 +101,19 @@ struct Target {
 /// Growth of the deviation at which the iteration stops in each of the first substeps of a shot, over
 /// [`LiquidParams::density_dev`]. A column that starts at rest, without any deviation, would otherwise fall freely until it has that
 /// deviation, and be stopped within a substep: one of 50 layers is thrown up.
-const FIRST_DEVIATIONS: f64 = 0.05;
+const INITIAL_TARGET_GROWTH: f64 = 0.05;
 
 /// Deviation over that at which the iteration stops, up to which a correction is shortened if it would lead below. The deviation at the end
 /// of each substep is then the same, and a pool at rest does not breathe: 0.3 mm/s instead of up to 9. An iteration far above leaves more
 /// than half of the deviation.
-const NEAR_STOP: f64 = 2.0;
+const MAX_INTERPOLATED_DEVIATION: f64 = 2.0;
 
 /// Corrections of a solve from which the last is shortened. Where fewer do, the iteration ends below its target as often as it is
 /// shortened, and a pool bounces.
 const MIN_SHORTENED: u32 = 4;
 
 /// Most Jacobi iterations that correct the deviations of the seeded positions; a ball takes about ten.
-const RELAXATIONS: u32 = 20;
+const MAX_RELAXATION_ITERATIONS: u32 = 20;
 
 /// Average deviation at which the first density solve of a viscous substep stops, as a fraction of the distance, in
 /// spacings, by which gravity moves a particle in the substep. Short substeps deviate by less than `density_dev` without
@@ -204,8 +206,8 @@ impl Liquid {
         (self.solver.rebuilds, self.solver.shortened, self.solver.unresolved_contacts) = (0, 0, 0);
         self.momentum.reset();
         self.check_state(0)?;
-        if span[0] == 0.0 && coupled.is_none() && self.gravity.norm() == 0.0 {
-            self.relax(clock)?;
+        if span[0] == 0.0 && coupled.is_none() && self.gravity.norm() == 0.0 && self.tension.is_none() {
+            self.relax(clock, &mut record, watch)?;
         }
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
@@ -272,7 +274,7 @@ impl Liquid {
         }
         project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
         // The time since the shot's start, which a restored frame has as well.
-        let grown = FIRST_DEVIATIONS * self.walls.now() / f64::from(dt);
+        let grown = INITIAL_TARGET_GROWTH * self.walls.now() / f64::from(dt);
         let eased = if self.is_calmed(coupled.as_deref()) { grown.min(1.0) } else { 1.0 };
         let target = self
             .params
@@ -320,10 +322,16 @@ impl Liquid {
         Ok(())
     }
 
-    /// Corrects the deviations of the seeded positions without a velocity, where there is no gravity. In the first substep the corrections at
-    /// the steps of a ball's surface would be velocities of 4 to 9 mm/s, with which a liquid without tension drifts apart for ever. Under
-    /// gravity that is lost in the motion, and a lattice that falls onto the floor from wall to wall is better not disturbed.
-    fn relax(&mut self, clock: &mut Clock) -> Result<(), Stop> {
+    /// Corrects the deviations of the seeded positions without a velocity, in liquid without gravity and tension. In the first
+    /// substep the corrections at the steps of a ball's surface would be velocities of 4 to 9 mm/s, with which it drifts apart for
+    /// ever. Under gravity they are lost in the motion, and a seeding lattice that falls onto the floor from wall to wall is better
+    /// not disturbed. What is left after the last iteration is corrected by the first substep.
+    fn relax(
+        &mut self,
+        clock: &mut Clock,
+        record: &mut LiquidRecord,
+        watch: &mut dyn Watch,
+    ) -> Result<(), Stop> {
         if self.params.target().is_none() || self.params.kernel != Kernel::Wendland {
             return Ok(()); // as in the paper; its kernels are never at rest
         }
@@ -334,13 +342,20 @@ impl Liquid {
         self.sort();
         let setup = setup(&self.params, &self.rest, &self.walls);
         self.solver.build_lists(&setup);
-        for _ in 0..RELAXATIONS {
+        for _ in 0..MAX_RELAXATION_ITERATIONS {
             self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(1, cell))?;
+            if watch.is_cancelled() {
+                return Err(Stop::Interrupted);
+            }
             let residual = clock.time("solve", || jacobi::evaluate(&mut self.solver, &setup));
+            if !residual.average.is_finite() {
+                return Err(self.undefined_constraint(1).into());
+            }
             if residual.average <= MIN_SIGNIFICANT_ERROR {
                 break;
             }
             clock.time("solve", || self.solver.correct(&setup));
+            record.iterations += 1;
         }
         std::mem::swap(&mut self.x, &mut self.solver.p);
         Ok(())
@@ -514,9 +529,9 @@ impl Liquid {
                 record.unconverged += u32::from(reached > limit);
                 break;
             }
-            let is_near = stop < reached && reached <= NEAR_STOP * stop;
+            let is_near = stop < reached && reached <= MAX_INTERPOLATED_DEVIATION * stop;
             before = (is_near && is_calmed && done + 1 >= MIN_SHORTENED).then(|| {
-                self.solver.remember();
+                self.solver.save_state();
                 reached
             });
             let is_late = self.momentum.is_slowed() || done >= MAX_EARLY_ITERATIONS;

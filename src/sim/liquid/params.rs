@@ -224,7 +224,8 @@ impl Default for SurfaceTension {
 pub struct VorticityConfinement {
     /// The paper's ε over √(g₀ · spacing), with g₀ = 9.81 m/s². A larger value whips splashes up: on a dam break, 0.05 adds
     /// 0.03 % of the energy per frame, which is invisible, 0.5 adds 0.2 %, 2 adds 2 % and frays the surface. The term
-    /// never returns more energy than the liquid has lost since the start. Range: 0 to 10.
+    /// never returns more energy than the liquid has lost since the start, and leaves alone rotation that is slow against gravity in a
+    /// substep. Range: 0 to 10.
     pub strength: f32,
 }
 

@@ -86,7 +86,8 @@ pub struct LiquidRecord {
     pub substeps: u32,
     /// Solver iterations, over all substeps.
     pub iterations: u32,
-    /// Substeps that ended at `max_iterations` above the target `density_dev`; 0 with fixed `iterations`.
+    /// Substeps that ended at `max_iterations` above the target `density_dev`, not above the smaller ones of the first substeps; 0 with
+    /// fixed `iterations`.
     pub unconverged: u32,
     /// Iterations of the viscous solve, over all substeps.
     pub viscosity_iterations: u32,

@@ -98,8 +98,8 @@ fn exceeds_skin(displacement2: f32, rest: &RestState) -> bool {
 /// since then, squared [m²].
 #[inline(always)]
 pub(super) fn is_near_solid(clearance: f32, displacement2: f32, rest: &RestState) -> bool {
-    let room = clearance - 0.5 * rest.spacing;
-    room <= 0.0 || displacement2 >= room * room
+    let distance = clearance - 0.5 * rest.spacing;
+    distance <= 0.0 || displacement2 >= distance * distance
 }
 
 /// A cell with too many particles to be listed.
@@ -257,7 +257,7 @@ impl Solver {
     }
 
     /// Keeps the state before a correction, for [`Solver::shorten_correction`].
-    pub(super) fn remember(&mut self) {
+    pub(super) fn save_state(&mut self) {
         let (before, push, work) = &mut self.before;
         for (to, from) in [(before, &self.p), (push, &self.wall_push)] {
             to.resize(from.len(), Vec3::zeros());
@@ -266,19 +266,44 @@ impl Solver {
         *work = self.work;
     }
 
-    /// Keeps the part `kept` (0 to 1) of the correction since [`Solver::remember`].
+    /// Keeps the part `kept` (0 to 1) of the correction since [`Solver::save_state`].
     pub(super) fn shorten_correction(&mut self, kept: f64, setup: &SolverSetup<'_>) {
         let Self { p, wall_push, built_at, clearance, before: (before, push, work), .. } = self;
         let part = kept as f32;
         let between = |from: Vec3, to: Vec3| from + (to - from) * part;
-        par::update(p, |i, p| {
-            let x = between(before[i], *p);
-            // A straight line between two places outside of a solid may lead through it.
-            let is_near = is_near_solid(clearance[i], (x - built_at[i]).norm_squared(), setup.rest);
-            *p = if is_near { setup.walls.collide(before[i], x).0 } else { x };
-        });
         par::update(wall_push, |i, total| *total = between(push[i], *total));
         self.work = *work + (self.work - *work) * kept;
+        // A straight line between two places outside of a solid may lead through it.
+        let project = |start: usize, p: &mut [Vec3], wall_push: &mut [Vec3]| {
+            let (mut touching, mut work) = (0, 0.0);
+            for (k, p) in p.iter_mut().enumerate() {
+                let i = start + k;
+                let x = between(before[i], *p);
+                *p = x;
+                if is_near_solid(clearance[i], (x - built_at[i]).norm_squared(), setup.rest) {
+                    let (free, touches) = setup.walls.collide(before[i], x);
+                    if let Some(push) = wall_push.get_mut(k) {
+                        *push += free - x;
+                    }
+                    work += setup.walls.work(x, free);
+                    touching += u64::from(touches);
+                    *p = free;
+                }
+            }
+            (touching, work)
+        };
+        let partials = if wall_push.is_empty() {
+            par::map_chunks_mut([p.as_mut_slice()], par::CHUNK, |start, [p]| project(start, p, &mut []))
+        } else {
+            let columns = [p.as_mut_slice(), wall_push.as_mut_slice()];
+            par::map_chunks_mut(columns, par::CHUNK, |start, [p, push]| project(start, p, push))
+        };
+        for (touching, work) in partials {
+            self.unresolved_contacts += touching;
+            self.work += if setup.walls.has_moving_solids() { work } else { 0.0 };
+        }
+        // Particles have gone back from where the lists may have been built.
+        self.check_skin(setup.rest);
     }
 
     /// Moves every particle by its correction and out of the solids.
@@ -458,12 +483,17 @@ mod tests {
         solver.build_lists(&setup);
         jacobi::evaluate(&mut solver, &setup);
         let before = solver.p.clone();
-        solver.remember();
+        solver.save_state();
         solver.correct(&setup);
-        // One particle goes to the other side of the ball: a part of its way ends inside.
-        let below =
-            (0..before.len()).min_by(|&i, &j| before[i].z.total_cmp(&before[j].z)).expect("it has some");
-        solver.p[below] = Vec3::new(before[below].x, before[below].y, -0.08);
+        // One particle goes to the other side of the ball: a part of its displacement ends inside.
+        let centre = Vec3::new(0.055, 0.045, -0.03);
+        let outside = |x: &Vec3| ((x - centre).norm() - 0.04).abs();
+        let below = (0..before.len())
+            .min_by(|&i, &j| outside(&before[i]).total_cmp(&outside(&before[j])))
+            .expect("it has some");
+        solver.p[below] = centre - (before[below] - centre);
+        let straight = before[below] + (solver.p[below] - before[below]) * 0.25;
+        assert!((straight - centre).norm() < 0.03, "{straight} is outside of the ball");
         let after = solver.p.clone();
         solver.shorten_correction(0.25, &setup);
         for i in (0..before.len()).filter(|&i| i != below) {

@@ -204,8 +204,8 @@ mod tests {
 
         assert!((omega.z / 6.0 - 1.0).abs() < 0.12 && omega.xy().norm() < 1e-3, "{omega:?}");
         // ω falls from 6/s outwards; ω₀ is 0.4/s, then 400/s.
-        let [weak, strong] = [9.81, 1e4].map(|gravity| gain_under(gravity, f64::INFINITY, 0.5).0);
-        assert!(weak < free && weak > 0.85 * free && strong < 1e-3 * free, "{weak} and {strong} of {free}");
+        let [water, heavy] = [9.81, 1e4].map(|gravity| gain_under(gravity, f64::INFINITY, 0.5).0);
+        assert!(water < free && water > 0.85 * free && heavy < 1e-3 * free, "{water} and {heavy} of {free}");
         let (half, bounded, _) = gain(0.5 * free, 0.5);
         assert!(bounded && (half - 0.5 * free).abs() < 1e-6 * free);
         assert!(gain(0.0, 0.5).0.abs() < 1e-9);
