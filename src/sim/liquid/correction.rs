@@ -6,7 +6,7 @@
 //! (docs/decisions/022), which the neighbour sums then have; those of solids, which are at their poses at the end of the
 //! substep, are at x*.
 
-use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass, solve::is_near_solid};
+use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
 use crate::{
     math::Vec3,
     simd::{LANES, Lanes},
@@ -53,7 +53,7 @@ impl NeighbourPass for CorrectionPass<'_> {
                 let (delta, short) = limit(deltas[k], setup.rest.spacing);
                 let mut moved = *x + delta; // x* + Δp, [pbf] Alg. 1, line 17
                 let mut displacement2 = (moved - built_at).norm_squared();
-                if is_near_solid(self.at.clearance[i], displacement2, setup.rest) {
+                if setup.is_near_solid(self.at.clearance[i], displacement2) {
                     let (free, touching) = setup.walls.collide(*x, moved); // [pbf] Alg. 1, line 14
                     if has_moving_solids {
                         total.work += setup.walls.work(moved, free);

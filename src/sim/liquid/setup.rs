@@ -30,6 +30,14 @@ impl SolverSetup<'_> {
         self.rest.support + self.rest.wall_shift.abs() + LIST_SKIN * self.rest.support
     }
 
+    /// Whether a particle may touch a solid from which it was `clearance` [m] away when the lists were built, after a displacement
+    /// since then, squared [m²].
+    #[inline(always)]
+    pub(super) fn is_near_solid(&self, clearance: f32, displacement2: f32) -> bool {
+        let distance = clearance - 0.5 * self.rest.spacing;
+        distance <= 0.0 || displacement2 >= distance * distance
+    }
+
     /// Σ_k |∇_k C_i|² + ε [1/m²]; infinite without neighbours, where nothing can be corrected and ε = 0 would divide by
     /// zero.
     #[inline(always)]

@@ -94,14 +94,6 @@ fn exceeds_skin(displacement2: f32, rest: &RestState) -> bool {
     4.0 * displacement2 > skin * skin
 }
 
-/// Whether a particle may touch a solid from which it was `clearance` [m] away when the lists were built, after a displacement
-/// since then, squared [m²].
-#[inline(always)]
-pub(super) fn is_near_solid(clearance: f32, displacement2: f32, rest: &RestState) -> bool {
-    let distance = clearance - 0.5 * rest.spacing;
-    distance <= 0.0 || displacement2 >= distance * distance
-}
-
 /// A cell with too many particles to be listed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct OvercrowdedCell {
@@ -280,7 +272,7 @@ impl Solver {
                 let i = start + k;
                 let x = between(before[i], *p);
                 *p = x;
-                if is_near_solid(clearance[i], (x - built_at[i]).norm_squared(), setup.rest) {
+                if setup.is_near_solid(clearance[i], (x - built_at[i]).norm_squared()) {
                     let (free, touches) = setup.walls.collide(before[i], x);
                     if let Some(push) = wall_push.get_mut(k) {
                         *push += free - x;
