@@ -148,6 +148,8 @@ pub(super) struct DensityPass<'a, D, const GRADIENTS: bool> {
     pub(super) ratio: &'a mut [f32],
     /// Density that the free surface lacks, over ρ₀; computed with gradients and read without.
     pub(super) deficit: &'a mut [f32],
+    /// Deviation that is left to later substeps; empty: none.
+    pub(super) retained: &'a [f32],
     pub(super) multiplier: Multiplier<&'a mut [f32]>,
     pub(super) update: &'a D,
 }
@@ -158,7 +160,7 @@ impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'
     #[inline(always)]
     fn run<L: Lanes, P: Pair>(self) -> PartialResidual {
         let mut partial = PartialResidual::default();
-        let Self { at, ratio, deficit, multiplier, update } = self;
+        let Self { at, ratio, deficit, retained, multiplier, update } = self;
         for first in (0..ratio.len()).step_by(LANES) {
             let count = LANES.min(ratio.len() - first);
             let densities = densities::<L, P, GRADIENTS>(&at, at.start + first, count);
@@ -173,7 +175,8 @@ impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'
                 },
             };
             let lacking: L = if GRADIENTS { L::load(&densities.deficit) } else { read(deficit, first) };
-            let (after, found) = update.update(L::load(&densities.ratio) + lacking, before);
+            let left = if retained.is_empty() { L::splat(0.0) } else { read(retained, first) };
+            let (after, found) = update.update(L::load(&densities.ratio) + lacking - left, before);
             partial.add(found, count);
             write(ratio, first, L::load(&densities.ratio));
             write(deficit, first, lacking);

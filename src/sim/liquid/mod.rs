@@ -4,8 +4,9 @@
 //! *Departs from the paper*: see the files of the parts (`calibration`, `solve`, `walls`, `repulsion`, `vorticity`,
 //! `micropolar`, `xsph`). The length of a time step follows a CFL rule. Predicted positions are projected out of the solids
 //! before the search, so that the lists hold a particle's neighbours at its final position. Under gravity the last correction is
-//! shortened so that the deviation ends at its target, which grows in the first substeps of a shot; without gravity and tension the
-//! deviations of the seeded positions are corrected first (docs/decisions/022).
+//! shortened so that the deviation ends at its target, which grows in the first substeps of a shot, and a part of the deviation at the
+//! start of a substep is left to later ones; without gravity and tension the deviations of the seeded positions are corrected first
+//! (docs/decisions/022).
 //!
 //! Symbols: x_i → `x` [m]; v_i → `v` [m/s]; x* → `Solver::p` [m]; Δt → `dt` [s].
 //! Limits: first order in time; positions are single precision, so the motion loses digits far from the origin
@@ -112,6 +113,12 @@ const MAX_INTERPOLATED_DEVIATION: f64 = 2.0;
 /// shortened, and a pool bounces.
 const MIN_SHORTENED: u32 = 4;
 
+/// Largest part of the deviation at the start of a substep that the substep leaves to later ones, and the deviation at which the iteration
+/// stops over that part. Deep liquid is compressed a little in every layer; if one substep removed all of that, the top of 64 layers
+/// of 2 cm would be thrown up at 0.25 m/s by a deviation of 0.1 % (docs/decisions/022).
+const MAX_RETAINED_PART: f64 = 0.5;
+const DEVIATION_PER_RETAINED_PART: f64 = 0.01;
+
 /// Most Jacobi iterations that correct the deviations of the seeded positions; a ball takes about ten.
 const MAX_RELAXATION_ITERATIONS: u32 = 20;
 
@@ -209,6 +216,7 @@ impl Liquid {
         if span[0] == 0.0 && coupled.is_none() && self.gravity.norm() == 0.0 && self.tension.is_none() {
             self.relax(clock, &mut record, watch)?;
         }
+        self.retain_from_frame(clock)?;
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
             let [wanted, mut remaining] = self.substeps_left(left, coupled.as_deref(), record.substeps);
@@ -276,11 +284,12 @@ impl Liquid {
         // The time since the shot's start, which a restored frame has as well.
         let grown = INITIAL_TARGET_GROWTH * self.walls.now() / f64::from(dt);
         let eased = if self.is_calmed(coupled.as_deref()) { grown.min(1.0) } else { 1.0 };
-        let target = self
-            .params
-            .target()
-            .map(|limit| Target { stop: (eased * limit).max(MIN_SIGNIFICANT_ERROR).min(limit), limit });
+        let target = self.params.target().map(|limit| {
+            let limit = (1.0 - self.retained_part()) * limit;
+            Target { stop: (eased * limit).max(MIN_SIGNIFICANT_ERROR).min(limit), limit }
+        });
         clock.around("solve", |clock| self.solve(dt, target, coupled, clock, record, watch))?;
+        self.retain();
         if let Some(viscosity) = &mut self.viscosity {
             self.momentum.give_back(&mut self.solver, &mut viscosity.pressures, dt);
         }
@@ -361,10 +370,49 @@ impl Liquid {
         Ok(())
     }
 
+    /// Evaluates what the first substep of a frame leaves to later ones, from positions alone.
+    fn retain_from_frame(&mut self, clock: &mut Clock) -> Result<(), Diverged> {
+        if self.retained_part() == 0.0 {
+            return Ok(());
+        }
+        self.solver.p.clone_from(&self.x);
+        // What fails here would fail in the first substep.
+        clock
+            .time("search", || self.solver.find_cells(&self.rest))
+            .map_err(|cell| self.overcrowded(1, cell))?;
+        clock.time("sort", || self.sort());
+        let setup = setup(&self.params, &self.rest, &self.walls);
+        clock.time("search", || self.solver.build_lists(&setup));
+        clock.time("solve", || self.solver.measure(&setup));
+        self.retain();
+        Ok(())
+    }
+
+    /// Part of the deviation at the start of a substep that the substep leaves to later ones. Without gravity there is no depth, and
+    /// slow corrections keep threads from breaking up.
+    fn retained_part(&self) -> f64 {
+        let is_gradual = self.params.solver == SolverKind::Accelerated
+            && self.params.constraint == Constraint::Compression
+            && self.params.kernel == Kernel::Wendland
+            && self.gravity.norm() > 0.0;
+        match self.params.target() {
+            Some(target) if is_gradual => (target / DEVIATION_PER_RETAINED_PART).min(MAX_RETAINED_PART),
+            _ => 0.0,
+        }
+    }
+
+    /// Leaves a part of the deviations to later substeps.
+    fn retain(&mut self) {
+        let part = self.retained_part();
+        if part > 0.0 {
+            self.solver.retain(part as f32);
+        }
+    }
+
     /// Sorts particles by the cells of the neighbour search, so that neighbours are close in memory. Unsorted, an iteration
     /// takes nearly twice as long.
     fn sort(&mut self) {
-        let Solver { grid, p, spare, multipliers, ratio, .. } = &mut self.solver;
+        let Solver { grid, p, spare, multipliers, ratio, retained, .. } = &mut self.solver;
         let order = grid.order();
         for values in [&mut self.x, &mut self.v, p] {
             spare.resize(values.len(), Vec3::zeros());
@@ -383,11 +431,12 @@ impl Liquid {
             par::fill(ratio, |i| applied[order[i] as usize]);
             std::mem::swap(applied, ratio);
         }
-        let pressure = &mut self.momentum.pressure;
-        if !pressure.is_empty() {
-            ratio.resize(order.len(), 0.0);
-            par::fill(ratio, |i| pressure[order[i] as usize]);
-            std::mem::swap(pressure, ratio);
+        for values in [&mut self.momentum.pressure, retained] {
+            if !values.is_empty() {
+                ratio.resize(order.len(), 0.0);
+                par::fill(ratio, |i| values[order[i] as usize]);
+                std::mem::swap(values, ratio);
+            }
         }
         grid.settle();
     }

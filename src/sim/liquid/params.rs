@@ -21,7 +21,8 @@ pub struct LiquidParams {
     /// Range: 1.8 to 2.5.
     #[serde(default = "defaults::kernel_radius")]
     pub kernel_radius: f32,
-    /// Average density deviation at which the iteration stops [1] ("0.5 %"). Excludes `iterations`; with neither in the preset
+    /// Average density deviation of liquid at rest [1] ("0.5 %"). The iteration stops at it; under gravity, with the accelerated solver,
+    /// where a substep leaves a part of the deviation to the next, at 0.9 to 0.5 of it. Excludes `iterations`; with neither in the preset
     /// it is 0.3 %. With `compression`, the deviation is the mean of max(C, 0) over all particles, where C is ρ/ρ₀ − 1 plus what a particle lacks at the
     /// free surface; with `equality`
     /// that of |ρ/ρ₀ − 1|; dilation that `compression` allows is reported, and does not count here. A larger value is faster and
