@@ -174,8 +174,8 @@ fn a_pool_with_xsph_is_still_after_three_seconds() {
     let spacing = 1.0 / 32.0;
     // 0.2 to 0.7 mm/s. 2 mm/s if the last correction is not shortened, 7 if all of the deviation is corrected at once.
     let presets = "xsph = {}\nimplicitness = 0.25\nvorticity = {}\nsurface_tension = { coefficient = 4.8 }";
-    let figures = "xsph = {}\nvorticity = {}\nsurface_tension = { coefficient = 4.8 }\ndensity_dev = 0.005";
-    for terms in ["xsph = {}", presets, figures] {
+    let late = "xsph = {}\nvorticity = {}\nsurface_tension = { coefficient = 4.8 }";
+    for terms in ["xsph = {}", "xsph = {}\ndensity_dev = 0.005", presets, late] {
         let pool = block(spacing, [0.0; 3], [0.5, 0.5, 10.0 * spacing], terms);
         let mut simulation = simulation(tank(9.81, [0.5, 0.5, 1.0]), pool);
         advance(&mut simulation, 72);
@@ -514,7 +514,8 @@ fn a_scene_elsewhere_mirrored_or_turned_gives_the_same() {
                 .norm()
                 / f64::from(spacing);
             // In spacings: positions 1 km away resolve a thousandth, and a substep takes hundreds of them for velocity. The
-            // accelerated solver has 0.154 and 0.129, since such positions do not reach the small targets of the first substeps.
+            // accelerated solver has 0.154 and 0.129, since such positions do not reach the small targets of the first substeps, and
+            // its 0.21 % are near the rounding of a density.
             let (each, all) = if name == "1 km away" { (0.2, 0.16) } else { (0.02, 0.006) };
             assert!(mean < each && centre < all, "{name}, {solver}: {mean} and {centre} spacings");
         }

@@ -141,7 +141,7 @@ def judge(frames):
     how = []
     share = lambda count, what: how.append(f"{count} of {steps} substeps {what}") if count else None
     share(total(lambda frame: frame["cfl_capped"]), "longer than the CFL rule")
-    share(total(lambda frame: frame["unconverged"]), "above `density_dev`")
+    share(total(lambda frame: frame["unconverged"]), "above their deviation")
     share(total(lambda frame: frame["clamps"]["energy"]), "had energy removed")
     share(total(lambda frame: frame["clamps"]["confinement"]), "limited confinement")
     share(total(lambda frame: frame["clamps"]["micropolar"]), "limited the micropolar exchange")

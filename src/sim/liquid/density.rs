@@ -4,7 +4,7 @@
 //! particles are reduced and their multipliers updated together, so that every step is vectorised.
 //! *Departs from the paper*: under the compression constraint, C includes the density that a particle lacks at the free
 //! surface, so that surface particles resist clustering as those of the bulk do (see [`surface_deficit`]).
-//! Symbols: ρ_i/ρ₀ → `ratio` [1]; κ, λ → see [`Multiplier`] [m²].
+//! Symbols: ρ_i/ρ₀ → `ratio` [1]; part of C that stays → `retained` [1]; κ, λ → see [`Multiplier`] [m²].
 
 use super::{
     Constraint,
@@ -148,7 +148,7 @@ pub(super) struct DensityPass<'a, D, const GRADIENTS: bool> {
     pub(super) ratio: &'a mut [f32],
     /// Density that the free surface lacks, over ρ₀; computed with gradients and read without.
     pub(super) deficit: &'a mut [f32],
-    /// Deviation that is left to later substeps; empty: none.
+    /// Part of C that this substep does not correct; empty: none.
     pub(super) retained: &'a [f32],
     pub(super) multiplier: Multiplier<&'a mut [f32]>,
     pub(super) update: &'a D,
@@ -175,8 +175,8 @@ impl<D: MultiplierUpdate, const GRADIENTS: bool> NeighbourPass for DensityPass<'
                 },
             };
             let lacking: L = if GRADIENTS { L::load(&densities.deficit) } else { read(deficit, first) };
-            let left = if retained.is_empty() { L::splat(0.0) } else { read(retained, first) };
-            let (after, found) = update.update(L::load(&densities.ratio) + lacking - left, before);
+            let retained = if retained.is_empty() { L::splat(0.0) } else { read(retained, first) };
+            let (after, found) = update.update(L::load(&densities.ratio) + lacking - retained, before);
             partial.add(found, count);
             write(ratio, first, L::load(&densities.ratio));
             write(deficit, first, lacking);

@@ -4,9 +4,9 @@
 //! *Departs from the paper*: see the files of the parts (`calibration`, `solve`, `walls`, `repulsion`, `vorticity`,
 //! `micropolar`, `xsph`). The length of a time step follows a CFL rule. Predicted positions are projected out of the solids
 //! before the search, so that the lists hold a particle's neighbours at its final position. Under gravity the last correction is
-//! shortened so that the deviation ends at its target, which grows in the first substeps of a shot, and a part of the deviation at the
-//! start of a substep is left to later ones; without gravity and tension the deviations of the seeded positions are corrected first
-//! (docs/decisions/022).
+//! shortened so that the deviation ends at its target, which grows in the first substeps of a shot. A substep retains a part of the
+//! deviation that it starts with. Without gravity and tension the deviations of the seeded positions are corrected first. All of this is
+//! in docs/decisions/022.
 //!
 //! Symbols: x_i → `x` [m]; v_i → `v` [m/s]; x* → `Solver::p` [m]; Δt → `dt` [s].
 //! Limits: first order in time; positions are single precision, so the motion loses digits far from the origin
@@ -99,8 +99,7 @@ struct Target {
     limit: f64,
 }
 
-/// Growth of the deviation at which the iteration stops in each of the first substeps of a shot, over
-/// [`LiquidParams::density_dev`]. A column that starts at rest, without any deviation, would otherwise fall freely until it has that
+/// Growth of the deviation at which the iteration stops in each of the first substeps of a shot, over the one at which it stops later. A column that starts at rest, without any deviation, would otherwise fall freely until it has that
 /// deviation, and be stopped within a substep: one of 50 layers is thrown up.
 const INITIAL_TARGET_GROWTH: f64 = 0.05;
 
@@ -113,10 +112,13 @@ const MAX_INTERPOLATED_DEVIATION: f64 = 2.0;
 /// shortened, and a pool bounces.
 const MIN_SHORTENED: u32 = 4;
 
-/// Largest part of the deviation at the start of a substep that the substep leaves to later ones, and the deviation at which the iteration
-/// stops over that part. Deep liquid is compressed a little in every layer; if one substep removed all of that, the top of 64 layers
-/// of 2 cm would be thrown up at 0.25 m/s by a deviation of 0.1 % (docs/decisions/022).
+/// Largest part of the deviation at the start of a substep that the substep retains. Deep liquid is compressed a little in every layer; if
+/// one substep corrected all of that, the top of 64 layers of 2 cm would be thrown up at 0.25 m/s by a deviation of 0.1 %. At 0.7
+/// liquid at rest is as calm, and takes 1.4 times the iterations.
 const MAX_RETAINED_PART: f64 = 0.5;
+
+/// [`LiquidParams::density_dev`] over the retained part, up to the largest part. With half at 0.1 %, too, the dam break takes 1.3 times the
+/// iterations, and rests no better.
 const DEVIATION_PER_RETAINED_PART: f64 = 0.01;
 
 /// Most Jacobi iterations that correct the deviations of the seeded positions; a ball takes about ten.
@@ -284,10 +286,9 @@ impl Liquid {
         // The time since the shot's start, which a restored frame has as well.
         let grown = INITIAL_TARGET_GROWTH * self.walls.now() / f64::from(dt);
         let eased = if self.is_calmed(coupled.as_deref()) { grown.min(1.0) } else { 1.0 };
-        let target = self.params.target().map(|limit| {
-            let limit = (1.0 - self.retained_part()) * limit;
-            Target { stop: (eased * limit).max(MIN_SIGNIFICANT_ERROR).min(limit), limit }
-        });
+        let target = self
+            .target()
+            .map(|limit| Target { stop: (eased * limit).max(MIN_SIGNIFICANT_ERROR).min(limit), limit });
         clock.around("solve", |clock| self.solve(dt, target, coupled, clock, record, watch))?;
         self.retain();
         if let Some(viscosity) = &mut self.viscosity {
@@ -370,7 +371,7 @@ impl Liquid {
         Ok(())
     }
 
-    /// Evaluates what the first substep of a frame leaves to later ones, from positions alone.
+    /// Evaluates what the first substep of a frame retains, from positions alone.
     fn retain_from_frame(&mut self, clock: &mut Clock) -> Result<(), Diverged> {
         if self.retained_part() == 0.0 {
             return Ok(());
@@ -388,20 +389,22 @@ impl Liquid {
         Ok(())
     }
 
-    /// Part of the deviation at the start of a substep that the substep leaves to later ones. Without gravity there is no depth, and
-    /// slow corrections keep threads from breaking up.
+    /// Part of the deviation at the start of a substep that the substep retains. Without gravity there is no depth, and slow corrections
+    /// keep threads from breaking up.
     fn retained_part(&self) -> f64 {
-        let is_gradual = self.params.solver == SolverKind::Accelerated
-            && self.params.constraint == Constraint::Compression
-            && self.params.kernel == Kernel::Wendland
-            && self.gravity.norm() > 0.0;
+        let is_gradual = self.params.is_calibrated() && self.gravity.norm() > 0.0;
         match self.params.target() {
             Some(target) if is_gradual => (target / DEVIATION_PER_RETAINED_PART).min(MAX_RETAINED_PART),
             _ => 0.0,
         }
     }
 
-    /// Leaves a part of the deviations to later substeps.
+    /// Average deviation, less what is retained, at which the iteration stops; `None`: a fixed number of iterations.
+    fn target(&self) -> Option<f64> {
+        self.params.target().map(|target| (1.0 - self.retained_part()) * target)
+    }
+
+    /// Retains a part of the deviations for the next substep.
     fn retain(&mut self) {
         let part = self.retained_part();
         if part > 0.0 {
@@ -474,7 +477,7 @@ impl Liquid {
         let unconverged = record.unconverged;
         let fall = f64::from(self.gravity.norm() * dt * dt / self.rest.spacing);
         let limit = (PRESSURE_TOLERANCE * fall).max(MIN_SIGNIFICANT_ERROR);
-        let target = self.params.target().map(|target| target.min(limit));
+        let target = self.target().map(|target| target.min(limit));
         let target = target.map(|limit| Target { stop: limit, limit });
         clock.around("solve", |clock| self.solve(dt, target, &mut None, clock, record, watch))?;
         // The second solve decides about the density, this one about the pressure that viscosity acts with.
@@ -672,19 +675,23 @@ impl Liquid {
 }
 
 impl LiquidParams {
+    /// Whether the scheme is the one for which early directions and retained deviations were measured; with others water boils.
+    fn is_calibrated(&self) -> bool {
+        self.solver == SolverKind::Accelerated
+            && self.constraint == Constraint::Compression
+            && self.kernel == Kernel::Wendland
+    }
+
     /// θ of the first directions of a substep.
     fn first_theta(&self) -> f32 {
-        let is_early = self.solver == SolverKind::Accelerated
-            && self.constraint == Constraint::Compression
-            && self.kernel == Kernel::Wendland;
-        if !is_early {
+        if !self.is_calibrated() {
             return 1.0;
         }
         let default = if self.surface_tension.is_some() { 1.0 } else { IMPLICITNESS };
         self.implicitness.unwrap_or(default)
     }
 
-    /// The average deviation at which the iteration stops; `None`: a fixed number of iterations.
+    /// Average deviation of liquid at rest; `None`: a fixed number of iterations.
     fn target(&self) -> Option<f64> {
         match (self.iterations, self.density_dev) {
             (Some(_), _) => None,

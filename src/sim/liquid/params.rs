@@ -21,8 +21,9 @@ pub struct LiquidParams {
     /// Range: 1.8 to 2.5.
     #[serde(default = "defaults::kernel_radius")]
     pub kernel_radius: f32,
-    /// Average density deviation of liquid at rest [1] ("0.5 %"). The iteration stops at it; under gravity, with the accelerated solver,
-    /// where a substep leaves a part of the deviation to the next, at 0.9 to 0.5 of it. Excludes `iterations`; with neither in the preset
+    /// Average density deviation of liquid at rest [1] ("0.5 %"). The iteration stops at it. Under gravity, with the accelerated solver,
+    /// `compression` and `wendland`, a substep retains a part of the deviation, `density_dev` over 1 % and at most half, and stops at the
+    /// rest. Excludes `iterations`; with neither in the preset
     /// it is 0.3 %. With `compression`, the deviation is the mean of max(C, 0) over all particles, where C is ρ/ρ₀ − 1 plus what a particle lacks at the
     /// free surface; with `equality`
     /// that of |ρ/ρ₀ − 1|; dilation that `compression` allows is reported, and does not count here. A larger value is faster and
@@ -104,7 +105,7 @@ impl LiquidParams {
         Self { density_dev: Some(Self::DEFAULT_DENSITY_DEV), ..from_spacing(spacing) }
     }
 
-    /// Average density deviation at which the iteration stops if a preset gives neither `density_dev` nor `iterations`.
+    /// Average density deviation of liquid at rest if a preset gives neither `density_dev` nor `iterations`.
     ///
     /// At 1 % a metre of water sags by a centimetre and bounces back; 0.1 % takes twice the iterations for a picture that
     /// hardly differs. See docs/decisions/006.

@@ -86,8 +86,8 @@ pub struct LiquidRecord {
     pub substeps: u32,
     /// Solver iterations, over all substeps.
     pub iterations: u32,
-    /// Substeps that ended at `max_iterations` above the target `density_dev`, not above the smaller ones of the first substeps; 0 with
-    /// fixed `iterations`.
+    /// Substeps that ended at `max_iterations` above the deviation at which they should stop, not above the smaller ones of the first
+    /// substeps; 0 with fixed `iterations`.
     pub unconverged: u32,
     /// Iterations of the viscous solve, over all substeps.
     pub viscosity_iterations: u32,
@@ -99,7 +99,8 @@ pub struct LiquidRecord {
     pub viscosity_residual: f64,
     /// Mean over all particles of the constraint's error at the frame's end [1]: max(C, 0) for
     /// `constraint = "compression"`, |C| for `"equality"`, with C = ρ/ρ₀ − 1, to which
-    /// `"compression"` adds the density that a particle lacks at the free surface. This is what `density_dev` bounds.
+    /// `"compression"` adds the density that a particle lacks at the free surface. This is what `density_dev` bounds in liquid at
+    /// rest.
     pub density_dev_avg: f64,
     /// Largest constraint error at the frame's end [1].
     pub density_dev_max: f64,
