@@ -35,12 +35,14 @@ mod pair;
 mod params;
 mod pass;
 mod record;
+mod relaxation;
 mod repulsion;
 mod seed;
 mod setup;
 mod solve;
 mod state;
 mod surface_tension;
+mod target;
 mod viscosity;
 mod viscous_kernel;
 mod vorticity;
@@ -60,7 +62,7 @@ use super::{
     substep::advance_frame,
 };
 use crate::{math::Vec3, par};
-use accelerated::{MIN_SIGNIFICANT_ERROR, Momentum};
+use accelerated::Momentum;
 use calibration::RestState;
 use energy::energy;
 use lanes::Node;
@@ -70,7 +72,7 @@ use neighbourhood::Neighbourhood;
 use record::FRAME_FIGURES;
 use repulsion::Repulsion;
 use setup::SolverSetup;
-use solve::{Directions, Solver};
+use solve::{Directions, Solver, Target};
 use surface_tension::Tension;
 use viscosity::{ViscositySolver, ViscousStep};
 use vorticity::Confinement;
@@ -83,25 +85,9 @@ pub const NAME: &str = "liquid";
 /// corrects them at once and throws the liquid apart; with 1, a dam break still gains 1 to 5 % of energy.
 const MIN_ITERATIONS: u32 = 2;
 
-/// [`LiquidParams::implicitness`] if the preset names none, without surface tension.
-const IMPLICITNESS: f32 = 0.1;
-
 /// Iterations of a substep after which directions are those at x*, whatever [`LiquidParams::implicitness`]. So many are
 /// needed by deep liquid that is stopped after falling: without this limit a column of 100 layers bursts at a deviation of 0.3 %.
 const MAX_EARLY_ITERATIONS: u32 = 20;
-
-/// Average deviations of a density solve [1].
-#[derive(Clone, Copy)]
-struct Target {
-    /// The iteration stops here.
-    stop: f64,
-    /// A substep that ends above is counted as unconverged.
-    limit: f64,
-}
-
-/// Growth of the deviation at which the iteration stops in each of the first substeps of a shot, over the one at which it stops later. A column that starts at rest, without any deviation, would otherwise fall freely until it has that
-/// deviation, and be stopped within a substep: one of 50 layers is thrown up.
-const INITIAL_TARGET_GROWTH: f64 = 0.05;
 
 /// Deviation over that at which the iteration stops, up to which a correction is shortened if it would lead below. The deviation at the end
 /// of each substep is then the same, and a pool at rest does not breathe: 0.3 mm/s instead of up to 9. An iteration far above leaves more
@@ -111,24 +97,6 @@ const MAX_INTERPOLATED_DEVIATION: f64 = 2.0;
 /// Corrections of a solve from which the last is shortened. Where fewer do, the iteration ends below its target as often as it is
 /// shortened, and a pool bounces.
 const MIN_SHORTENED: u32 = 4;
-
-/// Largest part of the deviation at the start of a substep that the substep retains. Deep liquid is compressed a little in every layer; if
-/// one substep corrected all of that, the top of 64 layers of 2 cm would be thrown up at 0.25 m/s by a deviation of 0.1 %. At 0.7
-/// liquid at rest is as calm, and takes 1.4 times the iterations.
-const MAX_RETAINED_PART: f64 = 0.5;
-
-/// [`LiquidParams::density_dev`] over the retained part, up to the largest part. With half at 0.1 %, too, the dam break takes 1.3 times the
-/// iterations, and rests no better.
-const DEVIATION_PER_RETAINED_PART: f64 = 0.01;
-
-/// Most Jacobi iterations that correct the deviations of the seeded positions; a ball takes about ten.
-const MAX_RELAXATION_ITERATIONS: u32 = 20;
-
-/// Average deviation at which the first density solve of a viscous substep stops, as a fraction of the distance, in
-/// spacings, by which gravity moves a particle in the substep. Short substeps deviate by less than `density_dev` without
-/// any pressure; walls then hold the weight by viscosity, and a slumping column is 3 % too high after 0.65 ms substeps. At 0.003
-/// the solve takes 2.2 times the iterations for a picture that hardly differs.
-const PRESSURE_TOLERANCE: f64 = 0.03;
 
 /// A liquid and its current state.
 #[derive(Debug)]
@@ -283,12 +251,7 @@ impl Liquid {
             coupled.detect_contacts(&self.solver.particles(&self.x, &collide), clock);
         }
         project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
-        // The time since the shot's start, which a restored frame has as well.
-        let grown = INITIAL_TARGET_GROWTH * self.walls.now() / f64::from(dt);
-        let eased = if self.is_calmed(coupled.as_deref()) { grown.min(1.0) } else { 1.0 };
-        let target = self
-            .target()
-            .map(|limit| Target { stop: (eased * limit).max(MIN_SIGNIFICANT_ERROR).min(limit), limit });
+        let target = self.target(dt, coupled.as_deref());
         clock.around("solve", |clock| self.solve(dt, target, coupled, clock, record, watch))?;
         self.retain();
         if let Some(viscosity) = &mut self.viscosity {
@@ -332,84 +295,15 @@ impl Liquid {
         Ok(())
     }
 
-    /// Corrects the deviations of the seeded positions without a velocity, in liquid without gravity and tension. In the first
-    /// substep the corrections at the steps of a ball's surface would be velocities of 4 to 9 mm/s, with which it drifts apart for
-    /// ever. Under gravity they are lost in the motion, and a seeding lattice that falls onto the floor from wall to wall is better
-    /// not disturbed. What is left after the last iteration is corrected by the first substep.
-    fn relax(
-        &mut self,
-        clock: &mut Clock,
-        record: &mut LiquidRecord,
-        watch: &mut dyn Watch,
-    ) -> Result<(), Stop> {
-        if self.params.target().is_none() || self.params.kernel != Kernel::Wendland {
-            return Ok(()); // as in the paper; its kernels are never at rest
-        }
-        self.walls.move_to(0.0);
+    /// Sorts the particles at x into the cells of the neighbour search and builds their lists, before the first substep of a frame.
+    fn list_positions(&mut self, clock: &mut Clock) -> Result<(), Diverged> {
         self.solver.p.clone_from(&self.x);
         // What fails here would fail in the first substep.
-        self.solver.find_cells(&self.rest).map_err(|cell| self.overcrowded(1, cell))?;
-        self.sort();
-        let setup = setup(&self.params, &self.rest, &self.walls);
-        self.solver.build_lists(&setup);
-        for _ in 0..MAX_RELAXATION_ITERATIONS {
-            self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(1, cell))?;
-            if watch.is_cancelled() {
-                return Err(Stop::Interrupted);
-            }
-            let residual = clock.time("solve", || jacobi::evaluate(&mut self.solver, &setup));
-            if !residual.average.is_finite() {
-                return Err(self.undefined_constraint(1).into());
-            }
-            if residual.average <= MIN_SIGNIFICANT_ERROR {
-                break;
-            }
-            clock.time("solve", || self.solver.correct(&setup));
-            record.iterations += 1;
-        }
-        std::mem::swap(&mut self.x, &mut self.solver.p);
-        Ok(())
-    }
-
-    /// Evaluates what the first substep of a frame retains, from positions alone.
-    fn retain_from_frame(&mut self, clock: &mut Clock) -> Result<(), Diverged> {
-        if self.retained_part() == 0.0 {
-            return Ok(());
-        }
-        self.solver.p.clone_from(&self.x);
-        // What fails here would fail in the first substep.
-        clock
-            .time("search", || self.solver.find_cells(&self.rest))
-            .map_err(|cell| self.overcrowded(1, cell))?;
+        let cells = clock.time("search", || self.solver.find_cells(&self.rest));
+        cells.map_err(|cell| self.overcrowded(1, cell))?;
         clock.time("sort", || self.sort());
-        let setup = setup(&self.params, &self.rest, &self.walls);
-        clock.time("search", || self.solver.build_lists(&setup));
-        clock.time("solve", || self.solver.measure(&setup));
-        self.retain();
+        clock.time("search", || self.solver.build_lists(&setup(&self.params, &self.rest, &self.walls)));
         Ok(())
-    }
-
-    /// Part of the deviation at the start of a substep that the substep retains. Without gravity there is no depth, and slow corrections
-    /// keep threads from breaking up.
-    fn retained_part(&self) -> f64 {
-        let is_gradual = self.params.is_calibrated() && self.gravity.norm() > 0.0;
-        match self.params.target() {
-            Some(target) if is_gradual => (target / DEVIATION_PER_RETAINED_PART).min(MAX_RETAINED_PART),
-            _ => 0.0,
-        }
-    }
-
-    /// Average deviation, less what is retained, at which the iteration stops; `None`: a fixed number of iterations.
-    fn target(&self) -> Option<f64> {
-        self.params.target().map(|target| (1.0 - self.retained_part()) * target)
-    }
-
-    /// Retains a part of the deviations for the next substep.
-    fn retain(&mut self) {
-        let part = self.retained_part();
-        if part > 0.0 {
-            self.solver.retain(part as f32);
-        }
     }
 
     /// Sorts particles by the cells of the neighbour search, so that neighbours are close in memory. Unsorted, an iteration
@@ -475,10 +369,7 @@ impl Liquid {
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
         let unconverged = record.unconverged;
-        let fall = f64::from(self.gravity.norm() * dt * dt / self.rest.spacing);
-        let limit = (PRESSURE_TOLERANCE * fall).max(MIN_SIGNIFICANT_ERROR);
-        let target = self.target().map(|target| target.min(limit));
-        let target = target.map(|limit| Target { stop: limit, limit });
+        let target = self.pressure_target(dt);
         clock.around("solve", |clock| self.solve(dt, target, &mut None, clock, record, watch))?;
         // The second solve decides about the density, this one about the pressure that viscosity acts with.
         record.pressure_unconverged += record.unconverged - unconverged;
@@ -522,12 +413,6 @@ impl Liquid {
         }
         self.solver.check_skin(&self.rest);
         shortened
-    }
-
-    /// Whether the density solve keeps the deviation from jumping. Without gravity nothing can come to rest, and the noise of the solve is
-    /// what lets drops and threads leave the seeding lattice; sheets move with the corrections of the particles.
-    fn is_calmed(&self, coupled: Option<&dyn CoupledSystem>) -> bool {
-        coupled.is_none() && self.gravity.norm() > 0.0
     }
 
     /// Solves the density constraints, [pbf] Alg. 1, lines 8–19, to `target` or with a fixed number of iterations.
@@ -671,32 +556,6 @@ impl Liquid {
         let inside = |i: usize| f64::from(u8::from(self.walls.distance(self.x[i]) < 0.0));
         record.particles_inside_solids = par::sum(self.x.len(), inside) as u32;
         Ok(())
-    }
-}
-
-impl LiquidParams {
-    /// Whether the scheme is the one for which early directions and retained deviations were measured; with others water boils.
-    fn is_calibrated(&self) -> bool {
-        self.solver == SolverKind::Accelerated
-            && self.constraint == Constraint::Compression
-            && self.kernel == Kernel::Wendland
-    }
-
-    /// θ of the first directions of a substep.
-    fn first_theta(&self) -> f32 {
-        if !self.is_calibrated() {
-            return 1.0;
-        }
-        let default = if self.surface_tension.is_some() { 1.0 } else { IMPLICITNESS };
-        self.implicitness.unwrap_or(default)
-    }
-
-    /// Average deviation of liquid at rest; `None`: a fixed number of iterations.
-    fn target(&self) -> Option<f64> {
-        match (self.iterations, self.density_dev) {
-            (Some(_), _) => None,
-            (None, dev) => Some(f64::from(dev.unwrap_or(Self::DEFAULT_DENSITY_DEV))),
-        }
     }
 }
 

@@ -3,6 +3,9 @@
 use crate::{sim::setup::from_spacing, solid::Shape};
 use serde::{Deserialize, Serialize};
 
+/// [`LiquidParams::implicitness`] if the preset names none, without surface tension.
+const IMPLICITNESS: f32 = 0.1;
+
 /// A liquid of particles, kept at rest density by position corrections ([pbf] Algorithm 1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
@@ -110,6 +113,30 @@ impl LiquidParams {
     /// At 1 % a metre of water sags by a centimetre and bounces back; 0.1 % takes twice the iterations for a picture that
     /// hardly differs. See docs/decisions/006.
     pub const DEFAULT_DENSITY_DEV: f32 = 0.003;
+
+    /// Whether the scheme is the one for which early directions and retained deviations were measured; with others water boils.
+    pub(super) fn is_calibrated(&self) -> bool {
+        self.solver == SolverKind::Accelerated
+            && self.constraint == Constraint::Compression
+            && self.kernel == Kernel::Wendland
+    }
+
+    /// θ of the first directions of a substep.
+    pub(super) fn first_theta(&self) -> f32 {
+        if !self.is_calibrated() {
+            return 1.0;
+        }
+        let default = if self.surface_tension.is_some() { 1.0 } else { IMPLICITNESS };
+        self.implicitness.unwrap_or(default)
+    }
+
+    /// Average deviation of liquid at rest; `None`: a fixed number of iterations.
+    pub(super) fn target(&self) -> Option<f64> {
+        match (self.iterations, self.density_dev) {
+            (Some(_), _) => None,
+            (None, dev) => Some(f64::from(dev.unwrap_or(Self::DEFAULT_DENSITY_DEV))),
+        }
+    }
 }
 
 /// A channel that cached particles have only if the preset names it.

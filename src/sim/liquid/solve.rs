@@ -52,6 +52,15 @@ pub(super) struct Directions<'a> {
     pub(super) x: &'a [Vec3],
 }
 
+/// Average deviations of a density solve [1].
+#[derive(Clone, Copy)]
+pub(super) struct Target {
+    /// The iteration stops here.
+    pub(super) stop: f64,
+    /// A substep that ends above is counted as unconverged.
+    pub(super) limit: f64,
+}
+
 /// State of the solver within a substep.
 #[derive(Debug, Default)]
 pub(super) struct Solver {

@@ -1,0 +1,45 @@
+//! Relaxation of the seeded positions, for liquid that nothing moves.
+
+use super::{
+    Clock, Kernel, Liquid, LiquidRecord, Stop, Watch, accelerated::MIN_SIGNIFICANT_ERROR, jacobi, setup,
+};
+
+/// Most Jacobi iterations that correct the deviations of the seeded positions; a ball takes about ten.
+const MAX_RELAXATION_ITERATIONS: u32 = 20;
+
+impl Liquid {
+    /// Corrects the deviations of the seeded positions without a velocity, in liquid without gravity and tension. In the first
+    /// substep the corrections at the steps of a ball's surface would be velocities of 4 to 9 mm/s, with which it drifts apart for
+    /// ever. Under gravity they are lost in the motion, and a seeding lattice that falls onto the floor from wall to wall is better
+    /// not disturbed. What is left after the last iteration is corrected by the first substep.
+    pub(super) fn relax(
+        &mut self,
+        clock: &mut Clock,
+        record: &mut LiquidRecord,
+        watch: &mut dyn Watch,
+    ) -> Result<(), Stop> {
+        if self.params.target().is_none() || self.params.kernel != Kernel::Wendland {
+            return Ok(()); // as in the paper; its kernels are never at rest
+        }
+        self.walls.move_to(0.0);
+        self.list_positions(clock)?;
+        let setup = setup(&self.params, &self.rest, &self.walls);
+        for _ in 0..MAX_RELAXATION_ITERATIONS {
+            self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(1, cell))?;
+            if watch.is_cancelled() {
+                return Err(Stop::Interrupted);
+            }
+            let residual = clock.time("solve", || jacobi::evaluate(&mut self.solver, &setup));
+            if !residual.average.is_finite() {
+                return Err(self.undefined_constraint(1).into());
+            }
+            if residual.average <= MIN_SIGNIFICANT_ERROR {
+                break;
+            }
+            clock.time("solve", || self.solver.correct(&setup));
+            record.iterations += 1;
+        }
+        std::mem::swap(&mut self.x, &mut self.solver.p);
+        Ok(())
+    }
+}
