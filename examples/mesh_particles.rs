@@ -16,7 +16,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let particles = import::read_particles(Path::new(file))?.stream;
     let surface =
         mesh::reconstruct(&particles, spacing.parse()?, &SurfaceParams::default(), &CancelToken::new())?;
-    let bytes = ply::write(&surface.mesh, Path::new(out), &[])?;
-    println!("{} particles, {} triangles, {bytes} bytes", particles.len(), surface.mesh.triangles.len());
+    let written = ply::write(&surface.mesh, Path::new(out), &[])?;
+    println!(
+        "{} particles, {} triangles, {} bytes",
+        particles.len(),
+        surface.mesh.triangles.len(),
+        written.bytes
+    );
     Ok(())
 }

@@ -9,6 +9,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use crate::par;
+use xxhash_rust::xxh3::Xxh3;
 
 /// How every temporary ends; nothing else in a folder of ours does.
 const SUFFIX: &str = ".meniscus-tmp";
@@ -21,7 +22,17 @@ const BUFFER: usize = 1 << 20;
 /// 1.3 s. Fewer, and the file system's own book-keeping is written again and again; more, and more is left for the end.
 const SYNCED: usize = 16 << 20;
 
-/// Writes the file `path` through `write`, whole or not at all, and returns its size \[bytes\].
+/// A file that was written whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct WrittenFile {
+    /// Size of the file \[bytes\].
+    pub bytes: u64,
+    /// xxh3-64 of the bytes.
+    pub checksum: u64,
+}
+
+/// Writes the file `path` through `write`, whole or not at all.
 ///
 /// The folder must exist. The temporary is named `.NAME.PID-N.meniscus-tmp`; it is removed if anything fails,
 /// and an older file at `path` then stays as it was.
@@ -31,12 +42,33 @@ const SYNCED: usize = 16 << 20;
 pub(crate) fn write_atomically(
     path: &Path,
     write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
-) -> io::Result<u64> {
+) -> io::Result<WrittenFile> {
+    prepare(path, write)?.commit()
+}
+
+/// A file whose bytes are on the disk, under a temporary name. It is removed on drop unless it was committed.
+pub(crate) struct PreparedFile {
+    temporary: Temporary,
+    path: PathBuf,
+    written: WrittenFile,
+}
+
+/// Writes the file `path` through `write` under a temporary name. What has to be recorded of it before it is there is recorded
+/// between this and [`PreparedFile::commit`].
+///
+/// # Errors
+/// As [`write_atomically`].
+pub(crate) fn prepare(
+    path: &Path,
+    write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
+) -> io::Result<PreparedFile> {
     let (file, temporary) = create_temporary(path)?;
+    let mut hash = Xxh3::new();
     let (written, synced) = par::aside(
         || file.sync_data(),
         |sync| {
-            let mut writer = BufWriter::with_capacity(BUFFER, Early { out: &file, sync, unsynced: 0 });
+            let early = Early { out: &file, sync, unsynced: 0, hash: &mut hash };
+            let mut writer = BufWriter::with_capacity(BUFFER, early);
             write(&mut writer)?;
             writer.flush()
         },
@@ -44,11 +76,25 @@ pub(crate) fn write_atomically(
     // The system reports a failure once: at the end it would be lost.
     written.and(synced)?;
     file.sync_all()?;
-    let bytes = file.metadata()?.len();
-    drop(file);
-    temporary.rename(path)?;
-    sync_folder(folder_of(path))?;
-    Ok(bytes)
+    let written = WrittenFile { bytes: file.metadata()?.len(), checksum: hash.digest() };
+    Ok(PreparedFile { temporary, path: path.into(), written })
+}
+
+impl PreparedFile {
+    /// What was written.
+    pub(crate) fn written(&self) -> WrittenFile {
+        self.written
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// Whatever the system reports.
+    pub(crate) fn commit(self) -> io::Result<WrittenFile> {
+        self.temporary.rename(&self.path)?;
+        sync_folder(folder_of(&self.path))?;
+        Ok(self.written)
+    }
 }
 
 /// A file whose bytes are sent to the disk while more are written: else the disk stands still until the end, and all threads wait
@@ -58,11 +104,14 @@ struct Early<'a, W> {
     /// Called when there is enough to send.
     sync: &'a mut (dyn FnMut() + Send),
     unsynced: usize,
+    /// Of all bytes so far.
+    hash: &'a mut Xxh3,
 }
 
 impl<W: Write> Write for Early<'_, W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let count = self.out.write(bytes)?;
+        self.hash.update(&bytes[..count]);
         self.unsynced += count;
         if self.unsynced >= SYNCED {
             self.unsynced = 0;
@@ -187,15 +236,18 @@ mod tests {
     fn a_file_appears_whole_and_replaces_the_old_one() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("a.bin");
-        assert_eq!(write_atomically(&path, |out| out.write_all(b"old")).unwrap(), 3);
-        let bytes = write_atomically(&path, |out| {
+        let old = write_atomically(&path, |out| out.write_all(b"old")).unwrap();
+        assert_eq!((old.bytes, old.checksum), (3, xxhash_rust::xxh3::xxh3_64(b"old")));
+        let written = write_atomically(&path, |out| {
             out.write_all(b"new ")?;
             // Until the end the old content is what a reader sees.
             assert_eq!(fs::read(&path).unwrap(), b"old");
             out.write_all(&[7; 3_000_000])
-        });
-        assert_eq!(bytes.unwrap(), 3_000_004);
-        assert_eq!(fs::read(&path).unwrap().len(), 3_000_004);
+        })
+        .unwrap();
+        let found = fs::read(&path).unwrap();
+        assert_eq!((written.bytes, found.len()), (3_000_004, 3_000_004));
+        assert_eq!(written.checksum, xxhash_rust::xxh3::xxh3_64(&found));
         assert_eq!(names(dir.path()), ["a.bin"]);
     }
 
@@ -217,10 +269,23 @@ mod tests {
     }
 
     #[test]
+    fn a_prepared_file_has_its_name_only_when_it_is_committed() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.bin");
+        drop(prepare(&path, |out| out.write_all(b"new")).unwrap());
+        assert!(names(dir.path()).is_empty());
+        let prepared = prepare(&path, |out| out.write_all(b"new")).unwrap();
+        assert!(!path.exists());
+        assert_eq!(prepared.written().bytes, 3);
+        prepared.commit().unwrap();
+        assert_eq!(names(dir.path()), ["a.bin"]);
+    }
+
+    #[test]
     fn bytes_are_sent_to_the_disk_while_more_are_written() {
-        let (mut out, mut synced) = (Vec::new(), 0);
+        let (mut out, mut synced, mut hash) = (Vec::new(), 0, Xxh3::new());
         let mut sync = || synced += 1;
-        let mut early = Early { out: &mut out, sync: &mut sync, unsynced: 0 };
+        let mut early = Early { out: &mut out, sync: &mut sync, unsynced: 0, hash: &mut hash };
         let chunk = vec![7; SYNCED / 4 + 1];
         for _ in 0..9 {
             early.write_all(&chunk).unwrap();

@@ -19,15 +19,15 @@ pub enum CacheError {
     },
     /// Another process writes this cache.
     #[error(
-        "{path}: locked by process {pid}, expected no other process to write this folder; \
+        "{path}: locked by {holder}, expected no other process to write this folder; \
          wait for that process or stop it, then run the same command again",
         path = path.display()
     )]
     Locked {
         /// The lock file.
         path: PathBuf,
-        /// The process number that the lock file holds, or "unknown".
-        pid: String,
+        /// The process that the lock file names, its host and for how long, as text.
+        holder: String,
     },
     /// Bytes are not those that were written.
     #[error(
@@ -45,6 +45,19 @@ pub enum CacheError {
         /// What was expected.
         expected: String,
     },
+    /// The file is another frame than its name states.
+    #[error(
+        "{path}: frame {found} under the name of frame {expected}; give it its own name again, or delete it and simulate again",
+        path = path.display()
+    )]
+    Misplaced {
+        /// The file.
+        path: PathBuf,
+        /// The frame that its header names.
+        found: u32,
+        /// The frame that its name states.
+        expected: u32,
+    },
     /// The file is of another version of the format.
     #[error(
         "{path}: format version {found}, expected {expected}; read it with the version of meniscus that \
@@ -59,10 +72,10 @@ pub enum CacheError {
         /// The version that this build reads and writes.
         expected: u32,
     },
-    /// The frame belongs to other settings than those given.
+    /// The frame is of another simulation: of other settings, or of another shot.
     #[error(
-        "{path}: made with other settings (key {found:016x}), expected key {expected:016x}; \
-         simulate again with --force, or write to another folder with -o",
+        "{path}: a frame of another simulation (key {found:016x}), expected key {expected:016x}; \
+         delete this frame and simulate again",
         path = path.display()
     )]
     Stale {
@@ -73,10 +86,10 @@ pub enum CacheError {
         /// The key of the settings given.
         expected: u64,
     },
-    /// The disk or the quota is full.
+    /// The disk, the quota or the limit of the size of a file is full.
     #[error(
-        "{path}: disk full ({source}), expected space for the whole frame; no partial frame was left: \
-         free some space and run the same command again to resume",
+        "{path}: no space ({source}), expected space for the whole frame; no partial frame was left: \
+         free some space, or raise the quota or `ulimit -f`, and run the same command again to resume",
         path = path.display()
     )]
     Full {
@@ -106,13 +119,19 @@ impl CacheError {
     pub(super) fn from_io(path: &Path, doing: &'static str, source: io::Error) -> Self {
         let path = path.to_path_buf();
         match source.kind() {
-            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => Self::Full { path, source },
+            _ if is_full(&source) => Self::Full { path, source },
             io::ErrorKind::NotFound => {
                 Self::NotFound { path, found: "nothing there", expected: "a cache or one of its frames" }
             }
             _ => Self::Io { path, doing, source },
         }
     }
+}
+
+/// Whether an error of the system reports that a disk, a quota, or the limit of the size of a file is full.
+pub(crate) fn is_full(error: &io::Error) -> bool {
+    use io::ErrorKind::{FileTooLarge, QuotaExceeded, StorageFull};
+    matches!(error.kind(), StorageFull | QuotaExceeded | FileTooLarge)
 }
 
 /// A fault of some bytes, without the name of their file.

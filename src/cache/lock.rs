@@ -1,47 +1,108 @@
-//! One writer per cache.
+//! One writer per cache, and several of products that share a folder.
 
-use super::CacheError;
-use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{self, Read, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use super::{CacheError, open::open_own};
+use std::{
+    fs::{self, File, OpenOptions, TryLockError},
+    io::{self, ErrorKind, Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+    thread,
+    time::{Duration, Instant, SystemTime, UNIX_EPOCH},
+};
 
-/// The right to write a cache folder, held until dropped.
+/// The right to write a folder, held until dropped.
 ///
 /// The lock is the operating system's, on the file `.lock` in the folder; it ends with the process, however the
-/// process ends, so a crash never leaves a folder locked. The file stays, its text names the process that holds
-/// the lock now.
+/// process ends, so a crash never leaves a folder locked. The file stays; its text names the process that took
+/// the lock last: process number, host, and seconds since 1970.
+///
+/// Some network file systems have no locks. There the folder is written all the same, and [`Lock::is_held`] is false.
 #[derive(Debug)]
 pub struct Lock {
     file: File,
+    is_held: bool,
+    is_shared: bool,
 }
 
+/// Time after which a process that waits for a lock reports it, and after which it gives up.
+#[derive(Clone, Copy)]
+struct Patience {
+    announce: Duration,
+    limit: Duration,
+}
+
+/// A lock to wait for is held for moments, while a small file is written. Two minutes are many times what a slow disk takes,
+/// and no night.
+const PATIENCE: Patience = Patience { announce: Duration::from_secs(2), limit: Duration::from_secs(120) };
+
+/// Time between two attempts.
+const PAUSE: Duration = Duration::from_millis(20);
+
 impl Lock {
-    /// Makes `dir` if it is not there and takes its lock.
+    /// Makes `dir` if it is not there and takes its lock, which no other process then holds.
     ///
     /// # Errors
-    /// [`CacheError::Locked`] with the holder's process number, or what the system reports.
+    /// [`CacheError::Locked`] with the holder, or what the system reports.
     pub fn acquire(dir: &Path) -> Result<Self, CacheError> {
-        let (mut file, path) = open(dir)?;
-        let failed = |error| CacheError::from_io(&path, "take the lock", error);
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(CacheError::Locked { pid: holder(&mut file), path }),
-            Err(TryLockError::Error(error)) => return Err(failed(error)),
-        }
-        sign(&mut file).map_err(failed)?;
-        Ok(Self { file })
+        Self::take(dir, false)
     }
 
-    /// As [`Lock::acquire`], but waits while another process holds the lock: for what is held for moments only.
+    /// As [`Lock::acquire`], but other processes may share the lock.
     ///
     /// # Errors
-    /// What the system reports.
-    pub fn wait(dir: &Path) -> Result<Self, CacheError> {
+    /// As [`Lock::acquire`].
+    pub(crate) fn share(dir: &Path) -> Result<Self, CacheError> {
+        Self::take(dir, true)
+    }
+
+    /// As [`Lock::acquire`], but waits while another process holds the lock, two minutes at most: for what is held for
+    /// moments only. `announce` gets a line when it waits.
+    ///
+    /// # Errors
+    /// As [`Lock::acquire`].
+    pub(crate) fn wait(dir: &Path, announce: &dyn Fn(&str)) -> Result<Self, CacheError> {
+        Self::wait_with(PATIENCE, dir, announce)
+    }
+
+    fn wait_with(patience: Patience, dir: &Path, announce: &dyn Fn(&str)) -> Result<Self, CacheError> {
+        let start = Instant::now();
+        let mut is_announced = false;
+        loop {
+            match Self::acquire(dir) {
+                Err(CacheError::Locked { path, holder }) if start.elapsed() < patience.limit => {
+                    if start.elapsed() >= patience.announce && !is_announced {
+                        is_announced = true;
+                        let limit = patience.limit.as_secs();
+                        announce(&format!(
+                            "{}: waiting for {holder} to release this lock, {limit} s at most",
+                            path.display()
+                        ));
+                    }
+                    thread::sleep(PAUSE);
+                }
+                taken => return taken,
+            }
+        }
+    }
+
+    /// Whether other processes are kept out: false where the file system has no locks.
+    pub(crate) fn is_held(&self) -> bool {
+        self.is_held
+    }
+
+    fn take(dir: &Path, is_shared: bool) -> Result<Self, CacheError> {
         let (mut file, path) = open(dir)?;
-        file.lock()
-            .and_then(|()| sign(&mut file))
-            .map_err(|error| CacheError::from_io(&path, "take the lock", error))?;
-        Ok(Self { file })
+        let failed = |error| CacheError::from_io(&path, "take the lock", error);
+        let taken = if is_shared { file.try_lock_shared() } else { file.try_lock() };
+        let is_held = match taken {
+            Ok(()) => true,
+            Err(TryLockError::WouldBlock) => {
+                return Err(CacheError::Locked { holder: holder(&mut file), path });
+            }
+            Err(TryLockError::Error(error)) if has_no_locks(&error) => false,
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        };
+        sign(&mut file).map_err(failed)?;
+        Ok(Self { file, is_held, is_shared })
     }
 }
 
@@ -49,64 +110,142 @@ impl Lock {
 fn open(dir: &Path) -> Result<(File, PathBuf), CacheError> {
     fs::create_dir_all(dir).map_err(|error| CacheError::from_io(dir, "make the folder", error))?;
     let path = dir.join(".lock");
-    let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
+    let opened = open_own(&path, OpenOptions::new().read(true).write(true).create(true).truncate(false));
     let file = opened.map_err(|error| CacheError::from_io(&path, "take the lock", error))?;
     Ok((file, path))
 }
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // The text is advice for people; closing the file releases the lock whether or not this succeeds.
-        let _ = self.file.set_len(0);
+        // The text is advice for people; closing the file releases the lock whether or not this succeeds. Others that share
+        // the lock may have signed since.
+        if !self.is_shared {
+            let _ = self.file.set_len(0);
+        }
     }
 }
 
-/// Writes this process's number into the lock file.
-fn sign(file: &mut File) -> io::Result<()> {
-    file.set_len(0)?;
-    file.seek(SeekFrom::Start(0))?;
-    writeln!(file, "{}", std::process::id())
+/// Whether the file system has no locks, as some that are mounted from other hosts.
+fn has_no_locks(error: &io::Error) -> bool {
+    #[cfg(unix)]
+    let is_out_of_locks = error.raw_os_error() == Some(rustix::io::Errno::NOLCK.raw_os_error());
+    #[cfg(not(unix))]
+    let is_out_of_locks = false;
+    is_out_of_locks || error.kind() == ErrorKind::Unsupported
 }
 
-/// The process number in a lock file, as far as it can be read.
+/// Writes into the lock file which process holds it.
+fn sign(file: &mut File) -> io::Result<()> {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+    file.set_len(0)?;
+    file.seek(SeekFrom::Start(0))?;
+    writeln!(file, "{} {} {since}", std::process::id(), host())
+}
+
+/// The name of this computer, without characters that are none of a name.
+fn host() -> String {
+    #[cfg(unix)]
+    let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
+    #[cfg(not(unix))]
+    let name = std::env::var("COMPUTERNAME").unwrap_or_default();
+    let plain: String = name.chars().filter(|&c| is_of_name(c)).take(64).collect();
+    if plain.is_empty() { "unknown".into() } else { plain }
+}
+
+fn is_of_name(c: char) -> bool {
+    c.is_ascii_alphanumeric() || "-._".contains(c)
+}
+
+/// The process that a lock file names, as far as it can be read.
 fn holder(file: &mut File) -> String {
     let mut text = Vec::new();
-    let pid = match file.take(64).read_to_end(&mut text) {
-        Ok(_) => String::from_utf8_lossy(&text).trim().to_owned(),
-        Err(_) => String::new(),
-    };
-    if !pid.is_empty() && pid.bytes().all(|byte| byte.is_ascii_digit()) { pid } else { "unknown".to_owned() }
+    let read = file.seek(SeekFrom::Start(0)).and_then(|_| file.take(256).read_to_end(&mut text));
+    let text = String::from_utf8_lossy(&text);
+    let is_number = |field: &&str| !field.is_empty() && field.bytes().all(|byte| byte.is_ascii_digit());
+    let fields: Vec<&str> = text.split_whitespace().collect();
+    match *fields {
+        [pid, host, since] if read.is_ok() && is_number(&pid) && host.chars().all(is_of_name) => {
+            let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
+            let age = since.parse::<u64>().ok().and_then(|since| now.checked_sub(since));
+            format!(
+                "process {pid} on {host}{}",
+                age.map_or_else(String::new, |age| format!(", since {age} s"))
+            )
+        }
+        _ => "an unknown process".into(),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::par;
+    use std::sync::Mutex;
 
     #[test]
     fn a_second_holder_is_refused_and_the_first_is_named() {
         let dir = tempfile::tempdir().unwrap();
         let folder = dir.path().join("shot").join("cache");
         let first = Lock::acquire(&folder).unwrap();
-        let Err(CacheError::Locked { pid, path }) = Lock::acquire(&folder) else { panic!("locked twice") };
-        assert_eq!(pid, std::process::id().to_string());
+        assert!(first.is_held());
+        let Err(CacheError::Locked { holder, path }) = Lock::acquire(&folder) else { panic!("locked twice") };
+        assert!(holder.starts_with(&format!("process {} on ", std::process::id())), "{holder}");
+        assert!(holder.ends_with(" s"), "{holder}");
         assert_eq!(path, folder.join(".lock"));
-        crate::par::with_threads(2, || {
-            crate::par::join(|| drop(Lock::wait(&folder).unwrap()), move || drop(first));
+        par::with_threads(2, || {
+            par::join(|| drop(Lock::wait(&folder, &|_| ()).unwrap()), move || drop(first));
         });
         drop(Lock::acquire(&folder).unwrap());
     }
 
     #[test]
+    fn a_wait_is_announced_once_and_ends() {
+        let dir = tempfile::tempdir().unwrap();
+        let _first = Lock::acquire(dir.path()).unwrap();
+        let patience = Patience { announce: PAUSE, limit: 10 * PAUSE };
+        let lines = Mutex::new(Vec::new());
+        let waited =
+            Lock::wait_with(patience, dir.path(), &|line| lines.lock().unwrap().push(line.to_owned()));
+        assert!(matches!(waited, Err(CacheError::Locked { .. })), "{waited:?}");
+        let lines = lines.into_inner().unwrap();
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].contains(&format!("waiting for process {} on", std::process::id())), "{lines:?}");
+    }
+
+    #[test]
+    fn several_share_a_lock_that_one_alone_cannot_take() {
+        let dir = tempfile::tempdir().unwrap();
+        let both = [Lock::share(dir.path()).unwrap(), Lock::share(dir.path()).unwrap()];
+        assert!(matches!(Lock::acquire(dir.path()), Err(CacheError::Locked { .. })));
+        drop(both);
+        let _one = Lock::acquire(dir.path()).unwrap();
+        assert!(matches!(Lock::share(dir.path()), Err(CacheError::Locked { .. })));
+    }
+
+    #[test]
     fn an_old_lock_file_does_not_lock() {
         let dir = tempfile::tempdir().unwrap();
-        fs::write(dir.path().join(".lock"), "999999999999 and more text that a longer process name left")
-            .unwrap();
+        let path = dir.path().join(".lock");
+        fs::write(&path, "999999999999 and more text that a longer process name left").unwrap();
         let lock = Lock::acquire(dir.path()).unwrap();
-        assert_eq!(
-            fs::read_to_string(dir.path().join(".lock")).unwrap(),
-            format!("{}\n", std::process::id())
-        );
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.starts_with(&format!("{} ", std::process::id())) && text.len() < 100, "{text}");
         drop(lock);
+        assert_eq!(fs::read(&path).unwrap(), b"");
+    }
+
+    #[test]
+    fn what_a_lock_file_names_is_shown_only_if_it_is_a_process() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join(".lock");
+        let named = |text: &[u8]| {
+            fs::write(&path, text).unwrap();
+            holder(&mut File::open(&path).unwrap())
+        };
+        assert_eq!(named(b"12 render-7.farm 99999999999999999"), "process 12 on render-7.farm");
+        for odd in [&b"12"[..], b"x y 5", b"12 \x1b[31mred 5", b"\xff\xfe", b"12 a b 5"] {
+            assert_eq!(named(odd), "an unknown process");
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ mod error;
 mod folder;
 mod format;
 mod lock;
+mod open;
 mod read;
 mod samples;
 mod write;
@@ -20,11 +21,15 @@ mod write;
 #[cfg(test)]
 mod tests;
 
+pub use atomic::WrittenFile;
 pub(crate) use atomic::{remove_temporaries, write_atomically};
 pub use error::CacheError;
+pub(crate) use error::is_full;
 pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
 pub use lock::Lock;
+pub(crate) use open::{checksum, create_own_folder, open_to_append, read_text};
 pub use read::{read_frame, read_header, verify_frame};
 pub(crate) use samples::{read_samples, write_samples};
+pub(crate) use write::prepare_frame;
 pub use write::write_frame;

@@ -11,6 +11,7 @@ use super::format::{
     CHUNK_HEAD, ChannelKind, END, FORMAT_VERSION, FrameInfo, Head, MAGIC, MIN_STORED, PROLOGUE, StreamInfo,
     TRAILER, head_checksum, parse_header,
 };
+use super::open::open_to_read;
 use crate::frame::{ChannelData, Frame, Stream};
 use crate::math::Vec3;
 use crate::par;
@@ -79,7 +80,7 @@ pub(super) struct Source<'a, R> {
 impl<'a> Source<'a, File> {
     fn open(path: &'a Path) -> Result<Self, CacheError> {
         let failed = |error| CacheError::from_io(path, "open the frame", error);
-        let file = File::open(path).map_err(failed)?;
+        let file = open_to_read(path).map_err(failed)?;
         let bytes = file.metadata().map_err(failed)?.len();
         Ok(Self { reader: file, path, bytes })
     }
@@ -180,10 +181,11 @@ impl<'a, R: Read + Seek> Source<'a, R> {
     /// Compares the header's frame number with the file's name, where the name is one of ours.
     fn check_index(&self, head: &Head) -> Result<(), CacheError> {
         match index_of(self.path) {
-            Some(named) if named != head.info.index => {
-                let expected = format!("{}, as the file is named", named.0);
-                Err(self.corrupt("header, frame number", head.info.index.0.to_string(), expected))
-            }
+            Some(named) if named != head.info.index => Err(CacheError::Misplaced {
+                path: self.path.to_path_buf(),
+                found: head.info.index.0,
+                expected: named.0,
+            }),
             _ => Ok(()),
         }
     }

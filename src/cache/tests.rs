@@ -2,7 +2,7 @@
 
 use super::format::{END, FORMAT_VERSION, MAGIC, PROLOGUE, head_bytes, head_checksum, trailer_bytes};
 use super::read::Source;
-use super::write::{encode, write_through};
+use super::write::{PreparedFrame, encode, write_through};
 use super::*;
 use crate::frame::{ChannelData, Frame, FrameIndex, Stream, StreamKind};
 use crate::math::Vec3;
@@ -314,12 +314,16 @@ fn a_full_disk_keeps_the_old_frame_and_leaves_no_part() {
     let old = fs::read(&path).unwrap();
     let whole = bytes_of(&frame(1, 20)).len();
     for space in [0, 10, 100, whole - 1] {
-        let result = write_through(&path, |out| encode(&mut Failing { out, space }, &frame(1, 20), KEY));
+        let result =
+            write_through(path.clone(), |out| encode(&mut Failing { out, space }, &frame(1, 20), KEY))
+                .and_then(PreparedFrame::commit);
         assert!(matches!(&result, Err(CacheError::Full { path: place, .. }) if *place == path), "{result:?}");
         assert_eq!(fs::read(&path).unwrap(), old);
         assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 1);
     }
-    let result = write_through(&path, |out| encode(&mut Failing { out, space: whole }, &frame(1, 20), KEY));
+    let result =
+        write_through(path.clone(), |out| encode(&mut Failing { out, space: whole }, &frame(1, 20), KEY))
+            .and_then(PreparedFrame::commit);
     assert_eq!(result.unwrap(), whole as u64);
 }
 

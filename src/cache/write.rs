@@ -2,11 +2,15 @@
 
 use super::chunks::{Seal, pack, words};
 use super::format::{CHUNK_ENTRIES, ChannelKind, TRAILER, head_bytes, trailer_bytes};
-use super::{CacheError, frame_path, write_atomically};
+use super::{
+    CacheError,
+    atomic::{PreparedFile, prepare},
+    frame_path,
+};
 use crate::frame::{ChannelData, Frame};
 use crate::par;
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Chunks packed at once: bounds the memory to 64 × 768 KiB however long the column is, and is work enough for
 /// 64 threads.
@@ -23,15 +27,52 @@ const BATCH: usize = 64;
 /// # Panics
 /// If two streams of the frame share a name.
 pub fn write_frame(dir: &Path, frame: &Frame, key: u64) -> Result<u64, CacheError> {
-    write_through(&frame_path(dir, frame.index), |out| encode(out, frame, key))
+    prepare_frame(dir, frame, key)?.commit()
+}
+
+/// A frame whose bytes are on the disk, under a temporary name. It is removed on drop unless it was committed.
+pub(crate) struct PreparedFrame {
+    path: PathBuf,
+    file: PreparedFile,
+}
+
+/// Writes `frame` as [`write_frame`], but under a temporary name.
+///
+/// # Errors
+/// As [`write_frame`].
+///
+/// # Panics
+/// As [`write_frame`].
+pub(crate) fn prepare_frame(dir: &Path, frame: &Frame, key: u64) -> Result<PreparedFrame, CacheError> {
+    write_through(frame_path(dir, frame.index), |out| encode(out, frame, key))
 }
 
 /// Writes a file through `write` and sorts out what went wrong.
 pub(super) fn write_through(
-    path: &Path,
+    path: PathBuf,
     write: impl FnOnce(&mut (dyn Write + Send)) -> io::Result<()>,
-) -> Result<u64, CacheError> {
-    write_atomically(path, write).map_err(|error| CacheError::from_io(path, "write the frame", error))
+) -> Result<PreparedFrame, CacheError> {
+    let file = prepare(&path, write).map_err(|error| CacheError::from_io(&path, DOING, error))?;
+    Ok(PreparedFrame { path, file })
+}
+
+/// What fails, in messages.
+const DOING: &str = "write the frame";
+
+impl PreparedFrame {
+    /// The size of the file [bytes].
+    pub(crate) fn bytes(&self) -> u64 {
+        self.file.written().bytes
+    }
+
+    /// Gives the frame its name, and returns the size of the file [bytes].
+    ///
+    /// # Errors
+    /// As [`write_frame`].
+    pub(crate) fn commit(self) -> Result<u64, CacheError> {
+        let written = self.file.commit();
+        written.map(|written| written.bytes).map_err(|error| CacheError::from_io(&self.path, DOING, error))
+    }
 }
 
 /// Writes the container.

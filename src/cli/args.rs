@@ -30,9 +30,9 @@ pub(super) struct Cli {
     #[command(subcommand)]
     pub(super) verb: Verb,
 
-    /// Threads to compute with; 0 uses every core. Results are the same bytes for any number
-    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
-    pub(super) threads: usize,
+    /// Threads to compute with, at most 1024; 0 uses every core. Results are the same bytes for any number
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
+    pub(super) threads: u16,
 
     /// How progress is shown on stderr: a bar on terminals, plain lines elsewhere
     #[arg(long, global = true, default_value = "auto", value_name = "HOW")]
@@ -75,7 +75,7 @@ pub(super) enum Verb {
     Export(ExportArgs),
     /// List what is in a shot folder
     Info(InfoArgs),
-    /// Read every cached frame whole and report which are valid, missing or corrupt
+    /// Read every frame and output whole and report which are valid, missing, corrupt, stale or foreign
     Verify(InfoArgs),
     /// List, show or copy the built-in presets
     Presets(PresetsArgs),

@@ -1,10 +1,10 @@
 //! Exit codes: the result of a command for a farm wrapper that does not read the log.
 
 use crate::{
-    cache::CacheError,
+    cache::{CacheError, is_full},
     run::{Failure, RunError},
 };
-use std::{io, io::ErrorKind, process::ExitCode};
+use std::{io, process::ExitCode};
 
 /// The preset, or the command line, is not right.
 pub(super) const USAGE: u8 = 2;
@@ -18,18 +18,21 @@ pub(super) fn code(error: &RunError) -> ExitCode {
             CacheError::Locked { .. } => 11,
             CacheError::Corrupt { .. } => 12,
             CacheError::Version { .. } => 13,
-            CacheError::Stale { .. } => OTHER_SETTINGS,
+            CacheError::Stale { .. } | CacheError::Misplaced { .. } => OTHER_SETTINGS,
             CacheError::Full { .. } => DISK_FULL,
             CacheError::Io { .. } => 1,
         },
-        RunError::SomeFailed { failed, .. } => {
+        RunError::SomeFailed { failed, .. } | RunError::NotValid { failed, .. } => {
+            // The gravest first.
+            let codes = [
+                (Failure::Corrupt, 12),
+                (Failure::Version, 13),
+                (Failure::Foreign, OTHER_SETTINGS),
+                (Failure::Memory, OVER_MEMORY),
+                (Failure::Missing, 10),
+            ];
             let any = |kind: Failure| failed.iter().any(|frame| frame.kind == kind);
-            match (any(Failure::Corrupt), any(Failure::Version), any(Failure::Memory)) {
-                (true, ..) => 12,
-                (_, true, _) => 13,
-                (.., true) => OVER_MEMORY,
-                _ => 3,
-            }
+            codes.into_iter().find(|&(kind, _)| any(kind)).map_or(3, |(_, code)| code)
         }
         RunError::OtherSettings { .. } => OTHER_SETTINGS,
         RunError::Diverged { .. } => 20,
@@ -41,7 +44,7 @@ pub(super) fn code(error: &RunError) -> ExitCode {
     })
 }
 
-/// The cached frames were made with other settings.
+/// Cached frames or files are of other settings, of another shot, or of another frame.
 const OTHER_SETTINGS: u8 = 14;
 
 /// The disk is full.
@@ -54,8 +57,5 @@ const OVER_MEMORY: u8 = 33;
 pub(super) const INTERRUPTED: u8 = 130;
 
 fn of_io(error: &io::Error) -> u8 {
-    match error.kind() {
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => DISK_FULL,
-        _ => 1,
-    }
+    if is_full(error) { DISK_FULL } else { 1 }
 }

@@ -1,15 +1,16 @@
 //! `meniscus info` and `meniscus verify`.
 
 use super::{args::InfoArgs, output::print};
-use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder};
+use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder, Stage, Verification};
+use std::collections::BTreeMap;
 
-/// Lists what is in a shot folder; `whole` reads every frame to its last byte.
-pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
-    let info = run::info(&ShotFolder::around(&args.folder), whole)?;
+/// Lists what is in a shot folder.
+pub(super) fn info(args: &InfoArgs) -> Result<(), RunError> {
+    let info = run::info(&ShotFolder::around(&args.folder))?;
     if args.json {
-        print(&serde_json::to_string_pretty(&info).expect("facts are plain data"))?;
+        print(&serde_json::to_string_pretty(&info).expect("facts are plain data"));
     } else {
-        print(&describe(&info, whole))?;
+        print(&describe(&info));
     }
     let failed: Vec<FailedFrame> = info
         .frames
@@ -25,15 +26,41 @@ pub(super) fn info(args: &InfoArgs, whole: bool) -> Result<(), RunError> {
     }
 }
 
+/// Reads every file of a shot folder, and reports what is not as it was made.
+pub(super) fn verify(args: &InfoArgs) -> Result<(), RunError> {
+    let found = run::verify(&ShotFolder::around(&args.folder))?;
+    if args.json {
+        print(&serde_json::to_string_pretty(&found).expect("facts are plain data"));
+    } else {
+        print(&summary(&found));
+    }
+    found.failed().map_or(Ok(()), Err)
+}
+
+/// How many files are valid and how many are not, a line for each stage.
+fn summary(found: &Verification) -> String {
+    let line = |stage: &Stage| {
+        let mut others = BTreeMap::new();
+        for fault in &stage.faults {
+            *others.entry(fault.state.name()).or_insert(0_u64) += 1;
+        }
+        if stage.missing > 0 {
+            others.insert("missing", stage.missing);
+        }
+        let others: String = others.into_iter().map(|(name, count)| format!(", {count} {name}")).collect();
+        format!("{:<10} {} valid{others}: {}", stage.stage, stage.valid, stage.pattern)
+    };
+    [found.title.clone()].into_iter().chain(found.stages.iter().map(line)).collect::<Vec<_>>().join("\n")
+}
+
 /// What people read.
-fn describe(info: &Info, whole: bool) -> String {
+fn describe(info: &Info) -> String {
     let sound: Vec<&FrameState> = info.frames.iter().filter(|frame| frame.fault.is_none()).collect();
     let bytes: u64 = sound.iter().map(|frame| frame.bytes).sum();
     let mut lines = vec![info.title.clone()];
     lines.push(format!(
-        "frames     {} {}, {} missing{}{}",
+        "frames     {} present, {} missing{}{}",
         sound.len(),
-        if whole { "verified" } else { "present" },
         info.missing_count,
         match info.missing.len() {
             0 => String::new(),

@@ -18,7 +18,10 @@ mod volume;
 #[cfg(test)]
 pub(crate) use output::diagnostic;
 
-use crate::{par, run::Control};
+use crate::{
+    par,
+    run::{Control, RunError},
+};
 use args::{Cli, Verb};
 use clap::Parser;
 use std::process::ExitCode;
@@ -30,7 +33,7 @@ pub fn main() -> ExitCode {
     let reporter = progress::reporter(cli.progress);
     let control = Control { reporter: &*reporter, cancel: &cancel };
     let verb = cli.verb;
-    let outcome = par::with_threads(cli.threads, || match &verb {
+    let outcome = par::try_with_threads(cli.threads.into(), || match &verb {
         Verb::Shot(args) => shot::shot(args, control),
         Verb::Simulate(args) => shot::simulate(args, control),
         Verb::Plan(args) => plan::plan(args, control),
@@ -38,11 +41,17 @@ pub fn main() -> ExitCode {
         Verb::Mesh(args) => mesh::mesh(args, control),
         Verb::Volume(args) => volume::volume(args, control),
         Verb::Export(args) => export::export(args, control),
-        Verb::Info(args) => info::info(args, false),
-        Verb::Verify(args) => info::info(args, true),
+        Verb::Info(args) => info::info(args),
+        Verb::Verify(args) => info::verify(args),
         Verb::Presets(args) => presets::presets(args),
     });
-    match outcome {
+    let outcome = outcome.unwrap_or_else(|why| {
+        let threads = if cli.threads == 0 { "a thread for every core".into() } else { format!("{} threads", cli.threads) };
+        Err(RunError::Request(format!(
+            "the system refused to start {threads} ({why}); allow more processes (`ulimit -u`), or lower --threads"
+        )))
+    });
+    match outcome.and_then(|()| output::unprinted().map_or(Ok(()), Err)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             reporter.stop();

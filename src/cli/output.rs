@@ -3,6 +3,7 @@
 use super::args::ProgressStyle;
 use crate::{preset::SceneError, run::RunError, sim::ElementCount};
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
+use std::{io, sync::OnceLock};
 
 /// Prints a line on stderr; write errors on a closed stderr are ignored.
 pub(super) fn print_line(text: &str) {
@@ -69,17 +70,28 @@ pub(crate) fn diagnostic(error: &SceneError) -> String {
     blocks.join("\n\n")
 }
 
-/// Prints a result; a reader that went away (`meniscus info … | head`) is no failure.
-pub(super) fn print(text: &str) -> Result<(), RunError> {
-    use std::io::{ErrorKind, Write};
-    match writeln!(std::io::stdout(), "{}", text.trim_end()) {
-        Err(source) if source.kind() != ErrorKind::BrokenPipe => Err(RunError::File {
-            path: "standard output".into(),
-            source,
-            next: "send it to a place that can be written; what the job made is kept",
-        }),
-        _ => Ok(()),
+/// Why standard output could not be written, the first time.
+static UNPRINTED: OnceLock<io::Error> = OnceLock::new();
+
+/// Prints a result. A full disk behind standard output does not end a job, which may be of a whole night: it fails at its end
+/// ([`unprinted`]). A reader that went away (`meniscus info … | head`) is no failure.
+pub(super) fn print(text: &str) {
+    use std::io::Write;
+    if let Err(why) = writeln!(io::stdout(), "{}", text.trim_end())
+        && why.kind() != io::ErrorKind::BrokenPipe
+    {
+        let _ = UNPRINTED.set(why);
     }
+}
+
+/// The error of a job whose results could not all be printed.
+pub(super) fn unprinted() -> Option<RunError> {
+    let why = UNPRINTED.get()?;
+    Some(RunError::File {
+        path: "standard output".into(),
+        source: io::Error::new(why.kind(), why.to_string()),
+        next: "send it to a place that can be written; what the job made is kept",
+    })
 }
 
 /// Prints a line for the render farm's agent; write errors on a closed stdout are ignored.

@@ -20,10 +20,11 @@ pub(super) fn plan(args: &PlanArgs, control: Control) -> Result<(), RunError> {
     let selection = args.frames.clone().unwrap_or_else(|| scene.frames.clone());
     let plan = run::plan(&scene, &selection, args.max_memory, control)?;
     if args.json {
-        print(&serde_json::to_string_pretty(&plan).expect("a plan is plain data"))
+        print(&serde_json::to_string_pretty(&plan).expect("a plan is plain data"));
     } else {
-        print(&describe(&plan, scene.fps))
+        print(&describe(&plan, scene.fps));
     }
+    Ok(())
 }
 
 /// The plan as a table.

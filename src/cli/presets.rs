@@ -19,8 +19,8 @@ pub(super) fn presets(args: &PresetsArgs) -> Result<(), RunError> {
     match &args.verb {
         None | Some(PresetsVerb::List) => list(),
         Some(PresetsVerb::Show { name }) => {
-            let preset = builtin(name)?;
-            print(&preset.text)
+            print(&builtin(name)?.text);
+            Ok(())
         }
         Some(PresetsVerb::Copy { name, file }) => copy(name, file.clone()),
     }
@@ -29,7 +29,7 @@ pub(super) fn presets(args: &PresetsArgs) -> Result<(), RunError> {
 fn list() -> Result<(), RunError> {
     for (name, _) in scene::builtin::all() {
         let scene = Scene::from_preset(&builtin(name)?, &Overrides::default())?;
-        print(&format!("{name:<18} {} ({} frames)", scene.title, scene.frames.count()))?;
+        print(&format!("{name:<18} {} ({} frames)", scene.title, scene.frames.count()));
     }
     Ok(())
 }
@@ -56,7 +56,7 @@ fn copy(name: &str, file: Option<PathBuf>) -> Result<(), RunError> {
         let _ = std::fs::remove_file(&path);
         fail(source)
     })?;
-    print(&path.display().to_string())?;
+    print(&path.display().to_string());
     copy_assets(&preset, &path)
 }
 
@@ -78,7 +78,7 @@ fn copy_assets(preset: &Preset, target: &Path) -> Result<(), RunError> {
         }
         let mut file = OpenOptions::new().write(true).create_new(true).open(&path).map_err(fail)?;
         file.write_all(&asset.bytes).map_err(fail)?;
-        print(&path.display().to_string())?;
+        print(&path.display().to_string());
     }
     Ok(())
 }

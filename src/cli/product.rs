@@ -91,7 +91,7 @@ impl ProductVerb {
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<(), RunError> {
         run::make_products(ProductSelection::Verb(self.name), request, control, &mut |summary| {
-            summary.lines.iter().try_for_each(|line| print(line))
+            summary.lines.iter().for_each(|line| print(line));
         })
     }
 

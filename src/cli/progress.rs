@@ -120,13 +120,15 @@ impl Lines {
             Job { name: String::new(), frames: 0, percent: 0.0, running: false, last_print: Instant::now() };
         let output = Arc::new(Output { form, job: Mutex::new(job) });
         let listener = Arc::downgrade(&output);
-        std::thread::spawn(move || {
+        let speak_up = move || {
             while let Some(output) = listener.upgrade() {
                 output.break_silence();
                 drop(output);
                 std::thread::sleep(Duration::from_secs(1));
             }
-        });
+        };
+        // Without a thread the job is silent between its frames.
+        let _ = std::thread::Builder::new().spawn(speak_up);
         Self { output }
     }
 }

@@ -18,10 +18,11 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     let Some((scene, folder, selection)) = simulated(args, control, true)? else { return Ok(()) };
     let settings = &ProductSettings::of(&scene);
     if !run::is_any_requested(settings) {
-        return print(
+        print(
             "no output is named: add `mesh = [\"ply\"]`, `volume = [\"density\"]` or `sheet = [\"pc2\"]` under [output], or run \
              `meniscus mesh`, `meniscus volume` or `meniscus export` on the folder",
         );
+        return Ok(());
     }
     let batch = BatchRequest {
         selection: Some(selection),
@@ -39,9 +40,10 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         batch: &batch,
     };
     run::make_products(ProductSelection::Requested, &request, control, &mut |summary| {
-        summary.lines.iter().try_for_each(|line| print(line))
+        summary.lines.iter().for_each(|line| print(line));
     })?;
-    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()))
+    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()));
+    Ok(())
 }
 
 /// Fills the cache.
@@ -63,7 +65,7 @@ fn simulated(
         run::refuse_over_memory(&scene, &selection, with_outputs, allowed, control)?;
     }
     if args.dry_run {
-        describe(&scene, &selection, &run::outline(&scene, with_outputs, control)?)?;
+        describe(&scene, &selection, &run::outline(&scene, with_outputs, control)?);
         return Ok(None);
     }
     let folder = ShotFolder::new(match &args.output {
@@ -77,8 +79,8 @@ fn simulated(
         done.computed,
         done.bytes as f64 / f64::from(1 << 20),
         done.kept
-    ))?;
-    run::info(&folder, false)?.total_lines().try_for_each(|line| print(&line))?;
+    ));
+    run::info(&folder)?.total_lines().for_each(|line| print(&line));
     Ok(Some((scene, folder, selection)))
 }
 
@@ -104,7 +106,7 @@ pub(super) fn quality(tier: Tier) -> Quality {
 }
 
 /// What a dry run prints.
-fn describe(scene: &Scene, selection: &Frames, outline: &Outline) -> Result<(), RunError> {
+fn describe(scene: &Scene, selection: &Frames, outline: &Outline) {
     let mut lines = vec![scene.title.clone()];
     let mut row = |name: &str, text: String| lines.push(format!("{name:<10} {text}"));
     row("frames", format!("{selection} at {} fps", scene.fps));
@@ -117,5 +119,5 @@ fn describe(scene: &Scene, selection: &Frames, outline: &Outline) -> Result<(), 
     for remark in &outline.remarks {
         row("note", remark.clone());
     }
-    print(&lines.join("\n"))
+    print(&lines.join("\n"));
 }

@@ -1,6 +1,6 @@
 //! Why a file could not be written.
 
-use crate::mesh::Mesh;
+use crate::{cache::is_full, mesh::Mesh};
 use std::{
     collections::HashSet,
     io,
@@ -44,8 +44,7 @@ pub enum ExportError {
 impl ExportError {
     /// Whether the disk (or the quota on it) is full: later frames would fail alike.
     pub fn is_disk_full(&self) -> bool {
-        let full = [io::ErrorKind::StorageFull, io::ErrorKind::QuotaExceeded, io::ErrorKind::FileTooLarge];
-        matches!(self, Self::Write { source, .. } if full.contains(&source.kind()))
+        matches!(self, Self::Write { source, .. } if is_full(source))
     }
 
     /// An error of the system at `path`.
@@ -65,7 +64,9 @@ fn remedy(kind: io::ErrorKind) -> &'static str {
         io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
             "free space there or choose another folder, then run the same command again"
         }
-        io::ErrorKind::FileTooLarge => "choose a folder on a file system that holds files of this size",
+        io::ErrorKind::FileTooLarge => {
+            "raise `ulimit -f`, or choose a folder on a file system that holds files of this size"
+        }
         io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
             "make the folder writable or choose another one"
         }

@@ -6,7 +6,7 @@ use super::{
     key::{KEY, key_comment},
     obj, ply,
 };
-use crate::mesh::Mesh;
+use crate::{cache::WrittenFile, mesh::Mesh};
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
@@ -81,11 +81,11 @@ impl MeshFormat {
         Self::ALL.into_iter().find(|format| format.extension() == text)
     }
 
-    /// Writes `mesh` to `path` with a key of what it was made from; returns the file's size [bytes].
+    /// Writes `mesh` to `path` with a key of what it was made from; returns its size and checksum.
     ///
     /// # Errors
     /// As [`ply::write`] and [`obj::write`].
-    pub fn write(self, mesh: &Mesh, path: &Path, key: u64) -> std::result::Result<u64, ExportError> {
+    pub fn write(self, mesh: &Mesh, path: &Path, key: u64) -> std::result::Result<WrittenFile, ExportError> {
         let comment = key_comment(key);
         match self {
             Self::Ply => ply::write(mesh, path, &[comment]),

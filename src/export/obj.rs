@@ -1,20 +1,23 @@
 //! Wavefront OBJ, as text: `docs/formats/mesh.md` has the layout.
 
 use super::{ExportError, error::check_columns};
-use crate::{cache::write_atomically, mesh::Mesh};
+use crate::{
+    cache::{WrittenFile, write_atomically},
+    mesh::Mesh,
+};
 use std::{
     io::{self, Write},
     path::Path,
 };
 
-/// Writes `mesh` to `path`, with `comments` (one line each) at its top, and returns the file's size [bytes].
+/// Writes `mesh` to `path`, with `comments` (one line each) at its top, and returns its size and checksum.
 ///
 /// OBJ has no place for vertex attributes; a comment in the file names those that the mesh carries. Numbers have
 /// as many digits as it takes to read back the same value.
 ///
 /// # Errors
 /// If the system refuses or columns have the wrong length.
-pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, ExportError> {
+pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<WrittenFile, ExportError> {
     check_columns(mesh, path)?;
     write_atomically(path, |out| encode(mesh, comments, out)).map_err(|error| ExportError::write(path, error))
 }
@@ -62,9 +65,9 @@ mod tests {
         };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.obj");
-        let size = write(&mesh, &path, &[]).unwrap();
+        let written = write(&mesh, &path, &[]).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
-        assert_eq!(size, text.len() as u64);
+        assert_eq!(written.bytes, text.len() as u64);
         let read = |tag: &str| -> Vec<Vec3> {
             text.lines()
                 .filter_map(|line| line.strip_prefix(tag))

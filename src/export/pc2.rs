@@ -6,7 +6,10 @@
 //! Samples are written as they come, so a sequence of any length takes the memory of one.
 
 use super::ExportError;
-use crate::{cache::write_atomically, math::Vec3};
+use crate::{
+    cache::{WrittenFile, write_atomically},
+    math::Vec3,
+};
 use std::{io, path::Path};
 
 /// The bytes before the first sample.
@@ -35,7 +38,7 @@ pub enum Pc2Error<E> {
     Sample(E),
 }
 
-/// Writes `head.samples` samples [m] to `path`, whole or not at all, and returns the file's size [bytes]; `sample` is called once for
+/// Writes `head.samples` samples [m] to `path`, whole or not at all, and returns its size and checksum; `sample` is called once for
 /// each, with its number.
 ///
 /// # Errors
@@ -45,7 +48,7 @@ pub fn write<E: Send>(
     path: &Path,
     head: Head,
     mut sample: impl FnMut(usize) -> Result<Vec<Vec3>, E> + Send,
-) -> Result<u64, Pc2Error<E>> {
+) -> Result<WrittenFile, Pc2Error<E>> {
     let counts = [("points", head.points), ("samples", head.samples)];
     if let Some((what, count)) = counts.into_iter().find(|&(_, count)| i32::try_from(count).is_err()) {
         let found = format!("found {count} {what}, expected at most 2147483647");
@@ -68,7 +71,7 @@ pub fn write<E: Send>(
         Ok(())
     });
     match (written, failed) {
-        (Ok(bytes), _) => Ok(bytes),
+        (Ok(written), _) => Ok(written),
         (Err(_), Some(error)) => Err(Pc2Error::Sample(error)),
         (Err(error), None) => Err(Pc2Error::Export(match error.downcast::<Uneven>() {
             Ok(uneven) => ExportError::mesh(path, uneven.to_string(), "simulate the shot again"),
@@ -122,9 +125,9 @@ mod tests {
     fn the_bytes_are_those_of_the_format() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flag.pc2");
-        let bytes = write(&path, TWO, |number| Ok::<_, ()>(places(number))).unwrap();
+        let written = write(&path, TWO, |number| Ok::<_, ()>(places(number))).unwrap();
         let found = std::fs::read(&path).unwrap();
-        assert_eq!((bytes, bytes), (found.len() as u64, TWO.size()));
+        assert_eq!((written.bytes, written.bytes), (found.len() as u64, TWO.size()));
         assert_eq!(&found[..16], b"POINTCACHE2\0\x01\0\0\0");
         let whole = |at: usize| i32::from_le_bytes(found[at..at + 4].try_into().unwrap());
         let real = |at: usize| f32::from_le_bytes(found[at..at + 4].try_into().unwrap());

@@ -6,7 +6,7 @@ use super::{
     key::key_comment,
 };
 use crate::{
-    cache::write_atomically,
+    cache::{WrittenFile, write_atomically},
     frame::{Channel, ChannelData},
     math::Vec3,
     mesh::{Mesh, Points},
@@ -28,14 +28,14 @@ const BLOCK: usize = 4096;
 /// few megabytes.
 const AT_ONCE: usize = 64 * BLOCK;
 
-/// Writes `mesh` to `path`, with `comments` (one line each) in its header, and returns the file's size [bytes].
+/// Writes `mesh` to `path`, with `comments` (one line each) in its header, and returns its size and checksum.
 ///
 /// A mesh without vertices gives a file with zero vertices and faces, with normals among its properties
 /// and the attributes it names.
 ///
 /// # Errors
 /// If the system refuses, if columns have the wrong length, or if two properties would share a name.
-pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, ExportError> {
+pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<WrittenFile, ExportError> {
     check_columns(mesh, path)?;
     let columns = columns(mesh);
     let names: Vec<String> = columns.iter().map(|(name, _)| name.clone()).collect();
@@ -44,12 +44,12 @@ pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<u64, Expor
         .map_err(|error| ExportError::write(path, error))
 }
 
-/// Writes `points` to `path` with a key of what they were made from, and returns the file's size [bytes]: positions, `radius`,
+/// Writes `points` to `path` with a key of what they were made from, and returns its size and checksum: positions, `radius`,
 /// attributes, no normals and no faces.
 ///
 /// # Errors
 /// As [`write`].
-pub fn write_points(points: &Points, path: &Path, key: u64) -> Result<u64, ExportError> {
+pub fn write_points(points: &Points, path: &Path, key: u64) -> Result<WrittenFile, ExportError> {
     let radius = Channel { name: "radius".into(), data: points.radii.clone().into() };
     let attributes = [radius].into_iter().chain(points.attributes.iter().cloned()).collect();
     let mesh = Mesh { positions: points.positions.clone(), attributes, ..Mesh::default() };
@@ -262,9 +262,9 @@ mod tests {
     fn written(mesh: &Mesh) -> Vec<u8> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.ply");
-        let size = write(mesh, &path, &[]).unwrap();
+        let written = write(mesh, &path, &[]).unwrap();
         let bytes = std::fs::read(&path).unwrap();
-        assert_eq!(size, bytes.len() as u64);
+        assert_eq!(written.bytes, bytes.len() as u64);
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "no temporary stays");
         bytes
     }

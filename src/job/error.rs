@@ -43,6 +43,18 @@ pub(crate) enum RunError {
         /// Number of requested frames.
         requested: usize,
     },
+    /// Some files of a shot are not as they were made.
+    #[error("{} of {all} files are not valid:\n{}\n{repair}", all - valid, list(failed))]
+    NotValid {
+        /// Which, and why.
+        failed: Vec<FailedFrame>,
+        /// Number of files.
+        all: u64,
+        /// How many of them are valid.
+        valid: u64,
+        /// The commands that make the others again.
+        repair: String,
+    },
     /// The folder holds frames of other settings.
     #[error(
         "{}: the cached frames were made with other settings{}",
@@ -99,7 +111,7 @@ impl From<SurfaceError> for RunError {
 }
 
 /// A frame that could not be made.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct FailedFrame {
     /// The frame, or the file it would have come from.
     pub name: String,
@@ -116,6 +128,10 @@ pub(crate) enum Failure {
     Corrupt,
     /// The frame was cached by another version.
     Version,
+    /// The file is of another simulation, frame or product, or made from frames that have changed since.
+    Foreign,
+    /// Nothing is there.
+    Missing,
     /// The frame needs more memory than allowed.
     Memory,
     /// Anything else.
@@ -128,6 +144,7 @@ impl Failure {
         match error {
             CacheError::Corrupt { .. } => Self::Corrupt,
             CacheError::Version { .. } => Self::Version,
+            CacheError::Stale { .. } | CacheError::Misplaced { .. } => Self::Foreign,
             _ => Self::Other,
         }
     }
@@ -157,6 +174,14 @@ fn explain_settings(folder: &Path, differences: Option<&[String]>) -> String {
     )
 }
 
+/// Failed frames that a message lists at most.
+const MAX_LISTED_FAILED: usize = 100;
+
 fn list(failed: &[FailedFrame]) -> String {
-    failed.iter().map(|frame| format!("  {}: {}", frame.name, frame.why)).collect::<Vec<_>>().join("\n")
+    let line = |frame: &FailedFrame| format!("  {}: {}", frame.name, frame.why);
+    let mut lines: Vec<String> = failed.iter().take(MAX_LISTED_FAILED).map(line).collect();
+    if let Some(more @ 1..) = failed.len().checked_sub(MAX_LISTED_FAILED) {
+        lines.push(format!("  and {more} more"));
+    }
+    lines.join("\n")
 }

@@ -1,8 +1,15 @@
 //! Where things are in a shot folder.
 
 use super::RunError;
-use crate::cache::write_atomically;
+use crate::cache::{self, write_atomically};
 use std::path::{Path, PathBuf};
+
+/// Whether `name` is that of a file in any folder, on every system: files call streams as they like, and a name that is a path
+/// would lead out of the folder.
+pub(crate) fn is_file_name(name: &str) -> bool {
+    let is_of_name = |c: char| !c.is_control() && !"/\\:*?\"<>|".contains(c);
+    (1..=200).contains(&name.len()) && !name.starts_with('.') && name.chars().all(is_of_name)
+}
 
 /// A shot folder: `shot.json`, `preset.toml`, `log.jsonl`, `cache/`, and a folder for every product that was made.
 #[derive(Clone, Debug)]
@@ -74,15 +81,33 @@ impl ShotFolder {
         })
     }
 
-    /// Makes sure that the folder `path` exists.
+    /// Makes sure that the folder `path` exists. A symbolic link is refused: it may lead anywhere.
     ///
     /// # Errors
-    /// If it cannot be made.
+    /// If it cannot be made, or is a link.
     pub(crate) fn create(path: &Path) -> Result<(), RunError> {
-        std::fs::create_dir_all(path).map_err(|source| RunError::File {
+        cache::create_own_folder(path).map_err(|source| RunError::File {
             path: path.into(),
             source,
             next: "check that the folder can be written, or name another with -o",
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_file_name;
+
+    #[test]
+    fn paths_are_no_file_names() {
+        for name in ["liquid", "cloth 2", "Fahne_β", "a..b"] {
+            assert!(is_file_name(name), "{name}");
+        }
+        let long = "x".repeat(201);
+        for name in
+            ["", ".", "..", "../evil", "a/b", "a\\b", "C:evil", "a\nb", "\u{1b}[31m", ".hidden", &long]
+        {
+            assert!(!is_file_name(name), "{name:?}");
+        }
     }
 }

@@ -1,9 +1,12 @@
 //! `log.jsonl`: one line a simulated frame, with what it cost and how far from exact it is.
 
-use super::{RunError, ShotFolder};
+use super::{
+    RunError, ShotFolder,
+    file_records::{append_line, read_lines},
+};
 use crate::frame::FrameIndex;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
-use std::{collections::BTreeMap, fs::OpenOptions, io::Write};
+use std::collections::BTreeMap;
 
 /// One line of the log; `R` is what the simulation reports of a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,15 +30,7 @@ pub(crate) struct LogLine<R> {
 pub(crate) fn read<R: DeserializeOwned>(
     folder: &ShotFolder,
 ) -> Result<BTreeMap<FrameIndex, LogLine<R>>, RunError> {
-    let text = match std::fs::read_to_string(folder.log()) {
-        Err(absent) if absent.kind() == std::io::ErrorKind::NotFound => return Ok(BTreeMap::new()),
-        read => read.map_err(|source| RunError::File {
-            path: folder.log(),
-            source,
-            next: "check that the folder can be read",
-        })?,
-    };
-    Ok(parse(&text))
+    Ok(parse(&read_lines(&folder.log())?))
 }
 
 fn parse<R: DeserializeOwned>(text: &str) -> BTreeMap<FrameIndex, LogLine<R>> {
@@ -48,14 +43,8 @@ fn parse<R: DeserializeOwned>(text: &str) -> BTreeMap<FrameIndex, LogLine<R>> {
 /// # Errors
 /// If the log cannot be written.
 pub(crate) fn append<R: Serialize>(folder: &ShotFolder, line: &LogLine<R>) -> Result<(), RunError> {
-    let mut line = serde_json::to_vec(line).expect("a record is plain data");
-    line.push(b'\n');
-    let written = OpenOptions::new().create(true).append(true).open(folder.log());
-    written.and_then(|mut file| file.write_all(&line)).map_err(|source| RunError::File {
-        path: folder.log(),
-        source,
-        next: "check that the folder can be written and the disk has free space",
-    })
+    let line = serde_json::to_string(line).expect("a record is plain data") + "\n";
+    append_line(&folder.log(), &line)
 }
 
 /// Drops the lines about frames that `keep` refuses, and a last line that a crash cut short.
@@ -67,7 +56,7 @@ pub(crate) fn retain(folder: &ShotFolder, keep: impl Fn(FrameIndex) -> bool) -> 
     struct LineHead {
         frame: FrameIndex,
     }
-    let Ok(text) = std::fs::read_to_string(folder.log()) else { return Ok(()) };
+    let text = read_lines(&folder.log())?;
     let kept: String = text
         .lines()
         .filter(|line| serde_json::from_str::<LineHead>(line).is_ok_and(|head| keep(head.frame)))

@@ -1,7 +1,10 @@
 //! `shot.json`: what is in a shot folder, for Blender and other tools. Documented in `docs/formats/shot.md`.
 
-use super::{RunError, ShotFolder};
-use crate::{cache::Lock, frame::FrameIndex};
+use super::{RunError, ShotFolder, folder::is_file_name, report::Reporter};
+use crate::{
+    cache::{self, CacheError, Lock},
+    frame::FrameIndex,
+};
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, io::ErrorKind, path::PathBuf};
 
@@ -22,6 +25,9 @@ pub(crate) struct Manifest {
     pub up: String,
     /// The unit of lengths.
     pub length_unit: String,
+    /// Key of the simulation that the cached frames are of; 16 hexadecimal digits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub simulation: Option<String>,
     /// What was made of the frames.
     pub outputs: Vec<OutputFiles>,
 }
@@ -120,7 +126,21 @@ impl OutputFiles {
 
     /// Where the file of a frame is.
     pub(crate) fn file(&self, folder: &ShotFolder, frame: u32) -> PathBuf {
-        folder.root().join(self.pattern.replace(NUMBER, &format!("{frame:04}")))
+        folder.root().join(self.file_name(frame))
+    }
+
+    /// The file of a frame, relative to the folder.
+    pub(crate) fn file_name(&self, frame: u32) -> String {
+        self.pattern.replace(NUMBER, &format!("{frame:04}"))
+    }
+
+    /// The first of the paths that leads out of the shot folder's own sub-folders, if one does.
+    fn foreign_path(&self) -> Option<&str> {
+        let is_own = |path: &&str| match path.replace(NUMBER, "").split_once('/') {
+            Some((folder, file)) => is_file_name(folder) && is_file_name(file),
+            None => false,
+        };
+        [Some(self.pattern.as_str()), self.rest.as_deref()].into_iter().flatten().find(|path| !is_own(path))
     }
 
     /// The frames whose files are there, in ascending order. The folder is listed once: a span may have a frame for each
@@ -149,12 +169,13 @@ impl Manifest {
     pub(crate) fn new(title: &str, fps: f64, frames: FrameSpan) -> Self {
         Self {
             format: FORMAT.into(),
-            version: 1,
+            version: VERSION,
             title: title.into(),
             fps,
             frames,
             up: "+Z".into(),
             length_unit: "m".into(),
+            simulation: None,
             outputs: Vec::new(),
         }
     }
@@ -170,19 +191,24 @@ impl Manifest {
             source,
             next: "restore the file, or remove it and run `meniscus shot` or `meniscus mesh` again",
         };
-        let text = match std::fs::read_to_string(path) {
+        let text = match cache::read_text(&path) {
             Ok(text) => text,
             Err(absent) if absent.kind() == ErrorKind::NotFound => return Ok(None),
             Err(source) => return Err(fail(source)),
         };
+        // A later version may have other fields.
+        let version = serde_json::from_str::<Versioned>(&text).map_or(VERSION, |found| found.version);
+        if version != VERSION {
+            return Err(CacheError::Version { path, found: version, expected: VERSION }.into());
+        }
         let manifest: Self = serde_json::from_str(&text)
             .map_err(|why| fail(std::io::Error::new(ErrorKind::InvalidData, why)))?;
-        if manifest.format != FORMAT || manifest.version != 1 {
-            let found = format!(
-                "found format {:?} version {}, expected {FORMAT:?} version 1",
-                manifest.format, manifest.version
-            );
-            return Err(fail(std::io::Error::new(ErrorKind::InvalidData, found)));
+        let invalid = |found: String| Err(fail(std::io::Error::new(ErrorKind::InvalidData, found)));
+        if manifest.format != FORMAT {
+            return invalid(format!("found format {:?}, expected {FORMAT:?}", manifest.format));
+        }
+        if let Some(foreign) = manifest.outputs.iter().find_map(OutputFiles::foreign_path) {
+            return invalid(format!("found the path {foreign:?}, expected FOLDER/FILE in the shot's folder"));
         }
         Ok(Some(manifest))
     }
@@ -196,13 +222,46 @@ impl Manifest {
         ShotFolder::write(folder.manifest(), &text)
     }
 
-    /// Locks the folder's manifest until the lock is dropped: jobs that write different files share it. Waits for another
-    /// process that holds the lock.
+    /// Locks the folder's manifest and records until the lock is dropped: jobs that write different files share them. Waits
+    /// for another process that holds the lock, two minutes at most, and reports that.
     ///
     /// # Errors
-    /// If the folder cannot be written.
-    pub(crate) fn lock(folder: &ShotFolder) -> Result<Lock, RunError> {
-        Ok(Lock::wait(folder.root())?)
+    /// If the folder cannot be written, or the other process holds the lock for longer.
+    pub(crate) fn lock(folder: &ShotFolder, reporter: &dyn Reporter) -> Result<Lock, RunError> {
+        Ok(Lock::wait(folder.root(), &|line| reporter.note(line))?)
+    }
+
+    /// The key of the simulation that the cached frames of a folder are of; `None` if that is not known.
+    ///
+    /// # Errors
+    /// As [`Manifest::read`].
+    pub(crate) fn simulation(folder: &ShotFolder) -> Result<Option<u64>, RunError> {
+        let text = Self::read(folder)?.and_then(|manifest| manifest.simulation);
+        Ok(text.and_then(|text| u64::from_str_radix(&text, 16).ok()))
+    }
+
+    /// Puts a manifest that cannot be read out of the way, and reports that. One of another version stays.
+    ///
+    /// # Errors
+    /// [`CacheError::Version`] of another version; if the file cannot be renamed.
+    pub(crate) fn set_aside_damaged(folder: &ShotFolder, reporter: &dyn Reporter) -> Result<(), RunError> {
+        let why = match Self::read(folder) {
+            Err(RunError::File { source, .. }) if source.kind() == ErrorKind::InvalidData => source,
+            read => return read.map(|_| ()),
+        };
+        let (path, aside) = (folder.manifest(), folder.root().join("shot.json.damaged"));
+        std::fs::rename(&path, &aside).map_err(|source| RunError::File {
+            path: path.clone(),
+            source,
+            next: "check that the folder can be written",
+        })?;
+        reporter.note(&format!(
+            "{}: {why}; the file is now {}. It named the meshes and volumes of the shot: run `meniscus mesh` and the like \
+             again, which name the files that are valid without making them again",
+            path.display(),
+            aside.display()
+        ));
+        Ok(())
     }
 
     /// Adds an output of which the files of `frames` are new, in place of an earlier one of the same name and format.
@@ -231,12 +290,21 @@ impl Manifest {
 
 const FORMAT: &str = "meniscus-shot";
 
+const VERSION: u32 = 1;
+
+/// What every version of the manifest has.
+#[derive(Deserialize)]
+struct Versioned {
+    version: u32,
+}
+
 /// What stands for the number of a frame in a pattern.
 const NUMBER: &str = "{:04}";
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::job::Silent;
 
     #[test]
     fn spans_keep_the_step_of_regular_lists_and_the_common_one_of_others() {
@@ -330,7 +398,28 @@ mod tests {
         assert_eq!(manifest.outputs[1].frames, FrameSpan { first: 1, last: 5, step: 2 });
         manifest.write(&folder).unwrap();
         assert_eq!(Manifest::read(&folder).unwrap(), Some(manifest));
-        std::fs::write(folder.manifest(), "{\"format\": \"other\"}").unwrap();
-        assert!(Manifest::read(&folder).is_err());
+        let text = std::fs::read_to_string(folder.manifest()).unwrap();
+        let changed = |from: &str, to: &str| {
+            assert!(text.contains(from));
+            std::fs::write(folder.manifest(), text.replace(from, to)).unwrap();
+            Manifest::read(&folder).unwrap_err().to_string()
+        };
+        assert!(changed("meniscus-shot", "other").contains("found format \"other\""));
+        for path in [
+            "../../evil_{:04}.ply",
+            "/etc/{:04}.ply",
+            "mesh/a/b.ply",
+            "mesh/..",
+            "C:\\\\x/y.ply",
+            "liquid.ply",
+        ] {
+            assert!(changed("mesh/liquid_{:04}.ply", path).contains("expected FOLDER/FILE"), "{path}");
+        }
+        assert!(changed("\"version\": 1", "\"version\": 2").contains("format version 2, expected 1"));
+        assert!(Manifest::set_aside_damaged(&folder, &Silent).is_err(), "a later version's stays");
+        changed("\"title\"", "\"tilte\"");
+        Manifest::set_aside_damaged(&folder, &Silent).unwrap();
+        assert_eq!(Manifest::read(&folder).unwrap(), None);
+        assert!(folder.root().join("shot.json.damaged").exists());
     }
 }

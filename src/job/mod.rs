@@ -2,6 +2,7 @@
 
 pub(crate) mod batch;
 mod error;
+pub(crate) mod file_records;
 mod folder;
 pub(crate) mod log;
 mod manifest;
@@ -13,7 +14,7 @@ pub(crate) mod tradeoff;
 pub(crate) mod usage;
 
 pub(crate) use error::{FailedFrame, Failure, RunError};
-pub(crate) use folder::ShotFolder;
+pub(crate) use folder::{ShotFolder, is_file_name};
 pub(crate) use manifest::{FrameSpan, Manifest, OutputFiles};
 pub(crate) use report::{Control, Reporter, Silent};
 pub(crate) use report::{Progress, nonzero};

@@ -36,11 +36,18 @@ pub const CHUNK: usize = 1024;
 /// # Panics
 /// If the operating system refuses to start the threads.
 pub fn with_threads<R: Send>(threads: usize, job: impl FnOnce() -> R + Send) -> R {
-    rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .expect("the operating system starts the worker threads")
-        .install(job)
+    try_with_threads(threads, job).expect("the operating system starts the worker threads")
+}
+
+/// As [`with_threads`].
+///
+/// # Errors
+/// If the operating system refuses to start the threads, as under a limit of processes.
+pub(crate) fn try_with_threads<R: Send>(
+    threads: usize,
+    job: impl FnOnce() -> R + Send,
+) -> Result<R, rayon::ThreadPoolBuildError> {
+    Ok(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(job))
 }
 
 /// The number of threads that the current pool runs.

@@ -30,7 +30,7 @@ pub(crate) fn make(
     selection: ProductSelection,
     request: &ProductRequest,
     control: Control,
-    done: &mut dyn FnMut(&BatchSummary) -> Result<(), RunError>,
+    done: &mut dyn FnMut(&BatchSummary),
 ) -> Result<(), RunError> {
     let requested = ALL.into_iter().filter(|product| product.is_requested(request.settings));
     let products: Vec<&dyn Product> = match selection {
@@ -42,7 +42,7 @@ pub(crate) fn make(
     let mut failed = None;
     for product in products {
         match product.make(request, control) {
-            Ok(summary) => done(&summary)?,
+            Ok(summary) => done(&summary),
             Err(why @ RunError::SomeFailed { .. }) => failed = failed.or(Some(why)),
             Err(why) => return Err(failed.unwrap_or(why)),
         }

@@ -83,10 +83,11 @@ impl MeshFiles<'_> {
         let mut outputs = Vec::new();
         for (format, mut output) in self.outputs(target, true) {
             let path = output.file(self.out, target.index.0);
-            written.bytes += match points.filter(|_| output.kind == "points") {
+            let file = match points.filter(|_| output.kind == "points") {
                 Some(points) => export::ply::write_points(points, &path, target.key)?,
                 None => format.write(mesh, &path, target.key)?,
             };
+            written.add(&output, file);
             output.attributes = format.attributes_in(&path);
             outputs.push(output);
         }

@@ -79,12 +79,12 @@ pub(crate) struct OutputInfo {
     pub missing: u64,
 }
 
-/// Lists what is in the folder; `whole` also reads every frame to its last byte.
+/// Lists what is in the folder.
 ///
 /// # Errors
 /// If there is neither a cache nor a manifest. Damaged frames, and those of another version, are part of the
 /// result.
-pub(crate) fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
+pub(crate) fn info(folder: &ShotFolder) -> Result<Info, RunError> {
     let manifest = Manifest::read(folder)?;
     let present = match cache::list(&folder.cache()) {
         Err(CacheError::NotFound { .. }) if manifest.is_some() => Vec::new(),
@@ -93,7 +93,7 @@ pub(crate) fn info(folder: &ShotFolder, whole: bool) -> Result<Info, RunError> {
     let mut log = log::read::<FrameRecord>(folder)?;
     let (mut frames, mut cached) = (Vec::new(), Vec::new());
     for (index, path) in present {
-        let (state, streams) = frame_state(index, &path, whole)?;
+        let (state, streams) = frame_state(index, &path);
         if state.fault.is_none() {
             let record = log.remove(&index).map(|line| line.record);
             cached.push(CachedFrame { index, streams, record });
@@ -135,12 +135,8 @@ impl Info {
 /// Missing frames that are listed.
 const MAX_LISTED_MISSING: usize = 1000;
 
-/// The state of a frame and the streams in its header; if `whole`, the frame is read to its last byte.
-fn frame_state(
-    index: FrameIndex,
-    path: &Path,
-    whole: bool,
-) -> Result<(FrameState, Vec<StreamInfo>), RunError> {
+/// The state of a frame and the streams in its header.
+fn frame_state(index: FrameIndex, path: &Path) -> (FrameState, Vec<StreamInfo>) {
     let mut state = FrameState {
         frame: index.0,
         time: 0.0,
@@ -151,7 +147,7 @@ fn frame_state(
         failure: None,
     };
     let mut streams = Vec::new();
-    match if whole { cache::verify_frame(path) } else { cache::read_header(path) } {
+    match cache::read_header(path) {
         Ok(info) => {
             state.time = info.time;
             state.bytes = info.bytes;
@@ -161,13 +157,13 @@ fn frame_state(
             state.figures = figures.collect();
             streams = info.streams;
         }
-        Err(damage @ (CacheError::Corrupt { .. } | CacheError::Version { .. })) => {
+        // Also of one that cannot be read: the others are listed.
+        Err(damage) => {
             state.fault = Some(damage.to_string());
             state.failure = Some(Failure::of(&damage));
         }
-        Err(other) => return Err(other.into()),
     }
-    Ok((state, streams))
+    (state, streams)
 }
 
 /// The first of the frames that a span has and that are not there, and how many these are; none where there is no frame at all.

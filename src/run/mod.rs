@@ -10,6 +10,7 @@ mod simulate;
 mod solids;
 mod stale;
 pub(crate) mod tradeoff;
+mod verify;
 
 use crate::job::usage;
 pub(crate) use crate::{
@@ -24,3 +25,4 @@ pub(crate) use info::{FrameState, Info, info};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub(crate) use products::make_products;
 pub(crate) use simulate::simulate;
+pub(crate) use verify::{Stage, Verification, verify};

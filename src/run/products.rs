@@ -23,7 +23,7 @@ pub(crate) fn make_products(
     selection: ProductSelection,
     request: &ProductRequest,
     control: Control,
-    done: &mut dyn FnMut(&BatchSummary) -> Result<(), RunError>,
+    done: &mut dyn FnMut(&BatchSummary),
 ) -> Result<(), RunError> {
     // The velocity of tracers depends on the solids.
     let scene = match (request.scene.filter(|scene| has_tracers(scene)), request.input) {

@@ -6,12 +6,14 @@ use crate::{
     frame::{FrameIndex, Stream},
     job::{
         Progress,
+        batch::no_locks,
+        file_records::hex,
         log::{self, LogLine},
     },
     scene::{Frames, Scene},
     sim::{FrameRecord, Simulation, Stop, World, registry},
 };
-use std::{collections::BTreeSet, path::PathBuf, time::Instant};
+use std::{collections::BTreeSet, io::ErrorKind, path::PathBuf, time::Instant};
 
 /// What a simulation job did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -41,8 +43,13 @@ pub(crate) fn simulate(
 ) -> Result<Simulated, RunError> {
     check_selection(scene, selection)?;
     refuse_foreign_preset(folder)?;
+    solids::refuse_reserved_assets(scene)?;
     ShotFolder::create(&folder.cache())?;
-    let _lock = Lock::acquire(&folder.cache())?;
+    let lock = Lock::acquire(&folder.cache())?;
+    if !lock.is_held() {
+        control.reporter.note(&no_locks(&folder.cache()));
+    }
+    clean_root(folder, lock.is_held(), control)?;
     let key = scene.simulation_key();
     let requested = scene;
     let scene = &solids::fill(scene, Some(folder), control.reporter)?;
@@ -52,17 +59,17 @@ pub(crate) fn simulate(
         state = Some(begin(scene, control)?);
         start_over(folder)?;
     }
-    cache::remove_temporaries(&folder.cache()).map_err(|source| cannot_clean(folder.cache(), source))?;
     let valid = survey(folder, key, selection, control).map_err(|why| match why {
         RunError::Cache(CacheError::Stale { found, .. }) => stale::explain(folder, requested, found),
         other => other,
     })?;
     ShotFolder::write(folder.preset(), &(RECORD.to_owned() + &scene.to_toml()))?;
     solids::keep_assets(scene, folder)?;
-    write_manifest(scene, folder, selection, &valid)?;
+    write_manifest(scene, folder, selection, &valid, control)?;
     log::retain(folder, |frame| valid.contains(&frame))?;
 
-    let records = log::read(folder)?.into_iter().map(|(index, line)| (index, line.record)).collect();
+    let records: Vec<_> = log::read(folder)?.into_iter().map(|(index, line)| (index, line.record)).collect();
+    warn_of_lost_lines(scene, &valid, &records, control);
     let mut job = Job { scene, folder, key, state, done: Simulated::default(), records, control };
     control.reporter.begin("simulate", selection.count() as usize);
     let outcome = job.run(selection, &valid);
@@ -79,8 +86,8 @@ const RECORD: &str = "# The preset as it was run, with every default. Written by
 
 /// Refuses to replace a `preset.toml` that no job has written.
 fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError> {
-    match std::fs::read(folder.preset()) {
-        Ok(bytes) if !bytes.starts_with(RECORD.as_bytes()) => Err(RunError::Request(format!(
+    match cache::read_text(&folder.preset()) {
+        Ok(text) if !text.starts_with(RECORD) => Err(RunError::Request(format!(
             "{}: this preset is not a record of meniscus, and the shot's record would replace it; name another folder \
              with -o, or rename the file",
             folder.preset().display()
@@ -120,7 +127,9 @@ fn survey(
                 info.expect_key(&path, key)?;
                 valid.insert(index);
             }
-            Err(damage @ CacheError::Corrupt { .. }) => {
+            Err(
+                damage @ (CacheError::Corrupt { .. } | CacheError::Misplaced { .. } | CacheError::Io { .. }),
+            ) => {
                 let fate = if selection.contains(index) { "computed again" } else { "left as it is" };
                 control.reporter.note(&format!("frame {index} is {fate}: {damage}"));
             }
@@ -128,6 +137,41 @@ fn survey(
         }
     }
     Ok(valid)
+}
+
+/// Removes what crashed jobs left in the folder, and puts a damaged manifest out of the way. `alone`: no other process
+/// simulates here.
+fn clean_root(folder: &ShotFolder, alone: bool, control: Control) -> Result<(), RunError> {
+    let lock = Manifest::lock(folder, control.reporter)?;
+    Manifest::set_aside_damaged(folder, control.reporter)?;
+    if !alone || !lock.is_held() {
+        return Ok(());
+    }
+    for place in [folder.root().to_path_buf(), folder.cache(), folder.samples()] {
+        match cache::remove_temporaries(&place) {
+            Err(error) if error.kind() != ErrorKind::NotFound => return Err(cannot_clean(place, error)),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// Reports frames that were computed and of which the log has no line.
+fn warn_of_lost_lines(
+    scene: &Scene,
+    valid: &BTreeSet<FrameIndex>,
+    records: &[(FrameIndex, FrameRecord)],
+    control: Control,
+) {
+    let known: BTreeSet<FrameIndex> = records.iter().map(|(index, _)| *index).collect();
+    let is_computed = |frame: &&FrameIndex| **frame != scene.frames.first();
+    let lost: Vec<String> = valid.difference(&known).filter(is_computed).map(FrameIndex::to_string).collect();
+    if let [first, ..] = &lost[..] {
+        control.reporter.note(&format!(
+            "log.jsonl has no line about {} of the cached frames (first: {first}): what they report is lost, the frames are valid",
+            lost.len()
+        ));
+    }
 }
 
 /// Removes every cached frame.
@@ -231,13 +275,16 @@ impl Job<'_> {
         record: Option<&FrameRecord>,
     ) -> Result<(), RunError> {
         let frame = simulation.frame(index);
-        let bytes = cache::write_frame(&self.folder.cache(), &frame, self.key)?;
+        let prepared = cache::prepare_frame(&self.folder.cache(), &frame, self.key)?;
+        let bytes = prepared.bytes();
+        // The line comes first: a frame that is there then has one, however the job ends.
         if let Some(record) = record {
             let points = frame.streams.iter().filter(|stream| stream.kind.has_positions());
             let particles = points.map(Stream::len).sum();
             let line = LogLine { frame: index, bytes, particles, record: record.clone() };
             log::append(self.folder, &line)?;
         }
+        prepared.commit()?;
         self.done.computed += 1;
         self.done.bytes += bytes;
         Ok(())
@@ -271,20 +318,23 @@ fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {
 }
 
 /// Lists the requested and the existing frames. Meshes made earlier stay listed if frames of this simulation exist, since
-/// otherwise they may show another one; a manifest that cannot be read is replaced.
+/// otherwise they may show another one.
 fn write_manifest(
     scene: &Scene,
     folder: &ShotFolder,
     selection: &Frames,
     valid: &BTreeSet<FrameIndex>,
+    control: Control,
 ) -> Result<(), RunError> {
     // Range by range: a selection may name more frames than memory holds numbers.
     let requested = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
     let there = valid.iter().map(|&FrameIndex(frame)| FrameSpan { first: frame, last: frame, step: 1 });
     let Some(span) = requested.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
-    let _lock = Manifest::lock(folder)?;
-    let old = if valid.is_empty() { None } else { Manifest::read(folder).ok().flatten() };
+    let _lock = Manifest::lock(folder, control.reporter)?;
+    let old = if valid.is_empty() { None } else { Manifest::read(folder)? };
     let outputs = old.map(|old| old.outputs).unwrap_or_default();
-    let manifest = Manifest { outputs, ..Manifest::new(&scene.title, f64::from(scene.fps), span) };
+    let simulation = Some(hex(scene.simulation_key()));
+    let manifest =
+        Manifest { outputs, simulation, ..Manifest::new(&scene.title, f64::from(scene.fps), span) };
     manifest.write(folder)
 }

@@ -4,6 +4,7 @@ use super::{Reporter, RunError, ShotFolder};
 use crate::{
     cache::{self, CacheError},
     import::{self, ImportError},
+    product,
     scene::{Asset, Scene},
     sdf::{self, SAMPLED_VERSION, Sampled},
     sim::registry,
@@ -46,6 +47,28 @@ pub(super) fn fill(
     Ok(scene)
 }
 
+/// The folders of a shot that hold no files of the user.
+fn reserved_folders() -> impl Iterator<Item = &'static str> {
+    ["cache", "sdf"].into_iter().chain(product::ALL.into_iter().map(|product| product.name()))
+}
+
+/// Refuses files whose copies in the shot folder would lie among those that jobs write.
+///
+/// # Errors
+/// If there is one.
+pub(super) fn refuse_reserved_assets(scene: &Scene) -> Result<(), RunError> {
+    for name in scene.assets.keys() {
+        let folder = name.split(['/', '\\']).next().unwrap_or_default();
+        if reserved_folders().any(|reserved| folder.eq_ignore_ascii_case(reserved)) && folder != name {
+            return Err(RunError::Request(format!(
+                "{name}: found a file in the folder `{folder}`, in which a shot keeps files of its own; move the file to a folder \
+                 of another name and change the preset"
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// Copies the files that the scene names next to the preset as run, so that it can be run again from there.
 ///
 /// # Errors
@@ -53,11 +76,13 @@ pub(super) fn fill(
 pub(super) fn keep_assets(scene: &Scene, folder: &ShotFolder) -> Result<(), RunError> {
     for (name, asset) in &scene.assets {
         let path = folder.root().join(name);
-        if std::fs::read(&path).is_ok_and(|bytes| bytes == **asset.bytes) {
+        if cache::checksum(&path).is_ok_and(|found| found.checksum == asset.hash) {
             continue;
         }
-        if let Some(parent) = path.parent() {
-            ShotFolder::create(parent)?;
+        // Each folder on the way: any may be a link.
+        let parents: Vec<&Path> = Path::new(name).ancestors().skip(1).collect();
+        for parent in parents.into_iter().rev().filter(|parent| !parent.as_os_str().is_empty()) {
+            ShotFolder::create(&folder.root().join(parent))?;
         }
         cache::write_atomically(&path, |out| out.write_all(&asset.bytes)).map_err(|source| {
             let next = "check that the folder can be written and the disk has free space";

@@ -48,7 +48,7 @@ fn a_damaged_frame_is_named_and_refused() {
     for damaged in [&whole[..whole.len() - 1], &whole[..100], &flipped] {
         fs::write(&path, damaged).unwrap();
         expect(&desk, "mesh small", 12, &["frame 0003", "frame_0003.mcf"]);
-        expect(&desk, "verify small", 12, &["frame 0003"]);
+        expect(&desk, "verify small", 12, &["frame_0003.mcf: corrupt", "meniscus simulate"]);
         assert_eq!(desk.names("small/mesh").len(), 4, "the other frames are meshed");
         fs::remove_dir_all(desk.path("small/mesh")).unwrap();
     }
@@ -90,7 +90,7 @@ fn a_simulation_that_diverges_is_reported_and_existing_frames_stay() {
     let desk = Desk::new();
     let line = "simulate small.toml --set liquid.source.0.velocity=[1e38,1e38,1e38]";
     expect(&desk, line, 20, &["frame 0002", "liquid", "particle 0", "try"]);
-    desk.run("verify small", 0);
+    expect(&desk, "verify small", 10, &["4 missing"]);
     assert_eq!(desk.names("small/cache"), ["frame_0001.mcf"]);
 }
 
@@ -106,7 +106,7 @@ fn a_fall_that_diverges_keeps_every_frame_before_it_with_either_solver() {
         let words =
             ["frame 0004", "liquid diverged in substep", "particle", "velocity of", "liquid.max_substeps"];
         expect(&desk, &line, 20, &words);
-        desk.run(&format!("verify {solver}"), 0);
+        expect(&desk, &format!("verify {solver}"), 10, &["2 of 5 files are not valid"]);
         let kept = desk.names(&format!("{solver}/cache"));
         assert_eq!(kept, ["frame_0001.mcf", "frame_0002.mcf", "frame_0003.mcf"]);
     }

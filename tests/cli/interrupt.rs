@@ -30,7 +30,8 @@ fn an_interrupt_keeps_finished_frames_and_the_run_continues() {
 
     let frames = desk.names("shot/cache").len();
     assert!((3..400).contains(&frames), "{frames} frames");
-    desk.run("verify shot", 0);
+    let (_, why) = desk.run("verify shot", 10);
+    assert!(why.contains("missing") && !why.contains("corrupt"), "{why}");
     let more = frames + 1;
     let (_, talk) = desk.run(&format!("simulate small.toml -o shot --frames 1-{more}"), 0);
     assert!(talk.contains("continuing after frame"), "{talk}");

@@ -20,6 +20,7 @@ mod solids;
 mod surface_extremes;
 mod surface_tradeoff;
 mod tradeoff;
+mod trust;
 mod volumes;
 
 use assert_cmd::Command;

@@ -202,7 +202,9 @@ fn info_lists_the_folder() {
     assert_eq!(info["outputs"][0]["missing"], 1);
     let (out, _) = desk.run("info small/cache", 0);
     assert!(out.contains("1 missing (3)"), "{out}");
-    desk.run("verify small", 0);
+    let (out, why) = desk.run("verify small", 10);
+    assert!(out.contains("cache      4 valid, 1 missing"), "{out}");
+    assert!(why.contains("mesh/liquid_0002.ply: missing") && why.contains("meniscus mesh small"), "{why}");
 }
 
 #[cfg(unix)]

@@ -61,15 +61,14 @@ pub(super) fn criterion(
 }
 
 /// Lists the runs; `size` describes how large a scene is.
-pub(super) fn dry_run(sweep: &Sweep, runs: &str, size: impl Fn(&Scene) -> String) -> Result<(), RunError> {
-    print(&format!("{}, {runs}", sweep.base.title))?;
+pub(super) fn dry_run(sweep: &Sweep, runs: &str, size: impl Fn(&Scene) -> String) {
+    print(&format!("{}, {runs}", sweep.base.title));
     for (setting, scene) in [&sweep.reference, &sweep.refined] {
-        print(&format!("     {}: {}{}", setting.label, setting.set.join(" "), size(scene)))?;
+        print(&format!("     {}: {}{}", setting.label, setting.set.join(" "), size(scene)));
     }
     for (place, (setting, scene)) in sweep.rows.iter().enumerate() {
-        print(&format!("{:>3}  {}{}", place + 1, setting.label, size(scene)))?;
+        print(&format!("{:>3}  {}{}", place + 1, setting.label, size(scene)));
     }
-    Ok(())
 }
 
 /// The folder of runs, table and plot, by default named after what is compared.
@@ -102,17 +101,17 @@ pub(super) fn conclude(
 ) -> Result<(), RunError> {
     let files = write(table, folder)?;
     if args.json {
-        print(&serde_json::to_string_pretty(&table.json()).expect("a table is plain data"))?;
+        print(&serde_json::to_string_pretty(&table.json()).expect("a table is plain data"));
     } else {
-        print(&text::describe(table))?;
-        print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")))?;
+        print(&text::describe(table));
+        print(&format!("\nwritten     {}", files.map(|path| path.display().to_string()).join(", ")));
     }
     let chosen = table.choose(args.time, args.dev)?;
     if let Some(place) = chosen.filter(|_| !args.json) {
-        print(&text::advice(table, place, args, command))?;
+        print(&text::advice(table, place, args, command));
     }
     if let Some(why) = text::no_advice(table).filter(|_| !args.json) {
-        print(&why)?;
+        print(&why);
     }
     let Some(path) = &args.write else { return Ok(()) };
     let place = chosen.ok_or_else(|| {
@@ -128,7 +127,10 @@ pub(super) fn conclude(
     }
     let comment = text::comment(table, place);
     ShotFolder::write(path.into(), &format!("{comment}\n\n{}", sweep.rows[place].1.to_toml()))?;
-    if args.json { Ok(()) } else { print(&format!("preset      {}", path.display())) }
+    if !args.json {
+        print(&format!("preset      {}", path.display()));
+    }
+    Ok(())
 }
 
 /// Refuses a file that exists.

@@ -41,7 +41,8 @@ fn simulations(args: &TradeoffArgs, named: Option<&Subject>, control: Control) -
     let by = criterion(args, subject, Some(&sweep.base))?;
     if args.dry_run {
         let runs = format!("frames {frames}: {} runs", sweep.rows.len() + 2);
-        return dry_run(&sweep, &runs, |scene| format!("  ({})", (system.size)(scene)));
+        dry_run(&sweep, &runs, |scene| format!("  ({})", (system.size)(scene)));
+        return Ok(());
     }
     let folder = folder(args, &preset.name)?;
     let job = job(args, &frames, &folder, by);

@@ -57,10 +57,11 @@ pub(super) fn tradeoff(
         let paths = present.iter().filter(|(index, _)| is_cached && frames.contains(*index));
         let particles = paths.filter_map(|(_, path)| Some(source.max_entries(path.as_deref()?))).max();
         let made = (sweep.rows.len() as u64 + 2) * frames.count();
-        return dry_run(&sweep, &format!("frames {frames}: {made} surfaces"), |scene| {
+        dry_run(&sweep, &format!("frames {frames}: {made} surfaces"), |scene| {
             let bytes = particles.map(|particles| (product.memory)(particles, scene));
             bytes.map_or_else(String::new, |bytes| format!("  (about {} MiB at most)", bytes >> 20))
         });
+        return Ok(());
     }
     let folder = folder(args, &input.name())?;
     let mut shot_frames = numbers.len() as u64;

@@ -16,13 +16,13 @@ pub use params::{Compression, Precision, VolumeGrid, VolumeParams};
 
 use super::ExportError;
 use crate::{
-    cache::write_atomically,
+    cache::{WrittenFile, write_atomically},
     grid::{BRICK_NODES, is_set, node_of},
     par,
 };
 use std::path::Path;
 
-/// Writes `grids` to `path`, with a key of what they were made from; returns the file's size [bytes].
+/// Writes `grids` to `path`, with a key of what they were made from; returns its size and checksum.
 ///
 /// # Errors
 /// If the system refuses, or if an active value is not finite or too large for half precision; the message names
@@ -30,7 +30,12 @@ use std::path::Path;
 ///
 /// # Panics
 /// If a grid has not as many masks and values as bricks, or lists one of its bricks as inside, or if two share a name.
-pub fn write(grids: &[Grid], path: &Path, params: &VolumeParams, key: u64) -> Result<u64, ExportError> {
+pub fn write(
+    grids: &[Grid],
+    path: &Path,
+    params: &VolumeParams,
+    key: u64,
+) -> Result<WrittenFile, ExportError> {
     for (place, grid) in grids.iter().enumerate() {
         assert!(
             grids[..place].iter().all(|other| other.name != grid.name),

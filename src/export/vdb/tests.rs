@@ -203,8 +203,8 @@ fn every_case_reads_back() {
         fs::write(folder.join(format!("{}.json", case.name)), case.describe().to_string()).unwrap();
         for (kind, params) in EVERY {
             let path = folder.join(format!("{}_{kind}.vdb", case.name));
-            let size = write(&case.grids(), &path, &params, 0xfeed).unwrap();
-            assert_eq!(size, fs::metadata(&path).unwrap().len());
+            let written = write(&case.grids(), &path, &params, 0xfeed).unwrap();
+            assert_eq!(written.bytes, fs::metadata(&path).unwrap().len());
             let names = case.grids().iter().map(|grid| grid.name.to_owned()).collect();
             assert_eq!(made_from(&path), Some((0xfeed, names)));
             if params.precision == Precision::Float {

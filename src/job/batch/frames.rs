@@ -38,7 +38,7 @@ pub(crate) fn process_frames(
 ) -> Result<BatchSummary, RunError> {
     let FrameBatch { frames, absent, is_single_file, title, fps } = *batch;
     let numbers: Vec<u32> = frames.iter().map(|(index, _)| index.0).collect();
-    let mut ledger = Ledger::new(out, product)?;
+    let mut ledger = Ledger::new(out, product, control)?;
     if request.selection.is_none() {
         missing_frames(&numbers).iter().for_each(|missing| control.reporter.note(missing));
     }

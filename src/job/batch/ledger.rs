@@ -1,11 +1,16 @@
 //! The account of a batch: what was made, which files the manifest names, and what failed.
 
+use super::streams::FileTarget;
 use crate::{
-    cache::{self, Lock},
+    cache::{self, CacheError, Lock, WrittenFile},
     frame::FrameIndex,
-    job::{Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder},
+    job::{
+        Control, FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder,
+        file_records::{self, FileRecord, FileRecords},
+    },
 };
-use std::{fs::OpenOptions, io::Write, path::PathBuf};
+use serde_json::{Map, Value};
+use std::path::{Path, PathBuf};
 
 /// The sub-folder of a shot folder that holds a product's files, and what is reported about them.
 pub(crate) trait ProductFolder: Sync {
@@ -14,11 +19,6 @@ pub(crate) trait ProductFolder: Sync {
 
     /// What a batch did, in one line.
     fn summary(&self, batch: &BatchSummary) -> String;
-
-    /// The file of the shot folder that gets a line for every frame made.
-    fn log_file(&self) -> Option<&'static str> {
-        None
-    }
 
     /// Completes the folder after a batch, and returns what the user should know of its files.
     ///
@@ -75,15 +75,37 @@ pub(crate) struct FrameFiles {
     pub(crate) stale: Vec<OutputFiles>,
 }
 
+impl FrameFiles {
+    /// Whether the files are as they were written for this target.
+    pub(crate) fn are_recorded(&self, out: &ShotFolder, records: &FileRecords, target: &FileTarget) -> bool {
+        let files: Vec<String> =
+            self.outputs.iter().map(|output| output.file_name(output.frames.first)).collect();
+        records.confirm(out, &files, target.key)
+    }
+}
+
 /// The account of the files written for one stream of a frame.
-#[derive(Default)]
 pub(crate) struct Written {
-    pub(crate) bytes: u64,
+    /// The files.
+    pub(crate) record: FileRecord,
+    /// The product's own figures in the line of the record.
+    pub(crate) record_figures: Map<String, Value>,
     pub(crate) triangles: u64,
     /// One line about the frame.
     pub(crate) figures: String,
-    /// The line for the product's log.
-    pub(crate) log_line: Option<String>,
+}
+
+impl Written {
+    /// The account of files of a target, none of which is written yet.
+    pub(crate) fn of(target: &FileTarget) -> Self {
+        let record = FileRecord::new(target.index, &target.name, target.key, target.state);
+        Self { record, record_figures: Map::new(), triangles: 0, figures: String::new() }
+    }
+
+    /// Adds the file of an output, which has one frame.
+    pub(crate) fn add(&mut self, output: &OutputFiles, file: WrittenFile) {
+        self.record.add(output.file_name(output.frames.first), file);
+    }
 }
 
 impl FrameOutcome {
@@ -108,29 +130,41 @@ pub(crate) struct Ledger<'a> {
     failed: Vec<FailedFrame>,
     /// Outputs to be removed from the manifest.
     stale: Vec<OutputFiles>,
-    /// Why the log could not be written.
-    log_error: Option<RunError>,
-    /// No other process may write the files, or remove what looks like the temporary of a crashed run.
+    /// Why a record could not be written.
+    record_error: Option<RunError>,
+    /// No other process may remove what looks like the temporary of a crashed run; others may write other frames.
     _lock: Lock,
 }
 
 impl<'a> Ledger<'a> {
-    /// Prepares the product's folder for writing.
+    /// Prepares the product's folder for writing. Several processes may write its files: each is written whole.
     ///
     /// # Errors
-    /// If it cannot be written, or another process writes to it.
-    pub(crate) fn new(out: &'a ShotFolder, product: &'a dyn ProductFolder) -> Result<Self, RunError> {
+    /// If it cannot be written, or another process clears it.
+    pub(crate) fn new(
+        out: &'a ShotFolder,
+        product: &'a dyn ProductFolder,
+        control: Control,
+    ) -> Result<Self, RunError> {
         let folder = out.subfolder(product.name());
         ShotFolder::create(&folder)?;
-        let lock = Lock::acquire(&folder)?;
-        cache::remove_temporaries(&folder).map_err(|source| RunError::File {
-            path: folder.clone(),
-            source,
-            next: "check that the folder can be read and written",
-        })?;
+        // Alone, there is no live temporary.
+        match Lock::acquire(&folder) {
+            Ok(lock) if lock.is_held() => {
+                cache::remove_temporaries(&folder).map_err(|source| RunError::File {
+                    path: folder.clone(),
+                    source,
+                    next: "check that the folder can be read and written",
+                })?;
+            }
+            Ok(_) => control.reporter.note(&no_locks(&folder)),
+            Err(CacheError::Locked { .. }) => {}
+            Err(why) => return Err(why.into()),
+        }
+        let lock = Lock::share(&folder)?;
         let summary = BatchSummary { folder, ..BatchSummary::default() };
         let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { out, product, summary, written, failed, stale, log_error: None, _lock: lock })
+        Ok(Self { out, product, summary, written, failed, stale, record_error: None, _lock: lock })
     }
 
     /// Records and reports what became of a frame. Frames come in ascending order.
@@ -144,15 +178,18 @@ impl<'a> Ledger<'a> {
                 continue;
             };
             self.summary.made += 1;
-            self.summary.bytes += written.bytes;
+            self.summary.bytes += written.record.bytes();
             self.summary.triangles += written.triangles;
             control.reporter.frame(&written.figures);
-            if let (Some(file), Some(line)) = (self.product.log_file(), written.log_line) {
-                let logged = append_line(self.out, file, line);
-                self.log_error = self.log_error.take().or(logged.err());
-            }
+            self.record(&written.record, &written.record_figures, control);
         }
         self.failed.extend(outcome.failed);
+    }
+
+    /// Adds the line of files that were written.
+    fn record(&mut self, record: &FileRecord, figures: &Map<String, Value>, control: Control) {
+        let recorded = file_records::append(self.out, self.product.name(), record, figures, control.reporter);
+        self.record_error = self.record_error.take().or(recorded.err());
     }
 
     /// Adds an output that has one frame.
@@ -170,13 +207,20 @@ impl<'a> Ledger<'a> {
         }
     }
 
-    /// Adds an output that has the frames `frames`, all in the files of one record.
-    pub(crate) fn add_sequence(&mut self, output: OutputFiles, frames: &[u32], written: Option<u64>) {
+    /// Adds an output that has the frames `frames`, all in the files of one record; `None`: they were up to date.
+    pub(crate) fn add_sequence(
+        &mut self,
+        output: OutputFiles,
+        frames: &[u32],
+        written: Option<&FileRecord>,
+        control: Control,
+    ) {
         self.written.push((output, frames.to_vec()));
         match written {
-            Some(bytes) => {
+            Some(record) => {
                 self.summary.made += 1;
-                self.summary.bytes += bytes;
+                self.summary.bytes += record.bytes();
+                self.record(record, &Map::new(), control);
             }
             None => self.summary.kept += 1,
         }
@@ -199,11 +243,12 @@ impl<'a> Ledger<'a> {
         outcome: Result<(), RunError>,
         control: Control,
     ) -> Result<BatchSummary, RunError> {
-        let named = self.update_manifest(title, fps, frames);
+        let named = self.update_manifest(title, fps, frames, control);
         // What ended the batch comes before what went wrong because of it.
         outcome?;
         named?;
-        self.log_error.map_or(Ok(()), Err)?;
+        self.record_error.map_or(Ok(()), Err)?;
+        file_records::compact(self.out, self.product.name(), control.reporter)?;
         let notes = self.product.finish(self.out)?;
         self.summary.frames = frames.len();
         self.summary.lines = [self.product.summary(&self.summary)].into_iter().chain(notes).collect();
@@ -218,9 +263,15 @@ impl<'a> Ledger<'a> {
     }
 
     /// Adds the written outputs to the folder's manifest.
-    fn update_manifest(&mut self, title: &str, fps: f64, frames: &[u32]) -> Result<(), RunError> {
+    fn update_manifest(
+        &mut self,
+        title: &str,
+        fps: f64,
+        frames: &[u32],
+        control: Control,
+    ) -> Result<(), RunError> {
         let Some(all) = FrameSpan::of(frames).filter(|_| !self.written.is_empty()) else { return Ok(()) };
-        let _lock = Manifest::lock(self.out)?;
+        let _lock = Manifest::lock(self.out, control.reporter)?;
         let mut manifest = match Manifest::read(self.out)? {
             Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
             None => Manifest::new(title, fps, all),
@@ -234,14 +285,10 @@ impl<'a> Ledger<'a> {
     }
 }
 
-/// Adds a line to a file of a shot folder.
-fn append_line(out: &ShotFolder, file: &str, line: String) -> Result<(), RunError> {
-    let path = out.root().join(file);
-    let opened = OpenOptions::new().create(true).append(true).open(&path);
-    let written = opened.and_then(|mut file| file.write_all((line + "\n").as_bytes()));
-    written.map_err(|source| RunError::File {
-        path,
-        source,
-        next: "check that the folder can be written and the disk has free space",
-    })
+/// What the user should know where the file system has no locks.
+pub(crate) fn no_locks(folder: &Path) -> String {
+    format!(
+        "{}: the file system has no locks, so other processes are not kept from writing this folder; make sure that none does",
+        folder.display()
+    )
 }

@@ -12,12 +12,12 @@ mod source;
 mod streams;
 
 pub(crate) use frames::{FrameBatch, process_frames};
-pub(crate) use ledger::BatchSummary;
+pub(crate) use ledger::{BatchSummary, no_locks};
 pub(crate) use ledger::{FrameFiles, FrameOutcome, Ledger, ProductFolder, Written};
 pub(crate) use request::BatchRequest;
 pub(crate) use request::MemoryCheck;
 #[cfg(test)]
 pub(crate) use schedule::FRAME_MEMORY_RESERVE;
 pub(crate) use source::Source;
-pub(crate) use source::{MAX_FRAMES, NO_FILE, StreamHeader, choose, file_size, numbered_files};
+pub(crate) use source::{MAX_FRAMES, NO_FILE, StreamHeader, choose, file_size, numbered_files, state_key};
 pub(crate) use streams::{FileTarget, StreamInput, StreamWriter, process_streams};

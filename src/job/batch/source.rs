@@ -71,6 +71,17 @@ impl Source<'_> {
         }
     }
 
+    /// The key of the simulation that the frames have to be of; `None` if any will do.
+    ///
+    /// # Errors
+    /// If there is a manifest that cannot be read.
+    pub(crate) fn simulation(&self) -> Result<Option<u64>, RunError> {
+        match self {
+            Self::Cache(folder) => Manifest::simulation(folder),
+            Self::Files { .. } => Ok(None),
+        }
+    }
+
     /// The number of entries of the largest stream in the file at `path`, estimated from its header or its size.
     pub(crate) fn max_entries(&self, path: &Path) -> usize {
         match self {

@@ -8,9 +8,10 @@ use super::{
     source::{Source, StreamHeader},
 };
 use crate::{
+    cache,
     frame::{FrameIndex, Stream, StreamKind},
     import::ImportError,
-    job::{Control, Failure, RunError, ShotFolder},
+    job::{Control, Failure, RunError, ShotFolder, file_records::FileRecords, is_file_name},
 };
 use std::path::Path;
 
@@ -21,6 +22,8 @@ pub(crate) struct FileTarget {
     pub(crate) name: String,
     /// Key of what the files were made from.
     pub(crate) key: u64,
+    /// The simulated state that they are made from, where it is that of one frame.
+    pub(crate) state: Option<u64>,
 }
 
 /// A stream of a frame.
@@ -93,9 +96,14 @@ pub(crate) fn process_streams(
     let (title, fps) = source.title(out, request.fps)?;
     let estimate =
         |path: &Path| writer.max_memory(source.max_entries(path)).saturating_add(FRAME_MEMORY_RESERVE);
+    let simulation = source.simulation()?;
+    let records = FileRecords::read(out, writer.folder().name())?;
     let is_single_file = matches!(source, Source::Files { .. }) && frames.len() == 1;
     let batch = FrameBatch { frames: &frames, absent: source.absent(), is_single_file, title: &title, fps };
     process_frames(writer.folder(), out, &batch, request, control, estimate, |path, reserved, outcome| {
+        if let Some(key) = simulation {
+            cache::read_header(path)?.expect_key(path, key)?;
+        }
         let opened = source.open(path, outcome.index)?;
         let mut pending = Vec::new();
         for (place, header) in opened.headers.iter().enumerate() {
@@ -107,9 +115,21 @@ pub(crate) fn process_streams(
                 outcome.fail(why, Failure::Other);
                 continue;
             };
+            if !is_file_name(header.subject()) {
+                let why = format!(
+                    "found a stream {:?}, expected a name of which files can be called; the frame is damaged or crafted: simulate the shot again",
+                    header.name
+                );
+                outcome.fail(why, Failure::Other);
+                continue;
+            }
             let (name, key) = (header.subject().to_owned(), writer.key(header, spacing));
-            let target = FileTarget { index: outcome.index, name, key };
-            match writer.up_to_date(&target).filter(|_| !request.force) {
+            let state = matches!(source, Source::Cache(_)).then_some(header.state);
+            let target = FileTarget { index: outcome.index, name, key, state };
+            match writer
+                .up_to_date(&target)
+                .filter(|files| !request.force && files.are_recorded(out, &records, &target))
+            {
                 Some(files) => outcome.files.push(files),
                 None => pending.push((place, spacing, target)),
             }

@@ -13,6 +13,8 @@ use crate::{
     job::{
         Control, FailedFrame, Failure, FrameSpan, OutputFiles, RunError, ShotFolder,
         batch::{BatchRequest, BatchSummary, Ledger, ProductFolder, Source},
+        file_records::{FileRecord, FileRecords},
+        is_file_name,
         memory::BASE_MEMORY,
     },
     math::Vec3,
@@ -95,7 +97,7 @@ fn point_caches(
     let (frames, failed) = SheetFrames::find(&source, shot, request)?;
     let (title, fps) = source.title(out, request.fps)?;
     let numbers: Vec<u32> = frames.span.numbers().collect();
-    let mut ledger = Ledger::new(out, &PointCache)?;
+    let mut ledger = Ledger::new(out, &PointCache, control)?;
     let ended = write_caches(&frames, &numbers, out, thickness, request.force, &mut ledger, control);
     failed.into_iter().for_each(|failed| ledger.add_failed(failed));
     ledger.finish(&title, fps, &numbers, ended, control)
@@ -125,8 +127,13 @@ impl SheetFrames {
         let present: BTreeMap<u32, PathBuf> =
             cache::list(&shot.cache())?.into_iter().map(|(index, path)| (index.0, path)).collect();
         let (mut files, mut failed) = (BTreeMap::new(), Vec::new());
+        let simulation = source.simulation()?;
+        let verified = |path: &PathBuf| {
+            let info = cache::verify_frame(path)?;
+            simulation.map_or(Ok(()), |key| info.expect_key(path, key)).map(|()| info)
+        };
         for frame in span.numbers() {
-            let (why, kind) = match present.get(&frame).map(|path| (path, cache::verify_frame(path))) {
+            let (why, kind) = match present.get(&frame).map(|path| (path, verified(path))) {
                 Some((path, Ok(info))) => {
                     files.insert(frame, (path.clone(), info.key));
                     continue;
@@ -141,6 +148,12 @@ impl SheetFrames {
         let streams = first.and_then(|(path, _)| source.streams(path)).unwrap_or_default();
         let points = streams.into_iter().filter(|&(_, kind)| kind == StreamKind::MeshPoints);
         let streams: Vec<String> = points.map(|(name, _)| name).collect();
+        if let Some(odd) = streams.iter().find(|stream| !is_file_name(sheet_of(stream))) {
+            return Err(RunError::Request(format!(
+                "found a stream {odd:?}, expected a name of which files can be called; the frames are damaged or crafted: \
+                 simulate the shot again"
+            )));
+        }
         match (files.is_empty(), streams.is_empty()) {
             (true, _) => Err(RunError::SomeFailed { requested: failed.len(), failed }),
             (_, true) => Err(RunError::Request(NO_SHEETS.into())),
@@ -180,6 +193,7 @@ fn write_caches(
     control: Control,
 ) -> Result<(), RunError> {
     let key = frames.key(thickness);
+    let records = FileRecords::read(out, PointCache.name())?;
     control.reporter.begin(PointCache.name(), frames.streams.len() * numbers.len());
     for (place, stream) in frames.streams.iter().enumerate() {
         let CacheFiles { output, points, rest } = CacheFiles::new(stream, frames.span, out);
@@ -190,10 +204,9 @@ fn write_caches(
             step: frames.span.step as f32,
             samples: numbers.len(),
         };
-        // The mesh is written last, so its key vouches for both.
-        let whole = std::fs::metadata(&points).is_ok_and(|about| about.len() == head.size());
-        if !force && whole && MeshFormat::Ply.key_in(&rest) == Some(key) {
-            ledger.add_sequence(output, numbers, None);
+        let files = [&output.pattern, output.rest.as_ref().expect("it has a mesh")].map(String::clone);
+        if !force && records.confirm(out, &files, key) {
+            ledger.add_sequence(output, numbers, None, control);
             continue;
         }
         let sample = |number: usize| -> Result<Vec<Vec3>, RunError> {
@@ -204,15 +217,24 @@ fn write_caches(
             control.reporter.progress((place * numbers.len() + number + 1) as f64);
             Ok(mesh.positions)
         };
-        let bytes = pc2::write(&points, head, sample).map_err(|error| match error {
+        let written = pc2::write(&points, head, sample).map_err(|error| match error {
             Pc2Error::Sample(error) => error,
             Pc2Error::Export(error) => error.into(),
         })?;
-        let mesh_bytes = MeshFormat::Ply.write(&Mesh { attributes: Vec::new(), ..first }, &rest, key)?;
-        ledger.add_sequence(output, numbers, Some(bytes + mesh_bytes));
+        let mesh = MeshFormat::Ply.write(&Mesh { attributes: Vec::new(), ..first }, &rest, key)?;
+        let mut record = FileRecord::new(FrameIndex(frames.span.first), &output.name, key, None);
+        for (file, written) in files.into_iter().zip([written, mesh]) {
+            record.add(file, written);
+        }
+        ledger.add_sequence(output, numbers, Some(&record), control);
     }
     control.reporter.end();
     Ok(())
+}
+
+/// The sheet whose points are in the stream of this name.
+fn sheet_of(stream: &str) -> &str {
+    stream.rsplit_once('.').map_or(stream, |(_, sheet)| sheet)
 }
 
 /// The files of a sheet.
@@ -227,7 +249,7 @@ struct CacheFiles {
 impl CacheFiles {
     /// The files of the sheet whose points are in the stream of this name.
     fn new(stream: &str, frames: FrameSpan, out: &ShotFolder) -> Self {
-        let sheet = stream.rsplit_once('.').map_or(stream, |(_, sheet)| sheet);
+        let sheet = sheet_of(stream);
         let folder = PointCache.name();
         let (pattern, rest) = (format!("{folder}/{sheet}.pc2"), format!("{folder}/{sheet}.ply"));
         let (points, mesh) = (out.root().join(&pattern), out.root().join(&rest));

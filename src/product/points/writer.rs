@@ -157,13 +157,13 @@ impl StreamWriter for PointsWriter<'_> {
         let points = Points { positions: positions.to_vec(), radii, attributes };
         let mut output = output(target);
         let path = output.file(self.out, target.index.0);
-        let bytes = ply::write_points(&points, &path, target.key)?;
+        let mut written = Written::of(target);
+        written.add(&output, ply::write_points(&points, &path, target.key)?);
         output.attributes = MeshFormat::Ply.attributes_in(&path);
-        let (count, mib) = (points.positions.len(), bytes as f64 / f64::from(1 << 20));
+        let (count, mib) = (points.positions.len(), written.record.bytes() as f64 / f64::from(1 << 20));
         let seconds = start.elapsed().as_secs_f64();
-        let figures = format!("frame {}  {count} points  {mib:.2} MiB  {seconds:.2} s", target.index);
-        let written = Some(Written { bytes, figures, ..Written::default() });
-        outcome.files.push(FrameFiles { outputs: vec![output], written, stale: Vec::new() });
+        written.figures = format!("frame {}  {count} points  {mib:.2} MiB  {seconds:.2} s", target.index);
+        outcome.files.push(FrameFiles { outputs: vec![output], written: Some(written), stale: Vec::new() });
         Ok(())
     }
 }

@@ -131,7 +131,7 @@ impl StreamWriter for SheetMeshWriter<'_> {
             return Ok(());
         };
         let figures = format!("frame {}  {}  {} triangles", target.index, target.name, mesh.triangles.len());
-        let written = Written { figures, ..Written::default() };
+        let written = Written { figures, ..Written::of(target) };
         outcome.files.push(self.files.write(&mesh, None, target, written)?);
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The folder of surface meshes.
 
-use super::log::{self, LOG_FILE, MESH_FOLDER};
+use super::log::{self, MESH_FOLDER};
 use crate::{
     job::{
         RunError, ShotFolder,
@@ -21,12 +21,7 @@ impl ProductFolder for SurfaceMesh {
         mesh_summary(batch)
     }
 
-    fn log_file(&self) -> Option<&'static str> {
-        Some(LOG_FILE)
-    }
-
     fn finish(&self, out: &ShotFolder) -> Result<Vec<String>, RunError> {
-        log::compact(out)?;
         let records = log::read(out)?;
         let jumps = log::jumps(&records).into_iter().map(|jump| format!("jump: {jump}"));
         Ok(jumps.chain(log::volume_warnings(&records)).collect())

@@ -10,6 +10,7 @@ use crate::{
             BatchRequest, BatchSummary, FileTarget, FrameBatch, MemoryCheck, NO_FILE, ProductFolder, Written,
             choose, file_size, numbered_files, process_frames,
         },
+        file_records::FileRecords,
     },
     mesh::{self, Mesh},
     par,
@@ -46,11 +47,13 @@ pub(super) fn mesh_level_sets(
     let batch = FrameBatch { frames: &frames, absent: NO_FILE, is_single_file, title, fps };
     let files = MeshFiles { out, folder: SurfaceMesh.name(), formats, points: false };
     let estimate = |path: &Path| level_set_memory((file_size(path) / MIN_LEAF_BYTES) as usize);
+    let records = FileRecords::read(out, SurfaceMesh.name())?;
     process_frames(&SurfaceMesh, out, &batch, request, control, estimate, |path, reserved, outcome| {
         let file = LevelSetFile::open(path)?;
         let key = file.content_key(CUT_VERSION);
-        let mut target = FileTarget { index: outcome.index, name: NAME.into(), key };
-        if let Some(files) = files.up_to_date(&target).filter(|_| !request.force) {
+        let mut target = FileTarget { index: outcome.index, name: NAME.into(), key, state: None };
+        let kept = files.up_to_date(&target).filter(|files| files.are_recorded(out, &records, &target));
+        if let Some(files) = kept.filter(|_| !request.force) {
             outcome.files.push(files);
             return Ok(MemoryCheck::Fits);
         }
@@ -82,7 +85,7 @@ pub(super) fn mesh_level_sets(
         } else {
             report_faults(outcome, &mesh, &check, level_set.grid.voxel);
         }
-        let written = Written { figures, ..Written::default() };
+        let written = Written { figures, ..Written::of(&target) };
         outcome.files.push(files.write(&mesh, None, &target, written)?);
         Ok(MemoryCheck::Fits)
     })

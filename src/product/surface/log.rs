@@ -1,4 +1,4 @@
-//! `mesh.jsonl`: one line a meshed frame, and the frames whose mesh jumps.
+//! The figures of meshes in the lines of `mesh.jsonl`, and the frames whose mesh jumps.
 //!
 //! A surface that is cut anew in every frame may pop: a droplet falls between the nodes, a hole opens for one frame.
 //! Volume, area and components of consecutive frames show it: a change that is several times the changes around it is
@@ -9,17 +9,19 @@
 use crate::{
     export::MeshFormat,
     frame::FrameIndex,
-    job::{RunError, ShotFolder, tradeoff::figure},
+    job::{
+        RunError, ShotFolder,
+        file_records::{path, read_lines},
+        tradeoff::figure,
+    },
     mesh::{MeshCheck, Surface, SurfaceStats},
 };
 use serde::{Deserialize, Serialize};
-use std::{collections::BTreeMap, fmt, io::ErrorKind, path::PathBuf};
+use serde_json::{Map, Value};
+use std::{collections::BTreeMap, fmt};
 
 /// The name of the folder of the meshes.
 pub(super) const MESH_FOLDER: &str = "mesh";
-
-/// The name of the log.
-pub(super) const LOG_FILE: &str = "mesh.jsonl";
 
 /// Significant digits of volumes and areas.
 pub(super) const DIGITS: i32 = 4;
@@ -45,7 +47,7 @@ pub(super) struct MeshRecord {
     pub components: usize,
 }
 
-/// One line of the log: the figures, and the statistics of the reconstruction.
+/// The figures of a mesh, and the statistics of its reconstruction.
 #[derive(Serialize)]
 struct LogLine<'a> {
     #[serde(flatten)]
@@ -102,9 +104,15 @@ impl MeshRecord {
         self.particle_volume.filter(|&volume| volume > 0.0).map(|volume| self.volume / volume - 1.0)
     }
 
-    /// The line of the log about the mesh.
-    pub(super) fn line(&self, stats: &SurfaceStats) -> String {
-        serde_json::to_string(&LogLine { record: self, stats }).expect("figures are plain data")
+    /// What the line of the mesh's files holds of it: all but what the line of every file has.
+    pub(super) fn figures(&self, stats: &SurfaceStats) -> Map<String, Value> {
+        let Ok(Value::Object(mut figures)) = serde_json::to_value(LogLine { record: self, stats }) else {
+            unreachable!("figures are plain data")
+        };
+        for key in ["frame", "name", "key"] {
+            figures.shift_remove(key);
+        }
+        figures
     }
 
     /// Whether the mesh is still in the folder.
@@ -118,38 +126,14 @@ impl MeshRecord {
     }
 }
 
-fn log_path(folder: &ShotFolder) -> PathBuf {
-    folder.root().join(LOG_FILE)
-}
-
 /// The last line about every mesh that is still in the folder, by stream and frame; none if there is no log. A line that a
 /// crash cut short is skipped.
 pub(super) fn read(folder: &ShotFolder) -> Result<Vec<MeshRecord>, RunError> {
-    let text = match std::fs::read_to_string(log_path(folder)) {
-        Err(absent) if absent.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        read => read.map_err(|source| RunError::File {
-            path: log_path(folder),
-            source,
-            next: "check that the folder can be read",
-        })?,
-    };
+    let text = read_lines(&path(folder, MESH_FOLDER))?;
     let records = text.lines().filter_map(|line| serde_json::from_str::<MeshRecord>(line).ok());
     let last: BTreeMap<(String, FrameIndex), MeshRecord> =
         records.map(|record| ((record.name.clone(), record.frame), record)).collect();
     Ok(last.into_values().filter(|record| record.is_present(folder)).collect())
-}
-
-/// Keeps only the last line about every frame, so that the log does not grow each time a frame is meshed.
-pub(super) fn compact(folder: &ShotFolder) -> Result<(), RunError> {
-    let Ok(text) = std::fs::read_to_string(log_path(folder)) else { return Ok(()) };
-    let mut last = BTreeMap::new();
-    for line in text.lines() {
-        if let Ok(MeshRecord { frame, name, .. }) = serde_json::from_str(line) {
-            last.insert((name, frame), line);
-        }
-    }
-    let kept: String = last.into_values().map(|line| format!("{line}\n")).collect();
-    if kept == text { Ok(()) } else { ShotFolder::write(log_path(folder), &kept) }
 }
 
 /// Changes on either side whose median is the usual one. Fewer, and the jump itself is the median; more, and the calm
@@ -232,8 +216,7 @@ pub(super) fn volume_warnings(records: &[MeshRecord]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Mesh;
-    use std::{fs::OpenOptions, io::Write};
+    use crate::{job::file_records::append_line, mesh::Mesh};
 
     fn series(volumes: &[f64]) -> Vec<MeshRecord> {
         let record = |(frame, &volume): (u32, &f64)| MeshRecord {
@@ -315,11 +298,8 @@ mod tests {
             let path = folder.subfolder("mesh").join(format!("liquid_{frame:04}.obj"));
             MeshFormat::Obj.write(&Mesh::default(), &path, frame).unwrap();
         }
-        let append = |line: &str| {
-            let mut file = OpenOptions::new().create(true).append(true).open(log_path(&folder)).unwrap();
-            file.write_all(line.as_bytes()).unwrap();
-        };
-        let line = |record: &MeshRecord| record.line(&SurfaceStats::default()) + "\n";
+        let append = |line: &str| append_line(&path(&folder, MESH_FOLDER), line).unwrap();
+        let line = |record: &MeshRecord| serde_json::to_string(record).unwrap() + "\n";
         for record in [&records[2], &records[0], &records[3], &records[1], &records[0]] {
             append(&line(record));
         }
@@ -328,10 +308,7 @@ mod tests {
         append("{\"frame\":3,\"na");
         let expected = [records[0].clone(), newer, records[2].clone()];
         assert_eq!(read(&folder).unwrap(), expected);
-        compact(&folder).unwrap();
-        assert_eq!(read(&folder).unwrap(), expected);
-        let text = std::fs::read_to_string(log_path(&folder)).unwrap();
-        assert_eq!(text.lines().count(), 4, "the fourth mesh is missing, but its line does no harm");
-        assert!(text.contains("\"unseen_particles\":0"), "{text}");
+        let figures = records[0].figures(&SurfaceStats::default());
+        assert!(figures.contains_key("unseen_particles") && !figures.contains_key("frame"), "{figures:?}");
     }
 }

@@ -98,12 +98,12 @@ impl StreamWriter for SurfaceWriter<'_> {
         };
         let volume = particle_volume(input.stream, input.spacing);
         let record = MeshRecord::new(&target.name, target.index, target.key, &surface, volume);
-        let log_line = Some(record.line(&surface.stats));
+        let record_figures = record.figures(&surface.stats);
         let figures = figures(&record, &surface);
         let Surface { mesh, points, distance, check, .. } = surface;
         drop(distance);
         report_faults(outcome, &mesh, &check, self.params.voxel * input.spacing);
-        let written = Written { figures, log_line, ..Written::default() };
+        let written = Written { figures, record_figures, ..Written::of(target) };
         outcome.files.push(self.files.write(&mesh, points.as_ref(), target, written)?);
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use super::folder::VolumeFile;
 use crate::{
+    cache::WrittenFile,
     export::{
         ExportError,
         vdb::{self, VolumeGrid},
@@ -9,7 +10,7 @@ use crate::{
     frame::FrameIndex,
     job::{
         Failure, OutputFiles, RunError, ShotFolder,
-        batch::{FileTarget, FrameFiles, FrameOutcome, ProductFolder},
+        batch::{FileTarget, FrameFiles, FrameOutcome, ProductFolder, Written},
     },
 };
 use std::{path::Path, time::Instant};
@@ -19,26 +20,27 @@ pub(super) fn names(grids: &[VolumeGrid]) -> String {
     grids.iter().map(|grid| grid.name()).collect::<Vec<_>>().join(", ")
 }
 
-/// Writes the volume file of a target, which has these grids. Returns its output and size [bytes]; `None` if the grids do not
-/// fit in the format, which is recorded in `outcome`.
+/// Writes the volume file of a target, which has these grids; `None` if the grids do not fit in the format, which is recorded in
+/// `outcome`.
 pub(super) fn write_file(
     out: &ShotFolder,
     target: &FileTarget,
     outcome: &mut FrameOutcome,
     grids: &[VolumeGrid],
-    write: impl FnOnce(&Path) -> Result<u64, ExportError>,
-) -> Result<Option<(FrameFiles, u64)>, RunError> {
+    write: impl FnOnce(&Path) -> Result<WrittenFile, ExportError>,
+) -> Result<Option<(OutputFiles, Written)>, RunError> {
     let mut output = output(target);
-    let bytes = match write(&output.file(out, target.index.0)) {
-        Ok(bytes) => bytes,
+    let mut written = Written::of(target);
+    match write(&output.file(out, target.index.0)) {
+        Ok(file) => written.add(&output, file),
         Err(why @ ExportError::Volume { .. }) => {
             outcome.fail(why.to_string(), Failure::Other);
             return Ok(None);
         }
         Err(why) => return Err(why.into()),
-    };
+    }
     output.grids = grids.iter().map(|grid| grid.name().into()).collect();
-    Ok(Some((FrameFiles { outputs: vec![output], written: None, stale: Vec::new() }, bytes)))
+    Ok(Some((output, written)))
 }
 
 /// The file of a target, if it is present and has its key.

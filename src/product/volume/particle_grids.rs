@@ -1,6 +1,7 @@
 //! Grids of particles: density as fog, level set, velocity.
 
 use crate::{
+    cache::WrittenFile,
     control::CancelToken,
     export::{
         ExportError,
@@ -103,11 +104,16 @@ impl ParticleGrids {
         VolumeGrid::ALL.into_iter().filter(there).collect()
     }
 
-    /// Writes the grids to `path` with a key; returns the file's size [bytes].
+    /// Writes the grids to `path` with a key; returns its size and checksum.
     ///
     /// # Errors
     /// As [`vdb::write`].
-    pub(super) fn write(&self, path: &Path, params: &VolumeParams, key: u64) -> Result<u64, ExportError> {
+    pub(super) fn write(
+        &self,
+        path: &Path,
+        params: &VolumeParams,
+        key: u64,
+    ) -> Result<WrittenFile, ExportError> {
         let Self { voxel, bricks, .. } = self;
         let grid = |which: VolumeGrid, class, bricks, active| Grid {
             name: which.name(),

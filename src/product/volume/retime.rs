@@ -17,6 +17,7 @@ use crate::{
         batch::{
             BatchRequest, BatchSummary, FileTarget, FrameOutcome, Ledger, MAX_FRAMES, ProductFolder, Source,
         },
+        file_records::FileRecords,
         nonzero,
     },
     product::request::Retime,
@@ -35,6 +36,8 @@ struct RetimedVolumes<'a> {
     retime: Retime,
     request: &'a BatchRequest,
     grids: Vec<VolumeGrid>,
+    /// The files made so far.
+    records: FileRecords,
 }
 
 impl RetimedVolumes<'_> {
@@ -95,12 +98,14 @@ pub(super) fn retime(
         let expected = names(&VolumeGrid::OF_TRACERS);
         return Err(RunError::Request(format!("smoke has none of the requested grids; expected {expected}")));
     }
-    let volumes = RetimedVolumes { out, settings, retime, request, grids };
+    let records = FileRecords::read(out, VolumeFile.name())?;
+    let volumes = RetimedVolumes { out, settings, retime, request, grids, records };
+    let simulation = Source::Cache(folder).simulation()?;
     let replay = Replay::new(smoke.clone(), world)?;
     let drifting = retime.reseed.then(|| (replay.seeded(), 0.0));
-    let mut player = Player { present: &present, replay, loaded: BTreeMap::new(), drifting };
+    let mut player = Player { present: &present, simulation, replay, loaded: BTreeMap::new(), drifting };
     let (title, fps) = Source::Cache(folder).title(out, smoke.fps)?;
-    let mut ledger = Ledger::new(out, &VolumeFile)?;
+    let mut ledger = Ledger::new(out, &VolumeFile, control)?;
     control.reporter.begin(VolumeFile.name(), numbers.len());
     let mut ended = Ok(());
     for (place, &number) in numbers.iter().enumerate() {
@@ -161,6 +166,8 @@ struct LoadedFrame {
 /// Evaluates a cache at any time.
 struct Player<'a> {
     present: &'a [(FrameIndex, PathBuf)],
+    /// The key of the simulation that the frames have to be of.
+    simulation: Option<u64>,
     replay: Replay,
     /// The cached frames in memory, by their distance from the first.
     loaded: BTreeMap<usize, LoadedFrame>,
@@ -194,13 +201,15 @@ impl Player<'_> {
         let advected = self.drifting.as_mut().map(|(drifting, _)| std::mem::take(&mut drifting.report));
 
         // A file that is up to date is kept; the tracers had to be advected all the same.
-        let RetimedVolumes { out, settings, retime, request, grids } = volumes;
+        let RetimedVolumes { out, settings, retime, request, grids, .. } = volumes;
         let spacing = settings.smoke.as_ref().map_or(0.0, |around| around.smoke.params.tracer_spacing());
         let key = self.loaded[&time.before].key;
         let state = format!("{key:016x} {due} {} {} {spacing}", retime.factor, retime.reseed);
         let key = tracer_key(settings, grids, xxh3_64(state.as_bytes()));
-        let target = FileTarget { index: outcome.index, name: smoke::NAME.into(), key };
-        if let Some(files) = up_to_date(out, &target).filter(|_| !request.force) {
+        let target = FileTarget { index: outcome.index, name: smoke::NAME.into(), key, state: None };
+        let kept =
+            up_to_date(out, &target).filter(|files| files.are_recorded(out, &volumes.records, &target));
+        if let Some(files) = kept.filter(|_| !request.force) {
             outcome.files.push(files);
             return Ok(());
         }
@@ -218,7 +227,9 @@ impl Player<'_> {
         self.loaded.retain(|&other, _| (number..=number + 1).contains(&other));
         for number in number..=number + usize::from(next) {
             if !self.loaded.contains_key(&number) {
-                let (frame, info) = cache::read_frame(&self.present[number].1)?;
+                let path = &self.present[number].1;
+                let (frame, info) = cache::read_frame(path)?;
+                self.simulation.map_or(Ok(()), |key| info.expect_key(path, key))?;
                 self.loaded.insert(number, LoadedFrame { frame, key: info.key, air: None });
             }
             let loaded = self.loaded.get_mut(&number).expect("it was inserted");

@@ -1,6 +1,7 @@
 //! Grids of tracers: density, temperature and the velocity of the air.
 
 use crate::{
+    cache::WrittenFile,
     control::CancelToken,
     export::{
         ExportError,
@@ -114,11 +115,16 @@ impl TracerGrids {
         &self.names
     }
 
-    /// Writes the grids to `path` with a key; returns the file's size [bytes].
+    /// Writes the grids to `path` with a key; returns its size and checksum.
     ///
     /// # Errors
     /// As [`vdb::write`].
-    pub(super) fn write(&self, path: &Path, params: &VolumeParams, key: u64) -> Result<u64, ExportError> {
+    pub(super) fn write(
+        &self,
+        path: &Path,
+        params: &VolumeParams,
+        key: u64,
+    ) -> Result<WrittenFile, ExportError> {
         let TracerFields { bricks, values: [density, temperature], reached, near, .. } = &self.fields;
         let grid = |&which: &VolumeGrid| {
             let (class, active) = match which {

@@ -9,7 +9,7 @@ use crate::{
     export::vdb::VolumeGrid,
     job::{
         Control, Failure, RunError, ShotFolder,
-        batch::{FileTarget, FrameFiles, FrameOutcome, Written},
+        batch::{FileTarget, FrameFiles, FrameOutcome},
         nonzero,
     },
     mesh::SurfaceParams,
@@ -63,12 +63,11 @@ pub(super) fn write_tracers(
     let written = write_file(out, target, outcome, grids.names(), |path| {
         grids.write(path, &settings.volume, target.key)
     })?;
-    let Some((files, bytes)) = written else { return Ok(()) };
+    let Some((output, mut written)) = written else { return Ok(()) };
     let remarks = remarks(&grids.stats);
-    let figures = figures(target.index, grids.names(), grids.stats.bricks, bytes, start, &remarks);
-    outcome
-        .files
-        .push(FrameFiles { written: Some(Written { bytes, figures, ..Written::default() }), ..files });
+    let bytes = written.record.bytes();
+    written.figures = figures(target.index, grids.names(), grids.stats.bricks, bytes, start, &remarks);
+    outcome.files.push(FrameFiles { outputs: vec![output], written: Some(written), stale: Vec::new() });
     Ok(())
 }
 

@@ -17,7 +17,7 @@ use crate::{
         Control, Failure, RunError, ShotFolder,
         batch::{
             BatchRequest, BatchSummary, FileTarget, FrameFiles, FrameOutcome, ProductFolder, Source,
-            StreamHeader, StreamInput, StreamWriter, Written, process_streams,
+            StreamHeader, StreamInput, StreamWriter, process_streams,
         },
         nonzero,
     },
@@ -198,15 +198,14 @@ impl VolumeWriter<'_> {
         let written = write_file(self.out, target, outcome, &grids.names(), |path| {
             grids.write(path, volume, target.key)
         })?;
-        let Some((files, bytes)) = written else { return Ok(()) };
+        let Some((output, mut written)) = written else { return Ok(()) };
         let mut remarks = remarks(&grids.stats);
         if requested.len() > grids.names().len() {
             remarks.insert(0, "the particles have no velocities".into());
         }
-        let figures = figures(target.index, &grids.names(), grids.stats.bricks, bytes, start, &remarks);
-        outcome
-            .files
-            .push(FrameFiles { written: Some(Written { bytes, figures, ..Written::default() }), ..files });
+        let bytes = written.record.bytes();
+        written.figures = figures(target.index, &grids.names(), grids.stats.bricks, bytes, start, &remarks);
+        outcome.files.push(FrameFiles { outputs: vec![output], written: Some(written), stale: Vec::new() });
         Ok(())
     }
 }

@@ -1,0 +1,322 @@
+//! `mesh.jsonl`, `volume.jsonl` and so on: one line about the files that a product made of a frame, with their checksums.
+//!
+//! A file that no line describes, or that differs from its line, is not up to date: it is made again, and `verify` reports it.
+//! Lines are appended under the folder's lock, after their files have their names, so that a crash leaves at worst a file
+//! without a line.
+
+use super::{Manifest, RunError, ShotFolder, report::Reporter};
+use crate::{
+    cache::{self, WrittenFile},
+    frame::FrameIndex,
+};
+use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    io::{ErrorKind, Read, Seek, SeekFrom, Write},
+    path::{Path, PathBuf},
+};
+
+/// One line: the files that were made of a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FileRecord {
+    /// The frame; the first of a file that has several.
+    pub(crate) frame: FrameIndex,
+    /// The stream or object that they show.
+    pub(crate) name: String,
+    /// Key of what they were made from and with which settings; 16 hexadecimal digits.
+    pub(crate) key: String,
+    /// The simulated state that they were made from, where it is that of one frame; 16 hexadecimal digits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) state: Option<String>,
+    /// The files.
+    #[serde(default)]
+    pub(crate) files: Vec<RecordedFile>,
+}
+
+/// A file as it was written.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct RecordedFile {
+    /// Its path in the shot folder, with `/` between folders.
+    pub(crate) file: String,
+    /// Size of the file [bytes].
+    pub(crate) bytes: u64,
+    /// xxh3-64 of the bytes; 16 hexadecimal digits.
+    pub(crate) xxh3: String,
+}
+
+impl FileRecord {
+    /// The record of files that are not written yet.
+    pub(crate) fn new(frame: FrameIndex, name: &str, key: u64, state: Option<u64>) -> Self {
+        let (key, state) = (hex(key), state.map(hex));
+        Self { frame, name: name.into(), key, state, files: Vec::new() }
+    }
+
+    /// Adds a file that was written.
+    pub(crate) fn add(&mut self, file: String, written: WrittenFile) {
+        self.files.push(RecordedFile { file, bytes: written.bytes, xxh3: hex(written.checksum) });
+    }
+
+    /// The bytes of all files.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.files.iter().map(|file| file.bytes).sum()
+    }
+
+    /// The line, with the product's own figures.
+    fn line(&self, figures: &Map<String, Value>) -> String {
+        #[derive(Serialize)]
+        struct RecordLine<'a> {
+            #[serde(flatten)]
+            record: &'a FileRecord,
+            #[serde(flatten)]
+            figures: &'a Map<String, Value>,
+        }
+        serde_json::to_string(&RecordLine { record: self, figures }).expect("a record is plain data") + "\n"
+    }
+}
+
+/// A hash as it is written in records.
+pub(crate) fn hex(hash: u64) -> String {
+    format!("{hash:016x}")
+}
+
+/// How a file compares with its record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum FileState {
+    /// As it was written.
+    Valid,
+    /// Not there.
+    Missing,
+    /// Other bytes than were written: which, in words.
+    Damaged(String),
+    /// Not written by this product under this name: why, in words.
+    Foreign(String),
+}
+
+/// The newest line about every file of a product.
+pub(crate) struct FileRecords {
+    records: Vec<FileRecord>,
+    /// The place of a file's record, and of the file in it.
+    by_file: BTreeMap<String, (usize, usize)>,
+}
+
+impl FileRecords {
+    /// The records of the product whose files are in the sub-folder `product` of `out`; none if nothing was recorded. Lines that
+    /// are not of this form, as one that a crash cut short, are left out.
+    ///
+    /// # Errors
+    /// If the file is there and cannot be read.
+    pub(crate) fn read(out: &ShotFolder, product: &str) -> Result<Self, RunError> {
+        let text = read_lines(&path(out, product))?;
+        let records: Vec<FileRecord> =
+            text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        let mut by_file = BTreeMap::new();
+        for (place, record) in records.iter().enumerate() {
+            for (file, recorded) in record.files.iter().enumerate() {
+                by_file.insert(recorded.file.clone(), (place, file));
+            }
+        }
+        Ok(Self { records, by_file })
+    }
+
+    /// The record of a file.
+    pub(crate) fn of(&self, file: &str) -> Option<(&FileRecord, &RecordedFile)> {
+        let &(record, place) = self.by_file.get(file)?;
+        let record = &self.records[record];
+        Some((record, &record.files[place]))
+    }
+
+    /// Whether every one of these files is in `out` as it was written with `key`.
+    pub(crate) fn confirm(&self, out: &ShotFolder, files: &[String], key: u64) -> bool {
+        let key = hex(key);
+        files.iter().all(|file| {
+            self.of(file).is_some_and(|(record, _)| record.key == key)
+                && self.state(out, file) == FileState::Valid
+        })
+    }
+
+    /// Compares a file in `out` with its record.
+    pub(crate) fn state(&self, out: &ShotFolder, file: &str) -> FileState {
+        let path = out.root().join(file);
+        if std::fs::symlink_metadata(&path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
+            return FileState::Missing;
+        }
+        let Some((_, recorded)) = self.of(file) else {
+            return FileState::Foreign(
+                "no record of its checksum: another program or version wrote it".into(),
+            );
+        };
+        let found = match cache::checksum(&path) {
+            Ok(found) => found,
+            Err(error) => return FileState::Damaged(error.to_string()),
+        };
+        let sum = hex(found.checksum);
+        if (found.bytes, &sum) == (recorded.bytes, &recorded.xxh3) {
+            return FileState::Valid;
+        }
+        let same = |other: &&RecordedFile| (other.bytes, &other.xxh3) == (found.bytes, &sum);
+        match self.records.iter().flat_map(|record| &record.files).find(same) {
+            Some(other) => FileState::Foreign(format!("these are the bytes of {}", other.file)),
+            None if found.bytes != recorded.bytes => {
+                FileState::Damaged(format!("found {} bytes, expected {}", found.bytes, recorded.bytes))
+            }
+            None => FileState::Damaged(format!("found checksum {sum}, expected {}", recorded.xxh3)),
+        }
+    }
+}
+
+/// The file of a product's records.
+pub(crate) fn path(out: &ShotFolder, product: &str) -> PathBuf {
+    out.root().join(format!("{product}.jsonl"))
+}
+
+/// The text of a file of lines; empty if it is not there.
+pub(crate) fn read_lines(path: &Path) -> Result<String, RunError> {
+    match cache::read_text(path) {
+        Err(absent) if matches!(absent.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            Ok(String::new())
+        }
+        read => read.map_err(|source| RunError::File {
+            path: path.into(),
+            source,
+            next: "check that the file can be read, or remove it and make the files again",
+        }),
+    }
+}
+
+/// Adds the line of a record with the product's own figures.
+///
+/// # Errors
+/// If the file cannot be written.
+pub(crate) fn append(
+    out: &ShotFolder,
+    product: &str,
+    record: &FileRecord,
+    figures: &Map<String, Value>,
+    reporter: &dyn Reporter,
+) -> Result<(), RunError> {
+    let _lock = Manifest::lock(out, reporter)?;
+    append_line(&path(out, product), &record.line(figures))
+}
+
+/// Adds a line to a file. What a crash left of an earlier line is ended first.
+///
+/// # Errors
+/// If the file cannot be written; then it is as long as before.
+pub(crate) fn append_line(path: &Path, line: &str) -> Result<(), RunError> {
+    let append = || {
+        let mut file = cache::open_to_append(path)?;
+        let before = file.metadata()?.len();
+        let mut last = [b'\n'];
+        if before > 0 {
+            file.seek(SeekFrom::End(-1))?;
+            file.read_exact(&mut last)?;
+        }
+        let end = if last == [b'\n'] { "" } else { "\n" };
+        let written = file.write_all(format!("{end}{line}").as_bytes());
+        if written.is_err() {
+            // A part of a line would hide the next one; a failure to remove it is not the one to report.
+            let _ = file.set_len(before);
+        }
+        written
+    };
+    append().map_err(|source| RunError::File {
+        path: path.into(),
+        source,
+        next: "check that the folder can be written and the disk has free space",
+    })
+}
+
+/// Keeps the newest line about every file, sorted, so that the lines neither grow in number with each run nor depend on the order
+/// in which frames were made.
+///
+/// # Errors
+/// If the file cannot be read or written.
+pub(crate) fn compact(out: &ShotFolder, product: &str, reporter: &dyn Reporter) -> Result<(), RunError> {
+    let _lock = Manifest::lock(out, reporter)?;
+    let path = path(out, product);
+    let text = read_lines(&path)?;
+    let mut newest: BTreeSet<String> = BTreeSet::new();
+    let mut kept = Vec::new();
+    for line in text.lines().rev() {
+        let Ok(record) = serde_json::from_str::<FileRecord>(line) else { continue };
+        let before = newest.len();
+        newest.extend(record.files.into_iter().map(|file| file.file));
+        if newest.len() > before {
+            kept.push((record.name, record.frame, line));
+        }
+    }
+    kept.reverse();
+    kept.sort_by(|a, b| (&a.0, a.1).cmp(&(&b.0, b.1)));
+    let kept: String = kept.into_iter().map(|(_, _, line)| format!("{line}\n")).collect();
+    if kept == text { Ok(()) } else { ShotFolder::write(path, &kept) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::report::Silent;
+    use std::fs;
+
+    fn made(out: &ShotFolder, frame: u32, name: &str, bytes: &[u8]) -> FileRecord {
+        let mut record = FileRecord::new(FrameIndex(frame), "liquid", 7, Some(9));
+        fs::create_dir_all(out.subfolder("mesh")).unwrap();
+        let file = format!("mesh/{name}");
+        let written = cache::write_atomically(&out.root().join(&file), |to| to.write_all(bytes)).unwrap();
+        record.add(file, written);
+        append(out, "mesh", &record, &Map::new(), &Silent).unwrap();
+        record
+    }
+
+    #[test]
+    fn files_are_compared_with_their_newest_line() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = ShotFolder::new(dir.path());
+        let state = |file: &str| FileRecords::read(&out, "mesh").unwrap().state(&out, file);
+        assert_eq!(state("mesh/a.ply"), FileState::Missing);
+        made(&out, 1, "a.ply", b"old");
+        made(&out, 1, "a.ply", b"a mesh");
+        made(&out, 2, "b.ply", b"b mesh");
+        assert_eq!(state("mesh/a.ply"), FileState::Valid);
+        let place = |name: &str| out.subfolder("mesh").join(name);
+        fs::write(place("a.ply"), "a mess").unwrap();
+        assert!(matches!(state("mesh/a.ply"), FileState::Damaged(why) if why.contains("checksum")));
+        fs::write(place("a.ply"), "a me").unwrap();
+        assert!(matches!(state("mesh/a.ply"), FileState::Damaged(why) if why.contains("found 4 bytes")));
+        fs::copy(place("b.ply"), place("a.ply")).unwrap();
+        assert!(matches!(state("mesh/a.ply"), FileState::Foreign(why) if why.contains("mesh/b.ply")));
+        fs::write(place("c.ply"), "c mesh").unwrap();
+        assert!(matches!(state("mesh/c.ply"), FileState::Foreign(why) if why.contains("no record")));
+        fs::remove_file(place("b.ply")).unwrap();
+        assert_eq!(state("mesh/b.ply"), FileState::Missing);
+    }
+
+    #[test]
+    fn files_are_confirmed_with_their_key_only() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = ShotFolder::new(dir.path());
+        let record = made(&out, 1, "a.ply", b"a mesh");
+        assert_eq!((record.bytes(), record.key.as_str()), (6, "0000000000000007"));
+        let records = FileRecords::read(&out, "mesh").unwrap();
+        assert!(records.confirm(&out, &["mesh/a.ply".into()], 7));
+        assert!(!records.confirm(&out, &["mesh/a.ply".into()], 8));
+        assert!(!records.confirm(&out, &["mesh/a.ply".into(), "mesh/b.ply".into()], 7));
+    }
+
+    #[test]
+    fn compacting_keeps_the_newest_lines_sorted_and_drops_others() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = ShotFolder::new(dir.path());
+        for (frame, name, bytes) in [(2, "b.ply", b"bb"), (1, "a.ply", b"aa"), (2, "b.ply", b"cc")] {
+            made(&out, frame, name, bytes);
+        }
+        append_line(&path(&out, "mesh"), "{\"frame\":3,\"na").unwrap();
+        made(&out, 4, "d.ply", b"dd");
+        compact(&out, "mesh", &Silent).unwrap();
+        let text = read_lines(&path(&out, "mesh")).unwrap();
+        let frames: Vec<_> =
+            text.lines().map(|line| serde_json::from_str::<FileRecord>(line).unwrap().frame.0).collect();
+        assert_eq!(frames, [1, 2, 4], "a line that was cut short does not hide the next one");
+        assert_eq!(FileRecords::read(&out, "mesh").unwrap().state(&out, "mesh/b.ply"), FileState::Valid);
+    }
+}

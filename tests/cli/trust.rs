@@ -1,0 +1,246 @@
+//! Folders that strangers, other programs and faults have changed: nothing outside is written, nothing wrong is taken for valid.
+
+use super::*;
+use meniscus::{
+    cache,
+    frame::{Frame, FrameIndex, Stream, StreamKind},
+    math::Vec3,
+};
+
+/// A cache with one frame, whose stream of particles has this name.
+fn crafted(desk: &Desk, stream: &str) {
+    let folder = desk.path("shot/cache");
+    fs::create_dir_all(&folder).unwrap();
+    let places: Vec<Vec3> =
+        (0..64).map(|i| 0.1 * Vec3::new((i % 4) as f32, (i / 4 % 4) as f32, (i / 16) as f32)).collect();
+    let mut stream = Stream::new(stream.to_owned(), StreamKind::Particles, 64).with("position", places);
+    stream.scalars.push(("spacing".into(), 0.1));
+    let frame = Frame { index: FrameIndex(1), time: 0.0, streams: vec![stream] };
+    cache::write_frame(&folder, &frame, 7).unwrap();
+}
+
+#[test]
+fn streams_named_like_paths_write_nothing() {
+    let desk = Desk::new();
+    for verb in ["mesh", "volume"] {
+        for name in ["../../evil", "/tmp/evil", "a/b", "..", "x\ny"] {
+            crafted(&desk, name);
+            let (_, why) = desk.run(&format!("{verb} shot"), 3);
+            assert!(why.contains("expected a name of which files can be called"), "{why}");
+        }
+    }
+    assert!(!desk.path("evil_0001.ply").exists() && !desk.path("../evil_0001.ply").exists());
+    crafted(&desk, "good");
+    desk.run("mesh shot", 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_in_a_folder_lead_no_job_out_of_it() {
+    use std::os::unix::fs::symlink;
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2", 0);
+    desk.write("precious", "kept");
+    fs::create_dir(desk.path("elsewhere")).unwrap();
+    let plant = |place: &str, target: &str| {
+        let path = desk.path(place);
+        let _ = fs::remove_file(&path);
+        symlink(desk.path(target), &path).unwrap();
+        path
+    };
+    for (place, target, line) in [
+        ("small/.lock", "precious", "mesh small"),
+        ("small/cache/.lock", "precious", "simulate small.toml --frames 1-3"),
+        ("small/mesh.jsonl", "precious", "mesh small"),
+        ("small/mesh.jsonl", "absent", "mesh small"),
+        ("small/mesh", "elsewhere", "mesh small"),
+        ("small/volume", "elsewhere", "volume small"),
+    ] {
+        let _ = fs::remove_dir_all(desk.path("small/mesh"));
+        let link = plant(place, target);
+        let (_, why) = desk.run(line, 1);
+        assert!(why.contains("found a symbolic link"), "{place}: {why}");
+        fs::remove_file(link).unwrap();
+    }
+    // A log is replaced, not what a link in its place leads to.
+    plant("small/log.jsonl", "precious");
+    desk.run("simulate small.toml --frames 1-3", 0);
+    assert_eq!(fs::read(desk.path("precious")).unwrap(), b"kept");
+    assert!(!desk.path("absent").exists());
+    assert_eq!(desk.names("elsewhere"), [""; 0]);
+}
+
+#[test]
+fn damaged_exchanged_and_foreign_products_are_found_and_made_again() {
+    let desk = Desk::new();
+    desk.run("shot small.toml", 0);
+    desk.run("volume small", 0);
+    desk.run("verify small", 0);
+    let good = (desk.bytes("small/mesh"), desk.bytes("small/volume"));
+    let place = |name: &str| desk.path("small").join(name);
+    let length = fs::metadata(place("mesh/liquid_0003.ply")).unwrap().len();
+    let cut = fs::OpenOptions::new().write(true).open(place("mesh/liquid_0003.ply")).unwrap();
+    cut.set_len(length - 100).unwrap();
+    let mut flipped = fs::read(place("volume/liquid_0002.vdb")).unwrap();
+    let middle = flipped.len() / 2;
+    flipped[middle] ^= 1;
+    fs::write(place("volume/liquid_0002.vdb"), flipped).unwrap();
+    fs::copy(place("mesh/liquid_0001.ply"), place("mesh/liquid_0002.ply")).unwrap();
+    fs::write(place("mesh/liquid_0005.ply"), "ply of another program").unwrap();
+    fs::remove_file(place("volume/liquid_0004.vdb")).unwrap();
+    let (out, why) = desk.run("verify small --json", 12);
+    let found: serde_json::Value = serde_json::from_str(&out).unwrap();
+    let faults: Vec<(String, String)> = found["stages"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .flat_map(|stage| stage["faults"].as_array().unwrap())
+        .map(|fault| {
+            (fault["file"].as_str().unwrap().to_owned(), fault["state"].as_str().unwrap().to_owned())
+        })
+        .collect();
+    let expected = [
+        ("mesh/liquid_0002.ply", "foreign"),
+        ("mesh/liquid_0003.ply", "corrupt"),
+        ("mesh/liquid_0005.ply", "corrupt"),
+        ("volume/liquid_0002.vdb", "corrupt"),
+        ("volume/liquid_0004.vdb", "missing"),
+    ];
+    assert_eq!(faults, expected.map(|(file, state)| (file.to_owned(), state.to_owned())));
+    assert!(why.contains("meniscus mesh small") && why.contains("meniscus volume small"), "{why}");
+    let (out, _) = desk.run("mesh small", 0);
+    assert!(out.contains("3 frames meshed") && out.contains("2 up to date"), "{out}");
+    let (out, _) = desk.run("volume small", 0);
+    assert!(out.contains("2 volumes written") && out.contains("3 up to date"), "{out}");
+    assert!(good == (desk.bytes("small/mesh"), desk.bytes("small/volume")));
+    desk.run("verify small", 0);
+}
+
+#[test]
+fn frames_of_another_shot_or_number_are_recognised() {
+    let desk = Desk::new();
+    desk.run("shot small.toml", 0);
+    desk.run("simulate small.toml --set liquid.iterations=7 -o other", 0);
+    fs::copy(desk.path("other/cache/frame_0003.mcf"), desk.path("small/cache/frame_0003.mcf")).unwrap();
+    let (out, why) = desk.run("verify small", 14);
+    assert!(out.contains("4 valid, 1 foreign"), "{out}");
+    assert!(why.contains("cache/frame_0003.mcf: foreign"), "{why}");
+    let (_, why) = desk.run("mesh small --force", 14);
+    assert!(why.contains("frame 0003") && why.contains("another simulation"), "{why}");
+    fs::copy(desk.path("small/cache/frame_0002.mcf"), desk.path("small/cache/frame_0003.mcf")).unwrap();
+    let (_, why) = desk.run("verify small", 14);
+    assert!(why.contains("frame 2 under the name of frame 3"), "{why}");
+    fs::remove_file(desk.path("small/cache/frame_0003.mcf")).unwrap();
+    desk.run("shot small.toml", 0);
+    desk.run("verify small", 0);
+    // Meshes of a simulation that was replaced are stale.
+    desk.run("simulate small.toml --set liquid.iterations=7 --force", 0);
+    desk.write("small/shot.json", {
+        let text = fs::read_to_string(desk.path("small/shot.json")).unwrap();
+        let mesh = r#""outputs": [{"kind": "mesh", "name": "liquid", "format": "ply", "pattern": "mesh/liquid_{:04}.ply",
+            "frames": {"first": 1, "last": 5, "step": 1}}]"#;
+        text.replace("\"outputs\": []", mesh)
+    });
+    let (out, _) = desk.run("verify small", 14);
+    assert!(out.contains("stale: mesh/liquid_{:04}.ply"), "{out}");
+}
+
+#[test]
+fn a_cache_that_lost_frames_is_not_valid() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml", 0);
+    desk.run("verify small", 0);
+    fs::remove_file(desk.path("small/cache/frame_0002.mcf")).unwrap();
+    desk.run("verify small", 10);
+    fs::remove_dir_all(desk.path("small/cache")).unwrap();
+    let (out, _) = desk.run("verify small", 10);
+    assert!(out.contains("0 valid, 5 missing"), "{out}");
+}
+
+#[test]
+fn logs_with_bytes_that_are_no_text_are_read() {
+    let desk = Desk::new();
+    desk.run("shot small.toml --frames 1-3", 0);
+    for log in ["log.jsonl", "mesh.jsonl"] {
+        let path = desk.path("small").join(log);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes.extend(b"\xff\xfe\n{\"frame\": 2, \"cut");
+        fs::write(&path, bytes).unwrap();
+    }
+    for line in
+        ["info small", "verify small", "mesh small", "simulate small.toml --frames 1-4", "shot small.toml"]
+    {
+        desk.run(line, 0);
+    }
+    let text = fs::read_to_string(desk.path("small/log.jsonl")).unwrap();
+    assert_eq!(text.lines().count(), 4, "one line for each frame that was computed");
+}
+
+#[test]
+fn a_damaged_manifest_is_kept_and_reported_and_one_of_a_later_version_is_refused() {
+    let desk = Desk::new();
+    desk.run("shot small.toml --frames 1-3", 0);
+    let good = fs::read_to_string(desk.path("small/shot.json")).unwrap();
+    desk.write("small/shot.json", &good[..good.len() / 2]);
+    let (_, talk) = desk.run("shot small.toml --frames 1-3", 0);
+    assert!(talk.contains("shot.json.damaged"), "{talk}");
+    assert_eq!(fs::read_to_string(desk.path("small/shot.json")).unwrap(), good);
+    assert_eq!(fs::read_to_string(desk.path("small/shot.json.damaged")).unwrap(), good[..good.len() / 2]);
+    desk.write("small/shot.json", good.replace("\"version\": 1", "\"version\": 2"));
+    for line in ["shot small.toml --frames 1-3", "mesh small", "info small"] {
+        let (_, why) = desk.run(line, 13);
+        assert!(why.contains("shot.json: format version 2, expected 1"), "{why}");
+    }
+}
+
+#[test]
+fn chunks_of_one_batch_share_a_folder() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-8", 0);
+    let start = |frames: &str| {
+        let line = ["mesh", "small", "--frames", frames, "--progress", "none", "--threads", "1"];
+        std::process::Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
+            .args(line)
+            .current_dir(desk.path("."))
+            .spawn()
+            .unwrap()
+    };
+    for mut child in ["1-3", "4-6", "7-8"].map(start) {
+        assert!(child.wait().unwrap().success());
+    }
+    desk.run("verify small", 0);
+    let chunks = (desk.bytes("small/mesh"), fs::read_to_string(desk.path("small/shot.json")).unwrap());
+    let frames = fs::read_to_string(desk.path("small/mesh.jsonl")).unwrap().lines().count();
+    desk.run("mesh small --force", 0);
+    assert_eq!(frames, 8);
+    assert!(chunks == (desk.bytes("small/mesh"), fs::read_to_string(desk.path("small/shot.json")).unwrap()));
+}
+
+#[test]
+fn what_crashed_jobs_left_is_removed_everywhere() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2", 0);
+    let left = ["small/.shot.json.7-0.meniscus-tmp", "small/cache/.frame_0002.mcf.7-0.meniscus-tmp"];
+    left.iter().for_each(|name| desk.write(name, "part"));
+    desk.run("simulate small.toml --frames 1-3", 0);
+    assert!(left.iter().all(|name| !desk.path(name).exists()));
+}
+
+#[test]
+fn meshes_are_not_copied_among_the_files_of_a_shot() {
+    let desk = Desk::new();
+    fs::create_dir(desk.path("mesh")).unwrap();
+    desk.write("mesh/liquid_0001.ply", TETRAHEDRON);
+    let collider = r#"[[world.collider]]
+shape = { mesh = { file = "mesh/liquid_0001.ply" } }
+[liquid]"#;
+    desk.write("own.toml", SMALL.replacen("[liquid]", collider, 1));
+    let (_, why) = desk.run("simulate own.toml", 2);
+    assert!(why.contains("mesh/liquid_0001.ply") && why.contains("another name"), "{why}");
+    assert_eq!(fs::read(desk.path("mesh/liquid_0001.ply")).unwrap(), TETRAHEDRON.as_bytes());
+}
+
+/// A mesh that encloses a volume.
+const TETRAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    element face 4\nproperty list uchar int vertex_indices\nend_header\n2 0 0\n3 0 0\n2 1 0\n2 0 1\n\
+    3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
