@@ -88,8 +88,8 @@ fn surface(c: &mut Criterion) {
     let folder = std::env::temp_dir().join(format!("meniscus-bench-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("the folder for temporaries is writable");
     let path = folder.join("mesh.ply");
-    let bytes = export::ply::write(&mesh, &path, &[]).expect("the temporary folder has space");
-    group.throughput(Throughput::Bytes(bytes));
+    let written = export::ply::write(&mesh, &path, &[]).expect("the temporary folder has space");
+    group.throughput(Throughput::Bytes(written.bytes));
     group
         .bench_function("write PLY, synced", |b| b.iter(|| export::ply::write(black_box(&mesh), &path, &[])));
     group.finish();

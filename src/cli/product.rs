@@ -90,6 +90,16 @@ impl ProductVerb {
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<(), RunError> {
+        let is_own = match request.input {
+            ProductInput::Frames(Source::Cache(cache)) => is_same(request.out.root(), cache.root()),
+            _ => false,
+        };
+        if !is_own && run::is_shot(request.out)? {
+            return Err(RunError::Request(format!(
+                "{}: found another shot, whose files and title would be replaced; name another folder with -o",
+                request.out.root().display()
+            )));
+        }
         run::make_products(ProductSelection::Verb(self.name), request, control, &mut |summary| {
             summary.lines.iter().for_each(|line| print(line));
         })

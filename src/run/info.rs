@@ -79,6 +79,14 @@ pub(crate) struct OutputInfo {
     pub missing: u64,
 }
 
+/// Whether frames were simulated into the folder.
+///
+/// # Errors
+/// If there is a manifest that cannot be read.
+pub(crate) fn is_shot(folder: &ShotFolder) -> Result<bool, RunError> {
+    Ok(Manifest::simulation(folder)?.is_some() || cache::list(&folder.cache()).is_ok())
+}
+
 /// Lists what is in the folder.
 ///
 /// # Errors

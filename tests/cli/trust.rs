@@ -244,3 +244,117 @@ shape = { mesh = { file = "mesh/liquid_0001.ply" } }
 const TETRAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
     element face 4\nproperty list uchar int vertex_indices\nend_header\n2 0 0\n3 0 0\n2 1 0\n2 0 1\n\
     3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+
+#[cfg(unix)]
+#[test]
+fn meshes_behind_links_out_of_the_folder_of_the_preset_are_refused() {
+    use std::os::unix::fs::symlink;
+    let desk = Desk::new();
+    fs::create_dir(desk.path("received")).unwrap();
+    desk.write("secret.ply", TETRAHEDRON);
+    symlink(desk.path("secret.ply"), desk.path("received/rock.ply")).unwrap();
+    let collider = "[[world.collider]]\nshape = { mesh = { file = \"rock.ply\" } }\n[liquid]";
+    desk.write("received/own.toml", SMALL.replacen("[liquid]", collider, 1));
+    let (_, why) = desk.run("simulate received/own.toml -o shot", 2);
+    assert!(why.contains("leads out of the preset's folder") && why.contains("symbolic link"), "{why}");
+    fs::remove_file(desk.path("received/rock.ply")).unwrap();
+    fs::rename(desk.path("secret.ply"), desk.path("received/stone.ply")).unwrap();
+    symlink("stone.ply", desk.path("received/rock.ply")).unwrap();
+    desk.run("simulate received/own.toml -o shot --frames 1-1", 0);
+}
+
+#[test]
+fn products_are_not_made_into_another_shot() {
+    let desk = Desk::new();
+    desk.run("shot small.toml --frames 1-2", 0);
+    desk.run("simulate small.toml --frames 1-2 -o other --set liquid.iterations=7", 0);
+    let before = (desk.bytes("small/mesh"), fs::read(desk.path("small/shot.json")).unwrap());
+    let (_, why) = desk.run("mesh other -o small", 2);
+    assert!(why.contains("small: found another shot"), "{why}");
+    assert!(before == (desk.bytes("small/mesh"), fs::read(desk.path("small/shot.json")).unwrap()));
+    desk.run("mesh other -o meshes", 0);
+    desk.run("mesh other -o meshes --force", 0);
+}
+
+/// Runs a command of the shell in the desk's folder, with the tool as `$MENISCUS`; returns its exit code and stderr.
+#[cfg(unix)]
+fn shell(desk: &Desk, line: &str) -> (Option<i32>, String) {
+    let output = std::process::Command::new("sh")
+        .args(["-c", line])
+        .env("MENISCUS", assert_cmd::cargo::cargo_bin("meniscus"))
+        .current_dir(desk.path("."))
+        .output()
+        .unwrap();
+    (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+#[cfg(unix)]
+#[test]
+fn a_limit_of_the_size_of_files_is_a_full_disk() {
+    let desk = Desk::new();
+    let (code, why) = shell(&desk, "ulimit -f 4; $MENISCUS simulate small.toml --frames 1-3");
+    assert_eq!(code, Some(28), "{why}");
+    assert!(why.contains("frame_000") && why.contains("ulimit -f"), "{why}");
+    let parts = fs::read_dir(desk.path("small/cache")).unwrap().flatten();
+    assert!(!parts.into_iter().any(|part| part.file_name().to_string_lossy().ends_with("-tmp")));
+    desk.run("simulate small.toml --frames 1-3", 0);
+    let (code, why) = shell(&desk, "ulimit -f 8; $MENISCUS mesh small");
+    assert_eq!(code, Some(28), "{why}");
+    desk.run("mesh small", 0);
+    desk.run("verify small", 0);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn signals_that_were_ignored_stay_ignored() {
+    let desk = Desk::new();
+    let job = "$MENISCUS simulate small.toml --frames 1-300 --progress none";
+    let started = "while ! [ -e small/cache/frame_0003.mcf ]; do sleep 0.01; done";
+    for signal in ["HUP", "INT"] {
+        let line = format!("trap '' {signal}; {job} & pid=$!; {started}; kill -{signal} $pid; wait $pid");
+        let (code, why) = shell(&desk, &line);
+        assert_eq!(code, Some(0), "{signal}: {why}");
+        fs::remove_dir_all(desk.path("small")).unwrap();
+    }
+    let (code, _) = shell(&desk, &format!("{job} & pid=$!; {started}; kill -HUP $pid; wait $pid"));
+    assert_eq!(code, Some(130));
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_job_whose_output_cannot_be_printed_is_done_all_the_same() {
+    let desk = Desk::new();
+    let (code, why) = shell(&desk, "$MENISCUS shot small.toml --frames 1-2 > /dev/full");
+    assert_eq!(code, Some(28), "{why}");
+    assert!(why.contains("standard output"), "{why}");
+    assert_eq!(desk.names("small/mesh").len(), 2);
+    let (code, _) = shell(&desk, "$MENISCUS shot small.toml --frames 1-3 >&- 2>&-");
+    assert_eq!((code, desk.names("small/mesh").len()), (Some(0), 3));
+}
+
+#[test]
+fn more_threads_than_any_machine_has_are_refused() {
+    let desk = Desk::new();
+    let (_, why) = desk.run("simulate small.toml --threads 100000", 2);
+    assert!(why.contains("100000"), "{why}");
+}
+
+#[cfg(unix)]
+#[test]
+fn pipes_and_folders_named_like_frames_keep_nothing_else_from_being_listed() {
+    let desk = Desk::new();
+    desk.run("shot small.toml", 0);
+    fs::remove_file(desk.path("small/cache/frame_0002.mcf")).unwrap();
+    assert_eq!(shell(&desk, "mkfifo small/cache/frame_0002.mcf").0, Some(0));
+    fs::remove_file(desk.path("small/cache/frame_0004.mcf")).unwrap();
+    fs::create_dir(desk.path("small/cache/frame_0004.mcf")).unwrap();
+    let (out, why) = desk.run("info small", 3);
+    assert!(out.contains("3 present"), "{out}");
+    assert!(why.contains("frame 0002") && why.contains("pipe") && why.contains("a folder"), "{why}");
+    let (out, _) = desk.run("verify small", 12);
+    assert!(out.contains("3 valid, 2 corrupt: cache"), "{out}");
+    desk.run("mesh small --force --frames 1,3", 0);
+    fs::remove_file(desk.path("small/shot.json")).unwrap();
+    assert_eq!(shell(&desk, "mkfifo small/shot.json").0, Some(0));
+    desk.run("info small", 1);
+}
