@@ -14,7 +14,13 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from . import material, nodes, sheets, volumes
-from .shot import MeshOutput, SheetOutput, Shot, ShotError, VolumeOutput, format_pattern, read_shot, scene_rate
+from .check import check_files
+from .folder import ShotFolder
+from .messages import ShotError, listed, printable
+from .shot import MAX_SCENE_FRAME, MeshOutput, SequenceOutput, Shot, below, format_string, read_shot, scene_rate
+
+# Blender's FILE_MAX, with the zero at the end.
+MAX_PATH_BYTES = 1024
 
 
 class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
@@ -48,8 +54,11 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             shot = read_shot(Path(bpy.path.abspath(self.filepath)))
-            outputs = self.usable(shot)
-            folder = shot_folder(shot.folder, self.path_mode)
+            files = ShotFolder(shot.folder)
+            frames = check_files(shot, files, lambda text: self.report({"WARNING"}, text))
+            folder = shot_folder(files.root, self.path_mode)
+            check_paths(shot, folder)
+            all_made = add_outputs(context, shot, files, folder, frames)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -57,60 +66,26 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             self.apply_frames(context.scene, shot)
         if self.motion_blur:
             context.scene.render.use_motion_blur = True
+        # Last: importing a sheet's mesh selects that alone.
         for selected in context.selected_objects:
             selected.select_set(False)
-        all_made = []
-        for output in outputs:
-            if isinstance(output, VolumeOutput):
-                made = volumes.add_volume(context, output, folder)
-            elif isinstance(output, SheetOutput):
-                made = sheets.add_sheet(context, output, shot.folder, folder)
-            else:
-                made = add_object(context, output, format_pattern(folder, output.pattern))
-            all_made.append(made)
-        # Last: importing a sheet's mesh selects that alone.
         for made in all_made:
             made.select_set(True)
             context.view_layer.objects.active = made
         if shot.skipped:
-            self.report({"WARNING"}, f"{shot.title}: not opened, no PLY mesh, no smoke and no sheet: {', '.join(shot.skipped)}")
+            text = f"{shot.title}: not opened, no PLY mesh, no smoke and no sheet: {listed(shot.skipped)}"
+            self.report({"WARNING"}, text)
         where = "relative to the .blend" if folder.startswith("//") else "absolute"
-        count = sum(len(output.frames.numbers()) for output in outputs)
+        count = sum(len(output.frames.numbers()) for output in (*shot.meshes, *shot.volumes, *shot.sheets))
         made = [(shot.meshes, "mesh sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
         kinds = ", ".join(f"{len(some)} {kind}(s)" for some, kind in made if some)
         self.report({"INFO"}, f"{shot.title}: {kinds}, {count} frames, paths {where}")
         return {"FINISHED"}
 
-    def usable(self, shot: Shot) -> list[MeshOutput | VolumeOutput | SheetOutput]:
-        """The sequences that have files; gaps are reported, a sequence without any file is an error."""
-        for sheet in shot.sheets:
-            if gone := sheet.missing(shot.folder):
-                raise ShotError(f"{sheet.name}: {gone[0]} is missing. Run `meniscus shot` again; it makes what is missing")
-        outputs = [*shot.meshes, *shot.volumes]
-        for output in outputs:
-            if isinstance(output, VolumeOutput) and output.frames.step > 1:
-                text = f"{output.name}: only every frame number {output.frames.step} has a volume; the others show nothing"
-                self.report({"WARNING"}, text)
-            missing = output.missing(shot.folder)
-            if not missing:
-                continue
-            total = len(output.frames.numbers())
-            place = f"that of frame {missing[0]}"
-            if isinstance(output, MeshOutput):
-                place = output.file(shot.folder, missing[0])
-            text = (
-                f"{output.name}: {len(missing)} of {total} files missing, first {place}. "
-                "Run `meniscus shot` again; it makes what is missing"
-            )
-            if len(missing) == total:
-                raise ShotError(text)
-            self.report({"WARNING"}, f"{text}. Until then these frames are empty")
-        return [*outputs, *shot.sheets]
-
     def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:
         """Frame range, rate and current frame of the shot."""
         scene.render.fps, scene.render.fps_base = scene_rate(shot.fps)
-        scene.frame_start, scene.frame_end = shot.frames.first, shot.frames.last
+        scene.frame_start, scene.frame_end = shot.frames.first, min(shot.frames.last, MAX_SCENE_FRAME)
         if not shot.frames.first <= scene.frame_current <= shot.frames.last:
             scene.frame_set(shot.frames.first)
         if scene.unit_settings.scale_length != 1.0:
@@ -120,9 +95,9 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             )
 
 
-def shot_folder(folder: Path, mode: str) -> str:
-    """The shot folder as a path string with / between its parts: //… or absolute. Raises ShotError."""
-    absolute = folder.resolve().as_posix()
+def shot_folder(folder: str, mode: str) -> str:
+    """The resolved shot folder as a path string with / between its parts: //… or absolute. Raises ShotError."""
+    absolute = Path(folder).as_posix()
     if mode == "ABSOLUTE":
         return absolute
     if not bpy.data.filepath:
@@ -134,14 +109,49 @@ def shot_folder(folder: Path, mode: str) -> str:
     except ValueError:
         relative = absolute
     if mode == "RELATIVE" and not relative.startswith("//"):
-        raise ShotError(f"{absolute} is on another drive than the .blend. Choose absolute paths")
+        raise ShotError(f"{printable(absolute)} is on another drive than the .blend. Choose absolute paths")
     return "//" if relative == "//." else relative
 
 
-def add_object(context: bpy.types.Context, mesh: MeshOutput, files: str) -> bpy.types.Object:
-    """A new object in the active collection that shows one sequence."""
+def check_paths(shot: Shot, folder: str) -> None:
+    """Raises ShotError if Blender cannot hold the path of a file."""
+    longest = [output.path(output.frames.last) for output in (*shot.meshes, *shot.volumes)]
+    for path in longest + [path for sheet in shot.sheets for path in (sheet.rest, sheet.cache)]:
+        full = below(folder, path)
+        try:
+            size = max(len(name.encode("utf-8")) for name in (full, bpy.path.abspath(full)))
+        except UnicodeEncodeError:
+            raise ShotError(f"{printable(full)}: not a name in UTF-8, expected one. Rename the folder") from None
+        if size >= MAX_PATH_BYTES:
+            text = f"a path of {size} bytes, expected less than {MAX_PATH_BYTES}. Move the shot to a folder with a shorter path"
+            raise ShotError(f"{printable(full)}: {text}")
+
+
+def add_outputs(
+    context: bpy.types.Context, shot: Shot, files: ShotFolder, folder: str, frames: dict[SequenceOutput, list[int]]
+) -> list[bpy.types.Object]:
+    """New objects in the active collection, one for each output; all or none. Raises ShotError."""
+    all_made = []
+    try:
+        for output in shot.meshes:
+            all_made.append(add_object(output, format_string(below(folder, output.pattern))))
+        for output in shot.volumes:
+            all_made.append(volumes.add_volume(context, output, folder, frames[output]))
+        for sheet in shot.sheets:
+            all_made.append(sheets.add_sheet(sheet, files.full(sheet.rest), below(folder, sheet.cache)))
+    except ShotError:
+        for made in all_made:
+            bpy.data.objects.remove(made)
+        raise
+    # Last: with every object in the scene, each new one would evaluate all before it again.
+    for made in all_made:
+        context.collection.objects.link(made)
+    return all_made
+
+
+def add_object(mesh: MeshOutput, files: str) -> bpy.types.Object:
+    """A new object that shows one sequence, in no collection yet."""
     made = bpy.data.objects.new(mesh.name, bpy.data.meshes.new(mesh.name))
-    context.collection.objects.link(made)
     modifier = made.modifiers.new(nodes.NAME, "NODES")
     modifier.node_group = nodes.sequence_group()
     water = material.water()

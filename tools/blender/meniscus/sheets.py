@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """Sheets: a rest mesh whose points a Mesh Cache modifier moves, and the `Cloth` material."""
 
-from pathlib import Path
-
 import bpy
 
 from .material import own
-from .shot import SheetOutput, ShotError
+from .messages import REMAKE, ShotError, printable
+from .shot import SheetOutput
 
 NAME = "Cloth"
 STAMP = "meniscus_cloth"
@@ -16,21 +15,27 @@ ROUGHNESS = 0.75
 SHEEN = 0.3
 
 
-def add_sheet(context: bpy.types.Context, sheet: SheetOutput, shot: Path, folder: str) -> bpy.types.Object:
-    """A new object in the active collection that shows one sheet; `folder` is the shot's, absolute or //… Raises ShotError."""
-    rest = sheet.rest_file(shot)
-    before = set(bpy.data.objects)
-    bpy.ops.wm.ply_import(filepath=str(rest), forward_axis="Y", up_axis="Z", merge_verts=False)
+def add_sheet(sheet: SheetOutput, rest: str, cache: str) -> bpy.types.Object:
+    """A new object that shows one sheet, in no collection yet; `cache` is absolute or //… Raises ShotError."""
+    before, finding = set(bpy.data.objects), "no mesh in it"
+    try:
+        bpy.ops.wm.ply_import(filepath=rest, forward_axis="Y", up_axis="Z", merge_verts=False)
+    except RuntimeError as error:
+        finding = f"cannot be read ({printable(error, 200)})"
     new = [made for made in bpy.data.objects if made not in before]
     if len(new) != 1 or not new[0].data.vertices:
-        raise ShotError(f"{rest}: no mesh in it. Run `meniscus shot` again; it makes what is missing")
+        for made in new:
+            bpy.data.objects.remove(made)
+        raise ShotError(f"{printable(rest)}: {finding}. {REMAKE}")
     made = new[0]
+    for collection in made.users_collection:
+        collection.objects.unlink(made)
     made.name = made.data.name = sheet.name
     made.data.polygons.foreach_set("use_smooth", [True] * len(made.data.polygons))
     made.data.materials.clear()
     made.data.materials.append(cloth())
     modifier = made.modifiers.new("Meniscus Sheet", "MESH_CACHE")
-    modifier.cache_format, modifier.filepath = "PC2", sheet.cache_path(folder)
+    modifier.cache_format, modifier.filepath = "PC2", cache
     modifier.interpolation, modifier.play_mode, modifier.time_mode = "LINEAR", "SCENE", "FRAME"
     modifier.deform_mode, modifier.forward_axis, modifier.up_axis = "OVERWRITE", "POS_Y", "POS_Z"
     # Sample = scale × frame − start.

@@ -1,23 +1,38 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Reads shot.json, the file at the top of a Meniscus shot folder. No Blender in here.
+"""From an untrusted shot.json to a `Shot`, whose names, paths and numbers are within their limits. No Blender in here.
 
-An invalid file is refused with a ShotError that names what was found, where, and what to do next.
+Everything else in the extension uses the `Shot` alone. An invalid file is refused with a ShotError. Names and paths consist
+of the characters that `meniscus` writes, so none of them can leave the folder or be anything but a name.
 """
 
 import json
 import math
+import os
 import re
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
+
+from .folder import read_limited
+from .messages import ShotError, listed, printable, shortened
 
 FORMAT = "meniscus-shot"
 VERSION = 1
-NUMBER = re.compile(r"\{:0(\d)\}")
+FRAME_NUMBER = "{:04}"
 VELOCITY = ["vx", "vy", "vz"]
 
+# A shot has some hundred bytes for each output; a list of 1000 outputs has half a megabyte.
+MAX_MANIFEST_BYTES = 4 << 20
+MAX_OUTPUTS = 1000
+# Longer names of data-blocks are cut by Blender before 5.0.
+MAX_NAME_BYTES = 63
+MAX_PATH_BYTES = 255
+# Frames of a Blender scene end here; inputs of nodes are signed integers of 32 bits.
+MAX_SCENE_FRAME = 1048574
+MAX_INTEGER = 2**31 - 1
 
-class ShotError(Exception):
-    """A shot that cannot be opened: what, where, and the next step, in one message."""
+NAME = re.compile(r"[A-Za-z0-9_-]+")
+# Parts neither start nor end with a dot.
+PATH = re.compile(r"(?:[A-Za-z0-9_-]+(?:\.+[A-Za-z0-9_-]+)*/)*[A-Za-z0-9_-]+(?:\.+[A-Za-z0-9_-]+)*")
 
 
 @dataclass(frozen=True)
@@ -33,40 +48,25 @@ class Frames:
 
 
 @dataclass(frozen=True)
-class MeshOutput:
-    """A sequence of PLY files, one a frame."""
+class SequenceOutput:
+    """Files below the shot folder, one a frame; FRAME_NUMBER in `pattern`, before the extension, stands for the number."""
 
     name: str
     pattern: str
     frames: Frames
     has_velocity: bool
 
-    def file(self, folder: Path, frame: int) -> Path:
-        """Path of one frame's file."""
-        return folder / NUMBER.sub(lambda match: f"{frame:0{match.group(1)}}", self.pattern)
-
-    def missing(self, folder: Path) -> list[int]:
-        """Frames whose file is not there."""
-        return [frame for frame in self.frames.numbers() if not self.file(folder, frame).is_file()]
+    def path(self, frame: int) -> str:
+        """Path of one frame's file below the shot folder."""
+        return self.pattern.replace(FRAME_NUMBER, f"{frame:04}")
 
 
-@dataclass(frozen=True)
-class VolumeOutput:
-    """A sequence of OpenVDB files, one a frame."""
+class MeshOutput(SequenceOutput):
+    """A sequence of PLY files."""
 
-    name: str
-    pattern: str
-    frames: Frames
-    has_velocity: bool
 
-    def path(self, folder: str, frame: int) -> str:
-        """Path of one frame's file below `folder`, with / between its parts."""
-        file = NUMBER.sub(lambda match: f"{frame:0{match.group(1)}}", self.pattern)
-        return f"//{file}" if folder == "//" else f"{folder.removesuffix('/')}/{file}"
-
-    def missing(self, folder: Path) -> list[int]:
-        """Frames whose file is not there."""
-        return [f for f in self.frames.numbers() if not Path(self.path(folder.as_posix(), f)).is_file()]
+class VolumeOutput(SequenceOutput):
+    """A sequence of OpenVDB files."""
 
 
 @dataclass(frozen=True)
@@ -77,18 +77,6 @@ class SheetOutput:
     rest: str
     cache: str
     frames: Frames
-
-    def rest_file(self, folder: Path) -> Path:
-        """Path of the rest mesh."""
-        return folder / self.rest
-
-    def cache_path(self, folder: str) -> str:
-        """Path of the cache below `folder`, with / between its parts."""
-        return f"//{self.cache}" if folder == "//" else f"{folder.removesuffix('/')}/{self.cache}"
-
-    def missing(self, folder: Path) -> list[Path]:
-        """Files that are not there."""
-        return [file for file in (folder / self.rest, folder / self.cache) if not file.is_file()]
 
 
 @dataclass(frozen=True)
@@ -104,142 +92,169 @@ class Shot:
     sheets: list[SheetOutput]
     skipped: list[str]
 
+    def last_frame(self) -> int:
+        """The last frame of the shot and of all outputs."""
+        return max(part.frames.last for part in (self, *self.meshes, *self.volumes, *self.sheets))
+
 
 def read_shot(path: Path) -> Shot:
-    """Reads shot.json, or the shot.json of a folder. Raises ShotError."""
+    """Reads and validates shot.json, or the shot.json of a folder. Raises ShotError."""
     path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):
         path = path / "shot.json"
+    content = read_limited(path, MAX_MANIFEST_BYTES)
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
+        data = json.loads(content.decode("utf-8"), parse_constant=refuse_constant)
+    except (ValueError, RecursionError) as error:
         raise ShotError(
-            f"{path}: no such file. Choose the shot.json of a shot folder; `meniscus shot` writes it"
+            f"{printable(path)}: not valid JSON ({printable(error, 200)}). Run `meniscus shot` again to rewrite it"
         ) from None
-    except OSError as error:
-        raise ShotError(f"{path}: cannot be read ({error.strerror}). Check the file's permissions") from None
-    except ValueError as error:
-        raise ShotError(
-            f"{path}: not valid JSON ({error}). Run `meniscus shot` again to rewrite it"
-        ) from None
-    if not isinstance(data, dict) or data.get("format") != FORMAT:
-        found = data.get("format") if isinstance(data, dict) else type(data).__name__
-        raise ShotError(
-            f'{path}: "format" is {found!r}, expected "{FORMAT}". '
-            "Choose the shot.json that `meniscus shot` wrote"
-        )
-    if data.get("version") != VERSION:
-        raise ShotError(
-            f'{path}: "version" is {data.get("version")!r}, this add-on reads {VERSION}. '
-            "Install the add-on that came with the Meniscus that wrote the shot"
-        )
-    return Reader(path).shot(data)
+    return Validator(path).shot(data)
 
 
-class Reader:
-    """Takes the values of one shot.json apart; every complaint names the file and the key."""
+def refuse_constant(name: str) -> None:
+    """NaN and Infinity, which Python reads, are no JSON."""
+    raise ValueError(f"{name} is not a number")
+
+
+class Validator:
+    """Validates the values of one shot.json; every error names the file and the key."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.paths: set[str] = set()
 
-    def fail(self, key: str, found: object, expected: str) -> ShotError:
-        return ShotError(
-            f"{self.path}: {key} is {found!r}, expected {expected}. "
-            "Run `meniscus shot` again to rewrite the file"
-        )
+    def error(self, key: str, found: object, expected: str, next_step: str = "") -> ShotError:
+        next_step = next_step or "Run `meniscus shot` again to rewrite the file"
+        return ShotError(f"{printable(self.path)}: {key} is {shortened(found)}, expected {expected}. {next_step}")
 
-    def shot(self, data: dict) -> Shot:
+    def shot(self, data: object) -> Shot:
+        self.check_format(data)
         fps = data.get("fps")
-        if isinstance(fps, bool) or not isinstance(fps, (int, float)) or not 0.01 <= fps <= 10000.0:
-            raise self.fail('"fps"', fps, "a number from 0.01 to 10000")
+        if type(fps) not in (int, float) or not 0.01 <= fps <= 10000.0:
+            raise self.error('"fps"', fps, "a number from 0.01 to 10000")
         if data.get("up") != "+Z":
-            raise self.fail('"up"', data.get("up"), '"+Z"')
+            raise self.error('"up"', data.get("up"), '"+Z"')
         if data.get("length_unit") != "m":
-            raise self.fail('"length_unit"', data.get("length_unit"), '"m"')
-        outputs = data.get("outputs")
-        if not isinstance(outputs, list) or not all(isinstance(output, dict) for output in outputs):
-            raise self.fail('"outputs"', outputs, "a list of objects")
-        meshes, volumes, sheets, skipped = [], [], [], []
-        meshed = [o.get("name") for o in outputs if (o.get("kind"), o.get("format")) == ("mesh", "ply")]
-        moved = [o.get("name") for o in outputs if (o.get("kind"), o.get("format")) == ("sheet", "pc2")]
-        for index, output in enumerate(outputs):
-            kind, form = output.get("kind"), output.get("format")
-            key, fog = f'"outputs"[{index}]', "density" in (output.get("grids") or [])
-            if (kind, form) == ("mesh", "ply") and output.get("name") not in moved:
-                meshes.append(self.mesh(key, output))
-            elif (kind, form) == ("sheet", "pc2"):
-                sheets.append(self.sheet(key, output))
-            elif (kind, form) == ("volume", "vdb") and fog and output.get("name") not in meshed:
-                volumes.append(self.volume(key, output))
-            else:
-                skipped.append(f"{output.get('name', index)} ({kind}, {form})")
-        if not meshes and not volumes and not sheets:
-            listed = ", ".join(skipped) or "nothing"
+            raise self.error('"length_unit"', data.get("length_unit"), '"m"')
+        title = data.get("title")
+        if not isinstance(title, (str, type(None))):
+            raise self.error('"title"', title, "a text")
+        title = printable(title or os.path.basename(self.path.parent), 100)
+        frames = self.frames('"frames"', data.get("frames"))
+        return Shot(self.path.parent, title, float(fps), frames, *self.outputs(data.get("outputs")))
+
+    def check_format(self, data: object) -> None:
+        """Refuses other files and other versions."""
+        found = data.get("format") if isinstance(data, dict) else type(data).__name__
+        if not isinstance(data, dict) or found != FORMAT:
+            raise self.error('"format"', found, f'"{FORMAT}"', "Choose the shot.json that `meniscus shot` wrote")
+        version = data.get("version")
+        if type(version) is not int or version != VERSION:
             raise ShotError(
-                f"{self.path}: no mesh in PLY format, no volume with a density and no sheet among the outputs (found: {listed}). "
+                f'{printable(self.path)}: "version" is {shortened(version)}, this add-on reads {VERSION}. '
+                "Install the add-on that came with the Meniscus that wrote the shot"
+            )
+
+    def outputs(self, outputs: object) -> tuple[list[MeshOutput], list[VolumeOutput], list[SheetOutput], list[str]]:
+        """The outputs that Blender can open, and descriptions of the others."""
+        if not isinstance(outputs, list) or not all(isinstance(output, dict) for output in outputs):
+            raise self.error('"outputs"', outputs, "a list of objects")
+        if len(outputs) > MAX_OUTPUTS:
+            raise self.error('the number of "outputs"', len(outputs), f"at most {MAX_OUTPUTS}")
+        for index, output in enumerate(outputs):
+            for part in ("kind", "name", "format"):
+                if not isinstance(output.get(part), str):
+                    raise self.error(f'"outputs"[{index}] "{part}"', output.get(part), "a text")
+        meshes, volumes, sheets, skipped = [], [], [], []
+        meshed = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("mesh", "ply")}
+        moved = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("sheet", "pc2")}
+        for index, output in enumerate(outputs):
+            key, kind, name = f'"outputs"[{index}]', (output["kind"], output["format"]), output["name"]
+            grids = self.grids(key, output) if kind == ("volume", "vdb") else []
+            if kind == ("mesh", "ply") and name not in moved:
+                meshes.append(MeshOutput(*self.sequence(key, output), self.has_velocity(key, output)))
+            elif kind == ("sheet", "pc2"):
+                sheets.append(self.sheet(key, output))
+            elif "density" in grids and name not in meshed:
+                volumes.append(VolumeOutput(*self.sequence(key, output), "velocity" in grids))
+            else:
+                skipped.append(f"{printable(name, 40)} ({', '.join(printable(text, 40) for text in kind)})")
+        if not meshes and not volumes and not sheets:
+            raise ShotError(
+                f"{printable(self.path)}: no mesh in PLY format, no volume with a density and no sheet among the outputs "
+                f"(found: {listed(skipped) or 'nothing'}). "
                 'Add mesh = ["ply"], volume = ["density"] or sheet = ["pc2"] to the preset\'s [output] and run '
                 "`meniscus shot` again"
             )
-        title = str(data.get("title") or self.path.parent.name)
-        return Shot(
-            self.path.parent, title, float(fps), self.frames('"frames"', data.get("frames")), meshes, volumes,
-            sheets, skipped,
-        )
+        return meshes, volumes, sheets, skipped
 
-    def name(self, key: str, output: dict) -> str:
-        """The name of an output."""
-        name = output.get("name")
-        if not isinstance(name, str) or not name:
-            raise self.fail(f'{key} "name"', name, "a name")
-        return name
-
-    def inside(self, key: str, path: str) -> str:
-        """A path that does not leave the shot folder."""
-        parts = PurePosixPath(path)
-        if parts.is_absolute() or ".." in parts.parts or "\\" in path or ":" in NUMBER.sub("", path):
-            raise self.fail(key, path, "a path inside the shot folder, with / between its parts")
-        return path
-
-    def files(self, key: str, output: dict) -> tuple[str, str]:
-        """The name of an output and the pattern of its files."""
-        name, pattern = self.name(key, output), output.get("pattern")
-        if not isinstance(pattern, str) or len(NUMBER.findall(pattern)) != 1:
-            raise self.fail(f'{key} "pattern"', pattern, "a path with one {:04} for the frame number")
-        return name, self.inside(f'{key} "pattern"', pattern)
+    def sequence(self, key: str, output: dict) -> tuple[str, str, Frames]:
+        """Name, pattern and frames of an output with a file a frame."""
+        ending = f"{FRAME_NUMBER}.{output['format']}"
+        pattern = output.get("pattern")
+        if not isinstance(pattern, str) or pattern.count(FRAME_NUMBER) != 1 or not pattern.endswith(ending):
+            expected = f"a path with one {FRAME_NUMBER} for the frame number, before .{output['format']}"
+            raise self.error(f'{key} "pattern"', pattern, expected)
+        stem = pattern.removesuffix(ending)
+        # Blender takes all digits before the extension for the number.
+        if stem[-1:].isdigit():
+            raise self.error(f'{key} "pattern"', pattern, f"a path without a digit before {FRAME_NUMBER}")
+        self.check_path(f'{key} "pattern"', pattern, f"{stem}0001.{output['format']}")
+        return self.name(key, output), pattern, self.frames(f'{key} "frames"', output.get("frames"))
 
     def sheet(self, key: str, output: dict) -> SheetOutput:
         paths = []
-        for part in ("rest", "pattern"):
+        for part, extension in (("rest", ".ply"), ("pattern", ".pc2")):
             path = output.get(part)
-            if not isinstance(path, str) or not path or NUMBER.search(path):
-                raise self.fail(f'{key} "{part}"', path, "a path without a frame number")
-            paths.append(self.inside(f'{key} "{part}"', path))
+            if not isinstance(path, str) or not path.endswith(extension):
+                raise self.error(f'{key} "{part}"', path, f"a path that ends in {extension}, without a frame number")
+            self.check_path(f'{key} "{part}"', path, path)
+            paths.append(path)
         return SheetOutput(self.name(key, output), *paths, self.frames(f'{key} "frames"', output.get("frames")))
 
-    def volume(self, key: str, output: dict) -> VolumeOutput:
-        name, pattern = self.files(key, output)
-        frames = self.frames(f'{key} "frames"', output.get("frames"))
-        return VolumeOutput(name, pattern, frames, "velocity" in output["grids"])
+    def name(self, key: str, output: dict) -> str:
+        name = output.get("name")
+        if not isinstance(name, str) or len(name) > MAX_NAME_BYTES or not NAME.fullmatch(name):
+            expected = f"1 to {MAX_NAME_BYTES} characters, which are letters a to z, digits, - and _"
+            raise self.error(f'{key} "name"', name, expected, "Rename it in the preset and run `meniscus shot` again")
+        return name
 
-    def mesh(self, key: str, output: dict) -> MeshOutput:
-        name, pattern = self.files(key, output)
-        attributes = output.get("attributes") or {}
+    def check_path(self, key: str, found: str, path: str) -> None:
+        """Refuses a path that might lead out of the shot folder, or that another output has; `found` is the text in the file."""
+        if len(path) > MAX_PATH_BYTES or not PATH.fullmatch(path):
+            expected = "a path inside the shot folder: letters a to z, digits, - _ . and / between its parts, "
+            raise self.error(key, found, f"{expected}at most {MAX_PATH_BYTES} characters")
+        if path in self.paths:
+            raise self.error(key, found, "a path that no other output has")
+        self.paths.add(path)
+
+    def grids(self, key: str, output: dict) -> list[str]:
+        grids = output.get("grids", [])
+        if not isinstance(grids, list) or not all(isinstance(grid, str) for grid in grids):
+            raise self.error(f'{key} "grids"', grids, "a list of names")
+        return grids
+
+    def has_velocity(self, key: str, output: dict) -> bool:
+        attributes = output.get("attributes", {})
         if not isinstance(attributes, dict):
-            raise self.fail(f'{key} "attributes"', attributes, "an object")
+            raise self.error(f'{key} "attributes"', attributes, "an object")
         velocity = attributes.get("velocity")
         if velocity not in (None, VELOCITY):
-            raise self.fail(f'{key} "velocity"', velocity, str(VELOCITY))
-        frames = self.frames(f'{key} "frames"', output.get("frames"))
-        return MeshOutput(name, pattern, frames, velocity is not None)
+            raise self.error(f'{key} "velocity"', velocity, str(VELOCITY))
+        return velocity is not None
 
     def frames(self, key: str, value: object) -> Frames:
         numbers = [value.get(name) for name in ("first", "last", "step")] if isinstance(value, dict) else []
         if len(numbers) != 3 or any(type(number) is not int for number in numbers):
-            raise self.fail(key, value, '"first", "last" and "step" as whole numbers')
-        frames = Frames(*numbers)
-        if frames.first < 0 or frames.last < frames.first or frames.step < 1:
-            raise self.fail(key, value, "0 <= first <= last and step >= 1")
-        return frames
+            raise self.error(key, value, '"first", "last" and "step" as whole numbers')
+        first, last, step = numbers
+        if not (0 <= first <= last <= MAX_INTEGER and 1 <= step <= MAX_INTEGER):
+            raise self.error(key, value, f"0 <= first <= last <= {MAX_INTEGER} and 1 <= step <= {MAX_INTEGER}")
+        if first > MAX_SCENE_FRAME:
+            expected = f"first <= {MAX_SCENE_FRAME}, Blender's last frame"
+            raise self.error(key, value, expected, "Simulate the shot with lower frame numbers")
+        return Frames(first, last, step)
 
 
 def scene_rate(fps: float) -> tuple[int, float]:
@@ -248,9 +263,12 @@ def scene_rate(fps: float) -> tuple[int, float]:
     return whole, whole / fps
 
 
-def format_pattern(path: str, pattern: str) -> str:
-    """A folder and a pattern as one Format String input: only the braces of the frame number stay single."""
-    head, width, tail = NUMBER.split(pattern)
-    escape = {ord("{"): "{{", ord("}"): "}}"}
-    head = f"{path.removesuffix('/')}/{head}" if path != "//" else f"//{head}"
-    return head.translate(escape) + f"{{:0{width}}}" + tail.translate(escape)
+def below(folder: str, path: str) -> str:
+    """A path below a folder, which is absolute or //…"""
+    return f"//{path}" if folder == "//" else f"{folder.removesuffix('/')}/{path}"
+
+
+def format_string(path: str) -> str:
+    """A path with a FRAME_NUMBER at its end as Format String input: all other braces are doubled."""
+    stem, _, extension = path.rpartition(FRAME_NUMBER)
+    return stem.translate({ord("{"): "{{", ord("}"): "}}"}) + FRAME_NUMBER + extension

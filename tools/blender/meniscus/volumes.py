@@ -5,10 +5,12 @@ Cycles multiplies `velocity` by the shutter and divides by the scene's frame rat
 the grid holds the file's metres a second unchanged.
 """
 
+import math
+
 import bpy
 
 from .material import own
-from .shot import VolumeOutput
+from .shot import MAX_SCENE_FRAME, VolumeOutput, below
 
 NAME = "Smoke"
 STAMP = "meniscus_smoke"
@@ -16,15 +18,18 @@ STAMP = "meniscus_smoke"
 # thicker like wool.
 THICKNESS = 0.03
 COLOUR = (0.82, 0.83, 0.85, 1.0)
+# Frames that are opened to find some smoke; an emitter's first few are empty.
+MAX_PROBED_FRAMES = 100
 # Smoke throws light on rather than back.
 ANISOTROPY = 0.2
 
 
-def add_volume(context: bpy.types.Context, output: VolumeOutput, folder: str) -> bpy.types.Object:
-    """A new object in the active collection that shows one sequence; `folder` is the shot's, absolute or //…"""
+def add_volume(context: bpy.types.Context, output: VolumeOutput, folder: str, present: list[int]) -> bpy.types.Object:
+    """A new object that shows one sequence, in no collection yet; `folder` is the shot's, absolute or //…"""
     volume = bpy.data.volumes.new(output.name)
-    first, last = output.frames.first, output.frames.last
-    volume.filepath = output.path(folder, first)
+    first, last = output.frames.first, min(output.frames.last, MAX_SCENE_FRAME)
+    paths = [below(folder, output.path(frame)) for frame in present[:MAX_PROBED_FRAMES]]
+    volume.filepath = below(folder, output.path(first))
     # The name of a grid is taken only where a file with it is open, which a sequence is not yet.
     if output.has_velocity and volume.grids.load():
         volume.velocity_grid, volume.velocity_unit = "velocity", "SECOND"
@@ -33,22 +38,22 @@ def add_volume(context: bpy.types.Context, output: VolumeOutput, folder: str) ->
     # Blender counts files from one: the offset makes the number of a file that of its frame.
     volume.frame_start, volume.frame_duration, volume.frame_offset = first, last - first + 1, first - 1
     made = bpy.data.objects.new(output.name, volume)
-    context.collection.objects.link(made)
-    volume.materials.append(smoke(size(context, output, folder)))
+    volume.materials.append(smoke(size(context, output.name, paths)))
     return made
 
 
-def size(context: bpy.types.Context, output: VolumeOutput, folder: str) -> float:
+def size(context: bpy.types.Context, name: str, paths: list[str]) -> float:
     """The diagonal of the first frame with smoke: an emitter's first is empty. 1 if there is none."""
-    probe = bpy.data.volumes.new(output.name)
-    shown = bpy.data.objects.new(output.name, probe)
+    probe = bpy.data.volumes.new(name)
+    shown = bpy.data.objects.new(name, probe)
     context.collection.objects.link(shown)
     try:
-        for frame in output.frames.numbers():
-            probe.filepath = output.path(folder, frame)
+        for path in paths:
+            probe.filepath = path
             corners = [corner[:] for corner in shown.evaluated_get(context.evaluated_depsgraph_get()).bound_box]
             spans = [max(axis) - min(axis) for axis in zip(*corners)]
-            if diagonal := sum(span * span for span in spans) ** 0.5:
+            diagonal = sum(span * span for span in spans) ** 0.5
+            if diagonal > 0.0 and math.isfinite(diagonal):
                 return diagonal
         return 1.0
     finally:

@@ -3,7 +3,7 @@
 
     python tools/blender/tests/run.py SHOT_DIR [VOLUMES_DIR [SMOKE_DIR [PLUME_DIR]]] [--keep DIR]
 
-The interpreter needs bpy (4.5 to 5.2) and numpy. The zip is built, and every stage of stages.py runs in a Blender
+The interpreter needs bpy (4.5 to 5.2) and numpy. The zip is built, and every stage of stages.py and hostile.py runs in a Blender
 process of its own with user folders made for the test; the shot is copied first, the given folder is not
 touched. The last line is `N passed, N failed`; the exit code is 1 if anything failed. Without SHOT_DIR a
 synthetic shot stands in for it; without VOLUMES_DIR, a folder of `meniscus volume`, no volume is opened; without SMOKE_DIR, a shot of `smoke-ring`,
@@ -21,6 +21,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 TOOL = HERE.parent
+# A stage takes a minute at most; one that waits for a pipe never ends.
+HANG_SECONDS = 900
 sys.path[:0] = [str(HERE), str(TOOL)]
 
 import build  # noqa: E402
@@ -39,26 +41,34 @@ class Tally:
         self.failed += not good
         print(f"ok   {name}" if good else f"FAIL {name}: {detail}", flush=True)
 
-    def stage(self, name: str, arguments: list[Path], resources: Path) -> None:
-        """Runs one stage in a new process; its ok, FAIL and expect lines become checks."""
+    def stage(self, name: str, arguments: list[Path], resources: Path, script: str = "stages.py") -> None:
+        """Runs one stage in a new process; its ok, FAIL, expect and forbid lines become checks."""
         print(f"-- {name}", flush=True)
-        command = [sys.executable, str(HERE / "stages.py"), name, *map(str, arguments)]
+        command = [sys.executable, str(HERE / script), name, *map(str, arguments)]
         environment = os.environ | {"BLENDER_USER_RESOURCES": str(resources), "PYTHONDONTWRITEBYTECODE": "1"}
-        run = subprocess.run(
-            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8"
+        run = subprocess.Popen(
+            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace"
         )
-        lines = run.stdout.splitlines()
+        try:
+            output, _ = run.communicate(timeout=HANG_SECONDS)
+        except subprocess.TimeoutExpired:
+            run.kill()
+            output, _ = run.communicate()
+        lines = output.splitlines()
         failed, read = self.failed, 0
-        talk = "\n".join(line for line in lines if not line.startswith("expect\t"))
+        talk = "\n".join(line for line in lines if not line.startswith(("expect\t", "forbid\t")))
         for line in lines:
             kind, _, rest = line.partition("\t")
-            read += kind in ("ok", "FAIL", "expect")
+            read += kind in ("ok", "FAIL", "expect", "forbid")
             if kind == "ok":
                 self.check(True, rest)
             elif kind == "FAIL":
                 self.check(False, *rest.split("\t", 1))
             elif kind == "expect":
                 self.check(rest in talk, f"Blender reports: {rest}", "not among what was printed")
+            elif kind == "forbid":
+                found = [line for line in talk.splitlines() if line.startswith(rest)]
+                self.check(not found, f"Blender prints no line with {rest}", str(found))
         done = run.returncode == 0 and lines[-1:] == [f"done {read}"]
         self.check(done, f"stage {name} ran to its end", f"exit code {run.returncode}, {read} lines read")
         if self.failed > failed:
@@ -109,6 +119,7 @@ def main() -> int:
         synthetic.write_sheet(work / "sheet")
         tally.stage("sheet", [work / "sheet"], user)
         tally.stage("sheets", [work / "sheets"], user)
+        tally.stage("hostile", [work / "hostile"], user, "hostile.py")
         if given.volumes:
             shutil.copytree(given.volumes, work / "volumes")
             tally.stage("volume", [work / "volumes"], bare)

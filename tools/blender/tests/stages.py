@@ -1,59 +1,24 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
 """The parts of the tests that run inside Blender; run.py starts each one in a process of its own.
 
-A check is a line `ok<TAB>name` or `FAIL<TAB>name<TAB>detail`; `expect<TAB>text` asks run.py to look for a
-text among what Blender printed. Meshes are compared with the files through the numpy reader in ply.py.
+Meshes are compared with the files through the numpy reader in ply.py.
 """
 
 import json
-import os
 import struct
 import sys
-import traceback
 from pathlib import Path
 
 import bpy
 import numpy as np
 from mathutils import Vector
 
+import harness
 import ply
 import synthetic
+from harness import ADDON, at_frame, change, check, evaluated, expect, imported, refused, use_addon
 
-ADDON = "bl_ext.user_default.meniscus"
 SIZE = (128, 64)
-
-
-reported = 0
-
-
-def report(line: str) -> None:
-    """Prints a line for run.py, on a line of its own even where Blender left one unfinished."""
-    global reported
-    reported += 1
-    print("\n" + line.replace("\n", " "), flush=True)
-
-
-def check(good: bool, name: str, detail: object = "") -> None:
-    report(f"ok\t{name}" if good else f"FAIL\t{name}\t{detail}")
-
-
-def expect(text: str) -> None:
-    report(f"expect\t{text}")
-
-
-def use_addon() -> None:
-    """An empty file with the installed add-on switched on."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    bpy.ops.preferences.addon_enable(module=ADDON)
-
-
-def evaluated(shown: bpy.types.Object) -> bpy.types.Mesh:
-    return shown.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
-
-
-def at_frame(shown: bpy.types.Object, frame: int, subframe: float = 0.0) -> bpy.types.Mesh:
-    bpy.context.scene.frame_set(frame, subframe=subframe)
-    return evaluated(shown)
 
 
 def vectors(mesh: bpy.types.Mesh, name: str) -> np.ndarray | None:
@@ -262,32 +227,6 @@ def files_input(modifier: bpy.types.NodesModifier) -> str:
     if bpy.app.version >= (5, 2):
         return modifier.properties.inputs.Socket_1.value
     return modifier["Socket_1"]
-
-
-def imported(folder: Path, **options: str) -> bpy.types.Object:
-    bpy.ops.import_scene.meniscus_shot(filepath=str(folder / "shot.json"), **options)
-    return bpy.context.object
-
-
-def change(path: Path, edit) -> None:
-    """Rewrites a shot.json after an edit of its data."""
-    data = json.loads(path.read_text(encoding="utf-8"))
-    edit(data)
-    path.write_text(json.dumps(data), encoding="utf-8")
-
-
-def refused(name: str, path: Path, *parts: str, **options: str) -> None:
-    """The import fails, its message has every part, and the file is as it was."""
-    objects = len(bpy.data.objects)
-    try:
-        bpy.ops.import_scene.meniscus_shot(filepath=str(path), **options)
-    except RuntimeError as error:
-        text = str(error)
-        lacking = [part for part in parts if part not in text]
-        check(not lacking, f"refused: {name}", f"message lacks {lacking}: {text!r}")
-    else:
-        check(False, f"refused: {name}", "it was imported")
-    check(len(bpy.data.objects) == objects, f"refused without a trace: {name}")
 
 
 def stage_messages(work: Path) -> None:
@@ -535,13 +474,4 @@ def stage_sheets(work: Path) -> None:
 
 
 if __name__ == "__main__":
-    code = 1
-    try:
-        globals()[f"stage_{sys.argv[1]}"](*map(Path, sys.argv[2:]))
-        print(f"\ndone {reported}")
-        code = 0
-    except Exception:
-        traceback.print_exc(file=sys.stdout)
-    sys.stdout.flush()
-    # bpy as a module can crash while the interpreter shuts down, which would hide the result.
-    os._exit(code)
+    harness.run(globals())

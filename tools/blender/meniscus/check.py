@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Checks every file of a shot that Blender will open: it exists, is inside the folder, and has a header that is true."""
+
+from collections.abc import Callable
+
+from .folder import ShotFolder
+from .headers import MAX_COUNT, PointCache, check_pc2, check_ply
+from .messages import REMAKE, ShotError, printable
+from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, SequenceOutput, SheetOutput, Shot, VolumeOutput
+from .vdb import check_vdb
+
+MISSING = "Run `meniscus shot` again; it makes what is missing"
+
+
+def check_files(shot: Shot, folder: ShotFolder, warn: Callable[[str], None]) -> dict[SequenceOutput, list[int]]:
+    """The frames that have a file, of every sequence; missing ones are reported by `warn`. Raises ShotError."""
+    for sheet in shot.sheets:
+        check_sheet(sheet, folder)
+    if shot.last_frame() > MAX_SCENE_FRAME:
+        hidden = f"frames {MAX_SCENE_FRAME + 1} to {shot.last_frame()}"
+        warn(f"{shot.title}: {hidden} cannot be shown, Blender's last is {MAX_SCENE_FRAME}")
+    return {output: check_sequence(output, folder, warn) for output in (*shot.meshes, *shot.volumes)}
+
+
+def check_sheet(sheet: SheetOutput, folder: ShotFolder) -> None:
+    """Raises ShotError unless rest mesh and point cache belong together."""
+    for path in (sheet.rest, sheet.cache):
+        if not folder.has(path):
+            raise ShotError(f"{sheet.name}: {printable(folder.full(path))} is missing. {MISSING}")
+    points, samples = check_ply(folder, sheet.rest), len(sheet.frames.numbers())
+    if points == 0 or samples > MAX_COUNT:
+        finding = f"{points} points in {samples} frames, expected 1 to {MAX_COUNT} of each"
+        raise ShotError(f"{printable(folder.full(sheet.rest))}: {finding}. {REMAKE}")
+    check_pc2(folder, sheet.cache, PointCache(points, sheet.frames.first, sheet.frames.step, samples))
+
+
+def check_sequence(output: SequenceOutput, folder: ShotFolder, warn: Callable[[str], None]) -> list[int]:
+    """The frames of a sequence that have a file. Raises ShotError if there are none, or one is damaged."""
+    is_volume, wanted = isinstance(output, VolumeOutput), output.frames.numbers()
+    # A sequence of volumes has no step: Blender opens the files between the steps as well.
+    opened = range(output.frames.first, output.frames.last + 1) if is_volume else wanted
+    found = [frame for frame in folder.frames(output.pattern, FRAME_NUMBER) if frame in opened]
+    for frame in found:
+        (check_vdb if is_volume else check_ply)(folder, output.path(frame))
+    if is_volume and output.frames.step > 1:
+        warn(f"{output.name}: only every frame number {output.frames.step} has a volume; the others show nothing")
+    present = [frame for frame in found if frame in wanted]
+    missing = len(wanted) - len(present)
+    if missing:
+        # The files that exist come in ascending order: the first gap is where they leave the frames of the sequence.
+        first = next((frame for frame, other in zip(wanted, present) if frame != other), None)
+        first = wanted[len(present)] if first is None else first
+        file = printable(folder.full(output.path(first)))
+        text = f"{output.name}: {missing} of {len(wanted)} files missing, first {file}. {MISSING}"
+        if not present:
+            raise ShotError(text)
+        warn(f"{text}. Until then these frames are empty")
+    return present
