@@ -1,5 +1,6 @@
 //! What can be wrong with a cache.
 
+use crate::control::{printable, printable_path};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,7 @@ use std::path::{Path, PathBuf};
 #[non_exhaustive]
 pub enum CacheError {
     /// The folder or file is not there, or holds no frame.
-    #[error("{path}: {found}, expected {expected}; check the path, or run `meniscus simulate` first", path = path.display())]
+    #[error("{path}: {found}, expected {expected}; check the path, or run `meniscus simulate` first", path = printable_path(path))]
     NotFound {
         /// The folder or file.
         path: PathBuf,
@@ -21,7 +22,7 @@ pub enum CacheError {
     #[error(
         "{path}: locked by {holder}, expected no other process to write this folder; \
          wait for that process or stop it, then run the same command again",
-        path = path.display()
+        path = printable_path(path)
     )]
     Locked {
         /// The lock file.
@@ -33,7 +34,7 @@ pub enum CacheError {
     #[error(
         "{path}: {place}: found {found}, expected {expected}; delete this frame and simulate again, \
          or restore it from a backup",
-        path = path.display()
+        path = printable_path(path)
     )]
     Corrupt {
         /// The file.
@@ -48,7 +49,7 @@ pub enum CacheError {
     /// The file is another frame than its name states.
     #[error(
         "{path}: frame {found} under the name of frame {expected}; give it its own name again, or delete it and simulate again",
-        path = path.display()
+        path = printable_path(path)
     )]
     Misplaced {
         /// The file.
@@ -62,7 +63,7 @@ pub enum CacheError {
     #[error(
         "{path}: format version {found}, expected {expected}; read it with the version of meniscus that \
          wrote it, or simulate again",
-        path = path.display()
+        path = printable_path(path)
     )]
     Version {
         /// The file.
@@ -76,7 +77,7 @@ pub enum CacheError {
     #[error(
         "{path}: a frame of another simulation (key {found:016x}), expected key {expected:016x}; \
          delete this frame and simulate again",
-        path = path.display()
+        path = printable_path(path)
     )]
     Stale {
         /// The file.
@@ -90,7 +91,7 @@ pub enum CacheError {
     #[error(
         "{path}: no space ({source}), expected space for the whole frame; no partial frame was left: \
          free some space, or raise the quota or `ulimit -f`, and run the same command again to resume",
-        path = path.display()
+        path = printable_path(path)
     )]
     Full {
         /// The file that was being written.
@@ -102,7 +103,7 @@ pub enum CacheError {
     #[error(
         "{path}: could not {doing}: {source}; expected a folder and files that this user may read and write: \
          check permissions and the disk",
-        path = path.display()
+        path = printable_path(path)
     )]
     Io {
         /// The file or folder.
@@ -148,7 +149,10 @@ impl Damage {
         found: impl Into<String>,
         expected: impl Into<String>,
     ) -> Self {
-        Self { place: place.into(), found: found.into(), expected: expected.into() }
+        // They may name what a file holds.
+        let [place, found, expected] =
+            [place.into(), found.into(), expected.into()].map(|text: String| printable(&text).into_owned());
+        Self { place, found, expected }
     }
 
     /// The error for the file `path`.

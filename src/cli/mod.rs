@@ -28,7 +28,10 @@ use std::process::ExitCode;
 
 /// Runs the command line and returns the exit code.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(why) => return output::report_usage(&why),
+    };
     let cancel = interrupt::listen();
     let reporter = progress::reporter(cli.progress);
     let control = Control { reporter: &*reporter, cancel: &cancel };

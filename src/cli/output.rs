@@ -1,14 +1,76 @@
 //! What the command line prints: results on stdout, reports and errors on stderr.
 
 use super::args::ProgressStyle;
-use crate::{preset::SceneError, run::RunError, sim::ElementCount};
+use crate::{
+    control::{escape_into, printable},
+    preset::SceneError,
+    run::RunError,
+    sim::ElementCount,
+};
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
-use std::{io, sync::OnceLock};
+use std::{io, process::ExitCode, sync::OnceLock};
 
 /// Prints a line on stderr; write errors on a closed stderr are ignored.
 pub(super) fn print_line(text: &str) {
+    write_line(&escaped(text, false));
+}
+
+fn write_line(text: &str) {
     use std::io::Write;
     let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// The beginning of a line that an agent of Open Job Description obeys, on stdout and on stderr.
+const AGENT_COMMAND: &str = "openjd_";
+
+/// `text`, into which names and titles from files may have been put, as it can be printed: no character steers the terminal
+/// (colours only, if `keeps_colours`), and no line is a command to the agent of a render farm.
+fn escaped(text: &str, keeps_colours: bool) -> String {
+    let mut out = String::with_capacity(text.len());
+    for (number, line) in text.split('\n').enumerate() {
+        if number > 0 {
+            out.push('\n');
+        }
+        if line.get(..AGENT_COMMAND.len()).is_some_and(|start| start.eq_ignore_ascii_case(AGENT_COMMAND)) {
+            out.push('\\');
+        }
+        // A text of the user's may have the line ends of Windows.
+        let line = line.strip_suffix('\r').unwrap_or(line);
+        for (at, character) in line.char_indices() {
+            match character {
+                '\t' => out.push('\t'),
+                '\u{1b}' if keeps_colours && is_colour(&line[at + 1..]) => out.push(character),
+                other => escape_into(&mut out, other),
+            }
+        }
+    }
+    out
+}
+
+/// Whether what follows an escape character sets colours: `[`, numbers, `m`.
+fn is_colour(rest: &str) -> bool {
+    let numbers =
+        rest.strip_prefix('[').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
+    numbers.is_some_and(|rest| rest.starts_with('m'))
+}
+
+/// Reports what is wrong with the command line, or prints the help that it requests; returns the exit code.
+pub(super) fn report_usage(why: &clap::Error) -> ExitCode {
+    if why.use_stderr() {
+        let text = why.render();
+        let colours = wants_colours();
+        let text = if colours { text.ansi().to_string() } else { text.to_string() };
+        write_line(escaped(&text, colours).trim_end());
+    } else {
+        // A reader of the help that went away is no failure.
+        let _ = why.print();
+    }
+    u8::try_from(why.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from)
+}
+
+fn wants_colours() -> bool {
+    use std::io::IsTerminal;
+    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }
 
 /// Reports on stderr why a job stopped, in the style of its progress; problems of a preset are shown in its text.
@@ -18,11 +80,11 @@ pub(super) fn report_error(why: &RunError, style: ProgressStyle) {
             let data = serde_json::json!({ "text": why.to_string() });
             return print_line(&serde_json::json!({ "event": "error", "data": data }).to_string());
         }
-        ProgressStyle::Openjd => open_jd(&format!("openjd_fail: {}", one_line(&why.to_string()))),
+        ProgressStyle::Openjd => open_jd("fail", &why.to_string()),
         _ => {}
     }
     match why {
-        RunError::Scene(scene) => print_line(&diagnostic(scene)),
+        RunError::Scene(scene) => write_line(&escaped(&diagnostic(scene), wants_colours())),
         RunError::Interrupted => print_line(&why.to_string()),
         other => print_line(&format!("error: {other}")),
     }
@@ -45,9 +107,7 @@ fn one_line(text: &str) -> String {
 
 /// Why there is no scene: every problem with the line it is in, plain where colours are not wanted.
 pub(crate) fn diagnostic(error: &SceneError) -> String {
-    use std::io::IsTerminal;
-    let fancy = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none();
-    let renderer = if fancy { Renderer::styled() } else { Renderer::plain() };
+    let renderer = if wants_colours() { Renderer::styled() } else { Renderer::plain() };
     let mut blocks = Vec::new();
     if error.problems().len() > 1 {
         let title = error.to_string();
@@ -77,7 +137,7 @@ static UNPRINTED: OnceLock<io::Error> = OnceLock::new();
 /// ([`unprinted`]). A reader that went away (`meniscus info … | head`) is no failure.
 pub(super) fn print(text: &str) {
     use std::io::Write;
-    if let Err(why) = writeln!(io::stdout(), "{}", text.trim_end())
+    if let Err(why) = writeln!(io::stdout(), "{}", escaped(text.trim_end(), false))
         && why.kind() != io::ErrorKind::BrokenPipe
     {
         let _ = UNPRINTED.set(why);
@@ -94,8 +154,25 @@ pub(super) fn unprinted() -> Option<RunError> {
     })
 }
 
-/// Prints a line for the render farm's agent; write errors on a closed stdout are ignored.
-pub(super) fn open_jd(line: &str) {
+/// Prints a line for the render farm's agent: a command and its text, of which line ends become spaces. Write errors on a closed
+/// stdout are ignored.
+pub(super) fn open_jd(command: &str, text: &str) {
     use std::io::Write;
-    let _ = writeln!(std::io::stdout(), "{line}");
+    let _ = writeln!(std::io::stdout(), "{AGENT_COMMAND}{command}: {}", printable(&one_line(text)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_line_from_a_file_commands_an_agent_or_steers_a_terminal() {
+        let text = "a\nopenjd_env: X=/x\r\n\u{1b}]0;t\u{7}b\tc\u{85}OpenJD_fail: d\nOPENJD_fail: e";
+        let expected = "a\n\\openjd_env: X=/x\n\\u001b]0;t\\u0007b\tc\\u0085OpenJD_fail: d\n\\OPENJD_fail: e";
+        assert_eq!(escaped(text, false), expected);
+        assert_eq!(escaped("\u{1b}[1;31mred\u{1b}[2J\u{1b}", true), "\u{1b}[1;31mred\\u001b[2J\\u001b");
+        let json = serde_json::json!({ "title": "a\u{202e}\u{9b}\nb" });
+        let printed: serde_json::Value = serde_json::from_str(&escaped(&json.to_string(), false)).unwrap();
+        assert_eq!(printed, json, "the escapes are those of JSON");
+    }
 }

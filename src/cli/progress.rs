@@ -4,7 +4,7 @@ use super::{
     args::ProgressStyle,
     output::{open_jd, print_line},
 };
-use crate::{job::Silent, run::Reporter};
+use crate::{control::printable, job::Silent, run::Reporter};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle as BarStyle};
 use std::{
     io::IsTerminal,
@@ -50,7 +50,7 @@ impl Reporter for Bar {
         let total = (frames as f64 * STEPS) as u64;
         let bar = ProgressBar::with_draw_target(Some(total), ProgressDrawTarget::stderr_with_hz(10))
             .with_style(style)
-            .with_prefix(job.to_owned())
+            .with_prefix(printable(job).into_owned())
             .with_message(format!("of {frames} frames"));
         bar.enable_steady_tick(Duration::from_millis(200));
         *lock(&self.bar) = Some(bar);
@@ -61,7 +61,7 @@ impl Reporter for Bar {
     }
 
     fn frame(&self, figures: &str) {
-        self.with(|bar| bar.set_message(figures.to_owned()));
+        self.with(|bar| bar.set_message(printable(figures).into_owned()));
     }
 
     fn note(&self, text: &str) {
@@ -147,7 +147,7 @@ impl Output {
         match self.form {
             Form::Plain => print_line(&format!("Progress: {percent:.0}%")),
             Form::Json => self.json("progress", &serde_json::json!({ "job": job.name, "percent": percent })),
-            Form::OpenJd => open_jd(&format!("openjd_progress: {percent:.1}")),
+            Form::OpenJd => open_jd("progress", &format!("{percent:.1}")),
         }
     }
 
@@ -160,7 +160,7 @@ impl Output {
             Form::Plain if event == "note" => print_line(&format!("note: {text}")),
             Form::Plain => print_line(text),
             Form::Json => self.json(event, &serde_json::json!({ "text": text })),
-            Form::OpenJd => open_jd(&format!("openjd_status: {text}")),
+            Form::OpenJd => open_jd("status", text),
         }
     }
 }

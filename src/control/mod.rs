@@ -1,4 +1,8 @@
-//! How a run is observed and cancelled, and the reasons why it ends early.
+//! How a run is observed and cancelled, the reasons why it ends early, and text that is safe to print.
+
+mod printable;
+
+pub(crate) use printable::{escape_into, printable, printable_path};
 
 use std::{
     sync::{

@@ -1,6 +1,6 @@
 //! Why a file could not be written.
 
-use crate::{cache::is_full, mesh::Mesh};
+use crate::{cache::is_full, control::printable_path, mesh::Mesh};
 use std::{
     collections::HashSet,
     io,
@@ -12,7 +12,7 @@ use std::{
 #[non_exhaustive]
 pub enum ExportError {
     /// The system refused.
-    #[error("{}: cannot write: {source}; {}", path.display(), remedy(source.kind()))]
+    #[error("{}: cannot write: {source}; {}", printable_path(path), remedy(source.kind()))]
     Write {
         /// The file.
         path: PathBuf,
@@ -20,7 +20,7 @@ pub enum ExportError {
         source: io::Error,
     },
     /// The mesh cannot be written in this format.
-    #[error("{}: cannot write: {what}; {next}", path.display())]
+    #[error("{}: cannot write: {what}; {next}", printable_path(path))]
     Mesh {
         /// The file.
         path: PathBuf,
@@ -30,7 +30,7 @@ pub enum ExportError {
         next: &'static str,
     },
     /// A grid has a value that the file cannot hold.
-    #[error("{}: cannot write: {what}; {next}", path.display())]
+    #[error("{}: cannot write: {what}; {next}", printable_path(path))]
     Volume {
         /// The file.
         path: PathBuf,

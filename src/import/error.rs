@@ -1,9 +1,10 @@
 //! What can be wrong with a file from elsewhere.
 
+use crate::control::{printable, printable_path};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Characters of a finding that a message shows.
+/// Characters of a place, finding or expectation that a message shows.
 const MAX_FOUND: usize = 200;
 
 /// Why particles could not be imported.
@@ -11,7 +12,7 @@ const MAX_FOUND: usize = 200;
 #[non_exhaustive]
 pub enum ImportError {
     /// No file is there, or none matches the pattern.
-    #[error("{path}: {found}, expected {expected}; check the path and the frames that the solver wrote", path = path.display())]
+    #[error("{path}: {found}, expected {expected}; check the path and the frames that the solver wrote", path = printable_path(path))]
     NotFound {
         /// The file or pattern, as given.
         path: PathBuf,
@@ -23,7 +24,7 @@ pub enum ImportError {
     /// The kind of file, or something in it, is not read.
     #[error(
         "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, VTK, NPZ or classic BGEO",
-        path = path.display()
+        path = printable_path(path)
     )]
     Unsupported {
         /// The file.
@@ -37,7 +38,7 @@ pub enum ImportError {
     #[error(
         "{path}: found {found}, expected {expected}; save the surface as a level set of floats, not half floats, or \
          mesh the particles",
-        path = path.display()
+        path = printable_path(path)
     )]
     NoLevelSet {
         /// The file.
@@ -50,7 +51,7 @@ pub enum ImportError {
     /// The file breaks the rules of its format, or is cut short.
     #[error(
         "{path}: {place}: found {found}, expected {expected}; write the file again, or look at this place in it",
-        path = path.display()
+        path = printable_path(path)
     )]
     Malformed {
         /// The file.
@@ -66,7 +67,7 @@ pub enum ImportError {
     #[error(
         "{path}: particle {particle}: found {found} as {channel}, expected finite numbers; \
          remove this particle, or look at the step of the solver that made it",
-        path = path.display()
+        path = printable_path(path)
     )]
     NotFinite {
         /// The file.
@@ -81,7 +82,7 @@ pub enum ImportError {
     /// The file has no bytes: its writer was stopped, or the disk was full.
     #[error(
         "{path}: found an empty file, expected particles or at least a header; write the file again, or leave it out",
-        path = path.display()
+        path = printable_path(path)
     )]
     EmptyFile {
         /// The file.
@@ -90,7 +91,7 @@ pub enum ImportError {
     /// The only file is sound but holds no particle. In a sequence that is an empty frame.
     #[error(
         "{path}: found no particles, expected at least one; name the file that has them, or the whole sequence",
-        path = path.display()
+        path = printable_path(path)
     )]
     NoParticles {
         /// The file.
@@ -99,7 +100,7 @@ pub enum ImportError {
     /// The system refused an operation.
     #[error(
         "{path}: could not {doing}: {source}; expected a file that this user may read: check its permissions",
-        path = path.display()
+        path = printable_path(path)
     )]
     Io {
         /// The file or folder.
@@ -125,11 +126,11 @@ impl ImportError {
     }
 
     pub(super) fn unsupported(path: &Path, found: impl Into<String>, expected: impl Into<String>) -> Self {
-        Self::Unsupported { path: path.to_path_buf(), found: found.into(), expected: expected.into() }
+        Self::Unsupported { path: path.to_path_buf(), found: excerpt(found), expected: excerpt(expected) }
     }
 
     pub(super) fn no_level_set(path: &Path, found: String, expected: &str) -> Self {
-        Self::NoLevelSet { path: path.to_path_buf(), found, expected: expected.into() }
+        Self::NoLevelSet { path: path.to_path_buf(), found: excerpt(found), expected: expected.into() }
     }
 
     pub(super) fn malformed(
@@ -138,12 +139,18 @@ impl ImportError {
         found: impl Into<String>,
         expected: impl Into<String>,
     ) -> Self {
-        let (place, mut found, expected) = (place.into(), found.into(), expected.into());
-        // A binary file read as text can have a "word" of any length.
-        if let Some((end, _)) = found.char_indices().nth(MAX_FOUND) {
-            found.truncate(end);
-            found.push('…');
-        }
+        let (place, found, expected) = (excerpt(place), excerpt(found), excerpt(expected));
         Self::Malformed { path: path.to_path_buf(), place, found, expected }
     }
+}
+
+/// The beginning of a text that may hold anything that a file does, in one line. A binary file read as text can have a "word" of
+/// any length.
+pub(super) fn excerpt(text: impl Into<String>) -> String {
+    let mut text: String = text.into();
+    if let Some((end, _)) = text.char_indices().nth(MAX_FOUND) {
+        text.truncate(end);
+        text.push('…');
+    }
+    printable(&text).into_owned()
 }

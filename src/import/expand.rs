@@ -1,6 +1,7 @@
 //! From the patterns of a command line to a sequence of files.
 
 use super::{ImportError, Sequence};
+use crate::control::printable;
 use std::path::{Path, PathBuf};
 
 /// Characters that make a name a pattern.
@@ -38,6 +39,7 @@ fn matching(path: &Path) -> Result<Vec<(PathBuf, Option<u32>)>, ImportError> {
         _ => Path::new("."),
     };
     let missing = |found: String, expected: String| {
+        let [found, expected] = [found, expected].map(|text| printable(&text).into_owned());
         Err(ImportError::NotFound { path: path.to_path_buf(), found, expected })
     };
     if path.is_dir() {

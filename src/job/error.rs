@@ -1,8 +1,13 @@
 //! What can stop a job.
 
 use crate::{
-    cache::CacheError, control::Diverged, export::ExportError, frame::FrameIndex, import::ImportError,
-    mesh::SurfaceError, preset::SceneError,
+    cache::CacheError,
+    control::{Diverged, printable_path},
+    export::ExportError,
+    frame::FrameIndex,
+    import::ImportError,
+    mesh::SurfaceError,
+    preset::SceneError,
 };
 use std::path::{Path, PathBuf};
 
@@ -58,7 +63,7 @@ pub(crate) enum RunError {
     /// The folder holds frames of other settings.
     #[error(
         "{}: the cached frames were made with other settings{}",
-        folder.display(), explain_settings(folder, differences.as_deref())
+        printable_path(folder), explain_settings(folder, differences.as_deref())
     )]
     OtherSettings {
         /// The shot folder.
@@ -87,7 +92,7 @@ pub(crate) enum RunError {
         wanted: String,
     },
     /// A file next to the cache cannot be read or written.
-    #[error("{}: {source}; {next}", path.display())]
+    #[error("{}: {source}; {next}", printable_path(path))]
     File {
         /// Which.
         path: PathBuf,
@@ -155,7 +160,7 @@ const MAX_LISTED_DIFFERENCES: usize = 12;
 
 /// The settings that differ, and what each remedy does.
 fn explain_settings(folder: &Path, differences: Option<&[String]>) -> String {
-    let folder = folder.display();
+    let folder = printable_path(folder);
     let remedies = "\n--force deletes these frames and simulates again with the settings given now\
                     \n-o DIR keeps these frames and simulates into the folder DIR";
     let Some(differences) = differences else {

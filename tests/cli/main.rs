@@ -21,6 +21,7 @@ mod surface_extremes;
 mod surface_tradeoff;
 mod tradeoff;
 mod trust;
+mod untrusted;
 mod volumes;
 
 use assert_cmd::Command;

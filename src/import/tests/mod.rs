@@ -244,6 +244,40 @@ fn vtk(binary: bool, version: u32, kind: &str) -> Vec<u8> {
     out
 }
 
+/// A file of version 5.1 as meshio 5.3.5 writes it: the types of all integers are named by their sizes.
+fn meshio_vtk(binary: bool) -> Vec<u8> {
+    let mut out = b"# vtk DataFile Version 5.1\nwritten by meshio v5.3.5\n".to_vec();
+    writeln!(out, "{}\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 float", if binary { "BINARY" } else { "ASCII" })
+        .unwrap();
+    block(&mut out, binary, X.as_flattened());
+    out.extend(b"CELLS 4 3\nOFFSETS vtktypeint64\n");
+    block(&mut out, binary, &[0_i64, 1, 2, 3]);
+    out.extend(b"CONNECTIVITY vtktypeint32\n");
+    block(&mut out, binary, &[0_i32, 1, 2]);
+    out.extend(b"CELL_TYPES 3\n");
+    block(&mut out, binary, &[1, 1, 1]);
+    out.extend(b"POINT_DATA 3\nFIELD FieldData 4\nvelocity 3 3 double\n");
+    block(&mut out, binary, &V.as_flattened().iter().map(|&v| f64::from(v)).collect::<Vec<_>>());
+    out.extend(b"id 1 3 vtktypeuint32\n");
+    block(&mut out, binary, &ID);
+    out.extend(b"material 1 3 vtktypeint32\n");
+    block(&mut out, binary, &[3_i32, 1, 2]);
+    out.extend(b"flag 1 3 vtktypeuint8\n");
+    block(&mut out, binary, &[0_u8, 1, 255]);
+    out
+}
+
+#[test]
+fn vtk_with_types_named_by_size() {
+    for binary in [false, true] {
+        let imported = import("a.vtk", &meshio_vtk(binary)).unwrap();
+        check(&imported);
+        assert_eq!(imported.stream.u32("material").unwrap(), [3, 1, 2]);
+        assert_eq!(imported.stream.u32("flag").unwrap(), [0, 1, 255]);
+        assert!(imported.ignored.is_empty(), "{:?}", imported.ignored);
+    }
+}
+
 #[test]
 fn vtk_in_every_layout() {
     for binary in [false, true] {

@@ -15,17 +15,17 @@ const BIT: Kind = Kind { size: 0, number: Number::Unsigned };
 fn named(name: &str) -> Option<Kind> {
     let (size, number) = match name.to_ascii_lowercase().as_str() {
         "bit" => return Some(BIT),
-        "unsigned_char" => (1, Number::Unsigned),
-        "char" | "signed_char" => (1, Number::Signed),
-        "unsigned_short" => (2, Number::Unsigned),
-        "short" => (2, Number::Signed),
-        "unsigned_int" => (4, Number::Unsigned),
+        "unsigned_char" | "vtktypeuint8" => (1, Number::Unsigned),
+        "char" | "signed_char" | "vtktypeint8" => (1, Number::Signed),
+        "unsigned_short" | "vtktypeuint16" => (2, Number::Unsigned),
+        "short" | "vtktypeint16" => (2, Number::Signed),
+        "unsigned_int" | "vtktypeuint32" => (4, Number::Unsigned),
         // vtkIdType is written as 32-bit integers whatever its size in memory.
-        "int" | "vtkidtype" => (4, Number::Signed),
+        "int" | "vtkidtype" | "vtktypeint32" => (4, Number::Signed),
         "unsigned_long" | "vtktypeuint64" => (8, Number::Unsigned),
         "long" | "vtktypeint64" => (8, Number::Signed),
-        "float" => (4, Number::Float),
-        "double" => (8, Number::Float),
+        "float" | "vtktypefloat32" => (4, Number::Float),
+        "double" | "vtktypefloat64" => (8, Number::Float),
         _ => return None,
     };
     Some(Kind { size, number })

@@ -6,7 +6,10 @@ use super::{
     schedule,
     source::RequestedFrame,
 };
-use crate::job::{Control, Failure, FrameSpan, RunError, ShotFolder};
+use crate::{
+    control::printable_path,
+    job::{Control, Failure, FrameSpan, RunError, ShotFolder},
+};
 use std::path::Path;
 
 /// The frames of a batch.
@@ -56,7 +59,7 @@ pub(crate) fn process_frames(
             Err(RunError::Cache(why)) => outcome.fail(why.to_string(), Failure::of(&why)),
             Err(RunError::Import(why)) if !is_single_file => outcome.fail(why.to_string(), Failure::Other),
             Err(why @ RunError::OverMemory { .. }) if !is_single_file => {
-                outcome.fail(format!("{}: {why}", path.display()), Failure::Memory);
+                outcome.fail(format!("{}: {why}", printable_path(path)), Failure::Memory);
             }
             Err(why) => return Some(Err(why)),
         }

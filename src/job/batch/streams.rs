@@ -9,6 +9,7 @@ use super::{
 };
 use crate::{
     cache,
+    control::printable_path,
     frame::{FrameIndex, Stream, StreamKind},
     import::ImportError,
     job::{Control, Failure, RunError, ShotFolder, file_records::FileRecords, is_file_name},
@@ -156,10 +157,12 @@ pub(crate) fn process_streams(
             writer.write(input, target, outcome, control)?;
             if stream.is_empty() {
                 let product = writer.folder().name();
-                outcome.notes.push(format!("{}: no particles, so its {product} is empty", path.display()));
+                outcome
+                    .notes
+                    .push(format!("{}: no particles, so its {product} is empty", printable_path(path)));
             }
         }
-        outcome.notes.extend(notes.iter().map(|note| format!("{}: {note}", path.display())));
+        outcome.notes.extend(notes.iter().map(|note| format!("{}: {note}", printable_path(path))));
         Ok(MemoryCheck::Fits)
     })
 }
