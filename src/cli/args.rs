@@ -23,7 +23,7 @@ use std::path::PathBuf;
     max_term_width = 100,
     after_help = "First shot:   meniscus shot dam-break --quality draft\nEvery preset: meniscus presets\n\n\
         Exit codes: 0 done · 1 failed · 2 usage or preset · 3 some frames failed · 10 no such cache · 11 locked by \
-        another process · 12 corrupt · 13 other version · 14 stale · 20 diverged · 28 disk full · 33 over the memory \
+        another process · 12 corrupt · 13 other version · 14 of other settings or another shot · 20 diverged · 28 disk full · 33 over the memory \
         budget · 130 interrupted (finished frames are kept)"
 )]
 pub(super) struct Cli {

@@ -136,9 +136,12 @@ impl OutputFiles {
 
     /// The first of the paths that leads out of the shot folder's own sub-folders, if one does.
     fn foreign_path(&self) -> Option<&str> {
-        let is_own = |path: &&str| match path.replace(NUMBER, "").split_once('/') {
-            Some((folder, file)) => is_file_name(folder) && is_file_name(file),
-            None => false,
+        // `folder/name_{:04}.format` or `folder/name.format`.
+        let is_own = |path: &&str| {
+            let plain = path.replace(NUMBER, "");
+            let parts =
+                plain.split_once('/').and_then(|(folder, file)| Some((folder, file.rsplit_once('.')?)));
+            parts.is_some_and(|(folder, (name, format))| [folder, name, format].into_iter().all(is_file_name))
         };
         [Some(self.pattern.as_str()), self.rest.as_deref()].into_iter().flatten().find(|path| !is_own(path))
     }

@@ -3,6 +3,7 @@
 use super::{FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder};
 use crate::{
     cache::{self, CacheError, FrameInfo},
+    control::printable_path,
     frame::FrameIndex,
     job::{
         batch::state_key,
@@ -217,7 +218,7 @@ fn condition(why: &CacheError) -> Condition {
 /// Why, without the path, which the fault names.
 fn reason(why: &CacheError, path: &Path) -> String {
     let text = why.to_string();
-    let prefix = format!("{}: ", path.display());
+    let prefix = format!("{}: ", printable_path(path));
     text.strip_prefix(&prefix).map_or_else(|| text.clone(), str::to_owned)
 }
 

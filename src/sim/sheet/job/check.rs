@@ -69,20 +69,21 @@ fn of_sheet(sheet: &SheetParams) -> impl Iterator<Item = (String, &Shape)> {
     regions.chain(pins.filter_map(|(i, pin)| Some((format!("pin.{i}.at.inside"), pin.at.shape()?))))
 }
 
+/// The longest name of a sheet: Blender's names have 63 bytes.
+const MAX_NAME: usize = 63;
+
 /// Names become those of files and streams.
 fn check_name(name: &str, key: &str, places: &Places, findings: &mut Vec<Finding>) {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
     // Files of frames end in the frame's number.
     let digits = name.rsplit('_').next().filter(|end| end.len() < name.len() && end.len() > 3);
     let is_frame = digits.is_some_and(|end| end.chars().all(|c| c.is_ascii_digit()));
-    if name.is_empty() || is_frame || !name.chars().all(plain) {
+    if !(1..=MAX_NAME).contains(&name.len()) || is_frame || !name.chars().all(plain) {
         let message = format!("`{name}` cannot be the name of a file");
         let finding = Finding::new(places.of(key), key, message, format!("found {name:?}"));
-        findings.push(
-            finding.with_help(
-                "use letters of the alphabet, digits, `-` and `_`, and no frame's number at the end",
-            ),
-        );
+        findings.push(finding.with_help(
+            "use 1 to 63 letters of the alphabet, digits, `-` and `_`, and no frame's number at the end",
+        ));
     }
 }
 
