@@ -3,6 +3,7 @@
 use super::error::Damage;
 use crate::frame::{ChannelData, Frame, FrameIndex, StreamKind};
 use serde::{Serialize, Serializer};
+use std::collections::HashSet;
 use xxhash_rust::xxh3::xxh3_64;
 
 /// The version of the container that this build writes. It reads version 1 as well.
@@ -23,6 +24,11 @@ pub(super) const CHUNK_HEAD: usize = 12;
 pub(super) const CHUNK_ENTRIES: u32 = 1 << 16;
 /// The largest chunk that a reader takes, so that a chunk never needs more than 12 MiB.
 const MAX_CHUNK_ENTRIES: u32 = 1 << 20;
+/// Streams that a frame has at most; a sheet has two.
+const MAX_STREAMS: u32 = 1 << 16;
+/// Channels, and scalars, that a stream has at most, of which solvers write a few dozen. They are searched one by one wherever
+/// they are used, so that time would grow with the square of their number.
+const MAX_CHANNELS: u32 = 4096;
 /// No zstd frame is shorter than this.
 pub(super) const MIN_STORED: usize = 9;
 
@@ -45,6 +51,17 @@ pub struct FrameInfo {
     pub bytes: u64,
     /// The streams of every system, in the order of the file.
     pub streams: Vec<StreamInfo>,
+}
+
+impl FrameInfo {
+    /// The memory that the columns take when they are read [bytes]. It can be a thousand times the file's length, if numbers are equal.
+    pub fn unpacked_bytes(&self) -> u64 {
+        let words = |stream: &StreamInfo| {
+            stream.channels.iter().map(|channel| channel.kind.words() as u64).sum::<u64>()
+        };
+        let bytes = |stream: &StreamInfo| stream.len.saturating_mul(4).saturating_mul(words(stream));
+        self.streams.iter().map(bytes).fold(0, u64::saturating_add)
+    }
 }
 
 /// One stream of a frame's header.
@@ -243,10 +260,10 @@ pub(super) fn parse_header(header: &[u8], version: u32, checksum: u64, bytes: u6
         let expected = format!("1 to {MAX_CHUNK_ENTRIES}");
         return Err(Damage::new("header, entries in a chunk", chunk.to_string(), expected));
     }
-    let mut streams = Vec::new();
-    for _ in 0..fields.u32("number of streams")? {
+    let (mut streams, mut names) = (Vec::new(), HashSet::new());
+    for _ in 0..fields.count("number of streams", MAX_STREAMS)? {
         let stream = parse_stream(&mut fields, version)?;
-        if streams.iter().any(|other: &StreamInfo| other.name == stream.name) {
+        if !names.insert(stream.name.clone()) {
             let found = format!("a second stream \"{}\"", stream.name);
             return Err(Damage::new("header, name of a stream", found, "each name once"));
         }
@@ -268,22 +285,22 @@ fn parse_stream(fields: &mut Fields, version: u32) -> Result<StreamInfo, Damage>
         _ => kind_of_code(fields.take("kind of a stream", 1)?[0]),
     };
     let len = fields.u64("length of a stream")?;
-    let mut channels: Vec<ChannelInfo> = Vec::new();
-    for _ in 0..fields.u32("number of channels")? {
+    let (mut channels, mut names) = (Vec::new(), HashSet::new());
+    for _ in 0..fields.count("number of channels", MAX_CHANNELS)? {
         let channel = fields.text("name of a channel")?;
         let code = fields.take("type of a channel", 1)?[0];
         let Some(kind) = ChannelKind::from_code(code) else {
             let place = format!("header, type of {name}.{channel}");
             return Err(Damage::new(place, code.to_string(), "1 (f32), 2 (vec3) or 3 (u32)"));
         };
-        if channels.iter().any(|other| other.name == channel) {
+        if !names.insert(channel.clone()) {
             let found = format!("a second channel \"{channel}\"");
             return Err(Damage::new(format!("header, stream {name}"), found, "each name once"));
         }
         channels.push(ChannelInfo { name: channel, kind });
     }
     let mut scalars = Vec::new();
-    for _ in 0..fields.u32("number of scalars")? {
+    for _ in 0..fields.count("number of scalars", MAX_CHANNELS)? {
         let scalar = fields.text("name of a scalar")?;
         scalars.push((scalar, f64::from_bits(fields.u64("value of a scalar")?)));
     }
@@ -312,6 +329,14 @@ impl<'a> Fields<'a> {
 
     fn u32(&mut self, what: &str) -> Result<u32, Damage> {
         Ok(u32::from_le_bytes(self.take(what, 4)?.try_into().expect("four bytes were taken")))
+    }
+
+    /// A number of things of which a frame has at most `max`.
+    fn count(&mut self, what: &str, max: u32) -> Result<u32, Damage> {
+        match self.u32(what)? {
+            count if count <= max => Ok(count),
+            count => Err(Damage::new(format!("header, {what}"), count.to_string(), format!("at most {max}"))),
+        }
     }
 
     fn u64(&mut self, what: &str) -> Result<u64, Damage> {

@@ -28,7 +28,9 @@ pub(crate) use error::is_full;
 pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
 pub use lock::Lock;
-pub(crate) use open::{checksum, create_own_folder, open_to_append, read_text};
+pub(crate) use open::{
+    checksum, create_own_folder, open_regular, open_to_append, read_bytes, read_regular, read_text,
+};
 pub use read::{read_frame, read_header, verify_frame};
 pub(crate) use samples::{read_samples, write_samples};
 pub(crate) use write::prepare_frame;

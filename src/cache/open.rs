@@ -14,17 +14,40 @@ use xxhash_rust::xxh3::Xxh3;
 /// The largest text file that is read whole \[bytes\]: the log of a million frames has 300 MB.
 const MAX_TEXT: u64 = 1 << 30;
 
-/// Opens a regular file to read it.
+/// Opens a regular file for reading, and returns its length \[bytes\].
 ///
 /// # Errors
 /// If it is a folder, a pipe or a device, or what the system reports.
-pub(crate) fn open_to_read(path: &Path) -> io::Result<File> {
+pub(crate) fn open_regular(path: &Path) -> io::Result<(File, u64)> {
     let mut options = OpenOptions::new();
     options.read(true);
     // Else opening a pipe waits for its writer.
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, flags(rustix::fs::OFlags::NONBLOCK));
-    regular(options.open(path)?, path)
+    let file = regular(options.open(path)?)?;
+    let length = file.metadata()?.len();
+    Ok((file, length))
+}
+
+/// Reads a regular file to the length that it has when it is opened.
+///
+/// # Errors
+/// As [`open_regular`]; [`ErrorKind::OutOfMemory`] if there is no memory for it.
+pub(crate) fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
+    let (file, length) = open_regular(path)?;
+    read_bytes(file, length)
+}
+
+/// Reads at most `length` bytes of a file.
+///
+/// # Errors
+/// Those of the system; [`ErrorKind::OutOfMemory`] if there is no memory for them.
+pub(crate) fn read_bytes(file: File, length: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let capacity = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
+    bytes.try_reserve_exact(capacity).map_err(|_| ErrorKind::OutOfMemory)?;
+    file.take(length).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// Opens a file to write at its end and to read, and makes it if it is not there.
@@ -47,22 +70,20 @@ pub(super) fn open_own(path: &Path, options: &mut OpenOptions) -> io::Result<Fil
         let exact = rustix::fs::OFlags::NOFOLLOW | rustix::fs::OFlags::NONBLOCK;
         std::os::unix::fs::OpenOptionsExt::custom_flags(options, flags(exact))
     };
-    regular(options.open(path)?, path)
+    regular(options.open(path)?)
 }
 
 /// Reads a text file whole; bytes that are no UTF-8 become U+FFFD, so that a damaged line leaves the others readable.
 ///
 /// # Errors
-/// If it is no regular file, has more than a gibibyte, or what the system reports.
+/// As [`read_regular`], or if it has more than a gibibyte.
 pub(crate) fn read_text(path: &Path) -> io::Result<String> {
-    let mut file = open_to_read(path)?;
-    let length = file.metadata()?.len();
+    let (file, length) = open_regular(path)?;
     if length > MAX_TEXT {
         let found = format!("found {length} bytes, expected at most {MAX_TEXT}");
         return Err(io::Error::new(ErrorKind::InvalidData, found));
     }
-    let mut bytes = Vec::new();
-    (&mut file).take(MAX_TEXT).read_to_end(&mut bytes)?;
+    let bytes = read_bytes(file, length)?;
     Ok(String::from_utf8(bytes)
         .unwrap_or_else(|error| String::from_utf8_lossy(error.as_bytes()).into_owned()))
 }
@@ -72,7 +93,7 @@ pub(crate) fn read_text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// If it is no regular file, or what the system reports.
 pub(crate) fn checksum(path: &Path) -> io::Result<WrittenFile> {
-    let mut file = open_to_read(path)?;
+    let (mut file, _) = open_regular(path)?;
     let (mut hash, mut buffer, mut bytes) = (Xxh3::new(), vec![0; 1 << 20], 0);
     loop {
         match file.read(&mut buffer) {
@@ -112,14 +133,13 @@ fn flags(flags: rustix::fs::OFlags) -> i32 {
 }
 
 /// The file, if it is a regular one.
-fn regular(file: File, path: &Path) -> io::Result<File> {
+fn regular(file: File) -> io::Result<File> {
     let kind = file.metadata()?.file_type();
     if kind.is_file() {
         return Ok(file);
     }
-    let found = if kind.is_dir() { "a folder" } else { "a pipe or a device" };
-    let message = format!("found {found}, expected a file: {}", path.display());
-    Err(io::Error::new(ErrorKind::InvalidInput, message))
+    let found = if kind.is_dir() { "it is a folder" } else { "it is a pipe or a device" };
+    Err(io::Error::new(ErrorKind::InvalidInput, format!("{found}, not a regular file")))
 }
 
 #[cfg(test)]
@@ -133,7 +153,7 @@ mod tests {
         fs::write(&path, b"good\nbad \xff\ngood").unwrap();
         assert_eq!(read_text(&path).unwrap(), "good\nbad \u{fffd}\ngood");
         let folder = read_text(dir.path()).unwrap_err();
-        assert!(folder.to_string().contains("found a folder"), "{folder}");
+        assert!(folder.to_string().contains("it is a folder"), "{folder}");
     }
 
     #[cfg(unix)]
@@ -161,7 +181,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("frame_0001.mcf");
         assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
-        for refused in [open_to_read(&path), open_to_append(&path)] {
+        for refused in [open_regular(&path).map(|(file, _)| file), open_to_append(&path)] {
             let refused = refused.unwrap_err();
             assert!(
                 refused.to_string().contains("a pipe or a device") || refused.raw_os_error().is_some(),

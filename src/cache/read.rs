@@ -11,7 +11,7 @@ use super::format::{
     CHUNK_HEAD, ChannelKind, END, FORMAT_VERSION, FrameInfo, Head, MAGIC, MIN_STORED, PROLOGUE, StreamInfo,
     TRAILER, head_checksum, parse_header,
 };
-use super::open::open_to_read;
+use super::open::open_regular;
 use crate::frame::{ChannelData, Frame, Stream};
 use crate::math::Vec3;
 use crate::par;
@@ -80,8 +80,7 @@ pub(super) struct Source<'a, R> {
 impl<'a> Source<'a, File> {
     fn open(path: &'a Path) -> Result<Self, CacheError> {
         let failed = |error| CacheError::from_io(path, "open the frame", error);
-        let file = open_to_read(path).map_err(failed)?;
-        let bytes = file.metadata().map_err(failed)?.len();
+        let (file, bytes) = open_regular(path).map_err(failed)?;
         Ok(Self { reader: file, path, bytes })
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{args::InputArgs, output::print};
 use crate::{
+    frame::SPACING_RANGE,
     import::{self, Sequence},
     run::{
         self, BatchRequest, Control, ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime,
@@ -177,10 +178,12 @@ fn check_level_sets(args: &InputArgs, sequence: &Sequence) -> Result<(), RunErro
 /// The spacing of particles at rest [m], which their files do not have.
 pub(super) fn spacing(given: Option<f32>) -> Result<f32, RunError> {
     match given {
-        Some(spacing) if spacing.is_finite() && spacing > 0.0 => Ok(spacing),
-        Some(spacing) => {
-            Err(RunError::Request(format!("--spacing {spacing}: expected a length above 0, in metres")))
-        }
+        Some(spacing) if SPACING_RANGE.contains(&f64::from(spacing)) => Ok(spacing),
+        Some(spacing) => Err(RunError::Request(format!(
+            "--spacing {spacing}: expected a length above 0, in metres, from {:e} to {:e}",
+            SPACING_RANGE.start(),
+            SPACING_RANGE.end()
+        ))),
         None => Err(RunError::Request(
             "particle files do not state their particle spacing: add --spacing METRES (twice the particle \
              radius; 0.05 for a radius of 0.025)"

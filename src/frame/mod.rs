@@ -25,6 +25,10 @@ impl std::fmt::Display for FrameIndex {
     }
 }
 
+/// Distances between particles that grids can be made with [m]: cubes of them and of their inverses are far from the limits of
+/// single precision.
+pub const SPACING_RANGE: std::ops::RangeInclusive<f64> = 1e-6..=1e6;
+
 /// One instant of every system in the shot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
@@ -119,6 +123,11 @@ impl Stream {
             Some(ChannelData::U32(values)) => Some(values),
             _ => None,
         }
+    }
+
+    /// The scalar `spacing` [m], if it is in [`SPACING_RANGE`].
+    pub fn spacing(&self) -> Option<f32> {
+        self.scalar("spacing").filter(|spacing| SPACING_RANGE.contains(spacing)).map(|spacing| spacing as f32)
     }
 
     /// The scalar of that name.

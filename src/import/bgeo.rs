@@ -1,8 +1,7 @@
 //! BGEO: the classic binary geometry of version 5, plain or gzipped. All numbers are big-endian.
 
 use super::gather::{Gather, Values};
-use super::{ImportError, Imported};
-use std::io::Read;
+use super::{ImportError, Imported, MemoryBudget};
 use std::path::Path;
 
 /// The first bytes of a plain file.
@@ -30,21 +29,20 @@ enum Kind {
     Vector,
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
+pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     if !bytes.starts_with(GZIP) {
-        return points(path, bytes);
+        return points(path, bytes, budget);
     }
-    // Deflate expands at most 1032 times, so the memory is bounded by the size of the file.
-    let mut plain = Vec::new();
-    flate2::read::MultiGzDecoder::new(bytes).read_to_end(&mut plain).map_err(|error| {
-        let place = format!("gzip, after {} bytes of content", plain.len());
+    let packed = flate2::read::MultiGzDecoder::new(bytes);
+    let plain = budget.unpack(packed, "gzip, content", |length, error| {
+        let place = format!("gzip, after {length} bytes of content");
         ImportError::malformed(path, place, error.to_string(), "a whole gzip stream")
     })?;
-    points(path, &plain)
+    points(path, &plain, budget)
 }
 
 /// Reads header, attribute definitions and point records; primitives and groups behind them are left alone.
-fn points(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
+fn points(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     let mut scan = Scan { path, bytes, at: 0 };
     let magic = scan.take(5, "the magic BgeoV")?;
     if magic != b"BgeoV" {
@@ -67,9 +65,10 @@ fn points(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
         return Err(ImportError::malformed(path, format!("byte {}", scan.at), found, expected));
     }
     let records = &bytes[scan.at..scan.at + count * record];
-    let positions = floats(records, record, 0, 3);
-    let mut gather = Gather::new(path, &positions)?;
-    let weighted = floats(records, record, 12, 1).iter().filter(|&&weight| weight != 1.0).count();
+    budget.take_numbers::<f32>(3 * count)?;
+    let positions = floats(records, record, 0, 3).collect::<Vec<f32>>();
+    let mut gather = Gather::new(path, budget, &positions)?;
+    let weighted = floats(records, record, 12, 1).filter(|&weight| weight != 1.0).count();
     if weighted > 0 {
         gather.ignore(
             "w",
@@ -79,10 +78,19 @@ fn points(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     let mut offset = 16;
     for Attribute { name, size, kind } in &attributes {
         match kind {
+            // They would be sought in every record.
+            _ if *size == 0 => gather.ignore(name, "no components"),
             Kind::Float | Kind::Vector => {
-                gather.add(name, *size, Values::Float(floats(records, record, offset, *size)))?
+                Values::take(budget, true, count * size)?;
+                let values = floats(records, record, offset, *size).collect();
+                gather.add(name, *size, Values::Float(values))?;
             }
-            Kind::Int => gather.add(name, *size, Values::Int(integers(records, record, offset, *size)))?,
+            Kind::Int => {
+                Values::take(budget, false, count * size)?;
+                let values = words(records, record, offset, *size);
+                let values = values.map(|word| i64::from(i32::from_be_bytes(word))).collect();
+                gather.add(name, *size, Values::Int(values))?;
+            }
             Kind::Index => gather.ignore(name, "indices into a table of names"),
         }
         offset += 4 * size;
@@ -107,12 +115,9 @@ fn words(records: &[u8], record: usize, offset: usize, size: usize) -> impl Iter
     })
 }
 
-fn floats(records: &[u8], record: usize, offset: usize, size: usize) -> Vec<f32> {
-    words(records, record, offset, size).map(f32::from_be_bytes).collect()
-}
-
-fn integers(records: &[u8], record: usize, offset: usize, size: usize) -> Vec<i64> {
-    words(records, record, offset, size).map(|word| i64::from(i32::from_be_bytes(word))).collect()
+/// `size` floats at `offset` of each record.
+fn floats(records: &[u8], record: usize, offset: usize, size: usize) -> impl Iterator<Item = f32> {
+    words(records, record, offset, size).map(f32::from_be_bytes)
 }
 
 /// Bytes of the file and the position of the reader.

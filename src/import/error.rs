@@ -97,6 +97,20 @@ pub enum ImportError {
         /// The file.
         path: PathBuf,
     },
+    /// More memory would be needed than allowed.
+    #[error(
+        "{path}: needs about {needed} MiB of memory, expected at most the {allowed} MiB that are allowed; allow more, or write \
+         fewer particles or attributes to a file",
+        path = printable_path(path), needed = needed >> 20, allowed = allowed >> 20
+    )]
+    OverMemory {
+        /// The file.
+        path: PathBuf,
+        /// What the file is known to need, which may not be all of it [bytes].
+        needed: u64,
+        /// The limit [bytes].
+        allowed: u64,
+    },
     /// The system refused an operation.
     #[error(
         "{path}: could not {doing}: {source}; expected a file that this user may read: check its permissions",

@@ -50,7 +50,8 @@ fn matching(path: &Path) -> Result<Vec<(PathBuf, Option<u32>)>, ImportError> {
         return Err(ImportError::unsupported(path, found, "* # ? and [ in the file's name only"));
     }
     if !wild(&name) {
-        return missing("nothing there".into(), "a file".into());
+        let found = if path.exists() { "a pipe or a device" } else { "nothing there" };
+        return missing(found.into(), "a file".into());
     }
     let entries = match std::fs::read_dir(folder) {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => {

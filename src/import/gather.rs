@@ -1,6 +1,7 @@
 //! From a file's attributes to a stream: names, types, what is taken and what is not.
 
-use super::{ImportError, Imported};
+use super::error::excerpt;
+use super::{ImportError, Imported, MemoryBudget};
 use crate::frame::{ChannelData, Stream, StreamKind};
 use crate::math::Vec3;
 use std::path::Path;
@@ -14,21 +15,45 @@ pub(super) enum Values {
     Int(Vec<i64>),
 }
 
+impl Values {
+    /// Counts the memory of `count` values of floats or integers.
+    pub(super) fn take(budget: &MemoryBudget, is_float: bool, count: usize) -> Result<(), ImportError> {
+        if is_float { budget.take_numbers::<f32>(count) } else { budget.take_numbers::<i64>(count) }
+    }
+}
+
+/// Attributes that are taken from a file at most; no program that we know writes a tenth as many. Names are compared with each
+/// other, so that time would grow with the square of their number.
+const MAX_ATTRIBUTES: usize = 4096;
+
+/// Attributes that are not taken and listed one by one; the others are counted.
+const MAX_LISTED: usize = 256;
+
 /// Collects the attributes of a file whose positions are known.
 pub(super) struct Gather<'a> {
     path: &'a Path,
+    budget: &'a MemoryBudget<'a>,
     stream: Stream,
     ignored: Vec<String>,
+    /// Attributes that are neither taken nor listed.
+    unlisted: usize,
 }
 
 impl<'a> Gather<'a> {
     /// Starts with the positions, x y z of each particle in turn.
-    pub(super) fn new(path: &'a Path, positions: &[f32]) -> Result<Self, ImportError> {
+    pub(super) fn new(
+        path: &'a Path,
+        budget: &'a MemoryBudget,
+        positions: &[f32],
+    ) -> Result<Self, ImportError> {
+        budget.take_numbers::<f32>(positions.len())?;
         let positions = vectors(positions);
         let mut gather = Self {
             path,
+            budget,
             stream: Stream::new("particles", StreamKind::Particles, positions.len()),
             ignored: Vec::new(),
+            unlisted: 0,
         };
         gather.require_finite("position", &positions)?;
         gather.push("position", positions.into());
@@ -37,6 +62,14 @@ impl<'a> Gather<'a> {
 
     /// Takes an attribute of `components` numbers a particle, or lists why it is not taken.
     pub(super) fn add(&mut self, name: &str, components: usize, values: Values) -> Result<(), ImportError> {
+        if self.stream.channels().len() >= MAX_ATTRIBUTES {
+            let found = format!("more than {MAX_ATTRIBUTES} attributes");
+            return Err(ImportError::unsupported(
+                self.path,
+                found,
+                "no more; leave out those that no one reads",
+            ));
+        }
         let channel = channel_name(name);
         if self.stream.channel(channel).is_some() {
             self.ignore(name, format!("{channel} is there already"));
@@ -50,6 +83,7 @@ impl<'a> Gather<'a> {
                 }
             },
             (Values::Float(values), 3) => {
+                self.budget.take_numbers::<f32>(values.len())?;
                 let values = vectors(&values);
                 if channel == "velocity" {
                     self.require_finite("velocity", &values)?;
@@ -64,6 +98,7 @@ impl<'a> Gather<'a> {
             (Values::Int(values), 1) => {
                 match values.iter().position(|&value| u32::try_from(value).is_err()) {
                     None => {
+                        self.budget.take_numbers::<u32>(values.len())?;
                         let values: Vec<u32> =
                             values.into_iter().filter_map(|value| value.try_into().ok()).collect();
                         self.push(channel, values.into());
@@ -87,11 +122,18 @@ impl<'a> Gather<'a> {
 
     /// Lists an attribute that is not taken.
     pub(super) fn ignore(&mut self, name: &str, why: impl std::fmt::Display) {
-        self.ignored.push(format!("{name}: {why}"));
+        if self.ignored.len() < MAX_LISTED {
+            self.ignored.push(excerpt(format!("{name}: {why}")));
+        } else {
+            self.unlisted += 1;
+        }
     }
 
     /// What was gathered.
-    pub(super) fn finish(self) -> Imported {
+    pub(super) fn finish(mut self) -> Imported {
+        if self.unlisted > 0 {
+            self.ignored.push(format!("{} more attributes are not taken either", self.unlisted));
+        }
         Imported { stream: self.stream, ignored: self.ignored }
     }
 

@@ -1,4 +1,4 @@
-//! What readers of particle files give, and a bound that they share.
+//! What readers of particle files give.
 
 use crate::frame::Stream;
 
@@ -11,7 +11,3 @@ pub struct Imported {
     /// Attributes that were not taken, and why.
     pub ignored: Vec<String>,
 }
-
-/// Deflate expands at most so many times.
-#[cfg(any(feature = "npz", feature = "vtk"))]
-pub(super) const MAX_DEFLATE_EXPANSION: usize = 1032;

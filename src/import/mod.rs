@@ -4,9 +4,11 @@
 //! [`read_particles`] reads PLY, XYZ, legacy VTK, VTU, NPY, NPZ and classic BGEO by the file's extension and refuses a
 //! file whose content is something else; [`expand`] turns the patterns of a command line into a sorted sequence of
 //! files. What is read of each format is described in `docs/formats/import.md`. Positions keep their axes and
-//! units. Counts are compared with the size of the file before memory is taken, and what is not taken is listed.
+//! units. Counts are compared with the size of the file before memory is taken, content is unpacked within the limits of
+//! `budget.rs`, and what is not taken is listed.
 
 mod bgeo;
+mod budget;
 mod error;
 mod expand;
 mod gather;
@@ -16,6 +18,7 @@ mod npy;
 mod npz;
 mod numbers;
 mod ply;
+mod ply_numbers;
 mod sequence;
 mod triangles;
 mod vdb;
@@ -36,6 +39,8 @@ pub use triangles::{SheetFaces, parse_sheet};
 pub(crate) use vdb::LevelSetFile;
 pub use vdb::{LevelSet, read_level_set};
 
+use crate::cache::{open_regular, read_bytes};
+use budget::MemoryBudget;
 use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64_with_seed;
 
@@ -115,21 +120,24 @@ pub struct ParticleFile {
     path: PathBuf,
     format: Format,
     bytes: Vec<u8>,
+    max_memory: Option<u64>,
 }
 
 impl ParticleFile {
-    /// Reads the bytes of a file.
+    /// Reads the bytes of a file, of which bytes and particles together may take `max_memory` [bytes].
     ///
     /// # Errors
-    /// [`ImportError`] if it is not there, cannot be read or has a name of no format.
-    pub fn open(path: &Path) -> Result<Self, ImportError> {
+    /// [`ImportError`] if it is not there, cannot be read, has a name of no format or is longer than that.
+    pub fn open(path: &Path, max_memory: Option<u64>) -> Result<Self, ImportError> {
         let Some(format) = Format::of(path) else {
             let expected = "a name that ends in .ply, .xyz, .vtk, .vtu, .vtp, .npy, .npz or .bgeo";
             return Err(ImportError::unsupported(path, "another kind of file", expected));
         };
-        let bytes =
-            std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
-        Ok(Self { path: path.into(), format, bytes })
+        let failed = |error| ImportError::from_io(path, "read the file", error);
+        let (file, length) = open_regular(path).map_err(failed)?;
+        MemoryBudget::new(path, length, max_memory)?;
+        let bytes = read_bytes(file, length).map_err(failed)?;
+        Ok(Self { path: path.into(), format, bytes, max_memory })
     }
 
     /// Identifies what the file holds: files of the same bytes, whenever and wherever they were written, have the same.
@@ -140,9 +148,10 @@ impl ParticleFile {
     /// The particles.
     ///
     /// # Errors
-    /// As [`read_particles`].
+    /// As [`read_particles`]; [`ImportError::OverMemory`] if they take more memory than was allowed.
     pub fn particles(&self) -> Result<Imported, ImportError> {
-        parse(&self.path, self.format, &self.bytes)
+        let budget = MemoryBudget::new(&self.path, self.bytes.len() as u64, self.max_memory)?;
+        parse(&self.path, self.format, &self.bytes, &budget)
     }
 }
 
@@ -152,11 +161,11 @@ impl ParticleFile {
 /// [`ImportError`], naming the file and the place in it. A file without a byte is
 /// [`ImportError::EmptyFile`]; a sound one without particles is an empty stream.
 pub fn read_particles(path: &Path) -> Result<Imported, ImportError> {
-    ParticleFile::open(path)?.particles()
+    ParticleFile::open(path, None)?.particles()
 }
 
 /// Reads the particles of a file's bytes.
-fn parse(path: &Path, format: Format, bytes: &[u8]) -> Result<Imported, ImportError> {
+fn parse(path: &Path, format: Format, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     if bytes.is_empty() {
         return Err(ImportError::EmptyFile { path: path.to_path_buf() });
     }
@@ -169,19 +178,19 @@ fn parse(path: &Path, format: Format, bytes: &[u8]) -> Result<Imported, ImportEr
         return Err(ImportError::unsupported(path, found, format!("{}, by its name", format.name())));
     }
     match format {
-        Format::Ply => ply::read(path, bytes),
-        Format::Xyz => xyz::read(path, bytes),
-        Format::Vtk => vtk::read(path, bytes),
+        Format::Ply => ply::read(path, bytes, budget),
+        Format::Xyz => xyz::read(path, bytes, budget),
+        Format::Vtk => vtk::read(path, bytes, budget),
         #[cfg(feature = "vtk")]
-        Format::Vtu => vtu::read(path, bytes),
+        Format::Vtu => vtu::read(path, bytes, budget),
         #[cfg(not(feature = "vtk"))]
         Format::Vtu => {
             Err(ImportError::unsupported(path, "a VTK XML file", "a program built with the feature `vtk`"))
         }
-        Format::Bgeo => bgeo::read(path, bytes),
-        Format::Npy => npy::read(path, bytes),
+        Format::Bgeo => bgeo::read(path, bytes, budget),
+        Format::Npy => npy::read(path, bytes, budget),
         #[cfg(feature = "npz")]
-        Format::Npz => npz::read(path, bytes),
+        Format::Npz => npz::read(path, bytes, budget),
         #[cfg(not(feature = "npz"))]
         Format::Npz => {
             Err(ImportError::unsupported(path, "an NPZ file", "a program built with the feature `npz`"))

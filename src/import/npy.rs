@@ -2,7 +2,7 @@
 
 use super::gather::{Gather, Values};
 use super::numbers::{self, Kind, Number};
-use super::{ImportError, Imported};
+use super::{ImportError, Imported, MemoryBudget};
 use std::path::Path;
 
 /// The first bytes of a file.
@@ -60,7 +60,7 @@ impl Header {
     }
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
+pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     let header = header(path, "", bytes)?;
     let unsupported = |found| ImportError::unsupported(path, found, "an array of N × 3 floats");
     if let Some(why) = header.unread() {
@@ -69,8 +69,8 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     if header.shape.get(1) != Some(&3) {
         return Err(unsupported(format!("an array of shape {:?}", header.shape)));
     }
-    match values(path, "", bytes, &header)? {
-        Values::Float(positions) => Ok(Gather::new(path, &positions)?.finish()),
+    match values(path, "", bytes, &header, budget)? {
+        Values::Float(positions) => Ok(Gather::new(path, budget, &positions)?.finish()),
         Values::Int(_) => Err(unsupported(format!("integers ({})", header.descr))),
     }
 }
@@ -137,6 +137,7 @@ pub(super) fn values(
     member: &str,
     bytes: &[u8],
     header: &Header,
+    budget: &MemoryBudget,
 ) -> Result<Values, ImportError> {
     let (kind, big) = header.kind().expect("the type was found readable");
     let (count, components) = header.table().expect("the shape was found readable");
@@ -147,10 +148,13 @@ pub(super) fn values(
         let expected = format!("{count} × {components} numbers of {} bytes", kind.size);
         return Err(ImportError::malformed(path, place, found, expected));
     }
+    let is_float = kind.number == Number::Float;
+    Values::take(budget, is_float, count * components)?;
     let values = numbers::values(block, kind, big);
     if !header.fortran || components < 2 {
         return Ok(values);
     }
+    Values::take(budget, is_float, count * components)?;
     Ok(match values {
         Values::Float(values) => Values::Float(by_entry(&values, count, components)),
         Values::Int(values) => Values::Int(by_entry(&values, count, components)),

@@ -1,8 +1,8 @@
 //! NPZ: numpy arrays in a zip archive, stored or deflated.
 
 use super::gather::{Gather, Values};
-use super::{ImportError, Imported, imported::MAX_DEFLATE_EXPANSION, npy};
-use std::io::{Cursor, Read};
+use super::{ImportError, Imported, MemoryBudget, npy};
+use std::io::Cursor;
 use std::path::Path;
 use zip::{ZipArchive, result::ZipError};
 
@@ -22,11 +22,11 @@ struct Member {
     values: Values,
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
+pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     let mut ignored = Vec::new();
-    let mut members = members(path, bytes, &mut ignored)?;
-    let positions = take_positions(path, &mut members)?;
-    let mut gather = Gather::new(path, &positions)?;
+    let mut members = members(path, bytes, &mut ignored, budget)?;
+    let positions = take_positions(path, &mut members, budget)?;
+    let mut gather = Gather::new(path, budget, &positions)?;
     let count = positions.len() / 3;
     members.retain(|member| {
         let fits = member.shape[0] == count;
@@ -37,7 +37,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
         fits
     });
     for (names, channel) in &VECTORS[1..] {
-        if let Some(vectors) = take_triple(&mut members, names, count) {
+        if let Some(vectors) = take_triple(&mut members, names, count, budget)? {
             gather.add(channel, 3, Values::Float(vectors))?;
         }
     }
@@ -55,11 +55,10 @@ fn members(
     path: &Path,
     bytes: &[u8],
     ignored: &mut Vec<(String, String)>,
+    budget: &MemoryBudget,
 ) -> Result<Vec<Member>, ImportError> {
     let mut archive =
         ZipArchive::new(Cursor::new(bytes)).map_err(|error| refused(path, "archive", &error))?;
-    // Members may share their bytes: together they unpack to no more than one of the whole file would.
-    let mut left = bytes.len().saturating_mul(MAX_DEFLATE_EXPANSION);
     let mut members = Vec::new();
     for index in 0..archive.len() {
         let place = format!("member {index} of the archive");
@@ -69,29 +68,19 @@ fn members(
             ignored.push((name, "not an array".into()));
             continue;
         };
-        let mut content = Vec::new();
-        let read = file.by_ref().take(left as u64 + 1).read_to_end(&mut content);
         let place = format!("member {name}.npy, ");
-        if let Err(error) = read {
-            let place = format!("{place}after {} bytes of content", content.len());
-            return Err(ImportError::malformed(path, place, error.to_string(), "a whole array"));
-        }
-        if content.len() > left {
-            let found = "more than the bytes of the file can hold";
-            return Err(ImportError::malformed(
-                path,
-                place + "content",
-                found,
-                "members that do not overlap",
-            ));
-        }
-        left -= content.len();
+        // What the archive states is compared before it is unpacked, and may be too little.
+        budget.afford(file.size())?;
+        let content = budget.unpack(&mut file, &format!("{place}content"), |length, error| {
+            let place = format!("{place}after {length} bytes of content");
+            ImportError::malformed(path, place, error.to_string(), "a whole array")
+        })?;
         let header = npy::header(path, &place, &content)?;
         if let Some(why) = header.unread() {
             ignored.push((name.into(), why));
             continue;
         }
-        let values = npy::values(path, &place, &content, &header)?;
+        let values = npy::values(path, &place, &content, &header, budget)?;
         let (_, components) = header.table().expect("the shape was found readable");
         members.push(Member { name: name.into(), shape: header.shape, components, values });
     }
@@ -114,7 +103,11 @@ fn refused(path: &Path, place: &str, error: &ZipError) -> ImportError {
 }
 
 /// Takes the positions out of the arrays: one of N × 3 floats, or x, y and z.
-fn take_positions(path: &Path, members: &mut Vec<Member>) -> Result<Vec<f32>, ImportError> {
+fn take_positions(
+    path: &Path,
+    members: &mut Vec<Member>,
+    budget: &MemoryBudget,
+) -> Result<Vec<f32>, ImportError> {
     let is_vector = |member: &Member| matches!(member.values, Values::Float(_)) && member.components == 3;
     let named = POSITIONS.iter().find_map(|name| {
         members.iter().position(|member| is_vector(member) && member.name.eq_ignore_ascii_case(name))
@@ -126,7 +119,11 @@ fn take_positions(path: &Path, members: &mut Vec<Member>) -> Result<Vec<f32>, Im
         return Ok(positions);
     }
     let count = members.iter().find(|member| member.name.eq_ignore_ascii_case("x")).map(|x| x.shape[0]);
-    count.and_then(|count| take_triple(members, &VECTORS[0].0, count)).ok_or_else(|| {
+    let positions = match count {
+        Some(count) => take_triple(members, &VECTORS[0].0, count, budget)?,
+        None => None,
+    };
+    positions.ok_or_else(|| {
         let arrays: Vec<String> =
             members.iter().map(|member| format!("{} {:?}", member.name, member.shape)).collect();
         let expected = "floats as position (N × 3), or as x, y and z (N each)";
@@ -135,7 +132,12 @@ fn take_positions(path: &Path, members: &mut Vec<Member>) -> Result<Vec<f32>, Im
 }
 
 /// Takes three arrays of `count` floats as one of vectors, if all are there.
-fn take_triple(members: &mut Vec<Member>, names: &[&str; 3], count: usize) -> Option<Vec<f32>> {
+fn take_triple(
+    members: &mut Vec<Member>,
+    names: &[&str; 3],
+    count: usize,
+    budget: &MemoryBudget,
+) -> Result<Option<Vec<f32>>, ImportError> {
     let floats = names.map(|name| {
         let member = members.iter().find(|member| member.name.eq_ignore_ascii_case(name))?;
         match &member.values {
@@ -143,8 +145,9 @@ fn take_triple(members: &mut Vec<Member>, names: &[&str; 3], count: usize) -> Op
             _ => None,
         }
     });
-    let [Some(x), Some(y), Some(z)] = floats else { return None };
+    let [Some(x), Some(y), Some(z)] = floats else { return Ok(None) };
+    budget.take_numbers::<f32>(3 * count)?;
     let vectors = (0..count).flat_map(|i| [x[i], y[i], z[i]]).collect();
     members.retain(|member| !names.iter().any(|name| member.name.eq_ignore_ascii_case(name)));
-    Some(vectors)
+    Ok(Some(vectors))
 }

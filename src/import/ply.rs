@@ -1,40 +1,28 @@
 //! PLY: element `vertex`, ASCII or binary of either byte order.
 
 use super::gather::{Gather, Values};
-use super::{ImportError, Imported};
+use super::ply_numbers::{Fault, Numbers};
+use super::{ImportError, Imported, MemoryBudget};
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{
-    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType,
-};
+use ply_rs_bw::ply::{DefaultElement, ElementDef, Encoding, Header, PropertyType, ScalarType};
 use std::path::Path;
 
-/// The scalars of one vertex, in the order of the header; lists are passed over. Doubles hold every scalar
+/// The scalars of the vertices, vertex by vertex in the order of the header; lists are passed over. Doubles hold every scalar
 /// type of the format exactly.
-struct EntryValues(Vec<f64>);
+struct Rows {
+    /// Scalars of a vertex.
+    width: usize,
+    values: Vec<f64>,
+}
 
-impl PropertyAccess for EntryValues {
-    fn new() -> Self {
-        Self(Vec::new())
-    }
-
-    fn set_property(&mut self, _name: &str, property: Property) -> PropertyAccessResult {
-        let value = match property {
-            Property::Char(value) => f64::from(value),
-            Property::UChar(value) => f64::from(value),
-            Property::Short(value) => f64::from(value),
-            Property::UShort(value) => f64::from(value),
-            Property::Int(value) => f64::from(value),
-            Property::UInt(value) => f64::from(value),
-            Property::Float(value) => f64::from(value),
-            Property::Double(value) => value,
-            _ => return PropertyAccessResult::Ignored,
-        };
-        self.0.push(value);
-        PropertyAccessResult::Set
+impl Rows {
+    /// The values of a scalar property.
+    fn column(&self, index: usize) -> impl Iterator<Item = f64> {
+        self.values.chunks_exact(self.width).map(move |row| row[index])
     }
 }
 
-/// A scalar property of the vertices and its place in a [`EntryValues`].
+/// A scalar property of the vertices and its place in [`Rows`].
 struct Column<'a> {
     name: &'a str,
     is_float: bool,
@@ -45,10 +33,9 @@ struct Column<'a> {
 const VECTORS: [([&str; 3], &str); 3] =
     [(["x", "y", "z"], "position"), (["vx", "vy", "vz"], "velocity"), (["nx", "ny", "nz"], "normal")];
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
-    let parser = Parser::<EntryValues>::new();
+pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     let mut reader = Reader::new(bytes);
-    let header = parser.read_header(&mut reader).map_err(|error| {
+    let header = Parser::<DefaultElement>::new().read_header(&mut reader).map_err(|error| {
         let place = format!("header, line {}", error.line().unwrap_or(reader.line()));
         ImportError::malformed(path, place, one_line(&error.to_string()), "a PLY header")
     })?;
@@ -56,7 +43,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
         let found = format!("the elements {:?}", header.elements.keys().collect::<Vec<_>>());
         return Err(ImportError::malformed(path, "header", found, "an element vertex"));
     };
-    let rows = vertices(path, &parser, &mut reader, &header)?;
+    let rows = vertices(path, &mut reader, &header, budget)?;
     let columns = columns(vertex);
     let triple = |names: [&str; 3]| -> Option<Vec<&Column>> {
         names.iter().map(|name| columns.iter().find(|column| column.name == *name)).collect()
@@ -66,19 +53,26 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
         return Err(ImportError::malformed(path, "header, element vertex", found, "x, y and z"));
     };
 
-    let mut gather = Gather::new(path, &floats(&rows, &position))?;
+    let floats = |columns: &[&Column]| -> Result<Vec<f32>, ImportError> {
+        let indices: Vec<usize> = columns.iter().map(|column| column.index).collect();
+        budget.take_numbers::<f32>(rows.values.len() / rows.width * columns.len())?;
+        let rows = rows.values.chunks_exact(rows.width);
+        Ok(rows.flat_map(|row| indices.iter().map(|&index| row[index] as f32)).collect())
+    };
+    let mut gather = Gather::new(path, budget, &floats(&position)?)?;
     let mut used: Vec<&str> = VECTORS[0].0.to_vec();
     for (names, channel) in &VECTORS[1..] {
         if let Some(triple) = triple(*names) {
-            gather.add(channel, 3, Values::Float(floats(&rows, &triple)))?;
+            gather.add(channel, 3, Values::Float(floats(&triple)?))?;
             used.extend(names);
         }
     }
     for column in columns.iter().filter(|column| !used.contains(&column.name)) {
         let values = if column.is_float {
-            Values::Float(floats(&rows, &[column]))
+            Values::Float(floats(&[column])?)
         } else {
-            Values::Int(rows.iter().map(|row| row.0[column.index] as i64).collect())
+            budget.take_numbers::<i64>(rows.values.len() / rows.width)?;
+            Values::Int(rows.column(column.index).map(|value| value as i64).collect())
         };
         gather.add(column.name, 1, values)?;
     }
@@ -93,46 +87,69 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     Ok(gather.finish())
 }
 
-/// Reads the vertices; elements before them are read and passed over.
+/// Reads the vertices; elements before them are passed over.
 fn vertices(
     path: &Path,
-    parser: &Parser<EntryValues>,
     reader: &mut Reader<&[u8]>,
     header: &Header,
-) -> Result<Vec<EntryValues>, ImportError> {
+    budget: &MemoryBudget,
+) -> Result<Rows, ImportError> {
     let mut line = reader.line() - 1;
+    let mut numbers = Numbers { rest: reader.get_ref(), encoding: header.encoding };
     for (name, element) in &header.elements {
-        let left = reader.get_ref().len();
+        let left = numbers.rest.len();
         let min = min_bytes(element, header.encoding);
         if min as u128 * element.count as u128 > left as u128 {
             let found = format!("{left} bytes");
             let expected = format!("at least {min} for each of {} entries", element.count);
             return Err(ImportError::malformed(path, format!("element {name}"), found, expected));
         }
-        let rows = if header.encoding == Encoding::Ascii {
-            let rows = (0..element.count).map(|_| {
-                line += 1;
-                ascii_row(reader.get_mut(), element).map_err(|(found, expected)| {
-                    ImportError::malformed(path, format!("element {name}, line {line}"), found, expected)
-                })
-            });
-            rows.collect::<Result<_, _>>()?
-        } else {
-            parser.read_payload_for_element(reader, element, header).map_err(|error| {
-                let found = one_line(&error.to_string());
-                ImportError::malformed(path, format!("element {name}"), found, "the properties of the header")
-            })?
-        };
+        let scalars = |property: &PropertyType| matches!(property, PropertyType::Scalar(_));
+        let width = element.properties.iter().filter(|(_, property)| scalars(&property.data_type)).count();
+        let mut values = Vec::new();
         if name == "vertex" {
-            return Ok(rows);
+            // A scalar takes a byte at least, so this is in proportion to the file.
+            budget.take_numbers::<f64>(element.count.saturating_mul(width))?;
+            values.reserve_exact(element.count.saturating_mul(width));
+        }
+        for entry in 0..element.count {
+            line += 1;
+            values.truncate(if name == "vertex" { values.len() } else { 0 });
+            let (read, place) = if header.encoding == Encoding::Ascii {
+                (ascii_row(&mut numbers.rest, element, &mut values), format!("line {line}"))
+            } else {
+                (binary_row(&mut numbers, element, &mut values), format!("entry {entry}"))
+            };
+            read.map_err(|(found, expected)| {
+                ImportError::malformed(path, format!("element {name}, {place}"), found, expected)
+            })?;
+        }
+        if name == "vertex" {
+            // Without scalars there is no row either.
+            return Ok(Rows { width: width.max(1), values });
         }
     }
-    Ok(Vec::new())
+    Ok(Rows { width: 1, values: Vec::new() })
 }
 
-/// Reads the line of one entry; the error has what was found and what was expected. The parser's own reader of lines knows neither
-/// `nan` nor `inf`, which some solvers write and which must be reported by particle.
-fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<EntryValues, (String, &'static str)> {
+/// Reads an entry of a binary file.
+fn binary_row(numbers: &mut Numbers, element: &ElementDef, row: &mut Vec<f64>) -> Result<(), Fault> {
+    for (_, property) in &element.properties {
+        match &property.data_type {
+            PropertyType::Scalar(kind) => row.push(numbers.next(kind)?),
+            PropertyType::List(count, kind) => {
+                for _ in 0..numbers.next(count)? as usize {
+                    numbers.next(kind)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Reads the line of one entry. The parser's own reader of lines knows neither `nan` nor `inf`, which some solvers write and which
+/// must be reported by particle.
+fn ascii_row(rest: &mut &[u8], element: &ElementDef, row: &mut Vec<f64>) -> Result<(), Fault> {
     if rest.is_empty() {
         return Err(("the end of the file".into(), "a line for every entry"));
     }
@@ -144,7 +161,6 @@ fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<EntryValues, (Str
         let word = words.next().unwrap_or("the end of the line");
         word.parse::<f64>().map_err(|_| (word.to_owned(), what))
     };
-    let mut row = EntryValues::new();
     for (_, property) in &element.properties {
         match property.data_type {
             PropertyType::Scalar(ref kind) => {
@@ -152,7 +168,7 @@ fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<EntryValues, (Str
                 if !is_float(kind) && value.fract() != 0.0 {
                     return Err((value.to_string(), "an integer"));
                 }
-                row.0.push(value);
+                row.push(value);
             }
             PropertyType::List(..) => {
                 // A count that is no count ends at the end of the line.
@@ -164,7 +180,7 @@ fn ascii_row(rest: &mut &[u8], element: &ElementDef) -> Result<EntryValues, (Str
     }
     match words.next() {
         Some(word) => Err((word.to_owned(), "the end of the line")),
-        None => Ok(row),
+        None => Ok(()),
     }
 }
 
@@ -193,11 +209,6 @@ fn columns(vertex: &ElementDef) -> Vec<Column<'_>> {
         PropertyType::List(..) => None,
     });
     scalars.enumerate().map(|(index, (name, is_float))| Column { name, is_float, index }).collect()
-}
-
-/// The values of some columns, vertex by vertex, in single precision.
-fn floats(rows: &[EntryValues], columns: &[&Column]) -> Vec<f32> {
-    rows.iter().flat_map(|row| columns.iter().map(|column| row.0[column.index] as f32)).collect()
 }
 
 /// The parser's message without its line ends.

@@ -3,11 +3,14 @@
 //! Positions and faces are read. Faces are cut into fans of triangles, or quads are kept on request. Of a PLY file the vertices'
 //! `PAINTED` factors can be requested as well. Everything else is passed over.
 
-use super::ImportError;
+use super::{
+    ImportError,
+    ply_numbers::{Fault, Numbers},
+};
 use crate::{math::Vec3, sdf::Triangles};
 use ply_rs_bw::{
     parser::{Parser, Reader},
-    ply::{DefaultElement, Encoding, PropertyType, ScalarType},
+    ply::{DefaultElement, PropertyType},
 };
 use std::path::Path;
 
@@ -66,9 +69,6 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
     }
     Ok(mesh)
 }
-
-/// What was found, and what was expected.
-type Fault = (String, &'static str);
 
 /// A mesh as it is in a file.
 #[derive(Default)]
@@ -145,48 +145,6 @@ fn obj(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {
         })?;
     }
     Ok(mesh)
-}
-
-/// Numbers from the payload of a PLY file, in turn.
-struct Numbers<'a> {
-    rest: &'a [u8],
-    encoding: Encoding,
-}
-
-impl Numbers<'_> {
-    /// The next number, which is of type `kind`.
-    #[inline]
-    fn next(&mut self, kind: &ScalarType) -> Result<f64, Fault> {
-        if self.encoding == Encoding::Ascii {
-            let start = self.rest.iter().position(|byte| !byte.is_ascii_whitespace());
-            let rest = &self.rest[start.unwrap_or(self.rest.len())..];
-            let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
-            let word = String::from_utf8_lossy(&rest[..end]);
-            self.rest = &rest[end..];
-            let found = if word.is_empty() { "the end of the file" } else { &*word };
-            return found.parse().map_err(|_| (found.to_owned(), "a number"));
-        }
-        let big = self.encoding == Encoding::BinaryBigEndian;
-        macro_rules! take {
-            ($number:ty) => {{
-                let Some((bytes, rest)) = self.rest.split_first_chunk() else {
-                    return Err(("the end of the file".to_owned(), "another number"));
-                };
-                self.rest = rest;
-                (if big { <$number>::from_be_bytes(*bytes) } else { <$number>::from_le_bytes(*bytes) }) as f64
-            }};
-        }
-        Ok(match kind {
-            ScalarType::Char => take!(i8),
-            ScalarType::UChar => take!(u8),
-            ScalarType::Short => take!(i16),
-            ScalarType::UShort => take!(u16),
-            ScalarType::Int => take!(i32),
-            ScalarType::UInt => take!(u32),
-            ScalarType::Float => take!(f32),
-            ScalarType::Double => take!(f64),
-        })
-    }
 }
 
 fn ply(path: &Path, bytes: &[u8]) -> Result<Polygons, ImportError> {

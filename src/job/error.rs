@@ -25,7 +25,7 @@ pub(crate) enum RunError {
     Cache(#[from] CacheError),
     /// A particle file cannot be read.
     #[error(transparent)]
-    Import(#[from] ImportError),
+    Import(ImportError),
     /// A mesh cannot be written.
     #[error(transparent)]
     Export(#[from] ExportError),
@@ -104,6 +104,15 @@ pub(crate) enum RunError {
     /// The request makes no sense with what is there.
     #[error("{0}")]
     Request(String),
+}
+
+impl From<ImportError> for RunError {
+    fn from(why: ImportError) -> Self {
+        match why {
+            ImportError::OverMemory { needed, allowed, .. } => Self::OverMemory { needed, allowed },
+            why => Self::Import(why),
+        }
+    }
 }
 
 impl From<SurfaceError> for RunError {

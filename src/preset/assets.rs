@@ -5,6 +5,7 @@ use super::{
     check::{self, Places},
     problem::{Finding, Span},
 };
+use crate::cache::read_regular;
 use std::{
     borrow::Cow,
     collections::BTreeMap,
@@ -111,7 +112,7 @@ pub(crate) fn read(meshes: &[(String, &str)], home: &Home) -> Result<Assets, Box
         }
         let bytes = match home {
             Home::BuiltIn => builtin::asset(file).map(Cow::Borrowed).unwrap_or_default(),
-            Home::Folder(folder) => match std::fs::read(folder.join(file)) {
+            Home::Folder(folder) => match read_regular(&folder.join(file)) {
                 Ok(bytes) => Cow::Owned(bytes),
                 Err(error) => {
                     let span = Span { source: 0, start: 0, end: 0 };

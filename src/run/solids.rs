@@ -103,8 +103,10 @@ fn field(
     let decisive = [asset.hash, u64::from(mesh.resolution), u64::from(SAMPLED_VERSION)];
     let bytes: Vec<u8> = decisive.iter().flat_map(|word| word.to_le_bytes()).collect();
     let key = xxhash_rust::xxh3::xxh3_64(&bytes);
-    if let Some(folder) = folder {
-        match cache::read_samples(&folder.samples(), key) {
+    let path = Path::new(&mesh.file);
+    let triangles = import::parse_triangles(path, &asset.bytes)?;
+    if let Some((folder, grid)) = folder.zip(sdf::sampled_grid(&triangles, mesh.resolution)) {
+        match cache::read_samples(&folder.samples(), key, &grid) {
             Ok(field) => return Ok(field),
             Err(CacheError::NotFound { .. }) => {}
             Err(damage @ CacheError::Corrupt { .. }) => {
@@ -113,8 +115,6 @@ fn field(
             Err(other) => return Err(other.into()),
         }
     }
-    let path = Path::new(&mesh.file);
-    let triangles = import::parse_triangles(path, &asset.bytes)?;
     let fault = |found: String| {
         let expected = format!("a surface that encloses a voxel, 1/{} of its longest side", mesh.resolution);
         let (path, place) = (path.to_path_buf(), "the whole mesh".to_owned());

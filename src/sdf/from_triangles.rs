@@ -16,7 +16,7 @@
 //! Limits: a part thinner than a voxel may have no node inside; it still repels from both sides. Across a
 //! hole that takes half the surface, no side is the inside.
 
-use super::{Sampled, Triangles, bvh::TriangleBvh, dense};
+use super::{Sampled, SampledGrid, Triangles, bvh::TriangleBvh, dense};
 use crate::{
     grid::{BRICK, BRICK_NODES, Bricks, neighbour, node_of},
     math::Vec3,
@@ -75,10 +75,8 @@ struct NodeSample {
     separates: bool,
 }
 
-/// The signed distance to `mesh`, sampled with `resolution` (≥ 1) voxels along the longest side of its box.
-///
-/// `None` if the mesh has no triangle or no extent.
-pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
+/// The grid on which [`from_triangles`] samples `mesh`; `None` where it does not.
+pub(crate) fn sampled_grid(mesh: &Triangles, resolution: u32) -> Option<SampledGrid> {
     let (low, high) = mesh.bounds()?;
     let size = high - low;
     let voxel = size.amax() / resolution as f32;
@@ -88,7 +86,14 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
     let cells = size.map(|side| (side / voxel).ceil());
     let nodes: [u32; 3] = std::array::from_fn(|axis| cells[axis] as u32 + 1 + 2 * MARGIN_NODES);
     let half = Vec3::from(nodes.map(|n| (n - 1) as f32)) * 0.5;
-    let origin = (low + high) * 0.5 - half * voxel;
+    Some(SampledGrid { origin: (low + high) * 0.5 - half * voxel, voxel, nodes })
+}
+
+/// The signed distance to `mesh`, sampled with `resolution` (≥ 1) voxels along the longest side of its box.
+///
+/// `None` if the mesh has no triangle or no extent.
+pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
+    let grid @ SampledGrid { origin, voxel, nodes } = sampled_grid(mesh, resolution)?;
 
     // The tree works in voxels from the first node, where single precision is best.
     let mut local = mesh.clone();
@@ -113,7 +118,7 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
     par::fill(&mut dense_seeds, |i| seeds[place(counts, node(i))]);
     let swept = dense::sweep(box_nodes, &dense_seeds, f32::INFINITY, dense::BLOCK).distance;
     let [nx, ny, _] = nodes.map(|n| n as usize);
-    let mut values = vec![0.0; nodes.iter().map(|&n| n as usize).product()];
+    let mut values = vec![0.0; grid.count()];
     par::fill(&mut values, |i| {
         let node = [i % nx, i / nx % ny, i / (nx * ny)];
         let sample = samples[place(counts, node)];

@@ -32,9 +32,10 @@ mod sweep;
 mod triangles;
 
 pub(crate) use bvh::{TriangleBvh, closest_point};
-pub(crate) use from_triangles::SAMPLED_VERSION;
+pub(crate) use from_triangles::{SAMPLED_VERSION, sampled_grid};
 pub use from_triangles::{Solidified, from_triangles};
 pub use sampled::Sampled;
+pub(crate) use sampled::SampledGrid;
 pub use triangles::Triangles;
 
 pub use second::{Nodes, Order, refine};

@@ -18,7 +18,40 @@ pub struct Sampled {
     pub values: Vec<f32>,
 }
 
+/// Where a mesh is sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SampledGrid {
+    pub(crate) origin: Vec3,
+    pub(crate) voxel: f32,
+    pub(crate) nodes: [u32; 3],
+}
+
+impl SampledGrid {
+    /// Number of nodes.
+    pub(crate) fn count(&self) -> usize {
+        self.nodes.iter().map(|&n| n as usize).product()
+    }
+}
+
 impl Sampled {
+    /// What shows that these are no distances to a closed surface, if anything does: a number that is none, or a node at the edge
+    /// of the grid that is inside.
+    pub(crate) fn fault(&self) -> Option<String> {
+        let [nx, ny, nz] = self.nodes.map(|n| n as usize);
+        let expected = nx.checked_mul(ny).and_then(|nodes| nodes.checked_mul(nz));
+        if self.nodes.iter().any(|&n| n < 2) || expected != Some(self.values.len()) {
+            return Some(format!("{} values for {:?} nodes", self.values.len(), self.nodes));
+        }
+        let node = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
+        if let Some(i) = self.values.iter().position(|value| !value.is_finite()) {
+            return Some(format!("{} at node {:?}", self.values[i], node(i)));
+        }
+        let is_edge =
+            |[i, j, k]: [usize; 3]| [(i, nx), (j, ny), (k, nz)].iter().any(|&(i, n)| i == 0 || i + 1 == n);
+        let inside = (0..self.values.len()).find(|&i| self.values[i] < 0.0 && is_edge(node(i)));
+        inside.map(|i| format!("{} at node {:?}, at the edge of the grid", self.values[i], node(i)))
+    }
+
     /// Position of the last node.
     pub fn end(&self) -> Vec3 {
         self.origin + Vec3::from(self.nodes.map(|n| (n - 1) as f32)) * self.voxel

@@ -1,6 +1,12 @@
-//! Files that someone made to do harm: they put no command into the output.
+//! Files that someone made to do harm: they take no more memory than allowed, put no command into the output, and stop nothing.
 
 use super::*;
+use meniscus::{
+    cache,
+    frame::{Frame, FrameIndex, Stream, StreamKind},
+    math::Vec3,
+};
+use std::io::Write;
 
 /// Text that an agent of Open Job Description would obey, if it began a line.
 const COMMAND: &str = "openjd_env: LD_PRELOAD=/x";
@@ -87,4 +93,135 @@ fn titles_of_received_shots_steer_no_terminal() {
         SMALL.replace("Small dam", "\u{1b}[2J").replace("iterations", "\"iter\\u001b\\nopenjd_env\""),
     );
     printed(&desk, &["simulate", "bad.toml", "--progress", "openjd"]);
+}
+
+/// A gzipped BGEO file of so many points at the origin, which are 16 bytes each.
+fn bomb(points: u32) -> Vec<u8> {
+    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    encoder.write_all(b"BgeoV").unwrap();
+    for word in [5, points, 0, 0, 0, 0, 0, 0, 0] {
+        encoder.write_all(&word.to_be_bytes()).unwrap();
+    }
+    for _ in 0..points {
+        encoder.write_all(&[0; 16]).unwrap();
+    }
+    encoder.finish().unwrap()
+}
+
+#[test]
+fn a_compressed_file_is_refused_before_it_takes_more_memory_than_allowed() {
+    let desk = Desk::new();
+    desk.write("bomb_1.bgeo.gz", bomb(24 << 20));
+    desk.write("bomb_2.xyz", "0 0 0\n");
+    assert!(fs::metadata(desk.path("bomb_1.bgeo.gz")).unwrap().len() < 1 << 20);
+    for verb in ["mesh", "volume"] {
+        let (_, talk) =
+            desk.run(&format!("{verb} bomb_1.bgeo.gz --spacing 0.1 -o out --max-memory 40MiB"), 33);
+        assert!(talk.contains("--max-memory allows 40 MiB"), "{talk}");
+        let (_, talk) = desk
+            .run(&format!("{verb} bomb_1.bgeo.gz bomb_2.xyz --spacing 0.1 -o both --max-memory 40MiB"), 33);
+        assert!(talk.contains("1 of 2 frames failed") && talk.contains("bomb_1.bgeo.gz"), "{talk}");
+        // Without a limit, it is that of files: content of 384 MiB from a file of less than one.
+        let (_, talk) = desk.run(&format!("{verb} bomb_1.bgeo.gz --spacing 0.1 -o out"), 1);
+        assert!(talk.contains("at most 128 times the file's length"), "{talk}");
+        #[cfg(target_os = "linux")]
+        {
+            let line = format!("{verb} bomb_1.bgeo.gz --spacing 0.1 -o out --max-memory 40MiB --threads 1");
+            let peak = plan::peak(&desk, &line);
+            assert!(peak < 100e6, "{verb}: {peak} bytes");
+        }
+    }
+}
+
+/// Puts a frame with `count` particles at the origin and this spacing into the cache of the folder `made`.
+fn cached(desk: &Desk, frame: u32, count: usize, spacing: f64) {
+    fs::create_dir_all(desk.path("made/cache")).unwrap();
+    let stream = Stream::new("liquid", StreamKind::Particles, count);
+    let mut stream = stream
+        .with("position", vec![Vec3::zeros(); count])
+        .with("velocity", vec![Vec3::zeros(); count])
+        .with("id", vec![0_u32; count]);
+    stream.scalars.push(("spacing".into(), spacing));
+    let frame = Frame { index: FrameIndex(frame), time: 0.0, streams: vec![stream] };
+    cache::write_frame(&desk.path("made/cache"), &frame, 1).unwrap();
+}
+
+#[test]
+fn a_frame_of_equal_numbers_is_refused_before_it_takes_more_memory_than_allowed() {
+    let desk = Desk::new();
+    cached(&desk, 1, 4 << 20, 0.1);
+    let path = desk.path("made/cache/frame_0001.mcf");
+    assert!(fs::metadata(&path).unwrap().len() < 1 << 20);
+    assert_eq!(cache::read_header(&path).unwrap().unpacked_bytes(), 28 * (4 << 20));
+    for verb in ["mesh", "volume"] {
+        let line = format!("{verb} made -o out --max-memory 60MiB");
+        let (_, talk) = desk.run(&line, 33);
+        assert!(talk.contains("frame 0001") && talk.contains("needs about 112 MiB"), "{talk}");
+        #[cfg(target_os = "linux")]
+        {
+            let peak = plan::peak(&desk, &line);
+            assert!(peak < 60e6, "{verb}: {peak} bytes");
+        }
+    }
+}
+
+#[test]
+fn a_spacing_that_is_none_is_named_with_its_frame_and_stream() {
+    let desk = Desk::new();
+    cached(&desk, 1, 8, 0.1);
+    let wrong = [f64::INFINITY, f64::NAN, 1e300, -0.1, 0.0, 1e-40, 5e-324];
+    for (i, spacing) in wrong.into_iter().enumerate() {
+        cached(&desk, i as u32 + 2, 8, spacing);
+    }
+    for verb in ["mesh", "volume"] {
+        let (_, talk) = desk.run(&format!("{verb} made -o {verb}"), 3);
+        assert!(talk.contains("7 of 8 frames failed"), "{talk}");
+        for words in
+            ["frame_0002.mcf: stream liquid: found a spacing of inf m", "expected 1e-6 to 1e6 m; simulate"]
+        {
+            assert!(talk.contains(words), "{words}: {talk}");
+        }
+        assert_eq!(
+            desk.names(&format!("{verb}/{verb}")).iter().filter(|name| name.contains("liquid")).count(),
+            1
+        );
+    }
+    desk.write("a.xyz", "0 0 0\n");
+    for spacing in ["1e-40", "inf", "1e30", "nan", "0"] {
+        let (_, talk) = desk.run(&format!("mesh a.xyz --spacing {spacing} -o out"), 2);
+        assert!(talk.contains("--spacing") && talk.contains("above 0"), "{talk}");
+    }
+}
+
+#[test]
+fn a_frame_of_more_streams_or_channels_than_there_can_be_is_refused() {
+    let desk = Desk::new();
+    fs::create_dir_all(desk.path("made/cache")).unwrap();
+    let mut stream = Stream::new("liquid", StreamKind::Particles, 0);
+    for channel in 0..4097 {
+        stream = stream.with(format!("c{channel}"), Vec::<f32>::new());
+    }
+    let frame = Frame { index: FrameIndex(1), time: 0.0, streams: vec![stream] };
+    cache::write_frame(&desk.path("made/cache"), &frame, 1).unwrap();
+    let (_, talk) = desk.run("mesh made -o out", 12);
+    assert!(talk.contains("number of channels: found 4097, expected at most 4096"), "{talk}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_named_like_a_frame_stops_nothing() {
+    let desk = Desk::new();
+    cached(&desk, 1, 8, 0.1);
+    let pipe = |name: &str| {
+        let path = desk.path(name);
+        assert!(std::process::Command::new("mkfifo").arg(path).status().unwrap().success());
+    };
+    pipe("made/cache/frame_0002.mcf");
+    pipe("a.xyz");
+    for verb in ["mesh", "volume"] {
+        let (_, talk) = desk.run(&format!("{verb} made -o out"), 3);
+        assert!(talk.contains("frame_0002.mcf") && talk.contains("it is a pipe or a device"), "{talk}");
+        let (_, talk) = desk.run(&format!("{verb} a.xyz --spacing 0.1 -o out"), 1);
+        assert!(talk.contains("a pipe or a device, expected a file"), "{talk}");
+    }
 }

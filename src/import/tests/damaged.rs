@@ -156,3 +156,110 @@ fn a_hundred_bytes_that_claim_two_thousand_million_particles() {
         assert!(message.contains(": found ") && message.contains("expected"), "{message}");
     }
 }
+
+/// A BGEO file of points at the origin, with so many attributes of an integer.
+fn equal_bgeo(points: usize, attributes: usize) -> Vec<u8> {
+    let mut out = b"BgeoV".to_vec();
+    put(&mut out, true, &[5, points as u32, 0, 0, 0, attributes as u32, 0, 0, 0]);
+    for i in 0..attributes {
+        let name = format!("a{i}");
+        put(&mut out, true, &[name.len() as u16]);
+        out.extend(name.as_bytes());
+        put(&mut out, true, &[1_u16]);
+        put(&mut out, true, &[1_u32, 0]);
+    }
+    out.resize(out.len() + points * (16 + 4 * attributes), 0);
+    out
+}
+
+/// A compressed VTU file of points at the origin.
+fn equal_vtu(points: usize) -> Vec<u8> {
+    let layout = vtu::Layout { place: vtu::Place::AppendedRaw, big: false, wide: true, part: 1 << 20 };
+    let mut file = vtu::Vtu::new(layout, "PolyData");
+    file.piece(&vec![[0.0; 3]; points], &vec![[0.0; 3]; points], &vec![0; points]);
+    file.finish("PolyData")
+}
+
+/// The memory that content made of equal numbers takes, which compressed files hold in a thousandth.
+const UNPACKED: u64 = 4 << 20;
+
+#[test]
+fn content_is_not_unpacked_beyond_what_the_user_allows() {
+    let points = UNPACKED as usize / 16;
+    let array = |count: usize| numpy::npy("<f4", false, &format!("({count}, 3)"), &vec![0; 12 * count]);
+    let compressed = [
+        ("a.bgeo", gzip(&equal_bgeo(points, 0))),
+        ("a.npz", numpy::npz(&[("x.npy", array(points))], true)),
+        ("a.vtu", equal_vtu(points)),
+    ];
+    for (name, bytes) in compressed {
+        assert!((bytes.len() as u64) < UNPACKED / 64, "{name}: {} bytes", bytes.len());
+        assert_eq!(import(name, &bytes).unwrap().stream.len(), points);
+        for allowed in [100, bytes.len() as u64, UNPACKED / 16, UNPACKED / 2] {
+            let mut refused = None;
+            let took =
+                allocation_counter::measure(|| refused = Some(import_within(name, &bytes, Some(allowed))));
+            let refused = refused.expect("it was read");
+            assert!(
+                matches!(refused, Err(ImportError::OverMemory { allowed: limit, .. }) if limit == allowed),
+                "{name}: {refused:?}"
+            );
+            let limit = FIXED + 2 * allowed;
+            assert!(took.bytes_max <= limit, "{name}: {} bytes taken of {allowed} allowed", took.bytes_max);
+        }
+        assert!(import_within(name, &bytes, Some(16 * UNPACKED)).is_ok(), "{name}: enough is enough");
+    }
+}
+
+#[test]
+fn plain_files_are_read_within_what_the_user_allows() {
+    for (name, bytes) in sound() {
+        let need = (1..)
+            .map(|step| step * bytes.len() as u64 / 4)
+            .find(|&allowed| import_within(name, &bytes, Some(allowed)).is_ok());
+        let need = need.expect("some memory is enough");
+        assert!(need <= PER_BYTE * bytes.len() as u64, "{name}");
+        let mut result = None;
+        let took = allocation_counter::measure(|| result = Some(import_within(name, &bytes, Some(need))));
+        assert!(result.unwrap().is_ok() && took.bytes_max <= FIXED + 2 * need, "{name}: {}", took.bytes_max);
+    }
+}
+
+#[test]
+fn files_of_very_many_attributes_are_refused_or_read_in_time_that_grows_with_their_size() {
+    // Comparing each name with all before it would take minutes.
+    const ATTRIBUTE_COUNT: usize = 100_000;
+    let names =
+        |separator: &str| (0..ATTRIBUTE_COUNT).map(|i| format!("a{i}")).collect::<Vec<_>>().join(separator);
+    let numbers = |count: usize| "0 ".repeat(count);
+    let xyz = format!("# x y z {}\n0 0 0 {}\n", names(" "), numbers(ATTRIBUTE_COUNT));
+    let unnamed = format!("0 0 0 {}\n", numbers(ATTRIBUTE_COUNT));
+    let properties = names("\nproperty uchar ");
+    let ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
+         property uchar {properties}\nend_header\n0 0 0 {}\n",
+        numbers(ATTRIBUTE_COUNT)
+    );
+    let field: String = (0..ATTRIBUTE_COUNT).map(|i| format!("a{i} 1 1 int\n0\n")).collect();
+    let head = "# vtk DataFile Version 4.1\n\nASCII\nDATASET POLYDATA\nPOINTS 1 float\n0 0 0\n";
+    let vtk = |owner: &str| format!("{head}{owner}_DATA 1\nFIELD FieldData {ATTRIBUTE_COUNT}\n{field}");
+    let arrays: String = (0..ATTRIBUTE_COUNT)
+        .map(|i| format!("<DataArray type=\"UInt8\" Name=\"a{i}\" format=\"ascii\">0</DataArray>"))
+        .collect();
+    let piece = "<Piece NumberOfPoints=\"1\"><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0</DataArray></Points><PointData>";
+    let vtu = format!("<VTKFile type=\"PolyData\">{piece}{arrays}</PointData></Piece></VTKFile>");
+    for (name, bytes) in [
+        ("a.xyz", xyz.into_bytes()),
+        ("a.ply", ply.into_bytes()),
+        ("a.vtk", vtk("POINT").into_bytes()),
+        ("a.vtu", vtu.into_bytes()),
+        ("a.bgeo", equal_bgeo(1, ATTRIBUTE_COUNT)),
+    ] {
+        let message = import(name, &bytes).unwrap_err().to_string();
+        assert!(message.contains("more than 4096 attributes"), "{name}: {message}");
+    }
+    for (name, bytes) in [("a.xyz", unnamed.into_bytes()), ("a.vtk", vtk("CELL").into_bytes())] {
+        let ignored = import(name, &bytes).unwrap().ignored;
+        assert!(ignored.len() < 300 && ignored.last().unwrap().contains("more attributes"), "{name}");
+    }
+}

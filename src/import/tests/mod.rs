@@ -9,8 +9,14 @@ use std::io::Write;
 
 /// Reads bytes as if from a file of that name.
 fn import(name: &str, bytes: &[u8]) -> Result<Imported, ImportError> {
+    import_within(name, bytes, None)
+}
+
+/// Reads bytes as if from a file of that name, with a limit of memory.
+fn import_within(name: &str, bytes: &[u8], max_memory: Option<u64>) -> Result<Imported, ImportError> {
     let path = Path::new(name);
-    parse(path, Format::of(path).unwrap(), bytes)
+    let budget = MemoryBudget::new(path, bytes.len() as u64, max_memory)?;
+    parse(path, Format::of(path).unwrap(), bytes, &budget)
 }
 
 /// The message with which bytes are refused as broken.
@@ -275,6 +281,23 @@ fn vtk_with_types_named_by_size() {
         assert_eq!(imported.stream.u32("material").unwrap(), [3, 1, 2]);
         assert_eq!(imported.stream.u32("flag").unwrap(), [0, 1, 255]);
         assert!(imported.ignored.is_empty(), "{:?}", imported.ignored);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_pipe_named_like_a_particle_file_is_refused_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["a.xyz", "a.bgeo", "a.vdb"] {
+        let path = dir.path().join(name);
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
+        let refused = match name {
+            "a.vdb" => read_level_set(&path).unwrap_err(),
+            _ => read_particles(&path).unwrap_err(),
+        };
+        assert!(refused.to_string().contains("it is a pipe or a device, not a regular file"), "{refused}");
+        let refused = expand(&[path.to_str().unwrap().to_owned()]).unwrap_err();
+        assert!(refused.to_string().contains("a pipe or a device, expected a file"), "{refused}");
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::super::ImportError;
 use super::bytes::Bytes;
+use std::collections::HashSet;
 
 /// The first eight bytes.
 pub(super) const MAGIC: &[u8] = b" BDV\0\0\0\0";
@@ -70,6 +71,7 @@ pub(super) fn read(bytes: &mut Bytes) -> Result<Vec<Entry>, ImportError> {
     metadata(bytes)?;
     let count = bytes.u32("the number of grids")?;
     let mut entries: Vec<Entry> = Vec::new();
+    let mut names = HashSet::new();
     for _ in 0..count {
         let start = bytes.at;
         let name = bytes.text("a grid's name")?;
@@ -80,7 +82,7 @@ pub(super) fn read(bytes: &mut Bytes) -> Result<Vec<Entry>, ImportError> {
             bytes.i64("where its values begin")?,
             bytes.i64("where it ends")?,
         ];
-        if entries.iter().any(|entry| entry.name == name) {
+        if !names.insert(name.clone()) {
             return Err(bytes.malformed(format!("two grids named {name:?}"), "a name for each"));
         }
         bytes.seek(grid, "a grid")?;

@@ -8,8 +8,9 @@ mod bytes;
 mod header;
 mod walk;
 
-use super::ImportError;
+use super::{ImportError, MemoryBudget};
 use crate::{
+    cache::{open_regular, read_bytes},
     grid::{BRICK, BRICK_NODES, Bricks, MAX_BRICK, SparseGrid},
     math::Vec3,
 };
@@ -36,17 +37,23 @@ pub struct LevelSet {
 pub(crate) struct LevelSetFile {
     path: PathBuf,
     bytes: Vec<u8>,
+    max_memory: Option<u64>,
 }
 
+/// Memory of a leaf: its values as they are unpacked and in the grid, and its masks [bytes].
+const LEAF_MEMORY: u64 = 2 * 4 * BRICK_NODES as u64 + 512;
+
 impl LevelSetFile {
-    /// Reads the bytes of a file.
+    /// Reads the bytes of a file, of which bytes and level set together may take `max_memory` [bytes].
     ///
     /// # Errors
-    /// [`ImportError`] if it is not there or cannot be read.
-    pub(crate) fn open(path: &Path) -> Result<Self, ImportError> {
-        let bytes =
-            std::fs::read(path).map_err(|error| ImportError::from_io(path, "read the file", error))?;
-        Ok(Self { path: path.into(), bytes })
+    /// [`ImportError`] if it is not there, cannot be read or is longer than that.
+    pub(crate) fn open(path: &Path, max_memory: Option<u64>) -> Result<Self, ImportError> {
+        let failed = |error| ImportError::from_io(path, "read the file", error);
+        let (file, length) = open_regular(path).map_err(failed)?;
+        MemoryBudget::new(path, length, max_memory)?;
+        let bytes = read_bytes(file, length).map_err(failed)?;
+        Ok(Self { path: path.into(), bytes, max_memory })
     }
 
     /// Identifies what a `version` of the reader's user makes of the file: files of the same bytes have the same.
@@ -62,7 +69,8 @@ impl LevelSetFile {
         if self.bytes.is_empty() {
             return Err(ImportError::EmptyFile { path: self.path.clone() });
         }
-        parse(&self.path, &self.bytes)
+        let budget = MemoryBudget::new(&self.path, self.bytes.len() as u64, self.max_memory)?;
+        parse(&self.path, &self.bytes, &budget)
     }
 }
 
@@ -72,11 +80,11 @@ impl LevelSetFile {
 /// [`ImportError`], naming the file and the place in it. Half floats, fogs, other types, transforms that turn or
 /// stretch, and versions before 222 are refused.
 pub fn read_level_set(path: &Path) -> Result<LevelSet, ImportError> {
-    LevelSetFile::open(path)?.level_set()
+    LevelSetFile::open(path, None)?.level_set()
 }
 
 /// Reads the level set of a file's bytes.
-fn parse(path: &Path, all: &[u8]) -> Result<LevelSet, ImportError> {
+fn parse(path: &Path, all: &[u8], budget: &MemoryBudget) -> Result<LevelSet, ImportError> {
     let mut bytes = Bytes { path, all, at: 0 };
     let entries = header::read(&mut bytes)?;
     let readable: Vec<_> = entries.iter().filter(|entry| entry.obstacle().is_none()).collect();
@@ -97,6 +105,8 @@ fn parse(path: &Path, all: &[u8]) -> Result<LevelSet, ImportError> {
     let (voxel, origin) = header::transform(&mut bytes)?;
     let (background, leaves) = walk::walk(&mut bytes, entry)?;
 
+    // Leaves of a file take a byte for 32 of memory, or more.
+    budget.take(leaves.len() as u64 * LEAF_MEMORY)?;
     let buffers = unpack(&bytes, all, entry)?;
     let grid = assemble(&bytes, voxel as f32, background, &leaves, &buffers)?;
     Ok(LevelSet { grid, origin: Vec3::from(origin.map(|x| x as f32)), name: entry.name.clone() })

@@ -7,7 +7,7 @@ mod scan;
 
 use super::gather::{Gather, Values};
 use super::numbers::Kind;
-use super::{ImportError, Imported};
+use super::{ImportError, Imported, MemoryBudget};
 use scan::{BYTE, FLOAT, INT, Scan};
 use std::path::Path;
 
@@ -31,8 +31,8 @@ struct Reader<'a> {
     count: usize,
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
-    let mut scan = Scan::new(path, bytes);
+pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
+    let mut scan = Scan::new(path, bytes, budget);
     scan.line();
     scan.line();
     let format = scan.line().trim().to_ascii_uppercase();
@@ -55,7 +55,7 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     let Some(points) = reader.points else {
         return Err(reader.scan.malformed("the end of the file", "a line POINTS"));
     };
-    let mut gather = Gather::new(path, &points)?;
+    let mut gather = Gather::new(path, budget, &points)?;
     for (name, components, values) in reader.attributes {
         gather.add(&name, components, values)?;
     }
@@ -75,7 +75,7 @@ impl Reader<'_> {
             "CELLS" | "VERTICES" | "LINES" | "POLYGONS" | "TRIANGLE_STRIPS" => self.cells(words),
             "CELL_TYPES" => {
                 let count = self.scan.number(words, 1, "the number of cells")?;
-                self.scan.values(INT, count).map(drop)
+                self.scan.skip(INT, count)
             }
             "POINT_DATA" | "CELL_DATA" => self.owned_by(words),
             "METADATA" => {
@@ -86,7 +86,7 @@ impl Reader<'_> {
             "LOOKUP_TABLE" => {
                 let count = self.scan.number(words, 2, "the size of the table")?;
                 let kind = if self.scan.binary { BYTE } else { FLOAT };
-                self.scan.values(kind, count.saturating_mul(4)).map(drop)
+                self.scan.skip(kind, count.saturating_mul(4))
             }
             _ => self.attribute(&keyword, words),
         }
@@ -120,7 +120,7 @@ impl Reader<'_> {
         let first = self.scan.number(words, 1, "the number of cells")?;
         let second = self.scan.number(words, 2, "the size of the cells")?;
         if !self.scan.starts_with("OFFSETS") {
-            return self.scan.values(INT, second).map(drop);
+            return self.scan.skip(INT, second);
         }
         for (name, count) in [("OFFSETS", first), ("CONNECTIVITY", second)] {
             let words = self.scan.keyword().unwrap_or_default();
@@ -128,7 +128,7 @@ impl Reader<'_> {
                 return Err(self.scan.malformed(format!("{words:?}"), name));
             }
             let kind = self.scan.kind(&words, 1)?;
-            self.scan.values(kind, count)?;
+            self.scan.skip(kind, count)?;
         }
         Ok(())
     }
@@ -207,14 +207,18 @@ impl Reader<'_> {
 
     /// Reads an array and keeps it if it belongs to the points.
     fn take(&mut self, name: &str, kind: Kind, components: usize, entries: usize) -> Result<(), ImportError> {
-        let values = self.scan.values(kind, components.saturating_mul(entries))?;
-        let name = decoded(name);
-        match self.owner {
-            Owner::Points => self.attributes.push((name, components, values)),
-            Owner::Cells => self.ignored.push((name, "of the cells, not of the points")),
-            Owner::Dataset => self.ignored.push((name, "of the whole dataset, not of the points")),
-        }
-        Ok(())
+        let (name, count) = (decoded(name), components.saturating_mul(entries));
+        let why = match self.owner {
+            Owner::Points => {
+                let values = self.scan.values(kind, count)?;
+                self.attributes.push((name, components, values));
+                return Ok(());
+            }
+            Owner::Cells => "of the cells, not of the points",
+            Owner::Dataset => "of the whole dataset, not of the points",
+        };
+        self.ignored.push((name, why));
+        self.scan.skip(kind, count)
     }
 }
 

@@ -1,8 +1,8 @@
 //! The bytes of a legacy VTK file: lines of keywords, and blocks of numbers.
 
-use super::super::ImportError;
 use super::super::gather::Values;
 use super::super::numbers::{self, Kind, Number};
+use super::super::{ImportError, MemoryBudget};
 use std::path::Path;
 
 pub(super) const INT: Kind = Kind { size: 4, number: Number::Signed };
@@ -31,10 +31,20 @@ fn named(name: &str) -> Option<Kind> {
     Some(Kind { size, number })
 }
 
+/// Words of a line that are looked at; keywords have at most four more.
+const MAX_WORDS: usize = 8;
+
+/// A number in a text.
+enum Written {
+    Float(f32),
+    Int(i64),
+}
+
 /// Bytes of the file and the position of the reader.
 pub(super) struct Scan<'a> {
     pub(super) path: &'a Path,
     bytes: &'a [u8],
+    budget: &'a MemoryBudget<'a>,
     at: usize,
     /// Where the line, block or word read last starts.
     mark: usize,
@@ -43,8 +53,8 @@ pub(super) struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    pub(super) fn new(path: &'a Path, bytes: &'a [u8]) -> Self {
-        Self { path, bytes, at: 0, mark: 0, binary: false }
+    pub(super) fn new(path: &'a Path, bytes: &'a [u8], budget: &'a MemoryBudget) -> Self {
+        Self { path, bytes, budget, at: 0, mark: 0, binary: false }
     }
 
     /// The rest of the current line; the next one starts behind it.
@@ -56,10 +66,11 @@ impl<'a> Scan<'a> {
         String::from_utf8_lossy(&rest[..end]).into_owned()
     }
 
-    /// The words of the next line that is not blank; `None` at the end. There is at least one word.
+    /// The first words of the next line that is not blank; `None` at the end. There is at least one word.
     pub(super) fn keyword(&mut self) -> Option<Vec<String>> {
         while self.at < self.bytes.len() {
-            let words: Vec<String> = self.line().split_whitespace().map(str::to_owned).collect();
+            let words: Vec<String> =
+                self.line().split_whitespace().take(MAX_WORDS).map(str::to_owned).collect();
             if !words.is_empty() {
                 return Some(words);
             }
@@ -88,6 +99,34 @@ impl<'a> Scan<'a> {
 
     /// Reads a block of numbers.
     pub(super) fn values(&mut self, kind: Kind, count: usize) -> Result<Values, ImportError> {
+        let is_float = kind.number == Number::Float;
+        let block = self.block(kind, count)?;
+        Values::take(self.budget, is_float, count)?;
+        if let Some(block) = block {
+            if kind == BIT {
+                let bit = |i: usize| i64::from(block[i / 8] >> (7 - i % 8) & 1);
+                return Ok(Values::Int((0..count).map(bit).collect()));
+            }
+            return Ok(numbers::values(block, kind, true));
+        }
+        let (mut floats, mut integers) = (Vec::new(), Vec::new());
+        self.words(kind, count, |number| match number {
+            Written::Float(value) => floats.push(value),
+            Written::Int(value) => integers.push(value),
+        })?;
+        Ok(if is_float { Values::Float(floats) } else { Values::Int(integers) })
+    }
+
+    /// Passes over a block of numbers.
+    pub(super) fn skip(&mut self, kind: Kind, count: usize) -> Result<(), ImportError> {
+        if self.block(kind, count)?.is_none() {
+            self.words(kind, count, |_| ())?;
+        }
+        Ok(())
+    }
+
+    /// The bytes of a binary block, behind which reading goes on. Of a block that is written out only the length is compared.
+    fn block(&mut self, kind: Kind, count: usize) -> Result<Option<&'a [u8]>, ImportError> {
         self.mark = self.at;
         let left = self.bytes.len() - self.at;
         let min = match (self.binary, kind.size) {
@@ -102,35 +141,32 @@ impl<'a> Scan<'a> {
             );
         }
         if !self.binary {
-            return self.words(kind, count);
+            return Ok(None);
         }
         let block = &self.bytes[self.at..self.at + min];
         self.at += min;
-        if kind == BIT {
-            return Ok(Values::Int((0..count).map(|i| i64::from(block[i / 8] >> (7 - i % 8) & 1)).collect()));
-        }
-        Ok(numbers::values(block, kind, true))
+        Ok(Some(block))
     }
 
-    /// Reads numbers that are written out.
-    fn words(&mut self, kind: Kind, count: usize) -> Result<Values, ImportError> {
-        let mut floats = Vec::new();
-        let mut integers = Vec::new();
+    /// Passes numbers that are written out to `keep`.
+    fn words(&mut self, kind: Kind, count: usize, mut keep: impl FnMut(Written)) -> Result<(), ImportError> {
         for index in 0..count {
             let word = self.word();
-            let read = match kind.number {
-                Number::Float => word.parse::<f64>().map(|value| floats.push(value as f32)).is_ok(),
-                _ => word
-                    .parse::<i128>()
-                    .map(|value| integers.push(i64::try_from(value).unwrap_or(i64::MAX)))
-                    .is_ok(),
+            let number = match kind.number {
+                Number::Float => word.parse::<f64>().ok().map(|value| Written::Float(value as f32)),
+                _ => {
+                    let value = word.parse::<i128>().ok();
+                    value.map(|value| Written::Int(i64::try_from(value).unwrap_or(i64::MAX)))
+                }
             };
-            if !read {
+            if let Some(number) = number {
+                keep(number);
+            } else {
                 let found = if word.is_empty() { "the end of the file".into() } else { format!("{word:?}") };
                 return Err(self.malformed(found, format!("number {index} of {count}")));
             }
         }
-        Ok(if kind.number == Number::Float { Values::Float(floats) } else { Values::Int(integers) })
+        Ok(())
     }
 
     /// The next word, across lines.

@@ -7,8 +7,7 @@
 
 use super::super::gather::Values;
 use super::super::numbers::{self, Kind, Number};
-use super::ImportError;
-use std::cell::Cell;
+use super::{ImportError, MemoryBudget};
 use std::io::Read;
 use std::path::Path;
 
@@ -43,8 +42,6 @@ pub(super) struct Coding<'a> {
     pub(super) zlib: bool,
     /// The appended data, and whether they are base64.
     pub(super) appended: Option<(&'a [u8], bool)>,
-    /// Bytes that blocks may still hold: arrays may share an offset, and all are kept.
-    pub(super) left: Cell<usize>,
 }
 
 /// The type of that name.
@@ -60,46 +57,81 @@ pub(super) fn kind(name: &str) -> Option<Kind> {
     sizes.contains(&(bits / 8)).then_some(Kind { size: bits / 8, number }).filter(|_| bits.is_multiple_of(8))
 }
 
-/// What was found and what was expected there.
+/// Why an array cannot be read.
+enum Fault {
+    /// What was found and what was expected there.
+    Mismatch(Mismatch),
+    /// What the budget refuses.
+    Refused(ImportError),
+}
+
+/// What was found and what was expected.
 type Mismatch = (String, String);
+
+impl From<Mismatch> for Fault {
+    fn from(mismatch: Mismatch) -> Self {
+        Self::Mismatch(mismatch)
+    }
+}
+
+impl From<ImportError> for Fault {
+    fn from(error: ImportError) -> Self {
+        Self::Refused(error)
+    }
+}
 
 impl Coding<'_> {
     /// The numbers of an array with `count` entries.
-    pub(super) fn values(&self, path: &Path, array: &Array, count: usize) -> Result<Values, ImportError> {
+    pub(super) fn values(
+        &self,
+        path: &Path,
+        budget: &MemoryBudget,
+        array: &Array,
+        count: usize,
+    ) -> Result<Values, ImportError> {
         let numbers =
             count.checked_mul(array.components).filter(|n| n.checked_mul(array.kind.size).is_some());
         let values = numbers.ok_or_else(|| {
-            (format!("{count} × {} numbers", array.components), "as many as a file can hold".into())
+            Fault::from((
+                format!("{count} × {} numbers", array.components),
+                "as many as a file can hold".to_owned(),
+            ))
         });
-        values.and_then(|numbers| self.read(array, numbers)).map_err(|(found, expected)| {
-            let place = format!("array {} at byte {}", array.name, array.at);
-            ImportError::malformed(path, place, found, expected)
+        values.and_then(|numbers| self.read(budget, array, numbers)).map_err(|fault| match fault {
+            Fault::Mismatch((found, expected)) => {
+                let place = format!("array {} at byte {}", array.name, array.at);
+                ImportError::malformed(path, place, found, expected)
+            }
+            Fault::Refused(error) => error,
         })
     }
 
-    fn read(&self, array: &Array, count: usize) -> Result<Values, Mismatch> {
+    fn read(&self, budget: &MemoryBudget, array: &Array, count: usize) -> Result<Values, Fault> {
+        let is_float = array.kind.number == Number::Float;
         let source = match array.data {
-            Data::Ascii(text) => return words(text, array.kind, count),
+            Data::Ascii(text) => {
+                may_hold(text, count)?;
+                Values::take(budget, is_float, count)?;
+                return Ok(words(text, array.kind, count)?);
+            }
             // Writers leave the block of an empty array out, or write its length.
             _ if count == 0 => return Ok(numbers::values(&[], array.kind, self.big)),
             Data::Base64(text) => Source::Base64 { text: text.as_bytes(), held: Vec::new() },
             Data::Appended(offset) => {
                 let Some((bytes, base64)) = self.appended else {
-                    return Err(("no appended data".into(), "an element AppendedData".into()));
+                    return Err(("no appended data".to_owned(), "an element AppendedData".to_owned()).into());
                 };
                 let Some(bytes) = bytes.get(offset..) else {
                     let found = format!("{} bytes of appended data", bytes.len());
-                    return Err((found, format!("more than the offset {offset}")));
+                    return Err((found, format!("more than the offset {offset}")).into());
                 };
                 if base64 { Source::Base64 { text: bytes, held: Vec::new() } } else { Source::Raw(bytes) }
             }
         };
         let length = count * array.kind.size;
-        let Some(left) = self.left.get().checked_sub(length) else {
-            let found = format!("{length} bytes, more than the rest of the file can hold");
-            return Err((found, "arrays that do not overlap".into()));
-        };
-        self.left.set(left);
+        // Arrays may share an offset, and all are kept. The lengths of the block's head are compared with this one.
+        budget.take_unpacked(length as u64, &format!("array {} at byte {}", array.name, array.at))?;
+        Values::take(budget, is_float, count)?;
         let block = if self.zlib { self.inflated(source, length)? } else { self.plain(source, length)? };
         Ok(numbers::values(&block, array.kind, self.big))
     }
@@ -159,12 +191,16 @@ fn same_length(found: u64, expected: usize) -> Result<(), Mismatch> {
     Err((format!("{found} bytes"), format!("{expected} bytes, for the number of points and components")))
 }
 
-/// Reads numbers that are written out.
-fn words(text: &str, kind: Kind, count: usize) -> Result<Values, Mismatch> {
-    // A digit each, and white space between them.
+/// Refuses more numbers than a text can hold: a digit each, and white space between them.
+fn may_hold(text: &str, count: usize) -> Result<(), Mismatch> {
     if count.saturating_mul(2).saturating_sub(1) > text.len() {
         return Err((format!("{} bytes of text", text.len()), format!("{count} numbers")));
     }
+    Ok(())
+}
+
+/// Reads numbers that are written out.
+fn words(text: &str, kind: Kind, count: usize) -> Result<Values, Mismatch> {
     let mut words = text.split_ascii_whitespace();
     let (mut floats, mut integers) = (Vec::new(), Vec::new());
     for index in 0..count {

@@ -6,10 +6,10 @@
 mod block;
 
 use super::gather::{Gather, Values};
-use super::{ImportError, Imported, imported::MAX_DEFLATE_EXPANSION};
+use super::{ImportError, Imported, MemoryBudget};
 use block::{Array, Coding, Data};
 use quick_xml::{Reader, XmlVersion, events::BytesStart, events::Event};
-use std::path::Path;
+use std::{collections::HashMap, path::Path};
 
 /// What introduces appended data.
 const APPENDED: &[u8] = b"<AppendedData";
@@ -53,31 +53,37 @@ struct Document<'a> {
     ignored: Vec<(String, &'static str)>,
 }
 
-pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
+pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<Imported, ImportError> {
     let document = structure(path, bytes)?;
     let Document { coding, pieces, ignored, .. } = &document;
-    coding.left.set(bytes.len().saturating_mul(if coding.zlib { MAX_DEFLATE_EXPANSION } else { 1 }));
+    if !coding.zlib {
+        budget.expect_plain(bytes.len());
+    }
     let mut positions = Vec::new();
     for (index, piece) in pieces.iter().enumerate().filter(|(_, piece)| piece.count > 0) {
         let Some(points) = &piece.points else {
             let expected = "an array of points";
             return Err(ImportError::malformed(path, format!("piece {index}"), "no Points", expected));
         };
-        match coding.values(path, points, piece.count)? {
-            Values::Float(values) if points.components == 3 => positions.extend(values),
+        match coding.values(path, budget, points, piece.count)? {
+            Values::Float(values) if points.components == 3 => {
+                budget.take_numbers::<f32>(values.len())?;
+                positions.extend(values);
+            }
             _ => {
                 let found = format!("points of {} × {}", points.components, points.type_name);
                 return Err(ImportError::unsupported(path, found, "points of 3 × Float32 or Float64"));
             }
         }
     }
-    let mut gather = Gather::new(path, &positions)?;
+    let mut gather = Gather::new(path, budget, &positions)?;
     drop(positions);
     // The first piece with points determines the attributes; those that another piece lacks are left out.
     let full: Vec<&Piece> = pieces.iter().filter(|piece| piece.count > 0).collect();
     let first = full.first().copied().or(pieces.first());
+    let full: Vec<ArraysOfPiece> = full.into_iter().map(ArraysOfPiece::new).collect();
     for array in first.map_or(&[][..], |piece| &piece.data[..]) {
-        match attribute(path, coding, &full, array)? {
+        match attribute(path, budget, coding, &full, array)? {
             Some(values) => gather.add(&array.name, array.components, values)?,
             None => gather.ignore(&array.name, "not in every piece"),
         }
@@ -88,23 +94,44 @@ pub(super) fn read(path: &Path, bytes: &[u8]) -> Result<Imported, ImportError> {
     Ok(gather.finish())
 }
 
+/// A piece and its arrays by what pieces must agree on: name, components, whether they are floats. Pieces and arrays can be
+/// many.
+struct ArraysOfPiece<'a> {
+    count: usize,
+    arrays: HashMap<(&'a str, usize, bool), &'a Array<'a>>,
+}
+
+impl<'a> ArraysOfPiece<'a> {
+    fn new(piece: &'a Piece<'a>) -> Self {
+        let mut arrays = HashMap::new();
+        for array in &piece.data {
+            arrays.entry(identity(array)).or_insert(array);
+        }
+        Self { count: piece.count, arrays }
+    }
+}
+
+fn identity<'a>(array: &'a Array) -> (&'a str, usize, bool) {
+    (&array.name, array.components, array.type_name.starts_with("Float"))
+}
+
 /// The values of an attribute in every piece; `None` if one lacks it.
 fn attribute(
     path: &Path,
+    budget: &MemoryBudget,
     coding: &Coding,
-    pieces: &[&Piece],
+    pieces: &[ArraysOfPiece],
     like: &Array,
 ) -> Result<Option<Values>, ImportError> {
-    let alike = |array: &&Array| {
-        array.name == like.name
-            && array.components == like.components
-            && array.type_name.starts_with("Float") == like.type_name.starts_with("Float")
-    };
-    let mut all =
-        if like.type_name.starts_with("Float") { Values::Float(Vec::new()) } else { Values::Int(Vec::new()) };
+    let (_, components, is_float) = identity(like);
+    if pieces.iter().any(|piece| !piece.arrays.contains_key(&identity(like))) {
+        return Ok(None);
+    }
+    let mut all = if is_float { Values::Float(Vec::new()) } else { Values::Int(Vec::new()) };
     for piece in pieces {
-        let Some(array) = piece.data.iter().find(alike) else { return Ok(None) };
-        match (&mut all, coding.values(path, array, piece.count)?) {
+        let values = coding.values(path, budget, piece.arrays[&identity(like)], piece.count)?;
+        Values::take(budget, is_float, piece.count.saturating_mul(components))?;
+        match (&mut all, values) {
             (Values::Float(all), Values::Float(values)) => all.extend(values),
             (Values::Int(all), Values::Int(values)) => all.extend(values),
             _ => return Ok(None),

@@ -15,7 +15,7 @@ pub(crate) use frames::{FrameBatch, process_frames};
 pub(crate) use ledger::{BatchSummary, no_locks};
 pub(crate) use ledger::{FrameFiles, FrameOutcome, Ledger, ProductFolder, Written};
 pub(crate) use request::BatchRequest;
-pub(crate) use request::MemoryCheck;
+pub(crate) use request::{MemoryCheck, within_reserve};
 #[cfg(test)]
 pub(crate) use schedule::FRAME_MEMORY_RESERVE;
 pub(crate) use source::Source;

@@ -56,6 +56,21 @@ impl BatchRequest {
     }
 }
 
+/// What was read within the memory that was `reserved` for a frame; `None` if it takes more, so that the frame must run again,
+/// alone.
+///
+/// # Errors
+/// All others of the reader; also [`RunError::OverMemory`] if the frame is alone.
+pub(crate) fn within_reserve<T, E: Into<RunError>>(
+    reserved: Option<u64>,
+    read: Result<T, E>,
+) -> Result<Option<T>, RunError> {
+    match read.map_err(Into::into) {
+        Err(RunError::OverMemory { .. }) if reserved.is_some() => Ok(None),
+        read => read.map(Some),
+    }
+}
+
 /// Whether a frame fits in the memory that was reserved for it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum MemoryCheck {
@@ -68,6 +83,18 @@ pub(crate) enum MemoryCheck {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn reading_more_than_was_reserved_is_repeated_alone() {
+        let over = || Err::<(), _>(RunError::OverMemory { needed: 2, allowed: 1 });
+        assert_eq!(within_reserve(Some(1), over()).unwrap(), None);
+        assert!(matches!(within_reserve(None, over()), Err(RunError::OverMemory { .. })));
+        assert!(matches!(
+            within_reserve(Some(1), Err::<(), _>(RunError::Interrupted)),
+            Err(RunError::Interrupted)
+        ));
+        assert_eq!(within_reserve(Some(1), Ok::<_, RunError>(5)).unwrap(), Some(5));
+    }
 
     #[test]
     fn a_frame_above_its_reserve_runs_alone_and_one_above_the_limit_is_refused() {

@@ -2,9 +2,10 @@
 
 use crate::{
     cache,
-    frame::{Frame, FrameIndex, Stream, StreamKind},
+    control::printable,
+    frame::{Frame, FrameIndex, SPACING_RANGE, Stream, StreamKind},
     import::{ImportError, ParticleFile, Sequence},
-    job::{Manifest, RunError, ShotFolder},
+    job::{Manifest, RunError, ShotFolder, memory::refuse_memory},
     preset::Frames,
 };
 use std::path::{Path, PathBuf};
@@ -104,30 +105,39 @@ impl Source<'_> {
         }
     }
 
-    /// Reads the frame `index` from `path`; a particle file is not unpacked yet.
+    /// Reads the frame `index` from `path`, as far as that takes at most `max_memory` [bytes]; a particle file is not unpacked yet.
     ///
     /// # Errors
-    /// If it cannot be read.
-    pub(crate) fn open(&self, path: &Path, index: FrameIndex) -> Result<OpenedFrame, RunError> {
+    /// If it cannot be read; [`RunError::OverMemory`] if it takes more.
+    pub(crate) fn open(
+        &self,
+        path: &Path,
+        index: FrameIndex,
+        max_memory: Option<u64>,
+    ) -> Result<OpenedFrame, RunError> {
         match *self {
             Self::Cache(_) => {
+                // Columns of equal numbers take a file of a thousandth of their memory: only the header states it.
+                if let Some(allowed) = max_memory {
+                    refuse_memory(cache::read_header(path)?.unpacked_bytes(), allowed)?;
+                }
                 let (frame, info) = cache::read_frame(path)?;
                 let header = |stream: &Stream| StreamHeader {
                     name: stream.name.clone(),
                     kind: stream.kind,
                     state: state_key(info.key, index, &stream.name),
-                    spacing: stream.scalar("spacing").map(|s| s as f32).filter(|&s| s > 0.0),
+                    spacing: spacing_of(stream),
                 };
                 let headers = frame.streams.iter().map(header).collect();
                 Ok(OpenedFrame { headers, time: frame.time, content: Content::Frame(frame) })
             }
             Self::Files { spacing, .. } => {
-                let file = ParticleFile::open(path)?;
+                let file = ParticleFile::open(path, max_memory)?;
                 let header = StreamHeader {
                     name: STREAM.into(),
                     kind: StreamKind::Particles,
                     state: file.content_key(),
-                    spacing: Some(spacing),
+                    spacing: Ok(spacing),
                 };
                 Ok(OpenedFrame { headers: vec![header], time: 0.0, content: Content::File(file) })
             }
@@ -150,8 +160,21 @@ pub(crate) struct StreamHeader {
     pub(crate) kind: StreamKind,
     /// Identifies the state that its entries are.
     pub(crate) state: u64,
-    /// Distance between particles at rest [m]; `None` if the frame lacks it.
-    pub(crate) spacing: Option<f32>,
+    /// Distance between particles at rest [m], or why the frame has none that can be used.
+    pub(crate) spacing: Result<f32, String>,
+}
+
+/// The spacing of a stream [m], or what it has instead.
+fn spacing_of(stream: &Stream) -> Result<f32, String> {
+    stream.spacing().ok_or_else(|| {
+        let found = match stream.scalar("spacing") {
+            Some(spacing) => format!("a spacing of {spacing:e} m"),
+            None => "no spacing".into(),
+        };
+        let (name, range) = (printable(&stream.name), SPACING_RANGE);
+        let (min, max) = (range.start(), range.end());
+        format!("stream {name}: found {found}, expected {min:e} to {max:e} m; simulate the shot again")
+    })
 }
 
 impl StreamHeader {

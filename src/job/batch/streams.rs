@@ -3,7 +3,7 @@
 use super::{
     frames::{FrameBatch, process_frames},
     ledger::{BatchSummary, FrameFiles, FrameOutcome, ProductFolder},
-    request::{BatchRequest, MemoryCheck},
+    request::{BatchRequest, MemoryCheck, within_reserve},
     schedule::FRAME_MEMORY_RESERVE,
     source::{Source, StreamHeader},
 };
@@ -105,16 +105,19 @@ pub(crate) fn process_streams(
         if let Some(key) = simulation {
             cache::read_header(path)?.expect_key(path, key)?;
         }
-        let opened = source.open(path, outcome.index)?;
+        let opened = source.open(path, outcome.index, reserved.or(request.max_memory));
+        let Some(opened) = within_reserve(reserved, opened)? else { return Ok(MemoryCheck::NeedsMore) };
         let mut pending = Vec::new();
         for (place, header) in opened.headers.iter().enumerate() {
             if !writer.accepts(header.kind) {
                 continue;
             }
-            let Some(spacing) = header.spacing else {
-                let why = format!("the stream {} has no spacing; simulate the shot again", header.name);
-                outcome.fail(why, Failure::Other);
-                continue;
+            let spacing = match &header.spacing {
+                Ok(spacing) => *spacing,
+                Err(why) => {
+                    outcome.fail(format!("{}: {why}", printable_path(path)), Failure::Other);
+                    continue;
+                }
             };
             if !is_file_name(header.subject()) {
                 let why = format!(
@@ -139,7 +142,9 @@ pub(crate) fn process_streams(
             return Ok(MemoryCheck::Fits);
         }
         let time = opened.time;
-        let (streams, notes) = opened.unpack()?;
+        let Some((streams, notes)) = within_reserve(reserved, opened.unpack())? else {
+            return Ok(MemoryCheck::NeedsMore);
+        };
         // The memory of every stream is checked before the first is written: a second attempt writes all of them.
         for &(place, spacing, _) in &pending {
             let stream = &streams[place];

@@ -8,7 +8,7 @@ use crate::{
         Control, Failure, RunError, ShotFolder,
         batch::{
             BatchRequest, BatchSummary, FileTarget, FrameBatch, MemoryCheck, NO_FILE, ProductFolder, Written,
-            choose, file_size, numbered_files, process_frames,
+            choose, file_size, numbered_files, process_frames, within_reserve,
         },
         file_records::FileRecords,
     },
@@ -49,7 +49,8 @@ pub(super) fn mesh_level_sets(
     let estimate = |path: &Path| level_set_memory((file_size(path) / MIN_LEAF_BYTES) as usize);
     let records = FileRecords::read(out, SurfaceMesh.name())?;
     process_frames(&SurfaceMesh, out, &batch, request, control, estimate, |path, reserved, outcome| {
-        let file = LevelSetFile::open(path)?;
+        let opened = LevelSetFile::open(path, reserved.or(request.max_memory));
+        let Some(file) = within_reserve(reserved, opened)? else { return Ok(MemoryCheck::NeedsMore) };
         let key = file.content_key(CUT_VERSION);
         let mut target = FileTarget { index: outcome.index, name: NAME.into(), key, state: None };
         let kept = files.up_to_date(&target).filter(|files| files.are_recorded(out, &records, &target));
@@ -57,7 +58,9 @@ pub(super) fn mesh_level_sets(
             outcome.files.push(files);
             return Ok(MemoryCheck::Fits);
         }
-        let level_set = file.level_set()?;
+        let Some(level_set) = within_reserve(reserved, file.level_set())? else {
+            return Ok(MemoryCheck::NeedsMore);
+        };
         drop(file);
         let needed = |_| level_set_memory(level_set.grid.bricks.len());
         if request.check_memory(reserved, needed)? == MemoryCheck::NeedsMore {

@@ -45,8 +45,8 @@ impl Product for SurfaceMesh {
     }
 
     fn stream_memory(&self, settings: &ProductSettings, stream: &Stream, triangles: u64) -> f64 {
-        let memory = |spacing| meshed_memory(stream, spacing as f32, &settings.surface, triangles) as f64;
-        stream.scalar("spacing").map_or(0.0, memory)
+        let memory = |spacing| meshed_memory(stream, spacing, &settings.surface, triangles) as f64;
+        stream.spacing().map_or(0.0, memory)
     }
 
     fn tradeoff(&self) -> Option<&'static Subject> {

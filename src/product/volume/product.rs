@@ -75,9 +75,7 @@ impl Product for VolumeFile {
     }
 
     fn stream_memory(&self, settings: &ProductSettings, stream: &Stream, _: u64) -> f64 {
-        stream
-            .scalar("spacing")
-            .map_or(0.0, |spacing| stream_memory(stream, spacing as f32, &settings.surface) as f64)
+        stream.spacing().map_or(0.0, |spacing| stream_memory(stream, spacing, &settings.surface) as f64)
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {

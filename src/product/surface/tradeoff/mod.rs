@@ -186,7 +186,7 @@ fn run(
     control: Control,
 ) -> Result<Table, RunError> {
     let frames: Vec<u32> = job.frames.iter().map(|index| index.0).collect();
-    let samples = source::samples(&from.source, job.frames)?;
+    let samples = source::samples(&from.source, job.frames, from.max_memory)?;
     let Some(last) = samples.len().checked_sub(1) else {
         return Err(RunError::Request(
             "the frames hold no particles of any system; expected some to mesh".into(),

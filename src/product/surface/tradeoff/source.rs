@@ -26,23 +26,23 @@ pub(crate) struct Sample {
     pub(crate) stream: Option<usize>,
 }
 
-/// The particles of some frames that are there, stream by stream.
-pub(super) fn samples(source: &Source<'_>, frames: &Frames) -> Result<Vec<Sample>, RunError> {
+/// The particles of some frames that are there, stream by stream; none may take more than `max_memory` [bytes].
+pub(super) fn samples(
+    source: &Source<'_>,
+    frames: &Frames,
+    max_memory: Option<u64>,
+) -> Result<Vec<Sample>, RunError> {
     let mut samples = Vec::new();
     for (frame, path) in source.frames(Some(frames))? {
         let Some(path) = path else { continue };
-        let mut opened = source.open(&path, frame)?;
+        let mut opened = source.open(&path, frame, max_memory)?;
         let headers = std::mem::take(&mut opened.headers);
         let (streams, _) = opened.unpack()?;
         for (place, (stream, known)) in streams.iter().zip(headers).enumerate() {
             if stream.kind != StreamKind::Particles {
                 continue;
             }
-            let spacing = known.spacing.ok_or_else(|| {
-                let name = &stream.name;
-                let lacks = "has no spacing; simulate it again";
-                RunError::Request(format!("frame {frame}: the stream {name} {lacks}"))
-            })?;
+            let spacing = known.spacing.map_err(|why| RunError::Request(format!("frame {frame}: {why}")))?;
             let (particles, state, path) = (stream.len(), known.state, path.clone());
             let stream = matches!(source, Source::Cache(_)).then_some(place);
             samples.push(Sample { frame, particles, spacing, state, path, stream });
@@ -56,7 +56,7 @@ impl Sample {
     pub(super) fn read(&self) -> Result<Stream, RunError> {
         match self.stream {
             Some(place) => Ok(cache::read_frame(&self.path)?.0.streams.swap_remove(place)),
-            None => Ok(ParticleFile::open(&self.path)?.particles()?.stream),
+            None => Ok(ParticleFile::open(&self.path, None)?.particles()?.stream),
         }
     }
 }

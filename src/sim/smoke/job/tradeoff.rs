@@ -448,7 +448,7 @@ fn displaced(a: &[Node], b: &[Node]) -> Option<f64> {
 /// Positions and densities of a frame's tracers, and the distance at which they were seeded [m]; `None` without any.
 fn tracers(frame: &Frame) -> Option<(&[Vec3], &[f32], f32)> {
     let stream = frame.stream(smoke::TRACERS).filter(|stream| !stream.is_empty())?;
-    let spacing = stream.scalar("spacing")? as f32;
+    let spacing = stream.spacing()?;
     Some((stream.vec3("position")?, stream.f32("density")?, spacing))
 }
 
