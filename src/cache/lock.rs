@@ -46,12 +46,12 @@ impl Lock {
         Self::take(dir, false)
     }
 
-    /// As [`Lock::acquire`], but other processes may share the lock.
+    /// As [`Lock::wait`], but other processes may share the lock.
     ///
     /// # Errors
     /// As [`Lock::acquire`].
-    pub(crate) fn share(dir: &Path) -> Result<Self, CacheError> {
-        Self::take(dir, true)
+    pub(crate) fn share(dir: &Path, announce: &dyn Fn(&str)) -> Result<Self, CacheError> {
+        Self::wait_with(PATIENCE, dir, true, announce)
     }
 
     /// As [`Lock::acquire`], but waits while another process holds the lock, two minutes at most: for what is held for
@@ -60,14 +60,19 @@ impl Lock {
     /// # Errors
     /// As [`Lock::acquire`].
     pub(crate) fn wait(dir: &Path, announce: &dyn Fn(&str)) -> Result<Self, CacheError> {
-        Self::wait_with(PATIENCE, dir, announce)
+        Self::wait_with(PATIENCE, dir, false, announce)
     }
 
-    fn wait_with(patience: Patience, dir: &Path, announce: &dyn Fn(&str)) -> Result<Self, CacheError> {
+    fn wait_with(
+        patience: Patience,
+        dir: &Path,
+        is_shared: bool,
+        announce: &dyn Fn(&str),
+    ) -> Result<Self, CacheError> {
         let start = Instant::now();
         let mut is_announced = false;
         loop {
-            match Self::acquire(dir) {
+            match Self::take(dir, is_shared) {
                 Err(CacheError::Locked { path, holder }) if start.elapsed() < patience.limit => {
                     if start.elapsed() >= patience.announce && !is_announced {
                         is_announced = true;
@@ -205,7 +210,7 @@ mod tests {
         let patience = Patience { announce: PAUSE, limit: 10 * PAUSE };
         let lines = Mutex::new(Vec::new());
         let waited =
-            Lock::wait_with(patience, dir.path(), &|line| lines.lock().unwrap().push(line.to_owned()));
+            Lock::wait_with(patience, dir.path(), false, &|line| lines.lock().unwrap().push(line.to_owned()));
         assert!(matches!(waited, Err(CacheError::Locked { .. })), "{waited:?}");
         let lines = lines.into_inner().unwrap();
         assert_eq!(lines.len(), 1, "{lines:?}");
@@ -215,11 +220,11 @@ mod tests {
     #[test]
     fn several_share_a_lock_that_one_alone_cannot_take() {
         let dir = tempfile::tempdir().unwrap();
-        let both = [Lock::share(dir.path()).unwrap(), Lock::share(dir.path()).unwrap()];
+        let both = [Lock::share(dir.path(), &|_| ()).unwrap(), Lock::share(dir.path(), &|_| ()).unwrap()];
         assert!(matches!(Lock::acquire(dir.path()), Err(CacheError::Locked { .. })));
         drop(both);
         let _one = Lock::acquire(dir.path()).unwrap();
-        assert!(matches!(Lock::share(dir.path()), Err(CacheError::Locked { .. })));
+        assert!(matches!(Lock::take(dir.path(), true), Err(CacheError::Locked { .. })));
     }
 
     #[test]

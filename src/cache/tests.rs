@@ -280,7 +280,7 @@ fn a_frame_under_another_number_is_refused() {
     let (three, four) = (frame_path(dir.path(), FrameIndex(3)), frame_path(dir.path(), FrameIndex(4)));
     fs::rename(&three, &four).unwrap();
     let error = read_frame(&four).unwrap_err().to_string();
-    assert!(error.contains("found 3") && error.contains("4, as the file is named"), "{error}");
+    assert!(error.contains("frame 3 under the name of frame 4"), "{error}");
     let free = dir.path().join("copy.mcf");
     fs::rename(&four, &free).unwrap();
     assert!(read_frame(&free).is_ok());

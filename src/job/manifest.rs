@@ -196,7 +196,9 @@ impl Manifest {
         };
         let text = match cache::read_text(&path) {
             Ok(text) => text,
-            Err(absent) if absent.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(absent) if matches!(absent.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Ok(None);
+            }
             Err(source) => return Err(fail(source)),
         };
         // A later version may have other fields.

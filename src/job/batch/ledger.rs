@@ -1,6 +1,6 @@
 //! The account of a batch: what was made, which files the manifest names, and what failed.
 
-use super::streams::FileTarget;
+use super::target::FileTarget;
 use crate::{
     cache::{self, CacheError, Lock, WrittenFile},
     frame::FrameIndex,
@@ -161,7 +161,7 @@ impl<'a> Ledger<'a> {
             Err(CacheError::Locked { .. }) => {}
             Err(why) => return Err(why.into()),
         }
-        let lock = Lock::share(&folder)?;
+        let lock = Lock::share(&folder, &|line| control.reporter.note(line))?;
         let summary = BatchSummary { folder, ..BatchSummary::default() };
         let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
         Ok(Self { out, product, summary, written, failed, stale, record_error: None, _lock: lock })

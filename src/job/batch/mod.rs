@@ -10,6 +10,7 @@ mod request;
 mod schedule;
 mod source;
 mod streams;
+mod target;
 
 pub(crate) use frames::{FrameBatch, process_frames};
 pub(crate) use ledger::{BatchSummary, no_locks};
@@ -20,4 +21,5 @@ pub(crate) use request::{MemoryCheck, within_reserve};
 pub(crate) use schedule::FRAME_MEMORY_RESERVE;
 pub(crate) use source::Source;
 pub(crate) use source::{MAX_FRAMES, NO_FILE, StreamHeader, choose, file_size, numbered_files, state_key};
-pub(crate) use streams::{FileTarget, StreamInput, StreamWriter, process_streams};
+pub(crate) use streams::{StreamInput, StreamWriter, process_streams};
+pub(crate) use target::FileTarget;

@@ -6,26 +6,16 @@ use super::{
     request::{BatchRequest, MemoryCheck, within_reserve},
     schedule::FRAME_MEMORY_RESERVE,
     source::{Source, StreamHeader},
+    target::FileTarget,
 };
 use crate::{
     cache,
     control::printable_path,
-    frame::{FrameIndex, Stream, StreamKind},
+    frame::{Stream, StreamKind},
     import::ImportError,
     job::{Control, Failure, RunError, ShotFolder, file_records::FileRecords, is_file_name},
 };
 use std::path::Path;
-
-/// Identifies the files that are made of a stream of a frame.
-pub(crate) struct FileTarget {
-    pub(crate) index: FrameIndex,
-    /// System or object that the files show; part of their names.
-    pub(crate) name: String,
-    /// Key of what the files were made from.
-    pub(crate) key: u64,
-    /// The simulated state that they are made from, where it is that of one frame.
-    pub(crate) state: Option<u64>,
-}
 
 /// A stream of a frame.
 #[derive(Clone, Copy)]
