@@ -22,8 +22,8 @@ impl Values {
     }
 }
 
-/// Attributes that are taken from a file at most; no program that we know writes a tenth as many. Names are compared with each
-/// other, so that time would grow with the square of their number.
+/// Attributes that are taken from a file at most, far above the dozens that solvers write. Names are compared with each other,
+/// so that time would grow with the square of their number.
 const MAX_ATTRIBUTES: usize = 4096;
 
 /// Attributes that are not taken and listed one by one; the others are counted.

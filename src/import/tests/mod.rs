@@ -250,7 +250,7 @@ fn vtk(binary: bool, version: u32, kind: &str) -> Vec<u8> {
     out
 }
 
-/// A file of version 5.1 as meshio 5.3.5 writes it: the types of all integers are named by their sizes.
+/// A file of version 5.1 in the layout of meshio 5.3.5, which names types of integers by their sizes; its own connectivity has 64 bits.
 fn meshio_vtk(binary: bool) -> Vec<u8> {
     let mut out = b"# vtk DataFile Version 5.1\nwritten by meshio v5.3.5\n".to_vec();
     writeln!(out, "{}\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 float", if binary { "BINARY" } else { "ASCII" })

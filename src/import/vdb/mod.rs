@@ -105,7 +105,7 @@ fn parse(path: &Path, all: &[u8], budget: &MemoryBudget) -> Result<LevelSet, Imp
     let (voxel, origin) = header::transform(&mut bytes)?;
     let (background, leaves) = walk::walk(&mut bytes, entry)?;
 
-    // Leaves of a file take a byte for 32 of memory, or more.
+    // A leaf has 128 bytes of masks at least, so this is at most 36 times the file; inner nodes, at most 20, are not counted.
     budget.take(leaves.len() as u64 * LEAF_MEMORY)?;
     let buffers = unpack(&bytes, all, entry)?;
     let grid = assemble(&bytes, voxel as f32, background, &leaves, &buffers)?;
