@@ -15,7 +15,7 @@ use std::{
 /// process ends, so a crash never leaves a folder locked. The file stays; its text names the process that took
 /// the lock last: process number, host, and seconds since 1970.
 ///
-/// Some network file systems have no locks. There the folder is written all the same, and [`Lock::is_held`] is false.
+/// Some network file systems have no locks. There the folder is written all the same.
 #[derive(Debug)]
 pub struct Lock {
     file: File,

@@ -236,6 +236,23 @@ impl Manifest {
         Ok(Lock::wait(folder.root(), &|line| reporter.note(line))?)
     }
 
+    /// Removes the temporaries that crashed jobs left in the root of a folder, whose files are written under the manifest's lock
+    /// alone.
+    ///
+    /// # Errors
+    /// As [`Manifest::lock`]; if the folder cannot be listed or a file not removed.
+    pub(crate) fn clean_root(folder: &ShotFolder, reporter: &dyn Reporter) -> Result<(), RunError> {
+        let lock = Self::lock(folder, reporter)?;
+        if !lock.is_held() {
+            return Ok(());
+        }
+        cache::remove_temporaries(folder.root()).map(|_| ()).map_err(|source| RunError::File {
+            path: folder.root().into(),
+            source,
+            next: "check that the folder can be read and written",
+        })
+    }
+
     /// The key of the simulation that the cached frames of a folder are of; `None` if that is not known.
     ///
     /// # Errors

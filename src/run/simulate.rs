@@ -49,7 +49,7 @@ pub(crate) fn simulate(
     if !lock.is_held() {
         control.reporter.note(&no_locks(&folder.cache()));
     }
-    clean_root(folder, lock.is_held(), control)?;
+    clean(folder, lock.is_held(), control)?;
     let key = scene.simulation_key();
     let requested = scene;
     let scene = &solids::fill(scene, Some(folder), control.reporter)?;
@@ -63,10 +63,13 @@ pub(crate) fn simulate(
         RunError::Cache(CacheError::Stale { found, .. }) => stale::explain(folder, requested, found),
         other => other,
     })?;
-    ShotFolder::write(folder.preset(), &(RECORD.to_owned() + &scene.to_toml()))?;
-    solids::keep_assets(scene, folder)?;
+    {
+        let _lock = Manifest::lock(folder, control.reporter)?;
+        ShotFolder::write(folder.preset(), &(RECORD.to_owned() + &scene.to_toml()))?;
+        solids::keep_assets(scene, folder)?;
+        log::retain(folder, |frame| valid.contains(&frame))?;
+    }
     write_manifest(scene, folder, selection, &valid, control)?;
-    log::retain(folder, |frame| valid.contains(&frame))?;
 
     let records: Vec<_> = log::read(folder)?.into_iter().map(|(index, line)| (index, line.record)).collect();
     warn_of_lost_lines(scene, &valid, &records, control);
@@ -141,13 +144,13 @@ fn survey(
 
 /// Removes what crashed jobs left in the folder, and puts a damaged manifest out of the way. `alone`: no other process
 /// simulates here.
-fn clean_root(folder: &ShotFolder, alone: bool, control: Control) -> Result<(), RunError> {
-    let lock = Manifest::lock(folder, control.reporter)?;
-    Manifest::set_aside_damaged(folder, control.reporter)?;
-    if !alone || !lock.is_held() {
-        return Ok(());
+fn clean(folder: &ShotFolder, alone: bool, control: Control) -> Result<(), RunError> {
+    Manifest::clean_root(folder, control.reporter)?;
+    {
+        let _lock = Manifest::lock(folder, control.reporter)?;
+        Manifest::set_aside_damaged(folder, control.reporter)?;
     }
-    for place in [folder.root().to_path_buf(), folder.cache(), folder.samples()] {
+    for place in [folder.cache(), folder.samples()].into_iter().filter(|_| alone) {
         match cache::remove_temporaries(&place) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(cannot_clean(place, error)),
             _ => {}

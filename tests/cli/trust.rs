@@ -224,6 +224,11 @@ fn what_crashed_jobs_left_is_removed_everywhere() {
     left.iter().for_each(|name| desk.write(name, "part"));
     desk.run("simulate small.toml --frames 1-3", 0);
     assert!(left.iter().all(|name| !desk.path(name).exists()));
+    let left = ["small/.shot.json.7-0.meniscus-tmp", "small/mesh/.liquid_0001.ply.7-0.meniscus-tmp"];
+    fs::create_dir(desk.path("small/mesh")).unwrap();
+    left.iter().for_each(|name| desk.write(name, "part"));
+    desk.run("mesh small", 0);
+    assert!(left.iter().all(|name| !desk.path(name).exists()));
 }
 
 #[test]

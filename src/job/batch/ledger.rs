@@ -148,6 +148,7 @@ impl<'a> Ledger<'a> {
     ) -> Result<Self, RunError> {
         let folder = out.subfolder(product.name());
         ShotFolder::create(&folder)?;
+        Manifest::clean_root(out, control.reporter)?;
         // Alone, there is no live temporary.
         match Lock::acquire(&folder) {
             Ok(lock) if lock.is_held() => {
