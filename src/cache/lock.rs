@@ -106,7 +106,10 @@ impl Lock {
             Err(TryLockError::Error(error)) if has_no_locks(&error) => false,
             Err(TryLockError::Error(error)) => return Err(failed(error)),
         };
-        sign(&mut file).map_err(failed)?;
+        // The text is advice for people. Where a lock is shared, some systems refuse all writes.
+        if !is_shared {
+            let _ = sign(&mut file);
+        }
         Ok(Self { file, is_held, is_shared })
     }
 }
@@ -122,8 +125,7 @@ fn open(dir: &Path) -> Result<(File, PathBuf), CacheError> {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // The text is advice for people; closing the file releases the lock whether or not this succeeds. Others that share
-        // the lock may have signed since.
+        // Closing the file releases the lock whether or not this succeeds.
         if !self.is_shared {
             let _ = self.file.set_len(0);
         }

@@ -1,8 +1,8 @@
 //! `mesh.jsonl`, `volume.jsonl` and so on: one line about the files that a product made of a frame, with their checksums.
 //!
 //! A file that no line describes, or that differs from its line, is not up to date: it is made again, and `verify` reports it.
-//! Lines are appended under the folder's lock, after their files have their names, so that a crash leaves at worst a file
-//! without a line.
+//! Lines are appended under the folder's lock as soon as their files have their names. A crash between both leaves a file without a
+//! line, or with the line of the file that it replaced.
 
 use super::{Manifest, RunError, ShotFolder, report::Reporter};
 use crate::{
@@ -15,6 +15,7 @@ use std::{
     collections::{BTreeMap, BTreeSet},
     io::{ErrorKind, Read, Seek, SeekFrom, Write},
     path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
 };
 
 /// One line: the files that were made of a frame.
@@ -98,6 +99,8 @@ pub(crate) struct FileRecords {
     records: Vec<FileRecord>,
     /// The place of a file's record, and of the file in it.
     by_file: BTreeMap<String, (usize, usize)>,
+    /// A file with these bytes: their number and checksum.
+    by_content: BTreeMap<(u64, String), String>,
 }
 
 impl FileRecords {
@@ -110,13 +113,14 @@ impl FileRecords {
         let text = read_lines(&path(out, product))?;
         let records: Vec<FileRecord> =
             text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
-        let mut by_file = BTreeMap::new();
+        let (mut by_file, mut by_content) = (BTreeMap::new(), BTreeMap::new());
         for (place, record) in records.iter().enumerate() {
             for (file, recorded) in record.files.iter().enumerate() {
                 by_file.insert(recorded.file.clone(), (place, file));
+                by_content.insert((recorded.bytes, recorded.xxh3.clone()), recorded.file.clone());
             }
         }
-        Ok(Self { records, by_file })
+        Ok(Self { records, by_file, by_content })
     }
 
     /// The record of a file.
@@ -124,6 +128,11 @@ impl FileRecords {
         let &(record, place) = self.by_file.get(file)?;
         let record = &self.records[record];
         Some((record, &record.files[place]))
+    }
+
+    /// The frames that have a record.
+    pub(crate) fn frames(&self) -> impl Iterator<Item = u32> {
+        self.records.iter().map(|record| record.frame.0)
     }
 
     /// Whether every one of these files is in `out` as it was written with `key`.
@@ -143,7 +152,8 @@ impl FileRecords {
         }
         let Some((_, recorded)) = self.of(file) else {
             return FileState::Foreign(
-                "no record of its checksum: another program or version wrote it".into(),
+                "no record of its checksum: another program or version wrote it, or the job was stopped"
+                    .into(),
             );
         };
         let found = match cache::checksum(&path) {
@@ -154,9 +164,8 @@ impl FileRecords {
         if (found.bytes, &sum) == (recorded.bytes, &recorded.xxh3) {
             return FileState::Valid;
         }
-        let same = |other: &&RecordedFile| (other.bytes, &other.xxh3) == (found.bytes, &sum);
-        match self.records.iter().flat_map(|record| &record.files).find(same) {
-            Some(other) => FileState::Foreign(format!("these are the bytes of {}", other.file)),
+        match self.by_content.get(&(found.bytes, sum.clone())) {
+            Some(other) => FileState::Foreign(format!("these are the bytes of {other}")),
             None if found.bytes != recorded.bytes => {
                 FileState::Damaged(format!("found {} bytes, expected {}", found.bytes, recorded.bytes))
             }
@@ -195,6 +204,9 @@ pub(crate) fn append(
     figures: &Map<String, Value>,
     reporter: &dyn Reporter,
 ) -> Result<(), RunError> {
+    /// Frames of one process are recorded one after the other: they would wait for each other's lock of the folder.
+    static IN_PROCESS: Mutex<()> = Mutex::new(());
+    let _turn = IN_PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
     let _lock = Manifest::lock(out, reporter)?;
     append_line(&path(out, product), &record.line(figures))
 }
@@ -202,7 +214,7 @@ pub(crate) fn append(
 /// Adds a line to a file. What a crash left of an earlier line is ended first.
 ///
 /// # Errors
-/// If the file cannot be written; then it is as long as before.
+/// If the file cannot be written; then it is as long as before, as far as the disk allows.
 pub(crate) fn append_line(path: &Path, line: &str) -> Result<(), RunError> {
     let append = || {
         let mut file = cache::open_to_append(path)?;
@@ -213,7 +225,7 @@ pub(crate) fn append_line(path: &Path, line: &str) -> Result<(), RunError> {
             file.read_exact(&mut last)?;
         }
         let end = if last == [b'\n'] { "" } else { "\n" };
-        let written = file.write_all(format!("{end}{line}").as_bytes());
+        let written = file.write_all(format!("{end}{line}").as_bytes()).and_then(|()| file.sync_data());
         if written.is_err() {
             // A part of a line would hide the next one; a failure to remove it is not the one to report.
             let _ = file.set_len(before);
@@ -236,13 +248,15 @@ pub(crate) fn compact(out: &ShotFolder, product: &str, reporter: &dyn Reporter) 
     let _lock = Manifest::lock(out, reporter)?;
     let path = path(out, product);
     let text = read_lines(&path)?;
-    let mut newest: BTreeSet<String> = BTreeSet::new();
+    let (mut newest, mut described) = (BTreeSet::<String>::new(), BTreeSet::new());
     let mut kept = Vec::new();
     for line in text.lines().rev() {
         let Ok(record) = serde_json::from_str::<FileRecord>(line) else { continue };
         let before = newest.len();
         newest.extend(record.files.into_iter().map(|file| file.file));
-        if newest.len() > before {
+        // Earlier versions recorded no files.
+        let is_new = described.insert((record.name.clone(), record.frame));
+        if newest.len() > before || is_new {
             kept.push((record.name, record.frame, line));
         }
     }
@@ -310,13 +324,19 @@ mod tests {
         for (frame, name, bytes) in [(2, "b.ply", b"bb"), (1, "a.ply", b"aa"), (2, "b.ply", b"cc")] {
             made(&out, frame, name, bytes);
         }
+        let line = "{\"frame\":9,\"name\":\"liquid\",\"key\":\"7\",\"volume\":1.0}\n";
+        append_line(&path(&out, "mesh"), line).unwrap();
         append_line(&path(&out, "mesh"), "{\"frame\":3,\"na").unwrap();
         made(&out, 4, "d.ply", b"dd");
         compact(&out, "mesh", &Silent).unwrap();
         let text = read_lines(&path(&out, "mesh")).unwrap();
         let frames: Vec<_> =
             text.lines().map(|line| serde_json::from_str::<FileRecord>(line).unwrap().frame.0).collect();
-        assert_eq!(frames, [1, 2, 4], "a line that was cut short does not hide the next one");
+        assert_eq!(
+            frames,
+            [1, 2, 4, 9],
+            "a line that was cut short hides no other, and figures of earlier versions stay"
+        );
         assert_eq!(FileRecords::read(&out, "mesh").unwrap().state(&out, "mesh/b.ply"), FileState::Valid);
     }
 }

@@ -89,7 +89,7 @@ impl ShotFolder {
         cache::create_own_folder(path).map_err(|source| RunError::File {
             path: path.into(),
             source,
-            next: "check that the folder can be written, or name another with -o",
+            next: "check that the folder can be written and is no link, or name another with -o",
         })
     }
 }

@@ -25,6 +25,9 @@ pub(crate) struct Manifest {
     pub up: String,
     /// The unit of lengths.
     pub length_unit: String,
+    /// The ranges of frames that were requested of the simulation, exactly: `frames` covers gaps too.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub requested: Vec<FrameSpan>,
     /// Key of the simulation that the cached frames are of; 16 hexadecimal digits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulation: Option<String>,
@@ -178,6 +181,7 @@ impl Manifest {
             frames,
             up: "+Z".into(),
             length_unit: "m".into(),
+            requested: Vec::new(),
             simulation: None,
             outputs: Vec::new(),
         }
@@ -271,7 +275,13 @@ impl Manifest {
             Err(RunError::File { source, .. }) if source.kind() == ErrorKind::InvalidData => source,
             read => return read.map(|_| ()),
         };
-        let (path, aside) = (folder.manifest(), folder.root().join("shot.json.damaged"));
+        let path = folder.manifest();
+        // An earlier one stays.
+        let names = (1_u32..).map(|number| match number {
+            1 => folder.root().join("shot.json.damaged"),
+            _ => folder.root().join(format!("shot.json.damaged.{number}")),
+        });
+        let aside = names.into_iter().find(|name| !name.exists()).unwrap_or_else(|| path.clone());
         std::fs::rename(&path, &aside).map_err(|source| RunError::File {
             path: path.clone(),
             source,

@@ -43,7 +43,7 @@ pub(crate) fn simulate(
 ) -> Result<Simulated, RunError> {
     check_selection(scene, selection)?;
     refuse_foreign_preset(folder)?;
-    solids::refuse_reserved_assets(scene)?;
+    solids::refuse_assets(scene, folder)?;
     ShotFolder::create(&folder.cache())?;
     let lock = Lock::acquire(&folder.cache())?;
     if !lock.is_held() {
@@ -95,6 +95,9 @@ fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError> {
              with -o, or rename the file",
             folder.preset().display()
         ))),
+        Err(source) if !matches!(source.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            Err(cannot_clean(folder.preset(), source))
+        }
         _ => Ok(()),
     }
 }
@@ -150,7 +153,10 @@ fn clean(folder: &ShotFolder, alone: bool, control: Control) -> Result<(), RunEr
         let _lock = Manifest::lock(folder, control.reporter)?;
         Manifest::set_aside_damaged(folder, control.reporter)?;
     }
-    for place in [folder.cache(), folder.samples()].into_iter().filter(|_| alone) {
+    // What lies behind a link is another folder's.
+    let is_own =
+        |place: &PathBuf| alone && std::fs::symlink_metadata(place).is_ok_and(|found| found.is_dir());
+    for place in [folder.cache(), folder.samples()].into_iter().filter(is_own) {
         match cache::remove_temporaries(&place) {
             Err(error) if error.kind() != ErrorKind::NotFound => return Err(cannot_clean(place, error)),
             _ => {}
@@ -320,6 +326,9 @@ fn figures(index: FrameIndex, record: &FrameRecord, seconds: f64) -> String {
     parts.collect::<Vec<_>>().join("  ")
 }
 
+/// Ranges of requested frames that a manifest lists; of more, the span that covers them.
+const MAX_RANGES: usize = 1000;
+
 /// Lists the requested and the existing frames. Meshes made earlier stay listed if frames of this simulation exist, since
 /// otherwise they may show another one.
 fn write_manifest(
@@ -334,10 +343,16 @@ fn write_manifest(
     let there = valid.iter().map(|&FrameIndex(frame)| FrameSpan { first: frame, last: frame, step: 1 });
     let Some(span) = requested.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
     let _lock = Manifest::lock(folder, control.reporter)?;
+    let new = Manifest::new(&scene.title, f64::from(scene.fps), span);
     let old = if valid.is_empty() { None } else { Manifest::read(folder)? };
-    let outputs = old.map(|old| old.outputs).unwrap_or_default();
+    let (outputs, mut requested) = old.map(|old| (old.outputs, old.requested)).unwrap_or_default();
+    let ranges = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
+    let unknown: Vec<FrameSpan> = ranges.filter(|range| !requested.contains(range)).collect();
+    requested.extend(unknown);
+    if requested.len() > MAX_RANGES {
+        requested = vec![span];
+    }
     let simulation = Some(hex(scene.simulation_key()));
-    let manifest =
-        Manifest { outputs, simulation, ..Manifest::new(&scene.title, f64::from(scene.fps), span) };
+    let manifest = Manifest { outputs, requested, simulation, ..new };
     manifest.write(folder)
 }

@@ -3,6 +3,7 @@
 use super::{Reporter, RunError, ShotFolder};
 use crate::{
     cache::{self, CacheError},
+    control::printable_path,
     import::{self, ImportError},
     product,
     scene::{Asset, Scene},
@@ -52,12 +53,22 @@ fn reserved_folders() -> impl Iterator<Item = &'static str> {
     ["cache", "sdf"].into_iter().chain(product::ALL.into_iter().map(|product| product.name()))
 }
 
-/// Refuses files whose copies in the shot folder would lie among those that jobs write.
+/// Refuses files whose copies in the shot folder would lie among those that jobs write, or replace a file of the user: in a folder
+/// without the record of a job, no file is a copy.
 ///
 /// # Errors
 /// If there is one.
-pub(super) fn refuse_reserved_assets(scene: &Scene) -> Result<(), RunError> {
-    for name in scene.assets.keys() {
+pub(super) fn refuse_assets(scene: &Scene, shot: &ShotFolder) -> Result<(), RunError> {
+    let is_new = !shot.preset().exists();
+    for (name, asset) in &scene.assets {
+        let copy = shot.root().join(name);
+        let is_same = || cache::checksum(&copy).is_ok_and(|found| found.checksum == asset.hash);
+        if is_new && copy.exists() && !is_same() {
+            return Err(RunError::Request(format!(
+                "{}: found another file where the shot keeps its copy of {name}; name another folder with -o, or rename the file",
+                printable_path(&copy)
+            )));
+        }
         let folder = name.split(['/', '\\']).next().unwrap_or_default();
         if reserved_folders().any(|reserved| folder.eq_ignore_ascii_case(reserved)) && folder != name {
             return Err(RunError::Request(format!(

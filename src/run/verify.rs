@@ -1,19 +1,19 @@
 //! Whether everything in a shot folder is as it was made.
 
-use super::{FailedFrame, Failure, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder};
+use super::{FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder};
 use crate::{
     cache::{self, CacheError, FrameInfo},
     control::printable_path,
     frame::FrameIndex,
     job::{
-        batch::state_key,
+        batch::{MAX_FRAMES, state_key},
         file_records::{FileRecords, FileState, hex},
     },
     product,
 };
 use serde::Serialize;
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::{BTreeMap, BTreeSet, btree_map::Entry},
     path::{Path, PathBuf},
 };
 
@@ -96,7 +96,7 @@ impl Condition {
 const MAX_NAMED_MISSING: u64 = 3;
 
 /// Missing files that are listed.
-const MAX_LISTED_MISSING: usize = 1000;
+const MAX_LISTED_MISSING: u64 = 1000;
 
 /// Reads every file of the folder that the manifest names, and every cached frame, to the last byte.
 ///
@@ -111,17 +111,42 @@ pub(crate) fn verify(folder: &ShotFolder) -> Result<Verification, RunError> {
     let title =
         manifest.as_ref().map_or_else(|| "Cache without shot.json".into(), |known| known.title.clone());
     let simulation = Manifest::simulation(folder)?;
+    let requested = manifest.as_ref().map_or_else(BTreeSet::new, requested_frames);
     let (mut stages, mut states) = (Vec::new(), BTreeMap::new());
-    if !present.is_empty() || simulation.is_some() {
-        let span = manifest.as_ref().map(|manifest| manifest.frames);
-        let (stage, frames) = cached(folder, &present, span, simulation);
+    let is_simulated = !present.is_empty() || simulation.is_some();
+    if is_simulated {
+        let (stage, frames) = cached(folder, &present, &requested, simulation);
         stages.push(stage);
         states = frames.into_iter().map(|info| (info.index, stream_states(&info))).collect();
     }
+    let cache = CacheStates { requested: if is_simulated { requested } else { BTreeSet::new() }, states };
+    let mut records: BTreeMap<&str, FileRecords> = BTreeMap::new();
     for output in manifest.iter().flat_map(|manifest| &manifest.outputs) {
-        stages.push(made(folder, output, &states)?);
+        let subfolder = output.pattern.split('/').next().unwrap_or_default();
+        let records = match records.entry(subfolder) {
+            Entry::Occupied(known) => known.into_mut(),
+            Entry::Vacant(place) => place.insert(FileRecords::read(folder, subfolder)?),
+        };
+        stages.push(made(folder, output, subfolder, records, &cache));
     }
     Ok(Verification { title, stages })
+}
+
+/// The frames that were requested, a million at most.
+fn requested_frames(manifest: &Manifest) -> BTreeSet<u32> {
+    let ranges = match &manifest.requested[..] {
+        [] => std::slice::from_ref(&manifest.frames),
+        ranges => ranges,
+    };
+    ranges.iter().flat_map(|range| range.numbers()).take(MAX_FRAMES as usize).collect()
+}
+
+/// What is known of the cached frames.
+struct CacheStates {
+    /// The frames that were requested; none if nothing was simulated into the folder.
+    requested: BTreeSet<u32>,
+    /// The states of the streams of each valid frame.
+    states: BTreeMap<FrameIndex, BTreeSet<String>>,
 }
 
 impl Verification {
@@ -155,13 +180,14 @@ impl Verification {
         };
         let (all, valid) =
             (self.stages.iter().map(files).sum::<u64>(), self.stages.iter().map(|stage| stage.valid).sum());
-        let repairs: BTreeSet<&str> = self
-            .stages
-            .iter()
-            .filter(|stage| !stage.faults.is_empty())
-            .map(|stage| stage.repair.as_str())
-            .collect();
-        let repair = repairs.into_iter().collect::<Vec<_>>().join("\n");
+        // What is made of the cache is made after it.
+        let mut repairs: Vec<&str> = Vec::new();
+        for stage in self.stages.iter().filter(|stage| !stage.faults.is_empty()) {
+            if !repairs.contains(&stage.repair.as_str()) {
+                repairs.push(&stage.repair);
+            }
+        }
+        let repair = repairs.join("\n");
         (!failed.is_empty()).then_some(RunError::NotValid { failed, all, valid, repair })
     }
 }
@@ -170,17 +196,17 @@ impl Verification {
 fn cached(
     folder: &ShotFolder,
     present: &[(FrameIndex, PathBuf)],
-    span: Option<FrameSpan>,
+    requested: &BTreeSet<u32>,
     simulation: Option<u64>,
 ) -> (Stage, Vec<FrameInfo>) {
-    let root = folder.root().display();
+    let file = |frame: u32| format!("cache/frame_{}.mcf", FrameIndex(frame));
     let mut stage = Stage {
         stage: "cache".into(),
         pattern: "cache/frame_{:04}.mcf".into(),
         valid: 0,
         faults: Vec::new(),
         missing: 0,
-        repair: format!("simulate again: meniscus simulate {root}/preset.toml -o {root}"),
+        repair: String::new(),
     };
     let mut valid = Vec::new();
     for (index, path) in present {
@@ -193,17 +219,45 @@ fn cached(
             }
             Err(why) => stage.faults.push(Fault {
                 frame: index.0,
-                file: format!("cache/frame_{index}.mcf"),
+                file: file(index.0),
                 state: condition(&why),
                 why: reason(&why, path),
             }),
         }
     }
     let numbers: BTreeSet<u32> = present.iter().map(|(index, _)| index.0).collect();
-    if let Some(span) = span {
-        stage.add_missing(span, &numbers, |frame| format!("cache/frame_{}.mcf", FrameIndex(frame)));
-    }
+    stage.add_missing(requested.difference(&numbers).map(|&frame| (frame, file(frame))));
+    let (root, preset) = (quoted(folder.root()), quoted(&folder.preset()));
+    let lost: BTreeSet<u32> = stage.faults.iter().map(|fault| fault.frame).collect();
+    let frames = frame_ranges(&lost);
+    let foreign = stage.faults.iter().filter(|fault| fault.state == Condition::Foreign).count();
+    let first = if foreign > 0 { "delete the foreign frames, then " } else { "" };
+    stage.repair = format!("{first}simulate again: meniscus simulate {preset} -o {root} --frames {frames}");
     (stage, valid)
+}
+
+/// Ranges that a command lists at most.
+const MAX_RANGES: usize = 20;
+
+/// Ascending frames as `--frames` takes them; of very many ranges, one that covers them.
+fn frame_ranges(frames: &BTreeSet<u32>) -> String {
+    let numbers: Vec<u32> = frames.iter().copied().collect();
+    let runs: Vec<&[u32]> = numbers.chunk_by(|a, b| a + 1 == *b).collect();
+    let text = |run: &[u32]| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        _ => run.first().map_or_else(String::new, u32::to_string),
+    };
+    if runs.len() <= MAX_RANGES {
+        return runs.into_iter().map(text).collect::<Vec<_>>().join(",");
+    }
+    text(&[numbers[0], numbers[numbers.len() - 1]])
+}
+
+/// A path as a shell takes it.
+fn quoted(path: &Path) -> String {
+    let text = printable_path(path).to_string();
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "/._-+".contains(c);
+    if text.chars().all(is_plain) { text } else { format!("'{}'", text.replace('\'', "'\\''")) }
 }
 
 fn condition(why: &CacheError) -> Condition {
@@ -227,17 +281,19 @@ fn stream_states(info: &FrameInfo) -> BTreeSet<String> {
     info.streams.iter().map(|stream| hex(state_key(info.key, info.index, &stream.name))).collect()
 }
 
-/// Verifies the files of an output. `states` are those of the valid cached frames.
+/// Verifies the files of an output in the sub-folder of a product.
 fn made(
     folder: &ShotFolder,
     output: &OutputFiles,
-    states: &BTreeMap<FrameIndex, BTreeSet<String>>,
-) -> Result<Stage, RunError> {
-    let subfolder = output.pattern.split('/').next().unwrap_or_default();
+    subfolder: &str,
+    records: &FileRecords,
+    cache: &CacheStates,
+) -> Stage {
     let product = product::ALL.into_iter().find(|product| product.name() == subfolder);
-    let root = folder.root().display();
     let repair = match product {
-        Some(product) if !states.is_empty() => format!("make again: meniscus {} {root}", product.verb()),
+        Some(product) if !cache.states.is_empty() => {
+            format!("make again: meniscus {} {}", product.verb(), quoted(folder.root()))
+        }
         _ => "make again: the command that made these files".into(),
     };
     let mut stage = Stage {
@@ -248,30 +304,32 @@ fn made(
         missing: 0,
         repair,
     };
-    let records = FileRecords::read(folder, subfolder)?;
     let compare = |stage: &mut Stage, frame: u32, file: String| {
         let (state, why) = match records.state(folder, &file) {
-            FileState::Valid => match stale(&records, &file, states) {
+            FileState::Valid => match stale(records, &file, &cache.states) {
                 None => {
                     stage.valid += 1;
                     return;
                 }
                 Some(why) => (Condition::Stale, why),
             },
-            FileState::Missing => (Condition::Missing, String::new()),
+            FileState::Missing => return stage.add_missing([(frame, file)].into_iter()),
             FileState::Damaged(why) => (Condition::Corrupt, why),
             FileState::Foreign(why) => (Condition::Foreign, why),
         };
-        stage.missing += u64::from(state == Condition::Missing);
         stage.faults.push(Fault { frame, file, state, why });
     };
     match &output.rest {
         None => {
-            let numbers: BTreeSet<u32> = output.present(folder).into_iter().collect();
-            for &frame in &numbers {
+            let present: BTreeSet<u32> = output.present(folder).into_iter().collect();
+            for &frame in &present {
                 compare(&mut stage, frame, output.file_name(frame));
             }
-            stage.add_missing(output.frames, &numbers, |frame| output.file_name(frame));
+            // The span covers gaps too: what was made once, and what was requested of the simulation.
+            let recorded = records.frames().filter(|&frame| records.of(&output.file_name(frame)).is_some());
+            let expected: BTreeSet<u32> = cache.requested.iter().copied().chain(recorded).collect();
+            let missing = expected.difference(&present).filter(|&&frame| output.frames.contains(frame));
+            stage.add_missing(missing.map(|&frame| (frame, output.file_name(frame))));
         }
         // One pair of files has all frames.
         Some(rest) => {
@@ -280,7 +338,7 @@ fn made(
             }
         }
     }
-    Ok(stage)
+    stage
 }
 
 /// Why a file shows another state than the cached frame of its number; `None` if it does not, or that is not known.
@@ -297,18 +355,14 @@ fn stale(
 }
 
 impl Stage {
-    /// Adds the frames of `span` that are not `present`.
-    fn add_missing(&mut self, span: FrameSpan, present: &BTreeSet<u32>, file: impl Fn(u32) -> String) {
-        let there = present.iter().filter(|&&frame| span.contains(frame)).count() as u64;
-        self.missing += span.count().saturating_sub(there);
-        // A span may have a frame for each of 2³² numbers.
-        let missing = span.numbers().filter(|frame| !present.contains(frame)).take(MAX_LISTED_MISSING);
-        self.faults.extend(missing.map(|frame| Fault {
-            frame,
-            file: file(frame),
-            state: Condition::Missing,
-            why: String::new(),
-        }));
+    /// Adds files that are not there, with their frames.
+    fn add_missing(&mut self, files: impl Iterator<Item = (u32, String)>) {
+        for (frame, file) in files {
+            self.missing += 1;
+            if self.missing <= MAX_LISTED_MISSING {
+                self.faults.push(Fault { frame, file, state: Condition::Missing, why: String::new() });
+            }
+        }
         self.faults.sort_by_key(|fault| fault.frame);
     }
 }

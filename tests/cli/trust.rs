@@ -64,9 +64,12 @@ fn links_in_a_folder_lead_no_job_out_of_it() {
     }
     // A log is replaced, not what a link in its place leads to.
     plant("small/log.jsonl", "precious");
+    desk.write("elsewhere/.frame.9-0.meniscus-tmp", "under way");
+    plant("small/sdf", "elsewhere");
     desk.run("simulate small.toml --frames 1-3", 0);
     assert_eq!(fs::read(desk.path("precious")).unwrap(), b"kept");
     assert!(!desk.path("absent").exists());
+    assert_eq!(fs::read(desk.path("elsewhere/.frame.9-0.meniscus-tmp")).unwrap(), b"under way");
     assert_eq!(desk.names("elsewhere"), [""; 0]);
 }
 
@@ -158,6 +161,39 @@ fn a_cache_that_lost_frames_is_not_valid() {
 }
 
 #[test]
+fn frames_that_were_not_requested_are_not_missing() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1,2,4", 0);
+    desk.run("verify small", 0);
+    desk.run("mesh small", 0);
+    let (_, why) = desk.run("mesh small --frames 1-6", 3);
+    assert!(why.contains("frame 0003"), "{why}");
+    let (out, _) = desk.run("verify small", 0);
+    assert!(out.contains("3 valid: cache") && out.contains("3 valid: mesh"), "{out}");
+    fs::remove_file(desk.path("small/cache/frame_0002.mcf")).unwrap();
+    fs::remove_file(desk.path("small/mesh/liquid_0004.ply")).unwrap();
+    let (_, why) = desk.run("verify small", 10);
+    let simulate = why.find("meniscus simulate small/preset.toml -o small --frames 2").unwrap();
+    assert!(simulate < why.find("meniscus mesh small").unwrap(), "the cache comes first: {why}");
+    desk.run("simulate small/preset.toml -o small --frames 2", 0);
+    desk.run("mesh small", 0);
+    desk.run("verify small", 0);
+}
+
+#[test]
+fn files_of_the_user_are_not_replaced_by_copies_of_meshes() {
+    let desk = Desk::new();
+    let collider = "[[world.collider]]\nshape = { mesh = { file = \"rock.ply\" } }\n[liquid]";
+    desk.write("rock.ply", TETRAHEDRON);
+    desk.write("own.toml", SMALL.replacen("[liquid]", collider, 1));
+    fs::create_dir(desk.path("out")).unwrap();
+    desk.write("out/rock.ply", "another model");
+    let (_, why) = desk.run("simulate own.toml -o out", 2);
+    assert!(why.contains("out/rock.ply: found another file"), "{why}");
+    assert_eq!(fs::read(desk.path("out/rock.ply")).unwrap(), b"another model");
+}
+
+#[test]
 fn logs_with_bytes_that_are_no_text_are_read() {
     let desk = Desk::new();
     desk.run("shot small.toml --frames 1-3", 0);
@@ -205,6 +241,11 @@ fn chunks_of_one_batch_share_a_folder() {
             .spawn()
             .unwrap()
     };
+    // Another chunk is under way, whether or not these overlap.
+    let folder = desk.path("small/mesh");
+    fs::create_dir(&folder).unwrap();
+    let under_way = fs::OpenOptions::new().create(true).append(true).open(folder.join(".lock")).unwrap();
+    under_way.try_lock_shared().unwrap();
     for mut child in ["1-3", "4-6", "7-8"].map(start) {
         assert!(child.wait().unwrap().success());
     }

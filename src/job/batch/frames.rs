@@ -63,7 +63,8 @@ pub(crate) fn process_frames(
             }
             Err(why) => return Some(Err(why)),
         }
-        Some(Ok(outcome))
+        // At once: what ends the job later does not make these files unknown.
+        Some(outcome.record(out, product.name(), control).map(|()| outcome))
     };
     let memory = request.concurrent_memory();
     let ended = schedule::run(product.name(), &estimates, memory, control, frame, |outcome| {

@@ -114,6 +114,19 @@ impl FrameOutcome {
         Self { index, notes: Vec::new(), files: Vec::new(), failed: Vec::new() }
     }
 
+    /// Adds the lines of the files that were written to the product's records.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub(crate) fn record(&self, out: &ShotFolder, product: &str, control: Control) -> Result<(), RunError> {
+        for Written { record, record_figures, .. } in
+            self.files.iter().filter_map(|files| files.written.as_ref())
+        {
+            file_records::append(out, product, record, record_figures, control.reporter)?;
+        }
+        Ok(())
+    }
+
     /// Records that something could not be made; the batch continues.
     pub(crate) fn fail(&mut self, why: String, kind: Failure) {
         self.failed.push(FailedFrame { name: format!("frame {}", self.index), why, kind });
@@ -130,8 +143,6 @@ pub(crate) struct Ledger<'a> {
     failed: Vec<FailedFrame>,
     /// Outputs to be removed from the manifest.
     stale: Vec<OutputFiles>,
-    /// Why a record could not be written.
-    record_error: Option<RunError>,
     /// No other process may remove what looks like the temporary of a crashed run; others may write other frames.
     _lock: Lock,
 }
@@ -165,7 +176,7 @@ impl<'a> Ledger<'a> {
         let lock = Lock::share(&folder, &|line| control.reporter.note(line))?;
         let summary = BatchSummary { folder, ..BatchSummary::default() };
         let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { out, product, summary, written, failed, stale, record_error: None, _lock: lock })
+        Ok(Self { out, product, summary, written, failed, stale, _lock: lock })
     }
 
     /// Records and reports what became of a frame. Frames come in ascending order.
@@ -182,15 +193,8 @@ impl<'a> Ledger<'a> {
             self.summary.bytes += written.record.bytes();
             self.summary.triangles += written.triangles;
             control.reporter.frame(&written.figures);
-            self.record(&written.record, &written.record_figures, control);
         }
         self.failed.extend(outcome.failed);
-    }
-
-    /// Adds the line of files that were written.
-    fn record(&mut self, record: &FileRecord, figures: &Map<String, Value>, control: Control) {
-        let recorded = file_records::append(self.out, self.product.name(), record, figures, control.reporter);
-        self.record_error = self.record_error.take().or(recorded.err());
     }
 
     /// Adds an output that has one frame.
@@ -209,22 +213,27 @@ impl<'a> Ledger<'a> {
     }
 
     /// Adds an output that has the frames `frames`, all in the files of one record; `None`: they were up to date.
+    ///
+    /// # Errors
+    /// If the record cannot be written.
     pub(crate) fn add_sequence(
         &mut self,
         output: OutputFiles,
         frames: &[u32],
         written: Option<&FileRecord>,
         control: Control,
-    ) {
+    ) -> Result<(), RunError> {
         self.written.push((output, frames.to_vec()));
         match written {
             Some(record) => {
                 self.summary.made += 1;
                 self.summary.bytes += record.bytes();
-                self.record(record, &Map::new(), control);
+                let (product, figures) = (self.product.name(), Map::new());
+                file_records::append(self.out, product, record, &figures, control.reporter)?;
             }
             None => self.summary.kept += 1,
         }
+        Ok(())
     }
 
     /// Records a frame that failed.
@@ -244,11 +253,10 @@ impl<'a> Ledger<'a> {
         outcome: Result<(), RunError>,
         control: Control,
     ) -> Result<BatchSummary, RunError> {
-        let named = self.update_manifest(title, fps, frames, control);
+        let named = self.update_manifest(title, fps, control);
         // What ended the batch comes before what went wrong because of it.
         outcome?;
         named?;
-        self.record_error.map_or(Ok(()), Err)?;
         file_records::compact(self.out, self.product.name(), control.reporter)?;
         let notes = self.product.finish(self.out)?;
         self.summary.frames = frames.len();
@@ -264,16 +272,15 @@ impl<'a> Ledger<'a> {
     }
 
     /// Adds the written outputs to the folder's manifest.
-    fn update_manifest(
-        &mut self,
-        title: &str,
-        fps: f64,
-        frames: &[u32],
-        control: Control,
-    ) -> Result<(), RunError> {
-        let Some(all) = FrameSpan::of(frames).filter(|_| !self.written.is_empty()) else { return Ok(()) };
+    fn update_manifest(&mut self, title: &str, fps: f64, control: Control) -> Result<(), RunError> {
+        let mut made: Vec<u32> = self.written.iter().flat_map(|(_, frames)| frames).copied().collect();
+        made.sort_unstable();
+        made.dedup();
+        let Some(all) = FrameSpan::of(&made) else { return Ok(()) };
         let _lock = Manifest::lock(self.out, control.reporter)?;
         let mut manifest = match Manifest::read(self.out)? {
+            // The frames of a simulation are those that were requested of it.
+            Some(old) if old.simulation.is_some() => Manifest { title: title.into(), fps, ..old },
             Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
             None => Manifest::new(title, fps, all),
         };

@@ -206,7 +206,7 @@ fn write_caches(
         };
         let files = [&output.pattern, output.rest.as_ref().expect("it has a mesh")].map(String::clone);
         if !force && records.confirm(out, &files, key) {
-            ledger.add_sequence(output, numbers, None, control);
+            ledger.add_sequence(output, numbers, None, control)?;
             continue;
         }
         let sample = |number: usize| -> Result<Vec<Vec3>, RunError> {
@@ -226,7 +226,7 @@ fn write_caches(
         for (file, written) in files.into_iter().zip([written, mesh]) {
             record.add(file, written);
         }
-        ledger.add_sequence(output, numbers, Some(&record), control);
+        ledger.add_sequence(output, numbers, Some(&record), control)?;
     }
     control.reporter.end();
     Ok(())

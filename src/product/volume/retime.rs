@@ -126,6 +126,10 @@ pub(super) fn retime(
             }
             Ok(()) => {}
         }
+        if let Err(why) = outcome.record(out, VolumeFile.name(), control) {
+            ended = Err(why);
+            break;
+        }
         ledger.add_frame(outcome, control);
         control.reporter.progress((place + 1) as f64);
     }
