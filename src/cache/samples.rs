@@ -4,7 +4,12 @@
 //! along each axis (3 × u32); voxel (f32); origin (3 × f32); the length of the rest (u64); the samples, f32, x fastest,
 //! as one zstd frame; xxh3-64 of everything before it (u64).
 
-use super::{CacheError, error::Damage, open::read_regular, write_atomically};
+use super::{
+    CacheError,
+    error::Damage,
+    open::{open_regular, read_bytes},
+    write_atomically,
+};
 use crate::{
     math::Vec3,
     sdf::{Sampled, SampledGrid},
@@ -52,7 +57,15 @@ pub(crate) fn write_samples(dir: &Path, key: u64, field: &Sampled) -> Result<(),
 /// [`CacheError::NotFound`] if it is not there, [`CacheError::Corrupt`] if it is not what was written.
 pub(crate) fn read_samples(dir: &Path, key: u64, grid: &SampledGrid) -> Result<Sampled, CacheError> {
     let path = samples_path(dir, key);
-    let bytes = read_regular(&path).map_err(|error| CacheError::from_io(&path, "read the samples", error))?;
+    let failed = |error| CacheError::from_io(&path, "read the samples", error);
+    let (file, length) = open_regular(&path).map_err(failed)?;
+    let max = HEAD as u64 + 8 + zstd::zstd_safe::compress_bound(4 * grid.count()) as u64;
+    if length > max {
+        let (found, expected) =
+            (format!("{length} bytes"), format!("at most {max} for the grid of the mesh"));
+        return Err(Damage::new("length of the file", found, expected).of(&path));
+    }
+    let bytes = read_bytes(file, length).map_err(failed)?;
     decode(&bytes, key, grid).map_err(|damage| damage.of(&path))
 }
 
@@ -134,6 +147,11 @@ mod tests {
             let made_up = with(&|field| field.nodes = nodes);
             assert!(refused(&made_up, &grid).contains("the grid of the mesh"), "{nodes:?}");
         }
+        write_samples(dir.path(), 9, &good).unwrap();
+        let long = std::fs::OpenOptions::new().write(true).open(samples_path(dir.path(), 9)).unwrap();
+        long.set_len(2 << 30).unwrap();
+        let long = read_samples(dir.path(), 9, &grid).unwrap_err().to_string();
+        assert!(long.contains("2147483648 bytes") && long.contains("for the grid of the mesh"), "{long}");
         let short = refused(&with(&|field| field.values.truncate(59)), &grid);
         assert!(short.contains("236 bytes"), "{short}");
         for (at, value, words) in
