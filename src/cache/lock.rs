@@ -146,7 +146,7 @@ fn sign(file: &mut File) -> io::Result<()> {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_secs();
     file.set_len(0)?;
     file.seek(SeekFrom::Start(0))?;
-    writeln!(file, "{} {} {since}", std::process::id(), host())
+    file.write_all(format!("{} {} {since}\n", std::process::id(), host()).as_bytes())
 }
 
 /// The name of this computer, without characters that are none of a name.
