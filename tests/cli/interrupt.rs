@@ -1,4 +1,6 @@
 //! Ctrl-C: stops soon, keeps what is finished, and the same command goes on.
+//!
+//! Signals are SIGTERM: a shell ignores SIGINT for jobs in its background, and the tests with it.
 
 use super::*;
 use std::{
@@ -22,7 +24,7 @@ fn an_interrupt_keeps_finished_frames_and_the_run_continues() {
         assert!(started.elapsed() < Duration::from_secs(60), "no third frame after a minute");
         std::thread::sleep(Duration::from_millis(5));
     }
-    let signal = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    let signal = Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(signal.success());
     let stopped = Instant::now();
     assert_eq!(child.wait().unwrap().code(), Some(130));
@@ -57,7 +59,7 @@ fn an_interrupt_keeps_finished_volumes_and_the_job_continues() {
         assert!(started.elapsed() < Duration::from_secs(120), "no second volume after two minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
 
     let made = desk.names("small/volume").len();

@@ -118,7 +118,7 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
         assert!(started.elapsed() < Duration::from_secs(120), "no volume after two minutes");
         std::thread::sleep(Duration::from_millis(5));
     }
-    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert_eq!(desk.names("fresh/volume"), ["smoke_0002.vdb"]);
     // It was on its way when it stopped, not at its end.

@@ -362,7 +362,7 @@ fn signals_that_were_ignored_stay_ignored() {
         assert_eq!(code, Some(0), "{signal}: {why}");
         fs::remove_dir_all(desk.path("small")).unwrap();
     }
-    let (code, _) = shell(&desk, &format!("{job} & pid=$!; {started}; kill -HUP $pid; wait $pid"));
+    let (code, _) = shell(&desk, &format!("{job} & pid=$!; {started}; kill -TERM $pid; wait $pid"));
     assert_eq!(code, Some(130));
 }
 
