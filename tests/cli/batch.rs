@@ -315,7 +315,8 @@ fn an_interrupt_keeps_the_meshes_that_are_finished() {
         assert!(started.elapsed().as_secs() < 60, "no third mesh after a minute");
         std::thread::sleep(std::time::Duration::from_millis(1));
     }
-    let signal = std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+    let signal =
+        std::process::Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
     assert!(signal.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let kept = desk.bytes("out/mesh");
