@@ -1,7 +1,9 @@
 //! `meniscus info` and `meniscus verify`.
 
 use super::{args::InfoArgs, output::print};
-use crate::run::{self, FailedFrame, FrameState, Info, RunError, ShotFolder, Stage, Verification};
+use crate::run::{
+    self, FailedFrame, FrameState, Info, RunError, ShotFolder, Stage, Verification, frame_ranges,
+};
 use std::collections::BTreeMap;
 
 /// Lists what is in a shot folder.
@@ -64,8 +66,8 @@ fn describe(info: &Info) -> String {
         info.missing_count,
         match info.missing.len() {
             0 => String::new(),
-            all if all as u64 == info.missing_count => format!(" ({})", ranges(&info.missing)),
-            _ => format!(" ({},…)", ranges(&info.missing)),
+            all if all as u64 == info.missing_count => format!(" ({})", frame_ranges(&info.missing)),
+            _ => format!(" ({},…)", frame_ranges(&info.missing)),
         },
         info.span.map_or_else(String::new, |span| format!(
             ", of {}-{} at {} fps",
@@ -85,24 +87,4 @@ fn describe(info: &Info) -> String {
     }
     lines.extend(info.product_lines.iter().cloned());
     lines.join("\n")
-}
-
-/// Ascending frame numbers as `--frames` takes them: `3,5-9`.
-fn ranges(frames: &[u32]) -> String {
-    let runs = frames.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
-        [first, .., last] => format!("{first}-{last}"),
-        _ => run[0].to_string(),
-    });
-    runs.collect::<Vec<_>>().join(",")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn missing_frames_are_listed_as_ranges() {
-        assert_eq!(ranges(&[1, 3, 4, 5, 9, 10]), "1,3-5,9-10");
-        assert_eq!(ranges(&[]), "");
-    }
 }

@@ -262,8 +262,12 @@ impl Manifest {
     /// # Errors
     /// As [`Manifest::read`].
     pub(crate) fn simulation(folder: &ShotFolder) -> Result<Option<u64>, RunError> {
-        let text = Self::read(folder)?.and_then(|manifest| manifest.simulation);
-        Ok(text.and_then(|text| u64::from_str_radix(&text, 16).ok()))
+        Ok(Self::read(folder)?.as_ref().and_then(Self::simulation_key))
+    }
+
+    /// The key of the simulation that the cached frames are of, if it is known.
+    pub(crate) fn simulation_key(&self) -> Option<u64> {
+        u64::from_str_radix(self.simulation.as_ref()?, 16).ok()
     }
 
     /// Puts a manifest that cannot be read out of the way, and reports that. One of another version stays.

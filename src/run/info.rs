@@ -204,3 +204,23 @@ fn output_info(output: &OutputFiles, folder: &ShotFolder) -> OutputInfo {
         missing: output.frames.count().saturating_sub(present as u64),
     }
 }
+
+/// Ascending frame numbers as `--frames` takes them: `3,5-9`.
+pub(crate) fn frame_ranges(frames: &[u32]) -> String {
+    let runs = frames.chunk_by(|a, b| a + 1 == *b).map(|run| match run {
+        [first, .., last] => format!("{first}-{last}"),
+        _ => run[0].to_string(),
+    });
+    runs.collect::<Vec<_>>().join(",")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_listed_as_ranges() {
+        assert_eq!(frame_ranges(&[1, 3, 4, 5, 9, 10]), "1,3-5,9-10");
+        assert_eq!(frame_ranges(&[]), "");
+    }
+}

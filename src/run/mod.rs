@@ -21,8 +21,7 @@ pub(crate) use crate::{
     },
     product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
 };
-pub(crate) use info::is_shot;
-pub(crate) use info::{FrameState, Info, info};
+pub(crate) use info::{FrameState, Info, frame_ranges, info, is_shot};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub(crate) use products::make_products;
 pub(crate) use simulate::simulate;

@@ -1,6 +1,6 @@
 //! Whether everything in a shot folder is as it was made.
 
-use super::{FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder};
+use super::{FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder, info::frame_ranges};
 use crate::{
     cache::{self, CacheError, FrameInfo},
     control::printable_path,
@@ -110,7 +110,7 @@ pub(crate) fn verify(folder: &ShotFolder) -> Result<Verification, RunError> {
     };
     let title =
         manifest.as_ref().map_or_else(|| "Cache without shot.json".into(), |known| known.title.clone());
-    let simulation = Manifest::simulation(folder)?;
+    let simulation = manifest.as_ref().and_then(Manifest::simulation_key);
     let requested = manifest.as_ref().map_or_else(BTreeSet::new, requested_frames);
     let (mut stages, mut states) = (Vec::new(), BTreeMap::new());
     let is_simulated = !present.is_empty() || simulation.is_some();
@@ -228,29 +228,13 @@ fn cached(
     let numbers: BTreeSet<u32> = present.iter().map(|(index, _)| index.0).collect();
     stage.add_missing(requested.difference(&numbers).map(|&frame| (frame, file(frame))));
     let (root, preset) = (quoted(folder.root()), quoted(&folder.preset()));
-    let lost: BTreeSet<u32> = stage.faults.iter().map(|fault| fault.frame).collect();
+    let mut lost: Vec<u32> = stage.faults.iter().map(|fault| fault.frame).collect();
+    lost.dedup();
     let frames = frame_ranges(&lost);
     let foreign = stage.faults.iter().filter(|fault| fault.state == Condition::Foreign).count();
     let first = if foreign > 0 { "delete the foreign frames, then " } else { "" };
     stage.repair = format!("{first}simulate again: meniscus simulate {preset} -o {root} --frames {frames}");
     (stage, valid)
-}
-
-/// Ranges that a command lists at most.
-const MAX_RANGES: usize = 20;
-
-/// Ascending frames as `--frames` takes them; of very many ranges, one that covers them.
-fn frame_ranges(frames: &BTreeSet<u32>) -> String {
-    let numbers: Vec<u32> = frames.iter().copied().collect();
-    let runs: Vec<&[u32]> = numbers.chunk_by(|a, b| a + 1 == *b).collect();
-    let text = |run: &[u32]| match run {
-        [first, .., last] => format!("{first}-{last}"),
-        _ => run.first().map_or_else(String::new, u32::to_string),
-    };
-    if runs.len() <= MAX_RANGES {
-        return runs.into_iter().map(text).collect::<Vec<_>>().join(",");
-    }
-    text(&[numbers[0], numbers[numbers.len() - 1]])
 }
 
 /// A path as a shell takes it.

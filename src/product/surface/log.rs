@@ -11,7 +11,7 @@ use crate::{
     frame::FrameIndex,
     job::{
         RunError, ShotFolder,
-        file_records::{path, read_lines},
+        file_records::{hex, path, read_lines},
         tradeoff::figure,
     },
     mesh::{MeshCheck, Surface, SurfaceStats},
@@ -94,7 +94,7 @@ impl MeshRecord {
         surface: &Surface,
         particle_volume: f64,
     ) -> Self {
-        let (name, key) = (name.into(), format!("{key:016x}"));
+        let (name, key) = (name.into(), hex(key));
         let MeshCheck { volume, area, components, .. } = surface.check;
         Self { frame, name, key, volume, particle_volume: Some(particle_volume), area, components }
     }
