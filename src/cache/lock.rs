@@ -23,16 +23,18 @@ pub struct Lock {
     is_shared: bool,
 }
 
-/// Time after which a process that waits for a lock reports it, and after which it gives up.
-#[derive(Clone, Copy)]
-struct Patience {
-    announce: Duration,
-    limit: Duration,
+/// How a process waits for a lock that another one holds.
+pub(crate) trait Patience {
+    /// The longest time to wait.
+    fn limit(&self) -> Duration;
+    /// Gets a line, once, when the wait has lasted [`ANNOUNCE`] or half of the limit.
+    fn announce(&self, line: &str);
+    /// Whether to wait no longer.
+    fn is_over(&self) -> bool;
 }
 
-/// A lock to wait for is held for moments, while a small file is written. Two minutes are many times what a slow disk takes,
-/// and no night.
-const PATIENCE: Patience = Patience { announce: Duration::from_secs(2), limit: Duration::from_secs(120) };
+/// Time after which a process that waits for a lock reports it.
+const ANNOUNCE: Duration = Duration::from_secs(2);
 
 /// Time between two attempts.
 const PAUSE: Duration = Duration::from_millis(20);
@@ -50,36 +52,35 @@ impl Lock {
     ///
     /// # Errors
     /// As [`Lock::acquire`].
-    pub(crate) fn share(dir: &Path, announce: &dyn Fn(&str)) -> Result<Self, CacheError> {
-        Self::wait_with(PATIENCE, dir, true, announce)
+    pub(crate) fn share(dir: &Path, patience: &dyn Patience) -> Result<Self, CacheError> {
+        Self::wait_for(dir, true, patience)
     }
 
-    /// As [`Lock::acquire`], but waits while another process holds the lock, two minutes at most: for what is held for
-    /// moments only. `announce` gets a line when it waits.
+    /// As [`Lock::acquire`], but waits while another process holds the lock: for what is held for moments only.
     ///
     /// # Errors
     /// As [`Lock::acquire`].
-    pub(crate) fn wait(dir: &Path, announce: &dyn Fn(&str)) -> Result<Self, CacheError> {
-        Self::wait_with(PATIENCE, dir, false, announce)
+    pub(crate) fn wait(dir: &Path, patience: &dyn Patience) -> Result<Self, CacheError> {
+        Self::wait_for(dir, false, patience)
     }
 
-    fn wait_with(
-        patience: Patience,
-        dir: &Path,
-        is_shared: bool,
-        announce: &dyn Fn(&str),
-    ) -> Result<Self, CacheError> {
+    fn wait_for(dir: &Path, is_shared: bool, patience: &dyn Patience) -> Result<Self, CacheError> {
         let start = Instant::now();
+        let limit = patience.limit();
+        // A job that was cancelled before records what it has finished all the same.
+        let was_over = patience.is_over();
         let mut is_announced = false;
         loop {
             match Self::take(dir, is_shared) {
-                Err(CacheError::Locked { path, holder }) if start.elapsed() < patience.limit => {
-                    if start.elapsed() >= patience.announce && !is_announced {
+                Err(CacheError::Locked { path, holder })
+                    if start.elapsed() < limit && (was_over || !patience.is_over()) =>
+                {
+                    if start.elapsed() >= ANNOUNCE.min(limit / 2) && !is_announced {
                         is_announced = true;
-                        let limit = patience.limit.as_secs();
-                        announce(&format!(
-                            "{}: waiting for {holder} to release this lock, {limit} s at most",
-                            path.display()
+                        patience.announce(&format!(
+                            "{}: waiting for {holder} to release this lock, {} s at most (--wait)",
+                            path.display(),
+                            limit.as_secs()
                         ));
                     }
                     thread::sleep(PAUSE);
@@ -187,7 +188,34 @@ fn holder(file: &mut File) -> String {
 mod tests {
     use super::*;
     use crate::par;
-    use std::sync::Mutex;
+    use std::sync::{
+        Mutex,
+        atomic::{AtomicBool, Ordering::Relaxed},
+    };
+
+    struct Caller {
+        limit: Duration,
+        lines: Mutex<Vec<String>>,
+        is_over: AtomicBool,
+    }
+
+    impl Patience for Caller {
+        fn limit(&self) -> Duration {
+            self.limit
+        }
+        fn announce(&self, line: &str) {
+            self.lines.lock().unwrap().push(line.to_owned());
+        }
+        fn is_over(&self) -> bool {
+            self.is_over.load(Relaxed)
+        }
+    }
+
+    fn caller(limit: Duration) -> Caller {
+        Caller { limit, lines: Mutex::default(), is_over: AtomicBool::new(false) }
+    }
+
+    const MINUTE: Duration = Duration::from_secs(60);
 
     #[test]
     fn a_second_holder_is_refused_and_the_first_is_named() {
@@ -200,7 +228,7 @@ mod tests {
         assert!(holder.ends_with(" s"), "{holder}");
         assert_eq!(path, folder.join(".lock"));
         par::with_threads(2, || {
-            par::join(|| drop(Lock::wait(&folder, &|_| ()).unwrap()), move || drop(first));
+            par::join(|| drop(Lock::wait(&folder, &caller(MINUTE)).unwrap()), move || drop(first));
         });
         drop(Lock::acquire(&folder).unwrap());
     }
@@ -209,20 +237,53 @@ mod tests {
     fn a_wait_is_announced_once_and_ends() {
         let dir = tempfile::tempdir().unwrap();
         let _first = Lock::acquire(dir.path()).unwrap();
-        let patience = Patience { announce: PAUSE, limit: 10 * PAUSE };
-        let lines = Mutex::new(Vec::new());
-        let waited =
-            Lock::wait_with(patience, dir.path(), false, &|line| lines.lock().unwrap().push(line.to_owned()));
+        let patience = caller(10 * PAUSE);
+        let waited = Lock::wait(dir.path(), &patience);
         assert!(matches!(waited, Err(CacheError::Locked { .. })), "{waited:?}");
-        let lines = lines.into_inner().unwrap();
+        let lines = patience.lines.into_inner().unwrap();
         assert_eq!(lines.len(), 1, "{lines:?}");
         assert!(lines[0].contains(&format!("waiting for process {} on", std::process::id())), "{lines:?}");
     }
 
     #[test]
+    fn a_wait_that_is_cancelled_ends_at_once() {
+        let dir = tempfile::tempdir().unwrap();
+        let _first = Lock::acquire(dir.path()).unwrap();
+        let patience = caller(MINUTE);
+        let start = Instant::now();
+        par::with_threads(2, || {
+            par::join(
+                || assert!(matches!(Lock::wait(dir.path(), &patience), Err(CacheError::Locked { .. }))),
+                || {
+                    thread::sleep(2 * PAUSE);
+                    patience.is_over.store(true, Relaxed);
+                },
+            );
+        });
+        assert!(start.elapsed() < MINUTE / 2);
+    }
+
+    #[test]
+    fn a_job_that_was_cancelled_before_still_waits() {
+        let dir = tempfile::tempdir().unwrap();
+        let first = Lock::acquire(dir.path()).unwrap();
+        let patience = caller(MINUTE);
+        patience.is_over.store(true, Relaxed);
+        par::with_threads(2, || {
+            par::join(
+                || drop(Lock::wait(dir.path(), &patience).unwrap()),
+                move || {
+                    thread::sleep(2 * PAUSE);
+                    drop(first);
+                },
+            );
+        });
+    }
+
+    #[test]
     fn several_share_a_lock_that_one_alone_cannot_take() {
         let dir = tempfile::tempdir().unwrap();
-        let both = [Lock::share(dir.path(), &|_| ()).unwrap(), Lock::share(dir.path(), &|_| ()).unwrap()];
+        let both = [0, 1].map(|_| Lock::share(dir.path(), &caller(MINUTE)).unwrap());
         assert!(matches!(Lock::acquire(dir.path()), Err(CacheError::Locked { .. })));
         drop(both);
         let _one = Lock::acquire(dir.path()).unwrap();

@@ -34,6 +34,11 @@ pub(super) struct Cli {
     #[arg(long, global = true, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
     pub(super) threads: u16,
 
+    // Such files are written in moments: the default is many times what a slow disk takes, and no night.
+    /// Seconds to wait, at most, while another process writes the folder's `shot.json` or list of products
+    #[arg(long, global = true, default_value_t = 120, value_name = "SECONDS", value_parser = clap::value_parser!(u32).range(0..=86400))]
+    pub(super) wait: u32,
+
     /// How progress is shown on stderr: a bar on terminals, plain lines elsewhere
     #[arg(long, global = true, default_value = "auto", value_name = "HOW")]
     pub(super) progress: ProgressStyle,

@@ -24,7 +24,7 @@ use crate::{
 };
 use args::{Cli, Verb};
 use clap::Parser;
-use std::process::ExitCode;
+use std::{process::ExitCode, time::Duration};
 
 /// Runs the command line and returns the exit code.
 pub fn main() -> ExitCode {
@@ -34,7 +34,8 @@ pub fn main() -> ExitCode {
     };
     let cancel = interrupt::listen();
     let reporter = progress::reporter(cli.progress);
-    let control = Control { reporter: &*reporter, cancel: &cancel };
+    let control =
+        Control { reporter: &*reporter, cancel: &cancel, wait: Duration::from_secs(cli.wait.into()) };
     let verb = cli.verb;
     let outcome = par::try_with_threads(cli.threads.into(), || match &verb {
         Verb::Shot(args) => shot::shot(args, control),

@@ -4,7 +4,7 @@
 //! Lines are appended under the folder's lock as soon as their files have their names. A crash between both leaves a file without a
 //! line, or with the line of the file that it replaced.
 
-use super::{Manifest, RunError, ShotFolder, report::Reporter};
+use super::{Manifest, RunError, ShotFolder, report::Control};
 use crate::{
     cache::{self, WrittenFile},
     frame::FrameIndex,
@@ -202,12 +202,12 @@ pub(crate) fn append(
     product: &str,
     record: &FileRecord,
     figures: &Map<String, Value>,
-    reporter: &dyn Reporter,
+    control: Control,
 ) -> Result<(), RunError> {
     /// Frames of one process are recorded one after the other: they would wait for each other's lock of the folder.
     static IN_PROCESS: Mutex<()> = Mutex::new(());
     let _turn = IN_PROCESS.lock().unwrap_or_else(PoisonError::into_inner);
-    let _lock = Manifest::lock(out, reporter)?;
+    let _lock = Manifest::lock(out, control)?;
     append_line(&path(out, product), &record.line(figures))
 }
 
@@ -244,8 +244,8 @@ pub(crate) fn append_line(path: &Path, line: &str) -> Result<(), RunError> {
 ///
 /// # Errors
 /// If the file cannot be read or written.
-pub(crate) fn compact(out: &ShotFolder, product: &str, reporter: &dyn Reporter) -> Result<(), RunError> {
-    let _lock = Manifest::lock(out, reporter)?;
+pub(crate) fn compact(out: &ShotFolder, product: &str, control: Control) -> Result<(), RunError> {
+    let _lock = Manifest::lock(out, control)?;
     let path = path(out, product);
     let text = read_lines(&path)?;
     let (mut newest, mut described) = (BTreeSet::<String>::new(), BTreeSet::new());
@@ -269,7 +269,7 @@ pub(crate) fn compact(out: &ShotFolder, product: &str, reporter: &dyn Reporter) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::report::Silent;
+    use crate::{control::CancelToken, job::report::Silent};
     use std::fs;
 
     fn made(out: &ShotFolder, frame: u32, name: &str, bytes: &[u8]) -> FileRecord {
@@ -278,7 +278,7 @@ mod tests {
         let file = format!("mesh/{name}");
         let written = cache::write_atomically(&out.root().join(&file), |to| to.write_all(bytes)).unwrap();
         record.add(file, written);
-        append(out, "mesh", &record, &Map::new(), &Silent).unwrap();
+        append(out, "mesh", &record, &Map::new(), Control::new(&Silent, &CancelToken::new())).unwrap();
         record
     }
 
@@ -328,7 +328,7 @@ mod tests {
         append_line(&path(&out, "mesh"), line).unwrap();
         append_line(&path(&out, "mesh"), "{\"frame\":3,\"na").unwrap();
         made(&out, 4, "d.ply", b"dd");
-        compact(&out, "mesh", &Silent).unwrap();
+        compact(&out, "mesh", Control::new(&Silent, &CancelToken::new())).unwrap();
         let text = read_lines(&path(&out, "mesh")).unwrap();
         let frames: Vec<_> =
             text.lines().map(|line| serde_json::from_str::<FileRecord>(line).unwrap().frame.0).collect();

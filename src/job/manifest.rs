@@ -1,6 +1,6 @@
 //! `shot.json`: what is in a shot folder, for Blender and other tools. Documented in `docs/formats/shot.md`.
 
-use super::{RunError, ShotFolder, folder::is_file_name, report::Reporter};
+use super::{RunError, ShotFolder, folder::is_file_name, report::Control};
 use crate::{
     cache::{self, CacheError, Lock},
     frame::FrameIndex,
@@ -232,12 +232,12 @@ impl Manifest {
     }
 
     /// Locks the folder's manifest and records until the lock is dropped: jobs that write different files share them. Waits
-    /// for another process that holds the lock, two minutes at most, and reports that.
+    /// for another process that holds the lock, as long as the user allows, and reports that.
     ///
     /// # Errors
     /// If the folder cannot be written, or the other process holds the lock for longer.
-    pub(crate) fn lock(folder: &ShotFolder, reporter: &dyn Reporter) -> Result<Lock, RunError> {
-        Ok(Lock::wait(folder.root(), &|line| reporter.note(line))?)
+    pub(crate) fn lock(folder: &ShotFolder, control: Control) -> Result<Lock, RunError> {
+        Ok(Lock::wait(folder.root(), &control)?)
     }
 
     /// Removes the temporaries that crashed jobs left in the root of a folder, whose files are written under the manifest's lock
@@ -245,8 +245,8 @@ impl Manifest {
     ///
     /// # Errors
     /// As [`Manifest::lock`]; if the folder cannot be listed or a file not removed.
-    pub(crate) fn clean_root(folder: &ShotFolder, reporter: &dyn Reporter) -> Result<(), RunError> {
-        let lock = Self::lock(folder, reporter)?;
+    pub(crate) fn clean_root(folder: &ShotFolder, control: Control) -> Result<(), RunError> {
+        let lock = Self::lock(folder, control)?;
         if !lock.is_held() {
             return Ok(());
         }
@@ -274,7 +274,7 @@ impl Manifest {
     ///
     /// # Errors
     /// [`CacheError::Version`] of another version; if the file cannot be renamed.
-    pub(crate) fn set_aside_damaged(folder: &ShotFolder, reporter: &dyn Reporter) -> Result<(), RunError> {
+    pub(crate) fn set_aside_damaged(folder: &ShotFolder, control: Control) -> Result<(), RunError> {
         let why = match Self::read(folder) {
             Err(RunError::File { source, .. }) if source.kind() == ErrorKind::InvalidData => source,
             read => return read.map(|_| ()),
@@ -291,7 +291,7 @@ impl Manifest {
             source,
             next: "check that the folder can be written",
         })?;
-        reporter.note(&format!(
+        control.reporter.note(&format!(
             "{}: {why}; the file is now {}. It named the meshes and volumes of the shot: run `meniscus mesh` and the like \
              again, which name the files that are valid without making them again",
             path.display(),
@@ -340,7 +340,7 @@ const NUMBER: &str = "{:04}";
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::Silent;
+    use crate::{control::CancelToken, job::Silent};
 
     #[test]
     fn spans_keep_the_step_of_regular_lists_and_the_common_one_of_others() {
@@ -452,9 +452,12 @@ mod tests {
             assert!(changed("mesh/liquid_{:04}.ply", path).contains("expected FOLDER/FILE"), "{path}");
         }
         assert!(changed("\"version\": 1", "\"version\": 2").contains("format version 2, expected 1"));
-        assert!(Manifest::set_aside_damaged(&folder, &Silent).is_err(), "a later version's stays");
+        assert!(
+            Manifest::set_aside_damaged(&folder, Control::new(&Silent, &CancelToken::new())).is_err(),
+            "a later version's stays"
+        );
         changed("\"title\"", "\"tilte\"");
-        Manifest::set_aside_damaged(&folder, &Silent).unwrap();
+        Manifest::set_aside_damaged(&folder, Control::new(&Silent, &CancelToken::new())).unwrap();
         assert_eq!(Manifest::read(&folder).unwrap(), None);
         assert!(folder.root().join("shot.json.damaged").exists());
     }

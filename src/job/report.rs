@@ -1,6 +1,10 @@
 //! How a job reports progress and learns of cancellation.
 
-use crate::control::{CancelToken, Watch};
+use crate::{
+    cache::Patience,
+    control::{CancelToken, Watch},
+};
+use std::time::Duration;
 
 /// Progress and messages of a job. Implemented by the command line.
 pub(crate) trait Reporter: Sync {
@@ -43,6 +47,30 @@ pub(crate) struct Control<'a> {
     pub reporter: &'a dyn Reporter,
     /// Cancels the job between two steps; everything finished so far is kept.
     pub cancel: &'a CancelToken,
+    /// The longest time to wait for files that another process writes.
+    pub wait: Duration,
+}
+
+impl<'a> Control<'a> {
+    /// A connection whose job waits as long as jobs do by default.
+    #[cfg(test)]
+    pub(crate) fn new(reporter: &'a dyn Reporter, cancel: &'a CancelToken) -> Self {
+        Self { reporter, cancel, wait: Duration::from_secs(120) }
+    }
+}
+
+impl Patience for Control<'_> {
+    fn limit(&self) -> Duration {
+        self.wait
+    }
+
+    fn announce(&self, line: &str) {
+        self.reporter.note(line);
+    }
+
+    fn is_over(&self) -> bool {
+        self.cancel.is_cancelled()
+    }
 }
 
 /// Reports the progress of a part of a job and passes on its cancellation.

@@ -41,7 +41,8 @@ fn make_all(streams: Vec<Stream>) -> Vec<Result<Vec<String>, String>> {
     let input = ProductInput::Frames(Source::Cache(&folder));
     let request =
         ProductRequest { input, out: &folder, settings: &settings, scene: None, retime: None, batch: &batch };
-    let control = Control { reporter: &Silent, cancel: &CancelToken::new() };
+    let cancel = CancelToken::new();
+    let control = Control::new(&Silent, &cancel);
     let make = |product: &&dyn super::interface::Product| {
         assert!(product.is_requested(&settings), "{}", product.name());
         product.make(&request, control).map_err(|why| why.to_string())?;

@@ -64,7 +64,7 @@ pub(crate) fn simulate(
         other => other,
     })?;
     {
-        let _lock = Manifest::lock(folder, control.reporter)?;
+        let _lock = Manifest::lock(folder, control)?;
         ShotFolder::write(folder.preset(), &(RECORD.to_owned() + &scene.to_toml()))?;
         solids::keep_assets(scene, folder)?;
         log::retain(folder, |frame| valid.contains(&frame))?;
@@ -148,10 +148,10 @@ fn survey(
 /// Removes what crashed jobs left in the folder, and puts a damaged manifest out of the way. `alone`: no other process
 /// simulates here.
 fn clean(folder: &ShotFolder, alone: bool, control: Control) -> Result<(), RunError> {
-    Manifest::clean_root(folder, control.reporter)?;
+    Manifest::clean_root(folder, control)?;
     {
-        let _lock = Manifest::lock(folder, control.reporter)?;
-        Manifest::set_aside_damaged(folder, control.reporter)?;
+        let _lock = Manifest::lock(folder, control)?;
+        Manifest::set_aside_damaged(folder, control)?;
     }
     // What lies behind a link is another folder's.
     let is_own =
@@ -342,7 +342,7 @@ fn write_manifest(
     let requested = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
     let there = valid.iter().map(|&FrameIndex(frame)| FrameSpan { first: frame, last: frame, step: 1 });
     let Some(span) = requested.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
-    let _lock = Manifest::lock(folder, control.reporter)?;
+    let _lock = Manifest::lock(folder, control)?;
     let new = Manifest::new(&scene.title, f64::from(scene.fps), span);
     let old = if valid.is_empty() { None } else { Manifest::read(folder)? };
     let (outputs, mut requested) = old.map(|old| (old.outputs, old.requested)).unwrap_or_default();

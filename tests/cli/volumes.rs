@@ -200,7 +200,7 @@ fn two_processes_do_not_write_the_same_volumes() {
     desk.run("simulate small.toml --frames 1-2", 0);
     desk.run("volume small --frames 1", 0);
     let lock = meniscus::cache::Lock::acquire(&desk.path("small/volume")).unwrap();
-    desk.run("volume small", 11);
+    desk.run("volume small --wait 1", 11);
     drop(lock);
     desk.run("volume small", 0);
 }

@@ -122,7 +122,7 @@ impl FrameOutcome {
         for Written { record, record_figures, .. } in
             self.files.iter().filter_map(|files| files.written.as_ref())
         {
-            file_records::append(out, product, record, record_figures, control.reporter)?;
+            file_records::append(out, product, record, record_figures, control)?;
         }
         Ok(())
     }
@@ -159,7 +159,7 @@ impl<'a> Ledger<'a> {
     ) -> Result<Self, RunError> {
         let folder = out.subfolder(product.name());
         ShotFolder::create(&folder)?;
-        Manifest::clean_root(out, control.reporter)?;
+        Manifest::clean_root(out, control)?;
         // Alone, there is no live temporary.
         match Lock::acquire(&folder) {
             Ok(lock) if lock.is_held() => {
@@ -173,7 +173,7 @@ impl<'a> Ledger<'a> {
             Err(CacheError::Locked { .. }) => {}
             Err(why) => return Err(why.into()),
         }
-        let lock = Lock::share(&folder, &|line| control.reporter.note(line))?;
+        let lock = Lock::share(&folder, &control)?;
         let summary = BatchSummary { folder, ..BatchSummary::default() };
         let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
         Ok(Self { out, product, summary, written, failed, stale, _lock: lock })
@@ -229,7 +229,7 @@ impl<'a> Ledger<'a> {
                 self.summary.made += 1;
                 self.summary.bytes += record.bytes();
                 let (product, figures) = (self.product.name(), Map::new());
-                file_records::append(self.out, product, record, &figures, control.reporter)?;
+                file_records::append(self.out, product, record, &figures, control)?;
             }
             None => self.summary.kept += 1,
         }
@@ -257,7 +257,7 @@ impl<'a> Ledger<'a> {
         // What ended the batch comes before what went wrong because of it.
         outcome?;
         named?;
-        file_records::compact(self.out, self.product.name(), control.reporter)?;
+        file_records::compact(self.out, self.product.name(), control)?;
         let notes = self.product.finish(self.out)?;
         self.summary.frames = frames.len();
         self.summary.lines = [self.product.summary(&self.summary)].into_iter().chain(notes).collect();
@@ -277,7 +277,7 @@ impl<'a> Ledger<'a> {
         made.sort_unstable();
         made.dedup();
         let Some(all) = FrameSpan::of(&made) else { return Ok(()) };
-        let _lock = Manifest::lock(self.out, control.reporter)?;
+        let _lock = Manifest::lock(self.out, control)?;
         let mut manifest = match Manifest::read(self.out)? {
             // The frames of a simulation are those that were requested of it.
             Some(old) if old.simulation.is_some() => Manifest { title: title.into(), fps, ..old },

@@ -119,7 +119,8 @@ mod tests {
         let needed = |place: usize| estimates[place] * if place.is_multiple_of(3) { 2 } else { 1 };
         let (in_progress, peak) = (AtomicU64::new(0), AtomicU64::new(0));
         let reporter = Progress::default();
-        let control = Control { reporter: &reporter, cancel: &CancelToken::new() };
+        let cancel = CancelToken::new();
+        let control = Control::new(&reporter, &cancel);
         let mut order = Vec::new();
         par::with_threads(4, || {
             let work = |place: usize, alone: bool| {
@@ -140,7 +141,8 @@ mod tests {
 
     #[test]
     fn frames_that_fit_run_at_once() {
-        let control = Control { reporter: &Progress::default(), cancel: &CancelToken::new() };
+        let (reporter, cancel) = (Progress::default(), CancelToken::new());
+        let control = Control::new(&reporter, &cancel);
         let entered = AtomicU64::new(0);
         let all_entered = par::with_threads(4, || {
             // Each frame waits until all four are in progress, or a minute has passed.
@@ -166,7 +168,8 @@ mod tests {
     #[test]
     fn frames_finished_in_the_group_of_an_error_are_kept() {
         let reporter = Progress::default();
-        let control = Control { reporter: &reporter, cancel: &CancelToken::new() };
+        let cancel = CancelToken::new();
+        let control = Control::new(&reporter, &cancel);
         let mut kept = Vec::new();
         let outcome = par::with_threads(4, || {
             let work = |place: usize, _| {
@@ -178,7 +181,7 @@ mod tests {
         assert_eq!(kept, [0, 1, 2, 3, 4, 6, 7], "the group ran to its end, the next one did not start");
         let cancel = CancelToken::new();
         cancel.cancel();
-        let stop = Control { reporter: &reporter, cancel: &cancel };
+        let stop = Control::new(&reporter, &cancel);
         let outcome = run("test", &[1; 3], u64::MAX, stop, |_, _| Some(Ok(())), |()| ());
         assert!(matches!(outcome, Err(RunError::Interrupted)));
     }
