@@ -4,6 +4,7 @@
 //! named like a file never ends or never begins, so only regular files are read.
 
 use super::WrittenFile;
+use crate::control::fallible;
 use std::{
     fs::{self, File, OpenOptions},
     io::{self, ErrorKind, Read},
@@ -45,7 +46,7 @@ pub(crate) fn read_regular(path: &Path) -> io::Result<Vec<u8>> {
 pub(crate) fn read_bytes(file: File, length: u64) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let capacity = usize::try_from(length).map_err(|_| ErrorKind::OutOfMemory)?;
-    bytes.try_reserve_exact(capacity).map_err(|_| ErrorKind::OutOfMemory)?;
+    fallible(|| bytes.try_reserve_exact(capacity)).map_err(|_| ErrorKind::OutOfMemory)?;
     file.take(length).read_to_end(&mut bytes)?;
     Ok(bytes)
 }

@@ -12,6 +12,7 @@ use super::format::{
     TRAILER, head_checksum, parse_header,
 };
 use super::open::open_regular;
+use crate::control::fallible;
 use crate::frame::{ChannelData, Frame, Stream};
 use crate::math::Vec3;
 use crate::par;
@@ -343,7 +344,8 @@ fn stored<'b>(batch: &'b [u8], first: &ChunkPlace, chunk: &ChunkPlace) -> &'b [u
 fn allocate(kind: ChannelKind, entries: usize) -> io::Result<ChannelData> {
     fn zeros<T: Clone>(entries: usize, zero: T) -> io::Result<Vec<T>> {
         let mut values = Vec::new();
-        values.try_reserve_exact(entries).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+        fallible(|| values.try_reserve_exact(entries))
+            .map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
         values.resize(entries, zero);
         Ok(values)
     }

@@ -51,7 +51,7 @@ const OTHER_SETTINGS: u8 = 14;
 const DISK_FULL: u8 = 28;
 
 /// More memory would be needed than allowed.
-const OVER_MEMORY: u8 = 33;
+pub(super) const OVER_MEMORY: u8 = 33;
 
 /// The user stopped the job.
 pub(super) const INTERRUPTED: u8 = 130;

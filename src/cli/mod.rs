@@ -1,5 +1,6 @@
 //! The command line: clap types in `args.rs`, one file a verb. Results go to stdout, talk to stderr.
 
+mod allocator;
 mod args;
 mod exit;
 mod export;
@@ -22,6 +23,7 @@ use crate::{
     par,
     run::{Control, RunError},
 };
+pub use allocator::Allocator;
 use args::{Cli, Verb};
 use clap::Parser;
 use std::{process::ExitCode, time::Duration};
@@ -52,7 +54,7 @@ pub fn main() -> ExitCode {
     let outcome = outcome.unwrap_or_else(|why| {
         let threads = if cli.threads == 0 { "a thread for every core".into() } else { format!("{} threads", cli.threads) };
         Err(RunError::Request(format!(
-            "the system refused to start {threads} ({why}); allow more processes (`ulimit -u`), or lower --threads"
+            "the system refused to start {threads} ({why}); allow more processes (`ulimit -u`) or memory (`ulimit -v`), or lower --threads"
         )))
     });
     match outcome.and_then(|()| output::unprinted().map_or(Ok(()), Err)) {

@@ -1,7 +1,10 @@
-//! How a run is observed and cancelled, the reasons why it ends early, and text that is safe to print.
+//! How a run is observed and cancelled, the reasons why it ends early, what is under way where memory ends, and text that is
+//! safe to print.
 
+mod memory;
 mod printable;
 
+pub(crate) use memory::{UnderWay, fallible, frames_under_way, may_fail};
 pub(crate) use printable::{escape_into, printable, printable_path};
 
 use std::{

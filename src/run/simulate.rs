@@ -3,6 +3,7 @@
 use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, solids, stale};
 use crate::{
     cache::{self, CacheError, Lock},
+    control::UnderWay,
     frame::{FrameIndex, Stream},
     job::{
         Progress,
@@ -252,6 +253,7 @@ impl Job<'_> {
                 scale: 1.0 / ahead,
             };
             at = FrameIndex(at.0 + 1);
+            let _under_way = UnderWay::new(at.0);
             let clock = Instant::now();
             let seconds = 1.0 / f64::from(self.scene.fps);
             let record = simulation.advance(seconds, &mut watch).map_err(|stop| match stop {

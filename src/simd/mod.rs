@@ -1,4 +1,4 @@
-//! Eight numbers at a time: the one place for vector instructions, and the only one with `unsafe`.
+//! Eight numbers at a time: the one place for vector instructions, and the only one with `unsafe` but for the allocator's trait.
 //!
 //! A [`Pass`] is a loop written once. [`dispatch`] compiles it twice, with [`ScalarLanes`] for any processor
 //! and with AVX2 for those that have it, and runs the faster form that the processor supports. A pass can use

@@ -352,6 +352,39 @@ fn a_limit_of_the_size_of_files_is_a_full_disk() {
 
 #[cfg(target_os = "linux")]
 #[test]
+fn a_limit_of_memory_names_the_frames_under_way() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2 --set liquid.spacing=0.05", 0);
+    // A third of what the meshes take, and thrice what the program takes without them.
+    let mesh = "$MENISCUS mesh small --set surface.voxel=0.05 --threads 2 --progress none";
+    let (code, why) = shell(&desk, &format!("ulimit -v 100000; {mesh} --max-memory 1TiB"));
+    assert_eq!(code, Some(33), "{why}");
+    assert!(why.contains("refused") && why.contains("while frames 1, 2"), "{why}");
+    assert!(why.contains("were under way") && why.contains("ulimit -v"), "{why}");
+    desk.run("mesh small", 0);
+    let (code, why) =
+        shell(&desk, "ulimit -v 200000; $MENISCUS simulate small.toml -o big --set liquid.spacing=0.005");
+    assert_eq!(code, Some(33), "{why}");
+    let (code, why) = shell(&desk, "ulimit -v 30000; $MENISCUS verify small --threads 1000");
+    assert_eq!(code, Some(2), "{why}");
+    assert!(why.contains("1000 threads") && why.contains("ulimit -v"), "{why}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_is_moved_while_a_job_runs_is_an_error_in_words() {
+    let desk = Desk::new();
+    let job = "$MENISCUS shot small.toml --frames 1-300 --progress none";
+    let started = "while ! [ -e small/cache/frame_0003.mcf ]; do sleep 0.01; done";
+    let (code, why) = shell(&desk, &format!("{job} & pid=$!; {started}; mv small gone; wait $pid"));
+    assert_eq!(code, Some(10), "{why}");
+    assert!(why.contains("small/cache/frame_") && why.contains("nothing there"), "{why}");
+    assert!(!desk.path("small").exists());
+    desk.run("verify gone", 10);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
 fn signals_that_were_ignored_stay_ignored() {
     let desk = Desk::new();
     let job = "$MENISCUS simulate small.toml --frames 1-300 --progress none";

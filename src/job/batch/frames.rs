@@ -7,7 +7,7 @@ use super::{
     source::RequestedFrame,
 };
 use crate::{
-    control::printable_path,
+    control::{UnderWay, printable_path},
     job::{Control, Failure, FrameSpan, RunError, ShotFolder},
 };
 use std::path::Path;
@@ -48,6 +48,7 @@ pub(crate) fn process_frames(
     let estimates: Vec<u64> = frames.iter().map(|(_, path)| path.as_deref().map_or(0, &estimate)).collect();
     let frame = |place: usize, alone: bool| {
         let (index, path) = &frames[place];
+        let _under_way = UnderWay::new(index.0);
         let mut outcome = FrameOutcome::new(*index);
         let Some(path) = path else {
             outcome.fail(absent.into(), Failure::Other);
