@@ -5,6 +5,7 @@
 
 use super::RunError;
 use crate::grid::BRICK;
+use crate::math::elementary::powf;
 
 /// The program, its threads and the frame being packed [bytes]: 6 to 7 MiB before there is a particle, 9 MiB with them.
 pub(crate) const BASE_MEMORY: f64 = 10e6;
@@ -36,7 +37,7 @@ impl Grids {
     /// `double-dam-break` has when it is most spread, 0.095 bricks a particle with 10 000 at voxel 0.5 and 0.058 with
     /// 117 000. The other presets have 0.56 to 0.82 times as many.
     pub(crate) fn at_most(particles: usize, voxel: f32) -> Self {
-        Self::of_bricks(MAX_BRICK_DENSITY * (particles as f64).powf(0.8) / f64::from(voxel).powf(2.3))
+        Self::of_bricks(MAX_BRICK_DENSITY * powf(particles as f64, 0.8) / powf(f64::from(voxel), 2.3))
     }
 
     /// These grids with the bricks inside the liquid, which volumes have too.

@@ -3,6 +3,8 @@
 //! *Method*: GMRES [saad86], not restarted, with Gram–Schmidt done as it comes (modified) and Givens rotations; in double precision.
 //! Symbols: A → `apply`, b → `right`, Q → `basis`, R → `upper`. Limits: keeps a vector an iteration.
 
+use crate::math::elementary::hypot;
+
 /// x with |b − A x| ≤ `tolerance` |b|, from zero, in at most `most` iterations; and the relative residual that was reached.
 pub(crate) fn gmres(
     right: &[f64],
@@ -35,7 +37,7 @@ pub(crate) fn gmres(
             (column[i], column[i + 1]) = (cos * a + sin * b, cos * b - sin * a);
         }
         let last = column.len() - 1;
-        let size = column[last].hypot(length);
+        let size = hypot(column[last], length);
         if size == 0.0 {
             break;
         }

@@ -1,8 +1,10 @@
 //! Small mathematics that several modules share.
 
+pub(crate) mod elementary;
 mod gmres;
 mod json;
 mod random;
+pub(crate) mod rotation;
 pub mod symmetric;
 
 pub(crate) use gmres::gmres;

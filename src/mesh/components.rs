@@ -10,6 +10,7 @@
 //! vertex.
 
 use super::{ComponentParams, Mesh};
+use crate::math::elementary::cbrt;
 use crate::{frame::Channel, math::Vec3, par};
 use std::f64::consts::PI;
 
@@ -185,7 +186,7 @@ pub fn remove_small(mesh: &mut Mesh, params: &ComponentParams, spacing: f32) -> 
             (nalgebra::Vector3::zeros(), 0.0)
         };
         points.positions.push((first + from_first).cast());
-        points.radii.push((volume * 0.75 / PI).cbrt() as f32);
+        points.radii.push(cbrt(volume * 0.75 / PI) as f32);
         stats.points += 1;
         stats.points_volume += volume;
     }

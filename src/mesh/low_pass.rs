@@ -10,6 +10,7 @@
 //! Symbols: Λ → `wavelength` [m]; ℓ → root mean square edge [m]; θ₀ → `cutoff` [rad]; r_k → coefficients of
 //! R.
 
+use crate::math::elementary::{acos, sin};
 use std::f64::consts::PI;
 
 /// Degree of the filter times θ₀. If it is smaller, the cutoff is so gradual that long waves shrink and short
@@ -23,7 +24,7 @@ const WINDOW_SHAPE: f64 = 2.6;
 /// Cutoff θ₀ of waves of length `wavelength` on edges of length `edge`: on a regular mesh the umbrella
 /// operator has the eigenvalue 1 − (π ℓ/Λ)² there, up to fourth order.
 pub(super) fn cutoff(edge: f64, wavelength: f64) -> f64 {
-    (1.0 - (PI * edge / wavelength).powi(2)).clamp(-1.0, 1.0).acos()
+    acos((1.0 - (PI * edge / wavelength).powi(2)).clamp(-1.0, 1.0))
 }
 
 /// Coefficients r_k of the filter that removes waves above θ₀; their number is even, and is the degree of the
@@ -52,7 +53,7 @@ fn low_pass(cutoff: f64) -> Vec<f64> {
             let angle = k as f64 * PI;
             let part = k as f64 / (degree + 1) as f64;
             let window = bessel(WINDOW_SHAPE * (1.0 - part * part).sqrt()) / bessel(WINDOW_SHAPE);
-            if k == 0 { cutoff / PI } else { window * 2.0 * (k as f64 * cutoff).sin() / angle }
+            if k == 0 { cutoff / PI } else { window * 2.0 * sin(k as f64 * cutoff) / angle }
         })
         .collect();
     let sum: f64 = raw.iter().sum();

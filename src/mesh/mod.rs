@@ -36,7 +36,7 @@ use crate::{frame::Channel, math::Vec3};
 
 /// Increases with every change that gives the same particles and settings a different mesh, so that old
 /// meshes are made again.
-pub const SURFACE_VERSION: u32 = 4;
+pub const SURFACE_VERSION: u32 = 5;
 
 /// An indexed triangle mesh. Faces are counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -16,6 +16,7 @@
 //! angle is that to the nearest surface.
 
 use super::{Mesh, normals_from_faces};
+use crate::math::elementary::atan2;
 use crate::{
     math::Vec3,
     par,
@@ -163,7 +164,7 @@ impl NearestPoint {
     fn from(target: &Target<'_>, x: Vec3, normal: Vec3, guess: u32) -> Self {
         let (triangle, distance) = target.nearest(x, guess);
         let other = target.normal_near(triangle, x);
-        Self { triangle, distance, angle: normal.cross(&other).norm().atan2(normal.dot(&other)) }
+        Self { triangle, distance, angle: atan2(normal.cross(&other).norm(), normal.dot(&other)) }
     }
 }
 

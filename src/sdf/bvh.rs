@@ -11,6 +11,7 @@
 //! Symbols: q query point; p̃ → `center`; Σ a n → `dipole`; r̃ → `radius`; w winding number [1].
 
 use super::Triangles;
+use crate::math::elementary::atan2;
 use crate::{math::Vec3, par};
 use std::f32::consts::PI;
 
@@ -327,7 +328,7 @@ fn solid_angle(corners: &[Vec3; 3], q: Vec3) -> f32 {
     if denominator <= 0.0 && numerator.abs() <= IN_PLANE * la * lb * lc {
         return 0.0;
     }
-    2.0 * numerator.atan2(denominator)
+    2.0 * atan2(numerator, denominator)
 }
 
 /// Closest point of a triangle to `q`, by the Voronoi region of the triangle's plane that contains `q`.

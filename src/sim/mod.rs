@@ -4,7 +4,7 @@
 //! observes and interrupts it. [`Stop`] is the error that ends it, and a [`FrameRecord`] describes every frame.
 
 /// Version of the simulated state, raised with every change of its bits, so that a resumed cache never mixes two solvers.
-pub const STATE_VERSION: u32 = 16;
+pub const STATE_VERSION: u32 = 17;
 
 mod clock;
 pub mod coupling;

@@ -6,6 +6,7 @@
 
 use super::{MeshShape, Shape};
 use crate::math::Vec3;
+use crate::math::elementary::powf;
 use std::f32::consts::PI;
 
 /// Exponent of the mean of [thomsen04].
@@ -41,8 +42,8 @@ impl Shape {
             }
             Shape::Torus { radius, tube, .. } => 4.0 * PI * PI * radius * tube,
             Shape::Ellipsoid { radii, .. } => {
-                let [a, b, c] = radii.map(|radius| radius.powf(POWER));
-                4.0 * PI * ((a * b + b * c + c * a) / 3.0).powf(1.0 / POWER)
+                let [a, b, c] = radii.map(|radius| powf(radius, POWER));
+                4.0 * PI * powf((a * b + b * c + c * a) / 3.0, 1.0 / POWER)
             }
             Shape::Mesh(mesh) => sampled(mesh),
         }

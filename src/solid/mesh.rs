@@ -1,8 +1,10 @@
 //! A shape that a file gives: a sampled distance field, placed and scaled.
 
 use super::Pose;
-use crate::{math::Vec3, sdf::Sampled};
-use nalgebra::Rotation3;
+use crate::{
+    math::{Vec3, rotation::from_euler_angles},
+    sdf::Sampled,
+};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -65,8 +67,8 @@ impl MeshShape {
 
     /// Gives the shape the distances of its mesh, in the file's units.
     pub fn fill(&mut self, field: Arc<Sampled>) {
-        let [x, y, z] = self.rotate.map(|angle| f64::from(angle).to_radians());
-        let rotation = Rotation3::from_euler_angles(x, y, z).matrix().cast();
+        let angles = self.rotate.map(|angle| f64::from(angle).to_radians());
+        let rotation = from_euler_angles(angles.into()).to_rotation_matrix().matrix().cast();
         let pose = Pose { position: self.translate.into(), rotation };
         self.field = Some(Arc::new(Placed { field, pose, scale: self.scale }));
     }

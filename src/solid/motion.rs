@@ -6,7 +6,7 @@
 //! Symbols: x_world = R x + p, with R → `rotation`, p → `position` [m]; t time since the shot's start [s].
 //! Times and poses are double precision, so that a pose depends on the time alone and not on what came before.
 
-use crate::math::Vec3;
+use crate::math::{Vec3, rotation};
 use nalgebra::{Matrix3, Quaternion, Unit, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -133,7 +133,7 @@ impl Motion {
             (Turn::Angles(a), Turn::Angles(b)) => Turn::Angles(a + (b - a) * part),
             (Turn::Quaternion(a), Turn::Quaternion(b)) => {
                 // Half a turn has no shorter arc; the positive one is chosen.
-                Turn::Quaternion(a.try_slerp(&b, part, 1e-9).unwrap_or(if part < 0.5 { a } else { b }))
+                Turn::Quaternion(rotation::slerp(&a, &b, part).unwrap_or(if part < 0.5 { a } else { b }))
             }
             (_, turn) => turn,
         };
@@ -154,7 +154,7 @@ impl Motion {
             .map(|(a, b)| {
                 let angle = match (a.turn, b.turn) {
                     (Turn::Angles(a), Turn::Angles(b)) => (b - a).abs().sum(),
-                    (Turn::Quaternion(a), Turn::Quaternion(b)) => a.angle_to(&b),
+                    (Turn::Quaternion(a), Turn::Quaternion(b)) => rotation::angle_between(&a, &b),
                     _ => 0.0,
                 };
                 let shift = (b.position - a.position).norm();
@@ -168,7 +168,7 @@ impl Motion {
 impl Key {
     fn pose(&self) -> Pose {
         let rotation = match self.turn {
-            Turn::Angles(angles) => UnitQuaternion::from_euler_angles(angles.x, angles.y, angles.z),
+            Turn::Angles(angles) => rotation::from_euler_angles(angles),
             Turn::Quaternion(turn) => turn,
         };
         Pose { position: self.position.cast(), rotation: rotation.to_rotation_matrix().matrix().cast() }

@@ -145,6 +145,43 @@ fn unsafe_files(sources: &Sources) -> Vec<String> {
     outside.filter(|(_, text)| has_word(text)).map(|(path, _)| path.clone()).collect()
 }
 
+#[test]
+fn elementary_functions_have_the_same_bits_on_every_system() {
+    let mut sources = sources();
+    assert_eq!(system_functions(&sources), Vec::<String>::new());
+    for planted in
+        ["fn f(x: f32) { x.sin() }", "fn f() { map(f64::exp) }", "fn f(x: f32) { x\n    .powf(2.0) }"]
+    {
+        sources.insert("src/planted.rs".into(), planted.into());
+        assert_eq!(system_functions(&sources), ["src/planted.rs"], "{planted}");
+    }
+}
+
+/// Files whose `exp` is that of lanes, which `simd` computes itself.
+const LANE_EXPONENTIALS: [&str; 2] = ["src/sim/vortex/flow/gaussian_sums.rs", "src/sim/vortex/kernels.rs"];
+
+/// Files that call functions of the system's mathematical library; `math::elementary` has them all.
+fn system_functions(sources: &Sources) -> Vec<String> {
+    let names = "sin cos tan sin_cos exp exp2 ln log10 log2 powf atan2 atan acos asin sinh cosh tanh cbrt hypot exp_m1 ln_1p \
+                 from_euler_angles angle_to slerp try_slerp";
+    let is_one = |path: &str, name: &str| {
+        names.split_whitespace().any(|one| one == name)
+            && !(name == "exp" && LANE_EXPONENTIALS.contains(&path))
+    };
+    let calls = |path: &str, text: &str| {
+        let text: String = code(text).split_whitespace().collect();
+        let methods = text.split('.').skip(1).filter_map(|rest| rest.split_once('(')).map(|(name, _)| name);
+        let paths = ["f32::", "f64::", "Rotation3::", "UnitQuaternion::"]
+            .into_iter()
+            .flat_map(|kind| text.split(kind).skip(1))
+            .map(|rest| rest.split(|c: char| !c.is_alphanumeric() && c != '_').next().unwrap_or_default());
+        methods.chain(paths).any(|name| is_one(path, name))
+    };
+    let is_test = |path: &str| path.ends_with("tests.rs") || path.contains("/tests/");
+    let outside = sources.iter().filter(|(path, _)| module_of(path) != Some("simd") && !is_test(path));
+    outside.filter(|(path, text)| calls(path, text)).map(|(path, _)| path.clone()).collect()
+}
+
 /// Files outside `par` that may start a thread, because what they do is waiting and not computing.
 const WATCHERS: [&str; 2] = ["src/cli/interrupt.rs", "src/cli/progress.rs"];
 

@@ -42,21 +42,26 @@ EXTRA_FRAMES = 3
 DIGITS = 12
 
 
-def run(binary, *args):
-    done = subprocess.run([binary, *map(str, args), "--progress", "none"], capture_output=True, text=True)
+def run(command, *args):
+    """Standard output of a command of the tool; `command` is a list, which an emulator may begin."""
+    done = subprocess.run([*map(str, command), *map(str, args), "--progress", "none"], capture_output=True, text=True)
     if done.returncode != 0:
         sys.exit(f"meniscus {' '.join(map(str, args))}: exit {done.returncode}\n{done.stderr}")
     return done.stdout
 
 
-def presets(binary):
-    return [line.split()[0] for line in run(binary, "presets", "list").splitlines() if line.strip()]
+def presets(command):
+    return [line.split()[0] for line in run(command, "presets", "list").splitlines() if line.strip()]
 
 
-def make(binary, name, folder):
-    """The folders of a preset's shot and of the products that it does not name."""
+def make(command, name, folder, frames=("",)):
+    """The folders of a preset's shot and of the products that it does not name.
+
+    `frames` are ranges, each made by a process of its own, which continues the one before.
+    """
     shot = folder / "shot"
-    run(binary, "shot", name, "--quality", "draft", "-o", shot)
+    for numbers in frames:
+        run(command, "shot", name, "--quality", "draft", "-o", shot, *(["--frames", numbers] if numbers else []))
     frames = sorted((shot / "cache").glob("frame_*.mcf"))
     streams = meniscus_cache.read_header(frames[-1])["streams"]
     numbers = [int(re.search(r"\d+", frame.name).group()) for frame in frames[-EXTRA_FRAMES:]]
@@ -65,7 +70,7 @@ def make(binary, name, folder):
 
     def extra(label, *args):
         made.append(folder / label)
-        run(binary, *args, "-o", folder / label)
+        run(command, *args, "-o", folder / label)
 
     if "liquid" in streams:
         extra("volume", "volume", shot, "--frames", last)
@@ -198,14 +203,14 @@ def main():
     binary = args.meniscus.resolve()
 
     recorded = load(args.file) if args.action == "compare" or (args.only and args.file.exists()) else {}
-    names = args.only or presets(binary)
+    names = args.only or presets([binary])
     if args.action == "compare" and not args.only:
         names = sorted({*names, *recorded})
     failed = 0
     for name in names:
         start = time.monotonic()
         with tempfile.TemporaryDirectory() as folder:
-            found = hashed(make(binary, name, pathlib.Path(folder)))
+            found = hashed(make([binary], name, pathlib.Path(folder)))
         lines = []
         if args.action == "record":
             recorded[name] = found

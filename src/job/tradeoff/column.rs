@@ -4,6 +4,7 @@
 //! the page, the plot, CSV, JSON, `--by` and its help are loops over these declarations.
 
 use crate::job::usage::duration;
+use crate::math::elementary::log10;
 use serde::Serialize;
 
 /// The median of some values and their range.
@@ -124,7 +125,7 @@ pub(crate) fn figure(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
     }
-    let decimals = (digits - 1 - value.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    let decimals = (digits - 1 - log10(value.abs()).floor() as i32).clamp(0, 12) as usize;
     let text = format!("{value:.decimals$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
 }

@@ -1,5 +1,7 @@
 //! Which settings are worth their time.
 
+use crate::math::elementary::ln;
+
 /// The indices of the points that no other beats: of those that cost no more, none has a smaller error. Ascending
 /// in cost. A point is (cost, error); `None`, infinite and undefined points take no part.
 pub(crate) fn front(points: &[Option<(f64, f64)>]) -> Vec<usize> {
@@ -23,7 +25,7 @@ pub(crate) fn front(points: &[Option<(f64, f64)>]) -> Vec<usize> {
 /// The place in `front` (points ascending in cost, descending in error) after which more time buys little: the one
 /// farthest below the straight line between the ends, both axes logarithmic. `None` if no point lies below it.
 pub(crate) fn knee(front: &[(f64, f64)]) -> Option<usize> {
-    let log = |(cost, error): (f64, f64)| (cost.max(MIN_LOGARITHM).ln(), error.max(MIN_LOGARITHM).ln());
+    let log = |(cost, error): (f64, f64)| (ln(cost.max(MIN_LOGARITHM)), ln(error.max(MIN_LOGARITHM)));
     let (first, last) = (log(*front.first()?), log(*front.last()?));
     let (width, height) = (last.0 - first.0, first.1 - last.1);
     if width <= 0.0 || height <= 0.0 {

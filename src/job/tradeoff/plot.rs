@@ -7,6 +7,7 @@ use super::{
     column::{Spread, figure},
     table::Table,
 };
+use crate::math::elementary::{ln, log10};
 
 /// Size of a panel and its margins [px].
 const WIDE: f64 = 380.0;
@@ -153,12 +154,12 @@ impl Axis {
 
     /// Pixels from the axis's start.
     fn at(&self, value: f64) -> f64 {
-        self.length * (value / self.from).ln() / (self.to / self.from).ln()
+        self.length * ln(value / self.from) / ln(self.to / self.from)
     }
 
     /// Round values on the axis: 1, 2 and 5 of every decade, only 1 if that were too many.
     fn ticks(&self) -> Vec<f64> {
-        let decades = (self.from.log10().floor() as i32)..=(self.to.log10().ceil() as i32);
+        let decades = (log10(self.from).floor() as i32)..=(log10(self.to).ceil() as i32);
         let steps: &[f64] = if self.to / self.from > 300.0 { &[1.0] } else { &[1.0, 2.0, 5.0] };
         let all = decades.flat_map(|decade| steps.iter().map(move |step| step * 10.0_f64.powi(decade)));
         all.filter(|tick| (self.from..=self.to).contains(tick)).collect()

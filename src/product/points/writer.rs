@@ -1,5 +1,6 @@
 //! Point files of tracers.
 
+use crate::math::elementary::cbrt;
 use crate::{
     export::{MeshFormat, ply},
     frame::{Channel, ChannelData, Stream, StreamKind},
@@ -152,7 +153,7 @@ impl StreamWriter for PointsWriter<'_> {
             }
         }
         // The radius of a ball of the volume that a tracer was seeded for.
-        let radius = input.spacing * (0.75 / std::f32::consts::PI).cbrt();
+        let radius = input.spacing * cbrt(0.75 / std::f32::consts::PI);
         let radii = vec![radius; positions.len()];
         let points = Points { positions: positions.to_vec(), radii, attributes };
         let mut output = output(target);

@@ -4,6 +4,7 @@
 //! of the tension, whose cohesion is several times as large as the difference between the two, as in a molecular liquid.
 
 use super::{Kernel, Liquid, LiquidParams, solve};
+use crate::math::elementary::cbrt;
 use crate::{
     math::Vec3,
     par,
@@ -64,7 +65,7 @@ fn relative_pressure(radius: f32) -> f64 {
         sum += par::sum(inner.len(), virial) / inner.len() as f64;
     }
     // The drop has the volume of its particles.
-    let drop = f64::from(spacing) * (liquid.x.len() as f64 * 0.75 / std::f64::consts::PI).cbrt();
+    let drop = f64::from(spacing) * cbrt(liquid.x.len() as f64 * 0.75 / std::f64::consts::PI);
     sum / f64::from(FRAMES[1]) / (2.0 * sigma / drop)
 }
 

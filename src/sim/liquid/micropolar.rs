@@ -27,6 +27,7 @@ use super::{
     pass::{self, NeighbourPass},
     vorticity::{STANDARD_GRAVITY, largest_share},
 };
+use crate::math::elementary::exp_m1;
 use crate::{math::Vec3, par, simd::Lanes};
 
 /// Θ over spacing²: that of a cube. At 4 the microrotation lags, and an eddy keeps 0.22 of its energy instead of 0.37.
@@ -108,7 +109,7 @@ impl Microrotation {
         let exchange = wanted.min(MAX_EXCHANGE * at.rest.spacing * at.rest.spacing);
         let decay = 2.0 * exchange / theta;
         // Approach to equilibrium, as a fraction: at the end of the substep, and on average over it.
-        let relaxation = -(-decay).exp_m1();
+        let relaxation = -exp_m1(-decay);
         let mean = if decay > 0.0 { 1.0 - relaxation / decay } else { 0.0 };
         let smoothing = (self.viscosity * dt / self.smoothing).min(MAX_SMOOTHING);
 

@@ -13,6 +13,7 @@ use super::{
     record::{EmptySource, LiquidSeeds},
     walls::Walls,
 };
+use crate::math::elementary::log10;
 use crate::{math::Vec3, sim::SetupError, solid::Shape, space::CellGrid};
 use nalgebra::Vector3;
 
@@ -226,7 +227,7 @@ fn sufficient_spacing(shape: &Shape, spacing: f64) -> Option<f64> {
     loop {
         tried *= TRIED_RATIO;
         // The message has two digits, and rounding up could lose the particles again.
-        let digit = 10.0_f64.powi(tried.log10().floor() as i32 - 1);
+        let digit = 10.0_f64.powi(log10(tried).floor() as i32 - 1);
         tried = (tried / digit).floor() * digit;
         let candidate = SeedingLattice::fitted(shape, tried);
         if candidate.point_count() > MAX_TRIED_POINTS || tried < f64::from(f32::EPSILON) * spacing {

@@ -26,6 +26,7 @@ use super::{
     solve::Directions,
     walls::{Walls, Wetting},
 };
+use crate::math::elementary::cos;
 use crate::{
     math::Vec3,
     par,
@@ -110,7 +111,7 @@ impl Tension {
         let volume = spacing.powi(3);
         let cohesion = COHESION * sigma / cut_energy(h, spacing);
         let walls = Walls::new(&world.solids, &rest);
-        let cosine = |angle: f32| WETTING[0] * angle.to_radians().cos() + WETTING[1];
+        let cosine = |angle: f32| WETTING[0] * cos(angle.to_radians()) + WETTING[1];
         Self {
             acceleration: (2.0 * sigma / (density * h * h)) as f32,
             unit_energy: 2.0 * sigma * volume / h,

@@ -19,6 +19,7 @@ use super::{
     params::Repulsion,
     vectors::{Vectors, chunk_len},
 };
+use crate::math::elementary::exp;
 use crate::{
     math::Vec3,
     par,
@@ -170,7 +171,7 @@ pub(super) fn repulsion_forces(
                     continue;
                 }
                 let normal = vertex_faces.normal(x, i).unwrap_or(solid_normal);
-                let at_point = area[i] * energy / range * (-distance.max(0.0) / range).exp();
+                let at_point = area[i] * energy / range * exp(-distance.max(0.0) / range);
                 let along = solid_normal.dot(&normal);
                 let force = normal * (at_point * along); // [gudukbay97] Eq. 9
                 let stiffness = at_point / range * along * along;

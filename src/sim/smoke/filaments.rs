@@ -10,6 +10,7 @@ use super::{
     params::{Ring, Tube},
     tracers::Seeds,
 };
+use crate::math::elementary::{cos, exp, sin};
 use crate::{
     math::{Random, Vec3},
     sim::vortex::Vortons,
@@ -39,7 +40,7 @@ fn bundle(radius: f32, distance: f32) -> Vec<Filament> {
         filaments.extend((0..count).map(|k| {
             // Circles are rotated against each other, so that filaments do not line up.
             let angle = TAU * (k as f32 + 0.5 * (circle % 2) as f32) / count as f32;
-            Filament { offset: [r * angle.cos(), r * angle.sin()], area }
+            Filament { offset: [r * cos(angle), r * sin(angle)], area }
         }));
     }
     filaments
@@ -50,7 +51,7 @@ fn shares(thickness: f32, spacing: f32) -> Vec<(Filament, f32)> {
     let filaments = bundle(CUT * thickness, spacing);
     let weight = |filament: &Filament| {
         let r2 = filament.offset[0].powi(2) + filament.offset[1].powi(2);
-        f64::from(filament.area) * f64::from(-r2 / thickness.powi(2)).exp()
+        f64::from(filament.area) * exp(f64::from(-r2 / thickness.powi(2)))
     };
     let sum: f64 = filaments.iter().map(weight).sum();
     filaments
@@ -108,11 +109,11 @@ pub(super) fn ring(ring: &Ring, setting: Setting, key: u32, vortons: &mut Vorton
     let center = Vec3::from(ring.center);
     // The offset is measured outwards and along the axis; the wave does not rotate filaments around the core.
     let at = |t: f32, offset: [f32; 2]| {
-        let (sin, cos) = (TAU * t).sin_cos();
-        let (out, around) = (u * cos + v * sin, v * cos - u * sin);
+        let [cosine, sine] = [cos(TAU * t), sin(TAU * t)];
+        let (out, around) = (u * cosine + v * sine, v * cosine - u * sine);
         let wave = ring.radius * ring.wobble;
-        let r = ring.radius + offset[0] + wave * (WAVES * TAU * t).cos();
-        let slope = -wave * WAVES * (WAVES * TAU * t).sin();
+        let r = ring.radius + offset[0] + wave * cos(WAVES * TAU * t);
+        let slope = -wave * WAVES * sin(WAVES * TAU * t);
         (center + out * r + axis * offset[1], (around * r + out * slope) * TAU)
     };
     let path = Path { at: &at, length: TAU * ring.radius };

@@ -7,6 +7,7 @@ use super::{
     tracers::Tracers,
     walls::Spun,
 };
+use crate::math::elementary::{exp_m1, ln_1p};
 use crate::{
     math::Vec3,
     sim::vortex::{OutOfRange, Vortons},
@@ -81,13 +82,13 @@ impl System {
 
 /// (1 − e^(−f))/f: the weight of each of f fillings.
 fn fill_weight(fill: f32) -> f32 {
-    if fill < 1e-3 { 1.0 } else { -(-fill).exp_m1() / fill }
+    if fill < 1e-3 { 1.0 } else { -exp_m1(-fill) / fill }
 }
 
 /// ln(ρ/ρ₀) of air with smoke of a density [–] and a temperature above the air's [K].
 fn log_density(buoyancy: &Buoyancy, density: f32, temperature: f32) -> f32 {
     let heat = (temperature / buoyancy.ambient).clamp(MIN_RELATIVE_TEMPERATURE - 1.0, MAX_RELATIVE_HEAT);
-    (buoyancy.weight * density).ln_1p() - heat.ln_1p()
+    ln_1p(buoyancy.weight * density) - ln_1p(heat)
 }
 
 #[cfg(test)]

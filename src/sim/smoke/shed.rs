@@ -16,6 +16,7 @@ use super::{
     Instant, SmokeRecord, System,
     walls::{Placed, Spun, Turning},
 };
+use crate::math::elementary::exp_m1;
 use crate::{
     math::Vec3,
     par,
@@ -71,7 +72,7 @@ impl System {
         let slips: Vec<Vec3> = panels().zip(air).map(slip).collect();
         let strength = self.params.shedding.as_ref().map_or(0.0, |shedding| shedding.strength);
         let dt = (then - now) as f32;
-        let part = |slip: &Vec3| strength * -(-dt * slip.norm() / layer).exp_m1();
+        let part = |slip: &Vec3| strength * -exp_m1(-dt * slip.norm() / layer);
         let parts: Vec<f32> = slips.iter().map(part).collect();
         let of =
             solids.iter().enumerate().flat_map(|(number, solid)| solid.panels.iter().map(move |_| number));

@@ -8,6 +8,7 @@
 //! Symbols: a, b → offsets from the borders along the two sides [m], z → height above the panel, h² → a² + z² + soft² [m²].
 //! Limits: leakage between the centres is a few per cent on faces and more at edges, where the density ought to be unbounded.
 
+use crate::math::elementary::atan;
 use crate::{math::Vec3, sim::vortex::Gradient, solid::Pose};
 
 /// Distance from which a panel counts as a point source, over its longer side: the error is less than 1 %.
@@ -69,7 +70,7 @@ impl Tile {
         let [a, b] = [near.a, near.b];
         // The solid angle [hess67], of a corner: the arc tangent of ab/zr.
         let z = near.z.abs().max(SURFACE_TOLERANCE * self.soft);
-        let corner = |a: f32, b: f32| (a * b / (z * (a * a + b * b + z * z).sqrt())).atan();
+        let corner = |a: f32, b: f32| atan(a * b / (z * (a * a + b * b + z * z).sqrt()));
         let angle = corner(a[0], b[0]) - corner(a[0], b[1]) - corner(a[1], b[0]) + corner(a[1], b[1]);
         let outside = near.z >= -SURFACE_TOLERANCE * self.half[0].min(self.half[1]);
         let line = |h2: f32, ends: [f32; 2]| {

@@ -1,5 +1,6 @@
 //! Tracers: points that the air advects, with the density and temperature that are seen.
 
+use crate::math::elementary::exp;
 use crate::{
     frame::{Stream, StreamKind},
     math::Vec3,
@@ -82,7 +83,7 @@ impl Tracers {
     pub(super) fn fade(&mut self, dissolve: Option<f32>, cooling: Option<f32>, dt: f64) {
         for (values, rate) in [(&mut self.density, dissolve), (&mut self.temperature, cooling)] {
             if let Some(rate) = rate {
-                let left = (-f64::from(rate) * dt).exp() as f32; // e^(−k dt)
+                let left = exp(-f64::from(rate) * dt) as f32; // e^(−k dt)
                 par::update(values, |_, value| *value *= left);
             }
         }

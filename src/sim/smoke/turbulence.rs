@@ -7,6 +7,7 @@
 //! Symbols: k → `wave` [1/m], P → `potential` [m²/s, before scaling], w → `window` [–].
 
 use super::params::{SmokeParams, Turbulence};
+use crate::math::elementary::{cos, powf, sin};
 use crate::{
     math::{Random, Vec3},
     par,
@@ -76,9 +77,9 @@ fn wave(turbulence: &Turbulence, k: u64) -> Wave {
     let on_sphere = |place: u64| {
         let (z, angle) = (2.0 * random.at(place) - 1.0, TAU * random.at(place + 1));
         let r = (1.0 - z * z).max(0.0).sqrt();
-        Vec3::new(r * angle.cos(), r * angle.sin(), z)
+        Vec3::new(r * cos(angle), r * sin(angle), z)
     };
-    let length = turbulence.scale * 0.7 * 2.0_f32.powf(random.at(9));
+    let length = turbulence.scale * 0.7 * powf(2.0_f32, random.at(9));
     Wave { amplitude: on_sphere(0), wave: on_sphere(4) * (TAU / length), phase: TAU * random.at(8) }
 }
 
@@ -94,7 +95,7 @@ fn vorticity(turbulence: &Turbulence, waves: &[Wave], x: Vec3) -> Option<Vec3> {
     let (window, slope) = (t * t * (3.0 - 2.0 * t), 6.0 * t * (1.0 - t) / rim);
     let (mut potential, mut curl) = (Vec3::zeros(), Vec3::zeros());
     for Wave { amplitude, wave, phase } in waves {
-        let (sin, cos) = (wave.dot(&x) + phase).sin_cos();
+        let (sin, cos) = (sin(wave.dot(&x) + phase), cos(wave.dot(&x) + phase));
         potential += amplitude * sin;
         curl += wave.cross(amplitude) * cos;
     }

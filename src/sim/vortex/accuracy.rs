@@ -6,6 +6,7 @@
 //! highest order and its angle for every error.
 
 use super::index::MAX_ORDER;
+use crate::math::elementary::{ln, powf};
 use std::ops::RangeInclusive;
 
 /// The relative L2 errors of the velocity that the tree accepts. Smaller ones exceed single precision; larger
@@ -53,8 +54,8 @@ pub(super) fn tree_settings(error: f32) -> TreeSettings {
     assert!(ERRORS.contains(&error), "the tree accepts errors {ERRORS:?}, not {error}");
     let ([high, low], order, [wide, narrow]) =
         *ACCURACY_TABLE.iter().find(|row| row.0[1] <= error).expect("the last row ends where errors do");
-    let along = (high / error).ln() / (high / low).ln();
-    with_order(error, order, wide * (narrow / wide).powf(along))
+    let along = ln(high / error) / ln(high / low);
+    with_order(error, order, wide * powf(narrow / wide, along))
 }
 
 /// The settings with expansions up to `order` and the largest `angle` of that order.
@@ -68,7 +69,7 @@ fn with_order(error: f32, order: usize, angle: f32) -> TreeSettings {
         max_leaf_points: MAX_LEAF_POINTS,
     };
     for q in 2..=order {
-        settings.squared_angles[q] = (tau.powf(1.0 / q as f32) / EFFECTIVE_OFFSET).powi(2);
+        settings.squared_angles[q] = (powf(tau, 1.0 / q as f32) / EFFECTIVE_OFFSET).powi(2);
         // Pairs take 1.75 cycles each, an expansion 100 and 0.4 for each of its (q + 6 over 6) products of
         // three.
         let products = (1..=6).fold(1, |product, k| product * (q + k) / k);

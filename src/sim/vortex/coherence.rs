@@ -12,6 +12,7 @@ use super::{
     kernels::{Ball, Derivatives, RadialKernel},
     pairs::{self, Source},
 };
+use crate::math::elementary::powf;
 use crate::{
     math::Vec3,
     par,
@@ -66,7 +67,7 @@ fn sampled_sources(vortons: &Vortons) -> Vec<Source> {
     if count <= MAX_SOURCES {
         return (0..count).map(|i| Source::new(vortons, i)).collect();
     }
-    let widening = (count as f32 / MAX_SOURCES as f32).powf(2.0 / 3.0); // of σ²
+    let widening = powf(count as f32 / MAX_SOURCES as f32, 2.0 / 3.0); // of σ²
     let source = |k: usize| {
         let along = (k as f64 * GOLDEN_FRACTION).fract();
         let Source(mut q) = Source::new(vortons, (along * count as f64) as usize);

@@ -7,6 +7,7 @@
 //! σ^-(2n+1) Fₙ(ρ²/2), Fₙ(x) = ∫₀¹ t²ⁿ e^(−xt²) dt.
 
 use super::index::MAX_ORDER;
+use crate::math::elementary::powf;
 use crate::simd::{Lanes, splat};
 
 /// The radial derivatives Gₙ of a kernel, up to the highest order.
@@ -30,7 +31,7 @@ pub(super) trait RadialKernel: Copy + Send + Sync + 'static {
 /// σ̄ᵐ)/rᵐ of the velocity.
 fn gap_of_uneven_cores(c: f32, power: i32, low: f32, high: f32, error: f32) -> f32 {
     let ratio = low / high;
-    high * ((1.0 - ratio.powi(power)) * c / error).powf(1.0 / power as f32)
+    high * powf((1.0 - ratio.powi(power)) * c / error, 1.0 / power as f32)
 }
 
 /// The kernel [`Kernel::RosenheadMoore`](super::Kernel::RosenheadMoore).

@@ -9,6 +9,7 @@ use super::{
     octree::{Cell, CellIndex, Octree},
     pairs::{self, Source},
 };
+use crate::math::elementary::powf;
 use crate::{
     math::Vec3,
     par,
@@ -189,7 +190,7 @@ fn cores<K: RadialKernel>(tree: &Octree, vortons: &Vortons, error: f32) -> Vec<C
     par::fill(&mut out, |i| {
         let CoreSums { weight, weighted, low, high } = sums[i];
         let even = low == high || weight == 0.0;
-        let mean = (weighted / weight).powf(2.0 / f64::from(K::CORE_POWER)) as f32;
+        let mean = powf(weighted / weight, 2.0 / f64::from(K::CORE_POWER)) as f32;
         CellCore { s2: if even { high * high } else { mean }, gap: K::min_gap(low, high, error) }
     });
     out

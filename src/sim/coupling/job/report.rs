@@ -1,5 +1,6 @@
 //! Reports of couplings: progress, warnings, totals.
 
+use crate::math::elementary::hypot;
 use crate::{
     job::{Total, nonzero},
     sim::{
@@ -12,7 +13,7 @@ use serde_json::json;
 /// Progress line of a frame.
 pub(super) fn progress(record: &CouplingRecord) -> Option<String> {
     let LiquidSheetRecord { contacts, impulse: [x, y, z], .. } = record.liquid.as_ref()?;
-    Some(format!("contacts {contacts}  impulse {:.3} N·s", x.hypot(*y).hypot(*z)))
+    Some(format!("contacts {contacts}  impulse {:.3} N·s", hypot(hypot(*x, *y), *z)))
 }
 
 /// Limits that changed a frame.

@@ -1,5 +1,6 @@
 //! Checks of the liquid in a preset, once every value is valid on its own.
 
+use crate::math::elementary::cbrt;
 use crate::{
     preset::{check::Places, problem::Finding, shapes::source_finding},
     sim::{
@@ -94,7 +95,7 @@ fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut V
     if count > MAX_PARTICLES {
         let volume = count * f64::from(liquid.spacing).powi(3);
         let key = "liquid.spacing";
-        let needed = (volume / MAX_PARTICLES).cbrt();
+        let needed = cbrt(volume / MAX_PARTICLES);
         findings.push(
             Finding::new(
                 places.of(key),

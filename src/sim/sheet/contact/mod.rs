@@ -36,6 +36,7 @@ use super::{
     solids::PlacedSolid,
     vectors::Vectors,
 };
+use crate::math::elementary::{exp2, log2};
 use crate::par;
 use broad_phase::{BroadPhase, CandidateList};
 use bvh::Bvh;
@@ -174,12 +175,12 @@ impl SheetContact {
         if !substep.is_finite() {
             return (approach, candidates.fastest_point);
         }
-        let wanted = (substep / approach).log2().ceil().clamp(0.0, MAX_HALVINGS);
+        let wanted = log2(substep / approach).ceil().clamp(0.0, MAX_HALVINGS);
         self.halvings = self.halvings.max(wanted);
         if self.halvings == 0.0 {
             (f64::INFINITY, 0)
         } else {
-            (substep / self.halvings.exp2(), candidates.fastest_point)
+            (substep / exp2(self.halvings), candidates.fastest_point)
         }
     }
 

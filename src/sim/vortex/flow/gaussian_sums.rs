@@ -10,6 +10,7 @@ use super::super::{
     octree::{CellIndex, Octree, representatives},
     pairs,
 };
+use crate::math::elementary::powf;
 use crate::{
     math::Vec3,
     par,
@@ -139,7 +140,7 @@ fn merge(coincident: &mut [Source]) {
 
 /// The value of the Gaussian of standard deviation 1 at its centre.
 fn unit_gaussian() -> f32 {
-    (2.0 * PI).powf(-1.5)
+    powf(2.0 * PI, -1.5)
 }
 
 /// The sums at the vortons of a leaf.

@@ -8,6 +8,7 @@ use super::{
     Flow, Remesh,
     gaussian_sums::{NeighbourSums, Weight},
 };
+use crate::math::elementary::cbrt;
 use crate::par;
 
 impl Flow {
@@ -16,7 +17,7 @@ impl Flow {
         let neighbours = NeighbourSums::new(&self.vortons);
         let sums = neighbours.sums(Weight::Density, |_| [1.0, 0.0, 0.0, 0.0]);
         let mut overlap = vec![0.0; sums.len()];
-        par::fill(&mut overlap, |i| self.vortons.core[i] * sums[i][0].cbrt());
+        par::fill(&mut overlap, |i| self.vortons.core[i] * cbrt(sums[i][0]));
         overlap
     }
 

@@ -9,6 +9,7 @@ use super::{
     ExternalEffects, Flow, FlowParams, FlowReport, Medium, Rates, Relaxation, Stage, StepReport,
     ViscousScheme, rates::MaxRates, relaxation::relax,
 };
+use crate::math::elementary::exp_m1;
 use crate::{
     math::Vec3,
     par,
@@ -95,7 +96,7 @@ impl Flow {
             }
         }
         if let Some(Relaxation { time }) = self.params.relaxation {
-            let f = -(-report.seconds / f64::from(time)).exp_m1();
+            let f = -exp_m1(-report.seconds / f64::from(time));
             relax(&mut self.vortons.strength, gradient, f as f32);
         }
         Ok(())

@@ -6,6 +6,7 @@
 //!
 //! *Limits*: single precision. The cumulative sum of odd coefficients adds about √n roundings of the largest.
 
+use crate::math::elementary::{cos, sin};
 use crate::simd::{Lanes, splat};
 use std::f64::consts::PI;
 
@@ -51,8 +52,8 @@ impl SineTransform {
         Self {
             n,
             radices,
-            roots: (0..n).map(|k| [angle(k).cos() as f32, angle(k).sin() as f32]).collect(),
-            sines: (0..n).map(|j| (angle(j) / 2.0).sin() as f32).collect(),
+            roots: (0..n).map(|k| [cos(angle(k)) as f32, sin(angle(k)) as f32]).collect(),
+            sines: (0..n).map(|j| sin(angle(j) / 2.0) as f32).collect(),
         }
     }
 

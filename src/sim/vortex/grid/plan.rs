@@ -7,6 +7,7 @@
 //! and for the vorticity of the cores.
 
 use super::{differences::STENCIL_REACH, fourier, transforms::GridKernel, uniform::UniformGrid};
+use crate::math::elementary::{cbrt, ln, powf};
 use crate::{
     math::Vec3,
     par,
@@ -58,7 +59,7 @@ impl GridSettings {
 fn interpolated(table: &[[f32; 2]], error: f32) -> f32 {
     let next = table.partition_point(|row| row[0] > error).clamp(1, table.len() - 1);
     let ([high, coarse], [low, fine]) = (table[next - 1], table[next]);
-    coarse + (fine - coarse) * ((high / error).ln() / (high / low).ln())
+    coarse + (fine - coarse) * (ln(high / error) / ln(high / low))
 }
 
 /// A grid for a set of vortons.
@@ -99,7 +100,7 @@ impl Plan {
         let all_pairs = vortons.len() as f64 * targets as f64;
         let (mut best, mut cheapest) = (None, 0.5 * K::PAIR_NANOSECONDS * all_pairs);
         for k in 0..20 {
-            let grid_core = if even { min_core } else { 0.4 * mean } * 2.0_f32.powf(k as f32 / 3.0);
+            let grid_core = if even { min_core } else { 0.4 * mean } * powf(2.0_f32, k as f32 / 3.0);
             let grid = grid_around(low, high, grid_core, quantity, settings);
             let Some(grid) = grid else { continue };
             let needs_correction = !(even && grid_core == min_core);
@@ -228,7 +229,7 @@ impl Density {
             return 0.0;
         }
         // Leaves of targets and of vortons have about thirty points each.
-        let leaf = self.edge * (30.0 / self.in_own_cell).cbrt();
+        let leaf = self.edge * cbrt(30.0 / self.in_own_cell);
         self.in_own_cell
             * (4.2 * (f64::from(reach) + 0.6 * leaf).powi(3) / self.edge.powi(3)).max(30.0 / self.in_own_cell)
     }

@@ -19,6 +19,7 @@ use super::{
     fourier::{Complex, SineTransform},
     uniform::{ROW_MULTIPLE, UniformGrid, VectorField},
 };
+use crate::math::elementary::sin;
 use crate::{
     par,
     simd::{self, LANES, Lanes, Pass, splat},
@@ -52,7 +53,7 @@ pub(super) fn solve(field: &mut VectorField, boundary: &BoundaryValues, green: G
     let boundary_terms = boundary_terms(boundary, &sines);
     let modes = grid.cells.map(|n| {
         let angle = |k: usize| std::f64::consts::PI * k as f64 / n as f64;
-        (0..n).map(|k| [angle(k) as f32, (angle(k) / 2.0).sin().powi(2) as f32]).collect()
+        (0..n).map(|k| [angle(k) as f32, sin(angle(k) / 2.0).powi(2) as f32]).collect()
     });
     for values in &mut field.values {
         par::for_chunks(values, grid.plane(), |first, plane| {

@@ -5,6 +5,7 @@
 //! (r² + σ²)^-3/2, hence ζ̂ = x K₁ + ½x² K₀ = ½x² K₂(x). The Gaussian has e^(−x²/2). K_ν(x) = ∫ e^(−x cosh t)
 //! cosh νt dt over t > 0, by trapezoids [abramowitz72] 9.6.24.
 
+use crate::math::elementary::{cosh, exp, ln};
 use crate::sim::vortex::kernels::{Ball, Gaussian, RadialKernel, RosenheadMoore, WinckelmansLeonard};
 
 /// A kernel, and the one whose vorticity a grid represents for it.
@@ -47,7 +48,7 @@ pub(in crate::sim::vortex) trait SmoothKernel: RadialKernel {
 
 /// The distance beyond which two Gaussians, or a ball and a Gaussian, differ by less than `error` [m].
 fn gaussian_reach(core: f32, grid_core: f32, error: f32) -> f32 {
-    core.max(grid_core) * ((-2.0 * error.ln()).sqrt() + 0.5)
+    core.max(grid_core) * ((-2.0 * ln(error)).sqrt() + 0.5)
 }
 
 impl GridKernel for Ball {
@@ -112,7 +113,7 @@ impl GridKernel for WinckelmansLeonard {
 
 impl SmoothKernel for Gaussian {
     fn transform(x: f64) -> f64 {
-        (-x * x / 2.0).exp()
+        exp(-x * x / 2.0)
     }
 }
 
@@ -133,14 +134,14 @@ fn bessel(order: u32, x: f64) -> f64 {
     const STEP: f64 = 0.1;
     let term = |i: u32| {
         let t = STEP * f64::from(i);
-        (-x * t.cosh()).exp() * (f64::from(order) * t).cosh()
+        exp(-x * cosh(t)) * cosh(f64::from(order) * t)
     };
     let mut sum = term(0) / 2.0;
     for i in 1..200 {
         let next = term(i);
         sum += next;
         // Past its peak the integrand falls faster than any power.
-        if next < 1e-12 * sum && x * (STEP * f64::from(i)).cosh() > f64::from(order) {
+        if next < 1e-12 * sum && x * cosh(STEP * f64::from(i)) > f64::from(order) {
             break;
         }
     }

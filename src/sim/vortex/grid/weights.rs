@@ -9,6 +9,7 @@
 //! four planes of vortons around it in their order, so the number of threads does not change the result.
 
 use super::uniform::{UniformGrid, VectorField};
+use crate::math::elementary::sin;
 use crate::{
     math::Vec3,
     par::{self, Groups},
@@ -28,7 +29,7 @@ fn weights(t: f32) -> [f32; 4] {
 /// The transform of the weights at θ: deposit and interpolation multiply by its square, for each axis.
 pub(super) fn transform(theta: f64) -> f64 {
     let u = theta / 2.0;
-    let s = if u == 0.0 { 1.0 } else { u.sin() / u };
+    let s = if u == 0.0 { 1.0 } else { sin(u) / u };
     s.powi(4)
 }
 

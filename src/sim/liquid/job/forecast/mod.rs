@@ -5,6 +5,7 @@ mod power_law;
 mod start;
 
 use super::{report::record_totals, volume};
+use crate::math::elementary::ln;
 use crate::{
     frame::StreamKind,
     job::{RunError, Total, memory::refuse_memory},
@@ -95,7 +96,7 @@ pub(super) fn forecast(job: &ForecastJob, liquid: &LiquidParams) -> Result<Syste
         iterations: found.iterations,
         cache: found.cache,
         seconds: found.work / busy,
-        uncertainty: (found.work / check.work).ln().abs().max(MIN_UNCERTAINTY),
+        uncertainty: ln(found.work / check.work).abs().max(MIN_UNCERTAINTY),
         products: found.products.into_iter().map(in_wall_clock_time).collect(),
         totals: totals(&near),
         remarks: [

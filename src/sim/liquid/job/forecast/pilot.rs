@@ -1,5 +1,6 @@
 //! Pilots: the shot with a larger `liquid.spacing` and fewer substeps in proportion.
 
+use crate::math::elementary::cbrt;
 use crate::{
     frame::FrameIndex,
     job::{RunError, scratch::Scratch},
@@ -137,7 +138,7 @@ fn run(job: &ForecastJob, factor: f64) -> Result<Pilot, RunError> {
 /// Spacing of the finer pilot over that of a shot of so many particles.
 pub(super) fn near_factor(particles: usize) -> f64 {
     let count = particles as f64;
-    if particles < MIN_PARTICLES { 1.0 } else { (count / PARTICLES.min(MAX_FRACTION * count)).cbrt() }
+    if particles < MIN_PARTICLES { 1.0 } else { cbrt(count / PARTICLES.min(MAX_FRACTION * count)) }
 }
 
 /// A pilot with `factor` times the spacing, or nearer to the shot where that is too coarse.

@@ -13,6 +13,7 @@ use super::{
     pilot::{Pilot, PilotFrame},
     start::Start,
 };
+use crate::math::elementary::{ln, powf};
 use crate::{
     job::memory::BASE_MEMORY,
     sim::{
@@ -80,9 +81,9 @@ pub(super) fn forecast(
     let correction = cfl_correction(shot, pilot);
     let common = near.frames.len().min(far.frames.len());
     let speeds = [near, far].map(|pilot| mean_max_speed(&pilot.frames[..common]));
-    let speed_ratio = pilot.factor.powf(law.exponent(speeds[0], speeds[1]));
+    let speed_ratio = powf(pilot.factor, law.exponent(speeds[0], speeds[1]));
     let cost_exponent = law.exponent(Costs::of(near).iteration, Costs::of(far).iteration);
-    let cost_ratio = pilot.factor.powf(COST_EXPONENT_FRACTION * cost_exponent);
+    let cost_ratio = powf(pilot.factor, COST_EXPONENT_FRACTION * cost_exponent);
     let scale = cost_ratio * shot.particles as f64 / pilot.particles as f64;
     let max_iterations = f64::from(shot.liquid.iterations.unwrap_or(shot.liquid.max_iterations));
     let limits = [shot.liquid.min_substeps, shot.liquid.max_substeps].map(f64::from);
@@ -134,12 +135,12 @@ struct PowerLaw {
 impl PowerLaw {
     /// The power of 1/spacing by which the quantity grows; 0 if it is unknown.
     fn exponent(self, near: f64, far: f64) -> f64 {
-        if near > 0.0 && far > 0.0 && self.ratio > 1.0 { (near / far).ln() / self.ratio.ln() } else { 0.0 }
+        if near > 0.0 && far > 0.0 && self.ratio > 1.0 { ln(near / far) / ln(self.ratio) } else { 0.0 }
     }
 
     /// The quantity at the shot's spacing.
     fn at_shot(self, near: f64, far: f64) -> f64 {
-        near * self.near.powf(self.exponent(near, far))
+        near * powf(self.near, self.exponent(near, far))
     }
 }
 
