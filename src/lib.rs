@@ -124,3 +124,7 @@ mod run;
 
 #[cfg(feature = "cli")]
 pub mod cli;
+
+#[cfg(all(feature = "cli", any(test, feature = "fuzzing")))]
+#[doc(hidden)]
+pub mod untrusted;

@@ -59,6 +59,20 @@ pub enum CacheError {
         /// The frame that its name states.
         expected: u32,
     },
+    /// The columns take more memory than allowed.
+    #[error(
+        "{path}: this frame needs about {needed} MiB of memory, and --max-memory allows {allowed} MiB: raise it, or simulate \
+         the shot with a larger spacing or a coarser --quality",
+        path = printable_path(path), needed = needed >> 20, allowed = allowed >> 20
+    )]
+    OverMemory {
+        /// The file.
+        path: PathBuf,
+        /// The memory of the columns \[bytes\].
+        needed: u64,
+        /// The user's limit \[bytes\].
+        allowed: u64,
+    },
     /// The file is of another version of the format.
     #[error(
         "{path}: format version {found}, expected {expected}; read it with the version of meniscus that \

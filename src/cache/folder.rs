@@ -50,4 +50,16 @@ impl FrameInfo {
         }
         Err(CacheError::Stale { path: path.to_path_buf(), found: self.key, expected: key })
     }
+
+    /// Refuses a frame whose columns take more than `max_memory` \[bytes\].
+    ///
+    /// # Errors
+    /// [`CacheError::OverMemory`], in which `path` is named.
+    pub fn expect_memory(&self, path: &Path, max_memory: Option<u64>) -> Result<(), CacheError> {
+        let needed = self.unpacked_bytes();
+        match max_memory.filter(|&allowed| needed > allowed) {
+            Some(allowed) => Err(CacheError::OverMemory { path: path.into(), needed, allowed }),
+            None => Ok(()),
+        }
+    }
 }

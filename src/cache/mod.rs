@@ -9,6 +9,8 @@
 
 mod atomic;
 mod chunks;
+#[cfg(any(test, feature = "fuzzing"))]
+mod crafted;
 mod error;
 mod folder;
 mod format;
@@ -23,6 +25,8 @@ mod tests;
 
 pub use atomic::WrittenFile;
 pub(crate) use atomic::{remove_temporaries, write_atomically};
+#[cfg(all(feature = "cli", any(test, feature = "fuzzing")))]
+pub(crate) use crafted::{decode_frame, decode_samples, seal_frame, seal_samples, verify_bytes};
 pub use error::CacheError;
 pub(crate) use error::is_full;
 pub use folder::{frame_path, list};
@@ -30,9 +34,10 @@ pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo
 pub use lock::Lock;
 pub(crate) use lock::Patience;
 pub(crate) use open::{
-    checksum, create_own_folder, open_regular, open_to_append, read_bytes, read_regular, read_text,
+    checksum, create_own_folder, leads_out, open_regular, open_to_append, read_bytes, read_regular,
+    read_text, read_text_within,
 };
-pub use read::{read_frame, read_header, verify_frame};
+pub use read::{read_frame, read_frame_within, read_header, verify_frame};
 pub(crate) use samples::{read_samples, write_samples};
 pub(crate) use write::prepare_frame;
 pub use write::write_frame;

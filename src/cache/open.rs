@@ -30,6 +30,25 @@ pub(crate) fn open_regular(path: &Path) -> io::Result<(File, u64)> {
     Ok((file, length))
 }
 
+/// Opens a regular file for reading as [`open_regular`] does, if it is in `folder` or below it.
+///
+/// # Errors
+/// As [`open_regular`]; if it is a symbolic link that leads elsewhere: a stranger's link may lead to any file of the user.
+pub(super) fn open_inside(folder: &Path, path: &Path) -> io::Result<(File, u64)> {
+    if leads_out(folder, path) {
+        let found = "found a symbolic link that leads out of the shot's folder, expected a file in it";
+        return Err(io::Error::new(ErrorKind::InvalidInput, found));
+    }
+    open_regular(path)
+}
+
+/// Whether a file that lies in `folder` by its path is elsewhere, behind symbolic links.
+pub(crate) fn leads_out(folder: &Path, path: &Path) -> bool {
+    let real = |path: &Path| path.canonicalize().ok();
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    real(path).zip(real(folder)).is_some_and(|(file, folder)| !file.starts_with(folder))
+}
+
 /// Reads a regular file to the length that it has when it is opened.
 ///
 /// # Errors
@@ -79,9 +98,21 @@ pub(super) fn open_own(path: &Path, options: &mut OpenOptions) -> io::Result<Fil
 /// # Errors
 /// As [`read_regular`], or if it has more than a gibibyte.
 pub(crate) fn read_text(path: &Path) -> io::Result<String> {
-    let (file, length) = open_regular(path)?;
-    if length > MAX_TEXT {
-        let found = format!("found {length} bytes, expected at most {MAX_TEXT}");
+    within(open_regular(path)?, MAX_TEXT)
+}
+
+/// Reads a text file as [`read_text`] does, if it has at most `max` bytes and no link leads out of its folder.
+///
+/// # Errors
+/// As [`open_inside`], or if it has more.
+pub(crate) fn read_text_within(path: &Path, max: u64) -> io::Result<String> {
+    within(open_inside(path.parent().unwrap_or(Path::new("")), path)?, max)
+}
+
+/// The text of a file with at most `max` bytes.
+fn within((file, length): (File, u64), max: u64) -> io::Result<String> {
+    if length > max {
+        let found = format!("found {length} bytes, expected at most {max}");
         return Err(io::Error::new(ErrorKind::InvalidData, found));
     }
     let bytes = read_bytes(file, length)?;
@@ -174,6 +205,26 @@ mod tests {
         }
         assert_eq!(fs::read(place("precious")).unwrap(), b"kept");
         assert!(!place("new").exists());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn nothing_is_read_through_a_link_out_of_the_folder() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().unwrap();
+        let shot = dir.path().join("shot");
+        fs::create_dir(&shot).unwrap();
+        fs::write(dir.path().join("precious"), "secret").unwrap();
+        fs::write(shot.join("own"), "shown").unwrap();
+        for (target, name) in [("../precious", "out"), ("own", "in"), ("..", "up")] {
+            symlink(target, shot.join(name)).unwrap();
+        }
+        for name in ["own", "in"] {
+            assert_eq!(read_text_within(&shot.join(name), 9).unwrap(), "shown");
+        }
+        let refused = read_text_within(&shot.join("out"), 9).unwrap_err().to_string();
+        assert!(refused.contains("leads out of the shot's folder"), "{refused}");
+        assert!(leads_out(&shot, &shot.join("up/precious")) && !leads_out(&shot, &shot.join("up/shot/own")));
     }
 
     #[cfg(unix)]

@@ -7,7 +7,7 @@
 use super::{
     CacheError,
     error::Damage,
-    open::{open_regular, read_bytes},
+    open::{open_inside, read_bytes},
     write_atomically,
 };
 use crate::{
@@ -20,7 +20,7 @@ use xxhash_rust::xxh3::xxh3_64;
 const MAGIC: &[u8; 8] = b"MCSDF\0\0\x01";
 
 /// Bytes before the samples.
-const HEAD: usize = 8 + 8 + 12 + 4 + 12 + 8;
+pub(super) const HEAD: usize = 8 + 8 + 12 + 4 + 12 + 8;
 
 /// The samples' file in `dir`.
 pub(crate) fn samples_path(dir: &Path, key: u64) -> PathBuf {
@@ -58,7 +58,8 @@ pub(crate) fn write_samples(dir: &Path, key: u64, field: &Sampled) -> Result<(),
 pub(crate) fn read_samples(dir: &Path, key: u64, grid: &SampledGrid) -> Result<Sampled, CacheError> {
     let path = samples_path(dir, key);
     let failed = |error| CacheError::from_io(&path, "read the samples", error);
-    let (file, length) = open_regular(&path).map_err(failed)?;
+    let shot = dir.parent().unwrap_or(Path::new(""));
+    let (file, length) = open_inside(shot, &path).map_err(failed)?;
     let max = HEAD as u64 + 8 + zstd::zstd_safe::compress_bound(4 * grid.count()) as u64;
     if length > max {
         let (found, expected) =
@@ -69,7 +70,7 @@ pub(crate) fn read_samples(dir: &Path, key: u64, grid: &SampledGrid) -> Result<S
     decode(&bytes, key, grid).map_err(|damage| damage.of(&path))
 }
 
-fn decode(bytes: &[u8], key: u64, grid: &SampledGrid) -> Result<Sampled, Damage> {
+pub(super) fn decode(bytes: &[u8], key: u64, grid: &SampledGrid) -> Result<Sampled, Damage> {
     let size = || format!("{} bytes", bytes.len());
     let Some((body, sum)) = bytes.split_last_chunk::<8>().filter(|(body, _)| body.len() >= HEAD) else {
         return Err(Damage::new("header", size(), format!("at least {} bytes", HEAD + 8)));

@@ -15,7 +15,7 @@ use std::path::Path;
 const KEY: u64 = 0xfedc_ba98_7654_3210;
 
 /// A frame of two systems with every type, `len` particles in the first.
-fn frame(index: u32, len: usize) -> Frame {
+pub(super) fn frame(index: u32, len: usize) -> Frame {
     let value = |i: usize| (i as f32 * 0.37).sin() * 3.0;
     let position = |i: usize| Vec3::new(value(i), value(2 * i), value(3 * i + 1));
     let mut liquid = Stream::new("liquid", StreamKind::Particles, len)
@@ -39,7 +39,7 @@ fn bytes_of(frame: &Frame) -> Vec<u8> {
 }
 
 fn read(bytes: &[u8]) -> Result<(Frame, FrameInfo), CacheError> {
-    Source::new(Cursor::new(bytes), Path::new("test.mcf"), bytes.len() as u64).frame()
+    Source::new(Cursor::new(bytes), Path::new("test.mcf"), bytes.len() as u64).frame(None)
 }
 
 fn verify(bytes: &[u8]) -> Result<FrameInfo, CacheError> {

@@ -20,6 +20,7 @@ pub(super) fn code(error: &RunError) -> ExitCode {
             CacheError::Version { .. } => 13,
             CacheError::Stale { .. } | CacheError::Misplaced { .. } => OTHER_SETTINGS,
             CacheError::Full { .. } => DISK_FULL,
+            CacheError::OverMemory { .. } => OVER_MEMORY,
             CacheError::Io { .. } => 1,
         },
         RunError::SomeFailed { failed, .. } | RunError::NotValid { failed, .. } => {

@@ -16,7 +16,7 @@ mod shot;
 mod tradeoff;
 mod volume;
 
-#[cfg(test)]
+#[cfg(any(test, feature = "fuzzing"))]
 pub(crate) use output::diagnostic;
 
 use crate::{

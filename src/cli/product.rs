@@ -2,6 +2,8 @@
 
 use super::{args::InputArgs, output::print};
 use crate::{
+    cache::leads_out,
+    control::printable_path,
     frame::SPACING_RANGE,
     import::{self, Sequence},
     run::{
@@ -133,6 +135,12 @@ fn cached_scene(cache: &ShotFolder, set: &[String]) -> Result<Option<Scene>, Run
     let preset = cache.preset();
     if !preset.exists() {
         return Ok(None);
+    }
+    if leads_out(cache.root(), &preset) {
+        return Err(RunError::Request(format!(
+            "{}: found a symbolic link that leads out of the shot's folder, expected its preset; replace it by a copy",
+            printable_path(&preset)
+        )));
     }
     let preset = scene::load(&preset.to_string_lossy())?;
     Ok(Some(Scene::from_preset(&preset, &Overrides { quality: None, set: set.to_vec() })?))

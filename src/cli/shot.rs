@@ -72,7 +72,7 @@ fn simulated(
         Some(folder) => folder.clone(),
         None => default_folder(&preset, &scene, &overrides)?,
     });
-    let done = run::simulate(&scene, &folder, &selection, args.force, control)?;
+    let done = run::simulate(&scene, &folder, &selection, args.force, args.max_memory, control)?;
     print(&format!(
         "{}: {} frames simulated ({:.1} MiB), {} up to date",
         folder.cache().display(),

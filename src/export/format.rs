@@ -6,11 +6,13 @@ use super::{
     key::{KEY, key_comment},
     obj, ply,
 };
-use crate::{cache::WrittenFile, mesh::Mesh};
+use crate::{
+    cache::{WrittenFile, open_regular},
+    mesh::Mesh,
+};
 use serde::{Deserialize, Serialize};
 use std::{
     collections::BTreeMap,
-    fs::File,
     io::{BufRead, BufReader, Read, Result},
     path::Path,
 };
@@ -119,7 +121,7 @@ const LONGEST_HEADER: u64 = 1 << 20;
 
 /// The header of a PLY file.
 fn header_of(path: &Path) -> Result<String> {
-    let mut lines = BufReader::new(File::open(path)?).take(LONGEST_HEADER).split(b'\n');
+    let mut lines = BufReader::new(open_regular(path)?.0).take(LONGEST_HEADER).split(b'\n');
     let mut header = String::new();
     while let Some(line) = lines.next().transpose()?.filter(|line| line != b"end_header") {
         header.extend([&*String::from_utf8_lossy(&line), "\n"]);
@@ -151,7 +153,7 @@ fn attributes(header: &str) -> BTreeMap<String, Vec<String>> {
 /// The first bytes of a file, as text; the key stands in them.
 fn start_of(path: &Path) -> Result<String> {
     let mut start = Vec::new();
-    File::open(path)?.take(1024).read_to_end(&mut start)?;
+    open_regular(path)?.0.take(1024).read_to_end(&mut start)?;
     Ok(String::from_utf8_lossy(&start).into_owned())
 }
 

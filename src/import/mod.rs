@@ -37,6 +37,8 @@ pub use sequence::Sequence;
 pub(crate) use triangles::parse_triangles;
 pub use triangles::{SheetFaces, parse_sheet};
 pub(crate) use vdb::LevelSetFile;
+#[cfg(all(feature = "cli", any(test, feature = "fuzzing")))]
+pub(crate) use vdb::parse_level_set;
 pub use vdb::{LevelSet, read_level_set};
 
 use crate::cache::{open_regular, read_bytes};
@@ -162,6 +164,22 @@ impl ParticleFile {
 /// [`ImportError::EmptyFile`]; a sound one without particles is an empty stream.
 pub fn read_particles(path: &Path) -> Result<Imported, ImportError> {
     ParticleFile::open(path, None)?.particles()
+}
+
+/// Reads particles from bytes as from a file of this name, within `max_memory` [bytes].
+///
+/// # Errors
+/// As [`ParticleFile::open`] and [`ParticleFile::particles`].
+#[cfg(all(feature = "cli", any(test, feature = "fuzzing")))]
+pub(crate) fn parse_particles(
+    name: &str,
+    bytes: &[u8],
+    max_memory: Option<u64>,
+) -> Result<Imported, ImportError> {
+    let path = Path::new(name);
+    let format =
+        Format::of(path).ok_or_else(|| ImportError::unsupported(path, "another name", "a format"))?;
+    parse(path, format, bytes, &MemoryBudget::new(path, bytes.len() as u64, max_memory)?)
 }
 
 /// Reads the particles of a file's bytes.

@@ -112,15 +112,19 @@ fn vertices(
             budget.take_numbers::<f64>(element.count.saturating_mul(width))?;
             values.reserve_exact(element.count.saturating_mul(width));
         }
-        for entry in 0..element.count {
+        // An entry without properties has no byte in a binary file, and there may be as many elements of such entries as lines.
+        let is_empty = element.properties.is_empty() && header.encoding != Encoding::Ascii;
+        for entry in 0..if is_empty { 0 } else { element.count } {
             line += 1;
             values.truncate(if name == "vertex" { values.len() } else { 0 });
-            let (read, place) = if header.encoding == Encoding::Ascii {
-                (ascii_row(&mut numbers.rest, element, &mut values), format!("line {line}"))
+            let is_text = header.encoding == Encoding::Ascii;
+            let read = if is_text {
+                ascii_row(&mut numbers.rest, element, &mut values)
             } else {
-                (binary_row(&mut numbers, element, &mut values), format!("entry {entry}"))
+                binary_row(&mut numbers, element, &mut values)
             };
             read.map_err(|(found, expected)| {
+                let place = if is_text { format!("line {line}") } else { format!("entry {entry}") };
                 ImportError::malformed(path, format!("element {name}, {place}"), found, expected)
             })?;
         }

@@ -159,6 +159,7 @@ impl Failure {
             CacheError::Corrupt { .. } => Self::Corrupt,
             CacheError::Version { .. } => Self::Version,
             CacheError::Stale { .. } | CacheError::Misplaced { .. } => Self::Foreign,
+            CacheError::OverMemory { .. } => Self::Memory,
             _ => Self::Other,
         }
     }

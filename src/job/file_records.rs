@@ -110,7 +110,11 @@ impl FileRecords {
     /// # Errors
     /// If the file is there and cannot be read.
     pub(crate) fn read(out: &ShotFolder, product: &str) -> Result<Self, RunError> {
-        let text = read_lines(&path(out, product))?;
+        Ok(Self::parse(&read_lines(&path(out, product))?))
+    }
+
+    /// The records in the text of such a file.
+    pub(crate) fn parse(text: &str) -> Self {
         let records: Vec<FileRecord> =
             text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
         let (mut by_file, mut by_content) = (BTreeMap::new(), BTreeMap::new());
@@ -120,7 +124,7 @@ impl FileRecords {
                 by_content.insert((recorded.bytes, recorded.xxh3.clone()), recorded.file.clone());
             }
         }
-        Ok(Self { records, by_file, by_content })
+        Self { records, by_file, by_content }
     }
 
     /// The record of a file.
@@ -149,6 +153,9 @@ impl FileRecords {
         let path = out.root().join(file);
         if std::fs::symlink_metadata(&path).is_err_and(|error| error.kind() == ErrorKind::NotFound) {
             return FileState::Missing;
+        }
+        if cache::leads_out(out.root(), &path) {
+            return FileState::Foreign("a symbolic link leads out of the shot's folder".into());
         }
         let Some((_, recorded)) = self.of(file) else {
             return FileState::Foreign(

@@ -33,7 +33,8 @@ pub(crate) fn read<R: DeserializeOwned>(
     Ok(parse(&read_lines(&folder.log())?))
 }
 
-fn parse<R: DeserializeOwned>(text: &str) -> BTreeMap<FrameIndex, LogLine<R>> {
+/// The lines of a log's text.
+pub(crate) fn parse<R: DeserializeOwned>(text: &str) -> BTreeMap<FrameIndex, LogLine<R>> {
     let lines = text.lines().filter_map(|line| serde_json::from_str::<LogLine<R>>(line).ok());
     lines.map(|line| (line.frame, line)).collect()
 }

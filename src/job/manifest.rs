@@ -193,33 +193,40 @@ impl Manifest {
     /// If it is there but cannot be read or is not one.
     pub(crate) fn read(folder: &ShotFolder) -> Result<Option<Self>, RunError> {
         let path = folder.manifest();
-        let fail = |source| RunError::File {
-            path: folder.manifest(),
-            source,
-            next: "restore the file, or remove it and run `meniscus shot` or `meniscus mesh` again",
-        };
-        let text = match cache::read_text(&path) {
-            Ok(text) => text,
+        match cache::read_text_within(&path, MAX_BYTES) {
+            Ok(text) => Self::parse(path, &text).map(Some),
             Err(absent) if matches!(absent.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
-                return Ok(None);
+                Ok(None)
             }
-            Err(source) => return Err(fail(source)),
-        };
+            Err(source) => Err(unreadable(path, source)),
+        }
+    }
+
+    /// Reads the text of the manifest at `path`.
+    ///
+    /// # Errors
+    /// As [`Manifest::read`].
+    pub(crate) fn parse(path: PathBuf, text: &str) -> Result<Self, RunError> {
+        let fail = |source| unreadable(path.clone(), source);
         // A later version may have other fields.
-        let version = serde_json::from_str::<Versioned>(&text).map_or(VERSION, |found| found.version);
+        let version = serde_json::from_str::<Versioned>(text).map_or(VERSION, |found| found.version);
         if version != VERSION {
             return Err(CacheError::Version { path, found: version, expected: VERSION }.into());
         }
-        let manifest: Self = serde_json::from_str(&text)
+        let manifest: Self = serde_json::from_str(text)
             .map_err(|why| fail(std::io::Error::new(ErrorKind::InvalidData, why)))?;
         let invalid = |found: String| Err(fail(std::io::Error::new(ErrorKind::InvalidData, found)));
         if manifest.format != FORMAT {
             return invalid(format!("found format {:?}, expected {FORMAT:?}", manifest.format));
         }
+        if manifest.outputs.len() > MAX_OUTPUTS {
+            let found = manifest.outputs.len();
+            return invalid(format!("found {found} outputs, expected at most {MAX_OUTPUTS}"));
+        }
         if let Some(foreign) = manifest.outputs.iter().find_map(OutputFiles::foreign_path) {
             return invalid(format!("found the path {foreign:?}, expected FOLDER/FILE in the shot's folder"));
         }
-        Ok(Some(manifest))
+        Ok(manifest)
     }
 
     /// Replaces the folder's manifest, whole or not at all.
@@ -327,6 +334,17 @@ impl Manifest {
 const FORMAT: &str = "meniscus-shot";
 
 const VERSION: u32 = 1;
+
+/// The largest manifest [bytes].
+const MAX_BYTES: u64 = 4 << 20;
+
+/// The largest number of outputs, each of which may name files of a million frames.
+const MAX_OUTPUTS: usize = 1000;
+
+fn unreadable(path: PathBuf, source: std::io::Error) -> RunError {
+    let next = "restore the file, or remove it and run `meniscus shot` or `meniscus mesh` again";
+    RunError::File { path, source, next }
+}
 
 /// What every version of the manifest has.
 #[derive(Deserialize)]

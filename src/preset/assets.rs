@@ -5,7 +5,7 @@ use super::{
     check::{self, Places},
     problem::{Finding, Span},
 };
-use crate::cache::read_regular;
+use crate::cache::{leads_out, read_regular};
 use std::{
     borrow::Cow,
     collections::BTreeMap,
@@ -67,7 +67,7 @@ fn fault(file: &str, home: &Home) -> Option<(String, String, String)> {
         ));
     }
     match home {
-        Home::Folder(folder) if leads_out(folder, path) => Some((
+        Home::Folder(folder) if leads_out(folder, &folder.join(path)) => Some((
             format!("`{file}` leads out of the preset's folder"),
             format!("found a symbolic link to {}", folder.join(path).canonicalize().unwrap_or_default().display()),
             "copy the mesh into the preset's folder: a preset from elsewhere could read any file through a link".to_owned(),
@@ -90,13 +90,6 @@ fn fault(file: &str, home: &Home) -> Option<(String, String, String)> {
             ))
         }
     }
-}
-
-/// Whether a file of the folder is elsewhere, behind a symbolic link.
-fn leads_out(folder: &Path, file: &Path) -> bool {
-    let real = |path: &Path| path.canonicalize().ok();
-    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    real(&folder.join(file)).zip(real(folder)).is_some_and(|(file, folder)| !file.starts_with(folder))
 }
 
 fn shown(folder: &Path) -> String {

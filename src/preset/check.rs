@@ -8,7 +8,7 @@ use super::{
     units::{self, UnitError},
 };
 use serde_json::{Map, Number, Value as Json};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Where each key of a preset stands, by dotted path.
 #[derive(Debug, Default)]
@@ -46,7 +46,7 @@ pub(crate) struct Checked {
 
 /// Checks a whole preset.
 pub(crate) fn check(root: &Node, model: &Field) -> Checked {
-    let mut walk = Walk { model, places: Places::default(), findings: Vec::new() };
+    let mut walk = Walk { known: Known::of(model), places: Places::default(), findings: Vec::new() };
     let values = walk.value(root, root.span, model, "").unwrap_or(Json::Null);
     Checked { values, places: walk.places, findings: walk.findings }
 }
@@ -54,22 +54,65 @@ pub(crate) fn check(root: &Node, model: &Field) -> Checked {
 /// The word of `candidates` that `word` resembles most, if it resembles any.
 pub(crate) fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
     // A third of the letters may differ: fewer would miss `spacign`, more would suggest unrelated words.
-    let close = |candidate: &&str| {
+    let length = word.chars().count();
+    let close = |candidate: &str| {
+        let other = candidate.chars().count();
+        let max = other.max(length).div_ceil(3);
+        // So many letters differ at least. A word may be as long as a preset, and their distance takes the memory of their product.
+        if other.abs_diff(length) > max {
+            return (usize::MAX, false);
+        }
         let distance = strsim::damerau_levenshtein(&word.to_lowercase(), &candidate.to_lowercase());
-        (distance, distance <= candidate.chars().count().max(word.chars().count()).div_ceil(3))
+        (distance, distance <= max)
     };
     candidates
         .into_iter()
-        .map(|candidate| (close(&candidate), candidate))
+        .map(|candidate| (close(candidate), candidate))
         .filter(|((_, near), _)| *near)
         .min_by_key(|((distance, _), _)| *distance)
         .map(|(_, candidate)| candidate.to_owned())
 }
 
-struct Walk<'a> {
-    model: &'a Field,
+struct Walk {
+    known: Known,
     places: Places,
     findings: Vec<Finding>,
+}
+
+/// The keys of the whole schema: a preset may have a hundred thousand that are not among them, and each is looked up.
+#[derive(Default)]
+struct Known {
+    /// The path of each key that earlier versions had elsewhere, by its path there.
+    moved: HashMap<String, String>,
+    /// The first path of a key, shallow ones first, by its name.
+    by_name: HashMap<String, String>,
+}
+
+impl Known {
+    fn of(model: &Field) -> Self {
+        let mut known = Self::default();
+        known.add(model, "");
+        known
+    }
+
+    fn add(&mut self, field: &Field, path: &str) {
+        match &field.kind {
+            Kind::Table(keys) => {
+                for key in keys {
+                    self.by_name.entry(key.name.clone()).or_insert_with(|| join(path, &key.name));
+                }
+                for key in keys {
+                    let path = join(path, &key.name);
+                    if let Some(former) = &key.former {
+                        self.moved.entry(former.clone()).or_insert_with(|| path.clone());
+                    }
+                    self.add(&key.field, &path);
+                }
+            }
+            Kind::List { item, .. } => self.add(item, path),
+            _ => {}
+        }
+    }
 }
 
 /// `path` extended by one key.
@@ -82,7 +125,7 @@ fn table_name(path: &str) -> String {
     if path.is_empty() { "the preset's top level".to_owned() } else { format!("`{path}`") }
 }
 
-impl Walk<'_> {
+impl Walk {
     /// The value of `node`, whose key (or heading) is at `place`; `None` if it is wrong or left out.
     fn value(&mut self, node: &Node, place: Span, field: &Field, path: &str) -> Option<Json> {
         self.places.places.insert(path.to_owned(), place);
@@ -148,6 +191,7 @@ impl Walk<'_> {
         }
         // A required key that is there, but misspelt, is one mistake and not two; so is a table whose keys have moved.
         let moved = entries.iter().any(|entry| self.moved(&join(path, &entry.key)).is_some());
+        let misspelt: HashSet<String> = misspelt.into_iter().collect();
         for key in keys.iter().filter(|key| key.required && !moved && !misspelt.contains(&key.name)) {
             if !entries.iter().any(|entry| entry.key == key.name) {
                 let label = format!("`{}` is missing here", key.name);
@@ -161,10 +205,8 @@ impl Walk<'_> {
     }
 
     /// Where the key at `path` is now, if earlier versions had it there.
-    fn moved(&self, path: &str) -> Option<String> {
-        let mut found = Vec::new();
-        find_moved(self.model, "", path, &mut found);
-        found.into_iter().next()
+    fn moved(&self, path: &str) -> Option<&String> {
+        self.known.moved.get(path)
     }
 
     /// Reports a key that the table does not have, and returns the one that may have been meant.
@@ -173,7 +215,7 @@ impl Walk<'_> {
         let nearest = nearest(&entry.key, names.clone());
         let list = names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
         let parent = path.strip_suffix(&entry.key).unwrap_or_default().trim_end_matches('.');
-        if let Some(now) = self.moved(path) {
+        if let Some(now) = self.moved(path).cloned() {
             let message = format!("unknown key `{}` in {}", entry.key, table_name(parent));
             let mut finding = Finding::new(entry.key_span, path, message, format!("this is `{now}` now"))
                 .with_help(format!("write `{now}`; valid keys here: {list}"));
@@ -181,9 +223,8 @@ impl Walk<'_> {
             self.findings.push(finding);
             return None;
         }
-        let mut elsewhere = Vec::new();
-        find_key(self.model, "", &entry.key, &mut elsewhere);
-        let advice = match (&nearest, elsewhere.first()) {
+        let elsewhere = self.known.by_name.get(&entry.key);
+        let advice = match (&nearest, elsewhere) {
             (Some(name), _) => format!("did you mean `{name}`? "),
             (None, Some(other)) => format!("did you mean `{other}`? "),
             (None, None) => String::new(),
@@ -191,7 +232,7 @@ impl Walk<'_> {
         let message = format!("unknown key `{}` in {}", entry.key, table_name(parent));
         let mut finding = Finding::new(entry.key_span, path, message, "this key has no meaning here")
             .with_help(format!("{advice}valid keys: {list}"));
-        finding.nearest = nearest.clone().or_else(|| elsewhere.into_iter().next());
+        finding.nearest = nearest.clone().or_else(|| elsewhere.cloned());
         self.findings.push(finding);
         nearest
     }
@@ -408,36 +449,5 @@ fn keys_of(field: &Field) -> String {
             format!(" with the keys {}", names.join(", "))
         }
         _ => String::new(),
-    }
-}
-
-/// Dotted paths below `field` of the keys that were at `former` in earlier versions.
-fn find_moved(field: &Field, path: &str, former: &str, found: &mut Vec<String>) {
-    match &field.kind {
-        Kind::Table(keys) => {
-            for key in keys {
-                let path = join(path, &key.name);
-                if key.former.as_deref() == Some(former) {
-                    found.push(path.clone());
-                }
-                find_moved(&key.field, &path, former, found);
-            }
-        }
-        Kind::List { item, .. } => find_moved(item, path, former, found),
-        _ => {}
-    }
-}
-
-/// Every dotted path below `field` that ends in a key called `name`, shallow ones first.
-fn find_key(field: &Field, path: &str, name: &str, found: &mut Vec<String>) {
-    match &field.kind {
-        Kind::Table(keys) => {
-            found.extend(keys.iter().filter(|key| key.name == name).map(|key| join(path, &key.name)));
-            for key in keys {
-                find_key(&key.field, &join(path, &key.name), name, found);
-            }
-        }
-        Kind::List { item, .. } => find_key(item, path, name, found),
-        _ => {}
     }
 }

@@ -108,7 +108,7 @@ pub(crate) struct Source {
 }
 
 /// Some bytes of one of the sources.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(crate) struct Span {
     /// Index of the source.
     pub(crate) source: usize,
@@ -119,7 +119,7 @@ pub(crate) struct Span {
 }
 
 /// A problem before its place is looked up in the text.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Finding {
     pub(crate) span: Span,
     pub(crate) key: String,
@@ -154,10 +154,21 @@ impl Finding {
     }
 }
 
+/// Problems that are reported one by one; the others are counted. Each is looked up in the text and shown with its line.
+const MAX_PROBLEMS: usize = 100;
+
 /// The findings as problems with line and column, in order of the text, each once.
 pub(crate) fn locate(mut findings: Vec<Finding>, sources: &[Source]) -> Vec<Problem> {
     findings.sort_by_key(|finding| finding.span);
     findings.dedup();
+    let unlisted = findings.len().saturating_sub(MAX_PROBLEMS);
+    if unlisted > 0 {
+        let span = findings[MAX_PROBLEMS].span;
+        findings.truncate(MAX_PROBLEMS);
+        let message = format!("{unlisted} more problems are not listed");
+        let next = Finding::new(span, "", message, "the next one is here");
+        findings.push(next.with_help("fix the problems above first"));
+    }
     findings.into_iter().map(|finding| place(finding, sources)).collect()
 }
 

@@ -1,6 +1,7 @@
 //! Preset text as a tree in which every key and value knows its place.
 
 use super::problem::{Finding, Source, Span};
+use std::collections::{BTreeSet, HashMap};
 use toml::{
     Spanned,
     de::{DeInteger, DeTable, DeValue},
@@ -60,8 +61,11 @@ impl Node {
     pub(crate) fn overlay(&mut self, other: Self) {
         match (&mut self.value, other) {
             (Value::Table(mine), Self { value: Value::Table(theirs), .. }) => {
+                let keys = mine.iter().enumerate();
+                let places: HashMap<String, usize> =
+                    keys.map(|(place, known)| (known.key.clone(), place)).collect();
                 for entry in theirs {
-                    match mine.iter_mut().find(|known| known.key == entry.key) {
+                    match places.get(&entry.key).map(|&place| &mut mine[place]) {
                         Some(known) => {
                             if !matches!(
                                 (&known.node.value, &entry.node.value),
@@ -87,13 +91,12 @@ pub(crate) fn parse(source: usize, text: &str) -> Result<Node, Vec<Finding>> {
         let (span, table) = (table.span(), table.into_inner());
         return Ok(Node { span: at(source, span), value: entries(source, table), bare: None });
     }
-    let mut lines = Vec::new();
+    let ends: Vec<usize> = text.match_indices('\n').map(|(at, _)| at).collect();
+    let mut lines = BTreeSet::new();
     let mut findings = Vec::new();
     for error in errors {
         let span = within(text, error.span().unwrap_or(0..0));
-        let line = text[..span.start].matches('\n').count();
-        if !lines.contains(&line) {
-            lines.push(line);
+        if lines.insert(ends.partition_point(|&end| end < span.start)) {
             findings.push(syntax(at(source, span), error.message()));
         }
     }

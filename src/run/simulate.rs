@@ -30,7 +30,8 @@ pub(crate) struct Simulated {
 /// Simulates `scene` so that every frame of `selection` stands in the folder's cache.
 ///
 /// Frames that are there, valid and of the same simulation are kept; the job goes on from the nearest one, with
-/// the same bytes as if it had never stopped. `force` starts over, whatever is there.
+/// the same bytes as if it had never stopped; that frame may take `max_memory` [bytes] when it is read. `force` starts over, whatever
+/// is there.
 ///
 /// # Errors
 /// See [`RunError`]; a cache of other settings is [`RunError::OtherSettings`]. Whatever happens, frames that were
@@ -40,6 +41,7 @@ pub(crate) fn simulate(
     folder: &ShotFolder,
     selection: &Frames,
     force: bool,
+    max_memory: Option<u64>,
     control: Control,
 ) -> Result<Simulated, RunError> {
     check_selection(scene, selection)?;
@@ -74,7 +76,7 @@ pub(crate) fn simulate(
 
     let records: Vec<_> = log::read(folder)?.into_iter().map(|(index, line)| (index, line.record)).collect();
     warn_of_lost_lines(scene, &valid, &records, control);
-    let mut job = Job { scene, folder, key, state, done: Simulated::default(), records, control };
+    let mut job = Job { scene, folder, key, max_memory, state, done: Simulated::default(), records, control };
     control.reporter.begin("simulate", selection.count() as usize);
     let outcome = job.run(selection, &valid);
     // However it ended.
@@ -205,6 +207,8 @@ struct Job<'a> {
     scene: &'a Scene,
     folder: &'a ShotFolder,
     key: u64,
+    /// The memory that the columns of a cached frame may take [bytes].
+    max_memory: Option<u64>,
     /// The newest state in memory and its frame.
     state: Option<(FrameIndex, Simulation)>,
     done: Simulated,
@@ -272,7 +276,8 @@ impl Job<'_> {
     }
 
     fn restore(&self, index: FrameIndex) -> Result<Simulation, RunError> {
-        let (frame, _) = cache::read_frame(&cache::frame_path(&self.folder.cache(), index))?;
+        let path = cache::frame_path(&self.folder.cache(), index);
+        let (frame, _) = cache::read_frame_within(&path, self.max_memory)?;
         self.control.reporter.note(&format!("continuing after frame {index}"));
         let simulation = Simulation::restore(world(self.scene), self.scene.systems(), &frame)?;
         warn_of_seeding(&simulation, self.control);

@@ -2,6 +2,7 @@
 
 use super::{Quality, Scene};
 use crate::{
+    cache::{open_regular, read_bytes},
     export::vdb::VolumeParams,
     mesh::SurfaceParams,
     preset::{
@@ -18,7 +19,7 @@ use crate::{
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, de::DeserializeOwned};
-use std::path::Path;
+use std::{collections::HashSet, io, path::Path};
 
 /// The text of a preset, not yet read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,7 +58,7 @@ pub fn load(preset: &str) -> Result<Preset, SceneError> {
     let path = Path::new(preset);
     let names = || builtin::all().iter().map(|&(name, _)| name);
     if path.is_file() || preset.ends_with(".toml") || preset.contains(['/', std::path::MAIN_SEPARATOR]) {
-        let bytes = std::fs::read(path).map_err(|cause| SceneError::Unreadable {
+        let bytes = read_preset(path).map_err(|cause| SceneError::Unreadable {
             path: path.to_owned(),
             cause,
             nearest: path.file_stem().and_then(|stem| check::nearest(&stem.to_string_lossy(), names())),
@@ -74,8 +75,21 @@ pub fn load(preset: &str) -> Result<Preset, SceneError> {
     }
 }
 
+/// The largest preset that is read [bytes]. Those that are built in have at most 5 kB.
+const MAX_PRESET: u64 = 1 << 20;
+
+/// The bytes of a preset's file: in a folder of a stranger a pipe may be called like it.
+fn read_preset(path: &Path) -> io::Result<Vec<u8>> {
+    let (file, length) = open_regular(path)?;
+    if length > MAX_PRESET {
+        let found = format!("found {length} bytes, expected at most {MAX_PRESET}");
+        return Err(io::Error::new(io::ErrorKind::InvalidData, found));
+    }
+    read_bytes(file, length)
+}
+
 /// The file's bytes as text, without the byte order mark that some editors put first.
-fn decode(name: &str, bytes: Vec<u8>, home: Home) -> Result<Preset, SceneError> {
+pub(crate) fn decode(name: &str, bytes: Vec<u8>, home: Home) -> Result<Preset, SceneError> {
     let name = name.to_owned();
     match String::from_utf8(bytes) {
         Ok(text) => {
@@ -136,6 +150,7 @@ fn read(
     // Each tier that is not requested is checked on top of the preset; only what it adds is its fault.
     let mut known = Vec::new();
     interpret(&root, &model, &preset.home, &mut known);
+    let known: HashSet<Finding> = known.into_iter().collect();
     for (name, tier) in tiers.iter().filter(|(name, _)| Some(*name) != overrides.quality) {
         let mut shot = root.clone();
         shot.overlay(tier.clone());

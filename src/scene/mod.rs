@@ -11,6 +11,8 @@ pub use crate::{
     preset::{Asset, Assets, Frames, FramesError, Home, Problem, SceneError, builtin},
     sim::scene::{Output, Scene, Tradeoff, World},
 };
+#[cfg(any(test, feature = "fuzzing"))]
+pub(crate) use file::decode;
 pub use file::{Overrides, Preset, load};
 pub(crate) use file::{product_settings, surface_alone};
 pub use quality::{Quality, UnknownQuality};

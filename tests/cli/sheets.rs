@@ -4,7 +4,7 @@ use super::{meshing::read_ply, *};
 use meniscus::{math::Vec3, mesh::Mesh};
 
 /// A cloth of two materials that falls onto a ball, and a flag on a pole that moves; coarse.
-const CLOTH: &str = r#"
+pub(crate) const CLOTH: &str = r#"
 title = "Small cloth"
 frames = "1-9"
 
@@ -37,7 +37,8 @@ sheet = ["pc2"]
 "#;
 
 /// A quad and a triangle.
-const FLAG: &str = "v 1 0 0\nv 1.4 0 0\nv 1.4 0 0.3\nv 1 0 0.3\nv 1.7 0 0.15\nf 1 2 3 4\nf 2 5 3\n";
+pub(crate) const FLAG: &str =
+    "v 1 0 0\nv 1.4 0 0\nv 1.4 0 0.3\nv 1 0 0.3\nv 1.7 0 0.15\nf 1 2 3 4\nf 2 5 3\n";
 
 fn desk() -> Desk {
     let desk = Desk::new();

@@ -165,6 +165,73 @@ fn a_frame_of_equal_numbers_is_refused_before_it_takes_more_memory_than_allowed(
     }
 }
 
+/// Adds a stream of `zeros` zeros to a cached frame: its file hardly grows, and key and checksums are right.
+fn pad(desk: &Desk, shot: &str, frame: u32, zeros: usize) {
+    let folder = desk.path(shot).join("cache");
+    let path = cache::frame_path(&folder, FrameIndex(frame));
+    let (mut padded, info) = cache::read_frame(&path).unwrap();
+    padded.streams.retain(|stream| stream.name != "pad");
+    padded.streams.push(Stream::new("pad", StreamKind::Unknown, zeros).with("zero", vec![0_f32; zeros]));
+    cache::write_frame(&folder, &padded, info.key).unwrap();
+    assert!(fs::metadata(&path).unwrap().len() < info.bytes + (64 << 10));
+}
+
+/// Runs the tool with 60 MiB of memory on frames that take 128, and compares what it took.
+fn refused_frames(desk: &Desk, line: &str, words: &[&str]) {
+    let line = format!("{line} --max-memory 60MiB");
+    let (_, talk) = desk.run(&line, 33);
+    for words in words.iter().chain(&["needs about 128 MiB of memory, and --max-memory allows"]) {
+        assert!(talk.contains(words), "{words}: {talk}");
+    }
+    #[cfg(target_os = "linux")]
+    {
+        let peak = plan::peak(desk, &line);
+        assert!(peak < 100e6, "{line}: {peak} bytes");
+    }
+}
+
+/// Zeros that take 128 MiB.
+const PADDING: usize = 32 << 20;
+
+#[test]
+fn a_shot_is_not_resumed_from_a_frame_that_takes_more_memory_than_allowed() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1-2", 0);
+    pad(&desk, "small", 2, PADDING);
+    refused_frames(&desk, "simulate small.toml --frames 1-3", &["small/cache/frame_0002.mcf"]);
+    desk.run("simulate small.toml --frames 1-3 --max-memory 300MiB", 0);
+}
+
+#[test]
+fn smoke_is_not_retimed_from_frames_that_take_more_memory_than_allowed() {
+    let desk = Desk::new();
+    desk.write("ring.toml", smoke::RING);
+    desk.run("simulate ring.toml --frames 1-3", 0);
+    pad(&desk, "ring", 2, PADDING);
+    let words = ["frame 0002: ", "ring/cache/frame_0002.mcf", "of 3 frames failed"];
+    refused_frames(&desk, "volume ring -o again --retime 1 --force", &words);
+    assert_eq!(desk.names("again/volume"), ["smoke_0001.vdb", "smoke_0003.vdb"]);
+    // Frames that are in memory together count together.
+    pad(&desk, "ring", 2, PADDING / 4);
+    pad(&desk, "ring", 3, PADDING / 4);
+    desk.run("volume ring -o slow --retime 2 --frames 3 --max-memory 60MiB", 0);
+    let (_, talk) = desk.run("volume ring -o slow --retime 2 --frames 4 --max-memory 60MiB", 33);
+    assert!(talk.contains("ring/cache/frame_0003.mcf: this frame needs about 32 MiB"), "{talk}");
+}
+
+#[test]
+fn point_caches_are_not_made_of_frames_that_take_more_memory_than_allowed() {
+    let desk = Desk::new();
+    desk.write("cloth.toml", sheets::CLOTH);
+    desk.write("flag.obj", sheets::FLAG);
+    desk.run("simulate cloth.toml --frames 1-3", 0);
+    pad(&desk, "cloth", 2, PADDING);
+    let words = ["cloth/cache/frame_0002.mcf", "the nearest frame before it stands in its place"];
+    refused_frames(&desk, "shot cloth.toml --frames 1-3", &words);
+    let samples = sheets::samples(&desk.path("cloth/sheet/cloth.pc2"));
+    assert!(samples.len() == 3 && samples[0] == samples[1] && samples[1] != samples[2]);
+}
+
 #[test]
 fn a_spacing_that_is_none_is_named_with_its_frame_and_stream() {
     let desk = Desk::new();
@@ -218,6 +285,19 @@ fn a_pipe_named_like_a_frame_stops_nothing() {
     };
     pipe("made/cache/frame_0002.mcf");
     pipe("a.xyz");
+    desk.run("simulate small.toml --frames 1", 0);
+    desk.run("mesh small", 0);
+    fs::remove_file(desk.path("small/mesh/liquid_0001.ply")).unwrap();
+    pipe("small/mesh/liquid_0001.ply");
+    desk.run("mesh small", 0);
+    assert!(fs::metadata(desk.path("small/mesh/liquid_0001.ply")).unwrap().is_file());
+    pipe("made/preset.toml");
+    pipe("pipe.toml");
+    for line in ["info made", "mesh made -o out", "shot pipe.toml"] {
+        let (_, talk) = desk.run(line, if line.starts_with("info") { 3 } else { 2 });
+        assert!(line.starts_with("info") || talk.contains("it is a pipe or a device"), "{line}: {talk}");
+    }
+    fs::remove_file(desk.path("made/preset.toml")).unwrap();
     for verb in ["mesh", "volume"] {
         let (_, talk) = desk.run(&format!("{verb} made -o out"), 3);
         assert!(talk.contains("frame_0002.mcf") && talk.contains("it is a pipe or a device"), "{talk}");

@@ -66,7 +66,7 @@ pub(super) fn tradeoff(
     let folder = folder(args, &input.name())?;
     let mut shot_frames = numbers.len() as u64;
     if is_preset {
-        run::simulate(&sweep.base, &simulated, &frames, args.force, control)?;
+        run::simulate(&sweep.base, &simulated, &frames, args.force, args.max_memory, control)?;
         shot_frames = sweep.base.frames.count();
     }
     let from = ProductSource { source, shot_frames, max_memory: args.max_memory };

@@ -5,7 +5,8 @@ use super::{
     params::{Compression, Precision},
     tree::Tree,
 };
-use std::{fs::File, io::Read, path::Path};
+use crate::cache::open_regular;
+use std::{io::Read, path::Path};
 
 /// The first eight bytes.
 const MAGIC: u64 = 0x5644_4220; // " BDV", the letters read backwards
@@ -51,7 +52,7 @@ pub(super) fn file(key: u64, names: &[&str]) -> Vec<u8> {
 /// The key of the file at `path` and the names of its grids; `None` if there is no such file or it is not of this tool.
 pub fn made_from(path: &Path) -> Option<(u64, Vec<String>)> {
     let mut head = Vec::new();
-    File::open(path).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
+    open_regular(path).ok()?.0.take(HEAD).read_to_end(&mut head).ok()?;
     // Up to the key's digits every file is alike; behind them stand the last entry's name, type, length and text.
     let start = file(0, &[]);
     let names = start.len() - 4;

@@ -263,3 +263,96 @@ fn files_of_very_many_attributes_are_refused_or_read_in_time_that_grows_with_the
         assert!(ignored.len() < 300 && ignored.last().unwrap().contains("more attributes"), "{name}");
     }
 }
+#[test]
+fn elements_of_a_ply_file_without_bytes_take_no_time() {
+    // Each claims as many entries as there are bytes: 10¹¹ in all.
+    let elements: String = (0..100_000).map(|i| format!("element e{i} 1000000\n")).collect();
+    let head = format!("ply\nformat binary_little_endian 1.0\n{elements}");
+    let vertex = "element vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    let bytes = [head.as_bytes(), vertex.as_bytes(), &[0; 1_000_000]].concat();
+    assert_eq!(import("a.ply", &bytes).unwrap().stream.len(), 1);
+}
+
+#[test]
+fn arrays_of_a_vtu_file_that_share_their_bytes_read_no_more_than_they_hold() {
+    // Each array unpacks the same bytes, 10¹⁰ in all: parts that hold nothing, or one part of blocks that hold nothing.
+    const LENGTH: usize = 3 << 20;
+    let file = |appended: &[u8]| {
+        let array = |tag: &str, components: u32, offset: usize| {
+            format!(
+                "<DataArray type=\"Float32\" NumberOfComponents=\"{components}\" Name=\"{tag}\" format=\"appended\" offset=\"{offset}\"/>"
+            )
+        };
+        let arrays: String = (0..4000).map(|i| array(&format!("a{i}"), 1, 64)).collect();
+        let points = array("p", 3, 0);
+        let head = "<VTKFile type=\"PolyData\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\"><Piece NumberOfPoints=\"1\">";
+        let xml = format!(
+            "{head}<Points>{points}</Points><PointData>{arrays}</PointData></Piece><AppendedData encoding=\"raw\">_"
+        );
+        [xml.as_bytes(), appended].concat()
+    };
+    let words = |numbers: &[u64]| numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>();
+    let zlib = |bytes: &[u8]| {
+        let mut encoder = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+        std::io::Write::write_all(&mut encoder, bytes).unwrap();
+        encoder.finish().unwrap()
+    };
+    let packed = zlib(&[0; 12]);
+    let mut points = words(&[1, 12, 12, packed.len() as u64]);
+    points.extend(packed);
+    points.resize(64, 0);
+    let number = zlib(&[0; 4]);
+    let good = [&points[..], &words(&[1, 4, 4, number.len() as u64]), &number].concat();
+    assert_eq!(import("a.vtu", &file(&good)).unwrap().stream.channels().len(), 4001);
+    let (nothing, parts) = (zlib(&[]), LENGTH / 16);
+    let lengths = [vec![nothing.len() as u64; parts - 1], vec![number.len() as u64]].concat();
+    let empty =
+        [&points[..], &words(&[parts as u64, 0, 4]), &words(&lengths), &nothing.repeat(parts - 1), &number]
+            .concat();
+    // The last block and the checksum of what it holds.
+    let end = [1, 4, 0, 0xfb, 0xff, 0, 0, 0, 0, 0, 4, 0, 1];
+    let blocks = [&[0x78, 1][..], &[0, 0, 0, 0xff, 0xff].repeat(LENGTH / 5), &end].concat();
+    let long = [&points[..], &words(&[1, 4, 4, blocks.len() as u64]), &blocks].concat();
+    for (bytes, found) in [(empty, "parts of 0 bytes"), (long, "a part of 3145740 bytes")] {
+        let message = import("a.vtu", &file(&bytes)).unwrap_err().to_string();
+        assert!(message.contains(found), "{message}");
+    }
+}
+
+#[test]
+fn grids_of_a_volume_do_not_share_their_metadata() {
+    let number = |out: &mut Vec<u8>, number: u32| out.extend(number.to_le_bytes());
+    let text = |out: &mut Vec<u8>, text: &str| {
+        out.extend((text.len() as u32).to_le_bytes());
+        out.extend(text.as_bytes());
+    };
+    let mut file = b" BDV\0\0\0\0".to_vec();
+    [224, 6, 2].iter().for_each(|&version| number(&mut file, version));
+    file.push(1);
+    file.extend([b'0'; 36]);
+    // The file's metadata hold what every grid takes for its own: compression, and a class of 100 kB.
+    number(&mut file, 1);
+    text(&mut file, "shared");
+    text(&mut file, "string");
+    let mut shared = Vec::new();
+    number(&mut shared, 0);
+    number(&mut shared, 1);
+    ["class", "string"].iter().for_each(|word| text(&mut shared, word));
+    text(&mut shared, &"c".repeat(100_000));
+    number(&mut file, shared.len() as u32);
+    let place = file.len() as u64;
+    file.extend(&shared);
+    number(&mut file, 2000);
+    for grid in 0..2000 {
+        text(&mut file, &format!("g{grid}"));
+        text(&mut file, "Tree_float_5_4_3");
+        text(&mut file, "");
+        let end = file.len() as u64 + 24;
+        [place, place, end].iter().for_each(|place| file.extend(place.to_le_bytes()));
+    }
+    let mut refused = None;
+    let took = allocation_counter::measure(|| refused = parse_level_set("a.vdb", &file, None).err());
+    let refused = refused.expect("it is no level set").to_string();
+    assert!(refused.contains("a grid in front of its descriptor"), "{refused}");
+    assert!(took.bytes_max <= FIXED + PER_BYTE * file.len() as u64, "{} bytes", took.bytes_max);
+}

@@ -73,7 +73,6 @@ pub(super) fn read(bytes: &mut Bytes) -> Result<Vec<Entry>, ImportError> {
     let mut entries: Vec<Entry> = Vec::new();
     let mut names = HashSet::new();
     for _ in 0..count {
-        let start = bytes.at;
         let name = bytes.text("a grid's name")?;
         let kind = bytes.text("a grid's type")?;
         let shared = !bytes.text("the grid whose tree it shares")?.is_empty();
@@ -85,7 +84,12 @@ pub(super) fn read(bytes: &mut Bytes) -> Result<Vec<Entry>, ImportError> {
         if !names.insert(name.clone()) {
             return Err(bytes.malformed(format!("two grids named {name:?}"), "a name for each"));
         }
+        // A grid lies behind its descriptor and ends before the next: else many could share the same metadata, whose text is kept.
+        let after = bytes.at;
         bytes.seek(grid, "a grid")?;
+        if bytes.at < after {
+            return Err(bytes.malformed("a grid in front of its descriptor", "grids one after the other"));
+        }
         let compression = bytes.u32("a grid's compression")?;
         if compression & !(ZIP | ACTIVE_MASK | BLOSC) != 0 {
             return Err(bytes.malformed(format!("compression {compression}"), "0 to 7"));
@@ -93,7 +97,7 @@ pub(super) fn read(bytes: &mut Bytes) -> Result<Vec<Entry>, ImportError> {
         let (class, half) = metadata(bytes)?;
         let transform = bytes.at;
         bytes.seek(end, "the end of a grid")?;
-        if bytes.at <= start {
+        if bytes.at < transform {
             return Err(bytes.malformed("a grid that ends before it begins", "grids one after the other"));
         }
         let (kind, is_half) = match kind.strip_suffix("_HalfFloat") {

@@ -83,6 +83,20 @@ pub fn read_level_set(path: &Path) -> Result<LevelSet, ImportError> {
     LevelSetFile::open(path, None)?.level_set()
 }
 
+/// Reads a level set from bytes as from a file of this name, within `max_memory` [bytes].
+///
+/// # Errors
+/// As [`read_level_set`]; [`ImportError::OverMemory`] if it takes more.
+#[cfg(all(feature = "cli", any(test, feature = "fuzzing")))]
+pub(crate) fn parse_level_set(
+    name: &str,
+    bytes: &[u8],
+    max_memory: Option<u64>,
+) -> Result<LevelSet, ImportError> {
+    let path = Path::new(name);
+    parse(path, bytes, &MemoryBudget::new(path, bytes.len() as u64, max_memory)?)
+}
+
 /// Reads the level set of a file's bytes.
 fn parse(path: &Path, all: &[u8], budget: &MemoryBudget) -> Result<LevelSet, ImportError> {
     let mut bytes = Bytes { path, all, at: 0 };

@@ -150,13 +150,21 @@ impl Coding<'_> {
             parts.checked_sub(1).and_then(|parts| parts.checked_mul(whole)?.checked_add(last))
         };
         same_length(total.unwrap_or(u64::MAX), length)?;
+        if whole == 0 && parts > 1 {
+            return Err((format!("{parts} parts of 0 bytes"), "parts that hold something".into()));
+        }
         source.require(parts.saturating_mul(self.word as u64))?;
         let sizes = (0..parts).map(|_| self.head(&mut source)).collect::<Result<Vec<u64>, _>>()?;
         let mut block = Vec::new();
         for (part, size) in sizes.into_iter().enumerate() {
+            let whole = if part as u64 + 1 == parts && last > 0 { last } else { whole };
+            // Arrays may share their bytes: what each reads has to be in proportion to what it holds.
+            let max = max_packed(whole);
+            if size > max {
+                return Err((format!("a part of {size} bytes"), format!("at most {max} for {whole} bytes")));
+            }
             source.require(size)?;
             let packed = source.take(size as usize)?;
-            let whole = if part as u64 + 1 == parts && last > 0 { last } else { whole };
             let before = block.len();
             let unpacked =
                 flate2::read::ZlibDecoder::new(&packed[..]).take(whole + 1).read_to_end(&mut block);
@@ -182,6 +190,11 @@ impl Coding<'_> {
             u64::from_le_bytes(wide)
         })
     }
+}
+
+/// The largest length that zlib packs so many bytes to, with slack: stored blocks take 5 bytes each, head and checksum 6.
+fn max_packed(length: u64) -> u64 {
+    length.saturating_add(length / 8).saturating_add(256)
 }
 
 fn same_length(found: u64, expected: usize) -> Result<(), Mismatch> {

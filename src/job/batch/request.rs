@@ -1,6 +1,7 @@
 //! A request of a batch of frames, for any product.
 
 use crate::{
+    cache::CacheError,
     job::{RunError, memory::refuse_memory},
     preset::Frames,
 };
@@ -60,13 +61,17 @@ impl BatchRequest {
 /// alone.
 ///
 /// # Errors
-/// All others of the reader; also [`RunError::OverMemory`] if the frame is alone.
+/// All others of the reader; also that it takes more memory than allowed, if the frame is alone.
 pub(crate) fn within_reserve<T, E: Into<RunError>>(
     reserved: Option<u64>,
     read: Result<T, E>,
 ) -> Result<Option<T>, RunError> {
     match read.map_err(Into::into) {
-        Err(RunError::OverMemory { .. }) if reserved.is_some() => Ok(None),
+        Err(RunError::OverMemory { .. } | RunError::Cache(CacheError::OverMemory { .. }))
+            if reserved.is_some() =>
+        {
+            Ok(None)
+        }
         read => read.map(Some),
     }
 }

@@ -5,7 +5,7 @@ use crate::{
     control::printable,
     frame::{Frame, FrameIndex, SPACING_RANGE, Stream, StreamKind},
     import::{ImportError, ParticleFile, Sequence},
-    job::{Manifest, RunError, ShotFolder, memory::refuse_memory},
+    job::{Manifest, RunError, ShotFolder},
     preset::Frames,
 };
 use std::path::{Path, PathBuf};
@@ -108,7 +108,7 @@ impl Source<'_> {
     /// Reads the frame `index` from `path`, as far as that takes at most `max_memory` [bytes]; a particle file is not unpacked yet.
     ///
     /// # Errors
-    /// If it cannot be read; [`RunError::OverMemory`] if it takes more.
+    /// If it cannot be read, or takes more.
     pub(crate) fn open(
         &self,
         path: &Path,
@@ -117,11 +117,7 @@ impl Source<'_> {
     ) -> Result<OpenedFrame, RunError> {
         match *self {
             Self::Cache(_) => {
-                // Columns of equal numbers take a file of a thousandth of their memory: only the header states it.
-                if let Some(allowed) = max_memory {
-                    refuse_memory(cache::read_header(path)?.unpacked_bytes(), allowed)?;
-                }
-                let (frame, info) = cache::read_frame(path)?;
+                let (frame, info) = cache::read_frame_within(path, max_memory)?;
                 let header = |stream: &Stream| StreamHeader {
                     name: stream.name.clone(),
                     kind: stream.kind,

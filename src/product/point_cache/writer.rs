@@ -98,7 +98,7 @@ fn point_caches(
     let (title, fps) = source.title(out, request.fps)?;
     let numbers: Vec<u32> = frames.span.numbers().collect();
     let mut ledger = Ledger::new(out, &PointCache, control)?;
-    let ended = write_caches(&frames, &numbers, out, thickness, request.force, &mut ledger, control);
+    let ended = write_caches(&frames, &numbers, out, thickness, request, &mut ledger, control);
     failed.into_iter().for_each(|failed| ledger.add_failed(failed));
     ledger.finish(&title, fps, &numbers, ended, control)
 }
@@ -111,6 +111,8 @@ struct SheetFrames {
     files: BTreeMap<u32, (PathBuf, u64)>,
     /// The streams of the sheets' points.
     streams: Vec<String>,
+    /// The memory that the columns of a frame may take [bytes].
+    max_memory: Option<u64>,
 }
 
 impl SheetFrames {
@@ -130,7 +132,8 @@ impl SheetFrames {
         let simulation = source.simulation()?;
         let verified = |path: &PathBuf| {
             let info = cache::verify_frame(path)?;
-            simulation.map_or(Ok(()), |key| info.expect_key(path, key)).map(|()| info)
+            simulation.map_or(Ok(()), |key| info.expect_key(path, key))?;
+            info.expect_memory(path, request.max_memory).map(|()| info)
         };
         for frame in span.numbers() {
             let (why, kind) = match present.get(&frame).map(|path| (path, verified(path))) {
@@ -157,7 +160,7 @@ impl SheetFrames {
         match (files.is_empty(), streams.is_empty()) {
             (true, _) => Err(RunError::SomeFailed { requested: failed.len(), failed }),
             (_, true) => Err(RunError::Request(NO_SHEETS.into())),
-            _ => Ok((Self { span, files, streams }, failed)),
+            _ => Ok((Self { span, files, streams, max_memory: request.max_memory }, failed)),
         }
     }
 
@@ -177,7 +180,7 @@ impl SheetFrames {
 
     /// The mesh of a sheet in a frame.
     fn mesh(&self, stream: &str, frame: u32, thickness: Option<f32>) -> Result<Mesh, RunError> {
-        let (found, _) = cache::read_frame(self.nearest(frame))?;
+        let (found, _) = cache::read_frame_within(self.nearest(frame), self.max_memory)?;
         let mesh = found.stream(stream).and_then(|stream| sheet_mesh(stream, &found.streams, thickness));
         mesh.ok_or_else(|| RunError::Request(format!("frame {}: {MISSING_PARTS}", FrameIndex(frame))))
     }
@@ -188,7 +191,7 @@ fn write_caches(
     numbers: &[u32],
     out: &ShotFolder,
     thickness: Option<f32>,
-    force: bool,
+    request: &BatchRequest,
     ledger: &mut Ledger<'_>,
     control: Control,
 ) -> Result<(), RunError> {
@@ -205,7 +208,7 @@ fn write_caches(
             samples: numbers.len(),
         };
         let files = [&output.pattern, output.rest.as_ref().expect("it has a mesh")].map(String::clone);
-        if !force && records.confirm(out, &files, key) {
+        if !request.force && records.confirm(out, &files, key) {
             ledger.add_sequence(output, numbers, None, control)?;
             continue;
         }

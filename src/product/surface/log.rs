@@ -12,6 +12,7 @@ use crate::{
     job::{
         RunError, ShotFolder,
         file_records::{hex, path, read_lines},
+        is_file_name,
         tradeoff::figure,
     },
     mesh::{MeshCheck, Surface, SurfaceStats},
@@ -118,7 +119,9 @@ impl MeshRecord {
     /// Whether the mesh is still in the folder.
     fn is_present(&self, folder: &ShotFolder) -> bool {
         let key = u64::from_str_radix(&self.key, 16).ok();
+        // The line may name any file as a mesh.
         key.is_some()
+            && is_file_name(&self.name)
             && MeshFormat::ALL.into_iter().any(|format| {
                 let file = format!("{}_{}.{}", self.name, self.frame, format.extension());
                 format.key_in(&folder.subfolder(MESH_FOLDER).join(file)) == key
@@ -307,6 +310,13 @@ mod tests {
         append(&line(&newer));
         append("{\"frame\":3,\"na");
         let expected = [records[0].clone(), newer, records[2].clone()];
+        assert_eq!(read(&folder).unwrap(), expected);
+
+        // The name of a mesh in a line leads to no file elsewhere.
+        let outside = dir.path().join("outside_0005.obj");
+        MeshFormat::Obj.write(&Mesh::default(), &outside, 5).unwrap();
+        let (frame, key) = (FrameIndex(5), format!("{:016x}", 5));
+        append(&line(&MeshRecord { frame, key, name: "../outside".into(), ..records[0].clone() }));
         assert_eq!(read(&folder).unwrap(), expected);
         let figures = records[0].figures(&SurfaceStats::default());
         assert!(figures.contains_key("unseen_particles") && !figures.contains_key("frame"), "{figures:?}");

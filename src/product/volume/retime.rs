@@ -103,7 +103,9 @@ pub(super) fn retime(
     let simulation = Source::Cache(folder).simulation()?;
     let replay = Replay::new(smoke.clone(), world)?;
     let drifting = retime.reseed.then(|| (replay.seeded(), 0.0));
-    let mut player = Player { present: &present, simulation, replay, loaded: BTreeMap::new(), drifting };
+    let loaded = BTreeMap::new();
+    let max_memory = request.max_memory;
+    let mut player = Player { present: &present, simulation, max_memory, replay, loaded, drifting };
     let (title, fps) = Source::Cache(folder).title(out, smoke.fps)?;
     let mut ledger = Ledger::new(out, &VolumeFile, control)?;
     control.reporter.begin(VolumeFile.name(), numbers.len());
@@ -161,6 +163,8 @@ fn ends(present: &[(FrameIndex, PathBuf)]) -> Result<(u32, u32), RunError> {
 /// A cached frame in memory.
 struct LoadedFrame {
     frame: Frame,
+    /// The memory of its columns [bytes].
+    bytes: u64,
     /// The simulation's key.
     key: u64,
     /// `None` as long as it is not needed.
@@ -172,6 +176,8 @@ struct Player<'a> {
     present: &'a [(FrameIndex, PathBuf)],
     /// The key of the simulation that the frames have to be of.
     simulation: Option<u64>,
+    /// The memory that the cached frames may take together [bytes].
+    max_memory: Option<u64>,
     replay: Replay,
     /// The cached frames in memory, by their distance from the first.
     loaded: BTreeMap<usize, LoadedFrame>,
@@ -232,9 +238,12 @@ impl Player<'_> {
         for number in number..=number + usize::from(next) {
             if !self.loaded.contains_key(&number) {
                 let path = &self.present[number].1;
-                let (frame, info) = cache::read_frame(path)?;
+                let taken = self.loaded.values().map(|loaded| loaded.bytes).sum();
+                let left = self.max_memory.map(|allowed| allowed.saturating_sub(taken));
+                let (frame, info) = cache::read_frame_within(path, left)?;
                 self.simulation.map_or(Ok(()), |key| info.expect_key(path, key))?;
-                self.loaded.insert(number, LoadedFrame { frame, key: info.key, air: None });
+                let bytes = info.unpacked_bytes();
+                self.loaded.insert(number, LoadedFrame { frame, bytes, key: info.key, air: None });
             }
             let loaded = self.loaded.get_mut(&number).expect("it was inserted");
             if with_air && loaded.air.is_none() {

@@ -52,7 +52,7 @@ impl Jobs for RunJobs {
         force: bool,
         control: Control,
     ) -> Result<usize, RunError> {
-        simulate::simulate(scene, shot, frames, force, control).map(|done| done.kept)
+        simulate::simulate(scene, shot, frames, force, None, control).map(|done| done.kept)
     }
 
     fn sample_products(

@@ -2,6 +2,7 @@
 
 use crate::{
     cache,
+    control::printable_path,
     frame::{FrameIndex, Stream, StreamKind},
     import::ParticleFile,
     job::{RunError, batch::Source},
@@ -24,6 +25,8 @@ pub(crate) struct Sample {
     pub(crate) path: PathBuf,
     /// The stream's place in a cached frame; `None` of a particle file.
     pub(crate) stream: Option<usize>,
+    /// The memory that the file may take when it is read [bytes].
+    pub(crate) max_memory: Option<u64>,
 }
 
 /// The particles of some frames that are there, stream by stream; none may take more than `max_memory` [bytes].
@@ -45,7 +48,7 @@ pub(super) fn samples(
             let spacing = known.spacing.map_err(|why| RunError::Request(format!("frame {frame}: {why}")))?;
             let (particles, state, path) = (stream.len(), known.state, path.clone());
             let stream = matches!(source, Source::Cache(_)).then_some(place);
-            samples.push(Sample { frame, particles, spacing, state, path, stream });
+            samples.push(Sample { frame, particles, spacing, state, path, stream, max_memory });
         }
     }
     Ok(samples)
@@ -55,8 +58,19 @@ impl Sample {
     /// Reads the particles.
     pub(super) fn read(&self) -> Result<Stream, RunError> {
         match self.stream {
-            Some(place) => Ok(cache::read_frame(&self.path)?.0.streams.swap_remove(place)),
-            None => Ok(ParticleFile::open(&self.path, None)?.particles()?.stream),
+            // Another file may have taken the place of the one that was sampled.
+            Some(place) => {
+                let (mut frame, _) = cache::read_frame_within(&self.path, self.max_memory)?;
+                if place >= frame.streams.len() {
+                    let path = printable_path(&self.path);
+                    return Err(RunError::Request(format!(
+                        "{path}: found {} streams, expected the frame that was there before; run the same command again",
+                        frame.streams.len()
+                    )));
+                }
+                Ok(frame.streams.swap_remove(place))
+            }
+            None => Ok(ParticleFile::open(&self.path, self.max_memory)?.particles()?.stream),
         }
     }
 }
