@@ -22,6 +22,7 @@ impl Shape {
             Self::Tank { .. } => "tank",
             Self::Torus { .. } => "torus",
             Self::Ellipsoid { .. } => "ellipsoid",
+            Self::Disc { .. } => "disc",
             Self::Mesh(_) => "mesh",
         }
     }
@@ -44,6 +45,7 @@ impl Shape {
                 let [a, b, c] = radii.map(|radius| radius.powf(POWER));
                 4.0 * PI * ((a * b + b * c + c * a) / 3.0).powf(1.0 / POWER)
             }
+            Shape::Disc { radius, thickness, .. } => 2.0 * PI * radius * (radius + thickness),
             Shape::Mesh(mesh) => sampled(mesh),
         }
     }
@@ -67,6 +69,7 @@ impl Shape {
             Shape::Ellipsoid { radii, .. } => {
                 4.0 / 3.0 * PI * radii.iter().map(|&radius| length_of(radius)).product::<f64>()
             }
+            Shape::Disc { radius, thickness, .. } => PI * length_of(*radius).powi(2) * length_of(*thickness),
             Shape::Plane { .. } | Shape::Tank { .. } | Shape::Mesh(_) => 0.0,
         }
     }
@@ -103,6 +106,7 @@ mod tests {
             (Shape::Torus { center, axis: center, radius: 2.0, tube: 0.5 }, PI * PI),
             (Shape::Torus { center, axis: center, radius: 2.0, tube: -0.5 }, 0.0),
             (Shape::Ellipsoid { center, radii: [1.0, 2.0, 3.0] }, 8.0 * PI),
+            (Shape::Disc { center, normal: center, radius: 2.0, thickness: 0.5 }, 2.0 * PI),
             (Shape::Ellipsoid { center, radii: [-1.0, -2.0, 3.0] }, 0.0),
         ] {
             assert!((shape.volume() - exact).abs() < 1e-6, "{shape:?}: {}", shape.volume());
@@ -124,6 +128,7 @@ mod tests {
             (Shape::Sphere { center: from, radius: 0.5 }, PI, 1e-6),
             (Shape::Capsule { from, to, radius: 0.01 }, PI * 0.02 * 5.02, 1e-6),
             (Shape::Torus { center: from, axis: to, radius: 2.0, tube: 0.1 }, 0.8 * PI * PI, 1e-6),
+            (Shape::Disc { center: from, normal: to, radius: 0.5, thickness: 0.1 }, 0.6 * PI, 1e-6),
             (ellipsoid([3.0, 1.0, 3.0]), oblate, 0.011),
             (ellipsoid([1.0, 1.0, 3.0]), prolate, 0.011),
         ] {

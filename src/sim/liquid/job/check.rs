@@ -70,13 +70,13 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
             .with_help("raise `max_substeps` or lower `min_substeps`; both have defaults"),
         );
     }
-    if liquid.source.is_empty() {
+    if liquid.source.is_empty() && liquid.emitter.is_empty() {
         findings.push(
             Finding::new(
                 places.of("liquid.source"),
                 "liquid.source",
-                "the liquid has no source, so there is nothing to simulate",
-                "expected at least one `[[liquid.source]]`",
+                "the liquid has no source and no emitter, so there is nothing to simulate",
+                "expected at least one `[[liquid.source]]` or `[[liquid.emitter]]`",
             )
             .with_help(
                 "add `[[liquid.source]]` with `shape = { box = { min = [0, 0, 0], max = [1, 1, 1] } }`",

@@ -11,7 +11,7 @@ use crate::{
     sim::{
         SeedReport, Simulation,
         forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast, failures},
-        liquid::{LiquidParams, NAME},
+        liquid::{LiquidParams, NAME, inflow::emitted_particles},
         scene::Scene,
     },
     solid::Collider,
@@ -55,10 +55,15 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
     particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + terms)
 }
 
-/// The particles of a seeded liquid.
-pub(super) fn counts(seeds: &SeedReport) -> Vec<ElementCount> {
-    let count = |particles: u32| ElementCount::constant("particles", StreamKind::Particles, particles.into());
-    seeds.liquid.iter().map(|seeds| count(seeds.particles)).collect()
+/// The particles of a seeded liquid at the shot's start and at its end, if nothing leaves.
+pub(super) fn counts(scene: &Scene, liquid: Option<&LiquidParams>, seeds: &SeedReport) -> Vec<ElementCount> {
+    let emitted = |liquid: &LiquidParams| emitted_particles(liquid, scene.timeline(), scene.seconds());
+    let emitted = liquid.map_or(0.0, emitted);
+    let count = |start: f64| ElementCount {
+        end: start + emitted,
+        ..ElementCount::constant("particles", StreamKind::Particles, start)
+    };
+    seeds.liquid.iter().map(|seeds| count(seeds.particles.into())).collect()
 }
 
 /// Forecasts a liquid, and what is advanced together with it.
@@ -67,7 +72,7 @@ pub(super) fn counts(seeds: &SeedReport) -> Vec<ElementCount> {
 /// As [`System::forecast`](crate::sim::system::System::forecast).
 pub(super) fn forecast(job: &ForecastJob, liquid: &LiquidParams) -> Result<SystemForecast, RunError> {
     let simulation = Simulation::new(job.scene.surroundings(), job.scene.systems_sharing_substeps())?;
-    let counts = counts(&simulation.seeded());
+    let counts = counts(job.scene, Some(liquid), &simulation.seeded());
     let particles = counts.iter().map(|count| count.end as usize).sum();
     let shot = Shot::new(job, liquid, particles);
 
