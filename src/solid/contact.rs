@@ -117,7 +117,9 @@ impl Shape {
             Self::Capsule { from, to, radius } => vec3(from).norm().max(vec3(to).norm()) + radius,
             Self::Torus { center, radius, tube, .. } => vec3(center).norm() + radius + tube,
             Self::Ellipsoid { center, radii } => vec3(center).norm() + vec3(radii).max(),
-            Self::Disc { center, radius, thickness, .. } => vec3(center).norm() + (radius * radius + 0.25 * thickness * thickness).sqrt(),
+            Self::Disc { center, radius, thickness, .. } => {
+                vec3(center).norm() + (radius * radius + 0.25 * thickness * thickness).sqrt()
+            }
             Self::Mesh(mesh) => mesh.corners().iter().map(|corner| corner.norm()).fold(0.0, f32::max),
         }
     }
@@ -439,9 +441,8 @@ mod tests {
                     c + (u * cos + v * sin) * r + w * along
                 };
                 let part = |j: i32| j as f32 / n as f32;
-                let faces = grid().flat_map(|(i, j)| {
-                    [-0.5, 0.5].map(|side| at(i, radius * part(j), side * thickness))
-                });
+                let faces = grid()
+                    .flat_map(|(i, j)| [-0.5, 0.5].map(|side| at(i, radius * part(j), side * thickness)));
                 let rim = grid().map(|(i, j)| at(i, radius, (part(j) - 0.5) * thickness));
                 let points = faces.chain(rim).collect();
                 let inside = move |x: Vec3| {

@@ -14,8 +14,8 @@ use meniscus::{
 const SPACING: f32 = 0.02;
 
 fn systems(text: &str, fps: f64) -> Systems {
-    let liquid: LiquidParams =
-        toml::from_str(&format!("spacing = {SPACING}\n{text}")).unwrap_or_else(|error| panic!("{error}\n{text}"));
+    let liquid: LiquidParams = toml::from_str(&format!("spacing = {SPACING}\n{text}"))
+        .unwrap_or_else(|error| panic!("{error}\n{text}"));
     Systems { liquid: Some(liquid), timeline: Timeline { fps, first: 1 }, ..Systems::default() }
 }
 
@@ -32,7 +32,8 @@ struct Run {
 
 impl Run {
     fn new(text: &str, fps: f64, world: World) -> Self {
-        let simulation = Simulation::new(world, systems(text, fps)).unwrap_or_else(|error| panic!("{error}\n{text}"));
+        let simulation =
+            Simulation::new(world, systems(text, fps)).unwrap_or_else(|error| panic!("{error}\n{text}"));
         Self { simulation, fps, records: Vec::new() }
     }
 
@@ -98,12 +99,16 @@ fn the_emitted_volume_is_that_of_the_rate_for_any_time_step() {
     // Rates that divide by a layer a frame and rates that do not; frames and substeps of any length.
     for (fps, substeps) in [(24.0, 8), (30.0, 3), (17.3, 11)] {
         for rate in [0.012, 0.0371, 0.1] {
-            let text = format!("min_substeps = {substeps}\n[[emitter]]\n{DISC}\nrate = {rate}\n[[outflow]]\nshape = {{ plane = {{ point = [0.3, 0, 0], normal = [-1, 0, 0] }} }}");
+            let text = format!(
+                "min_substeps = {substeps}\n[[emitter]]\n{DISC}\nrate = {rate}\n[[outflow]]\nshape = {{ plane = {{ point = [0.3, 0, 0], normal = [-1, 0, 0] }} }}"
+            );
             let mut run = Run::new(&text, fps, world(0.0, vec![]));
             let frames = (4.0 * fps) as usize;
             run.to(1 + frames);
-            let (volume, expected) =
-                (run.sum(|flow| flow.emitted[0]) as f64 * f64::from(SPACING).powi(3), rate * frames as f64 / fps);
+            let (volume, expected) = (
+                run.sum(|flow| flow.emitted[0]) as f64 * f64::from(SPACING).powi(3),
+                rate * frames as f64 / fps,
+            );
             // Half a layer is the finest that a lattice can resolve.
             let layer = 137.0 * f64::from(SPACING).powi(3);
             let bound = (0.005 * expected).max(0.5 * layer);
@@ -215,7 +220,9 @@ fn the_balance_of_particles_is_exact_and_their_exits_are_counted() {
 
 #[test]
 fn particles_that_leave_through_a_closed_side_have_left_by_accident() {
-    let text = format!("[[emitter]]\n{DISC}\nvelocity = [2, 0, 0]\n[domain]\nmin = [-1, -1, -1]\nmax = [0.3, 1, 1]\nopen = ['x_min', 'z_min']");
+    let text = format!(
+        "[[emitter]]\n{DISC}\nvelocity = [2, 0, 0]\n[domain]\nmin = [-1, -1, -1]\nmax = [0.3, 1, 1]\nopen = ['x_min', 'z_min']"
+    );
     let mut run = Run::new(&text, 24.0, world(0.0, vec![]));
     run.to(12);
     assert!(run.sum(|flow| flow.left_by_accident) > 1000);
@@ -300,7 +307,8 @@ fn what_a_nozzle_cannot_emit_is_counted() {
     let (emitted, blocked) = (wall.sum(|flow| flow.emitted[0]), wall.sum(|flow| flow.blocked_by_liquid[0]));
     assert!(wall.sum(|flow| flow.released_early) > 50 && blocked > 0, "{emitted} emitted, {blocked} blocked");
     assert!(wall.simulation.seeded().liquid.unwrap().nozzles[0].at_wall > 50);
-    let speeds = wall.frame().streams[0].vec3("velocity").unwrap().iter().map(|v| v.norm()).fold(0.0, f32::max);
+    let speeds =
+        wall.frame().streams[0].vec3("velocity").unwrap().iter().map(|v| v.norm()).fold(0.0, f32::max);
     assert!(speeds < 12.0, "{speeds} m/s");
 
     let mut two = Run::new(&format!("{emitter}{emitter}"), 24.0, world(0.0, vec![]));
@@ -309,7 +317,9 @@ fn what_a_nozzle_cannot_emit_is_counted() {
     assert!(first > 3000 && second == 0, "{first} and {second}");
     assert_eq!(two.sum(|flow| flow.blocked_by_liquid[1]), first);
 
-    let fast = format!("max_substeps = 4\n[[emitter]]\n{DISC}\nvelocity = [20, 0, 0]\n[[outflow]]\nshape = {{ plane = {{ point = [3, 0, 0], normal = [-1, 0, 0] }} }}");
+    let fast = format!(
+        "max_substeps = 4\n[[emitter]]\n{DISC}\nvelocity = [20, 0, 0]\n[[outflow]]\nshape = {{ plane = {{ point = [3, 0, 0], normal = [-1, 0, 0] }} }}"
+    );
     let mut fast = Run::new(&fast, 24.0, world(0.0, vec![]));
     fast.to(10);
     let volume = fast.sum(|flow| flow.emitted[0]) as f64 * f64::from(SPACING).powi(3);

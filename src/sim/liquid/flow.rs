@@ -1,8 +1,6 @@
 //! Inflow and outflow in the liquid's state, frames and records.
 
-use super::{
-    FlowRecord, FlowTotals, Liquid, LiquidRecord, NAME, outflow::Outflow,
-};
+use super::{FlowRecord, FlowTotals, Liquid, LiquidRecord, NAME, outflow::Outflow};
 use crate::{
     frame::Stream,
     sim::{SetupError, Timeline},

@@ -1,8 +1,6 @@
 //! Forces between the prediction and the density solve of a substep: viscosity and surface tension.
 
-use super::{
-    Clock, Directions, Liquid, LiquidRecord, Solver, Stop, ViscousStep, Watch, lanes, setup,
-};
+use super::{Clock, Directions, Liquid, LiquidRecord, Solver, Stop, ViscousStep, Watch, lanes, setup};
 
 impl Liquid {
     /// Viscosity over `dt` [s], between two density solves. The first balances gravity with pressure: otherwise walls

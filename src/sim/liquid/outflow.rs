@@ -48,7 +48,8 @@ impl Outflow {
 
     /// The volumes that are on at `time` [s], with their numbers and poses.
     fn open_volumes(&self, time: f64) -> Vec<(u32, &Shape, Pose)> {
-        let pose = |volume: &Volume| volume.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
+        let pose =
+            |volume: &Volume| volume.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
         let volumes = (0..).zip(&self.volumes).filter(|(_, volume)| volume.on.contains(time));
         volumes.map(|(number, volume)| (number, &volume.shape, pose(volume))).collect()
     }

@@ -2,9 +2,9 @@
 
 use super::{
     FlowTotals, Liquid, LiquidChannel, LiquidParams, LiquidSeeds, NAME, ThinSolid, accelerated::Momentum,
-    calibration::RestState, flow::BIRTH, inflow::Inflow, outflow::Outflow, micropolar::Microrotation, record::FRAME_FIGURES, repulsion::Repulsion, seed,
-    solve::Solver, surface_tension::Tension, viscosity::ViscositySolver, vorticity::Confinement,
-    walls::Walls,
+    calibration::RestState, flow::BIRTH, inflow::Inflow, micropolar::Microrotation, outflow::Outflow,
+    record::FRAME_FIGURES, repulsion::Repulsion, seed, solve::Solver, surface_tension::Tension,
+    viscosity::ViscositySolver, vorticity::Confinement, walls::Walls,
 };
 use crate::{
     frame::{Stream, StreamKind},

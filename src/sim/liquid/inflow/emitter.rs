@@ -150,7 +150,10 @@ mod tests {
 
     #[test]
     fn the_emitted_volume_is_that_of_the_rate_for_any_step() {
-        for (shape, rate) in [(BALL, 0.013), ("shape = { disc = { center = [0, 0, 0], normal = [0, 1, 0], radius = 0.07 } }\n", 0.0371)] {
+        for (shape, rate) in [
+            (BALL, 0.013),
+            ("shape = { disc = { center = [0, 0, 0], normal = [0, 1, 0], radius = 0.07 } }\n", 0.0371),
+        ] {
             let direction = if shape == BALL { "direction = [1, 0, -2]\n" } else { "" };
             for steps in [1, 7, 96, 1001] {
                 let mut emitter = emitter(&format!("{shape}{direction}rate = {rate}"));
@@ -164,7 +167,11 @@ mod tests {
                 }
                 let volume = count as f64 * 0.02_f64.powi(3);
                 let layer = emitter.nozzle.columns.len() as f64 * 0.02_f64.powi(3);
-                assert!((volume - rate * seconds).abs() <= 0.501 * layer, "{steps}: {volume} of {}", rate * seconds);
+                assert!(
+                    (volume - rate * seconds).abs() <= 0.501 * layer,
+                    "{steps}: {volume} of {}",
+                    rate * seconds
+                );
             }
         }
     }
@@ -195,7 +202,9 @@ mod tests {
 
     #[test]
     fn an_emitter_that_is_off_has_no_speed() {
-        let emitter = emitter(&format!("{BALL}velocity = [0, 0, -2]\non = [{{ start = 25 }}]\nkeyframes = [{{ frame = 1 }}, {{ frame = 49, position = [2, 0, 0] }}]"));
+        let emitter = emitter(&format!(
+            "{BALL}velocity = [0, 0, -2]\non = [{{ start = 25 }}]\nkeyframes = [{{ frame = 1 }}, {{ frame = 49, position = [2, 0, 0] }}]"
+        ));
         assert_eq!(emitter.max_speed(0.0, 0.9), 0.0);
         assert!((emitter.max_speed(0.9, 1.1) - 3.0).abs() < 1e-6);
         assert_eq!(emitter.flow_length(0.0, 1.5), 1.0);

@@ -88,7 +88,11 @@ impl Inflow {
     ///
     /// # Errors
     /// If the cross-sections need more points than memory is reserved for.
-    pub(super) fn new(params: &LiquidParams, rest: &RestState, timeline: Timeline) -> Result<Option<Self>, SetupError> {
+    pub(super) fn new(
+        params: &LiquidParams,
+        rest: &RestState,
+        timeline: Timeline,
+    ) -> Result<Option<Self>, SetupError> {
         if params.emitter.is_empty() {
             return Ok(None);
         }
@@ -155,7 +159,9 @@ impl Inflow {
                 area: places.len() as f64 * f64::from(self.spacing).powi(2),
                 outline_area: emitter.nozzle.outline_area,
                 in_solids: count(&is_blocked),
-                at_wall: count(&|x| !is_blocked(x) && (1..=PROBES).any(|k| is_blocked(x + ahead * (k as f32 / PROBES as f32)))),
+                at_wall: count(&|x| {
+                    !is_blocked(x) && (1..=PROBES).any(|k| is_blocked(x + ahead * (k as f32 / PROBES as f32)))
+                }),
                 in_outflow: count(&is_removed),
                 max_speed: emitter.max_speed(0.0, f64::INFINITY),
             }
@@ -267,8 +273,12 @@ impl Liquid {
         flow.blocked_by_solids[index] += (wanted - entering.len()) as u64;
 
         // Particles near the places, where they will be.
-        let low = entering.iter().fold(Vec3::repeat(f32::INFINITY), |low, e| low.inf(&e.end)).add_scalar(-spacing);
-        let high = entering.iter().fold(Vec3::repeat(-f32::INFINITY), |high, e| high.sup(&e.end)).add_scalar(spacing);
+        let low =
+            entering.iter().fold(Vec3::repeat(f32::INFINITY), |low, e| low.inf(&e.end)).add_scalar(-spacing);
+        let high = entering
+            .iter()
+            .fold(Vec3::repeat(-f32::INFINITY), |high, e| high.sup(&e.end))
+            .add_scalar(spacing);
         let (mut near, mut in_nozzle) = (Vec::new(), Vec::new());
         for (i, x) in self.x.iter().enumerate() {
             let x = x + self.v[i] * dt;
@@ -292,7 +302,13 @@ impl Liquid {
     }
 
     /// Adds the particles of emitter `index` that enter in a substep from `from` over `dt` [s].
-    fn add_particles(&mut self, index: usize, emitter: &Emitter, entering: &[Entering], [from, dt]: [f64; 2]) {
+    fn add_particles(
+        &mut self,
+        index: usize,
+        emitter: &Emitter,
+        entering: &[Entering],
+        [from, dt]: [f64; 2],
+    ) {
         if entering.is_empty() {
             return;
         }

@@ -188,7 +188,11 @@ mod tests {
                 let found = nozzle.columns.len() as f64 * spacing * spacing;
                 let bound = if spacing < 0.03 { 0.08 } else { 0.2 };
                 assert!((found / area - 1.0).abs() < bound, "{shape:?} {direction:?}: {found} of {area}");
-                assert!((nozzle.outline_area / area - 1.0).abs() < 0.03, "{}: {shape:?}", nozzle.outline_area);
+                assert!(
+                    (nozzle.outline_area / area - 1.0).abs() < 0.03,
+                    "{}: {shape:?}",
+                    nozzle.outline_area
+                );
                 for column in &nozzle.columns {
                     let front: Vec3 = (column.foot - nozzle.direction * column.depth).cast();
                     let distance = f64::from(shape.signed_distance(front));

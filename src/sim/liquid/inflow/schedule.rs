@@ -14,7 +14,8 @@ impl OnTimes {
     /// The times of ranges of frames; without a range, all times.
     pub(in crate::sim::liquid) fn new(ranges: &[FrameRange], timeline: Timeline) -> Self {
         let time = |frame: Option<u32>, default: f64| frame.map_or(default, |frame| timeline.time(frame));
-        let span = |range: &FrameRange| [time(range.start, f64::NEG_INFINITY), time(range.end, f64::INFINITY)];
+        let span =
+            |range: &FrameRange| [time(range.start, f64::NEG_INFINITY), time(range.end, f64::INFINITY)];
         let always = ranges.is_empty().then_some([f64::NEG_INFINITY, f64::INFINITY]);
         Self(ranges.iter().map(span).chain(always).collect())
     }
@@ -26,7 +27,10 @@ impl OnTimes {
 
     /// The parts of the time from `from` to `to` [s] in which it is on.
     fn within(&self, from: f64, to: f64) -> impl Iterator<Item = [f64; 2]> {
-        self.0.iter().map(move |&[start, end]| [start.max(from), end.min(to)]).filter(|[start, end]| start < end)
+        self.0
+            .iter()
+            .map(move |&[start, end]| [start.max(from), end.min(to)])
+            .filter(|[start, end]| start < end)
     }
 }
 
@@ -118,12 +122,16 @@ mod tests {
         ] {
             assert!((always.length(from, to) - expected).abs() < 1e-12, "{from} to {to}");
         }
-        let parts: f64 = (0..1000).map(|k| always.length(f64::from(k) * 0.003, f64::from(k + 1) * 0.003)).sum();
+        let parts: f64 =
+            (0..1000).map(|k| always.length(f64::from(k) * 0.003, f64::from(k + 1) * 0.003)).sum();
         assert!((parts - always.length(0.0, 3.0)).abs() < 1e-12);
         assert_eq!(always.max_speed(0.2, 3.0), 2.0);
         assert_eq!(always.max_speed(2.5, 3.0), 0.5);
-        let ranges = schedule(&format!("{keys}on = [{{ end = 6 }}, {{ start = 21, end = 31 }}, {{ start = 41 }}]"));
-        for (from, to, expected) in [(0.0, 2.0, 0.25), (0.0, 5.0, 0.25 + 0.5 + 0.5), (3.0, 4.0, 0.0), (4.0, 9.0, 2.5)] {
+        let ranges =
+            schedule(&format!("{keys}on = [{{ end = 6 }}, {{ start = 21, end = 31 }}, {{ start = 41 }}]"));
+        for (from, to, expected) in
+            [(0.0, 2.0, 0.25), (0.0, 5.0, 0.25 + 0.5 + 0.5), (3.0, 4.0, 0.0), (4.0, 9.0, 2.5)]
+        {
             assert!((ranges.length(from, to) - expected).abs() < 1e-12, "{from} to {to}");
         }
         assert_eq!((ranges.max_speed(0.6, 1.9), ranges.max_speed(0.0, 0.5)), (0.0, 1.0));

@@ -11,8 +11,8 @@ use crate::{
     sim::{
         Timeline,
         liquid::{
-            FlowRecord, FlowTotals, FrameRange, LiquidEmitter, LiquidParams, LiquidSeeds, NAME, NozzleReport, Side,
-            inflow::emitted_particles,
+            FlowRecord, FlowTotals, FrameRange, LiquidEmitter, LiquidParams, LiquidSeeds, NAME, NozzleReport,
+            Side, inflow::emitted_particles,
         },
         system::CachedFrame,
     },
@@ -28,9 +28,12 @@ const MAX_AREA_DIFFERENCE: f64 = 0.1;
 
 /// The shapes of a liquid's tables, with their dotted keys.
 pub(super) fn shapes(liquid: &LiquidParams) -> impl Iterator<Item = (String, &Shape)> {
-    let sources = liquid.source.iter().enumerate().map(|(i, it)| (format!("liquid.source.{i}.shape"), &it.shape));
-    let emitters = liquid.emitter.iter().enumerate().map(|(i, it)| (format!("liquid.emitter.{i}.shape"), &it.shape));
-    let outflows = liquid.outflow.iter().enumerate().map(|(i, it)| (format!("liquid.outflow.{i}.shape"), &it.shape));
+    let sources =
+        liquid.source.iter().enumerate().map(|(i, it)| (format!("liquid.source.{i}.shape"), &it.shape));
+    let emitters =
+        liquid.emitter.iter().enumerate().map(|(i, it)| (format!("liquid.emitter.{i}.shape"), &it.shape));
+    let outflows =
+        liquid.outflow.iter().enumerate().map(|(i, it)| (format!("liquid.outflow.{i}.shape"), &it.shape));
     sources.chain(emitters).chain(outflows)
 }
 
@@ -68,10 +71,14 @@ pub(super) fn check_flow(
     if findings.is_empty() && bounded {
         let count = emitted_particles(liquid, timeline, seconds);
         if count > MAX_EMITTED {
-            let message = format!("the emitters add about {count:.1e} particles, more than the solver can number ({MAX_EMITTED})");
+            let message = format!(
+                "the emitters add about {count:.1e} particles, more than the solver can number ({MAX_EMITTED})"
+            );
             let label = format!("found {} m between particles", liquid.spacing);
             let finding = Finding::new(places.of("liquid.spacing"), "liquid.spacing", message, label);
-            findings.push(finding.with_help("make `liquid.spacing` larger, the rates smaller, or the shot shorter"));
+            findings.push(
+                finding.with_help("make `liquid.spacing` larger, the rates smaller, or the shot shorter"),
+            );
         }
     }
 }
@@ -123,7 +130,8 @@ fn check_rate(
         ("rate", emitter.rate.is_some()),
         ("rate_keyframes", !emitter.rate_keyframes.is_empty()),
     ];
-    let given: Vec<&str> = given.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name).collect();
+    let given: Vec<&str> =
+        given.into_iter().filter(|(_, is_given)| *is_given).map(|(name, _)| name).collect();
     let mut report = |key: String, message: String, label: String, help: &str| {
         findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
     };
@@ -195,7 +203,9 @@ fn nozzle_warnings(index: usize, nozzle: &NozzleReport, allowed_speed: f64) -> V
     let name = format!("liquid.emitter.{index}");
     let NozzleReport { columns, area, outline_area, in_solids, at_wall, in_outflow, max_speed } = *nozzle;
     if columns == 0 {
-        return vec![format!("{name} emits nothing: its nozzle is narrower than the spacing; enlarge it, or lower liquid.spacing")];
+        return vec![format!(
+            "{name} emits nothing: its nozzle is narrower than the spacing; enlarge it, or lower liquid.spacing"
+        )];
     }
     let mut warnings = Vec::new();
     let difference = area / outline_area - 1.0;
@@ -208,10 +218,15 @@ fn nozzle_warnings(index: usize, nozzle: &NozzleReport, allowed_speed: f64) -> V
             100.0 * difference,
         ));
     }
-    let place = |count: u32| if count == columns { "all".to_owned() } else { format!("{count} of {columns} columns") };
+    let place = |count: u32| {
+        if count == columns { "all".to_owned() } else { format!("{count} of {columns} columns") }
+    };
     for (count, what) in [
         (in_solids, "of it begin in a collider and emit nothing; move it out of the collider"),
-        (at_wall, "of it point at a collider less than a kernel's reach away, which blocks the flow; move it away"),
+        (
+            at_wall,
+            "of it point at a collider less than a kernel's reach away, which blocks the flow; move it away",
+        ),
         (in_outflow, "of it begin in an outflow or outside of the domain, which removes the liquid at once"),
     ] {
         if count > 0 {
@@ -249,7 +264,8 @@ pub(super) fn warnings(flow: &FlowRecord) -> Vec<String> {
 /// The balance of particles in a frame's header; `None` without inflow and outflow.
 fn balance(streams: &[StreamInfo]) -> Option<(FlowTotals, u64)> {
     let stream = streams.iter().find(|stream| stream.name == NAME)?;
-    let scalar = |name: &str| stream.scalars.iter().find(|(key, _)| key == name).map(|&(_, value)| value as u64);
+    let scalar =
+        |name: &str| stream.scalars.iter().find(|(key, _)| key == name).map(|&(_, value)| value as u64);
     let [a, b, c, d] = FlowTotals::NAMES.map(scalar);
     Some((FlowTotals::of([a?, b?, c?, d?]), stream.len))
 }
@@ -296,7 +312,13 @@ mod tests {
 
     #[test]
     fn nozzles_that_cannot_deliver_are_reported() {
-        let good = NozzleReport { columns: 9, area: 0.09, outline_area: 0.092, max_speed: 2.0, ..NozzleReport::default() };
+        let good = NozzleReport {
+            columns: 9,
+            area: 0.09,
+            outline_area: 0.092,
+            max_speed: 2.0,
+            ..NozzleReport::default()
+        };
         let warned = |nozzle: NozzleReport| nozzle_warnings(3, &nozzle, 4.0);
         assert_eq!(warned(good), [""; 0]);
         for (nozzle, words) in [
@@ -305,7 +327,10 @@ mod tests {
             (NozzleReport { in_solids: 9, ..good }, "liquid.emitter.3: all of it begin in a collider"),
             (NozzleReport { at_wall: 2, ..good }, "2 of 9 columns of it point at a collider"),
             (NozzleReport { in_outflow: 1, ..good }, "1 of 9 columns of it begin in an outflow"),
-            (NozzleReport { max_speed: 4.5, ..good }, "is faster (4.5 m/s) than liquid.cfl and liquid.max_substeps allow (4 m/s)"),
+            (
+                NozzleReport { max_speed: 4.5, ..good },
+                "is faster (4.5 m/s) than liquid.cfl and liquid.max_substeps allow (4 m/s)",
+            ),
         ] {
             let warnings = warned(nozzle);
             assert!(warnings.len() == 1 && warnings[0].contains(words), "{words}: {warnings:?}");

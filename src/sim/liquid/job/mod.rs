@@ -72,7 +72,9 @@ impl System for Liquid {
     }
 
     fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {
-        let Some(LiquidParams { source, emitter, outflow, .. }) = &mut scene.liquid else { return Vec::new() };
+        let Some(LiquidParams { source, emitter, outflow, .. }) = &mut scene.liquid else {
+            return Vec::new();
+        };
         let sources = source.iter_mut().map(|source| &mut source.shape);
         let emitters = emitter.iter_mut().map(|emitter| &mut emitter.shape);
         sources.chain(emitters).chain(outflow.iter_mut().map(|outflow| &mut outflow.shape)).collect()
