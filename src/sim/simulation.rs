@@ -251,9 +251,8 @@ fn advance_with_wind(
 
 /// The systems, if there is one.
 fn present(systems: Systems) -> Result<Systems, SetupError> {
-    let Systems { liquid, smoke, sheets, couplings, timeline: _ } = &systems;
-    let is_empty = liquid.is_none() && smoke.is_none() && sheets.is_none() && couplings.is_empty();
-    if is_empty { Err(SetupError::NoSystem) } else { Ok(systems) }
+    let none = Systems { timeline: systems.timeline, ..Systems::default() };
+    if systems == none { Err(SetupError::NoSystem) } else { Ok(systems) }
 }
 
 /// Reports the progress of one system as its part of the frame's.

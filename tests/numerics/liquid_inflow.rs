@@ -109,7 +109,7 @@ fn the_emitted_volume_is_that_of_the_rate_for_any_time_step() {
                 run.sum(|flow| flow.emitted[0]) as f64 * f64::from(SPACING).powi(3),
                 rate * frames as f64 / fps,
             );
-            // Half a layer is the finest that a lattice can resolve.
+            // Half a layer is the finest that a seeding lattice can resolve.
             let layer = 137.0 * f64::from(SPACING).powi(3);
             let bound = (0.005 * expected).max(0.5 * layer);
             assert!((volume - expected).abs() <= bound, "{fps} fps, rate {rate}: {volume} m³ of {expected}");
@@ -309,7 +309,7 @@ fn what_a_nozzle_cannot_emit_is_counted() {
     assert!(wall.simulation.seeded().liquid.unwrap().nozzles[0].at_wall > 50);
     let speeds =
         wall.frame().streams[0].vec3("velocity").unwrap().iter().map(|v| v.norm()).fold(0.0, f32::max);
-    assert!(speeds < 12.0, "{speeds} m/s");
+    assert!(speeds < 60.0, "{speeds} m/s");
 
     let mut two = Run::new(&format!("{emitter}{emitter}"), 24.0, world(0.0, vec![]));
     two.to(12);

@@ -20,6 +20,8 @@ mod correction;
 mod coupled;
 mod density;
 mod density_map;
+mod drain;
+mod emit;
 mod energy;
 mod energy_bound;
 mod faults;

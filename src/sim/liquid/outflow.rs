@@ -5,13 +5,11 @@
 //! *Limits*: a substep moves particles by up to `cfl` spacings, so that they may pass a volume thinner than that.
 
 use super::{
-    Liquid, LiquidOutflow, LiquidParams, LiquidRecord,
-    energy::energy,
+    LiquidOutflow, LiquidParams,
     inflow::{LiquidDomain, OnTimes},
 };
 use crate::{
     math::Vec3,
-    par,
     sim::Timeline,
     solid::{Motion, Pose, Shape},
 };
@@ -19,19 +17,20 @@ use crate::{
 /// The volumes and sides that remove particles.
 #[derive(Debug)]
 pub(super) struct Outflow {
-    volumes: Vec<Volume>,
+    pub(super) volumes: Vec<Volume>,
     domain: Option<LiquidDomain>,
 }
 
+/// A volume that removes particles.
 #[derive(Debug)]
-struct Volume {
+pub(super) struct Volume {
     shape: Shape,
     motion: Option<Motion>,
     on: OnTimes,
 }
 
 /// Number of a particle that stays; others have the number of their exit plus one: volumes, then sides, then none of these.
-const STAYS: u32 = 0;
+pub(super) const STAYS: u32 = 0;
 
 impl Outflow {
     /// The outflow of a preset; `None` without any.
@@ -47,7 +46,7 @@ impl Outflow {
     }
 
     /// The volumes that are on at `time` [s], with their numbers and poses.
-    fn open_volumes(&self, time: f64) -> Vec<(u32, &Shape, Pose)> {
+    pub(super) fn open_volumes(&self, time: f64) -> Vec<(u32, &Shape, Pose)> {
         let pose =
             |volume: &Volume| volume.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
         let volumes = (0..).zip(&self.volumes).filter(|(_, volume)| volume.on.contains(time));
@@ -65,7 +64,7 @@ impl Outflow {
     }
 
     /// The exit of a particle at `x`.
-    fn exit(&self, x: Vec3, volumes: &[(u32, &Shape, Pose)]) -> u32 {
+    pub(super) fn exit(&self, x: Vec3, volumes: &[(u32, &Shape, Pose)]) -> u32 {
         let inside = volumes.iter().find(|(_, shape, pose)| shape.signed_distance(pose.to_local(x)) < 0.0);
         if let Some((number, ..)) = inside {
             return 1 + number;
@@ -87,42 +86,5 @@ impl Outflow {
             return first_side + side as u32;
         }
         if farthest(&mut (0..6)).is_some() { first_side + 6 } else { STAYS }
-    }
-}
-
-impl Liquid {
-    /// Removes particles that have left.
-    pub(super) fn drain(&mut self, record: &mut LiquidRecord) {
-        let Some(outflow) = &self.outflow else { return };
-        let volumes = outflow.open_volumes(self.walls.now());
-        let mut exits = vec![STAYS; self.x.len()];
-        let x = &self.x;
-        par::fill(&mut exits, |i| outflow.exit(x[i], &volumes));
-        let Some(flow) = &mut record.flow else { return };
-        let count = outflow.volumes.len();
-        let (mut removed_x, mut removed_v) = (Vec::new(), Vec::new());
-        for (i, exit) in exits.iter().enumerate() {
-            let Some(exit) = exit.checked_sub(1).map(|exit| exit as usize) else { continue };
-            match exit.checked_sub(count) {
-                None => flow.removed[exit] += 1,
-                Some(side) if side < 6 => flow.left_by_side[side] += 1,
-                Some(_) => flow.left_by_accident += 1,
-            }
-            removed_x.push(self.x[i]);
-            removed_v.push(self.v[i]);
-        }
-        if removed_x.is_empty() {
-            return;
-        }
-        self.first_energy -= energy(&removed_v, &removed_x, self.gravity, self.mass);
-        if let Some(microrotation) = &self.microrotation {
-            let removed = |(spin, exit): (&Vec3, &u32)| (*exit != STAYS).then_some(*spin);
-            let spin: Vec<Vec3> = microrotation.spin.iter().zip(&exits).filter_map(removed).collect();
-            self.first_energy -= microrotation.energy_of(&spin, self.mass);
-        }
-        let is_kept: Vec<bool> = exits.iter().map(|&exit| exit == STAYS).collect();
-        self.compact(&is_kept);
-        self.solver.p.clone_from(&self.x);
-        self.solver.renumber_pins(&self.nozzle);
     }
 }

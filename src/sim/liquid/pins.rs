@@ -1,20 +1,15 @@
 //! Particles whose motion is prescribed: those in the nozzles of emitters.
 //!
-//! *Method*: a pinned particle counts in the densities of its neighbours, which therefore are pushed away from it, and is put back
+//! *Method*: a pinned particle counts in the densities of its neighbours, which therefore are pushed away from it, and is returned to its place
 //! after each correction. Its own constraint is not solved: nothing could satisfy it where a nozzle lies at a wall, and its pressure
-//! would grow with every iteration. The impulse that puts it back does work, as that of a moving solid: impulse times velocity.
+//! would grow with every iteration. The impulse that returns it does work, as that of a moving solid: impulse times velocity.
 
-use super::{Constraint, Liquid, LiquidRecord, density::Multiplier, solve::Solver};
+use super::{
+    Constraint, Liquid, LiquidRecord,
+    density::Multiplier,
+    solve::{Pin, Solver},
+};
 use crate::math::Vec3;
-
-/// A particle with a prescribed position at the end of the substep.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pin {
-    /// Index of the particle.
-    pub(super) particle: u32,
-    /// Its position at the end of the substep [m].
-    pub(super) target: Vec3,
-}
 
 /// Part of the constraint of a pinned particle that is not corrected: all that it can have.
 const EXEMPT: f32 = 1e6;

@@ -19,7 +19,6 @@ use super::{
     },
     lanes::{self, Node},
     pass,
-    pins::Pin,
     setup::{LIST_SKIN, SolverSetup},
 };
 use crate::{
@@ -60,6 +59,15 @@ pub(super) struct Target {
     pub(super) stop: f64,
     /// A substep that ends above is counted as unconverged.
     pub(super) limit: f64,
+}
+
+/// A particle with a prescribed position at the end of the substep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pin {
+    /// Index of the particle.
+    pub(super) particle: u32,
+    /// Its position at the end of the substep [m].
+    pub(super) target: Vec3,
 }
 
 /// State of the solver within a substep.

@@ -65,6 +65,9 @@ impl Liquid {
         let part = self.retained_part();
         if part > 0.0 {
             self.solver.retain(part as f32);
+        } else {
+            // Otherwise particles would stay exempt after they have left a nozzle.
+            self.solver.retained.clear();
         }
     }
 

@@ -20,39 +20,44 @@ use crate::{
 
 /// An emitter with its state.
 #[derive(Clone, Debug)]
-pub(super) struct Emitter {
-    pub(super) nozzle: Nozzle,
+pub(in crate::sim::liquid) struct Emitter {
+    pub(in crate::sim::liquid) nozzle: Nozzle,
     schedule: Schedule,
     motion: Option<Motion>,
     /// Distance of the farthest point of the nozzle from its own origin [m].
     reach: f32,
     spacing: f64,
     /// Number of its first column among those of all emitters.
-    pub(super) first_column: u32,
+    pub(in crate::sim::liquid) first_column: u32,
     /// Length that has flowed [m]: the state.
-    pub(super) length: f64,
+    pub(in crate::sim::liquid) length: f64,
 }
 
 /// What an emitter does in a substep.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct EmitterStep {
+pub(in crate::sim::liquid) struct EmitterStep {
     /// Flow length at the start and at the end [m].
-    pub(super) length: [f64; 2],
+    pub(in crate::sim::liquid) length: [f64; 2],
     /// Poses at the start and at the end.
-    pub(super) pose: [Pose; 2],
+    pub(in crate::sim::liquid) pose: [Pose; 2],
 }
 
-/// A point of the moving lattice.
+/// A point of the moving seeding lattice.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LatticePoint {
+pub(in crate::sim::liquid) struct LayerPoint {
     /// Column, among those of the emitter.
-    pub(super) column: usize,
-    pub(super) layer: i64,
+    pub(in crate::sim::liquid) column: usize,
+    pub(in crate::sim::liquid) layer: i64,
 }
 
 impl Emitter {
     /// The emitter of a preset, with `spacing` [m] between particles; its columns are numbered from `first_column` on.
-    pub(super) fn new(params: &LiquidEmitter, spacing: f64, timeline: Timeline, first_column: u32) -> Self {
+    pub(in crate::sim::liquid) fn new(
+        params: &LiquidEmitter,
+        spacing: f64,
+        timeline: Timeline,
+        first_column: u32,
+    ) -> Self {
         let nozzle = Nozzle::new(&params.shape, params.flow_direction().unwrap_or_default(), spacing);
         let area = nozzle.columns.len() as f64 * spacing * spacing;
         Self {
@@ -67,31 +72,31 @@ impl Emitter {
     }
 
     /// Advances the flow from `from` to `to` [s].
-    pub(super) fn advance(&mut self, from: f64, to: f64) -> EmitterStep {
+    pub(in crate::sim::liquid) fn advance(&mut self, from: f64, to: f64) -> EmitterStep {
         let before = self.length;
         self.length += self.schedule.length(from, to);
         EmitterStep { length: [before, self.length], pose: [self.pose(from), self.pose(to)] }
     }
 
     /// Where the nozzle is at `time` [s].
-    pub(super) fn pose(&self, time: f64) -> Pose {
+    pub(in crate::sim::liquid) fn pose(&self, time: f64) -> Pose {
         self.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time))
     }
 
     /// Unit vector along the flow in a pose.
-    pub(super) fn flow_direction(&self, pose: &Pose) -> Vec3 {
+    pub(in crate::sim::liquid) fn flow_direction(&self, pose: &Pose) -> Vec3 {
         pose.rotation * self.nozzle.direction.cast::<f32>()
     }
 
     /// Bound of the speed of the liquid in the nozzle from `from` to `to` [m/s], while the flow is on.
-    pub(super) fn max_speed(&self, from: f64, to: f64) -> f64 {
+    pub(in crate::sim::liquid) fn max_speed(&self, from: f64, to: f64) -> f64 {
         let flow = self.schedule.max_speed(from, to);
         let motion = self.motion.as_ref().map_or(0.0, |motion| motion.fastest(from, to, self.reach));
         if flow > 0.0 { flow + motion } else { 0.0 }
     }
 
     /// Length that flows from `from` to `to` [s] [m].
-    pub(super) fn flow_length(&self, from: f64, to: f64) -> f64 {
+    pub(in crate::sim::liquid) fn flow_length(&self, from: f64, to: f64) -> f64 {
         self.schedule.length(from, to)
     }
 
@@ -106,35 +111,42 @@ impl Emitter {
     }
 
     /// Number of particles that enter while the flow length grows from `from` to `to` [m].
-    pub(super) fn entering_count(&self, [from, to]: [f64; 2]) -> f64 {
-        let count = |&column: &Column| self.last_layer(column, to) - self.last_layer(column, from);
-        self.nozzle.columns.iter().map(count).sum::<i64>() as f64
+    pub(in crate::sim::liquid) fn entering_count(&self, [from, to]: [f64; 2]) -> f64 {
+        let count = |&column: &Column| {
+            self.last_layer(column, to).saturating_sub(self.last_layer(column, from)) as f64
+        };
+        self.nozzle.columns.iter().map(count).sum()
     }
 
     /// The points that enter while the flow length grows from `from` to `to` [m], layer by layer.
-    pub(super) fn entering(&self, [from, to]: [f64; 2]) -> Vec<LatticePoint> {
-        let mut points: Vec<LatticePoint> = Vec::new();
+    pub(in crate::sim::liquid) fn entering(&self, [from, to]: [f64; 2]) -> Vec<LayerPoint> {
+        let mut points: Vec<LayerPoint> = Vec::new();
         for (column, &at) in self.nozzle.columns.iter().enumerate() {
             let layers = self.last_layer(at, from) + 1..=self.last_layer(at, to);
-            points.extend(layers.map(|layer| LatticePoint { column, layer }));
+            points.extend(layers.map(|layer| LayerPoint { column, layer }));
         }
         points.sort_by_key(|point| (point.layer, point.column));
         points
     }
 
-    /// Position of a point of the lattice at a flow length [m] and a pose.
-    pub(super) fn position(&self, point: LatticePoint, length: f64, pose: &Pose) -> Vec3 {
+    /// Position of a point of the seeding lattice at a flow length [m] and a pose.
+    pub(in crate::sim::liquid) fn position(&self, point: LayerPoint, length: f64, pose: &Pose) -> Vec3 {
         let foot = self.nozzle.columns[point.column].foot;
         pose.to_world((foot + self.nozzle.direction * self.place(point.layer, length)).cast())
     }
 
-    /// The point of the lattice in `column` that is at `x` at a flow length [m] and a pose, and its distance beyond the reference
+    /// The point of the seeding lattice in `column` that is at `x` at a flow length [m] and a pose, and its distance beyond the reference
     /// plane at another flow length [m].
-    pub(super) fn point_at(&self, column: usize, x: Vec3, step: &EmitterStep) -> (LatticePoint, f64) {
+    pub(in crate::sim::liquid) fn point_at(
+        &self,
+        column: usize,
+        x: Vec3,
+        step: &EmitterStep,
+    ) -> (LayerPoint, f64) {
         let local = step.pose[0].to_local(x).cast::<f64>();
         let place = (local - self.nozzle.columns[column].foot).dot(&self.nozzle.direction);
         let layer = ((step.length[0] - place) / self.spacing - 0.5).round() as i64;
-        (LatticePoint { column, layer }, self.place(layer, step.length[1]))
+        (LayerPoint { column, layer }, self.place(layer, step.length[1]))
     }
 }
 
@@ -177,10 +189,10 @@ mod tests {
     }
 
     #[test]
-    fn the_lattice_is_found_again_from_positions_of_single_precision() {
+    fn the_seeding_lattice_is_found_again_from_positions_of_single_precision() {
         let text = "velocity = [0, 3, -4]\nkeyframes = [{ frame = 1, position = [100, 0, 0] }, { frame = 25, rotation = [0, 0, 700] }]";
         let mut emitter = emitter(&format!("{BALL}{text}"));
-        let mut held: Vec<(LatticePoint, Vec3)> = Vec::new();
+        let mut held: Vec<(LayerPoint, Vec3)> = Vec::new();
         for step in 0..200 {
             let [from, to] = [step, step + 1].map(|k| f64::from(k) * 0.0041);
             let step = emitter.advance(from, to);
@@ -193,7 +205,7 @@ mod tests {
             held.extend(emitter.entering(step.length).into_iter().map(enter));
         }
         assert!(held.len() > 10_000, "{}", held.len());
-        // All points that entered at any time are one lattice, each place of which is taken once.
+        // All points that entered at any time are one seeding lattice, each place of which is taken once.
         let mut keys: Vec<_> = held.iter().map(|(point, _)| (point.column, point.layer)).collect();
         keys.sort_unstable();
         keys.dedup();

@@ -11,7 +11,7 @@ use crate::{math::Vec3, solid::Shape};
 use nalgebra::Vector3;
 
 /// Most points of a grid, in the outline or not.
-pub(super) const MAX_POINTS: f64 = 4e6;
+pub(in crate::sim::liquid) const MAX_POINTS: f64 = 4e6;
 
 /// Points of a grid up to which all grids are compared with a finer one.
 const MAX_COMPARED_POINTS: f64 = 4096.0;
@@ -27,21 +27,21 @@ const MAX_TRACING_STEPS: usize = 200;
 
 /// A column of the seeding lattice.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Column {
+pub(in crate::sim::liquid) struct Column {
     /// Its point on the reference plane, in the emitter's own coordinates [m].
-    pub(super) foot: Vector3<f64>,
+    pub(in crate::sim::liquid) foot: Vector3<f64>,
     /// Distance of its front behind the reference plane [m].
-    pub(super) depth: f64,
+    pub(in crate::sim::liquid) depth: f64,
 }
 
 /// The cross-section of an emitter.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Nozzle {
+pub(in crate::sim::liquid) struct Nozzle {
     /// Unit vector along the flow, in the emitter's own axes.
-    pub(super) direction: Vector3<f64>,
-    pub(super) columns: Vec<Column>,
+    pub(in crate::sim::liquid) direction: Vector3<f64>,
+    pub(in crate::sim::liquid) columns: Vec<Column>,
     /// Area of the outline [m²]; that of the columns if the outline is large.
-    pub(super) outline_area: f64,
+    pub(in crate::sim::liquid) outline_area: f64,
 }
 
 /// Shape, axes and extent of a cross-section.
@@ -56,7 +56,7 @@ struct Outline<'a> {
 }
 
 /// Points of the square grid over an outline of this shape and flow; infinite if it has no end.
-pub(super) fn grid_points(shape: &Shape, direction: [f32; 3], spacing: f64) -> f64 {
+pub(in crate::sim::liquid) fn grid_points(shape: &Shape, direction: [f32; 3], spacing: f64) -> f64 {
     let points = |outline: Outline<'_>| outline.lengths().map(|length| length.max(1.0)).iter().product();
     Outline::new(shape, direction, spacing).map_or(f64::INFINITY, points)
 }
@@ -64,7 +64,7 @@ pub(super) fn grid_points(shape: &Shape, direction: [f32; 3], spacing: f64) -> f
 impl Nozzle {
     /// The cross-section of a shape with points `spacing` [m] apart, for a flow along `direction`. Without columns if the shape has no
     /// end, the direction no length, or the outline no point of a grid.
-    pub(super) fn new(shape: &Shape, direction: [f32; 3], spacing: f64) -> Self {
+    pub(in crate::sim::liquid) fn new(shape: &Shape, direction: [f32; 3], spacing: f64) -> Self {
         let Some(outline) = Outline::new(shape, direction, spacing) else { return Self::default() };
         let lengths = outline.lengths();
         let direction = outline.axes[2];

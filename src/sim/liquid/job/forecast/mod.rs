@@ -1,21 +1,22 @@
 //! Forecast of the liquid: two coarser pilots of all frames, and the shot's own start.
 
+mod counts;
 mod pilot;
 mod power_law;
 mod start;
 
 use super::{report::record_totals, volume};
 use crate::{
-    frame::StreamKind,
     job::{RunError, Total, memory::refuse_memory},
     sim::{
-        SeedReport, Simulation,
-        forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast, failures},
-        liquid::{LiquidParams, NAME, inflow::emitted_particles},
+        Simulation,
+        forecast::{ForecastJob, ProductForecast, SystemForecast, failures},
+        liquid::{LiquidParams, NAME},
         scene::Scene,
     },
     solid::Collider,
 };
+pub(super) use counts::counts;
 use pilot::{Pilot, RATIO, near_factor, pilot_at};
 use power_law::{Shot, forecast as extrapolate};
 use start::Start;
@@ -53,17 +54,6 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
     let friction = if rough { FRICTION_BYTES } else { 0.0 };
     let terms = viscosity + tension + micropolar + friction;
     particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + terms)
-}
-
-/// The particles of a seeded liquid at the shot's start and at its end, if nothing leaves.
-pub(super) fn counts(scene: &Scene, liquid: Option<&LiquidParams>, seeds: &SeedReport) -> Vec<ElementCount> {
-    let emitted = |liquid: &LiquidParams| emitted_particles(liquid, scene.timeline(), scene.seconds());
-    let emitted = liquid.map_or(0.0, emitted);
-    let count = |start: f64| ElementCount {
-        end: start + emitted,
-        ..ElementCount::constant("particles", StreamKind::Particles, start)
-    };
-    seeds.liquid.iter().map(|seeds| count(seeds.particles.into())).collect()
 }
 
 /// Forecasts a liquid, and what is advanced together with it.

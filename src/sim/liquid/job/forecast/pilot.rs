@@ -1,6 +1,6 @@
 //! Pilots: the shot with a larger `liquid.spacing` and fewer substeps in proportion.
 
-use super::counts;
+use super::counts::counts;
 use crate::{
     frame::FrameIndex,
     job::{RunError, scratch::Scratch},
