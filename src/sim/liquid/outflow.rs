@@ -72,7 +72,7 @@ impl Outflow {
         let Some(domain) = &self.domain else { return STAYS };
         let beyond = |side: usize| {
             let axis = side / 2;
-            if side % 2 == 0 { domain.min[axis] - x[axis] } else { x[axis] - domain.max[axis] }
+            if side.is_multiple_of(2) { domain.min[axis] - x[axis] } else { x[axis] - domain.max[axis] }
         };
         let farthest = |sides: &mut dyn Iterator<Item = usize>| {
             let out = sides.filter(|&side| beyond(side) > 0.0);

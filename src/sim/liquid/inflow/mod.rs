@@ -59,6 +59,18 @@ pub(in crate::sim::liquid) fn is_free(
     here > -ROUNDING * spacing && ahead >= distance * spacing && ahead > here
 }
 
+/// Whether a particle that enters at `x` meets a solid within `length` [m] along the unit vector `flow`.
+pub(in crate::sim::liquid) fn meets_solid(
+    walls: &Walls,
+    x: Vec3,
+    flow: Vec3,
+    length: f32,
+    spacing: f32,
+) -> bool {
+    let place = |probe: u32| x + flow * (length * probe as f32 / PROBES as f32);
+    (1..=PROBES).any(|probe| !is_free(walls, place(probe), flow, MIN_SOLID_DISTANCE, spacing))
+}
+
 impl Inflow {
     /// The emitters of a preset; `None` without any.
     ///
@@ -127,7 +139,7 @@ impl Inflow {
                 })
                 .collect();
             let flow = emitter.flow_direction(&pose);
-            let ahead = flow * self.nozzle_length as f32;
+            let length = self.nozzle_length as f32;
             let is_blocked = |x: Vec3| !is_free(walls, x, flow, MIN_SOLID_DISTANCE, self.spacing);
             let count = |test: &dyn Fn(Vec3) -> bool| places.iter().filter(|x| test(**x)).count() as u32;
             NozzleReport {
@@ -135,9 +147,7 @@ impl Inflow {
                 area: places.len() as f64 * f64::from(self.spacing).powi(2),
                 outline_area: emitter.nozzle.outline_area,
                 in_solids: count(&is_blocked),
-                at_wall: count(&|x| {
-                    !is_blocked(x) && (1..=PROBES).any(|k| is_blocked(x + ahead * (k as f32 / PROBES as f32)))
-                }),
+                at_wall: count(&|x| !is_blocked(x) && meets_solid(walls, x, flow, length, self.spacing)),
                 in_outflow: count(&is_removed),
                 max_speed: emitter.max_speed(0.0, f64::INFINITY),
             }
