@@ -94,7 +94,7 @@ fn faults_of_emitters_are_named_with_their_place() {
     let disc = "shape = { disc = { center = [0, 0, 0.5], normal = [0, 0, -1], radius = 0.13 } }";
     let ball = "shape = { sphere = { center = [0, 0, 0.5], radius = 0.13 } }";
     for (table, words) in [
-        (format!("{disc}"), "has no flow"),
+        (disc.to_owned(), "has no flow"),
         (format!("{ball}\nrate = 1"), "has no direction"),
         (format!("{disc}\nvelocity = [0, 0, -1]\nrate = 1"), "exclude each other"),
         (format!("{disc}\nvelocity = [0, 0, -1]\ndirection = [0, 0, -1]"), "exclude each other"),

@@ -5,7 +5,7 @@
 use super::{
     Diverged, FlowRecord, Liquid, LiquidRecord, NAME,
     energy::energy,
-    inflow::{Emitter, EmitterStep, Inflow, LayerPoint, MIN_SOLID_DISTANCE, is_free, meets_solid},
+    inflow::{Emitter, EmitterStep, Inflow, LayerPoint, MIN_SOLID_DISTANCE, is_free, leads_into_solid},
     solve::Pin,
 };
 use crate::{math::Vec3, space::CellGrid};
@@ -145,7 +145,7 @@ impl Liquid {
         let wanted = entering.len();
         entering.retain(|entering| {
             let mut is_free = true;
-            let at_wall = meets_solid(&self.walls, entering.end, flow_direction, length, spacing);
+            let at_wall = leads_into_solid(&self.walls, entering.end, flow_direction, length, spacing);
             grid.for_each_within(&near, entering.end, MIN_NOZZLE_SEPARATION * spacing, |j, distance2| {
                 let separation =
                     if in_nozzle[j] || at_wall { MIN_NOZZLE_SEPARATION } else { MIN_FREE_SEPARATION };

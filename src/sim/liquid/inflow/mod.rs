@@ -59,8 +59,8 @@ pub(in crate::sim::liquid) fn is_free(
     here > -ROUNDING * spacing && ahead >= distance * spacing && ahead > here
 }
 
-/// Whether a particle that enters at `x` meets a solid within `length` [m] along the unit vector `flow`.
-pub(in crate::sim::liquid) fn meets_solid(
+/// Whether a particle that enters at `x` is led into a solid within `length` [m] along the unit vector `flow`.
+pub(in crate::sim::liquid) fn leads_into_solid(
     walls: &Walls,
     x: Vec3,
     flow: Vec3,
@@ -147,7 +147,7 @@ impl Inflow {
                 area: places.len() as f64 * f64::from(self.spacing).powi(2),
                 outline_area: emitter.nozzle.outline_area,
                 in_solids: count(&is_blocked),
-                at_wall: count(&|x| !is_blocked(x) && meets_solid(walls, x, flow, length, self.spacing)),
+                at_wall: count(&|x| !is_blocked(x) && leads_into_solid(walls, x, flow, length, self.spacing)),
                 in_outflow: count(&is_removed),
                 max_speed: emitter.max_speed(0.0, f64::INFINITY),
             }

@@ -109,9 +109,18 @@ fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut V
 
 /// Estimate of the number of particles by volume; overlapping sources count twice, and meshes, whose volume is in their file,
 /// do not count.
-pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
+pub(super) fn particle_estimate(liquid: &LiquidParams) -> f64 {
     let volume: f64 = liquid.source.iter().map(|source| source.shape.volume()).sum();
     volume / f64::from(liquid.spacing).powi(3)
+}
+
+/// Estimate of the number of particles at the shot's end, if none leaves; `None` without a liquid.
+#[cfg(test)]
+pub(crate) fn final_particle_estimate(scene: &Scene) -> Option<f64> {
+    let emitted = |liquid: &LiquidParams| {
+        crate::sim::liquid::inflow::emitted_particles(liquid, scene.timeline(), scene.seconds())
+    };
+    scene.liquid.as_ref().map(|liquid| particle_estimate(liquid) + emitted(liquid))
 }
 
 /// Whether there is a liquid on which colliders with friction, restitution or a contact angle act.
