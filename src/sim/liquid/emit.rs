@@ -19,7 +19,7 @@ const MIN_NOZZLE_SEPARATION: f32 = 0.9;
 
 /// The same to a free particle: liquid in front of a nozzle is pushed away. At 0.5 liquid that rests at a nozzle, half a spacing from
 /// its wall, blocks it for good, since nothing enters that would push it. Where a nozzle points at a solid, the larger distance holds: a jet
-/// pressed into a gap of one and a half spacings is thrown out at 80 m/s otherwise.
+/// pressed into a gap of one and a half spacings is thrown out otherwise.
 const MIN_FREE_SEPARATION: f32 = 0.25;
 
 /// Most particles of a liquid: neighbour lists index them.
@@ -79,7 +79,10 @@ impl Liquid {
             let target = emitter.position(point, step.length[1], &step.pose[1]);
             let is_on = step.length[1] > step.length[0];
             let flow_direction = emitter.flow_direction(&step.pose[1]);
-            let is_free = is_free(&self.walls, target, flow_direction, RELEASE_DISTANCE, inflow.spacing);
+            // One that goes on towards a solid would be pressed onto those that the solid has stopped.
+            let left = (inflow.nozzle_length - place).max(0.0) as f32;
+            let is_free = is_free(&self.walls, target, flow_direction, RELEASE_DISTANCE, inflow.spacing)
+                && !leads_into_solid(&self.walls, target, flow_direction, left, inflow.spacing);
             if is_on && is_free && place < inflow.nozzle_length {
                 added += self.pin(i, target, dt);
             } else {
