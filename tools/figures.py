@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Makes the figures of the built-in presets: presets/assets/bear.ply, duck.ply, rabbit.ply.
+"""Makes the figures and the glass of the built-in presets: presets/assets/bear.ply, duck.ply, glass.ply, rabbit.ply.
 
     tools/figures.py                        all of them
     tools/figures.py rabbit -o /some/where  one of them, elsewhere
@@ -9,7 +9,8 @@
 A figure is a smooth union of ellipsoids and capsules, about 1 high, standing on z = 0 and looking along -Y. Its surface
 is meshed by naive surface nets: a vertex in each cell that the surface crosses, at the mean of the crossings of the
 cell's edges and then moved onto the surface; a quad about each crossed edge of the grid. The result is checked: closed,
-every edge between two faces that agree on it, volume above zero. Needs numpy; the same numpy gives the same bytes.
+every edge between two faces that agree on it, volume above zero. The glass is a profile turned about Z, 1 high.
+Needs numpy; the same numpy gives the same bytes.
 """
 
 import argparse
@@ -99,7 +100,29 @@ def duck(p):
     )
 
 
-FIGURES = {"bear": bear, "duck": duck, "rabbit": rabbit}
+# Half of the glass's section, (radius, height), from the middle of its base around the rim to the middle of its bottom.
+GLASS = ((0, 0), (0.29, 0), (0.32, 0.02), (0.33, 0.05), (0.40, 0.98), (0.395, 0.995), (0.38, 1.0), (0.365, 0.995),
+         (0.36, 0.98), (0.295, 0.12), (0.28, 0.09), (0.25, 0.075), (0, 0.07))
+
+
+def glass(sides=64):
+    """Vertices (n, 3) and triangles (m, 3) of the glass, a polygon of so many sides."""
+    angles = np.arange(sides) * 2 * np.pi / sides
+    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(sides)], axis=1)
+    first, *inner, last = GLASS
+    rings = [ring * radius + (0, 0, height) for radius, height in inner]
+    vertices = np.concatenate([[(0, 0, first[1])], *rings, [(0, 0, last[1])]])
+    here, there = np.arange(sides), (np.arange(sides) + 1) % sides
+    triangles = [np.stack([0 * here, 1 + there, 1 + here], axis=1)]
+    for k in range(len(rings) - 1):
+        a, b = 1 + k * sides, 1 + (k + 1) * sides
+        triangles += [np.stack([a + here, a + there, b + there], axis=1), np.stack([a + here, b + there, b + here], axis=1)]
+    end = 1 + (len(rings) - 1) * sides
+    triangles.append(np.stack([end + here, end + there, 0 * here + len(vertices) - 1], axis=1))
+    return vertices, np.concatenate(triangles)
+
+
+FIGURES = {"bear": bear, "duck": duck, "glass": glass, "rabbit": rabbit}
 
 
 def surface(figure, cells):
@@ -191,7 +214,8 @@ def main():
     for name in options.figures or FIGURES:
         if name not in FIGURES:
             parser.error(f"found {name}, expected one of {', '.join(FIGURES)}")
-        vertices, triangles = surface(FIGURES[name], options.cells)
+        figure = FIGURES[name]
+        vertices, triangles = figure() if figure is glass else surface(figure, options.cells)
         volume = check(vertices, triangles)
         path = options.output / f"{name}.ply"
         write(path, name, vertices, triangles)

@@ -12,7 +12,9 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("figure-bath", include_str!("../../presets/figure-bath.toml")),
         ("figure-drop", include_str!("../../presets/figure-drop.toml")),
         ("figure-splash", include_str!("../../presets/figure-splash.toml")),
+        ("filling-glass", include_str!("../../presets/filling-glass.toml")),
         ("flag-in-smoke", include_str!("../../presets/flag-in-smoke.toml")),
+        ("fountain", include_str!("../../presets/fountain.toml")),
         ("honey", include_str!("../../presets/honey.toml")),
         ("leapfrog-rings", include_str!("../../presets/leapfrog-rings.toml")),
         ("plume", include_str!("../../presets/plume.toml")),
@@ -36,6 +38,7 @@ pub fn assets() -> &'static [(&'static str, &'static [u8])] {
     &[
         ("assets/bear.ply", include_bytes!("../../presets/assets/bear.ply")),
         ("assets/duck.ply", include_bytes!("../../presets/assets/duck.ply")),
+        ("assets/glass.ply", include_bytes!("../../presets/assets/glass.ply")),
         ("assets/rabbit.ply", include_bytes!("../../presets/assets/rabbit.ply")),
         ("assets/rock.ply", include_bytes!("../../presets/assets/rock.ply")),
     ]

@@ -73,7 +73,7 @@ pub(crate) fn source_finding(path: &str, shape: &Shape, places: &Places) -> Opti
         let message = format!("`{path}` cannot be filled: a {} is unbounded", shape.name());
         let label = format!("found a {}, expected a bounded shape", shape.name());
         Finding::new(places.of(&key), &key, message, label)
-            .with_help("use `box`, `sphere`, `capsule`, `torus`, `ellipsoid` or `mesh`")
+            .with_help("use `box`, `sphere`, `capsule`, `torus`, `ellipsoid`, `disc` or `mesh`")
     })
 }
 

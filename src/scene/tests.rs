@@ -364,9 +364,7 @@ fn built_in_presets_read_in_every_tier_and_survive_being_written() {
             assert!(text.contains("max_substeps") || !scene.sheet.is_empty(), "defaults are written");
             let finer = |smoke: &crate::sim::smoke::SmokeParams| 1e3 * smoke.tracer_spacing().powi(-3);
             let smoke = || scene.smoke.as_ref().map(|smoke| f64::from(finer(smoke)));
-            counts.extend(
-                scene.liquid.as_ref().map(crate::sim::liquid::job::check::particle_estimate).or_else(smoke),
-            );
+            counts.extend(crate::sim::liquid::job::check::final_particle_estimate(&scene).or_else(smoke));
         }
         // Tiers of sheets differ in their steps.
         if counts.is_empty() {

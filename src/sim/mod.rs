@@ -38,5 +38,5 @@ pub use clock::Seconds;
 pub(crate) use forecast::{ElementCount, ProductForecast, SystemForecast};
 pub use observe::Observable;
 pub use record::{FrameRecord, SeedReport};
-pub use setup::{SetupError, World};
+pub use setup::{SetupError, Timeline, World};
 pub use simulation::{Simulation, Systems};

@@ -1,7 +1,7 @@
 //! The composition of a preset: a whole [`Scene`] as plain data.
 
 use super::{
-    Observable, SetupError, Systems,
+    Observable, SetupError, Systems, Timeline,
     coupling::Coupling,
     liquid::{self, LiquidParams},
     sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
@@ -130,7 +130,8 @@ impl Scene {
         let params =
             SheetsParams { sheet: self.sheet.clone(), common: self.sheets.clone().unwrap_or_default() };
         let sheets = (!self.sheet.is_empty()).then_some(Shot { params, fps, first });
-        Systems { liquid: self.liquid.clone(), smoke, sheets, couplings: self.coupling.clone() }
+        let timeline = self.timeline();
+        Systems { liquid: self.liquid.clone(), smoke, sheets, couplings: self.coupling.clone(), timeline }
     }
 
     /// The scene with no system but its smoke.
@@ -140,10 +141,15 @@ impl Scene {
 
     /// The liquid, and the sheets that share its substeps because they are coupled with it.
     pub(in crate::sim) fn systems_sharing_substeps(&self) -> Systems {
-        let Systems { liquid, sheets, mut couplings, .. } = self.systems();
+        let Systems { liquid, sheets, mut couplings, timeline, .. } = self.systems();
         couplings.retain(|coupling| coupling.between.iter().any(|side| side == liquid::NAME));
         let sheets = sheets.filter(|_| liquid.is_some() && !couplings.is_empty());
-        Systems { liquid, smoke: None, sheets, couplings }
+        Systems { liquid, smoke: None, sheets, couplings, timeline }
+    }
+
+    /// Times of frames.
+    pub(in crate::sim) fn timeline(&self) -> Timeline {
+        Timeline { fps: f64::from(self.fps), first: self.frames.first().0 }
     }
 
     /// Time from the first to the last frame [s].

@@ -54,6 +54,7 @@ mod tests {
             "liquid.artificial_pressure",
             "liquid.micropolar",
             "liquid.viscosity",
+            "liquid.domain",
             "surface.distance",
             "surface.components",
             "surface.decimation",

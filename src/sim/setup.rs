@@ -13,6 +13,28 @@ pub struct World {
     pub solids: Vec<Solid>,
 }
 
+/// How frames count time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timeline {
+    /// Frames a second.
+    pub fps: f64,
+    /// The frame at time 0.
+    pub first: u32,
+}
+
+impl Default for Timeline {
+    fn default() -> Self {
+        Self { fps: 24.0, first: 1 }
+    }
+}
+
+impl Timeline {
+    /// Time of a frame since the shot's start [s].
+    pub fn time(&self, frame: u32) -> f64 {
+        (f64::from(frame) - f64::from(self.first)) / self.fps
+    }
+}
+
 /// Why a simulation cannot start.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -25,6 +47,14 @@ pub enum SetupError {
         "no particles: the sources are smaller than the spacing, or inside solids; enlarge a source or lower liquid.spacing"
     )]
     NoParticles,
+    /// The nozzles of the emitters have too many columns.
+    #[error(
+        "the nozzles of the emitters are {count:.1e} particles wide, more than 4 million; make them smaller or raise liquid.spacing"
+    )]
+    TooManyColumns {
+        /// Points of the grids over the nozzles.
+        count: f64,
+    },
     /// The sources hold more particles than the solver can index.
     #[error("the sources hold {count:.1e} particles, more than 2³¹; raise liquid.spacing")]
     TooMany {

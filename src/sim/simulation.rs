@@ -8,7 +8,7 @@ use super::{
         PresentSystems, ResolvedCouplings, WindCoupling,
     },
     liquid::{self, Liquid, LiquidParams},
-    setup::{SetupError, World},
+    setup::{SetupError, Timeline, World},
     sheet::{self, SheetRecord, Sheets},
     smoke::{self, Smoke},
     substep::advance_frame,
@@ -26,6 +26,8 @@ pub struct Systems {
     pub sheets: Option<sheet::Shot>,
     /// Couplings between the systems.
     pub couplings: Vec<Coupling>,
+    /// Times of the frames that the liquid's emitters and outflows name.
+    pub timeline: Timeline,
 }
 
 impl From<Option<LiquidParams>> for Systems {
@@ -53,9 +55,9 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the sources of one hold no particle or too many.
     pub fn new(world: World, systems: impl Into<Systems>) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets, couplings } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets, couplings, timeline } = present(systems.into())?;
         let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
-        let liquid = liquid.map(|params| Liquid::seed(params, &world)).transpose()?;
+        let liquid = liquid.map(|params| Liquid::seed(params, &world, timeline)).transpose()?;
         let smoke = smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?;
         let sheets = sheets.map(|sheets| Sheets::new(sheets, &world)).transpose()?;
         Self { liquid, smoke, sheets, liquid_sheets: None, wind: None, time: 0.0 }
@@ -68,12 +70,12 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the frame lacks its state.
     pub fn restore(world: World, systems: impl Into<Systems>, frame: &Frame) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets, couplings } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets, couplings, timeline } = present(systems.into())?;
         let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
         let liquid = liquid.map(|params| {
             let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
             let stream = frame.stream(liquid::NAME).ok_or(missing)?;
-            Liquid::restore(params, &world, stream, frame.time)
+            Liquid::restore(params, &world, stream, (timeline, frame.time))
         });
         let smoke = smoke.map(|smoke| smoke::System::restore(smoke, &world, &frame.streams));
         let sheets = sheets.map(|sheets| Sheets::restore(sheets, &world, &frame.streams, frame.time));
@@ -249,7 +251,8 @@ fn advance_with_wind(
 
 /// The systems, if there is one.
 fn present(systems: Systems) -> Result<Systems, SetupError> {
-    if systems == Systems::default() { Err(SetupError::NoSystem) } else { Ok(systems) }
+    let none = Systems { timeline: systems.timeline, ..Systems::default() };
+    if systems == none { Err(SetupError::NoSystem) } else { Ok(systems) }
 }
 
 /// Reports the progress of one system as its part of the frame's.

@@ -70,7 +70,7 @@ impl Shape {
             Self::Sphere { center, radius } => unit(x - vec3(center)).0 - radius,
             Self::Capsule { from, to, radius } => unit(off_axis(x, vec3(from), vec3(to))).0 - radius,
             Self::Tank { min, max } => -box_distance(x, vec3(min), vec3(max)),
-            Self::Torus { .. } | Self::Ellipsoid { .. } => self.contact(x).0,
+            Self::Torus { .. } | Self::Ellipsoid { .. } | Self::Disc { .. } => self.contact(x).0,
             Self::Mesh(mesh) => mesh.distance(x),
         }
     }
@@ -99,6 +99,9 @@ impl Shape {
                 round::torus(x, vec3(center), vec3(axis), *radius, *tube)
             }
             Self::Ellipsoid { center, radii } => round::ellipsoid(x, vec3(center), vec3(radii)),
+            Self::Disc { center, normal, radius, thickness } => {
+                round::disc(x, vec3(center), vec3(normal), *radius, *thickness)
+            }
             Self::Mesh(mesh) => mesh.contact(x),
         }
     }
@@ -114,6 +117,9 @@ impl Shape {
             Self::Capsule { from, to, radius } => vec3(from).norm().max(vec3(to).norm()) + radius,
             Self::Torus { center, radius, tube, .. } => vec3(center).norm() + radius + tube,
             Self::Ellipsoid { center, radii } => vec3(center).norm() + vec3(radii).max(),
+            Self::Disc { center, radius, thickness, .. } => {
+                vec3(center).norm() + (radius * radius + 0.25 * thickness * thickness).sqrt()
+            }
             Self::Mesh(mesh) => mesh.corners().iter().map(|corner| corner.norm()).fold(0.0, f32::max),
         }
     }
@@ -126,6 +132,7 @@ impl Shape {
             Self::Sphere { radius, .. } | Self::Capsule { radius, .. } => *radius,
             Self::Torus { tube, .. } => *tube,
             Self::Ellipsoid { radii, .. } => vec3(radii).min(),
+            Self::Disc { radius, thickness, .. } => radius.min(0.5 * thickness),
             Self::Mesh(mesh) => mesh.inner_radius(),
         }
     }
@@ -149,6 +156,11 @@ impl Shape {
             }
             Self::Ellipsoid { center, radii } => {
                 Some((vec3(center) - vec3(radii), vec3(center) + vec3(radii)))
+            }
+            Self::Disc { center, normal, radius, thickness } => {
+                let axis = unit(vec3(normal)).1;
+                let half = axis.map(|c| radius * (1.0 - c * c).max(0.0).sqrt() + 0.5 * thickness * c.abs());
+                Some((vec3(center) - half, vec3(center) + half))
             }
             Self::Mesh(mesh) => Some(mesh.bounds()),
         }
@@ -201,6 +213,16 @@ impl Shape {
                 finite("radii", radii)?;
                 let thick = radii.iter().all(|&r| r > 0.0);
                 if thick { Ok(()) } else { Err(ShapeError::OutOfRange { field: "radii" }) }
+            }
+            Self::Disc { center, normal, radius, thickness } => {
+                finite("center", center)?;
+                finite("normal", normal)?;
+                finite("thickness", &[*thickness])?;
+                positive(*radius)?;
+                if normal.iter().all(|&c| c == 0.0) {
+                    return Err(ShapeError::NoDirection);
+                }
+                if *thickness > 0.0 { Ok(()) } else { Err(ShapeError::OutOfRange { field: "thickness" }) }
             }
             Self::Mesh(mesh) => {
                 finite("scale", &[mesh.scale])?;
@@ -325,6 +347,10 @@ mod tests {
         Shape::Capsule { from: [-0.4, 0.1, -0.2], to: [0.5, -0.2, 0.3], radius: 0.25 }
     }
 
+    fn disc() -> Shape {
+        Shape::Disc { center: [0.1, -0.1, 0.05], normal: [0.3, -0.2, 2.0], radius: 0.6, thickness: 0.3 }
+    }
+
     fn torus() -> Shape {
         Shape::Torus { center: [0.1, -0.1, 0.05], axis: [0.3, -0.2, 2.0], radius: 0.6, tube: 0.2 }
     }
@@ -333,8 +359,8 @@ mod tests {
         Shape::Ellipsoid { center: [0.1, 0.2, -0.1], radii: [0.6, 0.3, 0.45] }
     }
 
-    fn all() -> [Shape; 7] {
-        [plane(), cuboid(), sphere(), capsule(), tank(), torus(), ellipsoid()]
+    fn all() -> [Shape; 8] {
+        [plane(), cuboid(), sphere(), capsule(), tank(), torus(), ellipsoid(), disc()]
     }
 
     /// Points of a regular grid over [-1.2, 1.2]³ that favours no symmetry plane.
@@ -405,6 +431,25 @@ mod tests {
                 points.retain(|&p| near(p) >= radius - 1e-4);
                 let chain: Vec<Vec3> = (0..=4000).map(|k| a + (b - a) * (k as f32 / 4000.0)).collect();
                 (points, Box::new(move |x| chain.iter().any(|c| (x - c).norm() < radius)))
+            }
+            Shape::Disc { center, normal, radius, thickness } => {
+                let (c, w) = (vec3(&center), vec3(&normal).normalize());
+                let u = w.cross(&Vec3::x()).normalize();
+                let v = w.cross(&u);
+                let at = |i: i32, r: f32, along: f32| {
+                    let (sin, cos) = (std::f32::consts::TAU * i as f32 / n as f32).sin_cos();
+                    c + (u * cos + v * sin) * r + w * along
+                };
+                let part = |j: i32| j as f32 / n as f32;
+                let faces = grid()
+                    .flat_map(|(i, j)| [-0.5, 0.5].map(|side| at(i, radius * part(j), side * thickness)));
+                let rim = grid().map(|(i, j)| at(i, radius, (part(j) - 0.5) * thickness));
+                let points = faces.chain(rim).collect();
+                let inside = move |x: Vec3| {
+                    let along = w.dot(&(x - c));
+                    along.abs() < 0.5 * thickness && (x - c - w * along).norm() < radius
+                };
+                (points, Box::new(inside))
             }
             Shape::Torus { center, axis, radius, tube } => {
                 let (c, w) = (vec3(&center), vec3(&axis).normalize());
@@ -492,6 +537,7 @@ mod tests {
             (capsule(), vec3(&[-0.4, 0.1, -0.2]), -0.25),
             (capsule(), vec3(&[0.5, -0.2, 0.3]), -0.25),
             (torus(), vec3(&[0.1, -0.1, 0.05]), 0.4),
+            (disc(), vec3(&[0.1, -0.1, 0.05]), -0.15),
             (ellipsoid(), vec3(&[0.1, 0.2, -0.1]), -0.3),
             (ellipsoid(), vec3(&[0.7, 0.2, -0.1]), 0.0),
             (Shape::Capsule { from: [1.0; 3], to: [1.0; 3], radius: 0.5 }, vec3(&[1.0; 3]), -0.5),

@@ -23,6 +23,7 @@ impl Shape {
             Self::Tank { .. } => "tank",
             Self::Torus { .. } => "torus",
             Self::Ellipsoid { .. } => "ellipsoid",
+            Self::Disc { .. } => "disc",
             Self::Mesh(_) => "mesh",
         }
     }
@@ -45,6 +46,7 @@ impl Shape {
                 let [a, b, c] = radii.map(|radius| powf(radius, POWER));
                 4.0 * PI * powf((a * b + b * c + c * a) / 3.0, 1.0 / POWER)
             }
+            Shape::Disc { radius, thickness, .. } => 2.0 * PI * radius * (radius + thickness),
             Shape::Mesh(mesh) => sampled(mesh),
         }
     }
@@ -68,6 +70,7 @@ impl Shape {
             Shape::Ellipsoid { radii, .. } => {
                 4.0 / 3.0 * PI * radii.iter().map(|&radius| length_of(radius)).product::<f64>()
             }
+            Shape::Disc { radius, thickness, .. } => PI * length_of(*radius).powi(2) * length_of(*thickness),
             Shape::Plane { .. } | Shape::Tank { .. } | Shape::Mesh(_) => 0.0,
         }
     }
@@ -104,6 +107,7 @@ mod tests {
             (Shape::Torus { center, axis: center, radius: 2.0, tube: 0.5 }, PI * PI),
             (Shape::Torus { center, axis: center, radius: 2.0, tube: -0.5 }, 0.0),
             (Shape::Ellipsoid { center, radii: [1.0, 2.0, 3.0] }, 8.0 * PI),
+            (Shape::Disc { center, normal: center, radius: 2.0, thickness: 0.5 }, 2.0 * PI),
             (Shape::Ellipsoid { center, radii: [-1.0, -2.0, 3.0] }, 0.0),
         ] {
             assert!((shape.volume() - exact).abs() < 1e-6, "{shape:?}: {}", shape.volume());
@@ -125,6 +129,7 @@ mod tests {
             (Shape::Sphere { center: from, radius: 0.5 }, PI, 1e-6),
             (Shape::Capsule { from, to, radius: 0.01 }, PI * 0.02 * 5.02, 1e-6),
             (Shape::Torus { center: from, axis: to, radius: 2.0, tube: 0.1 }, 0.8 * PI * PI, 1e-6),
+            (Shape::Disc { center: from, normal: to, radius: 0.5, thickness: 0.1 }, 0.6 * PI, 1e-6),
             (ellipsoid([3.0, 1.0, 3.0]), oblate, 0.011),
             (ellipsoid([1.0, 1.0, 3.0]), prolate, 0.011),
         ] {

@@ -1,4 +1,4 @@
-//! Closest points of the torus and the ellipsoid.
+//! Closest points of the torus, the ellipsoid and the disc.
 //!
 //! *Method* Torus: in the half plane through the axis it is a circle. Ellipsoid: the closest point y has x_i = y_i (1 + t/a_i²);
 //! t is the largest root of Σ (a_i x_i/(t + a_i²))² = 1 [eberly13], found by Newton's iteration from below, where the sum is convex
@@ -27,6 +27,24 @@ pub(super) fn torus(x: Vec3, center: Vec3, axis: Vec3, radius: f32, tube: f32) -
     let out = direction(radial, direction(axis.cross(&across), Vector3::x()));
     let from_ring = out * (radial.dot(&out) - f64::from(radius)) + axis * along;
     ((from_ring.norm() - f64::from(tube)) as f32, direction(from_ring, out).cast())
+}
+
+/// Distance to a disc and its unit normal.
+pub(super) fn disc(x: Vec3, center: Vec3, normal: Vec3, radius: f32, thickness: f32) -> (f32, Vec3) {
+    let p: Vector3<f64> = x.cast() - center.cast::<f64>();
+    let axis = direction(normal.cast(), Vector3::z());
+    let along = axis.dot(&p);
+    let radial = p - axis * along;
+    let across = Vector3::from_fn(|i, _| if i == axis.iamin() { 1.0 } else { 0.0 });
+    let out = direction(radial, direction(axis.cross(&across), Vector3::x()));
+    let up = if along < 0.0 { -axis } else { axis };
+    // Beyond the rim and beyond the face.
+    let (rim, face) = (radial.dot(&out) - f64::from(radius), along.abs() - 0.5 * f64::from(thickness));
+    if rim > 0.0 && face > 0.0 {
+        let offset = out * rim + up * face;
+        return (offset.norm() as f32, direction(offset, up).cast());
+    }
+    if rim > face { (rim as f32, out.cast()) } else { (face as f32, up.cast()) }
 }
 
 /// Distance to an ellipsoid with its axes along the coordinates, and its unit normal.

@@ -58,6 +58,19 @@ pub enum Shape {
         /// Half of its length along x, y and z [m], each above zero.
         radii: [f32; 3],
     },
+    /// A round plate.
+    Disc {
+        /// Centre [m].
+        center: [f32; 3],
+        /// Direction of its axis, and of the flow of an emitter; any length but zero.
+        normal: [f32; 3],
+        /// Radius [m]. Range: above 0.
+        radius: f32,
+        /// Length along the axis, half of it to either side of the centre [m]. An emitter may do without, other discs may not.
+        /// Range: at least 0.
+        #[serde(default)]
+        thickness: f32,
+    },
     /// A closed container, everything outside of a box: unbounded, so no source.
     Tank {
         /// Lower inner corner [m].

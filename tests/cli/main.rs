@@ -4,6 +4,7 @@ mod attributes;
 mod bad_input;
 mod batch;
 mod couplings;
+mod inflow;
 mod interrupt;
 mod meshing;
 mod plan;

@@ -147,6 +147,8 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         "figure-bath",
         "figure-drop",
         "figure-splash",
+        "filling-glass",
+        "fountain",
         "honey",
         "water-drop",
         "wave-machine",

@@ -11,6 +11,7 @@ mod liquid_cylinder;
 mod liquid_drops;
 mod liquid_extremes;
 mod liquid_friction;
+mod liquid_inflow;
 mod liquid_micropolar;
 mod liquid_viscosity;
 mod mesh;

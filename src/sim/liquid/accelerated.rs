@@ -135,9 +135,11 @@ impl Momentum {
         }
         applied.clone_from(last);
         par::fill(lambda, |i| -last[i]);
+        solver.clear_pin_pressures();
         solver.publish(setup.rest.inv_support);
         solver.evaluate_directions_at(directions, setup.rest);
         solver.correct(setup);
+        solver.restore_pins_with_work(directions.x);
     }
 
     /// Evaluates every constraint and its change of pressure. The residual is the change of a step without momentum, so

@@ -86,7 +86,11 @@ impl Microrotation {
 
     /// Kinetic energy ½ Σ m Θ ω² of particles of `mass` [kg], in J.
     pub(super) fn energy(&self, mass: f64) -> f64 {
-        let spin = &self.spin;
+        self.energy_of(&self.spin, mass)
+    }
+
+    /// Kinetic energy of particles with this microrotation [J].
+    pub(super) fn energy_of(&self, spin: &[Vec3], mass: f64) -> f64 {
         0.5 * mass * f64::from(self.inertia) * par::sum(spin.len(), |i| f64::from(spin[i].norm_squared()))
     }
 

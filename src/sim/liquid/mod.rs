@@ -14,14 +14,20 @@
 
 mod accelerated;
 mod calibration;
+mod columns;
 mod contact;
 mod correction;
 mod coupled;
 mod density;
 mod density_map;
+mod drain;
+mod emit;
 mod energy;
 mod energy_bound;
 mod faults;
+mod flow;
+mod forces;
+pub(in crate::sim) mod inflow;
 mod jacobi;
 #[cfg(feature = "presets")]
 pub(crate) mod job;
@@ -31,9 +37,11 @@ mod laplace;
 mod measures;
 mod micropolar;
 mod neighbourhood;
+mod outflow;
 mod pair;
 mod params;
 mod pass;
+mod pins;
 mod record;
 mod relaxation;
 mod repulsion;
@@ -50,11 +58,14 @@ mod walls;
 mod xsph;
 
 pub(super) use coupled::{CoupledSystem, SubstepParticles};
+pub use inflow::{FrameRange, LiquidDomain, LiquidEmitter, LiquidOutflow, RateKeyframe, Side};
 pub use params::{
     ArtificialPressure, Constraint, ImplicitViscosity, Kernel, LiquidChannel, LiquidParams, LiquidSource,
     Micropolar, SolverKind, SurfaceTension, VorticityConfinement, Xsph,
 };
-pub use record::{Clamps, EmptySource, LiquidRecord, LiquidSeeds, ThinSolid};
+pub use record::{
+    Clamps, EmptySource, FlowRecord, FlowTotals, LiquidRecord, LiquidSeeds, NozzleReport, ThinSolid,
+};
 
 use super::{
     Diverged, Stop, Watch,
@@ -65,10 +76,12 @@ use crate::{math::Vec3, par};
 use accelerated::Momentum;
 use calibration::RestState;
 use energy::energy;
+use inflow::Inflow;
 use lanes::Node;
 use measures::Particles;
 use micropolar::Microrotation;
 use neighbourhood::Neighbourhood;
+use outflow::Outflow;
 use record::FRAME_FIGURES;
 use repulsion::Repulsion;
 use setup::SolverSetup;
@@ -113,9 +126,21 @@ pub(super) struct Liquid {
     /// [`FRAME_FIGURES`] of the last frame; `None` in the first.
     figures: Option<[f64; FRAME_FIGURES.len()]>,
     seeded: LiquidSeeds,
-    /// One past the last id of each source; empty unless frames have the channel `source`.
-    ends: Vec<u32>,
+    /// Whether frames have the channels `source` and, with emitters, `birth`.
+    has_sources: bool,
+    has_births: bool,
+    /// Number of the source or emitter of each particle, and the time at which it entered [s]; empty without the channels.
+    source: Vec<u32>,
+    birth: Vec<f32>,
     id: Vec<u32>,
+    /// Id of the next particle that enters.
+    next_id: u32,
+    /// One more than the column of the nozzle that a particle is in, and zero outside; empty without emitters.
+    nozzle: Vec<u32>,
+    inflow: Option<Inflow>,
+    outflow: Option<Outflow>,
+    /// Particles that have entered and left since the shot's start.
+    flow_totals: FlowTotals,
     x: Vec<Vec3>,
     v: Vec<Vec3>,
     solver: Solver,
@@ -141,6 +166,7 @@ impl Liquid {
     pub(super) fn passes(&self) -> Vec<&'static str> {
         let optional = |present: bool, name| present.then_some(name);
         [
+            optional(self.inflow.is_some(), "inflow"),
             Some("sort"),
             Some("predict"),
             Some("search"),
@@ -153,6 +179,7 @@ impl Liquid {
             optional(self.confinement.is_some(), "vorticity"),
             optional(self.microrotation.is_some(), "micropolar"),
             optional(self.params.xsph.is_some(), "xsph"),
+            optional(self.outflow.is_some(), "outflow"),
         ]
         .into_iter()
         .flatten()
@@ -179,7 +206,7 @@ impl Liquid {
         clock: &mut Clock,
         watch: &mut dyn Watch,
     ) -> Result<LiquidRecord, Stop> {
-        let mut record = LiquidRecord::default();
+        let mut record = LiquidRecord { flow: self.flow_record(), ..LiquidRecord::default() };
         (self.solver.rebuilds, self.solver.shortened, self.solver.unresolved_contacts) = (0, 0, 0);
         self.momentum.reset();
         self.check_state(0)?;
@@ -189,7 +216,7 @@ impl Liquid {
         self.retain_from_frame(clock)?;
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
-            let [wanted, mut remaining] = self.substeps_left(left, coupled.as_deref(), record.substeps);
+            let [wanted, mut remaining] = self.substeps_left(now, left, coupled.as_deref(), record.substeps);
             if let Some(coupled) = &mut coupled {
                 remaining = remaining.max(coupled.substeps_left(now, left, seconds, record.substeps)?);
             }
@@ -200,8 +227,16 @@ impl Liquid {
             if let Some(coupled) = &mut coupled {
                 coupled.advance_uncoupled(now, dt, clock)?;
             }
-            self.substep(dt as f32, &mut coupled, clock, &mut record, watch)?;
-            self.check_state(record.substeps)?;
+            if self.inflow.is_some() {
+                clock.time("inflow", || self.emit(now, dt as f32, &mut record))?;
+            }
+            if !self.x.is_empty() {
+                self.substep(dt as f32, &mut coupled, clock, &mut record, watch)?;
+                self.check_state(record.substeps)?;
+            }
+            if self.outflow.is_some() {
+                clock.time("outflow", || self.drain(&mut record));
+            }
             Ok(dt)
         })?;
         self.measure(clock, &mut record)?;
@@ -221,6 +256,7 @@ impl Liquid {
         let cells = clock.time("search", || self.solver.find_cells(&self.rest));
         cells.map_err(|cell| self.overcrowded(record.substeps, cell))?;
         clock.time("sort", || self.sort());
+        self.solver.exempt_pins(self.params.constraint);
         if self.v_before.is_some() {
             clock.time("friction", || self.start_contacts(dt));
         }
@@ -239,6 +275,7 @@ impl Liquid {
                 self.solver.publish_positions(self.rest.inv_support);
                 let Solver { p, lists, nodes, .. } = &mut self.solver;
                 let shortened = repulsion.apply(&self.rest, lists, nodes, p, dt);
+                self.solver.restore_pins();
                 self.solver.check_skin(&self.rest);
                 shortened
             });
@@ -261,16 +298,19 @@ impl Liquid {
             let collide = |from, to| self.walls.collide(from, to).0;
             let mut particles = self.solver.particles(&self.x, &collide);
             self.first_energy += coupled.end_substep(&mut particles, &self.v, clock);
+            self.solver.restore_pins_with_work(&self.x);
             self.solver.check_skin(&self.rest);
         }
         clock.time("velocity", || self.update_velocities(dt));
         if self.v_before.is_some() {
             clock.time("friction", || self.apply_friction(dt, record));
+            self.solver.restore_pins();
         }
         if let Some(coupled) = coupled {
             self.first_energy += coupled.apply_friction(&mut self.v, clock);
         }
         self.add_solid_work(dt, record);
+        self.add_nozzle_work(dt, record);
         if self.confinement.is_some() || self.microrotation.is_some() || self.params.xsph.is_some() {
             let setup = setup(&self.params, &self.rest, &self.walls);
             let lists = clock.time("search", || self.solver.ensure_lists(&setup));
@@ -290,7 +330,10 @@ impl Liquid {
                 xsph::apply(xsph, at, self.gravity.norm() * dt, &mut self.v);
             });
         }
-        clock.time("velocity", || self.bound_energy(record));
+        clock.time("velocity", || {
+            self.bound_energy(record);
+            self.restore_pinned_velocities(dt);
+        });
         std::mem::swap(&mut self.x, &mut self.solver.p); // x_i ← x*, [pbf] Alg. 1, line 23
         Ok(())
     }
@@ -306,42 +349,11 @@ impl Liquid {
         Ok(())
     }
 
-    /// Sorts particles by the cells of the neighbour search, so that neighbours are close in memory. Unsorted, an iteration
-    /// takes nearly twice as long.
-    fn sort(&mut self) {
-        let Solver { grid, p, spare, multipliers, ratio, retained, .. } = &mut self.solver;
-        let order = grid.order();
-        for values in [&mut self.x, &mut self.v, p] {
-            spare.resize(values.len(), Vec3::zeros());
-            par::fill(spare, |i| values[order[i] as usize]);
-            std::mem::swap(values, spare);
-        }
-        if let Some(Microrotation { spin, .. }) = &mut self.microrotation {
-            spare.resize(spin.len(), Vec3::zeros());
-            par::fill(spare, |i| spin[order[i] as usize]);
-            std::mem::swap(spin, spare);
-        }
-        self.id = order.iter().map(|&i| self.id[i as usize]).collect();
-        if multipliers.len() == order.len() {
-            ratio.resize(order.len(), 0.0);
-            let applied = &mut multipliers.0.applied;
-            par::fill(ratio, |i| applied[order[i] as usize]);
-            std::mem::swap(applied, ratio);
-        }
-        for values in [&mut self.momentum.pressure, retained] {
-            if !values.is_empty() {
-                ratio.resize(order.len(), 0.0);
-                par::fill(ratio, |i| values[order[i] as usize]);
-                std::mem::swap(values, ratio);
-            }
-        }
-        grid.settle();
-    }
-
     /// Advection: velocities after gravity, and predicted positions, [pbf] Alg. 1, lines 1–4.
     fn predict(&mut self, dt: f32) {
         let gain = self.gravity * dt;
         par::update(&mut self.v, |_, v| *v += gain);
+        self.restore_pinned_velocities(dt);
         self.predict_positions(dt);
     }
 
@@ -356,63 +368,7 @@ impl Liquid {
         } else {
             0.0
         };
-    }
-
-    /// Viscosity over `dt` [s], between two density solves. The first balances gravity with pressure: otherwise walls
-    /// and viscosity would hold the weight of liquid at rest, and positions advance with velocities that lack viscosity.
-    /// The second removes what compression the viscous velocities have.
-    fn apply_viscosity(
-        &mut self,
-        dt: f32,
-        clock: &mut Clock,
-        record: &mut LiquidRecord,
-        watch: &mut dyn Watch,
-    ) -> Result<(), Stop> {
-        let unconverged = record.unconverged;
-        let target = self.pressure_target(dt);
-        clock.around("solve", |clock| self.solve(dt, target, &mut None, clock, record, watch))?;
-        // The second solve decides about the density, this one about the pressure that viscosity acts with.
-        record.pressure_unconverged += record.unconverged - unconverged;
-        record.unconverged = unconverged;
-        clock.time("velocity", || self.update_velocities(dt));
-        let Some(viscosity) = &mut self.viscosity else { return Ok(()) };
-        self.momentum.keep(&self.solver, &mut viscosity.pressures);
-        let solve = clock.time("viscosity", || {
-            let reach = setup(&self.params, &self.rest, &self.walls).boundary_reach();
-            let Solver { nodes, lists, p, clearance, .. } = &mut self.solver;
-            lanes::publish_positions(nodes, &self.x, self.rest.inv_support);
-            let (rest, walls) = (&self.rest, &self.walls);
-            viscosity.apply(ViscousStep { rest, walls, lists, p, clearance, reach, dt }, nodes, &mut self.v)
-        });
-        record.viscosity_iterations += solve.iterations;
-        record.viscosity_unconverged += u32::from(!solve.converged);
-        record.viscosity_residual = record.viscosity_residual.max(solve.residual);
-        let work = self.mass * solve.work;
-        self.first_energy += work;
-        record.solid_work += work;
-        let pushed = self.solver.work;
-        clock.time("predict", || self.predict_positions(dt));
-        self.solver.work += pushed;
-        if self.v_before.is_some() {
-            self.add_predicted_push(dt);
-        }
-        self.solver.check_skin(&self.rest);
-        Ok(())
-    }
-
-    /// Moves the predicted positions by the surface tension over `dt` [s]. Returns the number of shortened displacements.
-    fn apply_tension(&mut self, dt: f32) -> u64 {
-        let directions = Directions { theta: self.params.first_theta(), x: &self.x };
-        let Some(tension) = &mut self.tension else { return 0 };
-        // Solids are where the particles are: a common velocity changes nothing.
-        tension.move_to(self.walls.now() - f64::from((1.0 - directions.theta) * dt));
-        let Solver { p, lists, wall_push, .. } = &mut self.solver;
-        let shortened = tension.apply(lists, p, directions, dt);
-        if self.v_before.is_some() {
-            tension.add_wall_push(wall_push, dt);
-        }
-        self.solver.check_skin(&self.rest);
-        shortened
+        self.solver.restore_pins();
     }
 
     /// Solves the density constraints, [pbf] Alg. 1, lines 8–19, to `target` or with a fixed number of iterations.
@@ -475,6 +431,7 @@ impl Liquid {
             let theta = if is_late { 1.0 } else { theta };
             self.solver.evaluate_directions_at(Directions { theta, x }, &self.rest);
             self.solver.correct(&setup);
+            self.solver.restore_pins_with_work(x);
             project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
             record.iterations += 1;
         }
@@ -516,10 +473,11 @@ impl Liquid {
 
     /// Number of equal substeps that the CFL rule wants for the `left` [s] of the frame, and the number within the limits of
     /// the preset after `done` substeps.
-    fn substeps_left(&self, left: f64, coupled: Option<&dyn CoupledSystem>, done: u32) -> [u32; 2] {
+    fn substeps_left(&self, now: f64, left: f64, coupled: Option<&dyn CoupledSystem>, done: u32) -> [u32; 2] {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
         let coupled = coupled.map_or(0.0, CoupledSystem::max_speed);
-        let fastest = fastest + self.walls.max_speed(left).max(coupled);
+        let nozzle = self.inflow.as_ref().map_or(0.0, |inflow| inflow.max_speed(now, now + left));
+        let fastest = fastest.max(nozzle) + self.walls.max_speed(left).max(coupled);
         let gravity = f64::from(self.gravity.norm());
         let allowed = f64::from(self.params.cfl) * f64::from(self.params.spacing);
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
@@ -534,6 +492,11 @@ impl Liquid {
 
     /// Fills in the record of the frame's end.
     fn measure(&mut self, clock: &mut Clock, record: &mut LiquidRecord) -> Result<(), Diverged> {
+        self.record_flow(record);
+        if self.x.is_empty() {
+            self.figures = Some(FRAME_FIGURES.map(|(_, value)| value(record)));
+            return Ok(());
+        }
         let setup = setup(&self.params, &self.rest, &self.walls);
         self.solver.p.clone_from(&self.x);
         let lists = clock.time("solve", || self.solver.ensure_lists(&setup));
@@ -585,6 +548,7 @@ fn project_contacts(
     if let Some(coupled) = coupled
         && coupled.project_contacts(&mut solver.particles(x, &collide), clock)
     {
+        solver.restore_pins_with_work(x);
         solver.check_skin(rest);
     }
 }

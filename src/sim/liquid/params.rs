@@ -1,5 +1,6 @@
 //! Parameters of a liquid.
 
+use super::inflow::{LiquidDomain, LiquidEmitter, LiquidOutflow};
 use crate::{sim::setup::from_spacing, solid::Shape};
 use serde::{Deserialize, Serialize};
 
@@ -97,9 +98,18 @@ pub struct LiquidParams {
     /// XSPH viscosity, smooths velocities over neighbours; absent: not applied.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub xsph: Option<Xsph>,
-    /// Volumes of liquid at the start; at least one.
+    /// Volumes of liquid at the start; at least one, or an emitter.
     #[serde(default)]
     pub source: Vec<LiquidSource>,
+    /// Nozzles from which liquid flows while the shot runs.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub emitter: Vec<LiquidEmitter>,
+    /// Volumes that remove liquid.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outflow: Vec<LiquidOutflow>,
+    /// The box in which the liquid is simulated; absent: unbounded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain: Option<LiquidDomain>,
 }
 
 impl LiquidParams {
@@ -145,9 +155,10 @@ impl LiquidParams {
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum LiquidChannel {
-    /// Seconds since the particle was seeded, which is the time since the start of the shot.
+    /// Seconds since the particle was seeded or emitted. With emitters, frames also have the channel `birth`, the time of that
+    /// since the start of the shot [s].
     Age,
-    /// Index of the particle's `[[liquid.source]]`, from 0.
+    /// Index of the particle's `[[liquid.source]]`, from 0; those of `[[liquid.emitter]]` follow.
     Source,
 }
 

@@ -28,6 +28,91 @@ pub struct LiquidSeeds {
     pub far_from_origin: f64,
     /// Largest coordinate at which it does not [m].
     pub precise_distance: f64,
+    /// The nozzles of the emitters, in order; none after a restart.
+    pub nozzles: Vec<NozzleReport>,
+    /// Outflows thinner than a spacing, in order; none after a restart.
+    pub thin_outflows: Vec<u32>,
+    /// Largest speed that `cfl` and `max_substeps` allow without gravity [m/s].
+    pub allowed_speed: f64,
+}
+
+/// The nozzle of an emitter at the start of a shot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct NozzleReport {
+    /// Particles in a layer.
+    pub columns: u32,
+    /// Area of its cross-section: that of the particles [m²].
+    pub area: f64,
+    /// Area of the outline of its shape, as seen against the flow [m²].
+    pub outline_area: f64,
+    /// Columns that begin in a solid, or closer to one than half a spacing.
+    pub in_solids: u32,
+    /// Columns that end at a solid within the reach of the kernel.
+    pub at_wall: u32,
+    /// Columns that begin in an outflow or outside of the domain.
+    pub in_outflow: u32,
+    /// Largest speed of the liquid in it over the shot [m/s].
+    pub max_speed: f64,
+}
+
+/// Particles that entered and left during a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct FlowRecord {
+    /// Particles that each emitter emitted.
+    pub emitted: Vec<u64>,
+    /// Particles that each emitter did not emit because their place was in a solid.
+    pub blocked_by_solids: Vec<u64>,
+    /// Particles that each emitter did not emit because another particle was in their place.
+    pub blocked_by_liquid: Vec<u64>,
+    /// Particles that left a nozzle early because it led them into a solid.
+    pub released_early: u64,
+    /// Particles that each outflow removed.
+    pub removed: Vec<u64>,
+    /// Particles that left through each open side of the domain: lower and upper x, y, z.
+    pub left_by_side: [u64; 6],
+    /// Particles that left the domain where no side is open. They were removed.
+    pub left_by_accident: u64,
+    /// Work of the nozzles on the liquid [J]. The liquid's energy may rise by it.
+    pub nozzle_work: f64,
+    /// Particles at the frame's end.
+    pub present: u64,
+    /// Sums since the start of the shot.
+    pub totals: FlowTotals,
+}
+
+/// Particles that entered and left since the start of a shot.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+#[non_exhaustive]
+pub struct FlowTotals {
+    /// Particles at the start.
+    pub initial: u64,
+    /// Emitted particles.
+    pub emitted: u64,
+    /// Particles removed by outflows and open sides.
+    pub removed: u64,
+    /// Particles that left the domain where no side is open.
+    pub left_by_accident: u64,
+}
+
+impl FlowTotals {
+    /// Names of the numbers in the header of a cached frame, in order.
+    pub(in crate::sim) const NAMES: [&'static str; 4] =
+        ["initial_particles", "emitted_particles", "removed_particles", "lost_particles"];
+
+    /// The numbers in the order of [`Self::NAMES`].
+    pub(super) fn values(&self) -> [u64; 4] {
+        [self.initial, self.emitted, self.removed, self.left_by_accident]
+    }
+
+    /// The totals of numbers in the order of [`Self::NAMES`].
+    pub(in crate::sim) fn of([initial, emitted, removed, left_by_accident]: [u64; 4]) -> Self {
+        Self { initial, emitted, removed, left_by_accident }
+    }
 }
 
 /// A collider thinner than the kernel reaches between particles that rest on both of its sides.
@@ -145,6 +230,9 @@ pub struct LiquidRecord {
     pub cfl_capped: u32,
     /// Particles whose centre lies inside a solid at the frame's end.
     pub particles_inside_solids: u32,
+    /// Particles that entered and left; `None` without emitters, outflows and a domain.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flow: Option<FlowRecord>,
 }
 
 /// A figure of a frame: its name in the header of the cached frame, and its value.

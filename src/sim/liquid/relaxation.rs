@@ -21,6 +21,9 @@ impl Liquid {
         if self.params.target().is_none() || self.params.kernel != Kernel::Wendland {
             return Ok(()); // as in the paper; its kernels are never at rest
         }
+        if self.x.is_empty() {
+            return Ok(());
+        }
         self.walls.move_to(0.0);
         self.list_positions(clock)?;
         let setup = setup(&self.params, &self.rest, &self.walls);

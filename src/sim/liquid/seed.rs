@@ -93,21 +93,7 @@ pub(super) fn seed(params: &LiquidParams, rest: &RestState, walls: &Walls) -> Re
         seeds.ends.push(seeds.positions.len() as u32);
     }
     seeds.report.particles = seeds.positions.len() as u32;
-    if seeds.positions.is_empty() { Err(SetupError::NoParticles) } else { Ok(seeds) }
-}
-
-/// One past the last id of each source, from the ids and sources of all particles: ids ascend source by source, and no
-/// particle is ever removed. An empty source ends where the previous one does.
-pub(super) fn ends(ids: &[u32], sources: &[u32]) -> Vec<u32> {
-    let mut ends = vec![0; sources.iter().max().map_or(0, |&last| last as usize + 1)];
-    for (&id, &source) in ids.iter().zip(sources) {
-        let end = &mut ends[source as usize];
-        *end = id.saturating_add(1).max(*end);
-    }
-    for source in 1..ends.len() {
-        ends[source] = ends[source].max(ends[source - 1]);
-    }
-    ends
+    Ok(seeds)
 }
 
 /// Points at equal distances along the axes.
@@ -365,7 +351,7 @@ mod tests {
             "plane = { point = [0, 0, 0], normal = [0, 0, 1] }",
             "tank = { min = [0, 0, 0], max = [1, 1, 1] }",
         ] {
-            assert_eq!(seeds(&sources(&[shape]), vec![]).unwrap_err(), SetupError::NoParticles, "{shape}");
+            assert!(seeds(&sources(&[shape]), vec![]).unwrap().positions.is_empty(), "{shape}");
         }
     }
 
@@ -381,15 +367,10 @@ mod tests {
     }
 
     #[test]
-    fn the_ends_of_sources_follow_from_particles_in_any_order() {
-        assert_eq!(ends(&[4, 0, 2, 3, 1], &[3, 0, 1, 3, 0]), [2, 3, 3, 5]);
-        assert_eq!(ends(&[], &[]), [0; 0]);
-    }
-
-    #[test]
     fn empty_and_oversized_sources_are_refused() {
         let tiny = "box = { min = [0, 0, 0], max = [0.004, 1, 1] }";
-        assert_eq!(seeds(&sources(&[tiny]), vec![]).unwrap_err(), SetupError::NoParticles);
+        let empty = seeds(&sources(&[tiny]), vec![]).unwrap();
+        assert_eq!((empty.positions.len(), empty.report.empty_sources.len()), (0, 1));
         let huge = "box = { min = [0, 0, 0], max = [1e6, 1e6, 1e6] }";
         assert!(matches!(seeds(&sources(&[huge]), vec![]).unwrap_err(), SetupError::TooMany { .. }));
     }

@@ -61,6 +61,15 @@ pub(super) struct Target {
     pub(super) limit: f64,
 }
 
+/// A particle with a prescribed position at the end of the substep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pin {
+    /// Index of the particle.
+    pub(super) particle: u32,
+    /// Its position at the end of the substep [m].
+    pub(super) target: Vec3,
+}
+
 /// State of the solver within a substep.
 #[derive(Debug, Default)]
 pub(super) struct Solver {
@@ -84,7 +93,7 @@ pub(super) struct Solver {
     pub(super) clearance: Vec<f32>,
     pub(super) grid: CellGrid,
     pub(super) lists: Neighbours,
-    stale: bool,
+    pub(super) stale: bool,
     /// Number of times that lists were rebuilt within a substep.
     pub(super) rebuilds: u32,
     /// Number of shortened corrections.
@@ -95,6 +104,10 @@ pub(super) struct Solver {
     pub(super) wall_push: Vec<Vec3>,
     /// Work of moving solids in this substep, by mass over dt² [m²].
     pub(super) work: f64,
+    /// Particles whose motion is prescribed, in ascending order.
+    pub(super) pins: Vec<Pin>,
+    /// Work of prescribed motion in this substep, by mass over dt² [m²].
+    pub(super) pin_work: f64,
     /// The state before the last correction.
     before: SavedState,
 }
@@ -106,6 +119,7 @@ struct SavedState {
     wall_push: Vec<Vec3>,
     ratio: Vec<f32>,
     work: f64,
+    pin_work: f64,
 }
 
 /// Radius of the lists [m].
@@ -167,6 +181,7 @@ impl Solver {
         self.clearance.resize(self.p.len(), 0.0);
         let p = &self.p;
         par::fill(&mut self.clearance, |i| setup.walls.distance(p[i]));
+        self.free_pins_of_solids();
         self.stale = false;
     }
 
@@ -216,6 +231,8 @@ impl Solver {
                 DensityPass::<_, GRADIENTS> { at, ratio, deficit, retained, multiplier, update },
             )
         });
+        self.clear_pin_pressures();
+        let Self { multipliers, nodes, .. } = self;
         let lambda = &*multipliers.0.lambda;
         par::update(nodes, |i, node| node.0[3] = lambda[i]);
         Residual::of(&partials, count)
@@ -277,13 +294,13 @@ impl Solver {
 
     /// Keeps the state before a correction, for [`Solver::shorten_correction`].
     pub(super) fn save_state(&mut self) {
-        let SavedState { p, wall_push, ratio, work } = &mut self.before;
+        let SavedState { p, wall_push, ratio, work, pin_work } = &mut self.before;
         for (to, from) in [(p, &self.p), (wall_push, &self.wall_push)] {
             to.resize(from.len(), Vec3::zeros());
             par::fill(to, |i| from[i]);
         }
         ratio.clone_from(&self.ratio);
-        *work = self.work;
+        (*work, *pin_work) = (self.work, self.pin_work);
     }
 
     /// Retains `part` of each compression of the last evaluation, for the next substep.
@@ -303,6 +320,7 @@ impl Solver {
         par::update(wall_push, |i, total| *total = between(before.wall_push[i], *total));
         par::update(ratio, |i, ratio| *ratio = before.ratio[i] + (*ratio - before.ratio[i]) * part);
         self.work = before.work + (self.work - before.work) * kept;
+        self.pin_work = before.pin_work + (self.pin_work - before.pin_work) * kept;
         // A straight line between two places outside of a solid may lead through it.
         let project = |start: usize, p: &mut [Vec3], wall_push: &mut [Vec3]| {
             let (mut touching, mut work) = (0, 0.0);
@@ -332,6 +350,7 @@ impl Solver {
             self.unresolved_contacts += touching;
             self.work += if setup.walls.has_moving_solids() { work } else { 0.0 };
         }
+        self.restore_pins();
         // Particles have gone back from where the lists may have been built.
         self.check_skin(setup.rest);
     }

@@ -1,16 +1,16 @@
 //! The liquid's state: seeded, restored from a frame, and written to one.
 
 use super::{
-    Liquid, LiquidChannel, LiquidParams, LiquidSeeds, NAME, ThinSolid, accelerated::Momentum,
-    calibration::RestState, micropolar::Microrotation, record::FRAME_FIGURES, repulsion::Repulsion, seed,
-    solve::Solver, surface_tension::Tension, viscosity::ViscositySolver, vorticity::Confinement,
-    walls::Walls,
+    FlowTotals, Liquid, LiquidChannel, LiquidParams, LiquidSeeds, NAME, ThinSolid, accelerated::Momentum,
+    calibration::RestState, flow::BIRTH, inflow::Inflow, micropolar::Microrotation, outflow::Outflow,
+    record::FRAME_FIGURES, repulsion::Repulsion, seed, solve::Solver, surface_tension::Tension,
+    viscosity::ViscositySolver, vorticity::Confinement, walls::Walls,
 };
 use crate::{
     frame::{Stream, StreamKind},
     math::Vec3,
     par,
-    sim::{SetupError, World},
+    sim::{SetupError, Timeline, World},
 };
 
 /// Kinematic viscosity with which eddies fade without viscosity, over speed times spacing: 0.5 to 1.1 for four eddies in a
@@ -39,11 +39,19 @@ const MAX_RESOLUTION: f64 = 1e-3;
 
 impl Liquid {
     /// Fills the sources with particles.
-    pub(in crate::sim) fn seed(params: LiquidParams, world: &World) -> Result<Self, SetupError> {
-        let mut liquid = Self::empty(params, world);
+    pub(in crate::sim) fn seed(
+        params: LiquidParams,
+        world: &World,
+        timeline: Timeline,
+    ) -> Result<Self, SetupError> {
+        let mut liquid = Self::empty(params, world, timeline)?;
         let seeds = seed::seed(&liquid.params, &liquid.rest, &liquid.walls)?;
+        if seeds.positions.is_empty() && !liquid.inflow.as_ref().is_some_and(Inflow::has_columns) {
+            return Err(SetupError::NoParticles);
+        }
         liquid.id = (0..seeds.report.particles).collect();
         (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
+        liquid.start_flow(timeline);
         liquid.seeded.thin_solids = thin_solids(&liquid.rest, world);
         liquid.seeded.precise_distance =
             MAX_RESOLUTION * f64::from(liquid.rest.spacing) / f64::from(f32::EPSILON);
@@ -51,8 +59,10 @@ impl Liquid {
         if farthest > liquid.seeded.precise_distance {
             liquid.seeded.far_from_origin = farthest;
         }
-        if liquid.params.channels.contains(&LiquidChannel::Source) {
-            liquid.ends = seeds.ends;
+        if liquid.has_sources {
+            for (source, &end) in (0..).zip(&seeds.ends) {
+                liquid.source.resize(end as usize, source);
+            }
         }
         if let Some(microrotation) = &mut liquid.microrotation {
             microrotation.spin = vec![Vec3::zeros(); liquid.x.len()];
@@ -86,18 +96,19 @@ impl Liquid {
         params: LiquidParams,
         world: &World,
         stream: &Stream,
-        time: f64,
+        (timeline, time): (Timeline, f64),
     ) -> Result<Self, SetupError> {
         let missing = |what| SetupError::Missing { stream: NAME, what };
-        let mut liquid = Self::empty(params, world);
+        let mut liquid = Self::empty(params, world, timeline)?;
         liquid.walls.place_at(time);
         liquid.x = stream.vec3("position").ok_or(missing("position"))?.to_vec();
         liquid.v = stream.vec3("velocity").ok_or(missing("velocity"))?.to_vec();
         liquid.id = stream.u32("id").ok_or(missing("id"))?.to_vec();
-        if liquid.params.channels.contains(&LiquidChannel::Source) {
+        if liquid.has_sources {
             let name = LiquidChannel::Source.name();
-            liquid.ends = seed::ends(&liquid.id, stream.u32(name).ok_or(missing(name))?);
+            liquid.source = stream.u32(name).ok_or(missing(name))?.to_vec();
         }
+        liquid.restore_flow(stream)?;
         if let Some(microrotation) = &mut liquid.microrotation {
             microrotation.spin = stream.vec3(MICROROTATION).ok_or(missing(MICROROTATION))?.to_vec();
         }
@@ -111,13 +122,16 @@ impl Liquid {
         };
         let figures = FRAME_FIGURES.map(|(name, _)| stream.scalar(name));
         liquid.figures = figures.iter().all(Option::is_some).then(|| figures.map(Option::unwrap_or_default));
-        if liquid.x.is_empty() { Err(SetupError::NoParticles) } else { Ok(liquid) }
+        let is_flowing = liquid.inflow.is_some() || liquid.outflow.is_some();
+        if liquid.x.is_empty() && !is_flowing { Err(SetupError::NoParticles) } else { Ok(liquid) }
     }
 
-    fn empty(params: LiquidParams, world: &World) -> Self {
+    fn empty(params: LiquidParams, world: &World, timeline: Timeline) -> Result<Self, SetupError> {
         let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
         let walls = Walls::new(&world.solids, &rest);
-        Self {
+        let inflow = Inflow::new(&params, &rest, timeline)?;
+        let has_channel = |channel| params.channels.contains(&channel);
+        Ok(Self {
             rest,
             v_before: walls.has_friction_or_restitution().then(Vec::new),
             walls,
@@ -126,8 +140,16 @@ impl Liquid {
             first_energy: 0.0,
             figures: None,
             seeded: LiquidSeeds::default(),
-            ends: Vec::new(),
+            has_sources: has_channel(LiquidChannel::Source),
+            has_births: inflow.is_some() && has_channel(LiquidChannel::Age),
+            source: Vec::new(),
+            birth: Vec::new(),
             id: Vec::new(),
+            next_id: 0,
+            nozzle: Vec::new(),
+            inflow,
+            outflow: Outflow::new(&params, timeline),
+            flow_totals: FlowTotals::default(),
             x: Vec::new(),
             v: Vec::new(),
             solver: Solver::default(),
@@ -145,7 +167,7 @@ impl Liquid {
             microrotation: params.micropolar.as_ref().map(|params| Microrotation::new(params, &rest)),
             motion: Vec::new(),
             params,
-        }
+        })
     }
 
     /// The state at `time` since the shot's start [s] as named columns, with everything that [`Liquid::restore`] needs.
@@ -157,11 +179,13 @@ impl Liquid {
         for channel in LiquidChannel::ALL.into_iter().filter(|channel| self.params.channels.contains(channel))
         {
             stream = match channel {
-                LiquidChannel::Age => stream.with(channel.name(), vec![time as f32; self.x.len()]),
-                LiquidChannel::Source => {
-                    let source = |&id: &u32| self.ends.partition_point(|&end| end <= id) as u32;
-                    stream.with(channel.name(), self.id.iter().map(source).collect::<Vec<u32>>())
+                LiquidChannel::Age if self.has_births => {
+                    let age = |&birth: &f32| (time - f64::from(birth)) as f32;
+                    let ages: Vec<f32> = self.birth.iter().map(age).collect();
+                    stream.with(channel.name(), ages).with(BIRTH, self.birth.clone())
                 }
+                LiquidChannel::Age => stream.with(channel.name(), vec![time as f32; self.x.len()]),
+                LiquidChannel::Source => stream.with(channel.name(), self.source.clone()),
             };
         }
         if let Some(microrotation) = &self.microrotation {
@@ -173,6 +197,7 @@ impl Liquid {
             ("skipped_in_solids".into(), f64::from(self.seeded.skipped_in_solids)),
             ("skipped_overlapping".into(), f64::from(self.seeded.skipped_overlapping)),
         ];
+        stream = self.with_flow(stream);
         let figures = FRAME_FIGURES.iter().zip(self.figures.iter().flatten());
         stream.scalars.extend(figures.map(|((name, _), value)| ((*name).into(), *value)));
         stream
@@ -209,7 +234,8 @@ mod tests {
             let source = LiquidSource { shape, velocity: [0.0; 3] };
             let params = LiquidParams { source: vec![source], ..LiquidParams::new(0.1) };
             let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
-            let seeded = Liquid::seed(params, &world).expect("the source holds particles").seeded;
+            let liquid = Liquid::seed(params, &world, Timeline::default());
+            let seeded = liquid.expect("the source holds particles").seeded;
             assert_eq!(seeded.far_from_origin > 0.0, far, "{at} m: {seeded:?}");
         }
     }

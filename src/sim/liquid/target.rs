@@ -65,13 +65,16 @@ impl Liquid {
         let part = self.retained_part();
         if part > 0.0 {
             self.solver.retain(part as f32);
+        } else {
+            // Otherwise particles would stay exempt after they have left a nozzle.
+            self.solver.retained.clear();
         }
     }
 
     /// Evaluates what the first substep of a frame retains, from positions alone. The evaluation at the end of the frame before is not
     /// used: its lists are in another order, and a restored frame has none.
     pub(super) fn retain_from_frame(&mut self, clock: &mut Clock) -> Result<(), Diverged> {
-        if self.retained_part() == 0.0 {
+        if self.retained_part() == 0.0 || self.x.is_empty() {
             return Ok(());
         }
         self.list_positions(clock)?;

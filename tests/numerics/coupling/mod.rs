@@ -41,7 +41,7 @@ fn systems(text: &str) -> Systems {
     let smoke = smoke.map(|params| meniscus::sim::smoke::Smoke { params, fps, first });
     let params = SheetsParams { sheet, common: sheets };
     let sheets = (!params.sheet.is_empty()).then_some(Shot { params, fps, first });
-    Systems { liquid, smoke, sheets, couplings: coupling }
+    Systems { liquid, smoke, sheets, couplings: coupling, ..Systems::default() }
 }
 
 fn world(gravity: f32, shapes: Vec<Shape>) -> World {

@@ -71,13 +71,13 @@ pub(super) fn check_liquid(liquid: &LiquidParams, places: &Places, findings: &mu
             .with_help("raise `max_substeps` or lower `min_substeps`; both have defaults"),
         );
     }
-    if liquid.source.is_empty() {
+    if liquid.source.is_empty() && liquid.emitter.is_empty() {
         findings.push(
             Finding::new(
                 places.of("liquid.source"),
                 "liquid.source",
-                "the liquid has no source, so there is nothing to simulate",
-                "expected at least one `[[liquid.source]]`",
+                "the liquid has no source and no emitter, so there is nothing to simulate",
+                "expected at least one `[[liquid.source]]` or `[[liquid.emitter]]`",
             )
             .with_help(
                 "add `[[liquid.source]]` with `shape = { box = { min = [0, 0, 0], max = [1, 1, 1] } }`",
@@ -110,9 +110,18 @@ fn check_particle_count(liquid: &LiquidParams, places: &Places, findings: &mut V
 
 /// Estimate of the number of particles by volume; overlapping sources count twice, and meshes, whose volume is in their file,
 /// do not count.
-pub(crate) fn particle_estimate(liquid: &LiquidParams) -> f64 {
+pub(super) fn particle_estimate(liquid: &LiquidParams) -> f64 {
     let volume: f64 = liquid.source.iter().map(|source| source.shape.volume()).sum();
     volume / f64::from(liquid.spacing).powi(3)
+}
+
+/// Estimate of the number of particles at the shot's end, if none leaves; `None` without a liquid.
+#[cfg(test)]
+pub(crate) fn final_particle_estimate(scene: &Scene) -> Option<f64> {
+    let emitted = |liquid: &LiquidParams| {
+        crate::sim::liquid::inflow::emitted_particles(liquid, scene.timeline(), scene.seconds())
+    };
+    scene.liquid.as_ref().map(|liquid| particle_estimate(liquid) + emitted(liquid))
 }
 
 /// Whether there is a liquid on which colliders with friction, restitution or a contact angle act.

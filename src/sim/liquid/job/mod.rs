@@ -1,6 +1,7 @@
 //! The liquid as jobs see it.
 
 pub(crate) mod check;
+mod flow;
 mod forecast;
 mod report;
 mod tradeoff;
@@ -31,7 +32,7 @@ impl System for Liquid {
     }
 
     fn preset_table(&self) -> Option<(&'static str, &'static str)> {
-        Some(("[liquid]", "a `spacing` and at least one `[[liquid.source]]`"))
+        Some(("[liquid]", "a `spacing` and at least one `[[liquid.source]]` or `[[liquid.emitter]]`"))
     }
 
     fn is_present(&self, scene: &Scene) -> bool {
@@ -50,6 +51,9 @@ impl System for Liquid {
         if let Some(liquid) = &scene.liquid {
             check::check_liquid(liquid, places, findings);
         }
+        if let Some(liquid) = &scene.liquid {
+            flow::check_flow(liquid, scene.seconds(), scene.timeline(), places, findings);
+        }
         check::check_attributes(scene, places, findings);
         check::check_colliders(scene, places, findings);
     }
@@ -64,18 +68,20 @@ impl System for Liquid {
     }
 
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
-        let sources = scene.liquid.iter().flat_map(|liquid| liquid.source.iter().enumerate());
-        let shapes = sources.map(|(i, source)| (format!("liquid.source.{i}.shape"), &source.shape));
-        shapes.filter_map(mesh_file).collect()
+        scene.liquid.iter().flat_map(flow::shapes).filter_map(mesh_file).collect()
     }
 
     fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {
-        let sources = scene.liquid.iter_mut().flat_map(|liquid| &mut liquid.source);
-        sources.map(|source| &mut source.shape).collect()
+        let Some(LiquidParams { source, emitter, outflow, .. }) = &mut scene.liquid else {
+            return Vec::new();
+        };
+        let sources = source.iter_mut().map(|source| &mut source.shape);
+        let emitters = emitter.iter_mut().map(|emitter| &mut emitter.shape);
+        sources.chain(emitters).chain(outflow.iter_mut().map(|outflow| &mut outflow.shape)).collect()
     }
 
-    fn counts(&self, _: &Scene, seeds: &SeedReport) -> Vec<ElementCount> {
-        forecast::counts(seeds)
+    fn counts(&self, scene: &Scene, seeds: &SeedReport) -> Vec<ElementCount> {
+        forecast::counts(scene, scene.liquid.as_ref(), seeds)
     }
 
     fn memory(&self, scene: &Scene, counts: &[ElementCount]) -> f64 {

@@ -1,5 +1,6 @@
 //! Reports of the liquid: progress, warnings, totals.
 
+use super::flow;
 use crate::{
     cache::StreamInfo,
     frame::FrameIndex,
@@ -53,6 +54,7 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
             figure(precise_distance, 2)
         ));
     }
+    warnings.extend(flow::seeding_warnings(seeds));
     let LiquidSeeds { viscosity, solver_viscosity, speed, .. } = *seeds;
     if viscosity > 0.0 && viscosity < solver_viscosity {
         warnings.push(format!(
@@ -96,8 +98,9 @@ fn thin_solid_warning(solid: &ThinSolid) -> String {
 /// Progress line of a frame.
 pub(super) fn progress(record: &LiquidRecord) -> String {
     let percent = |value: f64| format!("{:.2}%", 100.0 * value);
+    let flow = record.flow.as_ref().map(|flow| flow::progress(flow) + "  ").unwrap_or_default();
     format!(
-        "substeps {}  iterations {}  compression {} (max {})  dilation {}  volume {:+.1}%",
+        "{flow}substeps {}  iterations {}  compression {} (max {})  dilation {}  volume {:+.1}%",
         record.substeps,
         record.iterations,
         percent(record.compression_avg),
@@ -110,7 +113,8 @@ pub(super) fn progress(record: &LiquidRecord) -> String {
 /// Limits that changed a frame.
 pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
     let clamps = &record.clamps;
-    nonzero(&[
+    let flow = record.flow.as_ref().map(flow::warnings).unwrap_or_default();
+    let limits = nonzero(&[
         (record.unconverged.into(), "substeps stopped at max_iterations"),
         (record.viscosity_unconverged.into(), "viscous solves stopped at liquid.viscosity.max_iterations"),
         (record.pressure_unconverged.into(), "density solves before viscosity stopped at max_iterations"),
@@ -122,7 +126,8 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
         (clamps.contacts, "contacts unresolved"),
         (u64::from(clamps.momentum), "iterations slowed down"),
         (record.particles_inside_solids.into(), "particles inside solids"),
-    ])
+    ]);
+    [flow, limits].concat()
 }
 
 /// Figures of a frame's end in its header.
@@ -135,7 +140,9 @@ pub(super) fn frame_figures(streams: &[StreamInfo]) -> Vec<(&'static str, f64)> 
 
 /// Compression, dilation and volume over all frames, from their headers.
 pub(super) fn cached_totals(frames: &[CachedFrame]) -> Vec<Total> {
-    totals(frames.iter().map(|frame| (frame.index, frame_figures(&frame.streams))))
+    let mut totals = totals(frames.iter().map(|frame| (frame.index, frame_figures(&frame.streams))));
+    totals.extend(flow::totals(frames));
+    totals
 }
 
 /// Compression, dilation and volume over all frames, from their records.

@@ -1,5 +1,6 @@
 //! Forecast of the liquid: two coarser pilots of all frames, and the shot's own start.
 
+mod counts;
 mod pilot;
 mod power_law;
 mod start;
@@ -7,16 +8,16 @@ mod start;
 use super::{report::record_totals, volume};
 use crate::math::elementary::ln;
 use crate::{
-    frame::StreamKind,
     job::{RunError, Total, memory::refuse_memory},
     sim::{
-        SeedReport, Simulation,
-        forecast::{ElementCount, ForecastJob, ProductForecast, SystemForecast, failures},
+        Simulation,
+        forecast::{ForecastJob, ProductForecast, SystemForecast, failures},
         liquid::{LiquidParams, NAME},
         scene::Scene,
     },
     solid::Collider,
 };
+pub(super) use counts::counts;
 use pilot::{Pilot, RATIO, near_factor, pilot_at};
 use power_law::{Shot, forecast as extrapolate};
 use start::Start;
@@ -56,19 +57,13 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
     particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + terms)
 }
 
-/// The particles of a seeded liquid.
-pub(super) fn counts(seeds: &SeedReport) -> Vec<ElementCount> {
-    let count = |particles: u32| ElementCount::constant("particles", StreamKind::Particles, particles.into());
-    seeds.liquid.iter().map(|seeds| count(seeds.particles)).collect()
-}
-
 /// Forecasts a liquid, and what is advanced together with it.
 ///
 /// # Errors
 /// As [`System::forecast`](crate::sim::system::System::forecast).
 pub(super) fn forecast(job: &ForecastJob, liquid: &LiquidParams) -> Result<SystemForecast, RunError> {
     let simulation = Simulation::new(job.scene.surroundings(), job.scene.systems_sharing_substeps())?;
-    let counts = counts(&simulation.seeded());
+    let counts = counts(job.scene, Some(liquid), &simulation.seeded());
     let particles = counts.iter().map(|count| count.end as usize).sum();
     let shot = Shot::new(job, liquid, particles);
 

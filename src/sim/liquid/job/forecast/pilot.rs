@@ -1,5 +1,6 @@
 //! Pilots: the shot with a larger `liquid.spacing` and fewer substeps in proportion.
 
+use super::counts::counts;
 use crate::math::elementary::cbrt;
 use crate::{
     frame::FrameIndex,
@@ -101,8 +102,10 @@ fn run(job: &ForecastJob, factor: f64) -> Result<Pilot, RunError> {
         limits = [fewer(liquid.min_substeps), fewer(liquid.max_substeps)];
         [liquid.min_substeps, liquid.max_substeps] = limits;
     }
+    let coarse = systems.liquid.clone();
     let mut simulation = Simulation::new(job.scene.surroundings(), systems)?;
-    let particles = simulation.seeded().liquid.unwrap_or_default().particles as usize;
+    let counts = counts(job.scene, coarse.as_ref(), &simulation.seeded());
+    let particles = (counts.iter().map(|count| count.end).sum::<f64>() as usize).max(1);
     let (frames, records, products) = (Vec::new(), Vec::new(), Vec::new());
     let mut pilot = Pilot { factor, limits, particles, frames, records, products, remarks: Vec::new() };
     let every = job.simulated().div_ceil(SAMPLED_FRAMES).max(1);
