@@ -122,5 +122,8 @@ pub mod scene;
 #[cfg(feature = "presets")]
 mod run;
 
+#[cfg(feature = "presets")]
+mod farm;
+
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -4,6 +4,7 @@ mod allocator;
 mod args;
 mod exit;
 mod export;
+mod farm;
 mod info;
 mod interrupt;
 mod mesh;
@@ -47,6 +48,7 @@ pub fn main() -> ExitCode {
         Verb::Mesh(args) => mesh::mesh(args, control),
         Verb::Volume(args) => volume::volume(args, control),
         Verb::Export(args) => export::export(args, control),
+        Verb::Farm(args) => farm::farm(args, cli.threads, control),
         Verb::Info(args) => info::info(args),
         Verb::Verify(args) => info::verify(args),
         Verb::Presets(args) => presets::presets(args),

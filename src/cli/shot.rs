@@ -29,6 +29,7 @@ pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
         force: args.force,
         max_memory: args.max_memory,
         concurrent: false,
+        follow: None,
         fps: f64::from(scene.fps),
     };
     let request = ProductRequest {
