@@ -106,6 +106,9 @@ pub mod import;
 pub mod export;
 
 #[cfg(feature = "presets")]
+mod image;
+
+#[cfg(feature = "presets")]
 mod preset;
 
 #[cfg(feature = "presets")]

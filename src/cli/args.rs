@@ -81,6 +81,8 @@ pub(super) enum Verb {
     Volume(VolumeArgs),
     /// Write the sheets of a cache as meshes with a point cache, or the tracers of smoke as PLY points
     Export(ExportArgs),
+    /// Make a variant of a shot for every combination of settings, and a contact sheet of them
+    Wedge(WedgeArgs),
     /// Write a shot, or wedges, as a job of a render farm
     Farm(FarmArgs),
     /// List what is in a shot folder
@@ -398,6 +400,58 @@ pub(super) struct VolumeArgs {
     /// tracers, too, are only advected by the cached air: --set smoke.tracers=…
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub(super) retime: Option<f64>,
+}
+
+/// Arguments of `wedge`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Make a variant of a shot for every combination of settings, and a contact sheet of them.\n\n\
+        Every wedge is a shot folder of its own below the output folder. The contact sheet shows all at the same frames from the \
+        same place; wedges.csv and wedges.html list their values, times and figures. The same command again continues, and more \
+        values only run what is new. With a folder instead of a preset, it compares the wedges that are there, as after a farm's job.",
+    after_help = "Examples:\n  \
+        meniscus wedge dam-break --quality draft --set liquid.vorticity.strength=0,0.1,0.3\n  \
+        meniscus wedge shot.toml --set liquid.spacing=0.02,0.03 --set liquid.viscosity.dynamic=0.1,10 --at 24,48,96\n  \
+        meniscus wedge shot.toml --set fps=24,25 --prepare && meniscus farm slurm shot-wedges"
+)]
+pub(super) struct WedgeArgs {
+    /// A preset file, or the name of a built-in preset; or the folder of wedges that are there
+    #[arg(value_name = "PRESET|DIR")]
+    pub(super) preset: String,
+
+    /// A key of the preset and its values: `liquid.cfl=0.2,0.4`; one value: the same in all. Repeated: every combination. Keys
+    /// joined by + vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. Values with commas in quotes or brackets:
+    /// `frames="1,5"`
+    #[arg(long, value_name = "KEY=A,B,…")]
+    pub(super) set: Vec<Vary>,
+
+    /// One of the preset's quality tiers
+    #[arg(long, value_name = "TIER")]
+    pub(super) quality: Option<Tier>,
+
+    /// The folder of the wedges; by default the preset's name with -wedges, in the current folder
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// The frames to store: `1-240`, `1-240x2`, `1,5,9-12`. By default those of the preset
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// The frames that the contact sheet shows, at most twelve: `24,48,96`. By default three, the last among them
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) at: Option<Frames>,
+
+    /// Leave wedges out that need about more memory than this: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Write the folders with their presets, for `meniscus farm`, and stop
+    #[arg(long)]
+    pub(super) prepare: bool,
+
+    /// Delete cached frames of the wedges and start over
+    #[arg(long)]
+    pub(super) force: bool,
 }
 
 /// Arguments of `farm`.

@@ -22,7 +22,9 @@ pub(super) fn code(error: &RunError) -> ExitCode {
             CacheError::Full { .. } => DISK_FULL,
             CacheError::Io { .. } => 1,
         },
-        RunError::SomeFailed { failed, .. } | RunError::NotValid { failed, .. } => {
+        RunError::SomeFailed { failed, .. }
+        | RunError::NotValid { failed, .. }
+        | RunError::WedgesFailed { failed, .. } => {
             // The gravest first.
             let codes = [
                 (Failure::Corrupt, 12),

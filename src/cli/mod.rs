@@ -16,6 +16,7 @@ mod progress;
 mod shot;
 mod tradeoff;
 mod volume;
+mod wedge;
 
 #[cfg(test)]
 pub(crate) use output::diagnostic;
@@ -49,6 +50,7 @@ pub fn main() -> ExitCode {
         Verb::Volume(args) => volume::volume(args, control),
         Verb::Export(args) => export::export(args, control),
         Verb::Farm(args) => farm::farm(args, cli.threads, control),
+        Verb::Wedge(args) => wedge::wedge(args, control),
         Verb::Info(args) => info::info(args),
         Verb::Verify(args) => info::verify(args),
         Verb::Presets(args) => presets::presets(args),

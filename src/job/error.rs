@@ -48,6 +48,14 @@ pub(crate) enum RunError {
         /// Number of requested frames.
         requested: usize,
     },
+    /// Some wedges of a shot could not be made; the others are there.
+    #[error("{} of {all} wedges failed:\n{}", failed.len(), list(failed))]
+    WedgesFailed {
+        /// Which, and why.
+        failed: Vec<FailedFrame>,
+        /// Number of wedges.
+        all: usize,
+    },
     /// A simulation that was followed ended, or does not come to its next frame.
     #[error("{shot}: {what} is not there: {why}; what was made is kept")]
     NotFollowed {

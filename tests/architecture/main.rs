@@ -13,9 +13,9 @@ use std::{
 };
 
 /// The modules, in the order in which data flows through them.
-const ORDER: [&str; 22] = [
+const ORDER: [&str; 23] = [
     "par", "math", "simd", "frame", "control", "space", "grid", "sdf", "solid", "cache", "field", "mesh",
-    "import", "export", "preset", "job", "sim", "product", "scene", "run", "farm", "cli",
+    "import", "export", "image", "preset", "job", "sim", "product", "scene", "run", "farm", "cli",
 ];
 
 #[test]
