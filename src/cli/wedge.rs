@@ -123,12 +123,12 @@ fn compare_existing(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
 /// Draws the contact sheet and writes the tables.
 fn compare(root: &Path, list: &WedgeList, at: Option<&Frames>, control: Control) -> Result<(), RunError> {
     let rows = wedge::rows(root, list)?;
-    let (sheet, outside) = wedge::contact_sheet(root, list, at, control)?;
+    let (pictures, outside) = wedge::draw_wedges(root, list, at, control)?;
     if outside > 0 {
         control.reporter.note(&format!("{outside} particles are outside the pictures of the contact sheet"));
     }
     let tables = wedge::write(root, list, &rows)?;
-    for path in [sheet].iter().chain(&tables) {
+    for path in [pictures].iter().chain(&tables) {
         print(&path.display().to_string());
     }
     Ok(())

@@ -3,10 +3,7 @@
 //! Words go to the program as a list, without a shell. Flamenco replaces `{name}` in them by the manager's variables, and there is
 //! no escape: paths with braces are refused, by the job type as well.
 
-use super::{
-    MARK,
-    job::{FarmJob, MAKE, Scope, Step, Word},
-};
+use super::job::{FarmJob, MAKE, MARK, Scope, Step, Word};
 use crate::{control::printable, job::RunError};
 use serde_json::json;
 

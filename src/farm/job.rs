@@ -90,6 +90,9 @@ pub(super) enum Word {
     Root,
 }
 
+/// What every file of a job has, so that no file of the user is replaced.
+pub(super) const MARK: &str = "Written by meniscus farm";
+
 /// The step that fills the cache.
 const SIMULATE: usize = 0;
 
@@ -100,7 +103,7 @@ pub(super) const MAKE: usize = 1;
 const VERIFY: usize = 2;
 
 /// The step that draws the wedges of a folder.
-pub(super) const SHEET: usize = 3;
+const COMPARE: usize = 3;
 
 /// Chunks of a job: Slurm's arrays have 1000 tasks unless the site allows more, and Open Job Description's lists 1024 values.
 const MAX_CHUNKS: u64 = 1000;
@@ -225,7 +228,7 @@ fn steps(scene: &Scene, frames: &Frames, are_wedges: bool, max_memory: Option<u6
     }
     add("verify".into(), VERIFY, Scope::Shot, vec![plain("verify"), Word::Shot]);
     if are_wedges {
-        add("sheet".into(), SHEET, Scope::All, vec![plain("wedge"), Word::Root]);
+        add("compare".into(), COMPARE, Scope::All, vec![plain("wedge"), Word::Root]);
     }
     steps
 }
@@ -286,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn too_many_chunks_are_refused_with_the_least_length() {
+    fn too_many_chunks_are_refused_with_the_shortest_length() {
         let refused = |text: &str, chunk| chunks(&text.parse().unwrap(), chunk).unwrap_err().to_string();
         assert!(
             refused("1-10000", 9).contains("found 1112 chunks")

@@ -14,6 +14,7 @@ use crate::{
     cache,
     job::{RunError, ShotFolder},
 };
+use job::MARK;
 use std::{io::ErrorKind, path::PathBuf};
 
 /// A render farm's engine.
@@ -26,9 +27,6 @@ pub(crate) enum Engine {
     /// Flamenco, Blender's farm.
     Flamenco,
 }
-
-/// What every file of a job has, so that no file of the user is replaced.
-const MARK: &str = "Written by meniscus farm";
 
 /// Writes the files of a job into its folder. Returns the files and the command that submits them.
 ///

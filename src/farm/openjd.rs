@@ -4,10 +4,7 @@
 //! moved, and no name needs quotation marks. Braces would be expressions: the only texts are parameters' values, which are not
 //! expressions, and words of our own.
 
-use super::{
-    MARK,
-    job::{FarmJob, Scope, Step, Word},
-};
+use super::job::{FarmJob, MARK, Scope, Step, Word};
 use crate::{control::printable, job::RunError};
 use serde_json::{Value, json};
 

@@ -4,10 +4,7 @@
 //! task that a signal has ended, for lack of memory or on a failing machine, runs again twice; `--requeue` is for machines that
 //! are lost.
 
-use super::{
-    MARK,
-    job::{FarmJob, Scope, Step, Word},
-};
+use super::job::{FarmJob, MARK, Scope, Step, Word};
 
 /// Name of the script.
 const FILE: &str = "farm.slurm.sh";

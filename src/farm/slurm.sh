@@ -30,6 +30,8 @@ frames() {
 # A task: sh @FILE@ task STEP SHOT
 if [ "${1-}" = task ]; then
     shot=$3
+    # Not by --output: Slurm would replace percent signs in the folder's path.
+    exec >>"farm-log/$2-${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}-${SLURM_ARRAY_TASK_ID:-0}.log" 2>&1
     case $2 in
 @RUN@    esac
     echo "unknown step $2" >&2
@@ -43,8 +45,8 @@ options="$*"
 # Submits a step: submit STEP SHOT DEPENDENCY [option of sbatch]; prints the number of its job.
 submit() {
     step=$1 shot=$2 after=$3 more=${4-}
-    number=$(sbatch --parsable --job-name="meniscus-$step" --output="farm-log/$step-%A-%a.log" --open-mode=append \
-        --requeue --kill-on-invalid-dep=yes@RESOURCES@ ${after:+"--dependency=$after"} $more $options \
+    number=$(sbatch --parsable --job-name="meniscus-$step" --output=/dev/null --requeue \
+        --kill-on-invalid-dep=yes@RESOURCES@ ${after:+"--dependency=$after"} $more $options \
         ./@FILE@ task "$step" "$shot")
     # On clusters of several, a name follows.
     printf '%s\n' "${number%%;*}"

@@ -2,7 +2,7 @@
 //!
 //! *Method*: particles are spheres and faces triangles in a depth buffer [1]; the depth is smoothed where it is continuous, so that
 //! particles of a surface become one, and shaded by its normals (screen-space fluid rendering, van der Laan et al. 2009, simplified).
-//! Tracers add up to the thickness of smoke along the view. The camera is in front, to the right and above: fixed, so that
+//! Tracers add up to the thickness of tracers along the view. The camera is in front, to the right and above: fixed, so that
 //! pictures of variants can be compared.
 //!
 //! *Limits*: no perspective, no shadows, no solids.
@@ -27,13 +27,13 @@ const MAX_RADIUS: f64 = 24.0;
 /// Part of the points at either end of an axis that the extent leaves out, so that single drops do not shrink all others.
 const OUTLIERS: f64 = 0.001;
 
-/// Thickness of smoke that is drawn in half of its brightness [m], as a fraction of the view's height.
+/// Thickness of tracers that is drawn in half of its brightness [m], as a fraction of the view's height.
 const HALF_BRIGHT: f64 = 0.05;
 
 const BACKGROUND: [f64; 3] = [34.0, 36.0, 41.0];
 const PARTICLES: [f64; 3] = [92.0, 158.0, 214.0];
-const SHEET: [f64; 3] = [222.0, 168.0, 98.0];
-const SMOKE: [f64; 3] = [232.0, 232.0, 228.0];
+const MESH: [f64; 3] = [222.0, 168.0, 98.0];
+const TRACERS: [f64; 3] = [232.0, 232.0, 228.0];
 
 /// The rectangle that pictures show, in the camera's right and upper direction [m].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -107,9 +107,9 @@ struct Picture {
     /// Depth of what is nearest [m]; infinite: nothing.
     depth: Vec<f64>,
     /// Whether that is a sheet.
-    is_sheet: Vec<bool>,
-    /// Thickness of smoke [m].
-    smoke: Vec<f64>,
+    is_mesh: Vec<bool>,
+    /// Thickness of tracers [m].
+    tracers: Vec<f64>,
     /// Largest step in depth that is still one surface [m].
     step: f64,
 }
@@ -123,8 +123,8 @@ pub(crate) fn draw(frame: &Frame, view: View, size: [usize; 2]) -> (Canvas, u64)
         view,
         pixel,
         depth: vec![f64::INFINITY; count],
-        is_sheet: vec![false; count],
-        smoke: vec![0.0; count],
+        is_mesh: vec![false; count],
+        tracers: vec![0.0; count],
         step: 4.0 * pixel,
     };
     let mut outside = 0;
@@ -150,8 +150,8 @@ impl Picture {
             match stream.kind {
                 StreamKind::Tracers => {
                     let density = f64::from(densities.map_or(1.0, |all| all[i])).clamp(0.0, 1.0);
-                    let thickness = density * spacing * (spacing / self.pixel).powi(2);
-                    self.smoke[y as usize * self.size[0] + x as usize] += thickness;
+                    let radius = (RADIUS * spacing).clamp(self.pixel, MAX_RADIUS * self.pixel);
+                    self.puff([x, y], density * spacing.powi(3), radius);
                 }
                 StreamKind::Particles => {
                     let radius = (RADIUS * spacing).clamp(0.75 * self.pixel, MAX_RADIUS * self.pixel);
@@ -173,28 +173,40 @@ impl Picture {
         [(at[0] - self.view.min[0]) / self.pixel, (self.view.max[1] - at[1]) / self.pixel, at[2]]
     }
 
-    fn sphere(&mut self, centre: [f64; 2], depth: f64, radius: f64) {
+    /// The columns and rows of a disc, with the squared distance of each pixel from its centre in radii.
+    fn disc(&self, centre: [f64; 2], radius: f64) -> impl Iterator<Item = ([usize; 2], f64)> + use<> {
         let pixels = radius / self.pixel;
         let [columns, rows] = [0, 1].map(|axis| {
             let first = (centre[axis] - pixels).floor().max(0.0) as usize;
             first..self.size[axis].min((centre[axis] + pixels).ceil() as usize + 1)
         });
-        for row in rows {
-            for column in columns.clone() {
-                let offset = [column as f64 + 0.5 - centre[0], row as f64 + 0.5 - centre[1]];
-                let height = pixels * pixels - offset[0] * offset[0] - offset[1] * offset[1];
-                if height >= 0.0 {
-                    self.nearest(column, row, depth - height.sqrt() * self.pixel, false);
-                }
-            }
+        let distance = move |column: usize, row: usize| {
+            let offset = [column as f64 + 0.5 - centre[0], row as f64 + 0.5 - centre[1]];
+            (offset[0] * offset[0] + offset[1] * offset[1]) / (pixels * pixels)
+        };
+        let all = rows.flat_map(move |row| columns.clone().map(move |column| [column, row]));
+        all.map(move |place| (place, distance(place[0], place[1]))).filter(|(_, distance)| *distance <= 1.0)
+    }
+
+    fn sphere(&mut self, centre: [f64; 2], depth: f64, radius: f64) {
+        for ([column, row], distance) in self.disc(centre, radius) {
+            self.nearest(column, row, depth - (1.0 - distance).sqrt() * radius, false);
         }
     }
 
-    fn nearest(&mut self, column: usize, row: usize, depth: f64, is_sheet: bool) {
+    /// Adds a volume of tracers [m³], thickest in the middle of its disc.
+    fn puff(&mut self, centre: [f64; 2], volume: f64, radius: f64) {
+        let peak = 2.0 * volume / (std::f64::consts::PI * radius * radius);
+        for ([column, row], distance) in self.disc(centre, radius) {
+            self.tracers[row * self.size[0] + column] += peak * (1.0 - distance);
+        }
+    }
+
+    fn nearest(&mut self, column: usize, row: usize, depth: f64, is_mesh: bool) {
         let place = row * self.size[0] + column;
         if depth < self.depth[place] {
             self.depth[place] = depth;
-            self.is_sheet[place] = is_sheet;
+            self.is_mesh[place] = is_mesh;
         }
     }
 
@@ -248,7 +260,7 @@ impl Picture {
         let here = row * width + column;
         let other = |is_inside: bool, place: usize| {
             let is_same = |other: usize| {
-                self.is_sheet[other] == self.is_sheet[here] && (depth[other] - depth[here]).abs() < self.step
+                self.is_mesh[other] == self.is_mesh[here] && (depth[other] - depth[here]).abs() < self.step
             };
             (is_inside && is_same(place)).then(|| depth[place])
         };
@@ -270,7 +282,7 @@ impl Picture {
             for row in 0..height {
                 for column in 0..width {
                     let place = row * width + column;
-                    if before[place].is_finite() && !self.is_sheet[place] {
+                    if before[place].is_finite() && !self.is_mesh[place] {
                         let joined = self.joined(&before, column, row);
                         let (sum, count) =
                             joined.iter().flatten().fold((before[place], 1.0), |(s, n), d| (s + d, n + 1.0));
@@ -292,12 +304,12 @@ impl Picture {
                 let place = row * width + column;
                 let mut colour = BACKGROUND;
                 if depth[place].is_finite() {
-                    let base = if self.is_sheet[place] { SHEET } else { PARTICLES };
+                    let base = if self.is_mesh[place] { MESH } else { PARTICLES };
                     colour = lit(base, self.normal(&depth, column, row));
                 }
-                let smoke = self.smoke[place] / (self.smoke[place] + half_bright);
-                for (channel, of_smoke) in colour.iter_mut().zip(SMOKE) {
-                    *channel += smoke * (of_smoke - *channel);
+                let tracers = self.tracers[place] / (self.tracers[place] + half_bright);
+                for (channel, of_tracers) in colour.iter_mut().zip(TRACERS) {
+                    *channel += tracers * (of_tracers - *channel);
                 }
                 canvas.set(column, row, colour.map(|channel| channel.clamp(0.0, 255.0) as u8));
             }
@@ -327,7 +339,7 @@ fn lit(base: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let diffuse = along([-0.48, 0.64, 0.6]);
     // The mirrored view direction, halfway to the lamp.
     let shine = along([-0.2683, 0.3578, 0.8944]).powi(24);
-    base.map(|channel| channel * (0.22 + 0.78 * diffuse) + 90.0 * shine)
+    base.map(|channel| channel * (0.36 + 0.64 * diffuse) + 70.0 * shine)
 }
 
 #[cfg(test)]
@@ -418,12 +430,12 @@ mod tests {
             "a corner that is not there"
         );
         assert_eq!(middle(&frame(vec![points])), background);
-        let mut smoke = particles(&[[0.0; 3], [0.01, 0.0, 0.0]], 0.3);
-        smoke.kind = StreamKind::Tracers;
+        let mut tracers = particles(&[[0.0; 3], [0.01, 0.0, 0.0]], 0.3);
+        tracers.kind = StreamKind::Tracers;
         let view = View { min: [-1.0; 2], max: [1.0; 2] };
-        let (canvas, _) = draw(&frame(vec![smoke]), view, [40, 30]);
+        let (canvas, _) = draw(&frame(vec![tracers]), view, [40, 30]);
         let pixels = pixel(&canvas, &dir.path().join("a.png"));
-        assert!(pixels.iter().any(|pixel| pixel[0] > 60), "smoke is bright");
+        assert!(pixels.iter().any(|pixel| pixel[0] > 60), "tracers is bright");
         assert_eq!(extent(&frame(Vec::new())), None);
     }
 }

@@ -11,7 +11,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// The wedges of a preset, in their order.
 pub(crate) struct Layout {
-    /// Their list.
+    /// The list of the wedges.
     pub(crate) list: WedgeList,
     /// The scene of each.
     pub(crate) scenes: Vec<Scene>,

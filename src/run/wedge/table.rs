@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 /// What is known of a wedge.
 #[derive(Clone, Debug)]
 pub(crate) struct WedgeRow {
-    /// Its folder.
+    /// Folder of the wedge.
     pub(crate) folder: String,
     /// The values of the keys that differ.
     values: Vec<String>,
@@ -28,7 +28,7 @@ pub(crate) struct WedgeRow {
     particles: u64,
     /// Figures of the systems over all frames, by their JSON keys.
     figures: Vec<(String, f64)>,
-    /// The same in words.
+    /// The figures in words.
     lines: Vec<String>,
 }
 

@@ -24,6 +24,10 @@ const MAX_PIXELS: usize = 40_000_000;
 const ASPECT: f64 = 1.6;
 
 const MARGIN: usize = 12;
+
+/// Pixels between the pictures of a wedge.
+const GAP: usize = 4;
+
 const PAPER: [u8; 3] = [20, 21, 24];
 const INK: [u8; 3] = [230, 230, 230];
 const FAINT: [u8; 3] = [150, 152, 158];
@@ -39,7 +43,7 @@ enum Tile {
 ///
 /// # Errors
 /// If no frame can be drawn, or the file cannot be written.
-pub(crate) fn contact_sheet(
+pub(crate) fn draw_wedges(
     root: &Path,
     list: &WedgeList,
     at: Option<&Frames>,
@@ -59,7 +63,7 @@ pub(crate) fn contact_sheet(
     }
     // The same view for all: first what they fill, then the pictures.
     let mut view: Option<View> = None;
-    control.reporter.begin("sheet", 2 * shots.len() * frames.len());
+    control.reporter.begin("compare", 2 * shots.len() * frames.len());
     let mut done = 0.0;
     let mut each = |act: &mut dyn FnMut(usize, Result<Frame, String>)| {
         for (place, shot) in shots.iter().enumerate() {
@@ -129,7 +133,7 @@ fn tile_size(count: usize) -> [usize; 2] {
 
 /// Puts the pictures with their labels on a sheet, a block for each wedge.
 fn compose(list: &WedgeList, frames: &[FrameIndex], tiles: &[Vec<Tile>], size: [usize; 2]) -> Canvas {
-    let width = frames.len() * size[0];
+    let width = frames.len() * (size[0] + GAP);
     let label = |place: usize| {
         let text = format!("{} {}", place + 1, list.label(&list.wedges[place]));
         text_lines(&printable(&text), width)
@@ -139,29 +143,29 @@ fn compose(list: &WedgeList, frames: &[FrameIndex], tiles: &[Vec<Tile>], size: [
     let columns = columns(tiles.len(), block);
     let rows = tiles.len().div_ceil(columns);
     let heading = Canvas::LINE + 2 * MARGIN;
-    let mut sheet = Canvas::new(columns * block[0] + MARGIN, rows * block[1] + heading, PAPER);
+    let mut page = Canvas::new(columns * block[0] + MARGIN, rows * block[1] + heading, PAPER);
     let title = text_lines(&printable(&list.title), columns * block[0]).swap_remove(0);
-    sheet.write(&title, MARGIN, MARGIN, INK);
+    page.write(&title, MARGIN, MARGIN, INK);
     for (place, tiles) in tiles.iter().enumerate() {
         let (left, top) = (MARGIN + place % columns * block[0], heading + place / columns * block[1]);
         for (number, line) in label(place).iter().enumerate() {
-            sheet.write(line, left, top + number * Canvas::LINE, INK);
+            page.write(line, left, top + number * Canvas::LINE, INK);
         }
         let top = top + lines * Canvas::LINE;
         for (column, (tile, index)) in tiles.iter().zip(frames).enumerate() {
-            let left = left + column * size[0];
+            let left = left + column * (size[0] + GAP);
             match tile {
-                Tile::Drawn(picture) => sheet.paste(picture, left, top),
+                Tile::Drawn(picture) => page.paste(picture, left, top),
                 Tile::Missing(why) => {
                     for (number, line) in text_lines(&printable(why), size[0]).iter().take(4).enumerate() {
-                        sheet.write(line, left, top + (number + 1) * Canvas::LINE, FAINT);
+                        page.write(line, left, top + (number + 1) * Canvas::LINE, FAINT);
                     }
                 }
             }
-            sheet.write(&format!("frame {index}"), left, top + size[1] + 2, FAINT);
+            page.write(&format!("frame {index}"), left, top + size[1] + 2, FAINT);
         }
     }
-    sheet
+    page
 }
 
 /// Columns that give the sheet about its shape.
@@ -175,7 +179,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sheets_are_wide_and_small_enough() {
+    fn pages_are_wide_and_small_enough() {
         assert_eq!(columns(1, [1000, 300]), 1);
         assert_eq!(columns(9, [900, 300]), 2);
         assert_eq!(columns(100, [960, 300]), 7);
