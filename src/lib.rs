@@ -106,6 +106,9 @@ pub mod import;
 pub mod export;
 
 #[cfg(feature = "presets")]
+mod image;
+
+#[cfg(feature = "presets")]
 mod preset;
 
 #[cfg(feature = "presets")]
@@ -121,6 +124,9 @@ pub mod scene;
 
 #[cfg(feature = "presets")]
 mod run;
+
+#[cfg(feature = "presets")]
+mod farm;
 
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -39,6 +39,90 @@ const ANNOUNCE: Duration = Duration::from_secs(2);
 /// Time between two attempts.
 const PAUSE: Duration = Duration::from_millis(20);
 
+/// Time between two looks whether a process holds a lock.
+const PROBE: Duration = Duration::from_millis(500);
+
+/// Time for which [`Lock::acquire_past_probes`] tries again: a look takes a lock for microseconds.
+const PROBE_GRACE: Duration = Duration::from_millis(200);
+
+/// What became of a file that another process was expected to write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Arrival {
+    /// The file is there.
+    There,
+    /// It is not, and no process holds the folder's lock.
+    Abandoned,
+    /// It is not, although a process holds the folder's lock.
+    Late,
+    /// The wait was cancelled.
+    Cancelled,
+}
+
+/// Waits for the file at `path`, which the process that holds the lock of `dir` writes: at most for `limit`, and at most as long as
+/// the caller's patience without such a process.
+///
+/// # Errors
+/// If the lock cannot be looked at.
+pub(crate) fn await_file(
+    path: &Path,
+    dir: &Path,
+    limit: Duration,
+    patience: &dyn Patience,
+) -> Result<Arrival, CacheError> {
+    let (start, mut last_probe, mut abandoned, mut is_announced) = (Instant::now(), None, None, false);
+    loop {
+        if path.is_file() {
+            return Ok(Arrival::There);
+        }
+        if patience.is_over() {
+            return Ok(Arrival::Cancelled);
+        }
+        let now = Instant::now();
+        if last_probe.is_none_or(|last| now - last >= PROBE) {
+            last_probe = Some(now);
+            abandoned = if is_taken(dir)? { None } else { abandoned.or(Some(now)) };
+            // What was written between the two looks.
+            if path.is_file() {
+                return Ok(Arrival::There);
+            }
+        }
+        if let Some(since) = abandoned {
+            if now - since >= patience.limit() {
+                return Ok(Arrival::Abandoned);
+            }
+            if now - since >= ANNOUNCE && !is_announced {
+                is_announced = true;
+                patience.announce(&format!(
+                    "{}: no process writes this folder; waiting for one, {} s at most (--wait)",
+                    dir.display(),
+                    patience.limit().as_secs()
+                ));
+            }
+        } else if now - start >= limit {
+            return Ok(Arrival::Late);
+        }
+        thread::sleep(PAUSE);
+    }
+}
+
+/// Whether a process holds the lock of a folder alone. Where there are no locks, none does.
+fn is_taken(dir: &Path) -> Result<bool, CacheError> {
+    let path = dir.join(".lock");
+    let file = match open_own(&path, OpenOptions::new().read(true)) {
+        Ok(file) => file,
+        Err(absent) if matches!(absent.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+            return Ok(false);
+        }
+        Err(error) => return Err(CacheError::from_io(&path, "look at the lock", error)),
+    };
+    match file.try_lock_shared() {
+        Ok(()) => Ok(false),
+        Err(TryLockError::WouldBlock) => Ok(true),
+        Err(TryLockError::Error(error)) if has_no_locks(&error) => Ok(false),
+        Err(TryLockError::Error(error)) => Err(CacheError::from_io(&path, "look at the lock", error)),
+    }
+}
+
 impl Lock {
     /// Makes `dir` if it is not there and takes its lock, which no other process then holds.
     ///
@@ -46,6 +130,21 @@ impl Lock {
     /// [`CacheError::Locked`] with the holder, or what the system reports.
     pub fn acquire(dir: &Path) -> Result<Self, CacheError> {
         Self::take(dir, false)
+    }
+
+    /// As [`Lock::acquire`], and tries again for a moment: a process that only looks at the lock ([`await_file`]) keeps no other
+    /// from taking it.
+    ///
+    /// # Errors
+    /// As [`Lock::acquire`].
+    pub(crate) fn acquire_past_probes(dir: &Path) -> Result<Self, CacheError> {
+        let start = Instant::now();
+        loop {
+            match Self::take(dir, false) {
+                Err(CacheError::Locked { .. }) if start.elapsed() < PROBE_GRACE => thread::sleep(PAUSE),
+                taken => return taken,
+            }
+        }
     }
 
     /// As [`Lock::wait`], but other processes may share the lock.
@@ -278,6 +377,61 @@ mod tests {
                 },
             );
         });
+    }
+
+    #[test]
+    fn a_file_is_awaited_while_its_writer_lives() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("file");
+        let waited = |limit, patience: &Caller| await_file(&path, dir.path(), limit, patience).unwrap();
+        let impatient = caller(3 * PAUSE);
+        assert_eq!(waited(MINUTE, &impatient), Arrival::Abandoned);
+        let writer = Lock::acquire(dir.path()).unwrap();
+        assert_eq!(waited(5 * PAUSE, &impatient), Arrival::Late, "longer than the patience without a writer");
+        impatient.is_over.store(true, Relaxed);
+        assert_eq!(waited(MINUTE, &impatient), Arrival::Cancelled);
+        let start = Instant::now();
+        par::with_threads(2, || {
+            par::join(
+                || assert_eq!(waited(MINUTE, &caller(3 * PAUSE)), Arrival::There),
+                || {
+                    thread::sleep(10 * PAUSE);
+                    fs::write(&path, "").unwrap();
+                },
+            );
+        });
+        assert!(start.elapsed() < MINUTE / 2);
+        drop(writer);
+        fs::remove_file(&path).unwrap();
+        // The writer dies after the wait has begun.
+        let writer = Lock::acquire(dir.path()).unwrap();
+        par::with_threads(2, || {
+            par::join(
+                || assert_eq!(waited(MINUTE, &caller(3 * PAUSE)), Arrival::Abandoned),
+                || {
+                    thread::sleep(5 * PAUSE);
+                    drop(writer);
+                },
+            );
+        });
+        assert!(start.elapsed() < MINUTE / 2);
+    }
+
+    #[test]
+    fn a_look_at_a_lock_keeps_no_process_from_taking_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let look = Lock::share(dir.path(), &caller(MINUTE)).unwrap();
+        par::with_threads(2, || {
+            par::join(
+                || drop(Lock::acquire_past_probes(dir.path()).unwrap()),
+                move || {
+                    thread::sleep(2 * PAUSE);
+                    drop(look);
+                },
+            );
+        });
+        let _writer = Lock::acquire(dir.path()).unwrap();
+        assert!(matches!(Lock::acquire_past_probes(dir.path()), Err(CacheError::Locked { .. })));
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub(crate) use error::is_full;
 pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
 pub use lock::Lock;
-pub(crate) use lock::Patience;
+pub(crate) use lock::{Arrival, Patience, await_file};
 pub(crate) use open::{
     checksum, create_own_folder, leads_out, open_regular, open_to_append, read_bytes, read_regular,
     read_text, read_text_within,

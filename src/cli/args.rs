@@ -2,14 +2,17 @@
 
 use crate::{
     export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
-    run::tradeoff::{ColumnInfo, Vary, subjects},
+    run::{
+        Vary,
+        tradeoff::{ColumnInfo, subjects},
+    },
     scene::Frames,
 };
 use clap::{
     Args, Parser, Subcommand, ValueEnum,
     builder::{PossibleValue, PossibleValuesParser},
 };
-use std::path::PathBuf;
+use std::{path::PathBuf, time::Duration};
 
 /// Liquid, smoke and sheets from a text preset to sequences in Blender.
 ///
@@ -78,6 +81,10 @@ pub(super) enum Verb {
     Volume(VolumeArgs),
     /// Write the sheets of a cache as meshes with a point cache, or the tracers of smoke as PLY points
     Export(ExportArgs),
+    /// Make a variant of a shot for every combination of settings, and a contact sheet of them
+    Wedge(WedgeArgs),
+    /// Write a shot, or wedges, as a job of a render farm
+    Farm(FarmArgs),
     /// List what is in a shot folder
     Info(InfoArgs),
     /// Read every frame and output whole and report which are valid, missing, corrupt, stale or foreign
@@ -318,6 +325,11 @@ pub(super) struct InputArgs {
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 
+    /// Make the frames of a running simulation as they come: until all that were requested of it (or --frames) are made, waiting
+    /// at most so long for each. If no process simulates for --wait seconds, the command ends with exit code 3
+    #[arg(long, value_name = "TIME", num_args = 0..=1, require_equals = true, default_missing_value = "1d", value_parser = wait)]
+    pub(super) follow: Option<Duration>,
+
     /// Make files again that are up to date
     #[arg(long)]
     pub(super) force: bool,
@@ -357,6 +369,10 @@ pub(super) struct ExportArgs {
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
+    /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
     /// Write again what is there already
     #[arg(long)]
     pub(super) force: bool,
@@ -384,6 +400,119 @@ pub(super) struct VolumeArgs {
     /// tracers, too, are only advected by the cached air: --set smoke.tracers=…
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub(super) retime: Option<f64>,
+}
+
+/// Arguments of `wedge`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Make a variant of a shot for every combination of settings, and a contact sheet of them.\n\n\
+        Every wedge is a shot folder of its own below the output folder. The contact sheet shows all at the same frames from the \
+        same place; wedges.csv and wedges.html list their values, times and figures. The same command again continues, and more \
+        values only run what is new. With a folder instead of a preset, it compares the wedges that are there, as after a farm's job.",
+    after_help = "Examples:\n  \
+        meniscus wedge dam-break --quality draft --set liquid.vorticity.strength=0,0.1,0.3\n  \
+        meniscus wedge shot.toml --set liquid.spacing=0.02,0.03 --set liquid.viscosity.dynamic=0.1,10 --at 24,48,96\n  \
+        meniscus wedge shot.toml --set fps=24,25 --prepare && meniscus farm slurm shot-wedges"
+)]
+pub(super) struct WedgeArgs {
+    /// A preset file, or the name of a built-in preset; or the folder of wedges that are there
+    #[arg(value_name = "PRESET|DIR")]
+    pub(super) preset: String,
+
+    /// A key of the preset and its values: `liquid.cfl=0.2,0.4`; one value: the same in all. Repeated: every combination. Keys
+    /// joined by + vary together: `liquid.cfl+liquid.min_substeps=0.2+16,0.4+8`. Values with commas in quotes or brackets:
+    /// `frames="1,5"`
+    #[arg(long, value_name = "KEY=A,B,…")]
+    pub(super) set: Vec<Vary>,
+
+    /// One of the preset's quality tiers
+    #[arg(long, value_name = "TIER")]
+    pub(super) quality: Option<Tier>,
+
+    /// The folder of the wedges; by default the preset's name with -wedges, in the current folder
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// The frames to store: `1-240`, `1-240x2`, `1,5,9-12`. By default those of the preset
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// The frames that the contact sheet shows, at most twelve: `24,48,96`. By default three, the last among them
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) at: Option<Frames>,
+
+    /// Leave wedges out that need about more memory than this: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Write the folders with their presets, for `meniscus farm`, and stop
+    #[arg(long)]
+    pub(super) prepare: bool,
+
+    /// Delete cached frames of the wedges and start over
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+/// Arguments of `farm`.
+#[derive(Debug, Args)]
+#[command(
+    long_about = "Write a shot, or wedges, as a job of a render farm.\n\n\
+        The job simulates, makes in chunks of frames what the preset's [output] requests, then verifies every file. A task that \
+        is run again keeps what is valid, and the result has the bytes of a local run. docs/farm.md explains how to choose \
+        chunks and memory.",
+    after_help = "Examples:\n  \
+        meniscus farm slurm shots/dam --preset dam-break --quality preview --threads 8\n  \
+        meniscus farm openjd shots/dam --chunk 24 --max-memory 8GiB\n  \
+        meniscus farm flamenco wedges/dam"
+)]
+pub(super) struct FarmArgs {
+    /// The engine that runs the job
+    #[arg(value_name = "ENGINE")]
+    pub(super) engine: EngineName,
+
+    /// The shot folder, or a folder of `meniscus wedge`; it gets the job's files
+    #[arg(value_name = "DIR")]
+    pub(super) folder: PathBuf,
+
+    /// Write this preset, a file or the name of a built-in preset, into the folder first; else the folder has its `preset.toml`
+    #[arg(long, value_name = "PRESET")]
+    pub(super) preset: Option<String>,
+
+    /// Change any key of the preset: `--set liquid.iterations=20`. May be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(super) set: Vec<String>,
+
+    /// One of the preset's quality tiers
+    #[arg(long, value_name = "TIER")]
+    pub(super) quality: Option<Tier>,
+
+    /// The frames: `1-240`, `1-240x2`, `1,5,9-12`. By default those of the preset
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Frames of a task that makes meshes or volumes
+    #[arg(long, value_name = "N", default_value = "10")]
+    pub(super) chunk: std::num::NonZeroU32,
+
+    /// Memory of a task, a quarter more of which is requested of the engine: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// The program on the machines that run the tasks
+    #[arg(long, value_name = "PROGRAM", default_value = "meniscus", value_parser = clap::builder::NonEmptyStringValueParser::new())]
+    pub(super) command: String,
+}
+
+/// A render farm's engine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum EngineName {
+    /// Open Job Description: a template that `openjd run` and Deadline Cloud take
+    Openjd,
+    /// Slurm: a script that submits arrays
+    Slurm,
+    /// Flamenco: a job type and a submission
+    Flamenco,
 }
 
 /// Arguments of `info` and `verify`.
@@ -465,6 +594,15 @@ fn time(text: &str) -> Result<f64, String> {
     }
 }
 
+/// The longest wait.
+const MAX_WAIT: Duration = Duration::from_secs(365 * 86400);
+
+/// A time to wait.
+fn wait(text: &str) -> Result<Duration, String> {
+    let wait = Duration::try_from_secs_f64(time(text)?).ok().filter(|wait| *wait <= MAX_WAIT);
+    wait.ok_or_else(|| "expected at most 365d".into())
+}
+
 /// A fraction, maybe in per cent.
 fn fraction(text: &str) -> Result<f64, String> {
     let text = text.trim();
@@ -512,6 +650,8 @@ mod tests {
         for wrong in ["", "s", "-1s", "0", "2 parsecs", "inf"] {
             assert!(time(wrong).is_err(), "{wrong}");
         }
+        assert_eq!(wait("2h"), Ok(Duration::from_secs(7200)));
+        assert!(wait("1e300").is_err() && wait("366d").is_err() && wait("1e-300").is_ok());
         for wrong in ["", "%", "-1%", "0", "200%", "nan"] {
             assert!(fraction(wrong).is_err(), "{wrong}");
         }

@@ -23,7 +23,9 @@ pub(super) fn code(error: &RunError) -> ExitCode {
             CacheError::OverMemory { .. } => OVER_MEMORY,
             CacheError::Io { .. } => 1,
         },
-        RunError::SomeFailed { failed, .. } | RunError::NotValid { failed, .. } => {
+        RunError::SomeFailed { failed, .. }
+        | RunError::NotValid { failed, .. }
+        | RunError::WedgesFailed { failed, .. } => {
             // The gravest first.
             let codes = [
                 (Failure::Corrupt, 12),
@@ -33,17 +35,21 @@ pub(super) fn code(error: &RunError) -> ExitCode {
                 (Failure::Missing, 10),
             ];
             let any = |kind: Failure| failed.iter().any(|frame| frame.kind == kind);
-            codes.into_iter().find(|&(kind, _)| any(kind)).map_or(3, |(_, code)| code)
+            codes.into_iter().find(|&(kind, _)| any(kind)).map_or(SOME_FAILED, |(_, code)| code)
         }
         RunError::OtherSettings { .. } => OTHER_SETTINGS,
         RunError::Diverged { .. } => 20,
         RunError::OverMemory { .. } => OVER_MEMORY,
         RunError::Interrupted => INTERRUPTED,
         RunError::File { source, .. } => of_io(source),
+        RunError::NotFollowed { .. } => SOME_FAILED,
         RunError::Export(export) if export.is_disk_full() => DISK_FULL,
         RunError::Export(_) | RunError::Import(_) | RunError::NoSetting { .. } => 1,
     })
 }
+
+/// Some frames could not be made.
+const SOME_FAILED: u8 = 3;
 
 /// Cached frames or files are of other settings, of another shot, or of another frame.
 const OTHER_SETTINGS: u8 = 14;

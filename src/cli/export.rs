@@ -23,6 +23,7 @@ pub(super) fn export(args: &ExportArgs, control: Control) -> Result<(), RunError
         inputs: vec![args.cache.to_string_lossy().into_owned()],
         output: args.output.clone(),
         frames: args.frames.clone(),
+        max_memory: args.max_memory,
         force: args.force,
         ..InputArgs::default()
     };

@@ -4,6 +4,7 @@ mod allocator;
 mod args;
 mod exit;
 mod export;
+mod farm;
 mod info;
 mod interrupt;
 mod mesh;
@@ -15,6 +16,7 @@ mod progress;
 mod shot;
 mod tradeoff;
 mod volume;
+mod wedge;
 
 #[cfg(any(test, feature = "fuzzing"))]
 pub(crate) use output::diagnostic;
@@ -47,6 +49,8 @@ pub fn main() -> ExitCode {
         Verb::Mesh(args) => mesh::mesh(args, control),
         Verb::Volume(args) => volume::volume(args, control),
         Verb::Export(args) => export::export(args, control),
+        Verb::Farm(args) => farm::farm(args, cli.threads, control),
+        Verb::Wedge(args) => wedge::wedge(args, control),
         Verb::Info(args) => info::info(args),
         Verb::Verify(args) => info::verify(args),
         Verb::Presets(args) => presets::presets(args),

@@ -49,6 +49,7 @@ impl ProductVerb {
             force: args.force,
             max_memory: args.max_memory,
             concurrent: true,
+            follow: args.follow,
             fps: fps(args.fps)?,
         };
         if let [folder] = &args.inputs[..]
@@ -62,6 +63,19 @@ impl ProductVerb {
                     "a retimed shot has other frames than its cache: name a folder for them with -o".into(),
                 ));
             }
+            let batch = match batch.follow {
+                Some(_) if retime.is_some() => {
+                    return Err(RunError::Request(
+                        "--follow: a retimed shot needs all of its frames; leave it out and wait for them"
+                            .into(),
+                    ));
+                }
+                Some(limit) => {
+                    let frames = run::follow(&cache, batch.selection.as_ref(), limit, control)?;
+                    BatchRequest { selection: Some(frames), ..batch }
+                }
+                None => batch,
+            };
             let scene = cached_scene(&cache, &set)?;
             let mut settings = match &scene {
                 Some(scene) => ProductSettings::of(scene),
@@ -75,6 +89,9 @@ impl ProductVerb {
         }
         if retime.is_some() {
             return Err(RunError::Request("--retime is for the cache of a shot. Leave it out".into()));
+        }
+        if batch.follow.is_some() {
+            return Err(RunError::Request("--follow is for the folder of a shot. Leave it out".into()));
         }
         let sequence = import::expand(&args.inputs)?;
         let input = if sequence.files().iter().any(|file| is_volume(file)) {

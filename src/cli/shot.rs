@@ -16,34 +16,46 @@ use std::path::{Path, PathBuf};
 /// Simulates, then writes every output the preset names.
 pub(super) fn shot(args: &ShotArgs, control: Control) -> Result<(), RunError> {
     let Some((scene, folder, selection)) = simulated(args, control, true)? else { return Ok(()) };
-    let settings = &ProductSettings::of(&scene);
-    if !run::is_any_requested(settings) {
+    if !run::is_any_requested(&ProductSettings::of(&scene)) {
         print(
             "no output is named: add `mesh = [\"ply\"]`, `volume = [\"density\"]` or `sheet = [\"pc2\"]` under [output], or run \
              `meniscus mesh`, `meniscus volume` or `meniscus export` on the folder",
         );
         return Ok(());
     }
+    make_outputs(&scene, &folder, &selection, args.force, args.max_memory, control)?;
+    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()));
+    Ok(())
+}
+
+/// Writes every output that the preset of a shot names.
+pub(super) fn make_outputs(
+    scene: &Scene,
+    folder: &ShotFolder,
+    selection: &Frames,
+    force: bool,
+    max_memory: Option<u64>,
+    control: Control,
+) -> Result<(), RunError> {
     let batch = BatchRequest {
-        selection: Some(selection),
-        force: args.force,
-        max_memory: args.max_memory,
+        selection: Some(selection.clone()),
+        force,
+        max_memory,
         concurrent: false,
+        follow: None,
         fps: f64::from(scene.fps),
     };
     let request = ProductRequest {
-        input: ProductInput::Frames(Source::Cache(&folder)),
-        out: &folder,
-        settings,
-        scene: Some(&scene),
+        input: ProductInput::Frames(Source::Cache(folder)),
+        out: folder,
+        settings: &ProductSettings::of(scene),
+        scene: Some(scene),
         retime: None,
         batch: &batch,
     };
     run::make_products(ProductSelection::Requested, &request, control, &mut |summary| {
         summary.lines.iter().for_each(|line| print(line));
-    })?;
-    print(&format!("open {} in Blender: File > Import > Meniscus Shot", folder.manifest().display()));
-    Ok(())
+    })
 }
 
 /// Fills the cache.

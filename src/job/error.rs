@@ -48,6 +48,24 @@ pub(crate) enum RunError {
         /// Number of requested frames.
         requested: usize,
     },
+    /// Some wedges of a shot could not be made; the others are there.
+    #[error("{} of {all} wedges failed:\n{}", failed.len(), list(failed))]
+    WedgesFailed {
+        /// Which, and why.
+        failed: Vec<FailedFrame>,
+        /// Number of wedges.
+        all: usize,
+    },
+    /// A simulation that was followed ended, or does not come to its next frame.
+    #[error("{shot}: {what} is not there: {why}; what was made is kept")]
+    NotFollowed {
+        /// The shot folder.
+        shot: String,
+        /// The frame, or the file.
+        what: String,
+        /// Why, and what to do.
+        why: String,
+    },
     /// Some files of a shot are not as they were made.
     #[error("{} of {all} files are not valid:\n{}\n{repair}", all - valid, list(failed))]
     NotValid {

@@ -28,6 +28,14 @@ pub(crate) trait Product: ProductFolder {
     /// Whether these settings request the product.
     fn is_requested(&self, settings: &ProductSettings) -> bool;
 
+    /// Arguments of the verb that request this product alone, as these settings do.
+    fn arguments(&self, settings: &ProductSettings) -> Vec<String>;
+
+    /// Whether every frame has files of its own, so that several processes can make different frames.
+    fn is_per_frame(&self) -> bool {
+        true
+    }
+
     /// Key with which a preset requests the product, and an example; `None` if presets cannot request it.
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         None

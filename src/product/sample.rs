@@ -61,6 +61,7 @@ impl ProductSampler for RequestedProducts {
             force: true,
             max_memory: None,
             concurrent: false,
+            follow: None,
             fps: f64::from(scene.fps),
         };
         let request = ProductRequest {

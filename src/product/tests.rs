@@ -36,8 +36,14 @@ fn make_all(streams: Vec<Stream>) -> Vec<Result<Vec<String>, String>> {
         thickness: None,
     };
     let settings = ProductSettings { output, points: true, ..ProductSettings::default() };
-    let batch =
-        BatchRequest { selection: None, force: false, max_memory: None, concurrent: false, fps: 24.0 };
+    let batch = BatchRequest {
+        selection: None,
+        force: false,
+        max_memory: None,
+        concurrent: false,
+        follow: None,
+        fps: 24.0,
+    };
     let input = ProductInput::Frames(Source::Cache(&folder));
     let request =
         ProductRequest { input, out: &folder, settings: &settings, scene: None, retime: None, batch: &batch };

@@ -3,14 +3,18 @@
 //! This is the only layer that sees a whole [`Scene`](crate::scene::Scene): it passes each module its own part. Jobs report through
 //! a [`Reporter`] and check between steps whether to go on.
 
+mod follow;
 mod info;
 mod plan;
+mod prepare;
 mod products;
 mod simulate;
 mod solids;
 mod stale;
 pub(crate) mod tradeoff;
+mod vary;
 mod verify;
+pub(crate) mod wedge;
 
 use crate::job::usage;
 pub(crate) use crate::{
@@ -21,8 +25,11 @@ pub(crate) use crate::{
     },
     product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
 };
+pub(crate) use follow::follow;
 pub(crate) use info::{FrameState, Info, frame_ranges, info, is_shot};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
+pub(crate) use prepare::prepare;
 pub(crate) use products::make_products;
 pub(crate) use simulate::simulate;
+pub(crate) use vary::Vary;
 pub(crate) use verify::{Stage, Verification, verify};

@@ -48,7 +48,7 @@ pub(crate) fn simulate(
     refuse_foreign_preset(folder)?;
     solids::refuse_assets(scene, folder)?;
     ShotFolder::create(&folder.cache())?;
-    let lock = Lock::acquire(&folder.cache())?;
+    let lock = Lock::acquire_past_probes(&folder.cache())?;
     if !lock.is_held() {
         control.reporter.note(&no_locks(&folder.cache()));
     }
@@ -88,10 +88,10 @@ pub(crate) fn simulate(
 }
 
 /// The first line of the preset that a shot folder keeps: a file without it is the user's own.
-const RECORD: &str = "# The preset as it was run, with every default. Written by meniscus.\n";
+pub(super) const RECORD: &str = "# The preset as it was run, with every default. Written by meniscus.\n";
 
 /// Refuses to replace a `preset.toml` that no job has written.
-fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError> {
+pub(super) fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError> {
     match cache::read_text(&folder.preset()) {
         Ok(text) if !text.starts_with(RECORD) => Err(RunError::Request(format!(
             "{}: this preset is not a record of meniscus, and the shot's record would replace it; name another folder \

@@ -133,7 +133,7 @@ pub(crate) fn verify(folder: &ShotFolder) -> Result<Verification, RunError> {
 }
 
 /// The frames that were requested, a million at most.
-fn requested_frames(manifest: &Manifest) -> BTreeSet<u32> {
+pub(super) fn requested_frames(manifest: &Manifest) -> BTreeSet<u32> {
     let ranges = match &manifest.requested[..] {
         [] => std::slice::from_ref(&manifest.frames),
         ranges => ranges,

@@ -13,7 +13,7 @@ use std::{
 };
 
 /// The modules, in the order in which data flows through them.
-const ORDER: [&str; 22] = [
+const ORDER: [&str; 24] = [
     "par",
     "math",
     "simd",
@@ -28,12 +28,14 @@ const ORDER: [&str; 22] = [
     "mesh",
     "import",
     "export",
+    "image",
     "preset",
     "job",
     "sim",
     "product",
     "scene",
     "run",
+    "farm",
     "cli",
     "untrusted",
 ];

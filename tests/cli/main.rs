@@ -4,6 +4,7 @@ mod attributes;
 mod bad_input;
 mod batch;
 mod couplings;
+mod farm;
 mod inflow;
 mod interrupt;
 mod meshing;
@@ -24,6 +25,7 @@ mod tradeoff;
 mod trust;
 mod untrusted;
 mod volumes;
+mod wedge;
 
 use assert_cmd::Command;
 use std::{

@@ -1,20 +1,23 @@
 //! Does something for every frame of a batch, and keeps account of it.
 
 use super::{
+    follow::await_frame,
     ledger::{BatchSummary, FrameOutcome, Ledger, ProductFolder},
     request::{BatchRequest, MemoryCheck},
-    schedule,
+    schedule::{self, Queue},
     source::RequestedFrame,
 };
 use crate::{
     control::{UnderWay, printable_path},
     job::{Control, Failure, FrameSpan, RunError, ShotFolder},
 };
-use std::path::Path;
+use std::{path::Path, time::Duration};
 
 /// The frames of a batch.
 pub(crate) struct FrameBatch<'a> {
     pub(crate) frames: &'a [RequestedFrame],
+    /// The shot whose simulation writes these frames while they are made, and how long to wait for each; `None`: all are there.
+    pub(crate) followed: Option<(&'a ShotFolder, Duration)>,
     /// Why a frame that is not present cannot be made.
     pub(crate) absent: &'a str,
     /// Whether one file is all that was requested: what is wrong with it is the batch's error.
@@ -36,17 +39,16 @@ pub(crate) fn process_frames(
     batch: &FrameBatch,
     request: &BatchRequest,
     control: Control,
-    estimate: impl Fn(&Path) -> u64,
+    estimate: impl Fn(&Path) -> u64 + Sync,
     work: impl Fn(&Path, Option<u64>, &mut FrameOutcome) -> Result<MemoryCheck, RunError> + Sync,
 ) -> Result<BatchSummary, RunError> {
-    let FrameBatch { frames, absent, is_single_file, title, fps } = *batch;
+    let FrameBatch { frames, absent, is_single_file, title, fps, .. } = *batch;
     let numbers: Vec<u32> = frames.iter().map(|(index, _)| index.0).collect();
     let mut ledger = Ledger::new(out, product, control)?;
     if request.selection.is_none() {
         missing_frames(&numbers).iter().for_each(|missing| control.reporter.note(missing));
     }
-    let estimates: Vec<u64> = frames.iter().map(|(_, path)| path.as_deref().map_or(0, &estimate)).collect();
-    let frame = |place: usize, alone: bool| {
+    let frame = |place: usize, reserved: Option<u64>| {
         let (index, path) = &frames[place];
         let _under_way = UnderWay::new(index.0);
         let mut outcome = FrameOutcome::new(*index);
@@ -54,7 +56,7 @@ pub(crate) fn process_frames(
             outcome.fail(absent.into(), Failure::Other);
             return Some(Ok(outcome));
         };
-        match work(path, (!alone).then_some(estimates[place]), &mut outcome) {
+        match work(path, reserved, &mut outcome) {
             Ok(MemoryCheck::Fits) => {}
             Ok(MemoryCheck::NeedsMore) => return None,
             Err(RunError::Cache(why)) => outcome.fail(why.to_string(), Failure::of(&why)),
@@ -68,10 +70,36 @@ pub(crate) fn process_frames(
         Some(outcome.record(out, product.name(), control).map(|()| outcome))
     };
     let memory = request.concurrent_memory();
-    let ended = schedule::run(product.name(), &estimates, memory, control, frame, |outcome| {
+    let queue = &BatchQueue { batch, estimate, control };
+    let ended = schedule::run(product.name(), queue, memory, control, frame, |outcome| {
         ledger.add_frame(outcome, control);
     });
     ledger.finish(title, fps, &numbers, ended, control)
+}
+
+/// The frames of a batch in their order.
+struct BatchQueue<'a, E> {
+    batch: &'a FrameBatch<'a>,
+    estimate: E,
+    control: Control<'a>,
+}
+
+impl<E: Fn(&Path) -> u64 + Sync> Queue for BatchQueue<'_, E> {
+    fn len(&self) -> usize {
+        self.batch.frames.len()
+    }
+
+    fn arrived(&self, place: usize, max: usize) -> Result<usize, RunError> {
+        let Some((shot, limit)) = self.batch.followed else { return Ok(max) };
+        let frames = &self.batch.frames[place..place + max];
+        await_frame(shot, frames[0].0, limit, self.control)?;
+        let is_there = |(_, path): &&RequestedFrame| path.as_ref().is_some_and(|path| path.is_file());
+        Ok(1 + frames[1..].iter().take_while(is_there).count())
+    }
+
+    fn estimate(&self, place: usize) -> u64 {
+        self.batch.frames[place].1.as_deref().map_or(0, &self.estimate)
+    }
 }
 
 /// Ranges of missing frames that a line lists.

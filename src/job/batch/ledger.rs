@@ -144,7 +144,7 @@ pub(crate) struct Ledger<'a> {
     /// Outputs to be removed from the manifest.
     stale: Vec<OutputFiles>,
     /// No other process may remove what looks like the temporary of a crashed run; others may write other frames.
-    _lock: Lock,
+    lock: Lock,
 }
 
 impl<'a> Ledger<'a> {
@@ -160,23 +160,13 @@ impl<'a> Ledger<'a> {
         let folder = out.subfolder(product.name());
         ShotFolder::create(&folder)?;
         Manifest::clean_root(out, control)?;
-        // Alone, there is no live temporary.
-        match Lock::acquire(&folder) {
-            Ok(lock) if lock.is_held() => {
-                cache::remove_temporaries(&folder).map_err(|source| RunError::File {
-                    path: folder.clone(),
-                    source,
-                    next: "check that the folder can be read and written",
-                })?;
-            }
-            Ok(_) => control.reporter.note(&no_locks(&folder)),
-            Err(CacheError::Locked { .. }) => {}
-            Err(why) => return Err(why.into()),
+        if !clean_if_alone(&folder)? {
+            control.reporter.note(&no_locks(&folder));
         }
         let lock = Lock::share(&folder, &control)?;
         let summary = BatchSummary { folder, ..BatchSummary::default() };
         let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { out, product, summary, written, failed, stale, _lock: lock })
+        Ok(Self { out, product, summary, written, failed, stale, lock })
     }
 
     /// Records and reports what became of a frame. Frames come in ascending order.
@@ -259,6 +249,9 @@ impl<'a> Ledger<'a> {
         named?;
         file_records::compact(self.out, self.product.name(), control)?;
         let notes = self.product.finish(self.out)?;
+        // What was killed while others wrote left its temporary: the last one to end removes it.
+        drop(self.lock);
+        clean_if_alone(&self.summary.folder)?;
         self.summary.frames = frames.len();
         self.summary.lines = [self.product.summary(&self.summary)].into_iter().chain(notes).collect();
         match self.failed {
@@ -290,6 +283,27 @@ impl<'a> Ledger<'a> {
             manifest.put(output, &numbers, self.out);
         }
         manifest.write(self.out)
+    }
+}
+
+/// Removes the temporaries of crashed processes from a product's folder, unless another process writes there. Returns whether the
+/// file system has locks.
+///
+/// # Errors
+/// If the folder cannot be locked, listed or written.
+fn clean_if_alone(folder: &Path) -> Result<bool, RunError> {
+    match Lock::acquire(folder) {
+        Ok(lock) if lock.is_held() => {
+            let cleaned = cache::remove_temporaries(folder);
+            cleaned.map(|_| true).map_err(|source| RunError::File {
+                path: folder.into(),
+                source,
+                next: "check that the folder can be read and written",
+            })
+        }
+        Ok(_) => Ok(false),
+        Err(CacheError::Locked { .. }) => Ok(true),
+        Err(why) => Err(why.into()),
     }
 }
 

@@ -4,6 +4,7 @@
 //! once (`schedule`), frames are read, skipped where their files are up to date, unpacked, checked against the memory
 //! limit, and written (`streams`). A frame that cannot be made is left out and reported at the end (`ledger`).
 
+mod follow;
 mod frames;
 mod ledger;
 mod request;
@@ -12,6 +13,7 @@ mod source;
 mod streams;
 mod target;
 
+pub(crate) use follow::{await_frame, await_shot_file};
 pub(crate) use frames::{FrameBatch, process_frames};
 pub(crate) use ledger::{BatchSummary, no_locks};
 pub(crate) use ledger::{FrameFiles, FrameOutcome, Ledger, ProductFolder, Written};

@@ -5,6 +5,7 @@ use crate::{
     job::{RunError, memory::refuse_memory},
     preset::Frames,
 };
+use std::time::Duration;
 
 /// Memory that frames in progress may take together where the user sets no limit [bytes].
 ///
@@ -24,6 +25,8 @@ pub(crate) struct BatchRequest {
     pub max_memory: Option<u64>,
     /// Whether several frames may be in progress at once. The memory that a plan of a shot forecasts is that of one.
     pub concurrent: bool,
+    /// How long to wait for a frame that another process is simulating; `None`: frames are there or fail.
+    pub follow: Option<Duration>,
     /// Frames a second, where the source has no manifest.
     pub fps: f64,
 }
@@ -108,6 +111,7 @@ mod tests {
             force: false,
             max_memory,
             concurrent: true,
+            follow: None,
             fps: 24.0,
         };
         let free = request(None);

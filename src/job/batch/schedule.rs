@@ -16,29 +16,43 @@ use std::sync::Mutex;
 /// them run at once on many threads.
 pub(crate) const FRAME_MEMORY_RESERVE: u64 = 16 << 20;
 
-/// Runs `work(place, alone)` for every place of `estimates`, and passes its results to `done` in order.
+/// The frames of a batch, as they come.
+pub(super) trait Queue: Sync {
+    /// The number of frames.
+    fn len(&self) -> usize;
+
+    /// Waits until the frame at `place` is there, and returns how many are from there on without a gap: 1 to `max`.
+    ///
+    /// # Errors
+    /// If it does not come.
+    fn arrived(&self, place: usize, max: usize) -> Result<usize, RunError>;
+
+    /// The memory that a frame which is there needs [bytes].
+    fn estimate(&self, place: usize) -> u64;
+}
+
+/// Runs `work(place, estimate)` for every place of `queue`, and passes its results to `done` in order.
 ///
-/// `estimates` are of the memory that each frame needs, `budget` is what frames in progress share [bytes]; `work` returns `None`
-/// if the frame needs more than its estimate and is not `alone`. If another frame or the user ends the batch, the results of
-/// finished frames are still passed.
+/// Frames in progress share `budget` [bytes]; `work` gets the estimate of a frame that is not alone, and returns `None` if it needs
+/// more. If another frame or the user ends the batch, the results of finished frames are still passed.
 ///
 /// # Errors
-/// The first error of `work`; [`RunError::Interrupted`] if the user stops the batch.
+/// The first error of `work` and `queue`; [`RunError::Interrupted`] if the user stops the batch.
 pub(super) fn run<T: Send>(
     name: &str,
-    estimates: &[u64],
+    queue: &dyn Queue,
     budget: u64,
     control: Control,
-    work: impl Fn(usize, bool) -> Option<Result<T, RunError>> + Sync,
+    work: impl Fn(usize, Option<u64>) -> Option<Result<T, RunError>> + Sync,
     mut done: impl FnMut(T),
 ) -> Result<(), RunError> {
-    control.reporter.begin(name, estimates.len());
+    control.reporter.begin(name, queue.len());
     let finished = Mutex::new(0.0);
-    let attempt = |place: usize, alone: bool| {
+    let attempt = |place: usize, reserved: Option<u64>| {
         if control.cancel.is_cancelled() {
             return Some(Err(RunError::Interrupted));
         }
-        let result = work(place, alone)?;
+        let result = work(place, reserved)?;
         if result.is_ok() {
             let mut finished = finished.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             *finished += 1.0;
@@ -47,15 +61,16 @@ pub(super) fn run<T: Send>(
         Some(result)
     };
     let mut start = 0;
-    while start < estimates.len() {
-        let count = group_size(&estimates[start..], budget, par::threads());
+    while start < queue.len() {
+        let arrived = queue.arrived(start, par::threads().min(queue.len() - start))?;
+        let estimates: Vec<u64> = (start..start + arrived).map(|place| queue.estimate(place)).collect();
+        let count = group_size(&estimates, budget, arrived);
+        let group = |offset: usize| attempt(start + offset, (count > 1).then(|| estimates[offset]));
         let mut stopped = None;
-        for (offset, result) in
-            par::map(count, |offset| attempt(start + offset, count == 1)).into_iter().enumerate()
-        {
+        for (offset, result) in par::map(count, group).into_iter().enumerate() {
             let result = match result {
                 None if stopped.is_some() => continue,
-                None => attempt(start + offset, true).expect("alone, a frame has all the memory"),
+                None => attempt(start + offset, None).expect("alone, a frame has all the memory"),
                 Some(result) => result,
             };
             match result {
@@ -87,6 +102,50 @@ mod tests {
     use super::*;
     use crate::control::CancelToken;
     use std::sync::atomic::{AtomicU64, Ordering::SeqCst};
+
+    impl Queue for Vec<u64> {
+        fn len(&self) -> usize {
+            Self::len(self)
+        }
+        fn arrived(&self, _: usize, max: usize) -> Result<usize, RunError> {
+            Ok(max)
+        }
+        fn estimate(&self, place: usize) -> u64 {
+            self[place]
+        }
+    }
+
+    /// Frames of which each arrives when the one before is done, up to a last one.
+    struct OneByOne {
+        last: usize,
+    }
+
+    impl Queue for OneByOne {
+        fn len(&self) -> usize {
+            10
+        }
+        fn arrived(&self, place: usize, _: usize) -> Result<usize, RunError> {
+            if place > self.last { Err(RunError::Request("ended".into())) } else { Ok(1) }
+        }
+        fn estimate(&self, place: usize) -> u64 {
+            assert!(place <= self.last, "only what is there can be estimated");
+            1
+        }
+    }
+
+    #[test]
+    fn frames_that_came_before_the_end_of_a_simulation_are_made() {
+        let (reporter, cancel) = (Progress::default(), CancelToken::new());
+        let control = Control::new(&reporter, &cancel);
+        let mut made = Vec::new();
+        let work = |place, reserved: Option<u64>| {
+            assert_eq!(reserved, None, "alone");
+            Some(Ok(place))
+        };
+        let outcome = run("test", &OneByOne { last: 6 }, 100, control, work, |place| made.push(place));
+        assert!(matches!(outcome, Err(RunError::Request(why)) if why == "ended"));
+        assert_eq!(made, [0, 1, 2, 3, 4, 5, 6]);
+    }
 
     /// Keeps the progress that is reported.
     #[derive(Default)]
@@ -123,8 +182,8 @@ mod tests {
         let control = Control::new(&reporter, &cancel);
         let mut order = Vec::new();
         par::with_threads(4, || {
-            let work = |place: usize, alone: bool| {
-                if !alone && needed(place) > estimates[place] {
+            let work = |place: usize, reserved: Option<u64>| {
+                if reserved.is_some_and(|reserved| needed(place) > reserved) {
                     return None;
                 }
                 peak.fetch_max(in_progress.fetch_add(needed(place), SeqCst) + needed(place), SeqCst);
@@ -146,8 +205,8 @@ mod tests {
         let entered = AtomicU64::new(0);
         let all_entered = par::with_threads(4, || {
             // Each frame waits until all four are in progress, or a minute has passed.
-            let work = |_, alone: bool| {
-                assert!(!alone);
+            let work = |_, reserved: Option<u64>| {
+                assert!(reserved.is_some(), "not alone");
                 entered.fetch_add(1, SeqCst);
                 let start = std::time::Instant::now();
                 while start.elapsed().as_secs() < 60 {
@@ -159,7 +218,7 @@ mod tests {
                 Some(Ok(false))
             };
             let mut all_entered = Vec::new();
-            run("test", &[10; 4], 40, control, work, |all| all_entered.push(all)).unwrap();
+            run("test", &vec![10; 4], 40, control, work, |all| all_entered.push(all)).unwrap();
             all_entered
         });
         assert_eq!(all_entered, [true; 4]);
@@ -175,14 +234,14 @@ mod tests {
             let work = |place: usize, _| {
                 Some(if place == 5 { Err(RunError::Request("full".into())) } else { Ok(place) })
             };
-            run("test", &[1; 12], u64::MAX, control, work, |place| kept.push(place))
+            run("test", &vec![1; 12], u64::MAX, control, work, |place| kept.push(place))
         });
         assert!(matches!(outcome, Err(RunError::Request(_))));
         assert_eq!(kept, [0, 1, 2, 3, 4, 6, 7], "the group ran to its end, the next one did not start");
         let cancel = CancelToken::new();
         cancel.cancel();
         let stop = Control::new(&reporter, &cancel);
-        let outcome = run("test", &[1; 3], u64::MAX, stop, |_, _| Some(Ok(())), |()| ());
+        let outcome = run("test", &vec![1; 3], u64::MAX, stop, |_, _| Some(Ok(())), |()| ());
         assert!(matches!(outcome, Err(RunError::Interrupted)));
     }
 }

@@ -8,7 +8,10 @@ use crate::{
     job::{Manifest, RunError, ShotFolder},
     preset::Frames,
 };
-use std::path::{Path, PathBuf};
+use std::{
+    path::{Path, PathBuf},
+    time::Duration,
+};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Where particles come from.
@@ -42,6 +45,18 @@ impl Source<'_> {
             Self::Cache(folder) => choose(&cache::list(&folder.cache())?, selection),
             Self::Files { sequence, .. } => choose(&numbered_files(sequence), selection),
         }
+    }
+
+    /// The frames with the files that those will have which are not there yet, and the shot whose simulation is followed; without
+    /// a limit of the wait, the frames as they are.
+    pub(super) fn follow(
+        &self,
+        frames: Vec<RequestedFrame>,
+        limit: Option<Duration>,
+    ) -> (Vec<RequestedFrame>, Option<(&ShotFolder, Duration)>) {
+        let (Self::Cache(shot), Some(limit)) = (self, limit) else { return (frames, None) };
+        let expected = |(index, _): RequestedFrame| (index, Some(cache::frame_path(&shot.cache(), index)));
+        (frames.into_iter().map(expected).collect(), Some((shot, limit)))
     }
 
     /// Why a requested frame that is not present cannot be made.

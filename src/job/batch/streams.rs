@@ -79,6 +79,7 @@ pub(crate) fn process_streams(
     control: Control,
 ) -> Result<BatchSummary, RunError> {
     let frames = source.frames(request.selection.as_ref())?;
+    let (frames, followed) = source.follow(frames, request.follow);
     // All frames of a cache have the streams of the first that can be read.
     let streams = frames.iter().find_map(|(_, path)| source.streams(path.as_deref()?));
     if streams.is_some_and(|streams| !streams.iter().any(|&(_, kind)| writer.accepts(kind))) {
@@ -90,7 +91,8 @@ pub(crate) fn process_streams(
     let simulation = source.simulation()?;
     let records = FileRecords::read(out, writer.folder().name())?;
     let is_single_file = matches!(source, Source::Files { .. }) && frames.len() == 1;
-    let batch = FrameBatch { frames: &frames, absent: source.absent(), is_single_file, title: &title, fps };
+    let batch =
+        FrameBatch { frames: &frames, followed, absent: source.absent(), is_single_file, title: &title, fps };
     process_frames(writer.folder(), out, &batch, request, control, estimate, |path, reserved, outcome| {
         if let Some(key) = simulation {
             cache::read_header(path)?.expect_key(path, key)?;

@@ -10,5 +10,6 @@ mod table;
 mod tests;
 
 pub(crate) use column::{Column, ColumnInfo, Costs, Shown, Spread, Unit, figure};
-pub(crate) use page::write;
+pub(crate) use page::{csv_line, write};
+pub(crate) use plot::escaped;
 pub(crate) use table::{About, Setting, Table, TableRow, Wording};

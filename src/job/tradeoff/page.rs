@@ -24,12 +24,16 @@ pub(crate) fn write(table: &Table, folder: &Path) -> Result<[PathBuf; 3], RunErr
 }
 
 fn csv(table: &Table) -> String {
+    table.csv().iter().map(|fields| csv_line(fields)).collect()
+}
+
+/// A line of a CSV file.
+pub(crate) fn csv_line(fields: &[String]) -> String {
     let quoted = |field: &String| {
-        let is_plain = !field.contains([',', '"', '\n']);
+        let is_plain = !field.contains([',', '"', '\n', '\r']);
         if is_plain { field.clone() } else { format!("\"{}\"", field.replace('"', "\"\"")) }
     };
-    let line = |fields: &Vec<String>| fields.iter().map(quoted).collect::<Vec<_>>().join(",") + "\n";
-    table.csv().iter().map(line).collect()
+    fields.iter().map(quoted).collect::<Vec<_>>().join(",") + "\n"
 }
 
 /// The plot and the table as one page that needs no other file.

@@ -22,7 +22,7 @@ use crate::{
     product::{
         interface::Product,
         request::{ProductRequest, ProductSettings},
-        sheet_mesh::{MISSING_PARTS, POINT_BYTES, SHEET_VERSION, sheet_mesh},
+        sheet_mesh::{MISSING_PARTS, POINT_BYTES, SHEET_VERSION, export_arguments, sheet_mesh},
     },
 };
 use std::{collections::BTreeMap, path::PathBuf};
@@ -61,6 +61,15 @@ impl Product for PointCache {
 
     fn is_requested(&self, settings: &ProductSettings) -> bool {
         settings.output.sheet.contains(&SheetFormat::Pc2)
+    }
+
+    fn arguments(&self, settings: &ProductSettings) -> Vec<String> {
+        export_arguments(&settings.output, |format| format == SheetFormat::Pc2)
+    }
+
+    /// The frames of a point cache are one file.
+    fn is_per_frame(&self) -> bool {
+        false
     }
 
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {

@@ -78,6 +78,11 @@ impl Product for TracerPoints {
         settings.points
     }
 
+    /// Without a format, `export` writes tracers.
+    fn arguments(&self, _: &ProductSettings) -> Vec<String> {
+        Vec::new()
+    }
+
     fn max_memory(&self, _: &ProductSettings, _: StreamKind, tracers: usize) -> f64 {
         BASE_MEMORY + tracers as f64 * TRACER_BYTES
     }

@@ -2,7 +2,7 @@
 
 use super::mesh::{MISSING_PARTS, SHEET_VERSION, sheet_mesh};
 use crate::{
-    export::MeshFormat,
+    export::{MeshFormat, SheetFormat},
     frame::{Stream, StreamKind},
     job::{
         Control, Failure, RunError, ShotFolder,
@@ -71,6 +71,10 @@ impl Product for SheetMesh {
         settings.output.sheet.iter().any(|format| format.of_frames().is_some())
     }
 
+    fn arguments(&self, settings: &ProductSettings) -> Vec<String> {
+        export_arguments(&settings.output, |format| format.of_frames().is_some())
+    }
+
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         Some(("output.sheet", "sheet = [\"ply\"]"))
     }
@@ -84,6 +88,16 @@ impl Product for SheetMesh {
         let formats: Vec<MeshFormat> = sheet.iter().filter_map(|format| format.of_frames()).collect();
         sheet_meshes(request.frames()?, request.out, &formats, *thickness, request.batch, control)
     }
+}
+
+/// Arguments of `export` for the formats of an output that are `chosen`.
+pub(in crate::product) fn export_arguments(
+    output: &Output,
+    chosen: impl Fn(SheetFormat) -> bool,
+) -> Vec<String> {
+    let formats = output.sheet.iter().filter(|format| chosen(**format)).map(|format| format.name());
+    let thickness = output.thickness.iter().flat_map(|metres| ["--thickness".to_owned(), metres.to_string()]);
+    ["--format".to_owned(), formats.collect::<Vec<_>>().join(",")].into_iter().chain(thickness).collect()
 }
 
 /// Writes the meshes of sheets.

@@ -44,7 +44,7 @@ pub(super) fn mesh_level_sets(
     let frames = choose(&numbered_files(sequence), request.selection.as_ref())?;
     let is_single_file = frames.len() == 1;
     let (title, fps) = ("Level set", request.fps);
-    let batch = FrameBatch { frames: &frames, absent: NO_FILE, is_single_file, title, fps };
+    let batch = FrameBatch { frames: &frames, followed: None, absent: NO_FILE, is_single_file, title, fps };
     let files = MeshFiles { out, folder: SurfaceMesh.name(), formats, points: false };
     let estimate = |path: &Path| level_set_memory((file_size(path) / MIN_LEAF_BYTES) as usize);
     let records = FileRecords::read(out, SurfaceMesh.name())?;

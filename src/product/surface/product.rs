@@ -36,6 +36,11 @@ impl Product for SurfaceMesh {
         !settings.output.mesh.is_empty()
     }
 
+    fn arguments(&self, settings: &ProductSettings) -> Vec<String> {
+        let formats: Vec<&str> = settings.output.mesh.iter().map(|format| format.extension()).collect();
+        vec!["--format".into(), formats.join(",")]
+    }
+
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         Some(("output.mesh", "mesh = [\"ply\"]"))
     }

@@ -39,6 +39,10 @@ impl Product for VolumeFile {
         !settings.output.volume.is_empty()
     }
 
+    fn arguments(&self, settings: &ProductSettings) -> Vec<String> {
+        vec!["--grid".into(), names(&settings.output.volume).replace(", ", ",")]
+    }
+
     fn preset_key(&self) -> Option<(&'static str, &'static str)> {
         Some(("output.volume", "volume = [\"density\", \"velocity\"]"))
     }

@@ -10,7 +10,7 @@ pub(crate) use crate::{
     job::tradeoff::{ColumnInfo, Setting, Shown, Table, write},
     sim::tradeoff::{ProductRuns, ProductSource, Runs, Subject, Sweep, TradeoffJob},
 };
-pub(crate) use sweep::{Origin, Request, Vary};
+pub(crate) use sweep::{Origin, Request};
 
 use super::{simulate, solids};
 use crate::{

@@ -1,0 +1,140 @@
+//! `wedges.json`: which variants of a shot a folder holds.
+
+use crate::{
+    cache::{self, CacheError},
+    job::{RunError, ShotFolder, is_file_name},
+};
+use serde::{Deserialize, Serialize};
+use std::{
+    io::{Error, ErrorKind},
+    path::{Path, PathBuf},
+};
+
+/// The list of wedges in a folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct WedgeList {
+    /// Always "meniscus-wedges".
+    pub format: String,
+    /// Version of this format.
+    pub version: u32,
+    /// The shot's name.
+    pub title: String,
+    /// The keys that differ, in the order in which they were given.
+    pub keys: Vec<String>,
+    /// The wedges, the last key varying fastest.
+    pub wedges: Vec<Wedge>,
+}
+
+/// A variant of the shot.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Wedge {
+    /// Its shot folder, below the folder of the list.
+    pub folder: String,
+    /// The values of the keys.
+    pub values: Vec<String>,
+}
+
+const FORMAT: &str = "meniscus-wedges";
+
+const VERSION: u32 = 1;
+
+/// Wedges that a folder may have: each is a shot.
+pub(crate) const MAX_WEDGES: usize = 1000;
+
+impl WedgeList {
+    /// The list of a shot's wedges.
+    pub(crate) fn new(title: &str, keys: Vec<String>, wedges: Vec<Wedge>) -> Self {
+        Self { format: FORMAT.into(), version: VERSION, title: title.into(), keys, wedges }
+    }
+
+    /// Where the list of a folder is.
+    pub(crate) fn path(folder: &Path) -> PathBuf {
+        folder.join("wedges.json")
+    }
+
+    /// The list of a folder; `None` if the folder has none.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is none.
+    pub(crate) fn read(folder: &Path) -> Result<Option<Self>, RunError> {
+        let path = Self::path(folder);
+        let fail = |source| RunError::File {
+            path: path.clone(),
+            source,
+            next: "restore the file, or run `meniscus wedge` again with the same arguments",
+        };
+        let text = match cache::read_text(&path) {
+            Ok(text) => text,
+            Err(absent) if matches!(absent.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Ok(None);
+            }
+            Err(source) => return Err(fail(source)),
+        };
+        let invalid = |found: String| fail(Error::new(ErrorKind::InvalidData, found));
+        let list: Self = serde_json::from_str(&text).map_err(|why| invalid(why.to_string()))?;
+        if list.format != FORMAT {
+            return Err(invalid(format!("found format {:?}, expected {FORMAT:?}", list.format)));
+        }
+        if list.version != VERSION {
+            let (path, found) = (path.clone(), list.version);
+            return Err(CacheError::Version { path, found, expected: VERSION }.into());
+        }
+        if list.wedges.is_empty() || list.wedges.len() > MAX_WEDGES {
+            let found = list.wedges.len();
+            return Err(invalid(format!("found {found} wedges, expected 1 to {MAX_WEDGES}")));
+        }
+        for wedge in &list.wedges {
+            if !is_file_name(&wedge.folder) {
+                let found = format!("found the folder {:?}, expected a name in this folder", wedge.folder);
+                return Err(invalid(found));
+            }
+            if wedge.values.len() != list.keys.len() {
+                let (values, keys) = (wedge.values.len(), list.keys.len());
+                return Err(invalid(format!("{}: found {values} values for {keys} keys", wedge.folder)));
+            }
+        }
+        Ok(Some(list))
+    }
+
+    /// Replaces the list of a folder.
+    ///
+    /// # Errors
+    /// If it cannot be written.
+    pub(crate) fn write(&self, folder: &Path) -> Result<(), RunError> {
+        let text = serde_json::to_string_pretty(self).expect("a list is plain data") + "\n";
+        ShotFolder::write(Self::path(folder), &text)
+    }
+
+    /// What distinguishes a wedge, in words: `liquid.cfl=0.4  liquid.spacing=0.05`.
+    pub(crate) fn label(&self, wedge: &Wedge) -> String {
+        let part = |(key, value): (&String, &String)| format!("{key}={value}");
+        let parts: Vec<String> = self.keys.iter().zip(&wedge.values).map(part).collect();
+        if parts.is_empty() { "as written".into() } else { parts.join("  ") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_reads_as_written_and_crafted_ones_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        assert_eq!(WedgeList::read(dir.path()).unwrap(), None);
+        let wedge = Wedge { folder: "cfl-0p4".into(), values: vec!["0.4".into()] };
+        let list = WedgeList::new("Dam", vec!["liquid.cfl".into()], vec![wedge.clone()]);
+        list.write(dir.path()).unwrap();
+        assert_eq!(WedgeList::read(dir.path()).unwrap(), Some(list.clone()));
+        assert_eq!(list.label(&wedge), "liquid.cfl=0.4");
+        let crafted = |text: &str| {
+            std::fs::write(WedgeList::path(dir.path()), text).unwrap();
+            WedgeList::read(dir.path()).unwrap_err().to_string()
+        };
+        let good = serde_json::to_string(&list).unwrap();
+        assert!(crafted(&good.replace("cfl-0p4", "../evil")).contains("../evil"));
+        assert!(crafted(&good.replace("meniscus-wedges", "x")).contains("expected"));
+        assert!(crafted(&good.replace("\"version\":1", "\"version\":2")).contains('2'));
+        assert!(crafted(&good.replace("[\"0.4\"]", "[]")).contains("0 values for 1 keys"));
+        assert!(crafted("{").contains("wedges.json"));
+    }
+}

@@ -1,0 +1,89 @@
+//! Wedges: a shot folder for every combination of settings, compared on a sheet and in tables.
+
+use super::*;
+
+const LINE: &str =
+    "wedge small.toml --set liquid.spacing=0.1,0.16 --set liquid.iterations=3,6 --frames 1-3 -o wedges";
+
+#[test]
+fn every_combination_is_a_shot_and_the_sheet_shows_all() {
+    let desk = Desk::new();
+    let (out, talk) = desk.run(LINE, 0);
+    assert!(talk.contains("wedge 4 of 4: liquid.spacing=0.16  liquid.iterations=6"), "{talk}");
+    for name in ["contact-sheet.png", "wedges.csv", "wedges.html"] {
+        assert!(out.contains(name) && desk.path("wedges").join(name).is_file(), "{out}");
+    }
+    let csv = fs::read_to_string(desk.path("wedges/wedges.csv")).unwrap();
+    let lines: Vec<&str> = csv.lines().collect();
+    let head = "number,folder,liquid.spacing,liquid.iterations,frames,requested_frames,seconds,particles,";
+    assert!(lines.len() == 5 && lines[0].starts_with(head), "{csv}");
+    assert!(
+        lines[2].starts_with("2,spacing-0p1_iterations-6,0.1,6,3,3,") && lines[2].contains(",512,"),
+        "{csv}"
+    );
+    desk.run("verify wedges/spacing-0p16_iterations-3", 0);
+    // A wedge is the shot that the command line would make.
+    desk.run("shot small.toml --set liquid.spacing=0.16 --set liquid.iterations=3 --frames 1-3 -o alone", 0);
+    assert_eq!(desk.bytes("wedges/spacing-0p16_iterations-3/cache"), desk.bytes("alone/cache"));
+    assert_eq!(desk.bytes("wedges/spacing-0p16_iterations-3/mesh"), desk.bytes("alone/mesh"));
+
+    // Again: nothing is simulated, and the sheet has the same bytes for any number of threads.
+    let sheet = fs::read(desk.path("wedges/contact-sheet.png")).unwrap();
+    let (out, _) = desk.run(&format!("{LINE} --threads 1"), 0);
+    assert!(out.contains("3 up to date"), "{out}");
+    assert_eq!(fs::read(desk.path("wedges/contact-sheet.png")).unwrap(), sheet);
+    desk.run("wedge wedges --threads 3", 0);
+    assert_eq!(fs::read(desk.path("wedges/contact-sheet.png")).unwrap(), sheet);
+    desk.run("wedge wedges --at 1", 0);
+    assert_ne!(fs::read(desk.path("wedges/contact-sheet.png")).unwrap(), sheet);
+    let (_, talk) = desk.run("wedge wedges --at 1-13", 2);
+    assert!(talk.contains("at most 12"), "{talk}");
+    let (_, talk) = desk.run("wedge wedges --force", 2);
+    assert!(talk.contains("--force"), "{talk}");
+}
+
+#[test]
+fn prepared_wedges_are_tasks_of_a_farm() {
+    let desk = Desk::new();
+    let line = "wedge small.toml --set liquid.iterations=3,6 -o wedges --prepare";
+    let (out, _) = desk.run(line, 0);
+    assert!(out.contains("2 wedges prepared") && !desk.path("wedges/iterations-3/cache").exists(), "{out}");
+    let (_, talk) = desk.run("wedge wedges", 2);
+    assert!(talk.contains("found no frames"), "{talk}");
+    desk.run("farm openjd wedges --chunk 5", 0);
+    let text = fs::read_to_string(desk.path("wedges/farm.openjd.json")).unwrap();
+    let template: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let steps = template["steps"].as_array().unwrap();
+    assert_eq!(steps.last().unwrap()["name"], "compare");
+    let shots = &steps[0]["parameterSpace"]["taskParameterDefinitions"][0];
+    assert_eq!(shots["range"], serde_json::json!(["iterations-3", "iterations-6"]));
+    desk.run("farm slurm wedges", 0);
+    assert!(
+        fs::read_to_string(desk.path("wedges/farm.slurm.sh"))
+            .unwrap()
+            .contains("shots='iterations-3 iterations-6'")
+    );
+    // One job has the frames and outputs of all.
+    desk.run("wedge small.toml --set frames=\"1-3\",\"1-4\" -o other --prepare", 0);
+    let (_, talk) = desk.run("farm openjd other", 2);
+    assert!(talk.contains("another `frames`"), "{talk}");
+    // A list that names a folder elsewhere is not followed.
+    let list = fs::read_to_string(desk.path("wedges/wedges.json")).unwrap();
+    desk.write("wedges/wedges.json", list.replace("iterations-3", "../small"));
+    for verb in ["wedge wedges", "farm openjd wedges"] {
+        let (_, talk) = desk.run(verb, 1);
+        assert!(talk.contains("../small"), "{talk}");
+    }
+}
+
+#[test]
+fn a_wedge_that_fails_leaves_the_others() {
+    let desk = Desk::new();
+    let line = "wedge small.toml --set liquid.spacing=0.1,0.01 --frames 1-2 --max-memory 100MiB -o wedges";
+    let (out, talk) = desk.run(line, 33);
+    assert!(talk.contains("1 of 2 wedges failed") && talk.contains("wedge 2, liquid.spacing=0.01"), "{talk}");
+    assert!(out.contains("contact-sheet.png"), "{out}");
+    desk.run("verify wedges/spacing-0p1", 0);
+    let (_, talk) = desk.run("wedge small.toml --set liquid.spacing=0.1,0.10 -o same", 2);
+    assert!(talk.contains("same shot") && !desk.path("same").exists(), "{talk}");
+}
