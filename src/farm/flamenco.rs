@@ -3,7 +3,7 @@
 //! Words go to the program as a list, without a shell. Flamenco replaces `{name}` in them by the manager's variables, and there is
 //! no escape: paths with braces are refused, by the job type as well.
 
-use super::job::{FarmJob, MAKE, MARK, Scope, Step, Word};
+use super::job::{FarmJob, JobFiles, MAKE, MARK, Scope, Step, Word};
 use crate::{control::printable, job::RunError};
 use serde_json::json;
 
@@ -20,7 +20,7 @@ const FILE: &str = "farm.flamenco.json";
 ///
 /// # Errors
 /// If a path has braces.
-pub(super) fn files(job: &FarmJob) -> Result<(Vec<(&'static str, String)>, String), RunError> {
+pub(super) fn files(job: &FarmJob) -> Result<JobFiles, RunError> {
     let folder = job.root.to_str().expect("the path was checked to be UTF-8");
     for (what, text) in [("the folder", folder), ("--command", &job.command)] {
         if let Some(found) = text.chars().find(|c| "{}".contains(*c) || c.is_control()) {
@@ -52,7 +52,7 @@ pub(super) fn files(job: &FarmJob) -> Result<(Vec<(&'static str, String)>, Strin
         "copy {TYPE_FILE} to the folder `scripts` next to flamenco-manager and restart it once, then: \
          curl -H 'Content-Type: application/json' -d @{FILE} http://MANAGER:8080/api/v3/jobs"
     );
-    Ok((vec![(TYPE_FILE, TYPE.replace("@MARK@", MARK)), (FILE, text)], submit))
+    Ok(JobFiles { files: vec![(TYPE_FILE, TYPE.replace("@MARK@", MARK)), (FILE, text)], submit })
 }
 
 /// A step that makes a product, as the setting `products` has it: the verb and its arguments, without folder and frames.

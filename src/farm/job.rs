@@ -90,6 +90,14 @@ pub(super) enum Word {
     Root,
 }
 
+/// The form of a job for an engine.
+pub(super) struct JobFiles {
+    /// Names and texts of its files.
+    pub(super) files: Vec<(&'static str, String)>,
+    /// The command that submits it.
+    pub(super) submit: String,
+}
+
 /// What every file of a job has, so that no file of the user is replaced.
 pub(super) const MARK: &str = "Written by meniscus farm";
 

@@ -14,7 +14,7 @@ use crate::{
     cache,
     job::{RunError, ShotFolder},
 };
-use job::MARK;
+use job::{JobFiles, MARK};
 use std::{io::ErrorKind, path::PathBuf};
 
 /// A render farm's engine.
@@ -33,7 +33,7 @@ pub(crate) enum Engine {
 /// # Errors
 /// [`RunError::Request`] if the engine cannot express the job, or a file of the user is in a file's place.
 pub(crate) fn write(engine: Engine, job: &FarmJob) -> Result<(Vec<PathBuf>, String), RunError> {
-    let (files, submit) = match engine {
+    let JobFiles { files, submit } = match engine {
         Engine::OpenJd => openjd::files(job)?,
         Engine::Slurm => slurm::files(job),
         Engine::Flamenco => flamenco::files(job)?,

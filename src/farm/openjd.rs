@@ -4,7 +4,7 @@
 //! moved, and no name needs quotation marks. Braces would be expressions: the only texts are parameters' values, which are not
 //! expressions, and words of our own.
 
-use super::job::{FarmJob, MARK, Scope, Step, Word};
+use super::job::{FarmJob, JobFiles, MARK, Scope, Step, Word};
 use crate::{control::printable, job::RunError};
 use serde_json::{Value, json};
 
@@ -21,7 +21,7 @@ const NOTICE_SECONDS: u32 = 30;
 ///
 /// # Errors
 /// If the program's name is longer than a parameter's value may be.
-pub(super) fn files(job: &FarmJob) -> Result<(Vec<(&'static str, String)>, String), RunError> {
+pub(super) fn files(job: &FarmJob) -> Result<JobFiles, RunError> {
     if job.command.chars().count() > MAX_VALUE {
         return Err(RunError::Request(format!(
             "--command: found more than {MAX_VALUE} characters, which a parameter of Open Job Description cannot hold"
@@ -51,7 +51,7 @@ pub(super) fn files(job: &FarmJob) -> Result<(Vec<(&'static str, String)>, Strin
     let last = &job.steps.last().expect("a job has steps").name;
     let submit =
         format!("openjd run {FILE} --step {last} --run-dependencies, or submit the folder as a job bundle");
-    Ok((vec![(FILE, text)], submit))
+    Ok(JobFiles { files: vec![(FILE, text)], submit })
 }
 
 /// Name of the template.

@@ -4,13 +4,13 @@
 //! task that a signal has ended, for lack of memory or on a failing machine, runs again twice; `--requeue` is for machines that
 //! are lost.
 
-use super::job::{FarmJob, MARK, Scope, Step, Word};
+use super::job::{FarmJob, JobFiles, MARK, Scope, Step, Word};
 
 /// Name of the script.
 const FILE: &str = "farm.slurm.sh";
 
 /// The script, and the command that submits it.
-pub(super) fn files(job: &FarmJob) -> (Vec<(&'static str, String)>, String) {
+pub(super) fn files(job: &FarmJob) -> JobFiles {
     let shots = if job.shots.is_empty() { ".".into() } else { job.shots.join(" ") };
     let script = TEMPLATE
         .replace("@MARK@", MARK)
@@ -23,7 +23,8 @@ pub(super) fn files(job: &FarmJob) -> (Vec<(&'static str, String)>, String) {
         .replace("@LAST@\n", &last_submission(job))
         // Last: a name may have any text.
         .replace("@COMMAND@", &quoted(&job.command));
-    (vec![(FILE, script)], format!("sh {FILE}; options of sbatch may follow, such as --partition=short"))
+    let submit = format!("sh {FILE}; options of sbatch may follow, such as --partition=short");
+    JobFiles { files: vec![(FILE, script)], submit }
 }
 
 /// The script but for what differs between jobs.
