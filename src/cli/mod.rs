@@ -15,6 +15,7 @@ mod product;
 mod progress;
 mod shot;
 mod tradeoff;
+mod values;
 mod volume;
 mod wedge;
 

@@ -1,0 +1,117 @@
+//! How the values of flags are read: frames, sizes, times, formats.
+
+use crate::{
+    export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
+    scene::Frames,
+};
+use std::time::Duration;
+
+pub(super) fn frames(text: &str) -> Result<Frames, String> {
+    text.parse().map_err(|why: crate::scene::FramesError| why.to_string())
+}
+
+pub(super) fn volume_grid(text: &str) -> Result<VolumeGrid, String> {
+    VolumeGrid::from_name(text).ok_or_else(|| "expected density, surface, velocity or temperature".into())
+}
+
+pub(super) fn mesh_format(text: &str) -> Result<MeshFormat, String> {
+    MeshFormat::from_extension(text).ok_or_else(|| "expected ply or obj".into())
+}
+
+pub(super) fn sheet_format(text: &str) -> Result<SheetFormat, String> {
+    SheetFormat::ALL
+        .into_iter()
+        .find(|format| format.name() == text)
+        .ok_or_else(|| "expected pc2, ply or obj".into())
+}
+
+/// A thickness [m].
+pub(super) fn thickness(text: &str) -> Result<f32, String> {
+    let metres = text.parse().ok().filter(|metres: &f32| *metres > 0.0 && metres.is_finite());
+    metres.ok_or_else(|| "expected metres above zero, such as 0.002".into())
+}
+
+/// A time [s] with a unit.
+pub(super) fn time(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "" | "s" | "sec" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        "d" => 86400.0,
+        unit => return Err(format!("unknown unit {unit:?}; expected a time such as 90s, 10min or 2h")),
+    };
+    match digits.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok(number * factor),
+        _ => Err("expected a time such as 90s, 10min or 2h".into()),
+    }
+}
+
+/// The longest wait.
+const MAX_WAIT: Duration = Duration::from_secs(365 * 86400);
+
+/// A time to wait.
+pub(super) fn wait(text: &str) -> Result<Duration, String> {
+    let wait = Duration::try_from_secs_f64(time(text)?).ok().filter(|wait| *wait <= MAX_WAIT);
+    wait.ok_or_else(|| "expected at most 365d".into())
+}
+
+/// A fraction, maybe in per cent.
+pub(super) fn fraction(text: &str) -> Result<f64, String> {
+    let text = text.trim();
+    let (digits, factor) = text.strip_suffix('%').map_or((text, 1.0), |digits| (digits, 0.01));
+    match digits.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number * factor <= 1.0 => Ok(number * factor),
+        _ => Err("expected a part such as 0.5% or 0.005".into()),
+    }
+}
+
+/// A number of bytes with a unit.
+pub(super) fn size(text: &str) -> Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let factor = match text[digits.len()..].to_ascii_lowercase().as_str() {
+        "k" | "kib" => 1 << 10,
+        "m" | "mib" => 1 << 20,
+        "g" | "gib" => 1_u64 << 30,
+        "t" | "tib" => 1 << 40,
+        "kb" => 1000,
+        "mb" => 1_000_000,
+        "gb" => 1_000_000_000,
+        "b" | "" => 1,
+        unit => return Err(format!("unknown unit {unit:?}; expected a size such as 8GiB or 500MiB")),
+    };
+    match digits.trim().parse::<f64>() {
+        Ok(number) if number > 0.0 && number.is_finite() => Ok((number * factor as f64) as u64),
+        _ => Err("expected a size such as 8GiB or 500MiB".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_fractions_carry_units() {
+        assert_eq!(["90", "90s", "10 min", "2h"].map(time), [90.0, 90.0, 600.0, 7200.0].map(Ok));
+        assert_eq!((fraction("0.5%"), fraction("0.02")), (Ok(0.005), Ok(0.02)));
+        for wrong in ["", "s", "-1s", "0", "2 parsecs", "inf"] {
+            assert!(time(wrong).is_err(), "{wrong}");
+        }
+        assert_eq!(wait("2h"), Ok(Duration::from_secs(7200)));
+        assert!(wait("1e300").is_err() && wait("366d").is_err() && wait("1e-300").is_ok());
+        for wrong in ["", "%", "-1%", "0", "200%", "nan"] {
+            assert!(fraction(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn sizes_carry_units() {
+        assert_eq!(size("8GiB"), Ok(8 << 30));
+        assert_eq!(size("1.5k"), Ok(1536));
+        assert_eq!(size("500MB"), Ok(500_000_000));
+        for wrong in ["", "GiB", "-1GiB", "8 parsecs", "nan"] {
+            assert!(size(wrong).is_err(), "{wrong}");
+        }
+    }
+}
