@@ -12,7 +12,7 @@ use crate::{
         self, Control, FailedFrame, RunError, ShotFolder,
         wedge::{self, Layout, MAX_FRAMES, WedgeList},
     },
-    scene::{self, Frames, Scene, builtin},
+    scene::{self, Scene, builtin},
 };
 use std::path::{Path, PathBuf};
 
@@ -39,8 +39,7 @@ pub(super) fn wedge(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
         name.push("-wedges");
         PathBuf::from(name)
     });
-    let shots: Vec<ShotFolder> =
-        list.wedges.iter().map(|wedge| ShotFolder::new(root.join(&wedge.folder))).collect();
+    let shots = list.shots(&root)?;
     // All before the first runs: what is refused is known at once.
     for (scene, shot) in scenes.iter().zip(&shots).filter(|_| !args.force) {
         run::prepare(scene, shot, control)?;
@@ -77,10 +76,11 @@ pub(super) fn wedge(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
             Err(why) => return Err(why),
         }
     }
-    compare(&root, &list, args.at.as_ref(), control)?;
-    match failed.is_empty() {
-        true => Ok(()),
-        false => Err(RunError::WedgesFailed { failed, all: shots.len() }),
+    // Where every wedge failed there may be nothing to compare.
+    match compare(&root, &list, args, control) {
+        Err(RunError::Interrupted) => Err(RunError::Interrupted),
+        _ if !failed.is_empty() => Err(RunError::WedgesFailed { failed, all: shots.len() }),
+        compared => compared,
     }
 }
 
@@ -112,7 +112,7 @@ fn compare_existing(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
     }
     let root = Path::new(&args.preset);
     match WedgeList::read(root)? {
-        Some(list) => compare(root, &list, args.at.as_ref(), control),
+        Some(list) => compare(root, &list, args, control),
         None => Err(RunError::Request(format!(
             "{}: found no wedges.json and no preset; name a preset and --set KEY=A,B",
             root.display()
@@ -121,9 +121,9 @@ fn compare_existing(args: &WedgeArgs, control: Control) -> Result<(), RunError> 
 }
 
 /// Draws the contact sheet and writes the tables.
-fn compare(root: &Path, list: &WedgeList, at: Option<&Frames>, control: Control) -> Result<(), RunError> {
+fn compare(root: &Path, list: &WedgeList, args: &WedgeArgs, control: Control) -> Result<(), RunError> {
     let rows = wedge::rows(root, list)?;
-    let (pictures, outside) = wedge::draw_wedges(root, list, at, control)?;
+    let (pictures, outside) = wedge::draw_wedges(root, list, args.at.as_ref(), args.max_memory, control)?;
     if outside > 0 {
         control.reporter.note(&format!("{outside} particles are outside the pictures of the contact sheet"));
     }

@@ -16,6 +16,8 @@ const JOB_TYPE = {
           description: "What to make of the frames, separated by ';'; 'once' before what one task makes of all frames" },
         { key: "options", type: "string", default: "", visible: "web",
           description: "Arguments of every task, such as '--threads 8'" },
+        { key: "simulate_options", type: "string", default: "", visible: "web",
+          description: "More arguments of the simulation, such as '--max-memory 4GiB'" },
         { key: "shots", type: "string", default: "", visible: "web",
           description: "Names of the wedges below the folder, separated by blanks; empty: the folder is a shot" },
         { key: "meniscus", type: "string", default: "meniscus", visible: "web",
@@ -45,7 +47,8 @@ function compileJob(job) {
 function authorShot(job, folder, prefix) {
     const settings = job.settings;
     const simulate = add(job, `${prefix}simulate ${settings.frames}`,
-        ["simulate", `${folder}/preset.toml`, "-o", folder, "--frames", settings.frames], []);
+        ["simulate", `${folder}/preset.toml`, "-o", folder, "--frames", settings.frames,
+            ...words(settings.simulate_options)], []);
     const made = [];
     for (const product of settings.products.split(";").map(words).filter((list) => list.length > 0)) {
         const once = product[0] === "once";

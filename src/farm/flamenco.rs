@@ -44,6 +44,7 @@ pub(super) fn files(job: &FarmJob) -> Result<JobFiles, RunError> {
             "chunk_size": job.chunk,
             "products": products.join("; "),
             "options": job.common_words().join(" "),
+            "simulate_options": job.max_memory.map_or_else(String::new, |bytes| format!("--max-memory {bytes}B")),
             "meniscus": job.command,
         },
     });

@@ -1,6 +1,7 @@
 //! The steps of a batch, independent of the engine that runs them.
 
 use crate::{
+    cache::leads_out,
     control::printable_path,
     job::{FrameSpan, RunError, ShotFolder},
     preset::Frames,
@@ -116,6 +117,9 @@ const COMPARE: usize = 3;
 /// Chunks of a job: Slurm's arrays have 1000 tasks unless the site allows more, and Open Job Description's lists 1024 values.
 const MAX_CHUNKS: u64 = 1000;
 
+/// Frames of a job, also in `flamenco.js`.
+const MAX_FRAMES: u64 = 1_000_000;
+
 /// Characters of the frames of a chunk, which Open Job Description limits.
 const MAX_CHUNK_TEXT: usize = 1024;
 
@@ -138,7 +142,10 @@ impl FarmJob {
             )));
         }
         let (title, shots) = match WedgeList::read(folder)? {
-            Some(list) => (Some(list.title), list.wedges.into_iter().map(|wedge| wedge.folder).collect()),
+            Some(list) => {
+                list.shots(folder)?;
+                (Some(list.title), list.wedges.into_iter().map(|wedge| wedge.folder).collect())
+            }
             None => (None, Vec::new()),
         };
         let first = shots.first().map_or_else(|| folder.to_owned(), |shot: &String| folder.join(shot));
@@ -201,6 +208,12 @@ impl FarmJob {
 /// The scene that a shot folder's preset describes.
 fn recorded(folder: &Path) -> Result<Scene, RunError> {
     let preset = ShotFolder::new(folder).preset();
+    if leads_out(folder, &preset) {
+        return Err(RunError::Request(format!(
+            "{}: found a link that leads out of the shot's folder, expected a preset in it; copy the preset there",
+            printable_path(&preset)
+        )));
+    }
     if !preset.exists() {
         return Err(RunError::Request(format!(
             "{}: found no preset.toml and no wedges.json; name the shot with --preset, or lay out wedges with `meniscus wedge`",
@@ -243,6 +256,12 @@ fn steps(scene: &Scene, frames: &Frames, are_wedges: bool, max_memory: Option<u6
 
 /// The frames of each chunk.
 fn chunks(frames: &Frames, chunk: u32) -> Result<Vec<String>, RunError> {
+    if frames.count() > MAX_FRAMES {
+        let found = frames.count();
+        return Err(RunError::Request(format!(
+            "--frames: found {found} frames, expected at most {MAX_FRAMES}"
+        )));
+    }
     let count = frames.count().div_ceil(chunk.into());
     if count > MAX_CHUNKS {
         return Err(RunError::Request(format!(
@@ -303,7 +322,8 @@ mod tests {
             refused("1-10000", 9).contains("found 1112 chunks")
                 && refused("1-10000", 9).contains("--chunk 10 or")
         );
-        assert!(refused("0-4294967295", 1).contains("--chunk 4294968 or"));
+        assert!(refused("1-1000000", 1).contains("--chunk 1000 or"));
+        assert!(refused("0-4294967295", 4_294_968).contains("at most 1000000"));
         let scattered: Vec<String> = (0..400).map(|i| (i * i).to_string()).collect();
         assert!(refused(&scattered.join(","), 400).contains("smaller chunk"));
     }

@@ -13,6 +13,7 @@ use crate::{
     import,
     job::{FrameSpan, Manifest, file_records::FileRecords, log},
     math::Vec3,
+    run::wedge::WedgeList,
     scene::{Frames, Home, Overrides, Preset, Scene, SceneError, decode},
     sdf::{self, SampledGrid},
     sim::FrameRecord,
@@ -52,10 +53,11 @@ const UNPACKED: u64 = BUFFERS + 2 * MAX_MEMORY;
 const SCHEMA: u64 = 16 << 20;
 
 /// All readers.
-pub const READERS: [Reader; 18] = [
+pub const READERS: [Reader; 19] = [
     row("cache", read_cache, UNPACKED, 64),
     row("samples", read_samples, BUFFERS, 64),
     row("manifest", read_manifest, BUFFERS, 64),
+    row("wedges", read_wedges, BUFFERS, 64),
     row("records", read_records, BUFFERS, 256),
     row("preset", read_preset, SCHEMA, 1024),
     row("set", read_set, SCHEMA, 1024),
@@ -135,6 +137,19 @@ fn read_manifest(bytes: &[u8]) {
             let _ = (manifest.simulation_key(), manifest.frames.count());
         }
         Err(why) => _ = why.to_string(),
+    }
+}
+
+/// `wedges.json`.
+fn read_wedges(bytes: &[u8]) {
+    match WedgeList::parse(&String::from_utf8_lossy(bytes)) {
+        Ok(list) => {
+            for wedge in &list.wedges {
+                assert!(is_inside(&wedge.folder), "{:?} leads out of the folder", wedge.folder);
+                assert_eq!(wedge.values.len(), list.keys.len());
+            }
+        }
+        Err(why) => drop(why),
     }
 }
 

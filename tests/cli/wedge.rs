@@ -87,3 +87,27 @@ fn a_wedge_that_fails_leaves_the_others() {
     let (_, talk) = desk.run("wedge small.toml --set liquid.spacing=0.1,0.10 -o same", 2);
     assert!(talk.contains("same shot") && !desk.path("same").exists(), "{talk}");
 }
+
+#[test]
+fn what_every_wedge_failed_of_is_reported_although_there_is_nothing_to_compare() {
+    let desk = Desk::new();
+    let (_, talk) = desk.run(&format!("{LINE} --max-memory 1MiB"), 33);
+    assert!(talk.contains("wedge 4") && !talk.contains("--prepare"), "{talk}");
+}
+
+#[cfg(unix)]
+#[test]
+fn wedges_and_presets_behind_links_that_lead_out_are_refused() {
+    let desk = Desk::new();
+    desk.run("wedge small.toml --set liquid.iterations=3,6 -o wedges --prepare", 0);
+    fs::rename(desk.path("wedges/iterations-3"), desk.path("elsewhere")).unwrap();
+    std::os::unix::fs::symlink("../elsewhere", desk.path("wedges/iterations-3")).unwrap();
+    for line in ["wedge wedges", "farm slurm wedges"] {
+        let (_, talk) = desk.run(line, 2);
+        assert!(talk.contains("iterations-3: found a link that leads out"), "{line}: {talk}");
+    }
+    fs::rename(desk.path("elsewhere/preset.toml"), desk.path("preset.toml")).unwrap();
+    std::os::unix::fs::symlink("../preset.toml", desk.path("elsewhere/preset.toml")).unwrap();
+    let (_, talk) = desk.run("farm slurm elsewhere", 2);
+    assert!(talk.contains("preset.toml: found a link that leads out"), "{talk}");
+}

@@ -199,6 +199,29 @@ fn frames_have_the_same_bits_after_a_restart_and_on_any_number_of_threads() {
 }
 
 #[test]
+fn frames_whose_flow_cannot_be_are_refused() {
+    let text = everything("");
+    let frame = Run::new(&text, 24.0, floor()).to(5).frame();
+    let restore = |frame: &Frame| Simulation::restore(floor(), systems(&text, 24.0), frame).map(|_| ());
+    restore(&frame).unwrap();
+    for (name, value, expected) in [
+        ("initial_particles", 1.0, "balance"),
+        ("emitted_particles", 1e300, "balance"),
+        ("removed_particles", f64::INFINITY, "balance"),
+        ("next_id", 3.0, "next_id"),
+        ("emitter_0_length", 1e300, "length"),
+        ("emitter_0_length", -1.0, "length"),
+        ("emitter_1_length", f64::NAN, "length"),
+    ] {
+        let mut crafted = frame.clone();
+        let scalar = crafted.streams[0].scalars.iter_mut().find(|(key, _)| key == name).unwrap();
+        scalar.1 = value;
+        let error = restore(&crafted).unwrap_err().to_string();
+        assert!(error.contains(expected), "{name} = {value}: {error}");
+    }
+}
+
+#[test]
 fn the_balance_of_particles_is_exact_and_their_exits_are_counted() {
     let mut run = Run::new(&everything(""), 24.0, floor());
     let initial = run.count() as u64;

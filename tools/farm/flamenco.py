@@ -104,6 +104,13 @@ def main():
             if found != chunks:
                 sys.exit(f"{frames}: found chunks {found}, expected {chunks}")
 
+        # The limit of memory is that of the tasks that take memory, as on the other engines.
+        common.run([binary, "farm", "flamenco", shot, "--max-memory", "2GiB"], desk)
+        for task in compiled(desk, shot):
+            words, is_limited = task["commands"][0]["parameters"]["args"], not task["name"].startswith("verify")
+            if ("--max-memory" in words) != is_limited or (is_limited and f"{2 << 30}B" not in words):
+                sys.exit(f"{task['name']}: another limit of memory than expected: {words}")
+
         # Wedges, and a path that Flamenco would change.
         wedge = ["wedge", "farm.toml", "--set", "liquid.spacing=0.08,0.1", "-o", "wedges", "--prepare"]
         common.run([binary, *wedge], desk)

@@ -9,8 +9,8 @@
 
 `frames`: each command takes less than 10 s and at most 1.5 times its tenth's time per frame (plus half a second). PYTHON is one that
 has `bpy`; without it the import is left out.
-`particles`: peak resident memory of the last tenth of the frames within 5 % of the first tenth, after the first frame; a million
-particles by default.
+`particles`: peak resident memory while the last tenth of the frames is simulated and meshed within 5 % of that of the first tenth; a
+million particles by default. The memory of `verify` is printed.
 `repeat`: each run has another number of threads and is stopped and continued (SIGSTOP, SIGCONT) at random moments; its files must
 equal those of the first (tools/soak/identical.py, needs numpy and zstandard).
 """
@@ -41,6 +41,9 @@ shape = {{ box = {{ min = [0, 0, 0], max = [0.4, 0.4, 0.3] }} }}
 [output]
 mesh = ["ply"]
 """
+
+# Seconds after which a run of a draft tier counts as hung.
+LONGEST_RUN = 900
 
 IMPORT = """
 import sys, time
@@ -120,6 +123,8 @@ def memory_of(command, done):
 
 def particles(args, folder):
     shot = folder / "shot"
+    if shot.exists():
+        sys.exit(f"{shot} exists: frames that are there would not be made, so name another folder")
     failed = False
     options = ["--quality", "draft", "--set", f"liquid.spacing={json.dumps(args.spacing)}", "--frames", args.frames]
     for name, command, below in [
@@ -140,6 +145,9 @@ def particles(args, folder):
             grown = last / first - 1.0
             failed |= grown > 0.05
             line += f"; first tenth {first:.0f}, last tenth {last:.0f} MiB ({grown:+.1%})"
+        elif below is not None:
+            failed = True
+            line += f"; TOO FEW FRAMES were seen to compare ({len(numbers)})"
         print(line, flush=True)
     used = sum(path.stat().st_size for path in shot.rglob("*") if path.is_file())
     print(f"files: {used / 1e9:.1f} GB")
@@ -147,9 +155,12 @@ def particles(args, folder):
 
 
 def jittered(command, chance):
-    """Runs a command of the tool, stops and continues it at random moments, and returns its exit code."""
+    """Runs a command of the tool, stops and continues it at random moments, and returns its exit code; a hung one is killed."""
+    deadline = time.monotonic() + LONGEST_RUN
     with subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         while process.poll() is None:
+            if time.monotonic() > deadline:
+                process.kill()
             time.sleep(chance.uniform(0.01, 0.4))
             process.send_signal(signal.SIGSTOP)
             time.sleep(chance.uniform(0.0, 0.05))

@@ -14,7 +14,7 @@ Variants:
     windows                         built for Windows, run by wine
 
 Every preset runs the first N frames of its draft tier with its products, and the products that it does not name
-(tools/soak/identical.py). Builds land in target/same_bytes/. What a variant needs and is not installed is reported as LEFT OUT: qemu-user,
+(tools/soak/identical.py). Builds land in target/same_bytes/. What a variant needs and is not installed is reported as LEFT OUT, and one that does not build ends the study: qemu-user,
 musl-tools, wine64 from Debian; cargo-zigbuild and ziglang from PyPI; targets by rustup. Exit code 1: some bytes differ; 2: a
 variant that was named could not run. Needs numpy and zstandard.
 """
@@ -57,12 +57,12 @@ def built(name, *arguments, tool="build", **environment):
         text=True,
     )
     if done.returncode != 0:
-        raise LeftOut(f"the build failed: {done.stderr.strip().splitlines()[-1:]}")
+        sys.exit(f"{name}: the build failed\n{done.stderr}")
     profile = "release" if "--release" in arguments else "debug"
     for found in folder.glob(f"**/{profile}/meniscus*"):
         if found.suffix in ("", ".exe") and found.is_file():
             return found
-    raise LeftOut(f"{folder} holds no binary")
+    sys.exit(f"{name}: {folder} holds no binary")
 
 
 def unoptimised():
@@ -123,11 +123,13 @@ def main():
     parser.add_argument("--only", nargs="+", metavar="PRESET", help="only these presets")
     parser.add_argument("--frames", type=int, default=6, metavar="N", help="frames of each preset (6)")
     args = parser.parse_args()
+    if args.frames < 3:
+        parser.error("--frames: three or more, so that a shot can be resumed twice")
     binary = args.meniscus.resolve()
     table = variants(binary)
     names = args.only or identical.presets([binary])
     whole = [f"1-{args.frames}"]
-    parts = [f"1-{end}" for end in sorted({max(args.frames // 3, 1), max(2 * args.frames // 3, 1), args.frames})]
+    parts = [f"1-{args.frames * part // 3}" for part in (1, 2, 3)]
 
     start = time.monotonic()
     reference = {name: made([binary], ["--threads", 2], name, whole) for name in names}

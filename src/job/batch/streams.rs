@@ -112,11 +112,7 @@ pub(crate) fn process_streams(
                 }
             };
             if !is_file_name(header.subject()) {
-                let why = format!(
-                    "found a stream {:?}, expected a name of which files can be called; the frame is damaged or crafted: simulate the shot again",
-                    header.name
-                );
-                outcome.fail(why, Failure::Other);
+                outcome.fail(crafted_name(&header.name), Failure::Other);
                 continue;
             }
             let (name, key) = (header.subject().to_owned(), writer.key(header, spacing));
@@ -162,4 +158,11 @@ pub(crate) fn process_streams(
         outcome.notes.extend(notes.iter().map(|note| format!("{}: {note}", printable_path(path))));
         Ok(MemoryCheck::Fits)
     })
+}
+
+/// Why nothing is made of a stream whose name is none for a file.
+fn crafted_name(name: &str) -> String {
+    format!(
+        "found a stream {name:?}, expected a name of which files can be called; the frame is damaged or crafted: simulate the shot again"
+    )
 }

@@ -57,10 +57,14 @@ pub(crate) fn lay_out(preset: &Preset, quality: Option<Quality>, set: &[Vary]) -
     let folders = folders(&varied_keys, &all);
     let wedges = folders.into_iter().zip(all).map(|(folder, values)| Wedge { folder, values }).collect();
     let title = scenes.first().map_or("", |scene| &scene.title);
-    Ok(Layout { list: WedgeList::new(title, varied_keys, wedges), scenes })
+    let list = WedgeList::new(title, varied_keys, wedges);
+    list.check()
+        .map_err(|found| RunError::Request(format!("--set: {found}; put long values into a preset")))?;
+    Ok(Layout { list, scenes })
 }
 
-/// A folder for each wedge, called by its keys and values, so that more values later leave those that are there as they are.
+/// A folder for each wedge, called by its keys and values, so that more values of the same keys later leave those that are there as
+/// they are. Where a name does not hold all of its values, their hash follows.
 fn folders(keys: &[String], all: &[Vec<String>]) -> Vec<String> {
     let name = |values: &Vec<String>| {
         let part = |(key, value): (&String, &String)| {
@@ -72,15 +76,34 @@ fn folders(keys: &[String], all: &[Vec<String>]) -> Vec<String> {
     };
     let names: Vec<String> = all.iter().map(name).collect();
     let mut uses: BTreeMap<String, usize> = BTreeMap::new();
-    names.iter().for_each(|name| *uses.entry(name.to_ascii_lowercase()).or_default() += 1);
+    let is_whole = |values: &[String]| values.iter().all(|value| is_plain(value));
+    for (name, _) in names.iter().zip(all).filter(|(_, values)| is_whole(values)) {
+        *uses.entry(name.to_ascii_lowercase()).or_default() += 1;
+    }
     let unique = |(name, values): (&String, &Vec<String>)| {
-        if name.len() <= MAX_NAME && uses[&name.to_ascii_lowercase()] == 1 {
+        if is_whole(values) && name.len() <= MAX_NAME && uses[&name.to_ascii_lowercase()] == 1 {
             return name.clone();
         }
         let hash = xxh3_64(values.join("\n").as_bytes());
         format!("{}-{hash:016x}", &name[..name.len().min(MAX_NAME - 17)])
     };
     names.iter().zip(all).map(unique).collect()
+}
+
+/// Whether no other text has the same [`plain`] form, in capitals or not.
+fn is_plain(text: &str) -> bool {
+    let chars: Vec<char> = text.chars().collect();
+    let is_digit =
+        |place: Option<usize>| place.and_then(|place| chars.get(place)).is_some_and(char::is_ascii_digit);
+    let is_kept = |(place, c): (usize, &char)| {
+        let is_between_digits = is_digit(place.checked_sub(1)) && is_digit(Some(place + 1));
+        match c {
+            '.' => is_between_digits,
+            'p' => !is_between_digits,
+            c => c.is_ascii_lowercase() || c.is_ascii_digit() || "-_".contains(*c),
+        }
+    };
+    chars.iter().enumerate().all(is_kept)
 }
 
 /// A text as part of a name: a point becomes `p`, other special characters dashes.
@@ -132,9 +155,11 @@ mod tests {
         let lower: std::collections::BTreeSet<String> =
             names.iter().map(|name| name.to_lowercase()).collect();
         assert_eq!(lower.len(), all.len(), "{names:?}");
-        assert_eq!(names[4], "b--0--1-");
-        // One more value leaves the others where they are.
-        assert_eq!(folders(&keys, &all[4..6]), names[4..6]);
+        assert!(names[4].starts_with("b--0--1--") && names[0] == "b-1p5" && names[3] == "b-a", "{names:?}");
+        // More values leave the others where they are, also those that look alike.
+        for place in 0..all.len() {
+            assert_eq!(folders(&keys, &all[place..=place]), names[place..=place]);
+        }
     }
 
     #[test]

@@ -2,10 +2,12 @@
 
 use crate::{
     cache::{self, CacheError},
+    control::printable_path,
     job::{RunError, ShotFolder, is_file_name},
 };
 use serde::{Deserialize, Serialize};
 use std::{
+    collections::BTreeSet,
     io::{Error, ErrorKind},
     path::{Path, PathBuf},
 };
@@ -38,6 +40,12 @@ const FORMAT: &str = "meniscus-wedges";
 
 const VERSION: u32 = 1;
 
+/// Length that a list may have [bytes].
+const MAX_BYTES: u64 = 4 << 20;
+
+/// Characters of a key or a value.
+const MAX_CHARACTERS: usize = 200;
+
 /// Wedges that a folder may have: each is a shot.
 pub(crate) const MAX_WEDGES: usize = 1000;
 
@@ -63,7 +71,7 @@ impl WedgeList {
             source,
             next: "restore the file, or run `meniscus wedge` again with the same arguments",
         };
-        let text = match cache::read_text(&path) {
+        let text = match cache::read_text_within(&path, MAX_BYTES) {
             Ok(text) => text,
             Err(absent) if matches!(absent.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
                 return Ok(None);
@@ -71,29 +79,74 @@ impl WedgeList {
             Err(source) => return Err(fail(source)),
         };
         let invalid = |found: String| fail(Error::new(ErrorKind::InvalidData, found));
-        let list: Self = serde_json::from_str(&text).map_err(|why| invalid(why.to_string()))?;
-        if list.format != FORMAT {
-            return Err(invalid(format!("found format {:?}, expected {FORMAT:?}", list.format)));
-        }
+        let list = Self::parse(&text).map_err(invalid)?;
         if list.version != VERSION {
             let (path, found) = (path.clone(), list.version);
             return Err(CacheError::Version { path, found, expected: VERSION }.into());
         }
-        if list.wedges.is_empty() || list.wedges.len() > MAX_WEDGES {
-            let found = list.wedges.len();
-            return Err(invalid(format!("found {found} wedges, expected 1 to {MAX_WEDGES}")));
-        }
-        for wedge in &list.wedges {
-            if !is_file_name(&wedge.folder) {
-                let found = format!("found the folder {:?}, expected a name in this folder", wedge.folder);
-                return Err(invalid(found));
-            }
-            if wedge.values.len() != list.keys.len() {
-                let (values, keys) = (wedge.values.len(), list.keys.len());
-                return Err(invalid(format!("{}: found {values} values for {keys} keys", wedge.folder)));
-            }
-        }
         Ok(Some(list))
+    }
+
+    /// The list that a text describes, of any version.
+    ///
+    /// # Errors
+    /// What was found instead of a list.
+    pub(crate) fn parse(text: &str) -> Result<Self, String> {
+        let list: Self = serde_json::from_str(text).map_err(|why| why.to_string())?;
+        if list.format != FORMAT {
+            return Err(format!("found format {:?}, expected {FORMAT:?}", list.format));
+        }
+        list.check()?;
+        Ok(list)
+    }
+
+    /// Whether the list can be written, read and drawn.
+    ///
+    /// # Errors
+    /// What is wrong.
+    pub(crate) fn check(&self) -> Result<(), String> {
+        if self.wedges.is_empty() || self.wedges.len() > MAX_WEDGES {
+            return Err(format!("found {} wedges, expected 1 to {MAX_WEDGES}", self.wedges.len()));
+        }
+        let texts = self.keys.iter().chain(self.wedges.iter().flat_map(|wedge| &wedge.values));
+        if let Some(text) = texts.map(|text| text.chars().count()).find(|count| *count > MAX_CHARACTERS) {
+            return Err(format!(
+                "found a key or value of {text} characters, expected at most {MAX_CHARACTERS}"
+            ));
+        }
+        let mut folders = BTreeSet::new();
+        for Wedge { folder, values } in &self.wedges {
+            if !is_file_name(folder) {
+                return Err(format!("found the folder {folder:?}, expected a name in this folder"));
+            }
+            // Some file systems do not distinguish capitals from small letters.
+            if !folders.insert(folder.to_ascii_lowercase()) {
+                return Err(format!("found the folder {folder:?} twice"));
+            }
+            if values.len() != self.keys.len() {
+                let (values, keys) = (values.len(), self.keys.len());
+                return Err(format!("{folder}: found {values} values for {keys} keys"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The shot folders of the list in a folder.
+    ///
+    /// # Errors
+    /// [`RunError::Request`] if one is a link that leads out.
+    pub(crate) fn shots(&self, root: &Path) -> Result<Vec<ShotFolder>, RunError> {
+        let shot = |wedge: &Wedge| {
+            let path = root.join(&wedge.folder);
+            if cache::leads_out(root, &path) {
+                return Err(RunError::Request(format!(
+                    "{}: found a link that leads out of the folder of the wedges, expected a folder in it; move the shot there",
+                    printable_path(&path)
+                )));
+            }
+            Ok(ShotFolder::new(path))
+        };
+        self.wedges.iter().map(shot).collect()
     }
 
     /// Replaces the list of a folder.
@@ -136,5 +189,12 @@ mod tests {
         assert!(crafted(&good.replace("\"version\":1", "\"version\":2")).contains('2'));
         assert!(crafted(&good.replace("[\"0.4\"]", "[]")).contains("0 values for 1 keys"));
         assert!(crafted("{").contains("wedges.json"));
+        assert!(
+            crafted(&good.replace("\"0.4\"", &format!("\"{}\"", "4".repeat(201)))).contains("201 characters")
+        );
+        let wedge = "{\"folder\":\"cfl-0p4\",\"values\":[\"0.4\"]}";
+        let twice = format!("{wedge},{}", wedge.replace("cfl", "CFL"));
+        assert!(crafted(&good.replace(wedge, &twice)).contains("twice"));
+        assert!(crafted(&good.replace("Dam", &"x".repeat(5 << 20))).contains("at most 4194304"));
     }
 }

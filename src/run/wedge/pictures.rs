@@ -17,8 +17,14 @@ pub(crate) const MAX_FRAMES: u64 = 12;
 /// Sizes of a picture, from the largest [pixels].
 const TILES: [[usize; 2]; 4] = [[480, 360], [320, 240], [240, 180], [160, 120]];
 
-/// Pixels that a sheet has at most, unless its smallest pictures need more: 120 MB in memory.
+/// Pixels that the pictures of a sheet have at most: 120 MB in memory, and the page as much again.
 const MAX_PIXELS: usize = 40_000_000;
+
+/// Most pictures of a sheet, by the smallest.
+const MAX_PICTURES: usize = MAX_PIXELS / (TILES[TILES.len() - 1][0] * TILES[TILES.len() - 1][1]);
+
+/// Lines of a label.
+const MAX_LABEL_LINES: usize = 6;
 
 /// Shape of a sheet: width over height.
 const ASPECT: f64 = 1.6;
@@ -47,14 +53,22 @@ pub(crate) fn draw_wedges(
     root: &Path,
     list: &WedgeList,
     at: Option<&Frames>,
+    max_memory: Option<u64>,
     control: Control,
 ) -> Result<(PathBuf, u64), RunError> {
-    let shots: Vec<ShotFolder> =
-        list.wedges.iter().map(|wedge| ShotFolder::new(root.join(&wedge.folder))).collect();
+    let shots = list.shots(root)?;
+    let maximum = MAX_PICTURES / shots.len().max(1);
     let frames = match at {
         Some(at) => at.iter().collect(),
-        None => thirds(&shots),
+        None => thirds(&shots, maximum),
     };
+    if frames.len() > maximum {
+        return Err(RunError::Request(format!(
+            "--at: found {} frames, expected at most {maximum} of {} wedges, which fill a sheet",
+            frames.len(),
+            shots.len()
+        )));
+    }
     if frames.is_empty() {
         return Err(RunError::Request(format!(
             "{}: found no frames of these wedges; run `meniscus wedge` without --prepare, or their farm job",
@@ -71,7 +85,7 @@ pub(crate) fn draw_wedges(
                 if control.cancel.is_cancelled() {
                     return Err(RunError::Interrupted);
                 }
-                act(place, read(shot, index));
+                act(place, read(shot, index, max_memory));
                 done += 1.0;
                 control.reporter.progress(done);
             }
@@ -108,18 +122,19 @@ pub(crate) fn draw_wedges(
     Ok((path, outside))
 }
 
-/// A third, two thirds and the end of the frames that some shot has.
-fn thirds(shots: &[ShotFolder]) -> Vec<FrameIndex> {
+/// A third, two thirds and the end of the frames that some shot has; the last of them if there is no place for more.
+fn thirds(shots: &[ShotFolder], maximum: usize) -> Vec<FrameIndex> {
     let listed = shots.iter().filter_map(|shot| cache::list(&shot.cache()).ok());
     let longest = listed.max_by_key(Vec::len).unwrap_or_default();
     let Some(last) = longest.len().checked_sub(1) else { return Vec::new() };
     let mut places = vec![last / 3, 2 * last / 3, last];
     places.dedup();
+    places.drain(..places.len().saturating_sub(maximum));
     places.into_iter().map(|place| longest[place].0).collect()
 }
 
-fn read(shot: &ShotFolder, index: FrameIndex) -> Result<Frame, String> {
-    match cache::read_frame(&cache::frame_path(&shot.cache(), index)) {
+fn read(shot: &ShotFolder, index: FrameIndex, max_memory: Option<u64>) -> Result<Frame, String> {
+    match cache::read_frame_within(&cache::frame_path(&shot.cache(), index), max_memory) {
         Ok((frame, _)) => Ok(frame),
         Err(CacheError::NotFound { .. }) => Err("not simulated".into()),
         Err(why) => Err(why.to_string()),
@@ -136,7 +151,9 @@ fn compose(list: &WedgeList, frames: &[FrameIndex], tiles: &[Vec<Tile>], size: [
     let width = frames.len() * (size[0] + GAP);
     let label = |place: usize| {
         let text = format!("{} {}", place + 1, list.label(&list.wedges[place]));
-        text_lines(&printable(&text), width)
+        let mut lines = text_lines(&printable(&text), width);
+        lines.truncate(MAX_LABEL_LINES);
+        lines
     };
     let lines = (0..tiles.len()).map(|place| label(place).len()).max().unwrap_or(1);
     let block = [width + MARGIN, (lines + 1) * Canvas::LINE + size[1] + MARGIN];
@@ -184,5 +201,6 @@ mod tests {
         assert_eq!(columns(9, [900, 300]), 2);
         assert_eq!(columns(100, [960, 300]), 7);
         assert_eq!((tile_size(9), tile_size(300), tile_size(12_000)), ([480, 360], [320, 240], [160, 120]));
+        const { assert!(MAX_PICTURES > 2 * super::super::list::MAX_WEDGES, "two frames of every list") }
     }
 }

@@ -1,6 +1,6 @@
 //! The wedges as a table: CSV for spreadsheets, a page to look at.
 
-use super::list::WedgeList;
+use super::list::{Wedge, WedgeList};
 use crate::{
     cache::{self, CacheError},
     job::{
@@ -22,6 +22,8 @@ pub(crate) struct WedgeRow {
     values: Vec<String>,
     /// Frames that are there, and frames that were requested.
     pub(crate) frames: [u64; 2],
+    /// Whether the folder could be read.
+    is_readable: bool,
     /// Time of the passes of all frames [s].
     seconds: f64,
     /// Particles of the last frame.
@@ -35,27 +37,36 @@ pub(crate) struct WedgeRow {
 /// What the folders of a list hold.
 ///
 /// # Errors
-/// If a folder cannot be read. One that is not simulated yet has no figures.
+/// If a folder is a link that leads out. One that is not simulated yet has no figures, and one that cannot be read why.
 pub(crate) fn rows(root: &Path, list: &WedgeList) -> Result<Vec<WedgeRow>, RunError> {
-    list.wedges.iter().map(|wedge| row(root, &wedge.folder, &wedge.values)).collect()
+    let shots = list.shots(root)?;
+    Ok(list.wedges.iter().zip(&shots).map(|(wedge, shot)| row(shot, wedge)).collect())
 }
 
-fn row(root: &Path, folder: &str, values: &[String]) -> Result<WedgeRow, RunError> {
-    let shot = ShotFolder::new(root.join(folder));
+fn row(shot: &ShotFolder, wedge: &Wedge) -> WedgeRow {
     let mut row = WedgeRow {
-        folder: folder.into(),
-        values: values.into(),
+        folder: wedge.folder.clone(),
+        values: wedge.values.clone(),
         frames: [0, 0],
+        is_readable: true,
         seconds: 0.0,
         particles: 0,
         figures: Vec::new(),
         lines: Vec::new(),
     };
+    if let Err(why) = fill(&mut row, shot) {
+        (row.is_readable, row.lines) = (false, vec![why.to_string()]);
+    }
+    row
+}
+
+/// Adds what is known of a shot.
+fn fill(row: &mut WedgeRow, shot: &ShotFolder) -> Result<(), RunError> {
     match cache::list(&shot.cache()) {
-        Err(CacheError::NotFound { .. }) => return Ok(row),
+        Err(CacheError::NotFound { .. }) => return Ok(()),
         listed => _ = listed?,
     }
-    let found = info::info(&shot)?;
+    let found = info::info(shot)?;
     let sound = found.frames.iter().filter(|frame| frame.fault.is_none());
     row.frames = [sound.count() as u64, found.frames.len() as u64 + found.missing_count];
     row.particles = found.frames.last().map_or(0, |frame| frame.particles);
@@ -63,9 +74,9 @@ fn row(root: &Path, folder: &str, values: &[String]) -> Result<WedgeRow, RunErro
     for total in &found.totals {
         numbers(total.key, &total.value, &mut row.figures);
     }
-    let log = log::read::<FrameRecord>(&shot)?;
+    let log = log::read::<FrameRecord>(shot)?;
     row.seconds = log.values().flat_map(|line| &line.record.seconds).map(|(_, seconds)| seconds).sum();
-    Ok(row)
+    Ok(())
 }
 
 /// The numbers in a JSON value by their dotted keys.
@@ -83,6 +94,7 @@ impl WedgeRow {
     /// How far it is.
     fn state(&self) -> String {
         match self.frames {
+            _ if !self.is_readable => "cannot be read".into(),
             [0, _] => "not simulated".into(),
             [present, all] if present < all => format!("{present} of {all} frames"),
             [all, _] => format!("{all} frames"),
@@ -166,10 +178,7 @@ fn html(list: &WedgeList, rows: &[WedgeRow]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{
-        super::list::{Wedge, WedgeList},
-        *,
-    };
+    use super::*;
 
     #[test]
     fn tables_hold_what_the_folders_have_and_quote_it() {

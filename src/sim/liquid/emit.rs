@@ -25,6 +25,9 @@ const MIN_FREE_SEPARATION: f32 = 0.25;
 /// Most particles of a liquid: neighbour lists index them.
 const MAX_PARTICLES: f64 = 2_147_483_648.0;
 
+/// Most particles that enter in one substep: 560 MB.
+const MAX_ENTERING: f64 = 1e7;
+
 /// Most particles of a shot: ids have 32 bits.
 const MAX_IDS: f64 = 4_294_967_295.0;
 
@@ -51,8 +54,11 @@ impl Liquid {
         let mut result = Ok(());
         for (index, (emitter, step)) in inflow.emitters.iter().zip(&steps).enumerate() {
             let count = emitter.entering_count(step.length);
-            if (self.x.len() as f64) + count > MAX_PARTICLES || f64::from(self.next_id) + count > MAX_IDS {
-                let what = format!("would be followed by {count:.1e} more, and ids have 32 bits");
+            let all = [self.x.len() as f64 + count, f64::from(self.next_id) + count];
+            if count > MAX_ENTERING || all[0] > MAX_PARTICLES || all[1] > MAX_IDS {
+                let what = format!(
+                    "would be followed by {count:.1e} more in one substep; at most {MAX_ENTERING:.0e} may, and ids have 32 bits"
+                );
                 let particle = self.next_id.saturating_sub(1);
                 let try_next = "a larger liquid.spacing, a smaller rate or fewer frames";
                 result = Err(Diverged { system: NAME, substep: record.substeps, particle, what, try_next });

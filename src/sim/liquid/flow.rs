@@ -15,6 +15,9 @@ const NOZZLE: &str = "nozzle";
 /// Name of the number that the next particle gets.
 const NEXT_ID: &str = "next_id";
 
+/// Flow lengths are below this [m]; the layers of the finest seeding lattice up to there have numbers of 64 bits.
+const MAX_LENGTH: f64 = 1e12;
+
 /// Name of the flow length of an emitter.
 fn length_name(emitter: usize) -> String {
     format!("emitter_{emitter}_length")
@@ -51,6 +54,12 @@ impl Liquid {
         for (value, name) in totals.iter_mut().zip(FlowTotals::NAMES) {
             *value = stream.scalar(name).ok_or(missing(name))? as u64;
         }
+        let [initial, emitted, removed, lost] = totals;
+        let entered = initial.checked_add(emitted);
+        let accounted = (self.x.len() as u64).checked_add(removed).and_then(|sum| sum.checked_add(lost));
+        if entered.is_none() || entered != accounted {
+            return Err(missing("particle counts that balance"));
+        }
         self.flow_totals = FlowTotals::of(totals);
         let Some(inflow) = &mut self.inflow else { return Ok(()) };
         let columns = inflow.column_count();
@@ -60,10 +69,13 @@ impl Liquid {
             self.birth = stream.f32(BIRTH).ok_or(missing(BIRTH))?.to_vec();
         }
         self.next_id = stream.scalar(NEXT_ID).ok_or(missing(NEXT_ID))? as u32;
+        if self.id.iter().any(|&id| id >= self.next_id) {
+            return Err(missing("next_id above the particles' ids"));
+        }
         let length = |emitter| stream.scalar(&length_name(emitter));
         let count = inflow.lengths().count();
         let lengths: Vec<f64> = (0..count).map_while(length).collect();
-        if lengths.len() < count {
+        if lengths.len() < count || lengths.iter().any(|length| !(0.0..MAX_LENGTH).contains(length)) {
             return Err(missing("emitter_0_length"));
         }
         inflow.set_lengths(&lengths);

@@ -264,22 +264,7 @@ impl Liquid {
         if self.tension.is_some() {
             record.clamps.corrections += clock.time("surface_tension", || self.apply_tension(dt));
         }
-        if self.repulsion.is_some() {
-            // The tension may have moved particles beyond the skin.
-            let lists = clock
-                .time("search", || self.solver.ensure_lists(&setup(&self.params, &self.rest, &self.walls)));
-            lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
-        }
-        if let Some(repulsion) = &mut self.repulsion {
-            record.clamps.corrections += clock.time("artificial_pressure", || {
-                self.solver.publish_positions(self.rest.inv_support);
-                let Solver { p, lists, nodes, .. } = &mut self.solver;
-                let shortened = repulsion.apply(&self.rest, lists, nodes, p, dt);
-                self.solver.restore_pins();
-                self.solver.check_skin(&self.rest);
-                shortened
-            });
-        }
+        self.apply_artificial_pressure(dt, clock, record)?;
         if self.viscosity.is_some() {
             self.apply_viscosity(dt, clock, record, watch)?;
         }
@@ -335,6 +320,32 @@ impl Liquid {
             self.restore_pinned_velocities(dt);
         });
         std::mem::swap(&mut self.x, &mut self.solver.p); // x_i ← x*, [pbf] Alg. 1, line 23
+        Ok(())
+    }
+
+    /// Applies the artificial pressure, if the preset names it.
+    fn apply_artificial_pressure(
+        &mut self,
+        dt: f32,
+        clock: &mut Clock,
+        record: &mut LiquidRecord,
+    ) -> Result<(), Diverged> {
+        if self.repulsion.is_some() {
+            // The tension may have moved particles beyond the skin.
+            let lists = clock
+                .time("search", || self.solver.ensure_lists(&setup(&self.params, &self.rest, &self.walls)));
+            lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
+        }
+        if let Some(repulsion) = &mut self.repulsion {
+            record.clamps.corrections += clock.time("artificial_pressure", || {
+                self.solver.publish_positions(self.rest.inv_support);
+                let Solver { p, lists, nodes, .. } = &mut self.solver;
+                let shortened = repulsion.apply(&self.rest, lists, nodes, p, dt);
+                self.solver.restore_pins();
+                self.solver.check_skin(&self.rest);
+                shortened
+            });
+        }
         Ok(())
     }
 

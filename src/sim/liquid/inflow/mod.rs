@@ -16,11 +16,13 @@ mod schedule;
 
 pub use params::{FrameRange, LiquidDomain, LiquidEmitter, LiquidOutflow, RateKeyframe, Side};
 pub(in crate::sim::liquid) use schedule::OnTimes;
+use schedule::Schedule;
 
 use super::{LiquidParams, calibration::RestState, record::NozzleReport, setup::LIST_SKIN, walls::Walls};
 use crate::{
     math::Vec3,
     sim::{SetupError, Timeline},
+    solid::Shape,
 };
 pub(in crate::sim::liquid) use emitter::{Emitter, EmitterStep, LayerPoint};
 
@@ -154,6 +156,23 @@ impl Inflow {
         };
         self.emitters.iter().map(report).collect()
     }
+}
+
+/// Bound of [`emitted_particles`] that takes no cross-section: the grid over the outline for a velocity, the volume for a rate.
+#[cfg(feature = "presets")]
+pub(in crate::sim) fn max_emitted_particles(params: &LiquidParams, timeline: Timeline, seconds: f64) -> f64 {
+    let spacing = f64::from(params.spacing);
+    let bound = |emitter: &LiquidEmitter| {
+        let points =
+            nozzle::grid_points(&emitter.shape, emitter.flow_direction().unwrap_or_default(), spacing);
+        // By an area of one, the length is the volume.
+        let area = emitter.velocity.map_or(1.0, |_| points * spacing.powi(2));
+        let volume = area * Schedule::new(emitter, 1.0, timeline).length(0.0, seconds);
+        volume / spacing.powi(3) + points
+    };
+    // The cross-section of a mesh is not known until the mesh is read.
+    let is_known = |emitter: &&LiquidEmitter| !matches!(emitter.shape, Shape::Mesh(_));
+    params.emitter.iter().filter(is_known).map(bound).filter(|count| count.is_finite()).sum()
 }
 
 /// Particles that the emitters of a preset add in the first `seconds` [s] of a shot, if their places are free.

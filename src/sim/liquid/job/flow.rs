@@ -12,7 +12,7 @@ use crate::{
         Timeline,
         liquid::{
             FlowRecord, FlowTotals, FrameRange, LiquidEmitter, LiquidParams, LiquidSeeds, NAME, NozzleReport,
-            Side, inflow::emitted_particles,
+            Side, inflow::max_emitted_particles,
         },
         system::CachedFrame,
     },
@@ -67,12 +67,11 @@ pub(super) fn check_flow(
     {
         findings.push(shape_finding("liquid.domain", error, places));
     }
-    let bounded = liquid.emitter.iter().all(|emitter| !matches!(emitter.shape, Shape::Mesh(_)));
-    if findings.is_empty() && bounded {
-        let count = emitted_particles(liquid, timeline, seconds);
+    if findings.is_empty() {
+        let count = max_emitted_particles(liquid, timeline, seconds);
         if count > MAX_EMITTED {
             let message = format!(
-                "the emitters add about {count:.1e} particles, more than the solver can number ({MAX_EMITTED})"
+                "the emitters add up to {count:.1e} particles, more than the solver can number ({MAX_EMITTED})"
             );
             let label = format!("found {} m between particles", liquid.spacing);
             let finding = Finding::new(places.of("liquid.spacing"), "liquid.spacing", message, label);
