@@ -239,11 +239,7 @@ pub(crate) fn append_line(path: &Path, line: &str) -> Result<(), RunError> {
         }
         written
     };
-    append().map_err(|source| RunError::File {
-        path: path.into(),
-        source,
-        next: "check that the folder can be written and the disk has free space",
-    })
+    append().map_err(|source| ShotFolder::not_written(path, source))
 }
 
 /// Keeps the newest line about every file, sorted, so that the lines neither grow in number with each run nor depend on the order

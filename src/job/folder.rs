@@ -1,8 +1,11 @@
 //! Where things are in a shot folder.
 
 use super::RunError;
-use crate::cache::{self, write_atomically};
-use std::path::{Path, PathBuf};
+use crate::cache::{self, CacheError, write_atomically};
+use std::{
+    io,
+    path::{Path, PathBuf},
+};
 
 /// Whether files can be called by `name` on every system, and in Blender: frames call their streams as they like, and a name that
 /// is a path would lead out of the folder.
@@ -72,13 +75,21 @@ impl ShotFolder {
     /// # Errors
     /// If it cannot be written.
     pub(crate) fn write(path: PathBuf, text: &str) -> Result<(), RunError> {
-        write_atomically(&path, |out| out.write_all(text.as_bytes())).map(|_| ()).map_err(|source| {
-            RunError::File {
-                path,
-                source,
-                next: "check that the folder can be written and the disk has free space",
-            }
-        })
+        match write_atomically(&path, |out| out.write_all(text.as_bytes())) {
+            Ok(_) => Ok(()),
+            Err(source) => Err(Self::not_written(&path, source)),
+        }
+    }
+
+    /// The error of writing `path`, a file that is made if it does not exist: nothing there is a folder that went away.
+    pub(super) fn not_written(path: &Path, source: io::Error) -> RunError {
+        let path = path.into();
+        if source.kind() == io::ErrorKind::NotFound {
+            let expected = "the folder in which the job began, which must not be moved while it runs";
+            return CacheError::NotFound { path, found: "nothing there", expected }.into();
+        }
+        let next = "check that the folder can be written and the disk has free space";
+        RunError::File { path, source, next }
     }
 
     /// Makes sure that the folder `path` exists. A symbolic link is refused: it may lead anywhere.
@@ -96,7 +107,17 @@ impl ShotFolder {
 
 #[cfg(test)]
 mod tests {
-    use super::is_file_name;
+    use super::*;
+    use crate::job::file_records::append_line;
+
+    #[test]
+    fn writing_into_a_folder_that_went_away_is_an_error_of_that_folder() {
+        let desk = tempfile::tempdir().unwrap();
+        let path = desk.path().join("moved/log.jsonl");
+        for written in [ShotFolder::write(path.clone(), "text"), append_line(&path, "text")] {
+            assert!(matches!(written, Err(RunError::Cache(CacheError::NotFound { .. }))), "{written:?}");
+        }
+    }
 
     #[test]
     fn paths_are_no_file_names() {

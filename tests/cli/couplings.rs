@@ -140,6 +140,7 @@ fn cloth_stops_and_holds_water() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn a_flag_in_smoke_waves_and_strains_little() {
     let desk = Desk::new();
     desk.run("simulate flag-in-smoke --quality draft --frames 1-9 -o flag", 0);

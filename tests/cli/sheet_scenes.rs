@@ -217,6 +217,7 @@ fn torus(radius: f32, tube: f32) -> Shape {
 /// The built-in shots of sheets with solids and without couplings, complete and as written: at the end of
 /// each frame no point and no tested place of a face is inside a solid.
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn presets_as_written_keep_points_and_faces_out_of_solids() {
     let desk = Desk::new();
     let (list, _) = desk.run("presets list", 0);
@@ -242,6 +243,7 @@ fn presets_as_written_keep_points_and_faces_out_of_solids() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn three_cloths_that_fall_on_a_ball_never_intersect() {
     let scene = scene("falling-sheets");
     assert!(scene.log.iter().all(|line| line["sheets"]["contact"]["crossings"] == 0), "{:?}", scene.log);

@@ -125,6 +125,7 @@ fn positions(simulation: &Simulation) -> Vec<Vec3> {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn waves_on_a_cylinder_grow_as_in_rayleighs_theory() {
     let [b, c] = [0.7, 0.9].map(|ka| Wave::simulate(ka, 170)).map(|wave| [wave.ka, wave.growth()]);
     println!("ka and growth: {b:?} {c:?}");

@@ -107,6 +107,7 @@ fn a_drop_at_rest_has_the_contact_angle() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn drops_on_two_plates_have_the_contact_angle_of_theirs() {
     let plate = |min: f32, max: f32, contact_angle| {
         let shape = Shape::Box { min: [min, -0.03, -0.01], max: [max, 0.03, 0.0] };

@@ -95,6 +95,7 @@ fn deviation(x: &[Vec3], from: f32, to: f32) -> [f32; 2] {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn the_emitted_volume_is_that_of_the_rate_for_any_time_step() {
     // Rates that divide by a layer a frame and rates that do not; frames and substeps of any length.
     for (fps, substeps) in [(24.0, 8), (30.0, 3), (17.3, 11)] {
@@ -354,6 +355,7 @@ fn what_a_nozzle_cannot_emit_is_counted() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn an_inflow_into_a_pool_raises_its_level_by_its_volume() {
     // A nozzle in the wall of a tank, under water.
     let tank = Shape::Tank { min: [0.0; 3], max: [0.6, 0.4, 2.0] };

@@ -191,6 +191,7 @@ fn a_gravity_current_spreads_like_its_similarity_solution() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn the_picture_does_not_depend_on_the_substep() {
     let viscosities: &[f64] = if crate::is_soak() { &[10.0, 100.0] } else { &[10.0] };
     for &viscosity in viscosities {

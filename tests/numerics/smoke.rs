@@ -256,6 +256,7 @@ fn shedding(wind: f32, more: &str, shape: Shape) -> Simulation {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn wakes_of_what_is_hardly_resolved_stay_bounded() {
     // At a stagnation point nothing advects vortons away, and nothing slips: their stretching is bounded only because air sticks to the
     // solid. Without, the gradient is 40 /s on the ball after 36 frames, and 80 000 /s on the wire after 6.
@@ -278,6 +279,7 @@ fn wakes_of_what_is_hardly_resolved_stay_bounded() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn shed_vorticity_sums_to_zero_and_has_the_drag_of_its_body() {
     let block = Shape::Box { min: [-0.22, -0.25, -0.3], max: [0.22, 0.35, 0.3] };
     let mut simulation = shedding(2.0, "", block);
@@ -306,6 +308,7 @@ fn a_box_that_stands_on_a_plane_sheds_nothing_into_it() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn a_ball_that_spins_takes_the_air_along() {
     let key = |frame: u32, angle: f32| Keyframe {
         frame,

@@ -171,6 +171,7 @@ fn a_paddle_stirs_a_pool_at_rest_with_the_work_it_does() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn a_smooth_ball_that_spins_in_place_does_no_work() {
     for speed in [720.0, 1500.0] {
         let ball = Shape::Sphere { center: [0.0; 3], radius: 0.1 };

@@ -71,6 +71,7 @@ fn relative_pressure(radius: f32) -> f64 {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn the_pressure_inside_drops_is_that_of_young_and_laplace() {
     // A drop keeps what stress its arrangement holds: those of 8, 8.5 and 9 spacings have 1.01, 1.25 and 0.87. With 0.82 of the
     // tension, that of 8 has 0.81.

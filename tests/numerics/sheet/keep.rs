@@ -152,6 +152,7 @@ fn the_rotation_that_implicit_euler_damps_is_proportional_to_the_substep() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn any_number_of_threads_gives_the_same_bytes() {
     for integrator in ["symplectic", "implicit"] {
         let go = || {

@@ -192,6 +192,7 @@ fn thick_ring(z: f64, circulation: f64) -> Vortons {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn a_ring_that_travels_over_thirty_remeshings_leaves_no_haze() {
     let params =
         FlowParams { remesh: Some(Remesh { strain: 0.5, ..Remesh::of(0.06) }), ..FlowParams::default() };

@@ -118,6 +118,7 @@ fn followed(mut state: [f64; 4], core: f64, seconds: f64) -> [f64; 4] {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn rings_leapfrog_as_circles_do() {
     let (count, core) = (160, 0.1);
     let mut state = [1.0, 0.0, 1.0, 0.5];
