@@ -6,7 +6,7 @@ from collections.abc import Callable
 from .folder import ShotFolder
 from .headers import MAX_COUNT, PointCache, check_pc2, check_ply
 from .messages import REMAKE, ShotError, printable
-from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, SequenceOutput, SheetOutput, Shot, VolumeOutput
+from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, ColliderOutput, SequenceOutput, SheetOutput, Shot, VolumeOutput
 from .vdb import check_vdb
 
 MISSING = "Run `meniscus shot` again; it makes what is missing"
@@ -16,6 +16,8 @@ def check_files(shot: Shot, folder: ShotFolder, warn: Callable[[str], None]) -> 
     """The frames that have a file, of every sequence; missing ones are reported by `warn`. Raises ShotError."""
     for sheet in shot.sheets:
         check_sheet(sheet, folder)
+    for collider in shot.colliders:
+        check_collider(collider, folder)
     if shot.last_frame() > MAX_SCENE_FRAME:
         hidden = f"frames {MAX_SCENE_FRAME + 1} to {shot.last_frame()}"
         warn(f"{shot.title}: {hidden} cannot be shown, Blender's last is {MAX_SCENE_FRAME}")
@@ -32,6 +34,15 @@ def check_sheet(sheet: SheetOutput, folder: ShotFolder) -> None:
         finding = f"{points} points in {samples} frames, expected 1 to {MAX_COUNT} of each"
         raise ShotError(f"{printable(folder.full(sheet.rest))}: {finding}. {REMAKE}")
     check_pc2(folder, sheet.cache, PointCache(points, sheet.frames.first, sheet.frames.step, samples))
+
+
+def check_collider(collider: ColliderOutput, folder: ShotFolder) -> None:
+    """Raises ShotError unless there is a mesh, and a motion file, which its reader checks."""
+    for path in (collider.mesh, collider.motion):
+        if not folder.has(path):
+            raise ShotError(f"{collider.name}: {printable(folder.full(path))} is missing. {MISSING}")
+    if check_ply(folder, collider.mesh) == 0:
+        raise ShotError(f"{printable(folder.full(collider.mesh))}: a mesh without vertices, expected some. {REMAKE}")
 
 
 def check_sequence(output: SequenceOutput, folder: ShotFolder, warn: Callable[[str], None]) -> list[int]:

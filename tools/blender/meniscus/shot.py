@@ -80,6 +80,15 @@ class SheetOutput:
 
 
 @dataclass(frozen=True)
+class ColliderOutput:
+    """The mesh of a collider in its own axes as PLY, and its poses as JSON."""
+
+    name: str
+    mesh: str
+    motion: str
+
+
+@dataclass(frozen=True)
 class Shot:
     """What a shot folder holds, as far as Blender can use it."""
 
@@ -90,6 +99,7 @@ class Shot:
     meshes: list[MeshOutput]
     volumes: list[VolumeOutput]
     sheets: list[SheetOutput]
+    colliders: list[ColliderOutput]
     skipped: list[str]
 
     def last_frame(self) -> int:
@@ -156,8 +166,8 @@ class Validator:
                 "Install the add-on that came with the Meniscus that wrote the shot"
             )
 
-    def outputs(self, outputs: object) -> tuple[list[MeshOutput], list[VolumeOutput], list[SheetOutput], list[str]]:
-        """The outputs that Blender can open, and descriptions of the others."""
+    def outputs(self, outputs: object) -> tuple[list, ...]:
+        """The outputs that Blender can open, by the fields of a Shot, and descriptions of the others."""
         if not isinstance(outputs, list) or not all(isinstance(output, dict) for output in outputs):
             raise self.error('"outputs"', outputs, "a list of objects")
         if len(outputs) > MAX_OUTPUTS:
@@ -166,7 +176,7 @@ class Validator:
             for part in ("kind", "name", "format"):
                 if not isinstance(output.get(part), str):
                     raise self.error(f'"outputs"[{index}] "{part}"', output.get(part), "a text")
-        meshes, volumes, sheets, skipped = [], [], [], []
+        meshes, volumes, sheets, colliders, skipped = [], [], [], [], []
         meshed = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("mesh", "ply")}
         moved = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("sheet", "pc2")}
         for index, output in enumerate(outputs):
@@ -175,7 +185,9 @@ class Validator:
             if kind == ("mesh", "ply") and name not in moved:
                 meshes.append(MeshOutput(*self.sequence(key, output), self.has_velocity(key, output)))
             elif kind == ("sheet", "pc2"):
-                sheets.append(self.sheet(key, output))
+                sheets.append(SheetOutput(*self.moved_mesh(key, output, ".pc2"), self.frames(f'{key} "frames"', output.get("frames"))))
+            elif kind == ("collider", "json"):
+                colliders.append(ColliderOutput(*self.moved_mesh(key, output, ".json")))
             elif "density" in grids and name not in meshed:
                 volumes.append(VolumeOutput(*self.sequence(key, output), "velocity" in grids))
             else:
@@ -187,7 +199,7 @@ class Validator:
                 'Add mesh = ["ply"], volume = ["density"] or sheet = ["pc2"] to the preset\'s [output] and run '
                 "`meniscus shot` again"
             )
-        return meshes, volumes, sheets, skipped
+        return meshes, volumes, sheets, colliders, skipped
 
     def sequence(self, key: str, output: dict) -> tuple[str, str, Frames]:
         """Name, pattern and frames of an output with a file a frame."""
@@ -203,15 +215,16 @@ class Validator:
         self.check_path(f'{key} "pattern"', pattern, f"{stem}0001.{output['format']}")
         return self.name(key, output), pattern, self.frames(f'{key} "frames"', output.get("frames"))
 
-    def sheet(self, key: str, output: dict) -> SheetOutput:
+    def moved_mesh(self, key: str, output: dict, extension: str) -> tuple[str, str, str]:
+        """Name, mesh, and the file that moves it, of an output with all frames in one file."""
         paths = []
-        for part, extension in (("rest", ".ply"), ("pattern", ".pc2")):
+        for part, ending in (("rest", ".ply"), ("pattern", extension)):
             path = output.get(part)
-            if not isinstance(path, str) or not path.endswith(extension):
-                raise self.error(f'{key} "{part}"', path, f"a path that ends in {extension}, without a frame number")
+            if not isinstance(path, str) or not path.endswith(ending):
+                raise self.error(f'{key} "{part}"', path, f"a path that ends in {ending}, without a frame number")
             self.check_path(f'{key} "{part}"', path, path)
             paths.append(path)
-        return SheetOutput(self.name(key, output), *paths, self.frames(f'{key} "frames"', output.get("frames")))
+        return self.name(key, output), *paths
 
     def name(self, key: str, output: dict) -> str:
         name = output.get("name")
