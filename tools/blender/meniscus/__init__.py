@@ -19,7 +19,7 @@ from .check import check_files
 from .folder import ShotFolder
 from .messages import ShotError, listed, printable
 from .motion import Motion, read_motion
-from .shot import MAX_SCENE_FRAME, ColliderOutput, MeshOutput, SequenceOutput, Shot, below, format_string, read_shot, scene_rate
+from .shot import MAX_SCENE_FRAME, ColliderOutput, MeshOutput, PointsOutput, SequenceOutput, Shot, below, format_string, read_shot, scene_rate
 
 # Blender's FILE_MAX, with the zero at the end.
 MAX_PATH_BYTES = 1024
@@ -89,7 +89,7 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             has_floor = any(motion.shape == "plane" for motion in motions.values())
             bounded = [solid for solid, motion in zip(solids, motions.values()) if motion.shape != "plane"]
             span = (shot.frames.first, min(shot.frames.last, MAX_SCENE_FRAME))
-            for text in studio.furnish(context, all_made, bounded, span, has_floor):
+            for text in studio.furnish(context, all_made, bounded, span, has_floor, shot.camera):
                 self.report({"INFO"}, f"{shot.title}: {text}")
         # Last: importing a sheet's mesh selects that alone.
         for selected in context.selected_objects:
@@ -101,8 +101,8 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             text = f"{shot.title}: not opened, no PLY mesh, no smoke and no sheet: {listed(shot.skipped)}"
             self.report({"WARNING"}, text)
         where = "relative to the .blend" if folder.startswith("//") else "absolute"
-        count = sum(len(output.frames.numbers()) for output in (*shot.meshes, *shot.volumes, *shot.sheets))
-        made = [(shot.meshes, "mesh sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
+        count = sum(len(output.frames.numbers()) for output in (*shot.meshes, *shot.points, *shot.volumes, *shot.sheets))
+        made = [(shot.meshes, "mesh sequence"), (shot.points, "point sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
         made += [(shot.colliders, "collider")]
         kinds = ", ".join(f"{len(some)} {kind}(s)" for some, kind in made if some)
         self.report({"INFO"}, f"{shot.title}: {kinds}, {count} frames, paths {where}")
@@ -155,7 +155,7 @@ def shot_folder(folder: str, mode: str) -> str:
 
 def check_paths(shot: Shot, folder: str) -> None:
     """Raises ShotError if Blender cannot hold the path of a file."""
-    longest = [output.path(output.frames.last) for output in (*shot.meshes, *shot.volumes)]
+    longest = [output.path(output.frames.last) for output in (*shot.meshes, *shot.points, *shot.volumes)]
     longest += [collider.mesh for collider in shot.colliders]
     for path in longest + [path for sheet in shot.sheets for path in (sheet.rest, sheet.cache)]:
         full = below(folder, path)
@@ -179,7 +179,7 @@ def add_outputs(
     """New objects in the active collection, one for each output, and those of colliders; all or none. Raises ShotError."""
     all_made, solids = [], []
     try:
-        for output in shot.meshes:
+        for output in (*shot.meshes, *shot.points):
             all_made.append(add_object(output, format_string(below(folder, output.pattern))))
         for output in shot.volumes:
             all_made.append(volumes.add_volume(context, output, folder, frames[output]))
@@ -197,11 +197,11 @@ def add_outputs(
     return all_made, solids
 
 
-def add_object(mesh: MeshOutput, files: str) -> bpy.types.Object:
+def add_object(mesh: MeshOutput | PointsOutput, files: str) -> bpy.types.Object:
     """A new object that shows one sequence, in no collection yet."""
     made = bpy.data.objects.new(mesh.name, bpy.data.meshes.new(mesh.name))
     modifier = made.modifiers.new(nodes.NAME, "NODES")
-    modifier.node_group = nodes.sequence_group()
+    modifier.node_group = nodes.sequence_group(isinstance(mesh, PointsOutput))
     water = material.water()
     made.data.materials.append(water)
     values = {"Files": files, "First": mesh.frames.first, "Last": mesh.frames.last, "Step": mesh.frames.step}

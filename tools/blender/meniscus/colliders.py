@@ -21,6 +21,8 @@ GLASS_NAME, GLASS_STAMP = "Glass", "meniscus_glass"
 GLASS_IOR = 1.5
 # Without caustics glass throws a black shadow; shadow rays pass with this colour instead.
 GLASS_SHADOW = (0.92, 0.95, 0.95, 1.0)
+# Custom property with the key of the shape.
+SHAPE = "meniscus_shape"
 # In BezTriple.
 LINEAR = 1
 
@@ -31,7 +33,7 @@ def add_collider(collider: ColliderOutput, mesh: str, motion: Motion) -> bpy.typ
     made.data.set_sharp_from_angle(angle=EDGE_ANGLE)
     made.data.materials.append(glass() if motion.look == "glass" else matte())
     made.hide_render = made.hide_viewport = motion.look == "hidden"
-    made.rotation_mode = "QUATERNION"
+    made.rotation_mode, made[SHAPE] = "QUATERNION", motion.shape
     made.location, made.rotation_quaternion = motion.poses[0][:3], motion.poses[0][3:]
     if len(motion.poses) > 1:
         animate(made, motion)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from .folder import ShotFolder, read_limited
 from .messages import REMAKE, ShotError, printable, shortened
+from .shot import MAX_POSITION
 
 FORMAT = "meniscus-motion"
 VERSION = 1
@@ -15,8 +16,6 @@ VERSION = 1
 MAX_BYTES = 32 << 20
 MAX_POSES = 250_000
 MAX_FRAME = 2**31 - 1
-# Positions in metres; more is no place of a shot.
-MAX_POSITION = 1e9
 # Rounding leaves a unit quaternion within 1e-6 of length 1.
 UNIT_TOLERANCE = 1e-3
 LOOKS = ("matte", "glass", "hidden")

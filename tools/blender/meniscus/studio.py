@@ -10,6 +10,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from .shot import CameraPlace
+
 # Frames that the camera has to show; more cost time and hardly move it.
 LOOKED_AT_FRAMES = 5
 # Part of the vertices cut off at either end of each axis: a few thrown drops must not push the camera away.
@@ -52,6 +54,7 @@ def furnish(
     solids: list[bpy.types.Object],
     frames: tuple[int, int],
     has_floor: bool,
+    camera: CameraPlace | None,
 ) -> list[str]:
     """Adds what the scene lacks of camera, ground and light around `moved` and `solids` in these frames; what was done, as texts."""
     removed = remove_defaults(context.scene)
@@ -67,7 +70,7 @@ def furnish(
         add_lights(context, whole)
         added.append("light")
     if context.scene.camera is None:
-        add_camera(context, whole)
+        add_camera(context, whole, camera)
         added.append("camera")
     return done + ([f"added {', '.join(added)}"] if added else [])
 
@@ -182,12 +185,17 @@ def is_default_world(world: bpy.types.World | None) -> bool:
     return world.name == DEFAULT_WORLD and world.animation_data is None and plain
 
 
-def add_camera(context: bpy.types.Context, box: Box) -> None:
-    """A camera that sees the whole box with a margin."""
+def add_camera(context: bpy.types.Context, box: Box, place: CameraPlace | None) -> None:
+    """The camera of the shot, or one that sees the whole box with a margin."""
     camera = bpy.data.cameras.new("Camera")
     camera.lens, camera.clip_start, camera.clip_end = LENS, 0.001 * box.size(), 200.0 * box.size()
     made = add_object(context, "Camera", camera, "camera")
     context.scene.camera = made
+    if place:
+        camera.lens = place.focal_length
+        camera.clip_end = max(camera.clip_end, 2.0 * float(np.linalg.norm(np.subtract(place.position, place.target))))
+        aim(made, Vector(place.position), Vector(place.target))
+        return
     middle = Vector((box.low + box.high) / 2.0)
     toward = Vector((sin(AZIMUTH) * cos(ELEVATION), -cos(AZIMUTH) * cos(ELEVATION), sin(ELEVATION)))
     aim(made, middle + 5.0 * box.size() * toward, middle)
