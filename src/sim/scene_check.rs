@@ -22,7 +22,12 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         && camera.position == camera.target
     {
         let label = "found the same place twice, expected a direction to look in";
-        let finding = Finding::new(places.of("camera.target"), "camera.target", "`camera.target` is `camera.position`", label);
+        let finding = Finding::new(
+            places.of("camera.target"),
+            "camera.target",
+            "`camera.target` is `camera.position`",
+            label,
+        );
         findings.push(finding.with_help("name a point that is in the middle of the picture"));
     }
     for system in ALL {

@@ -88,7 +88,10 @@ fn a_look_changes_pictures_and_no_frame() {
     desk.run("shot solids.toml", 0);
     let (frames, names) = (desk.bytes("solids/cache"), desk.names("solids/collider"));
     let text = SMALL.replacen("[liquid]", SOLIDS, 1);
-    desk.write("solids.toml", text.replace("\"glass\"", "\"hidden\"").replace("shape = { tank", "look = \"glass\"\nshape = { tank"));
+    desk.write(
+        "solids.toml",
+        text.replace("\"glass\"", "\"hidden\"").replace("shape = { tank", "look = \"glass\"\nshape = { tank"),
+    );
     let (out, _) = desk.run("shot solids.toml", 0);
     assert!(out.contains("0 frames simulated") && out.contains("2 colliders written (0"), "{out}");
     assert_eq!(desk.bytes("solids/cache"), frames);

@@ -29,7 +29,7 @@ from meniscus.shot import CameraPlace, read_shot  # noqa: E402
 BOX_FRAMES = 13
 # Part of the vertices cut off at either end of each axis: a few thrown drops must not push the camera away.
 BOX_CUT = 0.002
-# The water stands on a collider that reaches deeper below it than this part of the water's size.
+# The water stands on a collider that is as wide and reaches deeper below it than this part of the water's size.
 MAX_FOUNDATION = 0.03
 # Degrees around Z from the front (-Y), and above the horizon.
 AZIMUTH, ELEVATION = -28.0, 20.0
@@ -130,8 +130,11 @@ def add_stage(low: np.ndarray, high: np.ndarray, solids: list[bpy.types.Object])
     size = float(np.linalg.norm(high - low))
     if any(solid[SHAPE] == "plane" for solid in solids):
         return
-    corners = [solid.matrix_world @ Vector(corner) for solid in solids for corner in solid.bound_box]
-    lowest = min((corner.z for corner in corners), default=np.inf)
+    lowest = np.inf
+    for solid in solids:
+        corners = np.array([solid.matrix_world @ Vector(corner) for corner in solid.bound_box])
+        if np.all(corners.min(0)[:2] <= low[:2]) and np.all(corners.max(0)[:2] >= high[:2]):
+            lowest = min(lowest, corners[:, 2].min())
     if lowest < low[2] - MAX_FOUNDATION * size:
         add_backdrop(low, high, lowest)
         return

@@ -62,10 +62,10 @@ pub(super) fn tessellate(shape: &Shape, bytes: &[u8], plane_reach: f32) -> Resul
 
 /// A box; `inwards`: its faces are seen from inside.
 fn cuboid(min: [f32; 3], max: [f32; 3], inwards: bool) -> Mesh {
-    let corner =
-        |i: usize| Vec3::from_fn(|axis, _| if i >> axis & 1 == 1 { max[axis] } else { min[axis] });
+    let corner = |i: usize| Vec3::from_fn(|axis, _| if i >> axis & 1 == 1 { max[axis] } else { min[axis] });
     let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
-    let mut triangles: Vec<[u32; 3]> = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let mut triangles: Vec<[u32; 3]> =
+        faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     if inwards {
         triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }

@@ -219,10 +219,11 @@ fn write(
             let made = tessellate(shape, bytes, *plane_reach)?;
             let mesh = MeshFormat::Ply.write(&made, &mesh, *key)?;
             let text = motion.text();
-            let poses = cache::write_atomically(&poses, |to| to.write_all(text.as_bytes())).map_err(|source| {
-                let next = "check that the folder can be written and the disk has free space";
-                RunError::File { path: poses.clone(), source, next }
-            })?;
+            let poses =
+                cache::write_atomically(&poses, |to| to.write_all(text.as_bytes())).map_err(|source| {
+                    let next = "check that the folder can be written and the disk has free space";
+                    RunError::File { path: poses.clone(), source, next }
+                })?;
             let mut record = FileRecord::new(FrameIndex(output.frames.first), &output.name, *key, None);
             for (file, written) in files.into_iter().zip([poses, mesh]) {
                 record.add(file, written);
@@ -287,7 +288,8 @@ mod tests {
         let mesh = |file: &str| Shape::Mesh(MeshShape::new(file));
         let ball = || Shape::Sphere { center: [0.0; 3], radius: 1.0 };
         let long = format!("{}.obj", "x".repeat(200));
-        let shapes = [ball(), mesh("a/duck.ply"), mesh("b/Duck.ply"), ball(), mesh("grüne ente.obj"), mesh(&long)];
+        let shapes =
+            [ball(), mesh("a/duck.ply"), mesh("b/Duck.ply"), ball(), mesh("grüne ente.obj"), mesh(&long)];
         let found = names(shapes.iter());
         assert_eq!(found[..5], ["sphere", "duck", "Duck-2", "sphere-2", "gr_ne_ente"]);
         assert!(found.iter().all(|name| is_file_name(name)), "{found:?}");

@@ -20,7 +20,7 @@ BOX_CUT = 0.002
 MAX_COLLIDER_SIZE = 2.5
 AZIMUTH, ELEVATION, LENS = radians(-28.0), radians(18.0), 50.0
 # By parts of the size of the shot: how far the ground reaches into a liquid that stands on it, as a gap of air would mirror; how
-# far solids may go below the liquid's ground; and how far the ground reaches.
+# far solids that carry the liquid may go below it before they stand on the ground; and how far the ground reaches.
 GROUND_OVERLAP, MAX_FOUNDATION, GROUND_REACH = 0.001, 0.03, 40.0
 GROUND_COLOUR = (0.32, 0.33, 0.34, 1.0)
 STAMP = "meniscus_studio"
@@ -42,6 +42,10 @@ class Box:
 
     def exists(self) -> bool:
         return bool(np.all(np.isfinite(self.low)) and np.all(np.isfinite(self.high)) and self.size() > 0.0)
+
+    def carries(self, other: "Box") -> bool:
+        """Whether it is as wide as another one, so that what is in that may stand on it."""
+        return bool(self.exists() and np.all(self.low[:2] <= other.low[:2]) and np.all(self.high[:2] >= other.high[:2]))
 
     def size(self) -> float:
         """Length of the diagonal."""
@@ -97,9 +101,9 @@ def boxes(
     for box in solid:
         if box.exists() and (not shot.exists() or box.size() <= MAX_COLLIDER_SIZE * shot.size()):
             whole.add(box.low, box.high)
-    lowest = min((box.low[2] for box in solid if box.exists()), default=np.inf)
     if not shot.exists():
-        return shot, whole, float(lowest)
+        return shot, whole, float(min((box.low[2] for box in solid if box.exists()), default=np.inf))
+    lowest = min((box.low[2] for box in solid if box.carries(shot)), default=np.inf)
     ground = shot.low[2] + GROUND_OVERLAP * shot.size()
     return shot, whole, float(lowest if lowest < shot.low[2] - MAX_FOUNDATION * shot.size() else ground)
 
