@@ -31,8 +31,8 @@ impl ProductSettings {
     /// The settings of a preset.
     pub(crate) fn of(scene: &Scene) -> Self {
         let Scene { surface, volume, output, world, .. } = scene;
-        let has_files = !(output.mesh.is_empty() && output.volume.is_empty() && output.sheet.is_empty());
-        let colliders = has_files && world.collider.iter().any(|collider| collider.shown_look().is_some());
+        let colliders =
+            output.has_files() && world.collider.iter().any(|collider| collider.shown_look().is_some());
         let (surface, volume, output) = (surface.clone(), volume.clone(), output.clone());
         Self { surface, volume, output, points: false, colliders }
     }

@@ -109,6 +109,13 @@ pub struct Output {
     pub thickness: Option<f32>,
 }
 
+impl Output {
+    /// Whether any file is requested.
+    pub(crate) fn has_files(&self) -> bool {
+        !(self.mesh.is_empty() && self.volume.is_empty() && self.sheet.is_empty())
+    }
+}
+
 fn default_fps() -> f32 {
     24.0
 }

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Colliders: a mesh with keyframes in every frame in which it moves, and the materials `Collider` and `Glass`.
+"""Colliders: a mesh with keyframes in every frame in which it moves, and the materials `Collider`, `Ground` and `Glass`.
 
 Keyframes are linear between whole frames, so Cycles blurs a collider along its motion.
 """
@@ -17,6 +17,8 @@ from .shot import ColliderOutput
 EDGE_ANGLE = radians(30.0)
 MATTE_NAME, MATTE_STAMP = "Collider", "meniscus_collider"
 MATTE_COLOUR, MATTE_ROUGHNESS = (0.60, 0.52, 0.38, 1.0), 0.55
+GROUND_NAME, GROUND_STAMP = "Ground", "meniscus_ground"
+GROUND_COLOUR, GROUND_ROUGHNESS = (0.16, 0.18, 0.20, 1.0), 0.6
 GLASS_NAME, GLASS_STAMP = "Glass", "meniscus_glass"
 GLASS_IOR = 1.5
 # Without caustics glass throws a black shadow; shadow rays pass with this colour instead.
@@ -31,7 +33,8 @@ def add_collider(collider: ColliderOutput, mesh: str, motion: Motion) -> bpy.typ
     """A new object that shows one collider, in no collection yet. Raises ShotError."""
     made = read_mesh(collider.name, mesh)
     made.data.set_sharp_from_angle(angle=EDGE_ANGLE)
-    made.data.materials.append(glass() if motion.look == "glass" else matte())
+    matte_of_shape = ground if motion.shape == "plane" else matte
+    made.data.materials.append(glass() if motion.look == "glass" else matte_of_shape())
     made.hide_render = made.hide_viewport = motion.look == "hidden"
     made.rotation_mode, made[SHAPE] = "QUATERNION", motion.shape
     made.location, made.rotation_quaternion = motion.poses[0][:3], motion.poses[0][3:]
@@ -62,12 +65,21 @@ def animate(made: bpy.types.Object, motion: Motion) -> None:
 
 def matte() -> bpy.types.Material:
     """The file's own Collider that an earlier import made, else a new one."""
-    material, is_new = own(MATTE_NAME, MATTE_STAMP)
+    return plain(MATTE_NAME, MATTE_STAMP, MATTE_COLOUR, MATTE_ROUGHNESS)
+
+
+def ground() -> bpy.types.Material:
+    """The file's own Ground that an earlier import made, else a new one: planes, and the ground that the import adds."""
+    return plain(GROUND_NAME, GROUND_STAMP, GROUND_COLOUR, GROUND_ROUGHNESS)
+
+
+def plain(name: str, stamp: str, colour: tuple[float, ...], roughness: float) -> bpy.types.Material:
+    material, is_new = own(name, stamp)
     if is_new:
-        material.diffuse_color = MATTE_COLOUR
+        material.diffuse_color = colour
         shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-        shader.inputs["Base Color"].default_value = MATTE_COLOUR
-        shader.inputs["Roughness"].default_value = MATTE_ROUGHNESS
+        shader.inputs["Base Color"].default_value = colour
+        shader.inputs["Roughness"].default_value = roughness
     return material
 
 

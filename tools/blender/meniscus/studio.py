@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from .colliders import ground
 from .shot import CameraPlace
 
 # Frames that the camera has to show; more cost time and hardly move it.
@@ -22,7 +23,6 @@ AZIMUTH, ELEVATION, LENS = radians(-28.0), radians(18.0), 50.0
 # By parts of the size of the shot: how far the ground reaches into a liquid that stands on it, as a gap of air would mirror; how
 # far solids that carry the liquid may go below it before they stand on the ground; and how far the ground reaches.
 GROUND_OVERLAP, MAX_FOUNDATION, GROUND_REACH = 0.001, 0.03, 40.0
-GROUND_COLOUR = (0.32, 0.33, 0.34, 1.0)
 STAMP = "meniscus_studio"
 # Of Blender's startup file.
 DEFAULT_CUBE = ("Cube", "MESH", (0.0, 0.0, 0.0))
@@ -63,12 +63,12 @@ def furnish(
     """Adds what the scene lacks of camera, ground and light around `moved` and `solids` in these frames; what was done, as texts."""
     removed = remove_defaults(context.scene)
     done = [f"removed Blender's own {', '.join(removed)}, which had not been changed"] if removed else []
-    shot, whole, ground = boxes(context, moved, solids, frames)
+    shot, whole, height = boxes(context, moved, solids, frames)
     if not whole.exists():
         return done + ["added no camera and light, since no frame that was looked at has vertices"]
     added = []
     if not has_floor and not any(block.get(STAMP) == "ground" for block in context.scene.objects):
-        add_ground(context, shot if shot.exists() else whole, ground)
+        add_ground(context, shot if shot.exists() else whole, height)
         added.append("ground")
     if not any(block.type == "LIGHT" for block in context.scene.objects):
         add_lights(context, whole)
@@ -104,8 +104,8 @@ def boxes(
     if not shot.exists():
         return shot, whole, float(min((box.low[2] for box in solid if box.exists()), default=np.inf))
     lowest = min((box.low[2] for box in solid if box.carries(shot)), default=np.inf)
-    ground = shot.low[2] + GROUND_OVERLAP * shot.size()
-    return shot, whole, float(lowest if lowest < shot.low[2] - MAX_FOUNDATION * shot.size() else ground)
+    floor = shot.low[2] + GROUND_OVERLAP * shot.size()
+    return shot, whole, float(lowest if lowest < shot.low[2] - MAX_FOUNDATION * shot.size() else floor)
 
 
 def add_points(box: Box, shown: bpy.types.Object) -> None:
@@ -139,12 +139,7 @@ def add_ground(context: bpy.types.Context, box: Box, height: float) -> None:
     middle, reach = (box.low + box.high) / 2.0, GROUND_REACH * box.size()
     mesh = bpy.data.meshes.new("Ground")
     mesh.from_pydata([(x * reach, y * reach, 0.0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))], [], [(0, 1, 2, 3)])
-    material = bpy.data.materials.new("Ground")
-    material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Base Color"].default_value = material.diffuse_color = GROUND_COLOUR
-    shader.inputs["Roughness"].default_value = 0.6
-    mesh.materials.append(material)
+    mesh.materials.append(ground())
     made = add_object(context, "Ground", mesh, "ground")
     made.location = (middle[0], middle[1], height)
 
