@@ -53,7 +53,7 @@ def stage_colliders(work: Path) -> None:
     """Colliders have their motion, materials and looks; droplets are points of their radius."""
     use_addon()
     path = synthetic.write_colliders(work)
-    surface = imported(path.parent)
+    surface = imported(path.parent, studio=True)
     paddle, bowl, ghost = (bpy.data.objects[name] for name in ("paddle", "bowl", "ghost"))
     check(ghost.hide_viewport and ghost.hide_render and not paddle.hide_render, "a hidden collider is neither shown nor rendered")
     ghost.hide_viewport = False
@@ -111,7 +111,7 @@ def stage_studio(work: Path) -> None:
     startup()
     cube = [o.name for o in bpy.data.objects]
     check(sorted(cube) == ["Camera", "Cube", "Light"], "the startup file has its cube, lamp and camera", cube)
-    imported(path.parent)
+    imported(path.parent, studio=True)
     names = set(bpy.data.objects.keys())
     check("Cube" not in names and "Light" not in names, "the cube and the lamp are gone", names)
     check({"Ground", "Sun", "Soft Light", "Camera"} <= names, "ground, light and camera are there", names)
@@ -125,7 +125,7 @@ def stage_studio(work: Path) -> None:
     bpy.data.objects["Cube"].location.x = 3.0
     bpy.data.objects["Camera"].location.x += 0.5
     camera = bpy.context.scene.camera
-    imported(path.parent)
+    imported(path.parent, studio=True)
     names = set(bpy.data.objects.keys())
     check("Cube" in names and bpy.context.scene.camera == camera, "a cube and a camera that were moved stay", names)
     check("Light" not in names, "the lamp, which was not changed, is replaced", names)
@@ -136,13 +136,13 @@ def stage_studio(work: Path) -> None:
     check({"Cube", "Camera", "Light"} <= names and "Ground" not in names, "without the option nothing is added", names)
     check("EEVEE" in bpy.context.scene.render.engine, "the engine is kept", bpy.context.scene.render.engine)
     startup()
-    imported(path.parent, engine="EEVEE")
+    imported(path.parent, studio=True, engine="EEVEE")
     check("EEVEE" in bpy.context.scene.render.engine, "EEVEE can be chosen", bpy.context.scene.render.engine)
 
     startup()
     place = {"position": [0.0, -6.0, 1.0], "target": [0.0, 1.0, 1.0], "focal_length": 35.0}
     change(path, lambda d: d.update(camera=place))
-    imported(path.parent)
+    imported(path.parent, studio=True)
     camera = bpy.context.scene.camera
     bpy.context.view_layer.update()
     toward = -np.array(camera.matrix_world)[:3, 2]
