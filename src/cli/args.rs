@@ -82,6 +82,8 @@ pub(super) enum Verb {
     Volume(VolumeArgs),
     /// Write the sheets of a cache as meshes with a point cache, or the tracers of smoke as PLY points
     Export(ExportArgs),
+    /// Write the colliders of a shot as meshes with their motion; `shot` does so too
+    Colliders(CollidersArgs),
     /// Make a variant of a shot for every combination of settings, and a contact sheet of them
     Wedge(WedgeArgs),
     /// Write a shot, or wedges, as a job of a render farm
@@ -371,6 +373,30 @@ pub(super) struct ExportArgs {
     pub(super) frames: Option<Frames>,
 
     /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Write again what is there already
+    #[arg(long)]
+    pub(super) force: bool,
+}
+
+/// Arguments of `colliders`.
+#[derive(Debug, Args)]
+pub(super) struct CollidersArgs {
+    /// A shot folder or its cache
+    #[arg(value_name = "CACHE")]
+    pub(super) cache: PathBuf,
+
+    /// The folder that gets `collider/` and `shot.json`; by default the shot folder itself
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// The frames that the motion has to cover, besides those of the shot: `1-240`
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Refuse colliders that need more memory than this: `8GiB`, `500MiB`
     #[arg(long, value_name = "SIZE", value_parser = size)]
     pub(super) max_memory: Option<u64>,
 

@@ -2,6 +2,7 @@
 
 mod allocator;
 mod args;
+mod colliders;
 mod exit;
 mod export;
 mod farm;
@@ -50,6 +51,7 @@ pub fn main() -> ExitCode {
         Verb::Mesh(args) => mesh::mesh(args, control),
         Verb::Volume(args) => volume::volume(args, control),
         Verb::Export(args) => export::export(args, control),
+        Verb::Colliders(args) => colliders::colliders(args, control),
         Verb::Farm(args) => farm::farm(args, cli.threads, control),
         Verb::Wedge(args) => wedge::wedge(args, control),
         Verb::Info(args) => info::info(args),

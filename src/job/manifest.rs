@@ -4,6 +4,7 @@ use super::{RunError, ShotFolder, folder::is_file_name, report::Control};
 use crate::{
     cache::{self, CacheError, Lock},
     frame::FrameIndex,
+    preset::Camera,
 };
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, io::ErrorKind, path::PathBuf};
@@ -31,6 +32,9 @@ pub(crate) struct Manifest {
     /// Key of the simulation that the cached frames are of; 16 hexadecimal digits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulation: Option<String>,
+    /// The camera that the preset names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<Camera>,
     /// What was made of the frames.
     pub outputs: Vec<OutputFiles>,
 }
@@ -183,6 +187,7 @@ impl Manifest {
             length_unit: "m".into(),
             requested: Vec::new(),
             simulation: None,
+            camera: None,
             outputs: Vec::new(),
         }
     }

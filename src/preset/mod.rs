@@ -7,6 +7,7 @@
 
 pub(crate) mod assets;
 pub mod builtin;
+mod camera;
 pub(crate) mod check;
 mod frames;
 pub(crate) mod model;
@@ -16,5 +17,6 @@ pub(crate) mod tree;
 mod units;
 
 pub use assets::{Asset, Assets, Home};
+pub(crate) use camera::Camera;
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};

@@ -22,6 +22,11 @@ pub(crate) trait Product: ProductFolder {
     /// Input of the product, for messages ("particles").
     fn input(&self) -> &'static str;
 
+    /// Whether it is made of streams of frames, or else of the preset alone.
+    fn is_of_streams(&self) -> bool {
+        true
+    }
+
     /// Whether it is made of streams of this kind.
     fn accepts(&self, kind: StreamKind) -> bool;
 

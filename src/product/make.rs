@@ -66,7 +66,8 @@ fn accepting<'a>(
         return Ok(products);
     };
     let accepts = |product: &dyn Product| streams.iter().any(|&(_, kind)| product.accepts(kind));
-    let accepting: Vec<&dyn Product> = products.iter().copied().filter(|&product| accepts(product)).collect();
+    let can_be_made = |product: &&dyn Product| !product.is_of_streams() || accepts(*product);
+    let accepting: Vec<&dyn Product> = products.iter().copied().filter(can_be_made).collect();
     if !accepting.is_empty() {
         return Ok(accepting);
     }

@@ -1,6 +1,7 @@
 //! The products: what is made of the frames of a cache or of a sequence of files. Each is one folder.
 
 mod check;
+mod colliders;
 mod interface;
 mod make;
 mod mesh_files;

@@ -1,10 +1,10 @@
 //! The registry: every product of the tool.
 
 use super::{
-    interface::Product, point_cache::PointCache, points::TracerPoints, sheet_mesh::SheetMesh,
-    surface::SurfaceMesh, volume::VolumeFile,
+    colliders::ColliderMeshes, interface::Product, point_cache::PointCache, points::TracerPoints,
+    sheet_mesh::SheetMesh, surface::SurfaceMesh, volume::VolumeFile,
 };
 
 /// Every product, in the order in which they are made.
-pub(crate) static ALL: [&dyn Product; 5] =
-    [&SurfaceMesh, &VolumeFile, &SheetMesh, &PointCache, &TracerPoints];
+pub(crate) static ALL: [&dyn Product; 6] =
+    [&SurfaceMesh, &VolumeFile, &SheetMesh, &PointCache, &TracerPoints, &ColliderMeshes];

@@ -23,13 +23,18 @@ pub(crate) struct ProductSettings {
     pub output: Output,
     /// Whether tracers are written as points, which presets cannot request.
     pub points: bool,
+    /// Whether colliders are written: those of a preset come with its other outputs.
+    pub colliders: bool,
 }
 
 impl ProductSettings {
     /// The settings of a preset.
     pub(crate) fn of(scene: &Scene) -> Self {
-        let Scene { surface, volume, output, .. } = scene;
-        Self { surface: surface.clone(), volume: volume.clone(), output: output.clone(), points: false }
+        let Scene { surface, volume, output, world, .. } = scene;
+        let colliders =
+            output.has_files() && world.collider.iter().any(|collider| collider.shown_look().is_some());
+        let (surface, volume, output) = (surface.clone(), volume.clone(), output.clone());
+        Self { surface, volume, output, points: false, colliders }
     }
 }
 

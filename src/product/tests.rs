@@ -35,7 +35,7 @@ fn make_all(streams: Vec<Stream>) -> Vec<Result<Vec<String>, String>> {
         sheet: SheetFormat::ALL.to_vec(),
         thickness: None,
     };
-    let settings = ProductSettings { output, points: true, ..ProductSettings::default() };
+    let settings = ProductSettings { output, points: true, colliders: true, ..ProductSettings::default() };
     let batch = BatchRequest {
         selection: None,
         force: false,

@@ -360,6 +360,6 @@ fn write_manifest(
         requested = vec![span];
     }
     let simulation = Some(hex(scene.simulation_key()));
-    let manifest = Manifest { outputs, requested, simulation, ..new };
+    let manifest = Manifest { outputs, requested, simulation, camera: scene.camera, ..new };
     manifest.write(folder)
 }

@@ -446,6 +446,21 @@ fn keyframes_that_contradict_each_other_are_refused() {
 }
 
 #[test]
+fn a_camera_looks_from_one_place_to_another() {
+    let camera = |text: &str| read_set(GOOD, &[&format!("camera={{ position = [1, 2, 3], {text} }}")]);
+    let found = camera("target = [0, 0, 1], focal_length = \"40 mm\"").unwrap().camera.unwrap();
+    assert_eq!((found.position, found.target, found.focal_length), ([1.0, 2.0, 3.0], [0.0, 0.0, 1.0], 40.0));
+    for (text, part) in [
+        ("target = [1, 2, 3]", "found the same place twice"),
+        ("target = [0, 0, 1], focal_length = 0", "expected a number in mm, 1 to 5000"),
+        ("focal_length = 50", "`target` is missing here"),
+    ] {
+        let message = rendered(&camera(text).unwrap_err());
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
 fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
     let key = |set: &[&str]| read_set(GOOD, set).unwrap().simulation_key();
     let base = key(&[]);
@@ -459,6 +474,8 @@ fn the_simulation_key_changes_with_what_is_simulated_and_with_nothing_else() {
         "surface.attributes=[\"velocity\", \"id\"]",
         "liquid.channels=[]",
         "liquid.spacing=0.02",
+        "world.collider.0.look=glass",
+        "camera={ position = [0, 0, 1], target = [0, 0, 0] }",
     ] {
         assert_eq!(key(&[same]), base, "{same}");
     }

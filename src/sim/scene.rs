@@ -13,7 +13,7 @@ use crate::{
         vdb::{VolumeGrid, VolumeParams},
     },
     mesh::SurfaceParams,
-    preset::{Assets, Frames},
+    preset::{Assets, Camera, Frames},
     solid::Collider,
 };
 use schemars::JsonSchema;
@@ -58,6 +58,9 @@ pub struct Scene {
     /// Files that `shot` writes in addition to the cache.
     #[serde(default)]
     pub output: Output,
+    /// Camera for pictures, which the Blender extension places; absent: it frames the shot itself.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<Camera>,
     /// Observable of `tradeoff`; absent: the bulk's height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tradeoff: Option<Tradeoff>,
@@ -104,6 +107,13 @@ pub struct Output {
     /// Thickness of sheets in files [m]; absent: surfaces without thickness. Range: above 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thickness: Option<f32>,
+}
+
+impl Output {
+    /// Whether any file is requested.
+    pub(crate) fn has_files(&self) -> bool {
+        !(self.mesh.is_empty() && self.volume.is_empty() && self.sheet.is_empty())
+    }
 }
 
 fn default_fps() -> f32 {
@@ -169,8 +179,8 @@ impl Scene {
     /// Hash of everything that determines the simulated state: frame rate, first frame, world, systems, the bytes of the files
     /// that these name, and the solvers' version.
     ///
-    /// The title, the frames after the first, the surface, the volume, the output and the tradeoff do not change it. Caches store it,
-    /// so that frames of another scene are recognised as stale.
+    /// The title, the frames after the first, the surface, the volume, the output, the camera, the tradeoff and the looks of colliders
+    /// do not change it. Caches store it, so that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         xxhash_rust::xxh3::xxh3_64(self.decisive().as_bytes())
     }
@@ -187,7 +197,7 @@ impl Scene {
             fps: f32,
             first: u32,
             solvers: u32,
-            world: &'a World,
+            world: World,
             liquid: Option<LiquidParams>,
             #[serde(skip_serializing_if = "Option::is_none")]
             smoke: &'a Option<SmokeParams>,
@@ -213,11 +223,14 @@ impl Scene {
             surface: _,
             volume: _,
             output: _,
+            camera: _,
             tradeoff: _,
             assets,
         } = self;
         let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
         let solvers = super::STATE_VERSION;
+        let mut world = world.clone();
+        world.collider.iter_mut().for_each(|collider| collider.look = None);
         let mut liquid = liquid.clone();
         if let Some(LiquidParams { channels, .. }) = &mut liquid {
             // Frames have channels in a fixed order, each once.

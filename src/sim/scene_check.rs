@@ -18,6 +18,18 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         let path = format!("world.collider.{index}");
         check_motion(&collider.keyframes, &collider.shape, &path, places, &mut findings);
     }
+    if let Some(camera) = &scene.camera
+        && camera.position == camera.target
+    {
+        let label = "found the same place twice, expected a direction to look in";
+        let finding = Finding::new(
+            places.of("camera.target"),
+            "camera.target",
+            "`camera.target` is `camera.position`",
+            label,
+        );
+        findings.push(finding.with_help("name a point that is in the middle of the picture"));
+    }
     for system in ALL {
         system.check(scene, places, &mut findings);
     }

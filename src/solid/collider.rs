@@ -30,6 +30,23 @@ pub struct Collider {
     /// it beads. Absent: the `contact_angle` of the surface tension. Range: 0 to 180.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub contact_angle: Option<f32>,
+    /// How pictures show it; it does not change the simulation. Absent: "matte", and a tank, which has no outside, is not exported.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub look: Option<Look>,
+}
+
+/// How pictures show a collider.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum Look {
+    /// An opaque matte body.
+    Matte,
+    /// Clear glass, for containers.
+    Glass,
+    /// Exported, but neither shown nor rendered.
+    Hidden,
 }
 
 fn is_linear(interpolation: &Interpolation) -> bool {
@@ -56,6 +73,12 @@ impl Collider {
     #[cfg(feature = "presets")]
     pub(crate) fn has_friction_or_restitution(&self) -> bool {
         [self.friction, self.restitution].iter().flatten().any(|&coefficient| coefficient > 0.0)
+    }
+
+    /// How pictures show it; `None`: it is not exported.
+    pub fn shown_look(&self) -> Option<Look> {
+        let is_tank = matches!(self.shape, Shape::Tank { .. });
+        self.look.or((!is_tank).then_some(Look::Matte))
     }
 
     /// The collider in a shot of `fps` frames a second, whose frame `first` is at time 0.

@@ -67,10 +67,20 @@ impl MeshShape {
 
     /// Gives the shape the distances of its mesh, in the file's units.
     pub fn fill(&mut self, field: Arc<Sampled>) {
+        self.field = Some(Arc::new(Placed { field, pose: self.pose(), scale: self.scale }));
+    }
+
+    /// Rotation and translation of the file's mesh, after its scale.
+    fn pose(&self) -> Pose {
         let angles = self.rotate.map(|angle| f64::from(angle).to_radians());
         let rotation = from_euler_angles(angles.into()).to_rotation_matrix().matrix().cast();
-        let pose = Pose { position: self.translate.into(), rotation };
-        self.field = Some(Arc::new(Placed { field, pose, scale: self.scale }));
+        Pose { position: self.translate.into(), rotation }
+    }
+
+    /// Positions of the file's mesh, scaled, rotated and translated [m].
+    pub(crate) fn place(&self, positions: &[Vec3]) -> Vec<Vec3> {
+        let pose = self.pose();
+        positions.iter().map(|x| pose.to_world(x * self.scale)).collect()
     }
 
     /// # Panics

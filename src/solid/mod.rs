@@ -8,7 +8,7 @@ mod motion;
 mod round;
 mod shape;
 
-pub use collider::{Collider, Solid};
+pub use collider::{Collider, Look, Solid};
 pub use contact::ShapeError;
 pub use mesh::MeshShape;
 pub use motion::{Interpolation, Keyframe, Motion, Pose};

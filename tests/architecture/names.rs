@@ -14,7 +14,7 @@ struct Owner {
 }
 
 /// The systems and the products. Surface, volume and points are also words of geometry, so types name those products.
-const OWNERS: [Owner; 8] = [
+const OWNERS: [Owner; 9] = [
     Owner { words: &["liquid"], folders: &["src/sim/liquid/", "src/sim/coupling/"] },
     Owner {
         words: &["smoke", "vorton", "vortons"],
@@ -26,6 +26,7 @@ const OWNERS: [Owner; 8] = [
     Owner { words: &["PointCache"], folders: &["src/product/point_cache/"] },
     Owner { words: &["TracerPoints"], folders: &["src/product/points/"] },
     Owner { words: &["VolumeFile"], folders: &["src/product/volume/"] },
+    Owner { words: &["ColliderMeshes"], folders: &["src/product/colliders/"] },
 ];
 
 /// The registries and the composition of systems in presets, records and simulations.

@@ -3,6 +3,7 @@
 mod attributes;
 mod bad_input;
 mod batch;
+mod colliders;
 mod couplings;
 mod farm;
 mod inflow;

@@ -224,6 +224,7 @@ fn piston(height: f32) -> World {
         friction: None,
         restitution: None,
         contact_angle: None,
+        look: None,
     };
     let mut world = tank(9.81, [0.8, 0.8, 3.0]);
     world.solids.push(lid.solid(24.0, 1));

@@ -21,8 +21,16 @@ fn key(frame: u32, position: [f32; 3], rotation: [f32; 3]) -> Keyframe {
 
 fn moving(shape: Shape, keyframes: Vec<Keyframe>) -> Solid {
     let interpolation = Interpolation::Linear;
-    Collider { shape, keyframes, interpolation, friction: None, restitution: None, contact_angle: None }
-        .solid(FPS, 1)
+    Collider {
+        shape,
+        keyframes,
+        interpolation,
+        friction: None,
+        restitution: None,
+        contact_angle: None,
+        look: None,
+    }
+    .solid(FPS, 1)
 }
 
 fn world(solids: Vec<Solid>) -> World {

@@ -3,15 +3,14 @@
 
     python tools/blender/render.py SHOT_DIR --frame N -o picture.png [--samples 64] [--size 1280x720]
 
-The interpreter needs bpy (4.5 to 5.2) and numpy. The water is what the extension imports; base, camera and lights are
-set up around the bounding box of the meshes over the sequence, so every frame of a shot is seen from the same
-place. Balls, ellipsoids and tori among the colliders are shown below sheets. Options turn the view (--azimuth, --elevation), switch motion blur off (--sharp) and keep the scene
+The interpreter needs bpy (4.5 to 5.2) and numpy. Water and colliders are what the extension imports; base and lights are
+set up around the bounding box of the meshes over the sequence, and so is the camera unless the shot has one: every frame is seen
+from the same place. Options turn the view (--azimuth, --elevation), switch motion blur off (--sharp) and keep the scene
 (--blend)."""
 
 import argparse
 import os
 import sys
-import tomllib
 import traceback
 from math import cos, radians, sin
 from pathlib import Path
@@ -23,11 +22,17 @@ from mathutils import Matrix, Vector
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import meniscus  # noqa: E402
+from meniscus.colliders import SHAPE  # noqa: E402
+from meniscus.shot import CameraPlace, read_shot  # noqa: E402
 
 # Frames looked at for the bounding box; more cost time and hardly move it, as thrown drops are left out.
 BOX_FRAMES = 13
 # Part of the vertices cut off at either end of each axis: a few thrown drops must not push the camera away.
 BOX_CUT = 0.002
+# The water stands on a collider that is as wide and reaches deeper below it than this part of the water's size.
+MAX_FOUNDATION = 0.03
+# Degrees around Z from the front (-Y), and above the horizon.
+AZIMUTH, ELEVATION = -28.0, 20.0
 
 
 def water_box(all_shown: list[bpy.types.Object], frames: range) -> tuple[np.ndarray, np.ndarray]:
@@ -80,30 +85,6 @@ def add_night(low: np.ndarray, high: np.ndarray, given: argparse.Namespace) -> N
         bpy.context.object.data.materials.append(material("Ball", (0.22, 0.10, 0.06), 0.5))
 
 
-def add_colliders(shot: Path) -> None:
-    """The balls, ellipsoids and tori among the colliders of a shot that do not move, as pale bodies."""
-    preset = (shot if shot.is_dir() else shot.parent) / "preset.toml"
-    if not preset.is_file():
-        return
-    colliders = tomllib.loads(preset.read_text(encoding="utf-8")).get("world", {}).get("collider", [])
-    pale = material("Collider", (0.62, 0.60, 0.55), 0.5)
-    for collider in colliders:
-        (kind, shape), = collider["shape"].items()
-        if collider.get("keyframes") or kind not in ("sphere", "ellipsoid", "torus"):
-            continue
-        if kind == "torus":
-            turn = Vector(shape["axis"]).to_track_quat("Z", "Y").to_euler()
-            bpy.ops.mesh.primitive_torus_add(
-                major_radius=shape["radius"], minor_radius=shape["tube"], major_segments=128, minor_segments=48,
-                location=shape["center"], rotation=turn,
-            )
-        else:
-            bpy.ops.mesh.primitive_uv_sphere_add(segments=96, ring_count=48, location=shape["center"])
-            bpy.context.object.scale = shape.get("radii") or [shape["radius"]] * 3
-        bpy.ops.object.shade_smooth()
-        bpy.context.object.data.materials.append(pale)
-
-
 def material(name: str, colour: tuple[float, float, float], roughness: float) -> bpy.types.Material:
     """A plain Principled material."""
     made = bpy.data.materials.new(name)
@@ -143,9 +124,20 @@ def add_box(name: str, low: np.ndarray, high: np.ndarray, bevel: float, look: bp
     rounded.width, rounded.segments = bevel, 4
 
 
-def add_stage(low: np.ndarray, high: np.ndarray) -> None:
-    """A tiled base under the water, and a floor that bends up into a backdrop."""
+def add_stage(low: np.ndarray, high: np.ndarray, solids: list[bpy.types.Object]) -> None:
+    """A tiled base under the water, and a floor that bends up into a backdrop. Where the water stands on a collider, there is no
+    base; a plane among the colliders is the floor too."""
     size = float(np.linalg.norm(high - low))
+    if any(solid[SHAPE] == "plane" for solid in solids):
+        return
+    lowest = np.inf
+    for solid in solids:
+        corners = np.array([solid.matrix_world @ Vector(corner) for corner in solid.bound_box])
+        if np.all(corners.min(0)[:2] <= low[:2]) and np.all(corners.max(0)[:2] >= high[:2]):
+            lowest = min(lowest, corners[:, 2].min())
+    if lowest < low[2] - MAX_FOUNDATION * size:
+        add_backdrop(low, high, lowest)
+        return
     margin, thick = 0.035 * size, 0.05 * size
     # The base reaches a little into the water: a gap of air below it would mirror and hide the tiles.
     top = low[2] + 0.001 * size
@@ -154,9 +146,14 @@ def add_stage(low: np.ndarray, high: np.ndarray) -> None:
     over = np.array([high[0] + margin, high[1] + margin, top])
     add_box("Base", under, over, 0.12 * thick, tiles(tile))
 
-    # Floor and backdrop are one sheet: straight, a quarter circle, straight up.
+    add_backdrop(low, high, under[2] - 0.001 * size)
+
+
+def add_backdrop(low: np.ndarray, high: np.ndarray, ground: float) -> None:
+    """Floor and backdrop as one sheet: straight, a quarter circle, straight up."""
+    size = float(np.linalg.norm(high - low))
     middle, wide, radius = (low + high) / 2.0, 14.0 * size, 3.0 * size
-    back, ground = middle[1] + 3.2 * size, under[2] - 0.001 * size
+    back = middle[1] + 3.2 * size
     bend = [
         (back + radius * sin(a), ground + radius * (1.0 - cos(a))) for a in np.linspace(0.0, np.pi / 2.0, 33)
     ]
@@ -216,15 +213,21 @@ def add_lights(low: np.ndarray, high: np.ndarray) -> None:
     add_light("AREA", "Fill", fill, middle, energy=14.0 * size**2, shape="RECTANGLE", size=size, size_y=size)
 
 
-def add_camera(low: np.ndarray, high: np.ndarray, azimuth: float, elevation: float) -> None:
-    """A 60 mm lens that sees the whole box with a margin."""
+def add_camera(low: np.ndarray, high: np.ndarray, given: argparse.Namespace, place: CameraPlace | None) -> None:
+    """The camera of the shot, unless an option chooses the view; else a 60 mm lens that sees the whole box with a margin."""
     scene = bpy.context.scene
     made = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(made)
     scene.camera = made
     made.data.lens = 60.0
     middle, size = (low + high) / 2.0, float(np.linalg.norm(high - low))
-    turn, tilt = radians(azimuth), radians(elevation)
+    made.data.clip_start, made.data.clip_end = 0.001 * size, 200.0 * size
+    if place and given.azimuth is None and given.elevation is None and not given.close:
+        made.data.lens, made.location = place.focal_length, place.position
+        aim(made, Vector(place.target))
+        return
+    turn = radians(AZIMUTH if given.azimuth is None else given.azimuth)
+    tilt = radians(ELEVATION if given.elevation is None else given.elevation)
     toward = Vector((sin(turn) * cos(tilt), -cos(turn) * cos(tilt), sin(tilt)))
     made.location = Vector(middle) + 5.0 * size * toward
     aim(made, Vector(middle))
@@ -235,7 +238,6 @@ def add_camera(low: np.ndarray, high: np.ndarray, azimuth: float, elevation: flo
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     corners = (middle + signs * half).ravel().tolist()
     made.location, _ = made.camera_fit_coords(bpy.context.evaluated_depsgraph_get(), corners)
-    made.data.clip_start, made.data.clip_end = 0.001 * size, 100.0 * size
 
 
 def set_render(given: argparse.Namespace) -> None:
@@ -266,8 +268,9 @@ def picture(given: argparse.Namespace) -> None:
     """Builds the scene and renders the frame."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     meniscus.register()
-    bpy.ops.import_scene.meniscus_shot(filepath=str(given.shot), path_mode="ABSOLUTE")
+    bpy.ops.import_scene.meniscus_shot(filepath=str(given.shot), path_mode="ABSOLUTE", studio=False)
     all_shown, scene = list(bpy.context.selected_objects), bpy.context.scene
+    solids = [solid for solid in scene.objects if SHAPE in solid]
     shown = bpy.context.object
     frames = range(scene.frame_start, scene.frame_end + 1)
     if given.frame not in frames:
@@ -278,12 +281,10 @@ def picture(given: argparse.Namespace) -> None:
     else:
         looked_at = range(given.frame, given.frame + 1) if given.close else frames
         low, high = water_box([shown for shown in all_shown if shown.type == "MESH"], looked_at)
-        if any(modifier.type == "MESH_CACHE" for modifier in shown.modifiers):
-            add_colliders(given.shot)
-        add_stage(low, high)
+        add_stage(low, high, [solid for solid in solids if not solid.hide_render])
         add_lights(low, high)
     set_render(given)
-    add_camera(low, high, given.azimuth, given.elevation)
+    add_camera(low, high, given, read_shot(given.shot).camera)
     scene.frame_set(given.frame)
     if given.blend:
         bpy.ops.wm.save_as_mainfile(filepath=str(given.blend.resolve()))
@@ -311,8 +312,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("-o", "--output", type=Path, required=True, help="PNG to write")
     parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--size", type=frame_size, default=(1280, 720), help="WIDTHxHEIGHT")
-    parser.add_argument("--azimuth", type=float, default=-28.0, help="degrees around Z from the front (-Y)")
-    parser.add_argument("--elevation", type=float, default=20.0, help="degrees above the horizon")
+    parser.add_argument("--azimuth", type=float, help=f"degrees around Z from the front (-Y); else the shot's camera, or {AZIMUTH:g}")
+    parser.add_argument("--elevation", type=float, help=f"degrees above the horizon; else the shot's camera, or {ELEVATION:g}")
     near = "as near as this frame allows, not the whole shot; for surfaces and sheets"
     parser.add_argument("--close", action="store_true", help=near)
     parser.add_argument("--sharp", action="store_true", help="no motion blur")

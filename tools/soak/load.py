@@ -51,7 +51,7 @@ sys.path.insert(0, {extension!r})
 import bpy, meniscus
 meniscus.register()
 start = time.monotonic()
-bpy.ops.import_scene.meniscus_shot(filepath={shot!r}, path_mode="ABSOLUTE")
+bpy.ops.import_scene.meniscus_shot(filepath={shot!r}, path_mode="ABSOLUTE", studio=False)
 print("import", time.monotonic() - start, flush=True)
 import os
 os._exit(0)

@@ -143,6 +143,8 @@ pub(crate) struct Ledger<'a> {
     failed: Vec<FailedFrame>,
     /// Outputs to be removed from the manifest.
     stale: Vec<OutputFiles>,
+    /// Whether outputs of the product's folder that this batch does not write are removed from the manifest.
+    replaces_outputs: bool,
     /// No other process may remove what looks like the temporary of a crashed run; others may write other frames.
     lock: Lock,
 }
@@ -166,7 +168,7 @@ impl<'a> Ledger<'a> {
         let lock = Lock::share(&folder, &control)?;
         let summary = BatchSummary { folder, ..BatchSummary::default() };
         let (written, failed, stale) = (Vec::new(), Vec::new(), Vec::new());
-        Ok(Self { out, product, summary, written, failed, stale, lock })
+        Ok(Self { out, product, summary, written, failed, stale, replaces_outputs: false, lock })
     }
 
     /// Records and reports what became of a frame. Frames come in ascending order.
@@ -226,6 +228,11 @@ impl<'a> Ledger<'a> {
         Ok(())
     }
 
+    /// Removes outputs of the product's folder from the manifest that this batch does not write.
+    pub(crate) fn replace_outputs(&mut self) {
+        self.replaces_outputs = true;
+    }
+
     /// Records a frame that failed.
     pub(crate) fn add_failed(&mut self, failed: FailedFrame) {
         self.failed.push(failed);
@@ -278,6 +285,10 @@ impl<'a> Ledger<'a> {
             None => Manifest::new(title, fps, all),
         };
         manifest.outputs.retain(|output| !self.stale.iter().any(|stale| stale.is_same(output)));
+        if self.replaces_outputs {
+            let folder = format!("{}/", self.product.name());
+            manifest.outputs.retain(|output| !output.pattern.starts_with(&folder));
+        }
         for (mut output, numbers) in std::mem::take(&mut self.written) {
             output.frames = FrameSpan::of(&numbers).expect("an output has a frame");
             manifest.put(output, &numbers, self.out);

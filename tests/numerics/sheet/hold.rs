@@ -57,6 +57,7 @@ fn a_pin_moves_with_its_collider_or_along_a_path() {
         friction: None,
         restitution: None,
         contact_angle: None,
+        look: None,
     };
     let world = World { gravity: Vec3::zeros(), solids: vec![collider.solid(24.0, 1)] };
     let text = grid(

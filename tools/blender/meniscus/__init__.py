@@ -2,7 +2,8 @@
 """Meniscus for Blender: File > Import > Meniscus Shot opens the shot.json of a shot folder.
 
 Each PLY mesh sequence of the shot becomes an object whose geometry nodes read the file of the current frame, each volume
-sequence without a mesh of the same name a volume object, each sheet a mesh that a point cache moves.
+sequence without a mesh of the same name a volume object, each sheet a mesh that a point cache moves, each collider a mesh with
+keyframes. A scene without camera, ground and light gets them.
 What is made consists of plain Blender data: a saved file renders without this add-on and with scripts
 disabled.
 """
@@ -13,11 +14,12 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import material, nodes, sheets, volumes
+from . import colliders, material, nodes, sheets, studio, volumes
 from .check import check_files
 from .folder import ShotFolder
 from .messages import ShotError, listed, printable
-from .shot import MAX_SCENE_FRAME, MeshOutput, SequenceOutput, Shot, below, format_string, read_shot, scene_rate
+from .motion import Motion, read_motion
+from .shot import MAX_SCENE_FRAME, ColliderOutput, MeshOutput, PointsOutput, SequenceOutput, Shot, below, format_string, read_shot, scene_rate
 
 # Blender's FILE_MAX, with the zero at the end.
 MAX_PATH_BYTES = 1024
@@ -50,6 +52,21 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
     motion_blur: BoolProperty(
         name="Motion Blur", description="Switch the scene's motion blur on", default=True
     )
+    engine: EnumProperty(
+        name="Engine",
+        description="The scene's render engine",
+        items=[
+            ("CYCLES", "Cycles", "Blurs liquids along their velocities"),
+            ("EEVEE", "EEVEE", "Fast; liquids have no motion blur"),
+            ("KEEP", "As It Is", "Leave the scene's engine"),
+        ],
+        default="CYCLES",
+    )
+    studio: BoolProperty(
+        name="Camera, Ground and Light",
+        description="Add what the scene has none of, in place of Blender's own cube, camera and lamp if they are unchanged",
+        default=True,
+    )
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
@@ -58,7 +75,8 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             frames = check_files(shot, files, lambda text: self.report({"WARNING"}, text))
             folder = shot_folder(files.root, self.path_mode)
             check_paths(shot, folder)
-            all_made = add_outputs(context, shot, files, folder, frames)
+            motions = {collider: read_motion(files, collider.motion) for collider in shot.colliders}
+            all_made, solids = add_outputs(context, shot, files, folder, frames, motions)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -66,6 +84,13 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             self.apply_frames(context.scene, shot)
         if self.motion_blur:
             context.scene.render.use_motion_blur = True
+        self.choose_engine(context.scene)
+        if self.studio:
+            has_floor = any(motion.shape == "plane" for motion in motions.values())
+            bounded = [solid for solid, motion in zip(solids, motions.values()) if motion.shape != "plane"]
+            span = (shot.frames.first, min(shot.frames.last, MAX_SCENE_FRAME))
+            for text in studio.furnish(context, all_made, bounded, span, has_floor, shot.camera):
+                self.report({"INFO"}, f"{shot.title}: {text}")
         # Last: importing a sheet's mesh selects that alone.
         for selected in context.selected_objects:
             selected.select_set(False)
@@ -76,11 +101,26 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             text = f"{shot.title}: not opened, no PLY mesh, no smoke and no sheet: {listed(shot.skipped)}"
             self.report({"WARNING"}, text)
         where = "relative to the .blend" if folder.startswith("//") else "absolute"
-        count = sum(len(output.frames.numbers()) for output in (*shot.meshes, *shot.volumes, *shot.sheets))
-        made = [(shot.meshes, "mesh sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
+        count = sum(len(output.frames.numbers()) for output in (*shot.meshes, *shot.points, *shot.volumes, *shot.sheets))
+        made = [(shot.meshes, "mesh sequence"), (shot.points, "point sequence"), (shot.volumes, "volume sequence"), (shot.sheets, "sheet")]
+        made += [(shot.colliders, "collider")]
         kinds = ", ".join(f"{len(some)} {kind}(s)" for some, kind in made if some)
         self.report({"INFO"}, f"{shot.title}: {kinds}, {count} frames, paths {where}")
         return {"FINISHED"}
+
+    def choose_engine(self, scene: bpy.types.Scene) -> None:
+        """Sets the render engine; an engine that this Blender lacks is reported."""
+        if self.engine == "KEEP":
+            return
+        # Blender 4.2 to 4.5 call the only EEVEE by another name.
+        names = {"CYCLES": ["CYCLES"], "EEVEE": ["BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"]}[self.engine]
+        for name in names:
+            try:
+                scene.render.engine = name
+                return
+            except TypeError:
+                continue
+        self.report({"WARNING"}, f"This Blender has no {self.engine.title()}; the scene keeps its engine")
 
     def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:
         """Frame range, rate and current frame of the shot."""
@@ -115,7 +155,8 @@ def shot_folder(folder: str, mode: str) -> str:
 
 def check_paths(shot: Shot, folder: str) -> None:
     """Raises ShotError if Blender cannot hold the path of a file."""
-    longest = [output.path(output.frames.last) for output in (*shot.meshes, *shot.volumes)]
+    longest = [output.path(output.frames.last) for output in (*shot.meshes, *shot.points, *shot.volumes)]
+    longest += [collider.mesh for collider in shot.colliders]
     for path in longest + [path for sheet in shot.sheets for path in (sheet.rest, sheet.cache)]:
         full = below(folder, path)
         try:
@@ -128,32 +169,39 @@ def check_paths(shot: Shot, folder: str) -> None:
 
 
 def add_outputs(
-    context: bpy.types.Context, shot: Shot, files: ShotFolder, folder: str, frames: dict[SequenceOutput, list[int]]
-) -> list[bpy.types.Object]:
-    """New objects in the active collection, one for each output; all or none. Raises ShotError."""
-    all_made = []
+    context: bpy.types.Context,
+    shot: Shot,
+    files: ShotFolder,
+    folder: str,
+    frames: dict[SequenceOutput, list[int]],
+    motions: dict[ColliderOutput, Motion],
+) -> tuple[list[bpy.types.Object], list[bpy.types.Object]]:
+    """New objects in the active collection, one for each output, and those of colliders; all or none. Raises ShotError."""
+    all_made, solids = [], []
     try:
-        for output in shot.meshes:
+        for output in (*shot.meshes, *shot.points):
             all_made.append(add_object(output, format_string(below(folder, output.pattern))))
         for output in shot.volumes:
             all_made.append(volumes.add_volume(context, output, folder, frames[output]))
         for sheet in shot.sheets:
             all_made.append(sheets.add_sheet(sheet, files.full(sheet.rest), below(folder, sheet.cache)))
+        for collider, motion in motions.items():
+            solids.append(colliders.add_collider(collider, files.full(collider.mesh), motion))
     except ShotError:
-        for made in all_made:
+        for made in (*all_made, *solids):
             bpy.data.objects.remove(made)
         raise
     # Last: with every object in the scene, each new one would evaluate all before it again.
-    for made in all_made:
+    for made in (*all_made, *solids):
         context.collection.objects.link(made)
-    return all_made
+    return all_made, solids
 
 
-def add_object(mesh: MeshOutput, files: str) -> bpy.types.Object:
+def add_object(mesh: MeshOutput | PointsOutput, files: str) -> bpy.types.Object:
     """A new object that shows one sequence, in no collection yet."""
     made = bpy.data.objects.new(mesh.name, bpy.data.meshes.new(mesh.name))
     modifier = made.modifiers.new(nodes.NAME, "NODES")
-    modifier.node_group = nodes.sequence_group()
+    modifier.node_group = nodes.sequence_group(isinstance(mesh, PointsOutput))
     water = material.water()
     made.data.materials.append(water)
     values = {"Files": files, "First": mesh.frames.first, "Last": mesh.frames.last, "Step": mesh.frames.step}

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from .folder import ShotFolder
 from .headers import MAX_COUNT, PointCache, check_pc2, check_ply
 from .messages import REMAKE, ShotError, printable
-from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, SequenceOutput, SheetOutput, Shot, VolumeOutput
+from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, ColliderOutput, PointsOutput, SequenceOutput, SheetOutput, Shot, VolumeOutput
 from .vdb import check_vdb
 
 MISSING = "Run `meniscus shot` again; it makes what is missing"
@@ -16,10 +16,12 @@ def check_files(shot: Shot, folder: ShotFolder, warn: Callable[[str], None]) -> 
     """The frames that have a file, of every sequence; missing ones are reported by `warn`. Raises ShotError."""
     for sheet in shot.sheets:
         check_sheet(sheet, folder)
+    for collider in shot.colliders:
+        check_collider(collider, folder)
     if shot.last_frame() > MAX_SCENE_FRAME:
         hidden = f"frames {MAX_SCENE_FRAME + 1} to {shot.last_frame()}"
         warn(f"{shot.title}: {hidden} cannot be shown, Blender's last is {MAX_SCENE_FRAME}")
-    return {output: check_sequence(output, folder, warn) for output in (*shot.meshes, *shot.volumes)}
+    return {output: check_sequence(output, folder, warn) for output in (*shot.meshes, *shot.points, *shot.volumes)}
 
 
 def check_sheet(sheet: SheetOutput, folder: ShotFolder) -> None:
@@ -34,6 +36,15 @@ def check_sheet(sheet: SheetOutput, folder: ShotFolder) -> None:
     check_pc2(folder, sheet.cache, PointCache(points, sheet.frames.first, sheet.frames.step, samples))
 
 
+def check_collider(collider: ColliderOutput, folder: ShotFolder) -> None:
+    """Raises ShotError unless there is a mesh, and a motion file, which its reader checks."""
+    for path in (collider.mesh, collider.motion):
+        if not folder.has(path):
+            raise ShotError(f"{collider.name}: {printable(folder.full(path))} is missing. {MISSING}")
+    if check_ply(folder, collider.mesh) == 0:
+        raise ShotError(f"{printable(folder.full(collider.mesh))}: a mesh without vertices, expected some. {REMAKE}")
+
+
 def check_sequence(output: SequenceOutput, folder: ShotFolder, warn: Callable[[str], None]) -> list[int]:
     """The frames of a sequence that have a file. Raises ShotError if there are none, or one is damaged."""
     is_volume, wanted = isinstance(output, VolumeOutput), output.frames.numbers()
@@ -41,7 +52,10 @@ def check_sequence(output: SequenceOutput, folder: ShotFolder, warn: Callable[[s
     opened = range(output.frames.first, output.frames.last + 1) if is_volume else wanted
     found = [frame for frame in folder.frames(output.pattern, FRAME_NUMBER) if frame in opened]
     for frame in found:
-        (check_vdb if is_volume else check_ply)(folder, output.path(frame))
+        if is_volume:
+            check_vdb(folder, output.path(frame))
+        else:
+            check_ply(folder, output.path(frame), has_faces=not isinstance(output, PointsOutput))
     if is_volume and output.frames.step > 1:
         warn(f"{output.name}: only every frame number {output.frames.step} has a volume; the others show nothing")
     present = [frame for frame in found if frame in wanted]

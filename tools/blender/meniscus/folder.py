@@ -14,7 +14,7 @@ from .messages import REMAKE, ShotError, printable
 # A listing of this size takes a second.
 MAX_LISTED_FILES = 1_000_000
 # What has such a name must be a file.
-EXTENSIONS = (".ply", ".vdb", ".pc2")
+EXTENSIONS = (".ply", ".vdb", ".pc2", ".json")
 
 
 def open_regular(path: str | Path) -> BinaryIO:
@@ -36,7 +36,7 @@ def open_regular(path: str | Path) -> BinaryIO:
     raise ShotError(f"{printable(path)}: not a regular file. Remove it and run `meniscus shot` again to rewrite it")
 
 
-def read_limited(path: Path, limit: int) -> bytes:
+def read_limited(path: Path, limit: int, next_step: str = "Choose the shot.json that `meniscus shot` wrote") -> bytes:
     """The content of a regular file in its own folder, of at most `limit` bytes. Raises ShotError."""
     if not os.path.realpath(path).startswith(inside(os.path.realpath(path.parent))):
         raise leads_outside(path)
@@ -46,10 +46,7 @@ def read_limited(path: Path, limit: int) -> bytes:
         except OSError as error:
             raise ShotError(f"{printable(path)}: cannot be read ({reason(error)}). Check the disk") from None
     if len(content) > limit:
-        raise ShotError(
-            f"{printable(path)}: more than {limit} bytes, expected at most that. "
-            "Choose the shot.json that `meniscus shot` wrote"
-        )
+        raise ShotError(f"{printable(path)}: more than {limit} bytes, expected at most that. {next_step}")
     return content
 
 

@@ -18,7 +18,7 @@ MAX_COUNT = 2**31 - 1
 PLY = re.compile(
     rb"ply\nformat binary_little_endian 1\.0\n(?:comment[^\r\n]*\n)*element vertex (\d{1,10})\n"
     rb"((?:property (?:float|uint) [!-~]+\n)+)"
-    rb"element face (\d{1,10})\nproperty list uchar uint vertex_indices\nend_header\n"
+    rb"(?:element face (\d{1,10})\nproperty list uchar uint vertex_indices\n)?end_header\n"
 )
 FACE_BYTES = 13
 PC2 = struct.Struct("<12siiffi")
@@ -47,13 +47,13 @@ def damaged(folder: ShotFolder, path: str, finding: str) -> ShotError:
     return ShotError(f"{printable(folder.full(path))}: {finding}. {REMAKE}")
 
 
-def check_ply(folder: ShotFolder, path: str) -> int:
-    """Raises ShotError unless header and size of a mesh agree; the number of its vertices."""
+def check_ply(folder: ShotFolder, path: str, has_faces: bool = True) -> int:
+    """Raises ShotError unless header and size of a mesh, or of points without faces, agree; the number of its vertices."""
     start, size = head(folder, path, MAX_PLY_HEADER_BYTES)
     match = PLY.match(start)
-    if not match:
+    if not match or (match[3] is not None) != has_faces:
         raise damaged(folder, path, f"starts with {shortened(start)}, expected a PLY header as `meniscus` writes it")
-    vertices, faces = int(match[1]), int(match[3])
+    vertices, faces = int(match[1]), int(match[3] or 0)
     if max(vertices, 3 * faces) > MAX_COUNT:
         raise damaged(folder, path, f"{vertices} vertices and {faces} faces, expected less than 2³¹ vertices and corners")
     names = [line.split(b" ")[2] for line in match[2].splitlines()]

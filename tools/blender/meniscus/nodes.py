@@ -2,14 +2,14 @@
 """The geometry node group that reads a mesh sequence; a saved file needs neither add-on nor scripts.
 
 Scene Time → whole frame → clamped to the sequence → back to the last frame on its step → Format String
-→ Import PLY → `velocity` from vx, vy, vz → smooth shading → material. Cycles takes `velocity` in metres a
+→ Import PLY → `velocity` from vx, vy, vz → smooth shading, or for droplets points of their `radius` → material. Cycles takes `velocity` in metres a
 second and divides by the scene's frame rate, so the attribute holds the file's values unchanged.
 """
 
 import bpy
 
-NAME = "Meniscus Sequence"
-STAMP = "meniscus_sequence"
+NAME, STAMP = "Meniscus Sequence", "meniscus_sequence"
+POINTS_NAME, POINTS_STAMP = "Meniscus Points", "meniscus_points"
 REVISION = 1
 INPUTS = [
     (
@@ -25,18 +25,19 @@ INPUTS = [
 ]
 
 
-def sequence_group() -> bpy.types.NodeTree:
-    """The group of this revision: the file's own if it has one, else a new one."""
+def sequence_group(is_points: bool = False) -> bpy.types.NodeTree:
+    """The group of this revision for surfaces or for points: the file's own if it has one, else a new one."""
+    name, stamp = (POINTS_NAME, POINTS_STAMP) if is_points else (NAME, STAMP)
     for group in bpy.data.node_groups:
-        if group.get(STAMP) == REVISION and group.is_editable:
+        if group.get(stamp) == REVISION and group.is_editable:
             return group
-    group = bpy.data.node_groups.new(NAME, "GeometryNodeTree")
-    group[STAMP] = REVISION
+    group = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    group[stamp] = REVISION
     group.is_modifier = True
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     for name, kind, text in INPUTS:
         group.interface.new_socket(name, description=text, in_out="INPUT", socket_type=kind)
-    Builder(group).build()
+    Builder(group).build(is_points)
     return group
 
 
@@ -83,7 +84,7 @@ class Builder:
     def attribute(self, name: str, row: int):
         return self.node("GeometryNodeInputNamedAttribute", name, data_type="FLOAT", row=row).outputs[0]
 
-    def build(self) -> None:
+    def build(self, is_points: bool) -> None:
         given = self.node("NodeGroupInput").outputs
 
         # Sub-frames of motion blur belong to the frame that they surround.
@@ -117,9 +118,12 @@ class Builder:
             "GeometryNodeSwitch", given["Velocity"], mesh, moving.outputs[0], input_type="GEOMETRY"
         )
 
-        # The surface is smooth and has its material.
-        smooth = self.node(
-            "GeometryNodeSetShadeSmooth", choice.outputs[0], True, True, domain="FACE"
-        ).outputs[0]
-        done = self.node("GeometryNodeSetMaterial", smooth, True, given["Material"]).outputs[0]
+        # The surface is smooth; points are balls of their own radius. Either has its material.
+        if is_points:
+            radius = self.attribute("radius", 2)
+            shown = self.node("GeometryNodeMeshToPoints", choice.outputs[0], mode="VERTICES")
+            self.group.links.new(radius, shown.inputs["Radius"])
+        else:
+            shown = self.node("GeometryNodeSetShadeSmooth", choice.outputs[0], True, True, domain="FACE")
+        done = self.node("GeometryNodeSetMaterial", shown.outputs[0], True, given["Material"]).outputs[0]
         self.node("NodeGroupOutput", done)

@@ -17,22 +17,7 @@ SHEEN = 0.3
 
 def add_sheet(sheet: SheetOutput, rest: str, cache: str) -> bpy.types.Object:
     """A new object that shows one sheet, in no collection yet; `cache` is absolute or //… Raises ShotError."""
-    before, finding = set(bpy.data.objects), "no mesh in it"
-    try:
-        bpy.ops.wm.ply_import(filepath=rest, forward_axis="Y", up_axis="Z", merge_verts=False)
-    except RuntimeError as error:
-        finding = f"cannot be read ({printable(error, 200)})"
-    new = [made for made in bpy.data.objects if made not in before]
-    if len(new) != 1 or not new[0].data.vertices:
-        for made in new:
-            bpy.data.objects.remove(made)
-        raise ShotError(f"{printable(rest)}: {finding}. {REMAKE}")
-    made = new[0]
-    for collection in made.users_collection:
-        collection.objects.unlink(made)
-    made.name = made.data.name = sheet.name
-    made.data.polygons.foreach_set("use_smooth", [True] * len(made.data.polygons))
-    made.data.materials.clear()
+    made = read_mesh(sheet.name, rest)
     made.data.materials.append(cloth())
     modifier = made.modifiers.new("Meniscus Sheet", "MESH_CACHE")
     modifier.cache_format, modifier.filepath = "PC2", cache
@@ -41,6 +26,27 @@ def add_sheet(sheet: SheetOutput, rest: str, cache: str) -> bpy.types.Object:
     # Sample = scale × frame − start.
     modifier.frame_scale = 1.0 / sheet.frames.step
     modifier.frame_start = sheet.frames.first / sheet.frames.step
+    return made
+
+
+def read_mesh(name: str, path: str) -> bpy.types.Object:
+    """A new object with the mesh of a PLY file, smooth and without materials, in no collection yet. Raises ShotError."""
+    before, finding = set(bpy.data.objects), "no mesh in it"
+    try:
+        bpy.ops.wm.ply_import(filepath=path, forward_axis="Y", up_axis="Z", merge_verts=False)
+    except RuntimeError as error:
+        finding = f"cannot be read ({printable(error, 200)})"
+    new = [made for made in bpy.data.objects if made not in before]
+    if len(new) != 1 or not new[0].data.vertices:
+        for made in new:
+            bpy.data.objects.remove(made)
+        raise ShotError(f"{printable(path)}: {finding}. {REMAKE}")
+    made = new[0]
+    for collection in made.users_collection:
+        collection.objects.unlink(made)
+    made.name = made.data.name = name
+    made.data.polygons.foreach_set("use_smooth", [True] * len(made.data.polygons))
+    made.data.materials.clear()
     return made
 
 

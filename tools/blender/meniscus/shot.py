@@ -29,6 +29,8 @@ MAX_PATH_BYTES = 255
 # Frames of a Blender scene end here; inputs of nodes are signed integers of 32 bits.
 MAX_SCENE_FRAME = 1048574
 MAX_INTEGER = 2**31 - 1
+# Places in metres; farther ones are no place of a shot.
+MAX_POSITION = 1e9
 
 NAME = re.compile(r"[A-Za-z0-9_-]+")
 # Parts neither start nor end with a dot.
@@ -65,6 +67,10 @@ class MeshOutput(SequenceOutput):
     """A sequence of PLY files."""
 
 
+class PointsOutput(SequenceOutput):
+    """A sequence of PLY files of points, each with a `radius`: droplets."""
+
+
 class VolumeOutput(SequenceOutput):
     """A sequence of OpenVDB files."""
 
@@ -80,6 +86,24 @@ class SheetOutput:
 
 
 @dataclass(frozen=True)
+class ColliderOutput:
+    """The mesh of a collider in its own axes as PLY, and its poses as JSON."""
+
+    name: str
+    mesh: str
+    motion: str
+
+
+@dataclass(frozen=True)
+class CameraPlace:
+    """The camera of a shot: where it is, the point in the middle of its picture [m], and its focal length [mm]."""
+
+    position: tuple[float, float, float]
+    target: tuple[float, float, float]
+    focal_length: float
+
+
+@dataclass(frozen=True)
 class Shot:
     """What a shot folder holds, as far as Blender can use it."""
 
@@ -87,14 +111,17 @@ class Shot:
     title: str
     fps: float
     frames: Frames
+    camera: CameraPlace | None
     meshes: list[MeshOutput]
+    points: list[PointsOutput]
     volumes: list[VolumeOutput]
     sheets: list[SheetOutput]
+    colliders: list[ColliderOutput]
     skipped: list[str]
 
     def last_frame(self) -> int:
         """The last frame of the shot and of all outputs."""
-        return max(part.frames.last for part in (self, *self.meshes, *self.volumes, *self.sheets))
+        return max(part.frames.last for part in (self, *self.meshes, *self.points, *self.volumes, *self.sheets))
 
 
 def read_shot(path: Path) -> Shot:
@@ -142,7 +169,28 @@ class Validator:
             raise self.error('"title"', title, "a text")
         title = printable(title or os.path.basename(self.path.parent), 100)
         frames = self.frames('"frames"', data.get("frames"))
-        return Shot(self.path.parent, title, float(fps), frames, *self.outputs(data.get("outputs")))
+        camera = self.camera(data.get("camera"))
+        return Shot(self.path.parent, title, float(fps), frames, camera, *self.outputs(data.get("outputs")))
+
+    def camera(self, camera: object) -> CameraPlace | None:
+        """The camera, if the shot names one."""
+        if camera is None:
+            return None
+        if not isinstance(camera, dict):
+            raise self.error('"camera"', camera, "an object")
+        places = []
+        for part in ("position", "target"):
+            place = camera.get(part)
+            is_place = isinstance(place, list) and len(place) == 3 and all(type(x) in (int, float) for x in place)
+            if not is_place or not all(-MAX_POSITION <= x <= MAX_POSITION for x in place):
+                raise self.error(f'"camera" "{part}"', place, f"three numbers within {MAX_POSITION:g}")
+            places.append(tuple(map(float, place)))
+        lens = camera.get("focal_length")
+        if type(lens) not in (int, float) or not 1.0 <= lens <= 5000.0:
+            raise self.error('"camera" "focal_length"', lens, "a number from 1 to 5000")
+        if places[0] == places[1]:
+            raise self.error('"camera" "target"', list(places[1]), "another place than its position")
+        return CameraPlace(*places, float(lens))
 
     def check_format(self, data: object) -> None:
         """Refuses other files and other versions."""
@@ -156,8 +204,8 @@ class Validator:
                 "Install the add-on that came with the Meniscus that wrote the shot"
             )
 
-    def outputs(self, outputs: object) -> tuple[list[MeshOutput], list[VolumeOutput], list[SheetOutput], list[str]]:
-        """The outputs that Blender can open, and descriptions of the others."""
+    def outputs(self, outputs: object) -> tuple[list, ...]:
+        """The outputs that Blender can open, by the fields of a Shot, and descriptions of the others."""
         if not isinstance(outputs, list) or not all(isinstance(output, dict) for output in outputs):
             raise self.error('"outputs"', outputs, "a list of objects")
         if len(outputs) > MAX_OUTPUTS:
@@ -166,7 +214,7 @@ class Validator:
             for part in ("kind", "name", "format"):
                 if not isinstance(output.get(part), str):
                     raise self.error(f'"outputs"[{index}] "{part}"', output.get(part), "a text")
-        meshes, volumes, sheets, skipped = [], [], [], []
+        meshes, points, volumes, sheets, colliders, skipped = [], [], [], [], [], []
         meshed = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("mesh", "ply")}
         moved = {o["name"] for o in outputs if (o["kind"], o["format"]) == ("sheet", "pc2")}
         for index, output in enumerate(outputs):
@@ -174,8 +222,12 @@ class Validator:
             grids = self.grids(key, output) if kind == ("volume", "vdb") else []
             if kind == ("mesh", "ply") and name not in moved:
                 meshes.append(MeshOutput(*self.sequence(key, output), self.has_velocity(key, output)))
+            elif kind == ("points", "ply") and self.has_radius(key, output):
+                points.append(PointsOutput(*self.sequence(key, output), self.has_velocity(key, output)))
             elif kind == ("sheet", "pc2"):
-                sheets.append(self.sheet(key, output))
+                sheets.append(SheetOutput(*self.moved_mesh(key, output, ".pc2"), self.frames(f'{key} "frames"', output.get("frames"))))
+            elif kind == ("collider", "json"):
+                colliders.append(ColliderOutput(*self.moved_mesh(key, output, ".json")))
             elif "density" in grids and name not in meshed:
                 volumes.append(VolumeOutput(*self.sequence(key, output), "velocity" in grids))
             else:
@@ -187,7 +239,7 @@ class Validator:
                 'Add mesh = ["ply"], volume = ["density"] or sheet = ["pc2"] to the preset\'s [output] and run '
                 "`meniscus shot` again"
             )
-        return meshes, volumes, sheets, skipped
+        return meshes, points, volumes, sheets, colliders, skipped
 
     def sequence(self, key: str, output: dict) -> tuple[str, str, Frames]:
         """Name, pattern and frames of an output with a file a frame."""
@@ -203,15 +255,16 @@ class Validator:
         self.check_path(f'{key} "pattern"', pattern, f"{stem}0001.{output['format']}")
         return self.name(key, output), pattern, self.frames(f'{key} "frames"', output.get("frames"))
 
-    def sheet(self, key: str, output: dict) -> SheetOutput:
+    def moved_mesh(self, key: str, output: dict, extension: str) -> tuple[str, str, str]:
+        """Name, mesh, and the file that moves it, of an output with all frames in one file."""
         paths = []
-        for part, extension in (("rest", ".ply"), ("pattern", ".pc2")):
+        for part, ending in (("rest", ".ply"), ("pattern", extension)):
             path = output.get(part)
-            if not isinstance(path, str) or not path.endswith(extension):
-                raise self.error(f'{key} "{part}"', path, f"a path that ends in {extension}, without a frame number")
+            if not isinstance(path, str) or not path.endswith(ending):
+                raise self.error(f'{key} "{part}"', path, f"a path that ends in {ending}, without a frame number")
             self.check_path(f'{key} "{part}"', path, path)
             paths.append(path)
-        return SheetOutput(self.name(key, output), *paths, self.frames(f'{key} "frames"', output.get("frames")))
+        return self.name(key, output), *paths
 
     def name(self, key: str, output: dict) -> str:
         name = output.get("name")
@@ -235,11 +288,18 @@ class Validator:
             raise self.error(f'{key} "grids"', grids, "a list of names")
         return grids
 
-    def has_velocity(self, key: str, output: dict) -> bool:
+    def attribute(self, key: str, output: dict, name: str) -> object:
+        """The properties of an attribute; None if there is none."""
         attributes = output.get("attributes", {})
         if not isinstance(attributes, dict):
             raise self.error(f'{key} "attributes"', attributes, "an object")
-        velocity = attributes.get("velocity")
+        return attributes.get(name)
+
+    def has_radius(self, key: str, output: dict) -> bool:
+        return self.attribute(key, output, "radius") == ["radius"]
+
+    def has_velocity(self, key: str, output: dict) -> bool:
+        velocity = self.attribute(key, output, "velocity")
         if velocity not in (None, VELOCITY):
             raise self.error(f'{key} "velocity"', velocity, str(VELOCITY))
         return velocity is not None

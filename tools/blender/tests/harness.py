@@ -52,8 +52,9 @@ def at_frame(shown: bpy.types.Object, frame: int, subframe: float = 0.0) -> bpy.
     return evaluated(shown)
 
 
-def imported(folder: Path, **options: str) -> bpy.types.Object:
-    bpy.ops.import_scene.meniscus_shot(filepath=str(folder / "shot.json"), **options)
+def imported(folder: Path, studio: bool = False, **options: str) -> bpy.types.Object:
+    """Imports a shot, without camera, ground and light unless they are tested, and returns its active object."""
+    bpy.ops.import_scene.meniscus_shot(filepath=str(folder / "shot.json"), studio=studio, **options)
     return bpy.context.object
 
 

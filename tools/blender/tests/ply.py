@@ -52,16 +52,19 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
     return {name: vertices[name].copy() for name in names}, faces["corner"].copy()
 
 
-def write(path: Path, columns: dict[str, np.ndarray], triangles: np.ndarray) -> None:
-    """Writes vertex columns and triangles in the layout of the Meniscus exporter."""
+def write(path: Path, columns: dict[str, np.ndarray], triangles: np.ndarray | None) -> None:
+    """Writes vertex columns, and triangles unless they are points, in the layout of the Meniscus exporter."""
     vertices = np.zeros(len(columns["x"]), [(name, "<f4") for name in columns])
     for name, values in columns.items():
         vertices[name] = values
-    faces = np.zeros(len(triangles), FACE)
-    faces["count"] = 3
-    faces["corner"] = triangles
+    faces = np.zeros(0 if triangles is None else len(triangles), FACE)
+    if triangles is not None:
+        faces["count"] = 3
+        faces["corner"] = triangles
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
     header += [f"property float {name}" for name in columns]
-    header += [f"element face {len(faces)}", "property list uchar uint vertex_indices", "end_header", ""]
+    if triangles is not None:
+        header += [f"element face {len(faces)}", "property list uchar uint vertex_indices"]
+    header += ["end_header", ""]
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     Path(path).write_bytes("\n".join(header).encode("ascii") + vertices.tobytes() + faces.tobytes())

@@ -119,6 +119,8 @@ def main() -> int:
         synthetic.write_sheet(work / "sheet")
         tally.stage("sheet", [work / "sheet"], user)
         tally.stage("sheets", [work / "sheets"], user)
+        for name in ("colliders", "studio", "motions"):
+            tally.stage(name, [work / name], user, "solids.py")
         tally.stage("hostile", [work / "hostile"], user, "hostile.py")
         if given.volumes:
             shutil.copytree(given.volumes, work / "volumes")

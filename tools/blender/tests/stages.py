@@ -140,7 +140,7 @@ def stage_shot(shot: Path) -> None:
     use_addon()
     data, files = sequence(shot)
     bpy.ops.wm.save_as_mainfile(filepath=str(shot / "scene.blend"))
-    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"))
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), studio=False)
     scene, shown = bpy.context.scene, bpy.context.object
     rate = scene.render.fps / scene.render.fps_base
     check(abs(rate - data["fps"]) < 1e-5 * rate, "the scene has the shot's frame rate", rate)
@@ -360,7 +360,7 @@ def stage_volume(shot: Path) -> None:
 def stage_smoke(shot: Path) -> None:
     """Imports a shot of a ring that flies upwards: it is there, it moves, and its velocities are a second's."""
     use_addon()
-    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE", studio=False)
     shown, scene = bpy.context.object, bpy.context.scene
     volume = shown.data
     check(shown.type == "VOLUME" and shown.name == "smoke", "smoke is a volume", f"{shown.type} {shown.name}")
@@ -396,7 +396,7 @@ def stage_smoke(shot: Path) -> None:
 def stage_plume(shot: Path) -> None:
     """Imports a shot whose first frame has no smoke yet: the material is scaled by the first frame with smoke."""
     use_addon()
-    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE", studio=False)
     shown, scene = bpy.context.object, bpy.context.scene
     check(not [o for o in bpy.data.objects if o.type == "VOLUME" and o != shown], "no other object remains")
     sizes = []
@@ -423,7 +423,7 @@ def point_cache(path: Path) -> tuple[dict, np.ndarray]:
 def stage_sheet(shot: Path) -> None:
     """Imports every sheet of a shot: each point is where the cache has it, to the last bit, and the first sheet renders."""
     use_addon()
-    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE")
+    bpy.ops.import_scene.meniscus_shot(filepath=str(shot / "shot.json"), path_mode="ABSOLUTE", studio=False)
     data = json.loads((shot / "shot.json").read_text(encoding="utf-8"))
     outputs = [output for output in data["outputs"] if output["kind"] == "sheet"]
     check(bool(outputs), "the shot has sheets")

@@ -121,6 +121,39 @@ def write_sheet(folder: Path, first: int = 1, last: int = 5, step: int = 1, side
     return write_manifest(folder, fps, output | {"frames": {"first": first, "last": last, "step": step}, "attributes": {}})
 
 
+def poses(first: int, last: int) -> list[list[float]]:
+    """Position and quaternion w, x, y, z in each frame: a turn of 20 degrees a frame about a tilted axis, past half a turn."""
+    axis, found = np.array([2.0, -1.0, 2.0]) / 3.0, []
+    for frame in range(first, last + 1):
+        half = np.radians(10.0 * (frame - first))
+        found.append([0.1 * frame, -0.2 * frame, 0.5, np.cos(half), *(np.sin(half) * axis)])
+    return found
+
+
+def write_colliders(folder: Path, first: int = 2, last: int = 14) -> Path:
+    """Adds to the flying ball a paddle that moves, a bowl of glass, a hidden ball, and droplets; returns the path of shot.json."""
+    path = write_shot(folder, last=16, empty=())
+    shot = json.loads(path.read_text(encoding="utf-8"))
+    directions, triangles = icosphere(2)
+    for name, look, moved in (("paddle", "matte", True), ("bowl", "glass", False), ("ghost", "hidden", False)):
+        ply.write(folder / "collider" / f"{name}.ply", dict(zip("xyz", (0.2 * directions).T)), triangles)
+        motion = {"format": "meniscus-motion", "version": 1, "shape": "mesh", "look": look, "first": first if moved else 1}
+        motion["poses"] = poses(first, last) if moved else [[0.0, 0.5, 0.0, 1.0, 0.0, 0.0, 0.0]]
+        (folder / "collider" / f"{name}.json").write_text(json.dumps(motion), encoding="utf-8")
+        output = {"kind": "collider", "name": name, "format": "json", "rest": f"collider/{name}.ply"}
+        frames = {"first": motion["first"], "last": motion["first"] + len(motion["poses"]) - 1, "step": 1}
+        shot["outputs"].append(output | {"pattern": f"collider/{name}.json", "frames": frames, "attributes": {}})
+    drops = {"x": [0.5, 0.6], "y": [0.0, 0.1], "z": [1.2, 1.5], "radius": [0.03, 0.05], "vx": [6.0, 0.0], "vy": [0, 0], "vz": [0, 0]}
+    for frame in range(1, 17):
+        file = folder / "mesh" / f"liquid_points_{frame:04}.ply"
+        ply.write(file, {name: np.array(values, float) for name, values in drops.items()}, None)
+    output = {"kind": "points", "name": "liquid_points", "format": "ply", "pattern": "mesh/liquid_points_{:04}.ply"}
+    attributes = {"radius": ["radius"], "velocity": ["vx", "vy", "vz"]}
+    shot["outputs"].append(output | {"frames": shot["frames"], "attributes": attributes})
+    path.write_text(json.dumps(shot, indent=2) + "\n", encoding="utf-8")
+    return path
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)

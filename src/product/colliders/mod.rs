@@ -1,0 +1,7 @@
+//! Colliders: a mesh of each in its own axes, and its pose in every frame. docs/formats/shot.md has the files.
+
+mod motion;
+mod tessellate;
+mod writer;
+
+pub(super) use writer::ColliderMeshes;

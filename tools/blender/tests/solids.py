@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: MIT OR Apache-2.0
+"""Colliders, droplets, camera, ground and light inside Blender; run.py starts each stage in a process of its own.
+
+Poses are compared with the motion files by quaternion arithmetic of their own.
+"""
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+import harness
+import ply
+import synthetic
+from harness import ADDON, change, check, expect, imported, refused, use_addon
+
+
+def turned(points: np.ndarray, pose: list[float]) -> np.ndarray:
+    """R x + p of a pose: v + 2 u x (u x v + w v) for a quaternion (w, u)."""
+    place, w, u = np.array(pose[:3]), pose[3], np.array(pose[4:])
+    return points + 2.0 * np.cross(u, np.cross(u, points) + w * points) + place
+
+
+def in_world(shown: bpy.types.Object) -> np.ndarray:
+    """Vertices of an object in the current frame."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    made = shown.evaluated_get(graph)
+    points = np.empty(3 * len(made.data.vertices), np.float32)
+    made.data.vertices.foreach_get("co", points)
+    place = np.array(made.matrix_world)
+    return points.reshape(-1, 3) @ place[:3, :3].T + place[:3, 3]
+
+
+def check_poses(shot: Path) -> None:
+    """Every collider is where its motion file puts it, in each frame from before the first to after the last."""
+    scene, data = bpy.context.scene, json.loads((shot / "shot.json").read_text(encoding="utf-8"))
+    for output in (output for output in data["outputs"] if output["kind"] == "collider"):
+        shown, motion = bpy.data.objects[output["name"]], json.loads((shot / output["pattern"]).read_text(encoding="utf-8"))
+        table, _ = ply.read(shot / output["rest"])
+        rest = np.stack([table[name] for name in "xyz"], axis=1).astype(float)
+        poses, worst = motion["poses"], 0.0
+        numbers = range(motion["first"] - 2, motion["first"] + len(poses) + 2)
+        for frame in numbers:
+            scene.frame_set(frame)
+            wanted = turned(rest, poses[min(max(frame - motion["first"], 0), len(poses) - 1)])
+            worst = max(worst, float(np.abs(in_world(shown) - wanted).max()))
+        size = float(np.abs(rest).max())
+        check(worst < 1e-5 * max(size, 1.0), f"{shown.name} is where its file puts it in {len(numbers)} frames", worst)
+
+
+def stage_colliders(work: Path) -> None:
+    """Colliders have their motion, materials and looks; droplets are points of their radius."""
+    use_addon()
+    path = synthetic.write_colliders(work)
+    surface = imported(path.parent, studio=True)
+    paddle, bowl, ghost = (bpy.data.objects[name] for name in ("paddle", "bowl", "ghost"))
+    check(ghost.hide_viewport and ghost.hide_render and not paddle.hide_render, "a hidden collider is neither shown nor rendered")
+    ghost.hide_viewport = False
+    check_poses(work)
+    check([m.name for m in bowl.data.materials] == ["Glass"], "a look of glass has the glass material")
+    check([m.name for m in paddle.data.materials] == ["Collider"], "a matte look has the plain material")
+    scene = bpy.context.scene
+    scene.frame_set(3, subframe=0.5)
+    first, second = synthetic.poses(2, 14)[1:3]
+    between = in_world(paddle).mean(axis=0) - (np.array(first[:3]) + second[:3]) / 2.0
+    check(np.abs(between).max() < 1e-5, "between two frames a collider is in the middle", between)
+    expect("Info: Synthetic: 1 mesh sequence(s), 1 point sequence(s), 3 collider(s), 32 frames, paths absolute")
+
+    drops = bpy.data.objects["liquid_points"]
+    scene.frame_set(2)
+    graph = bpy.context.evaluated_depsgraph_get()
+    geometry = drops.evaluated_get(graph).evaluated_geometry()
+    cloud = geometry.pointcloud
+    check(cloud is not None and len(cloud.points) == 2, "droplets are a point cloud")
+    radii = [round(point.radius, 6) for point in cloud.points]
+    check(radii == [0.03, 0.05], "a droplet has its radius", radii)
+    velocity = [tuple(value.vector) for value in cloud.attributes["velocity"].data]
+    check(velocity == [(6.0, 0.0, 0.0), (0.0, 0.0, 0.0)], "droplets have their velocities", velocity)
+
+    # A shutter of one frame smears the paddle, whose velocity no attribute holds.
+    for other in (surface, bowl, ghost, drops):
+        other.hide_render = True
+    for other in scene.objects:
+        other.hide_render |= other.type == "MESH" and other != paddle
+    scene.frame_set(8)
+    render = scene.render
+    check(render.engine == "CYCLES" and render.use_motion_blur, "the engine blurs motion", render.engine)
+    render.resolution_x, render.resolution_y, render.film_transparent = 160, 90, True
+    render.image_settings.file_format, render.image_settings.color_mode = "OPEN_EXR", "RGBA"
+    scene.cycles.samples, scene.cycles.use_denoising, render.motion_blur_shutter = 64, False, 1.0
+    covered = []
+    for blur in (False, True):
+        render.use_motion_blur, render.filepath = blur, str(work / f"blur{blur}.exr")
+        bpy.ops.render.render(write_still=True)
+        image = bpy.data.images.load(render.filepath)
+        pixels = np.empty(4 * 160 * 90, np.float32)
+        image.pixels.foreach_get(pixels)
+        covered.append(int((pixels[3::4] > 0.02).sum()))
+    check(covered[1] > 1.1 * covered[0] > 0, "a moving collider is blurred", covered)
+
+
+def stage_studio(work: Path) -> None:
+    """Blender's own scene loses its cube, and gets camera, ground and light; what a user made stays."""
+
+    def startup() -> None:
+        bpy.ops.wm.read_factory_settings()
+        bpy.ops.preferences.addon_enable(module=ADDON)
+
+    path = synthetic.write_colliders(work / "own")
+    startup()
+    cube = [o.name for o in bpy.data.objects]
+    check(sorted(cube) == ["Camera", "Cube", "Light"], "the startup file has its cube, lamp and camera", cube)
+    imported(path.parent, studio=True)
+    names = set(bpy.data.objects.keys())
+    check("Cube" not in names and "Light" not in names, "the cube and the lamp are gone", names)
+    check({"Ground", "Sun", "Soft Light", "Camera"} <= names, "ground, light and camera are there", names)
+    expect("removed Blender's own Cube, Light, Camera, which had not been changed")
+    expect("added ground, light, camera")
+    camera = bpy.context.scene.camera
+    wide = in_picture(*(bpy.data.objects[name] for name in ("liquid", "paddle", "bowl")))
+    check(0.5 < wide <= 1.0, "the shot is at least half as wide as the picture, and inside", wide)
+
+    startup()
+    bpy.data.objects["Cube"].location.x = 3.0
+    bpy.data.objects["Camera"].location.x += 0.5
+    camera = bpy.context.scene.camera
+    imported(path.parent, studio=True)
+    names = set(bpy.data.objects.keys())
+    check("Cube" in names and bpy.context.scene.camera == camera, "a cube and a camera that were moved stay", names)
+    check("Light" not in names, "the lamp, which was not changed, is replaced", names)
+
+    startup()
+    imported(path.parent, studio=False, engine="KEEP")
+    names = set(bpy.data.objects.keys())
+    check({"Cube", "Camera", "Light"} <= names and "Ground" not in names, "without the option nothing is added", names)
+    check("EEVEE" in bpy.context.scene.render.engine, "the engine is kept", bpy.context.scene.render.engine)
+    startup()
+    imported(path.parent, studio=True, engine="EEVEE")
+    check("EEVEE" in bpy.context.scene.render.engine, "EEVEE can be chosen", bpy.context.scene.render.engine)
+
+    startup()
+    place = {"position": [0.0, -6.0, 1.0], "target": [0.0, 1.0, 1.0], "focal_length": 35.0}
+    change(path, lambda d: d.update(camera=place))
+    imported(path.parent, studio=True)
+    camera = bpy.context.scene.camera
+    bpy.context.view_layer.update()
+    toward = -np.array(camera.matrix_world)[:3, 2]
+    near = np.allclose(camera.location, place["position"], atol=1e-6) and np.allclose(toward, (0.0, 1.0, 0.0), atol=1e-6)
+    check(near and camera.data.lens == 35.0, "the camera is the shot's", (camera.location, toward, camera.data.lens))
+    bad = {"not an object": 5, "no place": {"target": [0, 0, 0], "focal_length": 50}, "far": place | {"position": [0, 0, 1e10]}}
+    bad |= {"text": place | {"target": "abc"}, "lens": place | {"focal_length": 0}, "same": place | {"target": place["position"]}}
+    for name, value in bad.items():
+        change(path, lambda d: d.update(camera=value))
+        refused(f"camera: {name}", path, '"camera"', "`meniscus shot`")
+
+
+def in_picture(*shown: bpy.types.Object) -> float:
+    """The part of the picture's width that objects cover in the first and last frame; 2 if they leave the picture."""
+    from bpy_extras.object_utils import world_to_camera_view
+    from mathutils import Vector
+
+    scene, places = bpy.context.scene, []
+    for frame in (scene.frame_start, scene.frame_end):
+        scene.frame_set(frame)
+        for made in shown:
+            places += [world_to_camera_view(scene, scene.camera, Vector(x)) for x in in_world(made)[::7]]
+    x, y = np.array([p.x for p in places]), np.array([p.y for p in places])
+    inside = min(x.min(), y.min()) >= 0.0 and max(x.max(), y.max()) <= 1.0
+    return max(float(np.ptp(x)), float(np.ptp(y))) if inside else 2.0
+
+
+def stage_motions(work: Path) -> None:
+    """Damaged and malicious motion files are refused with one line."""
+    use_addon()
+    path = synthetic.write_colliders(work / "shot")
+    file = path.parent / "collider" / "paddle.json"
+    sound = file.read_text(encoding="utf-8")
+    still = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+    cases = {"empty": "", "no JSON": "[" * 100_000, "a list": "[]", "nothing": "{}"}
+    edits = {"version": 2, "shape": "cone", "look": ["glass"], "first": -1, "poses": [], "format": None}
+    cases |= {key: json.dumps(json.loads(sound) | {key: value}) for key, value in edits.items()}
+    poses = {"six": still[:6], "text": [*still[:6], "0"], "truth": [True, *still[1:]], "far": [1e10, *still[1:]], "zero": [0.0] * 7}
+    cases |= {f"pose: {key}": json.dumps(json.loads(sound) | {"poses": [still, pose]}) for key, pose in poses.items()}
+    cases["pose: NaN"] = sound.replace("0.5", "NaN", 1)
+    cases["pose: 1e999"] = sound.replace("0.5", "1e999", 1)
+    cases["huge"] = sound + " " * (33 << 20)
+    cases["first"] = json.dumps(json.loads(sound) | {"first": 2**40})
+    for name, text in cases.items():
+        file.write_text(text, encoding="utf-8")
+        refused(f"motion: {name}", path, str(file), "`meniscus shot`" if name != "version" else "Install the add-on")
+    file.unlink()
+    refused("no motion", path, "paddle.json is missing", "`meniscus shot`")
+    (work / "other.json").write_text(sound, encoding="utf-8")
+    file.symlink_to(work / "other.json")
+    refused("a link for a motion", path, str(file), "leads out of the shot folder")
+    file.unlink()
+    file.write_text(sound, encoding="utf-8")
+    for key, value in {"pattern": "../paddle.json", "rest": "/paddle.ply"}.items():
+        other = synthetic.write_colliders(work / key)
+        change(other, lambda d: d["outputs"][1].update({key: value}))
+        refused(f"a {key} elsewhere", other, value, "inside the shot folder")
+    mesh = path.parent / "collider" / "bowl.ply"
+    mesh.write_bytes(mesh.read_bytes()[:-1])
+    refused("a damaged mesh", path, str(mesh), "expected")
+
+
+if __name__ == "__main__":
+    harness.run(globals())
