@@ -100,13 +100,90 @@ def stage_colliders(work: Path) -> None:
     check(covered[1] > 1.1 * covered[0] > 0, "a moving collider is blurred", covered)
 
 
+# Name and edit of an object of the startup file, each in a field of its own.
+STARTUP_EDITS = {
+    "Cube": {
+        "rotation": lambda cube: setattr(cube, "rotation_euler", (0.0, 0.0, 0.3)),
+        "quaternion": lambda cube: (setattr(cube, "rotation_mode", "QUATERNION"), setattr(cube, "rotation_quaternion", (0, 0, 0, 1))),
+        "faces": lambda cube: remove_face(cube.data),
+        "colour": lambda cube: set_shader(cube, "Base Color", (0.8, 0.1, 0.1, 1.0)),
+        "roughness": lambda cube: set_shader(cube, "Roughness", 0.1),
+        "material": lambda cube: cube.data.materials.clear(),
+        "second material": lambda cube: cube.data.materials.append(bpy.data.materials.new("Other")),
+        "material name": lambda cube: setattr(cube.data.materials[0], "name", "Marble"),
+        "material property": lambda cube: cube.data.materials[0].__setitem__("note", 1),
+        "node": lambda cube: cube.data.materials[0].node_tree.nodes.new("ShaderNodeTexBrick"),
+        "property": lambda cube: cube.__setitem__("note", 1),
+        "mesh property": lambda cube: cube.data.__setitem__("note", 1),
+        "scene": lambda cube: bpy.data.scenes.new("Other").collection.objects.link(cube),
+        "collection": lambda cube: bpy.data.collections.new("Other").objects.link(cube),
+    },
+    "Light": {
+        "rotation": lambda light: setattr(light.rotation_euler, "x", 1.0),
+        "colour": lambda light: setattr(light.data, "color", (1.0, 0.5, 0.2)),
+        "radius": lambda light: setattr(light.data, "shadow_soft_size", 0.5),
+        "property": lambda light: light.__setitem__("note", 1),
+        "scene": lambda light: bpy.data.scenes.new("Other").collection.objects.link(light),
+    },
+    "Camera": {
+        "rotation": lambda camera: setattr(camera.rotation_euler, "z", 1.0),
+        "depth of field": lambda camera: setattr(camera.data.dof, "use_dof", True),
+        "sensor": lambda camera: setattr(camera.data, "sensor_width", 24.0),
+        "sensor fit": lambda camera: setattr(camera.data, "sensor_fit", "VERTICAL"),
+        "shift x": lambda camera: setattr(camera.data, "shift_x", 0.1),
+        "shift y": lambda camera: setattr(camera.data, "shift_y", 0.1),
+        "clip start": lambda camera: setattr(camera.data, "clip_start", 0.01),
+        "clip end": lambda camera: setattr(camera.data, "clip_end", 1000.0),
+        "property": lambda camera: camera.data.__setitem__("note", 1),
+        "scene": lambda camera: setattr(bpy.data.scenes.new("Other"), "camera", camera),
+    },
+}
+
+
+def set_shader(cube: bpy.types.Object, name: str, value: object) -> None:
+    nodes = cube.data.materials[0].node_tree.nodes
+    next(node for node in nodes if node.type == "BSDF_PRINCIPLED").inputs[name].default_value = value
+
+
+def remove_face(mesh: bpy.types.Mesh) -> None:
+    points = [tuple(vertex.co) for vertex in mesh.vertices]
+    faces = [tuple(face.vertices) for face in mesh.polygons][:-1]
+    mesh.clear_geometry()
+    mesh.from_pydata(points, [], faces)
+
+
+def startup() -> None:
+    """Blender's startup file with the add-on switched on."""
+    bpy.ops.wm.read_factory_settings()
+    bpy.ops.preferences.addon_enable(module=ADDON)
+
+
+def stage_startup(work: Path) -> None:
+    """An object of the startup file stays when any field of it was changed, and all stay if the shot has nothing to frame."""
+    path = synthetic.write_shot(work / "shot", last=2, empty=())
+    for name, edits in STARTUP_EDITS.items():
+        for field, edit in edits.items():
+            startup()
+            edit(bpy.data.objects[name])
+            imported(path.parent, studio=True)
+            left = {"Cube", "Light"} & set(bpy.data.objects.keys())
+            # The camera that the import adds has the same name.
+            left |= {"Camera"} if "meniscus_studio" not in bpy.context.scene.camera else set()
+            check(left == {name}, f"{name} stays after a change of its {field}, the others do not", left)
+    startup()
+    check(bpy.data.objects["Light"].data.cycles.max_bounces > 0, "the lamp has settings of Cycles")
+    imported(path.parent, studio=True)
+    check("Light" not in bpy.data.objects, "a lamp whose Cycles panel was shown is unchanged")
+    empty = synthetic.write_shot(work / "empty", last=2, empty=(1, 2))
+    startup()
+    imported(empty.parent, studio=True)
+    names = set(bpy.data.objects.keys())
+    check({"Cube", "Light", "Camera"} <= names, "a shot without vertices removes nothing", names)
+    expect("added no camera and light, since no frame that was looked at has vertices")
+
+
 def stage_studio(work: Path) -> None:
     """Blender's own scene loses its cube, and gets camera, ground and light; what a user made stays."""
-
-    def startup() -> None:
-        bpy.ops.wm.read_factory_settings()
-        bpy.ops.preferences.addon_enable(module=ADDON)
-
     path = synthetic.write_colliders(work / "own")
     startup()
     cube = [o.name for o in bpy.data.objects]
