@@ -86,10 +86,8 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             context.scene.render.use_motion_blur = True
         self.choose_engine(context.scene)
         if self.studio:
-            has_floor = any(motion.shape == "plane" for motion in motions.values())
-            bounded = [solid for solid, motion in zip(solids, motions.values()) if motion.shape != "plane"]
             span = (shot.frames.first, min(shot.frames.last, MAX_SCENE_FRAME))
-            for text in studio.furnish(context, all_made, bounded, span, has_floor, shot.camera):
+            for text in studio.furnish(context, all_made, solids, span, shot.camera):
                 self.report({"INFO"}, f"{shot.title}: {text}")
         # Last: importing a sheet's mesh selects that alone.
         for selected in context.selected_objects:

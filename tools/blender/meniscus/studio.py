@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from .colliders import ground
+from .colliders import SHAPE, ground
 from .shot import CameraPlace
 
 # Frames that the camera has to show; more cost time and hardly move it.
@@ -23,6 +23,8 @@ AZIMUTH, ELEVATION, LENS = radians(-28.0), radians(18.0), 50.0
 # By parts of the size of the shot: how far the ground reaches into a liquid that stands on it, as a gap of air would mirror; how
 # far solids that carry the liquid may go below it before they stand on the ground; and how far the ground reaches.
 GROUND_OVERLAP, MAX_FOUNDATION, GROUND_REACH = 0.001, 0.03, 40.0
+# A plane whose normal is within this angle of +Z is the floor.
+MAX_FLOOR_SLOPE = radians(10.0)
 STAMP = "meniscus_studio"
 # Of Blender's startup file.
 STARTUP_OBJECTS = {
@@ -82,16 +84,16 @@ def furnish(
     moved: list[bpy.types.Object],
     solids: list[bpy.types.Object],
     frames: tuple[int, int],
-    has_floor: bool,
     camera: CameraPlace | None,
 ) -> list[str]:
     """Adds what the scene lacks of camera, ground and light around `moved` and `solids` in these frames; what was done, as texts."""
-    shot, whole, height = boxes(context, moved, solids, frames)
+    shot, whole, height = boxes(context, moved, [solid for solid in solids if is_bounded(solid)], frames)
     if not whole.exists():
         return ["added no camera and light, since no frame that was looked at has vertices"]
     removed = remove_defaults(context.scene)
     done = [f"removed Blender's own {', '.join(removed)}, which had not been changed"] if removed else []
     added = []
+    has_floor = any(is_floor(solid) for solid in solids)
     if not has_floor and not any(block.get(STAMP) == "ground" for block in context.scene.objects):
         add_ground(context, shot if shot.exists() else whole, height)
         added.append("ground")
@@ -102,6 +104,20 @@ def furnish(
         add_camera(context, whole, camera)
         added.append("camera")
     return done + ([f"added {', '.join(added)}"] if added else [])
+
+
+def is_bounded(solid: bpy.types.Object) -> bool:
+    """Whether a collider has bounds that ground and camera follow: it is rendered and no plane."""
+    return not solid.hide_render and solid[SHAPE] != "plane"
+
+
+def is_floor(solid: bpy.types.Object) -> bool:
+    """Whether a collider is a floor: a plane that is rendered and at rest, with a normal close to +Z."""
+    if solid[SHAPE] != "plane" or solid.hide_render or solid.animation_data or not len(solid.data.polygons):
+        return False
+    # A new object has its world matrix only after an evaluation; it has no parent.
+    normal = solid.matrix_basis.to_3x3() @ solid.data.polygons[0].normal
+    return normal.z > cos(MAX_FLOOR_SLOPE)
 
 
 def boxes(

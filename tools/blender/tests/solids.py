@@ -182,6 +182,64 @@ def stage_startup(work: Path) -> None:
     expect("added no camera and light, since no frame that was looked at has vertices")
 
 
+def write_solid(path: Path, shape: str, look: str, poses: list[list[float]], points: list, faces: list) -> None:
+    """Replaces the hidden ball of the synthetic shot by another collider."""
+    ply.write(path.parent / "collider" / "ghost.ply", dict(zip("xyz", np.array(points, float).T)), np.array(faces))
+    motion = {"format": "meniscus-motion", "version": 1, "shape": shape, "look": look, "first": 1, "poses": poses}
+    (path.parent / "collider" / "ghost.json").write_text(json.dumps(motion), encoding="utf-8")
+    frames = {"first": 1, "last": len(poses), "step": 1}
+    change(path, lambda d: next(o for o in d["outputs"] if o["name"] == "ghost").update(frames=frames))
+
+
+def stage_floors(work: Path) -> None:
+    """Only a visible plane at rest that faces upwards is the floor, and hidden colliders move neither ground nor camera."""
+    path = synthetic.write_colliders(work)
+
+    def views() -> tuple[float | None, np.ndarray]:
+        """Height of the ground, and place of the camera."""
+        startup()
+        imported(path.parent, studio=True)
+        bpy.context.view_layer.update()
+        made = [o for o in bpy.data.objects if o.get("meniscus_studio") == "ground"]
+        return made[0].location.z if made else None, np.array(bpy.context.scene.camera.location)
+
+    still, half = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 0.5**0.5
+    square = [(-20, -20, 0), (20, -20, 0), (20, 20, 0), (-20, 20, 0)]
+    faces = [(0, 1, 2), (0, 2, 3)]
+    height, place = views()
+    wall = [(z, x, y) for x, y, z in square]
+    lower = [*still[:2], -0.1, *still[3:]]
+    for name, look, poses, points, is_floor in (
+        ("a floor", "matte", [still], square, True),
+        ("a floor with equal poses", "matte", [still, still], square, True),
+        ("a wall turned to a floor", "matte", [[0.0, 0.0, 0.0, half, 0.0, -half, 0.0]], wall, True),
+        ("a wall", "matte", [still], wall, False),
+        ("a floor turned to a wall", "matte", [[0.0, 0.0, 0.0, half, 0.0, half, 0.0]], square, False),
+        ("a ceiling", "matte", [still], square[::-1], False),
+        ("a hidden plane", "hidden", [still], square, False),
+        ("a plane that moves", "matte", [still, lower], square, False),
+    ):
+        write_solid(path, "plane", look, poses, points, faces)
+        found, seen = views()
+        text = "is the floor" if is_floor else "leaves the ground that the import adds"
+        check(found == (None if is_floor else height), f"{name} {text}", found)
+        check(np.allclose(seen, place, atol=1e-5), f"{name} does not move the camera", (seen, place))
+    box = [(x, y, z) for z in (-1, 0) for x, y, _ in square]
+    deep = [0.0, 0.0, -3.0, *still[3:]]
+    for look, expected in (("hidden", height), ("matte", -4.0)):
+        write_solid(path, "box", look, [deep], box, [*faces, (4, 5, 6), (4, 6, 7)])
+        found, seen = views()
+        check(abs(found - expected) < 1e-5, f"the ground below a {look} box is at {expected:.2f} m", found)
+        check(np.allclose(seen, place, atol=1e-5), f"a wide {look} box does not move the camera", (seen, place))
+    small = [(x, y, z) for z in (-1, 0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    for look in ("hidden", "matte"):
+        write_solid(path, "box", look, [deep], small, [*faces, (4, 5, 6), (4, 6, 7)])
+        found, seen = views()
+        check(abs(found - height) < 1e-5, f"a small {look} box does not lower the ground", found)
+        moves = not np.allclose(seen, place, atol=1e-3)
+        check(moves == (look == "matte"), f"only a visible box belongs to the picture: {look}", (seen, place))
+
+
 def stage_studio(work: Path) -> None:
     """Blender's own scene loses its cube, and gets camera, ground and light; what a user made stays."""
     path = synthetic.write_colliders(work / "own")
