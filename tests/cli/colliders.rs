@@ -109,6 +109,31 @@ fn a_look_changes_pictures_and_no_frame() {
 }
 
 #[test]
+fn the_last_collider_that_is_not_shown_any_more_leaves_the_manifest() {
+    let desk = Desk::new();
+    let shown = SMALL.replacen("shape = { tank", "look = \"glass\"\nshape = { tank", 1);
+    for command in ["shot small.toml", "colliders small"] {
+        desk.write("small.toml", &shown);
+        desk.run("shot small.toml", 0);
+        let manifest = json(&desk.path("small/shot.json"));
+        assert_eq!(collider_outputs(&desk, "small").len(), 1);
+        desk.write("small.toml", SMALL);
+        if command.starts_with("colliders") {
+            desk.run("simulate small.toml", 0);
+        }
+        let (out, _) = desk.run(command, 0);
+        assert!(out.contains("0 colliders written"), "{out}");
+        assert_eq!(collider_outputs(&desk, "small"), Vec::<Value>::new());
+        let after = json(&desk.path("small/shot.json"));
+        assert_eq!(after["frames"], manifest["frames"]);
+        assert_eq!(after["outputs"].as_array().unwrap().len(), 1, "{after}");
+        desk.run("verify small", 0);
+        let (out, _) = desk.run("shot small.toml", 0);
+        assert!(!out.contains("collider"), "{out}");
+    }
+}
+
+#[test]
 fn colliders_are_refused_of_another_preset_and_of_shots_that_show_none() {
     let desk = desk();
     desk.run("shot solids.toml --frames 1-2", 0);

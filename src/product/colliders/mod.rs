@@ -4,4 +4,4 @@ mod motion;
 mod tessellate;
 mod writer;
 
-pub(super) use writer::ColliderMeshes;
+pub(super) use writer::{ColliderMeshes, are_listed};

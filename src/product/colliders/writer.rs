@@ -25,6 +25,9 @@ use xxhash_rust::xxh3::xxh3_64;
 /// Raised whenever a change of what a file holds gives the same collider another one.
 const COLLIDER_VERSION: u32 = 1;
 
+/// What a manifest calls a collider.
+const KIND: &str = "collider";
+
 /// The largest number of colliders that are written: a manifest has 1000 outputs at most, those of systems among them.
 const MAX_COLLIDERS: usize = 500;
 
@@ -95,11 +98,20 @@ impl Product for ColliderMeshes {
     }
 }
 
-/// Writes the colliders of the scene of `shot` to `out`. Files that were made of the same colliders are kept, unless the request
-/// forces them.
+/// Whether the manifest of a folder lists colliders.
 ///
 /// # Errors
-/// [`RunError::Request`] if the scene has none to write or too many, or is not the one that was simulated;
+/// If it cannot be read.
+pub(in crate::product) fn are_listed(out: &ShotFolder) -> Result<bool, RunError> {
+    let manifest = Manifest::read(out)?;
+    Ok(manifest.is_some_and(|manifest| manifest.outputs.iter().any(|output| output.kind == KIND)))
+}
+
+/// Writes the colliders of the scene of `shot` to `out`. Files that were made of the same colliders are kept, unless the request
+/// forces them. Without colliders to write, those that the manifest lists are removed from it.
+///
+/// # Errors
+/// [`RunError::Request`] if the scene has none to write and the manifest lists none, if it has too many, or is not the one that was simulated;
 /// [`RunError::OverMemory`]; if a file cannot be read or written.
 fn colliders(
     scene: &Scene,
@@ -125,7 +137,11 @@ fn colliders(
     let Some(span) = [requested, known].into_iter().flatten().reduce(FrameSpan::union) else {
         return Err(RunError::Request("no frames in this cache; simulate the shot first".into()));
     };
-    let tasks = tasks(scene, span)?;
+    let is_none_shown = scene.world.collider.iter().all(|collider| collider.shown_look().is_none());
+    let tasks = match is_none_shown && are_listed(out)? {
+        true => Vec::new(),
+        false => tasks(scene, span)?,
+    };
     refuse_over_memory(&tasks, request.max_memory)?;
     let mut ledger = Ledger::new(out, &ColliderMeshes, control)?;
     let ended = write(&tasks, out, request.force, &mut ledger, control);
@@ -244,7 +260,7 @@ fn output(name: &str, motion: &MotionFile) -> OutputFiles {
         pattern: format!("{folder}/{name}.json"),
         rest: Some(format!("{folder}/{name}.ply")),
         frames: FrameSpan { first: motion.first, last, step: 1 },
-        ..OutputFiles::of("collider", folder, name, "json", FrameIndex(motion.first))
+        ..OutputFiles::of(KIND, folder, name, "json", FrameIndex(motion.first))
     }
 }
 
