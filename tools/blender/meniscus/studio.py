@@ -229,6 +229,8 @@ def add_camera(context: bpy.types.Context, box: Box, place: CameraPlace | None) 
     """The camera of the shot, or one that sees the whole box with a margin."""
     camera = bpy.data.cameras.new("Camera")
     camera.lens, camera.clip_start, camera.clip_end = LENS, 0.001 * box.size(), 200.0 * box.size()
+    # Focal lengths of shots are for a sensor as wide as the picture, in portrait format too.
+    camera.sensor_fit = "HORIZONTAL"
     made = add_object(context, "Camera", camera, "camera")
     context.scene.camera = made
     if place:

@@ -13,7 +13,7 @@ import numpy as np
 import harness
 import ply
 import synthetic
-from harness import ADDON, change, check, expect, imported, refused, use_addon
+from harness import ADDON, change, check, expect, forbid, imported, refused, use_addon
 
 
 def turned(points: np.ndarray, pose: list[float]) -> np.ndarray:
@@ -273,6 +273,13 @@ def stage_studio(work: Path) -> None:
     startup()
     imported(path.parent, studio=True, engine="EEVEE")
     check("EEVEE" in bpy.context.scene.render.engine, "EEVEE can be chosen", bpy.context.scene.render.engine)
+    eevee = bpy.context.scene.render.engine
+    bpy.context.scene.name = "Kept Engine"
+    imported(path.parent, engine="EEVEE")
+    forbid("Info: Render engine of Kept Engine")
+    bpy.context.scene.name = "Own"
+    imported(path.parent, engine="CYCLES")
+    expect(f"Info: Render engine of Own changed from {eevee} to CYCLES")
 
     startup()
     place = {"position": [0.0, -6.0, 1.0], "target": [0.0, 1.0, 1.0], "focal_length": 35.0}
@@ -283,6 +290,12 @@ def stage_studio(work: Path) -> None:
     toward = -np.array(camera.matrix_world)[:3, 2]
     near = np.allclose(camera.location, place["position"], atol=1e-6) and np.allclose(toward, (0.0, 1.0, 0.0), atol=1e-6)
     check(near and camera.data.lens == 35.0, "the camera is the shot's", (camera.location, toward, camera.data.lens))
+    render = bpy.context.scene.render
+    for size in ((1920, 1080), (1080, 1920)):
+        render.resolution_x, render.resolution_y = size
+        corners = camera.data.view_frame(scene=bpy.context.scene)
+        slope = max(abs(corner.x / corner.z) for corner in corners)
+        check(abs(slope - 18.0 / 35.0) < 1e-5, f"the focal length is for the width of a picture of {size}", slope)
     bad = {"not an object": 5, "no place": {"target": [0, 0, 0], "focal_length": 50}, "far": place | {"position": [0, 0, 1e10]}}
     bad |= {"text": place | {"target": "abc"}, "lens": place | {"focal_length": 0}, "same": place | {"target": place["position"]}}
     for name, value in bad.items():
