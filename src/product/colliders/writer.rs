@@ -1,6 +1,10 @@
 //! Writes colliders: `collider/NAME.ply` in the collider's own axes, and `collider/NAME.json` with its poses.
 
-use super::{motion::MotionFile, tessellate::tessellate};
+use super::{
+    check,
+    motion::{MotionFile, pose_count},
+    tessellate::tessellate,
+};
 use crate::{
     cache,
     export::MeshFormat,
@@ -12,6 +16,7 @@ use crate::{
         memory::BASE_MEMORY,
     },
     math::Vec3,
+    preset::{Asset, check::Places, problem::Finding},
     product::{
         interface::Product,
         request::{ProductRequest, ProductSettings},
@@ -29,10 +34,13 @@ const COLLIDER_VERSION: u32 = 1;
 const KIND: &str = "collider";
 
 /// The largest number of colliders that are written: a manifest has 1000 outputs at most, those of systems among them.
-const MAX_COLLIDERS: usize = 500;
+pub(super) const MAX_COLLIDERS: usize = 500;
 
 /// Memory of reading and writing a mesh [bytes/byte of its file], as the limit of its reader.
 const MESH_BYTES: f64 = 64.0;
+
+/// Memory of the text of a pose, of which two copies exist while the keys of files are computed [bytes].
+const POSE_TEXT_BYTES: u64 = 200;
 
 /// Half of the side of the square of a plane: at least so long [m], and so many times the largest extent of the other colliders.
 const MIN_PLANE_REACH: f32 = 10.0;
@@ -90,6 +98,10 @@ impl Product for ColliderMeshes {
         BASE_MEMORY
     }
 
+    fn check_scene(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+        check::check(scene, places, findings);
+    }
+
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
         let (Source::Cache(shot), Some(scene)) = (request.frames()?, request.scene) else {
             return Err(RunError::Request("colliders are made of the preset of a shot folder alone".into()));
@@ -140,9 +152,11 @@ fn colliders(
     let is_none_shown = scene.world.collider.iter().all(|collider| collider.shown_look().is_none());
     let tasks = match is_none_shown && are_listed(out)? {
         true => Vec::new(),
-        false => tasks(scene, span)?,
+        false => {
+            refuse_over_memory(scene, span, request.max_memory)?;
+            tasks(scene, span)?
+        }
     };
-    refuse_over_memory(&tasks, request.max_memory)?;
     let mut ledger = Ledger::new(out, &ColliderMeshes, control)?;
     let ended = write(&tasks, out, request.force, &mut ledger, control);
     if ended.is_ok() {
@@ -185,10 +199,7 @@ fn tasks(scene: &Scene, span: FrameSpan) -> Result<Vec<Task<'_>>, RunError> {
     let mut tasks = Vec::new();
     for ((collider, look), name) in shown.into_iter().zip(names) {
         let shape = &collider.shape;
-        let asset = match shape {
-            Shape::Mesh(mesh) => scene.assets.get(&mesh.file),
-            _ => None,
-        };
+        let asset = mesh_file(scene, shape);
         let (bytes, hash): (&[u8], u64) = asset.map_or((&[], 0), |asset| (&asset.bytes, asset.hash));
         let motion = MotionFile::new(collider, look, fps, start, &(span.first..=span.last))?;
         let text = serde_json::to_string(shape).expect("a shape is plain data");
@@ -200,13 +211,31 @@ fn tasks(scene: &Scene, span: FrameSpan) -> Result<Vec<Task<'_>>, RunError> {
 }
 
 /// Refuses what needs more memory than is allowed [bytes].
-fn refuse_over_memory(tasks: &[Task], allowed: Option<u64>) -> Result<(), RunError> {
-    let largest = tasks.iter().map(|task| task.bytes.len()).max().unwrap_or(0);
-    let poses: usize = tasks.iter().map(|task| size_of_val(&task.motion.poses[..])).sum();
-    let needed = (BASE_MEMORY + largest as f64 * MESH_BYTES) as u64 + poses as u64;
+fn refuse_over_memory(scene: &Scene, span: FrameSpan, allowed: Option<u64>) -> Result<(), RunError> {
+    let needed = max_memory(scene, span);
     match allowed {
         Some(allowed) if needed > allowed => Err(RunError::OverMemory { needed, allowed }),
         _ => Ok(()),
+    }
+}
+
+/// A bound of the memory of writing the colliders [bytes], estimated from the sizes of files and the numbers of poses.
+fn max_memory(scene: &Scene, span: FrameSpan) -> u64 {
+    let shown: Vec<&Collider> =
+        scene.world.collider.iter().filter(|collider| collider.shown_look().is_some()).collect();
+    let size = |collider: &&Collider| mesh_file(scene, &collider.shape).map_or(0, |asset| asset.bytes.len());
+    let largest = shown.iter().map(size).max().unwrap_or(0);
+    let counts = || shown.iter().map(|collider| pose_count(collider, &(span.first..=span.last)));
+    let poses = counts().sum::<u64>() * size_of::<[f32; 7]>() as u64;
+    let text = counts().max().unwrap_or(0) * POSE_TEXT_BYTES;
+    (BASE_MEMORY + largest as f64 * MESH_BYTES) as u64 + poses + text
+}
+
+/// The file that a mesh names; `None` of other shapes.
+fn mesh_file<'a>(scene: &'a Scene, shape: &Shape) -> Option<&'a Asset> {
+    match shape {
+        Shape::Mesh(mesh) => scene.assets.get(&mesh.file),
+        _ => None,
     }
 }
 
