@@ -157,12 +157,12 @@ fn colliders_that_cannot_be_written_are_refused_before_the_simulation() {
     let desk = Desk::new();
     let ball = "[[world.collider]]\nshape = { sphere = { center = [5, 5, 5], radius = 0.1 } }\n";
     let preset = |text: &str| SMALL.replacen("[liquid]", &format!("{text}\n[liquid]"), 1);
-    desk.write("many.toml", &preset(&ball.repeat(501)));
+    desk.write("many.toml", preset(&ball.repeat(501)));
     let (_, talk) = desk.run("shot many.toml", 2);
     assert!(talk.contains("found 501 colliders to write, expected at most 500"), "{talk}");
     let keys = "keyframes = [{ frame = 1 }, { frame = 900000, position = [0, 0, 1] }]\n";
     let long = preset(&format!("{ball}{keys}"));
-    desk.write("long.toml", &long.replacen("1-5", "1-300000", 1));
+    desk.write("long.toml", long.replacen("1-5", "1-300000", 1));
     let (_, talk) = desk.run("shot long.toml", 2);
     assert!(talk.contains("`world.collider.1` moves in too many frames"), "{talk}");
     assert!(talk.contains("found a motion of 300000 frames, expected at most 250000"), "{talk}");

@@ -1,13 +1,13 @@
 //! Checks of the colliders of a preset, before its frames are simulated.
 
-use super::{
-    motion::{MAX_POSES, pose_count},
-    writer::MAX_COLLIDERS,
-};
+use super::motion::{MAX_POSES, pose_count};
 use crate::{
     preset::{check::Places, problem::Finding},
     sim::scene::Scene,
 };
+
+/// The largest number of colliders that are written: a manifest has 1000 outputs at most, those of systems among them.
+pub(super) const MAX_COLLIDERS: usize = 500;
 
 /// Reports colliders that are too many, or move in too many frames, for their files.
 pub(super) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {

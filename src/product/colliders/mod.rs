@@ -2,7 +2,9 @@
 
 mod check;
 mod motion;
+mod outputs;
 mod tessellate;
 mod writer;
 
-pub(super) use writer::{ColliderMeshes, are_listed};
+pub(super) use outputs::are_listed;
+pub(super) use writer::ColliderMeshes;

@@ -1,8 +1,9 @@
 //! Writes colliders: `collider/NAME.ply` in the collider's own axes, and `collider/NAME.json` with its poses.
 
 use super::{
-    check,
+    check::{self, MAX_COLLIDERS},
     motion::{MotionFile, pose_count},
+    outputs::{KIND, are_listed},
     tessellate::tessellate,
 };
 use crate::{
@@ -29,12 +30,6 @@ use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a file holds gives the same collider another one.
 const COLLIDER_VERSION: u32 = 1;
-
-/// What a manifest calls a collider.
-const KIND: &str = "collider";
-
-/// The largest number of colliders that are written: a manifest has 1000 outputs at most, those of systems among them.
-pub(super) const MAX_COLLIDERS: usize = 500;
 
 /// Memory of reading and writing a mesh [bytes/byte of its file], as the limit of its reader.
 const MESH_BYTES: f64 = 64.0;
@@ -108,15 +103,6 @@ impl Product for ColliderMeshes {
         };
         colliders(scene, shot, request.out, request.batch, control)
     }
-}
-
-/// Whether the manifest of a folder lists colliders.
-///
-/// # Errors
-/// If it cannot be read.
-pub(in crate::product) fn are_listed(out: &ShotFolder) -> Result<bool, RunError> {
-    let manifest = Manifest::read(out)?;
-    Ok(manifest.is_some_and(|manifest| manifest.outputs.iter().any(|output| output.kind == KIND)))
 }
 
 /// Writes the colliders of the scene of `shot` to `out`. Files that were made of the same colliders are kept, unless the request
