@@ -48,7 +48,7 @@ pub(super) fn make_outputs(
     let request = ProductRequest {
         input: ProductInput::Frames(Source::Cache(folder)),
         out: folder,
-        settings: &ProductSettings::of(scene),
+        settings: &ProductSettings::of_shot(scene, folder)?,
         scene: Some(scene),
         retime: None,
         batch: &batch,

@@ -14,6 +14,7 @@ pub(crate) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>)
     let kinds: Vec<StreamKind> = systems.flat_map(|system| system.stream_kinds()).copied().collect();
     let accepts = |product: &dyn Product| kinds.iter().any(|&kind| product.accepts(kind));
     for product in ALL.into_iter().filter(|product| product.is_requested(&settings)) {
+        product.check_scene(scene, places, findings);
         if accepts(product) {
             product.check(&settings, &kinds, places, findings);
             continue;

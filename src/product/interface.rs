@@ -11,7 +11,7 @@ use crate::{
         batch::{BatchSummary, ProductFolder},
     },
     preset::{check::Places, problem::Finding},
-    sim::tradeoff::Subject,
+    sim::{scene::Scene, tradeoff::Subject},
 };
 
 /// A product made of frames, as jobs see it.
@@ -48,6 +48,9 @@ pub(crate) trait Product: ProductFolder {
 
     /// Reports settings that cannot be met with streams of these `kinds`, of which it accepts some.
     fn check(&self, _: &ProductSettings, _kinds: &[StreamKind], _: &Places, _: &mut Vec<Finding>) {}
+
+    /// Reports contents of a preset of which it cannot be made.
+    fn check_scene(&self, _: &Scene, _: &Places, _: &mut Vec<Finding>) {}
 
     /// Makes the product.
     ///

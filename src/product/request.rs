@@ -1,5 +1,6 @@
 //! What is requested of products.
 
+use super::colliders;
 use crate::{
     export::vdb::VolumeParams,
     import::Sequence,
@@ -35,6 +36,16 @@ impl ProductSettings {
             output.has_files() && world.collider.iter().any(|collider| collider.shown_look().is_some());
         let (surface, volume, output) = (surface.clone(), volume.clone(), output.clone());
         Self { surface, volume, output, points: false, colliders }
+    }
+
+    /// The settings of the preset of a shot: its colliders are requested too if the manifest lists some of an earlier run.
+    ///
+    /// # Errors
+    /// If the manifest cannot be read.
+    pub(crate) fn of_shot(scene: &Scene, shot: &ShotFolder) -> Result<Self, RunError> {
+        let settings = Self::of(scene);
+        let colliders = settings.colliders || scene.output.has_files() && colliders::are_listed(shot)?;
+        Ok(Self { colliders, ..settings })
     }
 }
 

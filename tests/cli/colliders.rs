@@ -109,6 +109,31 @@ fn a_look_changes_pictures_and_no_frame() {
 }
 
 #[test]
+fn the_last_collider_that_is_not_shown_any_more_leaves_the_manifest() {
+    let desk = Desk::new();
+    let shown = SMALL.replacen("shape = { tank", "look = \"glass\"\nshape = { tank", 1);
+    for command in ["shot small.toml", "colliders small"] {
+        desk.write("small.toml", &shown);
+        desk.run("shot small.toml", 0);
+        let manifest = json(&desk.path("small/shot.json"));
+        assert_eq!(collider_outputs(&desk, "small").len(), 1);
+        desk.write("small.toml", SMALL);
+        if command.starts_with("colliders") {
+            desk.run("simulate small.toml", 0);
+        }
+        let (out, _) = desk.run(command, 0);
+        assert!(out.contains("0 colliders written"), "{out}");
+        assert_eq!(collider_outputs(&desk, "small"), Vec::<Value>::new());
+        let after = json(&desk.path("small/shot.json"));
+        assert_eq!(after["frames"], manifest["frames"]);
+        assert_eq!(after["outputs"].as_array().unwrap().len(), 1, "{after}");
+        desk.run("verify small", 0);
+        let (out, _) = desk.run("shot small.toml", 0);
+        assert!(!out.contains("collider"), "{out}");
+    }
+}
+
+#[test]
 fn colliders_are_refused_of_another_preset_and_of_shots_that_show_none() {
     let desk = desk();
     desk.run("shot solids.toml --frames 1-2", 0);
@@ -125,4 +150,37 @@ fn colliders_are_refused_of_another_preset_and_of_shots_that_show_none() {
     assert!(talk.contains("other settings"), "{talk}");
     fs::write(&preset, text).unwrap();
     desk.run("colliders solids --max-memory 1KiB", 33);
+}
+
+#[test]
+fn colliders_that_cannot_be_written_are_refused_before_the_simulation() {
+    let desk = Desk::new();
+    let ball = "[[world.collider]]\nshape = { sphere = { center = [5, 5, 5], radius = 0.1 } }\n";
+    let preset = |text: &str| SMALL.replacen("[liquid]", &format!("{text}\n[liquid]"), 1);
+    desk.write("many.toml", preset(&ball.repeat(501)));
+    let (_, talk) = desk.run("shot many.toml", 2);
+    assert!(talk.contains("found 501 colliders to write, expected at most 500"), "{talk}");
+    let keys = "keyframes = [{ frame = 1 }, { frame = 900000, position = [0, 0, 1] }]\n";
+    let long = preset(&format!("{ball}{keys}"));
+    desk.write("long.toml", long.replacen("1-5", "1-300000", 1));
+    let (_, talk) = desk.run("shot long.toml", 2);
+    assert!(talk.contains("`world.collider.1` moves in too many frames"), "{talk}");
+    assert!(talk.contains("found a motion of 300000 frames, expected at most 250000"), "{talk}");
+    assert!(!desk.path("many").exists() && !desk.path("long").exists());
+
+    // Presets at the limit, and those without files, are accepted.
+    for (name, text) in [
+        ("limit", preset(&ball.repeat(500))),
+        ("no-files", preset(&ball.repeat(501)).replacen("mesh = [\"ply\"]", "", 1)),
+        ("frames", long),
+    ] {
+        desk.write(&format!("{name}.toml"), &text);
+        desk.run(&format!("shot {name}.toml --dry-run"), 0);
+    }
+
+    // The memory of poses is estimated before they are evaluated.
+    desk.run("shot frames.toml", 0);
+    let (_, talk) = desk.run("colliders frames --frames 1-300000", 2);
+    assert!(talk.contains("moves in 300000 frames"), "{talk}");
+    desk.run("colliders frames --frames 1-300000 --max-memory 64MiB", 33);
 }

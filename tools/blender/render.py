@@ -24,6 +24,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 import meniscus  # noqa: E402
 from meniscus.colliders import SHAPE  # noqa: E402
 from meniscus.shot import CameraPlace, read_shot  # noqa: E402
+from meniscus.studio import is_bounded, is_floor  # noqa: E402
 
 # Frames looked at for the bounding box; more cost time and hardly move it, as thrown drops are left out.
 BOX_FRAMES = 13
@@ -126,12 +127,12 @@ def add_box(name: str, low: np.ndarray, high: np.ndarray, bevel: float, look: bp
 
 def add_stage(low: np.ndarray, high: np.ndarray, solids: list[bpy.types.Object]) -> None:
     """A tiled base under the water, and a floor that bends up into a backdrop. Where the water stands on a collider, there is no
-    base; a plane among the colliders is the floor too."""
+    base; a plane at rest that faces upwards is the floor too."""
     size = float(np.linalg.norm(high - low))
-    if any(solid[SHAPE] == "plane" for solid in solids):
+    if any(is_floor(solid) for solid in solids):
         return
     lowest = np.inf
-    for solid in solids:
+    for solid in filter(is_bounded, solids):
         corners = np.array([solid.matrix_world @ Vector(corner) for corner in solid.bound_box])
         if np.all(corners.min(0)[:2] <= low[:2]) and np.all(corners.max(0)[:2] >= high[:2]):
             lowest = min(lowest, corners[:, 2].min())
@@ -281,7 +282,7 @@ def picture(given: argparse.Namespace) -> None:
     else:
         looked_at = range(given.frame, given.frame + 1) if given.close else frames
         low, high = water_box([shown for shown in all_shown if shown.type == "MESH"], looked_at)
-        add_stage(low, high, [solid for solid in solids if not solid.hide_render])
+        add_stage(low, high, solids)
         add_lights(low, high)
     set_render(given)
     add_camera(low, high, given, read_shot(given.shot).camera)

@@ -276,13 +276,19 @@ impl<'a> Ledger<'a> {
         let mut made: Vec<u32> = self.written.iter().flat_map(|(_, frames)| frames).copied().collect();
         made.sort_unstable();
         made.dedup();
-        let Some(all) = FrameSpan::of(&made) else { return Ok(()) };
+        let all = FrameSpan::of(&made);
+        if all.is_none() && !self.replaces_outputs {
+            return Ok(());
+        }
         let _lock = Manifest::lock(self.out, control)?;
-        let mut manifest = match Manifest::read(self.out)? {
+        let mut manifest = match (Manifest::read(self.out)?, all) {
             // The frames of a simulation are those that were requested of it.
-            Some(old) if old.simulation.is_some() => Manifest { title: title.into(), fps, ..old },
-            Some(old) => Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old },
-            None => Manifest::new(title, fps, all),
+            (Some(old), Some(all)) if old.simulation.is_none() => {
+                Manifest { title: title.into(), fps, frames: old.frames.union(all), ..old }
+            }
+            (Some(old), _) => Manifest { title: title.into(), fps, ..old },
+            (None, Some(all)) => Manifest::new(title, fps, all),
+            (None, None) => return Ok(()),
         };
         manifest.outputs.retain(|output| !self.stale.iter().any(|stale| stale.is_same(output)));
         if self.replaces_outputs {

@@ -1,7 +1,10 @@
 //! Colliders: a mesh of each in its own axes, and its pose in every frame. docs/formats/shot.md has the files.
 
+mod check;
 mod motion;
+mod outputs;
 mod tessellate;
 mod writer;
 
+pub(super) use outputs::are_listed;
 pub(super) use writer::ColliderMeshes;

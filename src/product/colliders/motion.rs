@@ -9,7 +9,7 @@ use serde::Serialize;
 use std::ops::RangeInclusive;
 
 /// The largest number of poses in a file, in which a pose takes about 80 bytes: nearly three hours at 24 frames a second.
-const MAX_POSES: u64 = 250_000;
+pub(super) const MAX_POSES: u64 = 250_000;
 
 /// The motion of a collider, as its file has it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -40,12 +40,8 @@ impl MotionFile {
         start: u32,
         frames: &RangeInclusive<u32>,
     ) -> Result<Self, RunError> {
-        let (mut first, mut last) = (*frames.start(), *frames.start());
-        if let [from, .., to] = &collider.keyframes[..] {
-            first = from.frame.clamp(*frames.start(), *frames.end());
-            last = to.frame.clamp(first, *frames.end());
-        }
-        let count = u64::from(last - first) + 1;
+        let (first, last) = moving_frames(collider, frames);
+        let count = pose_count(collider, frames);
         if count > MAX_POSES {
             return Err(RunError::Request(format!(
                 "found a collider that moves in {count} frames, expected at most {MAX_POSES}; bring its first and last keyframes \
@@ -67,6 +63,24 @@ impl MotionFile {
     pub(super) fn text(&self) -> String {
         serde_json::to_string(self).expect("a motion is plain data") + "\n"
     }
+}
+
+/// The first and last frame in which a collider moves; one frame if it is at rest.
+fn moving_frames(collider: &Collider, frames: &RangeInclusive<u32>) -> (u32, u32) {
+    let (start, end) = (*frames.start(), *frames.end());
+    match &collider.keyframes[..] {
+        [from, .., to] => {
+            let first = from.frame.clamp(start, end);
+            (first, to.frame.clamp(first, end))
+        }
+        _ => (start, start),
+    }
+}
+
+/// The number of poses in the file of a collider.
+pub(super) fn pose_count(collider: &Collider, frames: &RangeInclusive<u32>) -> u64 {
+    let (first, last) = moving_frames(collider, frames);
+    u64::from(last - first) + 1
 }
 
 /// Position and quaternion of a pose. Of the two quaternions of a rotation, the one nearer to that of the pose before is taken, so

@@ -1,6 +1,11 @@
 //! Writes colliders: `collider/NAME.ply` in the collider's own axes, and `collider/NAME.json` with its poses.
 
-use super::{motion::MotionFile, tessellate::tessellate};
+use super::{
+    check::{self, MAX_COLLIDERS},
+    motion::{MotionFile, pose_count},
+    outputs::{KIND, are_listed},
+    tessellate::tessellate,
+};
 use crate::{
     cache,
     export::MeshFormat,
@@ -12,6 +17,7 @@ use crate::{
         memory::BASE_MEMORY,
     },
     math::Vec3,
+    preset::{Asset, check::Places, problem::Finding},
     product::{
         interface::Product,
         request::{ProductRequest, ProductSettings},
@@ -25,11 +31,11 @@ use xxhash_rust::xxh3::xxh3_64;
 /// Raised whenever a change of what a file holds gives the same collider another one.
 const COLLIDER_VERSION: u32 = 1;
 
-/// The largest number of colliders that are written: a manifest has 1000 outputs at most, those of systems among them.
-const MAX_COLLIDERS: usize = 500;
-
 /// Memory of reading and writing a mesh [bytes/byte of its file], as the limit of its reader.
 const MESH_BYTES: f64 = 64.0;
+
+/// Memory of the text of a pose, of which two copies exist while the keys of files are computed [bytes].
+const POSE_TEXT_BYTES: u64 = 200;
 
 /// Half of the side of the square of a plane: at least so long [m], and so many times the largest extent of the other colliders.
 const MIN_PLANE_REACH: f32 = 10.0;
@@ -87,6 +93,10 @@ impl Product for ColliderMeshes {
         BASE_MEMORY
     }
 
+    fn check_scene(&self, scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+        check::check(scene, places, findings);
+    }
+
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
         let (Source::Cache(shot), Some(scene)) = (request.frames()?, request.scene) else {
             return Err(RunError::Request("colliders are made of the preset of a shot folder alone".into()));
@@ -96,10 +106,10 @@ impl Product for ColliderMeshes {
 }
 
 /// Writes the colliders of the scene of `shot` to `out`. Files that were made of the same colliders are kept, unless the request
-/// forces them.
+/// forces them. Without colliders to write, those that the manifest lists are removed from it.
 ///
 /// # Errors
-/// [`RunError::Request`] if the scene has none to write or too many, or is not the one that was simulated;
+/// [`RunError::Request`] if the scene has none to write and the manifest lists none, if it has too many, or is not the one that was simulated;
 /// [`RunError::OverMemory`]; if a file cannot be read or written.
 fn colliders(
     scene: &Scene,
@@ -125,8 +135,14 @@ fn colliders(
     let Some(span) = [requested, known].into_iter().flatten().reduce(FrameSpan::union) else {
         return Err(RunError::Request("no frames in this cache; simulate the shot first".into()));
     };
-    let tasks = tasks(scene, span)?;
-    refuse_over_memory(&tasks, request.max_memory)?;
+    let is_none_shown = scene.world.collider.iter().all(|collider| collider.shown_look().is_none());
+    let tasks = match is_none_shown && are_listed(out)? {
+        true => Vec::new(),
+        false => {
+            refuse_over_memory(scene, span, request.max_memory)?;
+            tasks(scene, span)?
+        }
+    };
     let mut ledger = Ledger::new(out, &ColliderMeshes, control)?;
     let ended = write(&tasks, out, request.force, &mut ledger, control);
     if ended.is_ok() {
@@ -169,10 +185,7 @@ fn tasks(scene: &Scene, span: FrameSpan) -> Result<Vec<Task<'_>>, RunError> {
     let mut tasks = Vec::new();
     for ((collider, look), name) in shown.into_iter().zip(names) {
         let shape = &collider.shape;
-        let asset = match shape {
-            Shape::Mesh(mesh) => scene.assets.get(&mesh.file),
-            _ => None,
-        };
+        let asset = mesh_file(scene, shape);
         let (bytes, hash): (&[u8], u64) = asset.map_or((&[], 0), |asset| (&asset.bytes, asset.hash));
         let motion = MotionFile::new(collider, look, fps, start, &(span.first..=span.last))?;
         let text = serde_json::to_string(shape).expect("a shape is plain data");
@@ -184,13 +197,31 @@ fn tasks(scene: &Scene, span: FrameSpan) -> Result<Vec<Task<'_>>, RunError> {
 }
 
 /// Refuses what needs more memory than is allowed [bytes].
-fn refuse_over_memory(tasks: &[Task], allowed: Option<u64>) -> Result<(), RunError> {
-    let largest = tasks.iter().map(|task| task.bytes.len()).max().unwrap_or(0);
-    let poses: usize = tasks.iter().map(|task| size_of_val(&task.motion.poses[..])).sum();
-    let needed = (BASE_MEMORY + largest as f64 * MESH_BYTES) as u64 + poses as u64;
+fn refuse_over_memory(scene: &Scene, span: FrameSpan, allowed: Option<u64>) -> Result<(), RunError> {
+    let needed = max_memory(scene, span);
     match allowed {
         Some(allowed) if needed > allowed => Err(RunError::OverMemory { needed, allowed }),
         _ => Ok(()),
+    }
+}
+
+/// A bound of the memory of writing the colliders [bytes], estimated from the sizes of files and the numbers of poses.
+fn max_memory(scene: &Scene, span: FrameSpan) -> u64 {
+    let shown: Vec<&Collider> =
+        scene.world.collider.iter().filter(|collider| collider.shown_look().is_some()).collect();
+    let size = |collider: &&Collider| mesh_file(scene, &collider.shape).map_or(0, |asset| asset.bytes.len());
+    let largest = shown.iter().map(size).max().unwrap_or(0);
+    let counts = || shown.iter().map(|collider| pose_count(collider, &(span.first..=span.last)));
+    let poses = counts().sum::<u64>() * size_of::<[f32; 7]>() as u64;
+    let text = counts().max().unwrap_or(0) * POSE_TEXT_BYTES;
+    (BASE_MEMORY + largest as f64 * MESH_BYTES) as u64 + poses + text
+}
+
+/// The file that a mesh names; `None` of other shapes.
+fn mesh_file<'a>(scene: &'a Scene, shape: &Shape) -> Option<&'a Asset> {
+    match shape {
+        Shape::Mesh(mesh) => scene.assets.get(&mesh.file),
+        _ => None,
     }
 }
 
@@ -244,7 +275,7 @@ fn output(name: &str, motion: &MotionFile) -> OutputFiles {
         pattern: format!("{folder}/{name}.json"),
         rest: Some(format!("{folder}/{name}.ply")),
         frames: FrameSpan { first: motion.first, last, step: 1 },
-        ..OutputFiles::of("collider", folder, name, "json", FrameIndex(motion.first))
+        ..OutputFiles::of(KIND, folder, name, "json", FrameIndex(motion.first))
     }
 }
 

@@ -86,10 +86,8 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             context.scene.render.use_motion_blur = True
         self.choose_engine(context.scene)
         if self.studio:
-            has_floor = any(motion.shape == "plane" for motion in motions.values())
-            bounded = [solid for solid, motion in zip(solids, motions.values()) if motion.shape != "plane"]
             span = (shot.frames.first, min(shot.frames.last, MAX_SCENE_FRAME))
-            for text in studio.furnish(context, all_made, bounded, span, has_floor, shot.camera):
+            for text in studio.furnish(context, all_made, solids, span, shot.camera):
                 self.report({"INFO"}, f"{shot.title}: {text}")
         # Last: importing a sheet's mesh selects that alone.
         for selected in context.selected_objects:
@@ -109,17 +107,20 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
     def choose_engine(self, scene: bpy.types.Scene) -> None:
-        """Sets the render engine; an engine that this Blender lacks is reported."""
+        """Sets the render engine; a change of it is reported, and an engine that this Blender lacks."""
         if self.engine == "KEEP":
             return
         # Blender 4.2 to 4.5 call the only EEVEE by another name.
         names = {"CYCLES": ["CYCLES"], "EEVEE": ["BLENDER_EEVEE", "BLENDER_EEVEE_NEXT"]}[self.engine]
+        before = scene.render.engine
         for name in names:
             try:
                 scene.render.engine = name
-                return
             except TypeError:
                 continue
+            if name != before:
+                self.report({"INFO"}, f"Render engine of {scene.name} changed from {before} to {name}")
+            return
         self.report({"WARNING"}, f"This Blender has no {self.engine.title()}; the scene keeps its engine")
 
     def apply_frames(self, scene: bpy.types.Scene, shot: Shot) -> None:

@@ -38,7 +38,7 @@ def add_collider(collider: ColliderOutput, mesh: str, motion: Motion) -> bpy.typ
     made.hide_render = made.hide_viewport = motion.look == "hidden"
     made.rotation_mode, made[SHAPE] = "QUATERNION", motion.shape
     made.location, made.rotation_quaternion = motion.poses[0][:3], motion.poses[0][3:]
-    if len(motion.poses) > 1:
+    if any(pose != motion.poses[0] for pose in motion.poses):
         animate(made, motion)
     return made
 

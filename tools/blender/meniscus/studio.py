@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from .colliders import ground
+from .colliders import SHAPE, ground
 from .shot import CameraPlace
 
 # Frames that the camera has to show; more cost time and hardly move it.
@@ -23,11 +23,38 @@ AZIMUTH, ELEVATION, LENS = radians(-28.0), radians(18.0), 50.0
 # By parts of the size of the shot: how far the ground reaches into a liquid that stands on it, as a gap of air would mirror; how
 # far solids that carry the liquid may go below it before they stand on the ground; and how far the ground reaches.
 GROUND_OVERLAP, MAX_FOUNDATION, GROUND_REACH = 0.001, 0.03, 40.0
+# A plane whose normal is within this angle of +Z is the floor.
+MAX_FLOOR_SLOPE = radians(10.0)
 STAMP = "meniscus_studio"
 # Of Blender's startup file.
-DEFAULT_CUBE = ("Cube", "MESH", (0.0, 0.0, 0.0))
-DEFAULT_LIGHT = ("Light", "LIGHT", (4.076245, 1.005454, 5.903862))
-DEFAULT_CAMERA = ("Camera", "CAMERA", (7.358891, -6.925791, 4.958309))
+STARTUP_OBJECTS = {
+    "Cube": {"type": "MESH", "location": (0.0, 0.0, 0.0), "rotation_euler": (0.0, 0.0, 0.0)},
+    "Light": {
+        "type": "LIGHT",
+        "location": (4.076245, 1.005454, 5.903862),
+        "rotation_euler": (0.650328, 0.055217, 1.866391),
+        "data.type": "POINT",
+        "data.energy": 1000.0,
+        "data.color": (1.0, 1.0, 1.0),
+        "data.shadow_soft_size": 0.1,
+    },
+    "Camera": {
+        "type": "CAMERA",
+        "location": (7.358891, -6.925791, 4.958309),
+        "rotation_euler": (1.109319, 0.0, 0.814928),
+        "data.type": "PERSP",
+        "data.lens": 50.0,
+        "data.dof.use_dof": False,
+        "data.sensor_fit": "AUTO",
+        "data.sensor_width": 36.0,
+        "data.shift_x": 0.0,
+        "data.shift_y": 0.0,
+        "data.clip_start": 0.1,
+        "data.clip_end": 100.0,
+    },
+}
+STARTUP_MATERIAL = "Material"
+STARTUP_SHADER = {"Base Color": (0.8, 0.8, 0.8, 1.0), "Metallic": 0.0, "Roughness": 0.5}
 DEFAULT_WORLD, DEFAULT_SKY = "World", (0.050876, 0.050876, 0.050876)
 
 
@@ -57,16 +84,16 @@ def furnish(
     moved: list[bpy.types.Object],
     solids: list[bpy.types.Object],
     frames: tuple[int, int],
-    has_floor: bool,
     camera: CameraPlace | None,
 ) -> list[str]:
     """Adds what the scene lacks of camera, ground and light around `moved` and `solids` in these frames; what was done, as texts."""
+    shot, whole, height = boxes(context, moved, [solid for solid in solids if is_bounded(solid)], frames)
+    if not whole.exists():
+        return ["added no camera and light, since no frame that was looked at has vertices"]
     removed = remove_defaults(context.scene)
     done = [f"removed Blender's own {', '.join(removed)}, which had not been changed"] if removed else []
-    shot, whole, height = boxes(context, moved, solids, frames)
-    if not whole.exists():
-        return done + ["added no camera and light, since no frame that was looked at has vertices"]
     added = []
+    has_floor = any(is_floor(solid) for solid in solids)
     if not has_floor and not any(block.get(STAMP) == "ground" for block in context.scene.objects):
         add_ground(context, shot if shot.exists() else whole, height)
         added.append("ground")
@@ -77,6 +104,20 @@ def furnish(
         add_camera(context, whole, camera)
         added.append("camera")
     return done + ([f"added {', '.join(added)}"] if added else [])
+
+
+def is_bounded(solid: bpy.types.Object) -> bool:
+    """Whether a collider has bounds that ground and camera follow: it is rendered and no plane."""
+    return not solid.hide_render and solid[SHAPE] != "plane"
+
+
+def is_floor(solid: bpy.types.Object) -> bool:
+    """Whether a collider is a floor: a plane that is rendered and at rest, with a normal close to +Z."""
+    if solid[SHAPE] != "plane" or solid.hide_render or solid.animation_data or not len(solid.data.polygons):
+        return False
+    # A new object has its world matrix only after an evaluation; it has no parent.
+    normal = solid.matrix_basis.to_3x3() @ solid.data.polygons[0].normal
+    return normal.z > cos(MAX_FLOOR_SLOPE)
 
 
 def boxes(
@@ -188,6 +229,8 @@ def add_camera(context: bpy.types.Context, box: Box, place: CameraPlace | None) 
     """The camera of the shot, or one that sees the whole box with a margin."""
     camera = bpy.data.cameras.new("Camera")
     camera.lens, camera.clip_start, camera.clip_end = LENS, 0.001 * box.size(), 200.0 * box.size()
+    # Focal lengths of shots are for a sensor as wide as the picture, in portrait format too.
+    camera.sensor_fit = "HORIZONTAL"
     made = add_object(context, "Camera", camera, "camera")
     context.scene.camera = made
     if place:
@@ -213,27 +256,57 @@ def aim(made: bpy.types.Object, place: Vector, target: Vector) -> None:
 
 def remove_defaults(scene: bpy.types.Scene) -> list[str]:
     """Removes cube, lamp and camera of Blender's startup file, each unless it was changed; their names."""
-    found = [scene.objects.get(name) for name, _, _ in (DEFAULT_CUBE, DEFAULT_LIGHT, DEFAULT_CAMERA)]
-    kinds = (DEFAULT_CUBE, DEFAULT_LIGHT, DEFAULT_CAMERA)
-    unchanged = [shown for shown, kind in zip(found, kinds) if shown and is_unchanged(shown, kind)]
+    found = [scene.objects.get(name) for name in STARTUP_OBJECTS]
+    unchanged = [shown for shown in found if shown and is_unchanged(shown)]
     names = [shown.name for shown in unchanged]
     for shown in unchanged:
         bpy.data.objects.remove(shown, do_unlink=True)
     return names
 
 
-def is_unchanged(shown: bpy.types.Object, kind: tuple[str, str, tuple[float, ...]]) -> bool:
-    """Whether an object is as in Blender's startup file."""
-    name, type_, place = kind
+def is_unchanged(shown: bpy.types.Object) -> bool:
+    """Whether an object is as in Blender's startup file, and used in one scene alone."""
+    values, data = STARTUP_OBJECTS[shown.name], shown.data
+    if shown.type != values["type"] or data.name != shown.name or data.users != 1 or data.animation_data:
+        return False
+    scenes = [scene for scene in bpy.data.scenes if scene.camera == shown or scene in shown.users_scene]
     own = (shown.animation_data, shown.parent, *shown.children, *shown.modifiers, *shown.constraints)
-    if shown.type != type_ or shown.data.name != name or shown.data.users != 1 or any(own) or shown.data.animation_data:
+    if len(scenes) != 1 or len(shown.users_collection) != 1 or any(own) or has_properties(shown) or has_properties(data):
         return False
-    if not np.allclose(shown.location, place, atol=1e-4) or not np.allclose(shown.scale, 1.0, atol=1e-6):
+    if shown.rotation_mode != "XYZ" or not np.allclose(shown.scale, 1.0, atol=1e-6):
         return False
-    if type_ == "MESH":
-        corners = sorted(tuple(round(c, 4) for c in vertex.co) for vertex in shown.data.vertices)
-        cube = sorted((x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0))
-        return corners == cube and shown.matrix_basis == Matrix.Identity(4)
-    if type_ == "LIGHT":
-        return shown.data.type == "POINT" and abs(shown.data.energy - 1000.0) < 1e-3
-    return shown.data.type == "PERSP" and abs(shown.data.lens - 50.0) < 1e-3
+    if not all(is_equal(shown.path_resolve(path), value) for path, value in values.items()):
+        return False
+    return shown.type != "MESH" or (is_startup_mesh(data) and shown.matrix_basis == Matrix.Identity(4))
+
+
+def is_equal(found: object, expected: object) -> bool:
+    """Whether a property has a value, numbers but for rounding."""
+    return found == expected if isinstance(expected, (str, bool)) else bool(np.allclose(found, expected, rtol=1e-6, atol=1e-6))
+
+
+def is_startup_mesh(mesh: bpy.types.Mesh) -> bool:
+    """Whether it is the cube of Blender's startup file, with the material of that."""
+    corners = sorted(tuple(round(c, 4) for c in vertex.co) for vertex in mesh.vertices)
+    cube = sorted((x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0))
+    is_cube = corners == cube and len(mesh.polygons) == 6
+    return is_cube and len(mesh.materials) == 1 and is_startup_material(mesh.materials[0])
+
+
+def is_startup_material(material: bpy.types.Material | None) -> bool:
+    """Whether it is the only material of Blender's startup cube."""
+    if material is None or material.name != STARTUP_MATERIAL or material.animation_data or has_properties(material):
+        return False
+    tree = material.node_tree
+    if tree is None or tree.animation_data or len(tree.nodes) != 2 or len(tree.links) != 1:
+        return False
+    shaders = [node for node in tree.nodes if node.type == "BSDF_PRINCIPLED"]
+    return len(shaders) == 1 and all(
+        is_equal(shaders[0].inputs[name].default_value, value) for name, value in STARTUP_SHADER.items()
+    )
+
+
+def has_properties(data: bpy.types.ID) -> bool:
+    """Whether it has custom properties. Blender adds empty groups for add-ons such as Cycles when it shows their panels."""
+    groups = {key for key in data.keys() if key in data.bl_rna.properties and hasattr(data[key], "keys") and not data[key].keys()}
+    return bool(set(data.keys()) - groups)

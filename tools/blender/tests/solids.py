@@ -13,7 +13,7 @@ import numpy as np
 import harness
 import ply
 import synthetic
-from harness import ADDON, change, check, expect, imported, refused, use_addon
+from harness import ADDON, change, check, expect, forbid, imported, refused, use_addon
 
 
 def turned(points: np.ndarray, pose: list[float]) -> np.ndarray:
@@ -100,13 +100,148 @@ def stage_colliders(work: Path) -> None:
     check(covered[1] > 1.1 * covered[0] > 0, "a moving collider is blurred", covered)
 
 
+# Name and edit of an object of the startup file, each in a field of its own.
+STARTUP_EDITS = {
+    "Cube": {
+        "rotation": lambda cube: setattr(cube, "rotation_euler", (0.0, 0.0, 0.3)),
+        "quaternion": lambda cube: (setattr(cube, "rotation_mode", "QUATERNION"), setattr(cube, "rotation_quaternion", (0, 0, 0, 1))),
+        "faces": lambda cube: remove_face(cube.data),
+        "colour": lambda cube: set_shader(cube, "Base Color", (0.8, 0.1, 0.1, 1.0)),
+        "roughness": lambda cube: set_shader(cube, "Roughness", 0.1),
+        "material": lambda cube: cube.data.materials.clear(),
+        "second material": lambda cube: cube.data.materials.append(bpy.data.materials.new("Other")),
+        "material name": lambda cube: setattr(cube.data.materials[0], "name", "Marble"),
+        "material property": lambda cube: cube.data.materials[0].__setitem__("note", 1),
+        "node": lambda cube: cube.data.materials[0].node_tree.nodes.new("ShaderNodeTexBrick"),
+        "property": lambda cube: cube.__setitem__("note", 1),
+        "mesh property": lambda cube: cube.data.__setitem__("note", 1),
+        "scene": lambda cube: bpy.data.scenes.new("Other").collection.objects.link(cube),
+        "collection": lambda cube: bpy.data.collections.new("Other").objects.link(cube),
+    },
+    "Light": {
+        "rotation": lambda light: setattr(light.rotation_euler, "x", 1.0),
+        "colour": lambda light: setattr(light.data, "color", (1.0, 0.5, 0.2)),
+        "radius": lambda light: setattr(light.data, "shadow_soft_size", 0.5),
+        "property": lambda light: light.__setitem__("note", 1),
+        "scene": lambda light: bpy.data.scenes.new("Other").collection.objects.link(light),
+    },
+    "Camera": {
+        "rotation": lambda camera: setattr(camera.rotation_euler, "z", 1.0),
+        "depth of field": lambda camera: setattr(camera.data.dof, "use_dof", True),
+        "sensor": lambda camera: setattr(camera.data, "sensor_width", 24.0),
+        "sensor fit": lambda camera: setattr(camera.data, "sensor_fit", "VERTICAL"),
+        "shift x": lambda camera: setattr(camera.data, "shift_x", 0.1),
+        "shift y": lambda camera: setattr(camera.data, "shift_y", 0.1),
+        "clip start": lambda camera: setattr(camera.data, "clip_start", 0.01),
+        "clip end": lambda camera: setattr(camera.data, "clip_end", 1000.0),
+        "property": lambda camera: camera.data.__setitem__("note", 1),
+        "scene": lambda camera: setattr(bpy.data.scenes.new("Other"), "camera", camera),
+    },
+}
+
+
+def set_shader(cube: bpy.types.Object, name: str, value: object) -> None:
+    nodes = cube.data.materials[0].node_tree.nodes
+    next(node for node in nodes if node.type == "BSDF_PRINCIPLED").inputs[name].default_value = value
+
+
+def remove_face(mesh: bpy.types.Mesh) -> None:
+    points = [tuple(vertex.co) for vertex in mesh.vertices]
+    faces = [tuple(face.vertices) for face in mesh.polygons][:-1]
+    mesh.clear_geometry()
+    mesh.from_pydata(points, [], faces)
+
+
+def startup() -> None:
+    """Blender's startup file with the add-on switched on."""
+    bpy.ops.wm.read_factory_settings()
+    bpy.ops.preferences.addon_enable(module=ADDON)
+
+
+def stage_startup(work: Path) -> None:
+    """An object of the startup file stays when any field of it was changed, and all stay if the shot has nothing to frame."""
+    path = synthetic.write_shot(work / "shot", last=2, empty=())
+    for name, edits in STARTUP_EDITS.items():
+        for field, edit in edits.items():
+            startup()
+            edit(bpy.data.objects[name])
+            imported(path.parent, studio=True)
+            left = {"Cube", "Light"} & set(bpy.data.objects.keys())
+            # The camera that the import adds has the same name.
+            left |= {"Camera"} if "meniscus_studio" not in bpy.context.scene.camera else set()
+            check(left == {name}, f"{name} stays after a change of its {field}, the others do not", left)
+    startup()
+    check(bpy.data.objects["Light"].data.cycles.max_bounces > 0, "the lamp has settings of Cycles")
+    imported(path.parent, studio=True)
+    check("Light" not in bpy.data.objects, "a lamp whose Cycles panel was shown is unchanged")
+    empty = synthetic.write_shot(work / "empty", last=2, empty=(1, 2))
+    startup()
+    imported(empty.parent, studio=True)
+    names = set(bpy.data.objects.keys())
+    check({"Cube", "Light", "Camera"} <= names, "a shot without vertices removes nothing", names)
+    expect("added no camera and light, since no frame that was looked at has vertices")
+
+
+def write_solid(path: Path, shape: str, look: str, poses: list[list[float]], points: list, faces: list) -> None:
+    """Replaces the hidden ball of the synthetic shot by another collider."""
+    ply.write(path.parent / "collider" / "ghost.ply", dict(zip("xyz", np.array(points, float).T)), np.array(faces))
+    motion = {"format": "meniscus-motion", "version": 1, "shape": shape, "look": look, "first": 1, "poses": poses}
+    (path.parent / "collider" / "ghost.json").write_text(json.dumps(motion), encoding="utf-8")
+    frames = {"first": 1, "last": len(poses), "step": 1}
+    change(path, lambda d: next(o for o in d["outputs"] if o["name"] == "ghost").update(frames=frames))
+
+
+def stage_floors(work: Path) -> None:
+    """Only a visible plane at rest that faces upwards is the floor, and hidden colliders move neither ground nor camera."""
+    path = synthetic.write_colliders(work)
+
+    def views() -> tuple[float | None, np.ndarray]:
+        """Height of the ground, and place of the camera."""
+        startup()
+        imported(path.parent, studio=True)
+        bpy.context.view_layer.update()
+        made = [o for o in bpy.data.objects if o.get("meniscus_studio") == "ground"]
+        return made[0].location.z if made else None, np.array(bpy.context.scene.camera.location)
+
+    still, half = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], 0.5**0.5
+    square = [(-20, -20, 0), (20, -20, 0), (20, 20, 0), (-20, 20, 0)]
+    faces = [(0, 1, 2), (0, 2, 3)]
+    height, place = views()
+    wall = [(z, x, y) for x, y, z in square]
+    lower = [*still[:2], -0.1, *still[3:]]
+    for name, look, poses, points, is_floor in (
+        ("a floor", "matte", [still], square, True),
+        ("a floor with equal poses", "matte", [still, still], square, True),
+        ("a wall turned to a floor", "matte", [[0.0, 0.0, 0.0, half, 0.0, -half, 0.0]], wall, True),
+        ("a wall", "matte", [still], wall, False),
+        ("a floor turned to a wall", "matte", [[0.0, 0.0, 0.0, half, 0.0, half, 0.0]], square, False),
+        ("a ceiling", "matte", [still], square[::-1], False),
+        ("a hidden plane", "hidden", [still], square, False),
+        ("a plane that moves", "matte", [still, lower], square, False),
+    ):
+        write_solid(path, "plane", look, poses, points, faces)
+        found, seen = views()
+        text = "is the floor" if is_floor else "leaves the ground that the import adds"
+        check(found == (None if is_floor else height), f"{name} {text}", found)
+        check(np.allclose(seen, place, atol=1e-5), f"{name} does not move the camera", (seen, place))
+    box = [(x, y, z) for z in (-1, 0) for x, y, _ in square]
+    deep = [0.0, 0.0, -3.0, *still[3:]]
+    for look, expected in (("hidden", height), ("matte", -4.0)):
+        write_solid(path, "box", look, [deep], box, [*faces, (4, 5, 6), (4, 6, 7)])
+        found, seen = views()
+        check(abs(found - expected) < 1e-5, f"the ground below a {look} box is at {expected:.2f} m", found)
+        check(np.allclose(seen, place, atol=1e-5), f"a wide {look} box does not move the camera", (seen, place))
+    small = [(x, y, z) for z in (-1, 0) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    for look in ("hidden", "matte"):
+        write_solid(path, "box", look, [deep], small, [*faces, (4, 5, 6), (4, 6, 7)])
+        found, seen = views()
+        check(abs(found - height) < 1e-5, f"a small {look} box does not lower the ground", found)
+        moves = not np.allclose(seen, place, atol=1e-3)
+        check(moves == (look == "matte"), f"only a visible box belongs to the picture: {look}", (seen, place))
+
+
 def stage_studio(work: Path) -> None:
     """Blender's own scene loses its cube, and gets camera, ground and light; what a user made stays."""
-
-    def startup() -> None:
-        bpy.ops.wm.read_factory_settings()
-        bpy.ops.preferences.addon_enable(module=ADDON)
-
     path = synthetic.write_colliders(work / "own")
     startup()
     cube = [o.name for o in bpy.data.objects]
@@ -138,6 +273,13 @@ def stage_studio(work: Path) -> None:
     startup()
     imported(path.parent, studio=True, engine="EEVEE")
     check("EEVEE" in bpy.context.scene.render.engine, "EEVEE can be chosen", bpy.context.scene.render.engine)
+    eevee = bpy.context.scene.render.engine
+    bpy.context.scene.name = "Kept Engine"
+    imported(path.parent, engine="EEVEE")
+    forbid("Info: Render engine of Kept Engine")
+    bpy.context.scene.name = "Own"
+    imported(path.parent, engine="CYCLES")
+    expect(f"Info: Render engine of Own changed from {eevee} to CYCLES")
 
     startup()
     place = {"position": [0.0, -6.0, 1.0], "target": [0.0, 1.0, 1.0], "focal_length": 35.0}
@@ -148,6 +290,12 @@ def stage_studio(work: Path) -> None:
     toward = -np.array(camera.matrix_world)[:3, 2]
     near = np.allclose(camera.location, place["position"], atol=1e-6) and np.allclose(toward, (0.0, 1.0, 0.0), atol=1e-6)
     check(near and camera.data.lens == 35.0, "the camera is the shot's", (camera.location, toward, camera.data.lens))
+    render = bpy.context.scene.render
+    for size in ((1920, 1080), (1080, 1920)):
+        render.resolution_x, render.resolution_y = size
+        corners = camera.data.view_frame(scene=bpy.context.scene)
+        slope = max(abs(corner.x / corner.z) for corner in corners)
+        check(abs(slope - 18.0 / 35.0) < 1e-5, f"the focal length is for the width of a picture of {size}", slope)
     bad = {"not an object": 5, "no place": {"target": [0, 0, 0], "focal_length": 50}, "far": place | {"position": [0, 0, 1e10]}}
     bad |= {"text": place | {"target": "abc"}, "lens": place | {"focal_length": 0}, "same": place | {"target": place["position"]}}
     for name, value in bad.items():
