@@ -10,6 +10,7 @@ mod clock;
 pub mod coupling;
 #[cfg(feature = "presets")]
 pub(crate) mod forecast;
+pub mod force;
 pub mod liquid;
 mod observe;
 mod record;
