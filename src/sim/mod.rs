@@ -8,9 +8,9 @@ pub const STATE_VERSION: u32 = 17;
 
 mod clock;
 pub mod coupling;
+pub mod force;
 #[cfg(feature = "presets")]
 pub(crate) mod forecast;
-pub mod force;
 pub mod liquid;
 mod observe;
 mod record;

@@ -23,7 +23,12 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
     }
     let feeling = ALL.iter().filter(|system| system.feels_forces());
     let feeling = feeling.map(|system| (system.name(), system.is_present(scene))).collect();
-    force::check::check(&scene.force, &feeling, places, &mut findings);
+    let insensitive = ALL.iter().filter(|system| {
+        !system.feels_forces() && system.preset_table().is_some() && system.is_present(scene)
+    });
+    let names =
+        force::check::SystemNames { feeling, insensitive: insensitive.map(|system| system.name()).collect() };
+    force::check::check(&scene.force, &names, places, &mut findings);
     if !ALL.iter().any(|system| system.is_present(scene)) {
         let tables: Vec<_> = ALL.iter().filter_map(|system| system.preset_table()).collect();
         let names: Vec<String> = tables.iter().map(|(table, _)| format!("no `{table}`")).collect();

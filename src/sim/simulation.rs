@@ -267,8 +267,7 @@ fn advance_with_wind(
 
 /// The systems, if there is one.
 fn present(systems: Systems) -> Result<Systems, SetupError> {
-    let none =
-        Systems { timeline: systems.timeline, forces: systems.forces.clone(), ..Systems::default() };
+    let none = Systems { timeline: systems.timeline, forces: systems.forces.clone(), ..Systems::default() };
     if systems == none { Err(SetupError::NoSystem) } else { Ok(systems) }
 }
 

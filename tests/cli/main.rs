@@ -5,6 +5,7 @@ mod bad_input;
 mod batch;
 mod couplings;
 mod farm;
+mod forces;
 mod inflow;
 mod interrupt;
 mod meshing;

@@ -19,13 +19,18 @@ const MAX_ACCELERATION: f64 = 1e6;
 /// Largest velocity of a drag [m/s].
 const MAX_DRAG_SPEED: f64 = 1e5;
 
-/// The systems of the tool that feel forces, by name, and whether the preset has them.
-pub(crate) type FeelingSystems = Vec<(&'static str, bool)>;
+/// The systems of the tool, by name.
+pub(crate) struct SystemNames {
+    /// Those that feel forces, and whether the preset has them.
+    pub(crate) feeling: Vec<(&'static str, bool)>,
+    /// Those of the preset that do not.
+    pub(crate) insensitive: Vec<&'static str>,
+}
 
 /// Reports everything about the forces that contradicts itself or cannot be simulated.
 pub(crate) fn check(
     forces: &[ForceParams],
-    systems: &FeelingSystems,
+    SystemNames { feeling, insensitive }: &SystemNames,
     places: &Places,
     findings: &mut Vec<Finding>,
 ) {
@@ -80,8 +85,8 @@ pub(crate) fn check(
         }
         for (number, name) in force.systems.iter().enumerate() {
             let key = format!("{path}.systems.{number}");
-            let feeling: Vec<String> = systems.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            match systems.iter().find(|(system, _)| system == name) {
+            let names: Vec<String> = feeling.iter().map(|(name, _)| format!("\"{name}\"")).collect();
+            match feeling.iter().find(|(system, _)| system == name) {
                 Some((_, true)) => {}
                 Some(_) => report(
                     key,
@@ -92,18 +97,26 @@ pub(crate) fn check(
                 None => report(
                     key,
                     format!("no system of the name \"{name}\" feels forces"),
-                    format!("expected {}", feeling.join(" or ")),
+                    format!("expected {}", names.join(" or ")),
                     "docs/forces.md has what acts on what",
                 ),
             }
         }
     }
-    if !forces.is_empty() && !systems.iter().any(|(_, is_present)| *is_present) {
-        let feeling: Vec<&str> = systems.iter().map(|(name, _)| *name).collect();
+    if !forces.is_empty() && !feeling.iter().any(|(_, is_present)| *is_present) {
+        let names: Vec<&str> = feeling.iter().map(|(name, _)| *name).collect();
         let message = "forces act on nothing in this preset".to_owned();
-        let label = format!("found no {}", feeling.join(" and no "));
+        let label = format!("found no {}", names.join(" and no "));
         let help = "add such a system, or remove the forces; docs/forces.md has what acts on smoke";
         report("force".into(), message, label, help);
+    }
+    let unnamed = forces.iter().position(|force| force.systems.is_empty());
+    if let (Some(index), Some(system)) = (unnamed, insensitive.first())
+        && feeling.iter().any(|(_, is_present)| *is_present)
+    {
+        let message = format!("`force.{index}` does not act on {system}, which the preset has");
+        let help = "give `systems` those on which it acts; docs/forces.md has why not on all";
+        report(format!("force.{index}"), message, "found no `systems`".into(), help);
     }
     for (index, force) in forces.iter().enumerate() {
         let path = format!("force.{index}");
@@ -121,6 +134,7 @@ pub(crate) fn check(
 /// What is wrong with a vector longer than `limit`.
 fn too_long(vector: &[f32; 3], limit: f64, unit: &str) -> Option<(String, String)> {
     let length = vector.iter().map(|&c| f64::from(c).powi(2)).sum::<f64>().sqrt();
-    let found = || (format!("the vector is {length:.3e} {unit} long"), format!("expected at most {limit:e} {unit}"));
+    let found =
+        || (format!("the vector is {length:.3e} {unit} long"), format!("expected at most {limit:e} {unit}"));
     (length > limit).then(found)
 }

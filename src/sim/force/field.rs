@@ -17,6 +17,8 @@ pub(in crate::sim) struct Forces(Vec<Force>);
 /// One force with its motion in seconds.
 #[derive(Clone, Debug)]
 struct Force {
+    /// Index in the preset.
+    index: u32,
     kind: ForceKind,
     /// The modes, if it is turbulence.
     turbulence: Option<Turbulence>,
@@ -63,7 +65,7 @@ pub(in crate::sim) struct KickedSubstep {
     pub(in crate::sim) uniform: Vec3,
     /// Gravity, which the system itself applies [m/s²].
     pub(in crate::sim) gravity: Vec3,
-    /// Its length [s].
+    /// Length of the substep [s].
     pub(in crate::sim) dt: f32,
     /// Largest displacement in the substep by what forces add [m].
     pub(in crate::sim) longest: f32,
@@ -83,9 +85,12 @@ pub(in crate::sim) struct Kick {
 impl Forces {
     /// The forces on the system of this name; `None` if there is none.
     pub(in crate::sim) fn on(system: &str, all: &[ForceParams], timeline: Timeline) -> Option<Self> {
-        let acts =
-            |params: &&ForceParams| params.systems.is_empty() || params.systems.iter().any(|name| name == system);
-        let forces: Vec<Force> = all.iter().filter(acts).map(|params| Force::new(params, timeline)).collect();
+        let acts = |(_, params): &(u32, &ForceParams)| {
+            params.systems.is_empty() || params.systems.iter().any(|name| name == system)
+        };
+        let numbered = (0..).zip(all);
+        let forces: Vec<Force> =
+            numbered.filter(acts).map(|(index, params)| Force::new(index, params, timeline)).collect();
         (!forces.is_empty()).then_some(Self(forces))
     }
 
@@ -104,16 +109,31 @@ impl Forces {
         }
         Snapshot { forces, uniform }
     }
+
+    /// Index in the preset of the force that accelerates most at `x` [m] and the velocity `v` [m/s] at `time` [s].
+    pub(in crate::sim) fn strongest(&self, time: f64, x: Vec3, v: Vec3) -> u32 {
+        let (mut strongest, mut largest) = (0, -1.0);
+        for force in &self.0 {
+            let mut sample = Sample::default();
+            force.at(time).add(x, &mut sample);
+            let acceleration = (sample.acceleration + sample.pull - v * sample.rate).norm();
+            if acceleration > largest {
+                (strongest, largest) = (force.index, acceleration);
+            }
+        }
+        strongest
+    }
 }
 
 impl Force {
-    fn new(params: &ForceParams, timeline: Timeline) -> Self {
+    fn new(index: u32, params: &ForceParams, timeline: Timeline) -> Self {
         let turbulence = match params.kind {
             ForceKind::Turbulence { scale, period, seed, .. } => Some(Turbulence::new(seed, scale, period)),
             _ => None,
         };
         let factor = |key: &super::StrengthKeyframe| [timeline.time(key.frame), f64::from(key.factor)];
         Self {
+            index,
             kind: params.kind.clone(),
             turbulence,
             shape: params.shape.clone(),
@@ -222,11 +242,10 @@ impl Snapshot<'_> {
         self.forces.iter().for_each(|force| force.add(x, &mut out));
         out
     }
-
 }
 
 impl Sample {
-    /// What the forces add to the velocity `v` [m/s] in a substep beside gravity.
+    /// What the forces add to the velocity `v` [m/s] in a substep in addition to gravity.
     pub(in crate::sim) fn kick(&self, v: Vec3, substep: &KickedSubstep) -> Kick {
         let &KickedSubstep { uniform, gravity, dt, longest } = substep;
         let accelerated = uniform + self.acceleration;

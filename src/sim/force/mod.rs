@@ -24,4 +24,5 @@ mod turbulence;
 
 pub(in crate::sim) use field::{Forces, KickedSubstep, Sample};
 pub use params::{ForceKind, ForceParams, StrengthKeyframe};
+pub(in crate::sim) use record::ChunkMaximum;
 pub use record::ForceRecord;

@@ -3,7 +3,7 @@
 //! *Method*: random Fourier modes ([kraichnan70]) as a potential: P = Σ A/|k| q sin θ with θ = k·x + φ + ω t and a unit vector q
 //! across k, and the acceleration is its curl ([bridson07]): w ∇×P + ∇w × P under the window w of a shape. A curl has no
 //! divergence, whatever the window. Directions, wavelengths, phases and frequencies are counter-based random numbers.
-//! *Departs from the papers*: [kraichnan70]'s spectrum is one band of wavelengths; [bridson07]'s noise is on a lattice, which shows
+//! *Departs from the papers*: [kraichnan70]'s spectrum is one band of wavelengths; [bridson07]'s noise is on a grid, which shows
 //! its axes and whose cells end the smoothness.
 //!
 //! Symbols: A → `amplitude` [m/s²], k → `wave` [turns/m], q → `across` [1], w → window [1].
@@ -48,7 +48,7 @@ impl Turbulence {
         Self((0..MODES).map(|number| mode(seed, number, scale, period)).collect())
     }
 
-    /// Phases of the modes at `time` [s], in turns.
+    /// Phases of the modes at `time` [s] [turns].
     pub(super) fn phases(&self, time: f64) -> Vec<f64> {
         self.0.iter().map(|mode| fraction(mode.phase[0] + mode.phase[1] * time)).collect()
     }
@@ -83,7 +83,7 @@ fn mode(seed: u32, number: u32, scale: f32, period: Option<f32>) -> Mode {
     let other = on_sphere(2);
     let across = other - direction * direction.dot(&other);
     // Two random directions are hardly ever the same.
-    let across = if across.norm() > 1e-3 { across } else { direction.cross(&least_axis(direction)) };
+    let across = if across.norm() > 1e-3 { across } else { direction.cross(&smallest_axis(direction)) };
     let across = across / across.norm();
     let wavelength = scale * exp2(random.at(4) - 0.5);
     let rate = period.map_or(0.0, |period| {
@@ -99,8 +99,8 @@ fn mode(seed: u32, number: u32, scale: f32, period: Option<f32>) -> Mode {
     }
 }
 
-/// The axis to which a unit vector is the least parallel.
-fn least_axis(v: Vec3) -> Vec3 {
+/// The axis with the smallest component of a unit vector.
+fn smallest_axis(v: Vec3) -> Vec3 {
     let axis = v.abs().imin();
     Vec3::from_fn(|i, _| if i == axis { 1.0 } else { 0.0 })
 }

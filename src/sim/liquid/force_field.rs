@@ -6,13 +6,15 @@
 use crate::{
     math::Vec3,
     par,
-    sim::force::{ForceRecord, Forces, KickedSubstep, Sample},
+    sim::force::{ChunkMaximum, ForceRecord, Forces, KickedSubstep, Sample},
 };
 
 /// Forces and what they do in the current substep.
 #[derive(Debug)]
 pub(super) struct ForceField {
     forces: Forces,
+    /// Time of the samples [s].
+    now: f64,
     /// Acceleration that is the same everywhere [m/s²].
     uniform: Vec3,
     /// RMS of the accelerations, gravity included, over the particles [m/s²].
@@ -28,6 +30,7 @@ impl ForceField {
     pub(super) fn new(forces: Forces) -> Self {
         Self {
             forces,
+            now: 0.0,
             uniform: Vec3::zeros(),
             magnitude: 0.0,
             samples: Vec::new(),
@@ -49,7 +52,7 @@ impl ForceField {
     /// Samples the particles at `x` [m] at the time `now` [s].
     pub(super) fn sample(&mut self, x: &[Vec3], now: f64, gravity: Vec3) {
         let snapshot = self.forces.at(now);
-        self.uniform = snapshot.uniform;
+        (self.uniform, self.now) = (snapshot.uniform, now);
         self.samples.clear();
         let steady = gravity + self.uniform;
         self.magnitude = steady.norm();
@@ -71,36 +74,36 @@ impl ForceField {
         }
     }
 
-    /// Rate of substeps that the CFL rule wants for displacements of at most `longest` [m], next to others of speed `beside` [m/s].
-    pub(super) fn substep_rate(&self, v: &[Vec3], gravity: Vec3, longest: f64, beside: f64) -> f64 {
+    /// Rate of substeps that the CFL rule wants for displacements of at most `longest` [m], next to others of speed `other` [m/s].
+    pub(super) fn substep_rate(&self, v: &[Vec3], gravity: Vec3, longest: f64, other: f64) -> f64 {
         let steady = gravity + self.uniform;
         let rate = |i: usize| {
             let sample = &self.samples[i];
             let speed = f64::from(v[i].norm());
             let target = sample.target().map_or(0.0, |target| f64::from(target.norm()));
-            let speeds = [speed, speed.max(target)].map(|speed| speed + beside);
+            let speeds = [speed, speed.max(target)].map(|speed| speed + other);
             sample.substep_rate(v[i], steady, longest, speeds) as f32
         };
         par::max(self.samples.len(), rate).map_or(0.0, |(_, rate)| f64::from(rate))
     }
 
-    /// Adds to the velocities what forces change in `dt` [s], at most `longest` [m] over `dt`.
-    pub(super) fn kick(&mut self, v: &mut [Vec3], gravity: Vec3, dt: f32, longest: f32) {
+    /// Adds to the velocities of particles at `x` [m] what forces change in `dt` [s], at most `longest` [m] over `dt`.
+    pub(super) fn kick(&mut self, x: &[Vec3], v: &mut [Vec3], gravity: Vec3, [dt, longest]: [f32; 2]) {
         let substep = KickedSubstep { uniform: self.uniform, gravity, dt, longest };
         self.change.resize(v.len(), Vec3::zeros());
         let samples = &self.samples;
-        let parts = par::map_chunks_mut([v, &mut self.change], par::CHUNK, |start, [v, change]| {
-            let (mut limited, mut largest) = (0, 0.0_f32);
+        let parts = par::map_chunks_mut([&mut *v, &mut self.change], par::CHUNK, |start, [v, change]| {
+            let mut largest = ChunkMaximum::default();
             for (k, (v, change)) in v.iter_mut().zip(change).enumerate() {
                 let kick = samples.get(start + k).copied().unwrap_or_default().kick(*v, &substep);
                 *change = kick.change;
                 *v += kick.change;
-                limited += u64::from(kick.is_limited);
-                largest = largest.max(kick.acceleration);
+                largest.add(&kick, start + k);
             }
-            (limited, f64::from(largest))
+            largest
         });
-        parts.into_iter().for_each(|(limited, largest)| self.record.add(limited, largest));
+        let (forces, change, now) = (&self.forces, &self.change, self.now);
+        self.record.add(parts, |i| forces.strongest(now, x[i], v[i] - change[i]));
     }
 
     /// Work of the forces on particles of `mass` [kg] that moved from `x` to `p` [m] in `dt` [s] [J].

@@ -49,7 +49,7 @@ impl Liquid {
     pub(super) fn apply_forces(&mut self, dt: f32) {
         let longest = self.cfl_length() as f32;
         let Some(forces) = &mut self.forces else { return };
-        forces.kick(&mut self.v, self.gravity, dt, longest);
+        forces.kick(&self.x, &mut self.v, self.gravity, [dt, longest]);
         for pin in &self.solver.pins {
             forces.change[pin.particle as usize] = Vec3::zeros();
         }

@@ -500,8 +500,8 @@ impl Liquid {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
         let coupled = coupled.map_or(0.0, CoupledSystem::max_speed);
         let nozzle = self.inflow.as_ref().map_or(0.0, |inflow| inflow.max_speed(now, now + left));
-        let beside = self.walls.max_speed(left).max(coupled);
-        let fastest = fastest.max(nozzle) + beside;
+        let other = self.walls.max_speed(left).max(coupled);
+        let fastest = fastest.max(nozzle) + other;
         let gravity = f64::from(self.steady_acceleration().norm());
         let allowed = self.cfl_length();
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
@@ -509,7 +509,7 @@ impl Liquid {
         let longest = self.tension.as_ref().map_or(f64::INFINITY, Tension::longest_substep);
         let wanted = (left * root / (2.0 * allowed)).max(left / longest);
         let forces = self.forces.as_ref();
-        let forced = forces.map_or(0.0, |forces| forces.substep_rate(&self.v, self.gravity, allowed, beside));
+        let forced = forces.map_or(0.0, |forces| forces.substep_rate(&self.v, self.gravity, allowed, other));
         let wanted = wanted.max(left * forced);
         let wanted = (wanted - 1e-6).ceil().clamp(1.0, 4e9) as u32;
         let min_substeps = self.params.min_substeps.saturating_sub(done).max(1);

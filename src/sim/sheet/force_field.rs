@@ -4,7 +4,7 @@ use super::vectors::Vectors;
 use crate::{
     math::Vec3,
     par,
-    sim::force::{ForceRecord, Forces, KickedSubstep, Sample},
+    sim::force::{ChunkMaximum, ForceRecord, Forces, KickedSubstep, Sample},
 };
 
 /// Forces and what they do in the current substep.
@@ -50,7 +50,7 @@ impl ForceField {
         let snapshot = self.forces.at(now);
         self.mean.resize(points.x.len(), Vec3::zeros());
         let parts = par::map_chunks_mut([&mut self.mean[..]], par::CHUNK, |start, [mean]| {
-            let (mut limited, mut largest) = (0, 0.0_f32);
+            let mut largest = ChunkMaximum::default();
             for (k, mean) in mean.iter_mut().enumerate() {
                 let i = start + k;
                 let sample: Sample = snapshot.sample(points.x.get(i));
@@ -62,12 +62,12 @@ impl ForceField {
                 };
                 let kick = sample.kick(points.v.get(i), &substep);
                 *mean = kick.change / dt as f32;
-                limited += u64::from(kick.is_limited);
-                largest = largest.max(kick.acceleration);
+                largest.add(&kick, i);
             }
-            (limited, f64::from(largest))
+            largest
         });
-        parts.into_iter().for_each(|(limited, largest)| self.record.add(limited, largest));
+        let forces = &self.forces;
+        self.record.add(parts, |i| forces.strongest(now, points.x.get(i), points.v.get(i)));
     }
 
     /// Adds the counts of the substep, and the work on points of these masses [kg] and mobilities that moved from `before` to `after`,
@@ -84,7 +84,6 @@ impl ForceField {
             if mobility[i] > 0.0 { f64::from(mass[i]) * mean[i].cast::<f64>().dot(&moved) } else { 0.0 }
         };
         record.work += par::sum(mean.len(), work);
-        let ForceRecord { limited, max_acceleration, .. } = std::mem::take(&mut self.record);
-        record.add(limited, max_acceleration);
+        record.unite(&std::mem::take(&mut self.record));
     }
 }

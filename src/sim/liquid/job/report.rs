@@ -127,7 +127,7 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
         (u64::from(clamps.momentum), "iterations slowed down"),
         (record.particles_inside_solids.into(), "particles inside solids"),
     ]);
-    [flow, limits, force::report::warnings(record.forces.as_ref())].concat()
+    [flow, limits, force::report::warnings(record.forces.as_ref(), "liquid.max_substeps")].concat()
 }
 
 /// Figures of a frame's end in its header.

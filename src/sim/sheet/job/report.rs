@@ -39,7 +39,7 @@ pub(super) fn warnings(record: &SheetRecord) -> Vec<String> {
         (record.cut_faces, "faces of sheets cut into solids (sheets.clearance or smaller cells)"),
         (record.folded, "springs of sheets without a direction"),
     ]);
-    [limits, force::report::warnings(record.forces.as_ref())].concat()
+    [limits, force::report::warnings(record.forces.as_ref(), "sheets.solver.max_substeps")].concat()
 }
 
 /// Work of forces over the logged frames.
