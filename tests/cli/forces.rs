@@ -45,7 +45,7 @@ fn work_is_reported_and_a_shot_continues_with_the_same_bytes() {
 fn a_force_that_substeps_do_not_resolve_is_limited_and_named() {
     let desk = Desk::new();
     desk.write("ball.toml", with("[[force]]\nkind = { uniform = { acceleration = [1e6, 0, 0] } }"));
-    let (_, talk) = desk.run("simulate ball.toml -o ball --frames 1-2", 0);
+    let (_, talk) = desk.run("simulate ball.toml -o ball --frames 1-2 --set liquid.max_substeps=64", 0);
     assert!(talk.contains("accelerations by forces limited, most by force.0"), "{talk}");
     assert!(talk.contains("liquid.max_substeps"), "{talk}");
 }
