@@ -62,9 +62,8 @@ pub(crate) fn check(
             }
             ForceKind::Turbulence { .. } if force.shape.is_some() && force.falloff.is_none() => {
                 let message = format!("`{path}` is turbulence that ends abruptly at its shape");
-                let label = "found a `shape`, but no `falloff`".to_owned();
                 let help = "give a `falloff` of about `scale`: an abrupt end would have divergence";
-                report(path.clone(), message, label, help);
+                report(path.clone(), message, "found a `shape`, but no `falloff`".into(), help);
             }
             _ => {}
         }
@@ -105,10 +104,9 @@ pub(crate) fn check(
     }
     if !forces.is_empty() && !feeling.iter().any(|(_, is_present)| *is_present) {
         let names: Vec<&str> = feeling.iter().map(|(name, _)| *name).collect();
-        let message = "forces act on nothing in this preset".to_owned();
         let label = format!("found no {}", names.join(" and no "));
         let help = "add such a system, or remove the forces; docs/forces.md has what acts on smoke";
-        report("force".into(), message, label, help);
+        report("force".into(), "forces act on nothing in this preset".into(), label, help);
     }
     let unnamed = forces.iter().position(|force| force.systems.is_empty());
     if let (Some(index), Some(system)) = (unnamed, insensitive.first())
@@ -118,6 +116,11 @@ pub(crate) fn check(
         let help = "give `systems` those on which it acts; docs/forces.md has why not on all";
         report(format!("force.{index}"), message, "found no `systems`".into(), help);
     }
+    check_shapes(forces, places, findings);
+}
+
+/// Reports shapes and motions that cannot be used.
+fn check_shapes(forces: &[ForceParams], places: &Places, findings: &mut Vec<Finding>) {
     for (index, force) in forces.iter().enumerate() {
         let path = format!("force.{index}");
         if let Some(shape) = &force.shape
