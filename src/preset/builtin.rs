@@ -30,6 +30,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("water-drop", include_str!("../../presets/water-drop.toml")),
         ("water-on-cloth", include_str!("../../presets/water-on-cloth.toml")),
         ("wave-machine", include_str!("../../presets/wave-machine.toml")),
+        ("zero-gravity-vortex", include_str!("../../presets/zero-gravity-vortex.toml")),
     ]
 }
 

@@ -39,6 +39,7 @@ pub(super) fn fill(
         Ok(())
     };
     fill_shapes(scene.world.collider.iter_mut().map(|collider| &mut collider.shape).collect())?;
+    fill_shapes(scene.force.iter_mut().filter_map(|force| force.shape.as_mut()).collect())?;
     for system in registry::ALL {
         fill_shapes(system.shapes_mut(&mut scene))?;
     }

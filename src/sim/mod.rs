@@ -8,6 +8,7 @@ pub const STATE_VERSION: u32 = 17;
 
 mod clock;
 pub mod coupling;
+pub mod force;
 #[cfg(feature = "presets")]
 pub(crate) mod forecast;
 pub mod liquid;

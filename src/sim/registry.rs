@@ -22,6 +22,8 @@ pub(crate) fn seeding_warnings(seeds: &SeedReport) -> Vec<String> {
 pub(crate) fn mesh_files(scene: &Scene) -> Vec<(String, &str)> {
     let colliders = scene.world.collider.iter().enumerate();
     let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
+    let forces = scene.force.iter().enumerate();
+    let forces = forces.filter_map(|(i, force)| Some((format!("force.{i}.shape"), force.shape.as_ref()?)));
     let systems = ALL.iter().flat_map(|system| system.mesh_files(scene));
-    colliders.filter_map(mesh_file).chain(systems).collect()
+    colliders.chain(forces).filter_map(mesh_file).chain(systems).collect()
 }

@@ -3,6 +3,7 @@
 use super::{
     Observable, SetupError, Systems, Timeline,
     coupling::Coupling,
+    force::ForceParams,
     liquid::{self, LiquidParams},
     sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
     smoke::{self, Smoke, SmokeParams},
@@ -49,6 +50,9 @@ pub struct Scene {
     /// Couplings of systems; empty: they do not interact.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub coupling: Vec<Coupling>,
+    /// Force fields; empty: none but gravity.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub force: Vec<ForceParams>,
     /// Surface reconstruction.
     #[serde(default)]
     pub surface: SurfaceParams,
@@ -141,7 +145,8 @@ impl Scene {
             SheetsParams { sheet: self.sheet.clone(), common: self.sheets.clone().unwrap_or_default() };
         let sheets = (!self.sheet.is_empty()).then_some(Shot { params, fps, first });
         let timeline = self.timeline();
-        Systems { liquid: self.liquid.clone(), smoke, sheets, couplings: self.coupling.clone(), timeline }
+        let (liquid, couplings, forces) = (self.liquid.clone(), self.coupling.clone(), self.force.clone());
+        Systems { liquid, smoke, sheets, couplings, forces, timeline }
     }
 
     /// The scene with no system but its smoke.
@@ -151,10 +156,10 @@ impl Scene {
 
     /// The liquid, and the sheets that share its substeps because they are coupled with it.
     pub(in crate::sim) fn systems_sharing_substeps(&self) -> Systems {
-        let Systems { liquid, sheets, mut couplings, timeline, .. } = self.systems();
+        let Systems { liquid, sheets, mut couplings, forces, timeline, .. } = self.systems();
         couplings.retain(|coupling| coupling.between.iter().any(|side| side == liquid::NAME));
         let sheets = sheets.filter(|_| liquid.is_some() && !couplings.is_empty());
-        Systems { liquid, smoke: None, sheets, couplings, timeline }
+        Systems { liquid, smoke: None, sheets, couplings, forces, timeline }
     }
 
     /// Times of frames.
@@ -207,6 +212,8 @@ impl Scene {
             sheets: &'a Option<SheetsCommon>,
             #[serde(skip_serializing_if = "Vec::is_empty")]
             coupling: Vec<Coupling>,
+            #[serde(skip_serializing_if = "<[ForceParams]>::is_empty")]
+            force: &'a [ForceParams],
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
@@ -220,6 +227,7 @@ impl Scene {
             sheet,
             sheets,
             coupling,
+            force,
             surface: _,
             volume: _,
             output: _,
@@ -251,6 +259,7 @@ impl Scene {
             sheet,
             sheets,
             coupling,
+            force,
             files,
         };
         serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold")

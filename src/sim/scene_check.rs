@@ -1,6 +1,6 @@
 //! Checks of what a preset means as a whole, once every value is valid on its own.
 
-use super::{registry::ALL, scene::Scene};
+use super::{force, registry::ALL, scene::Scene};
 use crate::preset::{
     check::Places,
     problem::Finding,
@@ -33,6 +33,14 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
     for system in ALL {
         system.check(scene, places, &mut findings);
     }
+    let feeling = ALL.iter().filter(|system| system.feels_forces());
+    let feeling = feeling.map(|system| (system.name(), system.is_present(scene))).collect();
+    let insensitive = ALL.iter().filter(|system| {
+        !system.feels_forces() && system.preset_table().is_some() && system.is_present(scene)
+    });
+    let names =
+        force::check::SystemNames { feeling, insensitive: insensitive.map(|system| system.name()).collect() };
+    force::check::check(&scene.force, &names, places, &mut findings);
     if !ALL.iter().any(|system| system.is_present(scene)) {
         let tables: Vec<_> = ALL.iter().filter_map(|system| system.preset_table()).collect();
         let names: Vec<String> = tables.iter().map(|(table, _)| format!("no `{table}`")).collect();

@@ -7,6 +7,7 @@ use super::{
         self, CoupledSheets, Coupling, CouplingRecord, ExternalForces, FrameWind, LiquidSheetCoupling,
         PresentSystems, ResolvedCouplings, WindCoupling,
     },
+    force::{ForceParams, Forces},
     liquid::{self, Liquid, LiquidParams},
     setup::{SetupError, Timeline, World},
     sheet::{self, SheetRecord, Sheets},
@@ -26,7 +27,9 @@ pub struct Systems {
     pub sheets: Option<sheet::Shot>,
     /// Couplings between the systems.
     pub couplings: Vec<Coupling>,
-    /// Times of the frames that the liquid's emitters and outflows name.
+    /// Force fields.
+    pub forces: Vec<ForceParams>,
+    /// Times of the frames that the liquid's emitters and outflows and the forces name.
     pub timeline: Timeline,
 }
 
@@ -55,12 +58,13 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the sources of one hold no particle or too many.
     pub fn new(world: World, systems: impl Into<Systems>) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets, couplings, timeline } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets, couplings, forces, timeline } = present(systems.into())?;
         let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
         let liquid = liquid.map(|params| Liquid::seed(params, &world, timeline)).transpose()?;
         let smoke = smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?;
         let sheets = sheets.map(|sheets| Sheets::new(sheets, &world)).transpose()?;
         Self { liquid, smoke, sheets, liquid_sheets: None, wind: None, time: 0.0 }
+            .with_forces(&forces, timeline)
             .coupled(&couplings, density)
     }
 
@@ -70,7 +74,7 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the frame lacks its state.
     pub fn restore(world: World, systems: impl Into<Systems>, frame: &Frame) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets, couplings, timeline } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets, couplings, forces, timeline } = present(systems.into())?;
         let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
         let liquid = liquid.map(|params| {
             let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
@@ -81,7 +85,19 @@ impl Simulation {
         let sheets = sheets.map(|sheets| Sheets::restore(sheets, &world, &frame.streams, frame.time));
         let (liquid, smoke, sheets) = (liquid.transpose()?, smoke.transpose()?, sheets.transpose()?);
         Self { liquid, smoke, sheets, liquid_sheets: None, wind: None, time: frame.time }
+            .with_forces(&forces, timeline)
             .coupled(&couplings, density)
+    }
+
+    /// Gives every system the forces that act on it.
+    fn with_forces(mut self, forces: &[ForceParams], timeline: Timeline) -> Self {
+        if let Some(liquid) = &mut self.liquid {
+            liquid.set_forces(Forces::on("liquid", forces, timeline));
+        }
+        if let Some(sheets) = &mut self.sheets {
+            sheets.set_forces(Forces::on("sheets", forces, timeline));
+        }
+        self
     }
 
     /// Adds the couplings, with the spacing and density of the liquid.
@@ -251,7 +267,7 @@ fn advance_with_wind(
 
 /// The systems, if there is one.
 fn present(systems: Systems) -> Result<Systems, SetupError> {
-    let none = Systems { timeline: systems.timeline, ..Systems::default() };
+    let none = Systems { timeline: systems.timeline, forces: systems.forces.clone(), ..Systems::default() };
     if systems == none { Err(SetupError::NoSystem) } else { Ok(systems) }
 }
 

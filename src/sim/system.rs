@@ -31,6 +31,11 @@ pub(crate) trait System: Sync {
     /// Whether the preset names the system.
     fn is_present(&self, scene: &Scene) -> bool;
 
+    /// Whether the force fields of a preset act on it.
+    fn feels_forces(&self) -> bool {
+        false
+    }
+
     /// What `tradeoff` compares of it; `None`: nothing.
     fn tradeoff(&self) -> Option<&'static Subject> {
         None

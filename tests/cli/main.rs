@@ -6,6 +6,7 @@ mod batch;
 mod colliders;
 mod couplings;
 mod farm;
+mod forces;
 mod inflow;
 mod interrupt;
 mod meshing;

@@ -152,6 +152,7 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         "honey",
         "water-drop",
         "wave-machine",
+        "zero-gravity-vortex",
     ] {
         assert!(list.contains(name), "{list}");
         let (text, _) = desk.run(&format!("presets show {name}"), 0);

@@ -53,6 +53,7 @@ impl Solids {
         for collider in &scene.world.collider {
             colliding += add(&collider.shape);
         }
+        scene.force.iter().filter_map(|force| force.shape.as_ref()).for_each(|shape| _ = add(shape));
         for system in registry::ALL {
             for shape in system.shapes_mut(&mut scene) {
                 add(shape);

@@ -19,6 +19,14 @@ impl Liquid {
             par::fill(spare, |i| spin[order[i] as usize]);
             std::mem::swap(spin, spare);
         }
+        if let Some(forces) = &mut self.forces
+            && forces.change.len() == order.len()
+        {
+            let change = &forces.change;
+            spare.resize(change.len(), Vec3::zeros());
+            par::fill(spare, |i| change[order[i] as usize]);
+            std::mem::swap(&mut forces.change, spare);
+        }
         for values in [&mut self.id, &mut self.source, &mut self.nozzle] {
             if !values.is_empty() {
                 *values = order.iter().map(|&i| values[i as usize]).collect();

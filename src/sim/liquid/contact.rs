@@ -29,7 +29,7 @@ impl Liquid {
     /// Applies friction and restitution to velocities and predicted positions after the density solve over `dt` [s].
     pub(super) fn apply_friction(&mut self, dt: f32, record: &mut LiquidRecord) {
         let Some(v_before) = &self.v_before else { return };
-        let (walls, gravity, wall_push) = (&self.walls, self.gravity, &self.solver.wall_push);
+        let (walls, gravity, wall_push) = (&self.walls, self.steady_acceleration(), &self.solver.wall_push);
         let columns = [self.v.as_mut_slice(), self.solver.p.as_mut_slice()];
         let partials = par::map_chunks_mut(columns, par::CHUNK, |start, [v, p]| {
             let (mut work, mut dissipated) = (0.0, 0.0);

@@ -26,6 +26,8 @@ mod energy;
 mod energy_bound;
 mod faults;
 mod flow;
+mod force_field;
+mod forced;
 mod forces;
 pub(in crate::sim) mod inflow;
 mod jacobi;
@@ -76,6 +78,7 @@ use crate::{math::Vec3, par};
 use accelerated::Momentum;
 use calibration::RestState;
 use energy::energy;
+use force_field::ForceField;
 use inflow::Inflow;
 use lanes::Node;
 use measures::Particles;
@@ -118,6 +121,8 @@ pub(super) struct Liquid {
     rest: RestState,
     walls: Walls,
     gravity: Vec3,
+    /// Force fields; `None`: there are none.
+    forces: Option<Box<ForceField>>,
     /// Mass of a particle [kg].
     mass: f64,
     /// Mechanical and surface energy at the start of the shot and the work of moving solids and sheets since [J], which
@@ -167,6 +172,7 @@ impl Liquid {
         let optional = |present: bool, name| present.then_some(name);
         [
             optional(self.inflow.is_some(), "inflow"),
+            optional(self.forces.is_some(), "forces"),
             Some("sort"),
             Some("predict"),
             Some("search"),
@@ -210,12 +216,14 @@ impl Liquid {
         (self.solver.rebuilds, self.solver.shortened, self.solver.unresolved_contacts) = (0, 0, 0);
         self.momentum.reset();
         self.check_state(0)?;
-        if span[0] == 0.0 && coupled.is_none() && self.gravity.norm() == 0.0 && self.tension.is_none() {
+        self.sample_forces(span[0], clock);
+        if span[0] == 0.0 && coupled.is_none() && self.body_acceleration() == 0.0 && self.tension.is_none() {
             self.relax(clock, &mut record, watch)?;
         }
         self.retain_from_frame(clock)?;
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
+            self.sample_forces(now, clock);
             let [wanted, mut remaining] = self.substeps_left(now, left, coupled.as_deref(), record.substeps);
             if let Some(coupled) = &mut coupled {
                 remaining = remaining.max(coupled.substeps_left(now, left, seconds, record.substeps)?);
@@ -229,6 +237,7 @@ impl Liquid {
             }
             if self.inflow.is_some() {
                 clock.time("inflow", || self.emit(now, dt as f32, &mut record))?;
+                self.sample_entered(now, clock);
             }
             if !self.x.is_empty() {
                 self.substep(dt as f32, &mut coupled, clock, &mut record, watch)?;
@@ -240,6 +249,7 @@ impl Liquid {
             Ok(dt)
         })?;
         self.measure(clock, &mut record)?;
+        record.forces = self.forces.as_mut().map(|forces| std::mem::take(&mut forces.record));
         Ok(record)
     }
 
@@ -296,6 +306,7 @@ impl Liquid {
         }
         self.add_solid_work(dt, record);
         self.add_nozzle_work(dt, record);
+        self.add_force_work(dt);
         if self.confinement.is_some() || self.microrotation.is_some() || self.params.xsph.is_some() {
             let setup = setup(&self.params, &self.rest, &self.walls);
             let lists = clock.time("search", || self.solver.ensure_lists(&setup));
@@ -308,11 +319,12 @@ impl Liquid {
         if self.microrotation.is_some() {
             clock.time("micropolar", || self.exchange_rotation(dt, record));
         }
+        let gain = self.body_acceleration() * dt;
         if let Some(xsph) = &self.params.xsph {
             clock.time("xsph", || {
                 publish(&mut self.motion, &self.v);
                 let at = neighbourhood(&self.rest, &self.solver, &self.motion);
-                xsph::apply(xsph, at, self.gravity.norm() * dt, &mut self.v);
+                xsph::apply(xsph, at, gain, &mut self.v);
             });
         }
         clock.time("velocity", || {
@@ -362,6 +374,7 @@ impl Liquid {
 
     /// Advection: velocities after gravity, and predicted positions, [pbf] Alg. 1, lines 1–4.
     fn predict(&mut self, dt: f32) {
+        self.apply_forces(dt);
         let gain = self.gravity * dt;
         par::update(&mut self.v, |_, v| *v += gain);
         self.restore_pinned_velocities(dt);
@@ -457,14 +470,13 @@ impl Liquid {
 
     /// Vorticity confinement, [pbf] Alg. 1, line 22.
     fn confine(&mut self, dt: f32, record: &mut LiquidRecord) {
-        let surface_energy = self.surface_energy();
+        let (surface_energy, gain) = (self.surface_energy(), self.body_acceleration() * dt);
         let Some(confinement) = &mut self.confinement else { return };
         publish(&mut self.motion, &self.v);
         let lost =
             self.first_energy - energy(&self.v, &self.solver.p, self.gravity, self.mass) - surface_energy;
         let at = neighbourhood(&self.rest, &self.solver, &self.motion);
-        let (added, bounded) =
-            confinement.apply(at, &mut self.v, [dt, self.gravity.norm() * dt], self.mass, lost);
+        let (added, bounded) = confinement.apply(at, &mut self.v, [dt, gain], self.mass, lost);
         record.confinement_energy += added;
         record.clamps.confinement += u64::from(bounded);
     }
@@ -488,13 +500,17 @@ impl Liquid {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
         let coupled = coupled.map_or(0.0, CoupledSystem::max_speed);
         let nozzle = self.inflow.as_ref().map_or(0.0, |inflow| inflow.max_speed(now, now + left));
-        let fastest = fastest.max(nozzle) + self.walls.max_speed(left).max(coupled);
-        let gravity = f64::from(self.gravity.norm());
-        let allowed = f64::from(self.params.cfl) * f64::from(self.params.spacing);
+        let other = self.walls.max_speed(left).max(coupled);
+        let fastest = fastest.max(nozzle) + other;
+        let gravity = f64::from(self.steady_acceleration().norm());
+        let allowed = self.cfl_length();
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.
         let root = fastest + (fastest * fastest + 4.0 * gravity * allowed).sqrt();
         let longest = self.tension.as_ref().map_or(f64::INFINITY, Tension::longest_substep);
         let wanted = (left * root / (2.0 * allowed)).max(left / longest);
+        let forces = self.forces.as_ref();
+        let forced = forces.map_or(0.0, |forces| forces.substep_rate(&self.v, self.gravity, allowed, other));
+        let wanted = wanted.max(left * forced);
         let wanted = (wanted - 1e-6).ceil().clamp(1.0, 4e9) as u32;
         let min_substeps = self.params.min_substeps.saturating_sub(done).max(1);
         let max_substeps = self.params.max_substeps.saturating_sub(done).max(1);

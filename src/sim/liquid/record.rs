@@ -1,5 +1,6 @@
 //! Records of the liquid: its seeding, and every frame.
 
+use crate::sim::force::ForceRecord;
 use serde::{Deserialize, Serialize};
 
 /// Report of the liquid's seeding.
@@ -233,6 +234,9 @@ pub struct LiquidRecord {
     /// Particles that entered and left; `None` without emitters, outflows and a domain.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flow: Option<FlowRecord>,
+    /// Force fields; `None` without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forces: Option<ForceRecord>,
 }
 
 /// A figure of a frame: its name in the header of the cached frame, and its value.

@@ -136,6 +136,7 @@ impl Liquid {
             v_before: walls.has_friction_or_restitution().then(Vec::new),
             walls,
             gravity: world.gravity,
+            forces: None,
             mass: f64::from(params.density) * f64::from(params.spacing).powi(3),
             first_energy: 0.0,
             figures: None,

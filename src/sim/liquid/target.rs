@@ -39,7 +39,7 @@ impl Liquid {
 
     /// Where the first density solve of a viscous substep of `dt` [s] stops.
     pub(super) fn pressure_target(&self, dt: f32) -> Option<Target> {
-        let fall = f64::from(self.gravity.norm() * dt * dt / self.rest.spacing);
+        let fall = f64::from(self.body_acceleration() * dt * dt / self.rest.spacing);
         let limit = (PRESSURE_TOLERANCE * fall).max(MIN_SIGNIFICANT_ERROR);
         self.final_target().map(|target| target.min(limit)).map(|limit| Target { stop: limit, limit })
     }
@@ -47,7 +47,7 @@ impl Liquid {
     /// Part of the deviation at the start of a substep that the substep retains. Without gravity there is no depth, and slow corrections
     /// keep threads from breaking up.
     fn retained_part(&self) -> f64 {
-        let is_gradual = self.params.is_calibrated() && self.gravity.norm() > 0.0;
+        let is_gradual = self.params.is_calibrated() && self.body_acceleration() > 0.0;
         match self.params.target() {
             Some(target) if is_gradual => (target / DEVIATION_PER_RETAINED_PART).min(MAX_RETAINED_PART),
             _ => 0.0,
@@ -87,6 +87,6 @@ impl Liquid {
     /// Whether the density solve keeps the deviation from jumping. Without gravity nothing can come to rest, and the noise of the solve is
     /// what lets drops and threads leave the seeding lattice; sheets move with the corrections of the particles.
     pub(super) fn is_calmed(&self, coupled: Option<&dyn CoupledSystem>) -> bool {
-        coupled.is_none() && self.gravity.norm() > 0.0
+        coupled.is_none() && self.body_acceleration() > 0.0
     }
 }

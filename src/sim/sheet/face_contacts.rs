@@ -409,6 +409,9 @@ impl Sheets {
         // The liquid pushed after contacts were resolved: without resolving it again, one sheet would pass
         // through the other.
         self.resolve_collisions(substep.now, substep.dt, clock, record);
+        if self.forces.is_some() {
+            clock.time("sheet_account", || self.account_forces(&substep.without_contacts, record));
+        }
     }
 }
 

@@ -19,6 +19,8 @@ mod error;
 mod exact_joints;
 mod explicit;
 mod face_contacts;
+mod force_field;
+mod forced;
 mod free_translation;
 mod implicit;
 #[cfg(feature = "presets")]
@@ -60,6 +62,7 @@ use crate::{
 };
 use constraints::{JointPair, PinnedPoint};
 use exact_joints::ExactJoints;
+use force_field::ForceField;
 use model::Model;
 use sliced_ellpack::{Entry, SlicedEllpack};
 use solids::VertexFaces;
@@ -122,6 +125,8 @@ pub struct Sheets {
     contact: Option<Box<contact::SheetContact>>,
     /// External forces [N]; empty: none.
     external_forces: Vec<Vec3>,
+    /// Force fields; `None`: there are none.
+    forces: Option<Box<ForceField>>,
     /// The longest stable time step [s], the point that limits it, and which pins and joints hold in this
     /// state.
     max_stable_step: (f64, usize),
@@ -187,6 +192,7 @@ impl Sheets {
             vertex_faces: params.common.repulsion.is_some().then(|| VertexFaces::new(end, &faces)),
             faces: models.into_iter().map(|model| model.faces).collect(),
             external_forces: Vec::new(),
+            forces: None,
             max_stable_step: (f64::INFINITY, 0),
             active_holds: None,
             params,
@@ -336,6 +342,9 @@ impl Sheets {
             Integrator::Symplectic => self.max_stable_step.0 * f64::from(solver.courant),
             Integrator::Implicit => seconds / f64::from(solver.substeps),
         };
+        // Forces that would need more substeps than there are left are limited instead.
+        let shortest = left / f64::from(solver.max_substeps.saturating_sub(done).max(1));
+        let longest = longest.min(self.longest_forced_substep(now, shortest));
         let (max_travel_time, fastest) = self.max_travel_time(now, left);
         let (approach, closing) =
             self.max_contact_substep(now, [longest.min(max_travel_time), left], clock, record);

@@ -1,5 +1,6 @@
 //! Records of the sheets: of their seeding and of a frame.
 
+use crate::sim::force::ForceRecord;
 use serde::{Deserialize, Serialize};
 
 /// What seeding the sheets did.
@@ -57,6 +58,9 @@ pub struct SheetRecord {
     /// Contact between sheets; absent without `[sheets.contact]`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contact: Option<ContactRecord>,
+    /// Force fields; absent without any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forces: Option<ForceRecord>,
 }
 
 /// Contact between sheets in a frame.

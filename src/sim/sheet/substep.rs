@@ -26,6 +26,7 @@ impl Sheets {
         clock: &mut Clock,
         record: &mut SheetRecord,
     ) -> Result<(), Diverged> {
+        let before = self.forces.is_some().then(|| self.x.clone());
         if let Some(contact) = &mut self.contact {
             contact.begin_substep(&self.x);
         }
@@ -49,6 +50,9 @@ impl Sheets {
         }
         self.move_pins(now + dt, dt);
         self.resolve_collisions(now, dt, clock, record);
+        if let Some(before) = before {
+            clock.time("sheet_account", || self.account_forces(&before, record));
+        }
         Ok(())
     }
 
@@ -116,6 +120,7 @@ impl Sheets {
     /// Adds the forces on all points other than those of springs and plates; returns the repulsion of solids
     /// among them. Pins and solids are at the start (`end` = 0) or the end (1) of the substep.
     fn gather_other_forces(&mut self, now: f64, dt: f64, end: usize) -> Vec<RepulsionForce> {
+        self.add_field_forces(now, dt);
         let Self { x, force, pins, joints, .. } = self;
         pins_and_joints::add_forces(pins, joints, [now, now + end as f64 * dt], x, force);
         for (i, external) in self.external_forces.iter().enumerate() {
@@ -147,6 +152,7 @@ impl Sheets {
         soft || pushed
             || self.joints.iter().any(|joint| joint.stiffness.is_some())
             || !self.external_forces.is_empty()
+            || self.forces.is_some()
     }
 
     fn step_symplectic(&mut self, now: f64, dt: f64) -> Option<usize> {

@@ -43,6 +43,10 @@ impl System for Liquid {
         &[StreamKind::Particles]
     }
 
+    fn feels_forces(&self) -> bool {
+        true
+    }
+
     fn tradeoff(&self) -> Option<&'static Subject> {
         Some(&tradeoff::SUBJECT)
     }

@@ -6,7 +6,7 @@ use crate::{
     frame::FrameIndex,
     job::{Total, nonzero, tradeoff::figure},
     sim::{
-        FrameRecord,
+        FrameRecord, force,
         liquid::{EmptySource, LiquidRecord, LiquidSeeds, NAME, ThinSolid, record::FRAME_FIGURES},
         system::CachedFrame,
     },
@@ -127,7 +127,7 @@ pub(super) fn warnings(record: &LiquidRecord) -> Vec<String> {
         (u64::from(clamps.momentum), "iterations slowed down"),
         (record.particles_inside_solids.into(), "particles inside solids"),
     ]);
-    [flow, limits].concat()
+    [flow, limits, force::report::warnings(record.forces.as_ref(), "liquid.max_substeps")].concat()
 }
 
 /// Figures of a frame's end in its header.
@@ -142,6 +142,8 @@ pub(super) fn frame_figures(streams: &[StreamInfo]) -> Vec<(&'static str, f64)> 
 pub(super) fn cached_totals(frames: &[CachedFrame]) -> Vec<Total> {
     let mut totals = totals(frames.iter().map(|frame| (frame.index, frame_figures(&frame.streams))));
     totals.extend(flow::totals(frames));
+    let forces = frames.iter().filter_map(|frame| frame.record.as_ref()?.liquid.as_ref()?.forces.as_ref());
+    totals.extend(force::report::total("forces_on_liquid", forces));
     totals
 }
 

@@ -62,7 +62,8 @@ type FrameCosts = [f64; 4];
 /// As [`System::forecast`](crate::sim::system::System::forecast).
 pub(super) fn forecast(job: &ForecastJob) -> Result<SystemForecast, RunError> {
     let frames = job.simulated();
-    let systems = Systems { sheets: job.scene.systems().sheets, ..Systems::default() };
+    let Systems { sheets, forces, timeline, .. } = job.scene.systems();
+    let systems = Systems { sheets, forces, timeline, ..Systems::default() };
     let mut simulation = Simulation::new(job.scene.surroundings(), systems)?;
     let points = simulation.seeded().sheets.unwrap_or_default().points;
     let (mut costs, mut first_bytes): (Vec<FrameCosts>, f64) = (Vec::new(), 0.0);

@@ -42,6 +42,10 @@ impl System for Sheets {
         &[StreamKind::MeshPoints, StreamKind::MeshFaces]
     }
 
+    fn feels_forces(&self) -> bool {
+        true
+    }
+
     fn tradeoff(&self) -> Option<&'static Subject> {
         Some(&tradeoff::SUBJECT)
     }
@@ -106,6 +110,6 @@ impl System for Sheets {
     }
 
     fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {
-        report::totals(frames).into_iter().collect()
+        report::totals(frames).into_iter().chain(report::force_totals(frames)).collect()
     }
 }

@@ -3,6 +3,7 @@
 use crate::{
     job::{Total, nonzero},
     sim::{
+        force,
         sheet::{SheetRecord, SheetSeeds},
         system::CachedFrame,
     },
@@ -29,7 +30,7 @@ pub(super) fn progress(record: &SheetRecord) -> String {
 /// The limits that changed a frame.
 pub(super) fn warnings(record: &SheetRecord) -> Vec<String> {
     let contact = record.contact.clone().unwrap_or_default();
-    nonzero(&[
+    let limits = nonzero(&[
         (contact.crossings, "edges of sheets through faces of sheets"),
         (contact.unseparated, "pairs of sheets not certainly separated"),
         (record.unconverged.into(), "substeps of sheets stopped at max_iterations"),
@@ -37,7 +38,14 @@ pub(super) fn warnings(record: &SheetRecord) -> Vec<String> {
         (record.inside_solids, "points of sheets inside solids"),
         (record.cut_faces, "faces of sheets cut into solids (sheets.clearance or smaller cells)"),
         (record.folded, "springs of sheets without a direction"),
-    ])
+    ]);
+    [limits, force::report::warnings(record.forces.as_ref(), "sheets.solver.max_substeps")].concat()
+}
+
+/// Work of forces over the logged frames.
+pub(super) fn force_totals(frames: &[CachedFrame]) -> Option<Total> {
+    let records = frames.iter().filter_map(|frame| frame.record.as_ref()?.sheets.as_ref()?.forces.as_ref());
+    force::report::total("forces_on_sheets", records)
 }
 
 /// Extremes over the logged frames.

@@ -42,6 +42,9 @@ const FRICTION_BYTES: f64 = 24.0;
 /// Microrotation and buffers of its exchange [bytes/particle].
 const MICROPOLAR_BYTES: f64 = 64.0;
 
+/// What forces do to each particle [bytes/particle].
+const FORCE_BYTES: f64 = 40.0;
+
 /// The smallest uncertainty that is stated: see the figures in docs/plan.md.
 const MIN_UNCERTAINTY: f64 = 0.25;
 
@@ -53,7 +56,8 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
     let micropolar = if liquid.micropolar.is_some() { MICROPOLAR_BYTES } else { 0.0 };
     let rough = scene.world.collider.iter().any(Collider::has_friction_or_restitution);
     let friction = if rough { FRICTION_BYTES } else { 0.0 };
-    let terms = viscosity + tension + micropolar + friction;
+    let forces = if scene.force.is_empty() { 0.0 } else { FORCE_BYTES };
+    let terms = viscosity + tension + micropolar + friction + forces;
     particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + terms)
 }
 
