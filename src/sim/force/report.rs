@@ -19,7 +19,7 @@ pub(crate) fn total<'a>(key: &'static str, records: impl Iterator<Item = &'a For
         frames += 1;
         sum.unite(record);
     }
-    let ForceRecord { work, max_acceleration, limited, strongest } = sum;
+    let ForceRecord { work, max_acceleration, limited, strongest, .. } = sum;
     (frames > 0).then(|| Total {
         key,
         value: json!({
@@ -48,6 +48,7 @@ mod tests {
                 max_acceleration,
                 limited,
                 strongest,
+                ..ForceRecord::default()
             },
         );
         let total = total("forces_on_planted", frames.iter()).unwrap();

@@ -187,11 +187,22 @@ fn drag_decays_exponentially_towards_its_velocity() {
         let expected = -exp_m1(-5.0 * 6.0 / 24.0);
         assert_close(mean(frame.streams[0].vec3("velocity").unwrap()), [expected, 0.0, 0.0], 0.01 * expected);
     }
-    // Any rate is stable.
+    // Any rate is stable, and the work is the kinetic energy, gained and lost.
     let stiff = "kind = { drag = { rate = 1e6, velocity = [1, 0, 0] } }";
     let (frame, records) = run(systems(Some(BALL), None, &[stiff]), 2);
-    assert_close(mean(frame.streams[0].vec3("velocity").unwrap()), [1.0, 0.0, 0.0], 0.01);
-    assert_eq!(on_liquid(&records).limited, 0);
+    let v = frame.streams[0].vec3("velocity").unwrap();
+    assert_close(mean(v), [1.0, 0.0, 0.0], 0.01);
+    let energy = 0.5 * 1000.0 * 0.02_f64.powi(3) * v.len() as f64;
+    let sum = on_liquid(&records);
+    assert!((sum.work / energy - 1.0).abs() < 0.01 && sum.limited == 0, "{sum:?}, energy {energy} J");
+    // From 3 m/s to rest, and back against the motion.
+    let fast = format!("{BALL}\nvelocity = [3, 0, 0]");
+    for (velocity, gained) in [(0.0, -9.0), (-3.0, 0.0)] {
+        let stop = format!("kind = {{ drag = {{ rate = 1e6, velocity = [{velocity}, 0, 0] }} }}");
+        let (_, records) = run(systems(Some(&fast), None, &[&stop]), 1);
+        let sum = on_liquid(&records);
+        assert!((sum.work / energy - gained).abs() < 0.1 && sum.limited == 0, "{sum:?}, expected {gained}");
+    }
 }
 
 #[test]
@@ -250,7 +261,8 @@ fn a_force_of_a_million_is_limited_counted_and_named() {
     let huge = "kind = { uniform = { acceleration = [0, 0, 1e6] } }";
     let drag = "kind = { drag = { rate = 0.1 } }";
     // A thousand substeps resolve the acceleration, but not the speed.
-    let (_, records) = run(systems(Some(BALL), None, &[drag, huge]), 1);
+    let fine = format!("max_substeps = 1000\n{BALL}");
+    let (_, records) = run(systems(Some(&fine), None, &[drag, huge]), 1);
     assert_eq!(on_liquid(&records).limited, 0);
     assert!(records[0].liquid.as_ref().unwrap().cfl_capped > 0);
     let (frame, records) = run(systems(Some(&format!("max_substeps = 64\n{BALL}")), None, &[drag, huge]), 2);
@@ -260,7 +272,7 @@ fn a_force_of_a_million_is_limited_counted_and_named() {
     let x = frame.streams[0].vec3("position").unwrap();
     assert!(x.iter().all(|x| x.amax().is_finite()) && sum.work.is_finite() && sum.work > 0.0);
     assert!(records.iter().all(|record| record.liquid.as_ref().unwrap().cfl_capped > 0));
-    let sheets = format!("{CLOTH}\n[sheets.solver]\nmax_substeps = 2000");
+    let sheets = format!("{CLOTH}\n[sheets.solver]\nmax_substeps = 50");
     let (frame, records) = run(systems(None, Some(&sheets), &[drag, huge]), 1);
     let record = records[0].sheets.as_ref().unwrap().forces.unwrap();
     assert!(record.limited > 0 && record.strongest == Some(1), "{record:?}");

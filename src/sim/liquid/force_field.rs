@@ -23,6 +23,8 @@ pub(super) struct ForceField {
     samples: Vec<Sample>,
     /// Changes of the velocities by forces in the substep [m/s].
     pub(super) change: Vec<Vec3>,
+    /// Sum over the particles of their changes times the velocities before [m²/s²].
+    along_velocities: f64,
     pub(super) record: ForceRecord,
 }
 
@@ -35,6 +37,7 @@ impl ForceField {
             magnitude: 0.0,
             samples: Vec::new(),
             change: Vec::new(),
+            along_velocities: 0.0,
             record: ForceRecord::default(),
         }
     }
@@ -80,8 +83,8 @@ impl ForceField {
         let rate = |i: usize| {
             let sample = &self.samples[i];
             let speed = f64::from(v[i].norm());
-            let target = sample.target().map_or(0.0, |target| f64::from(target.norm()));
-            let speeds = [speed, speed.max(target)].map(|speed| speed + other);
+            let slip = sample.target().map_or(0.0, |target| f64::from((target - v[i]).norm()));
+            let speeds = [speed, speed.max(slip)].map(|speed| speed + other);
             sample.substep_rate(v[i], steady, longest, speeds) as f32
         };
         par::max(self.samples.len(), rate).map_or(0.0, |(_, rate)| f64::from(rate))
@@ -106,11 +109,20 @@ impl ForceField {
         self.record.add(parts, |i| forces.strongest(now, x[i], v[i] - change[i]));
     }
 
-    /// Work of the forces on particles of `mass` [kg] that moved from `x` to `p` [m] in `dt` [s] [J].
+    /// Keeps what the work depends on of the velocities `v` that forces have changed [m/s].
+    pub(super) fn keep_velocities(&mut self, v: &[Vec3]) {
+        let change = &self.change;
+        let along = |i: usize| change[i].cast::<f64>().dot(&(v[i] - change[i]).cast());
+        self.along_velocities = par::sum(change.len().min(v.len()), along);
+    }
+
+    /// Work of the forces on particles of `mass` [kg] that moved from `x` to `p` [m] in `dt` [s] [J]: by the mean of the velocities before
+    /// and over the substep, which makes it the change of the kinetic energy of a free particle.
     pub(super) fn add_work(&mut self, x: &[Vec3], p: &[Vec3], mass: f64, dt: f32) -> f64 {
         let change = &self.change;
         let along = |i: usize| change[i].cast::<f64>().dot(&(p[i] - x[i]).cast());
-        let work = mass / f64::from(dt) * par::sum(change.len().min(p.len()), along);
+        let along_displacements = par::sum(change.len().min(p.len()), along) / f64::from(dt);
+        let work = 0.5 * mass * (self.along_velocities + along_displacements);
         self.record.work += work;
         work
     }

@@ -1,7 +1,7 @@
 //! Force fields in the liquid's substep, and their work.
 //!
-//! *Method*: forces act where gravity does, on the predicted velocities. Their work is the mean acceleration times the displacement of the
-//! whole substep, by which the liquid's energy may rise: what pressure balances does no work. Particles in nozzles, whose motion is
+//! *Method*: forces act where gravity does, on the predicted velocities. The liquid's energy may rise by their work, which what pressure
+//! balances does not add to. Particles in nozzles, whose motion is
 //! prescribed, feel no force.
 
 use super::{Liquid, force_field::ForceField};
@@ -53,6 +53,7 @@ impl Liquid {
         for pin in &self.solver.pins {
             forces.change[pin.particle as usize] = Vec3::zeros();
         }
+        forces.keep_velocities(&self.v);
     }
 
     /// Adds the work of the forces in a substep of `dt` [s] to the energy that the liquid may have.

@@ -13,6 +13,8 @@ pub(super) struct ForceField {
     forces: Forces,
     /// Mean accelerations of the points over the substep [m/s²].
     pub(super) mean: Vec<Vec3>,
+    /// Velocities of the points before the substep [m/s], and its length [s].
+    before: (Vec<Vec3>, f32),
     /// Counts of the substep.
     pub(super) record: ForceRecord,
 }
@@ -30,7 +32,7 @@ pub(super) struct Points<'a> {
 
 impl ForceField {
     pub(super) fn new(forces: Forces) -> Self {
-        Self { forces, mean: Vec::new(), record: ForceRecord::default() }
+        Self { forces, mean: Vec::new(), before: (Vec::new(), 0.0), record: ForceRecord::default() }
     }
 
     /// The longest substep from `now` [s] in which forces move no point by more than its length [s].
@@ -40,7 +42,9 @@ impl ForceField {
             let (sample, v) = (snapshot.sample(points.x.get(i)), points.v.get(i));
             let slip = sample.target().map_or(0.0, |target| f64::from((target - v).norm()));
             let length = f64::from(points.area[i]).sqrt();
-            sample.substep_rate(v, snapshot.uniform, length, [0.0, slip]) as f32
+            // A drag reduces what gravity adds, too.
+            let gravity = sample.target().map_or(Vec3::zeros(), |_| points.gravity);
+            sample.substep_rate(v, gravity + snapshot.uniform, length, [0.0, slip]) as f32
         };
         1.0 / par::max(points.x.len(), rate).map_or(0.0, |(_, rate)| f64::from(rate))
     }
@@ -49,6 +53,9 @@ impl ForceField {
     pub(super) fn evaluate(&mut self, points: &Points<'_>, now: f64, dt: f64) {
         let snapshot = self.forces.at(now);
         self.mean.resize(points.x.len(), Vec3::zeros());
+        self.before.0.resize(points.x.len(), Vec3::zeros());
+        par::fill(&mut self.before.0, |i| points.v.get(i));
+        self.before.1 = dt as f32;
         let parts = par::map_chunks_mut([&mut self.mean[..]], par::CHUNK, |start, [mean]| {
             let mut largest = ChunkMaximum::default();
             for (k, mean) in mean.iter_mut().enumerate() {
@@ -78,9 +85,10 @@ impl ForceField {
         [mass, mobility]: [&[f32]; 2],
         record: &mut ForceRecord,
     ) {
-        let mean = &self.mean;
+        let (mean, (velocity, dt)) = (&self.mean, &self.before);
+        // By the mean of the velocities before and over the substep, as for the liquid.
         let work = |i: usize| {
-            let moved = (after.get(i) - before.get(i)).cast::<f64>();
+            let moved = (after.get(i) - before.get(i) + velocity[i] * *dt).cast::<f64>() * 0.5;
             if mobility[i] > 0.0 { f64::from(mass[i]) * mean[i].cast::<f64>().dot(&moved) } else { 0.0 }
         };
         record.work += par::sum(mean.len(), work);
