@@ -84,6 +84,8 @@ pub(super) enum Verb {
     Export(ExportArgs),
     /// Write the colliders of a shot as meshes with their motion; `shot` does so too
     Colliders(CollidersArgs),
+    /// Compute spray, foam and bubbles of a cached liquid, as PLY points; `shot` does so too where the preset has `[whitewater]`
+    Whitewater(WhitewaterArgs),
     /// Make a variant of a shot for every combination of settings, and a contact sheet of them
     Wedge(WedgeArgs),
     /// Write a shot, or wedges, as a job of a render farm
@@ -427,6 +429,34 @@ pub(super) struct VolumeArgs {
     /// tracers, too, are only advected by the cached air: --set smoke.tracers=…
     #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
     pub(super) retime: Option<f64>,
+}
+
+/// Arguments of `whitewater`.
+#[derive(Debug, Args)]
+pub(super) struct WhitewaterArgs {
+    /// A shot folder or its cache
+    #[arg(value_name = "CACHE")]
+    pub(super) cache: PathBuf,
+
+    /// The folder that gets `whitewater/` and `shot.json`; by default the shot folder itself
+    #[arg(short, long, value_name = "DIR")]
+    pub(super) output: Option<PathBuf>,
+
+    /// The frames to write: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
+    #[arg(long, value_name = "LIST", value_parser = frames)]
+    pub(super) frames: Option<Frames>,
+
+    /// Change a key of whitewater: `--set whitewater.amount=2`. May be repeated
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(super) set: Vec<String>,
+
+    /// Refuse a frame that needs more memory than this: `8GiB`, `500MiB`
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    pub(super) max_memory: Option<u64>,
+
+    /// Compute again what is there already
+    #[arg(long)]
+    pub(super) force: bool,
 }
 
 /// Arguments of `wedge`.

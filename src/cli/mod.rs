@@ -19,6 +19,7 @@ mod tradeoff;
 mod values;
 mod volume;
 mod wedge;
+mod whitewater;
 
 #[cfg(any(test, feature = "fuzzing"))]
 pub(crate) use output::diagnostic;
@@ -50,6 +51,7 @@ pub fn main() -> ExitCode {
         Verb::Tradeoff(args) => tradeoff::tradeoff(args, control),
         Verb::Mesh(args) => mesh::mesh(args, control),
         Verb::Volume(args) => volume::volume(args, control),
+        Verb::Whitewater(args) => whitewater::whitewater(args, control),
         Verb::Export(args) => export::export(args, control),
         Verb::Colliders(args) => colliders::colliders(args, control),
         Verb::Farm(args) => farm::farm(args, cli.threads, control),

@@ -46,6 +46,11 @@ pub(crate) trait Product: ProductFolder {
         None
     }
 
+    /// Whether it depends on the colliders of the preset, whose meshes are then sampled.
+    fn uses_solids(&self) -> bool {
+        false
+    }
+
     /// Reports settings that cannot be met with streams of these `kinds`, of which it accepts some.
     fn check(&self, _: &ProductSettings, _kinds: &[StreamKind], _: &Places, _: &mut Vec<Finding>) {}
 

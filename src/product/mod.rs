@@ -13,6 +13,7 @@ mod sample;
 mod sheet_mesh;
 pub(crate) mod surface;
 pub(crate) mod volume;
+mod whitewater;
 
 #[cfg(test)]
 mod tests;

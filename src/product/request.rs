@@ -9,7 +9,10 @@ use crate::{
         batch::{BatchRequest, Source},
     },
     mesh::SurfaceParams,
-    sim::scene::{Output, Scene},
+    sim::{
+        scene::{Output, Scene},
+        whitewater::WhitewaterParams,
+    },
 };
 use serde_json::{Map, Value};
 
@@ -22,6 +25,8 @@ pub(crate) struct ProductSettings {
     pub volume: VolumeParams,
     /// The files to write.
     pub output: Output,
+    /// How whitewater is made of a liquid; `None`: it is not.
+    pub whitewater: Option<WhitewaterParams>,
     /// Whether tracers are written as points, which presets cannot request.
     pub points: bool,
     /// Whether colliders are written: those of a preset come with its other outputs.
@@ -31,11 +36,11 @@ pub(crate) struct ProductSettings {
 impl ProductSettings {
     /// The settings of a preset.
     pub(crate) fn of(scene: &Scene) -> Self {
-        let Scene { surface, volume, output, world, .. } = scene;
+        let Scene { surface, volume, whitewater, output, world, .. } = scene;
         let colliders =
             output.has_files() && world.collider.iter().any(|collider| collider.shown_look().is_some());
         let (surface, volume, output) = (surface.clone(), volume.clone(), output.clone());
-        Self { surface, volume, output, points: false, colliders }
+        Self { surface, volume, output, whitewater: whitewater.clone(), points: false, colliders }
     }
 
     /// The settings of the preset of a shot: its colliders are requested too if the manifest lists some of an earlier run.

@@ -11,7 +11,7 @@ use crate::{
         batch::{BatchRequest, Source},
     },
     math::Vec3,
-    sim::scene::Output,
+    sim::{scene::Output, whitewater::WhitewaterParams},
 };
 
 /// A ball of particles 0.1 m apart.
@@ -35,7 +35,9 @@ fn make_all(streams: Vec<Stream>) -> Vec<Result<Vec<String>, String>> {
         sheet: SheetFormat::ALL.to_vec(),
         thickness: None,
     };
-    let settings = ProductSettings { output, points: true, colliders: true, ..ProductSettings::default() };
+    let whitewater = Some(WhitewaterParams::default());
+    let settings =
+        ProductSettings { output, whitewater, points: true, colliders: true, ..ProductSettings::default() };
     let batch = BatchRequest {
         selection: None,
         force: false,

@@ -15,6 +15,7 @@ use crate::{
     sim::{
         registry::{ALL, mesh_files},
         scene_check,
+        whitewater::WhitewaterParams,
     },
 };
 use schemars::JsonSchema;
@@ -212,10 +213,13 @@ pub(crate) fn product_settings(set: &[String]) -> Result<ProductSettings, SceneE
         surface: SurfaceParams,
         #[serde(default)]
         volume: VolumeParams,
+        #[serde(default)]
+        whitewater: Option<WhitewaterParams>,
     }
-    alone(set).map(|Alone { surface, volume }| ProductSettings {
+    alone(set).map(|Alone { surface, volume, whitewater }| ProductSettings {
         surface,
         volume,
+        whitewater,
         ..ProductSettings::default()
     })
 }

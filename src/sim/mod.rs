@@ -32,6 +32,8 @@ pub(crate) mod system;
 #[cfg(feature = "presets")]
 pub(crate) mod tradeoff;
 pub mod vortex;
+#[cfg(feature = "presets")]
+pub mod whitewater;
 
 pub use crate::control::{CancelToken, Diverged, Stop, Unwatched, Watch};
 pub use clock::Seconds;

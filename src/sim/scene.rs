@@ -7,6 +7,7 @@ use super::{
     liquid::{self, LiquidParams},
     sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
     smoke::{self, Smoke, SmokeParams},
+    whitewater::WhitewaterParams,
 };
 use crate::{
     export::{
@@ -59,6 +60,9 @@ pub struct Scene {
     /// Volumes.
     #[serde(default)]
     pub volume: VolumeParams,
+    /// Spray, foam and bubbles of the liquid, which `shot` and `whitewater` compute from cached frames; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub whitewater: Option<WhitewaterParams>,
     /// Files that `shot` writes in addition to the cache.
     #[serde(default)]
     pub output: Output,
@@ -184,7 +188,7 @@ impl Scene {
     /// Hash of everything that determines the simulated state: frame rate, first frame, world, systems, the bytes of the files
     /// that these name, and the solvers' version.
     ///
-    /// The title, the frames after the first, the surface, the volume, the output, the camera, the tradeoff and the looks of colliders
+    /// The title, the frames after the first, the surface, the volume, whitewater, the output, the camera, the tradeoff and the looks of colliders
     /// do not change it. Caches store it, so that frames of another scene are recognised as stale.
     pub fn simulation_key(&self) -> u64 {
         xxhash_rust::xxh3::xxh3_64(self.decisive().as_bytes())
@@ -230,6 +234,7 @@ impl Scene {
             force,
             surface: _,
             volume: _,
+            whitewater: _,
             output: _,
             camera: _,
             tradeoff: _,

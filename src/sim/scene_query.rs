@@ -15,6 +15,12 @@ impl Scene {
         found
     }
 
+    /// Lower and upper corner of the liquid's domain [m], if it has one.
+    pub(crate) fn domain_of_whitewater(&self) -> Option<[crate::math::Vec3; 2]> {
+        let domain = self.liquid.as_ref()?.domain.as_ref()?;
+        Some([domain.min.into(), domain.max.into()])
+    }
+
     /// Whether the smoke starts with at most so many vortons and tracers; smoke from emitters and meshes is not counted.
     pub fn few_vortons(&self, most: f64) -> bool {
         self.smoke.as_ref().is_some_and(|smoke| estimate(smoke, 0.0) <= most)

@@ -14,7 +14,7 @@ struct Owner {
 }
 
 /// The systems and the products. Surface, volume and points are also words of geometry, so types name those products.
-const OWNERS: [Owner; 9] = [
+const OWNERS: [Owner; 10] = [
     Owner { words: &["liquid"], folders: &["src/sim/liquid/", "src/sim/coupling/"] },
     Owner {
         words: &["smoke", "vorton", "vortons"],
@@ -27,6 +27,7 @@ const OWNERS: [Owner; 9] = [
     Owner { words: &["TracerPoints"], folders: &["src/product/points/"] },
     Owner { words: &["VolumeFile"], folders: &["src/product/volume/"] },
     Owner { words: &["ColliderMeshes"], folders: &["src/product/colliders/"] },
+    Owner { words: &["WhitewaterPoints"], folders: &["src/product/whitewater/"] },
 ];
 
 /// The registries and the composition of systems in presets, records and simulations.
@@ -44,7 +45,7 @@ const COMPOSITION: [&str; 10] = [
 ];
 
 /// Other files that may name one, with the reason.
-const ALLOWED: [(&str, &str, &str); 20] = [
+const ALLOWED: [(&str, &str, &str); 22] = [
     ("src/untrusted/", "sheet", "the importer of meshes with painted values, for sheets"),
     ("src/frame/kind.rs", "vortons", "a kind of streams"),
     ("src/cache/format.rs", "liquid", "streams of version 1 have no kind, which their names imply"),
@@ -65,6 +66,8 @@ const ALLOWED: [(&str, &str, &str); 20] = [
     ("src/product/volume/", "smoke", "velocity and retiming of tracers are those of the smoke's air"),
     ("src/product/points/", "smoke", "the velocity of tracers is that of the smoke's air"),
     ("src/cli/volume.rs", "smoke", "the key that `--reseed` needs"),
+    ("src/sim/whitewater/", "liquid", "whitewater is emitted and moved by a liquid"),
+    ("src/product/whitewater/", "liquid", "whitewater is computed from frames of a liquid"),
 ];
 
 /// Every name of a system or product in a file that is not its own, as "file: word".

@@ -28,6 +28,7 @@ mod trust;
 mod untrusted;
 mod volumes;
 mod wedge;
+mod whitewater;
 
 use assert_cmd::Command;
 use std::{

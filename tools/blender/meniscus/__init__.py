@@ -203,10 +203,11 @@ def add_object(mesh: MeshOutput | PointsOutput, files: str) -> bpy.types.Object:
     made = bpy.data.objects.new(mesh.name, bpy.data.meshes.new(mesh.name))
     modifier = made.modifiers.new(nodes.NAME, "NODES")
     modifier.node_group = nodes.sequence_group(isinstance(mesh, PointsOutput))
-    water = material.water()
-    made.data.materials.append(water)
+    is_foam = isinstance(mesh, PointsOutput) and mesh.is_whitewater
+    shown = material.foam() if is_foam else material.water()
+    made.data.materials.append(shown)
     values = {"Files": files, "First": mesh.frames.first, "Last": mesh.frames.last, "Step": mesh.frames.step}
-    nodes.set_inputs(modifier, values | {"Velocity": mesh.has_velocity, "Material": water})
+    nodes.set_inputs(modifier, values | {"Velocity": mesh.has_velocity, "Material": shown})
     return made
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""How materials are found again, and the `Water` material: clear, refracting, faintly coloured with depth."""
+"""How materials are found again; `Water`: clear, refracting, faintly coloured with depth; and `Foam`: white."""
 
 import bpy
 
@@ -12,6 +12,10 @@ DEPTH_COLOUR = (0.22, 0.68, 0.82, 1.0)
 DEPTH_DENSITY = 1.0
 # Without caustics glass throws a black shadow; shadow rays pass with this colour instead.
 SHADOW_COLOUR = (0.80, 0.90, 0.94, 1.0)
+
+FOAM_NAME, FOAM_STAMP = "Foam", "meniscus_foam"
+# Light that many small drops and bubbles scatter is nearly that of snow.
+FOAM_COLOUR = (0.88, 0.91, 0.93, 1.0)
 
 
 def own(name: str, stamp: str) -> tuple[bpy.types.Material, bool]:
@@ -57,4 +61,15 @@ def water() -> bpy.types.Material:
     for node, place in ((surface, (0, 0)), (clear, (0, 380)), (path, (0, 720)), (mix, (320, 200))):
         node.location = place
     depth.location, output.location = (320, -100), (540, 100)
+    return material
+
+
+def foam() -> bpy.types.Material:
+    """The file's own Foam that an earlier import made, else a new one."""
+    material, is_new = own(FOAM_NAME, FOAM_STAMP)
+    if is_new:
+        material.diffuse_color = FOAM_COLOUR
+        surface = material.node_tree.nodes["Principled BSDF"]
+        surface.inputs["Base Color"].default_value = FOAM_COLOUR
+        surface.inputs["Roughness"].default_value = 0.8
     return material

@@ -67,8 +67,11 @@ class MeshOutput(SequenceOutput):
     """A sequence of PLY files."""
 
 
+@dataclass(frozen=True)
 class PointsOutput(SequenceOutput):
-    """A sequence of PLY files of points, each with a `radius`: droplets."""
+    """A sequence of PLY files of points, each with a `radius`: droplets, or whitewater, which has a `kind`."""
+
+    is_whitewater: bool
 
 
 class VolumeOutput(SequenceOutput):
@@ -223,7 +226,8 @@ class Validator:
             if kind == ("mesh", "ply") and name not in moved:
                 meshes.append(MeshOutput(*self.sequence(key, output), self.has_velocity(key, output)))
             elif kind == ("points", "ply") and self.has_radius(key, output):
-                points.append(PointsOutput(*self.sequence(key, output), self.has_velocity(key, output)))
+                is_whitewater = self.attribute(key, output, "kind") == ["kind"]
+                points.append(PointsOutput(*self.sequence(key, output), self.has_velocity(key, output), is_whitewater))
             elif kind == ("sheet", "pc2"):
                 sheets.append(SheetOutput(*self.moved_mesh(key, output, ".pc2"), self.frames(f'{key} "frames"', output.get("frames"))))
             elif kind == ("collider", "json"):

@@ -1,0 +1,166 @@
+//! Solids around whitewater: no particle passes through one.
+//!
+//! *Method*: the path of a particle relative to a solid is traced through the solid's signed distance (sphere tracing), stops
+//! at the surface and slides on along it. What is inside in the end is projected out. The normal velocity into the solid is removed.
+
+use crate::{
+    math::Vec3,
+    sim::World,
+    solid::{Pose, Solid},
+};
+
+/// Most steps of sphere tracing along a path; each is as long as the distance, and at least half a radius. After them the particle
+/// stops there.
+const MAX_TRACING_STEPS: usize = 64;
+
+/// Most times that a path is bent along surfaces.
+const MAX_SLIDES: usize = 3;
+
+/// Most projections out of all solids; a particle that is then still inside is between two of them.
+const MAX_PROJECTIONS: usize = 6;
+
+/// Solids and gravity of a shot.
+#[derive(Clone, Debug)]
+pub(crate) struct Walls {
+    solids: Vec<Solid>,
+    pub(super) gravity: Vec3,
+}
+
+/// A particle that moves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Mover {
+    pub(super) x: Vec3,
+    pub(super) v: Vec3,
+    /// Distance that it keeps from surfaces [m].
+    pub(super) radius: f32,
+}
+
+/// Result of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Contact {
+    None,
+    /// A solid was touched.
+    Touched,
+    /// It is inside a solid that it could not be projected out of.
+    Stuck,
+}
+
+/// Poses of all solids at the start and the end of a step.
+#[derive(Clone, Debug)]
+pub(super) struct StepPoses {
+    pub(super) before: Vec<Pose>,
+    pub(super) after: Vec<Pose>,
+    /// Length of the step [s].
+    pub(super) dt: f32,
+}
+
+impl Walls {
+    /// The solids of a world.
+    pub(crate) fn new(world: &World) -> Self {
+        Self { solids: world.solids.clone(), gravity: world.gravity }
+    }
+
+    /// Poses at a time since the shot's start [s].
+    pub(super) fn poses(&self, time: f64) -> Vec<Pose> {
+        let pose =
+            |solid: &Solid| solid.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
+        self.solids.iter().map(pose).collect()
+    }
+
+    /// Poses of the step between two times [s].
+    pub(super) fn step(&self, from: f64, to: f64) -> StepPoses {
+        StepPoses { before: self.poses(from), after: self.poses(to), dt: (to - from) as f32 }
+    }
+
+    /// Distance to the nearest solid [m]; infinite without any.
+    pub(super) fn distance(&self, poses: &[Pose], x: Vec3) -> f32 {
+        let solids = self.solids.iter().zip(poses);
+        solids
+            .map(|(solid, pose)| solid.shape.signed_distance(pose.to_local(x)))
+            .fold(f32::INFINITY, f32::min)
+    }
+
+    /// Moves a particle from where it is to `target`, unless solids are in the way.
+    pub(super) fn advance(&self, poses: &StepPoses, mover: &mut Mover, mut target: Vec3) -> Contact {
+        let mut contact = Contact::None;
+        for _ in 0..MAX_SLIDES {
+            let mut is_stopped = false;
+            for (place, solid) in self.solids.iter().enumerate() {
+                let (before, after) = (&poses.before[place], &poses.after[place]);
+                let (from, to) = (before.to_local(mover.x), after.to_local(target));
+                let Some(hit) = trace(solid, from, to, mover.radius) else { continue };
+                (contact, is_stopped) = (Contact::Touched, true);
+                // The rest of the path goes along the surface.
+                let rest = if hit.slides { to - hit.x } else { Vec3::zeros() };
+                target = after.to_world(hit.x + rest - hit.n * rest.dot(&hit.n).min(0.0));
+            }
+            if !is_stopped {
+                break;
+            }
+        }
+        for _ in 0..MAX_PROJECTIONS {
+            let mut is_inside = false;
+            for (place, solid) in self.solids.iter().enumerate() {
+                let (before, after) = (&poses.before[place], &poses.after[place]);
+                let local = after.to_local(target);
+                let (d, n) = solid.shape.contact(local);
+                if d >= mover.radius * (1.0 - 1e-3) && contact == Contact::None {
+                    continue;
+                }
+                if d < mover.radius * 1.5 {
+                    // Within reach of the surface that stopped it, the velocity into the solid is removed.
+                    let surface =
+                        (after.to_world(local) - before.to_world(local)) / poses.dt.max(f32::MIN_POSITIVE);
+                    let n = after.rotation * n;
+                    mover.v -= n * (mover.v - surface).dot(&n).min(0.0);
+                }
+                if d < mover.radius * (1.0 - 1e-3) {
+                    is_inside = true;
+                    contact = Contact::Touched;
+                    target = after.to_world(local + n * (mover.radius - d));
+                }
+            }
+            if !is_inside {
+                mover.x = target;
+                return contact;
+            }
+        }
+        mover.x = target;
+        if self.distance(&poses.after, target) < 0.0 { Contact::Stuck } else { contact }
+    }
+}
+
+/// Where a path comes close to a surface.
+struct Hit {
+    x: Vec3,
+    n: Vec3,
+    /// Whether the rest of the path is known to be free along the surface.
+    slides: bool,
+}
+
+/// Where the path between two places in a solid's own coordinates comes within `radius` of its surface; `None` if it does not, or starts
+/// there on its way out.
+fn trace(solid: &Solid, from: Vec3, to: Vec3, radius: f32) -> Option<Hit> {
+    let path = to - from;
+    let length = path.norm();
+    let mut distance = solid.shape.signed_distance(from);
+    if length <= 0.0 || distance - length > radius {
+        return None;
+    }
+    let (mut at, mut x) = (0.0, from);
+    for step in 0..=MAX_TRACING_STEPS {
+        if distance <= radius * 1.01 || step == MAX_TRACING_STEPS {
+            let (_, n) = solid.shape.contact(x);
+            let slides = step < MAX_TRACING_STEPS;
+            return (!slides || path.dot(&n) < 0.0).then_some(Hit { x, n, slides });
+        }
+        // Half a radius cannot jump over a surface, and does not creep along one.
+        at += (distance - radius).max(0.5 * radius);
+        if at >= length {
+            return None;
+        }
+        x = from + path * (at / length);
+        distance = solid.shape.signed_distance(x);
+    }
+    None
+}

@@ -1,0 +1,167 @@
+//! Whitewater of a cached liquid: equal bytes, continuing, checksums, what is refused.
+
+use super::*;
+use serde_json::Value;
+
+/// A dam break with whitewater of a low threshold: drops are slow here.
+const WHITE: &str = r#"
+[whitewater]
+trapped_air_speed = [0.1, 1]
+speed = [0.3, 1.5]
+wave_crest_curvature = [0.3, 2]
+trapped_air = 2000
+wave_crests = 2000
+
+[output]"#;
+
+fn desk() -> Desk {
+    let desk = Desk::new();
+    let text = SMALL.replacen("[output]", WHITE, 1).replacen("\"1-5\"", "\"1-16\"", 1);
+    desk.write("white.toml", text.replacen("mesh = [\"ply\"]", "", 1));
+    desk
+}
+
+/// The numbers of particles in the PLY files of a folder.
+fn counts(desk: &Desk, folder: &str) -> Vec<usize> {
+    let points = desk.bytes(folder).into_iter().filter(|(name, _)| name.ends_with(".ply"));
+    let count = |bytes: Vec<u8>| {
+        let head = String::from_utf8_lossy(&bytes[..bytes.len().min(600)]).into_owned();
+        let line = head.lines().find_map(|line| line.strip_prefix("element vertex ")).unwrap().to_owned();
+        line.parse().unwrap()
+    };
+    points.map(|(_, bytes)| count(bytes)).collect()
+}
+
+#[test]
+fn whitewater_has_the_same_bytes_for_any_threads_and_wherever_it_continues() {
+    let desk = desk();
+    let (out, _) = desk.run("shot white.toml --threads 2", 0);
+    assert!(out.contains("16 frames of whitewater written"), "{out}");
+    let found = counts(&desk, "white/whitewater");
+    assert_eq!(found[0], 0, "nothing is emitted before time passes");
+    assert!(found[15] > 300, "{found:?}");
+    let whole = desk.bytes("white/whitewater");
+    let head = String::from_utf8_lossy(&whole[31].1[..400]).into_owned();
+    for property in ["x", "radius", "vx", "id", "kind", "age"] {
+        assert!(head.contains(&format!(" {property}\n")), "{head}");
+    }
+    desk.run("verify white", 0);
+    for threads in [1, 3] {
+        desk.run(&format!("whitewater white --force --threads {threads}"), 0);
+        assert!(desk.bytes("white/whitewater") == whole, "{threads} threads");
+    }
+    // Continued in the middle, and requested for a single frame.
+    fs::remove_dir_all(desk.path("white/whitewater")).unwrap();
+    desk.run("whitewater white --frames 1-7", 0);
+    desk.run("whitewater white --frames 12", 0);
+    let (out, _) = desk.run("whitewater white", 0);
+    assert!(out.contains("8 frames of whitewater written") && out.contains("8 up to date"), "{out}");
+    assert!(desk.bytes("white/whitewater") == whole);
+    // A frame that is damaged is computed again.
+    let path = desk.path("white/whitewater/frame_0009.mcf");
+    let mut bytes = fs::read(&path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    fs::remove_file(desk.path("white/whitewater/whitewater_0009.ply")).unwrap();
+    let (_, talk) = desk.run("whitewater white", 0);
+    assert!(talk.contains("frame 0009 is computed again"), "{talk}");
+    assert!(desk.bytes("white/whitewater") == whole);
+}
+
+#[test]
+fn another_amount_up_to_the_largest_selects_from_what_is_computed() {
+    let desk = desk();
+    desk.run("simulate white.toml", 0);
+    let set = |amount: f32| {
+        format!("whitewater white --set whitewater.amount={amount} --set whitewater.max_amount=2")
+    };
+    desk.run(&set(2.0), 0);
+    let many = counts(&desk, "white/whitewater");
+    let frames: Vec<_> =
+        desk.bytes("white/whitewater").into_iter().filter(|(name, _)| name.ends_with(".mcf")).collect();
+    desk.run(&set(1.0), 0);
+    let few = counts(&desk, "white/whitewater");
+    let same: Vec<_> =
+        desk.bytes("white/whitewater").into_iter().filter(|(name, _)| name.ends_with(".mcf")).collect();
+    assert!(frames == same, "nothing is computed again");
+    let (few, many) = (few[15] as f64, many[15] as f64);
+    assert!((few / many - 0.5).abs() < 3.0 / many.sqrt(), "{few} of {many}");
+    desk.run("whitewater white --set whitewater.amount=1", 0);
+    assert_eq!(counts(&desk, "white/whitewater")[15] as f64, few, "the same particles as by themselves");
+}
+
+/// The number of particles emitted until a frame, and those of each kind in it.
+fn emitted_and_kinds(desk: &Desk, shot: &str, frame: u32) -> [f64; 4] {
+    let log = fs::read_to_string(desk.path(shot).join("whitewater.jsonl")).unwrap();
+    let lines: Vec<Value> = log.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let number = |line: &Value, key: &str| line[key].as_f64().unwrap();
+    let sum = |line: &Value| {
+        ["emitted_spray", "emitted_foam", "emitted_bubbles"].map(|key| number(line, key)).iter().sum::<f64>()
+    };
+    let last = lines.iter().find(|line| line["frame"] == frame).unwrap();
+    let [spray, foam, bubbles] = ["spray", "foam", "bubbles"].map(|key| number(last, key));
+    [lines.iter().map(sum).sum(), spray, foam, bubbles]
+}
+
+#[test]
+fn frames_a_second_and_steps_hardly_change_what_is_emitted() {
+    let desk = desk();
+    let text = fs::read_to_string(desk.path("white.toml")).unwrap();
+    // Of the same simulation, every frame, every second and every third are cached.
+    desk.write("fine.toml", text.replacen("frames = \"1-16\"", "frames = \"1-37\"\nfps = 60", 1));
+    let amount = "--set whitewater.amount=20";
+    let mut found = Vec::new();
+    for (name, frames) in [("every", "1-37"), ("second", "1-37x2"), ("third", "1-37x3")] {
+        desk.run(&format!("simulate fine.toml --frames {frames} -o {name}"), 0);
+        for steps in [4, 15] {
+            desk.run(&format!("whitewater {name} {amount} --set whitewater.substeps={steps} --force"), 0);
+            found.push(emitted_and_kinds(&desk, name, 37));
+        }
+    }
+    for other in &found {
+        for (kind, (&a, &b)) in found[0].iter().zip(other).enumerate() {
+            let bound = 0.05 * a + 4.0 * a.sqrt();
+            assert!((a - b).abs() < bound, "{kind}: {found:?}");
+        }
+    }
+    assert!(found[0][0] > 5000.0, "{found:?}");
+}
+
+#[test]
+fn what_cannot_be_made_is_refused_in_words() {
+    let desk = desk();
+    desk.run("simulate white.toml --frames 1-4", 0);
+    for (set, expected) in [
+        ("whitewater.speed=[2,1]", "`whitewater.speed` is no range"),
+        ("whitewater.max_amount=0.5", "`amount` is above `max_amount`"),
+        ("whitewater.foam.lifetime=0", "above 0"),
+        ("whitewater.max_particles=0", "1 to 100000000"),
+    ] {
+        let (_, talk) = desk.run(&format!("whitewater white --set {set}"), 2);
+        assert!(talk.contains(expected), "{set}: {talk}");
+    }
+    let (_, talk) = desk.run("whitewater white --set liquid.spacing=0.2", 2);
+    assert!(talk.contains("simulated already"), "{talk}");
+    // More than allowed is counted, and not emitted.
+    let (_, talk) = desk.run("whitewater white --set whitewater.max_particles=3", 0);
+    assert!(talk.contains("above `whitewater.max_particles`"), "{talk}");
+    assert!(counts(&desk, "white/whitewater").iter().all(|&count| count <= 3));
+    // A cache that has lost a frame in between: another chain, and no frame of the old one in it.
+    desk.run("whitewater white", 0);
+    fs::remove_file(desk.path("white/cache/frame_0003.mcf")).unwrap();
+    let (out, _) = desk.run("whitewater white", 0);
+    assert!(out.contains("1 frames of whitewater written") && out.contains("2 up to date"), "{out}");
+    let (_, talk) = desk.run("whitewater white --frames 1-4", 3);
+    assert!(talk.contains("0003") && talk.contains("not in the cache"), "{talk}");
+    let log: Vec<Value> = fs::read_to_string(desk.path("white/whitewater.jsonl"))
+        .unwrap()
+        .lines()
+        .map(|line| serde_json::from_str(line).unwrap())
+        .collect();
+    assert!(log.iter().any(|line| line["emitted_spray"].is_u64()), "{log:?}");
+    // A preset without a liquid has none.
+    desk.run("simulate smoke-ring --quality draft --frames 1-2 -o ring", 0);
+    let (_, talk) = desk.run("whitewater ring", 2);
+    assert!(talk.contains("no particles in this cache"), "{talk}");
+}
