@@ -39,6 +39,9 @@ pub(super) struct Chain<'a> {
     walls: Walls,
     /// Lower and upper corner of the liquid's domain [m], outside of which particles are removed.
     domain: Option<[Vec3; 2]>,
+    /// The first frame of the shot, and frames a second.
+    first: f64,
+    fps: f64,
     request: &'a BatchRequest,
     /// The whitewater in memory, the place of its frame, and the liquid's spacing [m].
     state: Option<(usize, Whitewater, f32)>,
@@ -81,8 +84,22 @@ impl<'a> Chain<'a> {
         }
         let domain = scene.domain_of_whitewater();
         let walls = Walls::new(&scene.surroundings());
+        let (first, fps) = (f64::from(scene.frames.first().0), f64::from(scene.fps));
         let (state, liquid) = (None, None);
-        Ok(Self { frames, keys, folder, simulation, params, walls, domain, request, state, liquid })
+        Ok(Self {
+            frames,
+            keys,
+            folder,
+            simulation,
+            params,
+            walls,
+            domain,
+            first,
+            fps,
+            request,
+            state,
+            liquid,
+        })
     }
 
     /// The cached frames.
@@ -161,16 +178,16 @@ impl<'a> Chain<'a> {
             let (_, before) = self.liquid.take().expect("it was loaded");
             self.load(place)?;
             let (_, after) = self.liquid.as_ref().expect("it was loaded");
-            if before.time >= after.time {
-                return Err(crafted(&self.frames[place].1));
-            }
             let (_, known, _) = self.state.take().expect("it was restored or computed");
             whitewater = known;
             let particles = whitewater.len() as f64 + births_bound(&before, after, self.params);
             let liquid = before.len().max(after.len()) as f64;
             let needed = BASE_MEMORY + particles * PARTICLE_BYTES + liquid * LIQUID_BYTES;
             self.request.check_memory(None, |_| needed as u64)?;
-            advance(&mut whitewater, &before, after, self.params, &self.walls, self.domain);
+            let (params, walls, cancel) = (self.params, &self.walls, control.cancel);
+            if advance(&mut whitewater, &before, after, params, walls, self.domain, cancel).is_break() {
+                return Err(RunError::Interrupted);
+            }
         } else {
             self.load(0)?;
         }
@@ -202,6 +219,11 @@ impl<'a> Chain<'a> {
         let path = &self.frames[place].1;
         let (frame, info) = cache::read_frame_within(path, self.request.max_memory)?;
         info.expect_key(path, self.simulation)?;
+        // A time of its own would let the emission of years fill a frame.
+        let due = (f64::from(self.frames[place].0.0) - self.first) / self.fps;
+        if frame.time.is_nan() || (frame.time - due).abs() > 0.01 / self.fps {
+            return Err(crafted(path));
+        }
         let rates = Rates::new(self.params, &self.walls);
         let liquid = frame.streams.iter().find(|stream| stream.kind == StreamKind::Particles);
         let found = liquid.and_then(|stream: &Stream| LiquidFrame::new(stream, frame.time, &rates));

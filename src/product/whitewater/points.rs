@@ -9,6 +9,7 @@ use crate::{
         batch::{FileTarget, FrameFiles, ProductFolder, Written},
     },
     mesh::Points,
+    sim::whitewater::Kind,
 };
 use std::time::Instant;
 use xxhash_rust::xxh3::xxh3_64;
@@ -60,9 +61,14 @@ pub(super) fn write(
     written.add(&output, ply::write_points(&points, &path, target.key)?);
     output.attributes = MeshFormat::Ply.attributes_in(&path);
     let record = &frame.whitewater.record;
-    let numbers = if frame.is_new { record.numbers().to_vec() } else { Vec::new() };
-    written.record_figures =
-        numbers.into_iter().map(|(name, value)| (name.to_owned(), value.into())).collect();
+    let numbers = record.numbers().into_iter();
+    written.record_figures = numbers.map(|(name, value)| (name.to_owned(), value.into())).collect();
+    // Of the particles in the file, which a smaller amount selects.
+    for kind in Kind::ALL {
+        let of_kind =
+            stream.u32("kind").map_or(0, |kinds| kinds.iter().filter(|&&k| k == kind as u32).count());
+        written.record_figures.insert(kind.name().into(), of_kind.into());
+    }
     let (count, mib) = (points.positions.len(), written.record.bytes() as f64 / f64::from(1 << 20));
     let seconds = start.elapsed().as_secs_f64();
     written.figures = format!("frame {}  {count} particles  {mib:.2} MiB  {seconds:.2} s", target.index);

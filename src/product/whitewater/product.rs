@@ -71,7 +71,7 @@ impl Product for WhitewaterPoints {
         if let Some((key, [min, max])) = params.bad_range() {
             let path = format!("whitewater.{key}");
             let label = format!(
-                "found {min} and {max}, expected two numbers from 0 on, of which the second is larger"
+                "found {min} and {max}, expected two numbers from 0 to 10000, of which the second is larger by 0.001 or more"
             );
             let message = format!("`{path}` is no range");
             findings.push(

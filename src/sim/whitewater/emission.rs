@@ -82,10 +82,11 @@ pub(super) fn births(
     chunks.into_iter().flatten().collect()
 }
 
-/// The expected number of births of an interval with an amount.
+/// The expected number of births of an interval with an amount; of an interval shorter than a slot, of a whole one, whose points are
+/// drawn.
 pub(super) fn expected(liquid: &LiquidInterval, amount: f32) -> f64 {
     let mean = |i: usize| f64::from(liquid.tracks[i].rate(0.0) + liquid.tracks[i].rate(1.0)) * 0.5;
-    par::sum(liquid.tracks.len(), mean) * f64::from(amount) * liquid.seconds()
+    par::sum(liquid.tracks.len(), mean) * f64::from(amount) * liquid.seconds().max(SLOT)
 }
 
 fn of_track(

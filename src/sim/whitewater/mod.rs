@@ -13,6 +13,7 @@ mod step;
 mod walls;
 
 pub(crate) use liquid::LiquidFrame;
+pub(crate) use params::Kind;
 pub use params::WhitewaterParams;
 pub(crate) use potentials::Rates;
 pub(crate) use state::{STREAM, Whitewater};

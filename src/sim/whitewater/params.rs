@@ -26,7 +26,7 @@ pub struct WhitewaterParams {
     pub wave_crest_curvature: [f32; 2],
     /// Speed of the liquid whose kinetic energy gives none and full emission [m/s].
     pub speed: [f32; 2],
-    /// Median radius of drops and bubbles [m]. Range: above 0, at most 1000.
+    /// Median radius of drops and bubbles [m]. Range: 0.000001 to 1000.
     pub radius: f32,
     /// Spread of the radius [1]: standard deviation of its logarithm, which is normal up to three deviations. 0 makes all equal.
     /// Range: 0 to 2.
@@ -195,15 +195,15 @@ impl WhitewaterParams {
         Self { amount, max_amount: Some(amount), ..self.clone() }
     }
 
-    /// The first range whose end is not above its start, or whose start is negative; key and values.
+    /// The first range that is not from 0 to 10000, with an end at least 0.001 above its start; key and values.
     pub(crate) fn bad_range(&self) -> Option<(&'static str, [f32; 2])> {
         let ranges = [
             ("trapped_air_speed", self.trapped_air_speed),
             ("wave_crest_curvature", self.wave_crest_curvature),
             ("speed", self.speed),
         ];
-        ranges
-            .into_iter()
-            .find(|(_, [min, max])| !(0.0..f32::INFINITY).contains(max) || !(0.0..*max).contains(min))
+        // Narrower ones, and squares of larger ones, are not resolved in single precision.
+        let is_good = |[min, max]: &[f32; 2]| (0.0..=1e4).contains(max) && *min >= 0.0 && max - min >= 1e-3;
+        ranges.into_iter().find(|(_, range)| !is_good(range))
     }
 }

@@ -131,13 +131,30 @@ impl Whitewater {
             })
         };
         let particles: Option<Vec<Particle>> = (0..stream.len()).map(particle).collect();
-        let emitted = stream.scalar(EMITTED).filter(|emitted| (0.0..MAX_EXACT).contains(emitted))?;
-        Some(Self { particles: particles?, emitted: emitted as u64, record: WhitewaterRecord::default() })
+        let whole = |name: &str, limit: f64| {
+            let number = stream.scalar(name)?;
+            ((0.0..limit).contains(&number) && number.fract() == 0.0).then_some(number as u64)
+        };
+        let number = |name: &str| whole(name, MAX_EXACT);
+        let record = WhitewaterRecord {
+            kinds: [number("spray")?, number("foam")?, number("bubbles")?],
+            emitted: [number("emitted_spray")?, number("emitted_foam")?, number("emitted_bubbles")?],
+            expired: number("expired")?,
+            left_domain: number("left_domain")?,
+            stuck: number("stuck")?,
+            over_limit: number("over_limit")?,
+            contacts: number("contacts")?,
+            left_out: number("left_out")?,
+        };
+        Some(Self { particles: particles?, emitted: whole(EMITTED, MAX_IDS)?, record })
     }
 }
 
 /// Scalar with the number of particles emitted since the start of the shot.
 const EMITTED: &str = "emitted";
+
+/// Ids are below.
+const MAX_IDS: f64 = 4_294_967_296.0;
 
 /// Whole numbers below are exact in double precision.
 const MAX_EXACT: f64 = 9_007_199_254_740_992.0;

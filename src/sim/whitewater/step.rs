@@ -16,9 +16,11 @@ use super::{
     walls::{Contact, Mover, StepPoses, Walls},
 };
 use crate::{
+    control::CancelToken,
     math::{Vec3, elementary::exp},
     par,
 };
+use std::ops::ControlFlow;
 
 /// Neighbours in the liquid below which a particle is spray, and above which it is a bubble.
 const SPRAY_BELOW: u32 = 6;
@@ -39,7 +41,7 @@ pub(crate) fn births_bound(a: &LiquidFrame, b: &LiquidFrame, params: &Whitewater
     expected(&liquid, params.largest_amount()).min(f64::from(params.max_particles))
 }
 
-/// Moves the particles from one frame of the liquid to a later one, and emits new ones.
+/// Moves the particles from one frame of the liquid to a later one, and emits new ones; `Break` if it was cancelled.
 pub(crate) fn advance(
     state: &mut Whitewater,
     a: &LiquidFrame,
@@ -47,21 +49,33 @@ pub(crate) fn advance(
     params: &WhitewaterParams,
     walls: &Walls,
     domain: Option<[Vec3; 2]>,
-) {
+    cancel: &CancelToken,
+) -> ControlFlow<()> {
     let liquid = LiquidInterval::new(a, b);
     state.record = WhitewaterRecord { left_out: b.left_out, ..WhitewaterRecord::default() };
     let amount = affordable_amount(&liquid, params, &mut state.record);
     let steps = params.substeps;
     let part = |step: u32| f64::from(step) / f64::from(steps);
     for step in 0..steps {
+        if cancel.is_cancelled() {
+            return ControlFlow::Break(());
+        }
         let (from, to) = (part(step), part(step + 1));
         let start = liquid.cloud(from, to);
         let end = liquid.cloud(to, to);
         let mut movers: Vec<(Particle, f64)> =
             state.particles.drain(..).map(|particle| (particle, from)).collect();
         let born = births(&liquid, params, amount, from, to);
-        emit(state, &liquid, params, &start, born, from, &mut movers);
         let time = |part: f64| liquid.time[0] + part * liquid.seconds();
+        let places = Places {
+            liquid: &liquid,
+            params,
+            start: &start,
+            walls,
+            poses: walls.step(time(from), time(from)),
+            from,
+        };
+        emit(state, &places, born, &mut movers);
         let motion = StepMotion { start, end, params, walls, domain, seconds: liquid.seconds(), to };
         // Poses of solids are evaluated once a step; who is emitted in between moves from their pose at its start.
         let poses = walls.step(time(from), time(to));
@@ -82,6 +96,7 @@ pub(crate) fn advance(
     for particle in &state.particles {
         state.record.kinds[particle.kind as usize] += 1;
     }
+    ControlFlow::Continue(())
 }
 
 /// The largest amount whose particles are likely to be within the limit; what it leaves out is counted.
@@ -102,15 +117,13 @@ fn affordable_amount(
 /// Adds the particles that are born in a step, as far as the limit allows.
 fn emit(
     state: &mut Whitewater,
-    liquid: &LiquidInterval,
-    params: &WhitewaterParams,
-    start: &Cloud,
+    places: &Places<'_>,
     mut born: Vec<Birth>,
-    from: f64,
     movers: &mut Vec<(Particle, f64)>,
 ) {
-    let free =
-        (u64::from(params.max_particles).saturating_sub(movers.len() as u64)).min(MAX_IDS - state.emitted);
+    let params = places.params;
+    let free = u64::from(params.max_particles).saturating_sub(movers.len() as u64);
+    let free = free.min(MAX_IDS.saturating_sub(state.emitted));
     if born.len() as u64 > free {
         // Those of the smallest amounts, as a smaller amount would leave.
         let mut order: Vec<u32> = (0..born.len() as u32).collect();
@@ -121,7 +134,7 @@ fn emit(
         born = kept.into_iter().map(|i| born[i as usize]).collect();
     }
     let made = par::map_chunks(born.len(), par::CHUNK, |range| {
-        born[range].iter().map(|birth| first_state(liquid, params, start, birth, from)).collect::<Vec<_>>()
+        born[range].iter().map(|birth| places.first_state(birth)).collect::<Vec<_>>()
     });
     for (mut particle, at) in made.into_iter().flatten() {
         if particle.threshold < params.simulated_amount() {
@@ -133,27 +146,45 @@ fn emit(
     }
 }
 
-/// A particle where it is born, and the part of the interval from which it moves by itself.
-fn first_state(
-    liquid: &LiquidInterval,
-    params: &WhitewaterParams,
-    start: &Cloud,
-    birth: &Birth,
+/// Where particles are born in a step.
+struct Places<'a> {
+    liquid: &'a LiquidInterval,
+    params: &'a WhitewaterParams,
+    /// The liquid at the start of the step, and its part of the interval.
+    start: &'a Cloud,
     from: f64,
-) -> (Particle, f64) {
-    let track = &liquid.tracks[birth.track as usize];
-    let seconds = liquid.seconds();
-    // The liquid is known at the start of the step, so the kind is that of the same place next to the emitter there.
-    let (before, _) = track.at(from, seconds);
-    let kind = kind_of(start.count(before + birth.offset));
-    let (x, v) = track.at(birth.part, seconds);
-    let (x, v, at) = match kind {
-        Kind::Spray => (x + birth.offset, v + birth.divergence * (params.divergence * v.norm()), birth.part),
-        Kind::Foam | Kind::Bubble => (before + birth.offset, v, from),
-    };
-    let threshold = birth.mark / params.kind(kind).amount;
-    let Birth { radius, life, .. } = *birth;
-    (Particle { x, v, id: 0, kind, age: 0.0, life, radius, threshold }, at)
+    walls: &'a Walls,
+    /// Poses of the solids at the start of the step.
+    poses: StepPoses,
+}
+
+impl Places<'_> {
+    /// A particle where it is born, and the part of the interval from which it moves by itself.
+    fn first_state(&self, birth: &Birth) -> (Particle, f64) {
+        let track = &self.liquid.tracks[birth.track as usize];
+        let seconds = self.liquid.seconds();
+        // The liquid is known at the start of the step, so the kind is that of the same place next to the emitter there.
+        let (before, _) = track.at(self.from, seconds);
+        let kind = kind_of(self.start.count(before + birth.offset));
+        let (x, v) = track.at(birth.part, seconds);
+        let (x, v, at) = match kind {
+            Kind::Spray => {
+                let divergence = birth.divergence * (self.params.divergence * v.norm());
+                (self.displaced(x, birth.offset), v + divergence, birth.part)
+            }
+            Kind::Foam | Kind::Bubble => (self.displaced(before, birth.offset), v, self.from),
+        };
+        let threshold = birth.mark / self.params.kind(kind).amount;
+        let Birth { radius, life, .. } = *birth;
+        (Particle { x, v, id: 0, kind, age: 0.0, life, radius, threshold }, at)
+    }
+
+    /// The place at an offset from an emitter, as far as no solid is between them.
+    fn displaced(&self, x: Vec3, offset: Vec3) -> Vec3 {
+        let mut mover = Mover { x, v: Vec3::zeros(), radius: CLEARANCE * self.liquid.spacing };
+        self.walls.advance(&self.poses, &mut mover, x + offset);
+        mover.x
+    }
 }
 
 fn kind_of(neighbours: u32) -> Kind {
