@@ -115,6 +115,7 @@ fn mistakes_about_couplings_are_shown_with_their_place() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn cloth_stops_and_holds_water() {
     // Until the cloth is lowest and accelerates the water upwards: these frames have the largest forces of the shot. The
     // preset's own faces are for the soak: they take three times as long.

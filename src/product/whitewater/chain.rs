@@ -21,8 +21,10 @@ use xxhash_rust::xxh3::xxh3_64;
 /// Raised whenever a change gives the same liquid other whitewater.
 const WHITEWATER_VERSION: u32 = 1;
 
-/// Memory of a particle of whitewater while it moves, and of one of the liquid in two frames and between them [bytes].
+/// Memory of a particle of whitewater while it moves, of one that may be born, and of one of the liquid in two frames and between them
+/// [bytes].
 pub(super) const PARTICLE_BYTES: f64 = 350.0;
+const BIRTH_BYTES: f64 = 150.0;
 pub(super) const LIQUID_BYTES: f64 = 320.0;
 
 /// What whitewater is computed from.
@@ -180,9 +182,10 @@ impl<'a> Chain<'a> {
             let (_, after) = self.liquid.as_ref().expect("it was loaded");
             let (_, known, _) = self.state.take().expect("it was restored or computed");
             whitewater = known;
-            let particles = whitewater.len() as f64 + births_bound(&before, after, self.params);
-            let liquid = before.len().max(after.len()) as f64;
-            let needed = BASE_MEMORY + particles * PARTICLE_BYTES + liquid * LIQUID_BYTES;
+            let births = births_bound(&before, after, self.params);
+            let particles = (whitewater.len() as f64 + births).min(f64::from(self.params.max_particles));
+            let liquid = before.len().max(after.len()) as f64 * LIQUID_BYTES;
+            let needed = BASE_MEMORY + particles * PARTICLE_BYTES + births * BIRTH_BYTES + liquid;
             self.request.check_memory(None, |_| needed as u64)?;
             let (params, walls, cancel) = (self.params, &self.walls, control.cancel);
             if advance(&mut whitewater, &before, after, params, walls, self.domain, cancel).is_break() {
@@ -190,6 +193,7 @@ impl<'a> Chain<'a> {
             }
         } else {
             self.load(0)?;
+            whitewater.record.left_out = self.liquid.as_ref().map_or(0, |(_, liquid)| liquid.left_out);
         }
         let (_, liquid) = self.liquid.as_ref().expect("it was loaded");
         let frame = Frame {

@@ -10,6 +10,8 @@ pub mod params;
 mod potentials;
 mod state;
 mod step;
+#[cfg(test)]
+mod tests;
 mod walls;
 
 pub(crate) use liquid::LiquidFrame;

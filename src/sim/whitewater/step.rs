@@ -32,13 +32,16 @@ const MAX_ENTRY_TESTS: usize = 32;
 /// Distance that particles keep from solids, in spacings of the liquid: less, and foam gets behind the liquid's surface at walls.
 const CLEARANCE: f32 = 0.1;
 
+/// Births of an interval before thinning by kind, over the largest number of particles.
+const MAX_BIRTHS_PER_PARTICLE: f64 = 2.0;
+
 /// Ids are below.
 const MAX_IDS: u64 = u32::MAX as u64;
 
 /// An upper bound of the particles that the liquid emits between two frames.
 pub(crate) fn births_bound(a: &LiquidFrame, b: &LiquidFrame, params: &WhitewaterParams) -> f64 {
     let liquid = LiquidInterval::new(a, b);
-    expected(&liquid, params.largest_amount()).min(f64::from(params.max_particles))
+    expected(&liquid, params.largest_amount()).min(max_births(params))
 }
 
 /// Moves the particles from one frame of the liquid to a later one, and emits new ones; `Break` if it was cancelled.
@@ -75,7 +78,7 @@ pub(crate) fn advance(
             poses: walls.step(time(from), time(from)),
             from,
         };
-        emit(state, &places, born, &mut movers);
+        emit(state, &places, &born, &mut movers);
         let motion = StepMotion { start, end, params, walls, domain, seconds: liquid.seconds(), to };
         // Poses of solids are evaluated once a step; who is emitted in between moves from their pose at its start.
         let poses = walls.step(time(from), time(to));
@@ -99,14 +102,14 @@ pub(crate) fn advance(
     ControlFlow::Continue(())
 }
 
-/// The largest amount whose particles are likely to be within the limit; what it leaves out is counted.
+/// The largest amount whose particles are likely to fit into memory before they are thinned by kind; what it leaves out is counted.
 fn affordable_amount(
     liquid: &LiquidInterval,
     params: &WhitewaterParams,
     record: &mut WhitewaterRecord,
 ) -> f32 {
     let wanted = params.largest_amount();
-    let (count, limit) = (expected(liquid, wanted), f64::from(params.max_particles));
+    let (count, limit) = (expected(liquid, wanted), max_births(params));
     if count <= limit {
         return wanted;
     }
@@ -114,35 +117,37 @@ fn affordable_amount(
     (f64::from(wanted) * limit / count) as f32
 }
 
+/// Births of an interval above which a smaller amount is drawn: kinds of a smaller amount, which are known only where a particle is
+/// born, may leave few of them.
+fn max_births(params: &WhitewaterParams) -> f64 {
+    MAX_BIRTHS_PER_PARTICLE * f64::from(params.max_particles)
+}
+
 /// Adds the particles that are born in a step, as far as the limit allows.
-fn emit(
-    state: &mut Whitewater,
-    places: &Places<'_>,
-    mut born: Vec<Birth>,
-    movers: &mut Vec<(Particle, f64)>,
-) {
+fn emit(state: &mut Whitewater, places: &Places<'_>, born: &[Birth], movers: &mut Vec<(Particle, f64)>) {
     let params = places.params;
+    let made = par::map_chunks(born.len(), par::CHUNK, |range| {
+        let states = born[range].iter().map(|birth| places.first_state(birth));
+        states.filter(|(particle, _)| particle.threshold < params.simulated_amount()).collect::<Vec<_>>()
+    });
+    let mut made: Vec<(Particle, f64)> = made.into_iter().flatten().collect();
     let free = u64::from(params.max_particles).saturating_sub(movers.len() as u64);
     let free = free.min(MAX_IDS.saturating_sub(state.emitted));
-    if born.len() as u64 > free {
+    if made.len() as u64 > free {
         // Those of the smallest amounts, as a smaller amount would leave.
-        let mut order: Vec<u32> = (0..born.len() as u32).collect();
-        order.sort_by(|&i, &j| born[i as usize].mark.total_cmp(&born[j as usize].mark).then(i.cmp(&j)));
-        let mut kept: Vec<u32> = order[..free as usize].to_vec();
-        kept.sort_unstable();
-        state.record.over_limit += born.len() as u64 - free;
-        born = kept.into_iter().map(|i| born[i as usize]).collect();
+        let threshold = |i: u32| made[i as usize].0.threshold;
+        let mut order: Vec<u32> = (0..made.len() as u32).collect();
+        order.sort_by(|&i, &j| threshold(i).total_cmp(&threshold(j)).then(i.cmp(&j)));
+        order.truncate(free as usize);
+        order.sort_unstable();
+        state.record.over_limit += made.len() as u64 - free;
+        made = order.into_iter().map(|i| made[i as usize]).collect();
     }
-    let made = par::map_chunks(born.len(), par::CHUNK, |range| {
-        born[range].iter().map(|birth| places.first_state(birth)).collect::<Vec<_>>()
-    });
-    for (mut particle, at) in made.into_iter().flatten() {
-        if particle.threshold < params.simulated_amount() {
-            particle.id = state.emitted as u32;
-            state.emitted += 1;
-            state.record.emitted[particle.kind as usize] += 1;
-            movers.push((particle, at));
-        }
+    for (mut particle, at) in made {
+        particle.id = state.emitted as u32;
+        state.emitted += 1;
+        state.record.emitted[particle.kind as usize] += 1;
+        movers.push((particle, at));
     }
 }
 

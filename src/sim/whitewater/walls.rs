@@ -25,7 +25,7 @@ const MAX_PROJECTIONS: usize = 6;
 /// Solids and gravity of a shot.
 #[derive(Clone, Debug)]
 pub(crate) struct Walls {
-    solids: Vec<Solid>,
+    pub(super) solids: Vec<Solid>,
     pub(super) gravity: Vec3,
 }
 
@@ -88,21 +88,17 @@ impl Walls {
         let mut contact = Contact::None;
         let mut stopped_at = None;
         for _ in 0..MAX_SLIDES {
-            stopped_at = None;
-            for (place, solid) in self.solids.iter().enumerate() {
-                let (before, after) = (&poses.before[place], &poses.after[place]);
-                let (from, to) = (before.to_local(mover.x), after.to_local(target));
-                let Some(hit) = trace(solid, from, to, mover.radius) else { continue };
-                contact = Contact::Touched;
-                stopped_at = Some(after.to_world(hit.x));
-                // The rest of the path goes along the surface, from where it meets it.
-                let rest = if hit.slides { to - hit.x } else { Vec3::zeros() };
-                mover.x = before.to_world(hit.x);
-                target = after.to_world(hit.x + rest - hit.n * rest.dot(&hit.n).min(0.0));
-            }
-            if stopped_at.is_none() {
+            let Some((place, hit)) = self.first_hit(poses, mover, target) else {
+                stopped_at = None;
                 break;
-            }
+            };
+            contact = Contact::Touched;
+            let (before, after) = (&poses.before[place], &poses.after[place]);
+            stopped_at = Some(after.to_world(hit.x));
+            // The rest of the path goes along the surface, from where it meets it.
+            let rest = if hit.slides { after.to_local(target) - hit.x } else { Vec3::zeros() };
+            mover.x = before.to_world(hit.x);
+            target = after.to_world(hit.x + rest - hit.n * rest.dot(&hit.n).min(0.0));
         }
         // What is still stopped is in a corner.
         target = stopped_at.unwrap_or(target);
@@ -136,10 +132,21 @@ impl Walls {
         mover.x = target;
         if self.distance(&poses.after, target) < 0.0 { Contact::Stuck } else { contact }
     }
+
+    /// The solid that the path to `target` meets first, in the order along the path, and where.
+    fn first_hit(&self, poses: &StepPoses, mover: &Mover, target: Vec3) -> Option<(usize, Hit)> {
+        let hits = self.solids.iter().enumerate().filter_map(|(place, solid)| {
+            let (from, to) = (poses.before[place].to_local(mover.x), poses.after[place].to_local(target));
+            trace(solid, from, to, mover.radius).map(|hit| (place, hit))
+        });
+        hits.min_by(|(_, a), (_, b)| a.part.total_cmp(&b.part))
+    }
 }
 
 /// Where a path comes close to a surface.
 struct Hit {
+    /// Part of the path before it, 0 to 1.
+    part: f32,
     x: Vec3,
     n: Vec3,
     /// Whether the rest of the path is known to be free along the surface.
@@ -159,13 +166,13 @@ fn trace(solid: &Solid, from: Vec3, to: Vec3, radius: f32) -> Option<Hit> {
     for step in 0..=MAX_TRACING_STEPS {
         if step == MAX_TRACING_STEPS {
             let (_, n) = solid.shape.contact(x);
-            return Some(Hit { x, n, slides: false });
+            return Some(Hit { part: at / length, x, n, slides: false });
         }
         if distance <= radius * 1.01 {
             let (_, n) = solid.shape.contact(x);
             // Along the surface, or away from it: it may meet another part of it.
             if path.dot(&n) < -GRAZING * length {
-                return Some(Hit { x, n, slides: true });
+                return Some(Hit { part: at / length, x, n, slides: true });
             }
         }
         // Half a radius cannot jump over a surface, and does not creep along one.
@@ -203,6 +210,40 @@ mod tests {
             let target = x + mover.v * poses.dt;
             walls.advance(&poses, &mut mover, target);
             assert!(mover.x.norm() < 0.046, "{i}: from {x:?} to {:?}", mover.x);
+        }
+    }
+
+    #[test]
+    fn no_particle_leaves_a_cup_of_thin_slabs() {
+        let slab = |center: [f32; 3], size: [f32; 3]| {
+            let half = |axis: usize| size[axis] / 2.0;
+            Shape::Box {
+                min: std::array::from_fn(|axis| center[axis] - half(axis)),
+                max: std::array::from_fn(|axis| center[axis] + half(axis)),
+            }
+        };
+        // Walls after the floor and before it, since the order of solids must not matter.
+        let mut slabs = vec![
+            slab([0.04, 0.04, 0.0], [0.002, 0.08, 0.082]),
+            slab([0.0, 0.04, 0.04], [0.082, 0.08, 0.002]),
+            slab([0.0, 0.0, 0.0], [0.082, 0.002, 0.082]),
+            slab([-0.04, 0.04, 0.0], [0.002, 0.08, 0.082]),
+            slab([0.0, 0.04, -0.04], [0.082, 0.08, 0.002]),
+        ];
+        let random = Random::new([7, 8, 9]);
+        for _ in 0..2 {
+            let walls = walls(&slabs);
+            let poses = walls.step(0.0, 1.0 / 96.0);
+            for i in 0..4000_u64 {
+                let u = |k: u64| random.at(8 * i + k) * 2.0 - 1.0;
+                let x = Vec3::new(0.038 * u(0), 0.005 + 0.003 * u(1), 0.038 * u(2));
+                let v = Vec3::new(4.0 * u(3), -4.0 * u(4).abs(), 4.0 * u(5));
+                let mut mover = Mover { x, v, radius: 2e-4 };
+                walls.advance(&poses, &mut mover, x + v * poses.dt);
+                let inside = mover.x.x.abs() < 0.039 && mover.x.z.abs() < 0.039 && mover.x.y > 0.001;
+                assert!(inside, "{i}: from {x:?} at {v:?} to {:?}", mover.x);
+            }
+            slabs.reverse();
         }
     }
 }

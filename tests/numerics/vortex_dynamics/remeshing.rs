@@ -134,7 +134,7 @@ fn turbulence() -> Vortons {
 
 #[test]
 fn turbulence_that_is_remeshed_gains_no_energy() {
-    for strain in [0.5, 3.0] {
+    for &strain in if crate::is_soak() { &[0.5, 3.0][..] } else { &[0.5] } {
         let wanted = Remesh { strain, ..Remesh::of(0.1) };
         let params = FlowParams { remesh: Some(wanted), ..FlowParams::default() };
         let mut flow = flow(params, &turbulence(), 1e-3);

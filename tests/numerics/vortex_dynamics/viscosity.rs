@@ -91,11 +91,13 @@ fn faded(spacing: f64, substeps: u32) -> f64 {
 
 #[test]
 fn exchange_converges_with_second_order() {
-    let errors = [0.15, 0.1, 0.075].map(|spacing| faded(spacing, 1));
-    let orders =
-        [(errors[0] / errors[1]).ln() / 1.5_f64.ln(), (errors[1] / errors[2]).ln() / (4.0_f64 / 3.0).ln()];
-    assert!(orders.iter().all(|order| (1.5..3.0).contains(order)), "{errors:?} {orders:?}");
-    assert!(errors[2] < 0.03, "{errors:?}");
+    let spacings = if crate::is_soak() { &[0.15, 0.1, 0.075][..] } else { &[0.15, 0.1] };
+    let errors: Vec<f64> = spacings.iter().map(|&spacing| faded(spacing, 1)).collect();
+    for (spacing, error) in spacings.windows(2).zip(errors.windows(2)) {
+        let order = (error[0] / error[1]).ln() / (spacing[0] / spacing[1]).ln();
+        assert!((1.5..3.0).contains(&order), "{errors:?} {order}");
+    }
+    assert!(errors[1] < 0.06 && errors.get(2).is_none_or(|&error| error < 0.03), "{errors:?}");
 }
 
 #[test]
