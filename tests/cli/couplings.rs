@@ -117,11 +117,9 @@ fn mistakes_about_couplings_are_shown_with_their_place() {
 #[test]
 #[ignore = "long: tools/soak/run"]
 fn cloth_stops_and_holds_water() {
-    // Until the cloth is lowest and accelerates the water upwards: these frames have the largest forces of the shot. The
-    // preset's own faces are for the soak: they take three times as long.
+    // Until the cloth is lowest and accelerates the water upwards: these frames have the largest forces of the shot.
     let desk = Desk::new();
-    let faces = if super::is_soak() { "" } else { " --set sheet.0.shape.grid.cells=[30,30]" };
-    desk.run(&format!("simulate water-on-cloth --quality draft --frames 1-15 -o water{faces}"), 0);
+    desk.run("simulate water-on-cloth --quality draft --frames 1-15 -o water", 0);
     let lines = log(&desk, "water");
     assert_eq!(lines.len(), 14);
     for line in &lines {

@@ -11,7 +11,8 @@ use crate::{
     sim::{
         scene::Scene,
         whitewater::{
-            LiquidFrame, Rates, STREAM, Walls, Whitewater, WhitewaterParams, advance, births_bound,
+            LiquidFrame, LiquidInterval, Rates, STREAM, Walls, Whitewater, WhitewaterParams, advance,
+            births_bound,
         },
     },
 };
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change gives the same liquid other whitewater.
-const WHITEWATER_VERSION: u32 = 1;
+const WHITEWATER_VERSION: u32 = 2;
 
 /// Memory of a particle of whitewater while it moves, of one that may be born, and of one of the liquid in two frames and between them
 /// [bytes].
@@ -182,13 +183,14 @@ impl<'a> Chain<'a> {
             let (_, after) = self.liquid.as_ref().expect("it was loaded");
             let (_, known, _) = self.state.take().expect("it was restored or computed");
             whitewater = known;
-            let births = births_bound(&before, after, self.params);
+            let liquid_bytes = before.len().max(after.len()) as f64 * LIQUID_BYTES;
+            let liquid = LiquidInterval::new(&before, after);
+            let births = births_bound(&liquid, self.params);
             let particles = (whitewater.len() as f64 + births).min(f64::from(self.params.max_particles));
-            let liquid = before.len().max(after.len()) as f64 * LIQUID_BYTES;
-            let needed = BASE_MEMORY + particles * PARTICLE_BYTES + births * BIRTH_BYTES + liquid;
+            let needed = BASE_MEMORY + particles * PARTICLE_BYTES + births * BIRTH_BYTES + liquid_bytes;
             self.request.check_memory(None, |_| needed as u64)?;
             let (params, walls, cancel) = (self.params, &self.walls, control.cancel);
-            if advance(&mut whitewater, &before, after, params, walls, self.domain, cancel).is_break() {
+            if advance(&mut whitewater, &liquid, params, walls, self.domain, cancel).is_break() {
                 return Err(RunError::Interrupted);
             }
         } else {

@@ -296,6 +296,7 @@ mod tests {
 
     #[test]
     fn settings_as_text_reproduce_the_scene_of_a_knob() {
+        // A preset of each system and of a coupling.
         for name in ["dam-break", "smoke-over-sphere", "sheet-corners", "water-on-cloth"] {
             let preset = load(name).unwrap();
             let base = Scene::from_preset(&preset, &Overrides::default()).unwrap();

@@ -65,9 +65,11 @@ pub(super) struct Track {
 
 /// The liquid between two cached frames.
 #[derive(Debug)]
-pub(super) struct LiquidInterval {
+pub(crate) struct LiquidInterval {
     /// Times of both frames [s].
     pub(super) time: [f64; 2],
+    /// Particles left out of the later frame.
+    pub(super) left_out: u64,
     pub(super) spacing: f32,
     /// Paths in the order of ids.
     pub(super) tracks: Vec<Track>,
@@ -109,7 +111,7 @@ impl Track {
 
 impl LiquidInterval {
     /// The interval between two frames, of which the second is later.
-    pub(super) fn new(a: &LiquidFrame, b: &LiquidFrame) -> Self {
+    pub(crate) fn new(a: &LiquidFrame, b: &LiquidFrame) -> Self {
         let dt = (b.time - a.time) as f32;
         let track = |i: usize, j: usize| Track {
             id: a.id[i],
@@ -149,7 +151,7 @@ impl LiquidInterval {
                 }
             }
         }
-        Self { time: [a.time, b.time], spacing: a.spacing, tracks }
+        Self { time: [a.time, b.time], left_out: b.left_out, spacing: a.spacing, tracks }
     }
 
     /// Length of the interval [s].

@@ -14,7 +14,7 @@ mod step;
 mod tests;
 mod walls;
 
-pub(crate) use liquid::LiquidFrame;
+pub(crate) use liquid::{LiquidFrame, LiquidInterval};
 pub(crate) use params::Kind;
 pub use params::WhitewaterParams;
 pub(crate) use potentials::Rates;

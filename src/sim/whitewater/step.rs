@@ -10,7 +10,7 @@
 
 use super::{
     emission::{Birth, births, expected},
-    liquid::{Cloud, LiquidFrame, LiquidInterval},
+    liquid::{Cloud, LiquidInterval},
     params::{Kind, WhitewaterParams},
     state::{Particle, Whitewater, WhitewaterRecord},
     walls::{Contact, Mover, StepPoses, Walls},
@@ -38,25 +38,22 @@ const MAX_BIRTHS_PER_PARTICLE: f64 = 2.0;
 /// Ids are below.
 const MAX_IDS: u64 = u32::MAX as u64;
 
-/// An upper bound of the particles that the liquid emits between two frames.
-pub(crate) fn births_bound(a: &LiquidFrame, b: &LiquidFrame, params: &WhitewaterParams) -> f64 {
-    let liquid = LiquidInterval::new(a, b);
-    expected(&liquid, params.largest_amount()).min(max_births(params))
+/// An upper bound of the particles that the liquid is expected to emit between two frames.
+pub(crate) fn births_bound(liquid: &LiquidInterval, params: &WhitewaterParams) -> f64 {
+    expected(liquid, params.largest_amount()).min(max_births(params))
 }
 
 /// Moves the particles from one frame of the liquid to a later one, and emits new ones; `Break` if it was cancelled.
 pub(crate) fn advance(
     state: &mut Whitewater,
-    a: &LiquidFrame,
-    b: &LiquidFrame,
+    liquid: &LiquidInterval,
     params: &WhitewaterParams,
     walls: &Walls,
     domain: Option<[Vec3; 2]>,
     cancel: &CancelToken,
 ) -> ControlFlow<()> {
-    let liquid = LiquidInterval::new(a, b);
-    state.record = WhitewaterRecord { left_out: b.left_out, ..WhitewaterRecord::default() };
-    let amount = affordable_amount(&liquid, params, &mut state.record);
+    state.record = WhitewaterRecord { left_out: liquid.left_out, ..WhitewaterRecord::default() };
+    let amount = affordable_amount(liquid, params, &mut state.record);
     let steps = params.substeps;
     let part = |step: u32| f64::from(step) / f64::from(steps);
     for step in 0..steps {
@@ -68,16 +65,10 @@ pub(crate) fn advance(
         let end = liquid.cloud(to, to);
         let mut movers: Vec<(Particle, f64)> =
             state.particles.drain(..).map(|particle| (particle, from)).collect();
-        let born = births(&liquid, params, amount, from, to);
+        let born = births(liquid, params, amount, from, to);
         let time = |part: f64| liquid.time[0] + part * liquid.seconds();
-        let places = Places {
-            liquid: &liquid,
-            params,
-            start: &start,
-            walls,
-            poses: walls.step(time(from), time(from)),
-            from,
-        };
+        let places =
+            Places { liquid, params, start: &start, walls, poses: walls.step(time(from), time(from)), from };
         emit(state, &places, &born, &mut movers);
         let motion = StepMotion { start, end, params, walls, domain, seconds: liquid.seconds(), to };
         // Poses of solids are evaluated once a step; who is emitted in between moves from their pose at its start.

@@ -65,6 +65,60 @@ fn trapped_air_is_where_neighbours_approach_each_other() {
 }
 
 #[test]
+fn crests_are_convex_and_move_outwards() {
+    let ball = cube(13, |x| x.norm() < 6.0 * SPACING);
+    let crests = |params: &mut WhitewaterParams| {
+        (params.trapped_air, params.wave_crest_curvature) = (0.0, [0.0, 4.0]);
+    };
+    let found = rates(&ball, |_| Vec3::new(0.0, 0.0, 2.0), crests);
+    let sum = |is_in: fn(f32) -> bool| -> f32 {
+        let places = ball.iter().zip(&found).filter(|(x, _)| is_in(x.z / (6.0 * SPACING)));
+        places.map(|(_, rate)| rate).sum()
+    };
+    assert!(sum(|z| z > 0.7) > 0.0);
+    assert_eq!(sum(|z| z < 0.3), 0.0, "the bulk and the rear emit nothing");
+    let block = cube(13, |_| true);
+    let flat = rates(&block, |_| Vec3::new(0.0, 0.0, 2.0), crests);
+    let top = block.iter().position(|x| x.norm() < 6.01 * SPACING && x.z > 5.9 * SPACING).unwrap();
+    assert!(flat[top] < 1e-3 * sum(|z| z > 0.7), "a flat surface is no crest: {}", flat[top]);
+}
+
+/// `max_particles` applies to what is left after thinning by kind.
+#[test]
+fn the_limit_counts_particles_after_thinning_by_kind() {
+    let run = |max_particles: u32| {
+        let mut params = WhitewaterParams { max_particles, ..WhitewaterParams::default() };
+        // Spray of a large amount sets the amount that is drawn, but all that is born here is in the bulk.
+        (params.spray.amount, params.foam.amount, params.bubbles.amount) = (1.5, 1.0, 1.0);
+        let liquid = crowded(600.0);
+        let mut state = Whitewater::default();
+        let walls = walls(Vec3::zeros());
+        assert!(advance(&mut state, &liquid, &params, &walls, None, &CancelToken::new()).is_continue());
+        state
+    };
+    let all = run(1_000_000);
+    let count = all.len() as u32;
+    assert!(count > 2000 && all.record.over_limit == 0, "{count}");
+    assert_eq!(run(count), all, "a limit that is just met changes nothing");
+    let few = run(count - 100);
+    assert_eq!((few.len() as u32, few.record.over_limit), (count - 100, 100));
+}
+
+/// The interior of a block at rest that emits at a rate [1/s] for a 24th of a second.
+fn crowded(rate: f32) -> LiquidInterval {
+    let block = cube(17, |_| true);
+    let params = WhitewaterParams::default();
+    let walls = walls(Vec3::zeros());
+    let rates = Rates::new(&params, &walls);
+    let frame = |time: f64| {
+        let mut frame = LiquidFrame::new(&stream(&block, |_| Vec3::zeros()), time, &rates).unwrap();
+        frame.rate = block.iter().map(|x| if x.amax() < 3.0 * SPACING { rate } else { 0.0 }).collect();
+        frame
+    };
+    LiquidInterval::new(&frame(0.0), &frame(1.0 / 24.0))
+}
+
+#[test]
 fn what_is_slow_and_what_has_no_neighbours_emits_nothing() {
     let x = cube(5, |_| true);
     let slow = |params: &mut WhitewaterParams| params.speed = [0.7, 2.5];
@@ -130,7 +184,10 @@ fn after_a_second(x: Vec3, kind: Kind, u: Vec3, change: impl Fn(&mut WhitewaterP
     };
     for number in 0..24 {
         let (a, b) = (frame(number), frame(number + 1));
-        assert!(advance(&mut state, &a, &b, &params, &walls, None, &CancelToken::new()).is_continue());
+        assert!(
+            advance(&mut state, &LiquidInterval::new(&a, &b), &params, &walls, None, &CancelToken::new())
+                .is_continue()
+        );
     }
     state.particles[0]
 }
