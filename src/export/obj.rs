@@ -32,8 +32,14 @@ fn encode(mesh: &Mesh, comments: &[String], out: &mut dyn Write) -> io::Result<(
         let name = channel.name.escape_debug();
         writeln!(out, "# the attribute {name} has no place in this format; write PLY to keep it")?;
     }
-    for x in &mesh.positions {
-        writeln!(out, "v {} {} {}", x.x, x.y, x.z)?;
+    if mesh.origin == nalgebra::Vector3::zeros() {
+        for x in &mesh.positions {
+            writeln!(out, "v {} {} {}", x.x, x.y, x.z)?;
+        }
+    } else {
+        for x in mesh.positions.iter().map(|x| x.cast::<f64>() + mesh.origin) {
+            writeln!(out, "v {} {} {}", x.x, x.y, x.z)?;
+        }
     }
     for n in &mesh.normals {
         writeln!(out, "vn {} {} {}", n.x, n.y, n.z)?;
@@ -58,6 +64,7 @@ mod tests {
     #[test]
     fn values_and_corners_read_back_the_same() {
         let mesh = Mesh {
+            origin: nalgebra::Vector3::zeros(),
             positions: vec![Vec3::new(0.1, -1e-7, 3.0e5), Vec3::new(1.0 / 3.0, 0.0, -0.0), Vec3::zeros()],
             triangles: vec![[2, 0, 1]],
             normals: vec![Vec3::new(0.0, 0.6, 0.8); 3],
@@ -79,6 +86,17 @@ mod tests {
         assert!(
             text.contains("\nf 3//3 1//1 2//2\n") && text.contains("# the attribute velocity has no place")
         );
+
+        let far = Mesh { origin: nalgebra::Vector3::new(0.0, 1e6, 0.0), ..mesh.clone() };
+        write(&far, &path, &[]).unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let y: f64 = text
+            .lines()
+            .find_map(|line| line.strip_prefix("v ")?.split(' ').nth(1))
+            .unwrap()
+            .parse()
+            .unwrap();
+        assert_eq!(y, 1e6 + f64::from(-1e-7_f32));
 
         let bare = Mesh { normals: Vec::new(), ..mesh };
         write(&bare, &path, &[]).unwrap();

@@ -52,7 +52,8 @@ pub fn write(mesh: &Mesh, path: &Path, comments: &[String]) -> Result<WrittenFil
 pub fn write_points(points: &Points, path: &Path, key: u64) -> Result<WrittenFile, ExportError> {
     let radius = Channel { name: "radius".into(), data: points.radii.clone().into() };
     let attributes = [radius].into_iter().chain(points.attributes.iter().cloned()).collect();
-    let mesh = Mesh { positions: points.positions.clone(), attributes, ..Mesh::default() };
+    let (positions, origin) = (points.positions.clone(), points.origin);
+    let mesh = Mesh { positions, origin, attributes, ..Mesh::default() };
     check_columns(&mesh, path)?;
     let mut columns = columns(&mesh);
     columns.retain(|(name, _)| !["nx", "ny", "nz"].contains(&name.as_str()));
@@ -122,6 +123,8 @@ fn each(
 /// The values of one vertex property.
 #[derive(Clone, Copy)]
 enum Column<'a> {
+    /// Coordinates from an origin [m], in double precision.
+    Place(&'a [Vec3], usize, f64),
     Axis(&'a [Vec3], usize),
     Number(&'a [f32]),
     Integer(&'a [u32]),
@@ -133,7 +136,16 @@ fn columns(mesh: &Mesh) -> Vec<(String, Column<'_>)> {
     let mut add = |names: Vec<String>, values| {
         columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
     };
-    add(["x", "y", "z"].map(String::from).into(), mesh.positions.as_slice());
+    let places = ["x", "y", "z"].map(String::from);
+    if mesh.origin == nalgebra::Vector3::zeros() {
+        add(places.into(), mesh.positions.as_slice());
+    } else {
+        let place = |(axis, name)| (name, Column::Place(mesh.positions.as_slice(), axis, mesh.origin[axis]));
+        columns.extend((0..).zip(places).map(place));
+    }
+    let mut add = |names: Vec<String>, values| {
+        columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
+    };
     // An empty mesh does not show whether it would have normals; a sequence keeps its columns.
     if !mesh.normals.is_empty() || mesh.positions.is_empty() {
         add(["nx", "ny", "nz"].map(String::from).into(), mesh.normals.as_slice());
@@ -171,6 +183,7 @@ fn vertex_definition(mesh: &Mesh, columns: &[(String, Column)]) -> ElementDef {
     element.count = mesh.positions.len();
     for (index, (name, column)) in columns.iter().enumerate() {
         let scalar = match column {
+            Column::Place(..) => ScalarType::Double,
             Column::Axis(..) | Column::Number(_) => ScalarType::Float,
             Column::Integer(_) => ScalarType::UInt,
         };
@@ -203,7 +216,17 @@ impl PropertyAccess for Vertex<'_> {
         match self.columns.get(index_of(key)?)?.1 {
             Column::Axis(values, axis) => values.get(self.index).map(|value| value[axis]),
             Column::Number(values) => values.get(self.index).copied(),
-            Column::Integer(_) => None,
+            Column::Integer(_) | Column::Place(..) => None,
+        }
+    }
+
+    #[inline]
+    fn get_double(&self, key: &str) -> Option<f64> {
+        match self.columns.get(index_of(key)?)?.1 {
+            Column::Place(values, axis, origin) => {
+                values.get(self.index).map(|value| f64::from(value[axis]) + origin)
+            }
+            _ => None,
         }
     }
 
@@ -211,7 +234,7 @@ impl PropertyAccess for Vertex<'_> {
     fn get_uint(&self, key: &str) -> Option<u32> {
         match self.columns.get(index_of(key)?)?.1 {
             Column::Integer(values) => values.get(self.index).copied(),
-            Column::Axis(..) | Column::Number(_) => None,
+            Column::Axis(..) | Column::Number(_) | Column::Place(..) => None,
         }
     }
 }
@@ -244,6 +267,7 @@ mod tests {
     fn mesh() -> Mesh {
         let at = |i: usize| Vec3::new(i as f32 * 0.1, -1.5, 1e-7 * i as f32);
         Mesh {
+            origin: nalgebra::Vector3::zeros(),
             positions: (0..5).map(at).collect(),
             triangles: vec![[0, 1, 2], [3, 4, 0]],
             normals: vec![Vec3::new(0.0, 0.6, 0.8); 5],
@@ -367,10 +391,36 @@ mod tests {
     }
 
     #[test]
+    fn positions_far_from_the_origin_are_double_precision() {
+        let origin = nalgebra::Vector3::new(1e4, -3e5, 0.0);
+        let far = Mesh { origin, ..mesh() };
+        let ply = Parser::<DefaultElement>::new().read_ply(&mut written(&far).as_slice()).unwrap();
+        for (vertex, x) in ply.payload["vertex"].iter().zip(&far.positions) {
+            for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+                assert_eq!(vertex[name], Property::Double(f64::from(x[axis]) + origin[axis]));
+            }
+            assert!(matches!(vertex["nx"], Property::Float(_)));
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("points.ply");
+        let points = Points {
+            positions: vec![Vec3::new(0.25, 2.0, 3.0)],
+            origin,
+            radii: vec![0.5],
+            ..Points::default()
+        };
+        write_points(&points, &path, 7).unwrap();
+        let ply =
+            Parser::<DefaultElement>::new().read_ply(&mut std::fs::read(&path).unwrap().as_slice()).unwrap();
+        assert_eq!(ply.payload["vertex"][0]["x"], Property::Double(10_000.25));
+    }
+
+    #[test]
     fn points_have_radii_and_no_faces() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("points.ply");
         let points = Points {
+            origin: nalgebra::Vector3::zeros(),
             positions: vec![Vec3::new(1.0, 2.0, 3.0)],
             radii: vec![0.5],
             attributes: vec![Channel {

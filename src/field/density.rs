@@ -13,13 +13,14 @@
 //!
 //! Symbols: q = ‖G(x − x̄_j)‖ [–], K(q) = W/W(0) [–], w_j = 1/Σ_k K(q_jk) = V_j W(0, h) [–].
 //!
-//! Limits: cost grows with the number of particles inside one kernel, so clusters of many particles (not a
-//! liquid) are slow.
+//! Limits: cost grows with the number of particles inside one kernel, up to 64 times that of filled space;
+//! of more, the surplus is left out ([`super::crowds`]).
 
 use super::{
     DensityParams,
     active::{Active, Coarse},
     anisotropy::{self, KernelShaper},
+    crowds::sorted_without_crowds,
     fill::compute,
     kernel::weights,
     particle_kernel::ParticleKernels,
@@ -47,6 +48,8 @@ pub struct Density {
     /// Particles without trace: all eight nodes around them are below the threshold. There are none at voxels
     /// up to half a spacing; above that droplets may fall between the nodes.
     pub unseen: usize,
+    /// Particles that are left out of crowds, see `crowds`: more particles in a place than any liquid has.
+    pub crowded: usize,
 }
 
 /// The density of particles at `positions` [m], which are finite and fewer than 2³².
@@ -61,7 +64,7 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     let positions = near.as_deref().unwrap_or(positions);
 
     let radius = params.kernel_radius * params.spacing;
-    let particles = SortedParticles::new(positions, radius);
+    let (particles, crowded) = sorted_without_crowds(positions, params.spacing, radius);
     let isotropic_kernels = ParticleKernels::Isotropic { radius, weights: weights(&particles, radius) };
     let isotropic_threshold = surface_threshold(params.kernel_radius);
     let coarse = if params.whole {
@@ -112,7 +115,7 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     }
     grid.filled = active.filled;
     let unseen = unseen(&particles, &grid, threshold);
-    Density { grid, threshold, too_far, unseen }
+    Density { grid, threshold, too_far, unseen, crowded }
 }
 
 /// Approximate number of bricks that [`density`] computes without `whole`, in a fifth of its time or less;
@@ -121,7 +124,7 @@ pub(crate) fn bricks_near_surface(positions: &[Vec3], params: &DensityParams) ->
     let voxel = params.voxel * params.spacing;
     let (near, _) = within_bricks(positions, voxel);
     let radius = params.kernel_radius * params.spacing;
-    let particles = SortedParticles::new(near.as_deref().unwrap_or(positions), radius);
+    let (particles, _) = sorted_without_crowds(near.as_deref().unwrap_or(positions), params.spacing, radius);
     let isotropic_kernels = ParticleKernels::Isotropic { radius, weights: weights(&particles, radius) };
     let coarse =
         Coarse::new(&particles, &isotropic_kernels, surface_threshold(params.kernel_radius), params)?;

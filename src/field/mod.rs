@@ -6,6 +6,7 @@
 
 mod active;
 mod anisotropy;
+mod crowds;
 mod density;
 mod fill;
 mod kernel;
@@ -17,6 +18,7 @@ mod tracer_fields;
 mod velocity;
 
 pub(crate) use active::coarse_step;
+pub(crate) use crowds::kept;
 pub(crate) use density::bricks_near_surface;
 pub use density::{Density, density};
 pub use params::{Anisotropy, DensityParams};

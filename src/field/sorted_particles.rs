@@ -108,6 +108,14 @@ impl SortedParticles {
         groups
     }
 
+    /// Number of candidates that [`SortedParticles::moments`] examines for all particles.
+    #[cfg(test)]
+    pub(super) fn candidates(&self, radius: f32) -> usize {
+        let groups = self.groups(0..self.len(), radius, |_| true);
+        let count = |ranges: &[[u32; 2]]| ranges.iter().map(|[from, to]| (to - from) as usize).sum::<usize>();
+        groups.iter().map(|(_, ranges)| count(ranges)).sum()
+    }
+
     /// Moments at each place that is `wanted`, passed to `then`, whose results are returned in the order of the places. They are over the
     /// particles closer than `radius` [m], at most two of the cells' edges. With `ALL` all moments are computed, else only the
     /// zeroth.

@@ -82,11 +82,27 @@ impl MeshCheck {
 
 /// Checks a mesh. An empty mesh is sound, with volume and area zero.
 pub fn check(mesh: &Mesh) -> MeshCheck {
-    check_with_half_edges(mesh, None)
+    check_with(mesh, Known::default())
 }
 
-/// [`check`] of a mesh whose half-edges may be known.
-pub(super) fn check_with_half_edges(mesh: &Mesh, half_edges: Option<HalfEdges>) -> MeshCheck {
+/// Number of triangles with a repeated vertex or with a height below one millionth of their longest side.
+pub fn degenerate_triangles(mesh: &Mesh) -> usize {
+    let is_degenerate = |t: &usize| !matches!(Shape::of(mesh, *t), Shape::Sound | Shape::OutOfRange);
+    par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| range.filter(is_degenerate).count())
+        .into_iter()
+        .sum()
+}
+
+/// What is known of a mesh before it is checked.
+#[derive(Default)]
+pub(super) struct Known {
+    pub(super) half_edges: Option<HalfEdges>,
+    /// Number of connected components.
+    pub(super) components: Option<usize>,
+}
+
+/// [`check`] of a mesh of which something is known.
+pub(super) fn check_with(mesh: &Mesh, known: Known) -> MeshCheck {
     let mut result = MeshCheck::default();
 
     // Check every triangle alone; those with a repeated or missing vertex take no part in the edges.
@@ -116,10 +132,12 @@ pub(super) fn check_with_half_edges(mesh: &Mesh, half_edges: Option<HalfEdges>) 
     let without_edges = faulty.iter().filter(|&&t| !has_edges(t)).count();
 
     // Check every vertex with the triangles around it.
-    let half_edges = half_edges.filter(|_| without_edges == 0);
+    let half_edges = known.half_edges.filter(|_| without_edges == 0);
+    let components = known.components.filter(|_| without_edges == 0);
+    let count_components = || Components::of_triangles(mesh, has_edges).first.len();
     let (half_edges, (components, sizes)) = par::join(
         || half_edges.unwrap_or_else(|| HalfEdges::new(mesh, has_edges)),
-        || (Components::of_triangles(mesh, has_edges).first.len(), volume_and_area(mesh, &shape)),
+        || (components.unwrap_or_else(count_components), volume_and_area(mesh, &shape)),
     );
     for faults in par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
         let mut scratch = Scratch::default();

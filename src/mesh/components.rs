@@ -21,8 +21,10 @@ const BUBBLE_TOLERANCE: f64 = 1e-9;
 /// Small connected components as points.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Points {
-    /// Centres of volume [m].
+    /// Centres of volume, relative to `origin` [m].
     pub positions: Vec<Vec3>,
+    /// Origin of the positions [m], that of the mesh.
+    pub origin: nalgebra::Vector3<f64>,
     /// Radii of the balls of the same volumes [m].
     pub radii: Vec<f32>,
     /// Attributes with the names of the mesh's.
@@ -101,6 +103,36 @@ impl Components {
             sums[component].first += part.first;
         }
         sums
+    }
+
+    /// The volume of every component [m³], negative if it is oriented inwards.
+    pub(super) fn all_volumes(&self, mesh: &Mesh) -> Vec<f64> {
+        let mut sums = vec![0.0; self.first.len()];
+        let of = |t: usize| self.of_triangle(mesh, t);
+        let parts = self.gather(mesh.triangles.len(), of, |t, sum: &mut f64, component| {
+            let [a, b, c] = self.corners(mesh, t, component);
+            *sum += a.dot(&b.cross(&c)) / 6.0;
+        });
+        parts.for_each(|(component, part)| sums[component] += part);
+        sums
+    }
+
+    /// Removes some of the components from `mesh`, which has neither normals nor attributes yet. The others
+    /// keep their order. Returns which vertices remain.
+    pub(super) fn remove(&self, mesh: &mut Mesh, removed: &[bool]) -> Vec<bool> {
+        let kept: Vec<bool> = self.of.iter().map(|&component| !removed[component as usize]).collect();
+        mesh.triangles.retain(|triangle| kept[triangle[0] as usize]);
+        let mut number = vec![0; mesh.positions.len()];
+        let mut positions = Vec::new();
+        for (v, &x) in mesh.positions.iter().enumerate() {
+            if kept[v] {
+                number[v] = positions.len() as u32;
+                positions.push(x);
+            }
+        }
+        mesh.positions = positions;
+        par::update(&mut mesh.triangles, |_, triangle| *triangle = triangle.map(|v| number[v as usize]));
+        kept
     }
 
     /// The volume [m³] of every component with some of these triangles, as far as they bound it; 0 for the
@@ -192,19 +224,8 @@ pub fn remove_small(mesh: &mut Mesh, params: &ComponentParams, spacing: f32) -> 
     }
 
     // Keep the others, in their order.
-    let is_removed = |v: u32| small[components.of[v as usize] as usize];
     let before = mesh.triangles.len();
-    mesh.triangles.retain(|triangle| !is_removed(triangle[0]));
+    components.remove(mesh, &small);
     stats.triangles = before - mesh.triangles.len();
-    let mut number = vec![0; mesh.positions.len()];
-    let mut kept = Vec::new();
-    for (v, &x) in mesh.positions.iter().enumerate() {
-        if !is_removed(v as u32) {
-            number[v] = kept.len() as u32;
-            kept.push(x);
-        }
-    }
-    mesh.positions = kept;
-    par::update(&mut mesh.triangles, |_, triangle| *triangle = triangle.map(|v| number[v as usize]));
     (points, stats)
 }

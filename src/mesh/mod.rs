@@ -3,12 +3,14 @@
 
 mod attributes;
 mod cases;
+mod cavities;
 mod check;
 mod components;
 mod contour;
 mod decimate;
 mod displaced;
 mod half_edges;
+mod local_frame;
 mod low_pass;
 mod marching_cubes;
 mod node_signs;
@@ -21,7 +23,8 @@ pub mod surface_distance;
 mod umbrella;
 
 pub use attributes::transfer;
-pub use check::{Fault, MeshCheck, check};
+pub use cavities::{CavityStats, close_cavities};
+pub use check::{Fault, MeshCheck, check, degenerate_triangles};
 pub use components::{ComponentStats, Points, remove_small};
 pub use contour::{Contour, Side};
 pub use decimate::{DecimationStats, decimate};
@@ -32,21 +35,35 @@ pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruc
 pub use shell::shell;
 pub use smooth::{SmoothingStats, smooth};
 
-use crate::{frame::Channel, math::Vec3};
+use crate::{frame::Channel, math::Vec3, par};
 
 /// Increases with every change that gives the same particles and settings a different mesh, so that old
 /// meshes are made again.
-pub const SURFACE_VERSION: u32 = 5;
+pub const SURFACE_VERSION: u32 = 6;
 
 /// An indexed triangle mesh. Faces are counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    /// Vertex positions [m].
+    /// Vertex positions, relative to `origin` [m].
     pub positions: Vec<Vec3>,
+    /// Origin of the positions [m]: zero, but for surfaces far from the world's origin, whose vertices single precision does
+    /// not distinguish.
+    pub origin: nalgebra::Vector3<f64>,
     /// Three vertices per triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Unit outward normals, one per vertex; empty if there are none.
     pub normals: Vec<Vec3>,
     /// Further attributes, one value per vertex: `velocity` [m/s] and others.
     pub attributes: Vec<Channel>,
+}
+
+impl Mesh {
+    /// The mesh with its origin at zero. Far from there, vertices round to single precision.
+    pub fn in_world_frame(mut self) -> Self {
+        let origin = std::mem::take(&mut self.origin);
+        if origin != nalgebra::Vector3::zeros() {
+            par::update(&mut self.positions, |_, x| *x = (x.cast::<f64>() + origin).cast());
+        }
+        self
+    }
 }

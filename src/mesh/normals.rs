@@ -53,6 +53,20 @@ impl Directions {
         Self { normals, without: without.concat() }
     }
 
+    /// Removes the vertices that are not `kept`.
+    pub(super) fn retain(&mut self, kept: &[bool]) {
+        let mut number = Vec::with_capacity(kept.len());
+        let mut count = 0;
+        for &is_kept in kept {
+            number.push(count);
+            count += u32::from(is_kept);
+        }
+        self.without.retain(|&v| kept[v as usize]);
+        self.without.iter_mut().for_each(|v| *v = number[*v as usize]);
+        let mut is_kept = kept.iter();
+        self.normals.retain(|_| is_kept.next() == Some(&true));
+    }
+
     /// The normals at the vertices of `mesh`, with those of the faces where the field's oppose them, and how
     /// many these are.
     pub(super) fn check_against_faces(self, mesh: &Mesh) -> (Vec<Vec3>, usize) {

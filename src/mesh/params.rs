@@ -31,6 +31,10 @@ pub struct SurfaceParams {
     /// is an error. Absent: `velocity`, if the particles have it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attributes: Option<Vec<String>>,
+    /// Smallest cavity that stays open, in particle volumes (spacing³). A cavity is a closed pocket of air in
+    /// the liquid. Those of less than one particle are gaps between particles, which come and go from one
+    /// frame to the next; 0 keeps them, and more than 1 closes bubbles too. Range: 0 to 1000000.
+    pub smallest_cavity: f32,
     /// Removal of small connected components; absent: every component stays.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub components: Option<ComponentParams>,
@@ -57,6 +61,7 @@ impl Default for SurfaceParams {
             anisotropy: None,
             distance: None,
             attributes: None,
+            smallest_cavity: 1.0,
             components: None,
             smoothing: None,
             decimation: None,

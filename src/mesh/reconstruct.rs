@@ -1,7 +1,7 @@
 //! Surface reconstruction: from particles to a triangle mesh.
 //!
 //! *Method*: the density of the particles on sparse bricks ([`crate::field`]); optionally the signed distance
-//! to its level set ([`crate::sdf`]); marching cubes of either; the removal of small components, smoothing
+//! to its level set ([`crate::sdf`]); marching cubes of either; the closing of small cavities; the removal of small components, smoothing
 //! and decimation that the parameters request; normals by the field's gradient; vertex attributes from the
 //! particles.
 //!
@@ -15,11 +15,13 @@
 //! Limits: those of the passes; features thinner than a voxel may vanish.
 
 use super::{
-    ComponentStats, Contour, ContourStats, DecimationStats, Mesh, MeshCheck, Points, SmoothingStats,
-    SurfaceParams,
-    check::check_with_half_edges,
+    CavityStats, ComponentStats, Contour, ContourStats, DecimationStats, Mesh, MeshCheck, Points,
+    SmoothingStats, SurfaceParams,
+    cavities::{Closed, close},
+    check::{Known, check_with},
     decimate,
     half_edges::HalfEdges,
+    local_frame::{in_local_frame, local_origin, selected},
     marching_cubes,
     marching_cubes::Extraction,
     normals::{Directions, some_from_field, unit},
@@ -29,11 +31,12 @@ use super::{
 };
 use crate::{
     control::CancelToken,
-    field::{Density, DensityParams, density},
+    field::{Density, DensityParams, density, kept},
     frame::Stream,
     math::Vec3,
     par,
     sdf::{SdfParams, SignedDistance, from_density},
+    space::CellGrid,
 };
 use std::time::Instant;
 
@@ -63,6 +66,8 @@ pub struct SurfaceStats {
     pub too_far_particles: usize,
     /// Particles that fall between the nodes of a coarse grid and leave no trace.
     pub unseen_particles: usize,
+    /// Particles left out because there are more in their place than any liquid has.
+    pub crowded_particles: usize,
     /// Bricks of the density and of the signed distance.
     pub bricks: [usize; 2],
     /// Nodes of the signed distance outside the band.
@@ -75,6 +80,8 @@ pub struct SurfaceStats {
     pub triangles: usize,
     /// Adjustments of marching cubes.
     pub contour: ContourStats,
+    /// Closing of small cavities.
+    pub cavities: CavityStats,
     /// Removal of small components.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub components: Option<ComponentStats>,
@@ -126,7 +133,8 @@ pub enum SurfaceError {
 /// Reconstructs the surface of `particles` (channel `position` [m], optionally `velocity` [m/s]) with a rest
 /// spacing of `spacing` [m]. `cancel` is checked after every pass.
 ///
-/// The result depends on the particles and parameters alone, not on threads.
+/// The result depends on the particles and parameters alone, not on threads. Far from the origin the mesh has
+/// an origin of its own.
 ///
 /// # Errors
 /// If cancelled, or if positions are missing or not finite.
@@ -134,6 +142,24 @@ pub enum SurfaceError {
 /// # Panics
 /// If `spacing` or a parameter is out of its range.
 pub fn reconstruct(
+    particles: &Stream,
+    spacing: f32,
+    params: &SurfaceParams,
+    cancel: &CancelToken,
+) -> Result<Surface, SurfaceError> {
+    let moved = local_origin(positions(particles)?, params.voxel * spacing)
+        .map(|origin| (origin, in_local_frame(particles, &origin)));
+    let Some((origin, moved)) = moved else { return in_its_frame(particles, spacing, params, cancel) };
+    let mut surface = in_its_frame(&moved, spacing, params, cancel)?;
+    surface.mesh.origin = origin;
+    if let Some(points) = &mut surface.points {
+        points.origin = origin;
+    }
+    Ok(surface)
+}
+
+/// The surface of particles near the origin.
+fn in_its_frame(
     particles: &Stream,
     spacing: f32,
     params: &SurfaceParams,
@@ -157,21 +183,24 @@ pub fn reconstruct(
         particles: positions.len(),
         too_far_particles: field.too_far,
         unseen_particles: field.unseen,
+        crowded_particles: field.crowded,
         bricks: [field.grid.bricks.len(), distance.as_ref().map_or(0, |distance| distance.grid.bricks.len())],
         unreached_nodes: distance.as_ref().map_or(0, |distance| distance.unreached),
         nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
         ..SurfaceStats::default()
     };
-    let CleanedMesh { mut mesh, mut points, half_edges } = if params.has_no_cleanup() {
-        without_cleanup(field, distance.as_ref(), &mut clock, &mut stats)?
+    let CleanedMesh { mut mesh, mut points, known } = if params.has_no_cleanup() {
+        without_cleanup(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
     } else {
         with_cleanup(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
     };
     (stats.vertices, stats.triangles) = (mesh.positions.len(), mesh.triangles.len());
+    let without_crowds = (stats.crowded_particles > 0).then(|| without_crowds(particles, spacing, params));
+    let particles = without_crowds.as_ref().unwrap_or(particles);
     stats.attributes_from_nearest = clock.time("attributes", || {
         transfer_attributes(particles, params, spacing, &mut mesh, points.as_mut())
     })??;
-    let check = clock.time("check", || check_with_half_edges(&mesh, half_edges))?;
+    let check = clock.time("check", || check_with(&mesh, known))?;
     stats.seconds = clock.seconds;
     Ok(Surface { mesh, points, distance, check, stats })
 }
@@ -180,8 +209,8 @@ pub fn reconstruct(
 struct CleanedMesh {
     mesh: Mesh,
     points: Option<Points>,
-    /// Half-edges, if a pass needed them.
-    half_edges: Option<HalfEdges>,
+    /// What earlier passes found.
+    known: Known,
 }
 
 /// The contour whose isosurface is extracted.
@@ -193,6 +222,8 @@ fn contour_of<'a>(field: &'a Density, distance: Option<&'a SignedDistance>) -> C
 fn without_cleanup(
     mut field: Density,
     distance: Option<&SignedDistance>,
+    params: &SurfaceParams,
+    spacing: f32,
     clock: &mut Clock,
     stats: &mut SurfaceStats,
 ) -> Result<CleanedMesh, SurfaceError> {
@@ -206,16 +237,41 @@ fn without_cleanup(
         (extraction, vertices)
     })?;
     stats.contour = contour_stats;
-    let directions = clock.time("normals", || Directions::of(&positions, &contour))?;
+    let mut directions = clock.time("normals", || Directions::of(&positions, &contour))?;
 
     // The density takes most of the memory, and triangles do not need it.
     field.grid.values = Vec::new();
     let bricks = distance.map_or(&field.grid.bricks, |distance| &distance.grid.bricks);
     let triangles = clock.time("marching cubes", || extraction.triangles(bricks))?;
     let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
+    let mut known = Known::default();
+    if let Some(Closed { kept, components, .. }) = closed_cavities(&mut mesh, params, spacing, clock, stats)?
+    {
+        known.components = Some(components);
+        if !kept.is_empty() {
+            directions.retain(&kept);
+        }
+    }
     (mesh.normals, stats.normals_from_faces) =
         clock.time("normals", || directions.check_against_faces(&mesh))?;
-    Ok(CleanedMesh { mesh, points: None, half_edges: None })
+    Ok(CleanedMesh { mesh, points: None, known })
+}
+
+/// Closes the small cavities of a mesh without normals; `None` if it is open or none are to be closed.
+fn closed_cavities(
+    mesh: &mut Mesh,
+    params: &SurfaceParams,
+    spacing: f32,
+    clock: &mut Clock,
+    stats: &mut SurfaceStats,
+) -> Result<Option<Closed>, SurfaceError> {
+    if stats.contour.cut_cells > 0 || params.smallest_cavity == 0.0 {
+        return Ok(None);
+    }
+    let smallest = f64::from(params.smallest_cavity) * f64::from(spacing).powi(3);
+    let closed = clock.time("cavities", || close(mesh, smallest))?;
+    stats.cavities = closed.stats;
+    Ok(Some(closed))
 }
 
 /// The surface, with the clean-up of the parameters.
@@ -230,6 +286,7 @@ fn with_cleanup(
     let contour = contour_of(&field, distance);
     let mut mesh;
     (mesh, stats.contour) = clock.time("marching cubes", || marching_cubes(contour))?;
+    closed_cavities(&mut mesh, params, spacing, clock, stats)?;
     let mut points = None;
     if let Some(components) = &params.components {
         let (removed, found) = clock.time("components", || remove_small(&mut mesh, components, spacing))?;
@@ -253,7 +310,7 @@ fn with_cleanup(
         None if params.smoothing.is_some() => (normals_from_faces(&mesh), 0),
         None => normals_from_field(&mesh, contour),
     })?;
-    Ok(CleanedMesh { mesh, points, half_edges })
+    Ok(CleanedMesh { mesh, points, known: Known { half_edges, components: None } })
 }
 
 /// The positions of the particles, all finite.
@@ -276,6 +333,14 @@ fn smoothed_normals(mesh: &Mesh, contour: Contour, mut faces: Vec<Vec3>, unmoved
         faces[v as usize] = normal;
     }
     faces
+}
+
+/// The particles without the surplus of crowds, as the density has them.
+fn without_crowds(particles: &Stream, spacing: f32, params: &SurfaceParams) -> Stream {
+    let positions = particles.vec3("position").unwrap_or_default();
+    let cells = CellGrid::new(positions, params.kernel_radius * spacing);
+    let kept = kept(&cells, positions, spacing);
+    kept.map_or_else(|| particles.clone(), |kept| selected(particles, &kept))
 }
 
 /// Transfers attributes from the particles to vertices and points; returns how many came from the nearest

@@ -24,6 +24,7 @@ pub fn shell(sheet: &Mesh, thickness: f32) -> Mesh {
     let strips = borders(sheet).into_iter().flat_map(|[a, b]| [[b, a, a + count], [b, a + count, b + count]]);
     let mut body = Mesh {
         positions: side(1.0).chain(side(-1.0)).collect(),
+        origin: sheet.origin,
         triangles: sheet.triangles.iter().copied().chain(below).chain(strips).collect(),
         normals: Vec::new(),
         attributes: sheet.attributes.iter().map(twice).collect(),

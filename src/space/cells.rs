@@ -184,6 +184,11 @@ impl CellGrid {
         Some((self.order[self.start[cell] as usize] as usize, inside(cell) as usize))
     }
 
+    /// The places of the order that every occupied cell holds.
+    pub fn occupied(&self) -> impl Iterator<Item = Range<usize>> {
+        self.start.windows(2).map(|ends| ends[0] as usize..ends[1] as usize)
+    }
+
     /// Particles in a cell with edge `cell` [m] on a cubic seeding lattice of `spacing` [m].
     pub fn particles_per_cell(cell: f32, spacing: f32) -> f32 {
         (cell / spacing).powi(3) / ALONG_X as f32

@@ -35,11 +35,13 @@ fn vtk(points: &[[f32; 3]]) -> Vec<u8> {
     file
 }
 
-/// Positions, normals if it has any, and triangles of a PLY file, read by the library's own generic reader.
+/// Positions, normals if it has any, and triangles of a PLY file, read by the library's own generic reader. Positions in double
+/// precision are relative to the first vertex.
 pub(crate) fn read_ply(path: &Path) -> Mesh {
     let ply = Parser::<DefaultElement>::new().read_ply(&mut fs::File::open(path).unwrap()).unwrap();
     let coordinate = |vertex: &DefaultElement, name: &str| match vertex[name] {
-        Property::Float(value) => value,
+        Property::Float(value) => f64::from(value),
+        Property::Double(value) => value,
         ref other => panic!("{name} is {other:?}"),
     };
     let corners = |face: &DefaultElement| match &face["vertex_indices"] {
@@ -48,13 +50,17 @@ pub(crate) fn read_ply(path: &Path) -> Mesh {
         other => panic!("vertex_indices is {other:?}"),
     };
     let vertices = &ply.payload["vertex"];
-    let vectors = |axes: [&str; 3]| -> Vec<Vec3> {
-        vertices.iter().map(|v| Vec3::from(axes.map(|axis| coordinate(v, axis)))).collect()
+    let is_double = |v: &DefaultElement| matches!(v["x"], Property::Double(_));
+    let first = vertices.first().filter(|v| is_double(v));
+    let origin = first.map_or([0.0; 3], |v| ["x", "y", "z"].map(|axis| coordinate(v, axis)));
+    let vectors = |axes: [&str; 3], origin: [f64; 3]| -> Vec<Vec3> {
+        let place = |v| [0, 1, 2].map(|axis| (coordinate(v, axes[axis]) - origin[axis]) as f32);
+        vertices.iter().map(|v| Vec3::from(place(v))).collect()
     };
     let has_normals = vertices.first().is_some_and(|v| v.contains_key("nx"));
     Mesh {
-        positions: vectors(["x", "y", "z"]),
-        normals: if has_normals { vectors(["nx", "ny", "nz"]) } else { Vec::new() },
+        positions: vectors(["x", "y", "z"], origin),
+        normals: if has_normals { vectors(["nx", "ny", "nz"], [0.0; 3]) } else { Vec::new() },
         triangles: ply.payload["face"].iter().map(corners).collect(),
         ..Mesh::default()
     }

@@ -80,12 +80,75 @@ fn a_thousand_kilometres_from_the_origin() {
     desk.write("here.xyz", xyz(&here));
     let check = |name: &str| {
         let (_, talk) = desk.run(&format!("mesh {name}.xyz --spacing 1 -o {name}"), 0);
-        assert_eq!(talk.contains("from the origin, coordinates are"), name == "far", "{talk}");
+        assert_eq!(
+            talk.contains("from the origin, coordinates in single precision"),
+            name == "far",
+            "{talk}"
+        );
         mesh::check(&read_ply(&desk.path(&format!("{name}/mesh/particles_0001.ply"))))
     };
     let (far, here) = (check("far"), check("here"));
-    assert!(far.closed && far.manifold && far.oriented && far.components == 1, "{far:?}");
+    assert!(far.is_sound() && far.components == 1, "{far:?}");
     assert!((far.volume / here.volume - 1.0).abs() < 0.02, "{} {}", far.volume, here.volume);
+}
+
+/// Vertices are 1 mm apart there in single precision, and edges as short.
+#[test]
+fn ten_kilometres_from_the_origin_every_triangle_has_an_area() {
+    let desk = Desk::new();
+    // Positions that single precision has in both places.
+    let here: Vec<[f32; 3]> =
+        block(12, 0.0).iter().map(|x| x.map(|v| (v * 0.3 * 1024.0).round() / 1024.0)).collect();
+    let far: Vec<[f32; 3]> = here.iter().map(|[x, y, z]| [x + 1e4, y - 9984.0, *z]).collect();
+    let mesh = |name: &str, points: &[[f32; 3]]| {
+        desk.write(&format!("{name}.xyz"), xyz(points));
+        let line = format!("mesh {name}.xyz --spacing 0.03 -o {name} --voxel 0.32 --format ply,obj");
+        let (_, talk) = desk.run(&line, 0);
+        let mesh = read_ply(&desk.path(&format!("{name}/mesh/particles_0001.ply")));
+        let text = fs::read_to_string(desk.path(&format!("{name}/mesh/particles_0001.obj"))).unwrap();
+        let first = text.lines().find_map(|line| line.strip_prefix("v ")).unwrap().to_owned();
+        (mesh::check(&mesh), talk, first)
+    };
+    let ((near, quiet, _), (found, talk, vertex)) = (mesh("here", &here), mesh("far", &far));
+    assert!(found.is_sound() && found.components == near.components, "{found:?} {near:?}");
+    assert!((found.volume / near.volume - 1.0).abs() < 1e-3, "{} {}", found.volume, near.volume);
+    assert!(talk.contains("0.04 spacings") && talk.contains("in double precision"), "{talk}");
+    assert!(!quiet.contains("double precision"), "{quiet}");
+    // OBJ has the digits too.
+    let x: f64 = vertex.split(' ').next().unwrap().parse().unwrap();
+    assert!((x - 1e4).abs() < 2.0 && f64::from(x as f32) != x, "{vertex}");
+}
+
+#[test]
+fn a_spacing_far_off_is_reported_with_one_that_fits() {
+    let desk = Desk::new();
+    desk.write("block.xyz", xyz(&block(10, 0.0)));
+    for (spacing, word) in [("10", "too large"), ("0.001", "too small"), ("0.1", "")] {
+        let (out, talk) = desk.run(&format!("mesh block.xyz --spacing {spacing} -o out --force"), 0);
+        let log = format!("{out}{talk}");
+        assert_eq!(log.contains("--spacing 0.1 would fit a liquid"), !word.is_empty(), "{log}");
+        assert!(log.contains(word), "{log}");
+    }
+    // No figure has more digits than it can mean.
+    let (out, talk) = desk.run("mesh block.xyz --spacing 1e6 -o out --force", 0);
+    let digits = |word: &str| word.chars().all(|c| c.is_ascii_digit()) && word.len() > 12;
+    assert!(!out.split(' ').chain(talk.split(' ')).any(digits), "{out}{talk}");
+    for spacing in ["1e-30", "1e30"] {
+        let (_, talk) = desk.run(&format!("mesh block.xyz --spacing {spacing} -o out --force"), 2);
+        assert!(talk.contains("spacing"), "{talk}");
+    }
+}
+
+#[test]
+fn a_crowd_is_thinned_and_counted() {
+    let desk = Desk::new();
+    let place = |i: i32| [0.3, 0.2, 0.1].map(|at| at + 1e-3 * (i % 97) as f32 / 97.0);
+    let crowd: Vec<[f32; 3]> = (0..20_000).map(place).collect();
+    desk.write("crowd.xyz", xyz(&[block(6, 1.0), crowd].concat()));
+    let (out, talk) = desk.run("mesh crowd.xyz --spacing 0.1 -o out", 0);
+    assert!(format!("{out}{talk}").contains("particles left out of crowds"), "{out}{talk}");
+    let check = mesh::check(&read_ply(&desk.path("out/mesh/particles_0001.ply")));
+    assert!(check.is_sound() && check.components == 2, "{check:?}");
 }
 
 /// Memory follows the particles, not the box around them.

@@ -120,10 +120,16 @@ impl Unit {
     }
 }
 
+/// From here on figures have an exponent: their digits would be those of rounding.
+const MAX_PLAIN: f64 = 1e9;
+
 /// A number with so many significant digits, without trailing zeros.
 pub(crate) fn figure(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return value.to_string();
+    }
+    if value.abs() >= MAX_PLAIN {
+        return format!("{value:.*e}", digits.max(1) as usize - 1);
     }
     let decimals = (digits - 1 - log10(value.abs()).floor() as i32).clamp(0, 12) as usize;
     let text = format!("{value:.decimals$}");
@@ -314,6 +320,7 @@ mod tests {
         let shown = |digits| [0.001234, 0.5, 12.0, 1234.5, 0.0].map(|value| figure(value, digits));
         assert_eq!(shown(3), ["0.00123", "0.5", "12", "1234", "0"]);
         assert_eq!(shown(2), ["0.0012", "0.5", "12", "1234", "0"]);
+        assert_eq!([figure(4.7e21, 4), figure(-3e9, 1)], ["4.700e21", "-3e9"]);
         let values =
             [Unit::Percent, Unit::Change, Unit::Spacings, Unit::Mebibytes, Unit::Degrees, Unit::Of("m")];
         let shown = values.map(|unit| unit.show(0.25, 2, 0.5));

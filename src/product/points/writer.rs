@@ -160,7 +160,7 @@ impl StreamWriter for PointsWriter<'_> {
         // The radius of a ball of the volume that a tracer was seeded for.
         let radius = input.spacing * cbrt(0.75 / std::f32::consts::PI);
         let radii = vec![radius; positions.len()];
-        let points = Points { positions: positions.to_vec(), radii, attributes };
+        let points = Points { positions: positions.to_vec(), radii, attributes, ..Points::default() };
         let mut output = output(target);
         let path = output.file(self.out, target.index.0);
         let mut written = Written::of(target);

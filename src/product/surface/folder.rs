@@ -1,6 +1,9 @@
 //! The folder of surface meshes.
 
-use super::log::{self, MESH_FOLDER};
+use super::{
+    log::{self, MESH_FOLDER},
+    spacing::spacing_warnings,
+};
 use crate::{
     job::{
         RunError, ShotFolder,
@@ -24,6 +27,7 @@ impl ProductFolder for SurfaceMesh {
     fn finish(&self, out: &ShotFolder) -> Result<Vec<String>, RunError> {
         let records = log::read(out)?;
         let jumps = log::jumps(&records).into_iter().map(|jump| format!("jump: {jump}"));
-        Ok(jumps.chain(log::volume_warnings(&records)).collect())
+        let warnings = spacing_warnings(&records).into_iter().chain(log::volume_warnings(&records));
+        Ok(jumps.chain(warnings).collect())
     }
 }

@@ -6,6 +6,7 @@
 //!
 //! A mesh that encloses another volume than its particles have is reported too: once a stream, with the worst frame.
 
+use super::spacing::NeighbourDistances;
 use crate::{
     export::MeshFormat,
     frame::FrameIndex,
@@ -46,6 +47,9 @@ pub(super) struct MeshRecord {
     /// Connected components.
     #[serde(rename = "pieces")]
     pub components: usize,
+    /// Distances between the particles of a file, whose spacing may be wrong.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub neighbours: Option<NeighbourDistances>,
 }
 
 /// The figures of a mesh, and the statistics of its reconstruction.
@@ -94,10 +98,20 @@ impl MeshRecord {
         key: u64,
         surface: &Surface,
         particle_volume: f64,
+        neighbours: Option<NeighbourDistances>,
     ) -> Self {
         let (name, key) = (name.into(), hex(key));
         let MeshCheck { volume, area, components, .. } = surface.check;
-        Self { frame, name, key, volume, particle_volume: Some(particle_volume), area, components }
+        Self {
+            frame,
+            name,
+            key,
+            volume,
+            particle_volume: Some(particle_volume),
+            area,
+            components,
+            neighbours,
+        }
     }
 
     /// The mesh's volume over that of its particles, less one; `None` if that is unknown or zero.
@@ -230,6 +244,7 @@ mod tests {
             particle_volume: Some(1.0),
             area: 6.0,
             components: 2,
+            neighbours: None,
         };
         (1..).zip(volumes).map(record).collect()
     }

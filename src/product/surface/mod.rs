@@ -6,6 +6,7 @@ mod level_set;
 mod log;
 pub(super) mod memory;
 mod product;
+mod spacing;
 mod tradeoff;
 mod writer;
 

@@ -4,6 +4,7 @@ use super::{
     SurfaceMesh,
     log::{DIGITS, MeshRecord},
     memory::{max_surface_memory, stream_memory},
+    spacing::NeighbourDistances,
 };
 use crate::{
     export::MeshFormat,
@@ -17,7 +18,7 @@ use crate::{
         nonzero,
         tradeoff::figure,
     },
-    mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams, SurfaceStats},
+    mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams, SurfaceStats, degenerate_triangles},
     par,
     product::mesh_files::MeshFiles,
 };
@@ -97,12 +98,16 @@ impl StreamWriter for SurfaceWriter<'_> {
             }
         };
         let volume = particle_volume(input.stream, input.spacing);
-        let record = MeshRecord::new(&target.name, target.index, target.key, &surface, volume);
+        // A simulation knows its spacing.
+        let neighbours = target.state.is_none().then(|| input.stream.vec3("position")).flatten();
+        let neighbours = neighbours.and_then(|positions| NeighbourDistances::new(positions, input.spacing));
+        let record = MeshRecord::new(&target.name, target.index, target.key, &surface, volume, neighbours);
         let record_figures = record.figures(&surface.stats);
         let figures = figures(&record, &surface);
         let Surface { mesh, points, distance, check, .. } = surface;
         drop(distance);
         report_faults(outcome, &mesh, &check, self.params.voxel * input.spacing);
+        report_distance(outcome, &mesh, input.spacing);
         let written = Written { figures, record_figures, ..Written::of(target) };
         outcome.files.push(self.files.write(&mesh, points.as_ref(), target, written)?);
         Ok(())
@@ -145,6 +150,22 @@ pub(super) fn report_faults(outcome: &mut FrameOutcome, mesh: &Mesh, check: &Mes
     }
 }
 
+/// Reports what single precision loses of a mesh far from the origin of the world.
+fn report_distance(outcome: &mut FrameOutcome, mesh: &Mesh, spacing: f32) {
+    if mesh.origin == nalgebra::Vector3::zeros() {
+        return;
+    }
+    let reach = mesh.origin.amax();
+    let rounding = reach * f64::from(f32::EPSILON);
+    let flat = degenerate_triangles(&mesh.clone().in_world_frame());
+    outcome.notes.push(format!(
+        "frame {}: {reach:.0} m from the origin, coordinates in single precision are {rounding:.1e} m apart, {:.2} spacings: the          particles have this error, the mesh is in double precision, and {flat} of its {} triangles have no area in programs          that read single precision, as Blender; move the particles nearer to the origin",
+        outcome.index,
+        rounding / f64::from(spacing),
+        mesh.triangles.len()
+    ));
+}
+
 /// Volume of the particles of a stream [m³]: as the system measured it, or else spacing³ each.
 fn particle_volume(stream: &Stream, spacing: f32) -> f64 {
     stream.scalar("volume").unwrap_or(stream.len() as f64 * f64::from(spacing).powi(3))
@@ -174,6 +195,8 @@ fn remarks(stats: &SurfaceStats) -> Vec<String> {
     let smoothing = stats.smoothing.unwrap_or_default();
     let decimation = stats.decimation.unwrap_or_default();
     nonzero(&[
+        (stats.cavities.closed as u64, "small cavities closed"),
+        (stats.cavities.drops as u64, "drops in these cavities removed"),
         (components.points as u64, "small components replaced by points"),
         (components.bubbles as u64, "small bubbles filled"),
         (smoothing.restored_vertices as u64, "vertices left unsmoothed because triangles would fold"),
@@ -181,6 +204,10 @@ fn remarks(stats: &SurfaceStats) -> Vec<String> {
         (decimation.over_target as u64, "triangles above the target of the decimation"),
         (stats.too_far_particles as u64, "particles too far from the origin, left out"),
         (stats.unseen_particles as u64, "particles between grid nodes, without effect (surface.voxel)"),
+        (
+            stats.crowded_particles as u64,
+            "particles left out of crowds of more than 8 in a cube of half a spacing (check the spacing)",
+        ),
         (stats.contour.unbounded_vertices as u64, "vertices next to values that are not finite"),
         (stats.contour.cut_cells as u64, "cells cut off by missing bricks"),
         (stats.normals_from_faces as u64, "normals from faces"),

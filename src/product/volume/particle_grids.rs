@@ -40,6 +40,8 @@ pub(super) struct ParticleGridStats {
     pub(super) too_far: usize,
     /// Particles between the nodes, without effect.
     pub(super) unseen: usize,
+    /// Particles left out because there are more in their place than any liquid has.
+    pub(super) crowded: usize,
     /// Nodes where the density was above 1.
     pub(super) over_one: usize,
     /// Nodes with a density and no velocity.
@@ -72,6 +74,7 @@ impl ParticleGrids {
             bricks: field.grid.bricks.len(),
             too_far: field.too_far,
             unseen: field.unseen,
+            crowded: field.crowded,
             ..ParticleGridStats::default()
         };
 

@@ -215,6 +215,10 @@ fn remarks(stats: &ParticleGridStats) -> Vec<String> {
     nonzero(&[
         (stats.too_far as u64, "particles too far from the origin, left out"),
         (stats.unseen as u64, "particles between grid nodes, without effect (surface.voxel)"),
+        (
+            stats.crowded as u64,
+            "particles left out of crowds of more than 8 in a cube of half a spacing (check the spacing)",
+        ),
         (stats.over_one as u64, "nodes denser than filled space, limited to 1"),
         (stats.without_velocity as u64, "nodes of the density without a velocity"),
     ])

@@ -54,7 +54,8 @@ pub(super) fn write(
         .iter()
         .filter_map(|&name| Some(Channel { name: name.into(), data: stream.channel(name)?.clone() }))
         .collect();
-    let points = Points { positions: positions.to_vec(), radii: radii.to_vec(), attributes };
+    let points =
+        Points { positions: positions.to_vec(), radii: radii.to_vec(), attributes, ..Points::default() };
     let mut output = output(target);
     let path = output.file(out, target.index.0);
     let mut written = Written::of(target);

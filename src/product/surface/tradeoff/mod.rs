@@ -375,6 +375,7 @@ const CORNERS: [&str; 3] = ["a", "b", "c"];
 
 /// A mesh in the container of the cache, which is checked when it is read.
 fn as_frame(mesh: Mesh, index: FrameIndex) -> Frame {
+    let mesh = mesh.in_world_frame();
     let corner = |place: usize| mesh.triangles.iter().map(|t| t[place]).collect::<Vec<u32>>();
     let mut triangles = Stream::new("triangles", StreamKind::Unknown, mesh.triangles.len());
     for (place, name) in CORNERS.iter().enumerate() {
@@ -391,6 +392,7 @@ fn as_mesh(frame: &Frame) -> Option<Mesh> {
     let [a, b, c] = CORNERS.map(|corner| triangles.u32(corner));
     let corners = a?.iter().zip(b?).zip(c?);
     Some(Mesh {
+        origin: nalgebra::Vector3::zeros(),
         positions: vertices.vec3("position")?.to_vec(),
         normals: vertices.vec3("normal")?.to_vec(),
         triangles: corners.map(|((a, b), c)| [*a, *b, *c]).collect(),
