@@ -1,6 +1,8 @@
 //! The command line's types: every verb, flag and its help.
 
-use super::values::{fraction, frames, mesh_format, sheet_format, size, thickness, time, volume_grid, wait};
+use super::values::{
+    fraction, frames, mesh_format, sheet_format, size, spacing, thickness, time, volume_grid, wait,
+};
 use crate::{
     export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
     run::{
@@ -234,8 +236,8 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "N", default_value = "1")]
     pub(super) repeats: std::num::NonZeroU32,
 
-    /// Distance between particles at rest in particle files, in metres; twice the particle radius
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    /// Distance between particles at rest in particle files, in metres or with a unit (`0.02`, "2 cm"); twice the particle radius
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = spacing)]
     pub(super) spacing: Option<f32>,
 
     /// Refuse to start if a surface needs about more memory than this: `8GiB`, `500MiB`
@@ -250,7 +252,7 @@ pub(super) struct TradeoffArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     pub(super) set: Vec<String>,
 
-    /// Compare on one of the preset's quality tiers
+    /// Compare on one of the preset's quality tiers; of particle files, on a tier of `meniscus mesh`
     #[arg(long, value_name = "TIER")]
     pub(super) quality: Option<Tier>,
 
@@ -297,7 +299,7 @@ pub(super) enum Tier {
 /// Where the frames of a product come from, and where its files go.
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct InputArgs {
-    /// A shot folder or its cache, or particle files (PLY, XYZ, VTK, VTU, NPY, NPZ, BGEO): names, globs, or
+    /// A shot folder or its cache, or particle files (PLY, XYZ, CSV, VTK, VTU, NPY, NPZ, BGEO): names, globs, or
     /// `frame_####.vtk`, where # are the digits of the frame; `mesh` takes OpenVDB level sets too
     #[arg(required = true, value_name = "CACHE|FILES")]
     pub(super) inputs: Vec<String>,
@@ -310,8 +312,8 @@ pub(super) struct InputArgs {
     #[arg(long, value_name = "LIST", value_parser = frames)]
     pub(super) frames: Option<Frames>,
 
-    /// Distance between particles at rest in particle files, in metres; twice the particle radius
-    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    /// Distance between particles at rest in particle files, in metres or with a unit (`0.02`, "2 cm"); twice the particle radius
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = spacing)]
     pub(super) spacing: Option<f32>,
 
     /// Frames a second of a sequence of particle files, 24 if not given
@@ -345,6 +347,11 @@ pub(super) struct InputArgs {
 pub(super) struct MeshArgs {
     #[command(flatten)]
     pub(super) input: InputArgs,
+
+    /// Of particle files: the surface's tier, which --set changes. `draft`: isotropic kernels on a coarser grid; `preview`: isotropic
+    /// kernels, smoothed; `final`: anisotropic kernels, smoothed, as in the built-in presets. By default `final`
+    #[arg(long, value_name = "TIER")]
+    pub(super) quality: Option<Tier>,
 
     /// File formats
     #[arg(long, value_name = "FORMAT", value_delimiter = ',', default_value = "ply", value_parser = mesh_format)]

@@ -8,7 +8,7 @@ use crate::run::{Control, ProductSettings, RunError};
 
 /// Writes the colliders of a shot as meshes with their motion.
 pub(super) fn colliders(args: &CollidersArgs, control: Control) -> Result<(), RunError> {
-    let verb = ProductVerb { name: "colliders", makes: "colliders", takes_files: false, keys: &[] };
+    let verb = ProductVerb { name: "colliders", makes: "colliders", ..ProductVerb::default() };
     let request = |settings: &mut ProductSettings| settings.colliders = true;
     let input = InputArgs {
         inputs: vec![args.cache.to_string_lossy().into_owned()],

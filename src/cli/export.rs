@@ -11,7 +11,7 @@ use crate::{
 
 /// Writes the tracers of a cache as points, and its sheets as meshes or point caches.
 pub(super) fn export(args: &ExportArgs, control: Control) -> Result<(), RunError> {
-    let verb = ProductVerb { name: "export", makes: "an export", takes_files: false, keys: &[] };
+    let verb = ProductVerb { name: "export", makes: "an export", ..ProductVerb::default() };
     let formats = |settings: &mut ProductSettings| {
         // Formats and thickness are of sheets, and tracers are written if none is given.
         settings.points = args.format.is_empty() && args.thickness.is_none();

@@ -1,10 +1,20 @@
 //! `meniscus mesh`.
 
-use super::{args::MeshArgs, product::ProductVerb};
-use crate::run::{Control, RunError};
+use super::{args::MeshArgs, product::ProductVerb, shot::quality};
+use crate::{
+    run::{Control, RunError},
+    scene::Quality,
+};
 
 /// Meshes a cache, particle files of any solver, or level sets.
 pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
-    let verb = ProductVerb { name: "mesh", makes: "a mesh", takes_files: true, keys: &["surface"] };
+    let verb = ProductVerb {
+        name: "mesh",
+        makes: "a mesh",
+        takes_files: true,
+        keys: &["surface"],
+        quality: args.quality.map(quality),
+        file_quality: Some(Quality::Final),
+    };
     verb.run(&args.input, None, |settings| settings.output.mesh.clone_from(&args.format), control)
 }

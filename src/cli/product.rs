@@ -10,7 +10,7 @@ use crate::{
         self, BatchRequest, Control, ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime,
         RunError, ShotFolder, Source,
     },
-    scene::{self, Overrides, Scene},
+    scene::{self, Overrides, Quality, Scene},
 };
 use std::path::Path;
 
@@ -18,6 +18,7 @@ use std::path::Path;
 const DEFAULT_FPS: f64 = 24.0;
 
 /// A verb that makes products.
+#[derive(Default)]
 pub(super) struct ProductVerb {
     /// Name of the product.
     pub(super) name: &'static str,
@@ -27,6 +28,10 @@ pub(super) struct ProductVerb {
     pub(super) takes_files: bool,
     /// The beginnings of the preset's keys that can be set.
     pub(super) keys: &'static [&'static str],
+    /// The requested tier of surfaces of particle files.
+    pub(super) quality: Option<Quality>,
+    /// Their tier if none is requested; `None`: the defaults of `[surface]`.
+    pub(super) file_quality: Option<Quality>,
 }
 
 impl ProductVerb {
@@ -79,7 +84,7 @@ impl ProductVerb {
             let scene = cached_scene(&cache, &set)?;
             let mut settings = match &scene {
                 Some(scene) => ProductSettings::of(scene),
-                None => scene::product_settings(&set)?,
+                None => scene::product_settings(None, &set)?,
             };
             adjust(&mut settings);
             let input = ProductInput::Frames(Source::Cache(&cache));
@@ -95,7 +100,7 @@ impl ProductVerb {
         }
         let sequence = import::expand(&args.inputs)?;
         let input = if sequence.files().iter().any(|file| is_volume(file)) {
-            check_level_sets(args, &sequence)?;
+            self.check_level_sets(args, &sequence)?;
             ProductInput::LevelSets(&sequence)
         } else {
             ProductInput::Frames(Source::Files { sequence: &sequence, spacing: spacing(args.spacing)? })
@@ -103,7 +108,7 @@ impl ProductVerb {
         let Some(output) = &args.output else {
             return Err(RunError::Request("no folder for the files is given: add -o DIR".into()));
         };
-        let mut settings = scene::product_settings(&set)?;
+        let mut settings = scene::product_settings(self.quality.or(self.file_quality), &set)?;
         adjust(&mut settings);
         let (out, settings) = (&ShotFolder::new(output), &settings);
         self.make(&ProductRequest { input, out, settings, scene: None, retime, batch: &batch }, control)
@@ -125,12 +130,40 @@ impl ProductVerb {
         })
     }
 
+    /// Refuses particle files among level sets, and arguments that only particles need.
+    fn check_level_sets(&self, args: &InputArgs, sequence: &Sequence) -> Result<(), RunError> {
+        if let Some(other) = sequence.files().iter().find(|file| !is_volume(file)) {
+            return Err(RunError::Request(format!(
+                "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
+                other.display()
+            )));
+        }
+        let for_particles = [
+            ("--spacing", args.spacing.is_some()),
+            ("--voxel", args.voxel.is_some()),
+            ("--quality", self.quality.is_some()),
+            ("--set", !args.set.is_empty()),
+        ];
+        match for_particles.iter().find(|(_, given)| *given) {
+            Some((flag, _)) => Err(RunError::Request(format!(
+                "{flag} is for particles; a level set has its grid. Leave it out"
+            ))),
+            None => Ok(()),
+        }
+    }
+
     /// Refuses arguments that a cache answers itself.
     fn check_cache_arguments(&self, args: &InputArgs) -> Result<(), RunError> {
         let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
         if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
             return Err(RunError::Request(format!(
                 "{flag} is for particle files; a cache has its own. Leave it out"
+            )));
+        }
+        if let Some(quality) = self.quality {
+            return Err(RunError::Request(format!(
+                "--quality {quality} is for particle files; the surface of a shot is that of its preset, as simulated: change it \
+                 with --set surface.KEY=VALUE, or leave --quality out"
             )));
         }
         let has_effect =
@@ -179,27 +212,6 @@ fn is_volume(file: &Path) -> bool {
     file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("vdb"))
 }
 
-/// Refuses particle files among level sets, and arguments that only particles need.
-fn check_level_sets(args: &InputArgs, sequence: &Sequence) -> Result<(), RunError> {
-    if let Some(other) = sequence.files().iter().find(|file| !is_volume(file)) {
-        return Err(RunError::Request(format!(
-            "{}: found particles among volumes, expected one kind of file; mesh them one after the other",
-            other.display()
-        )));
-    }
-    let for_particles = [
-        ("--spacing", args.spacing.is_some()),
-        ("--voxel", args.voxel.is_some()),
-        ("--set", !args.set.is_empty()),
-    ];
-    match for_particles.iter().find(|(_, given)| *given) {
-        Some((flag, _)) => {
-            Err(RunError::Request(format!("{flag} is for particles; a level set has its grid. Leave it out")))
-        }
-        None => Ok(()),
-    }
-}
-
 /// The spacing of particles at rest [m], which their files do not have.
 pub(super) fn spacing(given: Option<f32>) -> Result<f32, RunError> {
     match given {
@@ -210,8 +222,8 @@ pub(super) fn spacing(given: Option<f32>) -> Result<f32, RunError> {
             SPACING_RANGE.end()
         ))),
         None => Err(RunError::Request(
-            "particle files do not state their particle spacing: add --spacing METRES (twice the particle \
-             radius; 0.05 for a radius of 0.025)"
+            "particle files do not state their particle spacing: add --spacing LENGTH (twice the particle \
+             radius; 0.05 or \"5 cm\" for a radius of 0.025 m)"
                 .into(),
         )),
     }

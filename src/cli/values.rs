@@ -2,6 +2,7 @@
 
 use crate::{
     export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
+    preset::units,
     scene::Frames,
 };
 use std::time::Duration;
@@ -23,6 +24,16 @@ pub(super) fn sheet_format(text: &str) -> Result<SheetFormat, String> {
         .into_iter()
         .find(|format| format.name() == text)
         .ok_or_else(|| "expected pc2, ply or obj".into())
+}
+
+/// A spacing of particles [m], whose range is checked where it is used.
+pub(super) fn spacing(text: &str) -> Result<f32, String> {
+    if let Ok(metres) = text.trim().parse() {
+        return Ok(metres);
+    }
+    units::convert(text, Some("m")).map(|metres| metres as f32).map_err(|_| {
+        "expected metres above 0, or a number with a unit of length: 0.02, \"2 cm\", 20mm".into()
+    })
 }
 
 /// A thickness [m].
@@ -102,6 +113,17 @@ mod tests {
         assert!(wait("1e300").is_err() && wait("366d").is_err() && wait("1e-300").is_ok());
         for wrong in ["", "%", "-1%", "0", "200%", "nan"] {
             assert!(fraction(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn spacings_carry_units_of_length() {
+        for text in ["0.02", "2 cm", "2cm", " 20 mm ", "2e-2"] {
+            assert_eq!(spacing(text), Ok(0.02), "{text}");
+        }
+        assert_eq!(spacing("1 in"), Ok(0.0254));
+        for wrong in ["", "cm", "2 s", "2 parsecs", "2 cm²", "two", "2 %"] {
+            assert!(spacing(wrong).is_err(), "{wrong}");
         }
     }
 

@@ -15,7 +15,8 @@ const TRACERS: &str = "smoke.tracers";
 /// Makes volumes of a cache, or of particle files of any solver.
 pub(super) fn volume(args: &VolumeArgs, control: Control) -> Result<(), RunError> {
     let keys = &["surface", "volume", TRACERS];
-    let verb = ProductVerb { name: "volume", makes: "a volume", takes_files: true, keys };
+    let verb =
+        ProductVerb { name: "volume", makes: "a volume", takes_files: true, keys, ..ProductVerb::default() };
     let reseed = args.input.set.iter().any(|argument| argument.trim_start().starts_with(TRACERS));
     let factor = args.retime.unwrap_or(1.0);
     if !(factor.is_finite() && (1e-3..=1e3).contains(&factor)) {

@@ -8,8 +8,12 @@ use crate::run::{Control, ProductSettings, RunError};
 
 /// Computes spray, foam and bubbles of a cached liquid.
 pub(super) fn whitewater(args: &WhitewaterArgs, control: Control) -> Result<(), RunError> {
-    let verb =
-        ProductVerb { name: "whitewater", makes: "whitewater", takes_files: false, keys: &["whitewater"] };
+    let verb = ProductVerb {
+        name: "whitewater",
+        makes: "whitewater",
+        keys: &["whitewater"],
+        ..ProductVerb::default()
+    };
     // A preset without the table gets the defaults.
     let request = |settings: &mut ProductSettings| {
         settings.whitewater.get_or_insert_default();

@@ -1,7 +1,7 @@
 //! Particle files that other solvers wrote, as a [`Stream`]; triangle meshes for solids;
 //! level sets of OpenVDB files ([`read_level_set`]).
 //!
-//! [`read_particles`] reads PLY, XYZ, legacy VTK, VTU, NPY, NPZ and classic BGEO by the file's extension and refuses a
+//! [`read_particles`] reads PLY, XYZ, tables, legacy VTK, VTU, NPY, NPZ and classic BGEO by the file's extension and refuses a
 //! file whose content is something else; [`expand`] turns the patterns of a command line into a sorted sequence of
 //! files. What is read of each format is described in `docs/formats/import.md`. Positions keep their axes and
 //! units. Counts are compared with the size of the file before memory is taken, content is unpacked within the limits of
@@ -20,6 +20,7 @@ mod numbers;
 mod ply;
 mod ply_numbers;
 mod sequence;
+mod table;
 mod triangles;
 mod vdb;
 mod vtk;
@@ -57,6 +58,7 @@ const XML_STARTS: [&[u8]; 3] = [b"<?xml", b"<VTKFile", b"<!--"];
 enum Format {
     Ply,
     Xyz,
+    Table,
     Vtk,
     Vtu,
     Bgeo,
@@ -71,6 +73,7 @@ impl Format {
         match name.rsplit_once('.')?.1 {
             "ply" => Some(Self::Ply),
             "xyz" => Some(Self::Xyz),
+            "csv" | "tsv" | "txt" => Some(Self::Table),
             "vtk" => Some(Self::Vtk),
             "vtu" | "vtp" => Some(Self::Vtu),
             "bgeo" => Some(Self::Bgeo),
@@ -80,7 +83,7 @@ impl Format {
         }
     }
 
-    /// The format by a file's first bytes; XYZ has no mark of its own. Marks are three bytes and more: raw floats start with any two
+    /// The format by a file's first bytes; XYZ and tables have no mark of their own. Marks are three bytes and more: raw floats start with any two
     /// once in 65 536 files.
     fn of_content(bytes: &[u8]) -> Option<Self> {
         if bytes.starts_with(b"ply\n") || bytes.starts_with(b"ply\r") {
@@ -104,6 +107,7 @@ impl Format {
         match self {
             Self::Ply => "PLY",
             Self::Xyz => "XYZ",
+            Self::Table => "table",
             Self::Vtk => "legacy VTK",
             Self::Vtu => "VTK XML",
             Self::Bgeo => "BGEO",
@@ -132,7 +136,8 @@ impl ParticleFile {
     /// [`ImportError`] if it is not there, cannot be read, has a name of no format or is longer than that.
     pub fn open(path: &Path, max_memory: Option<u64>) -> Result<Self, ImportError> {
         let Some(format) = Format::of(path) else {
-            let expected = "a name that ends in .ply, .xyz, .vtk, .vtu, .vtp, .npy, .npz or .bgeo";
+            let expected =
+                "a name that ends in .ply, .xyz, .csv, .tsv, .txt, .vtk, .vtu, .vtp, .npy, .npz or .bgeo";
             return Err(ImportError::unsupported(path, "another kind of file", expected));
         };
         let failed = |error| ImportError::from_io(path, "read the file", error);
@@ -188,7 +193,8 @@ fn parse(path: &Path, format: Format, bytes: &[u8], budget: &MemoryBudget) -> Re
         return Err(ImportError::EmptyFile { path: path.to_path_buf() });
     }
     let content = Format::of_content(bytes);
-    if content.unwrap_or(Format::Xyz) != format {
+    let has_no_mark = matches!(format, Format::Xyz | Format::Table);
+    if content.map_or(!has_no_mark, |content| content != format) {
         let found = match content {
             Some(other) => format!("the start of a {} file", other.name()),
             None => format!("a start of {:?}", String::from_utf8_lossy(&bytes[..bytes.len().min(12)])),
@@ -198,6 +204,7 @@ fn parse(path: &Path, format: Format, bytes: &[u8], budget: &MemoryBudget) -> Re
     match format {
         Format::Ply => ply::read(path, bytes, budget),
         Format::Xyz => xyz::read(path, bytes, budget),
+        Format::Table => table::read(path, bytes, budget),
         Format::Vtk => vtk::read(path, bytes, budget),
         #[cfg(feature = "vtk")]
         Format::Vtu => vtu::read(path, bytes, budget),

@@ -14,7 +14,7 @@ pub(crate) mod model;
 pub(crate) mod problem;
 pub(crate) mod shapes;
 pub(crate) mod tree;
-mod units;
+pub(crate) mod units;
 
 pub use assets::{Asset, Assets, Home};
 pub(crate) use camera::Camera;

@@ -187,25 +187,30 @@ fn read(
     Some(scene)
 }
 
-/// The surface that `key=value` arguments alone describe (`surface.voxel=0.25`), for particles without a preset.
+/// The surface that `key=value` arguments (`surface.voxel=0.25`) make of a tier, for particles without a preset; without a tier, of
+/// the defaults.
 ///
 /// # Errors
 /// [`SceneError::Invalid`] with every problem found.
-pub(crate) fn surface_alone(set: &[String]) -> Result<SurfaceParams, SceneError> {
+pub(crate) fn surface_alone(quality: Option<Quality>, set: &[String]) -> Result<SurfaceParams, SceneError> {
     #[derive(Deserialize, JsonSchema)]
     #[serde(deny_unknown_fields)]
     struct Alone {
         #[serde(default)]
         surface: SurfaceParams,
     }
-    alone(set).map(|Alone { surface }| surface)
+    alone(quality, set).map(|Alone { surface }| surface)
 }
 
-/// The settings of products that `key=value` arguments alone describe, for frames without a preset.
+/// The settings of products that `key=value` arguments make of a tier of surfaces, for frames without a preset; without a tier, of
+/// the defaults.
 ///
 /// # Errors
 /// [`SceneError::Invalid`] with every problem found.
-pub(crate) fn product_settings(set: &[String]) -> Result<ProductSettings, SceneError> {
+pub(crate) fn product_settings(
+    quality: Option<Quality>,
+    set: &[String],
+) -> Result<ProductSettings, SceneError> {
     #[derive(Deserialize, JsonSchema)]
     #[serde(deny_unknown_fields)]
     struct Alone {
@@ -216,7 +221,7 @@ pub(crate) fn product_settings(set: &[String]) -> Result<ProductSettings, SceneE
         #[serde(default)]
         whitewater: Option<WhitewaterParams>,
     }
-    alone(set).map(|Alone { surface, volume, whitewater }| ProductSettings {
+    alone(quality, set).map(|Alone { surface, volume, whitewater }| ProductSettings {
         surface,
         volume,
         whitewater,
@@ -225,10 +230,15 @@ pub(crate) fn product_settings(set: &[String]) -> Result<ProductSettings, SceneE
 }
 
 /// The tables that `--set` arguments make without a preset.
-fn alone<T: JsonSchema + DeserializeOwned>(set: &[String]) -> Result<T, SceneError> {
-    let mut sources = vec![Source { name: "preset".to_owned(), text: "".into() }];
+fn alone<T: JsonSchema + DeserializeOwned>(
+    quality: Option<Quality>,
+    set: &[String],
+) -> Result<T, SceneError> {
+    let settings = quality.map_or("", Quality::surface_settings);
+    let mut sources = vec![Source { name: "preset".to_owned(), text: settings.into() }];
     let mut findings = Vec::new();
-    let mut root = tree::parse(0, "").unwrap_or_else(|_| unreachable!("an empty preset is well formed"));
+    let mut root =
+        tree::parse(0, settings).unwrap_or_else(|_| unreachable!("settings of tiers are well formed"));
     for argument in set {
         sources.push(Source { name: "--set".to_owned(), text: argument.as_str().into() });
         if let Err(finding) = tree::set(&mut root, sources.len() - 1, &sources) {

@@ -26,6 +26,15 @@ impl Quality {
             Self::Final => "final",
         }
     }
+
+    /// Settings, as a preset, of surfaces of particles without a preset.
+    pub(crate) fn surface_settings(self) -> &'static str {
+        match self {
+            Self::Draft => "[surface]\nvoxel = 0.75\n",
+            Self::Preview => "[surface.smoothing]\n",
+            Self::Final => "[surface.anisotropy]\n[surface.smoothing]\n",
+        }
+    }
 }
 
 impl fmt::Display for Quality {

@@ -53,7 +53,7 @@ const UNPACKED: u64 = BUFFERS + 2 * MAX_MEMORY;
 const SCHEMA: u64 = 16 << 20;
 
 /// All readers.
-pub const READERS: [Reader; 19] = [
+pub const READERS: [Reader; 20] = [
     row("cache", read_cache, UNPACKED, 64),
     row("samples", read_samples, BUFFERS, 64),
     row("manifest", read_manifest, BUFFERS, 64),
@@ -66,6 +66,7 @@ pub const READERS: [Reader; 19] = [
     row("ply_mesh", |bytes| read_mesh("a.ply", bytes), BUFFERS, 64),
     row("obj", |bytes| read_mesh("a.obj", bytes), BUFFERS, 64),
     row("xyz", |bytes| read_particles("a.xyz", bytes), BUFFERS, 64),
+    row("csv", |bytes| read_particles("a.csv", bytes), BUFFERS, 64),
     row("vtk", |bytes| read_particles("a.vtk", bytes), BUFFERS, 64),
     row("vtu", |bytes| read_particles("a.vtu", bytes), UNPACKED, 64),
     row("bgeo", |bytes| read_particles("a.bgeo", bytes), BUFFERS, 64),

@@ -23,6 +23,7 @@ mod smoke_tradeoff;
 mod solids;
 mod surface_extremes;
 mod surface_tradeoff;
+mod surfacing;
 mod tradeoff;
 mod trust;
 mod untrusted;

@@ -2,6 +2,7 @@
 
 use super::{
     meshing::{read_ply, xyz},
+    surfacing::ISOTROPIC,
     *,
 };
 use meniscus::mesh;
@@ -79,7 +80,7 @@ fn a_thousand_kilometres_from_the_origin() {
     desk.write("far.xyz", xyz(&far));
     desk.write("here.xyz", xyz(&here));
     let check = |name: &str| {
-        let (_, talk) = desk.run(&format!("mesh {name}.xyz --spacing 1 -o {name}"), 0);
+        let (_, talk) = desk.run(&format!("mesh {name}.xyz --spacing 1 -o {name} {ISOTROPIC}"), 0);
         assert_eq!(
             talk.contains("from the origin, coordinates in single precision"),
             name == "far",

@@ -1,6 +1,6 @@
 //! Volume files of caches and of other solvers' particle files.
 
-use super::*;
+use super::{surfacing::ISOTROPIC, *};
 use meniscus::{
     export::vdb,
     grid::{BRICK_NODES, Bricks},
@@ -248,7 +248,12 @@ fn level_sets_of_any_program_become_meshes() {
     assert_eq!(manifest(&desk, "meshes")["outputs"][0]["frames"]["last"], 5);
 
     // The level set gives the mesh that the particles give, but for what they carry.
-    desk.run("mesh cube.xyz --spacing 0.1 -o direct --format obj --set surface.distance={}", 0);
+    desk.run(
+        &format!(
+            "mesh cube.xyz --spacing 0.1 -o direct --format obj --set surface.distance={{}} {ISOTROPIC}"
+        ),
+        0,
+    );
     let faces = |path: &str| {
         let text = fs::read_to_string(desk.path(path)).unwrap();
         text.lines().filter(|line| line.starts_with(['f', 'v'])).map(String::from).collect::<Vec<_>>()

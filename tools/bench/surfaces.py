@@ -110,7 +110,8 @@ def command(row, threads, name, options, folder, out):
     sequence = name == "sequence"
     if isinstance(settings, dict):
         files = sorted(folder.glob("*.xyz")) if sequence else [folder / "particles.xyz"]
-        keys = {"surface.voxel": options.voxel, "surface.kernel_radius": options.kernel} | settings
+        plain = {"surface.anisotropy": "none", "surface.smoothing": "none"}
+        keys = {"surface.voxel": options.voxel, "surface.kernel_radius": options.kernel} | plain | settings
         words = [word for key, value in keys.items() for word in ("--set", f"{key}={value}")]
         return [options.binary, "mesh", *files, "--spacing", SPACING, *words, "-o", out, "--threads", threads,
                 "--progress", "none"]  # fmt: skip

@@ -10,7 +10,7 @@ use crate::{
         self,
         tradeoff::{Origin, ProductRuns, ProductSource, Subject},
     },
-    scene::{self, Frames, Preset, Scene},
+    scene::{self, Frames, Preset, Quality, Scene},
 };
 use std::path::{Path, PathBuf};
 
@@ -39,7 +39,12 @@ pub(super) fn tradeoff(
         _ => Origin::Particles(&bare),
     };
     input.check(args, subject, &origin)?;
-    let sweep = request(args).sweep(subject, origin)?;
+    let mut request = request(args);
+    if matches!(input, Input::Files(..)) {
+        // That of `meniscus mesh`.
+        request.base.quality = request.base.quality.or(Some(Quality::Final));
+    }
+    let sweep = request.sweep(subject, origin)?;
     let by = criterion(args, subject, None)?;
     let simulated = ShotFolder::new(output(args, &input.name()).join("shot"));
     let source = match &input {
@@ -132,7 +137,11 @@ impl Input {
         let has_preset = matches!(origin, Origin::Preset(_));
         let mut wrong = [
             ("--spacing", args.spacing.is_some() && is_cached, "a cache knows its own"),
-            ("--quality", args.quality.is_some() && !simulates, "the particles are there already"),
+            (
+                "--quality",
+                args.quality.is_some() && matches!(self, Self::Shot(..)),
+                "the particles are there already",
+            ),
             ("--tiers", args.tiers && !simulates, "the particles are there already"),
             ("--write", args.write.is_some() && !has_preset, "there is no preset to change"),
         ]

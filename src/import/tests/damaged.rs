@@ -15,6 +15,8 @@ fn sound() -> Vec<(&'static str, Vec<u8>)> {
         ("a.bgeo", bgeo(&X, 3)),
         ("a.bgeo", gzip(&bgeo(&X, 3))),
         ("a.xyz", b"3\n# x y z id\n1 2 3 4\n5 6 7 8\n9 10 11 12\n".to_vec()),
+        ("a.csv", b"x,y,z,vx,vy,vz,id\n1,2,3,4,5,6,7\n8,9,10,11,12,13,14\n".to_vec()),
+        ("a.txt", b"1;2;3\n\"4\"; 5; 6\n".to_vec()),
         ("a.npz", numpy::npz(&numpy::members(), false)),
         ("a.npz", numpy::npz(&numpy::members(), true)),
     ];
@@ -70,7 +72,7 @@ proptest! {
 
     #[test]
     fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
-        for name in ["a.xyz", "a.ply", "a.vtk", "a.bgeo", "a.npy", "a.npz", "a.vtu"] {
+        for name in ["a.xyz", "a.csv", "a.ply", "a.vtk", "a.bgeo", "a.npy", "a.npz", "a.vtu"] {
             let _ = read(name, &bytes);
         }
         let _ = read("a.bgeo", &[b"BgeoV\0\0\0\x05", &bytes[..]].concat());
@@ -249,6 +251,7 @@ fn files_of_very_many_attributes_are_refused_or_read_in_time_that_grows_with_the
     let piece = "<Piece NumberOfPoints=\"1\"><Points><DataArray type=\"Float32\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0</DataArray></Points><PointData>";
     let vtu = format!("<VTKFile type=\"PolyData\">{piece}{arrays}</PointData></Piece></VTKFile>");
     for (name, bytes) in [
+        ("a.csv", xyz.clone().into_bytes()),
         ("a.xyz", xyz.into_bytes()),
         ("a.ply", ply.into_bytes()),
         ("a.vtk", vtk("POINT").into_bytes()),
@@ -258,7 +261,9 @@ fn files_of_very_many_attributes_are_refused_or_read_in_time_that_grows_with_the
         let message = import(name, &bytes).unwrap_err().to_string();
         assert!(message.contains("more than 4096 attributes"), "{name}: {message}");
     }
-    for (name, bytes) in [("a.xyz", unnamed.into_bytes()), ("a.vtk", vtk("CELL").into_bytes())] {
+    let unnamed = unnamed.into_bytes();
+    for (name, bytes) in [("a.csv", unnamed.clone()), ("a.xyz", unnamed), ("a.vtk", vtk("CELL").into_bytes())]
+    {
         let ignored = import(name, &bytes).unwrap().ignored;
         assert!(ignored.len() < 300 && ignored.last().unwrap().contains("more attributes"), "{name}");
     }

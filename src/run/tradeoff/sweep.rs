@@ -32,7 +32,7 @@ impl Origin<'_> {
         match self {
             Self::Preset(preset) => Scene::from_preset(preset, overrides),
             Self::Particles(scene) => {
-                Ok(Scene { surface: surface_alone(&overrides.set)?, ..(*scene).clone() })
+                Ok(Scene { surface: surface_alone(overrides.quality, &overrides.set)?, ..(*scene).clone() })
             }
         }
     }
@@ -46,7 +46,7 @@ impl Origin<'_> {
             }
             Self::Particles(_) => {
                 let table = toml::Value::try_from(&scene.surface).expect("settings are plain data");
-                surface_alone(&[format!("surface={table}")]).map(drop)
+                surface_alone(None, &[format!("surface={table}")]).map(drop)
             }
         }
     }
