@@ -11,7 +11,15 @@ pub(super) const USAGE: u8 = 2;
 
 /// The code of an error.
 pub(super) fn code(error: &RunError) -> ExitCode {
-    ExitCode::from(match error {
+    ExitCode::from(number(error))
+}
+
+/// Codes of shots that failed, the gravest first: data that cannot be trusted, then what stops every job, then the rest.
+const GRAVEST_FIRST: [u8; 12] =
+    [INTERRUPTED, 12, 13, OTHER_SETTINGS, DISK_FULL, OVER_MEMORY, 20, 10, 11, 1, SOME_FAILED, USAGE];
+
+fn number(error: &RunError) -> u8 {
+    match error {
         RunError::Scene(_) | RunError::Request(_) | RunError::Setup(_) => USAGE,
         RunError::Cache(cache) => match cache {
             CacheError::NotFound { .. } => 10,
@@ -45,7 +53,11 @@ pub(super) fn code(error: &RunError) -> ExitCode {
         RunError::NotFollowed { .. } => SOME_FAILED,
         RunError::Export(export) if export.is_disk_full() => DISK_FULL,
         RunError::Export(_) | RunError::Import(_) | RunError::NoSetting { .. } => 1,
-    })
+        RunError::ShotsFailed { failed, .. } => {
+            let codes: Vec<u8> = failed.iter().map(|(_, why)| number(why)).collect();
+            GRAVEST_FIRST.into_iter().find(|code| codes.contains(code)).unwrap_or(1)
+        }
+    }
 }
 
 /// Some frames could not be made.
@@ -65,4 +77,28 @@ pub(super) const INTERRUPTED: u8 = 130;
 
 fn of_io(error: &io::Error) -> u8 {
     if is_full(error) { DISK_FULL } else { 1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::FailedFrame;
+
+    #[test]
+    fn several_shots_have_the_code_of_the_worst() {
+        let memory = || RunError::OverMemory { needed: 2, allowed: 1 };
+        let request = || RunError::Request("no".into());
+        let several = |errors: Vec<RunError>| {
+            let failed = errors.into_iter().map(|why| ("shot".into(), why)).collect();
+            number(&RunError::ShotsFailed { failed, all: 9 })
+        };
+        assert_eq!(several(vec![request()]), USAGE);
+        assert_eq!(several(vec![request(), memory(), request()]), OVER_MEMORY);
+        let corrupt = FailedFrame { name: "frame 1".into(), why: "damaged".into(), kind: Failure::Corrupt };
+        let some = RunError::SomeFailed { failed: vec![corrupt], requested: 3 };
+        assert_eq!(several(vec![memory(), some]), 12);
+        // Each code that an error can have is in the order.
+        let unique: std::collections::BTreeSet<u8> = GRAVEST_FIRST.into_iter().collect();
+        assert_eq!(unique.len(), GRAVEST_FIRST.len());
+    }
 }

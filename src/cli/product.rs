@@ -12,7 +12,10 @@ use crate::{
     },
     scene::{self, Overrides, Quality, Scene},
 };
-use std::path::Path;
+use std::{
+    collections::HashSet,
+    path::{Path, PathBuf},
+};
 
 /// Frames a second of a sequence of files, unless given.
 const DEFAULT_FPS: f64 = 24.0;
@@ -40,7 +43,7 @@ impl ProductVerb {
         &self,
         args: &InputArgs,
         retime: Option<Retime>,
-        adjust: impl FnOnce(&mut ProductSettings),
+        adjust: impl Fn(&mut ProductSettings),
         control: Control,
     ) -> Result<(), RunError> {
         let set: Vec<String> = args
@@ -57,40 +60,13 @@ impl ProductVerb {
             follow: args.follow,
             fps: fps(args.fps)?,
         };
-        if let [folder] = &args.inputs[..]
-            && (!self.takes_files || is_folder(folder))
-        {
-            self.check_cache_arguments(args)?;
-            let cache = ShotFolder::around(Path::new(folder));
-            let out = args.output.as_ref().map_or_else(|| cache.clone(), ShotFolder::new);
-            if retime.is_some() && is_same(out.root(), cache.root()) {
-                return Err(RunError::Request(
-                    "a retimed shot has other frames than its cache: name a folder for them with -o".into(),
-                ));
+        match &self.shots(&args.inputs, control)?[..] {
+            [] => {}
+            [folder] => return self.run_shot(folder, args, retime, &set, &batch, &adjust, control),
+            folders => {
+                let run = |folder: &Path| self.run_shot(folder, args, retime, &set, &batch, &adjust, control);
+                return run_each(folders, args, run, control);
             }
-            let batch = match batch.follow {
-                Some(_) if retime.is_some() => {
-                    return Err(RunError::Request(
-                        "--follow: a retimed shot needs all of its frames; leave it out and wait for them"
-                            .into(),
-                    ));
-                }
-                Some(limit) => {
-                    let frames = run::follow(&cache, batch.selection.as_ref(), limit, control)?;
-                    BatchRequest { selection: Some(frames), ..batch }
-                }
-                None => batch,
-            };
-            let scene = cached_scene(&cache, &set)?;
-            let mut settings = match &scene {
-                Some(scene) => ProductSettings::of(scene),
-                None => scene::product_settings(None, &set)?,
-            };
-            adjust(&mut settings);
-            let input = ProductInput::Frames(Source::Cache(&cache));
-            let (scene, settings) = (scene.as_ref(), &settings);
-            let request = ProductRequest { input, out: &out, settings, scene, retime, batch: &batch };
-            return self.make(&request, control);
         }
         if retime.is_some() {
             return Err(RunError::Request("--retime is for the cache of a shot. Leave it out".into()));
@@ -112,6 +88,85 @@ impl ProductVerb {
         adjust(&mut settings);
         let (out, settings) = (&ShotFolder::new(output), &settings);
         self.make(&ProductRequest { input, out, settings, scene: None, retime, batch: &batch }, control)
+    }
+
+    /// Makes the products of one shot.
+    #[expect(clippy::too_many_arguments, reason = "the parts of one command")]
+    fn run_shot(
+        &self,
+        folder: &Path,
+        args: &InputArgs,
+        retime: Option<Retime>,
+        set: &[String],
+        batch: &BatchRequest,
+        adjust: &dyn Fn(&mut ProductSettings),
+        control: Control,
+    ) -> Result<(), RunError> {
+        self.check_cache_arguments(args)?;
+        let cache = ShotFolder::around(folder);
+        let out = args.output.as_ref().map_or_else(|| cache.clone(), ShotFolder::new);
+        if retime.is_some() && is_same(out.root(), cache.root()) {
+            return Err(RunError::Request(
+                "a retimed shot has other frames than its cache: name a folder for them with -o".into(),
+            ));
+        }
+        let mut batch = batch.clone();
+        match batch.follow {
+            Some(_) if retime.is_some() => {
+                return Err(RunError::Request(
+                    "--follow: a retimed shot needs all of its frames; leave it out and wait for them".into(),
+                ));
+            }
+            Some(limit) => {
+                batch.selection = Some(run::follow(&cache, batch.selection.as_ref(), limit, control)?);
+            }
+            None => {}
+        }
+        let scene = cached_scene(&cache, set)?;
+        let mut settings = match &scene {
+            Some(scene) => ProductSettings::of(scene),
+            None => scene::product_settings(None, set)?,
+        };
+        adjust(&mut settings);
+        let input = ProductInput::Frames(Source::Cache(&cache));
+        let (scene, settings, batch) = (scene.as_ref(), &settings, &batch);
+        self.make(&ProductRequest { input, out: &out, settings, scene, retime, batch }, control)
+    }
+
+    /// The shot folders that the inputs name; none if they are files.
+    fn shots(&self, inputs: &[String], control: Control) -> Result<Vec<PathBuf>, RunError> {
+        if !self.takes_files {
+            return Ok(inputs.iter().map(PathBuf::from).collect());
+        }
+        let (mut shots, mut file) = (Vec::new(), None);
+        for input in inputs {
+            if is_folder(input) {
+                shots.push(PathBuf::from(input));
+                continue;
+            }
+            let folders = import::folders(input)?;
+            let (found, others): (Vec<_>, Vec<_>) = folders.into_iter().partition(|folder| is_shot(folder));
+            if found.is_empty() {
+                file = Some(input);
+                continue;
+            }
+            if !others.is_empty() {
+                control
+                    .reporter
+                    .note(&format!("{input}: {} folders without a shot are left out", others.len()));
+            }
+            shots.extend(found);
+        }
+        match file {
+            Some(file) if !shots.is_empty() => Err(RunError::Request(format!(
+                "{file}: found no shot folder among shot folders; name shots or particle files, or run the command twice"
+            ))),
+            _ => {
+                let mut known = HashSet::new();
+                shots.retain(|shot| known.insert(shot.canonicalize().unwrap_or_else(|_| shot.clone())));
+                Ok(shots)
+            }
+        }
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<(), RunError> {
@@ -178,6 +233,45 @@ impl ProductVerb {
             None => Ok(()),
         }
     }
+}
+
+/// Runs a verb for each of several shots. One that fails does not stop the others.
+fn run_each(
+    folders: &[PathBuf],
+    args: &InputArgs,
+    run: impl Fn(&Path) -> Result<(), RunError>,
+    control: Control,
+) -> Result<(), RunError> {
+    if args.output.is_some() {
+        return Err(RunError::Request(format!(
+            "-o: found {} shots, whose files go to their own folders; leave -o out, or name one shot",
+            folders.len()
+        )));
+    }
+    let mut failed = Vec::new();
+    for (place, folder) in folders.iter().enumerate() {
+        control.reporter.note(&format!(
+            "shot {} of {}: {}",
+            place + 1,
+            folders.len(),
+            printable_path(folder)
+        ));
+        match run(folder) {
+            Ok(()) => {}
+            Err(RunError::Interrupted) => return Err(RunError::Interrupted),
+            Err(why) => {
+                control.reporter.stop();
+                failed.push((printable_path(folder).to_string(), why));
+            }
+        }
+    }
+    if failed.is_empty() { Ok(()) } else { Err(RunError::ShotsFailed { failed, all: folders.len() }) }
+}
+
+/// Whether a folder is that of a shot, or of its cache.
+fn is_shot(folder: &Path) -> bool {
+    let shot = ShotFolder::around(folder);
+    shot.cache().is_dir() || shot.preset().is_file()
 }
 
 /// The preset of a cache with some keys changed; `None` if the folder has none.

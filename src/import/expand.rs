@@ -1,8 +1,8 @@
 //! From the patterns of a command line to a sequence of files.
 
-use super::{ImportError, Sequence};
+use super::{ImportError, Sequence, sequence::natural};
 use crate::control::printable;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 /// Characters that make a name a pattern.
 const WILD: [char; 4] = ['*', '#', '?', '['];
@@ -28,6 +28,47 @@ pub fn expand(patterns: &[String]) -> Result<Sequence, ImportError> {
         }
     }
     Ok(Sequence::new(found))
+}
+
+/// Folders that a pattern may match, far above the shots of a show.
+const MAX_FOLDERS: usize = 1 << 16;
+
+/// The folders that match a pattern, any part of which may have wildcards, sorted by the numbers in their names.
+///
+/// # Errors
+/// [`ImportError::Unsupported`] if there are more than 65 536.
+pub(crate) fn folders(pattern: &str) -> Result<Vec<PathBuf>, ImportError> {
+    let mut found = vec![PathBuf::new()];
+    for part in Path::new(pattern).components() {
+        let name = part.as_os_str();
+        let text = name.to_string_lossy();
+        let is_pattern = matches!(part, Component::Normal(_)) && text.contains(WILD);
+        let pattern = Pattern::new(&text);
+        let mut deeper = Vec::new();
+        for folder in found {
+            let own = folder.join(name);
+            if !is_pattern || own.is_dir() {
+                deeper.push(own);
+                continue;
+            }
+            let listed = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
+            // What cannot be listed holds no folder of this user's.
+            for entry in std::fs::read_dir(listed).into_iter().flatten().flatten() {
+                let inner = folder.join(entry.file_name());
+                if pattern.fits(&entry.file_name().to_string_lossy()) && inner.is_dir() {
+                    deeper.push(inner);
+                }
+            }
+            if deeper.len() > MAX_FOLDERS {
+                let found = format!("more than {MAX_FOLDERS} folders");
+                return Err(ImportError::unsupported(Path::new(&*text), found, "a pattern of fewer folders"));
+            }
+        }
+        found = deeper;
+    }
+    found.retain(|folder| folder.is_dir());
+    found.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()).then_with(|| a.cmp(b)));
+    Ok(found)
 }
 
 /// The files that match a pattern in the last part of `path`, each with the number that it marks.
@@ -282,6 +323,27 @@ mod tests {
             ["f_08.vtk", "f_10.vtk", "f_100.vtk", "g_1.vtk"]
         );
         assert!(names(&[]).is_empty());
+    }
+
+    #[test]
+    fn patterns_of_folders_may_have_wildcards_anywhere() {
+        let dir = tempfile::tempdir().unwrap();
+        for name in ["a/w_10", "a/w_9/deep", "b/w_9", "b/x", ".c/w_9", "odd[1]/w_1", "odd1/w_2"] {
+            std::fs::create_dir_all(dir.path().join(name)).unwrap();
+        }
+        std::fs::write(dir.path().join("a/w_8"), "").unwrap();
+        let found = |pattern: &str| -> Vec<String> {
+            let found = folders(dir.path().join(pattern).to_str().unwrap()).unwrap();
+            let inside =
+                |path: &PathBuf| path.strip_prefix(dir.path()).unwrap().to_string_lossy().into_owned();
+            found.iter().map(inside).collect()
+        };
+        assert_eq!(found("a/w_*"), ["a/w_9", "a/w_10"]);
+        assert_eq!(found("?/w_#"), ["a/w_9", "a/w_10", "b/w_9"]);
+        assert_eq!(found("*/*/d*"), ["a/w_9/deep"]);
+        assert_eq!(found("b/x"), ["b/x"]);
+        assert_eq!(found("odd[1]/*"), ["odd[1]/w_1"], "a folder of exactly this name is taken as it is");
+        assert!(found("a/y_*").is_empty() && found("none/*").is_empty() && found("a/w_8").is_empty());
     }
 
     #[test]

@@ -33,6 +33,7 @@ mod tests;
 
 pub use error::ImportError;
 pub use expand::expand;
+pub(crate) use expand::folders;
 pub use imported::Imported;
 pub use sequence::Sequence;
 pub(crate) use triangles::parse_triangles;

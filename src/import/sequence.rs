@@ -70,7 +70,7 @@ fn digit_runs(text: &str) -> Vec<&str> {
 }
 
 /// Compares names with each run of digits as one number, however long.
-fn natural(a: &str, b: &str) -> Ordering {
+pub(super) fn natural(a: &str, b: &str) -> Ordering {
     let (mut a, mut b) = (a, b);
     while !a.is_empty() && !b.is_empty() {
         let (first, second) = (piece(&mut a), piece(&mut b));

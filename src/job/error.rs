@@ -56,6 +56,14 @@ pub(crate) enum RunError {
         /// Number of wedges.
         all: usize,
     },
+    /// Some of several shots failed; the others are done.
+    #[error("{} of {all} shots failed:\n{}", failed.len(), list_shots(failed))]
+    ShotsFailed {
+        /// Their folders, and why.
+        failed: Vec<(String, Self)>,
+        /// Number of shots.
+        all: usize,
+    },
     /// A simulation that was followed ended, or does not come to its next frame.
     #[error("{shot}: {what} is not there: {why}; what was made is kept")]
     NotFollowed {
@@ -140,6 +148,13 @@ impl From<SurfaceError> for RunError {
             why => Self::Request(why.to_string()),
         }
     }
+}
+
+/// The shots that failed, with the lines of each error.
+fn list_shots(failed: &[(String, RunError)]) -> String {
+    let line =
+        |(folder, why): &(String, RunError)| format!("  {folder}: {}", why.to_string().replace('\n', "\n  "));
+    failed.iter().map(line).collect::<Vec<_>>().join("\n")
 }
 
 /// A frame that could not be made.

@@ -1,4 +1,4 @@
-//! What `meniscus mesh` takes: tiers of surfaces, spacings with units, tables of particles.
+//! What `meniscus mesh` takes: tiers of surfaces, spacings with units, tables of particles, several shots.
 
 use super::{meshing::xyz, *};
 
@@ -83,4 +83,60 @@ fn tables_of_particles_are_meshed_as_the_same_particles() {
     desk.write("drop_2.csv", "x,y,z\n0,0,0\n0,0\n");
     let (_, talk) = desk.run("mesh drop_*.csv --spacing 0.1 -o out", 3);
     assert!(talk.contains("drop_2.csv: line 3, particle 1: found 2 columns"), "{talk}");
+}
+
+#[test]
+fn several_shots_are_meshed_by_one_command_and_a_failing_one_stops_no_other() {
+    let desk = Desk::new();
+    for shot in ["wedge_2", "wedge_10", "alone"] {
+        desk.run(&format!("simulate small.toml --frames 1-2 -o {shot}"), 0);
+    }
+    fs::create_dir(desk.path("wedge_notes")).unwrap();
+    let meshes = |shot: &str| desk.path(&format!("{shot}/mesh/liquid_0002.ply")).exists();
+    let (out, talk) = desk.run("mesh wedge_* alone ./wedge_2 --voxel 1", 0);
+    assert!(["wedge_2", "wedge_10", "alone"].into_iter().all(meshes), "{out}");
+    assert_eq!(out.matches("2 frames meshed").count(), 3, "each shot once\n{out}");
+    let order = ["shot 1 of 3: wedge_2", "shot 2 of 3: wedge_10", "shot 3 of 3: alone"];
+    let places: Vec<_> = order.iter().map(|line| talk.find(line)).collect();
+    assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{talk}");
+    assert!(talk.contains("wedge_*: 1 folders without a shot are left out"), "{talk}");
+
+    // One is damaged, one lacks a frame: the code is that of the damaged one, and the last is made.
+    let frame = desk.path("wedge_2/cache/frame_0002.mcf");
+    let mut bytes = fs::read(&frame).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(&frame, bytes).unwrap();
+    fs::remove_file(desk.path("wedge_10/cache/frame_0002.mcf")).unwrap();
+    let (out, talk) = desk.run("mesh wedge_# alone --voxel 0.9 --frames 1-2", 12);
+    assert!(out.contains("2 frames meshed"), "{out}");
+    assert!(
+        talk.contains("2 of 3 shots failed") && talk.contains("  wedge_10: 1 of 2 frames failed"),
+        "{talk}"
+    );
+    let (_, talk) = desk.run("mesh wedge_10 alone --frames 1-2 --voxel 0.9", 3);
+    assert!(talk.contains("1 of 2 shots failed"), "{talk}");
+    let (_, talk) = desk.run("mesh nowhere alone", 10);
+    assert!(talk.contains("  nowhere: ") && !talk.contains("  alone: "), "{talk}");
+}
+
+#[test]
+fn several_shots_have_folders_of_their_own() {
+    let desk = Desk::new();
+    desk.run("simulate small.toml --frames 1 -o a_1", 0);
+    desk.run("simulate small.toml --frames 1 -o a_2", 0);
+    desk.write("a_3.xyz", "0 0 0\n");
+    for (line, word) in [
+        ("mesh a_1 a_2 -o out", "-o: found 2 shots"),
+        ("mesh a_1 a_3.xyz", "a_3.xyz: found no shot folder among shot folders"),
+        ("mesh a_1 a_2 --spacing 0.1", "--spacing is for particle files"),
+    ] {
+        let (_, talk) = desk.run(line, 2);
+        assert!(talk.contains(word), "{line}: {talk}");
+    }
+    // A pattern with one shot is that shot; volumes take several too.
+    desk.run("mesh *_1 -o out", 0);
+    assert_eq!(desk.names("out/mesh"), ["liquid_0001.ply"]);
+    let (out, _) = desk.run("volume a_* --grid density", 0);
+    assert!(out.contains("a_1/volume") && out.contains("a_2/volume"), "{out}");
 }
