@@ -166,8 +166,11 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         let (out, _) = desk.run(&format!("shot {name} --quality draft --frames 1-2 -o run-{name}"), 0);
         assert!(out.contains("2 frames meshed"), "{out}");
         // Its surfaces are sound as they were cut, and after every clean-up.
-        desk.run(&format!("mesh run-{name} -o clean-{name} {CLEAN_UP}"), 0);
-        for folder in ["run", "clean"] {
+        let is_cleaned = super::is_soak() || ["dam-break", "figure-bath"].contains(&name);
+        if is_cleaned {
+            desk.run(&format!("mesh run-{name} -o clean-{name} {CLEAN_UP}"), 0);
+        }
+        for folder in ["run", "clean"].into_iter().take(1 + usize::from(is_cleaned)) {
             let path = desk.path(&format!("{folder}-{name}/mesh/liquid_0002.ply"));
             let found = mesh::check(&super::meshing::read_ply(&path));
             assert!(found.is_sound() && found.components > 0, "{name} {folder}: {found:?}");

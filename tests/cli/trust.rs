@@ -387,7 +387,7 @@ fn a_folder_that_is_moved_while_a_job_runs_is_an_error_in_words() {
 #[test]
 fn signals_that_were_ignored_stay_ignored() {
     let desk = Desk::new();
-    let job = "$MENISCUS simulate small.toml --frames 1-300 --progress none";
+    let job = "$MENISCUS simulate small.toml --frames 1-60 --progress none";
     let started = "while ! [ -e small/cache/frame_0003.mcf ]; do sleep 0.01; done";
     for signal in ["HUP", "INT"] {
         let line = format!("trap '' {signal}; {job} & pid=$!; {started}; kill -{signal} $pid; wait $pid");
