@@ -1,10 +1,10 @@
 //! The command line's types: every verb, flag and its help.
 
-use super::values::{
-    fraction, frames, mesh_format, sheet_format, size, spacing, thickness, time, volume_grid, wait,
+use super::{
+    product_args::{CollidersArgs, ExportArgs, MeshArgs, Tier, VolumeArgs, WhitewaterArgs},
+    values::{fraction, frames, size, spacing, time},
 };
 use crate::{
-    export::{MeshFormat, SheetFormat, vdb::VolumeGrid},
     run::{
         Vary,
         tradeoff::{ColumnInfo, subjects},
@@ -15,7 +15,7 @@ use clap::{
     Args, Parser, Subcommand, ValueEnum,
     builder::{PossibleValue, PossibleValuesParser},
 };
-use std::{path::PathBuf, time::Duration};
+use std::path::PathBuf;
 
 /// Liquid, smoke and sheets from a text preset to sequences in Blender.
 ///
@@ -283,187 +283,6 @@ fn criteria() -> Vec<PossibleValue> {
         }
     }
     meanings.into_iter().map(|(name, help)| PossibleValue::new(name).help(help.join("; "))).collect()
-}
-
-/// A quality tier of a preset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(super) enum Tier {
-    /// Seconds: to block a shot
-    Draft,
-    /// Minutes: to judge motion
-    Preview,
-    /// The preset as written, unless it has a tier of this name
-    Final,
-}
-
-/// Where the frames of a product come from, and where its files go.
-#[derive(Clone, Debug, Default, Args)]
-pub(super) struct InputArgs {
-    /// Shot folders or their caches, or particle files (PLY, XYZ, CSV, VTK, VTU, NPY, NPZ, BGEO): names, globs (in quotes), or
-    /// `frame_####.vtk`, where # are the digits of the frame; `mesh` takes OpenVDB level sets too
-    #[arg(required = true, value_name = "CACHE|FILES")]
-    pub(super) inputs: Vec<String>,
-
-    /// The folder that gets the files and `shot.json`; by default the shot folder itself
-    #[arg(short, long, value_name = "DIR")]
-    pub(super) output: Option<PathBuf>,
-
-    /// The frames to use: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are present
-    #[arg(long, value_name = "LIST", value_parser = frames)]
-    pub(super) frames: Option<Frames>,
-
-    /// Distance between particles at rest in particle files, in metres or with a unit (`0.02`, "2 cm"); twice the particle radius
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = spacing)]
-    pub(super) spacing: Option<f32>,
-
-    /// Frames a second of a sequence of particle files, 24 if not given
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    pub(super) fps: Option<f64>,
-
-    /// Change a key of the surface or the volume: `--set surface.voxel=0.25`. May be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub(super) set: Vec<String>,
-
-    /// Grid cell in particle spacings, short for `--set surface.voxel=…`
-    #[arg(long, value_name = "SPACINGS", allow_negative_numbers = true)]
-    pub(super) voxel: Option<String>,
-
-    /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
-    #[arg(long, value_name = "SIZE", value_parser = size)]
-    pub(super) max_memory: Option<u64>,
-
-    /// Make the frames of a running simulation as they come: until all that were requested of it (or --frames) are made, waiting
-    /// at most so long for each. If no process simulates for --wait seconds, the command ends with exit code 3
-    #[arg(long, value_name = "TIME", num_args = 0..=1, require_equals = true, default_missing_value = "1d", value_parser = wait)]
-    pub(super) follow: Option<Duration>,
-
-    /// Make files again that are up to date
-    #[arg(long)]
-    pub(super) force: bool,
-}
-
-/// Arguments of `mesh`.
-#[derive(Debug, Args)]
-pub(super) struct MeshArgs {
-    #[command(flatten)]
-    pub(super) input: InputArgs,
-
-    /// Of particle files: the surface's tier, which --set changes. `draft`: isotropic kernels on a coarser grid; `preview`: isotropic
-    /// kernels, smoothed; `final`: anisotropic kernels, smoothed, as in the built-in presets. By default `final`
-    #[arg(long, value_name = "TIER")]
-    pub(super) quality: Option<Tier>,
-
-    /// File formats
-    #[arg(long, value_name = "FORMAT", value_delimiter = ',', default_value = "ply", value_parser = mesh_format)]
-    pub(super) format: Vec<MeshFormat>,
-}
-
-/// Arguments of `export`.
-#[derive(Debug, Args)]
-pub(super) struct ExportArgs {
-    /// A shot folder or its cache
-    #[arg(value_name = "CACHE")]
-    pub(super) cache: PathBuf,
-
-    /// The folder that gets `sheet/` or `points/`, and `shot.json`; by default the shot folder itself
-    #[arg(short, long, value_name = "DIR")]
-    pub(super) output: Option<PathBuf>,
-
-    /// Of sheets: `pc2` (a mesh and a point cache of all frames), `ply` or `obj` (a mesh a frame). By default pc2
-    #[arg(long, value_name = "FORMAT", value_delimiter = ',', value_parser = sheet_format)]
-    pub(super) format: Vec<SheetFormat>,
-
-    /// Of sheets: how thick they are, in metres. By default surfaces without a thickness
-    #[arg(long, value_name = "METRES", value_parser = thickness)]
-    pub(super) thickness: Option<f32>,
-
-    /// The frames to write: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
-    #[arg(long, value_name = "LIST", value_parser = frames)]
-    pub(super) frames: Option<Frames>,
-
-    /// Make so many frames at once as need about this much memory, and refuse a frame that needs more: `8GiB`, `500MiB`
-    #[arg(long, value_name = "SIZE", value_parser = size)]
-    pub(super) max_memory: Option<u64>,
-
-    /// Write again what is there already
-    #[arg(long)]
-    pub(super) force: bool,
-}
-
-/// Arguments of `colliders`.
-#[derive(Debug, Args)]
-pub(super) struct CollidersArgs {
-    /// A shot folder or its cache
-    #[arg(value_name = "CACHE")]
-    pub(super) cache: PathBuf,
-
-    /// The folder that gets `collider/` and `shot.json`; by default the shot folder itself
-    #[arg(short, long, value_name = "DIR")]
-    pub(super) output: Option<PathBuf>,
-
-    /// The frames that the motion has to cover, besides those of the shot: `1-240`
-    #[arg(long, value_name = "LIST", value_parser = frames)]
-    pub(super) frames: Option<Frames>,
-
-    /// Refuse colliders that need more memory than this: `8GiB`, `500MiB`
-    #[arg(long, value_name = "SIZE", value_parser = size)]
-    pub(super) max_memory: Option<u64>,
-
-    /// Write again what is there already
-    #[arg(long)]
-    pub(super) force: bool,
-}
-
-/// Arguments of `volume`.
-#[derive(Debug, Args)]
-pub(super) struct VolumeArgs {
-    #[command(flatten)]
-    pub(super) input: InputArgs,
-
-    /// Grids: `density` (fog), `surface` (level set), `velocity`, `temperature` (of smoke). By default those of the preset, or all
-    #[arg(long = "grid", value_name = "GRID", value_delimiter = ',', value_parser = volume_grid)]
-    pub(super) grids: Vec<VolumeGrid>,
-
-    /// `half` or `float`, short for `--set volume.precision=…`
-    #[arg(long, value_name = "DIGITS")]
-    pub(super) precision: Option<String>,
-
-    /// `blosc`, `zip` or `none`, short for `--set volume.compression=…`
-    #[arg(long, value_name = "HOW")]
-    pub(super) compression: Option<String>,
-
-    /// Play cached smoke so many times slower (or faster, below 1) without simulating again: into another folder, -o. Other
-    /// tracers, too, are only advected by the cached air: --set smoke.tracers=…
-    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true)]
-    pub(super) retime: Option<f64>,
-}
-
-/// Arguments of `whitewater`.
-#[derive(Debug, Args)]
-pub(super) struct WhitewaterArgs {
-    /// A shot folder or its cache
-    #[arg(value_name = "CACHE")]
-    pub(super) cache: PathBuf,
-
-    /// The folder that gets `whitewater/` and `shot.json`; by default the shot folder itself
-    #[arg(short, long, value_name = "DIR")]
-    pub(super) output: Option<PathBuf>,
-
-    /// The frames to write: `1-240`, `1-240x2`, `1,5,9-12`. By default all that are there
-    #[arg(long, value_name = "LIST", value_parser = frames)]
-    pub(super) frames: Option<Frames>,
-
-    /// Change a key of whitewater: `--set whitewater.amount=2`. May be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub(super) set: Vec<String>,
-
-    /// Refuse a frame that needs more memory than this: `8GiB`, `500MiB`
-    #[arg(long, value_name = "SIZE", value_parser = size)]
-    pub(super) max_memory: Option<u64>,
-
-    /// Compute again what is there already
-    #[arg(long)]
-    pub(super) force: bool,
 }
 
 /// Arguments of `wedge`.

@@ -1,8 +1,8 @@
 //! `meniscus colliders`.
 
 use super::{
-    args::{CollidersArgs, InputArgs},
     product::ProductVerb,
+    product_args::{CollidersArgs, InputArgs},
 };
 use crate::run::{Control, ProductSettings, RunError};
 

@@ -14,9 +14,14 @@ pub(super) fn code(error: &RunError) -> ExitCode {
     ExitCode::from(number(error))
 }
 
-/// Codes of shots that failed, the gravest first: data that cannot be trusted, then what stops every job, then the rest.
-const GRAVEST_FIRST: [u8; 12] =
-    [INTERRUPTED, 12, 13, OTHER_SETTINGS, DISK_FULL, OVER_MEMORY, 20, 10, 11, 1, SOME_FAILED, USAGE];
+/// Whether a job ended because the disk is full.
+pub(super) fn is_disk_full(error: &RunError) -> bool {
+    number(error) == DISK_FULL
+}
+
+/// Codes of shots that failed, by severity: data that cannot be trusted, then what stops every job, then the rest.
+const BY_SEVERITY: [u8; 11] =
+    [12, 13, OTHER_SETTINGS, DISK_FULL, OVER_MEMORY, 20, 10, 11, 1, SOME_FAILED, USAGE];
 
 fn number(error: &RunError) -> u8 {
     match error {
@@ -55,7 +60,7 @@ fn number(error: &RunError) -> u8 {
         RunError::Export(_) | RunError::Import(_) | RunError::NoSetting { .. } => 1,
         RunError::ShotsFailed { failed, .. } => {
             let codes: Vec<u8> = failed.iter().map(|(_, why)| number(why)).collect();
-            GRAVEST_FIRST.into_iter().find(|code| codes.contains(code)).unwrap_or(1)
+            BY_SEVERITY.into_iter().find(|code| codes.contains(code)).unwrap_or(1)
         }
     }
 }
@@ -97,8 +102,13 @@ mod tests {
         let corrupt = FailedFrame { name: "frame 1".into(), why: "damaged".into(), kind: Failure::Corrupt };
         let some = RunError::SomeFailed { failed: vec![corrupt], requested: 3 };
         assert_eq!(several(vec![memory(), some]), 12);
-        // Each code that an error can have is in the order.
-        let unique: std::collections::BTreeSet<u8> = GRAVEST_FIRST.into_iter().collect();
-        assert_eq!(unique.len(), GRAVEST_FIRST.len());
+        assert_eq!(several(vec![request(), RunError::Interrupted]), USAGE);
+        let full = || RunError::File {
+            path: "a".into(),
+            source: io::Error::from(io::ErrorKind::StorageFull),
+            next: "free some",
+        };
+        assert!(is_disk_full(&full()) && !is_disk_full(&memory()));
+        assert_eq!(several(vec![memory(), full()]), DISK_FULL);
     }
 }

@@ -1,8 +1,8 @@
 //! `meniscus export`.
 
 use super::{
-    args::{ExportArgs, InputArgs},
     product::ProductVerb,
+    product_args::{ExportArgs, InputArgs},
 };
 use crate::{
     export::SheetFormat,

@@ -1,6 +1,6 @@
 //! `meniscus mesh`.
 
-use super::{args::MeshArgs, product::ProductVerb, shot::quality};
+use super::{product::ProductVerb, product_args::MeshArgs, shot::quality};
 use crate::{
     run::{Control, RunError},
     scene::Quality,
@@ -15,6 +15,7 @@ pub(super) fn mesh(args: &MeshArgs, control: Control) -> Result<(), RunError> {
         keys: &["surface"],
         quality: args.quality.map(quality),
         file_quality: Some(Quality::Final),
+        bounds: args.bounds,
     };
     verb.run(&args.input, None, |settings| settings.output.mesh.clone_from(&args.format), control)
 }

@@ -13,6 +13,7 @@ mod output;
 mod plan;
 mod presets;
 mod product;
+mod product_args;
 mod progress;
 mod shot;
 mod tradeoff;

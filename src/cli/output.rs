@@ -8,7 +8,7 @@ use crate::{
     sim::ElementCount,
 };
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
-use std::{io, process::ExitCode, sync::OnceLock};
+use std::{collections::BTreeSet, io, process::ExitCode, sync::OnceLock};
 
 /// Prints a line on stderr; write errors on a closed stderr are ignored.
 pub(super) fn print_line(text: &str) {
@@ -87,6 +87,14 @@ pub(super) fn report_error(why: &RunError, style: ProgressStyle) {
         RunError::Scene(scene) => write_line(&escaped(&diagnostic(scene), wants_colours())),
         RunError::Interrupted => print_line(&why.to_string()),
         other => print_line(&format!("error: {other}")),
+    }
+    if let RunError::ShotsFailed { failed, .. } = why {
+        let diagnostics = failed.iter().filter_map(|(_, why)| match why {
+            RunError::Scene(scene) => Some(escaped(&diagnostic(scene), wants_colours())),
+            _ => None,
+        });
+        // Arguments that no shot takes are wrong in the same manner in all of them.
+        diagnostics.collect::<BTreeSet<_>>().iter().for_each(|text| write_line(text));
     }
 }
 

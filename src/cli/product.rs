@@ -1,14 +1,17 @@
 //! What the verbs that make products share: where their frames come from, and where the files go.
 
-use super::{args::InputArgs, output::print};
+use super::{exit::is_disk_full, output::print, product_args::InputArgs};
 use crate::{
     cache::leads_out,
-    control::printable_path,
+    control::{printable, printable_path},
     frame::SPACING_RANGE,
     import::{self, Sequence},
+    job::tradeoff::figure,
+    math::Vec3,
+    product::surface::GridBounds,
     run::{
-        self, BatchRequest, Control, ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime,
-        RunError, ShotFolder, Source,
+        self, BatchRequest, Control, FrameBounds, ProductInput, ProductRequest, ProductSelection,
+        ProductSettings, Retime, RunError, ShotFolder, Source,
     },
     scene::{self, Overrides, Quality, Scene},
 };
@@ -35,6 +38,8 @@ pub(super) struct ProductVerb {
     pub(super) quality: Option<Quality>,
     /// Their tier if none is requested; `None`: the defaults of `[surface]`.
     pub(super) file_quality: Option<Quality>,
+    /// Whether only the bounds of surfaces are printed.
+    pub(super) bounds: bool,
 }
 
 impl ProductVerb {
@@ -60,12 +65,16 @@ impl ProductVerb {
             follow: args.follow,
             fps: fps(args.fps)?,
         };
-        match &self.shots(&args.inputs, control)?[..] {
+        let shots = self.shots(&args.inputs, control)?;
+        if !shots.is_empty() {
+            self.check_shot_arguments(args, retime, shots.len())?;
+        }
+        match &shots[..] {
             [] => {}
             [folder] => return self.run_shot(folder, args, retime, &set, &batch, &adjust, control),
             folders => {
                 let run = |folder: &Path| self.run_shot(folder, args, retime, &set, &batch, &adjust, control);
-                return run_each(folders, args, run, control);
+                return run_each(folders, run, control);
             }
         }
         if retime.is_some() {
@@ -75,6 +84,12 @@ impl ProductVerb {
             return Err(RunError::Request("--follow is for the folder of a shot. Leave it out".into()));
         }
         let sequence = import::expand(&args.inputs)?;
+        if self.bounds {
+            let settings = scene::product_settings(self.quality.or(self.file_quality), &set)?;
+            let known = args.spacing.map(|given| spacing(Some(given))).transpose()?;
+            let source = Source::Files { sequence: &sequence, spacing: known.unwrap_or(1.0) };
+            return print_bounds(source, known.is_some(), &settings, &batch, control);
+        }
         let input = if sequence.files().iter().any(|file| is_volume(file)) {
             self.check_level_sets(args, &sequence)?;
             ProductInput::LevelSets(&sequence)
@@ -102,7 +117,6 @@ impl ProductVerb {
         adjust: &dyn Fn(&mut ProductSettings),
         control: Control,
     ) -> Result<(), RunError> {
-        self.check_cache_arguments(args)?;
         let cache = ShotFolder::around(folder);
         let out = args.output.as_ref().map_or_else(|| cache.clone(), ShotFolder::new);
         if retime.is_some() && is_same(out.root(), cache.root()) {
@@ -111,22 +125,17 @@ impl ProductVerb {
             ));
         }
         let mut batch = batch.clone();
-        match batch.follow {
-            Some(_) if retime.is_some() => {
-                return Err(RunError::Request(
-                    "--follow: a retimed shot needs all of its frames; leave it out and wait for them".into(),
-                ));
-            }
-            Some(limit) => {
-                batch.selection = Some(run::follow(&cache, batch.selection.as_ref(), limit, control)?);
-            }
-            None => {}
+        if let Some(limit) = batch.follow {
+            batch.selection = Some(run::follow(&cache, batch.selection.as_ref(), limit, control)?);
         }
         let scene = cached_scene(&cache, set)?;
         let mut settings = match &scene {
             Some(scene) => ProductSettings::of(scene),
             None => scene::product_settings(None, set)?,
         };
+        if self.bounds {
+            return print_bounds(Source::Cache(&cache), true, &settings, &batch, control);
+        }
         adjust(&mut settings);
         let input = ProductInput::Frames(Source::Cache(&cache));
         let (scene, settings, batch) = (scene.as_ref(), &settings, &batch);
@@ -145,15 +154,18 @@ impl ProductVerb {
                 continue;
             }
             let folders = import::folders(input)?;
-            let (found, others): (Vec<_>, Vec<_>) = folders.into_iter().partition(|folder| is_shot(folder));
+            let (found, others): (Vec<_>, Vec<_>) =
+                folders.into_iter().partition(|folder| has_cache_or_preset(folder));
             if found.is_empty() {
                 file = Some(input);
                 continue;
             }
-            if !others.is_empty() {
-                control
-                    .reporter
-                    .note(&format!("{input}: {} folders without a shot are left out", others.len()));
+            let files = import::expand(std::slice::from_ref(input)).map_or(0, |found| found.files().len());
+            if !others.is_empty() || files > 0 {
+                let others = others.len();
+                control.reporter.note(&format!(
+                    "{input}: {others} folders without a shot and {files} files are left out; name files by another pattern"
+                ));
             }
             shots.extend(found);
         }
@@ -163,7 +175,10 @@ impl ProductVerb {
             ))),
             _ => {
                 let mut known = HashSet::new();
-                shots.retain(|shot| known.insert(shot.canonicalize().unwrap_or_else(|_| shot.clone())));
+                shots.retain(|shot| {
+                    let root = ShotFolder::around(shot).root().to_owned();
+                    known.insert(root.canonicalize().unwrap_or(root))
+                });
                 Ok(shots)
             }
         }
@@ -207,8 +222,28 @@ impl ProductVerb {
         }
     }
 
-    /// Refuses arguments that a cache answers itself.
-    fn check_cache_arguments(&self, args: &InputArgs) -> Result<(), RunError> {
+    /// Refuses arguments that a cache answers itself, and those that are for one shot of several.
+    fn check_shot_arguments(
+        &self,
+        args: &InputArgs,
+        retime: Option<Retime>,
+        count: usize,
+    ) -> Result<(), RunError> {
+        if retime.is_some() && args.follow.is_some() {
+            return Err(RunError::Request(
+                "--follow: a retimed shot needs all of its frames; leave it out and wait for them".into(),
+            ));
+        }
+        if retime.is_some() && count > 1 {
+            return Err(RunError::Request(format!(
+                "--retime: found {count} shots; retimed frames need a folder of their own for each: name one shot, and -o"
+            )));
+        }
+        if args.output.is_some() && count > 1 {
+            return Err(RunError::Request(format!(
+                "-o: found {count} shots, whose files go to their own folders; leave -o out, or name one shot"
+            )));
+        }
         let for_files = [("--spacing", args.spacing.is_some()), ("--fps", args.fps.is_some())];
         if let Some((flag, _)) = for_files.iter().find(|(_, given)| *given) {
             return Err(RunError::Request(format!(
@@ -235,19 +270,12 @@ impl ProductVerb {
     }
 }
 
-/// Runs a verb for each of several shots. One that fails does not stop the others.
+/// Runs a verb for each of several shots. One that fails does not stop the others, unless the disk is full.
 fn run_each(
     folders: &[PathBuf],
-    args: &InputArgs,
     run: impl Fn(&Path) -> Result<(), RunError>,
     control: Control,
 ) -> Result<(), RunError> {
-    if args.output.is_some() {
-        return Err(RunError::Request(format!(
-            "-o: found {} shots, whose files go to their own folders; leave -o out, or name one shot",
-            folders.len()
-        )));
-    }
     let mut failed = Vec::new();
     for (place, folder) in folders.iter().enumerate() {
         control.reporter.note(&format!(
@@ -261,15 +289,79 @@ fn run_each(
             Err(RunError::Interrupted) => return Err(RunError::Interrupted),
             Err(why) => {
                 control.reporter.stop();
+                let is_last = is_disk_full(&why);
                 failed.push((printable_path(folder).to_string(), why));
+                if is_last {
+                    control.reporter.note(&format!(
+                        "the disk is full: {} shots are not started",
+                        folders.len() - place - 1
+                    ));
+                    break;
+                }
             }
         }
     }
     if failed.is_empty() { Ok(()) } else { Err(RunError::ShotsFailed { failed, all: folders.len() }) }
 }
 
+/// Prints the bounds of the surfaces of all frames, and a line for all of them together.
+fn print_bounds(
+    source: Source,
+    is_known: bool,
+    settings: &ProductSettings,
+    batch: &BatchRequest,
+    control: Control,
+) -> Result<(), RunError> {
+    let mut all: Option<[Vec3; 2]> = None;
+    let mut frames = 0;
+    let result = run::bounds(source, is_known, &settings.surface, batch, control, &mut |found| {
+        print(&bounds_line(&found, is_known));
+        frames += 1;
+        if let Some([low, high]) = found.bounds.corners {
+            all = Some(all.map_or([low, high], |[lowest, highest]| [lowest.inf(&low), highest.sup(&high)]));
+        }
+    });
+    if let Some(corners) = all.filter(|_| frames > 1) {
+        print(&format!("all {frames}: box {}", box_text(corners)));
+    }
+    result
+}
+
+/// One line about the particles of a frame.
+fn bounds_line(found: &FrameBounds, is_known: bool) -> String {
+    let FrameBounds { frame, stream, bounds } = found;
+    let mut line = format!("frame {frame}  {}  {} particles", printable(stream), bounds.particles);
+    if let Some(corners) = bounds.corners {
+        line += &format!("  box {}", box_text(corners));
+    }
+    if let Some(spacing) = bounds.estimated_spacing {
+        line += &format!("  spacing about {} m", figure(spacing.into(), DIGITS));
+    }
+    match bounds.grid {
+        Some(GridBounds { voxel, size: [x, y, z], voxels, memory }) => {
+            let by = if is_known { "" } else { " by that spacing" };
+            line += &format!(
+                "  grid{by} {x} × {y} × {z} of {} m, {voxels} voxels near particles, about {} MiB",
+                figure(voxel.into(), DIGITS),
+                memory >> 20
+            );
+        }
+        None => line += "  no grid: the spacing is not known, add --spacing",
+    }
+    line
+}
+
+/// Digits of lengths.
+const DIGITS: i32 = 4;
+
+/// The corners of a box.
+fn box_text([low, high]: [Vec3; 2]) -> String {
+    let corner = |x: Vec3| [0, 1, 2].map(|axis| figure(x[axis].into(), DIGITS)).join(", ");
+    format!("({}) to ({}) m", corner(low), corner(high))
+}
+
 /// Whether a folder is that of a shot, or of its cache.
-fn is_shot(folder: &Path) -> bool {
+fn has_cache_or_preset(folder: &Path) -> bool {
     let shot = ShotFolder::around(folder);
     shot.cache().is_dir() || shot.preset().is_file()
 }

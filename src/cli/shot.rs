@@ -1,8 +1,9 @@
 //! `meniscus shot` and `meniscus simulate`.
 
 use super::{
-    args::{ShotArgs, Tier},
+    args::ShotArgs,
     output::{counts, print},
+    product_args::Tier,
 };
 use crate::{
     run::{

@@ -1,8 +1,8 @@
 //! `meniscus volume`.
 
 use super::{
-    args::{InputArgs, VolumeArgs},
     product::ProductVerb,
+    product_args::{InputArgs, VolumeArgs},
 };
 use crate::{
     export::vdb::VolumeGrid,

@@ -1,8 +1,8 @@
 //! `meniscus whitewater`.
 
 use super::{
-    args::{InputArgs, WhitewaterArgs},
     product::ProductVerb,
+    product_args::{InputArgs, WhitewaterArgs},
 };
 use crate::run::{Control, ProductSettings, RunError};
 

@@ -124,7 +124,7 @@ fn each(
 #[derive(Clone, Copy)]
 enum Column<'a> {
     /// Coordinates from an origin [m], in double precision.
-    Place(&'a [Vec3], usize, f64),
+    Coordinate(&'a [Vec3], usize, f64),
     Axis(&'a [Vec3], usize),
     Number(&'a [f32]),
     Integer(&'a [u32]),
@@ -132,30 +132,24 @@ enum Column<'a> {
 
 /// Every vertex property, in the order written.
 fn columns(mesh: &Mesh) -> Vec<(String, Column<'_>)> {
-    let mut columns = Vec::new();
-    let mut add = |names: Vec<String>, values| {
-        columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
+    let axes = |names: Vec<String>, values| {
+        (0..).zip(names).map(move |(axis, name)| (name, Column::Axis(values, axis)))
     };
-    let places = ["x", "y", "z"].map(String::from);
-    if mesh.origin == nalgebra::Vector3::zeros() {
-        add(places.into(), mesh.positions.as_slice());
+    let (coordinates, positions) = (["x", "y", "z"].map(String::from), mesh.positions.as_slice());
+    let mut columns: Vec<_> = if mesh.origin == nalgebra::Vector3::zeros() {
+        axes(coordinates.into(), positions).collect()
     } else {
-        let place = |(axis, name)| (name, Column::Place(mesh.positions.as_slice(), axis, mesh.origin[axis]));
-        columns.extend((0..).zip(places).map(place));
-    }
-    let mut add = |names: Vec<String>, values| {
-        columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
+        let coordinate = |(axis, name)| (name, Column::Coordinate(positions, axis, mesh.origin[axis]));
+        (0..).zip(coordinates).map(coordinate).collect()
     };
     // An empty mesh does not show whether it would have normals; a sequence keeps its columns.
     if !mesh.normals.is_empty() || mesh.positions.is_empty() {
-        add(["nx", "ny", "nz"].map(String::from).into(), mesh.normals.as_slice());
+        columns.extend(axes(["nx", "ny", "nz"].map(String::from).into(), mesh.normals.as_slice()));
     }
     for channel in &mesh.attributes {
         let names = property_names(&channel.name, matches!(channel.data, ChannelData::Vec3(_)));
         match &channel.data {
-            ChannelData::Vec3(values) => {
-                columns.extend((0..).zip(names).map(|(axis, name)| (name, Column::Axis(values, axis))));
-            }
+            ChannelData::Vec3(values) => columns.extend(axes(names, values)),
             ChannelData::F32(values) => {
                 columns.extend(names.into_iter().map(|name| (name, Column::Number(values))))
             }
@@ -183,7 +177,7 @@ fn vertex_definition(mesh: &Mesh, columns: &[(String, Column)]) -> ElementDef {
     element.count = mesh.positions.len();
     for (index, (name, column)) in columns.iter().enumerate() {
         let scalar = match column {
-            Column::Place(..) => ScalarType::Double,
+            Column::Coordinate(..) => ScalarType::Double,
             Column::Axis(..) | Column::Number(_) => ScalarType::Float,
             Column::Integer(_) => ScalarType::UInt,
         };
@@ -216,14 +210,14 @@ impl PropertyAccess for Vertex<'_> {
         match self.columns.get(index_of(key)?)?.1 {
             Column::Axis(values, axis) => values.get(self.index).map(|value| value[axis]),
             Column::Number(values) => values.get(self.index).copied(),
-            Column::Integer(_) | Column::Place(..) => None,
+            Column::Integer(_) | Column::Coordinate(..) => None,
         }
     }
 
     #[inline]
     fn get_double(&self, key: &str) -> Option<f64> {
         match self.columns.get(index_of(key)?)?.1 {
-            Column::Place(values, axis, origin) => {
+            Column::Coordinate(values, axis, origin) => {
                 values.get(self.index).map(|value| f64::from(value[axis]) + origin)
             }
             _ => None,
@@ -234,7 +228,7 @@ impl PropertyAccess for Vertex<'_> {
     fn get_uint(&self, key: &str) -> Option<u32> {
         match self.columns.get(index_of(key)?)?.1 {
             Column::Integer(values) => values.get(self.index).copied(),
-            Column::Axis(..) | Column::Number(_) | Column::Place(..) => None,
+            Column::Axis(..) | Column::Number(_) | Column::Coordinate(..) => None,
         }
     }
 }

@@ -17,7 +17,7 @@ use super::{
     DensityParams, fill::compute, particle_kernel::ParticleKernels, sorted_particles::SortedParticles,
 };
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of, offset},
+    grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of, node_of, offset},
     par,
 };
 
@@ -36,6 +36,19 @@ pub(super) struct Active {
     pub(super) computed: Bricks,
     /// Bricks that are inside, and not computed.
     pub(super) filled: Bricks,
+}
+
+/// Size of the grids of a surface, estimated on coarse nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct SurfaceSize {
+    /// Bricks of the coarse nodes.
+    pub(crate) coarse_bricks: usize,
+    /// Bricks of the density that are computed, but for those opened later.
+    pub(crate) bricks: usize,
+    /// Edges of the grid that cross the surface.
+    pub(crate) vertices: usize,
+    /// Bricks within the band of the distance.
+    pub(crate) distance_bricks: usize,
 }
 
 /// The density of isotropic kernels on coarse nodes.
@@ -95,6 +108,47 @@ impl Coarse {
             filled.extend(some_filled);
         }
         Active { computed: Bricks::new(computed), filled: Bricks::new(filled) }
+    }
+
+    /// The size of the surface's grids, with a distance in a band of so many voxels.
+    ///
+    /// A surface of area A crosses 1.5 A/h² edges of a grid of cells h, hence the grid's own edges are as many as
+    /// the coarse ones times the square of the step. Drops between the coarse nodes are not seen: of lone particles
+    /// at half a kernel's support a fifth.
+    pub(super) fn surface_size(&self, threshold: f32, band: f32) -> SurfaceSize {
+        let Self { grid, step, .. } = self;
+        let mut size = SurfaceSize {
+            coarse_bricks: grid.bricks.len(),
+            bricks: self.active().computed.len(),
+            ..SurfaceSize::default()
+        };
+        let mut in_band = Vec::new();
+        for (crossings, bricks) in par::map_chunks(grid.bricks.len(), BRICKS_PER_TASK, |range| {
+            let (mut crossings, mut in_band) = (0, Vec::new());
+            for &coord in &grid.bricks.coords()[range] {
+                let nodes = with_upper_layer(grid, coord);
+                let is_inside = |node: [usize; 3]| {
+                    nodes[node[0] + WITH_UPPER_LAYER * (node[1] + WITH_UPPER_LAYER * node[2])] >= threshold
+                };
+                for place in 0..BRICK_NODES {
+                    let node = node_of([0; 3], place).map(|i| i as usize);
+                    let next = |axis: usize| std::array::from_fn(|d| node[d] + usize::from(d == axis));
+                    let crossed = (0..3).filter(|&axis| is_inside(node) != is_inside(next(axis))).count();
+                    if crossed > 0 {
+                        crossings += crossed;
+                        in_band.extend(bricks_of_cell(coord, node, *step, band));
+                    }
+                }
+            }
+            in_band.sort_unstable();
+            in_band.dedup();
+            (crossings, in_band)
+        }) {
+            size.vertices += crossings * step * step;
+            in_band.extend(bricks);
+        }
+        size.distance_bricks = Bricks::new(in_band).len();
+        size
     }
 
     /// Interpolates the rows of a brick that are deep or faint linearly between coarse nodes. Returns the
@@ -160,6 +214,25 @@ impl Coarse {
         }
         nodes
     }
+}
+
+/// The bricks of the grid within `band` voxels of a cell of coarse nodes, in the coarse brick at `coord`.
+fn bricks_of_cell(
+    coord: [i32; 3],
+    cell: [usize; 3],
+    step: usize,
+    band: f32,
+) -> impl Iterator<Item = [i32; 3]> {
+    let band = band.ceil().min(BRICK as f32 * 8.0) as i32;
+    let ends = [0, 1, 2].map(|axis| {
+        let first = (coord[axis] * BRICK as i32 + cell[axis] as i32) * step as i32;
+        [first - band, first + step as i32 + band].map(|node| node.div_euclid(BRICK as i32))
+    });
+    let [x, y, z] = ends.map(|[first, last]| first..=last);
+    z.flat_map(move |z| {
+        let x = x.clone();
+        y.clone().flat_map(move |y| x.clone().map(move |x| [x, y, z]))
+    })
 }
 
 impl Active {

@@ -22,6 +22,7 @@ use super::{
     Anisotropy, DensityParams,
     kernel::weights,
     particle_kernel::{ParticleKernel, ParticleKernels},
+    scaled::{self, Scales},
     sorted_particles::{Moments, SortedParticles, Vectors, Weight},
     threshold::PLANES,
 };
@@ -71,8 +72,6 @@ impl Weight for Cubic {
 struct KernelShape {
     /// k_r.
     ratio: f32,
-    /// h [m].
-    h: f32,
     /// The standard deviation of filled space [R].
     filled_deviation: f32,
     /// The smallest half axis [h].
@@ -80,11 +79,11 @@ struct KernelShape {
 }
 
 impl KernelShape {
-    /// The kernel of one particle at `x` with isotropic weight `weight`, not displaced.
-    fn shape(&self, x: Vec3, weight: f32, moments: &Moments) -> ParticleKernel {
+    /// The kernel of one particle at `x` with isotropic weight `weight` and support `h` [m], not displaced.
+    fn shape(&self, x: Vec3, weight: f32, h: f32, moments: &Moments) -> ParticleKernel {
         let mean = moments.first / moments.zeroth;
         if moments.count <= MIN_NEIGHBOURS + 1.0 {
-            return isotropic_kernel(x, weight, self.h); // [yu13] Eq. 15, k_n = 1
+            return ParticleKernel::isotropic(x, weight, h); // [yu13] Eq. 15, k_n = 1
         }
         let mut covariance = moments.second;
         for (part, (a, b)) in covariance.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
@@ -97,11 +96,11 @@ impl KernelShape {
         let mut matrix: Symmetric = [0.0; 6];
         let mut extents2 = Vec3::zeros();
         for (axis, scale) in axes.iter().zip(scale) {
-            let m = 1.0 / (scale * self.h).powi(2);
+            let m = 1.0 / (scale * h).powi(2);
             for (part, (a, b)) in matrix.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
                 *part += m * axis[a] * axis[b]; // GᵀG, [yu13] Eq. 16
             }
-            extents2 += axis.component_mul(axis) * (scale * self.h).powi(2);
+            extents2 += axis.component_mul(axis) * (scale * h).powi(2);
         }
         let determinant = 1.0 / scale.iter().product::<f32>();
         ParticleKernel { center: x, matrix, extents: extents2.map(f32::sqrt), weight: weight * determinant }
@@ -109,43 +108,44 @@ impl KernelShape {
 }
 
 /// Turns isotropic kernels into ellipsoids.
-pub(super) struct KernelShaper {
+pub(super) struct KernelShaper<'a> {
     shape_params: KernelShape,
+    /// h of a particle of scale 1 [m].
+    h: f32,
+    /// The particles' scales, where these differ.
+    scales: Option<&'a Scales>,
     /// λ.
     smoothing: f32,
     /// Which kernels are shaped, in the cells' order.
     shaped: Vec<bool>,
     /// Vector from every shaped particle to the mean of its neighbours [m].
     shifts: Vectors,
-    /// Half the thickness of the layer in which shifts are averaged [m].
+    /// Half the thickness of the layer in which shifts of particles of scale 1 are averaged [m].
     layer: f32,
 }
 
-impl KernelShaper {
+impl<'a> KernelShaper<'a> {
     /// A shaper for the particles of `particles`.
-    pub(super) fn new(particles: &SortedParticles, anisotropy: &Anisotropy, params: &DensityParams) -> Self {
+    pub(super) fn new(
+        particles: &SortedParticles,
+        anisotropy: &Anisotropy,
+        params: &DensityParams,
+        scales: Option<&'a Scales>,
+    ) -> Self {
         let h = params.kernel_radius * params.spacing;
         Self {
             shape_params: KernelShape {
                 ratio: anisotropy.ratio,
-                h,
                 filled_deviation: filled_deviation_of(params.kernel_radius),
                 min_half_axis: (MIN_HALF_AXIS / params.kernel_radius).min(1.0),
             },
+            h,
+            scales,
             smoothing: anisotropy.smoothing,
             shaped: vec![false; particles.len()],
             shifts: Vectors::new(particles),
             layer: LAYER_HALF_THICKNESS * params.spacing,
         }
-    }
-
-    /// The initial isotropic kernels with the given weights, in the order of `particles`.
-    pub(super) fn isotropic_kernels(&self, particles: &SortedParticles, weights: &[f32]) -> ParticleKernels {
-        let mut kernels = vec![ParticleKernel::default(); weights.len()];
-        par::fill(&mut kernels, |place| {
-            isotropic_kernel(particles.at(place), weights[place], self.shape_params.h)
-        });
-        ParticleKernels::Ellipsoids { kernels, reach: self.shape_params.h }
     }
 
     /// Shapes the kernels of particles that are `near`, in the order of `particles`, and not shaped yet.
@@ -158,27 +158,44 @@ impl KernelShaper {
         let ParticleKernels::Ellipsoids { kernels, reach } = kernels else {
             unreachable!("a shaper starts from ellipsoids")
         };
-        let radius = NEIGHBOURHOOD_RADIUS * self.shape_params.h;
+        let radius = NEIGHBOURHOOD_RADIUS * self.h;
+        let scale = |place: usize| self.scales.map_or(1.0, |scales| scales.at(place));
         let is_due = |place: usize| near[place] && !self.shaped[place];
         let due =
             par::map_chunks(near.len(), par::CHUNK, |range| range.filter(|&p| is_due(p)).collect::<Vec<_>>());
         let due = due.concat();
 
         // Shape them, and compute the means of their neighbours.
-        let shapes = particles.moments::<Cubic, true, _>(radius, is_due, |place, moments| {
-            let shape = self.shape_params.shape(particles.at(place), kernels[place].weight, moments);
-            (shape, moments.first / moments.zeroth * radius)
-        });
+        let shape = |place: usize, moments: &Moments| {
+            let (x, weight, h) = (particles.at(place), kernels[place].weight, self.h * scale(place));
+            let shape = self.shape_params.shape(x, weight, h, moments);
+            (shape, moments.first / moments.zeroth * (radius * scale(place)))
+        };
+        let shapes = match self.scales {
+            None => particles.moments::<Cubic, true, _>(radius, is_due, shape),
+            Some(scales) => {
+                let moments = scaled::moments::<Cubic>(particles, radius, scales, &due);
+                due.iter().zip(&moments).map(|(&place, moments)| shape(place, moments)).collect()
+            }
+        };
         for (&place, (_, shift)) in due.iter().zip(&shapes) {
             self.shifts.set(place, *shift);
         }
 
         // Move them there, less the mean shift of their layer.
         let (shifts, min_shift) = (&self.shifts, MIN_SHIFT * self.layer);
-        let is_shifted = |place: usize| is_due(place) && shifts.at(place).norm() > min_shift;
-        let mut common = particles.layer_means::<Cubic>(radius, self.layer, shifts, is_shifted).into_iter();
+        let is_long = |place: usize, shift: Vec3| shift.norm() > min_shift * scale(place);
+        let is_shifted = |place: usize| is_due(place) && is_long(place, shifts.at(place));
+        let common = match self.scales {
+            None => particles.layer_means::<Cubic>(radius, self.layer, shifts, is_shifted),
+            Some(scales) => {
+                let places: Vec<usize> = due.iter().copied().filter(|&place| is_shifted(place)).collect();
+                scaled::layer_means::<Cubic>(particles, radius, self.layer, scales, shifts, &places)
+            }
+        };
+        let mut common = common.into_iter();
         for (place, (mut kernel, shift)) in due.into_iter().zip(shapes) {
-            let common = if shift.norm() > min_shift {
+            let common = if is_long(place, shift) {
                 common.next().expect("one each that moves")
             } else {
                 Vec3::zeros()
@@ -221,12 +238,6 @@ pub(super) fn near(particles: &SortedParticles, bricks: &Bricks, voxel: f32, h: 
     parts.concat()
 }
 
-/// An isotropic kernel.
-fn isotropic_kernel(center: Vec3, weight: f32, h: f32) -> ParticleKernel {
-    let m = 1.0 / (h * h);
-    ParticleKernel { center, matrix: [m, m, m, 0.0, 0.0, 0.0], extents: Vec3::repeat(h), weight }
-}
-
 /// The standard deviation of the filled cubic lattice along each axis [R]: 1/k_s.
 fn filled_deviation_of(kernel_radius: f32) -> f32 {
     let radius = f64::from(NEIGHBOURHOOD_RADIUS * kernel_radius);
@@ -260,8 +271,10 @@ pub(super) fn threshold(anisotropy: &Anisotropy, kernel_radius: f32) -> f32 {
         let near: Vec<bool> = (0..particles.len())
             .map(|place| particles.at(place).norm() < (1.5 + NEIGHBOURHOOD_RADIUS) * kernel_radius + 4.5)
             .collect();
-        let mut shaper = KernelShaper::new(&particles, anisotropy, &params);
-        let mut kernels = shaper.isotropic_kernels(&particles, &weights(&particles, kernel_radius));
+        let mut shaper = KernelShaper::new(&particles, anisotropy, &params, None);
+        let isotropic = weights(&particles, kernel_radius);
+        let isotropic = ParticleKernels::isotropic(&particles, kernel_radius, isotropic, None);
+        let mut kernels = isotropic.into_ellipsoids(&particles);
         shaper.shape(&particles, &mut kernels, &near);
         let samples = plane.samples();
         let reach = kernels.reach();

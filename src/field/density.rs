@@ -14,16 +14,17 @@
 //! Symbols: q = ‖G(x − x̄_j)‖ [–], K(q) = W/W(0) [–], w_j = 1/Σ_k K(q_jk) = V_j W(0, h) [–].
 //!
 //! Limits: cost grows with the number of particles inside one kernel, up to 64 times that of filled space;
-//! of more, the surplus is left out ([`super::crowds`]).
+//! of more, the surplus is left out ([`super::dense_clusters`]).
 
 use super::{
     DensityParams,
-    active::{Active, Coarse},
+    active::{Active, Coarse, SurfaceSize},
     anisotropy::{self, KernelShaper},
-    crowds::sorted_without_crowds,
+    dense_clusters::{smallest_spacing, sorted_thinned},
     fill::compute,
     kernel::weights,
     particle_kernel::ParticleKernels,
+    scaled::{self, Scales},
     sorted_particles::SortedParticles,
     threshold::surface_threshold,
 };
@@ -48,8 +49,8 @@ pub struct Density {
     /// Particles without trace: all eight nodes around them are below the threshold. There are none at voxels
     /// up to half a spacing; above that droplets may fall between the nodes.
     pub unseen: usize,
-    /// Particles that are left out of crowds, see `crowds`: more particles in a place than any liquid has.
-    pub crowded: usize,
+    /// Particles that are left out of dense clusters: more particles in a place than any liquid has.
+    pub clustered: usize,
 }
 
 /// The density of particles at `positions` [m], which are finite and fewer than 2³².
@@ -57,32 +58,58 @@ pub struct Density {
 /// # Panics
 /// If a parameter is not above zero and finite.
 pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
+    density_of_radii(positions, None, params)
+}
+
+/// As [`density`], of particles whose kernels are larger or smaller: `scales` are their radii over half the spacing, above zero
+/// and finite, one for each position; `None`: all 1.
+///
+/// # Panics
+/// As [`density`], and if there are fewer scales than positions.
+pub fn density_of_radii(positions: &[Vec3], scales: Option<&[f32]>, params: &DensityParams) -> Density {
     let valid = |v: f32| v > 0.0 && v.is_finite();
     assert!(valid(params.spacing) && valid(params.kernel_radius) && valid(params.voxel), "valid {params:?}");
     let voxel = params.voxel * params.spacing;
     let (near, too_far) = within_bricks(positions, voxel);
+    let near_scales =
+        scales.filter(|_| near.is_some()).map(|scales| scales_of_near(positions, scales, voxel));
+    let scales = near_scales.as_deref().or(scales);
     let positions = near.as_deref().unwrap_or(positions);
 
     let radius = params.kernel_radius * params.spacing;
-    let (particles, crowded) = sorted_without_crowds(positions, params.spacing, radius);
-    let isotropic_kernels = ParticleKernels::Isotropic { radius, weights: weights(&particles, radius) };
+    let (particles, kept) = sorted_thinned(positions, smallest_spacing(params.spacing, scales), radius);
+    let clustered = positions.len() - particles.len();
+    let scales = scales.map(|scales| match &kept {
+        Some(kept) => Scales::new(&particles, &kept.iter().map(|&i| scales[i as usize]).collect::<Vec<_>>()),
+        None => Scales::new(&particles, scales),
+    });
+    let scales = scales.as_ref();
+    let isotropic_weights = match scales {
+        Some(scales) => scaled::weights(&particles, radius, scales),
+        None => weights(&particles, radius),
+    };
+    let isotropic_kernels = ParticleKernels::isotropic(&particles, radius, isotropic_weights, scales);
     let isotropic_threshold = surface_threshold(params.kernel_radius);
+    let smallest = DensityParams {
+        kernel_radius: params.kernel_radius * scales.map_or(1.0, |scales| scales.smallest),
+        ..*params
+    };
     let coarse = if params.whole {
         None
     } else {
-        Coarse::new(&particles, &isotropic_kernels, isotropic_threshold, params)
+        Coarse::new(&particles, &isotropic_kernels, isotropic_threshold, &smallest)
     };
     let mut active = match &coarse {
         Some(coarse) => coarse.active(),
         None => Active::all_in_reach(&particles, &isotropic_kernels, voxel),
     };
-    let (threshold, mut kernels, mut shaper) = match (&params.anisotropy, isotropic_kernels) {
-        (Some(anisotropy), ParticleKernels::Isotropic { weights, .. }) => {
-            let shaper = KernelShaper::new(&particles, anisotropy, params);
-            let isotropic_kernels = shaper.isotropic_kernels(&particles, &weights);
-            (anisotropy::threshold(anisotropy, params.kernel_radius), isotropic_kernels, Some(shaper))
+    let (threshold, mut kernels, mut shaper) = match &params.anisotropy {
+        Some(anisotropy) => {
+            let shaper = KernelShaper::new(&particles, anisotropy, params, scales);
+            let kernels = isotropic_kernels.into_ellipsoids(&particles);
+            (anisotropy::threshold(anisotropy, params.kernel_radius), kernels, Some(shaper))
         }
-        (_, isotropic_kernels) => (isotropic_threshold, isotropic_kernels, None),
+        None => (isotropic_threshold, isotropic_kernels, None),
     };
 
     // Ellipsoids reach further than the isotropic kernels that selected the bricks; with `whole` all bricks
@@ -97,11 +124,12 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     // Compute the bricks, and those whose classification they contradict, until none is left.
     let mut grid = SparseGrid::new(voxel, std::mem::take(&mut active.computed), 0.0);
     let mut due = grid.bricks.clone();
-    // Ellipsoids give other values than the coarse nodes have.
-    let mut coarse = coarse.filter(|_| shaper.is_none());
+    // Ellipsoids give other values than the coarse nodes have, and are added to all rows.
+    let mut coarse = coarse.filter(|_| matches!(kernels, ParticleKernels::Isotropic { .. }));
+    let reach = radius * scales.map_or(1.0, |scales| scales.largest);
     while !due.is_empty() {
         if let Some(shaper) = &mut shaper {
-            shaper.shape(&particles, &mut kernels, &anisotropy::near(&particles, &due, voxel, radius));
+            shaper.shape(&particles, &mut kernels, &anisotropy::near(&particles, &due, voxel, reach));
         }
         let interpolate_rows = |coord, sums: &mut _| {
             coarse.as_ref().map_or(u64::MAX, |coarse| coarse.interpolate_rows(coord, sums))
@@ -115,26 +143,37 @@ pub fn density(positions: &[Vec3], params: &DensityParams) -> Density {
     }
     grid.filled = active.filled;
     let unseen = unseen(&particles, &grid, threshold);
-    Density { grid, threshold, too_far, unseen, crowded }
+    Density { grid, threshold, too_far, unseen, clustered }
 }
 
-/// Approximate number of bricks that [`density`] computes without `whole`, in a fifth of its time or less;
-/// `None` if these are all bricks in reach. Positions as there; those too far away are left out.
-pub(crate) fn bricks_near_surface(positions: &[Vec3], params: &DensityParams) -> Option<usize> {
+/// Approximate size of what [`density`] computes without `whole`, and of a distance in a band of so many
+/// voxels, in a fifth of its time or less; `None` if all bricks in reach are computed. Positions as there; those
+/// too far away are left out.
+pub(crate) fn surface_size(positions: &[Vec3], params: &DensityParams, band: f32) -> Option<SurfaceSize> {
     let voxel = params.voxel * params.spacing;
     let (near, _) = within_bricks(positions, voxel);
     let radius = params.kernel_radius * params.spacing;
-    let (particles, _) = sorted_without_crowds(near.as_deref().unwrap_or(positions), params.spacing, radius);
+    let (particles, _) = sorted_thinned(near.as_deref().unwrap_or(positions), params.spacing, radius);
     let isotropic_kernels = ParticleKernels::Isotropic { radius, weights: weights(&particles, radius) };
-    let coarse =
-        Coarse::new(&particles, &isotropic_kernels, surface_threshold(params.kernel_radius), params)?;
-    Some(coarse.active().computed.len())
+    let threshold = surface_threshold(params.kernel_radius);
+    let coarse = Coarse::new(&particles, &isotropic_kernels, threshold, params)?;
+    Some(coarse.surface_size(threshold, band))
+}
+
+/// Whether bricks can hold a position.
+fn is_near(x: &Vec3, voxel: f32) -> bool {
+    let limit = f64::from(MAX_BRICK) * BRICK as f64 * f64::from(voxel);
+    x.iter().all(|&v| f64::from(v).abs() < limit)
+}
+
+/// The scales of the positions that bricks can hold.
+fn scales_of_near(positions: &[Vec3], scales: &[f32], voxel: f32) -> Vec<f32> {
+    positions.iter().zip(scales).filter(|(x, _)| is_near(x, voxel)).map(|(_, &scale)| scale).collect()
 }
 
 /// The positions that bricks can hold, if some are too far, and the number of the others.
 fn within_bricks(positions: &[Vec3], voxel: f32) -> (Option<Vec<Vec3>>, usize) {
-    let limit = f64::from(MAX_BRICK) * BRICK as f64 * f64::from(voxel);
-    let near = |x: &Vec3| x.iter().all(|&v| f64::from(v).abs() < limit);
+    let near = |x: &Vec3| is_near(x, voxel);
     let too_far = par::sum(positions.len(), |i| f64::from(u8::from(!near(&positions[i])))) as usize;
     if too_far == 0 {
         return (None, 0);

@@ -6,21 +6,22 @@
 
 mod active;
 mod anisotropy;
-mod crowds;
+mod dense_clusters;
 mod density;
 mod fill;
 mod kernel;
 mod params;
 mod particle_kernel;
+mod scaled;
 mod sorted_particles;
 mod threshold;
 mod tracer_fields;
 mod velocity;
 
 pub(crate) use active::coarse_step;
-pub(crate) use crowds::kept;
-pub(crate) use density::bricks_near_surface;
-pub use density::{Density, density};
+pub(crate) use dense_clusters::{smallest_spacing, thinned};
+pub(crate) use density::surface_size;
+pub use density::{Density, density, density_of_radii};
 pub use params::{Anisotropy, DensityParams};
 pub(crate) use tracer_fields::{TracerFieldParams, TracerFields, tracer_fields, tracer_fields_at};
 pub use velocity::{Velocity, velocity};

@@ -1,7 +1,10 @@
 //! The kernel of a particle in the density, over a ball or an ellipsoid.
 
-use super::{kernel::kernel, sorted_particles::SortedParticles};
-use crate::math::{Vec3, symmetric::Symmetric};
+use super::{kernel::kernel, scaled::Scales, sorted_particles::SortedParticles};
+use crate::{
+    math::{Vec3, symmetric::Symmetric},
+    par,
+};
 
 /// One particle's kernel: φ += `weight` K(√(dᵀ M d)) with d from `center`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,6 +20,12 @@ pub(super) struct ParticleKernel {
 }
 
 impl ParticleKernel {
+    /// A ball of radius `h` [m].
+    pub(super) fn isotropic(center: Vec3, weight: f32, h: f32) -> Self {
+        let m = 1.0 / (h * h);
+        Self { center, matrix: [m, m, m, 0.0, 0.0, 0.0], extents: Vec3::repeat(h), weight }
+    }
+
     /// The kernel's value at `x` [m].
     pub(super) fn value(&self, x: Vec3) -> f32 {
         let d = x - self.center;
@@ -37,6 +46,31 @@ pub(super) enum ParticleKernels {
 }
 
 impl ParticleKernels {
+    /// Isotropic kernels of the given weights, of `radius` [m] times the particles' scales.
+    pub(super) fn isotropic(
+        particles: &SortedParticles,
+        radius: f32,
+        weights: Vec<f32>,
+        scales: Option<&Scales>,
+    ) -> Self {
+        let Some(scales) = scales else { return Self::Isotropic { radius, weights } };
+        let mut kernels = vec![ParticleKernel::default(); weights.len()];
+        par::fill(&mut kernels, |place| {
+            ParticleKernel::isotropic(particles.at(place), weights[place], radius * scales.at(place))
+        });
+        Self::Ellipsoids { kernels, reach: radius * scales.largest }
+    }
+
+    /// The same kernels, each with a shape of its own.
+    pub(super) fn into_ellipsoids(self, particles: &SortedParticles) -> Self {
+        let Self::Isotropic { radius, weights } = self else { return self };
+        let mut kernels = vec![ParticleKernel::default(); weights.len()];
+        par::fill(&mut kernels, |place| {
+            ParticleKernel::isotropic(particles.at(place), weights[place], radius)
+        });
+        Self::Ellipsoids { kernels, reach: radius }
+    }
+
     /// The kernel of the particle at a place of the order.
     #[inline(always)]
     pub(super) fn at(&self, particles: &SortedParticles, place: usize) -> ParticleKernel {

@@ -23,7 +23,7 @@ pub enum ImportError {
     },
     /// The kind of file, or something in it, is not read.
     #[error(
-        "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, VTK, NPZ or classic BGEO",
+        "{path}: found {found}, expected {expected}; export the particles as PLY, XYZ, CSV, VTK, NPZ or classic BGEO",
         path = printable_path(path)
     )]
     Unsupported {

@@ -33,13 +33,13 @@ pub fn expand(patterns: &[String]) -> Result<Sequence, ImportError> {
 /// Folders that a pattern may match, far above the shots of a show.
 const MAX_FOLDERS: usize = 1 << 16;
 
-/// The folders that match a pattern, any part of which may have wildcards, sorted by the numbers in their names.
+/// The folders that match the pattern `whole`, any part of which may have wildcards, sorted by the numbers in their names.
 ///
 /// # Errors
-/// [`ImportError::Unsupported`] if there are more than 65 536.
-pub(crate) fn folders(pattern: &str) -> Result<Vec<PathBuf>, ImportError> {
+/// [`ImportError::NotFound`] if there are more than 65 536.
+pub(crate) fn folders(whole: &str) -> Result<Vec<PathBuf>, ImportError> {
     let mut found = vec![PathBuf::new()];
-    for part in Path::new(pattern).components() {
+    for part in Path::new(whole).components() {
         let name = part.as_os_str();
         let text = name.to_string_lossy();
         let is_pattern = matches!(part, Component::Normal(_)) && text.contains(WILD);
@@ -52,7 +52,7 @@ pub(crate) fn folders(pattern: &str) -> Result<Vec<PathBuf>, ImportError> {
                 continue;
             }
             let listed = if folder.as_os_str().is_empty() { Path::new(".") } else { &folder };
-            // What cannot be listed holds no folder of this user's.
+            // A folder that cannot be listed has none for this user.
             for entry in std::fs::read_dir(listed).into_iter().flatten().flatten() {
                 let inner = folder.join(entry.file_name());
                 if pattern.fits(&entry.file_name().to_string_lossy()) && inner.is_dir() {
@@ -60,8 +60,11 @@ pub(crate) fn folders(pattern: &str) -> Result<Vec<PathBuf>, ImportError> {
                 }
             }
             if deeper.len() > MAX_FOLDERS {
-                let found = format!("more than {MAX_FOLDERS} folders");
-                return Err(ImportError::unsupported(Path::new(&*text), found, "a pattern of fewer folders"));
+                return Err(ImportError::NotFound {
+                    path: whole.into(),
+                    found: format!("more than {MAX_FOLDERS} folders"),
+                    expected: "a pattern of fewer folders".into(),
+                });
             }
         }
         found = deeper;

@@ -22,6 +22,13 @@ impl Values {
     }
 }
 
+/// Whether a column of text holds integers if all of its numbers are written as such. Others would be integers in one frame and
+/// not in the next: the age of particles that were just born is 0.
+pub(super) fn is_integer(name: &str) -> bool {
+    let name = name.to_ascii_lowercase();
+    ["id", "index", "type", "source", "shape", "material", "group"].iter().any(|known| name.ends_with(known))
+}
+
 /// Attributes that are taken from a file at most, far above the dozens that solvers write. Names are compared with each other,
 /// so that time would grow with the square of their number.
 const MAX_ATTRIBUTES: usize = 4096;

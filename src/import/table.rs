@@ -2,7 +2,7 @@
 
 use super::{
     ImportError, Imported, MemoryBudget,
-    gather::{Gather, Values},
+    gather::{Gather, Values, is_integer},
 };
 use std::path::Path;
 
@@ -58,9 +58,13 @@ enum Separator {
 }
 
 impl Separator {
-    /// The separator of a file, by its first line.
+    /// The separator of a file: the sign that the first line has most often outside of quotes, else blanks.
     fn of(line: &str) -> Self {
-        [';', ',', '\t'].into_iter().find(|&sign| line.contains(sign)).map_or(Self::Blank, Self::One)
+        let count = |sign| Self::One(sign).fields(line).count();
+        let signs = [';', ',', '\t'].map(|sign| (sign, count(sign)));
+        // The first of those with equal counts.
+        let maximum = signs.into_iter().rev().filter(|&(_, count)| count > 1).max_by_key(|&(_, count)| count);
+        maximum.map_or(Self::Blank, |(sign, _)| Self::One(sign))
     }
 
     /// The fields of a line, without quotes.
@@ -75,7 +79,9 @@ impl Separator {
                 }
         };
         let is_field = move |field: &&str| self != Self::Blank || !field.is_empty();
-        line.trim().split(ends).filter(is_field).map(|field| {
+        // A first name may be empty: it is that of row numbers.
+        let line = if self == Self::One('\t') { line.trim_matches([' ', '\r']) } else { line.trim() };
+        line.split(ends).filter(is_field).map(|field| {
             let field = field.trim();
             let inner = field.strip_prefix('"').and_then(|field| field.strip_suffix('"'));
             inner.map_or(field, str::trim)
@@ -86,8 +92,7 @@ impl Separator {
 /// The lines that are not blank, with their numbers from 1, and whether each is a comment, whose sign is left out.
 fn lines(text: &str) -> impl Iterator<Item = (usize, bool, &str)> {
     text.lines().enumerate().filter_map(|(number, line)| {
-        let line = line.trim();
-        let comment = line.strip_prefix('#');
+        let comment = line.trim_start().strip_prefix('#');
         let line = comment.unwrap_or(line);
         (!line.trim().is_empty()).then_some((number + 1, comment.is_some(), line))
     })
@@ -99,6 +104,8 @@ struct Layout<'a> {
     columns: usize,
     /// The names of all columns, or none.
     names: Vec<&'a str>,
+    /// The line of the names.
+    names_at: usize,
     /// The first line that may hold a particle.
     first: usize,
 }
@@ -112,7 +119,7 @@ impl<'a> Layout<'a> {
         let mut comment = None;
         for (number, is_comment, line) in lines(text) {
             if is_comment {
-                comment = Some(line);
+                comment = Some((number, line));
                 continue;
             }
             let separator = Separator::of(line);
@@ -129,17 +136,23 @@ impl<'a> Layout<'a> {
             let is_number = |field: &str| field.parse::<f64>().is_ok();
             if !separator.fields(line).any(is_number) {
                 let names = separator.fields(line).collect();
-                return Ok(Self { separator, columns, names, first: number + 1 });
+                return Ok(Self { separator, columns, names, names_at: number, first: number + 1 });
             }
-            // The comment in front may name the columns.
-            let names: Vec<&str> = comment
-                .map_or_else(Vec::new, |line| Separator::of(line).fields(line).take(columns + 1).collect());
-            let are_names = names.len() == columns && !names.iter().any(|name| is_number(name));
+            // The comment in front may name the columns, and be any other.
+            let (names_at, line) = comment.unwrap_or_default();
+            let names: Vec<&str> = Separator::of(line).fields(line).take(columns + 1).collect();
+            let are_names = names.len() == columns && position_of(&names).is_some();
             let names = if are_names { names } else { Vec::new() };
-            return Ok(Self { separator, columns, names, first: number });
+            return Ok(Self { separator, columns, names, names_at, first: number });
         }
         // Nothing but comments: no particle.
-        Ok(Self { separator: Separator::Blank, columns: 3, names: Vec::new(), first: usize::MAX })
+        Ok(Self {
+            separator: Separator::Blank,
+            columns: 3,
+            names: Vec::new(),
+            names_at: 0,
+            first: usize::MAX,
+        })
     }
 
     /// The lines of particles with their numbers.
@@ -195,12 +208,9 @@ fn gather(
         return Ok(gather.finish());
     }
     let vector = |first: usize| vector_at(names, first);
-    let is_position = |&first: &usize| {
-        vector(first).is_some_and(|name| POSITION.iter().any(|known| name.eq_ignore_ascii_case(known)))
-    };
-    let Some(position) = (0..table.columns).find(is_position) else {
+    let Some(position) = position_of(names) else {
         let found = format!("columns named {}", names.join(", "));
-        let place = format!("line {}", layout.first.saturating_sub(1));
+        let place = format!("line {}", layout.names_at);
         return Err(ImportError::malformed(path, place, found, "x, y and z next to each other"));
     };
     let mut gather =
@@ -223,7 +233,7 @@ fn gather(
             column += 3;
             continue;
         }
-        let values = if table.integral[column] {
+        let values = if table.integral[column] && is_integer(names[column]) {
             budget.take_numbers::<i64>(table.len())?;
             let numbers = table.values.iter().skip(column).step_by(table.columns);
             Values::Int(numbers.map(|&value| value as i64).collect())
@@ -234,6 +244,14 @@ fn gather(
         column += 1;
     }
     Ok(gather.finish())
+}
+
+/// The first column of the position.
+fn position_of(names: &[&str]) -> Option<usize> {
+    (0..names.len()).find(|&first| {
+        vector_at(names, first)
+            .is_some_and(|name| POSITION.iter().any(|known| name.eq_ignore_ascii_case(known)))
+    })
 }
 
 /// The name of the vector whose components are the columns from `first` on: `v` of vx, vy, vz; `P` of P.x, P.y, P.z, `Points` of
@@ -294,13 +312,15 @@ mod tests {
             "\"id\", \"Points:0\", \"Points:1\", \"Points:2\", \"velocity:0\", \"velocity:1\", \"velocity:2\", \"radius\"\n\
              7, \"1\", 2, 3, 4, 5, 6, 0.5\n8, -1, 0, 1e-3, 0, 0, 0, 0.25\n",
             "P.x,P.y,P.z,v[x],v[y],v[z],id,radius\n1,2,3,4,5,6,7,0.5\n-1,0,1e-3,0,0,0,8,0.25\n",
+            "\tx\ty\tz\tvx\tvy\tvz\tid\tradius\n0\t1\t2\t3\t4\t5\t6\t7\t0.5\n1\t-1\t0\t1e-3\t0\t0\t0\t8\t0.25\n",
+            "x\ty\tz\tvx\tvy\tvz\tid\tradius\t\"v (m, s)\"\n1\t2\t3\t4\t5\t6\t7\t0.5\t0\n-1\t0\t1e-3\t0\t0\t0\t8\t0.25\t0\n",
             "radius,id,vel_x,vel_y,vel_z,px,py,pz\n0.5,7,4,5,6,1,2,3\n0.25,8,0,0,0,-1,0,1e-3\n",
         ] {
             let found = table(text).unwrap();
             for channel in expected.stream.channels() {
                 assert_eq!(found.stream.channel(&channel.name), Some(&channel.data), "{text}");
             }
-            assert_eq!(found.ignored, [""; 0], "{text}");
+            assert!(found.ignored.is_empty() || text.contains("\tx"), "{text}: {:?}", found.ignored);
         }
     }
 
@@ -315,6 +335,11 @@ mod tests {
         let found = table("x,y,z,temperature,shape\n0,0,0,-1.5,-2\n").unwrap();
         assert_eq!(names(&found), ["position", "temperature"]);
         assert!(found.ignored[0].contains("shape"), "{:?}", found.ignored);
+        // Text that does not name a position is a comment, however many words it has.
+        for comment in ["# exported by Houdini\n", "# exported by Houdini\n\n# \n"] {
+            let found = table(&format!("{comment}1 2 3\n")).unwrap();
+            assert_eq!((names(&found), found.stream.len()), (vec!["position"], 1), "{comment:?}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! XYZ: lines of text, or raw triples of floats.
 
-use super::gather::{Gather, Values};
+use super::gather::{Gather, Values, is_integer};
 use super::{ImportError, Imported, MemoryBudget};
 use std::path::Path;
 
@@ -177,7 +177,7 @@ fn gather(
             column += 3;
             continue;
         }
-        let values = if table.integral[column] {
+        let values = if table.integral[column] && is_integer(names[column]) {
             budget.take_numbers::<i64>(table.values.len() / table.columns)?;
             Values::Int(table.numbers(column, 1).map(|value| value as i64).collect())
         } else {

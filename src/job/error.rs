@@ -59,7 +59,7 @@ pub(crate) enum RunError {
     /// Some of several shots failed; the others are done.
     #[error("{} of {all} shots failed:\n{}", failed.len(), list_shots(failed))]
     ShotsFailed {
-        /// Their folders, and why.
+        /// Folder and error of each.
         failed: Vec<(String, Self)>,
         /// Number of shots.
         all: usize,

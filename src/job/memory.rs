@@ -25,12 +25,16 @@ pub(crate) struct Grids {
     pub(crate) bricks: f64,
     /// Vertices of the mesh.
     pub(crate) vertices: f64,
+    /// Bricks of the coarse nodes that are sampled before; 0 if they are few.
+    pub(crate) coarse_bricks: f64,
+    /// Bricks of the signed distance, if it is computed.
+    pub(crate) distance_bricks: f64,
 }
 
 impl Grids {
     /// Grids of so many bricks, with vertices in the usual proportion.
     pub(crate) fn of_bricks(bricks: f64) -> Self {
-        Self { bricks, vertices: bricks * VERTICES_PER_BRICK }
+        Self { bricks, vertices: bricks * VERTICES_PER_BRICK, coarse_bricks: 0.0, distance_bricks: bricks }
     }
 
     /// The largest grids that so many particles cover at a voxel of `voxel` [spacings], wherever they lie: what

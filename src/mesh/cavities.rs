@@ -3,7 +3,7 @@
 //! *Method*: a cavity is a connected component of the surface that is oriented inwards, so that its volume by
 //! the divergence theorem is negative. The isosurface has liquid on one side of every component. Liquid is
 //! bounded, hence a component with liquid around it lies inside of another one. Cavities below a volume are
-//! removed, together with the drops in them: components oriented outwards, smaller than the cavity, whose first vertex has
+//! removed, together with the droplets in them: components oriented outwards, smaller than the cavity, whose first vertex has
 //! the winding number −1 with respect to the cavity, by the solid angles of its triangles
 //! [oosterom83].
 //!
@@ -13,7 +13,10 @@
 //! Limits: the surface is closed. A cavity that is open to the outside is a hole or a bay and stays.
 
 use super::{Mesh, components::Components};
-use crate::math::{Vec3, elementary::atan2};
+use crate::{
+    math::{Vec3, elementary::atan2},
+    par,
+};
 use std::f64::consts::PI;
 
 /// Result of closing cavities.
@@ -24,14 +27,14 @@ pub struct CavityStats {
     pub closed: usize,
     /// Volume of these cavities [m³].
     pub volume: f64,
-    /// Drops inside of these cavities, which were removed with them.
-    pub drops: usize,
+    /// Droplets inside of these cavities, which were removed with them.
+    pub droplets: usize,
     /// Cavities that remain, because they are larger.
     pub remaining: usize,
 }
 
-/// Mesh after cavities were closed.
-pub(super) struct Closed {
+/// What [`close`] made of a mesh.
+pub(super) struct ClosedCavities {
     pub(super) stats: CavityStats,
     /// Which of the former vertices remain; empty if all do.
     pub(super) kept: Vec<bool>,
@@ -41,12 +44,16 @@ pub(super) struct Closed {
 
 /// Removes the cavities with a volume below `smallest` [m³] from a closed `mesh` without normals and
 /// attributes.
+///
+/// # Panics
+/// If the mesh has normals or attributes.
 pub fn close_cavities(mesh: &mut Mesh, smallest: f64) -> CavityStats {
     close(mesh, smallest).stats
 }
 
 /// [`close_cavities`], with the numbers of what remains.
-pub(super) fn close(mesh: &mut Mesh, smallest: f64) -> Closed {
+pub(super) fn close(mesh: &mut Mesh, smallest: f64) -> ClosedCavities {
+    assert!(mesh.normals.is_empty() && mesh.attributes.is_empty(), "a mesh of positions and triangles");
     let components = Components::new(mesh);
     let volumes = components.all_volumes(mesh);
     let mut removed: Vec<bool> = volumes.iter().map(|&volume| volume < 0.0 && -volume < smallest).collect();
@@ -54,18 +61,18 @@ pub(super) fn close(mesh: &mut Mesh, smallest: f64) -> Closed {
     let mut stats = CavityStats {
         closed: cavities.len(),
         volume: -cavities.iter().map(|&cavity| volumes[cavity]).sum::<f64>(),
-        drops: 0,
+        droplets: 0,
         remaining: volumes.iter().filter(|&&volume| volume < 0.0).count() - cavities.len(),
     };
     if cavities.is_empty() {
-        return Closed { stats, kept: Vec::new(), components: removed.len() };
+        return ClosedCavities { stats, kept: Vec::new(), components: removed.len() };
     }
-    for drop in drops_inside(mesh, &components, &volumes, &cavities) {
-        removed[drop] = true;
-        stats.drops += 1;
+    for droplet in droplets_inside(mesh, &components, &volumes, &cavities) {
+        removed[droplet] = true;
+        stats.droplets += 1;
     }
     let kept = components.remove(mesh, &removed);
-    Closed { stats, kept, components: removed.len() - stats.closed - stats.drops }
+    ClosedCavities { stats, kept, components: removed.len() - stats.closed - stats.droplets }
 }
 
 /// A box [m].
@@ -81,8 +88,8 @@ impl Bounds {
     }
 }
 
-/// The drops inside of some of the components, in ascending order.
-fn drops_inside(mesh: &Mesh, components: &Components, volumes: &[f64], cavities: &[usize]) -> Vec<usize> {
+/// The droplets inside of some of the components, in ascending order.
+fn droplets_inside(mesh: &Mesh, components: &Components, volumes: &[f64], cavities: &[usize]) -> Vec<usize> {
     let empty = Bounds { low: Vec3::repeat(f32::INFINITY), high: Vec3::repeat(f32::NEG_INFINITY) };
     let mut bounds = vec![empty; volumes.len()];
     for (x, &component) in mesh.positions.iter().zip(&components.of) {
@@ -94,18 +101,19 @@ fn drops_inside(mesh: &Mesh, components: &Components, volumes: &[f64], cavities:
     let mut by_x = cavities.to_vec();
     by_x.sort_by(|&a, &b| bounds[a].low.x.total_cmp(&bounds[b].low.x));
 
-    // Pairs of a drop and a cavity whose box contains it.
+    // Pairs of a droplet and a cavity whose box contains it.
     let largest = cavities.iter().map(|&cavity| -volumes[cavity]).fold(0.0, f64::max);
     let mut pairs = Vec::new();
-    for drop in
+    for droplet in
         (0..volumes.len()).filter(|&component| volumes[component] > 0.0 && volumes[component] < largest)
     {
-        let x = bounds[drop].low.x;
+        let x = bounds[droplet].low.x;
         let from = by_x.partition_point(|&cavity| bounds[cavity].low.x < x - widest);
         let near = by_x[from..].iter().take_while(|&&cavity| bounds[cavity].low.x <= x);
-        let around =
-            |&&cavity: &&usize| volumes[drop] < -volumes[cavity] && bounds[cavity].contain(&bounds[drop]);
-        pairs.extend(near.filter(around).map(|&cavity| (drop, cavity)));
+        let around = |&&cavity: &&usize| {
+            volumes[droplet] < -volumes[cavity] && bounds[cavity].contain(&bounds[droplet])
+        };
+        pairs.extend(near.filter(around).map(|&cavity| (droplet, cavity)));
     }
     if pairs.is_empty() {
         return Vec::new();
@@ -121,11 +129,13 @@ fn drops_inside(mesh: &Mesh, components: &Components, volumes: &[f64], cavities:
             triangles[component].push(*triangle);
         }
     }
-    let is_inside = |&(drop, cavity): &(usize, usize)| {
-        let x = mesh.positions[components.first[drop] as usize];
+    let is_inside = par::map(pairs.len(), |i| {
+        let (droplet, cavity) = pairs[i];
+        let x = mesh.positions[components.first[droplet] as usize];
         winding_number(mesh, &triangles[cavity], x) < -0.5
-    };
-    let mut inside: Vec<usize> = pairs.into_iter().filter(is_inside).map(|(drop, _)| drop).collect();
+    });
+    let inside = pairs.into_iter().zip(is_inside).filter(|&(_, is_inside)| is_inside);
+    let mut inside: Vec<usize> = inside.map(|((droplet, _), _)| droplet).collect();
     inside.dedup();
     inside
 }

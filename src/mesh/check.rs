@@ -82,33 +82,36 @@ impl MeshCheck {
 
 /// Checks a mesh. An empty mesh is sound, with volume and area zero.
 pub fn check(mesh: &Mesh) -> MeshCheck {
-    check_with(mesh, Known::default())
+    check_with(mesh, KnownParts::default())
 }
 
-/// Number of triangles with a repeated vertex or with a height below one millionth of their longest side.
-pub fn degenerate_triangles(mesh: &Mesh) -> usize {
-    let is_degenerate = |t: &usize| !matches!(Shape::of(mesh, *t), Shape::Sound | Shape::OutOfRange);
-    par::map_chunks(mesh.triangles.len(), par::CHUNK, |range| range.filter(is_degenerate).count())
-        .into_iter()
-        .sum()
+/// Number of triangles without area where the vertices are rounded to single precision in the frame of the world.
+pub(crate) fn degenerate_in_world_frame(mesh: &Mesh) -> usize {
+    let mut positions = mesh.positions.clone();
+    par::update(&mut positions, |_, x| *x = (x.cast::<f64>() + mesh.origin).cast());
+    let is_degenerate = |t: usize| {
+        let triangle = mesh.triangles[t];
+        !matches!(Shape::of(&positions, triangle), Shape::Sound | Shape::OutOfRange)
+    };
+    par::sum(mesh.triangles.len(), |t| f64::from(u8::from(is_degenerate(t)))) as usize
 }
 
 /// What is known of a mesh before it is checked.
 #[derive(Default)]
-pub(super) struct Known {
+pub(super) struct KnownParts {
     pub(super) half_edges: Option<HalfEdges>,
     /// Number of connected components.
     pub(super) components: Option<usize>,
 }
 
 /// [`check`] of a mesh of which something is known.
-pub(super) fn check_with(mesh: &Mesh, known: Known) -> MeshCheck {
+pub(super) fn check_with(mesh: &Mesh, known: KnownParts) -> MeshCheck {
     let mut result = MeshCheck::default();
 
     // Check every triangle alone; those with a repeated or missing vertex take no part in the edges.
     let shape: Vec<Shape> = {
         let mut shape = vec![Shape::Sound; mesh.triangles.len()];
-        par::fill(&mut shape, |t| Shape::of(mesh, t));
+        par::fill(&mut shape, |t| Shape::of(&mesh.positions, mesh.triangles[t]));
         shape
     };
     let faulty = par::map_chunks(shape.len(), par::CHUNK, |range| {
@@ -188,16 +191,15 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    pub(super) fn of(mesh: &Mesh, t: usize) -> Self {
-        let [a, b, c] = mesh.triangles[t];
-        if [a, b, c].iter().any(|&v| v as usize >= mesh.positions.len()) {
+    pub(super) fn of(positions: &[Vec3], [a, b, c]: [u32; 3]) -> Self {
+        if [a, b, c].iter().any(|&v| v as usize >= positions.len()) {
             return Self::OutOfRange;
         }
         if a == b || b == c || c == a {
             return Self::Repeated;
         }
         // Triangles far from degenerate are recognised in single precision.
-        let [a, b, c] = [a, b, c].map(|v| mesh.positions[v as usize]);
+        let [a, b, c] = [a, b, c].map(|v| positions[v as usize]);
         let longest = (b - a).norm_squared().max((c - b).norm_squared()).max((a - c).norm_squared());
         if (b - a).cross(&(c - a)).norm_squared() > (CERTAINLY_SOUND_RATIO * longest).powi(2) {
             return Self::Sound;

@@ -107,14 +107,7 @@ impl Components {
 
     /// The volume of every component [m³], negative if it is oriented inwards.
     pub(super) fn all_volumes(&self, mesh: &Mesh) -> Vec<f64> {
-        let mut sums = vec![0.0; self.first.len()];
-        let of = |t: usize| self.of_triangle(mesh, t);
-        let parts = self.gather(mesh.triangles.len(), of, |t, sum: &mut f64, component| {
-            let [a, b, c] = self.corners(mesh, t, component);
-            *sum += a.dot(&b.cross(&c)) / 6.0;
-        });
-        parts.for_each(|(component, part)| sums[component] += part);
-        sums
+        self.volumes_of(mesh, mesh.triangles.len(), |i| i)
     }
 
     /// Removes some of the components from `mesh`, which has neither normals nor attributes yet. The others
@@ -138,10 +131,13 @@ impl Components {
     /// The volume [m³] of every component with some of these triangles, as far as they bound it; 0 for the
     /// others.
     pub(super) fn volumes(&self, mesh: &Mesh, triangles: &[u32]) -> Vec<f64> {
+        self.volumes_of(mesh, triangles.len(), |i| triangles[i] as usize)
+    }
+
+    fn volumes_of(&self, mesh: &Mesh, count: usize, triangle: impl Fn(usize) -> usize + Sync) -> Vec<f64> {
         let mut sums = vec![0.0; self.first.len()];
-        let triangle = |i: usize| triangles[i] as usize;
         let of = |i: usize| self.of_triangle(mesh, triangle(i));
-        let parts = self.gather(triangles.len(), of, |i, sum: &mut f64, component| {
+        let parts = self.gather(count, of, |i, sum: &mut f64, component| {
             let [a, b, c] = self.corners(mesh, triangle(i), component);
             *sum += a.dot(&b.cross(&c)) / 6.0;
         });

@@ -11,6 +11,17 @@ pub struct Contour<'a> {
     pub level: f32,
     /// The side of the surface that is inside.
     pub inside: Side,
+    /// How the crossing of an edge is found.
+    pub interpolation: Interpolation,
+}
+
+/// How the place where the level crosses an edge is found from the values at nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Interpolation {
+    /// By the values at the ends of the edge. A signed distance that was solved from linear crossings has its surface there.
+    Linear,
+    /// By the cubic through four nodes in a row; linear where one of these is missing.
+    Cubic,
 }
 
 /// A side of a level.
@@ -41,15 +52,20 @@ impl Contour<'_> {
     }
 }
 
-/// A grid alone holds signed distances, whose surface is the level set of zero.
+/// A grid alone holds signed distances, whose surface is the level set of zero by linear interpolation.
 impl<'a> From<&'a SparseGrid> for Contour<'a> {
     fn from(grid: &'a SparseGrid) -> Self {
-        Self { grid, level: 0.0, inside: Side::Below }
+        Self { grid, level: 0.0, inside: Side::Below, interpolation: Interpolation::Linear }
     }
 }
 
 impl<'a> From<&'a Density> for Contour<'a> {
     fn from(density: &'a Density) -> Self {
-        Self { grid: &density.grid, level: density.threshold, inside: Side::Above }
+        Self {
+            grid: &density.grid,
+            level: density.threshold,
+            inside: Side::Above,
+            interpolation: Interpolation::Cubic,
+        }
     }
 }

@@ -57,11 +57,6 @@ impl HalfEdges {
         bytemuck::cast_slice(self.0.of(v))
     }
 
-    /// Number of half-edges.
-    pub(super) fn len(&self) -> usize {
-        self.0.len()
-    }
-
     /// The vertices at the other ends of the half-edges of `v`.
     #[inline]
     pub(super) fn neighbours<'a>(&'a self, mesh: &'a Mesh, v: usize) -> impl Iterator<Item = u32> + 'a {

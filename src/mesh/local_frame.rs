@@ -21,9 +21,14 @@ use crate::{
 /// [`super::MARGIN`] of a voxel.
 const MAX_NODES: f32 = 8192.0;
 
-/// Particles whose median is computed. More, and it takes longer; fewer, and a small group far from the others may
+/// Particles whose median is computed. If they are more, it takes longer; if fewer, a small group far from the others may
 /// become the origin.
 const MAX_SAMPLES: usize = 4096;
+
+/// Whether particles are copied into a local frame for a surface of cells of `voxel` [m].
+pub(crate) fn is_far(particles: &Stream, voxel: f32) -> bool {
+    local_origin(particles.vec3("position").unwrap_or_default(), voxel).is_some()
+}
 
 /// The origin of the local frame [m]; `None` if that of the world serves as well.
 pub(super) fn local_origin(positions: &[Vec3], voxel: f32) -> Option<nalgebra::Vector3<f64>> {

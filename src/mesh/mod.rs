@@ -9,6 +9,7 @@ mod components;
 mod contour;
 mod decimate;
 mod displaced;
+mod error;
 mod half_edges;
 mod local_frame;
 mod low_pass;
@@ -16,6 +17,7 @@ mod marching_cubes;
 mod node_signs;
 mod normals;
 mod params;
+mod radii;
 mod reconstruct;
 mod shell;
 mod smooth;
@@ -24,14 +26,20 @@ mod umbrella;
 
 pub use attributes::transfer;
 pub use cavities::{CavityStats, close_cavities};
-pub use check::{Fault, MeshCheck, check, degenerate_triangles};
+pub(crate) use check::degenerate_in_world_frame;
+pub use check::{Fault, MeshCheck, check};
 pub use components::{ComponentStats, Points, remove_small};
-pub use contour::{Contour, Side};
+pub use contour::{Contour, Interpolation, Side};
 pub use decimate::{DecimationStats, decimate};
+pub use error::SurfaceError;
+pub(crate) use local_frame::is_far;
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use normals::{normals_from_faces, normals_from_field};
-pub use params::{ComponentParams, DecimationParams, DistanceParams, SmoothingParams, SurfaceParams};
-pub use reconstruct::{Surface, SurfaceError, SurfaceStats, positions, reconstruct};
+pub use params::{
+    ComponentParams, DecimationParams, DistanceParams, RadiusSource, SmoothingParams, SurfaceParams,
+};
+pub(crate) use radii::{RadiusScales, with_largest_kernel};
+pub use reconstruct::{Surface, SurfaceStats, positions, reconstruct};
 pub use shell::shell;
 pub use smooth::{SmoothingStats, smooth};
 

@@ -5,7 +5,7 @@ use super::Contour;
 use crate::grid::{BRICK, Bricks, NodeMask, mask_of};
 
 /// Index of a missing brick.
-const MISSING: u32 = u32::MAX;
+pub(super) const MISSING: u32 = u32::MAX;
 
 /// The inside nodes of a brick.
 #[derive(Clone, Copy, Default)]

@@ -18,6 +18,10 @@ pub struct SurfaceParams {
     /// Support radius of the density kernel, in particle spacings. Smaller shows single particles, larger
     /// makes the surface rounder. Range: 1 to 8.
     pub kernel_radius: f32,
+    /// Radius of the particles, with which the kernel of each scales; absent: half the spacing, whatever the
+    /// particles' attributes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub radius: Option<RadiusSource>,
     /// Anisotropic kernels, for flat water and thin sheets; absent: isotropic kernels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub anisotropy: Option<Anisotropy>,
@@ -25,6 +29,13 @@ pub struct SurfaceParams {
     /// smoothing, normals deviate less by a fifth. Absent: the density itself is meshed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance: Option<DistanceParams>,
+    /// How far the surface is moved outwards, or inwards if negative, in particle spacings: to the level set of
+    /// the signed distance at this distance, which is closed and does not intersect itself. Inwards, parts
+    /// thinner than twice as much vanish; outwards, gaps close. On a ball the error is 0.02 spacings
+    /// on average and 0.12 at most at voxel 0.5, and 0.007 and 0.05 at voxel 0.25.
+    /// Absent: not moved. Range: -2 to 2.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub offset: Option<f32>,
     /// Vertex attributes, by the names of the particles' channels: numbers and vectors as the mean around the
     /// vertex, integers (`id`) from the nearest particle. `vorticity` [1/s] is computed from `velocity` if
     /// the particles have none; `age` and `source` exist if `liquid.channels` names them. A missing channel
@@ -33,7 +44,7 @@ pub struct SurfaceParams {
     pub attributes: Option<Vec<String>>,
     /// Smallest cavity that stays open, in particle volumes (spacing³). A cavity is a closed pocket of air in
     /// the liquid. Those of less than one particle are gaps between particles, which come and go from one
-    /// frame to the next; 0 keeps them, and more than 1 closes bubbles too. Range: 0 to 1000000.
+    /// frame to the next; 0 keeps them, and more than 1 closes bubbles too. Volumes keep them. Range: 0 to 1000.
     pub smallest_cavity: f32,
     /// Removal of small connected components; absent: every component stays.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -51,6 +62,15 @@ impl SurfaceParams {
     pub fn has_no_cleanup(&self) -> bool {
         self.components.is_none() && self.smoothing.is_none() && self.decimation.is_none()
     }
+
+    /// The signed distance that the surface needs; `None` if the density is meshed. For an offset without `distance` it is of
+    /// second order, and its band reaches the offset.
+    pub fn needed_distance(&self) -> Option<DistanceParams> {
+        let Some(offset) = self.offset else { return self.distance };
+        let params =
+            self.distance.unwrap_or(DistanceParams { order: Order::Second, ..DistanceParams::default() });
+        Some(DistanceParams { band: params.band.max(offset.abs() / self.voxel + 2.0), ..params })
+    }
 }
 
 impl Default for SurfaceParams {
@@ -58,8 +78,10 @@ impl Default for SurfaceParams {
         Self {
             voxel: 0.5,
             kernel_radius: 2.0,
+            radius: None,
             anisotropy: None,
             distance: None,
+            offset: None,
             attributes: None,
             smallest_cavity: 1.0,
             components: None,
@@ -67,6 +89,16 @@ impl Default for SurfaceParams {
             decimation: None,
         }
     }
+}
+
+/// Where the radius of a particle comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum RadiusSource {
+    /// The particles' attribute `radius`, `pscale` or `radii`, in metres. Kernels scale with it over half the
+    /// spacing, by 0.25 to 4; particles beyond are limited and counted. Without the attribute a frame fails.
+    Attribute,
 }
 
 /// Computation of the signed distance.
@@ -130,14 +162,14 @@ pub struct SmoothingParams {
     pub thin: f32,
     /// Edges that bend by more than this within half a wavelength after smoothing are preserved: there only
     /// bumps of a third of the wavelength vanish \[deg\]. A right angle bends by 115, and edges begin at
-    /// seven tenths of this value. Smaller preserves blunter edges, and below 60 more of the particles; 180
-    /// preserves none, and saves a seventh of the time. Range: 5 to 180.
+    /// seven tenths of this value. At a preserved edge the rows of particles show, with a moat of a tenth of a
+    /// spacing behind it; below 60, more of the particles. 180 preserves none. Range: 5 to 180.
     pub crease: f32,
 }
 
 impl Default for SmoothingParams {
     fn default() -> Self {
-        Self { wavelength: 6.0, thin: 0.2, crease: 90.0 }
+        Self { wavelength: 6.0, thin: 0.2, crease: 180.0 }
     }
 }
 

@@ -16,9 +16,9 @@
 
 use super::{
     CavityStats, ComponentStats, Contour, ContourStats, DecimationStats, Mesh, MeshCheck, Points,
-    SmoothingStats, SurfaceParams,
-    cavities::{Closed, close},
-    check::{Known, check_with},
+    RadiusScales, SmoothingStats, SurfaceError, SurfaceParams,
+    cavities::{ClosedCavities, close},
+    check::{KnownParts, check_with},
     decimate,
     half_edges::HalfEdges,
     local_frame::{in_local_frame, local_origin, selected},
@@ -26,12 +26,12 @@ use super::{
     marching_cubes::Extraction,
     normals::{Directions, some_from_field, unit},
     normals_from_faces, normals_from_field, remove_small,
-    smooth::{Smoothed, depth_weights, smooth_with_half_edges},
+    smooth::{Depths, Smoothed, smooth_by_depth},
     transfer,
 };
 use crate::{
     control::CancelToken,
-    field::{Density, DensityParams, density, kept},
+    field::{Density, DensityParams, density_of_radii, smallest_spacing, thinned},
     frame::Stream,
     math::Vec3,
     par,
@@ -48,7 +48,7 @@ pub struct Surface {
     pub mesh: Mesh,
     /// The small components that were removed, if this was requested.
     pub points: Option<Points>,
-    /// The signed distance that was meshed, before any clean-up; `None` if the density was.
+    /// The signed distance that was meshed, before any clean-up, in the frame of the mesh's origin; `None` if the density was.
     pub distance: Option<SignedDistance>,
     /// Soundness, volume and area of the mesh.
     pub check: MeshCheck,
@@ -67,7 +67,10 @@ pub struct SurfaceStats {
     /// Particles that fall between the nodes of a coarse grid and leave no trace.
     pub unseen_particles: usize,
     /// Particles left out because there are more in their place than any liquid has.
-    pub crowded_particles: usize,
+    pub clustered_particles: usize,
+    /// Particles whose radius was limited to the range of scales.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub limited_radii: usize,
     /// Bricks of the density and of the signed distance.
     pub bricks: [usize; 2],
     /// Nodes of the signed distance outside the band.
@@ -100,34 +103,8 @@ pub struct SurfaceStats {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// Errors of a reconstruction.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SurfaceError {
-    /// The caller interrupted the reconstruction.
-    #[error("interrupted during surface reconstruction")]
-    Interrupted,
-    /// The stream has no vectors named `position`.
-    #[error("the particles have no channel of vectors named `position`; expected one to make a surface of")]
-    NoPositions,
-    /// A position is infinite or NaN.
-    #[error(
-        "the position of particle {particle} is not finite; simulate the frame again or check its source"
-    )]
-    NotFinite {
-        /// Index of the particle in the stream.
-        particle: usize,
-    },
-    /// The particles lack a channel for the vertex attributes.
-    #[error(
-        "the particles have no channel `{name}` for the vertices; they have {existing}: change surface.attributes"
-    )]
-    NoChannel {
-        /// The requested name.
-        name: String,
-        /// The existing names.
-        existing: String,
-    },
+fn is_zero(count: &usize) -> bool {
+    *count == 0
 }
 
 /// Reconstructs the surface of `particles` (channel `position` [m], optionally `velocity` [m/s]) with a rest
@@ -137,7 +114,7 @@ pub enum SurfaceError {
 /// an origin of its own.
 ///
 /// # Errors
-/// If cancelled, or if positions are missing or not finite.
+/// If cancelled, or if positions, or radii that are requested, are missing, or positions are not finite.
 ///
 /// # Panics
 /// If `spacing` or a parameter is out of its range.
@@ -166,24 +143,30 @@ fn in_its_frame(
     cancel: &CancelToken,
 ) -> Result<Surface, SurfaceError> {
     let positions = positions(particles)?;
+    let radii = RadiusScales::of(particles, spacing, params)?;
+    let scales = radii.as_ref().map(|radii| &*radii.values);
     let mut clock = Clock { cancel, seconds: Vec::new() };
 
     let field = clock.time("density", || {
         let SurfaceParams { voxel, kernel_radius, anisotropy, .. } = *params;
-        density(positions, &DensityParams { spacing, kernel_radius, voxel, anisotropy, whole: false })
+        let params = DensityParams { spacing, kernel_radius, voxel, anisotropy, whole: false };
+        density_of_radii(positions, scales, &params)
     })?;
     let distance =
-        match params.distance {
+        match params.needed_distance() {
             Some(distance) => Some(clock.time("distance", || {
                 from_density(&field.grid, field.threshold, &SdfParams::from(distance))
             })?),
             None => None,
         };
+    let offset = params.offset.unwrap_or(0.0) * spacing;
+    let distance = distance.map(|distance| without_level(distance, offset, params.voxel * spacing));
     let mut stats = SurfaceStats {
         particles: positions.len(),
         too_far_particles: field.too_far,
         unseen_particles: field.unseen,
-        crowded_particles: field.crowded,
+        clustered_particles: field.clustered,
+        limited_radii: radii.as_ref().map_or(0, |radii| radii.limited),
         bricks: [field.grid.bricks.len(), distance.as_ref().map_or(0, |distance| distance.grid.bricks.len())],
         unreached_nodes: distance.as_ref().map_or(0, |distance| distance.unreached),
         nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
@@ -195,8 +178,9 @@ fn in_its_frame(
         with_cleanup(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
     };
     (stats.vertices, stats.triangles) = (mesh.positions.len(), mesh.triangles.len());
-    let without_crowds = (stats.crowded_particles > 0).then(|| without_crowds(particles, spacing, params));
-    let particles = without_crowds.as_ref().unwrap_or(particles);
+    let without_clusters =
+        (stats.clustered_particles > 0).then(|| without_clusters(particles, scales, spacing, params));
+    let particles = without_clusters.as_ref().unwrap_or(particles);
     stats.attributes_from_nearest = clock.time("attributes", || {
         transfer_attributes(particles, params, spacing, &mut mesh, points.as_mut())
     })??;
@@ -210,12 +194,27 @@ struct CleanedMesh {
     mesh: Mesh,
     points: Option<Points>,
     /// What earlier passes found.
-    known: Known,
+    known: KnownParts,
 }
 
-/// The contour whose isosurface is extracted.
-fn contour_of<'a>(field: &'a Density, distance: Option<&'a SignedDistance>) -> Contour<'a> {
-    distance.map_or_else(|| Contour::from(field), |distance| Contour::from(&distance.grid))
+/// A distance of which no node is on the level `offset` [m], as the distance itself has none on zero: triangles there would have no
+/// area. Nodes nearer than 10⁻⁵ voxel are moved outwards by as much.
+fn without_level(mut distance: SignedDistance, offset: f32, voxel: f32) -> SignedDistance {
+    let epsilon = 1e-5 * voxel;
+    if offset != 0.0 {
+        par::update(&mut distance.grid.values, |_, value| {
+            if (*value - offset).abs() < epsilon {
+                *value = offset + epsilon;
+            }
+        });
+    }
+    distance
+}
+
+/// The contour whose isosurface is extracted, at `offset` [m] of the distance.
+fn contour_of<'a>(field: &'a Density, distance: Option<&'a SignedDistance>, offset: f32) -> Contour<'a> {
+    let at_offset = |distance: &'a SignedDistance| Contour { level: offset, ..Contour::from(&distance.grid) };
+    distance.map_or_else(|| Contour::from(field), at_offset)
 }
 
 /// The surface of marching cubes, without clean-up.
@@ -230,7 +229,7 @@ fn without_cleanup(
     if distance.is_some() {
         field.grid.values = Vec::new();
     }
-    let contour = contour_of(&field, distance);
+    let contour = contour_of(&field, distance, params.offset.unwrap_or(0.0) * spacing);
     let (extraction, (positions, contour_stats)) = clock.time("marching cubes", || {
         let extraction = Extraction::new(&contour);
         let vertices = extraction.vertices(&contour);
@@ -244,8 +243,9 @@ fn without_cleanup(
     let bricks = distance.map_or(&field.grid.bricks, |distance| &distance.grid.bricks);
     let triangles = clock.time("marching cubes", || extraction.triangles(bricks))?;
     let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
-    let mut known = Known::default();
-    if let Some(Closed { kept, components, .. }) = closed_cavities(&mut mesh, params, spacing, clock, stats)?
+    let mut known = KnownParts::default();
+    if let Some(ClosedCavities { kept, components, .. }) =
+        closed_cavities(&mut mesh, params, spacing, clock, stats)?
     {
         known.components = Some(components);
         if !kept.is_empty() {
@@ -264,7 +264,7 @@ fn closed_cavities(
     spacing: f32,
     clock: &mut Clock,
     stats: &mut SurfaceStats,
-) -> Result<Option<Closed>, SurfaceError> {
+) -> Result<Option<ClosedCavities>, SurfaceError> {
     if stats.contour.cut_cells > 0 || params.smallest_cavity == 0.0 {
         return Ok(None);
     }
@@ -283,7 +283,8 @@ fn with_cleanup(
     clock: &mut Clock,
     stats: &mut SurfaceStats,
 ) -> Result<CleanedMesh, SurfaceError> {
-    let contour = contour_of(&field, distance);
+    let offset = params.offset.unwrap_or(0.0) * spacing;
+    let contour = contour_of(&field, distance, offset);
     let mut mesh;
     (mesh, stats.contour) = clock.time("marching cubes", || marching_cubes(contour))?;
     closed_cavities(&mut mesh, params, spacing, clock, stats)?;
@@ -296,8 +297,7 @@ fn with_cleanup(
     if let Some(smoothing) = &params.smoothing {
         smoothed = Some(clock.time("smoothing", || {
             let half_edges = half_edges.insert(HalfEdges::new(&mesh, |_| true));
-            let weights = depth_weights(&mesh, half_edges, &field, smoothing.thin, spacing);
-            smooth_with_half_edges(&mut mesh, half_edges, &weights, smoothing, spacing)
+            smooth_by_depth(&mut mesh, half_edges, Depths { field: &field, offset }, smoothing, spacing)
         })?);
     }
     stats.smoothing = smoothed.as_ref().map(|smoothed| smoothed.stats);
@@ -310,7 +310,7 @@ fn with_cleanup(
         None if params.smoothing.is_some() => (normals_from_faces(&mesh), 0),
         None => normals_from_field(&mesh, contour),
     })?;
-    Ok(CleanedMesh { mesh, points, known: Known { half_edges, components: None } })
+    Ok(CleanedMesh { mesh, points, known: KnownParts { half_edges, components: None } })
 }
 
 /// The positions of the particles, all finite.
@@ -335,11 +335,16 @@ fn smoothed_normals(mesh: &Mesh, contour: Contour, mut faces: Vec<Vec3>, unmoved
     faces
 }
 
-/// The particles without the surplus of crowds, as the density has them.
-fn without_crowds(particles: &Stream, spacing: f32, params: &SurfaceParams) -> Stream {
+/// The particles without the surplus of dense clusters, as the density has them.
+fn without_clusters(
+    particles: &Stream,
+    scales: Option<&[f32]>,
+    spacing: f32,
+    params: &SurfaceParams,
+) -> Stream {
     let positions = particles.vec3("position").unwrap_or_default();
     let cells = CellGrid::new(positions, params.kernel_radius * spacing);
-    let kept = kept(&cells, positions, spacing);
+    let kept = thinned(&cells, positions, smallest_spacing(spacing, scales));
     kept.map_or_else(|| particles.clone(), |kept| selected(particles, &kept))
 }
 
@@ -388,5 +393,24 @@ impl Clock<'_> {
             None => self.seconds.push((pass, seconds)),
         }
         if self.cancel.is_cancelled() { Err(SurfaceError::Interrupted) } else { Ok(result) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grid::{Bricks, SparseGrid};
+
+    #[test]
+    fn no_node_is_on_the_level_of_an_offset() {
+        for level in [-1.5, 0.5, 1.5] {
+            let grid = SparseGrid::new(0.25, Bricks::new(vec![[0; 3]]), level);
+            let distance =
+                SignedDistance { grid, band: 3.0, pinned: 0, on_surface: 0, unreached: 0, sweeps: 0 };
+            let kept = without_level(distance.clone(), 0.0, 0.25).grid.values;
+            assert!(kept.iter().all(|&value| value == level));
+            let moved = without_level(distance, level, 0.25).grid.values;
+            assert!(moved.iter().all(|&value| value > level && value < level + 1e-5), "{}", moved[0]);
+        }
     }
 }

@@ -4,8 +4,8 @@
 //! operator M ([`super::umbrella`]). Waves longer than the wavelength pass and shorter ones
 //! vanish, whereas repeated averaging also shrinks long waves.
 //! *Departs from the paper*: w_i is smaller where the liquid behind the vertex is thin. Edges are preserved
-//! as described below. The remaining change of volume is corrected, component by component, by an offset
-//! along the normals.
+//! as described below if this is requested. The remaining change of volume is corrected, component by component, by
+//! an offset along the normals. Triangles that fold are unfolded ([`super::displaced`]).
 //!
 //! Edges: before filtering, an edge of a box of particles is spread over vertices whose normals deviate no
 //! more than single particles make them do. After filtering, it is spread over half a wavelength, and the
@@ -16,9 +16,9 @@
 //! angle φ that the filter has rounded bends by κ Λ/2 ≈ 2 tan(φ/2), 115° for a right angle.
 //!
 //! Symbols: Λ → `wavelength` [m]; w → `weights` [0..1]; κ → `bend` [rad/m].
-//! Limits: a vertex whose triangles would fold or collapse is restored to its original position, and counted.
-//! So are components that would lose a third of their volume, or would have to move far to regain it. Shapes
-//! rounder than a wavelength, droplets and threads, count as edges.
+//! Limits: a vertex whose triangles fold or collapse and cannot be unfolded is restored to its original position, and
+//! counted. So are components that would lose a third of their volume, or would have to move far to regain it. With
+//! `crease`, shapes rounder than a wavelength count as edges.
 
 use super::{
     Mesh, SmoothingParams,
@@ -34,6 +34,20 @@ use crate::{field::Density, grid::Probe, math::Vec3, par};
 /// Depth below the surface at which the liquid is sampled [spacings]. A layer of one particle ends one
 /// spacing below, two layers end at two: between them, both can be distinguished from either side.
 const PROBE_DEPTH: f32 = 1.5;
+
+/// Radius of thin spots that are smoothed like what is around them [spacings], such as the sides of a particle that
+/// is proud of a bulk. If it is larger, stubs of threads are removed; if smaller, such particles stay warts.
+const CLOSING_RADIUS: f32 = 1.5;
+
+/// Passes of closing at most, for very small voxels.
+const MAX_CLOSING_PASSES: f64 = 60.0;
+
+/// Length of the mean normal over a wavelength from which the surface counts as flat …
+const FLAT_END: f32 = 0.9;
+
+/// … and below which it counts as round. At a right angle it is 0.7; on a cylinder it is the part of the radius
+/// that the filter leaves.
+const FLAT_START: f32 = 0.6;
 
 /// The wavelength at edges, relative to the other. Larger makes them rounder, smaller leaves more of the particles
 /// on them. At the usual six spacings it is two, below which the density has little content.
@@ -53,7 +67,11 @@ const NO_CREASE_ANGLE: f32 = 180.0;
 
 /// A component that keeps less than this part of its volume is not smoothed: offsets along its normals would
 /// not restore its shape.
-const MIN_VOLUME_FRACTION: f64 = 0.7;
+const MIN_VOLUME_FRACTION: f32 = 0.7;
+
+/// A component that keeps more than this part of its volume is smoothed entirely. Between the two it is smoothed in
+/// part, so that no droplet jumps between the two from frame to frame.
+const SOUND_VOLUME_FRACTION: f32 = 0.85;
 
 /// Relative error of a component's volume that is accepted: single precision allows no better.
 const VOLUME_TOLERANCE: f64 = 1e-6;
@@ -91,26 +109,84 @@ pub struct SmoothingStats {
     pub longest_move: f32,
 }
 
-/// The weight of smoothing at each vertex: `thin` where the liquid is one particle thick, 1 in the bulk.
-/// `field` is the density of the surface.
-pub(super) fn depth_weights(
+/// What the depth of the liquid behind a surface is found in.
+pub(super) struct Depths<'a> {
+    /// The density of the particles.
+    pub(super) field: &'a Density,
+    /// How far the surface is outside of its isosurface [m].
+    pub(super) offset: f32,
+}
+
+/// The weight of smoothing at each vertex: `thin` where the liquid is thin, 1 in the bulk.
+///
+/// The liquid is sampled along the mean normal over a wavelength: on the side of a single particle that is
+/// proud of a bulk, the vertex's own normal points along the surface, and misses the bulk. Where the normals
+/// around a vertex differ by so much that their mean is short, the surface is round within a wavelength. There
+/// the filter shortens radii by as much as it shortens normals, so the liquid must be half a wavelength deep
+/// along the vertex's own normal.
+fn depth_weights(
     mesh: &Mesh,
     half_edges: &HalfEdges,
-    field: &Density,
-    thin: f32,
+    umbrella: &Umbrella,
+    depths: Depths,
+    params: &SmoothingParams,
     spacing: f32,
 ) -> Vec<f32> {
-    let mut weights = vec![0.0; mesh.positions.len()];
+    let Depths { field, offset } = depths;
+    if !is_extended(umbrella) {
+        return vec![1.0; mesh.positions.len()];
+    }
+    let mut normals = half_edges.normals(mesh);
+    par::update(&mut normals, |_, n| *n = unit(n));
+    let wavelength = f64::from(params.wavelength) * f64::from(spacing);
+    let long = response(cutoff(umbrella.edge, wavelength));
+    let [change, _] = umbrella.filter(&normals, &vec![1.0; normals.len()], [&long, &[]]);
+    let mut weights = vec![0.0; normals.len()];
     par::for_chunks(&mut weights, par::CHUNK, |start, weights| {
         let mut probe = Probe::new(&field.grid);
         for (v, weight) in (start..).zip(weights) {
-            let inward = unit(&half_edges.normal(mesh, v)) * (PROBE_DEPTH * spacing);
-            let behind = probe.trilinear(mesh.positions[v] - inward) / field.threshold;
-            let t = (behind - 0.5).clamp(0.0, 1.0);
-            *weight = thin + (1.0 - thin) * t * t * (3.0 - 2.0 * t);
+            let mean = normals[v] + vector(change[v]);
+            let flat = smooth_step(FLAT_START, FLAT_END, mean.norm());
+            let inward = unit(&(normals[v] * (1.0 - flat) + unit(&mean) * flat)) * -spacing;
+            let deepest = (0.5 * params.wavelength).max(PROBE_DEPTH);
+            let depth = deepest + (PROBE_DEPTH - deepest) * flat;
+            let samples = (depth / PROBE_DEPTH).ceil();
+            let x = mesh.positions[v] - normals[v] * offset;
+            let minimum = (1..=samples as usize)
+                .map(|i| probe.trilinear(x + inward * (depth * i as f32 / samples)))
+                .fold(f32::MAX, f32::min);
+            *weight = params.thin + (1.0 - params.thin) * smooth_step(0.5, 1.5, minimum / field.threshold);
         }
     });
+    close(&mut weights, umbrella, spacing);
     weights
+}
+
+/// Raises weights around which there are higher ones on all sides within [`CLOSING_RADIUS`]: the morphological
+/// closing of grey-scale images [serra82].
+fn close(weights: &mut Vec<f32>, umbrella: &Umbrella, spacing: f32) {
+    let passes =
+        (f64::from(CLOSING_RADIUS * spacing) / umbrella.edge).ceil().min(MAX_CLOSING_PASSES) as usize;
+    let mut next = weights.clone();
+    for extremum in [f32::max as fn(f32, f32) -> f32, f32::min] {
+        for _ in 0..passes {
+            umbrella.fill(&mut next, |v, neighbours| {
+                neighbours.iter().fold(weights[v], |found, &j| extremum(found, weights[j as usize]))
+            });
+            std::mem::swap(weights, &mut next);
+        }
+    }
+}
+
+/// Whether there are vertices at different places.
+fn is_extended(umbrella: &Umbrella) -> bool {
+    umbrella.edge > 0.0
+}
+
+/// The cubic step from 0 at `start` to 1 at `end`; 0 for NaN.
+fn smooth_step(start: f32, end: f32, x: f32) -> f32 {
+    let t = ((x - start) / (end - start)).clamp(0.0, 1.0);
+    if t.is_nan() { 0.0 } else { t * t * (3.0 - 2.0 * t) }
 }
 
 /// Smooths the positions of `mesh`, each vertex by its weight [0..1].
@@ -119,7 +195,8 @@ pub(super) fn depth_weights(
 /// filter would be unbounded. The result does not depend on threads. The triangles do not change.
 pub fn smooth(mesh: &mut Mesh, weights: &[f32], params: &SmoothingParams, spacing: f32) -> SmoothingStats {
     let half_edges = HalfEdges::new(mesh, |_| true);
-    smooth_with_half_edges(mesh, &half_edges, weights, params, spacing).stats
+    let umbrella = Umbrella::new(mesh, &half_edges);
+    smooth_with_umbrella(mesh, &half_edges, umbrella, weights, params, spacing).stats
 }
 
 /// Result of smoothing, with the normals and unmoved vertices.
@@ -131,10 +208,24 @@ pub(super) struct Smoothed {
     pub(super) unmoved: Vec<u32>,
 }
 
-/// [`smooth`] of a mesh with known half-edges.
-pub(super) fn smooth_with_half_edges(
+/// [`smooth`] of a mesh with known half-edges, each vertex by the depth of the liquid behind it.
+pub(super) fn smooth_by_depth(
     mesh: &mut Mesh,
     half_edges: &HalfEdges,
+    depths: Depths,
+    params: &SmoothingParams,
+    spacing: f32,
+) -> Smoothed {
+    let umbrella = Umbrella::new(mesh, half_edges);
+    let weights = depth_weights(mesh, half_edges, &umbrella, depths, params, spacing);
+    smooth_with_umbrella(mesh, half_edges, umbrella, &weights, params, spacing)
+}
+
+/// [`smooth`] of a mesh with known half-edges and umbrella operator.
+fn smooth_with_umbrella(
+    mesh: &mut Mesh,
+    half_edges: &HalfEdges,
+    umbrella: Umbrella,
     weights: &[f32],
     params: &SmoothingParams,
     spacing: f32,
@@ -144,9 +235,7 @@ pub(super) fn smooth_with_half_edges(
         thin_vertices: count(weights.len(), |v| is_thin(weights[v])),
         ..SmoothingStats::default()
     };
-    let umbrella = Umbrella::new(mesh, half_edges, weights);
-    if umbrella.edge.is_nan() || umbrella.edge <= 0.0 {
-        // All vertices coincide, or there are none.
+    if !is_extended(&umbrella) {
         let unmoved = select(weights.len(), |_| true);
         return Smoothed { stats, normals: half_edges.normals(mesh), unmoved };
     }
@@ -161,7 +250,7 @@ pub(super) fn smooth_with_half_edges(
         .then(|| response(cutoff(umbrella.edge, CREASE_WAVELENGTH_FRACTION * wavelength)));
     stats.degree = long.len();
     let [displacements, at_creases] =
-        umbrella.filter(&mesh.positions, &long, short.as_deref().unwrap_or_default());
+        umbrella.filter(&mesh.positions, weights, [&long, short.as_deref().unwrap_or_default()]);
     let before = mesh.positions.clone();
     par::update(&mut mesh.positions, |v, x| *x += vector(displacements[v]));
     let mut displaced = DisplacedMesh::new(mesh, half_edges, before);
@@ -171,17 +260,24 @@ pub(super) fn smooth_with_half_edges(
             restore_creases(&mut displaced, &umbrella, [displacements, at_creases], limit);
     }
     drop(umbrella);
-    displaced.restore(&triangles);
+    displaced.unfold(&triangles, weights, spacing);
 
-    // Components shorter than the wavelength shrink to nothing: they are restored.
+    // Components shorter than the wavelength shrink: they are restored, or in part.
     let mut now = components.volumes(displaced.mesh, &triangles);
-    let shrank: Vec<bool> =
-        now.iter().zip(&target).map(|(now, before)| now.abs() < MIN_VOLUME_FRACTION * before.abs()).collect();
-    let back = select(weights.len(), |v| shrank[components.of[v] as usize]);
-    displaced.restore_vertices(&back);
-    displaced.refresh(&back);
-    for i in (0..now.len()).filter(|&i| shrank[i]) {
-        now[i] = target[i];
+    let kept: Vec<f32> = now
+        .iter()
+        .zip(&target)
+        .map(|(now, before)| {
+            smooth_step(MIN_VOLUME_FRACTION, SOUND_VOLUME_FRACTION, (now / before).abs() as f32)
+        })
+        .collect();
+    let back = select(weights.len(), |v| kept[components.of[v] as usize] < 1.0);
+    displaced.restore_parts(&back, |v| kept[components.of[v] as usize]);
+    let of_these = retain(&triangles, |t| kept[components.of_triangle(displaced.mesh, t)] < 1.0);
+    displaced.unfold(&of_these, weights, spacing);
+    let volumes = components.volumes(displaced.mesh, &of_these);
+    for i in (0..now.len()).filter(|&i| kept[i] < 1.0) {
+        now[i] = volumes[i];
     }
 
     correct_volumes(
@@ -256,7 +352,7 @@ fn correct_volumes(
         vertices = retain(&vertices, |v| surplus[components.of[v] as usize] != 0.0);
         triangles = retain(&triangles, |t| surplus[components.of_triangle(displaced.mesh, t)] != 0.0);
         displaced.offset(weights, components, [&vertices, &triangles], &surplus, spacing);
-        displaced.restore(&triangles);
+        displaced.unfold(&triangles, weights, spacing as f32);
         let now = components.volumes(displaced.mesh, &triangles);
         // The first step may go too far. A component that later steps bring no nearer is as near as rounding
         // allows.
@@ -302,8 +398,7 @@ fn crease_shares(displaced: &DisplacedMesh, umbrella: &Umbrella, limit: f32) -> 
         let [turn, length] = around.fold(bends[v], |sum, of| [sum[0] + of[0], sum[1] + of[1]]);
         // A neighbour along an edge does not turn: on average half of the square is seen.
         let bend = (2.0 * turn / length).sqrt();
-        let t = ((bend / limit - CREASE_START_FRACTION) / (1.0 - CREASE_START_FRACTION)).clamp(0.0, 1.0);
-        if t.is_nan() { 0.0 } else { t * t * (3.0 - 2.0 * t) }
+        smooth_step(CREASE_START_FRACTION, 1.0, bend / limit)
     });
     shares
 }

@@ -2,7 +2,9 @@
 //!
 //! *Method* [taubin96]: M x_i = x_i + w_i (Σ_j x_j/n_i − x_i) over the n_i neighbours j of vertex i;
 //! R(M)(M − 1) x by T_{k+1} = 2 M T_k − T_{k−1}.
-//! *Departs from the paper*: none.
+//! *Departs from the paper*: weights are divided by the square of the edge length around the vertex. A filter with
+//! the same weight everywhere smooths more where the grid makes longer edges, so the surface changes as it turns:
+//! a ball of particles of radius 8 spacings by 0.022 spacings RMS at a wavelength of 6, and by 0.015 with this.
 //!
 //! M is similar to a symmetric matrix with eigenvalues in [−1, 1] for weights w in 0..=1 on a closed mesh, so
 //! that every T_k stays bounded.
@@ -17,13 +19,22 @@ use crate::{math::Vec3, par};
 /// A vector and a zero, so that one instruction handles four numbers.
 pub(super) type Four = [f32; 4];
 
-/// The operator M of a mesh.
-pub(super) struct Umbrella<'a> {
+/// The operator M of a mesh, without the weights of its vertices.
+pub(super) struct Umbrella {
     chunks: Vec<VertexChunk>,
-    weights: &'a [f32],
-    /// Root mean square edge length ℓ [m].
+    /// Factors [0..1] of the weights, which give all vertices the edge length ℓ.
+    factors: Vec<f32>,
+    /// Root mean square edge length ℓ around a vertex [m].
     pub(super) edge: f64,
 }
+
+/// Passes of averaging the squares of edge lengths. Marching cubes makes long and short edges side by side, and
+/// the operator spreads over both.
+const LENGTH_AVERAGING_PASSES: usize = 2;
+
+/// Part of the vertices whose edges are shorter than ℓ, and which are smoothed less. If it is smaller, ℓ is
+/// shorter and the filter takes longer.
+const SHORTER_PART: usize = 10;
 
 /// The neighbours of a chunk of vertices.
 struct VertexChunk {
@@ -106,23 +117,34 @@ fn run<const N: usize>(vertices: &[u16], half_edges: &[u32], visit: &mut impl Vi
     }
 }
 
-impl<'a> Umbrella<'a> {
-    /// The operator of `mesh` with one weight [0..1] per vertex.
-    pub(super) fn new(mesh: &Mesh, half_edges: &HalfEdges, weights: &'a [f32]) -> Self {
+impl Umbrella {
+    /// The operator of `mesh`.
+    pub(super) fn new(mesh: &Mesh, half_edges: &HalfEdges) -> Self {
         let chunks = par::map_chunks(mesh.positions.len(), par::CHUNK, |range| {
-            let chunk = VertexChunk::new(mesh, half_edges, range.clone());
-            let mut squares = 0.0;
-            chunk.for_each(|v, neighbours| {
-                let x = mesh.positions[range.start + v];
-                for &j in neighbours {
-                    squares += f64::from((mesh.positions[j as usize] - x).norm_squared());
-                }
-            });
-            (chunk, squares)
+            VertexChunk::new(mesh, half_edges, range)
         });
-        let squares: f64 = chunks.iter().map(|chunk| chunk.1).sum();
-        let chunks = chunks.into_iter().map(|chunk| chunk.0).collect();
-        Self { chunks, weights, edge: (squares / half_edges.len() as f64).sqrt() }
+        let umbrella = Self { chunks, factors: Vec::new(), edge: 0.0 };
+        let mut squares = vec![0.0; mesh.positions.len()];
+        umbrella.fill(&mut squares, |v, neighbours| {
+            let square = |&j: &u32| (mesh.positions[j as usize] - mesh.positions[v]).norm_squared();
+            neighbours.iter().map(square).sum::<f32>() / neighbours.len() as f32
+        });
+        let mut averaged = vec![0.0; squares.len()];
+        for _ in 0..LENGTH_AVERAGING_PASSES {
+            umbrella.fill(&mut averaged, |_, neighbours| {
+                neighbours.iter().map(|&j| squares[j as usize]).sum::<f32>() / neighbours.len() as f32
+            });
+            std::mem::swap(&mut squares, &mut averaged);
+        }
+        averaged.copy_from_slice(&squares);
+        averaged.retain(|&square| square > 0.0);
+        let shorter = averaged.len() / SHORTER_PART;
+        let square = match averaged.is_empty() {
+            true => 0.0,
+            false => *averaged.select_nth_unstable_by(shorter, f32::total_cmp).1,
+        };
+        par::update(&mut squares, |_, own| *own = if *own > square { square / *own } else { 1.0 });
+        Self { factors: squares, edge: f64::from(square).sqrt(), ..umbrella }
     }
 
     /// Writes `f(i, neighbours of i)` into `out[i]` of every vertex that has neighbours.
@@ -133,12 +155,15 @@ impl<'a> Umbrella<'a> {
     }
 
     /// The displacements Σ r_k T_k(M)(M − 1) x for two responses r of even length, the second no longer than
-    /// the first; empty for one without coefficients.
-    pub(super) fn filter(&self, x: &[Vec3], long: &[f32], short: &[f32]) -> [Vec<Four>; 2] {
+    /// the first; empty for one without coefficients. M has one weight [0..1] per vertex besides the factors.
+    pub(super) fn filter(&self, x: &[Vec3], weights: &[f32], [long, short]: [&[f32]; 2]) -> [Vec<Four>; 2] {
+        let mut scaled = vec![0.0; x.len()];
+        par::fill(&mut scaled, |v| weights[v] * self.factors[v]);
+        let weights = &scaled[..];
         let mut now: Vec<Four> = vec![[0.0; 4]; x.len()];
         self.fill(&mut now, |i, neighbours| {
             let sum = neighbours.iter().fold(Vec3::zeros(), |sum, &j| sum + (x[j as usize] - x[i]));
-            let pull = sum * (self.weights[i] / neighbours.len() as f32);
+            let pull = sum * (weights[i] / neighbours.len() as f32);
             [pull.x, pull.y, pull.z, 0.0]
         });
         let mut last = par::repeated([0.0; 4], x.len());
@@ -151,7 +176,7 @@ impl<'a> Umbrella<'a> {
             let factor = if k == 1 { 1.0 } else { 2.0 };
             let advance = |start: usize, last: &mut [Four], sums: [Option<WeightedSum>; 2]| {
                 let own = start..start + last.len();
-                let (weights, own) = (&self.weights[own.clone()], &now[own]);
+                let (weights, own) = (&weights[own.clone()], &now[own]);
                 self.chunks[start / par::CHUNK].visit(Advance {
                     now: &now,
                     own,

@@ -3,6 +3,7 @@
 //! This is the only layer that sees a whole [`Scene`](crate::scene::Scene): it passes each module its own part. Jobs report through
 //! a [`Reporter`] and check between steps whether to go on.
 
+mod bounds;
 mod follow;
 mod info;
 mod plan;
@@ -25,6 +26,7 @@ pub(crate) use crate::{
     },
     product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
 };
+pub(crate) use bounds::{FrameBounds, bounds};
 pub(crate) use follow::follow;
 pub(crate) use info::{FrameState, Info, frame_ranges, info, is_shot};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};

@@ -56,7 +56,7 @@ const ALLOWED: [(&str, &str, &str); 22] = [
     ("src/import/triangles.rs", "sheet", "the importer of meshes with painted values, for sheets"),
     ("src/export/mod.rs", "sheet", "the formats of the product `sheet`"),
     ("src/export/format.rs", "sheet", "the formats of the product `sheet`"),
-    ("src/cli/args.rs", "sheet", "the formats of the product `sheet`"),
+    ("src/cli/product_args.rs", "sheet", "the formats of the product `sheet`"),
     ("src/cli/values.rs", "sheet", "the formats of the product `sheet`"),
     ("src/cli/export.rs", "sheet", "the formats of the product `sheet`"),
     ("src/sim/smoke/shed.rs", "sheet", "a vortex sheet"),

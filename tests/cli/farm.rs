@@ -158,7 +158,7 @@ fn meshes_follow_a_running_simulation() {
     assert!(out.contains("5 up to date"), "{out}");
     desk.run("shot small.toml -o local", 0);
     assert_eq!(desk.bytes("shot/mesh"), desk.bytes("local/mesh"));
-    let (_, talk) = desk.run("mesh shot --follow --format ply x.xyz -o y", 2);
+    let (_, talk) = desk.run("mesh x.xyz --follow --spacing 1 -o y", 2);
     assert!(talk.contains("--follow is for"), "{talk}");
 }
 

@@ -8,7 +8,7 @@ use ply_rs_bw::{
 };
 
 /// A ball of particles on a seeding lattice.
-fn ball(spacing: f32, radius: f32, center: [f32; 3]) -> Vec<[f32; 3]> {
+pub(super) fn ball(spacing: f32, radius: f32, center: [f32; 3]) -> Vec<[f32; 3]> {
     let n = (radius / spacing).ceil() as i32;
     let axis = || -n..=n;
     let points = axis().flat_map(|i| axis().flat_map(move |j| axis().map(move |k| [i, j, k])));

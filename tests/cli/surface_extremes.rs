@@ -82,7 +82,7 @@ fn a_thousand_kilometres_from_the_origin() {
     let check = |name: &str| {
         let (_, talk) = desk.run(&format!("mesh {name}.xyz --spacing 1 -o {name} {ISOTROPIC}"), 0);
         assert_eq!(
-            talk.contains("from the origin, coordinates in single precision"),
+            talk.contains("positions of particles are rounded to 0.12 spacings"),
             name == "far",
             "{talk}"
         );
@@ -141,15 +141,43 @@ fn a_spacing_far_off_is_reported_with_one_that_fits() {
 }
 
 #[test]
-fn a_crowd_is_thinned_and_counted() {
+fn a_dense_cluster_is_thinned_and_counted() {
     let desk = Desk::new();
     let place = |i: i32| [0.3, 0.2, 0.1].map(|at| at + 1e-3 * (i % 97) as f32 / 97.0);
-    let crowd: Vec<[f32; 3]> = (0..20_000).map(place).collect();
-    desk.write("crowd.xyz", xyz(&[block(6, 1.0), crowd].concat()));
-    let (out, talk) = desk.run("mesh crowd.xyz --spacing 0.1 -o out", 0);
-    assert!(format!("{out}{talk}").contains("particles left out of crowds"), "{out}{talk}");
+    let cluster: Vec<[f32; 3]> = (0..20_000).map(place).collect();
+    desk.write("cluster.xyz", xyz(&[block(6, 1.0), cluster].concat()));
+    let (out, talk) = desk.run("mesh cluster.xyz --spacing 0.1 -o out", 0);
+    assert!(format!("{out}{talk}").contains("particles left out of clusters"), "{out}{talk}");
     let check = mesh::check(&read_ply(&desk.path("out/mesh/particles_0001.ply")));
     assert!(check.is_sound() && check.components == 2, "{check:?}");
+}
+
+/// Estimates that refuse a frame are near the memory that it takes, whether the particles are a body, a sheet or spray.
+#[cfg(target_os = "linux")]
+#[test]
+fn memory_is_refused_by_estimates_near_the_real_peak() {
+    let desk = Desk::new();
+    let body = block(22, 0.0);
+    let sheet = (0..150 * 150).map(|i| [(i % 150) as f32 * 0.1, (i / 150) as f32 * 0.1, 0.0]).collect();
+    let place = |i: u32, prime: u32| (i * prime % 9973) as f32 / 9973.0 * 40.0;
+    let spray = (0..6000).map(|i| [place(i, 613), place(i, 3347), place(i, 811)]).collect();
+    for (name, points, options) in [
+        ("body", body, "--voxel 0.125"),
+        ("sheet", sheet, "--voxel 0.25"),
+        ("spray", spray, "--voxel 0.5"),
+        ("distances", block(22, 0.0), "--voxel 0.25 --set surface.distance={}"),
+    ] {
+        desk.write(&format!("{name}.xyz"), xyz(&points));
+        let line = format!("mesh {name}.xyz --spacing 0.1 -o {name} --progress none {options}");
+        let measured = plan::peak(&desk, &line);
+        // So little that it is refused, and so much that the coarse nodes are sampled.
+        let allowed = 0.6 * measured;
+        let (_, log) = desk.run(&format!("{line} --force --max-memory {allowed:.0}B"), 33);
+        let mib = log.split_whitespace().zip(log.split_whitespace().skip(1)).find(|(_, unit)| *unit == "MiB");
+        let estimate = mib.unwrap().0.parse::<f64>().unwrap() * f64::from(1 << 20);
+        println!("{name}: estimated {estimate}, measured {measured} bytes");
+        assert!((0.7..1.3).contains(&(estimate / measured)), "{name}: {estimate}, measured {measured} bytes");
+    }
 }
 
 /// Memory follows the particles, not the box around them.

@@ -1,6 +1,10 @@
 //! What `meniscus mesh` takes: tiers of surfaces, spacings with units, tables of particles, several shots.
 
 use super::{meshing::xyz, *};
+use meniscus::{
+    math::Vec3,
+    mesh::{self, Mesh, surface_distance},
+};
 
 /// A drop of particles 0.1 m apart above a sheet of one layer.
 fn drop_and_sheet() -> Vec<[f32; 3]> {
@@ -99,7 +103,7 @@ fn several_shots_are_meshed_by_one_command_and_a_failing_one_stops_no_other() {
     let order = ["shot 1 of 3: wedge_2", "shot 2 of 3: wedge_10", "shot 3 of 3: alone"];
     let places: Vec<_> = order.iter().map(|line| talk.find(line)).collect();
     assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{talk}");
-    assert!(talk.contains("wedge_*: 1 folders without a shot are left out"), "{talk}");
+    assert!(talk.contains("wedge_*: 1 folders without a shot and 0 files are left out"), "{talk}");
 
     // One is damaged, one lacks a frame: the code is that of the damaged one, and the last is made.
     let frame = desk.path("wedge_2/cache/frame_0002.mcf");
@@ -139,4 +143,145 @@ fn several_shots_have_folders_of_their_own() {
     assert_eq!(desk.names("out/mesh"), ["liquid_0001.ply"]);
     let (out, _) = desk.run("volume a_* --grid density", 0);
     assert!(out.contains("a_1/volume") && out.contains("a_2/volume"), "{out}");
+}
+
+#[test]
+fn kernels_scale_with_the_radius_of_each_particle() {
+    let desk = Desk::new();
+    // Lone particles: one of half the spacing, one of twice as much, one of a quarter.
+    desk.write("three.csv", "x,y,z,pscale\n0,0,0,0.05\n2,0,0,0.1\n-2,0,0,0.025\n");
+    let line = "mesh three.csv --spacing 0.1 -o out --force --voxel 0.1 --set surface.smoothing=none";
+    for kernels in ["none", "{}"] {
+        let mesh = |more: &str| {
+            let (_, talk) = desk.run(&format!("{line} --set surface.anisotropy={kernels} {more}"), 0);
+            (meshing::read_ply(&desk.path("out/mesh/particles_0001.ply")), talk)
+        };
+        let extent = |mesh: &Mesh, at: f32| {
+            let near = mesh.positions.iter().filter(|x| (x.x - at).abs() < 1.0);
+            near.map(|x| (x.x - at).abs()).fold(0.0, f32::max)
+        };
+        // Not unless it is requested.
+        let (plain, _) = mesh("");
+        let radius = extent(&plain, 0.0);
+        assert!((extent(&plain, 2.0) / radius - 1.0).abs() < 0.02, "{kernels}");
+        let (scaled, talk) = mesh("--set surface.radius=attribute");
+        for (at, factor) in [(0.0, 1.0), (2.0, 2.0), (-2.0, 0.5)] {
+            assert!((extent(&scaled, at) / radius - factor).abs() < 0.05, "{kernels} {at}");
+        }
+        assert!(!talk.contains("radii limited"), "{talk}");
+    }
+}
+
+#[test]
+fn volumes_scale_with_radii_too() {
+    let desk = Desk::new();
+    desk.write("two.csv", "x,y,z,pscale\n0,0,0,0.05\n2,0,0,0.1\n");
+    let line = "volume two.csv --spacing 0.1 -o out --grid density";
+    desk.run(line, 0);
+    let plain = desk.bytes("out/volume");
+    let (out, _) = desk.run(&format!("{line} --set surface.radius=attribute"), 0);
+    assert!(out.contains("0 up to date"), "the radius is in the key: {out}");
+    assert!(desk.bytes("out/volume") != plain);
+    assert!(desk.run(line, 0).0.contains("0 up to date") && desk.bytes("out/volume") == plain);
+}
+
+#[test]
+fn equal_radii_are_a_larger_spacing() {
+    let desk = Desk::new();
+    // A cube of particles 0.1 m apart, with the radius of that, meshed as if they were 0.08 m apart.
+    let points: Vec<[f32; 3]> =
+        (0..1728).map(|i| [i % 12, i / 12 % 12, i / 144].map(|v| 0.1 * v as f32)).collect();
+    let rows = |radius: f32| -> String {
+        points.iter().map(|[x, y, z]| format!("{x},{y},{z},{radius}\n")).collect()
+    };
+    desk.write("cube.csv", format!("x,y,z,radius\n{}", rows(0.05)));
+    desk.write("odd.csv", format!("x,y,z,radius\n{}9,9,9,0\n", rows(0.05)));
+    for kernels in ["none", "{}"] {
+        let volume = |options: &str, file: &str| {
+            let options =
+                format!("{options} --set surface.anisotropy={kernels} --set surface.smoothing=none");
+            let (out, _) = desk.run(&format!("mesh {file} -o out --force {options}"), 0);
+            (mesh::check(&meshing::read_ply(&desk.path("out/mesh/particles_0001.ply"))), out)
+        };
+        let (exact, _) = volume("--spacing 0.1 --voxel 0.4", "cube.csv");
+        let (found, out) = volume("--spacing 0.08 --voxel 0.5 --set surface.radius=attribute", "cube.csv");
+        assert!(found.is_sound() && found.components == 1, "{found:?}");
+        assert!(
+            (found.volume / exact.volume - 1.0).abs() < 1e-3,
+            "{kernels}: {} {}",
+            found.volume,
+            exact.volume
+        );
+        assert!(!out.contains("volume:"), "the particles' volume is that of their radii: {out}");
+    }
+    // Radii out of range are limited and reported; without the attribute the frame fails.
+    let (_, talk) = desk.run("mesh odd.csv --spacing 0.1 -o odd --set surface.radius=attribute", 0);
+    assert!(talk.contains("1 radii limited"), "{talk}");
+    desk.write("none.xyz", "0 0 0\n");
+    let (_, talk) = desk.run("mesh none.xyz --spacing 0.1 -o none --set surface.radius=attribute", 3);
+    assert!(talk.contains("no attribute `radius` or `pscale`"), "{talk}");
+}
+
+#[test]
+fn a_surface_is_moved_by_the_offset() {
+    let desk = Desk::new();
+    desk.write("ball.xyz", xyz(&meshing::ball(0.1, 0.5, [0.0; 3])));
+    let mesh = |options: &str| {
+        let (out, _) = desk.run(&format!("mesh ball.xyz --spacing 0.1 -o out --force {options}"), 0);
+        assert!(!out.contains("volume:"), "{out}");
+        let mesh = meshing::read_ply(&desk.path("out/mesh/particles_0001.ply"));
+        assert!(mesh::check(&mesh).is_sound(), "{options}");
+        mesh
+    };
+    // Vertices of the moved surface are as far from the other as requested.
+    for (voxel, mean_bound, largest_bound) in [(0.5, 0.025, 0.15), (0.25, 0.01, 0.07)] {
+        let options = format!("{ISOTROPIC} --voxel {voxel}");
+        let own = mesh(&options);
+        let target = surface_distance::Target::new(&own).unwrap();
+        for offset in [-1.0_f32, 0.25, 2.0] {
+            let moved = mesh(&format!("{options} --set surface.offset={offset}"));
+            let error = |x: &Vec3| target.nearest(*x, 0).1 / 0.1 - offset.abs();
+            let errors: Vec<f32> = moved.positions.iter().map(error).collect();
+            let mean = errors.iter().map(|error| error.abs()).sum::<f32>() / errors.len() as f32;
+            let largest = errors.iter().fold(0.0, |largest: f32, error| largest.max(error.abs()));
+            println!("{voxel} {offset}: mean {mean}, largest {largest}");
+            assert!(
+                mean < mean_bound && largest < largest_bound,
+                "{voxel} {offset}: {mean}, {largest} spacings"
+            );
+        }
+    }
+    // Outwards is outwards, and the smoothed surface moves alike.
+    let volume = |offset: &str| mesh::check(&mesh(&format!("--set surface.offset={offset}"))).volume;
+    let radius = |volume: f64| (0.75 * volume / std::f64::consts::PI).cbrt() / 0.1;
+    let own = radius(volume("none"));
+    for offset in [-1.0, 1.0] {
+        let moved = radius(volume(&offset.to_string())) - own;
+        assert!((moved - offset).abs() < 0.1, "{offset}: {moved}");
+    }
+    let (_, talk) = desk.run("mesh ball.xyz --spacing 0.1 -o out --set surface.offset=3", 2);
+    assert!(talk.contains("-2 to 2"), "{talk}");
+}
+
+#[test]
+fn bounds_are_printed_without_a_mesh() {
+    let desk = Desk::new();
+    desk.write("ball_1.xyz", xyz(&meshing::ball(0.1, 0.5, [1.0, 0.0, 0.0])));
+    desk.write("ball_2.xyz", xyz(&meshing::ball(0.1, 0.5, [3.0, 0.0, 0.0])));
+    let (out, _) = desk.run("mesh ball_#.xyz --bounds", 0);
+    assert!(
+        out.contains("frame 0001  particles  485 particles  box (0.6, -0.4, -0.4) to (1.4, 0.4, 0.4) m"),
+        "{out}"
+    );
+    assert!(out.contains("spacing about 0.1 m  grid by that spacing 24 × 24 × 24 of 0.05 m"), "{out}");
+    assert!(out.contains("all 2: box (0.6, -0.4, -0.4) to (3.4, 0.4, 0.4) m"), "{out}");
+    let (out, _) = desk.run("mesh ball_1.xyz --bounds --spacing 0.2 --voxel 1", 0);
+    assert!(out.contains("grid 8 × 8 × 8 of 0.2 m") && out.contains("MiB"), "{out}");
+    desk.run("simulate small.toml --frames 1-2", 0);
+    let (out, _) = desk.run("mesh small --bounds", 0);
+    assert!(out.contains("frame 0002  liquid  512 particles") && out.contains("grid "), "{out}");
+    assert!(!desk.path("small/mesh").exists() && !desk.path("out").exists());
+    desk.write("ball_2.xyz", "0 0\n");
+    let (out, talk) = desk.run("mesh ball_#.xyz --bounds", 3);
+    assert!(out.contains("frame 0001") && talk.contains("frame 0002"), "{out}{talk}");
 }

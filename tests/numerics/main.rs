@@ -21,6 +21,7 @@ mod reference_vortex;
 mod sdf;
 mod sheet;
 mod smoke;
+mod smoothing;
 mod solidify;
 mod solids;
 mod surface_field;

@@ -97,21 +97,12 @@ impl MeshRecord {
         frame: FrameIndex,
         key: u64,
         surface: &Surface,
-        particle_volume: f64,
+        particle_volume: Option<f64>,
         neighbours: Option<NeighbourDistances>,
     ) -> Self {
         let (name, key) = (name.into(), hex(key));
         let MeshCheck { volume, area, components, .. } = surface.check;
-        Self {
-            frame,
-            name,
-            key,
-            volume,
-            particle_volume: Some(particle_volume),
-            area,
-            components,
-            neighbours,
-        }
+        Self { frame, name, key, volume, particle_volume, area, components, neighbours }
     }
 
     /// The mesh's volume over that of its particles, less one; `None` if that is unknown or zero.

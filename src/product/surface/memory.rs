@@ -2,11 +2,12 @@
 
 use super::bricks::bricks_around;
 use crate::{
-    field::{DensityParams, bricks_near_surface, coarse_step},
-    frame::Stream,
+    field::{DensityParams, coarse_step, surface_size},
+    frame::{ChannelData, Stream},
     grid::BRICK_NODES,
     job::memory::{BASE_MEMORY, Grids},
-    mesh::{DistanceParams, SurfaceParams},
+    math::Vec3,
+    mesh::{DistanceParams, SurfaceParams, is_far},
 };
 
 /// Memory of a surface as it is cut, until its normals are found [bytes/brick of the density] …
@@ -31,8 +32,17 @@ const SMOOTHED_VERTEX_BYTES: f64 = 125.0;
 /// … or decimated, after that: 1.22 GB were measured with 3.1 million vertices.
 const DECIMATED_VERTEX_BYTES: f64 = 245.0;
 
-/// Memory of the signed distance [bytes/brick]: its nodes twice, and the state of the sweeps.
-const DISTANCE_BRICK_BYTES: f64 = 6000.0;
+/// Memory of the signed distance [bytes/brick of it]: its nodes twice, and the state of the sweeps.
+const DISTANCE_BRICK_BYTES: f64 = 6400.0;
+
+/// Memory of the coarse nodes while the density is computed [bytes/brick].
+const COARSE_BRICK_BYTES: f64 = 2150.0;
+
+/// Part of the memory of a vertex that is its velocity [bytes], which many files lack.
+const VELOCITY_BYTES: f64 = 12.0;
+
+/// What meshing takes over the bricks of the coarse nodes alone: 1.5 to 2.5 where spray has more of them than of others.
+const OVER_COARSE: f64 = 2.0;
 
 /// Memory of the frame, the particles' order in cells and their weights [bytes/particle] …
 const PARTICLE_BYTES: f64 = 64.0;
@@ -43,20 +53,42 @@ const ANISOTROPIC_PARTICLE_BYTES: f64 = 70.0;
 /// Bricks that are computed over those found near the surface at first: 1.00 to 1.05 on splashes and sprays.
 const OPENED_BRICKS: f64 = 1.05;
 
-/// Peak memory of meshing so many particles [bytes].
+/// Peak memory of meshing so many particles, whose vertices have velocities [bytes].
 pub(crate) fn surface_memory(particles: usize, grids: Grids, params: &SurfaceParams) -> u64 {
+    memory(particles, grids, params, 0.0)
+}
+
+/// Peak memory of meshing so many particles, with so many more bytes of attributes for each vertex than a velocity takes
+/// [bytes].
+fn memory(particles: usize, grids: Grids, params: &SurfaceParams, attributes: f64) -> u64 {
     let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
     let particle = PARTICLE_BYTES + named(params.anisotropy.is_some(), ANISOTROPIC_PARTICLE_BYTES);
+    let Grids { bricks, vertices, coarse_bricks, distance_bricks } = grids;
     let held = if params.has_no_cleanup() && params.distance.is_none() {
-        (grids.bricks * CUT_BRICK_BYTES + grids.vertices * CUT_VERTEX_BYTES)
-            .max(grids.vertices * CHECKED_VERTEX_BYTES)
+        (bricks * CUT_BRICK_BYTES + vertices * CUT_VERTEX_BYTES)
+            .max(vertices * (CHECKED_VERTEX_BYTES + attributes))
     } else {
-        let brick = BRICK_BYTES + named(params.distance.is_some(), DISTANCE_BRICK_BYTES);
         let cleaned = named(params.smoothing.is_some(), SMOOTHED_VERTEX_BYTES)
             .max(named(params.decimation.is_some(), DECIMATED_VERTEX_BYTES));
-        grids.bricks * brick + grids.vertices * (VERTEX_BYTES + cleaned)
+        let distance = distance_bricks * named(params.distance.is_some(), DISTANCE_BRICK_BYTES);
+        bricks * BRICK_BYTES + distance + vertices * (VERTEX_BYTES + cleaned)
     };
-    (BASE_MEMORY + particles as f64 * particle + held) as u64
+    let sampled = bricks * CUT_BRICK_BYTES + coarse_bricks * COARSE_BRICK_BYTES;
+    (BASE_MEMORY + particles as f64 * particle + held.max(sampled)) as u64
+}
+
+/// Bytes of the attributes of a vertex over those of a velocity.
+fn attribute_bytes(stream: &Stream, params: &SurfaceParams) -> f64 {
+    let bytes = |name: &String| match stream.channel(name) {
+        Some(ChannelData::F32(_) | ChannelData::U32(_)) => 4.0,
+        _ => 12.0,
+    };
+    let requested = match &params.attributes {
+        Some(names) => names.iter().map(bytes).sum(),
+        None if stream.vec3("velocity").is_some() => VELOCITY_BYTES,
+        None => 0.0,
+    };
+    requested - VELOCITY_BYTES
 }
 
 /// The largest memory that meshing so many particles was seen to take [bytes].
@@ -69,30 +101,65 @@ pub(crate) fn max_surface_memory(particles: usize, params: &SurfaceParams) -> u6
 pub(crate) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams, enough: u64) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
     let bricks = bricks_around(positions, spacing, params);
-    let bound = surface_memory(stream.len(), Grids::of_bricks(bricks as f64), params);
+    let copied = copied_bytes(stream, spacing, params);
+    let bound = surface_memory(stream.len(), Grids::of_bricks(bricks as f64), params) + copied;
     if bound <= enough {
         return bound;
     }
-    let density = density_params(spacing, params);
+    estimated_memory(stream, spacing, params, enough).min(bound)
+}
+
+/// An estimate of that memory; a lower one if the coarse nodes alone take more than `affordable` [bytes].
+pub(super) fn estimated_memory(
+    stream: &Stream,
+    spacing: f32,
+    params: &SurfaceParams,
+    affordable: u64,
+) -> u64 {
+    let positions = stream.vec3("position").unwrap_or_default();
     // Surfacing samples the density on coarse bricks first: if those do not fit, nothing does.
-    let coarse = SurfaceParams { voxel: params.voxel * coarse_step(&density) as f32, ..params.clone() };
-    let coarse = bricks_around(positions, spacing, &coarse) * BRICK_NODES * size_of::<f32>();
-    if coarse as u64 > enough {
-        return bound;
+    let step = coarse_step(&density_params(spacing, params)) as f32;
+    let coarse = SurfaceParams { voxel: params.voxel * step, ..params.clone() };
+    let coarse = (bricks_around(positions, spacing, &coarse) * BRICK_NODES * size_of::<f32>()) as f64;
+    if coarse > affordable as f64 {
+        return (BASE_MEMORY + OVER_COARSE * coarse) as u64;
     }
-    let bricks = bricks as f64;
-    let near = bricks_near_surface(positions, &density).map_or(bricks, |near| near as f64 * OPENED_BRICKS);
-    surface_memory(stream.len(), Grids::of_bricks(near.min(bricks)), params)
+    let grids = estimated_grids(positions, spacing, params);
+    memory(stream.len(), grids, params, attribute_bytes(stream, params))
+        + copied_bytes(stream, spacing, params)
+}
+
+/// Bytes of the copy of a stream that is far from the origin.
+fn copied_bytes(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
+    let bytes = |data: &ChannelData| match data {
+        ChannelData::F32(_) | ChannelData::U32(_) => 4,
+        ChannelData::Vec3(_) => 12,
+    };
+    let each: usize = stream.channels().iter().map(|channel| bytes(&channel.data)).sum();
+    if is_far(stream, params.voxel * spacing) { (stream.len() * each) as u64 } else { 0 }
+}
+
+/// The grids of a surface by its coarse nodes, else by the bricks in reach.
+fn estimated_grids(positions: &[Vec3], spacing: f32, params: &SurfaceParams) -> Grids {
+    let band = params.distance.map_or(0.0, |distance| distance.order.reach(distance.band));
+    let Some(size) = surface_size(positions, &density_params(spacing, params), band) else {
+        return Grids::of_bricks(bricks_around(positions, spacing, params) as f64);
+    };
+    Grids {
+        bricks: size.bricks as f64 * OPENED_BRICKS,
+        vertices: size.vertices as f64,
+        coarse_bricks: size.coarse_bricks as f64,
+        distance_bricks: size.distance_bricks as f64,
+    }
 }
 
 /// The memory that meshing a stream takes, from which `triangles` were made [bytes].
 pub(super) fn meshed_memory(stream: &Stream, spacing: f32, params: &SurfaceParams, triangles: u64) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
-    let bricks = bricks_near_surface(positions, &density_params(spacing, params))
-        .unwrap_or_else(|| bricks_around(positions, spacing, params));
     // A closed mesh has about half as many vertices as triangles.
-    let grids = Grids { bricks: bricks as f64 * OPENED_BRICKS, vertices: triangles as f64 / 2.0 };
-    surface_memory(stream.len(), grids, params)
+    let vertices = triangles as f64 / 2.0;
+    let grids = Grids { vertices, ..estimated_grids(positions, spacing, params) };
+    memory(stream.len(), grids, params, attribute_bytes(stream, params))
 }
 
 fn density_params(spacing: f32, params: &SurfaceParams) -> DensityParams {
@@ -129,7 +196,8 @@ mod tests {
             let smoothed = SurfaceParams { smoothing: Some(SmoothingParams::default()), ..plain.clone() };
             for (params, found) in [plain, kernels, smoothed].iter().zip(found) {
                 let estimate =
-                    surface_memory(particles, Grids { bricks, vertices }, params) as f64 / f64::from(1 << 20);
+                    surface_memory(particles, Grids { vertices, ..Grids::of_bricks(bricks) }, params) as f64
+                        / f64::from(1 << 20);
                 assert!(
                     (0.9..1.45).contains(&(estimate / found)),
                     "{particles}: {estimate} MiB, found {found}"

@@ -1,5 +1,6 @@
 //! The surface mesh: of particles, and of level sets that other programs wrote.
 
+mod bounds;
 mod bricks;
 mod folder;
 mod level_set;
@@ -10,6 +11,7 @@ mod spacing;
 mod tradeoff;
 mod writer;
 
+pub(crate) use bounds::{GridBounds, SurfaceBounds, surface_bounds};
 pub(crate) use bricks::bricks_around;
 pub(super) use folder::SurfaceMesh;
 

@@ -6,7 +6,6 @@
 //!
 //! Limits: spray alone is reported like particles whose spacing is too small.
 
-use super::log::MeshRecord;
 use crate::{frame::SPACING_RANGE, job::tradeoff::figure, math::Vec3, par};
 use serde::{Deserialize, Serialize};
 
@@ -36,35 +35,11 @@ pub(super) struct NeighbourDistances {
 impl NeighbourDistances {
     /// Those of particles at `positions`; `None` if there are too few, or too many have no other.
     pub(super) fn new(positions: &[Vec3], spacing: f32) -> Option<Self> {
-        let count = positions.len();
-        if count < MIN_PARTICLES {
-            return None;
-        }
-        let sample = |i: usize| positions[(i as u64 * count as u64 / SAMPLES as u64) as usize];
-        let axes: [[f32; SAMPLES]; 3] = [0, 1, 2].map(|axis| std::array::from_fn(|i| sample(i)[axis]));
-        let parts = par::map_chunks(count, par::CHUNK, |range| {
-            let mut nearest = [f32::INFINITY; SAMPLES];
-            for x in &positions[range] {
-                for i in 0..SAMPLES {
-                    let [dx, dy, dz] = [x.x - axes[0][i], x.y - axes[1][i], x.z - axes[2][i]];
-                    let d2 = dx * dx + dy * dy + dz * dz;
-                    nearest[i] = nearest[i].min(if d2 > 0.0 { d2 } else { f32::INFINITY });
-                }
-            }
-            nearest
-        });
-        let nearest = |i: usize| parts.iter().map(|part| part[i]).fold(f32::INFINITY, f32::min);
-        let mut distances: Vec<f32> = (0..SAMPLES).map(nearest).filter(|d2| d2.is_finite()).collect();
-        if distances.len() < SAMPLES / 2 {
-            return None;
-        }
-        distances.sort_unstable_by(f32::total_cmp);
-        let [decile, median] = [10, 2].map(|part| f64::from(distances[distances.len() / part]).sqrt());
+        let [decile, median] = (positions.len() >= MIN_PARTICLES).then(|| deciles(positions)).flatten()?;
         Some(Self { spacing: spacing.into(), decile, median })
     }
-
     /// What is wrong with the spacing, if it is much too large or too small.
-    fn finding(&self) -> Option<String> {
+    pub(super) fn finding(&self) -> Option<String> {
         let Self { spacing, decile, median } = *self;
         let show = |value: f64| figure(value, 2);
         let (why, so) = if spacing > MAX_OVER_MEDIAN * median {
@@ -93,28 +68,43 @@ impl NeighbourDistances {
     }
 }
 
-/// Reports, of each stream, a spacing that does not fit the particles of at least half of the frames. Records are sorted by
-/// stream.
-pub(super) fn spacing_warnings(records: &[MeshRecord]) -> Vec<String> {
-    let warning = |series: &[MeshRecord]| {
-        let known = || series.iter().filter_map(|record| Some((record, record.neighbours?)));
-        let off = || known().filter_map(|(record, neighbours)| Some((record, neighbours.finding()?)));
-        let (first, finding) = off().next()?;
-        let (count, all) = (off().count(), known().count());
-        (2 * count >= all).then(|| {
-            format!(
-                "spacing: in frame {} of {}, {finding} ({count} of {all} frames)",
-                first.frame, first.name
-            )
-        })
-    };
-    records.chunk_by(|a, b| a.name == b.name).filter_map(warning).collect()
+/// First decile and median [m] of the distances to the nearest neighbours; `None` if half of the particles have no other.
+fn deciles(positions: &[Vec3]) -> Option<[f64; 2]> {
+    let count = positions.len();
+    let sample = |i: usize| positions[(i as u64 * count as u64 / SAMPLES as u64) as usize];
+    let axes: [[f32; SAMPLES]; 3] = [0, 1, 2].map(|axis| std::array::from_fn(|i| sample(i)[axis]));
+    let parts = par::map_chunks(count, par::CHUNK, |range| {
+        let mut nearest = [f32::INFINITY; SAMPLES];
+        for x in &positions[range] {
+            for i in 0..SAMPLES {
+                let [dx, dy, dz] = [x.x - axes[0][i], x.y - axes[1][i], x.z - axes[2][i]];
+                let d2 = dx * dx + dy * dy + dz * dz;
+                nearest[i] = nearest[i].min(if d2 > 0.0 { d2 } else { f32::INFINITY });
+            }
+        }
+        nearest
+    });
+    let nearest = |i: usize| parts.iter().map(|part| part[i]).fold(f32::INFINITY, f32::min);
+    let mut distances: Vec<f32> = (0..SAMPLES).map(nearest).filter(|d2| d2.is_finite()).collect();
+    if distances.len() < SAMPLES / 2 {
+        return None;
+    }
+    distances.sort_unstable_by(f32::total_cmp);
+    Some([10, 2].map(|part| f64::from(distances[distances.len() / part]).sqrt()))
+}
+
+/// The spacing of particles [m] by the median; `None` if half of them have no other.
+///
+/// Particles on a seeding lattice have exactly their spacing; those of a simulation are nearer to one of their neighbours, so
+/// the estimate is up to a fifth too small.
+pub(super) fn estimated_spacing(positions: &[Vec3]) -> Option<f32> {
+    let [_, median] = if positions.is_empty() { None } else { deciles(positions) }?;
+    Some(median as f32)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::FrameIndex;
 
     fn random(i: u64) -> f32 {
         let mut z = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -130,18 +120,8 @@ mod tests {
         (0..n * n * n).map(|i| (Vec3::from(place(i).map(|v| v as f32)) + offset(i)) * 0.1).collect()
     }
 
-    fn warnings(positions: &[Vec3], spacing: f32) -> Vec<String> {
-        let record = MeshRecord {
-            frame: FrameIndex(3),
-            name: "particles".into(),
-            key: String::new(),
-            volume: 1.0,
-            particle_volume: None,
-            area: 1.0,
-            components: 1,
-            neighbours: NeighbourDistances::new(positions, spacing),
-        };
-        spacing_warnings(&[record])
+    fn finding(positions: &[Vec3], spacing: f32) -> Option<String> {
+        NeighbourDistances::new(positions, spacing)?.finding()
     }
 
     #[test]
@@ -149,11 +129,8 @@ mod tests {
         for (spacing, word) in
             [(10.0, "too large"), (1e-3, "too small"), (1e6, "too large"), (1e-6, "too small")]
         {
-            let [found] = <[String; 1]>::try_from(warnings(&block(10, 0.0), spacing)).unwrap();
-            assert!(
-                found.contains(word) && found.ends_with("--spacing 0.1 would fit a liquid (1 of 1 frames)"),
-                "{found}"
-            );
+            let found = finding(&block(10, 0.0), spacing).unwrap();
+            assert!(found.contains(word) && found.ends_with("--spacing 0.1 would fit a liquid"), "{found}");
             assert!(found.len() < 250, "{found}");
         }
     }
@@ -173,7 +150,29 @@ mod tests {
             vec![Vec3::zeros(); 500],
             block(3, 0.0),
         ] {
-            assert_eq!(warnings(&positions, 0.1), Vec::<String>::new());
+            assert_eq!(finding(&positions, 0.1), None);
+        }
+    }
+
+    #[test]
+    fn the_spacing_is_estimated_of_blocks_sheets_and_threads() {
+        let seeding_lattice = |n: [u64; 3]| -> Vec<Vec3> {
+            let place = |i: u64| [i % n[0], i / n[0] % n[1], i / (n[0] * n[1])];
+            (0..n.iter().product()).map(|i| Vec3::from(place(i).map(|v| v as f32)) * 0.02).collect()
+        };
+        for n in [[20, 20, 20], [100, 40, 1], [300, 1, 1], [2, 1, 1]] {
+            let once = seeding_lattice(n);
+            let twice = [once.clone(), once.clone()].concat();
+            let stray = [once.clone(), vec![Vec3::repeat(1e4)]].concat();
+            for positions in [once, twice, stray] {
+                let found = estimated_spacing(&positions).unwrap();
+                assert!((found / 0.02 - 1.0).abs() < 1e-3, "{n:?}: {found}");
+            }
+        }
+        let disordered = estimated_spacing(&block(20, 0.15)).unwrap() / 0.1;
+        assert!((0.8..1.0).contains(&disordered), "{disordered}");
+        for coincident in [0, 1, 5] {
+            assert_eq!(estimated_spacing(&vec![Vec3::zeros(); coincident]), None);
         }
     }
 }

@@ -18,7 +18,10 @@ use crate::{
         nonzero,
         tradeoff::figure,
     },
-    mesh::{self, Mesh, MeshCheck, Surface, SurfaceError, SurfaceParams, SurfaceStats, degenerate_triangles},
+    mesh::{
+        self, Mesh, MeshCheck, RadiusScales, Surface, SurfaceError, SurfaceParams, SurfaceStats,
+        degenerate_in_world_frame,
+    },
     par,
     product::mesh_files::MeshFiles,
 };
@@ -75,11 +78,12 @@ impl StreamWriter for SurfaceWriter<'_> {
     }
 
     fn max_memory(&self, particles: usize) -> u64 {
-        max_surface_memory(particles, self.params)
+        max_surface_memory(particles, &estimated(self.params.clone()))
     }
 
     fn memory(&self, stream: &Stream, spacing: f32, enough: u64) -> u64 {
-        stream_memory(stream, spacing, self.params, enough)
+        let params = estimated(mesh::with_largest_kernel(stream, spacing, self.params));
+        stream_memory(stream, spacing, &params, enough)
     }
 
     fn write(
@@ -97,17 +101,19 @@ impl StreamWriter for SurfaceWriter<'_> {
                 return Ok(());
             }
         };
-        let volume = particle_volume(input.stream, input.spacing);
-        // A simulation knows its spacing.
-        let neighbours = target.state.is_none().then(|| input.stream.vec3("position")).flatten();
+        // A surface that is moved has another volume by intention.
+        let is_at_rest = self.params.offset.is_none();
+        let volume = is_at_rest.then(|| particle_volume(input.stream, input.spacing, self.params));
+        // A simulation knows its spacing, and particles of different sizes have different distances.
+        let is_checked = target.state.is_none() && self.params.radius.is_none();
+        let neighbours = is_checked.then(|| input.stream.vec3("position")).flatten();
         let neighbours = neighbours.and_then(|positions| NeighbourDistances::new(positions, input.spacing));
         let record = MeshRecord::new(&target.name, target.index, target.key, &surface, volume, neighbours);
         let record_figures = record.figures(&surface.stats);
-        let figures = figures(&record, &surface);
+        let figures = figures(&record, &surface, input.spacing);
         let Surface { mesh, points, distance, check, .. } = surface;
         drop(distance);
         report_faults(outcome, &mesh, &check, self.params.voxel * input.spacing);
-        report_distance(outcome, &mesh, input.spacing);
         let written = Written { figures, record_figures, ..Written::of(target) };
         outcome.files.push(self.files.write(&mesh, points.as_ref(), target, written)?);
         Ok(())
@@ -141,38 +147,55 @@ pub(super) fn report_faults(outcome: &mut FrameOutcome, mesh: &Mesh, check: &Mes
         return;
     }
     if let Some(fault) = check.first_fault {
+        let at = std::array::from_fn::<f64, 3, _>(|axis| f64::from(fault.at[axis]) + mesh.origin[axis]);
         let why = format!(
             "the mesh is written, but it has {} at {:?} (vertex {}); expected a closed, manifold, oriented mesh: please \
              report this with the frame",
-            fault.what, fault.at, fault.vertex
+            fault.what, at, fault.vertex
         );
         outcome.fail(why, Failure::Other);
     }
 }
 
-/// Reports what single precision loses of a mesh far from the origin of the world.
-fn report_distance(outcome: &mut FrameOutcome, mesh: &Mesh, spacing: f32) {
+/// Rounding of the particles, over the spacing, that is reported. If it is smaller, every wide scene is; if larger, surfaces
+/// have steps that no report shows.
+const MIN_PARTICLE_ROUNDING: f64 = 0.01;
+
+/// What single precision loses of a mesh far from the origin of the world.
+fn rounding_remark(mesh: &Mesh, spacing: f32) -> Option<String> {
     if mesh.origin == nalgebra::Vector3::zeros() {
-        return;
+        return None;
     }
     let reach = mesh.origin.amax();
-    let rounding = reach * f64::from(f32::EPSILON);
-    let flat = degenerate_triangles(&mesh.clone().in_world_frame());
-    outcome.notes.push(format!(
-        "frame {}: {reach:.0} m from the origin, coordinates in single precision are {rounding:.1e} m apart, {:.2} spacings: the          particles have this error, the mesh is in double precision, and {flat} of its {} triangles have no area in programs          that read single precision, as Blender; move the particles nearer to the origin",
-        outcome.index,
-        rounding / f64::from(spacing),
-        mesh.triangles.len()
-    ));
+    let rounding = reach * f64::from(f32::EPSILON) / f64::from(spacing);
+    let flat = degenerate_in_world_frame(mesh);
+    (flat > 0 || rounding >= MIN_PARTICLE_ROUNDING).then(|| {
+        format!(
+            "{} m from the origin: positions of particles are rounded to {} spacings, the mesh is in double precision, in single \
+             precision (Blender) {flat} triangles would have no area",
+            figure(reach, DIGITS),
+            figure(rounding, 2),
+        )
+    })
 }
 
-/// Volume of the particles of a stream [m³]: as the system measured it, or else spacing³ each.
-fn particle_volume(stream: &Stream, spacing: f32) -> f64 {
-    stream.scalar("volume").unwrap_or(stream.len() as f64 * f64::from(spacing).powi(3))
+/// Parameters whose distance is that which the surface needs, for estimates of memory.
+fn estimated(params: SurfaceParams) -> SurfaceParams {
+    SurfaceParams { distance: params.needed_distance(), ..params }
+}
+
+/// Volume of the particles of a stream [m³]: as the system measured it, or else spacing³ each, or the cube of twice their radii.
+fn particle_volume(stream: &Stream, spacing: f32, params: &SurfaceParams) -> f64 {
+    let each = match RadiusScales::of(stream, spacing, params) {
+        Ok(Some(radii)) => radii.mean_volume(),
+        _ => 1.0,
+    };
+    let measured = stream.scalar("volume").filter(|_| params.radius.is_none());
+    measured.unwrap_or(stream.len() as f64 * each * f64::from(spacing).powi(3))
 }
 
 /// One line about the surface of a frame.
-fn figures(record: &MeshRecord, surface: &Surface) -> String {
+fn figures(record: &MeshRecord, surface: &Surface, spacing: f32) -> String {
     let seconds: f64 = surface.stats.seconds.iter().map(|(_, seconds)| seconds).sum();
     let difference = record.volume_difference().map(|part| format!(" ({:+.1}% of particles)", 100.0 * part));
     let mut line = format!(
@@ -183,7 +206,7 @@ fn figures(record: &MeshRecord, surface: &Surface) -> String {
         difference.unwrap_or_default(),
         record.components,
     );
-    for remark in remarks(&surface.stats) {
+    for remark in remarks(&surface.stats).into_iter().chain(rounding_remark(&surface.mesh, spacing)) {
         line += &format!("  {remark}");
     }
     line
@@ -196,20 +219,21 @@ fn remarks(stats: &SurfaceStats) -> Vec<String> {
     let decimation = stats.decimation.unwrap_or_default();
     nonzero(&[
         (stats.cavities.closed as u64, "small cavities closed"),
-        (stats.cavities.drops as u64, "drops in these cavities removed"),
+        (stats.cavities.droplets as u64, "droplets in these cavities removed"),
         (components.points as u64, "small components replaced by points"),
         (components.bubbles as u64, "small bubbles filled"),
         (smoothing.restored_vertices as u64, "vertices left unsmoothed because triangles would fold"),
         (decimation.unsuitable.into(), "open mesh not decimated"),
         (decimation.over_target as u64, "triangles above the target of the decimation"),
         (stats.too_far_particles as u64, "particles too far from the origin, left out"),
+        (stats.limited_radii as u64, "radii limited to an eighth of the spacing and to twice the spacing"),
         (stats.unseen_particles as u64, "particles between grid nodes, without effect (surface.voxel)"),
         (
-            stats.crowded_particles as u64,
-            "particles left out of crowds of more than 8 in a cube of half a spacing (check the spacing)",
+            stats.clustered_particles as u64,
+            "particles left out of clusters of more than 8 in a cube of half a spacing (check the spacing)",
         ),
         (stats.contour.unbounded_vertices as u64, "vertices next to values that are not finite"),
-        (stats.contour.cut_cells as u64, "cells cut off by missing bricks"),
+        (stats.contour.cut_cells as u64, "cells cut off by missing bricks, cavities stay open"),
         (stats.normals_from_faces as u64, "normals from faces"),
         (stats.attributes_from_nearest as u64, "attributes from the nearest particle"),
     ])

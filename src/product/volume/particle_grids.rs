@@ -7,10 +7,10 @@ use crate::{
         ExportError,
         vdb::{self, Class, Grid, VolumeGrid, VolumeParams},
     },
-    field::{Density, DensityParams, Velocity, density, velocity},
+    field::{Density, DensityParams, Velocity, density_of_radii, velocity},
     frame::Stream,
     grid::{BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of},
-    mesh::{SurfaceError, SurfaceParams, positions},
+    mesh::{RadiusScales, SurfaceError, SurfaceParams, positions},
     par,
     sdf::{SdfParams, SignedDistance, from_density},
 };
@@ -41,7 +41,7 @@ pub(super) struct ParticleGridStats {
     /// Particles between the nodes, without effect.
     pub(super) unseen: usize,
     /// Particles left out because there are more in their place than any liquid has.
-    pub(super) crowded: usize,
+    pub(super) clustered: usize,
     /// Nodes where the density was above 1.
     pub(super) over_one: usize,
     /// Nodes with a density and no velocity.
@@ -63,18 +63,20 @@ impl ParticleGrids {
     ) -> Result<Self, SurfaceError> {
         let go_on = || if cancel.is_cancelled() { Err(SurfaceError::Interrupted) } else { Ok(()) };
         let positions = positions(particles)?;
+        let radii = RadiusScales::of(particles, spacing, params)?;
         let SurfaceParams { voxel, kernel_radius, anisotropy, distance, .. } = *params;
         let distance = SdfParams::from(distance.unwrap_or_default());
         // A level set needs what is near the surface, the others everything.
         let whole = requested.iter().any(|&grid| grid != VolumeGrid::Surface);
         let params = DensityParams { spacing, kernel_radius, voxel, anisotropy, whole };
-        let mut field = density(positions, &params);
+        let scales = radii.as_ref().map(|radii| &*radii.values);
+        let mut field = density_of_radii(positions, scales, &params);
         go_on()?;
         let mut stats = ParticleGridStats {
             bricks: field.grid.bricks.len(),
             too_far: field.too_far,
             unseen: field.unseen,
-            crowded: field.crowded,
+            clustered: field.clustered,
             ..ParticleGridStats::default()
         };
 
@@ -181,7 +183,7 @@ fn clamp_to_one(values: &mut [f32]) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{frame::StreamKind, math::Vec3};
+    use crate::{field::density, frame::StreamKind, math::Vec3};
 
     /// A block of 24³ particles 0.1 m apart, whose centre lies deep inside.
     fn block() -> Stream {

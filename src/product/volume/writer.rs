@@ -21,7 +21,7 @@ use crate::{
         },
         nonzero,
     },
-    mesh::{self, DistanceParams, SurfaceError, SurfaceParams},
+    mesh::{self, DistanceParams, RadiusSource, SurfaceError, SurfaceParams},
     sim::smoke::ShotAir,
 };
 use serde::Serialize;
@@ -74,15 +74,17 @@ fn content_text(settings: &VolumeSettings, grids: &[VolumeGrid]) -> String {
     struct Decisive<'a> {
         voxel: f32,
         kernel_radius: f32,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        radius: Option<RadiusSource>,
         anisotropy: &'a Option<Anisotropy>,
         distance: Option<DistanceParams>,
         volume: &'a VolumeParams,
         grids: &'a [VolumeGrid],
     }
     let VolumeSettings { surface, volume, .. } = settings;
-    let SurfaceParams { voxel, kernel_radius, anisotropy, distance, .. } = surface;
-    let (voxel, kernel_radius, distance) = (*voxel, *kernel_radius, *distance);
-    serde_json::to_string(&Decisive { voxel, kernel_radius, anisotropy, distance, volume, grids })
+    let SurfaceParams { voxel, kernel_radius, radius, anisotropy, distance, .. } = surface;
+    let (voxel, kernel_radius, radius, distance) = (*voxel, *kernel_radius, *radius, *distance);
+    serde_json::to_string(&Decisive { voxel, kernel_radius, radius, anisotropy, distance, volume, grids })
         .expect("settings are plain data")
 }
 
@@ -138,7 +140,7 @@ impl StreamWriter for VolumeWriter<'_> {
     }
 
     fn memory(&self, stream: &Stream, spacing: f32, _: u64) -> u64 {
-        stream_memory(stream, spacing, &self.settings.surface)
+        stream_memory(stream, spacing, &mesh::with_largest_kernel(stream, spacing, &self.settings.surface))
     }
 
     fn write(
@@ -216,8 +218,8 @@ fn remarks(stats: &ParticleGridStats) -> Vec<String> {
         (stats.too_far as u64, "particles too far from the origin, left out"),
         (stats.unseen as u64, "particles between grid nodes, without effect (surface.voxel)"),
         (
-            stats.crowded as u64,
-            "particles left out of crowds of more than 8 in a cube of half a spacing (check the spacing)",
+            stats.clustered as u64,
+            "particles left out of clusters of more than 8 in a cube of half a spacing (check the spacing)",
         ),
         (stats.over_one as u64, "nodes denser than filled space, limited to 1"),
         (stats.without_velocity as u64, "nodes of the density without a velocity"),

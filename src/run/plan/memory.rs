@@ -200,7 +200,8 @@ mod tests {
             (DUCK, 36_865, 2_088.0, 215_364.0, 55.0),
             (DUCK, 127_493, 7_719.0, 772_682.0, 161.0),
         ] {
-            let surface = surface_memory(particles, Grids { bricks, vertices }, &params) as f64;
+            let surface =
+                surface_memory(particles, Grids { vertices, ..Grids::of_bricks(bricks) }, &params) as f64;
             let estimate = mib(shot(solids, particles, ESTIMATE).peak([surface].into_iter()));
             assert!((0.8..1.25).contains(&(estimate / found)), "{particles}: {estimate} MiB, found {found}");
         }

@@ -17,7 +17,7 @@ MAX_PLY_HEADER_BYTES = 8192
 MAX_COUNT = 2**31 - 1
 PLY = re.compile(
     rb"ply\nformat binary_little_endian 1\.0\n(?:comment[^\r\n]*\n)*element vertex (\d{1,10})\n"
-    rb"((?:property (?:float|uint) [!-~]+\n)+)"
+    rb"((?:property double [xyz]\n){3})?((?:property (?:float|uint) [!-~]+\n)*)"
     rb"(?:element face (\d{1,10})\nproperty list uchar uint vertex_indices\n)?end_header\n"
 )
 FACE_BYTES = 13
@@ -51,15 +51,18 @@ def check_ply(folder: ShotFolder, path: str, has_faces: bool = True) -> int:
     """Raises ShotError unless header and size of a mesh, or of points without faces, agree; the number of its vertices."""
     start, size = head(folder, path, MAX_PLY_HEADER_BYTES)
     match = PLY.match(start)
-    if not match or (match[3] is not None) != has_faces:
+    if not match or (match[4] is not None) != has_faces:
         raise damaged(folder, path, f"starts with {shortened(start)}, expected a PLY header as `meniscus` writes it")
-    vertices, faces = int(match[1]), int(match[3] or 0)
+    vertices, faces = int(match[1]), int(match[4] or 0)
     if max(vertices, 3 * faces) > MAX_COUNT:
         raise damaged(folder, path, f"{vertices} vertices and {faces} faces, expected less than 2³¹ vertices and corners")
-    names = [line.split(b" ")[2] for line in match[2].splitlines()]
+    # Coordinates far from the origin are in double precision.
+    coordinates, others = (match[group] or b"" for group in (2, 3))
+    names = [line.split(b" ")[2] for line in (coordinates + others).splitlines()]
     if names[:3] != [b"x", b"y", b"z"] or len(set(names)) < len(names):
         raise damaged(folder, path, f"vertex properties {shortened(names)}, expected x, y, z and others, each once")
-    expected = match.end() + 4 * len(names) * vertices + FACE_BYTES * faces
+    vertex_bytes = 4 * (len(names) + len(coordinates.splitlines()))
+    expected = match.end() + vertex_bytes * vertices + FACE_BYTES * faces
     if size != expected:
         raise damaged(folder, path, f"{size} bytes, expected {expected} for {vertices} vertices and {faces} faces")
     return vertices
