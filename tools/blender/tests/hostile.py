@@ -395,6 +395,23 @@ def case_attribute_names(work: Path) -> None:
         check(len(mesh.vertices) == 4, f"a mesh with the property {name[:20]}", len(mesh.vertices))
 
 
+def case_double_precision(work: Path) -> None:
+    """Coordinates far from the origin are in double precision, and the size of a file is that of its types."""
+    path = synthetic.write_shot(work, last=1)
+    file = work / "mesh" / "liquid_0001.ply"
+    points = np.array([[1e4, 0, 0], [1e4 + 1, 0, 0], [1e4, 1, 0]], "<f8")
+    vertices = np.zeros(3, [("x", "<f8", (3,)), ("n", "<f4", (3,))])
+    vertices["x"] = points
+    head = ply_bytes(vertices=3, faces=1, size=0, more="".join(f"property float n{axis}\n" for axis in "xyz"))
+    double = head.replace(b"property float x\nproperty float y\nproperty float z", b"property double x\nproperty double y\nproperty double z")
+    content = double + vertices.tobytes() + b"\3" + np.arange(3, dtype="<u4").tobytes()
+    spoiled("coordinates in double precision, too short", path, file, content[:-1], "expected")
+    file.write_bytes(content)
+    mesh = harness.at_frame(imported(path.parent), 1)
+    far = max(abs(component) for vertex in mesh.vertices for component in vertex.co)
+    check(len(mesh.vertices) == 3 and abs(far - 1e4 - 1) < 1e-2, "a mesh in double precision", far)
+
+
 def case_damaged_sheets(work: Path) -> None:
     path = synthetic.write_sheet(work)
     cache, rest = work / "sheet" / "sail.pc2", work / "sheet" / "sail.ply"
