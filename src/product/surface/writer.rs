@@ -222,7 +222,10 @@ fn remarks(stats: &SurfaceStats) -> Vec<String> {
         (stats.cavities.droplets as u64, "droplets in these cavities removed"),
         (components.points as u64, "small components replaced by points"),
         (components.bubbles as u64, "small bubbles filled"),
-        (smoothing.restored_vertices as u64, "vertices left unsmoothed because triangles would fold"),
+        (
+            smoothing.restored_vertices as u64,
+            "vertices left unsmoothed because triangles would fold or components would shrink",
+        ),
         (decimation.unsuitable.into(), "open mesh not decimated"),
         (decimation.over_target as u64, "triangles above the target of the decimation"),
         (stats.too_far_particles as u64, "particles too far from the origin, left out"),
