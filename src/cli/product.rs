@@ -289,6 +289,8 @@ fn run_each(
             Err(RunError::Interrupted) => return Err(RunError::Interrupted),
             Err(why) => {
                 control.reporter.stop();
+                // At once, since Ctrl-C may end the batch before the list of all.
+                control.reporter.note(&format!("{} failed: {why}", printable_path(folder)));
                 let is_last = is_disk_full(&why);
                 failed.push((printable_path(folder).to_string(), why));
                 if is_last {
@@ -315,7 +317,7 @@ fn print_bounds(
     let mut all: Option<[Vec3; 2]> = None;
     let mut frames = 0;
     let result = run::bounds(source, is_known, &settings.surface, batch, control, &mut |found| {
-        print(&bounds_line(&found, is_known));
+        print(&bounds_line(&found));
         frames += 1;
         if let Some([low, high]) = found.bounds.corners {
             all = Some(all.map_or([low, high], |[lowest, highest]| [lowest.inf(&low), highest.sup(&high)]));
@@ -328,7 +330,7 @@ fn print_bounds(
 }
 
 /// One line about the particles of a frame.
-fn bounds_line(found: &FrameBounds, is_known: bool) -> String {
+fn bounds_line(found: &FrameBounds) -> String {
     let FrameBounds { frame, stream, bounds } = found;
     let mut line = format!("frame {frame}  {}  {} particles", printable(stream), bounds.particles);
     if let Some(corners) = bounds.corners {
@@ -338,12 +340,13 @@ fn bounds_line(found: &FrameBounds, is_known: bool) -> String {
         line += &format!("  spacing about {} m", figure(spacing.into(), DIGITS));
     }
     match bounds.grid {
-        Some(GridBounds { voxel, size: [x, y, z], voxels, memory }) => {
-            let by = if is_known { "" } else { " by that spacing" };
+        Some(GridBounds { voxel, size: [x, y, z], voxels, memory, is_spacing_estimated }) => {
+            let by = if is_spacing_estimated { " by that spacing" } else { "" };
+            let about = if memory.is_lower_bound { "more than" } else { "about" };
             line += &format!(
-                "  grid{by} {x} × {y} × {z} of {} m, {voxels} voxels near particles, about {} MiB",
+                "  grid{by} {x} × {y} × {z} of {} m, {voxels} voxels near particles, {about} {} MiB",
                 figure(voxel.into(), DIGITS),
-                memory >> 20
+                memory.bytes >> 20
             );
         }
         None => line += "  no grid: the spacing is not known, add --spacing",

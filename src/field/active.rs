@@ -17,7 +17,7 @@ use super::{
     DensityParams, fill::compute, particle_kernel::ParticleKernels, sorted_particles::SortedParticles,
 };
 use crate::{
-    grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, mask_of, node_of, offset},
+    grid::{BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, bricks_in_boxes, mask_of, node_of, offset},
     par,
 };
 
@@ -82,8 +82,9 @@ impl Coarse {
         })
     }
 
-    /// The bricks near the surface, and those inside.
-    pub(super) fn active(&self) -> Active {
+    /// The bricks near the surface, and those inside. Lone particles that are `small` may affect no coarse node: the
+    /// bricks around them are computed unless they are inside.
+    pub(super) fn active(&self, particles: &SortedParticles, small: &[usize]) -> Active {
         let Self { grid, step, .. } = self;
         let (mut computed, mut filled) = (Vec::new(), Vec::new());
         for (some_computed, some_filled) in par::map_chunks(grid.bricks.len(), BRICKS_PER_TASK, |range| {
@@ -107,7 +108,15 @@ impl Coarse {
             computed.extend(some_computed);
             filled.extend(some_filled);
         }
-        Active { computed: Bricks::new(computed), filled: Bricks::new(filled) }
+        let filled = Bricks::new(filled);
+        let voxel = f64::from(grid.voxel) / *step as f64;
+        let boxes = small.iter().map(|&place| {
+            let node = |axis: usize| (f64::from(particles.at(place)[axis]) / voxel).floor() as i32;
+            [0, 1].map(|side| [0, 1, 2].map(|axis| (node(axis) + side).div_euclid(BRICK as i32)))
+        });
+        let around = bricks_in_boxes(boxes.collect()).into_iter();
+        computed.extend(around.filter(|&coord| filled.find(coord).is_none()));
+        Active { computed: Bricks::new(computed), filled }
     }
 
     /// The size of the surface's grids, with a distance in a band of so many voxels.
@@ -115,16 +124,16 @@ impl Coarse {
     /// A surface of area A crosses 1.5 A/h² edges of a grid of cells h, hence the grid's own edges are as many as
     /// the coarse ones times the square of the step. Drops between the coarse nodes are not seen: of lone particles
     /// at half a kernel's support a fifth.
-    pub(super) fn surface_size(&self, threshold: f32, band: f32) -> SurfaceSize {
+    pub(super) fn surface_size(&self, active: &Active, threshold: f32, band: f32) -> SurfaceSize {
         let Self { grid, step, .. } = self;
         let mut size = SurfaceSize {
             coarse_bricks: grid.bricks.len(),
-            bricks: self.active().computed.len(),
+            bricks: active.computed.len(),
             ..SurfaceSize::default()
         };
         let mut in_band = Vec::new();
         for (crossings, bricks) in par::map_chunks(grid.bricks.len(), BRICKS_PER_TASK, |range| {
-            let (mut crossings, mut in_band) = (0, Vec::new());
+            let (mut crossings, mut boxes) = (0, Vec::new());
             for &coord in &grid.bricks.coords()[range] {
                 let nodes = with_upper_layer(grid, coord);
                 let is_inside = |node: [usize; 3]| {
@@ -136,13 +145,11 @@ impl Coarse {
                     let crossed = (0..3).filter(|&axis| is_inside(node) != is_inside(next(axis))).count();
                     if crossed > 0 {
                         crossings += crossed;
-                        in_band.extend(bricks_of_cell(coord, node, *step, band));
+                        boxes.push(bricks_of_cell(coord, node, *step, band));
                     }
                 }
             }
-            in_band.sort_unstable();
-            in_band.dedup();
-            (crossings, in_band)
+            (crossings, bricks_in_boxes(boxes))
         }) {
             size.vertices += crossings * step * step;
             in_band.extend(bricks);
@@ -216,23 +223,15 @@ impl Coarse {
     }
 }
 
-/// The bricks of the grid within `band` voxels of a cell of coarse nodes, in the coarse brick at `coord`.
-fn bricks_of_cell(
-    coord: [i32; 3],
-    cell: [usize; 3],
-    step: usize,
-    band: f32,
-) -> impl Iterator<Item = [i32; 3]> {
+/// The box of bricks of the grid within `band` voxels of a cell of coarse nodes, in the coarse brick at `coord`.
+fn bricks_of_cell(coord: [i32; 3], cell: [usize; 3], step: usize, band: f32) -> [[i32; 3]; 2] {
     let band = band.ceil().min(BRICK as f32 * 8.0) as i32;
-    let ends = [0, 1, 2].map(|axis| {
-        let first = (coord[axis] * BRICK as i32 + cell[axis] as i32) * step as i32;
-        [first - band, first + step as i32 + band].map(|node| node.div_euclid(BRICK as i32))
-    });
-    let [x, y, z] = ends.map(|[first, last]| first..=last);
-    z.flat_map(move |z| {
-        let x = x.clone();
-        y.clone().flat_map(move |y| x.clone().map(move |x| [x, y, z]))
-    })
+    let first = |axis: usize| (coord[axis] * BRICK as i32 + cell[axis] as i32) * step as i32;
+    let brick = |node: i32| node.div_euclid(BRICK as i32);
+    [
+        [0, 1, 2].map(|axis| brick(first(axis) - band)),
+        [0, 1, 2].map(|axis| brick(first(axis) + step as i32 + band)),
+    ]
 }
 
 impl Active {
@@ -295,6 +294,11 @@ pub(crate) fn coarse_step(params: &DensityParams) -> usize {
     [8, 4, 2].into_iter().find(|&step| step as f32 <= largest * 1.001).unwrap_or(1)
 }
 
+/// The scale of the smallest kernel that affects a coarse node wherever it is: half its support is a step.
+pub(super) fn smallest_scale(params: &DensityParams) -> f32 {
+    coarse_step(params) as f32 / (1.001 * 0.5 * params.kernel_radius / params.voxel)
+}
+
 /// Nodes along an edge of a brick with the first layer of its upper neighbours.
 const WITH_UPPER_LAYER: usize = BRICK + 1;
 
@@ -350,8 +354,7 @@ fn sides() -> Vec<([i32; 3], NodeMask)> {
 /// Every brick with a node in the box of a particle's kernel.
 pub(super) fn bricks_in_reach(particles: &SortedParticles, kernels: &ParticleKernels, voxel: f32) -> Bricks {
     let coords = par::map_chunks(particles.len(), par::CHUNK, |range| {
-        let mut bricks_in_reach = Vec::new();
-        let mut last = None;
+        let mut boxes = Vec::new();
         for place in range {
             let kernel = kernels.at(particles, place);
             let brick = |axis: usize, side: f64, round: fn(f64) -> f64| {
@@ -361,18 +364,11 @@ pub(super) fn bricks_in_reach(particles: &SortedParticles, kernels: &ParticleKer
             let low = [0, 1, 2].map(|axis| brick(axis, -1.0, f64::ceil));
             let high = [0, 1, 2].map(|axis| brick(axis, 1.0, f64::floor));
             // Consecutive particles mostly reach the same bricks.
-            if last.replace((low, high)) == Some((low, high)) {
-                continue;
-            }
-            for z in low[2]..=high[2] {
-                for y in low[1]..=high[1] {
-                    bricks_in_reach.extend((low[0]..=high[0]).map(|x| [x, y, z]));
-                }
+            if boxes.last() != Some(&[low, high]) {
+                boxes.push([low, high]);
             }
         }
-        bricks_in_reach.sort_unstable();
-        bricks_in_reach.dedup();
-        bricks_in_reach
+        bricks_in_boxes(boxes)
     });
     Bricks::new(coords.concat())
 }

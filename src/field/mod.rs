@@ -19,7 +19,7 @@ mod tracer_fields;
 mod velocity;
 
 pub(crate) use active::coarse_step;
-pub(crate) use dense_clusters::{smallest_spacing, thinned};
+pub(crate) use dense_clusters::thinned;
 pub(crate) use density::surface_size;
 pub use density::{Density, density, density_of_radii};
 pub use params::{Anisotropy, DensityParams};

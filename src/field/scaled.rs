@@ -17,7 +17,6 @@ use crate::{math::Vec3, par};
 /// Support of each particle's kernel over that of a particle of half the spacing, in the cells' order.
 pub(super) struct Scales {
     values: Vec<f32>,
-    pub(super) smallest: f32,
     pub(super) largest: f32,
 }
 
@@ -26,9 +25,14 @@ impl Scales {
     pub(super) fn new(particles: &SortedParticles, scales: &[f32]) -> Self {
         let order = particles.cells.order();
         let values: Vec<f32> = order.iter().map(|&i| scales[i as usize]).collect();
-        let smallest = values.iter().copied().fold(f32::INFINITY, f32::min).min(1e6);
-        let largest = values.iter().copied().fold(0.0, f32::max).max(smallest.min(1.0));
-        Self { values, smallest, largest }
+        // Without particles nothing is in reach.
+        let largest = values.iter().copied().fold(0.0, f32::max);
+        Self { values, largest }
+    }
+
+    /// The places of particles below a scale.
+    pub(super) fn below(&self, scale: f32) -> Vec<usize> {
+        (0..self.values.len()).filter(|&place| self.values[place] < scale).collect()
     }
 
     #[inline(always)]

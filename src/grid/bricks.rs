@@ -103,6 +103,33 @@ impl CoordHasher {
     }
 }
 
+/// Bricks that are listed before duplicates are removed. Larger, and the list takes more memory than it estimates;
+/// smaller, and it is sorted more often.
+const LIST_CAPACITY: usize = 1 << 20;
+
+/// The coordinates of the bricks in some boxes, each from its first to its last brick: ascending, each once.
+pub(crate) fn bricks_in_boxes(mut boxes: Vec<[[i32; 3]; 2]>) -> Vec<[i32; 3]> {
+    boxes.sort_unstable();
+    boxes.dedup();
+    let (mut bricks, mut full) = (Vec::new(), LIST_CAPACITY);
+    for [low, high] in boxes {
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                bricks.extend((low[0]..=high[0]).map(|x| [x, y, z]));
+            }
+        }
+        // Large boxes next to each other have the same bricks.
+        if bricks.len() > full {
+            bricks.sort_unstable();
+            bricks.dedup();
+            full = bricks.len().max(LIST_CAPACITY) + LIST_CAPACITY;
+        }
+    }
+    bricks.sort_unstable();
+    bricks.dedup();
+    bricks
+}
+
 /// One number a node, on bricks.
 #[derive(Clone, Debug)]
 pub struct SparseGrid {

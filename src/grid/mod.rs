@@ -4,8 +4,8 @@ mod bricks;
 mod probe;
 
 pub use bricks::FACES;
-pub(crate) use bricks::MAX_BRICK;
 pub use bricks::{
     BRICK, BRICK_NODES, Bricks, NodeMask, SparseGrid, is_set, mask_of, neighbour, node_of, offset,
 };
+pub(crate) use bricks::{MAX_BRICK, bricks_in_boxes};
 pub(crate) use probe::Probe;

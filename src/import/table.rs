@@ -17,7 +17,7 @@ pub(super) fn read(path: &Path, bytes: &[u8], budget: &MemoryBudget) -> Result<I
     let Ok(text) = std::str::from_utf8(bytes) else {
         return Err(ImportError::malformed(path, "text", "bytes that are no text", "UTF-8"));
     };
-    let layout = Layout::of(path, text)?;
+    let layout = Layout::of(path, text, budget)?;
     let columns = layout.columns;
     // The lines are counted first: a list of their fields would take many times the memory of the text.
     let rows = layout.rows(text).count();
@@ -114,8 +114,8 @@ impl<'a> Layout<'a> {
     /// The layout by the first line that is no comment, and the comment before it.
     ///
     /// # Errors
-    /// If that line has fewer than three columns.
-    fn of(path: &Path, text: &'a str) -> Result<Self, ImportError> {
+    /// If that line has fewer than three columns, or more than memory for their names.
+    fn of(path: &Path, text: &'a str, budget: &MemoryBudget) -> Result<Self, ImportError> {
         let mut comment = None;
         for (number, is_comment, line) in lines(text) {
             if is_comment {
@@ -133,6 +133,7 @@ impl<'a> Layout<'a> {
                     "at least x, y and z, separated by commas, semicolons, tabs or spaces",
                 ));
             }
+            budget.take_numbers::<&str>(columns)?;
             let is_number = |field: &str| field.parse::<f64>().is_ok();
             if !separator.fields(line).any(is_number) {
                 let names = separator.fields(line).collect();

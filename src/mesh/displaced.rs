@@ -10,7 +10,7 @@
 use super::{Mesh, check::Shape, components::Components, half_edges::HalfEdges};
 use crate::{math::Vec3, par};
 
-/// Passes of unfolding at most. Folds that are left are restored: on four frames of a splash 24 vertices after 20 passes as
+/// Passes of unfolding of a mesh at most. Folds that are left are restored: on four frames of a splash 24 vertices after 20 passes as
 /// after 40, and 37 without any.
 const MAX_UNFOLDING_PASSES: usize = 20;
 
@@ -18,7 +18,7 @@ const MAX_UNFOLDING_PASSES: usize = 20;
 /// take three times as long.
 const UNFOLDING_RINGS: usize = 2;
 
-/// Displacement by unfolding at which a vertex stays [spacings]. If it is larger, averaging wears edges.
+/// Displacement by unfolding from which a vertex stays where it is [spacings]. If it is larger, averaging wears edges.
 const MAX_UNFOLDING: f32 = 1.0;
 
 /// A mesh whose vertices are displaced.
@@ -32,6 +32,8 @@ pub(super) struct DisplacedMesh<'a> {
     pub(super) normals: Vec<Vec3>,
     /// The vertices restored to their original positions.
     pub(super) restored: Vec<bool>,
+    /// Passes of unfolding that are left.
+    unfolding_passes: usize,
 }
 
 impl<'a> DisplacedMesh<'a> {
@@ -39,7 +41,7 @@ impl<'a> DisplacedMesh<'a> {
     pub(super) fn new(mesh: &'a mut Mesh, half_edges: &'a HalfEdges, before: Vec<Vec3>) -> Self {
         let normals = half_edges.normals(mesh);
         let restored = vec![false; before.len()];
-        Self { mesh, half_edges, before, normals, restored }
+        Self { mesh, half_edges, before, normals, restored, unfolding_passes: MAX_UNFOLDING_PASSES }
     }
 
     /// Computes the normals of some vertices again.
@@ -65,10 +67,8 @@ impl<'a> DisplacedMesh<'a> {
         }
         let start = self.mesh.positions.clone();
         let longest2 = (MAX_UNFOLDING * spacing).powi(2);
-        for _ in 0..MAX_UNFOLDING_PASSES {
-            if folded.is_empty() {
-                break;
-            }
+        while !folded.is_empty() && self.unfolding_passes > 0 {
+            self.unfolding_passes -= 1;
             let mut patch = self.corners(&folded);
             for _ in 0..UNFOLDING_RINGS {
                 patch = self.with_neighbours(&patch);

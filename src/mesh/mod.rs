@@ -38,7 +38,7 @@ pub use normals::{normals_from_faces, normals_from_field};
 pub use params::{
     ComponentParams, DecimationParams, DistanceParams, RadiusSource, SmoothingParams, SurfaceParams,
 };
-pub(crate) use radii::{RadiusScales, with_largest_kernel};
+pub(crate) use radii::RadiusScales;
 pub use reconstruct::{Surface, SurfaceStats, positions, reconstruct};
 pub use shell::shell;
 pub use smooth::{SmoothingStats, smooth};

@@ -66,13 +66,6 @@ impl RadiusScales {
     }
 }
 
-/// Parameters with the reach of the largest kernel, for estimates of memory.
-pub(crate) fn with_largest_kernel(particles: &Stream, spacing: f32, params: &SurfaceParams) -> SurfaceParams {
-    let radii = RadiusScales::of(particles, spacing, params).ok().flatten();
-    let scale = radii.map_or(1.0, |radii| radii.largest().max(1.0));
-    SurfaceParams { kernel_radius: params.kernel_radius * scale, ..params.clone() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -92,9 +85,6 @@ mod tests {
             let found = RadiusScales::of(&stream(name, radii.clone().into()), 0.1, &params).unwrap().unwrap();
             assert_eq!(found.values, [1.0, 2.0, 4.0, 4.0, 0.25, 0.25, 0.25, 0.25]);
             assert_eq!((found.limited, found.largest()), (4, 4.0));
-            let particles = stream(name, radii.clone().into());
-            assert_eq!(with_largest_kernel(&particles, 0.1, &params).kernel_radius, 8.0);
-            assert_eq!(with_largest_kernel(&particles, 0.1, &SurfaceParams::default()).kernel_radius, 2.0);
         }
         let whole =
             RadiusScales::of(&stream("pscale", vec![1_u32, 2].into()), 2.0, &params).unwrap().unwrap();

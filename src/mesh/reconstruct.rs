@@ -31,7 +31,7 @@ use super::{
 };
 use crate::{
     control::CancelToken,
-    field::{Density, DensityParams, density_of_radii, smallest_spacing, thinned},
+    field::{Density, DensityParams, density_of_radii, thinned},
     frame::Stream,
     math::Vec3,
     par,
@@ -344,7 +344,7 @@ fn without_clusters(
 ) -> Stream {
     let positions = particles.vec3("position").unwrap_or_default();
     let cells = CellGrid::new(positions, params.kernel_radius * spacing);
-    let kept = thinned(&cells, positions, smallest_spacing(spacing, scales));
+    let kept = thinned(&cells, positions, scales, spacing);
     kept.map_or_else(|| particles.clone(), |kept| selected(particles, &kept))
 }
 
@@ -361,7 +361,15 @@ fn transfer_attributes(
         transfer(particles, params.attributes.as_deref(), places, params.kernel_radius * spacing)
             .map_err(|name| no_channel(name, particles))
     };
-    let (attributes, mut from_nearest) = of(&mesh.positions)?;
+    let (attributes, mut from_nearest) = match params.offset {
+        None => of(&mesh.positions)?,
+        // Vertices that are moved have the values of where the surface was.
+        Some(offset) => {
+            let mut places = mesh.positions.clone();
+            par::update(&mut places, |v, x| *x -= mesh.normals[v] * (offset * spacing));
+            of(&places)?
+        }
+    };
     mesh.attributes = attributes;
     if let Some(points) = points {
         let (attributes, more_from_nearest) = of(&points.positions)?;

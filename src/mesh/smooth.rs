@@ -97,6 +97,8 @@ pub struct SmoothingStats {
     /// Vertices restored because their triangles would have folded or collapsed, or their component would
     /// have shrunk.
     pub restored_vertices: usize,
+    /// Vertices of components that would have shrunk by less, and were smoothed in part.
+    pub partly_smoothed_vertices: usize,
     /// Change of volume by the filter, Σ over the components of |change| over Σ |volume|, before the
     /// correction …
     pub volume_change: f64,
@@ -271,7 +273,9 @@ fn smooth_with_umbrella(
             smooth_step(MIN_VOLUME_FRACTION, SOUND_VOLUME_FRACTION, (now / before).abs() as f32)
         })
         .collect();
-    let back = select(weights.len(), |v| kept[components.of[v] as usize] < 1.0);
+    let part = |v: usize| kept[components.of[v] as usize];
+    let back = select(weights.len(), |v| part(v) < 1.0);
+    stats.partly_smoothed_vertices = count(weights.len(), |v| part(v) > 0.0 && part(v) < 1.0);
     displaced.restore_parts(&back, |v| kept[components.of[v] as usize]);
     let of_these = retain(&triangles, |t| kept[components.of_triangle(displaced.mesh, t)] < 1.0);
     displaced.unfold(&of_these, weights, spacing);

@@ -19,8 +19,11 @@ pub(crate) struct FrameBounds {
     pub(crate) bounds: SurfaceBounds,
 }
 
-/// Reads the frames of a source one by one and passes on the bounds of their surfaces. `spacing` replaces that of the frames [m];
-/// `is_known` is false if that is a guess.
+/// Memory of coarse nodes above which they are not sampled without a limit of the user's [bytes].
+const AFFORDABLE: u64 = 1 << 30;
+
+/// Reads the frames of a source one by one and passes on the bounds of their surfaces. `is_known` is false if the source's
+/// spacing is none of the user's.
 ///
 /// # Errors
 /// Frames that cannot be read are left out and reported together at the end ([`RunError::SomeFailed`]).
@@ -32,6 +35,7 @@ pub(crate) fn bounds(
     control: Control,
     done: &mut dyn FnMut(FrameBounds),
 ) -> Result<(), RunError> {
+    let affordable = request.max_memory.unwrap_or(AFFORDABLE);
     let frames = source.frames(request.selection.as_ref())?;
     let requested = frames.len();
     let mut failed = Vec::new();
@@ -74,7 +78,7 @@ pub(crate) fn bounds(
             if stream.kind != StreamKind::Particles {
                 continue;
             }
-            match surface_bounds(stream, spacing.filter(|_| is_known), params) {
+            match surface_bounds(stream, spacing.filter(|_| is_known), params, affordable) {
                 Ok(bounds) => done(FrameBounds { frame, stream: stream.name.clone(), bounds }),
                 Err(why) => fail(format!("{}: {why}", printable_path(&path)), Failure::Other),
             }

@@ -55,3 +55,28 @@ impl FromStr for Quality {
         Self::ALL.into_iter().find(|quality| quality.name() == text).ok_or(UnknownQuality)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Overrides, Scene, builtin, load, surface_alone};
+
+    #[test]
+    fn the_final_tier_of_surfaces_is_that_of_the_liquid_presets() {
+        let surface = |quality| surface_alone(Some(quality), &[]).unwrap();
+        let last = surface(Quality::Final);
+        let mut liquids = 0;
+        for (name, _) in builtin::all() {
+            let scene = Scene::from_preset(&load(name).unwrap(), &Overrides::default()).unwrap();
+            if scene.liquid.is_some() && *name != "honey" {
+                assert_eq!(scene.surface, last, "{name}");
+                liquids += 1;
+            }
+        }
+        assert!(liquids > 9, "{liquids}");
+        assert!(last.distance.is_none() && surface(Quality::Draft).has_no_cleanup());
+        assert!(
+            surface(Quality::Preview).anisotropy.is_none() && !surface(Quality::Preview).has_no_cleanup()
+        );
+    }
+}

@@ -535,23 +535,6 @@ fn presets_are_found_by_file_and_by_name() {
     assert!(rendered(&error).contains("0xFF"));
 }
 
-#[test]
-fn the_final_tier_of_surfaces_is_that_of_the_liquid_presets() {
-    let surface = |quality| crate::scene::surface_alone(Some(quality), &[]).unwrap();
-    let last = surface(Quality::Final);
-    let mut liquids = 0;
-    for (name, _) in builtin::all() {
-        let scene = Scene::from_preset(&load(name).unwrap(), &Overrides::default()).unwrap();
-        if scene.liquid.is_some() && *name != "honey" {
-            assert_eq!(scene.surface, last, "{name}");
-            liquids += 1;
-        }
-    }
-    assert!(liquids > 9, "{liquids}");
-    assert!(last.distance.is_none() && surface(Quality::Draft).has_no_cleanup());
-    assert!(surface(Quality::Preview).anisotropy.is_none() && !surface(Quality::Preview).has_no_cleanup());
-}
-
 proptest! {
     #![proptest_config(ProptestConfig { cases: 300, ..ProptestConfig::default() })]
 

@@ -118,6 +118,10 @@ fn several_shots_are_meshed_by_one_command_and_a_failing_one_stops_no_other() {
         talk.contains("2 of 3 shots failed") && talk.contains("  wedge_10: 1 of 2 frames failed"),
         "{talk}"
     );
+    assert!(
+        talk.find("wedge_2 failed").unwrap() < talk.find("shot 2 of 3").unwrap(),
+        "reported at once: {talk}"
+    );
     let (_, talk) = desk.run("mesh wedge_10 alone --frames 1-2 --voxel 0.9", 3);
     assert!(talk.contains("1 of 2 shots failed"), "{talk}");
     let (_, talk) = desk.run("mesh nowhere alone", 10);
@@ -251,6 +255,15 @@ fn a_surface_is_moved_by_the_offset() {
             );
         }
     }
+    // Attributes are those of where the surface was: beyond the kernels they would be of the nearest particle.
+    let rows: String = meshing::ball(0.1, 0.5, [0.0; 3])
+        .iter()
+        .map(|[x, y, z]| format!("{x},{y},{z},{}\n", x.powi(2)))
+        .collect();
+    desk.write("heat.csv", format!("x,y,z,heat\n{rows}"));
+    let options = "--spacing 0.1 -o heat --set surface.offset=2 --set surface.attributes=[\"heat\"]";
+    let (out, _) = desk.run(&format!("mesh heat.csv {options}"), 0);
+    assert!(!out.contains("from the nearest particle"), "{out}");
     // Outwards is outwards, and the smoothed surface moves alike.
     let volume = |offset: &str| mesh::check(&mesh(&format!("--set surface.offset={offset}"))).volume;
     let radius = |volume: f64| (0.75 * volume / std::f64::consts::PI).cbrt() / 0.1;
@@ -281,6 +294,13 @@ fn bounds_are_printed_without_a_mesh() {
     let (out, _) = desk.run("mesh small --bounds", 0);
     assert!(out.contains("frame 0002  liquid  512 particles") && out.contains("grid "), "{out}");
     assert!(!desk.path("small/mesh").exists() && !desk.path("out").exists());
+    // What meshing refuses is refused here too, and a grid that is not sampled is a lower bound.
+    let (_, talk) = desk.run("mesh ball_#.xyz --bounds --set surface.radius=attribute", 3);
+    assert!(talk.contains("no attribute `radius`"), "{talk}");
+    let row: Vec<[f32; 3]> = (0..40).map(|i| [7.0 * i as f32, 0.0, 0.0]).collect();
+    desk.write("row.xyz", xyz(&row));
+    let (out, _) = desk.run("mesh row.xyz --bounds --spacing 1 --max-memory 60kB", 0);
+    assert!(out.contains("more than"), "{out}");
     desk.write("ball_2.xyz", "0 0\n");
     let (out, talk) = desk.run("mesh ball_#.xyz --bounds", 3);
     assert!(out.contains("frame 0001") && talk.contains("frame 0002"), "{out}{talk}");

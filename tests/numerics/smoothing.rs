@@ -52,6 +52,7 @@ fn profile(mesh: &Mesh, half: f32) -> Vec<f64> {
             }
         }
     }
+    assert!(sums.iter().all(|&(_, count)| count > 20), "{sums:?}");
     sums.map(|(sum, count)| sum / f64::from(count)).to_vec()
 }
 

@@ -1,18 +1,19 @@
 //! What a surface of particles would take, without making it.
 
-use super::{bricks::bricks_around, memory::estimated_memory, spacing};
+use super::{
+    bricks::bricks_around,
+    memory::{MemoryEstimate, estimated_memory},
+    spacing,
+};
 use crate::{
     frame::Stream,
     grid::BRICK_NODES,
     math::Vec3,
-    mesh::{SurfaceError, SurfaceParams, positions, with_largest_kernel},
+    mesh::{RadiusScales, SurfaceError, SurfaceParams, positions},
 };
 
 /// Part of a voxel by which a box may be too long because coordinates are rounded.
 const ROUNDING: f64 = 1e-3;
-
-/// Memory of coarse nodes above which they are not sampled for an estimate [bytes].
-const AFFORDABLE: u64 = 1 << 30;
 
 /// Box, spacing, grid and memory of the particles of a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,18 +36,22 @@ pub(crate) struct GridBounds {
     pub(crate) size: [u64; 3],
     /// Voxels within the kernels of particles, at most.
     pub(crate) voxels: u64,
-    /// Memory of making the surface [bytes].
-    pub(crate) memory: u64,
+    /// Memory of making the surface.
+    pub(crate) memory: MemoryEstimate,
+    /// Whether the spacing is the estimated one.
+    pub(crate) is_spacing_estimated: bool,
 }
 
-/// The bounds of the surface of `particles` that are `spacing` [m] apart at rest, if that is known.
+/// The bounds of the surface of `particles` that are `spacing` [m] apart at rest, if that is known. Coarse nodes that take more
+/// than `affordable` [bytes] are not sampled for the estimate of memory.
 ///
 /// # Errors
-/// If positions are missing or not finite.
+/// If positions, or radii that are requested, are missing, or positions are not finite.
 pub(crate) fn surface_bounds(
     particles: &Stream,
     spacing: Option<f32>,
     params: &SurfaceParams,
+    affordable: u64,
 ) -> Result<SurfaceBounds, SurfaceError> {
     let positions = positions(particles)?;
     let corners = positions.first().map(|&first| {
@@ -54,19 +59,25 @@ pub(crate) fn surface_bounds(
         positions.iter().fold([first; 2], grow)
     });
     let estimated_spacing = spacing::estimated_spacing(positions);
-    let grid = spacing.or(estimated_spacing).zip(corners).map(|(spacing, [low, high])| {
-        let largest = with_largest_kernel(particles, spacing, params);
-        let largest = SurfaceParams { distance: params.needed_distance(), ..largest };
-        let (voxel, reach) = (params.voxel * spacing, f64::from(largest.kernel_radius * spacing));
+    let grid_of = |given: f32, [low, high]: [Vec3; 2]| -> Result<GridBounds, SurfaceError> {
+        let radii = RadiusScales::of(particles, given, params)?;
+        let largest = radii.as_ref().map_or(1.0, RadiusScales::largest);
+        let scales = radii.as_ref().map(|radii| &*radii.values);
+        let (voxel, reach) = (params.voxel * given, f64::from(params.kernel_radius * largest * given));
         let along =
             |axis: usize| (f64::from(high[axis]) - f64::from(low[axis]) + 2.0 * reach) / f64::from(voxel);
-        GridBounds {
+        Ok(GridBounds {
             voxel,
             size: [0, 1, 2].map(|axis| (along(axis) - ROUNDING).ceil() as u64),
-            voxels: (bricks_around(positions, spacing, &largest) * BRICK_NODES) as u64,
-            memory: estimated_memory(particles, spacing, &largest, AFFORDABLE),
-        }
-    });
+            voxels: (bricks_around(positions, scales, given, params) * BRICK_NODES) as u64,
+            memory: estimated_memory(particles, given, params, affordable),
+            is_spacing_estimated: spacing.is_none(),
+        })
+    };
+    let grid = match spacing.or(estimated_spacing).zip(corners) {
+        Some((given, corners)) => Some(grid_of(given, corners)?),
+        None => None,
+    };
     Ok(SurfaceBounds { particles: particles.len(), corners, estimated_spacing, grid })
 }
 
@@ -88,17 +99,17 @@ mod tests {
     fn box_and_grid_are_those_of_the_particles() {
         let params = SurfaceParams::default();
         let particles = stream(seeding_lattice([21, 11, 5], 0.1));
-        let found = surface_bounds(&particles, Some(0.1), &params).unwrap();
+        let found = surface_bounds(&particles, Some(0.1), &params, 1 << 30).unwrap();
         let [low, high] = found.corners.unwrap();
         assert!(low == Vec3::zeros() && (high - Vec3::new(2.0, 1.0, 0.4)).norm() < 1e-5);
         let grid = found.grid.unwrap();
         // Two spacings of kernel on each side, at a voxel of half a spacing.
         assert_eq!(grid.size.map(|count| count / 2), [24, 14, 8]);
-        assert!(grid.voxels >= grid.size.iter().product() && grid.memory > 0, "{grid:?}");
+        assert!(grid.voxels >= grid.size.iter().product() && grid.memory.bytes > 0, "{grid:?}");
         let coarse = SurfaceParams { voxel: 1.0, ..params.clone() };
-        let coarse = surface_bounds(&particles, Some(0.1), &coarse).unwrap().grid.unwrap();
-        assert!(coarse.voxels < grid.voxels && coarse.memory < grid.memory);
-        let none = surface_bounds(&stream(Vec::new()), Some(0.1), &params).unwrap();
+        let coarse = surface_bounds(&particles, Some(0.1), &coarse, 1 << 30).unwrap().grid.unwrap();
+        assert!(coarse.voxels < grid.voxels && coarse.memory.bytes < grid.memory.bytes);
+        let none = surface_bounds(&stream(Vec::new()), Some(0.1), &params, 1 << 30).unwrap();
         assert_eq!((none.corners, none.grid, none.particles), (None, None, 0));
     }
 }

@@ -7,7 +7,7 @@ use crate::{
     grid::BRICK_NODES,
     job::memory::{BASE_MEMORY, Grids},
     math::Vec3,
-    mesh::{DistanceParams, SurfaceParams, is_far},
+    mesh::{DistanceParams, RadiusScales, SurfaceParams, is_far},
 };
 
 /// Memory of a surface as it is cut, until its normals are found [bytes/brick of the density] …
@@ -47,8 +47,8 @@ const OVER_COARSE: f64 = 2.0;
 /// Memory of the frame, the particles' order in cells and their weights [bytes/particle] …
 const PARTICLE_BYTES: f64 = 64.0;
 
-/// … and more where kernels are anisotropic: 28 to 95 were measured.
-const ANISOTROPIC_PARTICLE_BYTES: f64 = 70.0;
+/// … and more where every kernel has a shape or a radius of its own: 28 to 95 were measured of shapes.
+const OWN_KERNEL_BYTES: f64 = 70.0;
 
 /// Bricks that are computed over those found near the surface at first: 1.00 to 1.05 on splashes and sprays.
 const OPENED_BRICKS: f64 = 1.05;
@@ -62,15 +62,17 @@ pub(crate) fn surface_memory(particles: usize, grids: Grids, params: &SurfacePar
 /// [bytes].
 fn memory(particles: usize, grids: Grids, params: &SurfaceParams, attributes: f64) -> u64 {
     let named = |is_named: bool, bytes: f64| if is_named { bytes } else { 0.0 };
-    let particle = PARTICLE_BYTES + named(params.anisotropy.is_some(), ANISOTROPIC_PARTICLE_BYTES);
+    let has_own_kernels = params.anisotropy.is_some() || params.radius.is_some();
+    let distance = params.needed_distance();
+    let particle = PARTICLE_BYTES + named(has_own_kernels, OWN_KERNEL_BYTES);
     let Grids { bricks, vertices, coarse_bricks, distance_bricks } = grids;
-    let held = if params.has_no_cleanup() && params.distance.is_none() {
+    let held = if params.has_no_cleanup() && distance.is_none() {
         (bricks * CUT_BRICK_BYTES + vertices * CUT_VERTEX_BYTES)
             .max(vertices * (CHECKED_VERTEX_BYTES + attributes))
     } else {
         let cleaned = named(params.smoothing.is_some(), SMOOTHED_VERTEX_BYTES)
             .max(named(params.decimation.is_some(), DECIMATED_VERTEX_BYTES));
-        let distance = distance_bricks * named(params.distance.is_some(), DISTANCE_BRICK_BYTES);
+        let distance = distance_bricks * named(distance.is_some(), DISTANCE_BRICK_BYTES);
         bricks * BRICK_BYTES + distance + vertices * (VERTEX_BYTES + cleaned)
     };
     let sampled = bricks * CUT_BRICK_BYTES + coarse_bricks * COARSE_BRICK_BYTES;
@@ -99,34 +101,87 @@ pub(crate) fn max_surface_memory(particles: usize, params: &SurfaceParams) -> u6
 /// The memory that meshing a stream needs, by where its particles are [bytes]: a bound if that is at most `enough`, else an
 /// estimate, which takes longer.
 pub(crate) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams, enough: u64) -> u64 {
-    let positions = stream.vec3("position").unwrap_or_default();
-    let bricks = bricks_around(positions, spacing, params);
-    let copied = copied_bytes(stream, spacing, params);
-    let bound = surface_memory(stream.len(), Grids::of_bricks(bricks as f64), params) + copied;
-    if bound <= enough {
-        return bound;
-    }
-    estimated_memory(stream, spacing, params, enough).min(bound)
+    let placed = Placed::new(stream, spacing, params);
+    let bound = placed.memory(Grids::of_bricks(placed.bricks(1.0) as f64));
+    if bound <= enough { bound } else { placed.estimate(enough).bytes.min(bound) }
 }
 
-/// An estimate of that memory; a lower one if the coarse nodes alone take more than `affordable` [bytes].
+/// An estimate of memory.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct MemoryEstimate {
+    pub(crate) bytes: u64,
+    /// Whether meshing needs more, because the grids are too large to be sampled.
+    pub(crate) is_lower_bound: bool,
+}
+
+/// An estimate of the memory that meshing a stream needs; a lower bound if the coarse nodes take more than `affordable` [bytes].
 pub(super) fn estimated_memory(
     stream: &Stream,
     spacing: f32,
     params: &SurfaceParams,
     affordable: u64,
-) -> u64 {
-    let positions = stream.vec3("position").unwrap_or_default();
-    // Surfacing samples the density on coarse bricks first: if those do not fit, nothing does.
-    let step = coarse_step(&density_params(spacing, params)) as f32;
-    let coarse = SurfaceParams { voxel: params.voxel * step, ..params.clone() };
-    let coarse = (bricks_around(positions, spacing, &coarse) * BRICK_NODES * size_of::<f32>()) as f64;
-    if coarse > affordable as f64 {
-        return (BASE_MEMORY + OVER_COARSE * coarse) as u64;
+) -> MemoryEstimate {
+    Placed::new(stream, spacing, params).estimate(affordable)
+}
+
+/// The particles of a stream, and how they are meshed.
+struct Placed<'a> {
+    stream: &'a Stream,
+    positions: &'a [Vec3],
+    radii: Option<RadiusScales>,
+    spacing: f32,
+    params: &'a SurfaceParams,
+}
+
+impl<'a> Placed<'a> {
+    fn new(stream: &'a Stream, spacing: f32, params: &'a SurfaceParams) -> Self {
+        let positions = stream.vec3("position").unwrap_or_default();
+        // Where radii are missing, meshing fails and needs nothing.
+        let radii = RadiusScales::of(stream, spacing, params).ok().flatten();
+        Self { stream, positions, radii, spacing, params }
     }
-    let grids = estimated_grids(positions, spacing, params);
-    memory(stream.len(), grids, params, attribute_bytes(stream, params))
-        + copied_bytes(stream, spacing, params)
+
+    fn scales(&self) -> Option<&[f32]> {
+        self.radii.as_ref().map(|radii| &*radii.values)
+    }
+
+    /// The bricks of a grid whose voxels are `step` times as wide.
+    fn bricks(&self, step: f32) -> usize {
+        let params = SurfaceParams { voxel: self.params.voxel * step, ..self.params.clone() };
+        bricks_around(self.positions, self.scales(), self.spacing, &params)
+    }
+
+    fn memory(&self, grids: Grids) -> u64 {
+        let Self { stream, spacing, params, .. } = *self;
+        memory(stream.len(), grids, params, attribute_bytes(stream, params))
+            + copied_bytes(stream, spacing, params)
+    }
+
+    fn estimate(&self, affordable: u64) -> MemoryEstimate {
+        // Surfacing samples the density on coarse bricks first: if those do not fit, nothing does.
+        let step = coarse_step(&density_params(self.spacing, self.params)) as f32;
+        let coarse = (self.bricks(step) * BRICK_NODES * size_of::<f32>()) as f64;
+        if coarse > affordable as f64 {
+            let bytes = self.memory(Grids::default()) + (OVER_COARSE * coarse) as u64;
+            return MemoryEstimate { bytes, is_lower_bound: true };
+        }
+        MemoryEstimate { bytes: self.memory(self.grids()), is_lower_bound: false }
+    }
+
+    /// The grids of the surface by its coarse nodes, else by the bricks in reach.
+    fn grids(&self) -> Grids {
+        let band = self.params.needed_distance().map_or(0.0, |distance| distance.order.reach(distance.band));
+        let density = density_params(self.spacing, self.params);
+        let Some(size) = surface_size(self.positions, self.scales(), &density, band) else {
+            return Grids::of_bricks(self.bricks(1.0) as f64);
+        };
+        Grids {
+            bricks: size.bricks as f64 * OPENED_BRICKS,
+            vertices: size.vertices as f64,
+            coarse_bricks: size.coarse_bricks as f64,
+            distance_bricks: size.distance_bricks as f64,
+        }
+    }
 }
 
 /// Bytes of the copy of a stream that is far from the origin.
@@ -139,27 +194,11 @@ fn copied_bytes(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
     if is_far(stream, params.voxel * spacing) { (stream.len() * each) as u64 } else { 0 }
 }
 
-/// The grids of a surface by its coarse nodes, else by the bricks in reach.
-fn estimated_grids(positions: &[Vec3], spacing: f32, params: &SurfaceParams) -> Grids {
-    let band = params.distance.map_or(0.0, |distance| distance.order.reach(distance.band));
-    let Some(size) = surface_size(positions, &density_params(spacing, params), band) else {
-        return Grids::of_bricks(bricks_around(positions, spacing, params) as f64);
-    };
-    Grids {
-        bricks: size.bricks as f64 * OPENED_BRICKS,
-        vertices: size.vertices as f64,
-        coarse_bricks: size.coarse_bricks as f64,
-        distance_bricks: size.distance_bricks as f64,
-    }
-}
-
 /// The memory that meshing a stream takes, from which `triangles` were made [bytes].
 pub(super) fn meshed_memory(stream: &Stream, spacing: f32, params: &SurfaceParams, triangles: u64) -> u64 {
-    let positions = stream.vec3("position").unwrap_or_default();
+    let placed = Placed::new(stream, spacing, params);
     // A closed mesh has about half as many vertices as triangles.
-    let vertices = triangles as f64 / 2.0;
-    let grids = Grids { vertices, ..estimated_grids(positions, spacing, params) };
-    memory(stream.len(), grids, params, attribute_bytes(stream, params))
+    placed.memory(Grids { vertices: triangles as f64 / 2.0, ..placed.grids() })
 }
 
 fn density_params(spacing: f32, params: &SurfaceParams) -> DensityParams {

@@ -78,12 +78,11 @@ impl StreamWriter for SurfaceWriter<'_> {
     }
 
     fn max_memory(&self, particles: usize) -> u64 {
-        max_surface_memory(particles, &estimated(self.params.clone()))
+        max_surface_memory(particles, self.params)
     }
 
     fn memory(&self, stream: &Stream, spacing: f32, enough: u64) -> u64 {
-        let params = estimated(mesh::with_largest_kernel(stream, spacing, self.params));
-        stream_memory(stream, spacing, &params, enough)
+        stream_memory(stream, spacing, self.params, enough)
     }
 
     fn write(
@@ -179,11 +178,6 @@ fn rounding_remark(mesh: &Mesh, spacing: f32) -> Option<String> {
     })
 }
 
-/// Parameters whose distance is that which the surface needs, for estimates of memory.
-fn estimated(params: SurfaceParams) -> SurfaceParams {
-    SurfaceParams { distance: params.needed_distance(), ..params }
-}
-
 /// Volume of the particles of a stream [m³]: as the system measured it, or else spacing³ each, or the cube of twice their radii.
 fn particle_volume(stream: &Stream, spacing: f32, params: &SurfaceParams) -> f64 {
     let each = match RadiusScales::of(stream, spacing, params) {
@@ -225,6 +219,10 @@ fn remarks(stats: &SurfaceStats) -> Vec<String> {
         (
             smoothing.restored_vertices as u64,
             "vertices left unsmoothed because triangles would fold or components would shrink",
+        ),
+        (
+            smoothing.partly_smoothed_vertices as u64,
+            "vertices smoothed in part because components would shrink",
         ),
         (decimation.unsuitable.into(), "open mesh not decimated"),
         (decimation.over_target as u64, "triangles above the target of the decimation"),

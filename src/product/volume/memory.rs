@@ -3,7 +3,7 @@
 use crate::{
     frame::{Stream, StreamKind},
     job::memory::{BASE_MEMORY, Grids},
-    mesh::SurfaceParams,
+    mesh::{RadiusScales, SurfaceParams},
     product::surface::bricks_around,
 };
 
@@ -32,7 +32,9 @@ pub(super) fn max_volume_memory(kind: StreamKind, entries: usize, params: &Surfa
 /// A bound of the memory that making volumes of a stream takes, by where its particles are [bytes].
 pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
-    let bricks = bricks_around(positions, spacing, params);
+    let radii = RadiusScales::of(stream, spacing, params).ok().flatten();
+    let scales = radii.as_ref().map(|radii| &*radii.values);
+    let bricks = bricks_around(positions, scales, spacing, params);
     volume_memory(stream.kind, stream.len(), bricks as f64)
 }
 

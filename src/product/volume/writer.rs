@@ -140,7 +140,7 @@ impl StreamWriter for VolumeWriter<'_> {
     }
 
     fn memory(&self, stream: &Stream, spacing: f32, _: u64) -> u64 {
-        stream_memory(stream, spacing, &mesh::with_largest_kernel(stream, spacing, &self.settings.surface))
+        stream_memory(stream, spacing, &self.settings.surface)
     }
 
     fn write(
