@@ -262,8 +262,8 @@ fn a_surface_is_moved_by_the_offset() {
         .collect();
     desk.write("heat.csv", format!("x,y,z,heat\n{rows}"));
     let options = "--spacing 0.1 -o heat --set surface.offset=2 --set surface.attributes=[\"heat\"]";
-    let (out, _) = desk.run(&format!("mesh heat.csv {options}"), 0);
-    assert!(!out.contains("from the nearest particle"), "{out}");
+    let (_, talk) = desk.run(&format!("mesh heat.csv {options}"), 0);
+    assert!(talk.contains("frame 0001") && !talk.contains("from the nearest particle"), "{talk}");
     // Outwards is outwards, and the smoothed surface moves alike.
     let volume = |offset: &str| mesh::check(&mesh(&format!("--set surface.offset={offset}"))).volume;
     let radius = |volume: f64| (0.75 * volume / std::f64::consts::PI).cbrt() / 0.1;
