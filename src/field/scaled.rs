@@ -5,7 +5,8 @@
 //!
 //! Symbols: w_j = V_j W(0, h_j) = 1/Σ_k (m_k/m_j) K(r_jk/h_j) [–].
 //!
-//! Limits: every particle gathers by itself, without the groups of equal kernels: 1.4 times the time of a frame where all scales are 1.
+//! Limits: every particle gathers by itself, without the groups of equal kernels: where all scales are 1, a surface takes
+//! 1.6 times as long, and 2.4 times with anisotropic kernels and smoothing.
 //! The time of a particle grows with the cube of its scale.
 
 use super::{
