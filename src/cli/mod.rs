@@ -2,6 +2,7 @@
 
 mod allocator;
 mod args;
+mod bounds;
 mod colliders;
 mod exit;
 mod export;

@@ -2,7 +2,7 @@
 
 use crate::{
     control::printable_path,
-    frame::{FrameIndex, StreamKind},
+    frame::{FrameIndex, Stream, StreamKind},
     job::{
         Control, FailedFrame, Failure, RunError,
         batch::{BatchRequest, Source},
@@ -10,6 +10,7 @@ use crate::{
     mesh::SurfaceParams,
     product::surface::{SurfaceBounds, surface_bounds},
 };
+use std::path::Path;
 
 /// The bounds of the surface of one stream of a frame.
 #[derive(Clone, Debug)]
@@ -35,7 +36,6 @@ pub(crate) fn bounds(
     control: Control,
     done: &mut dyn FnMut(FrameBounds),
 ) -> Result<(), RunError> {
-    let affordable = request.max_memory.unwrap_or(AFFORDABLE);
     let frames = source.frames(request.selection.as_ref())?;
     let requested = frames.len();
     let mut failed = Vec::new();
@@ -43,46 +43,45 @@ pub(crate) fn bounds(
         if control.cancel.is_cancelled() {
             return Err(RunError::Interrupted);
         }
-        let mut fail =
-            |why: String, kind| failed.push(FailedFrame { name: format!("frame {frame}"), why, kind });
-        let Some(path) = path else {
-            fail(source.absent().into(), Failure::Other);
-            continue;
+        let found = match &path {
+            Some(path) => of_frame(&source, path, frame, is_known, params, request),
+            None => Err(RunError::Request(source.absent().into())),
         };
-        let opened = match source.open(&path, frame, request.max_memory) {
-            Ok(opened) => opened,
-            Err(RunError::Cache(why)) => {
-                fail(why.to_string(), Failure::of(&why));
+        let place = path.as_deref().map_or_else(String::new, |path| format!("{}: ", printable_path(path)));
+        let (why, kind) = match found {
+            Ok(found) => {
+                found.into_iter().for_each(&mut *done);
                 continue;
             }
-            Err(why @ RunError::OverMemory { .. }) => {
-                fail(format!("{}: {why}", printable_path(&path)), Failure::Memory);
-                continue;
-            }
-            Err(RunError::Import(why)) => {
-                fail(why.to_string(), Failure::Other);
-                continue;
-            }
+            Err(RunError::Cache(why)) => (why.to_string(), Failure::of(&why)),
+            Err(RunError::Import(why)) => (why.to_string(), Failure::Other),
+            Err(why @ RunError::OverMemory { .. }) => (format!("{place}{why}"), Failure::Memory),
+            Err(RunError::Request(why)) => (format!("{place}{why}"), Failure::Other),
             Err(why) => return Err(why),
         };
-        let spacings: Vec<Option<f32>> =
-            opened.headers.iter().map(|header| header.spacing.as_ref().ok().copied()).collect();
-        let streams = match opened.unpack() {
-            Ok((streams, _)) => streams,
-            Err(why) => {
-                fail(why.to_string(), Failure::Other);
-                continue;
-            }
-        };
-        for (stream, spacing) in streams.iter().zip(spacings) {
-            if stream.kind != StreamKind::Particles {
-                continue;
-            }
-            match surface_bounds(stream, spacing.filter(|_| is_known), params, affordable) {
-                Ok(bounds) => done(FrameBounds { frame, stream: stream.name.clone(), bounds }),
-                Err(why) => fail(format!("{}: {why}", printable_path(&path)), Failure::Other),
-            }
-        }
+        failed.push(FailedFrame { name: format!("frame {frame}"), why, kind });
     }
     if failed.is_empty() { Ok(()) } else { Err(RunError::SomeFailed { failed, requested }) }
+}
+
+/// The bounds of the surfaces of the streams of particles of a frame.
+fn of_frame(
+    source: &Source,
+    path: &Path,
+    frame: FrameIndex,
+    is_known: bool,
+    params: &SurfaceParams,
+    request: &BatchRequest,
+) -> Result<Vec<FrameBounds>, RunError> {
+    let affordable = request.max_memory.unwrap_or(AFFORDABLE);
+    let opened = source.open(path, frame, request.max_memory)?;
+    let spacings: Vec<Option<f32>> =
+        opened.headers.iter().map(|header| header.spacing.as_ref().ok().copied()).collect();
+    let (streams, _) = opened.unpack()?;
+    let particles = streams.iter().zip(spacings).filter(|(stream, _)| stream.kind == StreamKind::Particles);
+    let of = |(stream, spacing): (&Stream, Option<f32>)| {
+        let bounds = surface_bounds(stream, spacing.filter(|_| is_known), params, affordable)?;
+        Ok(FrameBounds { frame, stream: stream.name.clone(), bounds })
+    };
+    particles.map(of).collect()
 }
