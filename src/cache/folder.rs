@@ -10,7 +10,7 @@ pub fn frame_path(dir: &Path, index: FrameIndex) -> PathBuf {
 }
 
 /// The frame number in a file's name, if it is named as [`frame_path`] names.
-pub(super) fn index_of(path: &Path) -> Option<FrameIndex> {
+pub(crate) fn index_of(path: &Path) -> Option<FrameIndex> {
     let name = path.file_name()?.to_str()?;
     let digits = name.strip_prefix("frame_")?.strip_suffix(".mcf")?;
     let index = FrameIndex(digits.parse().ok()?);

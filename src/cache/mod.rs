@@ -29,6 +29,7 @@ pub(crate) use atomic::{remove_temporaries, write_atomically};
 pub(crate) use crafted::{decode_frame, decode_samples, seal_frame, seal_samples, verify_bytes};
 pub use error::CacheError;
 pub(crate) use error::is_full;
+pub(crate) use folder::index_of;
 pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
 pub use lock::Lock;

@@ -17,6 +17,7 @@ mod product;
 mod product_args;
 mod progress;
 mod shot;
+mod shot_inputs;
 mod tradeoff;
 mod values;
 mod volume;

@@ -1,6 +1,12 @@
 //! What the verbs that make products share: where their frames come from, and where the files go.
 
-use super::{bounds::print_bounds, exit::is_disk_full, output::print, product_args::InputArgs};
+use super::{
+    bounds::print_bounds,
+    exit::is_disk_full,
+    output::print,
+    product_args::InputArgs,
+    shot_inputs::{ShotInput, shots},
+};
 use crate::{
     cache::leads_out,
     control::printable_path,
@@ -12,10 +18,7 @@ use crate::{
     },
     scene::{self, Overrides, Quality, Scene},
 };
-use std::{
-    collections::HashSet,
-    path::{Path, PathBuf},
-};
+use std::path::Path;
 
 /// Frames a second of a sequence of files, unless given.
 const DEFAULT_FPS: f64 = 24.0;
@@ -62,17 +65,21 @@ impl ProductVerb {
             follow: args.follow,
             fps: fps(args.fps)?,
         };
-        let shots = self.shots(&args.inputs, control)?;
+        let shots = match self.takes_files {
+            true => shots(&args.inputs, control)?,
+            false => args.inputs.iter().map(ShotInput::whole).collect(),
+        };
         if !shots.is_empty() {
             self.check_shot_arguments(args, retime, shots.len())?;
         }
+        let run = |shot: &ShotInput| {
+            let batch = BatchRequest { selection: shot.selection(&args.frames)?, ..batch.clone() };
+            self.run_shot(&shot.folder, args, retime, &set, batch, &adjust, control)
+        };
         match &shots[..] {
             [] => {}
-            [folder] => return self.run_shot(folder, args, retime, &set, &batch, &adjust, control),
-            folders => {
-                let run = |folder: &Path| self.run_shot(folder, args, retime, &set, &batch, &adjust, control);
-                return run_each(folders, run, control);
-            }
+            [shot] => return run(shot),
+            shots => return run_each(shots, run, control),
         }
         if retime.is_some() {
             return Err(RunError::Request("--retime is for the cache of a shot. Leave it out".into()));
@@ -110,7 +117,7 @@ impl ProductVerb {
         args: &InputArgs,
         retime: Option<Retime>,
         set: &[String],
-        batch: &BatchRequest,
+        mut batch: BatchRequest,
         adjust: &dyn Fn(&mut ProductSettings),
         control: Control,
     ) -> Result<(), RunError> {
@@ -121,7 +128,6 @@ impl ProductVerb {
                 "a retimed shot has other frames than its cache: name a folder for them with -o".into(),
             ));
         }
-        let mut batch = batch.clone();
         if let Some(limit) = batch.follow {
             batch.selection = Some(run::follow(&cache, batch.selection.as_ref(), limit, control)?);
         }
@@ -137,48 +143,6 @@ impl ProductVerb {
         let input = ProductInput::Frames(Source::Cache(&cache));
         let (scene, settings, batch) = (scene.as_ref(), &settings, &batch);
         self.make(&ProductRequest { input, out: &out, settings, scene, retime, batch }, control)
-    }
-
-    /// The shot folders that the inputs name; none if they are files.
-    fn shots(&self, inputs: &[String], control: Control) -> Result<Vec<PathBuf>, RunError> {
-        if !self.takes_files {
-            return Ok(inputs.iter().map(PathBuf::from).collect());
-        }
-        let (mut shots, mut file) = (Vec::new(), None);
-        for input in inputs {
-            if is_folder(input) {
-                shots.push(PathBuf::from(input));
-                continue;
-            }
-            let folders = import::folders(input)?;
-            let (found, others): (Vec<_>, Vec<_>) =
-                folders.into_iter().partition(|folder| has_cache_or_preset(folder));
-            if found.is_empty() {
-                file = Some(input);
-                continue;
-            }
-            let files = import::expand(std::slice::from_ref(input)).map_or(0, |found| found.files().len());
-            if !others.is_empty() || files > 0 {
-                let others = others.len();
-                control.reporter.note(&format!(
-                    "{input}: {others} folders without a shot and {files} files are left out; name files by another pattern"
-                ));
-            }
-            shots.extend(found);
-        }
-        match file {
-            Some(file) if !shots.is_empty() => Err(RunError::Request(format!(
-                "{file}: found no shot folder among shot folders; name shots or particle files, or run the command twice"
-            ))),
-            _ => {
-                let mut known = HashSet::new();
-                shots.retain(|shot| {
-                    let root = ShotFolder::around(shot).root().to_owned();
-                    known.insert(root.canonicalize().unwrap_or(root))
-                });
-                Ok(shots)
-            }
-        }
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<(), RunError> {
@@ -269,44 +233,38 @@ impl ProductVerb {
 
 /// Runs a verb for each of several shots. One that fails does not stop the others, unless the disk is full.
 fn run_each(
-    folders: &[PathBuf],
-    run: impl Fn(&Path) -> Result<(), RunError>,
+    shots: &[ShotInput],
+    run: impl Fn(&ShotInput) -> Result<(), RunError>,
     control: Control,
 ) -> Result<(), RunError> {
     let mut failed = Vec::new();
-    for (place, folder) in folders.iter().enumerate() {
+    for (place, shot) in shots.iter().enumerate() {
         control.reporter.note(&format!(
             "shot {} of {}: {}",
             place + 1,
-            folders.len(),
-            printable_path(folder)
+            shots.len(),
+            printable_path(&shot.folder)
         ));
-        match run(folder) {
+        match run(shot) {
             Ok(()) => {}
             Err(RunError::Interrupted) => return Err(RunError::Interrupted),
             Err(why) => {
                 control.reporter.stop();
                 // At once, since Ctrl-C may end the batch before the list of all.
-                control.reporter.note(&format!("{} failed: {why}", printable_path(folder)));
+                control.reporter.note(&format!("{} failed: {why}", printable_path(&shot.folder)));
                 let is_last = is_disk_full(&why);
-                failed.push((printable_path(folder).to_string(), why));
+                failed.push((printable_path(&shot.folder).to_string(), why));
                 if is_last {
                     control.reporter.note(&format!(
                         "the disk is full: {} shots are not started",
-                        folders.len() - place - 1
+                        shots.len() - place - 1
                     ));
                     break;
                 }
             }
         }
     }
-    if failed.is_empty() { Ok(()) } else { Err(RunError::ShotsFailed { failed, all: folders.len() }) }
-}
-
-/// Whether a folder is that of a shot, or of its cache.
-fn has_cache_or_preset(folder: &Path) -> bool {
-    let shot = ShotFolder::around(folder);
-    shot.cache().is_dir() || shot.preset().is_file()
+    if failed.is_empty() { Ok(()) } else { Err(RunError::ShotsFailed { failed, all: shots.len() }) }
 }
 
 /// The preset of a cache with some keys changed; `None` if the folder has none.
@@ -323,12 +281,6 @@ fn cached_scene(cache: &ShotFolder, set: &[String]) -> Result<Option<Scene>, Run
     }
     let preset = scene::load(&preset.to_string_lossy())?;
     Ok(Some(Scene::from_preset(&preset, &Overrides { quality: None, set: set.to_vec() })?))
-}
-
-/// Whether an input is a folder, or names one that does not exist: particle files have an extension.
-pub(super) fn is_folder(input: &str) -> bool {
-    let path = Path::new(input);
-    path.is_dir() || !path.exists() && path.extension().is_none() && !input.contains(['*', '#', '?', '['])
 }
 
 /// Whether two paths lead to the same folder.

@@ -22,7 +22,7 @@ pub(super) enum Tier {
 /// Where the frames of a product come from, and where its files go.
 #[derive(Clone, Debug, Default, Args)]
 pub(super) struct InputArgs {
-    /// Shot folders or their caches, or particle files (PLY, XYZ, CSV, VTK, VTU, NPY, NPZ, BGEO): names, globs (in quotes), or
+    /// Shot folders, their caches or cached frames, or particle files (PLY, XYZ, CSV, VTK, VTU, NPY, NPZ, BGEO): names, globs (in quotes), or
     /// `frame_####.vtk`, where # are the digits of the frame; `mesh` takes OpenVDB level sets too
     #[arg(required = true, value_name = "CACHE|FILES")]
     pub(super) inputs: Vec<String>,

@@ -3,8 +3,8 @@
 use super::{
     args::WedgeArgs,
     output::print,
-    product::is_folder,
     shot::{make_outputs, quality},
+    shot_inputs::is_folder,
 };
 use crate::{
     job::Failure,

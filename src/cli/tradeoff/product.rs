@@ -3,7 +3,7 @@
 
 use super::comparison::{conclude, criterion, dry_run, folder, job, output, request};
 use crate::{
-    cli::{args::TradeoffArgs, product},
+    cli::{args::TradeoffArgs, product, shot_inputs},
     import::{self, Sequence},
     job::{Control, RunError, ShotFolder, batch::Source},
     run::{
@@ -123,7 +123,7 @@ impl Input {
                 let preset = preset.exists().then(|| scene::load(&preset.to_string_lossy())).transpose()?;
                 return Ok(Self::Shot(shot, preset));
             }
-            if input.ends_with(".toml") || product::is_folder(input) {
+            if input.ends_with(".toml") || shot_inputs::is_folder(input) {
                 return Ok(Self::Preset(scene::load(input)?));
             }
         }
