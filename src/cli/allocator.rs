@@ -86,7 +86,13 @@ const MAX_NAMED: usize = 16;
 fn describe(size: usize, text: &mut Text) -> fmt::Result {
     write!(text, "\nerror: the system refused {size} bytes of memory")?;
     let count = frames_under_way().count();
-    for (place, frame) in frames_under_way().take(MAX_NAMED).enumerate() {
+    // Without memory of its own, and in the order of frames.
+    let (mut named, mut length) = ([0; MAX_NAMED], 0);
+    for frame in frames_under_way().take(MAX_NAMED) {
+        (named[length], length) = (frame, length + 1);
+    }
+    named[..length].sort_unstable();
+    for (place, frame) in named[..length].iter().enumerate() {
         let before = match (place, count) {
             (0, 1) => ", while frame ",
             (0, _) => ", while frames ",
