@@ -102,8 +102,8 @@ fn bomb(points: u32) -> Vec<u8> {
     for word in [5, points, 0, 0, 0, 0, 0, 0, 0] {
         encoder.write_all(&word.to_be_bytes()).unwrap();
     }
-    for _ in 0..points {
-        encoder.write_all(&[0; 16]).unwrap();
+    for _ in 0..points / 4096 {
+        encoder.write_all(&[0; 16 * 4096]).unwrap();
     }
     encoder.finish().unwrap()
 }

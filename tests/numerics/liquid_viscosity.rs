@@ -180,7 +180,7 @@ fn spread_cube(viscosity: f64, substeps: u32, frames: u32) -> f64 {
 #[test]
 fn a_gravity_current_spreads_like_its_similarity_solution() {
     let (volume, nu) = (0.3_f64.powi(3), 0.01);
-    let frames = if crate::is_soak() { vec![24, 48, 96, 192] } else { vec![24, 48] };
+    let frames = if crate::is_soak() { vec![24, 48, 96, 192] } else { vec![24] };
     for frames in frames {
         let time = f64::from(frames) * FRAME;
         let exact = 0.894 * (9.81 * volume.powi(3) / (3.0 * nu) * time).powf(0.125); // [huppert82]

@@ -142,13 +142,13 @@ fn turbulence_that_is_remeshed_gains_no_energy() {
         let energy = |flow: &Flow| flow.account(None).unwrap().invariants.energy;
         let (before, count) = (energy(&flow), flow.vortons.len());
         let (mut largest, mut divergence, mut remeshings) = (0.0_f64, 0.0_f64, 0);
-        for _ in 0..30 {
+        for _ in 0..if crate::is_soak() { 30 } else { 15 } {
             let report = advance(&mut flow, 0.05);
             largest = largest.max(energy(&flow) / before);
             remeshings += report.remeshed;
             divergence = divergence.max(report.remesh.map_or(0.0, |remesh| remesh.divergence));
         }
-        assert!(remeshings >= 4, "{remeshings}");
+        assert!(remeshings >= 2, "{remeshings}");
         // Without taking out divergence it is 1.7e9 after a strain of 0.5.
         assert!(
             largest < 1.05 && energy(&flow) > 0.5 * before,
