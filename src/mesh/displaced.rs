@@ -81,6 +81,16 @@ impl<'a> DisplacedMesh<'a> {
             let around = self.refresh_around(&patch);
             folded = self.folded(&sorted(vec![around, folded]));
         }
+        self.restore_folded(folded);
+    }
+
+    /// Restores the vertices of triangles that collapsed or are flipped, of these `triangles` at first, until there are none.
+    pub(super) fn restore(&mut self, triangles: &[u32]) {
+        let folded = self.folded(triangles);
+        self.restore_folded(folded);
+    }
+
+    fn restore_folded(&mut self, mut folded: Vec<u32>) {
         while !folded.is_empty() {
             let restored_now = self.corners(&folded);
             self.restore_vertices(&restored_now);
@@ -116,9 +126,14 @@ impl<'a> DisplacedMesh<'a> {
         // The check of a triangle depends on the normals at its corners, and these on the neighbouring vertices.
         let near = self.with_neighbours(moved);
         self.refresh(&near);
+        self.triangles_of(&near)
+    }
+
+    /// The triangles of some vertices.
+    pub(super) fn triangles_of(&self, vertices: &[u32]) -> Vec<u32> {
         let half_edges = self.half_edges;
-        sorted(par::map_chunks(near.len(), par::CHUNK, |range| {
-            near[range].iter().flat_map(|&v| half_edges.of(v as usize)).map(|h| h.triangle()).collect()
+        sorted(par::map_chunks(vertices.len(), par::CHUNK, |range| {
+            vertices[range].iter().flat_map(|&v| half_edges.of(v as usize)).map(|h| h.triangle()).collect()
         }))
     }
 

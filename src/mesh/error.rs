@@ -1,5 +1,7 @@
 //! What can be wrong with a reconstruction.
 
+use crate::frame::Stream;
+
 /// Errors of a reconstruction.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -23,9 +25,10 @@ pub enum SurfaceError {
         "the particles have no attribute `radius` or `pscale` of one number; export one, or leave surface.radius out"
     )]
     NoRadius,
-    /// The particles lack a channel for the vertex attributes.
+    /// The particles lack a channel for the vertex attributes or the mask of smoothing.
     #[error(
-        "the particles have no channel `{name}` for the vertices; they have {existing}: change surface.attributes"
+        "the particles have no channel `{name}` for the vertices; they have {existing}: change surface.attributes or \
+         surface.smoothing.mask"
     )]
     NoChannel {
         /// The requested name.
@@ -33,4 +36,12 @@ pub enum SurfaceError {
         /// The existing names.
         existing: String,
     },
+}
+
+impl SurfaceError {
+    /// The error that lists the existing channels.
+    pub(super) fn no_channel(name: String, particles: &Stream) -> Self {
+        let names: Vec<&str> = particles.channels().iter().map(|channel| channel.name.as_str()).collect();
+        Self::NoChannel { name, existing: names.join(", ") }
+    }
 }

@@ -5,7 +5,9 @@ mod attributes;
 mod cases;
 mod cavities;
 mod check;
+mod clean;
 mod components;
+mod contact;
 mod contour;
 mod decimate;
 mod displaced;
@@ -14,6 +16,7 @@ mod half_edges;
 mod local_frame;
 mod low_pass;
 mod marching_cubes;
+mod mask;
 mod node_signs;
 mod normals;
 mod params;
@@ -21,6 +24,7 @@ mod radii;
 mod reconstruct;
 mod shell;
 mod smooth;
+mod stats;
 pub mod surface_distance;
 mod umbrella;
 
@@ -29,6 +33,7 @@ pub use cavities::{CavityStats, close_cavities};
 pub(crate) use check::degenerate_in_world_frame;
 pub use check::{Fault, MeshCheck, check};
 pub use components::{ComponentStats, Points, remove_small};
+pub use contact::{ContactStats, PlacedSolid};
 pub use contour::{Contour, Interpolation, Side};
 pub use decimate::{DecimationStats, decimate};
 pub use error::SurfaceError;
@@ -36,12 +41,14 @@ pub(crate) use local_frame::is_far;
 pub use marching_cubes::{ContourStats, MARGIN, marching_cubes};
 pub use normals::{normals_from_faces, normals_from_field};
 pub use params::{
-    ComponentParams, DecimationParams, DistanceParams, RadiusSource, SmoothingParams, SurfaceParams,
+    ComponentParams, ContactParams, DecimationParams, DistanceParams, RadiusSource, SmoothingMask,
+    SmoothingParams, SurfaceParams,
 };
 pub(crate) use radii::RadiusScales;
-pub use reconstruct::{Surface, SurfaceStats, positions, reconstruct};
+pub use reconstruct::{Surface, positions, reconstruct, reconstruct_at_solids};
 pub use shell::shell;
 pub use smooth::{SmoothingStats, smooth};
+pub use stats::SurfaceStats;
 
 use crate::{frame::Channel, math::Vec3, par};
 

@@ -52,6 +52,10 @@ pub struct SurfaceParams {
     /// Volume-preserving smoothing; absent: the surface of marching cubes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub smoothing: Option<SmoothingParams>,
+    /// Fitting to the colliders of the shot, so that water meets glass without a gap; absent: the surface ends where its
+    /// particles do. Needs a shot: particle files have no colliders.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub contact: Option<ContactParams>,
     /// Decimation, which reduces the number of triangles; absent: all triangles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decimation: Option<DecimationParams>,
@@ -60,7 +64,8 @@ pub struct SurfaceParams {
 impl SurfaceParams {
     /// Whether the mesh has no clean-up after marching cubes.
     pub fn has_no_cleanup(&self) -> bool {
-        self.components.is_none() && self.smoothing.is_none() && self.decimation.is_none()
+        let is_kept = self.components.is_none() && self.smoothing.is_none() && self.contact.is_none();
+        is_kept && self.decimation.is_none()
     }
 
     /// The signed distance that the surface needs; `None` if the density is meshed. For an offset without `distance` it is of
@@ -86,6 +91,7 @@ impl Default for SurfaceParams {
             smallest_cavity: 1.0,
             components: None,
             smoothing: None,
+            contact: None,
             decimation: None,
         }
     }
@@ -148,7 +154,7 @@ impl Default for ComponentParams {
 }
 
 /// Smoothing that preserves volume, edges and thin parts.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields, default)]
 pub struct SmoothingParams {
@@ -165,11 +171,55 @@ pub struct SmoothingParams {
     /// seven tenths of this value. At a preserved edge the rows of particles show, with a moat of a tenth of a
     /// spacing behind it; below 60, more of the particles. 180 preserves none. Range: 5 to 180.
     pub crease: f32,
+    /// Where the surface is smoothed, by an attribute of the particles; absent: everywhere.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mask: Option<SmoothingMask>,
+}
+
+/// Part of the smoothing by an attribute of the particles, such as less where the liquid is fast: at the value `none` the surface
+/// is not smoothed, at `full` entirely, between the two in part. Either may be the larger.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields)]
+pub struct SmoothingMask {
+    /// Name of the attribute, as in `surface.attributes`: of vectors, such as `velocity` or `vorticity`, the length counts. A frame
+    /// without it fails. Where it is not a number, the surface is smoothed entirely.
+    pub attribute: String,
+    /// Value without smoothing, in the attribute's unit.
+    #[serde(default)]
+    pub none: f32,
+    /// Value of entire smoothing.
+    #[serde(default = "one")]
+    pub full: f32,
+}
+
+fn one() -> f32 {
+    1.0
 }
 
 impl Default for SmoothingParams {
     fn default() -> Self {
-        Self { wavelength: 6.0, thin: 0.2, crease: 180.0 }
+        Self { wavelength: 6.0, thin: 0.2, crease: 180.0, mask: None }
+    }
+}
+
+/// Fitting of the surface to colliders, after smoothing. Vertices that face a collider are displaced to its surface, and those
+/// inside of it out; the free surface stays.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(deny_unknown_fields, default)]
+pub struct ContactParams {
+    /// Distance of the surface from the collider, in particle spacings. 0 makes both flicker in renderers (z-fighting); a
+    /// negative one overlaps, as refraction in Cycles wants it of water in glass. Range: -1 to 1.
+    pub gap: f32,
+    /// Distance of vertices that are displaced entirely, in particle spacings; between it and twice as much, in part. Smaller
+    /// leaves a groove at the edge of the water, larger draws drops to walls before they touch. Range: 0.1 to 2.
+    pub reach: f32,
+}
+
+impl Default for ContactParams {
+    fn default() -> Self {
+        Self { gap: 0.02, reach: 0.75 }
     }
 }
 

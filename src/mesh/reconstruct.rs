@@ -15,30 +15,21 @@
 //! Limits: those of the passes; features thinner than a voxel may vanish.
 
 use super::{
-    CavityStats, ComponentStats, Contour, ContourStats, DecimationStats, Mesh, MeshCheck, Points,
-    RadiusScales, SmoothingStats, SurfaceError, SurfaceParams,
-    cavities::{ClosedCavities, close},
-    check::{KnownParts, check_with},
-    decimate,
-    half_edges::HalfEdges,
+    Mesh, MeshCheck, PlacedSolid, Points, RadiusScales, SurfaceError, SurfaceParams, SurfaceStats,
+    check::check_with,
+    clean::{CleanedMesh, Clock, Input, with_cleanup, without_cleanup},
     local_frame::{in_local_frame, local_origin, selected},
-    marching_cubes,
-    marching_cubes::Extraction,
-    normals::{Directions, some_from_field, unit},
-    normals_from_faces, normals_from_field, remove_small,
-    smooth::{Depths, Smoothed, smooth_by_depth},
     transfer,
 };
 use crate::{
     control::CancelToken,
-    field::{Density, DensityParams, density_of_radii, thinned},
+    field::{DensityParams, density_of_radii, thinned},
     frame::Stream,
     math::Vec3,
     par,
     sdf::{SdfParams, SignedDistance, from_density},
     space::CellGrid,
 };
-use std::time::Instant;
 
 /// The surface of one stream of particles.
 #[derive(Clone, Debug)]
@@ -54,57 +45,6 @@ pub struct Surface {
     pub check: MeshCheck,
     /// Statistics of the reconstruction.
     pub stats: SurfaceStats,
-}
-
-/// Statistics of a reconstruction, including all adjustments.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-#[non_exhaustive]
-pub struct SurfaceStats {
-    /// Number of particles.
-    pub particles: usize,
-    /// Particles too far from the origin for the grid, which are left out.
-    pub too_far_particles: usize,
-    /// Particles that fall between the nodes of a coarse grid and leave no trace.
-    pub unseen_particles: usize,
-    /// Particles left out because there are more in their place than any liquid has.
-    pub clustered_particles: usize,
-    /// Particles whose radius was limited to the range of scales.
-    #[serde(skip_serializing_if = "is_zero")]
-    pub limited_radii: usize,
-    /// Bricks of the density and of the signed distance.
-    pub bricks: [usize; 2],
-    /// Nodes of the signed distance outside the band.
-    pub unreached_nodes: usize,
-    /// Nodes on the surface, displaced by a millionth of a voxel.
-    pub nodes_on_surface: usize,
-    /// Vertices of the mesh.
-    pub vertices: usize,
-    /// Triangles of the mesh.
-    pub triangles: usize,
-    /// Adjustments of marching cubes.
-    pub contour: ContourStats,
-    /// Closing of small cavities.
-    pub cavities: CavityStats,
-    /// Removal of small components.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub components: Option<ComponentStats>,
-    /// Smoothing.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub smoothing: Option<SmoothingStats>,
-    /// Decimation.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub decimation: Option<DecimationStats>,
-    /// Vertices with the normal of their faces, because the field has no usable gradient there; not counted
-    /// on a smoothed surface.
-    pub normals_from_faces: usize,
-    /// Vertices and points with the attributes of the nearest particle, because none is within the kernel.
-    pub attributes_from_nearest: usize,
-    /// Seconds per pass, in the order of their first run; marching cubes and normals may alternate.
-    pub seconds: Vec<(&'static str, f64)>,
-}
-
-fn is_zero(count: &usize) -> bool {
-    *count == 0
 }
 
 /// Reconstructs the surface of `particles` (channel `position` [m], optionally `velocity` [m/s]) with a rest
@@ -124,10 +64,30 @@ pub fn reconstruct(
     params: &SurfaceParams,
     cancel: &CancelToken,
 ) -> Result<Surface, SurfaceError> {
+    reconstruct_at_solids(particles, spacing, params, &[], cancel)
+}
+
+/// [`reconstruct`], and fits the surface to `solids` if the parameters request it.
+///
+/// # Errors
+/// As [`reconstruct`].
+///
+/// # Panics
+/// As [`reconstruct`].
+pub fn reconstruct_at_solids(
+    particles: &Stream,
+    spacing: f32,
+    params: &SurfaceParams,
+    solids: &[PlacedSolid],
+    cancel: &CancelToken,
+) -> Result<Surface, SurfaceError> {
     let moved = local_origin(positions(particles)?, params.voxel * spacing)
         .map(|origin| (origin, in_local_frame(particles, &origin)));
-    let Some((origin, moved)) = moved else { return in_its_frame(particles, spacing, params, cancel) };
-    let mut surface = in_its_frame(&moved, spacing, params, cancel)?;
+    let Some((origin, moved)) = moved else {
+        return in_its_frame(Input { particles, solids, params, spacing }, cancel);
+    };
+    let solids: Vec<PlacedSolid> = solids.iter().map(|solid| solid.in_frame(&origin)).collect();
+    let mut surface = in_its_frame(Input { particles: &moved, solids: &solids, params, spacing }, cancel)?;
     surface.mesh.origin = origin;
     if let Some(points) = &mut surface.points {
         points.origin = origin;
@@ -136,12 +96,8 @@ pub fn reconstruct(
 }
 
 /// The surface of particles near the origin.
-fn in_its_frame(
-    particles: &Stream,
-    spacing: f32,
-    params: &SurfaceParams,
-    cancel: &CancelToken,
-) -> Result<Surface, SurfaceError> {
+fn in_its_frame(input: Input, cancel: &CancelToken) -> Result<Surface, SurfaceError> {
+    let Input { particles, params, spacing, .. } = input;
     let positions = positions(particles)?;
     let radii = RadiusScales::of(particles, spacing, params)?;
     let scales = radii.as_ref().map(|radii| &*radii.values);
@@ -172,29 +128,22 @@ fn in_its_frame(
         nodes_on_surface: distance.as_ref().map_or(0, |distance| distance.on_surface),
         ..SurfaceStats::default()
     };
-    let CleanedMesh { mut mesh, mut points, known } = if params.has_no_cleanup() {
-        without_cleanup(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
-    } else {
-        with_cleanup(field, distance.as_ref(), params, spacing, &mut clock, &mut stats)?
-    };
-    (stats.vertices, stats.triangles) = (mesh.positions.len(), mesh.triangles.len());
     let without_clusters =
         (stats.clustered_particles > 0).then(|| without_clusters(particles, scales, spacing, params));
     let particles = without_clusters.as_ref().unwrap_or(particles);
+    let input = Input { particles, ..input };
+    let CleanedMesh { mut mesh, mut points, known } = if params.has_no_cleanup() {
+        without_cleanup(field, distance.as_ref(), input, &mut clock, &mut stats)?
+    } else {
+        with_cleanup(field, distance.as_ref(), input, &mut clock, &mut stats)?
+    };
+    (stats.vertices, stats.triangles) = (mesh.positions.len(), mesh.triangles.len());
     stats.attributes_from_nearest = clock.time("attributes", || {
         transfer_attributes(particles, params, spacing, &mut mesh, points.as_mut())
     })??;
     let check = clock.time("check", || check_with(&mesh, known))?;
     stats.seconds = clock.seconds;
     Ok(Surface { mesh, points, distance, check, stats })
-}
-
-/// A mesh with normals.
-struct CleanedMesh {
-    mesh: Mesh,
-    points: Option<Points>,
-    /// What earlier passes found.
-    known: KnownParts,
 }
 
 /// A distance of which no node is on the level `offset` [m], as the distance itself has none on zero: triangles there would have no
@@ -211,108 +160,6 @@ fn without_level(mut distance: SignedDistance, offset: f32, voxel: f32) -> Signe
     distance
 }
 
-/// The contour whose isosurface is extracted, at `offset` [m] of the distance.
-fn contour_of<'a>(field: &'a Density, distance: Option<&'a SignedDistance>, offset: f32) -> Contour<'a> {
-    let at_offset = |distance: &'a SignedDistance| Contour { level: offset, ..Contour::from(&distance.grid) };
-    distance.map_or_else(|| Contour::from(field), at_offset)
-}
-
-/// The surface of marching cubes, without clean-up.
-fn without_cleanup(
-    mut field: Density,
-    distance: Option<&SignedDistance>,
-    params: &SurfaceParams,
-    spacing: f32,
-    clock: &mut Clock,
-    stats: &mut SurfaceStats,
-) -> Result<CleanedMesh, SurfaceError> {
-    if distance.is_some() {
-        field.grid.values = Vec::new();
-    }
-    let contour = contour_of(&field, distance, params.offset.unwrap_or(0.0) * spacing);
-    let (extraction, (positions, contour_stats)) = clock.time("marching cubes", || {
-        let extraction = Extraction::new(&contour);
-        let vertices = extraction.vertices(&contour);
-        (extraction, vertices)
-    })?;
-    stats.contour = contour_stats;
-    let mut directions = clock.time("normals", || Directions::of(&positions, &contour))?;
-
-    // The density takes most of the memory, and triangles do not need it.
-    field.grid.values = Vec::new();
-    let bricks = distance.map_or(&field.grid.bricks, |distance| &distance.grid.bricks);
-    let triangles = clock.time("marching cubes", || extraction.triangles(bricks))?;
-    let mut mesh = Mesh { positions, triangles, ..Mesh::default() };
-    let mut known = KnownParts::default();
-    if let Some(ClosedCavities { kept, components, .. }) =
-        closed_cavities(&mut mesh, params, spacing, clock, stats)?
-    {
-        known.components = Some(components);
-        if !kept.is_empty() {
-            directions.retain(&kept);
-        }
-    }
-    (mesh.normals, stats.normals_from_faces) =
-        clock.time("normals", || directions.check_against_faces(&mesh))?;
-    Ok(CleanedMesh { mesh, points: None, known })
-}
-
-/// Closes the small cavities of a mesh without normals; `None` if it is open or none are to be closed.
-fn closed_cavities(
-    mesh: &mut Mesh,
-    params: &SurfaceParams,
-    spacing: f32,
-    clock: &mut Clock,
-    stats: &mut SurfaceStats,
-) -> Result<Option<ClosedCavities>, SurfaceError> {
-    if stats.contour.cut_cells > 0 || params.smallest_cavity == 0.0 {
-        return Ok(None);
-    }
-    let smallest = f64::from(params.smallest_cavity) * f64::from(spacing).powi(3);
-    let closed = clock.time("cavities", || close(mesh, smallest))?;
-    stats.cavities = closed.stats;
-    Ok(Some(closed))
-}
-
-/// The surface, with the clean-up of the parameters.
-fn with_cleanup(
-    field: Density,
-    distance: Option<&SignedDistance>,
-    params: &SurfaceParams,
-    spacing: f32,
-    clock: &mut Clock,
-    stats: &mut SurfaceStats,
-) -> Result<CleanedMesh, SurfaceError> {
-    let offset = params.offset.unwrap_or(0.0) * spacing;
-    let contour = contour_of(&field, distance, offset);
-    let mut mesh;
-    (mesh, stats.contour) = clock.time("marching cubes", || marching_cubes(contour))?;
-    closed_cavities(&mut mesh, params, spacing, clock, stats)?;
-    let mut points = None;
-    if let Some(components) = &params.components {
-        let (removed, found) = clock.time("components", || remove_small(&mut mesh, components, spacing))?;
-        (points, stats.components) = (Some(removed), Some(found));
-    }
-    let (mut half_edges, mut smoothed) = (None, None);
-    if let Some(smoothing) = &params.smoothing {
-        smoothed = Some(clock.time("smoothing", || {
-            let half_edges = half_edges.insert(HalfEdges::new(&mesh, |_| true));
-            smooth_by_depth(&mut mesh, half_edges, Depths { field: &field, offset }, smoothing, spacing)
-        })?);
-    }
-    stats.smoothing = smoothed.as_ref().map(|smoothed| smoothed.stats);
-    if let Some(decimation) = &params.decimation {
-        (half_edges, smoothed) = (None, None);
-        stats.decimation = Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?);
-    }
-    (mesh.normals, stats.normals_from_faces) = clock.time("normals", || match smoothed {
-        Some(Smoothed { normals, unmoved, .. }) => (smoothed_normals(&mesh, contour, normals, &unmoved), 0),
-        None if params.smoothing.is_some() => (normals_from_faces(&mesh), 0),
-        None => normals_from_field(&mesh, contour),
-    })?;
-    Ok(CleanedMesh { mesh, points, known: KnownParts { half_edges, components: None } })
-}
-
 /// The positions of the particles, all finite.
 ///
 /// # Errors
@@ -323,16 +170,6 @@ pub fn positions(particles: &Stream) -> Result<&[Vec3], SurfaceError> {
         Some(particle) => Err(SurfaceError::NotFinite { particle }),
         None => Ok(positions),
     }
-}
-
-/// The normals of a smoothed mesh: those of its `faces`, and those of the field where vertices did not move.
-fn smoothed_normals(mesh: &Mesh, contour: Contour, mut faces: Vec<Vec3>, unmoved: &[u32]) -> Vec<Vec3> {
-    let of_field = some_from_field(mesh, contour, &faces, unmoved);
-    par::update(&mut faces, |_, normal| *normal = unit(normal));
-    for (&v, normal) in unmoved.iter().zip(of_field) {
-        faces[v as usize] = normal;
-    }
-    faces
 }
 
 /// The particles without the surplus of dense clusters, as the density has them.
@@ -359,7 +196,7 @@ fn transfer_attributes(
 ) -> Result<usize, SurfaceError> {
     let of = |places: &[Vec3]| {
         transfer(particles, params.attributes.as_deref(), places, params.kernel_radius * spacing)
-            .map_err(|name| no_channel(name, particles))
+            .map_err(|name| SurfaceError::no_channel(name, particles))
     };
     let (attributes, mut from_nearest) = match params.offset {
         None => of(&mesh.positions)?,
@@ -377,31 +214,6 @@ fn transfer_attributes(
         from_nearest += more_from_nearest;
     }
     Ok(from_nearest)
-}
-
-/// The error that lists the existing channels.
-fn no_channel(name: String, particles: &Stream) -> SurfaceError {
-    let names: Vec<&str> = particles.channels().iter().map(|channel| channel.name.as_str()).collect();
-    SurfaceError::NoChannel { name, existing: names.join(", ") }
-}
-
-/// Runs passes and measures their times, until interrupted. A pass may have several parts.
-struct Clock<'a> {
-    cancel: &'a CancelToken,
-    seconds: Vec<(&'static str, f64)>,
-}
-
-impl Clock<'_> {
-    fn time<T>(&mut self, pass: &'static str, run: impl FnOnce() -> T) -> Result<T, SurfaceError> {
-        let start = Instant::now();
-        let result = run();
-        let seconds = start.elapsed().as_secs_f64();
-        match self.seconds.iter_mut().find(|(name, _)| *name == pass) {
-            Some((_, sum)) => *sum += seconds,
-            None => self.seconds.push((pass, seconds)),
-        }
-        if self.cancel.is_cancelled() { Err(SurfaceError::Interrupted) } else { Ok(result) }
-    }
 }
 
 #[cfg(test)]

@@ -186,7 +186,7 @@ fn is_extended(umbrella: &Umbrella) -> bool {
 }
 
 /// The cubic step from 0 at `start` to 1 at `end`; 0 for NaN.
-fn smooth_step(start: f32, end: f32, x: f32) -> f32 {
+pub(super) fn smooth_step(start: f32, end: f32, x: f32) -> f32 {
     let t = ((x - start) / (end - start)).clamp(0.0, 1.0);
     if t.is_nan() { 0.0 } else { t * t * (3.0 - 2.0 * t) }
 }
@@ -210,16 +210,20 @@ pub(super) struct Smoothed {
     pub(super) unmoved: Vec<u32>,
 }
 
-/// [`smooth`] of a mesh with known half-edges, each vertex by the depth of the liquid behind it.
+/// [`smooth`] of a mesh with known half-edges, each vertex by the depth of the liquid behind it and its part by a mask [0..1].
 pub(super) fn smooth_by_depth(
     mesh: &mut Mesh,
     half_edges: &HalfEdges,
     depths: Depths,
+    mask: Option<&[f32]>,
     params: &SmoothingParams,
     spacing: f32,
 ) -> Smoothed {
     let umbrella = Umbrella::new(mesh, half_edges);
-    let weights = depth_weights(mesh, half_edges, &umbrella, depths, params, spacing);
+    let mut weights = depth_weights(mesh, half_edges, &umbrella, depths, params, spacing);
+    if let Some(mask) = mask {
+        par::update(&mut weights, |v, weight| *weight *= mask[v]);
+    }
     smooth_with_umbrella(mesh, half_edges, umbrella, &weights, params, spacing)
 }
 

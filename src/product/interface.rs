@@ -47,7 +47,7 @@ pub(crate) trait Product: ProductFolder {
     }
 
     /// Whether it depends on the colliders of the preset, whose meshes are then sampled.
-    fn uses_solids(&self) -> bool {
+    fn uses_solids(&self, _: &ProductSettings) -> bool {
         false
     }
 

@@ -27,7 +27,7 @@ pub(crate) fn make_products(
 ) -> Result<(), RunError> {
     // So does the velocity of tracers.
     let products = product::ALL.into_iter().filter(|product| product.is_requested(request.settings));
-    let uses_solids = products.into_iter().any(|product| product.uses_solids());
+    let uses_solids = products.into_iter().any(|product| product.uses_solids(request.settings));
     let scene = match (request.scene.filter(|scene| uses_solids || has_tracers(scene)), request.input) {
         (Some(scene), ProductInput::Frames(Source::Cache(folder))) => {
             Some(solids::fill(scene, Some(folder), control.reporter)?)

@@ -63,6 +63,7 @@ mod tests {
             "liquid.domain",
             "surface.distance",
             "surface.components",
+            "surface.smoothing.mask",
             "surface.decimation",
         ];
         assert_eq!(scene(&[]).absent_tables(), absent);

@@ -4,6 +4,7 @@ use super::{meshing::xyz, *};
 use meniscus::{
     math::Vec3,
     mesh::{self, Mesh, surface_distance},
+    solid::Shape,
 };
 
 /// A drop of particles 0.1 m apart above a sheet of one layer.
@@ -304,4 +305,136 @@ fn bounds_are_printed_without_a_mesh() {
     desk.write("ball_2.xyz", "0 0\n");
     let (out, talk) = desk.run("mesh ball_#.xyz --bounds", 3);
     assert!(out.contains("frame 0001") && talk.contains("frame 0002"), "{out}{talk}");
+}
+
+/// A tub of 0.6 m, half full, which moves by 0.1 m each frame.
+const TUB: &str = r#"
+title = "Tub"
+frames = "1-3"
+fps = 24
+
+[[world.collider]]
+shape = { tank = { min = [-0.3, -0.3, 0], max = [0.3, 0.3, 2] } }
+keyframes = [{ frame = 1 }, { frame = 3, position = [0.2, 0, 0] }]
+
+[liquid]
+spacing = 0.1
+
+[[liquid.source]]
+shape = { box = { min = [-0.3, -0.3, 0], max = [0.3, 0.3, 0.4] } }
+
+[surface.smoothing]
+
+[surface.contact]
+
+[output]
+mesh = ["ply"]
+"#;
+
+/// The colliders are where they were in each frame.
+#[test]
+fn surfaces_are_fitted_to_the_colliders_of_a_shot() {
+    let desk = Desk::new();
+    desk.write("tub.toml", TUB);
+    desk.run("simulate tub.toml --frames 1-3", 0);
+    let mesh = |options: &str| {
+        let (_, talk) = desk.run(&format!("mesh tub {options}"), 0);
+        let meshes =
+            [1, 3].map(|frame| meshing::read_ply(&desk.path(&format!("tub/mesh/liquid_{frame:04}.ply"))));
+        (meshes, talk)
+    };
+    // The part of the vertices near the walls that is a tenth of a voxel or less from them.
+    let part = |mesh: &Mesh, moved: f32| {
+        let tub = Shape::Tank { min: [moved - 0.3, -0.3, 0.0], max: [moved + 0.3, 0.3, 2.0] };
+        let distance = |x: &&Vec3| tub.signed_distance(**x).abs();
+        let near = mesh.positions.iter().filter(|x| distance(x) < 0.04).count();
+        let met = mesh.positions.iter().filter(|x| distance(x) < 0.005).count();
+        met as f32 / near as f32
+    };
+    let (free, _) = mesh("--set surface.contact=none");
+    let (fitted, talk) = mesh("");
+    assert!(talk.contains("frame 0003"), "a mesh depends on the setting: {talk}");
+    for (mesh, moved) in fitted.iter().zip([0.0, 0.2]) {
+        let parts = [part(&free[usize::from(moved > 0.0)], moved), part(mesh, moved)];
+        println!("moved {moved}: {parts:?}");
+        assert!(parts[0] < 0.6 && parts[1] > 0.9, "{parts:?}");
+    }
+    let (_, talk) = mesh("");
+    assert!(!talk.contains("frame 0003"), "it is kept: {talk}");
+    let log = fs::read_to_string(desk.path("tub/mesh.jsonl")).unwrap();
+    assert!(log.lines().last().unwrap().contains("\"contact\":{\"displaced\":"), "{log}");
+
+    // Files have no colliders.
+    desk.write("drop.xyz", xyz(&drop_and_sheet()));
+    let (_, talk) = desk.run("mesh drop.xyz --spacing 0.1 -o out --set surface.contact={}", 2);
+    assert!(talk.contains("surface.contact") && talk.contains("the folder of a shot"), "{talk}");
+    let (_, talk) = desk.run("mesh tub --set surface.contact.gap=3", 2);
+    assert!(talk.contains("-1 to 1"), "{talk}");
+}
+
+#[test]
+fn smoothing_is_masked_by_an_attribute() {
+    let desk = Desk::new();
+    let points = drop_and_sheet();
+    let rows: String =
+        points.iter().map(|[x, y, z]| format!("{x},{y},{z},{}\n", u8::from(*z > 0.2))).collect();
+    desk.write("drop.csv", format!("x,y,z,detail\n{rows}"));
+    let mesh = |options: &str| {
+        desk.run(&format!("mesh drop.csv --spacing 0.1 -o out --force {options}"), 0);
+        meshing::read_ply(&desk.path("out/mesh/particles_0001.ply")).positions
+    };
+    let (rough, smooth) = (mesh("--set surface.smoothing=none"), mesh(""));
+    let masked = mesh("--set surface.smoothing.mask.attribute=detail");
+    let same = |of: &[Vec3], is_sheet: bool| {
+        let pairs = masked.iter().zip(of).filter(|(_, x)| (x.z < 0.15) == is_sheet);
+        pairs.filter(|(a, b)| a == b).count()
+    };
+    let sheet = rough.iter().filter(|x| x.z < 0.15).count();
+    assert_eq!(same(&rough, true), sheet, "the sheet has the attribute 0");
+    assert!(same(&rough, false) < 10 && same(&smooth, false) > 100);
+    let (_, talk) =
+        desk.run("mesh drop.csv --spacing 0.1 -o out --set surface.smoothing.mask.attribute=foam", 3);
+    assert!(talk.contains("no channel `foam`") && talk.contains("detail"), "{talk}");
+}
+
+#[test]
+fn cached_frames_are_meshed_by_their_files() {
+    let desk = Desk::new();
+    for shot in ["one", "two"] {
+        desk.run(&format!("simulate small.toml --frames 1-4 -o show/{shot}"), 0);
+    }
+    let names = |shot: &str| match desk.path(&format!("show/{shot}/mesh")).exists() {
+        true => desk.names(&format!("show/{shot}/mesh")),
+        false => Vec::new(),
+    };
+    desk.run("mesh show/one/cache/frame_000[23].mcf", 0);
+    assert_eq!(names("one"), ["liquid_0002.ply", "liquid_0003.ply"]);
+    let whole = |shot: &str| fs::read(desk.path(&format!("show/{shot}/mesh/liquid_0002.ply"))).unwrap();
+    let by_file = whole("one");
+    desk.run("mesh show/one --force", 0);
+    assert!(by_file == whole("one"), "the settings are those of the shot");
+
+    // Of several shots, and with a whole one among them.
+    fs::remove_file(desk.path("show/one/cache/frame_0004.mcf")).unwrap();
+    let (_, talk) = desk.run("mesh show/*/cache/frame_###4.mcf", 0);
+    assert_eq!(names("two"), ["liquid_0004.ply"], "{talk}");
+    let (_, talk) = desk.run("mesh show/two/cache/frame_0001.mcf show/one --force", 0);
+    assert!(talk.contains("shot 2 of 2"), "{talk}");
+    assert_eq!(names("two"), ["liquid_0001.ply", "liquid_0004.ply"]);
+    desk.run("volume show/two/cache/frame_0003.mcf", 0);
+    assert_eq!(desk.names("show/two/volume"), ["liquid_0003.vdb"]);
+
+    for (line, words) in [
+        ("mesh show/two/cache/frame_0009.mcf", "frame_0009.mcf"),
+        ("mesh show/two/cache/*.mcf --frames 1", "leave one of the two out"),
+        ("mesh show/two/cache/*.mcf --spacing 0.1", "--spacing is for particle files"),
+    ] {
+        let output = desk.tool(line).output().unwrap();
+        let talk = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && talk.contains(words), "{line}: {talk}");
+    }
+    fs::create_dir(desk.path("loose")).unwrap();
+    fs::copy(desk.path("show/two/cache/frame_0001.mcf"), desk.path("loose/frame_0001.mcf")).unwrap();
+    let (_, talk) = desk.run("mesh loose/frame_0001.mcf", 2);
+    assert!(talk.contains("outside of a shot"), "{talk}");
 }

@@ -2,6 +2,7 @@
 
 mod cavities;
 mod cleanup;
+mod contact;
 mod coupling;
 mod decimation;
 #[path = "../../benches/reference/dense.rs"]

@@ -22,7 +22,7 @@ fn modes() -> impl Iterator<Item = (String, SurfaceParams)> {
     [shipped.wavelength, 12.0].into_iter().flat_map(move |wavelength| {
         [None, Some(Anisotropy::default())].map(|anisotropy| {
             let kernels = if anisotropy.is_some() { "anisotropic" } else { "isotropic" };
-            let smoothing = Some(SmoothingParams { wavelength, ..shipped });
+            let smoothing = Some(SmoothingParams { wavelength, ..shipped.clone() });
             (
                 format!("{kernels}, wavelength {wavelength}"),
                 SurfaceParams { anisotropy, smoothing, ..SurfaceParams::default() },

@@ -29,6 +29,9 @@ const VERTEX_BYTES: f64 = 67.0;
 /// … and more where it is smoothed: 99 to 126 were measured.
 const SMOOTHED_VERTEX_BYTES: f64 = 125.0;
 
+/// … or fitted to colliders, if it is not smoothed: half-edges, normals and where the vertices were …
+const FITTED_VERTEX_BYTES: f64 = 70.0;
+
 /// … or decimated, after that: 1.22 GB were measured with 3.1 million vertices.
 const DECIMATED_VERTEX_BYTES: f64 = 245.0;
 
@@ -71,6 +74,7 @@ fn memory(particles: usize, grids: Grids, params: &SurfaceParams, attributes: f6
             .max(vertices * (CHECKED_VERTEX_BYTES + attributes))
     } else {
         let cleaned = named(params.smoothing.is_some(), SMOOTHED_VERTEX_BYTES)
+            .max(named(params.contact.is_some(), FITTED_VERTEX_BYTES))
             .max(named(params.decimation.is_some(), DECIMATED_VERTEX_BYTES));
         let distance = distance_bricks * named(distance.is_some(), DISTANCE_BRICK_BYTES);
         bricks * BRICK_BYTES + distance + vertices * (VERTEX_BYTES + cleaned)

@@ -7,6 +7,7 @@ mod level_set;
 mod log;
 pub(super) mod memory;
 mod product;
+mod solids;
 mod spacing;
 mod tradeoff;
 mod writer;

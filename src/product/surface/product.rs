@@ -5,6 +5,7 @@ use super::{
     level_set::mesh_level_sets,
     log::{DIGITS, MeshRecord, jumps, read},
     memory::{max_surface_memory, meshed_memory},
+    solids::Colliders,
     tradeoff,
     writer::surface,
 };
@@ -30,6 +31,10 @@ impl Product for SurfaceMesh {
 
     fn accepts(&self, kind: StreamKind) -> bool {
         kind == StreamKind::Particles
+    }
+
+    fn uses_solids(&self, settings: &ProductSettings) -> bool {
+        settings.surface.contact.is_some()
     }
 
     fn is_requested(&self, settings: &ProductSettings) -> bool {
@@ -62,7 +67,10 @@ impl Product for SurfaceMesh {
         let ProductRequest { input, out, settings, batch, .. } = *request;
         let formats = &settings.output.mesh;
         match input {
-            ProductInput::Frames(source) => surface(source, out, &settings.surface, formats, batch, control),
+            ProductInput::Frames(source) => {
+                let colliders = Colliders::of(request)?;
+                surface(source, out, &settings.surface, &colliders, formats, batch, control)
+            }
             ProductInput::LevelSets(sequence) => mesh_level_sets(sequence, out, formats, batch, control),
         }
     }

@@ -4,6 +4,7 @@ use super::{
     SurfaceMesh,
     log::{DIGITS, MeshRecord},
     memory::{max_surface_memory, stream_memory},
+    solids::Colliders,
     spacing::NeighbourDistances,
 };
 use crate::{
@@ -19,8 +20,8 @@ use crate::{
         tradeoff::figure,
     },
     mesh::{
-        self, Mesh, MeshCheck, RadiusScales, Surface, SurfaceError, SurfaceParams, SurfaceStats,
-        degenerate_in_world_frame,
+        self, Mesh, MeshCheck, PlacedSolid, RadiusScales, Surface, SurfaceError, SurfaceParams, SurfaceStats,
+        degenerate_in_world_frame, reconstruct_at_solids,
     },
     par,
     product::mesh_files::MeshFiles,
@@ -42,20 +43,23 @@ pub(super) fn surface(
     source: Source,
     out: &ShotFolder,
     params: &SurfaceParams,
+    colliders: &Colliders,
     formats: &[MeshFormat],
     request: &BatchRequest,
     control: Control,
 ) -> Result<BatchSummary, RunError> {
     let files = MeshFiles { out, folder: SurfaceMesh.name(), formats, points: params.components.is_some() };
-    let text = serde_json::to_string(params).expect("settings are plain data");
-    process_streams(source, out, &SurfaceWriter { files, params, text }, request, control)
+    let settings = serde_json::to_string(params).expect("settings are plain data");
+    let text = settings + &colliders.text;
+    process_streams(source, out, &SurfaceWriter { files, params, colliders, text }, request, control)
 }
 
 /// Writes the surfaces of streams of particles.
 struct SurfaceWriter<'a> {
     files: MeshFiles<'a>,
     params: &'a SurfaceParams,
-    /// The parameters as text, for the key.
+    colliders: &'a Colliders,
+    /// The parameters and the colliders as text, for the key.
     text: String,
 }
 
@@ -92,7 +96,9 @@ impl StreamWriter for SurfaceWriter<'_> {
         outcome: &mut FrameOutcome,
         control: Control,
     ) -> Result<(), RunError> {
-        let surface = match mesh::reconstruct(input.stream, input.spacing, self.params, control.cancel) {
+        let solids = PlacedSolid::at(&self.colliders.solids, input.time);
+        let made = reconstruct_at_solids(input.stream, input.spacing, self.params, &solids, control.cancel);
+        let surface = match made {
             Ok(surface) => surface,
             Err(SurfaceError::Interrupted) => return Err(RunError::Interrupted),
             Err(why) => {
@@ -210,6 +216,7 @@ fn figures(record: &MeshRecord, surface: &Surface, spacing: f32) -> String {
 fn remarks(stats: &SurfaceStats) -> Vec<String> {
     let components = stats.components.unwrap_or_default();
     let smoothing = stats.smoothing.unwrap_or_default();
+    let contact = stats.contact.unwrap_or_default();
     let decimation = stats.decimation.unwrap_or_default();
     nonzero(&[
         (stats.cavities.closed as u64, "small cavities closed"),
@@ -224,6 +231,8 @@ fn remarks(stats: &SurfaceStats) -> Vec<String> {
             smoothing.partly_smoothed_vertices as u64,
             "vertices smoothed in part because components would shrink",
         ),
+        (contact.restored as u64, "vertices not fitted to colliders because triangles would fold"),
+        (contact.inside as u64, "vertices too deep inside of colliders to be fitted"),
         (decimation.unsuitable.into(), "open mesh not decimated"),
         (decimation.over_target as u64, "triangles above the target of the decimation"),
         (stats.too_far_particles as u64, "particles too far from the origin, left out"),

@@ -52,7 +52,7 @@ impl Product for WhitewaterPoints {
         false
     }
 
-    fn uses_solids(&self) -> bool {
+    fn uses_solids(&self, _: &ProductSettings) -> bool {
         true
     }
 

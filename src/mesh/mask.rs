@@ -1,0 +1,52 @@
+//! Masks of smoothing: how much each vertex is smoothed, by an attribute of the particles.
+
+use super::{SmoothingMask, SurfaceError, transfer};
+use crate::{
+    frame::{ChannelData, Stream},
+    math::Vec3,
+};
+
+impl SmoothingMask {
+    /// The part of the smoothing at some points [0..1], by the mean of the attribute within `radius` [m].
+    ///
+    /// # Errors
+    /// [`SurfaceError::NoChannel`] if the particles lack the attribute.
+    pub(super) fn parts(
+        &self,
+        particles: &Stream,
+        points: &[Vec3],
+        radius: f32,
+    ) -> Result<Vec<f32>, SurfaceError> {
+        let names = std::slice::from_ref(&self.attribute);
+        let (columns, _) = transfer(particles, Some(names), points, radius)
+            .map_err(|name| SurfaceError::no_channel(name, particles))?;
+        Ok(columns.into_iter().next().map_or_else(Vec::new, |column| match column.data {
+            ChannelData::F32(values) => values.iter().map(|&value| self.share(value)).collect(),
+            ChannelData::Vec3(values) => values.iter().map(|value| self.share(value.norm())).collect(),
+            ChannelData::U32(values) => values.iter().map(|&value| self.share(value as f32)).collect(),
+        }))
+    }
+
+    /// The part of the smoothing at this value.
+    fn share(&self, value: f32) -> f32 {
+        let share = (value - self.none) / (self.full - self.none);
+        if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_rise_from_none_to_full_in_either_direction() {
+        let share = |none, full, value| SmoothingMask { attribute: "a".to_owned(), none, full }.share(value);
+        assert_eq!(
+            [-1.0, 0.0, 0.25, 1.0, 9.0].map(|value| share(0.0, 1.0, value)),
+            [0.0, 0.0, 0.25, 1.0, 1.0]
+        );
+        assert_eq!([0.0, 1.0, 2.0, 3.0, 9.0].map(|value| share(3.0, 1.0, value)), [1.0, 1.0, 0.5, 0.0, 0.0]);
+        assert_eq!([1.0, 3.0, f32::NAN].map(|value| share(2.0, 2.0, value)), [0.0, 1.0, 1.0]);
+        assert_eq!(share(0.0, 1.0, f32::NAN), 1.0);
+    }
+}

@@ -1,0 +1,217 @@
+//! Fitting of surfaces to solids, and masks of smoothing.
+
+use super::cleanup::{SPACING, particles, smoothed};
+use meniscus::{
+    control::CancelToken,
+    field::Anisotropy,
+    frame::Stream,
+    math::Vec3,
+    mesh::{
+        ContactParams, DecimationParams, Mesh, PlacedSolid, SmoothingMask, SmoothingParams, Surface,
+        SurfaceParams, reconstruct_at_solids,
+    },
+    par,
+    solid::{Interpolation, Keyframe, Motion, Shape, Solid},
+};
+
+fn fitted(stream: &Stream, params: &SurfaceParams, solids: &[Solid], time: f64) -> Surface {
+    let solids = PlacedSolid::at(solids, time);
+    let found = reconstruct_at_solids(stream, SPACING, params, &solids, &CancelToken::new()).unwrap();
+    assert!(found.check.is_sound(), "{:?}", found.check);
+    found
+}
+
+fn with_contact(contact: ContactParams) -> SurfaceParams {
+    SurfaceParams { contact: Some(contact), anisotropy: Some(Anisotropy::default()), ..smoothed() }
+}
+
+/// Water 12 by 12 by 6 spacings, at rest in a tank half a spacing off its particles, and 6 spacings deeper than its level.
+fn tank() -> (Stream, Solid) {
+    let water = particles([6, 6, 3], 0.05, Vec3::zeros(), |_| true);
+    let wall = |half: f32| (half + 0.5) * SPACING;
+    let (min, max) = ([-wall(6.0), -wall(6.0), -wall(3.0)], [wall(6.0), wall(6.0), wall(9.0)]);
+    (water, Solid::fixed(Shape::Tank { min, max }))
+}
+
+/// Vertices of the mesh that are within `near` [m] of a shape, and their distances [spacings].
+fn distances(mesh: &Mesh, shape: &Shape, near: f32) -> Vec<(usize, f32)> {
+    let at = |v: usize| (v, shape.signed_distance(mesh.positions[v]) / SPACING);
+    (0..mesh.positions.len()).map(at).filter(|(_, d)| *d < near / SPACING).collect()
+}
+
+/// The criterion: mesh and glass meet within a tenth of a voxel, up to the edge of the water.
+#[test]
+fn water_meets_the_walls_of_a_tank() {
+    let (water, tank) = tank();
+    let tanks = std::slice::from_ref(&tank);
+    let free = fitted(
+        &water,
+        &SurfaceParams { contact: None, ..with_contact(ContactParams::default()) },
+        tanks,
+        0.0,
+    );
+    for gap in [ContactParams::default().gap, 0.0, -0.04] {
+        let contact = ContactParams { gap, ..ContactParams::default() };
+        let found = fitted(&water, &with_contact(contact), tanks, 0.0);
+        let stats = found.stats.contact.unwrap();
+        assert!(stats.displaced > 1000 && stats.inside == 0, "{stats:?}");
+
+        // Below the level, everything that faces a wall is at the gap: the edges between walls are chamfers.
+        let level = 3.0 * SPACING;
+        let mut worst = [0.0_f32; 2];
+        for (which, surface) in [&free, &found].into_iter().enumerate() {
+            for (v, d) in distances(&surface.mesh, &tank.shape, 0.7 * SPACING) {
+                let x = surface.mesh.positions[v];
+                let corner = [x.x.abs() / SPACING, x.y.abs() / SPACING, (0.0 - x.z) / SPACING + 3.0];
+                let near_corner = corner.iter().filter(|&&c| c > 5.0).count() > 1;
+                if x.z < level && !near_corner {
+                    worst[which] = worst[which].max((d - gap).abs());
+                }
+            }
+        }
+        println!("gap {gap}: {stats:?}, farthest from the gap {worst:?} spacings");
+        // 0.1 voxel is 0.05 spacings.
+        assert!(worst[0] > 0.1 && worst[1] < 0.01, "{worst:?}");
+        let deepest =
+            distances(&found.mesh, &tank.shape, SPACING).iter().map(|(_, d)| *d).fold(1.0, f32::min);
+        assert!((deepest - gap).abs() < 0.002, "{deepest} for {gap}");
+
+        // The level stays, and the water fills the tank below it.
+        let top = |surface: &Surface| surface.mesh.positions.iter().map(|x| x.z).fold(f32::MIN, f32::max);
+        assert!((top(&found) - top(&free)).abs() < 1e-6);
+        let gained = (found.check.volume - free.check.volume) / free.check.volume;
+        println!("volume {} {} {gained}", free.check.volume, found.check.volume);
+        assert!((0.0..0.08).contains(&gained), "{gained}");
+    }
+}
+
+/// A ball that moves through the water: the mesh is fitted where the ball is in the frame.
+#[test]
+fn water_meets_a_moving_ball_where_it_is() {
+    let radius = 4.0 * SPACING;
+    let key = |frame: u32, x: f32| Keyframe {
+        frame,
+        position: [x, 0.0, 0.0],
+        rotation: [0.0; 3],
+        quaternion: None,
+    };
+    let motion = Motion::new(&[key(0, -1.0), key(10, 1.0)], Interpolation::Linear, 10.0, 0);
+    let ball = Solid { motion, ..Solid::fixed(Shape::Sphere { center: [0.0; 3], radius }) };
+    let at = Vec3::new(0.2, 0.0, 0.0);
+    let water =
+        particles([9; 3], 0.05, Vec3::zeros(), |x| (x * SPACING - at).norm() > radius + 0.45 * SPACING);
+    let contact = ContactParams { gap: 0.05, ..ContactParams::default() };
+    let found = fitted(&water, &with_contact(contact), &[ball], 0.6);
+    let sphere = Shape::Sphere { center: at.into(), radius };
+    let near = distances(&found.mesh, &sphere, SPACING);
+    assert!(near.len() > 400, "{}", near.len());
+    for (v, d) in near {
+        // A tenth of a voxel.
+        assert!((d - 0.05).abs() < 0.05, "vertex {v} at {d} spacings");
+        let out = (found.mesh.positions[v] - at).normalize();
+        assert!(found.mesh.normals[v].dot(&out) < -0.9, "its normal points into the ball");
+    }
+}
+
+/// What no solid touches keeps its bytes, and so does the surface of a drop on the side away from the wall.
+#[test]
+fn the_free_surface_stays() {
+    let drop = particles([5; 3], 0.1, Vec3::zeros(), |x| x.norm() < 5.0);
+    let params = with_contact(ContactParams::default());
+    let free = fitted(&drop, &SurfaceParams { contact: None, ..params.clone() }, &[], 0.0);
+    let plane = |z: f32| Solid::fixed(Shape::Plane { point: [0.0, 0.0, z], normal: [0.0, 0.0, 1.0] });
+    let far = fitted(&drop, &params, &[plane(-7.5 * SPACING)], 0.0);
+    assert!(far.mesh == free.mesh && far.stats.contact.unwrap().displaced == 0);
+    let near = fitted(&drop, &params, &[plane(-5.2 * SPACING)], 0.0);
+    let stats = near.stats.contact.unwrap();
+    assert!(stats.displaced > 50, "{stats:?}");
+    for (x, before) in near.mesh.positions.iter().zip(&free.mesh.positions) {
+        assert!(x == before || (before.z < 0.0 && x.z <= before.z && x.xy() == before.xy()));
+    }
+    // A plane that cuts off the lower half of the drop: all of it is displaced out, but for what is too deep.
+    let cut = fitted(&drop, &params, &[plane(-3.0 * SPACING)], 0.0);
+    assert!(cut.stats.contact.unwrap().inside > 0);
+    let cut = fitted(
+        &drop,
+        &with_contact(ContactParams { reach: 2.0, ..ContactParams::default() }),
+        &[plane(-3.0 * SPACING)],
+        0.0,
+    );
+    let lowest = cut.mesh.positions.iter().map(|x| x.z).fold(f32::MAX, f32::min);
+    println!("{:?}, lowest {}", cut.stats.contact, lowest / SPACING);
+    assert_eq!(cut.stats.contact.unwrap().inside, 0);
+}
+
+/// Unsmoothed, decimated, on any number of threads, and far from the origin.
+#[test]
+fn surfaces_are_fitted_whatever_their_clean_up() {
+    let (water, tank) = tank();
+    let tanks = std::slice::from_ref(&tank);
+    let plain = SurfaceParams { smoothing: None, ..with_contact(ContactParams::default()) };
+    let decimation = Some(DecimationParams::default());
+    for params in [plain.clone(), SurfaceParams { decimation, ..with_contact(ContactParams::default()) }] {
+        let found = fitted(&water, &params, tanks, 0.0);
+        let at_walls = distances(&found.mesh, &tank.shape, 0.03 * SPACING);
+        assert!(at_walls.len() > 300, "{}", at_walls.len());
+        for &threads in crate::thread_counts() {
+            let again = par::with_threads(threads, || fitted(&water, &params, tanks, 0.0));
+            assert!(again.mesh == found.mesh && again.stats.contact == found.stats.contact);
+        }
+    }
+
+    // 8 km off, numbers of single precision are half a millimetre apart.
+    let far = Vec3::new(8192.0, 0.0, 0.0);
+    let moved: Vec<Vec3> = water.vec3("position").unwrap().iter().map(|x| x + far).collect();
+    let water = Stream::new("liquid", water.kind, moved.len()).with("position", moved);
+    let Shape::Tank { min, max } = &tank.shape else { unreachable!() };
+    let key = Keyframe { frame: 0, position: far.into(), rotation: [0.0; 3], quaternion: None };
+    let motion = Motion::new(&[key], Interpolation::Linear, 24.0, 0);
+    let moving = Solid { motion, ..Solid::fixed(Shape::Tank { min: *min, max: *max }) };
+    let found = fitted(&water, &plain, &[moving], 0.0);
+    assert!(found.mesh.origin.x > 8000.0);
+    let shift: Vec3 = (found.mesh.origin - far.cast::<f64>()).cast();
+    let near =
+        Mesh { positions: found.mesh.positions.iter().map(|x| x + shift).collect(), ..Mesh::default() };
+    let at_walls = distances(&near, &tank.shape, 0.022 * SPACING);
+    assert!(at_walls.len() > 300, "{}", at_walls.len());
+    assert!(at_walls.iter().all(|(_, d)| *d > 0.018));
+}
+
+/// Where the attribute has its lower value, the surface of marching cubes stays; elsewhere it is smoothed as without a mask.
+#[test]
+fn a_mask_keeps_parts_of_the_surface() {
+    let ball = particles([10; 3], 0.3, Vec3::zeros(), |x| x.norm() < 10.0);
+    let positions = ball.vec3("position").unwrap();
+    let values: Vec<f32> = positions.iter().map(|x| if x.x > 0.0 { 1.0 } else { 0.0 }).collect();
+    let velocities: Vec<Vec3> = values.iter().map(|&value| Vec3::new(0.0, 3.0 - 2.0 * value, 0.0)).collect();
+    let ball = ball.clone().with("detail", values).with("velocity", velocities);
+    let surface = |smoothing: Option<SmoothingParams>| {
+        fitted(&ball, &SurfaceParams { smoothing, ..SurfaceParams::default() }, &[], 0.0)
+    };
+    let (rough, smooth) = (surface(None), surface(Some(SmoothingParams::default())));
+    let mask = |attribute: &str, none: f32, full: f32| {
+        let mask = Some(SmoothingMask { attribute: attribute.to_owned(), none, full });
+        surface(Some(SmoothingParams { mask, ..SmoothingParams::default() }))
+    };
+    let masked = mask("detail", 0.0, 1.0);
+    let (mut kept, mut smoothed) = (0, 0);
+    for ((x, rough), smooth) in
+        masked.mesh.positions.iter().zip(&rough.mesh.positions).zip(&smooth.mesh.positions)
+    {
+        if rough.x < -2.5 * SPACING {
+            assert_eq!(x, rough);
+            kept += 1;
+        } else if rough.x > 8.0 * SPACING {
+            // The volume is corrected by the smoothed part alone.
+            assert!((x - smooth).norm() < 0.05 * SPACING, "{}", (x - smooth).norm() / SPACING);
+            smoothed += 1;
+        }
+    }
+    assert!(kept > 1000 && smoothed > 300, "{kept} {smoothed}");
+    assert!((masked.check.volume / rough.check.volume - 1.0).abs() < 1e-4);
+    // The speed is 3 m/s in one half and 1 m/s in the other.
+    let by_speed = mask("velocity", 3.0, 1.0);
+    for (x, by_value) in by_speed.mesh.positions.iter().zip(&masked.mesh.positions) {
+        assert!((x - by_value).norm() < 1e-4 * SPACING);
+    }
+}
