@@ -138,20 +138,32 @@ pub(super) fn with_cleanup(
     stats.smoothing = smoothed.as_ref().map(|smoothed| smoothed.stats);
     let mut fitted = None;
     if let Some(contact) = params.contact.as_ref().filter(|_| !solids.is_empty()) {
-        let found = clock.time("contact", || {
+        let mut found = clock.time("contact", || {
             let half_edges = half_edges.get_or_insert_with(|| HalfEdges::new(&mesh, |_| true));
-            fit_to_solids(&mut mesh, half_edges, solids, contact, spacing)
+            let normals = match &mut smoothed {
+                Some(smoothed) => std::mem::take(&mut smoothed.normals),
+                None => half_edges.normals(&mesh),
+            };
+            fit_to_solids(&mut mesh, half_edges, normals, solids, contact, spacing)
         })?;
         stats.contact = Some(found.stats);
-        fitted = Some(found);
+        if let Some(smoothed) = &mut smoothed {
+            smoothed.normals = std::mem::take(&mut found.normals);
+            smoothed.unmoved.retain(|v| found.around.binary_search(v).is_err());
+        } else {
+            fitted = Some(found);
+        }
     }
+    // Vertices that are not where the field's isosurface was.
+    let mut is_moved = false;
     if let Some(decimation) = &params.decimation {
-        (half_edges, smoothed, fitted) = (None, None, None);
+        is_moved = fitted.take().is_some();
+        (half_edges, smoothed) = (None, None);
         stats.decimation = Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?);
     }
     (mesh.normals, stats.normals_from_faces) = clock.time("normals", || match smoothed {
         Some(Smoothed { normals, unmoved, .. }) => (smoothed_normals(&mesh, contour, normals, &unmoved), 0),
-        None if params.smoothing.is_some() => (normals_from_faces(&mesh), 0),
+        None if params.smoothing.is_some() || is_moved => (normals_from_faces(&mesh), 0),
         None => normals_from_field(&mesh, contour),
     })?;
     if let Some(fitted) = fitted {

@@ -82,23 +82,23 @@ impl<'a> PlacedSolid<'a> {
 
     /// Whether any point within `radius` [m] of `x` may be nearer than `distance` [m].
     fn is_near(&self, x: Vec3, radius: f32, distance: f32) -> bool {
-        // Not a number: it has to be looked at.
-        !(self.solid.shape.signed_distance(self.pose.to_local(x)) > radius + distance)
+        self.solid.shape.signed_distance(self.pose.to_local(x)) <= radius + distance
     }
 }
 
 /// Fits `mesh`, of particles `spacing` [m] apart, to solids.
 ///
-/// Its triangles do not change, and its normals are not looked at. The result does not depend on threads.
+/// `normals` are the area-weighted ones of the faces around its vertices. Its triangles do not change. The result does not depend on
+/// threads.
 pub(super) fn fit_to_solids(
     mesh: &mut Mesh,
     half_edges: &HalfEdges,
+    normals: Vec<Vec3>,
     solids: &[PlacedSolid],
     params: &ContactParams,
     spacing: f32,
 ) -> Fitted {
     let fit = Fit { reach: params.reach.max(params.gap) * spacing, gap: params.gap * spacing };
-    let normals = half_edges.normals(mesh);
     let before = mesh.positions.clone();
     let inside = par::map_chunks_mut([&mut mesh.positions], par::CHUNK, |start, [positions]| {
         let near = near_solids(positions, solids, 2.0 * fit.reach);
@@ -108,8 +108,9 @@ pub(super) fn fit_to_solids(
         let mut inside = 0;
         for (v, x) in (start..).zip(positions) {
             let normal = normals[v].try_normalize(0.0).unwrap_or_else(Vec3::zeros);
-            *x = fit.fitted(*x, normal, &near);
-            inside += usize::from(near.iter().any(|solid| solid.contact(*x).0 < -2.0 * fit.reach));
+            let (fitted, is_inside) = fit.fitted(*x, normal, &near);
+            *x = fitted;
+            inside += usize::from(is_inside);
         }
         inside
     });
@@ -117,13 +118,15 @@ pub(super) fn fit_to_solids(
     let displaced = select(before.len(), |v| is_moved(v, mesh));
     let mut fitted = Fitted {
         stats: ContactStats { inside: inside.into_iter().sum(), ..ContactStats::default() },
+        normals,
         ..Fitted::default()
     };
     if displaced.is_empty() {
         return fitted;
     }
-    let mut changed = DisplacedMesh::new(mesh, half_edges, before);
+    let mut changed = DisplacedMesh::with_normals(mesh, half_edges, before, fitted.normals);
     fitted.around = changed.with_neighbours(&displaced);
+    changed.refresh(&fitted.around);
     // Unfolding would take vertices off the solids again.
     let triangles = changed.triangles_of(&fitted.around);
     changed.restore(&triangles);
@@ -139,7 +142,7 @@ pub(super) struct Fitted {
     pub(super) stats: ContactStats,
     /// The vertices whose normals have changed, in ascending order.
     pub(super) around: Vec<u32>,
-    /// Area-weighted normals of the faces around all vertices, not normalised [m²]; empty if no vertex was displaced.
+    /// Area-weighted normals of the faces around all vertices, not normalised [m²].
     pub(super) normals: Vec<Vec3>,
 }
 
@@ -163,10 +166,12 @@ struct Fit {
 }
 
 impl Fit {
-    /// Where a vertex at `x` with this unit normal belongs.
-    fn fitted(&self, mut x: Vec3, normal: Vec3, solids: &[&PlacedSolid]) -> Vec3 {
+    /// Where a vertex at `x` with this unit normal belongs, and whether it is too deep inside of a solid.
+    fn fitted(&self, mut x: Vec3, normal: Vec3, solids: &[&PlacedSolid]) -> (Vec3, bool) {
+        let mut is_inside = false;
         for solid in solids {
             let (d, m) = solid.contact(x);
+            is_inside |= d < -2.0 * self.reach;
             let target = self.distance(d, smooth_step(FACING_START, FACING_END, -normal.dot(&m)));
             x = self.displaced(x, d, m, target, solid);
         }
@@ -175,7 +180,7 @@ impl Fit {
             let (d, m) = solid.contact(x);
             x = self.displaced(x, d, m, self.distance(d, 0.0), solid);
         }
-        x
+        (x, is_inside)
     }
 
     /// The distance at which a vertex at distance `d` [m] belongs, which faces the solid by this part.
@@ -191,8 +196,7 @@ impl Fit {
     /// A point at distance `d` [m] and normal `m` of a solid, displaced to the distance `target`.
     fn displaced(&self, mut x: Vec3, mut d: f32, mut m: Vec3, target: f32, solid: &PlacedSolid) -> Vec3 {
         for _ in 0..CORRECTIONS {
-            // Also if the distance is not a number.
-            if !((d - target).abs() > TOLERANCE * self.reach) {
+            if d.is_nan() || (d - target).abs() <= TOLERANCE * self.reach {
                 break;
             }
             x += m * (target - d);

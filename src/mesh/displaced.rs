@@ -40,6 +40,16 @@ impl<'a> DisplacedMesh<'a> {
     /// A mesh whose vertices were at `before`.
     pub(super) fn new(mesh: &'a mut Mesh, half_edges: &'a HalfEdges, before: Vec<Vec3>) -> Self {
         let normals = half_edges.normals(mesh);
+        Self::with_normals(mesh, half_edges, before, normals)
+    }
+
+    /// [`DisplacedMesh::new`] with known normals: those of displaced vertices have to be computed again.
+    pub(super) fn with_normals(
+        mesh: &'a mut Mesh,
+        half_edges: &'a HalfEdges,
+        before: Vec<Vec3>,
+        normals: Vec<Vec3>,
+    ) -> Self {
         let restored = vec![false; before.len()];
         Self { mesh, half_edges, before, normals, restored, unfolding_passes: MAX_UNFOLDING_PASSES }
     }
@@ -81,21 +91,26 @@ impl<'a> DisplacedMesh<'a> {
             let around = self.refresh_around(&patch);
             folded = self.folded(&sorted(vec![around, folded]));
         }
-        self.restore_folded(folded);
-    }
-
-    /// Restores the vertices of triangles that collapsed or are flipped, of these `triangles` at first, until there are none.
-    pub(super) fn restore(&mut self, triangles: &[u32]) {
-        let folded = self.folded(triangles);
-        self.restore_folded(folded);
-    }
-
-    fn restore_folded(&mut self, mut folded: Vec<u32>) {
         while !folded.is_empty() {
             let restored_now = self.corners(&folded);
             self.restore_vertices(&restored_now);
             let around = self.refresh_around(&restored_now);
             folded = self.folded(&around);
+        }
+    }
+
+    /// Restores vertices of triangles that collapsed or are flipped, of these `triangles` at first, and those around them, until
+    /// none is that was not before. In the worst case the mesh is the original one.
+    pub(super) fn restore(&mut self, triangles: &[u32]) {
+        let mut folded = retain(triangles, |t| self.is_folded(t));
+        while !folded.is_empty() {
+            let around = retain(&self.with_neighbours(&self.corners(&folded)), |v| !self.restored[v]);
+            if around.is_empty() {
+                break;
+            }
+            self.restore_vertices(&around);
+            folded.extend(self.refresh_around(&around));
+            folded = retain(&sorted(vec![folded]), |t| self.is_folded(t));
         }
     }
 
@@ -160,14 +175,16 @@ impl<'a> DisplacedMesh<'a> {
     /// those that are already restored.
     fn folded(&self, triangles: &[u32]) -> Vec<u32> {
         retain(triangles, |t| {
-            let triangle = self.mesh.triangles[t].map(|v| v as usize);
-            let [a, b, c] = triangle.map(|v| self.mesh.positions[v]);
-            let normal = (b - a).cross(&(c - a));
-            let around = triangle.iter().fold(Vec3::zeros(), |sum, &v| sum + self.normals[v]);
-            (normal.dot(&around) <= 0.0
-                || Shape::of(&self.mesh.positions, self.mesh.triangles[t]) != Shape::Sound)
-                && !triangle.iter().all(|&v| self.restored[v])
+            self.is_folded(t) && !self.mesh.triangles[t].iter().all(|&v| self.restored[v as usize])
         })
+    }
+
+    fn is_folded(&self, t: usize) -> bool {
+        let triangle = self.mesh.triangles[t].map(|v| v as usize);
+        let [a, b, c] = triangle.map(|v| self.mesh.positions[v]);
+        let normal = (b - a).cross(&(c - a));
+        let around = triangle.iter().fold(Vec3::zeros(), |sum, &v| sum + self.normals[v]);
+        normal.dot(&around) <= 0.0 || Shape::of(&self.mesh.positions, self.mesh.triangles[t]) != Shape::Sound
     }
 
     /// Offsets every component along its normals so that its volume decreases by `surplus`, each vertex by
