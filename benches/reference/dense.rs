@@ -178,14 +178,6 @@ impl Nodes for Blocks {
         self.0.block_count()
     }
 
-    fn size(&self, block: usize) -> usize {
-        self.0.size(block).iter().product()
-    }
-
-    fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync) {
-        self.0.wavefront(order, work);
-    }
-
     fn for_each_near(&self, block: usize, mut f: impl FnMut(usize)) {
         for (face, other) in self.0.around(block).into_iter().enumerate() {
             let Some(other) = other else { continue };
@@ -199,20 +191,20 @@ impl Nodes for Blocks {
     }
 
     #[inline(always)]
-    fn for_each(&self, block: usize, order: [i32; 3], mut f: impl FnMut(usize, Self::At)) {
+    fn for_each(&self, block: usize, mut f: impl FnMut(Self::At)) {
         let (first, size, nodes) = (self.0.first(block), self.0.size(block), self.0.nodes);
-        let run = |axis: usize, i: usize| if order[axis] > 0 { i } else { size[axis] - 1 - i };
-        for z in 0..size[2] {
-            for y in 0..size[1] {
-                let (y, z) = (run(1, y), run(2, z));
-                let row = size[0] * (y + size[1] * z);
-                let start = first[0] + nodes[0] * (first[1] + y + nodes[1] * (first[2] + z));
-                for x in 0..size[0] {
-                    let x = run(0, x);
-                    f(row + x, (start + x, [first[0] + x, first[1] + y, first[2] + z]));
-                }
+        for z in first[2]..first[2] + size[2] {
+            for y in first[1]..first[1] + size[1] {
+                let start = nodes[0] * (y + nodes[1] * z);
+                (first[0]..first[0] + size[0]).for_each(|x| f((start + x, [x, y, z])));
             }
         }
+    }
+
+    #[inline(always)]
+    fn block_of(&self, slot: usize) -> usize {
+        let [nx, ny, _] = self.0.nodes;
+        self.0.block_of([slot % nx, slot / nx % ny, slot / (nx * ny)])
     }
 
     #[inline(always)]

@@ -108,7 +108,7 @@ pub fn from_density(field: &SparseGrid, threshold: f32, params: &SdfParams) -> S
     let mut swept = sweep(&seeds.bricks, &seeds.distance, reach, params.block);
     if params.order == Order::Second {
         let inside = |slot: usize| is_set(&seeds.inside[slot / BRICK_NODES], slot % BRICK_NODES);
-        swept = refine(&LinkedBricks::new(&seeds.bricks, params.block), swept, params.band, inside);
+        swept = refine(&LinkedBricks::new(&seeds.bricks), swept, params.band, inside);
     }
     let mut grid = SparseGrid::of(field.voxel, seeds.bricks, swept.distance);
 

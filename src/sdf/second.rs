@@ -4,11 +4,12 @@
 //! *Method* [sethian99]: one-sided differences of second order where two upwind nodes lie in a row, of first
 //! order where one does. Along each axis the stencil holds the neighbour with the smaller first-order
 //! distance, and the node behind it if that is nearer still. Every stencil holds only nearer nodes, so a
-//! node's distance follows once those of its stencil are known. Sweeps in eight orders over blocks, as at
-//! first order, find such nodes, and no node is computed twice. The result does not depend on the order in
-//! which that happens.
+//! node's distance follows once those of its stencil are known. A node whose stencil is not complete waits for one node of it, in
+//! a list of that node. No node is computed twice, and the result does not depend on the order in which that happens.
 //!
-//! *Departs from the papers*: the first-order distance replaces the order of acceptance. Across the surface a
+//! *Departs from the papers*: the first-order distance replaces the order of acceptance, and no heap orders the nodes. Sweeps in
+//! eight orders, which this file had before, tried each node 7 to 30 times: where fronts collide, chains of nodes change their
+//! direction at every step (seven balls in 256³ nodes: 490 sweeps, 300 ns per node instead of 150). Across the surface a
 //! pinned distance counts as negative, so that nodes just behind one layer of pinned nodes have second order
 //! too. An axis along which the solution would not ascend is dropped, the one with the farthest neighbour
 //! first.
@@ -18,10 +19,10 @@
 //! Limits: first order where fronts collide and behind sharp edges, whose distance has a kink; second order
 //! elsewhere.
 
-use super::{Swept, godunov::ORDERS};
+use super::Swept;
 use crate::par;
 use serde::{Deserialize, Serialize};
-use std::sync::atomic::{AtomicBool, AtomicU16, AtomicU32, Ordering};
+use std::sync::atomic::{AtomicU16, AtomicU32, Ordering};
 
 /// How nodes are connected, and the blocks they are swept in.
 pub trait Nodes: Sync {
@@ -31,17 +32,14 @@ pub trait Nodes: Sync {
     /// How many blocks there are.
     fn blocks(&self) -> usize;
 
-    /// How many nodes a block has.
-    fn size(&self, block: usize) -> usize;
-
-    /// Calls `work` for every block, after its predecessors in the direction of the sweep.
-    fn wavefront(&self, order: [i32; 3], work: impl Fn(usize) + Sync);
-
     /// Calls `f` for every block with a node two steps or fewer along an axis from one of this block's.
     fn for_each_near(&self, block: usize, f: impl FnMut(usize));
 
-    /// Calls `f(place in the block, node)` for every node of a block in the order of the sweep.
-    fn for_each(&self, block: usize, order: [i32; 3], f: impl FnMut(usize, Self::At));
+    /// Calls `f` for every node of a block.
+    fn for_each(&self, block: usize, f: impl FnMut(Self::At));
+
+    /// The block of the node at an index.
+    fn block_of(&self, slot: usize) -> usize;
 
     /// The index of a node among all.
     fn slot(&self, at: Self::At) -> usize;
@@ -80,64 +78,189 @@ impl Order {
 /// Second-order distances below `band` from the first-order ones; `inside` is the indicator.
 pub fn refine<N: Nodes>(nodes: &N, first: Swept, band: f32, inside: impl Fn(usize) -> bool + Sync) -> Swept {
     let Swept { distance: first, sweeps: mut total, .. } = first;
-    // The stencil of each node, and how many of a block's nodes wait for a distance.
-    let stencils: Vec<Vec<AtomicU16>> = par::map(nodes.blocks(), |block| {
-        let mut stencils = vec![0; nodes.size(block)];
-        nodes.for_each(block, [1; 3], |place, at| stencils[place] = stencil(nodes, &first, &inside, at));
-        stencils.into_iter().map(AtomicU16::new).collect()
-    });
-    let unsolved = |block: usize| stencils[block].iter().filter(|s| s.load(Ordering::Relaxed) != 0).count();
-    let waiting: Vec<AtomicU32> = par::map(nodes.blocks(), |block| AtomicU32::new(unsolved(block) as u32));
-
-    // Distances are written once, ∞ until then; the wavefront orders reads of nodes in other blocks.
-    let known = |v: f32| AtomicU32::new(if v < 0.0 { -v } else { f32::INFINITY }.to_bits());
-    let mut distance: Vec<AtomicU32> = (0..first.len()).map(|_| AtomicU32::new(0)).collect();
-    par::fill(&mut distance, |slot| known(first[slot]));
-    let active: Vec<AtomicBool> = (0..nodes.blocks()).map(|_| AtomicBool::new(true)).collect();
-    let mut sweeps = 0;
-    while (0..nodes.blocks())
-        .any(|block| active[block].load(Ordering::Relaxed) && waiting[block].load(Ordering::Relaxed) > 0)
-    {
-        let order = ORDERS[sweeps % ORDERS.len()];
-        nodes.wavefront(order, |block| {
-            let before = waiting[block].load(Ordering::Relaxed);
-            if before == 0 || !active[block].load(Ordering::Relaxed) {
-                return;
-            }
-            let mut found = 0;
-            nodes.for_each(block, order, |place, at| {
-                let stencil = stencils[block][place].load(Ordering::Relaxed);
-                if stencil == 0 {
-                    return;
-                }
-                let slot = nodes.slot(at);
-                if let Some(u) = distance_at(nodes, &distance, slot, stencil) {
-                    distance[slot].store(u.to_bits(), Ordering::Relaxed);
-                    stencils[block][place].store(0, Ordering::Relaxed);
-                    found += 1;
-                }
-            });
-            // A node that is not ready stays so, in any order, until a node near it has its distance.
-            waiting[block].store(before - found, Ordering::Relaxed);
-            active[block].store(found > 0, Ordering::Relaxed);
-            if found > 0 {
-                nodes.for_each_near(block, |other| active[other].store(true, Ordering::Relaxed));
-            }
+    // The stencil of each node that has no distance yet; of each block the smallest first-order distance.
+    let mut stencils: Vec<AtomicU16> = Vec::new();
+    stencils.resize_with(first.len(), AtomicU16::default);
+    let nearest = par::map(nodes.blocks(), |block| {
+        let mut nearest = f32::INFINITY;
+        nodes.for_each(block, |at| {
+            let slot = nodes.slot(at);
+            stencils[slot].store(stencil(nodes, &first, &inside, at), Ordering::Relaxed);
+            nearest = nearest.min(first[slot].abs());
         });
-        sweeps += 1;
+        nearest
+    });
+
+    // Every node of a block is tried once, and again whenever the node that it waits for has its distance.
+    let waiting = Waiting::new(nodes, stencils, &first);
+    let front = Front::new(nodes, &nearest);
+    let mut is_first = true;
+    while is_first || waiting.is_due() {
+        front.pass(|block| waiting.solve(block, is_first));
+        is_first = false;
+        total += 1;
     }
-    total += sweeps;
-    let waits = waiting.iter().any(|waiting| waiting.load(Ordering::Relaxed) > 0);
-    assert!(!waits, "a stencil holds only nearer nodes, so none waits for itself");
 
     let mut refined = first;
     par::update(&mut refined, |slot, v| {
         if *v >= 0.0 {
-            let u = f32::from_bits(distance[slot].load(Ordering::Relaxed));
+            let u = waiting.distance(slot).unwrap_or(f32::INFINITY);
             *v = if u < band { u } else { f32::INFINITY };
         }
     });
     Swept::new(refined, total)
+}
+
+/// The order in which blocks are solved: of two near blocks the one with the smaller nearest distance first.
+///
+/// Most nodes of a block then find the nodes that they wait for.
+struct Front {
+    /// How many near blocks come before each block.
+    before: Vec<usize>,
+    /// The near blocks that come after each block.
+    after: Vec<Vec<usize>>,
+}
+
+impl Front {
+    fn new<N: Nodes>(nodes: &N, nearest: &[f32]) -> Self {
+        let is_before = |a: usize, b: usize| nearest[a].total_cmp(&nearest[b]).then(a.cmp(&b)).is_lt();
+        let near =
+            |block: usize| {
+                let (mut before, mut after) = (0, Vec::new());
+                nodes.for_each_near(block, |other| {
+                    if is_before(block, other) { after.push(other) } else { before += 1 }
+                });
+                (before, after)
+            };
+        let (before, after) = par::map(nodes.blocks(), near).into_iter().unzip();
+        Self { before, after }
+    }
+
+    /// Calls `work` for every block, after it returned for the near ones that come before.
+    fn pass(&self, work: impl Fn(usize) + Sync) {
+        let after = |block: usize| self.after[block].iter().copied();
+        par::wavefront(self.after.len(), |block| self.before[block], after, work);
+    }
+}
+
+/// Nodes that wait for the distance of another one. Each is in one list: that of the node it waits for, or once that node has its
+/// distance, that of its own block's nodes to try again. So no node is tried more often than its stencil has nodes.
+struct Waiting<'a, N> {
+    nodes: &'a N,
+    /// The stencils of nodes without a distance, 0 for all others.
+    stencils: Vec<AtomicU16>,
+    /// The bits of a distance, which is written once. Before that ∞, or [`LIST`] and the first node that waits for it.
+    distance: Vec<AtomicU32>,
+    /// The next node of the same list; `END` after the last.
+    next: Vec<AtomicU32>,
+    /// The first node of each block to try again.
+    due: Vec<AtomicU32>,
+}
+
+/// Set where `Waiting::distance` holds a node.
+const LIST: u32 = 1 << 31;
+
+/// The bits of ∞: those of distances are below, lists are above.
+const UNKNOWN: u32 = f32::INFINITY.to_bits();
+
+/// No node.
+const END: u32 = u32::MAX;
+
+impl<'a, N: Nodes> Waiting<'a, N> {
+    /// # Panics
+    /// If there are 2³¹ nodes or more.
+    fn new(nodes: &'a N, stencils: Vec<AtomicU16>, first: &[f32]) -> Self {
+        assert!(first.len() < LIST as usize, "fewer than 2³¹ nodes");
+        let known = |v: f32| AtomicU32::new(if v < 0.0 { (-v).to_bits() } else { UNKNOWN });
+        let mut distance: Vec<AtomicU32> = Vec::new();
+        distance.resize_with(first.len(), AtomicU32::default);
+        par::fill(&mut distance, |slot| known(first[slot]));
+        let mut next: Vec<AtomicU32> = Vec::new();
+        next.resize_with(first.len(), AtomicU32::default);
+        let due = (0..nodes.blocks()).map(|_| AtomicU32::new(END)).collect();
+        Self { nodes, stencils, distance, next, due }
+    }
+
+    /// Whether a node is to be tried again.
+    fn is_due(&self) -> bool {
+        self.due.iter().any(|due| due.load(Ordering::Relaxed) != END)
+    }
+
+    /// The distance of a node, if it is known.
+    #[inline(always)]
+    fn distance(&self, slot: usize) -> Option<f32> {
+        let bits = self.distance[slot].load(Ordering::Relaxed);
+        (bits < UNKNOWN).then(|| f32::from_bits(bits))
+    }
+
+    /// Computes the distances of a block's nodes that follow from known ones: tries all its nodes, or those that are due.
+    fn solve(&self, block: usize, all: bool) {
+        let mut retry = Vec::new();
+        if all {
+            self.nodes.for_each(block, |at| {
+                retry.push(self.nodes.slot(at));
+                self.solve_nodes(block, &mut retry);
+            });
+        }
+        let mut slot = self.due[block].swap(END, Ordering::Relaxed);
+        while slot != END {
+            // Read before the node may enter another list.
+            let next = self.next[slot as usize].load(Ordering::Relaxed);
+            retry.push(slot as usize);
+            self.solve_nodes(block, &mut retry);
+            slot = next;
+        }
+    }
+
+    /// Computes the distances of nodes and of those of the block that wait for them, or notes what they wait for.
+    #[inline(always)]
+    fn solve_nodes(&self, block: usize, retry: &mut Vec<usize>) {
+        while let Some(slot) = retry.pop() {
+            let stencil = self.stencils[slot].load(Ordering::Relaxed);
+            if stencil == 0 {
+                continue;
+            }
+            let u = match distance_at(self.nodes, |slot| self.distance(slot), slot, stencil) {
+                Ok(u) => u,
+                Err(other) => {
+                    self.wait(slot, other);
+                    continue;
+                }
+            };
+            self.stencils[slot].store(0, Ordering::Relaxed);
+            let list = self.distance[slot].swap(u.to_bits(), Ordering::Relaxed);
+            let mut waits = if list == UNKNOWN { END } else { list & !LIST };
+            while waits != END {
+                let node = waits as usize;
+                waits = self.next[node].load(Ordering::Relaxed);
+                let its_block = self.nodes.block_of(node);
+                if its_block == block {
+                    retry.push(node);
+                } else {
+                    self.push(&self.due[its_block], node, |first| first, |node| node);
+                }
+            }
+        }
+    }
+
+    /// Enters a node into the list of the one that it waits for.
+    fn wait(&self, slot: usize, other: usize) {
+        let first = |bits: u32| if bits == UNKNOWN { END } else { bits & !LIST };
+        self.push(&self.distance[other], slot, first, |node| LIST | node);
+    }
+
+    /// Enters a node into a list. Other threads may do so at the same time, but none takes the list: near blocks are never
+    /// solved at once.
+    fn push(&self, list: &AtomicU32, slot: usize, first: impl Fn(u32) -> u32, with: impl Fn(u32) -> u32) {
+        let mut found = list.load(Ordering::Relaxed);
+        loop {
+            self.next[slot].store(first(found), Ordering::Relaxed);
+            match list.compare_exchange_weak(found, with(slot as u32), Ordering::Relaxed, Ordering::Relaxed) {
+                Ok(_) => return,
+                Err(now) => found = now,
+            }
+        }
+    }
 }
 
 /// A stencil has three bits per axis: no node (0), one (`ONE`), two (`TWO`), or two with the surface between
@@ -181,10 +304,14 @@ fn stencil<N: Nodes>(nodes: &N, first: &[f32], inside: &(impl Fn(usize) -> bool 
     all
 }
 
-/// The distance of a node, if those of its stencil are known.
-#[inline]
-fn distance_at<N: Nodes>(nodes: &N, distance: &[AtomicU32], slot: usize, stencil: u16) -> Option<f32> {
-    let read = |slot: usize| f32::from_bits(distance[slot].load(Ordering::Relaxed));
+/// The distance of a node, or the index of a node of its stencil that has none; `known` is the distance of a node, if it has one.
+#[inline(always)]
+fn distance_at<N: Nodes>(
+    nodes: &N,
+    known: impl Fn(usize) -> Option<f32>,
+    slot: usize,
+    stencil: u16,
+) -> Result<f32, usize> {
     let mut near = [f32::INFINITY; 3];
     // The slope between the two nodes of an axis; below zero where there is no second one.
     let mut slope = [-1.0; 3];
@@ -195,19 +322,14 @@ fn distance_at<N: Nodes>(nodes: &N, distance: &[AtomicU32], slot: usize, stencil
         }
         let face = 2 * axis + usize::from(code & HIGH != 0);
         let one = nodes.step(slot, face);
-        near[axis] = read(one);
-        if near[axis] == f32::INFINITY {
-            return None;
-        }
+        near[axis] = known(one).ok_or(one)?;
         if code & 3 >= TWO {
-            let two = read(nodes.step(one, face));
-            if two == f32::INFINITY {
-                return None;
-            }
+            let second = nodes.step(one, face);
+            let two = known(second).ok_or(second)?;
             slope[axis] = if code & 3 == ACROSS { near[axis] + two } else { near[axis] - two };
         }
     }
-    Some(upwind(near, slope))
+    Ok(upwind(near, slope))
 }
 
 /// The root of Σ (∂u)² = 1 with one-sided differences: (u − u₁), or (3u − 4u₁ + u₂)/2 where `slope` = u₁ − u₂
@@ -260,21 +382,20 @@ mod tests {
     fn in_order<N: Nodes>(nodes: &N, first: &[f32], inside: impl Fn(usize) -> bool + Sync) -> Vec<f32> {
         let mut all = Vec::new();
         for block in 0..nodes.blocks() {
-            nodes.for_each(block, [1; 3], |_, at| {
+            nodes.for_each(block, |at| {
                 let slot = nodes.slot(at);
                 all.push((first[slot], slot, stencil(nodes, first, &inside, at)));
             });
         }
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let distance: Vec<AtomicU32> = first.iter().map(|v| AtomicU32::new(v.abs().to_bits())).collect();
+        let mut distance: Vec<f32> = first.iter().map(|v| v.abs()).collect();
         for (v, slot, stencil) in all {
             if v >= 0.0 && v.is_finite() {
-                let u = distance_at(nodes, &distance, slot, stencil).expect("nearer nodes come first");
-                distance[slot].store(u.to_bits(), Ordering::Relaxed);
+                let known = |slot: usize| Some(distance[slot]);
+                distance[slot] = distance_at(nodes, known, slot, stencil).expect("every node has a distance");
             }
         }
-        let value = |i: usize| f32::from_bits(distance[i].load(Ordering::Relaxed));
-        (0..first.len()).map(|i| if first[i] < 0.0 { first[i] } else { value(i) }).collect()
+        distance.iter().zip(first).map(|(u, v)| if *v < 0.0 { *v } else { *u }).collect()
     }
 
     fn bits(values: &[f32]) -> Vec<u32> {
@@ -293,10 +414,9 @@ mod tests {
             let seeds = seeds(&field, 1.0, &params);
             let inside = |i: usize| is_set(&seeds.inside[i / BRICK_NODES], i % BRICK_NODES);
             let first = crate::sdf::sweep(&seeds.bricks, &seeds.distance, band, 1);
-            let linked = LinkedBricks::new(&seeds.bricks, 1);
+            let linked = LinkedBricks::new(&seeds.bricks);
             let reference = in_order(&linked, &first.distance, inside);
-            for (threads, block) in [(1, 1), (2, 1), (5, 1), (1, 3), (5, 2)] {
-                let linked = LinkedBricks::new(&seeds.bricks, block);
+            for threads in [1, 2, 5] {
                 let found = crate::par::with_threads(threads, || {
                     refine(&linked, first.clone(), f32::INFINITY, inside)
                 });

@@ -7,7 +7,10 @@
 //! the layers that it reads of its neighbours since. At the start a block counts as converged if neither it nor a neighbour has a
 //! pinned node: all that it reads is ∞.
 
-use super::{layout::Layout, skewed::Skewed};
+use super::{
+    layout::Layout,
+    skewed::{BlockValues, Skewed, Source},
+};
 use crate::{
     par,
     sdf::{
@@ -26,9 +29,11 @@ pub(super) const NO_PANIC: &str = "a pass over a block does not panic";
 /// never runs face neighbours at once.
 pub(super) struct SweptBlocks {
     layout: Layout,
-    values: Vec<RwLock<Vec<f32>>>,
+    values: Vec<RwLock<BlockValues>>,
     /// Whether a pass over the block could change anything.
     active: Vec<AtomicBool>,
+    /// Whether a pass over a row of the block could change it.
+    due: Vec<Vec<AtomicBool>>,
     band: f32,
 }
 
@@ -37,9 +42,20 @@ impl SweptBlocks {
         let values = layout.split(seeds);
         let has_pins: Vec<bool> = par::map(values.len(), |block| values[block].iter().any(|v| v.is_finite()));
         let touches = |block: usize| layout.around(block).into_iter().flatten().any(|other| has_pins[other]);
-        let active =
-            (0..has_pins.len()).map(|block| AtomicBool::new(has_pins[block] || touches(block))).collect();
-        Self { layout, values: values.into_iter().map(RwLock::new).collect(), active, band }
+        let starts: Vec<bool> = (0..has_pins.len()).map(|block| has_pins[block] || touches(block)).collect();
+        let rows = |block: usize| layout.size(block)[1] * layout.size(block)[2];
+        Self {
+            due: par::map(starts.len(), |block| {
+                (0..rows(block)).map(|_| AtomicBool::new(starts[block])).collect()
+            }),
+            active: starts.into_iter().map(AtomicBool::new).collect(),
+            values: (0..)
+                .zip(values)
+                .map(|(block, nodes)| RwLock::new(BlockValues::new(nodes, layout.size(block)[0])))
+                .collect(),
+            layout,
+            band,
+        }
     }
 
     /// Whether no pass would change anything.
@@ -54,7 +70,7 @@ impl SweptBlocks {
 
     /// The distances of the whole box.
     pub(super) fn distances(&self) -> Vec<f32> {
-        self.layout.join(|block, read| read(&self.values[block].read().expect(NO_PANIC)))
+        self.layout.join(|block, read| read(&self.values[block].read().expect(NO_PANIC).nodes))
     }
 
     /// One Gauss–Seidel pass over a block in the given order.
@@ -63,29 +79,43 @@ impl SweptBlocks {
             return;
         }
         let size = self.layout.size(block);
+        let [_, sy, sz] = size;
         let faces = self.layout.around(block);
-        let mut skewed = {
+        let due = &self.due[block];
+        let mut skewed = Skewed::new(size, order, |y, z| due[y + sy * z].load(Ordering::Relaxed));
+        let changed = {
             let own = self.values[block].read().expect(NO_PANIC);
             let around = faces.map(|face| face.map(|other| self.values[other].read().expect(NO_PANIC)));
-            let around = std::array::from_fn(|face| {
-                let other = faces[face]?;
-                Some((around[face].as_ref()?.as_slice(), self.layout.size(other)))
-            });
-            Skewed::gather(&own, size, order, around)
+            let around =
+                std::array::from_fn(|face| Some((&**around[face].as_ref()?, self.layout.size(faces[face]?))));
+            skewed.relax(&Source { own: &own, order, around }, self.band)
         };
-        let changed = skewed.relax(self.band);
         self.active[block].store(changed, Ordering::Relaxed);
+        for (row, due) in due.iter().enumerate() {
+            due.store(changed && skewed.is_due(row % sy, row / sy), Ordering::Relaxed);
+        }
         if !changed {
             return;
         }
 
-        // Neighbours become active if the layer they read has changed.
-        let changed = skewed.scatter(&mut self.values[block].write().expect(NO_PANIC), order);
-        for (other, _) in faces.iter().zip(changed).filter(|(_, changed)| *changed) {
-            if let Some(other) = *other {
-                self.active[other].store(true, Ordering::Relaxed);
-            }
-        }
+        // Rows of neighbours that read a row that has changed become due.
+        let activate = |face: usize, y: usize, z: usize| {
+            let Some(other) = faces[face] else { return };
+            let [_, oy, oz] = self.layout.size(other);
+            let (y, z) = match face {
+                2 => (oy - 1, z),
+                3 => (0, z),
+                4 => (y, oz - 1),
+                5 => (y, 0),
+                _ => (y, z),
+            };
+            self.due[other][y + oy * z].store(true, Ordering::Relaxed);
+            self.active[other].store(true, Ordering::Relaxed);
+        };
+        skewed.scatter(&mut self.values[block].write().expect(NO_PANIC), |y, z, ends| {
+            let at = [ends[0], ends[1], y == 0, y + 1 == sy, z == 0, z + 1 == sz];
+            (0..6).filter(|&face| at[face]).for_each(|face| activate(face, y, z));
+        });
     }
 }
 

@@ -32,6 +32,13 @@ impl Layout {
         [block % nx, block / nx % ny, block / (nx * ny)]
     }
 
+    /// The block of a node of the box.
+    #[inline]
+    pub fn block_of(&self, node: [usize; 3]) -> usize {
+        let [x, y, z] = std::array::from_fn(|axis| node[axis] / self.block[axis]);
+        x + self.counts[0] * (y + self.counts[1] * z)
+    }
+
     /// The first node of a block.
     pub fn first(&self, block: usize) -> [usize; 3] {
         let coord = self.coord(block);

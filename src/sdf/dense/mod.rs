@@ -8,6 +8,7 @@
 
 mod first;
 mod layout;
+mod lines;
 mod skewed;
 
 pub use first::{sweep, sweep_in_order};
