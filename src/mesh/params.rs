@@ -2,7 +2,7 @@
 
 use crate::{
     field::Anisotropy,
-    sdf::{Order, SdfParams},
+    sdf::{Order, SdfParams, SeedRule},
 };
 use serde::{Deserialize, Serialize};
 
@@ -118,6 +118,10 @@ pub struct DistanceParams {
     /// Order of the finite differences. It affects normals and level sets, but not the position of the
     /// surface. On a splash the second order improved normals by 0.1°, for twice the time of the distance.
     pub order: Order,
+    /// How nodes next to the surface get their distance. On a ball they are off by 0.007 voxels on average with `plane`, by 0.08
+    /// with `nearest_edge` and by 0.2 with `density_ratio`, the rules of Gourlay's article, which are for comparison.
+    #[serde(skip_serializing_if = "is_plane")]
+    pub seed: SeedRule,
     /// Edge of the blocks that a thread processes at a time, in bricks of 8³ nodes. It affects the time,
     /// never the result. Range: 1 to 8.
     pub block: u32,
@@ -125,15 +129,20 @@ pub struct DistanceParams {
 
 impl Default for DistanceParams {
     fn default() -> Self {
-        Self { band: 3.0, order: Order::First, block: 1 }
+        Self { band: 3.0, order: Order::First, seed: SeedRule::Plane, block: 1 }
     }
 }
 
 impl From<DistanceParams> for SdfParams {
     fn from(params: DistanceParams) -> Self {
-        let DistanceParams { band, order, block } = params;
-        Self { band, order, block: block as usize, ..Self::default() }
+        let DistanceParams { band, order, seed, block } = params;
+        Self { seed, band, order, block: block as usize }
     }
+}
+
+/// Whether the seeds are the default ones, which results and their keys leave out.
+fn is_plane(seed: &SeedRule) -> bool {
+    *seed == SeedRule::Plane
 }
 
 /// Removal of small connected components. Their positions and radii go to a file of points next to the mesh;

@@ -221,7 +221,7 @@ mod tests {
     #[test]
     fn no_field_gives_a_distance_that_is_nan() {
         let wild = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, 2.0, 0.0, 1e-40];
-        for seed in [SeedRule::Plane, SeedRule::NearestEdge] {
+        for seed in [SeedRule::Plane, SeedRule::NearestEdge, SeedRule::DensityRatio] {
             let mut field = steps();
             for (i, value) in field.values.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0) {
                 *value = wild[i * 7919 / 16 % wild.len()];

@@ -2,7 +2,8 @@
 //!
 //! *Method* [gourlay17], "Finding Surfaces Using the Indicator Function" and "Signed Distance Function".
 //! *Departs from the paper*: the plane through the crossings of all axes replaces the nearest crossing alone,
-//! which remains as [`SeedRule::NearestEdge`]. The indicator is stored as one bit per node, so that crossings
+//! which remains as [`SeedRule::NearestEdge`]; the field's values on both sides of an edge place a crossing, instead of the value
+//! inside alone, which remains as [`SeedRule::DensityRatio`]. The indicator is stored as one bit per node, so that crossings
 //! are found 64 nodes at a time.
 //!
 //! An axis without a crossing within a voxel takes the place where the field's slope would cross. Without
@@ -15,15 +16,21 @@
 use super::SdfParams;
 use crate::grid::{BRICK, BRICK_NODES, Bricks, FACES, NodeMask, SparseGrid, mask_of, neighbour};
 use crate::par;
+use serde::{Deserialize, Serialize};
 
 /// How a node next to the surface gets its distance from the crossings on its edges.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
 pub enum SeedRule {
     /// The distance to the plane through the nearest crossing of each axis, on or beyond the node's edges.
     #[default]
     Plane,
     /// The distance to the nearest crossing, as [gourlay17] has it: never too small, up to √3 too large.
     NearestEdge,
+    /// Both rules of [gourlay17]: the nearest crossing, and each crossing at the part A/M of the edge from the node
+    /// inside, whose density is A; M is the density 1 of a full cell. The threshold gives the side of a node alone.
+    DensityRatio,
 }
 
 /// The smallest distance of a pinned node [voxels].
@@ -228,20 +235,31 @@ impl SeedRule {
         // Along each axis the nearest crossing, and where the field would cross beyond the neighbour.
         let (mut crossing, mut beyond) = ([f32::INFINITY; 3], [f32::INFINITY; 3]);
         for (face, (own, other)) in pairs.into_iter().enumerate() {
-            let along = ((threshold - own) / (other - own)).max(MIN_DISTANCE); // x, [gourlay17] Figure 3
+            let along = ((threshold - own) / (other - own)).max(MIN_DISTANCE);
             if (own >= threshold) != (other >= threshold) {
+                let along =
+                    if self == SeedRule::DensityRatio { density_ratio(own, other, threshold) } else { along };
                 crossing[face / 2] = along.min(crossing[face / 2]);
             } else if along >= 1.0 {
                 beyond[face / 2] = along.min(beyond[face / 2]);
             }
         }
         match self {
-            SeedRule::NearestEdge => crossing[0].min(crossing[1]).min(crossing[2]),
+            SeedRule::NearestEdge | SeedRule::DensityRatio => crossing[0].min(crossing[1]).min(crossing[2]),
             SeedRule::Plane => {
                 let d: [f32; 3] = std::array::from_fn(|axis| crossing[axis].min(beyond[axis]));
                 1.0 / d.map(|d| 1.0 / (d * d)).iter().sum::<f32>().sqrt() // the plane Σ xₖ/dₖ = 1
             }
         }
+    }
+}
+
+/// The part of an edge from a node to the crossing, of which the density inside alone decides.
+fn density_ratio(own: f32, other: f32, threshold: f32) -> f32 {
+    if own >= threshold {
+        own.min(1.0) // z = x + h (A/M), [gourlay17] Figure 3
+    } else {
+        (1.0 - other).max(MIN_DISTANCE) // z = x + h (1 − A/M), [gourlay17] Figure 3
     }
 }
 

@@ -215,13 +215,20 @@ fn a_line_has_the_crossings_of_its_field() {
     // [gourlay17] Figure 3: the surface lies a quarter of the source from outside to inside.
     let mut field = DenseGrid::new(1.0, [0; 3], [6, 1, 1], 0.0);
     field.values = vec![0.0, 0.0, 2.0, 2.0, 0.5, 0.0];
+    let free = f32::INFINITY;
     for rule in [SeedRule::Plane, SeedRule::NearestEdge] {
         let pins = pin_surface(&field, 0.5, rule);
-        let free = f32::INFINITY;
         // A node at the threshold is inside, as near as can be stored; its neighbour outside is a voxel away.
         assert_eq!(pins.inside, [false, false, true, true, true, false]);
         assert_eq!(pins.distance, [free, -0.25, -0.75, free, -MIN_PINNED_DISTANCE, -1.0]);
     }
+    // By A/M of its full density 1 a cell is filled up to the crossing, whatever the threshold and the density outside.
+    field.values = vec![0.25, 0.25, 0.75, 2.0, 0.5, 0.25];
+    let pins = pin_surface(&field, 0.5, SeedRule::DensityRatio);
+    assert_eq!(pins.distance, [free, -0.25, -0.75, free, -0.5, -0.5]);
+    field.values[2] = 2.0;
+    let pins = pin_surface(&field, 0.5, SeedRule::DensityRatio);
+    assert_eq!(pins.distance, [free, -MIN_PINNED_DISTANCE, -1.0, free, -0.5, -0.5]);
 }
 
 #[test]
@@ -246,14 +253,14 @@ fn exactly_the_nodes_next_to_a_crossing_are_pinned() {
 }
 
 #[test]
-fn both_seed_rules_have_the_bits_of_the_bricks_and_the_plane_is_closer() {
+fn seed_rules_have_the_bits_of_the_bricks_and_the_plane_is_closer() {
     let (level, field) = small_ball();
     let on_bricks = SparseGrid::sample(1.0, Vec3::repeat(-16.0), Vec3::repeat(15.0), |x| {
         let node: [usize; 3] = std::array::from_fn(|axis| (x[axis] as i32 + 16) as usize);
         field.values[field.index(node)]
     });
     let mut means = Vec::new();
-    for rule in [SeedRule::Plane, SeedRule::NearestEdge] {
+    for rule in [SeedRule::Plane, SeedRule::NearestEdge, SeedRule::DensityRatio] {
         let pins = pin_surface(&field, 1.0, rule);
         let sparse = seeds(&on_bricks, 1.0, &SdfParams { seed: rule, ..SdfParams::default() });
         for (i, &value) in sparse.distance.iter().enumerate().filter(|(_, d)| **d < 0.0) {
