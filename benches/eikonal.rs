@@ -1,12 +1,15 @@
 //! Nanoseconds a node of the Eikonal solves, and the error that they buy. `cargo bench --bench eikonal`.
 //!
-//! A ball of a fifth of the side in a box of 256³ nodes. Criterion's throughput is in nodes a second, compared with the plain
+//! A ball of a fifth of the side in a box of 256³ nodes; for some rows seven balls off its middle. Criterion's throughput is in nodes a second, compared with the plain
 //! serial sweep. Before that, a table of error against time for orders, seeds, bands and blocks is printed: each row is the
 //! mean of as many solves as fill a second, in CPU time of the whole process, so other work on the machine hardly shows.
 
+#[path = "reference/balls.rs"]
+mod balls;
 #[path = "reference/dense.rs"]
 mod dense;
 
+use balls::seven_balls;
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use dense::{DenseGrid, DenseParams, Pins, pin_band, pin_surface, solve};
 use meniscus::{
@@ -36,7 +39,7 @@ fn density(x: Vec3) -> f32 {
 
 const HALF: i32 = NODES as i32 / 2;
 
-fn sampled(f: fn(Vec3) -> f32) -> DenseGrid {
+fn sampled(f: impl Fn(Vec3) -> f32 + Sync) -> DenseGrid {
     DenseGrid::sample(1.0, [-HALF; 3], [NODES; 3], f)
 }
 
@@ -128,7 +131,33 @@ fn table(_: &mut Criterion) {
             dense("plane", &plane, order, BLOCK, band, 1);
         }
     }
-    drop(field);
+    // A field as the density of particles: 1 inside, 0 outside, and a ramp of four voxels between them.
+    let ramp = sampled(|x| (0.5 - exact(x) / 4.0).clamp(0.0, 1.0));
+    for rule in [SeedRule::Plane, SeedRule::NearestEdge, SeedRule::DensityRatio] {
+        let pins = pin_surface(&ramp, 0.5, rule);
+        for order in [Order::First, Order::Second] {
+            for band in [3.0, FULL] {
+                dense(&format!("ramp, {rule:?}"), &pins, order, BLOCK, band, 1);
+            }
+        }
+    }
+    drop((field, ramp));
+    // Inside overlapping balls the smallest distance is not that to the surface, so errors are of the nodes outside.
+    let balls = sampled(|x| seven_balls(x, NODES));
+    let band_pins = pin_band(&balls, 3.0);
+    for (order, threads) in [(Order::First, 1), (Order::First, 2), (Order::Second, 1), (Order::Second, 2)] {
+        let params = DenseParams { order, ..DenseParams::default() };
+        row(
+            &format!("dense, {order:?}, seven balls, exact band, {BLOCK:?}, {threads}"),
+            FULL,
+            || par::with_threads(threads, || solve(balls.nodes, &band_pins, &params)),
+            |found| {
+                let pairs = found.distance.into_iter().zip(balls.values.iter().copied());
+                let (_, mean, worst) = errors(pairs.filter(|(_, exact)| *exact > 0.0), FULL);
+                (balls.values.len(), mean, worst)
+            },
+        );
+    }
     let bricks =
         SparseGrid::sample(1.0, Vec3::repeat(-HALF as f32), Vec3::repeat(HALF as f32 - 1.0), density);
     for order in [Order::First, Order::Second] {
