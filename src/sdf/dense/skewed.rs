@@ -229,7 +229,7 @@ impl Skewed {
         }
     }
 
-    /// Fills the rows beside a unit, `low` and `high`.
+    /// Fills the rows next to a unit, `low` and `high`.
     fn fill_sides(&mut self, source: &Source<'_>, pair: usize, group: usize) {
         let [sx, sy, sz] = self.size;
         for above in 0..2 {
