@@ -8,6 +8,7 @@
 
 #[path = "reference/balls.rs"]
 mod balls;
+#[allow(dead_code, reason = "this bench needs the grid and its pinned band alone")]
 #[path = "reference/dense.rs"]
 mod dense;
 
