@@ -8,6 +8,7 @@ use crate::{
     job::memory::{BASE_MEMORY, Grids},
     math::Vec3,
     mesh::{DistanceParams, RadiusScales, SurfaceParams, is_far},
+    sdf::Order,
 };
 
 /// Memory of a surface as it is cut, until its normals are found [bytes/brick of the density] …
@@ -37,6 +38,9 @@ const DECIMATED_VERTEX_BYTES: f64 = 245.0;
 
 /// Memory of the signed distance [bytes/brick of it]: its nodes twice, and the state of the sweeps.
 const DISTANCE_BRICK_BYTES: f64 = 6400.0;
+
+/// … and more at second order: the lists of waiting nodes.
+const SECOND_ORDER_BRICK_BYTES: f64 = 4.0 * BRICK_NODES as f64;
 
 /// Memory of the coarse nodes while the density is computed [bytes/brick].
 const COARSE_BRICK_BYTES: f64 = 2150.0;
@@ -76,7 +80,10 @@ fn memory(particles: usize, grids: Grids, params: &SurfaceParams, attributes: f6
         let cleaned = named(params.smoothing.is_some(), SMOOTHED_VERTEX_BYTES)
             .max(named(params.contact.is_some(), FITTED_VERTEX_BYTES))
             .max(named(params.decimation.is_some(), DECIMATED_VERTEX_BYTES));
-        let distance = distance_bricks * named(distance.is_some(), DISTANCE_BRICK_BYTES);
+        let is_second_order = distance.is_some_and(|distance| distance.order == Order::Second);
+        let distance = distance_bricks
+            * (named(distance.is_some(), DISTANCE_BRICK_BYTES)
+                + named(is_second_order, SECOND_ORDER_BRICK_BYTES));
         bricks * BRICK_BYTES + distance + vertices * (VERTEX_BYTES + cleaned)
     };
     let sampled = bricks * CUT_BRICK_BYTES + coarse_bricks * COARSE_BRICK_BYTES;
