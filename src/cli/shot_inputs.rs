@@ -1,12 +1,14 @@
 //! The shots that a verb is run for: folders, patterns of folders, and cached frames.
 
 use crate::{
-    cache, import,
+    cache,
+    control::printable_path,
+    import::{self, ImportError},
     run::{Control, RunError, ShotFolder},
     scene::Frames,
 };
 use std::{
-    collections::{BTreeSet, HashSet},
+    collections::{BTreeSet, HashMap},
     path::{Path, PathBuf},
 };
 
@@ -42,19 +44,41 @@ impl ShotInput {
     }
 }
 
+/// Shots in the order in which they are named, each once however its path is written.
+#[derive(Default)]
+struct Shots {
+    shots: Vec<ShotInput>,
+    /// The place of each shot, by its canonical folder.
+    places: HashMap<PathBuf, usize>,
+}
+
+impl Shots {
+    /// Adds a shot, or frames to it. A whole shot has all frames.
+    fn add(&mut self, added: ShotInput) {
+        let root = ShotFolder::around(&added.folder).root().to_owned();
+        let place = *self.places.entry(root.canonicalize().unwrap_or(root)).or_insert(self.shots.len());
+        match self.shots.get_mut(place) {
+            None => self.shots.push(added),
+            Some(known) => {
+                known.frames = known.frames.take().zip(added.frames).map(|(known, added)| &known | &added);
+            }
+        }
+    }
+}
+
 /// The shots that the inputs name, as folders or by cached frames; none if they are other files.
 ///
 /// # Errors
 /// [`RunError::Request`] if shots and files are mixed, or cached frames are in no shot.
 pub(super) fn shots(inputs: &[String], control: Control) -> Result<Vec<ShotInput>, RunError> {
-    let (mut shots, mut file) = (Vec::new(), None);
+    let (mut shots, mut file) = (Shots::default(), None);
     for input in inputs {
         if is_folder(input) {
-            shots.push(ShotInput::whole(input));
+            shots.add(ShotInput::whole(input));
             continue;
         }
         if has_extension(Path::new(input), "mcf") {
-            add_cached_frames(input, &mut shots)?;
+            add_cached_frames(input, &mut shots, control)?;
             continue;
         }
         let folders = import::folders(input)?;
@@ -71,61 +95,60 @@ pub(super) fn shots(inputs: &[String], control: Control) -> Result<Vec<ShotInput
                 "{input}: {others} folders without a shot and {files} files are left out; name files by another pattern"
             ));
         }
-        shots.extend(found.into_iter().map(ShotInput::whole));
+        found.into_iter().for_each(|folder| shots.add(ShotInput::whole(folder)));
     }
     match file {
-        Some(file) if !shots.is_empty() => Err(RunError::Request(format!(
+        Some(file) if !shots.shots.is_empty() => Err(RunError::Request(format!(
             "{file}: found no shot folder among shot folders; name shots or particle files, or run the command twice"
         ))),
-        _ => {
-            let mut known = HashSet::new();
-            shots.retain(|shot| {
-                let root = ShotFolder::around(&shot.folder).root().to_owned();
-                known.insert(root.canonicalize().unwrap_or(root))
-            });
-            Ok(shots)
-        }
+        _ => Ok(shots.shots),
     }
 }
 
-/// Adds the shots whose cached frames match a pattern.
-fn add_cached_frames(pattern: &str, shots: &mut Vec<ShotInput>) -> Result<(), RunError> {
+/// Adds the shots whose cached frames match a pattern, with these frames.
+fn add_cached_frames(pattern: &str, shots: &mut Shots, control: Control) -> Result<(), RunError> {
     let path = Path::new(pattern);
     let name = path.file_name().unwrap_or_default();
-    let folders = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => import::folders(&parent.to_string_lossy())?,
-        _ => vec![PathBuf::from(".")],
-    };
-    let before = shots.len();
-    for folder in &folders {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folders = import::folders(&parent.to_string_lossy())?;
+    let (mut frames, mut others) = (0, 0);
+    for folder in folders {
         // Patterns of several shots need not match in each.
-        let pattern = folder.join(name).to_string_lossy().into_owned();
-        let files = match import::expand(&[pattern]) {
+        let files = match import::expand(&[folder.join(name).to_string_lossy().into_owned()]) {
             Ok(files) => files,
-            Err(_) if folders.len() > 1 => continue,
+            Err(ImportError::NotFound { .. }) => continue,
             Err(error) => return Err(error.into()),
         };
-        let shot = ShotFolder::around(folder);
-        if shot.root() == folder || !has_cache_or_preset(shot.root()) {
+        // The folder in which the command runs may be the cache, and has no name here.
+        let named_folder = match folder.file_name() {
+            Some(_) => folder,
+            None => folder.canonicalize().unwrap_or(folder),
+        };
+        let shot = ShotFolder::around(&named_folder);
+        if shot.root() == named_folder || !shot.preset().is_file() {
             return Err(RunError::Request(format!(
-                "{}: found cached frames outside of a shot, expected them in the folder `cache` of one, whose preset has their surface; \
-                 copy the shot's folder",
-                folder.display()
+                "{}: found cached frames outside of a shot, expected them in the folder `cache` of one, whose preset.toml has their \
+                 surface; copy the shot's folder, or name the folder of the frames to mesh them with the defaults",
+                printable_path(&named_folder)
             )));
         }
-        let named: BTreeSet<u32> =
-            files.files().iter().filter_map(|file| cache::index_of(file)).map(|index| index.0).collect();
-        match shots.iter_mut().find(|other| other.folder == shot.root()) {
-            Some(ShotInput { frames: Some(frames), .. }) => frames.extend(named),
-            Some(_) => {}
-            None if named.is_empty() => {}
-            None => shots.push(ShotInput { folder: shot.root().to_owned(), frames: Some(named) }),
+        let indices = files.files().iter().filter_map(|file| cache::index_of(file));
+        let named: BTreeSet<u32> = indices.map(|index| index.0).collect();
+        others += files.files().len() - named.len();
+        frames += named.len();
+        if !named.is_empty() {
+            shots.add(ShotInput { folder: shot.root().to_owned(), frames: Some(named) });
         }
     }
-    if shots.len() == before && !shots.iter().any(|shot| shot.frames.is_some()) {
+    if frames == 0 {
         return Err(RunError::Request(format!(
             "{pattern}: found no cached frame, expected frame_0001.mcf or another number; look into the folder `cache` of the shot"
         )));
+    }
+    if others > 0 {
+        control.reporter.note(&format!(
+            "{pattern}: {others} files are left out, which are not named as cached frames (frame_0001.mcf)"
+        ));
     }
     Ok(())
 }

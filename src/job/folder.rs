@@ -30,6 +30,7 @@ impl ShotFolder {
     pub(crate) fn around(path: &Path) -> Self {
         let is_cache = path.file_name().is_some_and(|name| name == "cache");
         match path.parent() {
+            Some(parent) if is_cache && parent.as_os_str().is_empty() => Self::new("."),
             Some(parent) if is_cache => Self::new(parent),
             _ => Self::new(path),
         }

@@ -364,8 +364,23 @@ fn surfaces_are_fitted_to_the_colliders_of_a_shot() {
     let log = fs::read_to_string(desk.path("tub/mesh.jsonl")).unwrap();
     assert!(log.lines().last().unwrap().contains("\"contact\":{\"displaced\":"), "{log}");
 
+    // What is compared is what is made.
+    let compare = "tradeoff tub --of surface --frames 3 --vary";
+    let (json, _) = desk.run(&format!("{compare} surface.contact=none,{{}} -o compared --json"), 0);
+    let found: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let volume = |label: &str| {
+        let mut lines = found["lines"].as_array().unwrap().iter();
+        let line = lines.find(|line| line["label"].as_str().unwrap().contains(label));
+        line.unwrap_or_else(|| panic!("{found}"))["volume"].as_f64().unwrap()
+    };
+    let volumes = [volume("contact=none"), volume("contact={}")];
+    assert!(volumes[1] > 1.01 * volumes[0], "{volumes:?}");
+
     // Files have no colliders.
     desk.write("drop.xyz", xyz(&drop_and_sheet()));
+    let line = "tradeoff drop.xyz --spacing 0.1 --of surface --set surface.contact={} -o t";
+    let (_, talk) = desk.run(line, 2);
+    assert!(talk.contains("surface.contact") && talk.contains("without a preset"), "{talk}");
     let (_, talk) = desk.run("mesh drop.xyz --spacing 0.1 -o out --set surface.contact={}", 2);
     assert!(talk.contains("surface.contact") && talk.contains("the folder of a shot"), "{talk}");
     let (_, talk) = desk.run("mesh tub --set surface.contact.gap=3", 2);
@@ -424,8 +439,29 @@ fn cached_frames_are_meshed_by_their_files() {
     desk.run("volume show/two/cache/frame_0003.mcf", 0);
     assert_eq!(desk.names("show/two/volume"), ["liquid_0003.vdb"]);
 
+    // A shot is one however it is named, and a whole one has all frames.
+    let made = |line: &str| {
+        fs::remove_dir_all(desk.path("show/two/mesh")).unwrap();
+        let (_, talk) = desk.run(line, 0);
+        (names("two").len(), talk)
+    };
+    assert_eq!(made("mesh show/two/cache/frame_0001.mcf ./show/two/cache/frame_0002.mcf").0, 2);
+    assert_eq!(made("mesh show/two/cache/frame_0001.mcf show/two").0, 4);
+    assert_eq!(made("mesh show/../show/two show/two/cache/frame_0001.mcf").0, 4);
+    fs::write(desk.path("show/two/cache/notes.mcf"), "").unwrap();
+    let (count, talk) = made("mesh show/two/cache/*.mcf");
+    assert!(count == 4 && talk.contains("1 files are left out"), "{talk}");
+    for (folder, line) in
+        [("show/two", "mesh cache/frame_0001.mcf"), ("show/two/cache", "mesh frame_0001.mcf")]
+    {
+        fs::remove_dir_all(desk.path("show/two/mesh")).unwrap();
+        assert!(desk.tool(line).current_dir(desk.path(folder)).output().unwrap().status.success(), "{line}");
+        assert_eq!(names("two"), ["liquid_0001.ply"]);
+    }
+
     for (line, words) in [
         ("mesh show/two/cache/frame_0009.mcf", "frame_0009.mcf"),
+        ("mesh show/two/cache/frame_0001.mcf show/*/cache/frame_0099.mcf", "found no cached frame"),
         ("mesh show/two/cache/*.mcf --frames 1", "leave one of the two out"),
         ("mesh show/two/cache/*.mcf --spacing 0.1", "--spacing is for particle files"),
     ] {
@@ -435,6 +471,12 @@ fn cached_frames_are_meshed_by_their_files() {
     }
     fs::create_dir(desk.path("loose")).unwrap();
     fs::copy(desk.path("show/two/cache/frame_0001.mcf"), desk.path("loose/frame_0001.mcf")).unwrap();
-    let (_, talk) = desk.run("mesh loose/frame_0001.mcf", 2);
-    assert!(talk.contains("outside of a shot"), "{talk}");
+    fs::create_dir_all(desk.path("lone/cache")).unwrap();
+    fs::copy(desk.path("show/two/cache/frame_0001.mcf"), desk.path("lone/cache/frame_0001.mcf")).unwrap();
+    for line in ["mesh loose/frame_0001.mcf", "mesh lone/cache/frame_0001.mcf"] {
+        let (_, talk) = desk.run(line, 2);
+        assert!(talk.contains("outside of a shot"), "{talk}");
+    }
+    let (_, talk) = desk.run("mesh lone --set surface.contact={}", 2);
+    assert!(talk.contains("a cache without a preset"), "{talk}");
 }

@@ -74,7 +74,17 @@ pub(super) fn tradeoff(
         run::simulate(&sweep.base, &simulated, &frames, args.force, args.max_memory, control)?;
         shot_frames = sweep.base.frames.count();
     }
-    let from = ProductSource { source, shot_frames, max_memory: args.max_memory };
+    let shot = match &input {
+        Input::Shot(shot, Some(_)) => Some(shot),
+        Input::Preset(_) => Some(&simulated),
+        Input::Shot(_, None) | Input::Files(..) => None,
+    };
+    let mut scenes = sweep.rows.iter().chain([&sweep.reference, &sweep.refined]).map(|(_, scene)| scene);
+    let uses_solids = scenes.any(product.uses_solids);
+    let scene = shot.filter(|_| uses_solids);
+    let scene =
+        scene.map(|shot| run::tradeoff::with_sampled_meshes(&sweep.base, shot, control)).transpose()?;
+    let from = ProductSource { source, scene: scene.as_ref(), shot_frames, max_memory: args.max_memory };
     let table = (product.run)(&sweep, &from, &job(args, &frames, &folder, by), control)?;
     conclude(args, &sweep, &table, &folder, &input.command(args))
 }
