@@ -27,18 +27,11 @@ pub(crate) fn is_any_requested(settings: &ProductSettings) -> bool {
 /// # Errors
 /// The first failure of a product; [`RunError::Request`] if no product of a verb accepts a stream of the input.
 pub(crate) fn make(
-    selection: ProductSelection,
+    products: &[&dyn Product],
     request: &ProductRequest,
     control: Control,
     done: &mut dyn FnMut(&BatchSummary),
 ) -> Result<(), RunError> {
-    let requested = ALL.into_iter().filter(|product| product.is_requested(request.settings));
-    let products: Vec<&dyn Product> = match selection {
-        ProductSelection::Requested => requested.collect(),
-        ProductSelection::Verb(verb) => {
-            accepting(verb, requested.filter(|product| product.verb() == verb).collect(), request)?
-        }
-    };
     let mut failed = None;
     for product in products {
         match product.make(request, control) {
@@ -48,6 +41,23 @@ pub(crate) fn make(
         }
     }
     failed.map_or(Ok(()), Err)
+}
+
+/// The selected products of a request.
+///
+/// # Errors
+/// If a verb has none that accepts the input.
+pub(crate) fn selected(
+    selection: ProductSelection,
+    request: &ProductRequest,
+) -> Result<Vec<&'static dyn Product>, RunError> {
+    let requested = ALL.into_iter().filter(|product| product.is_requested(request.settings));
+    match selection {
+        ProductSelection::Requested => Ok(requested.collect()),
+        ProductSelection::Verb(verb) => {
+            accepting(verb, requested.filter(|product| product.verb() == verb).collect(), request)
+        }
+    }
 }
 
 /// The products that accept a stream of the input; all where that cannot be known before frames are read.

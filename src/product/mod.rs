@@ -20,7 +20,7 @@ mod tests;
 
 pub(crate) use check::check;
 pub(crate) use make::make;
-pub(crate) use make::{ProductSelection, is_any_requested};
+pub(crate) use make::{ProductSelection, is_any_requested, selected};
 pub(crate) use registry::ALL;
 pub(crate) use request::{ProductInput, ProductRequest, ProductSettings, Retime};
 pub(crate) use sample::RequestedProducts;

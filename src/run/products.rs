@@ -25,9 +25,9 @@ pub(crate) fn make_products(
     control: Control,
     done: &mut dyn FnMut(&BatchSummary),
 ) -> Result<(), RunError> {
+    let products = product::selected(selection, request)?;
+    let uses_solids = products.iter().any(|product| product.uses_solids(request.settings));
     // So does the velocity of tracers.
-    let products = product::ALL.into_iter().filter(|product| product.is_requested(request.settings));
-    let uses_solids = products.into_iter().any(|product| product.uses_solids(request.settings));
     let scene = match (request.scene.filter(|scene| uses_solids || has_tracers(scene)), request.input) {
         (Some(scene), ProductInput::Frames(Source::Cache(folder))) => {
             Some(solids::fill(scene, Some(folder), control.reporter)?)
@@ -35,7 +35,7 @@ pub(crate) fn make_products(
         _ => None,
     };
     let request = ProductRequest { scene: scene.as_ref().or(request.scene), ..*request };
-    product::make(selection, &request, control, done)
+    product::make(&products, &request, control, done)
 }
 
 fn has_tracers(scene: &Scene) -> bool {

@@ -1,10 +1,11 @@
 //! The colliders that a surface is fitted to.
 
 use crate::{
+    control::printable_path,
     job::{RunError, batch::Source},
     product::request::{ProductInput, ProductRequest},
     sim::scene::Scene,
-    solid::{Shape, Solid},
+    solid::{Collider, Shape, Solid},
 };
 
 /// The colliders of a shot, in the form of the surfacer; none if the settings do not fit surfaces to them.
@@ -27,25 +28,33 @@ impl Colliders {
         }
         match (request.input, request.scene) {
             (ProductInput::Frames(Source::Cache(_)), Some(scene)) => Ok(Self::of_scene(scene)),
-            _ => Err(RunError::Request(
-                "found `surface.contact` for particle files, expected the folder of a shot, whose preset has the colliders; leave \
-                 the setting out"
-                    .into(),
-            )),
+            (ProductInput::Frames(Source::Cache(shot)), None) => {
+                Err(no_colliders(&format!("a cache without a preset ({})", printable_path(&shot.preset()))))
+            }
+            _ => Err(no_colliders("particle files")),
         }
     }
 
-    fn of_scene(scene: &Scene) -> Self {
-        let text = |text: String, collider: &crate::solid::Collider| {
-            let hash = match &collider.shape {
+    /// The colliders of a scene whose meshes are sampled.
+    pub(super) fn of_scene(scene: &Scene) -> Self {
+        let text = |text: String, collider: &Collider| {
+            let Collider { shape, keyframes, interpolation, .. } = collider;
+            let hash = match shape {
                 Shape::Mesh(mesh) => scene.assets.get(&mesh.file).map_or(0, |asset| asset.hash),
                 _ => 0,
             };
-            let collider = serde_json::to_string(collider).expect("a collider is plain data");
-            format!("{text} {collider} {hash:016x}")
+            let collider = serde_json::to_string(&(shape, keyframes, interpolation));
+            format!("{text} {} {hash:016x}", collider.expect("a collider is plain data"))
         };
         let start = format!("{} {}", scene.fps, scene.frames.first().0);
         let text = scene.world.collider.iter().fold(start, text);
         Self { solids: scene.surroundings().solids, text }
     }
+}
+
+/// The error of a surface that is to be fitted to the colliders of `what`, which has none.
+pub(super) fn no_colliders(what: &str) -> RunError {
+    RunError::Request(format!(
+        "found `surface.contact` for {what}, expected the folder of a shot, whose preset has the colliders; leave the setting out"
+    ))
 }

@@ -40,6 +40,18 @@ pub(crate) fn systems(scene: &Scene) -> impl Iterator<Item = &'static Subject> {
     present.filter_map(|system| system.tradeoff())
 }
 
+/// The scene with the meshes of its colliders sampled, as the shot has them.
+///
+/// # Errors
+/// If a mesh is no closed surface, or is broken, or the samples cannot be written.
+pub(crate) fn with_sampled_meshes(
+    scene: &Scene,
+    shot: &ShotFolder,
+    control: Control,
+) -> Result<Scene, RunError> {
+    solids::fill(scene, Some(shot), control.reporter)
+}
+
 /// The jobs that a tradeoff's runs are made of.
 pub(crate) struct RunJobs;
 

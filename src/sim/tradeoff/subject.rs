@@ -59,6 +59,8 @@ pub(crate) struct SystemRuns {
 pub(crate) struct ProductRuns {
     /// A bound of the memory that a scene needs for a frame of so many particles [bytes].
     pub memory: fn(usize, &Scene) -> u64,
+    /// Whether a scene needs the colliders of the shot, whose meshes are then sampled.
+    pub uses_solids: fn(&Scene) -> bool,
     pub run: fn(&Sweep, &ProductSource<'_>, &TradeoffJob<'_>, Control) -> Result<Table, RunError>,
 }
 
@@ -95,6 +97,8 @@ pub(crate) struct TradeoffJob<'a> {
 pub(crate) struct ProductSource<'a> {
     /// Where the particles come from.
     pub source: Source<'a>,
+    /// The scene with the colliders of the shot, whose meshes are sampled if a setting needs them; `None` if the particles have none.
+    pub scene: Option<&'a Scene>,
     /// How many frames a setting would be used on.
     pub shot_frames: u64,
     /// Refuse if a frame needs more memory than about this [bytes].

@@ -9,7 +9,10 @@
 
 mod source;
 
-use super::memory::{max_surface_memory, stream_memory};
+use super::{
+    memory::{max_surface_memory, stream_memory},
+    solids::{Colliders, no_colliders},
+};
 use crate::{
     cache,
     frame::{Frame, FrameIndex, Stream, StreamKind},
@@ -20,7 +23,7 @@ use crate::{
         usage::{Meter, Peak},
     },
     mesh::{
-        self, DistanceParams, Mesh, SURFACE_VERSION, Surface, marching_cubes,
+        DistanceParams, Mesh, PlacedSolid, SURFACE_VERSION, Surface, marching_cubes, reconstruct_at_solids,
         surface_distance::{Distance, Target, distance},
     },
     par,
@@ -60,6 +63,7 @@ pub(in crate::product) static SUBJECT: Subject = Subject {
     },
     runs: Runs::Product(ProductRuns {
         memory: |particles, scene| max_surface_memory(particles, &scene.surface),
+        uses_solids: |scene| scene.surface.contact.is_some(),
         run,
     }),
 };
@@ -192,15 +196,23 @@ fn run(
             "the frames hold no particles of any system; expected some to mesh".into(),
         ));
     };
+    let mut scenes = sweep.rows.iter().chain([&sweep.reference, &sweep.refined]);
+    let colliders = match from.scene {
+        Some(scene) => Colliders::of_scene(scene),
+        None if scenes.any(|(_, scene)| scene.surface.contact.is_some()) => {
+            return Err(no_colliders("particles without a preset"));
+        }
+        None => Colliders::default(),
+    };
     if let Some(allowed) = from.max_memory {
         for sample in &samples {
-            let particles = sample.read()?;
+            let (particles, _) = sample.read()?;
             for (_, scene) in sweep.rows.iter().chain([&sweep.reference, &sweep.refined]) {
                 refuse_memory(stream_memory(&particles, sample.spacing, &scene.surface, allowed), allowed)?;
             }
         }
     }
-    let measure = SurfaceRuns { samples, frames, shot_frames: from.shot_frames };
+    let measure = SurfaceRuns { samples, colliders, frames, shot_frames: from.shot_frames };
     let all = Frames::from_first_to_last(FrameIndex(0), FrameIndex(last as u32)).expect("0 is the first");
     tradeoff::tradeoff(&WORDING, measure, sweep, &TradeoffJob { frames: &all, ..*job }, control)
 }
@@ -208,6 +220,7 @@ fn run(
 /// How surfaces are made, measured and compared. Each sample is a frame of the run.
 struct SurfaceRuns {
     samples: Vec<Sample>,
+    colliders: Colliders,
     /// The frames that the samples are of.
     frames: Vec<u32>,
     shot_frames: u64,
@@ -246,14 +259,15 @@ impl Measure for SurfaceRuns {
     /// To the reference and back, over all samples; `None` where one of two surfaces is empty.
     type Distance = Option<[Distance; 2]>;
 
-    const VERSION: &str = "surface 2";
+    const VERSION: &str = "surface 3";
     const KEEPS_FRAMES: bool = false;
 
     fn decisive(&self, scene: &Scene) -> String {
         let settings = serde_json::to_string(&scene.surface).expect("settings are plain data");
         let states =
             self.samples.iter().map(|sample| (sample.frame.0, sample.state, sample.spacing.to_bits()));
-        format!("{SURFACE_VERSION} {settings} {:?}", states.collect::<Vec<_>>())
+        let colliders = if scene.surface.contact.is_some() { &*self.colliders.text } else { "" };
+        format!("{SURFACE_VERSION} {settings} {:?} {colliders}", states.collect::<Vec<_>>())
     }
 
     /// Coarse surfaces come first: what the allocator keeps of one run then shows least in the memory of the next.
@@ -279,10 +293,11 @@ impl Measure for SurfaceRuns {
         };
         for (place, sample) in self.samples.iter().enumerate() {
             let index = FrameIndex(place as u32);
-            let (peak, particles) = (Peak::since_now(), sample.read()?);
+            let (peak, (particles, time)) = (Peak::since_now(), sample.read()?);
             let meter = Meter::new();
-            let surface =
-                mesh::reconstruct(&particles, sample.spacing, &folder.scene.surface, control.cancel);
+            let solids = PlacedSolid::at(&self.colliders.solids, time);
+            let params = &folder.scene.surface;
+            let surface = reconstruct_at_solids(&particles, sample.spacing, params, &solids, control.cancel);
             let Surface { mesh, distance, check, stats, .. } = surface.map_err(RunError::from)?;
             made.cpu_seconds = made.cpu_seconds.zip(meter.cpu()).map(|(sum, cpu)| sum + cpu);
             made.memory = made.memory.max(peak.bytes());

@@ -55,8 +55,8 @@ pub(super) fn samples(
 }
 
 impl Sample {
-    /// Reads the particles.
-    pub(super) fn read(&self) -> Result<Stream, RunError> {
+    /// Reads the particles, and the time since the shot's start [s]; 0 of a file.
+    pub(super) fn read(&self) -> Result<(Stream, f64), RunError> {
         match self.stream {
             // Another file may have taken the place of the one that was sampled.
             Some(place) => {
@@ -68,9 +68,9 @@ impl Sample {
                         frame.streams.len()
                     )));
                 }
-                Ok(frame.streams.swap_remove(place))
+                Ok((frame.streams.swap_remove(place), frame.time))
             }
-            None => Ok(ParticleFile::open(&self.path, self.max_memory)?.particles()?.stream),
+            None => Ok((ParticleFile::open(&self.path, self.max_memory)?.particles()?.stream, 0.0)),
         }
     }
 }

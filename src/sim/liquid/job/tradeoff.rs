@@ -248,6 +248,7 @@ impl Measure for LiquidRuns {
             let sample = LiquidSample { particles: 0, spacing, observables: Vec::new(), volume: None };
             return Ok((sample, Frame { streams: Vec::new(), ..*frame }));
         };
+        // Without the fit to colliders: the volume is to depend on the particles alone.
         let surface =
             is_end.then(|| mesh::reconstruct(stream, spacing, &folder.scene.surface, control.cancel));
         let volume = surface.transpose().map_err(RunError::from)?.map(|surface| surface.check.volume);
