@@ -125,7 +125,7 @@ pub(super) fn with_cleanup(
         let mask = match &smoothing.mask {
             Some(mask) => {
                 let radius = params.kernel_radius * spacing;
-                Some(clock.time("mask", || mask.parts(particles, &mesh.positions, radius))??)
+                Some(clock.time("mask", || mask.weights(particles, &mesh.positions, radius))??)
             }
             None => None,
         };
@@ -157,7 +157,7 @@ pub(super) fn with_cleanup(
     // Vertices that are not where the field's isosurface was.
     let mut is_moved = false;
     if let Some(decimation) = &params.decimation {
-        is_moved = fitted.take().is_some();
+        is_moved = fitted.take().is_some_and(|fitted| !fitted.around.is_empty());
         (half_edges, smoothed) = (None, None);
         stats.decimation = Some(clock.time("decimation", || decimate(&mut mesh, decimation, spacing))?);
     }

@@ -5,10 +5,10 @@
 //! displaced along its normal to the distance of the gap, those between r and 2 r by a part that falls to zero, so that a drop
 //! joins a wall without a jump; vertices inside are displaced out. Vertices whose normals point along the solid or away from it
 //! stay: the free surface ends at the solid. Triangles that fold or collapse get their vertices back.
-//! *Departs from the paper*: none is followed.
+//! *Departs from the paper*: none.
 //!
 //! Symbols: d distance to the solid [m]; m → `m`, its unit normal out of it; r → `reach`, gap → `gap` [m].
-//! Limits: an edge between two faces of one solid is filled up to the chamfer that the nearest faces leave. A solid thinner
+//! Limits: an edge between two faces or two solids is filled up to the chamfer that the nearest faces leave. A solid thinner
 //! than a spacing that liquid surrounds has no surface around it, and is not cut out. Vertices deeper inside than 2 r stay and
 //! are counted.
 
@@ -31,11 +31,11 @@ const FACING_START: f32 = 0.2;
 /// rounded edge remains.
 const FACING_END: f32 = 0.6;
 
-/// Corrections by the distance at the new position: those of sampled and curved solids are not linear.
-const CORRECTIONS: usize = 3;
+/// Maximum number of corrections by the distance at the new position: those of sampled and curved solids are not linear.
+const MAX_CORRECTIONS: usize = 3;
 
 /// Distance from the gap that is not corrected further [reaches].
-const TOLERANCE: f32 = 1e-3;
+const GAP_TOLERANCE: f32 = 1e-3;
 
 /// A solid in its pose at the time of a frame.
 #[derive(Clone, Debug)]
@@ -97,18 +97,19 @@ pub(super) fn fit_to_solids(
     solids: &[PlacedSolid],
     params: &ContactParams,
     spacing: f32,
-) -> Fitted {
-    let fit = Fit { reach: params.reach.max(params.gap) * spacing, gap: params.gap * spacing };
+) -> FittedMesh {
+    let distances =
+        ContactDistances { reach: params.reach.max(params.gap.abs()) * spacing, gap: params.gap * spacing };
     let before = mesh.positions.clone();
     let inside = par::map_chunks_mut([&mut mesh.positions], par::CHUNK, |start, [positions]| {
-        let near = near_solids(positions, solids, 2.0 * fit.reach);
+        let near = near_solids(positions, solids, 2.0 * distances.reach);
         if near.is_empty() {
             return 0;
         }
         let mut inside = 0;
         for (v, x) in (start..).zip(positions) {
             let normal = normals[v].try_normalize(0.0).unwrap_or_else(Vec3::zeros);
-            let (fitted, is_inside) = fit.fitted(*x, normal, &near);
+            let (fitted, is_inside) = distances.fitted_position(*x, normal, &near);
             *x = fitted;
             inside += usize::from(is_inside);
         }
@@ -116,10 +117,10 @@ pub(super) fn fit_to_solids(
     });
     let is_moved = |v: usize, mesh: &Mesh| mesh.positions[v] != before[v];
     let displaced = select(before.len(), |v| is_moved(v, mesh));
-    let mut fitted = Fitted {
+    let mut fitted = FittedMesh {
         stats: ContactStats { inside: inside.into_iter().sum(), ..ContactStats::default() },
         normals,
-        ..Fitted::default()
+        ..FittedMesh::default()
     };
     if displaced.is_empty() {
         return fitted;
@@ -138,7 +139,7 @@ pub(super) fn fit_to_solids(
 
 /// A mesh fitted to solids.
 #[derive(Debug, Default)]
-pub(super) struct Fitted {
+pub(super) struct FittedMesh {
     pub(super) stats: ContactStats,
     /// The vertices whose normals have changed, in ascending order.
     pub(super) around: Vec<u32>,
@@ -160,27 +161,27 @@ fn near_solids<'a>(
 
 /// Distances of the fit [m].
 #[derive(Clone, Copy)]
-struct Fit {
+struct ContactDistances {
     reach: f32,
     gap: f32,
 }
 
-impl Fit {
+impl ContactDistances {
     /// Where a vertex at `x` with this unit normal belongs, and whether it is too deep inside of a solid.
-    fn fitted(&self, mut x: Vec3, normal: Vec3, solids: &[&PlacedSolid]) -> (Vec3, bool) {
-        let mut is_inside = false;
-        for solid in solids {
-            let (d, m) = solid.contact(x);
-            is_inside |= d < -2.0 * self.reach;
-            let target = self.distance(d, smooth_step(FACING_START, FACING_END, -normal.dot(&m)));
-            x = self.displaced(x, d, m, target, solid);
-        }
-        // At the edge between two solids the second may have displaced it into the first.
+    fn fitted_position(&self, mut x: Vec3, normal: Vec3, solids: &[&PlacedSolid]) -> (Vec3, bool) {
+        // Drawn to all of them, the vertices of an edge between two would collapse on a line.
+        let contacts = solids.iter().map(|solid| (solid.contact(x), solid));
+        let Some(((d, m), nearest)) = contacts.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0)) else {
+            return (x, false);
+        };
+        let target = self.distance(d, smooth_step(FACING_START, FACING_END, -normal.dot(&m)));
+        x = self.displaced(x, d, m, target, nearest);
+        // It may now be inside of another.
         for solid in solids.iter().filter(|_| solids.len() > 1) {
             let (d, m) = solid.contact(x);
             x = self.displaced(x, d, m, self.distance(d, 0.0), solid);
         }
-        (x, is_inside)
+        (x, d < -2.0 * self.reach)
     }
 
     /// The distance at which a vertex at distance `d` [m] belongs, which faces the solid by this part.
@@ -195,8 +196,8 @@ impl Fit {
 
     /// A point at distance `d` [m] and normal `m` of a solid, displaced to the distance `target`.
     fn displaced(&self, mut x: Vec3, mut d: f32, mut m: Vec3, target: f32, solid: &PlacedSolid) -> Vec3 {
-        for _ in 0..CORRECTIONS {
-            if d.is_nan() || (d - target).abs() <= TOLERANCE * self.reach {
+        for _ in 0..MAX_CORRECTIONS {
+            if d.is_nan() || (d - target).abs() <= GAP_TOLERANCE * self.reach {
                 break;
             }
             x += m * (target - d);

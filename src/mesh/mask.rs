@@ -7,11 +7,11 @@ use crate::{
 };
 
 impl SmoothingMask {
-    /// The part of the smoothing at some points [0..1], by the mean of the attribute within `radius` [m].
+    /// The weight of the smoothing at some points [0..1], by the mean of the attribute within `radius` [m].
     ///
     /// # Errors
     /// [`SurfaceError::NoChannel`] if the particles lack the attribute.
-    pub(super) fn parts(
+    pub(super) fn weights(
         &self,
         particles: &Stream,
         points: &[Vec3],
@@ -21,16 +21,16 @@ impl SmoothingMask {
         let (columns, _) = transfer(particles, Some(names), points, radius)
             .map_err(|name| SurfaceError::no_channel(name, particles))?;
         Ok(columns.into_iter().next().map_or_else(Vec::new, |column| match column.data {
-            ChannelData::F32(values) => values.iter().map(|&value| self.share(value)).collect(),
-            ChannelData::Vec3(values) => values.iter().map(|value| self.share(value.norm())).collect(),
-            ChannelData::U32(values) => values.iter().map(|&value| self.share(value as f32)).collect(),
+            ChannelData::F32(values) => values.iter().map(|&value| self.weight(value)).collect(),
+            ChannelData::Vec3(values) => values.iter().map(|value| self.weight(value.norm())).collect(),
+            ChannelData::U32(values) => values.iter().map(|&value| self.weight(value as f32)).collect(),
         }))
     }
 
-    /// The part of the smoothing at this value.
-    fn share(&self, value: f32) -> f32 {
-        let share = (value - self.none) / (self.full - self.none);
-        if share.is_nan() { 1.0 } else { share.clamp(0.0, 1.0) }
+    /// The weight of the smoothing at this value.
+    fn weight(&self, value: f32) -> f32 {
+        let weight = (value - self.none) / (self.full - self.none);
+        if weight.is_nan() { 1.0 } else { weight.clamp(0.0, 1.0) }
     }
 }
 
@@ -39,14 +39,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn parts_rise_from_none_to_full_in_either_direction() {
-        let share = |none, full, value| SmoothingMask { attribute: "a".to_owned(), none, full }.share(value);
+    fn weights_rise_from_none_to_full_in_either_direction() {
+        let weight =
+            |none, full, value| SmoothingMask { attribute: "a".to_owned(), none, full }.weight(value);
         assert_eq!(
-            [-1.0, 0.0, 0.25, 1.0, 9.0].map(|value| share(0.0, 1.0, value)),
+            [-1.0, 0.0, 0.25, 1.0, 9.0].map(|value| weight(0.0, 1.0, value)),
             [0.0, 0.0, 0.25, 1.0, 1.0]
         );
-        assert_eq!([0.0, 1.0, 2.0, 3.0, 9.0].map(|value| share(3.0, 1.0, value)), [1.0, 1.0, 0.5, 0.0, 0.0]);
-        assert_eq!([1.0, 3.0, f32::NAN].map(|value| share(2.0, 2.0, value)), [0.0, 1.0, 1.0]);
-        assert_eq!(share(0.0, 1.0, f32::NAN), 1.0);
+        assert_eq!([0.0, 1.0, 2.0, 3.0, 9.0].map(|value| weight(3.0, 1.0, value)), [1.0, 1.0, 0.5, 0.0, 0.0]);
+        assert_eq!([1.0, 3.0, f32::NAN].map(|value| weight(2.0, 2.0, value)), [0.0, 1.0, 1.0]);
+        assert_eq!(weight(0.0, 1.0, f32::NAN), 1.0);
     }
 }

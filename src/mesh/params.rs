@@ -191,7 +191,7 @@ pub struct SmoothingParams {
 #[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct SmoothingMask {
-    /// Name of the attribute, as in `surface.attributes`: of vectors, such as `velocity` or `vorticity`, the length counts. A frame
+    /// Name of the attribute, as in `surface.attributes`; the length of vectors, such as `velocity` or `vorticity`, counts. A frame
     /// without it fails. Where it is not a number, the surface is smoothed entirely.
     pub attribute: String,
     /// Value without smoothing, in the attribute's unit.
