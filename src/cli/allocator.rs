@@ -24,7 +24,7 @@ pub struct Allocator;
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: the caller keeps the trait's contract.
-        granted(unsafe { System.alloc(layout) }, layout.size())
+        granted(layout.size(), || unsafe { System.alloc(layout) })
     }
 
     unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
@@ -34,21 +34,35 @@ unsafe impl GlobalAlloc for Allocator {
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         // SAFETY: as above.
-        granted(unsafe { System.alloc_zeroed(layout) }, layout.size())
+        granted(layout.size(), || unsafe { System.alloc_zeroed(layout) })
     }
 
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // SAFETY: as above.
-        granted(unsafe { System.realloc(memory, layout, size) }, size)
+        // SAFETY: as above; memory stays as it is where the system refuses more.
+        granted(size, || unsafe { System.realloc(memory, layout, size) })
     }
 }
 
-/// Passes on memory; does not return where there is none and the caller does not expect that.
-fn granted(memory: *mut u8, size: usize) -> *mut u8 {
-    if memory.is_null() && !may_fail() {
-        end(size)
+/// Number of times that refused memory is requested again, a millisecond later each. Under `ulimit -v` the system's allocator
+/// takes 128 MiB of addresses for a moment whenever a thread starts to allocate, and other threads are then refused a few bytes.
+const MAX_RETRIES: u32 = 20;
+
+/// The memory that `request` gets; does not return where there is none and the caller does not expect that.
+fn granted(size: usize, request: impl Fn() -> *mut u8) -> *mut u8 {
+    let memory = request();
+    if memory.is_null() && !may_fail() { requested_again(size, request) } else { memory }
+}
+
+#[cold]
+fn requested_again(size: usize, request: impl Fn() -> *mut u8) -> *mut u8 {
+    for _ in 0..MAX_RETRIES {
+        thread::sleep(Duration::from_millis(1));
+        let memory = request();
+        if !memory.is_null() {
+            return memory;
+        }
     }
-    memory
+    end(size)
 }
 
 /// Ends the program; allocates nothing.
