@@ -9,19 +9,15 @@
 //! as many evaluations as fill a fifth of a second, in CPU time of the whole process on one thread. Then the time against
 //! the number of vortons, the Poisson equation by itself, and wall seconds by number of threads.
 
-#[path = "reference/vortex/mod.rs"]
-mod reference;
-
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use meniscus::{
     math::Vec3,
     par,
     sim::vortex::{
         Kernel, Method, Quantity, Targets, UniformGrid, VectorField, Vortons, boundary_values, choose_grid,
-        grid_errors, induced, poisson, sampled_error,
+        grid_errors, induced, multigrid_poisson, poisson, sampled_error,
     },
 };
-use reference::{multigrid, paper_grid, paper_grid::Scheme, tree_rule};
 use std::{f64::consts::PI, hint::black_box, time::Instant};
 
 /// A number in 0..1 without order in `i`.
@@ -178,8 +174,7 @@ fn tables() {
         }
         row(name, &vortons, VelocityAndGradient, kernel, Method::Tree { error: 1e-3 });
         row(name, &vortons, Potential, kernel, Method::Tree { error: 1e-3 });
-        let paper = repeated(|| tree_rule::velocity(&vortons, kernel));
-        print_row(name, &vortons, kernel, "Velocity | the paper's tree rule", paper);
+        row(name, &vortons, Velocity, kernel, Method::Grouping);
         for kernel in [Kernel::Ball, Kernel::RosenheadMoore, Kernel::Gaussian] {
             row(name, &vortons, Velocity, kernel, Method::Tree { error: 1e-3 });
         }
@@ -193,13 +188,7 @@ fn tables() {
         for error in [1e-2, 1e-3] {
             row(name, &vortons, Velocity, Kernel::Gaussian, Method::Grid { error });
         }
-        for (label, scheme, spacings_per_core) in [
-            ("multigrid, M4', a spacing per core", Scheme::Smooth, 1.0),
-            ("the paper's grid", Scheme::Linear, 2.0),
-        ] {
-            let found = repeated(|| paper_grid::velocity(&vortons, scheme, spacings_per_core));
-            print_row(name, &vortons, Kernel::Gaussian, &format!("Velocity | {label}"), found);
-        }
+        row(name, &vortons, Velocity, Kernel::Gaussian, Method::Multigrid);
         row(name, &vortons, Velocity, Kernel::Gaussian, Method::Tree { error: 1e-2 });
     }
     row("cube", &cloud("cube", 1_000_000), Velocity, kernel, Method::Tree { error: 1e-3 });
@@ -254,7 +243,7 @@ fn equations() {
         fill(&mut field, &small);
         boundary_values(&mut field, &small, Kernel::default(), 1e-4).expect("they are fit");
         type NamedSolver = (&'static str, fn(&mut VectorField));
-        let solvers: [NamedSolver; 2] = [("sines", poisson), ("multigrid", multigrid::poisson)];
+        let solvers: [NamedSolver; 2] = [("sines", poisson), ("multigrid", multigrid_poisson)];
         for (solver, solve) in solvers {
             // Every run starts from the same field; its copy is timed too.
             let (solved, seconds) = repeated(|| {

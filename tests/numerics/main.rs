@@ -17,8 +17,6 @@ mod liquid_inflow;
 mod liquid_micropolar;
 mod liquid_viscosity;
 mod mesh;
-#[path = "../../benches/reference/vortex/mod.rs"]
-mod reference_vortex;
 mod sdf;
 mod sheet;
 mod smoke;

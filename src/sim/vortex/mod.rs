@@ -13,8 +13,9 @@
 //!
 //! The sum is taken over all pairs ([`Method::Direct`]), with multipole expansions between the cells of
 //! octrees ([`Method::Tree`], `traversal.rs`), or by a Poisson equation on a grid with boundary values of the
-//! tree ([`Method::Grid`], `grid/`). The accuracy parameter of both is the error of the velocity. The tree
-//! rule and the grid of the paper are kept for comparison in `benches/reference/vortex/`.
+//! tree ([`Method::Grid`], `grid/`). The accuracy parameter of both is the error of the velocity. The grouping
+//! rule and the multigrid of the paper serve for comparison ([`Method::Grouping`], [`Method::Multigrid`],
+//! `gourlay/`).
 //!
 //! *Departs from the paper*: a vorton has a strength Γ = ω V and a core, not an angular velocity and a size.
 //! The potential inside a core is that of the ball, because the curl of the paper's eq. 5 has the wrong sign.
@@ -32,6 +33,7 @@ mod coherence;
 mod direct;
 mod expansion;
 pub mod flow;
+mod gourlay;
 mod grid;
 mod index;
 mod invariants;
@@ -46,6 +48,7 @@ mod traversal;
 mod vortons;
 
 pub use accuracy::ERRORS;
+pub use gourlay::multigrid_poisson;
 pub use grid::{UniformGrid, VectorField, boundary_values, choose_grid, grid_errors, poisson};
 pub use invariants::{Invariants, invariants};
 pub use quantities::{Gradient, Induced, Kernel, Method, Quantity, Targets};
@@ -66,7 +69,8 @@ use quantities::{GRADIENT, POTENTIAL, VELOCITY};
 ///
 /// # Panics
 /// If the columns of the vortons differ in length, or the error of [`Method::Tree`] is outside [`ERRORS`], or
-/// that of [`Method::Grid`] outside [`grid_errors`].
+/// that of [`Method::Grid`] outside [`grid_errors`], or if [`Method::Multigrid`] is requested for another kernel than
+/// [`Kernel::Gaussian`].
 pub fn induced(
     vortons: &Vortons,
     targets: Targets<'_>,
@@ -116,8 +120,10 @@ fn check(vortons: &Vortons, targets: Targets<'_>, kernel: Kernel, method: Method
     if let Targets::Points(points) = targets {
         vortons::check_points(points)?;
     }
-    if let Method::Grid { error } = method {
-        grid::assert_error(kernel, error);
+    match method {
+        Method::Grid { error } => grid::assert_error(kernel, error),
+        Method::Multigrid => assert_eq!(kernel, Kernel::Gaussian, "the kernel of multigrid"),
+        Method::Direct | Method::Tree { .. } | Method::Grouping => {}
     }
     Ok(())
 }
@@ -185,5 +191,7 @@ fn rows<K: GridKernel, const Q: usize, const N: usize>(
             traversal::rows::<K, Q, N>(vortons, targets, accuracy::tree_settings(error))
         }
         Method::Grid { error } => grid::rows::<K, Q, N>(vortons, targets, error),
+        Method::Grouping => gourlay::grouping::rows::<K, Q, N>(vortons, targets.positions(vortons)),
+        Method::Multigrid => gourlay::grid::rows::<Q, N>(vortons, targets.positions(vortons)),
     }
 }

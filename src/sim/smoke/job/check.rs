@@ -9,7 +9,7 @@ use crate::{
     sim::{
         scene::Scene,
         smoke::{MAX_TRACERS_AND_VORTONS, SmokeParams, estimate},
-        vortex::{flow::Sum, grid_errors},
+        vortex::{Kernel, flow::Sum, grid_errors},
     },
     solid::Shape,
 };
@@ -69,16 +69,25 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
     check_planes(scene, places, findings);
 }
 
-/// Checks that the grid sum can keep the requested error.
+/// Checks that the grid sum can keep the requested error, and that multigrid has its kernel.
 fn check_sum(smoke: &SmokeParams, places: &Places, findings: &mut Vec<Finding>) {
-    let (flow, key) = (&smoke.flow, "smoke.flow.error");
+    let flow = &smoke.flow;
     let errors = grid_errors(flow.kernel);
-    if flow.sum != Sum::Grid || errors.contains(&flow.error) {
-        return;
+    if flow.sum == Sum::Grid && !errors.contains(&flow.error) {
+        let key = "smoke.flow.error";
+        let message =
+            format!("`sum = \"grid\"` with this kernel cannot reach an error below {}", errors.start());
+        let finding = Finding::new(places.of(key), key, message, format!("found {}", flow.error));
+        findings.push(finding.with_help("raise `error`, or write `sum = \"tree\"`"));
     }
-    let message = format!("`sum = \"grid\"` with this kernel cannot reach an error below {}", errors.start());
-    let finding = Finding::new(places.of(key), key, message, format!("found {}", flow.error));
-    findings.push(finding.with_help("raise `error`, or write `sum = \"tree\"`"));
+    if flow.sum == Sum::Multigrid && flow.kernel != Kernel::Gaussian {
+        let key = "smoke.flow.sum";
+        let message = "`sum = \"multigrid\"` has Gaussian cores only";
+        let finding = Finding::new(places.of(key), key, message, "found another `kernel`");
+        findings.push(
+            finding.with_help("write `kernel = \"gaussian\"`, or `sum = \"grid\"`, which has every kernel"),
+        );
+    }
 }
 
 /// Checks that there is at most one plane among the colliders, and that it does not move.

@@ -66,6 +66,8 @@ impl FlowParams {
                 Method::Grid { error: self.error.clamp(*errors.start(), *errors.end()) }
             }
             Sum::Direct => Method::Direct,
+            Sum::Grouping => Method::Grouping,
+            Sum::Multigrid => Method::Multigrid,
         }
     }
 }
@@ -85,6 +87,11 @@ pub enum Sum {
     Grid,
     /// All pairs: exact, and slow above some thousand vortons.
     Direct,
+    /// The grouping rule of [gourlay19], for comparison: `error` has no effect, and 30 to 80 % of the velocity is error.
+    Grouping,
+    /// The multigrid solve of [gourlay19], for comparison, with `kernel = "gaussian"`: `error` has no effect, and 1 to 16 %
+    /// of the velocity is error.
+    Multigrid,
 }
 
 /// Viscosity.

@@ -14,7 +14,7 @@
 //! (`near_correction.rs`). `plan.rs` chooses S and the spacing.
 //!
 //! *Departs from the paper*: the paper solves by multigrid, with linear weights and differences of second
-//! order. Those are in `benches/reference/vortex/`.
+//! order. Those are in `gourlay/`.
 //!
 //! *Limits*: the tree serves stray vortons, and points outside the box or within a few cells of its boundary.
 //! Where a grid would cost more than all pairs, the tree serves all points.
@@ -31,6 +31,7 @@ mod transforms;
 mod uniform;
 mod weights;
 
+pub(super) use plan::{MAX_NODES, bounds, mean_core};
 pub(super) use transforms::GridKernel;
 pub use uniform::{UniformGrid, VectorField};
 

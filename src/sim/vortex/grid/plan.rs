@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// Nodes of a grid at most: about 1.2 GB for velocities, and twice that with gradients.
-const MAX_NODES: usize = 1 << 25;
+pub(in crate::sim::vortex) const MAX_NODES: usize = 1 << 25;
 
 /// The cost of a node that the choice of a grid assumes [ns]. Known to a factor of two, which is enough: the
 /// cost is flat around the minimum.
@@ -180,7 +180,8 @@ fn split_strays(vortons: &Vortons) -> (Vortons, Vortons) {
     (bulk, strays)
 }
 
-fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
+/// The box around points [m].
+pub(in crate::sim::vortex) fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
     let none = (Vec3::repeat(f32::INFINITY), Vec3::repeat(f32::NEG_INFINITY));
     let chunks = par::map_chunks(points.len(), 1 << 14, |range| {
         points[range].iter().fold(none, |(low, high), x| (low.inf(x), high.sup(x)))
@@ -189,7 +190,7 @@ fn bounds(points: &[Vec3]) -> (Vec3, Vec3) {
 }
 
 /// The mean core, weighted by |Γ| [m].
-fn mean_core(vortons: &Vortons) -> f32 {
+pub(in crate::sim::vortex) fn mean_core(vortons: &Vortons) -> f32 {
     let weight = |i: usize| f64::from(vortons.strength[i].norm());
     let whole = par::sum(vortons.len(), weight);
     let mean = par::sum(vortons.len(), |i| weight(i) * f64::from(vortons.core[i])) / whole;

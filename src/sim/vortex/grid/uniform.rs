@@ -43,14 +43,14 @@ impl UniformGrid {
     }
 
     /// The lowest node of the cell that contains a point, and the position within the cell, 0..1.
-    pub(super) fn cell(&self, x: Vec3) -> ([usize; 3], [f32; 3]) {
+    pub(in crate::sim::vortex) fn cell(&self, x: Vec3) -> ([usize; 3], [f32; 3]) {
         let t = (x - self.low) / self.spacing;
         let at: [usize; 3] = std::array::from_fn(|k| t[k].max(0.0) as usize);
         (at, std::array::from_fn(|k| t[k] - at[k] as f32))
     }
 
     /// Whether a point is at least `margin` cells from the boundary.
-    pub(super) fn contains(&self, x: Vec3, margin: usize) -> bool {
+    pub(in crate::sim::vortex) fn contains(&self, x: Vec3, margin: usize) -> bool {
         let (t, margin) = ((x - self.low) / self.spacing, margin as f32);
         (0..3).all(|k| t[k] >= margin && t[k] < self.cells[k] as f32 - margin)
     }

@@ -11,7 +11,7 @@
 //! *Order*: the second. *Limits*: the numbers of cells should be even many times, because the coarsest grid
 //! is solved by sweeps alone.
 
-use meniscus::{
+use crate::{
     math::Vec3,
     par,
     sim::vortex::{UniformGrid, VectorField},
@@ -203,7 +203,7 @@ impl Pass for Update<'_> {
 }
 
 /// Replaces the source h² ω inside `field` by the potential, whose boundary values `field` holds.
-pub(crate) fn solve(field: &mut VectorField) {
+pub(super) fn solve(field: &mut VectorField) {
     let mut levels = vec![Level::new(field.grid.cells)];
     while let Some(coarser) = levels[levels.len() - 1].coarser() {
         levels.push(coarser);
@@ -219,7 +219,7 @@ pub(crate) fn solve(field: &mut VectorField) {
 
 /// Solves ∇²A = −ω on a box to second order: `field` holds ω [1/s] inside and A [m²/s] on the boundary, and
 /// then A everywhere.
-pub(crate) fn poisson(field: &mut VectorField) {
+pub fn multigrid_poisson(field: &mut VectorField) {
     let grid = field.grid;
     for values in &mut field.values {
         for_each_inside(grid, values, |value| *value *= grid.spacing * grid.spacing);
