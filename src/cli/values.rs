@@ -12,7 +12,10 @@ pub(super) fn frames(text: &str) -> Result<Frames, String> {
 }
 
 pub(super) fn volume_grid(text: &str) -> Result<VolumeGrid, String> {
-    VolumeGrid::from_name(text).ok_or_else(|| "expected density, surface, velocity or temperature".into())
+    VolumeGrid::from_name(text).ok_or_else(|| {
+        let names: Vec<&str> = VolumeGrid::ALL.iter().map(|grid| grid.name()).collect();
+        format!("expected one of {}", names.join(", "))
+    })
 }
 
 pub(super) fn mesh_format(text: &str) -> Result<MeshFormat, String> {

@@ -28,7 +28,7 @@ pub(super) fn volume(args: &VolumeArgs, control: Control) -> Result<(), RunError
         if !args.grids.is_empty() {
             requested.clone_from(&args.grids);
         } else if requested.is_empty() {
-            requested.extend(VolumeGrid::ALL);
+            requested.extend(VolumeGrid::DEFAULT);
         }
     };
     let short = [("volume.precision", &args.precision), ("volume.compression", &args.compression)];

@@ -55,17 +55,25 @@ pub enum VolumeGrid {
     Velocity,
     /// Of smoke, the temperature above that of the air, in kelvins.
     Temperature,
+    /// Of smoke, the vector potential of the vorticity, in square metres a second, where there is velocity. Its curl is the
+    /// velocity of the air without the wind and the flow around solids.
+    VectorPotential,
 }
 
 impl VolumeGrid {
     /// Every grid, in the order written.
-    pub const ALL: [Self; 4] = [Self::Density, Self::Surface, Self::Velocity, Self::Temperature];
+    pub const ALL: [Self; 5] =
+        [Self::Density, Self::Surface, Self::Velocity, Self::Temperature, Self::VectorPotential];
+
+    /// The grids that are written where none are named: not the vector potential, which takes as long as the velocity.
+    pub const DEFAULT: [Self; 4] = [Self::Density, Self::Surface, Self::Velocity, Self::Temperature];
 
     /// The grids of particles.
     pub const OF_PARTICLES: [Self; 3] = [Self::Density, Self::Surface, Self::Velocity];
 
     /// The grids of tracers.
-    pub const OF_TRACERS: [Self; 3] = [Self::Density, Self::Velocity, Self::Temperature];
+    pub const OF_TRACERS: [Self; 4] =
+        [Self::Density, Self::Velocity, Self::Temperature, Self::VectorPotential];
 
     /// Name of the grid in a file.
     pub fn name(self) -> &'static str {
@@ -74,12 +82,18 @@ impl VolumeGrid {
             Self::Surface => "surface",
             Self::Velocity => "velocity",
             Self::Temperature => "temperature",
+            Self::VectorPotential => "vector_potential",
         }
     }
 
     /// The grid of that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|grid| grid.name() == name)
+    }
+
+    /// Whether the grid is a field of the air, which the vortons of a frame determine.
+    pub(crate) fn is_of_air(self) -> bool {
+        matches!(self, Self::Velocity | Self::VectorPotential)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Memory of making volume files.
 
 use crate::{
+    export::vdb::VolumeGrid,
     frame::{Stream, StreamKind},
     job::memory::{BASE_MEMORY, Grids},
     mesh::{RadiusScales, SurfaceParams},
@@ -17,25 +18,43 @@ const PARTICLE_BYTES: f64 = 150.0;
 /// Memory of every grid of tracers [bytes/brick that tracers reach]: velocities reach beyond those.
 const TRACER_BRICK_BYTES: f64 = 60000.0;
 
+/// Additional memory where the vector potential is requested, which reaches as far as velocities [bytes/brick that tracers reach].
+const POTENTIAL_BRICK_BYTES: f64 = 25000.0;
+
 /// Peak memory of making volumes of so many particles or tracers in so many bricks [bytes].
-fn volume_memory(kind: StreamKind, entries: usize, bricks: f64) -> u64 {
-    let brick = if kind == StreamKind::Tracers { TRACER_BRICK_BYTES } else { BRICK_BYTES };
+fn volume_memory(kind: StreamKind, entries: usize, bricks: f64, grids: &[VolumeGrid]) -> u64 {
+    let potential = grids.contains(&VolumeGrid::VectorPotential);
+    let brick = match kind {
+        StreamKind::Tracers if potential => TRACER_BRICK_BYTES + POTENTIAL_BRICK_BYTES,
+        StreamKind::Tracers => TRACER_BRICK_BYTES,
+        _ => BRICK_BYTES,
+    };
     (BASE_MEMORY + entries as f64 * PARTICLE_BYTES + bricks * brick) as u64
 }
 
 /// The largest memory that making volumes of so many particles or tracers was seen to take [bytes].
-pub(super) fn max_volume_memory(kind: StreamKind, entries: usize, params: &SurfaceParams) -> u64 {
+pub(super) fn max_volume_memory(
+    kind: StreamKind,
+    entries: usize,
+    params: &SurfaceParams,
+    requested: &[VolumeGrid],
+) -> u64 {
     let grids = Grids::at_most(entries, params.voxel).with_inside(entries, params.voxel);
-    volume_memory(kind, entries, grids.bricks)
+    volume_memory(kind, entries, grids.bricks, requested)
 }
 
 /// A bound of the memory that making volumes of a stream takes, by where its particles are [bytes].
-pub(super) fn stream_memory(stream: &Stream, spacing: f32, params: &SurfaceParams) -> u64 {
+pub(super) fn stream_memory(
+    stream: &Stream,
+    spacing: f32,
+    params: &SurfaceParams,
+    requested: &[VolumeGrid],
+) -> u64 {
     let positions = stream.vec3("position").unwrap_or_default();
     let radii = RadiusScales::of(stream, spacing, params).ok().flatten();
     let scales = radii.as_ref().map(|radii| &*radii.values);
     let bricks = bricks_around(positions, scales, spacing, params);
-    volume_memory(stream.kind, stream.len(), bricks as f64)
+    volume_memory(stream.kind, stream.len(), bricks as f64, requested)
 }
 
 #[cfg(test)]
@@ -64,10 +83,10 @@ mod tests {
             for voxel in [0.5, 1.0] {
                 let params = SurfaceParams { voxel, ..SurfaceParams::default() };
                 let mesh = surface::memory::stream_memory(&stream, 0.1, &params, u64::MAX);
-                let volume = stream_memory(&stream, 0.1, &params);
+                let volume = stream_memory(&stream, 0.1, &params, &VolumeGrid::DEFAULT);
                 let bounds = [
                     surface::memory::max_surface_memory(entries, &params),
-                    max_volume_memory(StreamKind::Particles, entries, &params),
+                    max_volume_memory(StreamKind::Particles, entries, &params, &VolumeGrid::DEFAULT),
                 ];
                 for (needed, bound) in [mesh, volume].into_iter().zip(bounds) {
                     let bound = bound + FRAME_MEMORY_RESERVE;

@@ -104,7 +104,7 @@ impl ParticleGrids {
             VolumeGrid::Density => self.fog.is_some(),
             VolumeGrid::Surface => self.surface.is_some(),
             VolumeGrid::Velocity => self.velocity.is_some(),
-            VolumeGrid::Temperature => false,
+            VolumeGrid::Temperature | VolumeGrid::VectorPotential => false,
         };
         VolumeGrid::ALL.into_iter().filter(there).collect()
     }

@@ -75,11 +75,12 @@ impl Product for VolumeFile {
     }
 
     fn max_memory(&self, settings: &ProductSettings, kind: StreamKind, entries: usize) -> f64 {
-        max_volume_memory(kind, entries, &settings.surface) as f64
+        max_volume_memory(kind, entries, &settings.surface, &settings.output.volume) as f64
     }
 
     fn stream_memory(&self, settings: &ProductSettings, stream: &Stream, _: u64) -> f64 {
-        stream.spacing().map_or(0.0, |spacing| stream_memory(stream, spacing, &settings.surface) as f64)
+        let ProductSettings { surface, output, .. } = settings;
+        stream.spacing().map_or(0.0, |spacing| stream_memory(stream, spacing, surface, &output.volume) as f64)
     }
 
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {

@@ -41,9 +41,9 @@ struct RetimedVolumes<'a> {
 }
 
 impl RetimedVolumes<'_> {
-    /// Whether the velocity of the air is requested.
-    fn has_velocity(&self) -> bool {
-        self.grids.contains(&VolumeGrid::Velocity)
+    /// Whether a grid of the air is requested.
+    fn needs_air(&self) -> bool {
+        self.grids.iter().any(|grid| grid.is_of_air())
     }
 }
 
@@ -207,7 +207,7 @@ impl Player<'_> {
         let fraction = if due - before > TIME_EPSILON { due - before } else { 0.0 };
         let time = Time { before: before as usize, fraction };
         self.advect(due, &progress)?;
-        self.load(time.before, fraction > 0.0, fraction > 0.0 || volumes.has_velocity())?;
+        self.load(time.before, fraction > 0.0, fraction > 0.0 || volumes.needs_air())?;
         let advected = self.drifting.as_mut().map(|(drifting, _)| std::mem::take(&mut drifting.report));
 
         // A file that is up to date is kept; the tracers had to be advected all the same.
@@ -223,10 +223,10 @@ impl Player<'_> {
             outcome.files.push(files);
             return Ok(());
         }
-        let (tracers, air) = self.evaluate(&time, volumes.has_velocity(), progress)?;
+        let (tracers, air) = self.evaluate(&time, volumes.needs_air(), progress)?;
         outcome.notes.extend(drift_remark(outcome.index, &advected.unwrap_or(tracers.report)));
         let stream = tracers.stream();
-        request.check_memory(None, |_| stream_memory(&stream, spacing, &settings.surface))?;
+        request.check_memory(None, |_| stream_memory(&stream, spacing, &settings.surface, grids))?;
         let slowdown = retime.factor;
         let frame = TracerFrame { tracers: &stream, air: air.as_ref(), spacing, grids, slowdown };
         write_tracers(out, settings, frame, &target, outcome, control)

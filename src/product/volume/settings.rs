@@ -56,9 +56,9 @@ impl VolumeSettings {
         Self { surface: surface.clone(), volume: volume.clone(), grids, smoke }
     }
 
-    /// The air of the shot; `None` if no velocity is requested, which alone needs it.
+    /// The air of the shot; `None` if no grid is requested that needs it.
     pub(super) fn air(&self) -> Option<ShotAir> {
-        let around = self.smoke.as_ref().filter(|_| self.grids.contains(&VolumeGrid::Velocity));
+        let around = self.smoke.as_ref().filter(|_| self.grids.iter().any(|grid| grid.is_of_air()));
         around.map(Surroundings::air)
     }
 }
@@ -69,7 +69,7 @@ mod tests {
     use crate::math::Vec3;
 
     #[test]
-    fn walls_and_air_are_made_for_velocities_alone() {
+    fn walls_and_air_are_made_for_grids_of_the_air_alone() {
         let params = toml::from_str("spacing = 0.1").unwrap();
         let smoke = Smoke { params, fps: 24.0, first: 1 };
         let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
@@ -81,5 +81,6 @@ mod tests {
         };
         assert!(settings(&[VolumeGrid::Density, VolumeGrid::Temperature]).air().is_none());
         assert!(settings(&[VolumeGrid::Density, VolumeGrid::Velocity]).air().is_some());
+        assert!(settings(&[VolumeGrid::VectorPotential]).air().is_some());
     }
 }

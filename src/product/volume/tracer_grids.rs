@@ -1,4 +1,4 @@
-//! Grids of tracers: density, temperature and the velocity of the air.
+//! Grids of tracers: density, temperature, and the velocity and vector potential of the air.
 
 use crate::{
     cache::WrittenFile,
@@ -38,6 +38,8 @@ pub(super) struct TracerGrids {
     fields: TracerFields<2>,
     /// 512 a brick [m/s]; empty if not wanted.
     velocity: Vec<Vec3>,
+    /// 512 a brick [m²/s]; empty if not wanted.
+    potential: Vec<Vec3>,
     pub(super) stats: TracerGridStats,
 }
 
@@ -81,9 +83,9 @@ impl TracerGrids {
         let [density, temperature] =
             ["density", "temperature"].map(|name| tracers.f32(name).ok_or(TracerGridError::Missing(name)));
         let voxel = params.voxel * spacing;
-        let air = air.filter(|_| grids.contains(&VolumeGrid::Velocity));
+        let air = air.filter(|_| grids.iter().any(|grid| grid.is_of_air()));
         let names: Vec<VolumeGrid> =
-            grids.iter().copied().filter(|&grid| grid != VolumeGrid::Velocity || air.is_some()).collect();
+            grids.iter().copied().filter(|grid| !grid.is_of_air() || air.is_some()).collect();
 
         // As far as the fastest smoke moves while the shutter is open, velocities reach beyond it.
         let mut stats = TracerGridStats::default();
@@ -100,14 +102,19 @@ impl TracerGrids {
         let fields = TracerFieldParams { spacing, radius, voxel, padding };
         let fields = tracer_fields(positions, [density?, temperature?], &fields);
         go_on()?;
-        let velocity = match air {
-            Some(air) => {
-                velocities(&fields, voxel, air, slowdown as f32).map_err(TracerGridError::OutOfRange)?
+        // Both are slower where the smoke is shown slower: the potential's curl is the velocity.
+        let near = |which, find: fn(&FrameAir, &[Vec3]) -> Result<Vec<Vec3>, OutOfRange>| match air {
+            Some(air) if names.contains(&which) => {
+                near_smoke(&fields, voxel, slowdown as f32, |x| find(air, x))
+                    .map_err(TracerGridError::OutOfRange)
             }
-            None => Vec::new(),
+            _ => Ok(Vec::new()),
         };
+        let velocity = near(VolumeGrid::Velocity, FrameAir::velocity)?;
+        go_on()?;
+        let potential = near(VolumeGrid::VectorPotential, FrameAir::vector_potential)?;
         (stats.bricks, stats.too_far) = (fields.bricks.len(), fields.too_far);
-        Ok(Self { voxel, names, fields, velocity, stats })
+        Ok(Self { voxel, names, fields, velocity, potential, stats })
     }
 
     /// The grids that were made.
@@ -131,6 +138,7 @@ impl TracerGrids {
                 VolumeGrid::Density => (Class::FogVolume(density), reached),
                 VolumeGrid::Temperature => (Class::FogVolume(temperature), reached),
                 VolumeGrid::Velocity => (Class::Vector(&self.velocity), near),
+                VolumeGrid::VectorPotential => (Class::Vector(&self.potential), near),
                 VolumeGrid::Surface => unreachable!("smoke has no surface"),
             };
             Grid { name: which.name(), class, voxel: self.voxel, bricks, active }
@@ -140,12 +148,12 @@ impl TracerGrids {
     }
 }
 
-/// The air's velocity over `slowdown` at the nodes near smoke, zero elsewhere.
-fn velocities(
+/// What `find` returns at the nodes near smoke, over `slowdown`; zero elsewhere.
+fn near_smoke(
     fields: &TracerFields<2>,
     voxel: f32,
-    air: &FrameAir,
     slowdown: f32,
+    find: impl FnOnce(&[Vec3]) -> Result<Vec<Vec3>, OutOfRange>,
 ) -> Result<Vec<Vec3>, OutOfRange> {
     let near = (0..fields.bricks.len()).flat_map(|brick| {
         let mask = fields.near[brick];
@@ -155,10 +163,10 @@ fn velocities(
     let at = |&(brick, place): &(usize, usize)| {
         Vec3::from(node_of(fields.bricks.coords()[brick], place).map(|v| v as f32)) * voxel
     };
-    let found = air.velocity(&near.iter().map(at).collect::<Vec<_>>())?;
+    let found = find(&near.iter().map(at).collect::<Vec<_>>())?;
     let mut values = vec![Vec3::zeros(); fields.bricks.len() * BRICK_NODES];
-    for ((brick, place), velocity) in near.into_iter().zip(found) {
-        values[brick * BRICK_NODES + place] = velocity / slowdown;
+    for ((brick, place), value) in near.into_iter().zip(found) {
+        values[brick * BRICK_NODES + place] = value / slowdown;
     }
     Ok(values)
 }

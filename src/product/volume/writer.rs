@@ -136,11 +136,11 @@ impl StreamWriter for VolumeWriter<'_> {
     }
 
     fn max_memory(&self, particles: usize) -> u64 {
-        max_volume_memory(StreamKind::Particles, particles, &self.settings.surface)
+        max_volume_memory(StreamKind::Particles, particles, &self.settings.surface, &self.settings.grids)
     }
 
     fn memory(&self, stream: &Stream, spacing: f32, _: u64) -> u64 {
-        stream_memory(stream, spacing, &self.settings.surface)
+        stream_memory(stream, spacing, &self.settings.surface, &self.settings.grids)
     }
 
     fn write(

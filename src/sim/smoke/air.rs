@@ -183,6 +183,30 @@ impl Air {
         Ok(induced(vortons, Targets::Points(points), Quantity::Velocity, self.kernel, self.method)?.velocity)
     }
 
+    /// Adds the vector potential of `vortons` and their mirror images at points [m²/s].
+    pub(super) fn add_vector_potential(
+        &self,
+        vortons: &Vortons,
+        points: &[Vec3],
+        potential: &mut [Vec3],
+    ) -> Result<(), OutOfRange> {
+        if vortons.is_empty() || points.is_empty() {
+            return Ok(());
+        }
+        let find = |points: &[Vec3]| {
+            induced(vortons, Targets::Points(points), Quantity::Potential, self.kernel, self.method)
+        };
+        let found = find(points)?.potential;
+        par::update(potential, |i, a| *a += found[i]);
+        let walls = self.walls.as_ref();
+        if let Some((walls, mirrored)) = walls.and_then(|walls| Some((walls, walls.mirrored(points)?))) {
+            // A reflection turns the sense of rotation, so an axial vector is reflected and reversed.
+            let found = find(&mirrored)?.potential;
+            par::update(potential, |i, a| *a -= walls.reflect(found[i]));
+        }
+        Ok(())
+    }
+
     /// Adds the velocity that the mirror images of `vortons` induce at points: the velocity at mirrored points, reflected.
     fn add_images(
         &self,

@@ -102,4 +102,16 @@ impl FrameAir {
         }
         Ok(velocity)
     }
+
+    /// Vector potential at points [m²/s] of the vortons and their mirror images. Wind, and the flow around solids, have none.
+    ///
+    /// # Errors
+    /// If a vorton or a point is outside what the sums can hold.
+    pub fn vector_potential(&self, points: &[Vec3]) -> Result<Vec<Vec3>, OutOfRange> {
+        let mut potential = vec![Vec3::zeros(); points.len()];
+        for vortons in [&self.vortons, &self.sources.spin] {
+            self.air.add_vector_potential(vortons, points, &mut potential)?;
+        }
+        Ok(potential)
+    }
 }
