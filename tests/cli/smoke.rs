@@ -13,7 +13,7 @@ spacing = 0.05
 [[smoke.ring]]
 center = [0, 0, 0]
 radius = 0.3
-thickness = 0.05
+thickness = 0.1
 circulation = 1
 
 [surface]
@@ -142,6 +142,17 @@ fn one_command_goes_from_a_ring_to_volumes() {
     let (out, _) = desk.run("info ring", 0);
     assert!(out.contains("5 present") && out.contains("5 vdb files"), "{out}");
     desk.run("verify ring", 0);
+
+    // The vector potential is written where it is named, from a cache and between its frames.
+    for (line, frame) in [("-o potential", 5), ("-o slow --retime 2", 9)] {
+        desk.run(&format!("volume ring {line} --grid vector_potential --grid density"), 0);
+        let folder = line.split(' ').nth(1).unwrap();
+        let file = desk.path(&format!("{folder}/volume/smoke_{frame:04}.vdb"));
+        let reader = vdb_rs::VdbReader::new(fs::File::open(file).unwrap()).unwrap();
+        let mut names: Vec<String> = reader.grid_descriptors.into_keys().collect();
+        names.sort();
+        assert_eq!(names, ["density", "vector_potential"]);
+    }
 
     // Each line of the log has the invariants; the impulse is that of the ring, Γ π R² with what its core adds.
     let log = fs::read_to_string(desk.path("ring/log.jsonl")).unwrap();

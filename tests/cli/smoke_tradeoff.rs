@@ -15,7 +15,7 @@ tracers = 0.5
 [[smoke.ring]]
 center = [0, 0, 0]
 radius = 0.3
-thickness = 0.06
+thickness = 0.1
 circulation = 1
 wobble = 0.05
 

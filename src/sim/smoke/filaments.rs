@@ -1,19 +1,23 @@
 //! Vortons and tracers of rings and tubes.
 //!
 //! *Method*: a bundle of vortex filaments fills the core: one on the axis and circles of 6, 12, 18 … filaments one spacing apart.
-//! Each has the circulation of its part of a Gaussian core ω = Γ_c/(πa²) e^(−r²/a²), [winckelmans93], cut off at 2a and scaled so
-//! that the filaments sum to Γ_c exactly. Each is divided into segments of about one spacing, Γ = Γ_filament · Δs.
+//! Together they have the Gaussian core ω = Γ_c/(πa²) e^(−r²/a²), [winckelmans93]. The vortons of a filament are as wide as a
+//! Gaussian of mean square radius v σ² (`Kernel::filament_variance`), so the filaments have one of b² = a² − v σ². It is cut off at
+//! 2b, and offsets are scaled so that its mean square radius is b² after that, too. Circulations are scaled to sum to Γ_c. Each
+//! filament is divided into segments of about one spacing, Γ = Γ_filament · Δs.
+//!
+//! *Limits*: a core narrower than that of vortons is one filament. A ring then flies as thin rings of the kernel do.
 //!
 //! Symbols: Γ_c → `circulation` [m²/s], a → `thickness` [m], R → `radius` [m].
 
 use super::{
-    params::{Ring, Tube},
+    params::{Ring, SmokeParams, Tube},
     tracers::Seeds,
 };
 use crate::math::elementary::{cos, exp, sin};
 use crate::{
     math::{Random, Vec3},
-    sim::vortex::Vortons,
+    sim::vortex::{Kernel, Vortons},
 };
 use std::f32::consts::{PI, TAU};
 
@@ -46,19 +50,22 @@ fn bundle(radius: f32, distance: f32) -> Vec<Filament> {
     filaments
 }
 
-/// Filaments of a core with their parts of its circulation, which sum to one.
-fn shares(thickness: f32, spacing: f32) -> Vec<(Filament, f32)> {
-    let filaments = bundle(CUT * thickness, spacing);
-    let weight = |filament: &Filament| {
-        let r2 = filament.offset[0].powi(2) + filament.offset[1].powi(2);
-        f64::from(filament.area) * exp(f64::from(-r2 / thickness.powi(2)))
-    };
+/// Filaments whose mean square radius is `variance` [m²], with their parts of the circulation, which sum to one.
+fn shares(variance: f64, spacing: f32) -> Vec<(Filament, f32)> {
+    let filaments = bundle(CUT * variance.max(0.0).sqrt() as f32, spacing);
+    if filaments.len() == 1 {
+        return filaments.into_iter().map(|filament| (filament, 1.0)).collect();
+    }
+    let square = |filament: &Filament| filament.offset.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
+    let weight = |filament: &Filament| f64::from(filament.area) * exp(-square(filament) / variance);
     let sum: f64 = filaments.iter().map(weight).sum();
+    let found = filaments.iter().map(|filament| weight(filament) * square(filament)).sum::<f64>() / sum;
+    let scale = (variance / found).sqrt() as f32;
     filaments
         .into_iter()
         .map(|filament| {
             let share = (weight(&filament) / sum) as f32;
-            (filament, share)
+            (Filament { offset: filament.offset.map(|x| x * scale), ..filament }, share)
         })
         .collect()
 }
@@ -72,9 +79,10 @@ struct Path<'a> {
 }
 
 /// Adds the vortons of a core along `path`.
-fn add_vortons(path: &Path, thickness: f32, circulation: f32, spacing: f32, core: f32, out: &mut Vortons) {
+fn add_vortons(path: &Path, thickness: f32, circulation: f32, setting: Setting, out: &mut Vortons) {
+    let Setting { spacing, core, .. } = setting;
     let segments = (path.length / spacing).ceil().max(4.0) as usize;
-    for (filament, share) in shares(thickness, spacing) {
+    for (filament, share) in shares(setting.filament_variance(thickness), spacing) {
         for segment in 0..segments {
             let (x, along) = (path.at)((segment as f32 + 0.5) / segments as f32, filament.offset);
             out.position.push(x);
@@ -117,7 +125,7 @@ pub(super) fn ring(ring: &Ring, setting: Setting, key: u32, vortons: &mut Vorton
         (center + out * r + axis * offset[1], (around * r + out * slope) * TAU)
     };
     let path = Path { at: &at, length: TAU * ring.radius };
-    add_vortons(&path, ring.thickness, ring.circulation, setting.spacing, setting.core, vortons);
+    add_vortons(&path, ring.thickness, ring.circulation, setting, vortons);
     if ring.density > 0.0 {
         add_tracers(&path, ring.thickness, setting.tracers, [ring.density, ring.temperature], key, seeds);
     }
@@ -130,7 +138,7 @@ pub(super) fn tube(tube: &Tube, setting: Setting, key: u32, vortons: &mut Vorton
     let (u, v) = across(axis.normalize());
     let at = |t: f32, [a, b]: [f32; 2]| (from + axis * t + u * a + v * b, axis);
     let path = Path { at: &at, length: axis.norm() };
-    add_vortons(&path, tube.thickness, tube.circulation, setting.spacing, setting.core, vortons);
+    add_vortons(&path, tube.thickness, tube.circulation, setting, vortons);
     if tube.density > 0.0 {
         add_tracers(&path, tube.thickness, setting.tracers, [tube.density, tube.temperature], key, seeds);
     }
@@ -143,8 +151,23 @@ pub(super) struct Setting {
     pub(super) spacing: f32,
     /// Core σ of each vorton.
     pub(super) core: f32,
+    /// Distribution of the vorticity over it.
+    pub(super) kernel: Kernel,
     /// Spacing of tracers.
     pub(super) tracers: f32,
+}
+
+impl Setting {
+    /// The setting of smoke with these parameters.
+    pub(super) fn of(params: &SmokeParams) -> Self {
+        let (spacing, core, tracers) = (params.spacing, params.core(), params.tracer_spacing());
+        Self { spacing, core, kernel: params.flow.kernel, tracers }
+    }
+
+    /// b²: the mean square radius that filaments have in a core of this `thickness` [m²]; below 0 vortons are wider than the core.
+    pub(super) fn filament_variance(&self, thickness: f32) -> f64 {
+        f64::from(thickness).powi(2) - self.kernel.filament_variance() * f64::from(self.core).powi(2)
+    }
 }
 
 /// Two unit vectors across `axis` and each other, right-handed with it.
@@ -164,18 +187,21 @@ mod tests {
             "center = [0.1, 0, 0]\ndirection = [0, 1, 1]\nradius = 0.4\nthickness = 0.06\ncirculation = 2";
         let params: Ring = toml::from_str(text).unwrap();
         for spacing in [0.05, 0.02] {
-            let setting = Setting { spacing, core: 1.5 * spacing, tracers: 0.5 * spacing };
+            let setting =
+                Setting { spacing, core: 1.5 * spacing, kernel: Kernel::default(), tracers: 0.5 * spacing };
             let (mut vortons, mut seeds) = (Vortons::default(), Seeds::default());
             ring(&params, setting, 0, &mut vortons, &mut seeds);
             let sum: Vec3 = vortons.strength.iter().sum();
             assert!(sum.norm() < 1e-4, "{sum}");
             // ½ Σ (x − c) × Γ = Γ_c π (R² + ⟨r²⟩/2), along its direction.
+            let variance = setting.filament_variance(0.06).max(0.0);
+            assert_eq!(variance > 0.0, spacing < 0.05, "the wider vortons are wider than the core");
             let x = vortons.position.iter().map(|x| x - Vec3::from(params.center));
             let impulse: Vec3 = x.zip(&vortons.strength).map(|(x, g)| x.cross(g) * 0.5).sum();
-            let exact = 2.0 * PI * (0.16 + 0.5 * 0.06 * 0.06 * 0.93);
+            let exact = 2.0 * PI * (0.16 + 0.5 * variance as f32);
             let along = impulse.dot(&Vec3::new(0.0, 1.0, 1.0).normalize());
             assert!(
-                (along / exact - 1.0).abs() < 0.01 && (impulse.norm() - along).abs() < 1e-3,
+                (along / exact - 1.0).abs() < 1e-3 && (impulse.norm() - along).abs() < 1e-3,
                 "{impulse} {exact}"
             );
             let smoke: f32 = seeds.smoke.iter().map(|[density, _]| density * setting.tracers.powi(3)).sum();

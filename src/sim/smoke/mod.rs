@@ -96,8 +96,7 @@ impl System {
     pub(super) fn seed(smoke: Smoke, world: &World) -> Result<Self, SetupError> {
         let mut system = Self::empty(smoke, world);
         let params = &system.params;
-        let setting =
-            Setting { spacing: params.spacing, core: params.core(), tracers: params.tracer_spacing() };
+        let setting = Setting::of(params);
         let (mut vortons, mut seeds) = (Vortons::default(), Seeds::default());
         for (key, ring) in params.ring.iter().enumerate() {
             filaments::ring(ring, setting, key as u32, &mut vortons, &mut seeds);
@@ -153,8 +152,17 @@ impl System {
             tracers: self.tracers.len() as u32,
             skipped_in_solids: self.skipped_in_solids,
             wind_across: self.air.across,
+            narrow_cores: self.narrow_cores(),
             sourceless: self.air.walls.as_ref().map_or_else(Vec::new, |walls| walls.sourceless()),
         }
+    }
+
+    /// The number of rings and tubes whose cores are narrower than those of vortons.
+    fn narrow_cores(&self) -> u32 {
+        let SmokeParams { ring, tube, .. } = &self.params;
+        let setting = Setting::of(&self.params);
+        let thickness = ring.iter().map(|ring| ring.thickness).chain(tube.iter().map(|tube| tube.thickness));
+        thickness.filter(|&thickness| setting.filament_variance(thickness) < 0.0).count() as u32
     }
 
     /// The passes of a step, in order.

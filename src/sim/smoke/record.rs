@@ -15,6 +15,8 @@ pub struct SmokeSeeds {
     pub skipped_in_solids: u32,
     /// Component of the wind normal to a plane, which is removed [m/s].
     pub wind_across: f32,
+    /// Rings and tubes whose cores are narrower than those of vortons.
+    pub narrow_cores: u32,
     /// Indices of the solids that are too small for the smoke's spacing to keep air out.
     pub sourceless: Vec<usize>,
 }

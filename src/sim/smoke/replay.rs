@@ -266,7 +266,7 @@ mod tests {
 
     fn ring() -> Smoke {
         let text =
-            "spacing = 0.05\n[[ring]]\ncenter = [0, 0, 0]\nradius = 0.3\nthickness = 0.05\ncirculation = 1";
+            "spacing = 0.05\n[[ring]]\ncenter = [0, 0, 0]\nradius = 0.3\nthickness = 0.1\ncirculation = 1";
         Smoke { params: toml::from_str(text).unwrap(), fps: 24.0, first: 1 }
     }
 
@@ -305,7 +305,7 @@ mod tests {
         let off = |found: &[Vec3], name: &str| {
             found.iter().zip(moved(name)).map(|(a, b)| (a - b).norm()).fold(0.0, f32::max)
         };
-        // In half a frame the core turns by 0.7 radians; a vorton there moves 25 mm.
+        // In half a frame the core turns by 0.3 radians; a vorton there moves 20 mm.
         let (vortons, tracers) = (off(&between.position, NAME), off(&drifting.tracers.position, TRACERS));
         assert!(vortons < 1e-3 && tracers < 2e-3, "{vortons} {tracers}");
 

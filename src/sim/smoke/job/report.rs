@@ -2,7 +2,10 @@
 
 use crate::{
     job::nonzero,
-    sim::smoke::{SmokeRecord, SmokeSeeds},
+    sim::{
+        smoke::{SmokeRecord, SmokeSeeds},
+        vortex::flow::Account,
+    },
 };
 
 /// The leakage of a solid above which it is reported. A ball of ten spacings leaves 0.05 to 3 %, a box of ten a tenth on its
@@ -19,8 +22,13 @@ const MAX_NAMED_SOLIDS: usize = 8;
 
 /// What seeding left out, and what the smoke's setup cannot do.
 pub(super) fn seeding_warnings(seeds: &SmokeSeeds) -> Vec<String> {
-    let left_out =
-        nonzero(&[(seeds.skipped_in_solids.into(), "tracers were left out: they lay inside solids")]);
+    let left_out = nonzero(&[
+        (seeds.skipped_in_solids.into(), "tracers were left out: they lay inside solids"),
+        (
+            seeds.narrow_cores.into(),
+            "rings or tubes are narrower than the cores of vortons, and have those: rings fly slower (lower smoke.spacing)",
+        ),
+    ]);
     let across = seeds.wind_across;
     let wind = (across > 0.0).then(|| {
         format!("the wind's component of {across:.3} m/s normal to a plane is removed: no air flows through a plane")
@@ -71,7 +79,19 @@ pub(super) fn warnings(record: &SmokeRecord) -> Vec<String> {
         above(record.through_flow, MAX_LEAKAGE, leakage),
         above(record.unsolved, MAX_PANEL_RESIDUAL, residual),
     ];
-    counts.into_iter().chain(parts.into_iter().flatten()).collect()
+    counts.into_iter().chain(parts.into_iter().flatten()).chain(inaccurate(&record.account)).collect()
+}
+
+/// The sampled error of the velocity, where it is larger than requested.
+fn inaccurate(Account { error, tolerance, .. }: &Account) -> Option<String> {
+    // NaN is reported too.
+    error.zip(*tolerance).filter(|(error, tolerance)| error.is_nan() || error > tolerance).map(
+        |(error, tolerance)| {
+            format!(
+                "the velocity's error of {error:.1e} exceeds the requested {tolerance:.1e} (smoke.flow.error, smoke.flow.sum)"
+            )
+        },
+    )
 }
 
 /// The key of a solid in the preset.

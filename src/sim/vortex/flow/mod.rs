@@ -42,7 +42,7 @@ pub use remesh::{Medium, RemeshReport};
 pub use report::{Account, FlowReport, StepReport};
 pub use step::SubstepLimits;
 
-use super::{OutOfRange, Quantity, Targets, Vortons, induced, invariants, sampled_error};
+use super::{Method, OutOfRange, Quantity, Targets, Vortons, induced, invariants, sampled_error};
 use crate::math::Vec3;
 
 /// The state of moving vortons. All columns are of one length.
@@ -161,6 +161,7 @@ impl Flow {
                 Some(sampled_error(&self.vortons, Targets::Vortons, kernel, &found.velocity, samples)?)
             }
         };
-        Ok(Account { invariants: invariants(&self.vortons, kernel, method)?, error })
+        let tolerance = error.filter(|_| method != Method::Direct).map(|_| f64::from(self.params.error));
+        Ok(Account { invariants: invariants(&self.vortons, kernel, method)?, error, tolerance })
     }
 }

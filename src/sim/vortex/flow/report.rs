@@ -83,4 +83,6 @@ pub struct Account {
     pub invariants: Invariants,
     /// The relative L2 error of the velocity compared with the sum over all pairs, if it was sampled.
     pub error: Option<f64>,
+    /// The requested error, with a sampled one of a method other than the sum over all pairs.
+    pub tolerance: Option<f64>,
 }
