@@ -53,7 +53,7 @@ SMOOTH = ["--mesh-cleanup=on", "--mesh-smoothing-weights=on", "--mesh-smoothing-
 MENISCUS = [
     ("Meniscus, isotropic", {}),
     ("Meniscus, anisotropic", {"surface.anisotropy": "{}"}),
-    ("Meniscus, anisotropic, smoothed", {"surface.anisotropy": "{}", "surface.smoothing.wavelength": 12}),
+    ("Meniscus, anisotropic, smoothed", {"surface.anisotropy": "{}", "surface.smoothing": "{}"}),
 ]
 # Rows: name, further flags.
 PEERS = [("splashsurf, plain", []), ("splashsurf, recommended", SMOOTH)]
