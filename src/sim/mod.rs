@@ -6,6 +6,9 @@
 /// Version of the simulated state, raised with every change of its bits, so that a resumed cache never mixes two solvers.
 pub const STATE_VERSION: u32 = 17;
 
+/// The same of smoke, whose changes leave shots without smoke alone.
+const SMOKE_STATE_VERSION: u32 = 1;
+
 mod clock;
 pub mod coupling;
 pub mod force;

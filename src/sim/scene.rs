@@ -210,6 +210,8 @@ impl Scene {
             liquid: Option<LiquidParams>,
             #[serde(skip_serializing_if = "Option::is_none")]
             smoke: &'a Option<SmokeParams>,
+            #[serde(skip_serializing_if = "Option::is_none")]
+            smoke_solver: Option<u32>,
             #[serde(skip_serializing_if = "<[SheetParams]>::is_empty")]
             sheet: &'a [SheetParams],
             #[serde(skip_serializing_if = "Option::is_none")]
@@ -242,6 +244,7 @@ impl Scene {
         } = self;
         let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
         let solvers = super::STATE_VERSION;
+        let smoke_solver = smoke.as_ref().map(|_| super::SMOKE_STATE_VERSION);
         let mut world = world.clone();
         world.collider.iter_mut().for_each(|collider| collider.look = None);
         let mut liquid = liquid.clone();
@@ -261,6 +264,7 @@ impl Scene {
             world,
             liquid,
             smoke,
+            smoke_solver,
             sheet,
             sheets,
             coupling,

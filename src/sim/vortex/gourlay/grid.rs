@@ -97,7 +97,7 @@ fn grid_around(points: &[Vec3], spacing: f32) -> Option<UniformGrid> {
             return None;
         }
         let mut halvings = 0;
-        while (wanted as usize) >> halvings > 12 {
+        while (wanted as usize).div_ceil(1 << halvings) > 12 {
             halvings += 1;
         }
         cells[k] = (wanted as usize).div_ceil(1 << halvings) << halvings;
