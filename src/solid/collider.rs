@@ -43,7 +43,7 @@ pub struct Collider {
 pub enum Look {
     /// An opaque matte body.
     Matte,
-    /// Clear glass, for containers.
+    /// Clear glass, for containers; a tank has walls around it, of 0.6 % of its longest side.
     Glass,
     /// Exported, but neither shown nor rendered.
     Hidden,

@@ -21,7 +21,7 @@ pub(super) struct MotionFile {
     /// Key of the shape in presets.
     shape: &'static str,
     /// How pictures show it.
-    look: Look,
+    pub(super) look: Look,
     /// The frame of the first pose. Before it and after the last pose the collider is at rest.
     pub(super) first: u32,
     /// Position [m] and rotation as a unit quaternion (w, x, y, z) in each whole frame.

@@ -12,7 +12,7 @@ use crate::{
         elementary::{cos, sin},
     },
     mesh::Mesh,
-    solid::Shape,
+    solid::{Look, Shape},
 };
 use nalgebra::Vector3;
 use std::{f64::consts::PI, path::Path};
@@ -23,12 +23,31 @@ const SEGMENTS: usize = 128;
 /// Segments of a half circle from pole to pole, an even number.
 const HALF_CIRCLE: usize = 64;
 
+/// Thickness of the walls of a glass tank, as a part of its longest side.
+const GLASS_THICKNESS: f32 = 0.006;
+
+/// The mesh that pictures show of a shape with this look: a glass tank has walls, which refract. Otherwise as [`tessellate`].
+///
+/// # Errors
+/// As [`tessellate`].
+pub(super) fn shown_mesh(
+    shape: &Shape,
+    look: Look,
+    bytes: &[u8],
+    plane_reach: f32,
+) -> Result<Mesh, ImportError> {
+    match (shape, look) {
+        (Shape::Tank { min, max }, Look::Glass) => Ok(glass_tank(*min, *max)),
+        _ => tessellate(shape, bytes, plane_reach),
+    }
+}
+
 /// The mesh of a shape; `bytes` is the file that a mesh shape names, `plane_reach` half of the side of the square that stands for a
 /// plane [m].
 ///
 /// # Errors
 /// If the file is no mesh.
-pub(super) fn tessellate(shape: &Shape, bytes: &[u8], plane_reach: f32) -> Result<Mesh, ImportError> {
+fn tessellate(shape: &Shape, bytes: &[u8], plane_reach: f32) -> Result<Mesh, ImportError> {
     Ok(match shape {
         Shape::Plane { point, normal } => square((*point).into(), (*normal).into(), plane_reach),
         Shape::Box { min, max } => cuboid(*min, *max, false),
@@ -70,6 +89,18 @@ fn cuboid(min: [f32; 3], max: [f32; 3], inwards: bool) -> Mesh {
         triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
     Mesh { positions: (0..8).map(corner).collect(), triangles, ..Mesh::default() }
+}
+
+/// The walls around a box, whose inside is that of the tank.
+fn glass_tank(min: [f32; 3], max: [f32; 3]) -> Mesh {
+    let longest = (0..3).map(|axis| max[axis] - min[axis]).fold(0.0, f32::max);
+    let outwards = GLASS_THICKNESS * longest;
+    let outside = cuboid(min.map(|x| x - outwards), max.map(|x| x + outwards), false);
+    let mut mesh = cuboid(min, max, true);
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(outside.positions);
+    mesh.triangles.extend(outside.triangles.iter().map(|triangle| triangle.map(|corner| first + corner)));
+    mesh
 }
 
 /// A square about the point of the plane.
@@ -207,6 +238,14 @@ mod tests {
         let tank = Shape::Tank { min: [0.0; 3], max: [1.0, 2.0, 3.0] };
         let found = check(&tessellate(&tank, &[], 1.0).unwrap());
         assert!(found.is_sound() && (found.volume + 6.0).abs() < 1e-6, "{found:?}");
+        // Of glass, it has walls of 18 mm around itself.
+        let found = check(&shown_mesh(&tank, Look::Glass, &[], 1.0).unwrap());
+        let glass = 1.036 * 2.036 * 3.036 - 6.0;
+        assert!(
+            found.is_sound() && (found.volume - glass).abs() < 1e-4 && found.components == 2,
+            "{found:?}"
+        );
+        assert!((check(&shown_mesh(&tank, Look::Matte, &[], 1.0).unwrap()).volume + 6.0).abs() < 1e-6);
         let plane = Shape::Plane { point: [0.1, 0.2, 0.3], normal: [1.0, 2.0, -3.0] };
         let mesh = tessellate(&plane, &[], 10.0).unwrap();
         assert!(mesh.positions.iter().all(|&x| plane.signed_distance(x).abs() < 1e-5));

@@ -4,7 +4,7 @@ use super::{
     check::{self, MAX_COLLIDERS},
     motion::{MotionFile, pose_count},
     outputs::{KIND, are_listed},
-    tessellate::tessellate,
+    tessellate::shown_mesh,
 };
 use crate::{
     cache,
@@ -29,7 +29,7 @@ use std::{collections::BTreeSet, path::Path};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a file holds gives the same collider another one.
-const COLLIDER_VERSION: u32 = 1;
+const COLLIDER_VERSION: u32 = 2;
 
 /// Memory of reading and writing a mesh [bytes/byte of its file], as the limit of its reader.
 const MESH_BYTES: f64 = 64.0;
@@ -247,7 +247,7 @@ fn write(
             ledger.add_sequence(output.clone(), &frames, None, control)?;
         } else {
             let [poses, mesh] = files.each_ref().map(|file| out.root().join(file));
-            let made = tessellate(shape, bytes, *plane_reach)?;
+            let made = shown_mesh(shape, motion.look, bytes, *plane_reach)?;
             let mesh = MeshFormat::Ply.write(&made, &mesh, *key)?;
             let text = motion.text();
             let poses =
