@@ -14,6 +14,7 @@ mod crafted;
 mod error;
 mod folder;
 mod format;
+mod keys;
 mod lock;
 mod open;
 mod read;
@@ -32,6 +33,7 @@ pub(crate) use error::is_full;
 pub(crate) use folder::index_of;
 pub use folder::{frame_path, list};
 pub use format::{ChannelInfo, ChannelKind, FORMAT_VERSION, FrameInfo, StreamInfo};
+pub use keys::FrameKeys;
 pub use lock::Lock;
 pub(crate) use lock::{Arrival, Patience, await_file};
 pub(crate) use open::{

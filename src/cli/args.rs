@@ -118,6 +118,11 @@ pub(super) struct ShotArgs {
     #[arg(long, value_name = "KEY=VALUE")]
     pub(super) set: Vec<String>,
 
+    /// Branch: go on from this cached frame of a shot, whose folder stands in place of PRESET, with the changes of --set, in a folder
+    /// of its own (by default `SHOT-from-FRAME`). Frames before it are shared
+    #[arg(long, value_name = "FRAME", conflicts_with = "quality")]
+    pub(super) from: Option<u32>,
+
     /// One of the preset's quality tiers
     #[arg(long, value_name = "TIER")]
     pub(super) quality: Option<Tier>,

@@ -6,8 +6,9 @@ use super::{
     product_args::Tier,
 };
 use crate::{
+    frame::FrameIndex,
     run::{
-        self, BatchRequest, Control, Outline, ProductInput, ProductRequest, ProductSelection,
+        self, BatchRequest, Control, NewBranch, Outline, ProductInput, ProductRequest, ProductSelection,
         ProductSettings, RunError, ShotFolder, Source,
     },
     scene::{self, Frames, Overrides, Preset, Quality, Scene},
@@ -70,9 +71,28 @@ fn simulated(
     control: Control,
     with_outputs: bool,
 ) -> Result<Option<(Scene, ShotFolder, Frames)>, RunError> {
-    let preset = scene::load(&args.preset)?;
     let overrides = Overrides { quality: args.quality.map(quality), set: args.set.clone() };
-    let scene = Scene::from_preset(&preset, &overrides)?;
+    let (scene, default, branch) = match args.from {
+        Some(first) => {
+            let parent = ShotFolder::around(Path::new(&args.preset));
+            let branch = NewBranch::new(parent.clone(), FrameIndex(first), &overrides)?;
+            let mut name = parent
+                .root()
+                .canonicalize()
+                .unwrap_or_default()
+                .file_name()
+                .unwrap_or("shot".as_ref())
+                .to_owned();
+            name.push(format!("-from-{first}"));
+            (branch.scene.clone(), PathBuf::from(name), Some(branch))
+        }
+        None => {
+            let preset = scene::load(&args.preset)?;
+            let scene = Scene::from_preset(&preset, &overrides)?;
+            let default = default_folder(&preset, &scene, &overrides)?;
+            (scene, default, None)
+        }
+    };
     let selection = args.frames.clone().unwrap_or_else(|| scene.frames.clone());
     if let Some(allowed) = args.max_memory {
         run::refuse_over_memory(&scene, &selection, with_outputs, allowed, control)?;
@@ -81,10 +101,10 @@ fn simulated(
         describe(&scene, &selection, &run::outline(&scene, with_outputs, control)?);
         return Ok(None);
     }
-    let folder = ShotFolder::new(match &args.output {
-        Some(folder) => folder.clone(),
-        None => default_folder(&preset, &scene, &overrides)?,
-    });
+    let folder = ShotFolder::new(args.output.clone().unwrap_or(default));
+    if let Some(branch) = branch {
+        branch.start(&folder, args.force, args.max_memory, control)?;
+    }
     let done = run::simulate(&scene, &folder, &selection, args.force, args.max_memory, control)?;
     print(&format!(
         "{}: {} frames simulated ({:.1} MiB), {} up to date",

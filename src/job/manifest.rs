@@ -2,9 +2,9 @@
 
 use super::{RunError, ShotFolder, folder::is_file_name, report::Control};
 use crate::{
-    cache::{self, CacheError, Lock},
+    cache::{self, CacheError, FrameKeys, Lock},
     frame::FrameIndex,
-    preset::Camera,
+    preset::{Branch, Camera, frame_keys},
 };
 use serde::{Deserialize, Serialize};
 use std::{collections::BTreeMap, io::ErrorKind, path::PathBuf};
@@ -32,6 +32,9 @@ pub(crate) struct Manifest {
     /// Key of the simulation that the cached frames are of; 16 hexadecimal digits.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simulation: Option<String>,
+    /// Where the shot branched from others: frames before are of other simulations.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub branch: Vec<Branch>,
     /// The camera that the preset names.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<Camera>,
@@ -187,6 +190,7 @@ impl Manifest {
             length_unit: "m".into(),
             requested: Vec::new(),
             simulation: None,
+            branch: Vec::new(),
             camera: None,
             outputs: Vec::new(),
         }
@@ -269,12 +273,17 @@ impl Manifest {
         })
     }
 
-    /// The key of the simulation that the cached frames of a folder are of; `None` if that is not known.
+    /// The keys of the cached frames of a folder; `None` if they are not known.
     ///
     /// # Errors
     /// As [`Manifest::read`].
-    pub(crate) fn simulation(folder: &ShotFolder) -> Result<Option<u64>, RunError> {
-        Ok(Self::read(folder)?.as_ref().and_then(Self::simulation_key))
+    pub(crate) fn keys_in(folder: &ShotFolder) -> Result<Option<FrameKeys>, RunError> {
+        Ok(Self::read(folder)?.as_ref().and_then(Self::frame_keys))
+    }
+
+    /// The keys of the cached frames, if they are known.
+    pub(crate) fn frame_keys(&self) -> Option<FrameKeys> {
+        frame_keys(self.simulation_key()?, &self.branch)
     }
 
     /// The key of the simulation that the cached frames are of, if it is known.

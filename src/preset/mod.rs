@@ -6,6 +6,7 @@
 //! [`Scene`](crate::scene::Scene).
 
 pub(crate) mod assets;
+mod branch;
 pub mod builtin;
 mod camera;
 pub(crate) mod check;
@@ -17,6 +18,7 @@ pub(crate) mod tree;
 pub(crate) mod units;
 
 pub use assets::{Asset, Assets, Home};
+pub(crate) use branch::{Branch, frame_keys};
 pub(crate) use camera::Camera;
 pub use frames::{Frames, FramesError};
 pub use problem::{Problem, SceneError};

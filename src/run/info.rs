@@ -84,7 +84,7 @@ pub(crate) struct OutputInfo {
 /// # Errors
 /// If there is a manifest that cannot be read.
 pub(crate) fn is_shot(folder: &ShotFolder) -> Result<bool, RunError> {
-    Ok(Manifest::simulation(folder)?.is_some() || cache::list(&folder.cache()).is_ok())
+    Ok(Manifest::keys_in(folder)?.is_some() || cache::list(&folder.cache()).is_ok())
 }
 
 /// Lists what is in the folder.

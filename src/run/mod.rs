@@ -4,6 +4,7 @@
 //! a [`Reporter`] and check between steps whether to go on.
 
 mod bounds;
+mod branch;
 mod follow;
 mod info;
 mod plan;
@@ -27,6 +28,7 @@ pub(crate) use crate::{
     product::{ProductInput, ProductRequest, ProductSelection, ProductSettings, Retime, is_any_requested},
 };
 pub(crate) use bounds::{FrameBounds, bounds};
+pub(crate) use branch::NewBranch;
 pub(crate) use follow::follow;
 pub(crate) use info::{FrameState, Info, frame_ranges, info, is_shot};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};

@@ -18,10 +18,11 @@ pub(crate) fn prepare(scene: &Scene, folder: &ShotFolder, control: Control) -> R
     match cache::list(&folder.cache()) {
         Err(CacheError::NotFound { .. }) => {}
         listed => {
+            let keys = scene.frame_keys();
             for (_, path) in listed? {
-                let found = cache::read_header(&path)?.key;
-                if found != scene.simulation_key() {
-                    return Err(stale::explain(folder, scene, found));
+                let found = cache::read_header(&path)?;
+                if keys.expect(&found, &path).is_err() {
+                    return Err(stale::explain(folder, scene, found.key));
                 }
             }
         }

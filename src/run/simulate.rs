@@ -2,8 +2,8 @@
 
 use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, solids, stale};
 use crate::{
-    cache::{self, CacheError, Lock},
-    control::UnderWay,
+    cache::{self, CacheError, FrameKeys, Lock},
+    control::{UnderWay, printable_path},
     frame::{FrameIndex, Stream},
     job::{
         Progress,
@@ -53,16 +53,22 @@ pub(crate) fn simulate(
         control.reporter.note(&no_locks(&folder.cache()));
     }
     clean(folder, lock.is_held(), control)?;
-    let key = scene.simulation_key();
+    let keys = scene.frame_keys();
     let requested = scene;
     let scene = &solids::fill(scene, Some(folder), control.reporter)?;
     let mut state = None;
     if force {
-        // What is there is given up only when the new simulation is known to start.
-        state = Some(begin(scene, control)?);
-        start_over(folder)?;
+        match scene.branch.last() {
+            // Its first frame is where it starts, and is not its own work.
+            Some(branch) => start_over(folder, Some(FrameIndex(branch.frame)))?,
+            // What is there is given up only when the new simulation is known to start.
+            None => {
+                state = Some(begin(scene, control)?);
+                start_over(folder, None)?;
+            }
+        }
     }
-    let valid = survey(folder, key, selection, control).map_err(|why| match why {
+    let valid = survey(folder, &keys, selection, control).map_err(|why| match why {
         RunError::Cache(CacheError::Stale { found, .. }) => stale::explain(folder, requested, found),
         other => other,
     })?;
@@ -76,7 +82,18 @@ pub(crate) fn simulate(
 
     let records: Vec<_> = log::read(folder)?.into_iter().map(|(index, line)| (index, line.record)).collect();
     warn_of_lost_lines(scene, &valid, &records, control);
-    let mut job = Job { scene, folder, key, max_memory, state, done: Simulated::default(), records, control };
+    let key = keys.own();
+    let mut job = Job {
+        scene,
+        folder,
+        key,
+        max_memory,
+        state,
+        done: Simulated::default(),
+        absent: Vec::new(),
+        records,
+        control,
+    };
     control.reporter.begin("simulate", selection.count() as usize);
     let outcome = job.run(selection, &valid);
     // However it ended.
@@ -121,7 +138,7 @@ pub(super) fn check_selection(scene: &Scene, selection: &Frames) -> Result<(), R
 /// they are in `selection`.
 fn survey(
     folder: &ShotFolder,
-    key: u64,
+    keys: &FrameKeys,
     selection: &Frames,
     control: Control,
 ) -> Result<BTreeSet<FrameIndex>, RunError> {
@@ -133,7 +150,7 @@ fn survey(
     for (index, path) in present {
         match cache::verify_frame(&path) {
             Ok(info) => {
-                info.expect_key(&path, key)?;
+                keys.expect(&info, &path)?;
                 valid.insert(index);
             }
             Err(
@@ -186,13 +203,13 @@ fn warn_of_lost_lines(
     }
 }
 
-/// Removes every cached frame.
-fn start_over(folder: &ShotFolder) -> Result<(), RunError> {
+/// Removes the cached frames after `kept`, or every one.
+fn start_over(folder: &ShotFolder, kept: Option<FrameIndex>) -> Result<(), RunError> {
     let present = match cache::list(&folder.cache()) {
         Err(CacheError::NotFound { .. }) => return Ok(()),
         listed => listed?,
     };
-    for (_, path) in present {
+    for (_, path) in present.into_iter().filter(|(index, _)| kept.is_none_or(|kept| *index > kept)) {
         std::fs::remove_file(&path).map_err(|source| cannot_clean(path, source))?;
     }
     Ok(())
@@ -212,6 +229,8 @@ struct Job<'a> {
     /// The newest state in memory and its frame.
     state: Option<(FrameIndex, Simulation)>,
     done: Simulated,
+    /// Requested frames before a branch that are not there.
+    absent: Vec<FrameIndex>,
     /// The records of the frames in the log and of those that were computed.
     records: Vec<(FrameIndex, FrameRecord)>,
     control: Control<'a>,
@@ -223,13 +242,27 @@ impl Job<'_> {
         for (place, target) in selection.iter().enumerate() {
             if valid.contains(&target) {
                 self.done.kept += 1;
-            } else {
-                let before = valid.range(..target).next_back().copied();
+            } else if target >= self.start() {
+                let before = valid.range(self.start()..target).next_back().copied();
                 self.reach(target, before, selection, place)?;
+            } else {
+                self.absent.push(target);
             }
             self.control.reporter.progress((place + 1) as f64);
         }
+        if let [first, ..] = self.absent[..] {
+            self.control.reporter.note(&format!(
+                "{} frames before the branch at frame {} are not there (first: {first}): they are of the shot that it branched from",
+                self.absent.len(),
+                self.start()
+            ));
+        }
         Ok(())
+    }
+
+    /// The first frame that is of this simulation.
+    fn start(&self) -> FrameIndex {
+        self.scene.branch.last().map_or(self.scene.frames.first(), |branch| FrameIndex(branch.frame))
     }
 
     /// Computes on to `target` from the state in memory or from the cached frame `before`, whichever is newer.
@@ -243,6 +276,7 @@ impl Job<'_> {
         let (mut at, mut simulation) = match (self.state.take(), before) {
             (Some(state), before) if before.is_none_or(|cached| cached <= state.0) => state,
             (_, Some(cached)) => (cached, self.restore(cached)?),
+            (_, None) if !self.scene.branch.is_empty() => return Err(self.no_start()),
             (_, None) => begin(self.scene, self.control)?,
         };
         let origin = at;
@@ -273,6 +307,17 @@ impl Job<'_> {
         }
         self.state = Some((at, simulation));
         Ok(())
+    }
+
+    /// A branch cannot start without its first frame.
+    fn no_start(&self) -> RunError {
+        RunError::Request(format!(
+            "{}: found no valid frame {}, with which this branch of another shot starts; branch again with `meniscus simulate SHOT \
+             --from {}`, or delete the [[branch]] tables of the preset to start with its seeds",
+            printable_path(&self.folder.cache()),
+            self.start(),
+            self.start().0
+        ))
     }
 
     fn restore(&self, index: FrameIndex) -> Result<Simulation, RunError> {
@@ -360,6 +405,13 @@ fn write_manifest(
         requested = vec![span];
     }
     let simulation = Some(hex(scene.simulation_key()));
-    let manifest = Manifest { outputs, requested, simulation, camera: scene.camera, ..new };
+    let manifest = Manifest {
+        outputs,
+        requested,
+        simulation,
+        branch: scene.branch.clone(),
+        camera: scene.camera,
+        ..new
+    };
     manifest.write(folder)
 }

@@ -8,11 +8,25 @@ use serde_json::Value;
 pub(super) fn explain(folder: &ShotFolder, scene: &Scene, found: u64) -> RunError {
     let recorded = recorded(folder).filter(|recorded| recorded.simulation_key() == found);
     let differences = recorded.map(|recorded| {
-        let mut lines = Vec::new();
-        compare("", &recorded.simulation_settings(), &scene.simulation_settings(), &mut lines);
-        lines
+        differences(&recorded, scene).into_iter().map(|difference| difference.line).collect()
     });
     RunError::OtherSettings { folder: folder.root().into(), differences }
+}
+
+/// A setting that differs.
+#[derive(Debug)]
+pub(super) struct Difference {
+    /// Its key in presets; numbers are indices of lists.
+    pub(super) key: String,
+    /// What was found, with its key.
+    pub(super) line: String,
+}
+
+/// The settings that decide the simulation in which `now` differs from the scene of a folder.
+pub(super) fn differences(folder: &Scene, now: &Scene) -> Vec<Difference> {
+    let mut found = Vec::new();
+    compare("", &folder.simulation_settings(), &now.simulation_settings(), &mut found);
+    found
 }
 
 /// The scene that the folder's preset describes, if it can be read.
@@ -21,8 +35,9 @@ fn recorded(folder: &ShotFolder) -> Option<Scene> {
     Scene::from_preset(&preset, &Overrides::default()).ok()
 }
 
-/// Appends a line for each setting below `key` that differs between the folder and now.
-fn compare(key: &str, folder: &Value, now: &Value, lines: &mut Vec<String>) {
+/// Appends each setting below `key` that differs between the folder and now.
+fn compare(key: &str, folder: &Value, now: &Value, found: &mut Vec<Difference>) {
+    let mut add = |line| found.push(Difference { key: key.to_owned(), line });
     let below = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
     match (folder, now) {
         _ if folder == now => {}
@@ -30,18 +45,18 @@ fn compare(key: &str, folder: &Value, now: &Value, lines: &mut Vec<String>) {
             let names = a.keys().chain(b.keys().filter(|name| !a.contains_key(*name)));
             for name in names {
                 let value = |of: &serde_json::Map<String, Value>| of.get(name).cloned().unwrap_or_default();
-                compare(&below(name), &value(a), &value(b), lines);
+                compare(&below(name), &value(a), &value(b), found);
             }
         }
         (Value::Array(a), Value::Array(b)) if a.len() == b.len() && a.iter().any(Value::is_object) => {
             for (place, (a, b)) in a.iter().zip(b).enumerate() {
-                compare(&below(&place.to_string()), a, b, lines);
+                compare(&below(&place.to_string()), a, b, found);
             }
         }
         _ if key.starts_with("files.") => {
-            lines.push(format!("the file {}: other contents than in the folder", &key["files.".len()..]));
+            add(format!("the file {}: other contents than in the folder", &key["files.".len()..]));
         }
-        _ => lines.push(format!("{key}: {} in the folder, {} now", shown(folder), shown(now))),
+        _ => add(format!("{key}: {} in the folder, {} now", shown(folder), shown(now))),
     }
 }
 
@@ -63,9 +78,9 @@ mod tests {
     #[test]
     fn differing_settings_are_named_by_their_keys() {
         let lines = |folder: Value, now: Value| {
-            let mut lines = Vec::new();
-            compare("", &folder, &now, &mut lines);
-            lines
+            let mut found = Vec::new();
+            compare("", &folder, &now, &mut found);
+            found.into_iter().map(|difference| difference.line).collect::<Vec<_>>()
         };
         let source = |radius: f64| json!({ "shape": { "sphere": { "radius": radius } } });
         assert_eq!(lines(json!({ "fps": 24.0 }), json!({ "fps": 24.0 })), [""; 0]);

@@ -2,7 +2,7 @@
 
 use super::{FailedFrame, Failure, Manifest, OutputFiles, RunError, ShotFolder, info::frame_ranges};
 use crate::{
-    cache::{self, CacheError, FrameInfo},
+    cache::{self, CacheError, FrameInfo, FrameKeys},
     control::printable_path,
     frame::FrameIndex,
     job::{
@@ -110,12 +110,12 @@ pub(crate) fn verify(folder: &ShotFolder) -> Result<Verification, RunError> {
     };
     let title =
         manifest.as_ref().map_or_else(|| "Cache without shot.json".into(), |known| known.title.clone());
-    let simulation = manifest.as_ref().and_then(Manifest::simulation_key);
+    let keys = manifest.as_ref().and_then(Manifest::frame_keys);
     let requested = manifest.as_ref().map_or_else(BTreeSet::new, requested_frames);
     let (mut stages, mut states) = (Vec::new(), BTreeMap::new());
-    let is_simulated = !present.is_empty() || simulation.is_some();
+    let is_simulated = !present.is_empty() || keys.is_some();
     if is_simulated {
-        let (stage, frames) = cached(folder, &present, &requested, simulation);
+        let (stage, frames) = cached(folder, &present, &requested, keys.as_ref());
         stages.push(stage);
         states = frames.into_iter().map(|info| (info.index, stream_states(&info))).collect();
     }
@@ -197,7 +197,7 @@ fn cached(
     folder: &ShotFolder,
     present: &[(FrameIndex, PathBuf)],
     requested: &BTreeSet<u32>,
-    simulation: Option<u64>,
+    keys: Option<&FrameKeys>,
 ) -> (Stage, Vec<FrameInfo>) {
     let file = |frame: u32| format!("cache/frame_{}.mcf", FrameIndex(frame));
     let mut stage = Stage {
@@ -211,7 +211,7 @@ fn cached(
     let mut valid = Vec::new();
     for (index, path) in present {
         let verified = cache::verify_frame(path)
-            .and_then(|info| simulation.map_or(Ok(()), |key| info.expect_key(path, key)).map(|()| info));
+            .and_then(|info| keys.map_or(Ok(()), |keys| keys.expect(&info, path)).map(|()| info));
         match verified {
             Ok(info) => {
                 stage.valid += 1;

@@ -10,12 +10,13 @@ use super::{
     whitewater::WhitewaterParams,
 };
 use crate::{
+    cache::FrameKeys,
     export::{
         MeshFormat, SheetFormat,
         vdb::{VolumeGrid, VolumeParams},
     },
     mesh::SurfaceParams,
-    preset::{Assets, Camera, Frames},
+    preset::{Assets, Branch, Camera, Frames, frame_keys},
     solid::Collider,
 };
 use schemars::JsonSchema;
@@ -72,6 +73,9 @@ pub struct Scene {
     /// Observable of `tradeoff`; absent: the bulk's height.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tradeoff: Option<Tradeoff>,
+    /// Where the shot branched from others, in ascending order of frames; `simulate --from` writes it. Empty: it starts with the seeds.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub branch: Vec<Branch>,
     /// Content of the files that the preset names; not part of its text.
     #[serde(skip)]
     pub assets: Assets,
@@ -194,6 +198,12 @@ impl Scene {
         xxhash_rust::xxh3::xxh3_64(self.decisive().as_bytes())
     }
 
+    /// The keys of the cached frames: those before a branch are of another simulation.
+    pub fn frame_keys(&self) -> FrameKeys {
+        let own = self.simulation_key();
+        frame_keys(own, &self.branch).unwrap_or_else(|| FrameKeys::new(own, Vec::new()))
+    }
+
     /// What [`Self::simulation_key`] is a hash of, by the keys of presets, with every default.
     pub fn simulation_settings(&self) -> serde_json::Value {
         serde_json::from_str(&self.decisive()).expect("it was written as JSON")
@@ -220,6 +230,8 @@ impl Scene {
             coupling: Vec<Coupling>,
             #[serde(skip_serializing_if = "<[ForceParams]>::is_empty")]
             force: &'a [ForceParams],
+            #[serde(skip_serializing_if = "<[Branch]>::is_empty")]
+            branch: &'a [Branch],
             #[serde(skip_serializing_if = "BTreeMap::is_empty")]
             files: BTreeMap<&'a str, u64>,
         }
@@ -240,6 +252,7 @@ impl Scene {
             output: _,
             camera: _,
             tradeoff: _,
+            branch,
             assets,
         } = self;
         let files = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
@@ -269,6 +282,7 @@ impl Scene {
             sheets,
             coupling,
             force,
+            branch,
             files,
         };
         serde_json::to_string(&decisive).expect("a scene has only values that JSON can hold")

@@ -30,6 +30,24 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         );
         findings.push(finding.with_help("name a point that is in the middle of the picture"));
     }
+    let mut before = scene.frames.first().0;
+    for (index, branch) in scene.branch.iter().enumerate() {
+        let mut refuse = |key: &str, what: &str, label: String| {
+            let path = format!("branch.{index}.{key}");
+            let finding = Finding::new(places.of(&path), &path, what, label);
+            findings.push(finding.with_help(
+                "branch again with `meniscus simulate SHOT --from FRAME`, which writes this table",
+            ));
+        };
+        if branch.frame <= before {
+            let label = format!("found {}, expected a frame after {before}", branch.frame);
+            refuse("frame", "branches follow each other after the shot's first frame", label);
+        }
+        if branch.key().is_none() {
+            refuse("before", "this is no key of a simulation", "expected 16 hexadecimal digits".to_owned());
+        }
+        before = branch.frame;
+    }
     for system in ALL {
         system.check(scene, places, &mut findings);
     }

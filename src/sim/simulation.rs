@@ -89,6 +89,23 @@ impl Simulation {
             .coupled(&couplings, density)
     }
 
+    /// The same state with other settings, as the first of a branch: energies that bound the systems change by what the settings add.
+    ///
+    /// # Errors
+    /// If the settings need state that the frame does not hold.
+    pub fn branch(
+        frame: &Frame,
+        before: (World, impl Into<Systems>),
+        after: (World, impl Into<Systems>),
+    ) -> Result<Self, SetupError> {
+        let mut branched = Self::restore(after.0, after.1, frame)?;
+        let mut before = Self::restore(before.0, before.1, frame)?;
+        if let (Some(branched), Some(before)) = (&mut branched.liquid, &mut before.liquid) {
+            branched.take_over_energy(before);
+        }
+        Ok(branched)
+    }
+
     /// Gives every system the forces that act on it.
     fn with_forces(mut self, forces: &[ForceParams], timeline: Timeline) -> Self {
         if let Some(liquid) = &mut self.liquid {

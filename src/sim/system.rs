@@ -31,6 +31,12 @@ pub(crate) trait System: Sync {
     /// Whether the preset names the system.
     fn is_present(&self, scene: &Scene) -> bool;
 
+    /// Keys of presets that a branch cannot change, since they decide how the system starts or how its streams are laid out; `*` is
+    /// any index of a list.
+    fn fixed_at_branches(&self) -> &'static [&'static str] {
+        &[]
+    }
+
     /// Whether the force fields of a preset act on it.
     fn feels_forces(&self) -> bool {
         false

@@ -3,6 +3,8 @@
 mod attributes;
 mod bad_input;
 mod batch;
+#[cfg(unix)]
+mod branch;
 mod colliders;
 mod couplings;
 mod farm;

@@ -1,7 +1,7 @@
 //! Where the frames of a batch come from.
 
 use crate::{
-    cache,
+    cache::{self, FrameKeys},
     control::printable,
     frame::{Frame, FrameIndex, SPACING_RANGE, Stream, StreamKind},
     import::{ImportError, ParticleFile, Sequence},
@@ -87,13 +87,13 @@ impl Source<'_> {
         }
     }
 
-    /// The key of the simulation that the frames have to be of; `None` if any will do.
+    /// The keys that the frames have to have; `None` if any will do.
     ///
     /// # Errors
     /// If there is a manifest that cannot be read.
-    pub(crate) fn simulation(&self) -> Result<Option<u64>, RunError> {
+    pub(crate) fn keys(&self) -> Result<Option<FrameKeys>, RunError> {
         match self {
-            Self::Cache(folder) => Manifest::simulation(folder),
+            Self::Cache(folder) => Manifest::keys_in(folder),
             Self::Files { .. } => Ok(None),
         }
     }

@@ -88,14 +88,14 @@ pub(crate) fn process_streams(
     let (title, fps) = source.title(out, request.fps)?;
     let estimate =
         |path: &Path| writer.max_memory(source.max_entries(path)).saturating_add(FRAME_MEMORY_RESERVE);
-    let simulation = source.simulation()?;
+    let keys = source.keys()?;
     let records = FileRecords::read(out, writer.folder().name())?;
     let is_single_file = matches!(source, Source::Files { .. }) && frames.len() == 1;
     let batch =
         FrameBatch { frames: &frames, followed, absent: source.absent(), is_single_file, title: &title, fps };
     process_frames(writer.folder(), out, &batch, request, control, estimate, |path, reserved, outcome| {
-        if let Some(key) = simulation {
-            cache::read_header(path)?.expect_key(path, key)?;
+        if let Some(keys) = &keys {
+            keys.expect(&cache::read_header(path)?, path)?;
         }
         let opened = source.open(path, outcome.index, reserved.or(request.max_memory));
         let Some(opened) = within_reserve(reserved, opened)? else { return Ok(MemoryCheck::NeedsMore) };

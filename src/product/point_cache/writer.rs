@@ -138,10 +138,10 @@ impl SheetFrames {
         let present: BTreeMap<u32, PathBuf> =
             cache::list(&shot.cache())?.into_iter().map(|(index, path)| (index.0, path)).collect();
         let (mut files, mut failed) = (BTreeMap::new(), Vec::new());
-        let simulation = source.simulation()?;
+        let keys = source.keys()?;
         let verified = |path: &PathBuf| {
             let info = cache::verify_frame(path)?;
-            simulation.map_or(Ok(()), |key| info.expect_key(path, key))?;
+            keys.as_ref().map_or(Ok(()), |keys| keys.expect(&info, path))?;
             info.expect_memory(path, request.max_memory).map(|()| info)
         };
         for frame in span.numbers() {

@@ -9,7 +9,7 @@ use super::{
     tracers::{no_velocity, tracer_key, write_tracers},
 };
 use crate::{
-    cache,
+    cache::{self, FrameKeys},
     export::vdb::VolumeGrid,
     frame::{Frame, FrameIndex},
     job::{
@@ -100,12 +100,12 @@ pub(super) fn retime(
     }
     let records = FileRecords::read(out, VolumeFile.name())?;
     let volumes = RetimedVolumes { out, settings, retime, request, grids, records };
-    let simulation = Source::Cache(folder).simulation()?;
+    let keys = Source::Cache(folder).keys()?;
     let replay = Replay::new(smoke.clone(), world)?;
     let drifting = retime.reseed.then(|| (replay.seeded(), 0.0));
     let loaded = BTreeMap::new();
     let max_memory = request.max_memory;
-    let mut player = Player { present: &present, simulation, max_memory, replay, loaded, drifting };
+    let mut player = Player { present: &present, keys, max_memory, replay, loaded, drifting };
     let (title, fps) = Source::Cache(folder).title(out, smoke.fps)?;
     let mut ledger = Ledger::new(out, &VolumeFile, control)?;
     control.reporter.begin(VolumeFile.name(), numbers.len());
@@ -174,8 +174,8 @@ struct LoadedFrame {
 /// Evaluates a cache at any time.
 struct Player<'a> {
     present: &'a [(FrameIndex, PathBuf)],
-    /// The key of the simulation that the frames have to be of.
-    simulation: Option<u64>,
+    /// The keys that the frames have to have.
+    keys: Option<FrameKeys>,
     /// The memory that the cached frames may take together [bytes].
     max_memory: Option<u64>,
     replay: Replay,
@@ -241,7 +241,7 @@ impl Player<'_> {
                 let taken = self.loaded.values().map(|loaded| loaded.bytes).sum();
                 let left = self.max_memory.map(|allowed| allowed.saturating_sub(taken));
                 let (frame, info) = cache::read_frame_within(path, left)?;
-                self.simulation.map_or(Ok(()), |key| info.expect_key(path, key))?;
+                self.keys.as_ref().map_or(Ok(()), |keys| keys.expect(&info, path))?;
                 let bytes = info.unpacked_bytes();
                 self.loaded.insert(number, LoadedFrame { frame, bytes, key: info.key, air: None });
             }

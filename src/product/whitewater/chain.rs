@@ -4,7 +4,7 @@
 //! others are recognised. Those that are there are read; the others follow from the last one before them.
 
 use crate::{
-    cache::{self, CacheError},
+    cache::{self, CacheError, FrameKeys},
     frame::{Frame, FrameIndex, Stream, StreamKind},
     job::{Control, RunError, ShotFolder, batch::BatchRequest, memory::BASE_MEMORY},
     math::Vec3,
@@ -36,8 +36,8 @@ pub(super) struct Chain<'a> {
     keys: Vec<u64>,
     /// The folder of the frames of whitewater.
     folder: PathBuf,
-    /// The key of the simulation that the cached frames have to be of.
-    simulation: u64,
+    /// The keys that the cached frames have to have.
+    cached: FrameKeys,
     params: &'a WhitewaterParams,
     walls: Walls,
     /// Lower and upper corner of the liquid's domain [m], outside of which particles are removed.
@@ -76,10 +76,10 @@ impl<'a> Chain<'a> {
     ) -> Result<Self, RunError> {
         let mut frames = cache::list(&shot.cache())?;
         frames.retain(|(index, _)| *index <= last);
-        let simulation = scene.simulation_key();
+        let cached = scene.frame_keys();
         let settings = serde_json::to_string(&params.simulated()).expect("parameters are plain data");
         let mut key =
-            xxh3_64(format!("whitewater {WHITEWATER_VERSION} {simulation:016x} {settings}").as_bytes());
+            xxh3_64(format!("whitewater {WHITEWATER_VERSION} {:016x} {settings}", cached.own()).as_bytes());
         let mut keys = Vec::with_capacity(frames.len());
         for (index, _) in &frames {
             key = xxh3_64(format!("{key:016x} {index}").as_bytes());
@@ -89,20 +89,7 @@ impl<'a> Chain<'a> {
         let walls = Walls::new(&scene.surroundings());
         let (first, fps) = (f64::from(scene.frames.first().0), f64::from(scene.fps));
         let (state, liquid) = (None, None);
-        Ok(Self {
-            frames,
-            keys,
-            folder,
-            simulation,
-            params,
-            walls,
-            domain,
-            first,
-            fps,
-            request,
-            state,
-            liquid,
-        })
+        Ok(Self { frames, keys, folder, cached, params, walls, domain, first, fps, request, state, liquid })
     }
 
     /// The cached frames.
@@ -224,7 +211,7 @@ impl<'a> Chain<'a> {
     fn load(&mut self, place: usize) -> Result<(), RunError> {
         let path = &self.frames[place].1;
         let (frame, info) = cache::read_frame_within(path, self.request.max_memory)?;
-        info.expect_key(path, self.simulation)?;
+        self.cached.expect(&info, path)?;
         // A time of its own would let the emission of years fill a frame.
         let due = (f64::from(self.frames[place].0.0) - self.first) / self.fps;
         if frame.time.is_nan() || (frame.time - due).abs() > 0.01 / self.fps {

@@ -125,7 +125,7 @@ fn whitewater(
     control: Control,
 ) -> Result<BatchSummary, RunError> {
     let source = Source::Cache(shot);
-    if source.simulation()?.is_some_and(|key| key != scene.simulation_key()) {
+    if source.keys()?.is_some_and(|keys| keys != scene.frame_keys()) {
         return Err(RunError::Request(format!(
             "{}: found other settings than those of the cached frames, expected the liquid that was simulated; restore the file, or \
              simulate the shot again",

@@ -30,6 +30,19 @@ impl Liquid {
         self.microrotation.as_ref().map_or(0.0, |microrotation| microrotation.energy(self.mass))
     }
 
+    /// Takes over the energy that the liquid of the same state may have with the settings `before`, and what the change of settings adds:
+    /// potential energy of another gravity, surface energy of another tension.
+    pub(in crate::sim) fn take_over_energy(&mut self, before: &mut Self) {
+        let change = self.state_energy() - before.state_energy();
+        self.first_energy = before.first_energy + change;
+    }
+
+    /// The sum of all energies that are bounded [J].
+    pub(super) fn state_energy(&mut self) -> f64 {
+        let surface = self.tension.as_mut().map_or(0.0, |tension| tension.energy_at(&self.x));
+        self.kinetic_energy() + self.potential_energy() + surface + self.microrotation_energy()
+    }
+
     /// Adds the work of moving solids in this substep to the energy that the liquid may have.
     pub(super) fn add_solid_work(&mut self, dt: f32, record: &mut LiquidRecord) {
         let work = self.mass * self.solver.work / f64::from(dt).powi(2);

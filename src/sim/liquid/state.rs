@@ -67,7 +67,7 @@ impl Liquid {
         if let Some(microrotation) = &mut liquid.microrotation {
             microrotation.spin = vec![Vec3::zeros(); liquid.x.len()];
         }
-        liquid.first_energy = liquid.kinetic_energy() + liquid.potential_energy();
+        liquid.first_energy = liquid.state_energy();
         if let Some(viscosity) = &liquid.params.viscosity {
             let speed = liquid.expected_speed();
             liquid.seeded.viscosity = f64::from(viscosity.dynamic);
@@ -76,9 +76,6 @@ impl Liquid {
                 * EDDY_DISSIPATION
                 * speed
                 * f64::from(liquid.params.spacing);
-        }
-        if let Some(tension) = &mut liquid.tension {
-            liquid.first_energy += tension.energy_at(&liquid.x);
         }
         Ok(liquid)
     }

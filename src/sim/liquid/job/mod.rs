@@ -43,6 +43,19 @@ impl System for Liquid {
         &[StreamKind::Particles]
     }
 
+    fn fixed_at_branches(&self) -> &'static [&'static str] {
+        &[
+            "liquid.spacing",
+            "liquid.channels",
+            "liquid.source",
+            "liquid.emitter.*.shape",
+            "liquid.emitter.*.velocity",
+            "liquid.emitter.*.direction",
+            "liquid.emitter.*.keyframes",
+            "liquid.emitter.*.interpolation",
+        ]
+    }
+
     fn feels_forces(&self) -> bool {
         true
     }

@@ -42,6 +42,10 @@ impl System for Sheets {
         &[StreamKind::MeshPoints, StreamKind::MeshFaces]
     }
 
+    fn fixed_at_branches(&self) -> &'static [&'static str] {
+        &["sheet.*.name", "sheet.*.shape", "sheet.*.velocity", "sheet.*.grain"]
+    }
+
     fn feels_forces(&self) -> bool {
         true
     }

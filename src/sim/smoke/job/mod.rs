@@ -40,6 +40,10 @@ impl System for Smoke {
         &[StreamKind::Vortons, StreamKind::Tracers]
     }
 
+    fn fixed_at_branches(&self) -> &'static [&'static str] {
+        &["smoke.spacing", "smoke.tracers", "smoke.ring", "smoke.tube", "smoke.source"]
+    }
+
     fn tradeoff(&self) -> Option<&'static Subject> {
         Some(&tradeoff::SUBJECT)
     }
