@@ -134,3 +134,9 @@ pub mod cli;
 #[cfg(all(feature = "cli", any(test, feature = "fuzzing")))]
 #[doc(hidden)]
 pub mod untrusted;
+
+/// Whether the long studies run too (`tools/soak/run`).
+#[cfg(test)]
+fn is_soak() -> bool {
+    std::env::var_os("MENISCUS_SOAK").is_some()
+}

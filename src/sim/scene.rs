@@ -128,6 +128,28 @@ impl Output {
     }
 }
 
+/// Settings as a tree of values, without keys that have no value (TOML has none).
+///
+/// By way of JSON text: each serialiser of its own would compile every table of parameters once more, and only text keeps
+/// single precision numbers as short as they were written.
+pub(crate) fn plain_values(settings: &impl Serialize) -> serde_json::Value {
+    let text = serde_json::to_string(settings).expect("settings are plain data");
+    let mut values = serde_json::from_str(&text).expect("it was written as JSON");
+    drop_absent(&mut values);
+    values
+}
+
+fn drop_absent(values: &mut serde_json::Value) {
+    match values {
+        serde_json::Value::Object(table) => {
+            table.retain(|_, value| !value.is_null());
+            table.values_mut().for_each(drop_absent);
+        }
+        serde_json::Value::Array(list) => list.iter_mut().for_each(drop_absent),
+        _ => {}
+    }
+}
+
 fn default_fps() -> f32 {
     24.0
 }
@@ -135,7 +157,12 @@ fn default_fps() -> f32 {
 impl Scene {
     /// The scene as a preset, with every default written out. It reads as an equal scene.
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("a scene has only values that TOML can hold")
+        toml::to_string(&self.values()).expect("a scene has only values that TOML can hold")
+    }
+
+    /// The values by the keys of presets, with every default, without keys that have no value.
+    pub(crate) fn values(&self) -> serde_json::Value {
+        plain_values(self)
     }
 
     /// Gravity and colliders in the form of the simulation. Meshes of colliders must be sampled before.

@@ -7,7 +7,7 @@ use serde_json::Value as Json;
 impl Scene {
     /// Optional tables that the scene does not have ("liquid.vorticity"), whose passes do not run.
     pub fn absent_tables(&self) -> Vec<String> {
-        let values = serde_json::to_value(self).expect("a scene has only values that JSON can hold");
+        let values = self.values();
         let mut found = Vec::new();
         if let Kind::Table(keys) = &model::of::<Self>().kind {
             absent(keys, &values, "", &mut found);
@@ -31,7 +31,7 @@ fn absent(keys: &[Key], values: &Json, path: &str, found: &mut Vec<String>) {
     for Key { name, field, .. } in keys {
         let Kind::Table(inner) = &field.kind else { continue };
         let path = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
-        match values.get(name).filter(|value| !value.is_null()) {
+        match values.get(name) {
             Some(value) => absent(inner, value, &path, found),
             None if field.optional && has_a_pass(&path) => found.push(path),
             None => {}

@@ -162,7 +162,12 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
             fs::read_to_string(desk.path(&format!("{name}.toml"))).unwrap().trim_end(),
             text.trim_end()
         );
-        // Each runs, small.
+        // Each runs, small: here those that differ in what they use.
+        let different =
+            ["dam-break", "figure-bath", "fountain", "honey", "water-drop", "zero-gravity-vortex"];
+        if !super::is_soak() && !different.contains(&name) {
+            continue;
+        }
         let (out, _) = desk.run(&format!("shot {name} --quality draft --frames 1-2 -o run-{name}"), 0);
         assert!(out.contains("2 frames meshed"), "{out}");
         // Its surfaces are sound as they were cut, and after every clean-up.

@@ -102,7 +102,7 @@ fn tracers_that_drift_from_the_start_can_be_stopped_and_the_job_goes_on() {
     desk.write("ring.toml", RING);
     desk.run("simulate ring.toml --frames 1-24", 0);
     // So many tracers that to drift to frame 24 takes some hundred times as long as to stop.
-    let line = "volume ring -o fresh --set smoke.tracers=0.15 --frames 2,24";
+    let line = "volume ring -o fresh --set smoke.tracers=0.2 --frames 2,24";
     let mut child = Command::new(assert_cmd::cargo::cargo_bin("meniscus"))
         .args(line.split(' '))
         .args(["--progress", "json"])

@@ -93,6 +93,9 @@ fn errors_grow_with_the_requested_error() {
     assert!(found["uncertainty"]["density"].as_f64().unwrap() < 0.1, "{}", found["uncertainty"]);
     assert!(found["uncertainty"]["impulse"].as_f64().unwrap() < 0.01, "{}", found["uncertainty"]);
     assert!(fine["drift"]["impulse"].as_f64().unwrap() < 0.02, "{fine}");
+    if !super::is_soak() {
+        return;
+    }
 
     // Coarser vortons put the smoke elsewhere by more than coarser steps or sums do; finer voxels lose less.
     let vary = "--vary smoke.spacing=0.06,0.12 --vary surface.voxel=0.5,2";

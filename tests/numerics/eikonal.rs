@@ -82,7 +82,7 @@ fn both_orders_converge_as_they_should() {
         ("sphere", Order::Second) => ([1.8, 1.5], [1.8, 1.5]),
         (_, Order::Second) => ([1.7, 0.9], [1.7, 0.9]),
     };
-    for (name, shape) in SHAPES {
+    for (name, shape) in SHAPES.into_iter().take(if crate::is_soak() { SHAPES.len() } else { 2 }) {
         for order in [Order::First, Order::Second] {
             // A band of the same width in space at every resolution.
             let found = RESOLUTIONS.map(|half| {

@@ -228,8 +228,12 @@ fn dam_break_loss(implicitness: f32) -> f64 {
 
 #[test]
 fn a_dam_break_keeps_more_energy_with_early_directions() {
-    let [early, late] = [0.1, 1.0].map(dam_break_loss);
+    let early = dam_break_loss(0.1);
     assert!(early > 0.0 && early < 0.14, "{early} lost");
+    if !crate::is_soak() {
+        return;
+    }
+    let late = dam_break_loss(1.0);
     assert!(late - early > 0.02, "{late} lost with late directions, {early} with early ones");
 }
 
@@ -593,6 +597,7 @@ fn outflow(spacing: f32) -> f64 {
 
 /// The error is of first order in the spacing (docs/liquid.md, "Known errors"): the order is tested in the soak only.
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn water_flows_out_by_torricellis_law() {
     let coarse = outflow(0.02);
     println!("{coarse:.3} with four particles in the slot");

@@ -197,7 +197,12 @@ fn a_rough_ball_that_spins_stirs_the_liquid_with_its_work() {
         println!("friction {friction}: work {work:.3} J, turning {turning:.5} m²/s");
         (work, turning)
     };
-    let (smooth, rough) = (kinetic(0.0), kinetic(0.5));
+    let rough = kinetic(0.5);
+    assert!(rough.0 > 4.0 && rough.1 > 0.005, "{rough:?}");
+    if !crate::is_soak() {
+        return;
+    }
+    let smooth = kinetic(0.0);
     assert!(rough.0 > smooth.0 + 4.0, "{rough:?} {smooth:?}");
     assert!(rough.1 > 0.005 && rough.1 > 5.0 * smooth.1.abs(), "{rough:?} {smooth:?}");
 }

@@ -102,6 +102,7 @@ fn a_free_spinning_shearing_block_keeps_its_momenta() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn plane_poiseuille_flow_has_its_profile() {
     // A slab that falls along x between two plates: u = g z (d − z)/2ν after d²/(π²ν) = 0.2 s, a few times over.
     let (depth, gravity, viscosity) = (0.2, 0.3, 20.0);
@@ -178,6 +179,7 @@ fn spread_cube(viscosity: f64, substeps: u32, frames: u32) -> f64 {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn a_gravity_current_spreads_like_its_similarity_solution() {
     let (volume, nu) = (0.3_f64.powi(3), 0.01);
     let frames = if crate::is_soak() { vec![24, 48, 96, 192] } else { vec![24] };

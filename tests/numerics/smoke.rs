@@ -97,7 +97,7 @@ fn pushes_leave_no_strength_behind_and_their_impulse_is_the_weight_of_the_smoke(
 #[test]
 fn wind_goes_around_a_ball_and_not_through_it() {
     let ball = || Shape::Sphere { center: [0.0; 3], radius: 0.3 };
-    let spacing = if crate::is_soak() { 0.06 } else { 0.08 };
+    let spacing = if crate::is_soak() { 0.06 } else { 0.1 };
     let text = |more: &str| {
         format!(
             "spacing = {spacing}\nwind = [1, 0, 0]\n{more}\n[[emitter]]\nrate = 30\n\
@@ -387,9 +387,14 @@ fn a_ring_that_passes_a_ball_keeps_its_energy_over_remeshings_and_the_balls_effe
                 circulation = 1\n[flow.remesh]\nspacing = 0.05\nstrain = 0.5";
     let ball = Shape::Sphere { center: [0.0; 3], radius: 0.16 };
     let mut simulation = Simulation::new(world([0.0; 3], vec![ball]), smoke(ring)).unwrap();
-    let records = advance(&mut simulation, 10);
+    let (frames, height) = if crate::is_soak() { (10, 0.05) } else { (5, -0.12) };
+    let records = advance(&mut simulation, frames);
     let remeshings: u32 = records.iter().map(|record| record.flow.remeshed).sum();
-    assert!(mean(&simulation).z > 0.05 && remeshings >= 5, "{} {remeshings}", mean(&simulation));
+    assert!(
+        mean(&simulation).z > height && remeshings >= frames as u32 / 2,
+        "{} {remeshings}",
+        mean(&simulation)
+    );
     let energy = |record: &SmokeRecord| record.account.invariants.energy;
     let first = energy(&records[0]);
     let (mut turned, mut reach) = (0.0, 0.0_f64);
@@ -454,10 +459,11 @@ fn a_ring_flies_at_the_speed_of_its_gaussian_core_at_any_spacing() {
     // [saffman70], and the term of third order of [fukumoto00].
     let speed = circulation / (4.0 * std::f64::consts::PI * radius)
         * ((8.0 * radius / thickness).ln() - 0.558 - 0.918 * (thickness / radius).powi(2));
-    let cases = [(0.045, "winckelmans_leonard"), (0.032, "gaussian")];
     let fine = [0.032, 0.022].map(|spacing| (spacing, "winckelmans_leonard")).into_iter();
-    let fine = fine.chain(["rosenhead_moore", "ball"].map(|kernel| (0.032, kernel)));
-    for (spacing, kernel) in cases.into_iter().chain(fine.filter(|_| crate::is_soak())) {
+    let fine = fine.chain(["gaussian", "rosenhead_moore", "ball"].map(|kernel| (0.032, kernel)));
+    for (spacing, kernel) in
+        [(0.045, "winckelmans_leonard")].into_iter().chain(fine.filter(|_| crate::is_soak()))
+    {
         let text = format!(
             "spacing = {spacing}\nflow = {{ kernel = \"{kernel}\", remesh = {{ spacing = {spacing} }} }}\n[[ring]]\ncenter = [0, 0, 0]\n\
              radius = {radius}\nthickness = {thickness}\ncirculation = {circulation}\ndensity = 0"

@@ -116,7 +116,8 @@ fn warts(radius: f32, proud: &[f32]) -> Stream {
 #[test]
 fn a_particle_proud_of_a_bulk_is_smoothed_with_it() {
     let mut failures = Vec::new();
-    for (radius, voxel) in [(10.0, 0.25), (12.0, 0.5)] {
+    let cases = [(12.0, 0.5), (10.0, 0.25)];
+    for (radius, voxel) in cases.into_iter().take(if crate::is_soak() { 2 } else { 1 }) {
         let stream = warts(radius, &[0.5, 0.75, 1.0, 1.25]);
         for (name, params) in modes() {
             // Single particles that have detached stay as marching cubes makes them.
@@ -176,12 +177,15 @@ fn a_cloud_that_moves_rigidly_keeps_its_surface() {
     let shift = |voxels: [f32; 3]| Vec3::from(voxels) * (params.voxel * SPACING);
     let turn = |angle: f32| Vec3::new(1.0, 2.0, 3.0).normalize() * angle;
     for (name, shift, turn, jitter) in [
-        ("half a voxel", shift([0.5, 0.0, 0.0]), Vec3::zeros(), 0.0),
         ("parts of a voxel", shift([0.37, 0.61, 0.23]), Vec3::zeros(), 0.0),
-        ("a small rotation", Vec3::zeros(), turn(0.05), 0.0),
         ("a rotation", shift([3.3, 0.2, 0.7]), turn(0.5), 0.0),
         ("jitter", Vec3::zeros(), Vec3::zeros(), 1e-3),
-    ] {
+        ("half a voxel", shift([0.5, 0.0, 0.0]), Vec3::zeros(), 0.0),
+        ("a small rotation", Vec3::zeros(), turn(0.05), 0.0),
+    ]
+    .into_iter()
+    .take(if crate::is_soak() { 5 } else { 3 })
+    {
         let motion = Isometry3::new(shift, turn);
         let found = surface(&cloud(&motion, jitter), &params);
         let [rms, largest] = displacement(&still.mesh, &found.mesh, &motion);

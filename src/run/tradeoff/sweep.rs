@@ -4,6 +4,7 @@ use crate::{
     job::{RunError, tradeoff::Setting},
     run::vary::{Vary, combinations},
     scene::{Overrides, Preset, Quality, Scene, SceneError, surface_alone},
+    sim::scene::plain_values,
     sim::tradeoff::{Axis, Change, Subject, Sweep, refine, refined},
 };
 use std::slice;
@@ -45,7 +46,8 @@ impl Origin<'_> {
                 Scene::from_preset(&written, &Overrides::default()).map(drop)
             }
             Self::Particles(_) => {
-                let table = toml::Value::try_from(&scene.surface).expect("settings are plain data");
+                let table = toml::Value::try_from(plain_values(&scene.surface));
+                let table = table.expect("settings have only values that TOML can hold");
                 surface_alone(None, &[format!("surface={table}")]).map(drop)
             }
         }

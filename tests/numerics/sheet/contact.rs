@@ -80,6 +80,7 @@ fn a_sheet_that_falls_on_a_pinned_one_rests_at_the_thickness() {
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn a_strip_dropped_on_its_edge_folds_on_itself() {
     for &integrator in integrators() {
         let strip = grid(
@@ -120,7 +121,8 @@ fn meeting(integrator: &str, ratio: f32) -> String {
 #[test]
 fn sheets_that_collide_at_20_metres_a_second_do_not_pass_and_conserve_momentum() {
     // Implicit Euler damps rotation.
-    for (integrator, bounds) in [("symplectic", [1e-5, 1e-5]), ("implicit", [1e-5, 0.05])] {
+    let integrators = [("implicit", [1e-5, 0.05]), ("symplectic", [1e-5, 1e-5])];
+    for (integrator, bounds) in integrators.into_iter().take(if crate::is_soak() { 2 } else { 1 }) {
         let text = meeting(integrator, 1.0);
         let mut sheets = sheets(&text, &world(0.0, vec![]));
         let (before, start) = (momenta(&sheets), sheets.velocities());

@@ -81,7 +81,7 @@ fn awkward_clouds_move() {
     );
     survives(
         "in one cell of strays",
-        &spoiled(8000, |i, x, _, _| *x *= if i % 1000 == 0 { 1e5 } else { 1e-2 }),
+        &spoiled(2000, |i, x, _, _| *x *= if i % 250 == 0 { 1e5 } else { 1e-2 }),
     );
 }
 

@@ -54,6 +54,7 @@ fn thick(spacing: f64, reach: f64, core: f64, omega: impl Fn(f64) -> f64) -> Vor
 }
 
 #[test]
+#[ignore = "long: tools/soak/run"]
 fn thick_rings_travel_at_their_speeds() {
     let miss = |ring: &Vortons, kernel: Kernel, wide: f64, constant: f64| {
         let mut flow = flow(FlowParams { kernel, error: 1e-4, ..FlowParams::default() }, ring, 1.0);
@@ -75,10 +76,7 @@ fn thick_rings_travel_at_their_speeds() {
         miss(&ring, Kernel::WinckelmansLeonard, (a * a + 2.0 * core * core).sqrt(), 0.25)
     };
     // What is left is of order (a/R)².
-    let mut sections = vec![("Gaussian", [0.06, 0.03].map(gaussian))];
-    if crate::is_soak() {
-        sections.push(("solid", [0.05, 0.025].map(solid)));
-    }
+    let sections = [("Gaussian", [0.06, 0.03].map(gaussian)), ("solid", [0.05, 0.025].map(solid))];
     for (name, errors) in sections {
         let order = (errors[0] / errors[1]).log2();
         assert!(errors[1].abs() < 0.01 && (1.3..2.7).contains(&order), "{name}: {errors:?} {order}");
