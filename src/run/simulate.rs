@@ -90,7 +90,7 @@ pub(crate) fn simulate(
         max_memory,
         state,
         done: Simulated::default(),
-        absent: Vec::new(),
+        absent: None,
         records,
         control,
     };
@@ -229,8 +229,8 @@ struct Job<'a> {
     /// The newest state in memory and its frame.
     state: Option<(FrameIndex, Simulation)>,
     done: Simulated,
-    /// Requested frames before a branch that are not there.
-    absent: Vec<FrameIndex>,
+    /// The first requested frame before a branch that is not there, and the number of such frames.
+    absent: Option<(FrameIndex, u64)>,
     /// The records of the frames in the log and of those that were computed.
     records: Vec<(FrameIndex, FrameRecord)>,
     control: Control<'a>,
@@ -246,14 +246,13 @@ impl Job<'_> {
                 let before = valid.range(self.start()..target).next_back().copied();
                 self.reach(target, before, selection, place)?;
             } else {
-                self.absent.push(target);
+                self.absent.get_or_insert((target, 0)).1 += 1;
             }
             self.control.reporter.progress((place + 1) as f64);
         }
-        if let [first, ..] = self.absent[..] {
+        if let Some((first, count)) = self.absent {
             self.control.reporter.note(&format!(
-                "{} frames before the branch at frame {} are not there (first: {first}): they are of the shot that it branched from",
-                self.absent.len(),
+                "{count} frames before the branch at frame {} are not there (first: {first}): they are of the shot that it branched from",
                 self.start()
             ));
         }
