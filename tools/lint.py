@@ -31,11 +31,12 @@ def record_and_compile(arguments: list[str]) -> None:
     """Stands for rustc: notes the arguments of a crate, and runs it."""
     if "--crate-name" in arguments and value_of(arguments, "--crate-name") != "___":
         source = next(argument for argument in arguments if argument.endswith(".rs"))
-        kind = "test" if "--test" in arguments else value_of(arguments, "--crate-type")
+        hashed = next(argument for argument in arguments if argument.startswith("extra-filename="))
+        name = value_of(arguments, "--crate-name") + hashed.removeprefix("extra-filename=")
         names = {key for key in os.environ if key.startswith("CARGO_") or key == "OUT_DIR"} - {"CARGO_MAKEFLAGS"}
-        record = {"arguments": arguments, "source": source, "environment": {key: os.environ[key] for key in names}}
+        record = {"name": name, "arguments": arguments, "source": source, "environment": {key: os.environ[key] for key in names}}
         RECORDS.mkdir(parents=True, exist_ok=True)
-        (RECORDS / f"{kind}-{source.replace('/', '-')}.json").write_text(json.dumps(record))
+        (RECORDS / f"{name}.json").write_text(json.dumps(record))
     os.execvp(arguments[0], arguments)
 
 
@@ -77,9 +78,20 @@ def run(command: list[str], record: dict, more: dict[str, str]) -> subprocess.Co
     return subprocess.run(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 
 
+def compiled() -> set[str]:
+    """The files of what `cargo test` runs, without directories and endings; it compiles them if they are not fresh."""
+    command = ["cargo", "test", "--no-run", "--quiet", "--message-format=json"]
+    lines = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout.splitlines()
+    messages = [json.loads(line) for line in lines if line.startswith("{")]
+    files = [file for message in messages for file in message.get("filenames", [])]
+    return {Path(file).stem.removeprefix("lib") for file in files}
+
+
 def main() -> int:
+    # Of other features and folders there may be records, too.
+    names = compiled()
     records = [json.loads(path.read_text()) for path in sorted(RECORDS.glob("*.json"))]
-    records = [record for record in records if Path(record["source"]).is_file()]
+    records = [record for record in records if record["name"] in names and Path(record["source"]).is_file()]
     library = [record for record in records if record["source"] == "src/lib.rs" and "--test" not in record["arguments"]]
     example = [record for record in records if record["source"].startswith("examples/")]
     if not library or not example:

@@ -47,10 +47,17 @@ unsafe impl GlobalAlloc for Allocator {
 /// takes 128 MiB of addresses for a moment whenever a thread starts to allocate, and other threads are then refused a few bytes.
 const MAX_RETRIES: u32 = 20;
 
+/// Memory below which a refusal is never taken for an answer at once [bytes]: it is the moment that is short of addresses, not the machine.
+const ALWAYS_EXPECTED: usize = 1 << 20;
+
 /// The memory that `request` gets; does not return where there is none and the caller does not expect that.
 fn granted(size: usize, request: impl Fn() -> *mut u8) -> *mut u8 {
     let memory = request();
-    if memory.is_null() && !may_fail() { requested_again(size, request) } else { memory }
+    if memory.is_null() && (size < ALWAYS_EXPECTED || !may_fail()) {
+        requested_again(size, request)
+    } else {
+        memory
+    }
 }
 
 #[cold]
@@ -62,7 +69,7 @@ fn requested_again(size: usize, request: impl Fn() -> *mut u8) -> *mut u8 {
             return memory;
         }
     }
-    end(size)
+    if may_fail() { std::ptr::null_mut() } else { end(size) }
 }
 
 /// Ends the program; allocates nothing.

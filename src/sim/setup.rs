@@ -76,6 +76,11 @@ pub enum SetupError {
         /// Vortons and tracers at the end of the shot.
         count: f64,
     },
+    /// The smoke's kernel is not that of its sum.
+    #[error(
+        "`smoke.flow.sum = \"multigrid\"` has Gaussian cores only; write `smoke.flow.kernel = \"gaussian\"`"
+    )]
+    MultigridKernel,
     /// A vorton of the start is out of range.
     #[error("the smoke cannot start: {0}; check the rings, tubes and the turbulence")]
     OutOfRange(#[from] OutOfRange),

@@ -370,3 +370,17 @@ fn smoke_that_calibration_runs_to_its_end_takes_what_was_estimated() {
     }
     assert!(number(&plan["seconds"]) > 0.0 && plan["remarks"].as_array().unwrap().is_empty(), "{plan}");
 }
+
+#[test]
+fn sums_that_keep_no_error_and_cores_that_are_too_narrow_are_reported() {
+    let desk = desk();
+    let line = "simulate ring.toml --frames 1-2 --set smoke.sample_every=1 --force -o r";
+    let warns = |set: &str, words: &str| desk.run(&format!("{line} {set}"), 0).1.contains(words);
+    let (inexact, narrow) = ("exceeds the requested", "narrower than the cores of vortons");
+    assert!(!warns("", inexact) && !warns("", narrow));
+    assert!(warns("--set smoke.flow.sum=grouping", inexact));
+    assert!(warns("--set smoke.flow.sum=multigrid --set smoke.flow.kernel=gaussian", inexact));
+    assert!(warns("--set smoke.ring.0.thickness=0.06", narrow));
+    let (_, talk) = desk.run(&format!("{line} --set smoke.flow.sum=multigrid"), 2);
+    assert!(talk.contains("has Gaussian cores only") && talk.contains("kernel = \"gaussian\""), "{talk}");
+}

@@ -487,3 +487,18 @@ fn a_ring_flies_at_the_speed_of_its_gaussian_core_at_any_spacing() {
         assert!((found / speed - 1.0).abs() < bound, "{spacing}, {kernel}: {found} of {speed} m/s");
     }
 }
+
+#[test]
+fn the_velocity_of_a_rings_vortons_has_the_requested_error() {
+    // On rings errors add up that cancel each other in clouds.
+    let text = "spacing = 0.045\nsample_every = 1\n[[ring]]\ncenter = [0, 0, 0.4]\nradius = 0.4\nthickness = 0.08\n\
+                circulation = 1.6\nwobble = 0.02\ndensity = 0\n[flow.remesh]\nspacing = 0.045";
+    let mut simulation = Simulation::new(world([0.0; 3], vec![]), smoke(text)).unwrap();
+    for record in advance(&mut simulation, 3) {
+        let account = record.account;
+        assert!(account.error.unwrap() < account.tolerance.unwrap(), "{account:?}");
+    }
+    let multigrid = text.replace("[flow.remesh]", "[flow]\nsum = 'multigrid'\n[flow.remesh]");
+    let refused = Simulation::new(world([0.0; 3], vec![]), smoke(&multigrid)).unwrap_err();
+    assert!(matches!(refused, meniscus::sim::SetupError::MultigridKernel), "{refused}");
+}

@@ -50,7 +50,7 @@ import surface_scenes
 job = json.load(sys.stdin)
 x = surface_scenes.make(job["scene"])[0].astype(float)
 centre = x.mean(0)
-random = numpy.random.default_rng(1)
+random = numpy.random.default_rng(job["seed"])
 x.astype("<f4").tofile(job["paths"][0])
 for path, shift, turn, jitter in zip(job["paths"][1:], job["shifts"], job["turns"], job["jitters"]):
     moved = Rotation.from_rotvec(turn).apply(x - centre) + centre + numpy.array(shift)
@@ -86,6 +86,7 @@ def main():
     parser.add_argument("--venv", type=pathlib.Path, default=ROOT / "target/surface-venv")
     parser.add_argument("--peers", type=pathlib.Path, default=ROOT / "target/peers")
     parser.add_argument("--binary", type=pathlib.Path, default=ROOT / "target/release/meniscus")
+    parser.add_argument("--seed", type=int, default=1, help="of the jitter")
     parser.add_argument("--json", type=pathlib.Path)
     options = parser.parse_args()
     options.binary = options.binary.resolve()
@@ -97,7 +98,7 @@ def main():
     with tempfile.TemporaryDirectory(prefix="temporal-") as folder:
         folder = pathlib.Path(folder)
         paths = [str(folder / f"{number}.xyz") for number in range(len(CASES) + 1)]
-        job = {"scene": options.scene, "paths": paths, "shifts": shifts, "turns": turns, "spacing": SPACING}
+        job = {"scene": options.scene, "paths": paths, "shifts": shifts, "turns": turns, "spacing": SPACING, "seed": options.seed}
         count, centre = python(options, MOVE, job | {"jitters": [jitter for *_, jitter in CASES]})
         for name, flags in [("Meniscus", {}), *map(row, options.add), *PEERS]:
             print(name, file=sys.stderr, flush=True)

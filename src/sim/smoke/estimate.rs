@@ -1,7 +1,13 @@
 //! Estimate of a shot's vortons and tracers from its parameters alone.
 
 use super::SmokeParams;
-use crate::{sim::SetupError, solid::Shape};
+use crate::{
+    sim::{
+        SetupError,
+        vortex::{Kernel, flow::Sum},
+    },
+    solid::Shape,
+};
 
 /// Limit of tracers and vortons: their ids have 32 bits.
 pub(in crate::sim) const MAX_TRACERS_AND_VORTONS: f64 = 2_147_483_648.0;
@@ -13,6 +19,18 @@ pub(in crate::sim) const MAX_TRACERS_AND_VORTONS: f64 = 2_147_483_648.0;
 pub(in crate::sim) fn refuse_too_much(smoke: &SmokeParams, seconds: f64) -> Result<(), SetupError> {
     let count = estimate(smoke, seconds);
     if count > MAX_TRACERS_AND_VORTONS { Err(SetupError::TooMuchSmoke { count }) } else { Ok(()) }
+}
+
+/// Refuses a kernel that the method of summation does not have.
+///
+/// # Errors
+/// [`SetupError::MultigridKernel`].
+pub(super) fn refuse_kernel(smoke: &SmokeParams) -> Result<(), SetupError> {
+    match (smoke.flow.sum, smoke.flow.kernel) {
+        (Sum::Multigrid, Kernel::Gaussian) => Ok(()),
+        (Sum::Multigrid, _) => Err(SetupError::MultigridKernel),
+        _ => Ok(()),
+    }
 }
 
 /// Upper estimate of vortons and tracers after some seconds; meshes that are not filled are not counted.

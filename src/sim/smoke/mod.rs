@@ -31,6 +31,7 @@ mod turbulence;
 mod walls;
 mod widths;
 
+use estimate::refuse_kernel;
 pub(in crate::sim) use estimate::{MAX_TRACERS_AND_VORTONS, estimate, refuse_too_much};
 pub use field::FrameAir;
 pub(crate) use field::ShotAir;
@@ -94,6 +95,7 @@ pub(super) struct System {
 impl System {
     /// Seeds rings, tubes, turbulence and sources.
     pub(super) fn seed(smoke: Smoke, world: &World) -> Result<Self, SetupError> {
+        refuse_kernel(&smoke.params)?;
         let mut system = Self::empty(smoke, world);
         let params = &system.params;
         let setting = Setting::of(params);

@@ -137,10 +137,11 @@ pub struct Ring {
     pub direction: [f32; 3],
     /// From the centre to the middle of the core [m]. Range: above 0.
     pub radius: f32,
-    /// Radius a of the core [m]: vorticity falls off from its middle as e^(−r²/a²). Below about 1.2 spacings (at the default
+    /// Radius a of the core [m]: vorticity falls off from its middle as e^(−r²/a²). Below 1.5 spacings (at the default
     /// `overlap` and `kernel`) vortons are wider; the shot then reports it, and the ring is slower. Range: above 0.
     pub thickness: f32,
-    /// Circulation [m²/s]; it flies with circulation/(4π radius) · (ln(8 radius/thickness) − 0.558), [saffman70].
+    /// Circulation [m²/s]; it flies with about circulation/(4π radius) · (ln(8 radius/thickness) − 0.558), [saffman70], thick ones
+    /// more slowly.
     pub circulation: f32,
     /// How far the radius waves along the ring, as a part of it: a little makes it break up as rings do.
     /// Range: 0 to 0.5.

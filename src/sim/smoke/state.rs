@@ -1,6 +1,6 @@
 //! Smoke as streams of a frame, and back.
 
-use super::{NAME, Smoke, System, TRACERS, tracers::Tracers};
+use super::{NAME, Smoke, System, TRACERS, estimate::refuse_kernel, tracers::Tracers};
 use crate::{
     frame::{Stream, StreamKind},
     sim::{
@@ -34,6 +34,7 @@ impl System {
         world: &World,
         streams: &[Stream],
     ) -> Result<Self, SetupError> {
+        refuse_kernel(&smoke.params)?;
         let mut system = Self::empty(smoke, world);
         let stream = find(streams, NAME)?;
         let missing = |what| SetupError::Missing { stream: NAME, what };

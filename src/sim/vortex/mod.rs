@@ -48,6 +48,7 @@ mod traversal;
 mod vortons;
 
 pub use accuracy::ERRORS;
+pub(in crate::sim) use gourlay::grid::max_multigrid_bytes;
 pub use gourlay::multigrid_poisson;
 pub use grid::{UniformGrid, VectorField, boundary_values, choose_grid, grid_errors, poisson};
 pub use invariants::{Invariants, invariants};

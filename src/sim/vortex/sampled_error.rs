@@ -30,5 +30,28 @@ pub fn sampled_error(
         error += f64::from((found[i] - exact).norm()).powi(2);
         whole += f64::from(exact.norm()).powi(2);
     }
-    Ok(if error > 0.0 { (error / whole).sqrt() } else { 0.0 })
+    // NaN is not 0.
+    Ok(if error == 0.0 { 0.0 } else { (error / whole).sqrt() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nan_in_a_velocity_is_reported_as_nan() {
+        let vortons = Vortons {
+            position: vec![Vec3::zeros(), Vec3::x()],
+            strength: vec![Vec3::z(); 2],
+            core: vec![0.1; 2],
+        };
+        let at =
+            |found: &[Vec3]| sampled_error(&vortons, Targets::Vortons, Kernel::Gaussian, found, 2).unwrap();
+        let exact = induced(&vortons, Targets::Vortons, Quantity::Velocity, Kernel::Gaussian, Method::Direct)
+            .unwrap()
+            .velocity;
+        assert_eq!(at(&exact), 0.0);
+        assert!(at(&[Vec3::repeat(f32::NAN), exact[1]]).is_nan());
+        assert!((at(&[exact[0] * 1.1, exact[1] * 1.1]) - 0.1).abs() < 1e-6);
+    }
 }

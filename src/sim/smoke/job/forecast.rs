@@ -18,6 +18,7 @@ use crate::{
         },
         scene::Scene,
         smoke::SmokeParams,
+        vortex::{flow::Sum, max_multigrid_bytes},
     },
 };
 
@@ -43,9 +44,16 @@ const VORTON_BYTES: f64 = 900.0;
 const TRACER_BYTES: f64 = 230.0;
 
 /// Memory of so many vortons and tracers [bytes].
-pub(super) fn memory(counts: &[ElementCount]) -> f64 {
-    let bytes = |kind| if kind == StreamKind::Vortons { VORTON_BYTES } else { TRACER_BYTES };
-    counts.iter().map(|count| count.max() * bytes(count.kind)).sum()
+pub(super) fn memory(scene: &Scene, counts: &[ElementCount]) -> f64 {
+    let has_grid = scene.smoke.as_ref().is_some_and(|smoke| smoke.flow.sum == Sum::Multigrid);
+    let bytes = |count: &ElementCount| match count.kind {
+        StreamKind::Vortons if has_grid => {
+            count.max() * VORTON_BYTES + max_multigrid_bytes(count.max() as usize)
+        }
+        StreamKind::Vortons => count.max() * VORTON_BYTES,
+        _ => count.max() * TRACER_BYTES,
+    };
+    counts.iter().map(bytes).sum()
 }
 
 /// The vortons and tracers of seeded smoke, with a bound of those at the end by what emitters add.

@@ -77,8 +77,8 @@ impl System for Smoke {
         scene.smoke.as_ref().map(|smoke| forecast::counts(scene, smoke, seeds)).unwrap_or_default()
     }
 
-    fn memory(&self, _: &Scene, counts: &[ElementCount]) -> f64 {
-        forecast::memory(counts)
+    fn memory(&self, scene: &Scene, counts: &[ElementCount]) -> f64 {
+        forecast::memory(scene, counts)
     }
 
     fn forecast(&self, job: &ForecastJob) -> Result<Option<SystemForecast>, RunError> {

@@ -88,7 +88,7 @@ fn inaccurate(Account { error, tolerance, .. }: &Account) -> Option<String> {
     error.zip(*tolerance).filter(|(error, tolerance)| error.is_nan() || error > tolerance).map(
         |(error, tolerance)| {
             format!(
-                "the velocity's error of {error:.1e} exceeds the requested {tolerance:.1e} (smoke.flow.error, smoke.flow.sum)"
+                "the velocity's error of {error:.1e} exceeds the requested {tolerance:.1e} (smoke.flow.error, which \"grouping\" and \"multigrid\" do not keep: smoke.flow.sum)"
             )
         },
     )

@@ -178,7 +178,10 @@ fn flow(scene: &mut Scene) -> Option<&mut FlowParams> {
 const SUM: &str = "smoke.flow.sum";
 const MAX_SUBSTEPS: &str = "smoke.flow.max_substeps";
 
-const ERROR: Knob = Knob::new("smoke.flow.error", |scene, _| Some(&mut flow(scene)?.error));
+// The other sums keep no requested error.
+const ERROR: Knob = Knob::new("smoke.flow.error", |scene, _| {
+    Some(&mut flow(scene).filter(|flow| [Sum::Tree, Sum::Grid].contains(&flow.sum))?.error)
+});
 const STRAIN: Knob = Knob::new("smoke.flow.strain", |scene, _| Some(&mut flow(scene)?.strain));
 const DISPLACEMENT: Knob =
     Knob::new("smoke.flow.displacement", |scene, _| Some(&mut flow(scene)?.displacement));

@@ -87,9 +87,9 @@ pub enum Sum {
     Grid,
     /// All pairs: exact, and slow above some thousand vortons.
     Direct,
-    /// The grouping rule of [gourlay19], for comparison: `error` has no effect, and 30 to 80 % of the velocity is error.
+    /// The grouping rule of [gourlay19], for comparison: `error` only decides what is reported, and 30 to 80 % of the velocity is error.
     Grouping,
-    /// The multigrid solve of [gourlay19], for comparison, with `kernel = "gaussian"`: `error` has no effect, and 1 to 16 %
+    /// The multigrid solve of [gourlay19], for comparison, with `kernel = "gaussian"`: `error` only decides what is reported, and 1 to 16 %
     /// of the velocity is error.
     Multigrid,
 }

@@ -34,6 +34,12 @@ const REACH: usize = 10;
 /// Cells from the boundary within which a point is left to the tree: linear weights and two differences.
 const MIN_DEPTH: usize = 3;
 
+/// Nodes per vorton in a grid at most: some 3 in a filled box, and 30 around a ring.
+const NODES_PER_VORTON: usize = 256;
+
+/// Nodes that a grid may have however few the vortons are.
+const MIN_NODES: usize = 1 << 18;
+
 /// The requested error of the tree on the boundary, and outside.
 const TREE_ERROR: f32 = 1e-2;
 
@@ -47,7 +53,7 @@ pub(in crate::sim::vortex) fn rows<const Q: usize, const N: usize>(
         return out;
     }
     let core = mean_core(vortons);
-    let grid = grid_around(&vortons.position, core / SPACINGS_PER_CORE);
+    let grid = grid_around(&vortons.position, core / SPACINGS_PER_CORE, max_nodes(vortons.len()));
     if let Some(grid) = grid {
         let fields = solve::<Q>(vortons, core, grid);
         par::fill(&mut out, |i| interpolate(&fields, grid, points[i]));
@@ -75,25 +81,33 @@ fn solve<const Q: usize>(vortons: &Vortons, core: f32, grid: UniformGrid) -> Vec
     if Q == POTENTIAL {
         return vec![potential];
     }
-    let mut fields = vec![curl(&potential)];
-    if Q == GRADIENT {
-        let velocity = fields[0].clone();
-        fields.extend((0..3).map(|i| {
-            let slopes = |place, axis| difference(&velocity, place, i, axis);
-            differences(grid, slopes)
-        }));
-    }
-    fields
+    let velocity = curl(&potential);
+    drop(potential);
+    let slopes = |i| differences(grid, |place, axis| difference(&velocity, place, i, axis));
+    let gradients: Vec<VectorField> = if Q == GRADIENT { (0..3).map(slopes).collect() } else { Vec::new() };
+    [velocity].into_iter().chain(gradients).collect()
+}
+
+/// Maximum number of nodes of a grid for so many vortons: in clouds of many gaps the tree takes a fraction of the memory and the time.
+const fn max_nodes(vortons: usize) -> usize {
+    let nodes = vortons.saturating_mul(NODES_PER_VORTON).saturating_add(MIN_NODES);
+    if nodes < MAX_NODES { nodes } else { MAX_NODES }
+}
+
+/// Memory of the multigrid solve for so many vortons at most [bytes]: vectors of potential, velocity and its gradients at each node, and
+/// of the coarser grids.
+pub(in crate::sim) fn max_multigrid_bytes(vortons: usize) -> f64 {
+    (max_nodes(vortons) * 6 * size_of::<Vec3>()) as f64
 }
 
 /// The box around the vortons, with a number of cells that can be halved until twelve or fewer are left; `None` if it has
 /// too many nodes, or if the spacing is below the precision of coordinates.
-fn grid_around(points: &[Vec3], spacing: f32) -> Option<UniformGrid> {
+fn grid_around(points: &[Vec3], spacing: f32, max_nodes: usize) -> Option<UniformGrid> {
     let (low, high) = bounds(points);
     let mut cells = [0; 3];
     for k in 0..3 {
         let wanted = ((high[k] - low[k]) / spacing).ceil() + (2 * MARGIN) as f32;
-        if wanted > MAX_NODES as f32 {
+        if wanted > max_nodes as f32 {
             return None;
         }
         let mut halvings = 0;
@@ -105,7 +119,7 @@ fn grid_around(points: &[Vec3], spacing: f32) -> Option<UniformGrid> {
     let half = Vec3::from_fn(|k, _| cells[k] as f32) * (0.5 * spacing);
     let grid = UniformGrid { low: (low + high) * 0.5 - half, spacing, cells };
     let coarse = low.amax().max(high.amax()) * f32::EPSILON > 0.01 * spacing;
-    (!coarse && grid.nodes() <= MAX_NODES).then_some(grid)
+    (!coarse && grid.nodes() <= max_nodes).then_some(grid)
 }
 
 /// Calls `f(index, weight)` for the eight nodes around a point inside.

@@ -9,7 +9,8 @@
 //! |Γ|, its squared core their mean by |Γ|. A point outside the grid descends towards the nearest cell.
 //!
 //! *Limits*: 30 to 80 % of the velocity is error, since a cell across a boundary of a coarse layer counts as
-//! one vorton however near it is.
+//! one vorton however near it is. Cells divide the box of all vortons evenly, so that a stray puts all others into one cell, whose
+//! sums cost as much as all pairs.
 
 use crate::{
     math::{Vec3, elementary::cbrt},

@@ -3,7 +3,7 @@
 //! The library's own tree and grid ([`Method::Tree`](super::Method::Tree), [`Method::Grid`](super::Method::Grid)) keep a
 //! requested error. These do not: docs/vortices.md has what they reach.
 
-pub(super) mod grid;
+pub(in crate::sim::vortex) mod grid;
 pub(super) mod grouping;
 mod multigrid;
 
