@@ -34,7 +34,7 @@ def record_and_compile(arguments: list[str]) -> None:
         hashed = next(argument for argument in arguments if argument.startswith("extra-filename="))
         name = value_of(arguments, "--crate-name") + hashed.removeprefix("extra-filename=")
         names = {key for key in os.environ if key.startswith("CARGO_") or key == "OUT_DIR"} - {"CARGO_MAKEFLAGS"}
-        record = {"name": name, "arguments": arguments, "source": source, "environment": {key: os.environ[key] for key in names}}
+        record = {"arguments": arguments, "source": source, "environment": {key: os.environ[key] for key in names}}
         RECORDS.mkdir(parents=True, exist_ok=True)
         (RECORDS / f"{name}.json").write_text(json.dumps(record))
     os.execvp(arguments[0], arguments)
@@ -79,19 +79,22 @@ def run(command: list[str], record: dict, more: dict[str, str]) -> subprocess.Co
 
 
 def compiled() -> set[str]:
-    """The files of what `cargo test` runs, without directories and endings; it compiles them if they are not fresh."""
+    """The names of the files that `cargo test` uses of the package; it compiles those that are not fresh."""
     command = ["cargo", "test", "--no-run", "--quiet", "--message-format=json"]
     lines = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout.splitlines()
     messages = [json.loads(line) for line in lines if line.startswith("{")]
-    files = [file for message in messages for file in message.get("filenames", [])]
-    return {Path(file).stem.removeprefix("lib") for file in files}
+    return {Path(file).name for message in messages for file in message.get("filenames", [])}
 
 
 def main() -> int:
-    # Of other features and folders there may be records, too.
-    names = compiled()
-    records = [json.loads(path.read_text()) for path in sorted(RECORDS.glob("*.json"))]
-    records = [record for record in records if record["name"] in names and Path(record["source"]).is_file()]
+    # There may be records of other features and folders: those of now are among the files in use, or are linked with one.
+    files = compiled()
+    records = []
+    for path in sorted(RECORDS.glob("*.json")):
+        record = json.loads(path.read_text())
+        linked = [Path(argument.split("=")[-1]).name for argument in record["arguments"] if argument.startswith("meniscus=")]
+        if files & {path.stem, f"lib{path.stem}.rlib", *linked} and Path(record["source"]).is_file():
+            records.append(record)
     library = [record for record in records if record["source"] == "src/lib.rs" and "--test" not in record["arguments"]]
     example = [record for record in records if record["source"].startswith("examples/")]
     if not library or not example:

@@ -103,6 +103,7 @@ fn simulated(
     }
     let folder = ShotFolder::new(args.output.clone().unwrap_or(default));
     if let Some(branch) = branch {
+        run::check_selection(&scene, &selection)?;
         branch.start(&folder, args.force, args.max_memory, control)?;
     }
     let done = run::simulate(&scene, &folder, &selection, args.force, args.max_memory, control)?;

@@ -235,6 +235,13 @@ impl Manifest {
         if let Some(foreign) = manifest.outputs.iter().find_map(OutputFiles::foreign_path) {
             return invalid(format!("found the path {foreign:?}, expected FOLDER/FILE in the shot's folder"));
         }
+        let branches = &manifest.branch;
+        let ascend = branches.windows(2).all(|pair| pair[0].frame < pair[1].frame);
+        if !ascend || frame_keys(0, branches).is_none() {
+            return invalid(
+                "found branches without keys or order, expected ascending frames, each with a key".to_owned(),
+            );
+        }
         Ok(manifest)
     }
 

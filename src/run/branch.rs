@@ -7,13 +7,14 @@ use super::{Control, RunError, ShotFolder, simulate, solids, stale};
 use crate::{
     cache::{self, CacheError, FrameKeys},
     control::printable_path,
-    frame::FrameIndex,
+    frame::{Frame, FrameIndex},
     job::{file_records::hex, log},
     preset::Branch,
     scene::{self, Overrides, Scene},
     sim::{FrameRecord, Simulation, registry},
 };
 use std::{
+    collections::BTreeSet,
     io,
     path::{Path, PathBuf},
 };
@@ -64,8 +65,10 @@ impl NewBranch {
         }
         refuse_fixed(&before, &scene, first)?;
         let keys = before.frame_keys();
-        let key = cache::read_header(&cache::frame_path(&parent.cache(), first))
-            .and_then(|info| keys.expect(&info, &parent.cache()).map(|()| keys.of(FrameIndex(first.0 - 1))));
+        let key = cache::read_header(&cache::frame_path(&parent.cache(), first)).and_then(|info| {
+            keys.expect(&info, &cache::frame_path(&parent.cache(), first))?;
+            Ok(keys.of(FrameIndex(first.0 - 1)))
+        });
         let key = key.map_err(|why| explain(&parent, first, why))?;
         scene.branch.retain(|branch| branch.frame < first.0);
         scene.branch.push(Branch { frame: first.0, before: hex(key) });
@@ -97,56 +100,60 @@ impl NewBranch {
         ShotFolder::create(&folder.cache())?;
         let _lock = cache::Lock::acquire_past_probes(&folder.cache())?;
         let keys = self.scene.frame_keys();
-        let frames = cache::list(&self.parent.cache())?;
-        let (mut linked, mut copied) = (0_u32, 0_u32);
-        for (index, path) in frames.iter().filter(|(index, _)| *index < self.first) {
-            let target = cache::frame_path(&folder.cache(), *index);
-            if self.is_there(&target, *index, &keys, folder, force)? {
-                continue;
-            }
-            keys.expect(&cache::read_header(path)?, path)?;
-            let is_link = link(path, &target)?;
-            (linked, copied) = (linked + u32::from(is_link), copied + u32::from(!is_link));
-        }
-        let target = cache::frame_path(&folder.cache(), self.first);
-        if !self.is_there(&target, self.first, &keys, folder, force)? || cache::verify_frame(&target).is_err()
+        let mut shared = Vec::new();
+        for (index, path) in
+            cache::list(&self.parent.cache())?.into_iter().filter(|(index, _)| *index < self.first)
         {
-            self.write_first(folder, &keys, max_memory, control)?;
-            let how = if copied > 0 { ", on another file system, so that they were copied" } else { "" };
+            if !self.is_there(index, &keys, folder, force)? {
+                keys.expect(&cache::verify_frame(&path)?, &path)?;
+                shared.push((index, path));
+            }
+        }
+        // What is there is given up only when the branch is known to start.
+        let first = match self.is_there(self.first, &keys, folder, force)? {
+            true => None,
+            false => Some(self.first_frame(folder, max_memory, control)?),
+        };
+        let mut copied = 0;
+        for (index, path) in &shared {
+            copied += usize::from(!link(path, &cache::frame_path(&folder.cache(), *index))?);
+        }
+        if let Some(frame) = &first {
+            cache::write_frame(&folder.cache(), frame, keys.of(self.first))?;
+            let how = if copied > 0 { ", which could not be linked, so that they were copied" } else { "" };
             control.reporter.note(&format!(
                 "branches from frame {} of {}: {} frames before it are shared{how}",
                 self.first,
                 printable_path(self.parent.root()),
-                linked + copied
+                shared.len()
             ));
         }
-        self.keep_log(folder)
+        let new = shared.into_iter().map(|(index, _)| index).chain(first.map(|frame| frame.index));
+        self.keep_log(folder, &new.collect())
     }
 
-    /// Whether the folder has the frame already.
+    /// Whether the folder has the frame already, undamaged.
     fn is_there(
         &self,
-        path: &Path,
         index: FrameIndex,
         keys: &FrameKeys,
         folder: &ShotFolder,
         force: bool,
     ) -> Result<bool, RunError> {
-        match cache::read_header(path) {
+        match cache::verify_frame(&cache::frame_path(&folder.cache(), index)) {
             Ok(found) if found.key == keys.of(index) => Ok(true),
             Ok(found) if !force => Err(stale::explain(folder, &self.scene, found.key)),
             _ => Ok(false),
         }
     }
 
-    /// Writes the branch's first frame: the state of the shot's, with what the new settings change in it.
-    fn write_first(
+    /// The branch's first frame: the state of the shot's, with what the new settings change in it.
+    fn first_frame(
         &self,
         folder: &ShotFolder,
-        keys: &FrameKeys,
         max_memory: Option<u64>,
         control: Control,
-    ) -> Result<(), RunError> {
+    ) -> Result<Frame, RunError> {
         let path = cache::frame_path(&self.parent.cache(), self.first);
         let (frame, info) = cache::read_frame_within(&path, max_memory)?;
         self.before.frame_keys().expect(&info, &path)?;
@@ -163,20 +170,20 @@ impl NewBranch {
                 self.first.0
             ))
         })?;
-        let key = keys.of(self.first);
-        cache::write_frame(&folder.cache(), &branched.frame(self.first), key)?;
-        Ok(())
+        Ok(branched.frame(self.first))
     }
 
-    /// Takes over the log's lines about shared frames.
-    fn keep_log(&self, folder: &ShotFolder) -> Result<(), RunError> {
-        let known = log::read::<FrameRecord>(folder)?;
-        for (index, line) in log::read::<FrameRecord>(&self.parent)? {
-            if index <= self.first && !known.contains_key(&index) {
-                log::append(folder, &line)?;
-            }
+    /// Takes over the log's lines about frames that are new in the folder.
+    fn keep_log(&self, folder: &ShotFolder, new: &BTreeSet<FrameIndex>) -> Result<(), RunError> {
+        if new.is_empty() {
+            return Ok(());
         }
-        Ok(())
+        log::retain(folder, |index| !new.contains(&index))?;
+        let lines = log::read::<FrameRecord>(&self.parent)?;
+        lines
+            .iter()
+            .filter(|(index, _)| new.contains(index))
+            .try_for_each(|(_, line)| log::append(folder, line))
     }
 }
 
@@ -214,7 +221,9 @@ fn link(path: &Path, target: &PathBuf) -> Result<bool, RunError> {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(failed(error)),
         _ => {}
     }
-    if std::fs::hard_link(path, target).is_ok() {
+    // A link to a symbolic link would lead elsewhere from there.
+    let is_file = std::fs::symlink_metadata(path).is_ok_and(|found| found.is_file());
+    if is_file && std::fs::hard_link(path, target).is_ok() {
         return Ok(true);
     }
     let (mut file, _) = cache::open_regular(path).map_err(failed)?;
@@ -225,7 +234,7 @@ fn link(path: &Path, target: &PathBuf) -> Result<bool, RunError> {
 /// Why the shot has no such frame.
 fn explain(parent: &ShotFolder, first: FrameIndex, why: CacheError) -> RunError {
     let CacheError::NotFound { .. } = why else { return why.into() };
-    let before = cache::list(&parent.cache()).map_or_else(|_| Vec::new(), |frames| frames);
+    let before = cache::list(&parent.cache()).unwrap_or_default();
     let nearest = before.iter().map(|(index, _)| index.0).min_by_key(|index| index.abs_diff(first.0));
     let nearest =
         nearest.map_or_else(|| "it has none".to_owned(), |index| format!("the nearest is frame {index}"));

@@ -34,6 +34,6 @@ pub(crate) use info::{FrameState, Info, frame_ranges, info, is_shot};
 pub(crate) use plan::{Outline, Plan, outline, plan, refuse_over_memory};
 pub(crate) use prepare::prepare;
 pub(crate) use products::make_products;
-pub(crate) use simulate::simulate;
+pub(crate) use simulate::{check_selection, simulate};
 pub(crate) use vary::Vary;
 pub(crate) use verify::{Stage, Verification, verify};

@@ -2,7 +2,7 @@
 
 use super::{Control, FrameSpan, Manifest, RunError, ShotFolder, solids, stale};
 use crate::{
-    cache::{self, CacheError, FrameKeys, Lock},
+    cache::{self, CacheError, Lock},
     control::{UnderWay, printable_path},
     frame::{FrameIndex, Stream},
     job::{
@@ -14,7 +14,12 @@ use crate::{
     scene::{Frames, Scene},
     sim::{FrameRecord, Simulation, Stop, World, registry},
 };
-use std::{collections::BTreeSet, io::ErrorKind, path::PathBuf, time::Instant};
+use std::{
+    collections::BTreeSet,
+    io::ErrorKind,
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 /// What a simulation job did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,15 +65,21 @@ pub(crate) fn simulate(
     if force {
         match scene.branch.last() {
             // Its first frame is where it starts, and is not its own work.
-            Some(branch) => start_over(folder, Some(FrameIndex(branch.frame)))?,
+            Some(branch) => {
+                let is_start = |index, path: &Path| {
+                    index <= FrameIndex(branch.frame)
+                        && cache::read_header(path).is_ok_and(|found| keys.expect(&found, path).is_ok())
+                };
+                start_over(folder, is_start)?;
+            }
             // What is there is given up only when the new simulation is known to start.
             None => {
                 state = Some(begin(scene, control)?);
-                start_over(folder, None)?;
+                start_over(folder, |_, _| false)?;
             }
         }
     }
-    let valid = survey(folder, &keys, selection, control).map_err(|why| match why {
+    let valid = survey(folder, scene, selection, control).map_err(|why| match why {
         RunError::Cache(CacheError::Stale { found, .. }) => stale::explain(folder, requested, found),
         other => other,
     })?;
@@ -123,7 +134,7 @@ pub(super) fn refuse_foreign_preset(folder: &ShotFolder) -> Result<(), RunError>
 }
 
 /// Refuses frames before the shot's first.
-pub(super) fn check_selection(scene: &Scene, selection: &Frames) -> Result<(), RunError> {
+pub(crate) fn check_selection(scene: &Scene, selection: &Frames) -> Result<(), RunError> {
     let start = scene.frames.first();
     if selection.first() >= start {
         return Ok(());
@@ -138,13 +149,18 @@ pub(super) fn check_selection(scene: &Scene, selection: &Frames) -> Result<(), R
 /// they are in `selection`.
 fn survey(
     folder: &ShotFolder,
-    keys: &FrameKeys,
+    scene: &Scene,
     selection: &Frames,
     control: Control,
 ) -> Result<BTreeSet<FrameIndex>, RunError> {
     let present = match cache::list(&folder.cache()) {
         Err(CacheError::NotFound { .. }) => return Ok(BTreeSet::new()),
         listed => listed?,
+    };
+    let keys = scene.frame_keys();
+    // Frames up to the first of a branch are not of this simulation.
+    let is_computed = |index| {
+        selection.contains(index) && scene.branch.last().is_none_or(|branch| index > FrameIndex(branch.frame))
     };
     let mut valid = BTreeSet::new();
     for (index, path) in present {
@@ -156,7 +172,7 @@ fn survey(
             Err(
                 damage @ (CacheError::Corrupt { .. } | CacheError::Misplaced { .. } | CacheError::Io { .. }),
             ) => {
-                let fate = if selection.contains(index) { "computed again" } else { "left as it is" };
+                let fate = if is_computed(index) { "computed again" } else { "left as it is" };
                 control.reporter.note(&format!("frame {index} is {fate}: {damage}"));
             }
             Err(other) => return Err(other.into()),
@@ -203,13 +219,13 @@ fn warn_of_lost_lines(
     }
 }
 
-/// Removes the cached frames after `kept`, or every one.
-fn start_over(folder: &ShotFolder, kept: Option<FrameIndex>) -> Result<(), RunError> {
+/// Removes the cached frames but those that `is_kept` wants.
+fn start_over(folder: &ShotFolder, is_kept: impl Fn(FrameIndex, &Path) -> bool) -> Result<(), RunError> {
     let present = match cache::list(&folder.cache()) {
         Err(CacheError::NotFound { .. }) => return Ok(()),
         listed => listed?,
     };
-    for (_, path) in present.into_iter().filter(|(index, _)| kept.is_none_or(|kept| *index > kept)) {
+    for (_, path) in present.into_iter().filter(|(index, path)| !is_kept(*index, path)) {
         std::fs::remove_file(&path).map_err(|source| cannot_clean(path, source))?;
     }
     Ok(())
@@ -395,7 +411,9 @@ fn write_manifest(
     let Some(span) = requested.chain(there).reduce(FrameSpan::union) else { return Ok(()) };
     let _lock = Manifest::lock(folder, control)?;
     let new = Manifest::new(&scene.title, f64::from(scene.fps), span);
-    let old = if valid.is_empty() { None } else { Manifest::read(folder)? };
+    let keys = scene.frame_keys();
+    let is_same = |old: &Manifest| old.frame_keys().is_none_or(|found| found == keys);
+    let old = if valid.is_empty() { None } else { Manifest::read(folder)?.filter(is_same) };
     let (outputs, mut requested) = old.map(|old| (old.outputs, old.requested)).unwrap_or_default();
     let ranges = selection.ranges().map(|(first, last, step)| FrameSpan { first, last, step });
     let unknown: Vec<FrameSpan> = ranges.filter(|range| !requested.contains(range)).collect();

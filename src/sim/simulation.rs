@@ -98,10 +98,12 @@ impl Simulation {
         before: (World, impl Into<Systems>),
         after: (World, impl Into<Systems>),
     ) -> Result<Self, SetupError> {
+        // One after the other, for their memory.
+        let energies =
+            Self::restore(before.0, before.1, frame)?.liquid.map(|mut liquid| liquid.restored_energy());
         let mut branched = Self::restore(after.0, after.1, frame)?;
-        let mut before = Self::restore(before.0, before.1, frame)?;
-        if let (Some(branched), Some(before)) = (&mut branched.liquid, &mut before.liquid) {
-            branched.take_over_energy(before);
+        if let (Some(liquid), Some(energies)) = (&mut branched.liquid, energies) {
+            liquid.take_over_energy(energies);
         }
         Ok(branched)
     }

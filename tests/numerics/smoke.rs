@@ -390,11 +390,7 @@ fn a_ring_that_passes_a_ball_keeps_its_energy_over_remeshings_and_the_balls_effe
     let (frames, height) = if crate::is_soak() { (10, 0.05) } else { (5, -0.12) };
     let records = advance(&mut simulation, frames);
     let remeshings: u32 = records.iter().map(|record| record.flow.remeshed).sum();
-    assert!(
-        mean(&simulation).z > height && remeshings >= frames as u32 / 2,
-        "{} {remeshings}",
-        mean(&simulation)
-    );
+    assert!(mean(&simulation).z > height && remeshings >= frames / 2, "{} {remeshings}", mean(&simulation));
     let energy = |record: &SmokeRecord| record.account.invariants.energy;
     let first = energy(&records[0]);
     let (mut turned, mut reach) = (0.0, 0.0_f64);

@@ -30,11 +30,19 @@ impl Liquid {
         self.microrotation.as_ref().map_or(0.0, |microrotation| microrotation.energy(self.mass))
     }
 
-    /// Takes over the energy that the liquid of the same state may have with the settings `before`, and what the change of settings adds:
-    /// potential energy of another gravity, surface energy of another tension.
-    pub(in crate::sim) fn take_over_energy(&mut self, before: &mut Self) {
-        let change = self.state_energy() - before.state_energy();
-        self.first_energy = before.first_energy + change;
+    /// Takes over the energy that the liquid of the same state may have with the settings before, and what the change of settings adds, as
+    /// [`Self::restored_energy`] gives both: potential energy of another gravity, surface energy of another tension.
+    pub(in crate::sim) fn take_over_energy(&mut self, [bound, energy]: [f64; 2]) {
+        let change = self.restored_energy()[1] - energy;
+        self.first_energy = bound + change;
+    }
+
+    /// The energy that the restored liquid may have, and that which it has [J].
+    pub(in crate::sim) fn restored_energy(&mut self) -> [f64; 2] {
+        if let Some(tension) = &mut self.tension {
+            tension.move_to(self.walls.now());
+        }
+        [self.first_energy, self.state_energy()]
     }
 
     /// The sum of all energies that are bounded [J].

@@ -43,7 +43,8 @@ impl System for Sheets {
     }
 
     fn fixed_at_branches(&self) -> &'static [&'static str] {
-        &["sheet.*.name", "sheet.*.shape", "sheet.*.velocity", "sheet.*.grain"]
+        // A pin or joint would take its points back to where they were at the start.
+        &["sheet.*.name", "sheet.*.shape", "sheet.*.velocity", "sheet.*.grain", "sheet.*.pin", "sheets.joint"]
     }
 
     fn feels_forces(&self) -> bool {

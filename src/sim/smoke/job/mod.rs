@@ -41,7 +41,7 @@ impl System for Smoke {
     }
 
     fn fixed_at_branches(&self) -> &'static [&'static str] {
-        &["smoke.spacing", "smoke.tracers", "smoke.ring", "smoke.tube", "smoke.source"]
+        &["smoke.spacing", "smoke.tracers", "smoke.ring", "smoke.tube", "smoke.source", "smoke.turbulence"]
     }
 
     fn tradeoff(&self) -> Option<&'static Subject> {
