@@ -5,7 +5,7 @@
 
 use super::{Control, RunError, ShotFolder, simulate, solids, stale};
 use crate::{
-    cache::{self, CacheError, FrameKeys},
+    cache::{self, CacheError},
     control::printable_path,
     frame::{Frame, FrameIndex},
     job::{file_records::hex, log},
@@ -99,18 +99,25 @@ impl NewBranch {
         solids::refuse_assets(&self.scene, folder)?;
         ShotFolder::create(&folder.cache())?;
         let _lock = cache::Lock::acquire_past_probes(&folder.cache())?;
+        if !force {
+            stale::refuse_others(folder, &self.scene)?;
+        }
         let keys = self.scene.frame_keys();
+        let is_there = |index| {
+            let found = cache::verify_frame(&cache::frame_path(&folder.cache(), index));
+            found.is_ok_and(|found| found.key == keys.of(index))
+        };
         let mut shared = Vec::new();
         for (index, path) in
             cache::list(&self.parent.cache())?.into_iter().filter(|(index, _)| *index < self.first)
         {
-            if !self.is_there(index, &keys, folder, force)? {
+            if !is_there(index) {
                 keys.expect(&cache::verify_frame(&path)?, &path)?;
                 shared.push((index, path));
             }
         }
         // What is there is given up only when the branch is known to start.
-        let first = match self.is_there(self.first, &keys, folder, force)? {
+        let first = match is_there(self.first) {
             true => None,
             false => Some(self.first_frame(folder, max_memory, control)?),
         };
@@ -130,21 +137,6 @@ impl NewBranch {
         }
         let new = shared.into_iter().map(|(index, _)| index).chain(first.map(|frame| frame.index));
         self.keep_log(folder, &new.collect())
-    }
-
-    /// Whether the folder has the frame already, undamaged.
-    fn is_there(
-        &self,
-        index: FrameIndex,
-        keys: &FrameKeys,
-        folder: &ShotFolder,
-        force: bool,
-    ) -> Result<bool, RunError> {
-        match cache::verify_frame(&cache::frame_path(&folder.cache(), index)) {
-            Ok(found) if found.key == keys.of(index) => Ok(true),
-            Ok(found) if !force => Err(stale::explain(folder, &self.scene, found.key)),
-            _ => Ok(false),
-        }
     }
 
     /// The branch's first frame: the state of the shot's, with what the new settings change in it.

@@ -1,10 +1,7 @@
 //! Shot folders that are ready to be simulated by another process.
 
 use super::{Control, Manifest, RunError, ShotFolder, simulate, solids, stale};
-use crate::{
-    cache::{self, CacheError},
-    scene::Scene,
-};
+use crate::scene::Scene;
 
 /// Writes the preset of `scene` and the files that it names into a shot folder, which
 /// `meniscus simulate DIR/preset.toml -o DIR` then simulates on any machine.
@@ -15,18 +12,7 @@ use crate::{
 pub(crate) fn prepare(scene: &Scene, folder: &ShotFolder, control: Control) -> Result<(), RunError> {
     simulate::refuse_foreign_preset(folder)?;
     solids::refuse_assets(scene, folder)?;
-    match cache::list(&folder.cache()) {
-        Err(CacheError::NotFound { .. }) => {}
-        listed => {
-            let keys = scene.frame_keys();
-            for (_, path) in listed? {
-                let found = cache::read_header(&path)?;
-                if keys.expect(&found, &path).is_err() {
-                    return Err(stale::explain(folder, scene, found.key));
-                }
-            }
-        }
-    }
+    stale::refuse_others(folder, scene)?;
     let _lock = Manifest::lock(folder, control)?;
     ShotFolder::write(folder.preset(), &(simulate::RECORD.to_owned() + &scene.to_toml()))?;
     solids::keep_assets(scene, folder)

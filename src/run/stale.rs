@@ -1,7 +1,10 @@
 //! Which settings keep cached frames from being used.
 
 use super::{RunError, ShotFolder};
-use crate::scene::{self, Overrides, Scene};
+use crate::{
+    cache::{self, CacheError},
+    scene::{self, Overrides, Scene},
+};
 use serde_json::Value;
 
 /// Why the frames in `folder`, whose key is `found`, are not those of `scene`.
@@ -11,6 +14,24 @@ pub(super) fn explain(folder: &ShotFolder, scene: &Scene, found: u64) -> RunErro
         differences(&recorded, scene).into_iter().map(|difference| difference.line).collect()
     });
     RunError::OtherSettings { folder: folder.root().into(), differences }
+}
+
+/// Refuses a folder with cached frames of other settings than those of `scene`.
+///
+/// # Errors
+/// [`RunError::OtherSettings`]; if the cache cannot be listed.
+pub(super) fn refuse_others(folder: &ShotFolder, scene: &Scene) -> Result<(), RunError> {
+    let present = match cache::list(&folder.cache()) {
+        Err(CacheError::NotFound { .. }) => return Ok(()),
+        listed => listed?,
+    };
+    let keys = scene.frame_keys();
+    // Damaged frames are computed again.
+    let headers = present.iter().filter_map(|(_, path)| Some((cache::read_header(path).ok()?, path)));
+    match headers.into_iter().find(|(found, path)| keys.expect(found, path).is_err()) {
+        Some((found, _)) => Err(explain(folder, scene, found.key)),
+        None => Ok(()),
+    }
 }
 
 /// A setting that differs.

@@ -146,7 +146,11 @@ fn what_cannot_change_in_the_middle_is_refused() {
         desk.names("micropolar/cache").is_empty(),
         "nothing is linked before the branch is known to start"
     );
-    // Frames of other settings are kept, unless they are given up.
+    // Frames of other settings are kept, unless they are given up, also where only later ones are there.
+    desk.run("simulate small.toml --set liquid.iterations=3 --frames 5 -o later", 0);
+    let later = desk.bytes("later/cache");
+    desk.run("simulate small --from 3 --set liquid.iterations=9 -o later", 14);
+    assert_eq!(later, desk.bytes("later/cache"));
     desk.run("simulate small.toml --set liquid.iterations=3 -o other", 0);
     let before = desk.bytes("other/cache");
     desk.run("simulate small --from 3 --set liquid.iterations=9 -o other", 14);
