@@ -3,7 +3,8 @@
 use meniscus::{
     frame::{Frame, FrameIndex},
     math::Vec3,
-    sim::vortex::{Kernel, Method, Quantity, Targets, Vortons, induced},
+    scene::{Overrides, Quality, Scene, load},
+    sim::vortex::{Kernel, Method, Quantity, Targets, Vortons, flow::Sum, induced},
     sim::{
         FrameRecord, SetupError, Simulation, Stop, Systems, Unwatched, World,
         smoke::{FrameAir, Smoke, SmokeRecord, TRACERS},
@@ -486,15 +487,19 @@ fn a_ring_flies_at_the_speed_of_its_gaussian_core_at_any_spacing() {
 
 #[test]
 fn the_velocity_of_a_rings_vortons_has_the_requested_error() {
-    // On rings errors add up that cancel each other in clouds.
-    let text = "spacing = 0.045\nsample_every = 1\n[[ring]]\ncenter = [0, 0, 0.4]\nradius = 0.4\nthickness = 0.08\n\
-                circulation = 1.6\nwobble = 0.02\ndensity = 0\n[flow.remesh]\nspacing = 0.045";
-    let mut simulation = Simulation::new(world([0.0; 3], vec![]), smoke(text)).unwrap();
-    for record in advance(&mut simulation, 3) {
+    // On rings errors add up that cancel each other in clouds. Here they are 0.39 of the
+    // requested error, and 0.99 with a setting of the tree that is relaxed twice as far (`src/sim/vortex/coherence.rs`).
+    let set = ["sample_every=1", "flow.kernel=ball", "flow.error=1e-2", "flow.sum=grid"];
+    let set = set.map(|set| format!("smoke.{set}")).to_vec();
+    let overrides = Overrides { quality: Some(Quality::Draft), set };
+    let scene = Scene::from_preset(&load("smoke-ring").unwrap(), &overrides).unwrap();
+    let mut simulation = Simulation::new(scene.surroundings(), scene.systems()).unwrap();
+    for record in advance(&mut simulation, 2) {
         let account = record.account;
-        assert!(account.error.unwrap() < account.tolerance.unwrap(), "{account:?}");
+        assert!(account.error.unwrap() < 0.7 * account.tolerance.unwrap(), "{account:?}");
     }
-    let multigrid = text.replace("[flow.remesh]", "[flow]\nsum = 'multigrid'\n[flow.remesh]");
-    let refused = Simulation::new(world([0.0; 3], vec![]), smoke(&multigrid)).unwrap_err();
-    assert!(matches!(refused, meniscus::sim::SetupError::MultigridKernel), "{refused}");
+    let mut systems = scene.systems();
+    systems.smoke.as_mut().unwrap().params.flow.sum = Sum::Multigrid;
+    let refused = Simulation::new(scene.surroundings(), systems).unwrap_err();
+    assert!(matches!(refused, SetupError::MultigridKernel), "{refused}");
 }

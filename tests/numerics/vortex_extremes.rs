@@ -58,7 +58,9 @@ fn the_fewest_vortons_are_summed() {
 
 #[test]
 fn degenerate_clouds_are_summed() {
-    let base = cloud(Shape::Cube, if crate::is_soak() { 3000 } else { 1500 }, false);
+    // Of fewer vortons, the error far from the origin averages out less.
+    let (count, far) = if crate::is_soak() { (3000, 2e-4) } else { (1500, 4e-4) };
+    let base = cloud(Shape::Cube, count, false);
     let with = |change: fn(usize, &mut Vec3, &mut Vec3, &mut f32)| {
         let mut vortons = base.clone();
         for i in 0..vortons.len() {
@@ -75,7 +77,7 @@ fn degenerate_clouds_are_summed() {
     // Two thirds of the targets are one point, whose error nothing averages out.
     agree("heaps of two cores in a cloud", &with(heaps), 1e-3);
     agree("nearly coincident", &with(|_, x, _, _| *x *= 1e-7), 2e-4);
-    agree("a million metres off", &with(|_, x, _, _| x.x += 1e6), 4e-4);
+    agree("a million metres off", &with(|_, x, _, _| x.x += 1e6), far);
     agree("without strength", &with(|_, _, g, _| *g = Vec3::zeros()), 0.0);
     agree("collinear", &with(|_, x, _, _| *x = Vec3::new(x.x, 0.0, 0.0)), 5e-4);
     agree("coplanar", &with(|_, x, _, _| x.z = 0.0), 2e-4);

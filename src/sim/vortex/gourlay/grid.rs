@@ -34,7 +34,7 @@ const REACH: usize = 10;
 /// Cells from the boundary within which a point is left to the tree: linear weights and two differences.
 const MIN_DEPTH: usize = 3;
 
-/// Nodes per vorton in a grid at most: some 3 in a filled box, and 30 around a ring.
+/// Nodes per vorton in a grid at most. A cloud of the default overlap that fills its box has (4/3)³, and the margins.
 const NODES_PER_VORTON: usize = 256;
 
 /// Nodes that a grid may have however few the vortons are.
