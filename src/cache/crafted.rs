@@ -25,7 +25,7 @@ const NAME: &str = "crafted";
 /// # Errors
 /// As [`super::read_frame_within`].
 pub(crate) fn decode_frame(bytes: &[u8], max_memory: Option<u64>) -> Result<(Frame, FrameInfo), CacheError> {
-    source(bytes).frame(max_memory)
+    source(bytes).frame(max_memory, |_| true)
 }
 
 /// Verifies a frame's bytes.

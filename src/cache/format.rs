@@ -225,13 +225,14 @@ fn kind_code(kind: StreamKind) -> u8 {
         StreamKind::Vortons => 3,
         StreamKind::MeshPoints => 4,
         StreamKind::MeshFaces => 5,
+        StreamKind::RigidBodies => 6,
     }
 }
 
 /// The kind of that number. Other numbers are of kinds that a later build added.
 fn kind_of_code(code: u8) -> StreamKind {
-    use StreamKind::{MeshFaces, MeshPoints, Particles, Tracers, Vortons};
-    let known = [Particles, Tracers, Vortons, MeshPoints, MeshFaces];
+    use StreamKind::{MeshFaces, MeshPoints, Particles, RigidBodies, Tracers, Vortons};
+    let known = [Particles, Tracers, Vortons, MeshPoints, MeshFaces, RigidBodies];
     known.into_iter().find(|&kind| kind_code(kind) == code).unwrap_or_default()
 }
 

@@ -40,6 +40,7 @@ pub(crate) use open::{
     checksum, create_own_folder, leads_out, open_regular, open_to_append, read_bytes, read_regular,
     read_text, read_text_within,
 };
+pub(crate) use read::read_streams;
 pub use read::{read_frame, read_frame_within, read_header, verify_frame};
 pub(crate) use samples::{read_samples, write_samples};
 pub(crate) use write::prepare_frame;

@@ -13,7 +13,7 @@ use super::format::{
 };
 use super::open::open_inside;
 use crate::control::fallible;
-use crate::frame::{ChannelData, Frame, Stream};
+use crate::frame::{ChannelData, Frame, Stream, StreamKind};
 use crate::math::Vec3;
 use crate::par;
 use std::fs::File;
@@ -40,7 +40,15 @@ pub fn read_frame(path: &Path) -> Result<(Frame, FrameInfo), CacheError> {
 /// # Errors
 /// As [`read_frame`]; [`CacheError::OverMemory`] if the columns take more.
 pub fn read_frame_within(path: &Path, max_memory: Option<u64>) -> Result<(Frame, FrameInfo), CacheError> {
-    Source::open(path)?.frame(max_memory)
+    Source::open(path)?.frame(max_memory, |_| true)
+}
+
+/// Reads the streams of a kind, and unpacks no others. Heads of chunks are verified in the whole frame, contents in these streams.
+///
+/// # Errors
+/// As [`read_frame`].
+pub(crate) fn read_streams(path: &Path, kind: StreamKind) -> Result<Frame, CacheError> {
+    Ok(Source::open(path)?.frame(None, |info| info.kind == kind)?.0)
 }
 
 /// Reads a frame's header without its columns; verifies the header and that the file is complete.
@@ -117,8 +125,12 @@ impl<'a, R: Read + Seek> Source<'a, R> {
         Self { reader, path, bytes }
     }
 
-    /// Reads the frame, whose columns may take `max_memory` bytes.
-    pub(super) fn frame(mut self, max_memory: Option<u64>) -> Result<(Frame, FrameInfo), CacheError> {
+    /// Reads the `wanted` streams of the frame, whose columns may take `max_memory` bytes.
+    pub(super) fn frame(
+        mut self,
+        max_memory: Option<u64>,
+        wanted: impl Fn(&StreamInfo) -> bool,
+    ) -> Result<(Frame, FrameInfo), CacheError> {
         let head = self.head()?;
         self.check_length(&head)?;
         self.check_expansion(&head.info)?;
@@ -126,8 +138,13 @@ impl<'a, R: Read + Seek> Source<'a, R> {
         let mut columns = self.columns(&head)?.into_iter();
         let mut streams = Vec::new();
         for info in &head.info.streams {
+            let own = columns.by_ref().take(info.channels.len());
+            if !wanted(info) {
+                own.for_each(drop);
+                continue;
+            }
             let mut stream = Stream::new(info.name.clone(), info.kind, self.entries(info)?);
-            for column in columns.by_ref().take(info.channels.len()) {
+            for column in own {
                 stream = stream.with(column.name, self.column(&column, head.chunk)?);
             }
             stream.scalars.clone_from(&info.scalars);

@@ -39,7 +39,7 @@ fn bytes_of(frame: &Frame) -> Vec<u8> {
 }
 
 fn read(bytes: &[u8]) -> Result<(Frame, FrameInfo), CacheError> {
-    Source::new(Cursor::new(bytes), Path::new("test.mcf"), bytes.len() as u64).frame(None)
+    Source::new(Cursor::new(bytes), Path::new("test.mcf"), bytes.len() as u64).frame(None, |_| true)
 }
 
 fn verify(bytes: &[u8]) -> Result<FrameInfo, CacheError> {

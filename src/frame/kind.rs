@@ -17,6 +17,8 @@ pub enum StreamKind {
     MeshPoints,
     /// Faces of a surface mesh: the numbers of the points at their corners.
     MeshFaces,
+    /// Rigid bodies; `position` of the origin of the shape [m], `rotation` and `rotation_w`, a unit quaternion.
+    RigidBodies,
     /// Entries of which nothing is known, and of which nothing is made.
     #[default]
     Unknown,

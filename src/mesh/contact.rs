@@ -68,6 +68,11 @@ impl<'a> PlacedSolid<'a> {
         solids.iter().map(place).collect()
     }
 
+    /// Solids in these poses.
+    pub(crate) fn in_poses(solids: &'a [Solid], poses: Vec<Pose>) -> impl Iterator<Item = Self> {
+        solids.iter().zip(poses).map(|(solid, pose)| Self { solid, pose })
+    }
+
     /// The solid in a frame of this origin [m].
     pub(super) fn in_frame(&self, origin: &nalgebra::Vector3<f64>) -> Self {
         let position = (self.pose.position.cast::<f64>() - origin).cast();

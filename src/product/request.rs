@@ -36,9 +36,9 @@ pub(crate) struct ProductSettings {
 impl ProductSettings {
     /// The settings of a preset.
     pub(crate) fn of(scene: &Scene) -> Self {
-        let Scene { surface, volume, whitewater, output, world, .. } = scene;
-        let colliders =
-            output.has_files() && world.collider.iter().any(|collider| collider.shown_look().is_some());
+        let Scene { surface, volume, whitewater, output, world, body, .. } = scene;
+        let is_any_shown = world.collider.iter().any(|collider| collider.shown_look().is_some());
+        let colliders = output.has_files() && (is_any_shown || !body.is_empty());
         let (surface, volume, output) = (surface.clone(), volume.clone(), output.clone());
         Self { surface, volume, output, whitewater: whitewater.clone(), points: false, colliders }
     }

@@ -4,7 +4,7 @@
 //! observes and interrupts it. [`Stop`] is the error that ends it, and a [`FrameRecord`] describes every frame.
 
 /// Version of the simulated state, raised with every change of its bits, so that a resumed cache never mixes two solvers.
-pub const STATE_VERSION: u32 = 17;
+pub const STATE_VERSION: u32 = 18;
 
 /// The same of smoke, whose changes leave shots without smoke alone.
 const SMOKE_STATE_VERSION: u32 = 1;
@@ -19,6 +19,7 @@ mod observe;
 mod record;
 #[cfg(feature = "presets")]
 pub(crate) mod registry;
+pub mod rigid;
 #[cfg(feature = "presets")]
 pub mod scene;
 #[cfg(feature = "presets")]

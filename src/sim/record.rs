@@ -4,6 +4,7 @@ use super::{
     clock::Seconds,
     coupling::CouplingRecord,
     liquid::{LiquidRecord, LiquidSeeds},
+    rigid::{BodyRecord, BodySeeds},
     sheet::{SheetRecord, SheetSeeds},
     smoke::{SmokeRecord, SmokeSeeds},
 };
@@ -19,6 +20,8 @@ pub struct SeedReport {
     pub smoke: Option<SmokeSeeds>,
     /// The sheets.
     pub sheets: Option<SheetSeeds>,
+    /// The rigid bodies.
+    pub bodies: Option<BodySeeds>,
 }
 
 /// Record of a frame, for each system that is present. Everything except for `seconds` is the same on every run and for any
@@ -36,6 +39,9 @@ pub struct FrameRecord {
     /// The sheets.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sheets: Option<SheetRecord>,
+    /// The rigid bodies.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bodies: Option<BodyRecord>,
     /// The couplings.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub coupling: Option<CouplingRecord>,

@@ -4,6 +4,7 @@ use super::{
     coupling::job::Couplings,
     liquid::job::Liquid,
     record::SeedReport,
+    rigid::job::Bodies,
     scene::Scene,
     sheet::job::Sheets,
     smoke::job::Smoke,
@@ -11,7 +12,7 @@ use super::{
 };
 
 /// Every system, in the order in which they are checked and reported.
-pub(crate) static ALL: [&dyn System; 4] = [&Liquid, &Smoke, &Sheets, &Couplings];
+pub(crate) static ALL: [&dyn System; 5] = [&Liquid, &Smoke, &Sheets, &Bodies, &Couplings];
 
 /// What seeding left out or could not do, as warnings.
 pub(crate) fn seeding_warnings(seeds: &SeedReport) -> Vec<String> {

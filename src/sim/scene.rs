@@ -5,6 +5,7 @@ use super::{
     coupling::Coupling,
     force::ForceParams,
     liquid::{self, LiquidParams},
+    rigid::BodyParams,
     sheet::{SheetParams, SheetsCommon, SheetsParams, Shot},
     smoke::{self, Smoke, SmokeParams},
     whitewater::WhitewaterParams,
@@ -49,6 +50,9 @@ pub struct Scene {
     /// Parameters of all sheets; absent: no joints, collisions with solids, and the solver's defaults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheets: Option<SheetsCommon>,
+    /// Rigid bodies; empty: none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub body: Vec<BodyParams>,
     /// Couplings of systems; empty: they do not interact.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub coupling: Vec<Coupling>,
@@ -181,20 +185,22 @@ impl Scene {
         let sheets = (!self.sheet.is_empty()).then_some(Shot { params, fps, first });
         let timeline = self.timeline();
         let (liquid, couplings, forces) = (self.liquid.clone(), self.coupling.clone(), self.force.clone());
-        Systems { liquid, smoke, sheets, couplings, forces, timeline }
+        Systems { liquid, smoke, sheets, bodies: self.body.clone(), couplings, forces, timeline }
     }
 
     /// The scene with no system but its smoke.
     pub(in crate::sim) fn smoke_alone(&self) -> Self {
-        Self { liquid: None, sheet: Vec::new(), sheets: None, coupling: Vec::new(), ..self.clone() }
+        let (sheet, body, coupling) = (Vec::new(), Vec::new(), Vec::new());
+        Self { liquid: None, sheet, sheets: None, body, coupling, ..self.clone() }
     }
 
-    /// The liquid, and the sheets that share its substeps because they are coupled with it.
+    /// The liquid and its bodies, and the sheets that share its substeps because they are coupled with it.
     pub(in crate::sim) fn systems_sharing_substeps(&self) -> Systems {
-        let Systems { liquid, sheets, mut couplings, forces, timeline, .. } = self.systems();
+        let Systems { liquid, sheets, bodies, mut couplings, forces, timeline, .. } = self.systems();
         couplings.retain(|coupling| coupling.between.iter().any(|side| side == liquid::NAME));
         let sheets = sheets.filter(|_| liquid.is_some() && !couplings.is_empty());
-        Systems { liquid, smoke: None, sheets, couplings, forces, timeline }
+        let bodies = if liquid.is_some() { bodies } else { Vec::new() };
+        Systems { liquid, sheets, bodies, couplings, forces, timeline, ..Systems::default() }
     }
 
     /// Times of frames.
@@ -254,6 +260,8 @@ impl Scene {
             #[serde(skip_serializing_if = "Option::is_none")]
             sheets: &'a Option<SheetsCommon>,
             #[serde(skip_serializing_if = "Vec::is_empty")]
+            body: Vec<BodyParams>,
+            #[serde(skip_serializing_if = "Vec::is_empty")]
             coupling: Vec<Coupling>,
             #[serde(skip_serializing_if = "<[ForceParams]>::is_empty")]
             force: &'a [ForceParams],
@@ -271,6 +279,7 @@ impl Scene {
             smoke,
             sheet,
             sheets,
+            body,
             coupling,
             force,
             surface: _,
@@ -287,6 +296,8 @@ impl Scene {
         let smoke_solver = smoke.as_ref().map(|_| super::SMOKE_STATE_VERSION);
         let mut world = world.clone();
         world.collider.iter_mut().for_each(|collider| collider.look = None);
+        let mut body = body.clone();
+        body.iter_mut().for_each(|body| body.look = None);
         let mut liquid = liquid.clone();
         if let Some(LiquidParams { channels, .. }) = &mut liquid {
             // Frames have channels in a fixed order, each once.
@@ -307,6 +318,7 @@ impl Scene {
             smoke_solver,
             sheet,
             sheets,
+            body,
             coupling,
             force,
             branch,

@@ -87,6 +87,14 @@ pub enum SetupError {
     /// The sheets of the preset are invalid.
     #[error(transparent)]
     Sheets(#[from] SheetError),
+    /// A body has no mass or inertia.
+    #[error(
+        "body {index} has no volume at the resolution of its samples; raise `resolution` of its mesh, or close the mesh"
+    )]
+    Body {
+        /// Its number in the preset, from 0.
+        index: usize,
+    },
     /// A coupling is invalid.
     #[error(transparent)]
     Coupling(#[from] CouplingError),

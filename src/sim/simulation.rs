@@ -8,7 +8,8 @@ use super::{
         PresentSystems, ResolvedCouplings, WindCoupling,
     },
     force::{ForceParams, Forces},
-    liquid::{self, Liquid, LiquidParams},
+    liquid::{self, CoupledBodies, Liquid, LiquidParams, Partners},
+    rigid::{BodyParams, RigidBodies},
     setup::{SetupError, Timeline, World},
     sheet::{self, SheetRecord, Sheets},
     smoke::{self, Smoke},
@@ -25,6 +26,8 @@ pub struct Systems {
     pub smoke: Option<Smoke>,
     /// The sheets.
     pub sheets: Option<sheet::Shot>,
+    /// Rigid bodies.
+    pub bodies: Vec<BodyParams>,
     /// Couplings between the systems.
     pub couplings: Vec<Coupling>,
     /// Force fields.
@@ -45,6 +48,7 @@ pub struct Simulation {
     liquid: Option<Liquid>,
     smoke: Option<smoke::System>,
     sheets: Option<Sheets>,
+    bodies: Option<RigidBodies>,
     /// Contact of the liquid with sheets.
     liquid_sheets: Option<LiquidSheetCoupling>,
     /// Drag of the smoke's air on sheets.
@@ -58,12 +62,14 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the sources of one hold no particle or too many.
     pub fn new(world: World, systems: impl Into<Systems>) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets, couplings, forces, timeline } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets, bodies, couplings, forces, timeline } = present(systems.into())?;
         let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
-        let liquid = liquid.map(|params| Liquid::seed(params, &world, timeline)).transpose()?;
+        let bodies = (!bodies.is_empty()).then(|| RigidBodies::new(&bodies, &world)).transpose()?;
+        let solids = bodies.as_ref().map(RigidBodies::as_solids).unwrap_or_default();
+        let liquid = liquid.map(|params| Liquid::seed(params, &world, solids, timeline)).transpose()?;
         let smoke = smoke.map(|smoke| smoke::System::seed(smoke, &world)).transpose()?;
         let sheets = sheets.map(|sheets| Sheets::new(sheets, &world)).transpose()?;
-        Self { liquid, smoke, sheets, liquid_sheets: None, wind: None, time: 0.0 }
+        Self { liquid, smoke, sheets, bodies, liquid_sheets: None, wind: None, time: 0.0 }
             .with_forces(&forces, timeline)
             .coupled(&couplings, density)
     }
@@ -74,17 +80,20 @@ impl Simulation {
     /// # Errors
     /// If there is no system, or the frame lacks its state.
     pub fn restore(world: World, systems: impl Into<Systems>, frame: &Frame) -> Result<Self, SetupError> {
-        let Systems { liquid, smoke, sheets, couplings, forces, timeline } = present(systems.into())?;
+        let Systems { liquid, smoke, sheets, bodies, couplings, forces, timeline } = present(systems.into())?;
         let density = liquid.as_ref().map(|liquid| [liquid.spacing, liquid.density]);
+        let bodies = (!bodies.is_empty()).then(|| RigidBodies::restore(&bodies, &world, &frame.streams));
+        let bodies = bodies.transpose()?;
+        let solids = bodies.as_ref().map(RigidBodies::as_solids).unwrap_or_default();
         let liquid = liquid.map(|params| {
             let missing = SetupError::Missing { stream: liquid::NAME, what: "particles" };
             let stream = frame.stream(liquid::NAME).ok_or(missing)?;
-            Liquid::restore(params, &world, stream, (timeline, frame.time))
+            Liquid::restore(params, &world, solids, stream, (timeline, frame.time))
         });
         let smoke = smoke.map(|smoke| smoke::System::restore(smoke, &world, &frame.streams));
         let sheets = sheets.map(|sheets| Sheets::restore(sheets, &world, &frame.streams, frame.time));
         let (liquid, smoke, sheets) = (liquid.transpose()?, smoke.transpose()?, sheets.transpose()?);
-        Self { liquid, smoke, sheets, liquid_sheets: None, wind: None, time: frame.time }
+        Self { liquid, smoke, sheets, bodies, liquid_sheets: None, wind: None, time: frame.time }
             .with_forces(&forces, timeline)
             .coupled(&couplings, density)
     }
@@ -140,6 +149,7 @@ impl Simulation {
             liquid: self.liquid.as_ref().map(Liquid::seeded),
             smoke: self.smoke.as_ref().map(smoke::System::seeded),
             sheets: self.sheets.as_ref().map(Sheets::seeded),
+            bodies: self.bodies.as_ref().map(RigidBodies::seeded),
         }
     }
 
@@ -148,12 +158,14 @@ impl Simulation {
     /// Stream "liquid" has `position` [m], `velocity` [m/s], `id` and the channels that the preset names. Stream "smoke" has the
     /// vortons' `position` [m], `strength` [m³/s], `core` [m], `volume` [m³] and `id`, stream "smoke_tracers" has `position` [m],
     /// `density`, `temperature` [K] and `id`. Each sheet has a stream "sheet.NAME" with `position` [m] and `velocity` [m/s], and
-    /// "sheet.NAME.faces" with the corners `a`, `b`, `c`, `d` of its faces.
+    /// "sheet.NAME.faces" with the corners `a`, `b`, `c`, `d` of its faces. Stream "bodies" has the `position` of the origins of their shapes [m],
+    /// `rotation` and `rotation_w`, a quaternion, `velocity` [m/s] and `angular_velocity` [rad/s].
     pub fn frame(&self, index: FrameIndex) -> Frame {
         let liquid = self.liquid.iter().map(|liquid| liquid.stream(self.time));
         let smoke = self.smoke.iter().flat_map(smoke::System::streams);
         let sheets = self.sheets.iter().flat_map(Sheets::streams);
-        Frame { index, time: self.time, streams: liquid.chain(smoke).chain(sheets).collect() }
+        let bodies = self.bodies.iter().map(RigidBodies::stream);
+        Frame { index, time: self.time, streams: liquid.chain(smoke).chain(sheets).chain(bodies).collect() }
     }
 
     /// Advances by a frame of `frame_seconds` [s] (> 0) and returns its record.
@@ -161,7 +173,8 @@ impl Simulation {
     /// # Errors
     /// [`Stop`]; the state is then inside the frame and not to be continued from.
     pub fn advance(&mut self, frame_seconds: f64, watch: &mut dyn Watch) -> Result<FrameRecord, Stop> {
-        let systems = [self.liquid.is_some(), self.smoke.is_some(), self.sheets.is_some()];
+        let has_bodies_alone = self.bodies.is_some() && self.liquid.is_none();
+        let systems = [self.liquid.is_some(), self.smoke.is_some(), self.sheets.is_some(), has_bodies_alone];
         let share = 1.0 / systems.into_iter().filter(|&is_present| is_present).count() as f64;
         let span = [self.time, frame_seconds];
         let mut from = 0.0;
@@ -184,17 +197,23 @@ impl Simulation {
 
         // The liquid and the sheets, together if they are coupled.
         let (mut record, mut sheet_frame) = (FrameRecord::default(), None);
+        if let Some(bodies) = &mut self.bodies {
+            bodies.begin_frame();
+        }
+        let mut bodies = self.bodies.as_mut();
+        let floating = bodies.as_deref_mut().map(|bodies| bodies as &mut dyn CoupledBodies);
         match (&mut self.liquid, &mut self.sheets, &self.liquid_sheets) {
             (Some(liquid), Some(sheets), Some(coupling)) => {
                 let (from, share) = next_part(2.0 * share);
                 let mut part = PartialProgress { watch, from, share };
-                record = advance_coupled(liquid, sheets, coupling, external, span, &mut part)?;
+                let sheets = CoupledSheets::new(coupling, sheets, external);
+                record = advance_coupled(liquid, sheets, floating, span, &mut part)?;
             }
             (liquid, sheets, _) => {
                 if let Some(liquid) = liquid {
                     let (from, share) = next_part(share);
                     let mut part = PartialProgress { watch: &mut *watch, from, share };
-                    let (found, seconds) = liquid.advance(self.time, frame_seconds, &mut part)?;
+                    let (found, seconds) = liquid.advance(self.time, frame_seconds, floating, &mut part)?;
                     (record.liquid, record.seconds) = (Some(found), seconds);
                 }
                 if let Some(sheets) = sheets {
@@ -206,6 +225,18 @@ impl Simulation {
                     });
                 }
             }
+        }
+
+        if let Some(bodies) = bodies {
+            record.bodies = Some(if self.liquid.is_some() {
+                bodies.end_frame(self.time + frame_seconds)?
+            } else {
+                let (from, share) = next_part(share);
+                let mut part = PartialProgress { watch, from, share };
+                let (found, seconds) = bodies.advance(span, &mut part)?;
+                record.seconds.extend(seconds);
+                found
+            });
         }
 
         // The record, in order of the passes.
@@ -230,7 +261,8 @@ impl Simulation {
         let smoke = self.smoke.as_ref().map(smoke::System::passes).unwrap_or_default();
         let sheets = self.sheets.as_ref().map(Sheets::passes).unwrap_or_default();
         let coupling = coupling_passes(self.liquid_sheets.is_some(), self.wind.is_some());
-        liquid.into_iter().chain(smoke).chain(sheets).chain(coupling).collect()
+        let bodies = self.bodies.iter().filter(|_| self.liquid.is_none()).flat_map(|_| RigidBodies::passes());
+        liquid.into_iter().chain(smoke).chain(sheets).chain(bodies).chain(coupling).collect()
     }
 }
 
@@ -240,27 +272,27 @@ fn coupling_passes(liquid_sheets: bool, wind: bool) -> Vec<&'static str> {
     wind.then_some(coupling::WIND_PASS).into_iter().chain(contact.iter().copied()).collect()
 }
 
-/// Advances a liquid and sheets that share their substeps by a frame; `start` and `seconds` are its time and length [s].
-fn advance_coupled<'a>(
+/// Advances a liquid, sheets and bodies that share their substeps by a frame; `start` and `seconds` are its time and length [s].
+fn advance_coupled(
     liquid: &mut Liquid,
-    sheets: &'a mut Sheets,
-    coupling: &'a LiquidSheetCoupling,
-    external: Option<&'a mut (dyn ExternalForces + 'a)>,
+    mut coupled: CoupledSheets<'_>,
+    bodies: Option<&mut dyn CoupledBodies>,
     [start, seconds]: [f64; 2],
     watch: &mut dyn Watch,
 ) -> Result<FrameRecord, Stop> {
-    let passes = [liquid.passes(), sheets.passes(), coupling_passes(true, external.is_some())].concat();
-    let mut clock = Clock::new(&passes);
-    let mut coupled = CoupledSheets::new(coupling, sheets, external);
-    let liquid = liquid.advance_with(Some(&mut coupled), [start, seconds], &mut clock, watch)?;
+    let contact = coupling_passes(true, coupled.external.is_some());
+    let mut clock = Clock::new(&[liquid.passes(), coupled.sheets.passes(), contact].concat());
+    let bodies = bodies.map(|bodies| bodies as &mut dyn CoupledBodies);
+    let partners = Partners { system: Some(&mut coupled), bodies };
+    let liquid = liquid.advance_with(partners, [start, seconds], &mut clock, watch)?;
     let CoupledSheets { sheets, mut sheet_record, record: contact, .. } = coupled;
     clock.time("sheet_account", || sheets.end_frame(start + seconds, &mut sheet_record));
     Ok(FrameRecord {
         liquid: Some(liquid),
-        smoke: None,
         sheets: Some(sheet_record),
         coupling: Some(CouplingRecord { liquid: Some(contact), smoke: None }),
         seconds: clock.into_totals(),
+        ..FrameRecord::default()
     })
 }
 

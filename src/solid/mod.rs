@@ -5,6 +5,7 @@ mod contact;
 mod measures;
 mod mesh;
 mod motion;
+mod rigid_body;
 mod round;
 mod shape;
 
@@ -12,4 +13,5 @@ pub use collider::{Collider, Look, Solid};
 pub use contact::ShapeError;
 pub use mesh::MeshShape;
 pub use motion::{Interpolation, Keyframe, Motion, Pose};
+pub(crate) use rigid_body::{BodyState, MassProperties, RigidBody, body_poses};
 pub use shape::Shape;

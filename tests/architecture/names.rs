@@ -14,13 +14,14 @@ struct Owner {
 }
 
 /// The systems and the products. Surface, volume and points are also words of geometry, so types name those products.
-const OWNERS: [Owner; 10] = [
+const OWNERS: [Owner; 11] = [
     Owner { words: &["liquid"], folders: &["src/sim/liquid/", "src/sim/coupling/"] },
     Owner {
         words: &["smoke", "vorton", "vortons"],
         folders: &["src/sim/smoke/", "src/sim/vortex/", "src/sim/coupling/"],
     },
     Owner { words: &["sheet", "sheets"], folders: &["src/sim/sheet/", "src/sim/coupling/"] },
+    Owner { words: &["BodyParams", "BodySeeds", "BodyRecord"], folders: &["src/sim/rigid/"] },
     Owner { words: &["coupling", "couplings"], folders: &["src/sim/coupling/"] },
     Owner { words: &["SurfaceMesh"], folders: &["src/product/surface/"] },
     Owner { words: &["PointCache"], folders: &["src/product/point_cache/"] },
@@ -45,7 +46,7 @@ const COMPOSITION: [&str; 10] = [
 ];
 
 /// Other files that may name one, with the reason.
-const ALLOWED: [(&str, &str, &str); 22] = [
+const ALLOWED: [(&str, &str, &str); 26] = [
     ("src/untrusted/", "sheet", "the importer of meshes with painted values, for sheets"),
     ("src/frame/kind.rs", "vortons", "a kind of streams"),
     ("src/cache/format.rs", "liquid", "streams of version 1 have no kind, which their names imply"),
@@ -66,7 +67,11 @@ const ALLOWED: [(&str, &str, &str); 22] = [
     ("src/product/volume/", "smoke", "velocity and retiming of tracers are those of the smoke's air"),
     ("src/product/points/", "smoke", "the velocity of tracers is that of the smoke's air"),
     ("src/cli/volume.rs", "smoke", "the key that `--reseed` needs"),
+    ("src/sim/rigid/", "liquid", "bodies share the substeps of a liquid"),
+    ("src/sim/rigid/job/check.rs", "smoke", "bodies do not act on smoke"),
+    ("src/sim/rigid/job/check.rs", "sheet", "bodies do not act on sheets"),
     ("src/sim/whitewater/", "liquid", "whitewater is emitted and moved by a liquid"),
+    ("src/product/colliders/bodies.rs", "bodyparams", "bodies are written like colliders"),
     ("src/product/whitewater/", "liquid", "whitewater is computed from frames of a liquid"),
 ];
 

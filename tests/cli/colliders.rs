@@ -145,7 +145,7 @@ fn colliders_are_refused_of_another_preset_and_of_shots_that_show_none() {
     let (out, _) = desk.run("shot small.toml --frames 1-2", 0);
     assert!(!out.contains("collider") && !desk.path("small/collider").exists(), "{out}");
     let (_, talk) = desk.run("colliders small", 2);
-    assert!(talk.contains("found 0 colliders that pictures show"), "{talk}");
+    assert!(talk.contains("found 0 colliders and bodies that pictures show"), "{talk}");
     let (_, talk) = desk.run("colliders solids --max-memory 1KiB", 2);
     assert!(talk.contains("other settings"), "{talk}");
     fs::write(&preset, text).unwrap();
@@ -159,7 +159,7 @@ fn colliders_that_cannot_be_written_are_refused_before_the_simulation() {
     let preset = |text: &str| SMALL.replacen("[liquid]", &format!("{text}\n[liquid]"), 1);
     desk.write("many.toml", preset(&ball.repeat(501)));
     let (_, talk) = desk.run("shot many.toml", 2);
-    assert!(talk.contains("found 501 colliders to write, expected at most 500"), "{talk}");
+    assert!(talk.contains("found 501 colliders and bodies to write, expected at most 500"), "{talk}");
     let keys = "keyframes = [{ frame = 1 }, { frame = 900000, position = [0, 0, 1] }]\n";
     let long = preset(&format!("{ball}{keys}"));
     desk.write("long.toml", long.replacen("1-5", "1-300000", 1));

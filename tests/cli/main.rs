@@ -3,6 +3,7 @@
 mod attributes;
 mod bad_input;
 mod batch;
+mod bodies;
 #[cfg(unix)]
 mod branch;
 mod colliders;

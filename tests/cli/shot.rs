@@ -148,6 +148,7 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
         "figure-drop",
         "figure-splash",
         "filling-glass",
+        "floating-crates",
         "fountain",
         "honey",
         "water-drop",
@@ -163,8 +164,15 @@ fn built_in_presets_are_listed_shown_copied_and_run() {
             text.trim_end()
         );
         // Each runs, small: here those that differ in what they use.
-        let different =
-            ["dam-break", "figure-bath", "fountain", "honey", "water-drop", "zero-gravity-vortex"];
+        let different = [
+            "dam-break",
+            "figure-bath",
+            "floating-crates",
+            "fountain",
+            "honey",
+            "water-drop",
+            "zero-gravity-vortex",
+        ];
         if !super::is_soak() && !different.contains(&name) {
             continue;
         }

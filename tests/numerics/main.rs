@@ -1,5 +1,6 @@
 //! What the numerics promise: orders of convergence, conservation, closed forms, the same bytes every time.
 
+mod bodies;
 mod cavities;
 mod cleanup;
 mod contact;

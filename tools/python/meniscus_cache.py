@@ -21,7 +21,7 @@ except ImportError:
 MAGIC = b"\x89MCF\r\n\x1a\n"
 END = b"MCF-END\n"
 VERSIONS = (1, 2)
-KINDS = {1: "particles", 2: "tracers", 3: "vortons", 4: "mesh_points", 5: "mesh_faces"}
+KINDS = {1: "particles", 2: "tracers", 3: "vortons", 4: "mesh_points", 5: "mesh_faces", 6: "rigid_bodies"}
 TYPES = {1: ("<f4", 1), 2: ("<f4", 3), 3: ("<u4", 1)}
 
 

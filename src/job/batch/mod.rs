@@ -22,6 +22,8 @@ pub(crate) use request::{MemoryCheck, within_reserve};
 #[cfg(test)]
 pub(crate) use schedule::FRAME_MEMORY_RESERVE;
 pub(crate) use source::Source;
-pub(crate) use source::{MAX_FRAMES, NO_FILE, StreamHeader, choose, file_size, numbered_files, state_key};
+pub(crate) use source::{
+    MAX_FRAMES, NO_FILE, RequestedFrame, StreamHeader, choose, file_size, numbered_files, state_key,
+};
 pub(crate) use streams::{StreamInput, StreamWriter, process_streams};
 pub(crate) use target::FileTarget;

@@ -1,5 +1,6 @@
 //! Colliders: a mesh of each in its own axes, and its pose in every frame. docs/formats/shot.md has the files.
 
+mod bodies;
 mod check;
 mod motion;
 mod outputs;

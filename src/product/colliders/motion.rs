@@ -59,6 +59,11 @@ impl MotionFile {
         Ok(Self { format, version: 1, shape, look, first, poses })
     }
 
+    /// The motion of a body of that shape that has these poses from frame `first` on.
+    pub(super) fn of_poses(shape: &'static str, look: Look, first: u32, poses: Vec<[f32; 7]>) -> Self {
+        Self { format: "meniscus-motion", version: 1, shape, look, first, poses }
+    }
+
     /// The text of the file.
     pub(super) fn text(&self) -> String {
         serde_json::to_string(self).expect("a motion is plain data") + "\n"

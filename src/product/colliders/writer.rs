@@ -1,6 +1,7 @@
 //! Writes colliders: `collider/NAME.ply` in the collider's own axes, and `collider/NAME.json` with its poses.
 
 use super::{
+    bodies,
     check::{self, MAX_COLLIDERS},
     motion::{MotionFile, pose_count},
     outputs::{KIND, are_listed},
@@ -12,7 +13,7 @@ use crate::{
     frame::{FrameIndex, StreamKind},
     job::{
         Control, FrameSpan, Manifest, OutputFiles, RunError, ShotFolder,
-        batch::{BatchRequest, BatchSummary, Ledger, ProductFolder, Source},
+        batch::{BatchRequest, BatchSummary, Ledger, ProductFolder, RequestedFrame, Source},
         file_records::{FileRecord, FileRecords},
         memory::BASE_MEMORY,
     },
@@ -135,12 +136,15 @@ fn colliders(
     let Some(span) = [requested, known].into_iter().flatten().reduce(FrameSpan::union) else {
         return Err(RunError::Request("no frames in this cache; simulate the shot first".into()));
     };
-    let is_none_shown = scene.world.collider.iter().all(|collider| collider.shown_look().is_none());
+    let is_none_shown =
+        scene.body.is_empty() && scene.world.collider.iter().all(|collider| collider.shown_look().is_none());
     let tasks = match is_none_shown && are_listed(out)? {
         true => Vec::new(),
         false => {
             refuse_over_memory(scene, span, request.max_memory)?;
-            tasks(scene, span)?
+            // The motion of bodies is in the cached frames alone, and their files hold all of it.
+            let cached = if scene.body.is_empty() { Vec::new() } else { source.frames(None)? };
+            tasks(scene, span, &cached)?
         }
     };
     let mut ledger = Ledger::new(out, &ColliderMeshes, control)?;
@@ -164,30 +168,40 @@ struct Task<'a> {
     key: u64,
 }
 
-/// The colliders of a scene that pictures show.
+/// The colliders of a scene that pictures show, and its bodies with their poses in the cached `frames`.
 ///
 /// # Errors
 /// [`RunError::Request`] if there are none or too many, or one moves in too many frames.
-fn tasks(scene: &Scene, span: FrameSpan) -> Result<Vec<Task<'_>>, RunError> {
+fn tasks<'a>(
+    scene: &'a Scene,
+    span: FrameSpan,
+    frames: &[RequestedFrame],
+) -> Result<Vec<Task<'a>>, RunError> {
     let all = &scene.world.collider;
     let shown: Vec<(&Collider, Look)> =
         all.iter().filter_map(|collider| Some((collider, collider.shown_look()?))).collect();
-    if shown.is_empty() || shown.len() > MAX_COLLIDERS {
+    let count = shown.len() + scene.body.len();
+    if !(1..=MAX_COLLIDERS).contains(&count) {
         return Err(RunError::Request(format!(
-            "found {} colliders that pictures show, expected 1 to {MAX_COLLIDERS}; a tank is shown if it has a `look`",
-            shown.len()
+            "found {count} colliders and bodies that pictures show, expected 1 to {MAX_COLLIDERS}; a tank is shown if it has a `look`",
         )));
     }
-    let extent = all.iter().map(|collider| extent(&collider.shape)).fold(0.0, f32::max);
+    let bodies = bodies::motions(scene, frames)?;
+    let shapes =
+        || shown.iter().map(|(collider, _)| &collider.shape).chain(scene.body.iter().map(|body| &body.shape));
+    let extents = all.iter().map(|collider| &collider.shape).chain(scene.body.iter().map(|body| &body.shape));
+    let extent = extents.map(extent).fold(0.0, f32::max);
     let plane_reach = MIN_PLANE_REACH.max(PLANE_EXTENTS * extent);
     let (fps, start) = (f64::from(scene.fps), scene.frames.first().0);
-    let names = names(shown.iter().map(|(collider, _)| &collider.shape));
+    let names = names(shapes());
+    let span = span.first..=span.last;
+    let motion = |&(collider, look): &(&Collider, Look)| MotionFile::new(collider, look, fps, start, &span);
+    let motions =
+        shown.iter().map(motion).chain(bodies.into_iter().map(Ok)).collect::<Result<Vec<_>, _>>()?;
     let mut tasks = Vec::new();
-    for ((collider, look), name) in shown.into_iter().zip(names) {
-        let shape = &collider.shape;
+    for ((shape, motion), name) in shapes().zip(motions).zip(names) {
         let asset = mesh_file(scene, shape);
         let (bytes, hash): (&[u8], u64) = asset.map_or((&[], 0), |asset| (&asset.bytes, asset.hash));
-        let motion = MotionFile::new(collider, look, fps, start, &(span.first..=span.last))?;
         let text = serde_json::to_string(shape).expect("a shape is plain data");
         let text = format!("collider {COLLIDER_VERSION} {text} {hash:016x} {plane_reach} {}", motion.text());
         let (output, key) = (output(&name, &motion), xxh3_64(text.as_bytes()));
@@ -209,9 +223,13 @@ fn refuse_over_memory(scene: &Scene, span: FrameSpan, allowed: Option<u64>) -> R
 fn max_memory(scene: &Scene, span: FrameSpan) -> u64 {
     let shown: Vec<&Collider> =
         scene.world.collider.iter().filter(|collider| collider.shown_look().is_some()).collect();
-    let size = |collider: &&Collider| mesh_file(scene, &collider.shape).map_or(0, |asset| asset.bytes.len());
-    let largest = shown.iter().map(size).max().unwrap_or(0);
-    let counts = || shown.iter().map(|collider| pose_count(collider, &(span.first..=span.last)));
+    let shapes =
+        shown.iter().map(|collider| &collider.shape).chain(scene.body.iter().map(|body| &body.shape));
+    let size = |shape: &Shape| mesh_file(scene, shape).map_or(0, |asset| asset.bytes.len());
+    let largest = shapes.map(size).max().unwrap_or(0);
+    let span = span.first..=span.last;
+    let frames = || scene.body.iter().map(|_| u64::from(span.end() - span.start()) + 1);
+    let counts = || shown.iter().map(|collider| pose_count(collider, &span)).chain(frames());
     let poses = counts().sum::<u64>() * size_of::<[f32; 7]>() as u64;
     let text = counts().max().unwrap_or(0) * POSE_TEXT_BYTES;
     (BASE_MEMORY + largest as f64 * MESH_BYTES) as u64 + poses + text

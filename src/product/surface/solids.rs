@@ -13,6 +13,8 @@ use crate::{
 pub(super) struct Colliders {
     /// The colliders, whose meshes are sampled.
     pub(super) solids: Vec<Solid>,
+    /// The rigid bodies, whose poses are in the frames.
+    pub(super) bodies: Vec<Solid>,
     /// What they depend on, for the key of a mesh.
     pub(super) text: String,
 }
@@ -37,18 +39,24 @@ impl Colliders {
 
     /// The colliders of a scene whose meshes are sampled.
     pub(super) fn of_scene(scene: &Scene) -> Self {
+        let hash = |shape: &Shape| match shape {
+            Shape::Mesh(mesh) => scene.assets.get(&mesh.file).map_or(0, |asset| asset.hash),
+            _ => 0,
+        };
         let text = |text: String, collider: &Collider| {
             let Collider { shape, keyframes, interpolation, .. } = collider;
-            let hash = match shape {
-                Shape::Mesh(mesh) => scene.assets.get(&mesh.file).map_or(0, |asset| asset.hash),
-                _ => 0,
-            };
+            let hash = hash(shape);
             let collider = serde_json::to_string(&(shape, keyframes, interpolation));
             format!("{text} {} {hash:016x}", collider.expect("a collider is plain data"))
         };
         let start = format!("{} {}", scene.fps, scene.frames.first().0);
         let text = scene.world.collider.iter().fold(start, text);
-        Self { solids: scene.surroundings().solids, text }
+        let text = scene.body.iter().fold(text, |text, body| {
+            let shape = serde_json::to_string(&body.shape).expect("a shape is plain data");
+            format!("{text} body {shape} {:016x}", hash(&body.shape))
+        });
+        let bodies = scene.body.iter().map(|body| Solid::fixed(body.shape.clone())).collect();
+        Self { solids: scene.surroundings().solids, bodies, text }
     }
 }
 

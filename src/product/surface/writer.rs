@@ -25,6 +25,7 @@ use crate::{
     },
     par,
     product::mesh_files::MeshFiles,
+    solid::body_poses,
 };
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -96,7 +97,8 @@ impl StreamWriter for SurfaceWriter<'_> {
         outcome: &mut FrameOutcome,
         control: Control,
     ) -> Result<(), RunError> {
-        let solids = PlacedSolid::at(&self.colliders.solids, input.time);
+        let mut solids = PlacedSolid::at(&self.colliders.solids, input.time);
+        solids.extend(PlacedSolid::in_poses(&self.colliders.bodies, body_poses(input.streams)));
         let made = reconstruct_at_solids(input.stream, input.spacing, self.params, &solids, control.cancel);
         let surface = match made {
             Ok(surface) => surface,

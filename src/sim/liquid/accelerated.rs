@@ -100,14 +100,14 @@ impl Momentum {
         self.relaxation < RELAXATION
     }
 
-    /// Starts a substep of `dt` [s] from the last one's pressures.
+    /// Starts a substep of `dt` [s] from the last one's pressures. Returns whether there were any.
     pub(super) fn start(
         &mut self,
         solver: &mut Solver,
         setup: &SolverSetup<'_>,
         dt: f32,
         directions: Directions<'_>,
-    ) {
+    ) -> bool {
         let last_dt = std::mem::replace(&mut self.dt, dt);
         self.age = 0;
         (self.relaxation, self.smallest) = (RELAXATION, f64::INFINITY);
@@ -120,7 +120,7 @@ impl Momentum {
             if kappa == 0.0 {
                 applied.fill(0.0);
                 lambda.fill(0.0);
-                return;
+                return false;
             }
         } else {
             par::update(applied, |_, kappa| *kappa /= last_dt * last_dt);
@@ -140,6 +140,12 @@ impl Momentum {
         solver.evaluate_directions_at(directions, setup.rest);
         solver.correct(setup);
         solver.restore_pins_with_work(directions.x);
+        true
+    }
+
+    /// ω of this substep.
+    pub(super) fn relaxation(&self) -> f32 {
+        self.relaxation
     }
 
     /// Evaluates every constraint and its change of pressure. The residual is the change of a step without momentum, so

@@ -9,6 +9,7 @@
 use super::{density::Chunk, lanes, pair::Pair, pass::NeighbourPass};
 use crate::{
     math::Vec3,
+    par,
     simd::{LANES, Lanes},
 };
 
@@ -35,6 +36,8 @@ pub(super) struct CorrectionPass<'a> {
     pub(super) built_at: &'a [Vec3],
     /// Sums of the displacements by solids [m]; empty unless a solid has friction or restitution.
     pub(super) wall_push: &'a mut [Vec3],
+    /// Projections by solids [m]; empty without rigid bodies.
+    pub(super) projection: &'a mut [Vec3],
 }
 
 impl NeighbourPass for CorrectionPass<'_> {
@@ -44,6 +47,7 @@ impl NeighbourPass for CorrectionPass<'_> {
     fn run<L: Lanes, P: Pair>(self) -> CorrectionSummary {
         let (mut total, setup) = (CorrectionSummary::default(), self.at.setup);
         let has_moving_solids = setup.walls.has_moving_solids();
+        self.projection.fill(Vec3::zeros());
         let blocks = self.p.chunks_mut(LANES).zip(self.built_at.chunks(LANES)).enumerate();
         for (block, (p, built_at)) in blocks {
             let first = self.at.start + block * LANES;
@@ -60,6 +64,9 @@ impl NeighbourPass for CorrectionPass<'_> {
                     }
                     if let Some(push) = self.wall_push.get_mut(block * LANES + k) {
                         *push += free - moved;
+                    }
+                    if let Some(projection) = self.projection.get_mut(block * LANES + k) {
+                        *projection = free - moved;
                     }
                     moved = free;
                     displacement2 = (moved - built_at).norm_squared();
@@ -153,6 +160,30 @@ pub(super) fn limit(delta: Vec3, spacing: f32) -> (Vec3, bool) {
     let longest = MAX_CORRECTION * spacing;
     let length2 = delta.norm_squared();
     if length2 > longest * longest { (delta * (longest / length2.sqrt()), true) } else { (delta, false) }
+}
+
+/// Runs `job` over chunks of positions, with those of the displacements by solids where these are needed: `projection` needs
+/// `wall_push`.
+pub(super) fn map_columns<T: Send>(
+    p: &mut [Vec3],
+    wall_push: &mut [Vec3],
+    projection: &mut [Vec3],
+    job: impl Fn(usize, &mut [Vec3], &mut [Vec3], &mut [Vec3]) -> T + Sync,
+) -> Vec<T> {
+    match (wall_push.is_empty(), projection.is_empty()) {
+        (true, true) => par::map_chunks_mut([p], par::CHUNK, |start, [p]| job(start, p, &mut [], &mut [])),
+        (false, true) => {
+            par::map_chunks_mut([p, wall_push], par::CHUNK, |start, [p, push]| job(start, p, push, &mut []))
+        }
+        (true, false) => par::map_chunks_mut([p, projection], par::CHUNK, |start, [p, projection]| {
+            job(start, p, &mut [], projection)
+        }),
+        (false, false) => {
+            par::map_chunks_mut([p, wall_push, projection], par::CHUNK, |start, [p, push, projection]| {
+                job(start, p, push, projection)
+            })
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Interface of a system that shares the liquid's substeps and exchanges impulses with its particles.
 
+use super::CoupledBodies;
 use crate::{
     math::Vec3,
     sim::{Diverged, clock::Clock},
@@ -18,6 +19,22 @@ pub(in crate::sim) struct SubstepParticles<'a> {
     pub(in crate::sim) sorted_at: &'a [Vec3],
     /// End of a particle's path from one position to another, with collisions against solids.
     pub(in crate::sim) collide: &'a (dyn Fn(Vec3, Vec3) -> Vec3 + Sync),
+}
+
+/// What shares the liquid's substeps.
+pub(in crate::sim) struct Partners<'a> {
+    /// A coupled system.
+    pub(in crate::sim) system: Option<&'a mut dyn CoupledSystem>,
+    /// Rigid bodies.
+    pub(in crate::sim) bodies: Option<&'a mut dyn CoupledBodies>,
+}
+
+impl Partners<'_> {
+    /// The bodies alone.
+    pub(super) fn bodies_alone(&mut self) -> Partners<'_> {
+        let bodies = self.bodies.as_deref_mut().map(|bodies| bodies as &mut dyn CoupledBodies);
+        Partners { system: None, bodies }
+    }
 }
 
 /// A system coupled with the liquid.

@@ -11,6 +11,7 @@ use super::{
     lanes::{self, Node},
     pair::Pair,
     pass::NeighbourPass,
+    rigid::DensitySamples,
     setup::SolverSetup,
 };
 use crate::{
@@ -125,6 +126,8 @@ pub(super) struct Chunk<'a> {
     pub(super) lists: &'a Neighbours,
     /// Distances to the nearest solid when the lists were built [m].
     pub(super) clearance: &'a [f32],
+    /// Densities of solids that are known.
+    pub(super) samples: DensitySamples<'a>,
     /// Index of the first particle of the chunk.
     pub(super) start: usize,
 }
@@ -136,7 +139,7 @@ impl Chunk<'_> {
         if self.clearance[i] > self.setup.boundary_reach() {
             (0.0, Vec3::zeros())
         } else {
-            self.setup.walls.boundary_density(x)
+            self.samples.get(i, x).unwrap_or_else(|| self.setup.walls.boundary_density(x))
         }
     }
 }

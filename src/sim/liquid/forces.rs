@@ -1,6 +1,9 @@
-//! Forces between the prediction and the density solve of a substep: viscosity and surface tension.
+//! Forces between the prediction and the density solve of a substep: viscosity, surface tension and artificial pressure.
 
-use super::{Clock, Directions, Liquid, LiquidRecord, Solver, Stop, ViscousStep, Watch, lanes, setup};
+use super::{
+    Clock, Directions, Diverged, Liquid, LiquidRecord, Partners, Solver, Stop, ViscousStep, Watch, lanes,
+    setup,
+};
 
 impl Liquid {
     /// Viscosity over `dt` [s], between two density solves. The first balances gravity with pressure: otherwise walls
@@ -9,13 +12,15 @@ impl Liquid {
     pub(super) fn apply_viscosity(
         &mut self,
         dt: f32,
+        partners: &mut Partners<'_>,
         clock: &mut Clock,
         record: &mut LiquidRecord,
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
         let unconverged = record.unconverged;
         let target = self.pressure_target(dt);
-        clock.around("solve", |clock| self.solve(dt, target, &mut None, clock, record, watch))?;
+        let mut alone = partners.bodies_alone();
+        clock.around("solve", |clock| self.solve(dt, target, &mut alone, clock, record, watch))?;
         // The second solve decides about the density, this one about the pressure that viscosity acts with.
         record.pressure_unconverged += record.unconverged - unconverged;
         record.unconverged = unconverged;
@@ -37,6 +42,7 @@ impl Liquid {
         record.solid_work += work;
         let pushed = self.solver.work;
         clock.time("predict", || self.predict_positions(dt));
+        self.exchange_prediction(partners, dt, clock);
         self.solver.work += pushed;
         if self.v_before.is_some() {
             self.add_predicted_push(dt);
@@ -46,18 +52,51 @@ impl Liquid {
     }
 
     /// Moves the predicted positions by the surface tension over `dt` [s]. Returns the number of shortened displacements.
-    pub(super) fn apply_tension(&mut self, dt: f32) -> u64 {
+    pub(super) fn apply_tension(&mut self, dt: f32, partners: &mut Partners<'_>) -> u64 {
         let directions = Directions { theta: self.params.first_theta(), x: &self.x };
         let Some(tension) = &mut self.tension else { return 0 };
         // Solids are where the particles are: a common velocity changes nothing.
         tension.move_to(self.walls.now() - f64::from((1.0 - directions.theta) * dt));
-        let Solver { p, lists, wall_push, .. } = &mut self.solver;
+        if let Some(bodies) = &partners.bodies {
+            tension.place_bodies(bodies.bodies(), directions.theta);
+        }
+        let Solver { p, lists, wall_push, rigid, .. } = &mut self.solver;
         let shortened = tension.apply(lists, p, directions, dt);
         if self.v_before.is_some() {
             tension.add_wall_push(wall_push, dt);
         }
+        if let Some(bodies) = &mut partners.bodies {
+            let scale = self.mass / f64::from(dt);
+            tension.push_bodies(rigid, bodies.bodies_mut(), scale, dt);
+        }
         self.solver.restore_pins();
         self.solver.check_skin(&self.rest);
         shortened
+    }
+
+    /// Applies the artificial pressure, if the preset names it.
+    pub(super) fn apply_artificial_pressure(
+        &mut self,
+        dt: f32,
+        clock: &mut Clock,
+        record: &mut LiquidRecord,
+    ) -> Result<(), Diverged> {
+        if self.repulsion.is_some() {
+            // The tension may have moved particles beyond the skin.
+            let lists = clock
+                .time("search", || self.solver.ensure_lists(&setup(&self.params, &self.rest, &self.walls)));
+            lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
+        }
+        if let Some(repulsion) = &mut self.repulsion {
+            record.clamps.corrections += clock.time("artificial_pressure", || {
+                self.solver.publish_positions(self.rest.inv_support);
+                let Solver { p, lists, nodes, .. } = &mut self.solver;
+                let shortened = repulsion.apply(&self.rest, lists, nodes, p, dt);
+                self.solver.restore_pins();
+                self.solver.check_skin(&self.rest);
+                shortened
+            });
+        }
+        Ok(())
     }
 }

@@ -30,12 +30,12 @@ fn relative_pressure(radius: f32) -> f64 {
     let params: LiquidParams = toml::from_str(&text).expect("it is a liquid");
     let density = f64::from(params.density);
     let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
-    let mut liquid =
-        Liquid::seed(params, &world, crate::sim::Timeline::default()).expect("the drop holds particles");
+    let mut liquid = Liquid::seed(params, &world, (&[], &[]), crate::sim::Timeline::default())
+        .expect("the drop holds particles");
     let mut sum = 0.0;
     for k in 0..FRAMES[0] + FRAMES[1] {
         let (record, _) =
-            liquid.advance(f64::from(k) * frame, frame, &mut Unwatched).expect("it stays finite");
+            liquid.advance(f64::from(k) * frame, frame, None, &mut Unwatched).expect("it stays finite");
         if k < FRAMES[0] {
             continue;
         }

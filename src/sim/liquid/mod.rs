@@ -13,6 +13,7 @@
 //! (at 1 km, 0.06 mm).
 
 mod accelerated;
+mod bodies;
 mod calibration;
 mod columns;
 mod contact;
@@ -47,6 +48,9 @@ mod pins;
 mod record;
 mod relaxation;
 mod repulsion;
+mod rigid;
+mod rigid_pressure;
+mod rigid_system;
 mod seed;
 mod setup;
 mod solve;
@@ -59,7 +63,7 @@ mod vorticity;
 mod walls;
 mod xsph;
 
-pub(super) use coupled::{CoupledSystem, SubstepParticles};
+pub(super) use coupled::{CoupledSystem, Partners, SubstepParticles};
 pub use inflow::{FrameRange, LiquidDomain, LiquidEmitter, LiquidOutflow, RateKeyframe, Side};
 pub use params::{
     ArtificialPressure, Constraint, ImplicitViscosity, Kernel, LiquidChannel, LiquidParams, LiquidSource,
@@ -68,6 +72,7 @@ pub use params::{
 pub use record::{
     Clamps, EmptySource, FlowRecord, FlowTotals, LiquidRecord, LiquidSeeds, NozzleReport, ThinSolid,
 };
+pub(super) use rigid::CoupledBodies;
 
 use super::{
     Diverged, Stop, Watch,
@@ -173,6 +178,7 @@ impl Liquid {
         [
             optional(self.inflow.is_some(), "inflow"),
             optional(self.forces.is_some(), "forces"),
+            optional(self.walls.rigid_bodies() > 0, "bodies"),
             Some("sort"),
             Some("predict"),
             Some("search"),
@@ -192,22 +198,24 @@ impl Liquid {
         .collect()
     }
 
-    /// Advances from `start` [s] by one frame of `seconds`.
+    /// Advances from `start` [s] by one frame of `seconds`, with the rigid bodies among its solids.
     pub(super) fn advance(
         &mut self,
         start: f64,
         seconds: f64,
+        bodies: Option<&mut dyn CoupledBodies>,
         watch: &mut dyn Watch,
     ) -> Result<(LiquidRecord, Seconds), Stop> {
         let mut clock = Clock::new(&self.passes());
-        let record = self.advance_with(None, [start, seconds], &mut clock, watch)?;
+        let partners = Partners { system: None, bodies };
+        let record = self.advance_with(partners, [start, seconds], &mut clock, watch)?;
         Ok((record, clock.into_totals()))
     }
 
-    /// Advances by one frame together with a coupled system; `clock` receives the seconds of the passes.
+    /// Advances by one frame together with coupled systems; `clock` receives the seconds of the passes.
     pub(super) fn advance_with(
         &mut self,
-        mut coupled: Option<&mut dyn CoupledSystem>,
+        mut partners: Partners<'_>,
         span: [f64; 2],
         clock: &mut Clock,
         watch: &mut dyn Watch,
@@ -215,24 +223,32 @@ impl Liquid {
         let mut record = LiquidRecord { flow: self.flow_record(), ..LiquidRecord::default() };
         (self.solver.rebuilds, self.solver.shortened, self.solver.unresolved_contacts) = (0, 0, 0);
         self.momentum.reset();
+        if let Some(bodies) = &partners.bodies {
+            self.place_bodies(bodies.bodies());
+        }
         self.check_state(0)?;
         self.sample_forces(span[0], clock);
-        if span[0] == 0.0 && coupled.is_none() && self.body_acceleration() == 0.0 && self.tension.is_none() {
+        if span[0] == 0.0
+            && partners.system.is_none()
+            && self.body_acceleration() == 0.0
+            && self.tension.is_none()
+        {
             self.relax(clock, &mut record, watch)?;
         }
         self.retain_from_frame(clock)?;
         advance_frame(span, watch, |progress, watch| {
             let (now, left, seconds) = (progress.now(), progress.left, progress.seconds);
             self.sample_forces(now, clock);
-            let [wanted, mut remaining] = self.substeps_left(now, left, coupled.as_deref(), record.substeps);
-            if let Some(coupled) = &mut coupled {
+            let [wanted, mut remaining] = self.substeps_left(now, left, &partners, record.substeps);
+            if let Some(coupled) = &mut partners.system {
                 remaining = remaining.max(coupled.substeps_left(now, left, seconds, record.substeps)?);
             }
             record.cfl_capped += u32::from(wanted > remaining);
             let dt = left / f64::from(remaining);
             record.substeps += 1;
             self.walls.move_to(progress.after(dt));
-            if let Some(coupled) = &mut coupled {
+            self.start_bodies(&mut partners, now, dt, clock);
+            if let Some(coupled) = &mut partners.system {
                 coupled.advance_uncoupled(now, dt, clock)?;
             }
             if self.inflow.is_some() {
@@ -240,8 +256,11 @@ impl Liquid {
                 self.sample_entered(now, clock);
             }
             if !self.x.is_empty() {
-                self.substep(dt as f32, &mut coupled, clock, &mut record, watch)?;
+                self.substep(dt as f32, &mut partners, clock, &mut record, watch)?;
                 self.check_state(record.substeps)?;
+            }
+            if let Some(bodies) = &mut partners.bodies {
+                clock.time("bodies", || bodies.end_substep());
             }
             if self.outflow.is_some() {
                 clock.time("outflow", || self.drain(&mut record));
@@ -257,39 +276,41 @@ impl Liquid {
     fn substep(
         &mut self,
         dt: f32,
-        coupled: &mut Option<&mut dyn CoupledSystem>,
+        partners: &mut Partners<'_>,
         clock: &mut Clock,
         record: &mut LiquidRecord,
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
         clock.time("predict", || self.predict(dt));
+        self.exchange_prediction(partners, dt, clock);
         let cells = clock.time("search", || self.solver.find_cells(&self.rest));
         cells.map_err(|cell| self.overcrowded(record.substeps, cell))?;
         clock.time("sort", || self.sort());
+        self.solver.rigid.resize(self.x.len(), partners.bodies.is_some());
         self.solver.exempt_pins(self.params.constraint);
         if self.v_before.is_some() {
             clock.time("friction", || self.start_contacts(dt));
         }
         clock.time("search", || self.solver.build_lists(&setup(&self.params, &self.rest, &self.walls)));
         if self.tension.is_some() {
-            record.clamps.corrections += clock.time("surface_tension", || self.apply_tension(dt));
+            record.clamps.corrections += clock.time("surface_tension", || self.apply_tension(dt, partners));
         }
         self.apply_artificial_pressure(dt, clock, record)?;
         if self.viscosity.is_some() {
-            self.apply_viscosity(dt, clock, record, watch)?;
+            self.apply_viscosity(dt, partners, clock, record, watch)?;
         }
-        if let Some(coupled) = coupled {
+        if let Some(coupled) = &mut partners.system {
             let collide = |from, to| self.walls.collide(from, to).0;
             coupled.detect_contacts(&self.solver.particles(&self.x, &collide), clock);
         }
-        project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
-        let target = self.target(dt, coupled.as_deref());
-        clock.around("solve", |clock| self.solve(dt, target, coupled, clock, record, watch))?;
+        project_contacts(&mut partners.system, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
+        let target = self.target(dt, partners.system.as_deref());
+        clock.around("solve", |clock| self.solve(dt, target, partners, clock, record, watch))?;
         self.retain();
         if let Some(viscosity) = &mut self.viscosity {
             self.momentum.give_back(&mut self.solver, &mut viscosity.pressures, dt);
         }
-        if let Some(coupled) = coupled {
+        if let Some(coupled) = &mut partners.system {
             let collide = |from, to| self.walls.collide(from, to).0;
             let mut particles = self.solver.particles(&self.x, &collide);
             self.first_energy += coupled.end_substep(&mut particles, &self.v, clock);
@@ -298,13 +319,14 @@ impl Liquid {
         }
         clock.time("velocity", || self.update_velocities(dt));
         if self.v_before.is_some() {
-            clock.time("friction", || self.apply_friction(dt, record));
+            clock.time("friction", || self.apply_friction(dt, partners, record));
             self.solver.restore_pins();
         }
-        if let Some(coupled) = coupled {
+        if let Some(coupled) = &mut partners.system {
             self.first_energy += coupled.apply_friction(&mut self.v, clock);
         }
         self.add_solid_work(dt, record);
+        self.add_body_work(partners, record);
         self.add_nozzle_work(dt, record);
         self.add_force_work(dt);
         if self.confinement.is_some() || self.microrotation.is_some() || self.params.xsph.is_some() {
@@ -332,32 +354,6 @@ impl Liquid {
             self.restore_pinned_velocities(dt);
         });
         std::mem::swap(&mut self.x, &mut self.solver.p); // x_i ← x*, [pbf] Alg. 1, line 23
-        Ok(())
-    }
-
-    /// Applies the artificial pressure, if the preset names it.
-    fn apply_artificial_pressure(
-        &mut self,
-        dt: f32,
-        clock: &mut Clock,
-        record: &mut LiquidRecord,
-    ) -> Result<(), Diverged> {
-        if self.repulsion.is_some() {
-            // The tension may have moved particles beyond the skin.
-            let lists = clock
-                .time("search", || self.solver.ensure_lists(&setup(&self.params, &self.rest, &self.walls)));
-            lists.map_err(|cell| self.overcrowded(record.substeps, cell))?;
-        }
-        if let Some(repulsion) = &mut self.repulsion {
-            record.clamps.corrections += clock.time("artificial_pressure", || {
-                self.solver.publish_positions(self.rest.inv_support);
-                let Solver { p, lists, nodes, .. } = &mut self.solver;
-                let shortened = repulsion.apply(&self.rest, lists, nodes, p, dt);
-                self.solver.restore_pins();
-                self.solver.check_skin(&self.rest);
-                shortened
-            });
-        }
         Ok(())
     }
 
@@ -400,19 +396,17 @@ impl Liquid {
         &mut self,
         dt: f32,
         target: Option<Target>,
-        coupled: &mut Option<&mut dyn CoupledSystem>,
+        partners: &mut Partners<'_>,
         clock: &mut Clock,
         record: &mut LiquidRecord,
         watch: &mut dyn Watch,
     ) -> Result<(), Stop> {
-        let setup = setup(&self.params, &self.rest, &self.walls);
         let kind = self.params.solver;
         let theta = self.params.first_theta();
-        let is_calmed = self.is_calmed(coupled.as_deref());
-        let x = &self.x;
-        self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
+        let is_calmed = self.is_calmed(partners.system.as_deref());
+        self.ensure_lists(record)?;
         if kind == SolverKind::Accelerated {
-            self.momentum.start(&mut self.solver, &setup, dt, Directions { theta, x });
+            self.start_pressures(dt, theta, partners, clock);
         }
         let max_iterations = self.params.iterations.unwrap_or(self.params.max_iterations);
         let min_iterations = MIN_ITERATIONS.min(max_iterations);
@@ -427,10 +421,11 @@ impl Liquid {
             if done == max_iterations && target.is_none() {
                 break;
             }
-            self.solver.ensure_lists(&setup).map_err(|cell| self.overcrowded(record.substeps, cell))?;
+            self.ensure_lists(record)?;
+            let solids = setup(&self.params, &self.rest, &self.walls);
             let residual = match kind {
-                SolverKind::Accelerated => self.momentum.evaluate(&mut self.solver, &setup, done == 0),
-                SolverKind::Jacobi => jacobi::evaluate(&mut self.solver, &setup),
+                SolverKind::Accelerated => self.momentum.evaluate(&mut self.solver, &solids, done == 0),
+                SolverKind::Jacobi => jacobi::evaluate(&mut self.solver, &solids),
             };
             let reached = residual.average;
             if !reached.is_finite() {
@@ -438,7 +433,7 @@ impl Liquid {
             }
             if done >= min_iterations && reached <= stop {
                 if let Some(before) = before {
-                    self.solver.shorten_correction((before - stop) / (before - reached), &setup);
+                    self.shorten_correction((before - stop) / (before - reached), dt, partners, clock);
                 }
                 break;
             }
@@ -449,16 +444,21 @@ impl Liquid {
             let is_near = stop < reached && reached <= MAX_INTERPOLATED_DEVIATION * stop;
             before = (is_near && is_calmed && done + 1 >= MIN_SHORTENED).then(|| {
                 self.solver.save_state();
+                self.save_bodies(partners);
                 reached
             });
             let is_late = self.momentum.is_slowed() || done >= MAX_EARLY_ITERATIONS;
             let theta = if is_late { 1.0 } else { theta };
+            self.yield_to_bodies(partners, clock);
+            let x = &self.x;
             self.solver.evaluate_directions_at(Directions { theta, x }, &self.rest);
-            self.solver.correct(&setup);
+            self.solver.correct(&setup(&self.params, &self.rest, &self.walls));
             self.solver.restore_pins_with_work(x);
-            project_contacts(coupled, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
+            self.push_bodies(dt, partners, clock);
+            project_contacts(&mut partners.system, &self.x, &mut self.solver, &self.walls, &self.rest, clock);
             record.iterations += 1;
         }
+        self.solver.rigid.discard_samples();
         Ok(())
     }
 
@@ -496,12 +496,14 @@ impl Liquid {
 
     /// Number of equal substeps that the CFL rule wants for the `left` [s] of the frame, and the number within the limits of
     /// the preset after `done` substeps.
-    fn substeps_left(&self, now: f64, left: f64, coupled: Option<&dyn CoupledSystem>, done: u32) -> [u32; 2] {
+    fn substeps_left(&self, now: f64, left: f64, partners: &Partners<'_>, done: u32) -> [u32; 2] {
         let fastest = par::max(self.v.len(), |i| self.v[i].norm()).map_or(0.0, |(_, speed)| f64::from(speed));
-        let coupled = coupled.map_or(0.0, CoupledSystem::max_speed);
+        let coupled = partners.system.as_deref().map_or(0.0, CoupledSystem::max_speed);
+        let bodies = partners.bodies.as_deref().map_or(0.0, CoupledBodies::max_speed);
         let nozzle = self.inflow.as_ref().map_or(0.0, |inflow| inflow.max_speed(now, now + left));
         let other = self.walls.max_speed(left).max(coupled);
-        let fastest = fastest.max(nozzle) + other;
+        // Rigid bodies move with the liquid that moves them.
+        let fastest = fastest.max(nozzle).max(bodies) + other;
         let gravity = f64::from(self.steady_acceleration().norm());
         let allowed = self.cfl_length();
         // The positive root of (v + g dt) dt = allowed, in the form that survives v = g = 0.

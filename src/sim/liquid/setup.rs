@@ -24,6 +24,11 @@ impl SolverSetup<'_> {
         }
     }
 
+    /// Skin of the neighbour lists [m].
+    pub(super) fn skin(&self) -> f32 {
+        LIST_SKIN * self.rest.support
+    }
+
     /// Distance from a solid at which its density ends, for particles that move within the skin of the lists [m].
     #[inline(always)]
     pub(super) fn boundary_reach(&self) -> f32 {

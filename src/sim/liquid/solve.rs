@@ -13,12 +13,13 @@
 use super::{
     SubstepParticles,
     calibration::RestState,
-    correction::{CorrectionPass, CorrectionSummary},
+    correction::{CorrectionPass, CorrectionSummary, map_columns},
     density::{
         Chunk, ConstraintError, DensityPass, Multiplier, MultiplierColumns, MultiplierUpdate, Residual,
     },
     lanes::{self, Node},
     pass,
+    rigid::RigidSide,
     setup::{LIST_SKIN, SolverSetup},
 };
 use crate::{
@@ -88,7 +89,7 @@ pub(super) struct Solver {
     /// Buffer for sorting.
     pub(super) spare: Vec<Vec3>,
     /// Positions when the lists were built.
-    built_at: Vec<Vec3>,
+    pub(super) built_at: Vec<Vec3>,
     /// Distances to the nearest solid when the lists were built [m].
     pub(super) clearance: Vec<f32>,
     pub(super) grid: CellGrid,
@@ -100,8 +101,10 @@ pub(super) struct Solver {
     pub(super) shortened: u64,
     /// Particles still in contact with a solid after the last iteration.
     pub(super) unresolved_contacts: u64,
-    /// Displacements by solids in this substep [m]; empty unless a solid has friction or restitution.
+    /// Displacements by solids in this substep [m]; empty unless a solid has friction or restitution, or is a rigid body.
     pub(super) wall_push: Vec<Vec3>,
+    /// The rigid bodies.
+    pub(super) rigid: RigidSide,
     /// Work of moving solids in this substep, by mass over dt² [m²].
     pub(super) work: f64,
     /// Particles whose motion is prescribed, in ascending order.
@@ -178,10 +181,9 @@ impl Solver {
     pub(super) fn build_lists(&mut self, setup: &SolverSetup<'_>) {
         self.lists.rebuild(&self.grid, &self.p, reach(setup.rest));
         self.built_at.clone_from(&self.p);
-        self.clearance.resize(self.p.len(), 0.0);
-        let p = &self.p;
-        par::fill(&mut self.clearance, |i| setup.walls.distance(p[i]));
-        self.free_pins_of_solids();
+        self.clearance.clear();
+        self.clearance.resize(self.p.len(), f32::INFINITY);
+        self.find_clearance(setup, |_| true);
         self.stale = false;
     }
 
@@ -201,6 +203,8 @@ impl Solver {
             self.find_cells(setup.rest)?;
             self.build_lists(setup);
             self.rebuilds += 1;
+        } else if self.rigid.stale {
+            self.find_clearance(setup, |x| setup.walls.may_be_near_rigid_body(x));
         }
         Ok(())
     }
@@ -217,12 +221,13 @@ impl Solver {
         self.publish_positions(setup.rest.inv_support);
         self.ratio.resize(count, 0.0);
         self.deficit.resize(count, 0.0);
-        let Self { multipliers, ratio, deficit, retained, nodes, lists, clearance, .. } = self;
+        let Self { multipliers, ratio, deficit, retained, nodes, lists, clearance, rigid, .. } = self;
         let (list, published, clearance) = (&*lists, &**nodes, &**clearance);
+        let (samples, _) = rigid.samples_and_projection();
         let [lambda, applied, last, denominator] = multipliers.slices_mut();
         let slices: [&mut [f32]; 6] = [ratio, deficit, lambda, applied, last, denominator];
         let partials = par::map_chunks_mut(slices, par::CHUNK, |start, slices| {
-            let at = Chunk { setup, nodes: published, lists: list, clearance, start };
+            let at = Chunk { setup, nodes: published, lists: list, clearance, samples, start };
             let retained = retained.get(start..).unwrap_or_default();
             let [ratio, deficit, lambda, applied, last, denominator] = slices;
             let multiplier = Multiplier { lambda, applied, last, denominator };
@@ -314,7 +319,7 @@ impl Solver {
 
     /// Keeps the part `kept` (0 to 1) of the correction since [`Solver::save_state`].
     pub(super) fn shorten_correction(&mut self, kept: f64, setup: &SolverSetup<'_>) {
-        let Self { p, wall_push, ratio, built_at, clearance, before, .. } = self;
+        let Self { p, wall_push, rigid, ratio, built_at, clearance, before, .. } = self;
         let part = kept as f32;
         let between = |from: Vec3, to: Vec3| from + (to - from) * part;
         par::update(wall_push, |i, total| *total = between(before.wall_push[i], *total));
@@ -322,8 +327,9 @@ impl Solver {
         self.work = before.work + (self.work - before.work) * kept;
         self.pin_work = before.pin_work + (self.pin_work - before.pin_work) * kept;
         // A straight line between two places outside of a solid may lead through it.
-        let project = |start: usize, p: &mut [Vec3], wall_push: &mut [Vec3]| {
+        let project = |start: usize, p: &mut [Vec3], wall_push: &mut [Vec3], projection: &mut [Vec3]| {
             let (mut touching, mut work) = (0, 0.0);
+            projection.fill(Vec3::zeros());
             for (k, p) in p.iter_mut().enumerate() {
                 let i = start + k;
                 let x = between(before.p[i], *p);
@@ -333,6 +339,9 @@ impl Solver {
                     if let Some(push) = wall_push.get_mut(k) {
                         *push += free - x;
                     }
+                    if let Some(projection) = projection.get_mut(k) {
+                        *projection = free - x;
+                    }
                     work += setup.walls.work(x, free);
                     touching += u64::from(touches);
                     *p = free;
@@ -340,12 +349,7 @@ impl Solver {
             }
             (touching, work)
         };
-        let partials = if wall_push.is_empty() {
-            par::map_chunks_mut([p.as_mut_slice()], par::CHUNK, |start, [p]| project(start, p, &mut []))
-        } else {
-            let columns = [p.as_mut_slice(), wall_push.as_mut_slice()];
-            par::map_chunks_mut(columns, par::CHUNK, |start, [p, push]| project(start, p, push))
-        };
+        let partials = map_columns(p, wall_push, &mut rigid.projection, project);
         for (touching, work) in partials {
             self.unresolved_contacts += touching;
             self.work += if setup.walls.has_moving_solids() { work } else { 0.0 };
@@ -357,19 +361,15 @@ impl Solver {
 
     /// Moves every particle by its correction and out of the solids.
     pub(super) fn correct(&mut self, setup: &SolverSetup<'_>) {
-        let Self { p, nodes, lists, built_at, clearance, wall_push, .. } = self;
+        let Self { p, nodes, lists, built_at, clearance, wall_push, rigid, .. } = self;
         let (nodes, lists, clearance) = (&**nodes, &*lists, &**clearance);
-        let correct = |start: usize, p: &mut [Vec3], wall_push: &mut [Vec3]| {
+        let (samples, projection) = rigid.samples_and_projection();
+        let correct = |start: usize, p: &mut [Vec3], wall_push: &mut [Vec3], projection: &mut [Vec3]| {
             let built_at = &built_at[start..][..p.len()];
-            let at = Chunk { setup, nodes, lists, clearance, start };
-            pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at, wall_push })
+            let at = Chunk { setup, nodes, lists, clearance, samples, start };
+            pass::run(setup.rest.kernel, CorrectionPass { at, p, built_at, wall_push, projection })
         };
-        let partials = if wall_push.is_empty() {
-            par::map_chunks_mut([p.as_mut_slice()], par::CHUNK, |start, [p]| correct(start, p, &mut []))
-        } else {
-            let columns = [p.as_mut_slice(), wall_push.as_mut_slice()];
-            par::map_chunks_mut(columns, par::CHUNK, |start, [p, push]| correct(start, p, push))
-        };
+        let partials = map_columns(p, wall_push, projection, correct);
         for CorrectionSummary { farthest2, shortened, unresolved_contacts, work } in partials {
             self.stale |= exceeds_skin(farthest2, setup.rest);
             self.shortened += shortened;

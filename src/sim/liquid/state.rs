@@ -11,6 +11,7 @@ use crate::{
     math::Vec3,
     par,
     sim::{SetupError, Timeline, World},
+    solid::{RigidBody, Solid},
 };
 
 /// Kinematic viscosity with which eddies fade without viscosity, over speed times spacing: 0.5 to 1.1 for four eddies in a
@@ -42,9 +43,10 @@ impl Liquid {
     pub(in crate::sim) fn seed(
         params: LiquidParams,
         world: &World,
+        bodies: (&[Solid], &[RigidBody]),
         timeline: Timeline,
     ) -> Result<Self, SetupError> {
-        let mut liquid = Self::empty(params, world, timeline)?;
+        let mut liquid = Self::empty(params, world, bodies, timeline)?;
         let seeds = seed::seed(&liquid.params, &liquid.rest, &liquid.walls)?;
         if seeds.positions.is_empty() && !liquid.inflow.as_ref().is_some_and(Inflow::has_columns) {
             return Err(SetupError::NoParticles);
@@ -92,11 +94,12 @@ impl Liquid {
     pub(in crate::sim) fn restore(
         params: LiquidParams,
         world: &World,
+        bodies: (&[Solid], &[RigidBody]),
         stream: &Stream,
         (timeline, time): (Timeline, f64),
     ) -> Result<Self, SetupError> {
         let missing = |what| SetupError::Missing { stream: NAME, what };
-        let mut liquid = Self::empty(params, world, timeline)?;
+        let mut liquid = Self::empty(params, world, bodies, timeline)?;
         liquid.walls.place_at(time);
         liquid.x = stream.vec3("position").ok_or(missing("position"))?.to_vec();
         liquid.v = stream.vec3("velocity").ok_or(missing("velocity"))?.to_vec();
@@ -123,14 +126,22 @@ impl Liquid {
         if liquid.x.is_empty() && !is_flowing { Err(SetupError::NoParticles) } else { Ok(liquid) }
     }
 
-    fn empty(params: LiquidParams, world: &World, timeline: Timeline) -> Result<Self, SetupError> {
+    /// A liquid without particles, with rigid bodies as solids.
+    fn empty(
+        params: LiquidParams,
+        world: &World,
+        (solids, bodies): (&[Solid], &[RigidBody]),
+        timeline: Timeline,
+    ) -> Result<Self, SetupError> {
         let rest = RestState::new(params.kernel, params.spacing, params.kernel_radius);
-        let walls = Walls::new(&world.solids, &rest);
+        let mut walls = Walls::new(&world.solids, &rest);
+        walls.add_rigid_bodies(solids);
         let inflow = Inflow::new(&params, &rest, timeline)?;
         let has_channel = |channel| params.channels.contains(&channel);
-        Ok(Self {
+        let needs_pushes = walls.has_friction_or_restitution();
+        let mut liquid = Self {
             rest,
-            v_before: walls.has_friction_or_restitution().then(Vec::new),
+            v_before: needs_pushes.then(Vec::new),
             walls,
             gravity: world.gravity,
             forces: None,
@@ -156,7 +167,10 @@ impl Liquid {
                 _ => 0.0,
             }),
             repulsion: params.artificial_pressure.clone().map(|params| Repulsion::new(params, &rest)),
-            tension: params.surface_tension.as_ref().map(|tension| Tension::new(tension, &params, world)),
+            tension: params
+                .surface_tension
+                .as_ref()
+                .map(|tension| Tension::new(tension, &params, world, solids)),
             viscosity: params
                 .viscosity
                 .as_ref()
@@ -165,7 +179,9 @@ impl Liquid {
             microrotation: params.micropolar.as_ref().map(|params| Microrotation::new(params, &rest)),
             motion: Vec::new(),
             params,
-        })
+        };
+        liquid.place_bodies(bodies);
+        Ok(liquid)
     }
 
     /// The state at `time` since the shot's start [s] as named columns, with everything that [`Liquid::restore`] needs.
@@ -207,7 +223,7 @@ mod tests {
     use super::*;
     use crate::{
         sim::liquid::{Kernel, LiquidSource},
-        solid::{Shape, Solid},
+        solid::Shape,
     };
 
     #[test]
@@ -232,7 +248,7 @@ mod tests {
             let source = LiquidSource { shape, velocity: [0.0; 3] };
             let params = LiquidParams { source: vec![source], ..LiquidParams::new(0.1) };
             let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
-            let liquid = Liquid::seed(params, &world, Timeline::default());
+            let liquid = Liquid::seed(params, &world, (&[], &[]), Timeline::default());
             let seeded = liquid.expect("the source holds particles").seeded;
             assert_eq!(seeded.far_from_origin > 0.0, far, "{at} m: {seeded:?}");
         }

@@ -22,6 +22,7 @@ use super::{
     lanes::{self, Node},
     pair::{Pair, Wendland},
     pass::{self, NeighbourPass},
+    rigid::RigidSide,
     setup::LIST_SKIN,
     solve::Directions,
     walls::{Walls, Wetting},
@@ -32,6 +33,7 @@ use crate::{
     par,
     sim::World,
     simd::Lanes,
+    solid::{RigidBody, Solid},
     space::{CellGrid, Neighbours},
 };
 
@@ -104,13 +106,19 @@ impl SurfaceTension {
 }
 
 impl Tension {
-    pub(super) fn new(params: &SurfaceTension, liquid: &LiquidParams, world: &World) -> Self {
+    pub(super) fn new(
+        params: &SurfaceTension,
+        liquid: &LiquidParams,
+        world: &World,
+        bodies: &[Solid],
+    ) -> Self {
         let rest = RestState::new(Kernel::Wendland, liquid.spacing, kernel_radius(liquid));
         let (sigma, density) = (CALIBRATION * f64::from(params.coefficient), f64::from(liquid.density));
         let (h, spacing) = (f64::from(rest.support), f64::from(rest.spacing));
         let volume = spacing.powi(3);
         let cohesion = COHESION * sigma / cut_energy(h, spacing);
-        let walls = Walls::new(&world.solids, &rest);
+        let mut walls = Walls::new(&world.solids, &rest);
+        walls.add_rigid_bodies(bodies);
         let cosine = |angle: f32| WETTING[0] * cos(angle.to_radians()) + WETTING[1];
         Self {
             acceleration: (2.0 * sigma / (density * h * h)) as f32,
@@ -197,6 +205,23 @@ impl Tension {
                 *push += solids.force(x, wall, self.gradient[i]) * scale;
             }
         });
+    }
+
+    /// Adds the reactions to the forces of solids in the last [`Tension::apply`] to the bodies.
+    pub(super) fn push_bodies(&self, rigid: &mut RigidSide, bodies: &mut [RigidBody], scale: f64, dt: f32) {
+        let (solids, factor) = (self.solids(), self.acceleration * dt * dt);
+        rigid.add_reactions(&self.walls, bodies, scale, |i| {
+            let wall = self.wall[i];
+            let x = self.nodes[i].vector() * self.rest.support;
+            let is_pushed = wall != Vec3::zeros();
+            is_pushed
+                .then(|| (x, wall * self.rest.inv_support, solids.force(x, wall, self.gradient[i]) * factor))
+        });
+    }
+
+    /// Sets the poses of rigid bodies between those at the start (0) and at the end (1) of the substep.
+    pub(super) fn place_bodies(&mut self, bodies: &[RigidBody], part: f32) {
+        self.walls.set_rigid_bodies(bodies.iter().map(|body| [body.pose_between(part); 2]));
     }
 
     fn solids(&self) -> WettedSolids<'_> {
@@ -405,7 +430,8 @@ mod tests {
             solids.push(Solid { contact_angle: Some(contact_angle), ..Solid::fixed(shape) });
         }
         let world = World { gravity: Vec3::zeros(), solids };
-        let tension = Tension::new(&SurfaceTension { coefficient: 0.072, contact_angle }, &liquid, &world);
+        let tension =
+            Tension::new(&SurfaceTension { coefficient: 0.072, contact_angle }, &liquid, &world, &[]);
         let jitter = |k: u32| ((k.wrapping_mul(2_654_435_761) >> 16) as f32 / 65536.0 - 0.5) * 0.003;
         let at = |k: u32| {
             let cell = Vec3::new((k % 6) as f32, (k / 6 % 6) as f32, (k / 36) as f32 + 0.5) * 0.01;
@@ -462,7 +488,7 @@ mod tests {
         let liquid = LiquidParams::new(0.01);
         let world = World { gravity: Vec3::zeros(), solids: Vec::new() };
         let params = SurfaceTension { coefficient: 0.072, ..SurfaceTension::default() };
-        let mut tension = Tension::new(&params, &liquid, &world);
+        let mut tension = Tension::new(&params, &liquid, &world, &[]);
         let mut energy = |layers: u32| {
             let at = |k: u32| Vec3::new((k % 16) as f32, (k / 16 % 16) as f32, (k / 256) as f32) * 0.01;
             tension.energy_at(&(0..256 * layers).map(at).collect::<Vec<_>>())

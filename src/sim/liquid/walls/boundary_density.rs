@@ -27,8 +27,9 @@ impl Walls {
             let near = plane.mover.filter(|_| d < self.support);
             near.map(|mover| (mover, plane.n * self.half_space_slope(d)))
         });
-        let bodies = self.bodies.iter().filter_map(|body| {
-            let near = body.mover.filter(|_| self.body_distance(body, x) < self.support);
+        let bodies = self.near(x, self.support).map(|body| &self.bodies[body]).filter_map(|body| {
+            let keyframed = body.mover.filter(|&mover| mover < self.keyframed);
+            let near = keyframed.filter(|_| self.body_distance(body, x) < self.support);
             near.map(|mover| (mover, self.body_density(body, x).1))
         });
         let did = planes.chain(bodies).map(|(mover, falls)| {
@@ -51,7 +52,7 @@ impl Walls {
                 add(1.0 - self.half_space_density(d), plane.n * self.half_space_slope(d));
             }
         }
-        for body in &self.bodies {
+        for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
             if self.body_distance(body, x) < self.support {
                 let (share, slope) = self.body_density(body, x);
                 add(1.0 - share, slope);
@@ -62,7 +63,7 @@ impl Walls {
 
     /// Density of a half space at distance `d` [m].
     #[inline]
-    fn half_space_density(&self, d: f32) -> f32 {
+    pub(super) fn half_space_density(&self, d: f32) -> f32 {
         self.rest.half_space_density((d + self.shift) * self.inv_support)
     }
 

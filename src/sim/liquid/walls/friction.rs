@@ -23,7 +23,7 @@ const RESTING_STEPS: f32 = 2.0;
 
 /// Bound of the rounding errors of a displacement, relative to the coordinates: tracing the path to a body has some without a
 /// contact.
-const ROUNDING: f32 = 8.0 * f32::EPSILON;
+pub(in crate::sim::liquid) const ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 /// A particle that solids pushed in a substep.
 #[derive(Clone, Copy, Debug)]
@@ -46,6 +46,8 @@ pub(in crate::sim::liquid) struct ContactImpulse {
     pub(in crate::sim::liquid) displacement: Vec3,
     /// Work of moving solids, per mass [J/kg].
     pub(in crate::sim::liquid) work: f64,
+    /// Rigid bodies among the solids with their shares of the change of velocity [m/s].
+    pub(in crate::sim::liquid) by_bodies: [Option<(usize, Vec3)>; 2],
     /// Energy that friction dissipates, per mass, without the change of potential energy [J/kg].
     pub(in crate::sim::liquid) dissipated: f64,
 }
@@ -75,6 +77,7 @@ impl Walls {
             }
             push -= n * pushed; // a second solid with this normal did not push once more
             let u = mover.map_or(Vec3::zeros(), |mover| self.movers[mover].displacement(p) / dt);
+            let (before, work) = (out.change, out.work);
             let mut impulse = pushed / dt;
             let approach = (u - v_before).dot(&n);
             if surface.restitution > 0.0 && approach > RESTING_STEPS * gravity.norm() * dt {
@@ -104,6 +107,13 @@ impl Walls {
                 out.work += f64::from(change.dot(&u));
                 out.dissipated -= f64::from(change.dot(&(slip + change * 0.5)));
             }
+            if let Some(body) = mover.and_then(|mover| mover.checked_sub(self.keyframed)) {
+                out.work = work;
+                // More than two bodies hardly touch one particle; the others are then as unmoved solids.
+                if let Some(free) = out.by_bodies.iter_mut().find(|share| share.is_none()) {
+                    *free = Some((body, out.change - before));
+                }
+            }
         };
         for plane in self.planes.iter().filter(|plane| plane.surface.acts()) {
             let d = plane.n.dot(&p) - plane.offset;
@@ -111,7 +121,9 @@ impl Walls {
                 touch(d, plane.n, plane.surface, plane.mover);
             }
         }
-        for body in self.bodies.iter().filter(|body| body.surface.acts()) {
+        for body in
+            self.near(p, self.support).map(|body| &self.bodies[body]).filter(|body| body.surface.acts())
+        {
             if self.body_distance(body, p) < self.support {
                 let (d, n) = self.body_contact(body, p);
                 touch(d, n, body.surface, body.mover);

@@ -7,15 +7,19 @@
 //! *Departs from the paper*: continuous collision detection traces the path of a particle relative to every body through
 //! the body's distance field (sphere tracing), so that no particle crosses even a thin part at any speed.
 
+mod body_grid;
 mod boundary_density;
 mod friction;
+mod near;
 mod no_slip;
+mod rigid;
 mod round_density;
 mod surface;
 mod wetting;
 
-pub(super) use friction::PushedParticle;
+pub(super) use friction::{PushedParticle, ROUNDING};
 pub(super) use no_slip::WallDrag;
+pub(super) use rigid::RigidDensity;
 pub(super) use wetting::Wetting;
 
 use super::{calibration::RestState, density_map};
@@ -23,6 +27,7 @@ use crate::{
     math::Vec3,
     solid::{MeshShape, Motion, Pose, Shape, Solid},
 };
+use body_grid::BodyGrid;
 use surface::Surface;
 
 /// Most iterations that project a particle out of all solids; after them remaining contacts are counted.
@@ -48,8 +53,13 @@ pub(super) struct Walls {
     planes: Vec<Plane>,
     /// All other shapes.
     bodies: Vec<Body>,
-    /// The solids that move.
+    /// The solids that move: by keyframes, then rigid bodies.
     movers: Vec<MovingSolid>,
+    /// Number of those that move by keyframes.
+    keyframed: usize,
+    /// Where the bodies are, and the largest displacement of a moving solid in the substep [m].
+    grid: BodyGrid,
+    largest_displacement: f32,
     /// Current time [s].
     now: f64,
     /// Contact distance between particles and surfaces [m].
@@ -80,15 +90,34 @@ struct Body {
     density_map: Option<MeshShape>,
     mover: Option<usize>,
     surface: Surface,
+    /// All of it is within `reach` [m] of `center`, in its own axes [m].
+    center: Vec3,
+    reach: f32,
 }
 
 /// A moving solid, with its poses at the start and at the end of the substep.
 #[derive(Debug)]
 struct MovingSolid {
-    motion: Motion,
+    /// `None`: a rigid body.
+    motion: Option<Motion>,
+    /// Points of the solid are within `reach` [m] of `center`, in its own axes [m].
+    center: Vec3,
     reach: f32,
     before: Pose,
     now: Pose,
+}
+
+impl Body {
+    fn new(solid: &Solid, mover: Option<usize>, rest: &RestState) -> Self {
+        let density_map = match &solid.shape {
+            Shape::Mesh(mesh) => density_map::equivalent_distances(mesh, rest),
+            _ => None,
+        };
+        let (low, high) = solid.shape.bounds().unwrap_or_default();
+        let (center, reach) = ((low + high) / 2.0, (high - low).norm() / 2.0);
+        let (shape, surface) = (solid.shape.clone(), Surface::of(solid));
+        Self { shape, density_map, mover, surface, center, reach }
+    }
 }
 
 impl MovingSolid {
@@ -112,7 +141,8 @@ impl Walls {
             let mover = motion.as_ref().map(|motion| {
                 let pose = motion.pose(0.0);
                 movers.push(MovingSolid {
-                    motion: motion.clone(),
+                    motion: Some(motion.clone()),
+                    center: Vec3::zeros(),
                     reach: shape.reach(),
                     before: pose,
                     now: pose,
@@ -134,19 +164,16 @@ impl Walls {
                         plane(-n, -max[axis]);
                     }
                 }
-                _ => {
-                    let density_map = match shape {
-                        Shape::Mesh(mesh) => density_map::equivalent_distances(mesh, rest),
-                        _ => None,
-                    };
-                    bodies.push(Body { shape: shape.clone(), density_map, mover, surface });
-                }
+                _ => bodies.push(Body::new(solid, mover, rest)),
             }
         }
         let mut walls = Self {
             planes,
             bodies,
+            keyframed: movers.len(),
             movers,
+            grid: BodyGrid::default(),
+            largest_displacement: 0.0,
             now: 0.0,
             contact: 0.5 * rest.spacing,
             support: rest.support,
@@ -164,13 +191,16 @@ impl Walls {
         for mover in &mut self.movers {
             mover.before = mover.now;
         }
+        self.refresh_near();
     }
 
-    /// Moves every solid to its pose at `time` [s], the end of the substep.
+    /// Moves every solid with keyframes to its pose at `time` [s], the end of the substep.
     pub(super) fn move_to(&mut self, time: f64) {
         self.now = time;
         for mover in &mut self.movers {
-            mover.before = std::mem::replace(&mut mover.now, mover.motion.pose(time));
+            if let Some(motion) = &mover.motion {
+                mover.before = std::mem::replace(&mut mover.now, motion.pose(time));
+            }
         }
         for plane in &mut self.planes {
             if let Some(mover) = plane.mover {
@@ -179,6 +209,7 @@ impl Walls {
                 plane.offset = plane.own.1 + plane.n.dot(&pose.position);
             }
         }
+        self.refresh_near();
     }
 
     /// Current time [s].
@@ -186,22 +217,29 @@ impl Walls {
         self.now
     }
 
-    /// Whether any solid moves at any time.
+    /// Whether any solid moves by keyframes, and does work that the liquid's energy may rise by. The work of rigid bodies follows from
+    /// their impulses.
     pub(super) fn has_moving_solids(&self) -> bool {
-        !self.movers.is_empty()
+        self.keyframed > 0
     }
 
-    /// Upper bound of the speed of all surfaces over the next `seconds` [m/s].
+    /// Upper bound of the speed of all surfaces that move by keyframes over the next `seconds` [m/s].
     pub(super) fn max_speed(&self, seconds: f64) -> f64 {
-        let speed = |mover: &MovingSolid| mover.motion.fastest(self.now, self.now + seconds, mover.reach);
+        let speed = |mover: &MovingSolid| {
+            let motion = mover.motion.as_ref();
+            motion.map_or(0.0, |motion| motion.fastest(self.now, self.now + seconds, mover.reach))
+        };
         self.movers.iter().map(speed).fold(0.0, f64::max)
     }
 
-    /// Signed distance from `x` to the nearest solid [m]; infinite without solids. Outside a mesh's grid it is a lower bound.
+    /// Signed distance from `x` to the nearest solid [m]; infinite without solids. Outside a mesh's grid it is a lower bound. Bodies that are
+    /// farther than twice the support may be left out.
     #[inline]
     pub(super) fn distance(&self, x: Vec3) -> f32 {
         let planes = self.planes.iter().map(|plane| plane.n.dot(&x) - plane.offset);
-        planes.chain(self.bodies.iter().map(|body| self.body_distance(body, x))).fold(f32::INFINITY, f32::min)
+        let near = self.near(x, self.near_reach());
+        let bodies = near.map(|body| self.body_distance(&self.bodies[body], x));
+        planes.chain(bodies).fold(f32::INFINITY, f32::min)
     }
 
     #[inline]
@@ -243,7 +281,7 @@ impl Walls {
                     touched = true;
                 }
             }
-            for body in &self.bodies {
+            for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
                 if self.body_distance(body, x) < keep {
                     let (d, n) = self.body_contact(body, x);
                     if d < keep {
@@ -263,7 +301,7 @@ impl Walls {
     fn touches(&self, x: Vec3) -> bool {
         let near = 0.99 * self.contact;
         self.planes.iter().any(|plane| plane.n.dot(&x) - plane.offset < near)
-            || self.bodies.iter().any(|body| self.body_contact(body, x).0 < near)
+            || self.near(x, self.support).any(|body| self.body_contact(&self.bodies[body], x).0 < near)
     }
 
     /// End of a particle's path from `from` to `to` while the solids do not move, and whether it is still in contact.
@@ -272,8 +310,8 @@ impl Walls {
         if self.bodies.is_empty() {
             return self.project(to); // a half space has no other side
         }
-        let to = self.project_onto_planes(to);
-        self.project(self.bodies.iter().fold(to, |to, body| self.trace_path(body, from, to)))
+        let bodies = self.near_path(from, to).map(|body| &self.bodies[body]);
+        self.project(bodies.fold(self.project_onto_planes(to), |to, body| self.trace_path(body, from, to)))
     }
 
     /// `x` projected out of every half space once. A straight path between points outside of all half spaces stays outside,
@@ -300,7 +338,8 @@ impl Walls {
             });
             self.trace_path(body, start, to)
         };
-        self.project(self.bodies.iter().fold(self.project_onto_planes(to), follow))
+        let bodies = self.near_path(from, to).map(|body| &self.bodies[body]);
+        self.project(bodies.fold(self.project_onto_planes(to), follow))
     }
 
     /// End of the path from `from` to `to`, stopped before it enters `body` and continued along its surface.
@@ -349,7 +388,8 @@ impl Walls {
             let d = plane.n.dot(&to) - plane.offset;
             plane.mover.map(|mover| (mover, d, plane.n))
         });
-        let bodies = self.bodies.iter().filter_map(|body| {
+        let bodies = self.near(to, self.support).filter_map(|body| {
+            let body = &self.bodies[body];
             body.mover.map(|mover| {
                 let (d, n) = self.body_contact(body, to);
                 (mover, d, n)
@@ -359,7 +399,7 @@ impl Walls {
         let facing =
             touching.map(|(mover, _, n)| (mover, n.dot(&push), n)).filter(|&(_, along, _)| along > 0.0);
         let best = facing.reduce(|a, b| if b.1 > a.1 { b } else { a });
-        best.map_or(0.0, |(mover, along, n)| {
+        best.filter(|&(mover, ..)| mover < self.keyframed).map_or(0.0, |(mover, along, n)| {
             f64::from(along) * f64::from(n.dot(&self.movers[mover].displacement(to)))
         })
     }

@@ -77,7 +77,7 @@ impl Walls {
                 add(d, plane.n, plane.mover);
             }
         }
-        for body in &self.bodies {
+        for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
             if self.body_distance(body, x) < self.support {
                 let (d, n) = match &body.density_map {
                     // The distance of the half space with the same density, which edges reduce.

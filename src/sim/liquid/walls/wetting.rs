@@ -55,7 +55,8 @@ impl Wetting {
                 add(walls.half_space_slope(d), cosine);
             }
         }
-        for (body, &cosine) in walls.bodies.iter().zip(of_bodies) {
+        for (body, cosine) in walls.near(x, walls.support).map(|body| (&walls.bodies[body], of_bodies[body]))
+        {
             if walls.body_distance(body, x) < walls.support {
                 add(walls.body_density(body, x).1.norm(), cosine);
             }

@@ -42,6 +42,9 @@ const FRICTION_BYTES: f64 = 24.0;
 /// Microrotation and buffers of its exchange [bytes/particle].
 const MICROPOLAR_BYTES: f64 = 64.0;
 
+/// Projections by solids, and pairs of particles and rigid bodies, of which the lists exist twice while they are found [bytes/particle].
+const BODY_BYTES: f64 = 12.0 + 4.0 + 2.0 * 52.0;
+
 /// What forces do to each particle [bytes/particle].
 const FORCE_BYTES: f64 = 40.0;
 
@@ -54,10 +57,12 @@ pub(super) fn memory(scene: &Scene, liquid: &LiquidParams, particles: f64) -> f6
     let viscosity = if liquid.viscosity.is_some() { VISCOSITY_BYTES } else { 0.0 };
     let tension = if liquid.surface_tension.is_some() { TENSION_BYTES } else { 0.0 };
     let micropolar = if liquid.micropolar.is_some() { MICROPOLAR_BYTES } else { 0.0 };
-    let rough = scene.world.collider.iter().any(Collider::has_friction_or_restitution);
+    let rough = scene.world.collider.iter().any(Collider::has_friction_or_restitution)
+        || scene.body.iter().any(|body| body.liquid_friction.is_some());
     let friction = if rough { FRICTION_BYTES } else { 0.0 };
     let forces = if scene.force.is_empty() { 0.0 } else { FORCE_BYTES };
-    let terms = viscosity + tension + micropolar + friction + forces;
+    let bodies = if scene.body.is_empty() { 0.0 } else { BODY_BYTES };
+    let terms = viscosity + tension + micropolar + friction + forces + bodies;
     particles * (PARTICLE_BYTES - NEIGHBOR_BYTES + neighbors + terms)
 }
 

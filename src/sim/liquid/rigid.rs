@@ -1,0 +1,297 @@
+//! Two-way coupling of the liquid with rigid bodies, within the iterations of the density solve.
+//!
+//! *Method*: a body is a solid whose pose at the end of the substep follows from its velocities. Whatever a body does to a particle, by
+//! its density, by projection, by friction and by surface tension, acts on the body with the opposite sign at the same place, so that momentum is
+//! conserved to rounding. Reactions alone diverge where a body is light (the added-mass instability). Therefore
+//! an iteration solves the pressures or projections of all particles at a body together with the six velocities of the body: with the diagonal D of
+//! the liquid and the rows u_i of the body, (D + U M⁻¹ Uᵀ) κ = C, by the identity of Woodbury with a system of six unknowns for each body.
+//! *Departs from*: [akinci12], whose coupling is explicit and whose bodies are sampled with particles; here solids are distance fields. The
+//! pressures at the body are those of the strong coupling of [gissler19], without an iteration of their own.
+//!
+//! Symbols: κ_i, D_i → `denominator`, λ → see `density.rs`; u_i = (∇ρ, r × ∇ρ) → [`Lever`], with r from the centre of mass to the
+//! particle; M → mass and inertia of the body over the mass of a particle. Impulses by Δt over the mass of a particle are displacements [m].
+//! Limits: the particles at two bodies at once are solved for each of them separately. The viscous drag of a body on the liquid has no reaction.
+
+use super::{
+    rigid_system::{BodySystem, Lever, dot, lever},
+    walls::{ROUNDING, RigidDensity, Walls},
+};
+use crate::{
+    math::Vec3,
+    par,
+    solid::{Pose, RigidBody},
+};
+use nalgebra::Vector3;
+
+/// Mark of a particle that is not near a body.
+pub(super) const NO_PAIR: u32 = u32::MAX;
+
+/// Rigid bodies that share the liquid's substeps.
+pub(in crate::sim) trait CoupledBodies {
+    /// The bodies.
+    fn bodies(&self) -> &[RigidBody];
+
+    /// The bodies, to which impulses are added.
+    fn bodies_mut(&mut self) -> &mut [RigidBody];
+
+    /// Upper bound of the speed of their points [m/s].
+    fn max_speed(&self) -> f64;
+
+    /// Starts the substep from `now` [s] of `dt` [s]: moves bodies with gravity, and keeps them out of solids and of each other.
+    fn start_substep(&mut self, now: f64, dt: f64);
+
+    /// Resolves contacts after impulses, and moves the bodies accordingly.
+    fn resolve_contacts(&mut self);
+
+    /// Keeps the impulses of contacts before a correction.
+    fn save_contacts(&mut self);
+
+    /// Keeps the part `kept` of the impulses of contacts since [`CoupledBodies::save_contacts`].
+    fn shorten_contacts(&mut self, kept: f64);
+
+    /// Ends the substep: rebounds.
+    fn end_substep(&mut self);
+}
+
+/// A particle near a rigid body.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pair {
+    pub(super) particle: u32,
+    pub(super) body: u32,
+    /// Position [m], and density of the solids there, in this iteration.
+    pub(super) x: Vec3,
+    pub(super) solids: RigidDensity,
+    /// What the body yields along that gradient.
+    pub(super) gives: f32,
+}
+
+/// A particle that a rigid body projected out of itself.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RigidContact {
+    pub(super) particle: u32,
+    pub(super) body: u32,
+    /// Where it is [m].
+    pub(super) x: Vec3,
+    /// Normal out of the body, or direction of friction.
+    pub(super) normal: Vec3,
+    /// The projection [m], or the change of velocity [m/s].
+    pub(super) push: Vec3,
+}
+
+/// Densities of solids at the particles near rigid bodies.
+#[derive(Clone, Copy)]
+pub(super) struct DensitySamples<'a> {
+    first_pair: &'a [u32],
+    pairs: &'a [Pair],
+}
+
+impl DensitySamples<'_> {
+    /// Density and its gradient [1/m] at particle `i`, which is at `x`, if it is near a rigid body.
+    #[inline(always)]
+    pub(super) fn get(&self, i: usize, x: Vec3) -> Option<(f32, Vec3)> {
+        let &first = self.first_pair.get(i)?;
+        let pair = self.pairs.get(first as usize)?;
+        (pair.x == x).then_some((pair.solids.density, pair.solids.gradient))
+    }
+}
+
+/// What the solver keeps of the rigid bodies in a substep.
+#[derive(Debug, Default)]
+pub(super) struct RigidSide {
+    /// The particles near bodies, in ascending order.
+    pub(super) pairs: Vec<Pair>,
+    /// Index of the first pair of each particle, or [`NO_PAIR`]; empty without bodies.
+    pub(super) first_pair: Vec<u32>,
+    /// Whether the pairs have the densities at the current positions and poses.
+    pub(super) is_sampled: bool,
+    /// Whether a body has moved farther than its skin since [`Self::pairs`] were found.
+    pub(super) stale: bool,
+    /// Poses of the bodies when [`Self::pairs`] were found.
+    pub(super) listed_at: Vec<Pose>,
+    /// Projections by solids in the last correction [m]; empty without bodies.
+    pub(super) projection: Vec<Vec3>,
+    /// Linear and angular impulse of the liquid on each body in this substep.
+    impulse: Vec<[Vector3<f64>; 2]>,
+    /// Velocities of the bodies and these impulses before the last correction.
+    before: Vec<[[Vector3<f64>; 2]; 2]>,
+}
+
+/// Whether solids displaced a particle to `x` by `push`, apart from rounding errors.
+#[inline]
+pub(super) fn is_pushed(x: Vec3, push: Vec3) -> bool {
+    push.amax() > ROUNDING * x.amax()
+}
+
+/// Sums over pairs by body, in chunks of fixed length.
+pub(super) fn sum_by_body<T: Clone + Send + Sync>(
+    count: usize,
+    bodies: usize,
+    zero: &T,
+    add: impl Fn(usize, &mut [T]) + Sync,
+    merge: impl Fn(&mut T, &T),
+) -> Vec<T> {
+    let partials = par::map_chunks(count, par::CHUNK.max(16 * bodies), |range| {
+        let mut sums = vec![zero.clone(); bodies];
+        range.for_each(|k| add(k, &mut sums));
+        sums
+    });
+    let mut total = vec![zero.clone(); bodies];
+    for partial in &partials {
+        total.iter_mut().zip(partial).for_each(|(sum, more)| merge(sum, more));
+    }
+    total
+}
+
+impl RigidSide {
+    /// Starts a substep.
+    pub(super) fn start_substep(&mut self, bodies: usize) {
+        self.impulse.clear();
+        self.impulse.resize(bodies, [Vector3::zeros(); 2]);
+    }
+
+    /// Sets the number of particles.
+    pub(super) fn resize(&mut self, particles: usize, has_bodies: bool) {
+        self.projection.clear();
+        self.projection.resize(if has_bodies { particles } else { 0 }, Vec3::zeros());
+    }
+
+    /// Ends the validity of the sampled densities, because particles or bodies move.
+    pub(super) fn discard_samples(&mut self) {
+        self.is_sampled = false;
+    }
+
+    /// The densities of solids at particles near bodies, as far as they are sampled, and the projections of the correction.
+    pub(super) fn samples_and_projection(&mut self) -> (DensitySamples<'_>, &mut Vec<Vec3>) {
+        let first_pair = if self.is_sampled { &*self.first_pair } else { &[] };
+        (DensitySamples { first_pair, pairs: &self.pairs }, &mut self.projection)
+    }
+
+    /// Keeps the velocities before a correction.
+    pub(super) fn save(&mut self, bodies: &[RigidBody]) {
+        self.before.clear();
+        self.before
+            .extend(bodies.iter().zip(&self.impulse).map(|(body, impulse)| [body.momenta(), *impulse]));
+    }
+
+    /// Keeps the part `kept` (0 to 1) of the impulses since [`RigidSide::save`].
+    pub(super) fn shorten(&mut self, bodies: &mut [RigidBody], kept: f64) {
+        for ((body, impulse), [momenta, before]) in bodies.iter_mut().zip(&mut self.impulse).zip(&self.before)
+        {
+            body.return_to(*momenta, kept);
+            for (impulse, before) in impulse.iter_mut().zip(before) {
+                *impulse = before + (*impulse - before) * kept;
+            }
+        }
+    }
+
+    /// Work of the bodies on the liquid in this substep [J]: the impulses times the velocities of the bodies.
+    pub(super) fn work(&self, bodies: &[RigidBody]) -> f64 {
+        let works = bodies.iter().zip(&self.impulse);
+        works
+            .map(|(body, [linear, angular])| {
+                -linear.dot(&body.velocity()) - angular.dot(&body.angular_velocity())
+            })
+            .sum()
+    }
+
+    /// Adds impulses of the liquid, by Δt over the mass of a particle, at the centre of mass of a body. `scale` is that mass over Δt.
+    pub(super) fn apply(&mut self, index: usize, body: &mut RigidBody, displacement: &Lever, scale: f64) {
+        let [a, b, c, d, e, f] = displacement.map(|part| part * scale);
+        let (linear, angular) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
+        body.apply(linear, angular);
+        self.impulse[index][0] += linear;
+        self.impulse[index][1] += angular;
+    }
+
+    /// Adds the reactions to what bodies did to particles in contact to the bodies. Bodies yield to it, which makes it smaller: `correct`
+    /// gets each particle and the change. `scale` is the mass of a particle [kg] over the Δt of displacements [s], or over 1 for velocities.
+    pub(super) fn exchange(
+        &mut self,
+        contacts: &[RigidContact],
+        bodies: &mut [RigidBody],
+        [mass, scale]: [f64; 2],
+        mut correct: impl FnMut(usize, Vec3),
+    ) {
+        if contacts.is_empty() {
+            return;
+        }
+        let mut systems = vec![BodySystem::zero(); bodies.len()];
+        for contact in contacts {
+            let body = contact.body as usize;
+            let along = f64::from(contact.normal.dot(&contact.push));
+            systems[body].add(&lever(&bodies[body], contact.x, contact.normal), 1.0, along);
+        }
+        let solve = |(system, body): (BodySystem, &RigidBody)| system.solve(body, mass);
+        let yielded: Vec<Lever> = systems.into_iter().zip(&*bodies).map(solve).collect();
+        let mut reactions = vec![[0.0; 6]; bodies.len()];
+        for &RigidContact { particle, body, x, normal, push } in contacts {
+            let body = body as usize;
+            let along = normal.dot(&push);
+            let gives = dot(&lever(&bodies[body], x, normal), &yielded[body]) as f32;
+            let less = normal * ((along - gives).max(0.0) - along);
+            let reaction = lever(&bodies[body], x, push + less);
+            correct(particle as usize, less);
+            reactions[body].iter_mut().zip(reaction).for_each(|(sum, part)| *sum -= part);
+        }
+        for (index, (body, reaction)) in bodies.iter_mut().zip(&reactions).enumerate() {
+            self.apply(index, body, reaction, scale);
+        }
+    }
+
+    /// Adds forces of bodies on particles, as displacements of particles over the substep, to the bodies with the opposite sign.
+    /// `force` gives that of particle i by all solids, where their gradient is `gradient`.
+    pub(super) fn add_reactions(
+        &mut self,
+        walls: &Walls,
+        bodies: &mut [RigidBody],
+        scale: f64,
+        force: impl Fn(usize) -> Option<(Vec3, Vec3, Vec3)> + Sync,
+    ) {
+        let pairs = &self.pairs;
+        let add = |k: usize, sums: &mut [Lever]| {
+            let Pair { particle, body, .. } = pairs[k];
+            if let Some((x, gradient, displacement)) = force(particle as usize) {
+                let own = walls.rigid_density(body as usize, x).own_gradient;
+                let share = own.dot(&gradient) / gradient.norm_squared();
+                let reaction = lever(&bodies[body as usize], x, displacement * share);
+                sums[body as usize].iter_mut().zip(reaction).for_each(|(sum, part)| *sum -= part);
+            }
+        };
+        let merge = |sum: &mut Lever, more: &Lever| sum.iter_mut().zip(more).for_each(|(a, b)| *a += b);
+        let reactions = sum_by_body(pairs.len(), bodies.len(), &[0.0; 6], add, merge);
+        for (index, (body, reaction)) in bodies.iter_mut().zip(&reactions).enumerate() {
+            self.apply(index, body, reaction, scale);
+        }
+    }
+
+    /// Adds the reactions to [`Self::projection`] to the bodies.
+    pub(super) fn exchange_projections(
+        &mut self,
+        walls: &Walls,
+        [p, wall_push]: [&mut [Vec3]; 2],
+        bodies: &mut [RigidBody],
+        units: [f64; 2],
+    ) {
+        let (pairs, pushes, at) = (&self.pairs, &self.projection, &*p);
+        let found = par::map_chunks(pairs.len(), par::CHUNK, |range| {
+            let contact = |k: usize| {
+                let particle = pairs[k].particle;
+                let push = pushes.get(particle as usize).copied().unwrap_or_default();
+                let x = at[particle as usize];
+                if !is_pushed(x, push) || k > 0 && pairs[k - 1].particle == particle {
+                    return None;
+                }
+                let (body, normal) = walls.rigid_contact(x, push)?;
+                Some(RigidContact { particle, body: body as u32, x, normal, push })
+            };
+            range.filter_map(contact).collect::<Vec<_>>()
+        });
+        let contacts = found.concat();
+        self.exchange(&contacts, bodies, units, |i, less| {
+            p[i] += less;
+            if let Some(push) = wall_push.get_mut(i) {
+                *push += less;
+            }
+        });
+    }
+}

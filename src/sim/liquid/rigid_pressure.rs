@@ -1,0 +1,151 @@
+//! The particles near rigid bodies, and the pressures at them, in an iteration of the density solve; see `rigid.rs`.
+
+use super::{
+    density::Multiplier,
+    rigid::{NO_PAIR, Pair, sum_by_body},
+    rigid_system::{BodySystem, Lever, dot, lever},
+    setup::SolverSetup,
+    solve::Solver,
+    walls::{RigidDensity, Walls},
+};
+use crate::{math::Vec3, par, solid::RigidBody};
+
+/// Distance that a body may move, as a fraction of the skin of the neighbour lists, before the particles at it are searched again.
+const BODY_SKIN: f32 = 1.0;
+
+impl Solver {
+    /// Finds the distances from solids of the particles that are `chosen` by their positions, and the particles near rigid bodies, where the
+    /// lists were built.
+    pub(super) fn find_clearance(&mut self, setup: &SolverSetup<'_>, chosen: impl Fn(Vec3) -> bool + Sync) {
+        let built_at = &self.built_at;
+        par::update(&mut self.clearance, |i, clearance| {
+            if chosen(built_at[i]) {
+                *clearance = setup.walls.distance(built_at[i]);
+            }
+        });
+        self.find_rigid_pairs(setup);
+        self.free_pins_of_solids();
+    }
+
+    /// Finds the particles near rigid bodies.
+    fn find_rigid_pairs(&mut self, setup: &SolverSetup<'_>) {
+        let walls = setup.walls;
+        let bodies = walls.rigid_bodies();
+        if bodies == 0 {
+            return;
+        }
+        let margin = BODY_SKIN * setup.skin();
+        let reach = setup.boundary_reach() + margin;
+        let (p, clearance) = (&self.built_at, &self.clearance);
+        let found = par::map_chunks(p.len(), par::CHUNK, |range| {
+            let mut pairs = Vec::new();
+            for i in range.filter(|&i| clearance[i] < reach) {
+                for body in walls.rigid_bodies_near(p[i], reach) {
+                    let (particle, body) = (i as u32, body as u32);
+                    let solids = RigidDensity::default();
+                    pairs.push(Pair { particle, body, x: Vec3::zeros(), solids, gives: 0.0 });
+                }
+            }
+            pairs
+        });
+        self.rigid.pairs = found.concat();
+        self.rigid.first_pair.clear();
+        self.rigid.first_pair.resize(p.len(), NO_PAIR);
+        // The bodies may come closer by the margin before the lists are built again.
+        for (k, &Pair { particle, .. }) in (0..).zip(&self.rigid.pairs) {
+            let first = &mut self.rigid.first_pair[particle as usize];
+            if *first == NO_PAIR {
+                *first = k;
+                self.clearance[particle as usize] -= margin;
+            }
+        }
+        self.rigid.listed_at = walls.rigid_poses();
+        (self.rigid.stale, self.rigid.is_sampled) = (false, false);
+    }
+
+    /// Marks the pairs as stale if a body has moved farther than its skin since they were found.
+    pub(super) fn check_rigid_skin(&mut self, setup: &SolverSetup<'_>) {
+        let limit = BODY_SKIN * setup.skin();
+        let poses = self.rigid.listed_at.iter().enumerate();
+        let moved = poses.map(|(body, pose)| setup.walls.rigid_displacement(body, pose));
+        self.rigid.stale |= moved.fold(0.0, f32::max) > limit;
+    }
+
+    /// Evaluates the density of the solids at the particles near rigid bodies, for the passes of an iteration.
+    pub(super) fn sample_rigid_pairs(&mut self, walls: &Walls) {
+        let p = &self.p;
+        par::update(&mut self.rigid.pairs, |_, pair| {
+            pair.x = p[pair.particle as usize];
+            pair.solids = walls.rigid_density(pair.body as usize, pair.x);
+        });
+        self.rigid.is_sampled = true;
+    }
+
+    /// Reduces the changes of pressure near bodies by what the bodies yield to them, before particles are moved. `relaxation` is the ω of the
+    /// iteration, `smallest` the lower bound of κ, or of changes of the Jacobi solver.
+    pub(super) fn yield_to_rigid_bodies(
+        &mut self,
+        bodies: &[RigidBody],
+        mass: f64,
+        [relaxation, smallest]: [f32; 2],
+        is_accumulating: bool,
+    ) {
+        let Self { rigid, multipliers, nodes, .. } = self;
+        let Multiplier { lambda, applied, last, denominator } = &mut multipliers.0;
+        let (pairs, change, total, diagonal) = (&rigid.pairs, &*lambda, &*applied, &*denominator);
+        let is_active = |i: usize| !is_accumulating || total[i] > smallest;
+        let add = |k: usize, sums: &mut [BodySystem]| {
+            let Pair { particle, body, x, solids, .. } = pairs[k];
+            let (i, body) = (particle as usize, body as usize);
+            let gradient = solids.own_gradient;
+            if gradient != Vec3::zeros() && is_active(i) {
+                let lever = lever(&bodies[body], x, gradient);
+                sums[body].add(&lever, f64::from(relaxation / diagonal[i]), -f64::from(change[i]));
+            }
+        };
+        let systems = sum_by_body(pairs.len(), bodies.len(), &BodySystem::zero(), add, BodySystem::merge);
+        let solve = |(system, body): (BodySystem, &RigidBody)| system.solve(body, mass);
+        let yielded: Vec<Lever> = systems.into_iter().zip(bodies).map(solve).collect();
+        par::update(&mut rigid.pairs, |_, pair| {
+            let body = pair.body as usize;
+            pair.gives = dot(&lever(&bodies[body], pair.x, pair.solids.own_gradient), &yielded[body]) as f32;
+        });
+        for &Pair { particle, gives, .. } in &rigid.pairs {
+            let i = particle as usize;
+            if gives == 0.0 || (is_accumulating && applied[i] <= smallest) {
+                continue;
+            }
+            let less = relaxation * gives / denominator[i];
+            if is_accumulating {
+                let reduced = (applied[i] - less).max(smallest);
+                lambda[i] += applied[i] - reduced;
+                applied[i] = reduced;
+                last[i] = (last[i] - less).max(smallest);
+            } else {
+                lambda[i] = (lambda[i] + less).min(-smallest);
+            }
+            nodes[i].0[3] = lambda[i];
+        }
+    }
+
+    /// Adds the reactions to the last correction to the bodies, those of pressure where the particles were before it, and of projections.
+    pub(super) fn push_rigid_bodies(&mut self, walls: &Walls, bodies: &mut [RigidBody], units: [f64; 2]) {
+        let Self { rigid, nodes, p, wall_push, .. } = self;
+        rigid.discard_samples();
+        let (pairs, published) = (&rigid.pairs, &**nodes);
+        let add = |k: usize, sums: &mut [Lever]| {
+            let Pair { particle, body, x, solids, .. } = pairs[k];
+            let change = published[particle as usize].value();
+            if change != 0.0 {
+                let reaction = lever(&bodies[body as usize], x, solids.own_gradient * change);
+                sums[body as usize].iter_mut().zip(reaction).for_each(|(sum, part)| *sum -= part);
+            }
+        };
+        let merge = |sum: &mut Lever, more: &Lever| sum.iter_mut().zip(more).for_each(|(a, b)| *a += b);
+        let reactions = sum_by_body(pairs.len(), bodies.len(), &[0.0; 6], add, merge);
+        for (index, (body, reaction)) in bodies.iter_mut().zip(&reactions).enumerate() {
+            rigid.apply(index, body, reaction, units[1]);
+        }
+        rigid.exchange_projections(walls, [p, wall_push], bodies, units);
+    }
+}

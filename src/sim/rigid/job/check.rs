@@ -1,0 +1,68 @@
+//! Checks of a preset's rigid bodies, once every value is valid on its own.
+
+use crate::{
+    preset::{check::Places, problem::Finding, shapes::source_finding},
+    sim::scene::Scene,
+};
+
+/// Most bodies: each is compared with each other one in every substep.
+const MAX_BODIES: usize = 1000;
+
+/// Densities over that of the liquid between which bodies are simulated.
+const DENSITY_RATIOS: [f64; 2] = [1e-3, 1e6];
+
+/// Reports everything about the bodies that contradicts itself or cannot be simulated.
+pub(super) fn check(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    let mut report = |key: String, message: String, label: String, help: &str| {
+        findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
+    };
+    if scene.body.len() > MAX_BODIES {
+        let label = format!("found {}, expected at most {MAX_BODIES}", scene.body.len());
+        report("body".into(), "there are too many bodies".into(), label, "remove some");
+    }
+    if !scene.body.is_empty() {
+        let unaffected = [("smoke", scene.smoke.is_some()), ("sheet", !scene.sheet.is_empty())];
+        for (key, _) in unaffected.iter().filter(|(_, is_present)| *is_present) {
+            report(
+                "body".into(),
+                format!("`[[body]]` and `{key}` do not act on each other"),
+                format!("found both, and bodies would pass through the `{key}`"),
+                "simulate them as two shots, or use a `[[world.collider]]` with keyframes in place of the body",
+            );
+        }
+    }
+    let mut more = Vec::new();
+    for (index, body) in scene.body.iter().enumerate() {
+        let path = format!("body.{index}");
+        let unusable = source_finding(&path, &body.shape, places);
+        more.extend(unusable.map(|finding| finding.with_help("a body needs a bounded shape with a volume")));
+        let Some(liquid) = &scene.liquid else { continue };
+        if index == 0 && liquid.viscosity.is_some() {
+            report(
+                "liquid.viscosity".into(),
+                "viscous drag does not act on rigid bodies yet".into(),
+                "found `[[body]]` with `[liquid.viscosity]`, which would move liquid without a reaction"
+                    .into(),
+                "remove `[liquid.viscosity]`, or use a `[[world.collider]]` with keyframes in place of the body",
+            );
+        }
+        let ratio = f64::from(body.density) / f64::from(liquid.density);
+        if !(DENSITY_RATIOS[0]..=DENSITY_RATIOS[1]).contains(&ratio) {
+            report(
+                format!("{path}.density"),
+                format!("the density of `{path}` is {ratio:.1e} of the liquid's"),
+                format!("expected {:.0e} to {:.0e} of it", DENSITY_RATIOS[0], DENSITY_RATIOS[1]),
+                "give the density in kg/m³; use a `[[world.collider]]` for what does not yield at all",
+            );
+        }
+        if body.contact_angle.is_some() && liquid.surface_tension.is_none() {
+            report(
+                format!("{path}.contact_angle"),
+                "`contact_angle` of a body needs a liquid with surface tension".into(),
+                "found no `[liquid.surface_tension]`".into(),
+                "add that table with a `coefficient`, \"0.072 N/m\" for water, or remove the angle",
+            );
+        }
+    }
+    findings.extend(more);
+}

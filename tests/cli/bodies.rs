@@ -1,0 +1,128 @@
+//! Rigid bodies on the command line.
+
+use super::*;
+use serde_json::Value;
+
+/// A crate that falls into a small pool.
+const CRATE: &str = r#"
+[[body]]
+shape = { box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] } }
+density = 500
+position = [1.2, 0.4, 0.6]
+rotation = [0, 0, 30]
+"#;
+
+fn desk() -> Desk {
+    let desk = Desk::new();
+    desk.write("crate.toml", format!("{SMALL}{CRATE}"));
+    desk
+}
+
+/// The poses of a body in the files of a shot.
+fn poses(desk: &Desk, file: &str) -> Vec<Vec<f64>> {
+    let motion: Value = serde_json::from_slice(&fs::read(desk.path(file)).unwrap()).unwrap();
+    assert_eq!(motion["first"], 1);
+    serde_json::from_value(motion["poses"].clone()).unwrap()
+}
+
+#[test]
+fn a_shot_has_its_bodies_with_a_pose_in_every_frame() {
+    let desk = desk();
+    let (out, _) = desk.run("shot crate.toml", 0);
+    assert!(out.contains("1 colliders written"), "{out}");
+    assert_eq!(desk.names("crate/collider"), ["box.json", "box.ply"]);
+    let whole = poses(&desk, "crate/collider/box.json");
+    assert_eq!(whole.len(), 5);
+    let half = 15.0_f64.to_radians();
+    for (found, expected) in whole[0].iter().zip([1.2, 0.4, 0.6, half.cos(), 0.0, 0.0, half.sin()]) {
+        assert!((found - expected).abs() < 1e-6, "{whole:?}");
+    }
+    // It falls freely in the first frame: by g t (t + Δt) / 2 with substeps of Δt.
+    let fallen = whole[0][2] - whole[1][2];
+    let free = 9.81 / 2.0 / 24.0 / 24.0;
+    assert!((free..2.0 * free).contains(&fallen), "{fallen} for {free}");
+    let (info, _) = desk.run("info crate", 0);
+    assert!(info.contains("bodies"), "{info}");
+
+    // A shot in two parts has the same frames and files, and a pose for each frame that is there.
+    desk.run("shot crate.toml -o parts --frames 1-3", 0);
+    assert_eq!(poses(&desk, "parts/collider/box.json"), whole[..3]);
+    desk.run("shot crate.toml -o parts", 0);
+    assert_eq!(desk.bytes("crate/cache"), desk.bytes("parts/cache"));
+    assert_eq!(desk.bytes("crate/collider"), desk.bytes("parts/collider"));
+    desk.run("verify crate", 0);
+
+    // Other bodies are another simulation; how pictures show them is not.
+    desk.run("simulate crate.toml -o crate --set body.0.density=400", 14);
+    desk.run("shot crate.toml --set body.0.look=hidden", 0);
+
+    // The files have the poses of all cached frames, whichever were requested last.
+    desk.run("shot crate.toml -o last --frames 1-3", 0);
+    desk.run("shot crate.toml -o last --frames 4-5", 0);
+    assert_eq!(poses(&desk, "last/collider/box.json"), whole);
+
+    // Other bodies in the preset than in the frames are refused.
+    let preset = fs::read_to_string(desk.path("crate/preset.toml")).unwrap();
+    desk.write("crate/preset.toml", format!("{preset}{CRATE}"));
+    let (_, talk) = desk.run("colliders crate", 2);
+    assert!(talk.contains("other settings than those of the cached frames"), "{talk}");
+}
+
+#[test]
+fn bodies_without_liquid_fall_and_collide() {
+    let desk = Desk::new();
+    let start = &SMALL[..SMALL.find("[liquid]").unwrap()];
+    desk.write("alone.toml", format!("{start}{CRATE}").replacen("1-5", "1-24", 1));
+    desk.run("simulate alone.toml", 0);
+    desk.run("colliders alone", 0);
+    let poses = poses(&desk, "alone/collider/box.json");
+    let height = poses[23][2];
+    assert!((height - 0.2).abs() < 0.005, "it lies on the floor at {height}");
+    let (log, _) = desk.run("info alone", 0);
+    assert!(log.contains("bodies     1"), "{log}");
+}
+
+#[test]
+fn faults_of_bodies_are_named_with_their_place() {
+    let desk = Desk::new();
+    let body = |from: &str, to: &str| {
+        assert!(CRATE.contains(from), "{from}");
+        format!("{SMALL}{}", CRATE.replacen(from, to, 1))
+    };
+    let cube = "box = { min = [-0.2, -0.2, -0.2], max = [0.2, 0.2, 0.2] }";
+    for (text, words) in [
+        (body("density = 500", "density = 0"), "density"),
+        (body("density = 500", "density = 0.5"), "of the liquid's"),
+        (body("density = 500", "density = 2e9"), "of the liquid's"),
+        (body("density = 500", "density = 500\nrestitution = 1.5"), "restitution"),
+        (body("density = 500", "density = 500\nfriction = -1"), "friction"),
+        (body("density = 500", "density = 500\ncontact_angle = 60"), "needs a liquid with surface tension"),
+        (
+            format!("{}{CRATE}", SMALL.replacen("[liquid.xsph]", "[liquid.viscosity]\ndynamic = 1", 1)),
+            "viscous drag does not act",
+        ),
+        (body("position = [1.2", "position = [nan"), "position"),
+        (body(cube, "plane = { point = [0, 0, 0], normal = [0, 0, 1] }"), "bounded"),
+        (body(cube, "tank = { min = [0, 0, 0], max = [1, 1, 1] }"), "bounded"),
+        (
+            body(cube, "disc = { center = [0, 0, 0], normal = [0, 0, 1], radius = 0.1 }"),
+            "`thickness` is not above zero",
+        ),
+        (body(cube, "mesh = { file = 'none.ply' }"), "none.ply"),
+        (format!("{SMALL}{}", CRATE.repeat(1001)), "too many bodies"),
+        (format!("{SMALL}{}", CRATE.repeat(501)), "found 501 colliders and bodies to write"),
+    ] {
+        desk.write("bad.toml", &text);
+        let (_, talk) = desk.run("simulate bad.toml -o bad", 2);
+        assert!(talk.contains(words) && talk.contains("bad.toml"), "{words}: {talk}");
+    }
+    let ring = "[smoke]\nspacing = 0.1\n[[smoke.ring]]\ncenter = [0, 0, 0]\nradius = 1\nthickness = 0.3\ncirculation = 1\n";
+    desk.write("smoke.toml", format!("title = 't'\nframes = '1-2'\n{ring}{CRATE}"));
+    let (_, talk) = desk.run("simulate smoke.toml", 2);
+    assert!(talk.contains("`[[body]]` and `smoke` do not act on each other"), "{talk}");
+
+    // Bodies that start inside the tank's walls or each other are counted.
+    desk.write("overlap.toml", format!("{SMALL}{CRATE}{}", CRATE.replacen("1.2, 0.4", "1.5, 0.4", 1)));
+    let (_, talk) = desk.run("simulate overlap.toml --frames 1", 0);
+    assert!(talk.contains("2 bodies start inside a collider or another body"), "{talk}");
+}
