@@ -121,8 +121,10 @@ impl FlowTotals {
 #[serde(default)]
 #[non_exhaustive]
 pub struct ThinSolid {
-    /// Index of the collider in the preset, from 0.
+    /// Index of the collider or rigid body in the preset, from 0.
     pub index: u32,
+    /// Whether it is a rigid body.
+    pub is_body: bool,
     /// Largest thickness of the collider [m].
     pub thickness: f64,
     /// Thickness from which on the collider separates liquids [m].

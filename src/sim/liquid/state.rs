@@ -22,16 +22,20 @@ const EDDY_DISSIPATION: f64 = 0.5;
 const MICROROTATION: &str = "microrotation";
 
 /// The solids that are thinner than the kernel reaches between particles half a spacing from both of their sides.
-fn thin_solids(rest: &RestState, world: &World) -> Vec<ThinSolid> {
+fn thin_solids(rest: &RestState, colliders: &[Solid], bodies: &[Solid]) -> Vec<ThinSolid> {
     let sufficient = rest.support - rest.spacing;
-    let thickness = world.solids.iter().map(|solid| 2.0 * solid.shape.inner_radius()).enumerate();
-    let thin = thickness.filter(|&(_, thickness)| thickness < 0.999 * sufficient);
-    thin.map(|(index, thickness)| ThinSolid {
-        index: index as u32,
-        thickness: f64::from(thickness),
-        sufficient_thickness: f64::from(sufficient),
-    })
-    .collect()
+    let thin = |solids: &[Solid], is_body: bool| {
+        let thickness = solids.iter().map(|solid| 2.0 * solid.shape.inner_radius()).enumerate();
+        let thin = thickness.filter(|&(_, thickness)| thickness < 0.999 * sufficient);
+        let of = |(index, thickness): (usize, f32)| ThinSolid {
+            index: index as u32,
+            is_body,
+            thickness: f64::from(thickness),
+            sufficient_thickness: f64::from(sufficient),
+        };
+        thin.map(of).collect::<Vec<_>>()
+    };
+    [thin(colliders, false), thin(bodies, true)].concat()
 }
 
 /// Resolution of positions above which slow motion stops, in spacings: gravity moves a particle at rest by about 0.003 spacings in a
@@ -54,7 +58,7 @@ impl Liquid {
         liquid.id = (0..seeds.report.particles).collect();
         (liquid.x, liquid.v, liquid.seeded) = (seeds.positions, seeds.velocities, seeds.report);
         liquid.start_flow(timeline);
-        liquid.seeded.thin_solids = thin_solids(&liquid.rest, world);
+        liquid.seeded.thin_solids = thin_solids(&liquid.rest, &world.solids, bodies.0);
         liquid.seeded.precise_distance =
             MAX_RESOLUTION * f64::from(liquid.rest.spacing) / f64::from(f32::EPSILON);
         let farthest = par::max(liquid.x.len(), |i| liquid.x[i].amax()).map_or(0.0, |(_, at)| f64::from(at));
@@ -235,9 +239,10 @@ mod tests {
         let world = World { gravity: Vec3::zeros(), solids: shapes.map(Solid::fixed).into() };
         // Particles rest half a spacing from either side, so that h less a spacing separates them.
         let rest = RestState::new(Kernel::Wendland, 0.1, 2.5);
-        let thin = thin_solids(&rest, &world);
-        let listed: Vec<_> = thin.iter().map(|solid| (solid.index, solid.thickness as f32)).collect();
-        assert_eq!(listed, [(2, 0.05), (4, 0.08)]);
+        let thin = thin_solids(&rest, &world.solids, &world.solids[1..3]);
+        let listed: Vec<_> =
+            thin.iter().map(|solid| (solid.index, solid.is_body, solid.thickness as f32)).collect();
+        assert_eq!(listed, [(2, false, 0.05), (4, false, 0.08), (1, true, 0.05)]);
         assert!(thin.iter().all(|solid| (solid.sufficient_thickness - 0.15).abs() < 1e-6), "{thin:?}");
     }
 

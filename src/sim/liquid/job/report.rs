@@ -41,9 +41,8 @@ pub(super) fn seeding_warnings(seeds: &LiquidSeeds) -> Vec<String> {
     let (listed, more) = seeds.thin_solids.split_at(seeds.thin_solids.len().min(MAX_THIN_SOLIDS));
     warnings.extend(listed.iter().map(thin_solid_warning));
     if let Some(last) = more.last() {
-        let count = more.len();
-        warnings
-            .push(format!("{count} more colliders are as thin, the last is world.collider.{}", last.index));
+        let (count, last) = (more.len(), key_of(last));
+        warnings.push(format!("{count} more colliders and bodies are as thin, the last is {last}"));
     }
     let LiquidSeeds { far_from_origin, precise_distance, .. } = *seeds;
     if far_from_origin > 0.0 {
@@ -86,13 +85,21 @@ fn empty_source_warning(source: &EmptySource) -> String {
 }
 
 fn thin_solid_warning(solid: &ThinSolid) -> String {
-    let ThinSolid { index, thickness, sufficient_thickness } = *solid;
+    let ThinSolid { is_body, thickness, sufficient_thickness, .. } = *solid;
+    let (thickness, sufficient) = (figure(thickness, 2), figure(sufficient_thickness, 2));
+    let (effect, purpose) = match is_body {
+        true => ("it hardly displaces liquid", "For it to float"),
+        false => ("liquid on one side acts on liquid on the other", "If it separates liquids"),
+    };
+    let key = key_of(solid);
     format!(
-        "world.collider.{index} is {} m thick: liquid on one side acts on liquid on the other. If it separates liquids, make it at \
-         least {} m thick, or lower liquid.spacing",
-        figure(thickness, 2),
-        figure(sufficient_thickness, 2)
+        "{key} is {thickness} m thick: {effect}. {purpose}, make it at least {sufficient} m thick, or lower liquid.spacing"
     )
+}
+
+/// Where the preset has a solid.
+fn key_of(solid: &ThinSolid) -> String {
+    format!("{}.{}", if solid.is_body { "body" } else { "world.collider" }, solid.index)
 }
 
 /// Progress line of a frame.
@@ -291,7 +298,8 @@ mod tests {
 
     #[test]
     fn thin_colliders_are_named_up_to_a_limit() {
-        let thin = |index| ThinSolid { index, thickness: 0.004, sufficient_thickness: 0.02 };
+        let thin =
+            |index| ThinSolid { index, is_body: index == 8, thickness: 0.004, sufficient_thickness: 0.02 };
         let mut seeds = LiquidSeeds { thin_solids: vec![thin(2)], ..LiquidSeeds::default() };
         assert_eq!(
             seeding_warnings(&seeds),
@@ -303,7 +311,14 @@ mod tests {
         seeds.thin_solids = (0..9).map(thin).collect();
         let warnings = seeding_warnings(&seeds);
         assert_eq!(warnings.len(), 5);
-        assert_eq!(warnings[4], "5 more colliders are as thin, the last is world.collider.8");
+        assert_eq!(warnings[4], "5 more colliders and bodies are as thin, the last is body.8");
+        seeds.thin_solids = vec![thin(8)];
+        assert_eq!(
+            seeding_warnings(&seeds),
+            [
+                "body.8 is 0.004 m thick: it hardly displaces liquid. For it to float, make it at least 0.02 m thick, or lower liquid.spacing"
+            ]
+        );
     }
 
     #[test]
