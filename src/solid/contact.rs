@@ -137,6 +137,11 @@ impl Shape {
         }
     }
 
+    /// Centre and radius of a ball around the shape [m]; `None` if it is unbounded.
+    pub(crate) fn bounding_ball(&self) -> Option<(Vec3, f32)> {
+        self.bounds().map(|(low, high)| ((low + high) / 2.0, (high - low).norm() / 2.0))
+    }
+
     /// The lowest and highest corner of a box around the shape [m]; `None` for planes and tanks, which have no end.
     pub fn bounds(&self) -> Option<(Vec3, Vec3)> {
         match self {

@@ -110,6 +110,10 @@ fn faults_of_bodies_are_named_with_their_place() {
         ),
         (body(cube, "mesh = { file = 'none.ply' }"), "none.ply"),
         (format!("{SMALL}{}", CRATE.repeat(1001)), "too many bodies"),
+        (
+            format!("{SMALL}{CRATE}").replacen("1-5", "1-300000", 1),
+            "found 300000 frames, expected at most 250000",
+        ),
         (format!("{SMALL}{}", CRATE.repeat(501)), "found 501 colliders and bodies to write"),
     ] {
         desk.write("bad.toml", &text);
@@ -125,4 +129,16 @@ fn faults_of_bodies_are_named_with_their_place() {
     desk.write("overlap.toml", format!("{SMALL}{CRATE}{}", CRATE.replacen("1.2, 0.4", "1.5, 0.4", 1)));
     let (_, talk) = desk.run("simulate overlap.toml --frames 1", 0);
     assert!(talk.contains("2 bodies start inside a collider or another body"), "{talk}");
+
+    // What does not act is refused, unless the preset lists what it acts on, and so is what a file of poses cannot hold.
+    let wind = "[[force]]\nkind = { uniform = { acceleration = [1, 0, 0] } }\n";
+    desk.write("wind.toml", format!("{SMALL}{CRATE}{wind}"));
+    let (_, talk) = desk.run("simulate wind.toml --frames 1-2", 2);
+    assert!(talk.contains("`force.0` does not act on bodies"), "{talk}");
+    desk.run("simulate wind.toml --frames 1-2 --set force.0.systems=[\"liquid\"]", 0);
+    let alone = format!("title = 't'\nframes = '1'\n{}", CRATE.replacen("1.2, 0.4", "5e9, 0.4", 1));
+    desk.write("far.toml", alone);
+    desk.run("simulate far.toml", 0);
+    let (_, talk) = desk.run("colliders far", 2);
+    assert!(talk.contains("farther than 1e9 m from the origin"), "{talk}");
 }

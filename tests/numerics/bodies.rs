@@ -2,7 +2,7 @@
 
 use crate::{is_soak, thread_counts};
 use meniscus::{
-    frame::{Frame, FrameIndex},
+    frame::{Frame, FrameIndex, Stream},
     math::Vec3,
     par,
     sim::{FrameRecord, Simulation, Systems, Unwatched, World, liquid::LiquidParams, rigid::BodyParams},
@@ -191,6 +191,34 @@ fn spinning_bodies_continue_from_any_frame_with_the_same_bits() {
         advance(&mut simulation, 1);
         advance(&mut restored, 1);
         assert!(state(&restored).streams == state(&simulation).streams);
+    }
+}
+
+#[test]
+fn a_frame_with_states_that_no_body_has_is_refused() {
+    let world = || World { gravity: Vec3::zeros(), solids: Vec::new() };
+    let systems =
+        |count| Systems { bodies: vec![at(cuboid([0.1; 3]), 500.0, [0.0; 3]); count], ..Systems::default() };
+    let frame = state(&Simulation::new(world(), systems(1)).expect("it starts"));
+    let restored = |frame: &Frame, count| Simulation::restore(world(), systems(count), frame).map(|_| ());
+    assert_eq!(restored(&frame, 1), Ok(()));
+    let lacking = restored(&frame, 2).expect_err("it has one body").to_string();
+    assert!(lacking.contains("bodies"), "{lacking}");
+    for (column, value) in [
+        ("position", Vec3::new(f32::NAN, 0.0, 0.0)),
+        ("velocity", Vec3::new(0.0, f32::INFINITY, 0.0)),
+        ("rotation", Vec3::new(0.5, 0.0, 0.0)),
+    ] {
+        let mut damaged = frame.clone();
+        let stream = &damaged.streams[0];
+        let mut made = Stream::new("bodies", stream.kind, 1).with("rotation_w", vec![1.0_f32]);
+        for name in ["position", "rotation", "velocity", "angular_velocity"] {
+            let own = stream.vec3(name).expect("it has it").to_vec();
+            made = made.with(name, if name == column { vec![value] } else { own });
+        }
+        damaged.streams = vec![made];
+        let why = restored(&damaged, 1).expect_err("no body has that state").to_string();
+        assert!(why.contains("finite states with unit quaternions"), "{column}: {why}");
     }
 }
 

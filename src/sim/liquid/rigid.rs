@@ -2,7 +2,7 @@
 //!
 //! *Method*: a body is a solid whose pose at the end of the substep follows from its velocities. Whatever a body does to a particle, by
 //! its density, by projection, by friction and by surface tension, acts on the body with the opposite sign at the same place, so that momentum is
-//! conserved to rounding. Reactions alone diverge where a body is light (the added-mass instability). Therefore
+//! conserved to rounding, but for corrections of particles that are shortened, which are counted. Reactions alone diverge where a body is light (the added-mass instability). Therefore
 //! an iteration solves the pressures or projections of all particles at a body together with the six velocities of the body: with the diagonal D of
 //! the liquid and the rows u_i of the body, (D + U M⁻¹ Uᵀ) κ = C, by the identity of Woodbury with a system of six unknowns for each body.
 //! *Departs from*: [akinci12], whose coupling is explicit and whose bodies are sampled with particles; here solids are distance fields. The
@@ -122,6 +122,10 @@ pub(super) fn is_pushed(x: Vec3, push: Vec3) -> bool {
     push.amax() > ROUNDING * x.amax()
 }
 
+fn add_lever(sum: &mut Lever, more: &Lever) {
+    sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+}
+
 /// Sums over pairs by body, in chunks of fixed length.
 pub(super) fn sum_by_body<T: Clone + Send + Sync>(
     count: usize,
@@ -194,13 +198,33 @@ impl RigidSide {
             .sum()
     }
 
-    /// Adds impulses of the liquid, by Δt over the mass of a particle, at the centre of mass of a body. `scale` is that mass over Δt.
-    pub(super) fn apply(&mut self, index: usize, body: &mut RigidBody, displacement: &Lever, scale: f64) {
-        let [a, b, c, d, e, f] = displacement.map(|part| part * scale);
-        let (linear, angular) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
-        body.apply(linear, angular);
-        self.impulse[index][0] += linear;
-        self.impulse[index][1] += angular;
+    /// Adds the reactions to the sums of `levers` of each body at its centre of mass; `scale` is the mass of a particle over Δt.
+    fn react(&mut self, bodies: &mut [RigidBody], levers: &[Lever], scale: f64) {
+        for ((body, lever), impulse) in bodies.iter_mut().zip(levers).zip(&mut self.impulse) {
+            let [a, b, c, d, e, f] = lever.map(|part| -part * scale);
+            let (linear, angular) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
+            body.apply(linear, angular);
+            impulse[0] += linear;
+            impulse[1] += angular;
+        }
+    }
+
+    /// Adds the reactions to the displacement of the particle of each pair by its body, which acts at a point; the lever is their product.
+    pub(super) fn react_to_pairs(
+        &mut self,
+        bodies: &mut [RigidBody],
+        scale: f64,
+        displacement: impl Fn(&Pair) -> Option<(Vec3, Vec3)> + Sync,
+    ) {
+        let (pairs, all) = (&self.pairs, &*bodies);
+        let add = |k: usize, sums: &mut [Lever]| {
+            let body = pairs[k].body as usize;
+            if let Some((x, displacement)) = displacement(&pairs[k]) {
+                add_lever(&mut sums[body], &lever(&all[body], x, displacement));
+            }
+        };
+        let levers = sum_by_body(pairs.len(), all.len(), &[0.0; 6], add, add_lever);
+        self.react(bodies, &levers, scale);
     }
 
     /// Adds the reactions to what bodies did to particles in contact to the bodies. Bodies yield to it, which makes it smaller: `correct`
@@ -223,19 +247,16 @@ impl RigidSide {
         }
         let solve = |(system, body): (BodySystem, &RigidBody)| system.solve(body, mass);
         let yielded: Vec<Lever> = systems.into_iter().zip(&*bodies).map(solve).collect();
-        let mut reactions = vec![[0.0; 6]; bodies.len()];
+        let mut levers = vec![[0.0; 6]; bodies.len()];
         for &RigidContact { particle, body, x, normal, push } in contacts {
             let body = body as usize;
             let along = normal.dot(&push);
             let gives = dot(&lever(&bodies[body], x, normal), &yielded[body]) as f32;
             let less = normal * ((along - gives).max(0.0) - along);
-            let reaction = lever(&bodies[body], x, push + less);
             correct(particle as usize, less);
-            reactions[body].iter_mut().zip(reaction).for_each(|(sum, part)| *sum -= part);
+            add_lever(&mut levers[body], &lever(&bodies[body], x, push + less));
         }
-        for (index, (body, reaction)) in bodies.iter_mut().zip(&reactions).enumerate() {
-            self.apply(index, body, reaction, scale);
-        }
+        self.react(bodies, &levers, scale);
     }
 
     /// Adds forces of bodies on particles, as displacements of particles over the substep, to the bodies with the opposite sign.
@@ -247,21 +268,11 @@ impl RigidSide {
         scale: f64,
         force: impl Fn(usize) -> Option<(Vec3, Vec3, Vec3)> + Sync,
     ) {
-        let pairs = &self.pairs;
-        let add = |k: usize, sums: &mut [Lever]| {
-            let Pair { particle, body, .. } = pairs[k];
-            if let Some((x, gradient, displacement)) = force(particle as usize) {
-                let own = walls.rigid_density(body as usize, x).own_gradient;
-                let share = own.dot(&gradient) / gradient.norm_squared();
-                let reaction = lever(&bodies[body as usize], x, displacement * share);
-                sums[body as usize].iter_mut().zip(reaction).for_each(|(sum, part)| *sum -= part);
-            }
-        };
-        let merge = |sum: &mut Lever, more: &Lever| sum.iter_mut().zip(more).for_each(|(a, b)| *a += b);
-        let reactions = sum_by_body(pairs.len(), bodies.len(), &[0.0; 6], add, merge);
-        for (index, (body, reaction)) in bodies.iter_mut().zip(&reactions).enumerate() {
-            self.apply(index, body, reaction, scale);
-        }
+        self.react_to_pairs(bodies, scale, |&Pair { particle, body, .. }| {
+            let (x, gradient, displacement) = force(particle as usize)?;
+            let own = walls.rigid_density(body as usize, x).own_gradient;
+            Some((x, displacement * (own.dot(&gradient) / gradient.norm_squared())))
+        });
     }
 
     /// Adds the reactions to [`Self::projection`] to the bodies.

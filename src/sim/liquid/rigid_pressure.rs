@@ -132,20 +132,11 @@ impl Solver {
     pub(super) fn push_rigid_bodies(&mut self, walls: &Walls, bodies: &mut [RigidBody], units: [f64; 2]) {
         let Self { rigid, nodes, p, wall_push, .. } = self;
         rigid.discard_samples();
-        let (pairs, published) = (&rigid.pairs, &**nodes);
-        let add = |k: usize, sums: &mut [Lever]| {
-            let Pair { particle, body, x, solids, .. } = pairs[k];
+        let published = &**nodes;
+        rigid.react_to_pairs(bodies, units[1], |&Pair { particle, x, solids, .. }| {
             let change = published[particle as usize].value();
-            if change != 0.0 {
-                let reaction = lever(&bodies[body as usize], x, solids.own_gradient * change);
-                sums[body as usize].iter_mut().zip(reaction).for_each(|(sum, part)| *sum -= part);
-            }
-        };
-        let merge = |sum: &mut Lever, more: &Lever| sum.iter_mut().zip(more).for_each(|(a, b)| *a += b);
-        let reactions = sum_by_body(pairs.len(), bodies.len(), &[0.0; 6], add, merge);
-        for (index, (body, reaction)) in bodies.iter_mut().zip(&reactions).enumerate() {
-            rigid.apply(index, body, reaction, units[1]);
-        }
+            (change != 0.0).then(|| (x, solids.own_gradient * change))
+        });
         rigid.exchange_projections(walls, [p, wall_push], bodies, units);
     }
 }

@@ -37,7 +37,7 @@ const RESTING_STEPS: f64 = 2.0;
 pub(super) struct Obstacle {
     pub(super) shape: Shape,
     pub(super) points: Vec<SurfacePoint>,
-    /// All of the shape is within `reach` of `center` [m]; infinite for planes and tanks.
+    /// All of the shape is within `reach` of `center` [m]; infinite for planes.
     pub(super) center: Vec3,
     pub(super) reach: f32,
     pub(super) inner_radius: f64,
@@ -49,10 +49,7 @@ pub(super) struct Obstacle {
 
 impl Obstacle {
     pub(super) fn new(shape: &Shape, friction: f32, restitution: f32) -> Self {
-        let bounds = shape.bounds();
-        let (center, reach) = bounds.map_or((Vec3::zeros(), f32::INFINITY), |(low, high)| {
-            ((low + high) / 2.0, (high - low).norm() / 2.0)
-        });
+        let (center, reach) = shape.bounding_ball().unwrap_or((Vec3::zeros(), f32::INFINITY));
         Self {
             shape: shape.clone(),
             points: surface_points(shape),

@@ -113,8 +113,7 @@ impl Body {
             Shape::Mesh(mesh) => density_map::equivalent_distances(mesh, rest),
             _ => None,
         };
-        let (low, high) = solid.shape.bounds().unwrap_or_default();
-        let (center, reach) = ((low + high) / 2.0, (high - low).norm() / 2.0);
+        let (center, reach) = solid.shape.bounding_ball().unwrap_or_default();
         let (shape, surface) = (solid.shape.clone(), Surface::of(solid));
         Self { shape, density_map, mover, surface, center, reach }
     }

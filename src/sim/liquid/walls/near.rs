@@ -134,4 +134,30 @@ mod tests {
             assert!(count == 3 || found < 2000 * 3, "{found}");
         }
     }
+
+    #[test]
+    fn rigid_bodies_that_move_are_found_where_they_are() {
+        let rest = RestState::new(Kernel::Wendland, 0.1, 2.0);
+        let bar = Shape::Box { min: [-0.3, -0.1, -0.1], max: [0.3, 0.1, 0.1] };
+        let mut walls = Walls::new(&[], &rest);
+        let bars: Vec<Solid> = (0..12).map(|_| Solid::fixed(bar.clone())).collect();
+        walls.add_rigid_bodies(&bars);
+        // Slower than the grid is built anew in a step, faster, and back.
+        for step in [0.0_f32, 0.04, 0.08, 0.5, 0.46, 3.0, 0.0] {
+            let pose = |k: u8| Pose {
+                position: Vec3::new(f32::from(k) + step, f32::from(k % 3) - step, step),
+                ..Pose::identity()
+            };
+            walls.set_rigid_bodies((0..12).map(|k| [pose(k); 2]));
+            for k in 0..3000_u16 {
+                let part = |prime: u16| f32::from((u32::from(k) * u32::from(prime) % 2999) as u16) / 2999.0;
+                let x = Vec3::new(16.0 * part(37) - 1.0, 7.0 * part(73) - 4.0, 5.0 * part(151) - 1.0);
+                let near: Vec<usize> = walls.rigid_bodies_near(x, walls.near_reach()).collect();
+                for (index, body) in walls.bodies.iter().enumerate() {
+                    let is_near = walls.body_distance(body, x) < walls.near_reach();
+                    assert_eq!(is_near, near.contains(&index), "{index} at {x}");
+                }
+            }
+        }
+    }
 }

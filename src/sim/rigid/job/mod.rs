@@ -5,7 +5,7 @@ mod report;
 
 use super::{BodyParams, NAME};
 use crate::{
-    frame::{FrameIndex, StreamKind},
+    frame::StreamKind,
     job::{RunError, Total},
     preset::{check::Places, problem::Finding},
     sim::{
@@ -70,11 +70,6 @@ impl System for Bodies {
     fn warnings(&self, record: &FrameRecord) -> Vec<String> {
         let warnings = |bodies| report::warnings(bodies, record.liquid.is_some());
         record.bodies.as_ref().map(warnings).unwrap_or_default()
-    }
-
-    fn shot_warnings(&self, scene: &Scene, _: &[(FrameIndex, FrameRecord)]) -> Vec<String> {
-        let is_ignored = !scene.body.is_empty() && !scene.force.is_empty();
-        is_ignored.then(|| "`[[force]]` does not act on rigid bodies".to_owned()).into_iter().collect()
     }
 
     fn totals(&self, frames: &[CachedFrame]) -> Vec<Total> {
