@@ -6,6 +6,8 @@
 mod error;
 mod format;
 mod key;
+#[cfg(feature = "npz")]
+pub(crate) mod npz;
 pub mod obj;
 pub mod pc2;
 pub mod ply;

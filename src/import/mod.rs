@@ -17,6 +17,7 @@ mod npy;
 #[cfg(feature = "npz")]
 mod npz;
 mod numbers;
+mod pc2;
 mod ply;
 mod ply_numbers;
 mod sequence;
@@ -35,6 +36,7 @@ pub use error::ImportError;
 pub use expand::expand;
 pub(crate) use expand::folders;
 pub use imported::Imported;
+pub(crate) use pc2::parse_point_cache;
 pub use sequence::Sequence;
 pub(crate) use triangles::parse_triangles;
 pub use triangles::{SheetFaces, parse_sheet};

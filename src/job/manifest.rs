@@ -104,6 +104,9 @@ pub(crate) struct OutputFiles {
     /// The mesh whose points a file of all frames moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rest: Option<String>,
+    /// The point cache that deforms that mesh, in the axes that the file of all frames moves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub point_cache: Option<String>,
     /// Which frames are there.
     pub frames: FrameSpan,
     /// Which file properties hold which attribute of a mesh.
@@ -123,6 +126,7 @@ impl OutputFiles {
             format: format.into(),
             pattern: format!("{folder}/{name}_{NUMBER}.{format}"),
             rest: None,
+            point_cache: None,
             frames: FrameSpan { first: index.0, last: index.0, step: 1 },
             attributes: BTreeMap::new(),
             grids: Vec::new(),
@@ -144,6 +148,11 @@ impl OutputFiles {
         self.pattern.replace(NUMBER, &format!("{frame:04}"))
     }
 
+    /// The pattern, or the files of all frames.
+    pub(crate) fn paths(&self) -> impl Iterator<Item = &str> {
+        [Some(self.pattern.as_str()), self.rest.as_deref(), self.point_cache.as_deref()].into_iter().flatten()
+    }
+
     /// The first of the paths that leads out of the shot folder's own sub-folders, if one does.
     fn foreign_path(&self) -> Option<&str> {
         // `folder/name_{:04}.format` or `folder/name.format`.
@@ -153,7 +162,7 @@ impl OutputFiles {
                 plain.split_once('/').and_then(|(folder, file)| Some((folder, file.rsplit_once('.')?)));
             parts.is_some_and(|(folder, (name, format))| [folder, name, format].into_iter().all(is_file_name))
         };
-        [Some(self.pattern.as_str()), self.rest.as_deref()].into_iter().flatten().find(|path| !is_own(path))
+        self.paths().find(|path| !is_own(path))
     }
 
     /// The frames whose files are there, in ascending order. The folder is listed once: a span may have a frame for each
@@ -421,6 +430,7 @@ mod tests {
             format: "ply".into(),
             pattern: "mesh/liquid_{:04}.ply".into(),
             rest: None,
+            point_cache: None,
             frames: all,
             attributes: Default::default(),
             grids: Vec::new(),
@@ -455,6 +465,7 @@ mod tests {
             format: "ply".into(),
             pattern: "mesh/liquid_{:04}.ply".into(),
             rest: None,
+            point_cache: None,
             frames: FrameSpan { first: 1, last: 5, step: 1 },
             attributes: Default::default(),
             grids: Vec::new(),

@@ -21,8 +21,9 @@ use super::{
 use crate::{
     math::Vec3,
     par,
-    solid::{Pose, Solid},
+    solid::{Pose, Shape, Solid},
 };
+use std::borrow::Cow;
 
 /// Cosine of the angle between a vertex's normal and the direction into the solid from which it begins to be displaced …
 const FACING_START: f32 = 0.2;
@@ -40,7 +41,7 @@ const GAP_TOLERANCE: f32 = 1e-3;
 /// A solid in its pose at the time of a frame.
 #[derive(Clone, Debug)]
 pub struct PlacedSolid<'a> {
-    solid: &'a Solid,
+    shape: Cow<'a, Shape>,
     pose: Pose,
 }
 
@@ -63,31 +64,31 @@ impl<'a> PlacedSolid<'a> {
     pub fn at(solids: &'a [Solid], time: f64) -> Vec<Self> {
         let place = |solid: &'a Solid| {
             let pose = solid.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
-            Self { solid, pose }
+            Self { shape: solid.shape_at(time), pose }
         };
         solids.iter().map(place).collect()
     }
 
     /// Solids in these poses.
     pub(crate) fn in_poses(solids: &'a [Solid], poses: Vec<Pose>) -> impl Iterator<Item = Self> {
-        solids.iter().zip(poses).map(|(solid, pose)| Self { solid, pose })
+        solids.iter().zip(poses).map(|(solid, pose)| Self { shape: Cow::Borrowed(&solid.shape), pose })
     }
 
     /// The solid in a frame of this origin [m].
     pub(super) fn in_frame(&self, origin: &nalgebra::Vector3<f64>) -> Self {
         let position = (self.pose.position.cast::<f64>() - origin).cast();
-        Self { pose: Pose { position, ..self.pose }, ..*self }
+        Self { pose: Pose { position, ..self.pose }, shape: self.shape.clone() }
     }
 
     /// Distance of `x` [m] and the unit normal out of the solid.
     fn contact(&self, x: Vec3) -> (f32, Vec3) {
-        let (d, m) = self.solid.shape.contact(self.pose.to_local(x));
+        let (d, m) = self.shape.contact(self.pose.to_local(x));
         (d, self.pose.rotation * m)
     }
 
     /// Whether any point within `radius` [m] of `x` may be nearer than `distance` [m].
     fn is_near(&self, x: Vec3, radius: f32, distance: f32) -> bool {
-        self.solid.shape.signed_distance(self.pose.to_local(x)) <= radius + distance
+        self.shape.signed_distance(self.pose.to_local(x)) <= radius + distance
     }
 }
 

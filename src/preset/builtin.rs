@@ -28,6 +28,7 @@ pub fn all() -> &'static [(&'static str, &'static str)] {
         ("stretchy-corners", include_str!("../../presets/stretchy-corners.toml")),
         ("through-torus", include_str!("../../presets/through-torus.toml")),
         ("torus-small-hole", include_str!("../../presets/torus-small-hole.toml")),
+        ("wading", include_str!("../../presets/wading.toml")),
         ("water-drop", include_str!("../../presets/water-drop.toml")),
         ("water-on-cloth", include_str!("../../presets/water-on-cloth.toml")),
         ("wave-machine", include_str!("../../presets/wave-machine.toml")),
@@ -43,6 +44,8 @@ pub fn assets() -> &'static [(&'static str, &'static [u8])] {
         ("assets/glass.ply", include_bytes!("../../presets/assets/glass.ply")),
         ("assets/rabbit.ply", include_bytes!("../../presets/assets/rabbit.ply")),
         ("assets/rock.ply", include_bytes!("../../presets/assets/rock.ply")),
+        ("assets/walker.pc2", include_bytes!("../../presets/assets/walker.pc2")),
+        ("assets/walker.ply", include_bytes!("../../presets/assets/walker.ply")),
     ]
 }
 

@@ -5,13 +5,18 @@ use crate::{
     cache::{self, CacheError},
     control::printable_path,
     import::{self, ImportError},
+    math::Vec3,
     product,
     scene::{Asset, Scene},
-    sdf::{self, SAMPLED_VERSION, Sampled},
-    sim::registry,
+    sdf::{self, SAMPLED_VERSION, Sampled, Soundness},
+    sim::{deforming::deformation, registry},
     solid::{MeshShape, Shape},
 };
-use std::{collections::BTreeMap, path::Path, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    path::Path,
+    sync::Arc,
+};
 
 /// The scene with all its meshes filled. Samples are looked for in the shot's folder, if one is given, and left
 /// there.
@@ -23,12 +28,16 @@ pub(super) fn fill(
     folder: Option<&ShotFolder>,
     reporter: &dyn Reporter,
 ) -> Result<Scene, RunError> {
-    let mut scene = scene.clone();
-    let assets = scene.assets.clone();
+    let (unfilled, mut scene) = (scene, scene.clone());
+    let assets = &unfilled.assets;
     let mut sampled = BTreeMap::<(String, u32), Arc<Sampled>>::new();
     let mut fill_shapes = |shapes: Vec<&mut Shape>| -> Result<(), RunError> {
         for shape in shapes {
             let Shape::Mesh(mesh) = shape else { continue };
+            if let Some(deformation) = deformation(mesh, unfilled)? {
+                mesh.fill_deforming(Arc::new(deformation));
+                continue;
+            }
             let name = (mesh.file.clone(), mesh.resolution);
             if !sampled.contains_key(&name) {
                 let field = field(mesh, &assets[&mesh.file], folder, reporter)?;
@@ -46,7 +55,42 @@ pub(super) fn fill(
     for system in registry::ALL {
         system.finish_meshes(&mut scene)?;
     }
+    report_sizes(&mut scene, reporter);
     Ok(scene)
+}
+
+/// A mesh this many times as large as everything else, or ten times this as small, is in another unit.
+const SUSPICIOUS_SIZE: f32 = 100.0;
+
+/// Reports meshes whose size does not fit that of the other shapes of the scene: files in millimetres, or in another unit.
+fn report_sizes(scene: &mut Scene, reporter: &dyn Reporter) {
+    let size = |shape: &Shape| match shape {
+        Shape::Plane { .. } => None,
+        Shape::Tank { min, max } => Some((Vec3::from(*max) - Vec3::from(*min)).amax()),
+        bounded => bounded.bounds().map(|(low, high)| (high - low).amax()),
+    };
+    let file = |shape: &Shape| if let Shape::Mesh(mesh) = shape { Some(mesh.file.clone()) } else { None };
+    let mut found = Vec::new();
+    let mut add = |shape: &Shape| found.extend(size(shape).map(|size| (file(shape), size)));
+    scene.world.collider.iter().for_each(|collider| add(&collider.shape));
+    registry::ALL.iter().for_each(|system| system.shapes_mut(scene).into_iter().for_each(|shape| add(shape)));
+    let mut reported = BTreeSet::new();
+    for (place, (file, size)) in found.iter().enumerate() {
+        let Some(file) = file.as_ref().filter(|file| !reported.contains(*file)) else { continue };
+        let others =
+            found.iter().enumerate().filter(|&(other, _)| other != place).map(|(_, &(_, size))| size);
+        let Some(largest) = others.reduce(f32::max) else { continue };
+        let hint = match size / largest {
+            ratio if ratio > SUSPICIOUS_SIZE => {
+                "scale = 0.001 takes its unit for millimetres, 0.01 for centimetres"
+            }
+            ratio if ratio < 0.1 / SUSPICIOUS_SIZE => "`scale` makes it larger: 100 takes its unit for 100 m",
+            _ => continue,
+        };
+        reported.insert(file);
+        reporter
+            .note(&format!("{file}: found a mesh of {size:.3} m next to shapes of {largest:.3} m; {hint}"));
+    }
 }
 
 /// The folders of a shot that hold no files of the user.
@@ -137,8 +181,8 @@ fn field(
     if made.inside == 0 {
         return Err(fault("a surface that encloses nothing".to_owned()).into());
     }
-    if made.caps > 0 {
-        reporter.note(&format!("{} has holes, which were closed", mesh.file));
+    if let Some(found) = Soundness::of(&triangles).report() {
+        reporter.note(&format!("{}: found {found}", mesh.file));
     }
     if let Some(folder) = folder {
         ShotFolder::create(&folder.samples())?;

@@ -315,10 +315,10 @@ fn made(
             let missing = expected.difference(&present).filter(|&&frame| output.frames.contains(frame));
             stage.add_missing(missing.map(|&frame| (frame, output.file_name(frame))));
         }
-        // One pair of files has all frames.
-        Some(rest) => {
-            for file in [&output.pattern, rest] {
-                compare(&mut stage, output.frames.first, file.clone());
+        // A few files have all frames.
+        Some(_) => {
+            for file in output.paths() {
+                compare(&mut stage, output.frames.first, file.to_owned());
             }
         }
     }

@@ -28,7 +28,7 @@ use crate::{
 pub(crate) const SAMPLED_VERSION: u32 = 2;
 
 /// Nodes around the mesh's bounding box, so that the distance has a gradient beyond the surface.
-const MARGIN_NODES: u32 = 4;
+pub(crate) const MARGIN_NODES: u32 = 4;
 
 /// How far from a triangle nodes get its exact distance [voxels]. The sweeps' first-order error, up to a
 /// third of a voxel on a sphere, begins there. Twice as far costs twice the time, and at usual spacings moves
@@ -93,8 +93,12 @@ pub(crate) fn sampled_grid(mesh: &Triangles, resolution: u32) -> Option<SampledG
 ///
 /// `None` if the mesh has no triangle or no extent.
 pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
-    let grid @ SampledGrid { origin, voxel, nodes } = sampled_grid(mesh, resolution)?;
+    Some(on_grid(mesh, sampled_grid(mesh, resolution)?))
+}
 
+/// The signed distance to `mesh`, sampled on `grid`, which reaches at least a node beyond the mesh on every side.
+pub(crate) fn on_grid(mesh: &Triangles, grid: SampledGrid) -> Solidified {
+    let SampledGrid { origin, voxel, nodes } = grid;
     // The tree works in voxels from the first node, where single precision is best.
     let mut local = mesh.clone();
     par::update(&mut local.positions, |_, x| *x = (*x - origin) / voxel);
@@ -132,7 +136,7 @@ pub fn from_triangles(mesh: &Triangles, resolution: u32) -> Option<Solidified> {
         if sample.inside() { -distance } else { distance }
     });
     let inside = par::sum(values.len(), |i| f64::from(u8::from(values[i] < 0.0))) as usize;
-    Some(Solidified { field: Sampled { origin, voxel, nodes, values }, inside, caps })
+    Solidified { field: Sampled { origin, voxel, nodes, values }, inside, caps }
 }
 
 /// The index of a dense grid's node among the bricks' nodes.

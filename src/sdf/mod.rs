@@ -28,14 +28,16 @@ mod linked;
 mod sampled;
 mod second;
 mod seed;
+mod soundness;
 mod sweep;
 mod triangles;
 
 pub(crate) use bvh::{TriangleBvh, closest_point};
-pub(crate) use from_triangles::{SAMPLED_VERSION, sampled_grid};
+pub(crate) use from_triangles::{MARGIN_NODES, SAMPLED_VERSION, on_grid, sampled_grid};
 pub use from_triangles::{Solidified, from_triangles};
 pub use sampled::Sampled;
 pub(crate) use sampled::SampledGrid;
+pub(crate) use soundness::Soundness;
 pub use triangles::Triangles;
 
 pub use second::{Nodes, Order, refine};

@@ -11,6 +11,8 @@ const SMOKE_STATE_VERSION: u32 = 1;
 
 mod clock;
 pub mod coupling;
+#[cfg(feature = "presets")]
+pub(crate) mod deforming;
 pub mod force;
 #[cfg(feature = "presets")]
 pub(crate) mod forecast;

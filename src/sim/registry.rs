@@ -8,7 +8,7 @@ use super::{
     scene::Scene,
     sheet::job::Sheets,
     smoke::job::Smoke,
-    system::{System, mesh_file},
+    system::{self, System},
 };
 
 /// Every system, in the order in which they are checked and reported.
@@ -19,12 +19,12 @@ pub(crate) fn seeding_warnings(seeds: &SeedReport) -> Vec<String> {
     ALL.iter().flat_map(|system| system.seeding_warnings(seeds)).collect()
 }
 
-/// The file of every mesh of a scene, with the dotted key of the mesh.
+/// The files of all meshes of a scene, each with its dotted key.
 pub(crate) fn mesh_files(scene: &Scene) -> Vec<(String, &str)> {
     let colliders = scene.world.collider.iter().enumerate();
     let colliders = colliders.map(|(i, collider)| (format!("world.collider.{i}.shape"), &collider.shape));
     let forces = scene.force.iter().enumerate();
     let forces = forces.filter_map(|(i, force)| Some((format!("force.{i}.shape"), force.shape.as_ref()?)));
     let systems = ALL.iter().flat_map(|system| system.mesh_files(scene));
-    colliders.chain(forces).filter_map(mesh_file).chain(systems).collect()
+    colliders.chain(forces).flat_map(system::mesh_files).chain(systems).collect()
 }

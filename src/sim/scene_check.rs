@@ -1,6 +1,10 @@
 //! Checks of what a preset means as a whole, once every value is valid on its own.
 
-use super::{force, registry::ALL, scene::Scene};
+use super::{
+    force,
+    registry::{ALL, mesh_files},
+    scene::Scene,
+};
 use crate::preset::{
     check::Places,
     problem::Finding,
@@ -18,6 +22,7 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         let path = format!("world.collider.{index}");
         check_motion(&collider.keyframes, &collider.shape, &path, places, &mut findings);
     }
+    check_deforming(scene, places, &mut findings);
     if let Some(camera) = &scene.camera
         && camera.position == camera.target
     {
@@ -69,4 +74,26 @@ pub(crate) fn check(scene: &Scene, places: &Places) -> Vec<Finding> {
         findings.push(finding.with_help(format!("add {}", examples.join(", or "))));
     }
     findings
+}
+
+/// Reports meshes that deform where they cannot, or in two ways.
+fn check_deforming(scene: &Scene, places: &Places, findings: &mut Vec<Finding>) {
+    for (key, file) in mesh_files(scene) {
+        let is_cache = key.ends_with(".point_cache");
+        if !key.starts_with("world.collider.") && (is_cache || file.contains('#')) {
+            let message = format!("`{key}` deforms a shape that is no collider");
+            let label = format!("found {file:?}, expected the file of a mesh that keeps its shape");
+            let help = "only a `[[world.collider]]` deforms; name one .ply or .obj file here";
+            findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
+        }
+        let mesh = key.strip_suffix(".point_cache").map(|mesh| format!("{mesh}.file"));
+        if mesh.is_some_and(|mesh| {
+            mesh_files(scene).iter().any(|(other, file)| *other == mesh && file.contains('#'))
+        }) {
+            let message = format!("`{key}` and a sequence of files both give the motion of one mesh");
+            let label = "found both, expected one of them";
+            let help = "remove `point_cache`, or name one file of the sequence as `file`";
+            findings.push(Finding::new(places.of(&key), &key, message, label).with_help(help));
+        }
+    }
 }

@@ -58,7 +58,7 @@ pub(crate) trait System: Sync {
     /// Fills in defaults that depend on other keys of the preset.
     fn complete(&self, _scene: &mut Scene) {}
 
-    /// The mesh files that the system's tables name, each with the dotted key of its mesh.
+    /// The mesh files that the system's tables name, each with its dotted key.
     fn mesh_files<'a>(&self, _scene: &'a Scene) -> Vec<(String, &'a str)> {
         Vec::new()
     }
@@ -143,10 +143,10 @@ impl From<SetupError> for RunError {
     }
 }
 
-/// The file of a shape, if it is a mesh, with the dotted key of the mesh.
-pub(crate) fn mesh_file((key, shape): (String, &Shape)) -> Option<(String, &str)> {
-    match shape {
-        Shape::Mesh(mesh) => Some((format!("{key}.mesh"), mesh.file.as_str())),
-        _ => None,
-    }
+/// The files of a shape, if it is a mesh, each with its dotted key.
+pub(crate) fn mesh_files((key, shape): (String, &Shape)) -> impl Iterator<Item = (String, &str)> {
+    let mesh = if let Shape::Mesh(mesh) = shape { Some(mesh) } else { None };
+    let cache = mesh.and_then(|mesh| mesh.point_cache.as_deref());
+    let cache = cache.map(|file| (format!("{key}.mesh.point_cache"), file));
+    mesh.map(|mesh| (format!("{key}.mesh.file"), mesh.file.as_str())).into_iter().chain(cache)
 }

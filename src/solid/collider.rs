@@ -2,6 +2,7 @@
 
 use super::{Interpolation, Keyframe, Motion, Shape};
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// One collider of the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,6 +70,12 @@ pub struct Solid {
 }
 
 impl Collider {
+    /// Whether its shape or size changes.
+    #[cfg(feature = "presets")]
+    pub(crate) fn is_deforming(&self) -> bool {
+        self.shape.is_deforming() || self.keyframes.iter().any(|key| key.scale != 1.0)
+    }
+
     /// Whether the surface does more to the liquid than to keep it out.
     #[cfg(feature = "presets")]
     pub(crate) fn has_friction_or_restitution(&self) -> bool {
@@ -90,6 +97,32 @@ impl Collider {
 }
 
 impl Solid {
+    /// The shape in its size at `time` [s], with its vertices where they then are, in its own axes.
+    pub fn shape_at(&self, time: f64) -> Cow<'_, Shape> {
+        let shape = self.shape.at(time);
+        match self.motion.as_ref().filter(|motion| motion.is_scaling()) {
+            Some(motion) => Cow::Owned(shape.scaled(motion.scale(time))),
+            None => shape,
+        }
+    }
+
+    /// Whether its shape or size changes.
+    pub fn is_deforming(&self) -> bool {
+        self.shape.is_deforming() || self.motion.as_ref().is_some_and(Motion::is_scaling)
+    }
+
+    /// Smallest and largest size over that of the shape as written.
+    pub(crate) fn scales(&self) -> [f32; 2] {
+        self.motion.as_ref().map_or([1.0; 2], Motion::scales)
+    }
+
+    /// Upper bound of the speed of its surface between two times [m/s]: of its motion by keyframes and of its vertices.
+    pub fn fastest(&self, from: f64, to: f64) -> f64 {
+        let motion = self.motion.as_ref().map_or(0.0, |motion| motion.fastest(from, to, self.shape.reach()));
+        let vertices = if let Shape::Mesh(mesh) = &self.shape { mesh.fastest(from, to) } else { 0.0 };
+        motion + vertices * f64::from(self.scales()[1])
+    }
+
     /// A smooth shape that stands still, with the contact angle of the liquid.
     pub fn fixed(shape: Shape) -> Self {
         Self { shape, motion: None, friction: 0.0, restitution: 0.0, contact_angle: None }

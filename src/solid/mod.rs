@@ -2,6 +2,7 @@
 
 mod collider;
 mod contact;
+mod deformation;
 mod measures;
 mod mesh;
 mod motion;
@@ -11,7 +12,9 @@ mod shape;
 
 pub use collider::{Collider, Look, Solid};
 pub use contact::ShapeError;
-pub use mesh::MeshShape;
+pub(crate) use deformation::Deformation;
+pub use deformation::DeformationError;
+pub use mesh::{Axis, MeshShape};
 pub use motion::{Interpolation, Keyframe, Motion, Pose};
 pub(crate) use rigid_body::{BodyState, MassProperties, RigidBody, body_poses};
 pub use shape::Shape;

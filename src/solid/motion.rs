@@ -28,6 +28,17 @@ pub struct Keyframe {
     /// shorter arc. If one keyframe of a collider has it, all have.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub quaternion: Option<[f32; 4]>,
+    /// Size of a collider over that in `shape`, about the shape's own origin. Range: 0.001 to 1000.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub scale: f32,
+}
+
+fn one() -> f32 {
+    1.0
+}
+
+fn is_one(scale: &f32) -> bool {
+    *scale == 1.0
 }
 
 /// How a collider moves from one keyframe to the next.
@@ -84,6 +95,7 @@ struct Key {
     time: f64,
     position: Vector3<f64>,
     turn: Turn,
+    scale: f64,
 }
 
 /// A rotation in the form in which it is interpolated.
@@ -103,6 +115,7 @@ impl Motion {
             .map(|key| Key {
                 time: (f64::from(key.frame) - f64::from(first)) / fps,
                 position: Vector3::from(key.position.map(f64::from)),
+                scale: f64::from(key.scale),
                 turn: match key.quaternion {
                     Some([w, x, y, z]) => {
                         let [w, x, y, z] = [w, x, y, z].map(f64::from);
@@ -117,12 +130,41 @@ impl Motion {
         (!keys.is_empty()).then_some(Self { keys, interpolation })
     }
 
+    /// That of what stands still at the world's origin.
+    pub(crate) fn still() -> Self {
+        let turn = Turn::Angles(Vector3::zeros());
+        Self {
+            keys: vec![Key { time: 0.0, position: Vector3::zeros(), turn, scale: 1.0 }],
+            interpolation: Interpolation::Linear,
+        }
+    }
+
     /// The pose at time `t` [s].
     pub fn pose(&self, t: f64) -> Pose {
+        self.key(t).pose()
+    }
+
+    /// Size over that of the shape as written, at time `t` [s].
+    pub fn scale(&self, t: f64) -> f32 {
+        self.key(t).scale as f32
+    }
+
+    /// Smallest and largest size over that of the shape as written.
+    pub(crate) fn scales(&self) -> [f32; 2] {
+        let scales = self.keys.iter().map(|key| key.scale as f32);
+        scales.fold([f32::INFINITY, 0.0], |[low, high], scale| [low.min(scale), high.max(scale)])
+    }
+
+    /// Whether the size ever differs from that of the shape as written.
+    pub(crate) fn is_scaling(&self) -> bool {
+        self.scales() != [1.0, 1.0]
+    }
+
+    /// The interpolated keyframe at time `t` [s].
+    fn key(&self, t: f64) -> Key {
         let after = self.keys.partition_point(|key| key.time <= t);
         let (Some(a), Some(b)) = (self.keys[..after].last(), self.keys.get(after)) else {
-            let key = if after == 0 { &self.keys[0] } else { &self.keys[after - 1] };
-            return key.pose();
+            return if after == 0 { self.keys[0] } else { self.keys[after - 1] };
         };
         let part = (t - a.time) / (b.time - a.time);
         let part = match self.interpolation {
@@ -137,10 +179,11 @@ impl Motion {
             }
             (_, turn) => turn,
         };
-        Key { time: t, position: a.position + (b.position - a.position) * part, turn }.pose()
+        let position = a.position + (b.position - a.position) * part;
+        Key { time: t, position, turn, scale: a.scale + (b.scale - a.scale) * part }
     }
 
-    /// The largest speed of any point within `reach` [m] of the solid's own origin between times `from` and `to`
+    /// The largest speed of any point of the shape, within `reach` [m] of its own origin as written, between times `from` and `to`
     /// [m/s], or a bound of it.
     pub fn fastest(&self, from: f64, to: f64, reach: f32) -> f64 {
         // The steepest slope of the smooth step is 3/2.
@@ -158,8 +201,10 @@ impl Motion {
                     _ => 0.0,
                 };
                 let shift = (b.position - a.position).norm();
-                let turned = if angle > 0.0 { angle * f64::from(reach) } else { 0.0 };
-                steepest * (shift + turned) / (b.time - a.time)
+                // A reach may be infinite.
+                let by = |factor: f64| if factor > 0.0 { factor * f64::from(reach) } else { 0.0 };
+                let turned = by(angle * a.scale.max(b.scale));
+                steepest * (shift + turned + by((b.scale - a.scale).abs())) / (b.time - a.time)
             })
             .fold(0.0, f64::max)
     }
@@ -180,7 +225,18 @@ mod tests {
     use super::*;
 
     fn key(frame: u32, position: [f32; 3], rotation: [f32; 3]) -> Keyframe {
-        Keyframe { frame, position, rotation, quaternion: None }
+        Keyframe { frame, position, rotation, quaternion: None, scale: 1.0 }
+    }
+
+    #[test]
+    fn sizes_are_interpolated_and_bound_speeds() {
+        let sized = |frame: u32, scale: f32| Keyframe { scale, ..key(frame, [0.0; 3], [0.0; 3]) };
+        let motion = Motion::new(&[sized(0, 1.0), sized(2, 3.0)], Interpolation::Linear, 1.0, 0).unwrap();
+        assert_eq!([-1.0, 0.5, 1.0, 9.0].map(|t| motion.scale(t)), [1.0, 1.5, 2.0, 3.0]);
+        assert_eq!((motion.scales(), motion.is_scaling()), ([1.0, 3.0], true));
+        assert_eq!(motion.fastest(0.0, 1.0, 0.5), 0.5);
+        assert_eq!(motion.fastest(2.0, 3.0, 0.5), 0.0);
+        assert!(!Motion::still().is_scaling() && Motion::still().fastest(0.0, 1.0, f32::INFINITY) == 0.0);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::MeshShape;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// A shape about its own origin: the world's, unless the shape moves. Lengths are in metres; no dimension may be zero or
 /// negative.
@@ -80,4 +81,51 @@ pub enum Shape {
     },
     /// The inside of a triangle mesh from a file.
     Mesh(MeshShape),
+}
+
+impl Shape {
+    /// The shape at `time` [s] since the shot's start: itself, unless it is a mesh that deforms.
+    pub fn at(&self, time: f64) -> Cow<'_, Self> {
+        match self {
+            Self::Mesh(mesh) => {
+                mesh.at(time).map_or(Cow::Borrowed(self), |mesh| Cow::Owned(Self::Mesh(mesh)))
+            }
+            _ => Cow::Borrowed(self),
+        }
+    }
+
+    /// The shape `scale` times as large, about its own origin. A plane only moves.
+    pub fn scaled(&self, scale: f32) -> Self {
+        let at = |x: &[f32; 3]| x.map(|c| c * scale);
+        match self {
+            Self::Plane { point, normal } => Self::Plane { point: at(point), normal: *normal },
+            Self::Box { min, max } => Self::Box { min: at(min), max: at(max) },
+            Self::Tank { min, max } => Self::Tank { min: at(min), max: at(max) },
+            Self::Sphere { center, radius } => Self::Sphere { center: at(center), radius: radius * scale },
+            Self::Capsule { from, to, radius } => {
+                Self::Capsule { from: at(from), to: at(to), radius: radius * scale }
+            }
+            Self::Torus { center, axis, radius, tube } => {
+                let (radius, tube) = (radius * scale, tube * scale);
+                Self::Torus { center: at(center), axis: *axis, radius, tube }
+            }
+            Self::Ellipsoid { center, radii } => Self::Ellipsoid { center: at(center), radii: at(radii) },
+            Self::Disc { center, normal, radius, thickness } => {
+                let (radius, thickness) = (radius * scale, thickness * scale);
+                Self::Disc { center: at(center), normal: *normal, radius, thickness }
+            }
+            Self::Mesh(mesh) => Self::Mesh(mesh.scaled(scale)),
+        }
+    }
+
+    /// Whether it is a mesh whose vertices move.
+    pub fn is_deforming(&self) -> bool {
+        matches!(self, Self::Mesh(mesh) if mesh.is_deforming())
+    }
+
+    /// The names of the files that it is read from.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &str> {
+        let mesh = if let Self::Mesh(mesh) = self { Some(mesh) } else { None };
+        mesh.into_iter().flat_map(MeshShape::files)
+    }
 }

@@ -53,7 +53,7 @@ const UNPACKED: u64 = BUFFERS + 2 * MAX_MEMORY;
 const SCHEMA: u64 = 16 << 20;
 
 /// All readers.
-pub const READERS: [Reader; 20] = [
+pub const READERS: [Reader; 21] = [
     row("cache", read_cache, UNPACKED, 64),
     row("samples", read_samples, BUFFERS, 64),
     row("manifest", read_manifest, BUFFERS, 64),
@@ -65,6 +65,7 @@ pub const READERS: [Reader; 20] = [
     row("ply", |bytes| read_particles("a.ply", bytes), BUFFERS, 64),
     row("ply_mesh", |bytes| read_mesh("a.ply", bytes), BUFFERS, 64),
     row("obj", |bytes| read_mesh("a.obj", bytes), BUFFERS, 64),
+    row("pc2", read_point_cache, BUFFERS, 64),
     row("xyz", |bytes| read_particles("a.xyz", bytes), BUFFERS, 64),
     row("csv", |bytes| read_particles("a.csv", bytes), BUFFERS, 64),
     row("vtk", |bytes| read_particles("a.vtk", bytes), BUFFERS, 64),
@@ -246,6 +247,20 @@ fn read_mesh(name: &str, bytes: &[u8]) {
         }
         (Err(why), Err(_)) => _ = why.to_string(),
         (solid, sheet) => panic!("one is read: {:?} {:?}", solid.err(), sheet.err()),
+    }
+}
+
+/// Point caches of meshes that deform, for a mesh with the points of the header, and of one more.
+fn read_point_cache(bytes: &[u8]) {
+    let count = bytes.get(16..20).and_then(|word| word.try_into().ok()).map_or(0, i32::from_le_bytes);
+    for points in [count.unsigned_abs() as usize, 1] {
+        match import::parse_point_cache(Path::new("a.pc2"), bytes, points) {
+            Ok(cache) => {
+                assert!(!cache.samples.is_empty() && cache.start.is_finite() && cache.step > 0.0);
+                assert!(cache.samples.iter().all(|sample| sample.len() == points));
+            }
+            Err(why) => _ = why.to_string(),
+        }
     }
 }
 

@@ -8,6 +8,7 @@ mod bodies;
 mod branch;
 mod colliders;
 mod couplings;
+mod deforming;
 mod farm;
 mod forces;
 mod inflow;

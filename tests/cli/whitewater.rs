@@ -171,3 +171,48 @@ fn what_cannot_be_made_is_refused_in_words() {
     let (_, talk) = desk.run("whitewater ring", 2);
     assert!(talk.contains("no particles in this cache"), "{talk}");
 }
+
+#[test]
+fn volumes_and_arrays_hold_what_the_points_hold() {
+    let desk = desk();
+    desk.run("simulate white.toml", 0);
+    let files = "whitewater white --frames 1-16 --set whitewater.files=[\"ply\",\"vdb\",\"npz\"]";
+    let (out, _) = desk.run(files, 0);
+    assert!(out.contains("16 frames of whitewater written"), "{out}");
+    let names = desk.names("white/whitewater");
+    let of = |ending: &str| names.iter().filter(|name| name.ends_with(ending)).count();
+    assert_eq!(["mcf", "ply", "vdb", "npz"].map(of), [16; 4], "{names:?}");
+    let (out, _) = desk.run(files, 0);
+    assert!(out.contains("0 frames of whitewater written") && out.contains("16 up to date"), "{out}");
+    desk.run("verify white", 0);
+    let (info, _) = desk.run("info white", 0);
+    assert!(info.contains("whitewater ") && info.contains("particles in frame 0016"), "{info}");
+
+    // Equal arrays: particles of both files make the same mesh.
+    let meshed = |extension: &str| {
+        let line = format!("mesh white/whitewater/whitewater_0016.{extension} --spacing 0.02 -o {extension}");
+        desk.run(&line, 0);
+        desk.bytes(&format!("{extension}/mesh")).into_iter().map(|(_, bytes)| bytes[400..].to_vec()).next()
+    };
+    assert!(meshed("npz").is_some_and(|mesh| !mesh.is_empty()));
+    assert_eq!(meshed("npz"), meshed("ply"));
+
+    // A coarser volume is another file; the points stay.
+    let before = desk.bytes("white/whitewater");
+    let (out, _) = desk.run(&format!("{files} --set whitewater.voxel=0.3"), 0);
+    assert!(out.contains("16 frames of whitewater written"), "{out}");
+    let after = desk.bytes("white/whitewater");
+    let changed: Vec<&String> =
+        before.iter().zip(&after).filter(|(a, b)| a != b).map(|(_, (name, _))| name).collect();
+    assert!(changed.iter().any(|name| name.ends_with("_0016.vdb")), "{changed:?}");
+    assert!(changed.iter().all(|name| !name.ends_with(".mcf")), "{changed:?}");
+    desk.run("verify white", 0);
+
+    for wrong in ["[]", "[\"ply\",\"ply\"]", "[\"obj\"]"] {
+        let (_, talk) = desk.run(&format!("whitewater white --set whitewater.files={wrong}"), 2);
+        assert!(talk.contains("whitewater.files"), "{wrong}: {talk}");
+    }
+    fs::write(desk.path("white/whitewater/whitewater_0016.npz"), b"other").unwrap();
+    let (out, talk) = desk.run("verify white", 12);
+    assert!((out + &talk).contains("whitewater_0016.npz"), "a damaged file is found");
+}

@@ -366,8 +366,13 @@ fn a_stack_of_boxes_rests_and_a_row_of_balls_keeps_its_momentum() {
 
 #[test]
 fn a_moving_collider_pushes_a_body() {
-    let key =
-        |frame, x: f32| Keyframe { frame, position: [x, 0.0, 0.0], rotation: [0.0; 3], quaternion: None };
+    let key = |frame, x: f32| Keyframe {
+        frame,
+        position: [x, 0.0, 0.0],
+        rotation: [0.0; 3],
+        quaternion: None,
+        scale: 1.0,
+    };
     let paddle = Solid {
         motion: Motion::new(&[key(0, 0.0), key(48, 1.0)], Interpolation::Linear, 24.0, 0),
         ..Solid::fixed(Shape::Box { min: [-0.1, -0.5, -0.5], max: [0.0, 0.5, 0.5] })

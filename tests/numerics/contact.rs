@@ -94,6 +94,7 @@ fn water_meets_a_moving_ball_where_it_is() {
         position: [x, 0.0, 0.0],
         rotation: [0.0; 3],
         quaternion: None,
+        scale: 1.0,
     };
     let motion = Motion::new(&[key(0, -1.0), key(10, 1.0)], Interpolation::Linear, 10.0, 0);
     let ball = Solid { motion, ..Solid::fixed(Shape::Sphere { center: [0.0; 3], radius }) };
@@ -259,7 +260,7 @@ fn surfaces_are_fitted_whatever_their_clean_up() {
     let moved: Vec<Vec3> = water.vec3("position").unwrap().iter().map(|x| x + far).collect();
     let water = Stream::new("liquid", water.kind, moved.len()).with("position", moved);
     let Shape::Tank { min, max } = &tank.shape else { unreachable!() };
-    let key = Keyframe { frame: 0, position: far.into(), rotation: [0.0; 3], quaternion: None };
+    let key = Keyframe { frame: 0, position: far.into(), rotation: [0.0; 3], quaternion: None, scale: 1.0 };
     let motion = Motion::new(&[key], Interpolation::Linear, 24.0, 0);
     let moving = Solid { motion, ..Solid::fixed(Shape::Tank { min: *min, max: *max }) };
     let found = fitted(&water, &plain, &[moving], 0.0);

@@ -136,6 +136,7 @@ fn wetted_plate(velocity: f32) -> Vec<Vec3> {
         position: [0.0, 0.0, z],
         rotation: [0.0; 3],
         quaternion: None,
+        scale: 1.0,
     };
     let keys = [key(0, 0.0), key(240, velocity)];
     let motion = if velocity == 0.0 { None } else { Motion::new(&keys, Interpolation::Linear, 240.0, 0) };

@@ -215,7 +215,13 @@ fn a_block_at_500_m_per_s_stops_at_the_plate() {
 
 /// A box of 512 particles under a lid that comes down to `height` [m] in four frames.
 fn piston(height: f32) -> World {
-    let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
+    let key = |frame, z| Keyframe {
+        frame,
+        position: [0.0, 0.0, z],
+        rotation: [0.0; 3],
+        quaternion: None,
+        scale: 1.0,
+    };
     let shape = Shape::Box { min: [-1.0, -1.0, 0.0], max: [1.8, 1.8, 1.0] };
     let lid = Collider {
         shape,

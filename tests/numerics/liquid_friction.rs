@@ -28,8 +28,13 @@ fn floor(friction: f32, restitution: f32) -> Solid {
 
 /// A solid that moves from the first to the second position (and angle about z) in two seconds.
 fn moving(solid: Solid, positions: [[f32; 3]; 2], turn: f32) -> Solid {
-    let key =
-        |frame, position, turn| Keyframe { frame, position, rotation: [0.0, 0.0, turn], quaternion: None };
+    let key = |frame, position, turn| Keyframe {
+        frame,
+        position,
+        rotation: [0.0, 0.0, turn],
+        quaternion: None,
+        scale: 1.0,
+    };
     let keys = [key(0, positions[0], 0.0), key(48, positions[1], turn)];
     Solid { motion: Motion::new(&keys, Interpolation::Linear, 24.0, 0), ..solid }
 }

@@ -145,6 +145,7 @@ fn couette_flow_starts_like_its_series() {
         position: [(speed * FRAME) as f32 * frame as f32, 0.0, 0.0],
         rotation: [0.0; 3],
         quaternion: None,
+        scale: 1.0,
     };
     let motion = Motion::new(&[key(0), key(48)], Interpolation::Linear, 24.0, 0);
     let lid = Solid { motion, ..Solid::fixed(plane(depth as f32, -1.0)) };
@@ -249,6 +250,7 @@ fn viscous_frames_have_the_same_bits_on_any_number_of_threads_and_after_a_restar
         position: [0.2, 0.2, 0.1],
         rotation: [0.0, 0.0, angle],
         quaternion: None,
+        scale: 1.0,
     };
     let motion = Motion::new(&[spin(0, 0.0), spin(24, 360.0)], Interpolation::Linear, 24.0, 0);
     let paddle = Shape::Box { min: [-0.12, -0.02, -0.06], max: [0.12, 0.02, 0.06] };

@@ -317,6 +317,7 @@ fn a_ball_that_spins_takes_the_air_along() {
         position: [0.0; 3],
         rotation: [0.0, 0.0, angle],
         quaternion: None,
+        scale: 1.0,
     };
     // A quarter of a turn every four frames: 9.4 /s.
     let keys: Vec<Keyframe> = (0..7).map(|n| key(4 * n, 90.0 * n as f32)).collect();
@@ -361,6 +362,7 @@ fn a_small_ball_that_flies_fast_does_not_jump_past_smoke() {
             position: [x, 0.0, 0.0],
             rotation: [0.0; 3],
             quaternion: None,
+            scale: 1.0,
         };
         let motion = Motion::new(&[key(1, -1.0), key(2, 1.0)], Interpolation::Linear, 24.0, 1);
         let shape = Shape::Sphere { center: [0.0; 3], radius: 0.1 };

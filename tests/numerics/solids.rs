@@ -16,7 +16,7 @@ use std::sync::Arc;
 const FPS: f64 = 24.0;
 
 fn key(frame: u32, position: [f32; 3], rotation: [f32; 3]) -> Keyframe {
-    Keyframe { frame, position, rotation, quaternion: None }
+    Keyframe { frame, position, rotation, quaternion: None, scale: 1.0 }
 }
 
 fn moving(shape: Shape, keyframes: Vec<Keyframe>) -> Solid {

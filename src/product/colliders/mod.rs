@@ -2,6 +2,7 @@
 
 mod bodies;
 mod check;
+mod deforming;
 mod motion;
 mod outputs;
 mod tessellate;

@@ -26,6 +26,12 @@ pub(super) struct MotionFile {
     pub(super) first: u32,
     /// Position [m] and rotation as a unit quaternion (w, x, y, z) in each whole frame.
     pub(super) poses: Vec<[f32; 7]>,
+    /// Size over that of the mesh in each of these frames, if it changes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scales: Option<Vec<f32>>,
+    /// First and last frame of the point cache of a mesh that deforms, with a sample in each frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) point_cache_frames: Option<[u32; 2]>,
 }
 
 impl MotionFile {
@@ -50,18 +56,23 @@ impl MotionFile {
         }
         let motion = Motion::new(&collider.keyframes, collider.interpolation, fps, start);
         let mut poses: Vec<[f32; 7]> = Vec::with_capacity(count as usize);
+        let mut scales = motion.as_ref().filter(|motion| motion.is_scaling()).map(|_| Vec::new());
         for frame in first..=last {
             let time = (f64::from(frame) - f64::from(start)) / fps;
             let pose = motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
             poses.push(numbers(&pose, poses.last()));
+            if let Some((scales, motion)) = scales.as_mut().zip(motion.as_ref()) {
+                scales.push(motion.scale(time));
+            }
         }
         let (format, shape) = ("meniscus-motion", collider.shape.name());
-        Ok(Self { format, version: 1, shape, look, first, poses })
+        Ok(Self { format, version: 1, shape, look, first, poses, scales, point_cache_frames: None })
     }
 
     /// The motion of a body of that shape that has these poses from frame `first` on.
     pub(super) fn of_poses(shape: &'static str, look: Look, first: u32, poses: Vec<[f32; 7]>) -> Self {
-        Self { format: "meniscus-motion", version: 1, shape, look, first, poses }
+        let (scales, point_cache_frames) = (None, None);
+        Self { format: "meniscus-motion", version: 1, shape, look, first, poses, scales, point_cache_frames }
     }
 
     /// The text of the file.
@@ -117,6 +128,7 @@ mod tests {
             position: [frame as f32 * 0.1, 0.5, -1.0],
             rotation: [20.0, 0.0, turn],
             quaternion: None,
+            scale: 1.0,
         };
         Collider {
             shape: Shape::Sphere { center: [0.0; 3], radius: 0.5 },

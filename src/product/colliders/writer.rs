@@ -3,6 +3,7 @@
 use super::{
     bodies,
     check::{self, MAX_COLLIDERS},
+    deforming::{self, DeformedMesh},
     motion::{MotionFile, pose_count},
     outputs::{KIND, are_listed},
     tessellate::shown_mesh,
@@ -18,7 +19,7 @@ use crate::{
         memory::BASE_MEMORY,
     },
     math::Vec3,
-    preset::{Asset, check::Places, problem::Finding},
+    preset::{Asset, assets, check::Places, problem::Finding},
     product::{
         interface::Product,
         request::{ProductRequest, ProductSettings},
@@ -34,6 +35,9 @@ const COLLIDER_VERSION: u32 = 2;
 
 /// Memory of reading and writing a mesh [bytes/byte of its file], as the limit of its reader.
 const MESH_BYTES: f64 = 64.0;
+
+/// Memory of meshes that deform, of which all samples are held [bytes/byte of their files].
+const DEFORMING_BYTES: f64 = 2.0;
 
 /// Memory of the text of a pose, of which two copies exist while the keys of files are computed [bytes].
 const POSE_TEXT_BYTES: u64 = 200;
@@ -162,6 +166,8 @@ struct Task<'a> {
     /// The file that a mesh names; empty of other shapes.
     bytes: &'a [u8],
     motion: MotionFile,
+    /// The motion of the vertices of a mesh that deforms.
+    deformed: Option<DeformedMesh>,
     /// Half of the side of the square of a plane [m].
     plane_reach: f32,
     output: OutputFiles,
@@ -199,13 +205,19 @@ fn tasks<'a>(
     let motions =
         shown.iter().map(motion).chain(bodies.into_iter().map(Ok)).collect::<Result<Vec<_>, _>>()?;
     let mut tasks = Vec::new();
-    for ((shape, motion), name) in shapes().zip(motions).zip(names) {
-        let asset = mesh_file(scene, shape);
-        let (bytes, hash): (&[u8], u64) = asset.map_or((&[], 0), |asset| (&asset.bytes, asset.hash));
+    for ((shape, mut motion), name) in shapes().zip(motions).zip(names) {
+        let bytes: &[u8] = mesh_file(scene, shape).map_or(&[], |asset| &asset.bytes);
+        let hash = assets::hash(shape.files(), &scene.assets);
+        let deformed = DeformedMesh::of(shape, scene, &span)?;
+        motion.point_cache_frames = deformed.as_ref().map(DeformedMesh::frames);
         let text = serde_json::to_string(shape).expect("a shape is plain data");
-        let text = format!("collider {COLLIDER_VERSION} {text} {hash:016x} {plane_reach} {}", motion.text());
-        let (output, key) = (output(&name, &motion), xxh3_64(text.as_bytes()));
-        tasks.push(Task { shape, bytes, motion, plane_reach, output, key });
+        let mut text =
+            format!("collider {COLLIDER_VERSION} {text} {hash:016x} {plane_reach} {}", motion.text());
+        if deformed.is_some() {
+            text += &format!(" {fps} {start}");
+        }
+        let (output, key) = (output(&name, &motion, deformed.is_some()), xxh3_64(text.as_bytes()));
+        tasks.push(Task { shape, bytes, motion, deformed, plane_reach, output, key });
     }
     Ok(tasks)
 }
@@ -226,19 +238,25 @@ fn max_memory(scene: &Scene, span: FrameSpan) -> u64 {
     let shapes =
         shown.iter().map(|collider| &collider.shape).chain(scene.body.iter().map(|body| &body.shape));
     let size = |shape: &Shape| mesh_file(scene, shape).map_or(0, |asset| asset.bytes.len());
-    let largest = shapes.map(size).max().unwrap_or(0);
+    let (sizes, held): (Vec<usize>, Vec<usize>) =
+        shapes.map(|shape| (size(shape), deforming::size(shape, scene))).unzip();
+    let largest = sizes.into_iter().max().unwrap_or(0);
+    let held = held.into_iter().sum::<usize>() as f64 * DEFORMING_BYTES;
     let span = span.first..=span.last;
     let frames = || scene.body.iter().map(|_| u64::from(span.end() - span.start()) + 1);
     let counts = || shown.iter().map(|collider| pose_count(collider, &span)).chain(frames());
     let poses = counts().sum::<u64>() * size_of::<[f32; 7]>() as u64;
     let text = counts().max().unwrap_or(0) * POSE_TEXT_BYTES;
-    (BASE_MEMORY + largest as f64 * MESH_BYTES) as u64 + poses + text
+    (BASE_MEMORY + largest as f64 * MESH_BYTES + held) as u64 + poses + text
 }
 
-/// The file that a mesh names; `None` of other shapes.
+/// The file that a mesh names, of a sequence the first; `None` of other shapes.
 fn mesh_file<'a>(scene: &'a Scene, shape: &Shape) -> Option<&'a Asset> {
     match shape {
-        Shape::Mesh(mesh) => scene.assets.get(&mesh.file),
+        Shape::Mesh(mesh) => scene
+            .assets
+            .get(&mesh.file)
+            .or_else(|| assets::sequence(&mesh.file, &scene.assets).first().map(|&(.., asset)| asset)),
         _ => None,
     }
 }
@@ -257,16 +275,19 @@ fn write(
         if control.cancel.is_cancelled() {
             return Err(RunError::Interrupted);
         }
-        let Task { shape, bytes, motion, plane_reach, output, key } = task;
+        let Task { shape, bytes, motion, deformed, plane_reach, output, key } = task;
         let frames: Vec<u32> = output.frames.numbers().collect();
-        let rest = output.rest.clone().expect("a collider has a mesh");
-        let files = [output.pattern.clone(), rest];
+        let files: Vec<String> = output.paths().map(str::to_owned).collect();
         if !force && records.confirm(out, &files, *key) {
             ledger.add_sequence(output.clone(), &frames, None, control)?;
         } else {
-            let [poses, mesh] = files.each_ref().map(|file| out.root().join(file));
-            let made = shown_mesh(shape, motion.look, bytes, *plane_reach)?;
-            let mesh = MeshFormat::Ply.write(&made, &mesh, *key)?;
+            let path = |file: &String| out.root().join(file);
+            let poses = path(&files[0]);
+            let made = match deformed {
+                Some(deformed) => deformed.first(),
+                None => shown_mesh(shape, motion.look, bytes, *plane_reach)?,
+            };
+            let mesh = MeshFormat::Ply.write(&made, &path(&files[1]), *key)?;
             let text = motion.text();
             let poses =
                 cache::write_atomically(&poses, |to| to.write_all(text.as_bytes())).map_err(|source| {
@@ -274,7 +295,8 @@ fn write(
                     RunError::File { path: poses.clone(), source, next }
                 })?;
             let mut record = FileRecord::new(FrameIndex(output.frames.first), &output.name, *key, None);
-            for (file, written) in files.into_iter().zip([poses, mesh]) {
+            let cache = deformed.as_ref().map(|deformed| deformed.write(&path(&files[2]))).transpose()?;
+            for (file, written) in files.into_iter().zip([poses, mesh].into_iter().chain(cache)) {
                 record.add(file, written);
             }
             ledger.add_sequence(output.clone(), &frames, Some(&record), control)?;
@@ -286,12 +308,13 @@ fn write(
 }
 
 /// The output of a collider.
-fn output(name: &str, motion: &MotionFile) -> OutputFiles {
+fn output(name: &str, motion: &MotionFile, is_deforming: bool) -> OutputFiles {
     let folder = ColliderMeshes.name();
     let last = motion.first + (motion.poses.len() - 1) as u32;
     OutputFiles {
         pattern: format!("{folder}/{name}.json"),
         rest: Some(format!("{folder}/{name}.ply")),
+        point_cache: is_deforming.then(|| format!("{folder}/{name}.pc2")),
         frames: FrameSpan { first: motion.first, last, step: 1 },
         ..OutputFiles::of(KIND, folder, name, "json", FrameIndex(motion.first))
     }

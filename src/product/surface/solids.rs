@@ -3,6 +3,7 @@
 use crate::{
     control::printable_path,
     job::{RunError, batch::Source},
+    preset::assets,
     product::request::{ProductInput, ProductRequest},
     sim::scene::Scene,
     solid::{Collider, Shape, Solid},
@@ -39,10 +40,7 @@ impl Colliders {
 
     /// The colliders of a scene whose meshes are sampled.
     pub(super) fn of_scene(scene: &Scene) -> Self {
-        let hash = |shape: &Shape| match shape {
-            Shape::Mesh(mesh) => scene.assets.get(&mesh.file).map_or(0, |asset| asset.hash),
-            _ => 0,
-        };
+        let hash = |shape: &Shape| assets::hash(shape.files(), &scene.assets);
         let text = |text: String, collider: &Collider| {
             let Collider { shape, keyframes, interpolation, .. } = collider;
             let hash = hash(shape);

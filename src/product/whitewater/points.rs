@@ -1,17 +1,22 @@
-//! The PLY file of a frame: positions with `radius`, `velocity`, `id`, `kind` and `age`.
+//! The files of a frame: points as PLY and NPZ, with `radius`, `velocity`, `id`, `kind` and `age`, and volumes (`volume.rs`).
 
-use super::{chain::ChainFrame, folder::WhitewaterPoints};
+use super::{
+    chain::ChainFrame,
+    folder::WhitewaterPoints,
+    volume::{self, Fractions},
+};
 use crate::{
-    export::{MeshFormat, ply},
-    frame::{Channel, FrameIndex},
+    cache::WrittenFile,
+    export::{MeshFormat, ply, vdb::VolumeParams},
+    frame::{Channel, FrameIndex, Stream},
     job::{
         OutputFiles, RunError, ShotFolder,
-        batch::{FileTarget, FrameFiles, ProductFolder, Written},
+        batch::{BatchRequest, FileTarget, FrameFiles, ProductFolder, Written},
     },
     mesh::Points,
-    sim::whitewater::Kind,
+    sim::whitewater::{Kind, WhitewaterFormat, WhitewaterParams},
 };
-use std::time::Instant;
+use std::{path::Path, time::Instant};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Raised whenever a change of what a file holds gives the same whitewater another one.
@@ -20,63 +25,127 @@ const POINTS_VERSION: u32 = 1;
 /// The name of the files.
 const NAME: &str = "whitewater";
 
-/// What the file of a frame is made for: whitewater with a key, selected by an amount.
-pub(super) fn target(index: FrameIndex, key: u64, amount: f32) -> FileTarget {
-    let key = xxh3_64(format!("whitewater points {POINTS_VERSION} {key:016x} {amount}").as_bytes());
-    FileTarget { index, name: NAME.into(), key, state: None }
+/// Attributes of points, without their places and radii.
+const ATTRIBUTES: [&str; 4] = ["velocity", "id", "kind", "age"];
+
+/// What files of frames are made with.
+#[derive(Clone, Copy)]
+pub(super) struct FileSettings<'a> {
+    pub(super) params: &'a WhitewaterParams,
+    pub(super) volume: &'a VolumeParams,
+    pub(super) request: &'a BatchRequest,
 }
 
-/// The file of a target, if it is there and has its key.
-pub(super) fn up_to_date(out: &ShotFolder, target: &FileTarget) -> Option<FrameFiles> {
-    let mut output = output(target);
-    let path = output.file(out, target.index.0);
-    output.attributes = MeshFormat::Ply.attributes_in(&path);
-    let has_key = MeshFormat::Ply.key_in(&path) == Some(target.key);
-    has_key.then(|| FrameFiles { outputs: vec![output], written: None, stale: Vec::new() })
+impl FileSettings<'_> {
+    /// What the files of a frame are made for: whitewater with a key, selected by an amount.
+    pub(super) fn target(&self, index: FrameIndex, key: u64) -> FileTarget {
+        let mut text = format!("whitewater points {POINTS_VERSION} {key:016x} {}", self.params.amount);
+        if self.params.files.contains(&WhitewaterFormat::Vdb) {
+            let settings = serde_json::to_string(&(self.params.voxel, self.volume));
+            text += &settings.expect("settings are plain data");
+        }
+        FileTarget { index, name: NAME.into(), key: xxh3_64(text.as_bytes()), state: None }
+    }
+
+    /// The files of a target, if they are there as their records have them.
+    pub(super) fn up_to_date(
+        &self,
+        out: &ShotFolder,
+        target: &FileTarget,
+        records: &crate::job::file_records::FileRecords,
+    ) -> Option<FrameFiles> {
+        let outputs = self.params.files.iter().map(|&format| {
+            let mut output = output(format, target.index);
+            if format == WhitewaterFormat::Ply {
+                output.attributes = MeshFormat::Ply.attributes_in(&output.file(out, target.index.0));
+            }
+            output
+        });
+        let files = FrameFiles { outputs: outputs.collect(), written: None, stale: Vec::new() };
+        files.are_recorded(out, records, target).then_some(files)
+    }
+
+    /// Writes the files of a target. Returns them, and the particles that volumes cannot hold.
+    ///
+    /// # Errors
+    /// If one cannot be written, or takes more memory than allowed.
+    pub(super) fn write(
+        &self,
+        frame: &ChainFrame<'_>,
+        out: &ShotFolder,
+        target: &FileTarget,
+        start: Instant,
+    ) -> Result<(FrameFiles, u64), RunError> {
+        let stream = frame.whitewater.selected(frame.spacing, self.params.amount);
+        let mut written = Written::of(target);
+        let (mut outputs, mut too_far) = (Vec::new(), 0);
+        for &format in &self.params.files {
+            let mut output = output(format, target.index);
+            let path = output.file(out, target.index.0);
+            let file = match format {
+                WhitewaterFormat::Ply => ply::write_points(&points(&stream), &path, target.key)?,
+                WhitewaterFormat::Npz => npz(&stream, &path)?,
+                WhitewaterFormat::Vdb => {
+                    let voxel = self.params.voxel.unwrap_or(frame.spacing);
+                    let made = Fractions::new(&stream, voxel, |bytes| {
+                        self.request.check_memory(None, |_| bytes).map(drop)
+                    })?;
+                    too_far = made.too_far;
+                    made.write(&path, self.volume, target.key)?
+                }
+            };
+            written.add(&output, file);
+            if format == WhitewaterFormat::Ply {
+                output.attributes = MeshFormat::Ply.attributes_in(&path);
+            }
+            outputs.push(output);
+        }
+        let record = &frame.whitewater.record;
+        let numbers = record.numbers().into_iter();
+        written.record_figures = numbers.map(|(name, value)| (name.to_owned(), value.into())).collect();
+        // Of the particles in the files, which a smaller amount selects.
+        for kind in Kind::ALL {
+            let of_kind =
+                stream.u32("kind").map_or(0, |kinds| kinds.iter().filter(|&&k| k == kind as u32).count());
+            written.record_figures.insert(kind.name().into(), of_kind.into());
+        }
+        let (count, mib) = (stream.len(), written.record.bytes() as f64 / f64::from(1 << 20));
+        let seconds = start.elapsed().as_secs_f64();
+        written.figures = format!("frame {}  {count} particles  {mib:.2} MiB  {seconds:.2} s", target.index);
+        Ok((FrameFiles { outputs, written: Some(written), stale: Vec::new() }, too_far))
+    }
 }
 
-/// Writes the file of a target.
-///
-/// # Errors
-/// If it cannot be written.
-pub(super) fn write(
-    frame: &ChainFrame<'_>,
-    amount: f32,
-    out: &ShotFolder,
-    target: &FileTarget,
-    start: Instant,
-) -> Result<FrameFiles, RunError> {
-    let stream = frame.whitewater.selected(frame.spacing, amount);
+/// The points of a stream of whitewater.
+fn points(stream: &Stream) -> Points {
     let (Some(positions), Some(radii)) = (stream.vec3("position"), stream.f32("radius")) else {
         unreachable!("whitewater has places and radii")
     };
-    let attributes: Vec<Channel> = ["velocity", "id", "kind", "age"]
-        .iter()
-        .filter_map(|&name| Some(Channel { name: name.into(), data: stream.channel(name)?.clone() }))
-        .collect();
-    let points =
-        Points { positions: positions.to_vec(), radii: radii.to_vec(), attributes, ..Points::default() };
-    let mut output = output(target);
-    let path = output.file(out, target.index.0);
-    let mut written = Written::of(target);
-    written.add(&output, ply::write_points(&points, &path, target.key)?);
-    output.attributes = MeshFormat::Ply.attributes_in(&path);
-    let record = &frame.whitewater.record;
-    let numbers = record.numbers().into_iter();
-    written.record_figures = numbers.map(|(name, value)| (name.to_owned(), value.into())).collect();
-    // Of the particles in the file, which a smaller amount selects.
-    for kind in Kind::ALL {
-        let of_kind =
-            stream.u32("kind").map_or(0, |kinds| kinds.iter().filter(|&&k| k == kind as u32).count());
-        written.record_figures.insert(kind.name().into(), of_kind.into());
-    }
-    let (count, mib) = (points.positions.len(), written.record.bytes() as f64 / f64::from(1 << 20));
-    let seconds = start.elapsed().as_secs_f64();
-    written.figures = format!("frame {}  {count} particles  {mib:.2} MiB  {seconds:.2} s", target.index);
-    Ok(FrameFiles { outputs: vec![output], written: Some(written), stale: Vec::new() })
+    let channel = |&name: &&str| Some(Channel { name: name.into(), data: stream.channel(name)?.clone() });
+    let attributes: Vec<Channel> = ATTRIBUTES.iter().filter_map(channel).collect();
+    Points { positions: positions.to_vec(), radii: radii.to_vec(), attributes, ..Points::default() }
 }
 
-/// The output that the file of a target belongs to, with its frame alone.
-fn output(target: &FileTarget) -> OutputFiles {
-    OutputFiles::of("points", WhitewaterPoints.name(), &target.name, "ply", target.index)
+/// Writes the points of a stream as NumPy arrays.
+#[cfg(feature = "npz")]
+fn npz(stream: &Stream, path: &Path) -> Result<WrittenFile, RunError> {
+    let names = ["position", "radius"].into_iter().chain(ATTRIBUTES);
+    let arrays: Vec<_> = names.filter_map(|name| Some((name, stream.channel(name)?))).collect();
+    Ok(crate::export::npz::write(path, &arrays)?)
+}
+
+/// Builds without NPZ refuse it when they check the preset.
+#[cfg(not(feature = "npz"))]
+fn npz(_: &Stream, path: &Path) -> Result<WrittenFile, RunError> {
+    Err(RunError::Request(format!("{}: this build writes no NPZ files", path.display())))
+}
+
+/// The output of a format, with one frame.
+fn output(format: WhitewaterFormat, index: FrameIndex) -> OutputFiles {
+    let points = |extension: &str| OutputFiles::of("points", WhitewaterPoints.name(), NAME, extension, index);
+    match format {
+        WhitewaterFormat::Ply => points("ply"),
+        WhitewaterFormat::Npz => points("npz"),
+        WhitewaterFormat::Vdb => volume::output(NAME, index),
+    }
 }

@@ -3,13 +3,14 @@
 use super::{
     chain::{Chain, LIQUID_BYTES, PARTICLE_BYTES},
     folder::WhitewaterPoints,
-    points,
+    log,
+    points::FileSettings,
 };
 use crate::{
     frame::{FrameIndex, StreamKind},
     job::{
         Control, Failure, RunError, ShotFolder,
-        batch::{BatchRequest, BatchSummary, FrameOutcome, Ledger, ProductFolder, Source},
+        batch::{BatchSummary, FrameOutcome, Ledger, ProductFolder, Source},
         file_records::FileRecords,
         memory::BASE_MEMORY,
         nonzero,
@@ -17,11 +18,11 @@ use crate::{
     preset::{check::Places, problem::Finding},
     product::{
         interface::Product,
-        request::{ProductRequest, ProductSettings},
+        request::{ProductInfo, ProductRequest, ProductSettings},
     },
     sim::{
         scene::Scene,
-        whitewater::{Whitewater, WhitewaterParams},
+        whitewater::{Whitewater, WhitewaterFormat},
     },
 };
 use std::time::Instant;
@@ -79,6 +80,25 @@ impl Product for WhitewaterPoints {
                     .with_help("the first value emits nothing, the second emits at the full rate"),
             );
         }
+        if params.files.is_empty()
+            || params.files.iter().enumerate().any(|(i, f)| params.files[..i].contains(f))
+        {
+            let path = "whitewater.files";
+            let label = "expected one or more of \"ply\", \"vdb\" and \"npz\", each once";
+            let message = "`whitewater.files` names no file, or one twice";
+            findings.push(
+                Finding::new(places.of(path), path, message, label)
+                    .with_help("remove `[whitewater]` for a shot without whitewater"),
+            );
+        }
+        if cfg!(not(feature = "npz")) && params.files.contains(&WhitewaterFormat::Npz) {
+            let path = "whitewater.files";
+            let label = "found \"npz\", which this build lacks";
+            findings.push(
+                Finding::new(places.of(path), path, "this build writes no NPZ files", label)
+                    .with_help("build it with the feature `npz`, or write \"ply\""),
+            );
+        }
         if params.max_amount.is_some_and(|most| most < params.amount) {
             let path = "whitewater.max_amount";
             let label =
@@ -97,6 +117,10 @@ impl Product for WhitewaterPoints {
         BASE_MEMORY + emitted * PARTICLE_BYTES + particles as f64 * LIQUID_BYTES
     }
 
+    fn info(&self, folder: &ShotFolder) -> Result<ProductInfo, RunError> {
+        log::info(folder)
+    }
+
     fn make(&self, request: &ProductRequest, control: Control) -> Result<BatchSummary, RunError> {
         let (Source::Cache(shot), Some(scene)) = (request.frames()?, request.scene) else {
             return Err(RunError::Request("whitewater is made of the shot folder of a liquid alone".into()));
@@ -106,7 +130,8 @@ impl Product for WhitewaterPoints {
                 "found no parameters of whitewater, expected `[whitewater]`".into(),
             ));
         };
-        whitewater(scene, params, shot, request.out, request.batch, control)
+        let settings = FileSettings { params, volume: &request.settings.volume, request: request.batch };
+        whitewater(scene, settings, shot, request.out, control)
     }
 }
 
@@ -118,12 +143,12 @@ impl Product for WhitewaterPoints {
 /// [`RunError::Request`] if the preset is not the one that was simulated; a folder or disk that refuses ends the batch.
 fn whitewater(
     scene: &Scene,
-    params: &WhitewaterParams,
+    settings: FileSettings,
     shot: &ShotFolder,
     out: &ShotFolder,
-    request: &BatchRequest,
     control: Control,
 ) -> Result<BatchSummary, RunError> {
+    let FileSettings { params, request, .. } = settings;
     let source = Source::Cache(shot);
     if source.keys()?.is_some_and(|keys| keys != scene.frame_keys()) {
         return Err(RunError::Request(format!(
@@ -142,7 +167,7 @@ fn whitewater(
     let folder = out.subfolder(WhitewaterPoints.name());
     let records = FileRecords::read(out, WhitewaterPoints.name())?;
     let chain = Chain::new(scene, params, shot, folder, FrameIndex(last), request)?;
-    let mut writer = Writer { chain, params, out, records, force: request.force };
+    let mut writer = Writer { chain, settings, out, records, force: request.force };
     let ended = writer.frames(&requested, source.absent(), &mut ledger, control);
     ledger.finish(&title, fps, &requested, ended, control)
 }
@@ -150,7 +175,7 @@ fn whitewater(
 /// Writes the files of a chain of frames.
 struct Writer<'a> {
     chain: Chain<'a>,
-    params: &'a WhitewaterParams,
+    settings: FileSettings<'a>,
     out: &'a ShotFolder,
     records: FileRecords,
     force: bool,
@@ -213,11 +238,8 @@ impl Writer<'_> {
         control: Control,
     ) -> Result<(), RunError> {
         let start = Instant::now();
-        let target = points::target(outcome.index, self.chain.key(place), self.params.amount);
-        let kept = || {
-            points::up_to_date(self.out, &target)
-                .filter(|files| files.are_recorded(self.out, &self.records, &target))
-        };
+        let target = self.settings.target(outcome.index, self.chain.key(place));
+        let kept = || self.settings.up_to_date(self.out, &target, &self.records);
         if !self.force && self.chain.is_stored(place) {
             if !is_requested {
                 return Ok(());
@@ -232,7 +254,14 @@ impl Writer<'_> {
             outcome.notes.extend(remark(outcome.index, frame.whitewater));
         }
         if is_requested {
-            outcome.files.push(points::write(&frame, self.params.amount, self.out, &target, start)?);
+            let (files, too_far) = self.settings.write(&frame, self.out, &target, start)?;
+            outcome.files.push(files);
+            if too_far > 0 {
+                let index = outcome.index;
+                outcome
+                    .notes
+                    .push(format!("frame {index}: {too_far} particles too far away for the volume's voxel"));
+            }
         }
         Ok(())
     }

@@ -20,11 +20,18 @@ const BOUND: [f64; 2] = [1.1, 1.2];
 /// Memory of sampling a mesh [bytes/node]: 26 to 36 were measured on four meshes.
 const SAMPLING_BYTES: f64 = 34.0;
 
+/// Memory of reading a mesh and of the tree over its triangles, with its file [bytes/byte of a binary file]: 7.2 and 8.0 were measured with
+/// 5 000 000 and 500 000 triangles.
+const READING_BYTES: f64 = 8.0;
+
 /// Memory of a mesh's samples [bytes/node].
 const SAMPLE_BYTES: f64 = 4.0;
 
 /// Memory of a collider's boundary density [bytes/node of its samples]: a second field, on a grid wider by the kernel.
 const BOUNDARY_BYTES: f64 = 6.0;
+
+/// Distance fields of a mesh that deforms which are held at a time.
+const HELD_KEYS: f64 = 3.0;
 
 /// Memory of sampled meshes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,8 +47,15 @@ impl Solids {
     fn of(scene: &Scene) -> Self {
         let mut scene = scene.clone();
         let mut fields = BTreeMap::new();
-        let mut colliding = 0;
+        let (mut colliding, mut deforming) = (0, 0.0);
         let mut add = |shape: &Shape| match shape {
+            Shape::Mesh(mesh) if let Some(deformation) = mesh.deformation() => {
+                let nodes = deformation.max_nodes();
+                deforming += deformation.memory() + HELD_KEYS * SAMPLE_BYTES * nodes as f64;
+                // The boundary densities of two keys, and one field that is sampled while the simulation runs.
+                deforming += (BOUNDARY_BYTES + SAMPLING_BYTES) * nodes as f64;
+                nodes
+            }
             Shape::Mesh(mesh) => {
                 // Shapes of one file share their samples.
                 let nodes = mesh.samples().values.len();
@@ -59,7 +73,11 @@ impl Solids {
                 add(shape);
             }
         }
-        Self::with(&fields.into_values().collect::<Vec<_>>(), colliding)
+        let rigid = Self::with(&fields.into_values().collect::<Vec<_>>(), colliding);
+        let files = scene.assets.values().map(|asset| asset.bytes.len());
+        let (all, largest) = files.fold((0, 0), |(all, largest), size| (all + size, largest.max(size)));
+        let reading = READING_BYTES * largest as f64 + (all - largest) as f64;
+        Self { sampling: rigid.sampling + reading, held: rigid.held + deforming + all as f64 }
     }
 
     /// Of fields with so many nodes each, and as many in all of those that are colliders.

@@ -25,7 +25,8 @@ const MICROROTATION: &str = "microrotation";
 fn thin_solids(rest: &RestState, colliders: &[Solid], bodies: &[Solid]) -> Vec<ThinSolid> {
     let sufficient = rest.support - rest.spacing;
     let thin = |solids: &[Solid], is_body: bool| {
-        let thickness = solids.iter().map(|solid| 2.0 * solid.shape.inner_radius()).enumerate();
+        let thickness =
+            solids.iter().map(|solid| 2.0 * solid.shape.inner_radius() * solid.scales()[0]).enumerate();
         let thin = thickness.filter(|&(_, thickness)| thickness < 0.999 * sufficient);
         let of = |(index, thickness): (usize, f32)| ThinSolid {
             index: index as u32,

@@ -382,17 +382,16 @@ impl Sheets {
 
     /// Time within which no point travels through half the thinnest solid [s], and the fastest point.
     fn max_travel_time(&self, now: f64, left: f64) -> (f64, usize) {
-        let thinnest =
-            self.solids.iter().map(|solid| solid.shape.inner_radius()).fold(f32::INFINITY, f32::min);
+        let thinnest = self
+            .solids
+            .iter()
+            .map(|solid| solid.shape.inner_radius() * solid.scales()[0])
+            .fold(f32::INFINITY, f32::min);
         if thinnest == f32::INFINITY {
             return (f64::INFINITY, 0);
         }
         let (point, square) = par::max(self.len(), |i| self.v.get(i).norm_squared()).unwrap_or((0, 0.0));
-        let moves = |solid: &Solid| {
-            let reach = solid.shape.reach();
-            solid.motion.as_ref().map_or(0.0, |motion| motion.fastest(now, now + left, reach))
-        };
-        let solids = self.solids.iter().map(moves).fold(0.0, f64::max);
+        let solids = self.solids.iter().map(|solid| solid.fastest(now, now + left)).fold(0.0, f64::max);
         (f64::from(thinnest) / (f64::from(square.sqrt()) + solids), point)
     }
 

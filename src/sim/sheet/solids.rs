@@ -26,6 +26,7 @@ use crate::{
     simd::{F32x8, LANES},
     solid::{Pose, Shape, Solid},
 };
+use std::borrow::Cow;
 
 /// Range of repulsion in ξ: beyond it the force is below a ten millionth of that at the surface, the
 /// precision of a sum in single precision.
@@ -43,16 +44,30 @@ const SKIN_FRACTION: f32 = 1e-6;
 
 /// A solid at both ends of a substep.
 pub(super) struct PlacedSolid<'a> {
-    shape: &'a Shape,
+    /// The shape at the start and at the end.
+    shapes: [Cow<'a, Shape>; 2],
+    is_deforming: bool,
     /// Distance from the solid to keep [m].
     clearance: f32,
     poses: Option<[Pose; 2]>,
 }
 
 /// The solids at two times [s], enlarged by a `clearance` [m].
-pub(super) fn place_solids(solids: &[Solid], clearance: f32, from: f64, to: f64) -> Vec<PlacedSolid<'_>> {
+pub(super) fn place_solids<'a>(
+    solids: &'a [Solid],
+    clearance: f32,
+    from: f64,
+    to: f64,
+) -> Vec<PlacedSolid<'a>> {
     let poses = |solid: &Solid| solid.motion.as_ref().map(|motion| [motion.pose(from), motion.pose(to)]);
-    solids.iter().map(|solid| PlacedSolid { shape: &solid.shape, clearance, poses: poses(solid) }).collect()
+    let shapes = |solid: &'a Solid| [solid.shape_at(from), solid.shape_at(to)];
+    let place = |solid: &'a Solid| PlacedSolid {
+        shapes: shapes(solid),
+        is_deforming: solid.is_deforming(),
+        clearance,
+        poses: poses(solid),
+    };
+    solids.iter().map(place).collect()
 }
 
 impl PlacedSolid<'_> {
@@ -64,9 +79,9 @@ impl PlacedSolid<'_> {
     /// Distance from a part of the solid's clearance, and normal.
     fn contact_off(&self, x: Vec3, end: usize, part: f32) -> (f32, Vec3) {
         let (distance, n) = match &self.poses {
-            None => self.shape.contact(x),
+            None => self.shapes[end].contact(x),
             Some(poses) => {
-                let (d, n) = self.shape.contact(poses[end].to_local(x));
+                let (d, n) = self.shapes[end].contact(poses[end].to_local(x));
                 (d, poses[end].rotation * n)
             }
         };
@@ -75,15 +90,31 @@ impl PlacedSolid<'_> {
 
     /// Displacement of the solid during the substep, at a place at its end [m].
     pub(super) fn displacement(&self, x: Vec3) -> Vec3 {
-        self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| {
+        let rigid = self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| {
             let local = to.to_local(x);
             to.to_world(local) - from.to_world(local)
-        })
+        });
+        rigid + self.deformation(x, 1)
+    }
+
+    /// Displacement of the solid along its normal by its vertices, at a place at an end of the substep [m].
+    fn deformation(&self, x: Vec3, end: usize) -> Vec3 {
+        if !self.is_deforming {
+            return Vec3::zeros();
+        }
+        let pose = self.poses.as_ref().map_or_else(Pose::identity, |poses| poses[end]);
+        let local = pose.to_local(x);
+        let ([before, after], (_, n)) = (
+            self.shapes.each_ref().map(|shape| shape.signed_distance(local)),
+            self.shapes[end].contact(local),
+        );
+        pose.rotation * n * (before - after)
     }
 
     /// Displacement of the solid during the substep, at a place at its start [m].
     fn displacement_from(&self, x: Vec3) -> Vec3 {
-        self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| to.to_world(from.to_local(x)) - x)
+        let rigid = self.poses.as_ref().map_or(Vec3::zeros(), |[from, to]| to.to_world(from.to_local(x)) - x);
+        rigid + self.deformation(x, 0)
     }
 }
 

@@ -323,6 +323,7 @@ mod tests {
             position: [x, 0.0, 0.0],
             rotation: [0.0; 3],
             quaternion: None,
+            scale: 1.0,
         };
         let motion = Motion::new(&[key(1, -1.0), key(2, 1.0)], Interpolation::Linear, 24.0, 1);
         let shape = Shape::Sphere { center: [0.0; 3], radius: 0.1 };
@@ -348,6 +349,7 @@ mod tests {
             position: [0.0; 3],
             rotation: [0.0, 0.0, 20.0 * frame as f32],
             quaternion: None,
+            scale: 1.0,
         };
         let keys: Vec<Keyframe> = (1..4).map(key).collect();
         let motion = Motion::new(&keys, Interpolation::Linear, 24.0, 1);

@@ -445,6 +445,7 @@ mod tests {
             position: [0.5 * frame as f32, 0.0, 0.0],
             rotation: [0.0, 0.0, angle],
             quaternion: None,
+            scale: 1.0,
         };
         let motion = Motion::new(&[turn(0, 0.0), turn(2, 90.0)], Interpolation::Linear, 1.0, 0);
         let shape = Shape::Box { min: [-0.2, -0.2, -0.2], max: [0.2, 0.2, 0.2] };

@@ -16,7 +16,7 @@ mod walls;
 
 pub(crate) use liquid::{LiquidFrame, LiquidInterval};
 pub(crate) use params::Kind;
-pub use params::WhitewaterParams;
+pub use params::{WhitewaterFormat, WhitewaterParams};
 pub(crate) use potentials::Rates;
 pub(crate) use state::{STREAM, Whitewater};
 pub(crate) use step::{advance, births_bound};

@@ -40,12 +40,37 @@ pub struct WhitewaterParams {
     pub substeps: u32,
     /// Seed of the random numbers: another one gives other particles of the same distribution.
     pub seed: u32,
+    /// Files of each frame.
+    #[serde(skip_serializing_if = "are_default")]
+    pub files: Vec<WhitewaterFormat>,
+    /// Distance between the nodes of volume files [m]. Absent: the spacing of the liquid. Range: above 0, at most 1000000.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel: Option<f32>,
     /// Drops in the air.
     pub spray: SprayParams,
     /// Particles on the surface.
     pub foam: FoamParams,
     /// Particles below the surface.
     pub bubbles: BubbleParams,
+}
+
+/// A file of whitewater.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "presets", derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum WhitewaterFormat {
+    /// Points as binary PLY, which Blender shows.
+    Ply,
+    /// Volume fractions of spray, foam and bubbles as three grids of an OpenVDB file [1].
+    Vdb,
+    /// The points as NumPy arrays.
+    Npz,
+}
+
+/// Omits the default, so that hashes of shots from before this key stay the same.
+fn are_default(files: &[WhitewaterFormat]) -> bool {
+    *files == [WhitewaterFormat::Ply]
 }
 
 /// Drops in the air: they fall, and the air slows them.
@@ -111,6 +136,8 @@ impl Default for WhitewaterParams {
             max_particles: 5_000_000,
             substeps: 4,
             seed: 0,
+            files: vec![WhitewaterFormat::Ply],
+            voxel: None,
             spray: SprayParams::default(),
             foam: FoamParams::default(),
             bubbles: BubbleParams::default(),
@@ -189,10 +216,11 @@ impl WhitewaterParams {
         KindParams { amount, lifetime, drag, buoyancy }
     }
 
-    /// The parameters that decide what is simulated: all but `amount`, which selects from it.
+    /// The parameters that decide what is simulated: all but `amount`, which selects from it, and the files.
     pub fn simulated(&self) -> Self {
         let amount = self.simulated_amount();
-        Self { amount, max_amount: Some(amount), ..self.clone() }
+        let Self { files, voxel, .. } = Self::default();
+        Self { amount, max_amount: Some(amount), files, voxel, ..self.clone() }
     }
 
     /// The first range that is not from 0 to 10000, with an end at least 0.001 above its start; key and values.

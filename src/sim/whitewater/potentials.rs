@@ -48,7 +48,7 @@ impl<'a> Rates<'a> {
         } = self.params;
         let radius = SUPPORT * spacing;
         let grid = CellGrid::new(x, radius);
-        let poses = self.walls.poses(time);
+        let solids = self.walls.at(time);
         let mut normals = par::repeated(Vec3::zeros(), x.len());
         par::fill(&mut normals, |i| {
             let mut sum = Vec3::zeros();
@@ -64,7 +64,7 @@ impl<'a> Rates<'a> {
             }
             let n = sum / length;
             // Next to a solid neighbours are missing, too.
-            if self.walls.distance(&poses, x[i] + n * spacing) < 0.5 * spacing { Vec3::zeros() } else { n }
+            if Walls::distance(&solids, x[i] + n * spacing) < 0.5 * spacing { Vec3::zeros() } else { n }
         });
         let area = spacing * spacing;
         let energy = |speed: f32| 0.5 * speed * speed;

@@ -13,7 +13,7 @@ use super::{
     liquid::{Cloud, LiquidInterval},
     params::{Kind, WhitewaterParams},
     state::{Particle, Whitewater, WhitewaterRecord},
-    walls::{Contact, Mover, StepPoses, Walls},
+    walls::{Contact, Mover, StepSolids, Walls},
 };
 use crate::{
     control::CancelToken,
@@ -68,13 +68,16 @@ pub(crate) fn advance(
         let born = births(liquid, params, amount, from, to);
         let time = |part: f64| liquid.time[0] + part * liquid.seconds();
         let places =
-            Places { liquid, params, start: &start, walls, poses: walls.step(time(from), time(from)), from };
+            Places { liquid, params, start: &start, solids: walls.step(time(from), time(from)), from };
         emit(state, &places, &born, &mut movers);
         let motion = StepMotion { start, end, params, walls, domain, seconds: liquid.seconds(), to };
         // Poses of solids are evaluated once a step; who is emitted in between moves from their pose at its start.
-        let poses = walls.step(time(from), time(to));
+        let solids = walls.step(time(from), time(to));
         let fates = par::map_chunks(movers.len(), par::CHUNK, |range| {
-            movers[range].iter().map(|&(particle, at)| motion.moved(particle, at, &poses)).collect::<Vec<_>>()
+            movers[range]
+                .iter()
+                .map(|&(particle, at)| motion.moved(particle, at, &solids))
+                .collect::<Vec<_>>()
         });
         for (particle, fate) in fates.into_iter().flatten() {
             let record = &mut state.record;
@@ -149,9 +152,8 @@ struct Places<'a> {
     /// The liquid at the start of the step, and its part of the interval.
     start: &'a Cloud,
     from: f64,
-    walls: &'a Walls,
     /// Poses of the solids at the start of the step.
-    poses: StepPoses,
+    solids: StepSolids<'a>,
 }
 
 impl Places<'_> {
@@ -178,7 +180,7 @@ impl Places<'_> {
     /// The place at an offset from an emitter, as far as no solid is between them.
     fn displaced(&self, x: Vec3, offset: Vec3) -> Vec3 {
         let mut mover = Mover { x, v: Vec3::zeros(), radius: CLEARANCE * self.liquid.spacing };
-        self.walls.advance(&self.poses, &mut mover, x + offset);
+        Walls::advance(&self.solids, &mut mover, x + offset);
         mover.x
     }
 }
@@ -221,7 +223,7 @@ struct StepMotion<'a> {
 
 impl StepMotion<'_> {
     /// A particle that moves from the part `at` of the interval to the end of the step.
-    fn moved(&self, mut particle: Particle, at: f64, poses: &StepPoses) -> (Moved, Fate) {
+    fn moved(&self, mut particle: Particle, at: f64, solids: &StepSolids) -> (Moved, Fate) {
         let dt = ((self.to - at) * self.seconds) as f32;
         let kind = self.params.kind(particle.kind);
         let (u, a) = match particle.kind {
@@ -233,7 +235,7 @@ impl StepMotion<'_> {
         let (target, v) = relaxed(particle.x, particle.v, u, a, kind.drag, dt);
         let radius = CLEARANCE * self.start.spacing();
         let mut mover = Mover { x: particle.x, v, radius };
-        let contact = self.walls.advance(poses, &mut mover, target);
+        let contact = Walls::advance(solids, &mut mover, target);
         if particle.kind == Kind::Spray {
             mover.x = self.entry(particle.x, mover.x);
         }

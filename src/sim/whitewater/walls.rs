@@ -6,8 +6,9 @@
 use crate::{
     math::Vec3,
     sim::World,
-    solid::{Pose, Solid},
+    solid::{Pose, Shape, Solid},
 };
+use std::borrow::Cow;
 
 /// Most steps of sphere tracing along a path; each is as long as the distance, and at least half a radius. After them the particle
 /// stops there.
@@ -48,11 +49,19 @@ pub(super) enum Contact {
     Stuck,
 }
 
-/// Poses of all solids at the start and the end of a step.
+/// A solid at a time.
 #[derive(Clone, Debug)]
-pub(super) struct StepPoses {
-    pub(super) before: Vec<Pose>,
-    pub(super) after: Vec<Pose>,
+pub(super) struct PlacedSolid<'a> {
+    shape: Cow<'a, Shape>,
+    is_deforming: bool,
+    pose: Pose,
+}
+
+/// All solids at the start and the end of a step.
+#[derive(Clone, Debug)]
+pub(super) struct StepSolids<'a> {
+    before: Vec<PlacedSolid<'a>>,
+    after: Vec<PlacedSolid<'a>>,
     /// Length of the step [s].
     pub(super) dt: f32,
 }
@@ -63,37 +72,41 @@ impl Walls {
         Self { solids: world.solids.clone(), gravity: world.gravity }
     }
 
-    /// Poses at a time since the shot's start [s].
-    pub(super) fn poses(&self, time: f64) -> Vec<Pose> {
+    /// The solids at a time since the shot's start [s].
+    pub(super) fn at(&self, time: f64) -> Vec<PlacedSolid<'_>> {
         let pose =
             |solid: &Solid| solid.motion.as_ref().map_or_else(Pose::identity, |motion| motion.pose(time));
-        self.solids.iter().map(pose).collect()
+        self.solids
+            .iter()
+            .map(|solid| PlacedSolid {
+                shape: solid.shape_at(time),
+                is_deforming: solid.is_deforming(),
+                pose: pose(solid),
+            })
+            .collect()
     }
 
-    /// Poses of the step between two times [s].
-    pub(super) fn step(&self, from: f64, to: f64) -> StepPoses {
-        StepPoses { before: self.poses(from), after: self.poses(to), dt: (to - from) as f32 }
+    /// The solids at both ends of a step [s].
+    pub(super) fn step(&self, from: f64, to: f64) -> StepSolids<'_> {
+        StepSolids { before: self.at(from), after: self.at(to), dt: (to - from) as f32 }
     }
 
-    /// Distance to the nearest solid [m]; infinite without any.
-    pub(super) fn distance(&self, poses: &[Pose], x: Vec3) -> f32 {
-        let solids = self.solids.iter().zip(poses);
-        solids
-            .map(|(solid, pose)| solid.shape.signed_distance(pose.to_local(x)))
-            .fold(f32::INFINITY, f32::min)
+    /// Distance to the nearest of the solids [m]; infinite without any.
+    pub(super) fn distance(solids: &[PlacedSolid], x: Vec3) -> f32 {
+        solids.iter().map(|solid| solid.distance(x)).fold(f32::INFINITY, f32::min)
     }
 
     /// Moves a particle from where it is to `target`, unless solids are in the way.
-    pub(super) fn advance(&self, poses: &StepPoses, mover: &mut Mover, mut target: Vec3) -> Contact {
+    pub(super) fn advance(solids: &StepSolids, mover: &mut Mover, mut target: Vec3) -> Contact {
         let mut contact = Contact::None;
         let mut stopped_at = None;
         for _ in 0..MAX_SLIDES {
-            let Some((place, hit)) = self.first_hit(poses, mover, target) else {
+            let Some((place, hit)) = first_hit(solids, mover, target) else {
                 stopped_at = None;
                 break;
             };
             contact = Contact::Touched;
-            let (before, after) = (&poses.before[place], &poses.after[place]);
+            let (before, after) = (&solids.before[place].pose, &solids.after[place].pose);
             stopped_at = Some(after.to_world(hit.x));
             // The rest of the path goes along the surface, from where it meets it.
             let rest = if hit.slides { after.to_local(target) - hit.x } else { Vec3::zeros() };
@@ -104,24 +117,26 @@ impl Walls {
         target = stopped_at.unwrap_or(target);
         for _ in 0..MAX_PROJECTIONS {
             let mut is_inside = false;
-            for (place, solid) in self.solids.iter().enumerate() {
-                let (before, after) = (&poses.before[place], &poses.after[place]);
-                let local = after.to_local(target);
-                let (d, n) = solid.shape.contact(local);
+            for (before, after) in solids.before.iter().zip(&solids.after) {
+                let local = after.pose.to_local(target);
+                let (d, n) = after.shape.contact(local);
                 if d >= mover.radius * (1.0 - 1e-3) && contact == Contact::None {
                     continue;
                 }
                 if d < mover.radius * 1.5 {
                     // Within reach of the surface that stopped it, the velocity into the solid is removed.
-                    let surface =
-                        (after.to_world(local) - before.to_world(local)) / poses.dt.max(f32::MIN_POSITIVE);
-                    let n = after.rotation * n;
+                    let n = after.pose.rotation * n;
+                    let mut displacement = after.pose.to_world(local) - before.pose.to_world(local);
+                    if after.is_deforming {
+                        displacement += n * (before.shape.signed_distance(local) - d);
+                    }
+                    let surface = displacement / solids.dt.max(f32::MIN_POSITIVE);
                     mover.v -= n * (mover.v - surface).dot(&n).min(0.0);
                 }
                 if d < mover.radius * (1.0 - 1e-3) {
                     is_inside = true;
                     contact = Contact::Touched;
-                    target = after.to_world(local + n * (mover.radius - d));
+                    target = after.pose.to_world(local + n * (mover.radius - d));
                 }
             }
             if !is_inside {
@@ -130,17 +145,24 @@ impl Walls {
             }
         }
         mover.x = target;
-        if self.distance(&poses.after, target) < 0.0 { Contact::Stuck } else { contact }
+        if Self::distance(&solids.after, target) < 0.0 { Contact::Stuck } else { contact }
     }
+}
 
-    /// The solid that the path to `target` meets first, in the order along the path, and where.
-    fn first_hit(&self, poses: &StepPoses, mover: &Mover, target: Vec3) -> Option<(usize, Hit)> {
-        let hits = self.solids.iter().enumerate().filter_map(|(place, solid)| {
-            let (from, to) = (poses.before[place].to_local(mover.x), poses.after[place].to_local(target));
-            trace(solid, from, to, mover.radius).map(|hit| (place, hit))
-        });
-        hits.min_by(|(_, a), (_, b)| a.part.total_cmp(&b.part))
+impl PlacedSolid<'_> {
+    fn distance(&self, x: Vec3) -> f32 {
+        self.shape.signed_distance(self.pose.to_local(x))
     }
+}
+
+/// The solid that the path to `target` meets first, in the order along the path, and where.
+fn first_hit(solids: &StepSolids, mover: &Mover, target: Vec3) -> Option<(usize, Hit)> {
+    let pairs = solids.before.iter().zip(&solids.after).enumerate();
+    let hits = pairs.filter_map(|(place, (before, after))| {
+        let (from, to) = (before.pose.to_local(mover.x), after.pose.to_local(target));
+        trace(&after.shape, from, to, mover.radius).map(|hit| (place, hit))
+    });
+    hits.min_by(|(_, a), (_, b)| a.part.total_cmp(&b.part))
 }
 
 /// Where a path comes close to a surface.
@@ -155,21 +177,21 @@ struct Hit {
 
 /// Where the path between two places in a solid's own coordinates comes within `radius` of its surface on its way in; `None` if it does
 /// not.
-fn trace(solid: &Solid, from: Vec3, to: Vec3, radius: f32) -> Option<Hit> {
+fn trace(shape: &Shape, from: Vec3, to: Vec3, radius: f32) -> Option<Hit> {
     let path = to - from;
     let length = path.norm();
-    let mut distance = solid.shape.signed_distance(from);
+    let mut distance = shape.signed_distance(from);
     if length <= 0.0 || distance - length > radius {
         return None;
     }
     let (mut at, mut x) = (0.0, from);
     for step in 0..=MAX_TRACING_STEPS {
         if step == MAX_TRACING_STEPS {
-            let (_, n) = solid.shape.contact(x);
+            let (_, n) = shape.contact(x);
             return Some(Hit { part: at / length, x, n, slides: false });
         }
         if distance <= radius * 1.01 {
-            let (_, n) = solid.shape.contact(x);
+            let (_, n) = shape.contact(x);
             // Along the surface, or away from it: it may meet another part of it.
             if path.dot(&n) < -GRAZING * length {
                 return Some(Hit { part: at / length, x, n, slides: true });
@@ -181,7 +203,7 @@ fn trace(solid: &Solid, from: Vec3, to: Vec3, radius: f32) -> Option<Hit> {
             return None;
         }
         x = from + path * (at / length);
-        distance = solid.shape.signed_distance(x);
+        distance = shape.signed_distance(x);
     }
     None
 }
@@ -208,7 +230,7 @@ mod tests {
             let x = Vec3::new(0.03 * u(0), 0.03 * u(1), 0.0);
             let mut mover = Mover { x, v: Vec3::new(4.0 * u(2), 4.0 * u(3), 0.0), radius: 2e-4 };
             let target = x + mover.v * poses.dt;
-            walls.advance(&poses, &mut mover, target);
+            Walls::advance(&poses, &mut mover, target);
             assert!(mover.x.norm() < 0.046, "{i}: from {x:?} to {:?}", mover.x);
         }
     }
@@ -239,7 +261,7 @@ mod tests {
                 let x = Vec3::new(0.038 * u(0), 0.005 + 0.003 * u(1), 0.038 * u(2));
                 let v = Vec3::new(4.0 * u(3), -4.0 * u(4).abs(), 4.0 * u(5));
                 let mut mover = Mover { x, v, radius: 2e-4 };
-                walls.advance(&poses, &mut mover, x + v * poses.dt);
+                Walls::advance(&poses, &mut mover, x + v * poses.dt);
                 let inside = mover.x.x.abs() < 0.039 && mover.x.z.abs() < 0.039 && mover.x.y > 0.001;
                 assert!(inside, "{i}: from {x:?} at {v:?} to {:?}", mover.x);
             }

@@ -48,8 +48,13 @@ fn an_exact_pin_follows_its_keyframes_and_lets_go() {
 #[test]
 fn a_pin_moves_with_its_collider_or_along_a_path() {
     use meniscus::solid::{Collider, Interpolation, Keyframe};
-    let key =
-        |frame, turn| Keyframe { frame, position: [0.0; 3], rotation: [0.0, 0.0, turn], quaternion: None };
+    let key = |frame, turn| Keyframe {
+        frame,
+        position: [0.0; 3],
+        rotation: [0.0, 0.0, turn],
+        quaternion: None,
+        scale: 1.0,
+    };
     let collider = Collider {
         shape: Shape::Sphere { center: [9.0, 9.0, 9.0], radius: 0.5 },
         keyframes: vec![key(1, 90.0), key(25, 180.0)],

@@ -185,8 +185,13 @@ fn a_resumed_run_has_the_bytes_of_an_uninterrupted_one() {
         let text =
             format!("sheets.friction = 0.3\n{text}[sheets.repulsion]\nenergy = 0.004\nrange = 0.004\n");
         let mut world = world(9.81, vec![Shape::Sphere { center: [0.5, 0.4, -0.35], radius: 0.2 }]);
-        let key =
-            |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
+        let key = |frame, z| Keyframe {
+            frame,
+            position: [0.0, 0.0, z],
+            rotation: [0.0; 3],
+            quaternion: None,
+            scale: 1.0,
+        };
         world.solids[0].motion = Motion::new(&[key(1, 0.0), key(9, 0.5)], Interpolation::Smooth, 24.0, 1);
         let mut whole = sheets(&text, &world);
         run(&mut whole, 0, 4).unwrap();

@@ -53,6 +53,7 @@ fn plate(shape: Shape, interpolation: Interpolation, frames: u32, x: f32, degree
         position: [x, 0.0, 0.0],
         rotation: [0.0, 0.0, turn],
         quaternion: None,
+        scale: 1.0,
     };
     let mut world = world(GRAVITY as f32, vec![shape]);
     world.solids[0].motion =

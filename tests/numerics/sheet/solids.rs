@@ -223,7 +223,13 @@ fn friction_holds_a_sheet_on_a_slope() {
 
 #[test]
 fn a_moving_solid_takes_a_sheet_along() {
-    let key = |frame, z| Keyframe { frame, position: [0.0, 0.0, z], rotation: [0.0; 3], quaternion: None };
+    let key = |frame, z| Keyframe {
+        frame,
+        position: [0.0, 0.0, z],
+        rotation: [0.0; 3],
+        quaternion: None,
+        scale: 1.0,
+    };
     let (low, high) = ([-1.0, -1.0, -0.2], [1.0, 1.0, 0.0]);
     let shapes = [(Shape::Box { min: low, max: high }, 1e-5), (Shape::Mesh(cuboid(low, high, 40)), 5e-4)];
     // Samples deviate by a hundredth of a voxel, of 5 cm.
@@ -333,7 +339,13 @@ fn cut_faces_are_counted_at_each_tested_place_of_any_sheet() {
     assert_eq!(record(&two, rod(0.67, 0.33, 0.1), None, true), (1, 953.0), "the middle of a triangle");
     assert_eq!(record(&two, rod(0.5, 0.5, 0.1), None, true), (2, 1000.0), "the edge between two");
     // A rod that is elsewhere at the frame's end, and faces that are pinned.
-    let key = |frame, x| Keyframe { frame, position: [x, 0.0, 0.0], rotation: [0.0; 3], quaternion: None };
+    let key = |frame, x| Keyframe {
+        frame,
+        position: [x, 0.0, 0.0],
+        rotation: [0.0; 3],
+        quaternion: None,
+        scale: 1.0,
+    };
     let leaves = Motion::new(&[key(1, 0.0), key(2, 9.0)], Interpolation::Linear, 24.0, 1);
     assert_eq!(record(&two, rod(0.5, 0.5, 0.1), leaves, false), (0, 0.0), "it has gone");
     let pinned = one(0.0)

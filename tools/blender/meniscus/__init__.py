@@ -15,7 +15,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
 from . import colliders, material, nodes, sheets, studio, volumes
-from .check import check_files
+from .check import check_cache, check_files
 from .folder import ShotFolder
 from .messages import ShotError, listed, printable
 from .motion import Motion, read_motion
@@ -76,6 +76,8 @@ class IMPORT_SCENE_OT_meniscus_shot(bpy.types.Operator, ImportHelper):
             folder = shot_folder(files.root, self.path_mode)
             check_paths(shot, folder)
             motions = {collider: read_motion(files, collider.motion) for collider in shot.colliders}
+            for collider, motion in motions.items():
+                check_cache(collider, motion, files)
             all_made, solids = add_outputs(context, shot, files, folder, frames, motions)
         except ShotError as error:
             self.report({"ERROR"}, str(error))
@@ -157,7 +159,7 @@ def shot_folder(folder: str, mode: str) -> str:
 def check_paths(shot: Shot, folder: str) -> None:
     """Raises ShotError if Blender cannot hold the path of a file."""
     longest = [output.path(output.frames.last) for output in (*shot.meshes, *shot.points, *shot.volumes)]
-    longest += [collider.mesh for collider in shot.colliders]
+    longest += [path for collider in shot.colliders for path in (collider.mesh, collider.cache) if path]
     for path in longest + [path for sheet in shot.sheets for path in (sheet.rest, sheet.cache)]:
         full = below(folder, path)
         try:
@@ -187,7 +189,10 @@ def add_outputs(
         for sheet in shot.sheets:
             all_made.append(sheets.add_sheet(sheet, files.full(sheet.rest), below(folder, sheet.cache)))
         for collider, motion in motions.items():
-            solids.append(colliders.add_collider(collider, files.full(collider.mesh), motion))
+            made = colliders.add_collider(collider, files.full(collider.mesh), motion)
+            solids.append(made)
+            if collider.cache and motion.cache_frames:
+                sheets.deform(made, below(folder, collider.cache), motion.cache_frames[0])
     except ShotError:
         for made in (*all_made, *solids):
             bpy.data.objects.remove(made)

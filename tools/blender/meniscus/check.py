@@ -6,6 +6,7 @@ from collections.abc import Callable
 from .folder import ShotFolder
 from .headers import MAX_COUNT, PointCache, check_pc2, check_ply
 from .messages import REMAKE, ShotError, printable
+from .motion import Motion
 from .shot import FRAME_NUMBER, MAX_SCENE_FRAME, ColliderOutput, PointsOutput, SequenceOutput, SheetOutput, Shot, VolumeOutput
 from .vdb import check_vdb
 
@@ -43,6 +44,18 @@ def check_collider(collider: ColliderOutput, folder: ShotFolder) -> None:
             raise ShotError(f"{collider.name}: {printable(folder.full(path))} is missing. {MISSING}")
     if check_ply(folder, collider.mesh) == 0:
         raise ShotError(f"{printable(folder.full(collider.mesh))}: a mesh without vertices, expected some. {REMAKE}")
+
+
+def check_cache(collider: ColliderOutput, motion: Motion, folder: ShotFolder) -> None:
+    """Raises ShotError unless a collider that deforms has a point cache of its mesh, and no other has one."""
+    if (collider.cache is None) != (motion.cache_frames is None):
+        raise ShotError(f"{printable(folder.full(collider.motion))}: its point cache is named in one of two files. {REMAKE}")
+    if collider.cache is None or motion.cache_frames is None:
+        return
+    if not folder.has(collider.cache):
+        raise ShotError(f"{collider.name}: {printable(folder.full(collider.cache))} is missing. {MISSING}")
+    first, last = motion.cache_frames
+    check_pc2(folder, collider.cache, PointCache(check_ply(folder, collider.mesh), first, 1, last - first + 1))
 
 
 def check_sequence(output: SequenceOutput, folder: ShotFolder, warn: Callable[[str], None]) -> list[int]:

@@ -38,7 +38,8 @@ def add_collider(collider: ColliderOutput, mesh: str, motion: Motion) -> bpy.typ
     made.hide_render = made.hide_viewport = motion.look == "hidden"
     made.rotation_mode, made[SHAPE] = "QUATERNION", motion.shape
     made.location, made.rotation_quaternion = motion.poses[0][:3], motion.poses[0][3:]
-    if any(pose != motion.poses[0] for pose in motion.poses):
+    made.scale = [motion.scales[0]] * 3 if motion.scales else (1.0, 1.0, 1.0)
+    if motion.scales or any(pose != motion.poses[0] for pose in motion.poses):
         animate(made, motion)
     return made
 
@@ -50,12 +51,16 @@ def animate(made: bpy.types.Object, motion: Motion) -> None:
     curves = action.layers.new("Motion").strips.new(type="KEYFRAME").channelbag(slot, ensure=True).fcurves
     channels = [("location", axis) for axis in range(3)] + [("rotation_quaternion", axis) for axis in range(4)]
     count = len(motion.poses)
-    for column, (path, axis) in enumerate(channels):
+    columns = [[pose[column] for pose in motion.poses] for column in range(len(channels))]
+    if motion.scales:
+        channels += [("scale", axis) for axis in range(3)]
+        columns += [motion.scales] * 3
+    for (path, axis), values in zip(channels, columns):
         points = curves.new(path, index=axis).keyframe_points
         points.add(count)
         places = [0.0] * (2 * count)
         places[::2] = range(motion.first, motion.first + count)
-        places[1::2] = [pose[column] for pose in motion.poses]
+        places[1::2] = values
         points.foreach_set("co", places)
         points.foreach_set("interpolation", [LINEAR] * count)
         curves[-1].update()

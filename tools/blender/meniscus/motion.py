@@ -30,6 +30,10 @@ class Motion:
     look: str
     first: int
     poses: list[list[float]]
+    # Size over that of the mesh in each of these frames; None if it does not change.
+    scales: list[float] | None
+    # First and last frame of the point cache of a mesh that deforms.
+    cache_frames: tuple[int, int] | None
 
 
 def read_motion(folder: ShotFolder, path: str) -> Motion:
@@ -63,7 +67,20 @@ def read_motion(folder: ShotFolder, path: str) -> Motion:
         if not is_pose(pose):
             expected = f"a position within {MAX_POSITION:g} m and a unit quaternion, 7 numbers"
             raise invalid(f'"poses"[{index}]', pose, expected)
-    return Motion(data["shape"], data["look"], first, poses)
+    scales = data.get("scales")
+    if scales is not None:
+        if not isinstance(scales, list) or len(scales) != len(poses):
+            raise invalid('"scales"', scales, f"{len(poses)} numbers, one for each pose")
+        if not all(type(scale) in (int, float) and 1e-6 <= scale <= 1e6 for scale in scales):
+            raise invalid('"scales"', scales, "numbers from 1e-6 to 1e6")
+    frames = data.get("point_cache_frames")
+    if frames is not None:
+        if not isinstance(frames, list) or len(frames) != 2 or any(type(frame) is not int for frame in frames):
+            raise invalid('"point_cache_frames"', frames, "two whole numbers")
+        if not 0 <= frames[0] <= frames[1] <= MAX_FRAME or frames[1] - frames[0] >= MAX_POSES:
+            raise invalid('"point_cache_frames"', frames, f"0 <= first <= last <= {MAX_FRAME}, at most {MAX_POSES} frames")
+        frames = tuple(frames)
+    return Motion(data["shape"], data["look"], first, poses, scales, frames)
 
 
 def refuse_constant(name: str) -> None:

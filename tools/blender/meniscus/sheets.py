@@ -19,14 +19,19 @@ def add_sheet(sheet: SheetOutput, rest: str, cache: str) -> bpy.types.Object:
     """A new object that shows one sheet, in no collection yet; `cache` is absolute or //… Raises ShotError."""
     made = read_mesh(sheet.name, rest)
     made.data.materials.append(cloth())
-    modifier = made.modifiers.new("Meniscus Sheet", "MESH_CACHE")
+    deform(made, cache, sheet.frames.first, sheet.frames.step)
+    return made
+
+
+def deform(made: bpy.types.Object, cache: str, first: int, step: int = 1) -> None:
+    """Moves the vertices of an object by a point cache, whose path is absolute or //…, with a sample in every `step`th frame from `first` on."""
+    modifier = made.modifiers.new("Meniscus Point Cache", "MESH_CACHE")
     modifier.cache_format, modifier.filepath = "PC2", cache
     modifier.interpolation, modifier.play_mode, modifier.time_mode = "LINEAR", "SCENE", "FRAME"
     modifier.deform_mode, modifier.forward_axis, modifier.up_axis = "OVERWRITE", "POS_Y", "POS_Z"
     # Sample = scale × frame − start.
-    modifier.frame_scale = 1.0 / sheet.frames.step
-    modifier.frame_start = sheet.frames.first / sheet.frames.step
-    return made
+    modifier.frame_scale = 1.0 / step
+    modifier.frame_start = first / step
 
 
 def read_mesh(name: str, path: str) -> bpy.types.Object:

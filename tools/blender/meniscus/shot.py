@@ -90,11 +90,12 @@ class SheetOutput:
 
 @dataclass(frozen=True)
 class ColliderOutput:
-    """The mesh of a collider in its own axes as PLY, and its poses as JSON."""
+    """The mesh of a collider in its own axes as PLY, its poses as JSON, and the PC2 point cache of a mesh that deforms."""
 
     name: str
     mesh: str
     motion: str
+    cache: str | None
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,7 @@ class Validator:
             elif kind == ("sheet", "pc2"):
                 sheets.append(SheetOutput(*self.moved_mesh(key, output, ".pc2"), self.frames(f'{key} "frames"', output.get("frames"))))
             elif kind == ("collider", "json"):
-                colliders.append(ColliderOutput(*self.moved_mesh(key, output, ".json")))
+                colliders.append(ColliderOutput(*self.moved_mesh(key, output, ".json"), self.point_cache(key, output)))
             elif "density" in grids and name not in meshed:
                 volumes.append(VolumeOutput(*self.sequence(key, output), "velocity" in grids))
             else:
@@ -269,6 +270,16 @@ class Validator:
             self.check_path(f'{key} "{part}"', path, path)
             paths.append(path)
         return self.name(key, output), *paths
+
+    def point_cache(self, key: str, output: dict) -> str | None:
+        """The point cache of a collider that deforms."""
+        path = output.get("point_cache")
+        if path is None:
+            return None
+        if not isinstance(path, str) or not path.endswith(".pc2"):
+            raise self.error(f'{key} "point_cache"', path, "a path that ends in .pc2")
+        self.check_path(f'{key} "point_cache"', path, path)
+        return path
 
     def name(self, key: str, output: dict) -> str:
         name = output.get("name")

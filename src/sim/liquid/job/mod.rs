@@ -17,7 +17,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
-        system::{CachedFrame, System, mesh_file},
+        system::{CachedFrame, System, mesh_files},
         tradeoff::Subject,
     },
     solid::Shape,
@@ -85,7 +85,7 @@ impl System for Liquid {
     }
 
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
-        scene.liquid.iter().flat_map(flow::shapes).filter_map(mesh_file).collect()
+        scene.liquid.iter().flat_map(flow::shapes).flat_map(mesh_files).collect()
     }
 
     fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {

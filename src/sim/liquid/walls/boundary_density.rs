@@ -25,15 +25,15 @@ impl Walls {
         let planes = self.planes.iter().filter_map(|plane| {
             let d = plane.n.dot(&x) - plane.offset;
             let near = plane.mover.filter(|_| d < self.support);
-            near.map(|mover| (mover, plane.n * self.half_space_slope(d)))
+            near.map(|mover| (mover, None, plane.n * self.half_space_slope(d)))
         });
         let bodies = self.near(x, self.support).map(|body| &self.bodies[body]).filter_map(|body| {
             let keyframed = body.mover.filter(|&mover| mover < self.keyframed);
             let near = keyframed.filter(|_| self.body_distance(body, x) < self.support);
-            near.map(|mover| (mover, self.body_density(body, x).1))
+            near.map(|mover| (mover, Some(body), self.body_density(body, x).1))
         });
-        let did = planes.chain(bodies).map(|(mover, falls)| {
-            f64::from(falls.dot(&self.movers[mover].displacement(x))) * f64::from(-lambda)
+        let did = planes.chain(bodies).map(|(mover, body, falls)| {
+            f64::from(falls.dot(&self.displacement(mover, body, x))) * f64::from(-lambda)
         });
         did.sum()
     }

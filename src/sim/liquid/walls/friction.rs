@@ -14,7 +14,7 @@
 //! Limits: of several solids that push one particle, each gets the part of the displacement along its normal, which is exact if
 //! they are perpendicular. Impacts slower than two steps of gravity do not bounce.
 
-use super::{Walls, surface::Surface};
+use super::{Body, Walls, surface::Surface};
 use crate::math::Vec3;
 
 /// Speed below which an impact is resting contact, in speeds that gravity gives in a substep: a particle at rest arrives with
@@ -70,13 +70,13 @@ impl Walls {
         let mut v = particle.v;
         let mut out = ContactImpulse::default();
         let noise = ROUNDING * p.amax();
-        let mut touch = |d: f32, n: Vec3, surface: Surface, mover: Option<usize>| {
+        let mut touch = |d: f32, n: Vec3, surface: Surface, mover: Option<usize>, body: Option<&Body>| {
             let pushed = push.dot(&n);
             if pushed <= noise {
                 return;
             }
             push -= n * pushed; // a second solid with this normal did not push once more
-            let u = mover.map_or(Vec3::zeros(), |mover| self.movers[mover].displacement(p) / dt);
+            let u = mover.map_or(Vec3::zeros(), |mover| self.displacement(mover, body, p) / dt);
             let (before, work) = (out.change, out.work);
             let mut impulse = pushed / dt;
             let approach = (u - v_before).dot(&n);
@@ -118,7 +118,7 @@ impl Walls {
         for plane in self.planes.iter().filter(|plane| plane.surface.acts()) {
             let d = plane.n.dot(&p) - plane.offset;
             if d < self.support {
-                touch(d, plane.n, plane.surface, plane.mover);
+                touch(d, plane.n, plane.surface, plane.mover, None);
             }
         }
         for body in
@@ -126,7 +126,7 @@ impl Walls {
         {
             if self.body_distance(body, p) < self.support {
                 let (d, n) = self.body_contact(body, p);
-                touch(d, n, body.surface, body.mover);
+                touch(d, n, body.surface, body.mover, Some(body));
             }
         }
         out

@@ -9,6 +9,7 @@
 
 mod body_grid;
 mod boundary_density;
+mod deforming;
 mod friction;
 mod near;
 mod no_slip;
@@ -28,6 +29,7 @@ use crate::{
     solid::{MeshShape, Motion, Pose, Shape, Solid},
 };
 use body_grid::BodyGrid;
+use deforming::Deforming;
 use surface::Surface;
 
 /// Most iterations that project a particle out of all solids; after them remaining contacts are counted.
@@ -88,11 +90,14 @@ struct Body {
     shape: Shape,
     /// Density map of a mesh, as distances of the equivalent half spaces.
     density_map: Option<MeshShape>,
+    deforming: Option<Deforming>,
     mover: Option<usize>,
     surface: Surface,
     /// All of it is within `reach` [m] of `center`, in its own axes [m].
     center: Vec3,
     reach: f32,
+    /// Half of the box around `center` that contains all of it [m].
+    half_extent: Vec3,
 }
 
 /// A moving solid, with its poses at the start and at the end of the substep.
@@ -109,13 +114,22 @@ struct MovingSolid {
 
 impl Body {
     fn new(solid: &Solid, mover: Option<usize>, rest: &RestState) -> Self {
+        let is_scaling = solid.motion.as_ref().is_some_and(Motion::is_scaling);
         let density_map = match &solid.shape {
-            Shape::Mesh(mesh) => density_map::equivalent_distances(mesh, rest),
+            // A map holds for one size.
+            Shape::Mesh(mesh) if !is_scaling => density_map::equivalent_distances(mesh, rest),
             _ => None,
         };
-        let (center, reach) = solid.shape.bounding_ball().unwrap_or_default();
         let (shape, surface) = (solid.shape.clone(), Surface::of(solid));
-        Self { shape, density_map, mover, surface, center, reach }
+        let (mut center, mut reach) = shape.bounding_ball().unwrap_or_default();
+        let (low, high) = shape.bounds().unwrap_or_default();
+        let mut half_extent = (high - low) / 2.0;
+        if is_scaling {
+            (center, reach) = (Vec3::zeros(), shape.reach() * solid.scales()[1]);
+            half_extent = Vec3::repeat(reach);
+        }
+        let deforming = Deforming::of(solid);
+        Self { half_extent, shape, density_map, deforming, mover, surface, center, reach }
     }
 }
 
@@ -137,10 +151,11 @@ impl Walls {
         for solid in solids {
             let Solid { shape, motion, .. } = solid;
             let surface = Surface::of(solid);
-            let mover = motion.as_ref().map(|motion| {
+            let still = solid.is_deforming().then(Motion::still);
+            let mover = motion.clone().or(still).map(|motion| {
                 let pose = motion.pose(0.0);
                 movers.push(MovingSolid {
-                    motion: Some(motion.clone()),
+                    motion: Some(motion),
                     center: Vec3::zeros(),
                     reach: shape.reach(),
                     before: pose,
@@ -190,10 +205,11 @@ impl Walls {
         for mover in &mut self.movers {
             mover.before = mover.now;
         }
+        self.bodies.iter_mut().for_each(Body::rest);
         self.refresh_near();
     }
 
-    /// Moves every solid with keyframes to its pose at `time` [s], the end of the substep.
+    /// Moves every solid with keyframes to its pose at `time` [s], the end of the substep, and the vertices of those that deform.
     pub(super) fn move_to(&mut self, time: f64) {
         self.now = time;
         for mover in &mut self.movers {
@@ -201,6 +217,7 @@ impl Walls {
                 mover.before = std::mem::replace(&mut mover.now, motion.pose(time));
             }
         }
+        self.bodies.iter_mut().for_each(|body| body.deform(time, &self.rest));
         for plane in &mut self.planes {
             if let Some(mover) = plane.mover {
                 let pose = &self.movers[mover].now;
@@ -216,19 +233,26 @@ impl Walls {
         self.now
     }
 
-    /// Whether any solid moves by keyframes, and does work that the liquid's energy may rise by. The work of rigid bodies follows from
+    /// Whether any solid moves by keyframes or deforms, and does work that the liquid's energy may rise by. The work of rigid bodies follows from
     /// their impulses.
     pub(super) fn has_moving_solids(&self) -> bool {
         self.keyframed > 0
     }
 
-    /// Upper bound of the speed of all surfaces that move by keyframes over the next `seconds` [m/s].
+    /// Upper bound of the speed of all surfaces that move by keyframes or deform over the next `seconds` [m/s].
     pub(super) fn max_speed(&self, seconds: f64) -> f64 {
         let speed = |mover: &MovingSolid| {
             let motion = mover.motion.as_ref();
             motion.map_or(0.0, |motion| motion.fastest(self.now, self.now + seconds, mover.reach))
         };
-        self.movers.iter().map(speed).fold(0.0, f64::max)
+        let deforming = |body: &Body| {
+            let rigid = speed(&self.movers[body.mover?]);
+            let Shape::Mesh(mesh) = &body.shape else { return None };
+            // The shape has its present size, and may grow within the time.
+            Some(rigid + mesh.fastest(self.now, self.now + seconds) * body.growth())
+        };
+        let movers = self.movers.iter().map(speed);
+        movers.chain(self.bodies.iter().filter_map(deforming)).fold(0.0, f64::max)
     }
 
     /// Signed distance from `x` to the nearest solid [m]; infinite without solids. Outside a mesh's grid it is a lower bound. Bodies that are
@@ -333,7 +357,8 @@ impl Walls {
             // In the body's frame, the particle starts at the point of the body's motion that ends there.
             let start = body.mover.map_or(from, |mover| {
                 let MovingSolid { before, now, .. } = &self.movers[mover];
-                now.to_world(before.to_local(from))
+                let local = before.to_local(from);
+                now.to_world(body.deformed(local).map_or(local, |by| local + by))
             });
             self.trace_path(body, start, to)
         };
@@ -385,21 +410,21 @@ impl Walls {
         // Among the moving solids in contact, the one whose normal is closest to the projection did the work.
         let planes = self.planes.iter().filter_map(|plane| {
             let d = plane.n.dot(&to) - plane.offset;
-            plane.mover.map(|mover| (mover, d, plane.n))
+            plane.mover.map(|mover| (mover, None, d, plane.n))
         });
         let bodies = self.near(to, self.support).filter_map(|body| {
             let body = &self.bodies[body];
             body.mover.map(|mover| {
                 let (d, n) = self.body_contact(body, to);
-                (mover, d, n)
+                (mover, Some(body), d, n)
             })
         });
-        let touching = planes.chain(bodies).filter(|&(_, d, _)| d < 1.5 * self.contact);
-        let facing =
-            touching.map(|(mover, _, n)| (mover, n.dot(&push), n)).filter(|&(_, along, _)| along > 0.0);
-        let best = facing.reduce(|a, b| if b.1 > a.1 { b } else { a });
-        best.filter(|&(mover, ..)| mover < self.keyframed).map_or(0.0, |(mover, along, n)| {
-            f64::from(along) * f64::from(n.dot(&self.movers[mover].displacement(to)))
+        let touching = planes.chain(bodies).filter(|&(_, _, d, _)| d < 1.5 * self.contact);
+        let facing = touching.map(|(mover, body, _, n)| (mover, body, n.dot(&push), n));
+        let facing = facing.filter(|&(_, _, along, _)| along > 0.0);
+        let best = facing.reduce(|a, b| if b.2 > a.2 { b } else { a });
+        best.filter(|&(mover, ..)| mover < self.keyframed).map_or(0.0, |(mover, body, along, n)| {
+            f64::from(along) * f64::from(n.dot(&self.displacement(mover, body, to)))
         })
     }
 }
@@ -430,6 +455,7 @@ mod tests {
             position,
             rotation: [0.0; 3],
             quaternion: None,
+            scale: 1.0,
         };
         let motion = Motion::new(&[key(0, from), key(1, to)], Interpolation::Linear, 1.0, 0);
         Solid { motion, ..Solid::fixed(shape) }
@@ -503,6 +529,7 @@ mod tests {
                 position: [2.0, 0.0, 0.0],
                 rotation: [0.0, 0.0, rotation],
                 quaternion: None,
+                scale: 1.0,
             };
             let motion = Motion::new(&[key(0, 0.0), key(1, 9.0)], Interpolation::Linear, 1.0, 0);
             let mut walls = Walls::new(&[Solid { motion, ..Solid::fixed(shape) }], &rest);

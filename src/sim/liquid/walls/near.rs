@@ -87,8 +87,7 @@ impl Walls {
         }
         let pad = Vec3::repeat(self.near_reach() + self.near_skin());
         let bounds = |body: &super::Body| {
-            let (low, high) = body.shape.bounds().unwrap_or_default();
-            let half = (high - low) / 2.0;
+            let half = body.half_extent;
             let pose = body.mover.map_or_else(Pose::identity, |mover| self.movers[mover].now);
             let (center, half) = (pose.to_world(body.center), pose.rotation.abs() * half + pad);
             (center - half, center + half)

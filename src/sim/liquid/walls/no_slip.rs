@@ -6,7 +6,7 @@
 //! Limits: bodies are taken as flat; several solids add up, so corners resist up to twice as much. There the liquid
 //! hardly moves anyway.
 
-use super::Walls;
+use super::{Body, Walls};
 use crate::{math::Vec3, sim::liquid::viscous_kernel::ViscousKernel};
 
 /// Resistance of the solids to a particle's motion.
@@ -65,16 +65,16 @@ impl Walls {
     /// Resistance of the solids at `x` in a substep of `dt` [s], before it is normalised.
     pub(in crate::sim::liquid) fn drag(&self, x: Vec3, dt: f32, kernel: &ViscousKernel) -> WallDrag {
         let mut out = WallDrag::default();
-        let mut add = |d: f32, n: Vec3, mover: Option<usize>| {
+        let mut add = |d: f32, n: Vec3, mover: Option<usize>, body: Option<&Body>| {
             let half_space = kernel.half_space(d * self.inv_support);
-            let u = mover.map_or(Vec3::zeros(), |mover| self.movers[mover].displacement(x) / dt);
+            let u = mover.map_or(Vec3::zeros(), |mover| self.displacement(mover, body, x) / dt);
             out.sum += half_space.sum;
             out.add(n, half_space.normal, half_space.tangential, u);
         };
         for plane in &self.planes {
             let d = plane.n.dot(&x) - plane.offset;
             if d < self.support {
-                add(d, plane.n, plane.mover);
+                add(d, plane.n, plane.mover, None);
             }
         }
         for body in self.near(x, self.support).map(|body| &self.bodies[body]) {
@@ -89,7 +89,7 @@ impl Walls {
                     None => self.body_contact(body, x),
                 };
                 if d < self.support {
-                    add(d, n, body.mover);
+                    add(d, n, body.mover, Some(body));
                 }
             }
         }
@@ -114,6 +114,7 @@ mod tests {
             position: [0.0; 3],
             rotation: [0.0, 0.0, rotation],
             quaternion: None,
+            scale: 1.0,
         };
         for shape in [
             Shape::Box { min: [-1.0; 3], max: [1.0; 3] },

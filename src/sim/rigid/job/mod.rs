@@ -12,7 +12,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ForecastJob, SystemForecast},
         scene::Scene,
-        system::{CachedFrame, System, mesh_file},
+        system::{CachedFrame, System, mesh_files},
     },
     solid::Shape,
 };
@@ -47,7 +47,7 @@ impl System for Bodies {
 
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
         let shapes = scene.body.iter().enumerate();
-        shapes.filter_map(|(i, body)| mesh_file((format!("body.{i}.shape"), &body.shape))).collect()
+        shapes.flat_map(|(i, body)| mesh_files((format!("body.{i}.shape"), &body.shape))).collect()
     }
 
     fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {

@@ -15,7 +15,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
-        system::{CachedFrame, System, mesh_file},
+        system::{CachedFrame, System, mesh_files},
         tradeoff::Subject,
     },
     solid::Shape,
@@ -61,10 +61,10 @@ impl System for Sheets {
 
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
         let sheets = scene.sheet.iter().enumerate().filter_map(|(i, sheet)| match &sheet.shape {
-            SheetShape::Mesh(mesh) => Some((format!("sheet.{i}.shape.mesh"), mesh.file.as_str())),
+            SheetShape::Mesh(mesh) => Some((format!("sheet.{i}.shape.mesh.file"), mesh.file.as_str())),
             SheetShape::Grid { .. } => None,
         });
-        check::shapes(scene).filter_map(mesh_file).chain(sheets).collect()
+        check::shapes(scene).flat_map(mesh_files).chain(sheets).collect()
     }
 
     fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {

@@ -4,7 +4,7 @@ use crate::{
     preset::{
         check::Places,
         problem::Finding,
-        shapes::{check_motion, source_finding},
+        shapes::{check_motion, refuse_deforming, source_finding},
     },
     sim::{
         scene::Scene,
@@ -67,6 +67,7 @@ pub(super) fn check_smoke(scene: &Scene, smoke: &SmokeParams, places: &Places, f
     }
     check_sum(smoke, places, findings);
     check_planes(scene, places, findings);
+    refuse_deforming(&scene.world.collider, "smoke", places, findings);
 }
 
 /// Checks that the grid sum can keep the requested error, and that multigrid has its kernel.

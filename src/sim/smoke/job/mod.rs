@@ -14,7 +14,7 @@ use crate::{
         FrameRecord, SeedReport,
         forecast::{ElementCount, ForecastJob, SystemForecast},
         scene::Scene,
-        system::{System, mesh_file},
+        system::{System, mesh_files},
         tradeoff::Subject,
     },
     solid::Shape,
@@ -62,7 +62,7 @@ impl System for Smoke {
 
     fn mesh_files<'a>(&self, scene: &'a Scene) -> Vec<(String, &'a str)> {
         let shapes = scene.smoke.iter().flat_map(|smoke| smoke.shapes());
-        shapes.map(|(path, shape)| (format!("smoke.{path}.shape"), shape)).filter_map(mesh_file).collect()
+        shapes.map(|(path, shape)| (format!("smoke.{path}.shape"), shape)).flat_map(mesh_files).collect()
     }
 
     fn shapes_mut<'a>(&self, scene: &'a mut Scene) -> Vec<&'a mut Shape> {
