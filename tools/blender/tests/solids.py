@@ -100,6 +100,44 @@ def stage_colliders(work: Path) -> None:
     check(covered[1] > 1.1 * covered[0] > 0, "a moving collider is blurred", covered)
 
 
+def stage_deforming(work: Path) -> None:
+    """A collider that deforms has its vertices, size and pose in every frame; files that do not belong together are refused."""
+    use_addon()
+    path = synthetic.write_deforming(work / "shot")
+    imported(path.parent, studio=False)
+    blob, scene, (first, last) = bpy.data.objects["blob"], bpy.context.scene, (3, 9)
+    directions, _ = synthetic.icosphere(2)
+    poses, sizes = synthetic.poses(first, last), synthetic.sizes(first, last)
+    worst = 0.0
+    for frame in range(first - 2, last + 3):
+        scene.frame_set(frame)
+        held = min(max(frame, first), last)
+        own = sizes[held - first] * synthetic.stretched(directions, first, held)
+        worst = max(worst, float(np.abs(in_world(blob) - turned(own, poses[held - first])).max()))
+    check(worst < 1e-5, "a collider that deforms is where its files put it", worst)
+
+    cache, motion = path.parent / "collider" / "blob.pc2", path.parent / "collider" / "blob.json"
+    sound, text = cache.read_bytes(), motion.read_text(encoding="utf-8")
+    cache.write_bytes(sound[:-4])
+    refused("a short point cache", path, str(cache), "expected")
+    cache.write_bytes(sound[:16] + (7).to_bytes(4, "little") + sound[20:])
+    refused("a point cache of other points", path, str(cache), "7 points")
+    cache.unlink()
+    refused("no point cache", path, "blob.pc2 is missing", "`meniscus shot`")
+    cache.write_bytes(sound)
+    edits = {"point_cache_frames": [3], "scales": [1.0], "too far": {"point_cache_frames": [0, 2**31 - 1]}}
+    for name, value in edits.items():
+        change_to = value if isinstance(value, dict) else {name: value}
+        motion.write_text(json.dumps(json.loads(text) | change_to), encoding="utf-8")
+        refused(f"motion: {name}", path, str(motion), "`meniscus shot`")
+    lone = {key: value for key, value in json.loads(text).items() if key != "point_cache_frames"}
+    motion.write_text(json.dumps(lone), encoding="utf-8")
+    refused("a point cache that the motion does not know", path, str(motion), "one of two files")
+    motion.write_text(text, encoding="utf-8")
+    change(path, lambda d: d["outputs"][-1].update(point_cache="../blob.pc2"))
+    refused("a point cache elsewhere", path, "../blob.pc2", "inside the shot folder")
+
+
 # Name and edit of an object of the startup file, each in a field of its own.
 STARTUP_EDITS = {
     "Cube": {

@@ -154,6 +154,36 @@ def write_colliders(folder: Path, first: int = 2, last: int = 14) -> Path:
     return path
 
 
+def write_deforming(folder: Path, first: int = 3, last: int = 9) -> Path:
+    """Adds to the colliders a ball that moves, grows and stretches along x from frame to frame; returns the path of shot.json."""
+    path = write_colliders(folder)
+    shot = json.loads(path.read_text(encoding="utf-8"))
+    directions, triangles = icosphere(2)
+    numbers = range(first, last + 1)
+    ply.write(folder / "collider" / "blob.ply", dict(zip("xyz", stretched(directions, first, first).T)), triangles)
+    head = struct.pack("<12siiffi", b"POINTCACHE2\0", 1, len(directions), first, 1, len(numbers))
+    places = [stretched(directions, first, frame).astype("<f4").tobytes() for frame in numbers]
+    (folder / "collider" / "blob.pc2").write_bytes(head + b"".join(places))
+    motion = {"format": "meniscus-motion", "version": 1, "shape": "mesh", "look": "matte", "first": first}
+    motion |= {"poses": poses(first, last), "scales": sizes(first, last), "point_cache_frames": [first, last]}
+    (folder / "collider" / "blob.json").write_text(json.dumps(motion), encoding="utf-8")
+    output = {"kind": "collider", "name": "blob", "format": "json", "rest": "collider/blob.ply", "point_cache": "collider/blob.pc2"}
+    frames = {"first": first, "last": last, "step": 1}
+    shot["outputs"].append(output | {"pattern": "collider/blob.json", "frames": frames, "attributes": {}})
+    path.write_text(json.dumps(shot, indent=2) + "\n", encoding="utf-8")
+    return path
+
+
+def stretched(directions: np.ndarray, first: int, frame: int) -> np.ndarray:
+    """Vertices of the ball in a frame, in its own axes."""
+    return 0.2 * directions * [1.0 + 0.1 * (frame - first), 1.0, 1.0]
+
+
+def sizes(first: int, last: int) -> list[float]:
+    """Size of the ball in each frame."""
+    return [1.0 + 0.25 * (frame - first) for frame in range(first, last + 1)]
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path)
