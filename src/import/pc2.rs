@@ -13,9 +13,9 @@ const MAGIC: &[u8] = b"POINTCACHE2\0";
 /// Largest magnitude of a frame number.
 const MAX_FRAME: f32 = 1e7;
 
-/// A point cache.
+/// The samples of a point cache.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct PointCache {
+pub(crate) struct Pc2 {
     /// Frame of the first sample, and frames between two samples.
     pub(crate) start: f64,
     pub(crate) step: f64,
@@ -27,7 +27,7 @@ pub(crate) struct PointCache {
 ///
 /// # Errors
 /// [`ImportError`] if it is not one, or has other than `points` points, or one that is not finite.
-pub(crate) fn parse_point_cache(path: &Path, bytes: &[u8], points: usize) -> Result<PointCache, ImportError> {
+pub(crate) fn parse_point_cache(path: &Path, bytes: &[u8], points: usize) -> Result<Pc2, ImportError> {
     let fault = |place: &str, found: String, expected: String| {
         Err(ImportError::malformed(path, place.to_owned(), found, &expected))
     };
@@ -64,7 +64,7 @@ pub(crate) fn parse_point_cache(path: &Path, bytes: &[u8], points: usize) -> Res
             return fault(&format!("sample {sample}, point {point}"), found, "finite coordinates".to_owned());
         }
     }
-    Ok(PointCache { start: f64::from(start), step: f64::from(step), samples: read })
+    Ok(Pc2 { start: f64::from(start), step: f64::from(step), samples: read })
 }
 
 #[cfg(test)]
@@ -99,7 +99,7 @@ mod tests {
         crate::export::pc2::write(&path, head, |number| Ok::<_, ()>(sample(number))).unwrap();
         let read = parse_point_cache(&path, &std::fs::read(&path).unwrap(), 1).unwrap();
         let samples = (0..3).map(sample).collect();
-        assert_eq!(read, PointCache { start: 1.0, step: 1.0, samples });
+        assert_eq!(read, Pc2 { start: 1.0, step: 1.0, samples });
     }
 
     #[test]

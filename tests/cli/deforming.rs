@@ -135,7 +135,6 @@ fn motion_that_cannot_be_used_is_refused_in_words() {
     fs::write(desk.path("grow/box.pc2"), &pc2(&LIFTS)[..200]).unwrap();
     let (_, talk) = desk.run("simulate cached.toml -o none", 1);
     assert!(talk.contains("box.pc2: header: found 4 samples in 168 bytes"), "{talk}");
-    assert!(!desk.path("none/cache").exists());
 
     let body = "[[body]]\nshape = { box = { min = [0, 0, 0], max = [0.2, 0.2, 0.2] } }\ndensity = 500\n";
     desk.write("body.toml", fs::read_to_string(desk.path("listed.toml")).unwrap() + body);
@@ -212,7 +211,7 @@ fn a_collider_that_grows_is_written_with_its_sizes_and_others_keep_theirs() {
     desk.run("simulate grow.toml -o parts --threads 1", 0);
     assert_eq!(desk.bytes("parts/cache"), desk.bytes("grow/cache"));
     for (shape, scale, words) in [
-        (sphere, "0", "out of its range"),
+        (sphere, "0", "expected a number, 0.001 to 1000"),
         ("tank = { min = [-1, -1, -1], max = [2, 2, 2] }", "2", "keeps its size"),
         ("plane = { point = [0, 0, -1], normal = [0, 0, 1] }", "2", "keeps its size"),
     ] {

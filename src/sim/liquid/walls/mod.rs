@@ -16,6 +16,7 @@ mod no_slip;
 mod rigid;
 mod round_density;
 mod surface;
+mod surface_motion;
 mod wetting;
 
 pub(super) use friction::{PushedParticle, ROUNDING};
