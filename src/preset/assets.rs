@@ -82,7 +82,10 @@ pub(crate) fn sequence<'a>(file: &str, assets: &'a Assets) -> Vec<(u32, &'a str,
 pub(crate) fn hash<'a>(files: impl Iterator<Item = &'a str>, assets: &Assets) -> u64 {
     let of = |file: &str| -> Vec<u64> {
         match pattern(file) {
-            Some(_) => sequence(file, assets).iter().map(|(_, _, asset)| asset.hash).collect(),
+            Some(_) => {
+                let frames = sequence(file, assets).into_iter();
+                frames.flat_map(|(frame, _, asset)| [u64::from(frame), asset.hash]).collect()
+            }
             None => assets.get(file).map(|asset| asset.hash).into_iter().collect(),
         }
     };
@@ -92,6 +95,13 @@ pub(crate) fn hash<'a>(files: impl Iterator<Item = &'a str>, assets: &Assets) ->
         [one] => one,
         _ => xxhash_rust::xxh3::xxh3_64(&all.iter().flat_map(|hash| hash.to_le_bytes()).collect::<Vec<u8>>()),
     }
+}
+
+/// Files of a folder that the patterns of a scene stand for and that are not among its `assets`.
+pub(crate) fn foreign(files: &[(String, &str)], assets: &Assets, folder: &Path) -> Vec<String> {
+    let home = Home::Folder(folder.to_owned());
+    let there = files.iter().flat_map(|(_, file)| sequence_names(file, &home));
+    there.filter(|name| !assets.contains_key(name)).collect()
 }
 
 /// The names of the files that a pattern stands for, ascending by their frames, at most [`MAX_SEQUENCE`] and one more.
@@ -181,6 +191,16 @@ fn sequence_fault(file: &str, home: &Home) -> Option<(String, String, String)> {
             format!("`{file}` does not stand for the files of a sequence"),
             format!("found {file:?}, expected one run of `#` in the name of the file"),
             "write the number of the frame as `####`: \"walk/step_####.obj\"".to_owned(),
+        ));
+    }
+    if let Home::Folder(folder) = home
+        && leads_out(folder, &folder.join(file))
+    {
+        return Some((
+            format!("the folder of `{file}` leads out of the preset's folder"),
+            "found a symbolic link".to_owned(),
+            "copy the meshes into the preset's folder: a preset from elsewhere could read any file through a link"
+                .to_owned(),
         ));
     }
     let found = sequence_names(file, home);

@@ -190,9 +190,9 @@ fn output_info(output: &OutputFiles, folder: &ShotFolder) -> OutputInfo {
     let present = match &output.rest {
         None => output.present(folder).len(),
         // A sheet has one file for all of its frames.
-        Some(rest) => {
+        Some(_) => {
             let is_there = |path: &str| folder.root().join(path).is_file();
-            if is_there(rest) && is_there(&output.pattern) { output.frames.count() as usize } else { 0 }
+            if output.paths().all(is_there) { output.frames.count() as usize } else { 0 }
         }
     };
     OutputInfo {

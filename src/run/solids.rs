@@ -3,9 +3,10 @@
 use super::{Reporter, RunError, ShotFolder};
 use crate::{
     cache::{self, CacheError},
-    control::printable_path,
+    control::{printable, printable_path},
     import::{self, ImportError},
     math::Vec3,
+    preset::assets,
     product,
     scene::{Asset, Scene},
     sdf::{self, SAMPLED_VERSION, Sampled, Soundness},
@@ -29,12 +30,17 @@ pub(super) fn fill(
     reporter: &dyn Reporter,
 ) -> Result<Scene, RunError> {
     let (unfilled, mut scene) = (scene, scene.clone());
+    // Later jobs of a shot do not repeat what was reported.
+    let is_first = folder.is_some_and(|folder| !folder.cache().exists());
     let assets = &unfilled.assets;
     let mut sampled = BTreeMap::<(String, u32), Arc<Sampled>>::new();
     let mut fill_shapes = |shapes: Vec<&mut Shape>| -> Result<(), RunError> {
         for shape in shapes {
             let Shape::Mesh(mesh) = shape else { continue };
             if let Some(deformation) = deformation(mesh, unfilled)? {
+                if let Some(found) = Soundness::of(&deformation.first_mesh()).report().filter(|_| is_first) {
+                    reporter.note(&format!("{}: found {found}", printable(&mesh.file)));
+                }
                 mesh.fill_deforming(Arc::new(deformation));
                 continue;
             }
@@ -55,7 +61,9 @@ pub(super) fn fill(
     for system in registry::ALL {
         system.finish_meshes(&mut scene)?;
     }
-    report_sizes(&mut scene, reporter);
+    if is_first {
+        report_sizes(&mut scene, reporter);
+    }
     Ok(scene)
 }
 
@@ -72,7 +80,10 @@ fn report_sizes(scene: &mut Scene, reporter: &dyn Reporter) {
     let file = |shape: &Shape| if let Shape::Mesh(mesh) = shape { Some(mesh.file.clone()) } else { None };
     let mut found = Vec::new();
     let mut add = |shape: &Shape| found.extend(size(shape).map(|size| (file(shape), size)));
-    scene.world.collider.iter().for_each(|collider| add(&collider.shape));
+    for collider in &scene.world.collider {
+        let scale = collider.keyframes.iter().map(|key| key.scale).reduce(f32::max).unwrap_or(1.0);
+        add(&collider.shape.scaled(scale));
+    }
     registry::ALL.iter().for_each(|system| system.shapes_mut(scene).into_iter().for_each(|shape| add(shape)));
     let mut reported = BTreeSet::new();
     for (place, (file, size)) in found.iter().enumerate() {
@@ -84,10 +95,13 @@ fn report_sizes(scene: &mut Scene, reporter: &dyn Reporter) {
             ratio if ratio > SUSPICIOUS_SIZE => {
                 "scale = 0.001 takes its unit for millimetres, 0.01 for centimetres"
             }
-            ratio if ratio < 0.1 / SUSPICIOUS_SIZE => "`scale` makes it larger: 100 takes its unit for 100 m",
+            ratio if ratio < 0.1 / SUSPICIOUS_SIZE => {
+                "a larger `scale` enlarges it: 0.01 takes its unit for centimetres, 1 for metres"
+            }
             _ => continue,
         };
         reported.insert(file);
+        let file = printable(file);
         reporter
             .note(&format!("{file}: found a mesh of {size:.3} m next to shapes of {largest:.3} m; {hint}"));
     }
@@ -104,6 +118,15 @@ fn reserved_folders() -> impl Iterator<Item = &'static str> {
 /// # Errors
 /// If there is one.
 pub(super) fn refuse_assets(scene: &Scene, shot: &ShotFolder) -> Result<(), RunError> {
+    let foreign = assets::foreign(&registry::mesh_files(scene), &scene.assets, shot.root());
+    if let Some(first) = foreign.first() {
+        return Err(RunError::Request(format!(
+            "{}: found {} files that a sequence of the preset would take for frames, and which its folder lacks; remove them, or name another \
+             folder with -o",
+            printable_path(&shot.root().join(first)),
+            foreign.len()
+        )));
+    }
     let is_new = !shot.preset().exists();
     for (name, asset) in &scene.assets {
         let copy = shot.root().join(name);
@@ -182,7 +205,7 @@ fn field(
         return Err(fault("a surface that encloses nothing".to_owned()).into());
     }
     if let Some(found) = Soundness::of(&triangles).report() {
-        reporter.note(&format!("{}: found {found}", mesh.file));
+        reporter.note(&format!("{}: found {found}", printable(&mesh.file)));
     }
     if let Some(folder) = folder {
         ShotFolder::create(&folder.samples())?;

@@ -21,7 +21,7 @@ pub(crate) struct Soundness {
 }
 
 impl Soundness {
-    /// That of a mesh.
+    /// Counts the faults of a mesh.
     pub(crate) fn of(mesh: &Triangles) -> Self {
         let welded = welded(mesh);
         let mut edges = Vec::with_capacity(3 * mesh.triangles.len());

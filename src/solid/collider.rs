@@ -73,7 +73,8 @@ impl Collider {
     /// Whether its shape or size changes.
     #[cfg(feature = "presets")]
     pub(crate) fn is_deforming(&self) -> bool {
-        self.shape.is_deforming() || self.keyframes.iter().any(|key| key.scale != 1.0)
+        let moves = matches!(&self.shape, Shape::Mesh(mesh) if mesh.names_motion());
+        moves || self.keyframes.iter().any(|key| key.scale != 1.0)
     }
 
     /// Whether the surface does more to the liquid than to keep it out.

@@ -12,7 +12,7 @@
 use crate::{
     math::Vec3,
     par,
-    sdf::{self, MARGIN_NODES, Sampled, SampledGrid, Triangles},
+    sdf::{self, MARGIN_NODES, Sampled, SampledGrid, Solidified, Triangles},
 };
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -31,13 +31,18 @@ const ALIGNMENT: f32 = 8.0;
 /// Largest size of a later sample, in sizes of the first, which determines the voxel.
 const MAX_GROWTH: f32 = 8.0;
 
+/// Most nodes of a field, in nodes of a cube of the first sample's longest side with margins …
+const MAX_CUBES: f64 = 4.0;
+
+/// … and as a number: those of a rigid mesh at the finest resolution.
+const MAX_NODES: f64 = 1.2e9;
+
 /// Volume below which a sample has collapsed, relative to that of the largest.
 const COLLAPSED_VOLUME: f64 = 1e-3;
 
 /// Why a mesh cannot move as its samples have it.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum DeformationError {
+pub(crate) enum DeformationError {
     /// The first sample has no extent, or one that is not finite.
     #[error("the first sample has no extent")]
     NoExtent,
@@ -71,6 +76,21 @@ pub enum DeformationError {
         /// The volume of the sample over the largest.
         part: f64,
     },
+    /// A field that would take too much memory.
+    #[error(
+        "the mesh between {time:.3} s and the samples next to it takes {nodes:.1e} nodes at this `resolution`, expected at most {limit:.1e}"
+    )]
+    TooLarge {
+        /// Time of the field [s].
+        time: f64,
+        /// Nodes that it takes.
+        nodes: f64,
+        /// Nodes that it may have.
+        limit: f64,
+    },
+    /// A mesh whose parts are all thinner than a voxel.
+    #[error("no node of the first sample's field is inside at this `resolution`")]
+    TooThin,
     /// Motion that needs too many keys.
     #[error("the motion needs {keys} distance fields, expected at most 1000000")]
     TooLong {
@@ -191,7 +211,22 @@ impl Deformation {
         keys.push(Key { time: times[last], sample: last, part: 0.0 });
         let origin = boxes[0].0;
         let recent = Mutex::default();
-        Ok(Self { triangles, samples, boxes, times, displacements, keys, voxel, origin, recent })
+        let made = Self { triangles, samples, boxes, times, displacements, keys, voxel, origin, recent };
+        // Counted as floating-point numbers before any memory is taken.
+        let side = f64::from(resolution) + 2.0 * f64::from(MARGIN_NODES) + 2.0 * f64::from(ALIGNMENT);
+        let limit = (MAX_CUBES * side.powi(3)).min(MAX_NODES);
+        for (key, &Key { time, .. }) in made.keys.iter().enumerate() {
+            let nodes = made.grid(key).nodes.iter().map(|&n| f64::from(n)).product::<f64>();
+            if nodes > limit {
+                return Err(DeformationError::TooLarge { time, nodes, limit });
+            }
+        }
+        let first = made.sampled(0);
+        if first.inside == 0 {
+            return Err(DeformationError::TooThin);
+        }
+        made.recent.lock().unwrap_or_else(PoisonError::into_inner).push((0, Arc::new(first.field)));
+        Ok(made)
     }
 
     /// Number of vertices.
@@ -249,13 +284,23 @@ impl Deformation {
             return field.clone();
         }
         // Without the lock: a thread that waits for the field's parts may take over work that needs the lock.
-        let Key { sample, part, .. } = self.keys[key];
-        let mesh = Triangles { positions: self.between(sample, part), triangles: self.triangles.clone() };
-        let made = Arc::new(sdf::on_grid(&mesh, self.grid(key)).field);
+        let made = Arc::new(self.sampled(key).field);
         let mut recent = recent();
         recent.retain(|(of, _)| of.abs_diff(key) == 1);
         recent.push((key, made.clone()));
         made
+    }
+
+    /// Samples the distance at a key.
+    fn sampled(&self, key: usize) -> Solidified {
+        let Key { sample, part, .. } = self.keys[key];
+        let mesh = Triangles { positions: self.between(sample, part), triangles: self.triangles.clone() };
+        sdf::on_grid(&mesh, self.grid(key))
+    }
+
+    /// The mesh of the first sample.
+    pub(crate) fn first_mesh(&self) -> Triangles {
+        Triangles { positions: self.samples[0].clone(), triangles: self.triangles.clone() }
     }
 
     /// The largest number of nodes of a field.
@@ -420,6 +465,9 @@ mod tests {
         assert!(refused(vec![still.clone(), flat.clone()]).contains("sample 1 encloses"));
         assert!(refused(vec![flat]).contains("sample 0 encloses"));
         assert!(refused(vec![vec![Vec3::zeros(); 8]]).contains("no extent"));
+        // Three times as large along each axis is within eight sizes, and 27 times the nodes.
+        let large = refused(vec![still.clone(), block(Vec3::zeros(), 3.0), block(Vec3::zeros(), 7.0)]);
+        assert!(large.contains("takes") && large.contains("nodes at this `resolution`"), "{large}");
         let mut lost = still.clone();
         lost[2].z = f32::NAN;
         assert!(moved(vec![still, lost]).is_err());

@@ -103,7 +103,8 @@ impl MeshShape {
         }
     }
 
-    /// Gives the shape the distances of its mesh, in the file's units.
+    /// Gives the shape the distances of its mesh, in the file's units. Such a mesh keeps its form, whatever `point_cache` names: motion is
+    /// read from presets.
     pub fn fill(&mut self, field: Arc<Sampled>) {
         self.place_fields(field, None);
     }
@@ -118,9 +119,10 @@ impl MeshShape {
         self.field = Some(Arc::new(Placed { field, next, pose: self.pose(), scale: self.scale }));
     }
 
-    /// Whether its vertices move.
-    pub(crate) fn is_deforming(&self) -> bool {
-        self.point_cache.is_some() || self.is_sequence() || self.deformation.is_some()
+    /// Whether it names files with the motion of its vertices.
+    #[cfg(feature = "presets")]
+    pub(crate) fn names_motion(&self) -> bool {
+        self.point_cache.is_some() || self.is_sequence()
     }
 
     /// Whether `file` stands for the files of a sequence.
@@ -274,5 +276,24 @@ impl MeshShape {
                 Vec3::from_fn(|axis, _| if i >> axis & 1 == 1 { high[axis] } else { low[axis] }) * *scale,
             )
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_with_y_up_stand_upright_before_they_are_turned() {
+        let mut mesh = MeshShape::new("made here");
+        mesh.up = Axis::Y;
+        let [right, up, near] = [Vec3::x(), Vec3::y(), Vec3::z()];
+        let placed = |mesh: &MeshShape| mesh.place(&[right, up, near]);
+        // What faces the viewer in a file with y up has the world's −y.
+        let expected = [Vec3::x(), Vec3::z(), -Vec3::y()];
+        assert!(placed(&mesh).iter().zip(&expected).all(|(a, b)| (a - b).norm() < 1e-6));
+        mesh.rotate = [0.0, 0.0, 90.0];
+        let expected = [Vec3::y(), Vec3::z(), Vec3::x()];
+        assert!(placed(&mesh).iter().zip(&expected).all(|(a, b)| (a - b).norm() < 1e-6));
     }
 }

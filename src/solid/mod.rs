@@ -13,7 +13,6 @@ mod shape;
 pub use collider::{Collider, Look, Solid};
 pub use contact::ShapeError;
 pub(crate) use deformation::Deformation;
-pub use deformation::DeformationError;
 pub use mesh::{Axis, MeshShape};
 pub use motion::{Interpolation, Keyframe, Motion, Pose};
 pub(crate) use rigid_body::{BodyState, MassProperties, RigidBody, body_poses};

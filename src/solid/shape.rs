@@ -118,9 +118,9 @@ impl Shape {
         }
     }
 
-    /// Whether it is a mesh whose vertices move.
+    /// Whether it is a mesh whose vertices move, once its files are read.
     pub fn is_deforming(&self) -> bool {
-        matches!(self, Self::Mesh(mesh) if mesh.is_deforming())
+        matches!(self, Self::Mesh(mesh) if mesh.deformation().is_some())
     }
 
     /// The names of the files that it is read from.

@@ -78,6 +78,17 @@ fn point_caches_and_sequences_are_the_same_motion() {
     assert_eq!(fs::read(desk.path("cached/collider/box.pc2")).unwrap(), pc2(&LIFTS));
     assert_eq!(desk.names("listed/collider"), ["box_____.json", "box_____.pc2", "box_____.ply"]);
 
+    // Frames are those of the header, and the shot's own end the motion.
+    let mut later = pc2(&LIFTS);
+    later[20..24].copy_from_slice(&3.0_f32.to_le_bytes());
+    fs::write(desk.path("grow/later.pc2"), later).unwrap();
+    let set = "--set world.collider.1.shape.mesh.point_cache=grow/later.pc2 --set fps=30";
+    desk.run(&format!("shot cached.toml -o later {set}"), 0);
+    let motion: Value =
+        serde_json::from_slice(&fs::read(desk.path("later/collider/box.json")).unwrap()).unwrap();
+    assert_eq!(motion["point_cache_frames"], serde_json::json!([3, 5]));
+    assert_eq!(fs::read(desk.path("later/collider/box.pc2")).unwrap()[32..], pc2(&LIFTS[..3])[32..]);
+
     // The copy in the shot folder is complete, and a damaged file is found.
     desk.run("verify cached", 0);
     desk.run("simulate cached/preset.toml -o again", 0);
@@ -136,10 +147,47 @@ fn motion_that_cannot_be_used_is_refused_in_words() {
     let (_, talk) = desk.run("simulate cached.toml -o none", 1);
     assert!(talk.contains("box.pc2: header: found 4 samples in 168 bytes"), "{talk}");
 
+    let smoke = "title = \"s\"\nframes = \"1-2\"\n[[world.collider]]\nshape = { mesh = { file = \"grow/box_####.obj\" } }\n\
+                 [smoke]\nspacing = 0.05\nring = [{ center = [0, 0, 1], axis = [0, 0, 1], radius = 0.2, core = 0.05, circulation = 1 }]\n";
+    desk.write("smoke.toml", smoke);
+    let (_, talk) = desk.run("simulate smoke.toml -o none", 2);
+    assert!(talk.contains("a collider that deforms does not act on smoke yet"), "{talk}");
+    let pinned = CLOTH.replace("damping = 1", "damping = 1\npin = [{ at = { points = [0] }, collider = 0 }]");
+    desk.write("pinned.toml", pinned);
+    let (_, talk) = desk.run("simulate pinned.toml -o none", 2);
+    assert!(talk.contains("follows a collider that deforms"), "{talk}");
     let body = "[[body]]\nshape = { box = { min = [0, 0, 0], max = [0.2, 0.2, 0.2] } }\ndensity = 500\n";
     desk.write("body.toml", fs::read_to_string(desk.path("listed.toml")).unwrap() + body);
     let (_, talk) = desk.run("simulate body.toml -o none", 2);
     assert!(talk.contains("a collider that deforms does not act on rigid bodies yet"), "{talk}");
+}
+
+#[test]
+fn files_of_another_run_do_not_become_frames_and_other_numbers_are_another_motion() {
+    let desk = desk();
+    desk.run("shot listed.toml", 0);
+    let before = desk.bytes("listed/collider");
+    fs::remove_file(desk.path("grow/box_0004.obj")).unwrap();
+    let (_, talk) = desk.run("shot listed.toml --force", 1);
+    assert!(talk.contains("box_0004.obj: found 1 files that a sequence"), "{talk}");
+    // The same contents at other frames.
+    fs::rename(desk.path("grow/box_0003.obj"), desk.path("grow/box_0005.obj")).unwrap();
+    fs::remove_dir_all(desk.path("listed/grow")).unwrap();
+    desk.run("shot listed.toml --force", 0);
+    assert_ne!(before, desk.bytes("listed/collider"));
+}
+
+#[test]
+fn unsound_meshes_and_other_units_are_reported_once() {
+    let desk = desk();
+    desk.write("grow/box.obj", obj(0.0).replace("f 1 3 4 2\n", "f 1 2 4 3\n"));
+    let (_, talk) = desk.run("simulate cached.toml", 0);
+    assert!(talk.contains("grow/box.obj: found 4 edges at which the faces turn"), "{talk}");
+    let (_, talk) = desk.run("simulate cached.toml", 0);
+    assert!(!talk.contains("faces turn"), "{talk}");
+    let huge = "--set world.collider.1.shape.mesh.scale=1000";
+    let (_, talk) = desk.run(&format!("simulate cached.toml -o huge {huge}"), 0);
+    assert!(talk.contains("scale = 0.001 takes its unit for millimetres"), "{talk}");
 }
 
 #[cfg(unix)]

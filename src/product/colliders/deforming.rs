@@ -1,9 +1,12 @@
 //! Colliders that deform: a mesh, and a point cache of its vertices in the frames in which they move.
 
+use super::motion::MAX_POSES;
 use crate::{
     cache::WrittenFile,
+    control::printable,
     export::pc2::{self, Head, Pc2Error},
     job::RunError,
+    math::Vec3,
     mesh::Mesh,
     preset::assets,
     sim::{deforming::deformation, scene::Scene},
@@ -23,7 +26,7 @@ pub(super) struct DeformedMesh {
 }
 
 impl DeformedMesh {
-    /// That of a shape in the frames `span`; `None` if it does not deform.
+    /// The motion of the vertices of a shape in the frames `span`; `None` if it does not deform.
     ///
     /// # Errors
     /// If its files cannot be read as a motion.
@@ -39,6 +42,13 @@ impl DeformedMesh {
         // Casts saturate, and the frames of the shot bound them.
         let first = ((from * fps + start).floor() as u32).clamp(*span.start(), *span.end());
         let last = ((to * fps + start).ceil() as u32).clamp(first, *span.end());
+        if u64::from(last - first) >= MAX_POSES {
+            return Err(RunError::Request(format!(
+                "{}: found vertices that move in {} frames, expected at most {MAX_POSES}; select frames with --frames",
+                printable(&mesh.file),
+                u64::from(last - first) + 1
+            )));
+        }
         Ok(Some(Self { mesh: mesh.clone(), deformation, frames: first..=last, fps, start }))
     }
 
@@ -54,7 +64,7 @@ impl DeformedMesh {
     }
 
     /// Positions of the vertices in a frame, in the collider's axes [m].
-    fn positions(&self, frame: u32) -> Vec<crate::math::Vec3> {
+    fn positions(&self, frame: u32) -> Vec<Vec3> {
         let time = (f64::from(frame) - self.start) / self.fps;
         self.mesh.place(&self.deformation.positions(time))
     }
@@ -81,7 +91,7 @@ impl DeformedMesh {
 
 /// Bytes of the files of a shape that deforms; 0 of others.
 pub(super) fn size(shape: &Shape, scene: &Scene) -> usize {
-    if !shape.is_deforming() {
+    if !matches!(shape, Shape::Mesh(mesh) if mesh.names_motion()) {
         return 0;
     }
     let of = |file: &str| match scene.assets.get(file) {

@@ -23,7 +23,24 @@ struct FrameCounts {
     bubbles: u64,
     #[serde(default)]
     over_limit: u64,
+    #[serde(default)]
+    stuck: u64,
+    #[serde(default)]
+    left_out: u64,
+    #[serde(default)]
+    too_far_for_volume: u64,
 }
+
+/// A count of a frame that the line about all frames sums.
+type Loss = (fn(&FrameCounts) -> u64, &'static str);
+
+/// What is missing in files.
+const LOSSES: [Loss; 4] = [
+    (|of| of.over_limit, "not emitted, above `whitewater.max_particles`"),
+    (|of| of.stuck, "removed between solids"),
+    (|of| of.left_out, "particles of the liquid left out"),
+    (|of| of.too_far_for_volume, "too far away for the volume"),
+];
 
 /// Figures for `info`: the particles of the last frame, and the maximum over all frames.
 pub(super) fn info(folder: &ShotFolder) -> Result<ProductInfo, RunError> {
@@ -45,9 +62,11 @@ pub(super) fn info(folder: &ShotFolder) -> Result<ProductInfo, RunError> {
         all(maximum),
         maximum.frame
     );
-    let over_limit = frames.values().map(|of| of.over_limit).fold(0, u64::saturating_add);
-    if over_limit > 0 {
-        line += &format!("; {over_limit} not emitted, above `whitewater.max_particles`");
+    for (count, what) in LOSSES {
+        let sum = frames.values().map(count).fold(0, u64::saturating_add);
+        if sum > 0 {
+            line += &format!("; {sum} {what} in {} frames", frames.len());
+        }
     }
     let values = serde_json::to_value(frames.values().collect::<Vec<_>>()).expect("counts are plain data");
     Ok(ProductInfo { values: [("whitewater".to_owned(), values)].into_iter().collect(), lines: vec![line] })

@@ -103,6 +103,7 @@ impl FileSettings<'_> {
         let record = &frame.whitewater.record;
         let numbers = record.numbers().into_iter();
         written.record_figures = numbers.map(|(name, value)| (name.to_owned(), value.into())).collect();
+        written.record_figures.insert("too_far_for_volume".into(), too_far.into());
         // Of the particles in the files, which a smaller amount selects.
         for kind in Kind::ALL {
             let of_kind =

@@ -21,6 +21,9 @@ use std::{f32::consts::PI, path::Path};
 /// Memory of a brick: values, mask, and its bytes in a file [bytes].
 const BRICK_BYTES: f64 = 6500.0;
 
+/// Memory of the cell of a particle and the bricks around it [bytes].
+const CELL_BYTES: f64 = 150.0;
+
 /// Largest coordinate of a node.
 const MAX_NODE: f64 = (1 << 30) as f64;
 
@@ -33,7 +36,7 @@ pub(super) struct Fractions {
 }
 
 impl Fractions {
-    /// Those of a stream of whitewater, if `allows` the memory that they take [bytes].
+    /// The volume fractions of a stream of whitewater, if `allows` agrees to the memory that they take [bytes].
     ///
     /// # Errors
     /// What `allows` returns.
@@ -56,15 +59,17 @@ impl Fractions {
         let bricks = Kind::ALL.map(|kind| {
             let corners = of_kind(kind).flat_map(|(_, (node, _))| [node, node.map(|n| n + 1)]);
             let mut coords: Vec<[i32; 3]> = Vec::new();
+            // Duplicates are dropped each time that so many more may be there: in time proportional to the particles.
+            let mut limit = 1 << 16;
             let mut corners = corners.map(|node| node.map(|n| n.div_euclid(BRICK as i32)));
             while let (Some(low), Some(high)) = (corners.next(), corners.next()) {
                 let all =
                     (0..8).map(|i| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { high } else { low }[axis]));
                 coords.extend(all);
-                // Duplicates are dropped before they take more memory than the bricks.
-                if coords.len() >= coords.capacity() / 2 && coords.len() > 1 << 16 {
+                if coords.len() >= limit {
                     coords.sort_unstable();
                     coords.dedup();
+                    limit = (2 * coords.len()).max(1 << 16);
                 }
             }
             coords.sort_unstable();
@@ -72,7 +77,7 @@ impl Fractions {
             Bricks::new(coords)
         });
         let count: usize = bricks.iter().map(Bricks::len).sum();
-        allows((count as f64 * BRICK_BYTES) as u64)?;
+        allows((count as f64 * BRICK_BYTES + kinds.len() as f64 * CELL_BYTES) as u64)?;
         let mut grids = Vec::new();
         for (kind, bricks) in Kind::ALL.into_iter().zip(bricks) {
             let mut grid = SparseGrid::new(voxel, bricks, 0.0);
@@ -177,7 +182,6 @@ mod tests {
         // The node nearest to a particle has most of it.
         let (_, spray) = &found.grids[0];
         assert!((spray.value([-50, 20, 30]) / (4.0 / 3.0 * PI * 1e-3) - 1.0).abs() < 1e-3);
-        // What is refused takes no memory.
         let refused =
             Fractions::new(
                 &stream(&particles),

@@ -104,10 +104,8 @@ impl PlacedSolid<'_> {
         }
         let pose = self.poses.as_ref().map_or_else(Pose::identity, |poses| poses[end]);
         let local = pose.to_local(x);
-        let ([before, after], (_, n)) = (
-            self.shapes.each_ref().map(|shape| shape.signed_distance(local)),
-            self.shapes[end].contact(local),
-        );
+        let [(before, _), (after, _)] = self.shapes.each_ref().map(|shape| shape.contact(local));
+        let (_, n) = self.shapes[end].contact(local);
         pose.rotation * n * (before - after)
     }
 

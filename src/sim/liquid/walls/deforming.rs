@@ -22,7 +22,7 @@ pub(super) struct Deforming {
 }
 
 impl Deforming {
-    /// That of a solid, if it deforms.
+    /// The changing shape of a solid; `None` if it keeps its form.
     pub(super) fn of(solid: &Solid) -> Option<Self> {
         let made = || Self { solid: solid.clone(), before: solid.shape.clone(), maps: Vec::new() };
         solid.is_deforming().then(made)
@@ -40,11 +40,22 @@ impl Deforming {
         self.before = shape.clone();
     }
 
-    /// Decrease of the distance of `x` over the substep [m], and the normal there, in its own axes.
+    /// Displacement of the surface near `x` over the substep, along its normal, in its own axes [m]. Both distances are contacts: beyond the
+    /// grid of a mesh the lower bounds of a distance differ from them, and what rests would seem to move.
     #[inline]
     pub(super) fn displacement(&self, shape: &Shape, x: Vec3) -> Vec3 {
         let (d, n) = shape.contact(x);
-        n * (self.before.signed_distance(x) - d)
+        n * (self.before.contact(x).0 - d)
+    }
+
+    /// Where the path of a particle relative to the surface starts that was at `x` at the start of the substep, in its own axes: as far off
+    /// the surface as it was then, on the side on which it was.
+    #[inline]
+    pub(super) fn swept_start(&self, shape: &Shape, x: Vec3) -> Vec3 {
+        let ((d, n), (d_before, n_before)) = (shape.contact(x), self.before.contact(x));
+        // Inside now: the nearest surface may be the one on the other side of a thin part.
+        let n = if d < 0.0 && d_before > 0.0 { n_before } else { n };
+        x + n * (d_before - d)
     }
 
     /// Largest size over the present one, or a bound of it.

@@ -359,7 +359,7 @@ impl Walls {
             let start = body.mover.map_or(from, |mover| {
                 let MovingSolid { before, now, .. } = &self.movers[mover];
                 let local = before.to_local(from);
-                now.to_world(body.deformed(local).map_or(local, |by| local + by))
+                now.to_world(body.swept_start(local))
             });
             self.trace_path(body, start, to)
         };

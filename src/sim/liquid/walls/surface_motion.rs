@@ -23,6 +23,12 @@ impl Body {
         self.deforming.as_ref().map_or(1.0, Deforming::growth)
     }
 
+    /// Where the path of a particle relative to its surface starts that was at `x` at the start of the substep, in its own axes [m].
+    #[inline]
+    pub(super) fn swept_start(&self, x: Vec3) -> Vec3 {
+        self.deforming.as_ref().map_or(x, |deforming| deforming.swept_start(&self.shape, x))
+    }
+
     /// Displacement of its surface over the substep by its change of shape and size, near `x`, in its own axes [m].
     #[inline]
     pub(super) fn deformed(&self, x: Vec3) -> Option<Vec3> {
@@ -86,9 +92,12 @@ mod tests {
         let expected = walls.boundary_density(at(top + 0.05)).1.z * -0.05;
         let found = walls.pressure_work(at(top + 0.05), -1.0) as f32;
         assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
-        // The sides rest: they neither move nor do work.
-        let side = Vec3::new(0.52, 0.0, 0.0);
-        assert!(walls.displacement(0, Some(&walls.bodies[0]), side).norm() < 1e-6);
+        // The sides rest: they neither move nor do work, also beyond the grid of the mesh, which ends 0.16 m off them.
+        for off in [0.02, 0.17, 0.19, 0.5] {
+            let side = Vec3::new(-0.5 - off, 0.0, 0.0);
+            let by = walls.displacement(0, Some(&walls.bodies[0]), side);
+            assert!(by.norm() < 1e-6, "{off}: {by:?}");
+        }
         // Without motion in the substep nothing is displaced.
         walls.place_at(0.3);
         assert!(walls.displacement(0, Some(&walls.bodies[0]), at(top)).norm() < 1e-6);
@@ -146,5 +155,11 @@ mod tests {
             x = moved;
         }
         assert!((x.z - (0.66 + 0.025)).abs() < 0.01, "{x:?}");
+        // In one substep the plate passes farther than half of its thickness, and its nearest face is the one on the other side.
+        walls.place_at(0.02);
+        walls.move_to(0.036);
+        let above = Vec3::new(0.05, 0.1, 0.12 + 0.06 + 0.005);
+        let (moved, stuck) = walls.collide_moving(above, above);
+        assert!(!stuck && moved.z > 0.216 + 0.06, "{moved:?}");
     }
 }

@@ -10,7 +10,7 @@ use crate::{
         scene::Scene,
         sheet::{self, SheetError, SheetParams},
     },
-    solid::Shape,
+    solid::{Collider, Shape},
 };
 
 /// Everything about the sheets that contradicts itself or cannot be simulated.
@@ -23,6 +23,15 @@ pub(super) fn check_sheets(scene: &Scene, places: &Places, findings: &mut Vec<Fi
             // What a pin holds has no shape of its own: it may go and turn anyhow.
             let any = Shape::Sphere { center: [0.0; 3], radius: 1.0 };
             check_motion(&pin.keyframes, &any, &path, places, findings);
+            let held = pin.collider.and_then(|number| scene.world.collider.get(number as usize));
+            if held.is_some_and(Collider::is_deforming) {
+                let key = format!("{path}.collider");
+                let message = format!("`{key}` follows a collider that deforms");
+                let label = "found a mesh whose vertices move, or `scale` in keyframes: the pinned points would not follow it";
+                findings.push(Finding::new(places.of(&key), &key, message, label).with_help(
+                    "pin them with `keyframes` of their own, or to a collider that keeps its form",
+                ));
+            }
             if pin.collider.is_some() && !pin.keyframes.is_empty() {
                 let key = format!("{path}.collider");
                 let message = format!("`{path}` moves in two ways");
