@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: MIT OR Apache-2.0
-"""Makes the figures and the glass of the built-in presets: presets/assets/bear.ply, duck.ply, glass.ply, rabbit.ply.
+"""Makes the figures and the glass of the built-in presets: bear, duck, glass, rabbit and rubber-duck.ply of presets/assets.
 
     tools/figures.py                        all of them
     tools/figures.py rabbit -o /some/where  one of them, elsewhere
@@ -100,6 +100,21 @@ def duck(p):
     )
 
 
+def rubber_duck(p):
+    """Floats upright although its density is the same everywhere: a beamy, flat hull, and a small head above its middle."""
+    return blend(
+        [
+            ellipsoid(p, (0, 0.02, 0.21), (0.42, 0.52, 0.21)),
+            capsule(p, (0, 0.42, 0.27), (0, 0.56, 0.37), 0.06),
+            capsule(p, (0, -0.14, 0.32), (0, -0.17, 0.46), 0.11),
+            ellipsoid(p, (0, -0.18, 0.56), (0.165, 0.175, 0.16)),
+            ellipsoid(p, (0, -0.37, 0.52), (0.085, 0.11, 0.042)),
+            *both(ellipsoid, p, (0.34, 0.08, 0.30), (0.08, 0.26, 0.11)),
+        ],
+        0.05,
+    )
+
+
 # Half of the glass's section, (radius, height), from the middle of its base around the rim to the middle of its bottom.
 GLASS = ((0, 0), (0.29, 0), (0.32, 0.02), (0.33, 0.05), (0.40, 0.98), (0.395, 0.995), (0.38, 1.0), (0.365, 0.995),
          (0.36, 0.98), (0.295, 0.12), (0.28, 0.09), (0.25, 0.075), (0, 0.07))
@@ -122,7 +137,9 @@ def glass(sides=64):
     return vertices, np.concatenate(triangles)
 
 
-FIGURES = {"bear": bear, "duck": duck, "glass": glass, "rabbit": rabbit}
+FIGURES = {"bear": bear, "duck": duck, "glass": glass, "rabbit": rabbit, "rubber-duck": rubber_duck}
+# Cells for a height of 1, where a figure has others than --cells by default.
+CELLS = {"rubber-duck": 24}
 
 
 def surface(figure, cells):
@@ -209,13 +226,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("figures", nargs="*", metavar="FIGURE", help=", ".join(FIGURES))
     parser.add_argument("-o", "--output", type=pathlib.Path, default=ROOT / "presets/assets")
-    parser.add_argument("--cells", type=int, default=36, help="cells for a height of 1")
+    parser.add_argument("--cells", type=int, help="cells for a height of 1 (default 36; rubber-duck 24)")
     options = parser.parse_args()
     for name in options.figures or FIGURES:
         if name not in FIGURES:
             parser.error(f"found {name}, expected one of {', '.join(FIGURES)}")
         figure = FIGURES[name]
-        vertices, triangles = figure() if figure is glass else surface(figure, options.cells)
+        vertices, triangles = figure() if figure is glass else surface(figure, options.cells or CELLS.get(name, 36))
         volume = check(vertices, triangles)
         path = options.output / f"{name}.ply"
         write(path, name, vertices, triangles)
