@@ -31,7 +31,7 @@ pub(super) fn fill(
 ) -> Result<Scene, RunError> {
     let (unfilled, mut scene) = (scene, scene.clone());
     // Later jobs of a shot do not repeat what was reported.
-    let is_first = folder.is_some_and(|folder| !folder.cache().exists());
+    let is_first = folder.is_some_and(|folder| !folder.preset().exists());
     let assets = &unfilled.assets;
     let mut sampled = BTreeMap::<(String, u32), Arc<Sampled>>::new();
     let mut fill_shapes = |shapes: Vec<&mut Shape>| -> Result<(), RunError> {

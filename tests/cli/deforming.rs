@@ -148,7 +148,7 @@ fn motion_that_cannot_be_used_is_refused_in_words() {
     assert!(talk.contains("box.pc2: header: found 4 samples in 168 bytes"), "{talk}");
 
     let smoke = "title = \"s\"\nframes = \"1-2\"\n[[world.collider]]\nshape = { mesh = { file = \"grow/box_####.obj\" } }\n\
-                 [smoke]\nspacing = 0.05\nring = [{ center = [0, 0, 1], axis = [0, 0, 1], radius = 0.2, core = 0.05, circulation = 1 }]\n";
+                 [smoke]\nspacing = 0.05\nring = [{ center = [0, 0, 1], direction = [0, 0, 1], radius = 0.2, thickness = 0.05, circulation = 1 }]\n";
     desk.write("smoke.toml", smoke);
     let (_, talk) = desk.run("simulate smoke.toml -o none", 2);
     assert!(talk.contains("a collider that deforms does not act on smoke yet"), "{talk}");
@@ -168,7 +168,7 @@ fn files_of_another_run_do_not_become_frames_and_other_numbers_are_another_motio
     desk.run("shot listed.toml", 0);
     let before = desk.bytes("listed/collider");
     fs::remove_file(desk.path("grow/box_0004.obj")).unwrap();
-    let (_, talk) = desk.run("shot listed.toml --force", 1);
+    let (_, talk) = desk.run("shot listed.toml --force", 2);
     assert!(talk.contains("box_0004.obj: found 1 files that a sequence"), "{talk}");
     // The same contents at other frames.
     fs::rename(desk.path("grow/box_0003.obj"), desk.path("grow/box_0005.obj")).unwrap();

@@ -11,6 +11,10 @@ use crate::{
 };
 use std::sync::Arc;
 
+/// Most steps along the normal out of a part that moved over a particle. Each is as long as the distance to the nearest surface; two are
+/// usual.
+const MAX_MARCHING_STEPS: usize = 8;
+
 /// A solid whose shape or size changes.
 #[derive(Debug)]
 pub(super) struct Deforming {
@@ -53,9 +57,19 @@ impl Deforming {
     #[inline]
     pub(super) fn swept_start(&self, shape: &Shape, x: Vec3) -> Vec3 {
         let ((d, n), (d_before, n_before)) = (shape.contact(x), self.before.contact(x));
+        if d >= 0.0 || d_before <= 0.0 {
+            return x + n * (d_before - d);
+        }
         // Inside now: the nearest surface may be the one on the other side of a thin part.
-        let n = if d < 0.0 && d_before > 0.0 { n_before } else { n };
-        x + n * (d_before - d)
+        let mut start = x;
+        for _ in 0..MAX_MARCHING_STEPS {
+            let missing = d_before - shape.signed_distance(start);
+            if missing <= 1e-3 * d_before {
+                break;
+            }
+            start += n_before * missing;
+        }
+        start
     }
 
     /// Largest size over the present one, or a bound of it.
