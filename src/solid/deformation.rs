@@ -31,11 +31,12 @@ const ALIGNMENT: f32 = 8.0;
 /// Largest size of a later sample, in sizes of the first, which determines the voxel.
 const MAX_GROWTH: f32 = 8.0;
 
-/// Most nodes of a field, in nodes of a cube of the first sample's longest side with margins …
-const MAX_CUBES: f64 = 4.0;
+/// Most nodes of a field, in nodes of a cube of the first sample's longest side with margins: a mesh may grow to four times its size along
+/// each axis …
+const MAX_CUBES: f64 = 64.0;
 
-/// … and as a number: those of a rigid mesh at the finest resolution.
-const MAX_NODES: f64 = 1.2e9;
+/// … and to so many nodes, 3.4 GB while they are sampled, or those of the cube if they are more.
+const MAX_NODES: f64 = 1e8;
 
 /// Volume below which a sample has collapsed, relative to that of the largest.
 const COLLAPSED_VOLUME: f64 = 1e-3;
@@ -78,7 +79,8 @@ pub(crate) enum DeformationError {
     },
     /// A field that would take too much memory.
     #[error(
-        "the mesh between {time:.3} s and the samples next to it takes {nodes:.1e} nodes at this `resolution`, expected at most {limit:.1e}"
+        "the mesh between {time:.3} s and the samples next to it takes {nodes:.1e} nodes, expected at most {limit:.1e}: a lower \
+         `resolution` has larger voxels, which are those of the first sample"
     )]
     TooLarge {
         /// Time of the field [s].
@@ -214,7 +216,7 @@ impl Deformation {
         let made = Self { triangles, samples, boxes, times, displacements, keys, voxel, origin, recent };
         // Counted as floating-point numbers before any memory is taken.
         let side = f64::from(resolution) + 2.0 * f64::from(MARGIN_NODES) + 2.0 * f64::from(ALIGNMENT);
-        let limit = (MAX_CUBES * side.powi(3)).min(MAX_NODES);
+        let limit = (MAX_CUBES * side.powi(3)).min(MAX_NODES).max(side.powi(3));
         for (key, &Key { time, .. }) in made.keys.iter().enumerate() {
             let nodes = made.grid(key).nodes.iter().map(|&n| f64::from(n)).product::<f64>();
             if nodes > limit {
@@ -465,9 +467,10 @@ mod tests {
         assert!(refused(vec![still.clone(), flat.clone()]).contains("sample 1 encloses"));
         assert!(refused(vec![flat]).contains("sample 0 encloses"));
         assert!(refused(vec![vec![Vec3::zeros(); 8]]).contains("no extent"));
-        // Three times as large along each axis is within eight sizes, and 27 times the nodes.
-        let large = refused(vec![still.clone(), block(Vec3::zeros(), 3.0), block(Vec3::zeros(), 7.0)]);
-        assert!(large.contains("takes") && large.contains("nodes at this `resolution`"), "{large}");
+        // Within eight sizes, and more nodes than memory should be taken for; they are counted only.
+        let samples = vec![still.clone(), block(Vec3::zeros(), 3.5), block(Vec3::zeros(), 7.5)];
+        let large = Deformation::new(faces(), samples, vec![0.0, 1.0, 2.0], 128).unwrap_err().to_string();
+        assert!(large.contains("e8 nodes, expected at most 1.0e8"), "{large}");
         let mut lost = still.clone();
         lost[2].z = f32::NAN;
         assert!(moved(vec![still, lost]).is_err());
